@@ -1,0 +1,129 @@
+//! Scattering closures: small `Copy` values made at a hit, evaluated *at* a roughness.
+//!
+//! **The roughness is an argument** of [`Bsdf::eval`] and [`Bsdf::sample`]: "the original lobe" and "the roughened
+//! lobe" are one closure read at two roughnesses. In a closure with a diffuse part, `alpha` addresses the glossy
+//! lobe; the diffuse lobe has α = 1 by definition.
+//!
+//! All directions are **local**: unit length, leaving the surface, `z` along the (shading) normal of the front side.
+//! Below [`DELTA_ALPHA`] a lobe is an exact Dirac delta: `eval` leaves it out, `sample` returns it with `delta` set.
+//!
+//! Every closure reduces a pair of directions to a [`LobeQuery`], in which all that depends on the roughness is
+//! D·G and D·G1. Rendering evaluates the query at once; training keeps it and evaluates it at any roughness later,
+//! in dual numbers: value and derivative cannot drift apart.
+
+use crate::math::{Rgb, Vec3};
+
+pub mod distribution;
+pub mod fresnel;
+pub mod lobes;
+
+pub use distribution::Distribution;
+pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric};
+
+/// Below this roughness a lobe is a Dirac delta: no single-precision form of a smooth lobe holds at grazing angles.
+pub const DELTA_ALPHA: f32 = 1e-3;
+
+/// What one pair of directions needs to be evaluated at any roughness α:
+///
+/// ```text
+/// f·|cos θi| (α) = base + scale · D(α) G2(α)
+/// pdf_w      (α) = base_pdf + pdf_scale · D(α) G1(α)        (G1 of wo: visible normals)
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LobeQuery {
+    /// f·|cos θi| of the parts that do not depend on α (the diffuse lobe).
+    pub base: Rgb,
+    /// Their density per steradian, selection probability included.
+    pub base_pdf: f32,
+    /// A: factor of D·G2 in f·|cos θi|.
+    pub scale: Rgb,
+    /// B: factor of D·G1(wo) in the density per steradian.
+    pub pdf_scale: f32,
+    /// tan² of the half vector's angle to the normal.
+    pub tan2_h: f32,
+    /// tan² of `wo`'s angle to the normal.
+    pub tan2_o: f32,
+    /// tan² of `wi`'s angle to the normal.
+    pub tan2_i: f32,
+    /// Normal distribution.
+    pub distribution: Distribution,
+}
+
+/// Value of a closure for a pair of directions.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BsdfEval {
+    /// f·|cos θi|, per steradian; Dirac lobes are left out.
+    pub value: Rgb,
+    /// Density with which [`Bsdf::sample`] at the same `alpha` draws `wi`, per steradian; Dirac lobes left out.
+    pub pdf_w: f32,
+}
+
+/// Which part of a closure scattered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lobe {
+    /// The Lambertian part, α = 1.
+    Diffuse,
+    /// The glossy part, staying on the side of `wo`.
+    Reflection,
+    /// The glossy part, leaving on the other side.
+    Transmission,
+}
+
+/// A direction drawn from a closure.
+#[derive(Clone, Copy, Debug)]
+pub struct BsdfSample {
+    /// The direction, local.
+    pub wi: Vec3,
+    /// f·|cos θi| / pdf of the whole closure (of the Dirac lobe alone if `delta`); finite and not negative.
+    pub weight: Rgb,
+    /// Density of the whole closure at `wi`, per steradian; meaningless (0) if `delta`.
+    pub pdf_w: f32,
+    /// The lobe that was drawn.
+    pub lobe: Lobe,
+    /// Whether that lobe is a Dirac delta at the α asked for.
+    pub delta: bool,
+}
+
+/// A scattering closure.
+#[derive(Clone, Copy, Debug)]
+pub enum Bsdf {
+    /// Lambert, reflecting on both sides.
+    Diffuse(Diffuse),
+    /// Microfacet reflection with Schlick Fresnel, over a Lambertian base: metals, coated plastics and their blend.
+    Glossy(Glossy),
+    /// Interface of a solid transparent body: microfacet reflection and refraction.
+    Dielectric(Dielectric),
+    /// Thin-walled transmission: reflection, and transmission without refraction.
+    Thin(ThinDielectric),
+}
+
+impl Bsdf {
+    /// The material's own roughness: of the glossy lobe, or 1 for a purely diffuse closure.
+    #[inline]
+    pub fn alpha(&self) -> f32 {
+        todo!()
+    }
+
+    /// Reduces a pair of directions to what can be evaluated at any roughness; `None` where f is zero at every α
+    /// (wrong side, half vector below the horizon).
+    #[inline]
+    pub fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
+        let _ = (wo, wi);
+        todo!()
+    }
+
+    /// f·|cos θi| and density with the glossy lobe at roughness `alpha`.
+    #[inline]
+    pub fn eval(&self, alpha: f32, wo: Vec3, wi: Vec3) -> BsdfEval {
+        let _ = (alpha, wo, wi);
+        todo!()
+    }
+
+    /// Draws `wi` with the glossy lobe at roughness `alpha`. The choice of the lobe depends on `wo` and `u` only,
+    /// never on `alpha`; a diffuse choice therefore gives the same direction at every `alpha`.
+    #[inline]
+    pub fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
+        let _ = (alpha, wo, u);
+        todo!()
+    }
+}

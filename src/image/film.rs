@@ -1,0 +1,3 @@
+//! (to come)
+/// film
+pub struct Film;

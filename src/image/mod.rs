@@ -1,0 +1,10 @@
+//! Pictures: films of running moments, files, and the metrics that compare them.
+
+pub mod buffer;
+pub mod exr;
+pub mod film;
+pub mod metric;
+pub mod png;
+
+pub use buffer::Buffer;
+pub use film::Film;

@@ -1,0 +1,1 @@
+//! The path-tracing loop and its observers. (to come)

@@ -1,0 +1,53 @@
+//! Mathematics of the renderer: depends on glam only.
+
+pub mod discrete;
+pub mod frame;
+pub mod measure;
+pub mod moments;
+pub mod real;
+pub mod warp;
+
+pub use frame::Frame;
+pub use glam::{DVec3, UVec2, Vec2, Vec3};
+
+/// Linear RGB (Rec. 709 primaries): radiance, irradiance, reflectance or throughput.
+pub type Rgb = Vec3;
+
+/// A half-line `origin + t * dir`, 0 < t < `t_max`. `dir` has unit length, so `t` is a distance.
+#[derive(Clone, Copy, Debug)]
+pub struct Ray {
+    /// Where the ray starts; already offset from the surface it leaves.
+    pub origin: Vec3,
+    /// Unit direction.
+    pub dir: Vec3,
+    /// Hits at or beyond this distance do not count; infinity for a free ray.
+    pub t_max: f32,
+}
+
+impl Ray {
+    /// A free ray without a far end.
+    pub fn new(origin: Vec3, dir: Vec3) -> Self {
+        Self {
+            origin,
+            dir,
+            t_max: f32::INFINITY,
+        }
+    }
+
+    /// The point at distance `t`.
+    pub fn at(&self, t: f32) -> Vec3 {
+        self.origin + t * self.dir
+    }
+}
+
+/// x².
+#[inline]
+pub fn sqr(x: f32) -> f32 {
+    x * x
+}
+
+/// Rec. 709 luminance of linear RGB.
+#[inline]
+pub fn luminance(c: Rgb) -> f32 {
+    0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z
+}

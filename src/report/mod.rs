@@ -1,0 +1,1 @@
+//! Comparisons, benches and their pages. (to come)
