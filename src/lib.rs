@@ -43,6 +43,8 @@
 //! - `[Veach97]` Veach: *Robust Monte Carlo Methods for Light Transport Simulation*, 1997.
 //! - `[Duff17]` Duff et al.: *Building an Orthonormal Basis, Revisited*, JCGT 2017.
 //! - `[Woop13]` Woop, Benthin, Wald: *Watertight Ray/Triangle Intersection*, JCGT 2013.
+//! - `[Ylitie17]` Ylitie, Karras, Laine: *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*, HPG 2017.
+//! - `[PBRT4]` Pharr, Jakob, Humphreys: *Physically Based Rendering*, 4th edition, 2023.
 //! - `[glTF]` Khronos: *glTF 2.0 Specification* and its ratified material extensions.
 
 pub mod bsdf;
