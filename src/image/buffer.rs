@@ -12,3 +12,52 @@ pub struct Buffer {
     /// `width * height` pixels, row by row.
     pub pixels: Vec<Rgb>,
 }
+
+impl Buffer {
+    /// A picture whose pixel at column x, row y is `f(x, y)`.
+    ///
+    /// ```
+    /// use opsr::{image::Buffer, math::Rgb};
+    /// let ramp = Buffer::from_fn(4, 2, |x, _| Rgb::splat(x as f32));
+    /// assert_eq!(ramp.get(3, 1), Rgb::splat(3.0));
+    /// ```
+    pub fn from_fn(width: usize, height: usize, f: impl Fn(usize, usize) -> Rgb) -> Self {
+        let pixels = (0..width * height)
+            .map(|i| f(i % width, i / width))
+            .collect();
+        Self {
+            width,
+            height,
+            pixels,
+        }
+    }
+
+    /// A picture of one colour.
+    pub fn filled(width: usize, height: usize, value: Rgb) -> Self {
+        Self::from_fn(width, height, |_, _| value)
+    }
+
+    /// (width, height).
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// The pixel at column x, row y. Panics outside the picture.
+    pub fn get(&self, x: usize, y: usize) -> Rgb {
+        self.pixels[y * self.width + x]
+    }
+
+    /// The same picture with every pixel changed by `f`.
+    pub fn map(&self, f: impl Fn(Rgb) -> Rgb) -> Self {
+        Self {
+            pixels: self.pixels.iter().map(|&p| f(p)).collect(),
+            ..*self
+        }
+    }
+
+    /// Column and row of the first pixel that is not finite.
+    pub fn first_non_finite(&self) -> Option<(usize, usize)> {
+        let i = self.pixels.iter().position(|p| !p.is_finite())?;
+        Some((i % self.width, i / self.width))
+    }
+}

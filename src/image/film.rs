@@ -1,3 +1,349 @@
-//! (to come)
-/// film
-pub struct Film;
+//! A film records independent estimates: each pixel holds the running [`Moments`] of its samples.
+//!
+//! Path tracing pushes one value per sample; an integrator that splats accumulates a pass and pushes one value per
+//! pass. A tile is a film too, with a smaller window: [`Film::cut`] it out with the moments so far, push to it on
+//! any thread, and [`Film::paste`] the tiles back in order. So a render is bitwise the same at any number of
+//! threads, and several passes are bitwise one long pass.
+//!
+//! A sample that is not finite is never turned black: it is refused, counted by cause and remembered.
+
+use crate::image::Buffer;
+use crate::math::moments::Moments;
+use crate::math::{DVec3, Rgb, UVec2};
+
+/// A rectangle of pixels in the full frame, rows from the top.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Window {
+    /// First column.
+    pub x: u32,
+    /// First row.
+    pub y: u32,
+    /// Columns.
+    pub w: u32,
+    /// Rows.
+    pub h: u32,
+}
+
+impl Window {
+    /// The whole frame.
+    pub fn full(size: UVec2) -> Self {
+        Self {
+            x: 0,
+            y: 0,
+            w: size.x,
+            h: size.y,
+        }
+    }
+
+    /// Whether the window is not empty and lies inside `outer`.
+    pub fn inside(&self, outer: &Self) -> bool {
+        let end = |a: u32, b: u32| u64::from(a) + u64::from(b);
+        self.w > 0
+            && self.h > 0
+            && self.x >= outer.x
+            && self.y >= outer.y
+            && end(self.x, self.w) <= end(outer.x, outer.w)
+            && end(self.y, self.h) <= end(outer.y, outer.h)
+    }
+
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        self.w as usize * self.h as usize
+    }
+
+    /// Whether there is no pixel.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Full-frame pixel of the window's pixel `index`, which counts row by row.
+    pub fn pixel(&self, index: usize) -> UVec2 {
+        let w = self.w as usize;
+        UVec2::new(self.x + (index % w) as u32, self.y + (index / w) as u32)
+    }
+
+    /// Cuts the window into tiles of at most `edge` pixels a side, row by row.
+    pub fn tiles(&self, edge: u32) -> Vec<Self> {
+        let edge = edge.max(1);
+        let mut tiles = Vec::new();
+        for dy in (0..self.h).step_by(edge as usize) {
+            for dx in (0..self.w).step_by(edge as usize) {
+                tiles.push(Self {
+                    x: self.x + dx,
+                    y: self.y + dy,
+                    w: edge.min(self.w - dx),
+                    h: edge.min(self.h - dy),
+                });
+            }
+        }
+        tiles
+    }
+}
+
+/// Why a sample was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Cause {
+    /// A channel is not a number.
+    Nan,
+    /// A channel is infinite and none is not a number.
+    Infinite,
+}
+
+impl Cause {
+    /// `None` for a finite value.
+    pub fn of(value: Rgb) -> Option<Self> {
+        if value.is_finite() {
+            None
+        } else if value.is_nan() {
+            Some(Self::Nan)
+        } else {
+            Some(Self::Infinite)
+        }
+    }
+}
+
+/// A refused sample, enough to trace it again alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RejectedSample {
+    /// Pixel in the full frame.
+    pub pixel: UVec2,
+    /// Number of the sample within the pixel.
+    pub sample: u32,
+    /// Why it was refused.
+    pub cause: Cause,
+}
+
+/// The samples a film refused: counts by cause, and the first few by name.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Rejected {
+    /// Samples with a channel that is not a number.
+    pub nan: u64,
+    /// Samples with an infinite channel.
+    pub infinite: u64,
+    /// The first [`Rejected::REMEMBERED`] of them.
+    pub first: Vec<RejectedSample>,
+}
+
+impl Rejected {
+    /// How many refused samples are remembered by pixel and sample.
+    pub const REMEMBERED: usize = 8;
+
+    /// All refused samples.
+    pub fn total(&self) -> u64 {
+        self.nan + self.infinite
+    }
+
+    /// Counts and, while there is room, remembers one.
+    pub fn add(&mut self, sample: RejectedSample) {
+        match sample.cause {
+            Cause::Nan => self.nan += 1,
+            Cause::Infinite => self.infinite += 1,
+        }
+        if self.first.len() < Self::REMEMBERED {
+            self.first.push(sample);
+        }
+    }
+
+    fn append(&mut self, other: &Self) {
+        self.nan += other.nan;
+        self.infinite += other.infinite;
+        let room = Self::REMEMBERED - self.first.len().min(Self::REMEMBERED);
+        self.first.extend(other.first.iter().take(room));
+    }
+}
+
+/// What can be wrong with a film or with two of them.
+#[derive(Debug, thiserror::Error)]
+pub enum FilmError {
+    /// The window is empty or not inside the frame.
+    #[error("window {window:?} is empty or not inside {outer:?}")]
+    Window {
+        /// The window asked for.
+        window: Window,
+        /// What it must lie in.
+        outer: Window,
+    },
+    /// Two films that should show the same pixels do not.
+    #[error("films differ in frame or window: {a:?} and {b:?}")]
+    Differ {
+        /// Frame and window of the first.
+        a: (UVec2, Window),
+        /// Frame and window of the second.
+        b: (UVec2, Window),
+    },
+    /// Stored bytes are not a film.
+    #[error("stored film: {0}")]
+    Stored(&'static str),
+}
+
+/// Running moments of every pixel in a window of the frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Film {
+    /// Full frame in pixels.
+    pub size: UVec2,
+    /// The part of the frame that is recorded.
+    pub window: Window,
+    /// `window.len()` pixels, row by row.
+    pub pixels: Vec<Moments>,
+    /// Samples that were refused.
+    pub rejected: Rejected,
+}
+
+impl Film {
+    /// ε below the squared mean in [`Film::relative_error`]; the same as relMSE's.
+    pub const RELATIVE_EPSILON: f64 = 0.01;
+
+    /// An empty film of the whole frame.
+    ///
+    /// ```
+    /// use opsr::image::film::Film;
+    /// use opsr::math::{Rgb, UVec2};
+    /// let mut film = Film::new(UVec2::new(4, 3));
+    /// film.push(5, Rgb::ONE, 0);
+    /// film.push(5, Rgb::splat(f32::NAN), 1);
+    /// assert_eq!((film.pixels[5].n, film.rejected.nan), (1, 1));
+    /// ```
+    pub fn new(size: UVec2) -> Self {
+        Self::empty(size, Window::full(size))
+    }
+
+    /// An empty film of a part of the frame.
+    pub fn cropped(size: UVec2, window: Window) -> Result<Self, FilmError> {
+        let outer = Window::full(size);
+        if !window.inside(&outer) {
+            return Err(FilmError::Window { window, outer });
+        }
+        Ok(Self::empty(size, window))
+    }
+
+    fn empty(size: UVec2, window: Window) -> Self {
+        Self {
+            size,
+            window,
+            pixels: vec![Moments::default(); window.len()],
+            rejected: Rejected::default(),
+        }
+    }
+
+    /// Full-frame pixel of `pixels[index]`.
+    pub fn pixel(&self, index: usize) -> UVec2 {
+        self.window.pixel(index)
+    }
+
+    /// Adds the value of `sample` to `pixels[index]`, or refuses it if it is not finite.
+    #[inline]
+    pub fn push(&mut self, index: usize, value: Rgb, sample: u32) {
+        match Cause::of(value) {
+            None => self.pixels[index].push(value.as_dvec3()),
+            Some(cause) => self.rejected.add(RejectedSample {
+                pixel: self.window.pixel(index),
+                sample,
+                cause,
+            }),
+        }
+    }
+
+    /// Adds all samples of `other`, which must show the same window.
+    pub fn merge(&mut self, other: &Self) -> Result<(), FilmError> {
+        self.same_place(other)?;
+        for (a, b) in self.pixels.iter_mut().zip(&other.pixels) {
+            a.merge(b);
+        }
+        self.rejected.append(&other.rejected);
+        Ok(())
+    }
+
+    /// An error unless both films show the same window of the same frame.
+    pub fn same_place(&self, other: &Self) -> Result<(), FilmError> {
+        if self.size != other.size || self.window != other.window {
+            return Err(FilmError::Differ {
+                a: (self.size, self.window),
+                b: (other.size, other.window),
+            });
+        }
+        Ok(())
+    }
+
+    // ── tiles ──
+
+    /// The window cut into tiles of at most `edge` pixels a side, row by row.
+    pub fn tiles(&self, edge: u32) -> Vec<Window> {
+        self.window.tiles(edge)
+    }
+
+    /// A film of `tile` with this film's moments so far and no refusals. Panics if the tile leaves the window.
+    pub fn cut(&self, tile: Window) -> Self {
+        let mut cut = Self::empty(self.size, tile);
+        for row in 0..tile.h {
+            let (mine, theirs) = self.row_ranges(&tile, row);
+            cut.pixels[theirs].copy_from_slice(&self.pixels[mine]);
+        }
+        cut
+    }
+
+    /// Puts a tile made by [`Film::cut`] back: replaces its pixels, adds its refusals.
+    pub fn paste(&mut self, tile: &Self) {
+        for row in 0..tile.window.h {
+            let (mine, theirs) = self.row_ranges(&tile.window, row);
+            self.pixels[mine].copy_from_slice(&tile.pixels[theirs]);
+        }
+        self.rejected.append(&tile.rejected);
+    }
+
+    /// Index ranges of one row of `tile` in this film and in the tile.
+    fn row_ranges(
+        &self,
+        tile: &Window,
+        row: u32,
+    ) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+        assert!(
+            tile.inside(&self.window),
+            "tile {tile:?} leaves {:?}",
+            self.window
+        );
+        let w = tile.w as usize;
+        let y = (tile.y - self.window.y + row) as usize;
+        let start = y * self.window.w as usize + (tile.x - self.window.x) as usize;
+        (start..start + w, row as usize * w..(row as usize + 1) * w)
+    }
+
+    // ── pictures ──
+
+    /// The picture: the mean of each pixel; black where there is no sample.
+    pub fn mean(&self) -> Buffer {
+        self.picture(|m| m.mean)
+    }
+
+    /// Estimated variance of one sample.
+    pub fn sample_variance(&self) -> Buffer {
+        self.picture(Moments::sample_variance)
+    }
+
+    /// Estimated variance of the mean: the squared error bar of the picture.
+    pub fn variance_of_mean(&self) -> Buffer {
+        self.picture(Moments::variance_of_mean)
+    }
+
+    fn picture(&self, f: impl Fn(&Moments) -> DVec3) -> Buffer {
+        Buffer {
+            width: self.window.w as usize,
+            height: self.window.h as usize,
+            pixels: self.pixels.iter().map(|m| f(m).as_vec3()).collect(),
+        }
+    }
+
+    /// Estimated noise of the picture, √ mean over pixels and channels of Var(mean) / (mean² + ε): the root of
+    /// the relMSE to be expected from noise alone. Infinite while a pixel has fewer than two samples.
+    pub fn relative_error(&self) -> f64 {
+        if self.pixels.iter().any(|m| m.n < 2) {
+            return f64::INFINITY;
+        }
+        let epsilon = DVec3::splat(Self::RELATIVE_EPSILON);
+        let sum: f64 = self
+            .pixels
+            .iter()
+            .map(|m| (m.variance_of_mean() / (m.mean * m.mean + epsilon)).element_sum())
+            .sum();
+        (sum / (3.0 * self.pixels.len() as f64)).sqrt()
+    }
+}

@@ -1,8 +1,10 @@
 //! Pictures: films of running moments, files, and the metrics that compare them.
 
+pub mod atomic;
 pub mod buffer;
 pub mod exr;
 pub mod film;
+mod film_bytes;
 pub mod metric;
 pub mod png;
 

@@ -1,1 +1,140 @@
-//! (to come)
+//! PNG files: display pictures out, 8- and 16-bit pictures in.
+//!
+//! Only the encoding for a display happens here: exposure in stops, clamp to [0, 1], sRGB curve, 8 bit. A pixel that
+//! is not finite is drawn magenta, so that it is seen rather than taken for black.
+
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use ::image::{DynamicImage, ImageFormat, ImageReader, Limits, RgbImage};
+
+use super::{Buffer, atomic};
+use crate::math::Rgb;
+
+/// What can go wrong with a PNG file.
+#[derive(Debug, thiserror::Error)]
+pub enum PngError {
+    /// The file could not be opened, read or written.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The contents are not a picture this program reads, or the picture cannot be encoded.
+    #[error("{}: {source}", path.display())]
+    Picture {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: ::image::ImageError,
+    },
+}
+
+/// The sRGB curve: linear [0, 1] to display [0, 1].
+pub fn srgb_encode(x: f32) -> f32 {
+    if x <= 0.003_130_8 {
+        12.92 * x
+    } else {
+        1.055 * x.powf(1.0 / 2.4) - 0.055
+    }
+}
+
+/// The inverse of [`srgb_encode`].
+pub fn srgb_decode(y: f32) -> f32 {
+    if y <= 0.040_45 {
+        y / 12.92
+    } else {
+        ((y + 0.055) / 1.055).powf(2.4)
+    }
+}
+
+/// One pixel for a display, scaled by 2^`exposure`.
+pub fn display(value: Rgb, exposure: f32) -> [u8; 3] {
+    if !value.is_finite() {
+        return [255, 0, 255];
+    }
+    let scaled = (value * exposure.exp2()).clamp(Rgb::ZERO, Rgb::ONE);
+    scaled
+        .to_array()
+        .map(|c| (srgb_encode(c) * 255.0).round() as u8)
+}
+
+/// A PNG file in memory, scaled by 2^`exposure`.
+pub fn encode(picture: &Buffer, exposure: f32) -> Result<Vec<u8>, ::image::ImageError> {
+    let bytes = picture
+        .pixels
+        .iter()
+        .flat_map(|&p| display(p, exposure))
+        .collect();
+    let rgb = RgbImage::from_raw(picture.width as u32, picture.height as u32, bytes);
+    let rgb = DynamicImage::ImageRgb8(rgb.expect("three bytes a pixel"));
+    let mut out = Cursor::new(Vec::new());
+    rgb.write_to(&mut out, ImageFormat::Png)?;
+    Ok(out.into_inner())
+}
+
+/// Writes a PNG file, scaled by 2^`exposure`; the old file stays until the new one is complete.
+pub fn write(path: &Path, picture: &Buffer, exposure: f32) -> Result<(), PngError> {
+    let bytes = encode(picture, exposure).map_err(|source| PngError::Picture {
+        path: path.to_owned(),
+        source,
+    })?;
+    atomic::write_bytes(path, &bytes).map_err(|source| PngError::Io {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// Reads a PNG (or JPEG) file as linear RGB in [0, 1]; transparency is dropped.
+pub fn read(path: &Path) -> Result<Buffer, PngError> {
+    let io = |source| PngError::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let mut reader = ImageReader::open(path)
+        .map_err(io)?
+        .with_guessed_format()
+        .map_err(io)?;
+    let mut limits = Limits::default();
+    // Far above any render, far below what a header of a few bytes could ask for.
+    limits.max_alloc = Some(1 << 31);
+    reader.limits(limits);
+    let decoded = reader.decode().map_err(|source| PngError::Picture {
+        path: path.to_owned(),
+        source,
+    })?;
+    let rgb = decoded.into_rgb32f();
+    Ok(Buffer {
+        width: rgb.width() as usize,
+        height: rgb.height() as usize,
+        pixels: rgb
+            .pixels()
+            .map(|p| Rgb::from_array(p.0.map(srgb_decode)))
+            .collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_curve_inverts_and_joins() {
+        for i in 0..=255u8 {
+            let y = f32::from(i) / 255.0;
+            assert!((srgb_encode(srgb_decode(y)) - y).abs() < 1e-6);
+            assert_eq!(display(Rgb::splat(srgb_decode(y)), 0.0), [i; 3]);
+        }
+        assert!((srgb_encode(0.003_130_8) - srgb_encode(0.003_130_9)).abs() < 1e-5);
+        assert!((srgb_encode(1.0) - 1.0).abs() < 1e-7);
+    }
+
+    #[test]
+    fn exposure_clamp_and_alarm() {
+        assert_eq!(display(Rgb::splat(0.25), 2.0), [255; 3]);
+        assert_eq!(display(Rgb::new(-1.0, 0.0, 1e30), 0.0), [0, 0, 255]);
+        assert_eq!(display(Rgb::new(0.0, f32::NAN, 0.0), 0.0), [255, 0, 255]);
+    }
+}

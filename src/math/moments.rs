@@ -1,1 +1,157 @@
-//! (to come)
+//! Running mean and variance of RGB samples, in double precision.
+//!
+//! Welford's update for one sample, Chan's for two sets. Sums of squares would lose everything at a mean of 10³
+//! and a deviation of 0.1, and `f32` sums stop growing at 2²⁴ samples; the sum of squared deviations kept here is
+//! never negative.
+
+use glam::DVec3;
+
+/// Count, mean and sum of squared deviations of the samples seen so far.
+///
+/// ```
+/// use opsr::math::{DVec3, moments::Moments};
+/// let mut m = Moments::default();
+/// for x in [1.0, 2.0, 3.0] {
+///     m.push(DVec3::splat(x));
+/// }
+/// assert_eq!((m.n, m.mean.x, m.sample_variance().x), (3, 2.0, 1.0));
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moments {
+    /// Number of samples.
+    pub n: u32,
+    /// Their mean; zero while there are none.
+    pub mean: DVec3,
+    m2: DVec3,
+}
+
+impl Moments {
+    /// From a count, a mean and the sum of squared deviations from it.
+    pub fn from_parts(n: u32, mean: DVec3, m2: DVec3) -> Self {
+        Self { n, mean, m2 }
+    }
+
+    /// Adds one sample.
+    #[inline]
+    pub fn push(&mut self, x: DVec3) {
+        self.n += 1;
+        let delta = x - self.mean;
+        self.mean += delta / f64::from(self.n);
+        // Deviations from the old and the new mean have the same sign, so m2 cannot shrink.
+        self.m2 += delta * (x - self.mean);
+    }
+
+    /// Adds all samples of `other`.
+    pub fn merge(&mut self, other: &Self) {
+        if other.n == 0 {
+            return;
+        }
+        if self.n == 0 {
+            *self = *other;
+            return;
+        }
+        let (a, b) = (f64::from(self.n), f64::from(other.n));
+        let delta = other.mean - self.mean;
+        self.n += other.n;
+        self.mean += delta * (b / (a + b));
+        self.m2 += other.m2 + delta * delta * (a * b / (a + b));
+    }
+
+    /// Sum of squared deviations from the mean.
+    pub fn m2(&self) -> DVec3 {
+        self.m2
+    }
+
+    /// Estimate of the variance of one sample, with n − 1 below; zero for fewer than two samples.
+    pub fn sample_variance(&self) -> DVec3 {
+        if self.n < 2 {
+            return DVec3::ZERO;
+        }
+        self.m2 / f64::from(self.n - 1)
+    }
+
+    /// Estimate of the variance of `mean`: the sample variance over n; zero for fewer than two samples.
+    pub fn variance_of_mean(&self) -> DVec3 {
+        if self.n < 2 {
+            return DVec3::ZERO;
+        }
+        self.sample_variance() / f64::from(self.n)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn samples() -> Vec<DVec3> {
+        // A fixed irregular sequence: the fractional parts of multiples of irrational numbers.
+        (0..5000)
+            .map(|i| {
+                let t = f64::from(i);
+                DVec3::new(
+                    1e3 + 0.1 * (t * 0.618_033_988_75).fract(),
+                    (t * 0.414_213_562_37).fract().powi(8),
+                    -(t * 0.732_050_807_57).fract(),
+                )
+            })
+            .collect()
+    }
+
+    fn of(samples: &[DVec3]) -> Moments {
+        let mut m = Moments::default();
+        samples.iter().for_each(|&x| m.push(x));
+        m
+    }
+
+    fn two_pass(samples: &[DVec3]) -> (DVec3, DVec3) {
+        let n = samples.len() as f64;
+        let mean = samples.iter().sum::<DVec3>() / n;
+        let m2 = samples
+            .iter()
+            .map(|&x| (x - mean) * (x - mean))
+            .sum::<DVec3>();
+        (mean, m2 / (n - 1.0))
+    }
+
+    #[test]
+    fn small_deviation_at_a_large_mean() {
+        let samples = samples();
+        let (mean, variance) = two_pass(&samples);
+        let m = of(&samples);
+        assert!(((m.mean - mean) / mean).abs().max_element() < 1e-13);
+        assert!(
+            ((m.sample_variance() - variance) / variance)
+                .abs()
+                .max_element()
+                < 1e-9
+        );
+        assert!((m.sample_variance().x.sqrt() - 0.1 / 12f64.sqrt()).abs() < 1e-4);
+    }
+
+    #[test]
+    fn merge_is_all_samples_at_once() {
+        let samples = samples();
+        let whole = of(&samples);
+        for cut in [0, 1, 2, 1234, 4999, 5000] {
+            let mut left = of(&samples[..cut]);
+            left.merge(&of(&samples[cut..]));
+            assert_eq!(left.n, whole.n);
+            assert!(((left.mean - whole.mean) / whole.mean).abs().max_element() < 1e-12);
+            let error =
+                (left.sample_variance() - whole.sample_variance()) / whole.sample_variance();
+            assert!(error.abs().max_element() < 1e-9, "cut at {cut}: {error}");
+        }
+    }
+
+    #[test]
+    fn variance_is_never_negative() {
+        let mut m = Moments::default();
+        for i in 0..100_000 {
+            // Equal up to the last bit, at a size where squares lose it.
+            m.push(DVec3::splat(if i % 2 == 0 { 1e8 } else { 1e8 + 1.5e-8 }));
+            assert!(m.m2().min_element() >= 0.0);
+        }
+        let constant = of(&[DVec3::splat(0.1); 1000]);
+        assert_eq!(constant.sample_variance(), DVec3::ZERO);
+    }
+}

@@ -1,3 +1,5 @@
 //! All integration tests, in one binary so that the library is linked once.
 
+mod exr;
+mod film;
 mod geometry;

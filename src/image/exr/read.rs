@@ -1,0 +1,160 @@
+//! EXR files into pictures, films and channels.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Seek};
+use std::path::Path;
+
+use ::exr::prelude as exrs;
+use exrs::{ReadChannels, ReadLayers};
+
+use super::{ExrError, ExrErrorKind, Layers, MAX_PIXELS, METADATA, Metadata, join};
+use crate::image::Buffer;
+use crate::image::film::{Film, Window};
+use crate::math::moments::Moments;
+use crate::math::{DVec3, UVec2};
+
+/// Reads the main picture: `R`, `G`, `B`, or a grey `Y`.
+pub fn read_rgb(path: &Path) -> Result<Buffer, ExrError> {
+    let layers = read_layers(path)?;
+    let names = if layers.channels.contains_key("Y") && !layers.channels.contains_key("R") {
+        ["Y"; 3]
+    } else {
+        ["R", "G", "B"]
+    };
+    layers.picture(names).map_err(|e| e.at(path))
+}
+
+/// Reads a film that [`write_film`] wrote, in the single precision of the file and without its refusals.
+pub fn read_film(path: &Path) -> Result<Film, ExrError> {
+    let layers = read_layers(path)?;
+    film_of(&layers).map_err(|e| e.at(path))
+}
+
+fn film_of(layers: &Layers) -> Result<Film, ExrErrorKind> {
+    let mean = layers.picture(["R", "G", "B"])?;
+    let variance = layers.picture(
+        ["R", "G", "B"]
+            .map(|c| join("sample_variance", c))
+            .each_ref()
+            .map(String::as_str),
+    )?;
+    let spp = layers.channel("spp")?;
+    let invalid = |what: &str| ExrErrorKind::Invalid(what.to_owned());
+    let (x, y) = layers.position;
+    let window = Window {
+        x: u32::try_from(x).map_err(|_| invalid("data window begins left of the frame"))?,
+        y: u32::try_from(y).map_err(|_| invalid("data window begins above the frame"))?,
+        w: layers.width as u32,
+        h: layers.height as u32,
+    };
+    let mut film = Film::cropped(layers.size, window).map_err(|e| invalid(&e.to_string()))?;
+    for (i, m) in film.pixels.iter_mut().enumerate() {
+        let n = spp[i] as u32;
+        let degrees = f64::from(n.saturating_sub(1));
+        let m2: DVec3 = variance.pixels[i].as_dvec3() * degrees;
+        *m = Moments::from_parts(n, mean.pixels[i].as_dvec3(), m2);
+    }
+    Ok(film)
+}
+
+/// Reads every channel. Channels of a named part get the part's name as prefix.
+pub fn read_layers(path: &Path) -> Result<Layers, ExrError> {
+    read_channels(path).map_err(|e| e.at(path))
+}
+
+fn read_channels(path: &Path) -> Result<Layers, ExrErrorKind> {
+    let mut file = BufReader::new(File::open(path)?);
+    check_headers(&mut file)?;
+    file.rewind()?;
+    let image = exrs::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .from_buffered(file)?;
+
+    let display = image.attributes.display_window.size;
+    let first = image
+        .layer_data
+        .first()
+        .ok_or_else(|| ExrErrorKind::Invalid("no layer".to_owned()))?;
+    let mut layers = Layers {
+        size: UVec2::new(display.x() as u32, display.y() as u32),
+        position: (
+            first.attributes.layer_position.x(),
+            first.attributes.layer_position.y(),
+        ),
+        width: first.size.x(),
+        height: first.size.y(),
+        channels: BTreeMap::new(),
+        metadata: Metadata::new(),
+    };
+    for part in &image.layer_data {
+        if (part.size.x(), part.size.y()) != (layers.width, layers.height) {
+            return Err(ExrErrorKind::Unsupported(
+                "parts of different sizes".to_owned(),
+            ));
+        }
+        let name = part
+            .attributes
+            .layer_name
+            .as_ref()
+            .map(ToString::to_string)
+            .unwrap_or_default();
+        for channel in &part.channel_data.list {
+            let values: Vec<f32> = channel.sample_data.values_as_f32().collect();
+            if values.len() != layers.width * layers.height {
+                return Err(ExrErrorKind::Unsupported(format!(
+                    "channel '{}' is subsampled",
+                    channel.name
+                )));
+            }
+            let full = join(&name, &channel.name.to_string());
+            // The main picture of a file whose parts are all named is its first part.
+            if std::ptr::eq(part, first) && !name.is_empty() {
+                layers
+                    .channels
+                    .insert(channel.name.to_string(), values.clone());
+            }
+            layers.channels.insert(full, values);
+        }
+        for (key, value) in image.attributes.other.iter().chain(&part.attributes.other) {
+            if let exrs::AttributeValue::Text(value) = value {
+                add_metadata(&mut layers.metadata, &key.to_string(), &value.to_string());
+            }
+        }
+    }
+    Ok(layers)
+}
+
+/// Our own attribute is many keys; text attributes of other programs are one each.
+fn add_metadata(metadata: &mut Metadata, key: &str, value: &str) {
+    match serde_json::from_str::<Metadata>(value) {
+        Ok(own) if key == METADATA => metadata.extend(own),
+        _ => {
+            metadata.insert(key.to_owned(), value.to_owned());
+        }
+    }
+}
+
+/// Sizes are looked at before the pixels are read: a header of a few bytes can ask for any amount of memory.
+fn check_headers(file: &mut BufReader<File>) -> Result<(), ExrErrorKind> {
+    let meta = ::exr::meta::MetaData::read_from_buffered(file, false)?;
+    let mut values: usize = 0;
+    for header in &meta.headers {
+        let (width, height) = (header.layer_size.x(), header.layer_size.y());
+        let channels = header.channels.list.len();
+        let pixels = width.saturating_mul(height);
+        values = values.saturating_add(pixels.saturating_mul(channels));
+        if pixels > MAX_PIXELS || values > 4 * MAX_PIXELS {
+            return Err(ExrErrorKind::TooLarge {
+                width,
+                height,
+                channels,
+            });
+        }
+    }
+    Ok(())
+}

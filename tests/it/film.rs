@@ -1,0 +1,180 @@
+//! Films: moments, refusals, tiles, checkpoints.
+
+use opsr::image::film::{Cause, Film, FilmError, RejectedSample, Window};
+use opsr::math::{DVec3, Rgb, UVec2};
+
+/// A cheap stand-in for an estimator: a fixed value for each pixel, sample and channel.
+pub(crate) fn noise(pixel: UVec2, sample: u32, seed: u32) -> Rgb {
+    let mut state = u64::from(seed) << 40 ^ u64::from(pixel.x) << 20 ^ u64::from(pixel.y);
+    state = (state << 32 | u64::from(sample)).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    Rgb::from_array([0u64, 1, 2].map(|c| {
+        // The finaliser of splitmix64.
+        let mut z = state.wrapping_add(c.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 40) as f32 / (1u32 << 24) as f32
+    }))
+}
+
+/// Pushes the samples `from..to` to every pixel, tile by tile.
+fn render(film: &mut Film, edge: u32, from: u32, to: u32) {
+    for tile in film.tiles(edge) {
+        let mut part = film.cut(tile);
+        for i in 0..part.pixels.len() {
+            for s in from..to {
+                part.push(i, noise(part.pixel(i), s, 7), s);
+            }
+        }
+        film.paste(&part);
+    }
+}
+
+#[test]
+fn tiles_cover_each_pixel_once() {
+    for (size, edge) in [
+        ((37, 21), 8),
+        ((64, 64), 16),
+        ((5, 1), 100),
+        ((1, 1), 1),
+        ((3, 3), 0),
+    ] {
+        let film = Film::new(UVec2::from(size));
+        let mut seen = vec![0; film.pixels.len()];
+        for tile in film.tiles(edge) {
+            for i in 0..tile.len() {
+                let p = tile.pixel(i);
+                seen[(p.y * size.0 + p.x) as usize] += 1;
+            }
+        }
+        assert!(seen.iter().all(|&n| n == 1), "{size:?} in tiles of {edge}");
+    }
+}
+
+#[test]
+fn passes_and_tiles_are_bitwise_one_pass() {
+    let window = Window {
+        x: 3,
+        y: 5,
+        w: 29,
+        h: 17,
+    };
+    let empty = Film::cropped(UVec2::new(40, 30), window).unwrap();
+    let (mut once, mut passes) = (empty.clone(), empty);
+    render(&mut once, 64, 0, 12);
+    for pass in 0..4 {
+        render(&mut passes, 5 + pass, 3 * pass, 3 * pass + 3);
+    }
+    assert_eq!(once, passes);
+}
+
+#[test]
+fn a_stored_film_goes_on_bitwise() {
+    let mut film = Film::new(UVec2::new(9, 4));
+    render(&mut film, 4, 0, 5);
+    film.push(7, Rgb::new(1.0, f32::NAN, 1.0), 3);
+    film.push(8, Rgb::new(f32::INFINITY, 0.0, 0.0), 4);
+    let bytes = film.to_bytes();
+    let mut resumed = Film::from_bytes(&bytes).unwrap();
+    assert_eq!(resumed, film);
+    render(&mut film, 4, 5, 9);
+    render(&mut resumed, 3, 5, 9);
+    assert_eq!(resumed.to_bytes(), film.to_bytes());
+
+    // Damage is an error, never a panic or a guess.
+    for cut in 0..bytes.len() {
+        assert!(Film::from_bytes(&bytes[..cut]).is_err(), "cut at {cut}");
+    }
+    for place in 0..64 {
+        let mut damaged = bytes.clone();
+        damaged[place] ^= 0xff;
+        if let Ok(other) = Film::from_bytes(&damaged) {
+            assert_ne!(other, film, "byte {place}");
+        }
+    }
+}
+
+#[test]
+fn samples_that_are_not_finite_are_refused_and_named() {
+    let window = Window {
+        x: 10,
+        y: 20,
+        w: 4,
+        h: 4,
+    };
+    let mut film = Film::cropped(UVec2::new(100, 100), window).unwrap();
+    film.push(6, Rgb::ONE, 0);
+    film.push(6, Rgb::new(f32::NAN, f32::INFINITY, 0.0), 1);
+    film.push(6, Rgb::new(0.0, f32::NEG_INFINITY, 0.0), 2);
+    assert_eq!((film.rejected.nan, film.rejected.infinite), (1, 1));
+    assert_eq!(film.pixels[6].n, 1);
+    assert_eq!(film.pixels[6].mean, DVec3::ONE);
+    let first = RejectedSample {
+        pixel: UVec2::new(12, 21),
+        sample: 1,
+        cause: Cause::Nan,
+    };
+    assert_eq!(film.rejected.first[0], first);
+    for s in 0..100 {
+        film.push(0, Rgb::splat(f32::NAN), s);
+    }
+    assert_eq!(film.rejected.total(), 102);
+    assert!(film.rejected.first.len() <= 8);
+}
+
+#[test]
+fn merged_films_are_one_film_of_all_samples() {
+    let size = UVec2::new(6, 5);
+    let (mut a, mut b, mut all) = (Film::new(size), Film::new(size), Film::new(size));
+    render(&mut a, 8, 0, 10);
+    render(&mut b, 8, 10, 64);
+    render(&mut all, 8, 0, 64);
+    a.merge(&b).unwrap();
+    for (m, w) in a.pixels.iter().zip(&all.pixels) {
+        assert_eq!(m.n, w.n);
+        assert!((m.mean - w.mean).abs().max_element() < 1e-14);
+        assert!(
+            (m.sample_variance() - w.sample_variance())
+                .abs()
+                .max_element()
+                < 1e-14
+        );
+    }
+    let other = Film::new(UVec2::new(5, 6));
+    assert!(matches!(a.merge(&other), Err(FilmError::Differ { .. })));
+}
+
+#[test]
+fn the_estimated_error_is_the_true_error() {
+    // Uniform samples: mean ½, variance 1/12; the estimate must find √(1/12 / n / (¼ + ε)).
+    let mut film = Film::new(UVec2::new(32, 32));
+    assert_eq!(film.relative_error(), f64::INFINITY);
+    render(&mut film, 32, 0, 64);
+    let expected = (1.0 / 12.0 / 64.0 / 0.26f64).sqrt();
+    assert!(
+        (film.relative_error() / expected - 1.0).abs() < 0.02,
+        "{}",
+        film.relative_error()
+    );
+    let true_error = film
+        .mean()
+        .pixels
+        .iter()
+        .map(|p| (p.as_dvec3() - 0.5).length_squared() / 0.26)
+        .sum::<f64>()
+        / (3.0 * 1024.0);
+    assert!((true_error.sqrt() / expected - 1.0).abs() < 0.05);
+}
+
+#[test]
+fn windows_outside_the_frame_are_refused() {
+    let size = UVec2::new(10, 10);
+    for (x, y, w, h) in [
+        (0, 0, 11, 1),
+        (5, 5, 6, 1),
+        (0, 0, 0, 4),
+        (u32::MAX, 0, 2, 2),
+        (1, 0, u32::MAX, 1),
+    ] {
+        assert!(Film::cropped(size, Window { x, y, w, h }).is_err());
+    }
+}
