@@ -126,4 +126,31 @@ impl Bsdf {
         let _ = (alpha, wo, u);
         todo!()
     }
+
+    /// Whether nothing of the closure can be evaluated at roughness `alpha`: light sampling is of no use.
+    #[inline]
+    pub fn is_delta_at(&self, alpha: f32) -> bool {
+        let has_base = match self {
+            Self::Diffuse(_) => true,
+            Self::Glossy(glossy) => glossy.albedo != Rgb::ZERO,
+            Self::Dielectric(_) | Self::Thin(_) => false,
+        };
+        alpha < DELTA_ALPHA && !has_base
+    }
+
+    /// Whether the closure bounds a solid body that can be entered.
+    #[inline]
+    pub fn is_solid(&self) -> bool {
+        matches!(self, Self::Dielectric(_))
+    }
+
+    /// (ηᵢ/ηₒ)² of a refraction seen from `wo`: what a refracted path's throughput was divided by.
+    #[inline]
+    pub fn refraction_scale(&self, wo: Vec3) -> f32 {
+        match self {
+            Self::Dielectric(d) if wo.z > 0.0 => d.eta * d.eta,
+            Self::Dielectric(d) => 1.0 / (d.eta * d.eta),
+            _ => 1.0,
+        }
+    }
 }

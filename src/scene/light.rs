@@ -18,6 +18,17 @@ pub struct LightSample {
     pub delta: bool,
 }
 
+/// Emission found at the end of a ray.
+#[derive(Clone, Copy, Debug)]
+pub struct Emission {
+    /// Emitted radiance towards the ray's origin.
+    pub radiance: Rgb,
+    /// Density per steradian with which [`Scene::sample_light`] from the origin draws the ray's direction.
+    pub pdf_w: f32,
+    /// Distance; infinity for the environment.
+    pub distance: f32,
+}
+
 /// A light without area (`KHR_lights_punctual`), in world space.
 #[derive(Clone, Copy, Debug)]
 pub enum PunctualLight {
@@ -100,7 +111,7 @@ impl Emitters {
 
     /// See [`Scene::emission_along`].
     #[inline]
-    pub fn emission_along(&self, scene: &Scene, ray: &Ray) -> Option<(Rgb, f32)> {
+    pub fn emission_along(&self, scene: &Scene, ray: &Ray) -> Option<Emission> {
         let _ = (scene, ray);
         todo!()
     }

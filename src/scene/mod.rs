@@ -20,7 +20,7 @@ pub mod texture;
 pub use camera::Camera;
 pub use environment::Environment;
 pub use geometry::Geometry;
-pub use light::{Emitters, LightSample, PunctualLight};
+pub use light::{Emission, Emitters, LightSample, PunctualLight};
 pub use material::Material;
 pub use mesh::Mesh;
 pub use texture::Texture;
@@ -79,6 +79,7 @@ pub struct Scene {
     parts: SceneParts,
     geometry: Geometry,
     emitters: Emitters,
+    has_absorption: bool,
     warnings: Vec<String>,
 }
 
@@ -104,6 +105,12 @@ impl Scene {
     /// The plain data the scene was built from.
     pub fn parts(&self) -> &SceneParts {
         &self.parts
+    }
+
+    /// Whether any body absorbs light on its way through.
+    #[inline]
+    pub fn has_absorption(&self) -> bool {
+        self.has_absorption
     }
 
     /// Triangles and their tree.
@@ -181,13 +188,13 @@ impl Scene {
         self.emitters.pdf_environment(&self.parts, dir)
     }
 
-    /// The emission at the end of a ray and the density per steradian with which [`Scene::sample_light`] from the
-    /// ray's origin draws that direction; `None` if the ray ends on something dark.
+    /// The emission at the end of a ray, as light sampling from the ray's origin sees it; `None` if the ray ends on
+    /// something dark.
     ///
     /// For regularised lobe samples, whose ray counts emission only (method section 3): asks the emitters first, so
     /// that a ray which meets none of them never walks the whole scene.
     #[inline]
-    pub fn emission_along(&self, ray: &Ray) -> Option<(Rgb, f32)> {
+    pub fn emission_along(&self, ray: &Ray) -> Option<Emission> {
         self.emitters.emission_along(self, ray)
     }
 }
