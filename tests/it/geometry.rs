@@ -2,7 +2,6 @@
 
 use opsr::math::{Ray, Vec3};
 use opsr::scene::accel::Accel;
-use opsr::scene::material::AlphaMode;
 use opsr::scene::{Geometry, Material, Mesh, SceneParts};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
@@ -284,4 +283,28 @@ fn coincident_triangles_give_the_first() {
     }
     let far = Ray::new(Vec3::new(0.1, -0.2, 1e-3), Vec3::NEG_Z);
     assert_eq!(accel.closest(&far).expect("hit").triangle, 50);
+}
+
+#[test]
+fn fast_walk_and_plain_walk_agree_to_the_bit() {
+    for (seed, count, edge) in [(11, 500, 0.4), (12, 20_000, 0.05), (13, 2000, 2.0)] {
+        let triangles = soup(seed, count, 1.0, edge);
+        let (fast, plain) = (Accel::new(&triangles), Accel::portable(&triangles));
+        let mut rng = rng(seed + 10);
+        for _ in 0..5000 {
+            let mut ray = Ray::new(point(&mut rng, 1.5), direction(&mut rng));
+            if rng.random::<f32>() < 0.5 {
+                ray.t_max = rng.random();
+            }
+            let bits = |hit: Option<opsr::scene::Hit>| {
+                hit.map(|h| (h.t.to_bits(), h.triangle, h.u.to_bits(), h.v.to_bits()))
+            };
+            assert_eq!(
+                bits(fast.closest(&ray)),
+                bits(plain.closest(&ray)),
+                "{ray:?}"
+            );
+            assert_eq!(fast.any(&ray), plain.any(&ray), "{ray:?}");
+        }
+    }
 }

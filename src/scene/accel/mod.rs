@@ -7,6 +7,8 @@
 use super::Hit;
 use crate::math::{Ray, Vec3};
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod portable;
 mod triangle;
 mod wide;
@@ -16,6 +18,8 @@ use wide::Wide;
 /// A tree over a list of triangles; indices of hits are indices of that list.
 pub struct Accel {
     tree: Wide,
+    #[cfg(target_arch = "x86_64")]
+    simd: Option<avx2::Avx2>,
 }
 
 impl Accel {
@@ -23,6 +27,17 @@ impl Accel {
     pub fn new(triangles: &[[Vec3; 3]]) -> Self {
         Self {
             tree: Wide::new(triangles),
+            #[cfg(target_arch = "x86_64")]
+            simd: avx2::Avx2::detect(),
+        }
+    }
+
+    /// The same tree, walked in plain Rust whatever the processor can do: the measure of the fast walk.
+    pub fn portable(triangles: &[[Vec3; 3]]) -> Self {
+        Self {
+            #[cfg(target_arch = "x86_64")]
+            simd: None,
+            ..Self::new(triangles)
         }
     }
 
@@ -46,13 +61,22 @@ impl Accel {
     /// The closest of the hits that `keep` accepts.
     #[inline]
     pub fn closest_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
-        portable::walk::<false>(&self.tree, ray, keep)
+        self.walk::<false>(ray, keep)
     }
 
     /// Whether there is a hit that `keep` accepts.
     #[inline]
     pub fn any_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> bool {
-        portable::walk::<true>(&self.tree, ray, keep).is_some()
+        self.walk::<true>(ray, keep).is_some()
+    }
+
+    #[inline]
+    fn walk<const ANY: bool>(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.simd {
+            return simd.walk::<ANY>(&self.tree, ray, keep);
+        }
+        portable::walk::<ANY>(&self.tree, ray, keep)
     }
 
     /// Lower and upper corner of all triangles; both zero if there are none.

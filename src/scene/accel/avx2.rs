@@ -1,0 +1,331 @@
+//! The walk with AVX2 and FMA: the one module with unsafe code.
+//!
+//! Safety rests on four facts, each local to this folder:
+//! - The kernel needs AVX2 and FMA: [`Avx2`] is only made by [`Avx2::detect`], after asking the processor.
+//! - Node and block indices are in range: [`Wide`] is only made by its builder, is never changed afterwards, and refers
+//!   only to nodes and blocks it has pushed itself.
+//! - Loads are aligned and in bounds: [`Node`] and [`Block`] are `repr(C)` with alignment 256 and 32 and every row is 32
+//!   or 16 bytes long; axis and side are at most 2 and 1.
+//! - The stack suffices: a node pushes at most seven children beyond the one that is entered, and the builder measured
+//!   the tree's depth (`Wide::stack`).
+#![allow(unsafe_code)]
+
+use super::portable::{SLACK, closer, reciprocal};
+use super::triangle::Shear;
+use super::wide::{Block, COUNT_BITS, LANES, LEAF, Node, WIDTH, Wide};
+use crate::math::Ray;
+use crate::scene::Hit;
+use std::arch::x86_64::*;
+use std::mem::MaybeUninit;
+
+/// Stack entries that fit on the machine stack; deeper trees use the heap.
+const STACK: usize = 256;
+
+/// Proof that the processor has AVX2 and FMA.
+#[derive(Clone, Copy)]
+pub(super) struct Avx2(());
+
+impl Avx2 {
+    /// Asks the processor.
+    pub(super) fn detect() -> Option<Self> {
+        (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")).then_some(Self(()))
+    }
+
+    /// See [`super::portable::walk`].
+    #[inline]
+    pub(super) fn walk<const ANY: bool>(
+        self,
+        tree: &Wide,
+        ray: &Ray,
+        keep: impl Fn(&Hit) -> bool,
+    ) -> Option<Hit> {
+        if tree.nodes.is_empty() {
+            return None;
+        }
+        if tree.stack <= STACK {
+            let mut stack = [MaybeUninit::uninit(); STACK];
+            // SAFETY: `self` proves the features; the stack is long enough.
+            unsafe { walk::<ANY>(tree, ray, &mut stack, keep) }
+        } else {
+            let mut stack = vec![MaybeUninit::uninit(); tree.stack];
+            // SAFETY: as above.
+            unsafe { walk::<ANY>(tree, ray, &mut stack, keep) }
+        }
+    }
+}
+
+/// The slabs of a ray: near and far plane of every axis as `plane * scale - offset`.
+struct Slabs {
+    /// Rows of [`Node::planes`] that are near and far.
+    near: [usize; 3],
+    far: [usize; 3],
+    near_scale: [__m256; 3],
+    far_scale: [__m256; 3],
+    near_offset: [__m256; 3],
+    far_offset: [__m256; 3],
+}
+
+impl Slabs {
+    /// All rounding goes outwards: the product origin · scale is off by its own unit in the last place, which the
+    /// offsets take up, and the rest is relative, which the scales take up. The test itself then costs one fused
+    /// operation a plane and never loses a box.
+    #[target_feature(enable = "avx2,fma")]
+    #[inline]
+    fn new(ray: &Ray) -> Self {
+        let inv = reciprocal(ray.dir);
+        let back = |axis: usize| usize::from(inv[axis] < 0.0);
+        let near = |axis: usize| inv[axis] * (1.0 - SLACK);
+        let far = |axis: usize| inv[axis] * (1.0 + SLACK);
+        let near_offset = |axis: usize| {
+            let x = ray.origin[axis] * near(axis);
+            x + SLACK * x.abs()
+        };
+        let far_offset = |axis: usize| {
+            let x = ray.origin[axis] * far(axis);
+            x - SLACK * x.abs()
+        };
+        let splat = |f: &dyn Fn(usize) -> f32| [0, 1, 2].map(|a| _mm256_set1_ps(f(a)));
+        Self {
+            near: [0, 1, 2].map(|a| 2 * a + back(a)),
+            far: [0, 1, 2].map(|a| 2 * a + 1 - back(a)),
+            near_scale: splat(&near),
+            far_scale: splat(&far),
+            near_offset: splat(&near_offset),
+            far_offset: splat(&far_offset),
+        }
+    }
+
+    /// Entry distances of the eight boxes, and which of them the ray meets before `t_max`.
+    #[target_feature(enable = "avx2,fma")]
+    #[inline]
+    fn test(&self, node: &Node, t_max: __m256) -> (__m256, u32) {
+        let plane = |row: usize, scale, offset| {
+            debug_assert!(row < 6);
+            // SAFETY: `row` is below 6 by construction; rows are 32 bytes and aligned to that.
+            let p = unsafe { _mm256_load_ps(node.planes.as_ptr().add(row).cast()) };
+            _mm256_fmsub_ps(p, scale, offset)
+        };
+        let near = |a: usize| plane(self.near[a], self.near_scale[a], self.near_offset[a]);
+        let far = |a: usize| plane(self.far[a], self.far_scale[a], self.far_offset[a]);
+        let enter = _mm256_max_ps(
+            _mm256_max_ps(near(0), near(1)),
+            // Zero last: the sorting key must not be −0.
+            _mm256_max_ps(near(2), _mm256_setzero_ps()),
+        );
+        let leave = _mm256_min_ps(_mm256_min_ps(far(0), far(1)), _mm256_min_ps(far(2), t_max));
+        let met = _mm256_cmp_ps::<_CMP_LE_OQ>(enter, leave);
+        (enter, _mm256_movemask_ps(met) as u32)
+    }
+}
+
+/// Four at a time the test of [`super::triangle::intersect`], with the same operations in the same order.
+struct Quad {
+    axes: [usize; 3],
+    origin: [__m128; 3],
+    scale: [__m128; 3],
+}
+
+/// Distances and weights of four triangles.
+#[repr(C, align(16))]
+struct Found {
+    t: [f32; LANES],
+    u: [f32; LANES],
+    v: [f32; LANES],
+}
+
+impl Quad {
+    #[target_feature(enable = "avx2,fma")]
+    #[inline]
+    fn new(ray: &Ray) -> Self {
+        let shear = Shear::new(ray.dir);
+        Self {
+            axes: shear.axes,
+            origin: shear.axes.map(|a| _mm_set1_ps(ray.origin[a])),
+            scale: shear.scale.map(|s| _mm_set1_ps(s)),
+        }
+    }
+
+    /// Which of the four are hit with 0 < t <= `t_max`; fills `found` if any.
+    #[target_feature(enable = "avx2,fma")]
+    #[inline]
+    fn test(&self, block: &Block, t_max: f32, found: &mut Found) -> u32 {
+        let map = |k: usize| {
+            let load = |i: usize| {
+                debug_assert!(k < 3 && self.axes[i] < 3);
+                // SAFETY: corner and axis are below 3; rows are 16 bytes and aligned to that.
+                let p = unsafe {
+                    _mm_load_ps(
+                        block
+                            .corners
+                            .as_ptr()
+                            .cast::<f32>()
+                            .add((3 * k + self.axes[i]) * LANES),
+                    )
+                };
+                _mm_sub_ps(p, self.origin[i])
+            };
+            let z = load(2);
+            let x = _mm_sub_ps(load(0), _mm_mul_ps(self.scale[0], z));
+            let y = _mm_sub_ps(load(1), _mm_mul_ps(self.scale[1], z));
+            (x, y, _mm_mul_ps(self.scale[2], z))
+        };
+        let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (map(0), map(1), map(2));
+        let u = _mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx));
+        let v = _mm_sub_ps(_mm_mul_ps(ax, cy), _mm_mul_ps(ay, cx));
+        let w = _mm_sub_ps(_mm_mul_ps(bx, ay), _mm_mul_ps(by, ax));
+        let zero = _mm_setzero_ps();
+        let front = _mm_cmpge_ps(_mm_min_ps(_mm_min_ps(u, v), w), zero);
+        let back = _mm_cmple_ps(_mm_max_ps(_mm_max_ps(u, v), w), zero);
+        let inside = _mm_or_ps(front, back);
+        if _mm_movemask_ps(inside) == 0 {
+            return 0;
+        }
+        let r = _mm_div_ps(_mm_set1_ps(1.0), _mm_add_ps(_mm_add_ps(u, v), w));
+        let sum = _mm_add_ps(
+            _mm_add_ps(_mm_mul_ps(u, az), _mm_mul_ps(v, bz)),
+            _mm_mul_ps(w, cz),
+        );
+        let t = _mm_mul_ps(sum, r);
+        let ahead = _mm_and_ps(_mm_cmpgt_ps(t, zero), _mm_cmple_ps(t, _mm_set1_ps(t_max)));
+        let mask = _mm_movemask_ps(_mm_and_ps(inside, ahead)) as u32;
+        if mask != 0 {
+            // SAFETY: each row of `found` is 16 bytes and aligned to that.
+            unsafe {
+                _mm_store_ps(found.t.as_mut_ptr(), t);
+                _mm_store_ps(found.u.as_mut_ptr(), _mm_mul_ps(v, r));
+                _mm_store_ps(found.v.as_mut_ptr(), _mm_mul_ps(w, r));
+            }
+        }
+        mask
+    }
+}
+
+/// A child and its distance in one sortable word; distances are not negative, so their bits sort as they do.
+#[inline(always)]
+fn entry(near: f32, child: u32) -> u64 {
+    u64::from(near.to_bits()) << 32 | u64::from(child)
+}
+
+/// Asks for the first lines of a child.
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+fn prefetch(tree: &Wide, child: u32) {
+    let (base, lines) = if child & LEAF == 0 {
+        (
+            tree.nodes
+                .as_ptr()
+                .wrapping_add(child as usize)
+                .cast::<i8>(),
+            4,
+        )
+    } else {
+        let first = ((child & !LEAF) >> COUNT_BITS) as usize;
+        (tree.blocks.as_ptr().wrapping_add(first).cast::<i8>(), 3)
+    };
+    for line in 0..lines {
+        _mm_prefetch::<_MM_HINT_T0>(base.wrapping_add(64 * line));
+    }
+}
+
+/// # Safety
+/// The processor must have AVX2 and FMA, and `stack` must hold `tree.stack` entries.
+#[target_feature(enable = "avx2,fma")]
+unsafe fn walk<const ANY: bool>(
+    tree: &Wide,
+    ray: &Ray,
+    stack: &mut [MaybeUninit<u64>],
+    keep: impl Fn(&Hit) -> bool,
+) -> Option<Hit> {
+    debug_assert!(stack.len() >= tree.stack);
+    let stack = stack.as_mut_ptr().cast::<u64>();
+    let slabs = Slabs::new(ray);
+    let quad = Quad::new(ray);
+    let mut best = Hit {
+        t: ray.t_max,
+        triangle: 0,
+        u: 0.0,
+        v: 0.0,
+    };
+    let mut any = false;
+    let mut top = 0usize;
+    let mut current = 0u32;
+    let mut t_max = _mm256_set1_ps(best.t);
+    let mut found = Found {
+        t: [0.0; LANES],
+        u: [0.0; LANES],
+        v: [0.0; LANES],
+    };
+    loop {
+        if current & LEAF == 0 {
+            // SAFETY: an index the builder made.
+            let node = unsafe { tree.nodes.get_unchecked(current as usize) };
+            let (enter, mut mask) = slabs.test(node, t_max);
+            if mask != 0 {
+                let mut near = Near([0.0; WIDTH]);
+                // SAFETY: 32 bytes, aligned to that.
+                unsafe { _mm256_store_ps(near.0.as_mut_ptr(), enter) };
+                let mut nearest = u64::MAX;
+                while mask != 0 {
+                    let k = mask.trailing_zeros() as usize;
+                    mask &= mask - 1;
+                    let child = node.children[k];
+                    prefetch(tree, child);
+                    let mut e = entry(near.0[k], child);
+                    if nearest == u64::MAX {
+                        nearest = e;
+                        continue;
+                    }
+                    if e < nearest {
+                        std::mem::swap(&mut e, &mut nearest);
+                    }
+                    // SAFETY: within the depth the builder measured.
+                    unsafe { stack.add(top).write(e) };
+                    top += 1;
+                }
+                current = nearest as u32;
+                continue;
+            }
+        } else {
+            let first = ((current & !LEAF) >> COUNT_BITS) as usize;
+            let count = (current & ((1 << COUNT_BITS) - 1)) as usize + 1;
+            // SAFETY: a range the builder made.
+            for block in unsafe { tree.blocks.get_unchecked(first..first + count) } {
+                let mut mask = quad.test(block, best.t, &mut found);
+                while mask != 0 {
+                    let k = mask.trailing_zeros() as usize % LANES;
+                    mask &= mask - 1;
+                    let hit = Hit {
+                        t: found.t[k],
+                        triangle: block.ids[k],
+                        u: found.u[k],
+                        v: found.v[k],
+                    };
+                    if closer(&hit, &best) && keep(&hit) {
+                        if ANY {
+                            return Some(hit);
+                        }
+                        best = hit;
+                        any = true;
+                    }
+                }
+            }
+            t_max = _mm256_set1_ps(best.t);
+        }
+        // Next: the topmost entry that is not behind the best hit.
+        loop {
+            if top == 0 {
+                return any.then_some(best);
+            }
+            top -= 1;
+            // SAFETY: below `top` everything has been written.
+            let e = unsafe { stack.add(top).read() };
+            if f32::from_bits((e >> 32) as u32) <= best.t {
+                current = e as u32;
+                break;
+            }
+        }
+    }
+}
+
+#[repr(C, align(32))]
+struct Near([f32; WIDTH]);
