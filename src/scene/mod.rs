@@ -89,10 +89,12 @@ impl Scene {
         let mut warnings = Vec::new();
         let geometry = Geometry::new(&parts, &mut warnings);
         let emitters = Emitters::new(&parts, &geometry, &mut warnings);
+        let has_absorption = (parts.materials.iter()).any(|m| m.absorption != Rgb::ZERO);
         Self {
             parts,
             geometry,
             emitters,
+            has_absorption,
             warnings,
         }
     }
