@@ -264,22 +264,32 @@ unsafe fn walk<const ANY: bool>(
                 let mut near = Near([0.0; WIDTH]);
                 // SAFETY: 32 bytes, aligned to that.
                 unsafe { _mm256_store_ps(near.0.as_mut_ptr(), enter) };
-                let mut nearest = u64::MAX;
+                let base = top;
+                let mut nearest = entry(
+                    near.0[mask.trailing_zeros() as usize],
+                    node.children[mask.trailing_zeros() as usize],
+                );
+                prefetch(tree, nearest as u32);
+                mask &= mask - 1;
                 while mask != 0 {
                     let k = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
                     let child = node.children[k];
                     prefetch(tree, child);
-                    let mut e = entry(near.0[k], child);
-                    if nearest == u64::MAX {
-                        nearest = e;
-                        continue;
-                    }
-                    if e < nearest {
-                        std::mem::swap(&mut e, &mut nearest);
+                    let e = entry(near.0[k], child);
+                    let far = e.max(nearest);
+                    nearest = e.min(nearest);
+                    // Sorted, the nearer on top; a shadow ray does not care.
+                    let mut at = top;
+                    if !ANY {
+                        // SAFETY: entries from `base` to `top` have been written.
+                        while at > base && unsafe { stack.add(at - 1).read() } < far {
+                            unsafe { stack.add(at).write(stack.add(at - 1).read()) };
+                            at -= 1;
+                        }
                     }
                     // SAFETY: within the depth the builder measured.
-                    unsafe { stack.add(top).write(e) };
+                    unsafe { stack.add(at).write(far) };
                     top += 1;
                 }
                 current = nearest as u32;
