@@ -97,6 +97,15 @@ pub enum Bsdf {
     Thin(ThinDielectric),
 }
 
+impl LobeQuery {
+    /// Value and density at roughness `alpha`; below [`DELTA_ALPHA`] only the base is left.
+    #[inline]
+    pub fn at(&self, alpha: f32) -> BsdfEval {
+        let _ = alpha;
+        todo!()
+    }
+}
+
 impl Bsdf {
     /// The material's own roughness: of the glossy lobe, or 1 for a purely diffuse closure.
     #[inline]

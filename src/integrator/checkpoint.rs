@@ -1,0 +1,196 @@
+//! A render that can be gone on with: the film's moments, the AOVs, and what they belong to.
+//!
+//! The file is written whole or not at all, carries a checksum of its content, and names the scene and settings it
+//! was made with by a fingerprint; another fingerprint is refused.
+
+use super::{FirstHit, Picture};
+use crate::image::atomic;
+use crate::image::film::Film;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::io;
+use std::path::{Path, PathBuf};
+
+const MAGIC: &[u8; 8] = b"opsrckp1";
+
+/// Larger headers are not ours.
+const MAX_HEADER: u64 = 1 << 20;
+
+/// What a checkpoint belongs to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fingerprint {
+    /// Version of the program.
+    pub version: String,
+    /// SHA-256 of the scene's files.
+    pub scene: String,
+    /// Everything else that the picture depends on, in words.
+    pub settings: String,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    fingerprint: Fingerprint,
+    samples: u32,
+    seconds: f64,
+    film_bytes: usize,
+    aov_bytes: usize,
+    sha256: String,
+}
+
+/// A stopped render.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checkpoint {
+    /// What it belongs to.
+    pub fingerprint: Fingerprint,
+    /// Samples per pixel so far; the next pass begins with this number.
+    pub samples: u32,
+    /// Wall time spent so far.
+    pub seconds: f64,
+    /// The moments and AOVs so far.
+    pub picture: Picture,
+}
+
+/// Why a checkpoint could not be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointError {
+    /// The file could not be read or written.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The file is damaged or something else.
+    #[error("{path}: not a checkpoint of this version, or damaged: {what}")]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        what: String,
+    },
+    /// The file belongs to another render.
+    #[error("{path}: this checkpoint belongs to {what}: it has `{theirs}`, this render `{ours}`")]
+    Other {
+        /// The file.
+        path: PathBuf,
+        /// In what it differs.
+        what: &'static str,
+        /// What the file says.
+        theirs: String,
+        /// What this render is.
+        ours: String,
+    },
+}
+
+impl Checkpoint {
+    /// Writes the file, whole or not at all.
+    pub fn save(&self, path: &Path) -> Result<(), CheckpointError> {
+        let film = self.picture.film.to_bytes();
+        let aovs: Vec<u8> = self
+            .picture
+            .aovs
+            .iter()
+            .flat_map(FirstHit::to_numbers)
+            .flat_map(f64::to_le_bytes)
+            .collect();
+        let mut digest = Sha256::new();
+        digest.update(&film);
+        digest.update(&aovs);
+        let header = Header {
+            fingerprint: self.fingerprint.clone(),
+            samples: self.samples,
+            seconds: self.seconds,
+            film_bytes: film.len(),
+            aov_bytes: aovs.len(),
+            sha256: hex(&digest.finalize()),
+        };
+        let io = |source| CheckpointError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        let header = serde_json::to_vec(&header).map_err(|e| io(e.into()))?;
+        let mut bytes = Vec::with_capacity(16 + header.len() + film.len() + aovs.len());
+        bytes.extend_from_slice(MAGIC);
+        bytes.extend_from_slice(&(header.len() as u64).to_le_bytes());
+        bytes.extend_from_slice(&header);
+        bytes.extend_from_slice(&film);
+        bytes.extend_from_slice(&aovs);
+        atomic::write_bytes(path, &bytes).map_err(io)
+    }
+
+    /// Reads the checkpoint of this render; one of another scene or other settings is refused.
+    pub fn load(path: &Path, ours: &Fingerprint) -> Result<Self, CheckpointError> {
+        let bytes = std::fs::read(path).map_err(|source| CheckpointError::Io {
+            path: path.to_owned(),
+            source,
+        })?;
+        let checkpoint = Self::parse(&bytes).map_err(|what| CheckpointError::Invalid {
+            path: path.to_owned(),
+            what,
+        })?;
+        let theirs = &checkpoint.fingerprint;
+        for (what, theirs, ours) in [
+            ("another version", &theirs.version, &ours.version),
+            ("another scene", &theirs.scene, &ours.scene),
+            ("other settings", &theirs.settings, &ours.settings),
+        ] {
+            if theirs != ours {
+                let (path, theirs, ours) = (path.to_owned(), theirs.clone(), ours.clone());
+                return Err(CheckpointError::Other {
+                    path,
+                    what,
+                    theirs,
+                    ours,
+                });
+            }
+        }
+        Ok(checkpoint)
+    }
+
+    fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let rest = bytes.strip_prefix(MAGIC).ok_or("wrong first bytes")?;
+        let (length, rest) = rest.split_first_chunk::<8>().ok_or("too short")?;
+        let length = u64::from_le_bytes(*length);
+        if length > MAX_HEADER || length > rest.len() as u64 {
+            return Err("header too long".into());
+        }
+        let (header, content) = rest.split_at(length as usize);
+        let header: Header = serde_json::from_slice(header).map_err(|e| e.to_string())?;
+        if header.film_bytes.checked_add(header.aov_bytes) != Some(content.len()) {
+            return Err("cut short".into());
+        }
+        if hex(&Sha256::digest(content)) != header.sha256 {
+            return Err("checksum differs".into());
+        }
+        let (film, aovs) = content.split_at(header.film_bytes);
+        let film = Film::from_bytes(film).map_err(|e| e.to_string())?;
+        let numbers: Vec<f64> = aovs
+            .as_chunks::<8>()
+            .0
+            .iter()
+            .map(|&b| f64::from_le_bytes(b))
+            .collect();
+        let aovs = match numbers.is_empty() {
+            true => None,
+            false => {
+                Some(FirstHit::from_numbers(film.window, &numbers).ok_or("wrong number of AOVs")?)
+            }
+        };
+        let (samples, seconds) = (header.samples, header.seconds);
+        let picture = Picture { film, aovs };
+        Ok(Self {
+            fingerprint: header.fingerprint,
+            samples,
+            seconds,
+            picture,
+        })
+    }
+}
+
+/// Lower-case hexadecimal digits.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}

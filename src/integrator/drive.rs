@@ -1,0 +1,156 @@
+//! Passes until a budget is spent.
+
+use super::{Integrator, Picture};
+use crate::scene::{Camera, Scene};
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+/// When to stop: at the first bound that is reached. Without any bound a render goes on until it is told to stop.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Budget {
+    /// Samples per pixel in all, those of a resumed film included.
+    pub samples: Option<u32>,
+    /// Wall time of this run.
+    pub time: Option<Duration>,
+    /// Estimated relative error of the picture (see [`crate::image::Film::relative_error`]).
+    pub error: Option<f64>,
+}
+
+/// Why a render ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reason {
+    /// All samples are there.
+    Samples,
+    /// The time is over.
+    Time,
+    /// The noise is low enough.
+    Error,
+    /// The listener wanted it so.
+    Stopped,
+}
+
+/// Where a render stands after a pass.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// Samples per pixel so far.
+    pub samples: u32,
+    /// Wall time of this run so far.
+    pub elapsed: Duration,
+    /// Part of the budget that is spent, in [0, 1]; `None` without a budget.
+    pub fraction: Option<f64>,
+    /// Estimated relative error; only computed for a budget that asks for it.
+    pub error: Option<f64>,
+}
+
+impl Progress {
+    /// Time left, extrapolated from the part that is done.
+    pub fn eta(&self) -> Option<Duration> {
+        let fraction = self.fraction.filter(|&f| f > 0.0)?;
+        Duration::try_from_secs_f64(self.elapsed.as_secs_f64() * (1.0 - fraction) / fraction).ok()
+    }
+}
+
+/// The noise of fewer samples says too little to stop on.
+const MIN_SAMPLES_FOR_ERROR: u32 = 16;
+
+/// Samples of the longest pass: the listener hears from a render at least this often.
+const MAX_PASS: u32 = 16;
+
+/// Runs passes of an integrator from sample number `start` on until the budget is spent or the listener breaks.
+///
+/// The listener is called after each pass with the picture so far.
+pub fn drive(
+    integrator: &dyn Integrator,
+    scene: &Scene,
+    camera: &Camera,
+    budget: &Budget,
+    start: u32,
+    picture: &mut Picture,
+    listener: &mut dyn FnMut(&Progress, &Picture) -> ControlFlow<()>,
+) -> (Progress, Reason) {
+    let clock = Instant::now();
+    let mut samples = start;
+    let mut length = 1u32;
+    let mut progress = Progress {
+        samples,
+        elapsed: Duration::ZERO,
+        fraction: None,
+        error: None,
+    };
+    loop {
+        if let Some(reason) = reached(budget, &progress) {
+            return (progress, reason);
+        }
+        let end = samples
+            .saturating_add(length)
+            .min(budget.samples.unwrap_or(u32::MAX));
+        let pass = Instant::now();
+        integrator.pass(scene, camera, samples..end, picture);
+        let seconds = pass.elapsed().as_secs_f64() / f64::from(end - samples);
+        samples = end;
+        let elapsed = clock.elapsed();
+        let error = budget.error.map(|_| picture.film.relative_error());
+        progress = Progress {
+            samples,
+            elapsed,
+            fraction: fraction(budget, start, samples, elapsed, error),
+            error,
+        };
+        if listener(&progress, picture).is_break() {
+            return (progress, Reason::Stopped);
+        }
+        length = next_length(length, seconds, budget, elapsed);
+    }
+}
+
+/// The first bound that is reached.
+fn reached(budget: &Budget, progress: &Progress) -> Option<Reason> {
+    if budget.samples.is_some_and(|s| progress.samples >= s) {
+        Some(Reason::Samples)
+    } else if budget.time.is_some_and(|t| progress.elapsed >= t) {
+        Some(Reason::Time)
+    } else if progress.samples >= MIN_SAMPLES_FOR_ERROR
+        && budget
+            .error
+            .zip(progress.error)
+            .is_some_and(|(bound, error)| error <= bound)
+    {
+        Some(Reason::Error)
+    } else {
+        None
+    }
+}
+
+/// How much of the budget is spent, by the bound that is nearest.
+fn fraction(
+    budget: &Budget,
+    start: u32,
+    samples: u32,
+    elapsed: Duration,
+    error: Option<f64>,
+) -> Option<f64> {
+    let by_samples = budget
+        .samples
+        .map(|s| f64::from(samples - start) / f64::from(s.saturating_sub(start).max(1)));
+    let by_time = budget.time.map(|t| elapsed.as_secs_f64() / t.as_secs_f64());
+    // Noise falls with the root of the samples.
+    let by_error = budget
+        .error
+        .zip(error)
+        .filter(|(_, e)| e.is_finite())
+        .map(|(bound, e)| (bound / e).powi(2));
+    let most = [by_samples, by_time, by_error]
+        .into_iter()
+        .flatten()
+        .reduce(f64::max);
+    most.map(|f| f.clamp(0.0, 1.0))
+}
+
+/// Doubles the pass while it is short beside a second and beside the time that is left.
+fn next_length(length: u32, seconds_each: f64, budget: &Budget, elapsed: Duration) -> u32 {
+    let left = budget
+        .time
+        .map_or(f64::INFINITY, |t| t.saturating_sub(elapsed).as_secs_f64());
+    let room = (1.0f64.min(left) / seconds_each.max(1e-9)).clamp(1.0, f64::from(MAX_PASS)) as u32;
+    (2 * length).min(room)
+}
