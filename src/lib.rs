@@ -45,6 +45,8 @@
 //! - `[Woop13]` Woop, Benthin, Wald: *Watertight Ray/Triangle Intersection*, JCGT 2013.
 //! - `[Ylitie17]` Ylitie, Karras, Laine: *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*, HPG 2017.
 //! - `[PBRT4]` Pharr, Jakob, Humphreys: *Physically Based Rendering*, 4th edition, 2023.
+//! - `[FLIP20]` Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström, Fairchild: *FLIP: A Difference Evaluator for Alternating Images*, HPG 2020.
+//! - `[FLIP21]` Andersson, Nilsson, Shirley, Akenine-Möller: *Visualizing Errors in Rendered High Dynamic Range Images*, EG 2021 short papers.
 //! - `[glTF]` Khronos: *glTF 2.0 Specification* and its ratified material extensions.
 
 pub mod bsdf;

@@ -3,3 +3,4 @@
 mod exr;
 mod film;
 mod geometry;
+mod metric;
