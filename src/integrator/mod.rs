@@ -164,6 +164,7 @@ struct Rendering<R> {
 impl<R: Regulariser + Send> Integrator for Rendering<R> {
     fn pass(&self, scene: &Scene, camera: &Camera, samples: Range<u32>, picture: &mut Picture) {
         let source = Independent { seed: self.seed };
+        let Picture { film, aovs } = picture;
         match aovs {
             Some(aovs) => self
                 .tracer
