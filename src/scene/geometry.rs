@@ -135,14 +135,15 @@ impl Geometry {
     pub fn surface(&self, parts: &SceneParts, ray: &Ray, hit: &Hit) -> Surface {
         let [a, b, c] = self.triangle(hit.triangle);
         let weights = [(1.0 - hit.u - hit.v).max(0.0), hit.u, hit.v];
-        let (pa, pb, pc) = (weights[0] * a, weights[1] * b, weights[2] * c);
-        let position = pa + pb + pc;
-        let ng = normal(a, b, c).normalize().as_vec3();
-        // Interpolation loses at most γ₇ Σ|bᵢpᵢ| [PBRT4 §6.8.4], a spawned origin is rounded once more, and the test
-        // that finds the next hit is good to a few units of the triangle's extent: together the distance that keeps a
-        // ray off the surface it leaves.
-        let extent = (b - a).abs().max((c - a).abs());
-        let slack = 10.0 * HALF_ULP * (pa.abs() + pb.abs() + pc.abs()) + 8.0 * HALF_ULP * extent;
+        let origin = a.as_dvec3();
+        let (e, f) = (b.as_dvec3() - origin, c.as_dvec3() - origin);
+        let ng = e.cross(f).normalize().as_vec3();
+        // On the plane but for the rounding to single precision.
+        let position = (origin + f64::from(hit.u) * e + f64::from(hit.v) * f).as_vec3();
+        // A spawned origin is off by that rounding and by its own, half a unit in the last place each; the test that
+        // meets it knows the side of the plane exactly. [PBRT4 §6.8] has to allow for γ₇ of the corners' size.
+        let rounding = 3.0 * HALF_ULP * position.abs().dot(ng.abs());
+        let extent = e.abs().max(f.abs()).max_element() as f32;
         let (mesh, indices) = self.source(parts, hit.triangle);
         let uv = attribute(&mesh.uvs, indices).map_or(Vec2::ZERO, |uv| {
             weights[0] * uv[0] + weights[1] * uv[1] + weights[2] * uv[2]
@@ -158,7 +159,7 @@ impl Geometry {
             uv,
             triangle: hit.triangle,
             material: mesh.material,
-            error: slack.dot(ng.abs()),
+            error: rounding + 1e-13 * extent,
         }
     }
 

@@ -6,16 +6,16 @@ use opsr::scene::{Geometry, Material, Mesh, SceneParts};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 
-fn rng(seed: u64) -> Pcg32 {
+pub(crate) fn rng(seed: u64) -> Pcg32 {
     Pcg32::seed_from_u64(seed)
 }
 
-fn point(rng: &mut Pcg32, size: f32) -> Vec3 {
+pub(crate) fn point(rng: &mut Pcg32, size: f32) -> Vec3 {
     let mut x = || (rng.random::<f32>() * 2.0 - 1.0) * size;
     Vec3::new(x(), x(), x())
 }
 
-fn direction(rng: &mut Pcg32) -> Vec3 {
+pub(crate) fn direction(rng: &mut Pcg32) -> Vec3 {
     loop {
         let p = point(rng, 1.0);
         let r = p.length();
@@ -37,7 +37,7 @@ fn soup(seed: u64, count: usize, size: f32, edge: f32) -> Vec<[Vec3; 3]> {
 }
 
 /// A closed sphere whose radius is displaced by up to 20 %.
-fn bumpy_sphere(rings: u32, segments: u32) -> Mesh {
+pub(crate) fn bumpy_sphere(rings: u32, segments: u32) -> Mesh {
     let vertex = |i: u32, j: u32| {
         let theta = std::f32::consts::PI * i as f32 / rings as f32;
         let phi = std::f32::consts::TAU * (j % segments) as f32 / segments as f32;
@@ -78,7 +78,7 @@ fn bumpy_sphere(rings: u32, segments: u32) -> Mesh {
     }
 }
 
-fn mesh_of(triangles: &[[Vec3; 3]]) -> Mesh {
+pub(crate) fn mesh_of(triangles: &[[Vec3; 3]]) -> Mesh {
     Mesh {
         positions: triangles.iter().flatten().copied().collect(),
         indices: (0..triangles.len() as u32)
@@ -88,7 +88,7 @@ fn mesh_of(triangles: &[[Vec3; 3]]) -> Mesh {
     }
 }
 
-fn parts_of(meshes: Vec<Mesh>) -> SceneParts {
+pub(crate) fn parts_of(meshes: Vec<Mesh>) -> SceneParts {
     SceneParts {
         meshes,
         materials: vec![Material::default()],
@@ -96,7 +96,7 @@ fn parts_of(meshes: Vec<Mesh>) -> SceneParts {
     }
 }
 
-fn geometry_of(parts: &SceneParts) -> Geometry {
+pub(crate) fn geometry_of(parts: &SceneParts) -> Geometry {
     let mut warnings = Vec::new();
     let geometry = Geometry::new(parts, &mut warnings);
     assert!(warnings.is_empty(), "{warnings:?}");
@@ -104,7 +104,7 @@ fn geometry_of(parts: &SceneParts) -> Geometry {
 }
 
 /// A square of half size `half` at height `z`, facing +z.
-fn square(half: f32, z: f32) -> [[Vec3; 3]; 2] {
+pub(crate) fn square(half: f32, z: f32) -> [[Vec3; 3]; 2] {
     let p = |x: f32, y: f32| Vec3::new(x * half, y * half, z);
     [
         [p(-1.0, -1.0), p(1.0, -1.0), p(1.0, 1.0)],

@@ -4,3 +4,4 @@ mod exr;
 mod film;
 mod geometry;
 mod metric;
+mod surface;

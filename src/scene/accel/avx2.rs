@@ -122,7 +122,7 @@ impl Slabs {
 struct Quad {
     axes: [usize; 3],
     origin: [__m128; 3],
-    scale: [__m128; 3],
+    slope: [__m128; 2],
 }
 
 /// Distances and weights of four triangles.
@@ -133,6 +133,16 @@ struct Found {
     v: [f32; LANES],
 }
 
+/// The four values of a corner's coordinate.
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+fn load(block: &Block, corner: usize, axis: usize) -> __m128 {
+    debug_assert!(corner < 3 && axis < 3);
+    let rows = block.corners.as_ptr().cast::<f32>();
+    // SAFETY: corner and axis are below 3; rows are 16 bytes and aligned to that.
+    unsafe { _mm_load_ps(rows.add((3 * corner + axis) * LANES)) }
+}
+
 impl Quad {
     #[target_feature(enable = "avx2,fma")]
     #[inline]
@@ -141,54 +151,39 @@ impl Quad {
         Self {
             axes: shear.axes,
             origin: shear.axes.map(|a| _mm_set1_ps(ray.origin[a])),
-            scale: shear.scale.map(|s| _mm_set1_ps(s)),
+            slope: shear.slope.map(|s| _mm_set1_ps(s)),
         }
     }
 
     /// Which of the four are hit with 0 < t <= `t_max`; fills `found` if any.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
-    fn test(&self, block: &Block, t_max: f32, found: &mut Found) -> u32 {
+    fn test(&self, block: &Block, ray: &Ray, t_max: f32, found: &mut Found) -> u32 {
         let map = |k: usize| {
-            let load = |i: usize| {
-                debug_assert!(k < 3 && self.axes[i] < 3);
-                // SAFETY: corner and axis are below 3; rows are 16 bytes and aligned to that.
-                let p = unsafe {
-                    _mm_load_ps(
-                        block
-                            .corners
-                            .as_ptr()
-                            .cast::<f32>()
-                            .add((3 * k + self.axes[i]) * LANES),
-                    )
-                };
-                _mm_sub_ps(p, self.origin[i])
-            };
-            let z = load(2);
-            let x = _mm_sub_ps(load(0), _mm_mul_ps(self.scale[0], z));
-            let y = _mm_sub_ps(load(1), _mm_mul_ps(self.scale[1], z));
-            (x, y, _mm_mul_ps(self.scale[2], z))
+            let at = |i: usize| _mm_sub_ps(load(block, k, self.axes[i]), self.origin[i]);
+            let z = at(2);
+            (
+                _mm_sub_ps(at(0), _mm_mul_ps(self.slope[0], z)),
+                _mm_sub_ps(at(1), _mm_mul_ps(self.slope[1], z)),
+            )
         };
-        let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (map(0), map(1), map(2));
+        let ((ax, ay), (bx, by), (cx, cy)) = (map(0), map(1), map(2));
         let u = _mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx));
         let v = _mm_sub_ps(_mm_mul_ps(ax, cy), _mm_mul_ps(ay, cx));
         let w = _mm_sub_ps(_mm_mul_ps(bx, ay), _mm_mul_ps(by, ax));
         let zero = _mm_setzero_ps();
         let front = _mm_cmpge_ps(_mm_min_ps(_mm_min_ps(u, v), w), zero);
         let back = _mm_cmple_ps(_mm_max_ps(_mm_max_ps(u, v), w), zero);
-        let inside = _mm_or_ps(front, back);
+        let sum = _mm_add_ps(_mm_add_ps(u, v), w);
+        let inside = _mm_and_ps(_mm_or_ps(front, back), _mm_cmpneq_ps(sum, zero));
         if _mm_movemask_ps(inside) == 0 {
             return 0;
         }
-        let r = _mm_div_ps(_mm_set1_ps(1.0), _mm_add_ps(_mm_add_ps(u, v), w));
-        let sum = _mm_add_ps(
-            _mm_add_ps(_mm_mul_ps(u, az), _mm_mul_ps(v, bz)),
-            _mm_mul_ps(w, cz),
-        );
-        let t = _mm_mul_ps(sum, r);
+        let t = distances(block, ray);
         let ahead = _mm_and_ps(_mm_cmpgt_ps(t, zero), _mm_cmple_ps(t, _mm_set1_ps(t_max)));
         let mask = _mm_movemask_ps(_mm_and_ps(inside, ahead)) as u32;
         if mask != 0 {
+            let r = _mm_div_ps(_mm_set1_ps(1.0), sum);
             // SAFETY: each row of `found` is 16 bytes and aligned to that.
             unsafe {
                 _mm_store_ps(found.t.as_mut_ptr(), t);
@@ -198,6 +193,25 @@ impl Quad {
         }
         mask
     }
+}
+
+/// Distances to the planes of four triangles, in double precision; not fused, as in plain Rust.
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+fn distances(block: &Block, ray: &Ray) -> __m128 {
+    let point = |k: usize| [0, 1, 2].map(|axis| _mm256_cvtps_pd(load(block, k, axis)));
+    let minus = |p: [__m256d; 3], q: [__m256d; 3]| [0, 1, 2].map(|i| _mm256_sub_pd(p[i], q[i]));
+    let splat = |p: crate::math::Vec3| p.to_array().map(|x| _mm256_set1_pd(f64::from(x)));
+    let a = point(0);
+    let (e, f) = (minus(point(1), a), minus(point(2), a));
+    let n = [(1, 2), (2, 0), (0, 1)]
+        .map(|(i, j)| _mm256_sub_pd(_mm256_mul_pd(e[i], f[j]), _mm256_mul_pd(e[j], f[i])));
+    let along = |d: [__m256d; 3]| {
+        let xy = _mm256_add_pd(_mm256_mul_pd(n[0], d[0]), _mm256_mul_pd(n[1], d[1]));
+        _mm256_add_pd(xy, _mm256_mul_pd(n[2], d[2]))
+    };
+    let above = along(minus(a, splat(ray.origin)));
+    _mm256_cvtpd_ps(_mm256_div_pd(above, along(splat(ray.dir))))
 }
 
 /// A child and its distance in one sortable word; distances are not negative, so their bits sort as they do.
@@ -300,7 +314,7 @@ unsafe fn walk<const ANY: bool>(
             let count = (current & ((1 << COUNT_BITS) - 1)) as usize + 1;
             // SAFETY: a range the builder made.
             for block in unsafe { tree.blocks.get_unchecked(first..first + count) } {
-                let mut mask = quad.test(block, best.t, &mut found);
+                let mut mask = quad.test(block, ray, best.t, &mut found);
                 while mask != 0 {
                     let k = mask.trailing_zeros() as usize % LANES;
                     mask &= mask - 1;

@@ -19,7 +19,7 @@ pub(super) const COUNT_BITS: u32 = 2;
 /// Most blocks in a leaf.
 const MAX_BLOCKS: usize = 1 << COUNT_BITS;
 /// Cost of testing a block of triangles over the cost of testing the eight boxes of a node.
-const BLOCK_COST: f32 = 0.6;
+const BLOCK_COST: f32 = 0.3;
 /// Coordinates beyond this would overflow areas and slab distances.
 const LIMIT: f32 = 1e17;
 

@@ -1,0 +1,302 @@
+//! Points of surfaces, rays that leave them, and opacity.
+
+use crate::geometry::{
+    bumpy_sphere, direction, geometry_of, mesh_of, parts_of, point, rng, square,
+};
+use opsr::math::{Ray, Vec2, Vec3};
+use opsr::scene::material::AlphaMode;
+use opsr::scene::{Geometry, Hit, Material, Mesh, SceneParts, Surface};
+use rand::RngExt;
+use rand_pcg::Pcg32;
+
+const SCALES: [f32; 5] = [1e-3, 1.0, 37.0, 1e3, 1e6];
+
+fn transformed(mut mesh: Mesh, scale: f32, shift: Vec3) -> Mesh {
+    let turn = glam::Quat::from_euler(glam::EulerRot::XYZ, 0.3, 1.1, -0.7);
+    for p in &mut mesh.positions {
+        *p = (turn * *p + shift) * scale;
+    }
+    mesh
+}
+
+/// A direction on the given side of `ng`, often grazing, never below the least cosine.
+fn leaving(rng: &mut Pcg32, ng: Vec3, least: f32) -> Vec3 {
+    loop {
+        let squash = rng.random::<f32>().powi(4).max(1e-3);
+        let d = direction(rng);
+        let d = (d - (1.0 - squash) * d.dot(ng) * ng).normalize();
+        let d = if d.dot(ng) < 0.0 {
+            d - 2.0 * d.dot(ng) * ng
+        } else {
+            d
+        };
+        if d.dot(ng) > least {
+            return d;
+        }
+    }
+}
+
+fn meet(geometry: &Geometry, parts: &SceneParts, ray: &Ray) -> Option<(Hit, Surface)> {
+    let hit = geometry.intersect(parts, ray)?;
+    Some((hit, geometry.surface(parts, ray, &hit)))
+}
+
+#[test]
+fn rays_leave_a_convex_body_or_stay_inside_at_every_scale() {
+    let mut sphere = bumpy_sphere(60, 120);
+    for p in &mut sphere.positions {
+        *p = p.normalize();
+    }
+    for (i, scale) in SCALES.into_iter().enumerate() {
+        for shift in [Vec3::ZERO, Vec3::new(5.0, -3.0, 0.5)] {
+            let parts = parts_of(vec![transformed(sphere.clone(), scale, shift)]);
+            let geometry = geometry_of(&parts);
+            let mut rng = rng(40 + i as u64);
+            for _ in 0..20_000 {
+                let inside = Ray::new((point(&mut rng, 0.3) + shift) * scale, direction(&mut rng));
+                let (_, s) = meet(&geometry, &parts, &inside).expect("the sphere is closed");
+                let out = s.ng * s.ng.dot(inside.dir).signum();
+                let d = leaving(&mut rng, out, 1e-3);
+                let hit = geometry.intersect(&parts, &s.spawn(d));
+                assert!(
+                    hit.is_none(),
+                    "scale {scale}: {s:?} towards {d:?} meets {hit:?}"
+                );
+                let d = leaving(&mut rng, -out, 1e-3);
+                let hit = geometry.intersect(&parts, &s.spawn(d));
+                assert!(hit.is_some(), "scale {scale}: {s:?} towards {d:?} is lost");
+            }
+        }
+    }
+}
+
+#[test]
+fn flat_ground_of_mixed_triangles_does_not_shade_itself() {
+    // Spacings from 1e-3 to 100 units beside each other.
+    let ticks: Vec<f32> = (0..24).map(|k| 1e-3 * 1.7f32.powi(k)).collect();
+    let n = ticks.len() as u32;
+    let mesh = Mesh {
+        positions: (0..n * n)
+            .map(|k| Vec3::new(ticks[(k % n) as usize], 0.0, ticks[(k / n) as usize]))
+            .collect(),
+        indices: (0..(n - 1) * (n - 1))
+            .flat_map(|k| {
+                let a = k / (n - 1) * n + k % (n - 1);
+                [[a, a + n, a + n + 1], [a, a + n + 1, a + 1]]
+            })
+            .collect(),
+        ..Mesh::default()
+    };
+    for scale in SCALES {
+        let parts = parts_of(vec![transformed(mesh.clone(), scale, Vec3::ZERO)]);
+        let geometry = geometry_of(&parts);
+        let mut rng = rng(50);
+        for _ in 0..20_000 {
+            let [a, b, c] = geometry.triangle(rng.random_range(0..geometry.len() as u32));
+            let (u, v) = (rng.random::<f32>(), rng.random::<f32>());
+            let on = a + u * (b - a) + v * (1.0 - u) * (c - a);
+            let up = (b - a).cross(c - a).normalize();
+            let from = on + up * scale;
+            let Some((_, s)) = meet(&geometry, &parts, &Ray::new(from, (on - from).normalize()))
+            else {
+                continue;
+            };
+            for side in [s.ng, -s.ng] {
+                let d = leaving(&mut rng, side, 0.05);
+                let hit = geometry.intersect(&parts, &s.spawn(d));
+                assert!(
+                    hit.is_none(),
+                    "scale {scale}: {s:?} towards {d:?} meets {hit:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn thin_shells_are_told_apart_at_every_scale() {
+    const GAP: f32 = 4e-5;
+    let mut shells = square(1.0, 0.0).to_vec();
+    shells.extend(square(1.0, -GAP));
+    for scale in SCALES {
+        let parts = parts_of(vec![transformed(mesh_of(&shells), scale, Vec3::ZERO)]);
+        let geometry = geometry_of(&parts);
+        let up = geometry.surface(
+            &parts,
+            &Ray::new(Vec3::ZERO, Vec3::Z),
+            &Hit {
+                t: 1.0,
+                triangle: 0,
+                u: 0.3,
+                v: 0.3,
+            },
+        );
+        let mut rng = rng(60);
+        for _ in 0..20_000 {
+            let d = -leaving(&mut rng, up.ng, 0.02);
+            let [a, b, c] = geometry.triangle(rng.random_range(0..2));
+            let (u, v) = (rng.random_range(0.1..0.4), rng.random_range(0.1..0.4));
+            let on = a + u * (b - a) + v * (c - a);
+            let ray = Ray::new(on - d * scale, d);
+            let (first, s) = meet(&geometry, &parts, &ray).expect("upper shell");
+            assert!(first.triangle < 2, "scale {scale}");
+            let (second, s) = meet(&geometry, &parts, &s.spawn(d)).expect("lower shell");
+            let expected = GAP * scale / -d.dot(up.ng);
+            assert!(second.triangle >= 2, "scale {scale}: {second:?}");
+            assert!(
+                (second.t / expected - 1.0).abs() < 0.1,
+                "{second:?} {expected}"
+            );
+            assert!(geometry.intersect(&parts, &s.spawn(d)).is_none());
+            let (back, _) = meet(&geometry, &parts, &s.spawn(-d)).expect("upper shell again");
+            assert!(back.triangle < 2, "scale {scale}: {back:?}");
+        }
+    }
+}
+
+#[test]
+fn scaling_by_a_power_of_two_changes_no_bit() {
+    let base = transformed(bumpy_sphere(40, 80), 1.0, Vec3::new(0.3, 0.2, -0.4));
+    let parts: Vec<_> = [0, -10, 20]
+        .map(|e| {
+            let mut mesh = base.clone();
+            mesh.positions.iter_mut().for_each(|p| *p *= 2.0f32.powi(e));
+            (2.0f32.powi(e), parts_of(vec![mesh]))
+        })
+        .into();
+    let scenes: Vec<_> = parts.iter().map(|(s, p)| (s, p, geometry_of(p))).collect();
+    let mut rng = rng(70);
+    for _ in 0..5000 {
+        let (origin, dir) = (point(&mut rng, 2.0), direction(&mut rng));
+        let mut seen = scenes.iter().map(|(scale, parts, geometry)| {
+            meet(geometry, parts, &Ray::new(origin * **scale, dir)).map(|(hit, s)| {
+                (
+                    hit.triangle,
+                    hit.t / **scale,
+                    hit.u,
+                    hit.v,
+                    s.position / **scale,
+                    s.error / **scale,
+                )
+            })
+        });
+        let first = seen.next().expect("three scenes");
+        assert!(seen.all(|other| other == first));
+    }
+}
+
+#[test]
+fn surfaces_interpolate_attributes() {
+    let mut mesh = mesh_of(&square(1.0, 0.0)[..1]);
+    mesh.normals = vec![Vec3::Z, Vec3::new(0.6, 0.0, 0.8), Vec3::Z];
+    mesh.uvs = vec![Vec2::ZERO, Vec2::X, Vec2::ONE];
+    let parts = parts_of(vec![mesh]);
+    let geometry = geometry_of(&parts);
+    for (z, dir) in [(1.0, Vec3::NEG_Z), (-1.0, Vec3::Z)] {
+        let (hit, s) =
+            meet(&geometry, &parts, &Ray::new(Vec3::new(0.5, 0.0, z), dir)).expect("hit");
+        assert_eq!(s.ng, Vec3::Z, "the winding decides, not the viewer");
+        assert!((s.uv - Vec2::new(0.75, 0.5)).length() < 1e-6, "{s:?}");
+        assert!((s.position - Vec3::new(0.5, 0.0, 0.0)).length() < 1e-6);
+        let n = (0.75 * Vec3::Z + 0.25 * Vec3::new(0.6, 0.0, 0.8)).normalize();
+        assert!((s.frame.n - n).length() < 1e-6, "{s:?} {hit:?}");
+    }
+    assert_eq!(geometry.triangle_uvs(&parts, 0)[2], Vec2::ONE);
+    assert_eq!(geometry.triangle_area(0), 2.0);
+    assert_eq!(
+        geometry.bounds(),
+        (Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, 1.0, 0.0))
+    );
+}
+
+#[test]
+fn shading_normals_never_contradict_the_geometry() {
+    let mut rng = rng(80);
+    let mut bent = 0;
+    for _ in 0..2000 {
+        let mut mesh = mesh_of(&square(1.0, 0.0)[..1]);
+        // Flipped, zero, NaN and grazing normals among the sane ones.
+        mesh.normals = (0..3)
+            .map(|_| match rng.random_range(0..8) {
+                0 => Vec3::ZERO,
+                1 => Vec3::NAN,
+                2 => Vec3::X,
+                _ => direction(&mut rng),
+            })
+            .collect();
+        let parts = parts_of(vec![mesh]);
+        let geometry = geometry_of(&parts);
+        let wo = direction(&mut rng);
+        let on = Vec3::new(0.5, -0.2, 0.0);
+        let Some((_, s)) = meet(&geometry, &parts, &Ray::new(on + wo, -wo)) else {
+            continue;
+        };
+        let (n, cos) = (s.frame.n, wo.dot(s.ng));
+        assert!((n.length() - 1.0).abs() < 1e-5, "{n:?}");
+        assert!(n.dot(s.ng) >= 0.0, "{n:?}");
+        assert!(wo.dot(n) * cos >= 0.0, "{n:?} {wo:?}");
+        bent += usize::from((wo.dot(n) / cos.signum() - 1e-3).abs() < 1e-3);
+    }
+    assert!(bent > 100, "only {bent} were bent: the test sees nothing");
+}
+
+/// An opaque square below one of the given opacity.
+fn veiled(alpha_mode: AlphaMode, opacity: f32) -> SceneParts {
+    let mut parts = parts_of(vec![mesh_of(&square(1.0, 0.0)), mesh_of(&square(1.0, 1.0))]);
+    parts.meshes[1].material = 1;
+    parts.materials.push(Material {
+        alpha_mode,
+        opacity,
+        ..Material::default()
+    });
+    parts
+}
+
+#[test]
+fn masks_cut_holes() {
+    for (mode, opacity, first) in [
+        (AlphaMode::Mask(0.5), 0.4, 0),
+        (AlphaMode::Mask(0.5), 0.5, 2),
+        (AlphaMode::Opaque, 0.0, 2),
+        (AlphaMode::Blend, 0.0, 0),
+        (AlphaMode::Blend, 1.0, 2),
+    ] {
+        let parts = veiled(mode, opacity);
+        let geometry = geometry_of(&parts);
+        let ray = Ray::new(Vec3::new(0.4, 0.1, 2.0), Vec3::NEG_Z);
+        let hit = geometry.intersect(&parts, &ray).expect("the ground");
+        assert_eq!(hit.triangle, first, "{mode:?} {opacity}");
+        let short = Ray { t_max: 1.5, ..ray };
+        assert_eq!(
+            geometry.occluded(&parts, &short),
+            first == 2,
+            "{mode:?} {opacity}"
+        );
+    }
+}
+
+#[test]
+fn blended_surfaces_are_there_as_often_as_they_are_opaque() {
+    let parts = veiled(AlphaMode::Blend, 0.3);
+    let geometry = geometry_of(&parts);
+    let mut rng = rng(90);
+    let (mut there, n) = (0, 20_000);
+    for _ in 0..n {
+        let x = Vec3::new(
+            rng.random_range(-0.9..0.9),
+            rng.random_range(-0.9..0.9),
+            2.0,
+        );
+        let ray = Ray::new(x, Vec3::NEG_Z);
+        let hit = geometry.intersect(&parts, &ray).expect("the ground");
+        let short = Ray { t_max: 1.5, ..ray };
+        assert_eq!(geometry.occluded(&parts, &short), hit.triangle >= 2);
+        there += usize::from(hit.triangle >= 2);
+    }
+    // Five standard deviations of a binomial.
+    let sigma = (n as f64 * 0.3 * 0.7).sqrt();
+    assert!(
+        (there as f64 - 0.3 * n as f64).abs() < 5.0 * sigma,
+        "{there} of {n}"
+    );
+}
