@@ -25,8 +25,15 @@ pub struct Accel {
 impl Accel {
     /// Builds the tree. Triangles with a coordinate that is not finite or beyond 1e17 are never hit.
     pub fn new(triangles: &[[Vec3; 3]]) -> Self {
+        #[allow(unused_mut, reason = "only some targets have huge pages")]
+        let mut tree = Wide::new(triangles);
+        #[cfg(target_arch = "x86_64")]
+        {
+            tree.nodes = avx2::in_huge_pages(tree.nodes);
+            tree.blocks = avx2::in_huge_pages(tree.blocks);
+        }
         Self {
-            tree: Wide::new(triangles),
+            tree,
             #[cfg(target_arch = "x86_64")]
             simd: avx2::Avx2::detect(),
         }
