@@ -15,6 +15,7 @@ pub mod light;
 pub mod load;
 pub mod material;
 pub mod mesh;
+pub mod save;
 pub mod texture;
 
 pub use camera::Camera;

@@ -4,4 +4,5 @@ mod exr;
 mod film;
 mod geometry;
 mod metric;
+mod scenes;
 mod surface;
