@@ -1,5 +1,6 @@
 //! Pictures: films of running moments, files, and the metrics that compare them.
 
+pub mod agree;
 pub mod atomic;
 pub mod buffer;
 pub mod exr;
@@ -7,6 +8,7 @@ pub mod film;
 mod film_bytes;
 pub mod metric;
 pub mod png;
+mod student;
 
 pub use buffer::Buffer;
 pub use film::Film;

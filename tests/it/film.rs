@@ -3,17 +3,21 @@
 use opsr::image::film::{Cause, Film, FilmError, RejectedSample, Window};
 use opsr::math::{DVec3, Rgb, UVec2};
 
-/// A cheap stand-in for an estimator: a fixed value for each pixel, sample and channel.
+/// A cheap stand-in for an estimator: uniform numbers fixed by pixel, sample, channel and seed.
 pub(crate) fn noise(pixel: UVec2, sample: u32, seed: u32) -> Rgb {
-    let mut state = u64::from(seed) << 40 ^ u64::from(pixel.x) << 20 ^ u64::from(pixel.y);
-    state = (state << 32 | u64::from(sample)).wrapping_add(0x9e37_79b9_7f4a_7c15);
-    Rgb::from_array([0u64, 1, 2].map(|c| {
-        // The finaliser of splitmix64.
-        let mut z = state.wrapping_add(c.wrapping_mul(0x9e37_79b9_7f4a_7c15));
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f32 / (1u32 << 24) as f32
-    }))
+    let pixel = u64::from(pixel.x) << 32 | u64::from(pixel.y);
+    let state = scramble(scramble(pixel) ^ (u64::from(seed) << 32 | u64::from(sample)));
+    Rgb::from_array(
+        [1, 2, 3].map(|c| (scramble(state.wrapping_add(c)) >> 40) as f32 / (1u32 << 24) as f32),
+    )
+}
+
+/// The generator splitmix64 started at `z`.
+fn scramble(z: u64) -> u64 {
+    let z = z.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
 }
 
 /// Pushes the samples `from..to` to every pixel, tile by tile.

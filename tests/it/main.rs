@@ -1,5 +1,6 @@
 //! All integration tests, in one binary so that the library is linked once.
 
+mod agree;
 mod exr;
 mod film;
 mod geometry;
