@@ -44,7 +44,7 @@ pub struct SceneParts {
 }
 
 /// A ray's closest hit: 16 bytes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Hit {
     /// Distance along the ray.
     pub t: f32,

@@ -6,7 +6,7 @@ use libloading::{Library, Symbol};
 use opsr::math::Ray;
 use opsr::scene::accel::Accel;
 use std::ffi::{c_char, c_uint, c_void};
-use std::ptr::{null, null_mut};
+use std::ptr::null;
 
 type Handle = *mut c_void;
 
@@ -116,7 +116,7 @@ impl<'a> Embree<'a> {
 }
 
 fn null_check(p: *mut c_void) {
-    assert!(p != null_mut(), "Embree gave no buffer");
+    assert!(!p.is_null(), "Embree gave no buffer");
 }
 
 /// CPU seconds of this thread.

@@ -12,7 +12,7 @@
 
 use super::portable::{SLACK, closer, reciprocal};
 use super::triangle::Shear;
-use super::wide::{Block, COUNT_BITS, LANES, LEAF, Node, WIDTH, Wide};
+use super::wide::{Block, LANES, LEAF, Node, WIDTH, Wide, leaf_blocks};
 use crate::math::Ray;
 use crate::scene::Hit;
 use std::arch::x86_64::*;
@@ -57,21 +57,21 @@ impl Avx2 {
 /// The same list in memory that the kernel was asked to back with huge pages: incoherent rays spend much of their time
 /// on address translation. Only advice; where there are none, nothing changes.
 pub(super) fn in_huge_pages<T: Copy>(list: Vec<T>) -> Vec<T> {
-    #[cfg(target_os = "linux")]
-    {
-        const PAGE: usize = 4096;
-        let size = size_of_val(list.as_slice());
-        if size >= 2 << 20 {
-            let mut moved = Vec::<T>::with_capacity(list.len());
-            let start = (moved.as_ptr() as usize).next_multiple_of(PAGE);
-            let end = (moved.as_ptr() as usize + size) / PAGE * PAGE;
-            // SAFETY: whole pages inside an allocation of ours; the advice changes no content.
-            unsafe { libc::madvise(start as *mut libc::c_void, end - start, libc::MADV_HUGEPAGE) };
-            moved.extend_from_slice(&list);
-            return moved;
-        }
+    const PAGE: usize = 4096;
+    let size = size_of_val(list.as_slice());
+    if !cfg!(target_os = "linux") || size < 2 << 20 {
+        return list;
     }
-    list
+    let mut moved = Vec::<T>::with_capacity(list.len());
+    let start = (moved.as_ptr() as usize).next_multiple_of(PAGE);
+    let end = (moved.as_ptr() as usize + size) / PAGE * PAGE;
+    #[cfg(target_os = "linux")]
+    // SAFETY: whole pages inside an allocation of ours; the advice changes no content.
+    unsafe {
+        libc::madvise(start as *mut libc::c_void, end - start, libc::MADV_HUGEPAGE)
+    };
+    moved.extend_from_slice(&list);
+    moved
 }
 
 /// The slabs of a ray: near and far plane of every axis as `plane * scale - offset`.
@@ -146,11 +146,24 @@ struct Quad {
 }
 
 /// Distances and weights of four triangles.
+#[derive(Default)]
 #[repr(C, align(16))]
 struct Found {
     t: [f32; LANES],
     u: [f32; LANES],
     v: [f32; LANES],
+}
+
+impl Found {
+    #[inline(always)]
+    fn hit(&self, block: &Block, lane: usize) -> Hit {
+        Hit {
+            t: self.t[lane],
+            triangle: block.ids[lane],
+            u: self.u[lane],
+            v: self.v[lane],
+        }
+    }
 }
 
 /// The four values of a corner's coordinate.
@@ -253,13 +266,62 @@ fn prefetch(tree: &Wide, child: u32) {
             4,
         )
     } else {
-        let first = ((child & !LEAF) >> COUNT_BITS) as usize;
+        let first = leaf_blocks(child).start;
         (tree.blocks.as_ptr().wrapping_add(first).cast::<i8>(), 3)
     };
     for line in 0..lines {
         _mm_prefetch::<_MM_HINT_T0>(base.wrapping_add(64 * line));
     }
 }
+
+/// Pushes the children in `mask` but the nearest, which it returns.
+///
+/// # Safety
+/// `stack` must have room above `top` for as many as `mask` has bits.
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+unsafe fn descend<const ANY: bool>(
+    tree: &Wide,
+    node: &Node,
+    enter: __m256,
+    mut mask: u32,
+    stack: *mut u64,
+    top: &mut usize,
+) -> u32 {
+    let mut near = Row([0.0; WIDTH]);
+    // SAFETY: 32 bytes, aligned to that.
+    unsafe { _mm256_store_ps(near.0.as_mut_ptr(), enter) };
+    let mut next = || {
+        let k = mask.trailing_zeros() as usize % WIDTH;
+        mask &= mask.wrapping_sub(1);
+        prefetch(tree, node.children[k]);
+        (entry(near.0[k], node.children[k]), mask != 0)
+    };
+    let base = *top;
+    let (mut nearest, mut more) = next();
+    while more {
+        let e;
+        (e, more) = next();
+        let far = e.max(nearest);
+        nearest = e.min(nearest);
+        let mut at = *top;
+        // SAFETY: everything from `base` to `top` has been written, and there is room for one more.
+        unsafe {
+            // Sorted, the nearer on top; a shadow ray does not care.
+            while !ANY && at > base && stack.add(at - 1).read() < far {
+                stack.add(at).write(stack.add(at - 1).read());
+                at -= 1;
+            }
+            stack.add(at).write(far);
+        }
+        *top += 1;
+    }
+    nearest as u32
+}
+
+/// Eight floats, aligned for a register.
+#[repr(C, align(32))]
+struct Row([f32; WIDTH]);
 
 /// # Safety
 /// The processor must have AVX2 and FMA, and `stack` must hold `tree.stack` entries.
@@ -272,90 +334,48 @@ unsafe fn walk<const ANY: bool>(
 ) -> Option<Hit> {
     debug_assert!(stack.len() >= tree.stack);
     let stack = stack.as_mut_ptr().cast::<u64>();
-    let slabs = Slabs::new(ray);
-    let quad = Quad::new(ray);
+    let (slabs, quad) = (Slabs::new(ray), Quad::new(ray));
     let mut best = Hit {
         t: ray.t_max,
-        triangle: 0,
-        u: 0.0,
-        v: 0.0,
+        ..Hit::default()
     };
     let mut any = false;
-    let mut top = 0usize;
-    let mut current = 0u32;
-    let mut t_max = _mm256_set1_ps(best.t);
-    let mut found = Found {
-        t: [0.0; LANES],
-        u: [0.0; LANES],
-        v: [0.0; LANES],
-    };
+    let (mut top, mut current) = (0usize, 0u32);
+    let mut found = Found::default();
     loop {
-        if current & LEAF == 0 {
+        // ── boxes, down to a leaf or to nothing
+        let mut miss = false;
+        while current & LEAF == 0 && !miss {
             // SAFETY: an index the builder made.
             let node = unsafe { tree.nodes.get_unchecked(current as usize) };
-            let (enter, mut mask) = slabs.test(node, t_max);
-            if mask != 0 {
-                let mut near = Near([0.0; WIDTH]);
-                // SAFETY: 32 bytes, aligned to that.
-                unsafe { _mm256_store_ps(near.0.as_mut_ptr(), enter) };
-                let base = top;
-                let mut nearest = entry(
-                    near.0[mask.trailing_zeros() as usize],
-                    node.children[mask.trailing_zeros() as usize],
-                );
-                prefetch(tree, nearest as u32);
-                mask &= mask - 1;
-                while mask != 0 {
-                    let k = mask.trailing_zeros() as usize;
-                    mask &= mask - 1;
-                    let child = node.children[k];
-                    prefetch(tree, child);
-                    let e = entry(near.0[k], child);
-                    let far = e.max(nearest);
-                    nearest = e.min(nearest);
-                    // Sorted, the nearer on top; a shadow ray does not care.
-                    let mut at = top;
-                    if !ANY {
-                        // SAFETY: entries from `base` to `top` have been written.
-                        while at > base && unsafe { stack.add(at - 1).read() } < far {
-                            unsafe { stack.add(at).write(stack.add(at - 1).read()) };
-                            at -= 1;
-                        }
-                    }
-                    // SAFETY: within the depth the builder measured.
-                    unsafe { stack.add(at).write(far) };
-                    top += 1;
-                }
-                current = nearest as u32;
-                continue;
+            let (enter, mask) = slabs.test(node, _mm256_set1_ps(best.t));
+            if mask.is_power_of_two() {
+                current = node.children[mask.trailing_zeros() as usize % WIDTH];
+            } else if mask != 0 {
+                // SAFETY: the builder measured how much room the deepest path needs.
+                current = unsafe { descend::<ANY>(tree, node, enter, mask, stack, &mut top) };
+            } else {
+                miss = true;
             }
-        } else {
-            let first = ((current & !LEAF) >> COUNT_BITS) as usize;
-            let count = (current & ((1 << COUNT_BITS) - 1)) as usize + 1;
-            // SAFETY: a range the builder made.
-            for block in unsafe { tree.blocks.get_unchecked(first..first + count) } {
-                let mut mask = quad.test(block, ray, best.t, &mut found);
-                while mask != 0 {
-                    let k = mask.trailing_zeros() as usize % LANES;
-                    mask &= mask - 1;
-                    let hit = Hit {
-                        t: found.t[k],
-                        triangle: block.ids[k],
-                        u: found.u[k],
-                        v: found.v[k],
-                    };
-                    if closer(&hit, &best) && keep(&hit) {
-                        if ANY {
-                            return Some(hit);
-                        }
-                        best = hit;
-                        any = true;
-                    }
-                }
-            }
-            t_max = _mm256_set1_ps(best.t);
         }
-        // Next: the topmost entry that is not behind the best hit.
+        // ── triangles
+        let blocks = if miss { 0..0 } else { leaf_blocks(current) };
+        // SAFETY: a range the builder made.
+        for block in unsafe { tree.blocks.get_unchecked(blocks) } {
+            let mut mask = quad.test(block, ray, best.t, &mut found);
+            while mask != 0 {
+                let hit = found.hit(block, mask.trailing_zeros() as usize % LANES);
+                mask &= mask - 1;
+                if closer(&hit, &best) && keep(&hit) {
+                    if ANY {
+                        return Some(hit);
+                    }
+                    best = hit;
+                    any = true;
+                }
+            }
+        }
+        // ── the topmost entry that is not behind the best hit
         loop {
             if top == 0 {
                 return any.then_some(best);
@@ -370,6 +390,3 @@ unsafe fn walk<const ANY: bool>(
         }
     }
 }
-
-#[repr(C, align(32))]
-struct Near([f32; WIDTH]);

@@ -1,7 +1,7 @@
 //! The walk in plain Rust: for processors without AVX2, and the measure of the other.
 
 use super::triangle::{Shear, intersect};
-use super::wide::{COUNT_BITS, LANES, LEAF, Node, WIDTH, Wide};
+use super::wide::{LANES, LEAF, Node, WIDTH, Wide, leaf_blocks};
 use crate::math::{Ray, Vec3};
 use crate::scene::Hit;
 
@@ -54,9 +54,7 @@ pub(super) fn walk<const ANY: bool>(
             }
             continue;
         }
-        let start = ((entry & !LEAF) >> COUNT_BITS) as usize;
-        let count = (entry & ((1 << COUNT_BITS) - 1)) as usize + 1;
-        for block in &tree.blocks[start..start + count] {
+        for block in &tree.blocks[leaf_blocks(entry)] {
             for lane in 0..LANES {
                 let Some((t, u, v)) = intersect(ray, &shear, |k, a| block.corners[k][a][lane])
                 else {

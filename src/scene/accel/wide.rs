@@ -6,6 +6,7 @@
 use crate::math::Vec3;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams, aabb::Aabb};
+use std::ops::Range;
 use std::time::Duration;
 
 /// Children of a node.
@@ -15,13 +16,21 @@ pub(super) const LANES: usize = 4;
 /// Marks a child that is a leaf: the rest is `first block << COUNT_BITS | blocks - 1`.
 pub(super) const LEAF: u32 = 1 << 31;
 /// Bits for the number of blocks of a leaf.
-pub(super) const COUNT_BITS: u32 = 2;
+const COUNT_BITS: u32 = 2;
 /// Most blocks in a leaf.
 const MAX_BLOCKS: usize = 1 << COUNT_BITS;
 /// Cost of testing a block of triangles over the cost of testing the eight boxes of a node.
 const BLOCK_COST: f32 = 0.3;
 /// Coordinates beyond this would overflow areas and slab distances.
 const LIMIT: f32 = 1e17;
+
+/// The blocks of a leaf.
+#[inline(always)]
+pub(super) fn leaf_blocks(leaf: u32) -> Range<usize> {
+    let first = ((leaf & !LEAF) >> COUNT_BITS) as usize;
+    let count = (leaf & ((1 << COUNT_BITS) - 1)) as usize + 1;
+    first..first + count
+}
 
 /// Eight boxes and what is in them: four cache lines.
 #[derive(Clone, Copy, Debug)]
