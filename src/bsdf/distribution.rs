@@ -1,4 +1,11 @@
-//! (to come)
+//! Microfacet slope distributions: density, masking, and sampling of visible normals.
+//!
+//! Everything is written in slopes and tangents: single precision then holds from α = 1e-3 to 1 and up to grazing
+//! angles, where forms with `1 − cos²` lose every digit.
+
+use crate::math::Vec3;
+use crate::math::real::{Real, erf_inverse, scaled_erfc};
+use std::f32::consts::PI;
 
 /// Which microfacet slope distribution a glossy lobe has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -9,4 +16,141 @@ pub enum Distribution {
     Beckmann,
     /// Trowbridge-Reitz, glTF's own model.
     Ggx,
+}
+
+/// Largest exponent of a Gaussian that is not cut to zero: beyond it D is 1e-35, and α's derivative would overflow.
+const CUT: f64 = 80.0;
+
+impl Distribution {
+    /// Density of normals D(θ_h), per steradian, as a function of α and t = tan² θ_h `[Walter07 (25), (33)]`.
+    #[inline]
+    pub fn d<T: Real>(self, alpha: T, tan2_h: f32) -> T {
+        let t = T::constant(tan2_h);
+        let a2 = alpha * alpha;
+        let x = t / a2;
+        let one = T::constant(1.0);
+        // cos⁻⁴ = (1 + t)².
+        let quartic = (one + t) * (one + t);
+        match self {
+            // Written so that an x that is not a number is cut as well.
+            Self::Beckmann if x.value() < CUT => (-x).exp() * quartic / (T::constant(PI) * a2),
+            Self::Beckmann => T::constant(0.0),
+            Self::Ggx if x.value() < f64::INFINITY => {
+                let b = one + x;
+                quartic / (T::constant(PI) * a2 * b * b)
+            }
+            Self::Ggx => T::constant(0.0),
+        }
+    }
+
+    /// Smith's Λ of a direction, as a function of α and tan² θ `[Heitz14 (A.9), (72)]`.
+    #[inline]
+    pub fn lambda<T: Real>(self, alpha: T, tan2: f32) -> T {
+        if tan2 == 0.0 {
+            return T::constant(0.0);
+        }
+        match self {
+            Self::Beckmann => {
+                let a = T::constant(1.0) / (alpha * T::constant(tan2.sqrt()));
+                a.beckmann_lambda()
+            }
+            Self::Ggx => {
+                // (√(1 + x) − 1)/2 with x = α² tan² θ, without the difference of near equals.
+                let x = alpha * alpha * T::constant(tan2);
+                let one = T::constant(1.0);
+                x / (T::constant(2.0) * (one + (one + x).sqrt()))
+            }
+        }
+    }
+
+    /// Draws a visible normal for `wo` (`wo.z` > 0): density D(h) G1(wo) max(0, wo·h) / cos θ_o per steradian
+    /// `[HeitzDEon14]`. Not normalised: `z` is 1, so that tiny slopes keep their digits.
+    #[inline]
+    pub fn sample_visible(self, alpha: f32, wo: Vec3, u: [f32; 2]) -> Vec3 {
+        let stretched = Vec3::new(alpha * wo.x, alpha * wo.y, wo.z);
+        let sin = stretched.truncate().length();
+        let (cos_phi, sin_phi) = if sin > 0.0 {
+            (stretched.x / sin, stretched.y / sin)
+        } else {
+            (1.0, 0.0)
+        };
+        let tan = sin / stretched.z;
+        let (x, y) = match self {
+            Self::Beckmann => (
+                beckmann_slope(tan, u[0]),
+                erf_inverse(2.0 * open(u[1]) - 1.0),
+            ),
+            Self::Ggx => return ggx_normal(stretched, alpha, u),
+        };
+        // Slopes of the normal are minus its tangent coordinates.
+        let (sx, sy) = (cos_phi * x - sin_phi * y, sin_phi * x + cos_phi * y);
+        Vec3::new(-alpha * sx, -alpha * sy, 1.0)
+    }
+}
+
+/// A uniform number moved off 0 and 1, where the Gaussian's quantiles are infinite.
+#[inline]
+fn open(u: f32) -> f32 {
+    u.clamp(3e-8, 1.0 - 6e-8)
+}
+
+/// Slope along the plane of incidence, for unit roughness and an incidence of this tangent.
+///
+/// Solves F(x) = u F(cot θ) on x ≤ cot θ, with F(x) = (1 + erf x)/2 + tan θ e^(−x²)/(2√π) the integral of
+/// (1 − x tan θ) e^(−x²)/√π `[HeitzDEon14 §4.1]`, by Newton steps inside a bracket.
+#[inline]
+fn beckmann_slope(tan: f32, u: f32) -> f32 {
+    const INV_SQRT_PI: f32 = 0.564_189_6;
+    let u = open(u);
+    let normal = erf_inverse(2.0 * u - 1.0);
+    if tan < 1e-4 {
+        return normal;
+    }
+    let cot = 1.0 / tan;
+    let (mut low, mut high) = (-6.0f32, cot.min(6.0));
+    let half_tan = 0.5 * tan * INV_SQRT_PI;
+    let total = 1.0 + cot.beckmann_lambda();
+    let target = u * total;
+    // From the quantile at normal incidence to the one at grazing incidence, where F is proportional to e^(−x²).
+    let grazing = -(-u.ln()).sqrt();
+    let blend = tan / (1.0 + tan);
+    let mut x = (normal + (grazing - normal) * blend).clamp(low, high);
+    for _ in 0..12 {
+        let gauss = (-x * x).exp();
+        let erf = (1.0 - gauss * scaled_erfc(x.abs())).copysign(x);
+        let error = 0.5 * (1.0 + erf) + half_tan * gauss - target;
+        if error > 0.0 {
+            high = x
+        } else {
+            low = x
+        }
+        let slope = (1.0 - x * tan) * gauss * INV_SQRT_PI;
+        let next = x - error / slope;
+        // Outside the bracket (or nowhere, where the density vanishes) the step is halving.
+        let next = if next > low && next < high {
+            next
+        } else {
+            0.5 * (low + high)
+        };
+        let step = (next - x).abs();
+        x = next;
+        if step < 1e-6 * (1.0 + x.abs()) || error.abs() < 1e-7 * total {
+            break;
+        }
+    }
+    x
+}
+
+/// Visible normal of GGX by projecting a uniform point of the spherical cap (Dupuy, Benyoub: *Sampling Visible GGX
+/// Normals with Spherical Caps*, 2023). `z` of the result is 1.
+#[inline]
+fn ggx_normal(stretched: Vec3, alpha: f32, u: [f32; 2]) -> Vec3 {
+    let wo = stretched.normalize();
+    let phi = 2.0 * PI * u[0];
+    // z uniform in (−wo.z, 1].
+    let z = 1.0 - u[1] * (1.0 + wo.z);
+    let r = ((1.0 - z) * (1.0 + z)).max(0.0).sqrt();
+    let cap = Vec3::new(r * phi.cos(), r * phi.sin(), z);
+    let h = cap + wo;
+    Vec3::new(alpha * h.x, alpha * h.y, h.z.max(1e-20)) / h.z.max(1e-20)
 }

@@ -11,6 +11,7 @@
 //! D·G and D·G1. Rendering evaluates the query at once; training keeps it and evaluates it at any roughness later,
 //! in dual numbers: value and derivative cannot drift apart.
 
+use crate::math::real::Real;
 use crate::math::{Rgb, Vec3};
 
 pub mod distribution;
@@ -97,12 +98,44 @@ pub enum Bsdf {
     Thin(ThinDielectric),
 }
 
+/// D·G2 and D·G1 of a [`LobeQuery`] at one roughness.
+#[derive(Clone, Copy, Debug)]
+pub struct LobeShape<T> {
+    /// D(α) G2(α), height-correlated masking and shadowing.
+    pub dg2: T,
+    /// D(α) G1(α) of `wo`.
+    pub dg1: T,
+}
+
 impl LobeQuery {
+    /// All that depends on the roughness; `alpha` must be above 0.
+    ///
+    /// G2 = 1/(1 + Λ(o) + Λ(i)) is the height-correlated form `[Heitz14 (99)]`, used for refraction too.
+    #[inline]
+    pub fn shape<T: Real>(&self, alpha: T) -> LobeShape<T> {
+        let one = T::constant(1.0);
+        let d = self.distribution.d(alpha, self.tan2_h);
+        let masked = one + self.distribution.lambda(alpha, self.tan2_o);
+        let shadowed = masked + self.distribution.lambda(alpha, self.tan2_i);
+        LobeShape {
+            dg2: d / shadowed,
+            dg1: d / masked,
+        }
+    }
+
     /// Value and density at roughness `alpha`; below [`DELTA_ALPHA`] only the base is left.
     #[inline]
     pub fn at(&self, alpha: f32) -> BsdfEval {
-        let _ = alpha;
-        todo!()
+        let mut eval = BsdfEval {
+            value: self.base,
+            pdf_w: self.base_pdf,
+        };
+        if alpha >= DELTA_ALPHA {
+            let shape = self.shape(alpha);
+            eval.value += self.scale * shape.dg2;
+            eval.pdf_w += self.pdf_scale * shape.dg1;
+        }
+        eval
     }
 }
 
@@ -110,30 +143,45 @@ impl Bsdf {
     /// The material's own roughness: of the glossy lobe, or 1 for a purely diffuse closure.
     #[inline]
     pub fn alpha(&self) -> f32 {
-        todo!()
+        match self {
+            Self::Diffuse(_) => 1.0,
+            Self::Glossy(l) => l.alpha,
+            Self::Dielectric(l) => l.alpha,
+            Self::Thin(l) => l.alpha,
+        }
     }
 
     /// Reduces a pair of directions to what can be evaluated at any roughness; `None` where f is zero at every α
     /// (wrong side, half vector below the horizon).
     #[inline]
     pub fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
-        let _ = (wo, wi);
-        todo!()
+        match self {
+            Self::Diffuse(l) => l.query(wo, wi),
+            Self::Glossy(l) => l.query(wo, wi),
+            Self::Dielectric(l) => l.query(wo, wi),
+            Self::Thin(l) => l.query(wo, wi),
+        }
     }
 
     /// f·|cos θi| and density with the glossy lobe at roughness `alpha`.
     #[inline]
     pub fn eval(&self, alpha: f32, wo: Vec3, wi: Vec3) -> BsdfEval {
-        let _ = (alpha, wo, wi);
-        todo!()
+        self.query(wo, wi)
+            .map_or(BsdfEval::default(), |query| query.at(alpha))
     }
 
-    /// Draws `wi` with the glossy lobe at roughness `alpha`. The choice of the lobe depends on `wo` and `u` only,
-    /// never on `alpha`; a diffuse choice therefore gives the same direction at every `alpha`.
+    /// Draws `wi` with the glossy lobe at roughness `alpha`. Whether the diffuse lobe is chosen depends on `wo` and `u`
+    /// only, never on `alpha`; a diffuse choice therefore gives the same direction at every `alpha`.
+    ///
+    /// `None` where the direction drawn is not valid (below the horizon): zero in `eval` too, so nothing is lost.
     #[inline]
     pub fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
-        let _ = (alpha, wo, u);
-        todo!()
+        match self {
+            Self::Diffuse(l) => l.sample(wo, u),
+            Self::Glossy(l) => l.sample(alpha, wo, u),
+            Self::Dielectric(l) => l.sample(alpha, wo, u),
+            Self::Thin(l) => l.sample(alpha, wo, u),
+        }
     }
 
     /// Whether nothing of the closure can be evaluated at roughness `alpha`: light sampling is of no use.
@@ -142,6 +190,8 @@ impl Bsdf {
         let has_base = match self {
             Self::Diffuse(_) => true,
             Self::Glossy(glossy) => glossy.albedo != Rgb::ZERO,
+            // An interface between equal indices cannot be seen at any roughness.
+            Self::Dielectric(l) if l.is_matched() => return true,
             Self::Dielectric(_) | Self::Thin(_) => false,
         };
         alpha < DELTA_ALPHA && !has_base
@@ -163,3 +213,5 @@ impl Bsdf {
         }
     }
 }
+
+const _: () = assert!(size_of::<Bsdf>() <= 64);

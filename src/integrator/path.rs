@@ -488,6 +488,12 @@ impl Here<'_> {
                 ..self.event(query, radiance, Technique::Lobe)
             });
         }
-        radiance * sample.weight * balance(sample.pdf_w, emission.pdf_w)
+        // Only an interface between equal indices is a delta at any roughness; light sampling cannot see through it.
+        let weight = if sample.delta {
+            1.0
+        } else {
+            balance(sample.pdf_w, emission.pdf_w)
+        };
+        radiance * sample.weight * weight
     }
 }

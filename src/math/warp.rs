@@ -1,1 +1,48 @@
-//! (to come)
+//! Maps from the unit square, each next to its density.
+
+use super::{Vec2, Vec3};
+use std::f32::consts::{FRAC_1_PI, PI};
+
+/// Uniform point of the unit disk, density 1/π per area: the concentric map of Shirley and Chiu.
+#[inline]
+pub fn disk(u: Vec2) -> Vec2 {
+    let p = 2.0 * u - Vec2::ONE;
+    if p == Vec2::ZERO {
+        return Vec2::ZERO;
+    }
+    let (r, phi) = if p.x.abs() > p.y.abs() {
+        (p.x, 0.25 * PI * (p.y / p.x))
+    } else {
+        (p.y, 0.5 * PI - 0.25 * PI * (p.x / p.y))
+    };
+    r * Vec2::new(phi.cos(), phi.sin())
+}
+
+/// Cosine-weighted direction of the upper hemisphere, density cos θ / π per steradian.
+#[inline]
+pub fn cosine_hemisphere(u: Vec2) -> Vec3 {
+    let d = disk(u);
+    Vec3::new(d.x, d.y, (1.0 - d.length_squared()).max(0.0).sqrt())
+}
+
+/// Density of [`cosine_hemisphere`], per steradian.
+#[inline]
+pub fn cosine_hemisphere_pdf(cos: f32) -> f32 {
+    cos.max(0.0) * FRAC_1_PI
+}
+
+/// Barycentric weights of the second and third corner of a uniform point of a triangle, density 1/area.
+#[inline]
+pub fn triangle(u: Vec2) -> Vec2 {
+    let root = u.x.sqrt();
+    Vec2::new(root * (1.0 - u.y), root * u.y)
+}
+
+/// Uniform direction of the sphere, density 1/(4π) per steradian.
+#[inline]
+pub fn sphere(u: Vec2) -> Vec3 {
+    let z = 1.0 - 2.0 * u.x;
+    let r = (4.0 * u.x * (1.0 - u.x)).max(0.0).sqrt();
+    let phi = 2.0 * PI * u.y;
+    Vec3::new(r * phi.cos(), r * phi.sin(), z)
+}
