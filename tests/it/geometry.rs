@@ -308,3 +308,22 @@ fn fast_walk_and_plain_walk_agree_to_the_bit() {
         }
     }
 }
+
+#[test]
+fn hits_do_not_depend_on_the_number_of_threads() {
+    let triangles = soup(14, 60_000, 1.0, 0.03);
+    let trees = [1, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("a few threads")
+            .install(|| Accel::new(&triangles))
+    });
+    let mut rng = rng(15);
+    for _ in 0..20_000 {
+        let ray = Ray::new(point(&mut rng, 1.5), direction(&mut rng));
+        let [a, b] = trees.each_ref().map(|tree| {
+            let hit = tree.closest(&ray);
+            hit.map(|h| (h.t.to_bits(), h.triangle, h.u.to_bits(), h.v.to_bits()))
+        });
+        assert_eq!(a, b, "{ray:?}");
+    }
+}
