@@ -1,1 +1,246 @@
-//! (to come)
+//! Discrete distributions: one of many in constant time, and a picture's worth of them.
+
+use super::Vec2;
+
+/// Draws one of n outcomes with given probabilities in constant time: Vose's alias method.
+#[derive(Clone, Debug, Default)]
+pub struct AliasTable {
+    /// Probability of keeping the column's own outcome, and the other outcome.
+    columns: Vec<(f32, u32)>,
+    pmf: Vec<f32>,
+}
+
+impl AliasTable {
+    /// A table for weights that are finite and not negative; empty if none is positive.
+    ///
+    /// ```
+    /// let table = opsr::math::discrete::AliasTable::new(&[1.0, 0.0, 3.0]);
+    /// assert_eq!(table.pmf(2), 0.75);
+    /// assert_eq!(table.sample(0.999).map(|(i, _)| i), Some(2));
+    /// ```
+    pub fn new(weights: &[f64]) -> Self {
+        let sum: f64 = weights.iter().sum();
+        if sum.is_nan() || sum <= 0.0 || sum.is_infinite() {
+            return Self::default();
+        }
+        let n = weights.len();
+        let mut scaled: Vec<f64> = weights.iter().map(|w| w / sum * n as f64).collect();
+        let mut columns: Vec<(f32, u32)> = (0..n).map(|i| (1.0, i as u32)).collect();
+        let (mut small, mut large): (Vec<usize>, Vec<usize>) =
+            (0..n).partition(|&i| scaled[i] < 1.0);
+        while let (Some(s), Some(&l)) = (small.pop(), large.last()) {
+            columns[s] = (scaled[s] as f32, l as u32);
+            scaled[l] -= 1.0 - scaled[s];
+            if scaled[l] < 1.0 {
+                large.pop();
+                small.push(l);
+            }
+        }
+        // An outcome without weight is never kept, whatever rounding left on its column.
+        for (i, column) in columns.iter_mut().enumerate() {
+            if weights[i] == 0.0 {
+                column.0 = 0.0;
+            }
+        }
+        let heaviest = (0..n)
+            .max_by(|&a, &b| weights[a].total_cmp(&weights[b]))
+            .unwrap_or(0);
+        for (i, column) in columns.iter_mut().enumerate() {
+            if weights[i] == 0.0 && column.1 == i as u32 {
+                column.1 = heaviest as u32;
+            }
+        }
+        Self {
+            columns,
+            pmf: weights.iter().map(|w| (w / sum) as f32).collect(),
+        }
+    }
+
+    /// Whether there is nothing to draw.
+    pub fn is_empty(&self) -> bool {
+        self.columns.is_empty()
+    }
+
+    /// Probability of an outcome.
+    #[inline]
+    pub fn pmf(&self, i: usize) -> f32 {
+        self.pmf[i]
+    }
+
+    /// An outcome and what is left of `u`, uniform again in [0, 1); `None` if the table is empty.
+    #[inline]
+    pub fn sample(&self, u: f32) -> Option<(usize, f32)> {
+        let n = self.columns.len();
+        let x = u * n as f32;
+        let i = (x as usize).min(n.checked_sub(1)?);
+        let rest = (x - i as f32).clamp(0.0, ALMOST_ONE);
+        let (keep, other) = self.columns[i];
+        Some(if rest < keep {
+            (i, (rest / keep).min(ALMOST_ONE))
+        } else {
+            (
+                other as usize,
+                ((rest - keep) / (1.0 - keep)).min(ALMOST_ONE),
+            )
+        })
+    }
+}
+
+/// The largest single below 1.
+const ALMOST_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+
+/// A piecewise constant density on the unit square: rows by their sum, then columns, by inverting cumulative sums.
+#[derive(Clone, Debug)]
+pub struct Distribution2D {
+    width: usize,
+    /// Cumulative probability at the end of each row.
+    rows: Vec<f32>,
+    /// Cumulative probability inside each row, at the end of each column.
+    columns: Vec<f32>,
+}
+
+impl Distribution2D {
+    /// The density proportional to `weights`, row by row, finite and not negative; `None` if none is positive.
+    pub fn new(width: usize, weights: &[f64]) -> Option<Self> {
+        if width == 0 || weights.is_empty() || !weights.len().is_multiple_of(width) {
+            return None;
+        }
+        let mut sums = Vec::new();
+        let mut columns = Vec::with_capacity(weights.len());
+        for row in weights.chunks_exact(width) {
+            columns.extend(cumulative(row));
+            sums.push(row.iter().sum());
+        }
+        let total: f64 = sums.iter().sum();
+        (total > 0.0 && total.is_finite()).then(|| Self {
+            width,
+            rows: cumulative(&sums),
+            columns,
+        })
+    }
+
+    fn row(&self, y: usize) -> &[f32] {
+        &self.columns[y * self.width..][..self.width]
+    }
+
+    /// A point of the square and its density per area.
+    #[inline]
+    pub fn sample(&self, u: Vec2) -> (Vec2, f32) {
+        let (y, v, mass_y) = invert(&self.rows, u.y);
+        let row = self.row(y);
+        let (x, h, mass_x) = invert(row, u.x);
+        let (w, n) = (row.len() as f32, self.rows.len() as f32);
+        let point = Vec2::new((x as f32 + h) / w, (y as f32 + v) / n);
+        (point, mass_x * mass_y * w * n)
+    }
+
+    /// Density of [`Distribution2D::sample`] per area.
+    #[inline]
+    pub fn pdf(&self, point: Vec2) -> f32 {
+        let (w, n) = (self.width, self.rows.len());
+        let x = ((point.x * w as f32) as usize).min(w - 1);
+        let y = ((point.y * n as f32) as usize).min(n - 1);
+        mass(self.row(y), x) * mass(&self.rows, y) * (w * n) as f32
+    }
+}
+
+/// Normalised running sums; all zero where there is no weight.
+fn cumulative(weights: &[f64]) -> Vec<f32> {
+    let total: f64 = weights.iter().sum();
+    let mut sum = 0.0;
+    let mut out: Vec<f32> = weights
+        .iter()
+        .map(|w| {
+            sum += w;
+            if total > 0.0 {
+                (sum / total) as f32
+            } else {
+                0.0
+            }
+        })
+        .collect();
+    // From the last cell with weight on the sum is 1 exactly, whatever was rounded on the way.
+    if let Some(last) = weights.iter().rposition(|&w| w > 0.0) {
+        out[last..].fill(1.0);
+    }
+    out
+}
+
+/// Probability of cell `i`.
+#[inline]
+fn mass(cumulative: &[f32], i: usize) -> f32 {
+    cumulative[i] - if i > 0 { cumulative[i - 1] } else { 0.0 }
+}
+
+/// The cell in which `u` falls, where in it, and its probability, which is the one that [`mass`] gives.
+#[inline]
+fn invert(cumulative: &[f32], u: f32) -> (usize, f32, f32) {
+    let i = cumulative
+        .partition_point(|&c| c <= u)
+        .min(cumulative.len() - 1);
+    let below = if i > 0 { cumulative[i - 1] } else { 0.0 };
+    let p = cumulative[i] - below;
+    let inside = if p > 0.0 {
+        ((u - below) / p).clamp(0.0, ALMOST_ONE)
+    } else {
+        0.5
+    };
+    (i, inside, p)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn alias_table_draws_its_probabilities() {
+        let weights = [0.1, 0.0, 5.0, 1e-3, 2.0, 0.0];
+        let table = AliasTable::new(&weights);
+        let n = 1_000_000;
+        let mut counts = [0u32; 6];
+        let mut rest_sum = 0.0;
+        for k in 0..n {
+            let (i, rest) = table.sample((k as f32 + 0.5) / n as f32).unwrap();
+            assert!((0.0..1.0).contains(&rest));
+            rest_sum += f64::from(rest);
+            counts[i] += 1;
+        }
+        let total: f64 = weights.iter().sum();
+        for (i, &c) in counts.iter().enumerate() {
+            let p = weights[i] / total;
+            assert!(
+                (f64::from(c) / f64::from(n) - p).abs() < 2e-5,
+                "{i}: {c} {p}"
+            );
+            assert!(weights[i] > 0.0 || c == 0);
+        }
+        assert!((rest_sum / f64::from(n) - 0.5).abs() < 1e-3);
+        assert!(AliasTable::new(&[0.0, 0.0]).is_empty());
+        assert!(AliasTable::new(&[]).sample(0.5).is_none());
+    }
+
+    #[test]
+    fn distribution_2d_samples_its_density() {
+        let weights = [0.0, 1.0, 1e5, 0.0, 3.0, 0.5, 0.0, 0.0, 0.0, 2.0, 0.0, 7.0];
+        let d = Distribution2D::new(4, &weights).unwrap();
+        let integral: f64 = (0..12)
+            .map(|i| {
+                f64::from(d.pdf(
+                    Vec2::new((i % 4) as f32 + 0.5, (i / 4) as f32 + 0.5) / Vec2::new(4.0, 3.0),
+                )) / 12.0
+            })
+            .sum();
+        assert!((integral - 1.0).abs() < 1e-6);
+        for k in 0..100_000u32 {
+            let u = Vec2::new((k as f32 * 0.618_034).fract(), (k as f32 + 0.5) / 100_000.0);
+            let (p, pdf) = d.sample(u);
+            assert!(pdf > 0.0, "{p}");
+            assert!(
+                (d.pdf(p) - pdf).abs() <= 1e-5 * pdf,
+                "{p} {pdf} {}",
+                d.pdf(p)
+            );
+        }
+        assert!(Distribution2D::new(4, &[0.0; 8]).is_none());
+    }
+}

@@ -105,6 +105,12 @@ impl Geometry {
         (0.5 * normal(a, b, c).length()) as f32
     }
 
+    /// Whether opacity may remove a hit.
+    #[inline]
+    pub fn has_opacity(&self) -> bool {
+        !self.cutouts.is_empty()
+    }
+
     /// Lower and upper corner of the scene; both zero if it is empty.
     pub fn bounds(&self) -> (Vec3, Vec3) {
         self.accel.bounds()

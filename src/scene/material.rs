@@ -1,7 +1,7 @@
 //! glTF materials, and the closures they become at a surface point.
 
 use super::Texture;
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, Dielectric, Diffuse, Distribution, Glossy, ThinDielectric};
 use crate::math::{Rgb, Vec2};
 
 /// A metallic-roughness material with the extensions we model. Factors multiply textures.
@@ -33,6 +33,8 @@ pub struct Material {
     pub absorption: Rgb,
     /// Specular factor, multiplies f0 of a dielectric coat.
     pub specular: Rgb,
+    /// Slope distribution of the glossy lobe.
+    pub distribution: Distribution,
     /// Base colour texture (sRGB), opacity in its fourth channel.
     pub base_color_texture: Option<TextureRef>,
     /// Metalness in blue, perceptual roughness in green.
@@ -84,6 +86,7 @@ impl Default for Material {
             solid: false,
             absorption: Rgb::ZERO,
             specular: Rgb::ONE,
+            distribution: Distribution::Beckmann,
             base_color_texture: None,
             metallic_roughness_texture: None,
             normal_texture: None,
@@ -96,9 +99,108 @@ impl Default for Material {
 
 impl Material {
     /// The closure at texture coordinates `uv`; `u` in [0, 1) chooses between closures where transmission is partial.
+    ///
+    /// A partly transmissive dielectric is the mixture t · interface + (1 − t) · coated base; drawing one of the two
+    /// with its weight is unbiased and keeps every closure small.
     #[inline]
     pub fn bsdf(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
-        let _ = (textures, uv, u);
-        todo!()
+        let mut color = self.base_color;
+        if let Some(map) = &self.base_color_texture {
+            let [r, g, b, _] = map.sample(textures, uv);
+            color *= Rgb::new(r, g, b);
+        }
+        let (mut metallic, mut alpha) = (self.metallic, self.alpha);
+        if let Some(map) = &self.metallic_roughness_texture {
+            let [_, roughness, metal, _] = map.sample(textures, uv);
+            metallic *= metal;
+            // The texture holds √α; filtering comes before squaring, as in other glTF renderers.
+            alpha *= roughness * roughness;
+        }
+        let mut transmission = self.transmission;
+        if let Some(map) = &self.transmission_texture {
+            transmission *= map.sample(textures, uv)[0];
+        }
+        let distribution = self.distribution;
+        let r0 = (self.ior - 1.0) / (self.ior + 1.0);
+        let f0 = (self.specular * (r0 * r0)).min(Rgb::ONE);
+        if u < transmission * (1.0 - metallic) {
+            return if self.solid {
+                Bsdf::Dielectric(Dielectric {
+                    eta: self.ior,
+                    tint: color,
+                    alpha,
+                    distribution,
+                })
+            } else {
+                Bsdf::Thin(ThinDielectric {
+                    f0,
+                    tint: color,
+                    alpha,
+                    distribution,
+                })
+            };
+        }
+        if metallic == 0.0 && f0 == Rgb::ZERO {
+            return Bsdf::Diffuse(Diffuse { albedo: color });
+        }
+        let f0 = f0 + (color - f0) * metallic;
+        Bsdf::Glossy(Glossy {
+            f0,
+            albedo: color * (1.0 - metallic),
+            alpha,
+            distribution,
+        })
+    }
+
+    /// Emitted radiance at texture coordinates `uv`.
+    #[inline]
+    pub fn emission_at(&self, textures: &[Texture], uv: Vec2) -> Rgb {
+        match &self.emissive_texture {
+            None => self.emission,
+            Some(map) => {
+                let [r, g, b, _] = map.sample(textures, uv);
+                self.emission * Rgb::new(r, g, b)
+            }
+        }
+    }
+
+    /// Mean emitted radiance over the whole emissive texture: to weigh lights.
+    pub fn average_emission(&self, textures: &[Texture]) -> Rgb {
+        match &self.emissive_texture {
+            None => self.emission,
+            Some(map) => {
+                let [r, g, b, _] = textures[map.texture as usize].average();
+                self.emission * Rgb::new(r, g, b)
+            }
+        }
+    }
+
+    /// Opacity in [0, 1] at texture coordinates `uv`.
+    pub fn opacity_at(&self, textures: &[Texture], uv: Vec2) -> f32 {
+        let texture = self
+            .base_color_texture
+            .as_ref()
+            .map_or(1.0, |map| map.sample(textures, uv)[3]);
+        self.opacity * texture
+    }
+
+    /// Whether light is scattered by a Lambertian base at all.
+    pub fn has_base(&self) -> bool {
+        self.metallic < 1.0 && self.transmission < 1.0
+    }
+
+    /// Whether the material is Lambert and nothing else: a dielectric whose coat reflects nothing.
+    pub fn is_lambert(&self) -> bool {
+        self.metallic == 0.0
+            && self.transmission == 0.0
+            && (self.specular == Rgb::ZERO || self.ior == 1.0)
+    }
+}
+
+impl TextureRef {
+    /// Linear values at texture coordinates `uv`.
+    #[inline]
+    pub fn sample(&self, textures: &[Texture], uv: Vec2) -> [f32; 4] {
+        textures[self.texture as usize].sample(self.transform.transform_point2(uv))
     }
 }

@@ -173,7 +173,7 @@ impl Scene {
     /// Density per steradian with which [`Scene::sample_light`] from `from` draws the direction to that emitting point.
     #[inline]
     pub fn pdf_emitter(&self, from: Vec3, surface: &Surface) -> f32 {
-        self.emitters.pdf_emitter(&self.geometry, from, surface)
+        self.emitters.pdf_emitter(from, surface)
     }
 
     /// Radiance seen from the scene when looking along `dir` past all surfaces.
