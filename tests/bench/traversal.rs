@@ -1,4 +1,4 @@
-//! Rays per second through a displaced sphere of a million triangles.
+//! Rays per second through a displaced sphere of two million triangles, and through needles.
 //!
 //! With `OPSR_EMBREE` set to the path of an Embree 4 library, prints a comparison in CPU time, both in turns, instead.
 
@@ -46,9 +46,21 @@ fn sphere(rings: u32, segments: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (positions, indices)
 }
 
+/// Long thin triangles across the cube: hard to put into boxes.
+fn needles(count: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let mut rng = Pcg32::seed_from_u64(2);
+    let mut point = |s: f32| Vec3::from_array([(); 3].map(|()| s * (rng.random::<f32>() - 0.5)));
+    let corners = |_| {
+        let (a, b) = (point(2.0), point(2.0));
+        [a, a.lerp(b, 0.5), a + point(0.02)]
+    };
+    let positions = (0..count).flat_map(corners).collect();
+    let indices = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    (positions, indices)
+}
+
 impl Bench {
-    fn new(rings: u32, count: usize) -> Self {
-        let (positions, indices) = sphere(rings, 2 * rings);
+    fn new((positions, indices): (Vec<Vec3>, Vec<[u32; 3]>), count: usize) -> Self {
         let mut rng = Pcg32::seed_from_u64(1);
         let side = (count as f32).sqrt() as u32 / 8 * 8;
         let mut coherent = Vec::new();
@@ -93,7 +105,7 @@ fn any(accel: &Accel, rays: &[Ray]) -> usize {
 }
 
 fn run(c: &mut Criterion) {
-    let bench = Bench::new(700, 40_000);
+    let bench = Bench::new(sphere(700, 1400), 40_000);
     let triangles = bench.triangles();
     for (name, accel) in [
         ("fast", Accel::new(&triangles)),
@@ -115,7 +127,12 @@ fn run(c: &mut Criterion) {
 
 fn main() {
     if let Ok(path) = std::env::var("OPSR_EMBREE") {
-        embree::compare(&path, &Bench::new(700, 150_000), 4);
+        let sphere = Bench::new(sphere(700, 1400), 150_000);
+        let needles = Bench::new(needles(50_000), 10_000);
+        for (name, bench) in [("sphere", sphere), ("needles", needles)] {
+            println!("{name}");
+            embree::compare(&path, &bench, 4);
+        }
         return;
     }
     let mut c = Criterion::default().configure_from_args();
