@@ -3,7 +3,8 @@
 //! Each scale catches what the others miss: a test of single pixels alone lets a uniform error of 15 % pass, a test
 //! of the whole image alone a small part that is wrong. At each place and channel the means are compared by
 //! Welch's t-test, the variance coming from the films themselves; Šidák's correction makes the chance that two
-//! equal pictures fail `significance` for everything together.
+//! equal pictures fail [`SIGNIFICANCE`] for everything together. Give it sixteen samples a pixel or more: of fewer,
+//! a mean is not yet distributed as the test believes, and single pixels of a large image may raise false alarms.
 
 use std::fmt;
 

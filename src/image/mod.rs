@@ -4,6 +4,7 @@ pub mod agree;
 pub mod atomic;
 pub mod buffer;
 pub mod exr;
+pub mod false_colour;
 pub mod film;
 mod film_bytes;
 pub mod metric;

@@ -15,20 +15,20 @@ use crate::math::Rgb;
 #[derive(Debug, thiserror::Error)]
 pub enum PngError {
     /// The file could not be opened, read or written.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {reason}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// The contents are not a picture this program reads, or the picture cannot be encoded.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {reason}", path.display())]
     Picture {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: ::image::ImageError,
+        reason: ::image::ImageError,
     },
 }
 
@@ -77,21 +77,21 @@ pub fn encode(picture: &Buffer, exposure: f32) -> Result<Vec<u8>, ::image::Image
 
 /// Writes a PNG file, scaled by 2^`exposure`; the old file stays until the new one is complete.
 pub fn write(path: &Path, picture: &Buffer, exposure: f32) -> Result<(), PngError> {
-    let bytes = encode(picture, exposure).map_err(|source| PngError::Picture {
+    let bytes = encode(picture, exposure).map_err(|reason| PngError::Picture {
         path: path.to_owned(),
-        source,
+        reason,
     })?;
-    atomic::write_bytes(path, &bytes).map_err(|source| PngError::Io {
+    atomic::write_bytes(path, &bytes).map_err(|reason| PngError::Io {
         path: path.to_owned(),
-        source,
+        reason,
     })
 }
 
 /// Reads a PNG (or JPEG) file as linear RGB in [0, 1]; transparency is dropped.
 pub fn read(path: &Path) -> Result<Buffer, PngError> {
-    let io = |source| PngError::Io {
+    let io = |reason| PngError::Io {
         path: path.to_owned(),
-        source,
+        reason,
     };
     let mut reader = ImageReader::open(path)
         .map_err(io)?
@@ -101,9 +101,9 @@ pub fn read(path: &Path) -> Result<Buffer, PngError> {
     // Far above any render, far below what a header of a few bytes could ask for.
     limits.max_alloc = Some(1 << 31);
     reader.limits(limits);
-    let decoded = reader.decode().map_err(|source| PngError::Picture {
+    let decoded = reader.decode().map_err(|reason| PngError::Picture {
         path: path.to_owned(),
-        source,
+        reason,
     })?;
     let rgb = decoded.into_rgb32f();
     Ok(Buffer {

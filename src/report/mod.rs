@@ -1,1 +1,4 @@
-//! Comparisons, benches and their pages. (to come)
+//! Comparisons, benches and their pages.
+
+pub mod compare;
+pub mod page;

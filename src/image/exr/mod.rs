@@ -33,8 +33,7 @@ pub type Metadata = BTreeMap<String, String>;
 pub struct ExrError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong with it.
-    #[source]
+    /// What is wrong with it; part of the message, hence no source of its own.
     pub kind: ExrErrorKind,
 }
 

@@ -69,6 +69,25 @@ pub(super) fn hunt_lab(rgb: DVec3) -> DVec3 {
     DVec3::new(lightness, hunt * 500.0 * (x - y), hunt * 200.0 * (y - z))
 }
 
+/// CIELAB to linear sRGB; outside [0, 1] where the display has no such colour.
+pub(in crate::image) fn lab_to_rgb(lab: DVec3) -> DVec3 {
+    const DELTA: f64 = 6.0 / 29.0;
+    let inverse = |f: f64| {
+        if f > DELTA {
+            f * f * f
+        } else {
+            3.0 * DELTA * DELTA * (f - 4.0 / 29.0)
+        }
+    };
+    let y = (lab.x + 16.0) / 116.0;
+    MATRICES.to_rgb
+        * DVec3::new(
+            inverse(y + lab.y / 500.0),
+            inverse(y),
+            inverse(y - lab.z / 200.0),
+        )
+}
+
 /// HyAB: city-block in lightness, Euclidean in chroma. [FLIP20 §4.1.4]
 pub(super) fn hyab(a: DVec3, b: DVec3) -> f64 {
     let d = a - b;
@@ -95,5 +114,8 @@ mod tests {
         );
         let c = DVec3::new(0.2, 0.7, 0.05);
         assert!((opponent_to_rgb(opponent(c)) - c).abs().max_element() < 1e-12);
+        let hunt = hunt_lab(c);
+        let lab = DVec3::new(hunt.x, hunt.y / (0.01 * hunt.x), hunt.z / (0.01 * hunt.x));
+        assert!((lab_to_rgb(lab) - c).abs().max_element() < 1e-12);
     }
 }

@@ -5,7 +5,7 @@
 //! the largest LDR error over exposures that take the reference from its brightest pixel to its median just
 //! below white, after the ACES tone curve.
 
-mod colour;
+pub(in crate::image) mod colour;
 mod filter;
 
 use glam::DVec3;
@@ -130,6 +130,7 @@ fn aces(rgb: DVec3) -> DVec3 {
 /// as t = 0.85. [FLIP21 §3]
 pub fn exposures(reference: &Buffer) -> Result<Exposures, MetricError> {
     const T: f64 = 0.85;
+    check(reference, reference)?;
     let [k0, k1, k2, k3, k4, k5] = ACES;
     let (a, b, c) = (k0 - T * k3, k1 - T * k4, k2 - T * k5);
     let shown = (-b + (b * b - 4.0 * a * c).sqrt()) / (2.0 * a);

@@ -1,0 +1,374 @@
+//! Pictures against a reference: every metric of every picture, as numbers, a text table and error maps.
+
+use std::fmt::{self, Write};
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::image::metric::{self, BiasVariance, Metric, MetricError, Worst, flip};
+use crate::image::{Buffer, exr, false_colour, png};
+
+/// A picture and where it comes from.
+#[derive(Clone, Debug)]
+pub struct Named {
+    /// File name, or what else it is called.
+    pub name: String,
+    /// Linear RGB.
+    pub picture: Buffer,
+    /// Whether values above 1 mean something: true for EXR, false for PNG and JPEG.
+    pub hdr: bool,
+}
+
+/// A picture file that cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// An EXR file.
+    #[error(transparent)]
+    Exr(#[from] exr::ExrError),
+    /// A PNG or JPEG file.
+    #[error(transparent)]
+    Png(#[from] png::PngError),
+    /// Neither by its ending.
+    #[error("{0}: not a picture this program reads (.exr, .png, .jpg)")]
+    Ending(String),
+}
+
+impl Named {
+    /// Reads an EXR, PNG or JPEG file, chosen by its ending.
+    pub fn load(path: &Path) -> Result<Self, LoadError> {
+        let ending = path
+            .extension()
+            .and_then(|e| e.to_str())
+            .unwrap_or("")
+            .to_ascii_lowercase();
+        let (picture, hdr) = match ending.as_str() {
+            "exr" => (exr::read_rgb(path)?, true),
+            "png" | "jpg" | "jpeg" => (png::read(path)?, false),
+            _ => return Err(LoadError::Ending(path.display().to_string())),
+        };
+        Ok(Self {
+            name: path.display().to_string(),
+            picture,
+            hdr,
+        })
+    }
+}
+
+/// How to compare.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Pixels per degree of sight, for FLIP.
+    pub ppd: f64,
+    /// Stops by which pictures are brightened for LDR-FLIP.
+    pub exposure: f32,
+    /// The pictures are renders of one scene with several seeds: tell bias and variance apart.
+    pub seeds: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            ppd: flip::DEFAULT_PPD,
+            exposure: 0.0,
+            seeds: false,
+        }
+    }
+}
+
+/// A comparison that cannot be made.
+#[derive(Debug, thiserror::Error)]
+#[error("{picture} against {reference}: {reason}")]
+pub struct CompareError {
+    /// The picture.
+    pub picture: String,
+    /// The reference.
+    pub reference: String,
+    /// What is wrong.
+    pub reason: MetricError,
+}
+
+/// One picture against the reference.
+#[derive(Clone, Debug, Serialize)]
+pub struct Entry {
+    /// The picture.
+    pub name: String,
+    /// All numbers, in the same order for every picture.
+    pub metrics: Vec<Metric>,
+    /// The pixel that is furthest off.
+    pub worst: Worst,
+    /// Error maps in [0, 1], by name.
+    #[serde(skip)]
+    pub maps: Vec<(&'static str, Vec<f32>)>,
+}
+
+/// Every picture against the reference.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// The reference.
+    pub reference: String,
+    /// Size of all pictures in pixels.
+    pub size: (usize, usize),
+    /// One entry per picture, in the order given.
+    pub entries: Vec<Entry>,
+    /// Bias and variance over all pictures, if they are seeds of one render.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seeds: Option<BiasVariance>,
+    /// Metrics that are left out, and why.
+    pub notes: Vec<String>,
+}
+
+/// Compares each picture with the reference.
+pub fn compare(
+    pictures: &[Named],
+    reference: &Named,
+    options: &Options,
+) -> Result<Comparison, CompareError> {
+    let failed = |picture: &str, reason| CompareError {
+        picture: picture.to_owned(),
+        reference: reference.name.clone(),
+        reason,
+    };
+    let mut notes = Vec::new();
+    let hdr = reference.hdr && pictures.iter().all(|p| p.hdr);
+    if !hdr {
+        notes.push("HDR-FLIP: left out, since not all pictures are HDR".to_owned());
+    }
+    let hdr = hdr
+        && match flip::exposures(&reference.picture) {
+            Err(e @ MetricError::BlackReference) => {
+                notes.push(format!("HDR-FLIP: left out, {e}"));
+                false
+            }
+            // Every other fault is the comparison's own and is met again below.
+            _ => true,
+        };
+    let mut entries = Vec::new();
+    for p in pictures {
+        entries.push(entry(p, &reference.picture, options, hdr).map_err(|e| failed(&p.name, e))?);
+    }
+    let seeds = if options.seeds {
+        let all: Vec<&Buffer> = pictures.iter().map(|p| &p.picture).collect();
+        let split = metric::bias_variance(&all, &reference.picture);
+        Some(split.map_err(|e| failed("the pictures", e))?)
+    } else {
+        None
+    };
+    Ok(Comparison {
+        reference: reference.name.clone(),
+        size: reference.picture.size(),
+        entries,
+        seeds,
+        notes,
+    })
+}
+
+fn entry(
+    named: &Named,
+    reference: &Buffer,
+    options: &Options,
+    hdr: bool,
+) -> Result<Entry, MetricError> {
+    let picture = &named.picture;
+    let mut metrics = vec![
+        metric::mse(picture, reference)?,
+        metric::rmse(picture, reference)?,
+        metric::relmse(picture, reference)?,
+        metric::relmse_trimmed(picture, reference)?,
+        metric::mape(picture, reference)?,
+        metric::smape(picture, reference)?,
+        metric::energy_ratio(picture, reference)?,
+    ];
+    let scale = options.exposure.exp2();
+    let (shown, wanted) = (picture.map(|p| p * scale), reference.map(|p| p * scale));
+    let map = flip::ldr(&shown, &wanted, options.ppd)?;
+    let constants = [
+        ("ppd", options.ppd),
+        ("exposure", f64::from(options.exposure)),
+    ];
+    metrics.push(Metric::new(
+        "FLIP",
+        "mean ΔE of [FLIP20], values clamped to [0, 1]",
+        &constants,
+        map.mean,
+    ));
+    let mut maps = vec![
+        ("relative", relative_map(picture, reference)),
+        ("flip", map.values),
+    ];
+    if hdr {
+        let (map, exposures) = flip::hdr(picture, reference, options.ppd)?;
+        let constants = [
+            ("ppd", options.ppd),
+            ("start", exposures.start),
+            ("stop", exposures.stop),
+            ("exposures", exposures.count as f64),
+        ];
+        let formula = "mean of the largest ΔE over exposures, ACES curve [FLIP21]";
+        metrics.push(Metric::new("HDR-FLIP", formula, &constants, map.mean));
+        maps.push(("hdr-flip", map.values));
+    }
+    Ok(Entry {
+        name: named.name.clone(),
+        metrics,
+        worst: metric::worst(picture, reference)?,
+        maps,
+    })
+}
+
+/// MAPE's error per pixel, averaged over channels; values above 1 are off the scale.
+fn relative_map(picture: &Buffer, reference: &Buffer) -> Vec<f32> {
+    let epsilon = metric::pixel::EPSILON as f32;
+    let pairs = picture.pixels.iter().zip(&reference.pixels);
+    pairs
+        .map(|(&i, &f)| ((i - f).abs() / (f + epsilon)).element_sum() / 3.0)
+        .collect()
+}
+
+impl Entry {
+    /// An error map in false colours.
+    pub fn false_colours(
+        &self,
+        size: (usize, usize),
+    ) -> impl Iterator<Item = (&'static str, Buffer)> + '_ {
+        self.maps
+            .iter()
+            .map(move |(name, values)| (*name, false_colour::map(size.0, size.1, values)))
+    }
+}
+
+/// Six significant digits, without an exponent where that is short.
+pub fn number(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 || !value.is_finite() {
+        format!("{value}")
+    } else if (1e-3..1e6).contains(&size) {
+        let digits = (5 - size.log10().floor() as i32).max(0) as usize;
+        format!("{value:.digits$}")
+    } else {
+        format!("{value:.5e}")
+    }
+}
+
+/// A table with one line per metric and one column per picture, then the formulas.
+impl fmt::Display for Comparison {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (w, h) = self.size;
+        writeln!(out, "reference {} ({w}x{h})\n", self.reference)?;
+        let mut rows = vec![vec![String::new()]];
+        rows[0].extend(self.entries.iter().map(|e| e.name.clone()));
+        let metrics = self.entries.first().map_or(&[][..], |e| &e.metrics);
+        for (i, metric) in metrics.iter().enumerate() {
+            let mut row = vec![metric.name.to_owned()];
+            row.extend(self.entries.iter().map(|e| number(e.metrics[i].value)));
+            rows.push(row);
+        }
+        let mut row = vec!["worst pixel".to_owned()];
+        row.extend(
+            self.entries
+                .iter()
+                .map(|e| format!("({}, {})", e.worst.x, e.worst.y)),
+        );
+        rows.push(row);
+        out.write_str(&aligned(&rows))?;
+
+        let split = self.seeds.iter().flat_map(|s| {
+            [
+                &s.bias_squared,
+                &s.variance,
+                &s.relative_bias_squared,
+                &s.relative_variance,
+            ]
+        });
+        let split: Vec<&Metric> = split.collect();
+        if let Some(seeds) = &self.seeds {
+            writeln!(out, "\nover {} renders", seeds.renders)?;
+            let rows: Vec<Vec<String>> = split
+                .iter()
+                .map(|m| vec![m.name.to_owned(), number(m.value)])
+                .collect();
+            out.write_str(&aligned(&rows))?;
+        }
+        writeln!(out)?;
+        for m in metrics.iter().chain(split) {
+            writeln!(out, "{}", definition(m))?;
+        }
+        for note in &self.notes {
+            writeln!(out, "{note}")?;
+        }
+        Ok(())
+    }
+}
+
+/// `name: formula; constant = value, …`
+pub fn definition(metric: &Metric) -> String {
+    let mut text = format!("{}: {}", metric.name, metric.formula);
+    let mut separator = "; ";
+    for (name, value) in &metric.constants {
+        // As short as it can be, after rounding to five places.
+        let _ = write!(text, "{separator}{name} = {}", (value * 1e5).round() / 1e5);
+        separator = ", ";
+    }
+    text
+}
+
+/// Columns as wide as their widest cell: the first to the left, numbers to the right.
+fn aligned(rows: &[Vec<String>]) -> String {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |c: usize| {
+        rows.iter()
+            .filter_map(|r| r.get(c))
+            .map(|s| s.chars().count())
+            .max()
+            .unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let mut text = String::new();
+    for row in rows {
+        let mut line = String::new();
+        for (c, cell) in row.iter().enumerate() {
+            let width = widths[c];
+            let _ = if c == 0 {
+                write!(line, "{cell:width$}")
+            } else {
+                write!(line, "  {cell:>width$}")
+            };
+        }
+        text.push_str(line.trim_end());
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_six_digits() {
+        let cases = [
+            (0.0, "0"),
+            (1.0, "1.00000"),
+            (0.123_456_789, "0.123457"),
+            (123_456.7, "123457"),
+            (1e-5, "1.00000e-5"),
+            (f64::INFINITY, "inf"),
+        ];
+        for (value, text) in cases {
+            assert_eq!(number(value), text);
+        }
+    }
+
+    #[test]
+    fn constants_are_short() {
+        let m = Metric::new(
+            "m",
+            "f",
+            &[("a", 100.0), ("b", 0.01), ("c", 0.0), ("d", -1.512_943_7)],
+            1.0,
+        );
+        assert_eq!(
+            definition(&m),
+            "m: f; a = 100, b = 0.01, c = 0, d = -1.51294"
+        );
+    }
+}
