@@ -1,6 +1,9 @@
 //! Cameras: pinholes and parallel projections.
 
-use crate::math::{Frame, Ray, Vec2, Vec3};
+use crate::math::{DVec3, Frame, Ray, Vec2, Vec3};
+
+/// No scene that a camera can frame reaches further than this.
+const LARGE: f64 = 1e30;
 
 /// A camera. Film coordinates are in [0, 1]², `(0, 0)` at the top left.
 #[derive(Clone, Debug)]
@@ -68,6 +71,120 @@ impl Camera {
                 tan_half_y: (0.5 * fov_y).tan(),
             },
             aspect: None,
+        }
+    }
+
+    /// A camera that sees the whole of a box, for a picture of the given width over height: from a raised corner, a
+    /// little outside. A box that is empty, a point or not finite is taken as the unit cube around its centre, or
+    /// around the origin.
+    pub fn framing(bounds: (Vec3, Vec3), aspect: f32) -> Self {
+        let (low, high) = (bounds.0.as_dvec3(), bounds.1.as_dvec3());
+        let mut centre = 0.5 * (low + high);
+        let mut half = 0.5 * (high - low);
+        if !centre.is_finite() || centre.abs().max_element() > LARGE {
+            (centre, half) = (DVec3::ZERO, DVec3::splat(0.5));
+        }
+        if !half.is_finite() || half.min_element() < 0.0 || half.max_element() == 0.0 {
+            half = DVec3::splat(0.5);
+        }
+        half = half.min(DVec3::splat(LARGE));
+        let aspect = if aspect.is_finite() && aspect > 0.0 {
+            f64::from(aspect)
+        } else {
+            1.0
+        };
+        let n = DVec3::new(0.6, 0.45, 1.0).normalize();
+        let s = DVec3::Y.cross(n).normalize();
+        let t = n.cross(s);
+        let fov_y = 40f64.to_radians();
+        let tan_y = (0.5 * fov_y).tan();
+        // The nearest place on the axis from which every corner is inside all four sides of the view.
+        let distance = (0..8u32)
+            .map(|corner| {
+                let sign = |bit: u32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
+                let c = half * DVec3::new(sign(0), sign(1), sign(2));
+                let across = (c.dot(s).abs() / aspect).max(c.dot(t).abs());
+                c.dot(n) + across / tan_y
+            })
+            .fold(0.0, f64::max);
+        Self {
+            position: (centre + 1.05 * distance * n).as_vec3(),
+            frame: Frame {
+                s: s.as_vec3(),
+                t: t.as_vec3(),
+                n: n.as_vec3(),
+            },
+            name: "framing".to_owned(),
+            projection: Projection::Perspective {
+                tan_half_y: tan_y as f32,
+            },
+            aspect: None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Film coordinates of a world point, and how far it is in front.
+    fn project(camera: &Camera, p: Vec3, aspect: f32) -> (f32, f32, f32) {
+        let Projection::Perspective { tan_half_y } = camera.projection else {
+            panic!("a pinhole was asked for");
+        };
+        let l = camera.frame.to_local(p - camera.position);
+        let scale = -1.0 / (l.z * tan_half_y);
+        (l.x * scale / aspect, l.y * scale, -l.z)
+    }
+
+    #[test]
+    fn framing_sees_every_corner_and_fills_the_picture() {
+        let boxes = [
+            (Vec3::ZERO, Vec3::ONE),
+            (Vec3::new(-1e4, 5.0, 2.0), Vec3::new(1e4, 5.0, 3.0)),
+            (Vec3::splat(1e-6), Vec3::splat(3e-6)),
+        ];
+        for (low, high) in boxes {
+            for aspect in [0.3, 1.0, 2.4] {
+                let camera = Camera::framing((low, high), aspect);
+                let mut furthest = 0.0f32;
+                for corner in 0..8 {
+                    let pick = |bit: i32, a, b| if corner >> bit & 1 == 0 { a } else { b };
+                    let p = Vec3::new(
+                        pick(0, low.x, high.x),
+                        pick(1, low.y, high.y),
+                        pick(2, low.z, high.z),
+                    );
+                    let (x, y, z) = project(&camera, p, aspect);
+                    assert!(
+                        z > 0.0 && x.abs() < 1.0 && y.abs() < 1.0,
+                        "{p}: {x} {y} {z}"
+                    );
+                    furthest = furthest.max(x.abs()).max(y.abs());
+                }
+                assert!(furthest > 0.6, "{low} {high} {aspect}: {furthest}");
+            }
+        }
+    }
+
+    #[test]
+    fn framing_survives_bounds_that_are_none() {
+        let (inf, nan) = (Vec3::INFINITY, Vec3::NAN);
+        for bounds in [
+            (Vec3::ZERO, Vec3::ZERO),
+            (inf, -inf),
+            (-inf, inf),
+            (nan, nan),
+            (Vec3::ONE, Vec3::ZERO),
+            (Vec3::splat(f32::MIN), Vec3::splat(f32::MAX)),
+            (Vec3::splat(3e38), Vec3::splat(3.1e38)),
+        ] {
+            for aspect in [1.0, 0.0, f32::NAN, f32::INFINITY] {
+                let camera = Camera::framing(bounds, aspect);
+                let ray = camera.ray(Vec2::splat(0.5), 1.0);
+                assert!(ray.origin.is_finite(), "{bounds:?} {aspect}");
+                assert!((ray.dir.length() - 1.0).abs() < 1e-5);
+            }
         }
     }
 }
