@@ -12,6 +12,7 @@
 //! |---|---|---|
 //! | 0 | [`math`] | frames, measures, warps, discrete distributions, running moments |
 //! | 0 | [`sampler`] | the random numbers of a path, keyed by (seed, pixel, sample) |
+//! | 0 | [`atomic`] | files written whole or not at all |
 //! | 1 | [`regularise`] | the paper: path roughness, classes, attenuation tables, look-ups, comparison modes |
 //! | 2 | [`bsdf`] | scattering closures that are evaluated *at* a roughness |
 //! | 3 | [`scene`] | glTF, meshes, the tree, materials, lights, cameras |
@@ -49,6 +50,7 @@
 //! - `[FLIP21]` Andersson, Nilsson, Shirley, Akenine-Möller: *Visualizing Errors in Rendered High Dynamic Range Images*, EG 2021 short papers.
 //! - `[glTF]` Khronos: *glTF 2.0 Specification* and its ratified material extensions.
 
+pub mod atomic;
 pub mod bsdf;
 pub mod image;
 pub mod integrator;

@@ -119,6 +119,10 @@ fn beckmann_slope(tan: f32, u: f32) -> f32 {
         let gauss = (-x * x).exp();
         let erf = (1.0 - gauss * scaled_erfc(x.abs())).copysign(x);
         let error = 0.5 * (1.0 + erf) + half_tan * gauss - target;
+        // Before the bracket is narrowed to x itself: a step of nothing must not be taken for one outside.
+        if error.abs() < 1e-7 * total {
+            break;
+        }
         if error > 0.0 {
             high = x
         } else {
@@ -127,14 +131,14 @@ fn beckmann_slope(tan: f32, u: f32) -> f32 {
         let slope = (1.0 - x * tan) * gauss * INV_SQRT_PI;
         let next = x - error / slope;
         // Outside the bracket (or nowhere, where the density vanishes) the step is halving.
-        let next = if next > low && next < high {
+        let next = if next >= low && next <= high {
             next
         } else {
             0.5 * (low + high)
         };
         let step = (next - x).abs();
         x = next;
-        if step < 1e-6 * (1.0 + x.abs()) || error.abs() < 1e-7 * total {
+        if step < 1e-6 * (1.0 + x.abs()) {
             break;
         }
     }

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Args;
 
+use opsr::atomic;
 use opsr::image::metric::flip::DEFAULT_PPD;
-use opsr::image::{agree, atomic, exr, png};
+use opsr::image::{agree, exr, png};
 use opsr::report::compare::{Comparison, Named, Options, compare};
 use opsr::report::page;
 

@@ -1,7 +1,6 @@
 //! Pictures: films of running moments, files, and the metrics that compare them.
 
 pub mod agree;
-pub mod atomic;
 pub mod buffer;
 pub mod exr;
 pub mod false_colour;

@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 
 use ::image::{DynamicImage, ImageFormat, ImageReader, Limits, RgbImage};
 
-use super::{Buffer, atomic};
+use super::Buffer;
+use crate::atomic;
 use crate::math::Rgb;
 
 /// What can go wrong with a PNG file.

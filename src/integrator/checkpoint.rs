@@ -4,7 +4,7 @@
 //! was made with by a fingerprint; another fingerprint is refused.
 
 use super::{FirstHit, Picture};
-use crate::image::atomic;
+use crate::atomic;
 use crate::image::film::Film;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};

@@ -7,4 +7,6 @@ mod film;
 mod geometry;
 mod metric;
 mod scenes;
+mod support;
 mod surface;
+mod transport;

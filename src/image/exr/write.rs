@@ -7,8 +7,9 @@ use ::exr::prelude as exrs;
 use exrs::WritableImage;
 
 use super::{ExrError, ExrErrorKind, Layer, METADATA, Metadata, join};
+use crate::atomic;
+use crate::image::Buffer;
 use crate::image::film::{Film, Window};
-use crate::image::{Buffer, atomic};
 use crate::math::UVec2;
 
 /// Writes a film: the picture, `sample_variance`, `variance_of_mean`, `spp`, and the layers given.

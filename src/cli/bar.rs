@@ -1,0 +1,88 @@
+//! Progress: a bar on a terminal, JSON lines for programs, or nothing.
+
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressStyle};
+use opsr::integrator::drive::Progress;
+use std::io::{IsTerminal, Write};
+
+/// How progress is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Style {
+    /// A bar if standard error is a terminal, else nothing.
+    #[default]
+    Auto,
+    /// One JSON object a line on standard output.
+    Json,
+    /// Nothing.
+    None,
+}
+
+/// Steps of the bar: finer than any terminal.
+const STEPS: u64 = 1000;
+
+/// Shows the progress of a render.
+pub(super) enum Bar {
+    /// On a terminal.
+    Terminal(ProgressBar),
+    /// For programs.
+    Json,
+    /// For nobody.
+    Quiet,
+}
+
+impl Bar {
+    /// A bar in this style.
+    pub(super) fn new(style: Style) -> Self {
+        match style {
+            Style::Json => Self::Json,
+            Style::Auto if std::io::stderr().is_terminal() => {
+                let bar = ProgressBar::new(STEPS);
+                if let Ok(style) = ProgressStyle::with_template("{bar:30} {msg}") {
+                    bar.set_style(style);
+                }
+                Self::Terminal(bar)
+            }
+            Style::Auto | Style::None => Self::Quiet,
+        }
+    }
+
+    /// Shows where a render stands.
+    pub(super) fn show(&self, progress: &Progress) {
+        let seconds = progress.elapsed.as_secs_f64();
+        match self {
+            Self::Quiet => {}
+            Self::Terminal(bar) => {
+                bar.set_position((progress.fraction.unwrap_or(0.0) * STEPS as f64) as u64);
+                let eta = progress.eta().map_or(String::new(), |eta| {
+                    let whole = std::time::Duration::from_secs(eta.as_secs());
+                    format!(", {} left", humantime::format_duration(whole))
+                });
+                let error = progress
+                    .error
+                    .map_or(String::new(), |e| format!(", error {e:.4}"));
+                bar.set_message(format!(
+                    "{} spp, {seconds:.1} s{error}{eta}",
+                    progress.samples
+                ));
+            }
+            Self::Json => {
+                let line = serde_json::json!({
+                    "spp": progress.samples,
+                    "seconds": seconds,
+                    "fraction": progress.fraction,
+                    "eta": progress.eta().map(|e| e.as_secs_f64()),
+                    "error": progress.error.filter(|e| e.is_finite()),
+                });
+                // A reader that has gone away is no reason to end a render.
+                let _ = writeln!(std::io::stdout(), "{line}");
+            }
+        }
+    }
+
+    /// Takes the bar away.
+    pub(super) fn finish(&self) {
+        if let Self::Terminal(bar) = self {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! What `opsr render` was asked, resolved: the method and the shape of the picture.
+
+use super::Blame;
+use super::render::{Mode, RenderArgs};
+use anyhow::bail;
+use opsr::image::film::Window;
+use opsr::integrator::checkpoint::hex;
+use opsr::integrator::{Method, Settings};
+use opsr::math::UVec2;
+use opsr::regularise::file::TableFile;
+
+/// A pair such as `640x480`.
+pub(super) fn size(text: &str) -> Result<UVec2, String> {
+    let numbers = text.split_once('x').map(|(w, h)| (w.parse(), h.parse()));
+    match numbers {
+        Some((Ok(w @ 1..=65536), Ok(h @ 1..=65536))) => Ok(UVec2::new(w, h)),
+        _ => Err("expected WIDTHxHEIGHT, such as 640x480, from 1 to 65536 each".into()),
+    }
+}
+
+/// A window such as `10,20,32,32`.
+pub(super) fn window(text: &str) -> Result<Window, String> {
+    let numbers: Result<Vec<u32>, _> = text.split(',').map(|n| n.trim().parse()).collect();
+    match numbers.as_deref() {
+        Ok(&[x, y, w, h]) => Ok(Window { x, y, w, h }),
+        _ => Err("expected X,Y,WIDTH,HEIGHT in pixels from the top left".into()),
+    }
+}
+
+/// The method, and the hash of its table where there is one.
+pub(super) struct Chosen {
+    pub(super) method: Method,
+    pub(super) table_hash: Option<String>,
+}
+
+/// Resolves the options that say how to regularise.
+pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Chosen> {
+    let reuse = args.mode == Mode::Reuse;
+    let lambda = args.consistent.unwrap_or(0.0);
+    let plain = |method| {
+        Ok(Chosen {
+            method,
+            table_hash: None,
+        })
+    };
+    match args.mode {
+        Mode::Pbrt => return plain(Method::Pbrt),
+        Mode::FilterGlossy => return plain(Method::FilterGlossy(args.filter)),
+        Mode::RoughnessClamp => return plain(Method::RoughnessClamp),
+        Mode::Default | Mode::Reuse => {}
+    }
+    if let Some(gamma) = args.gamma {
+        return plain(Method::Constant {
+            gamma,
+            reuse,
+            lambda,
+        });
+    }
+    let Some(path) = &args.opsr_table else {
+        if args.consistent.is_some() || reuse {
+            bail!("--consistent and --mode reuse need --opsr-table or --gamma");
+        }
+        return plain(Method::Plain);
+    };
+    let file = TableFile::load(path).input()?;
+    let mut table = file.table.clone();
+    if let Some(scale) = args.table_scale {
+        table.scale = scale;
+    }
+    if let Some(lookup) = args.lookup {
+        table.lookup = lookup.into();
+    }
+    let table_hash = Some(hex(&file.digest()));
+    Ok(Chosen {
+        method: Method::Table {
+            table,
+            reuse,
+            lambda,
+        },
+        table_hash,
+    })
+}
+
+/// The settings with that method.
+pub(super) fn settings(args: &RenderArgs, method: Method) -> Settings {
+    Settings {
+        method,
+        max_vertices: args.max_depth,
+        seed: args.seed,
+        ..Settings::default()
+    }
+}

@@ -1,0 +1,113 @@
+//! The command line: what was typed becomes a job, the library does it, one place prints errors.
+//!
+//! Only this folder knows clap, anyhow and the terminal.
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+mod bar;
+mod compare;
+mod info;
+mod job;
+mod live;
+mod output;
+mod render;
+mod scene;
+mod stop;
+
+/// What the program's exit code says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+enum Exit {
+    /// Done.
+    Done = 0,
+    /// Something failed that is not one of the below.
+    Failed = 1,
+    /// A scene, table, picture or configuration file is missing, damaged or not supported. (Code 2 is clap's: wrong
+    /// usage.)
+    Input = 3,
+    /// A result could not be written.
+    Output = 4,
+    /// Stopped by the user; what there was is saved.
+    Stopped = 5,
+}
+
+/// An error together with the exit code it leads to.
+#[derive(Debug)]
+struct Failure(Exit, anyhow::Error);
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:#}", self.1)
+    }
+}
+
+impl std::error::Error for Failure {}
+
+/// Gives an error its exit code.
+trait Blame<T> {
+    /// The user's input is at fault.
+    fn input(self) -> anyhow::Result<T>;
+    /// The place to write to is at fault.
+    fn output(self) -> anyhow::Result<T>;
+}
+
+impl<T, E: Into<anyhow::Error>> Blame<T> for Result<T, E> {
+    fn input(self) -> anyhow::Result<T> {
+        self.map_err(|e| Failure(Exit::Input, e.into()).into())
+    }
+
+    fn output(self) -> anyhow::Result<T> {
+        self.map_err(|e| Failure(Exit::Output, e.into()).into())
+    }
+}
+
+/// Render caustics, glossy chains and light seen through glass with learned path space regularisation.
+#[derive(Parser)]
+#[command(version, max_term_width = 100, after_help = EXIT_CODES)]
+struct Args {
+    /// Say more about what is going on (-v, -vv); RUST_LOG is honoured too.
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    verbose: u8,
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 an input file is missing, damaged or not \
+supported; 4 a result could not be written; 5 stopped by the user, with what there was saved.";
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render a glTF scene.
+    Render(Box<render::RenderArgs>),
+    /// Say what a scene has and needs.
+    Info(info::InfoArgs),
+    /// Compare pictures with a reference.
+    Compare(Box<compare::CompareArgs>),
+}
+
+/// Runs the program.
+pub(crate) fn main() -> ExitCode {
+    let args = Args::parse();
+    let level = ["warn", "info", "debug"][usize::from(args.verbose.min(2))];
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(level));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_target(false)
+        .without_time()
+        .init();
+    let result = match args.command {
+        Command::Render(args) => render::run(&args),
+        Command::Info(args) => info::run(&args).map(|()| Exit::Done),
+        Command::Compare(args) => compare::run(&args).map(|()| Exit::Done),
+    };
+    let exit = result.unwrap_or_else(|error| {
+        eprintln!("opsr: {error:#}");
+        error
+            .downcast_ref::<Failure>()
+            .map_or(Exit::Failed, |failure| failure.0)
+    });
+    ExitCode::from(exit as u8)
+}

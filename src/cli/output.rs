@@ -1,0 +1,99 @@
+//! Where pictures go.
+
+use super::Blame;
+use anyhow::bail;
+use opsr::image::exr::{self, Layer, Metadata};
+use opsr::image::png;
+use opsr::integrator::Picture;
+use std::path::PathBuf;
+
+/// The files that a picture is written to.
+pub(super) struct Outputs {
+    files: Vec<PathBuf>,
+    exposure: f32,
+}
+
+impl Outputs {
+    /// Checks before anything is rendered that the files can be written at all.
+    pub(super) fn new(files: &[PathBuf], exposure: f32) -> anyhow::Result<Self> {
+        for file in files {
+            match file.extension().and_then(|e| e.to_str()) {
+                Some("exr" | "png") => {}
+                _ => bail!(
+                    "{}: expected a name that ends in .exr or .png",
+                    file.display()
+                ),
+            }
+            let folder = match file.parent() {
+                Some(folder) if !folder.as_os_str().is_empty() => folder,
+                _ => std::path::Path::new("."),
+            };
+            if !folder.is_dir() {
+                return Err(anyhow::anyhow!("{}: no such folder", folder.display())).output();
+            }
+        }
+        Ok(Self {
+            files: files.to_vec(),
+            exposure,
+        })
+    }
+
+    /// Writes every file, each whole or not at all.
+    pub(super) fn write(&self, picture: &Picture, metadata: &Metadata) -> anyhow::Result<()> {
+        for file in &self.files {
+            if file.extension().is_some_and(|e| e == "png") {
+                png::write(file, &picture.film.mean(), self.exposure).output()?;
+            } else {
+                exr::write_film(file, &picture.film, &layers(picture), metadata).output()?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn layers(picture: &Picture) -> Vec<Layer> {
+    let Some(aovs) = &picture.aovs else {
+        return Vec::new();
+    };
+    let depth = aovs.depth().pixels.iter().map(|p| p.x).collect();
+    vec![
+        Layer::rgb("albedo", &aovs.albedo()),
+        Layer::xyz("normal", &aovs.normal()),
+        Layer::scalar("depth", depth),
+    ]
+}
+
+/// What a picture's file says about how it was made.
+pub(super) struct Provenance {
+    pub(super) command: String,
+    pub(super) seed: u64,
+    pub(super) scene: String,
+    pub(super) scene_hash: String,
+    pub(super) table_hash: Option<String>,
+    pub(super) reproducible: bool,
+}
+
+impl Provenance {
+    /// The EXR metadata of a picture with this many samples.
+    pub(super) fn metadata(&self, spp: u32, seconds: f64, threads: usize) -> Metadata {
+        let mut metadata = Metadata::new();
+        let mut set = |key: &str, value: String| {
+            metadata.insert(key.to_owned(), value);
+        };
+        set("version", env!("CARGO_PKG_VERSION").to_owned());
+        set("seed", self.seed.to_string());
+        set("scene", self.scene.clone());
+        set("scene_sha256", self.scene_hash.clone());
+        set("spp", spp.to_string());
+        if let Some(hash) = &self.table_hash {
+            set("table_sha256", hash.clone());
+        }
+        // Neither the number of threads nor the words of the command change a pixel.
+        if !self.reproducible {
+            set("command", self.command.clone());
+            set("seconds", format!("{seconds:.3}"));
+            set("threads", threads.to_string());
+        }
+        metadata
+    }
+}

@@ -1,0 +1,135 @@
+//! Scenes as commands open them: the glTF file, the environment map, the camera.
+
+use super::{Blame, Exit, Failure};
+use anyhow::{Context, anyhow};
+use clap::Args;
+use opsr::bsdf::Distribution;
+use opsr::integrator::checkpoint::hex;
+use opsr::scene::load::{LoadOptions, load};
+use opsr::scene::{Camera, Environment, Scene};
+use sha2::{Digest, Sha256};
+use std::path::{Path, PathBuf};
+
+/// Options that say which scene.
+#[derive(Args, Debug, Clone)]
+pub(super) struct SceneArgs {
+    /// The scene: a glTF 2.0 file (.gltf or .glb).
+    pub(super) scene: PathBuf,
+    /// Surround the scene with an equirectangular map (.hdr or .exr).
+    #[arg(long, value_name = "FILE")]
+    env: Option<PathBuf>,
+    /// Multiply the environment by this.
+    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = positive)]
+    env_intensity: f32,
+    /// Turn the environment about the vertical axis by this many degrees.
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    env_rotation: f32,
+    /// Slope distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model.
+    #[arg(long, value_enum, default_value_t)]
+    distribution: Lobes,
+}
+
+/// [`Distribution`] on the command line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+enum Lobes {
+    #[default]
+    Beckmann,
+    Ggx,
+}
+
+/// A number above zero.
+pub(super) fn positive(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(x) if x > 0.0 && x.is_finite() => Ok(x),
+        _ => Err("expected a number above 0".into()),
+    }
+}
+
+/// A scene that was opened.
+pub(super) struct Opened {
+    /// The scene.
+    pub(super) scene: Scene,
+    /// SHA-256 over the scene's own file and the environment's.
+    pub(super) hash: String,
+    /// What was odd.
+    pub(super) warnings: Vec<String>,
+}
+
+impl SceneArgs {
+    /// Opens the scene.
+    pub(super) fn open(&self) -> anyhow::Result<Opened> {
+        let distribution = match self.distribution {
+            Lobes::Beckmann => Distribution::Beckmann,
+            Lobes::Ggx => Distribution::Ggx,
+        };
+        let options = LoadOptions { distribution };
+        let loaded = load(&self.scene, &options).input()?;
+        let (mut parts, mut warnings) = (loaded.parts, loaded.warnings);
+        let mut digest = Sha256::new();
+        digest.update(loaded.digest);
+        if let Some(path) = &self.env {
+            let rotation = self.env_rotation.to_radians();
+            let environment = Environment::load(path, self.env_intensity, rotation).input()?;
+            parts.environment = Some(environment);
+            digest.update(read(path)?);
+        }
+        let scene = Scene::new(parts);
+        warnings.extend_from_slice(scene.warnings());
+        for warning in &warnings {
+            tracing::warn!("{}: {warning}", self.scene.display());
+        }
+        Ok(Opened {
+            scene,
+            hash: hex(&digest.finalize()),
+            warnings,
+        })
+    }
+
+    /// The options beside the file, for a fingerprint.
+    pub(super) fn words(&self) -> String {
+        let Self {
+            env_intensity,
+            env_rotation,
+            distribution,
+            ..
+        } = self;
+        format!("env {env_intensity} {env_rotation}, {distribution:?}")
+    }
+}
+
+fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
+    std::fs::read(path)
+        .with_context(|| path.display().to_string())
+        .input()
+}
+
+/// The camera with this name or number, or the first, or one that sees the whole scene.
+pub(super) fn camera(scene: &Scene, wanted: Option<&str>, aspect: f32) -> anyhow::Result<Camera> {
+    let cameras = &scene.parts().cameras;
+    let Some(wanted) = wanted else {
+        return Ok(cameras.first().cloned().unwrap_or_else(|| {
+            tracing::warn!("the scene has no camera: looking at all of it from a corner");
+            Camera::framing(scene.geometry().bounds(), aspect)
+        }));
+    };
+    let by_name = cameras.iter().find(|c| c.name == wanted);
+    let by_number = || wanted.parse::<usize>().ok().and_then(|i| cameras.get(i));
+    by_name.or_else(by_number).cloned().ok_or_else(|| {
+        let names = cameras
+            .iter()
+            .enumerate()
+            .map(|(i, c)| format!("{i} `{}`", c.name));
+        let names = names.collect::<Vec<_>>().join(", ");
+        let has = if names.is_empty() { "none" } else { &names };
+        Failure(
+            Exit::Input,
+            anyhow!("no camera `{wanted}`: the scene has {has}"),
+        )
+        .into()
+    })
+}

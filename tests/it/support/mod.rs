@@ -1,0 +1,4 @@
+//! Instruments that several tests share.
+
+pub(crate) mod naive;
+pub(crate) mod render;

@@ -1,0 +1,54 @@
+//! A path tracer without light sampling, weights or roulette: slow, and too simple to be wrong in the same way as the
+//! real one.
+
+use opsr::image::Film;
+use opsr::math::{Rgb, UVec2, Vec2};
+use opsr::sampler::{Independent, SampleSource, Sampler};
+use opsr::scene::Scene;
+
+/// A film of the scene's first camera.
+pub(crate) fn film(scene: &Scene, size: u32, spp: u32, seed: u64, max_vertices: u32) -> Film {
+    let mut film = Film::new(UVec2::splat(size));
+    let source = Independent { seed };
+    for index in 0..film.pixels.len() {
+        let pixel = film.pixel(index);
+        for sample in 0..spp {
+            let mut stream = source.stream(pixel, sample);
+            let at = (pixel.as_vec2() + stream.film()) / size as f32;
+            film.push(
+                index,
+                radiance(scene, at, &mut stream, max_vertices),
+                sample,
+            );
+        }
+    }
+    film
+}
+
+fn radiance(scene: &Scene, at: Vec2, sampler: &mut impl Sampler, max_vertices: u32) -> Rgb {
+    let mut ray = scene.parts().cameras[0].ray(at, 1.0);
+    let (mut total, mut throughput) = (Rgb::ZERO, Rgb::ONE);
+    for n in 1..=max_vertices + 1 {
+        let Some(hit) = scene.intersect(&ray) else {
+            return total + throughput * scene.environment(ray.dir);
+        };
+        let surface = scene.surface(&ray, &hit);
+        total += throughput * scene.emitted(&surface, -ray.dir);
+        if n > max_vertices {
+            break;
+        }
+        let u = sampler.vertex();
+        let bsdf = scene.bsdf(&surface, u.material);
+        let wo = surface.frame.to_local(-ray.dir);
+        let Some(sample) = bsdf.sample(bsdf.alpha(), wo, u.lobe) else {
+            break;
+        };
+        let wi = surface.frame.to_world(sample.wi);
+        if wi.dot(surface.ng) * sample.wi.z <= 0.0 {
+            break;
+        }
+        throughput *= sample.weight;
+        ray = surface.spawn(wi);
+    }
+    total
+}

@@ -1,0 +1,49 @@
+//! Small renders.
+
+use opsr::image::Film;
+use opsr::integrator::{Method, Picture, Settings};
+use opsr::math::UVec2;
+use opsr::scene::{Scene, SceneParts};
+
+/// A film of the scene's first camera.
+pub(crate) fn film(scene: &Scene, method: Method, size: u32, spp: u32, seed: u64) -> Film {
+    let settings = Settings {
+        method,
+        seed,
+        ..Settings::default()
+    };
+    film_with(scene, &settings, size, spp)
+}
+
+/// A square film with these settings.
+pub(crate) fn film_with(scene: &Scene, settings: &Settings, size: u32, spp: u32) -> Film {
+    let mut picture = Picture {
+        film: Film::new(UVec2::splat(size)),
+        aovs: None,
+    };
+    let camera = &scene.parts().cameras[0];
+    settings
+        .integrator()
+        .pass(scene, camera, 0..spp, &mut picture);
+    assert_eq!(picture.film.rejected.total(), 0);
+    picture.film
+}
+
+/// A scene of these parts, which must be without fault.
+pub(crate) fn scene(parts: SceneParts) -> Scene {
+    let scene = Scene::new(parts);
+    assert_eq!(scene.warnings(), &[] as &[String]);
+    scene
+}
+
+/// Mean over pixels and channels, and its standard error.
+pub(crate) fn mean(film: &Film) -> (f64, f64) {
+    let (means, variances) = (film.mean(), film.variance_of_mean());
+    let n = 3.0 * means.pixels.len() as f64;
+    let sum = |b: &opsr::image::Buffer| -> f64 {
+        (b.pixels.iter())
+            .map(|p| f64::from(p.x) + f64::from(p.y) + f64::from(p.z))
+            .sum()
+    };
+    (sum(&means) / n, sum(&variances).sqrt() / n)
+}

@@ -1,0 +1,345 @@
+//! The path tracer against known answers, against a naive one, and against itself.
+
+use super::support::naive;
+use super::support::render::{film, film_with, mean, scene};
+use opsr::image::agree::{agree, agree_with_exact};
+use opsr::image::{Buffer, Film};
+use opsr::integrator::{Method, Picture, Settings};
+use opsr::math::{Rgb, UVec2, Vec3};
+use opsr::regularise::{AttenuationTable, Lookup};
+use opsr::scene::builtin::materials::{GOLD, coated, diffuse, emitter, glass, metal};
+use opsr::scene::builtin::shapes::{cuboid, quad, room, sphere};
+use opsr::scene::builtin::{self, caustic_box, cornell_box};
+use opsr::scene::{Environment, Scene, SceneParts};
+
+const PLAIN: Method = Method::Plain;
+
+fn constant(gamma: f32, reuse: bool) -> Method {
+    Method::Constant {
+        gamma,
+        reuse,
+        lambda: 0.0,
+    }
+}
+
+/// All methods that roughen something in `caustic_box`.
+fn methods() -> Vec<Method> {
+    let table = |lookup| Method::Table {
+        table: AttenuationTable {
+            lookup,
+            ..AttenuationTable::constant(0.3)
+        },
+        reuse: false,
+        lambda: 0.0,
+    };
+    vec![
+        constant(0.3, false),
+        constant(0.3, true),
+        table(Lookup::Nearest),
+        table(Lookup::Linear),
+        Method::Pbrt,
+        Method::FilterGlossy(1.0),
+        Method::RoughnessClamp,
+    ]
+}
+
+/// The mean is `expected` to 0.2 % and to four standard errors.
+fn assert_mean(film: &Film, expected: f64, what: &str) {
+    let (mean, error) = mean(film);
+    assert!(
+        error < 5e-4 * expected,
+        "{what}: too noisy, {mean} ± {error}"
+    );
+    assert!(
+        (mean - expected).abs() < 2e-3 * expected,
+        "{what}: {mean} ± {error}, expected {expected}"
+    );
+}
+
+#[test]
+fn a_furnace_is_everywhere_as_bright() {
+    let scene = scene(builtin::furnace_sphere(0.5));
+    let settings = Settings {
+        max_vertices: 64,
+        roulette_start: 8,
+        ..Settings::default()
+    };
+    let film = film_with(&scene, &settings, 16, 1024);
+    assert_mean(&film, 1.0, "furnace");
+    let exact = Buffer::from_fn(16, 16, |_, _| Rgb::ONE);
+    let agreement = agree_with_exact(&film, &exact).unwrap();
+    assert!(agreement.passed(), "{agreement}");
+}
+
+#[test]
+fn lights_over_planes_are_as_bright_as_the_formulas() {
+    // Pixels so small that the formula's value at the centre is the pixel's.
+    let mut parts = builtin::point_light_over_plane();
+    parts.cameras.clear();
+    parts.add_camera([0.0, 0.5, 4.0], [0.0, 0.0, 0.0], 0.05);
+    assert_mean(&film(&scene(parts), PLAIN, 2, 4, 1), 1.0, "point light");
+
+    let mut parts = builtin::area_light_over_plane();
+    parts.cameras.clear();
+    parts.add_camera([0.0, 0.5, 4.0], [0.0, 0.0, 0.0], 0.05);
+    let form = 4.0 / std::f64::consts::PI * 0.5f64.sqrt() * 0.5f64.sqrt().atan();
+    let film = film(&scene(parts), PLAIN, 16, 4096, 1);
+    assert_mean(&film, 0.5 * form, "area light");
+}
+
+#[test]
+fn a_slab_of_glass_transmits_what_fresnel_says() {
+    let reflected: f64 = 0.04;
+    let expected = (1.0 - reflected) / (1.0 + reflected);
+    let mut parts = builtin::glass_slab(0.0);
+    parts.cameras.clear();
+    parts.add_camera([0.0, 0.0, 3.0], [0.0, 0.0, 0.0], 0.5);
+    let settings = Settings {
+        max_vertices: 64,
+        roulette_start: 16,
+        ..Settings::default()
+    };
+    let film = film_with(&scene(parts), &settings, 16, 4096);
+    assert_mean(&film, expected, "slab");
+}
+
+#[test]
+fn mirrors_lose_what_they_absorb() {
+    let settings = Settings {
+        roulette_start: 16,
+        ..Settings::default()
+    };
+    let whole = film_with(&scene(builtin::two_mirrors(1.0, 0.0)), &settings, 8, 4);
+    assert_mean(&whole, 1.0, "perfect mirrors");
+    // Schlick at 45°: F = f0 + (1 − f0)(1 − cos 45°)⁵, eight times.
+    let mut parts = builtin::two_mirrors(0.8, 0.0);
+    parts.cameras.clear();
+    parts.add_camera([0.0, 0.5, 0.0], [1.0, -0.5, 0.0], 0.05);
+    let film = film_with(&scene(parts), &settings, 8, 4);
+    let fresnel = 0.8 + 0.2 * (1.0 - 0.5f64.sqrt()).powi(5);
+    assert_mean(&film, fresnel.powi(8), "mirrors of 0.8");
+}
+
+/// A closed room with a lit ceiling, whose light a tracer without light sampling finds soon.
+fn lit_room(content: impl FnOnce(&mut SceneParts)) -> Scene {
+    let mut parts = SceneParts::default();
+    let [left, right, floor, ceiling, back, front] =
+        room(Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 2.0, 1.0));
+    parts.add(
+        diffuse("walls", Rgb::new(0.6, 0.5, 0.4)),
+        [left, right, floor, back, front],
+    );
+    parts.add(emitter("ceiling", Rgb::new(1.0, 0.9, 0.8)), [ceiling]);
+    content(&mut parts);
+    parts.add_camera([0.0, 1.0, 0.9], [0.0, 0.7, 0.0], 70.0);
+    scene(parts)
+}
+
+/// The real tracer agrees with the naive one.
+fn assert_naive_agrees(scene: &Scene, what: &str) {
+    let settings = Settings {
+        max_vertices: 8,
+        roulette_start: 3,
+        seed: 1,
+        ..Settings::default()
+    };
+    let real = film_with(scene, &settings, 24, 400);
+    let naive = naive::film(scene, 24, 400, 2, 8);
+    let agreement = agree(&real, &naive).unwrap();
+    assert!(agreement.passed(), "{what}: {agreement}");
+}
+
+#[test]
+fn the_naive_tracer_agrees_on_metal_glass_and_coats() {
+    let ball = |x: f32, z: f32| sphere(Vec3::new(x, 0.45, z), 0.4, 3);
+    let room = lit_room(|parts| {
+        parts.add(metal("gold", GOLD, 0.1), [ball(-0.5, -0.4)]);
+        parts.add(glass("frosted", 1.5, 0.3), [ball(0.45, 0.2)]);
+        parts.add(
+            coated("lacquer", Rgb::new(0.1, 0.3, 0.6), 0.05),
+            [cuboid(Vec3::new(0.1, 0.0, -0.9), Vec3::new(0.7, 0.9, -0.4))],
+        );
+    });
+    assert_naive_agrees(&room, "room");
+}
+
+#[test]
+fn the_naive_tracer_agrees_on_smooth_glass_and_mirrors() {
+    let ball = |x: f32, z: f32| sphere(Vec3::new(x, 0.45, z), 0.4, 3);
+    let room = lit_room(|parts| {
+        parts.add(metal("mirror", GOLD, 0.0), [ball(-0.5, -0.4)]);
+        parts.add(glass("clear", 1.5, 0.0), [ball(0.45, 0.2)]);
+        parts.add(
+            glass("diamond", 2.4, 0.01),
+            [sphere(Vec3::new(-0.1, 0.25, 0.5), 0.2, 3)],
+        );
+    });
+    assert_naive_agrees(&room, "room");
+}
+
+#[test]
+fn the_naive_tracer_agrees_under_a_sky() {
+    let mut parts = SceneParts::default();
+    let sky = |u: f32, v: f32| Rgb::new(0.2 + u, 0.5 + (9.0 * u).sin().abs(), 1.5 - v);
+    let map = Buffer::from_fn(32, 16, |x, y| sky(x as f32 / 32.0, y as f32 / 16.0));
+    parts.environment = Some(Environment::from_map(map, 0.4));
+    parts.add(
+        coated("floor", Rgb::splat(0.5), 0.2),
+        [quad(
+            Vec3::new(-2.0, 0.0, -2.0),
+            Vec3::Z * 4.0,
+            Vec3::X * 4.0,
+        )],
+    );
+    parts.add(
+        metal("gold", GOLD, 0.2),
+        [sphere(Vec3::new(-0.5, 0.5, 0.0), 0.5, 3)],
+    );
+    parts.add(
+        glass("glass", 1.5, 0.1),
+        [sphere(Vec3::new(0.6, 0.5, 0.2), 0.5, 3)],
+    );
+    parts.add_camera([0.0, 1.4, 3.0], [0.0, 0.4, 0.0], 45.0);
+    assert_naive_agrees(&scene(parts), "sky");
+}
+
+#[test]
+fn a_gamma_of_zero_is_plain_to_the_bit() {
+    let scene = scene(caustic_box());
+    let plain = film(&scene, PLAIN, 24, 8, 3);
+    for reuse in [false, true] {
+        assert_eq!(film(&scene, constant(0.0, reuse), 24, 8, 3), plain);
+    }
+    let table = AttenuationTable::constant(0.0);
+    for lookup in [Lookup::Nearest, Lookup::Linear] {
+        let table = AttenuationTable {
+            lookup,
+            ..table.clone()
+        };
+        let zeros = Method::Table {
+            table,
+            reuse: false,
+            lambda: 0.0,
+        };
+        assert_eq!(film(&scene, zeros, 24, 8, 3), plain);
+    }
+    assert_ne!(film(&scene, constant(0.1, false), 24, 8, 3), plain);
+}
+
+#[test]
+fn diffuse_scenes_are_the_same_under_every_method() {
+    let scene = scene(cornell_box());
+    let plain = film(&scene, PLAIN, 16, 8, 3);
+    for method in methods() {
+        assert_eq!(film(&scene, method.clone(), 16, 8, 3), plain, "{method:?}");
+    }
+}
+
+#[test]
+fn constant_tables_are_the_constant() {
+    let scene = scene(caustic_box());
+    let one = film(&scene, constant(0.3, false), 24, 8, 5);
+    for lookup in [Lookup::Nearest, Lookup::Linear] {
+        let table = Method::Table {
+            table: AttenuationTable {
+                lookup,
+                ..AttenuationTable::constant(0.3)
+            },
+            reuse: false,
+            lambda: 0.0,
+        };
+        let film = film(&scene, table, 24, 8, 5);
+        let worst = (one.mean().pixels.iter().zip(&film.mean().pixels))
+            .map(|(a, b)| (*a - *b).abs().max_element() / (a.max_element() + 0.01))
+            .fold(0.0, f32::max);
+        assert!(worst < 1e-3, "{lookup:?}: {worst}");
+    }
+}
+
+#[test]
+fn threads_tiles_and_splits_change_no_bit() {
+    let scene = scene(caustic_box());
+    let camera = &scene.parts().cameras[0];
+    for method in methods() {
+        let settings = Settings {
+            method,
+            seed: 9,
+            ..Settings::default()
+        };
+        let render = |threads: usize, cuts: &[u32]| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            let mut picture = Picture {
+                film: Film::new(UVec2::new(37, 21)),
+                aovs: None,
+            };
+            let integrator = settings.integrator();
+            for pair in cuts.windows(2) {
+                pool.install(|| integrator.pass(&scene, camera, pair[0]..pair[1], &mut picture));
+            }
+            picture.film
+        };
+        let one = render(1, &[0, 6]);
+        for threads in [2, 3, 8] {
+            assert_eq!(render(threads, &[0, 6]), one, "{threads} threads");
+        }
+        assert_eq!(render(2, &[0, 1, 4, 6]), one);
+    }
+}
+
+#[test]
+fn bias_vanishes_with_gamma() {
+    // Frosted glass under a large light: plain path tracing converges, and so must everything near it.
+    let room = lit_room(|parts| {
+        let ball = sphere(Vec3::new(0.0, 0.6, 0.0), 0.5, 3);
+        parts.add(glass("frosted", 1.5, 0.2), [ball]);
+    });
+    let plain = film(&room, PLAIN, 16, 1024, 1);
+    let tiny = film(&room, constant(1e-4, false), 16, 1024, 2);
+    let agreement = agree(&plain, &tiny).unwrap();
+    assert!(agreement.passed(), "{agreement}");
+}
+
+/// A small film of the samples with these numbers.
+fn film_of(scene: &Scene, method: Method, samples: std::ops::Range<u32>) -> Film {
+    let settings = Settings {
+        method,
+        ..Settings::default()
+    };
+    let mut picture = Picture {
+        film: Film::new(UVec2::splat(24)),
+        aovs: None,
+    };
+    let camera = &scene.parts().cameras[0];
+    settings
+        .integrator()
+        .pass(scene, camera, samples, &mut picture);
+    picture.film
+}
+
+#[test]
+fn the_consistent_variant_roughens_less_with_every_sample() {
+    let room = scene(caustic_box());
+    let method = |lambda| Method::Constant {
+        gamma: 0.5,
+        reuse: false,
+        lambda,
+    };
+    // Sample 1 knows no shrinking.
+    let one = |lambda, samples| film_of(&room, method(lambda), samples).mean();
+    assert_eq!(one(0.0, 0..1), one(0.3, 0..1));
+    assert_ne!(one(0.0, 7..8), one(0.3, 7..8));
+    // At sample 1e9 with λ = 0.49 the surplus is scaled by 4e-5: next to nothing is left of it.
+    let late = 1_000_000_000;
+    let plain = film_of(&room, PLAIN, late..late + 64);
+    let vanishing = film_of(&room, method(0.49), late..late + 64);
+    let strong = film_of(&room, method(0.0), late..late + 64);
+    let distance = |a: &Film, b: &Film| -> f64 {
+        (a.mean().pixels.iter().zip(&b.mean().pixels))
+            .map(|(a, b)| f64::from((*a - *b).abs().element_sum().min(1.0)))
+            .sum()
+    };
+    assert!(distance(&vanishing, &plain) < 0.2 * distance(&strong, &plain));
+}
