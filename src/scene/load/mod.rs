@@ -1,13 +1,44 @@
 //! glTF files (`.gltf`, `.glb`) to scene parts. The only user of the crate gltf, and the only place that knows
 //! perceptual roughness.
+//!
+//! The crate gives typed JSON and a check of indices; lengths, types and numbers are checked here, before anything is
+//! read or allocated by them. Meshes come out in world space, one per primitive and instance; materials keep their
+//! order.
 
+mod accessors;
 mod error;
+mod files;
+mod lights;
+mod materials;
+mod mesh;
+mod nodes;
+mod textures;
 
 pub use error::LoadError;
 
 use super::SceneParts;
 use crate::bsdf::Distribution;
+use accessors::Data;
+use error::{Fault, Result, Warnings, fault, place};
+use files::{Container, Files};
+use gltf::json::Root;
+use gltf::json::mesh::Semantic;
+use gltf::json::validation::{Checked, Error as Broken, Validate};
+use std::borrow::Cow;
 use std::path::Path;
+
+/// The extensions this loader acts on.
+const SUPPORTED: [&str; 9] = [
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
 
 /// What a file does not say.
 #[derive(Clone, Copy, Debug)]
@@ -35,12 +66,162 @@ pub struct Loaded {
     pub digest: [u8; 32],
 }
 
-/// Reads a scene. Nothing in the file can make it panic or allocate much more than the file's own size.
-pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
-    let _ = options;
-    Err(LoadError::Invalid {
+/// Reads a scene. Nothing in the file can make it panic or allocate without measure.
+pub fn load(path: &Path, options: &LoadOptions) -> std::result::Result<Loaded, LoadError> {
+    let bytes = files::read_file(path).map_err(|source| LoadError::Io {
         path: path.to_owned(),
-        place: "file".to_owned(),
-        what: "glTF files cannot be read yet".to_owned(),
+        source,
+    })?;
+    scene(path, &bytes, options).map_err(|fault| fault.of(path))
+}
+
+fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
+    let mut warnings = Warnings::default();
+    let container = Container::new(bytes)?;
+    let head = head(container.json, &mut warnings)?;
+    let root: Root = gltf::json::deserialize::from_slice(container.json)
+        .map_err(|e| fault("JSON", e.to_string()))?;
+    validate(&root)?;
+    let mut files = Files::new(path, bytes);
+    let data = Data {
+        buffers: buffers(&root, container.binary, &mut files)?,
+        quantised: head
+            .extensions_used
+            .iter()
+            .any(|e| e == "KHR_mesh_quantization"),
+        root: &root,
+    };
+    data.check()?;
+    if !root.animations.is_empty() {
+        warnings.say("animations are ignored: the scene is shown at rest");
+    }
+    let nodes = nodes::placed(&root)?;
+    let mut requests = textures::Requests::default();
+    let (mut materials, slots) =
+        materials::materials(&root, options.distribution, &mut requests, &mut warnings)?;
+    let meshes = mesh::meshes(&data, &nodes, &slots, &mut warnings)?;
+    let default = materials.len() - 1;
+    if !meshes.iter().any(|m| m.material as usize == default) {
+        materials.truncate(default);
+    }
+    let parts = SceneParts {
+        meshes,
+        materials,
+        lights: lights::lights(&root, &nodes, &mut warnings)?,
+        cameras: lights::cameras(&root, &nodes, &mut warnings)?,
+        textures: requests.textures(&data, &mut files)?,
+        environment: None,
+    };
+    Ok(Loaded {
+        parts,
+        warnings: warnings.into_lines(),
+        digest: files.digest(),
     })
+}
+
+/// The part of a file that says whether the rest can be understood.
+#[derive(serde::Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Head {
+    asset: Asset,
+    #[serde(default)]
+    extensions_used: Vec<String>,
+    #[serde(default)]
+    extensions_required: Vec<String>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Asset {
+    version: String,
+    min_version: Option<String>,
+}
+
+fn head(json: &[u8], warnings: &mut Warnings) -> Result<Head> {
+    let head: Head = serde_json::from_slice(json).map_err(|e| fault("JSON", e.to_string()))?;
+    let version = &head.asset.version;
+    if !version.starts_with("2.") {
+        return Err(fault("asset.version", format!("`{version}` is not 2.0")));
+    }
+    if let Some(least) = head.asset.min_version.as_ref().filter(|v| *v != "2.0") {
+        return Err(fault("asset.minVersion", format!("`{least}` is not 2.0")));
+    }
+    let unknown = |e: &&String| !SUPPORTED.contains(&e.as_str());
+    if let Some(name) = head.extensions_required.iter().find(unknown) {
+        return Err(Fault::Extension { name: name.clone() });
+    }
+    for name in head.extensions_used.iter().filter(unknown) {
+        warnings.say(format!(
+            "extensionsUsed: {name} is not supported and is ignored"
+        ));
+    }
+    Ok(head)
+}
+
+/// The crate's own check: indices in range, known enumerators, properties present.
+fn validate(root: &Root) -> Result<()> {
+    // That check would panic on this one index.
+    for (m, mesh) in root.meshes.iter().enumerate() {
+        for (p, primitive) in mesh.primitives.iter().enumerate() {
+            let position = primitive
+                .attributes
+                .get(&Checked::Valid(Semantic::Positions));
+            if position.is_some_and(|i| i.value() >= root.accessors.len()) {
+                let at = place("meshes", m, mesh.name.as_ref());
+                let what = "POSITION: index out of range";
+                return Err(fault(format!("{at}.primitives[{p}].attributes"), what));
+            }
+        }
+    }
+    let mut first = None;
+    root.validate(root, gltf::json::Path::new, &mut |path, error| {
+        if first.is_some() {
+            return;
+        }
+        let at = path().as_str().to_owned();
+        let bounds = at.ends_with(".min") || at.ends_with(".max");
+        let judged = error == Broken::Unsupported || bounds && error == Broken::Missing;
+        if !judged {
+            first = Some((at, error));
+        }
+    });
+    match first {
+        None => Ok(()),
+        Some((at, Broken::IndexOutOfBounds)) => Err(fault(at, "index out of range")),
+        Some((at, Broken::Missing)) => Err(fault(at, "is missing")),
+        Some((at, error)) => Err(fault(at, error.to_string().to_lowercase())),
+    }
+}
+
+fn buffers<'a>(
+    root: &Root,
+    binary: Option<&'a [u8]>,
+    files: &mut Files,
+) -> Result<Vec<Cow<'a, [u8]>>> {
+    let mut buffers = Vec::new();
+    for (i, buffer) in root.buffers.iter().enumerate() {
+        let at = place("buffers", i, buffer.name.as_ref());
+        let bytes = match (&buffer.uri, binary) {
+            (Some(uri), _) => Cow::Owned(files.read(uri, &at)?),
+            (None, Some(chunk)) if i == 0 => Cow::Borrowed(chunk),
+            (None, _) => return Err(fault(at, "has no uri, and the file no binary chunk for it")),
+        };
+        let length = buffer.byte_length.0;
+        if (bytes.len() as u64) < length {
+            let what = format!(
+                "byteLength is {length}, but there are {} bytes",
+                bytes.len()
+            );
+            return Err(fault(at, what));
+        }
+        // What follows is padding.
+        buffers.push(match bytes {
+            Cow::Borrowed(b) => Cow::Borrowed(&b[..length as usize]),
+            Cow::Owned(mut b) => {
+                b.truncate(length as usize);
+                Cow::Owned(b)
+            }
+        });
+    }
+    Ok(buffers)
 }

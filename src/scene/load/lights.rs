@@ -1,0 +1,181 @@
+//! Cameras and lights without area.
+
+use super::error::{Result, Warnings, fault, place};
+use super::nodes::Placed;
+use crate::math::{Frame, Rgb, Vec3};
+use crate::scene::camera::Projection;
+use crate::scene::{Camera, PunctualLight};
+use gltf::json::Root;
+use gltf::json::camera::Type as Lens;
+use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type as Kind};
+use gltf::json::validation::Checked;
+use std::f32::consts::{FRAC_PI_2, PI};
+
+/// The cameras of the nodes, in the order of the file's cameras.
+pub(super) fn cameras(
+    root: &Root,
+    nodes: &[Placed<'_>],
+    warnings: &mut Warnings,
+) -> Result<Vec<Camera>> {
+    let mut cameras = Vec::new();
+    for placed in nodes {
+        let Some(index) = placed.node.camera.map(|c| c.value()) else {
+            continue;
+        };
+        let Some(camera) = root.cameras.get(index) else {
+            return Err(fault(
+                &placed.place,
+                format!("cameras[{index}] does not exist"),
+            ));
+        };
+        let at = place("cameras", index, camera.name.as_ref());
+        let (projection, aspect) = projection(camera, &at)?;
+        let Some(frame) = upright(placed) else {
+            warnings.say(format!(
+                "{}: its camera has no direction and is left out",
+                placed.place
+            ));
+            continue;
+        };
+        let name = placed.node.name.clone().or_else(|| camera.name.clone());
+        cameras.push((
+            index,
+            Camera {
+                name: name.unwrap_or_else(|| format!("camera {index}")),
+                position: placed.pose.translation.as_vec3(),
+                frame,
+                projection,
+                aspect,
+            },
+        ));
+    }
+    cameras.sort_by_key(|(index, _)| *index);
+    Ok(cameras.into_iter().map(|(_, camera)| camera).collect())
+}
+
+fn projection(camera: &gltf::json::Camera, at: &str) -> Result<(Projection, Option<f32>)> {
+    let positive = |x: f32, name: &str| match x.is_finite() && x > 0.0 {
+        true => Ok(x),
+        false => Err(fault(at, format!("{name} is {x}, not a positive number"))),
+    };
+    match (&camera.type_, &camera.perspective, &camera.orthographic) {
+        (Checked::Valid(Lens::Perspective), Some(lens), _) => {
+            let yfov = positive(lens.yfov, "yfov")?;
+            if yfov >= PI {
+                return Err(fault(at, format!("yfov is {yfov}, not below π")));
+            }
+            let aspect = lens
+                .aspect_ratio
+                .map(|a| positive(a, "aspectRatio"))
+                .transpose()?;
+            let tan_half_y = (0.5 * yfov).tan();
+            Ok((Projection::Perspective { tan_half_y }, aspect))
+        }
+        (Checked::Valid(Lens::Orthographic), _, Some(lens)) => {
+            let half_height = positive(lens.ymag, "ymag")?;
+            let aspect = positive(positive(lens.xmag, "xmag")? / half_height, "xmag / ymag")?;
+            Ok((Projection::Orthographic { half_height }, Some(aspect)))
+        }
+        _ => Err(fault(at, "lacks the properties of its type")),
+    }
+}
+
+/// The axes of a node's pose without its scale, mirroring included `[glTF §3.10.1]`; `None` if they are gone.
+fn upright(placed: &Placed<'_>) -> Option<Frame> {
+    let m = placed.pose.matrix3;
+    let n = m.z_axis.try_normalize()?;
+    let s = m.y_axis.cross(n).try_normalize()?;
+    Some(Frame {
+        s: s.as_vec3(),
+        t: n.cross(s).as_vec3(),
+        n: n.as_vec3(),
+    })
+}
+
+/// The lights of the nodes.
+pub(super) fn lights(
+    root: &Root,
+    nodes: &[Placed<'_>],
+    warnings: &mut Warnings,
+) -> Result<Vec<PunctualLight>> {
+    let all = (root.extensions.as_ref()).and_then(|e| e.khr_lights_punctual.as_ref());
+    let all = all.map_or(&[][..], |l| &l.lights);
+    let mut lights = Vec::new();
+    for placed in nodes {
+        let light = (placed.node.extensions.as_ref()).and_then(|e| e.khr_lights_punctual.as_ref());
+        let Some(index) = light.map(|l| l.light.value()) else {
+            continue;
+        };
+        let Some(light) = all.get(index) else {
+            return Err(fault(
+                &placed.place,
+                format!("light {index} does not exist"),
+            ));
+        };
+        let at = place(
+            "extensions.KHR_lights_punctual.lights",
+            index,
+            light.name.as_ref(),
+        );
+        let direction = -placed.pose.matrix3.z_axis;
+        match direction.try_normalize() {
+            None if !matches!(light.type_, Checked::Valid(Kind::Point)) => {
+                warnings.say(format!(
+                    "{}: its light has no direction and is left out",
+                    placed.place
+                ));
+            }
+            direction => {
+                let direction = direction.unwrap_or_default().as_vec3();
+                let position = placed.pose.translation.as_vec3();
+                lights.push(punctual(light, position, direction, &at)?);
+            }
+        }
+    }
+    Ok(lights)
+}
+
+/// Candela and lux are taken as W/sr and W/m².
+fn punctual(light: &Light, position: Vec3, direction: Vec3, at: &str) -> Result<PunctualLight> {
+    let power = Rgb::from(light.color) * light.intensity;
+    if !power.is_finite() || power.min_element() < 0.0 {
+        let what = "color times intensity is negative or not finite";
+        return Err(fault(at, what));
+    }
+    let range = light.range.unwrap_or(f32::INFINITY);
+    if range.is_nan() || range <= 0.0 {
+        return Err(fault(at, format!("range is {range}, not above 0")));
+    }
+    match light.type_ {
+        Checked::Valid(Kind::Point) => Ok(PunctualLight::Point {
+            position,
+            intensity: power,
+            range,
+        }),
+        Checked::Valid(Kind::Directional) => Ok(PunctualLight::Directional {
+            direction,
+            irradiance: power,
+        }),
+        Checked::Valid(Kind::Spot) => {
+            let (inner, outer) = (light.spot.as_ref()).map_or((0.0, PI / 4.0), |s| {
+                (s.inner_cone_angle, s.outer_cone_angle)
+            });
+            // A right angle, rounded by a writer, may come out a bit wider.
+            let right = (0.0..=outer).contains(&inner) && outer <= FRAC_PI_2 + 1e-4 && outer > 0.0;
+            if !right {
+                let what =
+                    format!("cone angles {inner} and {outer} are not 0 ≤ inner < outer ≤ π/2");
+                return Err(fault(at, what));
+            }
+            Ok(PunctualLight::Spot {
+                position,
+                direction,
+                intensity: power,
+                range,
+                cos_inner: inner.cos(),
+                cos_outer: outer.cos(),
+            })
+        }
+        Checked::Invalid => Err(fault(at, "unknown type")),
+    }
+}

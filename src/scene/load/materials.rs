@@ -1,0 +1,281 @@
+//! Materials: factors, extensions, and which textures they use.
+
+use super::error::{Result, Warnings, fault, place};
+use super::mesh::Slot;
+use super::textures::Requests;
+use crate::bsdf::Distribution;
+use crate::math::Rgb;
+use crate::scene::Material;
+use crate::scene::material::{AlphaMode, TextureRef};
+use glam::{Affine2, Vec2};
+use gltf::json::extensions::material as ext;
+use gltf::json::extensions::texture::TextureTransform;
+use gltf::json::material::AlphaMode as Alpha;
+use gltf::json::texture::Info;
+use gltf::json::validation::Checked;
+use gltf::json::{self, Root};
+
+/// All materials in file order, and the one of primitives without a material, last.
+pub(super) fn materials(
+    root: &Root,
+    distribution: Distribution,
+    requests: &mut Requests,
+    warnings: &mut Warnings,
+) -> Result<(Vec<Material>, Vec<Slot>)> {
+    let default = json::Material::default();
+    let mut materials = Vec::new();
+    let mut slots = Vec::new();
+    for (i, source) in root.materials.iter().chain([&default]).enumerate() {
+        let mut reader = Reader {
+            root,
+            at: place("materials", i, source.name.as_ref()),
+            requests: &mut *requests,
+            warnings: &mut *warnings,
+            uv_set: None,
+        };
+        let material = Material {
+            distribution,
+            ..reader.material(source)?
+        };
+        slots.push(Slot {
+            material: i as u32,
+            uv_set: reader.uv_set.unwrap_or(0),
+        });
+        materials.push(material);
+    }
+    Ok((materials, slots))
+}
+
+/// Reads one material.
+struct Reader<'a> {
+    root: &'a Root,
+    at: String,
+    requests: &'a mut Requests,
+    warnings: &'a mut Warnings,
+    /// The set of texture coordinates of the first texture; a mesh of ours has one.
+    uv_set: Option<u32>,
+}
+
+impl Reader<'_> {
+    fn material(&mut self, m: &json::Material) -> Result<Material> {
+        let pbr = &m.pbr_metallic_roughness;
+        let [r, g, b, opacity] = pbr.base_color_factor.0;
+        let color = [
+            self.fraction("baseColorFactor", r)?,
+            self.fraction("baseColorFactor", g)?,
+            self.fraction("baseColorFactor", b)?,
+        ];
+        let roughness = self.fraction("roughnessFactor", pbr.roughness_factor.0)?;
+        let mut out = Material {
+            name: m.name.clone().unwrap_or_default(),
+            base_color: color.into(),
+            opacity: self.fraction("baseColorFactor", opacity)?,
+            alpha_mode: self.alpha_mode(m)?,
+            metallic: self.fraction("metallicFactor", pbr.metallic_factor.0)?,
+            // The file's roughness is perceptual [glTF §3.9.2]: this is the only place that knows.
+            alpha: roughness * roughness,
+            emission: self.colour("emissiveFactor", m.emissive_factor.0)?,
+            double_sided: m.double_sided,
+            base_color_texture: self.info(
+                "baseColorTexture",
+                pbr.base_color_texture.as_ref(),
+                true,
+            )?,
+            metallic_roughness_texture: self.info(
+                "metallicRoughnessTexture",
+                pbr.metallic_roughness_texture.as_ref(),
+                false,
+            )?,
+            emissive_texture: self.info("emissiveTexture", m.emissive_texture.as_ref(), true)?,
+            ..Material::default()
+        };
+        if let Some(normal) = &m.normal_texture {
+            self.normal_map(normal, &mut out)?;
+        }
+        if let Some(extensions) = &m.extensions {
+            self.extensions(extensions, &mut out)?;
+        }
+        Ok(out)
+    }
+
+    fn extensions(&mut self, e: &ext::Material, out: &mut Material) -> Result<()> {
+        if let Some(strength) = &e.emissive_strength {
+            out.emission *= self.positive("emissiveStrength", strength.emissive_strength.0)?;
+        }
+        if let Some(ior) = &e.ior {
+            out.ior = ior.ior.0;
+            if !(out.ior.is_finite() && (out.ior == 0.0 || out.ior >= 1.0)) {
+                let what = format!("ior is {}, neither 0 nor at least 1", out.ior);
+                return Err(fault(&self.at, what));
+            }
+        }
+        if let Some(specular) = &e.specular {
+            let factor = self.fraction("specularFactor", specular.specular_factor.0)?;
+            out.specular =
+                factor * self.colour("specularColorFactor", specular.specular_color_factor.0)?;
+            if specular.specular_texture.is_some() || specular.specular_color_texture.is_some() {
+                self.warnings
+                    .say(format!("{}: specular textures are ignored", self.at));
+            }
+        }
+        if let Some(transmission) = &e.transmission {
+            out.transmission =
+                self.fraction("transmissionFactor", transmission.transmission_factor.0)?;
+            out.transmission_texture = self.info(
+                "transmissionTexture",
+                transmission.transmission_texture.as_ref(),
+                false,
+            )?;
+        }
+        if let Some(volume) = &e.volume {
+            out.solid = self.positive("thicknessFactor", volume.thickness_factor.0)? > 0.0;
+            out.absorption = self.absorption(volume)?;
+        }
+        if out.ior == 0.0 {
+            // An infinite index: everything is reflected [KHR_materials_ior].
+            out.transmission = 0.0;
+        }
+        if e.unlit.is_some() {
+            self.warnings
+                .say("KHR_materials_unlit: shown as emission, which also lights the scene");
+            *out = Material {
+                emission: out.base_color,
+                emissive_texture: out.base_color_texture,
+                base_color: Rgb::ZERO,
+                specular: Rgb::ZERO,
+                metallic: 0.0,
+                transmission: 0.0,
+                double_sided: true,
+                normal_texture: None,
+                ..std::mem::take(out)
+            };
+        }
+        Ok(())
+    }
+
+    /// Beer-Lambert: what is left of white after the attenuation distance is the attenuation colour
+    /// [KHR_materials_volume].
+    fn absorption(&self, volume: &ext::Volume) -> Result<Rgb> {
+        let distance = volume.attenuation_distance.0;
+        if distance.is_nan() || distance <= 0.0 {
+            let what = format!("attenuationDistance is {distance}, not above 0");
+            return Err(fault(&self.at, what));
+        }
+        let mut absorption = Rgb::ZERO;
+        for (i, c) in volume.attenuation_color.0.into_iter().enumerate() {
+            // Black would absorb infinitely fast, and 0 · ∞ is not a number.
+            let left = self.fraction("attenuationColor", c)?.max(f32::MIN_POSITIVE);
+            absorption[i] = (-left.ln() / distance).clamp(0.0, f32::MAX);
+        }
+        Ok(absorption)
+    }
+
+    fn alpha_mode(&self, m: &json::Material) -> Result<AlphaMode> {
+        match m.alpha_mode {
+            Checked::Valid(Alpha::Opaque) => Ok(AlphaMode::Opaque),
+            Checked::Valid(Alpha::Blend) => Ok(AlphaMode::Blend),
+            Checked::Valid(Alpha::Mask) => {
+                let cutoff = m.alpha_cutoff.map_or(0.5, |c| c.0);
+                Ok(AlphaMode::Mask(self.positive("alphaCutoff", cutoff)?))
+            }
+            Checked::Invalid => Err(fault(&self.at, "unknown alphaMode")),
+        }
+    }
+
+    /// A number from 0 to 1; a little rounding beyond is forgiven.
+    fn fraction(&self, name: &str, x: f32) -> Result<f32> {
+        if !(-1e-3..=1.001).contains(&x) {
+            return Err(fault(&self.at, format!("{name} is {x}, not from 0 to 1")));
+        }
+        Ok(x.clamp(0.0, 1.0))
+    }
+
+    /// A finite number that is not negative.
+    fn positive(&self, name: &str, x: f32) -> Result<f32> {
+        if !x.is_finite() || x < 0.0 {
+            return Err(fault(
+                &self.at,
+                format!("{name} is {x}, negative or not finite"),
+            ));
+        }
+        Ok(x)
+    }
+
+    fn colour(&self, name: &str, c: [f32; 3]) -> Result<Rgb> {
+        c.into_iter()
+            .try_for_each(|x| self.positive(name, x).map(drop))?;
+        Ok(c.into())
+    }
+
+    fn info(&mut self, name: &str, info: Option<&Info>, srgb: bool) -> Result<Option<TextureRef>> {
+        let Some(info) = info else {
+            return Ok(None);
+        };
+        let transform = (info.extensions.as_ref()).and_then(|e| e.texture_transform.as_ref());
+        self.texture(name, info.index.value(), info.tex_coord, transform, srgb)
+            .map(Some)
+    }
+
+    fn normal_map(
+        &mut self,
+        normal: &json::material::NormalTexture,
+        out: &mut Material,
+    ) -> Result<()> {
+        // The crate leaves this one use of the extension untyped.
+        let value =
+            (normal.extensions.as_ref()).and_then(|e| e.others.get("KHR_texture_transform"));
+        let transform = value
+            .map(|v| json::deserialize::from_value::<TextureTransform>(v.clone()))
+            .transpose()
+            .map_err(|e| fault(format!("{}.normalTexture", self.at), e.to_string()))?;
+        let (index, set) = (normal.index.value(), normal.tex_coord);
+        out.normal_texture =
+            Some(self.texture("normalTexture", index, set, transform.as_ref(), false)?);
+        if !normal.scale.is_finite() {
+            return Err(fault(&self.at, "normalTexture.scale is not finite"));
+        }
+        out.normal_scale = normal.scale;
+        Ok(())
+    }
+
+    fn texture(
+        &mut self,
+        name: &str,
+        index: usize,
+        set: u32,
+        transform: Option<&TextureTransform>,
+        srgb: bool,
+    ) -> Result<TextureRef> {
+        let set = transform.and_then(|t| t.tex_coord).unwrap_or(set);
+        if *self.uv_set.get_or_insert(set) != set {
+            let line = format!(
+                "{}.{name}: textures of one material share its first TEXCOORD set",
+                self.at
+            );
+            self.warnings.say(line);
+        }
+        let affine = transform.map_or(Affine2::IDENTITY, |t| {
+            // Counter-clockwise with v pointing down. The extension's listing turns the other way; its prose, its test
+            // model and the viewers agree on this one (KhronosGroup/glTF#1563).
+            let angle = -t.rotation.0;
+            Affine2::from_scale_angle_translation(
+                Vec2::from(t.scale.0),
+                angle,
+                Vec2::from(t.offset.0),
+            )
+        });
+        if !affine.is_finite() {
+            return Err(fault(
+                format!("{}.{name}", self.at),
+                "KHR_texture_transform is not finite",
+            ));
+        }
+        let texture = self
+            .requests
+            .texture(self.root, index, srgb, self.warnings)?;
+        Ok(TextureRef {
+            texture,
+            transform: affine,
+        })
+    }
+}

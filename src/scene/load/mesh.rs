@@ -1,0 +1,349 @@
+//! Primitives to meshes: topologies, attributes, poses.
+
+use super::accessors::Data;
+use super::error::{Result, Warnings, fault, place};
+use super::nodes::Placed;
+use crate::math::{Vec2, Vec3};
+use crate::scene::Mesh;
+use glam::{DAffine3, DMat3, DVec3, Vec4};
+use gltf::json::accessor::ComponentType::{F32, I8, I16, U8, U16};
+use gltf::json::mesh::{Mode, Primitive, Semantic};
+use gltf::json::validation::Checked;
+
+/// The most vertices, and the most triangles, a scene may have. Instances and shared accessors let a small file ask for
+/// any number.
+const MAX_ELEMENTS: u64 = 1 << 26;
+
+/// What meshes need to know of a material.
+#[derive(Clone, Copy)]
+pub(super) struct Slot {
+    /// Index into `SceneParts::materials`.
+    pub(super) material: u32,
+    /// Which set of texture coordinates its textures use.
+    pub(super) uv_set: u32,
+}
+
+/// A primitive of a node.
+struct Instance<'a> {
+    primitive: &'a Primitive,
+    pose: DAffine3,
+    /// Of the primitive.
+    place: String,
+    node: &'a str,
+}
+
+/// All meshes of the nodes, one per primitive and instance, in world space. `slots` holds one entry per material of the
+/// file and, last, the default material's.
+pub(super) fn meshes(
+    data: &Data<'_>,
+    nodes: &[Placed<'_>],
+    slots: &[Slot],
+    warnings: &mut Warnings,
+) -> Result<Vec<Mesh>> {
+    let mut instances = Vec::new();
+    let (mut vertices, mut triangles) = (0u64, 0u64);
+    for placed in nodes {
+        let Some(index) = placed.node.mesh.map(|m| m.value()) else {
+            continue;
+        };
+        let Some(mesh) = data.root.meshes.get(index) else {
+            return Err(fault(
+                &placed.place,
+                format!("meshes[{index}] does not exist"),
+            ));
+        };
+        let at = place("meshes", index, mesh.name.as_ref());
+        if placed.node.skin.is_some() {
+            warnings.say("skins are ignored: meshes are shown in their rest pose");
+        }
+        for (k, primitive) in mesh.primitives.iter().enumerate() {
+            let place = format!("{at}.primitives[{k}]");
+            let (v, t) = size(data, primitive);
+            (vertices, triangles) = (vertices.saturating_add(v), triangles.saturating_add(t));
+            if vertices.max(triangles) > MAX_ELEMENTS {
+                let what =
+                    format!("more than {MAX_ELEMENTS} vertices or triangles in the scene so far");
+                return Err(fault(place, what));
+            }
+            instances.push(Instance {
+                primitive,
+                pose: placed.pose,
+                place,
+                node: &placed.place,
+            });
+        }
+    }
+    let meshes = instances
+        .iter()
+        .filter_map(|instance| mesh(data, instance, slots, warnings).transpose());
+    meshes.collect()
+}
+
+/// Number of vertices and an upper bound of triangles, from counts alone.
+fn size(data: &Data<'_>, primitive: &Primitive) -> (u64, u64) {
+    let vertices = accessor(primitive, Semantic::Positions).map_or(0, |i| data.count(i));
+    let corners = primitive
+        .indices
+        .map_or(vertices, |i| data.count(i.value()));
+    let triangles = match primitive.mode {
+        Checked::Valid(Mode::TriangleStrip | Mode::TriangleFan) => corners,
+        _ => corners / 3,
+    };
+    (vertices, triangles)
+}
+
+fn accessor(primitive: &Primitive, semantic: Semantic) -> Option<usize> {
+    (primitive.attributes.get(&Checked::Valid(semantic))).map(|i| i.value())
+}
+
+fn mesh(
+    data: &Data<'_>,
+    instance: &Instance<'_>,
+    slots: &[Slot],
+    warnings: &mut Warnings,
+) -> Result<Option<Mesh>> {
+    let Instance {
+        primitive, place, ..
+    } = instance;
+    let triangular = matches!(
+        primitive.mode,
+        Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
+    );
+    if !triangular {
+        warnings.say(format!("{place}: points and lines are not shown"));
+        return Ok(None);
+    }
+    let slot = primitive.material.map_or(slots.len() - 1, |m| m.value());
+    let Some(&Slot { material, uv_set }) = slots.get(slot) else {
+        return Err(fault(place, format!("materials[{slot}] does not exist")));
+    };
+    note_ignored(primitive, warnings);
+    let mut mesh = attributes(data, instance, uv_set, warnings)?;
+    let corners = match primitive.indices {
+        None => (0..mesh.positions.len() as u32).collect(),
+        Some(i) => data.indices(i.value())?,
+    };
+    let count = mesh.positions.len();
+    if let Some(index) = corners.iter().find(|&&i| i as usize >= count) {
+        let what = format!("index {index} is not below the {count} vertices");
+        return Err(fault(format!("{place}.indices"), what));
+    }
+    mesh.indices = faces(&primitive.mode, &corners, place, warnings);
+    mesh.material = material;
+    put(&mut mesh, instance)?;
+    Ok(Some(mesh))
+}
+
+fn note_ignored(primitive: &Primitive, warnings: &mut Warnings) {
+    if primitive.targets.as_ref().is_some_and(|t| !t.is_empty()) {
+        warnings.say("morph targets are ignored: meshes are shown in their rest pose");
+    }
+    if accessor(primitive, Semantic::Colors(0)).is_some() {
+        warnings.say("vertex colours are ignored");
+    }
+}
+
+fn attributes(
+    data: &Data<'_>,
+    instance: &Instance<'_>,
+    uv_set: u32,
+    warnings: &mut Warnings,
+) -> Result<Mesh> {
+    let Instance {
+        primitive, place, ..
+    } = instance;
+    let all = [F32, I8, U8, I16, U16];
+    let Some(index) = accessor(primitive, Semantic::Positions) else {
+        return Err(fault(place, "has no POSITION"));
+    };
+    let positions = data.floats::<3>(index, &all)?;
+    if let Some(i) = positions
+        .iter()
+        .position(|p| !p.iter().all(|x| x.is_finite()))
+    {
+        let what = format!("position {i} is not finite (accessors[{index}])");
+        return Err(fault(format!("{place}.attributes.POSITION"), what));
+    }
+    let mut mesh = Mesh {
+        positions: positions.into_iter().map(Vec3::from).collect(),
+        ..Mesh::default()
+    };
+    let mut reader = Optional {
+        data,
+        place,
+        count: mesh.positions.len(),
+        warnings,
+    };
+    if let Some(index) = accessor(primitive, Semantic::Normals) {
+        let normals = reader.read::<3>(index, "NORMAL", &[F32, I8, I16])?;
+        mesh.normals = normals.into_iter().map(Vec3::from).collect();
+        // Tangents without normals are to be ignored [glTF §3.7.2.1].
+        if let Some(index) = accessor(primitive, Semantic::Tangents) {
+            let tangents = reader.read::<4>(index, "TANGENT", &[F32, I8, I16])?;
+            mesh.tangents = tangents.into_iter().map(Vec4::from).collect();
+        }
+    }
+    if let Some(index) = accessor(primitive, Semantic::TexCoords(uv_set)) {
+        let uvs = reader.read::<2>(index, "TEXCOORD", &all)?;
+        mesh.uvs = uvs.into_iter().map(Vec2::from).collect();
+    }
+    Ok(mesh)
+}
+
+/// Reads attributes that a mesh could do without.
+struct Optional<'a, 'b> {
+    data: &'a Data<'b>,
+    place: &'a str,
+    count: usize,
+    warnings: &'a mut Warnings,
+}
+
+impl Optional<'_, '_> {
+    fn read<const N: usize>(
+        &mut self,
+        index: usize,
+        name: &str,
+        allowed: &[gltf::json::accessor::ComponentType],
+    ) -> Result<Vec<[f32; N]>> {
+        let mut values = self.data.floats::<N>(index, allowed)?;
+        if values.len() != self.count {
+            let what = format!(
+                "{} values for {} vertices (accessors[{index}])",
+                values.len(),
+                self.count
+            );
+            return Err(fault(format!("{}.attributes.{name}", self.place), what));
+        }
+        let mut bad = 0;
+        for value in values
+            .iter_mut()
+            .filter(|v| !v.iter().all(|x| x.is_finite()))
+        {
+            *value = [0.0; N];
+            bad += 1;
+        }
+        if bad > 0 {
+            self.warnings.say(format!(
+                "accessors[{index}]: {bad} values are not finite; read as 0"
+            ));
+        }
+        Ok(values)
+    }
+}
+
+/// Triangles of a topology `[glTF §3.7.2.1]`. Corners left over are dropped.
+fn faces(
+    mode: &Checked<Mode>,
+    corners: &[u32],
+    place: &str,
+    warnings: &mut Warnings,
+) -> Vec<[u32; 3]> {
+    // Strips are stitched with triangles without area.
+    let spans = |[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
+    match mode {
+        Checked::Valid(Mode::TriangleStrip) => (corners.windows(3).enumerate())
+            .map(|(i, w)| {
+                if i % 2 == 0 {
+                    [w[0], w[1], w[2]]
+                } else {
+                    [w[0], w[2], w[1]]
+                }
+            })
+            .filter(spans)
+            .collect(),
+        Checked::Valid(Mode::TriangleFan) => {
+            let Some((&hub, rim)) = corners.split_first() else {
+                return Vec::new();
+            };
+            (rim.windows(2))
+                .map(|w| [w[0], w[1], hub])
+                .filter(spans)
+                .collect()
+        }
+        _ => {
+            let (faces, rest) = corners.as_chunks::<3>();
+            if !rest.is_empty() {
+                warnings.say(format!(
+                    "{place}: {} corners left over are ignored",
+                    rest.len()
+                ));
+            }
+            faces.to_vec()
+        }
+    }
+}
+
+/// Moves a mesh to its place in the world. A pose that mirrors turns the winding round, so that the front stays the
+/// front `[glTF §3.7.4]`.
+fn put(mesh: &mut Mesh, instance: &Instance<'_>) -> Result<()> {
+    let pose = &instance.pose;
+    let m = pose.matrix3;
+    let mirrored = m.determinant() < 0.0;
+    let sign = if mirrored { -1.0 } else { 1.0 };
+    let normal_matrix = cofactors(&m) * sign;
+    for p in &mut mesh.positions {
+        *p = pose.transform_point3(p.as_dvec3()).as_vec3();
+        if !p.is_finite() {
+            let what = format!(
+                "a position of {} is not finite in the world",
+                instance.place
+            );
+            return Err(fault(instance.node, what));
+        }
+    }
+    for n in &mut mesh.normals {
+        *n = unit(normal_matrix * n.as_dvec3());
+    }
+    for t in &mut mesh.tangents {
+        let hand = if (t.w < 0.0) == mirrored { 1.0 } else { -1.0 };
+        *t = unit(m * t.truncate().as_dvec3()).extend(hand);
+    }
+    if mirrored {
+        mesh.indices
+            .iter_mut()
+            .for_each(|[_, b, c]| std::mem::swap(b, c));
+    }
+    Ok(())
+}
+
+/// What normals transform by, up to a factor: the inverse transpose, but there for flattening matrices too.
+fn cofactors(m: &DMat3) -> DMat3 {
+    let (x, y, z) = (m.x_axis, m.y_axis, m.z_axis);
+    DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y))
+}
+
+/// The unit vector, or zero where there is no direction. Vectors that are unit already keep their bits.
+fn unit(v: DVec3) -> Vec3 {
+    if (v.length_squared() - 1.0).abs() < 1e-6 {
+        v.as_vec3()
+    } else {
+        v.normalize_or_zero().as_vec3()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strips_and_fans_keep_their_winding() {
+        let faces = |mode, n| {
+            let corners: Vec<u32> = (0..n).collect();
+            faces(
+                &Checked::Valid(mode),
+                &corners,
+                "p",
+                &mut Warnings::default(),
+            )
+        };
+        assert_eq!(
+            faces(Mode::TriangleStrip, 5),
+            [[0, 1, 2], [1, 3, 2], [2, 3, 4]]
+        );
+        assert_eq!(faces(Mode::TriangleFan, 4), [[1, 2, 0], [2, 3, 0]]);
+        assert_eq!(faces(Mode::Triangles, 7), [[0, 1, 2], [3, 4, 5]]);
+        for mode in [Mode::TriangleStrip, Mode::TriangleFan, Mode::Triangles] {
+            assert!((0..3).all(|n| faces(mode, n).is_empty()));
+        }
+    }
+}

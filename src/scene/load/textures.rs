@@ -1,0 +1,147 @@
+//! Images, decoded once each, and the textures made of them.
+
+use super::accessors::Data;
+use super::error::{Result, Warnings, fault, place};
+use super::files::Files;
+use crate::scene::Texture;
+use crate::scene::texture::Wrap;
+use gltf::json::Root;
+use gltf::json::texture::{MagFilter, WrappingMode};
+use gltf::json::validation::Checked;
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use std::io::Cursor;
+
+/// The most texels of one image, and of all textures together: a few bytes of PNG can ask for any number.
+const MAX_TEXELS: [u64; 2] = [1 << 26, 1 << 28];
+
+/// What makes two uses of a file's textures one texture of ours.
+#[derive(Clone, Copy, PartialEq)]
+struct Key {
+    image: usize,
+    srgb: bool,
+    wrap: [Wrap; 2],
+}
+
+/// The textures that materials ask for.
+#[derive(Default)]
+pub(super) struct Requests {
+    keys: Vec<Key>,
+}
+
+impl Requests {
+    /// Asks for a texture of the file; the answer is its index in `SceneParts::textures`.
+    pub(super) fn texture(
+        &mut self,
+        root: &Root,
+        index: usize,
+        srgb: bool,
+        warnings: &mut Warnings,
+    ) -> Result<u32> {
+        let Some(texture) = root.textures.get(index) else {
+            return Err(fault(format!("textures[{index}]"), "does not exist"));
+        };
+        let at = place("textures", index, texture.name.as_ref());
+        let image = texture.source.value();
+        if image >= root.images.len() {
+            return Err(fault(at, "has no image"));
+        }
+        let mut wrap = [Wrap::Repeat; 2];
+        if let Some(sampler) = texture.sampler {
+            let Some(sampler) = root.samplers.get(sampler.value()) else {
+                return Err(fault(at, format!("samplers[{sampler}] does not exist")));
+            };
+            wrap = [mode(&sampler.wrap_s), mode(&sampler.wrap_t)];
+            if sampler.mag_filter == Some(Checked::Valid(MagFilter::Nearest)) {
+                warnings.say("nearest-texel filtering is not supported: textures are bilinear");
+            }
+        }
+        let key = Key { image, srgb, wrap };
+        let found = self.keys.iter().position(|k| *k == key);
+        Ok(found.unwrap_or_else(|| {
+            self.keys.push(key);
+            self.keys.len() - 1
+        }) as u32)
+    }
+
+    /// Reads and decodes the images asked for, in file order.
+    pub(super) fn textures(self, data: &Data<'_>, files: &mut Files) -> Result<Vec<Texture>> {
+        let mut textures = vec![Texture::default(); self.keys.len()];
+        let mut left = MAX_TEXELS[1];
+        for image in 0..data.root.images.len() {
+            let uses: Vec<usize> = (0..self.keys.len())
+                .filter(|&k| self.keys[k].image == image)
+                .collect();
+            if uses.is_empty() {
+                continue;
+            }
+            let at = place("images", image, data.root.images[image].name.as_ref());
+            let (width, height, texels) =
+                decoded(data, image, files, &at, left / uses.len() as u64)?;
+            left = left.saturating_sub(texels.len() as u64 * uses.len() as u64);
+            for k in uses {
+                let Key { srgb, wrap, .. } = self.keys[k];
+                textures[k] = Texture {
+                    width,
+                    height,
+                    texels: texels.clone(),
+                    srgb,
+                    wrap,
+                };
+            }
+        }
+        Ok(textures)
+    }
+}
+
+fn mode(wrap: &Checked<WrappingMode>) -> Wrap {
+    match wrap {
+        Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
+        Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
+        Checked::Valid(WrappingMode::Repeat) | Checked::Invalid => Wrap::Repeat,
+    }
+}
+
+type Picture = (u32, u32, Vec<[u8; 4]>);
+
+/// Width, height and texels of an image of at most `most` texels. The bytes decide the format, not the MIME type.
+fn decoded(
+    data: &Data<'_>,
+    index: usize,
+    files: &mut Files,
+    at: &str,
+    most: u64,
+) -> Result<Picture> {
+    let image = &data.root.images[index];
+    let owned;
+    let bytes = match (&image.uri, image.buffer_view) {
+        (Some(uri), _) => {
+            owned = files.read(uri, at)?;
+            &owned
+        }
+        (None, Some(view)) => data.view(view.value())?,
+        (None, None) => return Err(fault(at, "has neither a uri nor a bufferView")),
+    };
+    let bad = |e: image::ImageError| fault(at, format!("cannot be decoded: {e}"));
+    let format = image::guess_format(bytes).ok();
+    if !matches!(format, Some(ImageFormat::Png | ImageFormat::Jpeg)) {
+        return Err(fault(at, "is neither PNG nor JPEG"));
+    }
+    let mut reader = ImageReader::new(Cursor::new(bytes));
+    if let Some(format) = format {
+        reader.set_format(format);
+    }
+    let decoder = reader.into_decoder().map_err(bad)?;
+    let (width, height) = decoder.dimensions();
+    let texels = u64::from(width) * u64::from(height);
+    if texels == 0 || texels > most.min(MAX_TEXELS[0]) {
+        return Err(fault(
+            at,
+            format!("{width} x {height} texels are none or too many"),
+        ));
+    }
+    let pixels = DynamicImage::from_decoder(decoder)
+        .map_err(bad)?
+        .into_rgba8();
+    let (texels, _) = pixels.as_raw().as_chunks::<4>();
+    Ok((width, height, texels.to_vec()))
+}
