@@ -29,15 +29,17 @@ impl Distribution {
         let a2 = alpha * alpha;
         let x = t / a2;
         let one = T::constant(1.0);
-        // cos⁻⁴ = (1 + t)².
-        let quartic = (one + t) * (one + t);
         match self {
             // Written so that an x that is not a number is cut as well.
-            Self::Beckmann if x.value() < CUT => (-x).exp() * quartic / (T::constant(PI) * a2),
+            Self::Beckmann if x.value() < CUT => {
+                // cos⁻⁴ = (1 + t)².
+                (-x).exp() * (one + t) * (one + t) / (T::constant(PI) * a2)
+            }
             Self::Beckmann => T::constant(0.0),
             Self::Ggx if x.value() < f64::INFINITY => {
-                let b = one + x;
-                quartic / (T::constant(PI) * a2 * b * b)
+                // The square last: (1 + t)² alone overflows where both directions graze.
+                let b = (one + t) / (one + x);
+                b * b / (T::constant(PI) * a2)
             }
             Self::Ggx => T::constant(0.0),
         }
@@ -49,6 +51,8 @@ impl Distribution {
         if tan2 == 0.0 {
             return T::constant(0.0);
         }
+        // At the horizon the tangent is infinite, and a derivative would be 0 · ∞.
+        let tan2 = tan2.min(1e30);
         match self {
             Self::Beckmann => {
                 let a = T::constant(1.0) / (alpha * T::constant(tan2.sqrt()));

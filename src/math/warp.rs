@@ -46,3 +46,6 @@ pub fn sphere(u: Vec2) -> Vec3 {
     let phi = 2.0 * PI * u.y;
     Vec3::new(r * phi.cos(), r * phi.sin(), z)
 }
+
+/// Density of [`sphere`], per steradian.
+pub const SPHERE_PDF: f32 = 0.25 * FRAC_1_PI;

@@ -1,0 +1,146 @@
+//! Pearson's chi-square test of counts, and the integrals that tell what the counts should be.
+
+/// Cells expected less often than this are pooled: below it the statistic is no longer chi-square distributed.
+const LEAST: f64 = 10.0;
+
+/// Probability that a chi-square variable of `freedom` degrees exceeds `x`: the regularised upper incomplete gamma
+/// function Q(freedom/2, x/2), by Q(a + 1, y) = Q(a, y) + yᵃ e^(−y) / Γ(a + 1).
+pub(crate) fn upper_tail(x: f64, freedom: usize) -> f64 {
+    assert!(freedom > 0);
+    let y = 0.5 * x;
+    if y <= 0.0 {
+        return 1.0;
+    }
+    let odd = freedom % 2 == 1;
+    // Q, a, and ln Γ(a + 1) where the sum begins: a = ½ or 1.
+    let half_pi_root = 0.5 * std::f64::consts::PI.sqrt();
+    let (mut q, mut a, mut ln_gamma) = if odd {
+        (
+            1.0 - opsr::math::real::erf_f64(y.sqrt()),
+            0.5,
+            half_pi_root.ln(),
+        )
+    } else {
+        ((-y).exp(), 1.0, 0.0)
+    };
+    while a + 0.5 < 0.5 * freedom as f64 {
+        q += (a * y.ln() - y - ln_gamma).exp();
+        a += 1.0;
+        ln_gamma += a.ln();
+    }
+    q.clamp(0.0, 1.0)
+}
+
+/// How likely counts at least as far from `expected` are; the two sums are equal up to rounding.
+pub(crate) fn p_value(observed: &[u32], expected: &[f64]) -> f64 {
+    assert_eq!(observed.len(), expected.len());
+    let mut order: Vec<usize> = (0..expected.len()).collect();
+    order.sort_by(|&a, &b| expected[a].total_cmp(&expected[b]));
+    let (mut statistic, mut cells) = (0.0, 0usize);
+    let (mut o, mut e) = (0.0, 0.0);
+    let mut pooled_rest = 0.0;
+    for &i in &order {
+        o += f64::from(observed[i]);
+        e += expected[i];
+        if e >= LEAST {
+            statistic += (o - e) * (o - e) / e;
+            cells += 1;
+            (o, e) = (0.0, 0.0);
+        }
+    }
+    // Sorted by size, so something is left over only if everything together is rare.
+    pooled_rest += e;
+    assert!(pooled_rest < LEAST);
+    if cells < 2 {
+        return 1.0;
+    }
+    upper_tail(statistic, cells - 1)
+}
+
+/// ∫∫ f over a rectangle: three Gauss points a side, halved until both levels agree to `tolerance`. A rectangle in
+/// which f vanishes somewhere may be cut by an edge that no point has seen: it is halved twice at least.
+pub(crate) fn integrate(
+    f: &impl Fn(f64, f64) -> f64,
+    x: [f64; 2],
+    y: [f64; 2],
+    tolerance: f64,
+) -> f64 {
+    refine(f, [x, y], gauss(f, x, y).0, tolerance, DEPTH)
+}
+
+/// Halvings at most.
+const DEPTH: u32 = 6;
+
+fn refine(
+    f: &impl Fn(f64, f64) -> f64,
+    [x, y]: [[f64; 2]; 2],
+    coarse: f64,
+    tolerance: f64,
+    depth: u32,
+) -> f64 {
+    let (mx, my) = (0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]));
+    let parts = [
+        [[x[0], mx], [y[0], my]],
+        [[mx, x[1]], [y[0], my]],
+        [[x[0], mx], [my, y[1]]],
+        [[mx, x[1]], [my, y[1]]],
+    ];
+    let values = parts.map(|[x, y]| gauss(f, x, y));
+    let fine: f64 = values.iter().map(|v| v.0).sum();
+    let edge = depth > DEPTH - 2 && values.iter().any(|v| v.1);
+    if depth == 0 || (!edge && (fine - coarse).abs() < tolerance) {
+        return fine;
+    }
+    (parts.into_iter().zip(values))
+        .map(|(part, value)| refine(f, part, value.0, 0.5 * tolerance, depth - 1))
+        .sum()
+}
+
+/// The integral by nine points, and whether f is zero at one of them.
+fn gauss(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2]) -> (f64, bool) {
+    let node = 0.6f64.sqrt();
+    let rule = [(-node, 5.0 / 18.0), (0.0, 8.0 / 18.0), (node, 5.0 / 18.0)];
+    let at = |r: [f64; 2], t: f64| 0.5 * (r[0] + r[1] + t * (r[1] - r[0]));
+    let (mut sum, mut zero) = (0.0, false);
+    for (tx, wx) in rule {
+        for (ty, wy) in rule {
+            let value = f(at(x, tx), at(y, ty));
+            sum += wx * wy * value;
+            zero |= value == 0.0;
+        }
+    }
+    (sum * (x[1] - x[0]) * (y[1] - y[0]), zero)
+}
+
+#[test]
+fn upper_tail_has_the_values_of_the_tables() {
+    for (x, freedom, p) in [
+        (3.841_458_821, 1, 0.05),
+        (5.991_464_547, 2, 0.05),
+        (124.342_113_4, 100, 0.05),
+        (149.449_252_8, 100, 0.001),
+        (7.814_727_903, 3, 0.05),
+        (1_074.679_449, 1000, 0.05),
+    ] {
+        let found = upper_tail(x, freedom);
+        assert!((found / p - 1.0).abs() < 1e-6, "{x} {freedom}: {found}");
+    }
+}
+
+#[test]
+fn integrals_are_right_across_an_edge() {
+    let disk = integrate(
+        &|x, y| f64::from(x * x + y * y < 1.0),
+        [-1.0, 1.0],
+        [-1.0, 1.0],
+        1e-5,
+    );
+    assert!((disk - std::f64::consts::PI).abs() < 5e-3, "{disk}");
+    let gauss = integrate(
+        &|x, y| (-x * x - y * y).exp(),
+        [-6.0, 6.0],
+        [-6.0, 6.0],
+        1e-8,
+    );
+    assert!((gauss - std::f64::consts::PI).abs() < 1e-6, "{gauss}");
+}
