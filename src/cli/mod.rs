@@ -13,6 +13,7 @@ mod live;
 mod output;
 mod render;
 mod scene;
+mod scenes;
 mod stop;
 
 /// What the program's exit code says.
@@ -84,6 +85,8 @@ enum Command {
     Info(info::InfoArgs),
     /// Compare pictures with a reference.
     Compare(Box<compare::CompareArgs>),
+    /// The training scenes that the program carries as code.
+    Scenes(scenes::ScenesArgs),
 }
 
 /// Runs the program.
@@ -102,6 +105,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Info(args) => info::run(&args).map(|()| Exit::Done),
         Command::Compare(args) => compare::run(&args).map(|()| Exit::Done),
+        Command::Scenes(args) => scenes::run(&args).map(|()| Exit::Done),
     };
     let exit = result.unwrap_or_else(|error| {
         eprintln!("opsr: {error:#}");

@@ -13,6 +13,7 @@ pub mod environment;
 pub mod geometry;
 pub mod light;
 pub mod load;
+pub mod manifest;
 pub mod material;
 pub mod mesh;
 pub mod save;

@@ -10,4 +10,5 @@ mod metric;
 mod scenes;
 mod support;
 mod surface;
+mod training_scenes;
 mod transport;

@@ -1,5 +1,5 @@
 //! Procedural scenes: small ones with known answers for tests and documentation, and the scenes of
-//! `training_scenes/`, which are generated here too.
+//! `training_scenes/`, which [`training`] generates.
 //!
 //! ```
 //! let parts = opsr::scene::builtin::caustic_box();
@@ -9,9 +9,10 @@
 
 pub mod materials;
 pub mod shapes;
+pub mod training;
 
 use super::{Camera, Material, Mesh, PunctualLight, SceneParts};
-use crate::math::{Rgb, Vec3};
+use crate::math::{Rgb, Vec2, Vec3};
 use materials::{COPPER, diffuse, emitter, glass, metal};
 use shapes::{cuboid, quad, ring, sphere};
 use std::f32::consts::PI;
@@ -179,4 +180,9 @@ pub fn two_mirrors(f0: f32, alpha: f32) -> SceneParts {
     );
     parts.add_camera([0.0, 0.5, 0.0], [1.0, -0.5, 0.0], 2.0);
     parts
+}
+
+/// A vector from two numbers, for tables of profiles.
+pub(crate) const fn v2(x: f32, y: f32) -> Vec2 {
+    Vec2::new(x, y)
 }

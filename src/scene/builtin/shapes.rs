@@ -376,3 +376,21 @@ impl Mesh {
         all
     }
 }
+
+/// A smooth curve through the points, `steps` pieces between neighbours (uniform Catmull–Rom).
+pub fn curve(points: &[Vec2], steps: u32) -> Vec<Vec2> {
+    let at = |i: isize| points[i.clamp(0, points.len() as isize - 1) as usize];
+    let mut out = vec![points[0]];
+    for i in 0..points.len() as isize - 1 {
+        let (a, b, c, d) = (at(i - 1), at(i), at(i + 1), at(i + 2));
+        for k in 1..=steps {
+            let t = k as f32 / steps as f32;
+            let p = 2.0 * b
+                + (c - a) * t
+                + (2.0 * a - 5.0 * b + 4.0 * c - d) * t * t
+                + (3.0 * b - a - 3.0 * c + d) * t * t * t;
+            out.push(if k == steps { c } else { 0.5 * p });
+        }
+    }
+    out
+}
