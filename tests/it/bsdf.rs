@@ -2,27 +2,29 @@
 
 use crate::geometry::rng;
 use crate::support::slopes::View;
-use opsr::bsdf::{Bsdf, Dielectric, Distribution, Glossy, ThinDielectric};
+use opsr::bsdf::{
+    Bsdf, DELTA_ALPHA, Dielectric, Diffuse, Distribution, Glossy, Lobe, ThinDielectric,
+};
 use opsr::math::{Rgb, Vec3};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 
-const DISTRIBUTIONS: [Distribution; 2] = [Distribution::Beckmann, Distribution::Ggx];
+pub(crate) const DISTRIBUTIONS: [Distribution; 2] = [Distribution::Beckmann, Distribution::Ggx];
 const ALPHAS: [f32; 5] = [1e-3, 0.01, 0.1, 0.5, 1.0];
 const ANGLES: [f32; 5] = [0.0, 30.0, 60.0, 80.0, 88.0];
 
 /// Direction at `degrees` from the normal, off both axes.
-fn at(degrees: f32) -> Vec3 {
+pub(crate) fn at(degrees: f32) -> Vec3 {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let (y, x) = 0.7f32.sin_cos();
     Vec3::new(sin * x, sin * y, cos)
 }
 
-fn numbers(rng: &mut Pcg32) -> [f32; 3] {
+pub(crate) fn numbers(rng: &mut Pcg32) -> [f32; 3] {
     std::array::from_fn(|_| rng.random())
 }
 
-fn metal(alpha: f32, distribution: Distribution) -> Bsdf {
+pub(crate) fn metal(alpha: f32, distribution: Distribution) -> Bsdf {
     Bsdf::Glossy(Glossy {
         f0: Rgb::ONE,
         albedo: Rgb::ZERO,
@@ -31,7 +33,7 @@ fn metal(alpha: f32, distribution: Distribution) -> Bsdf {
     })
 }
 
-fn plastic(alpha: f32, distribution: Distribution) -> Bsdf {
+pub(crate) fn plastic(alpha: f32, distribution: Distribution) -> Bsdf {
     Bsdf::Glossy(Glossy {
         f0: Rgb::splat(0.04),
         albedo: Rgb::new(0.8, 0.5, 0.2),
@@ -40,7 +42,7 @@ fn plastic(alpha: f32, distribution: Distribution) -> Bsdf {
     })
 }
 
-fn glass(eta: f32, alpha: f32, distribution: Distribution) -> Bsdf {
+pub(crate) fn glass(eta: f32, alpha: f32, distribution: Distribution) -> Bsdf {
     Bsdf::Dielectric(Dielectric {
         eta,
         tint: Rgb::ONE,
@@ -49,7 +51,7 @@ fn glass(eta: f32, alpha: f32, distribution: Distribution) -> Bsdf {
     })
 }
 
-fn pane(alpha: f32, distribution: Distribution) -> Bsdf {
+pub(crate) fn pane(alpha: f32, distribution: Distribution) -> Bsdf {
     Bsdf::Thin(ThinDielectric {
         f0: Rgb::new(0.04, 0.2, 0.5),
         tint: Rgb::new(1.0, 0.9, 0.8),
@@ -149,4 +151,137 @@ fn the_test_of_densities_finds_what_is_wrong() {
         Some(2.0 * wo.dot(m) * m - wo)
     });
     assert!(p < 1e-6, "{p}");
+}
+
+/// Closures with all that a scene may contain: smooth, matched, weak and strong interfaces.
+fn zoo(alpha: f32, distribution: Distribution) -> Vec<Bsdf> {
+    let mut all = vec![
+        metal(alpha, distribution),
+        plastic(alpha, distribution),
+        pane(alpha, distribution),
+        Bsdf::Diffuse(Diffuse { albedo: Rgb::ONE }),
+        Bsdf::Glossy(Glossy {
+            f0: Rgb::ZERO,
+            albedo: Rgb::ONE,
+            alpha,
+            distribution,
+        }),
+        Bsdf::Thin(ThinDielectric {
+            f0: Rgb::ONE,
+            tint: Rgb::ONE,
+            alpha,
+            distribution,
+        }),
+    ];
+    all.extend(
+        [1.0, 1.0001, 1.001, 1.33, 1.5, 3.0, 0.7].map(|eta| glass(eta, alpha, distribution)),
+    );
+    all
+}
+
+/// Uniform numbers, with the ends of their range far more often than by chance.
+fn numbers_and_ends(rng: &mut Pcg32) -> [f32; 3] {
+    std::array::from_fn(|_| match rng.random_range(0..40) {
+        0 => 0.0,
+        1 => 1.0 - f32::EPSILON / 2.0,
+        2 => f32::EPSILON / 2.0,
+        _ => rng.random(),
+    })
+}
+
+/// Roughness from zero to one, and an angle up to 89.999 degrees.
+fn hard_view(rng: &mut Pcg32) -> (f32, Vec3) {
+    let alpha = match rng.random_range(0..8) {
+        0 => 0.0,
+        1 => 1.0,
+        2 => 1e-3,
+        3 => 9.9e-4,
+        _ => 1e-3f32.powf(rng.random()),
+    };
+    // Half of them uniform in the angle, half closer and closer to the horizon.
+    let degrees = if rng.random() {
+        90.0 * rng.random::<f32>()
+    } else {
+        90.0 - 1e-3f32.powf(rng.random())
+    };
+    let wo = at(degrees.min(89.999));
+    (alpha, if rng.random() { wo } else { -wo })
+}
+
+fn close(a: f32, b: f32) -> bool {
+    (a - b).abs() <= 1e-3 * a.abs().max(b.abs()) || (a - b).abs() < 1e-30
+}
+
+#[test]
+fn a_draw_is_worth_what_asking_anew_says() {
+    let mut rng = rng(120);
+    let mut drawn = 0;
+    for i in 0..30_000 {
+        let (alpha, wo) = hard_view(&mut rng);
+        for bsdf in zoo(alpha, DISTRIBUTIONS[i % 2]) {
+            let u = numbers_and_ends(&mut rng);
+            let Some(s) = bsdf.sample(alpha, wo, u) else {
+                continue;
+            };
+            drawn += 1;
+            let say = || format!("{bsdf:?} at {alpha} from {wo:?} by {u:?}: {s:?}");
+            assert!((s.wi.length() - 1.0).abs() < 1e-5, "{}", say());
+            assert!(s.weight.is_finite(), "{}", say());
+            // 20 is one over the least probability of a lobe.
+            let least = s.weight.min_element() >= 0.0;
+            assert!(least && s.weight.max_element() <= 20.0, "{}", say());
+            let through = wo.z * s.wi.z < 0.0;
+            assert_eq!(through, s.lobe == Lobe::Transmission, "{}", say());
+            if s.delta {
+                assert!(s.pdf_w == 0.0, "{}", say());
+                assert!(alpha < DELTA_ALPHA || bsdf.is_delta_at(1.0), "{}", say());
+                continue;
+            }
+            let again = bsdf.eval(alpha, wo, s.wi);
+            assert!(again.pdf_w > 0.0 && again.pdf_w.is_finite(), "{}", say());
+            assert!(close(again.pdf_w, s.pdf_w), "{} {again:?}", say());
+            for c in 0..3 {
+                let value = again.value[c] / again.pdf_w;
+                assert!(close(value, s.weight[c]), "{} {again:?}", say());
+            }
+        }
+    }
+    // Losses below the horizon are a few per cent.
+    assert!(drawn > 300_000, "{drawn}");
+}
+
+#[test]
+fn values_are_finite_everywhere() {
+    let mut rng = rng(130);
+    for i in 0..40_000 {
+        let (alpha, wo) = hard_view(&mut rng);
+        let (_, wi) = hard_view(&mut rng);
+        // Mirrored, straight on, or anywhere.
+        let wi = match i % 4 {
+            0 => Vec3::new(-wo.x, -wo.y, wo.z),
+            1 => -wo,
+            2 => wi,
+            _ => Vec3::new(-wi.x, -wi.y, wi.z),
+        };
+        for bsdf in zoo(alpha, DISTRIBUTIONS[i % 2]) {
+            let eval = bsdf.eval(alpha, wo, wi);
+            let say = || format!("{bsdf:?} at {alpha}, {wo:?} to {wi:?}: {eval:?}");
+            assert!(
+                eval.value.is_finite() && eval.pdf_w.is_finite(),
+                "{}",
+                say()
+            );
+            assert!(
+                eval.value.min_element() >= 0.0 && eval.pdf_w >= 0.0,
+                "{}",
+                say()
+            );
+            // A direction that sampling never draws is worth nothing.
+            assert!(
+                eval.pdf_w > 0.0 || eval.value.max_element() < 1e-6,
+                "{}",
+                say()
+            );
+        }
+    }
 }

@@ -3,6 +3,7 @@
 mod agree;
 mod bsdf;
 mod compare;
+mod energy;
 mod exr;
 mod film;
 mod geometry;
