@@ -32,7 +32,7 @@ fn furnished(ring_metal: Material, block: Material, prism_glass: Material) -> Sc
     );
     parts.add(
         ring_metal,
-        [ring(0.36, 0.03, 0.24, 96).moved(v3(-0.42, 0.0, 0.42))],
+        [ring(0.36, 0.03, 0.28, 96).moved(v3(-0.42, 0.0, 0.42))],
     );
     parts.add(
         block,

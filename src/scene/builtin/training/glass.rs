@@ -62,8 +62,8 @@ pub(super) fn bulb_lamp() -> SceneParts {
     parts.add(coated("lacquer", v3(0.35, 0.2, 0.1), 0.06), [floor]);
     let bulb = v3(0.0, 0.85, -0.2);
     parts.add(
-        emitter("filament", v3(1.0, 0.85, 0.6) * 18.0),
-        [sphere(bulb, 0.13, 2)],
+        emitter("filament", v3(1.0, 0.85, 0.6) * 14.0),
+        [sphere(bulb, 0.15, 2)],
     );
     // Ribbed outside, smooth inside: bands of light on all walls.
     let ribbed = blob(4, |d| {

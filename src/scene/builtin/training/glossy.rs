@@ -1,5 +1,6 @@
 //! Metals: rings before a mirror, and a corridor of long glossy chains.
 
+use super::boxes::lamp;
 use crate::math::{Rgb, Vec3};
 use crate::scene::builtin::materials::{
     ALUMINIUM, COPPER, GOLD, SILVER, coated, diffuse, emitter, metal,
@@ -18,8 +19,8 @@ pub(super) fn rings() -> SceneParts {
     parts.add(diffuse("teal", v3(0.1, 0.4, 0.42)), [right]);
     parts.add(metal("mirror", SILVER, 0.0), [back]);
     parts.add(
-        emitter("light", v3(1.0, 0.95, 0.85) * 22.0),
-        [light_panel(v3(0.35, 1.995, 0.1), 0.4, 0.4)],
+        emitter("light", v3(1.0, 0.95, 0.85) * 45.0),
+        [lamp(v3(-1.2, 1.5, 1.3), v3(0.0, 0.1, 0.0), 0.3)],
     );
     let kinds = [
         (GOLD, 0.005),
@@ -37,7 +38,7 @@ pub(super) fn rings() -> SceneParts {
         };
         parts.add(
             metal(&format!("ring {alpha}"), f0, alpha),
-            [body.moved(0.98 * at)],
+            [body.moved(0.95 * at)],
         );
     }
     parts.add_camera([0.0, 1.5, 2.8], [0.0, 0.3, -0.1], 48.0);

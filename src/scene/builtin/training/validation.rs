@@ -1,5 +1,6 @@
 //! Scenes kept back from training: other shapes, other materials, other lights.
 
+use super::boxes::lamp;
 use super::water::{basin, waves};
 use crate::math::{Vec2, Vec3};
 use crate::scene::builtin::materials::{
@@ -21,10 +22,10 @@ pub(super) fn swimming_pool() -> SceneParts {
         [left, right, ceiling, back, front],
     );
     parts.add(
-        emitter("skylight", v3(0.9, 0.97, 1.0) * 14.0),
+        emitter("skylight", v3(0.9, 0.97, 1.0) * 55.0),
         [
-            light_panel(v3(-0.5, 2.59, -2.6), 0.6, 0.9),
-            light_panel(v3(-0.5, 2.59, -0.4), 0.6, 0.9),
+            light_panel(v3(-0.5, 2.59, -2.6), 0.35, 0.4),
+            light_panel(v3(-0.5, 2.59, -0.4), 0.35, 0.4),
         ],
     );
     let (low, high) = (v2(-1.1, -3.4), v2(1.1, 1.0));
@@ -47,8 +48,8 @@ pub(super) fn swimming_pool() -> SceneParts {
     let absorbing = tinted_glass("water", 1.33, 0.0, v3(0.35, 0.08, 0.04));
     parts.add(
         absorbing,
-        [height_field(low, high, [36, 72], |x, z| {
-            waves(x + 0.3, z, 0.7, 0.012) - 0.08
+        [height_field(low, high, [56, 112], |x, z| {
+            waves(x + 0.3, z, 0.5, 0.014) - 0.08
         })],
     );
     let rail = |z: f32| {
@@ -79,8 +80,8 @@ pub(super) fn figurines() -> SceneParts {
     });
     parts.add(coated("backdrop", v3(0.62, 0.6, 0.65), 0.08), [backdrop]);
     parts.add(
-        emitter("softbox", v3(1.0, 0.96, 0.9) * 16.0),
-        [light_panel(Vec3::ZERO, 0.8, 0.8).placed([0.0, 0.5, 0.55], v3(1.3, 2.2, 0.6))],
+        emitter("softbox", v3(1.0, 0.96, 0.9) * 60.0),
+        [lamp(v3(1.0, 2.0, -0.7), v3(0.0, 0.0, 0.2), 0.4)],
     );
     parts.add(
         emitter("fill", v3(0.7, 0.85, 1.0) * 5.0),
