@@ -11,21 +11,23 @@ use opsr::image::{agree, exr, png};
 use opsr::report::compare::{Comparison, Named, Options, compare};
 use opsr::report::page;
 
+use super::Blame;
+
 /// Compare pictures with a reference: MSE, relMSE, MAPE, FLIP and HDR-FLIP.
 #[derive(Args, Debug)]
-pub(crate) struct CompareArgs {
+pub(super) struct CompareArgs {
     /// Pictures (.exr, .png, .jpg); the last is the reference
     #[arg(required = true, num_args = 2.., value_name = "PICTURE")]
-    pub(crate) files: Vec<PathBuf>,
+    files: Vec<PathBuf>,
     /// Write all numbers as JSON
     #[arg(long, value_name = "FILE")]
-    pub(crate) json: Option<PathBuf>,
+    json: Option<PathBuf>,
     /// Write error maps in false colours (.png) to this folder
     #[arg(long, value_name = "DIR")]
-    pub(crate) maps: Option<PathBuf>,
+    maps: Option<PathBuf>,
     /// Write one HTML file to flip and zoom between the pictures
     #[arg(long, value_name = "FILE")]
-    pub(crate) page: Option<PathBuf>,
+    page: Option<PathBuf>,
     /// Exposures of the page in stops
     #[arg(
         long,
@@ -33,35 +35,36 @@ pub(crate) struct CompareArgs {
         default_value = "0",
         allow_hyphen_values = true
     )]
-    pub(crate) exposures: Vec<f32>,
+    exposures: Vec<f32>,
     /// Exposure of LDR-FLIP in stops
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true)]
-    pub(crate) exposure: f32,
+    exposure: f32,
     /// Pixels per degree of sight, for FLIP
     #[arg(long, default_value_t = DEFAULT_PPD)]
-    pub(crate) ppd: f64,
+    ppd: f64,
     /// The pictures are renders of one scene with several seeds: tell bias and variance apart
     #[arg(long)]
-    pub(crate) seeds: bool,
+    seeds: bool,
     /// Test whether picture and reference agree up to their noise, which both files must hold
     #[arg(long)]
-    pub(crate) agree: bool,
+    agree: bool,
 }
 
 /// Runs the command: the table goes to standard output.
-pub(crate) fn run(args: &CompareArgs) -> anyhow::Result<()> {
+pub(super) fn run(args: &CompareArgs) -> anyhow::Result<()> {
     let mut pictures = args
         .files
         .iter()
         .map(|f| Named::load(f))
-        .collect::<Result<Vec<_>, _>>()?;
+        .collect::<Result<Vec<_>, _>>()
+        .input()?;
     let reference = pictures.pop().context("no reference")?;
     let options = Options {
         ppd: args.ppd,
         exposure: args.exposure,
         seeds: args.seeds,
     };
-    let comparison = compare(&pictures, &reference, &options)?;
+    let comparison = compare(&pictures, &reference, &options).input()?;
     print!("{comparison}");
 
     if args.agree {
@@ -69,14 +72,18 @@ pub(crate) fn run(args: &CompareArgs) -> anyhow::Result<()> {
     }
     if let Some(path) = &args.json {
         let json = serde_json::to_string_pretty(&comparison)? + "\n";
-        atomic::write_bytes(path, json.as_bytes()).with_context(|| path.display().to_string())?;
+        atomic::write_bytes(path, json.as_bytes())
+            .with_context(|| path.display().to_string())
+            .output()?;
     }
     if let Some(folder) = &args.maps {
         write_maps(folder, &comparison)?;
     }
     if let Some(path) = &args.page {
         let html = page::page(&comparison, &pictures, &reference, &args.exposures)?;
-        atomic::write_bytes(path, html.as_bytes()).with_context(|| path.display().to_string())?;
+        atomic::write_bytes(path, html.as_bytes())
+            .with_context(|| path.display().to_string())
+            .output()?;
     }
     Ok(())
 }
@@ -85,10 +92,11 @@ fn print_agreement(files: &[PathBuf]) -> anyhow::Result<()> {
     let Some((reference, pictures)) = files.split_last() else {
         return Ok(());
     };
-    let wanted = exr::read_film(reference)?;
+    let wanted = exr::read_film(reference).input()?;
     for path in pictures {
-        let agreement = agree::agree(&exr::read_film(path)?, &wanted)
-            .with_context(|| format!("{} against {}", path.display(), reference.display()))?;
+        let agreement = agree::agree(&exr::read_film(path).input()?, &wanted)
+            .with_context(|| format!("{} against {}", path.display(), reference.display()))
+            .input()?;
         println!(
             "\n{} against {}\n{agreement}",
             path.display(),
@@ -100,7 +108,9 @@ fn print_agreement(files: &[PathBuf]) -> anyhow::Result<()> {
 
 /// Files are numbered, since pictures of different folders may share their name.
 fn write_maps(folder: &Path, comparison: &Comparison) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    std::fs::create_dir_all(folder)
+        .with_context(|| folder.display().to_string())
+        .output()?;
     for (i, entry) in comparison.entries.iter().enumerate() {
         let stem = Path::new(&entry.name)
             .file_stem()
@@ -108,7 +118,7 @@ fn write_maps(folder: &Path, comparison: &Comparison) -> anyhow::Result<()> {
             .to_string_lossy();
         for (map, picture) in entry.false_colours(comparison.size) {
             let path = folder.join(format!("{}-{stem}-{map}.png", i + 1));
-            png::write(&path, &picture, 0.0)?;
+            png::write(&path, &picture, 0.0).output()?;
         }
     }
     Ok(())

@@ -6,6 +6,7 @@ use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
 mod bar;
+mod bench;
 mod compare;
 mod info;
 mod job;
@@ -87,6 +88,8 @@ enum Command {
     Compare(Box<compare::CompareArgs>),
     /// The training scenes that the program carries as code.
     Scenes(scenes::ScenesArgs),
+    /// Measure methods against each other on scenes with references.
+    Bench(bench::BenchArgs),
 }
 
 /// Runs the program.
@@ -106,6 +109,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Info(args) => info::run(&args).map(|()| Exit::Done),
         Command::Compare(args) => compare::run(&args).map(|()| Exit::Done),
         Command::Scenes(args) => scenes::run(&args).map(|()| Exit::Done),
+        Command::Bench(args) => bench::run(&args),
     };
     let exit = result.unwrap_or_else(|error| {
         eprintln!("opsr: {error:#}");

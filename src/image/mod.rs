@@ -8,7 +8,7 @@ pub mod film;
 mod film_bytes;
 pub mod metric;
 pub mod png;
-mod student;
+pub(crate) mod student;
 
 pub use buffer::Buffer;
 pub use film::Film;

@@ -3,7 +3,7 @@
 /// Probability of a |t| at least this large with `degrees` of freedom.
 ///
 /// P = I_x(ν/2, ½) with x = ν / (ν + t²), the regularised incomplete beta function.
-pub(super) fn two_sided(t: f64, degrees: f64) -> f64 {
+pub(crate) fn two_sided(t: f64, degrees: f64) -> f64 {
     // Beyond, the distribution is the normal one to five digits, and the continued fraction gets long.
     let nu = degrees.clamp(0.5, 1e5);
     if !t.is_finite() {
@@ -21,6 +21,23 @@ pub(super) fn two_sided(t: f64, degrees: f64) -> f64 {
     } else {
         1.0 - front * fraction(b, a, y) / b
     }
+}
+
+/// The t > 0 that |t| exceeds with this `probability`.
+pub(crate) fn quantile(probability: f64, degrees: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    while two_sided(high, degrees) > probability && high < 1e12 {
+        high *= 2.0;
+    }
+    for _ in 0..80 {
+        let middle = 0.5 * (low + high);
+        if two_sided(middle, degrees) > probability {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
 }
 
 /// Continued fraction of the incomplete beta function, by Lentz's method.
@@ -84,6 +101,7 @@ mod tests {
                 "ν = {nu}: {}",
                 two_sided(t, nu)
             );
+            assert!((quantile(0.05, nu) / t - 1.0).abs() < 1e-4, "ν = {nu}");
         }
         for t in [0.0f64, 1e-9, 0.3, 1.0, 5.0, 1e3] {
             // ν = 1 is Cauchy's distribution, ν = 2 has a root for its integral.

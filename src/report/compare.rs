@@ -312,7 +312,7 @@ pub fn definition(metric: &Metric) -> String {
 }
 
 /// Columns as wide as their widest cell: the first to the left, numbers to the right.
-fn aligned(rows: &[Vec<String>]) -> String {
+pub(crate) fn aligned(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |c: usize| {
         rows.iter()

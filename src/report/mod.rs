@@ -1,4 +1,5 @@
 //! Comparisons, benches and their pages.
 
+pub mod bench;
 pub mod compare;
 pub mod page;

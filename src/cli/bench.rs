@@ -1,0 +1,80 @@
+//! `opsr bench`: methods against each other, measured.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use opsr::report::bench::{Outcome, Status, Suite, run as measure, summary};
+
+use super::stop::Stop;
+use super::{Blame, Exit};
+
+const EXAMPLE: &str = "\
+A suite:
+  baseline = \"plain\"        # the first method if not given
+  seeds = 5                 # fewer get no verdict
+  times = [0.5, 1, 2, 4]    # seconds after which errors are recorded
+  samples = [4, 16]         # and samples per pixel
+  clock = \"cpu\"             # CPU time over threads, for machines with other work; or \"wall\"
+  [[scene]]
+  name = \"box\"
+  file = \"box.glb\"          # or builtin = \"caustic-box\"
+  size = [256, 256]
+  reference_spp = 65536     # or reference = \"box.exr\"
+  # crop = [x, y, w, h], inset = [x, y, w, h], camera, max_depth, exposure, methods = [names]
+  [[method]]
+  name = \"plain\"
+  method = \"plain\"          # constant (gamma), table (table, table_scale, lookup), pbrt, filter-glossy (filter),
+                            # roughness-clamp; constant and table take reuse and lambda";
+
+/// Options of `opsr bench`.
+#[derive(Args, Debug)]
+#[command(after_help = EXAMPLE)]
+pub(super) struct BenchArgs {
+    /// What to measure: scenes, methods, seeds, moments (.toml).
+    suite: PathBuf,
+    /// Where the results go (.json). Measurements that are in the file already are kept, not repeated.
+    #[arg(short, long, value_name = "FILE", default_value = "results.json")]
+    output: PathBuf,
+    /// Threads; all that there are if not given.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+}
+
+/// Runs the command: a table per scene goes to standard output.
+pub(super) fn run(args: &BenchArgs) -> anyhow::Result<Exit> {
+    let suite = Suite::load(&args.suite).input()?;
+    if let Some(threads) = args.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
+        pool.build_global()
+            .context("cannot start that many threads")?;
+    }
+    let command = std::env::args().collect::<Vec<_>>().join(" ");
+    let stop = Stop::listen();
+    let bar = ProgressBar::new(0);
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
+        bar.set_style(style);
+    }
+    let mut listener = |status: &Status| {
+        bar.set_length(status.total as u64);
+        bar.set_position(status.done as u64);
+        bar.set_message(status.what.clone());
+        match stop.asked() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    };
+    let measured = measure(&suite, &args.output, &command, &mut listener);
+    bar.finish_and_clear();
+    let (results, outcome) = match measured {
+        Err(error) if error.is_output() => Err(error).output()?,
+        other => other.input()?,
+    };
+    print!("{}", summary::text(&results));
+    Ok(match outcome {
+        Outcome::Done => Exit::Done,
+        Outcome::Stopped => Exit::Stopped,
+    })
+}

@@ -1,0 +1,214 @@
+//! What a bench measured, as it is kept in a file. Everything a report shows is in it.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use base64::prelude::{BASE64_STANDARD, Engine as _};
+use serde::{Deserialize, Serialize};
+
+use super::suite::Suite;
+use super::{BenchError, machine::Machine};
+use crate::atomic;
+use crate::image::Buffer;
+use crate::math::Rgb;
+
+/// Version of the file's layout.
+pub const VERSION: u32 = 1;
+
+/// All measurements of a suite, or those made so far.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Results {
+    /// [`VERSION`].
+    pub version: u32,
+    /// Version of the program.
+    pub program: String,
+    /// The command that was typed.
+    pub command: String,
+    /// Where it ran.
+    pub machine: Machine,
+    /// What was asked.
+    pub suite: Suite,
+    /// Facts about the scenes, in the suite's order.
+    pub scenes: Vec<SceneFacts>,
+    /// One run each of a method on a scene with a seed, in the order of measurement.
+    pub cells: Vec<Cell>,
+    /// Products of errors between seeds, where all seeds are there.
+    pub products: Vec<Products>,
+    /// Parts of pictures to show.
+    pub insets: Vec<Inset>,
+}
+
+/// A scene as it was measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneFacts {
+    /// Its name in the suite.
+    pub name: String,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// SHA-256 of its file, or the name of the builtin scene.
+    pub source: String,
+    /// Where the reference comes from.
+    pub reference: String,
+    /// Variance of the reference as relMSE counts it; zero where it is not known.
+    pub reference_noise: f64,
+}
+
+/// One progressive run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cell {
+    /// The scene.
+    pub scene: String,
+    /// The method.
+    pub method: String,
+    /// The seed.
+    pub seed: u64,
+    /// Hash of everything that this run depends on: a run with the same key need not be made again.
+    pub key: String,
+    /// The errors as samples and time grew, in that order.
+    pub points: Vec<Point>,
+    /// Paths traced in all.
+    pub paths: u64,
+    /// Samples that were refused as not finite.
+    pub rejected: u64,
+    /// Memory of the process at the end of the run, in MiB, where the system tells.
+    pub memory: Option<f64>,
+}
+
+/// Where a run stood.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Point {
+    /// Samples per pixel.
+    pub samples: u32,
+    /// Wall time of the passes so far in seconds.
+    pub wall: f64,
+    /// CPU time of the passes so far in seconds, over all threads.
+    pub cpu: f64,
+    /// Errors by the metric's name.
+    pub errors: BTreeMap<String, f64>,
+}
+
+/// Mean over the picture of (Iₖ − f)(Iₗ − f)/(f² + ε) for all pairs of seeds at the end of their runs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Products {
+    /// The scene.
+    pub scene: String,
+    /// The method.
+    pub method: String,
+    /// The keys of the runs, in the order of rows and columns.
+    pub keys: Vec<String>,
+    /// The products.
+    pub values: Vec<Vec<f64>>,
+}
+
+/// A part of a picture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Inset {
+    /// The scene.
+    pub scene: String,
+    /// The method; `None` for the reference.
+    pub method: Option<String>,
+    /// Key of the run, or source of the reference.
+    pub key: String,
+    /// Samples per pixel, 0 for the reference.
+    pub samples: u32,
+    /// Seconds by the suite's clock, 0 for the reference.
+    pub seconds: f64,
+    /// Width in pixels.
+    pub width: usize,
+    /// Linear RGB in single precision, little endian, row by row, in base64.
+    pub pixels: String,
+}
+
+impl Inset {
+    /// Pixels as text.
+    pub fn encode(picture: &Buffer) -> String {
+        let bytes: Vec<u8> = picture
+            .pixels
+            .iter()
+            .flat_map(|p| p.to_array())
+            .flat_map(f32::to_le_bytes)
+            .collect();
+        BASE64_STANDARD.encode(bytes)
+    }
+
+    /// The picture, unless its text is damaged.
+    pub fn picture(&self) -> Option<Buffer> {
+        let bytes = BASE64_STANDARD.decode(&self.pixels).ok()?;
+        let (numbers, []) = bytes.as_chunks::<4>() else {
+            return None;
+        };
+        let numbers: Vec<f32> = numbers.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        let (pixels, []) = numbers.as_chunks::<3>() else {
+            return None;
+        };
+        let width = self.width;
+        if width == 0 || pixels.is_empty() || pixels.len() % width != 0 {
+            return None;
+        }
+        Some(Buffer {
+            width,
+            height: pixels.len() / width,
+            pixels: pixels.iter().map(|p| Rgb::from_array(*p)).collect(),
+        })
+    }
+}
+
+impl Results {
+    /// Reads a file.
+    pub fn load(path: &Path) -> Result<Self, BenchError> {
+        let invalid = |reason: String| BenchError::Results {
+            path: path.to_owned(),
+            reason,
+        };
+        let text = std::fs::read_to_string(path).map_err(|e| invalid(e.to_string()))?;
+        let results: Self = serde_json::from_str(&text).map_err(|e| invalid(e.to_string()))?;
+        if results.version != VERSION {
+            return Err(invalid(format!(
+                "version {} of the layout, this program reads {VERSION}",
+                results.version
+            )));
+        }
+        Ok(results)
+    }
+
+    /// Writes the file, whole or not at all.
+    pub fn save(&self, path: &Path) -> Result<(), BenchError> {
+        let failed = |reason: String| BenchError::Write {
+            path: path.to_owned(),
+            reason,
+        };
+        let mut json = serde_json::to_vec_pretty(self).map_err(|e| failed(e.to_string()))?;
+        json.push(b'\n');
+        atomic::write_bytes(path, &json).map_err(|e| failed(e.to_string()))
+    }
+
+    /// The runs of a method on a scene, in the suite's order of seeds.
+    pub fn runs(&self, scene: &str, method: &str) -> Vec<&Cell> {
+        let of = |seed: u64| {
+            self.cells
+                .iter()
+                .find(|c| c.scene == scene && c.method == method && c.seed == seed)
+        };
+        self.suite.seeds().filter_map(of).collect()
+    }
+
+    /// Squared bias material of a method on a scene.
+    pub fn products(&self, scene: &str, method: &str) -> Option<&Products> {
+        self.products
+            .iter()
+            .find(|p| p.scene == scene && p.method == method)
+    }
+
+    /// A picture to show; the reference for `None`.
+    pub fn inset(&self, scene: &str, method: Option<&str>) -> Option<&Inset> {
+        self.insets
+            .iter()
+            .find(|i| i.scene == scene && i.method.as_deref() == method)
+    }
+}

@@ -1,0 +1,396 @@
+//! The measurement.
+//!
+//! Each (scene, method, seed) is one progressive run: passes are timed, errors are computed between them with the
+//! clocks stopped. Within a scene the methods take turns seed by seed, each time beginning with another one, so
+//! that a machine that gets warm or busy does so for all of them. After each run the results are on disk.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use super::BenchError;
+use super::errors::{error_products, errors};
+use super::machine::{self, Machine, Stopwatch};
+use super::marks::Marks;
+use super::prepare::{Prepared, create_folder, cut, file_name, prepare, short_hash};
+use super::results::{Cell, Inset, Point, Products, Results, VERSION};
+use super::suite::{MethodSpec, SceneSpec, Suite};
+use crate::image::film::Film;
+use crate::image::{Buffer, exr};
+use crate::integrator::checkpoint::hex;
+use crate::integrator::{Method, Picture, Settings};
+
+/// Where a bench stands.
+#[derive(Clone, Debug)]
+pub struct Status {
+    /// What is being done.
+    pub what: String,
+    /// Runs that are done, those of earlier times included.
+    pub done: usize,
+    /// All runs.
+    pub total: usize,
+}
+
+/// How a bench ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Everything is measured.
+    Done,
+    /// The listener broke; what was measured is in the file.
+    Stopped,
+}
+
+/// Hears of every pass, outside of the time that is measured, and can stop the bench.
+pub type Listener<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
+
+/// Measures what of `suite` is not yet in the file at `path`.
+///
+/// Pictures and references are kept in a folder beside the file.
+pub fn run(
+    suite: &Suite,
+    path: &Path,
+    command: &str,
+    listener: Listener<'_>,
+) -> Result<(Results, Outcome), BenchError> {
+    let machine = Machine::this();
+    let mut results = Results {
+        version: VERSION,
+        program: env!("CARGO_PKG_VERSION").to_owned(),
+        command: command.to_owned(),
+        machine,
+        suite: suite.clone(),
+        scenes: Vec::new(),
+        cells: Vec::new(),
+        products: Vec::new(),
+        insets: Vec::new(),
+    };
+    if path.exists() {
+        let old = Results::load(path)?;
+        results.cells = old.cells;
+        results.products = old.products;
+        results.insets = old.insets;
+    }
+    let mut bench = Bench {
+        suite,
+        path,
+        folder: path.with_extension("pictures"),
+        results,
+        done: 0,
+        listener,
+    };
+    let outcome = bench.scenes()?;
+    bench.results.save(path)?;
+    Ok((bench.results, outcome))
+}
+
+struct Bench<'a> {
+    suite: &'a Suite,
+    path: &'a Path,
+    folder: PathBuf,
+    results: Results,
+    done: usize,
+    listener: Listener<'a>,
+}
+
+/// A method made ready.
+struct Entrant<'a> {
+    spec: &'a MethodSpec,
+    method: Method,
+}
+
+/// What a run leaves behind.
+struct Measured {
+    cell: Cell,
+    picture: Buffer,
+}
+
+impl Measured {
+    fn new(mut cell: Cell, film: &Film) -> Self {
+        cell.rejected = film.rejected.total();
+        cell.paths = film.pixels.iter().map(|p| u64::from(p.n)).sum::<u64>() + cell.rejected;
+        cell.memory = machine::memory();
+        let picture = film.mean();
+        Self { cell, picture }
+    }
+}
+
+impl Bench<'_> {
+    fn scenes(&mut self) -> Result<Outcome, BenchError> {
+        // A table that cannot be read is told before hours of measurement, not after.
+        let entrants: Vec<Entrant<'_>> = self
+            .suite
+            .methods
+            .iter()
+            .map(|spec| {
+                Ok(Entrant {
+                    spec,
+                    method: spec.resolve()?,
+                })
+            })
+            .collect::<Result<_, BenchError>>()?;
+        for scene in &self.suite.scenes {
+            let mut waiting = status(self.suite, self.done, format!("{}: reference", scene.name));
+            let listener = &mut *self.listener;
+            let what = waiting.what.clone();
+            let prepared = prepare(scene, &self.folder, &mut |fraction| {
+                waiting.what = format!("{what} {:.0} %", 100.0 * fraction);
+                listener(&waiting)
+            })?;
+            let Some(prepared) = prepared else {
+                return Ok(Outcome::Stopped);
+            };
+            self.results.scenes.push(prepared.facts.clone());
+            let entrants: Vec<&Entrant<'_>> = entrants
+                .iter()
+                .filter(|e| self.suite.methods_of(scene).any(|m| m.name == e.spec.name))
+                .collect();
+            if self.scene(scene, &prepared, &entrants)? == Outcome::Stopped {
+                return Ok(Outcome::Stopped);
+            }
+        }
+        Ok(Outcome::Done)
+    }
+
+    fn scene(
+        &mut self,
+        spec: &SceneSpec,
+        scene: &Prepared,
+        entrants: &[&Entrant<'_>],
+    ) -> Result<Outcome, BenchError> {
+        let base = self.base_key(spec, scene);
+        self.show_reference(spec, scene, &base);
+        for (round, seed) in self.suite.seeds().enumerate() {
+            for turn in 0..entrants.len() {
+                let entrant = entrants[(turn + round) % entrants.len()];
+                let key = short_hash(&serde_json::json!([base, key_of(entrant), seed]));
+                if !self.results.cells.iter().any(|c| c.key == key) {
+                    let Some(measured) = self.measure(spec, scene, entrant, seed, &key)? else {
+                        return Ok(Outcome::Stopped);
+                    };
+                    self.keep(spec, measured, round == 0)?;
+                }
+                self.done += 1;
+            }
+        }
+        for entrant in entrants {
+            self.multiply(spec, scene, &entrant.spec.name)?;
+        }
+        self.results.save(self.path)?;
+        Ok(Outcome::Done)
+    }
+
+    /// What all runs of a scene depend on.
+    fn base_key(&self, spec: &SceneSpec, scene: &Prepared) -> String {
+        let mut pixels = Sha256::new();
+        for p in &scene.reference.pixels {
+            pixels.update(bytemuck::bytes_of(p));
+        }
+        let mut spec = spec.clone();
+        spec.methods = None;
+        let Results {
+            program, machine, ..
+        } = &self.results;
+        let Suite {
+            times,
+            samples,
+            clock,
+            ..
+        } = self.suite;
+        let reference = hex(&pixels.finalize());
+        let source = &scene.facts.source;
+        short_hash(&serde_json::json!([
+            program, machine, times, samples, clock, spec, source, reference
+        ]))
+    }
+
+    fn measure(
+        &mut self,
+        spec: &SceneSpec,
+        scene: &Prepared,
+        entrant: &Entrant<'_>,
+        seed: u64,
+        key: &str,
+    ) -> Result<Option<Measured>, BenchError> {
+        let name = &entrant.spec.name;
+        let status = status(
+            self.suite,
+            self.done,
+            format!("{}: {name}, seed {seed}", spec.name),
+        );
+        let settings = Settings {
+            method: entrant.method.clone(),
+            max_vertices: spec.max_depth,
+            seed,
+            ..Settings::default()
+        };
+        let integrator = settings.integrator();
+        let mut picture = Picture {
+            film: scene.blank.clone(),
+            aovs: None,
+        };
+        let mut marks = Marks::new(self.suite, self.results.machine.threads);
+        let mut points = Vec::new();
+        let mut now = Point::default();
+        while let Some(end) = marks.next(&now) {
+            if (self.listener)(&status).is_break() {
+                return Ok(None);
+            }
+            let watch = Stopwatch::start();
+            integrator.pass(&scene.scene, &scene.camera, now.samples..end, &mut picture);
+            let (wall, cpu) = watch.seconds();
+            now.wall += wall;
+            now.cpu += cpu;
+            now.samples = end;
+            if marks.crossed(&now) {
+                let reason = |reason| BenchError::Compare {
+                    scene: spec.name.clone(),
+                    method: name.clone(),
+                    reason,
+                };
+                let errors = errors(&picture.film.mean(), &scene.reference, spec.exposure)
+                    .map_err(reason)?;
+                points.push(Point {
+                    errors,
+                    ..now.clone()
+                });
+            }
+        }
+        let cell = Cell {
+            scene: spec.name.clone(),
+            method: name.clone(),
+            seed,
+            key: key.to_owned(),
+            points,
+            ..Cell::default()
+        };
+        Ok(Some(Measured::new(cell, &picture.film)))
+    }
+
+    /// Takes a run into the results and writes them.
+    fn keep(&mut self, spec: &SceneSpec, measured: Measured, show: bool) -> Result<(), BenchError> {
+        let Measured { cell, picture } = measured;
+        create_folder(&self.folder)?;
+        exr::write_rgb(&self.picture(&cell.key), &picture, &exr::Metadata::new()).map_err(|e| {
+            BenchError::Write {
+                path: e.path,
+                reason: e.kind.to_string(),
+            }
+        })?;
+        if show && let Some(end) = cell.points.last() {
+            let seconds = self.suite.clock.seconds(end, self.results.machine.threads);
+            let inset = inset(spec, Some(&cell.method), &cell.key, &picture);
+            let samples = end.samples;
+            self.show(Inset {
+                samples,
+                seconds,
+                ..inset
+            });
+        }
+        self.results
+            .cells
+            .retain(|c| (&c.scene, &c.method, c.seed) != (&cell.scene, &cell.method, cell.seed));
+        self.results.cells.push(cell);
+        self.results.save(self.path)
+    }
+
+    fn picture(&self, key: &str) -> PathBuf {
+        self.folder.join(format!("{key}.exr"))
+    }
+
+    fn show_reference(&mut self, spec: &SceneSpec, scene: &Prepared, key: &str) {
+        self.show(inset(spec, None, key, &scene.reference));
+    }
+
+    fn show(&mut self, inset: Inset) {
+        let insets = &mut self.results.insets;
+        insets.retain(|i| (&i.scene, &i.method) != (&inset.scene, &inset.method));
+        insets.push(inset);
+    }
+
+    /// Products of errors between all seeds of a method. Where a picture is gone there are none.
+    fn multiply(
+        &mut self,
+        spec: &SceneSpec,
+        scene: &Prepared,
+        method: &str,
+    ) -> Result<(), BenchError> {
+        let runs = self.results.runs(&spec.name, method);
+        let keys: Vec<String> = runs.iter().map(|c| c.key.clone()).collect();
+        if self
+            .results
+            .products(&spec.name, method)
+            .is_some_and(|p| p.keys == keys)
+        {
+            return Ok(());
+        }
+        let products = &mut self.results.products;
+        products.retain(|p| (&p.scene, p.method.as_str()) != (&spec.name, method));
+        let files: Vec<PathBuf> = keys.iter().map(|k| self.picture(k)).collect();
+        if files.iter().any(|f| !f.exists()) {
+            tracing::warn!(
+                "{}: {method}: pictures are gone, no bias",
+                file_name(&self.folder)
+            );
+            return Ok(());
+        }
+        let pictures = files
+            .iter()
+            .map(|f| exr::read_rgb(f))
+            .collect::<Result<Vec<_>, _>>()?;
+        let values = error_products(&pictures, &scene.reference);
+        self.results.products.push(Products {
+            scene: spec.name.clone(),
+            method: method.to_owned(),
+            keys,
+            values,
+        });
+        Ok(())
+    }
+}
+
+fn status(suite: &Suite, done: usize, what: String) -> Status {
+    let runs: usize = suite
+        .scenes
+        .iter()
+        .map(|s| suite.methods_of(s).count())
+        .sum();
+    Status {
+        what,
+        done,
+        total: runs * suite.seeds as usize,
+    }
+}
+
+/// A method as a key: a table counts by its factors, not by its file's name.
+fn key_of(entrant: &Entrant<'_>) -> String {
+    match &entrant.method {
+        Method::Table {
+            table,
+            reuse,
+            lambda,
+        } => {
+            let factors = hex(&Sha256::digest(bytemuck::cast_slice::<f32, u8>(
+                &table.gammas[..],
+            )));
+            format!(
+                "table {factors} {:?} {} {reuse} {lambda}",
+                table.lookup, table.scale
+            )
+        }
+        method => format!("{method:?}"),
+    }
+}
+
+fn inset(spec: &SceneSpec, method: Option<&str>, key: &str, picture: &Buffer) -> Inset {
+    let (window, outer) = (spec.inset_window(), spec.window());
+    Inset {
+        scene: spec.name.clone(),
+        method: method.map(str::to_owned),
+        key: key.to_owned(),
+        samples: 0,
+        seconds: 0.0,
+        width: window.w as usize,
+        pixels: Inset::encode(&cut(picture, window, (outer.x, outer.y))),
+    }
+}

@@ -1,0 +1,307 @@
+//! What to measure: scenes × methods × seeds, and when to look. Read from a TOML file.
+//!
+//! ```toml
+//! baseline = "plain"
+//! seeds = 5
+//! times = [0.5, 1, 2, 4]
+//! samples = [1, 4, 16]
+//!
+//! [[scene]]
+//! name = "box"
+//! builtin = "caustic-box"
+//! size = [128, 128]
+//! reference_spp = 16384
+//!
+//! [[method]]
+//! name = "plain"
+//! method = "plain"
+//!
+//! [[method]]
+//! name = "constant 0.1"
+//! method = "constant"
+//! gamma = 0.1
+//! ```
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::BenchError;
+use crate::bsdf::Distribution;
+use crate::image::film::Window;
+use crate::integrator::Method;
+use crate::math::UVec2;
+use crate::regularise::Lookup;
+use crate::regularise::file::TableFile;
+
+/// A suite of measurements. Relative paths start at the suite's file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Suite {
+    /// The method that all others are compared with; the first if not named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub baseline: Option<String>,
+    /// Number of seeds; five are the least that get a verdict.
+    #[serde(default = "five")]
+    pub seeds: u32,
+    /// Seconds after which the errors are recorded, ascending.
+    #[serde(default)]
+    pub times: Vec<f64>,
+    /// Samples per pixel after which the errors are recorded, ascending.
+    #[serde(default)]
+    pub samples: Vec<u32>,
+    /// By which clock.
+    #[serde(default)]
+    pub clock: Clock,
+    /// The scenes.
+    #[serde(rename = "scene")]
+    pub scenes: Vec<SceneSpec>,
+    /// The methods.
+    #[serde(rename = "method")]
+    pub methods: Vec<MethodSpec>,
+}
+
+fn five() -> u32 {
+    5
+}
+
+/// How `times` are told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Clock {
+    /// Wall time.
+    #[default]
+    Wall,
+    /// CPU time over the number of threads: what wall time were on a machine with nothing else to do.
+    Cpu,
+}
+
+/// A scene and how it is looked at.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneSpec {
+    /// Its name in the results.
+    pub name: String,
+    /// A glTF file; or
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// a scene that comes with the program.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub builtin: Option<String>,
+    /// Slope distribution of the lobes of a file's materials.
+    #[serde(default)]
+    pub distribution: Lobes,
+    /// Full frame in pixels.
+    pub size: [u32; 2],
+    /// The part that is rendered: x, y, width, height.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub crop: Option<[u32; 4]>,
+    /// Camera by name or number; the first if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<String>,
+    /// Scattering vertices of the longest path.
+    #[serde(default = "sixteen")]
+    pub max_depth: u32,
+    /// The converged picture (.exr); or
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference: Option<PathBuf>,
+    /// samples per pixel of one that is made and kept beside the results.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference_spp: Option<u32>,
+    /// The part of the picture that the report shows: x, y, width, height in the full frame; the middle if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inset: Option<[u32; 4]>,
+    /// Exposure in stops for FLIP and for the report's pictures.
+    #[serde(default)]
+    pub exposure: f32,
+    /// Names of the methods for this scene; all if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub methods: Option<Vec<String>>,
+}
+
+fn sixteen() -> u32 {
+    16
+}
+
+/// [`Distribution`] in a suite.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Lobes {
+    /// The distribution that tables are learned for.
+    #[default]
+    Beckmann,
+    /// glTF's own.
+    Ggx,
+}
+
+impl From<Lobes> for Distribution {
+    fn from(lobes: Lobes) -> Self {
+        match lobes {
+            Lobes::Beckmann => Self::Beckmann,
+            Lobes::Ggx => Self::Ggx,
+        }
+    }
+}
+
+/// A method and its constants.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MethodSpec {
+    /// Its name in the results.
+    pub name: String,
+    /// Which.
+    pub method: Kind,
+    /// γ of `constant`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gamma: Option<f32>,
+    /// File of `table`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub table: Option<PathBuf>,
+    /// Scale of the table instead of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub table_scale: Option<f32>,
+    /// Look-up instead of the table's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lookup: Option<Lookup>,
+    /// Whether paths go on with the regularised lobe.
+    #[serde(default)]
+    pub reuse: bool,
+    /// λ of the consistent variant; 0 for the fixed one.
+    #[serde(default)]
+    pub lambda: f32,
+    /// Filter value of `filter-glossy`; 1 if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filter: Option<f32>,
+}
+
+/// [`Method`] in a suite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// No regularisation.
+    Plain,
+    /// One attenuation factor.
+    Constant,
+    /// Learned attenuation factors.
+    Table,
+    /// pbrt-v4's rule.
+    Pbrt,
+    /// Cycles' rule.
+    FilterGlossy,
+    /// The rule after Arnold's.
+    RoughnessClamp,
+}
+
+impl Suite {
+    /// Reads a suite; relative paths in it are taken from its folder.
+    pub fn load(path: &Path) -> Result<Self, BenchError> {
+        let failed = |reason: String| BenchError::Suite {
+            path: path.to_owned(),
+            reason,
+        };
+        let text = std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?;
+        let mut suite = Self::parse(&text).map_err(failed)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let scene_files = suite
+            .scenes
+            .iter_mut()
+            .flat_map(|s| [&mut s.file, &mut s.reference]);
+        let tables = suite.methods.iter_mut().map(|m| &mut m.table);
+        for file in scene_files.chain(tables).flatten() {
+            *file = folder.join(&*file);
+        }
+        Ok(suite)
+    }
+
+    /// Reads a suite from text and checks it.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let suite: Self = toml::from_str(text).map_err(|e| e.to_string())?;
+        super::check::suite(&suite)?;
+        Ok(suite)
+    }
+
+    /// The method that all others are compared with.
+    pub fn baseline(&self) -> &str {
+        match &self.baseline {
+            Some(name) => name,
+            None => self.methods.first().map_or("", |m| &m.name),
+        }
+    }
+
+    /// The seeds.
+    pub fn seeds(&self) -> impl Iterator<Item = u64> + use<> {
+        1..=u64::from(self.seeds)
+    }
+
+    /// The methods of a scene, in the suite's order.
+    pub fn methods_of<'a>(&'a self, scene: &'a SceneSpec) -> impl Iterator<Item = &'a MethodSpec> {
+        let wanted = move |m: &&MethodSpec| {
+            scene
+                .methods
+                .as_ref()
+                .is_none_or(|names| names.contains(&m.name))
+        };
+        self.methods.iter().filter(wanted)
+    }
+}
+
+fn window([x, y, w, h]: [u32; 4]) -> Window {
+    Window { x, y, w, h }
+}
+
+impl SceneSpec {
+    /// Full frame.
+    pub fn frame(&self) -> UVec2 {
+        UVec2::from_array(self.size)
+    }
+
+    /// The part that is rendered.
+    pub fn window(&self) -> Window {
+        self.crop.map_or(Window::full(self.frame()), window)
+    }
+
+    /// The part that is shown: 96 pixels a side around the middle where the suite does not say.
+    pub fn inset_window(&self) -> Window {
+        const EDGE: u32 = 96;
+        let outer = self.window();
+        let (w, h) = (outer.w.min(EDGE), outer.h.min(EDGE));
+        self.inset.map_or(
+            Window {
+                x: outer.x + (outer.w - w) / 2,
+                y: outer.y + (outer.h - h) / 2,
+                w,
+                h,
+            },
+            window,
+        )
+    }
+}
+
+impl MethodSpec {
+    /// The method; a table is read from its file.
+    pub fn resolve(&self) -> Result<Method, BenchError> {
+        let (reuse, lambda) = (self.reuse, self.lambda);
+        Ok(match self.method {
+            Kind::Plain => Method::Plain,
+            Kind::Constant => Method::Constant {
+                gamma: self.gamma.unwrap_or(0.0),
+                reuse,
+                lambda,
+            },
+            Kind::Pbrt => Method::Pbrt,
+            Kind::FilterGlossy => Method::FilterGlossy(self.filter.unwrap_or(1.0)),
+            Kind::RoughnessClamp => Method::RoughnessClamp,
+            Kind::Table => {
+                let path = self.table.clone().unwrap_or_default();
+                let mut table = TableFile::load(&path)?.table;
+                table.scale = self.table_scale.unwrap_or(table.scale);
+                table.lookup = self.lookup.unwrap_or(table.lookup);
+                Method::Table {
+                    table,
+                    reuse,
+                    lambda,
+                }
+            }
+        })
+    }
+}

@@ -1,0 +1,291 @@
+//! What the measurements say: every method of a scene against the baseline.
+
+use std::fmt::{self, Write};
+
+use super::curve::{self, Crossing};
+use super::results::{Cell, Results};
+use super::stats::{self, Interval, Verdict};
+use super::suite::SceneSpec;
+use crate::report::compare::{aligned, number};
+
+/// The error that curves, floors and crossings are about.
+pub const MAIN: &str = "relMSE";
+
+/// All errors that are compared. The energy ratio is no error.
+pub const METRICS: [&str; 6] = [MAIN, "relMSE trimmed", "MSE", "MAPE", "SMAPE", "FLIP"];
+
+/// When errors are compared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Moment {
+    /// After the same time.
+    Seconds(f64),
+    /// After the same number of samples.
+    Samples(u32),
+}
+
+impl fmt::Display for Moment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Seconds(t) => write!(f, "{t} s"),
+            Self::Samples(n) => write!(f, "{n} spp"),
+        }
+    }
+}
+
+/// A number of one method beside the baseline's.
+#[derive(Clone, Copy, Debug)]
+pub struct Compared {
+    /// Geometric mean over the seeds.
+    pub value: f64,
+    /// Ratio to the baseline's, seed by seed; `None` for the baseline itself.
+    pub ratio: Option<(Interval, Verdict)>,
+}
+
+/// Everything about a method on a scene.
+#[derive(Clone, Debug)]
+pub struct MethodSummary {
+    /// The method.
+    pub name: String,
+    /// Number of its runs.
+    pub seeds: usize,
+    /// [`MAIN`] at each moment of the suite; `None` where it was not reached.
+    pub main: Vec<(Moment, Option<Compared>)>,
+    /// [`METRICS`] at the last moment that is compared (see [`SceneSummary::last`]).
+    pub metrics: Vec<(&'static str, Option<Compared>)>,
+    /// Nanoseconds of CPU time per path.
+    pub ns_per_path: Option<Compared>,
+    /// Paths per second of wall time.
+    pub paths_per_second: Option<f64>,
+    /// Largest memory of the process at the end of a run, in MiB.
+    pub memory: Option<f64>,
+    /// Light of the picture over light of the reference at the end of the runs.
+    pub energy: Option<Interval>,
+    /// Part of [`MAIN`] that no number of samples removes.
+    pub squared_bias: Option<Interval>,
+    /// Samples that were refused, over all runs.
+    pub rejected: u64,
+    /// When the baseline overtakes; `None` for the baseline.
+    pub crossing: Option<Crossing>,
+}
+
+impl MethodSummary {
+    /// The bias floor, where the interval says that there is one.
+    pub fn floor(&self) -> Option<f64> {
+        self.squared_bias.filter(|b| b.low > 0.0).map(|b| b.value)
+    }
+
+    /// Whether the energy ratio says that the picture is too bright or too dark.
+    pub fn energy_is_off(&self) -> bool {
+        self.seeds >= stats::MIN_SEEDS && self.energy.is_some_and(|e| !e.holds(1.0))
+    }
+}
+
+/// All methods of a scene.
+#[derive(Clone, Debug)]
+pub struct SceneSummary {
+    /// The scene.
+    pub name: String,
+    /// The baseline on this scene.
+    pub baseline: String,
+    /// The moment at which all metrics are compared: the last time, or the last sample count without times.
+    pub last: Moment,
+    /// The methods in the suite's order.
+    pub methods: Vec<MethodSummary>,
+}
+
+/// Summaries of all scenes that have runs.
+pub fn summaries(results: &Results) -> Vec<SceneSummary> {
+    results
+        .suite
+        .scenes
+        .iter()
+        .filter(|s| results.cells.iter().any(|c| c.scene == s.name))
+        .filter_map(|s| scene(results, s))
+        .collect()
+}
+
+fn scene(results: &Results, spec: &SceneSpec) -> Option<SceneSummary> {
+    let suite = &results.suite;
+    let methods: Vec<&str> = suite.methods_of(spec).map(|m| m.name.as_str()).collect();
+    let wanted = suite.baseline();
+    let baseline = *methods.iter().find(|m| **m == wanted).or(methods.first())?;
+    let times = suite.times.iter().map(|&t| Moment::Seconds(t));
+    let samples = suite.samples.iter().map(|&n| Moment::Samples(n));
+    let last = times.clone().next_back().or(samples.clone().next_back())?;
+    let moments: Vec<Moment> = times.chain(samples).collect();
+    let view = View {
+        results,
+        baseline: results.runs(&spec.name, baseline),
+    };
+    let methods = methods
+        .iter()
+        .map(|name| view.method(spec, name, *name == baseline, &moments, last))
+        .collect();
+    Some(SceneSummary {
+        name: spec.name.clone(),
+        baseline: baseline.to_owned(),
+        last,
+        methods,
+    })
+}
+
+struct View<'a> {
+    results: &'a Results,
+    baseline: Vec<&'a Cell>,
+}
+
+impl View<'_> {
+    fn method(
+        &self,
+        spec: &SceneSpec,
+        name: &str,
+        is_baseline: bool,
+        moments: &[Moment],
+        last: Moment,
+    ) -> MethodSummary {
+        let runs = self.results.runs(&spec.name, name);
+        let compared = |f: &dyn Fn(&Cell) -> Option<f64>| self.compared(&runs, is_baseline, f);
+        let error = |moment: Moment, metric: &str| compared(&|c| self.error(c, metric, moment));
+        let energy: Vec<f64> = runs
+            .iter()
+            .filter_map(|c| c.points.last()?.errors.get("energy ratio").copied())
+            .collect();
+        let facts = self.results.scenes.iter().find(|s| s.name == spec.name);
+        let noise = facts.map_or(0.0, |f| f.reference_noise);
+        let squared_bias = self
+            .results
+            .products(&spec.name, name)
+            .and_then(|p| stats::squared_bias(&p.values, noise));
+        let mut summary = MethodSummary {
+            name: name.to_owned(),
+            seeds: runs.len(),
+            main: moments.iter().map(|&m| (m, error(m, MAIN))).collect(),
+            metrics: METRICS.iter().map(|&m| (m, error(last, m))).collect(),
+            ns_per_path: compared(&ns_per_path),
+            paths_per_second: paths_per_second(&runs),
+            memory: runs.iter().filter_map(|c| c.memory).reduce(f64::max),
+            energy: stats::mean_interval(&energy),
+            squared_bias,
+            rejected: runs.iter().map(|c| c.rejected).sum(),
+            crossing: None,
+        };
+        if !is_baseline {
+            summary.crossing = self.crossing(&runs, summary.floor());
+        }
+        summary
+    }
+
+    fn error(&self, cell: &Cell, metric: &str, moment: Moment) -> Option<f64> {
+        let Results { suite, machine, .. } = self.results;
+        match moment {
+            Moment::Samples(n) => curve::at_samples(cell, metric, n),
+            Moment::Seconds(t) => curve::at_seconds(cell, metric, t, &|p| {
+                suite.clock.seconds(p, machine.threads)
+            }),
+        }
+    }
+
+    /// Only seeds that both methods have are compared.
+    fn compared(
+        &self,
+        runs: &[&Cell],
+        is_baseline: bool,
+        f: &dyn Fn(&Cell) -> Option<f64>,
+    ) -> Option<Compared> {
+        let all: Vec<f64> = runs.iter().filter_map(|c| f(c)).collect();
+        // A method that is too slow for one seed is too slow.
+        let value = stats::geometric_mean(&all).filter(|_| all.len() == runs.len())?;
+        if is_baseline {
+            return Some(Compared { value, ratio: None });
+        }
+        let (ours, theirs): (Vec<f64>, Vec<f64>) = runs
+            .iter()
+            .filter_map(|c| {
+                let other = self.baseline.iter().find(|b| b.seed == c.seed)?;
+                Some((f(c)?, f(other)?))
+            })
+            .unzip();
+        let ratio = stats::paired_ratio(&ours, &theirs).map(|r| (r, Verdict::of(&r, ours.len())));
+        Some(Compared { value, ratio })
+    }
+
+    fn crossing(&self, runs: &[&Cell], floor: Option<f64>) -> Option<Crossing> {
+        let curve = |runs: &[&Cell], t: f64| {
+            let errors: Option<Vec<f64>> = runs
+                .iter()
+                .map(|c| self.error(c, MAIN, Moment::Seconds(t)))
+                .collect();
+            stats::geometric_mean(&errors?)
+        };
+        let mut times = Vec::new();
+        let (mut ours, mut theirs) = (Vec::new(), Vec::new());
+        for &t in &self.results.suite.times {
+            if let Some((a, b)) = curve(runs, t).zip(curve(&self.baseline, t)) {
+                times.push(t);
+                ours.push(a);
+                theirs.push(b);
+            }
+        }
+        curve::crossing(&times, &ours, &theirs, floor)
+    }
+}
+
+fn ns_per_path(cell: &Cell) -> Option<f64> {
+    let end = cell.points.last()?;
+    (cell.paths > 0).then(|| end.cpu * 1e9 / cell.paths as f64)
+}
+
+fn paths_per_second(runs: &[&Cell]) -> Option<f64> {
+    let rate = |c: &&Cell| Some(c.paths as f64 / c.points.last()?.wall);
+    stats::geometric_mean(&runs.iter().filter_map(rate).collect::<Vec<f64>>())
+}
+
+/// `0.52 [0.48, 0.57] better`, or a dash for the baseline.
+pub fn ratio_words(compared: Option<Compared>) -> String {
+    match compared.and_then(|c| c.ratio) {
+        Some((r, verdict)) => format!(
+            "{:.3} [{:.3}, {:.3}] {}",
+            r.value,
+            r.low,
+            r.high,
+            verdict.word()
+        ),
+        None => "–".to_owned(),
+    }
+}
+
+/// A number or a dash.
+pub fn or_dash(value: Option<f64>) -> String {
+    value.map_or_else(|| "–".to_owned(), number)
+}
+
+/// One table per scene, as text.
+pub fn text(results: &Results) -> String {
+    let mut text = String::new();
+    for scene in summaries(results) {
+        let _ = writeln!(
+            text,
+            "{}: {MAIN} at {}, against {}\n",
+            scene.name, scene.last, scene.baseline
+        );
+        let heads = ["", MAIN, "ratio", "ns/path", "ratio", "energy", "bias²"];
+        let mut rows = vec![heads.map(str::to_owned).to_vec()];
+        for m in &scene.methods {
+            let main = m.metrics.first().and_then(|(_, c)| *c);
+            rows.push(vec![
+                m.name.clone(),
+                or_dash(main.map(|c| c.value)),
+                ratio_words(main),
+                m.ns_per_path
+                    .map_or_else(|| "–".to_owned(), |c| format!("{:.0}", c.value)),
+                ratio_words(m.ns_per_path),
+                m.energy
+                    .map_or_else(|| "–".to_owned(), |e| format!("{:.4}", e.value)),
+                or_dash(m.floor()),
+            ]);
+        }
+        text.push_str(&aligned(&rows));
+        text.push('\n');
+    }
+    text
+}

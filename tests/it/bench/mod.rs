@@ -1,0 +1,261 @@
+//! Benches: suites, runs that go on where they stopped, and verdicts on recorded data.
+
+pub(crate) mod planted;
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use opsr::image::{Buffer, exr};
+use opsr::math::Rgb;
+use opsr::report::bench::results::Results;
+use opsr::report::bench::stats::Verdict;
+use opsr::report::bench::summary::{self, MethodSummary};
+use opsr::report::bench::{Outcome, Suite, run};
+use planted::{Planted, planted, recorded};
+
+fn summary_of<'a>(all: &'a [summary::SceneSummary], name: &str) -> &'a MethodSummary {
+    all[0].methods.iter().find(|m| m.name == name).unwrap()
+}
+
+#[test]
+fn planted_differences_are_found_and_no_others() {
+    let methods = [
+        planted("plain", 0.1, 0.0),
+        planted("twin", 0.1, 0.0),
+        planted("quiet", 0.05, 0.0),
+        Planted {
+            energy: 1.02,
+            ..planted("bright", 0.05, 4e-4)
+        },
+        Planted {
+            cost: 1.3e-3,
+            ..planted("slow", 0.1, 0.0)
+        },
+    ];
+    let all = summary::summaries(&recorded(&methods, 8));
+    let verdict = |name: &str| summary_of(&all, name).metrics[0].1.unwrap().ratio.unwrap();
+    let speed = |name: &str| summary_of(&all, name).ns_per_path.unwrap().ratio.unwrap();
+    assert_eq!(verdict("twin").1, Verdict::Tie);
+    assert_eq!(speed("twin").1, Verdict::Tie);
+    assert_eq!(verdict("quiet").1, Verdict::Better);
+    assert!(verdict("quiet").0.holds(0.5));
+    assert_eq!(speed("slow").1, Verdict::Worse);
+    let (ratio, _) = speed("slow");
+    assert!(ratio.holds(1.3) && ratio.low > 1.2, "{ratio:?}");
+    for name in ["plain", "twin", "quiet", "slow"] {
+        let m = summary_of(&all, name);
+        assert!(
+            !m.energy_is_off() && m.floor().is_none(),
+            "{name}: {:?} {:?}",
+            m.energy,
+            m.squared_bias
+        );
+    }
+    let bright = summary_of(&all, "bright");
+    assert!(bright.energy_is_off() && bright.energy.unwrap().holds(1.02));
+    let floor = bright.floor().unwrap();
+    // 0.02² f²/(f² + 0.01), f near ½.
+    assert!((floor / 3.84e-4 - 1.0).abs() < 0.25, "{floor}");
+    assert!(matches!(
+        bright.crossing,
+        Some(opsr::report::bench::curve::Crossing::Extrapolated(t)) if t > 20.0
+    ));
+    let plain = summary_of(&all, "plain");
+    assert!(plain.crossing.is_none() && plain.metrics[0].1.unwrap().ratio.is_none());
+}
+
+#[test]
+fn four_seeds_are_too_few() {
+    let all = summary::summaries(&recorded(
+        &[planted("plain", 0.1, 0.0), planted("quiet", 0.01, 0.0)],
+        4,
+    ));
+    let ratio = summary_of(&all, "quiet").metrics[0]
+        .1
+        .unwrap()
+        .ratio
+        .unwrap();
+    assert_eq!(ratio.1, Verdict::TooFewSeeds);
+}
+
+#[test]
+fn suites_are_checked() {
+    let scene = "[[scene]]\nname = 's'\nbuiltin = 'plane'\nsize = [8, 8]\nreference_spp = 1\n";
+    let method = "[[method]]\nname = 'm'\nmethod = 'plain'\n";
+    let faults = [
+        (format!("{scene}{method}"), "moment"),
+        (format!("times = [2, 1]\n{scene}{method}"), "ascending"),
+        (format!("times = [1]\nspeed = 3\n{scene}{method}"), "speed"),
+        (
+            format!("times = [1]\nbaseline = 'x'\n{scene}{method}"),
+            "`x`",
+        ),
+        (format!("times = [1]\n{scene}{scene}{method}"), "two scenes"),
+        (
+            format!("times = [1]\n{scene}crop = [4, 4, 8, 8]\n{method}"),
+            "scene `s`: crop",
+        ),
+        (
+            format!("times = [1]\n{scene}reference = 'r.exr'\n{method}"),
+            "either",
+        ),
+        (
+            format!("times = [1]\n{scene}{method}gamma = 0.1\n"),
+            "method `m`: `gamma`",
+        ),
+        (
+            format!("times = [1]\n{scene}[[method]]\nname = 'm'\nmethod = 'constant'\n"),
+            "gamma",
+        ),
+    ];
+    for (text, word) in faults {
+        let error = Suite::parse(&text).unwrap_err();
+        assert!(error.contains(word), "{text}\n{error}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("suite.toml");
+    let text =
+        "times = [1]\n[[scene]]\nname = 's'\nfile = 'a.glb'\nsize = [8, 8]\nreference = '/r.exr'\n";
+    std::fs::write(&path, format!("{text}{method}")).unwrap();
+    let suite = Suite::load(&path).unwrap();
+    assert_eq!(
+        suite.scenes[0].file.as_deref(),
+        Some(&*folder.path().join("a.glb"))
+    );
+    assert_eq!(
+        suite.scenes[0].reference.as_deref(),
+        Some(Path::new("/r.exr"))
+    );
+}
+
+const SMALL: &str = "seeds = 3\nsamples = [2, 5]\n\
+    [[scene]]\nname = 'box'\nbuiltin = 'caustic-box'\nsize = [24, 16]\ncrop = [4, 0, 16, 16]\nreference_spp = 16\n\
+    [[method]]\nname = 'plain'\nmethod = 'plain'\n\
+    [[method]]\nname = 'twin'\nmethod = 'constant'\ngamma = 0.0\n";
+
+#[test]
+fn a_bench_goes_on_where_it_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.json");
+    let suite = Suite::parse(SMALL).unwrap();
+    let go = |suite: &Suite, stop_at: usize| {
+        let mut heard = |s: &opsr::report::bench::Status| {
+            if s.done >= stop_at {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        };
+        run(suite, &path, "opsr bench", &mut heard).unwrap()
+    };
+    let (first, outcome) = go(&suite, 3);
+    assert_eq!((outcome, first.cells.len()), (Outcome::Stopped, 3));
+    assert_eq!(
+        Results::load(&path).unwrap(),
+        first,
+        "the file is what was returned"
+    );
+
+    let (all, outcome) = go(&suite, usize::MAX);
+    assert_eq!((outcome, all.cells.len()), (Outcome::Done, 6));
+    assert_eq!(all.cells[..3], first.cells[..], "kept to the bit");
+    assert_eq!(Results::load(&path).unwrap(), all);
+    assert_eq!(all.products.len(), 2);
+    assert_eq!(all.insets.len(), 3);
+    let samples: Vec<u32> = all.cells[0].points.iter().map(|p| p.samples).collect();
+    assert_eq!(samples, [1, 2, 5]);
+    assert_eq!(all.cells[0].paths, 5 * 256);
+
+    // A table of zeros is plain path tracing to the bit, so is its error.
+    let scenes = summary::summaries(&all);
+    let (ratio, verdict) = summary_of(&scenes, "twin").metrics[0]
+        .1
+        .unwrap()
+        .ratio
+        .unwrap();
+    assert_eq!(
+        (ratio.low, ratio.high, verdict),
+        (1.0, 1.0, Verdict::TooFewSeeds)
+    );
+    // The diagonal of the products is relMSE itself.
+    let products = all.products("box", "plain").unwrap();
+    for (run, row) in all.runs("box", "plain").iter().zip(0..) {
+        let error = run.points.last().unwrap().errors["relMSE"];
+        assert!((products.values[row][row] / error - 1.0).abs() < 1e-4);
+    }
+
+    // Nothing is measured again; a method more adds its runs only; a new moment measures all anew.
+    let (again, _) = go(&suite, usize::MAX);
+    assert_eq!(again, all);
+    let more = Suite::parse(&format!(
+        "{SMALL}[[method]]\nname = 'pbrt'\nmethod = 'pbrt'\n"
+    ))
+    .unwrap();
+    let (more, _) = go(&more, usize::MAX);
+    assert_eq!(more.cells.len(), 9);
+    assert_eq!(more.cells[..6], all.cells[..]);
+    let longer = Suite::parse(&SMALL.replace("[2, 5]", "[2, 6]")).unwrap();
+    let (longer, _) = go(&longer, usize::MAX);
+    assert!(
+        longer
+            .runs("box", "plain")
+            .iter()
+            .all(|c| c.points.last().unwrap().samples == 6)
+    );
+}
+
+#[test]
+fn references_are_kept_and_may_be_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.json");
+    let quick = SMALL.replace("seeds = 3", "seeds = 1");
+    let go = |text: &str| {
+        run(&Suite::parse(text).unwrap(), &path, "", &mut |_| {
+            ControlFlow::Continue(())
+        })
+    };
+    let (made, _) = go(&quick).unwrap();
+    let reference = made.inset("box", None).unwrap().picture().unwrap();
+    let kept: Vec<_> = std::fs::read_dir(folder.path().join("results.pictures"))
+        .unwrap()
+        .map(|f| f.unwrap().path())
+        .filter(|p| p.display().to_string().contains("reference-"))
+        .collect();
+    assert_eq!(kept.len(), 1);
+    assert!(made.scenes[0].reference_noise > 0.0);
+    let given = |file: &Path| {
+        quick.replace(
+            "reference_spp = 16",
+            &format!("reference = '{}'", file.display()),
+        )
+    };
+    let (same, _) = go(&given(&kept[0])).unwrap();
+    assert_eq!(
+        same.scenes[0].reference_noise,
+        made.scenes[0].reference_noise
+    );
+    assert_eq!(
+        same.inset("box", None).unwrap().picture().unwrap(),
+        reference
+    );
+    // A picture of the whole frame is cut to the crop; one of another size is refused.
+    let whole = folder.path().join("whole.exr");
+    let picture = Buffer::from_fn(24, 16, |x, _| Rgb::splat(x as f32));
+    exr::write_rgb(&whole, &picture, &exr::Metadata::new()).unwrap();
+    let (cut, _) = go(&given(&whole)).unwrap();
+    assert_eq!(
+        cut.inset("box", None).unwrap().picture().unwrap().get(0, 0),
+        Rgb::splat(4.0)
+    );
+    exr::write_rgb(
+        &whole,
+        &Buffer::filled(3, 3, Rgb::ONE),
+        &exr::Metadata::new(),
+    )
+    .unwrap();
+    let error = go(&given(&whole)).unwrap_err().to_string();
+    assert!(
+        error.contains("whole.exr") && error.contains("3x3"),
+        "{error}"
+    );
+}
