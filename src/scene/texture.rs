@@ -4,7 +4,7 @@ use crate::math::Vec2;
 use std::sync::LazyLock;
 
 /// What happens outside [0, 1).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// The picture repeats.
     #[default]

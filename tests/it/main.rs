@@ -8,6 +8,7 @@ mod energy;
 mod exr;
 mod film;
 mod geometry;
+mod load;
 mod metric;
 mod scenes;
 mod support;

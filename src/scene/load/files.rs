@@ -40,10 +40,10 @@ impl<'a> Container<'a> {
         }
         let chunk = |at: usize, number: usize| {
             let place = format!("GLB chunk {number}");
-            let (Some(size), Some(kind)) = (word(at), word(at + 4)) else {
+            let start = at + 8;
+            let (Some(size), Some(kind), true) = (word(at), word(at + 4), start <= length) else {
                 return Err(fault(place, "the file ends within its header"));
             };
-            let start = at + 8;
             match start.checked_add(size).filter(|&end| end <= length) {
                 Some(end) => Ok((kind, &bytes[start..end], end.next_multiple_of(4))),
                 None => Err(fault(
@@ -66,10 +66,15 @@ impl<'a> Container<'a> {
     }
 }
 
+/// The most bytes read from files beside the scene: a list of buffers may name one file again and again.
+const MAX_BESIDE: u64 = 1 << 32;
+
 /// The files a scene is made of.
 pub(super) struct Files {
     folder: PathBuf,
     digest: Sha256,
+    /// How many more bytes may be read.
+    left: u64,
 }
 
 impl Files {
@@ -78,6 +83,7 @@ impl Files {
         Self {
             folder: path.parent().unwrap_or(Path::new("")).to_owned(),
             digest: Sha256::new_with_prefix(bytes),
+            left: MAX_BESIDE,
         }
     }
 
@@ -96,8 +102,17 @@ impl Files {
         }
         let name = percent_decoded(uri, place)?;
         let path = self.folder.join(inside(&name, place)?);
-        let bytes = read_file(&path)
-            .map_err(|e| fault(place, format!("cannot read {}: {e}", path.display())))?;
+        let cannot = |e| fault(place, format!("cannot read {}: {e}", path.display()));
+        let size = std::fs::metadata(&path).map_err(cannot)?.len();
+        let Some(left) = self.left.checked_sub(size) else {
+            let what = format!(
+                "{}: more than {MAX_BESIDE} bytes beside the scene",
+                path.display()
+            );
+            return Err(fault(place, what));
+        };
+        self.left = left;
+        let bytes = read_file(&path).map_err(cannot)?;
         self.digest.update(&bytes);
         Ok(bytes)
     }

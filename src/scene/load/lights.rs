@@ -164,7 +164,7 @@ fn punctual(light: &Light, position: Vec3, direction: Vec3, at: &str) -> Result<
             let right = (0.0..=outer).contains(&inner) && outer <= FRAC_PI_2 + 1e-4 && outer > 0.0;
             if !right {
                 let what =
-                    format!("cone angles {inner} and {outer} are not 0 ≤ inner < outer ≤ π/2");
+                    format!("cone angles {inner} and {outer} are not 0 ≤ inner ≤ outer ≤ π/2");
                 return Err(fault(at, what));
             }
             Ok(PunctualLight::Spot {

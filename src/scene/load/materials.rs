@@ -101,6 +101,7 @@ impl Reader<'_> {
     fn extensions(&mut self, e: &ext::Material, out: &mut Material) -> Result<()> {
         if let Some(strength) = &e.emissive_strength {
             out.emission *= self.positive("emissiveStrength", strength.emissive_strength.0)?;
+            self.colour("emission", out.emission.to_array())?;
         }
         if let Some(ior) = &e.ior {
             out.ior = ior.ior.0;

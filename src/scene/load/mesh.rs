@@ -14,6 +14,9 @@ use gltf::json::validation::Checked;
 /// any number.
 const MAX_ELEMENTS: u64 = 1 << 26;
 
+/// The most meshes of ours, one per primitive and instance.
+const MAX_MESHES: usize = 1 << 20;
+
 /// What meshes need to know of a material.
 #[derive(Clone, Copy)]
 pub(super) struct Slot {
@@ -60,9 +63,10 @@ pub(super) fn meshes(
             let place = format!("{at}.primitives[{k}]");
             let (v, t) = size(data, primitive);
             (vertices, triangles) = (vertices.saturating_add(v), triangles.saturating_add(t));
-            if vertices.max(triangles) > MAX_ELEMENTS {
-                let what =
-                    format!("more than {MAX_ELEMENTS} vertices or triangles in the scene so far");
+            if vertices.max(triangles) > MAX_ELEMENTS || instances.len() == MAX_MESHES {
+                let what = format!(
+                    "more than {MAX_ELEMENTS} vertices or triangles, or {MAX_MESHES} meshes, instances counted"
+                );
                 return Err(fault(place, what));
             }
             instances.push(Instance {

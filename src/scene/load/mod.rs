@@ -24,6 +24,7 @@ use files::{Container, Files};
 use gltf::json::Root;
 use gltf::json::mesh::Semantic;
 use gltf::json::validation::{Checked, Error as Broken, Validate};
+use serde::de::IgnoredAny;
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -128,6 +129,35 @@ struct Head {
     extensions_used: Vec<String>,
     #[serde(default)]
     extensions_required: Vec<String>,
+    #[serde(default)]
+    accessors: Vec<IgnoredAny>,
+    #[serde(default)]
+    buffer_views: Vec<IgnoredAny>,
+    #[serde(default)]
+    materials: Vec<IgnoredAny>,
+    #[serde(default)]
+    meshes: Vec<IgnoredAny>,
+    #[serde(default)]
+    nodes: Vec<IgnoredAny>,
+}
+
+impl Head {
+    /// Two bytes of a list, `{}`, become up to a kilobyte of memory: no list may be longer than any real one.
+    fn check_lists(&self) -> Result<()> {
+        let lists = [
+            ("accessors", &self.accessors, 1 << 20),
+            ("bufferViews", &self.buffer_views, 1 << 20),
+            ("materials", &self.materials, 1 << 16),
+            ("meshes", &self.meshes, 1 << 20),
+            ("nodes", &self.nodes, 1 << 20),
+        ];
+        match lists.iter().find(|(_, list, most)| list.len() > *most) {
+            Some((name, list, most)) => {
+                Err(fault(*name, format!("{} are more than {most}", list.len())))
+            }
+            None => Ok(()),
+        }
+    }
 }
 
 #[derive(serde::Deserialize)]
@@ -146,6 +176,7 @@ fn head(json: &[u8], warnings: &mut Warnings) -> Result<Head> {
     if let Some(least) = head.asset.min_version.as_ref().filter(|v| *v != "2.0") {
         return Err(fault("asset.minVersion", format!("`{least}` is not 2.0")));
     }
+    head.check_lists()?;
     let unknown = |e: &&String| !SUPPORTED.contains(&e.as_str());
     if let Some(name) = head.extensions_required.iter().find(unknown) {
         return Err(Fault::Extension { name: name.clone() });

@@ -31,7 +31,7 @@ pub(super) fn placed(root: &Root) -> Result<Vec<Placed<'_>>> {
             return Err(fault(place, what));
         }
         let pose = parent * local(node, &place)?;
-        if !pose.is_finite() {
+        if !pose.is_finite() || !pose.translation.as_vec3().is_finite() {
             return Err(fault(place, "its transform is not finite"));
         }
         let children = node.children.iter().flatten().rev();

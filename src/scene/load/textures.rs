@@ -9,13 +9,14 @@ use gltf::json::Root;
 use gltf::json::texture::{MagFilter, WrappingMode};
 use gltf::json::validation::Checked;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use std::collections::{BTreeMap, HashMap};
 use std::io::Cursor;
 
 /// The most texels of one image, and of all textures together: a few bytes of PNG can ask for any number.
 const MAX_TEXELS: [u64; 2] = [1 << 26, 1 << 28];
 
 /// What makes two uses of a file's textures one texture of ours.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 struct Key {
     image: usize,
     srgb: bool,
@@ -25,7 +26,9 @@ struct Key {
 /// The textures that materials ask for.
 #[derive(Default)]
 pub(super) struct Requests {
-    keys: Vec<Key>,
+    known: HashMap<Key, u32>,
+    /// By image: which textures are made of it.
+    uses: BTreeMap<usize, Vec<(u32, Key)>>,
 }
 
 impl Requests {
@@ -56,36 +59,34 @@ impl Requests {
             }
         }
         let key = Key { image, srgb, wrap };
-        let found = self.keys.iter().position(|k| *k == key);
-        Ok(found.unwrap_or_else(|| {
-            self.keys.push(key);
-            self.keys.len() - 1
-        }) as u32)
+        let next = self.known.len() as u32;
+        Ok(*self.known.entry(key).or_insert_with(|| {
+            self.uses.entry(image).or_default().push((next, key));
+            next
+        }))
     }
 
     /// Reads and decodes the images asked for, in file order.
     pub(super) fn textures(self, data: &Data<'_>, files: &mut Files) -> Result<Vec<Texture>> {
-        let mut textures = vec![Texture::default(); self.keys.len()];
+        let mut textures = vec![Texture::default(); self.known.len()];
         let mut left = MAX_TEXELS[1];
-        for image in 0..data.root.images.len() {
-            let uses: Vec<usize> = (0..self.keys.len())
-                .filter(|&k| self.keys[k].image == image)
-                .collect();
-            if uses.is_empty() {
-                continue;
-            }
+        for (image, uses) in self.uses {
             let at = place("images", image, data.root.images[image].name.as_ref());
-            let (width, height, texels) =
-                decoded(data, image, files, &at, left / uses.len() as u64)?;
-            left = left.saturating_sub(texels.len() as u64 * uses.len() as u64);
-            for k in uses {
-                let Key { srgb, wrap, .. } = self.keys[k];
-                textures[k] = Texture {
+            let copies = uses.len() as u64;
+            let (width, height, mut texels) = decoded(data, image, files, &at, left / copies)?;
+            left -= texels.len() as u64 * copies;
+            for (k, (texture, Key { srgb, wrap, .. })) in uses.iter().enumerate() {
+                let last = k + 1 == uses.len();
+                textures[*texture as usize] = Texture {
                     width,
                     height,
-                    texels: texels.clone(),
-                    srgb,
-                    wrap,
+                    texels: if last {
+                        std::mem::take(&mut texels)
+                    } else {
+                        texels.clone()
+                    },
+                    srgb: *srgb,
+                    wrap: *wrap,
                 };
             }
         }

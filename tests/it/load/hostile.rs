@@ -1,0 +1,238 @@
+//! Small files that ask for much, and files at random: no panic, no flood of memory.
+
+use super::broken::{good, refused};
+use crate::support::gltf::{File, load_bytes};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
+use serde_json::{Value, json};
+
+/// A 1 x 1 PNG whose header claims another size, checksum and all.
+fn claiming(width: u32, height: u32) -> Vec<u8> {
+    let mut bytes = crate::support::gltf::png(&image::DynamicImage::new_rgb8(1, 1));
+    bytes[16..20].copy_from_slice(&width.to_be_bytes());
+    bytes[20..24].copy_from_slice(&height.to_be_bytes());
+    let crc = bytes[12..29].iter().fold(!0u32, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |c, _| {
+            if c & 1 == 1 {
+                c >> 1 ^ 0xedb8_8320
+            } else {
+                c >> 1
+            }
+        })
+    });
+    bytes[29..33].copy_from_slice(&(!crc).to_be_bytes());
+    bytes
+}
+
+#[test]
+fn pictures_that_claim_too_much() {
+    for (width, height, fragment) in [
+        (60_000, 60_000, "images[0]: 60000 x 60000 texels"),
+        (0, 5, "images[0]"),
+        (4000, 1, "images[0]: cannot be decoded"),
+    ] {
+        let mut file = File::triangle();
+        let view = file.view(&claiming(width, height));
+        file.push("images", json!({ "bufferView": view }));
+        file.push("textures", json!({ "source": 0 }));
+        file.push("materials", json!({ "emissiveTexture": { "index": 0 } }));
+        refused(&file.gltf(), fragment, "a picture");
+    }
+}
+
+#[test]
+fn accessors_without_bytes_behind_them() {
+    let mut file = good();
+    file.json["accessors"][0]
+        .as_object_mut()
+        .unwrap()
+        .remove("bufferView");
+    file.json["accessors"][0]["count"] = json!(1u64 << 40);
+    refused(
+        &file.gltf(),
+        "accessors[0]: 1099511627776 elements without a bufferView",
+        "zeros",
+    );
+}
+
+#[test]
+fn instances_without_end() {
+    // Each instance is small, all together are not.
+    let mut file = good();
+    let accessor = &mut file.json["accessors"][0];
+    accessor.as_object_mut().unwrap().remove("bufferView");
+    accessor["count"] = json!(1_000_000);
+    file.json["nodes"] = json!(vec![json!({ "mesh": 0 }); 100]);
+    file.json["scenes"][0]["nodes"] = json!((0..100).collect::<Vec<_>>());
+    refused(
+        &file.gltf(),
+        "meshes[0].primitives[0]: more than 67108864 vertices",
+        "instances",
+    );
+}
+
+#[test]
+fn graphs_deep_and_round() {
+    // A chain deeper than any stack is walked; closed to a ring, it is refused.
+    let n = 50_000;
+    let mut file = File::triangle();
+    let mut nodes: Vec<Value> = (1..n).map(|i| json!({ "children": [i] })).collect();
+    nodes.push(json!({ "mesh": 0 }));
+    file.json["nodes"] = json!(nodes);
+    file.json["scenes"] = json!([{ "nodes": [0] }]);
+    assert_eq!(file.loaded().parts.meshes.len(), 1);
+    file.json["nodes"][n - 1]["children"] = json!([n / 2]);
+    refused(&file.gltf(), "nodes[25000]: is reached twice", "a ring");
+    file.json["nodes"][n - 1]["children"] = json!([0]);
+    file.json.as_object_mut().unwrap().remove("scenes");
+    refused(
+        &file.gltf(),
+        "nodes: every node is a child",
+        "a ring without a scene",
+    );
+}
+
+#[test]
+fn lists_longer_than_any_real_one() {
+    let mut file = File::triangle();
+    file.json["materials"] = json!(vec![json!({}); 70_000]);
+    refused(&file.gltf(), "materials: 70000 are more than", "materials");
+}
+
+/// Loads, builds the scene of what loads, and is content with anything but a panic.
+fn survives(bytes: &[u8]) -> bool {
+    match load_bytes(bytes) {
+        Ok(loaded) => {
+            let scene = opsr::scene::Scene::new(loaded.parts);
+            assert!(scene.geometry().len() < 1000);
+            true
+        }
+        Err(error) => {
+            assert!(error.to_string().contains("scene.gltf"));
+            false
+        }
+    }
+}
+
+/// JSON pointers to all values inside.
+fn pointers(value: &Value, at: &str, out: &mut Vec<String>) {
+    match value {
+        Value::Array(list) => {
+            for (i, v) in list.iter().enumerate() {
+                pointers(v, &format!("{at}/{i}"), out);
+            }
+        }
+        Value::Object(map) => map
+            .iter()
+            .for_each(|(k, v)| pointers(v, &format!("{at}/{k}"), out)),
+        _ => {}
+    }
+    out.push(at.to_owned());
+}
+
+fn run<S: Strategy>(cases: u32, strategy: S, mut change: impl FnMut(S::Value) -> Vec<u8>) {
+    let config = Config {
+        cases,
+        failure_persistence: None,
+        ..Config::default()
+    };
+    let rng = TestRng::deterministic_rng(RngAlgorithm::ChaCha);
+    let mut runner = TestRunner::new_with_rng(config, rng);
+    let (change, good) = (
+        std::cell::RefCell::new(&mut change),
+        std::cell::Cell::new(0),
+    );
+    let outcome = runner.run(&strategy, |value| {
+        let bytes = (change.borrow_mut())(value);
+        good.set(good.get() + u32::from(survives(&bytes)));
+        Ok(())
+    });
+    outcome.unwrap_or_else(|e| panic!("{e}"));
+    // Neither all refused nor all let through: the changes are of the right size.
+    assert!(
+        (cases / 50..cases - cases / 50).contains(&good.get()),
+        "{}",
+        good.get()
+    );
+}
+
+#[test]
+fn bytes_at_random() {
+    let base = good().glb();
+    let change = (0..4u8, any::<prop::sample::Index>(), any::<u8>());
+    let changes = prop::collection::vec(change, 1..8);
+    run(1000, changes, |changes| {
+        let mut bytes = base.clone();
+        for (kind, at, byte) in changes {
+            if bytes.is_empty() {
+                break;
+            }
+            let at = at.index(bytes.len());
+            match kind {
+                0 => bytes[at] = byte,
+                1 => bytes[at] ^= 1 << (byte % 8),
+                2 => drop(bytes.drain(at..bytes.len().min(at + usize::from(byte)))),
+                _ => bytes.insert(at, byte),
+            }
+        }
+        bytes
+    });
+}
+
+#[test]
+fn values_at_random() {
+    let base = good();
+    let mut all = Vec::new();
+    pointers(&base.json, "", &mut all);
+    let odd = [
+        json!(0),
+        json!(1),
+        json!(2),
+        json!(-1),
+        json!(0.5),
+        json!(5126),
+        json!(u32::MAX),
+        json!(1u64 << 32),
+        json!(u64::MAX),
+        json!(1e39),
+        json!(-1e39),
+        json!(1e-45),
+        json!(""),
+        json!("VEC4"),
+        json!(true),
+        json!(null),
+        json!([]),
+        json!({}),
+        json!([0]),
+        json!([0, 0, 0]),
+        json!([1e38, 1e38, 1e38, 1e38]),
+    ];
+    let change = (
+        any::<prop::sample::Index>(),
+        any::<prop::sample::Index>(),
+        any::<prop::sample::Index>(),
+    );
+    run(1000, prop::collection::vec(change, 1..4), |changes| {
+        let mut file = base.clone();
+        for (at, what, other) in changes {
+            let what = what.index(odd.len() + 3);
+            // Mostly an odd value, sometimes another part of the file.
+            let value = match odd.get(what) {
+                Some(odd) => odd.clone(),
+                None => base
+                    .json
+                    .pointer(&all[other.index(all.len())])
+                    .cloned()
+                    .unwrap_or_default(),
+            };
+            if let Some(place) = file.json.pointer_mut(&all[at.index(all.len())]) {
+                *place = value;
+            }
+        }
+        if file.json.is_object() {
+            file.gltf()
+        } else {
+            file.json.to_string().into_bytes()
+        }
+    });
+}

@@ -1,0 +1,309 @@
+//! Materials, textures, lights and cameras out of glTF files.
+
+use super::close;
+use crate::support::gltf::File;
+use glam::Vec2;
+use image::{DynamicImage, RgbImage, RgbaImage};
+use opsr::math::{Rgb, Vec3};
+use opsr::scene::camera::Projection;
+use opsr::scene::material::AlphaMode;
+use opsr::scene::texture::Wrap;
+use opsr::scene::{Material, PunctualLight};
+use serde_json::{Value, json};
+
+/// The material that comes of a description.
+fn material(value: Value) -> Material {
+    let mut file = File::triangle();
+    file.push("materials", value);
+    file.primitive()["material"] = json!(0);
+    file.loaded().parts.materials.remove(0)
+}
+
+fn with(extension: &str, body: Value) -> Material {
+    let key = format!("KHR_materials_{extension}");
+    material(json!({ "extensions": { key: body } }))
+}
+
+#[test]
+fn factors() {
+    let m = material(json!({
+        "name": "steel",
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [0.1, 0.2, 0.3, 0.4], "metallicFactor": 0.25, "roughnessFactor": 0.3,
+        },
+        "emissiveFactor": [0.5, 0, 1], "doubleSided": true, "alphaMode": "BLEND",
+        "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 8 } },
+    }));
+    assert_eq!(m.name, "steel");
+    assert_eq!((m.base_color, m.opacity), (Rgb::new(0.1, 0.2, 0.3), 0.4));
+    // Perceptual roughness 0.3 is α = 0.09.
+    assert!(m.metallic == 0.25 && (m.alpha - 0.09).abs() < 1e-7);
+    assert_eq!(m.emission, Rgb::new(4.0, 0.0, 8.0));
+    assert!(m.double_sided && m.alpha_mode == AlphaMode::Blend);
+    let plain = material(json!({}));
+    assert!(!plain.double_sided && plain.alpha_mode == AlphaMode::Opaque);
+    assert_eq!((plain.metallic, plain.alpha, plain.ior), (1.0, 1.0, 1.5));
+    let masked = material(json!({ "alphaMode": "MASK" }));
+    assert_eq!(masked.alpha_mode, AlphaMode::Mask(0.5));
+    let masked = material(json!({ "alphaMode": "MASK", "alphaCutoff": 0.25 }));
+    assert_eq!(masked.alpha_mode, AlphaMode::Mask(0.25));
+}
+
+#[test]
+fn glass() {
+    let thin = with("transmission", json!({ "transmissionFactor": 0.75 }));
+    assert!(thin.transmission == 0.75 && !thin.solid && thin.absorption == Rgb::ZERO);
+    assert!(!with("volume", json!({ "attenuationDistance": 1 })).solid);
+    let body = json!({
+        "thicknessFactor": 0.1, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0],
+    });
+    let solid = with("volume", body);
+    assert!(solid.solid && solid.absorption.x == 0.0 && solid.absorption.z.is_finite());
+    // After two units half of the green is left, and no blue.
+    let left = (-2.0 * solid.absorption).exp();
+    assert!((left.y - 0.5).abs() < 1e-6 && left.z < 1e-30);
+    assert_eq!(
+        with("volume", json!({ "thicknessFactor": 1 })).absorption,
+        Rgb::ZERO
+    );
+    assert_eq!(with("ior", json!({ "ior": 1.33 })).ior, 1.33);
+    // An infinite index reflects everything.
+    let mirror = material(json!({ "extensions": {
+        "KHR_materials_ior": { "ior": 0 },
+        "KHR_materials_transmission": { "transmissionFactor": 1 },
+    }}));
+    assert_eq!((mirror.ior, mirror.transmission), (0.0, 0.0));
+}
+
+#[test]
+fn specular_and_unlit() {
+    let m = with(
+        "specular",
+        json!({ "specularFactor": 0.5, "specularColorFactor": [1, 0.5, 2] }),
+    );
+    assert_eq!(m.specular, Rgb::new(0.5, 0.25, 1.0));
+    let m = material(json!({
+        "pbrMetallicRoughness": { "baseColorFactor": [0.1, 0.2, 0.3, 1] },
+        "extensions": { "KHR_materials_unlit": {} },
+    }));
+    assert_eq!(
+        (m.emission, m.base_color),
+        (Rgb::new(0.1, 0.2, 0.3), Rgb::ZERO)
+    );
+    assert!(m.is_lambert() && m.double_sided);
+}
+
+/// A square of 2 x 2 texels: red and green above, blue and white below.
+fn quarters() -> DynamicImage {
+    let texels = vec![255, 0, 0, 0, 255, 0, 0, 0, 255, 255, 255, 255];
+    RgbImage::from_raw(2, 2, texels).expect("2 x 2").into()
+}
+
+#[test]
+fn textures_by_use_and_sampler() {
+    let mut file = File::triangle();
+    file.texture(&quarters());
+    file.json["samplers"] = json!([{ "wrapS": 33071, "wrapT": 33648, "magFilter": 9728 }]);
+    file.push("textures", json!({ "source": 0, "sampler": 0 }));
+    let info = |i: u32| json!({ "index": i });
+    file.push("materials", json!({
+        "pbrMetallicRoughness": { "baseColorTexture": info(0), "metallicRoughnessTexture": info(0) },
+        "emissiveTexture": info(0), "emissiveFactor": [1, 1, 1],
+        "normalTexture": { "index": 1, "scale": 0.5 },
+        "extensions": { "KHR_materials_transmission": { "transmissionTexture": info(1) } },
+    }));
+    let loaded = file.loaded();
+    let parts = &loaded.parts;
+    let m = &parts.materials[0];
+    let of = |t: &Option<opsr::scene::material::TextureRef>| {
+        let index = t.as_ref().expect("a texture").texture;
+        (index, &parts.textures[index as usize])
+    };
+    let (base, colour) = of(&m.base_color_texture);
+    let (rough, data) = of(&m.metallic_roughness_texture);
+    let (bumps, normal) = of(&m.normal_texture);
+    assert!(colour.srgb && !data.srgb && !normal.srgb);
+    assert_eq!(of(&m.emissive_texture).0, base);
+    assert_eq!(of(&m.transmission_texture).0, bumps);
+    assert!(base != rough && rough != bumps && parts.textures.len() == 3);
+    assert_eq!(data.wrap, [Wrap::Repeat; 2]);
+    assert_eq!(normal.wrap, [Wrap::Clamp, Wrap::Mirror]);
+    assert_eq!(m.normal_scale, 0.5);
+    let expected = [
+        [255, 0, 0, 255],
+        [0, 255, 0, 255],
+        [0, 0, 255, 255],
+        [255; 4],
+    ];
+    assert!(
+        parts
+            .textures
+            .iter()
+            .all(|t| t.texels == expected && (t.width, t.height) == (2, 2))
+    );
+    assert!(loaded.warnings.iter().any(|w| w.contains("nearest")));
+}
+
+#[test]
+fn pixel_formats() {
+    let alpha = RgbaImage::from_pixel(1, 1, image::Rgba([10, 20, 30, 40]));
+    let pictures: [(DynamicImage, [u8; 4]); 3] = [
+        (alpha.into(), [10, 20, 30, 40]),
+        (
+            image::GrayImage::from_pixel(1, 1, image::Luma([7])).into(),
+            [7, 7, 7, 255],
+        ),
+        (
+            image::ImageBuffer::from_pixel(1, 1, image::Rgb([0x8080u16, 0, 0xffff])).into(),
+            [0x80, 0, 255, 255],
+        ),
+    ];
+    for (picture, texel) in pictures {
+        let mut file = File::triangle();
+        file.texture(&picture);
+        file.push("materials", json!({ "emissiveTexture": { "index": 0 } }));
+        assert_eq!(file.loaded().parts.textures[0].texels, [texel]);
+    }
+    // JPEG, whatever the file calls it.
+    let mut out = std::io::Cursor::new(Vec::new());
+    let grey = RgbImage::from_pixel(8, 8, image::Rgb([128; 3]));
+    grey.write_to(&mut out, image::ImageFormat::Jpeg)
+        .expect("a JPEG");
+    let mut file = File::triangle();
+    let view = file.view(&out.into_inner());
+    file.push(
+        "images",
+        json!({ "bufferView": view, "mimeType": "image/png" }),
+    );
+    file.push("textures", json!({ "source": 0 }));
+    file.push("materials", json!({ "emissiveTexture": { "index": 0 } }));
+    let texel = file.loaded().parts.textures[0].texels[0];
+    assert!(texel.iter().take(3).all(|c| c.abs_diff(128) < 3));
+}
+
+#[test]
+fn texture_transforms() {
+    let mut file = File::triangle();
+    file.texture(&quarters());
+    let quarter_turn = json!({ "rotation": std::f32::consts::FRAC_PI_2 });
+    let all =
+        json!({ "offset": [0.5, 0.25], "rotation": std::f32::consts::FRAC_PI_2, "scale": [2, 3] });
+    let info = |t: &Value| json!({ "index": 0, "extensions": { "KHR_texture_transform": t } });
+    file.push("materials", json!({
+        "pbrMetallicRoughness": { "baseColorTexture": info(&quarter_turn), "metallicRoughnessTexture": info(&all) },
+        "normalTexture": info(&all),
+    }));
+    let m = &file.loaded().parts.materials[0];
+    let at = |t: &Option<opsr::scene::material::TextureRef>, u: f32, v: f32| {
+        let map = t.as_ref().expect("a texture").transform;
+        map.transform_point2(Vec2::new(u, v))
+    };
+    // Counter-clockwise as one sees it, v pointing down: right becomes up.
+    let turned = at(&m.base_color_texture, 1.0, 0.0);
+    assert!((turned - Vec2::new(0.0, -1.0)).length() < 1e-6, "{turned}");
+    // First scaled, then turned, then moved.
+    for texture in [&m.metallic_roughness_texture, &m.normal_texture] {
+        let moved = at(texture, 1.0, 1.0);
+        assert!((moved - Vec2::new(3.5, -1.75)).length() < 1e-6, "{moved}");
+    }
+}
+
+#[test]
+fn sets_of_texture_coordinates() {
+    let build = |texture: Value| {
+        let mut file = File::triangle();
+        file.texture(&quarters());
+        let zero = file.floats("VEC2", &[0.0; 6]);
+        let one = file.floats("VEC2", &[1.0; 6]);
+        file.primitive()["attributes"]["TEXCOORD_0"] = json!(zero);
+        file.primitive()["attributes"]["TEXCOORD_1"] = json!(one);
+        file.primitive()["material"] = json!(0);
+        let mr = json!({ "index": 0 });
+        file.push(
+            "materials",
+            json!({ "pbrMetallicRoughness": { "baseColorTexture": texture } }),
+        );
+        file.push(
+            "materials",
+            json!({ "pbrMetallicRoughness": { "metallicRoughnessTexture": mr } }),
+        );
+        let loaded = file.loaded();
+        assert!(loaded.warnings.is_empty());
+        loaded.parts.meshes[0].uvs[2]
+    };
+    assert_eq!(build(json!({ "index": 0 })), Vec2::ZERO);
+    assert_eq!(build(json!({ "index": 0, "texCoord": 1 })), Vec2::ONE);
+    let over = json!({ "KHR_texture_transform": { "texCoord": 1 } });
+    assert_eq!(build(json!({ "index": 0, "extensions": over })), Vec2::ONE);
+}
+
+#[test]
+fn lights() {
+    let mut file = File::new();
+    file.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [
+        { "type": "point", "intensity": 3, "color": [1, 0.5, 0], "range": 7 },
+        { "type": "spot", "spot": {} },
+        { "type": "directional", "intensity": 2 },
+    ]}});
+    let h = 0.5f64.sqrt();
+    for i in 0..3 {
+        // Turned by 90° about x: what looked along -z looks along y.
+        file.push(
+            "nodes",
+            json!({
+                "translation": [1, 2, 3], "rotation": [h, 0, 0, h], "scale": [2, 2, -2],
+                "extensions": { "KHR_lights_punctual": { "light": i } },
+            }),
+        );
+    }
+    let lights = file.loaded().parts.lights;
+    let at = Vec3::new(1.0, 2.0, 3.0);
+    assert!(
+        matches!(lights[0], PunctualLight::Point { position, intensity, range }
+        if position == at && intensity == Rgb::new(3.0, 1.5, 0.0) && range == 7.0)
+    );
+    // A mirrored node turns its light round: the direction is its own -z.
+    assert!(
+        matches!(lights[1], PunctualLight::Spot { position, direction, intensity, range, cos_inner, cos_outer }
+        if position == at && close(direction, Vec3::NEG_Y) && intensity == Rgb::ONE && range.is_infinite()
+        && cos_inner == 1.0 && (cos_outer - h as f32).abs() < 1e-6)
+    );
+    assert!(
+        matches!(lights[2], PunctualLight::Directional { direction, irradiance }
+        if close(direction, Vec3::NEG_Y) && irradiance == Rgb::splat(2.0))
+    );
+}
+
+#[test]
+fn cameras() {
+    let mut file = File::new();
+    let lens = json!({ "yfov": 1.2, "znear": 0.1, "aspectRatio": 1.5 });
+    let flat = json!({ "xmag": 3, "ymag": 2, "znear": 0, "zfar": 9 });
+    file.json["cameras"] = json!([
+        { "name": "plan", "type": "orthographic", "orthographic": flat },
+        { "type": "perspective", "perspective": lens },
+        { "name": "unused", "type": "perspective", "perspective": lens },
+    ]);
+    let h = 0.5f64.sqrt();
+    file.json["nodes"] = json!([
+        { "camera": 1, "translation": [1, 2, 3], "rotation": [0, h, 0, h], "scale": [2, 5, 3] },
+        { "camera": 0, "scale": [-1, 1, 1] },
+        { "camera": 1, "name": "second" },
+    ]);
+    let cameras = file.loaded().parts.cameras;
+    let names: Vec<&str> = cameras.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["plan", "camera 1", "second"]);
+    let ray = cameras[0].ray(Vec2::new(1.0, 0.0), 1.5);
+    assert!(close(ray.dir, Vec3::NEG_Z) && close(ray.origin, Vec3::new(3.0, 2.0, 0.0)));
+    assert_eq!(cameras[0].aspect, Some(1.5));
+    let turned = &cameras[1];
+    assert!(
+        matches!(turned.projection, Projection::Perspective { tan_half_y }
+        if (tan_half_y - 0.6f32.tan()).abs() < 1e-6)
+    );
+    let ray = turned.ray(Vec2::new(0.5, 0.5), 1.0);
+    assert!(close(ray.origin, Vec3::new(1.0, 2.0, 3.0)) && close(ray.dir, Vec3::NEG_X));
+    // To the right of one who looks along -x is -z.
+    let right = turned.ray(Vec2::new(1.0, 0.5), 1.0).dir;
+    assert!(right.z < -0.5 && right.y.abs() < 1e-6);
+}
