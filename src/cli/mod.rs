@@ -12,6 +12,7 @@ mod info;
 mod job;
 mod live;
 mod output;
+mod references;
 mod render;
 mod scene;
 mod scenes;
@@ -86,7 +87,7 @@ enum Command {
     Info(info::InfoArgs),
     /// Compare pictures with a reference.
     Compare(Box<compare::CompareArgs>),
-    /// The training scenes that the program carries as code.
+    /// The training scenes that the program carries as code, and their references.
     Scenes(scenes::ScenesArgs),
     /// Measure methods against each other on scenes with references.
     Bench(bench::BenchArgs),
@@ -108,7 +109,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Info(args) => info::run(&args).map(|()| Exit::Done),
         Command::Compare(args) => compare::run(&args).map(|()| Exit::Done),
-        Command::Scenes(args) => scenes::run(&args).map(|()| Exit::Done),
+        Command::Scenes(args) => scenes::run(&args),
         Command::Bench(args) => bench::run(&args),
     };
     let exit = result.unwrap_or_else(|error| {

@@ -1,6 +1,7 @@
 //! `opsr scenes`: the training scenes that the program carries as code.
 
-use super::Blame;
+use super::references::{self, ReferenceArgs};
+use super::{Blame, Exit};
 use opsr::scene::builtin::training;
 use std::path::PathBuf;
 
@@ -16,16 +17,24 @@ enum Action {
     /// Write the training and validation scenes and their manifest into a folder.
     Write {
         /// The folder; made if it is not there, files of the same names are replaced.
-        #[arg(default_value = "training_scenes")]
-        dir: PathBuf,
+        #[arg(long, value_name = "DIR", default_value = "training_scenes")]
+        out: PathBuf,
     },
+    /// Render the references of a manifest's crops: plain path tracing, the noisiest crop first.
+    ///
+    /// Files are replaced after every pass; a run goes on from what they hold.
+    Reference(ReferenceArgs),
 }
 
 /// Runs the command.
-pub(super) fn run(args: &ScenesArgs) -> anyhow::Result<()> {
-    let Action::Write { dir } = &args.action;
-    for path in training::write(dir).output()? {
-        println!("{}", path.display());
+pub(super) fn run(args: &ScenesArgs) -> anyhow::Result<Exit> {
+    match &args.action {
+        Action::Write { out } => {
+            for path in training::write(out).output()? {
+                println!("{}", path.display());
+            }
+            Ok(Exit::Done)
+        }
+        Action::Reference(args) => references::run(args),
     }
-    Ok(())
 }

@@ -9,6 +9,7 @@ pub mod checkpoint;
 pub mod drive;
 pub mod observer;
 pub mod path;
+pub mod reference;
 
 use crate::image::film::Film;
 use crate::math::Vec2;

@@ -28,7 +28,7 @@ pub enum SaveError {
 /// Writes the parts to a file.
 pub fn save(parts: &SceneParts, path: &Path) -> Result<(), SaveError> {
     let bytes = to_glb(parts)?;
-    std::fs::write(path, bytes).map_err(|source| SaveError::Io {
+    crate::atomic::write_bytes(path, &bytes).map_err(|source| SaveError::Io {
         path: path.to_owned(),
         source,
     })

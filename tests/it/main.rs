@@ -10,6 +10,7 @@ mod film;
 mod geometry;
 mod load;
 mod metric;
+mod references;
 mod scenes;
 mod support;
 mod surface;

@@ -9,7 +9,7 @@ use crate::scene::builtin::{v2, v3};
 
 /// Hollow ball with a ball in it, a decanter, frosted balls.
 pub(super) fn glass_in_glass() -> SceneParts {
-    let mut parts = caustic_box(v3(-0.6, 1.7, -0.75), 0.28, 40.0);
+    let mut parts = caustic_box(v3(-0.6, 1.7, -0.75), 0.34, 27.0);
     let centre = v3(0.45, 0.52, 0.0);
     parts.add(
         glass("glass", 1.5, 0.0),
@@ -62,8 +62,8 @@ pub(super) fn bulb_lamp() -> SceneParts {
     parts.add(coated("lacquer", v3(0.35, 0.2, 0.1), 0.06), [floor]);
     let bulb = v3(0.0, 0.85, -0.2);
     parts.add(
-        emitter("filament", v3(1.0, 0.85, 0.6) * 14.0),
-        [sphere(bulb, 0.15, 2)],
+        emitter("filament", v3(1.0, 0.85, 0.6) * 10.3),
+        [sphere(bulb, 0.175, 2)],
     );
     // Ribbed outside, smooth inside: bands of light on all walls.
     let ribbed = blob(4, |d| {

@@ -11,6 +11,7 @@ mod rooms;
 mod validation;
 mod water;
 
+use crate::atomic;
 use crate::scene::SceneParts;
 use crate::scene::manifest::Role;
 use crate::scene::save::{SaveError, save};
@@ -216,7 +217,7 @@ pub fn write(folder: &Path) -> Result<Vec<PathBuf>, SaveError> {
         files.push(path);
     }
     let path = folder.join("manifest.toml");
-    std::fs::write(&path, manifest()).map_err(io(&path))?;
+    atomic::write_bytes(&path, manifest().as_bytes()).map_err(io(&path))?;
     files.push(path);
     Ok(files)
 }

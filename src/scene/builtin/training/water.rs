@@ -32,8 +32,8 @@ pub(super) fn basins() -> SceneParts {
         [left, right, ceiling, back, front],
     );
     parts.add(
-        emitter("light", v3(1.0, 0.96, 0.9) * 90.0),
-        [light_panel(v3(0.1, 2.395, -0.3), 0.27, 0.27)],
+        emitter("light", v3(1.0, 0.96, 0.9) * 60.0),
+        [light_panel(v3(0.1, 2.395, -0.3), 0.33, 0.33)],
     );
     let (shallow, deep) = (
         [v2(-1.3, -0.9), v2(-0.08, 0.9)],

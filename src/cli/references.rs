@@ -1,0 +1,179 @@
+//! `opsr scenes reference`: every crop of a manifest, until it is converged enough.
+
+use super::stop::Stop;
+use super::{Blame, Exit, Failure, scene};
+use anyhow::{Context, anyhow};
+use opsr::integrator::reference::{Reference, SEED};
+use opsr::scene::Scene;
+use opsr::scene::load::{LoadOptions, load};
+use opsr::scene::manifest::{Entry, Manifest};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Options of `opsr scenes reference`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct ReferenceArgs {
+    /// The list of scenes; references go into the folder `references` beside it.
+    #[arg(
+        long,
+        value_name = "FILE",
+        default_value = "training_scenes/manifest.toml"
+    )]
+    manifest: PathBuf,
+    /// Only this scene; may be given several times.
+    #[arg(long = "scene", value_name = "NAME")]
+    scenes: Vec<String>,
+    /// Samples per pixel at most, those already in the files included.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    spp: Option<u32>,
+    /// Leave a crop when its noise (mean standard error over mean radiance) is below this. Without --spp and --time: 0.01.
+    #[arg(long, value_name = "X", value_parser = scene::positive)]
+    target_noise: Option<f32>,
+    /// Stop after this long in all, such as 10min.
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    time: Option<Duration>,
+    /// Seed of all random numbers; not one to render or train with, or pictures share samples with their reference.
+    #[arg(long, value_name = "N", default_value_t = SEED)]
+    seed: u64,
+    /// Threads; without it as many as there are cores. The references do not depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+}
+
+/// Noise to reach if nothing is said.
+const TARGET: f32 = 0.01;
+
+/// Samples of the first and of the longest pass: every crop soon has a file, and a stop is never far.
+const PASS: std::ops::RangeInclusive<u32> = 64..=1024;
+
+/// The noise of fewer samples is not believed: some light has not been found.
+const TRUSTED: u32 = 1024;
+
+/// A crop and what renders it.
+struct Work<'a> {
+    entry: &'a Entry,
+    crop: [u32; 2],
+    scene: usize,
+    reference: Reference,
+    noise: f64,
+}
+
+impl Work<'_> {
+    fn label(&self) -> String {
+        format!("{} {},{}", self.entry.name, self.crop[0], self.crop[1])
+    }
+
+    /// Samples of the next pass; none when the crop is done.
+    fn pass(&self, spp: u32, target: f64) -> Option<u32> {
+        let done = self.reference.samples();
+        if done >= spp || (done >= TRUSTED && self.noise <= target) {
+            return None;
+        }
+        Some(done.clamp(*PASS.start(), *PASS.end()).min(spp - done))
+    }
+
+    /// Less is more urgent: crops with too few samples first, then the noisiest.
+    fn urgency(&self) -> (u32, f64) {
+        (self.reference.samples().min(TRUSTED), -self.noise)
+    }
+}
+
+/// Runs the command.
+pub(super) fn run(args: &ReferenceArgs) -> anyhow::Result<Exit> {
+    if let Some(threads) = args.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
+        pool.build_global()
+            .context("cannot start that many threads")?;
+    }
+    let manifest = Manifest::load(&args.manifest).input()?;
+    let (scenes, mut work) = open(args, &manifest)?;
+    let free = args.spp.is_none() && args.time.is_none();
+    let target = args.target_noise.or(free.then_some(TARGET)).unwrap_or(0.0);
+    let spp = args.spp.unwrap_or(1 << 24);
+    let (clock, stop) = (Instant::now(), Stop::listen());
+    let mut exit = Exit::Done;
+    loop {
+        if stop.asked() {
+            exit = Exit::Stopped;
+            break;
+        }
+        let left = work
+            .iter_mut()
+            .filter(|w| w.pass(spp, target.into()).is_some());
+        let next = left.min_by(|a, b| {
+            let (a, b) = (a.urgency(), b.urgency());
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+        });
+        let (Some(next), false) = (next, args.time.is_some_and(|t| clock.elapsed() >= t)) else {
+            break;
+        };
+        let Some(samples) = next.pass(spp, target.into()) else {
+            break;
+        };
+        let scene = &scenes[next.scene];
+        let camera = &scene.parts().cameras[next.entry.camera];
+        next.reference.extend(scene, camera, samples);
+        next.reference.save().output()?;
+        next.noise = next.reference.noise().mean;
+        tracing::info!("{}", line(next));
+    }
+    println!("crop                             spp    noise  median     p90");
+    work.iter().for_each(|w| println!("{}", line(w)));
+    Ok(exit)
+}
+
+fn line(work: &Work) -> String {
+    let noise = work.reference.noise();
+    format!(
+        "{:28} {:7}  {:.4}  {:.4}  {:.4}",
+        work.label(),
+        work.reference.samples(),
+        noise.mean,
+        noise.median,
+        noise.p90
+    )
+}
+
+/// The scenes that are wanted, and their crops with the references as they are.
+fn open<'a>(
+    args: &ReferenceArgs,
+    manifest: &'a Manifest,
+) -> anyhow::Result<(Vec<Scene>, Vec<Work<'a>>)> {
+    let input = |message: String| -> anyhow::Error {
+        Failure(
+            Exit::Input,
+            anyhow!("{}: {message}", args.manifest.display()),
+        )
+        .into()
+    };
+    if let Some(name) =
+        (args.scenes.iter()).find(|name| manifest.scenes.iter().all(|e| e.name != **name))
+    {
+        return Err(input(format!("no scene `{name}`")));
+    }
+    let wanted = |e: &&Entry| args.scenes.is_empty() || args.scenes.contains(&e.name);
+    let (mut scenes, mut work) = (Vec::new(), Vec::new());
+    for entry in manifest.scenes.iter().filter(wanted) {
+        let loaded = load(&manifest.file(entry), &LoadOptions::default()).input()?;
+        if entry.camera >= loaded.parts.cameras.len() {
+            return Err(input(format!(
+                "{} has no camera {}",
+                entry.name, entry.camera
+            )));
+        }
+        for &crop in &entry.crops {
+            let reference =
+                Reference::open(manifest, entry, crop, &loaded.digest, args.seed).input()?;
+            let noise = reference.noise().mean;
+            work.push(Work {
+                entry,
+                crop,
+                scene: scenes.len(),
+                reference,
+                noise,
+            });
+        }
+        scenes.push(Scene::new(loaded.parts));
+    }
+    Ok((scenes, work))
+}
