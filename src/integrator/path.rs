@@ -343,7 +343,9 @@ impl Here<'_> {
             return Rgb::ZERO;
         };
         let eval = query.at(self.alpha_reg);
-        if eval.value == Rgb::ZERO || self.scene.occluded(&self.surface.spawn_to_light(&light)) {
+        // A recorder wants the events that are dark at this roughness too: at another they are not.
+        let dark = eval.value == Rgb::ZERO && !(O::EVENTS && self.is_regularised());
+        if dark || self.scene.occluded(&self.surface.spawn_to_light(&light)) {
             return Rgb::ZERO;
         }
         let radiance =

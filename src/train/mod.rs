@@ -1,1 +1,26 @@
-//! Learning tables. (to come)
+//! Learning the table: differentiable rendering without a ray in the loop.
+//!
+//! A path sample is a constant plus a few [events](event), each of which can be evaluated at any roughness. So paths
+//! are traced once ([`recording`]); mean and second moment of every pixel, and their derivatives, are then functions of
+//! the table alone ([`moments::Source`]): exactly, event by event ([`replay`]), or from baked [`curves`]; [`fresh`] traces
+//! at every step and checks the others. burn holds the parameters ([`model`]), differentiates the loss ([`objective`]) and
+//! steps Adam; it never sees a ray. [`session`] is the outer loop.
+
+pub mod checkpoint;
+pub mod codes;
+pub mod config;
+pub mod curves;
+pub mod dataset;
+pub mod event;
+mod folded;
+pub mod fresh;
+pub mod model;
+pub mod moments;
+pub mod objective;
+pub mod recording;
+pub mod replay;
+pub mod session;
+pub mod visits;
+
+pub use config::Config;
+pub use session::{Session, TrainError};

@@ -14,5 +14,7 @@ mod references;
 mod scenes;
 mod support;
 mod surface;
+#[cfg(feature = "train")]
+mod train;
 mod training_scenes;
 mod transport;

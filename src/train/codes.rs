@@ -1,0 +1,98 @@
+//! The roughness lists of paths, each kept once.
+//!
+//! α′ and its derivative depend on the list of roughness values alone, of which a scene has some thousands: they are
+//! computed per list ("code"), not per event.
+
+use crate::regularise::{
+    AttenuationTable, Dependence, GammaIndex, MAX_VERTICES, PathRoughness, accumulate_with_gradient,
+};
+use std::collections::HashMap;
+
+/// Interned lists of own roughness, camera first, last vertex last.
+#[derive(Clone, Debug, Default)]
+pub struct Codes {
+    lists: Vec<Box<[f32]>>,
+    index: HashMap<Box<[u32]>, u32>,
+}
+
+/// α′ of a code and what it depends on.
+#[derive(Clone, Debug, Default)]
+pub struct Roughness {
+    /// Accumulated roughness.
+    pub alpha: f32,
+    /// dα′/dγ of each table entry it depends on.
+    pub gradient: Dependence,
+}
+
+impl Codes {
+    /// The code of a list.
+    pub fn intern(&mut self, list: &[f32]) -> u32 {
+        let key: Box<[u32]> = list.iter().map(|a| a.to_bits()).collect();
+        let next = self.lists.len() as u32;
+        *self.index.entry(key).or_insert_with(|| {
+            self.lists.push(list.into());
+            next
+        })
+    }
+
+    /// Takes over another set; the codes that its lists have here, in its order.
+    pub fn absorb(&mut self, other: &Self) -> Vec<u32> {
+        other.lists.iter().map(|list| self.intern(list)).collect()
+    }
+
+    /// Number of codes.
+    pub fn len(&self) -> usize {
+        self.lists.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.lists.is_empty()
+    }
+
+    /// The list of a code.
+    pub fn list(&self, code: u32) -> &[f32] {
+        &self.lists[code as usize]
+    }
+
+    /// α′ and derivative of every code.
+    pub fn roughness(&self, table: &AttenuationTable) -> Vec<Roughness> {
+        (self.lists.iter())
+            .map(|list| {
+                let (alpha, gradient) = accumulate_with_gradient(list, table);
+                Roughness { alpha, gradient }
+            })
+            .collect()
+    }
+
+    /// Whether a path folds: α′ then depends on the factors of more than one class.
+    pub fn is_long(&self, code: u32) -> bool {
+        self.list(code).len() > MAX_VERTICES
+    }
+
+    /// The table entries and weights that make the factor of a code that does not fold.
+    pub fn entries(&self, code: u32, table: &AttenuationTable) -> Vec<(GammaIndex, f32)> {
+        let Some((&last, before)) = self.list(code).split_last() else {
+            return Vec::new();
+        };
+        let mut prefix = PathRoughness::default();
+        for &alpha in before {
+            prefix.push(alpha, table, 1.0);
+        }
+        let mut entries = Vec::new();
+        if !before.is_empty() {
+            table.entries(&prefix, last, |class, weight| entries.push((class, weight)));
+        }
+        entries
+    }
+
+    /// The class of a code, by its own levels; of a long one the class of its last five vertices.
+    pub fn class(&self, code: u32) -> Option<GammaIndex> {
+        let list = self.list(code);
+        let levels: Vec<usize> = list[list.len().saturating_sub(MAX_VERTICES)..]
+            .iter()
+            .map(|&a| crate::regularise::bin(a))
+            .collect();
+        GammaIndex::from_levels(&levels)
+    }
+}

@@ -1,0 +1,207 @@
+//! Crops to learn from: a manifest's scenes, opened, with their references.
+
+use super::objective::Target;
+use crate::image::Film;
+use crate::image::exr::{ExrError, read_film};
+use crate::image::film::{FilmError, Window};
+use crate::integrator::Settings;
+use crate::math::UVec2;
+use crate::regularise::{Accumulated, ConstantGamma};
+use crate::sampler::Independent;
+use crate::scene::load::{LoadError, LoadOptions, load};
+use crate::scene::manifest::{CROP, Entry, Manifest, ManifestError, Role};
+use crate::scene::{Camera, Scene};
+use crate::train::recording::Recording;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A crop, its scene and its reference.
+#[derive(Clone)]
+pub struct Crop {
+    /// Scene and place, such as `rings 16,72`.
+    pub name: String,
+    /// Name of the scene.
+    pub scene_name: String,
+    /// Scenes of one kind.
+    pub family: String,
+    /// What the scene is for.
+    pub role: Role,
+    /// The scene.
+    pub scene: Arc<Scene>,
+    /// SHA-256 of the scene's file.
+    pub digest: [u8; 32],
+    /// Its camera.
+    pub camera: Camera,
+    /// Size of the whole picture.
+    pub frame: UVec2,
+    /// Where the crop is.
+    pub window: Window,
+    /// Scattering vertices of the longest path.
+    pub max_vertices: u32,
+    /// Converged, unregularised radiance, row by row.
+    pub reference: Vec<[f32; 3]>,
+    /// Standard error of the reference's pixels over its mean.
+    pub reference_noise: f64,
+}
+
+/// Why crops could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum DatasetError {
+    /// The manifest.
+    #[error(transparent)]
+    Manifest(#[from] ManifestError),
+    /// A scene.
+    #[error(transparent)]
+    Scene(#[from] LoadError),
+    /// A reference.
+    #[error("{path}: {source}; `opsr scenes reference` makes it")]
+    Reference {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: ExrError,
+    },
+    /// A reference of another crop.
+    #[error("{path}: {problem}")]
+    Shape {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        problem: String,
+    },
+    /// A crop outside of its frame.
+    #[error("{name}: {source}")]
+    Window {
+        /// The crop.
+        name: String,
+        /// What is wrong with it.
+        source: FilmError,
+    },
+}
+
+impl Crop {
+    /// Opens the crops of all scenes that `wanted` says.
+    pub fn open_all(
+        manifest: &Path,
+        wanted: impl Fn(&Entry) -> bool,
+    ) -> Result<Vec<Self>, DatasetError> {
+        let manifest = Manifest::load(manifest)?;
+        let mut crops = Vec::new();
+        for entry in manifest.scenes.iter().filter(|e| wanted(e)) {
+            let file = manifest.file(entry);
+            let loaded = load(&file, &LoadOptions::default())?;
+            let scene = Arc::new(Scene::new(loaded.parts));
+            let camera = scene.parts().cameras.get(entry.camera).cloned();
+            let camera = camera.ok_or_else(|| DatasetError::Shape {
+                path: file.clone(),
+                problem: format!("no camera {}", entry.camera),
+            })?;
+            for &[x, y] in &entry.crops {
+                let path = manifest.reference(entry, [x, y]);
+                let (reference, reference_noise) = read_reference(&path)?;
+                crops.push(Self {
+                    name: format!("{} {x},{y}", entry.name),
+                    scene_name: entry.name.clone(),
+                    family: entry.family.clone(),
+                    role: entry.role,
+                    scene: scene.clone(),
+                    digest: loaded.digest,
+                    camera: camera.clone(),
+                    frame: entry.frame.into(),
+                    window: Window {
+                        x,
+                        y,
+                        w: CROP,
+                        h: CROP,
+                    },
+                    max_vertices: entry.max_vertices,
+                    reference,
+                    reference_noise,
+                });
+            }
+        }
+        Ok(crops)
+    }
+
+    /// What the loss compares the crop with.
+    pub fn target(&self, samples: u32) -> Target {
+        Target {
+            reference: self.reference.clone(),
+            samples,
+        }
+    }
+
+    /// Records the events of samples `0..spp` at the constant factor `gamma`.
+    pub fn record(&self, gamma: f32, spp: u32, seed: u64) -> Result<Recording, DatasetError> {
+        let attenuation = ConstantGamma(gamma);
+        self.record_with(
+            Accumulated {
+                attenuation,
+                lambda: 0.0,
+            },
+            spp,
+            seed,
+        )
+    }
+
+    /// Records the events of samples `0..spp` with this attenuation.
+    pub fn record_with<A: crate::regularise::Attenuation>(
+        &self,
+        rule: Accumulated<A>,
+        spp: u32,
+        seed: u64,
+    ) -> Result<Recording, DatasetError> {
+        let mut recording = Recording::new(self.window);
+        let mut film = self.film()?;
+        let settings = Settings {
+            max_vertices: self.max_vertices,
+            ..Settings::default()
+        };
+        settings.tracer(rule).estimate(
+            &self.scene,
+            &self.camera,
+            &Independent { seed },
+            0..spp,
+            &mut film,
+            &mut recording,
+        );
+        Ok(recording)
+    }
+
+    /// An empty film of the crop.
+    pub fn film(&self) -> Result<Film, DatasetError> {
+        Film::cropped(self.frame, self.window).map_err(|source| DatasetError::Window {
+            name: self.name.clone(),
+            source,
+        })
+    }
+}
+
+/// Pixels of a reference and their mean standard error over their mean.
+fn read_reference(path: &Path) -> Result<(Vec<[f32; 3]>, f64), DatasetError> {
+    let film = read_film(path).map_err(|source| DatasetError::Reference {
+        path: path.into(),
+        source,
+    })?;
+    let pixels = (CROP * CROP) as usize;
+    if film.pixels.len() != pixels {
+        return Err(DatasetError::Shape {
+            path: path.into(),
+            problem: format!("{} pixels, expected {pixels}", film.pixels.len()),
+        });
+    }
+    let mean = film.mean();
+    if mean.first_non_finite().is_some() {
+        return Err(DatasetError::Shape {
+            path: path.into(),
+            problem: "a pixel is not a finite number".into(),
+        });
+    }
+    let sum = |values: &mut dyn Iterator<Item = f32>| values.map(f64::from).sum::<f64>();
+    let errors = film.variance_of_mean();
+    let errors =
+        sum(&mut (errors.pixels.iter()).flat_map(|p| p.to_array().map(|v| v.max(0.0).sqrt())));
+    let total = sum(&mut mean.pixels.iter().flat_map(|p| p.to_array()));
+    let reference = mean.pixels.iter().map(|p| p.to_array()).collect();
+    Ok((reference, errors / total.max(1e-30)))
+}

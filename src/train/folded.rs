@@ -1,0 +1,173 @@
+//! Events of paths of more than five vertices, whose roughness folds: each depends on the factors of several classes.
+//!
+//! They are evaluated exactly, with derivatives, at one table, and followed by the tangent from there until a factor
+//! has moved too far.
+
+use super::codes::Codes;
+use super::event::StoredEvent;
+use super::moments::{Adjoint, Moments};
+use super::recording::Recording;
+use crate::math::real::Dual;
+use crate::regularise::{AttenuationTable, LEN};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// A factor that has moved by more than this share of itself, and by more than [`STEP`], ends the tangent.
+const SHARE: f32 = 0.1;
+
+/// See [`SHARE`]; a few of Adam's steps of 5e-4.
+const STEP: f32 = 2e-3;
+
+/// An event, what else its path carries, and the share of a sample in its pixel's mean.
+struct Member {
+    constant: [f32; 3],
+    event: StoredEvent,
+}
+
+/// The folded events of a crop.
+#[derive(Default)]
+pub(super) struct Folded {
+    codes: Codes,
+    /// By pixel; the number of samples beside them.
+    pixels: Vec<(f64, Vec<Member>)>,
+    /// The table of the tangent.
+    at: Option<AttenuationTable>,
+    value: Moments,
+    /// Derivatives of (mean, second) by (class, pixel), where there are any.
+    slopes: Vec<(u16, u32, [f32; 4])>,
+    /// Classes that anything depends on.
+    used: Vec<bool>,
+}
+
+/// Moments of one pixel's folded events with their derivatives by class.
+type Tangent = ([f64; 4], BTreeMap<u16, [f64; 4]>);
+
+impl Folded {
+    pub(super) fn new(recording: &Recording) -> Self {
+        let pixels = (recording.pixels.iter())
+            .map(|pixel| {
+                let mut members = Vec::new();
+                for path in &pixel.paths {
+                    let events = &recording.events[path.first as usize..][..path.count as usize];
+                    let long = events.iter().filter(|e| recording.codes.is_long(e.code));
+                    members.extend(long.map(|&event| Member {
+                        constant: path.constant,
+                        event,
+                    }));
+                }
+                (f64::from(pixel.samples.max(1)), members)
+            })
+            .collect();
+        Self {
+            codes: recording.codes.clone(),
+            pixels,
+            ..Self::default()
+        }
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        let members: usize = self.pixels.iter().map(|p| p.1.len()).sum();
+        members * size_of::<Member>() + size_of_val(self.slopes.as_slice())
+    }
+
+    pub(super) fn is_stale(&self, table: &AttenuationTable) -> bool {
+        let Some(at) = &self.at else {
+            return !self.is_empty();
+        };
+        let factors = at.gammas.iter().zip(table.gammas.iter());
+        (factors.zip(&self.used)).any(|((a, b), &used)| used && (a - b).abs() > STEP.max(SHARE * a))
+    }
+
+    fn is_empty(&self) -> bool {
+        self.pixels.iter().all(|p| p.1.is_empty())
+    }
+
+    /// Evaluates all events and their derivatives at `table`.
+    pub(super) fn anchor(&mut self, table: &AttenuationTable) {
+        if self.is_empty() {
+            return;
+        }
+        let roughness = self.codes.roughness(table);
+        let tangents: Vec<Tangent> = (self.pixels.par_iter())
+            .map(|(samples, members)| {
+                let mut sum = [0.0; 4];
+                let mut slopes: BTreeMap<u16, [f64; 4]> = BTreeMap::new();
+                for Member { constant, event } in members {
+                    let r = &roughness[event.code as usize];
+                    let moment = event.at(Dual::variable(r.alpha.into()));
+                    let mut second = moment.y;
+                    for (c, x) in constant.iter().zip(moment.x) {
+                        second = second
+                            + Dual {
+                                v: 2.0 * f64::from(*c),
+                                d: 0.0,
+                            } * x;
+                    }
+                    let parts = [moment.x[0], moment.x[1], moment.x[2], second];
+                    for (s, p) in sum.iter_mut().zip(parts) {
+                        *s += p.v / samples;
+                    }
+                    for &(class, d) in &r.gradient {
+                        let slope = slopes.entry(class.index() as u16).or_default();
+                        for (s, p) in slope.iter_mut().zip(parts) {
+                            *s += p.d * f64::from(d) / samples;
+                        }
+                    }
+                }
+                (sum, slopes)
+            })
+            .collect();
+        self.value = Moments::zero(tangents.len());
+        self.slopes.clear();
+        self.used = vec![false; LEN];
+        for (pixel, (sum, slopes)) in tangents.into_iter().enumerate() {
+            self.value.mean[pixel] = [sum[0] as f32, sum[1] as f32, sum[2] as f32];
+            self.value.second[pixel] = sum[3] as f32;
+            for (class, slope) in slopes {
+                self.used[usize::from(class)] = true;
+                self.slopes
+                    .push((class, pixel as u32, slope.map(|s| s as f32)));
+            }
+        }
+        self.at = Some(table.clone());
+    }
+
+    /// Adds the events to the moments, by the tangent from the anchor.
+    pub(super) fn add(&self, table: &AttenuationTable, moments: &mut Moments) {
+        let Some(at) = &self.at else { return };
+        let mut moved = [0.0f32; LEN];
+        for (m, (a, b)) in moved
+            .iter_mut()
+            .zip(at.gammas.iter().zip(table.gammas.iter()))
+        {
+            *m = b - a;
+        }
+        for (pixel, (mean, second)) in moments.mean.iter_mut().zip(&mut moments.second).enumerate()
+        {
+            for c in 0..3 {
+                mean[c] += self.value.mean[pixel][c];
+            }
+            *second += self.value.second[pixel];
+        }
+        for &(class, pixel, slope) in &self.slopes {
+            let step = moved[usize::from(class)];
+            let mean = &mut moments.mean[pixel as usize];
+            for c in 0..3 {
+                mean[c] += step * slope[c];
+            }
+            moments.second[pixel as usize] += step * slope[3];
+        }
+    }
+
+    /// Adds dL/dγ.
+    pub(super) fn gradient(&self, adjoint: &Adjoint, gradient: &mut [f64]) {
+        for &(class, pixel, slope) in &self.slopes {
+            let mean = adjoint.mean[pixel as usize];
+            let d = mean[0] * slope[0]
+                + mean[1] * slope[1]
+                + mean[2] * slope[2]
+                + adjoint.second[pixel as usize] * slope[3];
+            gradient[usize::from(class)] += f64::from(d);
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! Replay: every stored event is evaluated again at each table. Exact for the samples of the recording.
+
+use super::moments::{Adjoint, Moments, Source, no_gradient};
+use super::recording::{Path, Pixel, Recording};
+use crate::math::real::Dual;
+use crate::regularise::AttenuationTable;
+use rayon::prelude::*;
+
+/// Pixels that a thread takes at once; sums are made in their order.
+const CHUNK: usize = 128;
+
+/// Evaluates a recording.
+pub struct Replay {
+    recording: Recording,
+}
+
+impl Replay {
+    /// Of a recording.
+    pub fn new(recording: Recording) -> Self {
+        Self { recording }
+    }
+
+    /// Sums of one pixel.
+    fn pixel(&self, pixel: &Pixel, alphas: &[f32]) -> ([f64; 3], f64) {
+        let mut mean = pixel.constant;
+        let mut second = pixel.constant_squared;
+        for path in &pixel.paths {
+            // M2 += y + 2 S x; S += x: the square of the sum, events in order of depth.
+            let mut sum = path.constant.map(f64::from);
+            for event in self.events(path) {
+                let moment = event.at(alphas[event.code as usize]);
+                second += f64::from(moment.y);
+                for c in 0..3 {
+                    let x = f64::from(moment.x[c]);
+                    second += 2.0 * sum[c] * x;
+                    sum[c] += x;
+                    mean[c] += x;
+                }
+            }
+        }
+        let n = f64::from(pixel.samples.max(1));
+        (mean.map(|m| m / n), second / n)
+    }
+
+    fn events(&self, path: &Path) -> &[super::event::StoredEvent] {
+        &self.recording.events[path.first as usize..][..path.count as usize]
+    }
+
+    /// dL/dα′ of every code, from the pixels of a chunk.
+    fn chunk(
+        &self,
+        pixels: &[Pixel],
+        first: usize,
+        alphas: &[f32],
+        adjoint: &Adjoint,
+    ) -> Vec<(u32, f64)> {
+        let mut out = Vec::new();
+        let mut moments = Vec::new();
+        for (i, pixel) in pixels.iter().enumerate() {
+            let n = f64::from(pixel.samples.max(1));
+            let mean = adjoint.mean[first + i].map(|a| f64::from(a) / n);
+            let second = f64::from(adjoint.second[first + i]) / n;
+            for path in &pixel.paths {
+                moments.clear();
+                let mut total = path.constant.map(f64::from);
+                for event in self.events(path) {
+                    let moment = event.at(Dual::variable(alphas[event.code as usize].into()));
+                    for (sum, x) in total.iter_mut().zip(moment.x) {
+                        *sum += x.v;
+                    }
+                    moments.push((event.code, moment));
+                }
+                for (code, moment) in &moments {
+                    // x_j meets every other part of its path's sum once: d(Σ 2 S x)/dx_j = 2 (total − x_j).
+                    let mut d = second * moment.y.d;
+                    for c in 0..3 {
+                        let others = total[c] - moment.x[c].v;
+                        d += (mean[c] + 2.0 * second * others) * moment.x[c].d;
+                    }
+                    out.push((*code, d));
+                }
+            }
+        }
+        out
+    }
+}
+
+impl Source for Replay {
+    fn moments(&mut self, table: &AttenuationTable) -> Moments {
+        let alphas = self.alphas(table);
+        let sums: Vec<_> = (self.recording.pixels.par_iter().with_min_len(CHUNK))
+            .map(|pixel| self.pixel(pixel, &alphas))
+            .collect();
+        Moments {
+            mean: sums.iter().map(|s| s.0.map(|m| m as f32)).collect(),
+            second: sums.iter().map(|s| s.1 as f32).collect(),
+        }
+    }
+
+    fn gradient(&self, table: &AttenuationTable, adjoint: &Adjoint) -> Vec<f64> {
+        let roughness = self.recording.codes.roughness(table);
+        let alphas: Vec<f32> = roughness.iter().map(|r| r.alpha).collect();
+        let chunks: Vec<Vec<(u32, f64)>> = (self.recording.pixels.par_chunks(CHUNK).enumerate())
+            .map(|(i, pixels)| self.chunk(pixels, i * CHUNK, &alphas, adjoint))
+            .collect();
+        let mut by_code = vec![0.0; roughness.len()];
+        for (code, d) in chunks.into_iter().flatten() {
+            by_code[code as usize] += d;
+        }
+        let mut gradient = no_gradient();
+        for (r, d) in roughness.iter().zip(by_code) {
+            for &(class, slope) in &r.gradient {
+                gradient[class.index()] += d * f64::from(slope);
+            }
+        }
+        gradient
+    }
+
+    fn bytes(&self) -> usize {
+        self.recording.bytes()
+    }
+}
+
+impl Replay {
+    fn alphas(&self, table: &AttenuationTable) -> Vec<f32> {
+        let codes = &self.recording.codes;
+        codes.roughness(table).iter().map(|r| r.alpha).collect()
+    }
+}

@@ -1,0 +1,506 @@
+//! A training: scenes are opened and recorded once, then a table is learned for every β.
+
+use super::checkpoint::{Checkpoint, CheckpointError};
+use super::config::{Config, ConfigError, Loss, Way};
+use super::curves::Curves;
+use super::dataset::{Crop, DatasetError};
+use super::fresh::Fresh;
+use super::model::Learner;
+use super::moments::{Moments, Source, no_gradient};
+use super::objective::{CropLoss, Objective, Target};
+use super::replay::Replay;
+use super::visits::Visits;
+use crate::regularise::file::Provenance;
+use crate::regularise::{AttenuationTable, ConstantGamma, Lookup};
+use crate::scene::manifest::Role;
+use burn::store::RecordError;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+/// Why a training could not go on.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// The configuration.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// Scenes and references.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
+    /// A checkpoint.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// The optimiser's state.
+    #[error("optimiser state: {0}")]
+    State(#[from] RecordError),
+    /// Nothing to learn from.
+    #[error("{0}")]
+    Empty(String),
+}
+
+/// Crops with their sources of moments and what they are compared with.
+#[derive(Default)]
+pub struct Set {
+    /// The crops; every replicate is one.
+    pub crops: Vec<Crop>,
+    sources: Vec<Box<dyn Source>>,
+    targets: Vec<Target>,
+    /// The table that sources are linearised at.
+    anchor: Option<AttenuationTable>,
+}
+
+/// A line of the log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Entry {
+    /// Steps taken.
+    pub step: u32,
+    /// The loss over the training crops.
+    pub loss: f32,
+    /// The loss over the validation crops, unvisited classes inherited.
+    pub validation: Option<f32>,
+    /// The loss of each training crop.
+    pub crops: Vec<CropLoss>,
+    /// The loss of each validation crop.
+    pub validation_crops: Vec<CropLoss>,
+    /// Seconds since the start or the resumption.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
+}
+
+/// What came out for one β.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The learned table, unvisited classes inherited.
+    pub table: AttenuationTable,
+    /// The table with the lowest validation loss, and its step.
+    pub best: Option<(u32, AttenuationTable)>,
+    /// Steps taken.
+    pub steps: u32,
+    /// The log.
+    pub log: Vec<Entry>,
+    /// Whether the listener ended it.
+    pub stopped: bool,
+}
+
+/// An opened and recorded training.
+pub struct Session {
+    /// The configuration.
+    pub config: Config,
+    /// What is learned from.
+    pub training: Set,
+    /// What is only scored.
+    pub validation: Set,
+    /// Events per class over the training crops.
+    pub visits: Visits,
+    /// Wall seconds that recording and baking took.
+    pub seconds: f64,
+}
+
+impl Set {
+    /// Moments of all crops at a table.
+    pub fn moments(&mut self, table: &AttenuationTable) -> Vec<Moments> {
+        if self.sources.iter().any(|source| source.is_stale(table)) {
+            self.anchor(table.clone());
+        }
+        let sources = self.sources.par_iter_mut();
+        sources.map(|source| source.moments(table)).collect()
+    }
+
+    fn anchor(&mut self, table: AttenuationTable) {
+        (self.sources.par_iter_mut()).for_each(|source| source.anchor(&table));
+        self.anchor = Some(table);
+    }
+
+    /// An objective over the crops.
+    pub fn objective(&self, beta: f32) -> Objective {
+        Objective::new(&self.targets, beta)
+    }
+
+    /// The loss of each crop at a table.
+    pub fn losses(&mut self, objective: &Objective, table: &AttenuationTable) -> Vec<CropLoss> {
+        let moments = self.moments(table);
+        objective.by_crop(&moments)
+    }
+
+    /// Bytes held by the sources.
+    pub fn bytes(&self) -> usize {
+        self.sources.iter().map(|s| s.bytes()).sum()
+    }
+
+    /// Loss and gradient at a table.
+    fn gradient(&mut self, objective: &Objective, table: &AttenuationTable) -> (f32, Vec<f64>) {
+        let moments = self.moments(table);
+        let (loss, adjoints) = objective.evaluate(&moments);
+        let gradients: Vec<Vec<f64>> = (self.sources.par_iter().zip(&adjoints))
+            .map(|(source, adjoint)| source.gradient(table, adjoint))
+            .collect();
+        let mut sum = no_gradient();
+        for gradient in gradients {
+            for (s, g) in sum.iter_mut().zip(gradient) {
+                *s += g;
+            }
+        }
+        (loss, sum)
+    }
+}
+
+/// Mean of the crops' losses.
+pub fn mean_loss(losses: &[CropLoss], beta: f32) -> Option<f32> {
+    (!losses.is_empty())
+        .then(|| losses.iter().map(|l| l.total(beta)).sum::<f32>() / losses.len() as f32)
+}
+
+impl Session {
+    /// Opens the scenes of a configuration and records them. `listen` is told what is being done.
+    pub fn open(config: Config, listen: &mut dyn FnMut(&str)) -> Result<Self, TrainError> {
+        config.check()?;
+        let held_out = |family: &str| family == config.hold_out;
+        let chosen = |name: &String| config.scenes.is_empty() || config.scenes.contains(name);
+        let crops = Crop::open_all(&config.manifest, |e| {
+            e.role == Role::Validation || held_out(&e.family) || chosen(&e.name)
+        })?;
+        let (training, validation): (Vec<Crop>, Vec<Crop>) =
+            (crops.into_iter()).partition(|c| c.role == Role::Train && !held_out(&c.family));
+        if let Some(missing) =
+            (config.scenes.iter()).find(|name| !training.iter().any(|c| c.scene_name == **name))
+        {
+            return Err(TrainError::Empty(format!(
+                "{}: no training scene `{missing}`",
+                config.manifest.display()
+            )));
+        }
+        Self::with_crops(config, training, validation, listen)
+    }
+
+    /// Records these crops.
+    pub fn with_crops(
+        config: Config,
+        training: Vec<Crop>,
+        validation: Vec<Crop>,
+        listen: &mut dyn FnMut(&str),
+    ) -> Result<Self, TrainError> {
+        config.check()?;
+        if training.is_empty() {
+            return Err(TrainError::Empty("no scene to learn from".into()));
+        }
+        let clock = Instant::now();
+        let mut session = Self {
+            training: Set::default(),
+            validation: Set::default(),
+            visits: Visits::default(),
+            seconds: 0.0,
+            config,
+        };
+        for crop in training {
+            session.add(crop, true, listen)?;
+        }
+        for crop in validation {
+            session.add(crop, false, listen)?;
+        }
+        session.seconds = clock.elapsed().as_secs_f64();
+        Ok(session)
+    }
+
+    /// A table of one factor with the configuration's look-up.
+    pub fn constant(&self, gamma: f32) -> AttenuationTable {
+        AttenuationTable {
+            lookup: self.config.lookup,
+            ..AttenuationTable::constant(gamma)
+        }
+    }
+
+    fn add(
+        &mut self,
+        crop: Crop,
+        training: bool,
+        listen: &mut dyn FnMut(&str),
+    ) -> Result<(), TrainError> {
+        let config = self.config.clone();
+        // Without noise in the loss all samples make one picture.
+        let (replicates, spp) = match config.loss {
+            Loss::Published => (config.replicates, config.spp),
+            Loss::NoiseFree => (1, config.spp.saturating_mul(config.replicates)),
+        };
+        for replicate in 0..if training { replicates } else { 1 } {
+            let seed = config.seed.wrapping_add(u64::from(replicate) << 32);
+            let seed = if training { seed } else { !seed };
+            listen(&crop.name);
+            let source: Box<dyn Source> = if config.method == Way::Fresh && training {
+                Box::new(Fresh::new(crop.clone(), spp, seed))
+            } else {
+                let recording = crop.record(config.record_gamma, spp, seed)?;
+                let start = self.constant(config.record_gamma);
+                if training {
+                    self.visits.count(&recording, &start);
+                }
+                match config.method {
+                    Way::Replay => Box::new(Replay::new(recording)),
+                    _ => Box::new(Curves::bake(&recording, &self.constant(config.start))),
+                }
+            };
+            let set = if training {
+                &mut self.training
+            } else {
+                &mut self.validation
+            };
+            set.sources.push(source);
+            set.targets.push(crop.target(config.spp));
+            set.crops.push(crop.clone());
+        }
+        if config.method == Way::Fresh && training {
+            // Visits are those of a recording whatever the way.
+            let recording = crop.record(config.record_gamma, spp.min(64), config.seed)?;
+            self.visits
+                .count(&recording, &self.constant(config.record_gamma));
+        }
+        Ok(())
+    }
+
+    /// Learns a table for one β.
+    ///
+    /// With a `folder` the state is kept there: `last.ckpt`, from which `resume` goes on to the bit. The listener
+    /// hears of every step, with the log's entry where there is one, and can end the training.
+    pub fn learn(
+        &mut self,
+        beta: f32,
+        folder: Option<&Path>,
+        resume: bool,
+        listen: &mut dyn FnMut(u32, f32, Option<&Entry>) -> ControlFlow<()>,
+    ) -> Result<Outcome, TrainError> {
+        let config = self.config.clone();
+        let objective = self.training.objective(beta);
+        let validation = self.validation.objective(beta);
+        let learner = Learner::new(
+            config.model,
+            config.optimiser,
+            config.rate(),
+            config.lookup,
+            config.start,
+        );
+        let fingerprint = Checkpoint::fingerprint(&config, beta, &self.training.crops)?;
+        let mut state = Progress::new(learner);
+        self.training.anchor(self.constant(config.start));
+        let path = folder.map(|f| f.join("last.ckpt"));
+        if resume && let Some(path) = &path {
+            let checkpoint = Checkpoint::load(path, &fingerprint)?;
+            self.training.anchor(AttenuationTable {
+                lookup: config.lookup,
+                ..checkpoint.anchor.clone()
+            });
+            state = state.resume(checkpoint, config.lookup)?;
+            for source in &mut self.training.sources {
+                source.skip(u64::from(state.step));
+            }
+        }
+        let clock = Instant::now();
+        let mut stopped = false;
+        while state.step < config.steps && !stopped && !state.is_over(config.patience) {
+            let table = state.learner.table();
+            let (loss, gradient) = self.training.gradient(&objective, &table);
+            let due = state.step.is_multiple_of(config.validate_every);
+            if due {
+                self.log(&mut state, &objective, &validation, beta, &clock);
+            }
+            stopped = listen(state.step, loss, state.log.last().filter(|_| due)).is_break();
+            if stopped {
+                break;
+            }
+            state.learner.step(&gradient);
+            state.step += 1;
+            if let Some(path) = &path
+                && state.step.is_multiple_of(config.checkpoint_every)
+            {
+                (state.checkpoint(&fingerprint, &self.training)?).save(path)?;
+            }
+        }
+        // Before the last look, which may move the anchor: a training that goes on does not have it.
+        if let Some(path) = &path {
+            (state.checkpoint(&fingerprint, &self.training)?).save(path)?;
+        }
+        if !stopped {
+            self.log(&mut state, &objective, &validation, beta, &clock);
+            // Nobody is left to be stopped.
+            let _ = listen(state.step, f32::NAN, state.log.last());
+        }
+        Ok(Outcome {
+            table: self.visits.inherit(&state.learner.table()),
+            best: state.best.map(|(step, _, table)| (step, table)),
+            steps: state.step,
+            log: state.log,
+            stopped,
+        })
+    }
+
+    /// Appends to the log, and remembers the table if no other has a lower validation loss.
+    fn log(
+        &mut self,
+        state: &mut Progress,
+        objective: &Objective,
+        validation: &Objective,
+        beta: f32,
+        clock: &Instant,
+    ) {
+        if state.log.last().is_some_and(|e| e.step == state.step) {
+            return;
+        }
+        let table = state.learner.table();
+        let whole = self.visits.inherit(&table);
+        let crops = if self.config.method == Way::Fresh {
+            Vec::new()
+        } else {
+            self.training.losses(objective, &table)
+        };
+        let validation_crops = self.validation.losses(validation, &whole);
+        let score = mean_loss(&validation_crops, beta);
+        if let Some(score) = score
+            && state.best.as_ref().is_none_or(|best| score < best.1)
+        {
+            state.best = Some((state.step, score, whole));
+            state.looks = 0;
+        } else {
+            state.looks += 1;
+        }
+        state.log.push(Entry {
+            step: state.step,
+            loss: mean_loss(&crops, beta).unwrap_or(f32::NAN),
+            validation: score,
+            crops,
+            validation_crops,
+            seconds: Some(clock.elapsed().as_secs_f64()),
+        });
+    }
+
+    /// What the table's file says about its making.
+    pub fn provenance(&self, beta: f32, steps: u32) -> Provenance {
+        let config = &self.config;
+        let mut scenes: Vec<(String, String)> = Vec::new();
+        for crop in &self.training.crops {
+            let hash = crate::integrator::checkpoint::hex(&crop.digest);
+            let scene = (crop.scene_name.clone(), hash);
+            if !scenes.contains(&scene) {
+                scenes.push(scene);
+            }
+        }
+        let kind = match config.loss {
+            Loss::Published => "of the realised mean I of N samples",
+            Loss::NoiseFree => "of the mean I of all recorded samples",
+        };
+        Provenance {
+            opsr: env!("CARGO_PKG_VERSION").into(),
+            loss: format!(
+                "mean |I - f| / (f + {}) {kind} + beta mean N/(N-1) (M2 - M1^2), the sample variance of one path \
+                 sample; every crop scaled so that its reference has mean {}",
+                super::objective::EPSILON,
+                super::objective::BRIGHTNESS
+            ),
+            beta: f64::from(beta),
+            spp: config.spp,
+            model: format!("{:?}", config.model).to_lowercase(),
+            optimiser: format!(
+                "{}, rate {}, beta1 0.9, beta2 0.999, epsilon 1e-8, factors kept in [0.001, 1]",
+                match config.optimiser {
+                    super::model::Optimiser::Adam => "Adam",
+                    super::model::Optimiser::Log => "Adam on ln gamma",
+                },
+                config.rate()
+            ),
+            method: format!(
+                "{:?}, {} recording(s) at gamma {}",
+                config.method, config.replicates, config.record_gamma
+            )
+            .to_lowercase(),
+            steps,
+            seed: config.seed,
+            scenes,
+            start: config.start,
+            visits: self.visits.0.clone(),
+        }
+    }
+}
+
+/// Where the learning of one table stands.
+struct Progress {
+    learner: Learner,
+    step: u32,
+    log: Vec<Entry>,
+    best: Option<(u32, f32, AttenuationTable)>,
+    /// Looks at the validation scenes since the best one.
+    looks: u32,
+}
+
+impl Progress {
+    fn new(learner: Learner) -> Self {
+        Self {
+            learner,
+            step: 0,
+            log: Vec::new(),
+            best: None,
+            looks: 0,
+        }
+    }
+
+    fn is_over(&self, patience: u32) -> bool {
+        patience > 0 && self.looks >= patience
+    }
+
+    fn resume(self, checkpoint: Checkpoint, lookup: Lookup) -> Result<Self, TrainError> {
+        let with_lookup = |table| AttenuationTable { lookup, ..table };
+        Ok(Self {
+            learner: self.learner.restore(checkpoint.state)?,
+            step: checkpoint.step,
+            best: (checkpoint.best).map(|(step, loss, table)| (step, loss, with_lookup(table))),
+            looks: checkpoint.looks,
+            log: Vec::new(),
+        })
+    }
+
+    fn checkpoint(&self, fingerprint: &str, training: &Set) -> Result<Checkpoint, TrainError> {
+        Ok(Checkpoint {
+            fingerprint: fingerprint.into(),
+            step: self.step,
+            looks: self.looks,
+            best: self.best.clone(),
+            anchor: (training.anchor.clone()).unwrap_or_else(|| AttenuationTable::constant(0.5)),
+            state: self.learner.to_bytes()?,
+        })
+    }
+}
+
+/// The best single factor for a set of crops, by golden-section search over ln γ after a scan, and its loss.
+pub fn best_constant(set: &mut Set, beta: f32, lookup: Lookup) -> (ConstantGamma, f32) {
+    let objective = set.objective(beta);
+    let mut loss = |ln: f64| {
+        let table = AttenuationTable {
+            lookup,
+            ..AttenuationTable::constant(ln.exp() as f32)
+        };
+        let losses = set.losses(&objective, &table);
+        f64::from(mean_loss(&losses, beta).unwrap_or(f32::NAN))
+    };
+    const SCAN: usize = 24;
+    let low = f64::from(super::curves::GAMMA_MIN).ln();
+    let at = |i: usize| low * (1.0 - i as f64 / SCAN as f64);
+    let scores: Vec<f64> = (0..=SCAN).map(|i| loss(at(i))).collect();
+    let best = (0..=SCAN)
+        .min_by(|&a, &b| scores[a].total_cmp(&scores[b]))
+        .unwrap_or(0);
+    let (mut a, mut b) = (at(best.saturating_sub(1)), at((best + 1).min(SCAN)));
+    let golden = (5f64.sqrt() - 1.0) / 2.0;
+    let (mut x, mut y) = (b - golden * (b - a), a + golden * (b - a));
+    let (mut fx, mut fy) = (loss(x), loss(y));
+    for _ in 0..12 {
+        if fx < fy {
+            (b, y, fy) = (y, x, fx);
+            x = b - golden * (b - a);
+            fx = loss(x);
+        } else {
+            (a, x, fx) = (x, y, fy);
+            y = a + golden * (b - a);
+            fy = loss(y);
+        }
+    }
+    let (gamma, value) = if fx < fy { (x, fx) } else { (y, fy) };
+    (ConstantGamma(gamma.exp() as f32), value as f32)
+}

@@ -1,0 +1,399 @@
+//! The trainer: moments and gradients of the three ways against renders, finite differences and one another.
+
+use super::support::render::scene;
+use opsr::image::film::Window;
+use opsr::math::UVec2;
+use opsr::regularise::{Accumulated, AttenuationTable, ConstantGamma, LEN, Lookup};
+use opsr::scene::builtin::caustic_box;
+use opsr::scene::manifest::Role;
+use opsr::train::config::Way;
+use opsr::train::curves::Curves;
+use opsr::train::dataset::Crop;
+use opsr::train::model::Optimiser;
+use opsr::train::moments::{Adjoint, Moments, Source};
+use opsr::train::objective::{BRIGHTNESS, EPSILON, Objective, Target};
+use opsr::train::recording::Recording;
+use opsr::train::replay::Replay;
+use opsr::train::{Config, Session};
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+/// A small crop of the box with glass and copper, with a reference at a known factor.
+fn crop(edge: u32) -> Crop {
+    let scene = scene(caustic_box());
+    let camera = scene.parts().cameras[0].clone();
+    let mut crop = Crop {
+        name: "box".into(),
+        scene_name: "box".into(),
+        family: "box".into(),
+        role: Role::Train,
+        scene: Arc::new(scene),
+        digest: [0; 32],
+        camera,
+        frame: UVec2::splat(64),
+        window: Window {
+            x: 40,
+            y: 56,
+            w: edge,
+            h: edge,
+        },
+        max_vertices: 10,
+        reference: Vec::new(),
+        reference_noise: 0.0,
+    };
+    // As if the truth were a little roughened.
+    let truth = AttenuationTable::constant(TRUTH);
+    crop.reference = Replay::new(crop.record(TRUTH, 1024, 99).unwrap())
+        .moments(&truth)
+        .mean;
+    crop
+}
+
+/// The factor that references are made with.
+const TRUTH: f32 = 0.03;
+
+fn rule(gamma: f32) -> Accumulated<ConstantGamma> {
+    Accumulated {
+        attenuation: ConstantGamma(gamma),
+        lambda: 0.0,
+    }
+}
+
+/// A table whose factors differ from class to class, none near a bound.
+fn uneven(lookup: Lookup) -> AttenuationTable {
+    let mut table = AttenuationTable::constant(0.0);
+    for (i, gamma) in table.gammas.iter_mut().enumerate() {
+        *gamma = 0.05 + 0.4 * ((i * 37 % 101) as f32 / 101.0);
+    }
+    table.lookup = lookup;
+    table
+}
+
+/// Weights that a loss might give to the moments.
+fn adjoint(pixels: usize) -> Adjoint {
+    Adjoint {
+        mean: (0..pixels)
+            .map(|p| [0.3 + 0.1 * (p % 3) as f32, -0.2, 0.1])
+            .collect(),
+        second: (0..pixels).map(|p| 0.05 + 0.01 * (p % 5) as f32).collect(),
+    }
+}
+
+fn weigh(adjoint: &Adjoint, moments: &Moments) -> f64 {
+    let mean = adjoint
+        .mean
+        .iter()
+        .flatten()
+        .zip(moments.mean.iter().flatten());
+    let second = adjoint.second.iter().zip(&moments.second);
+    mean.chain(second)
+        .map(|(a, m)| f64::from(*a) * f64::from(*m))
+        .sum()
+}
+
+#[test]
+fn a_recording_replayed_where_it_was_made_is_the_render() {
+    let crop = crop(8);
+    let spp = 64;
+    let mut recording = Recording::new(crop.window);
+    let mut film = crop.film().unwrap();
+    let settings = opsr::integrator::Settings {
+        max_vertices: crop.max_vertices,
+        ..Default::default()
+    };
+    let source = opsr::sampler::Independent { seed: 3 };
+    settings.tracer(rule(0.1)).estimate(
+        &crop.scene,
+        &crop.camera,
+        &source,
+        0..spp,
+        &mut film,
+        &mut recording,
+    );
+    assert!(recording.events.len() > 300, "{}", recording.events.len());
+    let moments = Replay::new(recording).moments(&AttenuationTable::constant(0.1));
+    let (mean, variance) = (film.mean(), film.sample_variance());
+    for p in 0..film.pixels.len() {
+        let mut expected = 0.0;
+        for c in 0..3 {
+            let m = mean.pixels[p][c];
+            assert!(
+                (moments.mean[p][c] - m).abs() < 1e-4 * (1.0 + m),
+                "pixel {p}: {} and {m}",
+                moments.mean[p][c]
+            );
+            let n = spp as f32;
+            expected += variance.pixels[p][c] * (n - 1.0) / n + m * m;
+        }
+        // With both techniques on one path the mixture's second moment is the renderer's in expectation only.
+        assert!((moments.second[p] - expected).abs() < 0.5 * expected + 0.01);
+    }
+}
+
+#[test]
+fn replayed_at_other_factors_it_is_a_render_at_those() {
+    let crop = crop(8);
+    let spp = 4096;
+    let mut replay = Replay::new(crop.record(0.05, spp, 1).unwrap());
+    for (gamma, tolerance) in [(0.03, 0.3), (0.2, 0.15), (0.8, 0.15)] {
+        let other = AttenuationTable::constant(gamma);
+        let replayed = replay.moments(&other);
+        let rendered = Replay::new(crop.record(gamma, spp, 2).unwrap()).moments(&other);
+        let total = |m: &Moments| {
+            let mean: f32 = m.mean.iter().flatten().sum();
+            let second: f32 = m.second.iter().sum();
+            (mean, second)
+        };
+        let (a, b) = (total(&replayed), total(&rendered));
+        assert!((a.0 / b.0 - 1.0).abs() < 0.04, "{gamma}: mean {a:?} {b:?}");
+        assert!(
+            (a.1 / b.1 - 1.0).abs() < tolerance,
+            "{gamma}: second {a:?} {b:?}"
+        );
+    }
+}
+
+#[test]
+fn the_gradient_of_replay_is_a_finite_difference() {
+    let crop = crop(6);
+    for lookup in [Lookup::Nearest, Lookup::Linear] {
+        let mut replay = Replay::new(crop.record(0.1, 96, 5).unwrap());
+        let table = uneven(lookup);
+        let adjoint = adjoint(36);
+        replay.moments(&table);
+        let gradient = replay.gradient(&table, &adjoint);
+        let mut strongest: Vec<usize> = (0..LEN).collect();
+        strongest.sort_by(|&a, &b| gradient[b].abs().total_cmp(&gradient[a].abs()));
+        assert!(gradient[strongest[5]] != 0.0);
+        for &class in &strongest[..6] {
+            let mut at = |step: f32| {
+                let mut moved = table.clone();
+                moved.gammas[class] += step;
+                weigh(&adjoint, &replay.moments(&moved))
+            };
+            // The level of a folded value is taken as constant: steps small enough not to cross one.
+            let h = 2e-4;
+            let difference = (at(h) - at(-h)) / (2.0 * f64::from(h));
+            assert!(
+                (difference - gradient[class]).abs() < 0.02 * gradient[class].abs(),
+                "{lookup:?} class {class}: {difference} and {}",
+                gradient[class]
+            );
+        }
+    }
+}
+
+#[test]
+fn curves_agree_with_replay() {
+    let crop = crop(8);
+    for lookup in [Lookup::Nearest, Lookup::Linear] {
+        let recording = crop.record(0.05, 256, 7).unwrap();
+        let table = uneven(lookup);
+        let mut curves = Curves::bake(&recording, &table);
+        curves.anchor(&table);
+        let mut replay = Replay::new(recording);
+        let adjoint = adjoint(64);
+        // The second table is near the first, so that the tangent of folded paths is used as well.
+        let mut near = table.clone();
+        for gamma in near.gammas.iter_mut() {
+            *gamma *= 1.01;
+        }
+        for table in [&table, &near] {
+            let (a, b) = (curves.moments(table), replay.moments(table));
+            for p in 0..64 {
+                for c in 0..3 {
+                    let (a, b) = (a.mean[p][c], b.mean[p][c]);
+                    assert!((a - b).abs() < 5e-3 * b, "{lookup:?} pixel {p}: {a} {b}");
+                }
+            }
+            let second = |m: &Moments| m.second.iter().sum::<f32>();
+            assert!((second(&a) / second(&b) - 1.0).abs() < 0.05);
+            let (a, b) = (
+                curves.gradient(table, &adjoint),
+                replay.gradient(table, &adjoint),
+            );
+            let norm: f64 = b.iter().map(|g| g * g).sum::<f64>().sqrt();
+            let off: f64 = a
+                .iter()
+                .zip(&b)
+                .map(|(a, b)| (a - b).powi(2))
+                .sum::<f64>()
+                .sqrt();
+            assert!(off < 0.05 * norm, "{lookup:?}: {off} of {norm}");
+        }
+    }
+}
+
+#[test]
+fn burns_gradient_of_the_loss_is_the_hand_written_one() {
+    let targets: Vec<Target> = (0..2)
+        .map(|k| Target {
+            reference: (0..5)
+                .map(|p| [0.1 * p as f32 + 0.05, 0.3, 0.7 + k as f32])
+                .collect(),
+            samples: 64,
+        })
+        .collect();
+    let moments: Vec<Moments> = (0..2)
+        .map(|k| Moments {
+            mean: (0..5)
+                .map(|p| [0.2, 0.07 * p as f32, 0.9 + 0.3 * k as f32])
+                .collect(),
+            second: (0..5).map(|p| 2.0 + p as f32).collect(),
+        })
+        .collect();
+    let beta = 0.03;
+    let (loss, adjoints) = Objective::new(&targets, beta).evaluate(&moments);
+    let n = 30.0;
+    let mut expected = 0.0;
+    for ((target, moment), adjoint) in targets.iter().zip(&moments).zip(&adjoints) {
+        let scale = target.scale();
+        let mean: f32 = target.reference.iter().flatten().sum::<f32>() / 15.0;
+        assert!((scale * mean - BRIGHTNESS).abs() < 1e-6);
+        for p in 0..5 {
+            let bessel = 64.0 / 63.0;
+            expected += beta * bessel * scale * scale * moment.second[p] / n;
+            for c in 0..3 {
+                let (i, f) = (scale * moment.mean[p][c], scale * target.reference[p][c]);
+                expected += ((i - f).abs() / (f + EPSILON) - beta * bessel * i * i) / n;
+                let slope = (i - f).signum() / (f + EPSILON) - 2.0 * beta * bessel * i;
+                assert!((adjoint.mean[p][c] - scale * slope / n).abs() < 1e-6);
+            }
+            assert!((adjoint.second[p] - beta * bessel * scale * scale / n).abs() < 1e-8);
+        }
+    }
+    assert!(
+        (loss - expected).abs() < 1e-5 * expected,
+        "{loss} {expected}"
+    );
+}
+
+/// A training that takes a second.
+fn quick(way: Way) -> Config {
+    Config {
+        spp: 32,
+        steps: 12,
+        method: way,
+        learning_rate: 0.02,
+        validate_every: 4,
+        checkpoint_every: 5,
+        ..Config::default()
+    }
+}
+
+fn learn(
+    config: Config,
+    folder: Option<&std::path::Path>,
+    resume: bool,
+    stop_at: u32,
+) -> opsr::train::session::Outcome {
+    let beta = config.beta[0];
+    let mut session =
+        Session::with_crops(config, vec![crop(6)], vec![crop(6)], &mut |_| ()).unwrap();
+    session
+        .learn(beta, folder, resume, &mut |step, _, _| {
+            if step == stop_at {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        })
+        .unwrap()
+}
+
+#[test]
+fn the_loss_falls_whatever_the_way() {
+    for way in [Way::Fresh, Way::Replay, Way::Tabulated] {
+        let config = Config {
+            spp: 128,
+            steps: 40,
+            optimiser: Optimiser::Log,
+            learning_rate: 0.08,
+            beta: vec![0.0001],
+            ..quick(way)
+        };
+        let outcome = learn(config, None, false, u32::MAX);
+        let (first, last) = (outcome.log.first().unwrap(), outcome.log.last().unwrap());
+        assert_eq!(last.step, 40);
+        let (a, b) = (first.validation.unwrap(), last.validation.unwrap());
+        assert!(b < a, "{way:?}: {a} to {b}");
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_table_at_any_thread_count() {
+    for way in [Way::Fresh, Way::Replay, Way::Tabulated] {
+        let table = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            pool.install(|| learn(quick(way), None, false, u32::MAX).table)
+        };
+        let one = table(1);
+        assert_eq!(one, table(3), "{way:?}");
+        assert_ne!(one.gammas, AttenuationTable::constant(0.5).gammas);
+    }
+}
+
+#[test]
+fn a_stopped_training_goes_on_to_the_bit() {
+    for way in [Way::Fresh, Way::Tabulated] {
+        let whole = learn(quick(way), None, false, u32::MAX);
+        let folder = tempfile::tempdir().unwrap();
+        let stopped = learn(quick(way), Some(folder.path()), false, 7);
+        assert!(stopped.stopped && stopped.steps == 7);
+        let resumed = learn(quick(way), Some(folder.path()), true, u32::MAX);
+        assert_eq!(resumed.table, whole.table, "{way:?}");
+        assert_eq!(resumed.best, whole.best, "{way:?}");
+        // Other settings are refused.
+        let other = Config {
+            seed: 1,
+            ..quick(way)
+        };
+        let mut session = Session::with_crops(other, vec![crop(6)], vec![], &mut |_| ()).unwrap();
+        let refused = session.learn(0.001, Some(folder.path()), true, &mut |_, _, _| {
+            ControlFlow::Continue(())
+        });
+        assert!(refused.is_err_and(|e| e.to_string().contains("other settings")));
+    }
+}
+
+#[test]
+fn a_known_factor_is_found_again() {
+    let mut exact = crop(6);
+    exact.reference = Vec::new();
+    let config = Config {
+        spp: 256,
+        steps: 400,
+        method: Way::Replay,
+        optimiser: Optimiser::Log,
+        learning_rate: 0.01,
+        start: 2.0 * TRUTH,
+        validate_every: 400,
+        record_gamma: TRUTH,
+        replicates: 1,
+        beta: vec![0.0],
+        ..Config::default()
+    };
+    let truth = AttenuationTable::constant(TRUTH);
+    let recording = exact.record(TRUTH, config.spp, config.seed).unwrap();
+    exact.reference = Replay::new(recording).moments(&truth).mean;
+    let mut session = Session::with_crops(config, vec![exact], vec![], &mut |_| ()).unwrap();
+    let outcome = session
+        .learn(0.0, None, false, &mut |_, _, _| ControlFlow::Continue(()))
+        .unwrap();
+    let last = outcome.log.last().unwrap().loss;
+    assert!(
+        last < 0.1 * outcome.log[0].loss,
+        "{last} of {}",
+        outcome.log[0].loss
+    );
+    // Weighted by how often a class is met; a rare one may be left where its pixels cannot tell.
+    let (mut sum, mut visits) = (0.0, 0.0);
+    for (gamma, &n) in outcome.table.gammas.iter().zip(session.visits.0.iter()) {
+        sum += n as f64 * f64::from((gamma / TRUTH).ln().abs());
+        visits += n as f64;
+    }
+    assert!(sum / visits < 0.1, "{}", sum / visits);
+}
