@@ -17,6 +17,7 @@ mod render;
 mod scene;
 mod scenes;
 mod stop;
+mod table;
 
 /// What the program's exit code says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -91,6 +92,8 @@ enum Command {
     Scenes(scenes::ScenesArgs),
     /// Measure methods against each other on scenes with references.
     Bench(bench::BenchArgs),
+    /// Show a table of attenuation factors, or write it for another renderer.
+    Table(table::TableArgs),
 }
 
 /// Runs the program.
@@ -111,6 +114,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Compare(args) => compare::run(&args).map(|()| Exit::Done),
         Command::Scenes(args) => scenes::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Table(args) => table::run(&args).map(|()| Exit::Done),
     };
     let exit = result.unwrap_or_else(|error| {
         eprintln!("opsr: {error:#}");

@@ -17,7 +17,7 @@ pub const VERSION: u32 = 1;
 const FORMAT: &str = "opsr attenuation table";
 
 /// How the 1360 classes are laid out; see [`GammaIndex`](super::GammaIndex).
-const ORDER: &str =
+pub(super) const ORDER: &str =
     "2, 3, 4, 5 vertices; levels as base-4 digits, the vertex nearest the camera first";
 
 /// Larger files are not tables.

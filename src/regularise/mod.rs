@@ -8,6 +8,7 @@
 //! This folder knows nothing of scenes, lights or learning.
 
 mod derivative;
+pub mod export;
 pub mod file;
 mod roughness;
 pub mod rules;

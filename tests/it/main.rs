@@ -5,6 +5,7 @@ mod bench;
 mod bsdf;
 mod compare;
 mod energy;
+mod export;
 mod exr;
 mod film;
 mod geometry;

@@ -1,0 +1,258 @@
+//! Tables for other programs: the exported code is compiled and run, the exported data read again.
+
+mod code;
+
+use opsr::regularise::export::{Format, export};
+use opsr::regularise::file::{Provenance, TableFile};
+use opsr::regularise::{AttenuationTable, GammaIndex, LEN, Lookup};
+use rand::{RngExt, SeedableRng};
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// A table that no look-up can get right by luck: every factor is different, the scale makes some of them too large.
+fn table(lookup: Lookup, scale: f32) -> TableFile {
+    let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(11);
+    let mut table = AttenuationTable {
+        lookup,
+        scale,
+        ..AttenuationTable::constant(0.0)
+    };
+    table.gammas.fill_with(|| random.random::<f32>().powi(3));
+    (table.gammas[0], table.gammas[1], table.gammas[2]) = (1.0, 0.0, 1.5e-7);
+    let provenance = Provenance {
+        opsr: "0.1.0".into(),
+        loss: "MAPE + beta * Var\nint not_code = 1; \\".into(),
+        beta: 0.001,
+        spp: 1024,
+        model: "full */ int nor_this;".into(),
+        optimiser: "adam".into(),
+        method: "tabulated".into(),
+        steps: 10_000,
+        seed: 7,
+        scenes: vec![("box".into(), "00".into()), ("rings".into(), "11".into())],
+        start: 0.5,
+        visits: (0..LEN as u64).map(|i| i * i % 977).collect(),
+    };
+    TableFile {
+        table,
+        provenance: Some(provenance),
+    }
+}
+
+/// Runs a tool; `None` with a message where the machine has none of this name.
+fn tool(folder: &Path, name: &str, arguments: &[&str]) -> Option<Output> {
+    let run = Command::new(name)
+        .args(arguments)
+        .current_dir(folder)
+        .output();
+    match run {
+        Ok(output) => Some(output),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+            eprintln!("skipped: this machine has no `{name}`");
+            None
+        }
+        Err(e) => panic!("{name}: {e}"),
+    }
+}
+
+fn succeeded(what: &str, output: &Output) {
+    let say = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert!(
+        output.status.success(),
+        "{what}: {}\n{}{}",
+        output.status,
+        say(&output.stdout),
+        say(&output.stderr)
+    );
+}
+
+/// Factors with the scale applied.
+fn scaled(file: &TableFile) -> Vec<f32> {
+    let classes = (0..LEN).filter_map(GammaIndex::new);
+    classes.map(|class| file.table.factor(class)).collect()
+}
+
+fn floats(bytes: &[u8]) -> Vec<f32> {
+    let words = bytes.chunks_exact(4).map(|w| w.try_into().unwrap());
+    words.map(f32::from_le_bytes).collect()
+}
+
+#[test]
+fn npy_reads_back() {
+    let file = table(Lookup::Nearest, 1.25);
+    let bytes = export(&file, Format::Npy);
+    assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
+    let start = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    assert_eq!(start % 64, 0);
+    let header = std::str::from_utf8(&bytes[10..start]).unwrap();
+    let dictionary = "{'descr': '<f4', 'fortran_order': False, 'shape': (1360,), }";
+    assert_eq!(header.trim_end(), dictionary);
+    assert!(header.ends_with('\n'));
+    assert_eq!(floats(&bytes[start..]), scaled(&file));
+
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("table.npy"), &bytes).unwrap();
+    let script = "import importlib.util, sys\n\
+        if importlib.util.find_spec('numpy') is None: sys.exit(77)\n\
+        import numpy\n\
+        a = numpy.load('table.npy', allow_pickle=False)\n\
+        assert a.dtype == numpy.float32 and a.shape == (1360,)\n\
+        sys.stdout.buffer.write(a.tobytes())";
+    match tool(folder.path(), "python3", &["-c", script]) {
+        Some(output) if output.status.code() == Some(77) => {
+            eprintln!("skipped: this machine's python3 has no numpy");
+        }
+        Some(output) => {
+            succeeded("numpy", &output);
+            assert_eq!(floats(&output.stdout), scaled(&file));
+        }
+        None => {}
+    }
+}
+
+#[test]
+fn safetensors_reads_back() {
+    let file = table(Lookup::Linear, 1.25);
+    let bytes = export(&file, Format::Safetensors);
+    let (size, header) = safetensors::SafeTensors::read_metadata(&bytes).unwrap();
+    assert_eq!(size % 8, 0);
+    let metadata = header.metadata().as_ref().unwrap();
+    assert_eq!(metadata["lookup"], "linear");
+    assert_eq!(metadata["levels"], "4");
+    assert_eq!(metadata["scale_applied"], "1.25");
+    assert!(metadata["order"].starts_with("2, 3, 4, 5 vertices"));
+    assert!(metadata["loss"].starts_with("MAPE"));
+    let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    let gammas = tensors.tensor("gammas").unwrap();
+    assert_eq!(gammas.dtype(), safetensors::Dtype::F32);
+    assert_eq!(gammas.shape(), [LEN]);
+    assert_eq!(floats(gammas.data()), scaled(&file));
+    // The same table gives the same bytes.
+    assert_eq!(bytes, export(&file, Format::Safetensors));
+}
+
+#[test]
+fn csv_names_every_class() {
+    let file = table(Lookup::Nearest, 1.25);
+    let text = String::from_utf8(export(&file, Format::Csv)).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some("index,length,code,bins,gamma,visits"));
+    let expected = scaled(&file);
+    for (index, line) in lines.clone().enumerate() {
+        let fields: Vec<&str> = line.split(',').collect();
+        assert_eq!(fields[0].parse(), Ok(index));
+        let levels: Vec<usize> = (fields[3].split(' ')).map(|l| l.parse().unwrap()).collect();
+        assert_eq!(fields[1].parse(), Ok(levels.len()));
+        assert_eq!(
+            GammaIndex::from_levels(&levels).map(GammaIndex::index),
+            Some(index)
+        );
+        let digits: String = levels.iter().map(usize::to_string).collect();
+        assert_eq!(
+            usize::from_str_radix(&digits, 4).ok(),
+            fields[2].parse().ok()
+        );
+        assert_eq!(
+            fields[4].parse::<f32>().unwrap().to_bits(),
+            expected[index].to_bits()
+        );
+        assert_eq!(
+            fields[5].parse(),
+            Ok(file.provenance.as_ref().unwrap().visits[index])
+        );
+    }
+    assert_eq!(lines.count(), LEN);
+}
+
+fn opsr(folder: &Path, arguments: &[&str]) -> Output {
+    tool(folder, env!("CARGO_BIN_EXE_opsr"), arguments).unwrap()
+}
+
+#[test]
+fn program_exports_by_the_name_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let file = table(Lookup::Nearest, 1.25);
+    file.save(&at("t.json")).unwrap();
+    for (name, format) in [
+        ("t.npy", Format::Npy),
+        ("t.safetensors", Format::Safetensors),
+        ("t.csv", Format::Csv),
+        ("t.hpp", Format::C),
+        ("t.slang", Format::Shader),
+        ("t.rs", Format::Rust),
+    ] {
+        let output = opsr(folder.path(), &["table", "export", "t.json", "-o", name]);
+        succeeded(name, &output);
+        assert!(
+            std::fs::read(at(name)).unwrap() == export(&file, format),
+            "{name}"
+        );
+    }
+    let to_pipe = ["table", "export", "t.json", "--format", "glsl", "-o", "-"];
+    let output = opsr(folder.path(), &to_pipe);
+    assert!(output.stdout == export(&file, Format::Shader));
+
+    let output = opsr(
+        folder.path(),
+        &["table", "export", "t.json", "-o", "t.table"],
+    );
+    assert!(!output.status.success() && !at("t.table").exists());
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--format"));
+    // A damaged table is the input's fault, a missing folder the output's; neither leaves a file.
+    std::fs::write(at("bad.json"), "{}").unwrap();
+    let output = opsr(
+        folder.path(),
+        &["table", "export", "bad.json", "-o", "bad.h"],
+    );
+    assert_eq!(output.status.code(), Some(3));
+    assert!(!at("bad.h").exists());
+    let output = opsr(
+        folder.path(),
+        &["table", "export", "t.json", "-o", "no/such.h"],
+    );
+    assert_eq!(output.status.code(), Some(4));
+}
+
+#[test]
+fn program_shows_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = table(Lookup::Linear, 1.0);
+    let visits = &file.provenance.as_ref().unwrap().visits;
+    file.save(&folder.path().join("t.json")).unwrap();
+    let output = opsr(folder.path(), &["table", "show", "t.json", "--json"]);
+    succeeded("show", &output);
+    let shown: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(shown["lookup"], "linear");
+    assert_eq!(shown["training"]["spp"], 1024);
+    assert_eq!(shown["all"]["classes"], LEN);
+    assert_eq!(shown["live"]["classes"], 1020);
+    assert_eq!(
+        shown["all"]["visited"],
+        visits.iter().filter(|&&v| v > 0).count()
+    );
+    let class = &shown["lengths"][2]["classes"][0b10_00_11_01];
+    assert_eq!(class["code"], "2 0 3 1");
+    let index = GammaIndex::from_levels(&[2, 0, 3, 1]).unwrap().index();
+    assert_eq!(class["index"], index);
+    assert_eq!(class["visits"], visits[index]);
+    assert_eq!(class["gamma"], f64::from(file.table.gammas[index]));
+
+    let output = opsr(folder.path(), &["table", "show", "t.json", "--top", "3"]);
+    succeeded("show", &output);
+    let text = String::from_utf8(output.stdout).unwrap();
+    let most = visits[16..80].iter().max().unwrap();
+    let section = text.split("\n3 vertices\n").nth(1).unwrap();
+    assert!(
+        section
+            .lines()
+            .next()
+            .unwrap()
+            .contains(&format!("{most} visits"))
+    );
+    assert_eq!(
+        section.lines().take_while(|l| l.contains("visits")).count(),
+        3
+    );
+    assert!(text.contains("beta        0.001"));
+}
