@@ -18,6 +18,8 @@ mod scene;
 mod scenes;
 mod stop;
 mod table;
+#[cfg(feature = "train")]
+mod train;
 
 /// What the program's exit code says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,6 +86,9 @@ supported; 4 a result could not be written; 5 stopped by the user, with what the
 enum Command {
     /// Render a glTF scene.
     Render(Box<render::RenderArgs>),
+    /// Learn tables of attenuation factors.
+    #[cfg(feature = "train")]
+    Train(Box<train::TrainArgs>),
     /// Say what a scene has and needs.
     Info(info::InfoArgs),
     /// Compare pictures with a reference.
@@ -110,6 +115,8 @@ pub(crate) fn main() -> ExitCode {
         .init();
     let result = match args.command {
         Command::Render(args) => render::run(&args),
+        #[cfg(feature = "train")]
+        Command::Train(args) => train::run(&args),
         Command::Info(args) => info::run(&args).map(|()| Exit::Done),
         Command::Compare(args) => compare::run(&args).map(|()| Exit::Done),
         Command::Scenes(args) => scenes::run(&args),

@@ -3,3 +3,5 @@
 pub mod bench;
 pub mod compare;
 pub mod page;
+#[cfg(feature = "train")]
+pub mod training;

@@ -99,7 +99,11 @@ impl Document {
 impl Checkpoint {
     /// What a training depends on, as a hash: settings, version, scenes, references. The number of steps is not part of
     /// it: a finished training can be gone on with.
-    pub fn fingerprint(config: &Config, beta: f32, crops: &[Crop]) -> Result<String, ConfigError> {
+    pub fn fingerprint<'a>(
+        config: &Config,
+        beta: f32,
+        crops: impl Iterator<Item = &'a Crop>,
+    ) -> Result<String, ConfigError> {
         let config = Config {
             steps: 1,
             beta: vec![beta],

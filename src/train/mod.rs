@@ -4,7 +4,8 @@
 //! are traced once ([`recording`]); mean and second moment of every pixel, and their derivatives, are then functions of
 //! the table alone ([`moments::Source`]): exactly, event by event ([`replay`]), or from baked [`curves`]; [`fresh`] traces
 //! at every step and checks the others. burn holds the parameters ([`model`]), differentiates the loss ([`objective`]) and
-//! steps Adam; it never sees a ray. [`session`] is the outer loop.
+//! steps Adam; it never sees a ray. [`session`] is the outer loop;
+//! [`study`] says what came out of it.
 
 pub mod checkpoint;
 pub mod codes;
@@ -20,6 +21,8 @@ pub mod objective;
 pub mod recording;
 pub mod replay;
 pub mod session;
+pub mod set;
+pub mod study;
 pub mod visits;
 
 pub use config::Config;

@@ -80,8 +80,8 @@ pub struct Objective {
 
 impl Objective {
     /// For these crops.
-    pub fn new(targets: &[Target], beta: f32) -> Self {
-        let scales: Vec<f32> = targets.iter().map(Target::scale).collect();
+    pub fn new(targets: &[&Target], beta: f32) -> Self {
+        let scales: Vec<f32> = targets.iter().map(|t| t.scale()).collect();
         let references: Vec<f32> = (targets.iter().zip(&scales))
             .flat_map(|(t, s)| t.reference.iter().flatten().map(move |v| v * s))
             .collect();

@@ -6,15 +6,15 @@ use super::curves::Curves;
 use super::dataset::{Crop, DatasetError};
 use super::fresh::Fresh;
 use super::model::Learner;
-use super::moments::{Moments, Source, no_gradient};
-use super::objective::{CropLoss, Objective, Target};
+use super::moments::Source;
+use super::objective::{CropLoss, Objective};
 use super::replay::Replay;
+use super::set::{Set, mean_loss};
 use super::visits::Visits;
 use crate::regularise::file::Provenance;
-use crate::regularise::{AttenuationTable, ConstantGamma, Lookup};
+use crate::regularise::{AttenuationTable, Lookup};
 use crate::scene::manifest::Role;
 use burn::store::RecordError;
-use rayon::prelude::*;
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -38,17 +38,6 @@ pub enum TrainError {
     /// Nothing to learn from.
     #[error("{0}")]
     Empty(String),
-}
-
-/// Crops with their sources of moments and what they are compared with.
-#[derive(Default)]
-pub struct Set {
-    /// The crops; every replicate is one.
-    pub crops: Vec<Crop>,
-    sources: Vec<Box<dyn Source>>,
-    targets: Vec<Target>,
-    /// The table that sources are linearised at.
-    anchor: Option<AttenuationTable>,
 }
 
 /// A line of the log.
@@ -92,64 +81,8 @@ pub struct Session {
     pub training: Set,
     /// What is only scored.
     pub validation: Set,
-    /// Events per class over the training crops.
-    pub visits: Visits,
     /// Wall seconds that recording and baking took.
     pub seconds: f64,
-}
-
-impl Set {
-    /// Moments of all crops at a table.
-    pub fn moments(&mut self, table: &AttenuationTable) -> Vec<Moments> {
-        if self.sources.iter().any(|source| source.is_stale(table)) {
-            self.anchor(table.clone());
-        }
-        let sources = self.sources.par_iter_mut();
-        sources.map(|source| source.moments(table)).collect()
-    }
-
-    fn anchor(&mut self, table: AttenuationTable) {
-        (self.sources.par_iter_mut()).for_each(|source| source.anchor(&table));
-        self.anchor = Some(table);
-    }
-
-    /// An objective over the crops.
-    pub fn objective(&self, beta: f32) -> Objective {
-        Objective::new(&self.targets, beta)
-    }
-
-    /// The loss of each crop at a table.
-    pub fn losses(&mut self, objective: &Objective, table: &AttenuationTable) -> Vec<CropLoss> {
-        let moments = self.moments(table);
-        objective.by_crop(&moments)
-    }
-
-    /// Bytes held by the sources.
-    pub fn bytes(&self) -> usize {
-        self.sources.iter().map(|s| s.bytes()).sum()
-    }
-
-    /// Loss and gradient at a table.
-    fn gradient(&mut self, objective: &Objective, table: &AttenuationTable) -> (f32, Vec<f64>) {
-        let moments = self.moments(table);
-        let (loss, adjoints) = objective.evaluate(&moments);
-        let gradients: Vec<Vec<f64>> = (self.sources.par_iter().zip(&adjoints))
-            .map(|(source, adjoint)| source.gradient(table, adjoint))
-            .collect();
-        let mut sum = no_gradient();
-        for gradient in gradients {
-            for (s, g) in sum.iter_mut().zip(gradient) {
-                *s += g;
-            }
-        }
-        (loss, sum)
-    }
-}
-
-/// Mean of the crops' losses.
-pub fn mean_loss(losses: &[CropLoss], beta: f32) -> Option<f32> {
-    (!losses.is_empty())
-        .then(|| losses.iter().map(|l| l.total(beta)).sum::<f32>() / losses.len() as f32)
 }
 
 impl Session {
@@ -189,7 +122,6 @@ impl Session {
         let mut session = Self {
             training: Set::default(),
             validation: Set::default(),
-            visits: Visits::default(),
             seconds: 0.0,
             config,
         };
@@ -227,14 +159,15 @@ impl Session {
             let seed = config.seed.wrapping_add(u64::from(replicate) << 32);
             let seed = if training { seed } else { !seed };
             listen(&crop.name);
+            let mut visits = Visits::default();
             let source: Box<dyn Source> = if config.method == Way::Fresh && training {
+                // Visits are those of a recording whatever the way.
+                let recording = crop.record(config.record_gamma, spp.min(64), config.seed)?;
+                visits.count(&recording, &self.constant(config.record_gamma));
                 Box::new(Fresh::new(crop.clone(), spp, seed))
             } else {
                 let recording = crop.record(config.record_gamma, spp, seed)?;
-                let start = self.constant(config.record_gamma);
-                if training {
-                    self.visits.count(&recording, &start);
-                }
+                visits.count(&recording, &self.constant(config.record_gamma));
                 match config.method {
                     Way::Replay => Box::new(Replay::new(recording)),
                     _ => Box::new(Curves::bake(&recording, &self.constant(config.start))),
@@ -245,15 +178,7 @@ impl Session {
             } else {
                 &mut self.validation
             };
-            set.sources.push(source);
-            set.targets.push(crop.target(config.spp));
-            set.crops.push(crop.clone());
-        }
-        if config.method == Way::Fresh && training {
-            // Visits are those of a recording whatever the way.
-            let recording = crop.record(config.record_gamma, spp.min(64), config.seed)?;
-            self.visits
-                .count(&recording, &self.constant(config.record_gamma));
+            set.push(crop.clone(), source, crop.target(config.spp), visits);
         }
         Ok(())
     }
@@ -279,7 +204,7 @@ impl Session {
             config.lookup,
             config.start,
         );
-        let fingerprint = Checkpoint::fingerprint(&config, beta, &self.training.crops)?;
+        let fingerprint = Checkpoint::fingerprint(&config, beta, self.training.crops())?;
         let mut state = Progress::new(learner);
         self.training.anchor(self.constant(config.start));
         let path = folder.map(|f| f.join("last.ckpt"));
@@ -290,9 +215,7 @@ impl Session {
                 ..checkpoint.anchor.clone()
             });
             state = state.resume(checkpoint, config.lookup)?;
-            for source in &mut self.training.sources {
-                source.skip(u64::from(state.step));
-            }
+            self.training.skip(u64::from(state.step));
         }
         let clock = Instant::now();
         let mut stopped = false;
@@ -325,7 +248,7 @@ impl Session {
             let _ = listen(state.step, f32::NAN, state.log.last());
         }
         Ok(Outcome {
-            table: self.visits.inherit(&state.learner.table()),
+            table: self.training.visits().inherit(&state.learner.table()),
             best: state.best.map(|(step, _, table)| (step, table)),
             steps: state.step,
             log: state.log,
@@ -346,7 +269,7 @@ impl Session {
             return;
         }
         let table = state.learner.table();
-        let whole = self.visits.inherit(&table);
+        let whole = self.training.visits().inherit(&table);
         let crops = if self.config.method == Way::Fresh {
             Vec::new()
         } else {
@@ -376,7 +299,7 @@ impl Session {
     pub fn provenance(&self, beta: f32, steps: u32) -> Provenance {
         let config = &self.config;
         let mut scenes: Vec<(String, String)> = Vec::new();
-        for crop in &self.training.crops {
+        for crop in self.training.crops() {
             let hash = crate::integrator::checkpoint::hex(&crop.digest);
             let scene = (crop.scene_name.clone(), hash);
             if !scenes.contains(&scene) {
@@ -415,7 +338,7 @@ impl Session {
             seed: config.seed,
             scenes,
             start: config.start,
-            visits: self.visits.0.clone(),
+            visits: self.training.visits().0,
         }
     }
 }
@@ -466,41 +389,4 @@ impl Progress {
             state: self.learner.to_bytes()?,
         })
     }
-}
-
-/// The best single factor for a set of crops, by golden-section search over ln γ after a scan, and its loss.
-pub fn best_constant(set: &mut Set, beta: f32, lookup: Lookup) -> (ConstantGamma, f32) {
-    let objective = set.objective(beta);
-    let mut loss = |ln: f64| {
-        let table = AttenuationTable {
-            lookup,
-            ..AttenuationTable::constant(ln.exp() as f32)
-        };
-        let losses = set.losses(&objective, &table);
-        f64::from(mean_loss(&losses, beta).unwrap_or(f32::NAN))
-    };
-    const SCAN: usize = 24;
-    let low = f64::from(super::curves::GAMMA_MIN).ln();
-    let at = |i: usize| low * (1.0 - i as f64 / SCAN as f64);
-    let scores: Vec<f64> = (0..=SCAN).map(|i| loss(at(i))).collect();
-    let best = (0..=SCAN)
-        .min_by(|&a, &b| scores[a].total_cmp(&scores[b]))
-        .unwrap_or(0);
-    let (mut a, mut b) = (at(best.saturating_sub(1)), at((best + 1).min(SCAN)));
-    let golden = (5f64.sqrt() - 1.0) / 2.0;
-    let (mut x, mut y) = (b - golden * (b - a), a + golden * (b - a));
-    let (mut fx, mut fy) = (loss(x), loss(y));
-    for _ in 0..12 {
-        if fx < fy {
-            (b, y, fy) = (y, x, fx);
-            x = b - golden * (b - a);
-            fx = loss(x);
-        } else {
-            (a, x, fx) = (x, y, fy);
-            y = a + golden * (b - a);
-            fy = loss(y);
-        }
-    }
-    let (gamma, value) = if fx < fy { (x, fx) } else { (y, fy) };
-    (ConstantGamma(gamma.exp() as f32), value as f32)
 }

@@ -243,7 +243,8 @@ fn burns_gradient_of_the_loss_is_the_hand_written_one() {
         })
         .collect();
     let beta = 0.03;
-    let (loss, adjoints) = Objective::new(&targets, beta).evaluate(&moments);
+    let (loss, adjoints) =
+        Objective::new(&targets.iter().collect::<Vec<_>>(), beta).evaluate(&moments);
     let n = 30.0;
     let mut expected = 0.0;
     for ((target, moment), adjoint) in targets.iter().zip(&moments).zip(&adjoints) {
@@ -391,7 +392,12 @@ fn a_known_factor_is_found_again() {
     );
     // Weighted by how often a class is met; a rare one may be left where its pixels cannot tell.
     let (mut sum, mut visits) = (0.0, 0.0);
-    for (gamma, &n) in outcome.table.gammas.iter().zip(session.visits.0.iter()) {
+    for (gamma, &n) in outcome
+        .table
+        .gammas
+        .iter()
+        .zip(session.training.visits().0.iter())
+    {
         sum += n as f64 * f64::from((gamma / TRUTH).ln().abs());
         visits += n as f64;
     }

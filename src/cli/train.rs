@@ -1,0 +1,459 @@
+//! `opsr train`: scenes in, tables of attenuation factors out.
+
+use super::bar::Style;
+use super::stop::Stop;
+use super::{Blame, Exit};
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use opsr::atomic;
+use opsr::regularise::file::TableFile;
+use opsr::regularise::{AttenuationTable, Lookup};
+use opsr::report::training::{Crops, Learned, Report};
+use opsr::train::config::Config;
+use opsr::train::model::Model;
+use opsr::train::session::{Entry, Outcome};
+use opsr::train::{Session, TrainError, study};
+use std::collections::BTreeMap;
+use std::io::IsTerminal;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Options of `opsr train`.
+#[derive(Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct TrainArgs {
+    /// Weight of the variance against the error; several with commas make several tables from one recording.
+    #[arg(long, value_name = "B", value_delimiter = ',')]
+    beta: Vec<f32>,
+    /// Settings to start from.
+    #[arg(long, value_enum, default_value_t)]
+    preset: Preset,
+    /// A TOML file of settings, such as the config.toml of an earlier run.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// One setting, such as spp=256; may be given several times and has the last word.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
+
+    /// How loss and gradient are evaluated: fresh, replay or tabulated.
+    #[arg(long, value_name = "WAY")]
+    method: Option<String>,
+    /// adam (published) or log (on the logarithm of the factors: hundreds of steps instead of thousands).
+    #[arg(long, value_name = "NAME")]
+    optimiser: Option<String>,
+    /// full (1360 free factors, published) or additive (24 numbers that make them).
+    #[arg(long, value_name = "NAME")]
+    model: Option<String>,
+    /// How factors are looked up: nearest or linear.
+    #[arg(long, value_name = "WAY")]
+    lookup: Option<String>,
+    /// Optimiser steps.
+    #[arg(long, value_name = "N")]
+    steps: Option<u32>,
+    /// Samples per pixel that the tables are learned for.
+    #[arg(long, value_name = "N")]
+    spp: Option<u32>,
+    /// Seed of the recording: the same seed gives the same tables to the bit.
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Leave this family of scenes out of the training and score the tables on it.
+    #[arg(long, value_name = "FAMILY")]
+    hold_out: Option<String>,
+
+    /// Folder of the run: resolved settings, log, checkpoints, tables and report.
+    #[arg(long, value_name = "DIR", default_value = "out/train")]
+    run: PathBuf,
+    /// Folder that the finished tables go to.
+    #[arg(long, value_name = "DIR", default_value = "params")]
+    out: PathBuf,
+    /// Go on from the checkpoints of the run's folder.
+    #[arg(long)]
+    resume: bool,
+    /// Afterwards hold every family of scenes out once, and report how tables do on scenes unlike those learned from.
+    #[arg(long)]
+    study: bool,
+    /// Threads; without it as many as there are cores. The tables do not depend on it.
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// How progress is shown.
+    #[arg(long, value_enum, default_value_t)]
+    progress: Style,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  opsr train --beta 0.001                  the published training; params/beta-0.001.json
+  opsr train --beta 0.001,0.05 --study     two tables from one recording, and how they do on unlike scenes
+  opsr train --preset smoke                one scene, a minute or two; params/smoke-beta-0.001.json
+  opsr train --optimiser log --set steps=500 --set 'scenes=[\"rings\", \"basins\"]'
+  opsr train --beta 0.001 --resume         go on after Ctrl-C
+
+Written to the run's folder: config.toml, and for every beta metrics.jsonl, last.ckpt, table.json, best.json (lowest
+validation loss); report.html and report.json.";
+
+/// Settings to start from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Preset {
+    /// The published training: all scenes, 1024 samples, ten thousand steps of Adam.
+    #[default]
+    Full,
+    /// One scene, 256 samples, 300 steps on the logarithm.
+    Smoke,
+}
+
+impl TrainArgs {
+    /// The settings, later ones over earlier ones: preset, file, options, --set.
+    fn resolve(&self) -> anyhow::Result<Config> {
+        let mut config = Config::default();
+        if self.preset == Preset::Smoke {
+            config = config
+                .with_text(SMOKE, "preset smoke")
+                .context("the preset")?;
+        }
+        if let Some(path) = &self.config {
+            let text = std::fs::read_to_string(path)
+                .with_context(|| path.display().to_string())
+                .input()?;
+            config = config
+                .with_text(&text, &path.display().to_string())
+                .input()?;
+        }
+        if !self.beta.is_empty() {
+            config.beta.clone_from(&self.beta);
+        }
+        let named = [
+            ("method", &self.method),
+            ("optimiser", &self.optimiser),
+            ("model", &self.model),
+            ("lookup", &self.lookup),
+            ("hold_out", &self.hold_out),
+        ];
+        for (key, value) in named {
+            if let Some(value) = value {
+                config = config.with_setting(&format!("{key}={value:?}")).input()?;
+            }
+        }
+        config.steps = self.steps.unwrap_or(config.steps);
+        config.spp = self.spp.unwrap_or(config.spp);
+        config.seed = self.seed.unwrap_or(config.seed);
+        for setting in &self.settings {
+            config = config.with_setting(setting).input()?;
+        }
+        config.check().input()?;
+        Ok(config)
+    }
+
+    /// Name of a table's file without its ending.
+    fn stem(&self, config: &Config, beta: f32) -> String {
+        let preset = match self.preset {
+            Preset::Full => "",
+            Preset::Smoke => "smoke-",
+        };
+        let model = match config.model {
+            Model::Full => "",
+            Model::Additive => "-additive",
+        };
+        let lookup = match config.lookup {
+            Lookup::Nearest => "",
+            Lookup::Linear => "-linear",
+        };
+        format!("{preset}beta-{beta}{model}{lookup}")
+    }
+}
+
+const SMOKE: &str = r#"
+scenes = ["cornell_caustics"]
+spp = 256
+steps = 300
+optimiser = "log"
+validate_every = 25
+checkpoint_every = 100
+"#;
+
+/// Runs the command.
+pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
+    let config = args.resolve()?;
+    let stop = Stop::listen();
+    if let Some(threads) = args.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build_global()
+            .context("threads")?;
+    }
+    for dir in [&args.run, &args.out] {
+        (std::fs::create_dir_all(dir))
+            .with_context(|| dir.display().to_string())
+            .output()?;
+    }
+    save(&args.run.join("config.toml"), &config.to_toml()?)?;
+
+    let progress = Shown::new(args.progress, config.steps);
+    let mut session = Session::open(config.clone(), &mut |crop| {
+        progress.say(&format!("recording {crop}"))
+    })
+    .map_err(blame)?;
+    progress.say(&format!(
+        "recorded in {:.1} s, {:.0} MB, {} of {} live classes seen",
+        session.seconds,
+        session.training.bytes() as f64 / 1e6,
+        session.training.visits().coverage(),
+        opsr::train::visits::LIVE
+    ));
+    let mut report = Report::new(&session);
+    for &beta in &config.beta {
+        let folder = args.run.join(args.stem(&config, beta));
+        std::fs::create_dir_all(&folder)
+            .with_context(|| folder.display().to_string())
+            .output()?;
+        let Some(learned) = learn(args, &mut session, beta, &folder, &progress, &stop)? else {
+            return Ok(Exit::Stopped);
+        };
+        report.tables.push(learned);
+    }
+    if args.study {
+        for (&beta, learned) in config.beta.iter().zip(&mut report.tables) {
+            learned.held_out = study::leave_one_out(&mut session, beta, &mut |family| {
+                progress.say(&format!("beta {beta}: holding out {family}"));
+                if stop.asked() {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            })
+            .map_err(blame)?;
+        }
+    }
+    save(
+        &args.run.join("report.json"),
+        &format!("{:#}\n", serde_json::to_value(&report)?),
+    )?;
+    save(&args.run.join("report.html"), &report.html()?)?;
+    progress.say(&format!(
+        "report: {}",
+        args.run.join("report.html").display()
+    ));
+    Ok(if stop.asked() {
+        Exit::Stopped
+    } else {
+        Exit::Done
+    })
+}
+
+/// Learns one table; `None` if the user ended it.
+fn learn(
+    args: &TrainArgs,
+    session: &mut Session,
+    beta: f32,
+    folder: &Path,
+    progress: &Shown,
+    stop: &Stop,
+) -> anyhow::Result<Option<Learned>> {
+    let config = session.config.clone();
+    let names: Vec<String> = session.training.crops().map(|c| c.name.clone()).collect();
+    let mut log = Log::open(&folder.join("metrics.jsonl"), args.resume);
+    let resume = args.resume && folder.join("last.ckpt").exists();
+    let clock = Instant::now();
+    let mut broken = None;
+    let outcome = session
+        .learn(beta, Some(folder), resume, &mut |step, loss, entry| {
+            if let Some(entry) = entry
+                && let Err(error) = log.add(entry)
+            {
+                broken = Some(error);
+                return ControlFlow::Break(());
+            }
+            progress.show(step, beta, loss, entry, &names, &clock);
+            if stop.asked() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        })
+        .map_err(blame)?;
+    if let Some(error) = broken {
+        return Err(error);
+    }
+    let seconds = clock.elapsed().as_secs_f64();
+    let save_table = |path: &Path, table: &AttenuationTable, steps| {
+        let provenance = Some(session.provenance(beta, steps));
+        let table = table.clone();
+        TableFile { table, provenance }.save(path).output()
+    };
+    save_table(&folder.join("table.json"), &outcome.table, outcome.steps)?;
+    if let Some((step, table)) = &outcome.best {
+        save_table(&folder.join("best.json"), table, *step)?;
+    }
+    if outcome.stopped {
+        progress.say(&format!(
+            "stopped after {} of {} steps; --resume goes on",
+            outcome.steps, config.steps
+        ));
+        return Ok(None);
+    }
+    let path = args.out.join(format!("{}.json", args.stem(&config, beta)));
+    save_table(&path, &outcome.table, outcome.steps)?;
+    progress.say(&format!(
+        "{}: {} steps in {seconds:.1} s",
+        path.display(),
+        outcome.steps
+    ));
+    Ok(Some(judge(session, beta, outcome, log.entries(), seconds)))
+}
+
+/// What the report says about a table.
+fn judge(
+    session: &mut Session,
+    beta: f32,
+    outcome: Outcome,
+    log: Vec<serde_json::Value>,
+    seconds: f64,
+) -> Learned {
+    let lookup = session.config.lookup;
+    let constant = study::best_constant(&mut session.training, beta, lookup);
+    let mut tables = vec![("learned table", &outcome.table)];
+    if let Some((_, best)) = &outcome.best {
+        tables.push(("table of the lowest validation loss", best));
+    }
+    let training = study::scores(&mut session.training, beta, constant, &tables);
+    let validation = if session.validation.is_empty() {
+        Vec::new()
+    } else {
+        study::scores(&mut session.validation, beta, constant, &tables)
+    };
+    let start = session.constant(session.config.start);
+    Learned {
+        beta,
+        steps: outcome.steps,
+        seconds,
+        log,
+        training,
+        validation,
+        held_out: Vec::new(),
+        crops: Crops::of(&mut session.training, beta, &start, &outcome.table),
+        validation_crops: Crops::of(&mut session.validation, beta, &start, &outcome.table),
+        table: outcome.table,
+    }
+}
+
+/// Exit codes of a training's errors.
+fn blame(error: TrainError) -> anyhow::Error {
+    let code = match &error {
+        TrainError::Checkpoint(opsr::train::checkpoint::CheckpointError::Io { .. }) => Exit::Output,
+        TrainError::State(_) => Exit::Failed,
+        _ => Exit::Input,
+    };
+    super::Failure(code, error.into()).into()
+}
+
+fn save(path: &Path, text: &str) -> anyhow::Result<()> {
+    atomic::write_bytes(path, text.as_bytes())
+        .with_context(|| path.display().to_string())
+        .output()
+}
+
+/// The log as JSON lines, replaced as a whole at every line so that it is never half-written.
+struct Log {
+    path: PathBuf,
+    lines: BTreeMap<u32, String>,
+}
+
+impl Log {
+    /// Keeps the lines of an earlier run if it is gone on with.
+    fn open(path: &Path, resume: bool) -> Self {
+        let old =
+            (resume.then(|| std::fs::read_to_string(path).ok()).flatten()).unwrap_or_default();
+        let step = |line: &str| -> Option<u32> {
+            let value: serde_json::Value = serde_json::from_str(line).ok()?;
+            value.get("step")?.as_u64()?.try_into().ok()
+        };
+        Self {
+            path: path.into(),
+            lines: (old.lines())
+                .filter_map(|line| Some((step(line)?, line.to_string())))
+                .collect(),
+        }
+    }
+
+    fn add(&mut self, entry: &Entry) -> anyhow::Result<()> {
+        self.lines.retain(|&step, _| step < entry.step);
+        (self.lines).insert(entry.step, serde_json::to_string(entry)?);
+        let text: String = self
+            .lines
+            .values()
+            .flat_map(|l| [l.as_str(), "\n"])
+            .collect();
+        save(&self.path, &text)
+    }
+
+    fn entries(&self) -> Vec<serde_json::Value> {
+        (self.lines.values())
+            .filter_map(|line| serde_json::from_str(line).ok())
+            .collect()
+    }
+}
+
+/// Progress on a terminal, as JSON lines, or not at all.
+struct Shown {
+    bar: Option<ProgressBar>,
+    style: Style,
+    steps: u32,
+}
+
+impl Shown {
+    fn new(style: Style, steps: u32) -> Self {
+        let terminal = style == Style::Auto && std::io::stderr().is_terminal();
+        let bar = terminal.then(|| {
+            let bar = ProgressBar::new(steps.into());
+            if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
+                bar.set_style(style);
+            }
+            bar
+        });
+        Self { bar, style, steps }
+    }
+
+    /// A line for people.
+    fn say(&self, text: &str) {
+        match (&self.bar, self.style) {
+            (Some(bar), _) => bar.println(text),
+            (None, Style::None) => {}
+            (None, _) => eprintln!("{text}"),
+        }
+    }
+
+    fn show(
+        &self,
+        step: u32,
+        beta: f32,
+        loss: f32,
+        entry: Option<&Entry>,
+        names: &[String],
+        clock: &Instant,
+    ) {
+        let worst = entry.and_then(|entry| {
+            let losses = entry.crops.iter().map(|l| l.total(beta)).zip(names);
+            losses.max_by(|a, b| a.0.total_cmp(&b.0))
+        });
+        if let Some(bar) = &self.bar {
+            bar.set_position(step.into());
+            if let Some((loss_of_worst, name)) = worst {
+                let left = (self.steps - step.min(self.steps)) as f64 / f64::from(step.max(1))
+                    * clock.elapsed().as_secs_f64();
+                bar.set_message(format!(
+                    "beta {beta}: loss {loss:.4}, worst {name} {loss_of_worst:.4}, {left:.0} s left"
+                ));
+            }
+        }
+        if self.style == Style::Json
+            && let Some(entry) = entry
+        {
+            let line = serde_json::json!({
+                "beta": beta, "step": step, "steps": self.steps, "loss": entry.loss,
+                "validation": entry.validation, "worst": worst.map(|w| w.1), "seconds": entry.seconds,
+            });
+            println!("{line}");
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! Crops that are learned from, or scored, together.
+
+use super::dataset::Crop;
+use super::moments::{Moments, Source, no_gradient};
+use super::objective::{CropLoss, Objective, Target};
+use super::visits::Visits;
+use crate::regularise::AttenuationTable;
+use rayon::prelude::*;
+
+/// Crops with their sources of moments and what they are compared with.
+#[derive(Default)]
+pub struct Set {
+    members: Vec<Member>,
+    /// The table that sources are linearised at.
+    pub(super) anchor: Option<AttenuationTable>,
+}
+
+/// A replicate of a crop.
+struct Member {
+    crop: Crop,
+    source: Box<dyn Source>,
+    target: Target,
+    visits: Visits,
+}
+
+impl Set {
+    /// Adds a replicate of a crop.
+    pub fn push(&mut self, crop: Crop, source: Box<dyn Source>, target: Target, visits: Visits) {
+        self.members.push(Member {
+            crop,
+            source,
+            target,
+            visits,
+        });
+    }
+
+    /// The crops; every replicate is one.
+    pub fn crops(&self) -> impl Iterator<Item = &Crop> {
+        self.members.iter().map(|m| &m.crop)
+    }
+
+    /// Takes the crops out that `chosen` says.
+    pub fn take(&mut self, chosen: impl Fn(&Crop) -> bool) -> Self {
+        let members = std::mem::take(&mut self.members);
+        let (taken, left) = members.into_iter().partition(|m| chosen(&m.crop));
+        self.members = left;
+        self.anchor = None;
+        Self {
+            members: taken,
+            anchor: None,
+        }
+    }
+
+    /// Puts crops in, such as those that were taken out.
+    pub fn append(&mut self, other: Self) {
+        self.members.extend(other.members);
+        self.anchor = None;
+    }
+
+    /// Whether there are no crops.
+    pub fn is_empty(&self) -> bool {
+        self.members.is_empty()
+    }
+
+    /// Events per class.
+    pub fn visits(&self) -> Visits {
+        let mut sum = Visits::default();
+        for member in &self.members {
+            for (s, v) in sum.0.iter_mut().zip(&member.visits.0) {
+                *s += v;
+            }
+        }
+        sum
+    }
+
+    /// Moments of all crops at a table.
+    pub fn moments(&mut self, table: &AttenuationTable) -> Vec<Moments> {
+        let stale = self.anchor.is_none() || self.members.iter().any(|m| m.source.is_stale(table));
+        if stale {
+            self.anchor(table.clone());
+        }
+        let members = self.members.par_iter_mut();
+        members.map(|m| m.source.moments(table)).collect()
+    }
+
+    /// Linearises what is linearised at this table.
+    pub(super) fn anchor(&mut self, table: AttenuationTable) {
+        (self.members.par_iter_mut()).for_each(|m| m.source.anchor(&table));
+        self.anchor = Some(table);
+    }
+
+    /// Goes on as if the moments had been asked for this many times.
+    pub(super) fn skip(&mut self, times: u64) {
+        for member in &mut self.members {
+            member.source.skip(times);
+        }
+    }
+
+    /// An objective over the crops.
+    pub fn objective(&self, beta: f32) -> Objective {
+        let targets: Vec<&Target> = self.members.iter().map(|m| &m.target).collect();
+        Objective::new(&targets, beta)
+    }
+
+    /// The loss of each crop at a table.
+    pub fn losses(&mut self, objective: &Objective, table: &AttenuationTable) -> Vec<CropLoss> {
+        let moments = self.moments(table);
+        objective.by_crop(&moments)
+    }
+
+    /// The mean loss at a table; `None` without crops.
+    pub fn loss(
+        &mut self,
+        objective: &Objective,
+        beta: f32,
+        table: &AttenuationTable,
+    ) -> Option<f32> {
+        mean_loss(&self.losses(objective, table), beta)
+    }
+
+    /// Loss and gradient at a table.
+    pub fn gradient(&mut self, objective: &Objective, table: &AttenuationTable) -> (f32, Vec<f64>) {
+        let moments = self.moments(table);
+        let (loss, adjoints) = objective.evaluate(&moments);
+        let gradients: Vec<Vec<f64>> = (self.members.par_iter().zip(&adjoints))
+            .map(|(member, adjoint)| member.source.gradient(table, adjoint))
+            .collect();
+        let mut sum = no_gradient();
+        for gradient in gradients {
+            for (s, g) in sum.iter_mut().zip(gradient) {
+                *s += g;
+            }
+        }
+        (loss, sum)
+    }
+
+    /// Bytes held by the sources.
+    pub fn bytes(&self) -> usize {
+        self.members.iter().map(|m| m.source.bytes()).sum()
+    }
+}
+
+/// Mean of the crops' losses.
+pub fn mean_loss(losses: &[CropLoss], beta: f32) -> Option<f32> {
+    (!losses.is_empty())
+        .then(|| losses.iter().map(|l| l.total(beta)).sum::<f32>() / losses.len() as f32)
+}
