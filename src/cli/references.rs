@@ -26,7 +26,8 @@ pub(super) struct ReferenceArgs {
     /// Samples per pixel at most, those already in the files included.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     spp: Option<u32>,
-    /// Leave a crop when its noise (mean standard error over mean radiance) is below this. Without --spp and --time: 0.01.
+    /// Leave a crop when its noise (mean relative standard error of its pixels) is below this. Without --spp and --time:
+    /// 0.01.
     #[arg(long, value_name = "X", value_parser = scene::positive)]
     target_noise: Option<f32>,
     /// Stop after this long in all, such as 10min.

@@ -11,7 +11,7 @@ use crate::image::Film;
 use crate::image::exr::{self, ExrError, Metadata};
 use crate::image::film::{FilmError, Window};
 use crate::integrator::checkpoint::hex;
-use crate::math::UVec2;
+use crate::math::{DVec3, UVec2};
 use crate::scene::manifest::{CROP, Entry, Manifest};
 use crate::scene::{Camera, Scene};
 use std::io;
@@ -28,16 +28,19 @@ pub struct Reference {
     stamp: Metadata,
     settings: Settings,
     next: u32,
-    exposure: f64,
     picture: Picture,
 }
 
-/// How noisy a reference is: the standard error of a pixel's mean over the pixel.
+/// Added to a pixel before something is divided by it, as part of the crop's mean: the ε = 0.01 of a loss on crops
+/// that are scaled to a mean of 0.3.
+const DARKEST: f64 = 1.0 / 30.0;
+
+/// How noisy a reference is: the standard error of a pixel's mean over the pixel (plus a thirtieth of the crop's mean).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// Mean standard error over mean radiance of the crop: what an L1 loss sees.
+    /// Mean over the pixels: what it adds to a relative L1 error, but for a factor of √(2/π).
     pub mean: f64,
-    /// Median over the pixels of the relative standard error.
+    /// Median over the pixels.
     pub median: f64,
     /// Nine of ten pixels have less than this.
     pub p90: f64,
@@ -130,7 +133,6 @@ impl Reference {
             stamp,
             settings,
             next,
-            exposure: f64::from(entry.exposure),
             picture: Picture { film, aovs: None },
         })
     }
@@ -172,30 +174,27 @@ impl Reference {
         &self.path
     }
 
-    /// How noisy it is; infinite while there are no two samples. A pixel counts as at least a fiftieth of the middle
-    /// grey that the exposure stands for.
+    /// How noisy it is; infinite while there are no two samples.
     pub fn noise(&self) -> Noise {
-        let floor = 0.01 / self.exposure;
-        let (mut error, mut mean) = (0.0, 0.0);
-        let mut relative = Vec::new();
-        for pixel in &self.film().pixels {
-            if pixel.n < 2 {
-                let never = f64::INFINITY;
-                return Noise {
-                    mean: never,
-                    median: never,
-                    p90: never,
-                };
-            }
-            let e = pixel.variance_of_mean().map(f64::sqrt).element_sum() / 3.0;
-            let m = pixel.mean.element_sum() / 3.0;
-            (error, mean) = (error + e, mean + m);
-            relative.push(e / (m + floor));
+        let pixels = &self.film().pixels;
+        if pixels.iter().any(|p| p.n < 2) {
+            return Noise {
+                mean: f64::INFINITY,
+                median: f64::INFINITY,
+                p90: f64::INFINITY,
+            };
         }
+        let grey = |v: DVec3| v.element_sum() / 3.0;
+        let count = pixels.len() as f64;
+        let crop = pixels.iter().map(|p| grey(p.mean)).sum::<f64>() / count;
+        let floor = (DARKEST * crop).max(f64::MIN_POSITIVE);
+        let mut relative: Vec<f64> = (pixels.iter())
+            .map(|p| grey(p.variance_of_mean().map(f64::sqrt)) / (grey(p.mean) + floor))
+            .collect();
         relative.sort_by(f64::total_cmp);
-        let at = |share: f64| relative[(share * (relative.len() - 1) as f64).round() as usize];
+        let at = |share: f64| relative[(share * (count - 1.0)).round() as usize];
         Noise {
-            mean: error / mean.max(floor),
+            mean: relative.iter().sum::<f64>() / count,
             median: at(0.5),
             p90: at(0.9),
         }
