@@ -54,6 +54,7 @@
 pub mod atomic;
 pub mod bsdf;
 pub mod image;
+mod input;
 pub mod integrator;
 pub mod math;
 pub mod regularise;

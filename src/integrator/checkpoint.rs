@@ -8,7 +8,8 @@ use crate::atomic;
 use crate::image::film::Film;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use std::io;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"opsrckp1";
@@ -123,7 +124,7 @@ impl Checkpoint {
 
     /// Reads the checkpoint of this render; one of another scene or other settings is refused.
     pub fn load(path: &Path, ours: &Fingerprint) -> Result<Self, CheckpointError> {
-        let bytes = std::fs::read(path).map_err(|source| CheckpointError::Io {
+        let bytes = read(path).map_err(|source| CheckpointError::Io {
             path: path.to_owned(),
             source,
         })?;
@@ -188,6 +189,19 @@ impl Checkpoint {
             picture,
         })
     }
+}
+
+/// The bytes of a checkpoint, or the first ones of what is none.
+fn read(path: &Path) -> io::Result<Vec<u8>> {
+    let mut file = File::open(path)?;
+    let mut bytes = Vec::new();
+    file.by_ref()
+        .take(MAGIC.len() as u64)
+        .read_to_end(&mut bytes)?;
+    if bytes == MAGIC {
+        file.read_to_end(&mut bytes)?;
+    }
+    Ok(bytes)
 }
 
 /// Lower-case hexadecimal digits.

@@ -4,7 +4,7 @@
 //! of factors, or in another order of classes is refused: a table that is read wrongly still makes pretty pictures.
 
 use super::{AttenuationTable, LEN, LEVELS, Lookup};
-use crate::atomic;
+use crate::{atomic, input};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::io;
@@ -115,14 +115,7 @@ impl TableFile {
             path: path.into(),
             source,
         };
-        let size = std::fs::metadata(path).map_err(io)?.len();
-        if size > MAX_BYTES {
-            return Err(TableError::Refused {
-                path: path.into(),
-                problem: format!("{size} bytes: too large for a table"),
-            });
-        }
-        Self::parse(&std::fs::read(path).map_err(io)?, path)
+        Self::parse(&input::read(path, MAX_BYTES).map_err(io)?, path)
     }
 
     /// Reads a table from the bytes of a file; `path` is for messages.

@@ -1,11 +1,15 @@
 //! The list of training and validation scenes: which file, which camera, which crops, how exposed.
 
+use crate::input;
 use serde::Deserialize;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// Edge of a crop in pixels.
 pub const CROP: u32 = 32;
+
+/// Larger files are not manifests.
+const MAX_BYTES: u64 = 1 << 22;
 
 /// What a scene is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -107,7 +111,7 @@ pub enum ManifestError {
 impl Manifest {
     /// Reads and checks a manifest; the scenes' own files are not opened.
     pub fn load(path: &Path) -> Result<Self, ManifestError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ManifestError::Io {
+        let text = input::read_text(path, MAX_BYTES).map_err(|source| ManifestError::Io {
             path: path.to_owned(),
             source,
         })?;

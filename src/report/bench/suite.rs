@@ -29,10 +29,14 @@ use serde::{Deserialize, Serialize};
 use super::BenchError;
 use crate::bsdf::Distribution;
 use crate::image::film::Window;
+use crate::input;
 use crate::integrator::Method;
 use crate::math::UVec2;
 use crate::regularise::Lookup;
 use crate::regularise::file::TableFile;
+
+/// Larger files are not suites.
+const MAX_BYTES: u64 = 1 << 22;
 
 /// A suite of measurements. Relative paths start at the suite's file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -199,7 +203,7 @@ impl Suite {
             path: path.to_owned(),
             reason,
         };
-        let text = std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?;
+        let text = input::read_text(path, MAX_BYTES).map_err(|e| failed(e.to_string()))?;
         let mut suite = Self::parse(&text).map_err(failed)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let scene_files = suite
