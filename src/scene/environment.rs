@@ -43,7 +43,13 @@ pub enum EnvironmentError {
         /// The file.
         path: PathBuf,
     },
-    /// A texel is not finite or negative.
+    /// There is no texel.
+    #[error("{path}: a map without texels")]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A texel, times the intensity, is not finite or negative.
     #[error("{path}: texel ({x}, {y}) is {value}; radiance must be finite and not negative")]
     Texel {
         /// The file.
@@ -96,6 +102,13 @@ impl Environment {
                 });
             }
         };
+        if map.pixels.is_empty() {
+            return Err(EnvironmentError::Empty {
+                path: path.to_owned(),
+            });
+        }
+        // Only now: a texel that overflows is as bad as one that was infinite.
+        let map = map.map(|p| p * intensity);
         if let Some(i) = map
             .pixels
             .iter()
@@ -109,7 +122,7 @@ impl Environment {
                 value: map.pixels[i],
             });
         }
-        Ok(Self::from_map(map.map(|p| p * intensity), rotation))
+        Ok(Self::from_map(map, rotation))
     }
 
     /// Radiance seen when looking along `dir`.
