@@ -8,6 +8,7 @@
 //! A sample that is not finite is never turned black: it is refused, counted by cause and remembered.
 
 use crate::image::Buffer;
+use crate::image::exr::MAX_PIXELS;
 use crate::math::moments::Moments;
 use crate::math::{DVec3, Rgb, UVec2};
 
@@ -163,6 +164,12 @@ pub enum FilmError {
         /// What it must lie in.
         outer: Window,
     },
+    /// A window of more than [`MAX_PIXELS`].
+    #[error("{}x{} pixels are more than {MAX_PIXELS}", window.w, window.h)]
+    TooLarge {
+        /// The window asked for.
+        window: Window,
+    },
     /// Two films that should show the same pixels do not.
     #[error("films differ in frame or window: {a:?} and {b:?}")]
     Differ {
@@ -212,6 +219,9 @@ impl Film {
         let outer = Window::full(size);
         if !window.inside(&outer) {
             return Err(FilmError::Window { window, outer });
+        }
+        if window.len() > MAX_PIXELS {
+            return Err(FilmError::TooLarge { window });
         }
         Ok(Self::empty(size, window))
     }
