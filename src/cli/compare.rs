@@ -33,11 +33,12 @@ pub(super) struct CompareArgs {
         long,
         value_delimiter = ',',
         default_value = "0",
-        allow_hyphen_values = true
+        allow_hyphen_values = true,
+        value_parser = super::scene::finite
     )]
     exposures: Vec<f32>,
     /// Exposure of LDR-FLIP in stops
-    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true)]
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_parser = super::scene::finite)]
     exposure: f32,
     /// Pixels per degree of sight, for FLIP
     #[arg(long, default_value_t = DEFAULT_PPD)]

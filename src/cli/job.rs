@@ -2,7 +2,7 @@
 
 use super::Blame;
 use super::render::{Mode, RenderArgs};
-use anyhow::bail;
+use anyhow::anyhow;
 use opsr::image::film::Window;
 use opsr::integrator::checkpoint::hex;
 use opsr::integrator::{Method, Settings};
@@ -43,6 +43,11 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Chosen> {
             table_hash: None,
         })
     };
+    let compared = !matches!(args.mode, Mode::Default | Mode::Reuse);
+    if compared && (args.opsr_table.is_some() || args.gamma.is_some() || lambda > 0.0) {
+        let what = "this --mode has a rule of its own: no --opsr-table, --gamma or --consistent";
+        return Err(anyhow!(what)).usage();
+    }
     match args.mode {
         Mode::Pbrt => return plain(Method::Pbrt),
         Mode::FilterGlossy => return plain(Method::FilterGlossy(args.filter)),
@@ -58,7 +63,8 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Chosen> {
     }
     let Some(path) = &args.opsr_table else {
         if args.consistent.is_some() || reuse {
-            bail!("--consistent and --mode reuse need --opsr-table or --gamma");
+            let what = "--consistent and --mode reuse need --opsr-table or --gamma";
+            return Err(anyhow!(what)).usage();
         }
         return plain(Method::Plain);
     };

@@ -29,8 +29,9 @@ enum Exit {
     Done = 0,
     /// Something failed that is not one of the below.
     Failed = 1,
-    /// A scene, table, picture or configuration file is missing, damaged or not supported. (Code 2 is clap's: wrong
-    /// usage.)
+    /// Wrong usage; clap exits with the same code.
+    Usage = 2,
+    /// A scene, table, picture or configuration file is missing, damaged or not supported.
     Input = 3,
     /// A result could not be written.
     Output = 4,
@@ -52,6 +53,8 @@ impl std::error::Error for Failure {}
 
 /// Gives an error its exit code.
 trait Blame<T> {
+    /// What was typed is at fault.
+    fn usage(self) -> anyhow::Result<T>;
     /// The user's input is at fault.
     fn input(self) -> anyhow::Result<T>;
     /// The place to write to is at fault.
@@ -59,6 +62,10 @@ trait Blame<T> {
 }
 
 impl<T, E: Into<anyhow::Error>> Blame<T> for Result<T, E> {
+    fn usage(self) -> anyhow::Result<T> {
+        self.map_err(|e| Failure(Exit::Usage, e.into()).into())
+    }
+
     fn input(self) -> anyhow::Result<T> {
         self.map_err(|e| Failure(Exit::Input, e.into()).into())
     }

@@ -1,11 +1,11 @@
 //! Where pictures go.
 
 use super::Blame;
-use anyhow::bail;
+use anyhow::{Context, anyhow, bail};
 use opsr::image::exr::{self, Layer, Metadata};
 use opsr::image::png;
 use opsr::integrator::Picture;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The files that a picture is written to.
 pub(super) struct Outputs {
@@ -19,18 +19,13 @@ impl Outputs {
         for file in files {
             match file.extension().and_then(|e| e.to_str()) {
                 Some("exr" | "png") => {}
-                _ => bail!(
-                    "{}: expected a name that ends in .exr or .png",
-                    file.display()
-                ),
+                _ => {
+                    let file = file.display();
+                    let what = anyhow!("{file}: expected a name that ends in .exr or .png");
+                    return Err(what).usage();
+                }
             }
-            let folder = match file.parent() {
-                Some(folder) if !folder.as_os_str().is_empty() => folder,
-                _ => std::path::Path::new("."),
-            };
-            if !folder.is_dir() {
-                return Err(anyhow::anyhow!("{}: no such folder", folder.display())).output();
-            }
+            can_write(file).output()?;
         }
         Ok(Self {
             files: files.to_vec(),
@@ -49,6 +44,24 @@ impl Outputs {
         }
         Ok(())
     }
+}
+
+/// Whether a file can be made or replaced here, as far as one can tell without touching it: better to hear of it before
+/// a long render than after.
+pub(super) fn can_write(file: &Path) -> anyhow::Result<()> {
+    if file.is_dir() {
+        bail!("{}: is a folder", file.display());
+    }
+    let folder = match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    if !folder.is_dir() {
+        bail!("{}: no such folder", folder.display());
+    }
+    // The same kind of file that a result is before it takes its name; it goes away at once.
+    tempfile::NamedTempFile::new_in(folder).with_context(|| folder.display().to_string())?;
+    Ok(())
 }
 
 fn layers(picture: &Picture) -> Vec<Layer> {

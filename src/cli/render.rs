@@ -2,11 +2,11 @@
 
 use super::bar::{Bar, Style};
 use super::live::Live;
-use super::output::{Outputs, Provenance};
+use super::output::{Outputs, Provenance, can_write};
 use super::scene::{self, Opened, SceneArgs};
 use super::stop::Stop;
 use super::{Blame, Exit, job};
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
 use opsr::image::film::{Film, Window};
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
@@ -89,7 +89,8 @@ pub(super) struct RenderArgs {
         long,
         value_name = "STOPS",
         default_value_t = 0.0,
-        allow_negative_numbers = true
+        allow_negative_numbers = true,
+        value_parser = scene::finite
     )]
     exposure: f32,
     /// Leave times out of the files, so that equal renders are equal files.
@@ -179,6 +180,9 @@ const DEFAULT_SPP: u32 = 128;
 /// Runs the command.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     let outputs = Outputs::new(&args.output, args.exposure)?;
+    if let Some(path) = &args.checkpoint {
+        can_write(path).output()?;
+    }
     if let Some(threads) = args.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
         pool.build_global()
@@ -289,8 +293,10 @@ impl Job<'_> {
         if let Some(error) = trouble {
             return Err(error.context("could not save the picture so far"));
         }
-        checkpoint(&progress, &picture)?;
+        // What cannot be saved in one place is still saved in the other.
+        let kept = checkpoint(&progress, &picture);
         self.write(&picture, &progress, spent)?;
+        kept?;
         self.report(&picture, &progress);
         Ok(if reason == Reason::Stopped {
             Exit::Stopped
@@ -379,14 +385,13 @@ impl Job<'_> {
                 return Ok((old.picture, old.samples, old.seconds));
             }
             if path.exists() {
-                bail!(
-                    "{} exists: --resume goes on from it; remove it to begin anew",
-                    path.display()
-                );
+                let path = path.display();
+                let what = "exists: --resume goes on from it; remove it to begin anew";
+                return Err(anyhow!("{path} {what}")).usage();
             }
         }
         let window = args.crop.unwrap_or(Window::full(size));
-        let film = Film::cropped(size, window).context("--crop").input()?;
+        let film = Film::cropped(size, window).context("--crop").usage()?;
         let aovs = args.aov.then(|| FirstHit::new(window));
         Ok((Picture { film, aovs }, 0, 0.0))
     }

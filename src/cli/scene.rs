@@ -26,7 +26,8 @@ pub(super) struct SceneArgs {
         long,
         value_name = "DEGREES",
         default_value_t = 0.0,
-        allow_negative_numbers = true
+        allow_negative_numbers = true,
+        value_parser = finite
     )]
     env_rotation: f32,
     /// Slope distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model.
@@ -47,6 +48,14 @@ pub(super) fn positive(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(x) if x > 0.0 && x.is_finite() => Ok(x),
         _ => Err("expected a number above 0".into()),
+    }
+}
+
+/// Any number but infinity and what is none.
+pub(super) fn finite(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(x) if x.is_finite() => Ok(x),
+        _ => Err("expected a number".into()),
     }
 }
 
