@@ -8,6 +8,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use opsr::report::bench::{Outcome, Status, Suite, run as measure, summary};
 
+use super::output::print;
 use super::stop::Stop;
 use super::{Blame, Exit};
 
@@ -72,7 +73,7 @@ pub(super) fn run(args: &BenchArgs) -> anyhow::Result<Exit> {
         Err(error) if error.is_output() => Err(error).output()?,
         other => other.input()?,
     };
-    print!("{}", summary::text(&results));
+    print(summary::text(&results))?;
     Ok(match outcome {
         Outcome::Done => Exit::Done,
         Outcome::Stopped => Exit::Stopped,

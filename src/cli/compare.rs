@@ -12,6 +12,7 @@ use opsr::report::compare::{Comparison, Named, Options, compare};
 use opsr::report::page;
 
 use super::Blame;
+use super::output::print;
 
 /// Compare pictures with a reference: MSE, relMSE, MAPE, FLIP and HDR-FLIP.
 #[derive(Args, Debug)]
@@ -66,7 +67,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<()> {
         seeds: args.seeds,
     };
     let comparison = compare(&pictures, &reference, &options).input()?;
-    print!("{comparison}");
+    print(comparison.to_string())?;
 
     if args.agree {
         print_agreement(&args.files)?;
@@ -98,11 +99,8 @@ fn print_agreement(files: &[PathBuf]) -> anyhow::Result<()> {
         let agreement = agree::agree(&exr::read_film(path).input()?, &wanted)
             .with_context(|| format!("{} against {}", path.display(), reference.display()))
             .input()?;
-        println!(
-            "\n{} against {}\n{agreement}",
-            path.display(),
-            reference.display()
-        );
+        let names = format!("{} against {}", path.display(), reference.display());
+        print(format!("\n{names}\n{agreement}\n"))?;
     }
     Ok(())
 }

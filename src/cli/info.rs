@@ -1,5 +1,6 @@
 //! `opsr info`: what a scene has and needs.
 
+use super::output::print;
 use super::scene::SceneArgs;
 use clap::Args;
 use opsr::integrator::Method;
@@ -20,12 +21,10 @@ pub(super) struct InfoArgs {
 pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
     let opened = args.scene.open()?;
     let facts = facts(&opened.scene, &opened.warnings);
-    if args.json {
-        println!("{facts:#}");
-    } else {
-        print_facts(&facts);
-    }
-    Ok(())
+    print(match args.json {
+        true => format!("{facts:#}\n"),
+        false => described(&facts),
+    })
 }
 
 /// What a scene has, as JSON.
@@ -112,22 +111,24 @@ pub(super) fn unused(scene: &Scene, method: &Method) -> Vec<String> {
         .collect()
 }
 
-fn print_facts(facts: &serde_json::Value) {
+/// The facts as text.
+fn described(facts: &serde_json::Value) -> String {
+    let mut lines = Vec::new();
     let number = |key: &str| facts[key].to_string();
-    println!(
+    lines.push(format!(
         "triangles   {} in {} meshes",
         number("triangles"),
         number("meshes")
-    );
-    println!("bounds      {}", facts["bounds"]);
-    println!("textures    {}", number("textures"));
-    println!("lights      {}", facts["lights"]);
-    println!("cameras     {}", facts["cameras"]);
-    println!(
+    ));
+    lines.push(format!("bounds      {}", facts["bounds"]));
+    lines.push(format!("textures    {}", number("textures")));
+    lines.push(format!("lights      {}", facts["lights"]));
+    lines.push(format!("cameras     {}", facts["cameras"]));
+    lines.push(format!(
         "classes     {} of {LEN} can be formed by the materials",
         number("classes")
-    );
-    println!("materials");
+    ));
+    lines.push("materials".to_owned());
     for m in facts["materials"].as_array().into_iter().flatten() {
         let textured = if m["textured_roughness"] == true {
             " (textured)"
@@ -135,14 +136,16 @@ fn print_facts(facts: &serde_json::Value) {
             ""
         };
         let emits = if m["emits"] == true { ", emits" } else { "" };
-        println!(
+        lines.push(format!(
             "  {} {}: alpha {}{textured}, level {}{emits}",
             m["kind"], m["name"], m["alpha"], m["level"]
-        );
+        ));
     }
     for key in ["unused", "warnings"] {
         for line in facts[key].as_array().into_iter().flatten() {
-            println!("{}", line.as_str().unwrap_or_default());
+            lines.push(line.as_str().unwrap_or_default().to_owned());
         }
     }
+    lines.push(String::new());
+    lines.join("\n")
 }

@@ -45,11 +45,24 @@ struct Failure(Exit, anyhow::Error);
 
 impl std::fmt::Display for Failure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{:#}", self.1)
+        f.write_str(&told(&self.1))
     }
 }
 
 impl std::error::Error for Failure {}
+
+/// An error and its causes, but for causes that the words before them tell already.
+fn told(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
 
 /// Gives an error its exit code.
 trait Blame<T> {
@@ -131,7 +144,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Table(args) => table::run(&args).map(|()| Exit::Done),
     };
     let exit = result.unwrap_or_else(|error| {
-        eprintln!("opsr: {error:#}");
+        eprintln!("opsr: {}", told(&error));
         error
             .downcast_ref::<Failure>()
             .map_or(Exit::Failed, |failure| failure.0)

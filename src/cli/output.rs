@@ -5,6 +5,7 @@ use anyhow::{Context, anyhow, bail};
 use opsr::image::exr::{self, Layer, Metadata};
 use opsr::image::png;
 use opsr::integrator::Picture;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// The files that a picture is written to.
@@ -62,6 +63,17 @@ pub(super) fn can_write(file: &Path) -> anyhow::Result<()> {
     // The same kind of file that a result is before it takes its name; it goes away at once.
     tempfile::NamedTempFile::new_in(folder).with_context(|| folder.display().to_string())?;
     Ok(())
+}
+
+/// Writes to standard output. A pipe that is closed early is no error: its reader has seen enough.
+pub(super) fn print(text: impl AsRef<[u8]>) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_ref()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(e).context("standard output").output()
+        }
+        _ => Ok(()),
+    }
 }
 
 fn layers(picture: &Picture) -> Vec<Layer> {

@@ -1,5 +1,6 @@
 //! `opsr scenes reference`: every crop of a manifest, until it is converged enough.
 
+use super::output::print;
 use super::stop::Stop;
 use super::{Blame, Exit, Failure, scene};
 use anyhow::{Context, anyhow};
@@ -118,8 +119,9 @@ pub(super) fn run(args: &ReferenceArgs) -> anyhow::Result<Exit> {
         next.noise = next.reference.noise().mean;
         tracing::info!("{}", line(next));
     }
-    println!("crop                             spp    noise  median     p90");
-    work.iter().for_each(|w| println!("{}", line(w)));
+    let head = "crop                             spp    noise  median     p90".to_owned();
+    let lines: Vec<String> = [head].into_iter().chain(work.iter().map(line)).collect();
+    print(lines.join("\n") + "\n")?;
     Ok(exit)
 }
 

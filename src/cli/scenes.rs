@@ -1,5 +1,6 @@
 //! `opsr scenes`: the training scenes that the program carries as code.
 
+use super::output::print;
 use super::references::{self, ReferenceArgs};
 use super::{Blame, Exit};
 use opsr::scene::builtin::training;
@@ -31,7 +32,7 @@ pub(super) fn run(args: &ScenesArgs) -> anyhow::Result<Exit> {
     match &args.action {
         Action::Write { out } => {
             for path in training::write(out).output()? {
-                println!("{}", path.display());
+                print(format!("{}\n", path.display()))?;
             }
             Ok(Exit::Done)
         }

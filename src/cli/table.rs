@@ -1,7 +1,8 @@
 //! `opsr table`: what a table holds, and its forms for other programs.
 
 use super::Blame;
-use anyhow::{Context, bail};
+use super::output::print;
+use anyhow::{Context, anyhow};
 use clap::{Args, Subcommand, ValueEnum};
 use opsr::atomic;
 use opsr::integrator::checkpoint::hex;
@@ -9,7 +10,6 @@ use opsr::regularise::export::{self, Format};
 use opsr::regularise::file::TableFile;
 use opsr::regularise::{GammaIndex, LEN, LEVELS, MAX_VERTICES};
 use serde_json::{Value, json};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Options of `opsr table`.
@@ -96,7 +96,7 @@ pub(super) fn run(args: &TableArgs) -> anyhow::Result<()> {
             } else {
                 describe(&facts)
             };
-            print(text.as_bytes())
+            print(text)
         }
         Action::Export {
             file,
@@ -108,30 +108,20 @@ pub(super) fn run(args: &TableArgs) -> anyhow::Result<()> {
 
 fn write(file: &Path, format: Option<Format>, output: &Path) -> anyhow::Result<()> {
     let Some(format) = format.or_else(|| Format::of(output)) else {
-        bail!(
+        return Err(anyhow!(
             "{}: the name does not say what to write: end it in .npy, .safetensors, .csv, .h, .glsl, .hlsl, .slang \
              or .rs, or give --format",
             output.display()
-        );
+        ))
+        .usage();
     };
     let bytes = export::export(&TableFile::load(file).input()?, format);
     if output == Path::new("-") {
-        return print(&bytes);
+        return print(bytes);
     }
     atomic::write_bytes(output, &bytes)
         .with_context(|| output.display().to_string())
         .output()
-}
-
-/// Standard output, which may be a pipe that is closed early.
-fn print(bytes: &[u8]) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
-    match out.write_all(bytes).and_then(|()| out.flush()) {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(e).context("standard output").output()
-        }
-        _ => Ok(()),
-    }
 }
 
 /// Header, statistics and classes, as JSON.
