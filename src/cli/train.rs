@@ -15,7 +15,7 @@ use opsr::train::model::Model;
 use opsr::train::session::{Entry, Outcome};
 use opsr::train::{Session, TrainError, study};
 use std::collections::BTreeMap;
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -453,7 +453,8 @@ impl Shown {
                 "beta": beta, "step": step, "steps": self.steps, "loss": entry.loss,
                 "validation": entry.validation, "worst": worst.map(|w| w.1), "seconds": entry.seconds,
             });
-            println!("{line}");
+            // A reader that has gone away is no reason to end a training.
+            let _ = writeln!(std::io::stdout(), "{line}");
         }
     }
 }
