@@ -1,6 +1,6 @@
 //! glTF files to geometry: what is written comes back, and every form of a mesh gives the same mesh.
 
-mod broken;
+pub(crate) mod broken;
 mod hostile;
 mod look;
 mod meshes;

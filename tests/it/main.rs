@@ -3,11 +3,13 @@
 mod agree;
 mod bench;
 mod bsdf;
+mod cli;
 mod compare;
 mod energy;
 mod export;
 mod exr;
 mod film;
+mod fuzz;
 mod geometry;
 mod load;
 mod metric;
@@ -15,6 +17,7 @@ mod references;
 mod scenes;
 mod support;
 mod surface;
+mod table_file;
 #[cfg(feature = "train")]
 mod train;
 mod training_scenes;

@@ -4,7 +4,7 @@ use crate::support::gltf::{File, floats, load_bytes, load_in, shorts};
 use serde_json::{Value, json};
 
 /// A good file with a bit of everything.
-pub(super) fn good() -> File {
+pub(crate) fn good() -> File {
     let mut file = File::of(|file| {
         let p = file.floats(
             "VEC3",

@@ -11,16 +11,8 @@ fn claiming(width: u32, height: u32) -> Vec<u8> {
     let mut bytes = crate::support::gltf::png(&image::DynamicImage::new_rgb8(1, 1));
     bytes[16..20].copy_from_slice(&width.to_be_bytes());
     bytes[20..24].copy_from_slice(&height.to_be_bytes());
-    let crc = bytes[12..29].iter().fold(!0u32, |crc, &byte| {
-        (0..8).fold(crc ^ u32::from(byte), |c, _| {
-            if c & 1 == 1 {
-                c >> 1 ^ 0xedb8_8320
-            } else {
-                c >> 1
-            }
-        })
-    });
-    bytes[29..33].copy_from_slice(&(!crc).to_be_bytes());
+    let crc = crate::support::gltf::crc32(&bytes[12..29]);
+    bytes[29..33].copy_from_slice(&crc.to_be_bytes());
     bytes
 }
 

@@ -160,11 +160,7 @@ fn ball(outer: Value, inner: Value) -> Mesh {
     let mut parts = SceneParts::default();
     parts.add(opsr::scene::Material::default(), [ball]);
     let bytes = save::to_glb(&parts).unwrap();
-    let word = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
-    let mut file = File::new();
-    file.json = serde_json::from_slice(&bytes[20..20 + word]).unwrap();
-    file.json.as_object_mut().unwrap().remove("buffers");
-    file.bytes = bytes[28 + word..].to_vec();
+    let mut file = File::from_glb(&bytes);
     file.json["nodes"] = json!([outer, inner]);
     file.json["nodes"][0]["children"] = json!([1]);
     file.json["nodes"][1]["mesh"] = json!(0);

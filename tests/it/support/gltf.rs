@@ -43,6 +43,15 @@ impl File {
         }
     }
 
+    /// The file that a `.glb` file is, which must be a good one.
+    pub(crate) fn from_glb(glb: &[u8]) -> Self {
+        let length = u32::from_le_bytes(glb[12..16].try_into().expect("four bytes")) as usize;
+        let mut json: Value = serde_json::from_slice(&glb[20..20 + length]).expect("JSON");
+        json.as_object_mut().expect("an object").remove("buffers");
+        let bytes = glb[28 + length..].to_vec();
+        Self { json, bytes }
+    }
+
     /// A file with one mesh of one primitive, on one node.
     pub(crate) fn of(make: impl FnOnce(&mut Self) -> Value) -> Self {
         let mut file = Self::new();
@@ -160,6 +169,14 @@ pub(crate) fn png(picture: &image::DynamicImage) -> Vec<u8> {
     let format = image::ImageFormat::Png;
     picture.write_to(&mut out, format).expect("a PNG");
     out.into_inner()
+}
+
+/// The checksum of PNG chunks.
+pub(crate) fn crc32(bytes: &[u8]) -> u32 {
+    let step = |c: u32| c >> 1 ^ if c & 1 == 1 { 0xedb8_8320 } else { 0 };
+    !bytes.iter().fold(!0u32, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |c, _| step(c))
+    })
 }
 
 /// Loads the bytes of a file that has no others beside it.

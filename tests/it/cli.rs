@@ -1,0 +1,99 @@
+//! The program itself: exit codes, messages, and files that are whole or as they were.
+
+mod broken;
+mod render;
+
+use opsr::scene::{SceneParts, builtin, save};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+/// A folder in which the program runs.
+pub(crate) struct Place(TempDir);
+
+/// How a run ended.
+pub(crate) struct Ended {
+    pub(crate) code: Option<i32>,
+    pub(crate) out: String,
+    pub(crate) err: String,
+}
+
+impl Ended {
+    fn of(output: Output) -> Self {
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("UTF-8");
+        let ended = Self {
+            code: output.status.code(),
+            out: text(output.stdout),
+            err: text(output.stderr),
+        };
+        assert!(!ended.err.contains("panicked"), "{}", ended.err);
+        ended
+    }
+
+    /// Fails unless the program did what it was asked.
+    pub(crate) fn done(self) -> Self {
+        assert_eq!(self.code, Some(0), "{}", self.err);
+        self
+    }
+}
+
+impl Place {
+    /// A folder with `scene.glb` in it: a small lamp over a plane.
+    pub(crate) fn new() -> Self {
+        let place = Self(tempfile::tempdir().expect("a folder"));
+        place.save("scene.glb", &builtin::area_light_over_plane());
+        place
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    pub(crate) fn save(&self, name: &str, parts: &SceneParts) {
+        self.write(name, save::to_glb(parts).expect("a scene"));
+    }
+
+    pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+        std::fs::write(self.path().join(name), bytes).expect("a file");
+    }
+
+    pub(crate) fn read(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+    }
+
+    /// Every file and what is in it.
+    pub(crate) fn files(&self) -> BTreeMap<String, Vec<u8>> {
+        let entries = std::fs::read_dir(self.path()).expect("a folder");
+        let mut out = BTreeMap::new();
+        for entry in entries {
+            let name = entry.expect("an entry").file_name();
+            let name = name.into_string().expect("UTF-8");
+            let bytes = std::fs::read(self.path().join(&name)).unwrap_or_default();
+            out.insert(name, bytes);
+        }
+        out
+    }
+
+    /// The program in this folder, with few threads and its own words only.
+    pub(crate) fn command(&self, program: &str) -> Command {
+        let mut command = Command::new(program);
+        command.current_dir(self.path());
+        command.env_remove("RUST_LOG").env_remove("RUST_BACKTRACE");
+        command.env("RAYON_NUM_THREADS", "2");
+        command
+    }
+
+    /// Runs the program; arguments are separated by blanks.
+    pub(crate) fn opsr(&self, args: &str) -> Ended {
+        let mut command = self.command(env!("CARGO_BIN_EXE_opsr"));
+        let command = command.args(args.split_whitespace());
+        Ended::of(command.output().expect("the program"))
+    }
+
+    /// A render of 16 x 16 pixels that can be compared byte for byte.
+    pub(crate) fn render(&self, args: &str) -> Ended {
+        let common = "--size 16x16 --reproducible --progress none";
+        self.opsr(&format!("render scene.glb {common} {args}"))
+    }
+}

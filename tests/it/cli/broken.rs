@@ -1,0 +1,376 @@
+//! What goes wrong leads to the documented exit code and to a message that names the culprit, and changes no file.
+
+use super::{Ended, Place};
+use crate::fuzz::seeds;
+use crate::support::gltf::File;
+use opsr::image::{Buffer, exr};
+use opsr::math::Rgb;
+use serde_json::json;
+
+fn half(bytes: &[u8]) -> &[u8] {
+    &bytes[..bytes.len() / 2]
+}
+
+/// A folder with good and bad files of every kind, and results of yesterday.
+fn place() -> Place {
+    let place = Place::new();
+    place.write("old.exr", "what was there before");
+    place.write("old.png", "what was there before");
+    place.write("old.json", "what was there before");
+    place.write("garbage.glb", "glTF but not really");
+    place.write("text.gltf", "{\"asset\": {\"version\": \"2.0\"}");
+    let mut dangling = File::triangle();
+    dangling.json["nodes"][0]["mesh"] = json!(7);
+    place.write("dangling.gltf", dangling.gltf());
+    let mut required = File::triangle();
+    required.json["extensionsRequired"] = json!(["EXT_dream"]);
+    place.write("required.gltf", required.gltf());
+    place.write("table.json", &seeds::tables()[1]);
+    place.write("short.json", half(&seeds::tables()[1]));
+    let future = String::from_utf8(seeds::tables()[0].clone()).expect("text");
+    place.write(
+        "future.json",
+        future.replacen("\"version\": 1", "\"version\": 9", 1),
+    );
+    place.write("sky.hdr", &seeds::hdr()[0]);
+    place.write("short.hdr", half(&seeds::hdr()[0]));
+    place.write(
+        "empty.hdr",
+        "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 0 +X 5\n",
+    );
+    place.write("short.exr", half(&seeds::exr()[0]));
+    place.write("short.png", half(&seeds::png()[0]));
+    for (name, width) in [("a.exr", 4), ("b.exr", 4), ("wide.exr", 5)] {
+        let picture = Buffer::filled(width, 4, Rgb::ONE);
+        exr::write_rgb(&place.path().join(name), &picture, &Default::default()).expect("written");
+    }
+    let far = "[[scene]]\nname = \"a\"\nfile = \"scene.glb\"\nrole = \"train\"\nfamily = \"f\"\ncamera = 9\n\
+               frame = [32, 32]\ncrops = [[0, 0]]\nmax_vertices = 3\nexposure = 1.0\n";
+    place.write("far.toml", far);
+    place.write("suite.toml", "seeds = 5\n[[scene]]\nname = 3\n");
+    place.write("state.ckpt", "opsrckp1 and nothing behind");
+    std::fs::create_dir(place.path().join("folder.exr")).expect("a folder");
+    place
+}
+
+/// Code, arguments, and a piece of the message.
+const CASES: &[(i32, &str, &str)] = &[
+    // Usage.
+    (2, "", "Usage"),
+    (2, "paint scene.glb", "unrecognized subcommand"),
+    (2, "render", "<SCENE>"),
+    (2, "render scene.glb --spp 0", "--spp"),
+    (2, "render scene.glb --spp -3", "-3"),
+    (2, "render scene.glb --spp 4294967296", "--spp"),
+    (2, "render scene.glb --time soon", "--time"),
+    (2, "render scene.glb --size 0x5", "--size"),
+    (2, "render scene.glb --size 640", "WIDTHxHEIGHT"),
+    (2, "render scene.glb --size 70000x1", "65536"),
+    (
+        2,
+        "render scene.glb --size 65536x65536",
+        "65536x65536 pixels are more",
+    ),
+    (2, "render scene.glb --crop 1,2,3", "--crop"),
+    (2, "render scene.glb --size 16x16 --crop 8,8,9,8", "--crop"),
+    (2, "render scene.glb --size 16x16 --crop 8,8,0,8", "--crop"),
+    (2, "render scene.glb --gamma 1.5", "from 0 to 1"),
+    (2, "render scene.glb --gamma nan", "from 0 to 1"),
+    (
+        2,
+        "render scene.glb --gamma 0.1 --opsr-table table.json",
+        "cannot be used with",
+    ),
+    (2, "render scene.glb --table-scale 2", "--opsr-table"),
+    (
+        2,
+        "render scene.glb --opsr-table table.json --table-scale 0",
+        "above 0",
+    ),
+    (
+        2,
+        "render scene.glb --mode reuse",
+        "need --opsr-table or --gamma",
+    ),
+    (
+        2,
+        "render scene.glb --consistent",
+        "need --opsr-table or --gamma",
+    ),
+    (
+        2,
+        "render scene.glb --gamma 0.1 --consistent 0.5",
+        "between 0 and 0.5",
+    ),
+    (
+        2,
+        "render scene.glb --mode pbrt --gamma 0.1",
+        "has a rule of its own",
+    ),
+    (
+        2,
+        "render scene.glb --mode filter-glossy --filter inf",
+        "above 0",
+    ),
+    (2, "render scene.glb --mode sharpen", "sharpen"),
+    (2, "render scene.glb --exposure nan", "--exposure"),
+    (
+        2,
+        "render scene.glb --env sky.hdr --env-rotation inf",
+        "--env-rotation",
+    ),
+    (2, "render scene.glb --threads 0", "--threads"),
+    (2, "render scene.glb --seed -1", "-1"),
+    (2, "render scene.glb --resume", "--checkpoint"),
+    (
+        2,
+        "render scene.glb -o old.jpg",
+        "old.jpg: expected a name that ends in",
+    ),
+    (
+        2,
+        "render scene.glb -o old",
+        "old: expected a name that ends in",
+    ),
+    (
+        2,
+        "render scene.glb --checkpoint state.ckpt",
+        "state.ckpt exists",
+    ),
+    (
+        2,
+        "table export table.json -o old.exr",
+        "old.exr: the name does not say",
+    ),
+    (2, "compare a.exr", "PICTURE"),
+    (2, "compare a.exr b.exr --exposures 0,nan", "--exposures"),
+    // Inputs.
+    (3, "render none.glb", "none.glb"),
+    (3, "render .", ".: "),
+    (3, "render garbage.glb", "garbage.glb: GLB header"),
+    (3, "render text.gltf", "text.gltf: JSON: EOF"),
+    (
+        3,
+        "render dangling.gltf",
+        "dangling.gltf: nodes[0].mesh: index out of range",
+    ),
+    (
+        3,
+        "render required.gltf",
+        "required.gltf: extensionsRequired: EXT_dream",
+    ),
+    (3, "render old.png", "old.png: JSON"),
+    (3, "info none.glb", "none.glb"),
+    (3, "info --json text.gltf", "text.gltf: JSON"),
+    (3, "render scene.glb --camera none", "no camera `none`"),
+    (3, "render scene.glb --camera 7", "no camera `7`"),
+    (3, "render scene.glb --opsr-table none.json", "none.json"),
+    (
+        3,
+        "render scene.glb --opsr-table scene.glb",
+        "scene.glb: expected value",
+    ),
+    (
+        3,
+        "render scene.glb --opsr-table short.json",
+        "short.json: invalid number at line 134",
+    ),
+    (
+        3,
+        "render scene.glb --opsr-table future.json",
+        "future.json: version: 9 where",
+    ),
+    (
+        3,
+        "render scene.glb --opsr-table /dev/zero",
+        "/dev/zero: more than",
+    ),
+    (3, "render scene.glb --env none.hdr", "none.hdr"),
+    (3, "render scene.glb --env short.hdr", "short.hdr"),
+    (
+        3,
+        "render scene.glb --env empty.hdr",
+        "empty.hdr: a map without texels",
+    ),
+    (
+        3,
+        "render scene.glb --env sky.hdr --env-intensity 3e38",
+        "sky.hdr: texel (0, 0) is",
+    ),
+    (3, "render scene.glb --env short.exr", "short.exr"),
+    (
+        3,
+        "render scene.glb --env table.json",
+        "table.json: an environment map is",
+    ),
+    (
+        3,
+        "render scene.glb --checkpoint none.ckpt --resume",
+        "none.ckpt",
+    ),
+    (
+        3,
+        "render scene.glb --checkpoint state.ckpt --resume",
+        "state.ckpt: not a checkpoint",
+    ),
+    (
+        3,
+        "render scene.glb --checkpoint a.exr --resume",
+        "a.exr: not a checkpoint",
+    ),
+    (3, "compare none.exr b.exr", "none.exr"),
+    (3, "compare short.exr b.exr", "short.exr"),
+    (3, "compare short.png b.exr", "short.png"),
+    (3, "compare table.json b.exr", "table.json: not a picture"),
+    (3, "compare wide.exr b.exr", "wide.exr against b.exr"),
+    (3, "compare a.exr b.exr --agree", "b.exr: no channel"),
+    (3, "compare a.exr b.exr --ppd 0", "pixels per degree"),
+    (3, "table show none.json", "none.json"),
+    (
+        3,
+        "table export future.json -o old.h",
+        "future.json: version: 9",
+    ),
+    (3, "scenes reference --manifest none.toml", "none.toml"),
+    (3, "scenes reference --manifest suite.toml", "suite.toml"),
+    (3, "scenes reference --manifest far.toml --spp 1", "camera"),
+    (3, "bench none.toml", "none.toml"),
+    (3, "bench suite.toml -o old.json", "suite.toml"),
+    // Outputs.
+    (4, "table export table.json -o none/t.h", "none/t.h"),
+    (
+        4,
+        "render scene.glb -o none/out.exr",
+        "none: no such folder",
+    ),
+    (
+        4,
+        "render scene.glb -o scene.glb/out.png",
+        "scene.glb: no such folder",
+    ),
+    (
+        4,
+        "render scene.glb -o folder.exr",
+        "folder.exr: is a folder",
+    ),
+    (
+        4,
+        "render scene.glb --checkpoint none/state.ckpt",
+        "none: no such folder",
+    ),
+    (
+        4,
+        "compare a.exr b.exr --json none/out.json",
+        "none/out.json",
+    ),
+    (
+        4,
+        "compare a.exr b.exr --page none/out.html",
+        "none/out.html",
+    ),
+    (4, "compare a.exr b.exr --maps old.exr", "old.exr"),
+    (4, "scenes write --out old.exr", "old.exr"),
+];
+
+#[test]
+fn exit_codes_and_messages() {
+    let place = place();
+    let before = place.files();
+    let mut wrong = Vec::new();
+    for &(code, args, fragment) in CASES {
+        // A command that ends in an output of its own still must not touch it.
+        let args = match args.starts_with("render ") && !args.contains(" -o ") {
+            true => format!("{args} -o old.exr -o old.png"),
+            false => args.to_owned(),
+        };
+        let Ended {
+            code: found, err, ..
+        } = place.opsr(&args);
+        // One line from us, that tells nothing twice; from the readers of arguments and of TOML some more.
+        let others = code == 2 && !err.starts_with("opsr: ") || fragment.ends_with("toml");
+        let words = err.trim().rsplit_once(": ").unwrap_or_default();
+        let lines = others || err.lines().count() == 1 && !words.0.contains(words.1);
+        if found != Some(code) || !err.contains(fragment) || !lines || place.files() != before {
+            wrong.push(format!(
+                "opsr {args}\n  {found:?} for {code}, `{fragment}`: {err}"
+            ));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn the_codes_are_documented() {
+    let help = Place::new().opsr("--help").done().out;
+    for words in [
+        "0 done",
+        "1 failed",
+        "2 wrong usage",
+        "3 an input",
+        "4 a result",
+        "5 stopped",
+    ] {
+        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(help.contains(words), "{words}");
+    }
+}
+
+/// Standard output is a pipe that nobody reads any more, or a full disk.
+#[test]
+#[cfg(target_os = "linux")]
+fn output_that_goes_nowhere() {
+    let place = place();
+    for args in [
+        "info scene.glb",
+        "info --json scene.glb",
+        "compare a.exr b.exr",
+        "scenes write --out new",
+        "table show table.json",
+        "table export table.json -o - --format csv",
+        "render scene.glb --size 4x4 --spp 1 --progress json -o new.exr",
+    ] {
+        let run = |out: std::process::Stdio| {
+            let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
+            let command = command.args(args.split_whitespace());
+            command.stderr(std::process::Stdio::piped());
+            let child = command.stdout(out).spawn().expect("the program");
+            Ended::of(child.wait_with_output().expect("an end"))
+        };
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        run(writer.into()).done();
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full");
+        let ended = run(full.expect("/dev/full").into());
+        if args.starts_with("render") {
+            ended.done();
+        } else {
+            assert_eq!(ended.code, Some(4), "{args}: {}", ended.err);
+            assert!(ended.err.contains("standard output"), "{}", ended.err);
+        }
+    }
+}
+
+/// A disk that fills up in the middle of a file, by way of a limit on the size of files.
+#[test]
+#[cfg(unix)]
+fn a_full_disk_leaves_the_old_picture() {
+    let place = Place::new();
+    place.write("old.exr", "what was there before");
+    place.write("old.png", "what was there before");
+    let before = place.files();
+    for output in [
+        "-o old.exr",
+        "-o old.png",
+        "-o old.exr --checkpoint new.ckpt",
+    ] {
+        let program = env!("CARGO_BIN_EXE_opsr");
+        // The signal ignored, writing fails as it does on a full disk. Noise compresses badly: every file is too long.
+        let script = format!(
+            "trap '' XFSZ; ulimit -f 1; exec {program} render scene.glb --size 64x64 --spp 2 --progress none {output}"
+        );
+        let mut shell = place.command("sh");
+        let ended = Ended::of(shell.args(["-c", &script]).output().expect("a shell"));
+        assert_eq!(ended.code, Some(4), "{output}: {}", ended.err);
+        assert!(place.files() == before, "{output} changed files");
+    }
+}

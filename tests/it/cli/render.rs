@@ -1,0 +1,185 @@
+//! `opsr render` from a file to files, stopped, and gone on with.
+
+use super::{Ended, Place};
+use crate::fuzz::seeds;
+use opsr::image::{exr, png};
+use opsr::scene::builtin;
+
+#[test]
+fn a_picture_in_two_formats_and_nothing_else() {
+    let place = Place::new();
+    place.save("scene.glb", &builtin::cornell_box());
+    let ended = place.render("--spp 4 --aov -o out.exr -o out.png").done();
+    assert_eq!((ended.out.as_str(), ended.err.as_str()), ("", ""));
+    assert_eq!(
+        place.files().into_keys().collect::<Vec<_>>(),
+        ["out.exr", "out.png", "scene.glb"]
+    );
+    let layers = exr::read_layers(&place.path().join("out.exr")).unwrap();
+    assert_eq!((layers.width, layers.height), (16, 16));
+    for name in ["R", "sample_variance.G", "albedo.B", "normal.X", "depth"] {
+        let channel = layers.channel(name).unwrap();
+        assert!(channel.iter().any(|&x| x != 0.0), "{name}");
+    }
+    assert_eq!(layers.metadata["spp"], "4");
+    assert_eq!(layers.metadata["scene"], "scene.glb");
+    let picture = exr::read_rgb(&place.path().join("out.exr")).unwrap();
+    let shown = png::read(&place.path().join("out.png")).unwrap();
+    for (p, q) in picture.pixels.iter().zip(&shown.pixels) {
+        let encode = |x: f32| png::srgb_encode(x.clamp(0.0, 1.0));
+        let off = |a: f32, b: f32| (encode(a) - encode(b)).abs();
+        assert!(off(p.x, q.x).max(off(p.y, q.y)).max(off(p.z, q.z)) < 0.003);
+    }
+    // An old picture is replaced.
+    place.write("out.png", "old");
+    place.render("--spp 4 -o out.png").done();
+    assert_eq!(png::read(&place.path().join("out.png")).unwrap(), shown);
+}
+
+#[test]
+fn equal_renders_are_equal_files() {
+    let place = Place::new();
+    place.save("scene.glb", &builtin::caustic_box());
+    place.write("table.json", &seeds::tables()[1]);
+    let picture = |args: &str| {
+        place.render(&format!("--spp 4 -o out.exr {args}")).done();
+        place.read("out.exr")
+    };
+    let plain = picture("");
+    assert!(picture("--gamma 0") == plain, "γ = 0 is plain path tracing");
+    assert!(picture("--threads 1") == plain && picture("--threads 3") == plain);
+    assert!(picture("--crop 0,0,16,16") == plain);
+    let others = [
+        "--seed 1",
+        "--gamma 0.5",
+        "--opsr-table table.json",
+        "--mode pbrt",
+        "--max-depth 2",
+    ];
+    for other in others {
+        assert!(picture(other) != plain, "{other} changed nothing");
+    }
+}
+
+#[test]
+fn a_resumed_render_is_an_uninterrupted_one() {
+    let place = Place::new();
+    place.save("scene.glb", &builtin::caustic_box());
+    place.render("--aov --spp 9 -o whole.exr").done();
+    place
+        .render("--aov --spp 4 -o part.exr --checkpoint a.ckpt")
+        .done();
+    assert!(place.read("part.exr") != place.read("whole.exr"));
+    place
+        .render("--aov --spp 9 -o part.exr --checkpoint a.ckpt --resume")
+        .done();
+    assert!(place.read("part.exr") == place.read("whole.exr"));
+    // Asked for less than there is, it keeps what there is.
+    place
+        .render("--aov --spp 5 -o part.exr --checkpoint a.ckpt --resume")
+        .done();
+    assert!(place.read("part.exr") == place.read("whole.exr"));
+}
+
+#[test]
+fn a_checkpoint_of_another_render_is_refused() {
+    let place = Place::new();
+    place.write("table.json", &seeds::tables()[1]);
+    place.write("sky.hdr", &seeds::hdr()[0]);
+    place
+        .render("--spp 2 -o out.exr --checkpoint a.ckpt")
+        .done();
+    let before = place.files();
+    let settings = [
+        "--seed 1",
+        "--gamma 0.1",
+        "--gamma 0",
+        "--mode pbrt",
+        "--opsr-table table.json",
+        "--max-depth 3",
+        "--size 17x16",
+        "--crop 0,0,8,8",
+        "--aov",
+        "--camera 0",
+        "--distribution ggx",
+        "--env-rotation 5",
+    ];
+    let refused = |Ended { code, err, .. }: Ended, what: &str, args: &str| {
+        assert_eq!(code, Some(3), "{args}: {err}");
+        assert!(
+            err.contains("a.ckpt") && err.contains(what),
+            "{args}: {err}"
+        );
+        assert!(place.files() == before, "{args} changed files");
+    };
+    for args in settings {
+        let size = if args.contains("size") {
+            ""
+        } else {
+            "--size 16x16"
+        };
+        let common =
+            "render scene.glb --spp 4 -o out.exr --checkpoint a.ckpt --resume --progress none";
+        refused(
+            place.opsr(&format!("{common} {size} {args}")),
+            "other settings",
+            args,
+        );
+    }
+    let sky = "--spp 4 -o out.exr --checkpoint a.ckpt --resume --env sky.hdr";
+    refused(place.render(sky), "another scene", sky);
+    // The file of the scene itself, changed.
+    place.save("scene.glb", &builtin::point_light_over_plane());
+    let ended = place.render("--spp 4 -o out.exr --checkpoint a.ckpt --resume");
+    assert!(
+        ended.code == Some(3) && ended.err.contains("another scene"),
+        "{}",
+        ended.err
+    );
+}
+
+/// Ctrl-C in the middle of a long render: what there is is saved, and the exit code says so.
+#[test]
+#[cfg(unix)]
+fn stopped_by_a_signal() {
+    let place = Place::new();
+    let args = "render scene.glb --size 16x16 --time 10min --threads 1 --progress none --save-every 1ms \
+                -o out.exr --checkpoint a.ckpt --reproducible";
+    let mut child = place
+        .command(env!("CARGO_BIN_EXE_opsr"))
+        .args(args.split_whitespace())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("the program");
+    // The checkpoint comes after the picture: with both there the render is under way.
+    while !place.path().join("a.ckpt").exists() {
+        assert!(
+            child.try_wait().expect("a status").is_none(),
+            "it ended by itself"
+        );
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let id = child.id().to_string();
+    let kill = std::process::Command::new("kill")
+        .args(["-INT", &id])
+        .status();
+    assert!(kill.expect("kill").success());
+    let ended = Ended::of(child.wait_with_output().expect("an end"));
+    assert_eq!(ended.code, Some(5), "{}", ended.err);
+    assert_eq!(
+        place.files().into_keys().collect::<Vec<_>>(),
+        ["a.ckpt", "out.exr", "scene.glb"]
+    );
+    let layers = exr::read_layers(&place.path().join("out.exr")).unwrap();
+    let spp: u32 = layers.metadata["spp"].parse().unwrap();
+    // The checkpoint holds the same samples: going on to one more gives the picture of that many.
+    let more = spp + 1;
+    place
+        .render(&format!(
+            "--spp {more} -o out.exr --checkpoint a.ckpt --resume"
+        ))
+        .done();
+    place.render(&format!("--spp {more} -o whole.exr")).done();
+    assert!(place.read("out.exr") == place.read("whole.exr"));
+}
