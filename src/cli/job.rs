@@ -8,6 +8,7 @@ use opsr::integrator::checkpoint::hex;
 use opsr::integrator::{Method, Settings};
 use opsr::math::UVec2;
 use opsr::regularise::file::TableFile;
+use opsr::regularise::rules::Mollifier;
 
 /// A pair such as `640x480`.
 pub(super) fn size(text: &str) -> Result<UVec2, String> {
@@ -52,6 +53,7 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Chosen> {
         Mode::Pbrt => return plain(Method::Pbrt),
         Mode::FilterGlossy => return plain(Method::FilterGlossy(args.filter)),
         Mode::RoughnessClamp => return plain(Method::RoughnessClamp),
+        Mode::Mollifier => return plain(Method::Mollifier(Mollifier::RADIUS)),
         Mode::Default | Mode::Reuse => {}
     }
     if let Some(gamma) = args.gamma {

@@ -134,6 +134,8 @@ pub(super) enum Mode {
     FilterGlossy,
     /// No lobe sharper than the roughest before it, for comparison.
     RoughnessClamp,
+    /// Kaplanyan and Dachsbacher's mollifier: lights without area seen through smooth mirrors and glass.
+    Mollifier,
 }
 
 /// [`Lookup`] on the command line.

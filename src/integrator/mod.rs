@@ -5,6 +5,7 @@
 //! that has never heard of a table.
 
 pub mod aov;
+pub mod census;
 pub mod checkpoint;
 pub mod drive;
 pub mod observer;
@@ -13,11 +14,12 @@ pub mod reference;
 
 use crate::image::film::Film;
 use crate::math::Vec2;
-use crate::regularise::rules::{FilterGlossy, PbrtRegularize, RoughnessClamp};
+use crate::regularise::rules::{FilterGlossy, Mollifier, PbrtRegularize, RoughnessClamp};
 use crate::regularise::{Accumulated, AttenuationTable, ConstantGamma, Regulariser, Unregularised};
 use crate::sampler::{Independent, SampleSource, Sampler};
 use crate::scene::{Camera, Scene};
 pub use aov::FirstHit;
+pub use census::Census;
 pub use observer::{Event, PathObserver, Recorder, Technique, Vertex};
 pub use path::PathTracer;
 use rayon::prelude::*;
@@ -55,6 +57,8 @@ pub enum Method {
     FilterGlossy(f32),
     /// No lobe sharper than the roughest before it.
     RoughnessClamp,
+    /// Kaplanyan and Dachsbacher's mollifier with this first radius over half the diagonal of the scene.
+    Mollifier(f32),
 }
 
 /// What makes a picture, apart from the scene, the camera and the number of samples.
@@ -97,6 +101,9 @@ pub trait Integrator: Send + Sync {
     /// Samples depend on their pixel and number only: passes in any split and at any number of threads give the
     /// same film to the bit.
     fn pass(&self, scene: &Scene, camera: &Camera, samples: Range<u32>, picture: &mut Picture);
+
+    /// Counts the vertices of the paths with these sample numbers through the window of `film`, which stays as it is.
+    fn census(&self, scene: &Scene, camera: &Camera, samples: Range<u32>, film: &Film) -> Census;
 }
 
 impl Settings {
@@ -117,6 +124,7 @@ impl Settings {
             Method::Pbrt => self.with(PbrtRegularize),
             &Method::FilterGlossy(filter) => self.with(FilterGlossy { filter }),
             Method::RoughnessClamp => self.with(RoughnessClamp),
+            &Method::Mollifier(radius) => self.with(Mollifier { radius }),
         }
     }
 
@@ -174,6 +182,15 @@ impl<R: Regulariser + Send> Integrator for Rendering<R> {
                 .tracer
                 .estimate(scene, camera, &source, samples, film, &mut ()),
         }
+    }
+
+    fn census(&self, scene: &Scene, camera: &Camera, samples: Range<u32>, film: &Film) -> Census {
+        let source = Independent { seed: self.seed };
+        let mut census = Census::default();
+        let mut film = film.clone();
+        self.tracer
+            .estimate(scene, camera, &source, samples, &mut film, &mut census);
+        census
     }
 }
 

@@ -18,6 +18,8 @@ use crate::regularise::{Regulariser, Scattered};
 use crate::sampler::{Sampler, VertexU};
 use crate::scene::{LightSample, Scene, Surface};
 
+mod mollify;
+
 /// A unidirectional path tracer with next-event estimation.
 #[derive(Clone, Copy, Debug)]
 pub struct PathTracer<R> {
@@ -179,6 +181,10 @@ impl<R: Regulariser> PathTracer<R> {
             let (found, next) = here.scatter::<R, O>(&u, observer);
             total += found;
             let Some(next) = next else { break };
+            if R::MOLLIFIES && next.sample.delta && !scene.parts().lights.is_empty() {
+                let bandwidth = self.regulariser.bandwidth(&memory);
+                total += here.mollified(&next, bandwidth, u.light);
+            }
             arrival = next.arrival;
             throughput *= next.sample.weight;
             self.remember(&mut memory, &here, &next.sample, observer);

@@ -63,6 +63,14 @@ pub trait Regulariser: Sync {
 
     /// Appends a vertex to the memory.
     fn scatter(&self, path: &mut Self::Path, vertex: Scattered);
+
+    /// Whether Dirac lobes are spread towards lights that nothing can find by way of them.
+    const MOLLIFIES: bool = false;
+
+    /// How far they are spread: radius of the kernel at the light over half the diagonal of the scene.
+    fn bandwidth(&self, _: &Self::Path) -> f32 {
+        0.0
+    }
 }
 
 /// No regularisation: a plain path tracer.

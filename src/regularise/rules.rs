@@ -1,4 +1,5 @@
-//! Rules of other renderers, for comparison. All of them blur the continuation of the path too, which OPSR does not.
+//! Rules of other renderers, for comparison. All but [`Mollifier`] blur the continuation of the path too, which OPSR
+//! does not.
 
 use super::{Regulariser, Scattered};
 
@@ -88,5 +89,43 @@ impl Regulariser for RoughnessClamp {
     #[inline]
     fn scatter(&self, largest: &mut f32, vertex: Scattered) {
         *largest = largest.max(vertex.alpha);
+    }
+}
+
+/// The mollifier of Kaplanyan and Dachsbacher at next-event estimation `[PSR]`, only where no path could be sampled:
+/// a smooth lobe before a light without area. Sample n uses a kernel of radius r₀ n^(−1/6), so the bias vanishes.
+#[derive(Clone, Copy, Debug)]
+pub struct Mollifier {
+    /// r₀ over half the diagonal of the scene.
+    pub radius: f32,
+}
+
+impl Mollifier {
+    /// r₀ if nothing else is said.
+    pub const RADIUS: f32 = 0.01;
+}
+
+impl Regulariser for Mollifier {
+    /// The radius for this sample.
+    type Path = f32;
+    const ACTIVE: bool = false;
+    const REUSE: bool = false;
+    const MOLLIFIES: bool = true;
+
+    fn start(&self, sample: u32) -> f32 {
+        (f64::from(self.radius) * (f64::from(sample) + 1.0).powf(-1.0 / 6.0)) as f32
+    }
+
+    #[inline]
+    fn roughen(&self, _: &f32, alpha: f32) -> f32 {
+        alpha
+    }
+
+    #[inline]
+    fn scatter(&self, _: &mut f32, _: Scattered) {}
+
+    #[inline]
+    fn bandwidth(&self, &radius: &f32) -> f32 {
+        radius
     }
 }

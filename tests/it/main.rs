@@ -13,6 +13,7 @@ mod fuzz;
 mod geometry;
 mod load;
 mod metric;
+mod mollifier;
 mod references;
 mod scenes;
 mod support;

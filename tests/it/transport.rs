@@ -40,6 +40,7 @@ fn methods() -> Vec<Method> {
         Method::Pbrt,
         Method::FilterGlossy(1.0),
         Method::RoughnessClamp,
+        Method::Mollifier(0.01),
     ]
 }
 
