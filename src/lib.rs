@@ -49,6 +49,7 @@
 //! - `[FLIP20]` Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström, Fairchild: *FLIP: A Difference Evaluator for Alternating Images*, HPG 2020.
 //! - `[FLIP21]` Andersson, Nilsson, Shirley, Akenine-Möller: *Visualizing Errors in Rendered High Dynamic Range Images*, EG 2021 short papers.
 //! - `[Hesterberg15]` Hesterberg: *What Teachers Should Know About the Bootstrap*, The American Statistician 69(4), 2015.
+//! - `[OkabeIto08]` Okabe, Ito: *Color Universal Design: How to Make Figures and Presentations That Are Friendly to Colorblind People*, 2008.
 //! - `[glTF]` Khronos: *glTF 2.0 Specification* and its ratified material extensions.
 
 pub mod atomic;

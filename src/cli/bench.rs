@@ -24,11 +24,12 @@ A suite:
   file = \"box.glb\"          # or builtin = \"caustic-box\"
   size = [256, 256]
   reference_spp = 65536     # or reference = \"box.exr\"
-  # crop = [x, y, w, h], inset = [x, y, w, h], camera, max_depth, exposure, methods = [names]
+  # crop = [x, y, w, h], inset = [x, y, w, h], camera, max_depth, exposure, group, methods = [names],
+  # distribution, light_scale, roughness_scale
   [[method]]
   name = \"plain\"
   method = \"plain\"          # constant (gamma), table (table, table_scale, lookup), pbrt, filter-glossy (filter),
-                            # roughness-clamp; constant and table take reuse and lambda";
+                            # roughness-clamp, mollifier; constant and table take reuse and lambda";
 
 /// Options of `opsr bench`.
 #[derive(Args, Debug)]

@@ -14,6 +14,7 @@ mod live;
 mod output;
 mod references;
 mod render;
+mod report;
 mod scene;
 mod scenes;
 mod stop;
@@ -119,6 +120,8 @@ enum Command {
     Bench(bench::BenchArgs),
     /// Show a table of attenuation factors, or write it for another renderer.
     Table(table::TableArgs),
+    /// Turn the results of a bench into one HTML file.
+    Report(report::ReportArgs),
 }
 
 /// Runs the program.
@@ -142,6 +145,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Scenes(args) => scenes::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Table(args) => table::run(&args).map(|()| Exit::Done),
+        Command::Report(args) => report::run(&args).map(|()| Exit::Done),
     };
     let exit = result.unwrap_or_else(|error| {
         eprintln!("opsr: {}", told(&error));

@@ -67,16 +67,24 @@ fn figure(
     pixels: &Buffer,
     exposure: f32,
 ) -> Result<Figure, PageError> {
-    let bytes = png::encode(pixels, exposure).map_err(|e| PageError {
-        picture: picture.clone(),
-        reason: e.to_string(),
-    })?;
-    let uri = format!("data:image/png;base64,{}", BASE64_STANDARD.encode(bytes));
+    let uri = data_uri(&picture, pixels, exposure)?;
     Ok(Figure {
         picture,
         stops,
         uri,
     })
+}
+
+/// A picture as a PNG file inside an address; `name` is for the error.
+pub(super) fn data_uri(name: &str, pixels: &Buffer, exposure: f32) -> Result<String, PageError> {
+    let bytes = png::encode(pixels, exposure).map_err(|e| PageError {
+        picture: name.to_owned(),
+        reason: e.to_string(),
+    })?;
+    Ok(format!(
+        "data:image/png;base64,{}",
+        BASE64_STANDARD.encode(bytes)
+    ))
 }
 
 fn document(comparison: &Comparison, figures: &[Figure]) -> Markup {

@@ -85,6 +85,10 @@ fn scene(scene: &SceneSpec) -> Result<(), String> {
     if !scene.inset_window().inside(&scene.window()) {
         return Err("inset: empty or not inside the rendered part".to_owned());
     }
+    let scales = [scene.light_scale, scene.roughness_scale];
+    if !scales.iter().flatten().all(|s| *s > 0.0 && s.is_finite()) {
+        return Err("light_scale and roughness_scale: expected numbers above 0".to_owned());
+    }
     if scene.max_depth == 0 || scene.reference_spp == Some(0) {
         return Err("max_depth and reference_spp: at least 1".to_owned());
     }

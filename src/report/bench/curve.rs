@@ -113,14 +113,8 @@ mod tests {
             errors: [("relMSE".to_owned(), e)].into(),
         };
         Cell {
-            scene: String::new(),
-            method: String::new(),
-            seed: 1,
-            key: String::new(),
             points: errors.iter().enumerate().map(point).collect(),
-            paths: 0,
-            rejected: 0,
-            memory: None,
+            ..Cell::default()
         }
     }
 

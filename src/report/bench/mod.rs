@@ -9,6 +9,8 @@
 //! | [`curve`] | errors at a time, at a number of samples, and where two methods cross |
 //! | [`stats`] | ratios over seeds with intervals and verdicts, bias |
 //! | [`summary`] | the comparisons of a scene |
+//! | [`overall`] | the comparisons over many scenes |
+//! | [`page`] | the report as one HTML file |
 //! | [`machine`] | clocks, memory, processor |
 
 use std::path::PathBuf;
@@ -18,12 +20,15 @@ pub mod curve;
 pub mod errors;
 pub mod machine;
 mod marks;
+pub mod overall;
+pub mod page;
 mod prepare;
 pub mod results;
 pub mod run;
 pub mod stats;
 pub mod suite;
 pub mod summary;
+mod vary;
 
 pub use results::Results;
 pub use run::{Outcome, Status, run};

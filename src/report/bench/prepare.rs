@@ -4,8 +4,9 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use super::BenchError;
-use super::results::SceneFacts;
+use super::results::{Inset, SceneFacts};
 use super::suite::SceneSpec;
+use super::vary::{scale_lights, scale_roughness};
 use crate::image::film::{Film, Window};
 use crate::image::metric::pixel::EPSILON;
 use crate::image::{Buffer, exr};
@@ -42,7 +43,13 @@ pub(super) fn prepare(
     cache: &Path,
     listener: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Option<Prepared>, BenchError> {
-    let (parts, source) = parts(spec)?;
+    let (mut parts, source) = parts(spec)?;
+    if let Some(factor) = spec.light_scale {
+        scale_lights(&mut parts, factor);
+    }
+    if let Some(factor) = spec.roughness_scale {
+        scale_roughness(&mut parts, factor);
+    }
     let scene = Scene::new(parts);
     let camera = camera(spec, &scene)?;
     let blank = Film::cropped(spec.frame(), spec.window()).map_err(|e| fault(spec, e))?;
@@ -199,6 +206,8 @@ impl Prepared {
             env!("CARGO_PKG_VERSION"),
             self.facts.source,
             spec.distribution,
+            spec.light_scale,
+            spec.roughness_scale,
             spec.size,
             spec.crop,
             spec.camera,
@@ -221,7 +230,7 @@ impl Prepared {
 }
 
 /// A window of a picture that begins at `origin` of the frame.
-pub(super) fn cut(picture: &Buffer, window: Window, origin: (u32, u32)) -> Buffer {
+fn cut(picture: &Buffer, window: Window, origin: (u32, u32)) -> Buffer {
     let (x0, y0) = (
         (window.x - origin.0) as usize,
         (window.y - origin.1) as usize,
@@ -229,6 +238,20 @@ pub(super) fn cut(picture: &Buffer, window: Window, origin: (u32, u32)) -> Buffe
     Buffer::from_fn(window.w as usize, window.h as usize, |x, y| {
         picture.get(x0 + x, y0 + y)
     })
+}
+
+/// The part of a picture that the report shows.
+pub(super) fn inset(spec: &SceneSpec, method: Option<&str>, key: &str, picture: &Buffer) -> Inset {
+    let (window, outer) = (spec.inset_window(), spec.window());
+    Inset {
+        scene: spec.name.clone(),
+        method: method.map(str::to_owned),
+        key: key.to_owned(),
+        samples: 0,
+        seconds: 0.0,
+        width: window.w as usize,
+        pixels: Inset::encode(&cut(picture, window, (outer.x, outer.y))),
+    }
 }
 
 /// The first half of a SHA-256, in hexadecimal digits: enough to tell files and runs apart.

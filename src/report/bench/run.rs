@@ -13,13 +13,16 @@ use super::BenchError;
 use super::errors::{error_products, errors};
 use super::machine::{self, Machine, Stopwatch};
 use super::marks::Marks;
-use super::prepare::{Prepared, create_folder, cut, file_name, prepare, short_hash};
+use super::prepare::{Prepared, create_folder, file_name, inset, prepare, short_hash};
 use super::results::{Cell, Inset, Point, Products, Results, VERSION};
 use super::suite::{MethodSpec, SceneSpec, Suite};
 use crate::image::film::Film;
 use crate::image::{Buffer, exr};
 use crate::integrator::checkpoint::hex;
 use crate::integrator::{Method, Picture, Settings};
+
+/// Samples per pixel for counting regularised vertices.
+const CENSUS: u32 = 2;
 
 /// Where a bench stands.
 #[derive(Clone, Debug)]
@@ -163,7 +166,9 @@ impl Bench<'_> {
         for (round, seed) in self.suite.seeds().enumerate() {
             for turn in 0..entrants.len() {
                 let entrant = entrants[(turn + round) % entrants.len()];
-                let key = short_hash(&serde_json::json!([base, key_of(entrant), seed]));
+                // With the name: a method may be measured against itself.
+                let name = &entrant.spec.name;
+                let key = short_hash(&serde_json::json!([base, name, key_of(entrant), seed]));
                 if !self.results.cells.iter().any(|c| c.key == key) {
                     let Some(measured) = self.measure(spec, scene, entrant, seed, &key)? else {
                         return Ok(Outcome::Stopped);
@@ -188,6 +193,7 @@ impl Bench<'_> {
         }
         let mut spec = spec.clone();
         spec.methods = None;
+        spec.group = None;
         let Results {
             program, machine, ..
         } = &self.results;
@@ -250,13 +256,12 @@ impl Bench<'_> {
                 };
                 let errors = errors(&picture.film.mean(), &scene.reference, spec.exposure)
                     .map_err(reason)?;
-                points.push(Point {
-                    errors,
-                    ..now.clone()
-                });
+                points.push(now.with(errors));
             }
         }
+        let census = integrator.census(&scene.scene, &scene.camera, 0..CENSUS, &scene.blank);
         let cell = Cell {
+            regularised: census.share(),
             scene: spec.name.clone(),
             method: name.clone(),
             seed,
@@ -379,18 +384,5 @@ fn key_of(entrant: &Entrant<'_>) -> String {
             )
         }
         method => format!("{method:?}"),
-    }
-}
-
-fn inset(spec: &SceneSpec, method: Option<&str>, key: &str, picture: &Buffer) -> Inset {
-    let (window, outer) = (spec.inset_window(), spec.window());
-    Inset {
-        scene: spec.name.clone(),
-        method: method.map(str::to_owned),
-        key: key.to_owned(),
-        samples: 0,
-        seconds: 0.0,
-        width: window.w as usize,
-        pixels: Inset::encode(&cut(picture, window, (outer.x, outer.y))),
     }
 }

@@ -34,6 +34,7 @@ use crate::integrator::Method;
 use crate::math::UVec2;
 use crate::regularise::Lookup;
 use crate::regularise::file::TableFile;
+use crate::regularise::rules::Mollifier;
 
 /// Larger files are not suites.
 const MAX_BYTES: u64 = 1 << 22;
@@ -86,6 +87,9 @@ pub enum Clock {
 pub struct SceneSpec {
     /// Its name in the results.
     pub name: String,
+    /// Scenes of one group are summed up together in reports.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub group: Option<String>,
     /// A glTF file; or
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
@@ -95,6 +99,12 @@ pub struct SceneSpec {
     /// Slope distribution of the lobes of a file's materials.
     #[serde(default)]
     pub distribution: Lobes,
+    /// Edge of its lights over what it is in the file, at the same power.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light_scale: Option<f32>,
+    /// Factor on the roughness of its materials.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub roughness_scale: Option<f32>,
     /// Full frame in pixels.
     pub size: [u32; 2],
     /// The part that is rendered: x, y, width, height.
@@ -194,6 +204,8 @@ pub enum Kind {
     FilterGlossy,
     /// The rule after Arnold's.
     RoughnessClamp,
+    /// Kaplanyan and Dachsbacher's.
+    Mollifier,
 }
 
 impl Suite {
@@ -295,6 +307,7 @@ impl MethodSpec {
             Kind::Pbrt => Method::Pbrt,
             Kind::FilterGlossy => Method::FilterGlossy(self.filter.unwrap_or(1.0)),
             Kind::RoughnessClamp => Method::RoughnessClamp,
+            Kind::Mollifier => Method::Mollifier(Mollifier::RADIUS),
             Kind::Table => {
                 let path = self.table.clone().unwrap_or_default();
                 let mut table = TableFile::load(&path)?.table;

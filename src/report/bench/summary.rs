@@ -3,6 +3,7 @@
 use std::fmt::{self, Write};
 
 use super::curve::{self, Crossing};
+use super::overall::last_moment;
 use super::results::{Cell, Results};
 use super::stats::{self, Interval, Verdict};
 use super::suite::SceneSpec;
@@ -56,6 +57,8 @@ pub struct MethodSummary {
     pub ns_per_path: Option<Compared>,
     /// Paths per second of wall time.
     pub paths_per_second: Option<f64>,
+    /// Share of the vertices with a roughened lobe, over all runs.
+    pub regularised: Option<f64>,
     /// Largest memory of the process at the end of a run, in MiB.
     pub memory: Option<f64>,
     /// Light of the picture over light of the reference at the end of the runs.
@@ -111,7 +114,7 @@ fn scene(results: &Results, spec: &SceneSpec) -> Option<SceneSummary> {
     let baseline = *methods.iter().find(|m| **m == wanted).or(methods.first())?;
     let times = suite.times.iter().map(|&t| Moment::Seconds(t));
     let samples = suite.samples.iter().map(|&n| Moment::Samples(n));
-    let last = times.clone().next_back().or(samples.clone().next_back())?;
+    let last = last_moment(suite)?;
     let moments: Vec<Moment> = times.chain(samples).collect();
     let view = View {
         results,
@@ -127,6 +130,17 @@ fn scene(results: &Results, spec: &SceneSpec) -> Option<SceneSummary> {
         last,
         methods,
     })
+}
+
+/// The error of a run at a moment; `None` where the run did not get there.
+pub(super) fn error(results: &Results, cell: &Cell, metric: &str, moment: Moment) -> Option<f64> {
+    let Results { suite, machine, .. } = results;
+    match moment {
+        Moment::Samples(n) => curve::at_samples(cell, metric, n),
+        Moment::Seconds(t) => curve::at_seconds(cell, metric, t, &|p| {
+            suite.clock.seconds(p, machine.threads)
+        }),
+    }
 }
 
 struct View<'a> {
@@ -145,7 +159,9 @@ impl View<'_> {
     ) -> MethodSummary {
         let runs = self.results.runs(&spec.name, name);
         let compared = |f: &dyn Fn(&Cell) -> Option<f64>| self.compared(&runs, is_baseline, f);
-        let error = |moment: Moment, metric: &str| compared(&|c| self.error(c, metric, moment));
+        let error = |moment: Moment, metric: &str| {
+            compared(&|c| self::error(self.results, c, metric, moment))
+        };
         let energy: Vec<f64> = runs
             .iter()
             .filter_map(|c| c.points.last()?.errors.get("energy ratio").copied())
@@ -163,6 +179,7 @@ impl View<'_> {
             metrics: METRICS.iter().map(|&m| (m, error(last, m))).collect(),
             ns_per_path: compared(&ns_per_path),
             paths_per_second: paths_per_second(&runs),
+            regularised: stats::mean(&runs.iter().map(|c| c.regularised).collect::<Vec<f64>>()),
             memory: runs.iter().filter_map(|c| c.memory).reduce(f64::max),
             energy: stats::mean_interval(&energy),
             squared_bias,
@@ -173,16 +190,6 @@ impl View<'_> {
             summary.crossing = self.crossing(&runs, summary.floor());
         }
         summary
-    }
-
-    fn error(&self, cell: &Cell, metric: &str, moment: Moment) -> Option<f64> {
-        let Results { suite, machine, .. } = self.results;
-        match moment {
-            Moment::Samples(n) => curve::at_samples(cell, metric, n),
-            Moment::Seconds(t) => curve::at_seconds(cell, metric, t, &|p| {
-                suite.clock.seconds(p, machine.threads)
-            }),
-        }
     }
 
     /// Only seeds that both methods have are compared.
@@ -213,7 +220,7 @@ impl View<'_> {
         let curve = |runs: &[&Cell], t: f64| {
             let errors: Option<Vec<f64>> = runs
                 .iter()
-                .map(|c| self.error(c, MAIN, Moment::Seconds(t)))
+                .map(|c| error(self.results, c, MAIN, Moment::Seconds(t)))
                 .collect();
             stats::geometric_mean(&errors?)
         };

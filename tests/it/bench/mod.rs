@@ -1,6 +1,7 @@
 //! Benches: suites, runs that go on where they stopped, and verdicts on recorded data.
 
 pub(crate) mod planted;
+mod report;
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -258,4 +259,77 @@ fn references_are_kept_and_may_be_given() {
         error.contains("whole.exr") && error.contains("3x3"),
         "{error}"
     );
+}
+
+#[test]
+fn without_caustics_plain_errors_fall_as_one_over_samples() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.json");
+    let text = "seeds = 3\nsamples = [4, 256]\n\
+        [[scene]]\nname = 's'\nbuiltin = 'plane'\nsize = [16, 16]\nreference_spp = 16384\n\
+        [[method]]\nname = 'plain'\nmethod = 'plain'\n\
+        [[method]]\nname = 'again'\nmethod = 'plain'\n";
+    let suite = Suite::parse(text).unwrap();
+    let (results, _) = run(&suite, &path, "", &mut |_| ControlFlow::Continue(())).unwrap();
+    let all = summary::summaries(&results);
+    let main = |name: &str| {
+        let of = summary_of(&all, name);
+        [0, 1].map(|i| of.main[i].1.unwrap().value)
+    };
+    let [few, many] = main("plain");
+    let slope = (many / few).ln() / (256f64 / 4.0).ln();
+    assert!((slope + 1.0).abs() < 0.05, "{slope}");
+    // The same method under another name is another run with the same errors.
+    assert_eq!(results.cells.len(), 6);
+    assert_eq!(main("again"), [few, many]);
+}
+
+#[test]
+fn scenes_can_be_varied() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.json");
+    let go = |keys: &str| {
+        let text = SMALL
+            .replace("seeds = 3", "seeds = 1")
+            .replace("reference_spp", &format!("{keys}\nreference_spp"));
+        let suite = Suite::parse(&text)?;
+        let (results, _) = run(&suite, &path, "", &mut |_| ControlFlow::Continue(())).unwrap();
+        Ok::<_, String>(results.inset("box", None).unwrap().pixels.clone())
+    };
+    let (as_it_is, sharper) = (go("").unwrap(), go("light_scale = 0.5").unwrap());
+    assert_ne!(as_it_is, sharper);
+    assert_eq!(as_it_is, go("light_scale = 1.0").unwrap());
+    assert!(go("roughness_scale = 0.0").unwrap_err().contains("_scale"));
+}
+
+#[test]
+fn committed_suites_name_files_that_are_there() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for name in ["quick", "full"] {
+        let suite = Suite::load(&root.join(format!("suites/{name}.toml"))).unwrap();
+        assert!(suite.seeds >= 5, "{name}: no verdicts");
+        for scene in &suite.scenes {
+            for file in [&scene.file, &scene.reference].into_iter().flatten() {
+                assert!(file.exists(), "{name}: {}", file.display());
+            }
+        }
+        // The manifest may move crops and depths; the suites must follow.
+        let manifest = opsr::scene::builtin::training::EXAMPLES;
+        for scene in suite.scenes.iter().filter(|s| s.reference.is_some()) {
+            let example = manifest
+                .iter()
+                .find(|e| scene.name.starts_with(e.name))
+                .unwrap();
+            let [x, y, w, h] = scene.crop.unwrap();
+            assert!(
+                example.crops.contains(&[x, y]) && (w, h) == (32, 32),
+                "{}",
+                scene.name
+            );
+            assert_eq!(
+                (scene.size, scene.max_depth),
+                (example.frame, example.max_vertices)
+            );
+        }
+    }
 }

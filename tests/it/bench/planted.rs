@@ -127,6 +127,7 @@ fn cell(m: &Planted, seed: u64, salt: u64) -> Cell {
         ],
         paths: (4.0 / cost * 1024.0) as u64,
         rejected: 0,
+        regularised: 0.125,
         memory: Some(100.0),
     }
 }

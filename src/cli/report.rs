@@ -1,0 +1,65 @@
+//! `opsr report`: the results of a bench as a page.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::Args;
+
+use opsr::atomic;
+use opsr::report::bench::page::{overalls, page, plots};
+use opsr::report::bench::{Results, summary};
+
+use super::Blame;
+
+/// Options of `opsr report`.
+#[derive(Args, Debug)]
+pub(super) struct ReportArgs {
+    /// Results of `opsr bench` (.json).
+    results: PathBuf,
+    /// Where the page goes: one file that needs nothing else.
+    #[arg(short, long, value_name = "FILE", default_value = "report.html")]
+    output: PathBuf,
+    /// Write the plots also as files (.svg) to this folder.
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub(super) fn run(args: &ReportArgs) -> anyhow::Result<()> {
+    let results = Results::load(&args.results).input()?;
+    let html = page(&results).input()?;
+    write(&args.output, &html)?;
+    if let Some(folder) = &args.plots {
+        std::fs::create_dir_all(folder)
+            .with_context(|| folder.display().to_string())
+            .output()?;
+        if let Some(plot) = overalls(&results).first().and_then(plots::standings) {
+            write(&folder.join("overall.svg"), &plot)?;
+        }
+        for scene in summary::summaries(&results) {
+            for (i, (plot, _)) in plots::curves(&results, &scene).iter().enumerate() {
+                let name = format!("{}-{}.svg", file_name(&scene.name), i + 1);
+                write(&folder.join(name), plot)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+    atomic::write_bytes(path, text.as_bytes())
+        .with_context(|| path.display().to_string())
+        .output()
+}
+
+/// The name of a scene without what a file's name should not have.
+fn file_name(name: &str) -> String {
+    let plain = |c: char| {
+        if c.is_alphanumeric() || "._-".contains(c) {
+            c
+        } else {
+            '-'
+        }
+    };
+    name.chars().map(plain).collect()
+}

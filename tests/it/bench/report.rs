@@ -1,0 +1,126 @@
+//! The report: everything is in the page, and the page is a function of the results.
+
+use opsr::report::bench::Suite;
+use opsr::report::bench::overall::{best_constant, overall};
+use opsr::report::bench::page::page;
+use opsr::report::bench::results::Results;
+use opsr::report::bench::stats::Verdict;
+use opsr::report::bench::suite::Kind;
+
+use super::planted::{Planted, planted, recorded};
+
+fn methods() -> [Planted; 4] {
+    [
+        planted("plain", 0.1, 0.0),
+        planted("twin & <co>", 0.1, 0.0),
+        Planted {
+            energy: 1.02,
+            ..planted("bright", 0.05, 4e-4)
+        },
+        planted("loud", 0.2, 0.0),
+    ]
+}
+
+#[test]
+fn the_page_is_a_function_of_the_file() {
+    let results = recorded(&methods(), 6);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.json");
+    results.save(&path).unwrap();
+    let html = page(&results).unwrap();
+    let again = page(&Results::load(&path).unwrap()).unwrap();
+    assert!(html == again, "two pages of one file");
+    // Nothing is fetched and nothing runs.
+    for foreign in ["http://", "https://", "<script", "<link", "@import"] {
+        let html = html.replace("http://www.w3.org/2000/svg", "");
+        assert!(!html.contains(foreign), "{foreign}");
+    }
+    // Names are text, not markup.
+    assert!(html.contains("twin &amp; &lt;co&gt;") && !html.contains("<co>"));
+    assert!(html.contains("planted &lt;scene&gt;") && html.contains("a &lt;processor&gt;"));
+    assert!(html.contains("opsr bench suite.toml"));
+}
+
+#[test]
+fn the_page_shows_what_was_measured() {
+    let html = page(&recorded(&methods(), 6)).unwrap();
+    // Curves over time and over samples, ratios over all scenes; a polyline or path for each method.
+    assert_eq!(html.matches("<svg").count(), 3);
+    for word in ["seconds", "samples per pixel", "relMSE"] {
+        assert!(html.contains(word), "{word}");
+    }
+    // A picture and a map for each method, a reference in the style and as a picture.
+    assert_eq!(html.matches("data:image/png;base64,").count(), 2 * 4 + 2);
+    assert!(html.contains("better") && html.contains("worse") && html.contains(" tie"));
+    assert!(html.contains("12.5 %"), "regularised share");
+    // The bright one is too bright, has a floor, and is overtaken one day.
+    assert!(html.contains(" off") && html.contains("≈ "));
+    assert!(html.contains("Where methods lose"));
+    // Every other piece is an attribute, and may be a picture.
+    let texts: String = html.split('"').step_by(2).collect();
+    assert!(!texts.contains("NaN") && !texts.contains(">inf"));
+}
+
+#[test]
+fn results_without_seeds_pictures_or_times_make_a_page() {
+    let mut results = recorded(&methods()[..1], 1);
+    results.insets.clear();
+    results.products.clear();
+    results.suite.times.clear();
+    results.cells[0].points.truncate(2);
+    let html = page(&results).unwrap();
+    assert!(!html.contains("data:image/png"));
+    results.cells.clear();
+    assert!(page(&results).unwrap().contains("Speed against error"));
+}
+
+/// The planted scene twice, in two groups, and a second method that is a constant.
+fn two_scenes() -> Results {
+    let mut results = recorded(&methods(), 6);
+    let mut second = results.suite.scenes[0].clone();
+    second.name = "second".into();
+    second.group = Some("validation".into());
+    results.suite.scenes[0].group = Some("training".into());
+    results.suite.scenes.push(second);
+    let cells: Vec<_> = results.cells.clone();
+    for mut cell in cells {
+        cell.scene = "second".into();
+        // There the loud one is quiet.
+        if cell.method == "loud" {
+            for point in &mut cell.points {
+                point.errors.values_mut().for_each(|e| *e *= 0.25);
+            }
+        }
+        results.cells.push(cell);
+    }
+    for (method, gamma) in [(2, 0.1), (3, 0.2)] {
+        results.suite.methods[method].method = Kind::Constant;
+        results.suite.methods[method].gamma = Some(gamma);
+    }
+    results
+}
+
+#[test]
+fn scenes_are_summed_up_by_group_and_opponent() {
+    let results = two_scenes();
+    let of = |group, opponent: &str, name: &str| {
+        let all = overall(&results, group, opponent);
+        all.standings.into_iter().find(|s| s.name == name).unwrap()
+    };
+    let ratio = |group, name: &str| of(group, "plain", name).ratios[0].unwrap();
+    // Twice as loud here, half as loud there: no difference over both.
+    assert_eq!(ratio(None, "loud").1, Verdict::Tie);
+    assert!((ratio(None, "loud").0.value - 1.0).abs() < 0.02);
+    assert_eq!(ratio(Some("training"), "loud").1, Verdict::Worse);
+    assert!(ratio(Some("validation"), "loud").0.holds(0.5));
+    assert_eq!(of(None, "plain", "loud").tally, [1, 0, 1]);
+    assert_eq!(of(None, "plain", "bright").tally, [2, 0, 0]);
+    assert_eq!(best_constant(&results), Some("bright"));
+    let twin = of(None, "bright", "twin & <co>").ratios[0].unwrap();
+    assert_eq!(twin.1, Verdict::Worse);
+    let html = page(&results).unwrap();
+    assert!(html.contains("Against bright: validation, 1 scene"));
+    // Groups are told apart in the suite's file, and do not make a run another one.
+    let text = toml::to_string(&results.suite).unwrap();
+    assert_eq!(Suite::parse(&text).unwrap(), results.suite);
+}
