@@ -64,6 +64,8 @@ pub enum Crossing {
     Extrapolated(f64),
     /// No bias was found that the baseline could get below.
     NotInSight,
+    /// The two are a tie where the measurement ends: a crossing would be one of noise.
+    Undecided,
 }
 
 /// When the baseline overtakes a method whose mean errors at `times` are given.

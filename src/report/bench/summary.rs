@@ -187,7 +187,7 @@ impl View<'_> {
             crossing: None,
         };
         if !is_baseline {
-            summary.crossing = self.crossing(&runs, summary.floor());
+            summary.crossing = self.crossing(&runs, &summary);
         }
         summary
     }
@@ -216,7 +216,15 @@ impl View<'_> {
         Some(Compared { value, ratio })
     }
 
-    fn crossing(&self, runs: &[&Cell], floor: Option<f64>) -> Option<Crossing> {
+    fn crossing(&self, runs: &[&Cell], summary: &MethodSummary) -> Option<Crossing> {
+        let timed = |(m, c): &(Moment, Option<Compared>)| match m {
+            Moment::Seconds(_) => c.and_then(|c| c.ratio),
+            Moment::Samples(_) => None,
+        };
+        let (_, verdict) = summary.main.iter().filter_map(timed).next_back()?;
+        if matches!(verdict, Verdict::Tie | Verdict::TooFewSeeds) {
+            return Some(Crossing::Undecided);
+        }
         let curve = |runs: &[&Cell], t: f64| {
             let errors: Option<Vec<f64>> = runs
                 .iter()
@@ -233,7 +241,7 @@ impl View<'_> {
                 theirs.push(b);
             }
         }
-        curve::crossing(&times, &ours, &theirs, floor)
+        curve::crossing(&times, &ours, &theirs, summary.floor())
     }
 }
 

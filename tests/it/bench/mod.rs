@@ -8,6 +8,7 @@ use std::path::Path;
 
 use opsr::image::{Buffer, exr};
 use opsr::math::Rgb;
+use opsr::report::bench::curve::Crossing;
 use opsr::report::bench::results::Results;
 use opsr::report::bench::stats::Verdict;
 use opsr::report::bench::summary::{self, MethodSummary};
@@ -59,8 +60,14 @@ fn planted_differences_are_found_and_no_others() {
     assert!((floor / 3.84e-4 - 1.0).abs() < 0.25, "{floor}");
     assert!(matches!(
         bright.crossing,
-        Some(opsr::report::bench::curve::Crossing::Extrapolated(t)) if t > 20.0
+        Some(Crossing::Extrapolated(t)) if t > 20.0
     ));
+    // What is a tie crosses by chance only; what is quieter and without bias is never overtaken.
+    assert_eq!(summary_of(&all, "twin").crossing, Some(Crossing::Undecided));
+    assert_eq!(
+        summary_of(&all, "quiet").crossing,
+        Some(Crossing::NotInSight)
+    );
     let plain = summary_of(&all, "plain");
     assert!(plain.crossing.is_none() && plain.metrics[0].1.unwrap().ratio.is_none());
 }

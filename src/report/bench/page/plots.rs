@@ -23,6 +23,9 @@ const COLOURS: [&str; 12] = [
 /// Dashes, one kind for each round of colours.
 const DASHES: [LineStyle; 3] = [LineStyle::Solid, LineStyle::Dashed, LineStyle::Dotted];
 
+/// Opacity of a band: a dozen of them lie over one another.
+const BAND: f64 = 0.08;
+
 const WIDTH: f64 = 570.0;
 const HEIGHT: f64 = 370.0;
 
@@ -126,16 +129,20 @@ fn curve(
 }
 
 fn line(suite: &Suite, name: &str, spreads: &[Spread]) -> LinePlot {
-    LinePlot::new()
+    let mut line = LinePlot::new()
         .with_data(spreads.iter().map(|s| (s.at, s.mean)))
         .with_color(colour(suite, name))
+        .with_line_style(dash(suite, name))
         // The band takes the colour that the line has by now.
         .with_band(
             spreads.iter().map(|s| s.low),
             spreads.iter().map(|s| s.high),
         )
-        .with_line_style(dash(suite, name))
-        .with_legend(name)
+        .with_legend(name);
+    if let Some(band) = &mut line.band {
+        band.opacity = BAND;
+    }
+    line
 }
 
 fn position(moment: Moment) -> f64 {

@@ -146,6 +146,7 @@ fn crossing(crossing: Option<Crossing>) -> String {
         Some(Crossing::Measured(t)) => format!("{} s", short(t)),
         Some(Crossing::Extrapolated(t)) => format!("≈ {} s", short(t)),
         Some(Crossing::NotInSight) => "not in sight".to_owned(),
+        Some(Crossing::Undecided) => "a tie".to_owned(),
     }
 }
 
