@@ -277,7 +277,7 @@ fn learn(
     }
     let seconds = clock.elapsed().as_secs_f64();
     let save_table = |path: &Path, table: &AttenuationTable, steps| {
-        let provenance = Some(session.provenance(beta, steps));
+        let provenance = Some(session.provenance(beta, outcome.start, steps));
         let table = table.clone();
         TableFile { table, provenance }.save(path).output()
     };
@@ -322,7 +322,7 @@ fn judge(
     } else {
         study::scores(&mut session.validation, beta, constant, &tables)
     };
-    let start = session.constant(session.config.start);
+    let start = session.constant(outcome.start);
     Learned {
         beta,
         steps: outcome.steps,

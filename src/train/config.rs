@@ -59,7 +59,7 @@ pub struct Config {
     pub method: Way,
     /// Which loss.
     pub loss: Loss,
-    /// Where all factors start.
+    /// Where all factors start; 0 for the best constant of the training crops.
     pub start: f32,
     /// The constant factor at which events are recorded.
     pub record_gamma: f32,
@@ -188,10 +188,11 @@ impl Config {
         if !(0.0..1e3).contains(&self.learning_rate) {
             return bad("learning_rate", "expected a number from 0 to 1000");
         }
-        for (key, value) in [("start", self.start), ("record_gamma", self.record_gamma)] {
-            if !(value > 0.0 && value <= 1.0) {
-                return bad(key, "expected a number in (0, 1]");
-            }
+        if !(self.record_gamma > 0.0 && self.record_gamma <= 1.0) {
+            return bad("record_gamma", "expected a number in (0, 1]");
+        }
+        if !(0.0..=1.0).contains(&self.start) {
+            return bad("start", "expected a number from 0 to 1");
         }
         if self.validate_every == 0 || self.checkpoint_every == 0 {
             return bad("validate_every, checkpoint_every", "expected at least 1");

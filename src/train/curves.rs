@@ -244,8 +244,8 @@ impl Source for Curves {
         moments
     }
 
-    fn is_stale(&self, table: &AttenuationTable) -> bool {
-        self.folded.is_stale(table)
+    fn movement(&self, table: &AttenuationTable) -> (f64, f64) {
+        self.folded.movement(table)
     }
 
     fn anchor(&mut self, table: &AttenuationTable) {

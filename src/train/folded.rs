@@ -1,7 +1,7 @@
 //! Events of paths of more than five vertices, whose roughness folds: each depends on the factors of several classes.
 //!
-//! They are evaluated exactly, with derivatives, at one table, and followed by the tangent from there until a factor
-//! has moved too far.
+//! They are evaluated exactly, with derivatives, at one table, the anchor, and followed by the tangent from there until
+//! the factors have moved too far.
 
 use super::codes::Codes;
 use super::event::StoredEvent;
@@ -11,12 +11,6 @@ use crate::math::real::Dual;
 use crate::regularise::{AttenuationTable, LEN};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-
-/// A factor that has moved by more than this share of itself, and by more than [`STEP`], ends the tangent.
-const SHARE: f32 = 0.1;
-
-/// See [`SHARE`]; a few of Adam's steps of 5e-4.
-const STEP: f32 = 2e-3;
 
 /// An event, what else its path carries, and the share of a sample in its pixel's mean.
 struct Member {
@@ -35,8 +29,8 @@ pub(super) struct Folded {
     value: Moments,
     /// Derivatives of (mean, second) by (class, pixel), where there are any.
     slopes: Vec<(u16, u32, [f32; 4])>,
-    /// Classes that anything depends on.
-    used: Vec<bool>,
+    /// Σ |d mean / d ln γ| of every class at the anchor.
+    weights: Vec<f64>,
 }
 
 /// Moments of one pixel's folded events with their derivatives by class.
@@ -70,12 +64,20 @@ impl Folded {
         members * size_of::<Member>() + size_of_val(self.slopes.as_slice())
     }
 
-    pub(super) fn is_stale(&self, table: &AttenuationTable) -> bool {
+    /// See [`Source::movement`](super::moments::Source::movement).
+    pub(super) fn movement(&self, table: &AttenuationTable) -> (f64, f64) {
         let Some(at) = &self.at else {
-            return !self.is_empty();
+            return (0.0, 0.0);
         };
         let factors = at.gammas.iter().zip(table.gammas.iter());
-        (factors.zip(&self.used)).any(|((a, b), &used)| used && (a - b).abs() > STEP.max(SHARE * a))
+        let mut sums = (0.0, 0.0);
+        for ((&a, &b), &weight) in factors.zip(&self.weights) {
+            if weight > 0.0 {
+                sums.0 += weight * f64::from((b / a).ln().abs());
+                sums.1 += weight;
+            }
+        }
+        sums
     }
 
     fn is_empty(&self) -> bool {
@@ -119,12 +121,14 @@ impl Folded {
             .collect();
         self.value = Moments::zero(tangents.len());
         self.slopes.clear();
-        self.used = vec![false; LEN];
+        self.weights = vec![0.0; LEN];
         for (pixel, (sum, slopes)) in tangents.into_iter().enumerate() {
             self.value.mean[pixel] = [sum[0] as f32, sum[1] as f32, sum[2] as f32];
             self.value.second[pixel] = sum[3] as f32;
             for (class, slope) in slopes {
-                self.used[usize::from(class)] = true;
+                let light = slope[0].abs() + slope[1].abs() + slope[2].abs();
+                let gamma = table.gammas[usize::from(class)];
+                self.weights[usize::from(class)] += light * f64::from(gamma);
                 self.slopes
                     .push((class, pixel as u32, slope.map(|s| s as f32)));
             }

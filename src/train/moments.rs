@@ -22,9 +22,10 @@ pub trait Source: Send + Sync {
     /// dL/dγ of all factors, given dL/dmoments, at the table that the moments were asked for last.
     fn gradient(&self, table: &AttenuationTable, adjoint: &Adjoint) -> Vec<f64>;
 
-    /// Whether the table has moved too far from the one that the source was linearised at, if it is linearised.
-    fn is_stale(&self, _table: &AttenuationTable) -> bool {
-        false
+    /// How far the table has moved from the anchor, as seen by what is linearised there: a sum over the factors of
+    /// weight times |Δ ln γ|, and the sum of the weights. A weight is the light that follows the factor.
+    fn movement(&self, _table: &AttenuationTable) -> (f64, f64) {
+        (0.0, 0.0)
     }
 
     /// Linearises what is linearised at this table.

@@ -10,6 +10,7 @@ use super::moments::Source;
 use super::objective::{CropLoss, Objective};
 use super::replay::Replay;
 use super::set::{Set, mean_loss};
+use super::study::best_constant;
 use super::visits::Visits;
 use crate::regularise::file::Provenance;
 use crate::regularise::{AttenuationTable, Lookup};
@@ -61,6 +62,8 @@ pub struct Entry {
 /// What came out for one β.
 #[derive(Clone, Debug)]
 pub struct Outcome {
+    /// Where all factors started.
+    pub start: f32,
     /// The learned table, unvisited classes inherited.
     pub table: AttenuationTable,
     /// The table with the lowest validation loss, and its step.
@@ -143,6 +146,15 @@ impl Session {
         }
     }
 
+    /// Where factors start.
+    fn start(&mut self, beta: f32) -> f32 {
+        if self.config.start > 0.0 {
+            self.config.start
+        } else {
+            best_constant(&mut self.training, beta, self.config.lookup)
+        }
+    }
+
     fn add(
         &mut self,
         crop: Crop,
@@ -170,7 +182,7 @@ impl Session {
                 visits.count(&recording, &self.constant(config.record_gamma));
                 match config.method {
                     Way::Replay => Box::new(Replay::new(recording)),
-                    _ => Box::new(Curves::bake(&recording, &self.constant(config.start))),
+                    _ => Box::new(Curves::bake(&recording, &self.constant(config.record_gamma))),
                 }
             };
             let set = if training {
@@ -197,16 +209,17 @@ impl Session {
         let config = self.config.clone();
         let objective = self.training.objective(beta);
         let validation = self.validation.objective(beta);
+        let start = self.start(beta);
         let learner = Learner::new(
             config.model,
             config.optimiser,
             config.rate(),
             config.lookup,
-            config.start,
+            start,
         );
         let fingerprint = Checkpoint::fingerprint(&config, beta, self.training.crops())?;
         let mut state = Progress::new(learner);
-        self.training.anchor(self.constant(config.start));
+        self.training.anchor(self.constant(start));
         let path = folder.map(|f| f.join("last.ckpt"));
         if resume && let Some(path) = &path {
             let checkpoint = Checkpoint::load(path, &fingerprint)?;
@@ -248,6 +261,7 @@ impl Session {
             let _ = listen(state.step, f32::NAN, state.log.last());
         }
         Ok(Outcome {
+            start,
             table: self.training.visits().inherit(&state.learner.table()),
             best: state.best.map(|(step, _, table)| (step, table)),
             steps: state.step,
@@ -296,7 +310,7 @@ impl Session {
     }
 
     /// What the table's file says about its making.
-    pub fn provenance(&self, beta: f32, steps: u32) -> Provenance {
+    pub fn provenance(&self, beta: f32, start: f32, steps: u32) -> Provenance {
         let config = &self.config;
         let mut scenes: Vec<(String, String)> = Vec::new();
         for crop in self.training.crops() {
@@ -337,7 +351,7 @@ impl Session {
             steps,
             seed: config.seed,
             scenes,
-            start: config.start,
+            start,
             visits: self.training.visits().0,
         }
     }
