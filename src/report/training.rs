@@ -91,7 +91,7 @@ impl Crops {
             return Self::default();
         }
         let objective = set.objective(beta);
-        let (a, b) = (set.moments(start), set.moments(learned));
+        let (a, b) = (set.exact(start), set.exact(learned));
         let pictures = (set.crops().zip(a.iter().zip(&b)))
             .map(|(crop, (a, b))| {
                 let total: f32 = crop.reference.iter().flatten().sum();

@@ -92,7 +92,7 @@ impl Default for Config {
             start: 0.5,
             record_gamma: 0.05,
             seed: 0,
-            validate_every: 100,
+            validate_every: 250,
             patience: 0,
             checkpoint_every: 500,
         }

@@ -183,6 +183,24 @@ fn bundle(
         .collect()
 }
 
+/// The interval of nodes that a factor is in, and where in it, from 0 to 1.
+fn place(gamma: f64) -> (usize, f64) {
+    let t = ((gamma / f64::from(GAMMA_MIN)).ln() / spacing()).clamp(0.0, (NODES - 1) as f64);
+    let k = (t as usize).min(NODES - 2);
+    (k, t - k as f64)
+}
+
+/// Cubic Hermite basis: value and slope on the left, value and slope on the right.
+fn basis(t: f64) -> [f32; 4] {
+    [
+        (1.0 + 2.0 * t) * (1.0 - t) * (1.0 - t),
+        t * (1.0 - t) * (1.0 - t),
+        t * t * (3.0 - 2.0 * t),
+        t * t * (t - 1.0),
+    ]
+    .map(|w| w as f32)
+}
+
 impl Bundle {
     fn factor(&self, table: &AttenuationTable) -> f32 {
         let raw: f32 = (self.entries.iter())
@@ -191,20 +209,29 @@ impl Bundle {
         (raw * table.scale).clamp(GAMMA_MIN, 1.0)
     }
 
-    /// Adds the curves' values at the table's factor to the moments and keeps their slopes.
-    fn add(&mut self, table: &AttenuationTable, moments: &mut Moments) {
+    /// Adds the curves' values at the table's factor to the moments.
+    fn add(&self, table: &AttenuationTable, moments: &mut Moments) {
+        let (k, t) = place(self.factor(table).into());
+        let value = basis(t);
+        let n = self.pixels.len();
+        let (low, high) = (&self.knots[k * n..][..n], &self.knots[(k + 1) * n..][..n]);
+        for ((&pixel, a), b) in self.pixels.iter().zip(low).zip(high) {
+            let v = [0, 1, 2, 3].map(|c| {
+                value[0] * a[c] + value[1] * a[4 + c] + value[2] * b[c] + value[3] * b[4 + c]
+            });
+            let mean = &mut moments.mean[pixel as usize];
+            for c in 0..3 {
+                mean[c] += v[c];
+            }
+            moments.second[pixel as usize] += v[3];
+        }
+    }
+
+    /// The same, and keeps the curves' slopes.
+    fn add_with_slopes(&mut self, table: &AttenuationTable, moments: &mut Moments) {
         let gamma = f64::from(self.factor(table));
-        let t = ((gamma / f64::from(GAMMA_MIN)).ln() / spacing()).clamp(0.0, (NODES - 1) as f64);
-        let k = (t as usize).min(NODES - 2);
-        let t = t - k as f64;
-        // Cubic Hermite basis and its derivative.
-        let value = [
-            (1.0 + 2.0 * t) * (1.0 - t) * (1.0 - t),
-            t * (1.0 - t) * (1.0 - t),
-            t * t * (3.0 - 2.0 * t),
-            t * t * (t - 1.0),
-        ]
-        .map(|w| w as f32);
+        let (k, t) = place(gamma);
+        let value = basis(t);
         let per_gamma = 1.0 / (gamma * spacing());
         let slope = [
             6.0 * t * (t - 1.0),
@@ -238,9 +265,18 @@ impl Source for Curves {
     fn moments(&mut self, table: &AttenuationTable) -> Moments {
         let mut moments = self.constant.clone();
         for bundle in &mut self.bundles {
-            bundle.add(table, &mut moments);
+            bundle.add_with_slopes(table, &mut moments);
         }
         self.folded.add(table, &mut moments);
+        moments
+    }
+
+    fn exact(&mut self, table: &AttenuationTable) -> Moments {
+        let mut moments = self.constant.clone();
+        for bundle in &self.bundles {
+            bundle.add(table, &mut moments);
+        }
+        self.folded.add_exact(table, &mut moments);
         moments
     }
 

@@ -163,6 +163,35 @@ impl Folded {
         }
     }
 
+    /// Adds the events to the moments, each evaluated at the table.
+    pub(super) fn add_exact(&self, table: &AttenuationTable, moments: &mut Moments) {
+        if self.is_empty() {
+            return;
+        }
+        let roughness = self.codes.roughness(table);
+        let sums: Vec<[f64; 4]> = (self.pixels.par_iter())
+            .map(|(samples, members)| {
+                let mut sum = [0.0; 4];
+                for Member { constant, event } in members {
+                    let moment = event.at(roughness[event.code as usize].alpha);
+                    let mut second = moment.y;
+                    for c in 0..3 {
+                        sum[c] += f64::from(moment.x[c]);
+                        second += 2.0 * constant[c] * moment.x[c];
+                    }
+                    sum[3] += f64::from(second);
+                }
+                sum.map(|s| s / samples)
+            })
+            .collect();
+        for ((sum, mean), second) in sums.iter().zip(&mut moments.mean).zip(&mut moments.second) {
+            for c in 0..3 {
+                mean[c] += sum[c] as f32;
+            }
+            *second += sum[3] as f32;
+        }
+    }
+
     /// Adds dL/dγ.
     pub(super) fn gradient(&self, adjoint: &Adjoint, gradient: &mut [f64]) {
         for &(class, pixel, slope) in &self.slopes {

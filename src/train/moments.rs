@@ -19,6 +19,11 @@ pub trait Source: Send + Sync {
     /// The moments at this table.
     fn moments(&mut self, table: &AttenuationTable) -> Moments;
 
+    /// The moments at this table without the use of tangents, which stay as they are.
+    fn exact(&mut self, table: &AttenuationTable) -> Moments {
+        self.moments(table)
+    }
+
     /// dL/dγ of all factors, given dL/dmoments, at the table that the moments were asked for last.
     fn gradient(&self, table: &AttenuationTable, adjoint: &Adjoint) -> Vec<f64>;
 

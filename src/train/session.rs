@@ -182,7 +182,10 @@ impl Session {
                 visits.count(&recording, &self.constant(config.record_gamma));
                 match config.method {
                     Way::Replay => Box::new(Replay::new(recording)),
-                    _ => Box::new(Curves::bake(&recording, &self.constant(config.record_gamma))),
+                    _ => Box::new(Curves::bake(
+                        &recording,
+                        &self.constant(config.record_gamma),
+                    )),
                 }
             };
             let set = if training {

@@ -86,6 +86,12 @@ impl Set {
         members.map(|m| m.source.moments(table)).collect()
     }
 
+    /// Moments of all crops at a table, without tangents.
+    pub fn exact(&mut self, table: &AttenuationTable) -> Vec<Moments> {
+        let members = self.members.par_iter_mut();
+        members.map(|m| m.source.exact(table)).collect()
+    }
+
     /// Whether the tangents from the anchor no longer hold.
     fn is_stale(&self, table: &AttenuationTable) -> bool {
         let (mut moved, mut weight) = (0.0, 0.0);
@@ -118,7 +124,7 @@ impl Set {
 
     /// The loss of each crop at a table.
     pub fn losses(&mut self, objective: &Objective, table: &AttenuationTable) -> Vec<CropLoss> {
-        let moments = self.moments(table);
+        let moments = self.exact(table);
         objective.by_crop(&moments)
     }
 

@@ -33,12 +33,12 @@ pub struct HeldOut {
 }
 
 /// Steps of a search by golden section.
-const GOLDEN_STEPS: usize = 12;
+const GOLDEN_STEPS: usize = 6;
 
-/// Where `loss` is smallest in [`low`, `high`]: a scan of 24 steps, then golden section between the neighbours of the
+/// Where `loss` is smallest in [`low`, `high`]: a scan of 16 steps, then golden section between the neighbours of the
 /// best.
 fn minimise(low: f64, high: f64, mut loss: impl FnMut(f64) -> f64) -> f64 {
-    const SCAN: usize = 24;
+    const SCAN: usize = 16;
     let at = |i: usize| low + (high - low) * i as f64 / SCAN as f64;
     let scores: Vec<f64> = (0..=SCAN).map(|i| loss(at(i))).collect();
     let best = (0..=SCAN)

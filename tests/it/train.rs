@@ -206,7 +206,12 @@ fn curves_agree_with_replay() {
                     assert!((a - b).abs() < 5e-3 * b, "{lookup:?} pixel {p}: {a} {b}");
                 }
             }
+            let exact = curves.exact(table);
             let second = |m: &Moments| m.second.iter().sum::<f32>();
+            for (e, a) in exact.mean.iter().flatten().zip(a.mean.iter().flatten()) {
+                assert!((e - a).abs() < 2e-3 * a, "{lookup:?}: {e} {a}");
+            }
+            assert!((second(&exact) / second(&a) - 1.0).abs() < 0.01);
             assert!((second(&a) / second(&b) - 1.0).abs() < 0.05);
             let (a, b) = (
                 curves.gradient(table, &adjoint),
