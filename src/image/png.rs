@@ -6,9 +6,10 @@
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use ::image::{DynamicImage, ImageFormat, ImageReader, Limits, RgbImage};
+use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
 
 use super::Buffer;
+use super::exr::MAX_PIXELS;
 use crate::atomic;
 use crate::math::Rgb;
 
@@ -22,6 +23,16 @@ pub enum PngError {
         path: PathBuf,
         /// Why.
         reason: std::io::Error,
+    },
+    /// More than [`MAX_PIXELS`] pixels.
+    #[error("{}: {width}x{height} pixels are more than this program reads", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Width of the picture.
+        width: u32,
+        /// Height of the picture.
+        height: u32,
     },
     /// The contents are not a picture this program reads, or the picture cannot be encoded.
     #[error("{}: {reason}", path.display())]
@@ -102,10 +113,20 @@ pub fn read(path: &Path) -> Result<Buffer, PngError> {
     // Far above any render, far below what a header of a few bytes could ask for.
     limits.max_alloc = Some(1 << 31);
     reader.limits(limits);
-    let decoded = reader.decode().map_err(|reason| PngError::Picture {
+    let picture = |reason| PngError::Picture {
         path: path.to_owned(),
         reason,
-    })?;
+    };
+    let decoder = reader.into_decoder().map_err(picture)?;
+    let (width, height) = decoder.dimensions();
+    if width as usize * height as usize > MAX_PIXELS {
+        return Err(PngError::TooLarge {
+            path: path.to_owned(),
+            width,
+            height,
+        });
+    }
+    let decoded = DynamicImage::from_decoder(decoder).map_err(picture)?;
     let rgb = decoded.into_rgb32f();
     Ok(Buffer {
         width: rgb.width() as usize,

@@ -158,6 +158,38 @@ fn a_header_that_asks_for_too_much_is_refused() {
     );
 }
 
+/// A file of half floats whose data window is made larger: memory for it would have to be written, not only promised.
+#[test]
+fn a_header_that_promises_more_than_its_file_can_hold_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("promise.exr");
+    let halves = crate::fuzz::seeds::foreign(
+        ::exr::prelude::Compression::ZIP1,
+        ::exr::prelude::Blocks::ScanLines,
+    );
+    let name = b"dataWindow\0box2i\0";
+    let at = halves.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
+    for (edge, refused) in [(6i32, false), (2_000, true), (16_000, true)] {
+        let mut bytes = halves.clone();
+        bytes[at + 8..at + 12].copy_from_slice(&(edge + 2).to_le_bytes());
+        bytes[at + 12..at + 16].copy_from_slice(&edge.to_le_bytes());
+        std::fs::write(&path, &bytes).unwrap();
+        match exr::read_rgb(&path) {
+            Ok(picture) => assert!(!refused && picture.height == 7),
+            Err(e) => assert!(refused && e.to_string().contains("cannot hold"), "{e}"),
+        }
+    }
+}
+
+#[test]
+fn a_png_that_claims_too_many_pixels_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("huge.png");
+    std::fs::write(&path, crate::load::hostile::claiming(20_000, 20_000)).unwrap();
+    let error = png::read(&path).unwrap_err().to_string();
+    assert!(error.contains("huge.png: 20000x20000 pixels"), "{error}");
+}
+
 #[test]
 fn a_png_comes_back_within_its_eight_bits() {
     let folder = tempfile::tempdir().unwrap();

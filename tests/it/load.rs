@@ -1,7 +1,7 @@
 //! glTF files to geometry: what is written comes back, and every form of a mesh gives the same mesh.
 
 pub(crate) mod broken;
-mod hostile;
+pub(crate) mod hostile;
 mod look;
 mod meshes;
 

@@ -139,10 +139,16 @@ fn add_metadata(metadata: &mut Metadata, key: &str, value: &str) {
     }
 }
 
+/// The most bytes of pixels that a byte of a file can hold: Deflate makes at most 1032 of one, and of the codings around
+/// it the tightest leaves every fourth byte out.
+const MAX_RATIO: u64 = 2048;
+
 /// Sizes are looked at before the pixels are read: a header of a few bytes can ask for any amount of memory.
 fn check_headers(file: &mut BufReader<File>) -> Result<(), ExrErrorKind> {
+    let length = file.get_ref().metadata()?.len();
     let meta = ::exr::meta::MetaData::read_from_buffered(file, false)?;
     let mut values: usize = 0;
+    let mut bytes: u64 = 0;
     for header in &meta.headers {
         let (width, height) = (header.layer_size.x(), header.layer_size.y());
         let channels = header.channels.list.len();
@@ -155,6 +161,13 @@ fn check_headers(file: &mut BufReader<File>) -> Result<(), ExrErrorKind> {
                 channels,
             });
         }
+        let samples = header.channels.list.iter();
+        let pixel: usize = samples.map(|c| c.sample_type.bytes_per_sample()).sum();
+        bytes = bytes.saturating_add((pixels as u64).saturating_mul(pixel as u64));
+    }
+    if bytes / MAX_RATIO > length {
+        let what = format!("{length} bytes cannot hold the {bytes} that the header promises");
+        return Err(ExrErrorKind::Invalid(what));
     }
     Ok(())
 }

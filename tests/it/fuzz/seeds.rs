@@ -65,7 +65,7 @@ fn picture() -> Buffer {
 }
 
 /// What other programs write: every coding that is read, lines and tiles, three types of numbers.
-fn foreign(compression: Compression, blocks: Blocks) -> Vec<u8> {
+pub(crate) fn foreign(compression: Compression, blocks: Blocks) -> Vec<u8> {
     let ramp: Vec<f32> = (0..63).map(|i| i as f32 / 8.0).collect();
     let halves = ramp.iter().map(|&x| exrs::f16::from_f32(x)).collect();
     let channels = [

@@ -7,7 +7,7 @@ use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use serde_json::{Value, json};
 
 /// A 1 x 1 PNG whose header claims another size, checksum and all.
-fn claiming(width: u32, height: u32) -> Vec<u8> {
+pub(crate) fn claiming(width: u32, height: u32) -> Vec<u8> {
     let mut bytes = crate::support::gltf::png(&image::DynamicImage::new_rgb8(1, 1));
     bytes[16..20].copy_from_slice(&width.to_be_bytes());
     bytes[20..24].copy_from_slice(&height.to_be_bytes());
@@ -107,7 +107,7 @@ fn survives(bytes: &[u8]) -> bool {
 }
 
 /// JSON pointers to all values inside.
-fn pointers(value: &Value, at: &str, out: &mut Vec<String>) {
+pub(crate) fn pointers(value: &Value, at: &str, out: &mut Vec<String>) {
     match value {
         Value::Array(list) => {
             for (i, v) in list.iter().enumerate() {
