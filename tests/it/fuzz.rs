@@ -26,8 +26,8 @@ pub(crate) struct Target {
     pub(crate) read: fn(&Path) -> Result<(), String>,
 }
 
-/// The most memory that this process may ever have held, in KiB: many times what the seeds need.
-const MOST_KIB: u64 = 2 << 20;
+/// The most memory that this process may ever have held, in KiB. The targets need 30 MiB; other tests run beside them.
+const MOST_KIB: u64 = 1 << 20;
 
 /// The most memory that this process has held so far, in KiB; 0 where the system does not tell.
 fn peak_kib() -> u64 {

@@ -1,4 +1,7 @@
-//! Changes to files: of bits, numbers and stretches, and of words where there is text.
+//! Changes to files: of bits, numbers and stretches, of words where there is text, and of values where it is JSON.
+
+use crate::load::hostile::pointers;
+use serde_json::{Value, json};
 
 /// Numbers that depend on a name and a count alone (SplitMix64).
 pub(crate) struct Rng(u64);
@@ -83,8 +86,13 @@ const WORDS: [&str; 28] = [
 pub(crate) fn mutated(rng: &mut Rng, seeds: &[Vec<u8>]) -> Vec<u8> {
     let mut bytes = rng.pick(seeds).clone();
     let text = std::str::from_utf8(&bytes).is_ok();
+    // Half of the files stay JSON, so that what comes after the parser has something to do.
+    let whole = rng.below(2) == 0;
     let changes = 1 + rng.below(3) * rng.below(4);
     for _ in 0..changes {
+        if whole && change_json(rng, &mut bytes) {
+            continue;
+        }
         if text && rng.below(4) > 0 {
             change_words(rng, &mut bytes);
         } else {
@@ -186,4 +194,65 @@ fn change_words(rng: &mut Rng, bytes: &mut Vec<u8>) {
             bytes.splice(word.start..word.start, piece);
         }
     }
+}
+
+/// Where JSON is in a file, if anywhere: in the first chunk of a `.glb` file, or all of it.
+fn json_in(bytes: &[u8]) -> std::ops::Range<usize> {
+    match bytes.get(12..16) {
+        Some(length) if bytes.starts_with(b"glTF") => {
+            let length = u32::from_le_bytes(length.try_into().expect("four bytes"));
+            let end = (20 + length as usize).min(bytes.len());
+            end.min(20)..end
+        }
+        _ => 0..bytes.len(),
+    }
+}
+
+/// Another value at a random place; `false` if this is not JSON.
+fn change_json(rng: &mut Rng, bytes: &mut Vec<u8>) -> bool {
+    let place = json_in(bytes);
+    let Ok(mut json) = serde_json::from_slice::<Value>(&bytes[place.clone()]) else {
+        return false;
+    };
+    let mut all = Vec::new();
+    pointers(&json, "", &mut all);
+    // The first of a long list is as good as the last; the keys between lists are what is rare.
+    let short: Vec<&String> = all
+        .iter()
+        .filter(|p| !p.ends_with(char::is_numeric))
+        .collect();
+    let at = match rng.below(2) {
+        0 => rng.pick(&all),
+        _ => *rng.pick(&short),
+    };
+    let from: &String = rng.pick(&all);
+    let other = json.pointer(from).cloned().unwrap_or_default();
+    let Some(value) = json.pointer_mut(at) else {
+        return false;
+    };
+    match (rng.below(4), &mut *value) {
+        (0, _) => *value = other,
+        (1, Value::Object(map)) => {
+            let key = map.keys().nth(rng.below(map.len())).cloned();
+            key.and_then(|key| map.remove(&key));
+        }
+        (1, Value::Array(list)) if !list.is_empty() => drop(list.remove(rng.below(list.len()))),
+        (2, Value::Array(list)) => list.push(other),
+        (1 | 2, Value::Number(n)) => {
+            // An index one too far, a size one too small.
+            *value = match (n.as_i64(), rng.below(3)) {
+                (Some(n), 0) => json!(n.saturating_add(1)),
+                (Some(n), 1) => json!(n.saturating_sub(1)),
+                (_, 2) => json!(n.as_f64().map(|n| n * -2.0)),
+                _ => json!(n.as_f64().map(|n| n * 1e20)),
+            };
+        }
+        _ => *value = rng.pick(&WORDS).parse().unwrap_or(json!("?")),
+    }
+    let mut text = json.to_string();
+    while text.len() % 4 > 0 {
+        text.push(' ');
+    }
+    bytes.splice(place, text.into_bytes());
+    true
 }

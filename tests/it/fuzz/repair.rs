@@ -44,13 +44,13 @@ pub(crate) fn png(mut bytes: Vec<u8>) -> Vec<u8> {
 
 /// Length and checksum of a checkpoint's content.
 pub(crate) fn checkpoint(bytes: Vec<u8>) -> Vec<u8> {
-    let Some(end) = bytes.windows(2).position(|w| w == b"\"}") else {
+    let length = bytes
+        .get(8..16)
+        .map(|b| u64::from_le_bytes(b.try_into().expect("eight bytes")));
+    let Some(length) = length.filter(|&n| n <= bytes.len() as u64 - 16) else {
         return bytes;
     };
-    if end < 16 {
-        return bytes;
-    }
-    let (head, content) = bytes.split_at(end + 2);
+    let (head, content) = bytes.split_at(16 + length as usize);
     let Ok(mut header) = serde_json::from_slice::<Value>(&head[16..]) else {
         return bytes;
     };
