@@ -193,6 +193,11 @@ impl<R: Regulariser> PathTracer<R> {
                 medium = here.medium_towards(next.wi);
             }
 
+            // ── the end of a path that carries nothing
+            if throughput == Rgb::ZERO && arrival.carries_nothing() {
+                break;
+            }
+
             // ── Russian roulette
             if n >= self.roulette_start {
                 // A throughput that is not a number survives, and is found and reported in the total.
@@ -262,6 +267,12 @@ impl Arrival {
             throughput,
             ..Self::COUNTED
         }
+    }
+
+    /// Whether no emission at the end of the ray would count, at any roughness.
+    #[inline]
+    fn carries_nothing(&self) -> bool {
+        self.throughput == Rgb::ZERO && self.event.is_none()
     }
 
     #[inline]

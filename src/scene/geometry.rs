@@ -105,6 +105,13 @@ impl Geometry {
         (0.5 * normal(a, b, c).length()) as f32
     }
 
+    /// Unit normal of a triangle, towards its front.
+    #[inline]
+    pub fn triangle_normal(&self, i: u32) -> Vec3 {
+        let [a, b, c] = self.triangle(i);
+        normal(a, b, c).normalize().as_vec3()
+    }
+
     /// Whether opacity may remove a hit.
     #[inline]
     pub fn has_opacity(&self) -> bool {

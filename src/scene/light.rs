@@ -20,6 +20,10 @@ pub struct LightSample {
     pub pdf_w: f32,
     /// Whether the light has no area: no lobe sample can ever hit it.
     pub delta: bool,
+    /// Absolute cosine between the direction and the light's surface; 1 where it has none.
+    pub cos: f32,
+    /// How far rounding may move the light's surface along its normal; 0 for lights at infinity.
+    pub error: f32,
 }
 
 /// Emission found at the end of a ray.
@@ -205,6 +209,8 @@ impl Emitters {
                     radiance,
                     pdf_w,
                     delta: false,
+                    cos: 1.0,
+                    error: 0.0,
                 })
             }
         }
@@ -228,7 +234,8 @@ impl Emitters {
         let distance = to.length();
         let wi = to / distance;
         let material = &parts.materials[geometry.triangle_material(i) as usize];
-        let cos = -wi.dot(e1.cross(e2).normalize());
+        let normal = geometry.triangle_normal(i);
+        let cos = -wi.dot(normal);
         if !(cos > 0.0 || (material.double_sided && cos < 0.0)) {
             return None;
         }
@@ -240,12 +247,17 @@ impl Emitters {
         } else {
             material.emission
         };
+        // Four roundings of the point, two of the direction.
+        let reach = (a.abs() + e1.abs() + e2.abs()).dot(normal.abs());
+        let error = f32::EPSILON * (4.0 * reach + 2.0 * distance);
         (pdf_w.is_finite() && pdf_w > 0.0).then_some(LightSample {
             wi,
             distance,
             radiance,
             pdf_w,
             delta: false,
+            cos: cos.abs(),
+            error,
         })
     }
 
@@ -298,9 +310,9 @@ impl Emitters {
             }
             let surface = scene.surface(ray, &hit);
             let radiance = scene.emitted(&surface, -ray.dir);
-            // The emitter's own surface must not hide it.
+            // The emitter's own surface must not hide it. Both trees find it at the same distance to the bit.
             let segment = Ray {
-                t_max: hit.t * (1.0 - 1e-4),
+                t_max: hit.t.next_down(),
                 ..*ray
             };
             if radiance == Rgb::ZERO || scene.occluded(&segment) {
@@ -403,6 +415,13 @@ impl PunctualLight {
             radiance,
             pdf_w: pmf,
             delta: true,
+            cos: 1.0,
+            // At infinity the ray must not end before it.
+            error: if distance.is_finite() {
+                2.0 * f32::EPSILON * distance
+            } else {
+                0.0
+            },
         })
     }
 }

@@ -219,8 +219,10 @@ impl Surface {
     #[inline]
     pub fn spawn_to_light(&self, light: &LightSample) -> Ray {
         let mut ray = self.spawn(light.wi);
-        // The light's own surface must not hide it; for a light at infinity the product stays infinite.
-        ray.t_max = light.distance * (1.0 - 1e-4);
+        // The light's own surface must not hide it, a sheet just before it must: what rounding moves along the normal
+        // moves the meeting point by that over the cosine. For a light at infinity the difference stays infinite.
+        let slack = (self.error + light.error) / light.cos;
+        ray.t_max = (light.distance - slack).max(0.5 * light.distance);
         ray
     }
 }
