@@ -285,6 +285,12 @@ fn learn(
     if let Some((step, table)) = &outcome.best {
         save_table(&folder.join("best.json"), table, *step)?;
     }
+    if outcome.skipped > 0 {
+        progress.say(&format!(
+            "{} steps left out: their loss or gradient was not finite",
+            outcome.skipped
+        ));
+    }
     if outcome.stopped {
         progress.say(&format!(
             "stopped after {} of {} steps; --resume goes on",
@@ -341,7 +347,7 @@ fn judge(
 fn blame(error: TrainError) -> anyhow::Error {
     let code = match &error {
         TrainError::Checkpoint(opsr::train::checkpoint::CheckpointError::Io { .. }) => Exit::Output,
-        TrainError::State(_) => Exit::Failed,
+        TrainError::State(_) | TrainError::NotFinite { .. } => Exit::Failed,
         _ => Exit::Input,
     };
     super::Failure(code, error.into()).into()

@@ -21,6 +21,12 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
+/// Adam squares the gradient in single precision; a moment of infinity would hold its factor for ever.
+const LARGEST: f64 = 1e18;
+
+/// Steps without a usable gradient after which a training gives up.
+const MOST_SKIPPED: u32 = 100;
+
 /// Why a training could not go on.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
@@ -39,6 +45,17 @@ pub enum TrainError {
     /// Nothing to learn from.
     #[error("{0}")]
     Empty(String),
+    /// Too many steps had to be left out.
+    #[error(
+        "step {step}: the loss or its gradient was not finite for the {skipped}th time; the checkpoint holds the \
+         last good state"
+    )]
+    NotFinite {
+        /// Steps taken.
+        step: u32,
+        /// Steps left out.
+        skipped: u32,
+    },
 }
 
 /// A line of the log.
@@ -70,6 +87,8 @@ pub struct Outcome {
     pub best: Option<(u32, AttenuationTable)>,
     /// Steps taken.
     pub steps: u32,
+    /// Steps whose loss or gradient was not finite or beyond measure: the table and the optimiser stayed as they were.
+    pub skipped: u32,
     /// The log.
     pub log: Vec<Entry>,
     /// Whether the listener ended it.
@@ -246,8 +265,19 @@ impl Session {
             if stopped {
                 break;
             }
-            state.learner.step(&gradient);
+            if loss.is_finite() && gradient.iter().all(|g| g.abs() < LARGEST) {
+                state.learner.step(&gradient);
+            } else {
+                state.skipped += 1;
+            }
             state.step += 1;
+            if state.skipped >= MOST_SKIPPED {
+                if let Some(path) = &path {
+                    (state.checkpoint(&fingerprint, &self.training)?).save(path)?;
+                }
+                let Progress { step, skipped, .. } = state;
+                return Err(TrainError::NotFinite { step, skipped });
+            }
             if let Some(path) = &path
                 && state.step.is_multiple_of(config.checkpoint_every)
             {
@@ -268,6 +298,7 @@ impl Session {
             table: self.training.visits().inherit(&state.learner.table()),
             best: state.best.map(|(step, _, table)| (step, table)),
             steps: state.step,
+            skipped: state.skipped,
             log: state.log,
             stopped,
         })
@@ -364,6 +395,8 @@ impl Session {
 struct Progress {
     learner: Learner,
     step: u32,
+    /// Steps left out since the start or the resumption.
+    skipped: u32,
     log: Vec<Entry>,
     best: Option<(u32, f32, AttenuationTable)>,
     /// Looks at the validation scenes since the best one.
@@ -375,6 +408,7 @@ impl Progress {
         Self {
             learner,
             step: 0,
+            skipped: 0,
             log: Vec::new(),
             best: None,
             looks: 0,
@@ -390,6 +424,7 @@ impl Progress {
         Ok(Self {
             learner: self.learner.restore(checkpoint.state)?,
             step: checkpoint.step,
+            skipped: 0,
             best: (checkpoint.best).map(|(step, loss, table)| (step, loss, with_lookup(table))),
             looks: checkpoint.looks,
             log: Vec::new(),

@@ -19,7 +19,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 /// A small crop of the box with glass and copper, with a reference at a known factor.
-fn crop(edge: u32) -> Crop {
+pub(crate) fn crop(edge: u32) -> Crop {
     let scene = scene(caustic_box());
     let camera = scene.parts().cameras[0].clone();
     let mut crop = Crop {
@@ -275,7 +275,7 @@ fn burns_gradient_of_the_loss_is_the_hand_written_one() {
 }
 
 /// A training that takes a second.
-fn quick(way: Way) -> Config {
+pub(crate) fn quick(way: Way) -> Config {
     Config {
         spp: 32,
         steps: 12,

@@ -1,0 +1,136 @@
+//! Hard numerical cases of the trainer (15 of the project's list): gradients that are no numbers, fireflies, factors at
+//! their bounds, black crops.
+
+use crate::train::{crop, quick};
+use opsr::regularise::{AttenuationTable, LEN};
+use opsr::train::config::Way;
+use opsr::train::moments::{Adjoint, Moments, Source};
+use opsr::train::replay::Replay;
+use opsr::train::session::Outcome;
+use opsr::train::visits::Visits;
+use opsr::train::{Session, TrainError};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// What goes wrong, and at which of the calls.
+#[derive(Clone, Copy)]
+enum Fault {
+    Never,
+    Gradient(f64, fn(u32) -> bool),
+    Firefly(f32, fn(u32) -> bool),
+}
+
+/// A replay that is sometimes wrong.
+struct Faulty {
+    good: Replay,
+    fault: Fault,
+    calls: u32,
+}
+
+impl Source for Faulty {
+    fn moments(&mut self, table: &AttenuationTable) -> Moments {
+        self.calls += 1;
+        let mut moments = self.good.moments(table);
+        if let Fault::Firefly(value, when) = self.fault
+            && when(self.calls)
+        {
+            moments.mean[0] = [value; 3];
+            moments.second[0] = 3.0 * value * value;
+        }
+        moments
+    }
+
+    fn gradient(&self, table: &AttenuationTable, adjoint: &Adjoint) -> Vec<f64> {
+        let mut gradient = self.good.gradient(table, adjoint);
+        if let Fault::Gradient(value, when) = self.fault
+            && when(self.calls)
+        {
+            gradient[LEN / 2] = value;
+        }
+        gradient
+    }
+}
+
+fn learn(steps: u32, fault: Fault, folder: Option<&Path>) -> Result<Outcome, TrainError> {
+    let mut config = quick(Way::Replay);
+    config.steps = steps;
+    // A look at the losses asks for the moments too.
+    config.validate_every = 1000;
+    let crop = crop(6);
+    let recording = crop.record(config.record_gamma, config.spp, 1)?;
+    let target = crop.target(config.spp);
+    let mut session = Session::with_crops(config, vec![crop.clone()], vec![], &mut |_| ())?;
+    session.training.take(|_| true);
+    let source = Faulty {
+        good: Replay::new(recording),
+        fault,
+        calls: 0,
+    };
+    session
+        .training
+        .push(crop, Box::new(source), target, Visits::default());
+    session.learn(0.001, folder, false, &mut |_, _, _| {
+        ControlFlow::Continue(())
+    })
+}
+
+#[test]
+fn case_15_steps_without_a_gradient_leave_everything_as_it_was() {
+    let good = learn(10, Fault::Never, None).unwrap();
+    assert_eq!(good.skipped, 0);
+    let when = |call| call == 4 || call == 7;
+    for fault in [
+        Fault::Gradient(f64::NAN, when),
+        Fault::Gradient(f64::NEG_INFINITY, when),
+        // Its square is infinite in single precision, and so would Adam's moment be ever after.
+        Fault::Gradient(1e30, when),
+        Fault::Firefly(f32::NAN, when),
+        Fault::Firefly(1e30, when),
+    ] {
+        let outcome = learn(12, fault, None).unwrap();
+        assert_eq!((outcome.steps, outcome.skipped), (12, 2));
+        assert_eq!(outcome.table, good.table);
+    }
+    assert_ne!(learn(12, Fault::Never, None).unwrap().table, good.table);
+}
+
+#[test]
+fn case_15_too_many_of_them_end_a_training_with_a_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let fault = Fault::Gradient(f64::NAN, |call| call > 3);
+    let error = learn(1000, fault, Some(folder.path())).unwrap_err();
+    let TrainError::NotFinite { step, skipped } = error else {
+        panic!("{error}");
+    };
+    // The first call is for the log.
+    assert_eq!((step, skipped), (102, 100));
+    assert!(folder.path().join("last.ckpt").exists());
+}
+
+#[test]
+fn case_15_bounds_and_black_crops_have_finite_gradients() {
+    for way in [Way::Replay, Way::Tabulated] {
+        for black in [false, true] {
+            let mut crop = crop(6);
+            if black {
+                crop.reference.iter_mut().for_each(|p| *p = [0.0; 3]);
+            }
+            let mut session = Session::with_crops(quick(way), vec![crop], vec![], &mut |_| ())
+                .expect("a session");
+            let objective = session.training.objective(0.001);
+            for gamma in [0.0, 1e-3, 0.5, 1.0] {
+                let table = AttenuationTable::constant(gamma);
+                let (loss, gradient) = session.training.gradient(&objective, &table);
+                assert!(loss.is_finite(), "{way:?} {black} {gamma}: {loss}");
+                let bad = gradient.iter().position(|g| !g.is_finite());
+                assert_eq!(bad, None, "{way:?} {black} {gamma}");
+            }
+            let outcome = session
+                .learn(0.001, None, false, &mut |_, _, _| ControlFlow::Continue(()))
+                .unwrap();
+            assert_eq!(outcome.skipped, 0);
+            let mut gammas = outcome.table.gammas.iter();
+            assert!(gammas.all(|g| (1e-3..=1.0).contains(g)), "{way:?} {black}");
+        }
+    }
+}
