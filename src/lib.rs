@@ -20,6 +20,7 @@
 //! | 4 | [`integrator`] | the one path-tracing loop and its observers |
 //! | 5 | `train` | events, recordings, objective, Adam (feature `train`) |
 //! | 5 | [`report`] | comparisons, benches and their pages |
+//! | 5 | [`verify`] | hard numerical cases, tried on the machine at hand |
 //!
 //! # Notation
 //!
@@ -64,3 +65,4 @@ pub mod sampler;
 pub mod scene;
 #[cfg(feature = "train")]
 pub mod train;
+pub mod verify;

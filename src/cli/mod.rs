@@ -21,6 +21,7 @@ mod stop;
 mod table;
 #[cfg(feature = "train")]
 mod train;
+mod verify;
 
 /// What the program's exit code says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,6 +123,8 @@ enum Command {
     Table(table::TableArgs),
     /// Turn the results of a bench into one HTML file.
     Report(report::ReportArgs),
+    /// Try hard numerical cases on this machine.
+    Verify(verify::VerifyArgs),
 }
 
 /// Runs the program.
@@ -146,6 +149,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Bench(args) => bench::run(&args),
         Command::Table(args) => table::run(&args).map(|()| Exit::Done),
         Command::Report(args) => report::run(&args).map(|()| Exit::Done),
+        Command::Verify(args) => verify::run(&args),
     };
     let exit = result.unwrap_or_else(|error| {
         eprintln!("opsr: {}", told(&error));

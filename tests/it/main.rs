@@ -16,6 +16,9 @@ mod metric;
 mod mollifier;
 mod references;
 mod scenes;
+mod stability;
+#[cfg(feature = "train")]
+mod stability_train;
 mod support;
 mod surface;
 mod table_file;

@@ -1,0 +1,319 @@
+//! Small renders: bodies that must not leak, scenes of every size, roulette, nothing at all.
+
+use super::{Finding, Numbers};
+use crate::bsdf::Distribution;
+use crate::image::Film;
+use crate::integrator::{Method, Picture, Settings};
+use crate::math::{Rgb, UVec2, Vec3};
+use crate::scene::builtin::materials::{GOLD, coated, diffuse, emitter, glass, metal};
+use crate::scene::builtin::shapes::{quad, room, sphere};
+use crate::scene::builtin::{caustic_box, furnace_sphere};
+use crate::scene::{Environment, Material, Mesh, PunctualLight, Scene, SceneParts};
+
+const REGULARISED: Method = regularised(false);
+
+const fn regularised(reuse: bool) -> Method {
+    Method::Constant {
+        gamma: 0.3,
+        reuse,
+        lambda: 0.0,
+    }
+}
+
+fn render(parts: SceneParts, settings: &Settings, size: u32, spp: u32) -> Film {
+    let scene = Scene::new(parts);
+    let mut picture = Picture {
+        film: Film::new(UVec2::splat(size)),
+        aovs: None,
+    };
+    let camera = &scene.parts().cameras[0];
+    settings
+        .integrator()
+        .pass(&scene, camera, 0..spp, &mut picture);
+    picture.film
+}
+
+fn with(method: Method) -> Settings {
+    Settings {
+        method,
+        ..Settings::default()
+    }
+}
+
+/// Mean of the picture and its standard error; not a number where samples were refused.
+fn mean(film: &Film) -> (f64, f64) {
+    if film.rejected.total() > 0 {
+        return (f64::NAN, f64::NAN);
+    }
+    let n = 3.0 * film.pixels.len() as f64;
+    let sum: f64 = film.pixels.iter().map(|p| p.mean.element_sum()).sum();
+    let variance = |p: &crate::math::moments::Moments| p.variance_of_mean().element_sum();
+    let variance: f64 = film.pixels.iter().map(variance).sum();
+    (sum / n, variance.sqrt() / n)
+}
+
+/// The largest of what is measured at the pixels; not a number where samples were refused.
+fn largest(film: &Film, at: impl Fn(usize) -> f64) -> f64 {
+    if film.rejected.total() > 0 {
+        return f64::NAN;
+    }
+    (0..film.pixels.len()).map(at).fold(0.0, f64::max)
+}
+
+/// The largest value of a picture.
+fn brightest(film: &Film) -> f64 {
+    largest(film, |i| film.pixels[i].mean.abs().max_element())
+}
+
+/// A room under a bright ceiling with a metal ball and a glass ball of one roughness.
+fn balls(alpha: f32, distribution: Distribution) -> SceneParts {
+    let mut parts = SceneParts::default();
+    let [left, right, floor, ceiling, back, front] =
+        room(Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 2.0, 1.0));
+    let walls = [left, right, floor, back, front];
+    parts.add(diffuse("walls", Rgb::splat(0.5)), walls);
+    parts.add(emitter("ceiling", Rgb::ONE), [ceiling]);
+    let ball = |x: f32, z: f32| sphere(Vec3::new(x, 0.45, z), 0.4, 3);
+    for (material, ball) in [
+        (metal("metal", GOLD, alpha), ball(-0.5, -0.3)),
+        (glass("glass", 1.5, alpha), ball(0.45, 0.2)),
+    ] {
+        let material = Material {
+            distribution,
+            ..material
+        };
+        parts.add(material, [ball]);
+    }
+    parts.add_camera([0.0, 1.0, 0.95], [0.0, 0.5, 0.0], 75.0);
+    parts
+}
+
+/// The mean of a picture just below and just above the roughness at which a lobe ceases to be a delta.
+pub(super) fn switch() -> Finding {
+    let mut errors = Vec::new();
+    for (method, distribution) in [
+        (Method::Plain, Distribution::Beckmann),
+        (Method::Plain, Distribution::Ggx),
+        (REGULARISED, Distribution::Beckmann),
+    ] {
+        let parts = |alpha| balls(alpha, distribution);
+        let at = |alpha| mean(&render(parts(alpha), &with(method.clone()), 24, 128)).0;
+        let (below, above) = (at(9.9e-4), at(1.01e-3));
+        errors.push((below / above - 1.0).abs());
+    }
+    Finding::new("mean of a picture across α = 1e-3", 5e-3, errors)
+}
+
+/// A ball whose index is nearly that of the air, on a floor under an even sky, against no ball at all: the mean of the
+/// picture on both sides of the index below which it counts as nothing.
+pub(super) fn weak() -> Vec<Finding> {
+    let parts = |ior: f32, alpha: f32| {
+        let mut parts = SceneParts::default();
+        let side = 8.0;
+        let corner = Vec3::new(-0.5 * side, 0.0, -0.5 * side);
+        let floor = quad(corner, Vec3::Z * side, Vec3::X * side);
+        parts.add(diffuse("floor", Rgb::splat(0.6)), [floor]);
+        parts.environment = Some(Environment::constant(Rgb::ONE));
+        let ball = sphere(Vec3::new(0.0, 0.8, 0.0), 0.7, 3);
+        parts.add(glass("ball", ior, alpha), [ball]);
+        parts.add_camera([0.0, 1.2, 3.0], [0.0, 0.7, 0.0], 45.0);
+        parts
+    };
+    let worst = |method: Method, alphas: &[f32]| {
+        let picture =
+            |ior, alpha| mean(&render(parts(ior, alpha), &with(method.clone()), 16, 256)).0;
+        let nothing = picture(1.0, 0.0);
+        let mut errors = Vec::new();
+        for ior in [1.0001, 1.0006, 1.001] {
+            let off = |&alpha: &f32| (picture(ior, alpha) / nothing - 1.0).abs();
+            errors.extend(alphas.iter().map(off));
+        }
+        errors
+    };
+    let mut rough = worst(Method::Plain, &[0.3]);
+    rough.extend(worst(REGULARISED, &[0.0]));
+    vec![
+        Finding::new(
+            "a ball of index 1.0001 to 1.001 against none",
+            5e-3,
+            worst(Method::Plain, &[0.0, 0.01]),
+        ),
+        // Single scattering loses what a rough interface masks, whatever its index.
+        Finding::new("the same, rough or roughened", 2e-2, rough),
+    ]
+}
+
+/// A sphere whose shading normals point anywhere, with a camera inside and all light outside.
+fn dark(open: bool) -> SceneParts {
+    let mut numbers = Numbers::new(40);
+    let mut ball = sphere(Vec3::ZERO, 1.0, 3);
+    for normal in &mut ball.normals {
+        *normal = match numbers.below(6) {
+            0 => Vec3::ZERO,
+            1 => -*normal,
+            2 => Vec3::NAN,
+            _ => numbers.above(),
+        };
+    }
+    if open {
+        ball.indices.truncate(ball.indices.len() - 200);
+    }
+    let mut parts = SceneParts::default();
+    parts.add(coated("shell", Rgb::splat(0.9), 0.01), [ball]);
+    parts.environment = Some(Environment::constant(Rgb::splat(1e5)));
+    parts.lights.push(PunctualLight::Point {
+        position: Vec3::new(0.0, 1.001, 0.0),
+        intensity: Rgb::splat(1e3),
+        range: f32::INFINITY,
+    });
+    parts.add_camera([0.3, 0.1, 0.2], [0.0, 0.0, -1.0], 100.0);
+    parts
+}
+
+/// The largest value seen inside the sphere: what leaks in.
+pub fn leak(open: bool) -> Finding {
+    let films = [Method::Plain, REGULARISED, regularised(true)]
+        .map(|method| render(dark(open), &with(method), 24, 16));
+    Finding::new(
+        "light inside a closed sphere, normals anywhere",
+        0.0,
+        films.iter().map(brightest),
+    )
+}
+
+pub(super) fn leaks() -> Vec<Finding> {
+    vec![leak(false), covered(true)]
+}
+
+/// A lamp of edge 1 at height 2 over a white floor and a metal ball; a black sheet 4e-5 below it, if `closed`.
+fn lamp(closed: bool) -> SceneParts {
+    let mut parts = SceneParts::default();
+    let panel = |y: f32, edge: f32| {
+        let h = 0.5 * edge;
+        quad(Vec3::new(-h, y, -h), Vec3::X * edge, Vec3::Z * edge)
+    };
+    parts.add(emitter("lamp", Rgb::splat(10.0)), [panel(2.0, 1.0)]);
+    if closed {
+        parts.add(diffuse("sheet", Rgb::ZERO), [panel(2.0 - 4e-5, 1.2)]);
+    }
+    let floor = quad(Vec3::new(-3.0, 0.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0);
+    parts.add(coated("floor", Rgb::splat(0.8), 0.1), [floor]);
+    let ball = sphere(Vec3::new(0.0, 0.5, 0.0), 0.5, 3);
+    parts.add(metal("ball", GOLD, 0.1), [ball]);
+    parts.add_camera([0.0, 1.0, 4.0], [0.0, 0.5, 0.0], 50.0);
+    parts
+}
+
+/// The largest value of a picture whose only light is covered, by a sheet that almost touches it.
+pub fn covered(closed: bool) -> Finding {
+    let films = [1e-3, 1.0, 37.0, 1e6].into_iter().flat_map(|scale| {
+        [Method::Plain, REGULARISED]
+            .map(|method| render(scaled(lamp(closed), scale), &with(method), 12, 16))
+    });
+    Finding::new(
+        "light through a sheet 4e-5 before the lamp",
+        0.0,
+        films.map(|film| brightest(&film)),
+    )
+}
+
+/// Everything `scale` times as large.
+fn scaled(mut parts: SceneParts, scale: f32) -> SceneParts {
+    for mesh in &mut parts.meshes {
+        mesh.positions.iter_mut().for_each(|p| *p *= scale);
+    }
+    for camera in &mut parts.cameras {
+        camera.position *= scale;
+    }
+    parts
+}
+
+pub(super) fn scales() -> Vec<Finding> {
+    let picture = |scale| render(scaled(caustic_box(), scale), &with(REGULARISED), 24, 16);
+    let one = picture(1.0);
+    let same = |other: Film| {
+        let apart = |i: usize| one.pixels[i].mean - other.pixels[i].mean;
+        largest(&other, |i| apart(i).abs().max_element())
+    };
+    let powers = [-10, 20].map(|e| same(picture(2f32.powi(e))));
+    let balls = balls(0.01, Distribution::Beckmann);
+    let mean = |scale| {
+        mean(&render(
+            scaled(balls.clone(), scale),
+            &with(REGULARISED),
+            24,
+            64,
+        ))
+        .0
+    };
+    let unit = mean(1.0);
+    let means = [1e-3, 1e3, 1e6].map(|scale| (mean(scale) / unit - 1.0).abs());
+    vec![
+        Finding::new("a picture at 2⁻¹⁰ and 2²⁰ times the size", 0.0, powers),
+        Finding::new("mean at 1e-3, 1e3 and 1e6 times the size", 2e-3, means),
+    ]
+}
+
+/// Roulette from the first vertex on: the mean of a furnace in standard errors, from dark walls to bright ones, at
+/// radiances of 1e-30 to 1e30.
+pub(super) fn roulette() -> Vec<Finding> {
+    let settings = Settings {
+        max_vertices: 256,
+        roulette_start: 1,
+        ..Settings::default()
+    };
+    let furnace = |albedo: f32, radiance: f32| {
+        let mut parts = furnace_sphere(albedo);
+        parts.materials[0].emission *= radiance;
+        let (mean, error) = mean(&render(parts, &settings, 12, 256));
+        let radiance = f64::from(radiance);
+        (mean / radiance - 1.0, error / radiance)
+    };
+    let noisy = [
+        (0.1, 1.0),
+        (0.5, 1.0),
+        (0.9, 1.0),
+        (0.5, 1e30),
+        (0.5, 1e-30),
+    ];
+    let noisy = noisy.map(|(albedo, radiance)| {
+        let (off, error) = furnace(albedo, radiance);
+        off.abs() / error
+    });
+    // Throughput 0 and next to nothing: stops at once.
+    let dark = [0.0, 1e-30].map(|albedo| furnace(albedo, 1.0).0.abs());
+    vec![
+        Finding::new("furnace with roulette: standard errors from 1", 4.5, noisy),
+        Finding::new("furnace of black walls less 1", 1e-6, dark),
+    ]
+}
+
+/// Scenes without triangles, without light, or with nothing usable in them are black.
+pub(super) fn nothing() -> Vec<Finding> {
+    let empty = || {
+        let mut parts = SceneParts::default();
+        parts.add_camera([0.0, 0.0, 3.0], [0.0, 0.0, 0.0], 40.0);
+        parts
+    };
+    let mut unlit = empty();
+    unlit.add(metal("ball", GOLD, 0.1), [sphere(Vec3::ZERO, 1.0, 2)]);
+    let mut broken = empty();
+    let corners = [Vec3::NAN, Vec3::ZERO, Vec3::X, Vec3::splat(f32::INFINITY)];
+    let faces = vec![[0, 1, 2], [1, 1, 2], [1, 2, 3], [2, 2, 2], [0, 1, 9]];
+    let mesh = Mesh {
+        positions: corners.into(),
+        indices: faces,
+        ..Mesh::default()
+    };
+    broken.add(emitter("shards", Rgb::splat(1e9)), [mesh]);
+    let mut black = empty();
+    black.environment = Some(Environment::constant(Rgb::ZERO));
+    black.add(glass("ball", 1.5, 0.0), [sphere(Vec3::ZERO, 1.0, 2)]);
+    let values = [empty(), unlit, broken, black]
+        .map(|parts| brightest(&render(parts, &with(REGULARISED), 8, 4)));
+    vec![Finding::new(
+        "light of empty, unlit and broken scenes",
+        0.0,
+        values,
+    )]
+}
