@@ -1,6 +1,7 @@
 //! `opsr verify`: hard numerical cases on this machine.
 
 use super::Exit;
+use super::output::print;
 use clap::Args;
 use opsr::verify::{CASES, Finding};
 use serde_json::json;
@@ -15,45 +16,40 @@ pub(super) struct VerifyArgs {
 
 /// Runs the command: every case, what was tried in it, the worst value met and its bound.
 pub(super) fn run(args: &VerifyArgs) -> anyhow::Result<Exit> {
-    if !args.json {
-        println!(
-            "{:<24} {:<64} {:>9}  {:>7}",
-            "case", "tried", "worst", "bound"
-        );
-    }
     let (mut all, mut violations) = (Vec::new(), 0);
+    if !args.json {
+        print(row(["case", "tried", "worst", "bound"], ""))?;
+    }
     for case in &CASES {
         for finding in case.run() {
             violations += u32::from(!finding.holds());
             if args.json {
                 all.push(as_json(case.name, &finding));
-            } else {
-                println!("{}", row(case.name, &finding));
+                continue;
             }
+            let [worst, bound] = [finding.worst, finding.bound].map(short);
+            let mark = if finding.holds() { "" } else { "  VIOLATED" };
+            print(row([case.name, &finding.tried, &worst, &bound], mark))?;
         }
     }
     if args.json {
-        println!("{:#}", json!(all));
-    } else if violations > 0 {
-        println!("{violations} violated: please report this with the kind of machine");
+        print(format!("{:#}\n", json!(all)))?;
+    } else if violations == 0 {
+        print("all hold\n")?;
     } else {
-        println!("all hold");
+        print(format!(
+            "{violations} violated: please report them with the kind of machine\n"
+        ))?;
     }
-    Ok(if violations > 0 {
-        Exit::Failed
-    } else {
+    Ok(if violations == 0 {
         Exit::Done
+    } else {
+        Exit::Failed
     })
 }
 
-fn row(case: &str, finding: &Finding) -> String {
-    let mark = if finding.holds() { "" } else { "  VIOLATED" };
-    format!(
-        "{case:<24} {:<64} {:>9}  {:>7}{mark}",
-        finding.tried,
-        short(finding.worst),
-        short(finding.bound)
-    )
+fn row([case, tried, worst, bound]: [&str; 4], mark: &str) -> String {
+    format!("{case:<24} {tried:<64} {worst:>9}  {bound:>9}{mark}\n")
 }
 
 fn short(x: f64) -> String {

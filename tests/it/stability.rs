@@ -291,3 +291,21 @@ fn case_12_running_moments() {
 fn case_14_scenes_without_anything_are_black() {
     holds("scenes without anything");
 }
+
+#[test]
+fn the_program_tells_what_holds() {
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_opsr"))
+        .args(["verify", "--json"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    let findings: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let findings = findings.as_array().unwrap();
+    for case in &CASES {
+        assert!(findings.iter().any(|f| f["case"] == case.name));
+    }
+    for finding in findings {
+        assert_eq!(finding["holds"], true, "{finding}");
+        assert!(finding["worst"].as_f64() <= finding["bound"].as_f64());
+    }
+}

@@ -286,6 +286,31 @@ fn shader_include_is_valid_glsl() {
 }
 
 #[test]
+fn shader_include_is_valid_slang_and_hlsl() {
+    for lookup in [Lookup::Nearest, Lookup::Linear] {
+        let folder = tempfile::tempdir().unwrap();
+        let include = String::from_utf8(export(&table(lookup, 1.0), Format::Shader)).unwrap();
+        let shader = format!(
+            "{include}\nRWStructuredBuffer<float> data;\n\
+             [shader(\"compute\")] [numthreads(64, 1, 1)]\n\
+             void run(uint3 id : SV_DispatchThreadID) {{\n    OpsrPath path = opsr_begin(1.0);\n    \
+             for (uint i = 0u; i < 8u; ++i) {{\n        float alpha = data[8u * id.x + i];\n        \
+             data[8u * id.x + i] = opsr_roughen(path, alpha);\n        \
+             path = opsr_scatter(path, alpha);\n    }}\n}}\n"
+        );
+        for name in ["table.slang", "table.hlsl"] {
+            std::fs::write(folder.path().join(name), &shader).unwrap();
+            let wanted = "-target hlsl -entry run -stage compute -o out.hlsl";
+            let arguments: Vec<&str> = [name].into_iter().chain(wanted.split(' ')).collect();
+            let Some(output) = tool(folder.path(), "slangc", &arguments) else {
+                return;
+            };
+            succeeded("slangc", &output);
+        }
+    }
+}
+
+#[test]
 fn a_level_and_its_coordinate_share_their_edges() {
     // What the exported code relies on: at the last edge the coordinate is 3 exactly, below it is not above 3.
     assert_eq!(bin_coordinate(BIN_EDGES[2]), 3.0);
