@@ -28,6 +28,26 @@ pub(super) fn window(text: &str) -> Result<Window, String> {
     }
 }
 
+/// How the factors of a table are scaled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Scale {
+    /// As a pilot finds best.
+    Auto,
+    /// By this, instead of the table's own scale.
+    By(f32),
+}
+
+/// A scale such as `0.5` or `auto`.
+pub(super) fn scale(text: &str) -> Result<Scale, String> {
+    if text == "auto" {
+        return Ok(Scale::Auto);
+    }
+    match text.parse::<f32>() {
+        Ok(x) if x > 0.0 && x.is_finite() => Ok(Scale::By(x)),
+        _ => Err("expected a number above 0, or auto".into()),
+    }
+}
+
 /// The method, and the hash of its table where there is one.
 pub(super) struct Chosen {
     pub(super) method: Method,
@@ -72,7 +92,7 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Chosen> {
     };
     let file = TableFile::load(path).input()?;
     let mut table = file.table.clone();
-    if let Some(scale) = args.table_scale {
+    if let Some(Scale::By(scale)) = args.table_scale {
         table.scale = scale;
     }
     if let Some(lookup) = args.lookup {

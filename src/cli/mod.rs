@@ -21,6 +21,7 @@ mod stop;
 mod table;
 #[cfg(feature = "train")]
 mod train;
+mod tune;
 mod verify;
 
 /// What the program's exit code says.

@@ -5,7 +5,7 @@ use super::live::Live;
 use super::output::{Outputs, Provenance, can_write};
 use super::scene::{self, Opened, SceneArgs};
 use super::stop::Stop;
-use super::{Blame, Exit, job};
+use super::{Blame, Exit, job, tune};
 use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
 use opsr::image::film::{Film, Window};
@@ -31,30 +31,31 @@ pub(super) struct RenderArgs {
 
     /// Samples per pixel. Without --spp, --time and --target-error: 128.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    spp: Option<u32>,
+    pub(super) spp: Option<u32>,
     /// Stop after this long, such as 60s or 5min.
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
-    time: Option<Duration>,
+    pub(super) time: Option<Duration>,
     /// Stop when the estimated relative error of the picture (root of its relMSE) is below this.
     #[arg(long, value_name = "X", value_parser = scene::positive)]
-    target_error: Option<f32>,
+    pub(super) target_error: Option<f32>,
 
     /// Size of the picture; without it 512 rows, as wide as the camera asks for.
     #[arg(long, value_name = "WxH", value_parser = job::size)]
-    size: Option<UVec2>,
+    pub(super) size: Option<UVec2>,
     /// Render only this part of the picture.
     #[arg(long, value_name = "X,Y,W,H", value_parser = job::window)]
     crop: Option<Window>,
     /// Camera by name or number (from 0).
     #[arg(long, value_name = "NAME")]
-    camera: Option<String>,
+    pub(super) camera: Option<String>,
 
     /// Learned attenuation factors.
     #[arg(long, value_name = "FILE", conflicts_with = "gamma")]
     pub(super) opsr_table: Option<PathBuf>,
-    /// Multiply the table's factors by this, instead of the scale that the table carries.
-    #[arg(long, value_name = "X", requires = "opsr_table", value_parser = scene::positive)]
-    pub(super) table_scale: Option<f32>,
+    /// Multiply the table's factors by this, instead of the scale that the table carries; `auto` finds it from a pilot
+    /// of some hundred thousand paths for the number of samples asked for.
+    #[arg(long, value_name = "X|auto", requires = "opsr_table", value_parser = job::scale)]
+    pub(super) table_scale: Option<job::Scale>,
     /// How factors are looked up, instead of the way that the table was learned for.
     #[arg(long, value_enum, requires = "opsr_table")]
     pub(super) lookup: Option<LookupArg>,
@@ -173,11 +174,8 @@ fn exponent(text: &str) -> Result<f32, String> {
 /// How often a checkpoint is written if nothing else is said.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
-/// Rows of a picture whose size is not given.
-const DEFAULT_ROWS: u32 = 512;
-
 /// Samples of a render whose budget is not given.
-const DEFAULT_SPP: u32 = 128;
+pub(super) const DEFAULT_SPP: u32 = 128;
 
 /// Runs the command.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
@@ -192,7 +190,10 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     }
     let chosen = job::method(args)?;
     let opened = args.scene.open()?;
-    let settings = job::settings(args, chosen.method);
+    let mut settings = job::settings(args, chosen.method);
+    if args.table_scale == Some(job::Scale::Auto) {
+        tune::tune(args, &opened, &mut settings)?;
+    }
     let provenance = Provenance {
         command: std::env::args().collect::<Vec<_>>().join(" "),
         seed: args.seed,
@@ -223,7 +224,7 @@ struct Job<'a> {
 impl Job<'_> {
     fn run(&self) -> anyhow::Result<Exit> {
         let args = self.args;
-        let size = self.size()?;
+        let size = tune::size(args, &self.opened)?;
         let aspect = size.x as f32 / size.y as f32;
         let camera = scene::camera(&self.opened.scene, args.camera.as_deref(), aspect)?;
         let fingerprint = self.fingerprint(size);
@@ -305,18 +306,6 @@ impl Job<'_> {
         } else {
             Exit::Done
         })
-    }
-
-    fn size(&self) -> anyhow::Result<UVec2> {
-        if let Some(size) = self.args.size {
-            return Ok(size);
-        }
-        let camera = scene::camera(&self.opened.scene, self.args.camera.as_deref(), 1.0)?;
-        let width = (DEFAULT_ROWS as f32 * camera.aspect.unwrap_or(1.0)).round();
-        Ok(UVec2::new(
-            (width as u32).clamp(1, 16 * DEFAULT_ROWS),
-            DEFAULT_ROWS,
-        ))
     }
 
     fn budget(&self) -> Budget {

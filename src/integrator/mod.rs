@@ -10,6 +10,7 @@ pub mod checkpoint;
 pub mod drive;
 pub mod observer;
 pub mod path;
+pub mod pilot;
 pub mod reference;
 
 use crate::image::film::Film;

@@ -14,6 +14,7 @@ mod geometry;
 mod load;
 mod metric;
 mod mollifier;
+mod pilot;
 mod references;
 mod scenes;
 mod stability;

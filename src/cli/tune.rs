@@ -1,0 +1,87 @@
+//! `--table-scale auto`: the level of a table from a pilot, before the render.
+
+use super::render::{DEFAULT_SPP, RenderArgs};
+use super::scene::{self, Opened};
+use opsr::image::film::Film;
+use opsr::integrator::{Method, Picture, Settings, pilot};
+use opsr::math::UVec2;
+use opsr::scene::Camera;
+use std::time::{Duration, Instant};
+
+/// Rows of a picture whose size is not given.
+const DEFAULT_ROWS: u32 = 512;
+
+/// Samples that a pilot takes a render to a target error for.
+const SPP_OF_TARGET: u32 = 256;
+
+/// Finds the scale of the table from a pilot.
+pub(super) fn tune(
+    args: &RenderArgs,
+    opened: &Opened,
+    settings: &mut Settings,
+) -> anyhow::Result<()> {
+    let size = size(args, opened)?;
+    let aspect = size.x as f32 / size.y as f32;
+    let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
+    let samples = match (args.spp, args.time) {
+        (Some(spp), _) => spp,
+        (None, Some(time)) => samples_in(time, settings, opened, &camera, size),
+        (None, None) if args.target_error.is_some() => SPP_OF_TARGET,
+        (None, None) => DEFAULT_SPP,
+    };
+    let pilot = pilot::choose(settings, &opened.scene, &camera, aspect, samples);
+    if let Method::Table { table, .. } = &mut settings.method {
+        table.scale *= pilot.scale;
+        let why = if pilot.decided {
+            ""
+        } else {
+            " (the pilot could not tell another one better)"
+        };
+        eprintln!(
+            "table scale {}{why}, from {} paths, for {samples} samples per pixel",
+            table.scale, pilot.paths
+        );
+    }
+    for level in &pilot.levels {
+        tracing::info!(
+            "scale {}: bias² {:.3e}, variance {:.3e}",
+            level.scale,
+            level.bias2,
+            level.variance
+        );
+    }
+    Ok(())
+}
+
+/// About how many samples per pixel fit into this time.
+fn samples_in(
+    time: Duration,
+    settings: &Settings,
+    opened: &Opened,
+    camera: &Camera,
+    size: UVec2,
+) -> u32 {
+    const PROBE: u32 = 4;
+    let mut picture = Picture {
+        film: Film::new(UVec2::splat(64)),
+        aovs: None,
+    };
+    let clock = Instant::now();
+    (settings.integrator()).pass(&opened.scene, camera, 0..PROBE, &mut picture);
+    let rate = (PROBE * 64 * 64) as f64 / clock.elapsed().as_secs_f64().max(1e-6);
+    let pixels = f64::from(size.x) * f64::from(size.y);
+    ((rate * time.as_secs_f64() / pixels) as u32).max(1)
+}
+
+/// Size of the whole picture.
+pub(super) fn size(args: &RenderArgs, opened: &Opened) -> anyhow::Result<UVec2> {
+    if let Some(size) = args.size {
+        return Ok(size);
+    }
+    let camera = scene::camera(&opened.scene, args.camera.as_deref(), 1.0)?;
+    let width = (DEFAULT_ROWS as f32 * camera.aspect.unwrap_or(1.0)).round();
+    Ok(UVec2::new(
+        (width as u32).clamp(1, 16 * DEFAULT_ROWS),
+        DEFAULT_ROWS,
+    ))
+}

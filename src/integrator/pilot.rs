@@ -1,0 +1,307 @@
+//! The level of a table for a scene, chosen from a pilot without a reference.
+//!
+//! A table's pattern serves any scene, its level does not: how much blur a scene bears is not in a path's class. A pilot
+//! renders the scene at a few levels *on the same paths*, as the plain path tracer too. The difference of two such
+//! pictures has hardly any noise but that of the roughened connections, so that its square, made unbiased over
+//! independent batches, is an estimate of bias²; the film gives the variance. The level with the least
+//! bias² + variance / N wins, so that a longer render is roughened less.
+
+use super::{Method, Picture, Settings};
+use crate::image::film::{Film, Window};
+use crate::math::UVec2;
+use crate::scene::{Camera, Scene};
+
+/// The levels that are tried.
+pub const SCALES: [f32; 9] = [
+    1.0 / 32.0,
+    1.0 / 16.0,
+    1.0 / 8.0,
+    1.0 / 4.0,
+    1.0 / 2.0,
+    1.0,
+    2.0,
+    4.0,
+    8.0,
+];
+
+/// Independent batches.
+const BATCHES: usize = 4;
+
+/// Pixels a side of the tiles that bias is measured on.
+const TILE: u32 = 4;
+
+/// Pixels of the pilot's picture, about.
+const PIXELS: f32 = 4096.0;
+
+/// Paths of one level for each sample of the final render: few samples need only a rough level.
+const PATHS_PER_SAMPLE: u64 = 2500;
+
+/// Fewest and most paths of one level.
+const PATHS: (u64, u64) = (100_000, 1_000_000);
+
+/// What dark pixels are measured against: the mean of the picture counts as 0.3.
+const EPSILON: f64 = 0.01;
+
+/// Estimated error of one level.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Level {
+    /// The scale.
+    pub scale: f32,
+    /// Relative bias², an unbiased estimate: below 0 by chance.
+    pub bias2: f64,
+    /// Relative variance of one sample over the number of samples.
+    pub variance: f64,
+}
+
+/// What the pilot found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pilot {
+    /// The scale to render with: 1 where the pilot cannot tell.
+    pub scale: f32,
+    /// Whether another scale than 1 was found better by more than the pilot's own noise.
+    pub decided: bool,
+    /// What was found at [`SCALES`].
+    pub levels: Vec<Level>,
+    /// Paths traced.
+    pub paths: u64,
+}
+
+impl Level {
+    /// Bias² and variance together.
+    pub fn error(&self) -> f64 {
+        self.bias2.max(0.0) + self.variance
+    }
+}
+
+/// Tiles of one level: mean radiance by batch, and variance of one sample.
+struct Tiles {
+    means: [Vec<[f64; 3]>; BATCHES],
+    variance: Vec<f64>,
+}
+
+/// Chooses the scale of the table in `settings` for a render of `samples` samples per pixel.
+///
+/// Settings without a table keep a scale of 1. The reuse mode is tried in the default mode: its paths would not be the
+/// same from level to level.
+pub fn choose(
+    settings: &Settings,
+    scene: &Scene,
+    camera: &Camera,
+    aspect: f32,
+    samples: u32,
+) -> Pilot {
+    let Method::Table { table, .. } = &settings.method else {
+        return Pilot {
+            scale: 1.0,
+            decided: false,
+            levels: Vec::new(),
+            paths: 0,
+        };
+    };
+    let size = frame(aspect);
+    let (pixels, count) = (u64::from(size.x * size.y), BATCHES as u64);
+    let wanted = (PATHS_PER_SAMPLE * u64::from(samples)).clamp(PATHS.0, PATHS.1);
+    let spp = (wanted / (count * pixels)).max(2) as u32;
+    let render = |method: Method| {
+        let settings = Settings {
+            method,
+            ..settings.clone()
+        };
+        tiles(&settings, scene, camera, size, spp)
+    };
+    let plain = render(Method::Plain);
+    let levels: Vec<Tiles> = SCALES
+        .iter()
+        .map(|scale| {
+            let mut table = table.clone();
+            table.scale *= scale;
+            render(Method::Table {
+                table,
+                reuse: false,
+                lambda: 0.0,
+            })
+        })
+        .collect();
+    // The roughest level is the least noisy picture.
+    let weights = weights(&levels[SCALES.len() - 1]);
+    let (scale, decided) = decide(&plain, &levels, &weights, samples);
+    let all: Vec<usize> = (0..BATCHES).collect();
+    Pilot {
+        scale,
+        decided,
+        levels: (levels.iter().zip(SCALES))
+            .map(|(level, scale)| measure(&plain, level, &weights, samples, &all, scale))
+            .collect(),
+        paths: u64::from(spp) * count * pixels * (SCALES.len() as u64 + 1),
+    }
+}
+
+/// Size of the pilot's picture: whole tiles, near the aspect ratio.
+fn frame(aspect: f32) -> UVec2 {
+    let side = |x: f32| ((x / TILE as f32).round() as u32).clamp(2, 256) * TILE;
+    UVec2::new(
+        side((PIXELS * aspect).sqrt()),
+        side((PIXELS / aspect).sqrt()),
+    )
+}
+
+fn tiles(settings: &Settings, scene: &Scene, camera: &Camera, size: UVec2, spp: u32) -> Tiles {
+    let integrator = settings.integrator();
+    let films: [Film; BATCHES] = std::array::from_fn(|batch| {
+        let mut picture = Picture {
+            film: Film::new(size),
+            aovs: None,
+        };
+        let first = batch as u32 * spp;
+        integrator.pass(scene, camera, first..first + spp, &mut picture);
+        picture.film
+    });
+    let windows = Window::full(size).tiles(TILE);
+    let means = films.each_ref().map(|film| {
+        let mean = film.mean();
+        let tile = |w: &Window| -> [f64; 3] {
+            let mut sum = [0.0; 3];
+            for pixel in inside(w, size) {
+                for (s, v) in sum.iter_mut().zip(mean.pixels[pixel].to_array()) {
+                    *s += f64::from(v) / w.len() as f64;
+                }
+            }
+            sum
+        };
+        windows.iter().map(tile).collect()
+    });
+    let mut variance = vec![0.0; windows.len()];
+    for film in &films {
+        let of = film.sample_variance();
+        for (sum, w) in variance.iter_mut().zip(&windows) {
+            let total: f64 = inside(w, size)
+                .map(|pixel| {
+                    of.pixels[pixel]
+                        .to_array()
+                        .iter()
+                        .map(|v| f64::from(*v))
+                        .sum::<f64>()
+                })
+                .sum();
+            *sum += total / (3 * w.len() * BATCHES) as f64;
+        }
+    }
+    Tiles { means, variance }
+}
+
+/// Indices of a tile's pixels.
+fn inside(w: &Window, size: UVec2) -> impl Iterator<Item = usize> {
+    let (w, width) = (*w, size.x);
+    (w.y..w.y + w.h).flat_map(move |y| (w.x..w.x + w.w).map(move |x| (y * width + x) as usize))
+}
+
+/// 1 / (radiance² + ε) of every tile, at a brightness of 0.3.
+fn weights(level: &Tiles) -> Vec<f64> {
+    let count = level.variance.len();
+    let mean = |t: usize| -> f64 {
+        let sum: f64 = level.means.iter().map(|m| m[t].iter().sum::<f64>()).sum();
+        sum / (3 * BATCHES) as f64
+    };
+    let whole = (0..count).map(mean).sum::<f64>() / count.max(1) as f64;
+    let gain = 0.3 / whole.max(1e-30);
+    (0..count)
+        .map(|t| gain * gain / ((gain * mean(t)).powi(2) + EPSILON))
+        .collect()
+}
+
+/// Error of a level from some of the batches.
+fn measure(
+    plain: &Tiles,
+    level: &Tiles,
+    weights: &[f64],
+    samples: u32,
+    batches: &[usize],
+    scale: f32,
+) -> Level {
+    let pairs = (batches.len() * (batches.len() - 1)) as f64;
+    let (mut bias2, mut variance) = (0.0, 0.0);
+    for (t, weight) in weights.iter().enumerate() {
+        for c in 0..3 {
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for &b in batches {
+                let d = level.means[b][t][c] - plain.means[b][t][c];
+                sum += d;
+                squares += d * d;
+            }
+            bias2 += weight * (sum * sum - squares) / pairs / 3.0;
+        }
+        variance += weight * level.variance[t] / f64::from(samples.max(1));
+    }
+    let count = weights.len().max(1) as f64;
+    Level {
+        scale,
+        bias2: bias2 / count,
+        variance: variance / count,
+    }
+}
+
+/// The best scale, if it beats a scale of 1 by more than the jackknife's standard error of the difference.
+fn decide(plain: &Tiles, levels: &[Tiles], weights: &[f64], samples: u32) -> (f32, bool) {
+    let errors = |batches: &[usize]| -> Vec<f64> {
+        (levels.iter().zip(SCALES))
+            .map(|(level, s)| measure(plain, level, weights, samples, batches, s).error())
+            .collect()
+    };
+    let all: Vec<usize> = (0..BATCHES).collect();
+    let one = SCALES.iter().position(|&s| s == 1.0).unwrap_or(0);
+    let whole = errors(&all);
+    let best = (0..whole.len())
+        .min_by(|&a, &b| whole[a].total_cmp(&whole[b]))
+        .unwrap_or(one);
+    let gains: Vec<f64> = (0..BATCHES)
+        .map(|left_out| {
+            let batches: Vec<usize> = (0..BATCHES).filter(|&b| b != left_out).collect();
+            let errors = errors(&batches);
+            errors[one] - errors[best]
+        })
+        .collect();
+    let n = BATCHES as f64;
+    let mean = gains.iter().sum::<f64>() / n;
+    let spread: f64 = gains.iter().map(|g| (g - mean).powi(2)).sum();
+    let error = ((n - 1.0) / n * spread).sqrt();
+    if whole[one] - whole[best] > error {
+        (SCALES[best], true)
+    } else {
+        (1.0, false)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg32;
+
+    /// Tiles of batches that are `mean` plus noise.
+    fn noisy(rng: &mut Pcg32, mean: f64, noise: f64, tiles: usize) -> Tiles {
+        let means = std::array::from_fn(|_| {
+            (0..tiles)
+                .map(|_| [0, 1, 2].map(|_| mean + noise * (rng.random::<f64>() - 0.5)))
+                .collect()
+        });
+        Tiles {
+            means,
+            variance: vec![2.0; tiles],
+        }
+    }
+
+    #[test]
+    fn squared_bias_is_measured_without_bias() {
+        let mut rng = Pcg32::seed_from_u64(3);
+        let tiles = 40_000;
+        for bias in [0.0, 0.02, 0.1] {
+            let plain = noisy(&mut rng, 0.5, 0.4, tiles);
+            let level = noisy(&mut rng, 0.5 + bias, 0.4, tiles);
+            let found = measure(&plain, &level, &vec![1.0; tiles], 10, &[0, 1, 2, 3], 1.0);
+            // Noise of d is 0.4 / sqrt(6); that of the square of four batches over 3 tiles is below 2e-4.
+            let expected: f64 = bias * bias;
+            assert!((found.bias2 - expected).abs() < 2e-4, "{bias}: {found:?}");
+            assert!((found.variance - 0.2).abs() < 1e-12);
+        }
+    }
+}
