@@ -8,6 +8,7 @@ use opsr::integrator::reference::{Reference, SEED};
 use opsr::scene::Scene;
 use opsr::scene::load::{LoadOptions, load};
 use opsr::scene::manifest::{Entry, Manifest};
+use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -117,7 +118,11 @@ pub(super) fn run(args: &ReferenceArgs) -> anyhow::Result<Exit> {
         next.reference.extend(scene, camera, samples);
         next.reference.save().output()?;
         next.noise = next.reference.noise().mean;
-        tracing::info!("{}", line(next));
+        if std::io::stderr().is_terminal() {
+            eprintln!("{}", line(next));
+        } else {
+            tracing::info!("{}", line(next));
+        }
     }
     let head = "crop                             spp    noise  median     p90".to_owned();
     let lines: Vec<String> = [head].into_iter().chain(work.iter().map(line)).collect();

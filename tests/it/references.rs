@@ -127,7 +127,7 @@ fn committed_references_agree_with_a_fresh_render() {
             let reference = Reference::open(&manifest, entry, crop, &digest, SEED).unwrap();
             let name = reference.path().display();
             assert!(reference.samples() >= 1024, "{name}: too few samples");
-            assert!(reference.noise().mean < 0.2, "{name}: too noisy");
+            assert!(reference.noise().mean < 0.08, "{name}: too noisy");
             total += std::fs::metadata(reference.path()).unwrap().len();
 
             let film = reference.film();
