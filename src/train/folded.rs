@@ -148,8 +148,8 @@ impl Folded {
         }
         for (pixel, (mean, second)) in moments.mean.iter_mut().zip(&mut moments.second).enumerate()
         {
-            for c in 0..3 {
-                mean[c] += self.value.mean[pixel][c];
+            for (m, value) in mean.iter_mut().zip(self.value.mean[pixel]) {
+                *m += value;
             }
             *second += self.value.second[pixel];
         }

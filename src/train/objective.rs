@@ -142,8 +142,9 @@ impl Objective {
                 let mut sums = [0.0f64; 4];
                 for p in range {
                     let mut squares = 0.0;
-                    for c in 3 * p..3 * p + 3 {
-                        let (i, f) = (mean[c], self.references[c]);
+                    let channels = 3 * p..3 * p + 3;
+                    let references = &self.references[channels.clone()];
+                    for (&i, &f) in mean[channels].iter().zip(references) {
                         sums[0] += f64::from((i - f).abs() / (f + EPSILON));
                         sums[1] += f64::from(i);
                         sums[2] += f64::from(f);

@@ -76,6 +76,9 @@ pub struct Entry {
     pub seconds: Option<f64>,
 }
 
+/// Hears of every step: its number, its loss, and the log's entry where there is one.
+pub type Listener<'a> = &'a mut dyn FnMut(u32, f32, Option<&Entry>) -> ControlFlow<()>;
+
 /// What came out for one β.
 #[derive(Clone, Debug)]
 pub struct Outcome {
@@ -226,7 +229,7 @@ impl Session {
         beta: f32,
         folder: Option<&Path>,
         resume: bool,
-        listen: &mut dyn FnMut(u32, f32, Option<&Entry>) -> ControlFlow<()>,
+        listen: Listener<'_>,
     ) -> Result<Outcome, TrainError> {
         let config = self.config.clone();
         let objective = self.training.objective(beta);
