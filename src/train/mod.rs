@@ -18,6 +18,7 @@ pub mod fresh;
 pub mod model;
 pub mod moments;
 pub mod objective;
+mod progress;
 pub mod recording;
 pub mod replay;
 pub mod session;

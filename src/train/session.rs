@@ -8,6 +8,7 @@ use super::fresh::Fresh;
 use super::model::Learner;
 use super::moments::Source;
 use super::objective::{CropLoss, Objective};
+use super::progress::Progress;
 use super::replay::Replay;
 use super::set::{Set, mean_loss};
 use super::study::best_constant;
@@ -391,57 +392,5 @@ impl Session {
             start,
             visits: self.training.visits().0,
         }
-    }
-}
-
-/// Where the learning of one table stands.
-struct Progress {
-    learner: Learner,
-    step: u32,
-    /// Steps left out since the start or the resumption.
-    skipped: u32,
-    log: Vec<Entry>,
-    best: Option<(u32, f32, AttenuationTable)>,
-    /// Looks at the validation scenes since the best one.
-    looks: u32,
-}
-
-impl Progress {
-    fn new(learner: Learner) -> Self {
-        Self {
-            learner,
-            step: 0,
-            skipped: 0,
-            log: Vec::new(),
-            best: None,
-            looks: 0,
-        }
-    }
-
-    fn is_over(&self, patience: u32) -> bool {
-        patience > 0 && self.looks >= patience
-    }
-
-    fn resume(self, checkpoint: Checkpoint, lookup: Lookup) -> Result<Self, TrainError> {
-        let with_lookup = |table| AttenuationTable { lookup, ..table };
-        Ok(Self {
-            learner: self.learner.restore(checkpoint.state)?,
-            step: checkpoint.step,
-            skipped: 0,
-            best: (checkpoint.best).map(|(step, loss, table)| (step, loss, with_lookup(table))),
-            looks: checkpoint.looks,
-            log: Vec::new(),
-        })
-    }
-
-    fn checkpoint(&self, fingerprint: &str, training: &Set) -> Result<Checkpoint, TrainError> {
-        Ok(Checkpoint {
-            fingerprint: fingerprint.into(),
-            step: self.step,
-            looks: self.looks,
-            best: self.best.clone(),
-            anchor: (training.anchor.clone()).unwrap_or_else(|| AttenuationTable::constant(0.5)),
-            state: self.learner.to_bytes()?,
-        })
     }
 }

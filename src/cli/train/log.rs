@@ -1,0 +1,47 @@
+//! The log of a training.
+
+use super::save;
+use opsr::train::session::Entry;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The log as JSON lines, replaced as a whole at every line so that it is never half-written.
+pub(super) struct Log {
+    path: PathBuf,
+    lines: BTreeMap<u32, String>,
+}
+
+impl Log {
+    /// Keeps the lines of an earlier run if it is gone on with.
+    pub(super) fn open(path: &Path, resume: bool) -> Self {
+        let old =
+            (resume.then(|| std::fs::read_to_string(path).ok()).flatten()).unwrap_or_default();
+        let step = |line: &str| -> Option<u32> {
+            let value: serde_json::Value = serde_json::from_str(line).ok()?;
+            value.get("step")?.as_u64()?.try_into().ok()
+        };
+        Self {
+            path: path.into(),
+            lines: (old.lines())
+                .filter_map(|line| Some((step(line)?, line.to_string())))
+                .collect(),
+        }
+    }
+
+    pub(super) fn add(&mut self, entry: &Entry) -> anyhow::Result<()> {
+        self.lines.retain(|&step, _| step < entry.step);
+        (self.lines).insert(entry.step, serde_json::to_string(entry)?);
+        let text: String = self
+            .lines
+            .values()
+            .flat_map(|l| [l.as_str(), "\n"])
+            .collect();
+        save(&self.path, &text)
+    }
+
+    pub(super) fn entries(&self) -> Vec<serde_json::Value> {
+        (self.lines.values())
+            .filter_map(|line| serde_json::from_str(line).ok())
+            .collect()
+    }
+}

@@ -1,0 +1,72 @@
+//! The progress of a training.
+
+use super::super::bar::Style;
+use indicatif::{ProgressBar, ProgressStyle};
+use opsr::train::session::Entry;
+use std::io::{IsTerminal, Write};
+use std::time::Instant;
+
+/// Progress on a terminal, as JSON lines, or not at all.
+pub(super) struct Shown {
+    bar: Option<ProgressBar>,
+    style: Style,
+    steps: u32,
+}
+
+impl Shown {
+    pub(super) fn new(style: Style, steps: u32) -> Self {
+        let terminal = style == Style::Auto && std::io::stderr().is_terminal();
+        let bar = terminal.then(|| {
+            let bar = ProgressBar::new(steps.into());
+            if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
+                bar.set_style(style);
+            }
+            bar
+        });
+        Self { bar, style, steps }
+    }
+
+    /// A line for people.
+    pub(super) fn say(&self, text: &str) {
+        match (&self.bar, self.style) {
+            (Some(bar), _) => bar.println(text),
+            (None, Style::None) => {}
+            (None, _) => eprintln!("{text}"),
+        }
+    }
+
+    pub(super) fn show(
+        &self,
+        step: u32,
+        beta: f32,
+        loss: f32,
+        entry: Option<&Entry>,
+        names: &[String],
+        clock: &Instant,
+    ) {
+        let worst = entry.and_then(|entry| {
+            let losses = entry.crops.iter().map(|l| l.total(beta)).zip(names);
+            losses.max_by(|a, b| a.0.total_cmp(&b.0))
+        });
+        if let Some(bar) = &self.bar {
+            bar.set_position(step.into());
+            if let Some((loss_of_worst, name)) = worst {
+                let left = (self.steps - step.min(self.steps)) as f64 / f64::from(step.max(1))
+                    * clock.elapsed().as_secs_f64();
+                bar.set_message(format!(
+                    "beta {beta}: loss {loss:.4}, worst {name} {loss_of_worst:.4}, {left:.0} s left"
+                ));
+            }
+        }
+        if self.style == Style::Json
+            && let Some(entry) = entry
+        {
+            let line = serde_json::json!({
+                "beta": beta, "step": step, "steps": self.steps, "loss": entry.loss,
+                "validation": entry.validation, "worst": worst.map(|w| w.1), "seconds": entry.seconds,
+            });
+            // A reader that has gone away is no reason to end a training.
+            let _ = writeln!(std::io::stdout(), "{line}");
+        }
+    }
+}
