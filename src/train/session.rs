@@ -14,7 +14,7 @@ use super::set::{Set, mean_loss};
 use super::study::best_constant;
 use super::visits::Visits;
 use crate::regularise::file::Provenance;
-use crate::regularise::{AttenuationTable, Lookup};
+use crate::regularise::AttenuationTable;
 use crate::scene::manifest::Role;
 use burn::store::RecordError;
 use serde::Serialize;

@@ -1,0 +1,214 @@
+#!/usr/bin/env python3
+"""The same box in opsr and in Mitsuba 3: do the pictures agree, and how many camera paths does a CPU-second buy?
+
+    pip install mitsuba numpy
+    cargo build --release
+    python3 tests/bench/against_mitsuba.py target/release/opsr
+
+Both trace the same triangles with the same models (Lambert, a Beckmann conductor that reflects everything, a Beckmann
+dielectric), the same depth and Russian roulette. Agreement: the mean of the pictures within 4 standard errors, and the
+differences of 8x8 tiles spread as their own noise says. Speed: CPU time of both, in turns, in one run. Not part of the
+automatic tests: it needs Mitsuba and minutes. Where Mitsuba's LLVM fails, DRJIT_LIBLLVM_PATH names another; rustc brings one.
+"""
+
+import json
+import math
+import os
+import resource
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+
+import mitsuba as mi
+import numpy as np
+
+SIZE, VERTICES = 128, 12
+FOV_Y = math.radians(39)
+CAMERA_Z = 3.4
+GLASS_ALPHA, METAL_ALPHA, IOR = 0.09, 0.15, 1.5
+RADIANCE = 20.0
+
+
+def quad(a, b, c, d):
+    """Corners counter-clockwise as seen from the front."""
+    p = np.array([a, b, c, d], np.float32)
+    n = np.cross(p[1] - p[0], p[2] - p[0])
+    return p, np.tile(n / np.linalg.norm(n), (4, 1)).astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
+
+
+def sphere(centre, radius, rings=64):
+    segments = 2 * rings
+    theta, phi = np.meshgrid(np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, segments + 1), indexing="ij")
+    n = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], -1).reshape(-1, 3)
+    index = []
+    at = lambda i, j: i * (segments + 1) + j
+    for i in range(rings):
+        for j in range(segments):
+            if i > 0:
+                index.append([at(i, j), at(i, j + 1), at(i + 1, j)])
+            if i + 1 < rings:
+                index.append([at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)])
+    return (radius * n + centre).astype(np.float32), n.astype(np.float32), np.array(index, np.uint32)
+
+
+WHITE, RED, GREEN = [0.7, 0.7, 0.7], [0.6, 0.1, 0.1], [0.1, 0.5, 0.1]
+PARTS = [
+    ("floor", WHITE, quad([-1, -1, 1], [1, -1, 1], [1, -1, -1], [-1, -1, -1])),
+    ("ceiling", WHITE, quad([-1, 1, -1], [1, 1, -1], [1, 1, 1], [-1, 1, 1])),
+    ("back", WHITE, quad([-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1])),
+    ("left", RED, quad([-1, -1, 1], [-1, -1, -1], [-1, 1, -1], [-1, 1, 1])),
+    ("right", GREEN, quad([1, -1, -1], [1, -1, 1], [1, 1, 1], [1, 1, -1])),
+    ("light", "light", quad([-0.3, 0.99, -0.3], [0.3, 0.99, -0.3], [0.3, 0.99, 0.3], [-0.3, 0.99, 0.3])),
+    ("glass", "glass", sphere([-0.4, -0.6, 0.3], 0.38)),
+    ("metal", "metal", sphere([0.45, -0.55, -0.3], 0.42)),
+]
+
+
+def material(kind):
+    plain = {"KHR_materials_specular": {"specularFactor": 0.0}}
+    pbr = {"baseColorFactor": [1, 1, 1, 1], "metallicFactor": 0, "roughnessFactor": 1}
+    if kind == "light":
+        pbr["baseColorFactor"] = [0, 0, 0, 1]
+        extensions = dict(plain, KHR_materials_emissive_strength={"emissiveStrength": RADIANCE})
+        return {"pbrMetallicRoughness": pbr, "emissiveFactor": [1, 1, 1], "extensions": extensions}
+    if kind == "glass":
+        pbr["roughnessFactor"] = math.sqrt(GLASS_ALPHA)
+        extensions = {
+            "KHR_materials_transmission": {"transmissionFactor": 1},
+            "KHR_materials_ior": {"ior": IOR},
+            "KHR_materials_volume": {"thicknessFactor": 1},
+        }
+        return {"pbrMetallicRoughness": pbr, "extensions": extensions}
+    if kind == "metal":
+        pbr.update(metallicFactor=1, roughnessFactor=math.sqrt(METAL_ALPHA))
+        return {"pbrMetallicRoughness": pbr}
+    pbr["baseColorFactor"] = [*kind, 1]
+    return {"pbrMetallicRoughness": pbr, "extensions": plain}
+
+
+def write_gltf(folder):
+    blob, views, accessors, meshes = b"", [], [], []
+    for i, (name, _, (p, n, index)) in enumerate(PARTS):
+        first = len(accessors)
+        for data, kind, component in [(p, "VEC3", 5126), (n, "VEC3", 5126), (index.reshape(-1), "SCALAR", 5125)]:
+            raw = data.tobytes()
+            views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": len(raw)})
+            accessor = {"bufferView": len(views) - 1, "componentType": component, "count": len(data), "type": kind}
+            if data is p:
+                accessor.update(min=p.min(0).tolist(), max=p.max(0).tolist())
+            accessors.append(accessor)
+            blob += raw
+        attributes = {"POSITION": first, "NORMAL": first + 1}
+        meshes.append({"name": name, "primitives": [{"attributes": attributes, "indices": first + 2, "material": i}]})
+    open(os.path.join(folder, "box.bin"), "wb").write(blob)
+    nodes = [{"mesh": i} for i in range(len(PARTS))] + [{"camera": 0, "translation": [0, 0, CAMERA_Z]}]
+    document = {
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_materials_specular", "KHR_materials_emissive_strength", "KHR_materials_transmission",
+                           "KHR_materials_ior", "KHR_materials_volume"],
+        "scene": 0, "scenes": [{"nodes": list(range(len(nodes)))}], "nodes": nodes, "meshes": meshes,
+        "materials": [material(kind) for _, kind, _ in PARTS],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": FOV_Y, "znear": 0.01, "aspectRatio": 1}}],
+        "buffers": [{"uri": "box.bin", "byteLength": len(blob)}], "bufferViews": views, "accessors": accessors,
+    }
+    path = os.path.join(folder, "box.gltf")
+    json.dump(document, open(path, "w"))
+    return path
+
+
+def write_ply(path, p, n, index):
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(p)}\n"
+    header += "".join(f"property float {k}\n" for k in ["x", "y", "z", "nx", "ny", "nz"])
+    header += f"element face {len(index)}\nproperty list uchar int vertex_indices\nend_header\n"
+    faces = b"".join(struct.pack("<B3i", 3, *map(int, t)) for t in index)
+    open(path, "wb").write(header.encode() + np.hstack([p, n]).astype("<f4").tobytes() + faces)
+
+
+def mitsuba_scene(folder):
+    rgb = lambda v: {"type": "rgb", "value": v}
+    to_world = mi.ScalarTransform4f().look_at(origin=[0, 0, CAMERA_Z], target=[0, 0, 0], up=[0, 1, 0])
+    scene = {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": VERTICES + 1, "rr_depth": 5},
+        "sensor": {
+            "type": "perspective", "fov": math.degrees(FOV_Y), "fov_axis": "y", "to_world": to_world,
+            "film": {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"},
+                     "component_format": "float32"},
+        },
+    }
+    for name, kind, mesh in PARTS:
+        path = os.path.join(folder, name + ".ply")
+        write_ply(path, *mesh)
+        shape = {"type": "ply", "filename": path}
+        if kind == "light":
+            shape["emitter"] = {"type": "area", "radiance": rgb([RADIANCE] * 3)}
+            shape["bsdf"] = {"type": "diffuse", "reflectance": rgb([0.0] * 3)}
+        elif kind == "glass":
+            shape["bsdf"] = {"type": "roughdielectric", "distribution": "beckmann", "alpha": GLASS_ALPHA,
+                             "int_ior": IOR, "ext_ior": 1.0}
+        elif kind == "metal":
+            shape["bsdf"] = {"type": "roughconductor", "distribution": "beckmann", "alpha": METAL_ALPHA,
+                             "material": "none"}
+        else:
+            shape["bsdf"] = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": rgb(kind)}}
+        scene[name] = shape
+    return mi.load_dict(scene)
+
+
+def opsr_render(program, gltf, spp, seed):
+    """Picture, and CPU seconds of the process."""
+    out = os.path.join(os.path.dirname(gltf), "opsr.exr")
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([program, "render", gltf, "--spp", str(spp), "--size", f"{SIZE}x{SIZE}", "--max-depth",
+                    str(VERTICES), "--seed", str(seed), "-o", out], check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    picture = mi.Bitmap(out)
+    names = [field.name for field in picture.struct_()]
+    pixels = np.array(picture)[..., [names.index(channel) for channel in "RGB"]]
+    return pixels, seconds
+
+
+def mitsuba_render(scene, spp, seed):
+    start = time.process_time()
+    pixels = np.array(mi.render(scene, spp=spp, seed=seed))[..., :3]
+    return pixels, time.process_time() - start
+
+
+def tiles(picture):
+    return picture.mean(-1).reshape(SIZE // 8, 8, SIZE // 8, 8).mean((1, 3))
+
+
+def main():
+    program = sys.argv[1] if len(sys.argv) > 1 else "target/release/opsr"
+    spp, turns = int(os.environ.get("SPP", 256)), 6
+    mi.set_variant("llvm_ad_rgb")
+    with tempfile.TemporaryDirectory() as folder:
+        gltf, scene = write_gltf(folder), mitsuba_scene(folder)
+        mitsuba_render(scene, spp, 1000)  # Compiles its kernels.
+        ours, theirs, seconds = [], [], [0.0, 0.0]
+        for turn in range(turns):
+            a, s = opsr_render(program, gltf, spp, turn)
+            seconds[0] += s
+            b, t = mitsuba_render(scene, spp, turn)
+            seconds[1] += t
+            ours.append(tiles(a))
+            theirs.append(tiles(b))
+        ours, theirs = np.array(ours), np.array(theirs)
+    error = lambda x: np.sqrt(x.var(0, ddof=1) / turns)
+    z = (ours.mean(0) - theirs.mean(0)) / np.hypot(error(ours), error(theirs))
+    a, b = ours.mean((1, 2)), theirs.mean((1, 2))
+    mean_z = (a.mean() - b.mean()) / math.hypot(a.std(ddof=1), b.std(ddof=1)) * math.sqrt(turns)
+    print(f"mean radiance: opsr {a.mean():.5f}, Mitsuba {b.mean():.5f}, ratio {a.mean() / b.mean():.5f}, z {mean_z:.2f}")
+    # Student's t with about 10 degrees of freedom has a variance of 1.25.
+    print(f"tiles of 8x8: mean square of z {np.mean(z**2):.2f} (1.25 expected), largest |z| {np.abs(z).max():.1f}")
+    paths = turns * spp * SIZE * SIZE / 1e6
+    print(f"opsr {paths / seconds[0]:.3f}, Mitsuba {paths / seconds[1]:.3f} million camera paths per CPU-second: "
+          f"ratio {seconds[1] / seconds[0]:.2f}")
+    return 0 if abs(mean_z) < 4 and np.mean(z**2) < 2 else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
