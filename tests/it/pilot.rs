@@ -1,7 +1,7 @@
 //! The pilot that chooses the level of a table.
 
 use super::support::render::scene;
-use opsr::integrator::pilot::{SCALES, choose};
+use opsr::integrator::pilot::{Level, SCALES, choose};
 use opsr::integrator::{Method, Settings};
 use opsr::regularise::AttenuationTable;
 use opsr::scene::builtin::caustic_box;
@@ -33,13 +33,21 @@ fn a_table_that_does_nothing_is_the_plain_picture_path_by_path() {
 fn the_more_samples_the_less_roughening() {
     let scene = scene(caustic_box());
     let camera = scene.parts().cameras[0].clone();
-    let few = choose(&settings(0.1), &scene, &camera, 1.0, 1);
-    let many = choose(&settings(0.1), &scene, &camera, 1.0, 100);
-    assert!(few.scale > many.scale, "{} {}", few.scale, many.scale);
+    const SAMPLES: u32 = 60;
+    let pilot = choose(&settings(0.1), &scene, &camera, 1.0, SAMPLES);
     // What is roughened more has less variance and more bias.
-    for levels in [&few.levels, &many.levels] {
-        let (first, last) = (levels[0], levels[SCALES.len() - 1]);
-        assert!(last.variance < first.variance, "{levels:?}");
-        assert!(last.bias2 > first.bias2, "{levels:?}");
+    let (first, last) = (pilot.levels[0], pilot.levels[SCALES.len() - 1]);
+    assert!(last.variance < 0.5 * first.variance, "{pilot:?}");
+    assert!(last.bias2 > 2.0 * first.bias2, "{pilot:?}");
+    // So the best level falls as samples grow, of which the pilot's estimates are independent.
+    let best = |samples: f64| {
+        let error = |l: &Level| l.bias2.max(0.0) + l.variance * f64::from(SAMPLES) / samples;
+        let levels = pilot.levels.iter();
+        let best = levels.min_by(|a, b| error(a).total_cmp(&error(b)));
+        best.unwrap().scale
+    };
+    assert!(best(1e6) < best(1.0), "{pilot:?}");
+    if pilot.decided {
+        assert_eq!(pilot.scale, best(SAMPLES.into()));
     }
 }
