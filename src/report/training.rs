@@ -338,7 +338,7 @@ fn crops(names: &[String], crops: &Crops, beta: f32) -> Markup {
             @for (i, name) in names.iter().enumerate() {
                 tr {
                     td { (name) }
-                    td {
+                    td style="white-space: nowrap" {
                         @for picture in &crops.pictures[i] { img src=(image(picture)) width="96" height="96" alt=(name); " " }
                     }
                     td { (format!("{:.4}", crops.before[i].total(beta))) }
