@@ -13,11 +13,12 @@
 //! | 0 | [`math`] | frames, measures, warps, discrete distributions, running moments |
 //! | 0 | [`sampler`] | the random numbers of a path, keyed by (seed, pixel, sample) |
 //! | 0 | [`atomic`] | files written whole or not at all |
-//! | 1 | [`regularise`] | the paper: path roughness, classes, attenuation tables, look-ups, comparison modes |
+//! | 0 | `input` | files read that may be anything, and any length |
+//! | 1 | [`regularise`] | the paper: path roughness, classes, attenuation tables, look-ups, comparison modes; `export` writes tables for other renderers |
 //! | 2 | [`bsdf`] | scattering closures that are evaluated *at* a roughness |
-//! | 3 | [`scene`] | glTF, meshes, the tree, materials, lights, cameras |
 //! | 3 | [`image`] | films of running moments, EXR and PNG, error metrics |
-//! | 4 | [`integrator`] | the one path-tracing loop and its observers |
+//! | 3 | [`scene`] | glTF, meshes, the tree, materials, lights, cameras, built-in scenes, manifests |
+//! | 4 | [`integrator`] | the one path-tracing loop and its observers; budgets, checkpoints, pilots, references |
 //! | 5 | `train` | events, recordings, objective, Adam (feature `train`) |
 //! | 5 | [`report`] | comparisons, benches and their pages |
 //! | 5 | [`verify`] | hard numerical cases, tried on the machine at hand |

@@ -1,7 +1,7 @@
 //! What `opsr render` was asked, resolved: the method and the shape of the picture.
 
 use super::Blame;
-use super::render::{Mode, RenderArgs};
+use super::render_args::{Mode, RenderArgs};
 use anyhow::anyhow;
 use opsr::image::film::Window;
 use opsr::integrator::checkpoint::hex;

@@ -14,6 +14,7 @@ mod live;
 mod output;
 mod references;
 mod render;
+mod render_args;
 mod report;
 mod scene;
 mod scenes;
@@ -108,7 +109,7 @@ supported; 4 a result could not be written; 5 stopped by the user, with what the
 #[derive(Subcommand)]
 enum Command {
     /// Render a glTF scene.
-    Render(Box<render::RenderArgs>),
+    Render(Box<render_args::RenderArgs>),
     /// Learn tables of attenuation factors.
     #[cfg(feature = "train")]
     Train(Box<train::TrainArgs>),

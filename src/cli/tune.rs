@@ -1,6 +1,7 @@
 //! `--table-scale auto`: the level of a table from a pilot, before the render.
 
-use super::render::{DEFAULT_SPP, RenderArgs};
+use super::render::DEFAULT_SPP;
+use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use opsr::image::film::Film;
 use opsr::integrator::{Method, Picture, Settings, pilot};

@@ -10,15 +10,20 @@
 //! (3) are one ray. Both draws use the same random numbers: (2) and (3) estimate disjoint sets of paths, so their
 //! correlation is harmless, and a table of zeros is the plain path tracer to the bit.
 
-use super::observer::{Event, PathObserver, Technique, Vertex};
-use crate::bsdf::{Bsdf, BsdfSample, DELTA_ALPHA, Lobe, LobeQuery};
-use crate::math::measure::balance;
-use crate::math::{Ray, Rgb, Vec3};
+use super::observer::{PathObserver, Vertex};
+use crate::bsdf::{BsdfSample, DELTA_ALPHA, Lobe};
+use crate::math::{Ray, Rgb};
 use crate::regularise::{Regulariser, Scattered};
-use crate::sampler::{Sampler, VertexU};
-use crate::scene::{LightSample, Scene, Surface};
+use crate::sampler::Sampler;
+use crate::scene::Scene;
+use arrival::Arrival;
+use medium::Medium;
+use vertex::Here;
 
+mod arrival;
+mod medium;
 mod mollify;
+mod vertex;
 
 /// A unidirectional path tracer with next-event estimation.
 #[derive(Clone, Copy, Debug)]
@@ -29,70 +34,6 @@ pub struct PathTracer<R> {
     pub roulette_start: u32,
     /// How the last vertex is roughened.
     pub regulariser: R,
-}
-
-/// How the emission at the end of the current ray counts.
-#[derive(Clone, Copy)]
-struct Arrival {
-    /// Throughput for the emission: that of the path, unless the closure at α′ differs from the one at α. Zero
-    /// where a regularised sample has counted the emission already.
-    throughput: Rgb,
-    /// Density of the direction in the closure at α′, to weigh it against light sampling; `None` for camera rays and
-    /// Dirac lobes, which count in full.
-    pdf_w: Option<f32>,
-    /// What an observer is told if the ray meets an emitter, without its light.
-    event: Option<Event>,
-}
-
-/// Bodies the path is inside of, innermost last; only scenes with absorbing bodies use it.
-#[derive(Clone, Copy, Default)]
-struct Medium {
-    materials: [u32; 4],
-    len: usize,
-}
-
-impl Medium {
-    fn enter(&mut self, material: u32) {
-        if self.len < self.materials.len() {
-            self.materials[self.len] = material;
-            self.len += 1;
-        }
-    }
-
-    fn leave(&mut self, material: u32) {
-        if let Some(i) = self.materials[..self.len]
-            .iter()
-            .rposition(|&m| m == material)
-        {
-            self.materials.copy_within(i + 1..self.len, i);
-            self.len -= 1;
-        }
-    }
-
-    /// Transmittance over a distance inside the innermost body (Beer-Lambert).
-    fn transmittance(&self, scene: &Scene, distance: f32) -> Rgb {
-        let Some(&material) = self.materials[..self.len].last() else {
-            return Rgb::ONE;
-        };
-        let sigma = scene.parts().materials[material as usize].absorption;
-        // 0 · ∞ is no absorption over any distance.
-        sigma.map(|s| if s > 0.0 { (-s * distance).exp() } else { 1.0 })
-    }
-}
-
-/// A vertex as the steps of the loop need it.
-struct Here<'a> {
-    scene: &'a Scene,
-    surface: Surface,
-    bsdf: Bsdf,
-    /// Local direction towards the previous vertex.
-    wo: Vec3,
-    /// Own roughness.
-    alpha: f32,
-    /// Roughness at next-event estimation.
-    alpha_reg: f32,
-    throughput: Rgb,
-    medium: Medium,
 }
 
 impl<R: Regulariser> PathTracer<R> {
@@ -127,7 +68,7 @@ impl<R: Regulariser> PathTracer<R> {
                 break;
             };
             let surface = scene.surface(&ray, &hit);
-            if medium.len > 0 {
+            if !medium.is_empty() {
                 let transmittance = medium.transmittance(scene, hit.t);
                 throughput *= transmittance;
                 arrival.scale(transmittance);
@@ -251,268 +192,5 @@ impl<R: Regulariser> PathTracer<R> {
             self.regulariser.scatter(memory, Scattered { alpha, pdf_w });
         }
         observer.scattered(alpha);
-    }
-}
-
-impl Arrival {
-    const COUNTED: Self = Self {
-        throughput: Rgb::ZERO,
-        pdf_w: None,
-        event: None,
-    };
-
-    /// Emission counts in full.
-    fn full(throughput: Rgb) -> Self {
-        Self {
-            throughput,
-            ..Self::COUNTED
-        }
-    }
-
-    /// Whether no emission at the end of the ray would count, at any roughness.
-    #[inline]
-    fn carries_nothing(&self) -> bool {
-        self.throughput == Rgb::ZERO && self.event.is_none()
-    }
-
-    #[inline]
-    fn scale(&mut self, factor: Rgb) {
-        self.throughput *= factor;
-        if let Some(event) = &mut self.event {
-            event.radiance *= factor;
-        }
-    }
-
-    /// What emitted radiance contributes; tells the observer of an event.
-    #[inline]
-    fn weigh<O: PathObserver>(
-        &self,
-        radiance: Rgb,
-        pdf_light: impl FnOnce() -> f32,
-        observer: &mut O,
-    ) -> Rgb {
-        let Some(pdf_w) = self.pdf_w else {
-            return self.throughput * radiance;
-        };
-        let pdf_light = pdf_light();
-        if O::EVENTS
-            && let Some(event) = self.event
-        {
-            observer.event(&Event {
-                radiance: event.radiance * radiance,
-                pdf_light,
-                ..event
-            });
-        }
-        self.throughput * radiance * balance(pdf_w, pdf_light)
-    }
-}
-
-/// Where a path goes on.
-struct Next {
-    /// World direction.
-    wi: Vec3,
-    sample: BsdfSample,
-    arrival: Arrival,
-}
-
-impl Here<'_> {
-    /// Whether the table has a say in this vertex.
-    #[inline]
-    fn is_regularised(&self) -> bool {
-        self.alpha_reg > self.alpha
-    }
-
-    /// World direction of a local one; `None` where shading and geometric normal disagree about its side.
-    #[inline]
-    fn world(&self, wi: Vec3) -> Option<Vec3> {
-        let world = self.surface.frame.to_world(wi);
-        (world.dot(self.surface.ng) * wi.z > 0.0).then_some(world)
-    }
-
-    /// An event of this vertex; `radiance` is a factor that the light's radiance multiplies.
-    fn event(&self, query: LobeQuery, radiance: Rgb, technique: Technique) -> Event {
-        Event {
-            query,
-            radiance,
-            pdf_light: 0.0,
-            delta_light: false,
-            technique,
-            alpha: self.alpha,
-            alpha_reg: self.alpha_reg,
-        }
-    }
-
-    /// Step 1: a light sample, the closure at α′.
-    #[inline]
-    fn sample_light<O: PathObserver>(&self, u: [f32; 3], observer: &mut O) -> Rgb {
-        if self.bsdf.is_delta_at(self.alpha_reg) {
-            return Rgb::ZERO;
-        }
-        let Some(light) = self.scene.sample_light(self.surface.position, u) else {
-            return Rgb::ZERO;
-        };
-        let wi = self.surface.frame.to_local(light.wi);
-        if light.wi.dot(self.surface.ng) * wi.z <= 0.0 {
-            return Rgb::ZERO;
-        }
-        let Some(query) = self.bsdf.query(self.wo, wi) else {
-            return Rgb::ZERO;
-        };
-        let eval = query.at(self.alpha_reg);
-        // A recorder wants the events that are dark at this roughness too: at another they are not.
-        let dark = eval.value == Rgb::ZERO && !(O::EVENTS && self.is_regularised());
-        if dark || self.scene.occluded(&self.surface.spawn_to_light(&light)) {
-            return Rgb::ZERO;
-        }
-        let radiance =
-            self.throughput * light.radiance * self.transmittance(light.wi, light.distance);
-        if O::EVENTS && self.is_regularised() {
-            let LightSample { pdf_w, delta, .. } = light;
-            observer.event(&Event {
-                pdf_light: pdf_w,
-                delta_light: delta,
-                ..self.event(query, radiance, Technique::Light)
-            });
-        }
-        let weight = if light.delta {
-            1.0
-        } else {
-            balance(light.pdf_w, eval.pdf_w)
-        };
-        radiance * eval.value * (weight / light.pdf_w)
-    }
-
-    /// The bodies that a ray from here along the world direction `wi` is inside of.
-    #[inline]
-    fn medium_towards(&self, wi: Vec3) -> Medium {
-        let mut medium = self.medium;
-        let outside = self.wo.z > 0.0;
-        if self.scene.has_absorption()
-            && self.bsdf.is_solid()
-            && (wi.dot(self.surface.ng) > 0.0) != outside
-        {
-            if outside {
-                medium.enter(self.surface.material)
-            } else {
-                medium.leave(self.surface.material)
-            }
-        }
-        medium
-    }
-
-    /// Transmittance from here along the world direction `wi`.
-    #[inline]
-    fn transmittance(&self, wi: Vec3, distance: f32) -> Rgb {
-        if self.scene.has_absorption() {
-            self.medium_towards(wi).transmittance(self.scene, distance)
-        } else {
-            Rgb::ONE
-        }
-    }
-
-    /// Steps 2 and 3: emission found by a regularised ray of its own, and the way on.
-    #[inline]
-    fn scatter<R: Regulariser, O: PathObserver>(
-        &self,
-        u: &VertexU,
-        observer: &mut O,
-    ) -> (Rgb, Option<Next>) {
-        let regularised = R::ACTIVE && self.is_regularised();
-        let alpha = if R::REUSE { self.alpha_reg } else { self.alpha };
-        let on = self
-            .bsdf
-            .sample(alpha, self.wo, u.lobe)
-            .and_then(|sample| Some((self.world(sample.wi)?, sample)));
-        // One ray serves both where the path goes on with the closure at α′, or with the diffuse lobe.
-        let shared = |sample: &BsdfSample| !regularised || R::REUSE || sample.lobe == Lobe::Diffuse;
-        match on {
-            Some((wi, sample)) if shared(&sample) => {
-                let arrival = if sample.delta {
-                    Arrival::full(self.throughput * sample.weight)
-                } else if regularised {
-                    self.shared_arrival::<O>(&sample)
-                } else {
-                    Arrival {
-                        throughput: self.throughput * sample.weight,
-                        pdf_w: Some(sample.pdf_w),
-                        event: None,
-                    }
-                };
-                (
-                    Rgb::ZERO,
-                    Some(Next {
-                        wi,
-                        sample,
-                        arrival,
-                    }),
-                )
-            }
-            on => {
-                let found = if regularised {
-                    self.regularised_emission(u.lobe, observer)
-                } else {
-                    Rgb::ZERO
-                };
-                (
-                    found,
-                    on.map(|(wi, sample)| Next {
-                        wi,
-                        sample,
-                        arrival: Arrival::COUNTED,
-                    }),
-                )
-            }
-        }
-    }
-
-    /// How emission counts at the end of a ray whose direction is a draw from the closure at α′ as much as from
-    /// the one at which the path goes on.
-    #[inline]
-    fn shared_arrival<O: PathObserver>(&self, sample: &BsdfSample) -> Arrival {
-        let Some(query) = self.bsdf.query(self.wo, sample.wi) else {
-            return Arrival::COUNTED;
-        };
-        let eval = query.at(self.alpha_reg);
-        if eval.pdf_w <= 0.0 {
-            return Arrival::COUNTED;
-        }
-        let event = O::EVENTS.then(|| self.event(query, self.throughput, Technique::Lobe));
-        Arrival {
-            throughput: self.throughput * eval.value / eval.pdf_w,
-            pdf_w: Some(eval.pdf_w),
-            event,
-        }
-    }
-
-    /// Step 2 with a ray of its own: emission that a direction drawn at α′ finds.
-    #[inline]
-    fn regularised_emission<O: PathObserver>(&self, u: [f32; 3], observer: &mut O) -> Rgb {
-        let Some(sample) = self.bsdf.sample(self.alpha_reg, self.wo, u) else {
-            return Rgb::ZERO;
-        };
-        let Some(wi) = self.world(sample.wi) else {
-            return Rgb::ZERO;
-        };
-        let Some(emission) = self.scene.emission_along(&self.surface.spawn(wi)) else {
-            return Rgb::ZERO;
-        };
-        let radiance =
-            self.throughput * emission.radiance * self.transmittance(wi, emission.distance);
-        if O::EVENTS
-            && let Some(query) = self.bsdf.query(self.wo, sample.wi)
-        {
-            observer.event(&Event {
-                pdf_light: emission.pdf_w,
-                ..self.event(query, radiance, Technique::Lobe)
-            });
-        }
-        // Only an interface between equal indices is a delta at any roughness; light sampling cannot see through it.
-        let weight = if sample.delta {
-            1.0
-        } else {
-            balance(sample.pdf_w, emission.pdf_w)
-        };
-        radiance * sample.weight * weight
     }
 }

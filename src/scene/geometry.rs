@@ -1,10 +1,11 @@
 //! Triangles in scene order, their attributes, and the tree over them.
 
 use super::accel::Accel;
-use super::material::{AlphaMode, TextureRef};
-use super::{Hit, Material, Mesh, SceneParts, Surface, Texture};
+use super::material::AlphaMode;
+use super::mesh::{attribute, mix};
+use super::normals::{facing, normal_texel, perturbed, tangent};
+use super::{Hit, Material, Mesh, SceneParts, Surface};
 use crate::math::{Frame, Ray, Vec2, Vec3};
-use std::ops::{Add, Mul};
 
 /// Half a unit in the last place, relative.
 const HALF_ULP: f32 = 0.5 * f32::EPSILON;
@@ -222,88 +223,11 @@ fn usable(mesh: &Mesh, indices: &[u32; 3]) -> Option<[Vec3; 3]> {
     (Accel::accepts(&triangle) && area > 0.0).then_some(triangle)
 }
 
-/// The values of an attribute at three corners; `None` if it is absent or too short.
-#[inline]
-fn attribute<T: Copy>(values: &[T], indices: &[u32; 3]) -> Option<[T; 3]> {
-    let at = |k: usize| values.get(indices[k] as usize).copied();
-    Some([at(0)?, at(1)?, at(2)?])
-}
-
 /// Normal by winding, twice the area long; in double precision, exact enough for the thinnest sliver.
 #[inline]
 fn normal(a: Vec3, b: Vec3, c: Vec3) -> glam::DVec3 {
     let a = a.as_dvec3();
     (b.as_dvec3() - a).cross(c.as_dvec3() - a)
-}
-
-/// Interpolates between corners.
-#[inline]
-fn mix<T: Copy + Mul<f32, Output = T> + Add<Output = T>>(weights: &[f32; 3], at: [T; 3]) -> T {
-    at[0] * weights[0] + at[1] * weights[1] + at[2] * weights[2]
-}
-
-/// The normal map's direction in tangent space, not yet normalised `[glTF §3.9.3]`.
-fn normal_texel(textures: &[Texture], map: &TextureRef, uv: Vec2, scale: f32) -> Vec3 {
-    let at = map.transform.transform_point2(uv);
-    let [x, y, z, _] =
-        (textures.get(map.texture as usize)).map_or([0.5, 0.5, 1.0, 1.0], |t| t.sample(at));
-    (2.0 * Vec3::new(x, y, z) - 1.0) * Vec3::new(scale, scale, 1.0)
-}
-
-/// Tangent and handedness: the mesh's own, or along u. The map's green channel points up, against v `[glTF §3.9.3]`.
-fn tangent(
-    mesh: &Mesh,
-    indices: &[u32; 3],
-    weights: &[f32; 3],
-    edges: [Vec3; 2],
-    map: &TextureRef,
-    ns: Vec3,
-) -> Option<(Vec3, f32)> {
-    if let Some(t) = attribute(&mesh.tangents, indices) {
-        return Some((mix(weights, t).truncate(), t[0].w));
-    }
-    let [a, b, c] = attribute(&mesh.uvs, indices)?.map(|uv| map.transform.transform_point2(uv));
-    let (d, e) = (b - a, c - a);
-    let det = d.perp_dot(e);
-    let along_u = (edges[0] * e.y - edges[1] * d.y) * det;
-    let along_v = (edges[1] * d.x - edges[0] * e.x) * det;
-    let hand = if ns.cross(along_u).dot(along_v) > 0.0 {
-        -1.0
-    } else {
-        1.0
-    };
-    (det != 0.0).then_some((along_u, hand))
-}
-
-/// The normal that a normal map makes of `ns`.
-fn perturbed(ns: Vec3, tangent: Vec3, hand: f32, local: Vec3) -> Vec3 {
-    let Some(t) = (tangent - ns * ns.dot(tangent)).try_normalize() else {
-        return ns;
-    };
-    let b = hand * ns.cross(t);
-    let n = local.x * t + local.y * b + local.z * ns;
-    n.try_normalize().unwrap_or(ns)
-}
-
-/// Bends the shading normal towards `ng` just so far that it is on the same side and that `wo` sees the same side of
-/// both.
-fn facing(ns: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
-    let below = ns.dot(ng);
-    let ns = if below < 0.0 {
-        (ns + (1e-3 - below) * ng).try_normalize().unwrap_or(ng)
-    } else {
-        ns
-    };
-    let cos = wo.dot(ng);
-    let w = if cos < 0.0 { -wo } else { wo };
-    let (cos_g, cos_s) = (cos.abs(), w.dot(ns));
-    let least = (0.5 * cos_g).min(1e-3);
-    if cos_s >= least {
-        return ns;
-    }
-    // w·(ns + k ng) = least.
-    let k = (least - cos_s) / cos_g;
-    (ns + k * ng).try_normalize().unwrap_or(ng)
 }
 
 /// Whether a hit on the material can be removed by opacity.
@@ -325,81 +249,4 @@ fn chance(ray: &Ray, triangle: u32) -> f32 {
         h ^= h >> 32;
     }
     (h >> 40) as f32 / (1u64 << 24) as f32
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A triangle facing +z whose u runs along `u` and whose v runs along `v`.
-    fn mapped(u: Vec2, v: Vec2) -> (Mesh, [Vec3; 2]) {
-        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
-        let uvs = positions
-            .iter()
-            .map(|p| Vec2::new(p.truncate().dot(u), p.truncate().dot(v)));
-        let mesh = Mesh {
-            uvs: uvs.collect(),
-            positions,
-            ..Mesh::default()
-        };
-        (mesh, [Vec3::X, Vec3::Y])
-    }
-
-    #[test]
-    fn red_points_along_u_and_green_against_v() {
-        let map = TextureRef {
-            texture: 0,
-            transform: glam::Affine2::IDENTITY,
-        };
-        for (u, v) in [
-            (Vec2::X, Vec2::NEG_Y),
-            (Vec2::NEG_X, Vec2::NEG_Y),
-            (Vec2::Y, Vec2::X),
-            (Vec2::X, 3.0 * Vec2::Y),
-        ] {
-            let (mesh, edges) = mapped(u, v);
-            let (t, hand) = tangent(&mesh, &[0, 1, 2], &[0.2, 0.3, 0.5], edges, &map, Vec3::Z)
-                .expect("the coordinates span an area");
-            let red = perturbed(Vec3::Z, t, hand, Vec3::X);
-            let green = perturbed(Vec3::Z, t, hand, Vec3::Y);
-            assert!(
-                (red - u.normalize().extend(0.0)).length() < 1e-6,
-                "{u} {v}: {red}"
-            );
-            assert!(
-                (green + v.normalize().extend(0.0)).length() < 1e-6,
-                "{u} {v}: {green}"
-            );
-            assert_eq!(perturbed(Vec3::Z, t, hand, Vec3::Z), Vec3::Z);
-        }
-        let (flat, edges) = mapped(Vec2::X, Vec2::X);
-        assert!(tangent(&flat, &[0, 1, 2], &[1.0, 0.0, 0.0], edges, &map, Vec3::Z).is_none());
-    }
-
-    #[test]
-    fn a_mesh_s_own_tangents_go_first() {
-        let (mut mesh, edges) = mapped(Vec2::X, Vec2::NEG_Y);
-        mesh.tangents = vec![glam::Vec4::new(0.0, 1.0, 0.0, -1.0); 3];
-        let map = TextureRef {
-            texture: 0,
-            transform: glam::Affine2::IDENTITY,
-        };
-        let (t, hand) =
-            tangent(&mesh, &[0, 1, 2], &[0.2, 0.3, 0.5], edges, &map, Vec3::Z).expect("given");
-        assert_eq!((t, hand), (Vec3::Y, -1.0));
-        assert_eq!(perturbed(Vec3::Z, t, hand, Vec3::Y), Vec3::X);
-    }
-
-    #[test]
-    fn bending_stops_where_the_viewer_sees_both_sides_alike() {
-        let (ng, wo) = (Vec3::Z, Vec3::new(1.0, 0.0, 0.2).normalize());
-        let ns = Vec3::new(-0.8, 0.0, 0.6);
-        for sign in [1.0, -1.0] {
-            let n = facing(ns, ng, sign * wo);
-            assert!((n.dot(wo) - 1e-3).abs() < 1e-3 && n.dot(wo) > 0.0, "{n}");
-            assert!(n.y == 0.0 && n.x < 0.0, "{n}");
-        }
-        assert_eq!(facing(ns, ng, Vec3::Z), ns, "seen from above nothing bends");
-        assert_eq!(facing(ns, ng, Vec3::X), ng, "edge-on the shading is flat");
-    }
 }

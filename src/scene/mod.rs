@@ -16,15 +16,18 @@ pub mod load;
 pub mod manifest;
 pub mod material;
 pub mod mesh;
+mod normals;
+pub mod punctual;
 pub mod save;
 pub mod texture;
 
 pub use camera::Camera;
 pub use environment::Environment;
 pub use geometry::Geometry;
-pub use light::{Emission, Emitters, LightSample, PunctualLight};
+pub use light::{Emission, Emitters, LightSample};
 pub use material::Material;
 pub use mesh::Mesh;
+pub use punctual::PunctualLight;
 pub use texture::Texture;
 
 /// Everything a scene is made of, as plain data.

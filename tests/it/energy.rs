@@ -5,6 +5,7 @@ use crate::geometry::{direction, rng};
 use opsr::bsdf::{Bsdf, Distribution, Glossy, Lobe};
 use opsr::math::real::erf_f64;
 use opsr::math::{DVec3, Rgb, Vec3};
+use opsr::verify::lobes::polarisations;
 use rand::RngExt;
 use rand_pcg::Pcg32;
 use std::f64::consts::PI;
@@ -46,25 +47,13 @@ impl Textbook {
             return 0.0;
         }
         let g2 = 1.0 / (1.0 + self.lambda(wo.z) + self.lambda(wi.z));
-        let f = fresnel(oh, eta);
+        let f = polarisations(oh, eta);
         if through {
             (1.0 - f) * oh * ih.abs() * self.d(h.z) * g2 / (wo.z * (oh + eta * ih).powi(2))
         } else {
             f * self.d(h.z) * g2 / (4.0 * wo.z)
         }
     }
-}
-
-/// Fresnel's two polarisations.
-fn fresnel(cos: f64, eta: f64) -> f64 {
-    let sin2 = (1.0 - cos * cos) / (eta * eta);
-    if sin2 >= 1.0 {
-        return 1.0;
-    }
-    let cos_t = (1.0 - sin2).sqrt();
-    let s = (cos - eta * cos_t) / (cos + eta * cos_t);
-    let p = (eta * cos - cos_t) / (eta * cos + cos_t);
-    0.5 * (s * s + p * p)
 }
 
 /// A pair of directions in the lobe's reach: drawn from it or from the whole sphere.

@@ -57,6 +57,18 @@ pub(crate) fn p_value(observed: &[u32], expected: &[f64]) -> f64 {
     upper_tail(statistic, cells - 1)
 }
 
+/// Fails if the least of these p-values, each with a name, is one that a hundred such lists would hardly hold once.
+pub(crate) fn assert_likely(p_values: &[(f64, String)]) {
+    let least = 0.01 / p_values.len() as f64;
+    let bad: Vec<_> = p_values.iter().filter(|(p, _)| *p < least).collect();
+    assert!(
+        bad.is_empty(),
+        "{} of {}: {bad:?}",
+        bad.len(),
+        p_values.len()
+    );
+}
+
 /// ∫∫ f over a rectangle: three Gauss points a side, halved until both levels agree to `tolerance`. A rectangle in
 /// which f vanishes somewhere may be cut by an edge that no point has seen: it is halved twice at least.
 pub(crate) fn integrate(

@@ -6,6 +6,8 @@
 use super::chi2;
 use opsr::bsdf::Bsdf;
 use opsr::math::{DVec3, Vec3};
+use rand::RngExt;
+use rand_pcg::Pcg32;
 
 /// Cells along one side.
 const N: usize = 10;
@@ -117,6 +119,14 @@ impl View {
         );
         cells.push(rest.max(0.0));
         cells
+    }
+
+    /// P-value of `count` draws of the closure itself.
+    pub(crate) fn test_itself(&self, count: u32, rng: &mut Pcg32) -> f64 {
+        self.test(count, || {
+            let u = std::array::from_fn(|_| rng.random());
+            self.bsdf.sample(self.alpha, self.wo, u).map(|s| s.wi)
+        })
     }
 
     /// P-value of `count` draws by `draw` against the density of this view.
