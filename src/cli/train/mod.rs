@@ -113,14 +113,14 @@ impl TrainArgs {
     /// The settings, later ones over earlier ones: preset, file, options, --set.
     fn resolve(&self) -> anyhow::Result<Config> {
         let mut config = Config::default();
-        let preset = match self.preset {
-            Preset::Full => "",
-            Preset::Fast => FAST,
-            Preset::Smoke => SMOKE,
+        let preset: &[&str] = match self.preset {
+            Preset::Full => &[],
+            Preset::Fast => &[FAST],
+            Preset::Smoke => &[FAST, SMOKE],
         };
-        config = config
-            .with_text(preset, "the preset")
-            .context("the preset")?;
+        for text in preset {
+            config = config.with_text(text, "the preset").context("the preset")?;
+        }
         if let Some(path) = &self.config {
             let text = std::fs::read_to_string(path)
                 .with_context(|| path.display().to_string())
@@ -172,6 +172,7 @@ impl TrainArgs {
     }
 }
 
+/// Few steps that are large.
 const FAST: &str = r#"
 steps = 150
 optimiser = "log"
@@ -180,14 +181,10 @@ validate_every = 25
 checkpoint_every = 50
 "#;
 
+/// Little to learn from, over [`FAST`].
 const SMOKE: &str = r#"
 scenes = ["cornell_caustics"]
 spp = 256
-steps = 150
-optimiser = "log"
-start = 0.0
-validate_every = 25
-checkpoint_every = 50
 "#;
 
 /// Runs the command.
