@@ -95,6 +95,8 @@ pub(super) struct Provenance {
     pub(super) scene: String,
     pub(super) scene_hash: String,
     pub(super) table_hash: Option<String>,
+    /// The table's scale in use, which a pilot may have chosen.
+    pub(super) table_scale: Option<f32>,
     pub(super) reproducible: bool,
 }
 
@@ -112,6 +114,9 @@ impl Provenance {
         set("spp", spp.to_string());
         if let Some(hash) = &self.table_hash {
             set("table_sha256", hash.clone());
+        }
+        if let Some(scale) = self.table_scale {
+            set("table_scale", scale.to_string());
         }
         // Neither the number of threads nor the words of the command change a pixel.
         if !self.reproducible {

@@ -11,7 +11,7 @@ use anyhow::{Context, anyhow};
 use opsr::image::film::{Film, Window};
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, Progress, Reason, drive};
-use opsr::integrator::{FirstHit, Picture, Settings};
+use opsr::integrator::{FirstHit, Method, Picture, Settings};
 use opsr::math::UVec2;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -45,6 +45,10 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         scene: args.scene.scene.display().to_string(),
         scene_hash: opened.hash.clone(),
         table_hash: chosen.table_hash.clone(),
+        table_scale: match &settings.method {
+            Method::Table { table, .. } => Some(table.scale),
+            _ => None,
+        },
         reproducible: args.reproducible,
     };
     Job {

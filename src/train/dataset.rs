@@ -2,9 +2,9 @@
 
 use super::objective::Target;
 use crate::image::Film;
-use crate::image::exr::{ExrError, read_film};
 use crate::image::film::{FilmError, Window};
 use crate::integrator::Settings;
+use crate::integrator::reference::{Reference, ReferenceError, SEED};
 use crate::math::UVec2;
 use crate::regularise::{Accumulated, ConstantGamma};
 use crate::sampler::Independent;
@@ -40,7 +40,7 @@ pub struct Crop {
     pub max_vertices: u32,
     /// Converged, unregularised radiance, row by row.
     pub reference: Vec<[f32; 3]>,
-    /// Standard error of the reference's pixels over its mean.
+    /// Mean relative standard error of the reference's pixels, see [`Reference::noise`].
     pub reference_noise: f64,
 }
 
@@ -53,15 +53,16 @@ pub enum DatasetError {
     /// A scene.
     #[error(transparent)]
     Scene(#[from] LoadError),
-    /// A reference.
-    #[error("{path}: {source}; `opsr scenes reference` makes it")]
-    Reference {
+    /// A reference that cannot be read, or is one of another scene, crop or path length.
+    #[error(transparent)]
+    Reference(#[from] ReferenceError),
+    /// No reference.
+    #[error("{path}: there is no reference; `opsr scenes reference` makes it")]
+    Missing {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
-        source: ExrError,
     },
-    /// A reference of another crop.
+    /// A camera or a reference that cannot be used.
     #[error("{path}: {problem}")]
     Shape {
         /// The file.
@@ -97,8 +98,8 @@ impl Crop {
                 problem: format!("no camera {}", entry.camera),
             })?;
             for &[x, y] in &entry.crops {
-                let path = manifest.reference(entry, [x, y]);
-                let (reference, reference_noise) = read_reference(&path)?;
+                let file = Reference::open(&manifest, entry, [x, y], &loaded.digest, SEED)?;
+                let (reference, reference_noise) = read_reference(&file)?;
                 crops.push(Self {
                     name: format!("{} {x},{y}", entry.name),
                     scene_name: entry.name.clone(),
@@ -177,31 +178,19 @@ impl Crop {
     }
 }
 
-/// Pixels of a reference and their mean standard error over their mean.
-fn read_reference(path: &Path) -> Result<(Vec<[f32; 3]>, f64), DatasetError> {
-    let film = read_film(path).map_err(|source| DatasetError::Reference {
-        path: path.into(),
-        source,
-    })?;
-    let pixels = (CROP * CROP) as usize;
-    if film.pixels.len() != pixels {
-        return Err(DatasetError::Shape {
-            path: path.into(),
-            problem: format!("{} pixels, expected {pixels}", film.pixels.len()),
-        });
+/// Pixels of a reference and their mean relative standard error.
+fn read_reference(reference: &Reference) -> Result<(Vec<[f32; 3]>, f64), DatasetError> {
+    let path = || reference.path().to_path_buf();
+    if reference.samples() == 0 {
+        return Err(DatasetError::Missing { path: path() });
     }
-    let mean = film.mean();
+    let mean = reference.film().mean();
     if mean.first_non_finite().is_some() {
         return Err(DatasetError::Shape {
-            path: path.into(),
+            path: path(),
             problem: "a pixel is not a finite number".into(),
         });
     }
-    let sum = |values: &mut dyn Iterator<Item = f32>| values.map(f64::from).sum::<f64>();
-    let errors = film.variance_of_mean();
-    let errors =
-        sum(&mut (errors.pixels.iter()).flat_map(|p| p.to_array().map(|v| v.max(0.0).sqrt())));
-    let total = sum(&mut mean.pixels.iter().flat_map(|p| p.to_array()));
-    let reference = mean.pixels.iter().map(|p| p.to_array()).collect();
-    Ok((reference, errors / total.max(1e-30)))
+    let pixels = mean.pixels.iter().map(|p| p.to_array()).collect();
+    Ok((pixels, reference.noise().mean))
 }
