@@ -103,7 +103,7 @@ enum Preset {
     /// The published training: all scenes, 1024 samples, ten thousand steps of Adam.
     #[default]
     Full,
-    /// The same with 150 steps on the logarithm from the best constant: minutes, and a lower loss.
+    /// The same with 150 steps on the logarithm from the best constant: minutes.
     Fast,
     /// One scene, 256 samples, 150 steps on the logarithm.
     Smoke,
