@@ -1,12 +1,14 @@
 //! `--table-scale auto`: the level of a table from a pilot, before the render.
 
+use super::Blame;
 use super::render::DEFAULT_SPP;
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
-use opsr::image::film::Film;
-use opsr::integrator::{Method, Picture, Settings, pilot};
+use anyhow::Context;
+use opsr::image::film::{Film, Window};
+use opsr::integrator::pilot::{self, View};
+use opsr::integrator::{Method, Picture, Settings};
 use opsr::math::UVec2;
-use opsr::scene::Camera;
 use std::time::{Duration, Instant};
 
 /// Rows of a picture whose size is not given.
@@ -24,13 +26,21 @@ pub(super) fn tune(
     let size = size(args, opened)?;
     let aspect = size.x as f32 / size.y as f32;
     let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
+    let view = View {
+        scene: &opened.scene,
+        camera: &camera,
+        frame: size,
+        window: args.crop.unwrap_or(Window::full(size)),
+    };
     let samples = match (args.spp, args.time) {
         (Some(spp), _) => spp,
-        (None, Some(time)) => samples_in(time, settings, opened, &camera, size),
+        (None, Some(time)) => samples_in(time, settings, &view)?,
         (None, None) if args.target_error.is_some() => SPP_OF_TARGET,
         (None, None) => DEFAULT_SPP,
     };
-    let pilot = pilot::choose(settings, &opened.scene, &camera, aspect, samples);
+    let pilot = pilot::choose(settings, &view, samples)
+        .context("--crop")
+        .usage()?;
     if let Method::Table { table, .. } = &mut settings.method {
         table.scale *= pilot.scale;
         let why = if pilot.decided {
@@ -55,23 +65,18 @@ pub(super) fn tune(
 }
 
 /// About how many samples per pixel fit into this time.
-fn samples_in(
-    time: Duration,
-    settings: &Settings,
-    opened: &Opened,
-    camera: &Camera,
-    size: UVec2,
-) -> u32 {
+fn samples_in(time: Duration, settings: &Settings, view: &View<'_>) -> anyhow::Result<u32> {
     const PROBE: u32 = 4;
     let mut picture = Picture {
-        film: Film::new(UVec2::splat(64)),
+        film: Film::cropped(view.frame, view.window)
+            .context("--crop")
+            .usage()?,
         aovs: None,
     };
     let clock = Instant::now();
-    (settings.integrator()).pass(&opened.scene, camera, 0..PROBE, &mut picture);
-    let rate = (PROBE * 64 * 64) as f64 / clock.elapsed().as_secs_f64().max(1e-6);
-    let pixels = f64::from(size.x) * f64::from(size.y);
-    ((rate * time.as_secs_f64() / pixels) as u32).max(1)
+    (settings.integrator()).pass(view.scene, view.camera, 0..PROBE, &mut picture);
+    let rate = f64::from(PROBE) / clock.elapsed().as_secs_f64().max(1e-6);
+    Ok(((rate * time.as_secs_f64()) as u32).max(1))
 }
 
 /// Size of the whole picture.

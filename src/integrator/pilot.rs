@@ -7,7 +7,7 @@
 //! bias² + variance / N wins, so that a longer render is roughened less.
 
 use super::{Method, Picture, Settings};
-use crate::image::film::{Film, Window};
+use crate::image::film::{Film, FilmError, Window};
 use crate::math::UVec2;
 use crate::scene::{Camera, Scene};
 
@@ -79,27 +79,34 @@ struct Tiles {
     variance: Vec<f64>,
 }
 
-/// Chooses the scale of the table in `settings` for a render of `samples` samples per pixel.
+/// What of a scene is rendered.
+#[derive(Clone, Copy)]
+pub struct View<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Size of the whole picture.
+    pub frame: UVec2,
+    /// The part of it that is rendered.
+    pub window: Window,
+}
+
+/// Chooses the scale of the table in `settings` for a render of `samples` samples per pixel of a view.
 ///
 /// Settings without a table keep a scale of 1. The reuse mode is tried in the default mode: its paths would not be the
-/// same from level to level.
-pub fn choose(
-    settings: &Settings,
-    scene: &Scene,
-    camera: &Camera,
-    aspect: f32,
-    samples: u32,
-) -> Pilot {
+/// same from level to level. Fails where the window leaves the frame.
+pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilot, FilmError> {
     let Method::Table { table, .. } = &settings.method else {
-        return Pilot {
+        return Ok(Pilot {
             scale: 1.0,
             decided: false,
             levels: Vec::new(),
             paths: 0,
-        };
+        });
     };
-    let size = frame(aspect);
-    let (pixels, count) = (u64::from(size.x * size.y), BATCHES as u64);
+    let (frame, window) = view.pilot();
+    let (pixels, count) = (window.len() as u64, BATCHES as u64);
     let wanted = (PATHS_PER_SAMPLE * u64::from(samples)).clamp(PATHS.0, PATHS.1);
     let spp = (wanted / (count * pixels)).max(2) as u32;
     let render = |method: Method| {
@@ -107,10 +114,15 @@ pub fn choose(
             method,
             ..settings.clone()
         };
-        tiles(&settings, scene, camera, size, spp)
+        let pilot = View {
+            frame,
+            window,
+            ..*view
+        };
+        tiles(&settings, &pilot, spp)
     };
-    let plain = render(Method::Plain);
-    let levels: Vec<Tiles> = SCALES
+    let plain = render(Method::Plain)?;
+    let levels = SCALES
         .iter()
         .map(|scale| {
             let mut table = table.clone();
@@ -121,47 +133,79 @@ pub fn choose(
                 lambda: 0.0,
             })
         })
-        .collect();
+        .collect::<Result<Vec<Tiles>, FilmError>>()?;
     // The roughest level is the least noisy picture.
     let weights = weights(&levels[SCALES.len() - 1]);
     let (scale, decided) = decide(&plain, &levels, &weights, samples);
     let all: Vec<usize> = (0..BATCHES).collect();
-    Pilot {
+    Ok(Pilot {
         scale,
         decided,
         levels: (levels.iter().zip(SCALES))
             .map(|(level, scale)| measure(&plain, level, &weights, samples, &all, scale))
             .collect(),
         paths: u64::from(spp) * count * pixels * (SCALES.len() as u64 + 1),
+    })
+}
+
+impl View<'_> {
+    /// Size of the pilot's whole picture, and its window: whole tiles.
+    fn pilot(&self) -> (UVec2, Window) {
+        let scale = (PIXELS / self.window.len().max(1) as f32).sqrt();
+        let side = |x: u32| ((x as f32 * scale / TILE as f32).round() as u32).clamp(2, 256) * TILE;
+        let start = |x: u32| (x as f32 * scale).round() as u32;
+        let window = Window {
+            x: start(self.window.x),
+            y: start(self.window.y),
+            w: side(self.window.w),
+            h: side(self.window.h),
+        };
+        // A window of the whole frame stays one.
+        let edge = |frame: u32, from: u32, length: u32, start: u32, side: u32| {
+            if from + length == frame {
+                start + side
+            } else {
+                ((frame as f32 * scale).round() as u32).max(start + side)
+            }
+        };
+        let frame = UVec2::new(
+            edge(
+                self.frame.x,
+                self.window.x,
+                self.window.w,
+                window.x,
+                window.w,
+            ),
+            edge(
+                self.frame.y,
+                self.window.y,
+                self.window.h,
+                window.y,
+                window.h,
+            ),
+        );
+        (frame, window)
     }
 }
 
-/// Size of the pilot's picture: whole tiles, near the aspect ratio.
-fn frame(aspect: f32) -> UVec2 {
-    let side = |x: f32| ((x / TILE as f32).round() as u32).clamp(2, 256) * TILE;
-    UVec2::new(
-        side((PIXELS * aspect).sqrt()),
-        side((PIXELS / aspect).sqrt()),
-    )
-}
-
-fn tiles(settings: &Settings, scene: &Scene, camera: &Camera, size: UVec2, spp: u32) -> Tiles {
+fn tiles(settings: &Settings, view: &View<'_>, spp: u32) -> Result<Tiles, FilmError> {
     let integrator = settings.integrator();
+    let empty = Film::cropped(view.frame, view.window)?;
     let films: [Film; BATCHES] = std::array::from_fn(|batch| {
         let mut picture = Picture {
-            film: Film::new(size),
+            film: empty.clone(),
             aovs: None,
         };
         let first = batch as u32 * spp;
-        integrator.pass(scene, camera, first..first + spp, &mut picture);
+        integrator.pass(view.scene, view.camera, first..first + spp, &mut picture);
         picture.film
     });
-    let windows = Window::full(size).tiles(TILE);
+    let windows = view.window.tiles(TILE);
     let means = films.each_ref().map(|film| {
         let mean = film.mean();
         let tile = |w: &Window| -> [f64; 3] {
             let mut sum = [0.0; 3];
-            for pixel in inside(w, size) {
+            for pixel in inside(w, &view.window) {
                 for (s, v) in sum.iter_mut().zip(mean.pixels[pixel].to_array()) {
                     *s += f64::from(v) / w.len() as f64;
                 }
@@ -174,7 +218,7 @@ fn tiles(settings: &Settings, scene: &Scene, camera: &Camera, size: UVec2, spp: 
     for film in &films {
         let of = film.sample_variance();
         for (sum, w) in variance.iter_mut().zip(&windows) {
-            let total: f64 = inside(w, size)
+            let total: f64 = inside(w, &view.window)
                 .map(|pixel| {
                     of.pixels[pixel]
                         .to_array()
@@ -186,13 +230,14 @@ fn tiles(settings: &Settings, scene: &Scene, camera: &Camera, size: UVec2, spp: 
             *sum += total / (3 * w.len() * BATCHES) as f64;
         }
     }
-    Tiles { means, variance }
+    Ok(Tiles { means, variance })
 }
 
-/// Indices of a tile's pixels.
-fn inside(w: &Window, size: UVec2) -> impl Iterator<Item = usize> {
-    let (w, width) = (*w, size.x);
-    (w.y..w.y + w.h).flat_map(move |y| (w.x..w.x + w.w).map(move |x| (y * width + x) as usize))
+/// Indices of a tile's pixels in the film of a window.
+fn inside(w: &Window, outer: &Window) -> impl Iterator<Item = usize> {
+    let (x, y, width) = (w.x - outer.x, w.y - outer.y, outer.w);
+    let (w, h) = (w.w, w.h);
+    (y..y + h).flat_map(move |y| (x..x + w).map(move |x| (y * width + x) as usize))
 }
 
 /// 1 / (radiance² + ε) of every tile, at a brightness of 0.3.
@@ -288,6 +333,52 @@ mod tests {
             means,
             variance: vec![2.0; tiles],
         }
+    }
+
+    #[test]
+    fn a_pilot_looks_where_the_render_looks() {
+        let scene = Scene::new(crate::scene::builtin::caustic_box());
+        let camera = &scene.parts().cameras[0];
+        let frame = UVec2::new(160, 90);
+        let view = |window| View {
+            scene: &scene,
+            camera,
+            frame,
+            window,
+        };
+        let whole = Window::full(frame);
+        let crop = Window {
+            x: 94,
+            y: 30,
+            w: 32,
+            h: 32,
+        };
+        let corner = Window {
+            x: 159,
+            y: 89,
+            w: 1,
+            h: 1,
+        };
+        for window in [whole, crop, corner] {
+            let (size, pilot) = view(window).pilot();
+            assert!(
+                pilot.inside(&Window::full(size)),
+                "{window:?}: {pilot:?} of {size}"
+            );
+            assert!(pilot.w % TILE == 0 && pilot.h % TILE == 0);
+            // Edges are where they were, to a tile.
+            for (a, b, outer, inner) in [
+                (window.x, window.w, frame.x, (pilot.x, pilot.w, size.x)),
+                (window.y, window.h, frame.y, (pilot.y, pilot.h, size.y)),
+            ] {
+                let place = |x: u32| f64::from(x) / f64::from(outer);
+                let found = |x: u32| f64::from(x) / f64::from(inner.2);
+                let slack = 2.0 * f64::from(TILE) / f64::from(inner.2);
+                assert!((place(a) - found(inner.0)).abs() < slack);
+                assert!((place(a + b) - found(inner.0 + inner.1)).abs() < slack);
+            }
+        }
+        assert_eq!(view(whole).pilot().1, Window::full(view(whole).pilot().0));
     }
 
     #[test]

@@ -3,10 +3,11 @@
 use super::objective::Target;
 use crate::image::Film;
 use crate::image::film::{FilmError, Window};
-use crate::integrator::Settings;
+use crate::integrator::pilot::{self, View};
 use crate::integrator::reference::{Reference, ReferenceError, SEED};
+use crate::integrator::{Method, Settings};
 use crate::math::UVec2;
-use crate::regularise::{Accumulated, ConstantGamma};
+use crate::regularise::{Accumulated, AttenuationTable, ConstantGamma};
 use crate::sampler::Independent;
 use crate::scene::load::{LoadError, LoadOptions, load};
 use crate::scene::manifest::{CROP, Entry, Manifest, ManifestError, Role};
@@ -169,12 +170,37 @@ impl Crop {
         Ok(recording)
     }
 
+    /// The scale of a table that a pilot chooses for a render of `samples` samples per pixel, without the reference.
+    pub fn pilot(&self, table: &AttenuationTable, samples: u32) -> Result<f32, DatasetError> {
+        let settings = Settings {
+            method: Method::Table {
+                table: table.clone(),
+                reuse: false,
+                lambda: 0.0,
+            },
+            max_vertices: self.max_vertices,
+            ..Settings::default()
+        };
+        let view = View {
+            scene: &self.scene,
+            camera: &self.camera,
+            frame: self.frame,
+            window: self.window,
+        };
+        let pilot = pilot::choose(&settings, &view, samples);
+        Ok(pilot.map_err(|e| self.outside(e))?.scale)
+    }
+
     /// An empty film of the crop.
     pub fn film(&self) -> Result<Film, DatasetError> {
-        Film::cropped(self.frame, self.window).map_err(|source| DatasetError::Window {
+        Film::cropped(self.frame, self.window).map_err(|e| self.outside(e))
+    }
+
+    fn outside(&self, source: FilmError) -> DatasetError {
+        DatasetError::Window {
             name: self.name.clone(),
             source,
-        })
+        }
     }
 }
 

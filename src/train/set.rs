@@ -92,6 +92,12 @@ impl Set {
         members.map(|m| m.source.exact(table)).collect()
     }
 
+    /// Moments of every crop at a table of its own, without tangents.
+    pub fn exact_each(&mut self, tables: &[AttenuationTable]) -> Vec<Moments> {
+        let members = self.members.par_iter_mut().zip(tables);
+        members.map(|(m, table)| m.source.exact(table)).collect()
+    }
+
     /// Whether the tangents from the anchor no longer hold.
     fn is_stale(&self, table: &AttenuationTable) -> bool {
         let (mut moved, mut weight) = (0.0, 0.0);

@@ -15,7 +15,7 @@ use std::ops::ControlFlow;
 pub struct Score {
     /// Which way.
     pub name: String,
-    /// Its constant factor, or the scale of its table, if it has one.
+    /// Its constant factor, or the scale of its table, if it has one; the geometric mean where crops have their own.
     pub value: Option<f32>,
     /// Mean loss of the crops.
     pub loss: f32,
@@ -158,6 +158,29 @@ pub fn scores(
     all
 }
 
+/// The score of a table whose level a pilot chooses for every crop, without its reference, for renders of `samples`
+/// samples per pixel.
+pub fn piloted(
+    set: &mut Set,
+    beta: f32,
+    name: &str,
+    table: &AttenuationTable,
+    samples: u32,
+) -> Result<Score, TrainError> {
+    let tables = (set.crops())
+        .map(|crop| Ok(scaled(table, crop.pilot(table, samples)?)))
+        .collect::<Result<Vec<_>, TrainError>>()?;
+    let moments = set.exact_each(&tables);
+    let losses = set.objective(beta).by_crop(&moments);
+    let ln: f32 = tables.iter().map(|t| (t.scale / table.scale).ln()).sum();
+    Ok(Score {
+        name: name.into(),
+        value: Some((ln / tables.len().max(1) as f32).exp()),
+        loss: super::set::mean_loss(&losses, beta).unwrap_or(f32::NAN),
+        energy: energy(&losses),
+    })
+}
+
 /// Learns from all families but one, and scores on that one; for every family of the training scenes.
 ///
 /// `listen` is told of every family before it is held out, and can end the study.
@@ -200,7 +223,11 @@ pub fn leave_one_out(
         session.validation = validation;
         let (full, additive) = learned?;
         let tables = [("full table", &full), ("additive table", &additive)];
-        let scores = scores(&mut held, beta, elsewhere, &tables);
+        let mut scores = scores(&mut held, beta, elsewhere, &tables);
+        for (name, table) in tables {
+            let name = format!("{name}, pilot's scale");
+            scores.push(piloted(&mut held, beta, &name, table, config.spp)?);
+        }
         session.training.append(held);
         all.push(HeldOut { family, scores });
     }

@@ -1,9 +1,12 @@
 //! The pilot that chooses the level of a table.
 
 use super::support::render::scene;
-use opsr::integrator::pilot::{Level, SCALES, choose};
+use opsr::image::film::Window;
+use opsr::integrator::pilot::{Level, SCALES, View, choose};
 use opsr::integrator::{Method, Settings};
+use opsr::math::UVec2;
 use opsr::regularise::AttenuationTable;
+use opsr::scene::Scene;
 use opsr::scene::builtin::caustic_box;
 
 fn settings(gamma: f32) -> Settings {
@@ -17,11 +20,20 @@ fn settings(gamma: f32) -> Settings {
     }
 }
 
+fn view(scene: &Scene) -> View<'_> {
+    let frame = UVec2::splat(64);
+    View {
+        scene,
+        camera: &scene.parts().cameras[0],
+        frame,
+        window: Window::full(frame),
+    }
+}
+
 #[test]
 fn a_table_that_does_nothing_is_the_plain_picture_path_by_path() {
     let scene = scene(caustic_box());
-    let camera = scene.parts().cameras[0].clone();
-    let pilot = choose(&settings(0.0), &scene, &camera, 1.0, 1);
+    let pilot = choose(&settings(0.0), &view(&scene), 1).unwrap();
     assert_eq!(pilot.levels.len(), SCALES.len());
     for level in &pilot.levels {
         assert_eq!(level.bias2, 0.0, "{level:?}");
@@ -32,9 +44,8 @@ fn a_table_that_does_nothing_is_the_plain_picture_path_by_path() {
 #[test]
 fn the_more_samples_the_less_roughening() {
     let scene = scene(caustic_box());
-    let camera = scene.parts().cameras[0].clone();
     const SAMPLES: u32 = 60;
-    let pilot = choose(&settings(0.1), &scene, &camera, 1.0, SAMPLES);
+    let pilot = choose(&settings(0.1), &view(&scene), SAMPLES).unwrap();
     // What is roughened more has less variance and more bias.
     let (first, last) = (pilot.levels[0], pilot.levels[SCALES.len() - 1]);
     assert!(last.variance < 0.5 * first.variance, "{pilot:?}");
