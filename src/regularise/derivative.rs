@@ -1,6 +1,6 @@
 //! Accumulated roughness together with its derivative with respect to the table's entries.
 
-use super::{AttenuationTable, GammaIndex, MAX_VERTICES, PathRoughness};
+use super::{AttenuationTable, ConstantGamma, GammaIndex, MAX_VERTICES, PathRoughness};
 
 /// How one number depends on the table: dα′/dγ for each entry it depends on.
 pub type Dependence = Vec<(GammaIndex, f32)>;
@@ -35,6 +35,36 @@ pub fn accumulate_with_gradient(alphas: &[f32], table: &AttenuationTable) -> (f3
     )
 }
 
+/// α′ of a path of at most five vertices where the factor is `gamma` whatever its class, and dα′/dγ.
+pub fn accumulate_at(alphas: &[f32], gamma: f32) -> (f32, f32) {
+    debug_assert!(alphas.len() <= MAX_VERTICES);
+    let Some((&last, before)) = alphas.split_last() else {
+        return (0.0, 0.0);
+    };
+    let constant = ConstantGamma(gamma);
+    let mut prefix = PathRoughness::default();
+    for &alpha in before {
+        prefix.push(alpha, &constant, 1.0);
+    }
+    let alpha = prefix.accumulate(last, &constant, 1.0);
+    let slope = if last >= 1.0 {
+        0.0
+    } else {
+        (1.0 - last) * slope(&prefix, gamma)
+    };
+    (alpha, slope)
+}
+
+/// d/dγ of 1 − ∏ (1 − γ αᵢ).
+fn slope(prefix: &PathRoughness, gamma: f32) -> f32 {
+    let (mut q, mut dq) = (0.0f32, 0.0f32);
+    for &a in prefix.values() {
+        dq = dq * (1.0 - gamma * a) + a * (1.0 - q);
+        q += gamma * a * (1.0 - q);
+    }
+    dq
+}
+
 /// Derivative of `prefix.accumulate(last)`, where `folded` is that of the prefix's first value.
 fn gradient(
     prefix: &PathRoughness,
@@ -50,11 +80,7 @@ fn gradient(
         raw += weight * table.gammas[class.index()]
     });
     let gamma = (raw * table.scale).min(1.0);
-    let (mut q, mut dq) = (0.0f32, 0.0f32);
-    for &a in prefix.values() {
-        dq = dq * (1.0 - gamma * a) + a * (1.0 - q);
-        q += gamma * a * (1.0 - q);
-    }
+    let dq = slope(prefix, gamma);
     // A product clamped at 1 no longer follows the entries.
     let slope = if raw * table.scale > 1.0 {
         0.0
@@ -122,6 +148,26 @@ mod tests {
             gamma += f64::from(w) * gammas[c.index()]
         });
         1.0 - (1.0 - last) * before.iter().map(|a| 1.0 - gamma * a).product::<f64>()
+    }
+
+    #[test]
+    fn one_factor_is_a_table_of_one_factor() {
+        let lists: [&[f32]; 6] = [
+            &[],
+            &[0.3],
+            &[0.5, 1.0],
+            &[1.0, 0.0],
+            &[0.2, 0.9, 0.05],
+            &[1.0, 0.0, 0.31, 0.7, 0.1],
+        ];
+        for list in lists {
+            for gamma in [1e-3, 0.2, 0.77, 1.0] {
+                let (alpha, gradient) =
+                    accumulate_with_gradient(list, &AttenuationTable::constant(gamma));
+                let sum: f32 = gradient.iter().map(|(_, d)| d).sum();
+                assert_eq!(accumulate_at(list, gamma), (alpha, sum), "{list:?} {gamma}");
+            }
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@
 use crate::regularise::{
     AttenuationTable, Dependence, GammaIndex, MAX_VERTICES, PathRoughness, accumulate_with_gradient,
 };
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// Interned lists of own roughness, camera first, last vertex last.
@@ -22,6 +23,17 @@ pub struct Roughness {
     pub alpha: f32,
     /// dα′/dγ of each table entry it depends on.
     pub gradient: Dependence,
+}
+
+impl Roughness {
+    fn new(list: &[f32], table: &AttenuationTable) -> Self {
+        let (alpha, gradient) = accumulate_with_gradient(list, table);
+        Self { alpha, gradient }
+    }
+}
+
+fn is_long(list: &[f32]) -> bool {
+    list.len() > MAX_VERTICES
 }
 
 impl Codes {
@@ -57,17 +69,40 @@ impl Codes {
 
     /// α′ and derivative of every code.
     pub fn roughness(&self, table: &AttenuationTable) -> Vec<Roughness> {
-        (self.lists.iter())
-            .map(|list| {
-                let (alpha, gradient) = accumulate_with_gradient(list, table);
-                Roughness { alpha, gradient }
+        (self.lists.par_iter())
+            .map(|list| Roughness::new(list, table))
+            .collect()
+    }
+
+    /// α′ and derivative of the codes of paths that fold; of the others, zeros.
+    pub fn long_roughness(&self, table: &AttenuationTable) -> Vec<Roughness> {
+        (self.lists.par_iter())
+            .map(|list| match is_long(list) {
+                true => Roughness::new(list, table),
+                false => Roughness::default(),
+            })
+            .collect()
+    }
+
+    /// α′ of the codes of paths that fold; of the others, zeros.
+    pub fn long_alphas(&self, table: &AttenuationTable) -> Vec<f32> {
+        (self.lists.par_iter())
+            .map(|list| match list.split_last() {
+                Some((&last, before)) if is_long(list) => {
+                    let mut prefix = PathRoughness::default();
+                    for &alpha in before {
+                        prefix.push(alpha, table, 1.0);
+                    }
+                    prefix.accumulate(last, table, 1.0)
+                }
+                _ => 0.0,
             })
             .collect()
     }
 
     /// Whether a path folds: α′ then depends on the factors of more than one class.
     pub fn is_long(&self, code: u32) -> bool {
-        self.list(code).len() > MAX_VERTICES
+        is_long(self.list(code))
     }
 
     /// The table entries and weights that make the factor of a code that does not fold.

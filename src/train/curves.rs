@@ -9,7 +9,7 @@ use super::folded::Folded;
 use super::moments::{Adjoint, Moments, Source, no_gradient};
 use super::recording::{Pixel, Recording};
 use crate::math::real::Dual;
-use crate::regularise::{AttenuationTable, GammaIndex, accumulate_with_gradient};
+use crate::regularise::{AttenuationTable, GammaIndex, accumulate_at};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -54,9 +54,7 @@ fn node(k: usize) -> f64 {
 fn alphas(list: &[f32]) -> [Dual; NODES] {
     std::array::from_fn(|k| {
         let gamma = node(k);
-        let table = AttenuationTable::constant(gamma as f32);
-        let (alpha, gradient) = accumulate_with_gradient(list, &table);
-        let d: f32 = gradient.iter().map(|(_, d)| d).sum();
+        let (alpha, d) = accumulate_at(list, gamma as f32);
         Dual {
             v: alpha.into(),
             d: f64::from(d) * gamma * spacing(),

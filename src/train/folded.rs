@@ -89,7 +89,7 @@ impl Folded {
         if self.is_empty() {
             return;
         }
-        let roughness = self.codes.roughness(table);
+        let roughness = self.codes.long_roughness(table);
         let tangents: Vec<Tangent> = (self.pixels.par_iter())
             .map(|(samples, members)| {
                 let mut sum = [0.0; 4];
@@ -168,12 +168,12 @@ impl Folded {
         if self.is_empty() {
             return;
         }
-        let roughness = self.codes.roughness(table);
+        let alphas = self.codes.long_alphas(table);
         let sums: Vec<[f64; 4]> = (self.pixels.par_iter())
             .map(|(samples, members)| {
                 let mut sum = [0.0; 4];
                 for Member { constant, event } in members {
-                    let moment = event.at(roughness[event.code as usize].alpha);
+                    let moment = event.at(alphas[event.code as usize]);
                     let mut second = moment.y;
                     for c in 0..3 {
                         sum[c] += f64::from(moment.x[c]);
