@@ -245,17 +245,15 @@ impl Session {
         );
         let fingerprint = Checkpoint::fingerprint(&config, beta, self.training.crops())?;
         let mut state = Progress::new(learner);
-        self.training.anchor(self.constant(start));
         let path = folder.map(|f| f.join("last.ckpt"));
+        let mut anchor = self.constant(start);
         if resume && let Some(path) = &path {
             let checkpoint = Checkpoint::load(path, &fingerprint)?;
-            self.training.anchor(AttenuationTable {
-                lookup: config.lookup,
-                ..checkpoint.anchor.clone()
-            });
+            anchor.gammas.clone_from(&checkpoint.anchor.gammas);
             state = state.resume(checkpoint, config.lookup)?;
             self.training.skip(u64::from(state.step));
         }
+        self.training.anchor(anchor);
         let clock = Instant::now();
         let mut stopped = false;
         while state.step < config.steps && !stopped && !state.is_over(config.patience) {

@@ -124,15 +124,15 @@ fn energy(losses: &[CropLoss]) -> f32 {
     losses.iter().map(|l| l.energy).sum::<f32>() / losses.len().max(1) as f32
 }
 
-/// Scores of a table beside constants: the best one of the crops themselves, and one chosen elsewhere.
+/// Scores of tables beside constants: the best one of the crops themselves, and one chosen elsewhere.
 pub fn scores(
     set: &mut Set,
     beta: f32,
+    own: f32,
     elsewhere: f32,
     tables: &[(&str, &AttenuationTable)],
 ) -> Vec<Score> {
     let lookup = tables.first().map_or(Lookup::Nearest, |t| t.1.lookup);
-    let own = best_constant(set, beta, lookup);
     let mut all = vec![
         score(
             set,
@@ -223,7 +223,8 @@ pub fn leave_one_out(
         session.validation = validation;
         let (full, additive) = learned?;
         let tables = [("full table", &full), ("additive table", &additive)];
-        let mut scores = scores(&mut held, beta, elsewhere, &tables);
+        let own = best_constant(&mut held, beta, config.lookup);
+        let mut scores = scores(&mut held, beta, own, elsewhere, &tables);
         for (name, table) in tables {
             let name = format!("{name}, pilot's scale");
             scores.push(piloted(&mut held, beta, &name, table, config.spp)?);

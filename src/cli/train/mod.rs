@@ -238,6 +238,17 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
                 }
             })
             .map_err(blame)?;
+            if !session.validation.is_empty() && !stop.asked() {
+                progress.say(&format!("beta {beta}: a pilot for every validation crop"));
+                let score = study::piloted(
+                    &mut session.validation,
+                    beta,
+                    "learned table, pilot's scale",
+                    &learned.table,
+                    config.spp,
+                );
+                learned.validation.push(score.map_err(blame)?);
+            }
         }
     }
     save(
@@ -337,11 +348,12 @@ fn judge(
     if let Some((_, best)) = &outcome.best {
         tables.push(("table of the lowest validation loss", best));
     }
-    let training = study::scores(&mut session.training, beta, constant, &tables);
+    let training = study::scores(&mut session.training, beta, constant, constant, &tables);
     let validation = if session.validation.is_empty() {
         Vec::new()
     } else {
-        study::scores(&mut session.validation, beta, constant, &tables)
+        let own = study::best_constant(&mut session.validation, beta, lookup);
+        study::scores(&mut session.validation, beta, own, constant, &tables)
     };
     let start = session.constant(outcome.start);
     Learned {
