@@ -173,15 +173,13 @@ struct Rendering<R> {
 
 impl<R: Regulariser + Send> Integrator for Rendering<R> {
     fn pass(&self, scene: &Scene, camera: &Camera, samples: Range<u32>, picture: &mut Picture) {
-        let source = Independent { seed: self.seed };
-        let Picture { film, aovs } = picture;
-        match aovs {
-            Some(aovs) => self
-                .tracer
-                .estimate(scene, camera, &source, samples, film, aovs),
-            None => self
-                .tracer
-                .estimate(scene, camera, &source, samples, film, &mut ()),
+        let (tracer, seed) = (&self.tracer, self.seed);
+        if scene.has_lobes() {
+            tracer.picture(scene, camera, seed, samples, picture);
+        } else {
+            // Nothing to roughen: no path need remember what it met.
+            let tracer = tracer.with(Unregularised);
+            tracer.picture(scene, camera, seed, samples, picture);
         }
     }
 
@@ -195,7 +193,34 @@ impl<R: Regulariser + Send> Integrator for Rendering<R> {
     }
 }
 
+impl<R> PathTracer<R> {
+    /// The same with another rule.
+    fn with<Q>(&self, regulariser: Q) -> PathTracer<Q> {
+        PathTracer {
+            max_vertices: self.max_vertices,
+            roulette_start: self.roulette_start,
+            regulariser,
+        }
+    }
+}
+
 impl<R: Regulariser> PathTracer<R> {
+    fn picture(
+        &self,
+        scene: &Scene,
+        camera: &Camera,
+        seed: u64,
+        samples: Range<u32>,
+        picture: &mut Picture,
+    ) {
+        let source = Independent { seed };
+        let Picture { film, aovs } = picture;
+        match aovs {
+            Some(aovs) => self.estimate(scene, camera, &source, samples, film, aovs),
+            None => self.estimate(scene, camera, &source, samples, film, &mut ()),
+        }
+    }
+
     /// Adds the samples with these numbers to every pixel of the film's window; tiles in parallel, joined in order.
     pub fn estimate<Q: SampleSource, O: Recorder>(
         &self,

@@ -197,6 +197,13 @@ impl Material {
     }
 }
 
+impl Material {
+    /// Whether no lobe of the material can be rougher than it is.
+    pub fn is_rough(&self) -> bool {
+        self.is_lambert() || (self.alpha >= 1.0 && self.metallic_roughness_texture.is_none())
+    }
+}
+
 impl TextureRef {
     /// Linear values at texture coordinates `uv`.
     #[inline]

@@ -85,6 +85,7 @@ pub struct Scene {
     geometry: Geometry,
     emitters: Emitters,
     has_absorption: bool,
+    has_lobes: bool,
     warnings: Vec<String>,
 }
 
@@ -95,11 +96,14 @@ impl Scene {
         let geometry = Geometry::new(&parts, &mut warnings);
         let emitters = Emitters::new(&parts, &geometry, &mut warnings);
         let has_absorption = (parts.materials.iter()).any(|m| m.absorption != Rgb::ZERO);
+        let mut shown = parts.meshes.iter().map(|m| m.material as usize);
+        let has_lobes = shown.any(|m| !parts.materials.get(m).is_some_and(Material::is_rough));
         Self {
             parts,
             geometry,
             emitters,
             has_absorption,
+            has_lobes,
             warnings,
         }
     }
@@ -118,6 +122,11 @@ impl Scene {
     #[inline]
     pub fn has_absorption(&self) -> bool {
         self.has_absorption
+    }
+
+    /// Whether any surface has a lobe that a rule could roughen.
+    pub fn has_lobes(&self) -> bool {
+        self.has_lobes
     }
 
     /// Triangles and their tree.

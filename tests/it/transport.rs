@@ -6,11 +6,13 @@ use opsr::image::agree::{agree, agree_with_exact};
 use opsr::image::{Buffer, Film};
 use opsr::integrator::{Method, Picture, Settings};
 use opsr::math::{Rgb, UVec2, Vec3};
-use opsr::regularise::{AttenuationTable, Lookup};
+use opsr::regularise::{Accumulated, AttenuationTable, ConstantGamma, Lookup};
+use opsr::sampler::Independent;
 use opsr::scene::builtin::materials::{GOLD, coated, diffuse, emitter, glass, metal};
 use opsr::scene::builtin::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::builtin::{self, caustic_box, cornell_box};
-use opsr::scene::{Environment, Scene, SceneParts};
+use opsr::scene::material::TextureRef;
+use opsr::scene::{Environment, Material, Scene, SceneParts, Texture};
 
 const PLAIN: Method = Method::Plain;
 
@@ -234,6 +236,45 @@ fn diffuse_scenes_are_the_same_under_every_method() {
     for method in methods() {
         assert_eq!(film(&scene, method.clone(), 16, 8, 3), plain, "{method:?}");
     }
+    // Such scenes are rendered without a rule; asked all the same, it changes nothing.
+    assert!(!scene.has_lobes());
+    let rule = Accumulated {
+        attenuation: ConstantGamma(0.3),
+        lambda: 0.0,
+    };
+    let mut asked = Film::new(UVec2::splat(16));
+    let (camera, source) = (&scene.parts().cameras[0], Independent { seed: 3 });
+    let tracer = Settings::default().tracer::<Accumulated<_>>(rule);
+    tracer.estimate(&scene, camera, &source, 0..8, &mut asked, &mut ());
+    assert_eq!(asked, plain);
+}
+
+#[test]
+fn scenes_with_a_lobe_somewhere_are_known() {
+    assert!(scene(caustic_box()).has_lobes());
+    // A material that no mesh has does not count; a texture may make any roughness smaller.
+    let mut parts = cornell_box();
+    let glossy = Material {
+        alpha: 0.5,
+        ..Material::default()
+    };
+    parts.materials.push(glossy);
+    assert!(!scene(parts.clone()).has_lobes());
+    parts.meshes[0].material = parts.materials.len() as u32 - 1;
+    assert!(scene(parts.clone()).has_lobes());
+    let material = parts.materials.last_mut().unwrap();
+    material.alpha = 1.0;
+    assert!(!scene(parts.clone()).has_lobes());
+    parts.textures.push(Texture::default());
+    parts
+        .materials
+        .last_mut()
+        .unwrap()
+        .metallic_roughness_texture = Some(TextureRef {
+        texture: parts.textures.len() as u32 - 1,
+        transform: Default::default(),
+    });
+    assert!(scene(parts).has_lobes());
 }
 
 #[test]
