@@ -21,9 +21,25 @@ pub(crate) fn read_text(path: &Path, most: u64) -> io::Result<String> {
     String::from_utf8(read(path, most)?).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
 }
 
+/// The words of an error, cut where they quote too much of a file.
+pub(crate) fn briefly(error: impl std::fmt::Display) -> String {
+    const MOST: usize = 600;
+    let words = error.to_string();
+    match words.char_indices().nth(MOST) {
+        Some((end, _)) => format!("{}…", &words[..end]),
+        None => words,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn long_words_are_cut() {
+        assert_eq!(briefly("ä".repeat(600)), "ä".repeat(600));
+        assert_eq!(briefly("ä".repeat(601)), format!("{}…", "ä".repeat(600)));
+    }
 
     #[test]
     fn as_many_bytes_as_allowed_and_no_more() {

@@ -27,7 +27,9 @@ pub(super) struct ReportArgs {
 /// Runs the command.
 pub(super) fn run(args: &ReportArgs) -> anyhow::Result<()> {
     let results = Results::load(&args.results).input()?;
-    let html = page(&results).input()?;
+    let html = page(&results)
+        .with_context(|| args.results.display().to_string())
+        .input()?;
     write(&args.output, &html)?;
     if let Some(folder) = &args.plots {
         std::fs::create_dir_all(folder)

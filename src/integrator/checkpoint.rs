@@ -6,6 +6,7 @@
 use super::{FirstHit, Picture};
 use crate::atomic;
 use crate::image::film::Film;
+use crate::input;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::File;
@@ -159,7 +160,7 @@ impl Checkpoint {
             return Err("header too long".into());
         }
         let (header, content) = rest.split_at(length as usize);
-        let header: Header = serde_json::from_slice(header).map_err(|e| e.to_string())?;
+        let header: Header = serde_json::from_slice(header).map_err(input::briefly)?;
         if header.film_bytes.checked_add(header.aov_bytes) != Some(content.len()) {
             return Err("cut short".into());
         }

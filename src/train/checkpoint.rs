@@ -2,10 +2,11 @@
 
 use super::config::{Config, ConfigError};
 use super::dataset::Crop;
-use super::model::State;
+use super::model::{Learner, State};
 use crate::atomic;
+use crate::input;
 use crate::integrator::checkpoint::hex;
-use crate::regularise::AttenuationTable;
+use crate::regularise::{AttenuationTable, LEN};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde::{Deserialize, Serialize};
@@ -35,9 +36,17 @@ pub struct Checkpoint {
 /// Why a checkpoint could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
-    /// The file could not be read or written.
+    /// The file could not be read.
     #[error("{path}: {source}")]
-    Io {
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file could not be written.
+    #[error("{path}: {source}")]
+    Write {
         /// The file.
         path: PathBuf,
         /// What the system says.
@@ -140,7 +149,7 @@ impl Checkpoint {
         };
         document.sha256 = document.checksum();
         let text = serde_json::to_vec(&document).map_err(|e| damaged(path, e))?;
-        atomic::write_bytes(path, &text).map_err(|source| CheckpointError::Io {
+        atomic::write_bytes(path, &text).map_err(|source| CheckpointError::Write {
             path: path.into(),
             source,
         })
@@ -148,14 +157,10 @@ impl Checkpoint {
 
     /// Reads a checkpoint of the training with this fingerprint.
     pub fn load(path: &Path, fingerprint: &str) -> Result<Self, CheckpointError> {
-        let io = |source| CheckpointError::Io {
+        let text = input::read(path, MAX_BYTES).map_err(|source| CheckpointError::Read {
             path: path.into(),
             source,
-        };
-        if std::fs::metadata(path).map_err(io)?.len() > MAX_BYTES {
-            return Err(damaged(path, "too large"));
-        }
-        let text = std::fs::read(path).map_err(io)?;
+        })?;
         let document: Document = serde_json::from_slice(&text).map_err(|e| damaged(path, e))?;
         if document.format != FORMAT || document.sha256 != document.checksum() {
             return Err(damaged(path, "the checksum is wrong"));
@@ -164,21 +169,34 @@ impl Checkpoint {
             return Err(CheckpointError::Other { path: path.into() });
         }
         let bytes = |text: &str| STANDARD.decode(text).map_err(|e| damaged(path, e));
+        let table = |text: &str| {
+            table(&bytes(text)?).ok_or_else(|| damaged(path, "not the factors of a table"))
+        };
         let best = match (document.best, &document.best_table) {
-            (Some((step, loss)), Some(text)) => Some((step, loss, table(&bytes(text)?))),
-            _ => None,
+            (Some((step, loss)), Some(text)) => Some((step, loss, table(text)?)),
+            (None, None) => None,
+            _ => return Err(damaged(path, "half of a best table")),
         };
         Ok(Self {
             fingerprint: document.fingerprint,
             step: document.step,
             looks: document.looks,
             best,
-            anchor: table(&bytes(&document.anchor)?),
+            anchor: table(&document.anchor)?,
             state: State {
                 parameters: bytes(&document.parameters)?,
                 adam: bytes(&document.adam)?,
             },
         })
+    }
+}
+
+impl Checkpoint {
+    /// Sets a fresh learner to where this one stood; `path` is for messages.
+    pub fn restore(&self, learner: Learner, path: &Path) -> Result<Learner, CheckpointError> {
+        learner
+            .restore(self.state.clone())
+            .map_err(|e| damaged(path, e))
     }
 }
 
@@ -189,17 +207,21 @@ fn bits(table: &AttenuationTable) -> String {
 }
 
 /// What [`bits`] wrote.
-fn table(bytes: &[u8]) -> AttenuationTable {
+fn table(bytes: &[u8]) -> Option<AttenuationTable> {
     let mut table = AttenuationTable::constant(0.0);
-    for (gamma, chunk) in table.gammas.iter_mut().zip(bytes.as_chunks::<4>().0) {
+    let (chunks, []) = bytes.as_chunks::<4>() else {
+        return None;
+    };
+    for (gamma, chunk) in table.gammas.iter_mut().zip(chunks) {
         *gamma = f32::from_le_bytes(*chunk);
     }
-    table
+    let sane = table.gammas.iter().all(|g| (0.0..=1.0).contains(g));
+    (chunks.len() == LEN && sane).then_some(table)
 }
 
 fn damaged(path: &Path, problem: impl std::fmt::Display) -> CheckpointError {
     CheckpointError::Damaged {
         path: path.into(),
-        problem: problem.to_string(),
+        problem: input::briefly(problem),
     }
 }

@@ -1,9 +1,13 @@
 //! How to train: defaults, presets, a file, and single settings from the command line.
 
 use super::model::{Model, Optimiser};
+use crate::input;
 use crate::regularise::Lookup;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+/// Larger files are not settings.
+const MAX_BYTES: u64 = 1 << 20;
 
 /// How loss and gradient are evaluated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -137,6 +141,15 @@ impl Config {
             Optimiser::Adam if self.model == Model::Full => 5e-4,
             _ => 0.05,
         }
+    }
+
+    /// This configuration with the values of a TOML file in place of its own.
+    pub fn with_file(&self, path: &Path) -> Result<Self, ConfigError> {
+        let text = input::read_text(path, MAX_BYTES).map_err(|source| ConfigError::Io {
+            path: path.into(),
+            source,
+        })?;
+        self.with_text(&text, &path.display().to_string())
     }
 
     /// This configuration with the values of a TOML text in place of its own; `place` is for messages.

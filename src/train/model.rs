@@ -178,14 +178,21 @@ impl Learner {
 
     /// Goes on from a state. Parameters first: they carry the identity by which Adam knows its moments.
     pub fn restore(self, state: State) -> Result<Self, RecordError> {
+        let numbers = self.values().len();
         let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(state.parameters))?;
         let parameters = self.parameters.try_load_record(record)?;
         let adam = self.adam.from_bytes(Bytes::from_bytes_vec(state.adam))?;
-        Ok(Self {
+        let restored = Self {
             parameters,
             adam,
             ..self
-        })
+        };
+        let values = restored.values();
+        if values.len() != numbers || !values.iter().all(|v| v.is_finite()) {
+            let what = format!("not {numbers} finite parameters");
+            return Err(RecordError::Validation(what));
+        }
+        Ok(restored)
     }
 }
 

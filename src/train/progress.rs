@@ -6,6 +6,7 @@ use super::model::Learner;
 use super::session::Entry;
 use super::set::Set;
 use crate::regularise::{AttenuationTable, Lookup};
+use std::path::Path;
 
 /// Where the learning of one table stands.
 pub(super) struct Progress {
@@ -35,10 +36,16 @@ impl Progress {
         patience > 0 && self.looks >= patience
     }
 
-    pub(super) fn resume(self, checkpoint: Checkpoint, lookup: Lookup) -> Result<Self, TrainError> {
+    /// Goes on from a checkpoint; `path` is for messages.
+    pub(super) fn resume(
+        self,
+        checkpoint: Checkpoint,
+        lookup: Lookup,
+        path: &Path,
+    ) -> Result<Self, TrainError> {
         let with_lookup = |table| AttenuationTable { lookup, ..table };
         Ok(Self {
-            learner: self.learner.restore(checkpoint.state)?,
+            learner: checkpoint.restore(self.learner, path)?,
             step: checkpoint.step,
             skipped: 0,
             best: (checkpoint.best).map(|(step, loss, table)| (step, loss, with_lookup(table))),

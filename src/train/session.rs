@@ -250,7 +250,7 @@ impl Session {
         if resume && let Some(path) = &path {
             let checkpoint = Checkpoint::load(path, &fingerprint)?;
             anchor.gammas.clone_from(&checkpoint.anchor.gammas);
-            state = state.resume(checkpoint, config.lookup)?;
+            state = state.resume(checkpoint, config.lookup, path)?;
             self.training.skip(u64::from(state.step));
         }
         self.training.anchor(anchor);
@@ -260,11 +260,14 @@ impl Session {
             let table = state.learner.table();
             let (loss, gradient) = self.training.gradient(&objective, &table);
             let due = state.step.is_multiple_of(config.validate_every);
+            let before = due.then(|| (state.best.clone(), state.looks));
             if due {
                 self.log(&mut state, &objective, &validation, beta, &clock);
             }
             stopped = listen(state.step, loss, state.log.last().filter(|_| due)).is_break();
             if stopped {
+                // A training that goes on looks at this step itself: counted twice, a look would end it too early.
+                (state.best, state.looks) = before.unwrap_or((state.best, state.looks));
                 break;
             }
             if loss.is_finite() && gradient.iter().all(|g| g.abs() < LARGEST) {
@@ -327,7 +330,8 @@ impl Session {
         };
         let validation_crops = self.validation.losses(validation, &whole);
         let score = mean_loss(&validation_crops, beta);
-        if let Some(score) = score
+        // A loss that is no number is not a best one, and could not be read back from a checkpoint.
+        if let Some(score) = score.filter(|s| s.is_finite())
             && state.best.as_ref().is_none_or(|best| score < best.1)
         {
             state.best = Some((state.step, score, whole));

@@ -2,13 +2,17 @@
 //! message that does not name its file.
 //!
 //! Execution `i` of a target depends on nothing but its name and `i`, so a failure is found again by its number. The
-//! short tier always runs; `cargo test --release fuzz:: -- --ignored` runs `OPSR_FUZZ_EXECUTIONS` of each target,
-//! from `OPSR_FUZZ_FROM` on.
+//! short tier always runs; `cargo test --release fuzz::long -- --ignored` runs `OPSR_FUZZ_EXECUTIONS` of each target,
+//! from `OPSR_FUZZ_FROM` on, or only of the targets named in `OPSR_FUZZ_TARGETS`. Files worth keeping are in
+//! `tests/corpus`.
 
-mod mutate;
+mod corpus;
+pub(crate) mod mutate;
 mod repair;
 pub(crate) mod seeds;
 mod targets;
+#[cfg(feature = "train")]
+mod trained;
 
 use mutate::{Rng, mutated};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -16,14 +20,16 @@ use std::path::{Path, PathBuf};
 
 /// A reader under test.
 pub(crate) struct Target {
+    /// Its name, and that of its folder in the corpus.
+    pub(crate) name: &'static str,
     /// Name of the file that it reads; its ending may matter.
     pub(crate) file: &'static str,
     /// Good files.
     pub(crate) seeds: Vec<Vec<u8>>,
     /// Sets lengths and checksums right that a change has broken.
     pub(crate) repair: fn(Vec<u8>) -> Vec<u8>,
-    /// Reads the file, checks what comes of it, and says whether it was taken.
-    pub(crate) read: fn(&Path) -> Result<(), String>,
+    /// Reads the file, checks what comes of it, and says in a few words what was taken.
+    pub(crate) read: fn(&Path) -> Result<String, String>,
 }
 
 /// The most memory that this process may ever have held, in KiB. The targets need 30 MiB; other tests run beside them.
@@ -39,7 +45,7 @@ fn peak_kib() -> u64 {
 
 /// Executions `from..from + count`; the share of files that were taken.
 fn fuzz(target: &Target, from: u64, count: u64) -> f64 {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = crate::support::quick_folder();
     let path = folder.path().join(target.file);
     for seed in &target.seeds {
         std::fs::write(&path, seed).expect("a file");
@@ -127,6 +133,28 @@ fn checkpoints() {
 }
 
 #[test]
+fn textures() {
+    short(&targets::textures(), 500);
+}
+
+#[test]
+fn results() {
+    short(&targets::results(), 200);
+}
+
+#[test]
+#[cfg(feature = "train")]
+fn configurations() {
+    short(&trained::configurations(), 600);
+}
+
+#[test]
+#[cfg(feature = "train")]
+fn trainings() {
+    short(&trained::trainings(), 600);
+}
+
+#[test]
 #[ignore = "long: OPSR_FUZZ_EXECUTIONS of each target, 20000 if not set"]
 fn long() {
     let number = |name: &str, or: u64| match std::env::var(name) {
@@ -137,7 +165,11 @@ fn long() {
         number("OPSR_FUZZ_FROM", 0),
         number("OPSR_FUZZ_EXECUTIONS", 20_000),
     );
+    let only = std::env::var("OPSR_FUZZ_TARGETS").unwrap_or_default();
     for target in targets::all() {
+        if !only.is_empty() && !only.split(',').any(|name| name == target.name) {
+            continue;
+        }
         let taken = fuzz(&target, from, count);
         println!("{}: {count} executions, {taken:.3} taken", target.file);
         println!("at most {} KiB of memory so far", peak_kib());

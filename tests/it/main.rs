@@ -16,6 +16,7 @@ mod metric;
 mod mollifier;
 mod pilot;
 mod references;
+mod resume;
 mod scenes;
 mod stability;
 #[cfg(feature = "train")]

@@ -122,12 +122,7 @@ impl TrainArgs {
             config = config.with_text(text, "the preset").context("the preset")?;
         }
         if let Some(path) = &self.config {
-            let text = std::fs::read_to_string(path)
-                .with_context(|| path.display().to_string())
-                .input()?;
-            config = config
-                .with_text(&text, &path.display().to_string())
-                .input()?;
+            config = config.with_file(path).input()?;
         }
         if !self.beta.is_empty() {
             config.beta.clone_from(&self.beta);
@@ -373,7 +368,9 @@ fn judge(
 /// Exit codes of a training's errors.
 fn blame(error: TrainError) -> anyhow::Error {
     let code = match &error {
-        TrainError::Checkpoint(opsr::train::checkpoint::CheckpointError::Io { .. }) => Exit::Output,
+        TrainError::Checkpoint(opsr::train::checkpoint::CheckpointError::Write { .. }) => {
+            Exit::Output
+        }
         TrainError::State(_) | TrainError::NotFinite { .. } => Exit::Failed,
         _ => Exit::Input,
     };

@@ -5,12 +5,18 @@ use std::collections::BTreeSet;
 use super::suite::{Kind, MethodSpec, SceneSpec, Suite};
 use crate::image::film::Window;
 
+/// The most seeds of a suite: comparisons go through all of them again and again.
+const MAX_SEEDS: u32 = 1000;
+
+/// The most stops of exposure: beyond, single precision is at its end.
+const MAX_STOPS: f32 = 64.0;
+
 /// The first thing that is wrong with a suite.
 pub(super) fn suite(suite: &Suite) -> Result<(), String> {
     unique("scene", suite.scenes.iter().map(|s| s.name.as_str()))?;
     unique("method", suite.methods.iter().map(|m| m.name.as_str()))?;
-    if suite.seeds == 0 {
-        return Err("seeds: at least 1".to_owned());
+    if !(1..=MAX_SEEDS).contains(&suite.seeds) {
+        return Err(format!("seeds: from 1 to {MAX_SEEDS}"));
     }
     if suite.times.is_empty() && suite.samples.is_empty() {
         return Err("times or samples: at least one moment to look at".to_owned());
@@ -88,6 +94,9 @@ fn scene(scene: &SceneSpec) -> Result<(), String> {
     let scales = [scene.light_scale, scene.roughness_scale];
     if !scales.iter().flatten().all(|s| *s > 0.0 && s.is_finite()) {
         return Err("light_scale and roughness_scale: expected numbers above 0".to_owned());
+    }
+    if !(-MAX_STOPS..=MAX_STOPS).contains(&scene.exposure) {
+        return Err(format!("exposure: from -{MAX_STOPS} to {MAX_STOPS} stops"));
     }
     if scene.max_depth == 0 || scene.reference_spp == Some(0) {
         return Err("max_depth and reference_spp: at least 1".to_owned());

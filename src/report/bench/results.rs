@@ -10,10 +10,14 @@ use super::suite::Suite;
 use super::{BenchError, machine::Machine};
 use crate::atomic;
 use crate::image::Buffer;
+use crate::input;
 use crate::math::Rgb;
 
 /// Version of the file's layout.
 pub const VERSION: u32 = 1;
+
+/// Larger files are not results: this much JSON can stand for some hundred MiB of numbers.
+const MAX_BYTES: u64 = 1 << 26;
 
 /// All measurements of a suite, or those made so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -195,14 +199,15 @@ impl Results {
             path: path.to_owned(),
             reason,
         };
-        let text = std::fs::read_to_string(path).map_err(|e| invalid(e.to_string()))?;
-        let results: Self = serde_json::from_str(&text).map_err(|e| invalid(e.to_string()))?;
+        let text = input::read_text(path, MAX_BYTES).map_err(|e| invalid(e.to_string()))?;
+        let results: Self = serde_json::from_str(&text).map_err(|e| invalid(input::briefly(e)))?;
         if results.version != VERSION {
             return Err(invalid(format!(
                 "version {} of the layout, this program reads {VERSION}",
                 results.version
             )));
         }
+        super::check::suite(&results.suite).map_err(|e| invalid(format!("suite: {e}")))?;
         Ok(results)
     }
 

@@ -183,7 +183,7 @@ impl View<'_> {
             memory: runs.iter().filter_map(|c| c.memory).reduce(f64::max),
             energy: stats::mean_interval(&energy),
             squared_bias,
-            rejected: runs.iter().map(|c| c.rejected).sum(),
+            rejected: runs.iter().fold(0, |n, c| n.saturating_add(c.rejected)),
             crossing: None,
         };
         if !is_baseline {

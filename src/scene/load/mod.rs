@@ -18,6 +18,7 @@ pub use error::LoadError;
 
 use super::SceneParts;
 use crate::bsdf::Distribution;
+use crate::input;
 use accessors::Data;
 use error::{Fault, Result, Warnings, fault, place};
 use files::{Container, Files};
@@ -81,7 +82,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
     let container = Container::new(bytes)?;
     let head = head(container.json, &mut warnings)?;
     let root: Root = gltf::json::deserialize::from_slice(container.json)
-        .map_err(|e| fault("JSON", e.to_string()))?;
+        .map_err(|e| fault("JSON", input::briefly(e)))?;
     validate(&root)?;
     let mut files = Files::new(path, bytes);
     let data = Data {

@@ -197,7 +197,7 @@ fn change_words(rng: &mut Rng, bytes: &mut Vec<u8>) {
 }
 
 /// Where JSON is in a file, if anywhere: in the first chunk of a `.glb` file, or all of it.
-fn json_in(bytes: &[u8]) -> std::ops::Range<usize> {
+pub(crate) fn json_in(bytes: &[u8]) -> std::ops::Range<usize> {
     match bytes.get(12..16) {
         Some(length) if bytes.starts_with(b"glTF") => {
             let length = u32::from_le_bytes(length.try_into().expect("four bytes"));

@@ -10,6 +10,7 @@ use opsr::image::{Buffer, exr, png};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::file::{Provenance, TableFile};
 use opsr::regularise::{AttenuationTable, LEN, Lookup};
+use opsr::report::bench::results::Inset;
 use opsr::scene::{SceneParts, builtin, save};
 use std::path::Path;
 
@@ -137,6 +138,49 @@ pub(crate) fn png() -> Vec<Vec<u8>> {
     let wide = image::ImageBuffer::from_pixel(3, 2, image::LumaA([0x1234u16, 7]));
     let wide = crate::support::gltf::png(&wide.into());
     vec![own, wide, jpeg.into_inner()]
+}
+
+/// Pictures as textures come: with and without colours, alpha and palettes, of eight and sixteen bits.
+pub(crate) fn textures() -> Vec<Vec<u8>> {
+    use crate::support::gltf::png;
+    let at = |x: u32, y: u32| [(x * 90) as u8, (y * 70) as u8, 9, 200];
+    let colours = image::RgbaImage::from_fn(3, 2, |x, y| image::Rgba(at(x, y)));
+    let grey = image::GrayImage::from_fn(5, 3, |x, y| image::Luma([at(x, y)[0]]));
+    let wide = image::ImageBuffer::from_fn(2, 2, |x, _| image::Rgb([x as u16 * 999, 7, 65535]));
+    let jpeg = |picture: image::DynamicImage| {
+        let mut out = std::io::Cursor::new(Vec::new());
+        let format = image::ImageFormat::Jpeg;
+        picture.write_to(&mut out, format).expect("a picture");
+        out.into_inner()
+    };
+    let opaque = image::DynamicImage::from(colours.clone()).into_rgb8();
+    vec![
+        png(&colours.into()),
+        png(&grey.clone().into()),
+        png(&wide.into()),
+        jpeg(opaque.into()),
+        jpeg(grey.into()),
+    ]
+}
+
+/// What a small bench measured, with and without pictures.
+pub(crate) fn results() -> Vec<Vec<u8>> {
+    use crate::bench::planted::{Planted, planted, recorded};
+    let bright = Planted {
+        energy: 1.02,
+        ..planted("bright", 0.05, 4e-4)
+    };
+    let mut all = recorded(&[planted("plain", 0.1, 0.0), bright], 3);
+    for inset in &mut all.insets {
+        inset.pixels = Inset::encode(&Buffer::filled(4, 3, Rgb::splat(0.5)));
+        inset.width = 4;
+    }
+    let mut bare = all.clone();
+    bare.insets.clear();
+    bare.products.clear();
+    bare.cells.truncate(2);
+    let json = |r| serde_json::to_vec(&r).expect("finite");
+    vec![json(all), json(bare)]
 }
 
 /// How a table that never was learned was learned.

@@ -1,15 +1,20 @@
 //! The readers, and what must hold of anything they take.
 
+#[cfg(feature = "train")]
+use super::trained;
 use super::{Target, repair, seeds};
+use crate::support::gltf::File;
 use opsr::image::{exr, png};
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::{FirstHit, Picture, Settings};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::regularise::file::TableFile;
-use opsr::report::bench::Suite;
-use opsr::scene::load::{LoadOptions, load};
+use opsr::report::bench::page::page;
+use opsr::report::bench::{Results, Suite, summary};
+use opsr::scene::load::{LoadError, LoadOptions, load};
 use opsr::scene::manifest::Manifest;
 use opsr::scene::{Camera, Environment, Scene};
+use serde_json::json;
 use std::path::Path;
 
 pub(crate) fn all() -> Vec<Target> {
@@ -22,21 +27,37 @@ pub(crate) fn all() -> Vec<Target> {
         manifests(),
         suites(),
         checkpoints(),
+        textures(),
+        results(),
+        #[cfg(feature = "train")]
+        trained::configurations(),
+        #[cfg(feature = "train")]
+        trained::trainings(),
     ]
 }
 
-fn text<T, E: ToString>(result: Result<T, E>) -> Result<T, String> {
+pub(super) fn text<T, E: ToString>(result: Result<T, E>) -> Result<T, String> {
     result.map_err(|e| e.to_string())
 }
 
 /// Loads, builds and renders a little: whatever is taken can be looked at.
 pub(crate) fn gltf() -> Target {
     Target {
+        name: "gltf",
         file: "fuzz.glb",
         seeds: seeds::gltf(),
         repair: repair::glb,
         read: |path| {
-            let parts = text(load(path, &LoadOptions::default()))?.parts;
+            let loaded = text(load(path, &LoadOptions::default()))?;
+            let (parts, warnings) = (loaded.parts, loaded.warnings.join("; "));
+            let has = |n: usize, what: &str| (n > 0).then(|| format!(" {what}"));
+            let taken = [
+                has(parts.meshes.len(), "meshes"),
+                has(parts.lights.len(), "lights"),
+                has(parts.cameras.len(), "cameras"),
+                has(parts.textures.len(), "textures"),
+            ];
+            let taken: String = taken.into_iter().flatten().collect();
             let own = parts.cameras.first().cloned();
             let scene = Scene::new(parts);
             let camera = own.unwrap_or_else(|| Camera::framing(scene.geometry().bounds(), 1.0));
@@ -50,27 +71,32 @@ pub(crate) fn gltf() -> Target {
             };
             let integrator = settings.integrator();
             integrator.pass(&scene, &camera, 0..1, &mut picture);
-            Ok(())
+            Ok(format!("with{taken}: {warnings}"))
         },
     }
 }
 
 pub(crate) fn exr() -> Target {
     Target {
+        name: "exr",
         file: "fuzz.exr",
         seeds: seeds::exr(),
         repair: repair::nothing,
         read: |path| {
             // Whether the channels are those of a film or of a picture is another matter.
             let told = |r: Result<(), exr::ExrError>| {
-                assert!(r.is_ok() || r.unwrap_err().to_string().contains("fuzz.exr"));
+                let name = path.display().to_string();
+                let words = r.map_or_else(|e| e.to_string(), |()| name.clone());
+                assert!(words.contains(&name), "{words}");
+                words.replace(&name, "")
             };
-            told(exr::read_film(path).map(|film| drop(film.mean())));
-            told(exr::read_rgb(path).map(|p| assert_eq!(p.pixels.len(), p.width * p.height)));
+            let film = told(exr::read_film(path).map(|film| drop(film.mean())));
+            let rgb =
+                told(exr::read_rgb(path).map(|p| assert_eq!(p.pixels.len(), p.width * p.height)));
             let layers = text(exr::read_layers(path))?;
             let n = layers.width * layers.height;
             assert!(layers.channels.values().all(|c| c.len() == n));
-            Ok(())
+            Ok(format!("as a film{film}; as a picture{rgb}"))
         },
     }
 }
@@ -78,6 +104,7 @@ pub(crate) fn exr() -> Target {
 /// An environment map, looked at and sampled.
 pub(crate) fn hdr() -> Target {
     Target {
+        name: "hdr",
         file: "fuzz.hdr",
         seeds: seeds::hdr(),
         repair: repair::nothing,
@@ -92,20 +119,23 @@ pub(crate) fn hdr() -> Target {
                 }
             }
             assert!(map.average().min_element() >= 0.0);
-            Ok(())
+            let black = map.average().max_element() == 0.0;
+            Ok(if black { "a black map" } else { "a map" }.into())
         },
     }
 }
 
 pub(crate) fn png() -> Target {
     Target {
+        name: "png",
         file: "fuzz.png",
         seeds: seeds::png(),
         repair: repair::png,
         read: |path| {
             let picture = text(png::read(path))?;
             assert_eq!(picture.pixels.len(), picture.width * picture.height);
-            Ok(())
+            let grey = picture.pixels.iter().all(|p| p.x == p.y && p.y == p.z);
+            Ok(if grey { "grey" } else { "coloured" }.into())
         },
     }
 }
@@ -113,6 +143,7 @@ pub(crate) fn png() -> Target {
 /// A table that is taken is a table, and is the same after it was written again.
 pub(crate) fn tables() -> Target {
     Target {
+        name: "tables",
         file: "fuzz.json",
         seeds: seeds::tables(),
         repair: repair::nothing,
@@ -122,13 +153,15 @@ pub(crate) fn tables() -> Target {
             assert!(t.gammas.iter().all(|g| (0.0..=1.0).contains(g)) && t.scale > 0.0);
             let again = TableFile::parse(file.to_json().unwrap().as_bytes(), path);
             assert_eq!(again.unwrap(), file);
-            Ok(())
+            let made = file.provenance.is_some();
+            Ok(format!("{:?}, provenance {made}", t.lookup))
         },
     }
 }
 
 pub(crate) fn manifests() -> Target {
     Target {
+        name: "manifests",
         file: "fuzz.manifest",
         seeds: seeds::manifests(),
         repair: repair::nothing,
@@ -138,13 +171,15 @@ pub(crate) fn manifests() -> Target {
                 assert!(!entry.crops.is_empty() && entry.exposure > 0.0);
                 manifest.reference(entry, entry.crops[0]);
             }
-            Ok(())
+            let none = manifest.scenes.is_empty();
+            Ok(if none { "no scenes" } else { "scenes" }.into())
         },
     }
 }
 
 pub(crate) fn suites() -> Target {
     Target {
+        name: "suites",
         file: "fuzz.suite",
         seeds: seeds::suites(),
         repair: repair::nothing,
@@ -154,7 +189,8 @@ pub(crate) fn suites() -> Target {
                 assert!(!scene.window().is_empty());
                 suite.methods_of(scene).count();
             }
-            Ok(())
+            let methods = suite.methods.iter().map(|m| format!("{:?} ", m.method));
+            Ok(methods.collect())
         },
     }
 }
@@ -188,13 +224,73 @@ pub(crate) fn checkpoints() -> Target {
         std::fs::read(&path).expect("a file")
     });
     Target {
+        name: "checkpoints",
         file: "fuzz.ckpt",
         seeds: seeds.into(),
         repair: repair::checkpoint,
         read: |path: &Path| {
             let checkpoint = text(Checkpoint::load(path, &fingerprint()))?;
-            assert_eq!(checkpoint.picture.film.window, seeds::film().window);
-            Ok(())
+            let film = checkpoint.picture.film;
+            assert_eq!(film.pixels.len(), film.window.len());
+            let refused = film.rejected.total() > 0;
+            let aovs = checkpoint.picture.aovs.is_some();
+            Ok(format!("refused samples {refused}, AOVs {aovs}"))
+        },
+    }
+}
+
+/// A picture on a triangle.
+pub(crate) fn textures() -> Target {
+    Target {
+        name: "textures",
+        file: "fuzz-texture.png",
+        seeds: seeds::textures(),
+        repair: repair::png,
+        read: |path| {
+            let folder = crate::support::quick_folder();
+            let mut file = File::triangle();
+            let view = file.view(&text(std::fs::read(path))?);
+            let image = file.push("images", json!({ "bufferView": view }));
+            file.push("textures", json!({ "source": image }));
+            file.push("materials", json!({ "emissiveTexture": { "index": 0 } }));
+            file.primitive()["material"] = json!(0);
+            // A scene under the picture's name.
+            let scene = folder.path().join(path.file_name().unwrap_or_default());
+            text(std::fs::write(&scene, file.glb()))?;
+            let error = |e: LoadError| {
+                let (ours, theirs) = (scene.display().to_string(), path.display().to_string());
+                e.to_string().replace(&ours, &theirs)
+            };
+            let loaded = load(&scene, &LoadOptions::default()).map_err(error)?;
+            let texture = &loaded.parts.textures[0];
+            let (width, height) = (texture.width as usize, texture.height as usize);
+            assert_eq!(texture.texels.len(), width * height);
+            let opaque = texture.texels.iter().all(|t| t[3] == 255);
+            Ok(if opaque { "opaque" } else { "with alpha" }.into())
+        },
+    }
+}
+
+/// Results of a bench, and the page of what is taken.
+pub(crate) fn results() -> Target {
+    Target {
+        name: "results",
+        file: "fuzz-results.json",
+        seeds: seeds::results(),
+        repair: repair::nothing,
+        read: |path| {
+            let results = text(Results::load(path))?;
+            summary::text(&results);
+            let html = page(&results).map_err(|e| format!("{}: {e}", path.display()))?;
+            let words = [
+                "<svg",
+                "data:image",
+                "class=\"off\"",
+                "class=\"better\"",
+                "class=\"worse\"",
+            ];
+            let has = words.iter().filter(|w| html.contains(*w));
+            Ok(format!("a page with {}", has.copied().collect::<String>()))
         },
     }
 }

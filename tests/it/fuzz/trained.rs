@@ -1,0 +1,115 @@
+//! The readers of the trainer: settings and checkpoints.
+
+use super::targets::text;
+use super::{Target, repair};
+use opsr::regularise::{AttenuationTable, LEN, Lookup};
+use opsr::train::Config;
+use opsr::train::checkpoint::Checkpoint;
+use opsr::train::model::{Learner, Model, Optimiser};
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+
+pub(crate) fn configurations() -> Target {
+    let all = Config::default().to_toml().expect("TOML");
+    let some = "optimiser = \"log\"\nscenes = [\"a\"]\nbeta = [0.1, 1]\nstart = 0.0\n";
+    Target {
+        name: "configurations",
+        file: "fuzz-config.toml",
+        seeds: vec![all.into(), some.into()],
+        repair: repair::nothing,
+        read: |path| {
+            let config = text(Config::default().with_file(path))?;
+            let place = |e: String| format!("{}: {e}", path.display());
+            text(config.check()).map_err(place)?;
+            let written = config.to_toml().expect("TOML");
+            let again = Config::default().with_text(&written, "again");
+            assert_eq!(again.expect("what was written"), config);
+            let Config {
+                method,
+                model,
+                optimiser,
+                loss,
+                lookup,
+                ..
+            } = config;
+            Ok(format!(
+                "{method:?} {model:?} {optimiser:?} {loss:?} {lookup:?}"
+            ))
+        },
+    }
+}
+
+fn learner() -> Learner {
+    Learner::new(Model::Additive, Optimiser::Log, 0.05, Lookup::Nearest, 0.5)
+}
+
+/// Whose checkpoint the seeds are.
+const FINGERPRINT: &str = "00ff";
+
+/// Of the model with few numbers: the files are shorter. A checkpoint that is taken is gone on with.
+pub(crate) fn trainings() -> Target {
+    let seeds = [false, true].map(|best| {
+        let mut learner = learner();
+        let gradient: Vec<f64> = (0..LEN).map(|i| (i % 7) as f64 - 3.0).collect();
+        learner.step(&gradient);
+        let checkpoint = Checkpoint {
+            fingerprint: FINGERPRINT.into(),
+            step: 1,
+            looks: 2,
+            best: best.then(|| (1, 0.25, AttenuationTable::constant(0.5))),
+            anchor: AttenuationTable::constant(0.25),
+            state: learner.to_bytes().expect("a state"),
+        };
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("last.ckpt");
+        checkpoint.save(&path).expect("saved");
+        std::fs::read(&path).expect("a file")
+    });
+    Target {
+        name: "trainings",
+        file: "fuzz-last.ckpt",
+        seeds: seeds.into(),
+        repair: checkpoint,
+        read: |path| {
+            let checkpoint = text(Checkpoint::load(path, FINGERPRINT))?;
+            let mut learner = text(checkpoint.restore(learner(), path))?;
+            learner.step(&vec![1e-3; LEN]);
+            let mut gammas = learner.table().gammas.into_iter();
+            assert!(gammas.all(|g| (0.0..=1.0).contains(&g)));
+            let best = checkpoint.best.is_some();
+            Ok(format!("best {best}"))
+        },
+    }
+}
+
+/// The checksum of a checkpoint, computed as the program does.
+fn checkpoint(bytes: Vec<u8>) -> Vec<u8> {
+    let Ok(mut json) = serde_json::from_slice::<Value>(&bytes) else {
+        return bytes;
+    };
+    let word = |key: &str| json[key].as_str().unwrap_or_default();
+    let best = json["best"].as_array().map(|best| {
+        let loss = best.get(1).and_then(Value::as_f64).unwrap_or_default() as f32;
+        (
+            best.first().and_then(Value::as_u64).unwrap_or_default() as u32,
+            loss,
+        )
+    });
+    let text = format!(
+        "{} {} {} {} {best:?} {:?} {} {} {}",
+        word("format"),
+        word("fingerprint"),
+        json["step"],
+        json["looks"],
+        json["best_table"].as_str(),
+        word("anchor"),
+        word("parameters"),
+        word("adam"),
+    );
+    let digits = Sha256::digest(text.as_bytes());
+    let digits: Vec<String> = digits.iter().map(|b| format!("{b:02x}")).collect();
+    if json.is_object() {
+        json["sha256"] = json!(digits.concat());
+    }
+    json.to_string().into_bytes()
+}

@@ -1,0 +1,179 @@
+//! Work that is stopped anywhere and gone on with from its file is, to the bit, work that was never stopped: fifty
+//! random places each, at another number of threads after each.
+
+use crate::fuzz::mutate::Rng;
+use crate::support::quick_folder;
+use crate::support::render::scene;
+use opsr::image::Film;
+use opsr::image::film::Window;
+use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
+use opsr::integrator::{FirstHit, Method, Picture, Settings};
+use opsr::math::UVec2;
+use opsr::regularise::AttenuationTable;
+use opsr::scene::builtin::caustic_box;
+use rayon::ThreadPool;
+
+/// Places to stop at.
+const PLACES: usize = 50;
+
+/// Ascending places in 1..end, all different.
+fn places(name: &str, end: usize) -> Vec<usize> {
+    let mut rng = Rng::new(name, 0);
+    let mut all: Vec<usize> = (1..end).collect();
+    while all.len() > PLACES {
+        all.remove(rng.below(all.len()));
+    }
+    assert_eq!(all.len(), PLACES);
+    all
+}
+
+/// Pools that take turns.
+fn pools() -> Vec<ThreadPool> {
+    let pool = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build();
+    [1, 2, 3, 8].map(|n| pool(n).expect("threads")).into()
+}
+
+#[test]
+fn a_render_stopped_at_fifty_places() {
+    const SPP: usize = 120;
+    let scene = scene(caustic_box());
+    let camera = &scene.parts().cameras[0];
+    let window = Window {
+        x: 3,
+        y: 2,
+        w: 19,
+        h: 17,
+    };
+    let blank = Picture {
+        film: Film::cropped(UVec2::new(24, 20), window).expect("inside"),
+        aovs: Some(FirstHit::new(window)),
+    };
+    let ours = Fingerprint {
+        version: "1".into(),
+        scene: "box".into(),
+        settings: "any".into(),
+    };
+    let folder = quick_folder();
+    let path = folder.path().join("a.ckpt");
+    let pools = pools();
+    let methods = [
+        Method::Plain,
+        Method::Table {
+            table: AttenuationTable::constant(0.3),
+            reuse: false,
+            lambda: 0.2,
+        },
+    ];
+    for method in methods {
+        let settings = Settings {
+            method,
+            seed: 11,
+            ..Settings::default()
+        };
+        let integrator = settings.integrator();
+        let mut whole = blank.clone();
+        integrator.pass(&scene, camera, 0..SPP as u32, &mut whole);
+        let mut ends = places("render", SPP);
+        ends.push(SPP);
+        let mut checkpoint = Checkpoint {
+            fingerprint: ours.clone(),
+            samples: 0,
+            seconds: 0.0,
+            picture: blank.clone(),
+        };
+        for (i, &end) in ends.iter().enumerate() {
+            let samples = checkpoint.samples..end as u32;
+            let picture = &mut checkpoint.picture;
+            pools[i % 4].install(|| integrator.pass(&scene, camera, samples, picture));
+            checkpoint.samples = end as u32;
+            checkpoint.save(&path).expect("saved");
+            // Only what is in the file goes on.
+            checkpoint = Checkpoint::load(&path, &ours).expect("ours");
+        }
+        assert!(checkpoint.picture == whole, "{:?}", settings.method);
+    }
+}
+
+#[cfg(feature = "train")]
+mod training {
+    use super::*;
+    use crate::train::{crop, quick};
+    use opsr::train::config::Way;
+    use opsr::train::dataset::Crop;
+    use opsr::train::model::{Model, Optimiser};
+    use opsr::train::session::Outcome;
+    use opsr::train::{Config, Session};
+    use std::ops::ControlFlow;
+    use std::path::Path;
+
+    /// Trains as a new process would, up to a step.
+    fn learn(config: &Config, crop: &Crop, folder: Option<&Path>, stop_at: u32) -> Outcome {
+        let crops = vec![crop.clone()];
+        let mut session = Session::with_crops(config.clone(), crops.clone(), crops, &mut |_| ())
+            .expect("a session");
+        let mut listen = |step: u32, _: f32, _: Option<&_>| match step == stop_at {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        };
+        let resume = folder.is_some_and(|f| f.join("last.ckpt").exists());
+        session
+            .learn(0.001, folder, resume, &mut listen)
+            .expect("an outcome")
+    }
+
+    #[test]
+    fn a_training_stopped_at_fifty_places() {
+        let crop = crop(4);
+        let pools = pools();
+        for (way, model, optimiser) in [
+            (Way::Fresh, Model::Full, Optimiser::Adam),
+            (Way::Tabulated, Model::Full, Optimiser::Log),
+            (Way::Replay, Model::Additive, Optimiser::Log),
+        ] {
+            let config = Config {
+                spp: 8,
+                steps: 90,
+                model,
+                optimiser,
+                ..quick(way)
+            };
+            let whole = learn(&config, &crop, None, u32::MAX);
+            let folder = quick_folder();
+            let path = Some(folder.path());
+            for (i, stop) in places("train", 90).into_iter().enumerate() {
+                let part = pools[i % 4].install(|| learn(&config, &crop, path, stop as u32));
+                assert_eq!((part.steps, part.stopped), (stop as u32, true), "{way:?}");
+            }
+            let resumed = learn(&config, &crop, path, u32::MAX);
+            assert_eq!(resumed.steps, 90);
+            assert_eq!(resumed.table, whole.table, "{way:?}");
+            assert_eq!(resumed.best, whole.best, "{way:?}");
+        }
+    }
+
+    /// The look at the validation crops at the step where a training is stopped was counted before the stop and after.
+    #[test]
+    fn a_look_at_the_step_of_a_stop_counts_once() {
+        let crop = crop(4);
+        let config = Config {
+            spp: 8,
+            steps: 60,
+            patience: 3,
+            // Every step is worse than the start.
+            start: 0.03,
+            learning_rate: 0.02,
+            ..quick(Way::Tabulated)
+        };
+        let whole = learn(&config, &crop, None, u32::MAX);
+        assert!(whole.steps < config.steps, "patience ended nothing");
+        assert!(whole.steps > config.validate_every);
+        let folder = quick_folder();
+        for stop in (0..whole.steps).step_by(config.validate_every as usize) {
+            learn(&config, &crop, Some(folder.path()), stop);
+        }
+        let resumed = learn(&config, &crop, Some(folder.path()), u32::MAX);
+        assert_eq!(resumed.steps, whole.steps);
+        assert_eq!(resumed.table, whole.table);
+        assert_eq!(resumed.best, whole.best);
+    }
+}
