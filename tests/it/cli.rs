@@ -1,7 +1,10 @@
 //! The program itself: exit codes, messages, and files that are whole or as they were.
 
 mod broken;
+mod faults;
 mod render;
+#[cfg(feature = "train")]
+mod train;
 
 use opsr::scene::{SceneParts, builtin, save};
 use std::collections::BTreeMap;
@@ -62,17 +65,33 @@ impl Place {
         std::fs::read(self.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
     }
 
-    /// Every file and what is in it.
+    /// Every file and what is in it; folders have nothing in them.
     pub(crate) fn files(&self) -> BTreeMap<String, Vec<u8>> {
-        let entries = std::fs::read_dir(self.path()).expect("a folder");
+        self.files_in("")
+    }
+
+    /// The files of a folder.
+    pub(crate) fn files_in(&self, folder: &str) -> BTreeMap<String, Vec<u8>> {
+        let folder = self.path().join(folder);
+        let entries = std::fs::read_dir(&folder).expect("a folder");
         let mut out = BTreeMap::new();
         for entry in entries {
             let name = entry.expect("an entry").file_name();
             let name = name.into_string().expect("UTF-8");
-            let bytes = std::fs::read(self.path().join(&name)).unwrap_or_default();
+            let bytes = std::fs::read(folder.join(&name)).unwrap_or_default();
             out.insert(name, bytes);
         }
         out
+    }
+
+    /// Runs the program where files end after this many bytes, a multiple of 512: writing fails as on a full disk.
+    #[cfg(unix)]
+    pub(crate) fn opsr_on_a_full_disk(&self, bytes: u64, args: &str) -> Ended {
+        let (program, blocks) = (env!("CARGO_BIN_EXE_opsr"), bytes / 512);
+        // Without the trap a signal would end the program.
+        let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec {program} {args}");
+        let mut shell = self.command("sh");
+        Ended::of(shell.args(["-c", &script]).output().expect("a shell"))
     }
 
     /// The program in this folder, with few threads and its own words only.

@@ -68,6 +68,12 @@ pub fn run(
         products: Vec::new(),
         insets: Vec::new(),
     };
+    if path.is_dir() {
+        return Err(BenchError::Write {
+            path: path.to_owned(),
+            reason: "is a folder".to_owned(),
+        });
+    }
     if path.exists() {
         let old = Results::load(path)?;
         results.cells = old.cells;
@@ -132,6 +138,8 @@ impl Bench<'_> {
                 })
             })
             .collect::<Result<_, BenchError>>()?;
+        // So is a place that cannot be written to.
+        create_folder(&self.folder)?;
         for scene in &self.suite.scenes {
             let mut waiting = status(self.suite, self.done, format!("{}: reference", scene.name));
             let listener = &mut *self.listener;

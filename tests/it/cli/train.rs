@@ -1,0 +1,189 @@
+//! `opsr train` from scenes to tables: stopped, gone on with, and refused.
+
+use super::{Ended, Place};
+use opsr::regularise::file::TableFile;
+use opsr::scene::builtin;
+
+/// A short training of one crop; its options may be given once more.
+pub(super) const TRAIN: &str = "train --set manifest=\"list.toml\" --set spp=2 --set start=0.1 --set validate_every=2 \
+                                --set checkpoint_every=1 --run run --out params --progress none ";
+
+/// A folder with a list of two scenes that have references.
+pub(super) fn place() -> Place {
+    let place = Place::new();
+    place.save("scene.glb", &builtin::caustic_box());
+    let entry = |name: &str, role: &str, x: u32| {
+        format!(
+            "[[scene]]\nname = \"{name}\"\nfile = \"scene.glb\"\nrole = \"{role}\"\nfamily = \"{name}\"\n\
+             frame = [64, 64]\ncrops = [[{x}, 32]]\nmax_vertices = 6\nexposure = 1.0\n"
+        )
+    };
+    let list = entry("a", "train", 32) + &entry("b", "validation", 0);
+    place.write("list.toml", list);
+    place
+        .opsr("scenes reference --manifest list.toml --spp 4")
+        .done();
+    place
+}
+
+pub(super) fn train(place: &Place, args: &str) -> Ended {
+    // Later options have the last word, but for folders.
+    let mut all = TRAIN.to_owned();
+    for folder in ["--run", "--out"] {
+        if args.contains(folder) {
+            all = all
+                .replace(&format!("{folder} run "), "")
+                .replace(&format!("{folder} params "), "");
+        }
+    }
+    place.opsr(&format!("{all}{args}"))
+}
+
+#[test]
+fn tables_a_log_and_a_report() {
+    let place = place();
+    train(&place, "--steps 4 --beta 0.001,0.05").done();
+    let names = |folder: &str| place.files_in(folder).into_keys().collect::<Vec<_>>();
+    assert_eq!(names("params"), ["beta-0.001.json", "beta-0.05.json"]);
+    let run = [
+        "beta-0.001",
+        "beta-0.05",
+        "config.toml",
+        "report.html",
+        "report.json",
+    ];
+    assert_eq!(names("run"), run);
+    let files = ["best.json", "last.ckpt", "metrics.jsonl", "table.json"];
+    assert_eq!(names("run/beta-0.001"), files);
+    let log = String::from_utf8(place.read("run/beta-0.001/metrics.jsonl")).unwrap();
+    assert_eq!(log.lines().count(), 3, "{log}");
+    let tables = ["beta-0.001", "beta-0.05"].map(|name| {
+        let path = place.path().join(format!("params/{name}.json"));
+        TableFile::load(&path).unwrap()
+    });
+    for (table, beta) in tables.iter().zip([0.001, 0.05]) {
+        let provenance = table.provenance.as_ref().unwrap();
+        assert!((provenance.beta - beta).abs() < 1e-6 && provenance.steps == 4);
+        assert_eq!(provenance.scenes.len(), 1, "{:?}", provenance.scenes);
+    }
+    // The settings that were written make the same tables.
+    let before = place.files_in("params");
+    place
+        .opsr("train --config run/config.toml --run other --out more --progress none")
+        .done();
+    assert!(place.files_in("more") == before);
+    // And a table is one that a render takes.
+    place
+        .render("--spp 1 -o out.exr --opsr-table params/beta-0.05.json")
+        .done();
+}
+
+#[test]
+fn a_training_goes_on_as_if_it_had_not_been_stopped() {
+    let place = place();
+    train(&place, "--steps 7").done();
+    let whole = place.files_in("params");
+    let report = place.read("run/beta-0.001/metrics.jsonl");
+    std::fs::remove_dir_all(place.path().join("run")).unwrap();
+    std::fs::remove_dir_all(place.path().join("params")).unwrap();
+    train(&place, "--steps 3").done();
+    assert!(place.files_in("params") != whole);
+    train(&place, "--steps 7 --resume --threads 3").done();
+    assert!(place.files_in("params") == whole);
+    let steps = |log: &[u8]| -> Vec<serde_json::Value> {
+        let lines = std::str::from_utf8(log).unwrap().lines();
+        let entry = |l| serde_json::from_str::<serde_json::Value>(l).unwrap();
+        lines.map(|l| entry(l)["step"].clone()).collect()
+    };
+    let log = place.read("run/beta-0.001/metrics.jsonl");
+    assert!(steps(&report).iter().all(|s| steps(&log).contains(s)));
+    // Other settings, and a damaged file, are refused, and nothing is written over.
+    let before = place.files_in("run/beta-0.001");
+    let refused = |args: &str, words: &str| {
+        let ended = train(&place, args);
+        assert_eq!(ended.code, Some(3), "{args}: {}", ended.err);
+        assert!(
+            ended.err.contains("last.ckpt") && ended.err.contains(words),
+            "{}",
+            ended.err
+        );
+    };
+    refused("--steps 9 --resume --seed 1", "other settings");
+    assert!(place.files_in("run/beta-0.001") == before);
+    place.write("run/beta-0.001/last.ckpt", &before["last.ckpt"][..99]);
+    refused("--steps 9 --resume", "not a checkpoint");
+    assert!(place.files_in("params") == whole);
+}
+
+/// Ctrl-C in the middle of a long training.
+#[test]
+#[cfg(unix)]
+fn stopped_by_a_signal() {
+    let place = place();
+    let args = format!("{TRAIN} --steps 4000000000");
+    let mut child = place
+        .command(env!("CARGO_BIN_EXE_opsr"))
+        .args(args.split_whitespace())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("the program");
+    while !place.path().join("run/beta-0.001/last.ckpt").exists() {
+        let ended = child.try_wait().expect("a status");
+        assert!(ended.is_none(), "it ended by itself");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let id = child.id().to_string();
+    let kill = std::process::Command::new("kill")
+        .args(["-INT", &id])
+        .status();
+    assert!(kill.expect("kill").success());
+    let ended = Ended::of(child.wait_with_output().expect("an end"));
+    assert_eq!(ended.code, Some(5), "{}", ended.err);
+    assert!(!place.path().join("params/beta-0.001.json").exists());
+    let table = TableFile::load(&place.path().join("run/beta-0.001/table.json")).unwrap();
+    let more = table.provenance.unwrap().steps + 2;
+    train(&place, &format!("--steps {more} --resume")).done();
+    let resumed = place.files_in("params");
+    train(&place, &format!("--steps {more}")).done();
+    assert!(place.files_in("params") == resumed);
+}
+
+#[test]
+fn what_a_training_cannot_do_without() {
+    let place = place();
+    place.write("bad.toml", "steps = \"many\"\n");
+    let long = place.path().join("long.toml");
+    std::fs::write(long, vec![b'#'; (1 << 20) + 1]).unwrap();
+    let before = place.files();
+    for (code, args, words) in [
+        (3, "--config none.toml", "none.toml"),
+        (3, "--config bad.toml", "bad.toml"),
+        (3, "--config long.toml", "long.toml"),
+        (3, "--config /dev/zero", "/dev/zero"),
+        (3, "--set speed=3", "speed"),
+        (3, "--set steps=0", "steps"),
+        (3, "--beta=-1", "beta"),
+        (3, "--model round", "round"),
+        (2, "--steps many", "--steps"),
+        (2, "--preset huge", "huge"),
+    ] {
+        let ended = train(&place, args);
+        assert_eq!(ended.code, Some(code), "{args}: {}", ended.err);
+        assert!(ended.err.contains(words), "{args}: {}", ended.err);
+        assert!(place.files() == before, "{args} changed files");
+    }
+    for (args, words) in [
+        ("--set manifest=\"none.toml\"", "none.toml"),
+        ("--set scenes=[\"z\"]", "no training scene `z`"),
+    ] {
+        let ended = train(&place, args);
+        assert_eq!(ended.code, Some(3), "{args}: {}", ended.err);
+        assert!(ended.err.contains(words), "{args}: {}", ended.err);
+    }
+    // Without references there is nothing to learn from.
+    std::fs::remove_dir_all(place.path().join("references")).unwrap();
+    let ended = train(&place, "--steps 1");
+    assert_eq!(ended.code, Some(3), "{}", ended.err);
+    assert!(ended.err.contains("there is no reference"), "{}", ended.err);
+}
