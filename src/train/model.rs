@@ -7,6 +7,7 @@ use burn::module::{Module, Param};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::store::{ModuleRecord, RecordError};
 use burn::tensor::{Bytes, Tensor, TensorData};
+use burn_pack::{DType, Reader};
 use serde::{Deserialize, Serialize};
 
 /// Gradients below this are noise, on which Adam, which knows no scale, would walk.
@@ -181,6 +182,7 @@ impl Learner {
         let numbers = self.values().len();
         let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(state.parameters))?;
         let parameters = self.parameters.try_load_record(record)?;
+        check_moments(&state.adam, numbers)?;
         let adam = self.adam.from_bytes(Bytes::from_bytes_vec(state.adam))?;
         let restored = Self {
             parameters,
@@ -189,11 +191,41 @@ impl Learner {
         };
         let values = restored.values();
         if values.len() != numbers || !values.iter().all(|v| v.is_finite()) {
-            let what = format!("not {numbers} finite parameters");
-            return Err(RecordError::Validation(what));
+            return Err(invalid(format!("not {numbers} finite parameters")));
         }
         Ok(restored)
     }
+}
+
+fn invalid(what: impl Into<String>) -> RecordError {
+    RecordError::Validation(what.into())
+}
+
+/// Whether an optimiser's state is one of Adam's for this many parameters. burn would panic at moments of another shape
+/// when it makes its next step, and walk to infinity with moments that are no numbers.
+fn check_moments(state: &[u8], numbers: usize) -> Result<(), RecordError> {
+    let reader = Reader::from_bytes(Bytes::from_bytes_vec(state.to_vec()))?;
+    for (name, &value) in reader.scalars() {
+        let most = if name.ends_with("rank") { 1 } else { u32::MAX };
+        if !u32::try_from(value).is_ok_and(|v| v <= most) {
+            return Err(invalid(format!("{name} out of range")));
+        }
+    }
+    for tensor in reader.into_tensors()? {
+        let (name, kind, shape, owner, bytes) = tensor.into_parts()?;
+        let (values, rest) = bytes.as_chunks::<4>();
+        let least = if name.contains("moment_2") {
+            0.0
+        } else {
+            f32::MIN
+        };
+        let sane = |v: &[u8; 4]| (least..=f32::MAX).contains(&f32::from_le_bytes(*v));
+        let shaped = kind == DType::F32 && shape.as_slice() == [numbers] && rest.is_empty();
+        if owner.is_none() || !shaped || !values.iter().all(sane) {
+            return Err(invalid(format!("{name} is not one of Adam's moments")));
+        }
+    }
+    Ok(())
 }
 
 /// What a learner needs to go on to the bit.

@@ -107,6 +107,32 @@ fn case_15_too_many_of_them_end_a_training_with_a_checkpoint() {
     assert!(folder.path().join("last.ckpt").exists());
 }
 
+/// It was taken for the best one, and written into a checkpoint that could not be read any more.
+#[test]
+fn case_15_a_loss_that_is_no_number_is_not_the_best() {
+    let folder = tempfile::tempdir().unwrap();
+    let crop = crop(6);
+    let mut session =
+        Session::with_crops(quick(Way::Replay), vec![crop.clone()], vec![], &mut |_| ())
+            .expect("a session");
+    let recording = crop.record(0.05, 8, 1).expect("a recording");
+    let source = Faulty {
+        good: Replay::new(recording),
+        fault: Fault::Firefly(f32::NAN, |_| true),
+        calls: 0,
+    };
+    let target = crop.target(8);
+    let visits = Visits::default();
+    session
+        .validation
+        .push(crop, Box::new(source), target, visits);
+    for resume in [false, true] {
+        let mut listen = |_: u32, _: f32, _: Option<&_>| ControlFlow::Continue(());
+        let outcome = session.learn(0.001, Some(folder.path()), resume, &mut listen);
+        assert_eq!(outcome.expect("an outcome").best, None);
+    }
+}
+
 #[test]
 fn case_15_bounds_and_black_crops_have_finite_gradients() {
     for way in [Way::Replay, Way::Tabulated] {
