@@ -182,6 +182,25 @@ mod tests {
     use super::*;
     use crate::math::real::erf_f64;
 
+    #[test]
+    fn normals_on_the_horizon_and_nowhere_have_no_density() {
+        for distribution in [Distribution::Beckmann, Distribution::Ggx] {
+            for alpha in [1e-3f32, 0.1, 1.0] {
+                for tan2 in [f32::INFINITY, f32::NAN] {
+                    assert_eq!(distribution.d(alpha, tan2), 0.0, "{distribution:?} {alpha}");
+                }
+                let steep = distribution.d(alpha, f32::MAX);
+                assert!(
+                    steep.is_finite() && steep >= 0.0,
+                    "{distribution:?} {steep}"
+                );
+                let grazing = distribution.lambda(alpha, f32::INFINITY);
+                assert!(grazing.is_finite() && grazing > 1e10, "{grazing}");
+                assert_eq!(distribution.lambda(alpha, 0.0), 0.0);
+            }
+        }
+    }
+
     /// F of [`beckmann_slope`] in double precision.
     fn integral(x: f64, tan: f64) -> f64 {
         0.5 * (1.0 + erf_f64(x)) + 0.5 * tan * (-x * x).exp() / std::f64::consts::PI.sqrt()

@@ -77,37 +77,6 @@ pub trait PathObserver {
 
 impl PathObserver for () {}
 
-/// Both of two observers.
-impl<A: PathObserver, B: PathObserver> PathObserver for (A, B) {
-    const EVENTS: bool = A::EVENTS || B::EVENTS;
-    const VERTICES: bool = A::VERTICES || B::VERTICES;
-
-    fn begin(&mut self, pixel: UVec2, sample: u32) {
-        self.0.begin(pixel, sample);
-        self.1.begin(pixel, sample);
-    }
-
-    fn vertex(&mut self, vertex: &Vertex<'_>) {
-        self.0.vertex(vertex);
-        self.1.vertex(vertex);
-    }
-
-    fn event(&mut self, event: &Event) {
-        self.0.event(event);
-        self.1.event(event);
-    }
-
-    fn scattered(&mut self, alpha: f32) {
-        self.0.scattered(alpha);
-        self.1.scattered(alpha);
-    }
-
-    fn finish(&mut self, radiance: Rgb) {
-        self.0.finish(radiance);
-        self.1.finish(radiance);
-    }
-}
-
 /// An observer that can be split over tiles and put together again, always in tile order.
 pub trait Recorder: PathObserver + Send + Sync {
     /// An empty recorder for one tile.

@@ -179,6 +179,7 @@ mod tests {
                 .wrapping_add(1_442_695_040_888_963_407);
             (state >> 40) as f64 / (1u64 << 24) as f64
         };
+        let way = |i: usize| 0.5 + (i * 29 % 31) as f64 / 31.0;
         for lookup in [Lookup::Nearest, Lookup::Linear] {
             for n in [2usize, 3, 5, 6, 9, 10, 13] {
                 for _ in 0..20 {
@@ -199,6 +200,23 @@ mod tests {
                     let path: Vec<f32> = alphas.iter().map(|&a| a as f32).collect();
                     let (value, gradient) = accumulate_with_gradient(&path, &table);
                     assert!((f64::from(value) - definition(&alphas, &gammas, lookup)).abs() < 2e-6);
+                    let differences = lookup == Lookup::Nearest || n <= 5;
+                    // All entries at once, so that none is missing.
+                    let moved = |h: f64| {
+                        let g: Vec<f64> = (gammas.iter().enumerate())
+                            .map(|(i, g)| g + h * way(i))
+                            .collect();
+                        definition(&alphas, &g, lookup)
+                    };
+                    let numeric = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+                    let ours: f64 = gradient
+                        .iter()
+                        .map(|(c, d)| f64::from(*d) * way(c.index()))
+                        .sum();
+                    assert!(
+                        !differences || (numeric - ours).abs() <= 1e-4 * numeric.abs().max(1e-2),
+                        "{lookup:?} {n}: {numeric} {ours} along all entries"
+                    );
                     for &(class, d) in &gradient {
                         let shifted = |h: f64| {
                             let mut g = gammas.clone();
@@ -207,7 +225,7 @@ mod tests {
                         };
                         // The linear look-up moves with a folded value's coordinate as well: only the nearest one and
                         // paths without a fold have the derivative that the definition's differences see.
-                        if lookup == Lookup::Linear && n > 5 {
+                        if !differences {
                             continue;
                         }
                         let numeric = (shifted(1e-5) - shifted(-1e-5)) / 2e-5;
@@ -218,6 +236,21 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn factors_at_one_can_come_down_and_clamped_ones_do_not_move() {
+        for (factor, scale, slope) in [(1.0, 1.0, 0.45), (0.5, 2.0, 0.9), (0.6, 2.0, 0.0)] {
+            let mut table = AttenuationTable::constant(factor);
+            table.scale = scale;
+            let (value, gradient) = accumulate_with_gradient(&[0.5, 0.1], &table);
+            assert!((value - 0.55).abs() < 1e-6);
+            let total: f32 = gradient.iter().map(|g| g.1).sum();
+            assert!(
+                (total - slope).abs() < 1e-6,
+                "{factor} times {scale}: {total}"
+            );
         }
     }
 }

@@ -143,3 +143,34 @@ impl<A: Attenuation, const REUSE: bool> Regulariser for Accumulated<A, REUSE> {
             .push(vertex.alpha, &self.attenuation, path.shrink);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_gathers_roughness_and_samples_shrink_it() {
+        let scattered = |alpha| Scattered { alpha, pdf_w: 1.0 };
+        // Sample 0 is the first, of which nothing is taken.
+        for (lambda, sample, shrink) in [(0.0, 3, 1.0), (0.5, 0, 1.0), (0.5, 3, 0.5), (1.0, 4, 0.2)]
+        {
+            let rule = Accumulated::<_, false> {
+                attenuation: ConstantGamma(0.25),
+                lambda,
+            };
+            let mut path = rule.start(sample);
+            assert_eq!(rule.roughen(&path, 0.1), 0.1);
+            rule.scatter(&mut path, scattered(0.4));
+            rule.scatter(&mut path, scattered(0.8));
+            // 1 − (1 − γ 0.4)(1 − γ 0.8) = 0.28.
+            let surplus = 0.9 * 0.28 * shrink;
+            let got = rule.roughen(&path, 0.1);
+            assert!(
+                (got - 0.1 - surplus).abs() < 1e-6,
+                "{lambda} {sample}: {got}"
+            );
+            assert_eq!(rule.roughen(&path, 1.0), 1.0);
+        }
+        assert_eq!(Unregularised.roughen(&(), 0.3), 0.3);
+    }
+}

@@ -129,3 +129,70 @@ impl Regulariser for Mollifier {
         radius
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn met(alpha: f32, pdf_w: f32) -> Scattered {
+        Scattered { alpha, pdf_w }
+    }
+
+    #[test]
+    fn pbrt_doubles_what_is_sharp_after_a_rough_bounce() {
+        let rule = PbrtRegularize;
+        let mut path = rule.start(0);
+        rule.scatter(&mut path, met(0.0, f32::INFINITY));
+        assert_eq!(rule.roughen(&path, 0.01), 0.01);
+        rule.scatter(&mut path, met(1e-3, 9.0));
+        // Remembered whatever comes after.
+        rule.scatter(&mut path, met(0.0, f32::INFINITY));
+        for (own, blurred) in [
+            (0.0, 0.1),
+            (0.01, 0.1),
+            (0.1, 0.2),
+            (0.2, 0.3),
+            (0.3, 0.3),
+            (0.7, 0.7),
+        ] {
+            assert_eq!(rule.roughen(&path, own), blurred);
+        }
+    }
+
+    #[test]
+    fn cycles_filters_by_the_least_density() {
+        let rule = FilterGlossy { filter: 4.0 };
+        let mut path = rule.start(0);
+        assert_eq!(rule.roughen(&path, 0.01), 0.01);
+        for (pdf_w, expected) in [(8.0, 0.01), (4.0, 0.01), (3.0, 0.25), (5.0, 0.25)] {
+            rule.scatter(&mut path, met(0.0, pdf_w));
+            assert_eq!(rule.roughen(&path, 0.01), expected, "{pdf_w}");
+        }
+        assert_eq!(rule.roughen(&path, 0.6), 0.6);
+    }
+
+    #[test]
+    fn a_clamp_remembers_the_roughest() {
+        let rule = RoughnessClamp;
+        let mut path = rule.start(0);
+        assert_eq!(rule.roughen(&path, 0.01), 0.01);
+        for (own, largest) in [(0.2, 0.2), (0.1, 0.2), (0.5, 0.5)] {
+            rule.scatter(&mut path, met(own, 1.0));
+            assert_eq!(rule.roughen(&path, 0.01), largest);
+            assert_eq!(rule.roughen(&path, 0.9), 0.9);
+        }
+    }
+
+    #[test]
+    fn the_mollifier_leaves_roughness_alone() {
+        let rule = Mollifier { radius: 0.1 };
+        let mut path = rule.start(0);
+        assert_eq!(rule.bandwidth(&path), 0.1);
+        rule.scatter(&mut path, met(1.0, 1.0));
+        assert_eq!(
+            (rule.bandwidth(&path), rule.roughen(&path, 0.3)),
+            (0.1, 0.3)
+        );
+        assert_eq!(PbrtRegularize.bandwidth(&true), 0.0);
+    }
+}

@@ -200,17 +200,12 @@ impl Geometry {
             return true;
         }
         let material = &parts.materials[self.triangle_material(hit.triangle) as usize];
-        let texel = material.base_color_texture.as_ref().map_or(1.0, |map| {
-            let uvs = self.triangle_uvs(parts, hit.triangle);
-            let uv = mix(&[1.0 - hit.u - hit.v, hit.u, hit.v], uvs);
-            let texture = parts.textures.get(map.texture as usize);
-            texture.map_or(1.0, |t| t.sample(map.transform.transform_point2(uv))[3])
-        });
-        let opacity = material.opacity * texel;
-        match material.alpha_mode {
-            AlphaMode::Opaque => true,
-            AlphaMode::Mask(cutoff) => opacity >= cutoff,
-            AlphaMode::Blend => chance(ray, hit.triangle) < opacity,
+        let uvs = self.triangle_uvs(parts, hit.triangle);
+        let uv = mix(&[1.0 - hit.u - hit.v, hit.u, hit.v], uvs);
+        match material.presence(&parts.textures, uv) {
+            0.0 => false,
+            1.0 => true,
+            part => chance(ray, hit.triangle) < part,
         }
     }
 }

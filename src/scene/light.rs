@@ -1,6 +1,7 @@
 //! All lights of a scene: which of them is sampled, from where, and what a ray that meets one finds.
 
 use super::accel::Accel;
+use super::material::AlphaMode;
 use super::{Geometry, Hit, Scene, SceneParts, Surface};
 use crate::math::discrete::AliasTable;
 use crate::math::measure::area_to_solid_angle;
@@ -204,10 +205,12 @@ impl Emitters {
             return None;
         }
         let pdf_w = area_to_solid_angle(self.triangle_pdf_a[i as usize], from, point, cos.abs());
-        let radiance = if material.emissive_texture.is_some() {
+        let varies = material.emissive_texture.is_some();
+        let radiance = if varies || material.alpha_mode != AlphaMode::Opaque {
             let [ua, ub, uc] = geometry.triangle_uvs(parts, i);
             let uv = ua + weights.x * (ub - ua) + weights.y * (uc - ua);
-            material.emission_at(&parts.textures, uv)
+            // The ray to the light ends before it: where the light has a hole nothing else would notice.
+            material.emission_at(&parts.textures, uv) * material.presence(&parts.textures, uv)
         } else {
             material.emission
         };

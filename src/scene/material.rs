@@ -175,13 +175,20 @@ impl Material {
         }
     }
 
-    /// Opacity in [0, 1] at texture coordinates `uv`.
-    pub fn opacity_at(&self, textures: &[Texture], uv: Vec2) -> f32 {
-        let texture = self
-            .base_color_texture
-            .as_ref()
-            .map_or(1.0, |map| map.sample(textures, uv)[3]);
-        self.opacity * texture
+    /// Probability in [0, 1] with which a ray finds the surface there at texture coordinates `uv`.
+    pub fn presence(&self, textures: &[Texture], uv: Vec2) -> f32 {
+        let opacity = || {
+            let texel = self.base_color_texture.as_ref().map_or(1.0, |map| {
+                let texture = textures.get(map.texture as usize);
+                texture.map_or(1.0, |t| t.sample(map.transform.transform_point2(uv))[3])
+            });
+            self.opacity * texel
+        };
+        match self.alpha_mode {
+            AlphaMode::Opaque => 1.0,
+            AlphaMode::Mask(cutoff) => f32::from(u8::from(opacity() >= cutoff)),
+            AlphaMode::Blend => opacity().clamp(0.0, 1.0),
+        }
     }
 
     /// Whether light is scattered by a Lambertian base at all.

@@ -276,3 +276,53 @@ fn values_are_finite_everywhere() {
         }
     }
 }
+
+#[test]
+fn diffuse_draws_are_never_lost() {
+    let mut rng = rng(140);
+    let albedo = Rgb::new(0.9, 0.5, 0.1);
+    let bsdf = Bsdf::Diffuse(Diffuse { albedo });
+    for degrees in ANGLES {
+        for side in [1.0, -1.0] {
+            let wo = at(degrees) * side;
+            for _ in 0..100 {
+                let s = bsdf.sample(0.0, wo, numbers(&mut rng)).expect("a draw");
+                assert_eq!((s.weight, s.lobe, s.delta), (albedo, Lobe::Diffuse, false));
+                assert!(s.wi.z * side > 0.0);
+                assert!(close(s.pdf_w, s.wi.z.abs() / std::f32::consts::PI));
+            }
+        }
+    }
+    assert!(bsdf.sample(0.0, Vec3::X, [0.5; 3]).is_none());
+}
+
+#[test]
+fn a_coat_is_drawn_as_often_as_it_reflects() {
+    // Schlick's reflectance by luminance, against what is left for the base; never below a twentieth.
+    for (f0, albedo, degrees) in [
+        (0.04f64, 0.8f64, 0.0f32),
+        (0.04, 0.8, 60.0),
+        (0.04, 0.1, 85.0),
+        (0.5, 0.5, 30.0),
+        (0.01, 1.0, 0.0),
+        (0.9, 0.02, 0.0),
+    ] {
+        let bsdf = Bsdf::Glossy(Glossy {
+            f0: Rgb::splat(f0 as f32),
+            albedo: Rgb::splat(albedo as f32),
+            alpha: 0.0,
+            distribution: Distribution::Beckmann,
+        });
+        let wo = at(degrees);
+        let f = f0 + (1.0 - f0) * (1.0 - f64::from(wo.z)).powi(5);
+        let expected = (f / (f + (1.0 - f) * albedo)).clamp(0.05, 0.95);
+        let steps = 1000;
+        let lobe = |i| bsdf.sample(0.0, wo, [(i as f32 + 0.5) / 1000.0, 0.3, 0.4]);
+        let coat = (0..steps).filter(|&i| lobe(i).expect("a draw").lobe == Lobe::Reflection);
+        let share = coat.count() as f64 / f64::from(steps);
+        assert!(
+            (share - expected).abs() < 2e-3,
+            "{f0} {albedo} {degrees}: {share} {expected}"
+        );
+    }
+}

@@ -1,5 +1,7 @@
 //! Metrics against plain formulas, and FLIP against its authors' program.
 
+mod small;
+
 use opsr::image::metric::{self, MetricError, flip};
 use opsr::image::{Buffer, png};
 use opsr::math::Rgb;

@@ -54,3 +54,28 @@ pub fn export(file: &TableFile, format: Format) -> Vec<u8> {
         Format::Rust => code::fill(include_str!("table.rs.in"), file, "").into_bytes(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_stand_for_formats() {
+        for (names, format) in [
+            ("t.npy T.NPY", Some(Format::Npy)),
+            ("t.safetensors", Some(Format::Safetensors)),
+            ("t.csv", Some(Format::Csv)),
+            ("t.h t.hh t.hpp t.hxx t.c", Some(Format::C)),
+            (
+                "t.glsl t.hlsl t.slang t.glsli t.hlsli t.slangh",
+                Some(Format::Shader),
+            ),
+            ("t.rs", Some(Format::Rust)),
+            ("t t.json .rs t.npy.gz", None),
+        ] {
+            for name in names.split(' ') {
+                assert_eq!(Format::of(Path::new(name)), format, "{name}");
+            }
+        }
+    }
+}

@@ -1,0 +1,289 @@
+//! What textures, normal maps, holes and lights without area make of a surface, against formulas and plain geometry.
+
+use super::support::render::{film, mean, scene};
+use glam::{Affine2, Vec2 as Uv};
+use opsr::bsdf::Bsdf;
+use opsr::integrator::Method;
+use opsr::math::{Ray, Rgb, Vec2, Vec3};
+use opsr::scene::builtin::materials::{diffuse, emitter};
+use opsr::scene::builtin::shapes::quad;
+use opsr::scene::material::{AlphaMode, TextureRef};
+use opsr::scene::texture::Wrap;
+use opsr::scene::{Material, Mesh, PunctualLight, SceneParts, Texture};
+use std::f32::consts::PI;
+
+/// A picture of these texels side by side.
+fn row(texels: &[[u8; 4]]) -> Texture {
+    Texture {
+        width: texels.len() as u32,
+        height: 1,
+        texels: texels.to_vec(),
+        srgb: false,
+        wrap: [Wrap::Clamp; 2],
+    }
+}
+
+fn map(texture: u32) -> Option<TextureRef> {
+    let transform = Affine2::IDENTITY;
+    Some(TextureRef { texture, transform })
+}
+
+/// A quad whose texture coordinates run from 0 to 1 along its edges.
+fn mapped(corner: Vec3, u: Vec3, v: Vec3) -> Mesh {
+    Mesh {
+        uvs: vec![Uv::ZERO, Uv::X, Uv::ONE, Uv::Y],
+        ..quad(corner, u, v)
+    }
+}
+
+/// A floor of albedo ½ and a camera that sees nothing but this point of it.
+fn floor(at: [f32; 3]) -> SceneParts {
+    let mut parts = SceneParts::default();
+    let floor = mapped(Vec3::new(-9.0, 0.0, -9.0), Vec3::Z * 18.0, Vec3::X * 18.0);
+    parts.add(diffuse("floor", Rgb::splat(0.5)), [floor]);
+    parts.add_camera([at[0], 0.5, at[2] + 4.0], at, 0.01);
+    parts
+}
+
+fn brightness(parts: SceneParts, size: u32, spp: u32) -> f64 {
+    let (mean, error) = mean(&film(&scene(parts), Method::Plain, size, spp, 1));
+    assert!(error <= 4e-3 * mean, "too noisy: {mean} ± {error}");
+    mean
+}
+
+fn assert_close(value: f64, expected: f64, what: &str) {
+    let off = (value - expected).abs();
+    assert!(
+        off <= 1e-3 * expected,
+        "{what}: {value}, expected {expected}"
+    );
+}
+
+#[test]
+fn textures_multiply_factors() {
+    let textures = [
+        row(&[[51, 102, 204, 255], [255; 4]]),
+        row(&[[9, 128, 64, 255], [255; 4]]),
+        row(&[[64, 255, 255, 255], [255; 4]]),
+    ];
+    let material = Material {
+        base_color: Rgb::new(1.0, 0.5, 1.0),
+        metallic: 0.5,
+        alpha: 0.8,
+        transmission: 0.4,
+        base_color_texture: map(0),
+        metallic_roughness_texture: map(1),
+        transmission_texture: map(2),
+        ..Material::default()
+    };
+    let at = |u: f32, choice: f32| material.bsdf(&textures, Vec2::new(u, 0.5), choice);
+    let byte = |b: u8| f32::from(b) / 255.0;
+    // Metalness is in blue, the square root of α in green, transmission in red.
+    let (metallic, transmission) = (0.5 * byte(64), 0.4 * byte(64));
+    let color = Rgb::new(0.2, 0.2, 0.8);
+    let Bsdf::Glossy(glossy) = at(0.0, 0.9) else {
+        panic!("{:?}", at(0.0, 0.9));
+    };
+    assert!((glossy.albedo - color * (1.0 - metallic)).length() < 1e-6);
+    assert!((glossy.alpha - 0.8 * byte(128) * byte(128)).abs() < 1e-6);
+    let f0 = Rgb::splat(0.04) + (color - 0.04) * metallic;
+    assert!((glossy.f0 - f0).length() < 1e-6);
+    // Drawn as often as the texture lets light through.
+    let share = transmission * (1.0 - metallic);
+    assert!(matches!(at(0.0, 0.99 * share), Bsdf::Thin(t) if (t.tint - color).length() < 1e-6));
+    assert!(matches!(at(0.0, 1.01 * share), Bsdf::Glossy(_)));
+    // White texels leave factors as they are.
+    assert!(matches!(at(1.0, 0.0), Bsdf::Thin(t) if t.alpha == 0.8));
+    assert!(matches!(at(1.0, 0.21), Bsdf::Glossy(g) if g.albedo == Rgb::new(0.5, 0.25, 0.5)));
+}
+
+#[test]
+fn the_sun_is_as_bright_as_its_irradiance_says() {
+    let mut parts = floor([0.0; 3]);
+    let direction = Vec3::new(0.3, -0.8, 0.4).normalize();
+    parts.lights.push(PunctualLight::Directional {
+        direction,
+        irradiance: Rgb::splat(3.0),
+    });
+    let expected = 0.5 / PI * 3.0 * -direction.y;
+    assert_close(brightness(parts, 2, 4), expected.into(), "sun");
+}
+
+#[test]
+fn a_spot_falls_off_between_its_angles_and_with_its_range() {
+    let (inner, outer) = (20f32.to_radians(), 40f32.to_radians());
+    for range in [f32::INFINITY, 1.5] {
+        for degrees in [0.0, 15.0, 25.0, 35.0, 45.0] {
+            let angle: f32 = f32::to_radians(degrees);
+            let mut parts = floor([angle.tan(), 0.0, 0.0]);
+            parts.lights.push(PunctualLight::Spot {
+                position: Vec3::Y,
+                direction: Vec3::NEG_Y,
+                intensity: Rgb::splat(2.0 * PI),
+                range,
+                cos_inner: inner.cos(),
+                cos_outer: outer.cos(),
+            });
+            let ramp = (angle.cos() - outer.cos()) / (inner.cos() - outer.cos());
+            let distance = 1.0 / angle.cos();
+            let window = 1.0 - (distance / range).powi(4);
+            let arriving = ramp.clamp(0.0, 1.0).powi(2) * window / (distance * distance);
+            let expected = f64::from(arriving * angle.cos());
+            let what = format!("{degrees} degrees, range {range}");
+            assert_close(brightness(parts, 2, 4), expected, &what);
+        }
+    }
+}
+
+#[test]
+fn of_several_lights_each_gives_its_part() {
+    let mut parts = floor([0.0; 3]);
+    let sun = PunctualLight::Directional {
+        direction: Vec3::NEG_Y,
+        irradiance: Rgb::splat(1.0),
+    };
+    let spot = |cos_inner, cos_outer| PunctualLight::Spot {
+        position: Vec3::Y,
+        direction: Vec3::NEG_Y,
+        intensity: Rgb::splat(2.0 * PI),
+        range: f32::INFINITY,
+        cos_inner,
+        cos_outer,
+    };
+    parts.lights = vec![sun, spot(0.9, 0.8), spot(0.999, 0.99)];
+    let expected = f64::from(0.5 / PI) + 2.0;
+    let (value, error) = mean(&film(&scene(parts), Method::Plain, 16, 1024, 1));
+    assert!(
+        (value - expected).abs() < 4.0 * error && error < 0.03 * expected,
+        "{value} ± {error}, expected {expected}"
+    );
+}
+
+#[test]
+fn normal_maps_tilt_the_shading() {
+    let texel = [204u8, 90, 230, 255];
+    let light = Vec3::new(-0.3, -0.8, -0.2).normalize();
+    for scale in [1.0, 0.5] {
+        let mut parts = floor([0.0; 3]);
+        parts.textures.push(row(&[texel]));
+        parts.materials[0].normal_texture = map(0);
+        parts.materials[0].normal_scale = scale;
+        parts.lights.push(PunctualLight::Directional {
+            direction: light,
+            irradiance: Rgb::splat(2.0),
+        });
+        let [x, y, z] = [texel[0], texel[1], texel[2]].map(|c| 2.0 * f32::from(c) / 255.0 - 1.0);
+        // u runs along +Z, v along +X; green points against v.
+        let normal = Vec3::new(-scale * y, z, scale * x).normalize();
+        let expected = 0.5 / PI * 2.0 * normal.dot(-light);
+        assert_close(brightness(parts, 2, 4), expected.into(), "bumpy floor");
+    }
+}
+
+/// A floor under a panel of this material, two units wide and two units above.
+fn under(material: Material, textures: Vec<Texture>, width: f32) -> SceneParts {
+    let mut parts = floor([0.0; 3]);
+    parts.textures = textures;
+    let panel = mapped(Vec3::new(-1.0, 2.0, -1.0), Vec3::X * width, Vec3::Z * 2.0);
+    parts.add(material, [panel]);
+    parts
+}
+
+#[test]
+fn lights_with_textures_and_holes_shine_where_they_are() {
+    const SPP: u32 = 1024;
+    let lit = emitter("light", Rgb::ONE);
+    let whole = brightness(under(lit.clone(), vec![], 2.0), 8, SPP);
+    let half = brightness(under(lit.clone(), vec![], 1.0), 8, SPP);
+    assert!(
+        (half / whole - 0.5).abs() < 0.01,
+        "by symmetry: {half} {whole}"
+    );
+    // Wide texels: the blur between the two is even about the middle.
+    let white = [255; 4];
+    let picture = |dark: [u8; 4]| row(&[white, white, dark, dark]);
+    let cases = [
+        (
+            "dark half",
+            Material {
+                emissive_texture: map(0),
+                ..lit.clone()
+            },
+            picture([0, 0, 0, 255]),
+        ),
+        (
+            "missing half",
+            Material {
+                alpha_mode: AlphaMode::Mask(0.5),
+                base_color_texture: map(0),
+                ..lit.clone()
+            },
+            picture([255, 255, 255, 0]),
+        ),
+        (
+            "half there by chance",
+            Material {
+                alpha_mode: AlphaMode::Blend,
+                opacity: 0.5,
+                ..lit.clone()
+            },
+            picture(white),
+        ),
+        (
+            "half of it half there",
+            Material {
+                alpha_mode: AlphaMode::Blend,
+                opacity: 2.0 / 3.0,
+                base_color_texture: map(0),
+                ..lit
+            },
+            picture([255, 255, 255, 128]),
+        ),
+    ];
+    for (name, material, texture) in cases {
+        let value = brightness(under(material, vec![texture], 2.0), 8, SPP);
+        assert!(
+            (value / half - 1.0).abs() < 0.015,
+            "{name}: {value}, expected {half}"
+        );
+    }
+}
+
+#[test]
+fn a_sky_is_seen_through_the_holes_of_a_light() {
+    let mut parts = under(
+        Material {
+            alpha_mode: AlphaMode::Mask(0.5),
+            base_color_texture: map(0),
+            ..emitter("light", Rgb::splat(0.7))
+        },
+        vec![row(&[[255; 4], [255, 255, 255, 0]])],
+        2.0,
+    );
+    parts.environment = Some(opsr::scene::Environment::constant(Rgb::splat(0.7)));
+    // Panel and sky are as bright: the hole changes nothing.
+    let value = brightness(parts, 8, 1024);
+    assert!((value / 0.35 - 1.0).abs() < 0.01, "{value}");
+}
+
+#[test]
+fn masks_cut_where_the_texture_says() {
+    let mut parts = SceneParts::default();
+    parts
+        .textures
+        .push(row(&[[255; 4], [255, 255, 255, 100], [255; 4], [0; 4]]));
+    let leaf = Material {
+        alpha_mode: AlphaMode::Mask(0.5),
+        base_color_texture: map(0),
+        ..diffuse("leaf", Rgb::ONE)
+    };
+    parts.add(leaf, [mapped(Vec3::ZERO, Vec3::X * 4.0, Vec3::Y)]);
+    let scene = opsr::scene::Scene::new(parts);
+    for (x, there) in [(0.5, true), (1.5, false), (2.5, true), (3.5, false)] {
+        for y in [0.1, 0.9] {
+            let ray = Ray::new(Vec3::new(x, y, 1.0), Vec3::NEG_Z);
+            assert_eq!(scene.intersect(&ray).is_some(), there, "{x} {y}");
+            assert_eq!(scene.occluded(&ray), there, "{x} {y}");
+        }
+    }
+}
