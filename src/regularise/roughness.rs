@@ -182,6 +182,8 @@ mod tests {
                     .collect();
                 let class = GammaIndex::from_levels(&levels).unwrap();
                 assert_eq!(class.levels(), levels);
+                assert_eq!(class.suffix(), GammaIndex::from_levels(&levels[1..]));
+                assert_eq!(class.suffix().is_some(), n > 2);
                 assert!(!std::mem::replace(&mut seen[class.index()], true));
             }
         }

@@ -305,7 +305,16 @@ fn held_out(all: &[HeldOut]) -> Markup {
     let names: Vec<&str> = all.first().map_or(Vec::new(), |h| {
         h.scores.iter().map(|s| s.name.as_str()).collect()
     });
-    let ratio = |h: &HeldOut, i: usize| h.scores[i].loss / h.scores[0].loss;
+    // Black crops have no loss to compare with.
+    let ratio = |h: &HeldOut, i: usize| {
+        let ratio = h.scores[i].loss / h.scores[0].loss;
+        (ratio > 0.0 && ratio.is_finite()).then_some(ratio)
+    };
+    let mean = |i: usize| {
+        let logs: Vec<f32> = all.iter().filter_map(|h| Some(ratio(h, i)?.ln())).collect();
+        (!logs.is_empty()).then(|| (logs.iter().sum::<f32>() / logs.len() as f32).exp())
+    };
+    let shown = |x: Option<f32>| x.map_or("–".to_owned(), |x| format!("{x:.3}"));
     html! {
         p { "Loss over that of the best constant of the held-out crops themselves, which a user cannot know; energy in brackets." }
         table {
@@ -313,14 +322,12 @@ fn held_out(all: &[HeldOut]) -> Markup {
             @for h in all {
                 tr {
                     td { (h.family) }
-                    @for i in 0..names.len() { td { (format!("{:.3} ({:.3})", ratio(h, i), h.scores[i].energy)) } }
+                    @for i in 0..names.len() { td { (format!("{} ({:.3})", shown(ratio(h, i)), h.scores[i].energy)) } }
                 }
             }
             tr {
                 td { "geometric mean" }
-                @for i in 0..names.len() {
-                    td { (format!("{:.3}", (all.iter().map(|h| ratio(h, i).ln()).sum::<f32>() / all.len() as f32).exp())) }
-                }
+                @for i in 0..names.len() { td { (shown(mean(i))) } }
             }
         }
     }

@@ -4,6 +4,8 @@ mod broken;
 mod faults;
 mod render;
 #[cfg(feature = "train")]
+mod study;
+#[cfg(feature = "train")]
 mod train;
 
 use opsr::scene::{SceneParts, builtin, save};

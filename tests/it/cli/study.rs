@@ -1,0 +1,236 @@
+//! What a training says of itself: names of tables, scores in the report, families that were held out.
+
+use super::Place;
+use opsr::regularise::Lookup;
+use opsr::regularise::file::TableFile;
+use opsr::scene::builtin;
+use serde_json::Value;
+
+/// Two families to learn from and one scene that is kept back, each with one crop.
+const MANIFEST: &str = r#"
+[[scene]]
+name = "glass"
+file = "box.glb"
+role = "train"
+family = "boxes"
+frame = [64, 64]
+crops = [[24, 32]]
+max_vertices = 6
+exposure = 1.0
+
+[[scene]]
+name = "walls"
+file = "walls.glb"
+role = "train"
+family = "walls"
+frame = [64, 64]
+crops = [[16, 16]]
+max_vertices = 6
+exposure = 1.0
+
+[[scene]]
+name = "kept"
+file = "box.glb"
+role = "validation"
+family = "kept"
+frame = [64, 64]
+crops = [[0, 32]]
+max_vertices = 6
+exposure = 1.0
+"#;
+
+/// A folder with the list and its scenes.
+fn scenes() -> Place {
+    let place = Place::new();
+    place.save("box.glb", &builtin::caustic_box());
+    place.save("walls.glb", &builtin::cornell_box());
+    place.write("list.toml", MANIFEST);
+    place
+}
+
+/// The same with references.
+fn ready() -> Place {
+    let place = scenes();
+    let said = place.opsr("scenes reference --manifest list.toml --spp 96 --threads 2");
+    assert_eq!(said.done().out.lines().count(), 4);
+    place
+}
+
+const QUICK: &str =
+    "train --preset fast --set manifest=list.toml --spp 4 --set validate_every=2 --threads 2";
+
+fn json(text: impl AsRef<[u8]>) -> Value {
+    serde_json::from_slice(text.as_ref()).expect("JSON")
+}
+
+/// The report without its pictures.
+fn page(place: &Place) -> String {
+    let page = String::from_utf8(place.read("run/report.html")).expect("UTF-8");
+    let mut parts = page.split("base64,");
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |all, part| {
+        let end = part.find('"').expect("the end of a picture");
+        assert!(end > 80, "an empty picture");
+        all + &part[end..]
+    })
+}
+
+fn loss(scores: &Value, i: usize) -> f64 {
+    scores[i]["loss"].as_f64().expect("a loss")
+}
+
+#[test]
+fn a_report_says_what_a_table_is_worth() {
+    let place = ready();
+    // References that are there are not rendered again.
+    let first = place.read("references/kept_0_32.exr");
+    (place.opsr("scenes reference --manifest list.toml --spp 96")).done();
+    assert!(place.read("references/kept_0_32.exr") == first);
+
+    let args = "--steps 4 --beta 0.001,0.05 --progress json --run run --out tables";
+    let ended = place.opsr(&format!("{QUICK} {args}")).done();
+    let told: Vec<Value> = ended.out.lines().map(json).collect();
+    assert_eq!(told.first().map(|t| &t["step"]), Some(&Value::from(0)));
+    assert_eq!(told.last().map(|t| &t["step"]), Some(&Value::from(4)));
+    assert!(told.iter().all(|t| t["validation"].is_number()));
+
+    let report = json(place.read("run/report.json"));
+    let page = page(&place);
+    for word in [
+        "glass 24,32",
+        "walls 16,16",
+        "kept 0,32",
+        "β = 0.001",
+        "data:image/png",
+    ] {
+        assert!(page.contains(word), "{word}");
+    }
+    assert!(!page.contains("NaN"));
+    for (i, beta) in ["0.001", "0.05"].into_iter().enumerate() {
+        let path = place.path().join(format!("tables/beta-{beta}.json"));
+        let file = TableFile::load(&path).expect("a table");
+        let about = file
+            .provenance
+            .as_ref()
+            .expect("a table says where it is from");
+        assert_eq!((about.steps, about.spp), (4, 4));
+        let names: Vec<&str> = about.scenes.iter().map(|s| s.0.as_str()).collect();
+        assert_eq!(names, ["glass", "walls"]);
+        assert_eq!(
+            about.visits,
+            serde_json::from_value::<Vec<u64>>(report["visits"].clone()).unwrap()
+        );
+
+        let log = String::from_utf8(place.read(&format!("run/beta-{beta}/metrics.jsonl"))).unwrap();
+        let steps: Vec<u64> = (log.lines())
+            .map(|l| json(l)["step"].as_u64().unwrap())
+            .collect();
+        assert_eq!(steps, [0, 2, 4]);
+
+        // The best constant is the best of constants, and its table does no worse where it was learned.
+        let learned = &report["tables"][i];
+        let training = &learned["training"];
+        assert_eq!(training[0]["name"], "best constant of these crops");
+        assert!((loss(training, 0) - loss(training, 1)).abs() < 1e-6);
+        assert!(loss(training, 2) <= loss(training, 0) * 1.02, "{training}");
+        assert!(
+            loss(training, 3) <= loss(training, 2) * 1.000_001,
+            "{training}"
+        );
+        assert!(loss(&learned["validation"], 0) <= loss(&learned["validation"], 1) * 1.000_001);
+    }
+}
+
+#[test]
+fn every_family_is_held_out_once() {
+    let place = ready();
+    place
+        .opsr(&format!(
+            "{QUICK} --steps 2 --study --progress none --run run --out tables"
+        ))
+        .done();
+    let report = json(place.read("run/report.json"));
+    let held_out = report["tables"][0]["held_out"].as_array().expect("a study");
+    let families: Vec<&Value> = held_out.iter().map(|h| &h["family"]).collect();
+    assert_eq!(families, ["boxes", "walls"]);
+    for family in held_out {
+        let scores = &family["scores"];
+        assert_eq!(scores[0]["name"], "best constant of these crops");
+        assert!(loss(scores, 0) <= loss(scores, 1) * 1.000_001, "{family}");
+        // A scale that is chosen with the crops at hand only helps.
+        assert_eq!(scores[2]["name"], "full table");
+        assert!(loss(scores, 3) <= loss(scores, 2) * 1.000_001, "{family}");
+    }
+    let page = page(&place);
+    assert!(page.contains("Families held out") && page.contains("geometric mean"));
+    assert!(!page.contains("NaN"), "{held_out:#?}");
+}
+
+#[test]
+fn tables_are_named_after_what_they_are() {
+    let place = ready();
+    let args = "--steps 2 --model additive --lookup linear --hold-out walls --set loss=noise-free";
+    let ended = place
+        .opsr(&format!("{QUICK} {args} --run run --out tables"))
+        .done();
+    assert!(ended.err.contains("recording glass 24,32"), "{}", ended.err);
+    let path = place.path().join("tables/beta-0.001-additive-linear.json");
+    let file = TableFile::load(&path).expect("a table");
+    assert_eq!(file.table.lookup, Lookup::Linear);
+    let about = file.provenance.expect("provenance");
+    assert_eq!(about.model, "additive");
+    assert!(
+        about.loss.contains("all recorded samples"),
+        "{}",
+        about.loss
+    );
+    // What is held out is not learned from but scored.
+    assert_eq!(about.scenes.len(), 1);
+    let report = json(place.read("run/report.json"));
+    assert_eq!(report["names"], serde_json::json!(["glass 24,32"]));
+    assert_eq!(
+        report["validation_names"],
+        serde_json::json!(["walls 16,16", "kept 0,32"])
+    );
+}
+
+#[test]
+fn trainings_that_cannot_begin_say_why() {
+    let place = scenes();
+    let run = "--run run --out tables --progress none";
+    let ended = place.opsr(&format!("{QUICK} {run}"));
+    assert_eq!(ended.code, Some(3), "{}", ended.err);
+    assert!(ended.err.contains("there is no reference"), "{}", ended.err);
+    let reference = "scenes reference --manifest list.toml --spp 2";
+    place.opsr(reference).done();
+    for (args, word) in [
+        (
+            "--set scenes=['glass','other']",
+            "no training scene `other`",
+        ),
+        ("--set nonsense=1", "nonsense"),
+        ("--set spp=many", "--set spp=many"),
+        ("--set spp=1", "spp: expected 2"),
+        ("--beta=-1e9", "beta: expected"),
+        ("--set replicates=65", "replicates: expected"),
+        ("--set learning_rate=-1", "learning_rate: expected"),
+        ("--set record_gamma=0", "record_gamma: expected"),
+        ("--set start=1.5", "start: expected"),
+        ("--set checkpoint_every=0", "checkpoint_every: expected"),
+        ("--method quick", "quick"),
+        ("--config scene.glb", "scene.glb"),
+    ] {
+        let ended = place.opsr(&format!("{QUICK} {run} {args}"));
+        assert_eq!(ended.code, Some(3), "{args}: {}", ended.err);
+        assert!(ended.err.contains(word), "{args}: {}", ended.err);
+    }
+    // A reference of another picture is no reference.
+    std::fs::remove_file(place.path().join("references/kept_0_32.exr")).expect("removed");
+    (place.opsr(&format!("{reference} --scene kept --seed 9"))).done();
+    let ended = place.opsr(&format!("{QUICK} {run}"));
+    assert_eq!(ended.code, Some(3), "{}", ended.err);
+    assert!(ended.err.contains("kept_0_32.exr: its "), "{}", ended.err);
+    // A file where the folder of tables should be.
+    let ended = place.opsr(&format!("{QUICK} --run scene.glb/run --out tables"));
+    assert_eq!(ended.code, Some(4), "{}", ended.err);
+}
