@@ -178,11 +178,8 @@ impl Material {
     /// Probability in [0, 1] with which a ray finds the surface there at texture coordinates `uv`.
     pub fn presence(&self, textures: &[Texture], uv: Vec2) -> f32 {
         let opacity = || {
-            let texel = self.base_color_texture.as_ref().map_or(1.0, |map| {
-                let texture = textures.get(map.texture as usize);
-                texture.map_or(1.0, |t| t.sample(map.transform.transform_point2(uv))[3])
-            });
-            self.opacity * texel
+            let texel = (self.base_color_texture.as_ref()).map(|map| map.sample(textures, uv)[3]);
+            self.opacity * texel.unwrap_or(1.0)
         };
         match self.alpha_mode {
             AlphaMode::Opaque => 1.0,
@@ -202,9 +199,7 @@ impl Material {
             && self.transmission == 0.0
             && (self.specular == Rgb::ZERO || self.ior == 1.0)
     }
-}
 
-impl Material {
     /// Whether no lobe of the material can be rougher than it is.
     pub fn is_rough(&self) -> bool {
         self.is_lambert() || (self.alpha >= 1.0 && self.metallic_roughness_texture.is_none())

@@ -189,9 +189,7 @@ impl Checkpoint {
             },
         })
     }
-}
 
-impl Checkpoint {
     /// Sets a fresh learner to where this one stood; `path` is for messages.
     pub fn restore(&self, learner: Learner, path: &Path) -> Result<Learner, CheckpointError> {
         learner
