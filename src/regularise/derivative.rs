@@ -42,10 +42,7 @@ pub fn accumulate_at(alphas: &[f32], gamma: f32) -> (f32, f32) {
         return (0.0, 0.0);
     };
     let constant = ConstantGamma(gamma);
-    let mut prefix = PathRoughness::default();
-    for &alpha in before {
-        prefix.push(alpha, &constant, 1.0);
-    }
+    let prefix = PathRoughness::of(before, &constant);
     let alpha = prefix.accumulate(last, &constant, 1.0);
     let slope = if last >= 1.0 {
         0.0
@@ -135,10 +132,8 @@ mod tests {
         if before.is_empty() {
             return *last;
         }
-        let mut prefix = PathRoughness::default();
-        for &a in before {
-            prefix.push(a as f32, &AttenuationTable::constant(0.0), 1.0);
-        }
+        let single: Vec<f32> = before.iter().map(|&a| a as f32).collect();
+        let prefix = PathRoughness::of(&single, &AttenuationTable::constant(0.0));
         let table = AttenuationTable {
             lookup,
             ..AttenuationTable::constant(0.0)

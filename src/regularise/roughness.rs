@@ -95,6 +95,16 @@ pub struct PathRoughness {
 }
 
 impl PathRoughness {
+    /// The path of these vertices, camera first.
+    #[inline]
+    pub fn of<A: Attenuation + ?Sized>(alphas: &[f32], attenuation: &A) -> Self {
+        let mut path = Self::default();
+        for &alpha in alphas {
+            path.push(alpha, attenuation, 1.0);
+        }
+        path
+    }
+
     /// The values that remain after folding, camera first.
     #[inline]
     pub fn values(&self) -> &[f32] {

@@ -89,11 +89,7 @@ impl Codes {
         (self.lists.par_iter())
             .map(|list| match list.split_last() {
                 Some((&last, before)) if is_long(list) => {
-                    let mut prefix = PathRoughness::default();
-                    for &alpha in before {
-                        prefix.push(alpha, table, 1.0);
-                    }
-                    prefix.accumulate(last, table, 1.0)
+                    PathRoughness::of(before, table).accumulate(last, table, 1.0)
                 }
                 _ => 0.0,
             })
@@ -110,10 +106,7 @@ impl Codes {
         let Some((&last, before)) = self.list(code).split_last() else {
             return Vec::new();
         };
-        let mut prefix = PathRoughness::default();
-        for &alpha in before {
-            prefix.push(alpha, table, 1.0);
-        }
+        let prefix = PathRoughness::of(before, table);
         let mut entries = Vec::new();
         if !before.is_empty() {
             table.entries(&prefix, last, |class, weight| entries.push((class, weight)));

@@ -17,12 +17,8 @@ pub fn accumulate(alphas: &[f32], attenuation: &AttenuationTable) -> f32 {
 }
 
 fn with(alphas: &[f32], attenuation: &impl Attenuation) -> f32 {
-    let mut prefix = PathRoughness::default();
     let (last, before) = alphas.split_last().expect("paths have a vertex");
-    for &alpha in before {
-        prefix.push(alpha, attenuation, 1.0);
-    }
-    prefix.accumulate(*last, attenuation, 1.0)
+    PathRoughness::of(before, attenuation).accumulate(*last, attenuation, 1.0)
 }
 
 pub(super) fn all() -> Vec<Finding> {

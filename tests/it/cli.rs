@@ -11,7 +11,7 @@ mod train;
 use opsr::scene::{SceneParts, builtin, save};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
 
 /// A folder in which the program runs.
@@ -110,6 +110,24 @@ impl Place {
         let mut command = self.command(env!("CARGO_BIN_EXE_opsr"));
         let command = command.args(args.split_whitespace());
         Ended::of(command.output().expect("the program"))
+    }
+
+    /// Runs the program until a file is there, then asks it to stop as Ctrl-C does.
+    #[cfg(unix)]
+    pub(crate) fn interrupted(&self, args: &str, file: &str) -> Ended {
+        let mut command = self.command(env!("CARGO_BIN_EXE_opsr"));
+        let command = command.args(args.split_whitespace());
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("the program");
+        while !self.path().join(file).exists() {
+            let ended = child.try_wait().expect("a status");
+            assert!(ended.is_none(), "it ended by itself");
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        let id = child.id().to_string();
+        let kill = Command::new("kill").args(["-INT", &id]).status();
+        assert!(kill.expect("kill").success());
+        Ended::of(child.wait_with_output().expect("an end"))
     }
 
     /// A render of 16 x 16 pixels that can be compared byte for byte.

@@ -1,21 +1,21 @@
 //! The trainer: moments and gradients of the three ways against renders, finite differences and one another.
 
+mod learning;
+
 use super::support::render::scene;
 use opsr::image::film::Window;
 use opsr::math::UVec2;
 use opsr::regularise::{Accumulated, AttenuationTable, ConstantGamma, LEN, Lookup};
 use opsr::scene::builtin::caustic_box;
 use opsr::scene::manifest::Role;
+use opsr::train::Config;
 use opsr::train::config::Way;
 use opsr::train::curves::Curves;
 use opsr::train::dataset::Crop;
-use opsr::train::model::Optimiser;
 use opsr::train::moments::{Adjoint, Moments, Source};
 use opsr::train::objective::{BRIGHTNESS, EPSILON, Objective, Target};
 use opsr::train::recording::Recording;
 use opsr::train::replay::Replay;
-use opsr::train::{Config, Session};
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
 /// A small crop of the box with glass and copper, with a reference at a known factor.
@@ -285,126 +285,4 @@ pub(crate) fn quick(way: Way) -> Config {
         checkpoint_every: 5,
         ..Config::default()
     }
-}
-
-fn learn(
-    config: Config,
-    folder: Option<&std::path::Path>,
-    resume: bool,
-    stop_at: u32,
-) -> opsr::train::session::Outcome {
-    let beta = config.beta[0];
-    let mut session =
-        Session::with_crops(config, vec![crop(6)], vec![crop(6)], &mut |_| ()).unwrap();
-    session
-        .learn(beta, folder, resume, &mut |step, _, _| {
-            if step == stop_at {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
-        })
-        .unwrap()
-}
-
-#[test]
-fn the_loss_falls_whatever_the_way() {
-    for way in [Way::Fresh, Way::Replay, Way::Tabulated] {
-        let config = Config {
-            spp: 128,
-            steps: 40,
-            optimiser: Optimiser::Log,
-            learning_rate: 0.08,
-            beta: vec![0.0001],
-            ..quick(way)
-        };
-        let outcome = learn(config, None, false, u32::MAX);
-        let (first, last) = (outcome.log.first().unwrap(), outcome.log.last().unwrap());
-        assert_eq!(last.step, 40);
-        let (a, b) = (first.validation.unwrap(), last.validation.unwrap());
-        assert!(b < a, "{way:?}: {a} to {b}");
-    }
-}
-
-#[test]
-fn the_same_seed_gives_the_same_table_at_any_thread_count() {
-    for way in [Way::Fresh, Way::Replay, Way::Tabulated] {
-        let table = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
-            pool.install(|| learn(quick(way), None, false, u32::MAX).table)
-        };
-        let one = table(1);
-        assert_eq!(one, table(3), "{way:?}");
-        assert_ne!(one.gammas, AttenuationTable::constant(0.5).gammas);
-    }
-}
-
-#[test]
-fn a_stopped_training_goes_on_to_the_bit() {
-    for way in [Way::Fresh, Way::Tabulated] {
-        let whole = learn(quick(way), None, false, u32::MAX);
-        let folder = tempfile::tempdir().unwrap();
-        let stopped = learn(quick(way), Some(folder.path()), false, 7);
-        assert!(stopped.stopped && stopped.steps == 7);
-        let resumed = learn(quick(way), Some(folder.path()), true, u32::MAX);
-        assert_eq!(resumed.table, whole.table, "{way:?}");
-        assert_eq!(resumed.best, whole.best, "{way:?}");
-        // Other settings are refused.
-        let other = Config {
-            seed: 1,
-            ..quick(way)
-        };
-        let mut session = Session::with_crops(other, vec![crop(6)], vec![], &mut |_| ()).unwrap();
-        let refused = session.learn(0.001, Some(folder.path()), true, &mut |_, _, _| {
-            ControlFlow::Continue(())
-        });
-        assert!(refused.is_err_and(|e| e.to_string().contains("other settings")));
-    }
-}
-
-#[test]
-fn a_known_factor_is_found_again() {
-    let mut exact = crop(6);
-    exact.reference = Vec::new();
-    let config = Config {
-        spp: 256,
-        steps: 400,
-        method: Way::Replay,
-        optimiser: Optimiser::Log,
-        learning_rate: 0.01,
-        start: 2.0 * TRUTH,
-        validate_every: 400,
-        record_gamma: TRUTH,
-        replicates: 1,
-        beta: vec![0.0],
-        ..Config::default()
-    };
-    let truth = AttenuationTable::constant(TRUTH);
-    let recording = exact.record(TRUTH, config.spp, config.seed).unwrap();
-    exact.reference = Replay::new(recording).moments(&truth).mean;
-    let mut session = Session::with_crops(config, vec![exact], vec![], &mut |_| ()).unwrap();
-    let outcome = session
-        .learn(0.0, None, false, &mut |_, _, _| ControlFlow::Continue(()))
-        .unwrap();
-    let last = outcome.log.last().unwrap().loss;
-    assert!(
-        last < 0.1 * outcome.log[0].loss,
-        "{last} of {}",
-        outcome.log[0].loss
-    );
-    // Weighted by how often a class is met; a rare one may be left where its pixels cannot tell.
-    let (mut sum, mut visits) = (0.0, 0.0);
-    for (gamma, &n) in outcome
-        .table
-        .gammas
-        .iter()
-        .zip(session.training.visits().0.iter())
-    {
-        sum += n as f64 * f64::from((gamma / TRUTH).ln().abs());
-        visits += n as f64;
-    }
-    assert!(sum / visits < 0.1, "{}", sum / visits);
 }

@@ -145,27 +145,8 @@ fn stopped_by_a_signal() {
     let place = Place::new();
     let args = "render scene.glb --size 16x16 --time 10min --threads 1 --progress none --save-every 1ms \
                 -o out.exr --checkpoint a.ckpt --reproducible";
-    let mut child = place
-        .command(env!("CARGO_BIN_EXE_opsr"))
-        .args(args.split_whitespace())
-        .stdout(std::process::Stdio::piped())
-        .stderr(std::process::Stdio::piped())
-        .spawn()
-        .expect("the program");
     // The checkpoint comes after the picture: with both there the render is under way.
-    while !place.path().join("a.ckpt").exists() {
-        assert!(
-            child.try_wait().expect("a status").is_none(),
-            "it ended by itself"
-        );
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
-    let id = child.id().to_string();
-    let kill = std::process::Command::new("kill")
-        .args(["-INT", &id])
-        .status();
-    assert!(kill.expect("kill").success());
-    let ended = Ended::of(child.wait_with_output().expect("an end"));
+    let ended = place.interrupted(args, "a.ckpt");
     assert_eq!(ended.code, Some(5), "{}", ended.err);
     assert_eq!(
         place.files().into_keys().collect::<Vec<_>>(),

@@ -121,24 +121,7 @@ fn a_training_goes_on_as_if_it_had_not_been_stopped() {
 fn stopped_by_a_signal() {
     let place = place();
     let args = format!("{TRAIN} --steps 4000000000");
-    let mut child = place
-        .command(env!("CARGO_BIN_EXE_opsr"))
-        .args(args.split_whitespace())
-        .stdout(std::process::Stdio::piped())
-        .stderr(std::process::Stdio::piped())
-        .spawn()
-        .expect("the program");
-    while !place.path().join("run/beta-0.001/last.ckpt").exists() {
-        let ended = child.try_wait().expect("a status");
-        assert!(ended.is_none(), "it ended by itself");
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
-    let id = child.id().to_string();
-    let kill = std::process::Command::new("kill")
-        .args(["-INT", &id])
-        .status();
-    assert!(kill.expect("kill").success());
-    let ended = Ended::of(child.wait_with_output().expect("an end"));
+    let ended = place.interrupted(&args, "run/beta-0.001/last.ckpt");
     assert_eq!(ended.code, Some(5), "{}", ended.err);
     assert!(!place.path().join("params/beta-0.001.json").exists());
     let table = TableFile::load(&place.path().join("run/beta-0.001/table.json")).unwrap();

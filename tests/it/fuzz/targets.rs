@@ -40,6 +40,14 @@ pub(super) fn text<T, E: ToString>(result: Result<T, E>) -> Result<T, String> {
     result.map_err(|e| e.to_string())
 }
 
+/// What `save` writes.
+pub(super) fn written(save: impl FnOnce(&Path) -> Result<(), String>) -> Vec<u8> {
+    let folder = crate::support::quick_folder();
+    let path = folder.path().join("file");
+    save(&path).expect("saved");
+    std::fs::read(&path).expect("a file")
+}
+
 /// Loads, builds and renders a little: whatever is taken can be looked at.
 pub(crate) fn gltf() -> Target {
     Target {
@@ -208,8 +216,6 @@ pub(crate) fn checkpoints() -> Target {
     let film = seeds::film();
     let aovs = Some(FirstHit::new(film.window));
     let seeds = [None, aovs].map(|aovs| {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("a.ckpt");
         let picture = Picture {
             film: film.clone(),
             aovs,
@@ -220,8 +226,7 @@ pub(crate) fn checkpoints() -> Target {
             seconds: 1.5,
             picture,
         };
-        checkpoint.save(&path).expect("saved");
-        std::fs::read(&path).expect("a file")
+        written(|path| text(checkpoint.save(path)))
     });
     Target {
         name: "checkpoints",

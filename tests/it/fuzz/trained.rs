@@ -1,6 +1,6 @@
 //! The readers of the trainer: settings and checkpoints.
 
-use super::targets::text;
+use super::targets::{text, written};
 use super::{Target, repair};
 use opsr::regularise::{AttenuationTable, LEN, Lookup};
 use opsr::train::Config;
@@ -60,10 +60,7 @@ pub(crate) fn trainings() -> Target {
             anchor: AttenuationTable::constant(0.25),
             state: learner.to_bytes().expect("a state"),
         };
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("last.ckpt");
-        checkpoint.save(&path).expect("saved");
-        std::fs::read(&path).expect("a file")
+        written(|path| text(checkpoint.save(path)))
     });
     Target {
         name: "trainings",
