@@ -61,7 +61,7 @@ pub(super) fn can_write(file: &Path) -> anyhow::Result<()> {
         bail!("{}: no such folder", folder.display());
     }
     // The same kind of file that a result is before it takes its name; it goes away at once.
-    tempfile::NamedTempFile::new_in(folder).with_context(|| folder.display().to_string())?;
+    tempfile::NamedTempFile::new_in(folder).with_context(|| file.display().to_string())?;
     Ok(())
 }
 

@@ -3,6 +3,8 @@
 mod broken;
 mod faults;
 mod render;
+#[cfg(unix)]
+mod shut;
 #[cfg(feature = "train")]
 mod study;
 #[cfg(feature = "train")]

@@ -1,7 +1,12 @@
 //! Places that benches and trainings cannot write to: exit code 4, what was there before is there as it was, and
 //! nothing is left behind.
 
-use super::Place;
+#[cfg(unix)]
+use super::shut::Shut;
+use super::{Ended, Place};
+use crate::fuzz::seeds;
+use opsr::image::{Buffer, exr};
+use opsr::math::Rgb;
 
 const SUITE: &str = "seeds = 1\nsamples = [1]\n[[scene]]\nname = 'box'\nbuiltin = 'caustic-box'\nsize = [32, 32]\n\
                      reference_spp = 1\n[[method]]\nname = 'plain'\nmethod = 'plain'\n";
@@ -9,26 +14,6 @@ const SUITE: &str = "seeds = 1\nsamples = [1]\n[[scene]]\nname = 'box'\nbuiltin 
 /// A name that no file can have.
 fn long() -> String {
     "n".repeat(300)
-}
-
-/// Whether a folder without the right to write refuses to be written to; the user root may write everywhere.
-#[cfg(unix)]
-fn read_only(place: &Place, folder: &str) -> bool {
-    use std::os::unix::fs::PermissionsExt;
-    let path = place.path().join(folder);
-    let mode = std::fs::Permissions::from_mode(0o555);
-    std::fs::set_permissions(&path, mode).expect("permissions");
-    std::fs::write(path.join("probe"), "").is_err()
-}
-
-/// Makes a folder one that can be removed again.
-#[cfg(unix)]
-fn writable(place: &Place, folder: &str) {
-    use std::os::unix::fs::PermissionsExt;
-    let path = place.path().join(folder);
-    let _ = std::fs::remove_file(path.join("probe"));
-    let mode = std::fs::Permissions::from_mode(0o755);
-    std::fs::set_permissions(&path, mode).expect("permissions");
 }
 
 #[test]
@@ -42,7 +27,7 @@ fn a_bench_that_cannot_write() {
     assert_eq!(before.1.len(), 2, "a reference and a picture");
     // Another moment: everything is to be measured anew.
     place.write("suite.toml", SUITE.replace("[1]", "[2]"));
-    let refused = |ended: super::Ended, what: &str| {
+    let refused = |ended: Ended, what: &str| {
         assert_eq!(ended.code, Some(4), "{what}: {}", ended.err);
         let mut now = state();
         now.0.insert("suite.toml".into(), SUITE.into());
@@ -61,12 +46,11 @@ fn a_bench_that_cannot_write() {
         let ended = place.opsr_on_a_full_disk(bytes, "bench suite.toml -o old.json");
         refused(ended, &format!("{bytes} bytes"));
     }
-    if read_only(&place, "old.pictures") {
-        let ended = place.opsr("bench suite.toml -o old.json");
-        writable(&place, "old.pictures");
+    if let Some(shut) = Shut::new(&place, "old.pictures") {
+        let ended = shut.opsr("bench suite.toml -o old.json");
+        assert!(ended.err.contains("old.pictures"), "{}", ended.err);
         refused(ended, "a folder that is read-only");
     }
-    writable(&place, "old.pictures");
     place.opsr("bench suite.toml -o old.json").done();
     assert!(place.read("old.json") != before.0["old.json"]);
 }
@@ -96,6 +80,84 @@ fn a_report_that_cannot_be_written() {
         assert!(ended.err.contains(file), "{}", ended.err);
     }
     assert!(place.files() == before);
+}
+
+/// Every command that writes, into a folder that is read-only.
+#[test]
+#[cfg(unix)]
+fn a_folder_that_is_read_only() {
+    let place = Place::new();
+    place.write("suite.toml", SUITE.replace("[1]", "[1, 2]"));
+    place.opsr("bench suite.toml -o results.json").done();
+    place.write("table.json", &seeds::tables()[1]);
+    for name in ["a.exr", "b.exr"] {
+        let picture = Buffer::filled(4, 4, Rgb::ONE);
+        exr::write_rgb(&place.path().join(name), &picture, &Default::default()).expect("written");
+    }
+    std::fs::create_dir(place.path().join("shut")).expect("a folder");
+    for name in ["old.exr", "old.png", "old.json", "old.html", "old.h"] {
+        place.write(&format!("shut/{name}"), "what was there before");
+    }
+    place
+        .render("--spp 1 -o old.exr --checkpoint shut/old.ckpt")
+        .done();
+    let list = "[[scene]]\nname = \"a\"\nfile = \"scene.glb\"\nrole = \"train\"\nfamily = \"f\"\n\
+                frame = [32, 32]\ncrops = [[0, 0]]\nmax_vertices = 3\nexposure = 1.0\n";
+    place.write("shut/list.toml", list);
+    place.save("shut/scene.glb", &opsr::scene::builtin::caustic_box());
+    let state = || (place.files(), place.files_in("shut"));
+    let before = state();
+    let Some(shut) = Shut::new(&place, "shut") else {
+        return;
+    };
+    let render = "render scene.glb --size 16x16 --reproducible --progress none";
+    for (args, name) in [
+        (format!("{render} --spp 1 -o shut/old.exr"), "shut/old.exr"),
+        (
+            format!("{render} --spp 1 -o new.exr -o shut/old.png"),
+            "shut/old.png",
+        ),
+        (format!("{render} --spp 1 -o shut/new.exr"), "shut/new.exr"),
+        (
+            format!("{render} --spp 1 -o new.exr --checkpoint shut/new.ckpt"),
+            "shut/new.ckpt",
+        ),
+        (
+            format!("{render} --spp 2 -o new.exr --checkpoint shut/old.ckpt --resume"),
+            "shut/old.ckpt",
+        ),
+        ("table export table.json -o shut/old.h".into(), "shut/old.h"),
+        ("bench suite.toml -o shut/new.json".into(), "shut/new."),
+        (
+            "report results.json -o shut/old.html".into(),
+            "shut/old.html",
+        ),
+        (
+            "report results.json -o new.html --plots shut".into(),
+            "shut/",
+        ),
+        (
+            "compare a.exr b.exr --json shut/old.json".into(),
+            "shut/old.json",
+        ),
+        (
+            "compare a.exr b.exr --page shut/old.html".into(),
+            "shut/old.html",
+        ),
+        ("compare a.exr b.exr --maps shut".into(), "shut/"),
+        ("scenes write --out shut".into(), "shut/"),
+        (
+            "scenes reference --manifest shut/list.toml --spp 1".into(),
+            "shut/",
+        ),
+    ] {
+        let ended = shut.opsr(&args);
+        assert_eq!(ended.code, Some(4), "{args}: {}", ended.err);
+        assert!(ended.err.contains(name), "{args}: {}", ended.err);
+        // A page that was asked for beside the plots is whole.
+        let _ = std::fs::remove_file(place.path().join("new.html"));
+        assert!(state() == before, "{args} changed files");
+    }
 }
 
 #[cfg(all(unix, feature = "train"))]
@@ -132,13 +194,16 @@ mod training {
             assert_eq!(ended.err, "");
             assert!(place.files_in("params") == before.2, "{bytes} bytes");
         }
-        for folder in [run, "params"] {
-            if read_only(&place, folder) {
-                let ended = train(&place, "--steps 4 --seed 5");
-                writable(&place, folder);
-                assert_eq!(ended.code, Some(4), "{folder}: {}", ended.err);
-            }
-            writable(&place, folder);
+        for folder in [run, "run", "params"] {
+            let before = (place.files_in(folder), place.files_in("params"));
+            let Some(shut) = Shut::new(&place, folder) else {
+                return;
+            };
+            let ended = shut.opsr(&format!("{TRAIN} --steps 4 --seed 5"));
+            assert_eq!(ended.code, Some(4), "{folder}: {}", ended.err);
+            assert!(ended.err.contains(folder), "{folder}: {}", ended.err);
+            let now = (place.files_in(folder), place.files_in("params"));
+            assert!(now == before, "{folder}: changed files");
         }
     }
 

@@ -1,0 +1,99 @@
+//! Folders that may not be written to, and the program run by somebody whom that stops: root may write everywhere.
+
+use super::{Ended, Place};
+use std::fs::{Permissions, set_permissions};
+use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use tempfile::TempDir;
+
+/// The user and the group who are nobody in particular.
+const NOBODY: u32 = 65534;
+
+/// A place with a folder that is read-only, as long as this lives.
+pub(super) struct Shut<'a> {
+    place: &'a Place,
+    folder: PathBuf,
+    program: PathBuf,
+    /// Where the program is if nobody else could reach it where it was built.
+    copy: Option<TempDir>,
+}
+
+impl<'a> Shut<'a> {
+    /// Takes away the right to write to a folder. Root gives the whole place to another user, as whom the program then
+    /// runs; `None` on a system where even that stops no one.
+    pub(super) fn new(place: &'a Place, folder: &str) -> Option<Self> {
+        let mut shut = Self {
+            place,
+            folder: place.path().join(folder),
+            program: env!("CARGO_BIN_EXE_opsr").into(),
+            copy: None,
+        };
+        let ready = shut.give_away().is_ok();
+        set_permissions(&shut.folder, Permissions::from_mode(0o555)).expect("permissions");
+        let script = "\"$0\" --version && ! touch \"$1/probe\"";
+        let mut shell = shut.command("sh");
+        shell.args(["-c", script]);
+        shell.arg(&shut.program).arg(&shut.folder);
+        let stopped = shell.output().is_ok_and(|o| o.status.success());
+        if ready && stopped {
+            return Some(shut);
+        }
+        eprintln!(
+            "skipped: on this system not even another user than root can be kept from writing to a folder"
+        );
+        let _ = std::fs::remove_file(shut.folder.join("probe"));
+        None
+    }
+
+    /// Where root runs the tests: the place, and a copy of the program, to somebody else.
+    fn give_away(&mut self) -> std::io::Result<()> {
+        let copy = tempfile::tempdir()?;
+        // What we make belongs to us.
+        if copy.path().metadata()?.uid() != 0 {
+            return Ok(());
+        }
+        chown_all(self.place.path())?;
+        set_permissions(copy.path(), Permissions::from_mode(0o755))?;
+        let program = copy.path().join("opsr");
+        // It has two hundred megabytes.
+        std::fs::hard_link(&self.program, &program)
+            .or_else(|_| std::fs::copy(&self.program, &program).map(|_| ()))?;
+        (self.program, self.copy) = (program, Some(copy));
+        Ok(())
+    }
+
+    fn command(&self, program: impl AsRef<Path>) -> Command {
+        let program = program.as_ref().to_str().expect("UTF-8");
+        let mut command = self.place.command(program);
+        if self.copy.is_some() {
+            command.uid(NOBODY).gid(NOBODY);
+        }
+        command
+    }
+
+    /// Runs the program, stopped by what is read-only.
+    pub(super) fn opsr(&self, args: &str) -> Ended {
+        let mut command = self.command(&self.program);
+        let command = command.args(args.split_whitespace());
+        Ended::of(command.output().expect("the program"))
+    }
+}
+
+impl Drop for Shut<'_> {
+    /// The folder can be removed again.
+    fn drop(&mut self) {
+        let _ = set_permissions(&self.folder, Permissions::from_mode(0o755));
+    }
+}
+
+fn chown_all(path: &Path) -> std::io::Result<()> {
+    chown(path, Some(NOBODY), Some(NOBODY))?;
+    if path.is_dir() {
+        for entry in path.read_dir()? {
+            chown_all(&entry?.path())?;
+        }
+    }
+    Ok(())
+}
