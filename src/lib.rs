@@ -13,7 +13,7 @@
 //! | 0 | [`math`] | frames, measures, warps, discrete distributions, running moments |
 //! | 0 | [`sampler`] | the random numbers of a path, keyed by (seed, pixel, sample) |
 //! | 0 | [`atomic`] | files written whole or not at all |
-//! | 0 | `input` | files read that may be anything, and any length |
+//! | 0 | [`input`] | files read that may be anything, and any length |
 //! | 1 | [`regularise`] | the paper: path roughness, classes, attenuation tables, look-ups, comparison modes; `export` writes tables for other renderers |
 //! | 2 | [`bsdf`] | scattering closures that are evaluated *at* a roughness |
 //! | 3 | [`image`] | films of running moments, EXR and PNG, error metrics |
@@ -57,7 +57,7 @@
 pub mod atomic;
 pub mod bsdf;
 pub mod image;
-mod input;
+pub mod input;
 pub mod integrator;
 pub mod math;
 pub mod regularise;

@@ -1,14 +1,14 @@
 //! Scenes as commands open them: the glTF file, the environment map, the camera.
 
 use super::{Blame, Exit, Failure};
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use clap::Args;
 use opsr::bsdf::Distribution;
 use opsr::integrator::checkpoint::hex;
 use opsr::scene::load::{LoadOptions, load};
 use opsr::scene::{Camera, Environment, Scene};
 use sha2::{Digest, Sha256};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Options that say which scene.
 #[derive(Args, Debug, Clone)]
@@ -85,7 +85,7 @@ impl SceneArgs {
             let rotation = self.env_rotation.to_radians();
             let environment = Environment::load(path, self.env_intensity, rotation).input()?;
             parts.environment = Some(environment);
-            digest.update(read(path)?);
+            Environment::bytes(path, |bytes| digest.update(bytes)).input()?;
         }
         let scene = Scene::new(parts);
         warnings.extend_from_slice(scene.warnings());
@@ -109,12 +109,6 @@ impl SceneArgs {
         } = self;
         format!("env {env_intensity} {env_rotation}, {distribution:?}")
     }
-}
-
-fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
-    std::fs::read(path)
-        .with_context(|| path.display().to_string())
-        .input()
 }
 
 /// The camera with this name or number, or the first, or one that sees the whole scene.

@@ -8,6 +8,7 @@
 
 use crate::image::Buffer;
 use crate::image::exr;
+use crate::input;
 use crate::math::discrete::Distribution2D;
 use crate::math::{Rgb, Vec2, Vec3, luminance};
 use std::f32::consts::{PI, TAU};
@@ -23,9 +24,21 @@ pub struct Environment {
     density: Option<Distribution2D>,
 }
 
+/// The most bytes of a map's file, and of its texels in memory: far above any sky, far below what a header of a few
+/// bytes could ask for.
+const MAX_BYTES: u64 = 1 << 31;
+
 /// Why an environment map cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum EnvironmentError {
+    /// The file could not be read, or is too long.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
     /// An EXR file could not be read.
     #[error(transparent)]
     Exr(#[from] exr::ExrError),
@@ -125,6 +138,15 @@ impl Environment {
         Ok(Self::from_map(map, rotation))
     }
 
+    /// Hands over the bytes of a map's file piece by piece: whoever names a scene by a hash has the map in it.
+    pub fn bytes(path: &Path, take: impl FnMut(&[u8])) -> Result<(), EnvironmentError> {
+        let io = |source| EnvironmentError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        input::stream(path, MAX_BYTES, take).map_err(io)
+    }
+
     /// Radiance seen when looking along `dir`.
     #[inline]
     pub fn radiance(&self, dir: Vec3) -> Rgb {
@@ -189,8 +211,7 @@ fn read_hdr(path: &Path) -> Result<Buffer, EnvironmentError> {
     let mut reader = image::ImageReader::open(path).map_err(|e| error(e.into()))?;
     reader.set_format(image::ImageFormat::Hdr);
     let mut limits = image::Limits::default();
-    // Far above any sky, far below what a header of a few bytes could ask for.
-    limits.max_alloc = Some(1 << 31);
+    limits.max_alloc = Some(MAX_BYTES);
     reader.limits(limits);
     let map = reader.decode().map_err(error)?.into_rgb32f();
     let (width, height) = (map.width() as usize, map.height() as usize);

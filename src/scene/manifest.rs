@@ -87,12 +87,12 @@ pub enum ManifestError {
         source: std::io::Error,
     },
     /// The text is not a manifest; the message names line and column.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {problem}", path.display())]
     Syntax {
         /// The file.
         path: PathBuf,
         /// What is wrong, and where.
-        source: Box<toml::de::Error>,
+        problem: String,
     },
     /// A scene's entry makes no sense.
     #[error("{}: scene {number} (\"{name}\"): {what}", path.display())]
@@ -121,9 +121,9 @@ impl Manifest {
     /// A manifest from its text; `path` is where the text came from.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ManifestError> {
         let Text { scene: scenes } =
-            toml::from_str(text).map_err(|source| ManifestError::Syntax {
+            input::toml(text).map_err(|problem| ManifestError::Syntax {
                 path: path.to_owned(),
-                source: Box::new(source),
+                problem,
             })?;
         let mut names = HashSet::new();
         for (i, entry) in scenes.iter().enumerate() {

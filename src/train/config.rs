@@ -115,12 +115,12 @@ pub enum ConfigError {
         source: std::io::Error,
     },
     /// Not TOML, an unknown key, or a value of the wrong type.
-    #[error("{place}: {source}")]
+    #[error("{place}: {problem}")]
     Syntax {
         /// The file, or the setting.
         place: String,
         /// What is wrong.
-        source: Box<toml::de::Error>,
+        problem: String,
     },
     /// A value that makes no sense.
     #[error("{key}: {problem}")]
@@ -154,17 +154,17 @@ impl Config {
 
     /// This configuration with the values of a TOML text in place of its own; `place` is for messages.
     pub fn with_text(&self, text: &str, place: &str) -> Result<Self, ConfigError> {
-        let syntax = |source| ConfigError::Syntax {
+        let syntax = |problem| ConfigError::Syntax {
             place: place.into(),
-            source: Box::new(source),
+            problem,
         };
-        let new: toml::Table = toml::from_str(text).map_err(syntax)?;
+        let new: toml::Table = input::toml(text).map_err(syntax)?;
         let mut all = toml::Table::try_from(self).map_err(|e| ConfigError::Value {
             key: "configuration",
             problem: e.to_string(),
         })?;
         all.extend(new);
-        all.try_into().map_err(syntax)
+        all.try_into().map_err(|e| syntax(input::briefly(e)))
     }
 
     /// This configuration with one setting `key=value` changed; a value that is not TOML is taken as a string.

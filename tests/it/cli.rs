@@ -2,6 +2,7 @@
 
 mod broken;
 mod faults;
+mod long;
 mod render;
 #[cfg(unix)]
 mod shut;

@@ -1,9 +1,15 @@
 //! The log of a training.
 
-use super::save;
+use super::{Blame, save};
+use anyhow::Context;
+use opsr::input;
 use opsr::train::session::Entry;
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+
+/// The most bytes of a log: a look at every step of a training of ten thousand has less.
+const MAX_BYTES: u64 = 1 << 26;
 
 /// The log as JSON lines, replaced as a whole at every line so that it is never half-written.
 pub(super) struct Log {
@@ -13,19 +19,24 @@ pub(super) struct Log {
 
 impl Log {
     /// Keeps the lines of an earlier run if it is gone on with.
-    pub(super) fn open(path: &Path, resume: bool) -> Self {
-        let old =
-            (resume.then(|| std::fs::read_to_string(path).ok()).flatten()).unwrap_or_default();
+    pub(super) fn open(path: &Path, resume: bool) -> anyhow::Result<Self> {
+        let old = match resume.then(|| input::read_text(path, MAX_BYTES)) {
+            Some(Err(e)) if e.kind() != ErrorKind::NotFound => {
+                return Err(e).with_context(|| path.display().to_string()).input();
+            }
+            Some(Ok(text)) => text,
+            _ => String::new(),
+        };
         let step = |line: &str| -> Option<u32> {
             let value: serde_json::Value = serde_json::from_str(line).ok()?;
             value.get("step")?.as_u64()?.try_into().ok()
         };
-        Self {
+        Ok(Self {
             path: path.into(),
             lines: (old.lines())
                 .filter_map(|line| Some((step(line)?, line.to_string())))
                 .collect(),
-        }
+        })
     }
 
     pub(super) fn add(&mut self, entry: &Entry) -> anyhow::Result<()> {

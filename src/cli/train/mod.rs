@@ -279,7 +279,7 @@ fn learn(
 ) -> anyhow::Result<Option<Learned>> {
     let config = session.config.clone();
     let names: Vec<String> = session.training.crops().map(|c| c.name.clone()).collect();
-    let mut log = Log::open(&folder.join("metrics.jsonl"), args.resume);
+    let mut log = Log::open(&folder.join("metrics.jsonl"), args.resume)?;
     let resume = args.resume && folder.join("last.ckpt").exists();
     let clock = Instant::now();
     let mut broken = None;

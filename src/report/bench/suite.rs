@@ -231,7 +231,7 @@ impl Suite {
 
     /// Reads a suite from text and checks it.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let suite: Self = toml::from_str(text).map_err(|e| e.to_string())?;
+        let suite: Self = input::toml(text)?;
         super::check::suite(&suite)?;
         Ok(suite)
     }

@@ -113,6 +113,18 @@ fn a_training_goes_on_as_if_it_had_not_been_stopped() {
     place.write("run/beta-0.001/last.ckpt", &before["last.ckpt"][..99]);
     refused("--steps 9 --resume", "not a checkpoint");
     assert!(place.files_in("params") == whole);
+    // So is a log that is too long for one.
+    place.write("run/beta-0.001/last.ckpt", &before["last.ckpt"]);
+    let log = std::fs::File::create(place.path().join("run/beta-0.001/metrics.jsonl"));
+    log.unwrap().set_len((1 << 26) + 1).unwrap();
+    let ended = train(&place, "--steps 9 --resume");
+    assert_eq!(ended.code, Some(3), "{}", ended.err);
+    assert!(
+        ended.err.contains("metrics.jsonl: more than"),
+        "{}",
+        ended.err
+    );
+    assert!(place.files_in("params") == whole);
 }
 
 /// Ctrl-C in the middle of a long training.
@@ -136,6 +148,7 @@ fn stopped_by_a_signal() {
 fn what_a_training_cannot_do_without() {
     let place = place();
     place.write("bad.toml", "steps = \"many\"\n");
+    place.write("line.toml", format!("beta = [{}?]\n", "1, ".repeat(9999)));
     let long = place.path().join("long.toml");
     std::fs::write(long, vec![b'#'; (1 << 20) + 1]).unwrap();
     let before = place.files();
@@ -143,6 +156,11 @@ fn what_a_training_cannot_do_without() {
         (3, "--config none.toml", "none.toml"),
         (3, "--config bad.toml", "bad.toml"),
         (3, "--config long.toml", "long.toml"),
+        (
+            3,
+            "--config line.toml",
+            "line.toml: TOML parse error at line 1, column 30006",
+        ),
         (3, "--config /dev/zero", "/dev/zero"),
         (3, "--set speed=3", "speed"),
         (3, "--set steps=0", "steps"),
@@ -154,6 +172,7 @@ fn what_a_training_cannot_do_without() {
         let ended = train(&place, args);
         assert_eq!(ended.code, Some(code), "{args}: {}", ended.err);
         assert!(ended.err.contains(words), "{args}: {}", ended.err);
+        assert!(ended.err.len() < 800, "{args}: {}", ended.err);
         assert!(place.files() == before, "{args} changed files");
     }
     for (args, words) in [
