@@ -201,6 +201,23 @@ mod tests {
         }
     }
 
+    #[test]
+    fn every_pair_of_numbers_gives_a_normal() {
+        let ends = [0.0, f32::MIN_POSITIVE, 1e-8, 0.5, 1.0 - 6e-8, 1.0];
+        for distribution in [Distribution::Beckmann, Distribution::Ggx] {
+            for wo in [
+                Vec3::Z,
+                Vec3::new(0.6, -0.48, 0.64),
+                Vec3::new(1.0, 0.0, 1e-6),
+            ] {
+                for u in ends.iter().flat_map(|&u| ends.map(|v| [u, v])) {
+                    let h = distribution.sample_visible(0.5, wo.normalize(), u);
+                    assert!(h.is_finite(), "{distribution:?} {wo} {u:?}: {h}");
+                }
+            }
+        }
+    }
+
     /// F of [`beckmann_slope`] in double precision.
     fn integral(x: f64, tan: f64) -> f64 {
         0.5 * (1.0 + erf_f64(x)) + 0.5 * tan * (-x * x).exp() / std::f64::consts::PI.sqrt()

@@ -237,15 +237,20 @@ mod tests {
     #[test]
     fn factors_at_one_can_come_down_and_clamped_ones_do_not_move() {
         for (factor, scale, slope) in [(1.0, 1.0, 0.45), (0.5, 2.0, 0.9), (0.6, 2.0, 0.0)] {
-            let mut table = AttenuationTable::constant(factor);
-            table.scale = scale;
-            let (value, gradient) = accumulate_with_gradient(&[0.5, 0.1], &table);
-            assert!((value - 0.55).abs() < 1e-6);
-            let total: f32 = gradient.iter().map(|g| g.1).sum();
-            assert!(
-                (total - slope).abs() < 1e-6,
-                "{factor} times {scale}: {total}"
-            );
+            for lookup in [Lookup::Nearest, Lookup::Linear] {
+                let table = AttenuationTable {
+                    scale,
+                    lookup,
+                    ..AttenuationTable::constant(factor)
+                };
+                let (value, gradient) = accumulate_with_gradient(&[0.5, 0.1], &table);
+                assert!((value - 0.55).abs() < 1e-6, "{lookup:?} {value}");
+                let total: f32 = gradient.iter().map(|g| g.1).sum();
+                assert!(
+                    (total - slope).abs() < 1e-6,
+                    "{lookup:?}, {factor} times {scale}: {total}"
+                );
+            }
         }
     }
 }

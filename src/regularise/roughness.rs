@@ -178,6 +178,7 @@ mod tests {
         for (k, &edge) in BIN_EDGES.iter().enumerate() {
             let exact = (1.0 + (k as f64 + 1.0) / 5.0).log2().powi(2);
             assert_eq!(edge, exact as f32, "edge {k}: {exact}");
+            assert_eq!([bin(edge.next_down()), bin(edge)], [k, k + 1]);
         }
     }
 
@@ -198,5 +199,36 @@ mod tests {
             }
         }
         assert!(seen.iter().all(|&s| s));
+    }
+
+    #[test]
+    fn the_class_of_a_path_has_the_levels_of_its_vertices() {
+        let factor = crate::regularise::ConstantGamma(0.5);
+        let path = [0.8, 0.0, 0.3, 0.1, 0.5];
+        for n in 1..=5 {
+            let (last, before) = path[..n].split_last().unwrap();
+            let levels: Vec<_> = path[..n].iter().map(|&a| bin(a)).collect();
+            let prefix = PathRoughness::of(before, &factor);
+            assert_eq!(prefix.class(*last), GammaIndex::from_levels(&levels));
+        }
+    }
+
+    /// The fifth vertex folds what there is as far as this sample roughens.
+    #[test]
+    fn a_folded_path_is_one_vertex_of_the_roughness_in_use() {
+        let factor = crate::regularise::ConstantGamma(0.5);
+        for shrink in [1.0, 0.25, 0.0] {
+            let mut path = PathRoughness::default();
+            for alpha in [0.2, 0.4, 0.0, 1.0] {
+                path.push(alpha, &factor, shrink);
+            }
+            // 1 − 0.9 · 0.8 · 1 · 0.5 = 0.64.
+            let folded = 0.1 + 0.9 * 0.64 * shrink;
+            assert!((path.accumulate(0.1, &factor, shrink) - folded).abs() < 1e-6);
+            path.push(0.1, &factor, shrink);
+            assert_eq!(path.values().len(), 1);
+            assert!((path.values()[0] - folded).abs() < 1e-6, "{shrink}");
+            assert_eq!(path.class(0.0), GammaIndex::from_levels(&[bin(folded), 0]));
+        }
     }
 }

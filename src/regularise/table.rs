@@ -122,3 +122,62 @@ impl<A: Attenuation + ?Sized> Attenuation for &A {
         (**self).gamma(prefix, last)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::regularise::bin;
+
+    /// The share of the vertex at place `i` of a path in a factor that grows linearly with every level.
+    fn share(i: usize) -> f32 {
+        [0.05, 0.02, 0.03, 0.01, 0.04][i]
+    }
+
+    fn paths() -> Vec<Vec<f32>> {
+        let some = [0.0, 0.01, 0.069, 0.07, 0.15, 0.3, 0.45, 0.46, 0.8, 1.0];
+        let path = |n: usize, k: usize| (0..n).map(|i| some[(k * (i + 3) + i * i) % 10]).collect();
+        (2..=MAX_VERTICES)
+            .flat_map(|n| (0..40).map(move |k| path(n, k)))
+            .collect()
+    }
+
+    #[test]
+    fn either_lookup_of_factors_that_grow_with_the_levels() {
+        let mut table = AttenuationTable::constant(0.0);
+        for (i, gamma) in table.gammas.iter_mut().enumerate() {
+            let levels = GammaIndex::new(i).unwrap().levels();
+            let parts = levels.iter().enumerate().map(|(i, &l)| share(i) * l as f32);
+            *gamma = 0.1 + parts.sum::<f32>();
+        }
+        for scale in [1.0, 0.5, 3.0] {
+            table.scale = scale;
+            for path in paths() {
+                let (last, before) = path.split_last().unwrap();
+                let prefix = PathRoughness::of(before, &table);
+                let factor = |level: &dyn Fn(f32) -> f32| {
+                    let parts = path.iter().enumerate().map(|(i, &a)| share(i) * level(a));
+                    ((0.1 + parts.sum::<f32>()) * scale).min(1.0)
+                };
+                let nearest = factor(&|a| bin(a) as f32);
+                // A multilinear look-up gives linear functions back.
+                let linear = factor(&bin_coordinate);
+                for (lookup, expected) in [(Lookup::Nearest, nearest), (Lookup::Linear, linear)] {
+                    table.lookup = lookup;
+                    let gamma = table.gamma(&prefix, *last);
+                    assert!(
+                        (gamma - expected).abs() < 1e-6,
+                        "{lookup:?} {path:?}: {gamma} {expected}"
+                    );
+                    let (mut sum, mut all) = (0.0, 0.0);
+                    table.entries(&prefix, *last, |class, weight| {
+                        assert!(weight > 0.0 && class.levels().len() == path.len());
+                        sum += weight * table.gammas[class.index()];
+                        all += weight;
+                    });
+                    assert!((all - 1.0f32).abs() < 1e-6, "{lookup:?} {path:?}: {all}");
+                    assert!(((sum * scale).min(1.0) - expected).abs() < 1e-6);
+                }
+            }
+        }
+    }
+}
