@@ -6,18 +6,15 @@
 //! factors; they are kept as events and linearised anew whenever the table has moved (see [`Folded`]).
 
 use super::folded::Folded;
+use super::grid::{GAMMA_MIN, Level, NODES, Place, node, spacing};
 use super::moments::{Adjoint, Moments, Source, no_gradient};
 use super::recording::{Pixel, Recording};
+use super::sums::{Slopes, Sums, rows};
 use crate::math::real::Dual;
 use crate::regularise::{AttenuationTable, GammaIndex, accumulate_at};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-
-/// Values of γ at which curves are sampled, evenly in ln γ.
-pub const NODES: usize = 17;
-
-/// The smallest factor that is learned: at exactly 0 a Dirac lobe stays one, and the gradient is gone for ever.
-pub const GAMMA_MIN: f32 = 1e-3;
+use std::ops::Range;
 
 /// Mean per channel and second moment, then their derivatives by ln γ in units of the nodes' distance.
 type Knot = [f32; 8];
@@ -26,28 +23,23 @@ type Knot = [f32; 8];
 struct Bundle {
     /// The table entries that make the factor, and their weights.
     entries: Vec<(GammaIndex, f32)>,
-    pixels: Vec<u32>,
     /// Node by node, pixel by pixel.
     knots: Vec<Knot>,
-    /// Derivative by γ of every pixel's curve at the factor last asked for.
-    slopes: Vec<[f32; 4]>,
+    /// Where the factor was when the moments were last asked for.
+    level: Option<Level>,
+    /// Its pixels among those of all bundles.
+    range: Range<usize>,
 }
 
 /// The curves of a crop.
 pub struct Curves {
     constant: Moments,
     bundles: Vec<Bundle>,
+    /// Derivative by γ of every pixel's curve at the level of its bundle, bundle by bundle.
+    slopes: Slopes,
+    /// Of all bundles at their levels.
+    sums: Sums,
     folded: Folded,
-}
-
-/// Distance of the nodes in ln γ.
-fn spacing() -> f64 {
-    -f64::from(GAMMA_MIN).ln() / (NODES - 1) as f64
-}
-
-/// γ of a node.
-fn node(k: usize) -> f64 {
-    (f64::from(GAMMA_MIN).ln() + k as f64 * spacing()).exp()
 }
 
 /// α′ of a code at every node, as a function of ln γ.
@@ -103,9 +95,12 @@ impl Curves {
                 .map(|p| (p.constant_squared / f64::from(p.samples.max(1))) as f32)
                 .collect(),
         };
+        let (bundles, slopes) = bundle(entries, &baked);
         Self {
             constant,
-            bundles: bundle(entries, &baked),
+            bundles,
+            slopes,
+            sums: Sums::new(baked.len(), bound(&baked)),
             folded: Folded::new(recording),
         }
     }
@@ -161,42 +156,58 @@ fn bake_pixel(
 fn bundle(
     entries: Vec<Vec<(GammaIndex, f32)>>,
     baked: &[Vec<(usize, [Knot; NODES])>],
-) -> Vec<Bundle> {
+) -> (Vec<Bundle>, Slopes) {
     let mut members: Vec<Vec<(u32, &[Knot; NODES])>> = vec![Vec::new(); entries.len()];
     for (pixel, curves) in (0u32..).zip(baked) {
         for (g, knots) in curves {
             members[*g].push((pixel, knots));
         }
     }
-    (entries.into_iter().zip(members))
+    let mut slopes = Slopes::default();
+    let bundles = (entries.into_iter().zip(members))
         .filter(|(_, members)| !members.is_empty())
-        .map(|(entries, members)| Bundle {
-            entries,
-            pixels: members.iter().map(|m| m.0).collect(),
-            knots: (0..NODES)
-                .flat_map(|k| members.iter().map(move |m| m.1[k]))
-                .collect(),
-            slopes: vec![[0.0; 4]; members.len()],
+        .map(|(entries, members)| {
+            let start = slopes.pixels.len();
+            slopes.pixels.extend(members.iter().map(|m| m.0));
+            Bundle {
+                entries,
+                knots: (0..NODES)
+                    .flat_map(|k| members.iter().map(move |m| m.1[k]))
+                    .collect(),
+                level: None,
+                range: start..slopes.pixels.len(),
+            }
         })
-        .collect()
+        .collect();
+    slopes.values = vec![[0.0; 4]; slopes.pixels.len()];
+    (bundles, slopes)
 }
 
-/// The interval of nodes that a factor is in, and where in it, from 0 to 1.
-fn place(gamma: f64) -> (usize, f64) {
-    let t = ((gamma / f64::from(GAMMA_MIN)).ln() / spacing()).clamp(0.0, (NODES - 1) as f64);
-    let k = (t as usize).min(NODES - 2);
-    (k, t - k as f64)
+/// What the curves of no pixel add up to more than.
+fn bound(baked: &[Vec<(usize, [Knot; NODES])>]) -> [f64; 4] {
+    let mut bound = [0.0f64; 4];
+    for curves in baked {
+        for (c, b) in bound.iter_mut().enumerate() {
+            // The basis of the slopes is at most 4/27.
+            let highest = |knots: &[Knot; NODES]| -> f64 {
+                let of = knots.iter().map(|k| f64::from(k[c].abs() + k[4 + c].abs()));
+                of.filter(|v| v.is_finite()).fold(0.0, f64::max)
+            };
+            *b = b.max(curves.iter().map(|(_, knots)| highest(knots)).sum());
+        }
+    }
+    bound
 }
 
-/// Cubic Hermite basis: value and slope on the left, value and slope on the right.
-fn basis(t: f64) -> [f32; 4] {
-    [
-        (1.0 + 2.0 * t) * (1.0 - t) * (1.0 - t),
-        t * (1.0 - t) * (1.0 - t),
-        t * t * (3.0 - 2.0 * t),
-        t * t * (t - 1.0),
-    ]
-    .map(|w| w as f32)
+/// A curve's value or slope.
+#[inline]
+fn read(low: &Knot, high: &Knot, weights: [f32; 4]) -> [f32; 4] {
+    let [a, da, b, db] = weights;
+    let mut sum = [0.0; 4];
+    for c in 0..4 {
+        sum[c] = a * low[c] + da * low[4 + c] + b * high[c] + db * high[4 + c];
+    }
+    sum
 }
 
 impl Bundle {
@@ -207,16 +218,19 @@ impl Bundle {
         (raw * table.scale).clamp(GAMMA_MIN, 1.0)
     }
 
+    /// The knots on both sides of a place, pixel by pixel.
+    fn knots(&self, place: &Place) -> (&[Knot], &[Knot]) {
+        let n = self.range.len();
+        let at = |k: usize| &self.knots[k * n..][..n];
+        (at(place.node), at(place.node + 1))
+    }
+
     /// Adds the curves' values at the table's factor to the moments.
-    fn add(&self, table: &AttenuationTable, moments: &mut Moments) {
-        let (k, t) = place(self.factor(table).into());
-        let value = basis(t);
-        let n = self.pixels.len();
-        let (low, high) = (&self.knots[k * n..][..n], &self.knots[(k + 1) * n..][..n]);
-        for ((&pixel, a), b) in self.pixels.iter().zip(low).zip(high) {
-            let v = [0, 1, 2, 3].map(|c| {
-                value[0] * a[c] + value[1] * a[4 + c] + value[2] * b[c] + value[3] * b[4 + c]
-            });
+    fn add(&self, table: &AttenuationTable, pixels: &[u32], moments: &mut Moments) {
+        let place = Place::of(self.factor(table).into());
+        let (low, high) = self.knots(&place);
+        for ((&pixel, a), b) in pixels[self.range.clone()].iter().zip(low).zip(high) {
+            let v = read(a, b, place.value);
             let mean = &mut moments.mean[pixel as usize];
             for c in 0..3 {
                 mean[c] += v[c];
@@ -225,54 +239,42 @@ impl Bundle {
         }
     }
 
-    /// The same, and keeps the curves' slopes.
-    fn add_with_slopes(&mut self, table: &AttenuationTable, moments: &mut Moments) {
-        let gamma = f64::from(self.factor(table));
-        let (k, t) = place(gamma);
-        let value = basis(t);
-        let per_gamma = 1.0 / (gamma * spacing());
-        let slope = [
-            6.0 * t * (t - 1.0),
-            (1.0 - t) * (1.0 - 3.0 * t),
-            6.0 * t * (1.0 - t),
-            t * (3.0 * t - 2.0),
-        ]
-        .map(|w| (w * per_gamma) as f32);
-        let n = self.pixels.len();
-        let (low, high) = (&self.knots[k * n..][..n], &self.knots[(k + 1) * n..][..n]);
-        for (((&pixel, out), a), b) in self.pixels.iter().zip(&mut self.slopes).zip(low).zip(high) {
-            let mut v = [0.0f32; 4];
-            for c in 0..4 {
-                let knots = [a[c], a[4 + c], b[c], b[4 + c]];
-                let dot = |w: [f32; 4]| {
-                    w[0] * knots[0] + w[1] * knots[1] + w[2] * knots[2] + w[3] * knots[3]
-                };
-                v[c] = dot(value);
-                out[c] = dot(slope);
-            }
-            let mean = &mut moments.mean[pixel as usize];
-            for c in 0..3 {
-                mean[c] += v[c];
-            }
-            moments.second[pixel as usize] += v[3];
+    /// Goes to the level of the table's factor: the curves' values into the sums, and their slopes.
+    fn step(&mut self, table: &AttenuationTable, slopes: &mut Slopes, sums: &mut Sums) {
+        let level = Level::of(self.factor(table));
+        if self.level == Some(level) {
+            return;
+        }
+        let before = self.level.replace(level).map(Level::place);
+        let place = level.place();
+        let (low, high) = self.knots(&place);
+        let old = before.map(|b| (b.value, self.knots(&b)));
+        let pixels = slopes.pixels[self.range.clone()].iter();
+        let values = slopes.values[self.range.clone()].iter_mut();
+        for (i, (&pixel, slope)) in pixels.zip(values).enumerate() {
+            let old = old.map_or([0.0; 4], |(w, (low, high))| read(&low[i], &high[i], w));
+            sums.exchange(pixel, old, read(&low[i], &high[i], place.value));
+            *slope = read(&low[i], &high[i], place.slope);
         }
     }
 }
 
 impl Source for Curves {
     fn moments(&mut self, table: &AttenuationTable) -> Moments {
-        let mut moments = self.constant.clone();
         for bundle in &mut self.bundles {
-            bundle.add_with_slopes(table, &mut moments);
+            bundle.step(table, &mut self.slopes, &mut self.sums);
         }
-        self.folded.add(table, &mut moments);
+        self.folded.step(table);
+        let mut moments = self.constant.clone();
+        self.sums.add_to(&mut moments);
+        self.folded.add(&mut moments);
         moments
     }
 
     fn exact(&mut self, table: &AttenuationTable) -> Moments {
         let mut moments = self.constant.clone();
         for bundle in &self.bundles {
-            bundle.add(table, &mut moments);
+            bundle.add(table, &self.slopes.pixels, &mut moments);
         }
         self.folded.add_exact(table, &mut moments);
         moments
@@ -288,21 +290,14 @@ impl Source for Curves {
 
     fn gradient(&self, _: &AttenuationTable, adjoint: &Adjoint) -> Vec<f64> {
         let mut gradient = no_gradient();
+        let adjoint = rows(adjoint);
         for bundle in &self.bundles {
-            let mut sum = 0.0f64;
-            for (&pixel, slope) in bundle.pixels.iter().zip(&bundle.slopes) {
-                let mean = adjoint.mean[pixel as usize];
-                let d = mean[0] * slope[0]
-                    + mean[1] * slope[1]
-                    + mean[2] * slope[2]
-                    + adjoint.second[pixel as usize] * slope[3];
-                sum += f64::from(d);
-            }
+            let d = self.slopes.gradient(bundle.range.clone(), &adjoint);
             for &(class, weight) in &bundle.entries {
-                gradient[class.index()] += sum * f64::from(weight);
+                gradient[class.index()] += d * f64::from(weight);
             }
         }
-        self.folded.gradient(adjoint, &mut gradient);
+        self.folded.gradient(&adjoint, &mut gradient);
         gradient
     }
 

@@ -5,12 +5,13 @@
 
 use super::codes::Codes;
 use super::event::StoredEvent;
-use super::moments::{Adjoint, Moments};
+use super::grid::Level;
+use super::moments::Moments;
 use super::recording::Recording;
+use super::sums::{Slopes, Sums};
 use crate::math::real::Dual;
-use crate::regularise::{AttenuationTable, LEN};
+use crate::regularise::{AttenuationTable, GammaIndex, LEN};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 
 /// An event, what else its path carries, and the share of a sample in its pixel's mean.
 struct Member {
@@ -27,14 +28,66 @@ pub(super) struct Folded {
     /// The table of the tangent.
     at: Option<AttenuationTable>,
     value: Moments,
-    /// Derivatives of (mean, second) by (class, pixel), where there are any.
-    slopes: Vec<(u16, u32, [f32; 4])>,
+    /// The tangent, by class.
+    tangents: Vec<Tangent>,
+    /// Of all tangents at their levels.
+    sums: Sums,
     /// Σ |d mean / d ln γ| of every class at the anchor.
     weights: Vec<f64>,
 }
 
-/// Moments of one pixel's folded events with their derivatives by class.
-type Tangent = ([f64; 4], BTreeMap<u16, [f64; 4]>);
+/// The tangent of one class.
+#[derive(Default)]
+struct Tangent {
+    /// Where the factor was when the moments were last asked for, and how far that is from the anchor.
+    level: Option<(Level, f32)>,
+    slopes: Slopes,
+}
+
+/// Moments of one pixel's folded events, and their derivatives by the classes that they depend on, in their order.
+type Evaluated = ([f64; 4], Vec<(u16, [f64; 4])>);
+
+/// Derivatives of one pixel by class while they are added up.
+struct Scratch {
+    slopes: Vec<[f64; 4]>,
+    seen: Vec<bool>,
+    classes: Vec<u16>,
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self {
+            slopes: vec![[0.0; 4]; LEN],
+            seen: vec![false; LEN],
+            classes: Vec::new(),
+        }
+    }
+}
+
+impl Scratch {
+    #[inline]
+    fn add(&mut self, class: GammaIndex, slope: [f64; 4], factor: f64) {
+        let index = class.index();
+        if !std::mem::replace(&mut self.seen[index], true) {
+            self.classes.push(index as u16);
+        }
+        for (sum, s) in self.slopes[index].iter_mut().zip(slope) {
+            *sum += s * factor;
+        }
+    }
+
+    /// Hands the sums out, and is empty again.
+    fn take(&mut self) -> Vec<(u16, [f64; 4])> {
+        self.classes.sort_unstable();
+        let classes = self.classes.drain(..);
+        let entries = classes.map(|class| {
+            let index = usize::from(class);
+            self.seen[index] = false;
+            (class, std::mem::take(&mut self.slopes[index]))
+        });
+        entries.collect()
+    }
+}
 
 impl Folded {
     pub(super) fn new(recording: &Recording) -> Self {
@@ -61,7 +114,8 @@ impl Folded {
 
     pub(super) fn bytes(&self) -> usize {
         let members: usize = self.pixels.iter().map(|p| p.1.len()).sum();
-        members * size_of::<Member>() + size_of_val(self.slopes.as_slice())
+        let slopes: usize = self.tangents.iter().map(|t| t.slopes.pixels.len()).sum();
+        members * size_of::<Member>() + slopes * size_of::<(u32, [f32; 4])>()
     }
 
     /// See [`Source::movement`](super::moments::Source::movement).
@@ -90,13 +144,12 @@ impl Folded {
             return;
         }
         let roughness = self.codes.long_roughness(table);
-        let tangents: Vec<Tangent> = (self.pixels.par_iter())
-            .map(|(samples, members)| {
+        let evaluated: Vec<Evaluated> = (self.pixels.par_iter())
+            .map_init(Scratch::default, |scratch, (samples, members)| {
                 let mut sum = [0.0; 4];
-                let mut slopes: BTreeMap<u16, [f64; 4]> = BTreeMap::new();
                 for Member { constant, event } in members {
-                    let r = &roughness[event.code as usize];
-                    let moment = event.at(Dual::variable(r.alpha.into()));
+                    let (alpha, gradient) = roughness.at(event.code);
+                    let moment = event.at(Dual::variable(alpha.into()));
                     let mut second = moment.y;
                     for (c, x) in constant.iter().zip(moment.x) {
                         second = second
@@ -109,58 +162,73 @@ impl Folded {
                     for (s, p) in sum.iter_mut().zip(parts) {
                         *s += p.v / samples;
                     }
-                    for &(class, d) in &r.gradient {
-                        let slope = slopes.entry(class.index() as u16).or_default();
-                        for (s, p) in slope.iter_mut().zip(parts) {
-                            *s += p.d * f64::from(d) / samples;
-                        }
+                    let slope = parts.map(|p| p.d / samples);
+                    for &(class, d) in gradient {
+                        scratch.add(class, slope, f64::from(d));
                     }
                 }
-                (sum, slopes)
+                (sum, scratch.take())
             })
             .collect();
-        self.value = Moments::zero(tangents.len());
-        self.slopes.clear();
+        self.value = Moments::zero(evaluated.len());
         self.weights = vec![0.0; LEN];
-        for (pixel, (sum, slopes)) in tangents.into_iter().enumerate() {
-            self.value.mean[pixel] = [sum[0] as f32, sum[1] as f32, sum[2] as f32];
-            self.value.second[pixel] = sum[3] as f32;
+        self.tangents.clear();
+        self.tangents.resize_with(LEN, Tangent::default);
+        let mut bound = [0.0f64; 4];
+        for (pixel, (sum, slopes)) in (0u32..).zip(evaluated) {
+            self.value.mean[pixel as usize] = [sum[0] as f32, sum[1] as f32, sum[2] as f32];
+            self.value.second[pixel as usize] = sum[3] as f32;
+            let mut steepest = [0.0f64; 4];
             for (class, slope) in slopes {
+                let class = usize::from(class);
                 let light = slope[0].abs() + slope[1].abs() + slope[2].abs();
-                let gamma = table.gammas[usize::from(class)];
-                self.weights[usize::from(class)] += light * f64::from(gamma);
-                self.slopes
-                    .push((class, pixel as u32, slope.map(|s| s as f32)));
+                self.weights[class] += light * f64::from(table.gammas[class]);
+                let tangent = &mut self.tangents[class].slopes;
+                tangent.pixels.push(pixel);
+                tangent.values.push(slope.map(|s| s as f32));
+                for (sum, s) in steepest.iter_mut().zip(slope) {
+                    *sum += if s.is_finite() { s.abs() } else { 0.0 };
+                }
             }
+            // Factors move by at most 1.
+            bound = [0, 1, 2, 3].map(|c| bound[c].max(steepest[c]));
         }
+        self.sums = Sums::new(self.value.mean.len(), bound);
         self.at = Some(table.clone());
     }
 
-    /// Adds the events to the moments, by the tangent from the anchor.
-    pub(super) fn add(&self, table: &AttenuationTable, moments: &mut Moments) {
+    /// Follows the tangent to the levels of a table.
+    pub(super) fn step(&mut self, table: &AttenuationTable) {
         let Some(at) = &self.at else { return };
-        let mut moved = [0.0f32; LEN];
-        for (m, (a, b)) in moved
-            .iter_mut()
-            .zip(at.gammas.iter().zip(table.gammas.iter()))
-        {
-            *m = b - a;
-        }
-        for (pixel, (mean, second)) in moments.mean.iter_mut().zip(&mut moments.second).enumerate()
-        {
-            for (m, value) in mean.iter_mut().zip(self.value.mean[pixel]) {
-                *m += value;
+        let factors = at.gammas.iter().zip(table.gammas.iter());
+        for (tangent, (&from, &to)) in self.tangents.iter_mut().zip(factors) {
+            let level = Level::of(to);
+            if tangent.slopes.pixels.is_empty() || tangent.level.is_some_and(|(l, _)| l == level) {
+                continue;
             }
-            *second += self.value.second[pixel];
-        }
-        for &(class, pixel, slope) in &self.slopes {
-            let step = moved[usize::from(class)];
-            let mean = &mut moments.mean[pixel as usize];
-            for c in 0..3 {
-                mean[c] += step * slope[c];
+            let moved = level.gamma() - from;
+            let before = tangent.level.replace((level, moved)).map_or(0.0, |l| l.1);
+            for (&pixel, slope) in tangent.slopes.pixels.iter().zip(&tangent.slopes.values) {
+                let along = |moved: f32| slope.map(|s| s * moved);
+                self.sums.exchange(pixel, along(before), along(moved));
             }
-            moments.second[pixel as usize] += step * slope[3];
         }
+    }
+
+    /// Adds the events to the moments, by the tangent from the anchor to where it was followed last.
+    pub(super) fn add(&self, moments: &mut Moments) {
+        if self.at.is_none() {
+            return;
+        }
+        let values = self.value.mean.iter().zip(&self.value.second);
+        let pixels = moments.mean.iter_mut().zip(&mut moments.second);
+        for ((mean, second), (value, value2)) in pixels.zip(values) {
+            for (m, v) in mean.iter_mut().zip(value) {
+                *m += v;
+            }
+            *second += value2;
+        }
+        self.sums.add_to(moments);
     }
 
     /// Adds the events to the moments, each evaluated at the table.
@@ -193,14 +261,10 @@ impl Folded {
     }
 
     /// Adds dL/dγ.
-    pub(super) fn gradient(&self, adjoint: &Adjoint, gradient: &mut [f64]) {
-        for &(class, pixel, slope) in &self.slopes {
-            let mean = adjoint.mean[pixel as usize];
-            let d = mean[0] * slope[0]
-                + mean[1] * slope[1]
-                + mean[2] * slope[2]
-                + adjoint.second[pixel as usize] * slope[3];
-            gradient[usize::from(class)] += f64::from(d);
+    pub(super) fn gradient(&self, adjoint: &[[f32; 4]], gradient: &mut [f64]) {
+        for (g, tangent) in gradient.iter_mut().zip(&self.tangents) {
+            let all = 0..tangent.slopes.pixels.len();
+            *g += tangent.slopes.gradient(all, adjoint);
         }
     }
 }

@@ -15,6 +15,7 @@ pub mod dataset;
 pub mod event;
 mod folded;
 pub mod fresh;
+mod grid;
 pub mod model;
 pub mod moments;
 pub mod objective;
@@ -24,6 +25,7 @@ pub mod replay;
 pub mod session;
 pub mod set;
 pub mod study;
+mod sums;
 pub mod visits;
 
 pub use config::Config;

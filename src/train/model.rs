@@ -1,6 +1,6 @@
 //! What is learned: a burn module of parameters, Adam, and how parameters make the 1360 factors.
 
-use super::curves::GAMMA_MIN;
+use super::grid::GAMMA_MIN;
 use super::objective::device;
 use crate::regularise::{AttenuationTable, GammaIndex, LEN, LEVELS, Lookup, MAX_VERTICES};
 use burn::module::{Module, Param};

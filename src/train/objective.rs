@@ -67,59 +67,61 @@ impl CropLoss {
 
 /// The loss of several crops.
 pub struct Objective {
-    beta: f32,
-    scales: Vec<f32>,
-    pixels: Vec<usize>,
-    reference: Tensor<2>,
-    inverse: Tensor<2>,
-    /// N/(N − 1) of each pixel.
-    bessel: Tensor<2>,
-    samples: Vec<f32>,
-    references: Vec<f32>,
+    parts: Vec<Part>,
 }
 
-impl Objective {
-    /// For these crops.
-    pub fn new(targets: &[&Target], beta: f32) -> Self {
-        let scales: Vec<f32> = targets.iter().map(|t| t.scale()).collect();
-        let references: Vec<f32> = (targets.iter().zip(&scales))
-            .flat_map(|(t, s)| t.reference.iter().flatten().map(move |v| v * s))
+/// The loss of one crop as a part of the whole.
+struct Part {
+    /// What radiance is multiplied by.
+    scale: f32,
+    /// Weight of the sum of relative errors.
+    mape: f32,
+    /// Weight of the sum of variances, β included.
+    variance: f32,
+    /// N/(N − 1).
+    bessel: f32,
+    references: Vec<f32>,
+    reference: Tensor<2>,
+    /// 1 / (f + ε).
+    inverse: Tensor<2>,
+}
+
+impl Part {
+    fn new(target: &Target, beta: f32, total: usize) -> Self {
+        let scale = target.scale();
+        let references: Vec<f32> = (target.reference.iter().flatten())
+            .map(|v| v * scale)
             .collect();
-        let samples: Vec<f32> = (targets.iter())
-            .flat_map(|t| {
-                let n = t.samples.max(2) as f32;
-                vec![n / (n - 1.0); t.reference.len()]
-            })
-            .collect();
-        let device = device().autodiff();
-        let rows = samples.len();
         let inverse = references.iter().map(|f| 1.0 / (f + EPSILON)).collect();
-        let tensor =
-            |v: Vec<f32>, columns| Tensor::from_data(TensorData::new(v, [rows, columns]), &device);
+        let device = device().autodiff();
+        let rows = target.reference.len();
+        let tensor = |v: Vec<f32>| Tensor::from_data(TensorData::new(v, [rows, 3]), &device);
+        let n = target.samples.max(2) as f32;
+        let mape = 1.0 / (3 * total) as f32;
+        let bessel = n / (n - 1.0);
         Self {
-            beta,
-            scales,
-            pixels: targets.iter().map(|t| t.reference.len()).collect(),
-            reference: tensor(references.clone(), 3),
-            inverse: tensor(inverse, 3),
-            bessel: tensor(samples.clone(), 1),
-            samples,
+            scale,
+            mape,
+            variance: beta * bessel * mape,
+            bessel,
+            reference: tensor(references.clone()),
+            inverse: tensor(inverse),
             references,
         }
     }
 
-    /// The mean loss of all crops and its derivative by the moments of each.
-    pub fn evaluate(&self, moments: &[Moments]) -> (f32, Vec<Adjoint>) {
+    /// The crop's share of the loss, and its derivative by the moments.
+    fn evaluate(&self, moments: &Moments) -> (f32, Adjoint) {
         let device = device().autodiff();
         let (mean, second) = self.scaled(moments);
         let rows = second.len();
-        let mean = Tensor::<2>::from_data(TensorData::new(mean, [rows, 3]), &device).require_grad();
-        let second =
-            Tensor::<2>::from_data(TensorData::new(second, [rows, 1]), &device).require_grad();
-        let mape = ((mean.clone() - self.reference.clone()).abs() * self.inverse.clone()).mean();
-        let squares = (mean.clone() * mean.clone()).sum_dim(1);
-        let variance = ((second.clone() - squares) * self.bessel.clone()).mean() / 3.0;
-        let loss = mape + variance * self.beta;
+        let leaf = |v: Vec<f32>, columns| {
+            Tensor::<2>::from_data(TensorData::new(v, [rows, columns]), &device).require_grad()
+        };
+        let (mean, second) = (leaf(mean, 3), leaf(second, 1));
+        let errors = (mean.clone() - self.reference.clone()).abs() * self.inverse.clone();
+        let variances = second.clone().sum() - (mean.clone() * mean.clone()).sum();
+        let loss = errors.sum() * self.mape + variances * self.variance;
         let value: f32 = loss.clone().into_scalar();
         let gradients = loss.backward();
         let values = |tensor: &Tensor<2>| -> Vec<f32> {
@@ -128,60 +130,67 @@ impl Objective {
                 .and_then(|g| g.to_data().try_to_vec().ok())
                 .unwrap_or_default()
         };
-        (value, self.unscaled(&values(&mean), &values(&second)))
+        let s = self.scale;
+        let adjoint = Adjoint {
+            mean: (values(&mean).chunks_exact(3))
+                .map(|m| [m[0] * s, m[1] * s, m[2] * s])
+                .collect(),
+            second: values(&second).iter().map(|v| v * s * s).collect(),
+        };
+        (value, adjoint)
+    }
+
+    /// The loss of the crop alone.
+    fn alone(&self, moments: &Moments) -> CropLoss {
+        let (mean, second) = self.scaled(moments);
+        let mut sums = [0.0f64; 4];
+        for ((mean, references), second) in
+            (mean.chunks_exact(3).zip(self.references.chunks_exact(3))).zip(second)
+        {
+            let mut squares = 0.0;
+            for (&i, &f) in mean.iter().zip(references) {
+                sums[0] += f64::from((i - f).abs() / (f + EPSILON));
+                sums[1] += f64::from(i);
+                sums[2] += f64::from(f);
+                squares += i * i;
+            }
+            sums[3] += f64::from((second - squares) * self.bessel);
+        }
+        let values = self.references.len() as f64;
+        CropLoss {
+            mape: (sums[0] / values) as f32,
+            variance: (sums[3] / values) as f32,
+            energy: (sums[1] / sums[2].max(1e-30)) as f32,
+        }
+    }
+
+    /// Moments times the crop's scale.
+    fn scaled(&self, moments: &Moments) -> (Vec<f32>, Vec<f32>) {
+        let s = self.scale;
+        (
+            moments.mean.iter().flatten().map(|v| v * s).collect(),
+            moments.second.iter().map(|v| v * s * s).collect(),
+        )
+    }
+}
+
+impl Objective {
+    /// For these crops.
+    pub fn new(targets: &[&Target], beta: f32) -> Self {
+        let total = targets.iter().map(|t| t.reference.len()).sum();
+        Self {
+            parts: (targets.iter().map(|t| Part::new(t, beta, total))).collect(),
+        }
+    }
+
+    /// What one crop adds to the mean loss of all, and its derivative by the moments of that crop.
+    pub fn evaluate(&self, crop: usize, moments: &Moments) -> (f32, Adjoint) {
+        self.parts[crop].evaluate(moments)
     }
 
     /// The loss of each crop.
     pub fn by_crop(&self, moments: &[Moments]) -> Vec<CropLoss> {
-        let (mean, second) = self.scaled(moments);
-        let mut first = 0;
-        (self.pixels.iter())
-            .map(|&n| {
-                let range = first..first + n;
-                first += n;
-                let mut sums = [0.0f64; 4];
-                for p in range {
-                    let mut squares = 0.0;
-                    let channels = 3 * p..3 * p + 3;
-                    let references = &self.references[channels.clone()];
-                    for (&i, &f) in mean[channels].iter().zip(references) {
-                        sums[0] += f64::from((i - f).abs() / (f + EPSILON));
-                        sums[1] += f64::from(i);
-                        sums[2] += f64::from(f);
-                        squares += i * i;
-                    }
-                    sums[3] += f64::from((second[p] - squares) * self.samples[p]);
-                }
-                CropLoss {
-                    mape: (sums[0] / (3 * n) as f64) as f32,
-                    variance: (sums[3] / (3 * n) as f64) as f32,
-                    energy: (sums[1] / sums[2].max(1e-30)) as f32,
-                }
-            })
-            .collect()
-    }
-
-    /// Moments of all crops in one row each, times the crops' scales.
-    fn scaled(&self, moments: &[Moments]) -> (Vec<f32>, Vec<f32>) {
-        let pairs = || moments.iter().zip(&self.scales);
-        let mean = pairs().flat_map(|(m, s)| m.mean.iter().flatten().map(move |v| v * s));
-        let second = pairs().flat_map(|(m, s)| m.second.iter().map(move |v| v * s * s));
-        (mean.collect(), second.collect())
-    }
-
-    fn unscaled(&self, mean: &[f32], second: &[f32]) -> Vec<Adjoint> {
-        let mut first = 0;
-        (self.pixels.iter().zip(&self.scales))
-            .map(|(&n, s)| {
-                let range = first..first + n;
-                first += n;
-                Adjoint {
-                    mean: (range.clone())
-                        .map(|p| [0, 1, 2].map(|c| mean[3 * p + c] * s))
-                        .collect(),
-                    second: second[range].iter().map(|v| v * s * s).collect(),
-                }
-            })
-            .collect()
+        let pairs = self.parts.iter().zip(moments);
+        pairs.map(|(part, moments)| part.alone(moments)).collect()
     }
 }

@@ -87,9 +87,9 @@ impl Replay {
 
 impl Source for Replay {
     fn moments(&mut self, table: &AttenuationTable) -> Moments {
-        let alphas = self.alphas(table);
+        let roughness = self.recording.codes.roughness(table);
         let sums: Vec<_> = (self.recording.pixels.par_iter().with_min_len(CHUNK))
-            .map(|pixel| self.pixel(pixel, &alphas))
+            .map(|pixel| self.pixel(pixel, roughness.alphas()))
             .collect();
         Moments {
             mean: sums.iter().map(|s| s.0.map(|m| m as f32)).collect(),
@@ -99,17 +99,16 @@ impl Source for Replay {
 
     fn gradient(&self, table: &AttenuationTable, adjoint: &Adjoint) -> Vec<f64> {
         let roughness = self.recording.codes.roughness(table);
-        let alphas: Vec<f32> = roughness.iter().map(|r| r.alpha).collect();
         let chunks: Vec<Vec<(u32, f64)>> = (self.recording.pixels.par_chunks(CHUNK).enumerate())
-            .map(|(i, pixels)| self.chunk(pixels, i * CHUNK, &alphas, adjoint))
+            .map(|(i, pixels)| self.chunk(pixels, i * CHUNK, roughness.alphas(), adjoint))
             .collect();
-        let mut by_code = vec![0.0; roughness.len()];
+        let mut by_code = vec![0.0; self.recording.codes.len()];
         for (code, d) in chunks.into_iter().flatten() {
             by_code[code as usize] += d;
         }
         let mut gradient = no_gradient();
-        for (r, d) in roughness.iter().zip(by_code) {
-            for &(class, slope) in &r.gradient {
+        for (code, d) in (0u32..).zip(by_code) {
+            for &(class, slope) in roughness.at(code).1 {
                 gradient[class.index()] += d * f64::from(slope);
             }
         }
@@ -118,12 +117,5 @@ impl Source for Replay {
 
     fn bytes(&self) -> usize {
         self.recording.bytes()
-    }
-}
-
-impl Replay {
-    fn alphas(&self, table: &AttenuationTable) -> Vec<f32> {
-        let codes = &self.recording.codes;
-        codes.roughness(table).iter().map(|r| r.alpha).collect()
     }
 }

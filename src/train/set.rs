@@ -77,15 +77,6 @@ impl Set {
         sum
     }
 
-    /// Moments of all crops at a table.
-    pub fn moments(&mut self, table: &AttenuationTable) -> Vec<Moments> {
-        if self.is_stale(table) {
-            self.anchor(table.clone());
-        }
-        let members = self.members.par_iter_mut();
-        members.map(|m| m.source.moments(table)).collect()
-    }
-
     /// Moments of all crops at a table, without tangents.
     pub fn exact(&mut self, table: &AttenuationTable) -> Vec<Moments> {
         let members = self.members.par_iter_mut();
@@ -98,15 +89,17 @@ impl Set {
         members.map(|(m, table)| m.source.exact(table)).collect()
     }
 
-    /// Whether the tangents from the anchor no longer hold.
-    fn is_stale(&self, table: &AttenuationTable) -> bool {
+    /// Anchors anew where the tangents no longer hold.
+    fn follow(&mut self, table: &AttenuationTable) {
         let (mut moved, mut weight) = (0.0, 0.0);
         for member in &self.members {
             let (m, w) = member.source.movement(table);
             moved += m;
             weight += w;
         }
-        self.anchor.is_none() || moved > REACH * weight
+        if self.anchor.is_none() || moved > REACH * weight {
+            self.anchor(table.clone());
+        }
     }
 
     /// Linearises what is linearised at this table.
@@ -146,13 +139,18 @@ impl Set {
 
     /// Loss and gradient at a table.
     pub fn gradient(&mut self, objective: &Objective, table: &AttenuationTable) -> (f32, Vec<f64>) {
-        let moments = self.moments(table);
-        let (loss, adjoints) = objective.evaluate(&moments);
-        let gradients: Vec<Vec<f64>> = (self.members.par_iter().zip(&adjoints))
-            .map(|(member, adjoint)| member.source.gradient(table, adjoint))
+        self.follow(table);
+        let members = self.members.par_iter_mut().enumerate();
+        let evaluated: Vec<(f32, Vec<f64>)> = members
+            .map(|(crop, member)| {
+                let moments = member.source.moments(table);
+                let (loss, adjoint) = objective.evaluate(crop, &moments);
+                (loss, member.source.gradient(table, &adjoint))
+            })
             .collect();
-        let mut sum = no_gradient();
-        for gradient in gradients {
+        let (mut loss, mut sum) = (0.0, no_gradient());
+        for (share, gradient) in evaluated {
+            loss += share;
             for (s, g) in sum.iter_mut().zip(gradient) {
                 *s += g;
             }

@@ -78,7 +78,7 @@ fn constant(gamma: f32, lookup: Lookup) -> AttenuationTable {
 /// The best single factor for a set of crops.
 pub fn best_constant(set: &mut Set, beta: f32, lookup: Lookup) -> f32 {
     let objective = set.objective(beta);
-    let ln = minimise(f64::from(super::curves::GAMMA_MIN).ln(), 0.0, |ln| {
+    let ln = minimise(f64::from(super::grid::GAMMA_MIN).ln(), 0.0, |ln| {
         let loss = set.loss(&objective, beta, &constant(ln.exp() as f32, lookup));
         f64::from(loss.unwrap_or(0.0))
     });

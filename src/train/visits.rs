@@ -18,7 +18,7 @@ impl Visits {
     pub fn count(&mut self, recording: &Recording, table: &AttenuationTable) {
         let roughness = recording.codes.roughness(table);
         for event in &recording.events {
-            for (class, _) in &roughness[event.code as usize].gradient {
+            for (class, _) in roughness.at(event.code).1 {
                 self.0[class.index()] += 1;
             }
         }
