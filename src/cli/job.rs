@@ -91,7 +91,7 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Chosen> {
         return plain(Method::Plain);
     };
     let file = TableFile::load(path).input()?;
-    let mut table = file.table.clone();
+    let mut table = file.table.with_contrast(args.table_contrast);
     if let Some(Scale::By(scale)) = args.table_scale {
         table.scale = scale;
     }

@@ -5,6 +5,7 @@ use anyhow::{Context, anyhow, bail};
 use opsr::image::exr::{self, Layer, Metadata};
 use opsr::image::png;
 use opsr::integrator::Picture;
+use opsr::integrator::pilot::Change;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -95,8 +96,8 @@ pub(super) struct Provenance {
     pub(super) scene: String,
     pub(super) scene_hash: String,
     pub(super) table_hash: Option<String>,
-    /// The table's scale in use, which a pilot may have chosen.
-    pub(super) table_scale: Option<f32>,
+    /// The table's scale and contrast in use, which a pilot may have chosen.
+    pub(super) table_change: Option<Change>,
     pub(super) reproducible: bool,
 }
 
@@ -115,8 +116,9 @@ impl Provenance {
         if let Some(hash) = &self.table_hash {
             set("table_sha256", hash.clone());
         }
-        if let Some(scale) = self.table_scale {
+        if let Some(Change { scale, contrast }) = self.table_change {
             set("table_scale", scale.to_string());
+            set("table_contrast", contrast.to_string());
         }
         // Neither the number of threads nor the words of the command change a pixel.
         if !self.reproducible {

@@ -11,6 +11,7 @@ use anyhow::{Context, anyhow};
 use opsr::image::film::{Film, Window};
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, Progress, Reason, drive};
+use opsr::integrator::pilot::Change;
 use opsr::integrator::{FirstHit, Method, Picture, Settings};
 use opsr::math::UVec2;
 use std::ops::ControlFlow;
@@ -36,8 +37,9 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     let chosen = job::method(args)?;
     let opened = args.scene.open()?;
     let mut settings = job::settings(args, chosen.method);
+    let mut contrast = args.table_contrast;
     if args.table_scale == Some(job::Scale::Auto) {
-        tune::tune(args, &opened, &mut settings)?;
+        contrast *= tune::tune(args, &opened, &mut settings)?;
     }
     let provenance = Provenance {
         command: std::env::args().collect::<Vec<_>>().join(" "),
@@ -45,8 +47,11 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         scene: args.scene.scene.display().to_string(),
         scene_hash: opened.hash.clone(),
         table_hash: chosen.table_hash.clone(),
-        table_scale: match &settings.method {
-            Method::Table { table, .. } => Some(table.scale),
+        table_change: match &settings.method {
+            Method::Table { table, .. } => Some(Change {
+                scale: table.scale,
+                contrast,
+            }),
             _ => None,
         },
         reproducible: args.reproducible,
@@ -182,21 +187,19 @@ impl Job<'_> {
             seed,
         } = &self.settings;
         let args = self.args;
-        let table = self.provenance.table_hash.as_deref();
+        let (table, change) = (&self.provenance.table_hash, self.provenance.table_change);
         // A table is named by its hash, not by 1360 numbers.
-        let method = match (method, table) {
+        let method = match (method, table.as_deref().zip(change)) {
             (
                 opsr::integrator::Method::Table {
                     table,
                     reuse,
                     lambda,
                 },
-                Some(hash),
+                Some((hash, Change { scale, contrast })),
             ) => {
-                format!(
-                    "table {hash} {:?} {} {reuse} {lambda}",
-                    table.lookup, table.scale
-                )
+                let lookup = table.lookup;
+                format!("table {hash} {lookup:?} {scale} {contrast} {reuse} {lambda}")
             }
             (method, _) => format!("{method:?}"),
         };

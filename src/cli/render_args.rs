@@ -44,10 +44,13 @@ pub(super) struct RenderArgs {
     /// Learned attenuation factors.
     #[arg(long, value_name = "FILE", conflicts_with = "gamma")]
     pub(super) opsr_table: Option<PathBuf>,
-    /// Multiply the table's factors by this, instead of the scale that the table carries; `auto` finds it from a pilot
-    /// of some hundred thousand paths for the number of samples asked for.
+    /// Multiply the table's factors by this, instead of the scale that the table carries; `auto` finds it, and the
+    /// contrast, from a pilot of some hundred thousand paths for the number of samples asked for.
     #[arg(long, value_name = "X|auto", requires = "opsr_table", value_parser = job::scale)]
     pub(super) table_scale: Option<job::Scale>,
+    /// How much of the table's pattern is kept, from 0, one factor for all paths, to 1.
+    #[arg(long, value_name = "X", default_value_t = 1.0, requires = "opsr_table", value_parser = unit)]
+    pub(super) table_contrast: f32,
     /// How factors are looked up, instead of the way that the table was learned for.
     #[arg(long, value_enum, requires = "opsr_table")]
     pub(super) lookup: Option<LookupArg>,

@@ -1,4 +1,4 @@
-//! `--table-scale auto`: the level of a table from a pilot, before the render.
+//! `--table-scale auto`: the level of a table, and how much of its pattern, from a pilot before the render.
 
 use super::Blame;
 use super::render::DEFAULT_SPP;
@@ -17,12 +17,12 @@ const DEFAULT_ROWS: u32 = 512;
 /// Samples that a pilot takes a render to a target error for.
 const SPP_OF_TARGET: u32 = 256;
 
-/// Finds the scale of the table from a pilot.
+/// Changes the table as a pilot finds best; how much of its pattern is left.
 pub(super) fn tune(
     args: &RenderArgs,
     opened: &Opened,
     settings: &mut Settings,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<f32> {
     let size = size(args, opened)?;
     let aspect = size.x as f32 / size.y as f32;
     let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
@@ -42,26 +42,27 @@ pub(super) fn tune(
         .context("--crop")
         .usage()?;
     if let Method::Table { table, .. } = &mut settings.method {
-        table.scale *= pilot.scale;
+        *table = pilot.change.of(table);
         let why = if pilot.decided {
             ""
         } else {
             " (the pilot could not tell another one better)"
         };
         eprintln!(
-            "table scale {}{why}, from {} paths, for {samples} samples per pixel",
-            table.scale, pilot.paths
+            "table scale {}, contrast {}{why}, from {} paths, for {samples} samples per pixel",
+            table.scale, pilot.change.contrast, pilot.paths
         );
     }
     for level in &pilot.levels {
         tracing::info!(
-            "scale {}: bias² {:.3e}, variance {:.3e}",
-            level.scale,
+            "scale {}, contrast {}: bias² {:.3e}, variance {:.3e}",
+            level.change.scale,
+            level.change.contrast,
             level.bias2,
             level.variance
         );
     }
-    Ok(())
+    Ok(pilot.change.contrast)
 }
 
 /// About how many samples per pixel fit into this time.

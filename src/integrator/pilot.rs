@@ -1,17 +1,23 @@
-//! The level of a table for a scene, chosen from a pilot without a reference.
+//! The level of a table for a scene, and how much of its pattern, chosen from a pilot without a reference.
 //!
-//! A table's pattern serves any scene, its level does not: how much blur a scene bears is not in a path's class. A pilot
-//! renders the scene at a few levels *on the same paths*, as the plain path tracer too. The difference of two such
+//! How much blur a scene bears is not in a path's class, so that a table serves other scenes than those it was learned
+//! from only at a level of their own; and where a scene is unlike all of those, one factor for all paths is better than
+//! the pattern. A pilot renders the scene with the table at a few scales and contrasts (see
+//! [`AttenuationTable::with_contrast`]) *on the same paths*, as the plain path tracer too. The difference of two such
 //! pictures has hardly any noise but that of the roughened connections, so that its square, made unbiased over
-//! independent batches, is an estimate of bias²; the film gives the variance. The level with the least
+//! independent batches, is an estimate of bias²; the film gives the variance. The candidate with the least
 //! bias² + variance / N wins, so that a longer render is roughened less.
 
 use super::{Method, Picture, Settings};
 use crate::image::film::{Film, FilmError, Window};
 use crate::math::UVec2;
+use crate::regularise::AttenuationTable;
 use crate::scene::{Camera, Scene};
 
-/// The levels that are tried.
+/// How much of the pattern is tried: all, half, and none.
+pub const CONTRASTS: [f32; 3] = [1.0, 0.5, 0.0];
+
+/// The scales that are tried with each.
 pub const SCALES: [f32; 9] = [
     1.0 / 32.0,
     1.0 / 16.0,
@@ -42,11 +48,40 @@ const PATHS: (u64, u64) = (100_000, 1_000_000);
 /// What dark pixels are measured against: the mean of the picture counts as 0.3.
 const EPSILON: f64 = 0.01;
 
-/// Estimated error of one level.
+/// A way to change a table for a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Change {
+    /// How much of its pattern is left, from 0 to 1.
+    pub contrast: f32,
+    /// What its factors are multiplied by.
+    pub scale: f32,
+}
+
+impl Change {
+    /// None.
+    pub const NONE: Self = Self {
+        contrast: 1.0,
+        scale: 1.0,
+    };
+
+    /// The changed table.
+    pub fn of(self, table: &AttenuationTable) -> AttenuationTable {
+        let mut changed = table.with_contrast(self.contrast);
+        changed.scale *= self.scale;
+        changed
+    }
+
+    fn all() -> impl Iterator<Item = Self> {
+        let scales = |contrast| SCALES.map(|scale| Self { contrast, scale });
+        CONTRASTS.into_iter().flat_map(scales)
+    }
+}
+
+/// Estimated error of one candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
-    /// The scale.
-    pub scale: f32,
+    /// What is done to the table.
+    pub change: Change,
     /// Relative bias², an unbiased estimate: below 0 by chance.
     pub bias2: f64,
     /// Relative variance of one sample over the number of samples.
@@ -56,11 +91,11 @@ pub struct Level {
 /// What the pilot found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pilot {
-    /// The scale to render with: 1 where the pilot cannot tell.
-    pub scale: f32,
-    /// Whether another scale than 1 was found better by more than the pilot's own noise.
+    /// What to render with: no change where the pilot cannot tell.
+    pub change: Change,
+    /// Whether a change was found better by more than the pilot's own noise.
     pub decided: bool,
-    /// What was found at [`SCALES`].
+    /// What was found at [`SCALES`], contrast by contrast.
     pub levels: Vec<Level>,
     /// Paths traced.
     pub paths: u64,
@@ -92,14 +127,14 @@ pub struct View<'a> {
     pub window: Window,
 }
 
-/// Chooses the scale of the table in `settings` for a render of `samples` samples per pixel of a view.
+/// Chooses how the table in `settings` is changed for a render of `samples` samples per pixel of a view.
 ///
-/// Settings without a table keep a scale of 1. The reuse mode is tried in the default mode: its paths would not be the
+/// Settings without a table are not changed. The reuse mode is tried in the default mode: its paths would not be the
 /// same from level to level. Fails where the window leaves the frame.
 pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilot, FilmError> {
     let Method::Table { table, .. } = &settings.method else {
         return Ok(Pilot {
-            scale: 1.0,
+            change: Change::NONE,
             decided: false,
             levels: Vec::new(),
             paths: 0,
@@ -122,29 +157,28 @@ pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilo
         tiles(&settings, &pilot, spp)
     };
     let plain = render(Method::Plain)?;
-    let levels = SCALES
-        .iter()
-        .map(|scale| {
-            let mut table = table.clone();
-            table.scale *= scale;
-            render(Method::Table {
-                table,
+    let levels = Change::all()
+        .map(|change| {
+            let tiles = render(Method::Table {
+                table: change.of(table),
                 reuse: false,
                 lambda: 0.0,
-            })
+            })?;
+            Ok((change, tiles))
         })
-        .collect::<Result<Vec<Tiles>, FilmError>>()?;
-    // The roughest level is the least noisy picture.
-    let weights = weights(&levels[SCALES.len() - 1]);
-    let (scale, decided) = decide(&plain, &levels, &weights, samples);
+        .collect::<Result<Vec<(Change, Tiles)>, FilmError>>()?;
+    // The roughest one is the least noisy picture.
+    let weights = weights(&levels[SCALES.len() - 1].1);
+    let (change, decided) = decide(&plain, &levels, &weights, samples);
     let all: Vec<usize> = (0..BATCHES).collect();
+    let paths = u64::from(spp) * count * pixels * (levels.len() as u64 + 1);
     Ok(Pilot {
-        scale,
+        change,
         decided,
-        levels: (levels.iter().zip(SCALES))
-            .map(|(level, scale)| measure(&plain, level, &weights, samples, &all, scale))
+        levels: (levels.iter())
+            .map(|level| measure(&plain, level, &weights, samples, &all))
             .collect(),
-        paths: u64::from(spp) * count * pixels * (SCALES.len() as u64 + 1),
+        paths,
     })
 }
 
@@ -161,29 +195,21 @@ impl View<'_> {
             h: side(self.window.h),
         };
         // A window of the whole frame stays one.
-        let edge = |frame: u32, from: u32, length: u32, start: u32, side: u32| {
+        let edge = |axis: usize, start: u32, side: u32| {
+            let [frame, from, length] = [
+                self.frame.to_array(),
+                [self.window.x, self.window.y],
+                [self.window.w, self.window.h],
+            ]
+            .map(|pair| pair[axis]);
+            let end = start + side;
             if from + length == frame {
-                start + side
+                end
             } else {
-                ((frame as f32 * scale).round() as u32).max(start + side)
+                ((frame as f32 * scale).round() as u32).max(end)
             }
         };
-        let frame = UVec2::new(
-            edge(
-                self.frame.x,
-                self.window.x,
-                self.window.w,
-                window.x,
-                window.w,
-            ),
-            edge(
-                self.frame.y,
-                self.window.y,
-                self.window.h,
-                window.y,
-                window.h,
-            ),
-        );
+        let frame = UVec2::new(edge(0, window.x, window.w), edge(1, window.y, window.h));
         (frame, window)
     }
 }
@@ -254,14 +280,13 @@ fn weights(level: &Tiles) -> Vec<f64> {
         .collect()
 }
 
-/// Error of a level from some of the batches.
+/// Error of a candidate from some of the batches.
 fn measure(
     plain: &Tiles,
-    level: &Tiles,
+    (change, level): &(Change, Tiles),
     weights: &[f64],
     samples: u32,
     batches: &[usize],
-    scale: f32,
 ) -> Level {
     let pairs = (batches.len() * (batches.len() - 1)) as f64;
     let (mut bias2, mut variance) = (0.0, 0.0);
@@ -279,21 +304,28 @@ fn measure(
     }
     let count = weights.len().max(1) as f64;
     Level {
-        scale,
+        change: *change,
         bias2: bias2 / count,
         variance: variance / count,
     }
 }
 
-/// The best scale, if it beats a scale of 1 by more than the jackknife's standard error of the difference.
-fn decide(plain: &Tiles, levels: &[Tiles], weights: &[f64], samples: u32) -> (f32, bool) {
+/// The best candidate, if it beats no change by more than the jackknife's standard error of the difference.
+fn decide(
+    plain: &Tiles,
+    levels: &[(Change, Tiles)],
+    weights: &[f64],
+    samples: u32,
+) -> (Change, bool) {
     let errors = |batches: &[usize]| -> Vec<f64> {
-        (levels.iter().zip(SCALES))
-            .map(|(level, s)| measure(plain, level, weights, samples, batches, s).error())
+        (levels.iter())
+            .map(|level| measure(plain, level, weights, samples, batches).error())
             .collect()
     };
     let all: Vec<usize> = (0..BATCHES).collect();
-    let one = SCALES.iter().position(|&s| s == 1.0).unwrap_or(0);
+    let one = (levels.iter())
+        .position(|l| l.0 == Change::NONE)
+        .unwrap_or(0);
     let whole = errors(&all);
     let best = (0..whole.len())
         .min_by(|&a, &b| whole[a].total_cmp(&whole[b]))
@@ -310,9 +342,9 @@ fn decide(plain: &Tiles, levels: &[Tiles], weights: &[f64], samples: u32) -> (f3
     let spread: f64 = gains.iter().map(|g| (g - mean).powi(2)).sum();
     let error = ((n - 1.0) / n * spread).sqrt();
     if whole[one] - whole[best] > error {
-        (SCALES[best], true)
+        (levels[best].0, true)
     } else {
-        (1.0, false)
+        (Change::NONE, false)
     }
 }
 
@@ -388,7 +420,8 @@ mod tests {
         for bias in [0.0, 0.02, 0.1] {
             let plain = noisy(&mut rng, 0.5, 0.4, tiles);
             let level = noisy(&mut rng, 0.5 + bias, 0.4, tiles);
-            let found = measure(&plain, &level, &vec![1.0; tiles], 10, &[0, 1, 2, 3], 1.0);
+            let level = (Change::NONE, level);
+            let found = measure(&plain, &level, &vec![1.0; tiles], 10, &[0, 1, 2, 3]);
             // Noise of d is 0.4 / sqrt(6); that of the square of four batches over 3 tiles is below 2e-4.
             let expected: f64 = bias * bias;
             assert!((found.bias2 - expected).abs() < 2e-4, "{bias}: {found:?}");

@@ -39,6 +39,24 @@ impl AttenuationTable {
         }
     }
 
+    /// The table with a weaker pattern: every factor to the power of `contrast` about the geometric mean of all. 1
+    /// changes nothing, 0 makes a constant of it.
+    pub fn with_contrast(&self, contrast: f32) -> Self {
+        let logs = || {
+            self.gammas
+                .iter()
+                .map(|g| f64::from(g.max(f32::MIN_POSITIVE)).ln())
+        };
+        let mean = logs().sum::<f64>() / LEN as f64;
+        let mut table = self.clone();
+        if contrast != 1.0 {
+            for (gamma, ln) in table.gammas.iter_mut().zip(logs()) {
+                *gamma = (mean + f64::from(contrast) * (ln - mean)).exp() as f32;
+            }
+        }
+        table
+    }
+
     /// The factor of a class, with the scale.
     #[inline]
     pub fn factor(&self, class: GammaIndex) -> f32 {
@@ -139,6 +157,27 @@ mod tests {
         (2..=MAX_VERTICES)
             .flat_map(|n| (0..40).map(move |k| path(n, k)))
             .collect()
+    }
+
+    #[test]
+    fn contrast_is_about_the_geometric_mean() {
+        let mut table = AttenuationTable::constant(0.1);
+        for (gamma, k) in table.gammas.iter_mut().zip(0i32..) {
+            *gamma *= 4f32.powi(k % 2 * 2 - 1);
+        }
+        table.scale = 3.0;
+        assert_eq!(table.with_contrast(1.0), table);
+        for (contrast, step) in [(0.5, 2.0), (0.0, 1.0)] {
+            let weaker = table.with_contrast(contrast);
+            assert_eq!((weaker.scale, weaker.lookup), (table.scale, table.lookup));
+            for pair in weaker.gammas.chunks_exact(2) {
+                assert!((pair[0] * step - 0.1).abs() < 1e-6 && (pair[1] / step - 0.1).abs() < 1e-6);
+            }
+        }
+        // A factor of 0 stays finite.
+        table.gammas[7] = 0.0;
+        let flat = table.with_contrast(0.0);
+        assert!(flat.gammas.iter().all(|g| *g > 0.0 && *g < 0.1));
     }
 
     #[test]

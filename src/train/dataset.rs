@@ -3,7 +3,7 @@
 use super::objective::Target;
 use crate::image::Film;
 use crate::image::film::{FilmError, Window};
-use crate::integrator::pilot::{self, View};
+use crate::integrator::pilot::{self, Change, View};
 use crate::integrator::reference::{Reference, ReferenceError, SEED};
 use crate::integrator::{Method, Settings};
 use crate::math::UVec2;
@@ -155,10 +155,7 @@ impl Crop {
     ) -> Result<Recording, DatasetError> {
         let mut recording = Recording::new(self.window);
         let mut film = self.film()?;
-        let settings = Settings {
-            max_vertices: self.max_vertices,
-            ..Settings::default()
-        };
+        let settings = self.settings(Method::Plain);
         settings.tracer(rule).estimate(
             &self.scene,
             &self.camera,
@@ -170,17 +167,13 @@ impl Crop {
         Ok(recording)
     }
 
-    /// The scale of a table that a pilot chooses for a render of `samples` samples per pixel, without the reference.
-    pub fn pilot(&self, table: &AttenuationTable, samples: u32) -> Result<f32, DatasetError> {
-        let settings = Settings {
-            method: Method::Table {
-                table: table.clone(),
-                reuse: false,
-                lambda: 0.0,
-            },
-            max_vertices: self.max_vertices,
-            ..Settings::default()
-        };
+    /// What a pilot does to a table for a render of `samples` samples per pixel, without the reference.
+    pub fn pilot(&self, table: &AttenuationTable, samples: u32) -> Result<Change, DatasetError> {
+        let settings = self.settings(Method::Table {
+            table: table.clone(),
+            reuse: false,
+            lambda: 0.0,
+        });
         let view = View {
             scene: &self.scene,
             camera: &self.camera,
@@ -188,7 +181,16 @@ impl Crop {
             window: self.window,
         };
         let pilot = pilot::choose(&settings, &view, samples);
-        Ok(pilot.map_err(|e| self.outside(e))?.scale)
+        Ok(pilot.map_err(|e| self.outside(e))?.change)
+    }
+
+    /// How the crop is rendered.
+    fn settings(&self, method: Method) -> Settings {
+        Settings {
+            method,
+            max_vertices: self.max_vertices,
+            ..Settings::default()
+        }
     }
 
     /// An empty film of the crop.

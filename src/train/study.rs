@@ -6,6 +6,7 @@ use super::model::Model;
 use super::objective::CropLoss;
 use super::session::Session;
 use super::set::Set;
+use crate::integrator::pilot::{CONTRASTS, Change};
 use crate::regularise::{AttenuationTable, Lookup};
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -95,6 +96,19 @@ pub fn best_scale(set: &mut Set, beta: f32, table: &AttenuationTable) -> f32 {
     ln.exp() as f32
 }
 
+/// The best contrast of those a pilot tries, with its best scale.
+pub fn best_change(set: &mut Set, beta: f32, table: &AttenuationTable) -> Change {
+    let objective = set.objective(beta);
+    let mut candidates = CONTRASTS.map(|contrast| {
+        let scale = best_scale(set, beta, &table.with_contrast(contrast));
+        let change = Change { contrast, scale };
+        let loss = set.loss(&objective, beta, &change.of(table));
+        (loss.unwrap_or(0.0), change)
+    });
+    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
+    candidates[0].1
+}
+
 fn scaled(table: &AttenuationTable, scale: f32) -> AttenuationTable {
     AttenuationTable {
         scale: table.scale * scale,
@@ -152,14 +166,23 @@ pub fn scores(
     for (name, table) in tables {
         all.push(score(set, beta, name, None, table));
         let scale = best_scale(set, beta, table);
-        let name = format!("{name}, best scale");
-        all.push(score(set, beta, &name, Some(scale), &scaled(table, scale)));
+        let free = format!("{name}, best scale");
+        all.push(score(set, beta, &free, Some(scale), &scaled(table, scale)));
+        let change = best_change(set, beta, table);
+        let free = format!("{name}, best scale and contrast");
+        all.push(score(
+            set,
+            beta,
+            &free,
+            Some(change.scale),
+            &change.of(table),
+        ));
     }
     all
 }
 
-/// The score of a table whose level a pilot chooses for every crop, without its reference, for renders of `samples`
-/// samples per pixel.
+/// The score of a table that a pilot changes for every crop, without its reference, for renders of `samples` samples per
+/// pixel.
 pub fn piloted(
     set: &mut Set,
     beta: f32,
@@ -168,7 +191,7 @@ pub fn piloted(
     samples: u32,
 ) -> Result<Score, TrainError> {
     let tables = (set.crops())
-        .map(|crop| Ok(scaled(table, crop.pilot(table, samples)?)))
+        .map(|crop| Ok(crop.pilot(table, samples)?.of(table)))
         .collect::<Result<Vec<_>, TrainError>>()?;
     let moments = set.exact_each(&tables);
     let losses = set.objective(beta).by_crop(&moments);
@@ -226,7 +249,7 @@ pub fn leave_one_out(
         let own = best_constant(&mut held, beta, config.lookup);
         let mut scores = scores(&mut held, beta, own, elsewhere, &tables);
         for (name, table) in tables {
-            let name = format!("{name}, pilot's scale");
+            let name = format!("{name}, pilot's scale and contrast");
             scores.push(piloted(&mut held, beta, &name, table, config.spp)?);
         }
         session.training.append(held);

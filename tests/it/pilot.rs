@@ -2,10 +2,10 @@
 
 use super::support::render::scene;
 use opsr::image::film::Window;
-use opsr::integrator::pilot::{Level, SCALES, View, choose};
+use opsr::integrator::pilot::{CONTRASTS, Change, Level, SCALES, View, choose};
 use opsr::integrator::{Method, Settings};
 use opsr::math::UVec2;
-use opsr::regularise::AttenuationTable;
+use opsr::regularise::{AttenuationTable, GammaIndex, LEN};
 use opsr::scene::Scene;
 use opsr::scene::builtin::caustic_box;
 
@@ -34,11 +34,11 @@ fn view(scene: &Scene) -> View<'_> {
 fn a_table_that_does_nothing_is_the_plain_picture_path_by_path() {
     let scene = scene(caustic_box());
     let pilot = choose(&settings(0.0), &view(&scene), 1).unwrap();
-    assert_eq!(pilot.levels.len(), SCALES.len());
+    assert_eq!(pilot.levels.len(), SCALES.len() * CONTRASTS.len());
     for level in &pilot.levels {
         assert_eq!(level.bias2, 0.0, "{level:?}");
     }
-    assert_eq!((pilot.scale, pilot.decided), (1.0, false));
+    assert_eq!((pilot.change, pilot.decided), (Change::NONE, false));
 }
 
 #[test]
@@ -55,10 +55,41 @@ fn the_more_samples_the_less_roughening() {
         let error = |l: &Level| l.bias2.max(0.0) + l.variance * f64::from(SAMPLES) / samples;
         let levels = pilot.levels.iter();
         let best = levels.min_by(|a, b| error(a).total_cmp(&error(b)));
-        best.unwrap().scale
+        best.unwrap().change.scale
     };
     assert!(best(1e6) < best(1.0), "{pilot:?}");
     if pilot.decided {
-        assert_eq!(pilot.scale, best(SAMPLES.into()));
+        assert_eq!(pilot.change.scale, best(SAMPLES.into()));
     }
+}
+
+#[test]
+fn a_pattern_that_does_not_fit_is_given_up() {
+    let scene = scene(caustic_box());
+    let mut table = AttenuationTable::constant(1.0);
+    // The wrong way round: the more glossy vertices, the less a path is roughened.
+    for (gamma, class) in table
+        .gammas
+        .iter_mut()
+        .zip((0..LEN).filter_map(GammaIndex::new))
+    {
+        let levels = class.levels();
+        *gamma = if levels[levels.len() - 1] == 0 {
+            1e-3
+        } else {
+            1.0
+        };
+    }
+    let settings = Settings {
+        method: Method::Table {
+            table: table.clone(),
+            reuse: false,
+            lambda: 0.0,
+        },
+        ..Settings::default()
+    };
+    let pilot = choose(&settings, &view(&scene), 40).unwrap();
+    assert!(pilot.decided && pilot.change.contrast < 1.0, "{pilot:?}");
+    let changed = pilot.change.of(&table);
+    assert!(changed.scale == pilot.change.scale && changed.gammas != table.gammas);
 }

@@ -244,7 +244,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
                 let score = study::piloted(
                     &mut session.validation,
                     beta,
-                    "learned table, pilot's scale",
+                    "learned table, pilot's scale and contrast",
                     &learned.table,
                     config.spp,
                 );
