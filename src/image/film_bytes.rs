@@ -6,6 +6,7 @@
 use super::film::{Cause, Film, FilmError, Rejected, RejectedSample, Window};
 use crate::math::moments::Moments;
 use crate::math::{DVec3, UVec2};
+use std::io::{self, Write};
 
 const MAGIC: &[u8; 8] = b"opsrflm1";
 const PIXEL_BYTES: usize = 4 + 6 * 8;
@@ -21,30 +22,37 @@ impl Film {
     /// ```
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(256 + self.pixels.len() * PIXEL_BYTES);
-        out.extend_from_slice(MAGIC);
+        // A vector takes everything.
+        let _ = self.write(&mut out);
+        out
+    }
+
+    /// Writes the bytes of [`Film::to_bytes`] piece by piece: nothing of the film's size is held.
+    pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        out.write_all(MAGIC)?;
         let w = &self.window;
         for v in [self.size.x, self.size.y, w.x, w.y, w.w, w.h] {
-            out.extend_from_slice(&v.to_le_bytes());
+            out.write_all(&v.to_le_bytes())?;
         }
-        out.extend_from_slice(&self.rejected.nan.to_le_bytes());
-        out.extend_from_slice(&self.rejected.infinite.to_le_bytes());
-        out.extend_from_slice(&(self.rejected.first.len() as u32).to_le_bytes());
+        out.write_all(&self.rejected.nan.to_le_bytes())?;
+        out.write_all(&self.rejected.infinite.to_le_bytes())?;
+        out.write_all(&(self.rejected.first.len() as u32).to_le_bytes())?;
         for r in &self.rejected.first {
             let cause = match r.cause {
                 Cause::Nan => 0,
                 Cause::Infinite => 1,
             };
             for v in [r.pixel.x, r.pixel.y, r.sample, cause] {
-                out.extend_from_slice(&v.to_le_bytes());
+                out.write_all(&v.to_le_bytes())?;
             }
         }
         for m in &self.pixels {
-            out.extend_from_slice(&m.n.to_le_bytes());
+            out.write_all(&m.n.to_le_bytes())?;
             for v in m.mean.to_array().into_iter().chain(m.m2().to_array()) {
-                out.extend_from_slice(&v.to_le_bytes());
+                out.write_all(&v.to_le_bytes())?;
             }
         }
-        out
+        Ok(())
     }
 
     /// Reads what [`Film::to_bytes`] wrote.

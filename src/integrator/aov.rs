@@ -70,27 +70,24 @@ impl FirstHit {
     }
 
     /// The sums as numbers, for a checkpoint: nine a pixel.
-    pub fn to_numbers(&self) -> Vec<f64> {
-        self.sums
-            .iter()
-            .flat_map(|s| {
-                let (a, n) = (s.albedo, s.normal);
-                [
-                    a.x,
-                    a.y,
-                    a.z,
-                    n.x,
-                    n.y,
-                    n.z,
-                    s.depth,
-                    f64::from(s.hits),
-                    f64::from(s.samples),
-                ]
-            })
-            .collect()
+    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+        self.sums.iter().flat_map(|s| {
+            let (a, n) = (s.albedo, s.normal);
+            [
+                a.x,
+                a.y,
+                a.z,
+                n.x,
+                n.y,
+                n.z,
+                s.depth,
+                f64::from(s.hits),
+                f64::from(s.samples),
+            ]
+        })
     }
 
-    /// The inverse of [`FirstHit::to_numbers`]; `None` if their number is wrong.
+    /// The inverse of [`FirstHit::numbers`]; `None` if their number is wrong.
     pub fn from_numbers(window: Window, numbers: &[f64]) -> Option<Self> {
         let (chunks, rest) = numbers.as_chunks::<9>();
         if chunks.len() != window.len() || !rest.is_empty() {

@@ -10,7 +10,7 @@ use crate::input;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"opsrckp1";
@@ -39,6 +39,36 @@ struct Header {
     film_bytes: usize,
     aov_bytes: usize,
     sha256: String,
+}
+
+/// Number and checksum of bytes that need not be held.
+#[derive(Default)]
+struct Summary {
+    bytes: usize,
+    sha256: Sha256,
+}
+
+impl Summary {
+    fn of(fill: impl FnOnce(&mut BufWriter<&mut Self>) -> io::Result<()>) -> io::Result<Self> {
+        let mut summary = Self::default();
+        let mut out = BufWriter::new(&mut summary);
+        fill(&mut out)?;
+        out.flush()?;
+        drop(out);
+        Ok(summary)
+    }
+}
+
+impl Write for Summary {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.bytes += bytes.len();
+        self.sha256.update(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 /// A stopped render.
@@ -90,37 +120,37 @@ pub enum CheckpointError {
 impl Checkpoint {
     /// Writes the file, whole or not at all.
     pub fn save(&self, path: &Path) -> Result<(), CheckpointError> {
-        let film = self.picture.film.to_bytes();
-        let aovs: Vec<u8> = self
-            .picture
-            .aovs
-            .iter()
-            .flat_map(FirstHit::to_numbers)
-            .flat_map(f64::to_le_bytes)
-            .collect();
-        let mut digest = Sha256::new();
-        digest.update(&film);
-        digest.update(&aovs);
-        let header = Header {
-            fingerprint: self.fingerprint.clone(),
-            samples: self.samples,
-            seconds: self.seconds,
-            film_bytes: film.len(),
-            aov_bytes: aovs.len(),
-            sha256: hex(&digest.finalize()),
-        };
         let io = |source| CheckpointError::Io {
             path: path.to_owned(),
             source,
         };
+        let film = Summary::of(|out| self.picture.film.write(out)).map_err(io)?;
+        let content = Summary::of(|out| self.content(out)).map_err(io)?;
+        let header = Header {
+            fingerprint: self.fingerprint.clone(),
+            samples: self.samples,
+            seconds: self.seconds,
+            film_bytes: film.bytes,
+            aov_bytes: content.bytes - film.bytes,
+            sha256: hex(&content.sha256.finalize()),
+        };
         let header = serde_json::to_vec(&header).map_err(|e| io(e.into()))?;
-        let mut bytes = Vec::with_capacity(16 + header.len() + film.len() + aovs.len());
-        bytes.extend_from_slice(MAGIC);
-        bytes.extend_from_slice(&(header.len() as u64).to_le_bytes());
-        bytes.extend_from_slice(&header);
-        bytes.extend_from_slice(&film);
-        bytes.extend_from_slice(&aovs);
-        atomic::write_bytes(path, &bytes).map_err(io)
+        atomic::write(path, |out| {
+            out.write_all(MAGIC)?;
+            out.write_all(&(header.len() as u64).to_le_bytes())?;
+            out.write_all(&header)?;
+            self.content(out)
+        })
+        .map_err(io)
+    }
+
+    /// Film and AOVs.
+    fn content(&self, out: &mut impl Write) -> io::Result<()> {
+        self.picture.film.write(out)?;
+        for number in self.picture.aovs.iter().flat_map(FirstHit::numbers) {
+            out.write_all(&number.to_le_bytes())?;
+        }
+        Ok(())
     }
 
     /// Reads the checkpoint of this render; one of another scene or other settings is refused.
@@ -196,7 +226,7 @@ impl Checkpoint {
 fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = File::open(path)?;
     let mut bytes = Vec::new();
-    file.by_ref()
+    Read::by_ref(&mut file)
         .take(MAGIC.len() as u64)
         .read_to_end(&mut bytes)?;
     if bytes == MAGIC {
