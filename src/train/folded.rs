@@ -202,8 +202,11 @@ impl Folded {
         let Some(at) = &self.at else { return };
         let factors = at.gammas.iter().zip(table.gammas.iter());
         for (tangent, (&from, &to)) in self.tangents.iter_mut().zip(factors) {
+            if tangent.slopes.pixels.is_empty() {
+                continue;
+            }
             let level = Level::of(to);
-            if tangent.slopes.pixels.is_empty() || tangent.level.is_some_and(|(l, _)| l == level) {
+            if tangent.level.is_some_and(|(l, _)| l == level) {
                 continue;
             }
             let moved = level.gamma() - from;

@@ -96,17 +96,15 @@ pub fn best_scale(set: &mut Set, beta: f32, table: &AttenuationTable) -> f32 {
     ln.exp() as f32
 }
 
-/// The best contrast of those a pilot tries, with its best scale.
-pub fn best_change(set: &mut Set, beta: f32, table: &AttenuationTable) -> Change {
+/// The contrasts that a pilot tries, each with its best scale and the loss there.
+fn best_changes(set: &mut Set, beta: f32, table: &AttenuationTable) -> [(f32, Change); 3] {
     let objective = set.objective(beta);
-    let mut candidates = CONTRASTS.map(|contrast| {
+    CONTRASTS.map(|contrast| {
         let scale = best_scale(set, beta, &table.with_contrast(contrast));
         let change = Change { contrast, scale };
         let loss = set.loss(&objective, beta, &change.of(table));
         (loss.unwrap_or(0.0), change)
-    });
-    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
-    candidates[0].1
+    })
 }
 
 fn scaled(table: &AttenuationTable, scale: f32) -> AttenuationTable {
@@ -165,18 +163,18 @@ pub fn scores(
     ];
     for (name, table) in tables {
         all.push(score(set, beta, name, None, table));
-        let scale = best_scale(set, beta, table);
-        let free = format!("{name}, best scale");
-        all.push(score(set, beta, &free, Some(scale), &scaled(table, scale)));
-        let change = best_change(set, beta, table);
-        let free = format!("{name}, best scale and contrast");
-        all.push(score(
-            set,
-            beta,
-            &free,
-            Some(change.scale),
-            &change.of(table),
-        ));
+        let changes = best_changes(set, beta, table);
+        let mut best = changes[0];
+        for change in changes {
+            if change.0 < best.0 {
+                best = change;
+            }
+        }
+        for (what, change) in [("scale", changes[0].1), ("scale and contrast", best.1)] {
+            let name = format!("{name}, best {what}");
+            let scale = Some(change.scale);
+            all.push(score(set, beta, &name, scale, &change.of(table)));
+        }
     }
     all
 }
