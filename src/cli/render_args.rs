@@ -45,7 +45,7 @@ pub(super) struct RenderArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "gamma")]
     pub(super) opsr_table: Option<PathBuf>,
     /// Multiply the table's factors by this, instead of the scale that the table carries; `auto` finds it, and the
-    /// contrast, from a pilot of 28 small renders for the number of samples asked for.
+    /// contrast, from a pilot for the number of samples asked for: 28 small renders, the best of them longer.
     #[arg(long, value_name = "X|auto", requires = "opsr_table", value_parser = job::scale)]
     pub(super) table_scale: Option<job::Scale>,
     /// How much of the table's pattern is kept, from 0, one factor for all paths, to 1.

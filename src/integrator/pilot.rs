@@ -6,13 +6,17 @@
 //! [`AttenuationTable::with_contrast`]) *on the same paths*, as the plain path tracer too. The difference of two such
 //! pictures has hardly any noise but that of the roughened connections, so that its square, made unbiased over
 //! independent batches, is an estimate of bias²; the film gives the variance. The candidate with the least
-//! bias² + variance / N wins, so that a longer render is roughened less.
+//! bias² + variance / N wins, so that a longer render is roughened less. All candidates run a heat of a quarter of the
+//! paths; the few best of it get the rest.
 
-use super::{Method, Picture, Settings};
-use crate::image::film::{Film, FilmError, Window};
+mod entrant;
+
+use super::{Method, Settings};
+use crate::image::film::{FilmError, Window};
 use crate::math::UVec2;
 use crate::regularise::AttenuationTable;
 use crate::scene::{Camera, Scene};
+use entrant::{BATCHES, Entrant, TILE, Tiles};
 
 /// How much of the pattern is tried: all, half, and none.
 pub const CONTRASTS: [f32; 3] = [1.0, 0.5, 0.0];
@@ -30,11 +34,11 @@ pub const SCALES: [f32; 9] = [
     8.0,
 ];
 
-/// Independent batches.
-const BATCHES: usize = 4;
+/// All candidates get one path in so many.
+const HEAT: u32 = 4;
 
-/// Pixels a side of the tiles that bias is measured on.
-const TILE: u32 = 4;
+/// Candidates that get the other paths too; so does no change.
+const FINALISTS: usize = 6;
 
 /// Pixels of the pilot's picture, about.
 const PIXELS: f32 = 4096.0;
@@ -95,7 +99,7 @@ pub struct Pilot {
     pub change: Change,
     /// Whether a change was found better by more than the pilot's own noise.
     pub decided: bool,
-    /// What was found at [`SCALES`], contrast by contrast.
+    /// What was found at [`SCALES`], contrast by contrast: from all paths for the best few, else from the heat's.
     pub levels: Vec<Level>,
     /// Paths traced.
     pub paths: u64,
@@ -106,12 +110,6 @@ impl Level {
     pub fn error(&self) -> f64 {
         self.bias2.max(0.0) + self.variance
     }
-}
-
-/// Tiles of one level: mean radiance by batch, and variance of one sample.
-struct Tiles {
-    means: [Vec<[f64; 3]>; BATCHES],
-    variance: Vec<f64>,
 }
 
 /// What of a scene is rendered.
@@ -129,57 +127,90 @@ pub struct View<'a> {
 
 /// Chooses how the table in `settings` is changed for a render of `samples` samples per pixel of a view.
 ///
-/// Settings without a table are not changed. The reuse mode is tried in the default mode: its paths would not be the
-/// same from level to level. Fails where the window leaves the frame.
+/// Settings without a table, and scenes without anything to roughen, are not tried. The reuse mode is tried in the
+/// default mode: its paths would not be the same from level to level. Fails where the window leaves the frame.
 pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilot, FilmError> {
-    let Method::Table { table, .. } = &settings.method else {
-        return Ok(Pilot {
-            change: Change::NONE,
-            decided: false,
-            levels: Vec::new(),
-            paths: 0,
-        });
+    let table = match &settings.method {
+        Method::Table { table, .. } if view.scene.has_lobes() => table,
+        _ => {
+            return Ok(Pilot {
+                change: Change::NONE,
+                decided: false,
+                levels: Vec::new(),
+                paths: 0,
+            });
+        }
     };
     let (frame, window) = view.pilot();
+    let view = View {
+        frame,
+        window,
+        ..*view
+    };
     let (pixels, count) = (window.len() as u64, BATCHES as u64);
     let wanted = (PATHS_PER_SAMPLE * u64::from(samples)).clamp(PATHS.0, PATHS.1);
     let spp = (wanted / (count * pixels)).max(2) as u32;
-    let render = |method: Method| {
+    let heat = (spp / HEAT).max(2)..spp;
+    let entrant = |method: Method| {
         let settings = Settings {
             method,
             ..settings.clone()
         };
-        let pilot = View {
-            frame,
-            window,
-            ..*view
-        };
-        tiles(&settings, &pilot, spp)
+        let mut entrant = Entrant::new(&settings, &view)?;
+        entrant.trace(&view, spp, 0..heat.start);
+        Ok(entrant)
     };
-    let plain = render(Method::Plain)?;
-    let levels = Change::all()
+    let mut plain = entrant(Method::Plain)?;
+    let mut entrants = Change::all()
         .map(|change| {
-            let tiles = render(Method::Table {
+            entrant(Method::Table {
                 table: change.of(table),
                 reuse: false,
                 lambda: 0.0,
-            })?;
-            Ok((change, tiles))
+            })
         })
-        .collect::<Result<Vec<(Change, Tiles)>, FilmError>>()?;
+        .collect::<Result<Vec<Entrant>, FilmError>>()?;
+    let tiles = |(change, entrant): (Change, &Entrant)| (change, entrant.tiles(window));
+    let heats: Vec<(Change, Tiles)> = Change::all().zip(&entrants).map(tiles).collect();
     // The roughest one is the least noisy picture.
-    let weights = weights(&levels[SCALES.len() - 1].1);
-    let (change, decided) = decide(&plain, &levels, &weights, samples);
+    let weights = weights(&heats[SCALES.len() - 1].1);
     let all: Vec<usize> = (0..BATCHES).collect();
-    let paths = u64::from(spp) * count * pixels * (levels.len() as u64 + 1);
+    let measured = |plain: &Tiles, levels: &[(Change, Tiles)]| -> Vec<Level> {
+        (levels.iter())
+            .map(|level| measure(plain, level, &weights, samples, &all))
+            .collect()
+    };
+    let mut levels = measured(&plain.tiles(window), &heats);
+    let finalists = finalists(&levels);
+    plain.trace(&view, spp, heat.clone());
+    for &finalist in &finalists {
+        entrants[finalist].trace(&view, spp, heat.clone());
+    }
+    let finals: Vec<(Change, Tiles)> = (finalists.iter())
+        .map(|&finalist| tiles((levels[finalist].change, &entrants[finalist])))
+        .collect();
+    let plain = plain.tiles(window);
+    for (&finalist, level) in finalists.iter().zip(measured(&plain, &finals)) {
+        levels[finalist] = level;
+    }
+    let (change, decided) = decide(&plain, &finals, &weights, samples);
+    let passes = heat.start as usize * (entrants.len() + 1) + heat.len() * (finals.len() + 1);
     Ok(Pilot {
         change,
         decided,
-        levels: (levels.iter())
-            .map(|level| measure(&plain, level, &weights, samples, &all))
-            .collect(),
-        paths,
+        levels,
+        paths: passes as u64 * count * pixels,
     })
+}
+
+/// Which candidates are worth more paths, in their order: the best ones, and no change.
+fn finalists(levels: &[Level]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..levels.len()).collect();
+    order.sort_by(|&a, &b| levels[a].error().total_cmp(&levels[b].error()));
+    let best = &order[..FINALISTS.min(order.len())];
+    (0..levels.len())
+        .filter(|i| best.contains(i) || levels[*i].change == Change::NONE)
+        .collect()
 }
 
 impl View<'_> {
@@ -212,58 +243,6 @@ impl View<'_> {
         let frame = UVec2::new(edge(0, window.x, window.w), edge(1, window.y, window.h));
         (frame, window)
     }
-}
-
-fn tiles(settings: &Settings, view: &View<'_>, spp: u32) -> Result<Tiles, FilmError> {
-    let integrator = settings.integrator();
-    let empty = Film::cropped(view.frame, view.window)?;
-    let films: [Film; BATCHES] = std::array::from_fn(|batch| {
-        let mut picture = Picture {
-            film: empty.clone(),
-            aovs: None,
-        };
-        let first = batch as u32 * spp;
-        integrator.pass(view.scene, view.camera, first..first + spp, &mut picture);
-        picture.film
-    });
-    let windows = view.window.tiles(TILE);
-    let means = films.each_ref().map(|film| {
-        let mean = film.mean();
-        let tile = |w: &Window| -> [f64; 3] {
-            let mut sum = [0.0; 3];
-            for pixel in inside(w, &view.window) {
-                for (s, v) in sum.iter_mut().zip(mean.pixels[pixel].to_array()) {
-                    *s += f64::from(v) / w.len() as f64;
-                }
-            }
-            sum
-        };
-        windows.iter().map(tile).collect()
-    });
-    let mut variance = vec![0.0; windows.len()];
-    for film in &films {
-        let of = film.sample_variance();
-        for (sum, w) in variance.iter_mut().zip(&windows) {
-            let total: f64 = inside(w, &view.window)
-                .map(|pixel| {
-                    of.pixels[pixel]
-                        .to_array()
-                        .iter()
-                        .map(|v| f64::from(*v))
-                        .sum::<f64>()
-                })
-                .sum();
-            *sum += total / (3 * w.len() * BATCHES) as f64;
-        }
-    }
-    Ok(Tiles { means, variance })
-}
-
-/// Indices of a tile's pixels in the film of a window.
-fn inside(w: &Window, outer: &Window) -> impl Iterator<Item = usize> {
-    let (x, y, width) = (w.x - outer.x, w.y - outer.y, outer.w);
-    let (w, h) = (w.w, w.h);
-    (y..y + h).flat_map(move |y| (x..x + w).map(move |x| (y * width + x) as usize))
 }
 
 /// 1 / (radiance² + ε) of every tile, at a brightness of 0.3.

@@ -76,3 +76,18 @@ fn squared_bias_is_measured_without_bias() {
         assert!((found.variance - 0.2).abs() < 1e-12);
     }
 }
+
+#[test]
+fn the_best_and_no_change_are_finalists() {
+    let level = |(i, change): (usize, Change)| Level {
+        change,
+        // The larger the index, the better.
+        bias2: -1.0,
+        variance: 1.0 / (i + 1) as f64,
+    };
+    let levels: Vec<Level> = Change::all().enumerate().map(level).collect();
+    let none = Change::all().position(|c| c == Change::NONE).unwrap();
+    let last = levels.len() - FINALISTS..levels.len();
+    let expected: Vec<usize> = std::iter::once(none).chain(last).collect();
+    assert_eq!(finalists(&levels), expected);
+}

@@ -1,0 +1,89 @@
+//! A candidate of the pilot: its pictures in independent batches, and what tiles of them say.
+
+use super::View;
+use crate::image::film::{Film, FilmError, Window};
+use crate::integrator::{Integrator, Picture, Settings};
+use std::ops::Range;
+
+/// Independent batches.
+pub(super) const BATCHES: usize = 4;
+
+/// Pixels a side of the tiles that bias is measured on.
+pub(super) const TILE: u32 = 4;
+
+/// Tiles of one level: mean radiance by batch, and variance of one sample.
+pub(super) struct Tiles {
+    pub(super) means: [Vec<[f64; 3]>; BATCHES],
+    pub(super) variance: Vec<f64>,
+}
+
+/// What is rendered, and its pictures, a batch each.
+pub(super) struct Entrant {
+    integrator: Box<dyn Integrator>,
+    pictures: Vec<Picture>,
+}
+
+impl Entrant {
+    /// No samples yet.
+    pub(super) fn new(settings: &Settings, view: &View<'_>) -> Result<Self, FilmError> {
+        let picture = Picture {
+            film: Film::cropped(view.frame, view.window)?,
+            aovs: None,
+        };
+        Ok(Self {
+            integrator: settings.integrator(),
+            pictures: vec![picture; BATCHES],
+        })
+    }
+
+    /// Adds some of the `spp` samples per pixel of every batch.
+    pub(super) fn trace(&mut self, view: &View<'_>, spp: u32, samples: Range<u32>) {
+        for (batch, picture) in (0..).zip(&mut self.pictures) {
+            let first = batch * spp;
+            let range = first + samples.start..first + samples.end;
+            (self.integrator).pass(view.scene, view.camera, range, picture);
+        }
+    }
+
+    /// What the pictures say.
+    pub(super) fn tiles(&self, window: Window) -> Tiles {
+        let windows = window.tiles(TILE);
+        let means = std::array::from_fn(|batch| {
+            let mean = self.pictures[batch].film.mean();
+            let tile = |w: &Window| -> [f64; 3] {
+                let mut sum = [0.0; 3];
+                for pixel in inside(w, &window) {
+                    for (s, v) in sum.iter_mut().zip(mean.pixels[pixel].to_array()) {
+                        *s += f64::from(v) / w.len() as f64;
+                    }
+                }
+                sum
+            };
+            windows.iter().map(tile).collect()
+        });
+        let mut variance = vec![0.0; windows.len()];
+        for picture in &self.pictures {
+            let of = picture.film.sample_variance();
+            for (sum, w) in variance.iter_mut().zip(&windows) {
+                let total: f64 = inside(w, &window)
+                    .map(|pixel| {
+                        of.pixels[pixel]
+                            .to_array()
+                            .iter()
+                            .map(|v| f64::from(*v))
+                            .sum::<f64>()
+                    })
+                    .sum();
+                *sum += total / (3 * w.len() * BATCHES) as f64;
+            }
+        }
+        Tiles { means, variance }
+    }
+}
+
+/// Indices of a tile's pixels in the film of a window.
+fn inside(w: &Window, outer: &Window) -> impl Iterator<Item = usize> {
+    let (x, y, width) = (w.x - outer.x, w.y - outer.y, outer.w);
+    let (w, h) = (w.w, w.h);
+    (y..y + h).flat_map(move |y| (x..x + w).map(move |x| (y * width + x) as usize))
+}
