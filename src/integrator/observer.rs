@@ -12,8 +12,10 @@ use crate::scene::{Scene, Surface};
 pub enum Technique {
     /// By sampling a light.
     Light,
-    /// By a direction drawn from the (regularised) closure.
+    /// By a direction drawn from the regularised closure.
     Lobe,
+    /// By a direction that the closure draws at any roughness, that of a diffuse lobe.
+    Diffuse,
 }
 
 /// One evaluation of a lobe whose roughness depends on the table, towards a visible light (method section 5).
@@ -32,6 +34,8 @@ pub struct Event {
     pub delta_light: bool,
     /// How the direction was drawn.
     pub technique: Technique,
+    /// Whether the picture counts it: not if an observer alone asked for it, see [`PathObserver::draws`].
+    pub counted: bool,
     /// The last vertex's own roughness.
     pub alpha: f32,
     /// The roughness α′ > `alpha` with which it was drawn and weighted.
@@ -67,7 +71,11 @@ pub trait PathObserver {
     fn begin(&mut self, _pixel: UVec2, _sample: u32) {}
     /// The path met a surface that scatters.
     fn vertex(&mut self, _vertex: &Vertex<'_>) {}
-    /// A contribution that depends on the table, in order of depth.
+    /// Further roughness at which a regularised lobe of this own roughness is drawn, for events alone.
+    fn draws(&mut self, _alpha: f32) -> Vec<f32> {
+        Vec::new()
+    }
+    /// A contribution that depends on the table, in order of depth; at one vertex those found by the light first.
     fn event(&mut self, _event: &Event) {}
     /// The path goes on from a vertex whose sampled lobe has this own roughness.
     fn scattered(&mut self, _alpha: f32) {}

@@ -9,6 +9,9 @@ use std::path::{Path, PathBuf};
 /// Larger files are not settings.
 const MAX_BYTES: u64 = 1 << 20;
 
+/// Most factors that the lobes of a recording are drawn with.
+const MOST_DRAWS: usize = 16;
+
 /// How loss and gradient are evaluated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -65,8 +68,8 @@ pub struct Config {
     pub loss: Loss,
     /// Where all factors start; 0 for the best constant of the training crops.
     pub start: f32,
-    /// The constant factor at which events are recorded.
-    pub record_gamma: f32,
+    /// The constant factors that the lobes of a recording are drawn with.
+    pub record_gammas: Vec<f32>,
     /// Seed of the recording.
     pub seed: u64,
     /// Steps between two lines of the log and two looks at the validation scenes.
@@ -94,7 +97,7 @@ impl Default for Config {
             method: Way::Tabulated,
             loss: Loss::Published,
             start: 0.5,
-            record_gamma: 0.05,
+            record_gammas: vec![0.002, 0.007, 0.025, 0.09, 0.3, 1.0],
             seed: 0,
             validate_every: 250,
             patience: 0,
@@ -201,8 +204,11 @@ impl Config {
         if !(0.0..1e3).contains(&self.learning_rate) {
             return bad("learning_rate", "expected a number from 0 to 1000");
         }
-        if !(self.record_gamma > 0.0 && self.record_gamma <= 1.0) {
-            return bad("record_gamma", "expected a number in (0, 1]");
+        let usable = |gamma: &f32| *gamma > 0.0 && *gamma <= 1.0;
+        if !(1..=MOST_DRAWS).contains(&self.record_gammas.len())
+            || !self.record_gammas.iter().all(usable)
+        {
+            return bad("record_gammas", "expected 1 to 16 numbers in (0, 1]");
         }
         if !(0.0..=1.0).contains(&self.start) {
             return bad("start", "expected a number from 0 to 1");

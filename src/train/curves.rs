@@ -5,6 +5,7 @@
 //! polynomials. Left out: products of two events of different factors on one path. Paths that fold couple several
 //! factors; they are kept as events and linearised anew whenever the table has moved (see [`Folded`]).
 
+use super::event::Running;
 use super::folded::Folded;
 use super::grid::{GAMMA_MIN, Level, NODES, Place, node, spacing};
 use super::moments::{Adjoint, Moments, Source, no_gradient};
@@ -126,21 +127,21 @@ fn bake_pixel(
             }
             let sum = sums.entry(g).or_insert_with(|| Box::new([[0.0; 8]; NODES]));
             for (k, knot) in sum.iter_mut().enumerate() {
-                let mut running = path.constant.map(|c| Dual {
+                let mut running = Running::new(path.constant.map(|c| Dual {
                     v: c.into(),
                     d: 0.0,
-                });
+                }));
                 for event in events[i..].iter().filter(|e| same(e)) {
                     let moment = event.at(alphas[event.code as usize][k]);
+                    let met = running.meet(event, moment.x);
                     knot[3] += moment.y.v;
                     knot[7] += moment.y.d;
                     for c in 0..3 {
-                        let cross = running[c] * moment.x[c];
+                        let cross = met[c] * moment.x[c];
                         knot[c] += moment.x[c].v;
                         knot[4 + c] += moment.x[c].d;
                         knot[3] += 2.0 * cross.v;
                         knot[7] += 2.0 * cross.d;
-                        running[c] = running[c] + moment.x[c];
                     }
                 }
             }

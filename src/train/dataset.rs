@@ -1,5 +1,6 @@
 //! Crops to learn from: a manifest's scenes, opened, with their references.
 
+use super::drawn::Drawn;
 use super::objective::Target;
 use crate::image::Film;
 use crate::image::film::{FilmError, Window};
@@ -7,7 +8,7 @@ use crate::integrator::pilot::{self, Change, View};
 use crate::integrator::reference::{Reference, ReferenceError, SEED};
 use crate::integrator::{Method, Settings};
 use crate::math::UVec2;
-use crate::regularise::{Accumulated, AttenuationTable, ConstantGamma};
+use crate::regularise::{Accumulated, AttenuationTable, Regulariser};
 use crate::sampler::Independent;
 use crate::scene::load::{LoadError, LoadOptions, load};
 use crate::scene::manifest::{CROP, Entry, Manifest, ManifestError, Role};
@@ -133,17 +134,11 @@ impl Crop {
         }
     }
 
-    /// Records the events of samples `0..spp` at the constant factor `gamma`.
-    pub fn record(&self, gamma: f32, spp: u32, seed: u64) -> Result<Recording, DatasetError> {
-        let attenuation = ConstantGamma(gamma);
-        self.record_with(
-            Accumulated {
-                attenuation,
-                lambda: 0.0,
-            },
-            spp,
-            seed,
-        )
+    /// Records the events of samples `0..spp`, lobes drawn with each of these constant factors.
+    pub fn record(&self, gammas: &[f32], spp: u32, seed: u64) -> Result<Recording, DatasetError> {
+        let drawn = Arc::new(Drawn::new(gammas));
+        let recording = Recording::drawn(self.window, drawn.clone());
+        self.trace(&*drawn, recording, spp, seed)
     }
 
     /// Records the events of samples `0..spp` with this attenuation.
@@ -153,7 +148,16 @@ impl Crop {
         spp: u32,
         seed: u64,
     ) -> Result<Recording, DatasetError> {
-        let mut recording = Recording::new(self.window);
+        self.trace(rule, Recording::new(self.window), spp, seed)
+    }
+
+    fn trace<R: Regulariser>(
+        &self,
+        rule: R,
+        mut recording: Recording,
+        spp: u32,
+        seed: u64,
+    ) -> Result<Recording, DatasetError> {
         let mut film = self.film()?;
         let settings = self.settings(Method::Plain);
         settings.tracer(rule).estimate(

@@ -1,21 +1,23 @@
 //! One evaluation of a lobe towards a visible light, kept so that it can be evaluated again at any roughness.
 //!
-//! An event was drawn at roughness a₀ with the lobe's density, or by light sampling. With h(a) the integrand and p(a)
-//! the lobe's density (both from a [`LobeQuery`](crate::bsdf::LobeQuery)) and p_l the light's, the *mixture form*
+//! An event's direction was drawn from the lobe at one or several roughness values (see [`drawn`](super::drawn)), whose
+//! densities add up to p₀, or by light sampling. With h(a) the integrand and p(a) the lobe's density (both from a
+//! [`LobeQuery`](crate::bsdf::LobeQuery)) and p_l the light's, the *mixture form*
 //!
 //! ```text
-//! x(a) = h(a) / (p_l + p(a₀))                        mean
-//! y(a) = h(a)² / [(p_l + p(a)) (p_l + p(a₀))]        second moment
+//! x(a) = h(a) / (p_l + p₀)                        mean
+//! y(a) = h(a)² / [(p_l + p(a)) (p_l + p₀)]        second moment
 //! ```
 //!
-//! is unbiased for every a, is the renderer's own estimate at a = a₀, and has no term for edges or visibility: the
-//! samples stay where they are.
+//! is unbiased for every a, is the renderer's own estimate where p₀ = p(a), and has no term for edges or visibility:
+//! the samples stay where they are. How noisy the realised mean is at a depends on p₀, and a loss of absolute errors
+//! sees it: p₀ must be large wherever the table goes.
 
 use crate::bsdf::{DELTA_ALPHA, Distribution, LobeQuery, LobeShape};
-use crate::integrator::Event;
+use crate::integrator::{Event, Technique};
 use crate::math::real::Real;
 
-/// An event, 68 bytes.
+/// An event, 64 bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StoredEvent {
     /// Throughput and light times the part of f·|cos| that does not depend on the roughness.
@@ -28,15 +30,15 @@ pub struct StoredEvent {
     tan2_o: f32,
     tan2_i: f32,
     pdf_light: f32,
-    /// 1 / (p_l + p(a₀)).
+    /// 1 / (p_l + p₀).
     weight: f32,
-    /// a₀.
-    alpha: f32,
     /// Which list of roughness values the path has, see [`Codes`](super::codes::Codes).
     pub code: u32,
     distribution: Distribution,
     /// Whether the light has no area: only light sampling finds it.
     delta_light: bool,
+    /// Whether the light was not sampled but found.
+    pub found: bool,
 }
 
 /// Mean and second moment of an event at one roughness.
@@ -49,18 +51,24 @@ pub struct Moment<T> {
 }
 
 impl StoredEvent {
-    /// Keeps an event of the path tracer. `None` for one that carries no light at any roughness.
-    pub fn new(event: &Event, code: u32) -> Option<Self> {
+    /// Keeps an event of the path tracer; `drawn` is the density of all draws of its vertex's lobe. `None` for one that carries no light
+    /// at any roughness.
+    pub fn new(event: &Event, drawn: f32, draws: usize, code: u32) -> Option<Self> {
         let Event {
             query, radiance, ..
         } = event;
         let base = (*radiance * query.base).to_array();
         let scale = (*radiance * query.scale).to_array();
-        let pdf0 = query.at(event.alpha_reg).pdf_w;
         let weight = if event.delta_light {
             1.0 / event.pdf_light
         } else {
-            1.0 / (event.pdf_light + pdf0)
+            // A direction that every draw has counts for all of them.
+            let times = if event.technique == Technique::Diffuse {
+                draws
+            } else {
+                1
+            };
+            times as f32 / (event.pdf_light + drawn)
         };
         let finite = |v: [f32; 3]| v.iter().all(|x| x.is_finite());
         let dark = base == [0.0; 3] && scale == [0.0; 3];
@@ -74,10 +82,10 @@ impl StoredEvent {
             tan2_i: query.tan2_i,
             pdf_light: event.pdf_light,
             weight,
-            alpha: event.alpha_reg,
             code,
             distribution: query.distribution,
             delta_light: event.delta_light,
+            found: event.technique != Technique::Light,
         })
     }
 
@@ -102,12 +110,6 @@ impl StoredEvent {
         Moment { x, y }
     }
 
-    /// What the event contributed where it was recorded.
-    #[inline]
-    pub fn recorded(&self) -> [f32; 3] {
-        self.at(self.alpha).x
-    }
-
     fn query(&self) -> LobeQuery {
         LobeQuery {
             base: self.base.into(),
@@ -119,5 +121,48 @@ impl StoredEvent {
             tan2_i: self.tan2_i,
             distribution: self.distribution,
         }
+    }
+}
+
+/// The light of a path as its events come in, in order of depth.
+///
+/// The draws of one vertex's lobe stand for a single one of the renderer's: no two of them are on one of its paths.
+pub struct Running<T> {
+    sum: [T; 3],
+    /// What was found from the vertex at hand.
+    found: [T; 3],
+    code: Option<u32>,
+}
+
+impl<T: Real> Running<T> {
+    /// A path that carries this besides its events.
+    pub fn new(constant: [T; 3]) -> Self {
+        Self {
+            sum: constant,
+            found: [T::constant(0.0); 3],
+            code: None,
+        }
+    }
+
+    /// Adds what an event carries; what it meets on its path.
+    #[inline]
+    pub fn meet(&mut self, event: &StoredEvent, x: [T; 3]) -> [T; 3] {
+        if self.code != Some(event.code) {
+            self.code = Some(event.code);
+            for c in 0..3 {
+                self.sum[c] = self.sum[c] + self.found[c];
+                self.found[c] = T::constant(0.0);
+            }
+        }
+        let met = self.sum;
+        let side = if event.found {
+            &mut self.found
+        } else {
+            &mut self.sum
+        };
+        for c in 0..3 {
+            side[c] = side[c] + x[c];
+        }
+        met
     }
 }

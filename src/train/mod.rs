@@ -12,6 +12,7 @@ pub mod codes;
 pub mod config;
 pub mod curves;
 pub mod dataset;
+pub mod drawn;
 pub mod event;
 mod folded;
 pub mod fresh;

@@ -1,10 +1,12 @@
 //! What a crop's paths depend on the table with: a constant for every path, and its events.
 
 use super::codes::Codes;
+use super::drawn::Drawn;
 use super::event::StoredEvent;
 use crate::image::film::Window;
 use crate::integrator::{Event, PathObserver, Recorder};
 use crate::math::{Rgb, UVec2};
+use std::sync::Arc;
 
 /// A path with events.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,24 +42,55 @@ pub struct Recording {
     pub events: Vec<StoredEvent>,
     /// Roughness lists of the events.
     pub codes: Codes,
+    /// What lobes are drawn with.
+    drawn: Option<Arc<Drawn>>,
+    /// α′ of every code with each of its factors, while paths are traced.
+    at: Vec<f32>,
     /// Own roughness of the current path's vertices.
     alphas: Vec<f32>,
     current: usize,
     first: usize,
+    /// What the current path's events have contributed.
+    counted: Rgb,
 }
 
 impl Recording {
-    /// An empty recording of a crop.
+    /// An empty recording of a crop whose lobes are drawn with several factors.
+    pub fn drawn(window: Window, drawn: Arc<Drawn>) -> Self {
+        Self {
+            drawn: Some(drawn),
+            ..Self::new(window)
+        }
+    }
+
+    /// An empty recording of a crop, every event drawn at its own roughness.
     pub fn new(window: Window) -> Self {
         Self {
             window,
             pixels: vec![Pixel::default(); window.len()],
             events: Vec::new(),
             codes: Codes::default(),
+            drawn: None,
+            at: Vec::new(),
             alphas: Vec::new(),
             current: 0,
             first: 0,
+            counted: Rgb::ZERO,
         }
+    }
+
+    /// The code of the current path as it ends with a vertex of this roughness.
+    fn code(&mut self, alpha: f32) -> u32 {
+        self.alphas.push(alpha);
+        let known = self.codes.len();
+        let code = self.codes.intern(&self.alphas);
+        if self.codes.len() > known
+            && let Some(drawn) = &self.drawn
+        {
+            self.at.extend(drawn.alphas(&self.alphas));
+        }
+        self.alphas.pop();
+        code
     }
 
     /// Bytes held, near enough.
@@ -75,13 +108,40 @@ impl PathObserver for Recording {
         self.current = y as usize * self.window.w as usize + x as usize;
         self.alphas.clear();
         self.first = self.events.len();
+        self.counted = Rgb::ZERO;
+    }
+
+    fn draws(&mut self, alpha: f32) -> Vec<f32> {
+        let Some(count) = self.drawn.as_ref().map(|drawn| drawn.count()) else {
+            return Vec::new();
+        };
+        let code = self.code(alpha) as usize;
+        // The tracer draws with the first itself.
+        self.at[code * count..][1..count].to_vec()
     }
 
     fn event(&mut self, event: &Event) {
-        self.alphas.push(event.alpha);
-        let code = self.codes.intern(&self.alphas);
-        self.alphas.pop();
-        self.events.extend(StoredEvent::new(event, code));
+        let code = self.code(event.alpha);
+        let found = event.query.at(event.alpha_reg);
+        let (drawn, draws) = match &self.drawn {
+            None => (found.pdf_w, 1),
+            Some(drawn) => {
+                let at = code as usize * drawn.count();
+                let alphas = &self.at[at..][..drawn.count()];
+                (Drawn::pdf(&event.query, alphas), drawn.count())
+            }
+        };
+        if let Some(kept) = StoredEvent::new(event, drawn, draws, code) {
+            self.events.push(kept);
+            if event.counted {
+                let density = if event.delta_light {
+                    event.pdf_light
+                } else {
+                    event.pdf_light + found.pdf_w
+                };
+                self.counted += event.radiance * found.value / density;
+            }
+        }
     }
 
     fn scattered(&mut self, alpha: f32) {
@@ -96,13 +156,7 @@ impl PathObserver for Recording {
             self.events.truncate(self.first);
             return;
         }
-        let mut constant = radiance.to_array();
-        for event in &self.events[self.first..] {
-            let x = event.recorded();
-            for c in 0..3 {
-                constant[c] -= x[c];
-            }
-        }
+        let constant = (radiance - self.counted).to_array();
         // What rounding leaves of a path whose light is all in its events.
         let floor = radiance.max_element() * 1e-5;
         let constant = constant.map(|c| if c < floor { 0.0 } else { c });
@@ -123,7 +177,10 @@ impl PathObserver for Recording {
 
 impl Recorder for Recording {
     fn fork(&self) -> Self {
-        Self::new(self.window)
+        match &self.drawn {
+            Some(drawn) => Self::drawn(self.window, drawn.clone()),
+            None => Self::new(self.window),
+        }
     }
 
     fn join(&mut self, tile: Self) {

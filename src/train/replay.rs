@@ -1,5 +1,6 @@
 //! Replay: every stored event is evaluated again at each table. Exact for the samples of the recording.
 
+use super::event::{Moment, Running};
 use super::moments::{Adjoint, Moments, Source, no_gradient};
 use super::recording::{Path, Pixel, Recording};
 use crate::math::real::Dual;
@@ -26,15 +27,15 @@ impl Replay {
         let mut second = pixel.constant_squared;
         for path in &pixel.paths {
             // M2 += y + 2 S x; S += x: the square of the sum, events in order of depth.
-            let mut sum = path.constant.map(f64::from);
+            let mut sum = Running::new(path.constant.map(f64::from));
             for event in self.events(path) {
                 let moment = event.at(alphas[event.code as usize]);
+                let x = moment.x.map(f64::from);
+                let before = sum.meet(event, x);
                 second += f64::from(moment.y);
                 for c in 0..3 {
-                    let x = f64::from(moment.x[c]);
-                    second += 2.0 * sum[c] * x;
-                    sum[c] += x;
-                    mean[c] += x;
+                    second += 2.0 * before[c] * x[c];
+                    mean[c] += x[c];
                 }
             }
         }
@@ -55,7 +56,7 @@ impl Replay {
         adjoint: &Adjoint,
     ) -> Vec<(u32, f64)> {
         let mut out = Vec::new();
-        let mut moments = Vec::new();
+        let mut moments: Vec<Played> = Vec::new();
         for (i, pixel) in pixels.iter().enumerate() {
             let n = f64::from(pixel.samples.max(1));
             let mean = adjoint.mean[first + i].map(|a| f64::from(a) / n);
@@ -63,25 +64,63 @@ impl Replay {
             for path in &pixel.paths {
                 moments.clear();
                 let mut total = path.constant.map(f64::from);
+                // What is found from one vertex, whose draws do not meet one another.
+                let mut found = [0.0; 3];
+                let mut first = 0;
                 for event in self.events(path) {
                     let moment = event.at(Dual::variable(alphas[event.code as usize].into()));
-                    for (sum, x) in total.iter_mut().zip(moment.x) {
-                        *sum += x.v;
+                    if moments
+                        .last()
+                        .is_some_and(|m: &Played| m.code != event.code)
+                    {
+                        close(&mut moments[first..], found);
+                        (first, found) = (moments.len(), [0.0; 3]);
                     }
-                    moments.push((event.code, moment));
+                    for c in 0..3 {
+                        total[c] += moment.x[c].v;
+                        found[c] += if event.found { moment.x[c].v } else { 0.0 };
+                    }
+                    moments.push(Played {
+                        code: event.code,
+                        found: event.found,
+                        moment,
+                        apart: moment.x.map(|x| x.v),
+                    });
                 }
-                for (code, moment) in &moments {
-                    // x_j meets every other part of its path's sum once: d(Σ 2 S x)/dx_j = 2 (total − x_j).
+                close(&mut moments[first..], found);
+                for Played {
+                    code,
+                    moment,
+                    apart,
+                    ..
+                } in &moments
+                {
+                    // x_j meets every other part of its path's sum once: d(Σ 2 S x)/dx_j = 2 (total − apart).
                     let mut d = second * moment.y.d;
                     for c in 0..3 {
-                        let others = total[c] - moment.x[c].v;
-                        d += (mean[c] + 2.0 * second * others) * moment.x[c].d;
+                        d += (mean[c] + 2.0 * second * (total[c] - apart[c])) * moment.x[c].d;
                     }
                     out.push((*code, d));
                 }
             }
         }
         out
+    }
+}
+
+/// An event of the path at hand.
+struct Played {
+    code: u32,
+    found: bool,
+    moment: Moment<Dual>,
+    /// What of the path's sum it does not meet: itself, and what else is found from its vertex.
+    apart: [f64; 3],
+}
+
+/// Sets what does not meet among the events of one vertex.
+fn close(vertex: &mut [Played], found: [f64; 3]) {
+    for event in vertex.iter_mut().filter(|e| e.found) {
+        event.apart = found;
     }
 }
 

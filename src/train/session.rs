@@ -190,6 +190,7 @@ impl Session {
             Loss::Published => (config.replicates, config.spp),
             Loss::NoiseFree => (1, config.spp.saturating_mul(config.replicates)),
         };
+        let middle = self.constant(config.record_gammas[config.record_gammas.len() / 2]);
         for replicate in 0..if training { replicates } else { 1 } {
             let seed = config.seed.wrapping_add(u64::from(replicate) << 32);
             let seed = if training { seed } else { !seed };
@@ -197,18 +198,15 @@ impl Session {
             let mut visits = Visits::default();
             let source: Box<dyn Source> = if config.method == Way::Fresh && training {
                 // Visits are those of a recording whatever the way.
-                let recording = crop.record(config.record_gamma, spp.min(64), config.seed)?;
-                visits.count(&recording, &self.constant(config.record_gamma));
+                let recording = crop.record(&config.record_gammas, spp.min(64), config.seed)?;
+                visits.count(&recording, &middle);
                 Box::new(Fresh::new(crop.clone(), spp, seed))
             } else {
-                let recording = crop.record(config.record_gamma, spp, seed)?;
-                visits.count(&recording, &self.constant(config.record_gamma));
+                let recording = crop.record(&config.record_gammas, spp, seed)?;
+                visits.count(&recording, &middle);
                 match config.method {
                     Way::Replay => Box::new(Replay::new(recording)),
-                    _ => Box::new(Curves::bake(
-                        &recording,
-                        &self.constant(config.record_gamma),
-                    )),
+                    _ => Box::new(Curves::bake(&recording, &middle)),
                 }
             };
             let set = if training {
@@ -384,8 +382,8 @@ impl Session {
                 config.rate()
             ),
             method: format!(
-                "{:?}, {} recording(s) at gamma {}",
-                config.method, config.replicates, config.record_gamma
+                "{:?}, {} recording(s) drawn at gamma {:?}",
+                config.method, config.replicates, config.record_gammas
             )
             .to_lowercase(),
             steps,

@@ -56,6 +56,7 @@ impl Here<'_> {
             pdf_light: 0.0,
             delta_light: false,
             technique,
+            counted: true,
             alpha: self.alpha,
             alpha_reg: self.alpha_reg,
         }
@@ -167,11 +168,11 @@ impl Here<'_> {
                 )
             }
             on => {
-                let found = if regularised {
-                    self.regularised_emission(u.lobe, observer)
-                } else {
-                    Rgb::ZERO
-                };
+                let mut found = Rgb::ZERO;
+                if regularised {
+                    found = self.regularised_emission(self.alpha_reg, u.lobe, true, observer);
+                    self.further_draws(u.lobe, observer);
+                }
                 (
                     found,
                     on.map(|(wi, sample)| Next {
@@ -195,7 +196,7 @@ impl Here<'_> {
         if eval.pdf_w <= 0.0 {
             return Arrival::COUNTED;
         }
-        let event = O::EVENTS.then(|| self.event(query, self.throughput, Technique::Lobe));
+        let event = O::EVENTS.then(|| self.event(query, self.throughput, Technique::Diffuse));
         Arrival {
             throughput: self.throughput * eval.value / eval.pdf_w,
             pdf_w: Some(eval.pdf_w),
@@ -203,10 +204,26 @@ impl Here<'_> {
         }
     }
 
-    /// Step 2 with a ray of its own: emission that a direction drawn at α′ finds.
+    /// Events of the lobe at the roughness that an observer asks for.
     #[inline]
-    fn regularised_emission<O: PathObserver>(&self, u: [f32; 3], observer: &mut O) -> Rgb {
-        let Some(sample) = self.bsdf.sample(self.alpha_reg, self.wo, u) else {
+    fn further_draws<O: PathObserver>(&self, u: [f32; 3], observer: &mut O) {
+        if O::EVENTS {
+            for alpha in observer.draws(self.alpha) {
+                self.regularised_emission(alpha, u, false, observer);
+            }
+        }
+    }
+
+    /// Step 2 with a ray of its own: emission that a direction drawn at the roughness `alpha` finds.
+    #[inline]
+    fn regularised_emission<O: PathObserver>(
+        &self,
+        alpha: f32,
+        u: [f32; 3],
+        counted: bool,
+        observer: &mut O,
+    ) -> Rgb {
+        let Some(sample) = self.bsdf.sample(alpha, self.wo, u) else {
             return Rgb::ZERO;
         };
         let Some(wi) = self.world(sample.wi) else {
@@ -222,6 +239,7 @@ impl Here<'_> {
         {
             observer.event(&Event {
                 pdf_light: emission.pdf_w,
+                counted,
                 ..self.event(query, radiance, Technique::Lobe)
             });
         }

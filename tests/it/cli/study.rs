@@ -214,7 +214,7 @@ fn trainings_that_cannot_begin_say_why() {
         ("--beta=-1e9", "beta: expected"),
         ("--set replicates=65", "replicates: expected"),
         ("--set learning_rate=-1", "learning_rate: expected"),
-        ("--set record_gamma=0", "record_gamma: expected"),
+        ("--set record_gammas=[0]", "record_gammas: expected"),
         ("--set start=1.5", "start: expected"),
         ("--set checkpoint_every=0", "checkpoint_every: expected"),
         ("--method quick", "quick"),

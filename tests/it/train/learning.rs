@@ -99,13 +99,13 @@ fn a_known_factor_is_found_again() {
         learning_rate: 0.01,
         start: 2.0 * TRUTH,
         validate_every: 400,
-        record_gamma: TRUTH,
+        record_gammas: vec![TRUTH],
         replicates: 1,
         beta: vec![0.0],
         ..Config::default()
     };
     let truth = AttenuationTable::constant(TRUTH);
-    let recording = exact.record(TRUTH, config.spp, config.seed).unwrap();
+    let recording = exact.record(&[TRUTH], config.spp, config.seed).unwrap();
     exact.reference = Replay::new(recording).moments(&truth).mean;
     let mut session = Session::with_crops(config, vec![exact], vec![], &mut |_| ()).unwrap();
     let outcome = session

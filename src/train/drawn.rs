@@ -1,0 +1,80 @@
+//! The factors that a recording's lobes are drawn with.
+//!
+//! A direction drawn from a lobe at one roughness says little about the lobe at another: where the light is wide, and
+//! so p_l small, an event drawn at γ₀ is many times as noisy at 10 γ₀ as the renderer is there. So every roughened
+//! vertex of a recording draws its lobe once with each of several factors, and all draws are weighed with the balance
+//! heuristic (Veach 1997, eq. 9.8): wherever the table goes, some were drawn nearby.
+
+use crate::bsdf::{DELTA_ALPHA, LobeQuery};
+use crate::regularise::{ConstantGamma, PathRoughness, Regulariser, Scattered};
+
+/// Constant factors that lobes are drawn with; also the rule of a path tracer that roughens by the first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawn {
+    gammas: Vec<f32>,
+}
+
+impl Drawn {
+    /// These factors, at least one.
+    pub fn new(gammas: &[f32]) -> Self {
+        Self {
+            gammas: gammas.to_vec(),
+        }
+    }
+
+    /// Number of factors.
+    pub(super) fn count(&self) -> usize {
+        self.gammas.len()
+    }
+
+    /// α′ of a vertex of roughness `last`.
+    ///
+    /// What is roughened at all is at least as wide as the narrowest lobe that can be evaluated: all factors must tell
+    /// of the same vertices.
+    #[inline]
+    fn alpha(path: &PathRoughness, last: f32, gamma: f32) -> f32 {
+        if last >= 1.0 || path.values().iter().all(|&alpha| alpha <= 0.0) {
+            return last;
+        }
+        let alpha = path.accumulate(last, &ConstantGamma(gamma), 1.0);
+        alpha.max(DELTA_ALPHA).max(last.next_up())
+    }
+
+    /// α′ of the last vertex of a path with every factor.
+    pub(super) fn alphas(&self, list: &[f32]) -> impl Iterator<Item = f32> {
+        let (&last, before) = list.split_last().unwrap_or((&1.0, &[]));
+        self.gammas.iter().map(move |&gamma| {
+            let path = PathRoughness::of(before, &ConstantGamma(gamma));
+            Self::alpha(&path, last, gamma)
+        })
+    }
+
+    /// Sum of the densities of a direction over all draws.
+    pub(super) fn pdf(query: &LobeQuery, alphas: &[f32]) -> f32 {
+        alphas.iter().map(|&alpha| query.at(alpha).pdf_w).sum()
+    }
+
+    fn first(&self) -> f32 {
+        self.gammas.first().copied().unwrap_or_default()
+    }
+}
+
+impl Regulariser for &Drawn {
+    type Path = PathRoughness;
+    const ACTIVE: bool = true;
+    const REUSE: bool = false;
+
+    fn start(&self, _: u32) -> PathRoughness {
+        PathRoughness::default()
+    }
+
+    #[inline]
+    fn roughen(&self, path: &PathRoughness, alpha: f32) -> f32 {
+        Drawn::alpha(path, alpha, self.first())
+    }
+
+    #[inline]
+    fn scatter(&self, path: &mut PathRoughness, vertex: Scattered) {
+        path.push(vertex.alpha, &ConstantGamma(self.first()), 1.0);
+    }
+}
