@@ -78,3 +78,36 @@ impl Regulariser for &Drawn {
         path.push(vertex.alpha, &ConstantGamma(self.first()), 1.0);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_factors_tell_of_the_same_vertices() {
+        let drawn = Drawn::new(&[1e-3, 0.1, 1.0]);
+        let alphas = |list: &[f32]| drawn.alphas(list).collect::<Vec<f32>>();
+        // A Dirac lobe after a rough vertex: 1 − (1 − γ 0.5), no less than can be evaluated.
+        assert_eq!(alphas(&[0.5, 0.0]), [DELTA_ALPHA, 0.05, 0.5]);
+        // So little that it is lost to rounding is roughened all the same.
+        assert!(alphas(&[1e-6, 0.7])[0] > 0.7);
+        // Nothing to add, nothing to roughen.
+        for list in [&[0.0, 0.0, 0.2][..], &[0.2], &[0.5, 1.0]] {
+            let last = list[list.len() - 1];
+            assert_eq!(alphas(list), [last; 3], "{list:?}");
+        }
+        // The path tracer roughens by the first.
+        let rule = &drawn;
+        let mut path = rule.start(7);
+        assert_eq!(rule.roughen(&path, 0.3), 0.3);
+        rule.scatter(
+            &mut path,
+            Scattered {
+                alpha: 0.5,
+                pdf_w: 1.0,
+            },
+        );
+        assert_eq!(rule.roughen(&path, 0.0), DELTA_ALPHA);
+        assert_eq!(rule.roughen(&path, 0.3), alphas(&[0.5, 0.3])[0]);
+    }
+}
