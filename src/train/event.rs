@@ -17,7 +17,7 @@ use crate::bsdf::{DELTA_ALPHA, Distribution, LobeQuery, LobeShape};
 use crate::integrator::{Event, Technique};
 use crate::math::real::Real;
 
-/// An event, 64 bytes.
+/// An event, 60 bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StoredEvent {
     /// Throughput and light times the part of f·|cos| that does not depend on the roughness.
@@ -40,6 +40,8 @@ pub struct StoredEvent {
     /// Whether the light was not sampled but found.
     pub found: bool,
 }
+
+const _: () = assert!(size_of::<StoredEvent>() == 60);
 
 /// Mean and second moment of an event at one roughness.
 #[derive(Clone, Copy, Debug)]

@@ -196,7 +196,6 @@ fn a_recording_is_the_render_and_as_noisy_at_every_factor() {
         let total =
             |m: &Moments| -> (f32, f32) { (m.mean.iter().flatten().sum(), m.second.iter().sum()) };
         let (a, b) = (total(&replayed), total(&converged));
-        println!("{gamma} mean {} second {}", a.0 / b.0, a.1 / b.1);
         assert!((a.0 / b.0 - 1.0).abs() < 0.03, "{gamma}: mean {a:?} {b:?}");
         assert!(
             (a.1 / b.1 - 1.0).abs() < 0.15,
@@ -222,7 +221,10 @@ fn a_recording_is_the_render_and_as_noisy_at_every_factor() {
 fn the_gradient_of_replay_is_a_finite_difference() {
     let crop = crop(6);
     for lookup in [Lookup::Nearest, Lookup::Linear] {
-        let mut replay = Replay::new(crop.record(&[0.1], 96, 5).unwrap());
+        let mut replay = Replay::new(
+            crop.record(&Config::default().record_gammas, 96, 5)
+                .unwrap(),
+        );
         let table = uneven(lookup);
         let adjoint = adjoint(36);
         replay.moments(&table);
@@ -252,7 +254,7 @@ fn the_gradient_of_replay_is_a_finite_difference() {
 fn curves_agree_with_replay() {
     let crop = crop(8);
     for lookup in [Lookup::Nearest, Lookup::Linear] {
-        let recording = crop.record(&[0.05], 256, 7).unwrap();
+        let recording = (crop.record(&Config::default().record_gammas, 256, 7)).unwrap();
         let table = uneven(lookup);
         let mut curves = Curves::bake(&recording, &table);
         curves.anchor(&table);
@@ -274,7 +276,8 @@ fn curves_agree_with_replay() {
             let exact = curves.exact(table);
             let second = |m: &Moments| m.second.iter().sum::<f32>();
             for (e, a) in exact.mean.iter().flatten().zip(a.mean.iter().flatten()) {
-                assert!((e - a).abs() < 2e-3 * a, "{lookup:?}: {e} {a}");
+                // A level is up to 0.17 % in γ away, a peak changes by twice that.
+                assert!((e - a).abs() < 5e-3 * a, "{lookup:?}: {e} {a}");
             }
             assert!((second(&exact) / second(&a) - 1.0).abs() < 0.01);
             assert!((second(&a) / second(&b) - 1.0).abs() < 0.05);
