@@ -20,19 +20,37 @@ pub fn accumulate_with_gradient(alphas: &[f32], table: &AttenuationTable) -> (f3
     let Some((&last, before)) = alphas.split_last() else {
         return (0.0, Dependence::new());
     };
-    let mut prefix = PathRoughness::default();
-    // Derivatives of the folded value, the first one of the prefix.
-    let mut folded = Dependence::new();
+    let mut path = Differentiated::default();
     for &alpha in before {
-        if prefix.values().len() == MAX_VERTICES - 1 {
-            folded = gradient(&prefix, alpha, table, &folded);
-        }
-        prefix.push(alpha, table, 1.0);
+        path.push(alpha, table);
     }
-    (
-        prefix.accumulate(last, table, 1.0),
-        gradient(&prefix, last, table, &folded),
-    )
+    path.accumulate(last, table)
+}
+
+/// The vertices before the last, as [`PathRoughness`] folds them, with the derivatives of what is folded.
+#[derive(Clone, Debug, Default)]
+pub struct Differentiated {
+    prefix: PathRoughness,
+    /// Derivatives of the folded value, the first one of the prefix.
+    folded: Dependence,
+}
+
+impl Differentiated {
+    /// Appends a vertex.
+    pub fn push(&mut self, alpha: f32, table: &AttenuationTable) {
+        if self.prefix.values().len() == MAX_VERTICES - 1 {
+            self.folded = gradient(&self.prefix, alpha, table, &self.folded);
+        }
+        self.prefix.push(alpha, table, 1.0);
+    }
+
+    /// α′ of a last vertex of roughness `last`, and its derivative.
+    pub fn accumulate(&self, last: f32, table: &AttenuationTable) -> (f32, Dependence) {
+        (
+            self.prefix.accumulate(last, table, 1.0),
+            gradient(&self.prefix, last, table, &self.folded),
+        )
+    }
 }
 
 /// α′ of a path of at most five vertices where the factor is `gamma` whatever its class, and dα′/dγ.

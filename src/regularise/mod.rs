@@ -14,7 +14,7 @@ mod roughness;
 pub mod rules;
 mod table;
 
-pub use derivative::{Dependence, accumulate_at, accumulate_with_gradient};
+pub use derivative::{Dependence, Differentiated, accumulate_at, accumulate_with_gradient};
 pub use roughness::{
     BIN_EDGES, GammaIndex, LEVELS, MAX_VERTICES, PathRoughness, bin, bin_coordinate,
 };

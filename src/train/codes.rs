@@ -4,21 +4,95 @@
 //! computed per list ("code"), not per event.
 
 use crate::regularise::{
-    AttenuationTable, Dependence, GammaIndex, MAX_VERTICES, PathRoughness, accumulate_with_gradient,
+    AttenuationTable, Dependence, Differentiated, GammaIndex, MAX_VERTICES, PathRoughness,
 };
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// Codes that one thread takes at a time.
 const CHUNK: usize = 1024;
 
-/// Interned lists of own roughness, camera first, last vertex last.
-#[derive(Clone, Debug, Default)]
-pub struct Codes {
+/// Lists of roughness, camera first, last vertex last.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Lists {
     /// All lists, one after the other, and where each ends.
     values: Vec<f32>,
     ends: Vec<u32>,
+}
+
+impl Lists {
+    fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    fn list(&self, code: u32) -> &[f32] {
+        &self.values[range(&self.ends, code as usize)]
+    }
+
+    fn push(&mut self, list: &[f32]) {
+        self.values.extend(list);
+        self.ends.push(self.values.len() as u32);
+    }
+}
+
+/// Where the elements of a code are among those of all codes.
+fn range(ends: &[u32], code: usize) -> Range<usize> {
+    let start = code.checked_sub(1).map_or(0, |before| ends[before]);
+    start as usize..ends[code] as usize
+}
+
+/// Lists that come in while paths are traced, numbered as they come.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Interner {
+    lists: Lists,
     index: HashMap<Box<[u32]>, u32>,
+}
+
+impl Interner {
+    /// The number of a list.
+    pub(super) fn intern(&mut self, list: &[f32]) -> u32 {
+        let key: Box<[u32]> = list.iter().map(|a| a.to_bits()).collect();
+        let next = self.lists.len() as u32;
+        *self.index.entry(key).or_insert_with(|| {
+            self.lists.push(list);
+            next
+        })
+    }
+
+    /// How many lists there are.
+    pub(super) fn len(&self) -> usize {
+        self.lists.len()
+    }
+
+    /// The list with a number.
+    pub(super) fn list(&self, code: u32) -> &[f32] {
+        self.lists.list(code)
+    }
+
+    /// The codes of those lists that are `used`, and which of them each number has become.
+    pub(super) fn codes(&self, used: &[bool]) -> (Codes, Vec<u32>) {
+        let used = (0u32..).zip(used).filter(|(_, used)| **used);
+        let mut order: Vec<u32> = used.map(|(code, _)| code).collect();
+        order.sort_unstable_by(|&a, &b| {
+            let bits = |code| self.list(code).iter().map(|a| a.to_bits());
+            bits(a).cmp(bits(b))
+        });
+        let mut place = vec![0; self.len()];
+        for (new, &old) in (0u32..).zip(&order) {
+            place[old as usize] = new;
+        }
+        (Codes::of(order.iter().map(|&code| self.list(code))), place)
+    }
+}
+
+/// Distinct lists of own roughness of paths, camera first, last vertex last; such that begin alike are next to one
+/// another.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Codes {
+    lists: Lists,
+    /// With how many values of the list before it each begins.
+    shared: Vec<u32>,
 }
 
 /// α′ of all codes and what it depends on.
@@ -52,105 +126,95 @@ impl Roughness {
     }
 }
 
-/// Where the elements of a code are among those of all codes.
-fn range(ends: &[u32], code: usize) -> std::ops::Range<usize> {
-    let start = code.checked_sub(1).map_or(0, |before| ends[before]);
-    start as usize..ends[code] as usize
-}
-
-fn is_long(list: &[f32]) -> bool {
-    list.len() > MAX_VERTICES
-}
-
 impl Codes {
-    /// The code of a list.
-    pub fn intern(&mut self, list: &[f32]) -> u32 {
-        let key: Box<[u32]> = list.iter().map(|a| a.to_bits()).collect();
-        let next = self.ends.len() as u32;
-        *self.index.entry(key).or_insert_with(|| {
-            self.values.extend(list);
-            self.ends.push(self.values.len() as u32);
-            next
-        })
-    }
-
-    /// Takes over another set; the codes that its lists have here, in its order.
-    pub fn absorb(&mut self, other: &Self) -> Vec<u32> {
-        other.lists().map(|list| self.intern(list)).collect()
-    }
-
-    fn lists(&self) -> impl Iterator<Item = &[f32]> {
-        (0..self.len() as u32).map(|code| self.list(code))
+    fn of<'a>(lists: impl Iterator<Item = &'a [f32]>) -> Self {
+        let mut codes = Self::default();
+        let mut before: &[f32] = &[];
+        for list in lists {
+            let alike = before.iter().zip(list).take_while(|(a, b)| a == b);
+            codes.shared.push(alike.count() as u32);
+            codes.lists.push(list);
+            before = list;
+        }
+        codes
     }
 
     /// Number of codes.
     pub fn len(&self) -> usize {
-        self.ends.len()
+        self.lists.len()
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.ends.is_empty()
+        self.len() == 0
     }
 
     /// The list of a code.
     pub fn list(&self, code: u32) -> &[f32] {
-        &self.values[range(&self.ends, code as usize)]
+        self.lists.list(code)
+    }
+
+    /// Those of paths that fold, and where they are among all.
+    pub fn long(&self) -> (Self, Vec<u32>) {
+        let all = 0..self.len() as u32;
+        let long: Vec<u32> = all.filter(|&code| self.is_long(code)).collect();
+        (Self::of(long.iter().map(|&code| self.list(code))), long)
+    }
+
+    /// Follows the vertices before the last of every code with a state that `push` takes along, once for all codes that
+    /// begin alike; `visit` gets the state, the last vertex's roughness, and what a thread collects.
+    fn follow<S: Clone + Default, T: Default + Send>(
+        &self,
+        push: impl Fn(&mut S, f32) + Sync,
+        visit: impl Fn(&mut T, &S, f32) + Sync,
+    ) -> Vec<T> {
+        let chunks = (0..self.len()).into_par_iter().step_by(CHUNK);
+        let follow = |start: usize| {
+            let mut part = T::default();
+            // After 0, 1, 2 … vertices of the list at hand.
+            let mut states = vec![S::default()];
+            for code in start..self.len().min(start + CHUNK) {
+                let (&last, before) = (self.list(code as u32).split_last()).unwrap_or((&1.0, &[]));
+                let alike = (self.shared[code] as usize).min(before.len());
+                states.truncate(alike + 1);
+                for &alpha in &before[states.len() - 1..] {
+                    let mut state = states[states.len() - 1].clone();
+                    push(&mut state, alpha);
+                    states.push(state);
+                }
+                visit(&mut part, &states[states.len() - 1], last);
+            }
+            part
+        };
+        chunks.map(follow).collect()
+    }
+
+    /// α′ of every code.
+    pub fn alphas(&self, table: &AttenuationTable) -> Vec<f32> {
+        let parts = self.follow(
+            |path: &mut PathRoughness, alpha| path.push(alpha, table, 1.0),
+            |part: &mut Vec<f32>, path, last| part.push(path.accumulate(last, table, 1.0)),
+        );
+        parts.concat()
     }
 
     /// α′ and derivative of every code.
     pub fn roughness(&self, table: &AttenuationTable) -> Roughness {
-        self.roughness_of(table, |_| true)
-    }
-
-    /// α′ and derivative of the codes of paths that fold; of the others, zeros.
-    pub fn long_roughness(&self, table: &AttenuationTable) -> Roughness {
-        self.roughness_of(table, is_long)
-    }
-
-    fn roughness_of(
-        &self,
-        table: &AttenuationTable,
-        wanted: impl Fn(&[f32]) -> bool + Sync,
-    ) -> Roughness {
-        let codes: Vec<u32> = (0..self.len() as u32).collect();
-        let parts: Vec<Roughness> = (codes.par_chunks(CHUNK))
-            .map(|codes| {
-                let mut part = Roughness::default();
-                for &code in codes {
-                    let list = self.list(code);
-                    let (alpha, gradient) = match wanted(list) {
-                        true => accumulate_with_gradient(list, table),
-                        false => Default::default(),
-                    };
-                    part.alphas.push(alpha);
-                    part.entries.extend(gradient);
-                    part.ends.push(part.entries.len() as u32);
-                }
-                part
-            })
-            .collect();
-        parts
-            .into_iter()
-            .fold(Roughness::default(), Roughness::append)
-    }
-
-    /// α′ of the codes of paths that fold; of the others, zeros.
-    pub fn long_alphas(&self, table: &AttenuationTable) -> Vec<f32> {
-        (0..self.len() as u32)
-            .into_par_iter()
-            .map(|code| match self.list(code).split_last() {
-                Some((&last, before)) if self.is_long(code) => {
-                    PathRoughness::of(before, table).accumulate(last, table, 1.0)
-                }
-                _ => 0.0,
-            })
-            .collect()
+        let parts = self.follow(
+            |path: &mut Differentiated, alpha| path.push(alpha, table),
+            |part: &mut Roughness, path, last| {
+                let (alpha, gradient) = path.accumulate(last, table);
+                part.alphas.push(alpha);
+                part.entries.extend(gradient);
+                part.ends.push(part.entries.len() as u32);
+            },
+        );
+        (parts.into_iter()).fold(Roughness::default(), Roughness::append)
     }
 
     /// Whether a path folds: α′ then depends on the factors of more than one class.
     pub fn is_long(&self, code: u32) -> bool {
-        is_long(self.list(code))
+        self.list(code).len() > MAX_VERTICES
     }
 
     /// The table entries and weights that make the factor of a code that does not fold.
@@ -174,5 +238,46 @@ impl Codes {
             .map(|&a| crate::regularise::bin(a))
             .collect();
         GammaIndex::from_levels(&levels)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::regularise::accumulate_with_gradient;
+    use rand::{RngExt, SeedableRng};
+
+    #[test]
+    fn codes_that_begin_alike_are_followed_as_each_alone() {
+        let mut rng = rand_pcg::Pcg32::seed_from_u64(3);
+        let values = [0.0, 0.02, 0.1, 0.3, 0.7, 1.0];
+        let mut lists = Interner::default();
+        // More than a chunk, so that one begins in the middle of lists that begin alike.
+        for _ in 0..4 * CHUNK {
+            let n = rng.random_range(1..12);
+            let list: Vec<f32> = (0..n).map(|_| values[rng.random_range(0..6)]).collect();
+            let code = lists.intern(&list);
+            assert_eq!(lists.intern(&list), code);
+        }
+        let used: Vec<bool> = (0..lists.len()).map(|i| i % 7 != 0).collect();
+        let (codes, place) = lists.codes(&used);
+        assert_eq!(codes.len(), used.iter().filter(|u| **u).count());
+        assert!(codes.len() > 2 * CHUNK && codes.shared.iter().any(|&s| s > 3));
+        let mut table = AttenuationTable::constant(0.0);
+        table.gammas.fill_with(|| rng.random());
+        let (alphas, roughness) = (codes.alphas(&table), codes.roughness(&table));
+        for old in (0..lists.len() as u32).filter(|&old| used[old as usize]) {
+            let code = place[old as usize];
+            assert_eq!(codes.list(code), lists.list(old));
+            let (alpha, gradient) = accumulate_with_gradient(lists.list(old), &table);
+            assert_eq!(alphas[code as usize], alpha);
+            assert_eq!(roughness.at(code), (alpha, &gradient[..]));
+        }
+        let (long, all) = codes.long();
+        for (code, &of_all) in (0u32..).zip(&all) {
+            assert_eq!(long.list(code), codes.list(of_all));
+        }
+        let folds = (0..codes.len() as u32).filter(|&code| codes.is_long(code));
+        assert!(folds.eq(all));
     }
 }

@@ -10,7 +10,7 @@ use super::folded::Folded;
 use super::grid::{GAMMA_MIN, Level, NODES, Place, node, spacing};
 use super::moments::{Adjoint, Moments, Source, no_gradient};
 use super::recording::{Pixel, Recording};
-use super::sums::{Slopes, Sums, rows};
+use super::sums::{Slopes, Sums, add, rows};
 use crate::math::real::Dual;
 use crate::regularise::{AttenuationTable, GammaIndex, accumulate_at};
 use rayon::prelude::*;
@@ -26,7 +26,7 @@ struct Bundle {
     entries: Vec<(GammaIndex, f32)>,
     /// Node by node, pixel by pixel.
     knots: Vec<Knot>,
-    /// Where the factor was when the moments were last asked for.
+    /// The level next to where the factor was when the moments were last asked for.
     level: Option<Level>,
     /// Its pixels among those of all bundles.
     range: Range<usize>,
@@ -168,19 +168,20 @@ fn bundle(
     let bundles = (entries.into_iter().zip(members))
         .filter(|(_, members)| !members.is_empty())
         .map(|(entries, members)| {
-            let start = slopes.pixels.len();
-            slopes.pixels.extend(members.iter().map(|m| m.0));
+            let start = slopes.len();
+            for (pixel, _) in &members {
+                slopes.push(*pixel);
+            }
             Bundle {
                 entries,
                 knots: (0..NODES)
                     .flat_map(|k| members.iter().map(move |m| m.1[k]))
                     .collect(),
                 level: None,
-                range: start..slopes.pixels.len(),
+                range: start..slopes.len(),
             }
         })
         .collect();
-    slopes.values = vec![[0.0; 4]; slopes.pixels.len()];
     (bundles, slopes)
 }
 
@@ -227,10 +228,10 @@ impl Bundle {
     }
 
     /// Adds the curves' values at the table's factor to the moments.
-    fn add(&self, table: &AttenuationTable, pixels: &[u32], moments: &mut Moments) {
+    fn add(&self, table: &AttenuationTable, slopes: &Slopes, moments: &mut Moments) {
         let place = Place::of(self.factor(table).into());
         let (low, high) = self.knots(&place);
-        for ((&pixel, a), b) in pixels[self.range.clone()].iter().zip(low).zip(high) {
+        for ((&pixel, a), b) in slopes.pixels(self.range.clone()).iter().zip(low).zip(high) {
             let v = read(a, b, place.value);
             let mean = &mut moments.mean[pixel as usize];
             for c in 0..3 {
@@ -240,22 +241,18 @@ impl Bundle {
         }
     }
 
-    /// Goes to the level of the table's factor: the curves' values into the sums, and their slopes.
-    fn step(&mut self, table: &AttenuationTable, slopes: &mut Slopes, sums: &mut Sums) {
-        let level = Level::of(self.factor(table));
-        if self.level == Some(level) {
-            return;
-        }
+    /// Goes to the level next to the table's factor: the curves' values into the sums, and their slopes.
+    fn step(&mut self, level: Level, slopes: &mut Slopes, sums: &mut Sums) {
         let before = self.level.replace(level).map(Level::place);
         let place = level.place();
         let (low, high) = self.knots(&place);
         let old = before.map(|b| (b.value, self.knots(&b)));
-        let pixels = slopes.pixels[self.range.clone()].iter();
-        let values = slopes.values[self.range.clone()].iter_mut();
-        for (i, (&pixel, slope)) in pixels.zip(values).enumerate() {
+        for (i, at) in self.range.clone().enumerate() {
             let old = old.map_or([0.0; 4], |(w, (low, high))| read(&low[i], &high[i], w));
-            sums.exchange(pixel, old, read(&low[i], &high[i], place.value));
-            *slope = read(&low[i], &high[i], place.slope);
+            let new = read(&low[i], &high[i], place.value);
+            let pixel = slopes.pixels(self.range.clone())[i];
+            sums.exchange(pixel, old, new);
+            slopes.set(at, pixel, read(&low[i], &high[i], place.slope));
         }
     }
 }
@@ -263,19 +260,27 @@ impl Bundle {
 impl Source for Curves {
     fn moments(&mut self, table: &AttenuationTable) -> Moments {
         for bundle in &mut self.bundles {
-            bundle.step(table, &mut self.slopes, &mut self.sums);
+            let level = Level::of(bundle.factor(table));
+            if bundle.level != Some(level) {
+                bundle.step(level, &mut self.slopes, &mut self.sums);
+            }
         }
-        self.folded.step(table);
+        let mut rows = self.sums.rows();
+        for bundle in &self.bundles {
+            let from = bundle.level.map_or(0.0, Level::gamma);
+            let by = bundle.factor(table) - from;
+            self.slopes.follow(bundle.range.clone(), by, &mut rows);
+        }
+        self.folded.follow(table, &mut rows);
         let mut moments = self.constant.clone();
-        self.sums.add_to(&mut moments);
-        self.folded.add(&mut moments);
+        add(&rows, &mut moments);
         moments
     }
 
     fn exact(&mut self, table: &AttenuationTable) -> Moments {
         let mut moments = self.constant.clone();
         for bundle in &self.bundles {
-            bundle.add(table, &self.slopes.pixels, &mut moments);
+            bundle.add(table, &self.slopes, &mut moments);
         }
         self.folded.add_exact(table, &mut moments);
         moments

@@ -13,7 +13,7 @@ use crate::sampler::Independent;
 use crate::scene::load::{LoadError, LoadOptions, load};
 use crate::scene::manifest::{CROP, Entry, Manifest, ManifestError, Role};
 use crate::scene::{Camera, Scene};
-use crate::train::recording::Recording;
+use crate::train::recording::{Recording, Tape};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -137,8 +137,8 @@ impl Crop {
     /// Records the events of samples `0..spp`, lobes drawn with each of these constant factors.
     pub fn record(&self, gammas: &[f32], spp: u32, seed: u64) -> Result<Recording, DatasetError> {
         let drawn = Arc::new(Drawn::new(gammas));
-        let recording = Recording::drawn(self.window, drawn.clone());
-        self.trace(&*drawn, recording, spp, seed)
+        let tape = Tape::drawn(self.window, drawn.clone());
+        self.trace(&*drawn, tape, spp, seed)
     }
 
     /// Records the events of samples `0..spp` with this attenuation.
@@ -148,13 +148,13 @@ impl Crop {
         spp: u32,
         seed: u64,
     ) -> Result<Recording, DatasetError> {
-        self.trace(rule, Recording::new(self.window), spp, seed)
+        self.trace(rule, Tape::new(self.window), spp, seed)
     }
 
     fn trace<R: Regulariser>(
         &self,
         rule: R,
-        mut recording: Recording,
+        mut tape: Tape,
         spp: u32,
         seed: u64,
     ) -> Result<Recording, DatasetError> {
@@ -166,9 +166,9 @@ impl Crop {
             &Independent { seed },
             0..spp,
             &mut film,
-            &mut recording,
+            &mut tape,
         );
-        Ok(recording)
+        Ok(tape.into())
     }
 
     /// What a pilot does to a table for a render of `samples` samples per pixel, without the reference.

@@ -8,7 +8,11 @@
 use crate::bsdf::{DELTA_ALPHA, LobeQuery};
 use crate::regularise::{ConstantGamma, PathRoughness, Regulariser, Scattered};
 
-/// Constant factors that lobes are drawn with; also the rule of a path tracer that roughens by the first.
+/// A lobe that is wider than another by less than this is not drawn beside it: the factors are told apart by what they do
+/// to a mirror, and most do little to a surface that is rough by itself.
+const ALIKE: f32 = 1.7;
+
+/// Constant factors that lobes are drawn with, ascending; also the rule of a path tracer that roughens by the first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawn {
     gammas: Vec<f32>,
@@ -17,14 +21,9 @@ pub struct Drawn {
 impl Drawn {
     /// These factors, at least one.
     pub fn new(gammas: &[f32]) -> Self {
-        Self {
-            gammas: gammas.to_vec(),
-        }
-    }
-
-    /// Number of factors.
-    pub(super) fn count(&self) -> usize {
-        self.gammas.len()
+        let mut gammas = gammas.to_vec();
+        gammas.sort_by(f32::total_cmp);
+        Self { gammas }
     }
 
     /// α′ of a vertex of roughness `last`.
@@ -40,13 +39,18 @@ impl Drawn {
         alpha.max(DELTA_ALPHA).max(last.next_up())
     }
 
-    /// α′ of the last vertex of a path with every factor.
-    pub(super) fn alphas(&self, list: &[f32]) -> impl Iterator<Item = f32> {
+    /// Appends α′ of the last vertex of a path with every factor, but for those that are [`ALIKE`].
+    pub(super) fn alphas(&self, list: &[f32], alphas: &mut Vec<f32>) {
         let (&last, before) = list.split_last().unwrap_or((&1.0, &[]));
-        self.gammas.iter().map(move |&gamma| {
+        let mut widest = f32::NEG_INFINITY;
+        for &gamma in &self.gammas {
             let path = PathRoughness::of(before, &ConstantGamma(gamma));
-            Self::alpha(&path, last, gamma)
-        })
+            let alpha = Self::alpha(&path, last, gamma);
+            if alpha > widest * ALIKE {
+                alphas.push(alpha);
+                widest = alpha;
+            }
+        }
     }
 
     /// Sum of the densities of a direction over all draws.
@@ -84,17 +88,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_factors_tell_of_the_same_vertices() {
-        let drawn = Drawn::new(&[1e-3, 0.1, 1.0]);
-        let alphas = |list: &[f32]| drawn.alphas(list).collect::<Vec<f32>>();
+    fn lobes_that_are_alike_are_drawn_once() {
+        let drawn = Drawn::new(&[1e-3, 0.1, 0.2, 1.0]);
+        let alphas = |list: &[f32]| {
+            let mut alphas = Vec::new();
+            drawn.alphas(list, &mut alphas);
+            alphas
+        };
         // A Dirac lobe after a rough vertex: 1 − (1 − γ 0.5), no less than can be evaluated.
-        assert_eq!(alphas(&[0.5, 0.0]), [DELTA_ALPHA, 0.05, 0.5]);
+        assert_eq!(alphas(&[0.5, 0.0]), [DELTA_ALPHA, 0.05, 0.1, 0.5]);
+        // 0.20, 0.24, 0.28 and 0.6.
+        assert_eq!(alphas(&[0.5, 0.2]).len(), 2);
+        assert_eq!(alphas(&[0.5, 0.7]).len(), 1);
         // So little that it is lost to rounding is roughened all the same.
         assert!(alphas(&[1e-6, 0.7])[0] > 0.7);
         // Nothing to add, nothing to roughen.
-        for list in [&[0.0, 0.0, 0.2][..], &[0.2], &[0.5, 1.0]] {
+        for list in [&[0.0, 0.0][..], &[0.0, 0.0, 0.2], &[0.2], &[0.5, 1.0]] {
             let last = list[list.len() - 1];
-            assert_eq!(alphas(list), [last; 3], "{list:?}");
+            assert_eq!(alphas(list), [last], "{list:?}");
         }
         // The path tracer roughens by the first.
         let rule = &drawn;

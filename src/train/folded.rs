@@ -5,13 +5,13 @@
 
 use super::codes::Codes;
 use super::event::StoredEvent;
-use super::grid::Level;
 use super::moments::Moments;
 use super::recording::Recording;
-use super::sums::{Slopes, Sums};
+use super::sums::{Row, Slopes};
 use crate::math::real::Dual;
 use crate::regularise::{AttenuationTable, GammaIndex, LEN};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// An event, what else its path carries, and the share of a sample in its pixel's mean.
 struct Member {
@@ -22,26 +22,18 @@ struct Member {
 /// The folded events of a crop.
 #[derive(Default)]
 pub(super) struct Folded {
+    /// Those of the events, all of them long.
     codes: Codes,
     /// By pixel; the number of samples beside them.
     pixels: Vec<(f64, Vec<Member>)>,
     /// The table of the tangent.
     at: Option<AttenuationTable>,
-    value: Moments,
-    /// The tangent, by class.
-    tangents: Vec<Tangent>,
-    /// Of all tangents at their levels.
-    sums: Sums,
+    value: Vec<Row>,
+    /// The tangent, class by class, and where each class ends.
+    tangents: Slopes,
+    ends: Vec<usize>,
     /// Σ |d mean / d ln γ| of every class at the anchor.
     weights: Vec<f64>,
-}
-
-/// The tangent of one class.
-#[derive(Default)]
-struct Tangent {
-    /// Where the factor was when the moments were last asked for, and how far that is from the anchor.
-    level: Option<(Level, f32)>,
-    slopes: Slopes,
 }
 
 /// Moments of one pixel's folded events, and their derivatives by the classes that they depend on, in their order.
@@ -91,22 +83,29 @@ impl Scratch {
 
 impl Folded {
     pub(super) fn new(recording: &Recording) -> Self {
+        let (codes, all) = recording.codes.long();
+        let mut place = vec![None; recording.codes.len()];
+        for (code, of_all) in (0u32..).zip(all) {
+            place[of_all as usize] = Some(code);
+        }
         let pixels = (recording.pixels.iter())
             .map(|pixel| {
                 let mut members = Vec::new();
                 for path in &pixel.paths {
                     let events = &recording.events[path.first as usize..][..path.count as usize];
-                    let long = events.iter().filter(|e| recording.codes.is_long(e.code));
-                    members.extend(long.map(|&event| Member {
-                        constant: path.constant,
-                        event,
-                    }));
+                    for &(mut event) in events {
+                        if let Some(code) = place[event.code as usize] {
+                            event.code = code;
+                            let constant = path.constant;
+                            members.push(Member { constant, event });
+                        }
+                    }
                 }
                 (f64::from(pixel.samples.max(1)), members)
             })
             .collect();
         Self {
-            codes: recording.codes.clone(),
+            codes,
             pixels,
             ..Self::default()
         }
@@ -114,8 +113,7 @@ impl Folded {
 
     pub(super) fn bytes(&self) -> usize {
         let members: usize = self.pixels.iter().map(|p| p.1.len()).sum();
-        let slopes: usize = self.tangents.iter().map(|t| t.slopes.pixels.len()).sum();
-        members * size_of::<Member>() + slopes * size_of::<(u32, [f32; 4])>()
+        members * size_of::<Member>() + self.tangents.len() * size_of::<(u32, Row)>()
     }
 
     /// See [`Source::movement`](super::moments::Source::movement).
@@ -143,7 +141,7 @@ impl Folded {
         if self.is_empty() {
             return;
         }
-        let roughness = self.codes.long_roughness(table);
+        let roughness = self.codes.roughness(table);
         let evaluated: Vec<Evaluated> = (self.pixels.par_iter())
             .map_init(Scratch::default, |scratch, (samples, members)| {
                 let mut sum = [0.0; 4];
@@ -170,68 +168,50 @@ impl Folded {
                 (sum, scratch.take())
             })
             .collect();
-        self.value = Moments::zero(evaluated.len());
+        self.value.clear();
         self.weights = vec![0.0; LEN];
-        self.tangents.clear();
-        self.tangents.resize_with(LEN, Tangent::default);
-        let mut bound = [0.0f64; 4];
+        self.ends = vec![0; LEN];
+        for (class, _) in evaluated.iter().flat_map(|(_, slopes)| slopes) {
+            self.ends[usize::from(*class)] += 1;
+        }
+        let mut count = 0;
+        for end in &mut self.ends {
+            // Where the class begins, until its pixels are in.
+            count += std::mem::replace(end, count);
+        }
+        self.tangents = Slopes::zero(count);
         for (pixel, (sum, slopes)) in (0u32..).zip(evaluated) {
-            self.value.mean[pixel as usize] = [sum[0] as f32, sum[1] as f32, sum[2] as f32];
-            self.value.second[pixel as usize] = sum[3] as f32;
-            let mut steepest = [0.0f64; 4];
+            self.value.push(sum.map(|s| s as f32));
             for (class, slope) in slopes {
                 let class = usize::from(class);
                 let light = slope[0].abs() + slope[1].abs() + slope[2].abs();
                 self.weights[class] += light * f64::from(table.gammas[class]);
-                let tangent = &mut self.tangents[class].slopes;
-                tangent.pixels.push(pixel);
-                tangent.values.push(slope.map(|s| s as f32));
-                for (sum, s) in steepest.iter_mut().zip(slope) {
-                    *sum += if s.is_finite() { s.abs() } else { 0.0 };
-                }
+                let slope = slope.map(|s| s as f32);
+                self.tangents.set(self.ends[class], pixel, slope);
+                self.ends[class] += 1;
             }
-            // Factors move by at most 1.
-            bound = [0, 1, 2, 3].map(|c| bound[c].max(steepest[c]));
         }
-        self.sums = Sums::new(self.value.mean.len(), bound);
         self.at = Some(table.clone());
     }
 
-    /// Follows the tangent to the levels of a table.
-    pub(super) fn step(&mut self, table: &AttenuationTable) {
-        let Some(at) = &self.at else { return };
-        let factors = at.gammas.iter().zip(table.gammas.iter());
-        for (tangent, (&from, &to)) in self.tangents.iter_mut().zip(factors) {
-            if tangent.slopes.pixels.is_empty() {
-                continue;
-            }
-            let level = Level::of(to);
-            if tangent.level.is_some_and(|(l, _)| l == level) {
-                continue;
-            }
-            let moved = level.gamma() - from;
-            let before = tangent.level.replace((level, moved)).map_or(0.0, |l| l.1);
-            for (&pixel, slope) in tangent.slopes.pixels.iter().zip(&tangent.slopes.values) {
-                let along = |moved: f32| slope.map(|s| s * moved);
-                self.sums.exchange(pixel, along(before), along(moved));
-            }
-        }
+    /// Where the tangents of the classes are.
+    fn ranges(&self) -> impl Iterator<Item = Range<usize>> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts.zip(&self.ends).map(|(start, &end)| start..end)
     }
 
-    /// Adds the events to the moments, by the tangent from the anchor to where it was followed last.
-    pub(super) fn add(&self, moments: &mut Moments) {
-        if self.at.is_none() {
-            return;
-        }
-        let values = self.value.mean.iter().zip(&self.value.second);
-        let pixels = moments.mean.iter_mut().zip(&mut moments.second);
-        for ((mean, second), (value, value2)) in pixels.zip(values) {
-            for (m, v) in mean.iter_mut().zip(value) {
-                *m += v;
+    /// Adds the events to the rows of their pixels, by the tangent from the anchor to a table.
+    pub(super) fn follow(&self, table: &AttenuationTable, rows: &mut [Row]) {
+        let Some(at) = &self.at else { return };
+        for (row, value) in rows.iter_mut().zip(&self.value) {
+            for c in 0..4 {
+                row[c] += value[c];
             }
-            *second += value2;
         }
-        self.sums.add_to(moments);
+        let factors = at.gammas.iter().zip(table.gammas.iter());
+        for (range, (&from, &to)) in self.ranges().zip(factors) {
+            self.tangents.follow(range, to - from, rows);
+        }
     }
 
     /// Adds the events to the moments, each evaluated at the table.
@@ -239,7 +219,7 @@ impl Folded {
         if self.is_empty() {
             return;
         }
-        let alphas = self.codes.long_alphas(table);
+        let alphas = self.codes.alphas(table);
         let sums: Vec<[f64; 4]> = (self.pixels.par_iter())
             .map(|(samples, members)| {
                 let mut sum = [0.0; 4];
@@ -264,10 +244,9 @@ impl Folded {
     }
 
     /// Adds dL/dγ.
-    pub(super) fn gradient(&self, adjoint: &[[f32; 4]], gradient: &mut [f64]) {
-        for (g, tangent) in gradient.iter_mut().zip(&self.tangents) {
-            let all = 0..tangent.slopes.pixels.len();
-            *g += tangent.slopes.gradient(all, adjoint);
+    pub(super) fn gradient(&self, adjoint: &[Row], gradient: &mut [f64]) {
+        for (g, range) in gradient.iter_mut().zip(self.ranges()) {
+            *g += self.tangents.gradient(range, adjoint);
         }
     }
 }

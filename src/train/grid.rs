@@ -1,4 +1,5 @@
-//! The values of γ that curves are sampled at, cubic interpolation between them, and the levels that training steps on.
+//! The values of γ that curves are sampled at, cubic interpolation between them, and the levels where training takes
+//! their tangents.
 
 /// Values of γ at which curves are sampled, evenly in ln γ.
 pub(super) const NODES: usize = 17;
@@ -6,8 +7,9 @@ pub(super) const NODES: usize = 17;
 /// The smallest factor that is learned: at exactly 0 a Dirac lobe stays one, and the gradient is gone for ever.
 pub(super) const GAMMA_MIN: f32 = 1e-3;
 
-/// Levels between two nodes: 0.34 % in γ.
-const LEVELS: u32 = 128;
+/// Levels between two nodes: 5.5 % in γ. Half of that along a tangent leaves an error of at most 0.04 % of a curve that
+/// bends as γ² does.
+const LEVELS: u32 = 8;
 
 /// Distance of the nodes in ln γ.
 pub(super) fn spacing() -> f64 {
@@ -67,10 +69,10 @@ impl Place {
     }
 }
 
-/// One of the values of γ that a training step tells apart.
+/// One of the values of γ where the tangents of curves are taken.
 ///
-/// A step of Adam moves a factor by less than a curve can tell. What is kept by level need not be evaluated again until
-/// the factor has reached the next one, and depends on nothing but the level.
+/// A step of Adam moves a factor by little. The curves need not be evaluated again until it has reached the next level,
+/// and what is kept depends on nothing but the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Level(u32);
 

@@ -70,20 +70,32 @@ pub struct Objective {
     parts: Vec<Part>,
 }
 
+fn matrix(values: Vec<f32>, shape: [usize; 2]) -> Tensor<2> {
+    Tensor::from_data(TensorData::new(values, shape), &device().autodiff())
+}
+
+fn row(values: Vec<f32>) -> Tensor<2> {
+    let n = values.len();
+    matrix(values, [1, n])
+}
+
+fn column(values: Vec<f32>) -> Tensor<2> {
+    let n = values.len();
+    matrix(values, [n, 1])
+}
+
 /// The loss of one crop as a part of the whole.
 struct Part {
     /// What radiance is multiplied by.
     scale: f32,
-    /// Weight of the sum of relative errors.
-    mape: f32,
-    /// Weight of the sum of variances, β included.
-    variance: f32,
     /// N/(N − 1).
     bessel: f32,
     references: Vec<f32>,
     reference: Tensor<2>,
-    /// 1 / (f + ε).
-    inverse: Tensor<2>,
+    /// Weights of the absolute errors, the squared means, the second moments.
+    errors: Tensor<2>,
+    squares: Tensor<2>,
+    seconds: Tensor<2>,
 }
 
 impl Part {
@@ -92,43 +104,37 @@ impl Part {
         let references: Vec<f32> = (target.reference.iter().flatten())
             .map(|v| v * scale)
             .collect();
-        let inverse = references.iter().map(|f| 1.0 / (f + EPSILON)).collect();
-        let device = device().autodiff();
-        let rows = target.reference.len();
-        let tensor = |v: Vec<f32>| Tensor::from_data(TensorData::new(v, [rows, 3]), &device);
         let n = target.samples.max(2) as f32;
-        let mape = 1.0 / (3 * total) as f32;
+        let share = 1.0 / (3 * total) as f32;
         let bessel = n / (n - 1.0);
+        let pixels = target.reference.len();
+        let errors = references.iter().map(|f| share / (f + EPSILON)).collect();
         Self {
             scale,
-            mape,
-            variance: beta * bessel * mape,
             bessel,
-            reference: tensor(references.clone()),
-            inverse: tensor(inverse),
+            reference: row(references.clone()),
+            errors: column(errors),
+            squares: column(vec![beta * bessel * share; 3 * pixels]),
+            seconds: column(vec![beta * bessel * share; pixels]),
             references,
         }
     }
 
     /// The crop's share of the loss, and its derivative by the moments.
     fn evaluate(&self, moments: &Moments) -> (f32, Adjoint) {
-        let device = device().autodiff();
         let (mean, second) = self.scaled(moments);
-        let rows = second.len();
-        let leaf = |v: Vec<f32>, columns| {
-            Tensor::<2>::from_data(TensorData::new(v, [rows, columns]), &device).require_grad()
-        };
-        let (mean, second) = (leaf(mean, 3), leaf(second, 1));
-        let errors = (mean.clone() - self.reference.clone()).abs() * self.inverse.clone();
-        let variances = second.clone().sum() - (mean.clone() * mean.clone()).sum();
-        let loss = errors.sum() * self.mape + variances * self.variance;
+        let (mean, second) = (row(mean).require_grad(), row(second).require_grad());
+        // Sums as products with columns of weights: their gradients are columns, not one number seen n times.
+        let errors = (mean.clone() - self.reference.clone()).abs();
+        let squares = mean.clone() * mean.clone();
+        let loss = errors.matmul(self.errors.clone()) - squares.matmul(self.squares.clone())
+            + second.clone().matmul(self.seconds.clone());
         let value: f32 = loss.clone().into_scalar();
-        let gradients = loss.backward();
-        let values = |tensor: &Tensor<2>| -> Vec<f32> {
-            tensor
-                .grad(&gradients)
-                .and_then(|g| g.to_data().try_to_vec().ok())
-                .unwrap_or_default()
+        let mut gradients = loss.backward();
+        // Taken out: what somebody else still holds would be copied number by number.
+        let mut values = |tensor: &Tensor<2>| -> Vec<f32> {
+            let gradient = tensor.grad_remove(&mut gradients);
+            (gradient.and_then(|g| g.into_data().try_into_vec().ok())).unwrap_or_default()
         };
         let s = self.scale;
         let adjoint = Adjoint {

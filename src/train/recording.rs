@@ -1,6 +1,6 @@
 //! What a crop's paths depend on the table with: a constant for every path, and its events.
 
-use super::codes::Codes;
+use super::codes::{Codes, Interner};
 use super::drawn::Drawn;
 use super::event::StoredEvent;
 use crate::image::film::Window;
@@ -32,20 +32,34 @@ pub struct Pixel {
     pub paths: Vec<Path>,
 }
 
-/// A recorder of events; fork it for tiles of the same crop.
-#[derive(Clone, Debug)]
+/// The paths of a crop.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
-    window: Window,
     /// Row by row.
     pub pixels: Vec<Pixel>,
     /// Events of all paths.
     pub events: Vec<StoredEvent>,
     /// Roughness lists of the events.
     pub codes: Codes,
+}
+
+/// A recorder of events, which becomes a [`Recording`]; fork it for tiles of the same crop.
+#[derive(Clone, Debug)]
+pub struct Tape {
+    window: Window,
+    /// Row by row.
+    pixels: Vec<Pixel>,
+    /// Events of all paths.
+    events: Vec<StoredEvent>,
+    /// Roughness lists of the events, and of vertices that none came from.
+    codes: Interner,
     /// What lobes are drawn with.
     drawn: Option<Arc<Drawn>>,
-    /// α′ of every code with each of its factors, while paths are traced.
-    at: Vec<f32>,
+    /// α′ of the lobes that are drawn at the last vertex of every code, and where they end.
+    drawn_at: Vec<f32>,
+    drawn_ends: Vec<usize>,
+    /// The code of the vertex at hand.
+    here: Option<(f32, u32)>,
     /// Own roughness of the current path's vertices.
     alphas: Vec<f32>,
     current: usize,
@@ -54,7 +68,34 @@ pub struct Recording {
     counted: Rgb,
 }
 
+impl From<Tape> for Recording {
+    fn from(tape: Tape) -> Self {
+        let mut used = vec![false; tape.codes.len()];
+        for event in &tape.events {
+            used[event.code as usize] = true;
+        }
+        let (codes, place) = tape.codes.codes(&used);
+        let mut events = tape.events;
+        for event in &mut events {
+            event.code = place[event.code as usize];
+        }
+        Self {
+            pixels: tape.pixels,
+            events,
+            codes,
+        }
+    }
+}
+
 impl Recording {
+    /// Bytes held, near enough.
+    pub fn bytes(&self) -> usize {
+        let paths: usize = self.pixels.iter().map(|p| p.paths.len()).sum();
+        size_of_val(self.events.as_slice()) + paths * size_of::<Path>()
+    }
+}
+
+impl Tape {
     /// An empty recording of a crop whose lobes are drawn with several factors.
     pub fn drawn(window: Window, drawn: Arc<Drawn>) -> Self {
         Self {
@@ -69,9 +110,11 @@ impl Recording {
             window,
             pixels: vec![Pixel::default(); window.len()],
             events: Vec::new(),
-            codes: Codes::default(),
+            codes: Interner::default(),
             drawn: None,
-            at: Vec::new(),
+            drawn_at: Vec::new(),
+            drawn_ends: Vec::new(),
+            here: None,
             alphas: Vec::new(),
             current: 0,
             first: 0,
@@ -81,55 +124,62 @@ impl Recording {
 
     /// The code of the current path as it ends with a vertex of this roughness.
     fn code(&mut self, alpha: f32) -> u32 {
+        if let Some((known, code)) = self.here
+            && known == alpha
+        {
+            return code;
+        }
         self.alphas.push(alpha);
         let known = self.codes.len();
         let code = self.codes.intern(&self.alphas);
         if self.codes.len() > known
             && let Some(drawn) = &self.drawn
         {
-            self.at.extend(drawn.alphas(&self.alphas));
+            drawn.alphas(&self.alphas, &mut self.drawn_at);
+            self.drawn_ends.push(self.drawn_at.len());
         }
         self.alphas.pop();
+        self.here = Some((alpha, code));
         code
     }
 
-    /// Bytes held, near enough.
-    pub fn bytes(&self) -> usize {
-        let paths: usize = self.pixels.iter().map(|p| p.paths.len()).sum();
-        size_of_val(self.events.as_slice()) + paths * size_of::<Path>()
+    /// α′ of the lobes that are drawn at the last vertex of a code.
+    fn drawn_at(&self, code: u32) -> &[f32] {
+        let code = code as usize;
+        let start = code.checked_sub(1).map_or(0, |c| self.drawn_ends[c]);
+        &self.drawn_at[start..self.drawn_ends[code]]
     }
 }
 
-impl PathObserver for Recording {
+impl PathObserver for Tape {
     const EVENTS: bool = true;
 
     fn begin(&mut self, pixel: UVec2, _: u32) {
         let (x, y) = (pixel.x - self.window.x, pixel.y - self.window.y);
         self.current = y as usize * self.window.w as usize + x as usize;
         self.alphas.clear();
+        self.here = None;
         self.first = self.events.len();
         self.counted = Rgb::ZERO;
     }
 
     fn draws(&mut self, alpha: f32) -> Vec<f32> {
-        let Some(count) = self.drawn.as_ref().map(|drawn| drawn.count()) else {
+        if self.drawn.is_none() {
             return Vec::new();
-        };
-        let code = self.code(alpha) as usize;
+        }
+        let code = self.code(alpha);
         // The tracer draws with the first itself.
-        self.at[code * count..][1..count].to_vec()
+        self.drawn_at(code)[1..].to_vec()
     }
 
     fn event(&mut self, event: &Event) {
         let code = self.code(event.alpha);
         let found = event.query.at(event.alpha_reg);
-        let (drawn, draws) = match &self.drawn {
-            None => (found.pdf_w, 1),
-            Some(drawn) => {
-                let at = code as usize * drawn.count();
-                let alphas = &self.at[at..][..drawn.count()];
-                (Drawn::pdf(&event.query, alphas), drawn.count())
-            }
+        let (drawn, draws) = if self.drawn.is_some() {
+            let alphas = self.drawn_at(code);
+            (Drawn::pdf(&event.query, alphas), alphas.len())
+        } else {
+            (found.pdf_w, 1)
         };
         if let Some(kept) = StoredEvent::new(event, drawn, draws, code) {
             self.events.push(kept);
@@ -145,6 +195,7 @@ impl PathObserver for Recording {
     }
 
     fn scattered(&mut self, alpha: f32) {
+        self.here = None;
         self.alphas.push(alpha);
     }
 
@@ -175,7 +226,7 @@ impl PathObserver for Recording {
     }
 }
 
-impl Recorder for Recording {
+impl Recorder for Tape {
     fn fork(&self) -> Self {
         match &self.drawn {
             Some(drawn) => Self::drawn(self.window, drawn.clone()),
@@ -184,10 +235,13 @@ impl Recorder for Recording {
     }
 
     fn join(&mut self, tile: Self) {
-        let codes = self.codes.absorb(&tile.codes);
+        // The numbers of the tile's lists that have events.
+        let mut codes = vec![None; tile.codes.len()];
         let offset = self.events.len() as u32;
         self.events.extend(tile.events.into_iter().map(|mut event| {
-            event.code = codes[event.code as usize];
+            let code = &mut codes[event.code as usize];
+            event.code =
+                *code.get_or_insert_with(|| self.codes.intern(tile.codes.list(event.code)));
             event
         }));
         for (pixel, other) in self.pixels.iter_mut().zip(tile.pixels) {

@@ -136,13 +136,15 @@ fn energy(losses: &[CropLoss]) -> f32 {
     losses.iter().map(|l| l.energy).sum::<f32>() / losses.len().max(1) as f32
 }
 
-/// Scores of tables beside constants: the best one of the crops themselves, and one chosen elsewhere.
+/// Scores of tables beside constants: the best one of the crops themselves, and one chosen elsewhere; in `hindsight`
+/// also with the change to each table that suits the crops best.
 pub fn scores(
     set: &mut Set,
     beta: f32,
     own: f32,
     elsewhere: f32,
     tables: &[(&str, &AttenuationTable)],
+    hindsight: bool,
 ) -> Vec<Score> {
     let lookup = tables.first().map_or(Lookup::Nearest, |t| t.1.lookup);
     let mut all = vec![
@@ -163,6 +165,9 @@ pub fn scores(
     ];
     for (name, table) in tables {
         all.push(score(set, beta, name, None, table));
+        if !hindsight {
+            continue;
+        }
         let changes = best_changes(set, beta, table);
         let mut best = changes[0];
         for change in changes {
@@ -245,7 +250,7 @@ pub fn leave_one_out(
         let (full, additive) = learned?;
         let tables = [("full table", &full), ("additive table", &additive)];
         let own = best_constant(&mut held, beta, config.lookup);
-        let mut scores = scores(&mut held, beta, own, elsewhere, &tables);
+        let mut scores = scores(&mut held, beta, own, elsewhere, &tables, true);
         for (name, table) in tables {
             let name = format!("{name}, pilot's scale and contrast");
             scores.push(piloted(&mut held, beta, &name, table, config.spp)?);

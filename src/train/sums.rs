@@ -33,41 +33,99 @@ impl Sums {
         }
     }
 
-    /// Adds the sums to moments.
-    pub(super) fn add_to(&self, moments: &mut Moments) {
-        let pixels = moments.mean.iter_mut().zip(&mut moments.second);
-        for ((mean, second), sum) in pixels.zip(&self.pixels) {
-            for (m, s) in mean.iter_mut().zip(sum) {
-                *m += *s as f32;
-            }
-            *second += sum[3] as f32;
-        }
+    /// The sums, pixel by pixel.
+    pub(super) fn rows(&self) -> Vec<Row> {
+        let rows = self.pixels.iter();
+        rows.map(|sum| sum.map(|s| s as f32)).collect()
     }
 }
 
-/// Derivatives of (mean, second) of pixels by the factor that they depend on.
+/// Mean per channel and second moment of a pixel side by side.
+pub(super) type Row = [f32; 4];
+
+/// Derivatives of the rows of pixels by the factor that they depend on.
 #[derive(Default)]
 pub(super) struct Slopes {
-    pub(super) pixels: Vec<u32>,
-    pub(super) values: Vec<[f32; 4]>,
+    pixels: Vec<u32>,
+    values: Vec<Row>,
 }
 
+/// Terms that are added up in single precision.
+const BLOCK: usize = 128;
+
 impl Slopes {
-    /// The derivative by the factor that those in `range` belong to of what has this derivative by the moments.
-    pub(super) fn gradient(&self, range: Range<usize>, adjoint: &[[f32; 4]]) -> f64 {
-        let mut sum = [0.0f64; 4];
+    /// Number of slopes.
+    pub(super) fn len(&self) -> usize {
+        self.pixels.len()
+    }
+
+    /// Pixels of some slopes.
+    pub(super) fn pixels(&self, range: Range<usize>) -> &[u32] {
+        &self.pixels[range]
+    }
+
+    /// Slopes of no pixel, to be set.
+    pub(super) fn zero(count: usize) -> Self {
+        Self {
+            pixels: vec![0; count],
+            values: vec![Row::default(); count],
+        }
+    }
+
+    /// Appends a pixel without a slope.
+    pub(super) fn push(&mut self, pixel: u32) {
+        self.pixels.push(pixel);
+        self.values.push(Row::default());
+    }
+
+    /// Sets a pixel and its slope.
+    #[inline]
+    pub(super) fn set(&mut self, index: usize, pixel: u32, slope: Row) {
+        self.pixels[index] = pixel;
+        self.values[index] = slope;
+    }
+
+    /// Moves the factor that those in `range` belong to by this much.
+    pub(super) fn follow(&self, range: Range<usize>, by: f32, rows: &mut [Row]) {
         for (&pixel, slope) in self.pixels[range.clone()].iter().zip(&self.values[range]) {
-            let row = adjoint[pixel as usize];
+            let row = &mut rows[pixel as usize];
             for c in 0..4 {
-                sum[c] += f64::from(row[c] * slope[c]);
+                row[c] += slope[c] * by;
             }
         }
-        sum.iter().sum()
+    }
+
+    /// The derivative by the factor that those in `range` belong to of what has this derivative by the moments.
+    pub(super) fn gradient(&self, range: Range<usize>, adjoint: &[Row]) -> f64 {
+        let pixels = self.pixels[range.clone()].chunks(BLOCK);
+        let values = self.values[range].chunks(BLOCK);
+        let block = |(pixels, values): (&[u32], &[Row])| {
+            let mut sum = [0.0f32; 4];
+            for (&pixel, slope) in pixels.iter().zip(values) {
+                let row = adjoint[pixel as usize];
+                for c in 0..4 {
+                    sum[c] += row[c] * slope[c];
+                }
+            }
+            sum.iter().map(|&s| f64::from(s)).sum::<f64>()
+        };
+        pixels.zip(values).map(block).sum()
+    }
+}
+
+/// Adds rows to moments.
+pub(super) fn add(rows: &[Row], moments: &mut Moments) {
+    let pixels = moments.mean.iter_mut().zip(&mut moments.second);
+    for ((mean, second), row) in pixels.zip(rows) {
+        for (m, r) in mean.iter_mut().zip(row) {
+            *m += r;
+        }
+        *second += row[3];
     }
 }
 
 /// An adjoint with all that belongs to a pixel side by side.
-pub(super) fn rows(adjoint: &Adjoint) -> Vec<[f32; 4]> {
+pub(super) fn rows(adjoint: &Adjoint) -> Vec<Row> {
     (adjoint.mean.iter().zip(&adjoint.second))
         .map(|(m, &second)| [m[0], m[1], m[2], second])
         .collect()
@@ -102,5 +160,25 @@ mod tests {
             let sum: f64 = last.iter().map(|v| f64::from(v[c])).sum();
             assert!((direct.pixels[0][c] - sum).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn slopes_are_followed_as_they_are_derived() {
+        let mut rng = rand_pcg::Pcg32::seed_from_u64(8);
+        let mut row = || -> Row { std::array::from_fn(|_| rng.random::<f32>() - 0.5) };
+        let mut slopes = Slopes::zero(3 * BLOCK);
+        for i in 0..slopes.len() {
+            slopes.set(i, (i * 7 % 50) as u32, row());
+        }
+        // The second of two factors.
+        let range = 40..slopes.len();
+        let adjoint: Vec<Row> = (0..50).map(|_| row()).collect();
+        let mut rows = vec![Row::default(); 50];
+        slopes.follow(range.clone(), 0.25, &mut rows);
+        let pairs = rows.iter().flatten().zip(adjoint.iter().flatten());
+        let moved: f64 = pairs.map(|(r, a)| f64::from(*r) * f64::from(*a)).sum();
+        let derived = 0.25 * slopes.gradient(range, &adjoint);
+        assert!(moved.abs() > 0.1, "{moved}");
+        assert!((moved - derived).abs() < 1e-5, "{moved} {derived}");
     }
 }

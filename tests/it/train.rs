@@ -15,7 +15,7 @@ use opsr::train::curves::Curves;
 use opsr::train::dataset::Crop;
 use opsr::train::moments::{Adjoint, Moments, Source};
 use opsr::train::objective::{BRIGHTNESS, EPSILON, Objective, Target};
-use opsr::train::recording::Recording;
+use opsr::train::recording::{Recording, Tape};
 use opsr::train::replay::Replay;
 use std::sync::Arc;
 
@@ -96,7 +96,7 @@ fn weigh(adjoint: &Adjoint, moments: &Moments) -> f64 {
 fn a_recording_replayed_where_it_was_made_is_the_render() {
     let crop = crop(8);
     let spp = 64;
-    let mut recording = Recording::new(crop.window);
+    let mut tape = Tape::new(crop.window);
     let mut film = crop.film().unwrap();
     let settings = opsr::integrator::Settings {
         max_vertices: crop.max_vertices,
@@ -109,8 +109,9 @@ fn a_recording_replayed_where_it_was_made_is_the_render() {
         &source,
         0..spp,
         &mut film,
-        &mut recording,
+        &mut tape,
     );
+    let recording = Recording::from(tape);
     assert!(recording.events.len() > 300, "{}", recording.events.len());
     let moments = Replay::new(recording).moments(&AttenuationTable::constant(0.1));
     let (mean, variance) = (film.mean(), film.sample_variance());

@@ -344,17 +344,28 @@ fn judge(
     seconds: f64,
 ) -> Learned {
     let lookup = session.config.lookup;
-    let constant = study::best_constant(&mut session.training, beta, lookup);
+    let constant = if session.config.start > 0.0 {
+        study::best_constant(&mut session.training, beta, lookup)
+    } else {
+        outcome.start
+    };
     let mut tables = vec![("learned table", &outcome.table)];
     if let Some((_, best)) = &outcome.best {
         tables.push(("table of the lowest validation loss", best));
     }
-    let training = study::scores(&mut session.training, beta, constant, constant, &tables);
+    let training = study::scores(
+        &mut session.training,
+        beta,
+        constant,
+        constant,
+        &tables,
+        false,
+    );
     let validation = if session.validation.is_empty() {
         Vec::new()
     } else {
         let own = study::best_constant(&mut session.validation, beta, lookup);
-        study::scores(&mut session.validation, beta, own, constant, &tables)
+        study::scores(&mut session.validation, beta, own, constant, &tables, true)
     };
     let start = session.constant(outcome.start);
     Learned {
