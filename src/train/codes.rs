@@ -42,47 +42,75 @@ fn range(ends: &[u32], code: usize) -> Range<usize> {
     start as usize..ends[code] as usize
 }
 
-/// Lists that come in while paths are traced, numbered as they come.
+/// The vertices that paths were traced to, as a tree: each stands for the list that leads to it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Interner {
-    lists: Lists,
-    index: HashMap<Box<[u32]>, u32>,
+    /// The vertex before, and the own roughness.
+    nodes: Vec<(Option<u32>, f32)>,
+    index: HashMap<(Option<u32>, u32), u32>,
 }
 
 impl Interner {
-    /// The number of a list.
-    pub(super) fn intern(&mut self, list: &[f32]) -> u32 {
-        let key: Box<[u32]> = list.iter().map(|a| a.to_bits()).collect();
-        let next = self.lists.len() as u32;
-        *self.index.entry(key).or_insert_with(|| {
-            self.lists.push(list);
+    /// The number of the list that goes on from another with a vertex of this roughness.
+    pub(super) fn intern(&mut self, before: Option<u32>, alpha: f32) -> u32 {
+        let next = self.nodes.len() as u32;
+        *(self.index.entry((before, alpha.to_bits()))).or_insert_with(|| {
+            self.nodes.push((before, alpha));
             next
         })
     }
 
     /// How many lists there are.
     pub(super) fn len(&self) -> usize {
-        self.lists.len()
+        self.nodes.len()
     }
 
     /// The list with a number.
-    pub(super) fn list(&self, code: u32) -> &[f32] {
-        self.lists.list(code)
+    pub(super) fn list(&self, code: u32) -> Vec<f32> {
+        let mut list = Vec::new();
+        let mut at = Some(code);
+        while let Some((before, alpha)) = at.map(|code| self.nodes[code as usize]) {
+            list.push(alpha);
+            at = before;
+        }
+        list.reverse();
+        list
+    }
+
+    /// Takes over those lists of another that are `used`; which number here each of its numbers has become.
+    pub(super) fn absorb(&mut self, other: &Self, mut used: Vec<bool>) -> Vec<u32> {
+        // What leads to them comes before them.
+        for code in (0..other.len()).rev() {
+            if let (Some(before), _) = other.nodes[code] {
+                used[before as usize] |= used[code];
+            }
+        }
+        let mut place = vec![u32::MAX; other.len()];
+        for (code, &(before, alpha)) in other.nodes.iter().enumerate() {
+            if used[code] {
+                place[code] = self.intern(before.map(|b| place[b as usize]), alpha);
+            }
+        }
+        place
     }
 
     /// The codes of those lists that are `used`, and which of them each number has become.
     pub(super) fn codes(&self, used: &[bool]) -> (Codes, Vec<u32>) {
         let used = (0u32..).zip(used).filter(|(_, used)| **used);
-        let mut order: Vec<u32> = used.map(|(code, _)| code).collect();
-        order.sort_unstable_by(|&a, &b| {
-            let bits = |code| self.list(code).iter().map(|a| a.to_bits());
-            bits(a).cmp(bits(b))
+        let mut lists: Vec<(Vec<f32>, u32)> =
+            used.map(|(code, _)| (self.list(code), code)).collect();
+        lists.par_sort_unstable_by(|(a, _), (b, _)| {
+            let (a, b) = (a.iter().map(|a| a.to_bits()), b.iter().map(|b| b.to_bits()));
+            a.cmp(b)
         });
-        let mut place = vec![0; self.len()];
-        for (new, &old) in (0u32..).zip(&order) {
-            place[old as usize] = new;
+        let mut place = vec![u32::MAX; self.len()];
+        for (new, (_, old)) in (0u32..).zip(&lists) {
+            place[*old as usize] = new;
         }
-        (Codes::of(order.iter().map(|&code| self.list(code))), place)
+        (
+            Codes::of(lists.iter().map(|(list, _)| list.as_slice())),
+            place,
+        )
     }
 }
 
@@ -251,25 +279,42 @@ mod tests {
     fn codes_that_begin_alike_are_followed_as_each_alone() {
         let mut rng = rand_pcg::Pcg32::seed_from_u64(3);
         let values = [0.0, 0.02, 0.1, 0.3, 0.7, 1.0];
-        let mut lists = Interner::default();
+        let mut tree = Interner::default();
+        let mut lists = Vec::new();
         // More than a chunk, so that one begins in the middle of lists that begin alike.
         for _ in 0..4 * CHUNK {
             let n = rng.random_range(1..12);
             let list: Vec<f32> = (0..n).map(|_| values[rng.random_range(0..6)]).collect();
-            let code = lists.intern(&list);
-            assert_eq!(lists.intern(&list), code);
+            let intern = |at: Option<u32>, alpha: &f32| Some(tree.intern(at, *alpha));
+            if let Some(code) = list.iter().fold(None, intern) {
+                lists.push((list, code));
+            }
         }
-        let used: Vec<bool> = (0..lists.len()).map(|i| i % 7 != 0).collect();
-        let (codes, place) = lists.codes(&used);
+        lists.retain(|(_, code)| code % 7 != 0);
+        let mut used = vec![false; tree.len()];
+        for (list, code) in &lists {
+            assert_eq!(&tree.list(*code), list);
+            used[*code as usize] = true;
+        }
+        let (codes, place) = tree.codes(&used);
         assert_eq!(codes.len(), used.iter().filter(|u| **u).count());
+        // Another tree that has some of the lists already.
+        let mut other = Interner::default();
+        let first = other.intern(None, 0.3);
+        other.intern(Some(first), 0.7);
+        let moved = other.absorb(&tree, used.clone());
+        for (list, code) in &lists {
+            assert_eq!(&other.list(moved[*code as usize]), list);
+        }
+        assert!(other.len() < tree.len());
         assert!(codes.len() > 2 * CHUNK && codes.shared.iter().any(|&s| s > 3));
         let mut table = AttenuationTable::constant(0.0);
         table.gammas.fill_with(|| rng.random());
         let (alphas, roughness) = (codes.alphas(&table), codes.roughness(&table));
-        for old in (0..lists.len() as u32).filter(|&old| used[old as usize]) {
-            let code = place[old as usize];
-            assert_eq!(codes.list(code), lists.list(old));
-            let (alpha, gradient) = accumulate_with_gradient(lists.list(old), &table);
+        for (list, old) in &lists {
+            let code = place[*old as usize];
+            assert_eq!(codes.list(code), list);
+            let (alpha, gradient) = accumulate_with_gradient(list, &table);
             assert_eq!(alphas[code as usize], alpha);
             assert_eq!(roughness.at(code), (alpha, &gradient[..]));
         }

@@ -4,7 +4,7 @@ use super::codes::{Codes, Interner};
 use super::drawn::Drawn;
 use super::event::StoredEvent;
 use crate::image::film::Window;
-use crate::integrator::{Event, PathObserver, Recorder};
+use crate::integrator::{Event, PathObserver, Recorder, Technique};
 use crate::math::{Rgb, UVec2};
 use std::sync::Arc;
 
@@ -58,23 +58,29 @@ pub struct Tape {
     /// α′ of the lobes that are drawn at the last vertex of every code, and where they end.
     drawn_at: Vec<f32>,
     drawn_ends: Vec<usize>,
-    /// The code of the vertex at hand.
+    /// The list of the current path before the vertex at hand, and before the one that it came from.
+    before: Option<u32>,
+    left: Option<u32>,
+    /// The code of the vertex at hand, by its roughness.
     here: Option<(f32, u32)>,
-    /// Own roughness of the current path's vertices.
-    alphas: Vec<f32>,
     current: usize,
     first: usize,
     /// What the current path's events have contributed.
     counted: Rgb,
 }
 
+/// Which lists have events.
+fn used(codes: &Interner, events: &[StoredEvent]) -> Vec<bool> {
+    let mut used = vec![false; codes.len()];
+    for event in events {
+        used[event.code as usize] = true;
+    }
+    used
+}
+
 impl From<Tape> for Recording {
     fn from(tape: Tape) -> Self {
-        let mut used = vec![false; tape.codes.len()];
-        for event in &tape.events {
-            used[event.code as usize] = true;
-        }
-        let (codes, place) = tape.codes.codes(&used);
+        let (codes, place) = tape.codes.codes(&used(&tape.codes, &tape.events));
         let mut events = tape.events;
         for event in &mut events {
             event.code = place[event.code as usize];
@@ -114,32 +120,37 @@ impl Tape {
             drawn: None,
             drawn_at: Vec::new(),
             drawn_ends: Vec::new(),
+            before: None,
+            left: None,
             here: None,
-            alphas: Vec::new(),
             current: 0,
             first: 0,
             counted: Rgb::ZERO,
         }
     }
 
-    /// The code of the current path as it ends with a vertex of this roughness.
+    /// The code of the current path as it ends with the vertex at hand, of this roughness.
+    #[inline]
     fn code(&mut self, alpha: f32) -> u32 {
-        if let Some((known, code)) = self.here
-            && known == alpha
-        {
-            return code;
+        match self.here {
+            Some((known, code)) if known == alpha => code,
+            _ => {
+                let code = self.intern(self.before, alpha);
+                self.here = Some((alpha, code));
+                code
+            }
         }
-        self.alphas.push(alpha);
+    }
+
+    fn intern(&mut self, before: Option<u32>, alpha: f32) -> u32 {
         let known = self.codes.len();
-        let code = self.codes.intern(&self.alphas);
+        let code = self.codes.intern(before, alpha);
         if self.codes.len() > known
             && let Some(drawn) = &self.drawn
         {
-            drawn.alphas(&self.alphas, &mut self.drawn_at);
+            drawn.alphas(&self.codes.list(code), &mut self.drawn_at);
             self.drawn_ends.push(self.drawn_at.len());
         }
-        self.alphas.pop();
-        self.here = Some((alpha, code));
         code
     }
 
@@ -157,8 +168,7 @@ impl PathObserver for Tape {
     fn begin(&mut self, pixel: UVec2, _: u32) {
         let (x, y) = (pixel.x - self.window.x, pixel.y - self.window.y);
         self.current = y as usize * self.window.w as usize + x as usize;
-        self.alphas.clear();
-        self.here = None;
+        (self.before, self.left, self.here) = (None, None, None);
         self.first = self.events.len();
         self.counted = Rgb::ZERO;
     }
@@ -173,7 +183,11 @@ impl PathObserver for Tape {
     }
 
     fn event(&mut self, event: &Event) {
-        let code = self.code(event.alpha);
+        let code = match event.technique {
+            // Told of at the end of the ray, when the path has gone on from the vertex.
+            Technique::Diffuse => self.intern(self.left, event.alpha),
+            _ => self.code(event.alpha),
+        };
         let found = event.query.at(event.alpha_reg);
         let (drawn, draws) = if self.drawn.is_some() {
             let alphas = self.drawn_at(code);
@@ -195,8 +209,9 @@ impl PathObserver for Tape {
     }
 
     fn scattered(&mut self, alpha: f32) {
+        self.left = self.before;
+        self.before = Some(self.code(alpha));
         self.here = None;
-        self.alphas.push(alpha);
     }
 
     fn finish(&mut self, radiance: Rgb) {
@@ -235,13 +250,12 @@ impl Recorder for Tape {
     }
 
     fn join(&mut self, tile: Self) {
-        // The numbers of the tile's lists that have events.
-        let mut codes = vec![None; tile.codes.len()];
+        let codes = self
+            .codes
+            .absorb(&tile.codes, used(&tile.codes, &tile.events));
         let offset = self.events.len() as u32;
         self.events.extend(tile.events.into_iter().map(|mut event| {
-            let code = &mut codes[event.code as usize];
-            event.code =
-                *code.get_or_insert_with(|| self.codes.intern(tile.codes.list(event.code)));
+            event.code = codes[event.code as usize];
             event
         }));
         for (pixel, other) in self.pixels.iter_mut().zip(tile.pixels) {

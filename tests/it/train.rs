@@ -5,9 +5,11 @@ mod learning;
 use super::support::render::scene;
 use opsr::image::film::Window;
 use opsr::integrator::{Method, Picture, Settings};
-use opsr::math::UVec2;
+use opsr::math::{Rgb, UVec2};
 use opsr::regularise::{Accumulated, AttenuationTable, ConstantGamma, LEN, Lookup};
+use opsr::scene::SceneParts;
 use opsr::scene::builtin::caustic_box;
+use opsr::scene::builtin::materials::coated;
 use opsr::scene::manifest::Role;
 use opsr::train::Config;
 use opsr::train::config::Way;
@@ -21,7 +23,11 @@ use std::sync::Arc;
 
 /// A small crop of the box with glass and copper, with a reference at a known factor.
 pub(crate) fn crop(edge: u32) -> Crop {
-    let scene = scene(caustic_box());
+    crop_of(caustic_box(), edge)
+}
+
+fn crop_of(parts: SceneParts, edge: u32) -> Crop {
+    let scene = scene(parts);
     let camera = scene.parts().cameras[0].clone();
     let mut crop = Crop {
         name: "box".into(),
@@ -94,7 +100,22 @@ fn weigh(adjoint: &Adjoint, moments: &Moments) -> f64 {
 
 #[test]
 fn a_recording_replayed_where_it_was_made_is_the_render() {
-    let crop = crop(8);
+    replayed_where_it_was_made(&crop(8));
+}
+
+/// A coat over a diffuse base: its diffuse lobe finds the light too, and is told of when the path has gone on.
+#[test]
+fn a_recording_of_a_coat_replayed_where_it_was_made_is_the_render() {
+    let mut parts = caustic_box();
+    for material in &mut parts.materials {
+        if material.specular == Rgb::ZERO && material.emission == Rgb::ZERO {
+            *material = coated("plastic", material.base_color, 0.3);
+        }
+    }
+    replayed_where_it_was_made(&crop_of(parts, 8));
+}
+
+fn replayed_where_it_was_made(crop: &Crop) {
     let spp = 64;
     let mut tape = Tape::new(crop.window);
     let mut film = crop.film().unwrap();
