@@ -99,7 +99,7 @@ impl Default for Config {
             start: 0.5,
             record_gammas: vec![0.002, 0.007, 0.025, 0.09, 0.3, 1.0],
             seed: 0,
-            validate_every: 250,
+            validate_every: 500,
             patience: 0,
             checkpoint_every: 500,
         }

@@ -17,6 +17,7 @@ use crate::regularise::AttenuationTable;
 use crate::regularise::file::Provenance;
 use crate::scene::manifest::Role;
 use burn::store::RecordError;
+use rayon::prelude::*;
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -99,6 +100,14 @@ pub struct Outcome {
     pub stopped: bool,
 }
 
+/// A recording to be made.
+struct Job {
+    crop: Crop,
+    training: bool,
+    seed: u64,
+    spp: u32,
+}
+
 /// An opened and recorded training.
 pub struct Session {
     /// The configuration.
@@ -151,11 +160,29 @@ impl Session {
             seconds: 0.0,
             config,
         };
-        for crop in training {
-            session.add(crop, true, listen)?;
-        }
-        for crop in validation {
-            session.add(crop, false, listen)?;
+        let training = training.into_iter().map(|crop| (crop, true));
+        let validation = validation.into_iter().map(|crop| (crop, false));
+        let jobs: Vec<Job> = training
+            .chain(validation)
+            .flat_map(|(crop, training)| session.jobs(crop, training))
+            .collect();
+        // Two at a time: while the one is put together by one thread, the paths of the other are traced.
+        for pair in jobs.chunks(2) {
+            for job in pair {
+                listen(&job.crop.name);
+            }
+            let sources: Vec<_> = (pair.par_iter().with_max_len(1))
+                .map(|job| session.record(job))
+                .collect();
+            for (job, source) in pair.iter().zip(sources) {
+                let (source, visits) = source?;
+                let target = job.crop.target(session.config.spp);
+                let set = match job.training {
+                    true => &mut session.training,
+                    false => &mut session.validation,
+                };
+                set.push(job.crop.clone(), source, target, visits);
+            }
         }
         session.seconds = clock.elapsed().as_secs_f64();
         Ok(session)
@@ -178,45 +205,48 @@ impl Session {
         }
     }
 
-    fn add(
-        &mut self,
-        crop: Crop,
-        training: bool,
-        listen: &mut dyn FnMut(&str),
-    ) -> Result<(), TrainError> {
-        let config = self.config.clone();
+    /// The recordings that are made of a crop.
+    fn jobs(&self, crop: Crop, training: bool) -> Vec<Job> {
+        let config = &self.config;
         // Without noise in the loss all samples make one picture.
         let (replicates, spp) = match config.loss {
             Loss::Published => (config.replicates, config.spp),
             Loss::NoiseFree => (1, config.spp.saturating_mul(config.replicates)),
         };
-        let middle = self.constant(config.record_gammas[config.record_gammas.len() / 2]);
-        for replicate in 0..if training { replicates } else { 1 } {
+        let replicates = 0..if training { replicates } else { 1 };
+        let job = |replicate| {
             let seed = config.seed.wrapping_add(u64::from(replicate) << 32);
-            let seed = if training { seed } else { !seed };
-            listen(&crop.name);
-            let mut visits = Visits::default();
-            let source: Box<dyn Source> = if config.method == Way::Fresh && training {
-                // Visits are those of a recording whatever the way.
-                let recording = crop.record(&config.record_gammas, spp.min(64), config.seed)?;
-                visits.count(&recording, &middle);
-                Box::new(Fresh::new(crop.clone(), spp, seed))
-            } else {
-                let recording = crop.record(&config.record_gammas, spp, seed)?;
-                visits.count(&recording, &middle);
-                match config.method {
-                    Way::Replay => Box::new(Replay::new(recording)),
-                    _ => Box::new(Curves::bake(&recording, &middle)),
-                }
-            };
-            let set = if training {
-                &mut self.training
-            } else {
-                &mut self.validation
-            };
-            set.push(crop.clone(), source, crop.target(config.spp), visits);
+            Job {
+                crop: crop.clone(),
+                training,
+                seed: if training { seed } else { !seed },
+                spp,
+            }
+        };
+        replicates.map(job).collect()
+    }
+
+    fn record(&self, job: &Job) -> Result<(Box<dyn Source>, Visits), DatasetError> {
+        let Job {
+            crop, seed, spp, ..
+        } = job;
+        let config = &self.config;
+        let gammas = &config.record_gammas;
+        let middle = self.constant(gammas[gammas.len() / 2]);
+        let mut visits = Visits::default();
+        if config.method == Way::Fresh && job.training {
+            // Visits are those of a recording whatever the way.
+            let recording = crop.record(gammas, (*spp).min(64), config.seed)?;
+            visits.count(&recording, &middle);
+            return Ok((Box::new(Fresh::new(crop.clone(), *spp, *seed)), visits));
         }
-        Ok(())
+        let recording = crop.record(gammas, *spp, *seed)?;
+        visits.count(&recording, &middle);
+        let source: Box<dyn Source> = match config.method {
+            Way::Replay => Box::new(Replay::new(recording)),
+            _ => Box::new(Curves::bake(&recording, &middle)),
+        };
+        Ok((source, visits))
     }
 
     /// Learns a table for one β.

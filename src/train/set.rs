@@ -79,7 +79,7 @@ impl Set {
 
     /// Moments of all crops at a table, without tangents.
     pub fn exact(&mut self, table: &AttenuationTable) -> Vec<Moments> {
-        let members = self.members.par_iter_mut();
+        let members = self.members.par_iter_mut().with_max_len(1);
         members.map(|m| m.source.exact(table)).collect()
     }
 
@@ -104,7 +104,8 @@ impl Set {
 
     /// Linearises what is linearised at this table.
     pub(super) fn anchor(&mut self, table: AttenuationTable) {
-        (self.members.par_iter_mut()).for_each(|m| m.source.anchor(&table));
+        let members = self.members.par_iter_mut().with_max_len(1);
+        members.for_each(|m| m.source.anchor(&table));
         self.anchor = Some(table);
     }
 
@@ -140,7 +141,8 @@ impl Set {
     /// Loss and gradient at a table.
     pub fn gradient(&mut self, objective: &Objective, table: &AttenuationTable) -> (f32, Vec<f64>) {
         self.follow(table);
-        let members = self.members.par_iter_mut().enumerate();
+        // One by one: a few crops have most of the work.
+        let members = (self.members.par_iter_mut().enumerate()).with_max_len(1);
         let evaluated: Vec<(f32, Vec<f64>)> = members
             .map(|(crop, member)| {
                 let moments = member.source.moments(table);

@@ -44,10 +44,29 @@ impl Sums {
 pub(super) type Row = [f32; 4];
 
 /// Derivatives of the rows of pixels by the factor that they depend on.
+///
+/// A training step reads all of them twice and waits for memory, so they are kept with eight bits of mantissa. Moments
+/// and gradients follow the same slopes, so that one stays the derivative of the other.
 #[derive(Default)]
 pub(super) struct Slopes {
     pixels: Vec<u32>,
-    values: Vec<Row>,
+    values: Vec<[u16; 4]>,
+}
+
+#[inline]
+fn pack(slope: Row) -> [u16; 4] {
+    slope.map(|s| half::bf16::from_f32(s).to_bits())
+}
+
+#[inline]
+fn unpack(packed: [u16; 4]) -> Row {
+    // The upper halves of singles, in a form that compiles to one interleaving with zeros.
+    let [a, b, c, d] = packed;
+    if cfg!(target_endian = "little") {
+        bytemuck::cast([0, a, 0, b, 0, c, 0, d])
+    } else {
+        bytemuck::cast([a, 0, b, 0, c, 0, d, 0])
+    }
 }
 
 /// Terms that are added up in single precision.
@@ -68,26 +87,27 @@ impl Slopes {
     pub(super) fn zero(count: usize) -> Self {
         Self {
             pixels: vec![0; count],
-            values: vec![Row::default(); count],
+            values: vec![[0; 4]; count],
         }
     }
 
     /// Appends a pixel without a slope.
     pub(super) fn push(&mut self, pixel: u32) {
         self.pixels.push(pixel);
-        self.values.push(Row::default());
+        self.values.push([0; 4]);
     }
 
     /// Sets a pixel and its slope.
     #[inline]
     pub(super) fn set(&mut self, index: usize, pixel: u32, slope: Row) {
         self.pixels[index] = pixel;
-        self.values[index] = slope;
+        self.values[index] = pack(slope);
     }
 
     /// Moves the factor that those in `range` belong to by this much.
     pub(super) fn follow(&self, range: Range<usize>, by: f32, rows: &mut [Row]) {
         for (&pixel, slope) in self.pixels[range.clone()].iter().zip(&self.values[range]) {
+            let slope = unpack(*slope);
             let row = &mut rows[pixel as usize];
             for c in 0..4 {
                 row[c] += slope[c] * by;
@@ -99,10 +119,11 @@ impl Slopes {
     pub(super) fn gradient(&self, range: Range<usize>, adjoint: &[Row]) -> f64 {
         let pixels = self.pixels[range.clone()].chunks(BLOCK);
         let values = self.values[range].chunks(BLOCK);
-        let block = |(pixels, values): (&[u32], &[Row])| {
+        let block = |(pixels, values): (&[u32], &[[u16; 4]])| {
             let mut sum = [0.0f32; 4];
             for (&pixel, slope) in pixels.iter().zip(values) {
                 let row = adjoint[pixel as usize];
+                let slope = unpack(*slope);
                 for c in 0..4 {
                     sum[c] += row[c] * slope[c];
                 }
