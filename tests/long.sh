@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Renders and trains for an hour each, side by side on one thread each, and checks that memory grows by at most 1 %: the
-# least of the last sixth of the time against that of the second sixth (the first loads and records; saving a picture takes
-# memory for a moment).
+# least of the last sixth of the time against that of the second sixth (the first loads and records, and the allocator
+# settles in the first few hundred saves of a picture; each takes memory for a moment).
 #
 #     cargo build --release && tests/long.sh target/release/opsr 3600
 #
@@ -48,7 +48,7 @@ watch() {
 }
 
 watch render "$program" render training_scenes/cornell_caustics.glb --opsr-table params/beta-0.001.json --spp 100000000 \
-    --threads 1 --checkpoint "$work/render.ckpt" --save-every 10s -o "$work/render.exr" --progress none &
+    --threads 1 --checkpoint "$work/render.ckpt" --save-every 1s -o "$work/render.exr" --progress none &
 render=$!
 watch train "$program" train --spp 64 --steps 100000000 --run "$work/run" --out "$work/params" --threads 1 \
     --set checkpoint_every=100 --progress none &

@@ -10,6 +10,7 @@ use opsr::report::bench::page::{overalls, page, plots};
 use opsr::report::bench::{Results, summary};
 
 use super::Blame;
+use super::output::can_write;
 
 /// Options of `opsr report`.
 #[derive(Args, Debug)]
@@ -30,7 +31,8 @@ pub(super) fn run(args: &ReportArgs) -> anyhow::Result<()> {
     let html = page(&results)
         .with_context(|| args.results.display().to_string())
         .input()?;
-    write(&args.output, &html)?;
+    // The page is in its place only when all that goes with it is.
+    can_write(&args.output).output()?;
     if let Some(folder) = &args.plots {
         std::fs::create_dir_all(folder)
             .with_context(|| folder.display().to_string())
@@ -45,7 +47,7 @@ pub(super) fn run(args: &ReportArgs) -> anyhow::Result<()> {
             }
         }
     }
-    Ok(())
+    write(&args.output, &html)
 }
 
 fn write(path: &Path, text: &str) -> anyhow::Result<()> {

@@ -106,6 +106,13 @@ impl Environment {
 
     /// Loads an `.hdr` or `.exr` map, multiplied by `intensity`, turned by `rotation` radians about +Y.
     pub fn load(path: &Path, intensity: f32, rotation: f32) -> Result<Self, EnvironmentError> {
+        // A pipe would be empty the second time, and who waits for its other end waits for ever.
+        if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
+            return Err(EnvironmentError::Io {
+                path: path.to_owned(),
+                source: std::io::Error::other("not a plain file; maps are read more than once"),
+            });
+        }
         let map = match path.extension().and_then(|e| e.to_str()) {
             Some("exr") => exr::read_rgb(path)?,
             Some("hdr") => read_hdr(path)?,

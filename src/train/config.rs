@@ -2,7 +2,7 @@
 
 use super::model::{Model, Optimiser};
 use crate::input;
-use crate::regularise::Lookup;
+use crate::regularise::{AttenuationTable, Lookup};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -136,6 +136,14 @@ pub enum ConfigError {
 }
 
 impl Config {
+    /// A table of one factor with the look-up in use.
+    pub fn constant(&self, gamma: f32) -> AttenuationTable {
+        AttenuationTable {
+            lookup: self.lookup,
+            ..AttenuationTable::constant(gamma)
+        }
+    }
+
     /// The learning rate in use.
     pub fn rate(&self) -> f64 {
         match self.optimiser {

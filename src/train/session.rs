@@ -2,17 +2,13 @@
 
 use super::checkpoint::{Checkpoint, CheckpointError};
 use super::config::{Config, ConfigError, Loss, Way};
-use super::curves::Curves;
 use super::dataset::{Crop, DatasetError};
-use super::fresh::Fresh;
+use super::job::Job;
 use super::model::Learner;
-use super::moments::Source;
 use super::objective::{CropLoss, Objective};
 use super::progress::Progress;
-use super::replay::Replay;
 use super::set::{Set, mean_loss};
 use super::study::best_constant;
-use super::visits::Visits;
 use crate::regularise::AttenuationTable;
 use crate::regularise::file::Provenance;
 use crate::scene::manifest::Role;
@@ -100,14 +96,6 @@ pub struct Outcome {
     pub stopped: bool,
 }
 
-/// A recording to be made.
-struct Job {
-    crop: Crop,
-    training: bool,
-    seed: u64,
-    spp: u32,
-}
-
 /// An opened and recorded training.
 pub struct Session {
     /// The configuration.
@@ -164,7 +152,7 @@ impl Session {
         let validation = validation.into_iter().map(|crop| (crop, false));
         let jobs: Vec<Job> = training
             .chain(validation)
-            .flat_map(|(crop, training)| session.jobs(crop, training))
+            .flat_map(|(crop, training)| Job::of(crop, training, &session.config))
             .collect();
         // Two at a time: while the one is put together by one thread, the paths of the other are traced.
         for pair in jobs.chunks(2) {
@@ -172,7 +160,7 @@ impl Session {
                 listen(&job.crop.name);
             }
             let sources: Vec<_> = (pair.par_iter().with_max_len(1))
-                .map(|job| session.record(job))
+                .map(|job| job.run(&session.config))
                 .collect();
             for (job, source) in pair.iter().zip(sources) {
                 let (source, visits) = source?;
@@ -190,10 +178,7 @@ impl Session {
 
     /// A table of one factor with the configuration's look-up.
     pub fn constant(&self, gamma: f32) -> AttenuationTable {
-        AttenuationTable {
-            lookup: self.config.lookup,
-            ..AttenuationTable::constant(gamma)
-        }
+        self.config.constant(gamma)
     }
 
     /// Where factors start.
@@ -203,50 +188,6 @@ impl Session {
         } else {
             best_constant(&mut self.training, beta, self.config.lookup)
         }
-    }
-
-    /// The recordings that are made of a crop.
-    fn jobs(&self, crop: Crop, training: bool) -> Vec<Job> {
-        let config = &self.config;
-        // Without noise in the loss all samples make one picture.
-        let (replicates, spp) = match config.loss {
-            Loss::Published => (config.replicates, config.spp),
-            Loss::NoiseFree => (1, config.spp.saturating_mul(config.replicates)),
-        };
-        let replicates = 0..if training { replicates } else { 1 };
-        let job = |replicate| {
-            let seed = config.seed.wrapping_add(u64::from(replicate) << 32);
-            Job {
-                crop: crop.clone(),
-                training,
-                seed: if training { seed } else { !seed },
-                spp,
-            }
-        };
-        replicates.map(job).collect()
-    }
-
-    fn record(&self, job: &Job) -> Result<(Box<dyn Source>, Visits), DatasetError> {
-        let Job {
-            crop, seed, spp, ..
-        } = job;
-        let config = &self.config;
-        let gammas = &config.record_gammas;
-        let middle = self.constant(gammas[gammas.len() / 2]);
-        let mut visits = Visits::default();
-        if config.method == Way::Fresh && job.training {
-            // Visits are those of a recording whatever the way.
-            let recording = crop.record(gammas, (*spp).min(64), config.seed)?;
-            visits.count(&recording, &middle);
-            return Ok((Box::new(Fresh::new(crop.clone(), *spp, *seed)), visits));
-        }
-        let recording = crop.record(gammas, *spp, *seed)?;
-        visits.count(&recording, &middle);
-        let source: Box<dyn Source> = match config.method {
-            Way::Replay => Box::new(Replay::new(recording)),
-            _ => Box::new(Curves::bake(&recording, &middle)),
-        };
-        Ok((source, visits))
     }
 
     /// Learns a table for one β.

@@ -374,3 +374,21 @@ fn a_full_disk_leaves_the_old_picture() {
         assert!(place.files() == before, "{output} changed files");
     }
 }
+
+/// A pipe that nobody writes to: whoever opens it waits.
+#[test]
+#[cfg(unix)]
+fn a_pipe_for_a_map() {
+    let place = Place::new();
+    let made = std::process::Command::new("mkfifo")
+        .arg(place.path().join("sky.hdr"))
+        .status();
+    assert!(made.is_ok_and(|status| status.success()));
+    let ended = place.render("--spp 1 --env sky.hdr -o new.exr");
+    assert_eq!(ended.code, Some(3), "{}", ended.err);
+    assert!(
+        ended.err.contains("sky.hdr: not a plain file"),
+        "{}",
+        ended.err
+    );
+}

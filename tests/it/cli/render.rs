@@ -164,3 +164,29 @@ fn stopped_by_a_signal() {
     place.render(&format!("--spp {more} -o whole.exr")).done();
     assert!(place.read("out.exr") == place.read("whole.exr"));
 }
+
+/// A table with less of its pattern: another picture, which says so, and which only its like goes on from.
+#[test]
+fn the_contrast_of_a_table() {
+    let place = Place::new();
+    place.save("scene.glb", &builtin::caustic_box());
+    place.write("table.json", &seeds::tables()[1]);
+    let render = |contrast: &str, more: &str| {
+        place.render(&format!(
+            "--opsr-table table.json --table-contrast {contrast} -o out.exr {more}"
+        ))
+    };
+    let picture = |contrast: &str| {
+        render(contrast, "--spp 4").done();
+        let layers = exr::read_layers(&place.path().join("out.exr")).unwrap();
+        assert_eq!(layers.metadata["table_contrast"], contrast);
+        layers.channel("R").unwrap().to_vec()
+    };
+    let whole = picture("1");
+    assert!(picture("0.5") != whole && picture("0") != whole);
+    render("0.5", "--spp 2 --checkpoint state.ckpt").done();
+    let ended = render("0.25", "--spp 4 --checkpoint state.ckpt --resume");
+    assert_eq!(ended.code, Some(3), "{}", ended.err);
+    assert!(ended.err.contains("state.ckpt"), "{}", ended.err);
+    render("0.5", "--spp 4 --checkpoint state.ckpt --resume").done();
+}
