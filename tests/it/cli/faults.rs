@@ -64,14 +64,15 @@ fn a_report_that_cannot_be_written() {
     place.opsr("bench suite.toml -o results.json").done();
     place.write("old.html", "what was there before");
     let before = place.files();
-    for (bytes, output) in [
-        (1024, "old.html"),
-        (1 << 20, "none/new.html"),
-        (1 << 20, &long()),
+    let long = long();
+    for (bytes, output, words) in [
+        (1024, "old.html", "old.html"),
+        (1 << 20, "none/new.html", "none: no such folder"),
+        (1 << 20, &long, &long),
     ] {
         let ended = place.opsr_on_a_full_disk(bytes, &format!("report results.json -o {output}"));
         assert_eq!(ended.code, Some(4), "{output}: {}", ended.err);
-        assert!(ended.err.contains(output), "{}", ended.err);
+        assert!(ended.err.contains(words), "{}", ended.err);
         assert!(place.files() == before, "{output} changed files");
     }
     for file in ["suite.toml", "scene.glb", "/dev/zero"] {
