@@ -344,10 +344,9 @@ fn judge(
     seconds: f64,
 ) -> Learned {
     let lookup = session.config.lookup;
-    let constant = if session.config.start > 0.0 {
-        study::best_constant(&mut session.training, beta, lookup)
-    } else {
-        outcome.start
+    let constant = match session.config.start > 0.0 {
+        true => study::best_constant(&mut session.training, beta, lookup),
+        false => outcome.start,
     };
     let mut tables = vec![("learned table", &outcome.table)];
     if let Some((_, best)) = &outcome.best {
