@@ -75,7 +75,8 @@ pub trait PathObserver {
     fn draws(&mut self, _alpha: f32) -> Vec<f32> {
         Vec::new()
     }
-    /// A contribution that depends on the table, in order of depth; at one vertex those found by the light first.
+    /// A contribution that depends on the table, in order of depth; at one vertex those found by the light first. One
+    /// that is [`Technique::Diffuse`] is told of at the end of its ray, after [`PathObserver::scattered`].
     fn event(&mut self, _event: &Event) {}
     /// The path goes on from a vertex whose sampled lobe has this own roughness.
     fn scattered(&mut self, _alpha: f32) {}

@@ -1,7 +1,7 @@
 //! The roughness lists of paths, each kept once.
 //!
-//! α′ and its derivative depend on the list of roughness values alone, of which a scene has some thousands: they are
-//! computed per list ("code"), not per event.
+//! α′ and its derivative depend on the list of roughness values alone, of which there are far fewer than events: they
+//! are computed per list ("code"), not per event.
 
 use crate::regularise::{
     AttenuationTable, Dependence, Differentiated, GammaIndex, MAX_VERTICES, PathRoughness,

@@ -13,8 +13,8 @@ use crate::regularise::{AttenuationTable, GammaIndex, LEN};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// A slope that is smaller than this times the mean of its class is left out: a third of all slopes, with 0.2 % of their
-/// sum.
+/// A slope that is smaller than this times the mean of its class is left out. On the crops with the most folded paths,
+/// 12 to 35 % of all slopes are below a hundredth of it, with 0.04 % of their sum, and 35 to 53 % below a tenth, with 0.9 %.
 const FAINT: f64 = 0.03;
 
 /// An event, what else its path carries, and the share of a sample in its pixel's mean.
@@ -90,7 +90,7 @@ fn size(slope: [f64; 4]) -> f64 {
     slope[0].abs() + slope[1].abs() + slope[2].abs()
 }
 
-/// The size below which the slopes of each class are left out: together they are a few thousandths of the class.
+/// The size below which the slopes of each class are left out: together they are less than a hundredth of the class.
 fn floors(evaluated: &[Evaluated]) -> Vec<f64> {
     let mut sums = vec![(0.0, 0u32); LEN];
     for (class, slope) in evaluated.iter().flat_map(|(_, slopes)| slopes) {
