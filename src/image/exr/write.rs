@@ -88,7 +88,8 @@ fn write_layers(
     };
 
     let mut bytes = io::Cursor::new(Vec::new());
-    image.write().to_buffered(&mut bytes)?;
+    // On this thread: the pool that the crate makes for every file left holes in the heap, 8 % in an hour of saves.
+    image.write().non_parallel().to_buffered(&mut bytes)?;
     atomic::write_bytes(path, bytes.get_ref())?;
     Ok(())
 }
