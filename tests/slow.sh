@@ -1,0 +1,29 @@
+#!/usr/bin/env bash
+# Every check that takes too long for each change: some four hours on two cores, an hour of it for the memory.
+#
+#     tests/slow.sh
+#
+# Fuzzing takes OPSR_FUZZ_EXECUTIONS inputs of each kind (100000 if not set). Needs valgrind and python3.
+set -u
+cd "$(dirname "$0")/.."
+failed=0
+step() {
+    name=$1
+    shift
+    echo "== $name"
+    if "$@"; then
+        echo "ok: $name"
+    else
+        echo "FAILED: $name"
+        failed=1
+    fi
+}
+step "build" cargo build --release
+program=target/release/opsr
+step "instructions of what is not used" tests/instructions.sh "$program"
+step "killed at random moments" tests/kill.sh "$program" 200
+export OPSR_FUZZ_EXECUTIONS=${OPSR_FUZZ_EXECUTIONS:-100000}
+step "fuzzing" cargo test --release fuzz::long -- --ignored
+step "an hour of memory" tests/long.sh "$program" 3600
+[ "$failed" -eq 0 ] && echo "all slow checks passed"
+exit "$failed"
