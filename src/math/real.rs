@@ -151,27 +151,43 @@ impl Real for f64 {
 
 /// A value with its derivative: forward differentiation in one variable.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Dual {
+pub struct Dual<F = f64> {
     /// The value.
-    pub v: f64,
+    pub v: F,
     /// Its derivative.
-    pub d: f64,
+    pub d: F,
 }
 
-impl Dual {
+impl<F: Real> Dual<F> {
     /// The variable itself: derivative 1.
-    pub fn variable(v: f64) -> Self {
-        Self { v, d: 1.0 }
+    #[inline]
+    pub fn variable(v: F) -> Self {
+        Self {
+            v,
+            d: F::constant(1.0),
+        }
     }
 }
 
-impl PartialOrd for Dual {
+impl Dual<f32> {
+    /// The same in double precision.
+    #[inline]
+    pub fn wide(self) -> Dual {
+        Dual {
+            v: self.v.into(),
+            d: self.d.into(),
+        }
+    }
+}
+
+impl<F: PartialOrd> PartialOrd for Dual<F> {
+    #[inline]
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         self.v.partial_cmp(&other.v)
     }
 }
 
-impl Add for Dual {
+impl<F: Real> Add for Dual<F> {
     type Output = Self;
     #[inline]
     fn add(self, o: Self) -> Self {
@@ -182,7 +198,7 @@ impl Add for Dual {
     }
 }
 
-impl Sub for Dual {
+impl<F: Real> Sub for Dual<F> {
     type Output = Self;
     #[inline]
     fn sub(self, o: Self) -> Self {
@@ -193,7 +209,7 @@ impl Sub for Dual {
     }
 }
 
-impl Mul for Dual {
+impl<F: Real> Mul for Dual<F> {
     type Output = Self;
     #[inline]
     fn mul(self, o: Self) -> Self {
@@ -204,7 +220,7 @@ impl Mul for Dual {
     }
 }
 
-impl Div for Dual {
+impl<F: Real> Div for Dual<F> {
     type Output = Self;
     #[inline]
     fn div(self, o: Self) -> Self {
@@ -216,7 +232,7 @@ impl Div for Dual {
     }
 }
 
-impl Neg for Dual {
+impl<F: Real> Neg for Dual<F> {
     type Output = Self;
     #[inline]
     fn neg(self) -> Self {
@@ -227,17 +243,17 @@ impl Neg for Dual {
     }
 }
 
-impl Real for Dual {
+impl<F: Real> Real for Dual<F> {
     #[inline]
     fn constant(x: f32) -> Self {
         Self {
-            v: x.into(),
-            d: 0.0,
+            v: F::constant(x),
+            d: F::constant(0.0),
         }
     }
     #[inline]
     fn value(self) -> f64 {
-        self.v
+        self.v.value()
     }
     #[inline]
     fn exp(self) -> Self {
@@ -249,21 +265,26 @@ impl Real for Dual {
         let v = self.v.sqrt();
         Self {
             v,
-            d: 0.5 * self.d / v,
+            d: F::constant(0.5) * self.d / v,
         }
     }
     #[inline]
     fn beckmann_lambda(self) -> Self {
         let a = self.v;
-        if a > LAMBDA_END {
-            return Self::default();
+        if a.value() > LAMBDA_END {
+            return Self::constant(0.0);
         }
         // The fast value is right to 1e-7 and the derivative exact: dΛ/da = −e^(−a²) / (2 a² √π).
         let gauss = (-a * a).exp();
-        let v = 0.5 * gauss * (1.0 / (a * SQRT_PI) - f64::from(scaled_erfc(a as f32)));
+        // √π to the digits of either precision.
+        let high = SQRT_PI as f32;
+        let low = (SQRT_PI - f64::from(high)) as f32;
+        let sqrt_pi = F::constant(high) + F::constant(low);
+        let part = gauss / (F::constant(2.0) * a * sqrt_pi);
+        let erfc = F::constant(scaled_erfc(a.value() as f32));
         Self {
-            v,
-            d: -self.d * gauss / (2.0 * a * a * SQRT_PI),
+            v: part - F::constant(0.5) * gauss * erfc,
+            d: -self.d * part / a,
         }
     }
 }

@@ -24,32 +24,52 @@ pub fn accumulate_with_gradient(alphas: &[f32], table: &AttenuationTable) -> (f3
     for &alpha in before {
         path.push(alpha, table);
     }
-    path.accumulate(last, table)
+    let mut dependence = Dependence::new();
+    let alpha = path.accumulate(last, table, &mut dependence);
+    (alpha, dependence)
 }
 
 /// The vertices before the last, as [`PathRoughness`] folds them, with the derivatives of what is folded.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub struct Differentiated {
     prefix: PathRoughness,
     /// Derivatives of the folded value, the first one of the prefix.
     folded: Dependence,
+    /// Those of the folded value before, for its memory.
+    before: Dependence,
+}
+
+impl Clone for Differentiated {
+    fn clone(&self) -> Self {
+        Self {
+            prefix: self.prefix,
+            folded: self.folded.clone(),
+            before: Dependence::new(),
+        }
+    }
+
+    /// Into memory that is there already: states are copied at every vertex of every path.
+    fn clone_from(&mut self, other: &Self) {
+        self.prefix = other.prefix;
+        self.folded.clone_from(&other.folded);
+    }
 }
 
 impl Differentiated {
     /// Appends a vertex.
     pub fn push(&mut self, alpha: f32, table: &AttenuationTable) {
         if self.prefix.values().len() == MAX_VERTICES - 1 {
-            self.folded = gradient(&self.prefix, alpha, table, &self.folded);
+            std::mem::swap(&mut self.folded, &mut self.before);
+            self.folded.clear();
+            gradient(&self.prefix, alpha, table, &self.before, &mut self.folded);
         }
         self.prefix.push(alpha, table, 1.0);
     }
 
-    /// α′ of a last vertex of roughness `last`, and its derivative.
-    pub fn accumulate(&self, last: f32, table: &AttenuationTable) -> (f32, Dependence) {
-        (
-            self.prefix.accumulate(last, table, 1.0),
-            gradient(&self.prefix, last, table, &self.folded),
-        )
+    /// α′ of a last vertex of roughness `last`; appends its derivative to `to`.
+    pub fn accumulate(&self, last: f32, table: &AttenuationTable, to: &mut Dependence) -> f32 {
+        gradient(&self.prefix, last, table, &self.folded, to);
+        self.prefix.accumulate(last, table, 1.0)
     }
 }
 
@@ -80,16 +100,18 @@ fn slope(prefix: &PathRoughness, gamma: f32) -> f32 {
     dq
 }
 
-/// Derivative of `prefix.accumulate(last)`, where `folded` is that of the prefix's first value.
+/// Appends the derivative of `prefix.accumulate(last)`, where `folded` is that of the prefix's first value.
 fn gradient(
     prefix: &PathRoughness,
     last: f32,
     table: &AttenuationTable,
     folded: &Dependence,
-) -> Dependence {
+    to: &mut Dependence,
+) {
     if prefix.values().is_empty() || last >= 1.0 {
-        return Dependence::new();
+        return;
     }
+    let start = to.len();
     let mut raw = 0.0f32;
     table.entries(prefix, last, |class, weight| {
         raw += weight * table.gammas[class.index()]
@@ -102,10 +124,9 @@ fn gradient(
     } else {
         (1.0 - last) * dq * table.scale
     };
-    let mut out = Dependence::new();
     if slope != 0.0 {
         table.entries(prefix, last, |class, weight| {
-            add(&mut out, class, slope * weight)
+            add(to, start, class, slope * weight)
         });
     }
     // dα′/dα₁ = (1 − αₙ) γ ∏_{i ≥ 2} (1 − γ αᵢ), for a first value that is folded.
@@ -117,16 +138,16 @@ fn gradient(
                 .map(|&a| 1.0 - gamma * a)
                 .product::<f32>();
         for &(class, d) in folded {
-            add(&mut out, class, inner * d);
+            add(to, start, class, inner * d);
         }
     }
-    out
 }
 
-fn add(out: &mut Dependence, class: GammaIndex, d: f32) {
-    match out.iter_mut().find(|(c, _)| *c == class) {
+/// Adds to the entry of a class among those from `start` on.
+fn add(to: &mut Dependence, start: usize, class: GammaIndex, d: f32) {
+    match to[start..].iter_mut().find(|(c, _)| *c == class) {
         Some((_, sum)) => *sum += d,
-        None => out.push((class, d)),
+        None => to.push((class, d)),
     }
 }
 

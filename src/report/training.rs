@@ -81,16 +81,10 @@ pub struct Crops {
 
 impl Crops {
     /// Scores and pictures of a set.
-    pub fn of(
-        set: &mut Set,
-        beta: f32,
-        start: &AttenuationTable,
-        learned: &AttenuationTable,
-    ) -> Self {
+    pub fn of(set: &mut Set, start: &AttenuationTable, learned: &AttenuationTable) -> Self {
         if set.is_empty() {
             return Self::default();
         }
-        let objective = set.objective(beta);
         let (a, b) = (set.exact(start), set.exact(learned));
         let pictures = (set.crops().zip(a.iter().zip(&b)))
             .map(|(crop, (a, b))| {
@@ -109,8 +103,8 @@ impl Crops {
             })
             .collect();
         Self {
-            before: objective.by_crop(&a),
-            after: objective.by_crop(&b),
+            before: set.losses_of(&a),
+            after: set.losses_of(&b),
             reference_noise: set.crops().map(|c| c.reference_noise).collect(),
             pictures,
         }

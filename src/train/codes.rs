@@ -6,6 +6,7 @@
 use crate::regularise::{
     AttenuationTable, Dependence, Differentiated, GammaIndex, MAX_VERTICES, PathRoughness,
 };
+use foldhash::fast::FixedState;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -47,14 +48,21 @@ fn range(ends: &[u32], code: usize) -> Range<usize> {
 pub(super) struct Interner {
     /// The vertex before, and the own roughness.
     nodes: Vec<(Option<u32>, f32)>,
-    index: HashMap<(Option<u32>, u32), u32>,
+    /// By what [`key`] makes of a vertex.
+    index: HashMap<u64, u32, FixedState>,
+}
+
+/// A vertex and the one before it, as one number: it is hashed for every vertex of every path.
+fn key(before: Option<u32>, alpha: f32) -> u64 {
+    let before = before.map_or(0, |b| u64::from(b) + 1);
+    before << 32 | u64::from(alpha.to_bits())
 }
 
 impl Interner {
     /// The number of the list that goes on from another with a vertex of this roughness.
     pub(super) fn intern(&mut self, before: Option<u32>, alpha: f32) -> u32 {
         let next = self.nodes.len() as u32;
-        *(self.index.entry((before, alpha.to_bits()))).or_insert_with(|| {
+        *(self.index.entry(key(before, alpha))).or_insert_with(|| {
             self.nodes.push((before, alpha));
             next
         })
@@ -126,31 +134,81 @@ pub struct Codes {
 /// α′ of all codes and what it depends on.
 #[derive(Clone, Debug, Default)]
 pub struct Roughness {
-    alphas: Vec<f32>,
-    /// The dependences of all codes, one after the other, and where each ends.
+    /// Of [`CHUNK`] codes each.
+    parts: Vec<Part>,
+}
+
+/// α′ of some codes, and their dependences one after the other.
+#[derive(Clone, Debug, Default)]
+struct Part {
+    /// α′, and where the code's dependences begin.
+    codes: Vec<(f32, u32)>,
     entries: Dependence,
-    ends: Vec<u32>,
+}
+
+impl Part {
+    /// Of no codes, with room for them and for as many entries as most have.
+    fn empty() -> Self {
+        Self {
+            codes: Vec::with_capacity(CHUNK),
+            entries: Vec::with_capacity(4 * CHUNK),
+        }
+    }
+
+    /// α′ of a code and where its dependences are.
+    #[inline]
+    fn at(&self, code: usize) -> (f32, Range<usize>) {
+        let (alpha, start) = self.codes[code];
+        let end = self.codes.get(code + 1).map(|next| next.1 as usize);
+        (alpha, start as usize..end.unwrap_or(self.entries.len()))
+    }
+}
+
+/// α′ of some codes and what it depends on, in the order in which they are needed.
+#[derive(Debug, Default)]
+pub(super) struct Gathered {
+    /// Where the dependences are in the codes' part, and end here.
+    places: Vec<(u32, Range<usize>, usize)>,
+    alphas: Vec<f32>,
+    entries: Dependence,
+}
+
+impl Gathered {
+    pub(super) fn iter(&self) -> impl Iterator<Item = (f32, &[(GammaIndex, f32)])> {
+        let starts = std::iter::once(0).chain(self.places.iter().map(|p| p.2));
+        let ranges = starts.zip(&self.places).map(|(start, p)| start..p.2);
+        let entries = ranges.map(|range| &self.entries[range]);
+        self.alphas.iter().copied().zip(entries)
+    }
 }
 
 impl Roughness {
+    /// Brings what some codes have close together.
+    ///
+    /// In loops that do nothing else, so that the waits for memory are many at a time and not one after the other.
+    pub(super) fn gather(&self, codes: impl Iterator<Item = u32>, to: &mut Gathered) {
+        to.places.clear();
+        to.alphas.clear();
+        to.entries.clear();
+        for code in codes {
+            let (part, code) = (code / CHUNK as u32, code as usize % CHUNK);
+            let (alpha, range) = self.parts[part as usize].at(code);
+            to.alphas.push(alpha);
+            to.places.push((part, range, 0));
+        }
+        for (part, range, end) in &mut to.places {
+            let entries = &self.parts[*part as usize].entries;
+            to.entries.extend_from_slice(&entries[range.clone()]);
+            *end = to.entries.len();
+        }
+    }
+
     /// Accumulated roughness of a code, and its derivatives by the table entries it depends on.
     #[inline]
     pub fn at(&self, code: u32) -> (f32, &[(GammaIndex, f32)]) {
-        let code = code as usize;
-        (self.alphas[code], &self.entries[range(&self.ends, code)])
-    }
-
-    /// Accumulated roughness of all codes.
-    pub fn alphas(&self) -> &[f32] {
-        &self.alphas
-    }
-
-    fn append(mut self, other: Self) -> Self {
-        let offset = self.entries.len() as u32;
-        self.alphas.extend(other.alphas);
-        self.entries.extend(other.entries);
-        self.ends.extend(other.ends.iter().map(|end| end + offset));
-        self
+        let part = &self.parts[code as usize / CHUNK];
+        let (alpha, range) = part.at(code as usize % CHUNK);
+        (alpha, &part.entries[range])
     }
 }
 
@@ -190,27 +248,32 @@ impl Codes {
     }
 
     /// Follows the vertices before the last of every code with a state that `push` takes along, once for all codes that
-    /// begin alike; `visit` gets the state, the last vertex's roughness, and what a thread collects.
-    fn follow<S: Clone + Default, T: Default + Send>(
+    /// begin alike; `visit` gets the state, the last vertex's roughness, and what a thread collects, at first `part`.
+    fn follow<S: Clone + Default, T: Send>(
         &self,
+        part: impl Fn() -> T + Sync,
         push: impl Fn(&mut S, f32) + Sync,
         visit: impl Fn(&mut T, &S, f32) + Sync,
     ) -> Vec<T> {
         let chunks = (0..self.len()).into_par_iter().step_by(CHUNK);
         let follow = |start: usize| {
-            let mut part = T::default();
-            // After 0, 1, 2 … vertices of the list at hand.
+            let mut part = part();
+            // After 0, 1, 2 … vertices of the list at hand; more than it has vertices are left from others.
             let mut states = vec![S::default()];
+            let mut known = 0;
             for code in start..self.len().min(start + CHUNK) {
                 let (&last, before) = (self.list(code as u32).split_last()).unwrap_or((&1.0, &[]));
-                let alike = (self.shared[code] as usize).min(before.len());
-                states.truncate(alike + 1);
-                for &alpha in &before[states.len() - 1..] {
-                    let mut state = states[states.len() - 1].clone();
-                    push(&mut state, alpha);
-                    states.push(state);
+                known = known.min(self.shared[code] as usize).min(before.len());
+                for (i, &alpha) in before.iter().enumerate().skip(known) {
+                    if states.len() < i + 2 {
+                        states.push(S::default());
+                    }
+                    let (done, next) = states.split_at_mut(i + 1);
+                    next[0].clone_from(&done[i]);
+                    push(&mut next[0], alpha);
                 }
-                visit(&mut part, &states[states.len() - 1], last);
+                known = before.len();
+                visit(&mut part, &states[known], last);
             }
             part
         };
@@ -220,6 +283,7 @@ impl Codes {
     /// α′ of every code.
     pub fn alphas(&self, table: &AttenuationTable) -> Vec<f32> {
         let parts = self.follow(
+            || Vec::with_capacity(CHUNK),
             |path: &mut PathRoughness, alpha| path.push(alpha, table, 1.0),
             |part: &mut Vec<f32>, path, last| part.push(path.accumulate(last, table, 1.0)),
         );
@@ -229,15 +293,15 @@ impl Codes {
     /// α′ and derivative of every code.
     pub fn roughness(&self, table: &AttenuationTable) -> Roughness {
         let parts = self.follow(
+            Part::empty,
             |path: &mut Differentiated, alpha| path.push(alpha, table),
-            |part: &mut Roughness, path, last| {
-                let (alpha, gradient) = path.accumulate(last, table);
-                part.alphas.push(alpha);
-                part.entries.extend(gradient);
-                part.ends.push(part.entries.len() as u32);
+            |part: &mut Part, path, last| {
+                let start = part.entries.len() as u32;
+                let alpha = path.accumulate(last, table, &mut part.entries);
+                part.codes.push((alpha, start));
             },
         );
-        (parts.into_iter()).fold(Roughness::default(), Roughness::append)
+        Roughness { parts }
     }
 
     /// Whether a path folds: α′ then depends on the factors of more than one class.
@@ -317,6 +381,13 @@ mod tests {
             let (alpha, gradient) = accumulate_with_gradient(list, &table);
             assert_eq!(alphas[code as usize], alpha);
             assert_eq!(roughness.at(code), (alpha, &gradient[..]));
+        }
+        // In any order, and after others.
+        let mut gathered = Gathered::default();
+        for step in [3, 7] {
+            let some = (0..codes.len() as u32).rev().step_by(step);
+            roughness.gather(some.clone(), &mut gathered);
+            assert!((gathered.iter()).eq(some.map(|code| roughness.at(code))));
         }
         let (long, all) = codes.long();
         for (code, &of_all) in (0u32..).zip(&all) {

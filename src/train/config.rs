@@ -70,6 +70,8 @@ pub struct Config {
     pub start: f32,
     /// The constant factors that the lobes of a recording are drawn with.
     pub record_gammas: Vec<f32>,
+    /// Recorded events that carry less than this times their pixel's reference play Russian roulette; 0 keeps all.
+    pub roulette: f32,
     /// Seed of the recording.
     pub seed: u64,
     /// Steps between two lines of the log and two looks at the validation scenes.
@@ -98,6 +100,8 @@ impl Default for Config {
             loss: Loss::Published,
             start: 0.5,
             record_gammas: vec![0.002, 0.007, 0.025, 0.09, 0.3, 1.0],
+            // See `thin`.
+            roulette: 0.3,
             seed: 0,
             validate_every: 500,
             patience: 0,
@@ -217,6 +221,9 @@ impl Config {
             || !self.record_gammas.iter().all(usable)
         {
             return bad("record_gammas", "expected 1 to 16 numbers in (0, 1]");
+        }
+        if !(0.0..=10.0).contains(&self.roulette) {
+            return bad("roulette", "expected a number from 0 to 10");
         }
         if !(0.0..=1.0).contains(&self.start) {
             return bad("start", "expected a number from 0 to 1");

@@ -5,13 +5,13 @@
 //! polynomials. Left out: products of two events of different factors on one path. Paths that fold couple several
 //! factors; they are kept as events and linearised anew whenever the table has moved (see [`Folded`]).
 
-use super::event::Running;
+use super::event::{Moment, Running};
 use super::folded::Folded;
 use super::grid::{GAMMA_MIN, Level, NODES, Place, node, spacing};
 use super::moments::{Adjoint, Moments, Source, no_gradient};
 use super::recording::{Pixel, Recording};
 use super::sums::{Slopes, Sums, add, rows};
-use crate::math::real::Dual;
+use crate::math::real::{Dual, Real};
 use crate::regularise::{AttenuationTable, GammaIndex, accumulate_at};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -44,13 +44,13 @@ pub struct Curves {
 }
 
 /// α′ of a code at every node, as a function of ln γ.
-fn alphas(list: &[f32]) -> [Dual; NODES] {
+fn alphas(list: &[f32]) -> [Dual<f32>; NODES] {
     std::array::from_fn(|k| {
         let gamma = node(k);
         let (alpha, d) = accumulate_at(list, gamma as f32);
         Dual {
-            v: alpha.into(),
-            d: f64::from(d) * gamma * spacing(),
+            v: alpha,
+            d: (f64::from(d) * gamma * spacing()) as f32,
         }
     })
 }
@@ -78,7 +78,7 @@ impl Curves {
                 }))
             })
             .collect();
-        let alphas: Vec<[Dual; NODES]> = (0..codes.len() as u32)
+        let alphas: Vec<[Dual<f32>; NODES]> = (0..codes.len() as u32)
             .into_par_iter()
             .map(|code| match codes.is_long(code) {
                 true => [Dual::default(); NODES],
@@ -112,7 +112,7 @@ fn bake_pixel(
     recording: &Recording,
     pixel: &Pixel,
     group: &[Option<usize>],
-    alphas: &[[Dual; NODES]],
+    alphas: &[[Dual<f32>; NODES]],
 ) -> Vec<(usize, [Knot; NODES])> {
     let mut sums: BTreeMap<usize, Box<[[f64; 8]; NODES]>> = BTreeMap::new();
     for path in &pixel.paths {
@@ -127,21 +127,17 @@ fn bake_pixel(
             }
             let sum = sums.entry(g).or_insert_with(|| Box::new([[0.0; 8]; NODES]));
             for (k, knot) in sum.iter_mut().enumerate() {
-                let mut running = Running::new(path.constant.map(|c| Dual {
-                    v: c.into(),
-                    d: 0.0,
-                }));
+                let mut running = Running::new(path.constant.map(Dual::constant));
                 for event in events[i..].iter().filter(|e| same(e)) {
-                    let moment = event.at(alphas[event.code as usize][k]);
-                    let met = running.meet(event, moment.x);
-                    knot[3] += moment.y.v;
-                    knot[7] += moment.y.d;
+                    let Moment { x, mut y } = event.tangent(alphas[event.code as usize][k]);
+                    let met = running.meet(event, x);
                     for c in 0..3 {
-                        let cross = met[c] * moment.x[c];
-                        knot[c] += moment.x[c].v;
-                        knot[4 + c] += moment.x[c].d;
-                        knot[3] += 2.0 * cross.v;
-                        knot[7] += 2.0 * cross.d;
+                        let cross = met[c] * x[c];
+                        y = y + cross + cross;
+                    }
+                    for (c, part) in [x[0], x[1], x[2], y].into_iter().enumerate() {
+                        knot[c] += f64::from(part.v);
+                        knot[4 + c] += f64::from(part.d);
                     }
                 }
             }
@@ -247,13 +243,11 @@ impl Bundle {
         let place = level.place();
         let (low, high) = self.knots(&place);
         let old = before.map(|b| (b.value, self.knots(&b)));
-        for (i, at) in self.range.clone().enumerate() {
+        slopes.update(self.range.clone(), |i, pixel| {
             let old = old.map_or([0.0; 4], |(w, (low, high))| read(&low[i], &high[i], w));
-            let new = read(&low[i], &high[i], place.value);
-            let pixel = slopes.pixels(self.range.clone())[i];
-            sums.exchange(pixel, old, new);
-            slopes.set(at, pixel, read(&low[i], &high[i], place.slope));
-        }
+            sums.exchange(pixel, old, read(&low[i], &high[i], place.value));
+            read(&low[i], &high[i], place.slope)
+        });
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::drawn::Drawn;
 use super::objective::Target;
+use super::thin::Thin;
 use crate::image::Film;
 use crate::image::film::{FilmError, Window};
 use crate::integrator::pilot::{self, Change, View};
@@ -134,11 +135,19 @@ impl Crop {
         }
     }
 
-    /// Records the events of samples `0..spp`, lobes drawn with each of these constant factors.
-    pub fn record(&self, gammas: &[f32], spp: u32, seed: u64) -> Result<Recording, DatasetError> {
-        let drawn = Arc::new(Drawn::new(gammas));
+    /// Records the events of samples `0..spp`, lobes drawn with each of these constant factors; events that carry less
+    /// than `roulette` times the reference are thinned out.
+    pub fn record(
+        &self,
+        gammas: &[f32],
+        roulette: f32,
+        spp: u32,
+        seed: u64,
+    ) -> Result<Recording, DatasetError> {
+        let thin = Thin::new(&self.target(spp), roulette, seed);
+        let drawn = Arc::new((Drawn::new(gammas), thin));
         let tape = Tape::drawn(self.window, drawn.clone());
-        self.trace(&*drawn, tape, spp, seed)
+        self.trace(&drawn.0, tape, spp, seed)
     }
 
     /// Records the events of samples `0..spp` with this attenuation.

@@ -5,7 +5,7 @@
 //! vertex of a recording draws its lobe once with each of several factors, and all draws are weighed with the balance
 //! heuristic (Veach 1997, eq. 9.8): wherever the table goes, some were drawn nearby.
 
-use crate::bsdf::{DELTA_ALPHA, LobeQuery};
+use crate::bsdf::{BsdfEval, DELTA_ALPHA, LobeQuery};
 use crate::regularise::{ConstantGamma, PathRoughness, Regulariser, Scattered};
 
 /// A lobe that is wider than another by less than this is not drawn beside it: the factors are told apart by what they do
@@ -53,9 +53,13 @@ impl Drawn {
         }
     }
 
-    /// Sum of the densities of a direction over all draws.
-    pub(super) fn pdf(query: &LobeQuery, alphas: &[f32]) -> f32 {
-        alphas.iter().map(|&alpha| query.at(alpha).pdf_w).sum()
+    /// Sum of the densities of a direction over all draws, and the largest value there.
+    pub(super) fn all(query: &LobeQuery, alphas: &[f32]) -> BsdfEval {
+        let lobes = alphas.iter().map(|&alpha| query.at(alpha));
+        lobes.fold(BsdfEval::default(), |all, lobe| BsdfEval {
+            value: all.value.max(lobe.value),
+            pdf_w: all.pdf_w + lobe.pdf_w,
+        })
     }
 
     fn first(&self) -> f32 {

@@ -15,7 +15,8 @@
 
 use crate::bsdf::{DELTA_ALPHA, Distribution, LobeQuery, LobeShape};
 use crate::integrator::{Event, Technique};
-use crate::math::real::Real;
+use crate::math::Rgb;
+use crate::math::real::{Dual, Real};
 
 /// An event, 60 bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +31,7 @@ pub struct StoredEvent {
     tan2_o: f32,
     tan2_i: f32,
     pdf_light: f32,
-    /// 1 / (p_l + p₀).
+    /// 1 / (p_l + p₀), times how many events it stands for.
     weight: f32,
     /// Which list of roughness values the path has, see [`Codes`](super::codes::Codes).
     pub code: u32,
@@ -91,6 +92,19 @@ impl StoredEvent {
         })
     }
 
+    /// What it carries where its integrand is `value`, the sum of its channels.
+    pub(super) fn size(&self, value: Rgb) -> f32 {
+        value.element_sum() * self.weight
+    }
+
+    /// The event as one that stands for this many, none of which meet.
+    pub(super) fn times(self, times: f32) -> Self {
+        Self {
+            weight: self.weight * times,
+            ..self
+        }
+    }
+
     /// Mean and second moment at roughness `a`.
     #[inline]
     pub fn at<T: Real>(&self, a: T) -> Moment<T> {
@@ -102,14 +116,32 @@ impl StoredEvent {
         let h = [0, 1, 2].map(|c| T::constant(self.base[c]) + T::constant(self.scale[c]) * dg2);
         let x = h.map(|h| h * weight);
         let squares = h[0] * h[0] + h[1] * h[1] + h[2] * h[2];
-        let y = if self.delta_light {
-            squares * weight * weight
+        let pdf = if self.delta_light {
+            T::constant(self.pdf_light)
         } else {
-            let pdf =
-                T::constant(self.pdf_light + self.base_pdf) + T::constant(self.pdf_scale) * dg1;
-            squares * weight / pdf
+            T::constant(self.pdf_light + self.base_pdf) + T::constant(self.pdf_scale) * dg1
         };
+        let y = squares * weight / pdf;
         Moment { x, y }
+    }
+
+    /// Mean and second moment with their derivatives: in single precision, but for what is beyond its range.
+    #[inline]
+    pub fn tangent(&self, a: Dual<f32>) -> Moment<Dual<f32>> {
+        let moment = self.at(a);
+        let finite = |d: &Dual<f32>| d.v.is_finite() && d.d.is_finite();
+        if moment.x.iter().all(finite) && finite(&moment.y) {
+            return moment;
+        }
+        let narrow = |d: Dual| Dual {
+            v: d.v as f32,
+            d: d.d as f32,
+        };
+        let Moment { x, y } = self.at(a.wide());
+        Moment {
+            x: x.map(narrow),
+            y: narrow(y),
+        }
     }
 
     fn query(&self) -> LobeQuery {

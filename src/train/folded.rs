@@ -3,12 +3,12 @@
 //! They are evaluated exactly, with derivatives, at one table, the anchor, and followed by the tangent from there until
 //! the factors have moved too far.
 
-use super::codes::Codes;
-use super::event::StoredEvent;
+use super::codes::{Codes, Gathered};
+use super::event::{Moment, StoredEvent};
 use super::moments::Moments;
 use super::recording::Recording;
 use super::sums::{Row, Slopes};
-use crate::math::real::Dual;
+use crate::math::real::{Dual, Real};
 use crate::regularise::{AttenuationTable, GammaIndex, LEN};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -41,28 +41,31 @@ pub(super) struct Folded {
 }
 
 /// Moments of one pixel's folded events, and their derivatives by the classes that they depend on, in their order.
-type Evaluated = ([f64; 4], Vec<(u16, [f64; 4])>);
+type Evaluated = ([f64; 4], Vec<(u16, Row)>);
 
 /// Derivatives of one pixel by class while they are added up.
 struct Scratch {
-    slopes: Vec<[f64; 4]>,
+    slopes: Vec<Row>,
     seen: Vec<bool>,
     classes: Vec<u16>,
+    /// α′ and dependences of the events of the pixel.
+    gathered: Gathered,
 }
 
 impl Default for Scratch {
     fn default() -> Self {
         Self {
-            slopes: vec![[0.0; 4]; LEN],
+            slopes: vec![Row::default(); LEN],
             seen: vec![false; LEN],
             classes: Vec::new(),
+            gathered: Gathered::default(),
         }
     }
 }
 
 impl Scratch {
     #[inline]
-    fn add(&mut self, class: GammaIndex, slope: [f64; 4], factor: f64) {
+    fn add(&mut self, class: GammaIndex, slope: Row, factor: f32) {
         let index = class.index();
         if !std::mem::replace(&mut self.seen[index], true) {
             self.classes.push(index as u16);
@@ -72,22 +75,25 @@ impl Scratch {
         }
     }
 
-    /// Hands the sums out, and is empty again.
-    fn take(&mut self) -> Vec<(u16, [f64; 4])> {
+    /// Hands the sums times `scale` out, and is empty again.
+    fn take(&mut self, scale: f32) -> Vec<(u16, Row)> {
         self.classes.sort_unstable();
         let classes = self.classes.drain(..);
         let entries = classes.map(|class| {
             let index = usize::from(class);
             self.seen[index] = false;
-            (class, std::mem::take(&mut self.slopes[index]))
+            (
+                class,
+                std::mem::take(&mut self.slopes[index]).map(|s| s * scale),
+            )
         });
         entries.collect()
     }
 }
 
 /// What a slope does to the mean.
-fn size(slope: [f64; 4]) -> f64 {
-    slope[0].abs() + slope[1].abs() + slope[2].abs()
+fn size(slope: Row) -> f64 {
+    f64::from(slope[0].abs() + slope[1].abs() + slope[2].abs())
 }
 
 /// The size below which the slopes of each class are left out: together they are less than a hundredth of the class.
@@ -166,33 +172,34 @@ impl Folded {
         let evaluated: Vec<Evaluated> = (self.pixels.par_iter())
             .map_init(Scratch::default, |scratch, (samples, members)| {
                 let mut sum = [0.0; 4];
-                for Member { constant, event } in members {
-                    let (alpha, gradient) = roughness.at(event.code);
-                    let moment = event.at(Dual::variable(alpha.into()));
-                    let mut second = moment.y;
-                    for (c, x) in constant.iter().zip(moment.x) {
-                        second = second
-                            + Dual {
-                                v: 2.0 * f64::from(*c),
-                                d: 0.0,
-                            } * x;
+                let mut gathered = std::mem::take(&mut scratch.gathered);
+                roughness.gather(members.iter().map(|m| m.event.code), &mut gathered);
+                for (Member { constant, event }, (alpha, gradient)) in
+                    members.iter().zip(gathered.iter())
+                {
+                    let Moment { x, mut y } = event.tangent(Dual::variable(alpha));
+                    for (c, x) in constant.iter().zip(x) {
+                        y = y + Dual::constant(2.0 * c) * x;
                     }
-                    let parts = [moment.x[0], moment.x[1], moment.x[2], second];
+                    let parts = [x[0], x[1], x[2], y];
                     for (s, p) in sum.iter_mut().zip(parts) {
-                        *s += p.v / samples;
+                        *s += f64::from(p.v);
                     }
-                    let slope = parts.map(|p| p.d / samples);
                     for &(class, d) in gradient {
-                        scratch.add(class, slope, f64::from(d));
+                        scratch.add(class, parts.map(|p| p.d), d);
                     }
                 }
-                (sum, scratch.take())
+                scratch.gathered = gathered;
+                (
+                    sum.map(|s| s / samples),
+                    scratch.take(1.0 / *samples as f32),
+                )
             })
             .collect();
         self.value.clear();
         self.weights = vec![0.0; LEN];
         let floors = floors(&evaluated);
-        let faint = |(class, slope): &(u16, [f64; 4])| size(*slope) < floors[usize::from(*class)];
+        let faint = |(class, slope): &(u16, Row)| size(*slope) < floors[usize::from(*class)];
         self.ends = vec![0; LEN];
         let slopes = evaluated.iter().flat_map(|(_, slopes)| slopes);
         for (class, _) in slopes.filter(|s| !faint(s)) {
@@ -210,7 +217,6 @@ impl Folded {
                 let index = usize::from(class);
                 self.weights[index] += size(slope) * f64::from(table.gammas[index]);
                 if !faint(&(class, slope)) {
-                    let slope = slope.map(|s| s as f32);
                     self.tangents.set(self.ends[index], pixel, slope);
                     self.ends[index] += 1;
                 }
@@ -246,10 +252,12 @@ impl Folded {
         }
         let alphas = self.codes.alphas(table);
         let sums: Vec<[f64; 4]> = (self.pixels.par_iter())
-            .map(|(samples, members)| {
+            .map_init(Vec::new, |gathered, (samples, members)| {
                 let mut sum = [0.0; 4];
-                for Member { constant, event } in members {
-                    let moment = event.at(alphas[event.code as usize]);
+                gathered.clear();
+                gathered.extend(members.iter().map(|m| alphas[m.event.code as usize]));
+                for (Member { constant, event }, &alpha) in members.iter().zip(gathered.iter()) {
+                    let moment = event.at(alpha);
                     let mut second = moment.y;
                     for c in 0..3 {
                         sum[c] += f64::from(moment.x[c]);

@@ -26,22 +26,35 @@ impl Fresh {
             last: None,
         }
     }
-}
 
-impl Source for Fresh {
-    fn moments(&mut self, table: &AttenuationTable) -> Moments {
+    /// Paths that nobody has seen; `None` for a crop outside of its frame, which cannot be opened.
+    fn trace(&self, table: &AttenuationTable, number: u64) -> Option<Replay> {
         let rule = Accumulated {
             attenuation: table,
             lambda: 0.0,
         };
         // Far from the seeds next to it, which other replicates use.
-        let seed = self.seed ^ self.traced.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let seed = self.seed ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let recording = self.crop.record_with(rule, self.spp, seed).ok()?;
+        Some(Replay::new(recording))
+    }
+}
+
+impl Source for Fresh {
+    fn moments(&mut self, table: &AttenuationTable) -> Moments {
         self.traced += 1;
-        // A crop that was opened has a window inside of its frame.
-        let Ok(recording) = self.crop.record_with(rule, self.spp, seed) else {
-            return Moments::zero(self.crop.window.len());
-        };
-        self.last.insert(Replay::new(recording)).moments(table)
+        match self.trace(table, self.traced) {
+            Some(replay) => self.last.insert(replay).moments(table),
+            None => Moments::zero(self.crop.window.len()),
+        }
+    }
+
+    /// Of the same paths every time.
+    fn exact(&mut self, table: &AttenuationTable) -> Moments {
+        match self.trace(table, 0) {
+            Some(mut replay) => replay.moments(table),
+            None => Moments::zero(self.crop.window.len()),
+        }
     }
 
     fn gradient(&self, table: &AttenuationTable, adjoint: &Adjoint) -> Vec<f64> {

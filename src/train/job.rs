@@ -48,11 +48,11 @@ impl Job {
         let mut visits = Visits::default();
         if config.method == Way::Fresh && self.training {
             // Visits are those of a recording whatever the way.
-            let recording = crop.record(gammas, (*spp).min(64), config.seed)?;
+            let recording = crop.record(gammas, config.roulette, (*spp).min(64), config.seed)?;
             visits.count(&recording, &middle);
             return Ok((Box::new(Fresh::new(crop.clone(), *spp, *seed)), visits));
         }
-        let recording = crop.record(gammas, *spp, *seed)?;
+        let recording = crop.record(gammas, config.roulette, *spp, *seed)?;
         visits.count(&recording, &middle);
         let source: Box<dyn Source> = match config.method {
             Way::Replay => Box::new(Replay::new(recording)),

@@ -28,6 +28,7 @@ pub mod session;
 pub mod set;
 pub mod study;
 mod sums;
+pub mod thin;
 pub mod visits;
 
 pub use config::Config;

@@ -45,6 +45,53 @@ impl Target {
             1.0
         }
     }
+
+    /// N/(N − 1).
+    fn bessel(&self) -> f32 {
+        let n = self.samples.max(2) as f32;
+        n / (n - 1.0)
+    }
+
+    /// The reference as it is compared.
+    fn scaled(&self) -> Vec<f32> {
+        let scale = self.scale();
+        (self.reference.iter().flatten())
+            .map(|v| v * scale)
+            .collect()
+    }
+
+    /// The loss of a crop with these moments.
+    pub fn loss(&self, moments: &Moments) -> CropLoss {
+        let references = self.scaled();
+        let (mean, second) = scaled(moments, self.scale());
+        let mut sums = [0.0f64; 4];
+        for ((mean, references), second) in
+            (mean.chunks_exact(3).zip(references.chunks_exact(3))).zip(second)
+        {
+            let mut squares = 0.0;
+            for (&i, &f) in mean.iter().zip(references) {
+                sums[0] += f64::from((i - f).abs() / (f + EPSILON));
+                sums[1] += f64::from(i);
+                sums[2] += f64::from(f);
+                squares += i * i;
+            }
+            sums[3] += f64::from((second - squares) * self.bessel());
+        }
+        let values = references.len() as f64;
+        CropLoss {
+            mape: (sums[0] / values) as f32,
+            variance: (sums[3] / values) as f32,
+            energy: (sums[1] / sums[2].max(1e-30)) as f32,
+        }
+    }
+}
+
+/// Moments times a crop's scale, all channels of the means in a row.
+fn scaled(moments: &Moments, scale: f32) -> (Vec<f32>, Vec<f32>) {
+    (
+        moments.mean.iter().flatten().map(|v| v * scale).collect(),
+        moments.second.iter().map(|v| v * scale * scale).collect(),
+    )
 }
 
 /// The loss of one crop.
@@ -88,9 +135,6 @@ fn column(values: Vec<f32>) -> Tensor<2> {
 struct Part {
     /// What radiance is multiplied by.
     scale: f32,
-    /// N/(N − 1).
-    bessel: f32,
-    references: Vec<f32>,
     reference: Tensor<2>,
     /// Weights of the absolute errors, the squared means, the second moments.
     errors: Tensor<2>,
@@ -101,28 +145,23 @@ struct Part {
 impl Part {
     fn new(target: &Target, beta: f32, total: usize) -> Self {
         let scale = target.scale();
-        let references: Vec<f32> = (target.reference.iter().flatten())
-            .map(|v| v * scale)
-            .collect();
-        let n = target.samples.max(2) as f32;
+        let references = target.scaled();
         let share = 1.0 / (3 * total) as f32;
-        let bessel = n / (n - 1.0);
+        let bessel = target.bessel();
         let pixels = target.reference.len();
         let errors = references.iter().map(|f| share / (f + EPSILON)).collect();
         Self {
             scale,
-            bessel,
-            reference: row(references.clone()),
+            reference: row(references),
             errors: column(errors),
             squares: column(vec![beta * bessel * share; 3 * pixels]),
             seconds: column(vec![beta * bessel * share; pixels]),
-            references,
         }
     }
 
     /// The crop's share of the loss, and its derivative by the moments.
     fn evaluate(&self, moments: &Moments) -> (f32, Adjoint) {
-        let (mean, second) = self.scaled(moments);
+        let (mean, second) = scaled(moments, self.scale);
         let (mean, second) = (row(mean).require_grad(), row(second).require_grad());
         // Sums as products with columns of weights: their gradients are columns, not one number seen n times.
         let errors = (mean.clone() - self.reference.clone()).abs();
@@ -145,39 +184,6 @@ impl Part {
         };
         (value, adjoint)
     }
-
-    /// The loss of the crop alone.
-    fn alone(&self, moments: &Moments) -> CropLoss {
-        let (mean, second) = self.scaled(moments);
-        let mut sums = [0.0f64; 4];
-        for ((mean, references), second) in
-            (mean.chunks_exact(3).zip(self.references.chunks_exact(3))).zip(second)
-        {
-            let mut squares = 0.0;
-            for (&i, &f) in mean.iter().zip(references) {
-                sums[0] += f64::from((i - f).abs() / (f + EPSILON));
-                sums[1] += f64::from(i);
-                sums[2] += f64::from(f);
-                squares += i * i;
-            }
-            sums[3] += f64::from((second - squares) * self.bessel);
-        }
-        let values = self.references.len() as f64;
-        CropLoss {
-            mape: (sums[0] / values) as f32,
-            variance: (sums[3] / values) as f32,
-            energy: (sums[1] / sums[2].max(1e-30)) as f32,
-        }
-    }
-
-    /// Moments times the crop's scale.
-    fn scaled(&self, moments: &Moments) -> (Vec<f32>, Vec<f32>) {
-        let s = self.scale;
-        (
-            moments.mean.iter().flatten().map(|v| v * s).collect(),
-            moments.second.iter().map(|v| v * s * s).collect(),
-        )
-    }
 }
 
 impl Objective {
@@ -192,11 +198,5 @@ impl Objective {
     /// What one crop adds to the mean loss of all, and its derivative by the moments of that crop.
     pub fn evaluate(&self, crop: usize, moments: &Moments) -> (f32, Adjoint) {
         self.parts[crop].evaluate(moments)
-    }
-
-    /// The loss of each crop.
-    pub fn by_crop(&self, moments: &[Moments]) -> Vec<CropLoss> {
-        let pairs = self.parts.iter().zip(moments);
-        pairs.map(|(part, moments)| part.alone(moments)).collect()
     }
 }

@@ -3,9 +3,11 @@
 use super::codes::{Codes, Interner};
 use super::drawn::Drawn;
 use super::event::StoredEvent;
+use super::thin::Thin;
 use crate::image::film::Window;
 use crate::integrator::{Event, PathObserver, Recorder, Technique};
 use crate::math::{Rgb, UVec2};
+use crate::sampler::IndependentStream;
 use std::sync::Arc;
 
 /// A path with events.
@@ -53,8 +55,8 @@ pub struct Tape {
     events: Vec<StoredEvent>,
     /// Roughness lists of the events, and of vertices that none came from.
     codes: Interner,
-    /// What lobes are drawn with.
-    drawn: Option<Arc<Drawn>>,
+    /// What lobes are drawn with, and which of their events are kept.
+    drawn: Option<Arc<(Drawn, Thin)>>,
     /// α′ of the lobes that are drawn at the last vertex of every code, and where they end.
     drawn_at: Vec<f32>,
     drawn_ends: Vec<usize>,
@@ -65,6 +67,8 @@ pub struct Tape {
     here: Option<(f32, u32)>,
     current: usize,
     first: usize,
+    /// The current path's numbers for the roulette of its events.
+    roulette: Option<IndependentStream>,
     /// What the current path's events have contributed.
     counted: Rgb,
 }
@@ -102,8 +106,8 @@ impl Recording {
 }
 
 impl Tape {
-    /// An empty recording of a crop whose lobes are drawn with several factors.
-    pub fn drawn(window: Window, drawn: Arc<Drawn>) -> Self {
+    /// An empty recording of a crop whose lobes are drawn with several factors, and whose faint events play roulette.
+    pub fn drawn(window: Window, drawn: Arc<(Drawn, Thin)>) -> Self {
         Self {
             drawn: Some(drawn),
             ..Self::new(window)
@@ -125,6 +129,7 @@ impl Tape {
             here: None,
             current: 0,
             first: 0,
+            roulette: None,
             counted: Rgb::ZERO,
         }
     }
@@ -148,10 +153,22 @@ impl Tape {
         if self.codes.len() > known
             && let Some(drawn) = &self.drawn
         {
-            drawn.alphas(&self.codes.list(code), &mut self.drawn_at);
+            (drawn.0).alphas(&self.codes.list(code), &mut self.drawn_at);
             self.drawn_ends.push(self.drawn_at.len());
         }
         code
+    }
+
+    /// Keeps an event, or not; at the factors it was drawn with its integrand is at most `brightest`.
+    fn keep(&mut self, event: StoredEvent, brightest: Rgb) {
+        let thin = self.drawn.as_ref().map(|drawn| &drawn.1);
+        let weight = match (thin, &mut self.roulette) {
+            (Some(thin), Some(roulette)) => {
+                thin.weight(self.current, event.size(brightest), roulette)
+            }
+            _ => Some(1.0),
+        };
+        self.events.extend(weight.map(|times| event.times(times)));
     }
 
     /// α′ of the lobes that are drawn at the last vertex of a code.
@@ -165,7 +182,8 @@ impl Tape {
 impl PathObserver for Tape {
     const EVENTS: bool = true;
 
-    fn begin(&mut self, pixel: UVec2, _: u32) {
+    fn begin(&mut self, pixel: UVec2, sample: u32) {
+        self.roulette = (self.drawn.as_ref()).map(|drawn| drawn.1.stream(pixel, sample));
         let (x, y) = (pixel.x - self.window.x, pixel.y - self.window.y);
         self.current = y as usize * self.window.w as usize + x as usize;
         (self.before, self.left, self.here) = (None, None, None);
@@ -191,12 +209,12 @@ impl PathObserver for Tape {
         let found = event.query.at(event.alpha_reg);
         let (drawn, draws) = if self.drawn.is_some() {
             let alphas = self.drawn_at(code);
-            (Drawn::pdf(&event.query, alphas), alphas.len())
+            (Drawn::all(&event.query, alphas), alphas.len())
         } else {
-            (found.pdf_w, 1)
+            (found, 1)
         };
-        if let Some(kept) = StoredEvent::new(event, drawn, draws, code) {
-            self.events.push(kept);
+        if let Some(stored) = StoredEvent::new(event, drawn.pdf_w, draws, code) {
+            self.keep(stored, event.radiance * drawn.value);
             if event.counted {
                 let density = if event.delta_light {
                     event.pdf_light

@@ -126,9 +126,9 @@ fn close(vertex: &mut [Played], found: [f64; 3]) {
 
 impl Source for Replay {
     fn moments(&mut self, table: &AttenuationTable) -> Moments {
-        let roughness = self.recording.codes.roughness(table);
+        let alphas = self.recording.codes.alphas(table);
         let sums: Vec<_> = (self.recording.pixels.par_iter().with_min_len(CHUNK))
-            .map(|pixel| self.pixel(pixel, roughness.alphas()))
+            .map(|pixel| self.pixel(pixel, &alphas))
             .collect();
         Moments {
             mean: sums.iter().map(|s| s.0.map(|m| m as f32)).collect(),
@@ -138,8 +138,9 @@ impl Source for Replay {
 
     fn gradient(&self, table: &AttenuationTable, adjoint: &Adjoint) -> Vec<f64> {
         let roughness = self.recording.codes.roughness(table);
+        let alphas = self.recording.codes.alphas(table);
         let chunks: Vec<Vec<(u32, f64)>> = (self.recording.pixels.par_chunks(CHUNK).enumerate())
-            .map(|(i, pixels)| self.chunk(pixels, i * CHUNK, roughness.alphas(), adjoint))
+            .map(|(i, pixels)| self.chunk(pixels, i * CHUNK, &alphas, adjoint))
             .collect();
         let mut by_code = vec![0.0; self.recording.codes.len()];
         for (code, d) in chunks.into_iter().flatten() {

@@ -5,7 +5,7 @@ use super::config::{Config, ConfigError, Loss, Way};
 use super::dataset::{Crop, DatasetError};
 use super::job::Job;
 use super::model::Learner;
-use super::objective::{CropLoss, Objective};
+use super::objective::CropLoss;
 use super::progress::Progress;
 use super::set::{Set, mean_loss};
 use super::study::best_constant;
@@ -203,7 +203,6 @@ impl Session {
     ) -> Result<Outcome, TrainError> {
         let config = self.config.clone();
         let objective = self.training.objective(beta);
-        let validation = self.validation.objective(beta);
         let start = self.start(beta);
         let learner = Learner::new(
             config.model,
@@ -220,8 +219,8 @@ impl Session {
             let checkpoint = Checkpoint::load(path, &fingerprint)?;
             anchor.gammas.clone_from(&checkpoint.anchor.gammas);
             state = state.resume(checkpoint, config.lookup, path)?;
-            self.training.skip(u64::from(state.step));
         }
+        self.training.skip(u64::from(state.step));
         self.training.anchor(anchor);
         let clock = Instant::now();
         let mut stopped = false;
@@ -231,7 +230,7 @@ impl Session {
             let due = state.step.is_multiple_of(config.validate_every);
             let before = due.then(|| (state.best.clone(), state.looks));
             if due {
-                self.log(&mut state, &objective, &validation, beta, &clock);
+                self.log(&mut state, beta, &clock);
             }
             stopped = listen(state.step, loss, state.log.last().filter(|_| due)).is_break();
             if stopped {
@@ -263,7 +262,7 @@ impl Session {
             (state.checkpoint(&fingerprint, &self.training)?).save(path)?;
         }
         if !stopped {
-            self.log(&mut state, &objective, &validation, beta, &clock);
+            self.log(&mut state, beta, &clock);
             // Nobody is left to be stopped.
             let _ = listen(state.step, f32::NAN, state.log.last());
         }
@@ -279,14 +278,7 @@ impl Session {
     }
 
     /// Appends to the log, and remembers the table if no other has a lower validation loss.
-    fn log(
-        &mut self,
-        state: &mut Progress,
-        objective: &Objective,
-        validation: &Objective,
-        beta: f32,
-        clock: &Instant,
-    ) {
+    fn log(&mut self, state: &mut Progress, beta: f32, clock: &Instant) {
         if state.log.last().is_some_and(|e| e.step == state.step) {
             return;
         }
@@ -295,9 +287,9 @@ impl Session {
         let crops = if self.config.method == Way::Fresh {
             Vec::new()
         } else {
-            self.training.losses(objective, &table)
+            self.training.losses(&table)
         };
-        let validation_crops = self.validation.losses(validation, &whole);
+        let validation_crops = self.validation.losses(&whole);
         let score = mean_loss(&validation_crops, beta);
         // A loss that is no number is not a best one, and could not be read back from a checkpoint.
         if let Some(score) = score.filter(|s| s.is_finite())
@@ -353,8 +345,8 @@ impl Session {
                 config.rate()
             ),
             method: format!(
-                "{:?}, {} recording(s) drawn at gamma {:?}",
-                config.method, config.replicates, config.record_gammas
+                "{:?}, {} recording(s) drawn at gamma {:?}, roulette below {} of the reference",
+                config.method, config.replicates, config.record_gammas, config.roulette
             )
             .to_lowercase(),
             steps,

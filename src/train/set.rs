@@ -4,7 +4,7 @@ use super::dataset::Crop;
 use super::moments::{Moments, Source, no_gradient};
 use super::objective::{CropLoss, Objective, Target};
 use super::visits::Visits;
-use crate::regularise::AttenuationTable;
+use crate::regularise::{AttenuationTable, Lookup};
 use rayon::prelude::*;
 
 /// Mean |Δ ln γ|, weighted by the light that follows each factor, that the tangents of folded paths are used for: a
@@ -25,6 +25,25 @@ struct Member {
     source: Box<dyn Source>,
     target: Target,
     visits: Visits,
+    /// Its losses where all factors are the same, as far as they are known: every β asks for much the same factors.
+    constants: Vec<((f32, Lookup), CropLoss)>,
+}
+
+impl Member {
+    /// The loss where all factors are the same.
+    fn constant(&mut self, gamma: f32, lookup: Lookup) -> CropLoss {
+        let key = (gamma, lookup);
+        if let Some((_, known)) = self.constants.iter().find(|(k, _)| *k == key) {
+            return *known;
+        }
+        let moments = self.source.exact(&AttenuationTable {
+            lookup,
+            ..AttenuationTable::constant(gamma)
+        });
+        let loss = self.target.loss(&moments);
+        self.constants.push((key, loss));
+        loss
+    }
 }
 
 impl Set {
@@ -35,6 +54,7 @@ impl Set {
             source,
             target,
             visits,
+            constants: Vec::new(),
         });
     }
 
@@ -122,20 +142,28 @@ impl Set {
         Objective::new(&targets, beta)
     }
 
+    /// The loss of each crop with these moments.
+    pub fn losses_of(&self, moments: &[Moments]) -> Vec<CropLoss> {
+        let pairs = self.members.iter().zip(moments);
+        pairs.map(|(m, moments)| m.target.loss(moments)).collect()
+    }
+
     /// The loss of each crop at a table.
-    pub fn losses(&mut self, objective: &Objective, table: &AttenuationTable) -> Vec<CropLoss> {
+    pub fn losses(&mut self, table: &AttenuationTable) -> Vec<CropLoss> {
         let moments = self.exact(table);
-        objective.by_crop(&moments)
+        self.losses_of(&moments)
     }
 
     /// The mean loss at a table; `None` without crops.
-    pub fn loss(
-        &mut self,
-        objective: &Objective,
-        beta: f32,
-        table: &AttenuationTable,
-    ) -> Option<f32> {
-        mean_loss(&self.losses(objective, table), beta)
+    pub fn loss(&mut self, beta: f32, table: &AttenuationTable) -> Option<f32> {
+        mean_loss(&self.losses(table), beta)
+    }
+
+    /// The mean loss where all factors are the same; `None` without crops.
+    pub fn constant_loss(&mut self, beta: f32, gamma: f32, lookup: Lookup) -> Option<f32> {
+        let members = self.members.par_iter_mut().with_max_len(1);
+        let losses: Vec<CropLoss> = members.map(|m| m.constant(gamma, lookup)).collect();
+        mean_loss(&losses, beta)
     }
 
     /// Loss and gradient at a table.

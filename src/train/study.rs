@@ -78,9 +78,8 @@ fn constant(gamma: f32, lookup: Lookup) -> AttenuationTable {
 
 /// The best single factor for a set of crops.
 pub fn best_constant(set: &mut Set, beta: f32, lookup: Lookup) -> f32 {
-    let objective = set.objective(beta);
     let ln = minimise(f64::from(super::grid::GAMMA_MIN).ln(), 0.0, |ln| {
-        let loss = set.loss(&objective, beta, &constant(ln.exp() as f32, lookup));
+        let loss = set.constant_loss(beta, ln.exp() as f32, lookup);
         f64::from(loss.unwrap_or(0.0))
     });
     ln.exp() as f32
@@ -88,9 +87,8 @@ pub fn best_constant(set: &mut Set, beta: f32, lookup: Lookup) -> f32 {
 
 /// The best scale of a table for a set of crops, between 1/32 and 32.
 pub fn best_scale(set: &mut Set, beta: f32, table: &AttenuationTable) -> f32 {
-    let objective = set.objective(beta);
     let ln = minimise(-(32f64.ln()), 32f64.ln(), |ln| {
-        let loss = set.loss(&objective, beta, &scaled(table, ln.exp() as f32));
+        let loss = set.loss(beta, &scaled(table, ln.exp() as f32));
         f64::from(loss.unwrap_or(0.0))
     });
     ln.exp() as f32
@@ -98,11 +96,10 @@ pub fn best_scale(set: &mut Set, beta: f32, table: &AttenuationTable) -> f32 {
 
 /// The contrasts that a pilot tries, each with its best scale and the loss there.
 fn best_changes(set: &mut Set, beta: f32, table: &AttenuationTable) -> [(f32, Change); 3] {
-    let objective = set.objective(beta);
     CONTRASTS.map(|contrast| {
         let scale = best_scale(set, beta, &table.with_contrast(contrast));
         let change = Change { contrast, scale };
-        let loss = set.loss(&objective, beta, &change.of(table));
+        let loss = set.loss(beta, &change.of(table));
         (loss.unwrap_or(0.0), change)
     })
 }
@@ -122,8 +119,7 @@ pub fn score(
     value: Option<f32>,
     table: &AttenuationTable,
 ) -> Score {
-    let objective = set.objective(beta);
-    let losses = set.losses(&objective, table);
+    let losses = set.losses(table);
     Score {
         name: name.into(),
         value,
@@ -197,7 +193,7 @@ pub fn piloted(
         .map(|crop| Ok(crop.pilot(table, samples)?.of(table)))
         .collect::<Result<Vec<_>, TrainError>>()?;
     let moments = set.exact_each(&tables);
-    let losses = set.objective(beta).by_crop(&moments);
+    let losses = set.losses_of(&moments);
     let ln: f32 = tables.iter().map(|t| (t.scale / table.scale).ln()).sum();
     Ok(Score {
         name: name.into(),

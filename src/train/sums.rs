@@ -70,7 +70,10 @@ fn unpack(packed: [u16; 4]) -> Row {
 }
 
 /// Terms that are added up in single precision.
-const BLOCK: usize = 128;
+const BLOCK: usize = 256;
+
+/// Sums that are made side by side.
+const LANES: usize = 4;
 
 impl Slopes {
     /// Number of slopes.
@@ -104,6 +107,14 @@ impl Slopes {
         self.values[index] = pack(slope);
     }
 
+    /// Sets the slopes in `range`; `slope` is told of each one's number there and its pixel.
+    pub(super) fn update(&mut self, range: Range<usize>, mut slope: impl FnMut(usize, u32) -> Row) {
+        let values = self.values[range.clone()].iter_mut();
+        for (i, (value, &pixel)) in values.zip(&self.pixels[range]).enumerate() {
+            *value = pack(slope(i, pixel));
+        }
+    }
+
     /// Moves the factor that those in `range` belong to by this much.
     pub(super) fn follow(&self, range: Range<usize>, by: f32, rows: &mut [Row]) {
         for (&pixel, slope) in self.pixels[range.clone()].iter().zip(&self.values[range]) {
@@ -120,15 +131,31 @@ impl Slopes {
         let pixels = self.pixels[range.clone()].chunks(BLOCK);
         let values = self.values[range].chunks(BLOCK);
         let block = |(pixels, values): (&[u32], &[[u16; 4]])| {
-            let mut sum = [0.0f32; 4];
-            for (&pixel, slope) in pixels.iter().zip(values) {
-                let row = adjoint[pixel as usize];
-                let slope = unpack(*slope);
+            // Sums that do not wait for one another.
+            let mut sums = [[0.0f32; 4]; LANES];
+            let add = |sum: &mut Row, pixel: u32, slope: [u16; 4]| {
+                let (row, slope) = (adjoint[pixel as usize], unpack(slope));
                 for c in 0..4 {
                     sum[c] += row[c] * slope[c];
                 }
+            };
+            let (pixels, last) = pixels.as_chunks::<LANES>();
+            let (values, last_values) = values.as_chunks::<LANES>();
+            for (pixels, values) in pixels.iter().zip(values) {
+                for lane in 0..LANES {
+                    add(&mut sums[lane], pixels[lane], values[lane]);
+                }
             }
-            sum.iter().map(|&s| f64::from(s)).sum::<f64>()
+            for ((sum, &pixel), &slope) in sums.iter_mut().zip(last).zip(last_values) {
+                add(sum, pixel, slope);
+            }
+            let mut total = [0.0; 4];
+            for sum in sums {
+                for c in 0..4 {
+                    total[c] += f64::from(sum[c]);
+                }
+            }
+            total.iter().sum::<f64>()
         };
         pixels.zip(values).map(block).sum()
     }

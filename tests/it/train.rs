@@ -5,6 +5,7 @@ mod learning;
 use super::support::render::scene;
 use opsr::image::film::Window;
 use opsr::integrator::{Method, Picture, Settings};
+use opsr::math::real::Dual;
 use opsr::math::{Rgb, UVec2};
 use opsr::regularise::{Accumulated, AttenuationTable, ConstantGamma, LEN, Lookup};
 use opsr::scene::SceneParts;
@@ -15,6 +16,7 @@ use opsr::train::Config;
 use opsr::train::config::Way;
 use opsr::train::curves::Curves;
 use opsr::train::dataset::Crop;
+use opsr::train::event::Moment;
 use opsr::train::moments::{Adjoint, Moments, Source};
 use opsr::train::objective::{BRIGHTNESS, EPSILON, Objective, Target};
 use opsr::train::recording::{Recording, Tape};
@@ -50,7 +52,7 @@ fn crop_of(parts: SceneParts, edge: u32) -> Crop {
     };
     // As if the truth were a little roughened.
     let truth = AttenuationTable::constant(TRUTH);
-    crop.reference = Replay::new(crop.record(&[TRUTH], 1024, 99).unwrap())
+    crop.reference = Replay::new(crop.record(&[TRUTH], 0.0, 1024, 99).unwrap())
         .moments(&truth)
         .mean;
     crop
@@ -205,11 +207,11 @@ fn a_recording_is_the_render_and_as_noisy_at_every_factor() {
     let draws = Config::default().record_gammas;
     let recorded = |draws: &[f32]| -> Vec<Replay> {
         (0..SEEDS)
-            .map(|seed| Replay::new(crop.record(draws, 64, 100 + seed).unwrap()))
+            .map(|seed| Replay::new(crop.record(draws, 0.3, 64, 100 + seed).unwrap()))
             .collect()
     };
     let (mut several, mut single) = (recorded(&draws), recorded(&[0.05]));
-    let mut long = Replay::new(crop.record(&draws, 8192, 9).unwrap());
+    let mut long = Replay::new(crop.record(&draws, 0.3, 8192, 9).unwrap());
     let mut worst: f32 = 1.0;
     for gamma in [0.002, 0.013, 0.05, 0.16, 0.55, 1.0] {
         let table = AttenuationTable::constant(gamma);
@@ -240,11 +242,77 @@ fn a_recording_is_the_render_and_as_noisy_at_every_factor() {
 }
 
 #[test]
+fn faint_events_are_thinned_out_without_bias() {
+    let crop = crop(8);
+    let draws = Config::default().record_gammas;
+    let recorded = |roulette| crop.record(&draws, roulette, 2048, 4).unwrap();
+    let (all, some) = (recorded(0.0), recorded(1.0));
+    let kept = some.events.len() as f32 / all.events.len() as f32;
+    assert!(kept < 0.8, "{kept}");
+    let (mut all, mut some) = (Replay::new(all), Replay::new(some));
+    for gamma in [0.002, 0.05, 1.0] {
+        let table = AttenuationTable::constant(gamma);
+        let (a, b) = (all.moments(&table), some.moments(&table));
+        // Of the same paths: apart by no more than the roulette adds, √(f²/n) in a pixel.
+        let (mut sum, mut off) = (0.0, 0.0);
+        for ((a, b), f) in a.mean.iter().zip(&b.mean).zip(&crop.reference) {
+            for c in 0..3 {
+                sum += b[c] - a[c];
+                off += ((b[c] - a[c]) / (f[c] + EPSILON)).powi(2);
+            }
+        }
+        let (n, pixels) = (192.0, 64.0f32);
+        let off = (off / n).sqrt();
+        assert!(off < 1.5 / 2048f32.sqrt(), "{gamma}: {off}");
+        let total: f32 = a.mean.iter().flatten().sum();
+        let bound = 4.0 / (2048.0 * pixels).sqrt();
+        assert!((sum / total).abs() < bound, "{gamma}: {}", sum / total);
+        let second = |m: &Moments| m.second.iter().sum::<f32>();
+        let ratio = second(&b) / second(&a);
+        assert!((ratio - 1.0).abs() < 0.02, "{gamma}: {ratio}");
+    }
+}
+
+#[test]
+fn the_tangent_of_an_event_is_the_one_of_double_precision() {
+    let crop = crop(6);
+    let recording = (crop.record(&Config::default().record_gammas, 0.0, 64, 3)).unwrap();
+    let mut steep = 0;
+    for event in recording.events.iter().step_by(7) {
+        for alpha in [1e-3f32, 4e-3, 0.02, 0.1, 0.5, 1.0] {
+            let single = event.tangent(Dual::variable(alpha));
+            let double = event.at(Dual::variable(f64::from(alpha)));
+            let parts = |m: &Moment<Dual>| [m.x[0], m.x[1], m.x[2], m.y];
+            let wide = Moment {
+                x: single.x.map(Dual::wide),
+                y: single.y.wide(),
+            };
+            for (a, b) in parts(&wide).into_iter().zip(parts(&double)) {
+                // The derivative is a difference of two terms, each as large as value / α.
+                let scale = b.v / f64::from(alpha) + b.d.abs();
+                // Below that a single has no digits left.
+                let least = 1e-33;
+                assert!(
+                    (a.v - b.v).abs() <= 2e-4 * b.v + least,
+                    "{alpha}: {a:?} {b:?}"
+                );
+                assert!(
+                    (a.d - b.d).abs() <= 2e-4 * scale + least,
+                    "{alpha}: {a:?} {b:?}"
+                );
+                steep += u32::from(b.d.abs() > 10.0 * b.v);
+            }
+        }
+    }
+    assert!(steep > 100, "{steep}");
+}
+
+#[test]
 fn the_gradient_of_replay_is_a_finite_difference() {
     let crop = crop(6);
     for lookup in [Lookup::Nearest, Lookup::Linear] {
         let mut replay = Replay::new(
-            crop.record(&Config::default().record_gammas, 96, 5)
+            crop.record(&Config::default().record_gammas, 0.3, 96, 5)
                 .unwrap(),
         );
         let table = uneven(lookup);
@@ -276,7 +344,7 @@ fn the_gradient_of_replay_is_a_finite_difference() {
 fn curves_agree_with_replay() {
     let crop = crop(8);
     for lookup in [Lookup::Nearest, Lookup::Linear] {
-        let recording = (crop.record(&Config::default().record_gammas, 256, 7)).unwrap();
+        let recording = (crop.record(&Config::default().record_gammas, 0.3, 256, 7)).unwrap();
         let table = uneven(lookup);
         let mut curves = Curves::bake(&recording, &table);
         curves.anchor(&table);

@@ -375,8 +375,8 @@ fn judge(
         training,
         validation,
         held_out: Vec::new(),
-        crops: Crops::of(&mut session.training, beta, &start, &outcome.table),
-        validation_crops: Crops::of(&mut session.validation, beta, &start, &outcome.table),
+        crops: Crops::of(&mut session.training, &start, &outcome.table),
+        validation_crops: Crops::of(&mut session.validation, &start, &outcome.table),
         table: outcome.table,
     }
 }

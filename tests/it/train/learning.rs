@@ -66,14 +66,19 @@ fn the_same_seed_gives_the_same_table_at_any_thread_count() {
 
 #[test]
 fn a_stopped_training_goes_on_to_the_bit() {
-    for way in [Way::Fresh, Way::Tabulated] {
-        let whole = learn(quick(way), None, false, u32::MAX);
+    // From a given factor, and from the best one, which is searched for again.
+    for (way, start) in [(Way::Fresh, 0.5), (Way::Tabulated, 0.5), (Way::Fresh, 0.0)] {
+        let config = || Config {
+            start,
+            ..quick(way)
+        };
+        let whole = learn(config(), None, false, u32::MAX);
         let folder = tempfile::tempdir().unwrap();
-        let stopped = learn(quick(way), Some(folder.path()), false, 7);
+        let stopped = learn(config(), Some(folder.path()), false, 7);
         assert!(stopped.stopped && stopped.steps == 7);
-        let resumed = learn(quick(way), Some(folder.path()), true, u32::MAX);
-        assert_eq!(resumed.table, whole.table, "{way:?}");
-        assert_eq!(resumed.best, whole.best, "{way:?}");
+        let resumed = learn(config(), Some(folder.path()), true, u32::MAX);
+        assert_eq!(resumed.table, whole.table, "{way:?} {start}");
+        assert_eq!(resumed.best, whole.best, "{way:?} {start}");
         // Other settings are refused.
         let other = Config {
             seed: 1,
@@ -84,6 +89,29 @@ fn a_stopped_training_goes_on_to_the_bit() {
             ControlFlow::Continue(())
         });
         assert!(refused.is_err_and(|e| e.to_string().contains("other settings")));
+    }
+}
+
+/// The second β of a training starts where it would have started alone, though the first has asked before it.
+#[test]
+fn a_beta_is_learned_alike_alone_and_after_another() {
+    for way in [Way::Fresh, Way::Tabulated] {
+        let config = Config {
+            start: 0.0,
+            steps: 4,
+            ..quick(way)
+        };
+        let learn = |betas: &[f32]| {
+            let crops = (vec![crop(6)], vec![crop(6)]);
+            let mut session =
+                Session::with_crops(config.clone(), crops.0, crops.1, &mut |_| ()).unwrap();
+            let go_on = &mut |_, _, _: Option<&_>| ControlFlow::Continue(());
+            let outcomes = betas.iter().map(|&b| session.learn(b, None, false, go_on));
+            outcomes.last().unwrap().unwrap()
+        };
+        let (alone, after) = (learn(&[0.05]), learn(&[0.001, 0.05]));
+        assert_eq!(alone.start, after.start, "{way:?}");
+        assert_eq!(alone.table, after.table, "{way:?}");
     }
 }
 
@@ -100,12 +128,15 @@ fn a_known_factor_is_found_again() {
         start: 2.0 * TRUTH,
         validate_every: 400,
         record_gammas: vec![TRUTH],
+        roulette: 0.0,
         replicates: 1,
         beta: vec![0.0],
         ..Config::default()
     };
     let truth = AttenuationTable::constant(TRUTH);
-    let recording = exact.record(&[TRUTH], config.spp, config.seed).unwrap();
+    let recording = exact
+        .record(&[TRUTH], 0.0, config.spp, config.seed)
+        .unwrap();
     exact.reference = Replay::new(recording).moments(&truth).mean;
     let mut session = Session::with_crops(config, vec![exact], vec![], &mut |_| ()).unwrap();
     let outcome = session
