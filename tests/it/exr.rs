@@ -1,6 +1,6 @@
 //! EXR and PNG files.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use opsr::image::exr::{self, ExrErrorKind, Layer};
 use opsr::image::film::{Film, Window};
@@ -136,6 +136,26 @@ fn damaged_files_are_errors_or_pictures_never_panics() {
         refused += usize::from(exr::read_layers(&path).is_err());
     }
     assert!(refused > 100, "only {refused} refused");
+}
+
+/// A broken block and an end that is missing: whichever thread is faster, the first of the file is told.
+#[test]
+fn of_two_faults_it_is_always_the_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("twice.exr");
+    let grain = |x, y| noise(UVec2::new(x as u32, y as u32), 0, 3);
+    let picture = Buffer::from_fn(256, 256, grain);
+    exr::write_rgb(&path, &picture, &BTreeMap::new()).unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let (broken, end) = (bytes.len() / 2, bytes.len() * 9 / 10);
+    bytes[broken..broken + 64].fill(0);
+    bytes.truncate(end);
+    std::fs::write(&path, &bytes).unwrap();
+    let told: BTreeSet<String> = (0..40)
+        .map(|_| exr::read_rgb(&path).unwrap_err().to_string())
+        .collect();
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(told.iter().all(|t| t.contains("compressed")), "{told:?}");
 }
 
 #[test]
