@@ -15,7 +15,7 @@ use std::ops::Range;
 
 /// A slope that is smaller than this times the mean of its class is left out. On the crops with the most folded paths,
 /// 12 to 35 % of all slopes are below a hundredth of it, with 0.04 % of their sum, and 35 to 53 % below a tenth, with 0.9 %.
-const FAINT: f64 = 0.03;
+const FAINT: f64 = 0.1;
 
 /// An event, what else its path carries, and the share of a sample in its pixel's mean.
 struct Member {

@@ -7,6 +7,38 @@ use super::fresh::Fresh;
 use super::moments::Source;
 use super::replay::Replay;
 use super::visits::Visits;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// What a job makes.
+type Made = Result<(Box<dyn Source>, Visits), DatasetError>;
+
+/// Runs jobs, two at a time: while one thread puts a recording together, the paths of another are traced. Tells which
+/// crop begins. What they made is in their order, up to an error.
+pub(super) fn run_all(jobs: &[Job], config: &Config, listen: &(dyn Fn(&str) + Sync)) -> Vec<Made> {
+    let next = AtomicUsize::new(0);
+    let made = Mutex::new(BTreeMap::new());
+    (0..2u32).into_par_iter().with_max_len(1).for_each(|_| {
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(job) = jobs.get(index) else { break };
+            listen(&job.crop.name);
+            let result = job.run(config);
+            if result.is_err() {
+                next.store(jobs.len(), Ordering::Relaxed);
+            }
+            let mut made = made
+                .lock()
+                .unwrap_or_else(std::sync::PoisonError::into_inner);
+            made.insert(index, result);
+        }
+    });
+    let made = made.into_inner();
+    let made: BTreeMap<usize, Made> = made.unwrap_or_else(std::sync::PoisonError::into_inner);
+    made.into_values().collect()
+}
 
 /// A recording to be made.
 pub(super) struct Job {
@@ -39,7 +71,7 @@ impl Job {
     }
 
     /// Traces it, and makes of it what the configuration evaluates.
-    pub(super) fn run(&self, config: &Config) -> Result<(Box<dyn Source>, Visits), DatasetError> {
+    fn run(&self, config: &Config) -> Made {
         let Self {
             crop, seed, spp, ..
         } = self;

@@ -3,7 +3,7 @@
 use super::checkpoint::{Checkpoint, CheckpointError};
 use super::config::{Config, ConfigError, Loss, Way};
 use super::dataset::{Crop, DatasetError};
-use super::job::Job;
+use super::job::{Job, run_all};
 use super::model::Learner;
 use super::objective::CropLoss;
 use super::progress::Progress;
@@ -13,7 +13,6 @@ use crate::regularise::AttenuationTable;
 use crate::regularise::file::Provenance;
 use crate::scene::manifest::Role;
 use burn::store::RecordError;
-use rayon::prelude::*;
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -110,7 +109,7 @@ pub struct Session {
 
 impl Session {
     /// Opens the scenes of a configuration and records them. `listen` is told what is being done.
-    pub fn open(config: Config, listen: &mut dyn FnMut(&str)) -> Result<Self, TrainError> {
+    pub fn open(config: Config, listen: &(dyn Fn(&str) + Sync)) -> Result<Self, TrainError> {
         config.check()?;
         let held_out = |family: &str| family == config.hold_out;
         let chosen = |name: &String| config.scenes.is_empty() || config.scenes.contains(name);
@@ -135,7 +134,7 @@ impl Session {
         config: Config,
         training: Vec<Crop>,
         validation: Vec<Crop>,
-        listen: &mut dyn FnMut(&str),
+        listen: &(dyn Fn(&str) + Sync),
     ) -> Result<Self, TrainError> {
         config.check()?;
         if training.is_empty() {
@@ -154,23 +153,14 @@ impl Session {
             .chain(validation)
             .flat_map(|(crop, training)| Job::of(crop, training, &session.config))
             .collect();
-        // Two at a time: while the one is put together by one thread, the paths of the other are traced.
-        for pair in jobs.chunks(2) {
-            for job in pair {
-                listen(&job.crop.name);
-            }
-            let sources: Vec<_> = (pair.par_iter().with_max_len(1))
-                .map(|job| job.run(&session.config))
-                .collect();
-            for (job, source) in pair.iter().zip(sources) {
-                let (source, visits) = source?;
-                let target = job.crop.target(session.config.spp);
-                let set = match job.training {
-                    true => &mut session.training,
-                    false => &mut session.validation,
-                };
-                set.push(job.crop.clone(), source, target, visits);
-            }
+        for (job, source) in jobs.iter().zip(run_all(&jobs, &session.config, listen)) {
+            let (source, visits) = source?;
+            let target = job.crop.target(session.config.spp);
+            let set = match job.training {
+                true => &mut session.training,
+                false => &mut session.validation,
+            };
+            set.push(job.crop.clone(), source, target, visits);
         }
         session.seconds = clock.elapsed().as_secs_f64();
         Ok(session)

@@ -1,6 +1,7 @@
 //! Sums over the factors of a table, of which a training step changes only some.
 
 use super::moments::{Adjoint, Moments};
+use crate::math::Vec4;
 use std::ops::Range;
 
 /// Mean per channel and second moment of some pixels, as sums of contributions that come and go.
@@ -72,8 +73,11 @@ fn unpack(packed: [u16; 4]) -> Row {
 /// Terms that are added up in single precision.
 const BLOCK: usize = 256;
 
-/// Sums that are made side by side.
+/// Sums that are made side by side, so that none waits for another.
 const LANES: usize = 4;
+
+/// Slopes that are unpacked together: between sums the compiler makes of one interleaving twenty scalar instructions.
+const PART: usize = 4 * LANES;
 
 impl Slopes {
     /// Number of slopes.
@@ -118,11 +122,8 @@ impl Slopes {
     /// Moves the factor that those in `range` belong to by this much.
     pub(super) fn follow(&self, range: Range<usize>, by: f32, rows: &mut [Row]) {
         for (&pixel, slope) in self.pixels[range.clone()].iter().zip(&self.values[range]) {
-            let slope = unpack(*slope);
             let row = &mut rows[pixel as usize];
-            for c in 0..4 {
-                row[c] += slope[c] * by;
-            }
+            *row = (Vec4::from_array(*row) + Vec4::from_array(unpack(*slope)) * by).to_array();
         }
     }
 
@@ -131,23 +132,25 @@ impl Slopes {
         let pixels = self.pixels[range.clone()].chunks(BLOCK);
         let values = self.values[range].chunks(BLOCK);
         let block = |(pixels, values): (&[u32], &[[u16; 4]])| {
-            // Sums that do not wait for one another.
-            let mut sums = [[0.0f32; 4]; LANES];
-            let add = |sum: &mut Row, pixel: u32, slope: [u16; 4]| {
-                let (row, slope) = (adjoint[pixel as usize], unpack(slope));
-                for c in 0..4 {
-                    sum[c] += row[c] * slope[c];
-                }
+            let mut sums = [Vec4::ZERO; LANES];
+            let mut add = |i: usize, pixel: u32, slope: Row| {
+                let row = Vec4::from_array(adjoint[pixel as usize]);
+                sums[i % LANES] += row * Vec4::from_array(slope);
             };
-            let (pixels, last) = pixels.as_chunks::<LANES>();
-            let (values, last_values) = values.as_chunks::<LANES>();
+            let (pixels, last) = pixels.as_chunks::<PART>();
+            let (values, last_values) = values.as_chunks::<PART>();
             for (pixels, values) in pixels.iter().zip(values) {
-                for lane in 0..LANES {
-                    add(&mut sums[lane], pixels[lane], values[lane]);
+                let mut slopes = [Row::default(); PART];
+                let singles = slopes.as_flattened_mut().iter_mut();
+                for (single, &bits) in singles.zip(values.as_flattened()) {
+                    *single = f32::from_bits(u32::from(bits) << 16);
+                }
+                for i in 0..PART {
+                    add(i, pixels[i], slopes[i]);
                 }
             }
-            for ((sum, &pixel), &slope) in sums.iter_mut().zip(last).zip(last_values) {
-                add(sum, pixel, slope);
+            for (i, (&pixel, &value)) in last.iter().zip(last_values).enumerate() {
+                add(i, pixel, unpack(value));
             }
             let mut total = [0.0; 4];
             for sum in sums {

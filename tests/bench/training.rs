@@ -52,7 +52,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             validate_every: 2 * STEPS,
             ..Config::default()
         };
-        let mut session = Session::open(config, &mut |_| ())?;
+        let mut session = Session::open(config, &|_| ())?;
         session.validation = Default::default();
         println!(
             "{name}: prepared in {:.2} s, {:.1} MB",

@@ -109,8 +109,8 @@ mod training {
     /// Trains as a new process would, up to a step.
     fn learn(config: &Config, crop: &Crop, folder: Option<&Path>, stop_at: u32) -> Outcome {
         let crops = vec![crop.clone()];
-        let mut session = Session::with_crops(config.clone(), crops.clone(), crops, &mut |_| ())
-            .expect("a session");
+        let mut session =
+            Session::with_crops(config.clone(), crops.clone(), crops, &|_| ()).expect("a session");
         let mut listen = |step: u32, _: f32, _: Option<&_>| match step == stop_at {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),

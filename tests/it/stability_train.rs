@@ -59,7 +59,7 @@ fn learn(steps: u32, fault: Fault, folder: Option<&Path>) -> Result<Outcome, Tra
     let crop = crop(6);
     let recording = crop.record(&config.record_gammas, config.roulette, config.spp, 1)?;
     let target = crop.target(config.spp);
-    let mut session = Session::with_crops(config, vec![crop.clone()], vec![], &mut |_| ())?;
+    let mut session = Session::with_crops(config, vec![crop.clone()], vec![], &|_| ())?;
     session.training.take(|_| true);
     let source = Faulty {
         good: Replay::new(recording),
@@ -112,9 +112,8 @@ fn case_15_too_many_of_them_end_a_training_with_a_checkpoint() {
 fn case_15_a_loss_that_is_no_number_is_not_the_best() {
     let folder = tempfile::tempdir().unwrap();
     let crop = crop(6);
-    let mut session =
-        Session::with_crops(quick(Way::Replay), vec![crop.clone()], vec![], &mut |_| ())
-            .expect("a session");
+    let mut session = Session::with_crops(quick(Way::Replay), vec![crop.clone()], vec![], &|_| ())
+        .expect("a session");
     let recording = crop.record(&[0.05], 0.0, 8, 1).expect("a recording");
     let source = Faulty {
         good: Replay::new(recording),
@@ -141,8 +140,8 @@ fn case_15_bounds_and_black_crops_have_finite_gradients() {
             if black {
                 crop.reference.iter_mut().for_each(|p| *p = [0.0; 3]);
             }
-            let mut session = Session::with_crops(quick(way), vec![crop], vec![], &mut |_| ())
-                .expect("a session");
+            let mut session =
+                Session::with_crops(quick(way), vec![crop], vec![], &|_| ()).expect("a session");
             let objective = session.training.objective(0.001);
             for gamma in [0.0, 1e-3, 0.5, 1.0] {
                 let table = AttenuationTable::constant(gamma);

@@ -206,7 +206,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     save(&args.run.join("config.toml"), &config.to_toml()?)?;
 
     let progress = Shown::new(args.progress, config.steps);
-    let mut session = Session::open(config.clone(), &mut |crop| {
+    let mut session = Session::open(config.clone(), &|crop| {
         progress.say(&format!("recording {crop}"))
     })
     .map_err(blame)?;

@@ -16,8 +16,7 @@ fn learn(
     stop_at: u32,
 ) -> opsr::train::session::Outcome {
     let beta = config.beta[0];
-    let mut session =
-        Session::with_crops(config, vec![crop(6)], vec![crop(6)], &mut |_| ()).unwrap();
+    let mut session = Session::with_crops(config, vec![crop(6)], vec![crop(6)], &|_| ()).unwrap();
     session
         .learn(beta, folder, resume, &mut |step, _, _| {
             if step == stop_at {
@@ -84,7 +83,7 @@ fn a_stopped_training_goes_on_to_the_bit() {
             seed: 1,
             ..quick(way)
         };
-        let mut session = Session::with_crops(other, vec![crop(6)], vec![], &mut |_| ()).unwrap();
+        let mut session = Session::with_crops(other, vec![crop(6)], vec![], &|_| ()).unwrap();
         let refused = session.learn(0.001, Some(folder.path()), true, &mut |_, _, _| {
             ControlFlow::Continue(())
         });
@@ -104,7 +103,7 @@ fn a_beta_is_learned_alike_alone_and_after_another() {
         let learn = |betas: &[f32]| {
             let crops = (vec![crop(6)], vec![crop(6)]);
             let mut session =
-                Session::with_crops(config.clone(), crops.0, crops.1, &mut |_| ()).unwrap();
+                Session::with_crops(config.clone(), crops.0, crops.1, &|_| ()).unwrap();
             let go_on = &mut |_, _, _: Option<&_>| ControlFlow::Continue(());
             let outcomes = betas.iter().map(|&b| session.learn(b, None, false, go_on));
             outcomes.last().unwrap().unwrap()
@@ -138,7 +137,7 @@ fn a_known_factor_is_found_again() {
         .record(&[TRUTH], 0.0, config.spp, config.seed)
         .unwrap();
     exact.reference = Replay::new(recording).moments(&truth).mean;
-    let mut session = Session::with_crops(config, vec![exact], vec![], &mut |_| ()).unwrap();
+    let mut session = Session::with_crops(config, vec![exact], vec![], &|_| ()).unwrap();
     let outcome = session
         .learn(0.0, None, false, &mut |_, _, _| ControlFlow::Continue(()))
         .unwrap();
