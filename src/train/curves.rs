@@ -280,8 +280,12 @@ impl Source for Curves {
         moments
     }
 
-    fn movement(&self, table: &AttenuationTable) -> (f64, f64) {
-        self.folded.movement(table)
+    fn add_weights(&self, weights: &mut [f64]) {
+        self.folded.add_weights(weights);
+    }
+
+    fn work(&self) -> usize {
+        self.slopes.len() + self.folded.work()
     }
 
     fn anchor(&mut self, table: &AttenuationTable) {

@@ -15,7 +15,7 @@ use std::ops::Range;
 
 /// A slope that is smaller than this times the mean of its class is left out. On the crops with the most folded paths,
 /// 12 to 35 % of all slopes are below a hundredth of it, with 0.04 % of their sum, and 35 to 53 % below a tenth, with 0.9 %.
-const FAINT: f64 = 0.1;
+const FAINT: f64 = 0.03;
 
 /// An event, what else its path carries, and the share of a sample in its pixel's mean.
 struct Member {
@@ -143,20 +143,16 @@ impl Folded {
         members * size_of::<Member>() + self.tangents.len() * size_of::<(u32, [u16; 4])>()
     }
 
-    /// See [`Source::movement`](super::moments::Source::movement).
-    pub(super) fn movement(&self, table: &AttenuationTable) -> (f64, f64) {
-        let Some(at) = &self.at else {
-            return (0.0, 0.0);
-        };
-        let factors = at.gammas.iter().zip(table.gammas.iter());
-        let mut sums = (0.0, 0.0);
-        for ((&a, &b), &weight) in factors.zip(&self.weights) {
-            if weight > 0.0 {
-                sums.0 += weight * f64::from((b / a).ln().abs());
-                sums.1 += weight;
-            }
+    /// Number of tangents.
+    pub(super) fn work(&self) -> usize {
+        self.tangents.len()
+    }
+
+    /// See [`Source::add_weights`](super::moments::Source::add_weights).
+    pub(super) fn add_weights(&self, weights: &mut [f64]) {
+        for (sum, weight) in weights.iter_mut().zip(&self.weights) {
+            *sum += weight;
         }
-        sums
     }
 
     fn is_empty(&self) -> bool {

@@ -27,10 +27,12 @@ pub trait Source: Send + Sync {
     /// dL/dγ of all factors, given dL/dmoments, at the table that the moments were asked for last.
     fn gradient(&self, table: &AttenuationTable, adjoint: &Adjoint) -> Vec<f64>;
 
-    /// How far the table has moved from the anchor, as seen by what is linearised there: a sum over the factors of
-    /// weight times |Δ ln γ|, and the sum of the weights. A weight is the light that follows the factor.
-    fn movement(&self, _table: &AttenuationTable) -> (f64, f64) {
-        (0.0, 0.0)
+    /// Adds the light that follows each factor in what is linearised: Σ |d mean / d ln γ| at the anchor.
+    fn add_weights(&self, _weights: &mut [f64]) {}
+
+    /// How long the moments and their derivative take beside those of other crops, in any unit.
+    fn work(&self) -> usize {
+        0
     }
 
     /// Linearises what is linearised at this table.
