@@ -200,3 +200,42 @@ impl<T: Real> Running<T> {
         met
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of a light as bright as in a scene of a thousandth the size.
+    #[test]
+    fn what_overflows_on_the_way_is_evaluated_in_double_precision() {
+        let event = StoredEvent {
+            base: [0.0; 3],
+            scale: [1e13, 2e13, 3e13],
+            base_pdf: 0.1,
+            pdf_scale: 1.0,
+            tan2_h: 1e-6,
+            tan2_o: 0.5,
+            tan2_i: 0.6,
+            pdf_light: 0.1,
+            weight: 1e-6,
+            code: 0,
+            distribution: Distribution::Beckmann,
+            delta_light: false,
+            found: true,
+        };
+        let alpha = 2e-3f32;
+        let single = event.at(Dual::variable(alpha));
+        assert!(!single.y.d.is_finite(), "{single:?}");
+        let tangent = event.tangent(Dual::variable(alpha));
+        let double = event.at(Dual::variable(f64::from(alpha)));
+        let parts = |m: Moment<Dual>| [m.x[0], m.x[1], m.x[2], m.y];
+        let wide = Moment {
+            x: tangent.x.map(Dual::wide),
+            y: tangent.y.wide(),
+        };
+        for (a, b) in parts(wide).into_iter().zip(parts(double)) {
+            assert!((a.v / b.v - 1.0).abs() < 1e-6, "{a:?} {b:?}");
+            assert!((a.d / b.d - 1.0).abs() < 1e-6, "{a:?} {b:?}");
+        }
+    }
+}
