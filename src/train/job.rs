@@ -7,9 +7,6 @@ use super::fresh::Fresh;
 use super::moments::Source;
 use super::replay::Replay;
 use super::visits::Visits;
-use rayon::prelude::*;
-use std::collections::BTreeMap;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What a job makes.
@@ -19,25 +16,25 @@ type Made = Result<(Box<dyn Source>, Visits), DatasetError>;
 /// crop begins. What they made is in their order, up to an error.
 pub(super) fn run_all(jobs: &[Job], config: &Config, listen: &(dyn Fn(&str) + Sync)) -> Vec<Made> {
     let next = AtomicUsize::new(0);
-    let made = Mutex::new(BTreeMap::new());
-    (0..2u32).into_par_iter().with_max_len(1).for_each(|_| {
+    let worker = || {
+        let mut made = Vec::new();
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
-            let Some(job) = jobs.get(index) else { break };
+            let Some(job) = jobs.get(index) else {
+                return made;
+            };
             listen(&job.crop.name);
             let result = job.run(config);
             if result.is_err() {
                 next.store(jobs.len(), Ordering::Relaxed);
             }
-            let mut made = made
-                .lock()
-                .unwrap_or_else(std::sync::PoisonError::into_inner);
-            made.insert(index, result);
+            made.push((index, result));
         }
-    });
-    let made = made.into_inner();
-    let made: BTreeMap<usize, Made> = made.unwrap_or_else(std::sync::PoisonError::into_inner);
-    made.into_values().collect()
+    };
+    let (mut made, others) = rayon::join(worker, worker);
+    made.extend(others);
+    made.sort_unstable_by_key(|(index, _)| *index);
+    made.into_iter().map(|(_, result)| result).collect()
 }
 
 /// A recording to be made.
