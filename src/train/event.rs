@@ -205,7 +205,7 @@ impl<T: Real> Running<T> {
 mod tests {
     use super::*;
 
-    /// Of a light as bright as in a scene of a thousandth the size.
+    /// Of a light so bright that the square's derivative leaves the range of singles, but not what comes of it.
     #[test]
     fn what_overflows_on_the_way_is_evaluated_in_double_precision() {
         let event = StoredEvent {
