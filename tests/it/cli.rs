@@ -3,6 +3,7 @@
 mod broken;
 mod faults;
 mod long;
+mod outputs;
 mod render;
 #[cfg(unix)]
 mod shut;

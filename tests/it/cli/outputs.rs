@@ -1,0 +1,189 @@
+//! What commands show and write when nothing goes wrong: pilots, comparisons, plots, a live view.
+
+use super::Place;
+use crate::fuzz::seeds;
+use opsr::image::{Buffer, exr, png};
+use opsr::report::compare::{Named, Options, compare};
+use opsr::scene::builtin;
+use serde_json::Value;
+use std::io::Read;
+use std::net::TcpListener;
+
+/// A box with caustics and a table.
+fn caustics() -> Place {
+    let place = Place::new();
+    place.save("scene.glb", &builtin::caustic_box());
+    place.write("table.json", &seeds::tables()[1]);
+    place
+}
+
+fn picture(place: &Place, name: &str) -> Buffer {
+    exr::read_rgb(&place.path().join(name)).expect("a picture")
+}
+
+/// What the pilot chooses is told, and set by hand it gives the same picture.
+#[test]
+fn a_scale_from_a_pilot() {
+    let place = caustics();
+    let table = "--spp 2 --opsr-table table.json --table-scale";
+    let ended = place
+        .render(&format!("{table} auto -o auto.exr --verbose"))
+        .done();
+    let (_, told) = (ended.err.split_once("table scale ")).expect("the choice");
+    let mut words = told.split([',', ' ']).filter(|w| !w.is_empty());
+    let scale = words.next().expect("a scale").to_owned();
+    assert_eq!(words.next(), Some("contrast"), "{told}");
+    let contrast = words.next().expect("a contrast").to_owned();
+    assert!(scale.parse::<f32>().expect("a number") > 0.0);
+    // All levels were tried.
+    assert_eq!(ended.err.matches("bias²").count(), 27, "{}", ended.err);
+    place
+        .render(&format!(
+            "{table} {scale} --table-contrast {contrast} -o hand.exr"
+        ))
+        .done();
+    assert_eq!(picture(&place, "auto.exr"), picture(&place, "hand.exr"));
+    // The same at any number of threads, and in a time instead of a number of samples.
+    place
+        .render(&format!("{table} auto -o one.exr --threads 1"))
+        .done();
+    assert_eq!(picture(&place, "auto.exr"), picture(&place, "one.exr"));
+    let timed = "--time 10ms --opsr-table table.json --table-scale auto -o timed.exr";
+    assert!(place.render(timed).done().err.contains("table scale "));
+}
+
+#[test]
+fn a_comparison_in_numbers_maps_and_a_page() {
+    let place = caustics();
+    for (name, args) in [
+        ("a.exr", "--spp 4"),
+        ("b.exr", "--spp 4 --seed 1"),
+        ("reference.exr", "--spp 64 --seed 2"),
+    ] {
+        place.render(&format!("{args} -o {name}")).done();
+    }
+    let ended = place
+        .opsr(
+            "compare a.exr b.exr reference.exr --seeds --agree --json out.json --maps maps --page out.html \
+             --exposures -1,0",
+        )
+        .done();
+    // Two renders of one scene agree up to their noise.
+    assert_eq!(ended.out.matches(" against reference.exr").count(), 2);
+    let json: Value = serde_json::from_slice(&place.read("out.json")).unwrap();
+    let load = |name: &str| Named::load(&place.path().join(name)).unwrap();
+    let options = Options {
+        seeds: true,
+        ..Options::default()
+    };
+    let pictures = [load("a.exr"), load("b.exr")];
+    let expected = compare(&pictures, &load("reference.exr"), &options).unwrap();
+    for (entry, expected) in json["entries"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .zip(&expected.entries)
+    {
+        let metrics = entry["metrics"].as_array().unwrap();
+        assert_eq!(metrics.len(), expected.metrics.len());
+        for (metric, expected) in metrics.iter().zip(&expected.metrics) {
+            assert_eq!(metric["name"], expected.name);
+            assert_eq!(metric["value"], expected.value, "{}", expected.name);
+            assert!(ended.out.contains(expected.name), "{}", ended.out);
+        }
+    }
+    assert!(json["seeds"].is_object());
+    let maps: Vec<String> = place.files_in("maps").into_keys().collect();
+    let of = |i: usize, stem: &str| {
+        ["flip", "hdr-flip", "relative"].map(|map| format!("{i}-{stem}-{map}.png"))
+    };
+    assert_eq!(maps, [of(1, "a"), of(2, "b")].concat());
+    for map in &maps {
+        let shown = png::read(&place.path().join("maps").join(map)).unwrap();
+        assert_eq!(shown.size(), (16, 16));
+    }
+    let page = String::from_utf8(place.read("out.html")).unwrap();
+    assert!(page.contains("a.exr") && page.contains("reference.exr"));
+    assert!(!page.contains("src=\"http"), "it needs nothing else");
+}
+
+#[test]
+fn plots_beside_the_page_of_a_bench() {
+    let place = Place::new();
+    place.write(
+        "suite.toml",
+        "seeds = 4\nsamples = [1, 4]\n[[scene]]\nname = 'a box/1'\nbuiltin = 'caustic-box'\nsize = [16, 16]\n\
+         reference_spp = 16\n[[method]]\nname = 'plain'\nmethod = 'plain'\n[[method]]\nname = 'constant'\n\
+         method = 'constant'\ngamma = 0.3\n",
+    );
+    place.opsr("bench suite.toml -o results.json").done();
+    place
+        .opsr("report results.json -o page.html --plots plots")
+        .done();
+    let plots = place.files_in("plots");
+    // The scene's name has no folder in it any more.
+    assert!(plots.contains_key("a-box-1-1.svg"), "{:?}", plots.keys());
+    for (name, plot) in &plots {
+        let plot = std::str::from_utf8(plot).unwrap();
+        assert!(plot.trim_start().starts_with("<svg"), "{name}");
+        assert!(plot.contains("constant"), "{name}");
+    }
+    // Both are functions of the results.
+    let page = place.read("page.html");
+    place
+        .opsr("report results.json -o page.html --plots plots")
+        .done();
+    assert!(place.read("page.html") == page && place.files_in("plots") == plots);
+}
+
+#[test]
+fn what_holds_as_a_table() {
+    let ended = Place::new().opsr("verify").done();
+    let lines: Vec<&str> = ended.out.lines().collect();
+    assert!(lines[0].starts_with("case") && lines[0].ends_with("bound"));
+    assert_eq!(lines.last(), Some(&"all hold"));
+    for case in &opsr::verify::CASES {
+        assert!(lines.iter().any(|l| l.starts_with(case.name)));
+    }
+}
+
+/// A viewer that listens is shown a picture that becomes the one that is written.
+#[test]
+fn a_live_view() {
+    let place = caustics();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let viewer = std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        listener
+            .accept()
+            .unwrap()
+            .0
+            .read_to_end(&mut bytes)
+            .unwrap();
+        bytes
+    });
+    place
+        .render(&format!("--spp 3 -o out.exr --tev {address}"))
+        .done();
+    let bytes = viewer.join().unwrap();
+    // Packets begin with their length.
+    let mut packets = Vec::new();
+    let mut rest = &bytes[..];
+    while let Some((length, _)) = rest.split_first_chunk::<4>() {
+        let (packet, next) = rest.split_at(u32::from_le_bytes(*length) as usize);
+        packets.push(packet);
+        rest = next;
+    }
+    assert!(packets.len() >= 2, "a new picture, and what is in it");
+    let written = picture(&place, "out.exr");
+    let shown: Vec<f32> = written.pixels.iter().flat_map(|p| p.to_array()).collect();
+    let shown: &[u8] = bytemuck::cast_slice(&shown);
+    assert!(packets.iter().all(|p| p.windows(4).any(|w| w == b"opsr")));
+    assert!(packets.last().unwrap().ends_with(shown));
+    // Without one that listens nothing is rendered.
+    let nobody = place.render(&format!("--spp 3 -o other.exr --tev {address}"));
+    assert_eq!(nobody.code, Some(1), "{}", nobody.err);
+    assert!(nobody.err.contains(&address.to_string()), "{}", nobody.err);
+    assert!(!place.path().join("other.exr").exists());
+}
