@@ -117,29 +117,22 @@ pub struct Objective {
     parts: Vec<Part>,
 }
 
-fn matrix(values: Vec<f32>, shape: [usize; 2]) -> Tensor<2> {
+fn tensor(values: Vec<f32>) -> Tensor<1> {
+    let shape = [values.len()];
     Tensor::from_data(TensorData::new(values, shape), &device().autodiff())
 }
 
-fn row(values: Vec<f32>) -> Tensor<2> {
-    let n = values.len();
-    matrix(values, [1, n])
-}
-
-fn column(values: Vec<f32>) -> Tensor<2> {
-    let n = values.len();
-    matrix(values, [n, 1])
-}
-
-/// The loss of one crop as a part of the whole.
+/// The loss of one crop as a part of the whole: Σ w |x − r| + Σ x (c − q x) over the numbers x of its moments.
 struct Part {
     /// What radiance is multiplied by.
     scale: f32,
-    reference: Tensor<2>,
-    /// Weights of the absolute errors, the squared means, the second moments.
-    errors: Tensor<2>,
-    squares: Tensor<2>,
-    seconds: Tensor<2>,
+    reference: Tensor<1>,
+    /// w, of the means.
+    errors: Tensor<1>,
+    /// q, of the means.
+    squares: Tensor<1>,
+    /// c, of the second moments.
+    linear: Tensor<1>,
 }
 
 impl Part {
@@ -149,38 +142,43 @@ impl Part {
         let share = 1.0 / (3 * total) as f32;
         let bessel = target.bessel();
         let pixels = target.reference.len();
+        let weight = beta * bessel * share;
         let errors = references.iter().map(|f| share / (f + EPSILON)).collect();
+        // The means, then the second moments.
+        let numbers = |mut means: Vec<f32>, second: f32| {
+            means.resize(4 * pixels, second);
+            tensor(means)
+        };
         Self {
             scale,
-            reference: row(references),
-            errors: column(errors),
-            squares: column(vec![beta * bessel * share; 3 * pixels]),
-            seconds: column(vec![beta * bessel * share; pixels]),
+            errors: numbers(errors, 0.0),
+            reference: numbers(references, 0.0),
+            squares: numbers(vec![weight; 3 * pixels], 0.0),
+            linear: numbers(vec![0.0; 3 * pixels], weight),
         }
     }
 
     /// The crop's share of the loss, and its derivative by the moments.
     fn evaluate(&self, moments: &Moments) -> (f32, Adjoint) {
-        let (mean, second) = scaled(moments, self.scale);
-        let (mean, second) = (row(mean).require_grad(), row(second).require_grad());
-        // Sums as products with columns of weights: their gradients are columns, not one number seen n times.
-        let errors = (mean.clone() - self.reference.clone()).abs();
-        let squares = mean.clone() * mean.clone();
-        let loss = errors.matmul(self.errors.clone()) - squares.matmul(self.squares.clone())
-            + second.clone().matmul(self.seconds.clone());
+        let (mut numbers, second) = scaled(moments, self.scale);
+        numbers.extend(second);
+        let x = tensor(numbers).require_grad();
+        let errors = (x.clone() - self.reference.clone()).abs() * self.errors.clone();
+        let rest = (self.linear.clone() - x.clone() * self.squares.clone()) * x.clone();
+        let loss = (errors + rest).sum();
         let value: f32 = loss.clone().into_scalar();
         let mut gradients = loss.backward();
         // Taken out: what somebody else still holds would be copied number by number.
-        let mut values = |tensor: &Tensor<2>| -> Vec<f32> {
-            let gradient = tensor.grad_remove(&mut gradients);
-            (gradient.and_then(|g| g.into_data().try_into_vec().ok())).unwrap_or_default()
-        };
+        let gradient = x.grad_remove(&mut gradients);
+        let values: Vec<f32> =
+            (gradient.and_then(|g| g.into_data().try_into_vec().ok())).unwrap_or_default();
+        let (means, second) = values.split_at(values.len() / 4 * 3);
         let s = self.scale;
         let adjoint = Adjoint {
-            mean: (values(&mean).chunks_exact(3))
+            mean: (means.chunks_exact(3))
                 .map(|m| [m[0] * s, m[1] * s, m[2] * s])
                 .collect(),
-            second: values(&second).iter().map(|v| v * s * s).collect(),
+            second: second.iter().map(|v| v * s * s).collect(),
         };
         (value, adjoint)
     }

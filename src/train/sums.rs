@@ -79,6 +79,26 @@ const LANES: usize = 4;
 /// Slopes that are unpacked together: between sums the compiler makes of one interleaving twenty scalar instructions.
 const PART: usize = 4 * LANES;
 
+/// Hands every slope over, in their order, with its number (in its part) and its pixel.
+#[inline]
+fn each(pixels: &[u32], values: &[[u16; 4]], mut hand: impl FnMut(usize, u32, Row)) {
+    let (pixels, last) = pixels.as_chunks::<PART>();
+    let (values, last_values) = values.as_chunks::<PART>();
+    for (pixels, values) in pixels.iter().zip(values) {
+        let mut slopes = [Row::default(); PART];
+        let singles = slopes.as_flattened_mut().iter_mut();
+        for (single, &bits) in singles.zip(values.as_flattened()) {
+            *single = f32::from_bits(u32::from(bits) << 16);
+        }
+        for i in 0..PART {
+            hand(i, pixels[i], slopes[i]);
+        }
+    }
+    for (i, (&pixel, &value)) in last.iter().zip(last_values).enumerate() {
+        hand(i, pixel, unpack(value));
+    }
+}
+
 impl Slopes {
     /// Number of slopes.
     pub(super) fn len(&self) -> usize {
@@ -121,10 +141,11 @@ impl Slopes {
 
     /// Moves the factor that those in `range` belong to by this much.
     pub(super) fn follow(&self, range: Range<usize>, by: f32, rows: &mut [Row]) {
-        for (&pixel, slope) in self.pixels[range.clone()].iter().zip(&self.values[range]) {
+        let pixels = &self.pixels[range.clone()];
+        each(pixels, &self.values[range], |_, pixel, slope| {
             let row = &mut rows[pixel as usize];
-            *row = (Vec4::from_array(*row) + Vec4::from_array(unpack(*slope)) * by).to_array();
-        }
+            *row = (Vec4::from_array(*row) + Vec4::from_array(slope) * by).to_array();
+        });
     }
 
     /// The derivative by the factor that those in `range` belong to of what has this derivative by the moments.
@@ -133,25 +154,10 @@ impl Slopes {
         let values = self.values[range].chunks(BLOCK);
         let block = |(pixels, values): (&[u32], &[[u16; 4]])| {
             let mut sums = [Vec4::ZERO; LANES];
-            let mut add = |i: usize, pixel: u32, slope: Row| {
+            each(pixels, values, |i, pixel, slope| {
                 let row = Vec4::from_array(adjoint[pixel as usize]);
                 sums[i % LANES] += row * Vec4::from_array(slope);
-            };
-            let (pixels, last) = pixels.as_chunks::<PART>();
-            let (values, last_values) = values.as_chunks::<PART>();
-            for (pixels, values) in pixels.iter().zip(values) {
-                let mut slopes = [Row::default(); PART];
-                let singles = slopes.as_flattened_mut().iter_mut();
-                for (single, &bits) in singles.zip(values.as_flattened()) {
-                    *single = f32::from_bits(u32::from(bits) << 16);
-                }
-                for i in 0..PART {
-                    add(i, pixels[i], slopes[i]);
-                }
-            }
-            for (i, (&pixel, &value)) in last.iter().zip(last_values).enumerate() {
-                add(i, pixel, unpack(value));
-            }
+            });
             let mut total = [0.0; 4];
             for sum in sums {
                 for c in 0..4 {
