@@ -248,6 +248,15 @@ pub fn leave_one_out(
         let own = best_constant(&mut held, beta, config.lookup);
         let mut scores = scores(&mut held, beta, own, elsewhere, &tables, true);
         for (name, table) in tables {
+            // What little is known of a scene: halfway to one factor.
+            let half = format!("{name}, half its contrast");
+            scores.push(score(
+                &mut held,
+                beta,
+                &half,
+                None,
+                &table.with_contrast(0.5),
+            ));
             let name = format!("{name}, pilot's scale and contrast");
             scores.push(piloted(&mut held, beta, &name, table, config.spp)?);
         }
