@@ -3,7 +3,8 @@
 #
 #     tests/slow.sh
 #
-# Fuzzing takes OPSR_FUZZ_EXECUTIONS inputs of each kind (100000 if not set). Needs valgrind and python3.
+# Fuzzing takes OPSR_FUZZ_EXECUTIONS inputs of each kind (100000 if not set), the watch over the memory
+# OPSR_LONG_SECONDS (3600). Needs valgrind and python3.
 set -u
 cd "$(dirname "$0")/.."
 failed=0
@@ -25,6 +26,7 @@ step "instructions of what is not used" tests/instructions.sh "$program"
 step "killed at random moments" tests/kill.sh "$program" 200
 export OPSR_FUZZ_EXECUTIONS=${OPSR_FUZZ_EXECUTIONS:-100000}
 step "fuzzing" cargo test --release fuzz::long -- --ignored
-step "an hour of memory" tests/long.sh "$program" 3600
+step "faults planted in the source" tests/planted.sh
+step "memory" tests/long.sh "$program" "${OPSR_LONG_SECONDS:-3600}"
 [ "$failed" -eq 0 ] && echo "all slow checks passed"
 exit "$failed"

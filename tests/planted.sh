@@ -1,0 +1,96 @@
+#!/usr/bin/env bash
+# Takes the fix of each hard numerical case out of a copy of the source, one at a time, and requires the case's test to
+# fail: what a test cannot notice it does not protect. Some forty minutes on two cores, nearly all of it builds.
+#
+#     tests/planted.sh [PART OF A NAME]
+#
+# A copy of the working tree and its builds are kept in target/planted.
+set -u
+cd "$(dirname "$0")/.."
+only=${1:-}
+tree=$PWD/target/planted/tree
+export CARGO_TARGET_DIR=$PWD/target/planted/build CARGO_INCREMENTAL=1
+rm -rf "$tree"
+mkdir -p "$tree"
+# With the times of the files, so that cargo builds only what has changed.
+git ls-files -z | tar --null --create --files-from=- | tar --extract --directory="$tree"
+
+missed=0
+tried=0
+# plant NAME FILE SUBSTITUTION TEST: a Perl substitution over the whole file.
+plant() {
+    local name=$1 file=$2 change=$3 test=$4
+    case $name in *"$only"*) ;; *) return ;; esac
+    tried=$((tried + 1))
+    local features=--no-default-features
+    case $test in stability_train::*) features= ;; esac
+    cp "$tree/$file" "$tree/../original"
+    perl -0pi -e "$change" "$tree/$file"
+    local verdict
+    if cmp -s "$tree/$file" "$tree/../original"; then
+        verdict="NOT PLANTED: $file has changed"
+        missed=$((missed + 1))
+    else
+        (cd "$tree" && cargo test --release $features --test it "$test" -- --exact) >"$tree/../log" 2>&1
+        if grep -q "^test $test .*FAILED" "$tree/../log"; then
+            verdict="found by $test"
+        else
+            verdict="MISSED by $test: $(grep -E '^(error|test )' "$tree/../log" | head -1)"
+            missed=$((missed + 1))
+        fi
+    fi
+    # With the time of now, or cargo would not see it.
+    cat "$tree/../original" >"$tree/$file"
+    echo "$name: $verdict"
+}
+
+plant "1 smooth below the Dirac bound" src/bsdf/lobes.rs \
+    's/alpha < DELTA_ALPHA/alpha < 0.95 * DELTA_ALPHA/g' stability::case_1_the_dirac_bound
+plant "1 the path remembers the roughened lobe" src/integrator/path.rs \
+    's/here\.alpha\n/here.alpha_reg\n/' stability::case_1_delta_lobes_keep_their_roughness_in_the_path
+plant "2 quantiles of 0 and 1" src/bsdf/distribution.rs \
+    's/u\.clamp\(3e-8, 1\.0 - 6e-8\)/u/' stability::case_2_draws_at_the_ends
+plant "3 the printed form" src/regularise/roughness.rs \
+    's/\(last \+ \(1\.0 - last\) \* q \* shrink\)/(1.0 - (1.0 - last) * (1.0 - q * shrink))/' \
+    stability::cases_3_to_5_path_roughness
+plant "4 an edge off by a bit" src/regularise/roughness.rs \
+    's/0\.069_187_1/0.069_187_2/' stability::cases_3_to_5_path_roughness
+plant "4 a roughness that is no number" src/scene/load/materials.rs \
+    's/!x\.is_finite\(\) \|\| x < 0\.0/false/' load::broken::every_edit_is_refused_by_name
+plant "5 long paths forget" src/regularise/roughness.rs \
+    's/self\.append\(folded\)/self.append(alpha + 0.0 * folded)/' stability::cases_3_to_5_path_roughness
+plant "6 weights as quotients of densities" src/math/measure.rs \
+    's/1\.0 \/ \(1\.0 \+ q \/ p\)/p \/ (p + q)/' stability::case_6_weights_of_extreme_densities
+plant "7 rays that end on the light" src/scene/mod.rs \
+    's/\(light\.distance - slack\)/(light.distance - 0.0 * slack)/' stability::case_7_lights_near_and_far
+plant "8 Fresnel with a difference of squares" src/bsdf/fresnel.rs \
+    's/\(eta - 1\.0\) \* \(eta \+ 1\.0\) \+ cos \* cos/eta * eta * (1.0 - (1.0 - cos * cos) \/ (eta * eta))/' \
+    stability::case_8_interfaces
+plant "9 sides by the shading normal" src/integrator/path/vertex.rs \
+    's/light\.wi\.dot\(self\.surface\.ng\) \* wi\.z <= 0\.0/false/' \
+    stability::cases_9_and_10_closed_bodies_let_no_light_in
+plant "10 rays that start on the surface" src/scene/geometry.rs \
+    's/error: rounding \+ 1e-13 \* extent/error: 0.0 * (rounding + 1e-13 * extent)/' \
+    stability::case_10_a_scene_of_any_size_is_the_same_picture
+plant "11 paths that carry nothing go on" src/integrator/path.rs \
+    's/throughput == Rgb::ZERO && arrival\.carries_nothing\(\)/false \&\& arrival.carries_nothing()/' \
+    stability::case_11_paths_without_throughput_stop
+plant "11 survivors weigh as before" src/integrator/path.rs \
+    's/throughput \/= survival;//' stability::case_11_roulette
+plant "12 moments in single precision" src/math/moments.rs \
+    's/self\.mean \+= delta \/ f64::from\(self\.n\);/self.mean = (self.mean + delta \/ f64::from(self.n)).as_vec3().as_dvec3();/' \
+    stability::case_12_running_moments
+plant "13 pixels that are no numbers" src/image/metric/mod.rs \
+    's/!p\.is_finite\(\)/p.x == f32::NEG_INFINITY/' metric::pictures_that_cannot_be_compared_are_errors
+plant "14 corners that are no numbers" src/scene/load/mesh.rs \
+    's/!p\.iter\(\)\.all\(\|x\| x\.is_finite\(\)\)/p.is_empty()/' load::broken::broken_bytes_are_refused
+plant "14 triangles without area" src/scene/geometry.rs \
+    's/ && area > 0\.0/ \&\& area >= 0.0/' geometry::unusable_triangles_are_dropped_and_counted
+plant "15 steps with a gradient of no numbers" src/train/session.rs \
+    's/if loss\.is_finite\(\) && gradient\.iter\(\)\.all\(\|g\| g\.abs\(\) < LARGEST\)/if gradient.len() < usize::MAX/' \
+    stability_train::case_15_steps_without_a_gradient_leave_everything_as_it_was
+plant "15 a best loss of no number" src/train/session.rs \
+    's/score\.filter\(\|s\| s\.is_finite\(\)\)/score/' stability_train::case_15_a_loss_that_is_no_number_is_not_the_best
+
+echo "$tried planted, $missed of them not found"
+[ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]
