@@ -1,12 +1,12 @@
 //! What is learned: a burn module of parameters, Adam, and how parameters make the 1360 factors.
 
 use super::grid::GAMMA_MIN;
-use super::objective::device;
+use super::objective::{device, tensor};
 use crate::regularise::{AttenuationTable, GammaIndex, LEN, LEVELS, Lookup, MAX_VERTICES};
 use burn::module::{Module, Param};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::store::{ModuleRecord, RecordError};
-use burn::tensor::{Bytes, Tensor, TensorData};
+use burn::tensor::{Bytes, Tensor};
 use burn_pack::{DType, Reader};
 use serde::{Deserialize, Serialize};
 
@@ -128,7 +128,7 @@ impl Learner {
     pub fn step(&mut self, gradient: &[f64]) {
         let gradient = self.chain(gradient);
         let mut gradients = GradientsParams::new();
-        gradients.register(self.parameters.values.id, tensor(gradient));
+        gradients.register(self.parameters.values.id, tensor(gradient, &device()));
         self.parameters = (self.adam).step(self.learning_rate, self.parameters.clone(), gradients);
         let (low, high) = match (self.model, self.optimiser) {
             (Model::Full, Optimiser::Adam) => (GAMMA_MIN, 1.0),
@@ -238,11 +238,5 @@ pub struct State {
 }
 
 fn parameters(values: Vec<f32>) -> Tensor<1> {
-    let n = values.len();
-    Tensor::from_data(TensorData::new(values, [n]), &device().autodiff()).require_grad()
-}
-
-fn tensor(values: Vec<f32>) -> Tensor<1> {
-    let n = values.len();
-    Tensor::from_data(TensorData::new(values, [n]), &device())
+    tensor(values, &device().autodiff()).require_grad()
 }

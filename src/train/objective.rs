@@ -23,6 +23,12 @@ pub(super) fn device() -> Device {
     Device::ndarray()
 }
 
+/// Numbers in a row.
+pub(super) fn tensor(values: Vec<f32>, device: &Device) -> Tensor<1> {
+    let shape = [values.len()];
+    Tensor::from_data(TensorData::new(values, shape), device)
+}
+
 /// What a loss compares with.
 #[derive(Clone, Debug)]
 pub struct Target {
@@ -117,11 +123,6 @@ pub struct Objective {
     parts: Vec<Part>,
 }
 
-fn tensor(values: Vec<f32>) -> Tensor<1> {
-    let shape = [values.len()];
-    Tensor::from_data(TensorData::new(values, shape), &device().autodiff())
-}
-
 /// The loss of one crop as a part of the whole: Σ w |x − r| + Σ x (c − q x) over the numbers x of its moments.
 struct Part {
     /// What radiance is multiplied by.
@@ -144,10 +145,11 @@ impl Part {
         let pixels = target.reference.len();
         let weight = beta * bessel * share;
         let errors = references.iter().map(|f| share / (f + EPSILON)).collect();
+        let device = device().autodiff();
         // The means, then the second moments.
         let numbers = |mut means: Vec<f32>, second: f32| {
             means.resize(4 * pixels, second);
-            tensor(means)
+            tensor(means, &device)
         };
         Self {
             scale,
@@ -162,7 +164,7 @@ impl Part {
     fn evaluate(&self, moments: &Moments) -> (f32, Adjoint) {
         let (mut numbers, second) = scaled(moments, self.scale);
         numbers.extend(second);
-        let x = tensor(numbers).require_grad();
+        let x = tensor(numbers, &device().autodiff()).require_grad();
         let errors = (x.clone() - self.reference.clone()).abs() * self.errors.clone();
         let rest = (self.linear.clone() - x.clone() * self.squares.clone()) * x.clone();
         let loss = (errors + rest).sum();
