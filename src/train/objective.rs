@@ -1,4 +1,4 @@
-//! The loss `[OPSR (16)]` in burn's tensors: moments of all crops in, loss and its derivative out.
+//! The loss `[OPSR (16)]`: moments of all crops in, loss and its derivative out.
 //!
 //! ```text
 //! L = mean |I − f| / (f + ε)  +  β · mean N/(N − 1) (M₂ − M₁²)      ε = 0.01
@@ -7,6 +7,9 @@
 //! over pixels and colour channels of all crops; I = M₁ is the realised mean of N samples, the second term the sample
 //! variance of *one* path sample. Every crop is scaled so that its reference has the mean [`BRIGHTNESS`]: the second
 //! term has the unit of radiance squared and the first none, and β must mean the same everywhere.
+//!
+//! It is written in burn's tensors, and its derivative is burn's. A graph for some thousand numbers takes longer than
+//! the numbers: where the moments take as long as that, the same roundings are done in loops ([`Arithmetic`]).
 
 use super::moments::{Adjoint, Moments};
 use burn::tensor::{Device, Tensor, TensorData};
@@ -118,53 +121,65 @@ impl CropLoss {
     }
 }
 
+/// What loss and derivative are evaluated with. The derivatives are the same to the bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arithmetic {
+    /// burn's tensors and its graph.
+    Tensors,
+    /// Loops over numbers.
+    Loops,
+}
+
 /// The loss of several crops.
 pub struct Objective {
     parts: Vec<Part>,
 }
 
-/// The loss of one crop as a part of the whole: Σ w |x − r| + Σ x (c − q x) over the numbers x of its moments.
+/// The loss of one crop as a part of the whole: Σ w |x − r| + Σ q (y − Σ x²), means x and second moments y.
 struct Part {
     /// What radiance is multiplied by.
     scale: f32,
+    /// r, all channels in a row.
+    reference: Vec<f32>,
+    /// w.
+    errors: Vec<f32>,
+    /// q.
+    variance: f32,
+    graph: Option<Graph>,
+}
+
+/// The same as Σ w |x − r| + Σ x (c − q x) over means and second moments in a row.
+struct Graph {
     reference: Tensor<1>,
-    /// w, of the means.
+    /// 0 for second moments.
     errors: Tensor<1>,
-    /// q, of the means.
+    /// q, 0 for second moments.
     squares: Tensor<1>,
-    /// c, of the second moments.
+    /// c: 0 for means, q for second moments.
     linear: Tensor<1>,
 }
 
-impl Part {
-    fn new(target: &Target, beta: f32, total: usize) -> Self {
-        let scale = target.scale();
-        let references = target.scaled();
-        let share = 1.0 / (3 * total) as f32;
-        let bessel = target.bessel();
-        let pixels = target.reference.len();
-        let weight = beta * bessel * share;
-        let errors = references.iter().map(|f| share / (f + EPSILON)).collect();
+impl Graph {
+    fn new(part: &Part) -> Self {
         let device = device().autodiff();
-        // The means, then the second moments.
-        let numbers = |mut means: Vec<f32>, second: f32| {
-            means.resize(4 * pixels, second);
-            tensor(means, &device)
+        let means = part.reference.len();
+        let numbers = |mut numbers: Vec<f32>, second: f32| {
+            numbers.resize(means / 3 * 4, second);
+            tensor(numbers, &device)
         };
         Self {
-            scale,
-            errors: numbers(errors, 0.0),
-            reference: numbers(references, 0.0),
-            squares: numbers(vec![weight; 3 * pixels], 0.0),
-            linear: numbers(vec![0.0; 3 * pixels], weight),
+            reference: numbers(part.reference.clone(), 0.0),
+            errors: numbers(part.errors.clone(), 0.0),
+            squares: numbers(vec![part.variance; means], 0.0),
+            linear: numbers(vec![0.0; means], part.variance),
         }
     }
 
-    /// The crop's share of the loss, and its derivative by the moments.
-    fn evaluate(&self, moments: &Moments) -> (f32, Adjoint) {
-        let (mut numbers, second) = scaled(moments, self.scale);
-        numbers.extend(second);
-        let x = tensor(numbers, &device().autodiff()).require_grad();
+    /// Value and derivative at scaled moments.
+    fn evaluate(&self, mut mean: Vec<f32>, second: Vec<f32>) -> (f32, Vec<f32>, Vec<f32>) {
+        let means = mean.len();
+        mean.extend(second);
+        let x = tensor(mean, &device().autodiff()).require_grad();
         let errors = (x.clone() - self.reference.clone()).abs() * self.errors.clone();
         let rest = (self.linear.clone() - x.clone() * self.squares.clone()) * x.clone();
         let loss = (errors + rest).sum();
@@ -172,12 +187,56 @@ impl Part {
         let mut gradients = loss.backward();
         // Taken out: what somebody else still holds would be copied number by number.
         let gradient = x.grad_remove(&mut gradients);
-        let values: Vec<f32> =
+        let mut mean: Vec<f32> =
             (gradient.and_then(|g| g.into_data().try_into_vec().ok())).unwrap_or_default();
-        let (means, second) = values.split_at(values.len() / 4 * 3);
+        let second = mean.split_off(means.min(mean.len()));
+        (value, mean, second)
+    }
+}
+
+impl Part {
+    fn new(target: &Target, beta: f32, total: usize, arithmetic: Arithmetic) -> Self {
+        let reference = target.scaled();
+        let share = 1.0 / (3 * total) as f32;
+        let mut part = Self {
+            scale: target.scale(),
+            errors: reference.iter().map(|f| share / (f + EPSILON)).collect(),
+            variance: beta * target.bessel() * share,
+            reference,
+            graph: None,
+        };
+        part.graph = (arithmetic == Arithmetic::Tensors).then(|| Graph::new(&part));
+        part
+    }
+
+    /// Value and derivative at scaled moments.
+    fn evaluate(&self, mut mean: Vec<f32>, mut second: Vec<f32>) -> (f32, Vec<f32>, Vec<f32>) {
+        let mut loss = 0.0;
+        let references = self.reference.iter().zip(&self.errors);
+        for (x, (reference, weight)) in mean.iter_mut().zip(references) {
+            let off = *x - reference;
+            let square = -(*x * self.variance);
+            loss += f64::from(off.abs() * weight + square * *x);
+            let sign = f32::from(u8::from(off > 0.0)) - f32::from(u8::from(off < 0.0));
+            *x = 2.0 * square + sign * weight;
+        }
+        for y in &mut second {
+            loss += f64::from(*y * self.variance);
+            *y = self.variance;
+        }
+        (loss as f32, mean, second)
+    }
+
+    /// The crop's share of the loss, and its derivative by the moments.
+    fn differentiate(&self, moments: &Moments) -> (f32, Adjoint) {
         let s = self.scale;
+        let (mean, second) = scaled(moments, s);
+        let (value, mean, second) = match &self.graph {
+            Some(graph) => graph.evaluate(mean, second),
+            None => self.evaluate(mean, second),
+        };
         let adjoint = Adjoint {
-            mean: (means.chunks_exact(3))
+            mean: (mean.chunks_exact(3))
                 .map(|m| [m[0] * s, m[1] * s, m[2] * s])
                 .collect(),
             second: second.iter().map(|v| v * s * s).collect(),
@@ -188,15 +247,16 @@ impl Part {
 
 impl Objective {
     /// For these crops.
-    pub fn new(targets: &[&Target], beta: f32) -> Self {
+    pub fn new(targets: &[&Target], beta: f32, arithmetic: Arithmetic) -> Self {
         let total = targets.iter().map(|t| t.reference.len()).sum();
+        let part = |target: &&Target| Part::new(target, beta, total, arithmetic);
         Self {
-            parts: (targets.iter().map(|t| Part::new(t, beta, total))).collect(),
+            parts: targets.iter().map(part).collect(),
         }
     }
 
     /// What one crop adds to the mean loss of all, and its derivative by the moments of that crop.
     pub fn evaluate(&self, crop: usize, moments: &Moments) -> (f32, Adjoint) {
-        self.parts[crop].evaluate(moments)
+        self.parts[crop].differentiate(moments)
     }
 }

@@ -5,7 +5,7 @@ use super::config::{Config, ConfigError, Loss, Way};
 use super::dataset::{Crop, DatasetError};
 use super::job::{Job, run_all};
 use super::model::Learner;
-use super::objective::CropLoss;
+use super::objective::{Arithmetic, CropLoss};
 use super::progress::Progress;
 use super::set::{Set, mean_loss};
 use super::study::best_constant;
@@ -192,7 +192,11 @@ impl Session {
         listen: Listener<'_>,
     ) -> Result<Outcome, TrainError> {
         let config = self.config.clone();
-        let objective = self.training.objective(beta);
+        let arithmetic = match config.method {
+            Way::Tabulated => Arithmetic::Loops,
+            Way::Fresh | Way::Replay => Arithmetic::Tensors,
+        };
+        let objective = self.training.objective(beta, arithmetic);
         let start = self.start(beta);
         let learner = Learner::new(
             config.model,

@@ -2,7 +2,7 @@
 
 use super::dataset::Crop;
 use super::moments::{Moments, Source, no_gradient};
-use super::objective::{CropLoss, Objective, Target};
+use super::objective::{Arithmetic, CropLoss, Objective, Target};
 use super::visits::Visits;
 use crate::regularise::{AttenuationTable, Lookup};
 use rayon::prelude::*;
@@ -150,9 +150,9 @@ impl Set {
     }
 
     /// An objective over the crops.
-    pub fn objective(&self, beta: f32) -> Objective {
+    pub fn objective(&self, beta: f32, arithmetic: Arithmetic) -> Objective {
         let targets: Vec<&Target> = self.members.iter().map(|m| &m.target).collect();
-        Objective::new(&targets, beta)
+        Objective::new(&targets, beta, arithmetic)
     }
 
     /// The loss of each crop with these moments.

@@ -5,6 +5,7 @@ use crate::train::{crop, quick};
 use opsr::regularise::{AttenuationTable, LEN};
 use opsr::train::config::Way;
 use opsr::train::moments::{Adjoint, Moments, Source};
+use opsr::train::objective::Arithmetic;
 use opsr::train::replay::Replay;
 use opsr::train::session::Outcome;
 use opsr::train::visits::Visits;
@@ -142,7 +143,7 @@ fn case_15_bounds_and_black_crops_have_finite_gradients() {
             }
             let mut session =
                 Session::with_crops(quick(way), vec![crop], vec![], &|_| ()).expect("a session");
-            let objective = session.training.objective(0.001);
+            let objective = session.training.objective(0.001, Arithmetic::Tensors);
             for gamma in [0.0, 1e-3, 0.5, 1.0] {
                 let table = AttenuationTable::constant(gamma);
                 let (loss, gradient) = session.training.gradient(&objective, &table);
