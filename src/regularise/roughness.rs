@@ -39,7 +39,7 @@ pub fn bin_coordinate(alpha: f32) -> f32 {
 ///
 /// Classes are ordered by length (2, 3, 4, 5 vertices); inside a length by the base-4 code of the levels, the vertex
 /// nearest the camera being the most significant digit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct GammaIndex(u16);
 
 impl GammaIndex {

@@ -6,9 +6,7 @@
 use crate::regularise::{
     AttenuationTable, Dependence, Differentiated, GammaIndex, MAX_VERTICES, PathRoughness,
 };
-use foldhash::fast::FixedState;
 use rayon::prelude::*;
-use std::collections::HashMap;
 use std::ops::Range;
 
 /// Codes that one thread takes at a time.
@@ -43,85 +41,6 @@ fn range(ends: &[u32], code: usize) -> Range<usize> {
     start as usize..ends[code] as usize
 }
 
-/// The vertices that paths were traced to, as a tree: each stands for the list that leads to it.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Interner {
-    /// The vertex before, and the own roughness.
-    nodes: Vec<(Option<u32>, f32)>,
-    /// By what [`key`] makes of a vertex.
-    index: HashMap<u64, u32, FixedState>,
-}
-
-/// A vertex and the one before it, as one number: it is hashed for every vertex of every path.
-fn key(before: Option<u32>, alpha: f32) -> u64 {
-    let before = before.map_or(0, |b| u64::from(b) + 1);
-    before << 32 | u64::from(alpha.to_bits())
-}
-
-impl Interner {
-    /// The number of the list that goes on from another with a vertex of this roughness.
-    pub(super) fn intern(&mut self, before: Option<u32>, alpha: f32) -> u32 {
-        let next = self.nodes.len() as u32;
-        *(self.index.entry(key(before, alpha))).or_insert_with(|| {
-            self.nodes.push((before, alpha));
-            next
-        })
-    }
-
-    /// How many lists there are.
-    pub(super) fn len(&self) -> usize {
-        self.nodes.len()
-    }
-
-    /// The list with a number.
-    pub(super) fn list(&self, code: u32) -> Vec<f32> {
-        let mut list = Vec::new();
-        let mut at = Some(code);
-        while let Some((before, alpha)) = at.map(|code| self.nodes[code as usize]) {
-            list.push(alpha);
-            at = before;
-        }
-        list.reverse();
-        list
-    }
-
-    /// Takes over those lists of another that are `used`; which number here each of its numbers has become.
-    pub(super) fn absorb(&mut self, other: &Self, mut used: Vec<bool>) -> Vec<u32> {
-        // What leads to them comes before them.
-        for code in (0..other.len()).rev() {
-            if let (Some(before), _) = other.nodes[code] {
-                used[before as usize] |= used[code];
-            }
-        }
-        let mut place = vec![u32::MAX; other.len()];
-        for (code, &(before, alpha)) in other.nodes.iter().enumerate() {
-            if used[code] {
-                place[code] = self.intern(before.map(|b| place[b as usize]), alpha);
-            }
-        }
-        place
-    }
-
-    /// The codes of those lists that are `used`, and which of them each number has become.
-    pub(super) fn codes(&self, used: &[bool]) -> (Codes, Vec<u32>) {
-        let used = (0u32..).zip(used).filter(|(_, used)| **used);
-        let mut lists: Vec<(Vec<f32>, u32)> =
-            used.map(|(code, _)| (self.list(code), code)).collect();
-        lists.par_sort_unstable_by(|(a, _), (b, _)| {
-            let (a, b) = (a.iter().map(|a| a.to_bits()), b.iter().map(|b| b.to_bits()));
-            a.cmp(b)
-        });
-        let mut place = vec![u32::MAX; self.len()];
-        for (new, (_, old)) in (0u32..).zip(&lists) {
-            place[*old as usize] = new;
-        }
-        (
-            Codes::of(lists.iter().map(|(list, _)| list.as_slice())),
-            place,
-        )
-    }
-}
-
 /// Distinct lists of own roughness of paths, camera first, last vertex last; such that begin alike are next to one
 /// another.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -138,82 +57,101 @@ pub struct Roughness {
     parts: Vec<Part>,
 }
 
-/// α′ of some codes, and their dependences one after the other.
+/// Dependences that are kept beside α′: those of a path of up to nine vertices whose factors are not interpolated.
+const BESIDE: usize = 2;
+
+/// α′ of a code and what it depends on; read at random, and so in one piece.
+#[derive(Clone, Copy, Debug, Default)]
+struct Head {
+    alpha: f32,
+    /// How many dependences there are, and where the part has them if they are more than are kept here.
+    count: u32,
+    start: u32,
+    beside: [(GammaIndex, f32); BESIDE],
+}
+
+/// α′ of some codes, and the dependences of those that have many, one after the other.
 #[derive(Clone, Debug, Default)]
 struct Part {
-    /// α′, and where the code's dependences begin.
-    codes: Vec<(f32, u32)>,
+    heads: Vec<Head>,
     entries: Dependence,
+    /// Those of the code at hand.
+    own: Dependence,
 }
 
 impl Part {
-    /// Of no codes, with room for them and for as many entries as most have.
+    /// Of no codes, with room for them.
     fn empty() -> Self {
         Self {
-            codes: Vec::with_capacity(CHUNK),
-            entries: Vec::with_capacity(4 * CHUNK),
+            heads: Vec::with_capacity(CHUNK),
+            ..Self::default()
         }
     }
 
-    /// α′ of a code and where its dependences are.
-    #[inline]
-    fn at(&self, code: usize) -> (f32, Range<usize>) {
-        let (alpha, start) = self.codes[code];
-        let end = self.codes.get(code + 1).map(|next| next.1 as usize);
-        (alpha, start as usize..end.unwrap_or(self.entries.len()))
+    fn push(&mut self, path: &Differentiated, last: f32, table: &AttenuationTable) {
+        self.own.clear();
+        let mut head = Head {
+            alpha: path.accumulate(last, table, &mut self.own),
+            count: self.own.len() as u32,
+            start: self.entries.len() as u32,
+            ..Head::default()
+        };
+        match head.beside.get_mut(..self.own.len()) {
+            Some(beside) => beside.copy_from_slice(&self.own),
+            None => self.entries.extend(&self.own),
+        }
+        self.heads.push(head);
     }
 }
 
 /// α′ of some codes and what it depends on, in the order in which they are needed.
 #[derive(Debug, Default)]
 pub(super) struct Gathered {
-    /// Where the dependences are in the codes' part, and end here.
-    places: Vec<(u32, Range<usize>, usize)>,
-    alphas: Vec<f32>,
-    entries: Dependence,
-}
-
-impl Gathered {
-    pub(super) fn iter(&self) -> impl Iterator<Item = (f32, &[(GammaIndex, f32)])> {
-        let starts = std::iter::once(0).chain(self.places.iter().map(|p| p.2));
-        let ranges = starts.zip(&self.places).map(|(start, p)| start..p.2);
-        let entries = ranges.map(|range| &self.entries[range]);
-        self.alphas.iter().copied().zip(entries)
-    }
+    heads: Vec<(Head, u32)>,
 }
 
 impl Roughness {
     /// Brings what some codes have close together.
     ///
-    /// In loops that do nothing else, so that the waits for memory are many at a time and not one after the other.
+    /// In a loop that does nothing else, so that the waits for memory are many at a time and not one after the other.
     pub(super) fn gather(&self, codes: impl Iterator<Item = u32>, to: &mut Gathered) {
-        to.places.clear();
-        to.alphas.clear();
-        to.entries.clear();
-        for code in codes {
-            let (part, code) = (code / CHUNK as u32, code as usize % CHUNK);
-            let (alpha, range) = self.parts[part as usize].at(code);
-            to.alphas.push(alpha);
-            to.places.push((part, range, 0));
-        }
-        for (part, range, end) in &mut to.places {
-            let entries = &self.parts[*part as usize].entries;
-            to.entries.extend_from_slice(&entries[range.clone()]);
-            *end = to.entries.len();
-        }
+        to.heads.clear();
+        to.heads.extend(codes.map(|code| (*self.head(code), code)));
+    }
+
+    /// What was gathered here.
+    pub(super) fn gathered<'a>(
+        &'a self,
+        gathered: &'a Gathered,
+    ) -> impl Iterator<Item = (f32, &'a [(GammaIndex, f32)])> {
+        let heads = gathered.heads.iter();
+        heads.map(|(head, code)| (head.alpha, self.entries(head, *code)))
+    }
+
+    fn head(&self, code: u32) -> &Head {
+        &self.parts[code as usize / CHUNK].heads[code as usize % CHUNK]
+    }
+
+    #[inline]
+    fn entries<'a>(&'a self, head: &'a Head, code: u32) -> &'a [(GammaIndex, f32)] {
+        let count = head.count as usize;
+        head.beside.get(..count).unwrap_or_else(|| {
+            let entries = &self.parts[code as usize / CHUNK].entries;
+            &entries[head.start as usize..][..count]
+        })
     }
 
     /// Accumulated roughness of a code, and its derivatives by the table entries it depends on.
     #[inline]
     pub fn at(&self, code: u32) -> (f32, &[(GammaIndex, f32)]) {
-        let part = &self.parts[code as usize / CHUNK];
-        let (alpha, range) = part.at(code as usize % CHUNK);
-        (alpha, &part.entries[range])
+        let head = self.head(code);
+        (head.alpha, self.entries(head, code))
     }
 }
 
 impl Codes {
-    fn of<'a>(lists: impl Iterator<Item = &'a [f32]>) -> Self {
+    /// Of sorted lists.
+    pub(super) fn of<'a>(lists: impl Iterator<Item = &'a [f32]>) -> Self {
         let mut codes = Self::default();
         let mut before: &[f32] = &[];
         for list in lists {
@@ -295,11 +233,7 @@ impl Codes {
         let parts = self.follow(
             Part::empty,
             |path: &mut Differentiated, alpha| path.push(alpha, table),
-            |part: &mut Part, path, last| {
-                let start = part.entries.len() as u32;
-                let alpha = path.accumulate(last, table, &mut part.entries);
-                part.codes.push((alpha, start));
-            },
+            |part: &mut Part, path, last| part.push(path, last, table),
         );
         Roughness { parts }
     }
@@ -337,6 +271,7 @@ impl Codes {
 mod tests {
     use super::*;
     use crate::regularise::accumulate_with_gradient;
+    use crate::train::intern::Interner;
     use rand::{RngExt, SeedableRng};
 
     #[test]
@@ -387,7 +322,8 @@ mod tests {
         for step in [3, 7] {
             let some = (0..codes.len() as u32).rev().step_by(step);
             roughness.gather(some.clone(), &mut gathered);
-            assert!((gathered.iter()).eq(some.map(|code| roughness.at(code))));
+            let found = roughness.gathered(&gathered);
+            assert!(found.eq(some.map(|code| roughness.at(code))));
         }
         let (long, all) = codes.long();
         for (code, &of_all) in (0u32..).zip(&all) {

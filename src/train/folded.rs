@@ -46,8 +46,8 @@ type Evaluated = ([f64; 4], Vec<(u16, Row)>);
 /// Derivatives of one pixel by class while they are added up.
 struct Scratch {
     slopes: Vec<Row>,
-    seen: Vec<bool>,
-    classes: Vec<u16>,
+    /// Which of them are not zero, a bit each.
+    seen: [u64; LEN.div_ceil(64)],
     /// α′ and dependences of the events of the pixel.
     gathered: Gathered,
 }
@@ -56,8 +56,7 @@ impl Default for Scratch {
     fn default() -> Self {
         Self {
             slopes: vec![Row::default(); LEN],
-            seen: vec![false; LEN],
-            classes: Vec::new(),
+            seen: [0; _],
             gathered: Gathered::default(),
         }
     }
@@ -67,9 +66,7 @@ impl Scratch {
     #[inline]
     fn add(&mut self, class: GammaIndex, slope: Row, factor: f32) {
         let index = class.index();
-        if !std::mem::replace(&mut self.seen[index], true) {
-            self.classes.push(index as u16);
-        }
+        self.seen[index / 64] |= 1 << (index % 64);
         for (sum, s) in self.slopes[index].iter_mut().zip(slope) {
             *sum += s * factor;
         }
@@ -77,17 +74,17 @@ impl Scratch {
 
     /// Hands the sums times `scale` out, and is empty again.
     fn take(&mut self, scale: f32) -> Vec<(u16, Row)> {
-        self.classes.sort_unstable();
-        let classes = self.classes.drain(..);
-        let entries = classes.map(|class| {
-            let index = usize::from(class);
-            self.seen[index] = false;
-            (
-                class,
-                std::mem::take(&mut self.slopes[index]).map(|s| s * scale),
-            )
-        });
-        entries.collect()
+        let count = self.seen.iter().map(|word| word.count_ones()).sum::<u32>();
+        let mut entries = Vec::with_capacity(count as usize);
+        for (word, start) in self.seen.iter_mut().zip((0..).step_by(64)) {
+            while *word != 0 {
+                let index = start + word.trailing_zeros() as usize;
+                *word &= *word - 1;
+                let sum = std::mem::take(&mut self.slopes[index]);
+                entries.push((index as u16, sum.map(|s| s * scale)));
+            }
+        }
+        entries
     }
 }
 
@@ -170,9 +167,8 @@ impl Folded {
                 let mut sum = [0.0; 4];
                 let mut gathered = std::mem::take(&mut scratch.gathered);
                 roughness.gather(members.iter().map(|m| m.event.code), &mut gathered);
-                for (Member { constant, event }, (alpha, gradient)) in
-                    members.iter().zip(gathered.iter())
-                {
+                let found = roughness.gathered(&gathered);
+                for (Member { constant, event }, (alpha, gradient)) in members.iter().zip(found) {
                     let Moment { x, mut y } = event.tangent(Dual::variable(alpha));
                     for (c, x) in constant.iter().zip(x) {
                         y = y + Dual::constant(2.0 * c) * x;

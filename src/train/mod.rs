@@ -17,6 +17,7 @@ pub mod event;
 mod folded;
 pub mod fresh;
 mod grid;
+mod intern;
 mod job;
 pub mod model;
 pub mod moments;

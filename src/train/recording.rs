@@ -1,8 +1,9 @@
 //! What a crop's paths depend on the table with: a constant for every path, and its events.
 
-use super::codes::{Codes, Interner};
+use super::codes::Codes;
 use super::drawn::Drawn;
 use super::event::StoredEvent;
+use super::intern::Interner;
 use super::thin::Thin;
 use crate::image::film::Window;
 use crate::integrator::{Event, PathObserver, Recorder, Technique};
