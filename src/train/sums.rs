@@ -141,6 +141,10 @@ impl Slopes {
 
     /// Moves the factor that those in `range` belong to by this much.
     pub(super) fn follow(&self, range: Range<usize>, by: f32, rows: &mut [Row]) {
+        // In the end two factors of five stay at a bound.
+        if by == 0.0 {
+            return;
+        }
         let pixels = &self.pixels[range.clone()];
         each(pixels, &self.values[range], |_, pixel, slope| {
             let row = &mut rows[pixel as usize];
