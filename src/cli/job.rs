@@ -93,6 +93,9 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Chosen> {
     let file = TableFile::load(path).input()?;
     let mut table = file.table.with_contrast(args.table_contrast);
     if let Some(Scale::By(scale)) = args.table_scale {
+        if args.table_energy.is_some() {
+            return Err(anyhow!("--table-energy needs --table-scale auto")).usage();
+        }
         table.scale = scale;
     }
     if let Some(lookup) = args.lookup {

@@ -51,6 +51,10 @@ pub(super) struct RenderArgs {
     /// How much of the table's pattern is kept, from 0, one factor for all paths, to 1.
     #[arg(long, value_name = "X", default_value_t = 1.0, requires = "opsr_table", value_parser = unit)]
     pub(super) table_contrast: f32,
+    /// With --table-scale auto: of all that the pilot tries, only what changes the mean of the picture by at most this
+    /// share, such as 0.03.
+    #[arg(long, value_name = "SHARE", requires = "table_scale", value_parser = unit)]
+    pub(super) table_energy: Option<f32>,
     /// How factors are looked up, instead of the way that the table was learned for.
     #[arg(long, value_enum, requires = "opsr_table")]
     pub(super) lookup: Option<LookupArg>,

@@ -41,28 +41,33 @@ pub(super) fn tune(
     let pilot = pilot::choose(settings, &view, samples)
         .context("--crop")
         .usage()?;
+    let change = (args.table_energy).map_or(pilot.change, |share| pilot.within(share.into()));
     if let Method::Table { table, .. } = &mut settings.method {
-        *table = pilot.change.of(table);
-        let why = if pilot.decided {
-            ""
-        } else {
-            " (the pilot could not tell another one better)"
+        *table = change.of(table);
+        let why = match args.table_energy {
+            Some(_) => "",
+            None if pilot.decided => "",
+            None => " (the pilot could not tell another one better)",
         };
+        let level = pilot.levels.iter().find(|level| level.change == change);
+        let energy = level.map_or(0.0, |level| 100.0 * level.energy);
         eprintln!(
-            "table scale {}, contrast {}{why}, from {} paths, for {samples} samples per pixel",
-            table.scale, pilot.change.contrast, pilot.paths
+            "table scale {}, contrast {}{why}, changes the picture's mean by {energy:+.1} %, from {} paths, for \
+             {samples} samples per pixel",
+            table.scale, change.contrast, pilot.paths
         );
     }
     for level in &pilot.levels {
         tracing::info!(
-            "scale {}, contrast {}: bias² {:.3e}, variance {:.3e}",
+            "scale {}, contrast {}: bias² {:.3e}, variance {:.3e}, mean {:+.1} %",
             level.change.scale,
             level.change.contrast,
             level.bias2,
-            level.variance
+            level.variance,
+            100.0 * level.energy
         );
     }
-    Ok(pilot.change.contrast)
+    Ok(change.contrast)
 }
 
 /// About how many samples per pixel fit into this time.

@@ -90,6 +90,8 @@ pub struct Level {
     pub bias2: f64,
     /// Relative variance of one sample over the number of samples.
     pub variance: f64,
+    /// Relative change of the picture's mean.
+    pub energy: f64,
 }
 
 /// What the pilot found.
@@ -103,6 +105,23 @@ pub struct Pilot {
     pub levels: Vec<Level>,
     /// Paths traced.
     pub paths: u64,
+}
+
+impl Pilot {
+    /// The best of what was tried that changes the mean of the picture by at most this share; what changes it least if
+    /// everything changes it by more.
+    ///
+    /// Errors of pixels alone favour pictures that are smooth and dark: where all light comes through glass, the best
+    /// constant gives up a fifth of it.
+    pub fn within(&self, share: f64) -> Change {
+        let off = |level: &&Level| (level.energy.abs() - share).max(0.0);
+        let order = |a: &&Level, b: &&Level| {
+            let errors = a.error().total_cmp(&b.error());
+            off(a).total_cmp(&off(b)).then(errors)
+        };
+        let best = self.levels.iter().min_by(order);
+        best.map_or(Change::NONE, |level| level.change)
+    }
 }
 
 impl Level {
@@ -269,6 +288,7 @@ fn measure(
 ) -> Level {
     let pairs = (batches.len() * (batches.len() - 1)) as f64;
     let (mut bias2, mut variance) = (0.0, 0.0);
+    let (mut change_of_mean, mut mean) = (0.0, 0.0);
     for (t, weight) in weights.iter().enumerate() {
         for c in 0..3 {
             let (mut sum, mut squares) = (0.0, 0.0);
@@ -276,7 +296,9 @@ fn measure(
                 let d = level.means[b][t][c] - plain.means[b][t][c];
                 sum += d;
                 squares += d * d;
+                mean += plain.means[b][t][c];
             }
+            change_of_mean += sum;
             bias2 += weight * (sum * sum - squares) / pairs / 3.0;
         }
         variance += weight * level.variance[t] / f64::from(samples.max(1));
@@ -286,6 +308,7 @@ fn measure(
         change: *change,
         bias2: bias2 / count,
         variance: variance / count,
+        energy: change_of_mean / mean.max(1e-30),
     }
 }
 

@@ -5,7 +5,7 @@ use super::objective::Target;
 use super::thin::Thin;
 use crate::image::Film;
 use crate::image::film::{FilmError, Window};
-use crate::integrator::pilot::{self, Change, View};
+use crate::integrator::pilot::{self, Pilot, View};
 use crate::integrator::reference::{Reference, ReferenceError, SEED};
 use crate::integrator::{Method, Settings};
 use crate::math::UVec2;
@@ -181,7 +181,7 @@ impl Crop {
     }
 
     /// What a pilot does to a table for a render of `samples` samples per pixel, without the reference.
-    pub fn pilot(&self, table: &AttenuationTable, samples: u32) -> Result<Change, DatasetError> {
+    pub fn pilot(&self, table: &AttenuationTable, samples: u32) -> Result<Pilot, DatasetError> {
         let settings = self.settings(Method::Table {
             table: table.clone(),
             reuse: false,
@@ -193,8 +193,7 @@ impl Crop {
             frame: self.frame,
             window: self.window,
         };
-        let pilot = pilot::choose(&settings, &view, samples);
-        Ok(pilot.map_err(|e| self.outside(e))?.change)
+        pilot::choose(&settings, &view, samples).map_err(|e| self.outside(e))
     }
 
     /// How the crop is rendered.

@@ -138,7 +138,8 @@ impl Source for Replay {
 
     fn gradient(&self, table: &AttenuationTable, adjoint: &Adjoint) -> Vec<f64> {
         let roughness = self.recording.codes.roughness(table);
-        let alphas = self.recording.codes.alphas(table);
+        let codes = 0..self.recording.codes.len() as u32;
+        let alphas: Vec<f32> = codes.map(|code| roughness.at(code).0).collect();
         let chunks: Vec<Vec<(u32, f64)>> = (self.recording.pixels.par_chunks(CHUNK).enumerate())
             .map(|(i, pixels)| self.chunk(pixels, i * CHUNK, &alphas, adjoint))
             .collect();

@@ -6,7 +6,7 @@ use super::model::Model;
 use super::objective::CropLoss;
 use super::session::Session;
 use super::set::Set;
-use crate::integrator::pilot::{CONTRASTS, Change};
+use crate::integrator::pilot::{CONTRASTS, Change, Pilot};
 use crate::regularise::{AttenuationTable, Lookup};
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -180,27 +180,41 @@ pub fn scores(
     all
 }
 
-/// The score of a table that a pilot changes for every crop, without its reference, for renders of `samples` samples per
-/// pixel.
+/// Scores of a table that a pilot changes for every crop, without its reference, for renders of `samples` samples per
+/// pixel: by what it chooses, and by what it would if the picture's mean may change by some per cent at most.
 pub fn piloted(
     set: &mut Set,
     beta: f32,
     name: &str,
     table: &AttenuationTable,
     samples: u32,
-) -> Result<Score, TrainError> {
-    let tables = (set.crops())
-        .map(|crop| Ok(crop.pilot(table, samples)?.of(table)))
-        .collect::<Result<Vec<_>, TrainError>>()?;
-    let moments = set.exact_each(&tables);
-    let losses = set.losses_of(&moments);
-    let ln: f32 = tables.iter().map(|t| (t.scale / table.scale).ln()).sum();
-    Ok(Score {
-        name: name.into(),
-        value: Some((ln / tables.len().max(1) as f32).exp()),
-        loss: super::set::mean_loss(&losses, beta).unwrap_or(f32::NAN),
-        energy: energy(&losses),
-    })
+) -> Result<Vec<Score>, TrainError> {
+    let pilots = (set.crops())
+        .map(|crop| crop.pilot(table, samples))
+        .collect::<Result<Vec<Pilot>, _>>()?;
+    let mut scores = Vec::new();
+    let mut choices = vec![(
+        String::new(),
+        pilots.iter().map(|p| p.change).collect::<Vec<_>>(),
+    )];
+    for per_cent in [3, 10] {
+        let within = |pilot: &Pilot| pilot.within(f64::from(per_cent) / 100.0);
+        let name = format!(", energy within {per_cent} %");
+        choices.push((name, pilots.iter().map(within).collect()));
+    }
+    for (what, changes) in choices {
+        let tables: Vec<AttenuationTable> = changes.iter().map(|c| c.of(table)).collect();
+        let moments = set.exact_each(&tables);
+        let losses = set.losses_of(&moments);
+        let ln: f32 = tables.iter().map(|t| (t.scale / table.scale).ln()).sum();
+        scores.push(Score {
+            name: format!("{name}{what}"),
+            value: Some((ln / tables.len().max(1) as f32).exp()),
+            loss: super::set::mean_loss(&losses, beta).unwrap_or(f32::NAN),
+            energy: energy(&losses),
+        });
+    }
+    Ok(scores)
 }
 
 /// Learns from all families but one, and scores on that one; for every family of the training scenes.
@@ -258,7 +272,7 @@ pub fn leave_one_out(
                 &table.with_contrast(0.5),
             ));
             let name = format!("{name}, pilot's scale and contrast");
-            scores.push(piloted(&mut held, beta, &name, table, config.spp)?);
+            scores.extend(piloted(&mut held, beta, &name, table, config.spp)?);
         }
         session.training.append(held);
         all.push(HeldOut { family, scores });

@@ -1,9 +1,9 @@
 //! The pilot that chooses the level of a table.
 
 use super::support::render::scene;
-use opsr::image::film::Window;
+use opsr::image::film::{Film, Window};
 use opsr::integrator::pilot::{CONTRASTS, Change, Level, SCALES, View, choose};
-use opsr::integrator::{Method, Settings};
+use opsr::integrator::{Method, Picture, Settings};
 use opsr::math::UVec2;
 use opsr::regularise::{AttenuationTable, GammaIndex, LEN};
 use opsr::scene::Scene;
@@ -92,4 +92,55 @@ fn a_pattern_that_does_not_fit_is_given_up() {
     assert!(pilot.decided && pilot.change.contrast < 1.0, "{pilot:?}");
     let changed = pilot.change.of(&table);
     assert!(changed.scale == pilot.change.scale && changed.gammas != table.gammas);
+}
+
+/// What a pilot says about the mean of the picture, by longer renders with other random numbers.
+#[test]
+fn energy_is_kept_where_that_is_asked_for() {
+    let scene = scene(caustic_box());
+    let view = view(&scene);
+    let rough = settings(0.5);
+    let pilot = choose(&rough, &view, 1).unwrap();
+    let mean = |method: Method| {
+        let settings = Settings {
+            method,
+            seed: 77,
+            ..Settings::default()
+        };
+        let mut picture = Picture {
+            film: Film::new(view.frame),
+            aovs: None,
+        };
+        (settings.integrator()).pass(&scene, view.camera, 0..400, &mut picture);
+        let mean = picture.film.mean();
+        let sum: f64 = (mean.pixels.iter())
+            .map(|p| f64::from(p.element_sum()))
+            .sum();
+        sum
+    };
+    let plain = mean(Method::Plain);
+    let Method::Table { table, .. } = &rough.method else {
+        unreachable!()
+    };
+    let changed = |change: Change| {
+        let method = Method::Table {
+            table: change.of(table),
+            reuse: false,
+            lambda: 0.0,
+        };
+        mean(method) / plain - 1.0
+    };
+    let level = |change: Change| pilot.levels.iter().find(|l| l.change == change).unwrap();
+    let (roughest, kept) = (pilot.levels[SCALES.len() - 1].change, pilot.within(0.005));
+    let found = [roughest, kept].map(|change| {
+        let (said, found) = (level(change).energy, changed(change));
+        assert!((said - found).abs() < 0.01, "{change:?}: {said} {found}");
+        found
+    });
+    // The smaller of them is little more than the noise of both.
+    assert!(
+        found[0] < -0.015 && found[1].abs() < 0.75 * found[0].abs(),
+        "{found:?}"
+    );
+    assert!(level(kept).energy.abs() <= 0.005 && kept.scale < pilot.within(1.0).scale);
 }

@@ -241,14 +241,14 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
             .map_err(blame)?;
             if !session.validation.is_empty() && !stop.asked() {
                 progress.say(&format!("beta {beta}: a pilot for every validation crop"));
-                let score = study::piloted(
+                let scores = study::piloted(
                     &mut session.validation,
                     beta,
                     "learned table, pilot's scale and contrast",
                     &learned.table,
                     config.spp,
                 );
-                learned.validation.push(score.map_err(blame)?);
+                learned.validation.extend(scores.map_err(blame)?);
             }
         }
     }

@@ -84,10 +84,47 @@ fn the_best_and_no_change_are_finalists() {
         // The larger the index, the better.
         bias2: -1.0,
         variance: 1.0 / (i + 1) as f64,
+        energy: 0.0,
     };
     let levels: Vec<Level> = Change::all().enumerate().map(level).collect();
     let none = Change::all().position(|c| c == Change::NONE).unwrap();
     let last = levels.len() - FINALISTS..levels.len();
     let expected: Vec<usize> = std::iter::once(none).chain(last).collect();
     assert_eq!(finalists(&levels), expected);
+}
+
+#[test]
+fn energy_goes_before_error() {
+    let level = |scale: f32, bias2: f64, energy: f64| Level {
+        change: Change {
+            contrast: 1.0,
+            scale,
+        },
+        bias2,
+        variance: 0.0,
+        energy,
+    };
+    let mut pilot = Pilot {
+        change: Change::NONE,
+        decided: true,
+        levels: vec![
+            level(1.0, 0.1, -0.2),
+            level(2.0, 0.2, 0.08),
+            level(3.0, 0.4, 0.01),
+            level(4.0, 0.3, -0.02),
+        ],
+        paths: 0,
+    };
+    for (share, best) in [
+        (1.0, 1.0),
+        (0.2, 1.0),
+        (0.1, 2.0),
+        (0.05, 4.0),
+        (0.015, 3.0),
+        (0.0, 3.0),
+    ] {
+        assert_eq!(pilot.within(share).scale, best, "{share}");
+    }
+    pilot.levels.clear();
+    assert_eq!(pilot.within(0.1), Change::NONE);
 }

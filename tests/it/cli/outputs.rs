@@ -50,6 +50,20 @@ fn a_scale_from_a_pilot() {
     assert_eq!(picture(&place, "auto.exr"), picture(&place, "one.exr"));
     let timed = "--time 10ms --opsr-table table.json --table-scale auto -o timed.exr";
     assert!(place.render(timed).done().err.contains("table scale "));
+    // Another choice where the picture's mean may not change.
+    let kept = place
+        .render(&format!("{table} auto --table-energy 0 -o kept.exr"))
+        .done();
+    assert!(picture(&place, "kept.exr") != picture(&place, "auto.exr"));
+    let (_, told) = (kept.err.split_once("mean by ")).expect("what it does");
+    let energy = told.split(' ').next().expect("a number");
+    assert!(
+        energy.parse::<f32>().expect("a number").abs() < 0.5,
+        "{told}"
+    );
+    let by_hand = place.render(&format!("{table} 1 --table-energy 0.1 -o kept.exr"));
+    assert_eq!(by_hand.code, Some(2), "{}", by_hand.err);
+    assert!(by_hand.err.contains("--table-energy"), "{}", by_hand.err);
 }
 
 #[test]
