@@ -44,10 +44,10 @@ pub(super) fn tune(
     let change = (args.table_energy).map_or(pilot.change, |share| pilot.within(share.into()));
     if let Method::Table { table, .. } = &mut settings.method {
         *table = change.of(table);
-        let why = match args.table_energy {
-            Some(_) => "",
-            None if pilot.decided => "",
-            None => " (the pilot could not tell another one better)",
+        let why = if pilot.decided || args.table_energy.is_some() {
+            ""
+        } else {
+            " (the pilot could not tell another one better)"
         };
         let level = pilot.levels.iter().find(|level| level.change == change);
         let energy = level.map_or(0.0, |level| 100.0 * level.energy);

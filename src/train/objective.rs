@@ -8,8 +8,8 @@
 //! variance of *one* path sample. Every crop is scaled so that its reference has the mean [`BRIGHTNESS`]: the second
 //! term has the unit of radiance squared and the first none, and β must mean the same everywhere.
 //!
-//! It is written in burn's tensors, and its derivative is burn's. A graph for some thousand numbers takes longer than
-//! the numbers: where the moments take as long as that, the same roundings are done in loops ([`Arithmetic`]).
+//! It is written in burn's tensors, and its derivative is burn's. The fast way to train does the same roundings in loops,
+//! without a graph ([`Arithmetic`]).
 
 use super::moments::{Adjoint, Moments};
 use burn::tensor::{Device, Tensor, TensorData};
