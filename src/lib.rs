@@ -8,20 +8,22 @@
 //!
 //! Arrows point up this page only; a third-party crate is named in one file or folder.
 //!
-//! | layer | room | what lives there |
+//! | layer | room | contents |
 //! |---|---|---|
 //! | 0 | [`math`] | frames, measures, warps, discrete distributions, running moments |
 //! | 0 | [`sampler`] | the random numbers of a path, keyed by (seed, pixel, sample) |
-//! | 0 | [`atomic`] | files written whole or not at all |
-//! | 0 | [`input`] | files read that may be anything, and any length |
-//! | 1 | [`regularise`] | the paper: path roughness, classes, attenuation tables, look-ups, comparison modes; `export` writes tables for other renderers |
-//! | 2 | [`bsdf`] | scattering closures that are evaluated *at* a roughness |
+//! | 0 | [`files`] | bounded reads, writes that are whole or not made, hashes in hex |
+//! | 1 | [`regularise`] | the paper: path roughness, classes, attenuation tables, look-ups, comparison rules; `export` writes tables for other renderers |
+//! | 2 | [`bsdf`] | BSDFs that are evaluated *at* a roughness |
 //! | 3 | [`image`] | films of running moments, EXR and PNG, error metrics |
-//! | 3 | [`scene`] | glTF, meshes, the tree, materials, lights, cameras, built-in scenes, manifests |
-//! | 4 | [`integrator`] | the one path-tracing loop and its observers; budgets, checkpoints, pilots, references |
-//! | 5 | `train` | events, recordings, objective, Adam (feature `train`) |
-//! | 5 | [`report`] | comparisons, benches and their pages |
-//! | 5 | [`verify`] | hard numerical cases, tried on the machine at hand |
+//! | 3 | [`scene`] | glTF, meshes, the tree, materials, lights, cameras |
+//! | 4 | [`stats`] | Student's distribution, agreement of pictures, ratios with intervals |
+//! | 4 | [`integrator`] | estimators and the steps they share; budgets, checkpoints |
+//! | 5 | [`tune`] | the pilot: scale and contrast of a table, chosen without a reference |
+//! | 5 | [`gallery`] | the scenes of this project, manifest, references, glb writer |
+//! | 6 | `train` | record, evaluate, learn (feature `train`) |
+//! | 6 | [`report`] | comparisons, benches and their pages |
+//! | 6 | [`verify`] | hard numerical cases, tried on the current machine |
 //!
 //! # Notation
 //!
@@ -54,16 +56,18 @@
 //! - `[OkabeIto08]` Okabe, Ito: *Color Universal Design: How to Make Figures and Presentations That Are Friendly to Colorblind People*, 2008.
 //! - `[glTF]` Khronos: *glTF 2.0 Specification* and its ratified material extensions.
 
-pub mod atomic;
 pub mod bsdf;
+pub mod files;
+pub mod gallery;
 pub mod image;
-pub mod input;
 pub mod integrator;
 pub mod math;
 pub mod regularise;
 pub mod report;
 pub mod sampler;
 pub mod scene;
+pub mod stats;
 #[cfg(feature = "train")]
 pub mod train;
+pub mod tune;
 pub mod verify;

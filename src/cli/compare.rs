@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Args;
 
-use opsr::atomic;
+use opsr::files;
 use opsr::image::metric::flip::DEFAULT_PPD;
-use opsr::image::{agree, exr, png};
+use opsr::image::{exr, png};
 use opsr::report::compare::{Comparison, Named, Options, compare};
 use opsr::report::page;
+use opsr::stats::agreement;
 
 use super::Blame;
 use super::output::print;
@@ -74,7 +75,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<()> {
     }
     if let Some(path) = &args.json {
         let json = serde_json::to_string_pretty(&comparison)? + "\n";
-        atomic::write_bytes(path, json.as_bytes())
+        files::write_bytes(path, json.as_bytes())
             .with_context(|| path.display().to_string())
             .output()?;
     }
@@ -83,7 +84,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<()> {
     }
     if let Some(path) = &args.page {
         let html = page::page(&comparison, &pictures, &reference, &args.exposures)?;
-        atomic::write_bytes(path, html.as_bytes())
+        files::write_bytes(path, html.as_bytes())
             .with_context(|| path.display().to_string())
             .output()?;
     }
@@ -96,7 +97,7 @@ fn print_agreement(files: &[PathBuf]) -> anyhow::Result<()> {
     };
     let wanted = exr::read_film(reference).input()?;
     for path in pictures {
-        let agreement = agree::agree(&exr::read_film(path).input()?, &wanted)
+        let agreement = agreement::agree(&exr::read_film(path).input()?, &wanted)
             .with_context(|| format!("{} against {}", path.display(), reference.display()))
             .input()?;
         let names = format!("{} against {}", path.display(), reference.display());

@@ -3,8 +3,8 @@
 use super::Blame;
 use super::render_args::{Mode, RenderArgs};
 use anyhow::anyhow;
+use opsr::files::hex;
 use opsr::image::film::Window;
-use opsr::integrator::checkpoint::hex;
 use opsr::integrator::{Method, Settings};
 use opsr::math::UVec2;
 use opsr::regularise::file::TableFile;

@@ -5,7 +5,7 @@ use anyhow::{Context, anyhow, bail};
 use opsr::image::exr::{self, Layer, Metadata};
 use opsr::image::png;
 use opsr::integrator::Picture;
-use opsr::integrator::pilot::Change;
+use opsr::tune::Change;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 

@@ -11,9 +11,9 @@ use anyhow::{Context, anyhow};
 use opsr::image::film::{Film, Window};
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, Progress, Reason, drive};
-use opsr::integrator::pilot::Change;
 use opsr::integrator::{FirstHit, Method, Picture, Settings};
 use opsr::math::UVec2;
+use opsr::tune::Change;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 

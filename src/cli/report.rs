@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Args;
 
-use opsr::atomic;
+use opsr::files;
 use opsr::report::bench::page::{overalls, page, plots};
 use opsr::report::bench::{Results, summary};
 
@@ -51,7 +51,7 @@ pub(super) fn run(args: &ReportArgs) -> anyhow::Result<()> {
 }
 
 fn write(path: &Path, text: &str) -> anyhow::Result<()> {
-    atomic::write_bytes(path, text.as_bytes())
+    files::write_bytes(path, text.as_bytes())
         .with_context(|| path.display().to_string())
         .output()
 }

@@ -4,7 +4,7 @@ use super::{Blame, Exit, Failure};
 use anyhow::anyhow;
 use clap::Args;
 use opsr::bsdf::Distribution;
-use opsr::integrator::checkpoint::hex;
+use opsr::files::hex;
 use opsr::scene::load::{LoadOptions, load};
 use opsr::scene::{Camera, Environment, Scene};
 use sha2::{Digest, Sha256};

@@ -3,7 +3,7 @@
 use super::output::print;
 use super::references::{self, ReferenceArgs};
 use super::{Blame, Exit};
-use opsr::scene::builtin::training;
+use opsr::gallery::training;
 use std::path::PathBuf;
 
 /// Options of `opsr scenes`.

@@ -4,8 +4,8 @@ use super::Blame;
 use super::output::print;
 use anyhow::{Context, anyhow};
 use clap::{Args, Subcommand, ValueEnum};
-use opsr::atomic;
-use opsr::integrator::checkpoint::hex;
+use opsr::files;
+use opsr::files::hex;
 use opsr::regularise::export::{self, Format};
 use opsr::regularise::file::TableFile;
 use opsr::regularise::{GammaIndex, LEN, LEVELS, MAX_VERTICES};
@@ -119,7 +119,7 @@ fn write(file: &Path, format: Option<Format>, output: &Path) -> anyhow::Result<(
     if output == Path::new("-") {
         return print(bytes);
     }
-    atomic::write_bytes(output, &bytes)
+    files::write_bytes(output, &bytes)
         .with_context(|| output.display().to_string())
         .output()
 }

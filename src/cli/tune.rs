@@ -6,9 +6,9 @@ use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use anyhow::Context;
 use opsr::image::film::{Film, Window};
-use opsr::integrator::pilot::{self, View};
 use opsr::integrator::{Method, Picture, Settings};
 use opsr::math::UVec2;
+use opsr::tune::{self, View};
 use std::time::{Duration, Instant};
 
 /// Rows of a picture whose size is not given.
@@ -38,7 +38,7 @@ pub(super) fn tune(
         (None, None) if args.target_error.is_some() => SPP_OF_TARGET,
         (None, None) => DEFAULT_SPP,
     };
-    let pilot = pilot::choose(settings, &view, samples)
+    let pilot = tune::choose(settings, &view, samples)
         .context("--crop")
         .usage()?;
     let change = (args.table_energy).map_or(pilot.change, |share| pilot.within(share.into()));

@@ -1,6 +1,5 @@
 //! Pictures: films of running moments, files, and the metrics that compare them.
 
-pub mod agree;
 pub mod buffer;
 pub mod exr;
 pub mod false_colour;
@@ -8,7 +7,6 @@ pub mod film;
 mod film_bytes;
 pub mod metric;
 pub mod png;
-pub(crate) mod student;
 
 pub use buffer::Buffer;
 pub use film::Film;

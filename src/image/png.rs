@@ -10,7 +10,7 @@ use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbI
 
 use super::Buffer;
 use super::exr::MAX_PIXELS;
-use crate::atomic;
+use crate::files;
 use crate::math::Rgb;
 
 /// What can go wrong with a PNG file.
@@ -93,7 +93,7 @@ pub fn write(path: &Path, picture: &Buffer, exposure: f32) -> Result<(), PngErro
         path: path.to_owned(),
         reason,
     })?;
-    atomic::write_bytes(path, &bytes).map_err(|reason| PngError::Io {
+    files::write_bytes(path, &bytes).map_err(|reason| PngError::Io {
         path: path.to_owned(),
         reason,
     })

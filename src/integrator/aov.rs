@@ -1,6 +1,6 @@
 //! What the first surface of each path looks like: albedo, normal and depth, for denoisers and compositing.
 
-use super::observer::{PathObserver, Recorder, Vertex};
+use super::walk::observer::{PathObserver, Recorder, Vertex};
 use crate::bsdf::Bsdf;
 use crate::image::Buffer;
 use crate::image::film::Window;

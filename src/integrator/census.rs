@@ -1,6 +1,6 @@
 //! How often a rule acts.
 
-use super::observer::{PathObserver, Recorder, Vertex};
+use super::walk::observer::{PathObserver, Recorder, Vertex};
 
 /// Counts vertices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -4,9 +4,8 @@
 //! was made with by a fingerprint; another fingerprint is refused.
 
 use super::{FirstHit, Picture};
-use crate::atomic;
+use crate::files::{self, hex};
 use crate::image::film::Film;
-use crate::input;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs::File;
@@ -135,7 +134,7 @@ impl Checkpoint {
             sha256: hex(&content.sha256.finalize()),
         };
         let header = serde_json::to_vec(&header).map_err(|e| io(e.into()))?;
-        atomic::write(path, |out| {
+        files::write(path, |out| {
             out.write_all(MAGIC)?;
             out.write_all(&(header.len() as u64).to_le_bytes())?;
             out.write_all(&header)?;
@@ -190,7 +189,7 @@ impl Checkpoint {
             return Err("header too long".into());
         }
         let (header, content) = rest.split_at(length as usize);
-        let header: Header = serde_json::from_slice(header).map_err(input::briefly)?;
+        let header: Header = serde_json::from_slice(header).map_err(files::briefly)?;
         if header.film_bytes.checked_add(header.aov_bytes) != Some(content.len()) {
             return Err("cut short".into());
         }
@@ -233,9 +232,4 @@ fn read(path: &Path) -> io::Result<Vec<u8>> {
         file.read_to_end(&mut bytes)?;
     }
     Ok(bytes)
-}
-
-/// Lower-case hexadecimal digits.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -8,10 +8,8 @@ pub mod aov;
 pub mod census;
 pub mod checkpoint;
 pub mod drive;
-pub mod observer;
 pub mod path;
-pub mod pilot;
-pub mod reference;
+pub mod walk;
 
 use crate::image::film::Film;
 use crate::math::Vec2;
@@ -21,10 +19,10 @@ use crate::sampler::{Independent, SampleSource, Sampler};
 use crate::scene::{Camera, Scene};
 pub use aov::FirstHit;
 pub use census::Census;
-pub use observer::{Event, PathObserver, Recorder, Technique, Vertex};
 pub use path::PathTracer;
 use rayon::prelude::*;
 use std::ops::Range;
+pub use walk::observer::{Event, PathObserver, Recorder, Technique, Vertex};
 
 /// Pixels a side of the tiles that threads take: small enough that all cores stay busy to the end.
 const TILE: u32 = 16;

@@ -4,7 +4,7 @@
 //! of factors, or in another order of classes is refused: a table that is read wrongly still makes pretty pictures.
 
 use super::{AttenuationTable, LEN, LEVELS, Lookup};
-use crate::{atomic, input};
+use crate::files;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::io;
@@ -115,7 +115,7 @@ impl TableFile {
             path: path.into(),
             source,
         };
-        Self::parse(&input::read(path, MAX_BYTES).map_err(io)?, path)
+        Self::parse(&files::read(path, MAX_BYTES).map_err(io)?, path)
     }
 
     /// Reads a table from the bytes of a file; `path` is for messages.
@@ -169,7 +169,7 @@ impl TableFile {
             path: path.into(),
             source,
         })?;
-        atomic::write_bytes(path, text.as_bytes()).map_err(|source| TableError::Io {
+        files::write_bytes(path, text.as_bytes()).map_err(|source| TableError::Io {
             path: path.into(),
             source,
         })

@@ -3,10 +3,10 @@
 use crate::image::{Buffer, png};
 use crate::math::Rgb;
 use crate::regularise::{AttenuationTable, GammaIndex, LEN, Lookup};
-use crate::train::objective::CropLoss;
-use crate::train::set::Set;
+use crate::train::learn::crop_set::Set;
+use crate::train::learn::objective::CropLoss;
+use crate::train::record::visits::{LIVE, Visits};
 use crate::train::study::{HeldOut, Score};
-use crate::train::visits::{LIVE, Visits};
 use crate::train::{Config, Session};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use kuva::backend::svg::SvgBackend;
@@ -246,7 +246,7 @@ fn plot(lines: Vec<Line>) -> String {
 fn at_least(visits: &Visits, n: u64) -> usize {
     (0..LEN)
         .filter_map(GammaIndex::new)
-        .filter(|&c| crate::train::visits::is_live(c) && visits.0[c.index()] >= n)
+        .filter(|&c| crate::train::record::visits::is_live(c) && visits.0[c.index()] >= n)
         .count()
 }
 

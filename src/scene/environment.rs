@@ -6,9 +6,9 @@
 //! Texels are looked up without interpolation: the sampling density is then exactly proportional to what is seen, and a
 //! sun of a few texels at 1e5 adds no noise of its own.
 
+use crate::files;
 use crate::image::Buffer;
 use crate::image::exr;
-use crate::input;
 use crate::math::discrete::Distribution2D;
 use crate::math::{Rgb, Vec2, Vec3, luminance};
 use std::f32::consts::{PI, TAU};
@@ -151,7 +151,7 @@ impl Environment {
             path: path.to_owned(),
             source,
         };
-        input::stream(path, MAX_BYTES, take).map_err(io)
+        files::stream(path, MAX_BYTES, take).map_err(io)
     }
 
     /// Radiance seen when looking along `dir`.

@@ -1,24 +1,21 @@
 //! The world: geometry, materials, lights and cameras, immutable after it is built.
 //!
-//! A [`Scene`] is made from [`SceneParts`] (plain data, filled by [`load`] or by [`builtin`]). Indices are typed by
+//! A [`Scene`] is made from [`SceneParts`] (plain data, filled by [`load`] or by the [gallery](crate::gallery)). Indices are typed by
 //! their field names; nothing holds references.
 
 use crate::bsdf::Bsdf;
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3};
 
 pub mod accel;
-pub mod builtin;
 pub mod camera;
 pub mod environment;
 pub mod geometry;
 pub mod light;
 pub mod load;
-pub mod manifest;
 pub mod material;
 pub mod mesh;
 mod normals;
 pub mod punctual;
-pub mod save;
 pub mod texture;
 
 pub use camera::Camera;

@@ -1,7 +1,7 @@
 //! How to train: defaults, presets, a file, and single settings from the command line.
 
-use super::model::{Model, Optimiser};
-use crate::input;
+use super::learn::model::{Model, Optimiser};
+use crate::files;
 use crate::regularise::{AttenuationTable, Lookup};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -160,7 +160,7 @@ impl Config {
 
     /// This configuration with the values of a TOML file in place of its own.
     pub fn with_file(&self, path: &Path) -> Result<Self, ConfigError> {
-        let text = input::read_text(path, MAX_BYTES).map_err(|source| ConfigError::Io {
+        let text = files::read_text(path, MAX_BYTES).map_err(|source| ConfigError::Io {
             path: path.into(),
             source,
         })?;
@@ -173,13 +173,13 @@ impl Config {
             place: place.into(),
             problem,
         };
-        let new: toml::Table = input::toml(text).map_err(syntax)?;
+        let new: toml::Table = files::toml(text).map_err(syntax)?;
         let mut all = toml::Table::try_from(self).map_err(|e| ConfigError::Value {
             key: "configuration",
             problem: e.to_string(),
         })?;
         all.extend(new);
-        all.try_into().map_err(|e| syntax(input::briefly(e)))
+        all.try_into().map_err(|e| syntax(files::briefly(e)))
     }
 
     /// This configuration with one setting `key=value` changed; a value that is not TOML is taken as a string.

@@ -7,30 +7,11 @@
 //! the fast way repeats its roundings in loops) and steps Adam; it never sees a ray. [`session`] is the outer loop;
 //! [`study`] says what came out of it.
 
-pub mod checkpoint;
-pub mod codes;
 pub mod config;
-pub mod curves;
-pub mod dataset;
-pub mod drawn;
-pub mod event;
-mod folded;
-pub mod fresh;
-mod grid;
-mod intern;
-mod job;
-pub mod model;
-pub mod moments;
-pub mod objective;
-mod progress;
-pub mod recording;
-pub mod replay;
-pub mod session;
-pub mod set;
+pub mod evaluate;
+pub mod learn;
+pub mod record;
 pub mod study;
-mod sums;
-pub mod thin;
-pub mod visits;
 
 pub use config::Config;
-pub use session::{Session, TrainError};
+pub use learn::session::{Session, TrainError};

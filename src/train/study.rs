@@ -2,12 +2,12 @@
 
 use super::TrainError;
 use super::config::Config;
-use super::model::Model;
-use super::objective::CropLoss;
-use super::session::Session;
-use super::set::Set;
-use crate::integrator::pilot::{CONTRASTS, Change, Pilot};
+use super::learn::crop_set::Set;
+use super::learn::model::Model;
+use super::learn::objective::CropLoss;
+use super::learn::session::Session;
 use crate::regularise::{AttenuationTable, Lookup};
+use crate::tune::{CONTRASTS, Change, Pilot};
 use serde::Serialize;
 use std::ops::ControlFlow;
 
@@ -78,10 +78,14 @@ fn constant(gamma: f32, lookup: Lookup) -> AttenuationTable {
 
 /// The best single factor for a set of crops.
 pub fn best_constant(set: &mut Set, beta: f32, lookup: Lookup) -> f32 {
-    let ln = minimise(f64::from(super::grid::GAMMA_MIN).ln(), 0.0, |ln| {
-        let loss = set.constant_loss(beta, ln.exp() as f32, lookup);
-        f64::from(loss.unwrap_or(0.0))
-    });
+    let ln = minimise(
+        f64::from(super::evaluate::grid::GAMMA_MIN).ln(),
+        0.0,
+        |ln| {
+            let loss = set.constant_loss(beta, ln.exp() as f32, lookup);
+            f64::from(loss.unwrap_or(0.0))
+        },
+    );
     ln.exp() as f32
 }
 
@@ -123,7 +127,7 @@ pub fn score(
     Score {
         name: name.into(),
         value,
-        loss: super::set::mean_loss(&losses, beta).unwrap_or(f32::NAN),
+        loss: super::learn::crop_set::mean_loss(&losses, beta).unwrap_or(f32::NAN),
         energy: energy(&losses),
     }
 }
@@ -210,7 +214,7 @@ pub fn piloted(
         scores.push(Score {
             name: format!("{name}{what}"),
             value: Some((ln / tables.len().max(1) as f32).exp()),
-            loss: super::set::mean_loss(&losses, beta).unwrap_or(f32::NAN),
+            loss: super::learn::crop_set::mean_loss(&losses, beta).unwrap_or(f32::NAN),
             energy: energy(&losses),
         });
     }

@@ -1,12 +1,12 @@
 //! Light from squares that cover from 1e-12 steradians to the hemisphere, and from squares that do not shine here.
 
 use super::{Finding, Numbers};
+use crate::gallery::furnace_sphere;
+use crate::gallery::materials::emitter;
+use crate::gallery::shapes::quad;
 use crate::image::Buffer;
 use crate::math::measure::balance;
 use crate::math::{DVec3, Frame, Ray, Rgb, Vec2, Vec3, warp};
-use crate::scene::builtin::furnace_sphere;
-use crate::scene::builtin::materials::emitter;
-use crate::scene::builtin::shapes::quad;
 use crate::scene::{Environment, LightSample, Material, Mesh, Scene, SceneParts, Surface};
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 

@@ -2,12 +2,12 @@
 
 use super::{Finding, Numbers};
 use crate::bsdf::Distribution;
+use crate::gallery::materials::{GOLD, coated, diffuse, emitter, glass, metal};
+use crate::gallery::shapes::{quad, room, sphere};
+use crate::gallery::{caustic_box, furnace_sphere};
 use crate::image::Film;
 use crate::integrator::{Method, Picture, Settings};
 use crate::math::{Rgb, UVec2, Vec3};
-use crate::scene::builtin::materials::{GOLD, coated, diffuse, emitter, glass, metal};
-use crate::scene::builtin::shapes::{quad, room, sphere};
-use crate::scene::builtin::{caustic_box, furnace_sphere};
 use crate::scene::{Environment, Material, Mesh, PunctualLight, Scene, SceneParts};
 
 const REGULARISED: Method = regularised(false);

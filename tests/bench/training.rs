@@ -5,7 +5,7 @@
 
 use opsr::train::Session;
 use opsr::train::config::{Config, Way};
-use opsr::train::model::Optimiser;
+use opsr::train::learn::model::Optimiser;
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::Path;

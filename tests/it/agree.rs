@@ -1,9 +1,9 @@
 //! The three-scale test of two pictures: planted errors are found, equal distributions pass.
 
 use opsr::image::Buffer;
-use opsr::image::agree::{Agreement, agree, agree_with_exact};
 use opsr::image::film::Film;
 use opsr::math::{Rgb, UVec2};
+use opsr::stats::agreement::{Agreement, agree, agree_with_exact};
 
 use crate::film::noise;
 

@@ -3,10 +3,10 @@
 use super::support::render::{film, mean, scene};
 use glam::{Affine2, Vec2 as Uv};
 use opsr::bsdf::Bsdf;
+use opsr::gallery::materials::{diffuse, emitter};
+use opsr::gallery::shapes::quad;
 use opsr::integrator::Method;
 use opsr::math::{Ray, Rgb, Vec2, Vec3};
-use opsr::scene::builtin::materials::{diffuse, emitter};
-use opsr::scene::builtin::shapes::quad;
 use opsr::scene::material::{AlphaMode, TextureRef};
 use opsr::scene::texture::Wrap;
 use opsr::scene::{Material, Mesh, PunctualLight, SceneParts, Texture};

@@ -12,7 +12,8 @@ mod study;
 #[cfg(feature = "train")]
 mod train;
 
-use opsr::scene::{SceneParts, builtin, save};
+use opsr::gallery::{self, glb};
+use opsr::scene::SceneParts;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -51,7 +52,7 @@ impl Place {
     /// A folder with `scene.glb` in it: a small lamp over a plane.
     pub(crate) fn new() -> Self {
         let place = Self(tempfile::tempdir().expect("a folder"));
-        place.save("scene.glb", &builtin::area_light_over_plane());
+        place.save("scene.glb", &gallery::area_light_over_plane());
         place
     }
 
@@ -60,7 +61,7 @@ impl Place {
     }
 
     pub(crate) fn save(&self, name: &str, parts: &SceneParts) {
-        self.write(name, save::to_glb(parts).expect("a scene"));
+        self.write(name, glb::to_glb(parts).expect("a scene"));
     }
 
     pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {

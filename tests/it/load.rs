@@ -6,9 +6,10 @@ mod look;
 mod meshes;
 
 use super::support::gltf::{File, load_bytes, load_in};
+use opsr::gallery::glb;
+use opsr::gallery::{self, shapes};
 use opsr::math::Vec3;
-use opsr::scene::builtin::{self, shapes};
-use opsr::scene::{Mesh, SceneParts, save};
+use opsr::scene::{Mesh, SceneParts};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
@@ -88,16 +89,16 @@ fn same_cameras(a: &SceneParts, b: &SceneParts) {
 #[test]
 fn what_is_saved_comes_back() {
     let scenes = [
-        builtin::furnace_sphere(0.5),
-        builtin::cornell_box(),
-        builtin::caustic_box(),
-        builtin::point_light_over_plane(),
-        builtin::area_light_over_plane(),
-        builtin::glass_slab(0.3),
-        builtin::two_mirrors(0.9, 0.01),
+        gallery::furnace_sphere(0.5),
+        gallery::cornell_box(),
+        gallery::caustic_box(),
+        gallery::point_light_over_plane(),
+        gallery::area_light_over_plane(),
+        gallery::glass_slab(0.3),
+        gallery::two_mirrors(0.9, 0.01),
     ];
     for parts in scenes {
-        let bytes = save::to_glb(&parts).unwrap();
+        let bytes = glb::to_glb(&parts).unwrap();
         let loaded = load_bytes(&bytes).unwrap();
         assert_eq!(loaded.warnings, [""; 0]);
         same_meshes(&parts, &loaded.parts);
@@ -105,7 +106,7 @@ fn what_is_saved_comes_back() {
         same_cameras(&parts, &loaded.parts);
         assert_eq!(parts.lights.len(), loaded.parts.lights.len());
         // Once more: the first trip's rounding is all there is.
-        let again = load_bytes(&save::to_glb(&loaded.parts).unwrap()).unwrap();
+        let again = load_bytes(&glb::to_glb(&loaded.parts).unwrap()).unwrap();
         same_meshes(&loaded.parts, &again.parts);
         same_materials(&loaded.parts, &again.parts);
     }
@@ -121,7 +122,7 @@ fn a_mesh_of_many_vertices_comes_back() {
     assert_eq!(mesh.positions.len(), 40_962);
     parts.add(opsr::scene::Material::default(), [mesh.clone(), mesh]);
     parts.meshes = vec![Mesh::joined(parts.meshes)];
-    let loaded = load_bytes(&save::to_glb(&parts).unwrap()).unwrap();
+    let loaded = load_bytes(&glb::to_glb(&parts).unwrap()).unwrap();
     same_meshes(&parts, &loaded.parts);
 }
 

@@ -1,13 +1,13 @@
 //! The mollifier: what no path can find becomes visible, and nothing else changes.
 
 use super::support::render::{film_with, mean, scene};
+use opsr::gallery::materials::{diffuse, metal};
+use opsr::gallery::shapes::quad;
+use opsr::gallery::{caustic_box, point_light_over_plane};
 use opsr::integrator::{Method, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Regulariser;
 use opsr::regularise::rules::Mollifier;
-use opsr::scene::builtin::materials::{diffuse, metal};
-use opsr::scene::builtin::shapes::quad;
-use opsr::scene::builtin::{caustic_box, point_light_over_plane};
 use opsr::scene::{PunctualLight, SceneParts};
 use std::f32::consts::PI;
 

@@ -1,13 +1,13 @@
 //! The pilot that chooses the level of a table.
 
 use super::support::render::scene;
+use opsr::gallery::caustic_box;
 use opsr::image::film::{Film, Window};
-use opsr::integrator::pilot::{CONTRASTS, Change, Level, SCALES, View, choose};
 use opsr::integrator::{Method, Picture, Settings};
 use opsr::math::UVec2;
 use opsr::regularise::{AttenuationTable, GammaIndex, LEN};
 use opsr::scene::Scene;
-use opsr::scene::builtin::caustic_box;
+use opsr::tune::{CONTRASTS, Change, Level, SCALES, View, choose};
 
 fn settings(gamma: f32) -> Settings {
     Settings {

@@ -1,14 +1,14 @@
 //! References: going on from a file is the same as never having stopped, foreign files are refused, and the committed
 //! ones show what the renderer shows.
 
+use opsr::gallery::manifest::{Entry, Manifest};
+use opsr::gallery::reference::{Reference, SEED};
 use opsr::image::film::Film;
 use opsr::integrator::Settings;
-use opsr::integrator::reference::{Reference, SEED};
 use opsr::math::DVec3;
 use opsr::sampler::Independent;
 use opsr::scene::Scene;
 use opsr::scene::load::{LoadOptions, load};
-use opsr::scene::manifest::{Entry, Manifest};
 use std::path::Path;
 
 const MANIFEST: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/training_scenes/manifest.toml");

@@ -4,13 +4,13 @@
 use crate::fuzz::mutate::Rng;
 use crate::support::quick_folder;
 use crate::support::render::scene;
+use opsr::gallery::caustic_box;
 use opsr::image::Film;
 use opsr::image::film::Window;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::{FirstHit, Method, Picture, Settings};
 use opsr::math::UVec2;
 use opsr::regularise::AttenuationTable;
-use opsr::scene::builtin::caustic_box;
 use rayon::ThreadPool;
 
 /// Places to stop at.
@@ -99,9 +99,9 @@ mod training {
     use super::*;
     use crate::train::{crop, quick};
     use opsr::train::config::Way;
-    use opsr::train::dataset::Crop;
-    use opsr::train::model::{Model, Optimiser};
-    use opsr::train::session::Outcome;
+    use opsr::train::learn::model::{Model, Optimiser};
+    use opsr::train::learn::session::Outcome;
+    use opsr::train::record::crop::Crop;
     use opsr::train::{Config, Session};
     use std::ops::ControlFlow;
     use std::path::Path;

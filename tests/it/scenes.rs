@@ -1,8 +1,9 @@
 //! Procedural scenes: shapes are closed and face outward, files hold what was written.
 
+use opsr::gallery::glb;
+use opsr::gallery::{self, shapes};
 use opsr::math::{Vec2, Vec3};
-use opsr::scene::builtin::{self, shapes};
-use opsr::scene::{Mesh, SceneParts, save};
+use opsr::scene::{Mesh, SceneParts};
 use std::collections::HashMap;
 
 /// Signed volume by the divergence theorem; panics unless every directed edge meets its reverse exactly once.
@@ -111,7 +112,7 @@ fn height_fields_face_up() {
 
 #[test]
 fn files_are_well_formed() {
-    let bytes = save::to_glb(&builtin::caustic_box()).unwrap();
+    let bytes = glb::to_glb(&gallery::caustic_box()).unwrap();
     assert_eq!(&bytes[..4], b"glTF");
     let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
     assert_eq!(word(8), bytes.len());
@@ -120,7 +121,7 @@ fn files_are_well_formed() {
     for used in json["extensionsUsed"].as_array().unwrap() {
         assert!(json.to_string().contains(used.as_str().unwrap()));
     }
-    assert_eq!(bytes, save::to_glb(&builtin::caustic_box()).unwrap());
+    assert_eq!(bytes, glb::to_glb(&gallery::caustic_box()).unwrap());
 }
 
 #[test]
@@ -129,6 +130,6 @@ fn what_cannot_be_written_is_refused() {
         textures: vec![Default::default()],
         ..SceneParts::default()
     };
-    let error = save::to_glb(&parts).unwrap_err().to_string();
+    let error = glb::to_glb(&parts).unwrap_err().to_string();
     assert!(error.contains("texture"), "{error}");
 }

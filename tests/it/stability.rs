@@ -7,6 +7,8 @@ use crate::bsdf::{DISTRIBUTIONS, at, glass};
 use crate::geometry::rng;
 use crate::support::chi2::assert_likely;
 use crate::support::slopes::View;
+use opsr::gallery::materials::{diffuse, emitter};
+use opsr::gallery::{shapes, two_mirrors};
 use opsr::image::Film;
 use opsr::integrator::{PathObserver, Recorder, Settings, Vertex};
 use opsr::math::{Rgb, UVec2, Vec3};
@@ -14,8 +16,6 @@ use opsr::regularise::{
     Accumulated, AttenuationTable, ConstantGamma, MAX_VERTICES, Regulariser, Unregularised,
 };
 use opsr::sampler::Independent;
-use opsr::scene::builtin::materials::{diffuse, emitter};
-use opsr::scene::builtin::{shapes, two_mirrors};
 use opsr::scene::{Scene, SceneParts};
 use opsr::verify::{CASES, Finding, lights, lobes, roughness, transport, weights};
 

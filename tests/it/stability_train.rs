@@ -4,11 +4,11 @@
 use crate::train::{crop, quick};
 use opsr::regularise::{AttenuationTable, LEN};
 use opsr::train::config::Way;
-use opsr::train::moments::{Adjoint, Moments, Source};
-use opsr::train::objective::Arithmetic;
-use opsr::train::replay::Replay;
-use opsr::train::session::Outcome;
-use opsr::train::visits::Visits;
+use opsr::train::evaluate::moments::{Adjoint, Moments, Source};
+use opsr::train::evaluate::replay::Replay;
+use opsr::train::learn::objective::Arithmetic;
+use opsr::train::learn::session::Outcome;
+use opsr::train::record::visits::Visits;
 use opsr::train::{Session, TrainError};
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -4,24 +4,24 @@ mod learning;
 mod loss;
 
 use super::support::render::scene;
+use opsr::gallery::caustic_box;
+use opsr::gallery::manifest::Role;
+use opsr::gallery::materials::coated;
 use opsr::image::film::Window;
 use opsr::integrator::{Method, Picture, Settings};
 use opsr::math::real::Dual;
 use opsr::math::{Rgb, UVec2};
 use opsr::regularise::{Accumulated, AttenuationTable, ConstantGamma, LEN, Lookup};
 use opsr::scene::SceneParts;
-use opsr::scene::builtin::caustic_box;
-use opsr::scene::builtin::materials::coated;
-use opsr::scene::manifest::Role;
 use opsr::train::Config;
 use opsr::train::config::Way;
-use opsr::train::curves::Curves;
-use opsr::train::dataset::Crop;
-use opsr::train::event::Moment;
-use opsr::train::moments::{Adjoint, Moments, Source};
-use opsr::train::objective::EPSILON;
-use opsr::train::recording::{Recording, Tape};
-use opsr::train::replay::Replay;
+use opsr::train::evaluate::curves::Curves;
+use opsr::train::evaluate::moments::{Adjoint, Moments, Source};
+use opsr::train::evaluate::replay::Replay;
+use opsr::train::learn::objective::EPSILON;
+use opsr::train::record::crop::Crop;
+use opsr::train::record::event::Moment;
+use opsr::train::record::recording::{Recording, Tape};
 use std::sync::Arc;
 
 /// A small crop of the box with glass and copper, with a reference at a known factor.

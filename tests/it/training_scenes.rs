@@ -1,7 +1,7 @@
 //! The committed training scenes are what the command writes, and their manifest reads back.
 
-use opsr::scene::builtin::training::{self, EXAMPLES};
-use opsr::scene::manifest::{Manifest, Role};
+use opsr::gallery::manifest::{Manifest, Role};
+use opsr::gallery::training::{self, EXAMPLES};
 use std::path::Path;
 
 fn committed() -> &'static Path {

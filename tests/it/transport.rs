@@ -2,17 +2,17 @@
 
 use super::support::naive;
 use super::support::render::{film, film_with, mean, scene};
-use opsr::image::agree::{agree, agree_with_exact};
+use opsr::gallery::materials::{GOLD, coated, diffuse, emitter, glass, metal};
+use opsr::gallery::shapes::{cuboid, quad, room, sphere};
+use opsr::gallery::{self, caustic_box, cornell_box};
 use opsr::image::{Buffer, Film};
 use opsr::integrator::{Method, Picture, Settings};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{Accumulated, AttenuationTable, ConstantGamma, Lookup};
 use opsr::sampler::Independent;
-use opsr::scene::builtin::materials::{GOLD, coated, diffuse, emitter, glass, metal};
-use opsr::scene::builtin::shapes::{cuboid, quad, room, sphere};
-use opsr::scene::builtin::{self, caustic_box, cornell_box};
 use opsr::scene::material::TextureRef;
 use opsr::scene::{Environment, Material, Scene, SceneParts, Texture};
+use opsr::stats::agreement::{agree, agree_with_exact};
 
 const PLAIN: Method = Method::Plain;
 
@@ -61,7 +61,7 @@ fn assert_mean(film: &Film, expected: f64, what: &str) {
 
 #[test]
 fn a_furnace_is_everywhere_as_bright() {
-    let scene = scene(builtin::furnace_sphere(0.5));
+    let scene = scene(gallery::furnace_sphere(0.5));
     let settings = Settings {
         max_vertices: 64,
         roulette_start: 8,
@@ -77,12 +77,12 @@ fn a_furnace_is_everywhere_as_bright() {
 #[test]
 fn lights_over_planes_are_as_bright_as_the_formulas() {
     // Pixels so small that the formula's value at the centre is the pixel's.
-    let mut parts = builtin::point_light_over_plane();
+    let mut parts = gallery::point_light_over_plane();
     parts.cameras.clear();
     parts.add_camera([0.0, 0.5, 4.0], [0.0, 0.0, 0.0], 0.05);
     assert_mean(&film(&scene(parts), PLAIN, 2, 4, 1), 1.0, "point light");
 
-    let mut parts = builtin::area_light_over_plane();
+    let mut parts = gallery::area_light_over_plane();
     parts.cameras.clear();
     parts.add_camera([0.0, 0.5, 4.0], [0.0, 0.0, 0.0], 0.05);
     let form = 4.0 / std::f64::consts::PI * 0.5f64.sqrt() * 0.5f64.sqrt().atan();
@@ -94,7 +94,7 @@ fn lights_over_planes_are_as_bright_as_the_formulas() {
 fn a_slab_of_glass_transmits_what_fresnel_says() {
     let reflected: f64 = 0.04;
     let expected = (1.0 - reflected) / (1.0 + reflected);
-    let mut parts = builtin::glass_slab(0.0);
+    let mut parts = gallery::glass_slab(0.0);
     parts.cameras.clear();
     parts.add_camera([0.0, 0.0, 3.0], [0.0, 0.0, 0.0], 0.5);
     let settings = Settings {
@@ -112,10 +112,10 @@ fn mirrors_lose_what_they_absorb() {
         roulette_start: 16,
         ..Settings::default()
     };
-    let whole = film_with(&scene(builtin::two_mirrors(1.0, 0.0)), &settings, 8, 4);
+    let whole = film_with(&scene(gallery::two_mirrors(1.0, 0.0)), &settings, 8, 4);
     assert_mean(&whole, 1.0, "perfect mirrors");
     // Schlick at 45°: F = f0 + (1 − f0)(1 − cos 45°)⁵, eight times.
-    let mut parts = builtin::two_mirrors(0.8, 0.0);
+    let mut parts = gallery::two_mirrors(0.8, 0.0);
     parts.cameras.clear();
     parts.add_camera([0.0, 0.5, 0.0], [1.0, -0.5, 0.0], 0.05);
     let film = film_with(&scene(parts), &settings, 8, 4);

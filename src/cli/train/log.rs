@@ -2,8 +2,8 @@
 
 use super::{Blame, save};
 use anyhow::Context;
-use opsr::input;
-use opsr::train::session::Entry;
+use opsr::files;
+use opsr::train::learn::session::Entry;
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ pub(super) struct Log {
 impl Log {
     /// Keeps the lines of an earlier run if it is gone on with.
     pub(super) fn open(path: &Path, resume: bool) -> anyhow::Result<Self> {
-        let old = match resume.then(|| input::read_text(path, MAX_BYTES)) {
+        let old = match resume.then(|| files::read_text(path, MAX_BYTES)) {
             Some(Err(e)) if e.kind() != ErrorKind::NotFound => {
                 return Err(e).with_context(|| path.display().to_string()).input();
             }

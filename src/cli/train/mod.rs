@@ -9,13 +9,13 @@ use super::{Blame, Exit};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use log::Log;
-use opsr::atomic;
+use opsr::files;
 use opsr::regularise::file::TableFile;
 use opsr::regularise::{AttenuationTable, Lookup};
 use opsr::report::training::{Crops, Learned, Report};
 use opsr::train::config::Config;
-use opsr::train::model::Model;
-use opsr::train::session::Outcome;
+use opsr::train::learn::model::Model;
+use opsr::train::learn::session::Outcome;
 use opsr::train::{Session, TrainError, study};
 use shown::Shown;
 use std::ops::ControlFlow;
@@ -215,7 +215,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
         session.seconds,
         session.training.bytes() as f64 / 1e6,
         session.training.visits().coverage(),
-        opsr::train::visits::LIVE
+        opsr::train::record::visits::LIVE
     ));
     let mut report = Report::new(&session);
     for &beta in &config.beta {
@@ -384,9 +384,9 @@ fn judge(
 /// Exit codes of a training's errors.
 fn blame(error: TrainError) -> anyhow::Error {
     let code = match &error {
-        TrainError::Checkpoint(opsr::train::checkpoint::CheckpointError::Write { .. }) => {
-            Exit::Output
-        }
+        TrainError::Checkpoint(opsr::train::learn::checkpoint::CheckpointError::Write {
+            ..
+        }) => Exit::Output,
         TrainError::State(_) | TrainError::NotFinite { .. } => Exit::Failed,
         _ => Exit::Input,
     };
@@ -394,7 +394,7 @@ fn blame(error: TrainError) -> anyhow::Error {
 }
 
 fn save(path: &Path, text: &str) -> anyhow::Result<()> {
-    atomic::write_bytes(path, text.as_bytes())
+    files::write_bytes(path, text.as_bytes())
         .with_context(|| path.display().to_string())
         .output()
 }

@@ -2,7 +2,7 @@
 
 use super::super::bar::Style;
 use indicatif::{ProgressBar, ProgressStyle};
-use opsr::train::session::Entry;
+use opsr::train::learn::session::Entry;
 use std::io::{IsTerminal, Write};
 use std::time::Instant;
 

@@ -7,7 +7,7 @@ use ::exr::prelude as exrs;
 use exrs::WritableImage;
 
 use super::{ExrError, ExrErrorKind, Layer, METADATA, Metadata, join};
-use crate::atomic;
+use crate::files;
 use crate::image::Buffer;
 use crate::image::film::{Film, Window};
 use crate::math::UVec2;
@@ -90,7 +90,7 @@ fn write_layers(
     let mut bytes = io::Cursor::new(Vec::new());
     // On this thread: the pool that the crate makes for every file left holes in the heap, 8 % in an hour of saves.
     image.write().non_parallel().to_buffered(&mut bytes)?;
-    atomic::write_bytes(path, bytes.get_ref())?;
+    files::write_bytes(path, bytes.get_ref())?;
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 //! The mollifier: lights without area seen by way of smooth mirrors and glass.
 
-use super::vertex::{Here, Next};
+use crate::integrator::walk::shading_point::{Here, Next};
 use crate::math::{Rgb, Vec3};
 use std::f32::consts::TAU;
 

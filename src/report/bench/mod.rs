@@ -25,7 +25,6 @@ pub mod page;
 mod prepare;
 pub mod results;
 pub mod run;
-pub mod stats;
 pub mod suite;
 pub mod summary;
 mod vary;

@@ -3,9 +3,9 @@
 //! The interval tells what other seeds would do on *these* scenes; what other scenes would do, it cannot tell.
 
 use super::results::Results;
-use super::stats::{self, Interval, Verdict};
 use super::suite::{Kind, SceneSpec, Suite};
 use super::summary::{self, MAIN, Moment};
+use crate::stats::ratios::{self, Interval, Verdict};
 
 /// The errors that are compared over scenes.
 pub const METRICS: [&str; 4] = [MAIN, "relMSE trimmed", "MAPE", "FLIP"];
@@ -82,7 +82,7 @@ pub fn best_constant(results: &Results) -> Option<&str> {
                 errors.push(summary::error(results, cell, MAIN, moment)?);
             }
         }
-        stats::geometric_mean(&errors)
+        ratios::geometric_mean(&errors)
     };
     let constants = results.suite.methods.iter().filter(|m| {
         m.method == Kind::Constant
@@ -109,7 +109,7 @@ fn standing(results: &Results, scenes: &[&SceneSpec], name: &str, opponent: &str
         let present =
             |errors: &[Option<f64>]| errors.iter().flatten().copied().collect::<Vec<f64>>();
         let (ours, theirs) = (present(ours), present(theirs));
-        let Some(ratio) = stats::paired_ratio(&ours, &theirs) else {
+        let Some(ratio) = ratios::paired_ratio(&ours, &theirs) else {
             continue;
         };
         match Verdict::of(&ratio, ours.len()) {
@@ -156,11 +156,11 @@ fn mean_ratio(scenes: &[ScenePairs]) -> Option<(Interval, Verdict)> {
     let seeds = scenes.first()?.0.len();
     let over_scenes = |errors: &dyn Fn(&ScenePairs) -> Option<f64>| {
         let errors: Option<Vec<f64>> = scenes.iter().map(errors).collect();
-        stats::geometric_mean(&errors?)
+        ratios::geometric_mean(&errors?)
     };
     let (ours, theirs): (Vec<f64>, Vec<f64>) = (0..seeds)
         .filter_map(|s| over_scenes(&|p| p.0[s]).zip(over_scenes(&|p| p.1[s])))
         .unzip();
-    let ratio = stats::paired_ratio(&ours, &theirs)?;
+    let ratio = ratios::paired_ratio(&ours, &theirs)?;
     Some((ratio, Verdict::of(&ratio, ours.len())))
 }

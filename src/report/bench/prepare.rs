@@ -7,16 +7,17 @@ use super::BenchError;
 use super::results::{Inset, SceneFacts};
 use super::suite::SceneSpec;
 use super::vary::{scale_lights, scale_roughness};
+use crate::files::hex;
+use crate::gallery;
+use crate::gallery::training::EXAMPLES;
 use crate::image::film::{Film, Window};
 use crate::image::metric::pixel::EPSILON;
 use crate::image::{Buffer, exr};
-use crate::integrator::checkpoint::hex;
 use crate::integrator::drive::{Budget, Reason, drive};
 use crate::integrator::{Picture, Settings};
 use crate::math::DVec3;
-use crate::scene::builtin::training::EXAMPLES;
 use crate::scene::load::{LoadOptions, load};
-use crate::scene::{Camera, Scene, SceneParts, builtin};
+use crate::scene::{Camera, Scene, SceneParts};
 
 /// Seed of references: far from the seeds that are measured, whose paths must not be in the reference.
 const REFERENCE_SEED: u64 = 0x7e7e_7e7e_0000_0001;
@@ -101,10 +102,10 @@ const SMALL: [&str; 4] = ["caustic-box", "cornell-box", "furnace", "plane"];
 
 fn small(name: &str) -> Option<fn() -> SceneParts> {
     Some(match name {
-        "caustic-box" => builtin::caustic_box,
-        "cornell-box" => builtin::cornell_box,
-        "furnace" => || builtin::furnace_sphere(0.5),
-        "plane" => builtin::area_light_over_plane,
+        "caustic-box" => gallery::caustic_box,
+        "cornell-box" => gallery::cornell_box,
+        "furnace" => || gallery::furnace_sphere(0.5),
+        "plane" => gallery::area_light_over_plane,
         _ => return None,
     })
 }

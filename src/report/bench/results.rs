@@ -8,9 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::suite::Suite;
 use super::{BenchError, machine::Machine};
-use crate::atomic;
+use crate::files;
 use crate::image::Buffer;
-use crate::input;
 use crate::math::Rgb;
 
 /// Version of the file's layout.
@@ -199,8 +198,8 @@ impl Results {
             path: path.to_owned(),
             reason,
         };
-        let text = input::read_text(path, MAX_BYTES).map_err(|e| invalid(e.to_string()))?;
-        let results: Self = serde_json::from_str(&text).map_err(|e| invalid(input::briefly(e)))?;
+        let text = files::read_text(path, MAX_BYTES).map_err(|e| invalid(e.to_string()))?;
+        let results: Self = serde_json::from_str(&text).map_err(|e| invalid(files::briefly(e)))?;
         if results.version != VERSION {
             return Err(invalid(format!(
                 "version {} of the layout, this program reads {VERSION}",
@@ -220,7 +219,7 @@ impl Results {
         // Not for eyes, and three times as long with line breaks.
         let mut json = serde_json::to_vec(self).map_err(|e| failed(e.to_string()))?;
         json.push(b'\n');
-        atomic::write_bytes(path, &json).map_err(|e| failed(e.to_string()))
+        files::write_bytes(path, &json).map_err(|e| failed(e.to_string()))
     }
 
     /// The runs of a method on a scene, in the suite's order of seeds.

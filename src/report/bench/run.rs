@@ -16,9 +16,9 @@ use super::marks::Marks;
 use super::prepare::{Prepared, create_folder, file_name, inset, prepare, short_hash};
 use super::results::{Cell, Inset, Point, Products, Results, VERSION};
 use super::suite::{MethodSpec, SceneSpec, Suite};
+use crate::files::hex;
 use crate::image::film::Film;
 use crate::image::{Buffer, exr};
-use crate::integrator::checkpoint::hex;
 use crate::integrator::{Method, Picture, Settings};
 
 /// Samples per pixel for counting regularised vertices.

@@ -28,8 +28,8 @@ use serde::{Deserialize, Serialize};
 
 use super::BenchError;
 use crate::bsdf::Distribution;
+use crate::files;
 use crate::image::film::Window;
-use crate::input;
 use crate::integrator::Method;
 use crate::math::UVec2;
 use crate::regularise::Lookup;
@@ -215,7 +215,7 @@ impl Suite {
             path: path.to_owned(),
             reason,
         };
-        let text = input::read_text(path, MAX_BYTES).map_err(|e| failed(e.to_string()))?;
+        let text = files::read_text(path, MAX_BYTES).map_err(|e| failed(e.to_string()))?;
         let mut suite = Self::parse(&text).map_err(failed)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let scene_files = suite
@@ -231,7 +231,7 @@ impl Suite {
 
     /// Reads a suite from text and checks it.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let suite: Self = input::toml(text)?;
+        let suite: Self = files::toml(text)?;
         super::check::suite(&suite)?;
         Ok(suite)
     }

@@ -5,9 +5,9 @@ use std::fmt::{self, Write};
 use super::curve::{self, Crossing};
 use super::overall::last_moment;
 use super::results::{Cell, Results};
-use super::stats::{self, Interval, Verdict};
 use super::suite::SceneSpec;
 use crate::report::compare::{aligned, number};
+use crate::stats::ratios::{self, Interval, Verdict};
 
 /// The error that curves, floors and crossings are about.
 pub const MAIN: &str = "relMSE";
@@ -79,7 +79,7 @@ impl MethodSummary {
 
     /// Whether the energy ratio says that the picture is too bright or too dark.
     pub fn energy_is_off(&self) -> bool {
-        self.seeds >= stats::MIN_SEEDS && self.energy.is_some_and(|e| !e.holds(1.0))
+        self.seeds >= ratios::MIN_SEEDS && self.energy.is_some_and(|e| !e.holds(1.0))
     }
 }
 
@@ -171,7 +171,7 @@ impl View<'_> {
         let squared_bias = self
             .results
             .products(&spec.name, name)
-            .and_then(|p| stats::squared_bias(&p.values, noise));
+            .and_then(|p| ratios::squared_bias(&p.values, noise));
         let mut summary = MethodSummary {
             name: name.to_owned(),
             seeds: runs.len(),
@@ -179,9 +179,9 @@ impl View<'_> {
             metrics: METRICS.iter().map(|&m| (m, error(last, m))).collect(),
             ns_per_path: compared(&ns_per_path),
             paths_per_second: paths_per_second(&runs),
-            regularised: stats::mean(&runs.iter().map(|c| c.regularised).collect::<Vec<f64>>()),
+            regularised: ratios::mean(&runs.iter().map(|c| c.regularised).collect::<Vec<f64>>()),
             memory: runs.iter().filter_map(|c| c.memory).reduce(f64::max),
-            energy: stats::mean_interval(&energy),
+            energy: ratios::mean_interval(&energy),
             squared_bias,
             rejected: runs.iter().fold(0, |n, c| n.saturating_add(c.rejected)),
             crossing: None,
@@ -201,7 +201,7 @@ impl View<'_> {
     ) -> Option<Compared> {
         let all: Vec<f64> = runs.iter().filter_map(|c| f(c)).collect();
         // A method that is too slow for one seed is too slow.
-        let value = stats::geometric_mean(&all).filter(|_| all.len() == runs.len())?;
+        let value = ratios::geometric_mean(&all).filter(|_| all.len() == runs.len())?;
         if is_baseline {
             return Some(Compared { value, ratio: None });
         }
@@ -212,7 +212,7 @@ impl View<'_> {
                 Some((f(c)?, f(other)?))
             })
             .unzip();
-        let ratio = stats::paired_ratio(&ours, &theirs).map(|r| (r, Verdict::of(&r, ours.len())));
+        let ratio = ratios::paired_ratio(&ours, &theirs).map(|r| (r, Verdict::of(&r, ours.len())));
         Some(Compared { value, ratio })
     }
 
@@ -230,7 +230,7 @@ impl View<'_> {
                 .iter()
                 .map(|c| error(self.results, c, MAIN, Moment::Seconds(t)))
                 .collect();
-            stats::geometric_mean(&errors?)
+            ratios::geometric_mean(&errors?)
         };
         let mut times = Vec::new();
         let (mut ours, mut theirs) = (Vec::new(), Vec::new());
@@ -252,7 +252,7 @@ fn ns_per_path(cell: &Cell) -> Option<f64> {
 
 fn paths_per_second(runs: &[&Cell]) -> Option<f64> {
     let rate = |c: &&Cell| Some(c.paths as f64 / c.points.last()?.wall);
-    stats::geometric_mean(&runs.iter().filter_map(rate).collect::<Vec<f64>>())
+    ratios::geometric_mean(&runs.iter().filter_map(rate).collect::<Vec<f64>>())
 }
 
 /// `0.52 [0.48, 0.57] better`, or a dash for the baseline.

@@ -32,7 +32,7 @@ pub(super) fn scale_roughness(parts: &mut SceneParts, factor: f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::builtin::area_light_over_plane;
+    use crate::gallery::area_light_over_plane;
 
     #[test]
     fn a_smaller_light_has_the_same_power() {

@@ -7,27 +7,27 @@
 
 mod accessors;
 mod error;
-mod files;
 mod lights;
 mod materials;
 mod mesh;
 mod nodes;
 mod textures;
+mod uris;
 
 pub use error::LoadError;
 
 use super::SceneParts;
 use crate::bsdf::Distribution;
-use crate::input;
+use crate::files;
 use accessors::Data;
 use error::{Fault, Result, Warnings, fault, place};
-use files::{Container, Files};
 use gltf::json::Root;
 use gltf::json::mesh::Semantic;
 use gltf::json::validation::{Checked, Error as Broken, Validate};
 use serde::de::IgnoredAny;
 use std::borrow::Cow;
 use std::path::Path;
+use uris::{Container, Files};
 
 /// The extensions this loader acts on.
 const SUPPORTED: [&str; 9] = [
@@ -70,7 +70,7 @@ pub struct Loaded {
 
 /// Reads a scene. Nothing in the file can make it panic or allocate without measure.
 pub fn load(path: &Path, options: &LoadOptions) -> std::result::Result<Loaded, LoadError> {
-    let bytes = files::read_file(path).map_err(|source| LoadError::Io {
+    let bytes = uris::read_file(path).map_err(|source| LoadError::Io {
         path: path.to_owned(),
         source,
     })?;
@@ -82,7 +82,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
     let container = Container::new(bytes)?;
     let head = head(container.json, &mut warnings)?;
     let root: Root = gltf::json::deserialize::from_slice(container.json)
-        .map_err(|e| fault("JSON", input::briefly(e)))?;
+        .map_err(|e| fault("JSON", files::briefly(e)))?;
     validate(&root)?;
     let mut files = Files::new(path, bytes);
     let data = Data {

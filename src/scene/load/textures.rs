@@ -2,7 +2,7 @@
 
 use super::accessors::Data;
 use super::error::{Result, Warnings, fault, place};
-use super::files::Files;
+use super::uris::Files;
 use crate::scene::Texture;
 use crate::scene::texture::Wrap;
 use gltf::json::Root;

@@ -10,9 +10,9 @@ use opsr::image::{Buffer, exr};
 use opsr::math::Rgb;
 use opsr::report::bench::curve::Crossing;
 use opsr::report::bench::results::Results;
-use opsr::report::bench::stats::Verdict;
 use opsr::report::bench::summary::{self, MethodSummary};
 use opsr::report::bench::{Outcome, Suite, run};
+use opsr::stats::ratios::Verdict;
 use planted::{Planted, planted, recorded};
 
 fn summary_of<'a>(all: &'a [summary::SceneSummary], name: &str) -> &'a MethodSummary {
@@ -321,7 +321,7 @@ fn committed_suites_name_files_that_are_there() {
             }
         }
         // The manifest may move crops and depths; the suites must follow.
-        let manifest = opsr::scene::builtin::training::EXAMPLES;
+        let manifest = opsr::gallery::training::EXAMPLES;
         for scene in suite.scenes.iter().filter(|s| s.reference.is_some()) {
             let example = manifest
                 .iter()

@@ -4,8 +4,8 @@ use opsr::report::bench::Suite;
 use opsr::report::bench::overall::{best_constant, overall};
 use opsr::report::bench::page::page;
 use opsr::report::bench::results::Results;
-use opsr::report::bench::stats::Verdict;
 use opsr::report::bench::suite::Kind;
+use opsr::stats::ratios::Verdict;
 
 use super::planted::{Planted, planted, recorded};
 

@@ -2,9 +2,9 @@
 
 use super::Place;
 use crate::fuzz::seeds;
+use opsr::gallery;
 use opsr::image::{Buffer, exr, png};
 use opsr::report::compare::{Named, Options, compare};
-use opsr::scene::builtin;
 use serde_json::Value;
 use std::io::Read;
 use std::net::TcpListener;
@@ -12,7 +12,7 @@ use std::net::TcpListener;
 /// A box with caustics and a table.
 fn caustics() -> Place {
     let place = Place::new();
-    place.save("scene.glb", &builtin::caustic_box());
+    place.save("scene.glb", &gallery::caustic_box());
     place.write("table.json", &seeds::tables()[1]);
     place
 }

@@ -2,13 +2,13 @@
 
 use super::{Ended, Place};
 use crate::fuzz::seeds;
+use opsr::gallery;
 use opsr::image::{exr, png};
-use opsr::scene::builtin;
 
 #[test]
 fn a_picture_in_two_formats_and_nothing_else() {
     let place = Place::new();
-    place.save("scene.glb", &builtin::cornell_box());
+    place.save("scene.glb", &gallery::cornell_box());
     let ended = place.render("--spp 4 --aov -o out.exr -o out.png").done();
     assert_eq!((ended.out.as_str(), ended.err.as_str()), ("", ""));
     assert_eq!(
@@ -39,7 +39,7 @@ fn a_picture_in_two_formats_and_nothing_else() {
 #[test]
 fn equal_renders_are_equal_files() {
     let place = Place::new();
-    place.save("scene.glb", &builtin::caustic_box());
+    place.save("scene.glb", &gallery::caustic_box());
     place.write("table.json", &seeds::tables()[1]);
     let picture = |args: &str| {
         place.render(&format!("--spp 4 -o out.exr {args}")).done();
@@ -64,7 +64,7 @@ fn equal_renders_are_equal_files() {
 #[test]
 fn a_resumed_render_is_an_uninterrupted_one() {
     let place = Place::new();
-    place.save("scene.glb", &builtin::caustic_box());
+    place.save("scene.glb", &gallery::caustic_box());
     place.render("--aov --spp 9 -o whole.exr").done();
     place
         .render("--aov --spp 4 -o part.exr --checkpoint a.ckpt")
@@ -129,7 +129,7 @@ fn a_checkpoint_of_another_render_is_refused() {
     let sky = "--spp 4 -o out.exr --checkpoint a.ckpt --resume --env sky.hdr";
     refused(place.render(sky), "another scene", sky);
     // The file of the scene itself, changed.
-    place.save("scene.glb", &builtin::point_light_over_plane());
+    place.save("scene.glb", &gallery::point_light_over_plane());
     let ended = place.render("--spp 4 -o out.exr --checkpoint a.ckpt --resume");
     assert!(
         ended.code == Some(3) && ended.err.contains("another scene"),
@@ -169,7 +169,7 @@ fn stopped_by_a_signal() {
 #[test]
 fn the_contrast_of_a_table() {
     let place = Place::new();
-    place.save("scene.glb", &builtin::caustic_box());
+    place.save("scene.glb", &gallery::caustic_box());
     place.write("table.json", &seeds::tables()[1]);
     let render = |contrast: &str, more: &str| {
         place.render(&format!(

@@ -1,9 +1,9 @@
 //! What a training says of itself: names of tables, scores in the report, families that were held out.
 
 use super::Place;
+use opsr::gallery;
 use opsr::regularise::Lookup;
 use opsr::regularise::file::TableFile;
-use opsr::scene::builtin;
 use serde_json::Value;
 
 /// Two families to learn from and one scene that is kept back, each with one crop.
@@ -42,8 +42,8 @@ exposure = 1.0
 /// A folder with the list and its scenes.
 fn scenes() -> Place {
     let place = Place::new();
-    place.save("box.glb", &builtin::caustic_box());
-    place.save("walls.glb", &builtin::cornell_box());
+    place.save("box.glb", &gallery::caustic_box());
+    place.save("walls.glb", &gallery::cornell_box());
     place.write("list.toml", MANIFEST);
     place
 }

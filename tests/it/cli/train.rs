@@ -1,8 +1,8 @@
 //! `opsr train` from scenes to tables: stopped, gone on with, and refused.
 
 use super::{Ended, Place};
+use opsr::gallery;
 use opsr::regularise::file::TableFile;
-use opsr::scene::builtin;
 
 /// A short training of one crop; its options may be given once more.
 pub(super) const TRAIN: &str = "train --set manifest=\"list.toml\" --set spp=2 --set start=0.1 --set validate_every=2 \
@@ -11,7 +11,7 @@ pub(super) const TRAIN: &str = "train --set manifest=\"list.toml\" --set spp=2 -
 /// A folder with a list of two scenes that have references.
 pub(super) fn place() -> Place {
     let place = Place::new();
-    place.save("scene.glb", &builtin::caustic_box());
+    place.save("scene.glb", &gallery::caustic_box());
     let entry = |name: &str, role: &str, x: u32| {
         format!(
             "[[scene]]\nname = \"{name}\"\nfile = \"scene.glb\"\nrole = \"{role}\"\nfamily = \"{name}\"\n\

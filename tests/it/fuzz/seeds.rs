@@ -5,13 +5,14 @@ use ::exr::prelude as exrs;
 use exrs::WritableImage;
 use exrs::{AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, LineOrder};
 use image::codecs::hdr::HdrEncoder;
+use opsr::gallery::{self, glb};
 use opsr::image::film::{Film, Window};
 use opsr::image::{Buffer, exr, png};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::file::{Provenance, TableFile};
 use opsr::regularise::{AttenuationTable, LEN, Lookup};
 use opsr::report::bench::results::Inset;
-use opsr::scene::{SceneParts, builtin, save};
+use opsr::scene::SceneParts;
 use std::path::Path;
 
 /// Bytes of a file that `make` writes.
@@ -26,18 +27,18 @@ pub(crate) fn gltf() -> Vec<Vec<u8>> {
     let good = crate::load::broken::good();
     let mut glass = SceneParts::default();
     glass.add(
-        builtin::materials::glass("glass", 1.5, 0.1),
-        [builtin::shapes::sphere(Vec3::ONE, 1.0, 0)],
+        gallery::materials::glass("glass", 1.5, 0.1),
+        [gallery::shapes::sphere(Vec3::ONE, 1.0, 0)],
     );
     let saved = [
-        builtin::area_light_over_plane(),
-        builtin::two_mirrors(0.9, 0.01),
+        gallery::area_light_over_plane(),
+        gallery::two_mirrors(0.9, 0.01),
         glass,
     ];
     // As text and as binary.
     let mut files = vec![good.gltf(), good.glb()];
     for parts in saved {
-        let glb = save::to_glb(&parts).expect("a scene");
+        let glb = glb::to_glb(&parts).expect("a scene");
         files.push(File::from_glb(&glb).gltf());
         files.push(glb);
     }

@@ -4,6 +4,7 @@
 use super::trained;
 use super::{Target, repair, seeds};
 use crate::support::gltf::File;
+use opsr::gallery::manifest::Manifest;
 use opsr::image::{exr, png};
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::{FirstHit, Picture, Settings};
@@ -12,7 +13,6 @@ use opsr::regularise::file::TableFile;
 use opsr::report::bench::page::page;
 use opsr::report::bench::{Results, Suite, summary};
 use opsr::scene::load::{LoadError, LoadOptions, load};
-use opsr::scene::manifest::Manifest;
 use opsr::scene::{Camera, Environment, Scene};
 use serde_json::json;
 use std::path::Path;

@@ -4,8 +4,8 @@ use super::targets::{text, written};
 use super::{Target, repair};
 use opsr::regularise::{AttenuationTable, LEN, Lookup};
 use opsr::train::Config;
-use opsr::train::checkpoint::Checkpoint;
-use opsr::train::model::{Learner, Model, Optimiser};
+use opsr::train::learn::checkpoint::Checkpoint;
+use opsr::train::learn::model::{Learner, Model, Optimiser};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 

@@ -2,9 +2,10 @@
 
 use super::{close, triangles};
 use crate::support::gltf::{File, floats, shorts};
+use opsr::gallery::glb;
+use opsr::gallery::shapes;
 use opsr::math::Vec3;
-use opsr::scene::builtin::shapes;
-use opsr::scene::{Mesh, SceneParts, save};
+use opsr::scene::{Mesh, SceneParts};
 use serde_json::{Value, json};
 
 const SQUARE: [f32; 12] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0];
@@ -159,7 +160,7 @@ fn ball(outer: Value, inner: Value) -> Mesh {
     let ball = shapes::sphere(Vec3::new(0.2, 0.0, 0.1), 1.0, 2);
     let mut parts = SceneParts::default();
     parts.add(opsr::scene::Material::default(), [ball]);
-    let bytes = save::to_glb(&parts).unwrap();
+    let bytes = glb::to_glb(&parts).unwrap();
     let mut file = File::from_glb(&bytes);
     file.json["nodes"] = json!([outer, inner]);
     file.json["nodes"][0]["children"] = json!([1]);

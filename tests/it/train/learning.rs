@@ -3,9 +3,9 @@
 use super::{TRUTH, crop, quick};
 use opsr::regularise::AttenuationTable;
 use opsr::train::config::Way;
-use opsr::train::model::Optimiser;
-use opsr::train::moments::Source;
-use opsr::train::replay::Replay;
+use opsr::train::evaluate::moments::Source;
+use opsr::train::evaluate::replay::Replay;
+use opsr::train::learn::model::Optimiser;
 use opsr::train::{Config, Session};
 use std::ops::ControlFlow;
 
@@ -14,7 +14,7 @@ fn learn(
     folder: Option<&std::path::Path>,
     resume: bool,
     stop_at: u32,
-) -> opsr::train::session::Outcome {
+) -> opsr::train::learn::session::Outcome {
     let beta = config.beta[0];
     let mut session = Session::with_crops(config, vec![crop(6)], vec![crop(6)], &|_| ()).unwrap();
     session

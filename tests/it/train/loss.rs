@@ -1,7 +1,7 @@
 //! The loss and its derivative: burn's, a direct reading of the definition, and the loops of the fast way.
 
-use opsr::train::moments::{Adjoint, Moments};
-use opsr::train::objective::{Arithmetic, BRIGHTNESS, EPSILON, Objective, Target};
+use opsr::train::evaluate::moments::{Adjoint, Moments};
+use opsr::train::learn::objective::{Arithmetic, BRIGHTNESS, EPSILON, Objective, Target};
 use rand::{RngExt, SeedableRng};
 
 #[test]

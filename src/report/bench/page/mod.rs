@@ -6,10 +6,10 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::overall::{self, Overall};
 use super::results::Results;
-use super::stats::{CONFIDENCE, MIN_SEEDS};
 use super::suite::Clock;
 use super::summary::{self, MAIN, SceneSummary};
 use crate::report::page::PageError;
+use crate::stats::ratios::{CONFIDENCE, MIN_SEEDS};
 
 mod pictures;
 pub mod plots;

@@ -10,9 +10,9 @@ use kuva::render::render::render_multiple;
 use super::super::curve::Crossing;
 use super::super::overall::Overall;
 use super::super::results::Results;
-use super::super::stats;
 use super::super::suite::Suite;
 use super::super::summary::{self, MAIN, MethodSummary, Moment, SceneSummary};
+use crate::stats::ratios;
 
 /// Colours of the methods in turn: those of [OkabeIto08] that show on white paper, then darker and lighter ones.
 const COLOURS: [&str; 12] = [
@@ -164,7 +164,7 @@ fn spreads(results: &Results, scene: &str, method: &str, moments: &[Moment]) -> 
         Some(Spread {
             at: position(moment),
             low: errors.iter().copied().reduce(f64::min)?,
-            mean: stats::geometric_mean(&errors)?,
+            mean: ratios::geometric_mean(&errors)?,
             high: errors.iter().copied().reduce(f64::max)?,
         })
     };

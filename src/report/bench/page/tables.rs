@@ -5,13 +5,13 @@ use maud::{Markup, html};
 use super::super::curve::Crossing;
 use super::super::overall::{METRICS as OVER_SCENES, Overall};
 use super::super::results::Results;
-use super::super::stats::{Interval, Verdict};
 use super::super::summary::{Compared, MAIN, MethodSummary, SceneSummary};
 use super::plots;
 use crate::image::metric::{self, Metric};
 use crate::image::{Buffer, metric::flip};
 use crate::math::Rgb;
 use crate::report::compare::definition;
+use crate::stats::ratios::{Interval, Verdict};
 
 fn class(verdict: Verdict) -> &'static str {
     match verdict {

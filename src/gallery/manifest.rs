@@ -1,0 +1,235 @@
+//! The list of training and validation scenes: which file, which camera, which crops, how exposed.
+
+use crate::files;
+use serde::Deserialize;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+/// Edge of a crop in pixels.
+pub const CROP: u32 = 32;
+
+/// Larger files are not manifests.
+const MAX_BYTES: u64 = 1 << 22;
+
+/// What a scene is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// The optimiser sees it.
+    Train,
+    /// Kept back; only scored.
+    Validation,
+}
+
+impl Role {
+    /// The word in the file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Train => "train",
+            Self::Validation => "validation",
+        }
+    }
+}
+
+/// One scene of the list and where it is looked at.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    /// Name, unique in the list.
+    pub name: String,
+    /// The scene's file, relative to the manifest.
+    pub file: PathBuf,
+    /// What it is for.
+    pub role: Role,
+    /// Scenes of one kind, held out together.
+    pub family: String,
+    /// Which of the file's cameras.
+    #[serde(default)]
+    pub camera: usize,
+    /// Size of the whole picture, in pixels.
+    pub frame: [u32; 2],
+    /// Upper left corners of the crops, each [`CROP`] pixels wide and high.
+    pub crops: Vec<[u32; 2]>,
+    /// Scattering vertices of the longest path.
+    pub max_vertices: u32,
+    /// Radiance times this has a mean of about 0.5 over the crops.
+    pub exposure: f32,
+    /// Why it is there.
+    #[serde(default)]
+    pub note: String,
+}
+
+/// The scenes in the order of their file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Manifest {
+    /// The folder that the scenes' files are relative to.
+    pub folder: PathBuf,
+    /// The scenes.
+    pub scenes: Vec<Entry>,
+}
+
+/// The file as it is written.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Text {
+    scene: Vec<Entry>,
+}
+
+/// Why a manifest could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ManifestError {
+    /// The file could not be read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The text is not a manifest; the message names line and column.
+    #[error("{}: {problem}", path.display())]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and where.
+        problem: String,
+    },
+    /// A scene's entry makes no sense.
+    #[error("{}: scene {number} (\"{name}\"): {what}", path.display())]
+    Entry {
+        /// The file.
+        path: PathBuf,
+        /// Number of the scene, from 1.
+        number: usize,
+        /// Its name.
+        name: String,
+        /// What is wrong with it.
+        what: String,
+    },
+}
+
+impl Manifest {
+    /// Reads and checks a manifest; the scenes' own files are not opened.
+    pub fn load(path: &Path) -> Result<Self, ManifestError> {
+        let text = files::read_text(path, MAX_BYTES).map_err(|source| ManifestError::Io {
+            path: path.to_owned(),
+            source,
+        })?;
+        Self::parse(&text, path)
+    }
+
+    /// A manifest from its text; `path` is where the text came from.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ManifestError> {
+        let Text { scene: scenes } =
+            files::toml(text).map_err(|problem| ManifestError::Syntax {
+                path: path.to_owned(),
+                problem,
+            })?;
+        let mut names = HashSet::new();
+        for (i, entry) in scenes.iter().enumerate() {
+            let fault = match entry.fault() {
+                None if !names.insert(&entry.name) => Some("its name is taken".to_owned()),
+                fault => fault,
+            };
+            if let Some(what) = fault {
+                return Err(ManifestError::Entry {
+                    path: path.to_owned(),
+                    number: i + 1,
+                    name: entry.name.clone(),
+                    what,
+                });
+            }
+        }
+        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        Ok(Self { folder, scenes })
+    }
+
+    /// The scenes of a role.
+    pub fn of(&self, role: Role) -> impl Iterator<Item = &Entry> {
+        self.scenes.iter().filter(move |entry| entry.role == role)
+    }
+
+    /// Where an entry's scene lies.
+    pub fn file(&self, entry: &Entry) -> PathBuf {
+        self.folder.join(&entry.file)
+    }
+
+    /// Where the reference of an entry's crop lies, if it has been rendered.
+    pub fn reference(&self, entry: &Entry, [x, y]: [u32; 2]) -> PathBuf {
+        let name = format!("{}_{x}_{y}.exr", entry.name);
+        self.folder.join("references").join(name)
+    }
+}
+
+impl Entry {
+    /// What makes no sense, if anything.
+    fn fault(&self) -> Option<String> {
+        let [w, h] = self.frame;
+        if self.name.is_empty() || self.name.contains(['/', '\\']) {
+            return Some("a name is not empty and has no slash".to_owned());
+        }
+        if self.max_vertices == 0 {
+            return Some("max_vertices is 0".to_owned());
+        }
+        if !(self.exposure.is_finite() && self.exposure > 0.0) {
+            return Some(format!("exposure {} is not positive", self.exposure));
+        }
+        if self.crops.is_empty() {
+            return Some("it has no crops".to_owned());
+        }
+        let outside = |&&[x, y]: &&[u32; 2]| {
+            x.checked_add(CROP).is_none_or(|x| x > w) || y.checked_add(CROP).is_none_or(|y| y > h)
+        };
+        (self.crops.iter().find(outside))
+            .map(|[x, y]| format!("crop [{x}, {y}] leaves the frame of {w}×{h} pixels"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = "[[scene]]\nname = \"a\"\nfile = \"a.glb\"\nrole = \"train\"\nfamily = \"f\"\n\
+                        frame = [64, 48]\ncrops = [[32, 16]]\nmax_vertices = 8\nexposure = 2.0\n";
+
+    fn parse(text: &str) -> Result<Manifest, ManifestError> {
+        Manifest::parse(text, Path::new("set/manifest.toml"))
+    }
+
+    #[test]
+    fn a_good_one() {
+        let m = parse(GOOD).unwrap();
+        let e = &m.scenes[0];
+        assert_eq!((e.camera, e.exposure, e.role), (0, 2.0, Role::Train));
+        assert_eq!(m.file(e), Path::new("set/a.glb"));
+        assert_eq!(
+            m.reference(e, [32, 16]),
+            Path::new("set/references/a_32_16.exr")
+        );
+        assert_eq!(m.of(Role::Validation).count(), 0);
+    }
+
+    #[test]
+    fn faults_name_file_and_place() {
+        for (from, to, expected) in [
+            ("[32, 16]", "[33, 16]", "crop [33, 16] leaves the frame"),
+            ("[32, 16]", "[4294967295, 0]", "leaves the frame"),
+            ("2.0", "0.0", "exposure 0 is not positive"),
+            ("2.0", "nan", "not positive"),
+            ("= 8", "= 0", "max_vertices"),
+            ("[[32, 16]]", "[]", "no crops"),
+            ("\"a\"", "\"../a\"", "slash"),
+            ("\"train\"", "\"test\"", "line 4"),
+            ("family", "familly", "line 5"),
+        ] {
+            let error = parse(&GOOD.replacen(from, to, 1)).unwrap_err().to_string();
+            assert!(error.starts_with("set/manifest.toml: "), "{error}");
+            assert!(error.contains(expected), "{error}");
+        }
+        let twice = parse(&GOOD.repeat(2)).unwrap_err().to_string();
+        assert!(
+            twice.contains("scene 2 (\"a\"): its name is taken"),
+            "{twice}"
+        );
+    }
+}

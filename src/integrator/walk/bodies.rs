@@ -1,0 +1,49 @@
+//! What a path goes through between its vertices.
+
+use crate::math::Rgb;
+use crate::scene::Scene;
+
+/// Bodies the path is inside of, innermost last; only scenes with absorbing bodies use it.
+#[derive(Clone, Copy, Default)]
+pub(in crate::integrator) struct Medium {
+    materials: [u32; 4],
+    len: usize,
+}
+
+impl Medium {
+    /// Whether the path is outside of all bodies.
+    #[inline]
+    pub(in crate::integrator) fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    #[inline]
+    pub(in crate::integrator) fn enter(&mut self, material: u32) {
+        if self.len < self.materials.len() {
+            self.materials[self.len] = material;
+            self.len += 1;
+        }
+    }
+
+    #[inline]
+    pub(in crate::integrator) fn leave(&mut self, material: u32) {
+        if let Some(i) = self.materials[..self.len]
+            .iter()
+            .rposition(|&m| m == material)
+        {
+            self.materials.copy_within(i + 1..self.len, i);
+            self.len -= 1;
+        }
+    }
+
+    /// Transmittance over a distance inside the innermost body (Beer-Lambert).
+    #[inline]
+    pub(in crate::integrator) fn transmittance(&self, scene: &Scene, distance: f32) -> Rgb {
+        let Some(&material) = self.materials[..self.len].last() else {
+            return Rgb::ONE;
+        };
+        let sigma = scene.parts().materials[material as usize].absorption;
+        // 0 · ∞ is no absorption over any distance.
+        sigma.map(|s| if s > 0.0 { (-s * distance).exp() } else { 1.0 })
+    }
+}

@@ -1,0 +1,308 @@
+//! Do two films show the same picture, up to their noise? A test at three scales: pixels, tiles, the whole image.
+//!
+//! Each scale catches what the others miss: a test of single pixels alone lets a uniform error of 15 % pass, a test
+//! of the whole image alone a small part that is wrong. At each place and channel the means are compared by
+//! Welch's t-test, the variance coming from the films themselves; Šidák's correction makes the chance that two
+//! equal pictures fail [`SIGNIFICANCE`] for everything together. Give it sixteen samples a pixel or more: of fewer,
+//! a mean is not yet distributed as the test believes, and single pixels of a large image may raise false alarms.
+
+use std::fmt;
+
+use super::student;
+use crate::image::Buffer;
+use crate::image::film::{Film, FilmError, Window};
+use crate::math::moments::Moments;
+use crate::math::{DVec3, UVec2};
+
+/// Chance that two films of the same picture fail [`agree`].
+pub const SIGNIFICANCE: f64 = 0.01;
+
+/// Edge of the tiles of the middle scale, in pixels.
+pub const TILE: u32 = 8;
+
+/// What the arithmetic of two correct estimators may differ by, relative to the value.
+const ROUNDING: f64 = 1e-6;
+
+/// One comparison of two means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Deviation {
+    /// Where, in the full frame.
+    pub window: Window,
+    /// Colour channel.
+    pub channel: usize,
+    /// Mean in the first film.
+    pub a: f64,
+    /// Mean in the second.
+    pub b: f64,
+    /// Their difference in standard errors.
+    pub t: f64,
+    /// Chance of a deviation this large between equal pictures.
+    pub p: f64,
+}
+
+/// All comparisons at one scale.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scale {
+    /// How many.
+    pub tests: usize,
+    /// The least chance a comparison may have.
+    pub threshold: f64,
+    /// The comparison with the least chance; none if there was nothing to compare.
+    pub worst: Option<Deviation>,
+}
+
+impl Scale {
+    /// Whether there were comparisons and none is too unlikely.
+    pub fn passed(&self) -> bool {
+        self.worst.is_some_and(|w| w.p >= self.threshold)
+    }
+}
+
+/// The outcome of [`agree`]. Print it to see the worst place of each scale.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Agreement {
+    /// Single pixels.
+    pub pixels: Scale,
+    /// Tiles of [`TILE`] pixels.
+    pub tiles: Scale,
+    /// Everything.
+    pub image: Scale,
+    /// Pixels left out of all three, having fewer than two samples in one of the films.
+    pub untested: usize,
+}
+
+impl Agreement {
+    /// Whether the films agree at every scale, with at least half of the pixels tested.
+    pub fn passed(&self) -> bool {
+        let tested = self.pixels.tests / 3;
+        tested >= self.untested && self.scales().iter().all(|(_, s)| s.passed())
+    }
+
+    fn scales(&self) -> [(&'static str, &Scale); 3] {
+        [
+            ("pixels", &self.pixels),
+            ("tiles", &self.tiles),
+            ("image", &self.image),
+        ]
+    }
+}
+
+impl fmt::Display for Agreement {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (name, scale) in self.scales() {
+            let verdict = if scale.passed() { "agree" } else { "DIFFER" };
+            write!(out, "{name}: {verdict} in {} tests", scale.tests)?;
+            if let Some(w) = scale.worst {
+                let place = w.window;
+                write!(out, "; worst at ({}, {})", place.x, place.y)?;
+                write!(out, " channel {}: {:.6} and {:.6}", w.channel, w.a, w.b)?;
+                write!(
+                    out,
+                    ", t = {:.2}, p = {:.1e} against {:.1e}",
+                    w.t, w.p, scale.threshold
+                )?;
+            }
+            writeln!(out)?;
+        }
+        write!(out, "untested pixels: {}", self.untested)
+    }
+}
+
+/// Compares two films of independent samples at three scales, at [`SIGNIFICANCE`] for all together.
+///
+/// ```
+/// use opsr::image::{Film, agree::agree};
+/// use opsr::math::{Rgb, UVec2};
+/// let film = |offset: f32| {
+///     let mut film = Film::new(UVec2::new(16, 16));
+///     for i in 0..256 {
+///         for s in 0..64u32 {
+///             let wave = ((i as u32 * 64 + s) as f32 * 0.618).fract();
+///             film.push(i, Rgb::splat(offset + wave), s);
+///         }
+///     }
+///     film
+/// };
+/// assert!(agree(&film(0.0), &film(0.0)).unwrap().passed());
+/// assert!(!agree(&film(0.0), &film(0.1)).unwrap().passed());
+/// ```
+pub fn agree(a: &Film, b: &Film) -> Result<Agreement, FilmError> {
+    a.same_place(b)?;
+    Ok(compare(a.size, a.window, |i| (a.pixels[i], b.pixels[i])))
+}
+
+/// Compares a film with a picture that is known exactly, such as a furnace.
+pub fn agree_with_exact(film: &Film, exact: &Buffer) -> Result<Agreement, FilmError> {
+    let size = UVec2::new(exact.width as u32, exact.height as u32);
+    if size != UVec2::new(film.window.w, film.window.h) {
+        return Err(FilmError::Differ {
+            a: (film.size, film.window),
+            b: (size, Window::full(size)),
+        });
+    }
+    // Any number of samples without spread.
+    let known = |i: usize| Moments::from_parts(1 << 30, exact.pixels[i].as_dvec3(), DVec3::ZERO);
+    Ok(compare(film.size, film.window, |i| {
+        (film.pixels[i], known(i))
+    }))
+}
+
+/// One film at one place: the sum of its pixels' means, and what is known of its error.
+#[derive(Clone, Copy, Default)]
+struct Side {
+    sum: DVec3,
+    /// Σ v, the squared standard error of `sum`.
+    variance: DVec3,
+    /// Σ v² / (n − 1), for Welch and Satterthwaite's degrees of freedom.
+    spread: DVec3,
+}
+
+impl Side {
+    fn new(mean: DVec3, variance: DVec3, degrees: u32) -> Self {
+        Self {
+            sum: mean,
+            variance,
+            spread: variance * variance / f64::from(degrees),
+        }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.sum += other.sum;
+        self.variance += other.variance;
+        self.spread += other.spread;
+    }
+
+    /// Variance and spread in a channel if the true value is `other`'s.
+    ///
+    /// Samples of light are rare hits more often than not. A pixel that by chance was hit seldom then shows a low
+    /// mean *and* a low variance, and looks far more certain than it is. Variance of hits grows with the mean, so
+    /// the darker side gets what it would have at the brighter side's value.
+    fn at_least(&self, other: &Self, channel: usize) -> (f64, f64) {
+        let (own, other) = (self.sum[channel], other.sum[channel]);
+        let scale = if own > 0.0 && other > own {
+            other / own
+        } else {
+            1.0
+        };
+        (
+            self.variance[channel] * scale,
+            self.spread[channel] * scale * scale,
+        )
+    }
+}
+
+/// Both films at one place.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    pixels: usize,
+    a: Side,
+    b: Side,
+}
+
+impl Sums {
+    fn of(a: &Moments, b: &Moments) -> Self {
+        let (mut va, mut vb) = (a.variance_of_mean(), b.variance_of_mean());
+        // Two sets without any spread, say four hits against four misses, do not show that there is none. If they
+        // are the same picture, then their union shows it.
+        let flat = (va + vb).cmpeq(DVec3::ZERO);
+        let mut both = *a;
+        both.merge(b);
+        va = DVec3::select(flat, both.sample_variance() / f64::from(a.n), va);
+        vb = DVec3::select(flat, both.sample_variance() / f64::from(b.n), vb);
+        Self {
+            pixels: 1,
+            a: Side::new(a.mean, va, a.n - 1),
+            b: Side::new(b.mean, vb, b.n - 1),
+        }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.pixels += other.pixels;
+        self.a.add(&other.a);
+        self.b.add(&other.b);
+    }
+
+    fn deviations(&self, window: Window) -> impl Iterator<Item = Deviation> + '_ {
+        (0..3).map(move |channel| {
+            let (a, b) = (self.a.sum[channel], self.b.sum[channel]);
+            let (va, sa) = self.a.at_least(&self.b, channel);
+            let (vb, sb) = self.b.at_least(&self.a, channel);
+            let rounding = ROUNDING * a.abs().max(b.abs());
+            let variance = va + vb + rounding * rounding;
+            let t = if a == b {
+                0.0
+            } else {
+                (a - b) / variance.sqrt()
+            };
+            // Without spread only rounding is left, whose size is not estimated: infinitely many degrees.
+            let degrees = variance * variance / (sa + sb).max(f64::MIN_POSITIVE);
+            Deviation {
+                window,
+                channel,
+                a: a / self.pixels as f64,
+                b: b / self.pixels as f64,
+                t,
+                p: student::two_sided(t, degrees),
+            }
+        })
+    }
+}
+
+fn compare(size: UVec2, window: Window, pair: impl Fn(usize) -> (Moments, Moments)) -> Agreement {
+    let mut pixels = Vec::new();
+    let mut tiles = Vec::new();
+    let mut image = Sums::default();
+    debug_assert!(window.inside(&Window::full(size)));
+    for tile in window.tiles(TILE) {
+        let mut sums = Sums::default();
+        for i in 0..tile.len() {
+            let pixel = tile.pixel(i);
+            let index =
+                (pixel.y - window.y) as usize * window.w as usize + (pixel.x - window.x) as usize;
+            let (a, b) = pair(index);
+            if a.n < 2 || b.n < 2 {
+                continue;
+            }
+            let one = Sums::of(&a, &b);
+            let place = Window {
+                x: pixel.x,
+                y: pixel.y,
+                w: 1,
+                h: 1,
+            };
+            pixels.push((place, one));
+            sums.add(&one);
+        }
+        if sums.pixels > 0 {
+            tiles.push((tile, sums));
+            image.add(&sums);
+        }
+    }
+    let untested = window.len() - pixels.len();
+    let whole = if image.pixels > 0 {
+        vec![(window, image)]
+    } else {
+        Vec::new()
+    };
+    Agreement {
+        pixels: scale(&pixels),
+        tiles: scale(&tiles),
+        image: scale(&whole),
+        untested,
+    }
+}
+
+fn scale(places: &[(Window, Sums)]) -> Scale {
+    let deviations = places
+        .iter()
+        .flat_map(|(window, sums)| sums.deviations(*window));
+    let worst = deviations.min_by(|x, y| x.p.total_cmp(&y.p).then(y.t.abs().total_cmp(&x.t.abs())));
+    let tests = 3 * places.len();
+    // Šidák: 1 − (1 − α)^(1/m), for three scales of `tests` each, without losing small α to the difference from 1.
+    let threshold = -((-SIGNIFICANCE).ln_1p() / (3.0 * tests.max(1) as f64)).exp_m1();
+    Scale {
+        tests,
+        threshold,
+        worst,
+    }
+}

@@ -1,0 +1,128 @@
+//! The factors that a recording's lobes are drawn with.
+//!
+//! A direction drawn from a lobe at one roughness says little about the lobe at another: where the light is wide, and
+//! so p_l small, an event drawn at γ₀ is many times as noisy at 10 γ₀ as the renderer is there. So every roughened
+//! vertex of a recording draws its lobe once with each of several factors, and all draws are weighed with the balance
+//! heuristic (Veach 1997, eq. 9.8): wherever the table goes, some were drawn nearby.
+
+use crate::bsdf::{BsdfEval, DELTA_ALPHA, LobeQuery};
+use crate::regularise::{ConstantGamma, PathRoughness, Regulariser, Scattered};
+
+/// A lobe that is wider than another by less than this is not drawn beside it: the factors are told apart by what they do
+/// to a mirror, and most do little to a surface that is rough by itself.
+const ALIKE: f32 = 1.7;
+
+/// Constant factors that lobes are drawn with, ascending; also the rule of a path tracer that roughens by the first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawn {
+    gammas: Vec<f32>,
+}
+
+impl Drawn {
+    /// These factors, at least one.
+    pub fn new(gammas: &[f32]) -> Self {
+        let mut gammas = gammas.to_vec();
+        gammas.sort_by(f32::total_cmp);
+        Self { gammas }
+    }
+
+    /// α′ of a vertex of roughness `last`.
+    ///
+    /// What is roughened at all is at least as wide as the narrowest lobe that can be evaluated: all factors must tell
+    /// of the same vertices.
+    #[inline]
+    fn alpha(path: &PathRoughness, last: f32, gamma: f32) -> f32 {
+        if last >= 1.0 || path.values().iter().all(|&alpha| alpha <= 0.0) {
+            return last;
+        }
+        let alpha = path.accumulate(last, &ConstantGamma(gamma), 1.0);
+        alpha.max(DELTA_ALPHA).max(last.next_up())
+    }
+
+    /// Appends α′ of the last vertex of a path with every factor, but for those that are [`ALIKE`].
+    pub(in crate::train) fn alphas(&self, list: &[f32], alphas: &mut Vec<f32>) {
+        let (&last, before) = list.split_last().unwrap_or((&1.0, &[]));
+        let mut widest = f32::NEG_INFINITY;
+        for &gamma in &self.gammas {
+            let path = PathRoughness::of(before, &ConstantGamma(gamma));
+            let alpha = Self::alpha(&path, last, gamma);
+            if alpha > widest * ALIKE {
+                alphas.push(alpha);
+                widest = alpha;
+            }
+        }
+    }
+
+    /// Sum of the densities of a direction over all draws, and the largest value there.
+    pub(in crate::train) fn all(query: &LobeQuery, alphas: &[f32]) -> BsdfEval {
+        let lobes = alphas.iter().map(|&alpha| query.at(alpha));
+        lobes.fold(BsdfEval::default(), |all, lobe| BsdfEval {
+            value: all.value.max(lobe.value),
+            pdf_w: all.pdf_w + lobe.pdf_w,
+        })
+    }
+
+    fn first(&self) -> f32 {
+        self.gammas.first().copied().unwrap_or_default()
+    }
+}
+
+impl Regulariser for &Drawn {
+    type Path = PathRoughness;
+    const ACTIVE: bool = true;
+    const REUSE: bool = false;
+
+    fn start(&self, _: u32) -> PathRoughness {
+        PathRoughness::default()
+    }
+
+    #[inline]
+    fn roughen(&self, path: &PathRoughness, alpha: f32) -> f32 {
+        Drawn::alpha(path, alpha, self.first())
+    }
+
+    #[inline]
+    fn scatter(&self, path: &mut PathRoughness, vertex: Scattered) {
+        path.push(vertex.alpha, &ConstantGamma(self.first()), 1.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lobes_that_are_alike_are_drawn_once() {
+        let drawn = Drawn::new(&[1e-3, 0.1, 0.2, 1.0]);
+        let alphas = |list: &[f32]| {
+            let mut alphas = Vec::new();
+            drawn.alphas(list, &mut alphas);
+            alphas
+        };
+        // A Dirac lobe after a rough vertex: 1 − (1 − γ 0.5), no less than can be evaluated.
+        assert_eq!(alphas(&[0.5, 0.0]), [DELTA_ALPHA, 0.05, 0.1, 0.5]);
+        // 0.20, 0.24, 0.28 and 0.6.
+        assert_eq!(alphas(&[0.5, 0.2]).len(), 2);
+        assert_eq!(alphas(&[0.5, 0.7]).len(), 1);
+        // So little that it is lost to rounding is roughened all the same.
+        assert!(alphas(&[1e-6, 0.7])[0] > 0.7);
+        // Nothing to add, nothing to roughen.
+        for list in [&[0.0, 0.0][..], &[0.0, 0.0, 0.2], &[0.2], &[0.5, 1.0]] {
+            let last = list[list.len() - 1];
+            assert_eq!(alphas(list), [last], "{list:?}");
+        }
+        // The path tracer roughens by the first.
+        let rule = &drawn;
+        let mut path = rule.start(7);
+        assert_eq!(rule.roughen(&path, 0.3), 0.3);
+        rule.scatter(
+            &mut path,
+            Scattered {
+                alpha: 0.5,
+                pdf_w: 1.0,
+            },
+        );
+        assert_eq!(rule.roughen(&path, 0.0), DELTA_ALPHA);
+        assert_eq!(rule.roughen(&path, 0.3), alphas(&[0.5, 0.3])[0]);
+    }
+}

@@ -1,0 +1,292 @@
+//! What a crop's paths depend on the table with: a constant for every path, and its events.
+
+use crate::image::film::Window;
+use crate::integrator::{Event, PathObserver, Recorder, Technique};
+use crate::math::{Rgb, UVec2};
+use crate::sampler::IndependentStream;
+use crate::train::record::event::StoredEvent;
+use crate::train::record::intern::Interner;
+use crate::train::record::lists::Codes;
+use crate::train::record::proposals::Drawn;
+use crate::train::record::roulette::Thin;
+use std::sync::Arc;
+
+/// A path with events.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Path {
+    /// What it carries whatever the table says.
+    pub constant: [f32; 3],
+    /// First of its events.
+    pub first: u32,
+    /// Number of its events, in order of depth.
+    pub count: u32,
+}
+
+/// The paths of one pixel.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Pixel {
+    /// Samples.
+    pub samples: u32,
+    /// Sum of the constants of all samples.
+    pub constant: [f64; 3],
+    /// Sum of their squares, over the channels.
+    pub constant_squared: f64,
+    /// The paths with events.
+    pub paths: Vec<Path>,
+}
+
+/// The paths of a crop.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// Row by row.
+    pub pixels: Vec<Pixel>,
+    /// Events of all paths.
+    pub events: Vec<StoredEvent>,
+    /// Roughness lists of the events.
+    pub codes: Codes,
+}
+
+/// A recorder of events, which becomes a [`Recording`]; fork it for tiles of the same crop.
+#[derive(Clone, Debug)]
+pub struct Tape {
+    window: Window,
+    /// Row by row.
+    pixels: Vec<Pixel>,
+    /// Events of all paths.
+    events: Vec<StoredEvent>,
+    /// Roughness lists of the events, and of vertices that none came from.
+    codes: Interner,
+    /// What lobes are drawn with, and which of their events are kept.
+    drawn: Option<Arc<(Drawn, Thin)>>,
+    /// α′ of the lobes that are drawn at the last vertex of every code, and where they end.
+    drawn_at: Vec<f32>,
+    drawn_ends: Vec<usize>,
+    /// The list of the current path before the vertex at hand, and before the one that it came from.
+    before: Option<u32>,
+    left: Option<u32>,
+    /// The code of the vertex at hand, by its roughness.
+    here: Option<(f32, u32)>,
+    current: usize,
+    first: usize,
+    /// The current path's numbers for the roulette of its events.
+    roulette: Option<IndependentStream>,
+    /// What the current path's events have contributed.
+    counted: Rgb,
+}
+
+/// Which lists have events.
+fn used(codes: &Interner, events: &[StoredEvent]) -> Vec<bool> {
+    let mut used = vec![false; codes.len()];
+    for event in events {
+        used[event.code as usize] = true;
+    }
+    used
+}
+
+impl From<Tape> for Recording {
+    fn from(tape: Tape) -> Self {
+        let (codes, place) = tape.codes.codes(&used(&tape.codes, &tape.events));
+        let mut events = tape.events;
+        for event in &mut events {
+            event.code = place[event.code as usize];
+        }
+        Self {
+            pixels: tape.pixels,
+            events,
+            codes,
+        }
+    }
+}
+
+impl Recording {
+    /// Bytes held, near enough.
+    pub fn bytes(&self) -> usize {
+        let paths: usize = self.pixels.iter().map(|p| p.paths.len()).sum();
+        size_of_val(self.events.as_slice()) + paths * size_of::<Path>()
+    }
+}
+
+impl Tape {
+    /// An empty recording of a crop whose lobes are drawn with several factors, and whose faint events play roulette.
+    pub fn drawn(window: Window, drawn: Arc<(Drawn, Thin)>) -> Self {
+        Self {
+            drawn: Some(drawn),
+            ..Self::new(window)
+        }
+    }
+
+    /// An empty recording of a crop, every event drawn at its own roughness.
+    pub fn new(window: Window) -> Self {
+        Self {
+            window,
+            pixels: vec![Pixel::default(); window.len()],
+            events: Vec::new(),
+            codes: Interner::default(),
+            drawn: None,
+            drawn_at: Vec::new(),
+            drawn_ends: Vec::new(),
+            before: None,
+            left: None,
+            here: None,
+            current: 0,
+            first: 0,
+            roulette: None,
+            counted: Rgb::ZERO,
+        }
+    }
+
+    /// The code of the current path as it ends with the vertex at hand, of this roughness.
+    #[inline]
+    fn code(&mut self, alpha: f32) -> u32 {
+        match self.here {
+            Some((known, code)) if known == alpha => code,
+            _ => {
+                let code = self.intern(self.before, alpha);
+                self.here = Some((alpha, code));
+                code
+            }
+        }
+    }
+
+    fn intern(&mut self, before: Option<u32>, alpha: f32) -> u32 {
+        let known = self.codes.len();
+        let code = self.codes.intern(before, alpha);
+        if self.codes.len() > known
+            && let Some(drawn) = &self.drawn
+        {
+            (drawn.0).alphas(&self.codes.list(code), &mut self.drawn_at);
+            self.drawn_ends.push(self.drawn_at.len());
+        }
+        code
+    }
+
+    /// Keeps an event, or not; at the factors it was drawn with its integrand is at most `brightest`.
+    fn keep(&mut self, event: StoredEvent, brightest: Rgb) {
+        let thin = self.drawn.as_ref().map(|drawn| &drawn.1);
+        let weight = match (thin, &mut self.roulette) {
+            (Some(thin), Some(roulette)) => {
+                thin.weight(self.current, event.size(brightest), roulette)
+            }
+            _ => Some(1.0),
+        };
+        self.events.extend(weight.map(|times| event.times(times)));
+    }
+
+    /// α′ of the lobes that are drawn at the last vertex of a code.
+    fn drawn_at(&self, code: u32) -> &[f32] {
+        let code = code as usize;
+        let start = code.checked_sub(1).map_or(0, |c| self.drawn_ends[c]);
+        &self.drawn_at[start..self.drawn_ends[code]]
+    }
+}
+
+impl PathObserver for Tape {
+    const EVENTS: bool = true;
+
+    fn begin(&mut self, pixel: UVec2, sample: u32) {
+        self.roulette = (self.drawn.as_ref()).map(|drawn| drawn.1.stream(pixel, sample));
+        let (x, y) = (pixel.x - self.window.x, pixel.y - self.window.y);
+        self.current = y as usize * self.window.w as usize + x as usize;
+        (self.before, self.left, self.here) = (None, None, None);
+        self.first = self.events.len();
+        self.counted = Rgb::ZERO;
+    }
+
+    fn draws(&mut self, alpha: f32) -> Vec<f32> {
+        if self.drawn.is_none() {
+            return Vec::new();
+        }
+        let code = self.code(alpha);
+        // The tracer draws with the first itself.
+        self.drawn_at(code)[1..].to_vec()
+    }
+
+    fn event(&mut self, event: &Event) {
+        let code = match event.technique {
+            // Told of at the end of the ray, when the path has gone on from the vertex.
+            Technique::Diffuse => self.intern(self.left, event.alpha),
+            _ => self.code(event.alpha),
+        };
+        let found = event.query.at(event.alpha_reg);
+        let (drawn, draws) = if self.drawn.is_some() {
+            let alphas = self.drawn_at(code);
+            (Drawn::all(&event.query, alphas), alphas.len())
+        } else {
+            (found, 1)
+        };
+        if let Some(stored) = StoredEvent::new(event, drawn.pdf_w, draws, code) {
+            self.keep(stored, event.radiance * drawn.value);
+            if event.counted {
+                let density = if event.delta_light {
+                    event.pdf_light
+                } else {
+                    event.pdf_light + found.pdf_w
+                };
+                self.counted += event.radiance * found.value / density;
+            }
+        }
+    }
+
+    fn scattered(&mut self, alpha: f32) {
+        self.left = self.before;
+        self.before = Some(self.code(alpha));
+        self.here = None;
+    }
+
+    fn finish(&mut self, radiance: Rgb) {
+        let pixel = &mut self.pixels[self.current];
+        pixel.samples += 1;
+        if !radiance.is_finite() {
+            // The film refuses the sample too.
+            self.events.truncate(self.first);
+            return;
+        }
+        let constant = (radiance - self.counted).to_array();
+        // What rounding leaves of a path whose light is all in its events.
+        let floor = radiance.max_element() * 1e-5;
+        let constant = constant.map(|c| if c < floor { 0.0 } else { c });
+        for (sum, c) in pixel.constant.iter_mut().zip(constant) {
+            *sum += f64::from(c);
+            pixel.constant_squared += f64::from(c) * f64::from(c);
+        }
+        let count = (self.events.len() - self.first) as u32;
+        if count > 0 {
+            pixel.paths.push(Path {
+                constant,
+                first: self.first as u32,
+                count,
+            });
+        }
+    }
+}
+
+impl Recorder for Tape {
+    fn fork(&self) -> Self {
+        match &self.drawn {
+            Some(drawn) => Self::drawn(self.window, drawn.clone()),
+            None => Self::new(self.window),
+        }
+    }
+
+    fn join(&mut self, tile: Self) {
+        let codes = self
+            .codes
+            .absorb(&tile.codes, used(&tile.codes, &tile.events));
+        let offset = self.events.len() as u32;
+        self.events.extend(tile.events.into_iter().map(|mut event| {
+            event.code = codes[event.code as usize];
+            event
+        }));
+        for (pixel, other) in self.pixels.iter_mut().zip(tile.pixels) {
+            pixel.samples += other.samples;
+            pixel.constant_squared += other.constant_squared;
+            for c in 0..3 {
+                pixel.constant[c] += other.constant[c];
+            }
+            pixel.paths.extend(other.paths.into_iter().map(|path| Path {
+                first: path.first + offset,
+                ..path
+            }));
+        }
+    }
+}
