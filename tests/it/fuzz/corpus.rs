@@ -176,7 +176,7 @@ fn outcome(target: &Target, path: &Path) -> Result<String, String> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     match catch_unwind(AssertUnwindSafe(|| (target.read)(path))) {
         Err(_) => Err("a panic".into()),
-        Ok(Ok(summary)) => Ok(format!("taken: {}", normalised(&summary, path))),
+        Ok(Ok(summary)) => Ok(format!("accepted: {}", normalised(&summary, path))),
         Ok(Err(message)) if !message.contains(&*name) => Err(format!("no file in `{message}`")),
         Ok(Err(message)) => Ok(normalised(&message, path)),
     }

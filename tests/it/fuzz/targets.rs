@@ -246,7 +246,7 @@ pub(crate) fn checkpoints() -> Target {
             assert_eq!(film.pixels.len(), film.window.len());
             let rejected = film.rejected.total() > 0;
             let aovs = checkpoint.picture.aovs.is_some();
-            Ok(format!("refused samples {rejected}, AOVs {aovs}"))
+            Ok(format!("rejected samples {rejected}, AOVs {aovs}"))
         },
     }
 }
