@@ -117,6 +117,13 @@ fn short(target: &Target, count: u64) {
 }
 
 #[test]
+fn fuzz_seeds_are_reproducible() {
+    for (first, second) in targets::all().iter().zip(targets::all()) {
+        assert!(first.seeds == second.seeds, "{}", first.name);
+    }
+}
+
+#[test]
 fn fuzz_gltf() {
     short(&targets::gltf(), 1500);
 }
