@@ -3,8 +3,8 @@
 //!
 //! Execution `i` of a target depends only on the target's file name and on `i`, so a failure is reproduced by its
 //! number. A short tier runs with every `cargo test`. `cargo test --release fuzz_long -- --ignored` runs
-//! `OPSR_FUZZ_EXECUTIONS` executions of each target, starting with number `OPSR_FUZZ_FROM`; `OPSR_FUZZ_TARGETS` restricts
-//! it to the targets listed, separated by commas. Files worth keeping are in `tests/corpus`.
+//! `OPSR_FUZZ_EXECUTIONS` executions of each target, starting with number `OPSR_FUZZ_FROM`; `OPSR_FUZZ_TARGETS` lists
+//! the targets to run, separated by commas. Files worth keeping are in `tests/corpus`.
 
 mod corpus;
 pub(crate) mod mutate;

@@ -59,8 +59,8 @@ fn reproducible_learner() -> Learner {
 /// Fingerprint of the training that wrote the seeds.
 const FINGERPRINT: &str = "00ff";
 
-/// Training checkpoints: an accepted one is resumed for one step. The additive model has the fewest parameters, hence the
-/// shortest files.
+/// Training checkpoints: an accepted one is resumed for one step. The additive model has the fewest parameters, hence
+/// the shortest files.
 pub(crate) fn trainings() -> Target {
     let seeds = [false, true].map(|best| {
         let mut learner = reproducible_learner();
