@@ -3,7 +3,7 @@
 //! Factors are written so that they read back to the bit. A file of another version, with another number of levels or
 //! of factors, or in another order of classes is refused: a table that is read wrongly still makes pretty pictures.
 
-use super::{AttenuationTable, LEN, LEVELS, Lookup};
+use super::{AttenuationTable, LEN, BINS, Lookup};
 use crate::files;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -181,7 +181,7 @@ impl TableFile {
         let document = Document {
             format: FORMAT.into(),
             version: VERSION,
-            levels: LEVELS,
+            levels: BINS,
             order: ORDER.into(),
             lookup: self.table.lookup,
             scale: self.table.scale,
@@ -219,8 +219,8 @@ impl TableFile {
 
 impl Document {
     fn check(&self) -> Result<(), String> {
-        if self.levels != LEVELS {
-            return Err(format!("levels: {}, expected {LEVELS}", self.levels));
+        if self.levels != BINS {
+            return Err(format!("levels: {}, expected {BINS}", self.levels));
         }
         if self.order != ORDER {
             return Err(format!("order: `{}`, expected `{ORDER}`", self.order));

@@ -3,7 +3,7 @@
 use super::Attenuation;
 
 /// Q: roughness levels a class tells apart.
-pub const LEVELS: usize = 4;
+pub const BINS: usize = 4;
 
 /// Vertices of the longest path with a class of its own; longer ones are folded `[OPSR (14)]`.
 pub const MAX_VERTICES: usize = 5;
@@ -29,9 +29,9 @@ pub fn bin(alpha: f32) -> usize {
 pub fn bin_coordinate(alpha: f32) -> f32 {
     if alpha >= BIN_EDGES[2] {
         // The clamp, decided by the same comparison as `bin`.
-        (LEVELS - 1) as f32
+        (BINS - 1) as f32
     } else {
-        ((alpha.sqrt().exp2() - 1.0) * (LEVELS + 1) as f32).clamp(0.0, (LEVELS - 1) as f32)
+        ((alpha.sqrt().exp2() - 1.0) * (BINS + 1) as f32).clamp(0.0, (BINS - 1) as f32)
     }
 }
 
@@ -43,12 +43,12 @@ pub fn bin_coordinate(alpha: f32) -> f32 {
 pub struct GammaIndex(u16);
 
 impl GammaIndex {
-    /// The class of the given levels, camera first; 2 to 5 of them, each below [`LEVELS`].
-    pub fn from_levels(levels: &[usize]) -> Option<Self> {
-        if !(2..=MAX_VERTICES).contains(&levels.len()) || levels.iter().any(|&l| l >= LEVELS) {
+    /// The class of the given levels, camera first; 2 to 5 of them, each below [`BINS`].
+    pub fn from_bins(levels: &[usize]) -> Option<Self> {
+        if !(2..=MAX_VERTICES).contains(&levels.len()) || levels.iter().any(|&l| l >= BINS) {
             return None;
         }
-        let code = levels.iter().fold(0, |code, &l| code * LEVELS + l);
+        let code = levels.iter().fold(0, |code, &l| code * BINS + l);
         Some(Self(OFFSETS[levels.len() - 2] + code as u16))
     }
 
@@ -64,24 +64,24 @@ impl GammaIndex {
     }
 
     /// The levels, camera first.
-    pub fn levels(self) -> Vec<usize> {
+    pub fn bins(self) -> Vec<usize> {
         let length = 2 + OFFSETS[1..].iter().filter(|&&o| self.0 >= o).count();
         let code = usize::from(self.0 - OFFSETS[length - 2]);
         (0..length)
             .rev()
-            .map(|i| code / LEVELS.pow(i as u32) % LEVELS)
+            .map(|i| code / BINS.pow(i as u32) % BINS)
             .collect()
     }
 
     /// The class without the vertex nearest the camera; `None` for two vertices.
     pub fn suffix(self) -> Option<Self> {
-        Self::from_levels(&self.levels()[1..])
+        Self::from_bins(&self.bins()[1..])
     }
 
     /// The class of a folded prefix of `n - 1` vertices and their code, and a last vertex on `level`.
     #[inline]
     pub(super) fn compose(prefix_vertices: usize, prefix_code: u16, level: usize) -> Self {
-        Self(OFFSETS[prefix_vertices - 1] + prefix_code * LEVELS as u16 + level as u16)
+        Self(OFFSETS[prefix_vertices - 1] + prefix_code * BINS as u16 + level as u16)
     }
 }
 
@@ -164,7 +164,7 @@ impl PathRoughness {
     #[inline]
     fn append(&mut self, alpha: f32) {
         self.alpha[usize::from(self.len)] = alpha;
-        self.code = self.code * LEVELS as u16 + bin(alpha) as u16;
+        self.code = self.code * BINS as u16 + bin(alpha) as u16;
         self.len += 1;
     }
 }
@@ -191,9 +191,9 @@ mod tests {
                     .rev()
                     .map(|i| code / 4usize.pow(i as u32) % 4)
                     .collect();
-                let class = GammaIndex::from_levels(&levels).unwrap();
-                assert_eq!(class.levels(), levels);
-                assert_eq!(class.suffix(), GammaIndex::from_levels(&levels[1..]));
+                let class = GammaIndex::from_bins(&levels).unwrap();
+                assert_eq!(class.bins(), levels);
+                assert_eq!(class.suffix(), GammaIndex::from_bins(&levels[1..]));
                 assert_eq!(class.suffix().is_some(), n > 2);
                 assert!(!std::mem::replace(&mut seen[class.index()], true));
             }
@@ -209,7 +209,7 @@ mod tests {
             let (last, before) = path[..n].split_last().unwrap();
             let levels: Vec<_> = path[..n].iter().map(|&a| bin(a)).collect();
             let prefix = PathRoughness::of(before, &factor);
-            assert_eq!(prefix.class(*last), GammaIndex::from_levels(&levels));
+            assert_eq!(prefix.class(*last), GammaIndex::from_bins(&levels));
         }
     }
 
@@ -228,7 +228,7 @@ mod tests {
             path.push(0.1, &factor, shrink);
             assert_eq!(path.values().len(), 1);
             assert!((path.values()[0] - folded).abs() < 1e-6, "{shrink}");
-            assert_eq!(path.class(0.0), GammaIndex::from_levels(&[bin(folded), 0]));
+            assert_eq!(path.class(0.0), GammaIndex::from_bins(&[bin(folded), 0]));
         }
     }
 }

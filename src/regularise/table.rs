@@ -1,6 +1,6 @@
 //! The table of attenuation factors and its two look-ups.
 
-use super::roughness::{GammaIndex, LEVELS, PathRoughness, bin_coordinate};
+use super::roughness::{GammaIndex, BINS, PathRoughness, bin_coordinate};
 use super::{Attenuation, MAX_VERTICES};
 
 /// P: attenuation factors in a table, 4² + 4³ + 4⁴ + 4⁵.
@@ -107,7 +107,7 @@ fn linear(prefix: &PathRoughness, last: f32, mut visit: impl FnMut(GammaIndex, f
     let mut fraction = [0.0f32; MAX_VERTICES];
     for (i, &alpha) in values.iter().chain(std::iter::once(&last)).enumerate() {
         let c = bin_coordinate(alpha);
-        below[i] = (c as usize).min(LEVELS - 1);
+        below[i] = (c as usize).min(BINS - 1);
         fraction[i] = c - below[i] as f32;
     }
     'corner: for corner in 0..1usize << vertices {
@@ -123,7 +123,7 @@ fn linear(prefix: &PathRoughness, last: f32, mut visit: impl FnMut(GammaIndex, f
                 continue 'corner;
             }
             if i + 1 < vertices {
-                code = code * LEVELS as u16 + (below[i] + up) as u16;
+                code = code * BINS as u16 + (below[i] + up) as u16;
             } else {
                 visit(
                     GammaIndex::compose(vertices - 1, code, below[i] + up),
@@ -184,7 +184,7 @@ mod tests {
     fn either_lookup_of_factors_that_grow_with_the_levels() {
         let mut table = AttenuationTable::constant(0.0);
         for (i, gamma) in table.gammas.iter_mut().enumerate() {
-            let levels = GammaIndex::new(i).unwrap().levels();
+            let levels = GammaIndex::new(i).unwrap().bins();
             let parts = levels.iter().enumerate().map(|(i, &l)| share(i) * l as f32);
             *gamma = 0.1 + parts.sum::<f32>();
         }
@@ -209,7 +209,7 @@ mod tests {
                     );
                     let (mut sum, mut all) = (0.0, 0.0);
                     table.entries(&prefix, *last, |class, weight| {
-                        assert!(weight > 0.0 && class.levels().len() == path.len());
+                        assert!(weight > 0.0 && class.bins().len() == path.len());
                         sum += weight * table.gammas[class.index()];
                         all += weight;
                     });

@@ -73,7 +73,7 @@ fn a_pattern_that_does_not_fit_is_given_up() {
         .iter_mut()
         .zip((0..LEN).filter_map(GammaIndex::new))
     {
-        let levels = class.levels();
+        let levels = class.bins();
         *gamma = if levels[levels.len() - 1] == 0 {
             1e-3
         } else {
