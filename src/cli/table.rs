@@ -8,7 +8,7 @@ use opsr::files;
 use opsr::files::hex;
 use opsr::regularise::export::{self, Format};
 use opsr::regularise::file::TableFile;
-use opsr::regularise::{GammaIndex, LEN, BINS, MAX_VERTICES};
+use opsr::regularise::{BINS, GammaIndex, LEN, MAX_VERTICES};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 

@@ -14,9 +14,9 @@ pub mod rules;
 mod table;
 
 pub use roughness::{
-    BIN_EDGES, GammaIndex, BINS, MAX_VERTICES, PathRoughness, bin, bin_coordinate,
+    BIN_EDGES, BINS, GammaIndex, MAX_VERTICES, PathRoughness, bin, bin_coordinate,
 };
-pub use table::{AttenuationTable, LEN, Lookup};
+pub use table::{AttenuationTable, LEN, Lookup, TableTuning};
 
 /// Where the attenuation factor γ in [0, 1] of a path comes from.
 pub trait Attenuation: Sync {

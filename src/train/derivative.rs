@@ -1,8 +1,6 @@
 //! Accumulated roughness α′ with its derivatives with respect to the table's entries.
 
-use crate::regularise::{
-    AttenuationTable, ConstantGamma, GammaIndex, MAX_VERTICES, PathRoughness,
-};
+use crate::regularise::{AttenuationTable, ConstantGamma, GammaIndex, MAX_VERTICES, PathRoughness};
 
 /// Sparse gradient: dα′/dγ for each table entry that α′ depends on.
 pub type Dependence = Vec<(GammaIndex, f32)>;

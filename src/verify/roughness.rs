@@ -2,7 +2,7 @@
 
 use super::{Finding, Numbers};
 use crate::regularise::{
-    Attenuation, AttenuationTable, BIN_EDGES, ConstantGamma, GammaIndex, LEN, BINS, Lookup,
+    Attenuation, AttenuationTable, BIN_EDGES, BINS, ConstantGamma, GammaIndex, LEN, Lookup,
     MAX_VERTICES, PathRoughness, bin,
 };
 

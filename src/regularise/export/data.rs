@@ -1,7 +1,7 @@
 //! Data: NumPy, safetensors and CSV.
 
 use crate::regularise::file::{ORDER, TableFile};
-use crate::regularise::{GammaIndex, LEN, BINS};
+use crate::regularise::{BINS, GammaIndex, LEN};
 use std::fmt::Write;
 
 /// Factors with the scale applied, in class order.

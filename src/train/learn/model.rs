@@ -1,6 +1,6 @@
 //! What is learned: a burn module of parameters, Adam, and how parameters make the 1360 factors.
 
-use crate::regularise::{AttenuationTable, GammaIndex, LEN, BINS, Lookup, MAX_VERTICES};
+use crate::regularise::{AttenuationTable, BINS, GammaIndex, LEN, Lookup, MAX_VERTICES};
 use crate::train::evaluate::grid::GAMMA_MIN;
 use crate::train::learn::objective::{device, tensor};
 use burn::module::{Module, Param};
