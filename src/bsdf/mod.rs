@@ -127,6 +127,16 @@ impl LobeQuery {
         }
     }
 
+    /// Density per steradian at roughness `alpha` in [0, 1]; that of the diffuse lobe alone below [`DELTA_ALPHA`].
+    /// The same bits as the density of [`LobeQuery::at`], without the work for the value.
+    #[inline]
+    pub fn pdf(&self, alpha: f32) -> f32 {
+        if alpha < DELTA_ALPHA {
+            return self.base_pdf;
+        }
+        self.base_pdf + self.pdf_scale * self.shape(alpha).dg1
+    }
+
     /// Value and density at roughness `alpha` in [0, 1]; those of the diffuse lobe alone below [`DELTA_ALPHA`].
     #[inline]
     pub fn at(&self, alpha: f32) -> BsdfEval {
@@ -173,6 +183,16 @@ impl Bsdf {
     pub fn eval(&self, alpha: f32, wo: Vec3, wi: Vec3) -> BsdfEval {
         self.query(wo, wi)
             .map_or(BsdfEval::default(), |query| query.at(alpha))
+    }
+
+    /// Density per steradian with which `sample(alpha, from, ..)` samples `to`: smooth lobes only, with the selection
+    /// probability of each; 0 where nothing is sampled.
+    ///
+    /// `pdf(alpha, wo, wi)` is the density of a walk from the camera, `pdf(alpha, wi, wo)` that of a walk from the
+    /// light. Neither computes a value: in [`Bsdf::eval`] the arguments never change places.
+    #[inline]
+    pub fn pdf(&self, alpha: f32, from: Vec3, to: Vec3) -> f32 {
+        self.query(from, to).map_or(0.0, |query| query.pdf(alpha))
     }
 
     /// Samples `wi` with the glossy lobe at roughness `alpha` in [0, 1]; `u` is uniform in [0, 1)³. The choice of the
