@@ -12,7 +12,7 @@ pub mod transport;
 pub mod weights;
 
 use crate::math::{UVec2, Vec3};
-use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler};
+use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
 
 /// Result of one check.
 #[derive(Clone, Debug)]
@@ -83,7 +83,7 @@ struct Numbers(IndependentStream);
 
 impl Numbers {
     fn new(seed: u64) -> Self {
-        Self(Independent { seed }.stream(UVec2::ZERO, 0))
+        Self(Independent { seed: Seed(seed) }.stream(UVec2::ZERO, 0))
     }
 
     /// Uniform number in [0, 1).

@@ -15,7 +15,7 @@ use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{
     Accumulated, AttenuationTable, ConstantGamma, MAX_VERTICES, Regulariser, Unregularised,
 };
-use opsr::sampler::Independent;
+use opsr::sampler::{Independent, Seed};
 use opsr::scene::{Scene, SceneParts};
 use opsr::verify::{CASES, Finding, lights, lobes, roughness, transport, weights};
 
@@ -95,7 +95,7 @@ fn witness(parts: SceneParts, regulariser: impl Regulariser) -> Witness {
     Settings::default().tracer(regulariser).estimate(
         &scene,
         &scene.parts().cameras[0],
-        &Independent { seed: 1 },
+        &Independent { seed: Seed(1) },
         0..4,
         &mut film,
         &mut witness,
