@@ -131,11 +131,11 @@ impl TableFile {
         };
         // Format and version are checked before the other fields, which may differ in a later version.
         #[derive(Deserialize)]
-        struct Header {
+        struct Head {
             format: String,
             version: u32,
         }
-        let Header { format, version } = serde_json::from_slice(bytes).map_err(syntax)?;
+        let Head { format, version } = serde_json::from_slice(bytes).map_err(syntax)?;
         if format != FORMAT {
             return Err(refused(format!("format: `{format}` is not `{FORMAT}`")));
         }
