@@ -187,8 +187,9 @@ fn pdf_integrates_to_at_most_one() {
                     }
                     let say = || format!("{name} {distribution:?} {alpha} {degrees}: {integral}");
                     assert!(integral < 1.002, "{}", say());
-                    let all_smooth = alpha == 1.0 && degrees == 0.0 || name == "diffuse";
-                    assert!(!all_smooth || integral > 0.9, "{}", say());
+                    // Few of these samples fail below the horizon.
+                    let nearly_all = alpha == 0.1 && degrees == 0.0 || name == "diffuse";
+                    assert!(!nearly_all || integral > 0.99, "{}", say());
                     let all_delta = alpha == 0.0 && !matches!(name, "plastic" | "diffuse");
                     assert!(!all_delta || integral == 0.0, "{}", say());
                 }
