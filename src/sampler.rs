@@ -1,36 +1,89 @@
 //! Random numbers of a path: a stream keyed by (seed, pixel, sample), drawn in whole vertices.
 //!
-//! All numbers of a vertex are drawn before any branch, so switching a feature on or off shifts no other number:
-//! pictures made with different tables share their path prefixes, and finite differences are clean.
+//! All numbers of a vertex are drawn before any branch, so that switching a feature on or off shifts no other number.
+//! Pictures made with different tables share their path prefixes, and finite differences have little noise.
+//!
+//! Whatever is random has a [`Seed`] of its own: [`Seed::derive`] keeps the streams of different uses apart.
 
 use crate::math::{UVec2, Vec2};
 use rand::Rng;
 use rand_pcg::Pcg32;
 
-/// The random numbers of one scattering vertex, named by use.
+/// Use of random numbers. The numbers of the variants are part of what a seed means: never change or reuse one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Domain {
+    /// Camera paths of a render.
+    Camera = 0,
+    /// Light paths of a render.
+    Light = 1,
+    /// Markov chains.
+    Chain = 2,
+    /// Pilot renders that choose the tuning of a table.
+    Pilot = 3,
+    /// References.
+    Reference = 4,
+    /// Renders of a bench.
+    Bench = 5,
+    /// Recorded paths of the training crops.
+    Recording = 6,
+    /// Recorded paths of the validation crops.
+    Validation = 7,
+    /// Paths that are traced again at a training step.
+    Retrace = 8,
+    /// Russian roulette over recorded events.
+    EventRoulette = 9,
+}
+
+/// Seed of a set of random streams.
+///
+/// ```
+/// use opsr::sampler::{Domain, Seed};
+/// let user = Seed(7);
+/// assert_eq!(user.derive(Domain::Camera, 0), user);
+/// assert_ne!(user.derive(Domain::Light, 0), user.derive(Domain::Light, 1));
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Seed(pub u64);
+
+impl Seed {
+    /// Seed number `n` < 2⁵⁶ of a use. Seeds derived from one seed are distinct for distinct (`domain`, `n`), but for a
+    /// chance of 2⁻⁶⁴ to meet the seed itself; the seed itself is that of camera paths, number 0.
+    pub fn derive(self, domain: Domain, n: u64) -> Self {
+        debug_assert!(n >> 56 == 0, "seed number {n} is too large");
+        let key = ((domain as u64) << 56) | n;
+        if key == 0 {
+            return self;
+        }
+        // A bijection of the key, and not the xor of two hashes: derivations in different orders differ.
+        Self(mix(key ^ mix(self.0.wrapping_add(0xa076_1d64_78bd_642f))))
+    }
+}
+
+/// Uniform random numbers in [0, 1) of one scattering vertex, named by use.
 #[derive(Clone, Copy, Debug)]
 pub struct VertexU {
-    /// Choice between closures of one material (partial transmission).
+    /// Choice between the BSDFs of one material (partial transmission).
     pub material: f32,
-    /// Which light, and where on it.
+    /// Choice of a light, and point on it.
     pub light: [f32; 3],
-    /// Lobe and direction, for the original and for the regularised lobe alike.
+    /// Lobe and direction, for the original and the regularised lobe alike.
     pub lobe: [f32; 3],
     /// Russian roulette.
     pub roulette: f32,
 }
 
-/// A source of uniform numbers in [0, 1) for one path.
+/// Source of uniform numbers in [0, 1) for one path.
 pub trait Sampler {
-    /// The next number.
+    /// Next number.
     fn next_1d(&mut self) -> f32;
 
-    /// Where in the pixel the path starts, in [0, 1)².
+    /// Position in the pixel at which the path starts, in [0, 1)².
     fn film(&mut self) -> Vec2 {
         Vec2::new(self.next_1d(), self.next_1d())
     }
 
-    /// The numbers of the next vertex.
+    /// Numbers of the next vertex.
     fn vertex(&mut self) -> VertexU {
         VertexU {
             material: self.next_1d(),
@@ -41,26 +94,26 @@ pub trait Sampler {
     }
 }
 
-/// Makes the stream of each path.
+/// Factory of the streams of all paths.
 pub trait SampleSource: Sync {
-    /// The stream.
+    /// Stream of one path.
     type Stream: Sampler;
-    /// The stream of sample number `sample` of a pixel (full-frame coordinates).
+    /// Stream of sample number `sample` of a pixel, in coordinates of the full frame.
     fn stream(&self, pixel: UVec2, sample: u32) -> Self::Stream;
 }
 
 /// Independent uniform numbers from PCG32.
 #[derive(Clone, Copy, Debug)]
 pub struct Independent {
-    /// Seed of the whole picture.
-    pub seed: u64,
+    /// Seed of all streams.
+    pub seed: Seed,
 }
 
-/// A stream of [`Independent`].
+/// Stream of [`Independent`].
 #[derive(Clone, Debug)]
 pub struct IndependentStream(Pcg32);
 
-/// Finaliser of SplitMix64: every input bit reaches every output bit.
+/// Finaliser of SplitMix64, a bijection in which every input bit affects every output bit.
 fn mix(mut x: u64) -> u64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -72,7 +125,7 @@ impl SampleSource for Independent {
 
     fn stream(&self, pixel: UVec2, sample: u32) -> IndependentStream {
         let place = (u64::from(pixel.y) << 32) | u64::from(pixel.x);
-        let key = mix(place ^ mix(self.seed.wrapping_add(0x9e37_79b9_7f4a_7c15)));
+        let key = mix(place ^ mix(self.seed.0.wrapping_add(0x9e37_79b9_7f4a_7c15)));
         let state = mix(key ^ mix(u64::from(sample).wrapping_add(0xd1b5_4a32_d192_ed03)));
         IndependentStream(Pcg32::new(state, key))
     }
@@ -81,7 +134,72 @@ impl SampleSource for Independent {
 impl Sampler for IndependentStream {
     #[inline]
     fn next_1d(&mut self) -> f32 {
-        // 24 bits: every value is exactly representable and below 1.
+        // 24 bits: every value is representable and below 1.
         (self.0.next_u32() >> 8) as f32 * (1.0 / 16_777_216.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    const DOMAINS: [Domain; 10] = [
+        Domain::Camera,
+        Domain::Light,
+        Domain::Chain,
+        Domain::Pilot,
+        Domain::Reference,
+        Domain::Bench,
+        Domain::Recording,
+        Domain::Validation,
+        Domain::Retrace,
+        Domain::EventRoulette,
+    ];
+
+    #[test]
+    fn derived_seeds_are_distinct() {
+        let mut seen = HashSet::new();
+        for user in [0, 1, 2, u64::MAX] {
+            for domain in DOMAINS {
+                for n in 0..25_000 {
+                    seen.insert(Seed(user).derive(domain, n).0);
+                }
+            }
+        }
+        assert_eq!(seen.len(), 1_000_000);
+        // Derivations do not commute: seeds of seeds are distinct too.
+        let (a, b) = ((Domain::Recording, 1), (Domain::EventRoulette, 2));
+        let derive = |first: (Domain, u64), second: (Domain, u64)| {
+            Seed(5).derive(first.0, first.1).derive(second.0, second.1)
+        };
+        assert_ne!(derive(a, b), derive(b, a));
+    }
+
+    /// Pictures of a seed must never change.
+    #[test]
+    fn determinism_of_seeds_and_streams() {
+        assert_eq!(Seed(7).derive(Domain::Camera, 0), Seed(7));
+        let derived = DOMAINS.map(|domain| Seed(7).derive(domain, 3).0);
+        let expected = [
+            0x1322_a6ec_e20e_d108,
+            0x797b_e99e_e4a4_1d21,
+            0xbbff_0b8a_0203_a06a,
+            0xa90c_efa4_d778_4f83,
+            0x98fe_9a49_765e_9c3b,
+            0xb854_eb39_761f_2c07,
+            0x1097_9345_f0f4_1b25,
+            0x9dfa_333b_11b9_2a0e,
+            0x5a95_7b1d_5307_3e1e,
+            0x9509_00c5_0b1e_f019,
+        ];
+        assert_eq!(derived, expected);
+        let source = Independent { seed: Seed(7) };
+        let mut stream = source.stream(UVec2::new(3, 5), 11);
+        let numbers: [f32; 4] = std::array::from_fn(|_| stream.next_1d() * 16_777_216.0);
+        assert_eq!(
+            numbers,
+            [2_144_111.0, 5_361_793.0, 8_101_002.0, 1_165_573.0]
+        );
     }
 }

@@ -49,7 +49,7 @@ plant "1 smooth below the Dirac bound" src/bsdf/lobes.rs \
 plant "1 the path remembers the roughened lobe" src/integrator/path.rs \
     's/here\.alpha\n/here.alpha_reg\n/' stability::case_1_delta_lobes_keep_their_roughness_in_the_path
 plant "2 quantiles of 0 and 1" src/bsdf/distribution.rs \
-    's/u\.clamp\(3e-8, 1\.0 - 6e-8\)/u/' stability::case_2_draws_at_the_ends
+    's/u\.clamp\(3e-8, 1\.0 - 6e-8\)/u/' stability::case_2_sampling_at_extreme_random_numbers
 plant "3 the printed form" src/regularise/roughness.rs \
     's/\(last \+ \(1\.0 - last\) \* q \* shrink\)/(1.0 - (1.0 - last) * (1.0 - q * shrink))/' \
     stability::cases_3_to_5_path_roughness
@@ -60,26 +60,26 @@ plant "4 a roughness that is no number" src/scene/load/materials.rs \
 plant "5 long paths forget" src/regularise/roughness.rs \
     's/self\.append\(folded\)/self.append(alpha + 0.0 * folded)/' stability::cases_3_to_5_path_roughness
 plant "6 weights as quotients of densities" src/math/measure.rs \
-    's/1\.0 \/ \(1\.0 \+ q \/ p\)/p \/ (p + q)/' stability::case_6_weights_of_extreme_densities
+    's/1\.0 \/ \(1\.0 \+ q \/ p\)/p \/ (p + q)/' stability::case_6_mis_weights_of_extreme_densities
 plant "7 rays that end on the light" src/scene/mod.rs \
-    's/\(light\.distance - slack\)/(light.distance - 0.0 * slack)/' stability::case_7_lights_near_and_far
+    's/\(light\.distance - slack\)/(light.distance - 0.0 * slack)/' stability::case_7_light_sampling_near_and_far
 plant "8 Fresnel with a difference of squares" src/bsdf/fresnel.rs \
     's/\(eta - 1\.0\) \* \(eta \+ 1\.0\) \+ cos \* cos/eta * eta * (1.0 - (1.0 - cos * cos) \/ (eta * eta))/' \
-    stability::case_8_interfaces
+    stability::case_8_fresnel_and_interfaces
 plant "9 sides by the shading normal" src/integrator/path/vertex.rs \
     's/light\.wi\.dot\(self\.surface\.ng\) \* wi\.z <= 0\.0/false/' \
-    stability::cases_9_and_10_closed_bodies_let_no_light_in
+    stability::cases_9_and_10_light_leaks
 plant "10 rays that start on the surface" src/scene/geometry.rs \
     's/error: rounding \+ 1e-13 \* extent/error: 0.0 * (rounding + 1e-13 * extent)/' \
-    stability::case_10_a_scene_of_any_size_is_the_same_picture
+    stability::case_10_scale_invariance
 plant "11 paths that carry nothing go on" src/integrator/path.rs \
     's/throughput == Rgb::ZERO && arrival\.carries_nothing\(\)/false \&\& arrival.carries_nothing()/' \
-    stability::case_11_paths_without_throughput_stop
+    stability::case_11_zero_throughput_ends_the_path
 plant "11 survivors weigh as before" src/integrator/path.rs \
-    's/throughput \/= survival;//' stability::case_11_roulette
+    's/throughput \/= survival;//' stability::case_11_russian_roulette_is_unbiased
 plant "12 moments in single precision" src/math/moments.rs \
     's/self\.mean \+= delta \/ f64::from\(self\.n\);/self.mean = (self.mean + delta \/ f64::from(self.n)).as_vec3().as_dvec3();/' \
-    stability::case_12_running_moments
+    stability::case_12_welford_variance
 plant "13 pixels that are no numbers" src/image/metric/mod.rs \
     's/!p\.is_finite\(\)/p.x == f32::NEG_INFINITY/' metric::pictures_that_cannot_be_compared_are_errors
 plant "14 corners that are no numbers" src/scene/load/mesh.rs \

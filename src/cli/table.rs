@@ -1,4 +1,4 @@
-//! `opsr table`: what a table holds, and its forms for other programs.
+//! `opsr table`: shows a table, and exports it for other programs.
 
 use super::Blame;
 use super::output::print;
@@ -8,7 +8,7 @@ use opsr::files;
 use opsr::files::hex;
 use opsr::regularise::export::{self, Format};
 use opsr::regularise::file::TableFile;
-use opsr::regularise::{GammaIndex, LEN, LEVELS, MAX_VERTICES};
+use opsr::regularise::{BINS, GammaIndex, LEN, MAX_VERTICES};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -21,23 +21,25 @@ pub(super) struct TableArgs {
 
 #[derive(Clone, Debug, Subcommand)]
 enum Action {
-    /// Say how a table was learned and what its factors are.
+    /// Show the factors of a table and how it was learned.
     ///
-    /// Classes are listed by length of the path, each with its roughness levels from the camera on (0 is smooth, 3 is
-    /// rough), its factor and how often training met it.
+    /// Classes are listed by the number of vertices, each with the roughness bins of its vertices, camera first (0 is
+    /// smooth, 3 is rough), its factor, and the number of its events in training.
     Show {
         /// The table (params/*.json).
         file: PathBuf,
         /// Print JSON.
         #[arg(long)]
         json: bool,
-        /// List only the N most visited classes of each length (with the largest factors, where visits are not known).
+        /// List only the N most visited classes of each length (those with the largest factors for a table without
+        /// training record).
         #[arg(long, value_name = "N")]
         top: Option<usize>,
     },
-    /// Write a table for another program: an array, or source code with the whole look-up.
+    /// Export a table for another program, as an array or as source code with the whole look-up.
     ///
-    /// Source code says at its head how a renderer calls it. Arrays hold the factors with the table's scale applied.
+    /// A comment at the head of the source code shows how a renderer calls it. Arrays hold the factors multiplied by the
+    /// table's scale.
     #[command(
         after_help = "Examples:\n  opsr table export params/beta-0.001.json -o opsr_table.h\n  \
         opsr table export params/beta-0.001.json -o shaders/opsr.glsl\n  \
@@ -46,29 +48,29 @@ enum Action {
     Export {
         /// The table (params/*.json).
         file: PathBuf,
-        /// What to write; without it the ending of OUT decides.
+        /// Format of OUT; by default that of its file name extension.
         #[arg(long, value_enum)]
         format: Option<Form>,
-        /// The file to write, `-` for standard output.
+        /// File to write, or `-` for standard output.
         #[arg(short, long, value_name = "OUT")]
         output: PathBuf,
     },
 }
 
-/// [`Format`] on the command line.
+/// [`Format`] as a command line value.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Form {
-    /// NumPy's array file: f32 [1360].
+    /// NumPy array, f32 [1360].
     Npy,
-    /// One tensor `gammas`, f32 [1360], with class order, look-up and training in the metadata.
+    /// Tensor `gammas`, f32 [1360], with class order, look-up and training record in the metadata.
     Safetensors,
-    /// A line for each class: index, length, code, bins, gamma, visits.
+    /// One line per class: index, length, code, bins, gamma, visits.
     Csv,
-    /// A header for C99 and C++.
+    /// Header for C99 and C++.
     C,
-    /// An include for GLSL, HLSL and Slang.
+    /// Include file for GLSL, HLSL and Slang.
     Glsl,
-    /// A Rust module without dependencies, for `core` alone.
+    /// Rust module that depends on `core` only.
     Rust,
 }
 
@@ -90,11 +92,11 @@ pub(super) fn run(args: &TableArgs) -> anyhow::Result<()> {
     match &args.action {
         Action::Show { file, json, top } => {
             let table = TableFile::load(file).input()?;
-            let facts = facts(&table, top.unwrap_or(LEN));
+            let summary = summarise(&table, top.unwrap_or(LEN));
             let text = if *json {
-                format!("{facts:#}\n")
+                format!("{summary:#}\n")
             } else {
-                describe(&facts)
+                describe(&summary)
             };
             print(text)
         }
@@ -109,8 +111,8 @@ pub(super) fn run(args: &TableArgs) -> anyhow::Result<()> {
 fn write(file: &Path, format: Option<Format>, output: &Path) -> anyhow::Result<()> {
     let Some(format) = format.or_else(|| Format::of(output)) else {
         return Err(anyhow!(
-            "{}: the name does not say what to write: end it in .npy, .safetensors, .csv, .h, .glsl, .hlsl, .slang \
-             or .rs, or give --format",
+            "{}: no format for this extension: use .npy, .safetensors, .csv, .h, .glsl, .hlsl, .slang or .rs, or \
+             --format",
             output.display()
         ))
         .usage();
@@ -124,25 +126,25 @@ fn write(file: &Path, format: Option<Format>, output: &Path) -> anyhow::Result<(
         .output()
 }
 
-/// Header, statistics and classes, as JSON.
-fn facts(file: &TableFile, top: usize) -> Value {
+/// Training record, statistics and classes as JSON.
+fn summarise(file: &TableFile, top: usize) -> Value {
     let table = &file.table;
     let visits = file.provenance.as_ref().map(|p| p.visits.as_slice());
     let lengths = (2..=MAX_VERTICES).map(|length| of_length(file, visits, length, top));
     let mut training = json!(file.provenance);
-    // The classes say it.
+    // Listed with the classes.
     if let Some(fields) = training.as_object_mut() {
         fields.remove("visits");
     }
     json!({
-        "levels": LEVELS,
+        "levels": BINS,
         "lookup": table.lookup,
         "scale": table.scale,
         "sha256": hex(&file.digest()),
         "training": training,
         "all": statistics(file, visits, &classes(|_| true)),
-        // Lobes in the last level have almost nothing to roughen.
-        "live": statistics(file, visits, &classes(|levels| levels.last() < Some(&(LEVELS - 1)))),
+        // A last vertex in the last bin is so rough that its factor hardly matters.
+        "live": statistics(file, visits, &classes(|bins| bins.last() < Some(&(BINS - 1)))),
         "lengths": lengths.collect::<Vec<_>>(),
     })
 }
@@ -150,12 +152,12 @@ fn facts(file: &TableFile, top: usize) -> Value {
 fn classes(wanted: impl Fn(&[usize]) -> bool) -> Vec<GammaIndex> {
     (0..LEN)
         .filter_map(GammaIndex::new)
-        .filter(|c| wanted(&c.levels()))
+        .filter(|c| wanted(&c.bins()))
         .collect()
 }
 
 fn of_length(file: &TableFile, visits: Option<&[u64]>, length: usize, top: usize) -> Value {
-    let mut classes = classes(|levels| levels.len() == length);
+    let mut classes = classes(|bins| bins.len() == length);
     let statistics = statistics(file, visits, &classes);
     let gamma = |class: GammaIndex| file.table.gammas[class.index()];
     if top < classes.len() {
@@ -167,10 +169,10 @@ fn of_length(file: &TableFile, visits: Option<&[u64]>, length: usize, top: usize
     }
     let list: Vec<Value> = (classes.iter())
         .map(|&class| {
-            let levels: Vec<String> = class.levels().iter().map(usize::to_string).collect();
+            let bins: Vec<String> = class.bins().iter().map(usize::to_string).collect();
             json!({
                 "index": class.index(),
-                "code": levels.join(" "),
+                "code": bins.join(" "),
                 "gamma": gamma(class),
                 "visits": visits.map(|v| v[class.index()]),
             })
@@ -199,23 +201,27 @@ fn statistics(file: &TableFile, visits: Option<&[u64]>, classes: &[GammaIndex]) 
     })
 }
 
-/// The same as text.
-fn describe(facts: &Value) -> String {
+/// Formats the summary as text.
+fn describe(summary: &Value) -> String {
     let mut out = String::new();
     let mut line = |text: String| {
         out.push_str(text.trim_end());
         out.push('\n');
     };
-    line(format!("look-up     {}", word(&facts["lookup"])));
-    line(format!("scale       {}", facts["scale"]));
-    line(format!("sha256      {}", word(&facts["sha256"])));
-    match facts["training"].as_object() {
+    line(format!("look-up     {}", word(&summary["lookup"])));
+    line(format!("scale       {}", summary["scale"]));
+    line(format!("sha256      {}", word(&summary["sha256"])));
+    match summary["training"].as_object() {
         None => line("learned     no: made by hand".into()),
         Some(fields) => {
             for (name, value) in fields.iter().filter(|(name, _)| *name != "scenes") {
                 line(format!("{name:<11} {}", word(value)));
             }
-            for scene in facts["training"]["scenes"].as_array().into_iter().flatten() {
+            for scene in summary["training"]["scenes"]
+                .as_array()
+                .into_iter()
+                .flatten()
+            {
                 line(format!(
                     "scene       {} {}",
                     word(&scene[0]),
@@ -228,13 +234,13 @@ fn describe(facts: &Value) -> String {
     line(
         "vertices  classes  visited  smallest    median      mean   largest  at 0  at 1".to_owned(),
     );
-    for length in facts["lengths"].as_array().into_iter().flatten() {
+    for length in summary["lengths"].as_array().into_iter().flatten() {
         line(row(&length["vertices"].to_string(), &length["statistics"]));
     }
-    line(row("all", &facts["all"]));
-    line(row("live", &facts["live"]));
-    line("live: classes whose last vertex is not on the roughest level".into());
-    for length in facts["lengths"].as_array().into_iter().flatten() {
+    line(row("all", &summary["all"]));
+    line(row("live", &summary["live"]));
+    line("live: classes whose last vertex is not in the roughest bin".into());
+    for length in summary["lengths"].as_array().into_iter().flatten() {
         line(format!("\n{} vertices", length["vertices"]));
         for class in length["classes"].as_array().into_iter().flatten() {
             let visits = match class["visits"].as_u64() {
@@ -266,7 +272,7 @@ fn row(name: &str, s: &Value) -> String {
     )
 }
 
-/// A factor in eight columns.
+/// Formats a factor in eight columns.
 fn number(value: &Value) -> String {
     match value.as_f64().unwrap_or_default() {
         x if x == 0.0 || x >= 1e-3 => format!("{x:8.5}"),
@@ -274,7 +280,7 @@ fn number(value: &Value) -> String {
     }
 }
 
-/// Text without its quotes, anything else as JSON.
+/// Formats a string without quotes and any other value as JSON.
 fn word(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), Into::into)
 }

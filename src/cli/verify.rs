@@ -1,4 +1,4 @@
-//! `opsr verify`: hard numerical cases on this machine.
+//! `opsr verify`: runs the hard numerical cases on this machine.
 
 use super::Exit;
 use super::output::print;
@@ -14,11 +14,11 @@ pub(super) struct VerifyArgs {
     json: bool,
 }
 
-/// Runs the command: every case, what was tried in it, the worst value met and its bound.
+/// Runs the command: prints the worst value and the bound of every check.
 pub(super) fn run(args: &VerifyArgs) -> anyhow::Result<Exit> {
     let (mut all, mut violations) = (Vec::new(), 0);
     if !args.json {
-        print(row(["case", "tried", "worst", "bound"], ""))?;
+        print(row(["case", "check", "worst", "bound"], ""))?;
     }
     for case in &CASES {
         for finding in case.run() {
@@ -38,7 +38,7 @@ pub(super) fn run(args: &VerifyArgs) -> anyhow::Result<Exit> {
         print("all hold\n")?;
     } else {
         print(format!(
-            "{violations} violated: please report them with the kind of machine\n"
+            "{violations} violated: please report them with the model of the processor\n"
         ))?;
     }
     Ok(if violations == 0 {

@@ -15,7 +15,7 @@ use crate::image::film::Film;
 use crate::math::Vec2;
 use crate::regularise::rules::{FilterGlossy, Mollifier, PbrtRegularize, RoughnessClamp};
 use crate::regularise::{Accumulated, AttenuationTable, ConstantGamma, Regulariser, Unregularised};
-use crate::sampler::{Independent, SampleSource, Sampler};
+use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
 use crate::scene::{Camera, Scene};
 pub use aov::FirstHit;
 pub use census::Census;
@@ -182,7 +182,9 @@ impl<R: Regulariser + Send> Integrator for Rendering<R> {
     }
 
     fn census(&self, scene: &Scene, camera: &Camera, samples: Range<u32>, film: &Film) -> Census {
-        let source = Independent { seed: self.seed };
+        let source = Independent {
+            seed: Seed(self.seed).derive(Domain::Camera, 0),
+        };
         let mut census = Census::default();
         let mut film = film.clone();
         self.tracer
@@ -211,7 +213,9 @@ impl<R: Regulariser> PathTracer<R> {
         samples: Range<u32>,
         picture: &mut Picture,
     ) {
-        let source = Independent { seed };
+        let source = Independent {
+            seed: Seed(seed).derive(Domain::Camera, 0),
+        };
         let Picture { film, aovs } = picture;
         match aovs {
             Some(aovs) => self.estimate(scene, camera, &source, samples, film, aovs),

@@ -1,4 +1,4 @@
-//! Light from squares that cover from 1e-12 steradians to the hemisphere, and from squares that do not shine here.
+//! Light sampling: squares from 1e-12 steradians to the hemisphere, slivers, skies with one bright texel.
 
 use super::{Finding, Numbers};
 use crate::gallery::furnace_sphere;
@@ -10,22 +10,22 @@ use crate::math::{DVec3, Frame, Ray, Rgb, Vec2, Vec3, warp};
 use crate::scene::{Environment, LightSample, Material, Mesh, Scene, SceneParts, Surface};
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
-/// Strata along one side.
+/// Strata along one axis.
 const STRATA: usize = 128;
 
-/// A square that shines downwards, seen from the origin.
+/// Square that emits downwards on a surface at the origin.
 struct Square {
     /// Height above the origin.
     height: f32,
-    /// Edge.
+    /// Length of the edge.
     edge: f32,
-    /// Of its centre, to the side.
+    /// Horizontal distance of the centre from the origin.
     shift: f32,
     /// Normal of the surface at the origin.
     normal: Vec3,
 }
 
-/// Squares with the light they send, from small and far to large and near.
+/// Squares from small and far to large and near.
 fn squares() -> Vec<Square> {
     let tilted = Vec3::new(1.0, 1.0, 0.3);
     [
@@ -43,7 +43,7 @@ fn squares() -> Vec<Square> {
         (1e-4, 1.0, 0.0, Vec3::X),
         (1e-4, 1.0, 0.5, Vec3::Y),
         (1.0, 1e6, 0.0, Vec3::Y),
-        // In the plane of the light, behind it, and turned away from it.
+        // The surface lies in the plane of the light, behind it, and turned away from it.
         (0.0, 1.0, 2.0, Vec3::Y),
         (-1.0, 1.0, 0.0, -Vec3::Y),
         (1.0, 1.0, 0.0, -Vec3::Y),
@@ -70,7 +70,7 @@ impl Square {
         Scene::new(parts)
     }
 
-    /// Light reflected by a white surface, in closed form: Lambert's sum over the edges of what is above the horizon.
+    /// Light reflected by a white surface, in closed form.
     fn exact(&self) -> f64 {
         let normal = self.normal.as_dvec3();
         if self.height <= 0.0 {
@@ -78,7 +78,7 @@ impl Square {
         }
         let centre = DVec3::new(self.shift.into(), self.height.into(), 0.0);
         if f64::from(self.edge) < 1e-3 * centre.length() {
-            // The sum would cancel.
+            // Lambert's sum would cancel.
             let to = centre.normalize();
             let area = f64::from(self.edge).powi(2);
             let cosines = to.dot(normal).max(0.0) * to.y;
@@ -88,8 +88,8 @@ impl Square {
     }
 }
 
-/// Light reflected at the origin by a white surface with this normal, by light samples and lobe samples together, and
-/// the largest relative difference between the densities that a light sample and the ray towards it report.
+/// Light reflected at the origin by a white surface with this normal, by light and lobe samples with MIS; and the largest
+/// relative difference between the density of a light sample and that of the ray towards it.
 fn sampled(scene: &Scene, normal: Vec3, numbers: &mut Numbers) -> (f64, f64) {
     let frame = Frame::from_normal(normal);
     let (mut sum, mut apart) = (0.0f64, 0.0f64);
@@ -119,7 +119,7 @@ fn sampled(scene: &Scene, normal: Vec3, numbers: &mut Numbers) -> (f64, f64) {
     (sum / (STRATA * STRATA) as f64, apart)
 }
 
-/// Lambert's sum over the edges of a polygon, of what is above the horizon: its light reflected by a white surface.
+/// Light of a polygon reflected by a white surface: Lambert's sum over the edges of the part above the horizon.
 fn lambert(polygon: &[DVec3], normal: DVec3) -> f64 {
     let corners = above(polygon, normal);
     let edges = (0..corners.len()).map(|i| {
@@ -130,7 +130,7 @@ fn lambert(polygon: &[DVec3], normal: DVec3) -> f64 {
     edges.sum::<f64>().abs() / TAU
 }
 
-/// The part of a polygon above the plane through the origin with this normal.
+/// Part of a polygon above the plane through the origin with this normal.
 fn above(polygon: &[DVec3], normal: DVec3) -> Vec<DVec3> {
     let mut out = Vec::new();
     for (i, &a) in polygon.iter().enumerate() {
@@ -166,17 +166,17 @@ pub(super) fn all() -> Vec<Finding> {
             errors,
         ),
         Finding::new(
-            "density of a light sample against that of its ray",
+            "density of a light sample against that of the ray to it",
             1e-3,
             densities,
         ),
         slivers(),
-        hidden(&|surface, light| surface.spawn_to_light(light)),
+        occluded(&|surface, light| surface.spawn_to_light(light)),
         sun(),
     ]
 }
 
-/// Triangles a million times as long as wide, anywhere: relative error of their light by light samples.
+/// Relative error of the light of triangles up to 1e6 times as long as wide, by light samples.
 fn slivers() -> Finding {
     let mut numbers = Numbers::new(31);
     let mut errors = Vec::new();
@@ -225,11 +225,11 @@ fn slivers() -> Finding {
     )
 }
 
-/// The ray that asks whether a light sample is seen from a surface.
+/// Shadow ray from a surface to a light sample.
 pub type ShadowRay<'a> = &'a dyn Fn(&Surface, &LightSample) -> Ray;
 
-/// Light samples inside a glowing sphere whose shadow ray meets something, at all scales and away from the origin.
-pub fn hidden(shadow_ray: ShadowRay<'_>) -> Finding {
+/// Counts occluded light samples inside an emissive sphere, at all scales and away from the origin.
+pub fn occluded(shadow_ray: ShadowRay<'_>) -> Finding {
     let mut numbers = Numbers::new(33);
     let mut count = 0;
     for scale in [1e-3, 1.0, 1e3, 1e6] {
@@ -254,13 +254,13 @@ pub fn hidden(shadow_ray: ShadowRay<'_>) -> Finding {
         }
     }
     Finding::new(
-        "lights of a convex room that hide themselves",
+        "light samples in a convex room that are occluded",
         0.0,
         [f64::from(count)],
     )
 }
 
-/// A dim sky with one texel of 1e5 or 1e9, at the horizon, overhead, and behind: relative error of its light.
+/// Relative error of the light of a dim sky with one texel of 1e5 or 1e9 at the horizon, overhead, or behind.
 fn sun() -> Finding {
     const SIZE: [usize; 2] = [64, 32];
     let mut numbers = Numbers::new(32);
@@ -270,7 +270,7 @@ fn sun() -> Finding {
             let map = Buffer::from_fn(SIZE[0], SIZE[1], |x, y| {
                 Rgb::splat(if (x, y) == sun { bright } else { 0.1 })
             });
-            // Sixteen points of each texel, weighted by its solid angle.
+            // 16 × 16 points per texel, weighted by solid angle.
             let mut exact = 0.0;
             let normal = Vec3::new(0.3, 1.0, -0.2).normalize();
             let (columns, rows) = (16 * SIZE[0], 16 * SIZE[1]);

@@ -1,5 +1,4 @@
-//! Lobes near the bound below which they are Dirac deltas, at the ends of the random numbers, at the horizon and at the
-//! edge of total reflection.
+//! Lobes around the Dirac bound, at extreme random numbers, at the horizon and at the critical angle.
 
 use super::{Finding, Numbers, transport};
 use crate::bsdf::{
@@ -27,7 +26,7 @@ fn glass(eta: f32, alpha: f32, distribution: Distribution) -> Bsdf {
     })
 }
 
-fn closures(alpha: f32, distribution: Distribution) -> [Bsdf; 5] {
+fn bsdfs(alpha: f32, distribution: Distribution) -> [Bsdf; 5] {
     [
         metal(alpha, distribution),
         Bsdf::Glossy(Glossy {
@@ -51,24 +50,24 @@ fn distribution(i: usize) -> Distribution {
     [Distribution::Beckmann, Distribution::Ggx][i % 2]
 }
 
-/// A direction on either side of the surface.
-fn view(numbers: &mut Numbers) -> Vec3 {
+/// Direction on either side of the surface.
+fn direction(numbers: &mut Numbers) -> Vec3 {
     let w = numbers.above();
     if numbers.next() < 0.5 { w } else { -w }
 }
 
 pub(super) fn dirac() -> Vec<Finding> {
     vec![
-        kinds(&|bsdf, alpha, wo, u| Some(bsdf.sample(alpha, wo, u)?.delta)),
-        transport::switch(),
+        dirac_bound(&|bsdf, alpha, wo, u| Some(bsdf.sample(alpha, wo, u)?.delta)),
+        transport::mean_across_the_dirac_bound(),
     ]
 }
 
-/// Whether what a closure draws at a roughness is a Dirac delta; `None` where nothing is drawn.
+/// True if a sample of a BSDF at a roughness is a Dirac delta; `None` where sampling fails.
 pub type IsDelta<'a> = &'a dyn Fn(&Bsdf, f32, Vec3, [f32; 3]) -> Option<bool>;
 
-/// Below 1e-3 every glossy draw is a delta and its evaluation zero, from 1e-3 on neither.
-pub fn kinds(is_delta: IsDelta<'_>) -> Finding {
+/// Counts violations of: below α = 1e-3 every glossy sample is a delta and `eval` zero, from 1e-3 on neither.
+pub fn dirac_bound(is_delta: IsDelta<'_>) -> Finding {
     let mut numbers = Numbers::new(20);
     let mut wrong = 0;
     for (alpha, expected) in [
@@ -83,39 +82,43 @@ pub fn kinds(is_delta: IsDelta<'_>) -> Finding {
     ] {
         for i in 0..2000 {
             let (wo, u) = (numbers.above(), numbers.ends());
-            // Without the one that has a diffuse base.
-            for bsdf in [0, 2, 3, 4].map(|k| closures(alpha, distribution(i))[k]) {
+            // All without a diffuse base.
+            for bsdf in [0, 2, 3, 4].map(|k| bsdfs(alpha, distribution(i))[k]) {
                 wrong += usize::from(is_delta(&bsdf, alpha, wo, u).is_some_and(|d| d != expected));
                 let mirrored = bsdf.eval(alpha, wo, Vec3::new(-wo.x, -wo.y, wo.z));
                 wrong += usize::from((mirrored.value == Rgb::ZERO) != expected);
             }
         }
     }
-    Finding::new("draws and values of the wrong kind", 0.0, [wrong as f64])
+    Finding::new(
+        "samples and values on the wrong side of the Dirac bound",
+        0.0,
+        [wrong as f64],
+    )
 }
 
-pub(super) fn ends() -> Vec<Finding> {
-    vec![draws(&|bsdf, alpha, wo, wi| {
+pub(super) fn sampling() -> Vec<Finding> {
+    vec![samples(&|bsdf, alpha, wo, wi| {
         let eval = bsdf.eval(alpha, wo, wi);
         (eval.value, eval.pdf_w)
     })]
 }
 
-/// Value and density of a closure at a roughness for a pair of directions.
+/// Value and density of a BSDF at a roughness for a pair of directions.
 pub type Evaluate<'a> = &'a dyn Fn(&Bsdf, f32, Vec3, Vec3) -> (Rgb, f32);
 
-/// What a draw says it is worth against what the closure says when it is asked anew: roughness from 1e-3 to 1, random
-/// numbers at 0 and just below 1, up to 1e-5 from the horizon.
-pub fn draws(evaluate: Evaluate<'_>) -> Finding {
+/// Weight and density of samples against an evaluation at the sampled direction: roughness from 1e-3 to 1, random
+/// numbers at 0 and just below 1, directions up to 1e-5 from the horizon.
+pub fn samples(evaluate: Evaluate<'_>) -> Finding {
     let mut numbers = Numbers::new(21);
     let mut errors = Vec::new();
     for i in 0..DRAWS {
         let alpha = numbers.logarithmic(1e-3, 1.0).max(1e-3) as f32;
-        let (wo, u) = (view(&mut numbers), numbers.ends());
-        let bsdf = closures(alpha, distribution(i))[i % 5];
+        let (wo, u) = (direction(&mut numbers), numbers.ends());
+        let bsdf = bsdfs(alpha, distribution(i))[i % 5];
         let Some(sample) = bsdf.sample(alpha, wo, u) else {
-            // From the outside no normal of small Gaussian slopes turns a direction below the horizon; a diffuse base
-            // may be drawn on it.
+            // A normal of small Gaussian slopes never reflects a steep direction below the horizon; a diffuse sample
+            // may lie on the horizon.
             let glossy = distribution(i) == Distribution::Beckmann && i % 5 != 1;
             if glossy && wo.z > 0.9 && alpha < 0.05 {
                 errors.push(f64::NAN);
@@ -129,7 +132,7 @@ pub fn draws(evaluate: Evaluate<'_>) -> Finding {
         errors.push((f64::from(sample.wi.length()) - 1.0).abs());
     }
     Finding::new(
-        "draw against asking anew: weight, density, length; none lost",
+        "sample against eval: weight, density, length; none fails",
         1e-4,
         errors,
     )
@@ -137,11 +140,11 @@ pub fn draws(evaluate: Evaluate<'_>) -> Finding {
 
 pub(super) fn interfaces() -> Vec<Finding> {
     let mut findings = vec![reflectance(&fresnel::dielectric), smooth(), equal()];
-    findings.extend(transport::weak());
+    findings.extend(transport::weak_interfaces());
     findings
 }
 
-/// Reflectance of a smooth interface as it is printed: Fresnel's two polarisations, with Snell's law in between.
+/// Reflectance of a smooth interface by Fresnel's equations for both polarisations and Snell's law, in double precision.
 pub fn polarisations(cos: f64, eta: f64) -> f64 {
     let sin2 = (1.0 - cos * cos) / (eta * eta);
     if sin2 >= 1.0 {
@@ -153,10 +156,10 @@ pub fn polarisations(cos: f64, eta: f64) -> f64 {
     0.5 * (s * s + p * p)
 }
 
-/// Cosines down to 1e-6 and around the edge of total reflection, for indices 1/3 to 3 and 1 ± 1e-4.
+/// Reflectance at cosines down to 1e-6 and around the critical angle, for indices 1/3 to 3 and 1 ± 1e-4.
 ///
-/// At the edge the reflectance has a vertical tangent, so half of what it changes over some bits of the cosine is
-/// allowed on top.
+/// The reflectance has a vertical tangent at the critical angle: its change over some bits of the cosine is allowed in
+/// addition.
 pub fn reflectance(fresnel: &dyn Fn(f32, f32) -> f32) -> Finding {
     let mut numbers = Numbers::new(22);
     let errors = (0..DRAWS).map(|i| {
@@ -170,24 +173,27 @@ pub fn reflectance(fresnel: &dyn Fn(f32, f32) -> f32) -> Finding {
         let cos = cos.clamp(1e-6, 1.0);
         let (c, e) = (f64::from(cos), f64::from(eta));
         let (low, high) = (c * (1.0 - 2.5e-7), (c * (1.0 + 2.5e-7)).min(1.0));
-        let slope = (polarisations(low, e) - polarisations(high, e)).abs();
+        let change = (polarisations(low, e) - polarisations(high, e)).abs();
         let found = f64::from(fresnel(cos, eta));
-        ((found - polarisations(c, e)).abs() - slope).max(found - 1.0)
+        ((found - polarisations(c, e)).abs() - change).max(found - 1.0)
     });
     Finding::new(
-        "reflectance against double precision, beyond its slope",
+        "error of the reflectance beyond its change at cos ± 2.5e-7",
         2e-6,
         errors,
     )
 }
 
-/// A smooth interface loses nothing: a reflected draw is worth 1, a refracted one (1/η)² of radiance, by Snell's law.
+/// Energy conservation of a smooth interface: a reflected sample has weight 1, a refracted one (1/η)²; Snell's law.
 fn smooth() -> Finding {
     let mut numbers = Numbers::new(23);
     let mut errors = Vec::new();
     for i in 0..DRAWS {
         let eta = [1.5, 3.0, 1.001, 1.33, 0.7][i % 5];
-        let (bsdf, wo) = (glass(eta, 0.0, Distribution::Beckmann), view(&mut numbers));
+        let (bsdf, wo) = (
+            glass(eta, 0.0, Distribution::Beckmann),
+            direction(&mut numbers),
+        );
         let Some(sample) = bsdf.sample(0.0, wo, numbers.ends()) else {
             errors.push(f64::NAN);
             continue;
@@ -203,19 +209,19 @@ fn smooth() -> Finding {
         errors.push((f64::from(sample.wi.length()) - 1.0).abs());
     }
     Finding::new(
-        "smooth interface: energy less 1, Snell, length",
+        "smooth interface: energy − 1, Snell's law, length",
         1e-6,
         errors,
     )
 }
 
-/// Between equal indices nothing is there: straight on, undimmed, at any roughness and any random number.
+/// An interface between equal indices passes light straight on with weight 1, at any roughness and random number.
 fn equal() -> Finding {
     let mut numbers = Numbers::new(24);
     let mut errors = Vec::new();
     for i in 0..DRAWS / 10 {
         let (eta, alpha) = ([1.0, 1.0001, 0.9999][i % 3], numbers.next());
-        let (bsdf, wo) = (glass(eta, alpha, distribution(i)), view(&mut numbers));
+        let (bsdf, wo) = (glass(eta, alpha, distribution(i)), direction(&mut numbers));
         match bsdf.sample(alpha, wo, numbers.ends()) {
             Some(s) => {
                 errors.push(f64::from((s.wi + wo).length()));
@@ -224,5 +230,5 @@ fn equal() -> Finding {
             None => errors.push(f64::NAN),
         }
     }
-    Finding::new("an index of 1 is seen", 0.0, errors)
+    Finding::new("visibility of an interface of index 1", 0.0, errors)
 }

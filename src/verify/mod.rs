@@ -1,9 +1,9 @@
-//! Hard numerical cases, tried on the machine at hand.
+//! Hard numerical cases, checked on the current machine.
 //!
-//! A renderer that regularises lives at roughness near zero, where single precision has few digits to spare and where
-//! another processor or mathematics library may round otherwise. Each [`Case`] tries one kind of trouble and reports
-//! the worst that it met beside the bound that this program promises. The checks take what they check as an argument,
-//! so that tests can hand them something wrong and see that they find it.
+//! Regularisation works at roughness near zero, where single precision has few digits to spare and where another
+//! processor or mathematics library may round differently. A [`Case`] runs checks of one kind; each reports the worst
+//! value met beside its bound. A check takes the function that it checks as an argument, so that tests can plant a
+//! faulty one and require that it is found. The cases are listed in `docs/numerics.md`.
 
 pub mod lights;
 pub mod lobes;
@@ -12,21 +12,21 @@ pub mod transport;
 pub mod weights;
 
 use crate::math::{UVec2, Vec3};
-use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler};
+use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
 
-/// What one check found.
+/// Result of one check.
 #[derive(Clone, Debug)]
 pub struct Finding {
-    /// What was tried, and what `worst` is.
+    /// Quantity that was checked, with the inputs.
     pub tried: String,
-    /// The worst value met.
+    /// Largest value met.
     pub worst: f64,
-    /// What it may be at most.
+    /// Largest value allowed.
     pub bound: f64,
 }
 
 impl Finding {
-    /// A finding from the worst of some values; one that is not a number stays.
+    /// Finding with the largest of these values; NaN if one of them is NaN.
     fn new(tried: impl Into<String>, bound: f64, values: impl IntoIterator<Item = f64>) -> Self {
         let worse = |a: f64, b: f64| if b > a || b.is_nan() { b } else { a };
         let worst = values
@@ -39,98 +39,69 @@ impl Finding {
         }
     }
 
-    /// Whether the bound holds; never for a worst value that is not a number.
+    /// True if the bound holds; false if the largest value is NaN.
     pub fn holds(&self) -> bool {
         self.worst <= self.bound
     }
 }
 
-/// A kind of trouble.
+/// Checks of one kind.
 pub struct Case {
-    /// Its name.
+    /// Name, as `opsr verify` prints it.
     pub name: &'static str,
     run: fn() -> Vec<Finding>,
 }
 
 impl Case {
-    /// Tries it.
+    /// Runs the checks.
     pub fn run(&self) -> Vec<Finding> {
         (self.run)()
     }
 }
 
-/// All cases; together they take some seconds.
+const fn case(name: &'static str, run: fn() -> Vec<Finding>) -> Case {
+    Case { name, run }
+}
+
+/// All cases. They run for a few seconds.
 pub const CASES: [Case; 11] = [
-    Case {
-        name: "path roughness",
-        run: roughness::all,
-    },
-    Case {
-        name: "the Dirac bound",
-        run: lobes::dirac,
-    },
-    Case {
-        name: "lobes at the ends",
-        run: lobes::ends,
-    },
-    Case {
-        name: "interfaces",
-        run: lobes::interfaces,
-    },
-    Case {
-        name: "weights of densities",
-        run: weights::balances,
-    },
-    Case {
-        name: "running moments",
-        run: weights::moments,
-    },
-    Case {
-        name: "lights near and far",
-        run: lights::all,
-    },
-    Case {
-        name: "closed bodies",
-        run: transport::leaks,
-    },
-    Case {
-        name: "scale of the scene",
-        run: transport::scales,
-    },
-    Case {
-        name: "Russian roulette",
-        run: transport::roulette,
-    },
-    Case {
-        name: "scenes without anything",
-        run: transport::nothing,
-    },
+    case("path roughness", roughness::all),
+    case("Dirac bound", lobes::dirac),
+    case("lobe sampling", lobes::sampling),
+    case("interfaces", lobes::interfaces),
+    case("MIS weights", weights::balances),
+    case("running moments", weights::moments),
+    case("lights near and far", lights::all),
+    case("closed bodies", transport::leaks),
+    case("scale of the scene", transport::scales),
+    case("Russian roulette", transport::roulette),
+    case("empty scenes", transport::empty_scenes),
 ];
 
-/// Uniform random numbers of the renderer's own kind.
+/// Random numbers from the renderer's generator.
 struct Numbers(IndependentStream);
 
 impl Numbers {
     fn new(seed: u64) -> Self {
-        Self(Independent { seed }.stream(UVec2::ZERO, 0))
+        Self(Independent { seed: Seed(seed) }.stream(UVec2::ZERO, 0))
     }
 
-    /// In [0, 1).
+    /// Uniform number in [0, 1).
     fn next(&mut self) -> f32 {
         self.0.next_1d()
     }
 
-    /// One of 0..count.
+    /// Uniform integer in 0..count.
     fn below(&mut self, count: usize) -> usize {
         ((self.next() * count as f32) as usize).min(count - 1)
     }
 
-    /// From `low` to `high`, even in the logarithm.
+    /// Number from `low` to `high`, uniform in the logarithm.
     fn logarithmic(&mut self, low: f64, high: f64) -> f64 {
         low * (high / low).powf(f64::from(self.next()))
     }
 
-    /// Three numbers, often at the ends of their range.
+    /// Three numbers in [0, 1), often at the ends of the range.
     fn ends(&mut self) -> [f32; 3] {
         std::array::from_fn(|_| match self.below(16) {
             0 => 0.0,
@@ -140,7 +111,7 @@ impl Numbers {
         })
     }
 
-    /// A direction above the plane z = 0, half of them ever closer to the horizon.
+    /// Direction above the plane z = 0; half of them logarithmic in the distance to the horizon, from 1e-5 radians on.
     fn above(&mut self) -> Vec3 {
         let from_horizon = if self.next() < 0.5 {
             90.0 * self.next()

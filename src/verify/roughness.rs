@@ -1,17 +1,17 @@
-//! The accumulated roughness of a path: small values, edges between levels, long paths.
+//! Accumulated roughness of a path: small values, edges of bins, long paths.
 
 use super::{Finding, Numbers};
 use crate::regularise::{
-    Attenuation, AttenuationTable, BIN_EDGES, ConstantGamma, GammaIndex, LEN, LEVELS, Lookup,
+    Attenuation, AttenuationTable, BIN_EDGES, BINS, ConstantGamma, GammaIndex, LEN, Lookup,
     MAX_VERTICES, PathRoughness, bin,
 };
 
 const PATHS: usize = 200_000;
 
-/// α′ of a path whose vertices are all given, with a table.
+/// α′ of a path, camera first, with a table.
 pub type Accumulate<'a> = &'a dyn Fn(&[f32], &AttenuationTable) -> f32;
 
-/// What this program computes.
+/// α′ by [`PathRoughness`].
 pub fn accumulate(alphas: &[f32], attenuation: &AttenuationTable) -> f32 {
     with(alphas, attenuation)
 }
@@ -23,16 +23,16 @@ fn with(alphas: &[f32], attenuation: &impl Attenuation) -> f32 {
 
 pub(super) fn all() -> Vec<Finding> {
     vec![
-        digits(&accumulate),
+        small_roughness(&accumulate),
         zeros(&accumulate),
-        promises(),
-        levels(&bin),
+        bounds(),
+        bins(&bin),
         folding(&accumulate),
         continuity(),
     ]
 }
 
-/// A table of different factors.
+/// Table of random factors.
 fn table(lookup: Lookup, numbers: &mut Numbers) -> AttenuationTable {
     let mut table = AttenuationTable {
         lookup,
@@ -42,8 +42,9 @@ fn table(lookup: Lookup, numbers: &mut Numbers) -> AttenuationTable {
     table
 }
 
-/// Roughness from 1e-8 to 1e-2, where 1 − (1 − αₙ) ∏ (1 − γ αᵢ) in single precision loses its digits.
-pub fn digits(accumulate: Accumulate<'_>) -> Finding {
+/// Relative error of α′ for roughness from 1e-8 to 1e-2, where 1 − (1 − αₙ) ∏ (1 − γ αᵢ) loses its digits in single
+/// precision.
+pub fn small_roughness(accumulate: Accumulate<'_>) -> Finding {
     let mut numbers = Numbers::new(1);
     let errors = (0..PATHS).map(|_| {
         let length = 2 + numbers.below(MAX_VERTICES - 1);
@@ -68,7 +69,7 @@ pub fn digits(accumulate: Accumulate<'_>) -> Finding {
     )
 }
 
-/// g(0, …, 0, v) = v to the bit.
+/// Counts paths (0, …, 0, v) whose α′ is not bit-identical to v.
 pub fn zeros(accumulate: Accumulate<'_>) -> Finding {
     let mut numbers = Numbers::new(2);
     let table = table(Lookup::Nearest, &mut numbers);
@@ -80,13 +81,13 @@ pub fn zeros(accumulate: Accumulate<'_>) -> Finding {
             accumulate(&alphas, &table).to_bits() != last.to_bits(),
         ))
     });
-    Finding::new("g(0, …, 0, v) that is not v", 0.0, errors)
+    Finding::new("α′ of (0, …, 0, v) that is not v", 0.0, errors)
 }
 
-/// α′ ≥ αₙ, α′ ≤ 1, γ = 0 changes nothing, leading zeros change nothing, monotone in γ and in every roughness.
-fn promises() -> Finding {
+/// Violation of αₙ ≤ α′ ≤ 1, of α′ = αₙ for γ = 0, and of monotonicity in γ and in every roughness.
+fn bounds() -> Finding {
     let mut numbers = Numbers::new(3);
-    let breaches = (0..PATHS).map(|_| {
+    let violations = (0..PATHS).map(|_| {
         let length = 1 + numbers.below(12);
         let mut alpha = || match numbers.below(6) {
             0 => 0.0,
@@ -98,33 +99,33 @@ fn promises() -> Finding {
         let gamma = numbers.next();
         let last = alphas[length - 1];
         let value = with(&alphas, &ConstantGamma(gamma));
-        let mut breach = f64::from(last - value).max(f64::from(value) - 1.0);
-        breach = breach.max(f64::from((with(&alphas, &ConstantGamma(0.0)) - last).abs()));
+        let mut worst = f64::from(last - value).max(f64::from(value) - 1.0);
+        worst = worst.max(f64::from((with(&alphas, &ConstantGamma(0.0)) - last).abs()));
         let larger = gamma + (1.0 - gamma) * numbers.next();
-        breach = breach.max(f64::from(value - with(&alphas, &ConstantGamma(larger))));
+        worst = worst.max(f64::from(value - with(&alphas, &ConstantGamma(larger))));
         let i = numbers.below(length);
         alphas[i] += (1.0 - alphas[i]) * numbers.next();
-        breach = breach.max(f64::from(value - with(&alphas, &ConstantGamma(gamma))));
-        breach
+        worst.max(f64::from(value - with(&alphas, &ConstantGamma(gamma))))
     });
-    // Rounding may undo a growth in the last bit of 1.
+    // Rounding may undo an increase in the last bits of 1.
     Finding::new(
-        "breach of αₙ ≤ α′ ≤ 1, of γ = 0, of monotony",
+        "violation of αₙ ≤ α′ ≤ 1, of γ = 0, of monotonicity",
         2.5e-7,
-        breaches,
+        violations,
     )
 }
 
-/// Levels of a million roughness values and of the neighbours of each edge against the formula in double precision.
-pub fn levels(bin: &dyn Fn(f32) -> usize) -> Finding {
+/// Counts wrong bins among a million roughness values and the neighbours of each edge, by the formula in double
+/// precision.
+pub fn bins(bin: &dyn Fn(f32) -> usize) -> Finding {
     let formula = |alpha: f32| {
-        let coordinate = (f64::from(alpha).sqrt().exp2() - 1.0) * (LEVELS + 1) as f64;
-        (coordinate as usize).min(LEVELS - 1)
+        let coordinate = (f64::from(alpha).sqrt().exp2() - 1.0) * (BINS + 1) as f64;
+        (coordinate as usize).min(BINS - 1)
     };
     let mut numbers = Numbers::new(4);
     let mut wrong = 0;
     for edge in BIN_EDGES {
-        // The edge itself is the nearest single, on either side of the exact one.
+        // The edge itself is the nearest single and may lie on either side of the exact edge.
         for step in 1..1000 {
             for alpha in [edge.to_bits() - step, edge.to_bits() + step].map(f32::from_bits) {
                 wrong += usize::from(bin(alpha) != formula(alpha));
@@ -136,7 +137,7 @@ pub fn levels(bin: &dyn Fn(f32) -> usize) -> Finding {
         let is_edge = BIN_EDGES.contains(&alpha);
         wrong += usize::from(!is_edge && bin(alpha) != formula(alpha));
     }
-    for (alpha, level) in [
+    for (alpha, expected) in [
         (0.0, 0),
         (1.0, 3),
         (2.0, 3),
@@ -144,12 +145,12 @@ pub fn levels(bin: &dyn Fn(f32) -> usize) -> Finding {
         (f32::NAN, 0),
         (-1.0, 0),
     ] {
-        wrong += usize::from(bin(alpha) != level);
+        wrong += usize::from(bin(alpha) != expected);
     }
-    Finding::new("roughness on a wrong level", 0.0, [wrong as f64])
+    Finding::new("roughness in a wrong bin", 0.0, [wrong as f64])
 }
 
-/// α′ by the recursive definition, vertex by vertex from the front `[OPSR (13), (14)]`.
+/// α′ by its recursive definition, camera first `[OPSR (13), (14)]`.
 fn definition(alphas: &[f32], table: &AttenuationTable) -> f32 {
     if alphas.len() > MAX_VERTICES {
         let (first, rest) = alphas.split_at(MAX_VERTICES);
@@ -157,8 +158,8 @@ fn definition(alphas: &[f32], table: &AttenuationTable) -> f32 {
         return definition(&[&folded[..], rest].concat(), table);
     }
     let (&last, before) = alphas.split_last().expect("paths have a vertex");
-    let levels: Vec<usize> = alphas.iter().map(|&a| bin(a)).collect();
-    match GammaIndex::from_levels(&levels) {
+    let bins: Vec<usize> = alphas.iter().map(|&a| bin(a)).collect();
+    match GammaIndex::from_bins(&bins) {
         Some(class) if last < 1.0 => {
             let gamma = table.gammas[class.index()];
             let q = (before.iter()).fold(0.0f32, |q, &a| q + gamma * a * (1.0 - q));
@@ -168,7 +169,7 @@ fn definition(alphas: &[f32], table: &AttenuationTable) -> f32 {
     }
 }
 
-/// Paths of 1 to 12, 64 and 1000 vertices against the recursive definition, to the bit.
+/// Counts paths of 1 to 12, 64 and 1000 vertices whose α′ is not bit-identical to the recursive definition.
 pub fn folding(accumulate: Accumulate<'_>) -> Finding {
     let mut numbers = Numbers::new(5);
     let table = table(Lookup::Nearest, &mut numbers);
@@ -194,7 +195,7 @@ pub fn folding(accumulate: Accumulate<'_>) -> Finding {
     )
 }
 
-/// With the linear look-up α′ does not jump where a vertex crosses an edge between levels.
+/// Jump of α′ where a vertex crosses the edge of a bin, with the linear look-up.
 fn continuity() -> Finding {
     let mut numbers = Numbers::new(6);
     let table = table(Lookup::Linear, &mut numbers);

@@ -1,4 +1,4 @@
-//! Small renders: bodies that must not leak, scenes of every size, roulette, nothing at all.
+//! Small renders: light leaks, scale of the scene, Russian roulette, empty scenes.
 
 use super::{Finding, Numbers};
 use crate::bsdf::Distribution;
@@ -40,7 +40,7 @@ fn with(method: Method) -> Settings {
     }
 }
 
-/// Mean of the picture and its standard error; not a number where samples were refused.
+/// Mean of the picture and its standard error; NaN if samples were refused.
 fn mean(film: &Film) -> (f64, f64) {
     if film.rejected.total() > 0 {
         return (f64::NAN, f64::NAN);
@@ -52,7 +52,7 @@ fn mean(film: &Film) -> (f64, f64) {
     (sum / n, variance.sqrt() / n)
 }
 
-/// The largest of what is measured at the pixels; not a number where samples were refused.
+/// Largest of a quantity over the pixels; NaN if samples were refused.
 fn largest(film: &Film, at: impl Fn(usize) -> f64) -> f64 {
     if film.rejected.total() > 0 {
         return f64::NAN;
@@ -60,12 +60,12 @@ fn largest(film: &Film, at: impl Fn(usize) -> f64) -> f64 {
     (0..film.pixels.len()).map(at).fold(0.0, f64::max)
 }
 
-/// The largest value of a picture.
+/// Largest absolute value of a picture.
 fn brightest(film: &Film) -> f64 {
     largest(film, |i| film.pixels[i].mean.abs().max_element())
 }
 
-/// A room under a bright ceiling with a metal ball and a glass ball of one roughness.
+/// Room under an emissive ceiling with a metal ball and a glass ball of one roughness.
 fn balls(alpha: f32, distribution: Distribution) -> SceneParts {
     let mut parts = SceneParts::default();
     let [left, right, floor, ceiling, back, front] =
@@ -88,8 +88,8 @@ fn balls(alpha: f32, distribution: Distribution) -> SceneParts {
     parts
 }
 
-/// The mean of a picture just below and just above the roughness at which a lobe ceases to be a delta.
-pub(super) fn switch() -> Finding {
+/// Relative change of the mean of a picture from just below to just above the Dirac bound.
+pub(super) fn mean_across_the_dirac_bound() -> Finding {
     let mut errors = Vec::new();
     for (method, distribution) in [
         (Method::Plain, Distribution::Beckmann),
@@ -104,9 +104,9 @@ pub(super) fn switch() -> Finding {
     Finding::new("mean of a picture across α = 1e-3", 5e-3, errors)
 }
 
-/// A ball whose index is nearly that of the air, on a floor under an even sky, against no ball at all: the mean of the
-/// picture on both sides of the index below which it counts as nothing.
-pub(super) fn weak() -> Vec<Finding> {
+/// Relative change of the mean of a picture by a ball with an index near 1, on a floor under a constant sky. The indices
+/// lie on both sides of the bound below which an interface is invisible.
+pub(super) fn weak_interfaces() -> Vec<Finding> {
     let parts = |ior: f32, alpha: f32| {
         let mut parts = SceneParts::default();
         let side = 8.0;
@@ -134,16 +134,16 @@ pub(super) fn weak() -> Vec<Finding> {
     rough.extend(worst(REGULARISED, &[0.0]));
     vec![
         Finding::new(
-            "a ball of index 1.0001 to 1.001 against none",
+            "mean with a ball of index 1.0001 to 1.001 against none",
             5e-3,
             worst(Method::Plain, &[0.0, 0.01]),
         ),
-        // Single scattering loses what a rough interface masks, whatever its index.
+        // Single scattering loses the light that a rough interface masks, at any index.
         Finding::new("the same, rough or roughened", 2e-2, rough),
     ]
 }
 
-/// A sphere whose shading normals point anywhere, with a camera inside and all light outside.
+/// Sphere with random shading normals, a camera inside and all light outside.
 fn dark(open: bool) -> SceneParts {
     let mut numbers = Numbers::new(40);
     let mut ball = sphere(Vec3::ZERO, 1.0, 3);
@@ -170,12 +170,12 @@ fn dark(open: bool) -> SceneParts {
     parts
 }
 
-/// The largest value seen inside the sphere: what leaks in.
+/// Largest value seen inside a closed sphere, or inside one with a hole.
 pub fn leak(open: bool) -> Finding {
     let films = [Method::Plain, REGULARISED, regularised(true)]
         .map(|method| render(dark(open), &with(method), 24, 16));
     Finding::new(
-        "light inside a closed sphere, normals anywhere",
+        "light inside a closed sphere, random shading normals",
         0.0,
         films.iter().map(brightest),
     )
@@ -185,7 +185,7 @@ pub(super) fn leaks() -> Vec<Finding> {
     vec![leak(false), covered(true)]
 }
 
-/// A lamp of edge 1 at height 2 over a white floor and a metal ball; a black sheet 4e-5 below it, if `closed`.
+/// Lamp of edge 1 at height 2 over a white floor and a metal ball, with a black sheet 4e-5 below the lamp if `closed`.
 fn lamp(closed: bool) -> SceneParts {
     let mut parts = SceneParts::default();
     let panel = |y: f32, edge: f32| {
@@ -204,7 +204,7 @@ fn lamp(closed: bool) -> SceneParts {
     parts
 }
 
-/// The largest value of a picture whose only light is covered, by a sheet that almost touches it.
+/// Largest value of a picture whose only light is covered by a sheet that almost touches it.
 pub fn covered(closed: bool) -> Finding {
     let films = [1e-3, 1.0, 37.0, 1e6].into_iter().flat_map(|scale| {
         [Method::Plain, REGULARISED]
@@ -217,7 +217,7 @@ pub fn covered(closed: bool) -> Finding {
     )
 }
 
-/// Everything `scale` times as large.
+/// Multiplies all positions by `scale`.
 fn scaled(mut parts: SceneParts, scale: f32) -> SceneParts {
     for mesh in &mut parts.meshes {
         mesh.positions.iter_mut().for_each(|p| *p *= scale);
@@ -254,8 +254,8 @@ pub(super) fn scales() -> Vec<Finding> {
     ]
 }
 
-/// Roulette from the first vertex on: the mean of a furnace in standard errors, from dark walls to bright ones, at
-/// radiances of 1e-30 to 1e30.
+/// White furnace with Russian roulette from the first vertex on, for dark and bright walls and radiances from 1e-30 to
+/// 1e30: difference of the mean from 1 in standard errors.
 pub(super) fn roulette() -> Vec<Finding> {
     let settings = Settings {
         max_vertices: 256,
@@ -280,16 +280,16 @@ pub(super) fn roulette() -> Vec<Finding> {
         let (off, error) = furnace(albedo, radiance);
         off.abs() / error
     });
-    // Throughput 0 and next to nothing: stops at once.
+    // Paths with throughput 0 or 1e-30 stop at once.
     let dark = [0.0, 1e-30].map(|albedo| furnace(albedo, 1.0).0.abs());
     vec![
         Finding::new("furnace with roulette: standard errors from 1", 4.5, noisy),
-        Finding::new("furnace of black walls less 1", 1e-6, dark),
+        Finding::new("furnace with black walls: mean − 1", 1e-6, dark),
     ]
 }
 
-/// Scenes without triangles, without light, or with nothing usable in them are black.
-pub(super) fn nothing() -> Vec<Finding> {
+/// Largest value of scenes without triangles, without light, or without valid triangles.
+pub(super) fn empty_scenes() -> Vec<Finding> {
     let empty = || {
         let mut parts = SceneParts::default();
         parts.add_camera([0.0, 0.0, 3.0], [0.0, 0.0, 0.0], 40.0);

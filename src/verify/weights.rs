@@ -1,4 +1,4 @@
-//! Weights of multiple importance sampling, and running moments.
+//! MIS weights of extreme densities, and running moments.
 
 use super::{Finding, Numbers};
 use crate::math::DVec3;
@@ -9,7 +9,7 @@ pub(super) fn balances() -> Vec<Finding> {
     vec![sums(&balance)]
 }
 
-/// Weights of two densities from 1e-45 to 1e38, zero and infinity among them: in [0, 1], and their sum 1.
+/// Balance heuristic of two densities from 1e-45 to 3e38, of zero and of infinity: weights in [0, 1] with sum 1.
 pub fn sums(weight: &dyn Fn(f32, f32) -> f32) -> Finding {
     let mut numbers = Numbers::new(10);
     let mut density = || match numbers.below(12) {
@@ -39,7 +39,7 @@ pub fn sums(weight: &dyn Fn(f32, f32) -> f32) -> Finding {
         errors.push(f64::from(weight(p, f32::INFINITY)));
     }
     Finding::new(
-        "two weights for densities 1e-45 to 3e38: sum less 1",
+        "two weights for densities 1e-45 to 3e38: sum − 1",
         1e-6,
         errors,
     )
@@ -48,7 +48,7 @@ pub fn sums(weight: &dyn Fn(f32, f32) -> f32) -> Finding {
 /// Mean and variance of a list of samples.
 pub type Variance<'a> = &'a dyn Fn(&[f64]) -> (f64, f64);
 
-/// What this program computes.
+/// Mean and variance by this program's running moments.
 pub fn running(samples: &[f64]) -> (f64, f64) {
     let mut moments = Moments::default();
     samples.iter().for_each(|&x| moments.push(DVec3::splat(x)));
@@ -59,7 +59,7 @@ pub(super) fn moments() -> Vec<Finding> {
     vec![spread(&running), many()]
 }
 
-/// Deviations of 0.1 to 1e-3 about means of 1 to 1e6: relative error of the variance.
+/// Relative error of the variance of samples with deviations of 0.1 to 1e-3 about means of 1 to 1e6.
 pub fn spread(variance: Variance<'_>) -> Finding {
     let mut numbers = Numbers::new(11);
     let mut errors = Vec::new();
@@ -84,7 +84,7 @@ pub fn spread(variance: Variance<'_>) -> Finding {
     )
 }
 
-/// More samples than a single-precision sum can count: 2²⁶ of them, joined from parts.
+/// Mean and variance of 2²⁶ samples, more than a single-precision sum can count, merged from parts.
 fn many() -> Finding {
     let mut part = Moments::default();
     for i in 0..1024 {

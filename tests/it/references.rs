@@ -6,7 +6,7 @@ use opsr::gallery::reference::{Reference, SEED};
 use opsr::image::film::Film;
 use opsr::integrator::Settings;
 use opsr::math::DVec3;
-use opsr::sampler::Independent;
+use opsr::sampler::{Independent, Seed};
 use opsr::scene::Scene;
 use opsr::scene::load::{LoadOptions, load};
 use std::path::Path;
@@ -68,7 +68,7 @@ fn going_on_is_never_having_stopped() {
         ..Settings::default()
     }
     .tracer(opsr::regularise::Unregularised);
-    let source = Independent { seed: 5 };
+    let source = Independent { seed: Seed(5) };
     tracer.estimate(&scene, camera, &source, 0..7, &mut other, &mut ());
     assert_eq!(&other, whole.film());
 }
@@ -133,7 +133,7 @@ fn committed_references_agree_with_a_fresh_render() {
             let film = reference.film();
             let mut fresh = Film::cropped(film.size, film.window).unwrap();
             let tracer = settings.tracer(opsr::regularise::Unregularised);
-            let source = Independent { seed: 1 };
+            let source = Independent { seed: Seed(1) };
             tracer.estimate(&scene, camera, &source, 0..SPP, &mut fresh, &mut ());
             let mean = |film: &Film| (film.pixels.iter()).map(|p| p.mean.y).sum::<f64>();
             // The reference knows the variance better than 32 samples do.

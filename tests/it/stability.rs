@@ -1,12 +1,12 @@
-//! Hard numerical cases: what `opsr verify` tries, that it would notice, and what takes a test's instruments.
+//! Hard numerical cases: the checks of `opsr verify` hold, and they find planted faults.
 //!
-//! Numbers are those of the project's list of hard cases; those that are not here have tests of their own (13 in
-//! `metric`, 14 in `load`, 15 with the trainer).
+//! Numbers are those of `docs/numerics.md`. Other cases have tests of their own: 13 in `metric`, 14 in `load`, 15 in
+//! `stability_train`.
 
 use crate::bsdf::{DISTRIBUTIONS, at, glass};
 use crate::geometry::rng;
 use crate::support::chi2::assert_likely;
-use crate::support::slopes::View;
+use crate::support::slopes::DensityTest;
 use opsr::gallery::materials::{diffuse, emitter};
 use opsr::gallery::{shapes, two_mirrors};
 use opsr::image::Film;
@@ -15,11 +15,11 @@ use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{
     Accumulated, AttenuationTable, ConstantGamma, MAX_VERTICES, Regulariser, Unregularised,
 };
-use opsr::sampler::Independent;
+use opsr::sampler::{Independent, Seed};
 use opsr::scene::{Scene, SceneParts};
 use opsr::verify::{CASES, Finding, lights, lobes, roughness, transport, weights};
 
-/// A case of `opsr verify` holds.
+/// Requires that a case of `opsr verify` holds.
 fn holds(name: &str) {
     let case = CASES.iter().find(|c| c.name == name).expect(name);
     let findings = case.run();
@@ -30,14 +30,14 @@ fn holds(name: &str) {
     }
 }
 
-/// A check that was handed something wrong says so.
+/// Requires that a check finds the fault that was planted in its argument.
 fn found(finding: Finding) {
     eprintln!("planted: {finding:?}");
     assert!(!finding.holds(), "not found: {finding:?}");
 }
 
 #[test]
-fn worst_values_that_are_no_numbers_hold_nowhere() {
+fn nan_never_holds() {
     let finding = Finding {
         tried: "nothing".into(),
         worst: f64::NAN,
@@ -49,13 +49,13 @@ fn worst_values_that_are_no_numbers_hold_nowhere() {
 
 #[test]
 fn case_1_the_dirac_bound() {
-    holds("the Dirac bound");
-    found(lobes::kinds(&|bsdf, alpha, wo, u| {
+    holds("Dirac bound");
+    found(lobes::dirac_bound(&|bsdf, alpha, wo, u| {
         Some(bsdf.sample(1.05 * alpha, wo, u)?.delta)
     }));
 }
 
-/// Remembers what vertices were told of.
+/// Records the vertices of paths.
 #[derive(Default)]
 struct Witness {
     deepest: u32,
@@ -95,7 +95,7 @@ fn witness(parts: SceneParts, regulariser: impl Regulariser) -> Witness {
     Settings::default().tracer(regulariser).estimate(
         &scene,
         &scene.parts().cameras[0],
-        &Independent { seed: 1 },
+        &Independent { seed: Seed(1) },
         0..4,
         &mut film,
         &mut witness,
@@ -114,7 +114,7 @@ fn case_1_delta_lobes_keep_their_roughness_in_the_path() {
     // The wall at the end is diffuse.
     assert!(seen.scattered.iter().all(|&a| a == 5e-4 || a == 1.0));
     for (n, alpha) in seen.roughened.iter().filter(|(n, a)| *n <= 5 && *a < 1.0) {
-        // 1 − (1 − α)ⁿ once that is no delta any more.
+        // 1 − (1 − α)ⁿ from the Dirac bound on.
         let sum = 1.0 - (1.0f64 - 5e-4).powi(*n as i32);
         let expected = if sum < 1e-3 { 5e-4 } else { sum };
         assert!(
@@ -126,9 +126,9 @@ fn case_1_delta_lobes_keep_their_roughness_in_the_path() {
 }
 
 #[test]
-fn case_2_draws_at_the_ends() {
-    holds("lobes at the ends");
-    found(lobes::draws(&|bsdf, alpha, wo, wi| {
+fn case_2_sampling_at_extreme_random_numbers() {
+    holds("lobe sampling");
+    found(lobes::samples(&|bsdf, alpha, wo, wi| {
         let eval = bsdf.eval(alpha * 1.0005, wo, wi);
         (eval.value, eval.pdf_w)
     }));
@@ -140,29 +140,29 @@ fn cases_3_to_5_path_roughness() {
 }
 
 #[test]
-fn case_3_the_printed_form_loses_its_digits() {
+fn case_3_cancellation_in_the_printed_form() {
     let printed = |alphas: &[f32], table: &AttenuationTable| {
         let (last, before) = alphas.split_last().unwrap();
         let gamma = table.gammas[0];
         1.0 - (1.0 - last) * before.iter().map(|a| 1.0 - gamma * a).product::<f32>()
     };
-    found(roughness::digits(&printed));
+    found(roughness::small_roughness(&printed));
     found(roughness::zeros(&printed));
 }
 
 #[test]
-fn case_4_levels_that_are_off_by_bits() {
+fn case_4_bin_edges_off_by_an_ulp() {
     let edges = [0.069_187_2, 0.235_639_2, 0.459_781_5];
-    found(roughness::levels(&|alpha| {
+    found(roughness::bins(&|alpha| {
         edges.iter().filter(|&&e| alpha >= e).count()
     }));
-    found(roughness::levels(&|alpha: f32| {
+    found(roughness::bins(&|alpha: f32| {
         (((alpha.max(0.0).sqrt().exp2() - 1.0) * 5.0) as usize).min(3)
     }));
 }
 
 #[test]
-fn case_5_paths_that_forget_instead_of_folding() {
+fn case_5_truncating_instead_of_folding() {
     found(roughness::folding(&|alphas, table| {
         let recent = &alphas[alphas.len().saturating_sub(MAX_VERTICES)..];
         roughness::accumulate(recent, table)
@@ -170,16 +170,16 @@ fn case_5_paths_that_forget_instead_of_folding() {
 }
 
 #[test]
-fn case_6_weights_of_extreme_densities() {
-    holds("weights of densities");
+fn case_6_mis_weights_of_extreme_densities() {
+    holds("MIS weights");
     found(weights::sums(&|p, q| p / (p + q)));
 }
 
 #[test]
-fn case_7_lights_near_and_far() {
+fn case_7_light_sampling_near_and_far() {
     holds("lights near and far");
-    // Rays that end where the light is meet the light.
-    found(lights::hidden(&|surface, light| {
+    // A shadow ray that ends on the light meets the light.
+    found(lights::occluded(&|surface, light| {
         let mut ray = surface.spawn_to_light(light);
         ray.t_max = light.distance;
         ray
@@ -187,10 +187,10 @@ fn case_7_lights_near_and_far() {
 }
 
 #[test]
-fn case_8_interfaces() {
+fn case_8_fresnel_and_interfaces() {
     holds("interfaces");
     found(lobes::reflectance(&|cos, eta| {
-        // The angle of refraction by way of arc functions.
+        // Angle of refraction by inverse trigonometric functions.
         let transmitted = ((1.0 - cos * cos).sqrt() / eta).asin();
         if transmitted.is_nan() {
             return 1.0;
@@ -203,26 +203,19 @@ fn case_8_interfaces() {
 }
 
 #[test]
-fn case_8_weak_and_strong_interfaces_are_drawn_as_their_density_says() {
+fn case_8_chi_square_of_weak_and_strong_interfaces() {
     let mut rng = rng(300);
     let mut p_values = Vec::new();
     for distribution in DISTRIBUTIONS {
         for index in [0.7f32, 1.001, 1.01, 1.05, 3.0] {
             for alpha in [1e-3, 0.01, 0.1, 0.5] {
-                // A refracted lobe is α |η − 1| wide; single precision tells directions apart to 1e-7.
+                // A refracted lobe is α |η − 1| wide; single precision resolves directions to 1e-7.
                 if alpha * (index - 1.0).abs() < 9e-6 {
                     continue;
                 }
                 for (degrees, side) in [(0.0, 1.0), (45.0, -1.0), (80.0, 1.0)] {
                     let (bsdf, wo) = (glass(index, alpha, distribution), at(degrees) * side);
-                    let eta = f64::from(if side > 0.0 { index } else { 1.0 / index });
-                    let view = View {
-                        bsdf,
-                        alpha,
-                        wo,
-                        eta,
-                    };
-                    let p = view.test_itself(20_000, &mut rng);
+                    let p = DensityTest { bsdf, alpha, wo }.p_value(20_000, &mut rng);
                     p_values.push((p, format!("{index} {distribution:?} {alpha} {degrees}")));
                 }
             }
@@ -232,24 +225,24 @@ fn case_8_weak_and_strong_interfaces_are_drawn_as_their_density_says() {
 }
 
 #[test]
-fn cases_9_and_10_closed_bodies_let_no_light_in() {
+fn cases_9_and_10_light_leaks() {
     holds("closed bodies");
     found(transport::leak(true));
     found(transport::covered(false));
 }
 
 #[test]
-fn case_10_a_scene_of_any_size_is_the_same_picture() {
+fn case_10_scale_invariance() {
     holds("scale of the scene");
 }
 
 #[test]
-fn case_11_roulette() {
+fn case_11_russian_roulette_is_unbiased() {
     holds("Russian roulette");
 }
 
 #[test]
-fn case_11_paths_without_throughput_stop() {
+fn case_11_zero_throughput_ends_the_path() {
     let mut parts = SceneParts::default();
     let [left, right, floor, ceiling, back, front] =
         shapes::room(Vec3::splat(-1.0), Vec3::splat(1.0));
@@ -263,7 +256,7 @@ fn case_11_paths_without_throughput_stop() {
 }
 
 #[test]
-fn case_12_running_moments() {
+fn case_12_welford_variance() {
     holds("running moments");
     // Sums of squares in single precision.
     found(weights::spread(&|samples| {
@@ -279,12 +272,12 @@ fn case_12_running_moments() {
 }
 
 #[test]
-fn case_14_scenes_without_anything_are_black() {
-    holds("scenes without anything");
+fn case_14_empty_scenes_are_black() {
+    holds("empty scenes");
 }
 
 #[test]
-fn the_program_tells_what_holds() {
+fn verify_command_reports_every_case() {
     let output = std::process::Command::new(env!("CARGO_BIN_EXE_opsr"))
         .args(["verify", "--json"])
         .output()

@@ -1,4 +1,4 @@
-//! Points of surfaces, rays that leave them, and opacity.
+//! Surfaces at a hit: self-intersection, scale, shading normals, opacity.
 
 use crate::geometry::{
     bumpy_sphere, direction, geometry_of, mesh_of, parts_of, point, rng, square,
@@ -19,7 +19,7 @@ fn transformed(mut mesh: Mesh, scale: f32, shift: Vec3) -> Mesh {
     mesh
 }
 
-/// A direction on the given side of `ng`, often grazing, never below the least cosine.
+/// Direction on the side of `ng` with a cosine above `least`, often grazing.
 fn leaving(rng: &mut Pcg32, ng: Vec3, least: f32) -> Vec3 {
     loop {
         let squash = rng.random::<f32>().powi(4).max(1e-3);
@@ -42,7 +42,7 @@ fn meet(geometry: &Geometry, parts: &SceneParts, ray: &Ray) -> Option<(Hit, Surf
 }
 
 #[test]
-fn rays_leave_a_convex_body_or_stay_inside_at_every_scale() {
+fn self_intersection_of_a_sphere_at_every_scale() {
     let mut sphere = bumpy_sphere(60, 120);
     for p in &mut sphere.positions {
         *p = p.normalize();
@@ -71,8 +71,8 @@ fn rays_leave_a_convex_body_or_stay_inside_at_every_scale() {
 }
 
 #[test]
-fn flat_ground_of_mixed_triangles_does_not_shade_itself() {
-    // Spacings from 1e-3 to 100 units beside each other.
+fn self_intersection_of_a_plane_of_mixed_triangles() {
+    // Spacings from 1e-3 to 200 units side by side.
     let ticks: Vec<f32> = (0..24).map(|k| 1e-3 * 1.7f32.powi(k)).collect();
     let n = ticks.len() as u32;
     let mesh = Mesh {
@@ -114,7 +114,7 @@ fn flat_ground_of_mixed_triangles_does_not_shade_itself() {
 }
 
 #[test]
-fn thin_shells_are_told_apart_at_every_scale() {
+fn sheets_4e_5_apart_are_hit_one_by_one_at_every_scale() {
     const GAP: f32 = 4e-5;
     let mut shells = square(1.0, 0.0).to_vec();
     shells.extend(square(1.0, -GAP));
@@ -155,7 +155,7 @@ fn thin_shells_are_told_apart_at_every_scale() {
 }
 
 #[test]
-fn scaling_by_a_power_of_two_changes_no_bit() {
+fn scale_invariance_is_bit_identical_for_powers_of_two() {
     let base = transformed(bumpy_sphere(40, 80), 1.0, Vec3::new(0.3, 0.2, -0.4));
     let parts: Vec<_> = [0, -10, 20]
         .map(|e| {
@@ -186,7 +186,7 @@ fn scaling_by_a_power_of_two_changes_no_bit() {
 }
 
 #[test]
-fn surfaces_interpolate_attributes() {
+fn surface_interpolates_normals_and_uvs() {
     let mut mesh = mesh_of(&square(1.0, 0.0)[..1]);
     mesh.normals = vec![Vec3::Z, Vec3::new(0.6, 0.0, 0.8), Vec3::Z];
     mesh.uvs = vec![Vec2::ZERO, Vec2::X, Vec2::ONE];
@@ -195,7 +195,7 @@ fn surfaces_interpolate_attributes() {
     for (z, dir) in [(1.0, Vec3::NEG_Z), (-1.0, Vec3::Z)] {
         let (hit, s) =
             meet(&geometry, &parts, &Ray::new(Vec3::new(0.5, 0.0, z), dir)).expect("hit");
-        assert_eq!(s.ng, Vec3::Z, "the winding decides, not the viewer");
+        assert_eq!(s.ng, Vec3::Z, "by the winding, not by the viewer");
         assert!((s.uv - Vec2::new(0.75, 0.5)).length() < 1e-6, "{s:?}");
         assert!((s.position - Vec3::new(0.5, 0.0, 0.0)).length() < 1e-6);
         let n = (0.75 * Vec3::Z + 0.25 * Vec3::new(0.6, 0.0, 0.8)).normalize();
@@ -210,12 +210,12 @@ fn surfaces_interpolate_attributes() {
 }
 
 #[test]
-fn shading_normals_never_contradict_the_geometry() {
+fn shading_normal_agrees_with_the_geometric_normal() {
     let mut rng = rng(80);
     let mut bent = 0;
     for _ in 0..2000 {
         let mut mesh = mesh_of(&square(1.0, 0.0)[..1]);
-        // Flipped, zero, NaN and grazing normals among the sane ones.
+        // Random normals, with zero, NaN and grazing ones among them.
         mesh.normals = (0..3)
             .map(|_| match rng.random_range(0..8) {
                 0 => Vec3::ZERO,
@@ -237,10 +237,10 @@ fn shading_normals_never_contradict_the_geometry() {
         assert!(wo.dot(n) * cos >= 0.0, "{n:?} {wo:?}");
         bent += usize::from((wo.dot(n) / cos.signum() - 1e-3).abs() < 1e-3);
     }
-    assert!(bent > 100, "only {bent} were bent: the test sees nothing");
+    assert!(bent > 100, "only {bent} normals were bent");
 }
 
-/// An opaque square below one of the given opacity.
+/// Opaque square below a square of this opacity.
 fn veiled(alpha_mode: AlphaMode, opacity: f32) -> SceneParts {
     let mut parts = parts_of(vec![mesh_of(&square(1.0, 0.0)), mesh_of(&square(1.0, 1.0))]);
     parts.meshes[1].material = 1;
@@ -253,7 +253,7 @@ fn veiled(alpha_mode: AlphaMode, opacity: f32) -> SceneParts {
 }
 
 #[test]
-fn masks_cut_holes() {
+fn alpha_mask_and_opacity_bounds() {
     for (mode, opacity, first) in [
         (AlphaMode::Mask(0.5), 0.4, 0),
         (AlphaMode::Mask(0.5), 0.5, 2),
@@ -276,7 +276,7 @@ fn masks_cut_holes() {
 }
 
 #[test]
-fn blended_surfaces_are_there_as_often_as_they_are_opaque() {
+fn alpha_blend_is_hit_with_the_probability_of_its_opacity() {
     let parts = veiled(AlphaMode::Blend, 0.3);
     let geometry = geometry_of(&parts);
     let mut rng = rng(90);

@@ -1,4 +1,4 @@
-//! Table files: what is written reads back to the bit, and what is not a table of this program is refused by name.
+//! Table files: saved tables read back bit-identical; files that are not tables are refused by name.
 
 use crate::fuzz::seeds;
 use opsr::regularise::file::{TableFile, VERSION};
@@ -15,11 +15,11 @@ fn bits(table: &AttenuationTable) -> Vec<u32> {
 }
 
 #[test]
-fn what_is_saved_comes_back_to_the_bit() {
+fn round_trip_of_a_table_file_is_bit_identical() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("table.json");
     let mut file = seeds::table();
-    // Random significands too: not every float has few digits.
+    // Random significands: few of them have a short decimal form.
     for (i, gamma) in file
         .table
         .gammas
@@ -37,7 +37,7 @@ fn what_is_saved_comes_back_to_the_bit() {
     assert_eq!(bits(&again.table), bits(&file.table));
     assert_eq!(again, file);
     assert_eq!(again.digest(), file.digest());
-    // Saved once more it is the same text; beside it lies nothing.
+    // Saving again gives the same text, and no other file remains in the folder.
     let text = std::fs::read(&path).unwrap();
     again.save(&path).unwrap();
     assert!(std::fs::read(&path).unwrap() == text);
@@ -45,7 +45,7 @@ fn what_is_saved_comes_back_to_the_bit() {
 }
 
 #[test]
-fn a_table_without_provenance() {
+fn digest_covers_factors_scale_and_lookup_only() {
     let mut table = AttenuationTable::constant(0.25);
     let file = TableFile {
         table: table.clone(),
@@ -53,7 +53,7 @@ fn a_table_without_provenance() {
     };
     let text = file.to_json().unwrap();
     assert_eq!(parse(text.as_bytes()).unwrap(), file);
-    // The digest is of all that a render depends on, and of nothing else.
+    // Everything that a render depends on.
     let digest = |table: &AttenuationTable, provenance| {
         let table = table.clone();
         TableFile { table, provenance }.digest()
@@ -70,7 +70,7 @@ fn a_table_without_provenance() {
 }
 
 #[test]
-fn the_text_is_for_people_too() {
+fn table_file_is_readable_text() {
     let text = seeds::table().to_json().unwrap();
     assert!(
         text.lines().all(|line| line.len() < 260),
@@ -90,7 +90,7 @@ fn the_text_is_for_people_too() {
 }
 
 #[test]
-fn what_is_not_a_table_of_this_program_is_refused_by_name() {
+fn malformed_tables_are_refused_by_name() {
     let good: Value = serde_json::from_str(&seeds::table().to_json().unwrap()).unwrap();
     let with = |pointer: &str, value: Value| {
         let mut json = good.clone();
@@ -117,7 +117,7 @@ fn what_is_not_a_table_of_this_program_is_refused_by_name() {
         ),
         (with("/version", json!(0)), "version: 0 where"),
         (with("/version", json!("1")), "invalid type"),
-        // A later version may look like anything; its number is what is told.
+        // The version is reported even if the other fields differ.
         (later.to_string(), "version: 2 where"),
         (with("/levels", json!(5)), "levels: 5, expected 4"),
         (with("/order", json!(order)), "order: `2, 3, 4, 5 vertices"),
@@ -172,7 +172,7 @@ fn what_is_not_a_table_of_this_program_is_refused_by_name() {
 }
 
 #[test]
-fn files_that_cannot_be_read_or_written() {
+fn io_errors_of_table_files_name_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("table.json");
     let message = TableFile::load(&path).unwrap_err().to_string();

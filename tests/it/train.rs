@@ -126,7 +126,9 @@ fn replayed_where_it_was_made(crop: &Crop) {
         max_vertices: crop.max_vertices,
         ..Default::default()
     };
-    let source = opsr::sampler::Independent { seed: 3 };
+    let source = opsr::sampler::Independent {
+        seed: opsr::sampler::Seed(3),
+    };
     settings.tracer(rule(0.1)).estimate(
         &crop.scene,
         &crop.camera,

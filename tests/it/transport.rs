@@ -9,7 +9,7 @@ use opsr::image::{Buffer, Film};
 use opsr::integrator::{Method, Picture, Settings};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{Accumulated, AttenuationTable, ConstantGamma, Lookup};
-use opsr::sampler::Independent;
+use opsr::sampler::{Independent, Seed};
 use opsr::scene::material::TextureRef;
 use opsr::scene::{Environment, Material, Scene, SceneParts, Texture};
 use opsr::stats::agreement::{agree, agree_with_exact};
@@ -243,7 +243,7 @@ fn diffuse_scenes_are_the_same_under_every_method() {
         lambda: 0.0,
     };
     let mut asked = Film::new(UVec2::splat(16));
-    let (camera, source) = (&scene.parts().cameras[0], Independent { seed: 3 });
+    let (camera, source) = (&scene.parts().cameras[0], Independent { seed: Seed(3) });
     let tracer = Settings::default().tracer::<Accumulated<_>>(rule);
     tracer.estimate(&scene, camera, &source, 0..8, &mut asked, &mut ());
     assert_eq!(asked, plain);

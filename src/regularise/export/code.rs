@@ -1,15 +1,16 @@
-//! Source code: templates beside this file, filled with a table.
+//! Source code for other renderers, from the templates beside this file.
 //!
-//! A template holds `@NAME@` where something is put in, and lines `//@nearest`, `//@linear` and `//@end` around what
-//! belongs to one of the look-ups only.
+//! A template contains placeholders `@NAME@`, and lines `//@nearest`, `//@linear` and `//@end` around the parts that
+//! belong to one look-up only.
 
+use crate::files::hex;
 use crate::regularise::file::TableFile;
 use crate::regularise::{BIN_EDGES, Lookup};
 
-/// Numbers on a line.
+/// Number of factors on a line.
 const PER_LINE: usize = 8;
 
-/// The template with the table in its places; `suffix` ends a number of single precision.
+/// Fills a template with a table; `suffix` marks a number as single precision.
 pub(super) fn fill(template: &str, file: &TableFile, suffix: &str) -> String {
     let table = &file.table;
     let [edge1, edge2, edge3] = BIN_EDGES.map(|edge| format!("{edge:?}"));
@@ -22,7 +23,7 @@ pub(super) fn fill(template: &str, file: &TableFile, suffix: &str) -> String {
         .replace("@GAMMAS@", &rows(table.gammas.as_slice(), suffix))
 }
 
-/// The template without the parts of the other look-up.
+/// Removes the parts of the other look-up from a template.
 fn select(template: &str, lookup: Lookup) -> String {
     let mut part = None;
     let mut out = String::new();
@@ -41,13 +42,13 @@ fn select(template: &str, lookup: Lookup) -> String {
     out
 }
 
-/// Comment lines that say where the code comes from.
+/// Comment lines with the origin of the code.
 fn about(file: &TableFile) -> String {
     let lookup = match file.table.lookup {
         Lookup::Nearest => "nearest",
         Lookup::Linear => "linear",
     };
-    let digest: String = (file.digest().iter()).map(|b| format!("{b:02x}")).collect();
+    let digest = hex(&file.digest());
     let mut lines = vec![
         format!("Written by opsr {}.", env!("CARGO_PKG_VERSION")),
         format!("Table: look-up {lookup}, SHA-256 {digest}."),
@@ -68,29 +69,29 @@ fn about(file: &TableFile) -> String {
     lines.join("\n") + "\n//"
 }
 
-/// One line of comment, whatever the text holds: a file's words must not become code.
+/// Makes one line of comment of any text: text from a table file must not become code.
 fn comment(text: &str) -> String {
     let plain = |c: char| match c {
-        // A backslash at the end of a line would draw the next one into the comment.
+        // A backslash at the end of a line continues the comment on the next one.
         '\\' => '/',
-        // Also the separators that some languages count as ends of lines, and marks that turn text around.
+        // Control characters, the Unicode line separators, and the marks that reverse the direction of text.
         c if c.is_control() || ('\u{2028}'..='\u{202e}').contains(&c) => ' ',
         c if ('\u{2066}'..='\u{2069}').contains(&c) => ' ',
         c => c,
     };
     let text: String = text.chars().map(plain).collect();
-    // `??/` is a backslash to an old C compiler.
+    // `??/` is the trigraph of a backslash.
     let text = text.replace("?/", "? /");
     format!("// {}", text.trim_end())
 }
 
-/// Numbers in rows, each as the shortest text that reads back to the bit.
+/// Formats numbers in rows, each as the shortest decimal that reads back bit-identical.
 fn rows(numbers: &[f32], suffix: &str) -> String {
     let rows = numbers.chunks(PER_LINE).map(|row| {
         let row: Vec<String> = row.iter().map(|x| format!("{x:?}{suffix}")).collect();
         format!("    {}", row.join(", "))
     });
-    // No comma after the last number: GLSL's constructor takes none.
+    // Without a comma after the last number, which GLSL's array constructor forbids.
     rows.collect::<Vec<_>>().join(",\n")
 }
 
@@ -99,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_of_a_file_stay_in_their_comment() {
+    fn text_of_a_table_file_stays_in_its_comment() {
         for text in [
             "loss\nint x;",
             "ends in \\",
@@ -119,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_the_other_look_up_are_left_out() {
+    fn select_removes_the_other_lookup() {
         let template = "a\n//@nearest\nb\n//@linear\nc\n//@end\nd\n";
         assert_eq!(select(template, Lookup::Nearest), "a\nb\nd\n");
         assert_eq!(select(template, Lookup::Linear), "a\nc\nd\n");

@@ -1,10 +1,10 @@
-//! Data: NumPy, safetensors and CSV.
+//! Arrays and text: NumPy, safetensors and CSV.
 
 use crate::regularise::file::{ORDER, TableFile};
-use crate::regularise::{GammaIndex, LEN, LEVELS};
+use crate::regularise::{BINS, GammaIndex, LEN};
 use std::fmt::Write;
 
-/// Factors with the scale applied, in class order.
+/// Factors multiplied by the scale, in class order.
 fn factors(file: &TableFile) -> impl Iterator<Item = (GammaIndex, f32)> {
     let classes = (0..LEN).filter_map(GammaIndex::new);
     classes.map(|class| (class, file.table.factor(class)))
@@ -14,12 +14,12 @@ fn bytes(file: &TableFile) -> impl Iterator<Item = u8> {
     factors(file).flat_map(|(_, gamma)| gamma.to_le_bytes())
 }
 
-/// NumPy's format, version 1.0: magic, length of the header, the header as a Python dictionary, the numbers.
+/// NumPy's format, version 1.0: magic, length of the header, the header as a Python dictionary, the factors.
 pub(super) fn npy(file: &TableFile) -> Vec<u8> {
     /// Magic, version and length of the header.
     const FIXED: usize = 10;
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({LEN},), }}");
-    // The numbers begin at a multiple of 64 bytes; a line feed ends the header.
+    // The factors begin at a multiple of 64 bytes; a line feed ends the header.
     let padded = (FIXED + header.len() + 1).next_multiple_of(64) - FIXED;
     header = format!("{header:<width$}\n", width = padded - 1);
     let mut out = b"\x93NUMPY\x01\x00".to_vec();
@@ -29,13 +29,13 @@ pub(super) fn npy(file: &TableFile) -> Vec<u8> {
     out
 }
 
-/// Safetensors: length of the header, the header as JSON, the numbers. Written by hand because the crate keeps
-/// metadata in a hash map, whose order changes from run to run: the same table must give the same bytes.
+/// Safetensors: length of the header, the header as JSON, the factors. The crate `safetensors` keeps metadata in a hash map,
+/// whose order changes from run to run; the same table must give the same bytes.
 pub(super) fn safetensors(file: &TableFile) -> Vec<u8> {
     let table = &file.table;
     let mut metadata = serde_json::json!({
         "order": ORDER,
-        "levels": LEVELS.to_string(),
+        "levels": BINS.to_string(),
         "lookup": table.lookup,
         "scale_applied": format!("{:?}", table.scale),
     });
@@ -51,7 +51,7 @@ pub(super) fn safetensors(file: &TableFile) -> Vec<u8> {
         "gammas": { "dtype": "F32", "shape": [LEN], "data_offsets": [0, 4 * LEN] },
     });
     let mut header = header.to_string();
-    // Spaces align the numbers.
+    // Spaces align the factors to 8 bytes.
     header.push_str(&" ".repeat(header.len().next_multiple_of(8) - header.len()));
     let mut out = (header.len() as u64).to_le_bytes().to_vec();
     out.extend(header.as_bytes());
@@ -59,13 +59,13 @@ pub(super) fn safetensors(file: &TableFile) -> Vec<u8> {
     out
 }
 
-/// Index, length of the path, base-4 code of its levels, the levels, factor and visits (empty where not known).
+/// One line per class: index, number of vertices, base-4 code of the bins, bins, factor, visits (empty if unknown).
 pub(super) fn csv(file: &TableFile) -> String {
     let mut out = String::from("index,length,code,bins,gamma,visits\n");
     for (class, gamma) in factors(file) {
-        let levels = class.levels();
-        let code = levels.iter().fold(0, |code, &l| code * LEVELS + l);
-        let bins: Vec<String> = levels.iter().map(usize::to_string).collect();
+        let bins = class.bins();
+        let code = bins.iter().fold(0, |code, &bin| code * BINS + bin);
+        let words: Vec<String> = bins.iter().map(usize::to_string).collect();
         let visits = (file.provenance.as_ref()).and_then(|p| p.visits.get(class.index()));
         let visits = visits.map(u64::to_string).unwrap_or_default();
         // Writing to a string cannot fail.
@@ -73,8 +73,8 @@ pub(super) fn csv(file: &TableFile) -> String {
             out,
             "{},{},{code},{},{gamma:?},{visits}",
             class.index(),
-            levels.len(),
-            bins.join(" "),
+            bins.len(),
+            words.join(" "),
         );
     }
     out

@@ -1,8 +1,7 @@
-//! Tables for other programs: arrays for numerical tools, and source code that a renderer can include.
+//! Export of tables: arrays for numerical tools, and source code for other renderers.
 //!
-//! Source code carries the whole look-up, from a path's roughness to α′, so that nothing of the method has to be
-//! written again. Data formats hold the factors with the table's scale applied, since not all of them have a place to
-//! say it.
+//! Source code contains the whole look-up, from the roughness of a path to α′. Arrays hold the factors multiplied by the
+//! table's scale, since not every format has a place for it.
 
 mod code;
 mod data;
@@ -10,25 +9,25 @@ mod data;
 use super::file::TableFile;
 use std::path::Path;
 
-/// What a table can be written as.
+/// Format of an exported table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// NumPy's array file: f32 `[1360]`.
+    /// NumPy array, f32 `[1360]`.
     Npy,
-    /// One tensor `gammas`, f32 `[1360]`, with metadata.
+    /// Safetensors file with one tensor `gammas`, f32 `[1360]`, and metadata.
     Safetensors,
-    /// A line for each class.
+    /// Text with one line per class.
     Csv,
-    /// A header for C99 and C++.
+    /// Header for C99 and C++.
     C,
-    /// An include for GLSL, HLSL and Slang.
+    /// Include file for GLSL, HLSL and Slang.
     Shader,
-    /// A module without dependencies.
+    /// Rust module that depends on `core` only.
     Rust,
 }
 
 impl Format {
-    /// The format that the ending of a file's name stands for.
+    /// Format by the file name extension; `None` if it is unknown.
     pub fn of(path: &Path) -> Option<Self> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         Some(match extension.as_str() {
@@ -43,7 +42,7 @@ impl Format {
     }
 }
 
-/// The table as a file of this format.
+/// Bytes of the table as a file of this format.
 pub fn export(file: &TableFile, format: Format) -> Vec<u8> {
     match format {
         Format::Npy => data::npy(file),
@@ -60,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_stand_for_formats() {
+    fn format_by_file_name_extension() {
         for (names, format) in [
             ("t.npy T.NPY", Some(Format::Npy)),
             ("t.safetensors", Some(Format::Safetensors)),

@@ -7,7 +7,7 @@ use crate::image::film::{FilmError, Window};
 use crate::integrator::{Method, Settings};
 use crate::math::UVec2;
 use crate::regularise::{Accumulated, AttenuationTable, Regulariser};
-use crate::sampler::Independent;
+use crate::sampler::{Independent, Seed};
 use crate::scene::load::{LoadError, LoadOptions, load};
 use crate::scene::{Camera, Scene};
 use crate::train::learn::objective::Target;
@@ -172,7 +172,7 @@ impl Crop {
         settings.tracer(rule).estimate(
             &self.scene,
             &self.camera,
-            &Independent { seed },
+            &Independent { seed: Seed(seed) },
             0..spp,
             &mut film,
             &mut tape,

@@ -11,7 +11,7 @@
 //! of 256 samples grows by 0.6 % in the crops with the least noise, by less than 0.2 % in others.
 
 use crate::math::UVec2;
-use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler};
+use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
 use crate::train::learn::objective::{EPSILON, Target};
 
 /// The roulette of a crop's recording.
@@ -32,7 +32,7 @@ impl Thin {
         Self {
             floors,
             // Not the numbers that the paths are made of.
-            source: Independent { seed: !seed },
+            source: Independent { seed: Seed(!seed) },
         }
     }
 

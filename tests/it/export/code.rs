@@ -7,10 +7,10 @@ use rand::{Rng, RngExt, SeedableRng};
 use std::fs::File;
 use std::process::{Command, Stdio};
 
-/// A path: what its surplus of roughness is multiplied by, and the roughness of its vertices.
+/// Factor of the surplus of roughness, and roughness of the vertices.
 type TestPath = (f32, Vec<f32>);
 
-/// Paths of 1 to 8 vertices; many roughness values are 0, 1, on an edge between levels or one bit below it.
+/// Paths of 1 to 8 vertices; many roughness values are 0, 1, on the edge of a bin or one ulp below it.
 fn paths(count: usize) -> Vec<TestPath> {
     let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(5);
     let alpha = |random: &mut dyn Rng| match random.random_range(0..8) {
@@ -30,7 +30,7 @@ fn paths(count: usize) -> Vec<TestPath> {
         .collect()
 }
 
-/// α′ at every vertex as the library has it.
+/// α′ at every vertex by the library.
 fn expected(table: &AttenuationTable, paths: &[TestPath]) -> Vec<f32> {
     let mut out = Vec::new();
     for (shrink, alphas) in paths {
@@ -43,7 +43,7 @@ fn expected(table: &AttenuationTable, paths: &[TestPath]) -> Vec<f32> {
     out
 }
 
-/// The paths as 32-bit words: for each its length, the bits of its factor and those of its roughness values.
+/// Encodes each path in 32-bit words: number of vertices, `shrink`, roughness of the vertices.
 fn encode(paths: &[TestPath]) -> Vec<u8> {
     let mut out = Vec::new();
     for (shrink, alphas) in paths {
@@ -76,7 +76,7 @@ int main(void)
 }
 "#;
 
-/// The words that a shader knows and C++ does not, then the include in its HLSL dialect.
+/// Compiles the HLSL dialect of the include as C++, after the words that C++ lacks.
 const SHADER_DRIVER: &str = r#"
 #include <algorithm>
 #include <cmath>
@@ -123,7 +123,7 @@ fn main() {
 }
 "#;
 
-/// Compiles `driver` beside the exported `include`, runs it on the paths and compares.
+/// Compiles `driver` with the exported `include`, runs it on random paths, and compares α′ with the library.
 fn compiled_agrees(
     format: Format,
     include: &str,
@@ -132,9 +132,9 @@ fn compiled_agrees(
     flags: &[&str],
 ) {
     let paths = paths(100_000);
-    // Nearest has no function but the four operations: the same bits. Roots and powers of two may differ by some bits
-    // between mathematics libraries; α′ lies in [0, 1] and inherits that. Past the fold α′ is an argument of the root,
-    // which near 0 turns an error of 1e-7 into one of 3e-4 of the level.
+    // The nearest look-up uses the four operations only: bit-identical. Roots and powers of two differ by some bits
+    // between mathematics libraries, and so does α′. After a fold α′ is an argument of the root, which near 0 turns an
+    // error of 1e-7 into 3e-4 of the bin coordinate.
     for (lookup, scale, tolerances) in [
         (Lookup::Nearest, 1.0, [0.0, 0.0]),
         (Lookup::Nearest, 1.25, [0.0, 0.0]),
@@ -179,7 +179,7 @@ fn compiled_agrees(
     }
 }
 
-/// The header for C, in that dialect: no warning of any kind, and the right numbers.
+/// Compiles the header in a dialect of C without warnings, and compares α′.
 fn header_agrees(dialect: &str, source: &str, compiler: &str) {
     let flags = [
         dialect,
@@ -194,24 +194,24 @@ fn header_agrees(dialect: &str, source: &str, compiler: &str) {
 }
 
 #[test]
-fn c_header_finds_the_same_roughness() {
+fn c_header_matches_the_library() {
     header_agrees("-std=c99", "main.c", "cc");
 }
 
 #[test]
-fn c_header_is_cpp_too() {
+fn c_header_matches_the_library_as_cpp() {
     header_agrees("-std=c++11", "main.cpp", "c++");
 }
 
 #[test]
-fn rust_module_finds_the_same_roughness() {
+fn rust_module_matches_the_library() {
     let flags = ["--edition", "2021", "-O", "-Dwarnings"];
     let driver = ("main.rs", RUST_DRIVER);
     compiled_agrees(Format::Rust, "table.rs", driver, "rustc", &flags);
 }
 
 #[test]
-fn rust_module_needs_core_only() {
+fn rust_module_is_no_std() {
     for lookup in [Lookup::Nearest, Lookup::Linear] {
         let folder = tempfile::tempdir().unwrap();
         let library = "#![no_std]\n#![deny(missing_docs)]\n//! A crate.\npub mod table;\n";
@@ -234,7 +234,7 @@ fn rust_module_needs_core_only() {
 }
 
 #[test]
-fn shader_include_finds_the_same_roughness() {
+fn shader_include_matches_the_library() {
     let flags = [
         "-std=c++11",
         "-O1",
@@ -305,8 +305,8 @@ fn shader_include_is_valid_slang_and_hlsl() {
 }
 
 #[test]
-fn a_level_and_its_coordinate_share_their_edges() {
-    // What the exported code relies on: at the last edge the coordinate is 3 exactly, below it is not above 3.
+fn bin_and_bin_coordinate_share_their_edges() {
+    // The exported code relies on this: the coordinate is exactly 3 at the last edge and at most 3 below.
     assert_eq!(bin_coordinate(BIN_EDGES[2]), 3.0);
     assert!(bin_coordinate(BIN_EDGES[2].next_down()) <= 3.0);
 }

@@ -1,4 +1,4 @@
-//! Tables for other programs: the exported code is compiled and run, the exported data read again.
+//! Exported tables: source code is compiled and run, arrays are read back.
 
 mod code;
 
@@ -9,7 +9,7 @@ use rand::{RngExt, SeedableRng};
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// A table that no look-up can get right by luck: every factor is different, the scale makes some of them too large.
+/// Table in which every factor is different, and the scale takes some of them above 1.
 fn table(lookup: Lookup, scale: f32) -> TableFile {
     let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(11);
     let mut table = AttenuationTable {
@@ -39,7 +39,7 @@ fn table(lookup: Lookup, scale: f32) -> TableFile {
     }
 }
 
-/// Runs a tool; `None` with a message where the machine has none of this name.
+/// Runs a tool; prints a message and gives `None` if the machine does not have it.
 fn tool(folder: &Path, name: &str, arguments: &[&str]) -> Option<Output> {
     let run = Command::new(name)
         .args(arguments)
@@ -66,7 +66,7 @@ fn succeeded(what: &str, output: &Output) {
     );
 }
 
-/// Factors with the scale applied.
+/// Factors multiplied by the scale.
 fn scaled(file: &TableFile) -> Vec<f32> {
     let classes = (0..LEN).filter_map(GammaIndex::new);
     classes.map(|class| file.table.factor(class)).collect()
@@ -141,13 +141,13 @@ fn csv_names_every_class() {
     for (index, line) in lines.clone().enumerate() {
         let fields: Vec<&str> = line.split(',').collect();
         assert_eq!(fields[0].parse(), Ok(index));
-        let levels: Vec<usize> = (fields[3].split(' ')).map(|l| l.parse().unwrap()).collect();
-        assert_eq!(fields[1].parse(), Ok(levels.len()));
+        let bins: Vec<usize> = (fields[3].split(' ')).map(|l| l.parse().unwrap()).collect();
+        assert_eq!(fields[1].parse(), Ok(bins.len()));
         assert_eq!(
-            GammaIndex::from_levels(&levels).map(GammaIndex::index),
+            GammaIndex::from_bins(&bins).map(GammaIndex::index),
             Some(index)
         );
-        let digits: String = levels.iter().map(usize::to_string).collect();
+        let digits: String = bins.iter().map(usize::to_string).collect();
         assert_eq!(
             usize::from_str_radix(&digits, 4).ok(),
             fields[2].parse().ok()
@@ -169,7 +169,7 @@ fn opsr(folder: &Path, arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn program_exports_by_the_name_of_the_file() {
+fn export_command_by_file_name_extension() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let file = table(Lookup::Nearest, 1.25);
@@ -199,7 +199,7 @@ fn program_exports_by_the_name_of_the_file() {
     );
     assert!(!output.status.success() && !at("t.table").exists());
     assert!(String::from_utf8_lossy(&output.stderr).contains("--format"));
-    // A damaged table is the input's fault, a missing folder the output's; neither leaves a file.
+    // Exit code 3 for a damaged input, 4 for a missing output folder; neither leaves a file.
     std::fs::write(at("bad.json"), "{}").unwrap();
     let output = opsr(
         folder.path(),
@@ -215,7 +215,7 @@ fn program_exports_by_the_name_of_the_file() {
 }
 
 #[test]
-fn program_shows_a_table() {
+fn show_command_prints_the_table() {
     let folder = tempfile::tempdir().unwrap();
     let file = table(Lookup::Linear, 1.0);
     let visits = &file.provenance.as_ref().unwrap().visits;
@@ -233,7 +233,7 @@ fn program_shows_a_table() {
     );
     let class = &shown["lengths"][2]["classes"][0b10_00_11_01];
     assert_eq!(class["code"], "2 0 3 1");
-    let index = GammaIndex::from_levels(&[2, 0, 3, 1]).unwrap().index();
+    let index = GammaIndex::from_bins(&[2, 0, 3, 1]).unwrap().index();
     assert_eq!(class["index"], index);
     assert_eq!(class["visits"], visits[index]);
     assert_eq!(class["gamma"], f64::from(file.table.gammas[index]));

@@ -1,10 +1,10 @@
-//! Pearson's chi-square test of counts, and the integrals that tell what the counts should be.
+//! Pearson's chi-square test of counts, and quadrature of densities for the expected counts.
 
-/// Cells expected less often than this are pooled: below it the statistic is no longer chi-square distributed.
+/// Least expected count of a cell; rarer cells are pooled, since the statistic is chi-square distributed only above.
 const LEAST: f64 = 10.0;
 
-/// Probability that a chi-square variable of `freedom` degrees exceeds `x`: the regularised upper incomplete gamma
-/// function Q(freedom/2, x/2), by Q(a + 1, y) = Q(a, y) + yᵃ e^(−y) / Γ(a + 1).
+/// Probability that a chi-square variable with `freedom` degrees of freedom exceeds `x`: the regularised upper incomplete
+/// gamma function Q(freedom/2, x/2), by Q(a + 1, y) = Q(a, y) + yᵃ e^(−y) / Γ(a + 1).
 pub(crate) fn upper_tail(x: f64, freedom: usize) -> f64 {
     assert!(freedom > 0);
     let y = 0.5 * x;
@@ -12,7 +12,7 @@ pub(crate) fn upper_tail(x: f64, freedom: usize) -> f64 {
         return 1.0;
     }
     let odd = freedom % 2 == 1;
-    // Q, a, and ln Γ(a + 1) where the sum begins: a = ½ or 1.
+    // Q, a and ln Γ(a + 1) at the start of the recurrence: a = ½ or 1.
     let half_pi_root = 0.5 * std::f64::consts::PI.sqrt();
     let (mut q, mut a, mut ln_gamma) = if odd {
         (
@@ -31,7 +31,7 @@ pub(crate) fn upper_tail(x: f64, freedom: usize) -> f64 {
     q.clamp(0.0, 1.0)
 }
 
-/// How likely counts at least as far from `expected` are; the two sums are equal up to rounding.
+/// Probability of counts at least as far from `expected` as `observed`; both have the same sum up to rounding.
 pub(crate) fn p_value(observed: &[u32], expected: &[f64]) -> f64 {
     assert_eq!(observed.len(), expected.len());
     let mut order: Vec<usize> = (0..expected.len()).collect();
@@ -48,7 +48,7 @@ pub(crate) fn p_value(observed: &[u32], expected: &[f64]) -> f64 {
             (o, e) = (0.0, 0.0);
         }
     }
-    // Sorted by size, so something is left over only if everything together is rare.
+    // Cells are sorted by expected count: a remainder is left only if all cells together are rare.
     pooled_rest += e;
     assert!(pooled_rest < LEAST);
     if cells < 2 {
@@ -57,7 +57,7 @@ pub(crate) fn p_value(observed: &[u32], expected: &[f64]) -> f64 {
     upper_tail(statistic, cells - 1)
 }
 
-/// Fails if the least of these p-values, each with a name, is one that a hundred such lists would hardly hold once.
+/// Fails if one of the named p-values is below 0.01 over their number (Bonferroni's correction).
 pub(crate) fn assert_likely(p_values: &[(f64, String)]) {
     let least = 0.01 / p_values.len() as f64;
     let bad: Vec<_> = p_values.iter().filter(|(p, _)| *p < least).collect();
@@ -69,8 +69,8 @@ pub(crate) fn assert_likely(p_values: &[(f64, String)]) {
     );
 }
 
-/// ∫∫ f over a rectangle: three Gauss points a side, halved until both levels agree to `tolerance`. A rectangle in
-/// which f vanishes somewhere may be cut by an edge that no point has seen: it is halved twice at least.
+/// ∫∫ f over a rectangle by 3 × 3 Gauss points, subdivided until two subdivisions agree to `tolerance`. A rectangle in
+/// which f is zero somewhere may hold an edge that no point has seen: it is subdivided at least twice.
 pub(crate) fn integrate(
     f: &impl Fn(f64, f64) -> f64,
     x: [f64; 2],
@@ -80,7 +80,7 @@ pub(crate) fn integrate(
     refine(f, [x, y], gauss(f, x, y).0, tolerance, DEPTH)
 }
 
-/// Halvings at most.
+/// Most subdivisions.
 const DEPTH: u32 = 6;
 
 fn refine(
@@ -108,7 +108,7 @@ fn refine(
         .sum()
 }
 
-/// The integral by nine points, and whether f is zero at one of them.
+/// Integral by nine points; true if f is zero at one of them.
 fn gauss(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2]) -> (f64, bool) {
     let node = 0.6f64.sqrt();
     let rule = [(-node, 5.0 / 18.0), (0.0, 8.0 / 18.0), (node, 5.0 / 18.0)];
@@ -125,7 +125,7 @@ fn gauss(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2]) -> (f64, bool) 
 }
 
 #[test]
-fn upper_tail_has_the_values_of_the_tables() {
+fn chi_square_upper_tail_matches_tables() {
     for (x, freedom, p) in [
         (3.841_458_821, 1, 0.05),
         (5.991_464_547, 2, 0.05),
@@ -140,7 +140,7 @@ fn upper_tail_has_the_values_of_the_tables() {
 }
 
 #[test]
-fn integrals_are_right_across_an_edge() {
+fn quadrature_across_an_edge() {
     let disk = integrate(
         &|x, y| f64::from(x * x + y * y < 1.0),
         [-1.0, 1.0],

@@ -3,13 +3,13 @@
 
 use opsr::image::Film;
 use opsr::math::{Rgb, UVec2, Vec2};
-use opsr::sampler::{Independent, SampleSource, Sampler};
+use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr::scene::Scene;
 
 /// A film of the scene's first camera.
 pub(crate) fn film(scene: &Scene, size: u32, spp: u32, seed: u64, max_vertices: u32) -> Film {
     let mut film = Film::new(UVec2::splat(size));
-    let source = Independent { seed };
+    let source = Independent { seed: Seed(seed) };
     for index in 0..film.pixels.len() {
         let pixel = film.pixel(index);
         for sample in 0..spp {

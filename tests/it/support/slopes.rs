@@ -1,7 +1,8 @@
-//! Histograms of half vectors in slope space, where a lobe looks the same at every roughness.
+//! Chi-square test of a BSDF's sampling against its density, at any roughness.
 //!
-//! A slope is divided by α and squeezed, t = s/√(1 + s²), so that equal cells over |t| ≤ 0.98 follow the lobe from its
-//! peak to s = 4.9; what lies beyond, or was not drawn at all, is one more cell.
+//! Sampled directions are counted by the microfacet slopes of their half vector, in which a lobe has the same shape at
+//! every roughness. A slope is divided by α and mapped by t = s/√(1 + s²): equal cells over |t| ≤ 0.98 resolve the lobe
+//! from its peak to s = 4.9. Directions beyond, and failed samples, are counted in one more cell.
 
 use super::chi2;
 use opsr::bsdf::Bsdf;
@@ -9,42 +10,47 @@ use opsr::math::{DVec3, Vec3};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 
-/// Cells along one side.
+/// Cells along one axis.
 const N: usize = 10;
 const END: f64 = 0.98;
 
-/// The test of one closure, seen from one direction, at one roughness.
-pub(crate) struct View {
+/// Test of `sample(alpha, wo, ..)` against `pdf(alpha, wo, ..)` for one BSDF.
+pub(crate) struct DensityTest {
     pub(crate) bsdf: Bsdf,
     pub(crate) alpha: f32,
     pub(crate) wo: Vec3,
-    /// Relative index of refraction across the surface, from `wo`'s side; 0 for a wall that does not refract.
-    pub(crate) eta: f64,
 }
 
-impl View {
+impl DensityTest {
+    /// Index of refraction of the far side over that of the side of `wo`; 0 for a BSDF that does not refract.
+    fn eta(&self) -> f64 {
+        match &self.bsdf {
+            Bsdf::Dielectric(glass) if self.wo.z > 0.0 => glass.eta.into(),
+            Bsdf::Dielectric(glass) => f64::from(1.0 / glass.eta),
+            _ => 0.0,
+        }
+    }
+
     fn side(&self) -> f64 {
         f64::from(self.wo.z.signum())
     }
 
-    /// `wo` in double precision, from above.
+    /// `wo` in double precision, turned to the upper side.
     fn wo(&self) -> DVec3 {
         self.wo.as_dvec3().normalize() * self.side()
     }
 
-    /// Density of the closure per steradian, in double precision from the pair's query.
+    /// Density of the BSDF per steradian.
     fn pdf(&self, wi: DVec3) -> f64 {
         let wi = (wi * self.side()).as_vec3();
-        self.bsdf.query(self.wo, wi).map_or(0.0, |q| {
-            f64::from(q.base_pdf) + f64::from(q.pdf_scale) * q.shape(f64::from(self.alpha)).dg1
-        })
+        self.bsdf.pdf(self.alpha, self.wo, wi).into()
     }
 
-    /// The cell of a drawn direction; the last one for what is outside.
+    /// Cell of a sampled direction; the last cell for directions beyond the grid.
     fn cell(&self, wi: Vec3) -> usize {
         let wi = wi.as_dvec3().normalize() * self.side();
         let through = wi.z < 0.0;
-        let h = match (through, self.eta) {
+        let h = match (through, self.eta()) {
             (false, _) => self.wo() + wi,
             (true, 0.0) => self.wo() + DVec3::new(wi.x, wi.y, -wi.z),
             (true, eta) => self.wo() + eta * wi,
@@ -61,7 +67,7 @@ impl View {
         }
     }
 
-    /// Direction for a half vector of squeezed slopes (`x`, `y`), and dω_i / d(x, y).
+    /// Direction for a half vector with mapped slopes (`x`, `y`), and dω_i / d(x, y).
     fn direction(&self, through: bool, x: f64, y: f64) -> Option<(DVec3, f64)> {
         let alpha = f64::from(self.alpha);
         let slope = |t: f64| t / (1.0 - t * t).sqrt() * alpha;
@@ -71,11 +77,11 @@ impl View {
         if om <= 0.0 {
             return None;
         }
-        // dω_m = cos³ θ_m ds², and the squeeze's own derivative.
-        let squeeze = |t: f64| alpha / ((1.0 - t * t) * (1.0 - t * t).sqrt());
-        let domega_m = m.z * m.z * m.z * squeeze(x) * squeeze(y);
+        // dω_m = cos³ θ_m ds², and ds/dt of the mapping.
+        let ds_dt = |t: f64| alpha / ((1.0 - t * t) * (1.0 - t * t).sqrt());
+        let domega_m = m.z * m.z * m.z * ds_dt(x) * ds_dt(y);
         let mirrored = 2.0 * om * m - wo;
-        match (through, self.eta) {
+        match (through, self.eta()) {
             (false, _) => (mirrored.z > 0.0).then_some((mirrored, 4.0 * om * domega_m)),
             (true, 0.0) => (mirrored.z > 0.0).then(|| {
                 let wi = DVec3::new(mirrored.x, mirrored.y, -mirrored.z);
@@ -94,7 +100,7 @@ impl View {
         }
     }
 
-    /// What `count` draws are expected to give in each cell.
+    /// Expected number of `count` samples in each cell. Fails if the density integrates to more than 1.
     fn expected(&self, count: u32) -> Vec<f64> {
         let edge = |i: usize| (i as f64 / N as f64 * 2.0 - 1.0) * END;
         let count = f64::from(count);
@@ -121,16 +127,16 @@ impl View {
         cells
     }
 
-    /// P-value of `count` draws of the closure itself.
-    pub(crate) fn test_itself(&self, count: u32, rng: &mut Pcg32) -> f64 {
-        self.test(count, || {
+    /// P-value of `count` samples of the BSDF.
+    pub(crate) fn p_value(&self, count: u32, rng: &mut Pcg32) -> f64 {
+        self.p_value_of(count, || {
             let u = std::array::from_fn(|_| rng.random());
             self.bsdf.sample(self.alpha, self.wo, u).map(|s| s.wi)
         })
     }
 
-    /// P-value of `count` draws by `draw` against the density of this view.
-    pub(crate) fn test(&self, count: u32, mut draw: impl FnMut() -> Option<Vec3>) -> f64 {
+    /// P-value of `count` samples drawn by `draw` against the density of the BSDF.
+    pub(crate) fn p_value_of(&self, count: u32, mut draw: impl FnMut() -> Option<Vec3>) -> f64 {
         let mut observed = vec![0; 2 * N * N + 1];
         for _ in 0..count {
             observed[draw().map_or(2 * N * N, |wi| self.cell(wi))] += 1;
