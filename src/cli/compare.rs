@@ -81,7 +81,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<()> {
         write_maps(folder, &comparison)?;
     }
     if let Some(path) = &args.page {
-        let html = page::page(&comparison, &pictures, &reference, &args.exposures)?;
+        let html = page::page(&comparison, &pictures, &reference, &args.exposures);
         files::write_bytes(path, html).output()?;
     }
     Ok(())

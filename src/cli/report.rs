@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::Args;
 
 use opsr::files;
@@ -28,9 +27,7 @@ pub(super) struct ReportArgs {
 /// Runs the command.
 pub(super) fn run(args: &ReportArgs) -> anyhow::Result<()> {
     let results = Results::load(&args.results).input()?;
-    let html = page(&results)
-        .with_context(|| args.results.display().to_string())
-        .input()?;
+    let html = page(&results);
     // The page is in its place only when all that goes with it is.
     can_write(&args.output).output()?;
     if let Some(folder) = &args.plots {

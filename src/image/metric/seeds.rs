@@ -21,6 +21,18 @@ pub struct BiasVariance {
     pub relative_variance: Metric,
 }
 
+impl BiasVariance {
+    /// Bias² and variance, absolute and relative.
+    pub fn metrics(&self) -> [&Metric; 4] {
+        [
+            &self.bias_squared,
+            &self.variance,
+            &self.relative_bias_squared,
+            &self.relative_variance,
+        ]
+    }
+}
+
 /// Splits the error of `renders` against `reference`, which is taken as exact.
 ///
 /// With M the mean and s² the sample variance of K renders, E (M − f)² = bias² + s²/K; the second term is

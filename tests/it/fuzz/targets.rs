@@ -287,7 +287,7 @@ pub(crate) fn results() -> Target {
         read: |path| {
             let results = text(Results::load(path))?;
             summary::text(&results);
-            let html = page(&results).map_err(|e| format!("{}: {e}", path.display()))?;
+            let html = page(&results);
             let words = [
                 "<svg",
                 "data:image",
