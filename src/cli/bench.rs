@@ -34,12 +34,12 @@ A suite:
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLE)]
 pub(super) struct BenchArgs {
-    /// What to measure: scenes, methods, seeds, moments (.toml).
+    /// The suite: scenes, methods, seeds, time points (.toml).
     suite: PathBuf,
-    /// Where the results go (.json). Measurements that are in the file already are kept, not repeated.
+    /// File of the results (.json). Measurements that it already holds are kept, not repeated.
     #[arg(short, long, value_name = "FILE", default_value = "results.json")]
     output: PathBuf,
-    /// Threads; all that there are if not given.
+    /// Number of threads; without it as many as there are cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
 }

@@ -16,7 +16,7 @@ use super::output::can_write;
 pub(super) struct ReportArgs {
     /// Results of `opsr bench` (.json).
     results: PathBuf,
-    /// Where the page goes: one file that needs nothing else.
+    /// The page: one file that needs nothing else.
     #[arg(short, long, value_name = "FILE", default_value = "report.html")]
     output: PathBuf,
     /// Write the plots also as files (.svg) to this folder.

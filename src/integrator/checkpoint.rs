@@ -39,7 +39,7 @@ struct Header {
 /// A stopped render.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
-    /// What it belongs to.
+    /// The render that it belongs to.
     pub fingerprint: Fingerprint,
     /// Samples per pixel so far; the next pass begins with this number.
     pub samples: u32,

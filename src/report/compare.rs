@@ -12,11 +12,11 @@ use crate::image::{Buffer, exr, false_colour, png};
 /// A picture and where it comes from.
 #[derive(Clone, Debug)]
 pub struct Named {
-    /// File name, or what else it is called.
+    /// File name or another name.
     pub name: String,
     /// Linear RGB.
     pub picture: Buffer,
-    /// Whether values above 1 mean something: true for EXR, false for PNG and JPEG.
+    /// True if values above 1 have a meaning: for EXR, not for PNG and JPEG.
     pub hdr: bool,
 }
 
@@ -46,7 +46,7 @@ impl Named {
     }
 }
 
-/// How to compare.
+/// Options of a comparison.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// Pixels per degree of sight, for FLIP.
@@ -75,7 +75,7 @@ pub struct CompareError {
     pub picture: String,
     /// The reference.
     pub reference: String,
-    /// What is wrong.
+    /// The fault.
     pub reason: MetricError,
 }
 

@@ -91,7 +91,7 @@ impl Layer {
 pub struct Layers {
     /// Full frame: the display window.
     pub size: UVec2,
-    /// Where the pixels lie in the frame; for files of others it may reach beyond it.
+    /// Position of the pixels in the frame; in files of other programs they may reach beyond it.
     pub position: (i32, i32),
     /// Width in pixels.
     pub width: usize,
@@ -99,7 +99,7 @@ pub struct Layers {
     pub height: usize,
     /// Values by full channel name, such as `R` or `albedo.R`; `width * height` each, row by row.
     pub channels: BTreeMap<String, Vec<f32>>,
-    /// What the file says about itself.
+    /// Text attributes by name.
     pub metadata: Metadata,
 }
 

@@ -11,9 +11,9 @@ use crate::image::Buffer;
 pub struct BiasVariance {
     /// Number of renders.
     pub renders: usize,
-    /// What stays however many renders are averaged. Noise of the estimate can make it slightly negative.
+    /// Error that no average of renders removes. Noise of the estimate can make it slightly negative.
     pub bias_squared: Metric,
-    /// What averaging removes.
+    /// Error that averaging removes.
     pub variance: Metric,
     /// `bias_squared` with each pixel over f² + ε.
     pub relative_bias_squared: Metric,

@@ -1,13 +1,12 @@
 //! Benches: methods against each other on scenes with references, at equal time and at equal samples.
 //!
-//! | room | what |
+//! | module | contents |
 //! |---|---|
-//! | [`suite`] | what to measure, from a TOML file |
-//! | [`run`] | measures: one progressive run per scene, method and seed; can be stopped and gone on with |
-//! | [`results`] | what was measured, as JSON |
+//! | [`suite`] | scenes, methods, seeds and time points, from a TOML file |
+//! | [`run`] | measures: one progressive run per scene, method and seed; resumable |
+//! | [`results`] | the measurements, as JSON |
 //! | [`errors`] | the errors of a picture |
-//! | [`curve`] | errors at a time, at a number of samples, and where two methods cross |
-//! | [`stats`] | ratios over seeds with intervals and verdicts, bias |
+//! | [`curve`] | errors at a time or a number of samples, and the crossing of two methods |
 //! | [`summary`] | the comparisons of a scene |
 //! | [`overall`] | the comparisons over many scenes |
 //! | [`page`] | the report as one HTML file |
@@ -19,12 +18,12 @@ mod check;
 pub mod curve;
 pub mod errors;
 pub mod machine;
-mod marks;
 pub mod overall;
 pub mod page;
 mod prepare;
 pub mod results;
 pub mod run;
+mod schedule;
 pub mod suite;
 pub mod summary;
 mod vary;

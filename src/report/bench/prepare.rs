@@ -1,4 +1,4 @@
-//! Scenes made ready for measurement: loaded, with their reference, which is rendered once and kept.
+//! Scenes ready for measurement: loaded, with their reference, which is rendered once and kept.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -192,7 +192,7 @@ impl Prepared {
         }
         files::create_folder(cache)?;
         exr::write_film(&path, &picture.film, &[], &exr::Metadata::new())?;
-        // As it will be read next time, so that a resumed bench has the same reference to the bit.
+        // As it will be read next time, so that the reference of a resumed bench is bit-identical.
         self.take(&exr::read_film(&path)?);
         Ok(Some(()))
     }

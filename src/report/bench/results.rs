@@ -1,4 +1,4 @@
-//! What a bench measured, as it is kept in a file. Everything a report shows is in it.
+//! Results of a bench as a JSON file. Everything that a report shows is in it.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -29,14 +29,14 @@ pub struct Results {
     pub program: String,
     /// The command that was typed.
     pub command: String,
-    /// Where it ran.
+    /// Machine that it ran on.
     pub machine: Machine,
-    /// What was asked.
+    /// The suite.
     pub suite: Suite,
     /// Facts about the scenes, in the suite's order.
     pub scenes: Vec<SceneFacts>,
     /// One run each of a method on a scene with a seed, in the order of measurement.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<Run>,
     /// Products of errors between seeds, where all seeds are there.
     pub products: Vec<Products>,
     /// Parts of pictures to show.
@@ -53,7 +53,7 @@ pub struct SceneFacts {
     pub triangles: usize,
     /// SHA-256 of its file, or the name of the builtin scene.
     pub source: String,
-    /// Where the reference comes from.
+    /// Origin of the reference.
     pub reference: String,
     /// Variance of the reference as relMSE counts it; zero where it is not known.
     pub reference_noise: f64,
@@ -62,7 +62,7 @@ pub struct SceneFacts {
 /// One progressive run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Cell {
+pub struct Run {
     /// The scene.
     pub scene: String,
     /// The method.
@@ -83,7 +83,7 @@ pub struct Cell {
     pub memory: Option<f64>,
 }
 
-/// Where a run stood.
+/// State of a run at a look.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Point {
@@ -132,7 +132,7 @@ pub struct Inset {
 }
 
 impl Point {
-    /// This moment with its errors, seven digits of everything: what is measured has no more.
+    /// The same with errors, rounded to seven digits: measurements have no more.
     pub(super) fn with(&self, errors: BTreeMap<String, f64>) -> Self {
         let rounded = |x: f64| format!("{x:.6e}").parse().unwrap_or(x);
         Self {
@@ -221,7 +221,7 @@ impl Results {
     }
 
     /// The runs of a method on a scene, in the suite's order of seeds.
-    pub fn runs(&self, scene: &str, method: &str) -> Vec<&Cell> {
+    pub fn runs(&self, scene: &str, method: &str) -> Vec<&Run> {
         let of = |seed: u64| {
             self.cells
                 .iter()

@@ -1,4 +1,4 @@
-//! What to measure: scenes × methods × seeds, and when to look. Read from a TOML file.
+//! Suites of measurements: scenes × methods × seeds, and the time points of a look. Read from TOML files.
 //!
 //! ```toml
 //! baseline = "plain"
@@ -69,14 +69,14 @@ fn five() -> u32 {
     5
 }
 
-/// How `times` are told.
+/// Clock of `times`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Clock {
     /// Wall time.
     #[default]
     Wall,
-    /// CPU time over the number of threads: what wall time were on a machine with nothing else to do.
+    /// CPU time over the number of threads: the wall time of a machine without other work.
     Cpu,
 }
 
@@ -176,7 +176,7 @@ pub struct MethodSpec {
     /// Look-up instead of the table's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lookup: Option<Lookup>,
-    /// Whether paths go on with the regularised lobe.
+    /// True if paths continue with the regularised lobe.
     #[serde(default)]
     pub reuse: bool,
     /// λ of the consistent variant; 0 for the fixed one.

@@ -55,7 +55,7 @@ fn introduction(results: &Results, scenes: usize) -> Markup {
             (machine.threads) " of " (machine.cores) " threads (" (machine.system) "). Seconds are " (clock) "."
         }
         p {
-            "A ratio is an error or a cost of a method over that of the method it is compared with, at the same moment "
+            "A ratio is an error or a cost of a method over that of the method it is compared with, at the same time point "
             "and seed by seed; below 1 is better. Brackets hold its " (percent(CONFIDENCE)) " interval over seeds. A "
             "verdict is spoken only where the interval excludes 1 and at least " (MIN_SEEDS) " seeds were run; "
             "otherwise it is a tie."
@@ -64,13 +64,13 @@ fn introduction(results: &Results, scenes: usize) -> Markup {
 }
 
 fn overview(results: &Results, overalls: &[Overall]) -> Markup {
-    let Some(moment) = overall::last_moment(&results.suite) else {
+    let Some(at) = overall::last_time_point(&results.suite) else {
         return html! {};
     };
     html! {
         h2 { "All scenes" }
         p {
-            "Geometric means over scenes of the ratio at " (moment) ". The intervals tell about other seeds on these "
+            "Geometric means over scenes of the ratio at " (at) ". The intervals tell about other seeds on these "
             "scenes, not about other scenes."
         }
         @if let Some(svg) = overalls.first().and_then(plots::standings) {
