@@ -1,28 +1,82 @@
-//! Microfacet slope distributions: density, masking, and sampling of visible normals.
+//! Microfacet distributions: density D, Smith's masking function Λ, and sampling of visible normals.
 //!
-//! Everything is written in slopes and tangents: single precision then holds from α = 1e-3 to 1 and up to grazing
-//! angles, where forms with `1 − cos²` lose every digit.
+//! All formulas use microfacet slopes and tangents of angles. They keep their digits in single precision from α = 1e-3
+//! to 1 and up to grazing angles, where formulas with `1 − cos²` lose every digit.
 
 use crate::math::Vec3;
-use crate::math::real::{Real, erf_inverse, scaled_erfc};
+use crate::math::real::{Dual, Real, SQRT_PI, erf_f64, erf_inverse, scaled_erfc};
 use std::f32::consts::PI;
 
-/// Which microfacet slope distribution a glossy lobe has.
+/// Distribution of microfacet slopes of a glossy lobe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Distribution {
-    /// Gaussian slopes: what the tables are learned for.
+    /// Gaussian slopes, the distribution that the shipped tables are learned for.
     #[default]
     Beckmann,
-    /// Trowbridge-Reitz, glTF's own model.
+    /// Trowbridge-Reitz, the distribution of glTF.
     Ggx,
 }
 
-/// Largest exponent of a Gaussian that is not cut to zero: beyond it D is 1e-35, and α's derivative would overflow.
+/// Largest exponent x of e^(−x) in Beckmann's D: beyond it D is below 1e-34, set to 0, and its derivative in α would
+/// overflow.
 const CUT: f64 = 80.0;
 
+/// Largest argument of Beckmann's Λ that is not set to 0: Λ is below 1e-9 beyond it.
+const LAMBDA_END: f64 = 4.2;
+
+/// Real number that a microfacet lobe can be evaluated in.
+pub trait LobeReal: Real {
+    /// Smith's Λ of the Beckmann distribution `[Heitz14 (A.9)]` as a function of a = 1/(α tan θ) > 0:
+    /// (erf a − 1)/2 + e^(−a²)/(2 a √π), and 0 where it is below 1e-9.
+    fn beckmann_lambda(self) -> Self;
+}
+
+impl LobeReal for f32 {
+    #[inline]
+    fn beckmann_lambda(self) -> Self {
+        if self > LAMBDA_END as f32 {
+            return 0.0;
+        }
+        // One exponential serves both terms.
+        0.5 * (-self * self).exp() * (1.0 / (self * SQRT_PI as f32) - scaled_erfc(self))
+    }
+}
+
+impl LobeReal for f64 {
+    fn beckmann_lambda(self) -> Self {
+        if self > LAMBDA_END {
+            return 0.0;
+        }
+        0.5 * (erf_f64(self) - 1.0) + (-self * self).exp() / (2.0 * self * SQRT_PI)
+    }
+}
+
+impl<F: Real> LobeReal for Dual<F> {
+    #[inline]
+    fn beckmann_lambda(self) -> Self {
+        let a = self.v;
+        if a.value() > LAMBDA_END {
+            return Self::constant(0.0);
+        }
+        // The value has an error of 1e-7; the derivative is exact: dΛ/da = −e^(−a²) / (2 a² √π).
+        let gauss = (-a * a).exp();
+        // √π as a sum of two singles, to the digits of either precision.
+        let high = SQRT_PI as f32;
+        let low = (SQRT_PI - f64::from(high)) as f32;
+        let sqrt_pi = F::constant(high) + F::constant(low);
+        let part = gauss / (F::constant(2.0) * a * sqrt_pi);
+        let erfc = F::constant(scaled_erfc(a.value() as f32));
+        Self {
+            v: part - F::constant(0.5) * gauss * erfc,
+            d: -self.d * part / a,
+        }
+    }
+}
+
 impl Distribution {
-    /// Density of normals D(θ_h), per steradian, as a function of α and t = tan² θ_h `[Walter07 (25), (33)]`.
+    /// Density of microfacet normals D(θ_h) per steradian, for α > 0 and `tan2_h` = tan² θ_h
+    /// `[Walter07 (25), (33)]`. Finite and at least 0 for every tangent, 0 at the horizon.
     #[inline]
     pub fn d<T: Real>(self, alpha: T, tan2_h: f32) -> T {
         let t = T::constant(tan2_h);
@@ -30,14 +84,14 @@ impl Distribution {
         let x = t / a2;
         let one = T::constant(1.0);
         match self {
-            // Written so that an x that is not a number is cut as well.
+            // This comparison also sends NaN to the arm below.
             Self::Beckmann if x.value() < CUT => {
                 // cos⁻⁴ = (1 + t)².
                 (-x).exp() * (one + t) * (one + t) / (T::constant(PI) * a2)
             }
             Self::Beckmann => T::constant(0.0),
             Self::Ggx if x.value() < f64::INFINITY => {
-                // The square last: (1 + t)² alone overflows where both directions graze.
+                // Squared last: (1 + t)² alone overflows if both directions graze.
                 let b = (one + t) / (one + x);
                 b * b / (T::constant(PI) * a2)
             }
@@ -45,13 +99,14 @@ impl Distribution {
         }
     }
 
-    /// Smith's Λ of a direction, as a function of α and tan² θ `[Heitz14 (A.9), (72)]`.
+    /// Smith's masking function Λ ≥ 0 of a direction, for α > 0 and `tan2` = tan² θ
+    /// `[Heitz14 (A.9), (72)]`; G1 = 1/(1 + Λ).
     #[inline]
-    pub fn lambda<T: Real>(self, alpha: T, tan2: f32) -> T {
+    pub fn lambda<T: LobeReal>(self, alpha: T, tan2: f32) -> T {
         if tan2 == 0.0 {
             return T::constant(0.0);
         }
-        // At the horizon the tangent is infinite, and a derivative would be 0 · ∞.
+        // The tangent is infinite at the horizon, where a derivative would be 0 · ∞.
         let tan2 = tan2.min(1e30);
         match self {
             Self::Beckmann => {
@@ -67,8 +122,9 @@ impl Distribution {
         }
     }
 
-    /// Draws a visible normal for `wo` (`wo.z` > 0): density D(h) G1(wo) max(0, wo·h) / cos θ_o per steradian
-    /// `[HeitzDEon14]`. Not normalised: `z` is 1, so that tiny slopes keep their digits.
+    /// Samples a normal visible from `wo`, `wo.z` > 0, with density D(h) G1(wo) max(0, wo·h) / cos θ_o per steradian
+    /// `[HeitzDEon14 (2)]`; `u` is uniform in [0, 1)². The result has `z` = 1 in place of unit length, so that small
+    /// slopes keep their digits.
     #[inline]
     pub fn sample_visible(self, alpha: f32, wo: Vec3, u: [f32; 2]) -> Vec3 {
         let stretched = Vec3::new(alpha * wo.x, alpha * wo.y, wo.z);
@@ -92,21 +148,21 @@ impl Distribution {
     }
 }
 
-/// A uniform number moved off 0 and 1, where the Gaussian's quantiles are infinite.
+/// Clamps a uniform number to the open interval (0, 1): quantiles of the Gaussian are infinite at its ends.
 #[inline]
 fn open(u: f32) -> f32 {
     u.clamp(3e-8, 1.0 - 6e-8)
 }
 
-/// Slope along the plane of incidence, for unit roughness and an incidence of this tangent.
+/// Samples the slope along the plane of incidence, for unit roughness and tan θ_o = `tan`.
 ///
 /// Solves F(x) = u F(cot θ) on x ≤ cot θ, with F(x) = (1 + erf x)/2 + tan θ e^(−x²)/(2√π) the integral of
-/// (1 − x tan θ) e^(−x²)/√π `[HeitzDEon14 §4.1]`, by Halley's steps inside a bracket: they cube the error, so that one
-/// or two are enough.
+/// (1 − x tan θ) e^(−x²)/√π `[HeitzDEon14 §4.1]`, by Halley's method inside a bracket. A step cubes the error: one or
+/// two suffice.
 #[inline]
 fn beckmann_slope(tan: f32, u: f32) -> f32 {
     const INV_SQRT_PI: f32 = 0.564_189_6;
-    /// A step so short, relative to 1 + |x|, leaves an error below single precision.
+    /// Length of a step, relative to 1 + |x|, after which the error is below single precision.
     const LAST_STEP: f32 = 1e-3;
     let u = open(u);
     let normal = erf_inverse(2.0 * u - 1.0);
@@ -125,11 +181,11 @@ fn beckmann_slope(tan: f32, u: f32) -> f32 {
         newton / (1.0 + 0.5 * newton * (tan / visible + 2.0 * x)).clamp(0.5, 2.0)
     };
     let first = if tan < 0.7 {
-        // At the quantile of normal incidence erf x is 2u − 1: a step without it.
+        // First step from the quantile at normal incidence, where erf x = 2u − 1 needs no evaluation.
         let gauss = (-normal * normal).exp();
         normal - step(normal, half_tan * gauss - u * lambda, gauss)
     } else {
-        // From the quantile at normal incidence to the one at grazing incidence, where F is proportional to e^(−x²).
+        // Between the quantiles at normal incidence and at grazing incidence, where F is proportional to e^(−x²).
         let grazing = -(-u.ln()).sqrt();
         normal + (grazing - normal) * tan / (1.0 + tan)
     };
@@ -138,7 +194,7 @@ fn beckmann_slope(tan: f32, u: f32) -> f32 {
         let gauss = (-x * x).exp();
         let erf = (1.0 - gauss * scaled_erfc(x.abs())).copysign(x);
         let error = 0.5 * (1.0 + erf) + half_tan * gauss - target;
-        // Before the bracket is narrowed to x itself: a step of nothing must not be taken for one outside.
+        // Tested before the bracket shrinks to x: otherwise a step of length 0 would count as outside.
         if error.abs() < 1e-7 * (1.0 + lambda) {
             break;
         }
@@ -148,7 +204,7 @@ fn beckmann_slope(tan: f32, u: f32) -> f32 {
             low = x
         }
         let next = x - step(x, error, gauss);
-        // Outside the bracket (or nowhere, where the density vanishes) the step is halving.
+        // Bisection where the step leaves the bracket or is NaN because the density vanishes.
         let next = if next >= low && next <= high {
             next
         } else {
@@ -163,8 +219,8 @@ fn beckmann_slope(tan: f32, u: f32) -> f32 {
     x
 }
 
-/// Visible normal of GGX by projecting a uniform point of the spherical cap (Dupuy, Benyoub: *Sampling Visible GGX
-/// Normals with Spherical Caps*, 2023). `z` of the result is 1.
+/// Samples a visible normal of GGX by way of a uniform point of a spherical cap (Dupuy, Benyoub: *Sampling Visible GGX
+/// Normals with Spherical Caps*, 2023). The result has `z` = 1.
 #[inline]
 fn ggx_normal(stretched: Vec3, alpha: f32, u: [f32; 2]) -> Vec3 {
     let wo = stretched.normalize();
@@ -180,10 +236,9 @@ fn ggx_normal(stretched: Vec3, alpha: f32, u: [f32; 2]) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::real::erf_f64;
 
     #[test]
-    fn normals_on_the_horizon_and_nowhere_have_no_density() {
+    fn density_and_masking_are_finite_at_the_horizon() {
         for distribution in [Distribution::Beckmann, Distribution::Ggx] {
             for alpha in [1e-3f32, 0.1, 1.0] {
                 for tan2 in [f32::INFINITY, f32::NAN] {
@@ -202,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn every_pair_of_numbers_gives_a_normal() {
+    fn sample_visible_is_finite_for_every_random_number() {
         let ends = [0.0, f32::MIN_POSITIVE, 1e-8, 0.5, 1.0 - 6e-8, 1.0];
         for distribution in [Distribution::Beckmann, Distribution::Ggx] {
             for wo in [
@@ -224,13 +279,13 @@ mod tests {
     }
 
     #[test]
-    fn slopes_invert_their_integral() {
+    fn beckmann_slope_inverts_its_cdf() {
         let mut worst = 0.0f64;
         for exponent in -40..=60 {
             let tan = 10f32.powf(exponent as f32 * 0.1);
             let whole = integral(1.0 / f64::from(tan), tan.into());
             for i in 0..=2000 {
-                // Evenly, and crowded towards both ends.
+                // Evenly spaced, and denser towards both ends.
                 let t = i as f32 / 2000.0;
                 for u in [t, 1e-4 * t, 1.0 - 1e-4 * t] {
                     let x = beckmann_slope(tan, u);
@@ -240,7 +295,30 @@ mod tests {
                 }
             }
         }
-        // erf is good to 1.5e-7, u to 6e-8.
+        // Errors: 1.5e-7 of erf, 6e-8 of u.
         assert!(worst < 2e-6, "{worst:e}");
+    }
+
+    #[test]
+    fn beckmann_lambda_of_f32_f64_and_dual_agree() {
+        for i in 1..500 {
+            let a = 0.01 * f64::from(i);
+            let exact = a.beckmann_lambda();
+            let dual = Dual::variable(a).beckmann_lambda();
+            assert!(
+                (f64::from((a as f32).beckmann_lambda()) - exact).abs() < 2e-7 * (1.0 + exact),
+                "{a}"
+            );
+            assert!((dual.v - exact).abs() < 2e-7, "{a}");
+            if a < 4.1 {
+                let h = 1e-6;
+                let numeric = ((a + h).beckmann_lambda() - (a - h).beckmann_lambda()) / (2.0 * h);
+                assert!(
+                    (dual.d - numeric).abs() < 1e-6 * numeric.abs().max(1e-3),
+                    "{a}: {} {numeric}",
+                    dual.d
+                );
+            }
+        }
     }
 }

@@ -1,11 +1,11 @@
-//! How much light an interface reflects.
+//! Fresnel reflectance of an interface.
 
 use crate::math::Rgb;
 
-/// Unpolarised reflectance of a smooth dielectric interface `[Walter07 (22)]`.
+/// Reflectance in [0, 1] of a smooth dielectric interface for unpolarised light `[Walter07 (22)]`.
 ///
-/// `cos` ≥ 0 on the side where the light comes from, `eta` the index of the other side over that of this one. 1 under
-/// total internal reflection. Accurate to grazing angles and for `eta` near 1: nothing is subtracted from 1.
+/// `cos` in [0, 1] is the cosine of incidence, `eta` the index of the other side over the index of this side. 1 under
+/// total internal reflection. Accurate at grazing angles and for `eta` near 1, since nothing is subtracted from 1.
 #[inline]
 pub fn dielectric(cos: f32, eta: f32) -> f32 {
     // g² = η² − 1 + c², with η² − 1 factored so that it keeps its digits near 1.
@@ -20,7 +20,7 @@ pub fn dielectric(cos: f32, eta: f32) -> f32 {
     (0.5 * a * a * (1.0 + b * b)).min(1.0)
 }
 
-/// Schlick's approximation, from the reflectance `f0` at normal incidence to 1 at grazing angles.
+/// Schlick's approximation f0 + (1 − f0)(1 − cos)⁵ of the reflectance, with `f0` at normal incidence.
 #[inline]
 pub fn schlick(f0: Rgb, cos: f32) -> Rgb {
     let m = (1.0 - cos).clamp(0.0, 1.0);
@@ -28,7 +28,7 @@ pub fn schlick(f0: Rgb, cos: f32) -> Rgb {
     f0 + (Rgb::ONE - f0) * (m2 * m2 * m)
 }
 
-/// Mean of [`schlick`] over the cosine-weighted hemisphere: 2 ∫ F(c) c dc = f0 + (1 − f0)/21.
+/// Cosine-weighted mean of [`schlick`] over the hemisphere: 2 ∫₀¹ F(c) c dc = f0 + (1 − f0)/21.
 #[inline]
 pub fn schlick_average(f0: Rgb) -> Rgb {
     f0 + (Rgb::ONE - f0) * (1.0 / 21.0)
@@ -52,14 +52,14 @@ mod tests {
     }
 
     #[test]
-    fn equal_indices_do_not_reflect() {
+    fn dielectric_of_equal_indices_does_not_reflect() {
         for i in 1..=100 {
             assert!(dielectric(i as f32 * 0.01, 1.0) < 1e-12);
         }
     }
 
     #[test]
-    fn schlick_average_is_its_integral() {
+    fn schlick_average_matches_its_integral() {
         let n = 100_000;
         let sum: f64 = (0..n)
             .map(|i| {

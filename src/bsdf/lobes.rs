@@ -1,4 +1,4 @@
-//! The closures. Local directions, `z` up; opaque closures scatter from both sides.
+//! Lobes of the BSDFs. Local directions, `z` up; opaque BSDFs scatter on both sides.
 
 use super::fresnel::{dielectric, schlick, schlick_average};
 use super::{BsdfSample, DELTA_ALPHA, Distribution, Lobe, LobeQuery};
@@ -6,7 +6,7 @@ use crate::math::frame::tan2_theta;
 use crate::math::{Rgb, Vec2, Vec3, luminance, warp};
 use std::f32::consts::FRAC_1_PI;
 
-/// Lambert.
+/// Lambertian reflection.
 #[derive(Clone, Copy, Debug)]
 pub struct Diffuse {
     /// Reflectance in [0, 1].
@@ -16,59 +16,59 @@ pub struct Diffuse {
 /// Microfacet reflection over a Lambertian base.
 #[derive(Clone, Copy, Debug)]
 pub struct Glossy {
-    /// Reflectance at normal incidence in [0, 1] (Schlick).
+    /// Reflectance at normal incidence in [0, 1], for Schlick's approximation.
     pub f0: Rgb,
     /// Reflectance of the base in [0, 1]; zero for a metal.
     pub albedo: Rgb,
-    /// Own roughness.
+    /// Original roughness in [0, 1].
     pub alpha: f32,
-    /// Slope distribution.
+    /// Microfacet distribution.
     pub distribution: Distribution,
 }
 
 /// Interface between the outside (`z > 0`) and a solid body.
 #[derive(Clone, Copy, Debug)]
 pub struct Dielectric {
-    /// Index of refraction inside over outside, >= 1 usually.
+    /// Index of refraction inside over outside, above 0, usually at least 1.
     pub eta: f32,
-    /// Tint of the transmitted light in [0, 1].
+    /// Factor of the transmitted light in [0, 1].
     pub tint: Rgb,
-    /// Own roughness.
+    /// Original roughness in [0, 1].
     pub alpha: f32,
-    /// Slope distribution.
+    /// Microfacet distribution.
     pub distribution: Distribution,
 }
 
-/// Thin wall.
+/// Thin wall that reflects, and transmits without refraction.
 #[derive(Clone, Copy, Debug)]
 pub struct ThinDielectric {
-    /// Reflectance at normal incidence (Schlick).
+    /// Reflectance at normal incidence in [0, 1], for Schlick's approximation.
     pub f0: Rgb,
-    /// Tint of the transmitted light in [0, 1].
+    /// Factor of the transmitted light in [0, 1].
     pub tint: Rgb,
-    /// Own roughness.
+    /// Original roughness in [0, 1].
     pub alpha: f32,
-    /// Slope distribution.
+    /// Microfacet distribution.
     pub distribution: Distribution,
 }
 
-/// Below this difference of the indices an interface is invisible: refraction through a rough one tends to a straight
-/// line whose half vector single precision cannot tell.
+/// Difference of the indices below which an interface is invisible: refraction through a rough one tends to a straight
+/// line, whose half vector single precision cannot resolve.
 const MATCHED: f32 = 5e-4;
 
-/// A direction or its mirror image, so that the surface is seen from above.
+/// Negates `w` if `side` is negative: maps a direction on the side of `side` to the upper hemisphere and back.
 #[inline]
 fn above(side: f32, w: Vec3) -> Vec3 {
     w * 1f32.copysign(side)
 }
 
-/// Mirror image of `w` about the half vector `h` (any length).
+/// Mirror image of `w` about the half vector `h`, which may have any length.
 #[inline]
 fn mirror(w: Vec3, h: Vec3) -> Vec3 {
     (2.0 * w.dot(h) / h.length_squared()) * h - w
 }
 
-/// The query of a reflecting microfacet lobe without its colour, and the cosine at the half vector; both directions
+/// Query of a microfacet reflection without its Fresnel term, and the cosine wo·h at the half vector. Both directions
 /// above the surface.
 #[inline]
 fn reflection(wo: Vec3, wi: Vec3, distribution: Distribution) -> Option<(LobeQuery, f32)> {
@@ -76,8 +76,8 @@ fn reflection(wo: Vec3, wi: Vec3, distribution: Distribution) -> Option<(LobeQue
         return None;
     }
     let h = wo + wi;
-    // |f cos| = F D G2 / (4 cos o), density of visible normals times 1/(4 o·h) = D G1 / (4 cos o)
-    // [Walter07 (20)], [HeitzDEon14 (2)].
+    // f cos θi = F D G2 / (4 cos θo) [Walter07 (20)]. The density of visible normals [HeitzDEon14 (2)] over the
+    // Jacobian 4 o·h is D G1 / (4 cos θo).
     let scale = 0.25 / wo.z;
     let query = LobeQuery {
         base: Rgb::ZERO,
@@ -93,7 +93,7 @@ fn reflection(wo: Vec3, wi: Vec3, distribution: Distribution) -> Option<(LobeQue
     Some((query, (0.5 * h.length()).min(1.0)))
 }
 
-/// Finishes a smooth draw: value and density from the query itself, so that the weight is their ratio to the bit.
+/// Sample of a smooth lobe. Value and density come from the query, so that the weight is exactly their ratio.
 #[inline]
 fn finish(query: Option<LobeQuery>, alpha: f32, wi: Vec3, lobe: Lobe) -> Option<BsdfSample> {
     let eval = query?.at(alpha);
@@ -106,6 +106,7 @@ fn finish(query: Option<LobeQuery>, alpha: f32, wi: Vec3, lobe: Lobe) -> Option<
     })
 }
 
+/// Sample of a Dirac lobe.
 fn delta(wi: Vec3, weight: Rgb, lobe: Lobe) -> Option<BsdfSample> {
     Some(BsdfSample {
         wi,
@@ -147,13 +148,14 @@ impl Diffuse {
 }
 
 impl Glossy {
-    /// Light that the coat lets through, down or up, at this cosine.
+    /// Transmittance of the coat, inwards or outwards, at this cosine.
     #[inline]
     fn through(&self, cos: f32) -> Rgb {
         Rgb::ONE - schlick(self.f0, cos)
     }
 
-    /// Probability of the glossy lobe: its share of the reflected light if the coat were smooth. Depends on `wo` only.
+    /// Selection probability of the glossy lobe: its share of the light that a smooth coat and the base reflect at
+    /// cos θo = `cos`. Depends on `wo` only.
     #[inline]
     fn glossy_probability(&self, cos: f32) -> f32 {
         if self.albedo == Rgb::ZERO {
@@ -173,10 +175,10 @@ impl Glossy {
             let p = self.glossy_probability(wo.z);
             query.pdf_scale *= p;
             query.base_pdf = (1.0 - p) * wi.z * FRAC_1_PI;
-            // Deviates from glTF's (1 − F(o·h)) · albedo/π, which gains energy at grazing angles (up to 0.9 of albedo
-            // on top of a mirror). This form is reciprocal, does not depend on α, and with a smooth coat the sum of
-            // both lobes is exactly F + (1 − F) albedo (Kelemen, Szirmay-Kalos 2001). A rough coat may reflect more
-            // than the smooth one it is taken for: a white base then gains up to 0.6 % (α 0.2, 55°).
+            // Deviates from glTF's (1 − F(o·h)) · albedo/π, which gains energy at grazing angles: up to 0.9 of the
+            // albedo on top of a mirror. The coupling by Kelemen and Szirmay-Kalos (2001) is reciprocal, does not
+            // depend on α, and with a smooth coat both lobes sum to exactly F + (1 − F) albedo. A rough coat may
+            // reflect more than the smooth one: a white base then gains up to 0.6 % (α = 0.2, 55°).
             let average = Rgb::ONE - schlick_average(self.f0);
             let coupling = self.through(wo.z) * self.through(wi.z) / average.max(Rgb::splat(1e-6));
             query.base = self.albedo * coupling * (wi.z * FRAC_1_PI);
@@ -213,13 +215,13 @@ impl Glossy {
 }
 
 impl Dielectric {
-    /// Whether there is nothing to see: the indices are equal.
+    /// True if the indices are so close that the interface is invisible.
     #[inline]
     pub(super) fn is_matched(&self) -> bool {
         (self.eta - 1.0).abs() < MATCHED
     }
 
-    /// Index of the other side over that of `wo`'s.
+    /// Index of the other side over the index on the side of `wo`.
     #[inline]
     fn relative(&self, wo: Vec3) -> f32 {
         if wo.z > 0.0 { self.eta } else { 1.0 / self.eta }
@@ -239,7 +241,7 @@ impl Dielectric {
             query.pdf_scale *= f;
             return Some(query);
         }
-        // Half vector of refraction [Walter07 (16)], unnormalised, turned to wo's side: n_o = 1, n_i = eta.
+        // Half vector of refraction [Walter07 (16)] with η_o = 1 and η_i = eta, not normalised, on the side of wo.
         let h = wo + eta * wi;
         let h = above(h.z, h);
         let length = h.length();
@@ -252,7 +254,7 @@ impl Dielectric {
         Some(LobeQuery {
             base: Rgb::ZERO,
             base_pdf: 0.0,
-            // [Walter07 (21)] for radiance: with n_o² on top; the density has n_i² (17).
+            // Radiance has η_o² in the numerator of [Walter07 (21)]; the Jacobian of the density (17) has η_i².
             scale: self.tint * common,
             pdf_scale: common * eta * eta,
             tan2_h: tan2_theta(h),
@@ -306,7 +308,7 @@ impl Dielectric {
                 Lobe::Reflection,
             );
         }
-        // Snell's law in vectors; F < 1 makes the root real.
+        // Snell's law for vectors; the root is real because F < 1.
         let ratio = 1.0 / eta;
         let cos_t = (1.0 - ratio * ratio * ((1.0 - cos) * (1.0 + cos)))
             .max(0.0)
@@ -332,7 +334,7 @@ impl ThinDielectric {
     #[inline]
     pub(super) fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
         let (wo, wi) = (above(wo.z, wo), above(wo.z, wi));
-        // The transmitted lobe is the reflected one, mirrored through the wall.
+        // The transmitted lobe is the mirror image of the reflected one.
         let through = wi.z < 0.0;
         let wi = if through {
             Vec3::new(wi.x, wi.y, -wi.z)

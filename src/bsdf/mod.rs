@@ -1,30 +1,33 @@
-//! Scattering closures: small `Copy` values made at a hit, evaluated *at* a roughness.
+//! BSDFs: small `Copy` values made at a hit and evaluated *at* a roughness.
 //!
-//! **The roughness is an argument** of [`Bsdf::eval`] and [`Bsdf::sample`]: "the original lobe" and "the roughened
-//! lobe" are one closure read at two roughnesses. In a closure with a diffuse part, `alpha` addresses the glossy
-//! lobe; the diffuse lobe has α = 1 by definition.
+//! **The roughness is an argument** of [`Bsdf::eval`], [`Bsdf::pdf`] and [`Bsdf::sample`]: the original and the
+//! roughened lobe are one BSDF evaluated at two values of α. In a BSDF with a diffuse part, `alpha` is the roughness of
+//! the glossy lobe; the diffuse lobe has α = 1 by definition.
 //!
-//! All directions are **local**: unit length, leaving the surface, `z` along the (shading) normal of the front side.
-//! Below [`DELTA_ALPHA`] a lobe is an exact Dirac delta: `eval` leaves it out, `sample` returns it with `delta` set.
+//! All directions are **local**: unit length, leaving the surface, `z` along the shading normal of the front side. A
+//! lobe with α < [`DELTA_ALPHA`] is a Dirac delta: `eval` and `pdf` leave it out, `sample` returns it with `delta` set.
 //!
-//! Every closure reduces a pair of directions to a [`LobeQuery`], in which all that depends on the roughness is
-//! D·G and D·G1. Rendering evaluates the query at once; training keeps it and evaluates it at any roughness later,
-//! in dual numbers: value and derivative cannot drift apart.
+//! Every BSDF reduces a pair of directions to a [`LobeQuery`], which depends on the roughness only through D·G2 and
+//! D·G1. Rendering evaluates the query at once. Training stores it and evaluates it at other roughness values in dual
+//! numbers, so that value and derivative come from one formula.
+//!
+//! **Reciprocity.** [`Bsdf::eval`] gives radiance: `wo` is the direction towards the camera and `wi` the one towards the
+//! light, whichever of them a walk arrives from. With η the index on the side of a direction,
+//! f(wo, wi)/ηₒ² = f(wi, wo)/ηᵢ² `[Veach97 §5.2]`; reflection has ηₒ = ηᵢ.
 
-use crate::math::real::Real;
 use crate::math::{Rgb, Vec3};
 
 pub mod distribution;
 pub mod fresnel;
 pub mod lobes;
 
-pub use distribution::Distribution;
+pub use distribution::{Distribution, LobeReal};
 pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric};
 
-/// Below this roughness a lobe is a Dirac delta: no single-precision form of a smooth lobe holds at grazing angles.
+/// Roughness below which a lobe is a Dirac delta: single precision cannot evaluate a sharper one at grazing angles.
 pub const DELTA_ALPHA: f32 = 1e-3;
 
-/// What one pair of directions needs to be evaluated at any roughness α:
+/// Value and density of a BSDF for one pair of directions, as functions of the roughness α:
 ///
 /// ```text
 /// f·|cos θi| (α) = base + scale · D(α) G2(α)
@@ -32,87 +35,88 @@ pub const DELTA_ALPHA: f32 = 1e-3;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LobeQuery {
-    /// f·|cos θi| of the parts that do not depend on α (the diffuse lobe).
+    /// f·|cos θi| of the diffuse lobe, which does not depend on α.
     pub base: Rgb,
-    /// Their density per steradian, selection probability included.
+    /// Density of the diffuse lobe per steradian, its selection probability included.
     pub base_pdf: f32,
-    /// A: factor of D·G2 in f·|cos θi|.
+    /// Factor of D·G2 in f·|cos θi|.
     pub scale: Rgb,
-    /// B: factor of D·G1(wo) in the density per steradian.
+    /// Factor of D·G1(wo) in the density per steradian, selection probability included.
     pub pdf_scale: f32,
-    /// tan² of the half vector's angle to the normal.
+    /// tan² of the angle between half vector and normal.
     pub tan2_h: f32,
-    /// tan² of `wo`'s angle to the normal.
+    /// tan² of the angle between `wo` and normal.
     pub tan2_o: f32,
-    /// tan² of `wi`'s angle to the normal.
+    /// tan² of the angle between `wi` and normal.
     pub tan2_i: f32,
-    /// Normal distribution.
+    /// Microfacet distribution.
     pub distribution: Distribution,
 }
 
-/// Value of a closure for a pair of directions.
+/// Value and sampling density of a BSDF for a pair of directions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BsdfEval {
-    /// f·|cos θi|, per steradian; Dirac lobes are left out.
+    /// f·|cos θi| per steradian, without Dirac lobes.
     pub value: Rgb,
-    /// Density with which [`Bsdf::sample`] at the same `alpha` draws `wi`, per steradian; Dirac lobes left out.
+    /// Density per steradian with which [`Bsdf::sample`] at the same `alpha` samples `wi`, without Dirac lobes.
     pub pdf_w: f32,
 }
 
-/// Which part of a closure scattered.
+/// Lobe of a BSDF.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lobe {
-    /// The Lambertian part, α = 1.
+    /// Lambertian lobe, α = 1.
     Diffuse,
-    /// The glossy part, staying on the side of `wo`.
+    /// Glossy lobe on the side of `wo`.
     Reflection,
-    /// The glossy part, leaving on the other side.
+    /// Glossy lobe on the side opposite to `wo`.
     Transmission,
 }
 
-/// A direction drawn from a closure.
+/// Direction sampled from a BSDF.
 #[derive(Clone, Copy, Debug)]
 pub struct BsdfSample {
-    /// The direction, local.
+    /// Sampled direction, local.
     pub wi: Vec3,
-    /// f·|cos θi| / pdf of the whole closure (of the Dirac lobe alone if `delta`); finite and not negative.
+    /// f·|cos θi| / pdf of the whole BSDF; of the Dirac lobe alone, over its selection probability, if `delta`. Finite
+    /// and at least 0.
     pub weight: Rgb,
-    /// Density of the whole closure at `wi`, per steradian; meaningless (0) if `delta`.
+    /// Density of the whole BSDF at `wi` per steradian; 0 and without meaning if `delta`.
     pub pdf_w: f32,
-    /// The lobe that was drawn.
+    /// Sampled lobe.
     pub lobe: Lobe,
-    /// Whether that lobe is a Dirac delta at the α asked for.
+    /// True if the sampled lobe is a Dirac delta at this α.
     pub delta: bool,
 }
 
-/// A scattering closure.
+/// Bidirectional scattering distribution function of a surface point.
 #[derive(Clone, Copy, Debug)]
 pub enum Bsdf {
-    /// Lambert, reflecting on both sides.
+    /// Lambertian reflection on both sides.
     Diffuse(Diffuse),
-    /// Microfacet reflection with Schlick Fresnel, over a Lambertian base: metals, coated plastics and their blend.
+    /// Microfacet reflection with Schlick's Fresnel term over a Lambertian base: metals, coated plastics and blends.
     Glossy(Glossy),
     /// Interface of a solid transparent body: microfacet reflection and refraction.
     Dielectric(Dielectric),
-    /// Thin-walled transmission: reflection, and transmission without refraction.
+    /// Thin wall: microfacet reflection, and transmission without refraction.
     Thin(ThinDielectric),
 }
 
-/// D·G2 and D·G1 of a [`LobeQuery`] at one roughness.
+/// Factors of a [`LobeQuery`] that depend on the roughness, at one roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct LobeShape<T> {
-    /// D(α) G2(α), height-correlated masking and shadowing.
+    /// D(α) G2(α), with height-correlated masking and shadowing.
     pub dg2: T,
-    /// D(α) G1(α) of `wo`.
+    /// D(α) G1(α), with masking of `wo` alone.
     pub dg1: T,
 }
 
 impl LobeQuery {
-    /// All that depends on the roughness; `alpha` must be above 0.
+    /// D·G2 and D·G1 at roughness `alpha` > 0.
     ///
     /// G2 = 1/(1 + Λ(o) + Λ(i)) is the height-correlated form `[Heitz14 (99)]`, used for refraction too.
     #[inline]
-    pub fn shape<T: Real>(&self, alpha: T) -> LobeShape<T> {
+    pub fn shape<T: LobeReal>(&self, alpha: T) -> LobeShape<T> {
         let one = T::constant(1.0);
         let d = self.distribution.d(alpha, self.tan2_h);
         let masked = one + self.distribution.lambda(alpha, self.tan2_o);
@@ -123,7 +127,7 @@ impl LobeQuery {
         }
     }
 
-    /// Value and density at roughness `alpha`; below [`DELTA_ALPHA`] only the base is left.
+    /// Value and density at roughness `alpha` in [0, 1]; those of the diffuse lobe alone below [`DELTA_ALPHA`].
     #[inline]
     pub fn at(&self, alpha: f32) -> BsdfEval {
         let mut eval = BsdfEval {
@@ -140,7 +144,7 @@ impl LobeQuery {
 }
 
 impl Bsdf {
-    /// The material's own roughness: of the glossy lobe, or 1 for a purely diffuse closure.
+    /// Original roughness of the glossy lobe; 1 for a purely diffuse BSDF.
     #[inline]
     pub fn alpha(&self) -> f32 {
         match self {
@@ -151,8 +155,8 @@ impl Bsdf {
         }
     }
 
-    /// Reduces a pair of directions to what can be evaluated at any roughness; `None` where f is zero at every α
-    /// (wrong side, half vector below the horizon).
+    /// Reduces a pair of directions to a [`LobeQuery`]. `None` where f is zero at every α: a direction on the wrong
+    /// side, or a half vector below the horizon.
     #[inline]
     pub fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
         match self {
@@ -163,17 +167,18 @@ impl Bsdf {
         }
     }
 
-    /// f·|cos θi| and density with the glossy lobe at roughness `alpha`.
+    /// f·|cos θi| per steradian and density of [`Bsdf::sample`] per steradian, with the glossy lobe at roughness
+    /// `alpha` in [0, 1]; Dirac lobes are left out.
     #[inline]
     pub fn eval(&self, alpha: f32, wo: Vec3, wi: Vec3) -> BsdfEval {
         self.query(wo, wi)
             .map_or(BsdfEval::default(), |query| query.at(alpha))
     }
 
-    /// Draws `wi` with the glossy lobe at roughness `alpha`. Whether the diffuse lobe is chosen depends on `wo` and `u`
-    /// only, never on `alpha`; a diffuse choice therefore gives the same direction at every `alpha`.
+    /// Samples `wi` with the glossy lobe at roughness `alpha` in [0, 1]; `u` is uniform in [0, 1)³. The choice of the
+    /// diffuse lobe depends on `wo` and `u` only, so that it gives the same direction at every `alpha`.
     ///
-    /// `None` where the direction drawn is not valid (below the horizon): zero in `eval` too, so nothing is lost.
+    /// `None` if the sampled direction lies below the horizon, where `eval` is zero: the estimate stays unbiased.
     #[inline]
     pub fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
         match self {
@@ -184,26 +189,27 @@ impl Bsdf {
         }
     }
 
-    /// Whether nothing of the closure can be evaluated at roughness `alpha`: light sampling is of no use.
+    /// True if all lobes are Dirac deltas at roughness `alpha`: `eval` is zero, and light sampling finds nothing.
     #[inline]
     pub fn is_delta_at(&self, alpha: f32) -> bool {
         let has_base = match self {
             Self::Diffuse(_) => true,
             Self::Glossy(glossy) => glossy.albedo != Rgb::ZERO,
-            // An interface between equal indices cannot be seen at any roughness.
+            // An interface between equal indices passes light straight on at any roughness.
             Self::Dielectric(l) if l.is_matched() => return true,
             Self::Dielectric(_) | Self::Thin(_) => false,
         };
         alpha < DELTA_ALPHA && !has_base
     }
 
-    /// Whether the closure bounds a solid body that can be entered.
+    /// True if the surface bounds a solid body that light can enter.
     #[inline]
     pub fn is_solid(&self) -> bool {
         matches!(self, Self::Dielectric(_))
     }
 
-    /// (ηᵢ/ηₒ)² of a refraction seen from `wo`: what a refracted path's throughput was divided by.
+    /// (ηᵢ/ηₒ)² of a refraction, with `wo` on the side of ηₒ: the factor by which refraction divides the radiance
+    /// carried towards `wo` `[Walter07 (21)]`. 1 for BSDFs without refraction.
     #[inline]
     pub fn refraction_scale(&self, wo: Vec3) -> f32 {
         match self {
@@ -250,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn what_closures_say_of_themselves() {
+    fn roughness_kind_and_dirac_bound_of_each_bsdf() {
         let own = all(0.3).map(|b| b.alpha());
         assert_eq!(own, [1.0, 0.3, 0.3, 0.3, 0.3]);
         let solid = all(0.3).map(|b| b.is_solid());
@@ -261,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn refraction_scales_radiance_and_reflection_does_not() {
+    fn refraction_scale_is_the_squared_index_ratio() {
         let [diffuse, metal, _, glass, thin] = all(0.1);
         for wo in [Vec3::Z, -Vec3::Z] {
             for other in [diffuse, metal, thin] {
@@ -273,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_indices_are_delta_at_any_roughness() {
+    fn dielectric_of_equal_indices_is_delta_at_any_roughness() {
         let glass = |eta| {
             Bsdf::Dielectric(Dielectric {
                 eta,
@@ -282,7 +288,7 @@ mod tests {
                 distribution: Distribution::Beckmann,
             })
         };
-        // The switch is at a difference of 5e-4, either way.
+        // The bound is a difference of 5e-4 in either direction.
         for (eta, matched) in [(1.0, true), (1.0004, true), (0.9996, true), (1.0006, false)] {
             assert_eq!(glass(eta).is_delta_at(1.0), matched, "{eta}");
             let oblique = Vec3::new(0.6, 0.0, 0.8);

@@ -86,7 +86,7 @@ fn reachable(scene: &Scene) -> usize {
     }
     (0..LEN)
         .filter_map(GammaIndex::new)
-        .filter(|c| c.levels().iter().all(|&l| levels[l]))
+        .filter(|c| c.bins().iter().all(|&l| levels[l]))
         .count()
 }
 

@@ -7,6 +7,7 @@ use opsr::files::hex;
 use opsr::image::film::Window;
 use opsr::integrator::{Method, Settings};
 use opsr::math::UVec2;
+use opsr::regularise::TableTuning;
 use opsr::regularise::file::TableFile;
 use opsr::regularise::rules::Mollifier;
 
@@ -91,7 +92,10 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Chosen> {
         return plain(Method::Plain);
     };
     let file = TableFile::load(path).input()?;
-    let mut table = file.table.with_contrast(args.table_contrast);
+    let mut table = file.table.tuned(TableTuning {
+        scale: 1.0,
+        contrast: args.table_contrast,
+    });
     if let Some(Scale::By(scale)) = args.table_scale {
         if args.table_energy.is_some() {
             return Err(anyhow!("--table-energy needs --table-scale auto")).usage();

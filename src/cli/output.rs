@@ -5,7 +5,7 @@ use anyhow::{Context, anyhow, bail};
 use opsr::image::exr::{self, Layer, Metadata};
 use opsr::image::png;
 use opsr::integrator::Picture;
-use opsr::tune::Change;
+use opsr::regularise::TableTuning;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -97,7 +97,7 @@ pub(super) struct Provenance {
     pub(super) scene_hash: String,
     pub(super) table_hash: Option<String>,
     /// The table's scale and contrast in use, which a pilot may have chosen.
-    pub(super) table_change: Option<Change>,
+    pub(super) table_tuning: Option<TableTuning>,
     pub(super) reproducible: bool,
 }
 
@@ -116,7 +116,7 @@ impl Provenance {
         if let Some(hash) = &self.table_hash {
             set("table_sha256", hash.clone());
         }
-        if let Some(Change { scale, contrast }) = self.table_change {
+        if let Some(TableTuning { scale, contrast }) = self.table_tuning {
             set("table_scale", scale.to_string());
             set("table_contrast", contrast.to_string());
         }

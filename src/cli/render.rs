@@ -13,7 +13,7 @@ use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, Progress, Reason, drive};
 use opsr::integrator::{FirstHit, Method, Picture, Settings};
 use opsr::math::UVec2;
-use opsr::tune::Change;
+use opsr::regularise::TableTuning;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -33,9 +33,8 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     let chosen = job::method(args)?;
     let opened = args.scene.open()?;
     let mut settings = job::settings(args, chosen.method);
-    let mut contrast = args.table_contrast;
     if args.table_scale == Some(job::Scale::Auto) {
-        contrast *= tune::tune(args, &opened, &mut settings)?;
+        tune::tune(args, &opened, &mut settings)?;
     }
     let provenance = Provenance {
         command: std::env::args().collect::<Vec<_>>().join(" "),
@@ -43,11 +42,8 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         scene: args.scene.scene.display().to_string(),
         scene_hash: opened.hash.clone(),
         table_hash: chosen.table_hash.clone(),
-        table_change: match &settings.method {
-            Method::Table { table, .. } => Some(Change {
-                scale: table.scale,
-                contrast,
-            }),
+        table_tuning: match &settings.method {
+            Method::Table { table, .. } => Some(table.tuning()),
             _ => None,
         },
         reproducible: args.reproducible,
@@ -183,18 +179,17 @@ impl Job<'_> {
             seed,
         } = &self.settings;
         let args = self.args;
-        let (table, change) = (&self.provenance.table_hash, self.provenance.table_change);
         // A table is named by its hash, not by 1360 numbers.
-        let method = match (method, table.as_deref().zip(change)) {
+        let method = match (method, &self.provenance.table_hash) {
             (
-                opsr::integrator::Method::Table {
+                Method::Table {
                     table,
                     reuse,
                     lambda,
                 },
-                Some((hash, Change { scale, contrast })),
+                Some(hash),
             ) => {
-                let lookup = table.lookup;
+                let (lookup, TableTuning { scale, contrast }) = (table.lookup, table.tuning());
                 format!("table {hash} {lookup:?} {scale} {contrast} {reuse} {lambda}")
             }
             (method, _) => format!("{method:?}"),

@@ -8,7 +8,7 @@ use opsr::files;
 use opsr::files::hex;
 use opsr::regularise::export::{self, Format};
 use opsr::regularise::file::TableFile;
-use opsr::regularise::{GammaIndex, LEN, LEVELS, MAX_VERTICES};
+use opsr::regularise::{BINS, GammaIndex, LEN, MAX_VERTICES};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -133,14 +133,14 @@ fn facts(file: &TableFile, top: usize) -> Value {
         fields.remove("visits");
     }
     json!({
-        "levels": LEVELS,
+        "levels": BINS,
         "lookup": table.lookup,
         "scale": table.scale,
         "sha256": hex(&file.digest()),
         "training": training,
         "all": statistics(file, visits, &classes(|_| true)),
         // Lobes in the last level have almost nothing to roughen.
-        "live": statistics(file, visits, &classes(|levels| levels.last() < Some(&(LEVELS - 1)))),
+        "live": statistics(file, visits, &classes(|levels| levels.last() < Some(&(BINS - 1)))),
         "lengths": lengths.collect::<Vec<_>>(),
     })
 }
@@ -148,7 +148,7 @@ fn facts(file: &TableFile, top: usize) -> Value {
 fn classes(wanted: impl Fn(&[usize]) -> bool) -> Vec<GammaIndex> {
     (0..LEN)
         .filter_map(GammaIndex::new)
-        .filter(|c| wanted(&c.levels()))
+        .filter(|c| wanted(&c.bins()))
         .collect()
 }
 
@@ -165,7 +165,7 @@ fn of_length(file: &TableFile, visits: Option<&[u64]>, length: usize, top: usize
     }
     let list: Vec<Value> = (classes.iter())
         .map(|&class| {
-            let levels: Vec<String> = class.levels().iter().map(usize::to_string).collect();
+            let levels: Vec<String> = class.bins().iter().map(usize::to_string).collect();
             json!({
                 "index": class.index(),
                 "code": levels.join(" "),

@@ -17,12 +17,12 @@ const DEFAULT_ROWS: u32 = 512;
 /// Samples that a pilot takes a render to a target error for.
 const SPP_OF_TARGET: u32 = 256;
 
-/// Changes the table as a pilot finds best; how much of its pattern is left.
+/// Tunes the table of `settings` as a pilot finds best.
 pub(super) fn tune(
     args: &RenderArgs,
     opened: &Opened,
     settings: &mut Settings,
-) -> anyhow::Result<f32> {
+) -> anyhow::Result<()> {
     let size = size(args, opened)?;
     let aspect = size.x as f32 / size.y as f32;
     let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
@@ -43,7 +43,7 @@ pub(super) fn tune(
         .usage()?;
     let change = (args.table_energy).map_or(pilot.change, |share| pilot.within(share.into()));
     if let Method::Table { table, .. } = &mut settings.method {
-        *table = change.of(table);
+        *table = table.tuned(change);
         let why = if pilot.decided || args.table_energy.is_some() {
             ""
         } else {
@@ -67,7 +67,7 @@ pub(super) fn tune(
             100.0 * level.energy
         );
     }
-    Ok(change.contrast)
+    Ok(())
 }
 
 /// About how many samples per pixel fit into this time.

@@ -1,17 +1,18 @@
-//! Discrete distributions: one of many in constant time, and a picture's worth of them.
+//! Discrete distributions: an alias table in one dimension, inverted cumulative sums in two.
 
 use super::Vec2;
 
 /// Draws one of n outcomes with given probabilities in constant time: Vose's alias method.
 #[derive(Clone, Debug, Default)]
 pub struct AliasTable {
-    /// Probability of keeping the column's own outcome, and the other outcome.
+    /// Probability that a column keeps its own outcome, and the outcome that it gives otherwise.
     columns: Vec<(f32, u32)>,
     pmf: Vec<f32>,
 }
 
 impl AliasTable {
-    /// A table for weights that are finite and not negative; empty if none is positive.
+    /// Table of outcomes 0..n with probabilities proportional to `weights`, which are finite and at least 0. Empty if
+    /// no weight is positive.
     ///
     /// ```
     /// let table = opsr::math::discrete::AliasTable::new(&[1.0, 0.0, 3.0]);
@@ -56,18 +57,19 @@ impl AliasTable {
         }
     }
 
-    /// Whether there is nothing to draw.
+    /// True if no outcome can be drawn.
     pub fn is_empty(&self) -> bool {
         self.columns.is_empty()
     }
 
-    /// Probability of an outcome.
+    /// Probability of outcome `i` < n.
     #[inline]
     pub fn pmf(&self, i: usize) -> f32 {
         self.pmf[i]
     }
 
-    /// An outcome and what is left of `u`, uniform again in [0, 1); `None` if the table is empty.
+    /// Maps `u` in [0, 1) to an outcome and the remainder of `u`, rescaled to be uniform in [0, 1) again; `None` if the
+    /// table is empty.
     #[inline]
     pub fn sample(&self, u: f32) -> Option<(usize, f32)> {
         let n = self.columns.len();
@@ -86,10 +88,11 @@ impl AliasTable {
     }
 }
 
-/// The largest single below 1.
+/// Largest single-precision number below 1.
 const ALMOST_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// A piecewise constant density on the unit square: rows by their sum, then columns, by inverting cumulative sums.
+/// Piecewise constant density on the unit square: the marginal of the rows, then a row's conditional, each by inversion
+/// of its cumulative sums.
 #[derive(Clone, Debug)]
 pub struct Distribution2D {
     width: usize,
@@ -100,7 +103,8 @@ pub struct Distribution2D {
 }
 
 impl Distribution2D {
-    /// The density proportional to `weights`, row by row, finite and not negative; `None` if none is positive.
+    /// Density proportional to `weights`, listed row by row with `width` columns, finite and at least 0. `None` if no
+    /// weight is positive or the last row is incomplete.
     pub fn new(width: usize, weights: &[f64]) -> Option<Self> {
         if width == 0 || weights.is_empty() || !weights.len().is_multiple_of(width) {
             return None;
@@ -123,7 +127,7 @@ impl Distribution2D {
         &self.columns[y * self.width..][..self.width]
     }
 
-    /// A point of the square and its density per area.
+    /// Maps `u` in [0, 1)² to a point of the unit square, with its density per unit area.
     #[inline]
     pub fn sample(&self, u: Vec2) -> (Vec2, f32) {
         let (y, v, mass_y) = invert(&self.rows, u.y);
@@ -134,7 +138,7 @@ impl Distribution2D {
         (point, mass_x * mass_y * w * n)
     }
 
-    /// Density of [`Distribution2D::sample`] per area.
+    /// Density of [`Distribution2D::sample`] at `point`, per unit area.
     #[inline]
     pub fn pdf(&self, point: Vec2) -> f32 {
         let (w, n) = (self.width, self.rows.len());
@@ -144,7 +148,7 @@ impl Distribution2D {
     }
 }
 
-/// Normalised running sums; all zero where there is no weight.
+/// Cumulative sums divided by the total; all zero if the total is.
 fn cumulative(weights: &[f64]) -> Vec<f32> {
     let total: f64 = weights.iter().sum();
     let mut sum = 0.0;
@@ -159,20 +163,20 @@ fn cumulative(weights: &[f64]) -> Vec<f32> {
             }
         })
         .collect();
-    // From the last cell with weight on the sum is 1 exactly, whatever was rounded on the way.
+    // Rounding must not leave the sum below 1 at the last cell that has weight.
     if let Some(last) = weights.iter().rposition(|&w| w > 0.0) {
         out[last..].fill(1.0);
     }
     out
 }
 
-/// Probability of cell `i`.
+/// Probability of cell `i` of a cumulative sum.
 #[inline]
 fn mass(cumulative: &[f32], i: usize) -> f32 {
     cumulative[i] - if i > 0 { cumulative[i - 1] } else { 0.0 }
 }
 
-/// The cell in which `u` falls, where in it, and its probability, which is the one that [`mass`] gives.
+/// Index of the cell that holds `u`, position of `u` in it in [0, 1), and its probability, equal to [`mass`].
 #[inline]
 fn invert(cumulative: &[f32], u: f32) -> (usize, f32, f32) {
     let i = cumulative
@@ -193,7 +197,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn alias_table_draws_its_probabilities() {
+    fn alias_table_draws_outcomes_with_their_pmf() {
         let weights = [0.1, 0.0, 5.0, 1e-3, 2.0, 0.0];
         let table = AliasTable::new(&weights);
         let n = 1_000_000;
@@ -220,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn distribution_2d_samples_its_density() {
+    fn distribution_2d_pdf_integrates_to_one_and_matches_sample() {
         let weights = [0.0, 1.0, 1e5, 0.0, 3.0, 0.5, 0.0, 0.0, 0.0, 2.0, 0.0, 7.0];
         let d = Distribution2D::new(4, &weights).unwrap();
         let integral: f64 = (0..12)

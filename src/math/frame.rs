@@ -14,7 +14,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A basis around the unit vector `n`, without branches and without a singular direction `[Duff17]`.
+    /// Completes the unit vector `n` to a basis, without branches and without a singular direction `[Duff17]`.
     #[inline]
     pub fn from_normal(n: Vec3) -> Self {
         let sign = 1.0f32.copysign(n.z);
@@ -27,20 +27,20 @@ impl Frame {
         }
     }
 
-    /// World direction to local.
+    /// Transforms a world direction to local coordinates.
     #[inline]
     pub fn to_local(&self, w: Vec3) -> Vec3 {
         Vec3::new(w.dot(self.s), w.dot(self.t), w.dot(self.n))
     }
 
-    /// Local direction to world.
+    /// Transforms a local direction to world coordinates.
     #[inline]
     pub fn to_world(&self, w: Vec3) -> Vec3 {
         w.x * self.s + w.y * self.t + w.z * self.n
     }
 }
 
-/// tan² θ of a local direction, from its tangential part: no cancellation near the pole.
+/// tan² θ of a local direction of any length, from its tangential part: no cancellation near the pole.
 #[inline]
 pub fn tan2_theta(w: Vec3) -> f32 {
     (w.x * w.x + w.y * w.y) / (w.z * w.z)

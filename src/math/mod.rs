@@ -1,4 +1,4 @@
-//! Mathematics of the renderer: depends on glam only.
+//! Mathematics without physics: vectors, frames, measures, warps, distributions, dual numbers. Depends on glam only.
 
 pub mod discrete;
 pub mod frame;
@@ -13,19 +13,19 @@ pub use glam::{DVec3, UVec2, Vec2, Vec3, Vec4};
 /// Linear RGB (Rec. 709 primaries): radiance, irradiance, reflectance or throughput.
 pub type Rgb = Vec3;
 
-/// A half-line `origin + t * dir`, 0 < t < `t_max`. `dir` has unit length, so `t` is a distance.
+/// Ray `origin + t * dir`, 0 < t < `t_max`. `dir` has unit length, so `t` is a distance.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
-    /// Where the ray starts; already offset from the surface it leaves.
+    /// Starting point, already offset from the surface that the ray leaves.
     pub origin: Vec3,
     /// Unit direction.
     pub dir: Vec3,
-    /// Hits at or beyond this distance do not count; infinity for a free ray.
+    /// Exclusive upper bound of the distance of a hit; infinity for an unbounded ray.
     pub t_max: f32,
 }
 
 impl Ray {
-    /// A free ray without a far end.
+    /// Unbounded ray.
     pub fn new(origin: Vec3, dir: Vec3) -> Self {
         Self {
             origin,
@@ -34,7 +34,7 @@ impl Ray {
         }
     }
 
-    /// The point at distance `t`.
+    /// Point at distance `t`.
     pub fn at(&self, t: f32) -> Vec3 {
         self.origin + t * self.dir
     }

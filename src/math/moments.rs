@@ -1,8 +1,8 @@
 //! Running mean and variance of RGB samples, in double precision.
 //!
-//! Welford's update for one sample, Chan's for two sets. Sums of squares would lose everything at a mean of 10³
-//! and a deviation of 0.1, and `f32` sums stop growing at 2²⁴ samples; the sum of squared deviations kept here is
-//! never negative.
+//! Welford's update adds a sample, Chan's merges two sets. Sums of squares would lose every digit of the variance at
+//! a mean of 10³ and a deviation of 0.1, and `f32` sums stop growing at 2²⁴ samples; the sum of squared deviations kept
+//! here is never negative.
 
 use glam::DVec3;
 
@@ -20,13 +20,13 @@ use glam::DVec3;
 pub struct Moments {
     /// Number of samples.
     pub n: u32,
-    /// Their mean; zero while there are none.
+    /// Mean of the samples; zero without samples.
     pub mean: DVec3,
     m2: DVec3,
 }
 
 impl Moments {
-    /// From a count, a mean and the sum of squared deviations from it.
+    /// Moments with this count, mean and sum of squared deviations from the mean.
     pub fn from_parts(n: u32, mean: DVec3, m2: DVec3) -> Self {
         Self { n, mean, m2 }
     }
@@ -62,7 +62,7 @@ impl Moments {
         self.m2
     }
 
-    /// Estimate of the variance of one sample, with n − 1 below; zero for fewer than two samples.
+    /// Unbiased estimate Σ (x − mean)² / (n − 1) of the variance of one sample; zero for fewer than two samples.
     pub fn sample_variance(&self) -> DVec3 {
         if self.n < 2 {
             return DVec3::ZERO;
@@ -70,7 +70,7 @@ impl Moments {
         self.m2 / f64::from(self.n - 1)
     }
 
-    /// Estimate of the variance of `mean`: the sample variance over n; zero for fewer than two samples.
+    /// Estimate of the variance of `mean`: the sample variance divided by n; zero for fewer than two samples.
     pub fn variance_of_mean(&self) -> DVec3 {
         if self.n < 2 {
             return DVec3::ZERO;
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     fn samples() -> Vec<DVec3> {
-        // A fixed irregular sequence: the fractional parts of multiples of irrational numbers.
+        // Fixed irregular sequence: fractional parts of multiples of irrational numbers.
         (0..5000)
             .map(|i| {
                 let t = f64::from(i);
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn small_deviation_at_a_large_mean() {
+    fn variance_of_a_small_deviation_at_a_large_mean() {
         let samples = samples();
         let (mean, variance) = two_pass(&samples);
         let m = of(&samples);
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn merge_is_all_samples_at_once() {
+    fn merge_equals_pushing_all_samples() {
         let samples = samples();
         let whole = of(&samples);
         for cut in [0, 1, 2, 1234, 4999, 5000] {
@@ -147,7 +147,7 @@ mod tests {
     fn variance_is_never_negative() {
         let mut m = Moments::default();
         for i in 0..100_000 {
-            // Equal up to the last bit, at a size where squares lose it.
+            // The samples differ in the last bit, at a magnitude where squares lose it.
             m.push(DVec3::splat(if i % 2 == 0 { 1e8 } else { 1e8 + 1.5e-8 }));
             assert!(m.m2().min_element() >= 0.0);
         }

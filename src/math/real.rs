@@ -1,8 +1,9 @@
-//! Numbers that a lobe can be evaluated in: `f32` to render, [`Dual`] to differentiate, `f64` to check.
+//! Real numbers that a formula can be evaluated in: `f32` to render, [`Dual`] to differentiate, `f64` to check. The
+//! error function in each precision.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A real number with the few functions that microfacet lobes need.
+/// Real number with the elementary functions that BSDFs need.
 pub trait Real:
     Copy
     + PartialOrd
@@ -12,23 +13,18 @@ pub trait Real:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// A constant.
+    /// Constant, with derivative 0.
     fn constant(x: f32) -> Self;
-    /// The value, without a derivative.
+    /// Value without the derivative.
     fn value(self) -> f64;
     /// eˣ.
     fn exp(self) -> Self;
     /// √x, x ≥ 0.
     fn sqrt(self) -> Self;
-    /// Smith's Λ of the Beckmann distribution as a function of a = 1/(α tan θ) > 0:
-    /// (erf a − 1)/2 + e^(−a²)/(2 a √π) `[Heitz14 (A.9)]`, 0 where it is below 1e-9.
-    fn beckmann_lambda(self) -> Self;
 }
 
-/// Beyond this a, Λ is below 1e-9 and nothing in single precision sees it.
-const LAMBDA_END: f64 = 4.2;
-
-const SQRT_PI: f64 = 1.772_453_850_905_516;
+/// √π.
+pub(crate) const SQRT_PI: f64 = 1.772_453_850_905_516;
 
 /// (1 − erf x) e^(x²) for x ≥ 0 by Abramowitz and Stegun 7.1.26; error of erf at most 1.5e-7.
 #[inline]
@@ -38,14 +34,14 @@ pub(crate) fn scaled_erfc(x: f32) -> f32 {
         + t * (-0.284_496_72 + t * (1.421_413_8 + t * (-1.453_152_1 + t * 1.061_405_4))))
 }
 
-/// erf x in single precision, error at most 2e-7.
+/// erf x in single precision, absolute error at most 2e-7.
 #[inline]
 pub fn erf(x: f32) -> f32 {
     let a = x.abs();
     (1.0 - scaled_erfc(a) * (-a * a).exp()).copysign(x)
 }
 
-/// erf x in double precision: the series with positive terms, then the continued fraction.
+/// erf x in double precision: the power series with positive terms for |x| < 3, the continued fraction beyond.
 pub fn erf_f64(x: f64) -> f64 {
     let a = x.abs();
     let gauss = (-a * a).exp();
@@ -66,7 +62,7 @@ pub fn erf_f64(x: f64) -> f64 {
     value.copysign(x)
 }
 
-/// The inverse of erf on (−1, 1), in single precision, after Giles: *Approximating the erfinv function*, 2010.
+/// Inverse of erf on (−1, 1) in single precision, after Giles: *Approximating the erfinv function*, 2010.
 #[inline]
 pub fn erf_inverse(x: f32) -> f32 {
     let w = -((1.0 - x) * (1.0 + x)).ln();
@@ -118,14 +114,6 @@ impl Real for f32 {
     fn sqrt(self) -> Self {
         f32::sqrt(self)
     }
-    #[inline]
-    fn beckmann_lambda(self) -> Self {
-        if self > LAMBDA_END as f32 {
-            return 0.0;
-        }
-        // One exponential serves both terms.
-        0.5 * (-self * self).exp() * (1.0 / (self * SQRT_PI as f32) - scaled_erfc(self))
-    }
 }
 
 impl Real for f64 {
@@ -141,25 +129,19 @@ impl Real for f64 {
     fn sqrt(self) -> Self {
         f64::sqrt(self)
     }
-    fn beckmann_lambda(self) -> Self {
-        if self > LAMBDA_END {
-            return 0.0;
-        }
-        0.5 * (erf_f64(self) - 1.0) + (-self * self).exp() / (2.0 * self * SQRT_PI)
-    }
 }
 
-/// A value with its derivative: forward differentiation in one variable.
+/// Dual number: a value with its derivative, for forward differentiation in one variable.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Dual<F = f64> {
-    /// The value.
+    /// Value.
     pub v: F,
-    /// Its derivative.
+    /// Derivative.
     pub d: F,
 }
 
 impl<F: Real> Dual<F> {
-    /// The variable itself: derivative 1.
+    /// The variable of differentiation: derivative 1.
     #[inline]
     pub fn variable(v: F) -> Self {
         Self {
@@ -170,7 +152,7 @@ impl<F: Real> Dual<F> {
 }
 
 impl Dual<f32> {
-    /// The same in double precision.
+    /// Conversion to double precision.
     #[inline]
     pub fn wide(self) -> Dual {
         Dual {
@@ -268,25 +250,6 @@ impl<F: Real> Real for Dual<F> {
             d: F::constant(0.5) * self.d / v,
         }
     }
-    #[inline]
-    fn beckmann_lambda(self) -> Self {
-        let a = self.v;
-        if a.value() > LAMBDA_END {
-            return Self::constant(0.0);
-        }
-        // The fast value is right to 1e-7 and the derivative exact: dΛ/da = −e^(−a²) / (2 a² √π).
-        let gauss = (-a * a).exp();
-        // √π to the digits of either precision.
-        let high = SQRT_PI as f32;
-        let low = (SQRT_PI - f64::from(high)) as f32;
-        let sqrt_pi = F::constant(high) + F::constant(low);
-        let part = gauss / (F::constant(2.0) * a * sqrt_pi);
-        let erfc = F::constant(scaled_erfc(a.value() as f32));
-        Self {
-            v: part - F::constant(0.5) * gauss * erfc,
-            d: -self.d * part / a,
-        }
-    }
 }
 
 #[cfg(test)]
@@ -294,7 +257,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn erf_agrees_with_known_values_and_its_inverse() {
+    fn erf_matches_tabulated_values_and_its_inverse() {
         // DLMF table 7.23: erf(0.5), erf(1), erf(2), erf(3.5).
         for (x, y) in [
             (0.5, 0.520_499_877_813_046_5),
@@ -312,29 +275,6 @@ mod tests {
                 (f64::from(x) - erf_f64(erf_inverse(x).into())).abs() < 1e-6,
                 "{x}"
             );
-        }
-    }
-
-    #[test]
-    fn lambda_of_all_three_numbers_agrees() {
-        for i in 1..500 {
-            let a = 0.01 * f64::from(i);
-            let exact = a.beckmann_lambda();
-            let dual = Dual::variable(a).beckmann_lambda();
-            assert!(
-                (f64::from((a as f32).beckmann_lambda()) - exact).abs() < 2e-7 * (1.0 + exact),
-                "{a}"
-            );
-            assert!((dual.v - exact).abs() < 2e-7, "{a}");
-            if a < 4.1 {
-                let h = 1e-6;
-                let numeric = ((a + h).beckmann_lambda() - (a - h).beckmann_lambda()) / (2.0 * h);
-                assert!(
-                    (dual.d - numeric).abs() < 1e-6 * numeric.abs().max(1e-3),
-                    "{a}: {} {numeric}",
-                    dual.d
-                );
-            }
         }
     }
 }

@@ -1,9 +1,10 @@
-//! Maps from the unit square, each next to its density.
+//! Maps from the unit square [0, 1)², each beside its density.
 
 use super::{Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, PI};
 
-/// Uniform point of the unit disk, density 1/π per area: the concentric map of Shirley and Chiu.
+/// Uniform point of the unit disk, density 1/π per area, by the concentric map (Shirley, Chiu: *A Low Distortion Map
+/// Between Disk and Square*, 1997).
 #[inline]
 pub fn disk(u: Vec2) -> Vec2 {
     let p = 2.0 * u - Vec2::ONE;
@@ -31,7 +32,7 @@ pub fn cosine_hemisphere_pdf(cos: f32) -> f32 {
     cos.max(0.0) * FRAC_1_PI
 }
 
-/// Barycentric weights of the second and third corner of a uniform point of a triangle, density 1/area.
+/// Barycentric weights of the second and third corner for a uniform point of a triangle, density 1/area per area.
 #[inline]
 pub fn triangle(u: Vec2) -> Vec2 {
     let root = u.x.sqrt();

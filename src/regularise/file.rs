@@ -1,69 +1,70 @@
-//! Tables as files: `params/*.json`, with a versioned header that says how the table was learned.
+//! Table files: `params/*.json`, with a versioned header that records how the table was learned.
 //!
-//! Factors are written so that they read back to the bit. A file of another version, with another number of levels or
-//! of factors, or in another order of classes is refused: a table that is read wrongly still makes pretty pictures.
+//! Factors read back bit-identical. A file of another version, with another number of bins or factors, or in another
+//! order of classes is refused: pictures would not show that a table was misread.
 
-use super::{AttenuationTable, LEN, LEVELS, Lookup};
+use super::{AttenuationTable, BINS, LEN, Lookup};
 use crate::files::{self, FileError};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::path::Path;
 
-/// Version of the format that this program writes and reads.
+/// Version of the file format that this program writes and reads.
 pub const VERSION: u32 = 1;
 
-/// What the first field of every table says.
+/// Value of the field `format` of every table file.
 const FORMAT: &str = "opsr attenuation table";
 
-/// How the 1360 classes are laid out; see [`GammaIndex`](super::GammaIndex).
+/// Value of the field `order`: layout of the 1360 classes, see [`GammaIndex`](super::GammaIndex). Part of the format.
 pub(super) const ORDER: &str =
     "2, 3, 4, 5 vertices; levels as base-4 digits, the vertex nearest the camera first";
 
-/// Larger files are not tables.
+/// Size limit of a table file; larger files are refused.
 const MAX_BYTES: u64 = 1 << 22;
 
-/// Numbers on a line of the file.
+/// Number of list elements on a line of the file.
 const PER_LINE: usize = 16;
 
-/// How a table was learned.
+/// Record of how a table was learned.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
     /// Version of the program.
     pub opsr: String,
-    /// The definition of the loss with its constants.
+    /// Definition of the loss with its constants.
     pub loss: String,
-    /// Weight of the variance in the loss.
+    /// Weight β of the variance in the loss.
     pub beta: f64,
     /// Samples per pixel that the table was learned for.
     pub spp: u32,
-    /// Shape of the table that was learned: every factor free, or additive in (position, level).
+    /// Parameterisation of the table: one parameter per factor, or additive in (position, bin).
     pub model: String,
     /// Optimiser and its constants.
     pub optimiser: String,
-    /// How loss and gradient were evaluated.
+    /// Evaluation of loss and gradient.
     pub method: String,
-    /// Optimiser steps taken.
+    /// Number of optimiser steps taken.
     pub steps: u32,
     /// Seed of the recording.
     pub seed: u64,
     /// Training scenes with the SHA-256 of their files.
     pub scenes: Vec<(String, String)>,
-    /// Where each factor started.
+    /// Initial value of every factor.
     pub start: f32,
-    /// Events per class in the recording. Classes never visited inherited from their suffix.
+    /// Number of recorded events of each class. A class without events has inherited the factor of its suffix.
     pub visits: Vec<u64>,
 }
 
-/// A table and how it came about.
+/// Contents of a table file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TableFile {
-    /// The factors, their look-up and their scale.
+    /// Factors, look-up and scale.
     pub table: AttenuationTable,
-    /// How they were learned; `None` for a table made by hand.
+    /// Record of the training; `None` for a table made by hand.
     pub provenance: Option<Provenance>,
 }
 
+/// Fields of the JSON document.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Document {
@@ -79,32 +80,28 @@ struct Document {
 }
 
 impl TableFile {
-    /// Reads a table.
+    /// Reads a table file.
     pub fn load(path: &Path) -> Result<Self, FileError> {
         Self::parse(&files::read(path, MAX_BYTES)?, path)
     }
 
-    /// Reads a table from the bytes of a file; `path` is for messages.
+    /// Parses the bytes of a table file; `path` appears in errors only.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, FileError> {
         let refused = |problem| FileError::content(path, problem);
         let syntax = |e| FileError::content(path, e);
-        // The version first: a later one may have other fields.
+        // Format and version are checked before the other fields, which may differ in a later version.
         #[derive(Deserialize)]
-        struct Head {
+        struct Header {
             format: String,
             version: u32,
         }
-        let head: Head = serde_json::from_slice(bytes).map_err(syntax)?;
-        if head.format != FORMAT {
-            return Err(refused(format!(
-                "format: `{}` is not `{FORMAT}`",
-                head.format
-            )));
+        let Header { format, version } = serde_json::from_slice(bytes).map_err(syntax)?;
+        if format != FORMAT {
+            return Err(refused(format!("format: `{format}` is not `{FORMAT}`")));
         }
-        if head.version != VERSION {
+        if version != VERSION {
             return Err(refused(format!(
-                "version: {} where this program reads {VERSION}",
-                head.version
+                "version: {version} where this program reads {VERSION}"
             )));
         }
         let document: Document = serde_json::from_slice(bytes).map_err(syntax)?;
@@ -114,28 +111,24 @@ impl TableFile {
             refused(format!("gammas: {} numbers, expected {LEN}", rest.len()))
         })?;
         Ok(Self {
-            table: AttenuationTable {
-                gammas,
-                lookup: document.lookup,
-                scale: document.scale,
-            },
+            table: AttenuationTable::new(gammas, document.lookup, document.scale),
             provenance: document.training,
         })
     }
 
-    /// Writes the table, whole or not at all.
+    /// Writes the table file, whole or not at all.
     pub fn save(&self, path: &Path) -> Result<(), FileError> {
         let text = self.to_json().map_err(|e| FileError::content(path, e))?;
         files::write_bytes(path, text)
     }
 
-    /// The text of the file.
+    /// Text of the file.
     pub fn to_json(&self) -> Result<String, serde_json::Error> {
         let provenance = self.provenance.as_ref();
         let document = Document {
             format: FORMAT.into(),
             version: VERSION,
-            levels: LEVELS,
+            levels: BINS,
             order: ORDER.into(),
             lookup: self.table.lookup,
             scale: self.table.scale,
@@ -146,7 +139,7 @@ impl TableFile {
             gammas: Vec::new(),
         };
         let mut text = serde_json::to_string_pretty(&document)?;
-        // The long lists in rows: a table fits on some screens and diffs line by line.
+        // Long lists are written in rows, so that a file is readable and diffs line by line.
         if let Some(p) = provenance {
             text = text.replacen("\"visits\": []", &rows("visits", &p.visits)?, 1);
         }
@@ -159,7 +152,7 @@ impl TableFile {
         Ok(text)
     }
 
-    /// SHA-256 of what a render depends on: factors, look-up and scale.
+    /// SHA-256 of everything a render depends on: factors, scale and look-up.
     pub fn digest(&self) -> [u8; 32] {
         let mut digest = Sha256::new();
         for gamma in self.table.gammas.iter() {
@@ -172,9 +165,10 @@ impl TableFile {
 }
 
 impl Document {
+    /// Checks sizes and ranges; the error names the field.
     fn check(&self) -> Result<(), String> {
-        if self.levels != LEVELS {
-            return Err(format!("levels: {}, expected {LEVELS}", self.levels));
+        if self.levels != BINS {
+            return Err(format!("levels: {}, expected {BINS}", self.levels));
         }
         if self.order != ORDER {
             return Err(format!("order: `{}`, expected `{ORDER}`", self.order));
@@ -201,7 +195,7 @@ impl Document {
     }
 }
 
-/// `"name": [` and the numbers, some on each line.
+/// JSON of a named list in rows of [`PER_LINE`] elements.
 fn rows<T: Serialize>(name: &str, numbers: &[T]) -> Result<String, serde_json::Error> {
     let lines: Result<Vec<String>, _> = numbers
         .chunks(PER_LINE)

@@ -5,20 +5,18 @@
 //! [`PathRoughness`] and an [`Attenuation`] (a learned table, or one constant γ). Rules that other renderers use
 //! stand beside it behind the same small interface, [`Regulariser`]; [`Unregularised`] is a plain path tracer.
 //!
-//! This folder knows nothing of scenes, lights or learning.
+//! Nothing here depends on scenes, lights or the trainer.
 
-mod derivative;
 pub mod export;
 pub mod file;
 mod roughness;
 pub mod rules;
 mod table;
 
-pub use derivative::{Dependence, Differentiated, accumulate_at, accumulate_with_gradient};
 pub use roughness::{
-    BIN_EDGES, GammaIndex, LEVELS, MAX_VERTICES, PathRoughness, bin, bin_coordinate,
+    BIN_EDGES, BINS, GammaIndex, MAX_VERTICES, PathRoughness, bin, bin_coordinate,
 };
-pub use table::{AttenuationTable, LEN, Lookup};
+pub use table::{AttenuationTable, LEN, Lookup, TableTuning};
 
 /// Where the attenuation factor γ in [0, 1] of a path comes from.
 pub trait Attenuation: Sync {

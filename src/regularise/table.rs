@@ -1,70 +1,103 @@
-//! The table of attenuation factors and its two look-ups.
+//! Table of attenuation factors, its tuning for a scene, and its two look-ups.
 
-use super::roughness::{GammaIndex, LEVELS, PathRoughness, bin_coordinate};
+use super::roughness::{BINS, GammaIndex, PathRoughness, bin_coordinate};
 use super::{Attenuation, MAX_VERTICES};
 
-/// P: attenuation factors in a table, 4² + 4³ + 4⁴ + 4⁵.
+/// P: number of attenuation factors in a table, 4² + 4³ + 4⁴ + 4⁵.
 pub const LEN: usize = 1360;
 
-/// How a path finds its factor.
+/// Map from a path to its factor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Lookup {
-    /// The factor of the path's class: the paper's text. α′ jumps where a roughness crosses a level.
+    /// Factor of the path's class, as in the paper. α′ jumps where a roughness crosses the edge of a bin.
     #[default]
     Nearest,
-    /// Multilinear between neighbouring classes: continuous in every roughness.
+    /// Multilinear interpolation between neighbouring classes: continuous in every roughness.
     Linear,
 }
 
-/// Attenuation factors γ in [0, 1], one for each class of path.
+/// Change of a table for a scene. The pattern of a table transfers between scenes better than its scale, and its scale
+/// better than nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TableTuning {
+    /// Multiplier of every factor, above 0.
+    pub scale: f32,
+    /// Exponent in [0, 1] of every factor relative to the geometric mean of all: 1 keeps the pattern, 0 makes all
+    /// factors equal to the mean.
+    pub contrast: f32,
+}
+
+impl TableTuning {
+    /// Tuning that changes nothing.
+    pub const NONE: Self = Self {
+        scale: 1.0,
+        contrast: 1.0,
+    };
+}
+
+/// Attenuation factors γ in [0, 1], one for each class of path, ready to be looked up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AttenuationTable {
-    /// The factors, in class order (see [`GammaIndex`]), before `scale`.
+    /// Factors in class order (see [`GammaIndex`]), at this contrast, before the scale.
     pub gammas: Box<[f32; LEN]>,
-    /// How they are looked up.
+    /// Map from a path to its factor.
     pub lookup: Lookup,
-    /// Multiplies every factor; the product is clamped to 1. The pattern of a table transfers between scenes better
-    /// than its level does, so the level can be set for a scene.
+    /// Multiplier of every factor, above 0; the product is clamped to 1.
     pub scale: f32,
+    /// Contrast of `gammas` relative to the learned factors, a record kept by [`AttenuationTable::tuned`]; 1 for a table
+    /// as it was learned or read.
+    pub contrast: f32,
 }
 
 impl AttenuationTable {
-    /// A table with the same factor everywhere.
-    pub fn constant(gamma: f32) -> Self {
+    /// Table of these factors in [0, 1], in class order.
+    pub fn new(gammas: Box<[f32; LEN]>, lookup: Lookup, scale: f32) -> Self {
         Self {
-            gammas: Box::new([gamma; LEN]),
-            lookup: Lookup::Nearest,
-            scale: 1.0,
+            gammas,
+            lookup,
+            scale,
+            contrast: 1.0,
         }
     }
 
-    /// The table with a weaker pattern: every factor to the power of `contrast` about the geometric mean of all. 1
-    /// changes nothing, 0 makes a constant of it.
-    pub fn with_contrast(&self, contrast: f32) -> Self {
-        let logs = || {
-            self.gammas
-                .iter()
-                .map(|g| f64::from(g.max(f32::MIN_POSITIVE)).ln())
-        };
-        let mean = logs().sum::<f64>() / LEN as f64;
+    /// Table with the same factor for all paths.
+    pub fn constant(gamma: f32) -> Self {
+        Self::new(Box::new([gamma; LEN]), Lookup::Nearest, 1.0)
+    }
+
+    /// This table with its contrast and its scale multiplied by those of `tuning`. Factors are raised to the contrast
+    /// here, once, since a power at every look-up would be expensive; the geometric mean stays.
+    pub fn tuned(&self, tuning: TableTuning) -> Self {
         let mut table = self.clone();
-        if contrast != 1.0 {
-            for (gamma, ln) in table.gammas.iter_mut().zip(logs()) {
-                *gamma = (mean + f64::from(contrast) * (ln - mean)).exp() as f32;
+        table.scale *= tuning.scale;
+        table.contrast *= tuning.contrast;
+        if tuning.contrast != 1.0 {
+            let logs = (self.gammas.iter()).map(|g| f64::from(g.max(f32::MIN_POSITIVE)).ln());
+            let mean = logs.clone().sum::<f64>() / LEN as f64;
+            for (gamma, ln) in table.gammas.iter_mut().zip(logs) {
+                *gamma = (mean + f64::from(tuning.contrast) * (ln - mean)).exp() as f32;
             }
         }
         table
     }
 
-    /// The factor of a class, with the scale.
+    /// Scale and contrast in use, relative to the learned factors.
+    pub fn tuning(&self) -> TableTuning {
+        TableTuning {
+            scale: self.scale,
+            contrast: self.contrast,
+        }
+    }
+
+    /// Factor of a class, scale included.
     #[inline]
     pub fn factor(&self, class: GammaIndex) -> f32 {
         (self.gammas[class.index()] * self.scale).min(1.0)
     }
 
-    /// The table entries that a path depends on and their weights: one for the nearest look-up, up to 2ⁿ for the
-    /// linear one. The prefix is not empty.
+    /// Visits the table entries that a path depends on with their weights, which sum to 1: one entry for the nearest
+    /// look-up, up to 2ⁿ for the linear one. The prefix is not empty.
     pub fn entries(
         &self,
         prefix: &PathRoughness,
@@ -98,7 +131,7 @@ impl Attenuation for AttenuationTable {
     }
 }
 
-/// Corners of the cell that holds the path's level coordinates, with their multilinear weights.
+/// Visits the classes at the corners of the cell that holds the path's bin coordinates, with their multilinear weights.
 #[inline]
 fn linear(prefix: &PathRoughness, last: f32, mut visit: impl FnMut(GammaIndex, f32)) {
     let values = prefix.values();
@@ -107,7 +140,7 @@ fn linear(prefix: &PathRoughness, last: f32, mut visit: impl FnMut(GammaIndex, f
     let mut fraction = [0.0f32; MAX_VERTICES];
     for (i, &alpha) in values.iter().chain(std::iter::once(&last)).enumerate() {
         let c = bin_coordinate(alpha);
-        below[i] = (c as usize).min(LEVELS - 1);
+        below[i] = (c as usize).min(BINS - 1);
         fraction[i] = c - below[i] as f32;
     }
     'corner: for corner in 0..1usize << vertices {
@@ -123,7 +156,7 @@ fn linear(prefix: &PathRoughness, last: f32, mut visit: impl FnMut(GammaIndex, f
                 continue 'corner;
             }
             if i + 1 < vertices {
-                code = code * LEVELS as u16 + (below[i] + up) as u16;
+                code = code * BINS as u16 + (below[i] + up) as u16;
             } else {
                 visit(
                     GammaIndex::compose(vertices - 1, code, below[i] + up),
@@ -146,7 +179,7 @@ mod tests {
     use super::*;
     use crate::regularise::bin;
 
-    /// The share of the vertex at place `i` of a path in a factor that grows linearly with every level.
+    /// Coefficient of vertex `i` of a path in a factor that is linear in every bin.
     fn share(i: usize) -> f32 {
         [0.05, 0.02, 0.03, 0.01, 0.04][i]
     }
@@ -160,32 +193,39 @@ mod tests {
     }
 
     #[test]
-    fn contrast_is_about_the_geometric_mean() {
+    fn tuning_keeps_the_geometric_mean_and_composes() {
         let mut table = AttenuationTable::constant(0.1);
         for (gamma, k) in table.gammas.iter_mut().zip(0i32..) {
             *gamma *= 4f32.powi(k % 2 * 2 - 1);
         }
         table.scale = 3.0;
-        assert_eq!(table.with_contrast(1.0), table);
+        assert_eq!(table.tuned(TableTuning::NONE), table);
+        let tuning = |scale, contrast| TableTuning { scale, contrast };
         for (contrast, step) in [(0.5, 2.0), (0.0, 1.0)] {
-            let weaker = table.with_contrast(contrast);
-            assert_eq!((weaker.scale, weaker.lookup), (table.scale, table.lookup));
+            let weaker = table.tuned(tuning(0.5, contrast));
+            assert_eq!(weaker.tuning(), tuning(1.5, contrast));
+            assert_eq!(weaker.lookup, table.lookup);
             for pair in weaker.gammas.chunks_exact(2) {
                 assert!((pair[0] * step - 0.1).abs() < 1e-6 && (pair[1] / step - 0.1).abs() < 1e-6);
             }
         }
+        let twice = table.tuned(tuning(2.0, 0.5)).tuned(tuning(2.0, 0.5));
+        let once = table.tuned(tuning(4.0, 0.25));
+        assert_eq!(twice.tuning(), once.tuning());
+        let mut pairs = twice.gammas.iter().zip(once.gammas.iter());
+        assert!(pairs.all(|(a, b)| (a / b - 1.0).abs() < 1e-6));
         // A factor of 0 stays finite.
         table.gammas[7] = 0.0;
-        let flat = table.with_contrast(0.0);
+        let flat = table.tuned(tuning(1.0, 0.0));
         assert!(flat.gammas.iter().all(|g| *g > 0.0 && *g < 0.1));
     }
 
     #[test]
-    fn either_lookup_of_factors_that_grow_with_the_levels() {
+    fn nearest_and_linear_lookup_reproduce_a_linear_table() {
         let mut table = AttenuationTable::constant(0.0);
         for (i, gamma) in table.gammas.iter_mut().enumerate() {
-            let levels = GammaIndex::new(i).unwrap().levels();
-            let parts = levels.iter().enumerate().map(|(i, &l)| share(i) * l as f32);
+            let bins = GammaIndex::new(i).unwrap().bins();
+            let parts = bins.iter().enumerate().map(|(i, &b)| share(i) * b as f32);
             *gamma = 0.1 + parts.sum::<f32>();
         }
         for scale in [1.0, 0.5, 3.0] {
@@ -193,12 +233,12 @@ mod tests {
             for path in paths() {
                 let (last, before) = path.split_last().unwrap();
                 let prefix = PathRoughness::of(before, &table);
-                let factor = |level: &dyn Fn(f32) -> f32| {
-                    let parts = path.iter().enumerate().map(|(i, &a)| share(i) * level(a));
+                let factor = |bin: &dyn Fn(f32) -> f32| {
+                    let parts = path.iter().enumerate().map(|(i, &a)| share(i) * bin(a));
                     ((0.1 + parts.sum::<f32>()) * scale).min(1.0)
                 };
                 let nearest = factor(&|a| bin(a) as f32);
-                // A multilinear look-up gives linear functions back.
+                // Multilinear interpolation reproduces linear functions.
                 let linear = factor(&bin_coordinate);
                 for (lookup, expected) in [(Lookup::Nearest, nearest), (Lookup::Linear, linear)] {
                     table.lookup = lookup;
@@ -209,7 +249,7 @@ mod tests {
                     );
                     let (mut sum, mut all) = (0.0, 0.0);
                     table.entries(&prefix, *last, |class, weight| {
-                        assert!(weight > 0.0 && class.levels().len() == path.len());
+                        assert!(weight > 0.0 && class.bins().len() == path.len());
                         sum += weight * table.gammas[class.index()];
                         all += weight;
                     });

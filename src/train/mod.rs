@@ -8,6 +8,7 @@
 //! [`study`] says what came out of it.
 
 pub mod config;
+pub mod derivative;
 pub mod evaluate;
 pub mod learn;
 pub mod record;

@@ -6,8 +6,8 @@ use super::learn::crop_set::Set;
 use super::learn::model::Model;
 use super::learn::objective::CropLoss;
 use super::learn::session::Session;
-use crate::regularise::{AttenuationTable, Lookup};
-use crate::tune::{CONTRASTS, Change, Pilot};
+use crate::regularise::{AttenuationTable, Lookup, TableTuning};
+use crate::tune::{CONTRASTS, Pilot};
 use serde::Serialize;
 use std::ops::ControlFlow;
 
@@ -99,11 +99,15 @@ pub fn best_scale(set: &mut Set, beta: f32, table: &AttenuationTable) -> f32 {
 }
 
 /// The contrasts that a pilot tries, each with its best scale and the loss there.
-fn best_changes(set: &mut Set, beta: f32, table: &AttenuationTable) -> [(f32, Change); 3] {
+fn best_changes(set: &mut Set, beta: f32, table: &AttenuationTable) -> [(f32, TableTuning); 3] {
     CONTRASTS.map(|contrast| {
-        let scale = best_scale(set, beta, &table.with_contrast(contrast));
-        let change = Change { contrast, scale };
-        let loss = set.loss(beta, &change.of(table));
+        let flattened = TableTuning {
+            scale: 1.0,
+            contrast,
+        };
+        let scale = best_scale(set, beta, &table.tuned(flattened));
+        let change = TableTuning { contrast, scale };
+        let loss = set.loss(beta, &table.tuned(change));
         (loss.unwrap_or(0.0), change)
     })
 }
@@ -178,7 +182,7 @@ pub fn scores(
         for (what, change) in [("scale", changes[0].1), ("scale and contrast", best.1)] {
             let name = format!("{name}, best {what}");
             let scale = Some(change.scale);
-            all.push(score(set, beta, &name, scale, &change.of(table)));
+            all.push(score(set, beta, &name, scale, &table.tuned(change)));
         }
     }
     all
@@ -207,7 +211,7 @@ pub fn piloted(
         choices.push((name, pilots.iter().map(within).collect()));
     }
     for (what, changes) in choices {
-        let tables: Vec<AttenuationTable> = changes.iter().map(|c| c.of(table)).collect();
+        let tables: Vec<AttenuationTable> = changes.iter().map(|c| table.tuned(*c)).collect();
         let moments = set.exact_each(&tables);
         let losses = set.losses_of(&moments);
         let ln: f32 = tables.iter().map(|t| (t.scale / table.scale).ln()).sum();
@@ -273,7 +277,10 @@ pub fn leave_one_out(
                 beta,
                 &half,
                 None,
-                &table.with_contrast(0.5),
+                &table.tuned(TableTuning {
+                    scale: 1.0,
+                    contrast: 0.5,
+                }),
             ));
             let name = format!("{name}, pilot's scale and contrast");
             scores.extend(piloted(&mut held, beta, &name, table, config.spp)?);

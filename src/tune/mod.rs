@@ -3,7 +3,7 @@
 //! How much blur a scene bears is not in a path's class, so that a table serves other scenes than those it was learned
 //! from only at a level of their own; and where a scene is unlike all of those, one factor for all paths is better than
 //! the pattern. A pilot renders the scene with the table at a few scales and contrasts (see
-//! [`AttenuationTable::with_contrast`]) *on the same paths*, as the plain path tracer too. The difference of two such
+//! [`TableTuning`]) *on the same paths*, as the plain path tracer too. The difference of two such
 //! pictures has hardly any noise but that of the roughened connections, so that its square, made unbiased over
 //! independent batches, is an estimate of bias²; the film gives the variance. The candidate with the least
 //! bias² + variance / N wins, so that a longer render is roughened less. All candidates run a heat of a quarter of the
@@ -14,7 +14,7 @@ mod candidate;
 use crate::image::film::{FilmError, Window};
 use crate::integrator::{Method, Settings};
 use crate::math::UVec2;
-use crate::regularise::AttenuationTable;
+use crate::regularise::TableTuning;
 use crate::scene::{Camera, Scene};
 use candidate::{BATCHES, Entrant, TILE, Tiles};
 
@@ -52,40 +52,17 @@ const PATHS: (u64, u64) = (100_000, 1_000_000);
 /// What dark pixels are measured against: the mean of the picture counts as 0.3.
 const EPSILON: f64 = 0.01;
 
-/// A way to change a table for a scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Change {
-    /// How much of its pattern is left, from 0 to 1.
-    pub contrast: f32,
-    /// What its factors are multiplied by.
-    pub scale: f32,
-}
-
-impl Change {
-    /// None.
-    pub const NONE: Self = Self {
-        contrast: 1.0,
-        scale: 1.0,
-    };
-
-    /// The changed table.
-    pub fn of(self, table: &AttenuationTable) -> AttenuationTable {
-        let mut changed = table.with_contrast(self.contrast);
-        changed.scale *= self.scale;
-        changed
-    }
-
-    fn all() -> impl Iterator<Item = Self> {
-        let scales = |contrast| SCALES.map(|scale| Self { contrast, scale });
-        CONTRASTS.into_iter().flat_map(scales)
-    }
+/// All candidates.
+fn candidates() -> impl Iterator<Item = TableTuning> {
+    let scales = |contrast| SCALES.map(|scale| TableTuning { scale, contrast });
+    CONTRASTS.into_iter().flat_map(scales)
 }
 
 /// Estimated error of one candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
     /// What is done to the table.
-    pub change: Change,
+    pub change: TableTuning,
     /// Relative bias², an unbiased estimate: below 0 by chance.
     pub bias2: f64,
     /// Relative variance of one sample over the number of samples.
@@ -98,7 +75,7 @@ pub struct Level {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pilot {
     /// What to render with: no change where the pilot cannot tell.
-    pub change: Change,
+    pub change: TableTuning,
     /// Whether a change was found better by more than the pilot's own noise.
     pub decided: bool,
     /// What was found at [`SCALES`], contrast by contrast: from all paths for the best few, else from the heat's.
@@ -113,14 +90,14 @@ impl Pilot {
     ///
     /// Errors of pixels alone favour pictures that are smooth and dark: where all light comes through glass, the best
     /// constant gives up a fifth of it.
-    pub fn within(&self, share: f64) -> Change {
+    pub fn within(&self, share: f64) -> TableTuning {
         let off = |level: &&Level| (level.energy.abs() - share).max(0.0);
         let order = |a: &&Level, b: &&Level| {
             let errors = a.error().total_cmp(&b.error());
             off(a).total_cmp(&off(b)).then(errors)
         };
         let best = self.levels.iter().min_by(order);
-        best.map_or(Change::NONE, |level| level.change)
+        best.map_or(TableTuning::NONE, |level| level.change)
     }
 }
 
@@ -153,7 +130,7 @@ pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilo
         Method::Table { table, .. } if view.scene.has_lobes() => table,
         _ => {
             return Ok(Pilot {
-                change: Change::NONE,
+                change: TableTuning::NONE,
                 decided: false,
                 levels: Vec::new(),
                 paths: 0,
@@ -180,21 +157,21 @@ pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilo
         Ok(entrant)
     };
     let mut plain = entrant(Method::Plain)?;
-    let mut entrants = Change::all()
+    let mut entrants = candidates()
         .map(|change| {
             entrant(Method::Table {
-                table: change.of(table),
+                table: table.tuned(change),
                 reuse: false,
                 lambda: 0.0,
             })
         })
         .collect::<Result<Vec<Entrant>, FilmError>>()?;
-    let tiles = |(change, entrant): (Change, &Entrant)| (change, entrant.tiles(window));
-    let heats: Vec<(Change, Tiles)> = Change::all().zip(&entrants).map(tiles).collect();
+    let tiles = |(change, entrant): (TableTuning, &Entrant)| (change, entrant.tiles(window));
+    let heats: Vec<(TableTuning, Tiles)> = candidates().zip(&entrants).map(tiles).collect();
     // The roughest one is the least noisy picture.
     let weights = weights(&heats[SCALES.len() - 1].1);
     let all: Vec<usize> = (0..BATCHES).collect();
-    let measured = |plain: &Tiles, levels: &[(Change, Tiles)]| -> Vec<Level> {
+    let measured = |plain: &Tiles, levels: &[(TableTuning, Tiles)]| -> Vec<Level> {
         (levels.iter())
             .map(|level| measure(plain, level, &weights, samples, &all))
             .collect()
@@ -205,7 +182,7 @@ pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilo
     for &finalist in &finalists {
         entrants[finalist].trace(&view, spp, heat.clone());
     }
-    let finals: Vec<(Change, Tiles)> = (finalists.iter())
+    let finals: Vec<(TableTuning, Tiles)> = (finalists.iter())
         .map(|&finalist| tiles((levels[finalist].change, &entrants[finalist])))
         .collect();
     let plain = plain.tiles(window);
@@ -228,7 +205,7 @@ fn finalists(levels: &[Level]) -> Vec<usize> {
     order.sort_by(|&a, &b| levels[a].error().total_cmp(&levels[b].error()));
     let best = &order[..FINALISTS.min(order.len())];
     (0..levels.len())
-        .filter(|i| best.contains(i) || levels[*i].change == Change::NONE)
+        .filter(|i| best.contains(i) || levels[*i].change == TableTuning::NONE)
         .collect()
 }
 
@@ -281,7 +258,7 @@ fn weights(level: &Tiles) -> Vec<f64> {
 /// Error of a candidate from some of the batches.
 fn measure(
     plain: &Tiles,
-    (change, level): &(Change, Tiles),
+    (change, level): &(TableTuning, Tiles),
     weights: &[f64],
     samples: u32,
     batches: &[usize],
@@ -315,10 +292,10 @@ fn measure(
 /// The best candidate, if it beats no change by more than the jackknife's standard error of the difference.
 fn decide(
     plain: &Tiles,
-    levels: &[(Change, Tiles)],
+    levels: &[(TableTuning, Tiles)],
     weights: &[f64],
     samples: u32,
-) -> (Change, bool) {
+) -> (TableTuning, bool) {
     let errors = |batches: &[usize]| -> Vec<f64> {
         (levels.iter())
             .map(|level| measure(plain, level, weights, samples, batches).error())
@@ -326,7 +303,7 @@ fn decide(
     };
     let all: Vec<usize> = (0..BATCHES).collect();
     let one = (levels.iter())
-        .position(|l| l.0 == Change::NONE)
+        .position(|l| l.0 == TableTuning::NONE)
         .unwrap_or(0);
     let whole = errors(&all);
     let best = (0..whole.len())
@@ -346,7 +323,7 @@ fn decide(
     if whole[one] - whole[best] > error {
         (levels[best].0, true)
     } else {
-        (Change::NONE, false)
+        (TableTuning::NONE, false)
     }
 }
 

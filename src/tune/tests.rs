@@ -68,7 +68,7 @@ fn squared_bias_is_measured_without_bias() {
     for bias in [0.0, 0.02, 0.1] {
         let plain = noisy(&mut rng, 0.5, 0.4, tiles);
         let level = noisy(&mut rng, 0.5 + bias, 0.4, tiles);
-        let level = (Change::NONE, level);
+        let level = (TableTuning::NONE, level);
         let found = measure(&plain, &level, &vec![1.0; tiles], 10, &[0, 1, 2, 3]);
         // Noise of d is 0.4 / sqrt(6); that of the square of four batches over 3 tiles is below 2e-4.
         let expected: f64 = bias * bias;
@@ -79,15 +79,15 @@ fn squared_bias_is_measured_without_bias() {
 
 #[test]
 fn the_best_and_no_change_are_finalists() {
-    let level = |(i, change): (usize, Change)| Level {
+    let level = |(i, change): (usize, TableTuning)| Level {
         change,
         // The larger the index, the better.
         bias2: -1.0,
         variance: 1.0 / (i + 1) as f64,
         energy: 0.0,
     };
-    let levels: Vec<Level> = Change::all().enumerate().map(level).collect();
-    let none = Change::all().position(|c| c == Change::NONE).unwrap();
+    let levels: Vec<Level> = candidates().enumerate().map(level).collect();
+    let none = candidates().position(|c| c == TableTuning::NONE).unwrap();
     let last = levels.len() - FINALISTS..levels.len();
     let expected: Vec<usize> = std::iter::once(none).chain(last).collect();
     assert_eq!(finalists(&levels), expected);
@@ -96,7 +96,7 @@ fn the_best_and_no_change_are_finalists() {
 #[test]
 fn energy_goes_before_error() {
     let level = |scale: f32, bias2: f64, energy: f64| Level {
-        change: Change {
+        change: TableTuning {
             contrast: 1.0,
             scale,
         },
@@ -105,7 +105,7 @@ fn energy_goes_before_error() {
         energy,
     };
     let mut pilot = Pilot {
-        change: Change::NONE,
+        change: TableTuning::NONE,
         decided: true,
         levels: vec![
             level(1.0, 0.1, -0.2),
@@ -126,5 +126,5 @@ fn energy_goes_before_error() {
         assert_eq!(pilot.within(share).scale, best, "{share}");
     }
     pilot.levels.clear();
-    assert_eq!(pilot.within(0.1), Change::NONE);
+    assert_eq!(pilot.within(0.1), TableTuning::NONE);
 }

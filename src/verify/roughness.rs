@@ -2,7 +2,7 @@
 
 use super::{Finding, Numbers};
 use crate::regularise::{
-    Attenuation, AttenuationTable, BIN_EDGES, ConstantGamma, GammaIndex, LEN, LEVELS, Lookup,
+    Attenuation, AttenuationTable, BIN_EDGES, BINS, ConstantGamma, GammaIndex, LEN, Lookup,
     MAX_VERTICES, PathRoughness, bin,
 };
 
@@ -118,8 +118,8 @@ fn promises() -> Finding {
 /// Levels of a million roughness values and of the neighbours of each edge against the formula in double precision.
 pub fn levels(bin: &dyn Fn(f32) -> usize) -> Finding {
     let formula = |alpha: f32| {
-        let coordinate = (f64::from(alpha).sqrt().exp2() - 1.0) * (LEVELS + 1) as f64;
-        (coordinate as usize).min(LEVELS - 1)
+        let coordinate = (f64::from(alpha).sqrt().exp2() - 1.0) * (BINS + 1) as f64;
+        (coordinate as usize).min(BINS - 1)
     };
     let mut numbers = Numbers::new(4);
     let mut wrong = 0;
@@ -158,7 +158,7 @@ fn definition(alphas: &[f32], table: &AttenuationTable) -> f32 {
     }
     let (&last, before) = alphas.split_last().expect("paths have a vertex");
     let levels: Vec<usize> = alphas.iter().map(|&a| bin(a)).collect();
-    match GammaIndex::from_levels(&levels) {
+    match GammaIndex::from_bins(&levels) {
         Some(class) if last < 1.0 => {
             let gamma = table.gammas[class.index()];
             let q = (before.iter()).fold(0.0f32, |q, &a| q + gamma * a * (1.0 - q));

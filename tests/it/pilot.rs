@@ -5,9 +5,9 @@ use opsr::gallery::caustic_box;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::{Method, Picture, Settings};
 use opsr::math::UVec2;
-use opsr::regularise::{AttenuationTable, GammaIndex, LEN};
+use opsr::regularise::{AttenuationTable, GammaIndex, LEN, TableTuning};
 use opsr::scene::Scene;
-use opsr::tune::{CONTRASTS, Change, Level, SCALES, View, choose};
+use opsr::tune::{CONTRASTS, Level, SCALES, View, choose};
 
 fn settings(gamma: f32) -> Settings {
     Settings {
@@ -38,7 +38,7 @@ fn a_table_that_does_nothing_is_the_plain_picture_path_by_path() {
     for level in &pilot.levels {
         assert_eq!(level.bias2, 0.0, "{level:?}");
     }
-    assert_eq!((pilot.change, pilot.decided), (Change::NONE, false));
+    assert_eq!((pilot.change, pilot.decided), (TableTuning::NONE, false));
 }
 
 #[test]
@@ -73,7 +73,7 @@ fn a_pattern_that_does_not_fit_is_given_up() {
         .iter_mut()
         .zip((0..LEN).filter_map(GammaIndex::new))
     {
-        let levels = class.levels();
+        let levels = class.bins();
         *gamma = if levels[levels.len() - 1] == 0 {
             1e-3
         } else {
@@ -90,7 +90,7 @@ fn a_pattern_that_does_not_fit_is_given_up() {
     };
     let pilot = choose(&settings, &view(&scene), 40).unwrap();
     assert!(pilot.decided && pilot.change.contrast < 1.0, "{pilot:?}");
-    let changed = pilot.change.of(&table);
+    let changed = table.tuned(pilot.change);
     assert!(changed.scale == pilot.change.scale && changed.gammas != table.gammas);
 }
 
@@ -122,15 +122,15 @@ fn energy_is_kept_where_that_is_asked_for() {
     let Method::Table { table, .. } = &rough.method else {
         unreachable!()
     };
-    let changed = |change: Change| {
+    let changed = |change: TableTuning| {
         let method = Method::Table {
-            table: change.of(table),
+            table: table.tuned(change),
             reuse: false,
             lambda: 0.0,
         };
         mean(method) / plain - 1.0
     };
-    let level = |change: Change| pilot.levels.iter().find(|l| l.change == change).unwrap();
+    let level = |change: TableTuning| pilot.levels.iter().find(|l| l.change == change).unwrap();
     let (roughest, kept) = (pilot.levels[SCALES.len() - 1].change, pilot.within(0.005));
     let found = [roughest, kept].map(|change| {
         let (said, found) = (level(change).energy, changed(change));

@@ -1,7 +1,7 @@
 //! Data: NumPy, safetensors and CSV.
 
 use crate::regularise::file::{ORDER, TableFile};
-use crate::regularise::{GammaIndex, LEN, LEVELS};
+use crate::regularise::{BINS, GammaIndex, LEN};
 use std::fmt::Write;
 
 /// Factors with the scale applied, in class order.
@@ -35,7 +35,7 @@ pub(super) fn safetensors(file: &TableFile) -> Vec<u8> {
     let table = &file.table;
     let mut metadata = serde_json::json!({
         "order": ORDER,
-        "levels": LEVELS.to_string(),
+        "levels": BINS.to_string(),
         "lookup": table.lookup,
         "scale_applied": format!("{:?}", table.scale),
     });
@@ -63,8 +63,8 @@ pub(super) fn safetensors(file: &TableFile) -> Vec<u8> {
 pub(super) fn csv(file: &TableFile) -> String {
     let mut out = String::from("index,length,code,bins,gamma,visits\n");
     for (class, gamma) in factors(file) {
-        let levels = class.levels();
-        let code = levels.iter().fold(0, |code, &l| code * LEVELS + l);
+        let levels = class.bins();
+        let code = levels.iter().fold(0, |code, &l| code * BINS + l);
         let bins: Vec<String> = levels.iter().map(usize::to_string).collect();
         let visits = (file.provenance.as_ref()).and_then(|p| p.visits.get(class.index()));
         let visits = visits.map(u64::to_string).unwrap_or_default();

@@ -6,7 +6,8 @@
 //! factors; they are kept as events and linearised anew whenever the table has moved (see [`Folded`]).
 
 use crate::math::real::{Dual, Real};
-use crate::regularise::{AttenuationTable, GammaIndex, accumulate_at};
+use crate::regularise::{AttenuationTable, GammaIndex};
+use crate::train::derivative::accumulate_at;
 use crate::train::evaluate::folded::Folded;
 use crate::train::evaluate::grid::{GAMMA_MIN, Level, NODES, Place, node, spacing};
 use crate::train::evaluate::moments::{Adjoint, Moments, Source, no_gradient};

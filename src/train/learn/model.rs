@@ -1,6 +1,6 @@
 //! What is learned: a burn module of parameters, Adam, and how parameters make the 1360 factors.
 
-use crate::regularise::{AttenuationTable, GammaIndex, LEN, LEVELS, Lookup, MAX_VERTICES};
+use crate::regularise::{AttenuationTable, BINS, GammaIndex, LEN, Lookup, MAX_VERTICES};
 use crate::train::evaluate::grid::GAMMA_MIN;
 use crate::train::learn::objective::{device, tensor};
 use burn::module::{Module, Param};
@@ -36,7 +36,7 @@ pub enum Optimiser {
 }
 
 /// Numbers of the additive model: 5 positions of 4 levels, 4 lengths.
-const ADDITIVE: usize = MAX_VERTICES * LEVELS + MAX_VERTICES - 1;
+const ADDITIVE: usize = MAX_VERTICES * BINS + MAX_VERTICES - 1;
 
 #[derive(Module, Debug)]
 struct Parameters {
@@ -55,9 +55,9 @@ pub struct Learner {
 
 /// Which numbers of the additive model a class is the sum of.
 fn terms(class: usize) -> Vec<usize> {
-    let levels = GammaIndex::new(class).map_or(Vec::new(), GammaIndex::levels);
-    let length = MAX_VERTICES * LEVELS + levels.len().saturating_sub(2);
-    let positions = (levels.iter().rev().enumerate()).map(|(i, level)| i * LEVELS + level);
+    let levels = GammaIndex::new(class).map_or(Vec::new(), GammaIndex::bins);
+    let length = MAX_VERTICES * BINS + levels.len().saturating_sub(2);
+    let positions = (levels.iter().rev().enumerate()).map(|(i, level)| i * BINS + level);
     positions.chain([length]).collect()
 }
 
@@ -76,7 +76,7 @@ impl Learner {
             (Model::Full, Optimiser::Log) => vec![start.ln(); LEN],
             (Model::Additive, _) => {
                 let mut values = vec![0.0; ADDITIVE];
-                values[MAX_VERTICES * LEVELS..].fill(start.ln());
+                values[MAX_VERTICES * BINS..].fill(start.ln());
                 values
             }
         };

@@ -13,10 +13,10 @@
 //! the samples stay where they are. How noisy the realised mean is at a depends on p₀, and a loss of absolute errors
 //! sees it: p₀ must be large wherever the table goes.
 
-use crate::bsdf::{DELTA_ALPHA, Distribution, LobeQuery, LobeShape};
+use crate::bsdf::{DELTA_ALPHA, Distribution, LobeQuery, LobeReal, LobeShape};
 use crate::integrator::{Event, Technique};
 use crate::math::Rgb;
-use crate::math::real::{Dual, Real};
+use crate::math::real::Dual;
 
 /// An event, 60 bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,7 +107,7 @@ impl StoredEvent {
 
     /// Mean and second moment at roughness `a`.
     #[inline]
-    pub fn at<T: Real>(&self, a: T) -> Moment<T> {
+    pub fn at<T: LobeReal>(&self, a: T) -> Moment<T> {
         // A Dirac lobe finds a light as often, and with as much, as the narrowest smooth one.
         let floor = T::constant(DELTA_ALPHA);
         let a = if a.value() < floor.value() { floor } else { a };
@@ -168,7 +168,7 @@ pub struct Running<T> {
     code: Option<u32>,
 }
 
-impl<T: Real> Running<T> {
+impl<T: LobeReal> Running<T> {
     /// A path that carries this besides its events.
     pub fn new(constant: [T; 3]) -> Self {
         Self {

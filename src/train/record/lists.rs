@@ -3,9 +3,8 @@
 //! α′ and its derivative depend on the list of roughness values alone, of which there are far fewer than events: they
 //! are computed per list ("code"), not per event.
 
-use crate::regularise::{
-    AttenuationTable, Dependence, Differentiated, GammaIndex, MAX_VERTICES, PathRoughness,
-};
+use crate::regularise::{AttenuationTable, GammaIndex, MAX_VERTICES, PathRoughness};
+use crate::train::derivative::{Dependence, Differentiated};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -263,14 +262,14 @@ impl Codes {
             .iter()
             .map(|&a| crate::regularise::bin(a))
             .collect();
-        GammaIndex::from_levels(&levels)
+        GammaIndex::from_bins(&levels)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::regularise::accumulate_with_gradient;
+    use crate::train::derivative::accumulate_with_gradient;
     use crate::train::record::intern::Interner;
     use rand::{RngExt, SeedableRng};
 

@@ -67,7 +67,7 @@ pub const LIVE: usize = LEN / 4 * 3;
 /// Whether a class is one of the [`LIVE`].
 pub fn is_live(class: GammaIndex) -> bool {
     class
-        .levels()
+        .bins()
         .last()
-        .is_some_and(|&level| level + 1 < crate::regularise::LEVELS)
+        .is_some_and(|&level| level + 1 < crate::regularise::BINS)
 }

@@ -144,7 +144,7 @@ fn csv_names_every_class() {
         let levels: Vec<usize> = (fields[3].split(' ')).map(|l| l.parse().unwrap()).collect();
         assert_eq!(fields[1].parse(), Ok(levels.len()));
         assert_eq!(
-            GammaIndex::from_levels(&levels).map(GammaIndex::index),
+            GammaIndex::from_bins(&levels).map(GammaIndex::index),
             Some(index)
         );
         let digits: String = levels.iter().map(usize::to_string).collect();
@@ -233,7 +233,7 @@ fn program_shows_a_table() {
     );
     let class = &shown["lengths"][2]["classes"][0b10_00_11_01];
     assert_eq!(class["code"], "2 0 3 1");
-    let index = GammaIndex::from_levels(&[2, 0, 3, 1]).unwrap().index();
+    let index = GammaIndex::from_bins(&[2, 0, 3, 1]).unwrap().index();
     assert_eq!(class["index"], index);
     assert_eq!(class["visits"], visits[index]);
     assert_eq!(class["gamma"], f64::from(file.table.gammas[index]));

@@ -1,12 +1,12 @@
-//! Accumulated roughness together with its derivative with respect to the table's entries.
+//! Accumulated roughness α′ with its derivatives with respect to the table's entries.
 
-use super::{AttenuationTable, ConstantGamma, GammaIndex, MAX_VERTICES, PathRoughness};
+use crate::regularise::{AttenuationTable, ConstantGamma, GammaIndex, MAX_VERTICES, PathRoughness};
 
-/// How one number depends on the table: dα′/dγ for each entry it depends on.
+/// Sparse gradient: dα′/dγ for each table entry that α′ depends on.
 pub type Dependence = Vec<(GammaIndex, f32)>;
 
-/// α′ of the path `alphas` (original roughness of every vertex, camera first, any length), as
-/// [`PathRoughness`] computes it, and its derivative with respect to each table entry (before the table's scale).
+/// α′ of the path `alphas` (original roughness of every vertex, camera first, any length), as [`PathRoughness`]
+/// computes it, and its derivative with respect to each table entry (before the table's scale).
 ///
 /// For n ≤ 5, with γ the factor of the class:
 ///
@@ -14,8 +14,8 @@ pub type Dependence = Vec<(GammaIndex, f32)>;
 /// dα′/dγ = (1 − αₙ) Σᵢ αᵢ ∏_{l ≠ i, l < n} (1 − γ α_l)
 /// ```
 ///
-/// accumulated without a division as q′ ← q′ (1 − γ αᵢ) + αᵢ (1 − q), so that γ = αᵢ = 1 is no special case. A folded
-/// value α′₅ carries its own derivatives on by the chain rule; its *level* is taken as constant.
+/// accumulated without a division as q′ ← q′ (1 − γ αᵢ) + αᵢ (1 − q), so that γ = αᵢ = 1 is no special case. The chain
+/// rule carries the derivatives of a folded value α′₅ on; the *bin* of the folded value is taken as constant.
 pub fn accumulate_with_gradient(alphas: &[f32], table: &AttenuationTable) -> (f32, Dependence) {
     let Some((&last, before)) = alphas.split_last() else {
         return (0.0, Dependence::new());
@@ -29,13 +29,13 @@ pub fn accumulate_with_gradient(alphas: &[f32], table: &AttenuationTable) -> (f3
     (alpha, dependence)
 }
 
-/// The vertices before the last, as [`PathRoughness`] folds them, with the derivatives of what is folded.
+/// Vertices before the last, as [`PathRoughness`] folds them, with the derivatives of the folded value.
 #[derive(Debug, Default)]
 pub struct Differentiated {
     prefix: PathRoughness,
-    /// Derivatives of the folded value, the first one of the prefix.
+    /// Derivatives of the folded value, which is the first value of the prefix.
     folded: Dependence,
-    /// Those of the folded value before, for its memory.
+    /// Derivatives of the previous folded value; kept to reuse its memory.
     before: Dependence,
 }
 
@@ -48,7 +48,7 @@ impl Clone for Differentiated {
         }
     }
 
-    /// Into memory that is there already: states are copied at every vertex of every path.
+    /// Copies into the memory of `self`: states are copied at every vertex of every path.
     fn clone_from(&mut self, other: &Self) {
         self.prefix = other.prefix;
         self.folded.clone_from(&other.folded);
@@ -66,14 +66,14 @@ impl Differentiated {
         self.prefix.push(alpha, table, 1.0);
     }
 
-    /// α′ of a last vertex of roughness `last`; appends its derivative to `to`.
+    /// α′ of a last vertex of roughness `last`; appends its derivatives to `to`.
     pub fn accumulate(&self, last: f32, table: &AttenuationTable, to: &mut Dependence) -> f32 {
         gradient(&self.prefix, last, table, &self.folded, to);
         self.prefix.accumulate(last, table, 1.0)
     }
 }
 
-/// α′ of a path of at most five vertices where the factor is `gamma` whatever its class, and dα′/dγ.
+/// α′ of a path of at most five vertices with the attenuation factor `gamma`, and dα′/dγ.
 pub fn accumulate_at(alphas: &[f32], gamma: f32) -> (f32, f32) {
     debug_assert!(alphas.len() <= MAX_VERTICES);
     let Some((&last, before)) = alphas.split_last() else {
@@ -82,16 +82,16 @@ pub fn accumulate_at(alphas: &[f32], gamma: f32) -> (f32, f32) {
     let constant = ConstantGamma(gamma);
     let prefix = PathRoughness::of(before, &constant);
     let alpha = prefix.accumulate(last, &constant, 1.0);
-    let slope = if last >= 1.0 {
+    let derivative = if last >= 1.0 {
         0.0
     } else {
-        (1.0 - last) * slope(&prefix, gamma)
+        (1.0 - last) * surplus_derivative(&prefix, gamma)
     };
-    (alpha, slope)
+    (alpha, derivative)
 }
 
 /// d/dγ of 1 − ∏ (1 − γ αᵢ).
-fn slope(prefix: &PathRoughness, gamma: f32) -> f32 {
+fn surplus_derivative(prefix: &PathRoughness, gamma: f32) -> f32 {
     let (mut q, mut dq) = (0.0f32, 0.0f32);
     for &a in prefix.values() {
         dq = dq * (1.0 - gamma * a) + a * (1.0 - q);
@@ -100,7 +100,7 @@ fn slope(prefix: &PathRoughness, gamma: f32) -> f32 {
     dq
 }
 
-/// Appends the derivative of `prefix.accumulate(last)`, where `folded` is that of the prefix's first value.
+/// Appends the derivatives of `prefix.accumulate(last)` to `to`; `folded` holds those of the prefix's first value.
 fn gradient(
     prefix: &PathRoughness,
     last: f32,
@@ -117,19 +117,19 @@ fn gradient(
         raw += weight * table.gammas[class.index()]
     });
     let gamma = (raw * table.scale).min(1.0);
-    let dq = slope(prefix, gamma);
-    // A product clamped at 1 no longer follows the entries.
-    let slope = if raw * table.scale > 1.0 {
+    let dq = surplus_derivative(prefix, gamma);
+    // A factor clamped to 1 does not depend on the entries.
+    let derivative = if raw * table.scale > 1.0 {
         0.0
     } else {
         (1.0 - last) * dq * table.scale
     };
-    if slope != 0.0 {
+    if derivative != 0.0 {
         table.entries(prefix, last, |class, weight| {
-            add(to, start, class, slope * weight)
+            add(to, start, class, derivative * weight)
         });
     }
-    // dα′/dα₁ = (1 − αₙ) γ ∏_{i ≥ 2} (1 − γ αᵢ), for a first value that is folded.
+    // dα′/dα₁ = (1 − αₙ) γ ∏_{i ≥ 2} (1 − γ αᵢ), if the first value is a folded one.
     if !folded.is_empty() {
         let inner = (1.0 - last)
             * gamma
@@ -143,7 +143,7 @@ fn gradient(
     }
 }
 
-/// Adds to the entry of a class among those from `start` on.
+/// Adds `d` to the entry of `class` among the entries from `start` on.
 fn add(to: &mut Dependence, start: usize, class: GammaIndex, d: f32) {
     match to[start..].iter_mut().find(|(c, _)| *c == class) {
         Some((_, sum)) => *sum += d,
@@ -156,7 +156,7 @@ mod tests {
     use super::*;
     use crate::regularise::Lookup;
 
-    /// Central differences of α′ in each entry, in double precision by a direct reading of the definition.
+    /// α′ in double precision by its recursive definition.
     fn definition(alphas: &[f64], gammas: &[f64], lookup: Lookup) -> f64 {
         let (first, rest) = if alphas.len() > 5 {
             (definition(&alphas[..5], gammas, lookup), &alphas[5..])
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn one_factor_is_a_table_of_one_factor() {
+    fn accumulate_at_matches_a_constant_table() {
         let lists: [&[f32]; 6] = [
             &[],
             &[0.3],
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn gradient_matches_central_differences_of_the_definition() {
+    fn gradient_matches_finite_differences() {
         let mut state = 1u64;
         let mut next = || {
             state = state
@@ -213,7 +213,7 @@ mod tests {
                 .wrapping_add(1_442_695_040_888_963_407);
             (state >> 40) as f64 / (1u64 << 24) as f64
         };
-        let way = |i: usize| 0.5 + (i * 29 % 31) as f64 / 31.0;
+        let direction = |i: usize| 0.5 + (i * 29 % 31) as f64 / 31.0;
         for lookup in [Lookup::Nearest, Lookup::Linear] {
             for n in [2usize, 3, 5, 6, 9, 10, 13] {
                 for _ in 0..20 {
@@ -235,17 +235,17 @@ mod tests {
                     let (value, gradient) = accumulate_with_gradient(&path, &table);
                     assert!((f64::from(value) - definition(&alphas, &gammas, lookup)).abs() < 2e-6);
                     let differences = lookup == Lookup::Nearest || n <= 5;
-                    // All entries at once, so that none is missing.
+                    // Directional derivative over all entries: a missing entry shows.
                     let moved = |h: f64| {
                         let g: Vec<f64> = (gammas.iter().enumerate())
-                            .map(|(i, g)| g + h * way(i))
+                            .map(|(i, g)| g + h * direction(i))
                             .collect();
                         definition(&alphas, &g, lookup)
                     };
                     let numeric = (moved(1e-5) - moved(-1e-5)) / 2e-5;
                     let ours: f64 = gradient
                         .iter()
-                        .map(|(c, d)| f64::from(*d) * way(c.index()))
+                        .map(|(c, d)| f64::from(*d) * direction(c.index()))
                         .sum();
                     assert!(
                         !differences || (numeric - ours).abs() <= 1e-4 * numeric.abs().max(1e-2),
@@ -257,8 +257,8 @@ mod tests {
                             g[class.index()] += h;
                             definition(&alphas, &g, lookup)
                         };
-                        // The linear look-up moves with a folded value's coordinate as well: only the nearest one and
-                        // paths without a fold have the derivative that the definition's differences see.
+                        // In the linear look-up the weights too depend on a folded value, which the derivative
+                        // leaves out: finite differences agree for the nearest look-up and for paths without a fold.
                         if !differences {
                             continue;
                         }
@@ -274,8 +274,8 @@ mod tests {
     }
 
     #[test]
-    fn factors_at_one_can_come_down_and_clamped_ones_do_not_move() {
-        for (factor, scale, slope) in [(1.0, 1.0, 0.45), (0.5, 2.0, 0.9), (0.6, 2.0, 0.0)] {
+    fn gradient_is_nonzero_at_one_and_zero_where_clamped() {
+        for (factor, scale, expected) in [(1.0, 1.0, 0.45), (0.5, 2.0, 0.9), (0.6, 2.0, 0.0)] {
             for lookup in [Lookup::Nearest, Lookup::Linear] {
                 let table = AttenuationTable {
                     scale,
@@ -286,7 +286,7 @@ mod tests {
                 assert!((value - 0.55).abs() < 1e-6, "{lookup:?} {value}");
                 let total: f32 = gradient.iter().map(|g| g.1).sum();
                 assert!(
-                    (total - slope).abs() < 1e-6,
+                    (total - expected).abs() < 1e-6,
                     "{lookup:?}, {factor} times {scale}: {total}"
                 );
             }
