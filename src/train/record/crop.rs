@@ -15,7 +15,7 @@ use crate::train::learn::objective::Target;
 use crate::train::record::proposals::Drawn;
 use crate::train::record::recording::{Recording, Tape};
 use crate::train::record::roulette::Thin;
-use crate::tune::{self, Pilot, View};
+use crate::tune::{self, Pilot, PilotView};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -182,7 +182,7 @@ impl Crop {
             reuse: false,
             lambda: 0.0,
         });
-        let view = View {
+        let view = PilotView {
             scene: &self.scene,
             camera: &self.camera,
             frame: self.frame,
