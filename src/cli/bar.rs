@@ -5,13 +5,13 @@ use indicatif::{ProgressBar, ProgressStyle};
 use opsr::integrator::drive::Progress;
 use std::io::{IsTerminal, Write};
 
-/// How progress is shown.
+/// Form of the progress.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum Style {
     /// A bar if standard error is a terminal, else nothing.
     #[default]
     Auto,
-    /// One JSON object a line on standard output.
+    /// One JSON object per line on standard output.
     Json,
     /// Nothing.
     None,
@@ -46,7 +46,7 @@ impl Bar {
         }
     }
 
-    /// Shows where a render stands.
+    /// Shows the progress of a render.
     pub(super) fn show(&self, progress: &Progress) {
         let seconds = progress.elapsed.as_secs_f64();
         match self {

@@ -3,7 +3,6 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use opsr::report::bench::{Outcome, Status, Suite, run as measure, summary};
@@ -35,12 +34,12 @@ A suite:
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLE)]
 pub(super) struct BenchArgs {
-    /// What to measure: scenes, methods, seeds, moments (.toml).
+    /// The suite: scenes, methods, seeds, time points (.toml).
     suite: PathBuf,
-    /// Where the results go (.json). Measurements that are in the file already are kept, not repeated.
+    /// File of the results (.json). Measurements that it already holds are kept, not repeated.
     #[arg(short, long, value_name = "FILE", default_value = "results.json")]
     output: PathBuf,
-    /// Threads; all that there are if not given.
+    /// Number of threads; without it as many as there are cores.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
 }
@@ -48,11 +47,7 @@ pub(super) struct BenchArgs {
 /// Runs the command: a table per scene goes to standard output.
 pub(super) fn run(args: &BenchArgs) -> anyhow::Result<Exit> {
     let suite = Suite::load(&args.suite).input()?;
-    if let Some(threads) = args.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
-        pool.build_global()
-            .context("cannot start that many threads")?;
-    }
+    super::set_threads(args.threads)?;
     let command = std::env::args().collect::<Vec<_>>().join(" ");
     let stop = Stop::listen();
     let bar = ProgressBar::new(0);

@@ -1,4 +1,4 @@
-//! Where pictures go.
+//! Files and streams that results are written to.
 
 use super::Blame;
 use anyhow::{Context, anyhow, bail};
@@ -48,7 +48,7 @@ impl Outputs {
     }
 }
 
-/// Whether a file can be made or replaced here, as far as one can tell without touching it: better to hear of it before
+/// Fails if a file cannot be made or replaced here, as far as one can tell without touching it: better known before
 /// a long render than after.
 pub(super) fn can_write(file: &Path) -> anyhow::Result<()> {
     if file.is_dir() {
@@ -89,7 +89,7 @@ fn layers(picture: &Picture) -> Vec<Layer> {
     ]
 }
 
-/// What a picture's file says about how it was made.
+/// Origin of a picture, for the metadata of its file.
 pub(super) struct Provenance {
     pub(super) command: String,
     pub(super) seed: u64,

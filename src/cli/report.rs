@@ -1,8 +1,7 @@
 //! `opsr report`: the results of a bench as a page.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::Args;
 
 use opsr::files;
@@ -17,7 +16,7 @@ use super::output::can_write;
 pub(super) struct ReportArgs {
     /// Results of `opsr bench` (.json).
     results: PathBuf,
-    /// Where the page goes: one file that needs nothing else.
+    /// The page: one file that needs nothing else.
     #[arg(short, long, value_name = "FILE", default_value = "report.html")]
     output: PathBuf,
     /// Write the plots also as files (.svg) to this folder.
@@ -28,32 +27,22 @@ pub(super) struct ReportArgs {
 /// Runs the command.
 pub(super) fn run(args: &ReportArgs) -> anyhow::Result<()> {
     let results = Results::load(&args.results).input()?;
-    let html = page(&results)
-        .with_context(|| args.results.display().to_string())
-        .input()?;
+    let html = page(&results);
     // The page is in its place only when all that goes with it is.
     can_write(&args.output).output()?;
     if let Some(folder) = &args.plots {
-        std::fs::create_dir_all(folder)
-            .with_context(|| folder.display().to_string())
-            .output()?;
+        files::create_folder(folder).output()?;
         if let Some(plot) = overalls(&results).first().and_then(plots::standings) {
-            write(&folder.join("overall.svg"), &plot)?;
+            files::write_bytes(&folder.join("overall.svg"), plot).output()?;
         }
         for scene in summary::summaries(&results) {
             for (i, (plot, _)) in plots::curves(&results, &scene).iter().enumerate() {
                 let name = format!("{}-{}.svg", file_name(&scene.name), i + 1);
-                write(&folder.join(name), plot)?;
+                files::write_bytes(&folder.join(name), plot).output()?;
             }
         }
     }
-    write(&args.output, &html)
-}
-
-fn write(path: &Path, text: &str) -> anyhow::Result<()> {
-    files::write_bytes(path, text.as_bytes())
-        .with_context(|| path.display().to_string())
-        .output()
+    files::write_bytes(&args.output, html).output()
 }
 
 /// The name of a scene without what a file's name should not have.

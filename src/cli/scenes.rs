@@ -1,4 +1,4 @@
-//! `opsr scenes`: the training scenes that the program carries as code.
+//! `opsr scenes`: the training scenes of the program.
 
 use super::output::print;
 use super::references::{self, ReferenceArgs};
@@ -23,7 +23,7 @@ enum Action {
     },
     /// Render the references of a manifest's crops: plain path tracing, the noisiest crop first.
     ///
-    /// Files are replaced after every pass; a run goes on from what they hold.
+    /// Files are replaced after every pass; a run continues from their samples.
     Reference(ReferenceArgs),
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Whether the user wants an end.
+/// Flag that the user sets to end a command.
 #[derive(Clone)]
 pub(super) struct Stop(Arc<AtomicBool>);
 
@@ -17,7 +17,7 @@ impl Stop {
                 std::process::exit(super::Exit::Stopped as i32);
             }
             eprintln!(
-                "opsr: stopping after this pass, saving what there is (again to stop at once)"
+                "opsr: stopping after this pass, saving the results so far (again to stop at once)"
             );
         });
         if let Err(error) = handler {
@@ -26,7 +26,7 @@ impl Stop {
         Self(flag)
     }
 
-    /// Whether an end was asked for.
+    /// True once an end was asked for.
     pub(super) fn asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }

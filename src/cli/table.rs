@@ -2,7 +2,7 @@
 
 use super::Blame;
 use super::output::print;
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use clap::{Args, Subcommand, ValueEnum};
 use opsr::files;
 use opsr::files::hex;
@@ -121,9 +121,7 @@ fn write(file: &Path, format: Option<Format>, output: &Path) -> anyhow::Result<(
     if output == Path::new("-") {
         return print(bytes);
     }
-    files::write_bytes(output, &bytes)
-        .with_context(|| output.display().to_string())
-        .output()
+    files::write_bytes(output, &bytes).output()
 }
 
 /// Training record, statistics and classes as JSON.

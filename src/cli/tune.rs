@@ -1,4 +1,4 @@
-//! `--table-scale auto`: the level of a table, and how much of its pattern, from a pilot before the render.
+//! `--table-scale auto`: scale and contrast of a table from a pilot before the render.
 
 use super::Blame;
 use super::render::DEFAULT_SPP;
@@ -8,13 +8,13 @@ use anyhow::Context;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::{Method, Picture, Settings};
 use opsr::math::UVec2;
-use opsr::tune::{self, View};
+use opsr::tune::{self, PilotView};
 use std::time::{Duration, Instant};
 
-/// Rows of a picture whose size is not given.
+/// Rows of a picture without `--size`.
 const DEFAULT_ROWS: u32 = 512;
 
-/// Samples that a pilot takes a render to a target error for.
+/// Samples per pixel that a pilot assumes for a render to a target error.
 const SPP_OF_TARGET: u32 = 256;
 
 /// Tunes the table of `settings` as a pilot finds best.
@@ -26,7 +26,7 @@ pub(super) fn tune(
     let size = size(args, opened)?;
     let aspect = size.x as f32 / size.y as f32;
     let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
-    let view = View {
+    let view = PilotView {
         scene: &opened.scene,
         camera: &camera,
         frame: size,
@@ -41,37 +41,37 @@ pub(super) fn tune(
     let pilot = tune::choose(settings, &view, samples)
         .context("--crop")
         .usage()?;
-    let change = (args.table_energy).map_or(pilot.change, |share| pilot.within(share.into()));
+    let tuning = (args.table_energy).map_or(pilot.tuning, |share| pilot.within(share.into()));
     if let Method::Table { table, .. } = &mut settings.method {
-        *table = table.tuned(change);
+        *table = table.tuned(tuning);
         let why = if pilot.decided || args.table_energy.is_some() {
             ""
         } else {
-            " (the pilot could not tell another one better)"
+            " (no candidate is better by more than the pilot's noise)"
         };
-        let level = pilot.levels.iter().find(|level| level.change == change);
-        let energy = level.map_or(0.0, |level| 100.0 * level.energy);
+        let chosen = pilot.candidates.iter().find(|c| c.tuning == tuning);
+        let energy = chosen.map_or(0.0, |c| 100.0 * c.energy);
         eprintln!(
             "table scale {}, contrast {}{why}, changes the picture's mean by {energy:+.1} %, from {} paths, for \
              {samples} samples per pixel",
-            table.scale, change.contrast, pilot.paths
+            table.scale, tuning.contrast, pilot.paths
         );
     }
-    for level in &pilot.levels {
+    for c in &pilot.candidates {
         tracing::info!(
             "scale {}, contrast {}: bias² {:.3e}, variance {:.3e}, mean {:+.1} %",
-            level.change.scale,
-            level.change.contrast,
-            level.bias2,
-            level.variance,
-            100.0 * level.energy
+            c.tuning.scale,
+            c.tuning.contrast,
+            c.bias2,
+            c.variance,
+            100.0 * c.energy
         );
     }
     Ok(())
 }
 
-/// About how many samples per pixel fit into this time.
-fn samples_in(time: Duration, settings: &Settings, view: &View<'_>) -> anyhow::Result<u32> {
+/// Samples per pixel that fit into this time, about.
+fn samples_in(time: Duration, settings: &Settings, view: &PilotView<'_>) -> anyhow::Result<u32> {
     const PROBE: u32 = 4;
     let mut picture = Picture {
         film: Film::cropped(view.frame, view.window)

@@ -36,7 +36,7 @@ impl Window {
         }
     }
 
-    /// Whether the window is not empty and lies inside `outer`.
+    /// True if the window is not empty and lies inside `outer`.
     pub fn inside(&self, outer: &Self) -> bool {
         let end = |a: u32, b: u32| u64::from(a) + u64::from(b);
         self.w > 0
@@ -52,7 +52,7 @@ impl Window {
         self.w as usize * self.h as usize
     }
 
-    /// Whether there is no pixel.
+    /// True if there is no pixel.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -81,7 +81,7 @@ impl Window {
     }
 }
 
-/// Why a sample was refused.
+/// Reason to refuse a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Cause {
     /// A channel is not a number.
@@ -110,7 +110,7 @@ pub struct RejectedSample {
     pub pixel: UVec2,
     /// Number of the sample within the pixel.
     pub sample: u32,
-    /// Why it was refused.
+    /// The reason.
     pub cause: Cause,
 }
 
@@ -126,7 +126,7 @@ pub struct Rejected {
 }
 
 impl Rejected {
-    /// How many refused samples are remembered by pixel and sample.
+    /// Number of refused samples that are remembered by pixel and sample.
     pub const REMEMBERED: usize = 8;
 
     /// All refused samples.
@@ -153,7 +153,7 @@ impl Rejected {
     }
 }
 
-/// What can be wrong with a film or with two of them.
+/// A film that cannot be, or two that do not belong together.
 #[derive(Debug, thiserror::Error)]
 pub enum FilmError {
     /// The window is empty or not inside the frame.
@@ -161,7 +161,7 @@ pub enum FilmError {
     Window {
         /// The window asked for.
         window: Window,
-        /// What it must lie in.
+        /// The window that it must lie in.
         outer: Window,
     },
     /// A window of more than [`MAX_PIXELS`].

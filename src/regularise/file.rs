@@ -4,11 +4,10 @@
 //! order of classes is refused: pictures would not show that a table was misread.
 
 use super::{AttenuationTable, BINS, LEN, Lookup};
-use crate::files;
+use crate::files::{self, FileError};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Version of the file format that this program writes and reads.
 pub const VERSION: u32 = 1;
@@ -65,35 +64,6 @@ pub struct TableFile {
     pub provenance: Option<Provenance>,
 }
 
-/// Failure to read or write a table file.
-#[derive(Debug, thiserror::Error)]
-pub enum TableError {
-    /// The file could not be read or written.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Error of the operating system.
-        source: io::Error,
-    },
-    /// The file is not JSON, or its fields are not those of a table.
-    #[error("{path}: {source}")]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// Error with line and column.
-        source: serde_json::Error,
-    },
-    /// The table is of another format or has values out of range.
-    #[error("{path}: {problem}")]
-    Refused {
-        /// The file.
-        path: PathBuf,
-        /// Field and reason.
-        problem: String,
-    },
-}
-
 /// Fields of the JSON document.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -111,24 +81,14 @@ struct Document {
 
 impl TableFile {
     /// Reads a table file.
-    pub fn load(path: &Path) -> Result<Self, TableError> {
-        let io = |source| TableError::Io {
-            path: path.into(),
-            source,
-        };
-        Self::parse(&files::read(path, MAX_BYTES).map_err(io)?, path)
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        Self::parse(&files::read(path, MAX_BYTES)?, path)
     }
 
     /// Parses the bytes of a table file; `path` appears in errors only.
-    pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, TableError> {
-        let refused = |problem| TableError::Refused {
-            path: path.into(),
-            problem,
-        };
-        let syntax = |source| TableError::Syntax {
-            path: path.into(),
-            source,
-        };
+    pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, FileError> {
+        let refused = |problem| FileError::content(path, problem);
+        let syntax = |e| FileError::content(path, e);
         // Format and version are checked before the other fields, which may differ in a later version.
         #[derive(Deserialize)]
         struct Head {
@@ -157,15 +117,9 @@ impl TableFile {
     }
 
     /// Writes the table file, whole or not at all.
-    pub fn save(&self, path: &Path) -> Result<(), TableError> {
-        let text = self.to_json().map_err(|source| TableError::Syntax {
-            path: path.into(),
-            source,
-        })?;
-        files::write_bytes(path, text.as_bytes()).map_err(|source| TableError::Io {
-            path: path.into(),
-            source,
-        })
+    pub fn save(&self, path: &Path) -> Result<(), FileError> {
+        let text = self.to_json().map_err(|e| FileError::content(path, e))?;
+        files::write_bytes(path, text)
     }
 
     /// Text of the file.

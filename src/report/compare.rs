@@ -5,37 +5,24 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::files::FileError;
 use crate::image::metric::{self, BiasVariance, Metric, MetricError, Worst, flip};
 use crate::image::{Buffer, exr, false_colour, png};
 
 /// A picture and where it comes from.
 #[derive(Clone, Debug)]
 pub struct Named {
-    /// File name, or what else it is called.
+    /// File name or another name.
     pub name: String,
     /// Linear RGB.
     pub picture: Buffer,
-    /// Whether values above 1 mean something: true for EXR, false for PNG and JPEG.
+    /// True if values above 1 have a meaning: for EXR, not for PNG and JPEG.
     pub hdr: bool,
-}
-
-/// A picture file that cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum LoadError {
-    /// An EXR file.
-    #[error(transparent)]
-    Exr(#[from] exr::ExrError),
-    /// A PNG or JPEG file.
-    #[error(transparent)]
-    Png(#[from] png::PngError),
-    /// Neither by its ending.
-    #[error("{0}: not a picture this program reads (.exr, .png, .jpg)")]
-    Ending(String),
 }
 
 impl Named {
     /// Reads an EXR, PNG or JPEG file, chosen by its ending.
-    pub fn load(path: &Path) -> Result<Self, LoadError> {
+    pub fn load(path: &Path) -> Result<Self, FileError> {
         let ending = path
             .extension()
             .and_then(|e| e.to_str())
@@ -44,7 +31,12 @@ impl Named {
         let (picture, hdr) = match ending.as_str() {
             "exr" => (exr::read_rgb(path)?, true),
             "png" | "jpg" | "jpeg" => (png::read(path)?, false),
-            _ => return Err(LoadError::Ending(path.display().to_string())),
+            _ => {
+                return Err(FileError::content(
+                    path,
+                    "not a picture this program reads (.exr, .png, .jpg)",
+                ));
+            }
         };
         Ok(Self {
             name: path.display().to_string(),
@@ -54,7 +46,7 @@ impl Named {
     }
 }
 
-/// How to compare.
+/// Options of a comparison.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// Pixels per degree of sight, for FLIP.
@@ -83,13 +75,13 @@ pub struct CompareError {
     pub picture: String,
     /// The reference.
     pub reference: String,
-    /// What is wrong.
+    /// The fault.
     pub reason: MetricError,
 }
 
 /// One picture against the reference.
 #[derive(Clone, Debug, Serialize)]
-pub struct Entry {
+pub struct PictureErrors {
     /// The picture.
     pub name: String,
     /// All numbers, in the same order for every picture.
@@ -109,12 +101,19 @@ pub struct Comparison {
     /// Size of all pictures in pixels.
     pub size: (usize, usize),
     /// One entry per picture, in the order given.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<PictureErrors>,
     /// Bias and variance over all pictures, if they are seeds of one render.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seeds: Option<BiasVariance>,
     /// Metrics that are left out, and why.
     pub notes: Vec<String>,
+}
+
+impl Comparison {
+    /// The metrics of the first picture; every picture has the same ones.
+    pub fn metrics(&self) -> &[Metric] {
+        self.entries.first().map_or(&[], |e| &e.metrics)
+    }
 }
 
 /// Compares each picture with the reference.
@@ -167,7 +166,7 @@ fn entry(
     reference: &Buffer,
     options: &Options,
     hdr: bool,
-) -> Result<Entry, MetricError> {
+) -> Result<PictureErrors, MetricError> {
     let picture = &named.picture;
     let mut metrics = vec![
         metric::mse(picture, reference)?,
@@ -207,7 +206,7 @@ fn entry(
         metrics.push(Metric::new("HDR-FLIP", formula, &constants, map.mean));
         maps.push(("hdr-flip", map.values));
     }
-    Ok(Entry {
+    Ok(PictureErrors {
         name: named.name.clone(),
         metrics,
         worst: metric::worst(picture, reference)?,
@@ -224,7 +223,7 @@ fn relative_map(picture: &Buffer, reference: &Buffer) -> Vec<f32> {
         .collect()
 }
 
-impl Entry {
+impl PictureErrors {
     /// An error map in false colours.
     pub fn false_colours(
         &self,
@@ -256,7 +255,7 @@ impl fmt::Display for Comparison {
         writeln!(out, "reference {} ({w}x{h})\n", self.reference)?;
         let mut rows = vec![vec![String::new()]];
         rows[0].extend(self.entries.iter().map(|e| e.name.clone()));
-        let metrics = self.entries.first().map_or(&[][..], |e| &e.metrics);
+        let metrics = self.metrics();
         for (i, metric) in metrics.iter().enumerate() {
             let mut row = vec![metric.name.to_owned()];
             row.extend(self.entries.iter().map(|e| number(e.metrics[i].value)));
@@ -271,15 +270,7 @@ impl fmt::Display for Comparison {
         rows.push(row);
         out.write_str(&aligned(&rows))?;
 
-        let split = self.seeds.iter().flat_map(|s| {
-            [
-                &s.bias_squared,
-                &s.variance,
-                &s.relative_bias_squared,
-                &s.relative_variance,
-            ]
-        });
-        let split: Vec<&Metric> = split.collect();
+        let split: Vec<&Metric> = self.seeds.iter().flat_map(BiasVariance::metrics).collect();
         if let Some(seeds) = &self.seeds {
             writeln!(out, "\nover {} renders", seeds.renders)?;
             let rows: Vec<Vec<String>> = split
@@ -313,24 +304,20 @@ pub fn definition(metric: &Metric) -> String {
 
 /// Columns as wide as their widest cell: the first to the left, numbers to the right.
 pub(crate) fn aligned(rows: &[Vec<String>]) -> String {
-    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
-    let width = |c: usize| {
-        rows.iter()
-            .filter_map(|r| r.get(c))
-            .map(|s| s.chars().count())
-            .max()
-            .unwrap_or(0)
-    };
-    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let mut widths: Vec<usize> = Vec::new();
+    for row in rows {
+        widths.resize(widths.len().max(row.len()), 0);
+        for (width, cell) in widths.iter_mut().zip(row) {
+            *width = cell.chars().count().max(*width);
+        }
+    }
     let mut text = String::new();
     for row in rows {
         let mut line = String::new();
-        for (c, cell) in row.iter().enumerate() {
-            let width = widths[c];
-            let _ = if c == 0 {
-                write!(line, "{cell:width$}")
-            } else {
-                write!(line, "  {cell:>width$}")
+        for (c, (cell, &width)) in row.iter().zip(&widths).enumerate() {
+            line += &match c {
+                0 => format!("{cell:width$}"),
+                _ => format!("  {cell:>width$}"),
             };
         }
         text.push_str(line.trim_end());

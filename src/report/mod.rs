@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod compare;
+mod html;
 pub mod page;
 #[cfg(feature = "train")]
 pub mod training;

@@ -1,5 +1,6 @@
 //! The report of a training: what was learned, from how much, and what it is worth beside constants.
 
+use super::html;
 use crate::image::{Buffer, png};
 use crate::math::Rgb;
 use crate::regularise::{AttenuationTable, GammaIndex, LEN, Lookup};
@@ -14,7 +15,7 @@ use kuva::plot::LinePlot;
 use kuva::render::layout::Layout;
 use kuva::render::plots::Plot;
 use kuva::render::render::render_multiple;
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 use serde::Serialize;
 
 /// What the report is made from.
@@ -131,40 +132,26 @@ impl Report {
         let settings = self.config.to_toml()?;
         let visits = Visits(self.visits.clone());
         let events: u64 = self.visits.iter().sum();
-        let page = html! {
-            (DOCTYPE)
-            html lang="en" {
-                head {
-                    meta charset="utf-8";
-                    title { "opsr training" }
-                    style { (PreEscaped(include_str!("page.css"))) }
-                }
-                body {
-                    h1 { "Training of attenuation factors" }
-                    p {
-                        "opsr " (self.opsr) ". " (self.names.len()) " training crops, " (self.validation_names.len())
-                        " validation crops, " (self.config.spp) " samples per pixel. Recorded in "
-                        (format!("{:.1}", self.recording_seconds)) " s; " (self.bytes / 1_000_000) " MB held. "
-                        (events) " events; " (visits.coverage()) " of " (LIVE) " live classes seen, "
-                        (at_least(&visits, 100)) " of them at least 100 times."
-                    }
-                    @for learned in &self.tables { (self.learned(learned)) }
-                    h2 { "Settings" }
-                    pre { (settings) }
-                }
+        let body = html! {
+            p {
+                "opsr " (self.opsr) ". " (self.names.len()) " training crops, " (self.validation_names.len())
+                " validation crops, " (self.config.spp) " samples per pixel. Recorded in "
+                (format!("{:.1}", self.recording_seconds)) " s; " (self.bytes / 1_000_000) " MB held. "
+                (events) " events; " (visits.coverage()) " of " (LIVE) " live classes seen, "
+                (at_least(&visits, 100)) " of them at least 100 times."
             }
+            @for learned in &self.tables { (self.learned(learned)) }
+            h2 { "Settings" }
+            pre { (settings) }
         };
-        Ok(page.into_string())
+        Ok(html::page("Training of attenuation factors", &body))
     }
 
     fn learned(&self, l: &Learned) -> Markup {
         html! {
             h2 { "β = " (l.beta) }
             p { (l.steps) " steps in " (format!("{:.1}", l.seconds)) " s. Factors: " (summary(&l.table, &self.visits)) }
-            figure {
-                (PreEscaped(plot(self.curves(l))))
-                figcaption { "Mean of the training and of the validation crops, and two of each." }
-            }
+            (html::plot(&plot(self.curves(l)), "Mean of the training and of the validation crops, and two of each."))
             h3 { "Training crops: the table beside constants" }
             (scores(&l.training))
             @if !l.validation.is_empty() {
@@ -280,7 +267,7 @@ fn summary(table: &AttenuationTable, visits: &[u64]) -> String {
 fn scores(all: &[Score]) -> Markup {
     let oracle = all.first().map_or(f32::NAN, |s| s.loss);
     html! {
-        table {
+        .scroll { table {
             tr { th { "way" } th { "factor or scale" } th { "loss" } th { "over the best constant" } th { "energy" } }
             @for s in all {
                 tr {
@@ -291,7 +278,7 @@ fn scores(all: &[Score]) -> Markup {
                     td { (format!("{:.3}", s.energy)) }
                 }
             }
-        }
+        } }
     }
 }
 
@@ -311,7 +298,7 @@ fn held_out(all: &[HeldOut]) -> Markup {
     let shown = |x: Option<f32>| x.map_or("–".to_owned(), |x| format!("{x:.3}"));
     html! {
         p { "Loss over that of the best constant of the held-out crops themselves, which a user cannot know; energy in brackets." }
-        table {
+        .scroll { table {
             tr { th { "family" } @for name in &names { th { (name) } } }
             @for h in all {
                 tr {
@@ -323,7 +310,7 @@ fn held_out(all: &[HeldOut]) -> Markup {
                 td { "geometric mean" }
                 @for i in 0..names.len() { td { (shown(mean(i))) } }
             }
-        }
+        } }
     }
 }
 
@@ -331,7 +318,7 @@ fn crops(names: &[String], crops: &Crops, beta: f32) -> Markup {
     let image =
         |bytes: &Vec<u8>| format!("data:image/png;base64,{}", BASE64_STANDARD.encode(bytes));
     html! {
-        table {
+        .scroll { table {
             tr {
                 th { "crop" } th { "reference, start, learned" } th { "loss at the start" } th { "loss" } th { "MAPE" }
                 th { "variance" } th { "energy" } th { "noise of the reference" }
@@ -350,6 +337,6 @@ fn crops(names: &[String], crops: &Crops, beta: f32) -> Markup {
                     td { (format!("{:.2} %", 100.0 * crops.reference_noise[i])) }
                 }
             }
-        }
+        } }
     }
 }

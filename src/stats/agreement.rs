@@ -1,4 +1,4 @@
-//! Do two films show the same picture, up to their noise? A test at three scales: pixels, tiles, the whole image.
+//! Test that two films show the same picture up to their noise, at three scales: pixels, tiles, the whole image.
 //!
 //! Each scale catches what the others miss: a test of single pixels alone lets a uniform error of 15 % pass, a test
 //! of the whole image alone a small part that is wrong. At each place and channel the means are compared by
@@ -20,13 +20,13 @@ pub const SIGNIFICANCE: f64 = 0.01;
 /// Edge of the tiles of the middle scale, in pixels.
 pub const TILE: u32 = 8;
 
-/// What the arithmetic of two correct estimators may differ by, relative to the value.
+/// Relative rounding error by which two correct estimators may differ.
 const ROUNDING: f64 = 1e-6;
 
 /// One comparison of two means.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Deviation {
-    /// Where, in the full frame.
+    /// Place in the full frame.
     pub window: Window,
     /// Colour channel.
     pub channel: usize,
@@ -43,7 +43,7 @@ pub struct Deviation {
 /// All comparisons at one scale.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scale {
-    /// How many.
+    /// Number of comparisons.
     pub tests: usize,
     /// The least chance a comparison may have.
     pub threshold: f64,
@@ -52,7 +52,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// Whether there were comparisons and none is too unlikely.
+    /// True if there were comparisons and none is too unlikely.
     pub fn passed(&self) -> bool {
         self.worst.is_some_and(|w| w.p >= self.threshold)
     }
@@ -72,7 +72,7 @@ pub struct Agreement {
 }
 
 impl Agreement {
-    /// Whether the films agree at every scale, with at least half of the pixels tested.
+    /// True if the films agree at every scale, with at least half of the pixels tested.
     pub fn passed(&self) -> bool {
         let tested = self.pixels.tests / 3;
         tested >= self.untested && self.scales().iter().all(|(_, s)| s.passed())

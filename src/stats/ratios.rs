@@ -33,13 +33,13 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// Whether the interval holds `x`, its ends included.
+    /// True if `x` lies in the interval, ends included.
     pub fn holds(&self, x: f64) -> bool {
         self.low <= x && x <= self.high
     }
 }
 
-/// What a ratio of errors or costs (ours over the baseline's) says.
+/// Verdict on a ratio of errors or costs, ours over the baseline's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
@@ -67,7 +67,7 @@ impl Verdict {
         }
     }
 
-    /// The verdict in a word or three.
+    /// The verdict in words.
     pub fn word(self) -> &'static str {
         match self {
             Self::Better => "better",

@@ -203,7 +203,7 @@ pub fn piloted(
     let mut scores = Vec::new();
     let mut choices = vec![(
         String::new(),
-        pilots.iter().map(|p| p.change).collect::<Vec<_>>(),
+        pilots.iter().map(|p| p.tuning).collect::<Vec<_>>(),
     )];
     for per_cent in [3, 10] {
         let within = |pilot: &Pilot| pilot.within(f64::from(per_cent) / 100.0);

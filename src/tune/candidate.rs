@@ -1,6 +1,6 @@
-//! A candidate of the pilot: its pictures in independent batches, and what tiles of them say.
+//! Pictures of a candidate in independent batches, and their tiles.
 
-use super::View;
+use super::PilotView;
 use crate::image::film::{Film, FilmError, Window};
 use crate::integrator::{Integrator, Picture, Settings};
 use std::ops::Range;
@@ -8,24 +8,24 @@ use std::ops::Range;
 /// Independent batches.
 pub(super) const BATCHES: usize = 4;
 
-/// Pixels a side of the tiles that bias is measured on.
+/// Edge in pixels of the tiles that bias is measured on.
 pub(super) const TILE: u32 = 4;
 
-/// Tiles of one level: mean radiance by batch, and variance of one sample.
+/// Tiles of a candidate: mean radiance by batch, and variance of one sample.
 pub(super) struct Tiles {
     pub(super) means: [Vec<[f64; 3]>; BATCHES],
     pub(super) variance: Vec<f64>,
 }
 
-/// What is rendered, and its pictures, a batch each.
-pub(super) struct Entrant {
+/// Pictures of a candidate, one per batch.
+pub(super) struct CandidatePictures {
     integrator: Box<dyn Integrator>,
     pictures: Vec<Picture>,
 }
 
-impl Entrant {
+impl CandidatePictures {
     /// No samples yet.
-    pub(super) fn new(settings: &Settings, view: &View<'_>) -> Result<Self, FilmError> {
+    pub(super) fn new(settings: &Settings, view: &PilotView<'_>) -> Result<Self, FilmError> {
         let picture = Picture {
             film: Film::cropped(view.frame, view.window)?,
             aovs: None,
@@ -37,7 +37,7 @@ impl Entrant {
     }
 
     /// Adds some of the `spp` samples per pixel of every batch.
-    pub(super) fn trace(&mut self, view: &View<'_>, spp: u32, samples: Range<u32>) {
+    pub(super) fn trace(&mut self, view: &PilotView<'_>, spp: u32, samples: Range<u32>) {
         for (batch, picture) in (0..).zip(&mut self.pictures) {
             let first = batch * spp;
             let range = first + samples.start..first + samples.end;
@@ -45,7 +45,7 @@ impl Entrant {
         }
     }
 
-    /// What the pictures say.
+    /// The pictures as tiles of a window.
     pub(super) fn tiles(&self, window: Window) -> Tiles {
         let windows = window.tiles(TILE);
         let means = std::array::from_fn(|batch| {

@@ -1,13 +1,17 @@
-//! The level of a table for a scene, and how much of its pattern, chosen from a pilot without a reference.
+//! Scale and contrast of a table for a scene, chosen by a pilot without a reference.
 //!
-//! How much blur a scene bears is not in a path's class, so that a table serves other scenes than those it was learned
-//! from only at a level of their own; and where a scene is unlike all of those, one factor for all paths is better than
-//! the pattern. A pilot renders the scene with the table at a few scales and contrasts (see
-//! [`TableTuning`]) *on the same paths*, as the plain path tracer too. The difference of two such
-//! pictures has hardly any noise but that of the roughened connections, so that its square, made unbiased over
-//! independent batches, is an estimate of bias²; the film gives the variance. The candidate with the least
-//! bias² + variance / N wins, so that a longer render is roughened less. All candidates run a heat of a quarter of the
-//! paths; the few best of it get the rest.
+//! The blur that a scene tolerates is not part of a path's class. A table therefore serves scenes unlike its training
+//! scenes only at a scale of their own, and where a scene is unlike all of them, one factor for all paths is better
+//! than the table's pattern.
+//!
+//! The pilot renders the scene at low resolution with the plain path tracer and with every candidate, a pair of scale
+//! and contrast ([`TableTuning`]), *on the same paths*. The difference of two such pictures has hardly any noise but
+//! that of the roughened connections. Its square over tiles, made unbiased by products of independent batches,
+//! estimates bias²; the film gives the variance. The candidate with the least bias² + variance / N wins, so a render
+//! of more samples N is roughened less.
+//!
+//! Paths are spent by two rounds of successive halving: all candidates trace a quarter of the paths, the best few of
+//! them the rest.
 
 mod candidate;
 
@@ -16,12 +20,12 @@ use crate::integrator::{Method, Settings};
 use crate::math::UVec2;
 use crate::regularise::TableTuning;
 use crate::scene::{Camera, Scene};
-use candidate::{BATCHES, Entrant, TILE, Tiles};
+use candidate::{BATCHES, CandidatePictures, TILE, Tiles};
 
-/// How much of the pattern is tried: all, half, and none.
+/// Contrasts of the candidates: all of the table's pattern, half of it, and none.
 pub const CONTRASTS: [f32; 3] = [1.0, 0.5, 0.0];
 
-/// The scales that are tried with each.
+/// Scales of the candidates, for each contrast.
 pub const SCALES: [f32; 9] = [
     1.0 / 32.0,
     1.0 / 16.0,
@@ -34,184 +38,183 @@ pub const SCALES: [f32; 9] = [
     8.0,
 ];
 
-/// All candidates get one path in so many.
-const HEAT: u32 = 4;
+/// The first round traces one in so many of the paths.
+const FIRST_ROUND: u32 = 4;
 
-/// Candidates that get the other paths too; so does no change.
-const FINALISTS: usize = 6;
+/// Candidates of the second round, beside the untuned table.
+const SECOND_ROUND: usize = 6;
 
-/// Pixels of the pilot's picture, about.
+/// Pixels of the pilot's pictures, about.
 const PIXELS: f32 = 4096.0;
 
-/// Paths of one level for each sample of the final render: few samples need only a rough level.
+/// Paths of one candidate for each sample of the final render: few samples need only a rough choice.
 const PATHS_PER_SAMPLE: u64 = 2500;
 
-/// Fewest and most paths of one level.
+/// Fewest and most paths of one candidate.
 const PATHS: (u64, u64) = (100_000, 1_000_000);
 
-/// What dark pixels are measured against: the mean of the picture counts as 0.3.
+/// ε of the relative errors, where the mean of the picture counts as 0.3.
 const EPSILON: f64 = 0.01;
 
-/// All candidates.
-fn candidates() -> impl Iterator<Item = TableTuning> {
+/// Tunings of all candidates, contrast by contrast.
+fn tunings() -> impl Iterator<Item = TableTuning> {
     let scales = |contrast| SCALES.map(|scale| TableTuning { scale, contrast });
     CONTRASTS.into_iter().flat_map(scales)
 }
 
-/// Estimated error of one candidate.
+/// A tuning and its estimated error.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Level {
-    /// What is done to the table.
-    pub change: TableTuning,
+pub struct Candidate {
+    /// Scale and contrast.
+    pub tuning: TableTuning,
     /// Relative bias², an unbiased estimate: below 0 by chance.
     pub bias2: f64,
-    /// Relative variance of one sample over the number of samples.
+    /// Relative variance of one sample over the number of samples of the render.
     pub variance: f64,
     /// Relative change of the picture's mean.
     pub energy: f64,
 }
 
-/// What the pilot found.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Pilot {
-    /// What to render with: no change where the pilot cannot tell.
-    pub change: TableTuning,
-    /// Whether a change was found better by more than the pilot's own noise.
-    pub decided: bool,
-    /// What was found at [`SCALES`], contrast by contrast: from all paths for the best few, else from the heat's.
-    pub levels: Vec<Level>,
-    /// Paths traced.
-    pub paths: u64,
-}
-
-impl Pilot {
-    /// The best of what was tried that changes the mean of the picture by at most this share; what changes it least if
-    /// everything changes it by more.
-    ///
-    /// Errors of pixels alone favour pictures that are smooth and dark: where all light comes through glass, the best
-    /// constant gives up a fifth of it.
-    pub fn within(&self, share: f64) -> TableTuning {
-        let off = |level: &&Level| (level.energy.abs() - share).max(0.0);
-        let order = |a: &&Level, b: &&Level| {
-            let errors = a.error().total_cmp(&b.error());
-            off(a).total_cmp(&off(b)).then(errors)
-        };
-        let best = self.levels.iter().min_by(order);
-        best.map_or(TableTuning::NONE, |level| level.change)
-    }
-}
-
-impl Level {
+impl Candidate {
     /// Bias² and variance together.
     pub fn error(&self) -> f64 {
         self.bias2.max(0.0) + self.variance
     }
 }
 
-/// What of a scene is rendered.
+/// Outcome of a pilot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pilot {
+    /// Tuning of the best candidate; [`TableTuning::NONE`] where the pilot cannot tell.
+    pub tuning: TableTuning,
+    /// True if a candidate was found better than the untuned table by more than the pilot's own noise.
+    pub decided: bool,
+    /// The candidates, contrast by contrast: measured from all paths in the second round, else from the first.
+    pub candidates: Vec<Candidate>,
+    /// Number of paths traced.
+    pub paths: u64,
+}
+
+impl Pilot {
+    /// Tuning of the best candidate that changes the mean of the picture by at most this share; of the one that changes
+    /// it least if all change it by more.
+    ///
+    /// Errors of pixels alone favour pictures that are smooth and dark: where all light comes through glass, the best
+    /// constant gives up a fifth of it.
+    pub fn within(&self, share: f64) -> TableTuning {
+        let excess = |c: &Candidate| (c.energy.abs() - share).max(0.0);
+        let order = |a: &&Candidate, b: &&Candidate| {
+            let errors = a.error().total_cmp(&b.error());
+            excess(a).total_cmp(&excess(b)).then(errors)
+        };
+        let best = self.candidates.iter().min_by(order);
+        best.map_or(TableTuning::NONE, |c| c.tuning)
+    }
+}
+
+/// Part of a scene that is rendered.
 #[derive(Clone, Copy)]
-pub struct View<'a> {
+pub struct PilotView<'a> {
     /// The scene.
     pub scene: &'a Scene,
     /// The camera.
     pub camera: &'a Camera,
     /// Size of the whole picture.
     pub frame: UVec2,
-    /// The part of it that is rendered.
+    /// Rendered part of the picture.
     pub window: Window,
 }
 
-/// Chooses how the table in `settings` is changed for a render of `samples` samples per pixel of a view.
+/// Chooses the tuning of the table in `settings` for a render of a view with `samples` samples per pixel.
 ///
-/// Settings without a table, and scenes without anything to roughen, are not tried. The reuse mode is tried in the
-/// default mode: its paths would not be the same from level to level. Fails where the window leaves the frame.
-pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilot, FilmError> {
+/// Settings without a table, and scenes without lobes to roughen, need no pilot. The reuse mode is piloted in the
+/// default mode, since its paths would differ between candidates. Fails where the window leaves the frame.
+pub fn choose(settings: &Settings, view: &PilotView<'_>, samples: u32) -> Result<Pilot, FilmError> {
     let table = match &settings.method {
         Method::Table { table, .. } if view.scene.has_lobes() => table,
         _ => {
             return Ok(Pilot {
-                change: TableTuning::NONE,
+                tuning: TableTuning::NONE,
                 decided: false,
-                levels: Vec::new(),
+                candidates: Vec::new(),
                 paths: 0,
             });
         }
     };
-    let (frame, window) = view.pilot();
-    let view = View {
-        frame,
-        window,
-        ..*view
-    };
-    let (pixels, count) = (window.len() as u64, BATCHES as u64);
+    let view = view.reduced();
+    let window = view.window;
+    let (pixels, batches) = (window.len() as u64, BATCHES as u64);
     let wanted = (PATHS_PER_SAMPLE * u64::from(samples)).clamp(PATHS.0, PATHS.1);
-    let spp = (wanted / (count * pixels)).max(2) as u32;
-    let heat = (spp / HEAT).max(2)..spp;
-    let entrant = |method: Method| {
+    let spp = (wanted / (batches * pixels)).max(2) as u32;
+    let first = 0..(spp / FIRST_ROUND).max(2);
+    let second = first.end..spp;
+    let begin = |method: Method| {
         let settings = Settings {
             method,
             ..settings.clone()
         };
-        let mut entrant = Entrant::new(&settings, &view)?;
-        entrant.trace(&view, spp, 0..heat.start);
-        Ok(entrant)
+        let mut pictures = CandidatePictures::new(&settings, &view)?;
+        pictures.trace(&view, spp, first.clone());
+        Ok(pictures)
     };
-    let mut plain = entrant(Method::Plain)?;
-    let mut entrants = candidates()
-        .map(|change| {
-            entrant(Method::Table {
-                table: table.tuned(change),
+    let mut plain = begin(Method::Plain)?;
+    let mut pictures = tunings()
+        .map(|tuning| {
+            begin(Method::Table {
+                table: table.tuned(tuning),
                 reuse: false,
                 lambda: 0.0,
             })
         })
-        .collect::<Result<Vec<Entrant>, FilmError>>()?;
-    let tiles = |(change, entrant): (TableTuning, &Entrant)| (change, entrant.tiles(window));
-    let heats: Vec<(TableTuning, Tiles)> = candidates().zip(&entrants).map(tiles).collect();
-    // The roughest one is the least noisy picture.
-    let weights = weights(&heats[SCALES.len() - 1].1);
+        .collect::<Result<Vec<CandidatePictures>, FilmError>>()?;
+    let tiles: Vec<(TableTuning, Tiles)> = tunings()
+        .zip(&pictures)
+        .map(|(tuning, pictures)| (tuning, pictures.tiles(window)))
+        .collect();
+    // Of the candidates with the whole pattern the roughest has the least noise.
+    let weights = weights(&tiles[SCALES.len() - 1].1);
     let all: Vec<usize> = (0..BATCHES).collect();
-    let measured = |plain: &Tiles, levels: &[(TableTuning, Tiles)]| -> Vec<Level> {
-        (levels.iter())
-            .map(|level| measure(plain, level, &weights, samples, &all))
+    let measured = |plain: &Tiles, tiles: &[(TableTuning, Tiles)]| -> Vec<Candidate> {
+        (tiles.iter())
+            .map(|tiles| measure(plain, tiles, &weights, samples, &all))
             .collect()
     };
-    let mut levels = measured(&plain.tiles(window), &heats);
-    let finalists = finalists(&levels);
-    plain.trace(&view, spp, heat.clone());
-    for &finalist in &finalists {
-        entrants[finalist].trace(&view, spp, heat.clone());
+    let mut candidates = measured(&plain.tiles(window), &tiles);
+
+    let best = survivors(&candidates);
+    plain.trace(&view, spp, second.clone());
+    let mut tiles = Vec::new();
+    for &i in &best {
+        pictures[i].trace(&view, spp, second.clone());
+        tiles.push((candidates[i].tuning, pictures[i].tiles(window)));
     }
-    let finals: Vec<(TableTuning, Tiles)> = (finalists.iter())
-        .map(|&finalist| tiles((levels[finalist].change, &entrants[finalist])))
-        .collect();
     let plain = plain.tiles(window);
-    for (&finalist, level) in finalists.iter().zip(measured(&plain, &finals)) {
-        levels[finalist] = level;
+    for (&i, candidate) in best.iter().zip(measured(&plain, &tiles)) {
+        candidates[i] = candidate;
     }
-    let (change, decided) = decide(&plain, &finals, &weights, samples);
-    let passes = heat.start as usize * (entrants.len() + 1) + heat.len() * (finals.len() + 1);
+    let (tuning, decided) = decide(&plain, &tiles, &weights, samples);
+    let passes = first.len() * (pictures.len() + 1) + second.len() * (best.len() + 1);
     Ok(Pilot {
-        change,
+        tuning,
         decided,
-        levels,
-        paths: passes as u64 * count * pixels,
+        candidates,
+        paths: passes as u64 * batches * pixels,
     })
 }
 
-/// Which candidates are worth more paths, in their order: the best ones, and no change.
-fn finalists(levels: &[Level]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..levels.len()).collect();
-    order.sort_by(|&a, &b| levels[a].error().total_cmp(&levels[b].error()));
-    let best = &order[..FINALISTS.min(order.len())];
-    (0..levels.len())
-        .filter(|i| best.contains(i) || levels[*i].change == TableTuning::NONE)
+/// Indices of the candidates of the second round, ascending: the best ones, and the untuned table.
+fn survivors(candidates: &[Candidate]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..candidates.len()).collect();
+    order.sort_by(|&a, &b| candidates[a].error().total_cmp(&candidates[b].error()));
+    let best = &order[..SECOND_ROUND.min(order.len())];
+    (0..candidates.len())
+        .filter(|i| best.contains(i) || candidates[*i].tuning == TableTuning::NONE)
         .collect()
 }
 
-impl View<'_> {
-    /// Size of the pilot's whole picture, and its window: whole tiles.
-    fn pilot(&self) -> (UVec2, Window) {
+impl PilotView<'_> {
+    /// The same view at about [`PIXELS`] pixels, in whole tiles.
+    fn reduced(self) -> Self {
         let scale = (PIXELS / self.window.len().max(1) as f32).sqrt();
         let side = |x: u32| ((x as f32 * scale / TILE as f32).round() as u32).clamp(2, 256) * TILE;
         let start = |x: u32| (x as f32 * scale).round() as u32;
@@ -237,15 +240,19 @@ impl View<'_> {
             }
         };
         let frame = UVec2::new(edge(0, window.x, window.w), edge(1, window.y, window.h));
-        (frame, window)
+        Self {
+            frame,
+            window,
+            ..self
+        }
     }
 }
 
 /// 1 / (radiance² + ε) of every tile, at a brightness of 0.3.
-fn weights(level: &Tiles) -> Vec<f64> {
-    let count = level.variance.len();
+fn weights(tiles: &Tiles) -> Vec<f64> {
+    let count = tiles.variance.len();
     let mean = |t: usize| -> f64 {
-        let sum: f64 = level.means.iter().map(|m| m[t].iter().sum::<f64>()).sum();
+        let sum: f64 = tiles.means.iter().map(|m| m[t].iter().sum::<f64>()).sum();
         sum / (3 * BATCHES) as f64
     };
     let whole = (0..count).map(mean).sum::<f64>() / count.max(1) as f64;
@@ -258,70 +265,71 @@ fn weights(level: &Tiles) -> Vec<f64> {
 /// Error of a candidate from some of the batches.
 fn measure(
     plain: &Tiles,
-    (change, level): &(TableTuning, Tiles),
+    (tuning, tiles): &(TableTuning, Tiles),
     weights: &[f64],
     samples: u32,
     batches: &[usize],
-) -> Level {
+) -> Candidate {
     let pairs = (batches.len() * (batches.len() - 1)) as f64;
     let (mut bias2, mut variance) = (0.0, 0.0);
-    let (mut change_of_mean, mut mean) = (0.0, 0.0);
+    let (mut difference, mut mean) = (0.0, 0.0);
     for (t, weight) in weights.iter().enumerate() {
         for c in 0..3 {
             let (mut sum, mut squares) = (0.0, 0.0);
             for &b in batches {
-                let d = level.means[b][t][c] - plain.means[b][t][c];
+                let d = tiles.means[b][t][c] - plain.means[b][t][c];
                 sum += d;
                 squares += d * d;
                 mean += plain.means[b][t][c];
             }
-            change_of_mean += sum;
+            difference += sum;
+            // Σ over pairs of batches of the product of their differences.
             bias2 += weight * (sum * sum - squares) / pairs / 3.0;
         }
-        variance += weight * level.variance[t] / f64::from(samples.max(1));
+        variance += weight * tiles.variance[t] / f64::from(samples.max(1));
     }
     let count = weights.len().max(1) as f64;
-    Level {
-        change: *change,
+    Candidate {
+        tuning: *tuning,
         bias2: bias2 / count,
         variance: variance / count,
-        energy: change_of_mean / mean.max(1e-30),
+        energy: difference / mean.max(1e-30),
     }
 }
 
-/// The best candidate, if it beats no change by more than the jackknife's standard error of the difference.
+/// The best candidate, if it beats the untuned table by more than the jackknife's standard error of the difference.
 fn decide(
     plain: &Tiles,
-    levels: &[(TableTuning, Tiles)],
+    candidates: &[(TableTuning, Tiles)],
     weights: &[f64],
     samples: u32,
 ) -> (TableTuning, bool) {
     let errors = |batches: &[usize]| -> Vec<f64> {
-        (levels.iter())
-            .map(|level| measure(plain, level, weights, samples, batches).error())
+        (candidates.iter())
+            .map(|tiles| measure(plain, tiles, weights, samples, batches).error())
             .collect()
     };
     let all: Vec<usize> = (0..BATCHES).collect();
-    let one = (levels.iter())
-        .position(|l| l.0 == TableTuning::NONE)
+    let untuned = (candidates.iter())
+        .position(|c| c.0 == TableTuning::NONE)
         .unwrap_or(0);
     let whole = errors(&all);
     let best = (0..whole.len())
         .min_by(|&a, &b| whole[a].total_cmp(&whole[b]))
-        .unwrap_or(one);
+        .unwrap_or(untuned);
     let gains: Vec<f64> = (0..BATCHES)
         .map(|left_out| {
             let batches: Vec<usize> = (0..BATCHES).filter(|&b| b != left_out).collect();
             let errors = errors(&batches);
-            errors[one] - errors[best]
+            errors[untuned] - errors[best]
         })
         .collect();
     let n = BATCHES as f64;
     let mean = gains.iter().sum::<f64>() / n;
     let spread: f64 = gains.iter().map(|g| (g - mean).powi(2)).sum();
     let error = ((n - 1.0) / n * spread).sqrt();
-    if whole[one] - whole[best] > error {
-        (levels[best].0, true)
+    if whole[untuned] - whole[best] > error {
+        (candidates[best].0, true)
     } else {
         (TableTuning::NONE, false)
     }

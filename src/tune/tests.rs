@@ -16,11 +16,11 @@ fn noisy(rng: &mut Pcg32, mean: f64, noise: f64, tiles: usize) -> Tiles {
 }
 
 #[test]
-fn a_pilot_looks_where_the_render_looks() {
+fn pilot_view_covers_the_window_of_the_render() {
     let scene = Scene::new(crate::gallery::caustic_box());
     let camera = &scene.parts().cameras[0];
     let frame = UVec2::new(160, 90);
-    let view = |window| View {
+    let view = |window| PilotView {
         scene: &scene,
         camera,
         frame,
@@ -40,7 +40,8 @@ fn a_pilot_looks_where_the_render_looks() {
         h: 1,
     };
     for window in [whole, crop, corner] {
-        let (size, pilot) = view(window).pilot();
+        let reduced = view(window).reduced();
+        let (size, pilot) = (reduced.frame, reduced.window);
         assert!(
             pilot.inside(&Window::full(size)),
             "{window:?}: {pilot:?} of {size}"
@@ -58,18 +59,19 @@ fn a_pilot_looks_where_the_render_looks() {
             assert!((place(a + b) - found(inner.0 + inner.1)).abs() < slack);
         }
     }
-    assert_eq!(view(whole).pilot().1, Window::full(view(whole).pilot().0));
+    let reduced = view(whole).reduced();
+    assert_eq!(reduced.window, Window::full(reduced.frame));
 }
 
 #[test]
-fn squared_bias_is_measured_without_bias() {
+fn bias2_estimate_is_unbiased() {
     let mut rng = Pcg32::seed_from_u64(3);
     let tiles = 40_000;
     for bias in [0.0, 0.02, 0.1] {
         let plain = noisy(&mut rng, 0.5, 0.4, tiles);
-        let level = noisy(&mut rng, 0.5 + bias, 0.4, tiles);
-        let level = (TableTuning::NONE, level);
-        let found = measure(&plain, &level, &vec![1.0; tiles], 10, &[0, 1, 2, 3]);
+        let candidate = noisy(&mut rng, 0.5 + bias, 0.4, tiles);
+        let candidate = (TableTuning::NONE, candidate);
+        let found = measure(&plain, &candidate, &vec![1.0; tiles], 10, &[0, 1, 2, 3]);
         // Noise of d is 0.4 / sqrt(6); that of the square of four batches over 3 tiles is below 2e-4.
         let expected: f64 = bias * bias;
         assert!((found.bias2 - expected).abs() < 2e-4, "{bias}: {found:?}");
@@ -78,25 +80,25 @@ fn squared_bias_is_measured_without_bias() {
 }
 
 #[test]
-fn the_best_and_no_change_are_finalists() {
-    let level = |(i, change): (usize, TableTuning)| Level {
-        change,
+fn successive_halving_keeps_the_best_and_the_untuned_table() {
+    let candidate = |(i, tuning): (usize, TableTuning)| Candidate {
+        tuning,
         // The larger the index, the better.
         bias2: -1.0,
         variance: 1.0 / (i + 1) as f64,
         energy: 0.0,
     };
-    let levels: Vec<Level> = candidates().enumerate().map(level).collect();
-    let none = candidates().position(|c| c == TableTuning::NONE).unwrap();
-    let last = levels.len() - FINALISTS..levels.len();
+    let candidates: Vec<Candidate> = tunings().enumerate().map(candidate).collect();
+    let none = tunings().position(|c| c == TableTuning::NONE).unwrap();
+    let last = candidates.len() - SECOND_ROUND..candidates.len();
     let expected: Vec<usize> = std::iter::once(none).chain(last).collect();
-    assert_eq!(finalists(&levels), expected);
+    assert_eq!(survivors(&candidates), expected);
 }
 
 #[test]
-fn energy_goes_before_error() {
-    let level = |scale: f32, bias2: f64, energy: f64| Level {
-        change: TableTuning {
+fn energy_limit_goes_before_error() {
+    let candidate = |scale: f32, bias2: f64, energy: f64| Candidate {
+        tuning: TableTuning {
             contrast: 1.0,
             scale,
         },
@@ -105,13 +107,13 @@ fn energy_goes_before_error() {
         energy,
     };
     let mut pilot = Pilot {
-        change: TableTuning::NONE,
+        tuning: TableTuning::NONE,
         decided: true,
-        levels: vec![
-            level(1.0, 0.1, -0.2),
-            level(2.0, 0.2, 0.08),
-            level(3.0, 0.4, 0.01),
-            level(4.0, 0.3, -0.02),
+        candidates: vec![
+            candidate(1.0, 0.1, -0.2),
+            candidate(2.0, 0.2, 0.08),
+            candidate(3.0, 0.4, 0.01),
+            candidate(4.0, 0.3, -0.02),
         ],
         paths: 0,
     };
@@ -125,6 +127,6 @@ fn energy_goes_before_error() {
     ] {
         assert_eq!(pilot.within(share).scale, best, "{share}");
     }
-    pilot.levels.clear();
+    pilot.candidates.clear();
     assert_eq!(pilot.within(0.1), TableTuning::NONE);
 }

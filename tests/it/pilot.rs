@@ -1,4 +1,4 @@
-//! The pilot that chooses the level of a table.
+//! The pilot that chooses scale and contrast of a table.
 
 use super::support::render::scene;
 use opsr::gallery::caustic_box;
@@ -7,7 +7,7 @@ use opsr::integrator::{Method, Picture, Settings};
 use opsr::math::UVec2;
 use opsr::regularise::{AttenuationTable, GammaIndex, LEN, TableTuning};
 use opsr::scene::Scene;
-use opsr::tune::{CONTRASTS, Level, SCALES, View, choose};
+use opsr::tune::{CONTRASTS, Candidate, PilotView, SCALES, choose};
 
 fn settings(gamma: f32) -> Settings {
     Settings {
@@ -20,9 +20,9 @@ fn settings(gamma: f32) -> Settings {
     }
 }
 
-fn view(scene: &Scene) -> View<'_> {
+fn view(scene: &Scene) -> PilotView<'_> {
     let frame = UVec2::splat(64);
-    View {
+    PilotView {
         scene,
         camera: &scene.parts().cameras[0],
         frame,
@@ -31,40 +31,39 @@ fn view(scene: &Scene) -> View<'_> {
 }
 
 #[test]
-fn a_table_that_does_nothing_is_the_plain_picture_path_by_path() {
+fn pilot_of_a_zero_table_finds_no_bias() {
     let scene = scene(caustic_box());
     let pilot = choose(&settings(0.0), &view(&scene), 1).unwrap();
-    assert_eq!(pilot.levels.len(), SCALES.len() * CONTRASTS.len());
-    for level in &pilot.levels {
-        assert_eq!(level.bias2, 0.0, "{level:?}");
+    assert_eq!(pilot.candidates.len(), SCALES.len() * CONTRASTS.len());
+    for candidate in &pilot.candidates {
+        assert_eq!(candidate.bias2, 0.0, "{candidate:?}");
     }
-    assert_eq!((pilot.change, pilot.decided), (TableTuning::NONE, false));
+    assert_eq!((pilot.tuning, pilot.decided), (TableTuning::NONE, false));
 }
 
 #[test]
-fn the_more_samples_the_less_roughening() {
+fn pilot_roughens_less_for_more_samples() {
     let scene = scene(caustic_box());
     const SAMPLES: u32 = 60;
     let pilot = choose(&settings(0.1), &view(&scene), SAMPLES).unwrap();
     // What is roughened more has less variance and more bias.
-    let (first, last) = (pilot.levels[0], pilot.levels[SCALES.len() - 1]);
+    let (first, last) = (pilot.candidates[0], pilot.candidates[SCALES.len() - 1]);
     assert!(last.variance < 0.5 * first.variance, "{pilot:?}");
     assert!(last.bias2 > 2.0 * first.bias2, "{pilot:?}");
-    // So the best level falls as samples grow, of which the pilot's estimates are independent.
+    // So the best scale falls as samples grow, of which the pilot's estimates are independent.
     let best = |samples: f64| {
-        let error = |l: &Level| l.bias2.max(0.0) + l.variance * f64::from(SAMPLES) / samples;
-        let levels = pilot.levels.iter();
-        let best = levels.min_by(|a, b| error(a).total_cmp(&error(b)));
-        best.unwrap().change.scale
+        let error = |c: &Candidate| c.bias2.max(0.0) + c.variance * f64::from(SAMPLES) / samples;
+        let best = (pilot.candidates.iter()).min_by(|a, b| error(a).total_cmp(&error(b)));
+        best.unwrap().tuning.scale
     };
     assert!(best(1e6) < best(1.0), "{pilot:?}");
     if pilot.decided {
-        assert_eq!(pilot.change.scale, best(SAMPLES.into()));
+        assert_eq!(pilot.tuning.scale, best(SAMPLES.into()));
     }
 }
 
 #[test]
-fn a_pattern_that_does_not_fit_is_given_up() {
+fn pilot_drops_a_pattern_that_does_not_fit() {
     let scene = scene(caustic_box());
     let mut table = AttenuationTable::constant(1.0);
     // The wrong way round: the more glossy vertices, the less a path is roughened.
@@ -73,12 +72,8 @@ fn a_pattern_that_does_not_fit_is_given_up() {
         .iter_mut()
         .zip((0..LEN).filter_map(GammaIndex::new))
     {
-        let levels = class.bins();
-        *gamma = if levels[levels.len() - 1] == 0 {
-            1e-3
-        } else {
-            1.0
-        };
+        let bins = class.bins();
+        *gamma = if bins[bins.len() - 1] == 0 { 1e-3 } else { 1.0 };
     }
     let settings = Settings {
         method: Method::Table {
@@ -89,14 +84,14 @@ fn a_pattern_that_does_not_fit_is_given_up() {
         ..Settings::default()
     };
     let pilot = choose(&settings, &view(&scene), 40).unwrap();
-    assert!(pilot.decided && pilot.change.contrast < 1.0, "{pilot:?}");
-    let changed = table.tuned(pilot.change);
-    assert!(changed.scale == pilot.change.scale && changed.gammas != table.gammas);
+    assert!(pilot.decided && pilot.tuning.contrast < 1.0, "{pilot:?}");
+    let changed = table.tuned(pilot.tuning);
+    assert!(changed.scale == pilot.tuning.scale && changed.gammas != table.gammas);
 }
 
-/// What a pilot says about the mean of the picture, by longer renders with other random numbers.
+/// The pilot's estimate of the mean of the picture, against longer renders with other random numbers.
 #[test]
-fn energy_is_kept_where_that_is_asked_for() {
+fn pilot_keeps_energy_within_the_limit() {
     let scene = scene(caustic_box());
     let view = view(&scene);
     let rough = settings(0.5);
@@ -122,19 +117,28 @@ fn energy_is_kept_where_that_is_asked_for() {
     let Method::Table { table, .. } = &rough.method else {
         unreachable!()
     };
-    let changed = |change: TableTuning| {
+    let changed = |tuning: TableTuning| {
         let method = Method::Table {
-            table: table.tuned(change),
+            table: table.tuned(tuning),
             reuse: false,
             lambda: 0.0,
         };
         mean(method) / plain - 1.0
     };
-    let level = |change: TableTuning| pilot.levels.iter().find(|l| l.change == change).unwrap();
-    let (roughest, kept) = (pilot.levels[SCALES.len() - 1].change, pilot.within(0.005));
-    let found = [roughest, kept].map(|change| {
-        let (said, found) = (level(change).energy, changed(change));
-        assert!((said - found).abs() < 0.01, "{change:?}: {said} {found}");
+    let candidate = |tuning: TableTuning| {
+        pilot
+            .candidates
+            .iter()
+            .find(|c| c.tuning == tuning)
+            .unwrap()
+    };
+    let (roughest, kept) = (
+        pilot.candidates[SCALES.len() - 1].tuning,
+        pilot.within(0.005),
+    );
+    let found = [roughest, kept].map(|tuning| {
+        let (said, found) = (candidate(tuning).energy, changed(tuning));
+        assert!((said - found).abs() < 0.01, "{tuning:?}: {said} {found}");
         found
     });
     // The smaller of them is little more than the noise of both.
@@ -142,5 +146,5 @@ fn energy_is_kept_where_that_is_asked_for() {
         found[0] < -0.015 && found[1].abs() < 0.75 * found[0].abs(),
         "{found:?}"
     );
-    assert!(level(kept).energy.abs() <= 0.005 && kept.scale < pilot.within(1.0).scale);
+    assert!(candidate(kept).energy.abs() <= 0.005 && kept.scale < pilot.within(1.0).scale);
 }

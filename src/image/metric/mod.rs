@@ -1,6 +1,6 @@
-//! How far a picture is from its reference. Every number carries its formula and constants.
+//! Errors of a picture against its reference. Every number carries its formula and constants.
 //!
-//! | room | what |
+//! | module | contents |
 //! |---|---|
 //! | [`pixel`] | squared, relative and absolute errors, energy, the worst pixel |
 //! | [`seeds`] | bias² and variance apart, from several renders of one picture |
@@ -52,15 +52,15 @@ impl Metric {
     }
 }
 
-/// Why two pictures cannot be compared.
+/// Two pictures that cannot be compared.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MetricError {
     /// Their sizes differ.
     #[error("sizes differ: picture {}x{}, reference {}x{}", test.0, test.1, reference.0, reference.1)]
     Sizes {
-        /// Of the picture.
+        /// Size of the picture.
         test: (usize, usize),
-        /// Of the reference.
+        /// Size of the reference.
         reference: (usize, usize),
     },
     /// There are no pixels.

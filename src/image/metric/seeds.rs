@@ -11,14 +11,26 @@ use crate::image::Buffer;
 pub struct BiasVariance {
     /// Number of renders.
     pub renders: usize,
-    /// What stays however many renders are averaged. Noise of the estimate can make it slightly negative.
+    /// Error that no average of renders removes. Noise of the estimate can make it slightly negative.
     pub bias_squared: Metric,
-    /// What averaging removes.
+    /// Error that averaging removes.
     pub variance: Metric,
     /// `bias_squared` with each pixel over f² + ε.
     pub relative_bias_squared: Metric,
     /// `variance` with each pixel over f² + ε.
     pub relative_variance: Metric,
+}
+
+impl BiasVariance {
+    /// Bias² and variance, absolute and relative.
+    pub fn metrics(&self) -> [&Metric; 4] {
+        [
+            &self.bias_squared,
+            &self.variance,
+            &self.relative_bias_squared,
+            &self.relative_variance,
+        ]
+    }
 }
 
 /// Splits the error of `renders` against `reference`, which is taken as exact.

@@ -1,4 +1,4 @@
-//! What can be wrong with a suite before anything is measured. Messages name the entry and the key.
+//! Checks of a suite before anything is measured. Messages name the entry and the key.
 
 use std::collections::BTreeSet;
 
@@ -19,7 +19,7 @@ pub(super) fn suite(suite: &Suite) -> Result<(), String> {
         return Err(format!("seeds: from 1 to {MAX_SEEDS}"));
     }
     if suite.times.is_empty() && suite.samples.is_empty() {
-        return Err("times or samples: at least one moment to look at".to_owned());
+        return Err("times or samples: at least one time point".to_owned());
     }
     let ascending = |v: &[f64]| v.windows(2).all(|w| w[0] < w[1]);
     let samples: Vec<f64> = suite.samples.iter().map(|&n| f64::from(n)).collect();

@@ -1,6 +1,6 @@
 //! Reading error curves: at a time, at a number of samples, and where one method overtakes another.
 
-use super::results::{Cell, Point};
+use super::results::{Point, Run};
 use super::suite::Clock;
 
 impl Clock {
@@ -17,13 +17,8 @@ impl Clock {
 ///
 /// Passes do not end at the second: the record after it lies a little late, and its error is corrected by the slope
 /// from the record before. `None` outside of what was recorded.
-pub fn at_seconds(
-    cell: &Cell,
-    metric: &str,
-    t: f64,
-    seconds: &dyn Fn(&Point) -> f64,
-) -> Option<f64> {
-    let points = &cell.points;
+pub fn at_seconds(run: &Run, metric: &str, t: f64, seconds: &dyn Fn(&Point) -> f64) -> Option<f64> {
+    let points = &run.points;
     let late = points.iter().position(|p| seconds(p) >= t)?;
     let (b, error_b) = (seconds(&points[late]), *points[late].errors.get(metric)?);
     if b == t {
@@ -48,15 +43,15 @@ fn between((a, error_a): (f64, f64), (b, error_b): (f64, f64), t: f64) -> f64 {
 }
 
 /// The error of a run at exactly this number of samples.
-pub fn at_samples(cell: &Cell, metric: &str, samples: u32) -> Option<f64> {
-    let point = cell.points.iter().find(|p| p.samples == samples)?;
+pub fn at_samples(run: &Run, metric: &str, samples: u32) -> Option<f64> {
+    let point = run.points.iter().find(|p| p.samples == samples)?;
     point.errors.get(metric).copied()
 }
 
-/// When the baseline becomes better than a method.
+/// Point from which on the baseline is better than a method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Crossing {
-    /// It is from the first moment on.
+    /// The method is never better: the baseline is ahead from the first time point on.
     Never,
     /// At this second, within what was measured.
     Measured(f64),
@@ -68,7 +63,7 @@ pub enum Crossing {
     Undecided,
 }
 
-/// When the baseline overtakes a method whose mean errors at `times` are given.
+/// Point at which the baseline overtakes a method, from the mean errors of both at `times`.
 ///
 /// `floor` is the error that the method's bias leaves for ever, if one was found.
 pub fn crossing(
@@ -107,22 +102,22 @@ pub fn crossing(
 mod tests {
     use super::*;
 
-    fn cell(errors: &[(f64, f64)]) -> Cell {
+    fn run(errors: &[(f64, f64)]) -> Run {
         let point = |(i, &(t, e)): (usize, &(f64, f64))| Point {
             samples: i as u32 + 1,
             wall: t,
             cpu: 2.0 * t,
             errors: [("relMSE".to_owned(), e)].into(),
         };
-        Cell {
+        Run {
             points: errors.iter().enumerate().map(point).collect(),
-            ..Cell::default()
+            ..Run::default()
         }
     }
 
     #[test]
     fn a_late_record_is_corrected_along_the_curve() {
-        let c = cell(&[(0.1, 10.0), (1.25, 0.8), (2.5, 0.4)]);
+        let c = run(&[(0.1, 10.0), (1.25, 0.8), (2.5, 0.4)]);
         let at = |t| at_seconds(&c, "relMSE", t, &|p| Clock::Wall.seconds(p, 2));
         for t in [0.1, 1.0, 1.25, 2.0, 2.5] {
             assert!((at(t).unwrap() - 1.0 / t).abs() < 1e-12, "at {t}");

@@ -4,7 +4,7 @@
 
 use super::results::Results;
 use super::suite::{Kind, SceneSpec, Suite};
-use super::summary::{self, MAIN, Moment};
+use super::summary::{self, MAIN, TimePoint};
 use crate::stats::ratios::{self, Interval, Verdict};
 
 /// The errors that are compared over scenes.
@@ -36,10 +36,10 @@ pub struct Standing {
     pub tally: [usize; 3],
 }
 
-/// When a suite's methods are compared: the last time, or the last sample count of a suite without times.
-pub fn last_moment(suite: &Suite) -> Option<Moment> {
-    let time = suite.times.last().map(|&t| Moment::Seconds(t));
-    time.or(suite.samples.last().map(|&n| Moment::Samples(n)))
+/// Time point of a suite's comparisons: the last time, or the last sample count of a suite without times.
+pub fn last_time_point(suite: &Suite) -> Option<TimePoint> {
+    let time = suite.times.last().map(|&t| TimePoint::Seconds(t));
+    time.or(suite.samples.last().map(|&n| TimePoint::Samples(n)))
 }
 
 /// The groups of the suite's scenes, in order of appearance.
@@ -75,11 +75,11 @@ pub fn overall(results: &Results, group: Option<&str>, opponent: &str) -> Overal
 /// The constant that is best on the scenes measured, chosen with hindsight: what a learned table has to beat.
 pub fn best_constant(results: &Results) -> Option<&str> {
     let level = |name: &str| -> Option<f64> {
-        let moment = last_moment(&results.suite)?;
+        let at = last_time_point(&results.suite)?;
         let mut errors = Vec::new();
         for scene in &results.suite.scenes {
-            for cell in results.runs(&scene.name, name) {
-                errors.push(summary::error(results, cell, MAIN, moment)?);
+            for run in results.runs(&scene.name, name) {
+                errors.push(summary::error(results, run, MAIN, at)?);
             }
         }
         ratios::geometric_mean(&errors)
@@ -137,13 +137,13 @@ fn pairs(
     opponent: &str,
     metric: &str,
 ) -> Option<ScenePairs> {
-    let moment = last_moment(&results.suite)?;
+    let at = last_time_point(&results.suite)?;
     let runs = |method: &str| results.runs(&scene.name, method);
     let (ours, theirs) = (runs(name), runs(opponent));
     let both = |seed: u64| {
-        let error = |runs: &[&super::results::Cell]| {
-            let cell = runs.iter().find(|c| c.seed == seed)?;
-            summary::error(results, cell, metric, moment)
+        let error = |runs: &[&super::results::Run]| {
+            let run = runs.iter().find(|c| c.seed == seed)?;
+            summary::error(results, run, metric, at)
         };
         error(&ours).zip(error(&theirs)).unzip()
     };

@@ -1,14 +1,15 @@
-//! What a bench measured, as it is kept in a file. Everything a report shows is in it.
+//! Results of a bench as a JSON file. Everything that a report shows is in it.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::Path;
 
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use serde::{Deserialize, Serialize};
 
+use super::machine::Machine;
 use super::suite::Suite;
-use super::{BenchError, machine::Machine};
-use crate::files;
+use crate::files::{self, FileError};
 use crate::image::Buffer;
 use crate::math::Rgb;
 
@@ -28,14 +29,14 @@ pub struct Results {
     pub program: String,
     /// The command that was typed.
     pub command: String,
-    /// Where it ran.
+    /// Machine that it ran on.
     pub machine: Machine,
-    /// What was asked.
+    /// The suite.
     pub suite: Suite,
     /// Facts about the scenes, in the suite's order.
     pub scenes: Vec<SceneFacts>,
     /// One run each of a method on a scene with a seed, in the order of measurement.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<Run>,
     /// Products of errors between seeds, where all seeds are there.
     pub products: Vec<Products>,
     /// Parts of pictures to show.
@@ -52,7 +53,7 @@ pub struct SceneFacts {
     pub triangles: usize,
     /// SHA-256 of its file, or the name of the builtin scene.
     pub source: String,
-    /// Where the reference comes from.
+    /// Origin of the reference.
     pub reference: String,
     /// Variance of the reference as relMSE counts it; zero where it is not known.
     pub reference_noise: f64,
@@ -61,7 +62,7 @@ pub struct SceneFacts {
 /// One progressive run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Cell {
+pub struct Run {
     /// The scene.
     pub scene: String,
     /// The method.
@@ -82,7 +83,7 @@ pub struct Cell {
     pub memory: Option<f64>,
 }
 
-/// Where a run stood.
+/// State of a run at a look.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Point {
@@ -131,7 +132,7 @@ pub struct Inset {
 }
 
 impl Point {
-    /// This moment with its errors, seven digits of everything: what is measured has no more.
+    /// The same with errors, rounded to seven digits: measurements have no more.
     pub(super) fn with(&self, errors: BTreeMap<String, f64>) -> Self {
         let rounded = |x: f64| format!("{x:.6e}").parse().unwrap_or(x);
         Self {
@@ -193,13 +194,13 @@ fn unshared([r, g, b, exponent]: [u8; 4]) -> Rgb {
 
 impl Results {
     /// Reads a file.
-    pub fn load(path: &Path) -> Result<Self, BenchError> {
-        let invalid = |reason: String| BenchError::Results {
-            path: path.to_owned(),
-            reason,
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        let invalid = |reason: String| {
+            let what = format!("not results of a bench that this program reads: {reason}");
+            FileError::content(path, what)
         };
-        let text = files::read_text(path, MAX_BYTES).map_err(|e| invalid(e.to_string()))?;
-        let results: Self = serde_json::from_str(&text).map_err(|e| invalid(files::briefly(e)))?;
+        let text = files::read_text(path, MAX_BYTES)?;
+        let results: Self = serde_json::from_str(&text).map_err(|e| invalid(e.to_string()))?;
         if results.version != VERSION {
             return Err(invalid(format!(
                 "version {} of the layout, this program reads {VERSION}",
@@ -211,19 +212,16 @@ impl Results {
     }
 
     /// Writes the file, whole or not at all.
-    pub fn save(&self, path: &Path) -> Result<(), BenchError> {
-        let failed = |reason: String| BenchError::Write {
-            path: path.to_owned(),
-            reason,
-        };
-        // Not for eyes, and three times as long with line breaks.
-        let mut json = serde_json::to_vec(self).map_err(|e| failed(e.to_string()))?;
-        json.push(b'\n');
-        files::write_bytes(path, &json).map_err(|e| failed(e.to_string()))
+    pub fn save(&self, path: &Path) -> Result<(), FileError> {
+        files::write(path, |out| {
+            // Not for eyes, and three times as long with line breaks.
+            serde_json::to_writer(&mut *out, self)?;
+            out.write_all(b"\n")
+        })
     }
 
     /// The runs of a method on a scene, in the suite's order of seeds.
-    pub fn runs(&self, scene: &str, method: &str) -> Vec<&Cell> {
+    pub fn runs(&self, scene: &str, method: &str) -> Vec<&Run> {
         let of = |seed: u64| {
             self.cells
                 .iter()

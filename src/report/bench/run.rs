@@ -12,22 +12,23 @@ use sha2::{Digest, Sha256};
 use super::BenchError;
 use super::errors::{error_products, errors};
 use super::machine::{self, Machine, Stopwatch};
-use super::marks::Marks;
-use super::prepare::{Prepared, create_folder, file_name, inset, prepare, short_hash};
-use super::results::{Cell, Inset, Point, Products, Results, VERSION};
+use super::prepare::{Prepared, file_name, inset, prepare, short_hash};
+use super::results::{Inset, Point, Products, Results, Run, VERSION};
+use super::schedule::Schedule;
 use super::suite::{MethodSpec, SceneSpec, Suite};
-use crate::files::hex;
+use crate::files::{self, Problem, hex};
 use crate::image::film::Film;
+use crate::image::metric::MetricError;
 use crate::image::{Buffer, exr};
 use crate::integrator::{Method, Picture, Settings};
 
 /// Samples per pixel for counting regularised vertices.
 const CENSUS: u32 = 2;
 
-/// Where a bench stands.
+/// Progress of a bench.
 #[derive(Clone, Debug)]
 pub struct Status {
-    /// What is being done.
+    /// Current work.
     pub what: String,
     /// Runs that are done, those of earlier times included.
     pub done: usize,
@@ -35,7 +36,7 @@ pub struct Status {
     pub total: usize,
 }
 
-/// How a bench ended.
+/// End of a bench.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// Everything is measured.
@@ -47,7 +48,7 @@ pub enum Outcome {
 /// Hears of every pass, outside of the time that is measured, and can stop the bench.
 pub type Listener<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
 
-/// Measures what of `suite` is not yet in the file at `path`.
+/// Measures the runs of `suite` that are not yet in the file at `path`.
 ///
 /// Pictures and references are kept in a folder beside the file.
 pub fn run(
@@ -69,10 +70,8 @@ pub fn run(
         insets: Vec::new(),
     };
     if path.is_dir() {
-        return Err(BenchError::Write {
-            path: path.to_owned(),
-            reason: "is a folder".to_owned(),
-        });
+        let cause = std::io::Error::other("is a folder");
+        return Err(Problem::Write(cause).at(path).into());
     }
     if path.exists() {
         let old = Results::load(path)?;
@@ -103,19 +102,19 @@ struct Bench<'a> {
 }
 
 /// A method made ready.
-struct Entrant<'a> {
+struct ReadyMethod<'a> {
     spec: &'a MethodSpec,
     method: Method,
 }
 
-/// What a run leaves behind.
+/// A run and its picture.
 struct Measured {
-    cell: Cell,
+    cell: Run,
     picture: Buffer,
 }
 
 impl Measured {
-    fn new(mut cell: Cell, film: &Film) -> Self {
+    fn new(mut cell: Run, film: &Film) -> Self {
         cell.rejected = film.rejected.total();
         cell.paths = film.pixels.iter().map(|p| u64::from(p.n)).sum::<u64>() + cell.rejected;
         cell.memory = machine::memory();
@@ -126,20 +125,20 @@ impl Measured {
 
 impl Bench<'_> {
     fn scenes(&mut self) -> Result<Outcome, BenchError> {
-        // A table that cannot be read is told before hours of measurement, not after.
-        let entrants: Vec<Entrant<'_>> = self
+        // A table that cannot be read is reported before hours of measurement, not after.
+        let methods: Vec<ReadyMethod<'_>> = self
             .suite
             .methods
             .iter()
             .map(|spec| {
-                Ok(Entrant {
+                Ok(ReadyMethod {
                     spec,
                     method: spec.resolve()?,
                 })
             })
             .collect::<Result<_, BenchError>>()?;
         // So is a place that cannot be written to.
-        create_folder(&self.folder)?;
+        files::create_folder(&self.folder)?;
         for scene in &self.suite.scenes {
             let mut waiting = status(self.suite, self.done, format!("{}: reference", scene.name));
             let listener = &mut *self.listener;
@@ -152,11 +151,11 @@ impl Bench<'_> {
                 return Ok(Outcome::Stopped);
             };
             self.results.scenes.push(prepared.facts.clone());
-            let entrants: Vec<&Entrant<'_>> = entrants
+            let methods: Vec<&ReadyMethod<'_>> = methods
                 .iter()
                 .filter(|e| self.suite.methods_of(scene).any(|m| m.name == e.spec.name))
                 .collect();
-            if self.scene(scene, &prepared, &entrants)? == Outcome::Stopped {
+            if self.scene(scene, &prepared, &methods)? == Outcome::Stopped {
                 return Ok(Outcome::Stopped);
             }
         }
@@ -167,18 +166,18 @@ impl Bench<'_> {
         &mut self,
         spec: &SceneSpec,
         scene: &Prepared,
-        entrants: &[&Entrant<'_>],
+        methods: &[&ReadyMethod<'_>],
     ) -> Result<Outcome, BenchError> {
         let base = self.base_key(spec, scene);
         self.show_reference(spec, scene, &base);
         for (round, seed) in self.suite.seeds().enumerate() {
-            for turn in 0..entrants.len() {
-                let entrant = entrants[(turn + round) % entrants.len()];
+            for turn in 0..methods.len() {
+                let method = methods[(turn + round) % methods.len()];
                 // With the name: a method may be measured against itself.
-                let name = &entrant.spec.name;
-                let key = short_hash(&serde_json::json!([base, name, key_of(entrant), seed]));
+                let name = &method.spec.name;
+                let key = short_hash(&serde_json::json!([base, name, key_of(method), seed]));
                 if !self.results.cells.iter().any(|c| c.key == key) {
-                    let Some(measured) = self.measure(spec, scene, entrant, seed, &key)? else {
+                    let Some(measured) = self.measure(spec, scene, method, seed, &key)? else {
                         return Ok(Outcome::Stopped);
                     };
                     self.keep(spec, measured, round == 0)?;
@@ -186,14 +185,14 @@ impl Bench<'_> {
                 self.done += 1;
             }
         }
-        for entrant in entrants {
-            self.multiply(spec, scene, &entrant.spec.name)?;
+        for method in methods {
+            self.multiply(spec, scene, &method.spec.name)?;
         }
         self.results.save(self.path)?;
         Ok(Outcome::Done)
     }
 
-    /// What all runs of a scene depend on.
+    /// Hash of everything that all runs of a scene depend on.
     fn base_key(&self, spec: &SceneSpec, scene: &Prepared) -> String {
         let mut pixels = Sha256::new();
         for p in &scene.reference.pixels {
@@ -222,18 +221,18 @@ impl Bench<'_> {
         &mut self,
         spec: &SceneSpec,
         scene: &Prepared,
-        entrant: &Entrant<'_>,
+        method: &ReadyMethod<'_>,
         seed: u64,
         key: &str,
     ) -> Result<Option<Measured>, BenchError> {
-        let name = &entrant.spec.name;
+        let name = &method.spec.name;
         let status = status(
             self.suite,
             self.done,
             format!("{}: {name}, seed {seed}", spec.name),
         );
         let settings = Settings {
-            method: entrant.method.clone(),
+            method: method.method.clone(),
             max_vertices: spec.max_depth,
             seed,
             ..Settings::default()
@@ -243,10 +242,10 @@ impl Bench<'_> {
             film: scene.blank.clone(),
             aovs: None,
         };
-        let mut marks = Marks::new(self.suite, self.results.machine.threads);
+        let mut schedule = Schedule::new(self.suite, self.results.machine.threads);
         let mut points = Vec::new();
         let mut now = Point::default();
-        while let Some(end) = marks.next(&now) {
+        while let Some(end) = schedule.next(&now) {
             if (self.listener)(&status).is_break() {
                 return Ok(None);
             }
@@ -256,11 +255,10 @@ impl Bench<'_> {
             now.wall += wall;
             now.cpu += cpu;
             now.samples = end;
-            if marks.crossed(&now) {
-                let reason = |reason| BenchError::Compare {
-                    scene: spec.name.clone(),
-                    method: name.clone(),
-                    reason,
+            if schedule.crossed(&now) {
+                let reason = |e: MetricError| BenchError::Scene {
+                    place: format!("`{}`, method `{name}`", spec.name),
+                    reason: e.to_string(),
                 };
                 let errors = errors(&picture.film.mean(), &scene.reference, spec.exposure)
                     .map_err(reason)?;
@@ -268,14 +266,14 @@ impl Bench<'_> {
             }
         }
         let census = integrator.census(&scene.scene, &scene.camera, 0..CENSUS, &scene.blank);
-        let cell = Cell {
+        let cell = Run {
             regularised: census.share(),
             scene: spec.name.clone(),
             method: name.clone(),
             seed,
             key: key.to_owned(),
             points,
-            ..Cell::default()
+            ..Run::default()
         };
         Ok(Some(Measured::new(cell, &picture.film)))
     }
@@ -283,13 +281,8 @@ impl Bench<'_> {
     /// Takes a run into the results and writes them.
     fn keep(&mut self, spec: &SceneSpec, measured: Measured, show: bool) -> Result<(), BenchError> {
         let Measured { cell, picture } = measured;
-        create_folder(&self.folder)?;
-        exr::write_rgb(&self.picture(&cell.key), &picture, &exr::Metadata::new()).map_err(|e| {
-            BenchError::Write {
-                path: e.path,
-                reason: e.kind.to_string(),
-            }
-        })?;
+        files::create_folder(&self.folder)?;
+        exr::write_rgb(&self.picture(&cell.key), &picture, &exr::Metadata::new())?;
         if show && let Some(end) = cell.points.last() {
             let seconds = self.suite.clock.seconds(end, self.results.machine.threads);
             let inset = inset(spec, Some(&cell.method), &cell.key, &picture);
@@ -304,7 +297,7 @@ impl Bench<'_> {
             .cells
             .retain(|c| (&c.scene, &c.method, c.seed) != (&cell.scene, &cell.method, cell.seed));
         self.results.cells.push(cell);
-        self.results.save(self.path)
+        Ok(self.results.save(self.path)?)
     }
 
     fn picture(&self, key: &str) -> PathBuf {
@@ -376,8 +369,8 @@ fn status(suite: &Suite, done: usize, what: String) -> Status {
 }
 
 /// A method as a key: a table counts by its factors, not by its file's name.
-fn key_of(entrant: &Entrant<'_>) -> String {
-    match &entrant.method {
+fn key_of(method: &ReadyMethod<'_>) -> String {
+    match &method.method {
         Method::Table {
             table,
             reuse,

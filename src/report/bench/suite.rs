@@ -1,4 +1,4 @@
-//! What to measure: scenes × methods × seeds, and when to look. Read from a TOML file.
+//! Suites of measurements: scenes × methods × seeds, and the time points of a look. Read from TOML files.
 //!
 //! ```toml
 //! baseline = "plain"
@@ -26,9 +26,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::BenchError;
 use crate::bsdf::Distribution;
-use crate::files;
+use crate::files::{self, FileError};
 use crate::image::film::Window;
 use crate::integrator::Method;
 use crate::math::UVec2;
@@ -70,14 +69,14 @@ fn five() -> u32 {
     5
 }
 
-/// How `times` are told.
+/// Clock of `times`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Clock {
     /// Wall time.
     #[default]
     Wall,
-    /// CPU time over the number of threads: what wall time were on a machine with nothing else to do.
+    /// CPU time over the number of threads: the wall time of a machine without other work.
     Cpu,
 }
 
@@ -177,7 +176,7 @@ pub struct MethodSpec {
     /// Look-up instead of the table's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lookup: Option<Lookup>,
-    /// Whether paths go on with the regularised lobe.
+    /// True if paths continue with the regularised lobe.
     #[serde(default)]
     pub reuse: bool,
     /// λ of the consistent variant; 0 for the fixed one.
@@ -210,13 +209,9 @@ pub enum Kind {
 
 impl Suite {
     /// Reads a suite; relative paths in it are taken from its folder.
-    pub fn load(path: &Path) -> Result<Self, BenchError> {
-        let failed = |reason: String| BenchError::Suite {
-            path: path.to_owned(),
-            reason,
-        };
-        let text = files::read_text(path, MAX_BYTES).map_err(|e| failed(e.to_string()))?;
-        let mut suite = Self::parse(&text).map_err(failed)?;
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        let text = files::read_text(path, MAX_BYTES)?;
+        let mut suite = Self::parse(&text).map_err(|e| FileError::content(path, e))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let scene_files = suite
             .scenes
@@ -295,7 +290,7 @@ impl SceneSpec {
 
 impl MethodSpec {
     /// The method; a table is read from its file.
-    pub fn resolve(&self) -> Result<Method, BenchError> {
+    pub fn resolve(&self) -> Result<Method, FileError> {
         let (reuse, lambda) = (self.reuse, self.lambda);
         Ok(match self.method {
             Kind::Plain => Method::Plain,

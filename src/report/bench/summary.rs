@@ -1,12 +1,13 @@
-//! What the measurements say: every method of a scene against the baseline.
+//! Summaries of a scene: every method against the baseline.
 
 use std::fmt::{self, Write};
 
 use super::curve::{self, Crossing};
-use super::overall::last_moment;
-use super::results::{Cell, Results};
+use super::overall::last_time_point;
+use super::results::{Results, Run};
 use super::suite::SceneSpec;
 use crate::report::compare::{aligned, number};
+use crate::report::html::or_dash;
 use crate::stats::ratios::{self, Interval, Verdict};
 
 /// The error that curves, floors and crossings are about.
@@ -15,16 +16,16 @@ pub const MAIN: &str = "relMSE";
 /// All errors that are compared. The energy ratio is no error.
 pub const METRICS: [&str; 6] = [MAIN, "relMSE trimmed", "MSE", "MAPE", "SMAPE", "FLIP"];
 
-/// When errors are compared.
+/// Time point at which errors are compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Moment {
+pub enum TimePoint {
     /// After the same time.
     Seconds(f64),
     /// After the same number of samples.
     Samples(u32),
 }
 
-impl fmt::Display for Moment {
+impl fmt::Display for TimePoint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Seconds(t) => write!(f, "{t} s"),
@@ -49,9 +50,9 @@ pub struct MethodSummary {
     pub name: String,
     /// Number of its runs.
     pub seeds: usize,
-    /// [`MAIN`] at each moment of the suite; `None` where it was not reached.
-    pub main: Vec<(Moment, Option<Compared>)>,
-    /// [`METRICS`] at the last moment that is compared (see [`SceneSummary::last`]).
+    /// [`MAIN`] at each time point of the suite; `None` where it was not reached.
+    pub main: Vec<(TimePoint, Option<Compared>)>,
+    /// [`METRICS`] at the last time point that is compared (see [`SceneSummary::last`]).
     pub metrics: Vec<(&'static str, Option<Compared>)>,
     /// Nanoseconds of CPU time per path.
     pub ns_per_path: Option<Compared>,
@@ -67,7 +68,7 @@ pub struct MethodSummary {
     pub squared_bias: Option<Interval>,
     /// Samples that were refused, over all runs.
     pub rejected: u64,
-    /// When the baseline overtakes; `None` for the baseline.
+    /// Point at which the baseline overtakes; `None` for the baseline.
     pub crossing: Option<Crossing>,
 }
 
@@ -77,7 +78,7 @@ impl MethodSummary {
         self.squared_bias.filter(|b| b.low > 0.0).map(|b| b.value)
     }
 
-    /// Whether the energy ratio says that the picture is too bright or too dark.
+    /// True if the interval of the energy ratio excludes 1: the picture is too bright or too dark.
     pub fn energy_is_off(&self) -> bool {
         self.seeds >= ratios::MIN_SEEDS && self.energy.is_some_and(|e| !e.holds(1.0))
     }
@@ -90,8 +91,8 @@ pub struct SceneSummary {
     pub name: String,
     /// The baseline on this scene.
     pub baseline: String,
-    /// The moment at which all metrics are compared: the last time, or the last sample count without times.
-    pub last: Moment,
+    /// The time point at which all metrics are compared: the last time, or the last sample count without times.
+    pub last: TimePoint,
     /// The methods in the suite's order.
     pub methods: Vec<MethodSummary>,
 }
@@ -112,17 +113,17 @@ fn scene(results: &Results, spec: &SceneSpec) -> Option<SceneSummary> {
     let methods: Vec<&str> = suite.methods_of(spec).map(|m| m.name.as_str()).collect();
     let wanted = suite.baseline();
     let baseline = *methods.iter().find(|m| **m == wanted).or(methods.first())?;
-    let times = suite.times.iter().map(|&t| Moment::Seconds(t));
-    let samples = suite.samples.iter().map(|&n| Moment::Samples(n));
-    let last = last_moment(suite)?;
-    let moments: Vec<Moment> = times.chain(samples).collect();
-    let view = View {
+    let times = suite.times.iter().map(|&t| TimePoint::Seconds(t));
+    let samples = suite.samples.iter().map(|&n| TimePoint::Samples(n));
+    let last = last_time_point(suite)?;
+    let points: Vec<TimePoint> = times.chain(samples).collect();
+    let against = Baseline {
         results,
-        baseline: results.runs(&spec.name, baseline),
+        runs: results.runs(&spec.name, baseline),
     };
     let methods = methods
         .iter()
-        .map(|name| view.method(spec, name, *name == baseline, &moments, last))
+        .map(|name| against.method(spec, name, *name == baseline, &points, last))
         .collect();
     Some(SceneSummary {
         name: spec.name.clone(),
@@ -132,36 +133,36 @@ fn scene(results: &Results, spec: &SceneSpec) -> Option<SceneSummary> {
     })
 }
 
-/// The error of a run at a moment; `None` where the run did not get there.
-pub(super) fn error(results: &Results, cell: &Cell, metric: &str, moment: Moment) -> Option<f64> {
+/// The error of a run at a time point; `None` where the run did not get there.
+pub(super) fn error(results: &Results, run: &Run, metric: &str, at: TimePoint) -> Option<f64> {
     let Results { suite, machine, .. } = results;
-    match moment {
-        Moment::Samples(n) => curve::at_samples(cell, metric, n),
-        Moment::Seconds(t) => curve::at_seconds(cell, metric, t, &|p| {
-            suite.clock.seconds(p, machine.threads)
-        }),
+    match at {
+        TimePoint::Samples(n) => curve::at_samples(run, metric, n),
+        TimePoint::Seconds(t) => {
+            curve::at_seconds(run, metric, t, &|p| suite.clock.seconds(p, machine.threads))
+        }
     }
 }
 
-struct View<'a> {
+/// The baseline's runs on a scene, which every method is compared with.
+struct Baseline<'a> {
     results: &'a Results,
-    baseline: Vec<&'a Cell>,
+    runs: Vec<&'a Run>,
 }
 
-impl View<'_> {
+impl Baseline<'_> {
     fn method(
         &self,
         spec: &SceneSpec,
         name: &str,
         is_baseline: bool,
-        moments: &[Moment],
-        last: Moment,
+        points: &[TimePoint],
+        last: TimePoint,
     ) -> MethodSummary {
         let runs = self.results.runs(&spec.name, name);
-        let compared = |f: &dyn Fn(&Cell) -> Option<f64>| self.compared(&runs, is_baseline, f);
-        let error = |moment: Moment, metric: &str| {
-            compared(&|c| self::error(self.results, c, metric, moment))
-        };
+        let compared = |f: &dyn Fn(&Run) -> Option<f64>| self.compared(&runs, is_baseline, f);
+        let error =
+            |at: TimePoint, metric: &str| compared(&|c| self::error(self.results, c, metric, at));
         let energy: Vec<f64> = runs
             .iter()
             .filter_map(|c| c.points.last()?.errors.get("energy ratio").copied())
@@ -175,7 +176,7 @@ impl View<'_> {
         let mut summary = MethodSummary {
             name: name.to_owned(),
             seeds: runs.len(),
-            main: moments.iter().map(|&m| (m, error(m, MAIN))).collect(),
+            main: points.iter().map(|&m| (m, error(m, MAIN))).collect(),
             metrics: METRICS.iter().map(|&m| (m, error(last, m))).collect(),
             ns_per_path: compared(&ns_per_path),
             paths_per_second: paths_per_second(&runs),
@@ -195,9 +196,9 @@ impl View<'_> {
     /// Only seeds that both methods have are compared.
     fn compared(
         &self,
-        runs: &[&Cell],
+        runs: &[&Run],
         is_baseline: bool,
-        f: &dyn Fn(&Cell) -> Option<f64>,
+        f: &dyn Fn(&Run) -> Option<f64>,
     ) -> Option<Compared> {
         let all: Vec<f64> = runs.iter().filter_map(|c| f(c)).collect();
         // A method that is too slow for one seed is too slow.
@@ -208,7 +209,7 @@ impl View<'_> {
         let (ours, theirs): (Vec<f64>, Vec<f64>) = runs
             .iter()
             .filter_map(|c| {
-                let other = self.baseline.iter().find(|b| b.seed == c.seed)?;
+                let other = self.runs.iter().find(|b| b.seed == c.seed)?;
                 Some((f(c)?, f(other)?))
             })
             .unzip();
@@ -216,26 +217,26 @@ impl View<'_> {
         Some(Compared { value, ratio })
     }
 
-    fn crossing(&self, runs: &[&Cell], summary: &MethodSummary) -> Option<Crossing> {
-        let timed = |(m, c): &(Moment, Option<Compared>)| match m {
-            Moment::Seconds(_) => c.and_then(|c| c.ratio),
-            Moment::Samples(_) => None,
+    fn crossing(&self, runs: &[&Run], summary: &MethodSummary) -> Option<Crossing> {
+        let timed = |(m, c): &(TimePoint, Option<Compared>)| match m {
+            TimePoint::Seconds(_) => c.and_then(|c| c.ratio),
+            TimePoint::Samples(_) => None,
         };
         let (_, verdict) = summary.main.iter().filter_map(timed).next_back()?;
         if matches!(verdict, Verdict::Tie | Verdict::TooFewSeeds) {
             return Some(Crossing::Undecided);
         }
-        let curve = |runs: &[&Cell], t: f64| {
+        let curve = |runs: &[&Run], t: f64| {
             let errors: Option<Vec<f64>> = runs
                 .iter()
-                .map(|c| error(self.results, c, MAIN, Moment::Seconds(t)))
+                .map(|c| error(self.results, c, MAIN, TimePoint::Seconds(t)))
                 .collect();
             ratios::geometric_mean(&errors?)
         };
         let mut times = Vec::new();
         let (mut ours, mut theirs) = (Vec::new(), Vec::new());
         for &t in &self.results.suite.times {
-            if let Some((a, b)) = curve(runs, t).zip(curve(&self.baseline, t)) {
+            if let Some((a, b)) = curve(runs, t).zip(curve(&self.runs, t)) {
                 times.push(t);
                 ours.push(a);
                 theirs.push(b);
@@ -245,33 +246,23 @@ impl View<'_> {
     }
 }
 
-fn ns_per_path(cell: &Cell) -> Option<f64> {
-    let end = cell.points.last()?;
-    (cell.paths > 0).then(|| end.cpu * 1e9 / cell.paths as f64)
+fn ns_per_path(run: &Run) -> Option<f64> {
+    let end = run.points.last()?;
+    (run.paths > 0).then(|| end.cpu * 1e9 / run.paths as f64)
 }
 
-fn paths_per_second(runs: &[&Cell]) -> Option<f64> {
-    let rate = |c: &&Cell| Some(c.paths as f64 / c.points.last()?.wall);
+fn paths_per_second(runs: &[&Run]) -> Option<f64> {
+    let rate = |c: &&Run| Some(c.paths as f64 / c.points.last()?.wall);
     ratios::geometric_mean(&runs.iter().filter_map(rate).collect::<Vec<f64>>())
 }
 
 /// `0.52 [0.48, 0.57] better`, or a dash for the baseline.
-pub fn ratio_words(compared: Option<Compared>) -> String {
-    match compared.and_then(|c| c.ratio) {
-        Some((r, verdict)) => format!(
-            "{:.3} [{:.3}, {:.3}] {}",
-            r.value,
-            r.low,
-            r.high,
-            verdict.word()
-        ),
-        None => "–".to_owned(),
-    }
-}
-
-/// A number or a dash.
-pub fn or_dash(value: Option<f64>) -> String {
-    value.map_or_else(|| "–".to_owned(), number)
+fn ratio_words(compared: Option<Compared>) -> String {
+    let ratio = compared.and_then(|c| c.ratio);
+    or_dash(ratio, |(r, verdict)| {
+        let Interval { value, low, high } = r;
+        format!("{value:.3} [{low:.3}, {high:.3}] {}", verdict.word())
+    })
 }
 
 /// One table per scene, as text.
@@ -289,14 +280,12 @@ pub fn text(results: &Results) -> String {
             let main = m.metrics.first().and_then(|(_, c)| *c);
             rows.push(vec![
                 m.name.clone(),
-                or_dash(main.map(|c| c.value)),
+                or_dash(main, |c| number(c.value)),
                 ratio_words(main),
-                m.ns_per_path
-                    .map_or_else(|| "–".to_owned(), |c| format!("{:.0}", c.value)),
+                or_dash(m.ns_per_path, |c| format!("{:.0}", c.value)),
                 ratio_words(m.ns_per_path),
-                m.energy
-                    .map_or_else(|| "–".to_owned(), |e| format!("{:.4}", e.value)),
-                or_dash(m.floor()),
+                or_dash(m.energy, |e| format!("{:.4}", e.value)),
+                or_dash(m.floor(), number),
             ]);
         }
         text.push_str(&aligned(&rows));

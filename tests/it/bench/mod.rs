@@ -91,7 +91,7 @@ fn suites_are_checked() {
     let scene = "[[scene]]\nname = 's'\nbuiltin = 'plane'\nsize = [8, 8]\nreference_spp = 1\n";
     let method = "[[method]]\nname = 'm'\nmethod = 'plain'\n";
     let faults = [
-        (format!("{scene}{method}"), "moment"),
+        (format!("{scene}{method}"), "time point"),
         (format!("times = [2, 1]\n{scene}{method}"), "ascending"),
         (format!("times = [1]\nspeed = 3\n{scene}{method}"), "speed"),
         (
@@ -192,7 +192,7 @@ fn a_bench_goes_on_where_it_stopped() {
         assert!((products.values[row][row] / error - 1.0).abs() < 1e-4);
     }
 
-    // Nothing is measured again; a method more adds its runs only; a new moment measures all anew.
+    // Nothing is measured again; a method more adds its runs only; a new time point measures all anew.
     let (again, _) = go(&suite, usize::MAX);
     assert_eq!(again, all);
     let more = Suite::parse(&format!(

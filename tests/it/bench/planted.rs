@@ -5,7 +5,7 @@ use opsr::math::Rgb;
 use opsr::report::bench::Suite;
 use opsr::report::bench::errors::error_products;
 use opsr::report::bench::machine::Machine;
-use opsr::report::bench::results::{Cell, Inset, Point, Products, Results, SceneFacts, VERSION};
+use opsr::report::bench::results::{Inset, Point, Products, Results, Run, SceneFacts, VERSION};
 
 /// Uniform in [−1, 1) by (seed, salt).
 fn wobble(seed: u64, salt: u64) -> f64 {
@@ -93,7 +93,7 @@ pub(crate) fn recorded(methods: &[Planted], seeds: u32) -> Results {
     results
 }
 
-fn cell(m: &Planted, seed: u64, salt: u64) -> Cell {
+fn cell(m: &Planted, seed: u64, salt: u64) -> Run {
     let point = |samples: u32, t: f64| {
         let luck = 1.0 + 0.2 * wobble(seed, 99) + 0.03 * wobble(seed, salt);
         let error = m.noise / t * luck + m.floor;
@@ -112,7 +112,7 @@ fn cell(m: &Planted, seed: u64, salt: u64) -> Cell {
     };
     let cost = m.cost * (1.0 + 0.05 * wobble(seed, 7) + 0.02 * wobble(seed, 8 + salt));
     let at = |t: f64| point((t / cost) as u32, t);
-    Cell {
+    Run {
         scene: "planted <scene>".into(),
         method: m.name.into(),
         seed,

@@ -4,6 +4,7 @@
 use super::trained;
 use super::{Target, repair, seeds};
 use crate::support::gltf::File;
+use opsr::files::FileError;
 use opsr::gallery::manifest::Manifest;
 use opsr::image::{exr, png};
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
@@ -12,7 +13,7 @@ use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::regularise::file::TableFile;
 use opsr::report::bench::page::page;
 use opsr::report::bench::{Results, Suite, summary};
-use opsr::scene::load::{LoadError, LoadOptions, load};
+use opsr::scene::load::{LoadOptions, load};
 use opsr::scene::{Camera, Environment, Scene};
 use serde_json::json;
 use std::path::Path;
@@ -94,7 +95,7 @@ pub(crate) fn exr() -> Target {
         repair: repair::nothing,
         read: |path| {
             // A file without the channels of a film or of a picture is still accepted; the summary tells.
-            let error_of = |r: Result<(), exr::ExrError>| {
+            let error_of = |r: Result<(), FileError>| {
                 let name = path.display().to_string();
                 let message = r.map_or_else(|e| e.to_string(), |()| name.clone());
                 assert!(message.contains(&name), "{message}");
@@ -239,7 +240,7 @@ pub(crate) fn checkpoints() -> Target {
         name: "checkpoints",
         file_name: "fuzz.ckpt",
         seeds: seeds.into(),
-        repair: repair::checkpoint,
+        repair: repair::sealed,
         read: |path: &Path| {
             let checkpoint = text(Checkpoint::load(path, &fingerprint()))?;
             let film = checkpoint.picture.film;
@@ -269,7 +270,7 @@ pub(crate) fn textures() -> Target {
             // The scene has the picture's file name, which error messages must contain.
             let scene = folder.path().join(path.file_name().unwrap_or_default());
             text(std::fs::write(&scene, file.glb()))?;
-            let error = |e: LoadError| {
+            let error = |e: FileError| {
                 let (ours, theirs) = (scene.display().to_string(), path.display().to_string());
                 e.to_string().replace(&ours, &theirs)
             };
@@ -293,7 +294,7 @@ pub(crate) fn results() -> Target {
         read: |path| {
             let results = text(Results::load(path))?;
             summary::text(&results);
-            let html = page(&results).map_err(|e| format!("{}: {e}", path.display()))?;
+            let html = page(&results);
             let words = [
                 "<svg",
                 "data:image",

@@ -38,7 +38,7 @@ pub struct Exposures {
     pub start: f64,
     /// The exposure that puts its median there.
     pub stop: f64,
-    /// How many, evenly spaced, both ends included.
+    /// Number of exposures, evenly spaced, both ends included.
     pub count: usize,
 }
 
@@ -167,7 +167,7 @@ const BEND_TO: f64 = 0.95;
 /// Exponent of the feature difference. [FLIP20 §4.2.2]
 const FEATURE_EXPONENT: f64 = 0.5;
 
-/// What is compared of one picture.
+/// Quantities of one picture that are compared.
 struct Seen {
     lab: Vec<DVec3>,
     edges: Plane,

@@ -2,13 +2,13 @@
 //!
 //! It is a function of the results alone: the same file of results gives the same page, byte for byte.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 
 use super::overall::{self, Overall};
 use super::results::Results;
 use super::suite::Clock;
 use super::summary::{self, MAIN, SceneSummary};
-use crate::report::page::PageError;
+use crate::report::html::{self, plot};
 use crate::stats::ratios::{CONFIDENCE, MIN_SEEDS};
 
 mod pictures;
@@ -16,36 +16,19 @@ pub mod plots;
 mod tables;
 
 /// The page.
-pub fn page(results: &Results) -> Result<String, PageError> {
+pub fn page(results: &Results) -> String {
     let scenes = summary::summaries(results);
-    let overalls = overalls(results);
-    let mut sections = Vec::new();
-    for (index, scene) in scenes.iter().enumerate() {
-        sections.push(section(results, scene, index)?);
-    }
-    let document = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width";
-                title { "Speed against error" }
-                style { (PreEscaped(include_str!("page.css"))) }
-            }
-            body {
-                h1 { "Speed against error" }
-                (introduction(results, scenes.len()))
-                (overview(results, &overalls))
-                (tables::losses(&scenes))
-                h2 { "Scenes" }
-                nav { @for (i, s) in scenes.iter().enumerate() { a href={ "#scene-" (i) } { (s.name) } " " } }
-                @for section in &sections { (section) }
-                (reading())
-                (repeat(results))
-            }
-        }
+    let body = html! {
+        (introduction(results, scenes.len()))
+        (overview(results, &overalls(results)))
+        (tables::losses(&scenes))
+        h2 { "Scenes" }
+        nav { @for (i, s) in scenes.iter().enumerate() { a href={ "#scene-" (i) } { (s.name) } " " } }
+        @for (i, s) in scenes.iter().enumerate() { (section(results, s, i)) }
+        (reading())
+        (repeat(results))
     };
-    Ok(document.into_string())
+    html::page("Speed against error", &body)
 }
 
 /// The whole suite, then its groups, against the baseline and against the best constant.
@@ -72,7 +55,7 @@ fn introduction(results: &Results, scenes: usize) -> Markup {
             (machine.threads) " of " (machine.cores) " threads (" (machine.system) "). Seconds are " (clock) "."
         }
         p {
-            "A ratio is an error or a cost of a method over that of the method it is compared with, at the same moment "
+            "A ratio is an error or a cost of a method over that of the method it is compared with, at the same time point "
             "and seed by seed; below 1 is better. Brackets hold its " (percent(CONFIDENCE)) " interval over seeds. A "
             "verdict is spoken only where the interval excludes 1 and at least " (MIN_SEEDS) " seeds were run; "
             "otherwise it is a tie."
@@ -81,27 +64,26 @@ fn introduction(results: &Results, scenes: usize) -> Markup {
 }
 
 fn overview(results: &Results, overalls: &[Overall]) -> Markup {
-    let Some(moment) = overall::last_moment(&results.suite) else {
+    let Some(at) = overall::last_time_point(&results.suite) else {
         return html! {};
     };
     html! {
         h2 { "All scenes" }
         p {
-            "Geometric means over scenes of the ratio at " (moment) ". The intervals tell about other seeds on these "
+            "Geometric means over scenes of the ratio at " (at) ". The intervals tell about other seeds on these "
             "scenes, not about other scenes."
         }
-        @if let Some(plot) = overalls.first().and_then(plots::standings) {
-            figure { (PreEscaped(plot)) figcaption { (MAIN) " against " (overalls[0].opponent) ", all scenes" } }
+        @if let Some(svg) = overalls.first().and_then(plots::standings) {
+            (plot(&svg, &format!("{MAIN} against {}, all scenes", overalls[0].opponent)))
         }
         @for o in overalls { (tables::overall(results, o)) }
     }
 }
 
-fn section(results: &Results, scene: &SceneSummary, index: usize) -> Result<Markup, PageError> {
-    let pictures = pictures::pictures(results, scene, index)?;
+fn section(results: &Results, scene: &SceneSummary, index: usize) -> Markup {
     let facts = results.scenes.iter().find(|f| f.name == scene.name);
     let spec = results.suite.scenes.iter().find(|s| s.name == scene.name);
-    Ok(html! {
+    html! {
         section id={ "scene-" (index) } {
             h3 { (scene.name) }
             p {
@@ -120,18 +102,14 @@ fn section(results: &Results, scene: &SceneSummary, index: usize) -> Result<Mark
                     "."
                 }
             }
-            .plots {
-                @for (plot, caption) in plots::curves(results, scene) {
-                    figure { (PreEscaped(plot)) figcaption { (caption) } }
-                }
-            }
+            .plots { @for (svg, caption) in plots::curves(results, scene) { (plot(&svg, &caption)) } }
             (tables::ratios(results, scene))
-            (tables::moments(results, scene))
+            (tables::time_points(results, scene))
             (tables::costs(results, scene))
             (tables::stability(results, scene))
-            (pictures)
+            (pictures::pictures(results, scene, index))
         }
-    })
+    }
 }
 
 fn reading() -> Markup {

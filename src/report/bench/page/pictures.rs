@@ -1,4 +1,4 @@
-//! What the pictures look like: each method's part beside the reference, with its FLIP map.
+//! Pictures of the methods beside the reference, with their FLIP maps.
 
 use maud::{Markup, PreEscaped, html};
 
@@ -6,98 +6,63 @@ use super::super::results::{Inset, Results};
 use super::super::summary::SceneSummary;
 use crate::image::metric::flip;
 use crate::image::{Buffer, false_colour};
-use crate::report::page::{PageError, data_uri};
-
-/// One method's picture and error map.
-struct Shown {
-    name: String,
-    caption: String,
-    picture: String,
-    map: Option<(String, f64)>,
-}
+use crate::report::html::data_uri;
 
 /// The pictures of a scene; nothing where the results hold none.
-pub(super) fn pictures(
-    results: &Results,
-    scene: &SceneSummary,
-    index: usize,
-) -> Result<Markup, PageError> {
-    let exposure = results
-        .suite
-        .scenes
-        .iter()
-        .find(|s| s.name == scene.name)
-        .map_or(0.0, |s| s.exposure);
+pub(super) fn pictures(results: &Results, scene: &SceneSummary, index: usize) -> Markup {
+    let spec = results.suite.scenes.iter().find(|s| s.name == scene.name);
+    let exposure = spec.map_or(0.0, |s| s.exposure);
     let Some(reference) = results.inset(&scene.name, None).and_then(Inset::picture) else {
-        return Ok(html! {});
+        return html! {};
     };
-    let uri = data_uri(&scene.name, &reference, exposure)?;
-    let mut shown = Vec::new();
-    for method in &scene.methods {
-        let Some(inset) = results.inset(&scene.name, Some(&method.name)) else {
-            continue;
-        };
-        if let Some(picture) = inset.picture() {
-            shown.push(show(inset, &method.name, &picture, &reference, exposure)?);
-        }
-    }
-    Ok(document(&scene.name, index, &uri, &shown))
-}
-
-fn show(
-    inset: &Inset,
-    name: &str,
-    picture: &Buffer,
-    reference: &Buffer,
-    exposure: f32,
-) -> Result<Shown, PageError> {
-    let scale = exposure.exp2();
-    let displayed = |b: &Buffer| b.map(|p| p * scale);
-    // A picture that cannot be compared is still shown.
-    let map = flip::ldr(
-        &displayed(picture),
-        &displayed(reference),
-        flip::DEFAULT_PPD,
-    )
-    .ok();
-    let map = match map {
-        Some(map) => {
-            let colours = false_colour::map(map.width, map.height, &map.values);
-            Some((data_uri(name, &colours, 0.0)?, map.mean))
-        }
-        None => None,
-    };
-    Ok(Shown {
-        name: name.to_owned(),
-        caption: format!("{} spp, {:.3} s", inset.samples, inset.seconds),
-        picture: data_uri(name, picture, exposure)?,
-        map,
-    })
-}
-
-fn document(scene: &str, index: usize, reference: &str, shown: &[Shown]) -> Markup {
+    let uri = data_uri(&reference, exposure);
     // Once in the style, so that it is not repeated under each picture.
-    let style = format!(".reference-{index} {{ background-image: url({reference}); }}");
+    let style = format!(".reference-{index} {{ background-image: url({uri}); }}");
     html! {
         style { (PreEscaped(style)) }
         .pictures {
             figure {
-                img src=(reference) alt={ (scene) ", reference" };
+                img src=(uri) alt={ (scene.name) ", reference" };
                 figcaption { b { "reference" } }
             }
-            @for s in shown {
-                figure {
-                    div.flip.{ "reference-" (index) } tabindex="0" {
-                        img src=(s.picture) alt={ (scene) ", " (s.name) };
-                    }
-                    @if let Some((map, mean)) = &s.map {
-                        img src=(map) alt={ (scene) ", " (s.name) ", FLIP" };
-                        figcaption { b { (s.name) } br; (s.caption) br; "FLIP " (format!("{mean:.4}")) }
-                    } @else {
-                        figcaption { b { (s.name) } br; (s.caption) br; "not comparable" }
+            @for method in &scene.methods {
+                @let inset = results.inset(&scene.name, Some(&method.name));
+                @if let Some((inset, picture)) = inset.and_then(|i| Some((i, i.picture()?))) {
+                    figure {
+                        div.flip.{ "reference-" (index) } tabindex="0" {
+                            img src=(data_uri(&picture, exposure)) alt={ (scene.name) ", " (method.name) };
+                        }
+                        (difference(scene, inset, &picture, &reference, exposure))
                     }
                 }
             }
+        }
+    }
+}
+
+/// The FLIP map and the caption of a method's picture; a picture that cannot be compared is still shown.
+fn difference(
+    scene: &SceneSummary,
+    inset: &Inset,
+    picture: &Buffer,
+    reference: &Buffer,
+    exposure: f32,
+) -> Markup {
+    let name = inset.method.as_deref().unwrap_or_default();
+    let shown = |b: &Buffer| b.map(|p| p * exposure.exp2());
+    let map = flip::ldr(&shown(picture), &shown(reference), flip::DEFAULT_PPD).ok();
+    let colours = |m: &flip::FlipMap| false_colour::map(m.width, m.height, &m.values);
+    let mean = map.as_ref().map_or("not comparable".to_owned(), |m| {
+        format!("FLIP {:.4}", m.mean)
+    });
+    html! {
+        @if let Some(map) = &map {
+            img src=(data_uri(&colours(map), 0.0)) alt={ (scene.name) ", " (name) ", FLIP" };
+        }
+        figcaption {
+            b { (name) } br;
+            (inset.samples) " spp, " (format!("{:.3}", inset.seconds)) " s" br;
+            (mean)
         }
     }
 }

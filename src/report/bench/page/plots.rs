@@ -11,7 +11,7 @@ use super::super::curve::Crossing;
 use super::super::overall::Overall;
 use super::super::results::Results;
 use super::super::suite::Suite;
-use super::super::summary::{self, MAIN, MethodSummary, Moment, SceneSummary};
+use super::super::summary::{self, MAIN, MethodSummary, SceneSummary, TimePoint};
 use crate::stats::ratios;
 
 /// Colours of the methods in turn: those of [OkabeIto08] that show on white paper, then darker and lighter ones.
@@ -60,8 +60,8 @@ struct Spread {
 /// The error curves of a scene with their captions: over time and over samples, where there are two moments of each.
 pub fn curves(results: &Results, scene: &SceneSummary) -> Vec<(String, String)> {
     let Suite { times, samples, .. } = &results.suite;
-    let times: Vec<Moment> = times.iter().map(|&t| Moment::Seconds(t)).collect();
-    let samples: Vec<Moment> = samples.iter().map(|&n| Moment::Samples(n)).collect();
+    let times: Vec<TimePoint> = times.iter().map(|&t| TimePoint::Seconds(t)).collect();
+    let samples: Vec<TimePoint> = samples.iter().map(|&n| TimePoint::Samples(n)).collect();
     let over_time = format!(
         "{MAIN} over time: geometric mean and range over seeds. Dashed across: bias floors. Dotted down: where \
          {} overtakes.",
@@ -80,7 +80,7 @@ pub fn curves(results: &Results, scene: &SceneSummary) -> Vec<(String, String)> 
 fn curve(
     results: &Results,
     scene: &SceneSummary,
-    moments: &[Moment],
+    moments: &[TimePoint],
     axis: &str,
 ) -> Option<String> {
     let suite = &results.suite;
@@ -102,7 +102,7 @@ fn curve(
             bottom = bottom.min(floor);
             lines.push(ReferenceLine::horizontal(floor).with_color(colour));
         }
-        if let (Moment::Seconds(_), Some(Crossing::Measured(t))) = (first, method.crossing) {
+        if let (TimePoint::Seconds(_), Some(Crossing::Measured(t))) = (first, method.crossing) {
             let line = ReferenceLine::vertical(t).with_dasharray("1 4");
             lines.push(line.with_color(colour).with_stroke_width(1.5));
         }
@@ -145,17 +145,17 @@ fn line(suite: &Suite, name: &str, spreads: &[Spread]) -> LinePlot {
     line
 }
 
-fn position(moment: Moment) -> f64 {
+fn position(moment: TimePoint) -> f64 {
     match moment {
-        Moment::Seconds(t) => t,
-        Moment::Samples(n) => f64::from(n),
+        TimePoint::Seconds(t) => t,
+        TimePoint::Samples(n) => f64::from(n),
     }
 }
 
 /// The moments that all seeds reached; errors of zero have no place on a logarithmic axis.
-fn spreads(results: &Results, scene: &str, method: &str, moments: &[Moment]) -> Vec<Spread> {
+fn spreads(results: &Results, scene: &str, method: &str, moments: &[TimePoint]) -> Vec<Spread> {
     let runs = results.runs(scene, method);
-    let spread = |&moment: &Moment| {
+    let spread = |&moment: &TimePoint| {
         let errors: Option<Vec<f64>> = runs
             .iter()
             .map(|c| summary::error(results, c, MAIN, moment).filter(|e| *e > 0.0 && e.is_finite()))

@@ -1,25 +1,18 @@
-//! The numbers of a report.
+//! Tables of a report.
 
 use maud::{Markup, html};
 
 use super::super::curve::Crossing;
 use super::super::overall::{METRICS as OVER_SCENES, Overall};
 use super::super::results::Results;
-use super::super::summary::{Compared, MAIN, MethodSummary, SceneSummary};
+use super::super::summary::{MAIN, MethodSummary, SceneSummary};
 use super::plots;
 use crate::image::metric::{self, Metric};
 use crate::image::{Buffer, metric::flip};
 use crate::math::Rgb;
 use crate::report::compare::definition;
+use crate::report::html::{or_dash, table};
 use crate::stats::ratios::{Interval, Verdict};
-
-fn class(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::Better => "better",
-        Verdict::Worse => "worse",
-        Verdict::Tie | Verdict::TooFewSeeds => "open",
-    }
-}
 
 /// Three digits.
 pub(super) fn short(x: f64) -> String {
@@ -33,15 +26,17 @@ pub(super) fn short(x: f64) -> String {
     format!("{x:.digits$}")
 }
 
-fn short_or_dash(x: Option<f64>) -> String {
-    x.map_or_else(|| "–".to_owned(), short)
-}
-
 fn interval(i: &Interval) -> Markup {
     html! { (short(i.value)) " " span.interval { "[" (short(i.low)) ", " (short(i.high)) "]" } }
 }
 
+/// A cell with a ratio and its verdict.
 fn ratio(ratio: Option<(Interval, Verdict)>) -> Markup {
+    let class = |verdict| match verdict {
+        Verdict::Better => "better",
+        Verdict::Worse => "worse",
+        Verdict::Tie | Verdict::TooFewSeeds => "open",
+    };
     html! {
         @match ratio {
             Some((r, verdict)) => td class=(class(verdict)) { (interval(&r)) " " (verdict.word()) },
@@ -50,6 +45,7 @@ fn ratio(ratio: Option<(Interval, Verdict)>) -> Markup {
     }
 }
 
+/// First cell of a method's row: its colour and name.
 fn name(results: &Results, method: &str) -> Markup {
     let colour = format!("background:{}", plots::colour(&results.suite, method));
     html! { th { span.swatch style=(colour) {} (method) } }
@@ -57,43 +53,36 @@ fn name(results: &Results, method: &str) -> Markup {
 
 /// Methods over many scenes.
 pub(super) fn overall(results: &Results, overall: &Overall) -> Markup {
-    let many = if overall.scenes == 1 {
-        "1 scene".to_owned()
-    } else {
-        format!("{} scenes", overall.scenes)
+    let scenes = match overall.scenes {
+        1 => "1 scene".to_owned(),
+        n => format!("{n} scenes"),
     };
-    let scenes = match &overall.group {
-        Some(group) => format!("{group}, {many}"),
-        None => many,
-    };
-    html! {
-        .scroll { table {
-            caption { "Against " (overall.opponent) ": " (scenes) }
-            thead { tr {
-                th { "method" }
-                @for metric in OVER_SCENES { th { (metric) } }
-                th { "scenes better / tie / worse" }
-            } }
-            tbody { @for s in &overall.standings { tr {
-                (name(results, &s.name))
-                @for r in &s.ratios { (ratio(*r)) }
-                td {
-                    (s.tally[0]) " / " (s.tally[1]) " / " (s.tally[2])
-                    @if s.scenes < overall.scenes { " (on " (s.scenes) " scenes)" }
-                }
-            } } }
-        } }
-    }
+    let group = (overall.group.as_ref()).map_or(String::new(), |g| format!("{g}, "));
+    let caption = format!("Against {}: {group}{scenes}", overall.opponent);
+    let heads = ["method"].into_iter().chain(OVER_SCENES);
+    let rows = overall.standings.iter().map(|s| {
+        html! {
+            (name(results, &s.name))
+            @for r in &s.ratios { (ratio(*r)) }
+            td {
+                (s.tally[0]) " / " (s.tally[1]) " / " (s.tally[2])
+                @if s.scenes < overall.scenes { " (on " (s.scenes) " scenes)" }
+            }
+        }
+    });
+    table(&caption, heads.chain(["scenes better / tie / worse"]), rows)
 }
 
-/// Where a method is worse than the baseline, or too bright or too dark: what must not be overlooked.
+/// Every ratio of an error to the baseline's that is worse than 1.
 pub(super) fn losses(scenes: &[SceneSummary]) -> Markup {
     let mut losses = Vec::new();
     for scene in scenes {
         for m in &scene.methods {
             for (metric, compared) in &m.metrics {
                 if let Some((r, Verdict::Worse)) = compared.and_then(|c| c.ratio) {
-                    losses.push((&scene.name, &m.name, *metric, r));
+                    losses.push(html! {
+                        th { (scene.name) } td { (m.name) } td { (metric) } td { (interval(&r)) }
+                    });
                 }
             }
         }
@@ -102,143 +91,124 @@ pub(super) fn losses(scenes: &[SceneSummary]) -> Markup {
         h2 { "Where methods lose to the baseline" }
         @if losses.is_empty() { p { "Nowhere." } } @else {
             details {
-                summary { (losses.len()) " of the ratios at the last moment are worse than 1" }
-                table {
-                    thead { tr { th { "scene" } th { "method" } th { "error" } th { "ratio" } } }
-                    tbody { @for (scene, method, metric, r) in losses {
-                        tr { th { (scene) } td { (method) } td { (metric) } td { (interval(&r)) } }
-                    } }
-                }
+                summary { (losses.len()) " of the ratios at the last time point are worse than 1" }
+                (table("", ["scene", "method", "error", "ratio"], losses))
             }
         }
     }
 }
 
-/// Errors of a scene at the last moment.
+/// Errors of a scene at the last time point.
 pub(super) fn ratios(results: &Results, scene: &SceneSummary) -> Markup {
-    html! {
-        .scroll { table {
-            caption { "Errors at " (scene.last) ", against " (scene.baseline) }
-            thead { tr {
-                th { "method" }
-                th { (MAIN) }
-                @for metric in OVER_SCENES { th { "ratio of " (metric) } }
-                th { "bias floor" }
-                th { "cross-over" }
-            } }
-            tbody { @for m in &scene.methods { tr {
-                (name(results, &m.name))
-                td { (short_or_dash(m.metrics.first().and_then(|(_, c)| *c).map(|c| c.value))) }
-                @for (metric, compared) in &m.metrics {
-                    @if OVER_SCENES.contains(metric) { (ratio(compared.and_then(|c| c.ratio))) }
-                }
-                td { (short_or_dash(m.floor())) }
-                td { (crossing(m.crossing)) }
-            } } }
-        } }
-    }
+    let caption = format!("Errors at {}, against {}", scene.last, scene.baseline);
+    let mut heads = vec!["method".to_owned(), MAIN.to_owned()];
+    heads.extend(OVER_SCENES.map(|metric| format!("ratio of {metric}")));
+    heads.extend(["bias floor", "cross-over"].map(str::to_owned));
+    let rows = scene.methods.iter().map(|m| {
+        html! {
+            (name(results, &m.name))
+            td { (or_dash(m.metrics.first().and_then(|(_, c)| *c), |c| short(c.value))) }
+            @for (metric, compared) in &m.metrics {
+                @if OVER_SCENES.contains(metric) { (ratio(compared.and_then(|c| c.ratio))) }
+            }
+            td { (or_dash(m.floor(), short)) }
+            td { (or_dash(m.crossing, crossing)) }
+        }
+    });
+    table(&caption, heads, rows)
 }
 
-fn crossing(crossing: Option<Crossing>) -> String {
+fn crossing(crossing: Crossing) -> String {
     match crossing {
-        None => "–".to_owned(),
-        Some(Crossing::Never) => "at once".to_owned(),
-        Some(Crossing::Measured(t)) => format!("{} s", short(t)),
-        Some(Crossing::Extrapolated(t)) => format!("≈ {} s", short(t)),
-        Some(Crossing::NotInSight) => "not in sight".to_owned(),
-        Some(Crossing::Undecided) => "a tie".to_owned(),
+        Crossing::Never => "at once".to_owned(),
+        Crossing::Measured(t) => format!("{} s", short(t)),
+        Crossing::Extrapolated(t) => format!("≈ {} s", short(t)),
+        Crossing::NotInSight => "not in sight".to_owned(),
+        Crossing::Undecided => "a tie".to_owned(),
     }
 }
 
-/// The main error's ratio at every moment, and the other errors' at the last.
-pub(super) fn moments(results: &Results, scene: &SceneSummary) -> Markup {
-    let others: Vec<&MethodSummary> = scene
-        .methods
-        .iter()
-        .filter(|m| m.name != scene.baseline)
-        .collect();
-    let Some(first) = others.first() else {
+/// Ratios of the main error at every time point, and of the other errors at the last.
+pub(super) fn time_points(results: &Results, scene: &SceneSummary) -> Markup {
+    let others = || scene.methods.iter().filter(|m| m.name != scene.baseline);
+    let Some(first) = others().next() else {
         return html! {};
     };
-    let rest = |m: &MethodSummary| -> Vec<(&'static str, Option<Compared>)> {
+    let rest = |m: &MethodSummary| {
         let rest = m.metrics.iter().filter(|(n, _)| !OVER_SCENES.contains(n));
-        rest.copied().collect()
+        rest.copied().collect::<Vec<_>>()
     };
+    let mut heads = vec!["method".to_owned()];
+    heads.extend(first.main.iter().map(|(at, _)| format!("{MAIN} at {at}")));
+    heads.extend(
+        rest(first)
+            .iter()
+            .map(|(n, _)| format!("{n} at {}", scene.last)),
+    );
+    let rows = others().map(|m| {
+        html! {
+            (name(results, &m.name))
+            @for (_, compared) in &m.main { (ratio(compared.and_then(|c| c.ratio))) }
+            @for (_, compared) in rest(m) { (ratio(compared.and_then(|c| c.ratio))) }
+        }
+    });
     html! {
         details {
-            summary { "Ratio of " (MAIN) " at every moment, other errors" }
-            .scroll { table {
-                thead { tr {
-                    th { "method" }
-                    @for (moment, _) in &first.main { th { (MAIN) " at " (moment) } }
-                    @for (metric, _) in rest(first) { th { (metric) " at " (scene.last) } }
-                } }
-                tbody { @for m in &others { tr {
-                    (name(results, &m.name))
-                    @for (_, compared) in &m.main { (ratio(compared.and_then(|c| c.ratio))) }
-                    @for (_, compared) in rest(m) { (ratio(compared.and_then(|c| c.ratio))) }
-                } } }
-            } }
+            summary { "Ratio of " (MAIN) " at every time point, other errors" }
+            (table("", heads, rows))
         }
     }
 }
 
-/// What a method costs.
+/// Time and memory of each method.
 pub(super) fn costs(results: &Results, scene: &SceneSummary) -> Markup {
-    let whole = |x: Option<f64>| x.map_or_else(|| "–".to_owned(), |x| format!("{x:.0}"));
-    let share = |x: f64| format!("{:.1} %", 100.0 * x);
-    html! {
-        .scroll { table {
-            caption { "Cost" }
-            thead { tr {
-                th { "method" }
-                th { "paths per second" }
-                th { "CPU ns per path" }
-                th { "ratio" }
-                th { "regularised" }
-                th { "memory of the process" }
-            } }
-            tbody { @for m in &scene.methods { tr {
-                (name(results, &m.name))
-                td { (whole(m.paths_per_second)) }
-                td { (whole(m.ns_per_path.map(|c: Compared| c.value))) }
-                (ratio(m.ns_per_path.and_then(|c| c.ratio)))
-                td { (m.regularised.map_or_else(|| "–".to_owned(), share)) }
-                td { @match m.memory { Some(mib) => (format!("{mib:.0} MiB")), None => "–" } }
-            } } }
-        } }
-    }
+    let heads = [
+        "method",
+        "paths per second",
+        "CPU ns per path",
+        "ratio",
+        "regularised",
+        "memory of the process",
+    ];
+    let rows = scene.methods.iter().map(|m| {
+        html! {
+            (name(results, &m.name))
+            td { (or_dash(m.paths_per_second, |x| format!("{x:.0}"))) }
+            td { (or_dash(m.ns_per_path, |c| format!("{:.0}", c.value))) }
+            (ratio(m.ns_per_path.and_then(|c| c.ratio)))
+            td { (or_dash(m.regularised, |x| format!("{:.1} %", 100.0 * x))) }
+            td { (or_dash(m.memory, |mib| format!("{mib:.0} MiB"))) }
+        }
+    });
+    table("Cost", heads, rows)
 }
 
-/// Whether a method's picture can be trusted.
+/// Seeds, energy, bias and refused samples of each method.
 pub(super) fn stability(results: &Results, scene: &SceneSummary) -> Markup {
-    html! {
-        .scroll { table {
-            caption { "Stability" }
-            thead { tr {
-                th { "method" }
-                th { "seeds" }
-                th { "energy: picture over reference" }
-                th { "squared bias" }
-                th { "samples refused" }
-            } }
-            tbody { @for m in &scene.methods { tr {
-                (name(results, &m.name))
-                td { (m.seeds) }
-                td.off[m.energy_is_off()] {
-                    @match &m.energy { Some(e) => (interval(e)), None => "–" }
-                    @if m.energy_is_off() { " off" }
-                }
-                td {
-                    @match &m.squared_bias {
-                        Some(b) => (interval(b)),
-                        None => "–",
-                    }
-                }
-                td.off[m.rejected > 0] { (m.rejected) }
-            } } }
-        } }
-    }
+    let heads = [
+        "method",
+        "seeds",
+        "energy: picture over reference",
+        "squared bias",
+        "samples refused",
+    ];
+    let or_interval = |i: &Option<Interval>| match i {
+        Some(i) => interval(i),
+        None => html! { "–" },
+    };
+    let rows = scene.methods.iter().map(|m| {
+        html! {
+            (name(results, &m.name))
+            td { (m.seeds) }
+            td.off[m.energy_is_off()] {
+                (or_interval(&m.energy))
+                @if m.energy_is_off() { " off" }
+            }
+            td { (or_interval(&m.squared_bias)) }
+            td.off[m.rejected > 0] { (m.rejected) }
+        }
+    });
+    table("Stability", heads, rows)
 }
 
 /// The formulas of the errors, as the metrics tell them.

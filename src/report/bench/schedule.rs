@@ -1,17 +1,17 @@
-//! When a run looks at its errors, and how long a pass may be so that it ends there.
+//! Time points at which a run records its errors, and the length of passes that end there.
 
 use super::results::Point;
 use super::suite::Suite;
 
-/// The moments of a suite that a run has yet to reach.
-pub(super) struct Marks<'a> {
+/// The time points of a suite that a run has yet to reach.
+pub(super) struct Schedule<'a> {
     suite: &'a Suite,
     threads: usize,
     times: usize,
     samples: usize,
 }
 
-impl<'a> Marks<'a> {
+impl<'a> Schedule<'a> {
     pub(super) fn new(suite: &'a Suite, threads: usize) -> Self {
         Self {
             suite,
@@ -21,7 +21,7 @@ impl<'a> Marks<'a> {
         }
     }
 
-    /// The sample number at which the next pass ends; `None` when every moment is reached.
+    /// The sample number at which the next pass ends; `None` when every time point is reached.
     ///
     /// The first pass is one sample: where the curve begins, and how long a sample takes.
     pub(super) fn next(&self, now: &Point) -> Option<u32> {
@@ -41,7 +41,7 @@ impl<'a> Marks<'a> {
         Some(samples.map_or(end, |s| end.min(s)))
     }
 
-    /// Whether the errors are to be recorded now; takes the moments that are reached off the list.
+    /// True if errors are to be recorded now; takes the time points that are reached off the list.
     pub(super) fn crossed(&mut self, now: &Point) -> bool {
         let seconds = self.suite.clock.seconds(now, self.threads);
         let before = (self.times, self.samples);
@@ -75,7 +75,7 @@ mod tests {
              [[method]]\nname = 'm'\nmethod = 'plain'\n"
         ))
         .unwrap();
-        let mut marks = Marks::new(&suite, 1);
+        let mut schedule = Schedule::new(&suite, 1);
         let mut now = Point {
             samples: 0,
             wall: 0.0,
@@ -83,12 +83,12 @@ mod tests {
             errors: BTreeMap::new(),
         };
         let (mut seen, mut passes) = (Vec::new(), 0);
-        while let Some(end) = marks.next(&now) {
+        while let Some(end) = schedule.next(&now) {
             assert!(end > now.samples);
             now.wall += cost * f64::from(end - now.samples);
             now.samples = end;
             passes += 1;
-            if marks.crossed(&now) {
+            if schedule.crossed(&now) {
                 seen.push((now.samples, now.wall));
             }
         }
@@ -96,12 +96,12 @@ mod tests {
     }
 
     #[test]
-    fn passes_end_at_the_moments() {
+    fn passes_end_at_the_time_points() {
         let (seen, passes) = play("[0.5, 1.0, 4.0]", "[4, 16]", 1.0 / 1024.0);
         let samples: Vec<u32> = seen.iter().map(|s| s.0).collect();
         assert_eq!(samples, [1, 4, 16, 512, 1024, 4096]);
         assert!(passes < 30, "{passes}");
-        // A sample that takes longer than the first moments.
+        // A sample that takes longer than the first time points.
         let (seen, _) = play("[0.5, 1.0, 4.0]", "[]", 1.5);
         assert_eq!(seen, [(1, 1.5), (3, 4.5)]);
         // Samples only.
