@@ -3,9 +3,9 @@
 use super::accel::Accel;
 use super::material::AlphaMode;
 use super::mesh::{attribute, mix};
-use super::normals::{facing, normal_texel, perturbed, tangent};
+use super::normals::{lifted, normal_texel, perturbed, tangent};
 use super::{Hit, Material, Mesh, SceneParts, Surface};
-use crate::math::{Frame, Ray, Vec2, Vec3};
+use crate::math::{Ray, Vec2, Vec3};
 
 /// Half a unit in the last place, relative.
 const HALF_ULP: f32 = 0.5 * f32::EPSILON;
@@ -146,8 +146,9 @@ impl Geometry {
         }
     }
 
-    /// Interpolates a hit.
-    pub fn surface(&self, parts: &SceneParts, ray: &Ray, hit: &Hit) -> Surface {
+    /// Interpolates the surface at a hit. No direction enters: a path from the camera and a path from a light that meet
+    /// at a point see the same surface.
+    pub fn surface(&self, parts: &SceneParts, hit: &Hit) -> Surface {
         let [a, b, c] = self.triangle(hit.triangle);
         let weights = [(1.0 - hit.u - hit.v).max(0.0), hit.u, hit.v];
         let origin = a.as_dvec3();
@@ -179,7 +180,7 @@ impl Geometry {
         Surface {
             position,
             ng,
-            frame: Frame::from_normal(facing(ns, ng, -ray.dir)),
+            ns: lifted(ns, ng),
             uv,
             triangle: hit.triangle,
             material: mesh.material,

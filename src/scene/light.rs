@@ -275,7 +275,7 @@ impl Emitters {
             if scene.geometry().has_opacity() {
                 return self.emission_at_closest(scene, ray);
             }
-            let surface = scene.surface(ray, &hit);
+            let surface = scene.surface(&hit);
             let radiance = scene.emitted(&surface, -ray.dir);
             // The emitter's own surface must not hide it. Both trees find it at the same distance to the bit.
             let segment = Ray {
@@ -315,7 +315,7 @@ impl Emitters {
                 distance: f32::INFINITY,
             });
         };
-        let surface = scene.surface(ray, &hit);
+        let surface = scene.surface(&hit);
         let radiance = scene.emitted(&surface, -ray.dir);
         let pdf_w = self.pdf_emitter(ray.origin, &surface);
         (radiance != Rgb::ZERO).then_some(Emission {

@@ -64,8 +64,8 @@ pub struct Surface {
     pub position: Vec3,
     /// Unit geometric normal, towards the front side (counter-clockwise winding).
     pub ng: Vec3,
-    /// Shading frame; its normal lies on the same side as `ng`.
-    pub frame: Frame,
+    /// Unit shading normal, interpolated and normal-mapped, on the same side as `ng`; see [`Surface::frame_for`].
+    pub ns: Vec3,
     /// Texture coordinates (set 0).
     pub uv: Vec2,
     /// Index of the triangle, in scene order.
@@ -148,10 +148,10 @@ impl Scene {
         self.geometry.occluded(&self.parts, ray)
     }
 
-    /// Interpolates the surface at a hit of `ray`.
+    /// Interpolates the surface at a hit.
     #[inline]
-    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
-        self.geometry.surface(&self.parts, ray, hit)
+    pub fn surface(&self, hit: &Hit) -> Surface {
+        self.geometry.surface(&self.parts, hit)
     }
 
     /// The material at a surface point.
@@ -213,6 +213,16 @@ impl Scene {
 }
 
 impl Surface {
+    /// Shading frame for light that leaves or arrives along `w`: its normal is `ns`, bent towards `ng` just so far that
+    /// `w` sees the same side of both.
+    ///
+    /// A BSDF's value is a function of the frame for the direction towards the camera; the density of a walk is one of
+    /// the frame for the direction the walk came from. Where neither direction bends `ns` these are equal bit for bit.
+    #[inline]
+    pub fn frame_for(&self, w: Vec3) -> Frame {
+        Frame::from_normal(normals::bent(self.ns, self.ng, w))
+    }
+
     /// A ray that leaves this surface towards `dir`, starting clear of it.
     #[inline]
     pub fn spawn(&self, dir: Vec3) -> Ray {

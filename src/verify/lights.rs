@@ -246,7 +246,7 @@ pub fn hidden(shadow_ray: ShadowRay<'_>) -> Finding {
                     count += 1;
                     continue;
                 };
-                let surface = scene.surface(&ray, &hit);
+                let surface = scene.surface(&hit);
                 if let Some(light) = scene.sample_light(surface.position, u) {
                     count += u32::from(scene.occluded(&shadow_ray(&surface, &light)));
                 }

@@ -3,7 +3,7 @@
 use crate::geometry::{
     bumpy_sphere, direction, geometry_of, mesh_of, parts_of, point, rng, square,
 };
-use opsr::math::{Ray, Vec2, Vec3};
+use opsr::math::{Frame, Ray, Vec2, Vec3};
 use opsr::scene::material::AlphaMode;
 use opsr::scene::{Geometry, Hit, Material, Mesh, SceneParts, Surface};
 use rand::RngExt;
@@ -38,7 +38,7 @@ fn leaving(rng: &mut Pcg32, ng: Vec3, least: f32) -> Vec3 {
 
 fn meet(geometry: &Geometry, parts: &SceneParts, ray: &Ray) -> Option<(Hit, Surface)> {
     let hit = geometry.intersect(parts, ray)?;
-    Some((hit, geometry.surface(parts, ray, &hit)))
+    Some((hit, geometry.surface(parts, &hit)))
 }
 
 #[test]
@@ -123,7 +123,6 @@ fn thin_shells_are_told_apart_at_every_scale() {
         let geometry = geometry_of(&parts);
         let up = geometry.surface(
             &parts,
-            &Ray::new(Vec3::ZERO, Vec3::Z),
             &Hit {
                 t: 1.0,
                 triangle: 0,
@@ -199,7 +198,7 @@ fn surfaces_interpolate_attributes() {
         assert!((s.uv - Vec2::new(0.75, 0.5)).length() < 1e-6, "{s:?}");
         assert!((s.position - Vec3::new(0.5, 0.0, 0.0)).length() < 1e-6);
         let n = (0.75 * Vec3::Z + 0.25 * Vec3::new(0.6, 0.0, 0.8)).normalize();
-        assert!((s.frame.n - n).length() < 1e-6, "{s:?} {hit:?}");
+        assert!((s.ns - n).length() < 1e-6, "{s:?} {hit:?}");
     }
     assert_eq!(geometry.triangle_uvs(&parts, 0)[2], Vec2::ONE);
     assert_eq!(geometry.triangle_area(0), 2.0);
@@ -231,13 +230,91 @@ fn shading_normals_never_contradict_the_geometry() {
         let Some((_, s)) = meet(&geometry, &parts, &Ray::new(on + wo, -wo)) else {
             continue;
         };
-        let (n, cos) = (s.frame.n, wo.dot(s.ng));
+        let (n, cos) = (s.frame_for(wo).n, wo.dot(s.ng));
+        assert!(s.ns.dot(s.ng) >= 0.0, "{:?}", s.ns);
         assert!((n.length() - 1.0).abs() < 1e-5, "{n:?}");
         assert!(n.dot(s.ng) >= 0.0, "{n:?}");
         assert!(wo.dot(n) * cos >= 0.0, "{n:?} {wo:?}");
         bent += usize::from((wo.dot(n) / cos.signum() - 1e-3).abs() < 1e-3);
     }
     assert!(bent > 100, "only {bent} were bent: the test sees nothing");
+}
+
+/// The bits of a frame.
+fn bits(frame: Frame) -> [[u32; 3]; 3] {
+    [frame.s, frame.t, frame.n].map(|v| v.to_array().map(f32::to_bits))
+}
+
+#[test]
+fn shading_frame_bends_only_for_grazing_directions() {
+    let (base, mut rng) = (meet_square(), rng(81));
+    let (mut level, mut bent) = (0, 0);
+    for _ in 0..20_000 {
+        let ng = direction(&mut rng);
+        let ns = (ng + point(&mut rng, 0.5)).normalize();
+        let surface = Surface { ng, ns, ..base };
+        let w = direction(&mut rng);
+        let side = if w.dot(ng) < 0.0 { -w } else { w };
+        let frame = surface.frame_for(w);
+        assert_eq!(bits(frame), bits(surface.frame_for(-w)), "two sides, {w}");
+        // Edge-on, rounding may take the last digit.
+        assert!(frame.n.dot(side) > -1e-6, "{ns} {w}");
+        if ns.dot(side) >= 1e-3 {
+            assert_eq!(bits(frame), bits(Frame::from_normal(ns)), "{ns} {w}");
+            level += 1;
+        } else {
+            assert_ne!(frame.n, ns, "{w} sees the other side");
+            bent += 1;
+        }
+    }
+    assert!(level > 15_000 && bent > 500, "{level} {bent}");
+}
+
+#[test]
+fn shading_frame_is_that_of_one_surface_for_camera_rays_and_light_rays() {
+    let mut sphere = bumpy_sphere(20, 40);
+    sphere.normals = sphere.positions.iter().map(|p| p.normalize()).collect();
+    let parts = parts_of(vec![sphere]);
+    let geometry = geometry_of(&parts);
+    let mut rng = rng(82);
+    let (mut met, mut apart) = (0, 0);
+    for _ in 0..20_000 {
+        let (from, dir) = (3.0 * direction(&mut rng), point(&mut rng, 1.0));
+        let Some((hit, camera)) =
+            meet(&geometry, &parts, &Ray::new(from, (dir - from).normalize()))
+        else {
+            continue;
+        };
+        // Towards the same point from a light elsewhere.
+        let to = leaving(&mut rng, camera.ng, 1e-3);
+        let Some((other, light)) = meet(&geometry, &parts, &Ray::new(camera.position + to, -to))
+        else {
+            continue;
+        };
+        if other.triangle != hit.triangle {
+            continue;
+        }
+        met += 1;
+        assert_eq!(camera.ng, light.ng);
+        assert!(
+            (camera.ns - light.ns).length() < 1e-4,
+            "{camera:?} {light:?}"
+        );
+        let wo = (from - camera.position).normalize();
+        let value = [camera.frame_for(wo), light.frame_for(wo)];
+        assert!((value[0].n - value[1].n).length() < 1e-2, "{value:?}");
+        // A walk from the light that kept its own frame would scatter off another surface.
+        apart += usize::from((light.frame_for(to).n - value[0].n).length() > 1e-2);
+    }
+    assert!(met > 5000 && apart > 50, "{met} {apart}");
+}
+
+/// A point of a square.
+fn meet_square() -> Surface {
+    let parts = parts_of(vec![mesh_of(&square(1.0, 0.0))]);
+    let ray = Ray::new(Vec3::new(0.3, 0.1, 1.0), Vec3::NEG_Z);
+    let (_, surface) = meet(&geometry_of(&parts), &parts, &ray).expect("hit");
+    surface
 }
 
 /// An opaque square below one of the given opacity.

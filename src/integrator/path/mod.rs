@@ -64,7 +64,7 @@ impl<R: Regulariser> PathTracer<R> {
                 }
                 break;
             };
-            let surface = scene.surface(&ray, &hit);
+            let surface = scene.surface(&hit);
             if !medium.is_empty() {
                 let transmittance = medium.transmittance(scene, hit.t);
                 throughput *= transmittance;
@@ -89,11 +89,13 @@ impl<R: Regulariser> PathTracer<R> {
             let bsdf = scene.bsdf(&surface, u.material);
             let alpha = bsdf.alpha();
             let alpha_reg = self.roughen(&memory, alpha);
+            let frame = surface.frame_for(-ray.dir);
             let here = Here {
                 scene,
                 surface,
+                frame,
                 bsdf,
-                wo: surface.frame.to_local(-ray.dir),
+                wo: frame.to_local(-ray.dir),
                 alpha,
                 alpha_reg,
                 throughput,

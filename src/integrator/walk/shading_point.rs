@@ -5,7 +5,7 @@ use super::pending_emission::Arrival;
 use crate::bsdf::{Bsdf, BsdfSample, Lobe, LobeQuery};
 use crate::integrator::walk::observer::{Event, PathObserver, Technique};
 use crate::math::measure::balance;
-use crate::math::{Rgb, Vec3};
+use crate::math::{Frame, Rgb, Vec3};
 use crate::regularise::Regulariser;
 use crate::sampler::VertexU;
 use crate::scene::{LightSample, Scene, Surface};
@@ -14,6 +14,8 @@ use crate::scene::{LightSample, Scene, Surface};
 pub(in crate::integrator) struct Here<'a> {
     pub(in crate::integrator) scene: &'a Scene,
     pub(in crate::integrator) surface: Surface,
+    /// Shading frame for the direction towards the previous vertex.
+    pub(in crate::integrator) frame: Frame,
     pub(in crate::integrator) bsdf: Bsdf,
     /// Local direction towards the previous vertex.
     pub(in crate::integrator) wo: Vec3,
@@ -43,7 +45,7 @@ impl Here<'_> {
     /// World direction of a local one; `None` where shading and geometric normal disagree about its side.
     #[inline]
     fn world(&self, wi: Vec3) -> Option<Vec3> {
-        let world = self.surface.frame.to_world(wi);
+        let world = self.frame.to_world(wi);
         (world.dot(self.surface.ng) * wi.z > 0.0).then_some(world)
     }
 
@@ -75,7 +77,7 @@ impl Here<'_> {
         let Some(light) = self.scene.sample_light(self.surface.position, u) else {
             return Rgb::ZERO;
         };
-        let wi = self.surface.frame.to_local(light.wi);
+        let wi = self.frame.to_local(light.wi);
         if light.wi.dot(self.surface.ng) * wi.z <= 0.0 {
             return Rgb::ZERO;
         }
