@@ -40,7 +40,7 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
         "materials": materials,
         "textures": parts.textures.len(),
         "lights": {
-            "emissive_triangles": scene.emitters().area_lights(),
+            "emissive_triangles": scene.lights().emissive_triangles(),
             "point": count(|l| matches!(l, PunctualLight::Point { .. })),
             "spot": count(|l| matches!(l, PunctualLight::Spot { .. })),
             "directional": count(|l| matches!(l, PunctualLight::Directional { .. })),
@@ -102,7 +102,7 @@ pub(super) fn unused(scene: &Scene, method: &Method) -> Vec<String> {
             "transmission",
             parts.materials.iter().all(|m| m.transmission == 0.0),
         ),
-        ("light sampling", scene.emitters().is_empty()),
+        ("light sampling", scene.lights().is_empty()),
         ("regularisation", *method == Method::Plain),
     ];
     off.iter()

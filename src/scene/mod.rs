@@ -8,23 +8,21 @@ use crate::math::{Frame, Ray, Rgb, Vec2, Vec3};
 
 pub mod accel;
 pub mod camera;
-pub mod environment;
 pub mod geometry;
 pub mod light;
 pub mod load;
 pub mod material;
 pub mod mesh;
 mod normals;
-pub mod punctual;
 pub mod texture;
 
 pub use camera::Camera;
-pub use environment::Environment;
 pub use geometry::Geometry;
-pub use light::{Emission, Emitters, LightSample};
+pub use light::{
+    Emission, Environment, EnvironmentError, LightDensity, LightSample, Lights, PunctualLight,
+};
 pub use material::Material;
 pub use mesh::Mesh;
-pub use punctual::PunctualLight;
 pub use texture::Texture;
 
 /// Everything a scene is made of, as plain data.
@@ -80,7 +78,7 @@ pub struct Surface {
 pub struct Scene {
     parts: SceneParts,
     geometry: Geometry,
-    emitters: Emitters,
+    lights: Lights,
     has_absorption: bool,
     has_lobes: bool,
     warnings: Vec<String>,
@@ -91,14 +89,14 @@ impl Scene {
     pub fn new(parts: SceneParts) -> Self {
         let mut warnings = Vec::new();
         let geometry = Geometry::new(&parts, &mut warnings);
-        let emitters = Emitters::new(&parts, &geometry, &mut warnings);
+        let lights = Lights::new(&parts, &geometry, &mut warnings);
         let has_absorption = (parts.materials.iter()).any(|m| m.absorption != Rgb::ZERO);
         let mut shown = parts.meshes.iter().map(|m| m.material as usize);
         let has_lobes = shown.any(|m| !parts.materials.get(m).is_some_and(Material::is_rough));
         Self {
             parts,
             geometry,
-            emitters,
+            lights,
             has_absorption,
             has_lobes,
             warnings,
@@ -132,8 +130,9 @@ impl Scene {
     }
 
     /// Everything that emits.
-    pub fn emitters(&self) -> &Emitters {
-        &self.emitters
+    #[inline]
+    pub fn lights(&self) -> &Lights {
+        &self.lights
     }
 
     /// Closest hit in front of the ray's origin, alpha-masked parts left out.
@@ -167,48 +166,35 @@ impl Scene {
             .bsdf(&self.parts.textures, surface.uv, u)
     }
 
-    /// Draws a light and a point on it, as seen from `from`. `None` where the light drawn does not reach `from`.
-    /// Visibility is not tested.
-    #[inline]
-    pub fn sample_light(&self, from: Vec3, u: [f32; 3]) -> Option<LightSample> {
-        self.emitters.sample(&self.parts, &self.geometry, from, u)
-    }
-
-    /// Radiance emitted by a surface point towards `wo` (world); zero for most surfaces and for unlit sides.
-    #[inline]
-    pub fn emitted(&self, surface: &Surface, wo: Vec3) -> Rgb {
-        self.emitters.emitted(&self.parts, surface, wo)
-    }
-
-    /// Density per steradian with which [`Scene::sample_light`] from `from` draws the direction to that emitting point.
-    #[inline]
-    pub fn pdf_emitter(&self, from: Vec3, surface: &Surface) -> f32 {
-        self.emitters.pdf_emitter(from, surface)
-    }
-
-    /// Radiance seen from the scene when looking along `dir` past all surfaces.
-    #[inline]
-    pub fn environment(&self, dir: Vec3) -> Rgb {
-        self.parts
-            .environment
-            .as_ref()
-            .map_or(Rgb::ZERO, |e| e.radiance(dir))
-    }
-
-    /// Density per steradian with which [`Scene::sample_light`] draws the direction `dir` from the environment.
-    #[inline]
-    pub fn pdf_environment(&self, dir: Vec3) -> f32 {
-        self.emitters.pdf_environment(&self.parts, dir)
-    }
-
     /// The emission at the end of a ray, as light sampling from the ray's origin sees it; `None` if the ray ends on
     /// something dark.
     ///
-    /// For regularised lobe samples, whose ray counts emission only (method section 3): asks the emitters first, so
-    /// that a ray which meets none of them never walks the whole scene.
+    /// For regularised lobe samples, whose ray counts emission only: the lights are asked first, so that a ray that
+    /// meets none of them never walks the whole scene.
     #[inline]
     pub fn emission_along(&self, ray: &Ray) -> Option<Emission> {
-        self.emitters.emission_along(self, ray)
+        let lights = &self.lights;
+        let met = lights.closest(ray);
+        // Opacity may remove the emitter itself: then only the whole scene can tell.
+        let whole = met.is_some() && self.geometry.has_opacity();
+        let hit = if whole { self.intersect(ray) } else { met };
+        let hidden = |t_max| !whole && self.occluded(&Ray { t_max, ..*ray });
+        let Some(hit) = hit else {
+            let radiance = lights.environment(ray.dir);
+            return (radiance != Rgb::ZERO && !hidden(ray.t_max)).then(|| Emission {
+                radiance,
+                pdf_w: lights.pdf_environment(ray.dir),
+                distance: f32::INFINITY,
+            });
+        };
+        let surface = self.surface(&hit);
+        let radiance = lights.emitted(&surface, -ray.dir);
+        // The emitter's own surface must not hide it. Both trees find it at the same distance, bit for bit.
+        (radiance != Rgb::ZERO && !hidden(hit.t.next_down())).then(|| Emission {
+            radiance,
+            pdf_w: lights.pdf_emitter(ray.origin, &surface),
+            distance: hit.t,
+        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Textures: decoded images with wrap modes, sampled bilinearly in linear values.
 
 use crate::math::Vec2;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 /// What happens outside [0, 1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -15,7 +15,7 @@ pub enum Wrap {
     Clamp,
 }
 
-/// A decoded image: four bytes a texel.
+/// A decoded image: four bytes a texel. Clones share the texels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Texture {
     /// Width in texels, at least 1.
@@ -23,7 +23,7 @@ pub struct Texture {
     /// Height in texels, at least 1.
     pub height: u32,
     /// `width * height` texels, rows from the top.
-    pub texels: Vec<[u8; 4]>,
+    pub texels: Arc<[[u8; 4]]>,
     /// Whether the colour channels are sRGB encoded (the fourth never is).
     pub srgb: bool,
     /// Horizontal and vertical wrap.
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     fn ramp(wrap: Wrap) -> Texture {
-        let texels = vec![
+        let texels = [
             [0, 0, 0, 255],
             [100, 0, 0, 255],
             [200, 0, 0, 255],
@@ -136,7 +136,7 @@ mod tests {
         Texture {
             width: 4,
             height: 1,
-            texels,
+            texels: texels.into(),
             srgb: false,
             wrap: [wrap; 2],
         }
@@ -170,7 +170,7 @@ mod tests {
         let t = Texture {
             width: 1,
             height: 1,
-            texels: vec![[188, 0, 255, 128]],
+            texels: [[188, 0, 255, 128]].into(),
             srgb: true,
             ..Texture::default()
         };

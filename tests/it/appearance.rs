@@ -17,7 +17,7 @@ fn row(texels: &[[u8; 4]]) -> Texture {
     Texture {
         width: texels.len() as u32,
         height: 1,
-        texels: texels.to_vec(),
+        texels: texels.into(),
         srgb: false,
         wrap: [Wrap::Clamp; 2],
     }

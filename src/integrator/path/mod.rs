@@ -57,8 +57,8 @@ impl<R: Regulariser> PathTracer<R> {
                 if scene.parts().environment.is_some() {
                     arrival.scale(medium.transmittance(scene, f32::INFINITY));
                     total += arrival.weigh(
-                        scene.environment(ray.dir),
-                        || scene.pdf_environment(ray.dir),
+                        scene.lights().environment(ray.dir),
+                        || scene.lights().pdf_environment(ray.dir),
                         observer,
                     );
                 }
@@ -72,11 +72,11 @@ impl<R: Regulariser> PathTracer<R> {
             }
 
             // ── emission met by the ray
-            let radiance = scene.emitted(&surface, -ray.dir);
+            let radiance = scene.lights().emitted(&surface, -ray.dir);
             if radiance != Rgb::ZERO && arrival.throughput != Rgb::ZERO {
                 total += arrival.weigh(
                     radiance,
-                    || scene.pdf_emitter(ray.origin, &surface),
+                    || scene.lights().pdf_emitter(ray.origin, &surface),
                     observer,
                 );
             }

@@ -8,7 +8,7 @@ use crate::math::measure::balance;
 use crate::math::{Frame, Rgb, Vec3};
 use crate::regularise::Regulariser;
 use crate::sampler::VertexU;
-use crate::scene::{LightSample, Scene, Surface};
+use crate::scene::{Scene, Surface};
 
 /// A vertex as the steps of the loop need it.
 pub(in crate::integrator) struct Here<'a> {
@@ -74,7 +74,7 @@ impl Here<'_> {
         if self.bsdf.is_delta_at(self.alpha_reg) {
             return Rgb::ZERO;
         }
-        let Some(light) = self.scene.sample_light(self.surface.position, u) else {
+        let Some(light) = self.scene.lights().sample(self.surface.position, u) else {
             return Rgb::ZERO;
         };
         let wi = self.frame.to_local(light.wi);
@@ -93,19 +93,14 @@ impl Here<'_> {
         let radiance =
             self.throughput * light.radiance * self.transmittance(light.wi, light.distance);
         if O::EVENTS && self.is_regularised() {
-            let LightSample { pdf_w, delta, .. } = light;
             observer.event(&Event {
-                pdf_light: pdf_w,
-                delta_light: delta,
+                pdf_light: light.density.value(),
+                delta_light: light.density.is_delta(),
                 ..self.event(query, radiance, Technique::Light)
             });
         }
-        let weight = if light.delta {
-            1.0
-        } else {
-            balance(light.pdf_w, eval.pdf_w)
-        };
-        radiance * eval.value * (weight / light.pdf_w)
+        let weight = light.density.mis_weight(eval.pdf_w);
+        radiance * eval.value * (weight / light.density.value())
     }
 
     /// The bodies that a ray from here along the world direction `wi` is inside of.

@@ -72,21 +72,13 @@ impl Requests {
         let mut left = MAX_TEXELS[1];
         for (image, uses) in self.uses {
             let at = place("images", image, data.root.images[image].name.as_ref());
-            let copies = uses.len() as u64;
-            let (width, height, mut texels) = decoded(data, image, files, &at, left / copies)?;
-            left -= texels.len() as u64 * copies;
-            for (k, (texture, Key { srgb, wrap, .. })) in uses.iter().enumerate() {
-                let last = k + 1 == uses.len();
-                textures[*texture as usize] = Texture {
-                    width,
-                    height,
-                    texels: if last {
-                        std::mem::take(&mut texels)
-                    } else {
-                        texels.clone()
-                    },
-                    srgb: *srgb,
-                    wrap: *wrap,
+            let picture = decoded(data, image, files, &at, left)?;
+            left -= picture.texels.len() as u64;
+            for (texture, Key { srgb, wrap, .. }) in uses {
+                textures[texture as usize] = Texture {
+                    srgb,
+                    wrap,
+                    ..picture.clone()
                 };
             }
         }
@@ -102,16 +94,14 @@ fn mode(wrap: &Checked<WrappingMode>) -> Wrap {
     }
 }
 
-type Picture = (u32, u32, Vec<[u8; 4]>);
-
-/// Width, height and texels of an image of at most `most` texels. The bytes decide the format, not the MIME type.
+/// An image of at most `most` texels. The bytes decide the format, not the MIME type.
 fn decoded(
     data: &Data<'_>,
     index: usize,
     files: &mut Files,
     at: &str,
     most: u64,
-) -> Result<Picture> {
+) -> Result<Texture> {
     let image = &data.root.images[index];
     let owned;
     let bytes = match (&image.uri, image.buffer_view) {
@@ -144,5 +134,10 @@ fn decoded(
         .map_err(bad)?
         .into_rgba8();
     let (texels, _) = pixels.as_raw().as_chunks::<4>();
-    Ok((width, height, texels.to_vec()))
+    Ok(Texture {
+        width,
+        height,
+        texels: texels.into(),
+        ..Texture::default()
+    })
 }

@@ -139,7 +139,7 @@ fn textures_by_use_and_sampler() {
         parts
             .textures
             .iter()
-            .all(|t| t.texels == expected && (t.width, t.height) == (2, 2))
+            .all(|t| *t.texels == expected && (t.width, t.height) == (2, 2))
     );
     assert!(loaded.warnings.iter().any(|w| w.contains("nearest")));
 }
@@ -162,7 +162,7 @@ fn pixel_formats() {
         let mut file = File::triangle();
         file.texture(&picture);
         file.push("materials", json!({ "emissiveTexture": { "index": 0 } }));
-        assert_eq!(file.loaded().parts.textures[0].texels, [texel]);
+        assert_eq!(*file.loaded().parts.textures[0].texels, [texel]);
     }
     // JPEG, whatever the file calls it.
     let mut out = std::io::Cursor::new(Vec::new());

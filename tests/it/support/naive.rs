@@ -30,10 +30,10 @@ fn radiance(scene: &Scene, at: Vec2, sampler: &mut impl Sampler, max_vertices: u
     let (mut total, mut throughput) = (Rgb::ZERO, Rgb::ONE);
     for n in 1..=max_vertices + 1 {
         let Some(hit) = scene.intersect(&ray) else {
-            return total + throughput * scene.environment(ray.dir);
+            return total + throughput * scene.lights().environment(ray.dir);
         };
         let surface = scene.surface(&hit);
-        total += throughput * scene.emitted(&surface, -ray.dir);
+        total += throughput * scene.lights().emitted(&surface, -ray.dir);
         if n > max_vertices {
             break;
         }

@@ -1,6 +1,6 @@
 //! Lights without area: points, spots and the sun.
 
-use super::LightSample;
+use super::{LightDensity, LightSample};
 use crate::math::{Rgb, Vec3, luminance};
 use std::f32::consts::PI;
 
@@ -94,8 +94,7 @@ impl PunctualLight {
             wi,
             distance,
             radiance,
-            pdf_w: pmf,
-            delta: true,
+            density: LightDensity::Delta(pmf),
             cos: 1.0,
             // At infinity the ray must not end before it.
             error: if distance.is_finite() {

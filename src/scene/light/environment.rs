@@ -13,15 +13,16 @@ use crate::math::discrete::Distribution2D;
 use crate::math::{Rgb, Vec2, Vec3, luminance};
 use std::f32::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-/// Radiance from infinity.
+/// Radiance from infinity. Clones share the map.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    map: Buffer,
+    map: Arc<Buffer>,
     /// Turn about +Y in radians.
     rotation: f32,
     /// Density over (u, v), proportional to luminance · sin θ; `None` for a black map.
-    density: Option<Distribution2D>,
+    density: Option<Arc<Distribution2D>>,
 }
 
 /// The most bytes of a map's file, and of its texels in memory: far above any sky, far below what a header of a few
@@ -96,9 +97,9 @@ impl Environment {
                 f64::from(luminance(texel)) * (edge(row) - edge(row + 1.0))
             })
             .collect();
-        let density = Distribution2D::new(map.width, &weights);
+        let density = Distribution2D::new(map.width, &weights).map(Arc::new);
         Self {
-            map,
+            map: map.into(),
             rotation,
             density,
         }
