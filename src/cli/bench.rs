@@ -3,7 +3,6 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use anyhow::Context;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use opsr::report::bench::{Outcome, Status, Suite, run as measure, summary};
@@ -48,11 +47,7 @@ pub(super) struct BenchArgs {
 /// Runs the command: a table per scene goes to standard output.
 pub(super) fn run(args: &BenchArgs) -> anyhow::Result<Exit> {
     let suite = Suite::load(&args.suite).input()?;
-    if let Some(threads) = args.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
-        pool.build_global()
-            .context("cannot start that many threads")?;
-    }
+    super::set_threads(args.threads)?;
     let command = std::env::args().collect::<Vec<_>>().join(" ");
     let stop = Stop::listen();
     let bar = ProgressBar::new(0);

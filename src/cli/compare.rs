@@ -75,18 +75,14 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<()> {
     }
     if let Some(path) = &args.json {
         let json = serde_json::to_string_pretty(&comparison)? + "\n";
-        files::write_bytes(path, json.as_bytes())
-            .with_context(|| path.display().to_string())
-            .output()?;
+        files::write_bytes(path, json).output()?;
     }
     if let Some(folder) = &args.maps {
         write_maps(folder, &comparison)?;
     }
     if let Some(path) = &args.page {
         let html = page::page(&comparison, &pictures, &reference, &args.exposures)?;
-        files::write_bytes(path, html.as_bytes())
-            .with_context(|| path.display().to_string())
-            .output()?;
+        files::write_bytes(path, html).output()?;
     }
     Ok(())
 }
@@ -108,9 +104,7 @@ fn print_agreement(files: &[PathBuf]) -> anyhow::Result<()> {
 
 /// Files are numbered, since pictures of different folders may share their name.
 fn write_maps(folder: &Path, comparison: &Comparison) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder)
-        .with_context(|| folder.display().to_string())
-        .output()?;
+    files::create_folder(folder).output()?;
     for (i, entry) in comparison.entries.iter().enumerate() {
         let stem = Path::new(&entry.name)
             .file_stem()

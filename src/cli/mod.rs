@@ -1,7 +1,8 @@
-//! The command line: what was typed becomes a job, the library does it, one place prints errors.
+//! The command line: options become calls of the library, errors become messages and exit codes in one place.
 //!
-//! Only this folder knows clap, anyhow and the terminal.
+//! Only this folder uses clap, anyhow and the terminal.
 
+use anyhow::Context;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -25,13 +26,13 @@ mod train;
 mod tune;
 mod verify;
 
-/// What the program's exit code says.
+/// Exit code of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 enum Exit {
     /// Done.
     Done = 0,
-    /// Something failed that is not one of the below.
+    /// Any failure that is not one of those below.
     Failed = 1,
     /// Wrong usage; clap exits with the same code.
     Usage = 2,
@@ -39,7 +40,7 @@ enum Exit {
     Input = 3,
     /// A result could not be written.
     Output = 4,
-    /// Stopped by the user; what there was is saved.
+    /// Stopped by the user; the results so far are saved.
     Stopped = 5,
 }
 
@@ -49,54 +50,54 @@ struct Failure(Exit, anyhow::Error);
 
 impl std::fmt::Display for Failure {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&told(&self.1))
+        write!(f, "{:#}", self.1)
     }
 }
 
 impl std::error::Error for Failure {}
 
-/// An error and its causes, but for causes that the words before them tell already.
-fn told(error: &anyhow::Error) -> String {
-    let mut text = String::new();
-    for cause in error.chain().map(ToString::to_string) {
-        if text.is_empty() {
-            text = cause;
-        } else if !text.contains(&cause) {
-            text = format!("{text}: {cause}");
-        }
-    }
-    text
-}
-
 /// Gives an error its exit code.
-trait Blame<T> {
-    /// What was typed is at fault.
-    fn usage(self) -> anyhow::Result<T>;
+trait Blame<T>: Sized {
+    /// The command line is at fault.
+    fn usage(self) -> anyhow::Result<T> {
+        self.blame(Exit::Usage)
+    }
+
     /// The user's input is at fault.
-    fn input(self) -> anyhow::Result<T>;
+    fn input(self) -> anyhow::Result<T> {
+        self.blame(Exit::Input)
+    }
+
     /// The place to write to is at fault.
-    fn output(self) -> anyhow::Result<T>;
+    fn output(self) -> anyhow::Result<T> {
+        self.blame(Exit::Output)
+    }
+
+    /// This exit code.
+    fn blame(self, exit: Exit) -> anyhow::Result<T>;
 }
 
 impl<T, E: Into<anyhow::Error>> Blame<T> for Result<T, E> {
-    fn usage(self) -> anyhow::Result<T> {
-        self.map_err(|e| Failure(Exit::Usage, e.into()).into())
+    fn blame(self, exit: Exit) -> anyhow::Result<T> {
+        self.map_err(|e| Failure(exit, e.into()).into())
     }
+}
 
-    fn input(self) -> anyhow::Result<T> {
-        self.map_err(|e| Failure(Exit::Input, e.into()).into())
+/// Sets the number of threads; all cores without one.
+fn set_threads(threads: Option<u16>) -> anyhow::Result<()> {
+    if let Some(threads) = threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
+        pool.build_global()
+            .context("cannot start that many threads")?;
     }
-
-    fn output(self) -> anyhow::Result<T> {
-        self.map_err(|e| Failure(Exit::Output, e.into()).into())
-    }
+    Ok(())
 }
 
 /// Render caustics, glossy chains and light seen through glass with learned path space regularisation.
 #[derive(Parser)]
 #[command(version, max_term_width = 100, after_help = EXIT_CODES)]
 struct Args {
-    /// Say more about what is going on (-v, -vv); RUST_LOG is honoured too.
+    /// Log more (-v, -vv); RUST_LOG is honoured too.
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
     verbose: u8,
     #[command(subcommand)]
@@ -104,7 +105,7 @@ struct Args {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 an input file is missing, damaged or not \
-supported; 4 a result could not be written; 5 stopped by the user, with what there was saved.";
+supported; 4 a result could not be written; 5 stopped by the user, the results so far are saved.";
 
 #[derive(Subcommand)]
 enum Command {
@@ -113,11 +114,11 @@ enum Command {
     /// Learn tables of attenuation factors.
     #[cfg(feature = "train")]
     Train(Box<train::TrainArgs>),
-    /// Say what a scene has and needs.
+    /// Describe a scene: geometry, materials, lights, cameras, warnings.
     Info(info::InfoArgs),
     /// Compare pictures with a reference.
     Compare(Box<compare::CompareArgs>),
-    /// The training scenes that the program carries as code, and their references.
+    /// Write the training scenes of the program, and render their references.
     Scenes(scenes::ScenesArgs),
     /// Measure methods against each other on scenes with references.
     Bench(bench::BenchArgs),
@@ -125,7 +126,7 @@ enum Command {
     Table(table::TableArgs),
     /// Turn the results of a bench into one HTML file.
     Report(report::ReportArgs),
-    /// Try hard numerical cases on this machine.
+    /// Run hard numerical cases on this machine.
     Verify(verify::VerifyArgs),
 }
 
@@ -154,7 +155,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Verify(args) => verify::run(&args),
     };
     let exit = result.unwrap_or_else(|error| {
-        eprintln!("opsr: {}", told(&error));
+        eprintln!("opsr: {}", format!("{error:#}"));
         error
             .downcast_ref::<Failure>()
             .map_or(Exit::Failed, |failure| failure.0)

@@ -3,7 +3,7 @@
 use super::output::print;
 use super::stop::Stop;
 use super::{Blame, Exit, Failure, scene};
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use opsr::gallery::manifest::{Entry, Manifest};
 use opsr::gallery::reference::{Reference, SEED};
 use opsr::scene::Scene;
@@ -83,11 +83,7 @@ impl Work<'_> {
 
 /// Runs the command.
 pub(super) fn run(args: &ReferenceArgs) -> anyhow::Result<Exit> {
-    if let Some(threads) = args.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
-        pool.build_global()
-            .context("cannot start that many threads")?;
-    }
+    super::set_threads(args.threads)?;
     let manifest = Manifest::load(&args.manifest).input()?;
     let (scenes, mut work) = open(args, &manifest)?;
     let free = args.spp.is_none() && args.time.is_none();

@@ -29,11 +29,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     if let Some(path) = &args.checkpoint {
         can_write(path).output()?;
     }
-    if let Some(threads) = args.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads));
-        pool.build_global()
-            .context("cannot start that many threads")?;
-    }
+    super::set_threads(args.threads)?;
     let chosen = job::method(args)?;
     let opened = args.scene.open()?;
     let mut settings = job::settings(args, chosen.method);

@@ -1,6 +1,6 @@
 //! `opsr report`: the results of a bench as a page.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::Args;
@@ -34,26 +34,18 @@ pub(super) fn run(args: &ReportArgs) -> anyhow::Result<()> {
     // The page is in its place only when all that goes with it is.
     can_write(&args.output).output()?;
     if let Some(folder) = &args.plots {
-        std::fs::create_dir_all(folder)
-            .with_context(|| folder.display().to_string())
-            .output()?;
+        files::create_folder(folder).output()?;
         if let Some(plot) = overalls(&results).first().and_then(plots::standings) {
-            write(&folder.join("overall.svg"), &plot)?;
+            files::write_bytes(&folder.join("overall.svg"), plot).output()?;
         }
         for scene in summary::summaries(&results) {
             for (i, (plot, _)) in plots::curves(&results, &scene).iter().enumerate() {
                 let name = format!("{}-{}.svg", file_name(&scene.name), i + 1);
-                write(&folder.join(name), plot)?;
+                files::write_bytes(&folder.join(name), plot).output()?;
             }
         }
     }
-    write(&args.output, &html)
-}
-
-fn write(path: &Path, text: &str) -> anyhow::Result<()> {
-    files::write_bytes(path, text.as_bytes())
-        .with_context(|| path.display().to_string())
-        .output()
+    files::write_bytes(&args.output, html).output()
 }
 
 /// The name of a scene without what a file's name should not have.

@@ -2,7 +2,7 @@
 
 use super::Blame;
 use super::output::print;
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use clap::{Args, Subcommand, ValueEnum};
 use opsr::files;
 use opsr::files::hex;
@@ -119,9 +119,7 @@ fn write(file: &Path, format: Option<Format>, output: &Path) -> anyhow::Result<(
     if output == Path::new("-") {
         return print(bytes);
     }
-    files::write_bytes(output, &bytes)
-        .with_context(|| output.display().to_string())
-        .output()
+    files::write_bytes(output, &bytes).output()
 }
 
 /// Header, statistics and classes, as JSON.

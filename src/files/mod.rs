@@ -1,10 +1,20 @@
-//! Files: read in bounds, written whole or not at all.
+//! Files: bounded reads, writes that are whole or not made, sealed files, hashes in hex.
+//!
+//! Errors of this crate follow one convention: the text is complete, its cause included, and `source()` is `None`.
+//! So `{error}` and anyhow's `{error:#}` say everything once.
 
-mod hex;
+mod error;
 mod read;
+mod sealed;
 mod write;
 
-pub use hex::hex;
+pub use error::{FileError, Problem};
 pub(crate) use read::{briefly, stream, toml};
 pub use read::{read, read_text};
-pub use write::{write, write_bytes};
+pub(crate) use sealed::Sealed;
+pub use write::{create_folder, write, write_bytes};
+
+/// Lower-case hexadecimal digits of a hash.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}

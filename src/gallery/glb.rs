@@ -1,13 +1,14 @@
 //! Writes scene parts as one binary glTF file: meshes in world space, materials with the extensions we model, lights
 //! and cameras. The same parts give the same bytes.
 
+use crate::files::{self, FileError};
 use crate::math::{Frame, Rgb, Vec3};
 use crate::scene::camera::Projection;
 use crate::scene::material::AlphaMode;
 use crate::scene::{Camera, Material, Mesh, PunctualLight, SceneParts};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Why scene parts could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -15,23 +16,15 @@ pub enum SaveError {
     /// A part that this writer has no form for.
     #[error("{0} cannot be written to a .glb file")]
     Unsupported(&'static str),
-    /// The file could not be written.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
+    /// The file cannot be written.
+    #[error(transparent)]
+    File(#[from] FileError),
 }
 
 /// Writes the parts to a file.
 pub fn save(parts: &SceneParts, path: &Path) -> Result<(), SaveError> {
     let bytes = to_glb(parts)?;
-    crate::files::write_bytes(path, &bytes).map_err(|source| SaveError::Io {
-        path: path.to_owned(),
-        source,
-    })
+    Ok(files::write_bytes(path, bytes)?)
 }
 
 /// The parts as the bytes of a `.glb` file.

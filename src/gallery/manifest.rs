@@ -1,6 +1,6 @@
 //! The list of training and validation scenes: which file, which camera, which crops, how exposed.
 
-use crate::files;
+use crate::files::{self, FileError};
 use serde::Deserialize;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -75,56 +75,15 @@ struct Text {
     scene: Vec<Entry>,
 }
 
-/// Why a manifest could not be read.
-#[derive(Debug, thiserror::Error)]
-pub enum ManifestError {
-    /// The file could not be read.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The text is not a manifest; the message names line and column.
-    #[error("{}: {problem}", path.display())]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, and where.
-        problem: String,
-    },
-    /// A scene's entry makes no sense.
-    #[error("{}: scene {number} (\"{name}\"): {what}", path.display())]
-    Entry {
-        /// The file.
-        path: PathBuf,
-        /// Number of the scene, from 1.
-        number: usize,
-        /// Its name.
-        name: String,
-        /// What is wrong with it.
-        what: String,
-    },
-}
-
 impl Manifest {
     /// Reads and checks a manifest; the scenes' own files are not opened.
-    pub fn load(path: &Path) -> Result<Self, ManifestError> {
-        let text = files::read_text(path, MAX_BYTES).map_err(|source| ManifestError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
-        Self::parse(&text, path)
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        Self::parse(&files::read_text(path, MAX_BYTES)?, path)
     }
 
     /// A manifest from its text; `path` is where the text came from.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, ManifestError> {
-        let Text { scene: scenes } =
-            files::toml(text).map_err(|problem| ManifestError::Syntax {
-                path: path.to_owned(),
-                problem,
-            })?;
+    pub fn parse(text: &str, path: &Path) -> Result<Self, FileError> {
+        let Text { scene: scenes } = files::toml(text).map_err(|e| FileError::content(path, e))?;
         let mut names = HashSet::new();
         for (i, entry) in scenes.iter().enumerate() {
             let fault = match entry.fault() {
@@ -132,12 +91,8 @@ impl Manifest {
                 fault => fault,
             };
             if let Some(what) = fault {
-                return Err(ManifestError::Entry {
-                    path: path.to_owned(),
-                    number: i + 1,
-                    name: entry.name.clone(),
-                    what,
-                });
+                let place = format!("scene {} (\"{}\")", i + 1, entry.name);
+                return Err(FileError::content(path, format!("{place}: {what}")));
             }
         }
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
@@ -192,7 +147,7 @@ mod tests {
     const GOOD: &str = "[[scene]]\nname = \"a\"\nfile = \"a.glb\"\nrole = \"train\"\nfamily = \"f\"\n\
                         frame = [64, 48]\ncrops = [[32, 16]]\nmax_vertices = 8\nexposure = 2.0\n";
 
-    fn parse(text: &str) -> Result<Manifest, ManifestError> {
+    fn parse(text: &str) -> Result<Manifest, FileError> {
         Manifest::parse(text, Path::new("set/manifest.toml"))
     }
 

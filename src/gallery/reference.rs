@@ -6,15 +6,14 @@
 //! nothing cancels); a file rounds them to single precision, a relative error of at most 6e-8 each time a run is
 //! resumed, thousands of times less than the noise of any reference.
 
-use crate::files::hex;
+use crate::files::{self, FileError, hex};
 use crate::gallery::manifest::{CROP, Entry, Manifest};
 use crate::image::Film;
-use crate::image::exr::{self, ExrError, Metadata};
-use crate::image::film::{FilmError, Window};
+use crate::image::exr::{self, Metadata};
+use crate::image::film::Window;
 use crate::integrator::{Picture, Settings};
 use crate::math::{DVec3, UVec2};
 use crate::scene::{Camera, Scene};
-use std::io;
 use std::path::{Path, PathBuf};
 
 /// Seed of references unless another is asked for. Not a seed that anyone renders or trains with: a picture that
@@ -46,47 +45,6 @@ pub struct Noise {
     pub p90: f64,
 }
 
-/// Why a reference could not be read or written.
-#[derive(Debug, thiserror::Error)]
-pub enum ReferenceError {
-    /// The file could not be read or written.
-    #[error(transparent)]
-    Exr(#[from] ExrError),
-    /// The file holds something else than what is to be rendered.
-    #[error(
-        "{}: its {what} is `{theirs}`, expected `{ours}`; remove the file to render it anew", path.display()
-    )]
-    Other {
-        /// The file.
-        path: PathBuf,
-        /// In what it differs.
-        what: String,
-        /// What the file says.
-        theirs: String,
-        /// What it should say.
-        ours: String,
-    },
-    /// The file does not say how many samples it has.
-    #[error("{}: no number of samples in its metadata", .0.display())]
-    Samples(PathBuf),
-    /// A crop outside of its frame, or a file of another one.
-    #[error("{}: {source}", path.display())]
-    Place {
-        /// The file.
-        path: PathBuf,
-        /// What does not fit.
-        source: FilmError,
-    },
-    /// The folder could not be made.
-    #[error("{}: {source}", path.display())]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-}
-
 impl Reference {
     /// The reference of an entry's crop as far as its file goes, or an empty one; `digest` is that of the scene's file.
     ///
@@ -97,7 +55,7 @@ impl Reference {
         crop: [u32; 2],
         digest: &[u8; 32],
         seed: u64,
-    ) -> Result<Self, ReferenceError> {
+    ) -> Result<Self, FileError> {
         let settings = Settings {
             max_vertices: entry.max_vertices,
             seed,
@@ -112,10 +70,7 @@ impl Reference {
             w: CROP,
             h: CROP,
         };
-        let place = |source| ReferenceError::Place {
-            path: path.clone(),
-            source,
-        };
+        let place = |e| FileError::content(&path, e);
         let mut film = Film::cropped(frame, window).map_err(place)?;
         let stamp = stamp(entry, digest, &settings);
         let mut next = 0;
@@ -125,7 +80,8 @@ impl Reference {
             check(&path, &stamp, &metadata)?;
             film.same_place(&stored).map_err(place)?;
             let samples = metadata.get("spp").and_then(|n| n.parse().ok());
-            next = samples.ok_or_else(|| ReferenceError::Samples(path.clone()))?;
+            next = samples
+                .ok_or_else(|| FileError::content(&path, "no number of samples in its metadata"))?;
             film = stored;
         }
         Ok(Self {
@@ -146,17 +102,13 @@ impl Reference {
     }
 
     /// Writes the file, whole or not at all.
-    pub fn save(&self) -> Result<(), ReferenceError> {
+    pub fn save(&self) -> Result<(), FileError> {
         if let Some(folder) = self.path.parent() {
-            std::fs::create_dir_all(folder).map_err(|source| ReferenceError::Folder {
-                path: folder.to_owned(),
-                source,
-            })?;
+            files::create_folder(folder)?;
         }
         let mut metadata = self.stamp.clone();
         metadata.insert("spp".into(), self.next.to_string());
-        exr::write_film(&self.path, &self.picture.film, &[], &metadata)?;
-        Ok(())
+        exr::write_film(&self.path, &self.picture.film, &[], &metadata)
     }
 
     /// Samples of each pixel so far.
@@ -216,15 +168,14 @@ fn stamp(entry: &Entry, digest: &[u8; 32], settings: &Settings) -> Metadata {
     .into()
 }
 
-fn check(path: &Path, ours: &Metadata, theirs: &Metadata) -> Result<(), ReferenceError> {
+fn check(path: &Path, ours: &Metadata, theirs: &Metadata) -> Result<(), FileError> {
     let found = |key: &str| theirs.get(key).map_or("not said", String::as_str);
     match ours.iter().find(|(key, value)| found(key) != *value) {
         None => Ok(()),
-        Some((key, value)) => Err(ReferenceError::Other {
-            path: path.to_owned(),
-            what: key.clone(),
-            theirs: found(key).to_owned(),
-            ours: value.clone(),
-        }),
+        Some((key, value)) => {
+            let differs = format!("its {key} is `{}`, expected `{value}`", found(key));
+            let what = format!("{differs}; remove the file to render it anew");
+            Err(FileError::content(path, what))
+        }
     }
 }

@@ -55,8 +55,17 @@ impl Film {
         Ok(())
     }
 
-    /// Reads what [`Film::to_bytes`] wrote.
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self, FilmError> {
+    /// The film of these bytes, all of them.
+    pub fn from_bytes(mut bytes: &[u8]) -> Result<Self, FilmError> {
+        let film = Self::read(&mut bytes)?;
+        match bytes {
+            [] => Ok(film),
+            _ => Err(FilmError::Stored("bytes after the last pixel")),
+        }
+    }
+
+    /// Takes a film from the front of `bytes`.
+    pub fn read(bytes: &mut &[u8]) -> Result<Self, FilmError> {
         let mut input = Input(bytes);
         if &input.take::<8>()? != MAGIC {
             return Err(FilmError::Stored("not a film, or of another version"));
@@ -70,14 +79,16 @@ impl Film {
         };
         let rejected = input.rejected()?;
         // Compared before memory is taken, so a damaged size cannot ask for more than the file holds.
-        if window.len().checked_mul(PIXEL_BYTES) != Some(input.0.len()) {
-            return Err(FilmError::Stored("length does not fit the window"));
+        let length = window.len().checked_mul(PIXEL_BYTES);
+        if length.is_none_or(|length| length > input.0.len()) {
+            return Err(FilmError::Stored("fewer pixels than the window has"));
         }
         let mut film = Self::cropped(size, window)?;
         film.rejected = rejected;
         for m in &mut film.pixels {
             *m = Moments::from_parts(input.u32()?, input.dvec3()?, input.dvec3()?);
         }
+        *bytes = input.0;
         Ok(film)
     }
 }

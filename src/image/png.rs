@@ -3,46 +3,15 @@
 //! Only the encoding for a display happens here: exposure in stops, clamp to [0, 1], sRGB curve, 8 bit. A pixel that
 //! is not finite is drawn magenta, so that it is seen rather than taken for black.
 
-use std::io::Cursor;
-use std::path::{Path, PathBuf};
+use std::io::{self, Cursor};
+use std::path::Path;
 
 use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
 
 use super::Buffer;
 use super::exr::MAX_PIXELS;
-use crate::files;
+use crate::files::{self, FileError, Problem};
 use crate::math::Rgb;
-
-/// What can go wrong with a PNG file.
-#[derive(Debug, thiserror::Error)]
-pub enum PngError {
-    /// The file could not be opened, read or written.
-    #[error("{}: {reason}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        reason: std::io::Error,
-    },
-    /// More than [`MAX_PIXELS`] pixels.
-    #[error("{}: {width}x{height} pixels are more than this program reads", path.display())]
-    TooLarge {
-        /// The file.
-        path: PathBuf,
-        /// Width of the picture.
-        width: u32,
-        /// Height of the picture.
-        height: u32,
-    },
-    /// The contents are not a picture this program reads, or the picture cannot be encoded.
-    #[error("{}: {reason}", path.display())]
-    Picture {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        reason: ::image::ImageError,
-    },
-}
 
 /// The sRGB curve: linear [0, 1] to display [0, 1].
 pub fn srgb_encode(x: f32) -> f32 {
@@ -88,45 +57,30 @@ pub fn encode(picture: &Buffer, exposure: f32) -> Result<Vec<u8>, ::image::Image
 }
 
 /// Writes a PNG file, scaled by 2^`exposure`; the old file stays until the new one is complete.
-pub fn write(path: &Path, picture: &Buffer, exposure: f32) -> Result<(), PngError> {
-    let bytes = encode(picture, exposure).map_err(|reason| PngError::Picture {
-        path: path.to_owned(),
-        reason,
-    })?;
-    files::write_bytes(path, &bytes).map_err(|reason| PngError::Io {
-        path: path.to_owned(),
-        reason,
-    })
+pub fn write(path: &Path, picture: &Buffer, exposure: f32) -> Result<(), FileError> {
+    let bytes =
+        encode(picture, exposure).map_err(|e| Problem::Write(io::Error::other(e)).at(path))?;
+    files::write_bytes(path, bytes)
 }
 
 /// Reads a PNG (or JPEG) file as linear RGB in [0, 1]; transparency is dropped.
-pub fn read(path: &Path) -> Result<Buffer, PngError> {
-    let io = |reason| PngError::Io {
-        path: path.to_owned(),
-        reason,
-    };
+pub fn read(path: &Path) -> Result<Buffer, FileError> {
+    let io = |e| Problem::Read(e).at(path);
     let mut reader = ImageReader::open(path)
-        .map_err(io)?
-        .with_guessed_format()
+        .and_then(ImageReader::with_guessed_format)
         .map_err(io)?;
     let mut limits = Limits::default();
     // Far above any render, far below what a header of a few bytes could ask for.
     limits.max_alloc = Some(1 << 31);
     reader.limits(limits);
-    let picture = |reason| PngError::Picture {
-        path: path.to_owned(),
-        reason,
-    };
-    let decoder = reader.into_decoder().map_err(picture)?;
+    let content = |e| FileError::content(path, e);
+    let decoder = reader.into_decoder().map_err(content)?;
     let (width, height) = decoder.dimensions();
     if width as usize * height as usize > MAX_PIXELS {
-        return Err(PngError::TooLarge {
-            path: path.to_owned(),
-            width,
-            height,
-        });
+        let what = format!("{width}x{height} pixels are more than this program reads");
+        return Err(FileError::content(path, what));
     }
-    let decoded = DynamicImage::from_decoder(decoder).map_err(picture)?;
+    let decoded = DynamicImage::from_decoder(decoder).map_err(content)?;
     let rgb = decoded.into_rgb32f();
     Ok(Buffer {
         width: rgb.width() as usize,

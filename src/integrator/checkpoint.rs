@@ -1,23 +1,22 @@
-//! A render that can be gone on with: the film's moments, the AOVs, and what they belong to.
+//! A render that can be resumed: the film's moments, the AOVs, and what they belong to.
 //!
-//! The file is written whole or not at all, carries a checksum of its content, and names the scene and settings it
-//! was made with by a fingerprint; another fingerprint is refused.
+//! A sealed file whose header names the version, the scene and the settings; a file of another render is refused.
 
 use super::{FirstHit, Picture};
-use crate::files::{self, hex};
+use crate::files::{FileError, Sealed};
+use crate::image::exr::MAX_PIXELS;
 use crate::image::film::Film;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
-use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-const MAGIC: &[u8; 8] = b"opsrckp1";
+const FILE: Sealed = Sealed {
+    kind: "render checkpoint",
+    version: 2,
+    // 52 bytes of film and 72 of AOVs a pixel.
+    most: 128 * MAX_PIXELS as u64,
+};
 
-/// Larger headers are not ours.
-const MAX_HEADER: u64 = 1 << 20;
-
-/// What a checkpoint belongs to.
+/// Render that a checkpoint belongs to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fingerprint {
@@ -35,39 +34,6 @@ struct Header {
     fingerprint: Fingerprint,
     samples: u32,
     seconds: f64,
-    film_bytes: usize,
-    aov_bytes: usize,
-    sha256: String,
-}
-
-/// Number and checksum of bytes that need not be held.
-#[derive(Default)]
-struct Summary {
-    bytes: usize,
-    sha256: Sha256,
-}
-
-impl Summary {
-    fn of(fill: impl FnOnce(&mut BufWriter<&mut Self>) -> io::Result<()>) -> io::Result<Self> {
-        let mut summary = Self::default();
-        let mut out = BufWriter::new(&mut summary);
-        fill(&mut out)?;
-        out.flush()?;
-        drop(out);
-        Ok(summary)
-    }
-}
-
-impl Write for Summary {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.bytes += bytes.len();
-        self.sha256.update(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
 }
 
 /// A stopped render.
@@ -83,153 +49,60 @@ pub struct Checkpoint {
     pub picture: Picture,
 }
 
-/// Why a checkpoint could not be read or written.
-#[derive(Debug, thiserror::Error)]
-pub enum CheckpointError {
-    /// The file could not be read or written.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Why not.
-        source: io::Error,
-    },
-    /// The file is damaged or something else.
-    #[error("{path}: not a checkpoint of this version, or damaged: {what}")]
-    Invalid {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        what: String,
-    },
-    /// The file belongs to another render.
-    #[error("{path}: this checkpoint belongs to {what}: it has `{theirs}`, this render `{ours}`")]
-    Other {
-        /// The file.
-        path: PathBuf,
-        /// In what it differs.
-        what: &'static str,
-        /// What the file says.
-        theirs: String,
-        /// What this render is.
-        ours: String,
-    },
-}
-
 impl Checkpoint {
     /// Writes the file, whole or not at all.
-    pub fn save(&self, path: &Path) -> Result<(), CheckpointError> {
-        let io = |source| CheckpointError::Io {
-            path: path.to_owned(),
-            source,
-        };
-        let film = Summary::of(|out| self.picture.film.write(out)).map_err(io)?;
-        let content = Summary::of(|out| self.content(out)).map_err(io)?;
+    pub fn save(&self, path: &Path) -> Result<(), FileError> {
         let header = Header {
             fingerprint: self.fingerprint.clone(),
             samples: self.samples,
             seconds: self.seconds,
-            film_bytes: film.bytes,
-            aov_bytes: content.bytes - film.bytes,
-            sha256: hex(&content.sha256.finalize()),
         };
-        let header = serde_json::to_vec(&header).map_err(|e| io(e.into()))?;
-        files::write(path, |out| {
-            out.write_all(MAGIC)?;
-            out.write_all(&(header.len() as u64).to_le_bytes())?;
-            out.write_all(&header)?;
-            self.content(out)
+        FILE.save(path, &header, |mut out| {
+            self.picture.film.write(&mut out)?;
+            for number in self.picture.aovs.iter().flat_map(FirstHit::numbers) {
+                out.write_all(&number.to_le_bytes())?;
+            }
+            Ok(())
         })
-        .map_err(io)
     }
 
-    /// Film and AOVs.
-    fn content(&self, out: &mut impl Write) -> io::Result<()> {
-        self.picture.film.write(out)?;
-        for number in self.picture.aovs.iter().flat_map(FirstHit::numbers) {
-            out.write_all(&number.to_le_bytes())?;
-        }
-        Ok(())
-    }
-
-    /// Reads the checkpoint of this render; one of another scene or other settings is refused.
-    pub fn load(path: &Path, ours: &Fingerprint) -> Result<Self, CheckpointError> {
-        let bytes = read(path).map_err(|source| CheckpointError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
-        let checkpoint = Self::parse(&bytes).map_err(|what| CheckpointError::Invalid {
-            path: path.to_owned(),
-            what,
-        })?;
-        let theirs = &checkpoint.fingerprint;
+    /// Reads the checkpoint of this render; one of another version, scene or other settings is refused.
+    pub fn load(path: &Path, ours: &Fingerprint) -> Result<Self, FileError> {
+        let (header, payload): (Header, _) = FILE.load(path)?;
+        let theirs = &header.fingerprint;
         for (what, theirs, ours) in [
             ("another version", &theirs.version, &ours.version),
             ("another scene", &theirs.scene, &ours.scene),
             ("other settings", &theirs.settings, &ours.settings),
         ] {
             if theirs != ours {
-                let (path, theirs, ours) = (path.to_owned(), theirs.clone(), ours.clone());
-                return Err(CheckpointError::Other {
-                    path,
-                    what,
-                    theirs,
-                    ours,
-                });
+                let differs = format!("it has `{theirs}`, this render `{ours}`");
+                let what = format!("this checkpoint belongs to {what}: {differs}");
+                return Err(FileError::content(path, what));
             }
         }
-        Ok(checkpoint)
-    }
-
-    fn parse(bytes: &[u8]) -> Result<Self, String> {
-        let rest = bytes.strip_prefix(MAGIC).ok_or("wrong first bytes")?;
-        let (length, rest) = rest.split_first_chunk::<8>().ok_or("too short")?;
-        let length = u64::from_le_bytes(*length);
-        if length > MAX_HEADER || length > rest.len() as u64 {
-            return Err("header too long".into());
-        }
-        let (header, content) = rest.split_at(length as usize);
-        let header: Header = serde_json::from_slice(header).map_err(files::briefly)?;
-        if header.film_bytes.checked_add(header.aov_bytes) != Some(content.len()) {
-            return Err("cut short".into());
-        }
-        if hex(&Sha256::digest(content)) != header.sha256 {
-            return Err("checksum differs".into());
-        }
-        let (film, aovs) = content.split_at(header.film_bytes);
-        let film = Film::from_bytes(film).map_err(|e| e.to_string())?;
-        let numbers: Vec<f64> = aovs
-            .as_chunks::<8>()
-            .0
-            .iter()
-            .map(|&b| f64::from_le_bytes(b))
-            .collect();
-        let aovs = match numbers.is_empty() {
-            true => None,
-            false => {
-                Some(FirstHit::from_numbers(film.window, &numbers).ok_or("wrong number of AOVs")?)
-            }
-        };
-        let (samples, seconds) = (header.samples, header.seconds);
-        let picture = Picture { film, aovs };
+        let picture = picture(&payload).map_err(|e| FileError::content(path, e))?;
         Ok(Self {
             fingerprint: header.fingerprint,
-            samples,
-            seconds,
+            samples: header.samples,
+            seconds: header.seconds,
             picture,
         })
     }
 }
 
-/// The bytes of a checkpoint, or the first ones of what is none.
-fn read(path: &Path) -> io::Result<Vec<u8>> {
-    let mut file = File::open(path)?;
-    let mut bytes = Vec::new();
-    Read::by_ref(&mut file)
-        .take(MAGIC.len() as u64)
-        .read_to_end(&mut bytes)?;
-    if bytes == MAGIC {
-        file.read_to_end(&mut bytes)?;
+/// The film, and the AOVs if there are bytes after it.
+fn picture(mut payload: &[u8]) -> Result<Picture, String> {
+    let film = Film::read(&mut payload).map_err(|e| e.to_string())?;
+    let (numbers, rest) = payload.as_chunks::<8>();
+    let numbers: Vec<f64> = numbers.iter().map(|&b| f64::from_le_bytes(b)).collect();
+    let aovs = match (numbers.is_empty(), rest.is_empty()) {
+        (true, true) => None,
+        (false, true) => FirstHit::from_numbers(film.window, &numbers),
+        (_, false) => return Err("the AOVs are cut short".into()),
+    };
+    if aovs.is_none() && !numbers.is_empty() {
+        return Err("wrong number of AOVs".into());
     }
-    Ok(bytes)
+    Ok(Picture { film, aovs })
 }

@@ -4,11 +4,10 @@
 //! of factors, or in another order of classes is refused: a table that is read wrongly still makes pretty pictures.
 
 use super::{AttenuationTable, LEN, LEVELS, Lookup};
-use crate::files;
+use crate::files::{self, FileError};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Version of the format that this program writes and reads.
 pub const VERSION: u32 = 1;
@@ -65,35 +64,6 @@ pub struct TableFile {
     pub provenance: Option<Provenance>,
 }
 
-/// Why a table could not be read or written.
-#[derive(Debug, thiserror::Error)]
-pub enum TableError {
-    /// The file could not be read or written.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// Not JSON, or not the fields of a table.
-    #[error("{path}: {source}")]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, with line and column.
-        source: serde_json::Error,
-    },
-    /// A table that this program must not use.
-    #[error("{path}: {problem}")]
-    Refused {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        problem: String,
-    },
-}
-
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Document {
@@ -110,24 +80,14 @@ struct Document {
 
 impl TableFile {
     /// Reads a table.
-    pub fn load(path: &Path) -> Result<Self, TableError> {
-        let io = |source| TableError::Io {
-            path: path.into(),
-            source,
-        };
-        Self::parse(&files::read(path, MAX_BYTES).map_err(io)?, path)
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        Self::parse(&files::read(path, MAX_BYTES)?, path)
     }
 
     /// Reads a table from the bytes of a file; `path` is for messages.
-    pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, TableError> {
-        let refused = |problem| TableError::Refused {
-            path: path.into(),
-            problem,
-        };
-        let syntax = |source| TableError::Syntax {
-            path: path.into(),
-            source,
-        };
+    pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, FileError> {
+        let refused = |problem| FileError::content(path, problem);
+        let syntax = |e| FileError::content(path, e);
         // The version first: a later one may have other fields.
         #[derive(Deserialize)]
         struct Head {
@@ -164,15 +124,9 @@ impl TableFile {
     }
 
     /// Writes the table, whole or not at all.
-    pub fn save(&self, path: &Path) -> Result<(), TableError> {
-        let text = self.to_json().map_err(|source| TableError::Syntax {
-            path: path.into(),
-            source,
-        })?;
-        files::write_bytes(path, text.as_bytes()).map_err(|source| TableError::Io {
-            path: path.into(),
-            source,
-        })
+    pub fn save(&self, path: &Path) -> Result<(), FileError> {
+        let text = self.to_json().map_err(|e| FileError::content(path, e))?;
+        files::write_bytes(path, text)
     }
 
     /// The text of the file.

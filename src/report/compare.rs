@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::files::FileError;
 use crate::image::metric::{self, BiasVariance, Metric, MetricError, Worst, flip};
 use crate::image::{Buffer, exr, false_colour, png};
 
@@ -19,23 +20,9 @@ pub struct Named {
     pub hdr: bool,
 }
 
-/// A picture file that cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum LoadError {
-    /// An EXR file.
-    #[error(transparent)]
-    Exr(#[from] exr::ExrError),
-    /// A PNG or JPEG file.
-    #[error(transparent)]
-    Png(#[from] png::PngError),
-    /// Neither by its ending.
-    #[error("{0}: not a picture this program reads (.exr, .png, .jpg)")]
-    Ending(String),
-}
-
 impl Named {
     /// Reads an EXR, PNG or JPEG file, chosen by its ending.
-    pub fn load(path: &Path) -> Result<Self, LoadError> {
+    pub fn load(path: &Path) -> Result<Self, FileError> {
         let ending = path
             .extension()
             .and_then(|e| e.to_str())
@@ -44,7 +31,12 @@ impl Named {
         let (picture, hdr) = match ending.as_str() {
             "exr" => (exr::read_rgb(path)?, true),
             "png" | "jpg" | "jpeg" => (png::read(path)?, false),
-            _ => return Err(LoadError::Ending(path.display().to_string())),
+            _ => {
+                return Err(FileError::content(
+                    path,
+                    "not a picture this program reads (.exr, .png, .jpg)",
+                ));
+            }
         };
         Ok(Self {
             name: path.display().to_string(),

@@ -18,9 +18,7 @@ pub mod texture;
 
 pub use camera::Camera;
 pub use geometry::Geometry;
-pub use light::{
-    Emission, Environment, EnvironmentError, LightDensity, LightSample, Lights, PunctualLight,
-};
+pub use light::{Emission, Environment, LightDensity, LightSample, Lights, PunctualLight};
 pub use material::Material;
 pub use mesh::Mesh;
 pub use texture::Texture;

@@ -1,7 +1,7 @@
 //! How to train: defaults, presets, a file, and single settings from the command line.
 
 use super::learn::model::{Model, Optimiser};
-use crate::files;
+use crate::files::{self, FileError};
 use crate::regularise::{AttenuationTable, Lookup};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -113,14 +113,9 @@ impl Default for Config {
 /// Why a configuration cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
-    /// The file could not be read.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
+    /// The file cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Not TOML, an unknown key, or a value of the wrong type.
     #[error("{place}: {problem}")]
     Syntax {
@@ -160,10 +155,7 @@ impl Config {
 
     /// This configuration with the values of a TOML file in place of its own.
     pub fn with_file(&self, path: &Path) -> Result<Self, ConfigError> {
-        let text = files::read_text(path, MAX_BYTES).map_err(|source| ConfigError::Io {
-            path: path.into(),
-            source,
-        })?;
+        let text = files::read_text(path, MAX_BYTES)?;
         self.with_text(&text, &path.display().to_string())
     }
 

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use opsr::image::exr::{self, ExrErrorKind, Layer};
+use opsr::image::exr::{self, Layer};
 use opsr::image::film::{Film, Window};
 use opsr::image::{Buffer, png};
 use opsr::math::{Rgb, UVec2};
@@ -99,7 +99,7 @@ fn errors_name_the_file_and_what_is_missing() {
     let path = folder.path().join("picture.exr");
     let error = exr::read_rgb(&path).unwrap_err();
     assert!(error.to_string().contains("picture.exr"), "{error}");
-    assert!(matches!(error.kind, ExrErrorKind::Io(_)));
+    assert!(error.is_missing());
 
     exr::write_rgb(&path, &picture(|_, _| Rgb::ONE), &BTreeMap::new()).unwrap();
     let error = exr::read_film(&path).unwrap_err().to_string();
@@ -171,11 +171,8 @@ fn a_header_that_asks_for_too_much_is_refused() {
     bytes[at + 8..at + 12].copy_from_slice(&29_999i32.to_le_bytes());
     bytes[at + 12..at + 16].copy_from_slice(&29_999i32.to_le_bytes());
     std::fs::write(&path, &bytes).unwrap();
-    let error = exr::read_rgb(&path).unwrap_err();
-    assert!(
-        matches!(error.kind, ExrErrorKind::TooLarge { width: 30_000, .. }),
-        "{error}"
-    );
+    let error = exr::read_rgb(&path).unwrap_err().to_string();
+    assert!(error.contains("30000x30000 pixels"), "{error}");
 }
 
 /// A file of half floats whose data window is made larger: memory for it would have to be written, not only promised.

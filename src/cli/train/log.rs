@@ -1,11 +1,9 @@
 //! The log of a training.
 
 use super::{Blame, save};
-use anyhow::Context;
 use opsr::files;
 use opsr::train::learn::session::Entry;
 use std::collections::BTreeMap;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// The most bytes of a log: a look at every step of a training of ten thousand has less.
@@ -21,9 +19,7 @@ impl Log {
     /// Keeps the lines of an earlier run if it is gone on with.
     pub(super) fn open(path: &Path, resume: bool) -> anyhow::Result<Self> {
         let old = match resume.then(|| files::read_text(path, MAX_BYTES)) {
-            Some(Err(e)) if e.kind() != ErrorKind::NotFound => {
-                return Err(e).with_context(|| path.display().to_string()).input();
-            }
+            Some(Err(e)) if !e.is_missing() => return Err(e).input(),
             Some(Ok(text)) => text,
             _ => String::new(),
         };

@@ -14,6 +14,7 @@ use opsr::regularise::file::TableFile;
 use opsr::regularise::{AttenuationTable, Lookup};
 use opsr::report::training::{Crops, Learned, Report};
 use opsr::train::config::Config;
+use opsr::train::learn::checkpoint::CheckpointError;
 use opsr::train::learn::model::Model;
 use opsr::train::learn::session::Outcome;
 use opsr::train::{Session, TrainError, study};
@@ -78,7 +79,7 @@ pub(super) struct TrainArgs {
     study: bool,
     /// Threads; without it as many as there are cores. The tables do not depend on it.
     #[arg(long, value_name = "N")]
-    threads: Option<usize>,
+    threads: Option<u16>,
     /// How progress is shown.
     #[arg(long, value_enum, default_value_t)]
     progress: Style,
@@ -192,16 +193,9 @@ spp = 256
 pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     let config = args.resolve()?;
     let stop = Stop::listen();
-    if let Some(threads) = args.threads {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build_global()
-            .context("threads")?;
-    }
+    super::set_threads(args.threads)?;
     for dir in [&args.run, &args.out] {
-        (std::fs::create_dir_all(dir))
-            .with_context(|| dir.display().to_string())
-            .output()?;
+        files::create_folder(dir).output()?;
     }
     save(&args.run.join("config.toml"), &config.to_toml()?)?;
 
@@ -220,9 +214,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     let mut report = Report::new(&session);
     for &beta in &config.beta {
         let folder = args.run.join(args.stem(&config, beta));
-        std::fs::create_dir_all(&folder)
-            .with_context(|| folder.display().to_string())
-            .output()?;
+        files::create_folder(&folder).output()?;
         let Some(learned) = learn(args, &mut session, beta, &folder, &progress, &stop)? else {
             return Ok(Exit::Stopped);
         };
@@ -384,9 +376,7 @@ fn judge(
 /// Exit codes of a training's errors.
 fn blame(error: TrainError) -> anyhow::Error {
     let code = match &error {
-        TrainError::Checkpoint(opsr::train::learn::checkpoint::CheckpointError::Write {
-            ..
-        }) => Exit::Output,
+        TrainError::Checkpoint(CheckpointError::File(e)) if e.is_write() => Exit::Output,
         TrainError::State(_) | TrainError::NotFinite { .. } => Exit::Failed,
         _ => Exit::Input,
     };
@@ -394,7 +384,5 @@ fn blame(error: TrainError) -> anyhow::Error {
 }
 
 fn save(path: &Path, text: &str) -> anyhow::Result<()> {
-    files::write_bytes(path, text.as_bytes())
-        .with_context(|| path.display().to_string())
-        .output()
+    files::write_bytes(path, text).output()
 }

@@ -205,11 +205,7 @@ pub fn manifest() -> String {
 
 /// Writes all scenes and their manifest into a folder, which is made if it is not there; returns the files.
 pub fn write(folder: &Path) -> Result<Vec<PathBuf>, SaveError> {
-    let io = |path: &Path| {
-        let path = path.to_owned();
-        move |source| SaveError::Io { path, source }
-    };
-    std::fs::create_dir_all(folder).map_err(io(folder))?;
+    files::create_folder(folder)?;
     let mut files = Vec::new();
     for example in EXAMPLES {
         let path = folder.join(format!("{}.glb", example.name));
@@ -217,7 +213,7 @@ pub fn write(folder: &Path) -> Result<Vec<PathBuf>, SaveError> {
         files.push(path);
     }
     let path = folder.join("manifest.toml");
-    files::write_bytes(&path, manifest().as_bytes()).map_err(io(&path))?;
+    files::write_bytes(&path, manifest())?;
     files.push(path);
     Ok(files)
 }

@@ -9,10 +9,9 @@ mod read;
 mod write;
 
 use std::collections::BTreeMap;
-use std::io;
-use std::path::{Path, PathBuf};
 
 use super::Buffer;
+use crate::files::Problem;
 use crate::math::{Rgb, UVec2};
 
 pub use read::{read_film, read_layers, read_rgb};
@@ -27,83 +26,23 @@ const METADATA: &str = "opsr";
 /// Text by key, kept in the header of a file.
 pub type Metadata = BTreeMap<String, String>;
 
-/// What can go wrong with an EXR file.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: {kind}", path.display())]
-pub struct ExrError {
-    /// The file.
-    pub path: PathBuf,
-    /// What is wrong with it; part of the message, hence no source of its own.
-    pub kind: ExrErrorKind,
-}
-
-/// See [`ExrError`].
-#[derive(Debug, thiserror::Error)]
-pub enum ExrErrorKind {
-    /// The file could not be opened, read or written.
-    #[error("{0}")]
-    Io(io::Error),
-    /// The file is damaged or not an EXR file.
-    #[error("not a valid EXR file: {0}")]
-    Invalid(String),
-    /// The file is valid, but uses what this program cannot read.
-    #[error("unsupported EXR file: {0}")]
-    Unsupported(String),
-    /// More than [`MAX_PIXELS`] pixels, times layers.
-    #[error("{width}x{height} pixels in {channels} channels are more than this program reads")]
-    TooLarge {
-        /// Width of the data window.
-        width: usize,
-        /// Height of the data window.
-        height: usize,
-        /// Channels of the part.
-        channels: usize,
-    },
-    /// A channel that is needed is not there.
-    #[error("no channel '{wanted}'; the file has {found}")]
-    Missing {
-        /// The channel.
-        wanted: String,
-        /// All channels of the file.
-        found: String,
-    },
-    /// A layer to be written has not one value per pixel of the picture.
-    #[error("layer '{layer}' has {values} values, the picture {pixels} pixels")]
-    LayerSize {
-        /// The layer.
-        layer: String,
-        /// Its values.
-        values: usize,
-        /// What they should be.
-        pixels: usize,
-    },
-}
-
-impl ExrErrorKind {
-    fn at(self, path: &Path) -> ExrError {
-        ExrError {
-            path: path.to_owned(),
-            kind: self,
-        }
+/// A problem that the crate `exr` found while it read.
+fn problem(error: ::exr::error::Error) -> Problem {
+    use ::exr::error::Error;
+    match error {
+        Error::Io(e) => Problem::Read(e),
+        Error::Invalid(s) => invalid(s),
+        Error::NotSupported(s) => unsupported(s),
+        Error::Aborted => invalid("reading was stopped"),
     }
 }
 
-impl From<io::Error> for ExrErrorKind {
-    fn from(error: io::Error) -> Self {
-        Self::Io(error)
-    }
+fn invalid(what: impl std::fmt::Display) -> Problem {
+    Problem::content(format!("not a valid EXR file: {what}"))
 }
 
-impl From<::exr::error::Error> for ExrErrorKind {
-    fn from(error: ::exr::error::Error) -> Self {
-        use ::exr::error::Error;
-        match error {
-            Error::Io(e) => Self::Io(e),
-            Error::Invalid(s) => Self::Invalid(s.into_owned()),
-            Error::NotSupported(s) => Self::Unsupported(s.into_owned()),
-            Error::Aborted => Self::Invalid("reading was stopped".to_owned()),
-        }
-    }
+fn unsupported(what: impl std::fmt::Display) -> Problem {
+    Problem::content(format!("unsupported EXR file: {what}"))
 }
 
 /// A layer to write beside the picture: channel names without the layer's prefix, and their values.
@@ -166,7 +105,7 @@ pub struct Layers {
 
 impl Layers {
     /// The picture in three channels, such as `["R", "G", "B"]`, or the name of the one that is missing.
-    pub fn picture(&self, names: [&str; 3]) -> Result<Buffer, ExrErrorKind> {
+    pub fn picture(&self, names: [&str; 3]) -> Result<Buffer, Problem> {
         let [r, g, b] = names.map(|n| self.channel(n));
         let (r, g, b) = (r?, g?, b?);
         Ok(Buffer {
@@ -177,14 +116,12 @@ impl Layers {
     }
 
     /// One channel by its full name.
-    pub fn channel(&self, name: &str) -> Result<&[f32], ExrErrorKind> {
-        self.channels
-            .get(name)
-            .map(Vec::as_slice)
-            .ok_or_else(|| ExrErrorKind::Missing {
-                wanted: name.to_owned(),
-                found: self.channels.keys().cloned().collect::<Vec<_>>().join(", "),
-            })
+    pub fn channel(&self, name: &str) -> Result<&[f32], Problem> {
+        self.channels.get(name).map(Vec::as_slice).ok_or_else(|| {
+            let found: Vec<&str> = self.channels.keys().map(String::as_str).collect();
+            let found = found.join(", ");
+            Problem::content(format!("no channel '{name}'; the file has {found}"))
+        })
     }
 }
 

@@ -8,14 +8,15 @@ use std::path::Path;
 use ::exr::prelude as exrs;
 use exrs::{ReadChannels, ReadLayers};
 
-use super::{ExrError, ExrErrorKind, Layers, MAX_PIXELS, METADATA, Metadata, join};
+use super::{Layers, MAX_PIXELS, METADATA, Metadata, invalid, join, problem, unsupported};
+use crate::files::{FileError, Problem};
 use crate::image::Buffer;
 use crate::image::film::{Film, Window};
 use crate::math::moments::Moments;
 use crate::math::{DVec3, UVec2};
 
 /// Reads the main picture: `R`, `G`, `B`, or a grey `Y`.
-pub fn read_rgb(path: &Path) -> Result<Buffer, ExrError> {
+pub fn read_rgb(path: &Path) -> Result<Buffer, FileError> {
     let layers = read_layers(path)?;
     let names = if layers.channels.contains_key("Y") && !layers.channels.contains_key("R") {
         ["Y"; 3]
@@ -26,12 +27,12 @@ pub fn read_rgb(path: &Path) -> Result<Buffer, ExrError> {
 }
 
 /// Reads a film that [`write_film`] wrote, in the single precision of the file and without its refusals.
-pub fn read_film(path: &Path) -> Result<Film, ExrError> {
+pub fn read_film(path: &Path) -> Result<Film, FileError> {
     let layers = read_layers(path)?;
     film_of(&layers).map_err(|e| e.at(path))
 }
 
-fn film_of(layers: &Layers) -> Result<Film, ExrErrorKind> {
+fn film_of(layers: &Layers) -> Result<Film, Problem> {
     let mean = layers.picture(["R", "G", "B"])?;
     let variance = layers.picture(
         ["R", "G", "B"]
@@ -40,7 +41,6 @@ fn film_of(layers: &Layers) -> Result<Film, ExrErrorKind> {
             .map(String::as_str),
     )?;
     let spp = layers.channel("spp")?;
-    let invalid = |what: &str| ExrErrorKind::Invalid(what.to_owned());
     let (x, y) = layers.position;
     let window = Window {
         x: u32::try_from(x).map_err(|_| invalid("data window begins left of the frame"))?,
@@ -48,7 +48,7 @@ fn film_of(layers: &Layers) -> Result<Film, ExrErrorKind> {
         w: layers.width as u32,
         h: layers.height as u32,
     };
-    let mut film = Film::cropped(layers.size, window).map_err(|e| invalid(&e.to_string()))?;
+    let mut film = Film::cropped(layers.size, window).map_err(invalid)?;
     for (i, m) in film.pixels.iter_mut().enumerate() {
         let n = spp[i] as u32;
         let degrees = f64::from(n.saturating_sub(1));
@@ -59,14 +59,14 @@ fn film_of(layers: &Layers) -> Result<Film, ExrErrorKind> {
 }
 
 /// Reads every channel. Channels of a named part get the part's name as prefix.
-pub fn read_layers(path: &Path) -> Result<Layers, ExrError> {
+pub fn read_layers(path: &Path) -> Result<Layers, FileError> {
     read_channels(path).map_err(|e| e.at(path))
 }
 
-fn read_channels(path: &Path) -> Result<Layers, ExrErrorKind> {
-    let mut file = BufReader::new(File::open(path)?);
+fn read_channels(path: &Path) -> Result<Layers, Problem> {
+    let mut file = BufReader::new(File::open(path).map_err(Problem::Read)?);
     check_headers(&mut file)?;
-    file.rewind()?;
+    file.rewind().map_err(Problem::Read)?;
     // On this thread: of a file that is broken twice, threads would tell now one fault, now the other.
     let image = exrs::read()
         .no_deep_data()
@@ -75,13 +75,14 @@ fn read_channels(path: &Path) -> Result<Layers, ExrErrorKind> {
         .all_layers()
         .all_attributes()
         .non_parallel()
-        .from_buffered(file)?;
+        .from_buffered(file)
+        .map_err(problem)?;
 
     let display = image.attributes.display_window.size;
     let first = image
         .layer_data
         .first()
-        .ok_or_else(|| ExrErrorKind::Invalid("no layer".to_owned()))?;
+        .ok_or_else(|| invalid("no layer"))?;
     let mut layers = Layers {
         size: UVec2::new(display.x() as u32, display.y() as u32),
         position: (
@@ -95,9 +96,7 @@ fn read_channels(path: &Path) -> Result<Layers, ExrErrorKind> {
     };
     for part in &image.layer_data {
         if (part.size.x(), part.size.y()) != (layers.width, layers.height) {
-            return Err(ExrErrorKind::Unsupported(
-                "parts of different sizes".to_owned(),
-            ));
+            return Err(unsupported("parts of different sizes"));
         }
         let name = part
             .attributes
@@ -108,10 +107,8 @@ fn read_channels(path: &Path) -> Result<Layers, ExrErrorKind> {
         for channel in &part.channel_data.list {
             let values: Vec<f32> = channel.sample_data.values_as_f32().collect();
             if values.len() != layers.width * layers.height {
-                return Err(ExrErrorKind::Unsupported(format!(
-                    "channel '{}' is subsampled",
-                    channel.name
-                )));
+                let what = format!("channel '{}' is subsampled", channel.name);
+                return Err(unsupported(what));
             }
             let full = join(&name, &channel.name.to_string());
             // The main picture of a file whose parts are all named is its first part.
@@ -146,9 +143,9 @@ fn add_metadata(metadata: &mut Metadata, key: &str, value: &str) {
 const MAX_RATIO: u64 = 2048;
 
 /// Sizes are looked at before the pixels are read: a header of a few bytes can ask for any amount of memory.
-fn check_headers(file: &mut BufReader<File>) -> Result<(), ExrErrorKind> {
-    let length = file.get_ref().metadata()?.len();
-    let meta = ::exr::meta::MetaData::read_from_buffered(file, false)?;
+fn check_headers(file: &mut BufReader<File>) -> Result<(), Problem> {
+    let length = file.get_ref().metadata().map_err(Problem::Read)?.len();
+    let meta = ::exr::meta::MetaData::read_from_buffered(file, false).map_err(problem)?;
     let mut values: usize = 0;
     let mut bytes: u64 = 0;
     for header in &meta.headers {
@@ -157,11 +154,10 @@ fn check_headers(file: &mut BufReader<File>) -> Result<(), ExrErrorKind> {
         let pixels = width.saturating_mul(height);
         values = values.saturating_add(pixels.saturating_mul(channels));
         if pixels > MAX_PIXELS || values > 4 * MAX_PIXELS {
-            return Err(ExrErrorKind::TooLarge {
-                width,
-                height,
-                channels,
-            });
+            let size = format!("{width}x{height} pixels in {channels} channels");
+            return Err(Problem::content(format!(
+                "{size} are more than this program reads"
+            )));
         }
         let samples = header.channels.list.iter();
         let pixel: usize = samples.map(|c| c.sample_type.bytes_per_sample()).sum();
@@ -169,7 +165,7 @@ fn check_headers(file: &mut BufReader<File>) -> Result<(), ExrErrorKind> {
     }
     if bytes / MAX_RATIO > length {
         let what = format!("{length} bytes cannot hold the {bytes} that the header promises");
-        return Err(ExrErrorKind::Invalid(what));
+        return Err(invalid(what));
     }
     Ok(())
 }

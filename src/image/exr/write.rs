@@ -6,8 +6,8 @@ use std::path::Path;
 use ::exr::prelude as exrs;
 use exrs::WritableImage;
 
-use super::{ExrError, ExrErrorKind, Layer, METADATA, Metadata, join};
-use crate::files;
+use super::{Layer, METADATA, Metadata, join, problem, unsupported};
+use crate::files::{self, FileError, Problem};
 use crate::image::Buffer;
 use crate::image::film::{Film, Window};
 use crate::math::UVec2;
@@ -18,40 +18,44 @@ pub fn write_film(
     film: &Film,
     layers: &[Layer],
     metadata: &Metadata,
-) -> Result<(), ExrError> {
+) -> Result<(), FileError> {
     let mut all = vec![
         Layer::rgb("sample_variance", &film.sample_variance()),
         Layer::rgb("variance_of_mean", &film.variance_of_mean()),
         Layer::scalar("spp", film.pixels.iter().map(|m| m.n as f32).collect()),
     ];
     all.extend_from_slice(layers);
-    write_layers(path, film.size, film.window, &film.mean(), &all, metadata).map_err(|e| e.at(path))
+    let part = (film.size, film.window);
+    let bytes = encoded(part, &film.mean(), &all, metadata).map_err(|e| e.at(path))?;
+    files::write_bytes(path, bytes)
 }
 
 /// Writes a picture alone.
-pub fn write_rgb(path: &Path, picture: &Buffer, metadata: &Metadata) -> Result<(), ExrError> {
+pub fn write_rgb(path: &Path, picture: &Buffer, metadata: &Metadata) -> Result<(), FileError> {
     let size = UVec2::new(picture.width as u32, picture.height as u32);
-    write_layers(path, size, Window::full(size), picture, &[], metadata).map_err(|e| e.at(path))
+    let part = (size, Window::full(size));
+    let bytes = encoded(part, picture, &[], metadata).map_err(|e| e.at(path))?;
+    files::write_bytes(path, bytes)
 }
 
-fn write_layers(
-    path: &Path,
-    size: UVec2,
-    window: Window,
+/// The bytes of a file; frame and window come first.
+fn encoded(
+    (size, window): (UVec2, Window),
     picture: &Buffer,
     layers: &[Layer],
     metadata: &Metadata,
-) -> Result<(), ExrErrorKind> {
+) -> Result<Vec<u8>, Problem> {
     let main = Layer::rgb("", picture);
     let mut list = Vec::new();
     for layer in std::iter::once(&main).chain(layers) {
         for (channel, values) in &layer.channels {
             if values.len() != window.len() {
-                return Err(ExrErrorKind::LayerSize {
-                    layer: layer.name.clone(),
-                    values: values.len(),
-                    pixels: window.len(),
-                });
+                return Err(Problem::content(format!(
+                    "layer '{}' has {} values, the picture {} pixels",
+                    layer.name,
+                    values.len(),
+                    window.len()
+                )));
             }
             let name = text(&join(&layer.name, channel))?;
             list.push(exrs::AnyChannel::new(
@@ -89,14 +93,16 @@ fn write_layers(
 
     let mut bytes = io::Cursor::new(Vec::new());
     // On this thread: the pool that the crate makes for every file left holes in the heap, 8 % in an hour of saves.
-    image.write().non_parallel().to_buffered(&mut bytes)?;
-    files::write_bytes(path, bytes.get_ref())?;
-    Ok(())
+    image
+        .write()
+        .non_parallel()
+        .to_buffered(&mut bytes)
+        .map_err(problem)?;
+    Ok(bytes.into_inner())
 }
 
-fn text(s: &str) -> Result<exrs::Text, ExrErrorKind> {
-    exrs::Text::new_or_none(s)
-        .ok_or_else(|| ExrErrorKind::Unsupported(format!("name '{s}' is not Latin-1")))
+fn text(s: &str) -> Result<exrs::Text, Problem> {
+    exrs::Text::new_or_none(s).ok_or_else(|| unsupported(format!("name '{s}' is not Latin-1")))
 }
 
 /// JSON with everything above ASCII escaped, since EXR text has no encoding.

@@ -13,7 +13,7 @@
 //! | [`page`] | the report as one HTML file |
 //! | [`machine`] | clocks, memory, processor |
 
-use std::path::PathBuf;
+use crate::files::FileError;
 
 mod check;
 pub mod curve;
@@ -36,62 +36,22 @@ pub use suite::Suite;
 /// A bench that cannot be run or read.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
-    /// The suite's file.
-    #[error("{}: {reason}", path.display())]
-    Suite {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// A file of results.
-    #[error("{}: not results of a bench that this program reads: {reason}", path.display())]
-    Results {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// A scene of the suite.
-    #[error("scene `{scene}`: {reason}")]
+    /// A file that cannot be used.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A scene of the suite, or a method on it.
+    #[error("scene {place}: {reason}")]
     Scene {
-        /// Its name.
-        scene: String,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// A scene file.
-    #[error(transparent)]
-    Load(#[from] crate::scene::load::LoadError),
-    /// A table file.
-    #[error(transparent)]
-    Table(#[from] crate::regularise::file::TableError),
-    /// A picture.
-    #[error(transparent)]
-    Exr(#[from] crate::image::exr::ExrError),
-    /// A picture that cannot be compared with its reference.
-    #[error("scene `{scene}`, method `{method}`: {reason}")]
-    Compare {
-        /// The scene.
-        scene: String,
-        /// The method.
-        method: String,
-        /// Why not.
-        reason: crate::image::metric::MetricError,
-    },
-    /// A file that cannot be written.
-    #[error("{}: cannot be written: {reason}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why not.
+        /// Name of the scene, and of the method if the fault is there.
+        place: String,
+        /// The fault.
         reason: String,
     },
 }
 
 impl BenchError {
-    /// Whether the place to write to is at fault, rather than the input.
+    /// True if the place to write to is at fault, rather than the input.
     pub fn is_output(&self) -> bool {
-        matches!(self, Self::Write { .. })
+        matches!(self, Self::File(e) if e.is_write())
     }
 }

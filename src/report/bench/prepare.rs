@@ -7,7 +7,7 @@ use super::BenchError;
 use super::results::{Inset, SceneFacts};
 use super::suite::SceneSpec;
 use super::vary::{scale_lights, scale_roughness};
-use crate::files::hex;
+use crate::files::{self, hex};
 use crate::gallery;
 use crate::gallery::training::EXAMPLES;
 use crate::image::film::{Film, Window};
@@ -33,7 +33,7 @@ pub(super) struct Prepared {
 
 fn fault(spec: &SceneSpec, reason: impl ToString) -> BenchError {
     BenchError::Scene {
-        scene: spec.name.clone(),
+        place: format!("`{}`", spec.name),
         reason: reason.to_string(),
     }
 }
@@ -190,13 +190,8 @@ impl Prepared {
         if reason == Reason::Stopped {
             return Ok(None);
         }
-        create_folder(cache)?;
-        exr::write_film(&path, &picture.film, &[], &exr::Metadata::new()).map_err(|e| {
-            BenchError::Write {
-                path: path.clone(),
-                reason: e.kind.to_string(),
-            }
-        })?;
+        files::create_folder(cache)?;
+        exr::write_film(&path, &picture.film, &[], &exr::Metadata::new())?;
         // As it will be read next time, so that a resumed bench has the same reference to the bit.
         self.take(&exr::read_film(&path)?);
         Ok(Some(()))
@@ -266,11 +261,4 @@ pub(super) fn file_name(path: &Path) -> String {
         .unwrap_or_default()
         .to_string_lossy()
         .into_owned()
-}
-
-pub(super) fn create_folder(path: &Path) -> Result<(), BenchError> {
-    std::fs::create_dir_all(path).map_err(|e| BenchError::Write {
-        path: path.to_owned(),
-        reason: e.to_string(),
-    })
 }

@@ -1,14 +1,15 @@
 //! What a bench measured, as it is kept in a file. Everything a report shows is in it.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::Path;
 
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use serde::{Deserialize, Serialize};
 
+use super::machine::Machine;
 use super::suite::Suite;
-use super::{BenchError, machine::Machine};
-use crate::files;
+use crate::files::{self, FileError};
 use crate::image::Buffer;
 use crate::math::Rgb;
 
@@ -193,13 +194,13 @@ fn unshared([r, g, b, exponent]: [u8; 4]) -> Rgb {
 
 impl Results {
     /// Reads a file.
-    pub fn load(path: &Path) -> Result<Self, BenchError> {
-        let invalid = |reason: String| BenchError::Results {
-            path: path.to_owned(),
-            reason,
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        let invalid = |reason: String| {
+            let what = format!("not results of a bench that this program reads: {reason}");
+            FileError::content(path, what)
         };
-        let text = files::read_text(path, MAX_BYTES).map_err(|e| invalid(e.to_string()))?;
-        let results: Self = serde_json::from_str(&text).map_err(|e| invalid(files::briefly(e)))?;
+        let text = files::read_text(path, MAX_BYTES)?;
+        let results: Self = serde_json::from_str(&text).map_err(|e| invalid(e.to_string()))?;
         if results.version != VERSION {
             return Err(invalid(format!(
                 "version {} of the layout, this program reads {VERSION}",
@@ -211,15 +212,12 @@ impl Results {
     }
 
     /// Writes the file, whole or not at all.
-    pub fn save(&self, path: &Path) -> Result<(), BenchError> {
-        let failed = |reason: String| BenchError::Write {
-            path: path.to_owned(),
-            reason,
-        };
-        // Not for eyes, and three times as long with line breaks.
-        let mut json = serde_json::to_vec(self).map_err(|e| failed(e.to_string()))?;
-        json.push(b'\n');
-        files::write_bytes(path, &json).map_err(|e| failed(e.to_string()))
+    pub fn save(&self, path: &Path) -> Result<(), FileError> {
+        files::write(path, |out| {
+            // Not for eyes, and three times as long with line breaks.
+            serde_json::to_writer(&mut *out, self)?;
+            out.write_all(b"\n")
+        })
     }
 
     /// The runs of a method on a scene, in the suite's order of seeds.

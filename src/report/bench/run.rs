@@ -13,11 +13,12 @@ use super::BenchError;
 use super::errors::{error_products, errors};
 use super::machine::{self, Machine, Stopwatch};
 use super::marks::Marks;
-use super::prepare::{Prepared, create_folder, file_name, inset, prepare, short_hash};
+use super::prepare::{Prepared, file_name, inset, prepare, short_hash};
 use super::results::{Cell, Inset, Point, Products, Results, VERSION};
 use super::suite::{MethodSpec, SceneSpec, Suite};
-use crate::files::hex;
+use crate::files::{self, Problem, hex};
 use crate::image::film::Film;
+use crate::image::metric::MetricError;
 use crate::image::{Buffer, exr};
 use crate::integrator::{Method, Picture, Settings};
 
@@ -69,10 +70,8 @@ pub fn run(
         insets: Vec::new(),
     };
     if path.is_dir() {
-        return Err(BenchError::Write {
-            path: path.to_owned(),
-            reason: "is a folder".to_owned(),
-        });
+        let cause = std::io::Error::other("is a folder");
+        return Err(Problem::Write(cause).at(path).into());
     }
     if path.exists() {
         let old = Results::load(path)?;
@@ -139,7 +138,7 @@ impl Bench<'_> {
             })
             .collect::<Result<_, BenchError>>()?;
         // So is a place that cannot be written to.
-        create_folder(&self.folder)?;
+        files::create_folder(&self.folder)?;
         for scene in &self.suite.scenes {
             let mut waiting = status(self.suite, self.done, format!("{}: reference", scene.name));
             let listener = &mut *self.listener;
@@ -257,10 +256,9 @@ impl Bench<'_> {
             now.cpu += cpu;
             now.samples = end;
             if marks.crossed(&now) {
-                let reason = |reason| BenchError::Compare {
-                    scene: spec.name.clone(),
-                    method: name.clone(),
-                    reason,
+                let reason = |e: MetricError| BenchError::Scene {
+                    place: format!("`{}`, method `{name}`", spec.name),
+                    reason: e.to_string(),
                 };
                 let errors = errors(&picture.film.mean(), &scene.reference, spec.exposure)
                     .map_err(reason)?;
@@ -283,13 +281,8 @@ impl Bench<'_> {
     /// Takes a run into the results and writes them.
     fn keep(&mut self, spec: &SceneSpec, measured: Measured, show: bool) -> Result<(), BenchError> {
         let Measured { cell, picture } = measured;
-        create_folder(&self.folder)?;
-        exr::write_rgb(&self.picture(&cell.key), &picture, &exr::Metadata::new()).map_err(|e| {
-            BenchError::Write {
-                path: e.path,
-                reason: e.kind.to_string(),
-            }
-        })?;
+        files::create_folder(&self.folder)?;
+        exr::write_rgb(&self.picture(&cell.key), &picture, &exr::Metadata::new())?;
         if show && let Some(end) = cell.points.last() {
             let seconds = self.suite.clock.seconds(end, self.results.machine.threads);
             let inset = inset(spec, Some(&cell.method), &cell.key, &picture);
@@ -304,7 +297,7 @@ impl Bench<'_> {
             .cells
             .retain(|c| (&c.scene, &c.method, c.seed) != (&cell.scene, &cell.method, cell.seed));
         self.results.cells.push(cell);
-        self.results.save(self.path)
+        Ok(self.results.save(self.path)?)
     }
 
     fn picture(&self, key: &str) -> PathBuf {

@@ -26,9 +26,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::BenchError;
 use crate::bsdf::Distribution;
-use crate::files;
+use crate::files::{self, FileError};
 use crate::image::film::Window;
 use crate::integrator::Method;
 use crate::math::UVec2;
@@ -210,13 +209,9 @@ pub enum Kind {
 
 impl Suite {
     /// Reads a suite; relative paths in it are taken from its folder.
-    pub fn load(path: &Path) -> Result<Self, BenchError> {
-        let failed = |reason: String| BenchError::Suite {
-            path: path.to_owned(),
-            reason,
-        };
-        let text = files::read_text(path, MAX_BYTES).map_err(|e| failed(e.to_string()))?;
-        let mut suite = Self::parse(&text).map_err(failed)?;
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        let text = files::read_text(path, MAX_BYTES)?;
+        let mut suite = Self::parse(&text).map_err(|e| FileError::content(path, e))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let scene_files = suite
             .scenes
@@ -295,7 +290,7 @@ impl SceneSpec {
 
 impl MethodSpec {
     /// The method; a table is read from its file.
-    pub fn resolve(&self) -> Result<Method, BenchError> {
+    pub fn resolve(&self) -> Result<Method, FileError> {
         let (reuse, lambda) = (self.reuse, self.lambda);
         Ok(match self.method {
             Kind::Plain => Method::Plain,

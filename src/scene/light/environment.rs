@@ -6,13 +6,13 @@
 //! Texels are looked up without interpolation: the sampling density is then exactly proportional to what is seen, and a
 //! sun of a few texels at 1e5 adds no noise of its own.
 
-use crate::files;
+use crate::files::{self, FileError, Problem};
 use crate::image::Buffer;
 use crate::image::exr;
 use crate::math::discrete::Distribution2D;
 use crate::math::{Rgb, Vec2, Vec3, luminance};
 use std::f32::consts::{PI, TAU};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Radiance from infinity. Clones share the map.
@@ -28,54 +28,6 @@ pub struct Environment {
 /// The most bytes of a map's file, and of its texels in memory: far above any sky, far below what a header of a few
 /// bytes could ask for.
 const MAX_BYTES: u64 = 1 << 31;
-
-/// Why an environment map cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum EnvironmentError {
-    /// The file could not be read, or is too long.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Why not.
-        source: std::io::Error,
-    },
-    /// An EXR file could not be read.
-    #[error(transparent)]
-    Exr(#[from] exr::ExrError),
-    /// A Radiance file could not be read.
-    #[error("{path}: {source}")]
-    Hdr {
-        /// The file.
-        path: PathBuf,
-        /// Why not.
-        source: image::ImageError,
-    },
-    /// The name says neither.
-    #[error("{path}: an environment map is an .hdr or .exr file")]
-    Kind {
-        /// The file.
-        path: PathBuf,
-    },
-    /// There is no texel.
-    #[error("{path}: a map without texels")]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
-    /// A texel, times the intensity, is not finite or negative.
-    #[error("{path}: texel ({x}, {y}) is {value}; radiance must be finite and not negative")]
-    Texel {
-        /// The file.
-        path: PathBuf,
-        /// Column.
-        x: usize,
-        /// Row.
-        y: usize,
-        /// What is there.
-        value: Rgb,
-    },
-}
 
 impl Environment {
     /// One colour from everywhere.
@@ -106,53 +58,40 @@ impl Environment {
     }
 
     /// Loads an `.hdr` or `.exr` map, multiplied by `intensity`, turned by `rotation` radians about +Y.
-    pub fn load(path: &Path, intensity: f32, rotation: f32) -> Result<Self, EnvironmentError> {
+    pub fn load(path: &Path, intensity: f32, rotation: f32) -> Result<Self, FileError> {
         // A pipe would be empty the second time, and who waits for its other end waits for ever.
         if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
-            return Err(EnvironmentError::Io {
-                path: path.to_owned(),
-                source: std::io::Error::other("not a plain file; maps are read more than once"),
-            });
+            let what = "not a plain file; maps are read more than once";
+            return Err(FileError::content(path, what));
         }
         let map = match path.extension().and_then(|e| e.to_str()) {
             Some("exr") => exr::read_rgb(path)?,
             Some("hdr") => read_hdr(path)?,
             _ => {
-                return Err(EnvironmentError::Kind {
-                    path: path.to_owned(),
-                });
+                return Err(FileError::content(
+                    path,
+                    "an environment map is an .hdr or .exr file",
+                ));
             }
         };
         if map.pixels.is_empty() {
-            return Err(EnvironmentError::Empty {
-                path: path.to_owned(),
-            });
+            return Err(FileError::content(path, "a map without texels"));
         }
         // Only now: a texel that overflows is as bad as one that was infinite.
         let map = map.map(|p| p * intensity);
-        if let Some(i) = map
-            .pixels
-            .iter()
-            .position(|p| !p.is_finite() || p.min_element() < 0.0)
-        {
-            let (x, y, path) = (i % map.width, i / map.width, path.to_owned());
-            return Err(EnvironmentError::Texel {
-                path,
-                x,
-                y,
-                value: map.pixels[i],
-            });
+        let bad = |p: &Rgb| !p.is_finite() || p.min_element() < 0.0;
+        if let Some(i) = map.pixels.iter().position(bad) {
+            let (x, y, value) = (i % map.width, i / map.width, map.pixels[i]);
+            let what =
+                format!("texel ({x}, {y}) is {value}; radiance must be finite and not negative");
+            return Err(FileError::content(path, what));
         }
         Ok(Self::from_map(map, rotation))
     }
 
     /// Hands over the bytes of a map's file piece by piece: whoever names a scene by a hash has the map in it.
-    pub fn bytes(path: &Path, take: impl FnMut(&[u8])) -> Result<(), EnvironmentError> {
-        let io = |source| EnvironmentError::Io {
-            path: path.to_owned(),
-            source,
-        };
-        files::stream(path, MAX_BYTES, take).map_err(io)
+    pub fn bytes(path: &Path, take: impl FnMut(&[u8])) -> Result<(), FileError> {
+        files::stream(path, MAX_BYTES, take)
     }
 
     /// Radiance seen when looking along `dir`.
@@ -211,17 +150,15 @@ impl Environment {
 }
 
 /// Reads a Radiance RGBE file.
-fn read_hdr(path: &Path) -> Result<Buffer, EnvironmentError> {
-    let error = |source| EnvironmentError::Hdr {
-        path: path.to_owned(),
-        source,
-    };
-    let mut reader = image::ImageReader::open(path).map_err(|e| error(e.into()))?;
+fn read_hdr(path: &Path) -> Result<Buffer, FileError> {
+    let mut reader = image::ImageReader::open(path).map_err(|e| Problem::Read(e).at(path))?;
     reader.set_format(image::ImageFormat::Hdr);
     let mut limits = image::Limits::default();
     limits.max_alloc = Some(MAX_BYTES);
     reader.limits(limits);
-    let map = reader.decode().map_err(error)?.into_rgb32f();
+    let map = (reader.decode())
+        .map_err(|e| FileError::content(path, e))?
+        .into_rgb32f();
     let (width, height) = (map.width() as usize, map.height() as usize);
     let pixels = map.pixels().map(|p| Rgb::from_array(p.0)).collect();
     Ok(Buffer {

@@ -7,7 +7,7 @@ mod area;
 mod environment;
 mod punctual;
 
-pub use environment::{Environment, EnvironmentError};
+pub use environment::Environment;
 pub use punctual::PunctualLight;
 
 use super::{Geometry, Hit, SceneParts, Surface};

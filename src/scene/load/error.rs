@@ -1,64 +1,24 @@
 //! What can be wrong with a file.
 
-use std::path::{Path, PathBuf};
+use crate::files::FileError;
+use std::path::Path;
 
-/// Why a scene could not be loaded; the message names the file and the place in it.
-#[derive(Debug, thiserror::Error)]
-pub enum LoadError {
-    /// The file could not be read.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The file breaks the rules of glTF, or asks for more than this loader can do.
-    #[error("{}: {place}: {what}", path.display())]
-    Invalid {
-        /// The file.
-        path: PathBuf,
-        /// Where in the file: a JSON path such as `accessors[3]`, with the name where there is one.
-        place: String,
-        /// What is wrong there.
-        what: String,
-    },
-    /// The file cannot be shown without an extension that this loader does not know.
-    #[error("{}: extensionsRequired: {name} is not supported", path.display())]
-    Extension {
-        /// The file.
-        path: PathBuf,
-        /// Name of the extension.
-        name: String,
-    },
-}
-
-/// An error before it knows its file.
+/// An error before it knows its file: the place in it, such as `accessors[3]`, and what is wrong there.
 #[derive(Debug)]
-pub(super) enum Fault {
-    Invalid { place: String, what: String },
-    Extension { name: String },
-}
+pub(super) struct Fault(String);
 
 /// Of everything that reads one part of a file.
 pub(super) type Result<T> = std::result::Result<T, Fault>;
 
 /// Something wrong at a place.
 pub(super) fn fault(place: impl Into<String>, what: impl Into<String>) -> Fault {
-    Fault::Invalid {
-        place: place.into(),
-        what: what.into(),
-    }
+    Fault(format!("{}: {}", place.into(), what.into()))
 }
 
 impl Fault {
     /// The error as the caller of the loader sees it.
-    pub(super) fn of(self, path: &Path) -> LoadError {
-        let path = path.to_owned();
-        match self {
-            Self::Invalid { place, what } => LoadError::Invalid { path, place, what },
-            Self::Extension { name } => LoadError::Extension { path, name },
-        }
+    pub(super) fn of(self, path: &Path) -> FileError {
+        FileError::content(path, self.0)
     }
 }
 

@@ -14,13 +14,11 @@ mod nodes;
 mod textures;
 mod uris;
 
-pub use error::LoadError;
-
 use super::SceneParts;
 use crate::bsdf::Distribution;
-use crate::files;
+use crate::files::{self, FileError, Problem};
 use accessors::Data;
-use error::{Fault, Result, Warnings, fault, place};
+use error::{Result, Warnings, fault, place};
 use gltf::json::Root;
 use gltf::json::mesh::Semantic;
 use gltf::json::validation::{Checked, Error as Broken, Validate};
@@ -69,11 +67,8 @@ pub struct Loaded {
 }
 
 /// Reads a scene. Nothing in the file can make it panic or allocate without measure.
-pub fn load(path: &Path, options: &LoadOptions) -> std::result::Result<Loaded, LoadError> {
-    let bytes = uris::read_file(path).map_err(|source| LoadError::Io {
-        path: path.to_owned(),
-        source,
-    })?;
+pub fn load(path: &Path, options: &LoadOptions) -> std::result::Result<Loaded, FileError> {
+    let bytes = uris::read_file(path).map_err(|e| Problem::Read(e).at(path))?;
     scene(path, &bytes, options).map_err(|fault| fault.of(path))
 }
 
@@ -180,7 +175,10 @@ fn head(json: &[u8], warnings: &mut Warnings) -> Result<Head> {
     head.check_lists()?;
     let unknown = |e: &&String| !SUPPORTED.contains(&e.as_str());
     if let Some(name) = head.extensions_required.iter().find(unknown) {
-        return Err(Fault::Extension { name: name.clone() });
+        return Err(fault(
+            "extensionsRequired",
+            format!("{name} is not supported"),
+        ));
     }
     for name in head.extensions_used.iter().filter(unknown) {
         warnings.say(format!(

@@ -1,7 +1,6 @@
 //! A stopped training, from which it goes on to the bit.
 
-use crate::files;
-use crate::files::hex;
+use crate::files::{self, FileError, hex};
 use crate::regularise::{AttenuationTable, LEN};
 use crate::train::config::{Config, ConfigError};
 use crate::train::learn::model::{Learner, State};
@@ -35,22 +34,9 @@ pub struct Checkpoint {
 /// Why a checkpoint could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
-    /// The file could not be read.
-    #[error("{path}: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// The file could not be written.
-    #[error("{path}: {source}")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
+    /// The file cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Damaged, or not a checkpoint.
     #[error("{path}: not a checkpoint of a training: {problem}")]
     Damaged {
@@ -148,18 +134,12 @@ impl Checkpoint {
         };
         document.sha256 = document.checksum();
         let text = serde_json::to_vec(&document).map_err(|e| damaged(path, e))?;
-        files::write_bytes(path, &text).map_err(|source| CheckpointError::Write {
-            path: path.into(),
-            source,
-        })
+        Ok(files::write_bytes(path, &text)?)
     }
 
     /// Reads a checkpoint of the training with this fingerprint.
     pub fn load(path: &Path, fingerprint: &str) -> Result<Self, CheckpointError> {
-        let text = files::read(path, MAX_BYTES).map_err(|source| CheckpointError::Read {
-            path: path.into(),
-            source,
-        })?;
+        let text = files::read(path, MAX_BYTES)?;
         let document: Document = serde_json::from_slice(&text).map_err(|e| damaged(path, e))?;
         if document.format != FORMAT || document.sha256 != document.checksum() {
             return Err(damaged(path, "the checksum is wrong"));

@@ -65,7 +65,10 @@ impl Progress {
             looks: self.looks,
             best: self.best.clone(),
             anchor: (training.anchor.clone()).unwrap_or_else(|| AttenuationTable::constant(0.5)),
-            state: self.learner.to_bytes()?,
+            state: self
+                .learner
+                .to_bytes()
+                .map_err(|e| TrainError::State(e.to_string()))?,
         })
     }
 }

@@ -12,7 +12,6 @@ use crate::train::learn::objective::{Arithmetic, CropLoss};
 use crate::train::learn::progress::Progress;
 use crate::train::record::crop::{Crop, DatasetError};
 use crate::train::study::best_constant;
-use burn::store::RecordError;
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -38,7 +37,7 @@ pub enum TrainError {
     Checkpoint(#[from] CheckpointError),
     /// The optimiser's state.
     #[error("optimiser state: {0}")]
-    State(#[from] RecordError),
+    State(String),
     /// Nothing to learn from.
     #[error("{0}")]
     Empty(String),

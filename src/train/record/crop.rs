@@ -1,14 +1,15 @@
 //! Crops to learn from: a manifest's scenes, opened, with their references.
 
-use crate::gallery::manifest::{CROP, Entry, Manifest, ManifestError, Role};
-use crate::gallery::reference::{Reference, ReferenceError, SEED};
+use crate::files::FileError;
+use crate::gallery::manifest::{CROP, Entry, Manifest, Role};
+use crate::gallery::reference::{Reference, SEED};
 use crate::image::Film;
 use crate::image::film::{FilmError, Window};
 use crate::integrator::{Method, Settings};
 use crate::math::UVec2;
 use crate::regularise::{Accumulated, AttenuationTable, Regulariser};
 use crate::sampler::Independent;
-use crate::scene::load::{LoadError, LoadOptions, load};
+use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Camera, Scene};
 use crate::train::learn::objective::Target;
 use crate::train::record::proposals::Drawn;
@@ -50,15 +51,9 @@ pub struct Crop {
 /// Why crops could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
-    /// The manifest.
+    /// The manifest, a scene, or a reference that cannot be read or is one of another scene, crop or path length.
     #[error(transparent)]
-    Manifest(#[from] ManifestError),
-    /// A scene.
-    #[error(transparent)]
-    Scene(#[from] LoadError),
-    /// A reference that cannot be read, or is one of another scene, crop or path length.
-    #[error(transparent)]
-    Reference(#[from] ReferenceError),
+    File(#[from] FileError),
     /// No reference.
     #[error("{path}: there is no reference; `opsr scenes reference` makes it")]
     Missing {
@@ -74,12 +69,12 @@ pub enum DatasetError {
         problem: String,
     },
     /// A crop outside of its frame.
-    #[error("{name}: {source}")]
+    #[error("{name}: {cause}")]
     Window {
         /// The crop.
         name: String,
         /// What is wrong with it.
-        source: FilmError,
+        cause: FilmError,
     },
 }
 
@@ -210,10 +205,10 @@ impl Crop {
         Film::cropped(self.frame, self.window).map_err(|e| self.outside(e))
     }
 
-    fn outside(&self, source: FilmError) -> DatasetError {
+    fn outside(&self, cause: FilmError) -> DatasetError {
         DatasetError::Window {
             name: self.name.clone(),
-            source,
+            cause,
         }
     }
 }

@@ -211,12 +211,12 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         3,
         "render scene.glb --checkpoint state.ckpt --resume",
-        "state.ckpt: not a checkpoint",
+        "state.ckpt: not a render checkpoint of version 2: it begins with `opsrckp1",
     ),
     (
         3,
         "render scene.glb --checkpoint a.exr --resume",
-        "a.exr: not a checkpoint",
+        "a.exr: not a render checkpoint",
     ),
     (3, "compare none.exr b.exr", "none.exr"),
     (3, "compare short.exr b.exr", "short.exr"),

@@ -1,7 +1,7 @@
 //! Lengths and checksums set right after a change, so that it is not them that are refused.
 
 use crate::support::gltf::crc32;
-use serde_json::{Value, json};
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 /// Leaves a file as it is.
@@ -42,24 +42,18 @@ pub(crate) fn png(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// Length and checksum of a checkpoint's content.
-pub(crate) fn checkpoint(bytes: Vec<u8>) -> Vec<u8> {
-    let length = bytes
-        .get(8..16)
-        .map(|b| u64::from_le_bytes(b.try_into().expect("eight bytes")));
-    let Some(length) = length.filter(|&n| n <= bytes.len() as u64 - 16) else {
+/// Length of the header and checksum of a sealed file, as far as its header can be found.
+pub(crate) fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
+    let line = bytes.iter().position(|&b| b == b'\n').unwrap_or(0);
+    let Some(end) = bytes.len().checked_sub(32).filter(|&end| end > line + 9) else {
         return bytes;
     };
-    let (head, content) = bytes.split_at(16 + length as usize);
-    let Ok(mut header) = serde_json::from_slice::<Value>(&head[16..]) else {
-        return bytes;
-    };
-    let aovs = header["aov_bytes"].as_u64().unwrap_or(0);
-    header["film_bytes"] = json!((content.len() as u64).saturating_sub(aovs));
-    let digits = Sha256::digest(content);
-    let digits: Vec<String> = digits.iter().map(|b| format!("{b:02x}")).collect();
-    header["sha256"] = json!(digits.concat());
-    let header = header.to_string();
-    let length = (header.len() as u64).to_le_bytes();
-    [&head[..8], &length, header.as_bytes(), content].concat()
+    let mut header = serde_json::Deserializer::from_slice(&bytes[line + 9..end]).into_iter();
+    if let Some(Ok(Value::Object(_))) = header.next() {
+        let length = header.byte_offset() as u64;
+        bytes[line + 1..line + 9].copy_from_slice(&length.to_le_bytes());
+    }
+    let checksum = Sha256::digest(&bytes[..end]);
+    bytes[end..].copy_from_slice(&checksum);
+    bytes
 }

@@ -4,6 +4,7 @@
 use super::trained;
 use super::{Target, repair, seeds};
 use crate::support::gltf::File;
+use opsr::files::FileError;
 use opsr::gallery::manifest::Manifest;
 use opsr::image::{exr, png};
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
@@ -12,7 +13,7 @@ use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::regularise::file::TableFile;
 use opsr::report::bench::page::page;
 use opsr::report::bench::{Results, Suite, summary};
-use opsr::scene::load::{LoadError, LoadOptions, load};
+use opsr::scene::load::{LoadOptions, load};
 use opsr::scene::{Camera, Environment, Scene};
 use serde_json::json;
 use std::path::Path;
@@ -92,7 +93,7 @@ pub(crate) fn exr() -> Target {
         repair: repair::nothing,
         read: |path| {
             // Whether the channels are those of a film or of a picture is another matter.
-            let told = |r: Result<(), exr::ExrError>| {
+            let told = |r: Result<(), FileError>| {
                 let name = path.display().to_string();
                 let words = r.map_or_else(|e| e.to_string(), |()| name.clone());
                 assert!(words.contains(&name), "{words}");
@@ -232,7 +233,7 @@ pub(crate) fn checkpoints() -> Target {
         name: "checkpoints",
         file: "fuzz.ckpt",
         seeds: seeds.into(),
-        repair: repair::checkpoint,
+        repair: repair::sealed,
         read: |path: &Path| {
             let checkpoint = text(Checkpoint::load(path, &fingerprint()))?;
             let film = checkpoint.picture.film;
@@ -262,7 +263,7 @@ pub(crate) fn textures() -> Target {
             // A scene under the picture's name.
             let scene = folder.path().join(path.file_name().unwrap_or_default());
             text(std::fs::write(&scene, file.glb()))?;
-            let error = |e: LoadError| {
+            let error = |e: FileError| {
                 let (ours, theirs) = (scene.display().to_string(), path.display().to_string());
                 e.to_string().replace(&ours, &theirs)
             };

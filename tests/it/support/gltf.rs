@@ -2,7 +2,8 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use opsr::scene::load::{LoadError, LoadOptions, Loaded, load};
+use opsr::files::FileError;
+use opsr::scene::load::{LoadOptions, Loaded, load};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -153,7 +154,7 @@ impl File {
     }
 
     /// Loads it.
-    pub(crate) fn load(&self) -> Result<Loaded, LoadError> {
+    pub(crate) fn load(&self) -> Result<Loaded, FileError> {
         load_bytes(&self.gltf())
     }
 
@@ -180,13 +181,13 @@ pub(crate) fn crc32(bytes: &[u8]) -> u32 {
 }
 
 /// Loads the bytes of a file that has no others beside it.
-pub(crate) fn load_bytes(bytes: &[u8]) -> Result<Loaded, LoadError> {
+pub(crate) fn load_bytes(bytes: &[u8]) -> Result<Loaded, FileError> {
     let folder = tempfile::tempdir().expect("a folder");
     load_in(folder.path(), "scene.gltf", bytes)
 }
 
 /// Writes a file into a folder and loads it.
-pub(crate) fn load_in(folder: &Path, name: &str, bytes: &[u8]) -> Result<Loaded, LoadError> {
+pub(crate) fn load_in(folder: &Path, name: &str, bytes: &[u8]) -> Result<Loaded, FileError> {
     let path = folder.join(name);
     std::fs::write(&path, bytes).expect("a file");
     load(&path, &LoadOptions::default())

@@ -1,0 +1,172 @@
+//! Sealed files: state that is read back unchanged or refused.
+//!
+//! Layout: the line `opsr KIND VERSION`, the length of the header in eight bytes (little endian), the header as JSON,
+//! the payload, and the SHA-256 of everything before it.
+
+use super::{FileError, Problem, write};
+use serde::{Serialize, de::DeserializeOwned};
+use sha2::{Digest, Sha256};
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Write};
+use std::path::Path;
+
+/// Bytes of the checksum at the end.
+const CHECKSUM: usize = 32;
+
+/// A kind of sealed file.
+pub(crate) struct Sealed {
+    /// Name of the kind, such as `render checkpoint`.
+    pub(crate) kind: &'static str,
+    /// Version of its header and payload.
+    pub(crate) version: u32,
+    /// Longer files are refused.
+    pub(crate) most: u64,
+}
+
+impl Sealed {
+    fn first_line(&self) -> String {
+        format!("opsr {} {}\n", self.kind, self.version)
+    }
+
+    /// Writes a file, whole or not at all; `payload` writes piece by piece.
+    pub(crate) fn save(
+        &self,
+        path: &Path,
+        header: &impl Serialize,
+        payload: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<(), FileError> {
+        write(path, |out| {
+            let header = serde_json::to_vec(header)?;
+            let mut hashed = Hashed {
+                out,
+                sha256: Sha256::new(),
+            };
+            {
+                let mut out = BufWriter::new(&mut hashed);
+                out.write_all(self.first_line().as_bytes())?;
+                out.write_all(&(header.len() as u64).to_le_bytes())?;
+                out.write_all(&header)?;
+                payload(&mut out)?;
+                out.flush()?;
+            }
+            hashed.out.write_all(&hashed.sha256.finalize())
+        })
+    }
+
+    /// Header and payload of a file of this kind and version whose checksum is right.
+    pub(crate) fn load<H: DeserializeOwned>(&self, path: &Path) -> Result<(H, Vec<u8>), FileError> {
+        self.open(path).map_err(|problem| problem.at(path))
+    }
+
+    fn open<H: DeserializeOwned>(&self, path: &Path) -> Result<(H, Vec<u8>), Problem> {
+        let line = self.first_line();
+        let file = File::open(path).map_err(Problem::Read)?;
+        let mut bytes = Vec::new();
+        let fill = |most: u64, bytes: &mut Vec<u8>| {
+            let read = (&file).take(most).read_to_end(bytes);
+            read.map_err(Problem::Read)
+        };
+        // The first line alone: a file of another kind may have any length.
+        fill(line.len() as u64, &mut bytes)?;
+        if bytes != line.as_bytes() {
+            fill(40, &mut bytes)?;
+            let (kind, version) = (self.kind, self.version);
+            let found = String::from_utf8_lossy(&bytes);
+            let found: String = found.chars().take_while(|c| !c.is_control()).collect();
+            let what = format!("not a {kind} of version {version}: it begins with `{found}`");
+            return Err(Problem::Content(what));
+        }
+        bytes.clear();
+        fill(self.most + 1, &mut bytes)?;
+        let damaged = |what: &str| Problem::Content(format!("a damaged {}: {what}", self.kind));
+        let Some(end) = bytes.len().checked_sub(CHECKSUM) else {
+            return Err(damaged("cut short"));
+        };
+        if bytes.len() as u64 > self.most {
+            return Err(damaged("too long"));
+        }
+        let checksum = bytes.split_off(end);
+        let sha256 = Sha256::new_with_prefix(&line).chain_update(&bytes);
+        if sha256.finalize()[..] != checksum[..] {
+            return Err(damaged("the checksum differs"));
+        }
+        let header = bytes.split_first_chunk::<8>().and_then(|(length, rest)| {
+            let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
+            rest.split_at_checked(length)
+        });
+        let (header, payload) = header.ok_or_else(|| damaged("the header ends nowhere"))?;
+        let header = serde_json::from_slice(header).map_err(|e| damaged(&super::briefly(e)))?;
+        let begin = bytes.len() - payload.len();
+        bytes.drain(..begin);
+        Ok((header, bytes))
+    }
+}
+
+/// Hashes what passes.
+struct Hashed<W> {
+    out: W,
+    sha256: Sha256,
+}
+
+impl<W: Write> Write for Hashed<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.sha256.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KIND: Sealed = Sealed {
+        kind: "test file",
+        version: 2,
+        most: 1 << 16,
+    };
+
+    #[test]
+    fn sealed_file_survives_and_any_changed_byte_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sealed");
+        let header = vec!["a".to_owned(), "ü".to_owned()];
+        KIND.save(&path, &header, |out| out.write_all(b"payload"))
+            .unwrap();
+        let load = || KIND.load::<Vec<String>>(&path);
+        assert_eq!(load().unwrap(), (header, b"payload".to_vec()));
+
+        let good = std::fs::read(&path).unwrap();
+        for at in 0..good.len() {
+            let mut bad = good.clone();
+            bad[at] ^= 1;
+            std::fs::write(&path, &bad).unwrap();
+            assert!(load().is_err(), "byte {at}");
+            std::fs::write(&path, &good[..at]).unwrap();
+            assert!(load().is_err(), "cut at {at}");
+        }
+        std::fs::write(&path, vec![0; 1 << 20]).unwrap();
+        assert!(load().is_err());
+    }
+
+    #[test]
+    fn sealed_file_of_another_version_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sealed");
+        let other = Sealed { version: 3, ..KIND };
+        other.save(&path, &0, |_| Ok(())).unwrap();
+        let error = KIND.load::<u32>(&path).unwrap_err().to_string();
+        let expected = "not a test file of version 2: it begins with `opsr test file 3`";
+        assert!(error.ends_with(expected), "{error}");
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn sealed_file_without_end_is_refused() {
+        assert!(KIND.load::<u32>(Path::new("/dev/zero")).is_err());
+    }
+}
