@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_good_one() {
+    fn manifest_fields_are_read() {
         let m = parse(GOOD).unwrap();
         let e = &m.scenes[0];
         assert_eq!((e.camera, e.exposure, e.role), (0, 2.0, Role::Train));
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_name_file_and_place() {
+    fn manifest_errors_name_file_and_place() {
         for (from, to, expected) in [
             ("[32, 16]", "[33, 16]", "crop [33, 16] leaves the frame"),
             ("[32, 16]", "[4294967295, 0]", "leaves the frame"),

@@ -34,7 +34,7 @@ pub struct SceneParts {
     pub textures: Vec<Texture>,
     /// Point, spot and directional lights.
     pub lights: Vec<PunctualLight>,
-    /// What surrounds the scene.
+    /// Radiance from infinity.
     pub environment: Option<Environment>,
     /// Cameras, in file order.
     pub cameras: Vec<Camera>,
@@ -53,7 +53,7 @@ pub struct Hit {
     pub v: f32,
 }
 
-/// A point of a surface, as the integrator sees it.
+/// A point of a surface, the same for every ray that meets it.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
     /// World position.
@@ -68,7 +68,7 @@ pub struct Surface {
     pub triangle: u32,
     /// Index of the material.
     pub material: u32,
-    /// How far a ray must start from `position` along ±`ng` to be clear of this surface's rounding error.
+    /// Distance from `position` along ±`ng` at which a ray is clear of this surface's rounding error.
     pub error: f32,
 }
 
@@ -101,7 +101,7 @@ impl Scene {
         }
     }
 
-    /// What was odd about the scene and how it was treated; one line each.
+    /// Defects of the input and their treatment, one line each.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
@@ -111,13 +111,13 @@ impl Scene {
         &self.parts
     }
 
-    /// Whether any body absorbs light on its way through.
+    /// True if any body absorbs light.
     #[inline]
     pub fn has_absorption(&self) -> bool {
         self.has_absorption
     }
 
-    /// Whether any surface has a lobe that a rule could roughen.
+    /// True if any surface has a lobe that a rule could roughen.
     pub fn has_lobes(&self) -> bool {
         self.has_lobes
     }
@@ -127,19 +127,19 @@ impl Scene {
         &self.geometry
     }
 
-    /// Everything that emits.
+    /// The lights.
     #[inline]
     pub fn lights(&self) -> &Lights {
         &self.lights
     }
 
-    /// Closest hit in front of the ray's origin, alpha-masked parts left out.
+    /// Closest hit in front of the ray's origin; parts that opacity removes are skipped.
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
         self.geometry.intersect(&self.parts, ray)
     }
 
-    /// Whether anything stands between the ray's origin and its `t_max`.
+    /// True if anything stands between the ray's origin and its `t_max`.
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
         self.geometry.occluded(&self.parts, ray)
@@ -157,7 +157,7 @@ impl Scene {
         &self.parts.materials[surface.material as usize]
     }
 
-    /// The closure at a surface point; `u` in [0, 1) chooses between the closures of a partly transmissive material.
+    /// The BSDF at a surface point; `u` in [0, 1) chooses between the two BSDFs of a partly transmissive material.
     #[inline]
     pub fn bsdf(&self, surface: &Surface, u: f32) -> Bsdf {
         self.material(surface)
@@ -222,8 +222,8 @@ impl Surface {
     #[inline]
     pub fn spawn_to_light(&self, light: &LightSample) -> Ray {
         let mut ray = self.spawn(light.wi);
-        // The light's own surface must not hide it, a sheet just before it must: what rounding moves along the normal
-        // moves the meeting point by that over the cosine. For a light at infinity the difference stays infinite.
+        // The light's own surface must not hide it, but a sheet just before it must. A rounding error e along the normal
+        // moves the meeting point by e over the cosine. For a light at infinity the difference stays infinite.
         let slack = (self.error + light.error) / light.cos;
         ray.t_max = (light.distance - slack).max(0.5 * light.distance);
         ray

@@ -1,4 +1,4 @@
-//! Shading normals: normal maps, and how far a normal may lean away from the surface.
+//! Shading normals: normal maps, and limits on how far a normal leans away from the surface.
 
 use super::material::TextureRef;
 use super::mesh::{attribute, mix};
@@ -38,7 +38,7 @@ pub(super) fn tangent(
     (det != 0.0).then_some((along_u, hand))
 }
 
-/// The normal that a normal map makes of `ns`.
+/// `ns` perturbed by a normal map's direction `local` in tangent space.
 pub(super) fn perturbed(ns: Vec3, tangent: Vec3, hand: f32, local: Vec3) -> Vec3 {
     let Some(t) = (tangent - ns * ns.dot(tangent)).try_normalize() else {
         return ns;
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn red_points_along_u_and_green_against_v() {
+    fn normal_map_red_points_along_u_and_green_against_v() {
         let map = TextureRef {
             texture: 0,
             transform: glam::Affine2::IDENTITY,
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_s_own_tangents_go_first() {
+    fn normal_map_prefers_tangents_of_the_mesh() {
         let (mut mesh, edges) = mapped(Vec2::X, Vec2::NEG_Y);
         mesh.tangents = vec![glam::Vec4::new(0.0, 1.0, 0.0, -1.0); 3];
         let map = TextureRef {

@@ -1,5 +1,4 @@
-//! References: going on from a file is the same as never having stopped, foreign files are refused, and the committed
-//! ones show what the renderer shows.
+//! References: a resumed one equals one run, foreign files are refused, and the committed ones agree with the renderer.
 
 use opsr::gallery::manifest::{Entry, Manifest};
 use opsr::gallery::reference::{Reference, SEED};
@@ -31,7 +30,7 @@ fn elsewhere(folder: &Path) -> Manifest {
 }
 
 #[test]
-fn going_on_is_never_having_stopped() {
+fn resume_of_a_reference_equals_one_run() {
     let folder = tempfile::tempdir().unwrap();
     let manifest = elsewhere(folder.path());
     let entry = (manifest.scenes.iter().find(|e| e.name == "rings")).unwrap();
@@ -74,7 +73,7 @@ fn going_on_is_never_having_stopped() {
 }
 
 #[test]
-fn a_reference_of_something_else_is_refused() {
+fn reference_of_other_settings_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let manifest = elsewhere(folder.path());
     let entry = &manifest.scenes[0];
@@ -110,7 +109,7 @@ fn a_reference_of_something_else_is_refused() {
 /// Every committed reference exists, is of the committed scene, and its mean is that of a fresh render within the
 /// noise of both.
 #[test]
-fn committed_references_agree_with_a_fresh_render() {
+fn reference_files_agree_with_a_fresh_render() {
     const SPP: u32 = 32;
     let manifest = committed();
     let mut sum_of_squares = 0.0;

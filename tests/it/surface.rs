@@ -1,4 +1,4 @@
-//! Points of surfaces, rays that leave them, and opacity.
+//! Points of surfaces: self-intersection of spawned rays, shading frames, opacity.
 
 use crate::geometry::{
     bumpy_sphere, direction, geometry_of, mesh_of, parts_of, point, rng, square,
@@ -42,7 +42,7 @@ fn meet(geometry: &Geometry, parts: &SceneParts, ray: &Ray) -> Option<(Hit, Surf
 }
 
 #[test]
-fn rays_leave_a_convex_body_or_stay_inside_at_every_scale() {
+fn self_intersection_in_a_convex_body_at_every_scale() {
     let mut sphere = bumpy_sphere(60, 120);
     for p in &mut sphere.positions {
         *p = p.normalize();
@@ -71,7 +71,7 @@ fn rays_leave_a_convex_body_or_stay_inside_at_every_scale() {
 }
 
 #[test]
-fn flat_ground_of_mixed_triangles_does_not_shade_itself() {
+fn self_intersection_on_flat_ground_of_mixed_triangles() {
     // Spacings from 1e-3 to 100 units beside each other.
     let ticks: Vec<f32> = (0..24).map(|k| 1e-3 * 1.7f32.powi(k)).collect();
     let n = ticks.len() as u32;
@@ -114,7 +114,7 @@ fn flat_ground_of_mixed_triangles_does_not_shade_itself() {
 }
 
 #[test]
-fn thin_shells_are_told_apart_at_every_scale() {
+fn self_intersection_between_thin_shells_at_every_scale() {
     const GAP: f32 = 4e-5;
     let mut shells = square(1.0, 0.0).to_vec();
     shells.extend(square(1.0, -GAP));
@@ -154,7 +154,7 @@ fn thin_shells_are_told_apart_at_every_scale() {
 }
 
 #[test]
-fn scaling_by_a_power_of_two_changes_no_bit() {
+fn scale_invariance_by_a_power_of_two_is_bit_identical() {
     let base = transformed(bumpy_sphere(40, 80), 1.0, Vec3::new(0.3, 0.2, -0.4));
     let parts: Vec<_> = [0, -10, 20]
         .map(|e| {
@@ -185,7 +185,7 @@ fn scaling_by_a_power_of_two_changes_no_bit() {
 }
 
 #[test]
-fn surfaces_interpolate_attributes() {
+fn surface_interpolates_attributes() {
     let mut mesh = mesh_of(&square(1.0, 0.0)[..1]);
     mesh.normals = vec![Vec3::Z, Vec3::new(0.6, 0.0, 0.8), Vec3::Z];
     mesh.uvs = vec![Vec2::ZERO, Vec2::X, Vec2::ONE];
@@ -209,7 +209,7 @@ fn surfaces_interpolate_attributes() {
 }
 
 #[test]
-fn shading_normals_never_contradict_the_geometry() {
+fn shading_normal_and_geometric_normal_agree_on_sides() {
     let mut rng = rng(80);
     let mut bent = 0;
     for _ in 0..2000 {
@@ -330,7 +330,7 @@ fn veiled(alpha_mode: AlphaMode, opacity: f32) -> SceneParts {
 }
 
 #[test]
-fn masks_cut_holes() {
+fn opacity_mask_cuts_holes() {
     for (mode, opacity, first) in [
         (AlphaMode::Mask(0.5), 0.4, 0),
         (AlphaMode::Mask(0.5), 0.5, 2),
@@ -353,7 +353,7 @@ fn masks_cut_holes() {
 }
 
 #[test]
-fn blended_surfaces_are_there_as_often_as_they_are_opaque() {
+fn opacity_blend_is_the_probability_of_a_hit() {
     let parts = veiled(AlphaMode::Blend, 0.3);
     let geometry = geometry_of(&parts);
     let mut rng = rng(90);

@@ -53,7 +53,7 @@ impl LightDensity {
         }
     }
 
-    /// Whether the light has no area.
+    /// True for lights without area.
     #[inline]
     pub fn is_delta(self) -> bool {
         matches!(self, Self::Delta(_))
@@ -121,7 +121,7 @@ impl Lights {
         }
     }
 
-    /// Whether nothing emits.
+    /// True if nothing emits.
     pub fn is_empty(&self) -> bool {
         self.choice.is_empty()
     }

@@ -1,4 +1,4 @@
-//! Images, decoded once each, and the textures made of them.
+//! Textures, and their images, decoded once each.
 
 use super::accessors::Data;
 use super::error::{Result, Warnings, fault, place};
@@ -12,10 +12,10 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use std::collections::{BTreeMap, HashMap};
 use std::io::Cursor;
 
-/// The most texels of one image, and of all textures together: a few bytes of PNG can ask for any number.
+/// Most texels of one image, and of all images together: a few bytes of PNG can ask for any number.
 const MAX_TEXELS: [u64; 2] = [1 << 26, 1 << 28];
 
-/// What makes two uses of a file's textures one texture of ours.
+/// Identity of a texture: uses with equal keys share one.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 struct Key {
     image: usize,
@@ -27,12 +27,12 @@ struct Key {
 #[derive(Default)]
 pub(super) struct Requests {
     known: HashMap<Key, u32>,
-    /// By image: which textures are made of it.
+    /// Textures of each image.
     uses: BTreeMap<usize, Vec<(u32, Key)>>,
 }
 
 impl Requests {
-    /// Asks for a texture of the file; the answer is its index in `SceneParts::textures`.
+    /// Requests a texture of the file; returns its index in `SceneParts::textures`.
     pub(super) fn texture(
         &mut self,
         root: &Root,
@@ -66,7 +66,7 @@ impl Requests {
         }))
     }
 
-    /// Reads and decodes the images asked for, in file order.
+    /// Reads and decodes the requested images, in file order.
     pub(super) fn textures(self, data: &Data<'_>, files: &mut Files) -> Result<Vec<Texture>> {
         let mut textures = vec![Texture::default(); self.known.len()];
         let mut left = MAX_TEXELS[1];
