@@ -1,6 +1,6 @@
 //! References: a resumed one equals one run, foreign files are refused, and the committed ones agree with the renderer.
 
-use opsr::gallery::manifest::{Entry, Manifest};
+use opsr::gallery::manifest::{Manifest, SceneEntry};
 use opsr::gallery::reference::{Reference, SEED};
 use opsr::image::film::Film;
 use opsr::integrator::Settings;
@@ -16,7 +16,7 @@ fn committed() -> Manifest {
     Manifest::load(Path::new(MANIFEST)).unwrap()
 }
 
-fn scene(manifest: &Manifest, entry: &Entry) -> (Scene, [u8; 32]) {
+fn scene(manifest: &Manifest, entry: &SceneEntry) -> (Scene, [u8; 32]) {
     let loaded = load(&manifest.file(entry), &LoadOptions::default()).unwrap();
     (Scene::new(loaded.parts), loaded.digest)
 }
@@ -84,11 +84,11 @@ fn reference_of_other_settings_is_refused() {
     reference.extend(&scene, camera, 2);
     reference.save().unwrap();
 
-    let longer = Entry {
+    let longer = SceneEntry {
         max_vertices: entry.max_vertices + 1,
         ..entry.clone()
     };
-    let wider = Entry {
+    let wider = SceneEntry {
         frame: [entry.frame[0] + 2, entry.frame[1]],
         ..entry.clone()
     };
