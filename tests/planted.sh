@@ -56,7 +56,7 @@ plant "3 the printed form" src/regularise/roughness.rs \
 plant "4 an edge off by a bit" src/regularise/roughness.rs \
     's/0\.069_187_1/0.069_187_2/' stability::cases_3_to_5_path_roughness
 plant "4 a roughness that is no number" src/scene/load/materials.rs \
-    's/!x\.is_finite\(\) \|\| x < 0\.0/false/' load::broken::every_edit_is_refused_by_name
+    's/!x\.is_finite\(\) \|\| x < 0\.0/false/' load::broken::load_refuses_every_invalid_value_by_place
 plant "5 long paths forget" src/regularise/roughness.rs \
     's/self\.append\(folded\)/self.append(alpha + 0.0 * folded)/' stability::cases_3_to_5_path_roughness
 plant "6 weights as quotients of densities" src/math/measure.rs \
@@ -83,9 +83,9 @@ plant "12 moments in single precision" src/math/moments.rs \
 plant "13 pixels that are no numbers" src/image/metric/mod.rs \
     's/!p\.is_finite\(\)/p.x == f32::NEG_INFINITY/' metric::pictures_that_cannot_be_compared_are_errors
 plant "14 corners that are no numbers" src/scene/load/mesh.rs \
-    's/!p\.iter\(\)\.all\(\|x\| x\.is_finite\(\)\)/p.is_empty()/' load::broken::broken_bytes_are_refused
+    's/!p\.iter\(\)\.all\(\|x\| x\.is_finite\(\)\)/p.is_empty()/' load::broken::load_refuses_broken_bytes
 plant "14 triangles without area" src/scene/geometry.rs \
-    's/ && area > 0\.0/ \&\& area >= 0.0/' geometry::unusable_triangles_are_dropped_and_counted
+    's/ && area > 0\.0/ \&\& area >= 0.0/' geometry::degenerate_triangles_are_dropped_and_counted
 plant "15 steps with a gradient of no numbers" src/train/session.rs \
     's/if loss\.is_finite\(\) && gradient\.iter\(\)\.all\(\|g\| g\.abs\(\) < LARGEST\)/if gradient.len() < usize::MAX/' \
     stability_train::case_15_steps_without_a_gradient_leave_everything_as_it_was

@@ -1,4 +1,4 @@
-//! `opsr info`: what a scene has and needs.
+//! `opsr info`: content of a scene and the features it uses.
 
 use super::output::print;
 use super::scene::SceneArgs;
@@ -27,7 +27,7 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
     })
 }
 
-/// What a scene has, as JSON.
+/// The content of a scene as JSON.
 fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
     let parts = scene.parts();
     let materials: Vec<_> = parts.materials.iter().map(material).collect();
@@ -40,7 +40,7 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
         "materials": materials,
         "textures": parts.textures.len(),
         "lights": {
-            "emissive_triangles": scene.emitters().area_lights(),
+            "emissive_triangles": scene.lights().emissive_triangles(),
             "point": count(|l| matches!(l, PunctualLight::Point { .. })),
             "spot": count(|l| matches!(l, PunctualLight::Spot { .. })),
             "directional": count(|l| matches!(l, PunctualLight::Directional { .. })),
@@ -67,30 +67,32 @@ fn material(m: &Material) -> serde_json::Value {
         "kind": kind,
         "alpha": alpha,
         "textured_roughness": m.metallic_roughness_texture.is_some(),
+        "bin": bin(alpha),
+        // The former name of "bin".
         "level": bin(alpha),
         "emits": m.emission != opsr::math::Rgb::ZERO,
     })
 }
 
-/// How many of the 1360 classes the scene's materials can form.
+/// Number of the 1360 roughness classes that the scene's materials can form.
 fn reachable(scene: &Scene) -> usize {
-    let mut levels = [false; 4];
+    let mut bins = [false; 4];
     for m in &scene.parts().materials {
         if m.metallic_roughness_texture.is_some() {
-            levels = [true; 4];
+            bins = [true; 4];
         } else {
-            levels[bin(m.alpha)] |= !m.is_lambert();
+            bins[bin(m.alpha)] |= !m.is_lambert();
             // A diffuse base scatters too.
-            levels[3] |= m.has_base();
+            bins[3] |= m.has_base();
         }
     }
     (0..LEN)
         .filter_map(GammaIndex::new)
-        .filter(|c| c.bins().iter().all(|&l| levels[l]))
+        .filter(|c| c.bins().iter().all(|&b| bins[b]))
         .count()
 }
 
-/// What a render of this scene leaves out, because nothing in it asks for it.
+/// Features of the renderer that this scene does not use.
 pub(super) fn unused(scene: &Scene, method: &Method) -> Vec<String> {
     let parts = scene.parts();
     let off = [
@@ -102,33 +104,32 @@ pub(super) fn unused(scene: &Scene, method: &Method) -> Vec<String> {
             "transmission",
             parts.materials.iter().all(|m| m.transmission == 0.0),
         ),
-        ("light sampling", scene.emitters().is_empty()),
+        ("light sampling", scene.lights().is_empty()),
         ("regularisation", *method == Method::Plain),
     ];
     off.iter()
         .filter(|(_, off)| *off)
-        .map(|(what, _)| format!("switched off: {what}"))
+        .map(|(what, _)| format!("not used: {what}"))
         .collect()
 }
 
-/// The facts as text.
+/// The content as text.
 fn described(facts: &serde_json::Value) -> String {
-    let mut lines = Vec::new();
-    let number = |key: &str| facts[key].to_string();
-    lines.push(format!(
-        "triangles   {} in {} meshes",
-        number("triangles"),
-        number("meshes")
-    ));
-    lines.push(format!("bounds      {}", facts["bounds"]));
-    lines.push(format!("textures    {}", number("textures")));
-    lines.push(format!("lights      {}", facts["lights"]));
-    lines.push(format!("cameras     {}", facts["cameras"]));
-    lines.push(format!(
-        "classes     {} of {LEN} can be formed by the materials",
-        number("classes")
-    ));
-    lines.push("materials".to_owned());
+    let mut lines = vec![
+        format!(
+            "triangles   {} in {} meshes",
+            facts["triangles"], facts["meshes"]
+        ),
+        format!("bounds      {}", facts["bounds"]),
+        format!("textures    {}", facts["textures"]),
+        format!("lights      {}", facts["lights"]),
+        format!("cameras     {}", facts["cameras"]),
+        format!(
+            "classes     {} of {LEN} occur with these materials",
+            facts["classes"]
+        ),
+        "materials".to_owned(),
+    ];
     for m in facts["materials"].as_array().into_iter().flatten() {
         let textured = if m["textured_roughness"] == true {
             " (textured)"
@@ -137,8 +138,8 @@ fn described(facts: &serde_json::Value) -> String {
         };
         let emits = if m["emits"] == true { ", emits" } else { "" };
         lines.push(format!(
-            "  {} {}: alpha {}{textured}, level {}{emits}",
-            m["kind"], m["name"], m["alpha"], m["level"]
+            "  {} {}: alpha {}{textured}, bin {}{emits}",
+            m["kind"], m["name"], m["alpha"], m["bin"]
         ));
     }
     for key in ["unused", "warnings"] {

@@ -1,10 +1,10 @@
-//! `opsr scenes reference`: every crop of a manifest, until it is converged enough.
+//! `opsr scenes reference`: renders every crop of a manifest to a given noise.
 
 use super::output::print;
 use super::stop::Stop;
 use super::{Blame, Exit, Failure, scene};
 use anyhow::anyhow;
-use opsr::gallery::manifest::{Entry, Manifest};
+use opsr::gallery::manifest::{Manifest, SceneEntry};
 use opsr::gallery::reference::{Reference, SEED};
 use opsr::scene::Scene;
 use opsr::scene::load::{LoadOptions, load};
@@ -25,36 +25,36 @@ pub(super) struct ReferenceArgs {
     /// Only this scene; may be given several times.
     #[arg(long = "scene", value_name = "NAME")]
     scenes: Vec<String>,
-    /// Samples per pixel at most, those already in the files included.
+    /// Most samples per pixel, including those already in the files.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     spp: Option<u32>,
-    /// Leave a crop when its noise (mean relative standard error of its pixels) is below this. Without --spp and --time:
-    /// 0.01.
+    /// Finish a crop when its noise (mean relative standard error of its pixels) is below this [default without --spp and
+    /// --time: 0.01].
     #[arg(long, value_name = "X", value_parser = scene::positive)]
     target_noise: Option<f32>,
-    /// Stop after this long in all, such as 10min.
+    /// Stop after this total time, such as 10min.
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     time: Option<Duration>,
-    /// Seed of all random numbers; not one to render or train with, or pictures share samples with their reference.
+    /// Seed of all random numbers. Do not render or train with it: pictures would share samples with their reference.
     #[arg(long, value_name = "N", default_value_t = SEED)]
     seed: u64,
-    /// Threads; without it as many as there are cores. The references do not depend on it.
+    /// Number of threads [default: number of cores]. The references do not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
 }
 
-/// Noise to reach if nothing is said.
+/// Default of the noise to reach.
 const TARGET: f32 = 0.01;
 
-/// Samples of the first and of the longest pass: every crop soon has a file, and a stop is never far.
+/// Samples of the first and of the longest pass: every crop soon has a file, and passes end soon after a stop signal.
 const PASS: std::ops::RangeInclusive<u32> = 64..=1024;
 
-/// The noise of fewer samples is not believed: some light has not been found.
+/// Least samples for a noise estimate: with fewer, some light has not been found.
 const TRUSTED: u32 = 1024;
 
-/// A crop and what renders it.
+/// A crop and its reference in progress.
 struct Work<'a> {
-    entry: &'a Entry,
+    entry: &'a SceneEntry,
     crop: [u32; 2],
     scene: usize,
     reference: Reference,
@@ -75,7 +75,7 @@ impl Work<'_> {
         Some(done.clamp(*PASS.start(), *PASS.end()).min(spp - done))
     }
 
-    /// Less is more urgent: crops with too few samples first, then the noisiest.
+    /// Sorting key, the most urgent crop first: crops with too few samples, then the noisiest.
     fn urgency(&self) -> (u32, f64) {
         (self.reference.samples().min(TRUSTED), -self.noise)
     }
@@ -138,7 +138,7 @@ fn line(work: &Work) -> String {
     )
 }
 
-/// The scenes that are wanted, and their crops with the references as they are.
+/// The selected scenes, and their crops with the references so far.
 fn open<'a>(
     args: &ReferenceArgs,
     manifest: &'a Manifest,
@@ -155,7 +155,7 @@ fn open<'a>(
     {
         return Err(input(format!("no scene `{name}`")));
     }
-    let wanted = |e: &&Entry| args.scenes.is_empty() || args.scenes.contains(&e.name);
+    let wanted = |e: &&SceneEntry| args.scenes.is_empty() || args.scenes.contains(&e.name);
     let (mut scenes, mut work) = (Vec::new(), Vec::new());
     for entry in manifest.scenes.iter().filter(wanted) {
         let loaded = load(&manifest.file(entry), &LoadOptions::default()).input()?;

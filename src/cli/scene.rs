@@ -10,18 +10,18 @@ use opsr::scene::{Camera, Environment, Scene};
 use sha2::{Digest, Sha256};
 use std::path::PathBuf;
 
-/// Options that say which scene.
+/// Options of the scene and its environment.
 #[derive(Args, Debug, Clone)]
 pub(super) struct SceneArgs {
     /// The scene: a glTF 2.0 file (.gltf or .glb).
     pub(super) scene: PathBuf,
-    /// Surround the scene with an equirectangular map (.hdr or .exr).
+    /// Environment: an equirectangular map (.hdr or .exr).
     #[arg(long, value_name = "FILE")]
     env: Option<PathBuf>,
-    /// Multiply the environment by this.
+    /// Factor on the radiance of the environment.
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = positive)]
     env_intensity: f32,
-    /// Turn the environment about the vertical axis by this many degrees.
+    /// Rotation of the environment about the vertical axis, in degrees.
     #[arg(
         long,
         value_name = "DEGREES",
@@ -30,7 +30,7 @@ pub(super) struct SceneArgs {
         value_parser = finite
     )]
     env_rotation: f32,
-    /// Slope distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model.
+    /// Microfacet distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model.
     #[arg(long, value_enum, default_value_t)]
     distribution: Lobes,
 }
@@ -51,7 +51,7 @@ pub(super) fn positive(text: &str) -> Result<f32, String> {
     }
 }
 
-/// Any number but infinity and what is none.
+/// A finite number.
 pub(super) fn finite(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(x) if x.is_finite() => Ok(x),
@@ -59,13 +59,13 @@ pub(super) fn finite(text: &str) -> Result<f32, String> {
     }
 }
 
-/// A scene that was opened.
+/// An opened scene.
 pub(super) struct Opened {
     /// The scene.
     pub(super) scene: Scene,
     /// SHA-256 over the scene's own file and the environment's.
     pub(super) hash: String,
-    /// What was odd.
+    /// Warnings of the loader and of the scene.
     pub(super) warnings: Vec<String>,
 }
 
@@ -99,7 +99,7 @@ impl SceneArgs {
         })
     }
 
-    /// The options beside the file, for a fingerprint.
+    /// The options other than files, for a fingerprint.
     pub(super) fn words(&self) -> String {
         let Self {
             env_intensity,
@@ -111,12 +111,14 @@ impl SceneArgs {
     }
 }
 
-/// The camera with this name or number, or the first, or one that sees the whole scene.
+/// The camera with this name or number; without one the first, or a camera that sees the whole scene.
 pub(super) fn camera(scene: &Scene, wanted: Option<&str>, aspect: f32) -> anyhow::Result<Camera> {
     let cameras = &scene.parts().cameras;
     let Some(wanted) = wanted else {
         return Ok(cameras.first().cloned().unwrap_or_else(|| {
-            tracing::warn!("the scene has no camera: looking at all of it from a corner");
+            tracing::warn!(
+                "the scene has no camera: using one that sees the whole scene from a corner"
+            );
             Camera::framing(scene.geometry().bounds(), aspect)
         }));
     };

@@ -1,4 +1,4 @@
-//! `opsr scenes`: the training scenes of the program.
+//! `opsr scenes`: the training scenes that the program contains as code.
 
 use super::output::print;
 use super::references::{self, ReferenceArgs};
@@ -17,13 +17,13 @@ pub(super) struct ScenesArgs {
 enum Action {
     /// Write the training and validation scenes and their manifest into a folder.
     Write {
-        /// The folder; made if it is not there, files of the same names are replaced.
+        /// The folder; created if it does not exist, files of the same names are replaced.
         #[arg(long, value_name = "DIR", default_value = "training_scenes")]
         out: PathBuf,
     },
-    /// Render the references of a manifest's crops: plain path tracing, the noisiest crop first.
+    /// Render the references of a manifest's crops by plain path tracing, the noisiest crop first.
     ///
-    /// Files are replaced after every pass; a run continues from their samples.
+    /// Files are replaced after every pass; a later run resumes from them.
     Reference(ReferenceArgs),
 }
 

@@ -1,5 +1,5 @@
-//! Writes scene parts as one binary glTF file: meshes in world space, materials with the extensions we model, lights
-//! and cameras. The same parts give the same bytes.
+//! Writes scene parts as one binary glTF file: meshes in world space, materials with the supported extensions, lights and
+//! cameras. Equal parts give equal bytes.
 
 use crate::files::{self, FileError};
 use crate::math::{Frame, Rgb, Vec3};
@@ -10,10 +10,10 @@ use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Why scene parts could not be written.
+/// Errors of writing scene parts.
 #[derive(Debug, thiserror::Error)]
 pub enum SaveError {
-    /// A part that this writer has no form for.
+    /// A kind of part that this writer does not support.
     #[error("{0} cannot be written to a .glb file")]
     Unsupported(&'static str),
     /// The file cannot be written.
@@ -62,7 +62,7 @@ pub fn to_glb(parts: &SceneParts) -> Result<Vec<u8>, SaveError> {
     Ok(file.finish(materials, cameras, lights))
 }
 
-/// A single as the shortest decimal that reads back to it, instead of the double's seventeen digits.
+/// An `f32` as the shortest decimal that reads back to it, instead of the seventeen digits of an `f64`.
 fn number(x: f32) -> Value {
     x.to_string()
         .parse::<f64>()
@@ -86,7 +86,7 @@ fn matrix(frame: &Frame, position: Vec3) -> Value {
     numbers((columns.iter()).flat_map(|(c, w)| [c.x, c.y, c.z, *w]))
 }
 
-/// A colour in [0, 1] and what it is to be multiplied by.
+/// A colour in [0, 1] and its factor.
 fn split(c: Rgb) -> (Value, f32) {
     let strength = c.max_element();
     if strength <= 0.0 {
@@ -216,7 +216,7 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
     value
 }
 
-/// The material extensions this writer uses.
+/// The material extensions that this writer uses.
 const EXTENSIONS: [&str; 5] = [
     "KHR_materials_emissive_strength",
     "KHR_materials_transmission",
@@ -225,8 +225,8 @@ const EXTENSIONS: [&str; 5] = [
     "KHR_materials_specular",
 ];
 
-/// Absorption as the colour left after the distance at which the strongest channel has fallen to 1/e. The thickness
-/// only has to be above zero: it says that the surface bounds a body, whose shape is in the file.
+/// Absorption as the colour after the distance at which the strongest channel has fallen to 1/e. Any thickness above zero
+/// declares that the surface bounds a body; the mesh is its shape.
 fn volume(absorption: Rgb) -> Value {
     let strongest = absorption.max_element();
     if strongest <= 0.0 {
@@ -304,7 +304,7 @@ impl Writer {
         self.accessors.push(accessor);
     }
 
-    /// Appends native bytes (little-endian on every platform glTF is written on here) as a view of their own.
+    /// Appends native bytes (little-endian on all supported platforms) as a view of their own.
     fn accessor(&mut self, bytes: &[u8], component: u32, width: usize, target: u32) -> Value {
         let size = if component == 5123 { 2 } else { 4 };
         let kind = ["SCALAR", "VEC2", "VEC3", "VEC4"][width - 1];

@@ -1,4 +1,4 @@
-//! The list of training and validation scenes: which file, which camera, which crops, how exposed.
+//! The list of training and validation scenes: files, cameras, crops, exposures.
 
 use crate::files::{self, FileError};
 use serde::Deserialize;
@@ -8,42 +8,32 @@ use std::path::{Path, PathBuf};
 /// Edge of a crop in pixels.
 pub const CROP: u32 = 32;
 
-/// Larger files are not manifests.
+/// Most bytes of a manifest.
 const MAX_BYTES: u64 = 1 << 22;
 
-/// What a scene is for.
+/// Use of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
-    /// The optimiser sees it.
+    /// The optimiser trains on it.
     Train,
-    /// Kept back; only scored.
+    /// Held out; only scored.
     Validation,
 }
 
-impl Role {
-    /// The word in the file.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Train => "train",
-            Self::Validation => "validation",
-        }
-    }
-}
-
-/// One scene of the list and where it is looked at.
+/// One scene of the list, with its view and crops.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Entry {
+pub struct SceneEntry {
     /// Name, unique in the list.
     pub name: String,
     /// The scene's file, relative to the manifest.
     pub file: PathBuf,
-    /// What it is for.
+    /// Use of the scene.
     pub role: Role,
     /// Scenes of one kind, held out together.
     pub family: String,
-    /// Which of the file's cameras.
+    /// Index of the camera in the file.
     #[serde(default)]
     pub camera: usize,
     /// Size of the whole picture, in pixels.
@@ -52,9 +42,9 @@ pub struct Entry {
     pub crops: Vec<[u32; 2]>,
     /// Scattering vertices of the longest path.
     pub max_vertices: u32,
-    /// Radiance times this has a mean of about 0.5 over the crops.
+    /// Factor that brings the mean radiance over the crops to about 0.5.
     pub exposure: f32,
-    /// Why it is there.
+    /// Reason for the scene.
     #[serde(default)]
     pub note: String,
 }
@@ -65,14 +55,14 @@ pub struct Manifest {
     /// The folder that the scenes' files are relative to.
     pub folder: PathBuf,
     /// The scenes.
-    pub scenes: Vec<Entry>,
+    pub scenes: Vec<SceneEntry>,
 }
 
-/// The file as it is written.
+/// The file's own form.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Text {
-    scene: Vec<Entry>,
+    scene: Vec<SceneEntry>,
 }
 
 impl Manifest {
@@ -100,24 +90,24 @@ impl Manifest {
     }
 
     /// The scenes of a role.
-    pub fn of(&self, role: Role) -> impl Iterator<Item = &Entry> {
+    pub fn of(&self, role: Role) -> impl Iterator<Item = &SceneEntry> {
         self.scenes.iter().filter(move |entry| entry.role == role)
     }
 
-    /// Where an entry's scene lies.
-    pub fn file(&self, entry: &Entry) -> PathBuf {
+    /// Path of an entry's scene.
+    pub fn file(&self, entry: &SceneEntry) -> PathBuf {
         self.folder.join(&entry.file)
     }
 
-    /// Where the reference of an entry's crop lies, if it has been rendered.
-    pub fn reference(&self, entry: &Entry, [x, y]: [u32; 2]) -> PathBuf {
+    /// Path of the reference of an entry's crop, rendered or not.
+    pub fn reference(&self, entry: &SceneEntry, [x, y]: [u32; 2]) -> PathBuf {
         let name = format!("{}_{x}_{y}.exr", entry.name);
         self.folder.join("references").join(name)
     }
 }
 
-impl Entry {
-    /// What makes no sense, if anything.
+impl SceneEntry {
+    /// The first inconsistency, if there is one.
     fn fault(&self) -> Option<String> {
         let [w, h] = self.frame;
         if self.name.is_empty() || self.name.contains(['/', '\\']) {
@@ -152,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_good_one() {
+    fn manifest_fields_are_read() {
         let m = parse(GOOD).unwrap();
         let e = &m.scenes[0];
         assert_eq!((e.camera, e.exposure, e.role), (0, 2.0, Role::Train));
@@ -165,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_name_file_and_place() {
+    fn manifest_errors_name_file_and_place() {
         for (from, to, expected) in [
             ("[32, 16]", "[33, 16]", "crop [33, 16] leaves the frame"),
             ("[32, 16]", "[4294967295, 0]", "leaves the frame"),

@@ -1,5 +1,5 @@
-//! Procedural scenes: small ones with known answers for tests and documentation, and the scenes of
-//! `training_scenes/`, which [`training`] generates.
+//! The scenes that this project carries: small ones with known answers for tests and documentation, and the scenes of
+//! `training_scenes/`, which [`training`] builds, with their manifest and references.
 //!
 //! ```
 //! let parts = opsr::gallery::caustic_box();
@@ -19,6 +19,27 @@ use crate::scene::{Camera, Material, Mesh, PunctualLight, SceneParts};
 use materials::{COPPER, diffuse, emitter, glass, metal};
 use shapes::{cuboid, quad, ring, sphere};
 use std::f32::consts::PI;
+
+/// Small scenes by name, for suites.
+const SMALL: [(&str, fn() -> SceneParts); 4] = [
+    ("caustic-box", caustic_box),
+    ("cornell-box", cornell_box),
+    ("furnace", || furnace_sphere(0.5)),
+    ("plane", area_light_over_plane),
+];
+
+/// Names of the builtin scenes.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    (SMALL.iter().chain(&training::BUILDERS)).map(|(name, _)| *name)
+}
+
+/// Builds the builtin scene of a name.
+pub fn builtin(name: &str) -> Option<SceneParts> {
+    let mut scenes = SMALL.iter().chain(&training::BUILDERS);
+    scenes
+        .find(|(other, _)| *other == name)
+        .map(|(_, build)| build())
+}
 
 impl SceneParts {
     /// Adds a material.
@@ -51,8 +72,8 @@ pub(crate) const fn v3(x: f32, y: f32, z: f32) -> Vec3 {
     Vec3::new(x, y, z)
 }
 
-/// A closed unit sphere seen from its centre, with albedo ρ and emission 1 − ρ inside: the radiance is 1 everywhere.
-/// Flat shading, so the answer is exact for the polyhedron.
+/// A white furnace: a closed unit sphere seen from its centre, with albedo ρ and emission 1 − ρ inside, so that the
+/// radiance is 1 everywhere. Flat shading makes this exact for the polyhedron.
 pub fn furnace_sphere(albedo: f32) -> SceneParts {
     let mut parts = SceneParts::default();
     let inside = Mesh {
@@ -91,7 +112,7 @@ pub(crate) fn light_panel(at: Vec3, width: f32, depth: f32) -> Mesh {
     quad(at - 0.5 * (w + d), w, d)
 }
 
-/// A Cornell box with two diffuse blocks: no event of regularisation happens in it.
+/// A Cornell box with two diffuse blocks: regularisation changes nothing in it.
 pub fn cornell_box() -> SceneParts {
     let mut parts = open_box(0.5, 14.0);
     let block = |w: f32, h: f32| cuboid(v3(-w, 0.0, -w), v3(w, h, w));

@@ -1,13 +1,13 @@
-//! Converged pictures of a manifest's crops, and rendering that goes on where a file stopped.
+//! Converged pictures of a manifest's crops, rendered with resumption from their files.
 //!
-//! A file holds, for each pixel, the mean, the variance of one sample and the number of samples; that is all that
-//! [`Moments`](crate::math::moments::Moments) needs to take more. The metadata say which sample number comes next, so
-//! that no sample is used twice. While a run lasts the moments are double precision (Welford's update: no large sums,
-//! nothing cancels); a file rounds them to single precision, a relative error of at most 6e-8 each time a run is
-//! resumed, thousands of times less than the noise of any reference.
+//! A file holds, for each pixel, the mean, the variance of one sample and the number of samples, which suffice to add
+//! samples to [`Moments`](crate::math::moments::Moments). The metadata name the next sample number, so that no sample is
+//! used twice. During a run the moments have double precision (Welford's update: no large sums, no cancellation); a file
+//! rounds them to single precision, a relative error of at most 6e-8 each time a run is resumed, thousands of times less
+//! than the noise of any reference.
 
 use crate::files::{self, FileError, hex};
-use crate::gallery::manifest::{CROP, Entry, Manifest};
+use crate::gallery::manifest::{CROP, Manifest, SceneEntry};
 use crate::image::Film;
 use crate::image::exr::{self, Metadata};
 use crate::image::film::Window;
@@ -16,8 +16,8 @@ use crate::math::{DVec3, UVec2};
 use crate::scene::{Camera, Scene};
 use std::path::{Path, PathBuf};
 
-/// Seed of references unless another is asked for. Not a seed that anyone renders or trains with: a picture that
-/// shares samples with its reference would look better than it is.
+/// Default seed of references, not used for rendering or training: a picture that shares samples with its reference would
+/// look better than it is.
 pub const SEED: u64 = 0x7265_6665_7265;
 
 /// A reference, finished or not.
@@ -30,28 +30,28 @@ pub struct Reference {
     picture: Picture,
 }
 
-/// Added to a pixel before something is divided by it, as part of the crop's mean: the ε = 0.01 of a loss on crops
-/// that are scaled to a mean of 0.3.
+/// Share of the crop's mean added to a pixel before a division by it: the ε = 0.01 of a loss on crops scaled to a mean of
+/// 0.3.
 const DARKEST: f64 = 1.0 / 30.0;
 
-/// How noisy a reference is: the standard error of a pixel's mean over the pixel (plus a thirtieth of the crop's mean).
+/// Noise of a reference: the standard error of a pixel's mean over the pixel (plus a thirtieth of the crop's mean).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// Mean over the pixels: what it adds to a relative L1 error, but for a factor of √(2/π).
+    /// Mean over the pixels: the contribution to a relative L1 error, up to a factor of √(2/π).
     pub mean: f64,
     /// Median over the pixels.
     pub median: f64,
-    /// Nine of ten pixels have less than this.
+    /// 90th percentile over the pixels.
     pub p90: f64,
 }
 
 impl Reference {
-    /// The reference of an entry's crop as far as its file goes, or an empty one; `digest` is that of the scene's file.
+    /// The reference of an entry's crop with the samples of its file, or an empty one; `digest` is that of the scene's file.
     ///
     /// A file of another scene, crop, seed or path length is refused.
     pub fn open(
         manifest: &Manifest,
-        entry: &Entry,
+        entry: &SceneEntry,
         crop: [u32; 2],
         digest: &[u8; 32],
         seed: u64,
@@ -121,12 +121,12 @@ impl Reference {
         &self.picture.film
     }
 
-    /// Its file.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// How noisy it is; infinite while there are no two samples.
+    /// Noise so far; infinite for less than two samples.
     pub fn noise(&self) -> Noise {
         let pixels = &self.film().pixels;
         if pixels.iter().any(|p| p.n < 2) {
@@ -153,8 +153,8 @@ impl Reference {
     }
 }
 
-/// What a file says about what it shows; frame and crop are the file's windows.
-fn stamp(entry: &Entry, digest: &[u8; 32], settings: &Settings) -> Metadata {
+/// Metadata that identify the content of a file; frame and crop are the file's windows.
+fn stamp(entry: &SceneEntry, digest: &[u8; 32], settings: &Settings) -> Metadata {
     [
         ("scene", entry.name.clone()),
         ("scene_sha256", hex(digest)),

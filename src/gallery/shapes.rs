@@ -1,6 +1,6 @@
-//! Shapes as meshes with material 0. Closed ones wind outward: their front is the outside.
+//! Shapes as meshes with material 0. The front of closed shapes is the outside.
 //!
-//! Trigonometry is done in double precision and rounded once, so that a platform's `sinf` leaves no mark on a file.
+//! Trigonometry is done in double precision and rounded once, so that files do not depend on a platform's `sinf`.
 
 use crate::math::{Vec2, Vec3};
 use crate::scene::Mesh;
@@ -8,7 +8,7 @@ use glam::{Affine3A, DVec3, EulerRot, Quat};
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 
-/// Two neighbouring faces of a profile share a smooth normal if it turns by less than this (cosine of 35°).
+/// Neighbouring faces of a profile share a smooth normal below this angle (cosine of 35°).
 const CREASE: f32 = 0.82;
 
 /// A parallelogram `corner`, `corner + u`, … whose front is where `u × v` points.
@@ -68,9 +68,10 @@ pub fn prism(polygon: &[Vec2], depth: f32) -> Mesh {
     }
 }
 
-/// A sphere with smooth normals: an icosahedron whose faces are divided into four `level` times (20·4^level faces).
-pub fn sphere(centre: Vec3, radius: f32, level: u32) -> Mesh {
-    let (directions, indices) = icosphere(level);
+/// A sphere with smooth normals: an icosahedron whose faces are divided into four `divisions` times (20·4^divisions
+/// faces).
+pub fn sphere(centre: Vec3, radius: f32, divisions: u32) -> Mesh {
+    let (directions, indices) = icosphere(divisions);
     Mesh {
         positions: (directions.iter())
             .map(|d| centre + (f64::from(radius) * *d).as_vec3())
@@ -82,8 +83,8 @@ pub fn sphere(centre: Vec3, radius: f32, level: u32) -> Mesh {
 }
 
 /// A sphere of radius 1 whose surface is moved to `radius(direction)`, with smooth normals.
-pub fn blob(level: u32, radius: impl Fn(DVec3) -> f64) -> Mesh {
-    let (directions, indices) = icosphere(level);
+pub fn blob(divisions: u32, radius: impl Fn(DVec3) -> f64) -> Mesh {
+    let (directions, indices) = icosphere(divisions);
     let mut mesh = Mesh {
         positions: (directions.iter())
             .map(|&d| (radius(d) * d).as_vec3())
@@ -95,7 +96,7 @@ pub fn blob(level: u32, radius: impl Fn(DVec3) -> f64) -> Mesh {
     mesh
 }
 
-fn icosphere(level: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+fn icosphere(divisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let t = 0.5 * (1.0 + 5.0f64.sqrt());
     let corners = [
         (-1.0, t, 0.0),
@@ -121,7 +122,7 @@ fn icosphere(level: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let mut points: Vec<DVec3> = (corners.iter())
         .map(|&(x, y, z)| DVec3::new(x, y, z).normalize())
         .collect();
-    for _ in 0..level {
+    for _ in 0..divisions {
         let mut middles: HashMap<(u32, u32), u32> = HashMap::new();
         let mut middle = |a: u32, b: u32| {
             *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
@@ -165,8 +166,8 @@ pub fn torus(major: f32, minor: f32, segments: u32, sides: u32) -> Mesh {
     revolve(&profile, true, segments)
 }
 
-/// A flat-topped ring on the plane y = 0: a wall of the given thickness around the y axis. Polished inside, it throws
-/// the cusped caustic of a napkin ring.
+/// A flat-topped ring on the plane y = 0: a wall of the given thickness around the y axis. Polished, it casts the cusped
+/// caustic of a napkin ring.
 pub fn ring(radius: f32, thickness: f32, height: f32, segments: u32) -> Mesh {
     let (inner, outer) = (radius - 0.5 * thickness, radius + 0.5 * thickness);
     let profile = [
@@ -189,28 +190,28 @@ pub fn cylinder(radius: f32, height: f32, segments: u32) -> Mesh {
     revolve(&profile, false, segments)
 }
 
-/// Turns a profile of (radius, height) around the y axis. The solid lies to the left of the profile's way: up the
+/// Turns a profile of (radius, height) around the y axis. The solid lies to the left of the profile: it runs up the
 /// outside, and down the inside of a vessel. An open profile should begin and end on the axis; `closed` joins its end
 /// to its beginning. Corners sharper than 35° stay sharp.
 pub fn revolve(profile: &[Vec2], closed: bool, segments: u32) -> Mesh {
     let points = profile.len();
     let pieces = if closed { points } else { points - 1 };
-    let slope = |i: usize| {
+    let normal_of = |i: usize| {
         let d = profile[(i + 1) % points] - profile[i];
         Vec2::new(d.y, -d.x).normalize_or_zero()
     };
     let mut mesh = Mesh::default();
-    // The ring at which each piece begins and the one at which it ends.
+    // First and last ring of each piece.
     let mut ends = Vec::with_capacity(pieces);
     let mut before: Option<(Vec<u32>, Vec2)> = None;
     let mut first = None;
     for i in 0..pieces {
-        let n = slope(i);
+        let n = normal_of(i);
         let shared = |other: Vec2| other.dot(n) > CREASE;
         let begin = match &before {
             Some((ring, other)) if shared(*other) => ring.clone(),
-            None if closed && shared(slope(points - 1)) => {
-                let normal = (n + slope(points - 1)).normalize();
+            None if closed && shared(normal_of(points - 1)) => {
+                let normal = (n + normal_of(points - 1)).normalize();
                 add_ring(&mut mesh, profile[0], normal, segments)
             }
             _ => add_ring(&mut mesh, profile[i], n, segments),
@@ -218,12 +219,12 @@ pub fn revolve(profile: &[Vec2], closed: bool, segments: u32) -> Mesh {
         first.get_or_insert_with(|| begin.clone());
         let last = i + 1 == pieces;
         let end = match (&first, last && closed) {
-            (Some(ring), true) if slope(0).dot(n) > CREASE => ring.clone(),
+            (Some(ring), true) if normal_of(0).dot(n) > CREASE => ring.clone(),
             _ => {
                 let after = if last && !closed {
                     n
                 } else {
-                    slope((i + 1) % points)
+                    normal_of((i + 1) % points)
                 };
                 let normal = if shared(after) {
                     (n + after).normalize()

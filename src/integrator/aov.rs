@@ -131,7 +131,8 @@ impl PathObserver for FirstHit {
         if vertex.n == 1
             && let Some((_, seen)) = self.log.last_mut()
         {
-            *seen = Some((albedo(vertex.bsdf), vertex.surface.frame.n, vertex.distance));
+            let normal = vertex.surface.frame_for(vertex.wo).n;
+            *seen = Some((albedo(vertex.bsdf), normal, vertex.distance));
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::math::{DVec3, Frame, Ray, Vec2, Vec3};
 
-/// No scene that a camera can frame reaches further than this.
+/// Largest coordinate of a scene that a camera can frame.
 const LARGE: f64 = 1e30;
 
 /// A camera. Film coordinates are in [0, 1]², `(0, 0)` at the top left.
@@ -10,17 +10,17 @@ const LARGE: f64 = 1e30;
 pub struct Camera {
     /// Name in the file, for messages and `--camera`.
     pub name: String,
-    /// Where it is.
+    /// Position in world space.
     pub position: Vec3,
     /// Right, up, and *backwards* (the camera looks along `-frame.n`).
     pub frame: Frame,
-    /// How rays leave it.
+    /// Projection.
     pub projection: Projection,
-    /// Width over height that the file asks for, if it does.
+    /// Width over height, if the file gives one.
     pub aspect: Option<f32>,
 }
 
-/// How a camera projects.
+/// Projection of a camera.
 #[derive(Clone, Copy, Debug)]
 pub enum Projection {
     /// Pinhole with this vertical field of view.
@@ -74,9 +74,8 @@ impl Camera {
         }
     }
 
-    /// A camera that sees the whole of a box, for a picture of the given width over height: from a raised corner, a
-    /// little outside. A box that is empty, a point or not finite is taken as the unit cube around its centre, or
-    /// around the origin.
+    /// A camera that sees a whole box from a raised corner, for a picture of the given width over height. A box that is
+    /// empty, a point or not finite is replaced by the unit cube around its centre, or around the origin.
     pub fn framing(bounds: (Vec3, Vec3), aspect: f32) -> Self {
         let (low, high) = (bounds.0.as_dvec3(), bounds.1.as_dvec3());
         let mut centre = 0.5 * (low + high);
@@ -98,7 +97,7 @@ impl Camera {
         let t = n.cross(s);
         let fov_y = 40f64.to_radians();
         let tan_y = (0.5 * fov_y).tan();
-        // The nearest place on the axis from which every corner is inside all four sides of the view.
+        // The nearest point on the axis from which every corner is inside all four sides of the view.
         let distance = (0..8u32)
             .map(|corner| {
                 let sign = |bit: u32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
@@ -138,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn framing_sees_every_corner_and_fills_the_picture() {
+    fn camera_framing_sees_every_corner_and_fills_the_picture() {
         let boxes = [
             (Vec3::ZERO, Vec3::ONE),
             (Vec3::new(-1e4, 5.0, 2.0), Vec3::new(1e4, 5.0, 3.0)),
@@ -168,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn framing_survives_bounds_that_are_none() {
+    fn camera_framing_accepts_degenerate_bounds() {
         let (inf, nan) = (Vec3::INFINITY, Vec3::NAN);
         for bounds in [
             (Vec3::ZERO, Vec3::ZERO),

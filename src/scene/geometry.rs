@@ -3,9 +3,9 @@
 use super::accel::Accel;
 use super::material::AlphaMode;
 use super::mesh::{attribute, mix};
-use super::normals::{facing, normal_texel, perturbed, tangent};
+use super::normals::{lifted, normal_texel, perturbed, tangent};
 use super::{Hit, Material, Mesh, SceneParts, Surface};
-use crate::math::{Frame, Ray, Vec2, Vec3};
+use crate::math::{Ray, Vec2, Vec3};
 
 /// Half a unit in the last place, relative.
 const HALF_ULP: f32 = 0.5 * f32::EPSILON;
@@ -14,11 +14,11 @@ const HALF_ULP: f32 = 0.5 * f32::EPSILON;
 pub struct Geometry {
     accel: Accel,
     corners: Vec<[Vec3; 3]>,
-    /// Mesh and face each triangle came from.
+    /// Mesh and face of each triangle.
     sources: Vec<[u32; 2]>,
     /// Material of each mesh.
     materials: Vec<u32>,
-    /// Whether opacity may remove a hit of the triangle; empty if it never does.
+    /// True for triangles whose hits opacity may remove; empty if there are none.
     cutouts: Vec<bool>,
 }
 
@@ -30,7 +30,7 @@ impl Geometry {
         for (m, mesh) in parts.meshes.iter().enumerate() {
             if mesh.material as usize >= parts.materials.len() {
                 warnings.push(format!(
-                    "mesh {m}: dropped, it names material {} of {}",
+                    "mesh {m}: dropped, its material is {} of {}",
                     mesh.material,
                     parts.materials.len()
                 ));
@@ -75,7 +75,7 @@ impl Geometry {
         self.corners.len()
     }
 
-    /// Whether there is no triangle.
+    /// True if there is no triangle.
     pub fn is_empty(&self) -> bool {
         self.corners.is_empty()
     }
@@ -113,7 +113,7 @@ impl Geometry {
         normal(a, b, c).normalize().as_vec3()
     }
 
-    /// Whether opacity may remove a hit.
+    /// True if opacity may remove a hit.
     #[inline]
     pub fn has_opacity(&self) -> bool {
         !self.cutouts.is_empty()
@@ -146,17 +146,18 @@ impl Geometry {
         }
     }
 
-    /// Interpolates a hit.
-    pub fn surface(&self, parts: &SceneParts, ray: &Ray, hit: &Hit) -> Surface {
+    /// Interpolates the surface at a hit. No direction enters: a path from the camera and a path from a light that meet
+    /// at a point see the same surface.
+    pub fn surface(&self, parts: &SceneParts, hit: &Hit) -> Surface {
         let [a, b, c] = self.triangle(hit.triangle);
         let weights = [(1.0 - hit.u - hit.v).max(0.0), hit.u, hit.v];
         let origin = a.as_dvec3();
         let (e, f) = (b.as_dvec3() - origin, c.as_dvec3() - origin);
         let ng = e.cross(f).normalize().as_vec3();
-        // On the plane but for the rounding to single precision.
+        // Exact up to the rounding to single precision.
         let position = (origin + f64::from(hit.u) * e + f64::from(hit.v) * f).as_vec3();
-        // A spawned origin is off by that rounding and by its own, half a unit in the last place each; the test that
-        // meets it knows the side of the plane exactly. [PBRT4 §6.8] has to allow for γ₇ of the corners' size.
+        // A spawned origin is off by that rounding and by its own, half a unit in the last place each; the intersection
+        // test knows the side of the plane exactly. [PBRT4 §6.8] has to allow for γ₇ of the corners' size.
         let rounding = 3.0 * HALF_ULP * position.abs().dot(ng.abs());
         let extent = e.abs().max(f.abs()).max_element() as f32;
         let (mesh, indices) = self.source(parts, hit.triangle);
@@ -179,7 +180,7 @@ impl Geometry {
         Surface {
             position,
             ng,
-            frame: Frame::from_normal(facing(ns, ng, -ray.dir)),
+            ns: lifted(ns, ng),
             uv,
             triangle: hit.triangle,
             material: mesh.material,
@@ -194,7 +195,7 @@ impl Geometry {
         (mesh, &mesh.indices[face as usize])
     }
 
-    /// Whether opacity leaves this hit in place.
+    /// True if opacity leaves this hit in place.
     fn present(&self, parts: &SceneParts, ray: &Ray, hit: &Hit) -> bool {
         if !self.cutouts[hit.triangle as usize] {
             return true;
@@ -210,7 +211,7 @@ impl Geometry {
     }
 }
 
-/// The corners, if all are there, finite, and span an area.
+/// The corners, if all exist, are finite, and span an area.
 fn usable(mesh: &Mesh, indices: &[u32; 3]) -> Option<[Vec3; 3]> {
     let triangle = attribute(&mesh.positions, indices)?;
     let [a, b, c] = triangle;
@@ -225,7 +226,7 @@ fn normal(a: Vec3, b: Vec3, c: Vec3) -> glam::DVec3 {
     (b.as_dvec3() - a).cross(c.as_dvec3() - a)
 }
 
-/// Whether a hit on the material can be removed by opacity.
+/// True if opacity may remove a hit on the material.
 fn may_vanish(material: &Material) -> bool {
     let textured = material.base_color_texture.is_some();
     match material.alpha_mode {
@@ -235,7 +236,7 @@ fn may_vanish(material: &Material) -> bool {
     }
 }
 
-/// A number in [0, 1) that is a function of the ray and the triangle alone.
+/// A hash of ray and triangle, uniform in [0, 1).
 fn chance(ray: &Ray, triangle: u32) -> f32 {
     let (o, d) = (ray.origin, ray.dir);
     let mut h = 0x9e37_79b9_7f4a_7c15u64 ^ u64::from(triangle);

@@ -1,4 +1,4 @@
-//! glTF materials, and the closures they become at a surface point.
+//! glTF materials, and their BSDF at a surface point.
 
 use super::Texture;
 use crate::bsdf::{Bsdf, Dielectric, Diffuse, Distribution, Glossy, ThinDielectric};
@@ -13,7 +13,7 @@ pub struct Material {
     pub base_color: Rgb,
     /// Opacity factor (the base colour's fourth channel).
     pub opacity: f32,
-    /// How opacity is used.
+    /// Use of opacity.
     pub alpha_mode: AlphaMode,
     /// Metalness in [0, 1].
     pub metallic: f32,
@@ -21,17 +21,17 @@ pub struct Material {
     pub alpha: f32,
     /// Emitted radiance (strength included).
     pub emission: Rgb,
-    /// Whether the back side emits too.
+    /// True if the back side emits too.
     pub double_sided: bool,
-    /// Part of the light that is transmitted rather than scattered diffusely, in [0, 1].
+    /// Share of the light that is transmitted instead of scattered diffusely, in [0, 1].
     pub transmission: f32,
     /// Index of refraction.
     pub ior: f32,
-    /// Whether the surface bounds a solid body (refracts); otherwise transmission is thin-walled.
+    /// True if the surface bounds a solid body and refracts; otherwise transmission is thin-walled.
     pub solid: bool,
     /// Absorption coefficient of the body per unit length.
     pub absorption: Rgb,
-    /// Specular factor, multiplies f0 of a dielectric coat.
+    /// Specular factor: multiplies f0 of a dielectric coat.
     pub specular: Rgb,
     /// Slope distribution of the glossy lobe.
     pub distribution: Distribution,
@@ -49,19 +49,19 @@ pub struct Material {
     pub transmission_texture: Option<TextureRef>,
 }
 
-/// What opacity means.
+/// Use of a material's opacity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum AlphaMode {
     /// Ignored.
     #[default]
     Opaque,
-    /// Below the cutoff the surface is not there.
+    /// Cut-out: the surface exists where opacity is at least the cutoff.
     Mask(f32),
-    /// Stochastic: the surface is there with that probability.
+    /// Stochastic: opacity is the probability that a ray meets the surface.
     Blend,
 }
 
-/// A texture as a material uses it.
+/// A use of a texture by a material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureRef {
     /// Index into `SceneParts::textures`.
@@ -98,10 +98,10 @@ impl Default for Material {
 }
 
 impl Material {
-    /// The closure at texture coordinates `uv`; `u` in [0, 1) chooses between closures where transmission is partial.
+    /// The BSDF at texture coordinates `uv`; `u` in [0, 1) chooses between two where transmission is partial.
     ///
     /// A partly transmissive dielectric is the mixture t · interface + (1 − t) · coated base; drawing one of the two
-    /// with its weight is unbiased and keeps every closure small.
+    /// with its weight is unbiased and keeps every BSDF small.
     #[inline]
     pub fn bsdf(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
         let mut color = self.base_color;
@@ -164,7 +164,7 @@ impl Material {
         }
     }
 
-    /// Mean emitted radiance over the whole emissive texture: to weigh lights.
+    /// Mean emitted radiance over the whole emissive texture, to weigh lights.
     pub fn average_emission(&self, textures: &[Texture]) -> Rgb {
         match &self.emissive_texture {
             None => self.emission,
@@ -175,7 +175,7 @@ impl Material {
         }
     }
 
-    /// Probability in [0, 1] with which a ray finds the surface there at texture coordinates `uv`.
+    /// Probability in [0, 1] that a ray meets the surface at texture coordinates `uv`.
     pub fn presence(&self, textures: &[Texture], uv: Vec2) -> f32 {
         let opacity = || {
             let texel = (self.base_color_texture.as_ref()).map(|map| map.sample(textures, uv)[3]);
@@ -188,19 +188,19 @@ impl Material {
         }
     }
 
-    /// Whether light is scattered by a Lambertian base at all.
+    /// True if a Lambertian base scatters light at all.
     pub fn has_base(&self) -> bool {
         self.metallic < 1.0 && self.transmission < 1.0
     }
 
-    /// Whether the material is Lambert and nothing else: a dielectric whose coat reflects nothing.
+    /// True for a Lambertian material: a dielectric whose coat reflects nothing.
     pub fn is_lambert(&self) -> bool {
         self.metallic == 0.0
             && self.transmission == 0.0
             && (self.specular == Rgb::ZERO || self.ior == 1.0)
     }
 
-    /// Whether no lobe of the material can be rougher than it is.
+    /// True if no lobe of the material can be roughened.
     pub fn is_rough(&self) -> bool {
         self.is_lambert() || (self.alpha >= 1.0 && self.metallic_roughness_texture.is_none())
     }

@@ -8,23 +8,19 @@ use crate::math::{Frame, Ray, Rgb, Vec2, Vec3};
 
 pub mod accel;
 pub mod camera;
-pub mod environment;
 pub mod geometry;
 pub mod light;
 pub mod load;
 pub mod material;
 pub mod mesh;
 mod normals;
-pub mod punctual;
 pub mod texture;
 
 pub use camera::Camera;
-pub use environment::Environment;
 pub use geometry::Geometry;
-pub use light::{Emission, Emitters, LightSample};
+pub use light::{Emission, Environment, LightDensity, LightSample, Lights, PunctualLight};
 pub use material::Material;
 pub use mesh::Mesh;
-pub use punctual::PunctualLight;
 pub use texture::Texture;
 
 /// Everything a scene is made of, as plain data.
@@ -38,7 +34,7 @@ pub struct SceneParts {
     pub textures: Vec<Texture>,
     /// Point, spot and directional lights.
     pub lights: Vec<PunctualLight>,
-    /// What surrounds the scene.
+    /// Radiance from infinity.
     pub environment: Option<Environment>,
     /// Cameras, in file order.
     pub cameras: Vec<Camera>,
@@ -57,22 +53,22 @@ pub struct Hit {
     pub v: f32,
 }
 
-/// A point of a surface, as the integrator sees it.
+/// A point of a surface, the same for every ray that meets it.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
     /// World position.
     pub position: Vec3,
     /// Unit geometric normal, towards the front side (counter-clockwise winding).
     pub ng: Vec3,
-    /// Shading frame; its normal lies on the same side as `ng`.
-    pub frame: Frame,
+    /// Unit shading normal, interpolated and normal-mapped, on the same side as `ng`; see [`Surface::frame_for`].
+    pub ns: Vec3,
     /// Texture coordinates (set 0).
     pub uv: Vec2,
     /// Index of the triangle, in scene order.
     pub triangle: u32,
     /// Index of the material.
     pub material: u32,
-    /// How far a ray must start from `position` along ±`ng` to be clear of this surface's rounding error.
+    /// Distance from `position` along ±`ng` at which a ray is clear of this surface's rounding error.
     pub error: f32,
 }
 
@@ -80,7 +76,7 @@ pub struct Surface {
 pub struct Scene {
     parts: SceneParts,
     geometry: Geometry,
-    emitters: Emitters,
+    lights: Lights,
     has_absorption: bool,
     has_lobes: bool,
     warnings: Vec<String>,
@@ -91,21 +87,21 @@ impl Scene {
     pub fn new(parts: SceneParts) -> Self {
         let mut warnings = Vec::new();
         let geometry = Geometry::new(&parts, &mut warnings);
-        let emitters = Emitters::new(&parts, &geometry, &mut warnings);
+        let lights = Lights::new(&parts, &geometry, &mut warnings);
         let has_absorption = (parts.materials.iter()).any(|m| m.absorption != Rgb::ZERO);
         let mut shown = parts.meshes.iter().map(|m| m.material as usize);
         let has_lobes = shown.any(|m| !parts.materials.get(m).is_some_and(Material::is_rough));
         Self {
             parts,
             geometry,
-            emitters,
+            lights,
             has_absorption,
             has_lobes,
             warnings,
         }
     }
 
-    /// What was odd about the scene and how it was treated; one line each.
+    /// Defects of the input and their treatment, one line each.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
     }
@@ -115,13 +111,13 @@ impl Scene {
         &self.parts
     }
 
-    /// Whether any body absorbs light on its way through.
+    /// True if any body absorbs light.
     #[inline]
     pub fn has_absorption(&self) -> bool {
         self.has_absorption
     }
 
-    /// Whether any surface has a lobe that a rule could roughen.
+    /// True if any surface has a lobe that a rule could roughen.
     pub fn has_lobes(&self) -> bool {
         self.has_lobes
     }
@@ -131,27 +127,28 @@ impl Scene {
         &self.geometry
     }
 
-    /// Everything that emits.
-    pub fn emitters(&self) -> &Emitters {
-        &self.emitters
+    /// The lights.
+    #[inline]
+    pub fn lights(&self) -> &Lights {
+        &self.lights
     }
 
-    /// Closest hit in front of the ray's origin, alpha-masked parts left out.
+    /// Closest hit in front of the ray's origin; parts that opacity removes are skipped.
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
         self.geometry.intersect(&self.parts, ray)
     }
 
-    /// Whether anything stands between the ray's origin and its `t_max`.
+    /// True if anything stands between the ray's origin and its `t_max`.
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
         self.geometry.occluded(&self.parts, ray)
     }
 
-    /// Interpolates the surface at a hit of `ray`.
+    /// Interpolates the surface at a hit.
     #[inline]
-    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
-        self.geometry.surface(&self.parts, ray, hit)
+    pub fn surface(&self, hit: &Hit) -> Surface {
+        self.geometry.surface(&self.parts, hit)
     }
 
     /// The material at a surface point.
@@ -160,59 +157,56 @@ impl Scene {
         &self.parts.materials[surface.material as usize]
     }
 
-    /// The closure at a surface point; `u` in [0, 1) chooses between the closures of a partly transmissive material.
+    /// The BSDF at a surface point; `u` in [0, 1) chooses between the two BSDFs of a partly transmissive material.
     #[inline]
     pub fn bsdf(&self, surface: &Surface, u: f32) -> Bsdf {
         self.material(surface)
             .bsdf(&self.parts.textures, surface.uv, u)
     }
 
-    /// Draws a light and a point on it, as seen from `from`. `None` where the light drawn does not reach `from`.
-    /// Visibility is not tested.
-    #[inline]
-    pub fn sample_light(&self, from: Vec3, u: [f32; 3]) -> Option<LightSample> {
-        self.emitters.sample(&self.parts, &self.geometry, from, u)
-    }
-
-    /// Radiance emitted by a surface point towards `wo` (world); zero for most surfaces and for unlit sides.
-    #[inline]
-    pub fn emitted(&self, surface: &Surface, wo: Vec3) -> Rgb {
-        self.emitters.emitted(&self.parts, surface, wo)
-    }
-
-    /// Density per steradian with which [`Scene::sample_light`] from `from` draws the direction to that emitting point.
-    #[inline]
-    pub fn pdf_emitter(&self, from: Vec3, surface: &Surface) -> f32 {
-        self.emitters.pdf_emitter(from, surface)
-    }
-
-    /// Radiance seen from the scene when looking along `dir` past all surfaces.
-    #[inline]
-    pub fn environment(&self, dir: Vec3) -> Rgb {
-        self.parts
-            .environment
-            .as_ref()
-            .map_or(Rgb::ZERO, |e| e.radiance(dir))
-    }
-
-    /// Density per steradian with which [`Scene::sample_light`] draws the direction `dir` from the environment.
-    #[inline]
-    pub fn pdf_environment(&self, dir: Vec3) -> f32 {
-        self.emitters.pdf_environment(&self.parts, dir)
-    }
-
     /// The emission at the end of a ray, as light sampling from the ray's origin sees it; `None` if the ray ends on
     /// something dark.
     ///
-    /// For regularised lobe samples, whose ray counts emission only (method section 3): asks the emitters first, so
-    /// that a ray which meets none of them never walks the whole scene.
+    /// For regularised lobe samples, whose ray counts emission only: the lights are asked first, so that a ray that
+    /// meets none of them never walks the whole scene.
     #[inline]
     pub fn emission_along(&self, ray: &Ray) -> Option<Emission> {
-        self.emitters.emission_along(self, ray)
+        let lights = &self.lights;
+        let met = lights.closest(ray);
+        // Opacity may remove the emitter itself: then only the whole scene can tell.
+        let whole = met.is_some() && self.geometry.has_opacity();
+        let hit = if whole { self.intersect(ray) } else { met };
+        let hidden = |t_max| !whole && self.occluded(&Ray { t_max, ..*ray });
+        let Some(hit) = hit else {
+            let radiance = lights.environment(ray.dir);
+            return (radiance != Rgb::ZERO && !hidden(ray.t_max)).then(|| Emission {
+                radiance,
+                pdf_w: lights.pdf_environment(ray.dir),
+                distance: f32::INFINITY,
+            });
+        };
+        let surface = self.surface(&hit);
+        let radiance = lights.emitted(&surface, -ray.dir);
+        // The emitter's own surface must not hide it. Both trees find it at the same distance, bit for bit.
+        (radiance != Rgb::ZERO && !hidden(hit.t.next_down())).then(|| Emission {
+            radiance,
+            pdf_w: lights.pdf_emitter(ray.origin, &surface),
+            distance: hit.t,
+        })
     }
 }
 
 impl Surface {
+    /// Shading frame for light that leaves or arrives along `w`: its normal is `ns`, bent towards `ng` just so far that
+    /// `w` sees the same side of both.
+    ///
+    /// A BSDF's value is a function of the frame for the direction towards the camera; the density of a walk is one of
+    /// the frame for the direction the walk came from. Where neither direction bends `ns` these are equal bit for bit.
+    #[inline]
+    pub fn frame_for(&self, w: Vec3) -> Frame {
+        Frame::from_normal(normals::bent(self.ns, self.ng, w))
+    }
+
     /// A ray that leaves this surface towards `dir`, starting clear of it.
     #[inline]
     pub fn spawn(&self, dir: Vec3) -> Ray {
@@ -228,8 +222,8 @@ impl Surface {
     #[inline]
     pub fn spawn_to_light(&self, light: &LightSample) -> Ray {
         let mut ray = self.spawn(light.wi);
-        // The light's own surface must not hide it, a sheet just before it must: what rounding moves along the normal
-        // moves the meeting point by that over the cosine. For a light at infinity the difference stays infinite.
+        // The light's own surface must not hide it, but a sheet just before it must. A rounding error e along the normal
+        // moves the meeting point by e over the cosine. For a light at infinity the difference stays infinite.
         let slack = (self.error + light.error) / light.cos;
         ray.t_max = (light.distance - slack).max(0.5 * light.distance);
         ray

@@ -1,4 +1,4 @@
-//! Shading normals: normal maps, and how far a normal may lean away from the surface.
+//! Shading normals: normal maps, and limits on how far a normal leans away from the surface.
 
 use super::material::TextureRef;
 use super::mesh::{attribute, mix};
@@ -38,7 +38,7 @@ pub(super) fn tangent(
     (det != 0.0).then_some((along_u, hand))
 }
 
-/// The normal that a normal map makes of `ns`.
+/// `ns` perturbed by a normal map's direction `local` in tangent space.
 pub(super) fn perturbed(ns: Vec3, tangent: Vec3, hand: f32, local: Vec3) -> Vec3 {
     let Some(t) = (tangent - ns * ns.dot(tangent)).try_normalize() else {
         return ns;
@@ -48,18 +48,23 @@ pub(super) fn perturbed(ns: Vec3, tangent: Vec3, hand: f32, local: Vec3) -> Vec3
     n.try_normalize().unwrap_or(ns)
 }
 
-/// Bends the shading normal towards `ng` just so far that it is on the same side and that `wo` sees the same side of
-/// both.
+/// Lifts a shading normal that points below the surface to just above it.
 #[inline]
-pub(super) fn facing(ns: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
+pub(super) fn lifted(ns: Vec3, ng: Vec3) -> Vec3 {
     let below = ns.dot(ng);
-    let ns = if below < 0.0 {
+    if below < 0.0 {
         (ns + (1e-3 - below) * ng).try_normalize().unwrap_or(ng)
     } else {
         ns
-    };
-    let cos = wo.dot(ng);
-    let w = if cos < 0.0 { -wo } else { wo };
+    }
+}
+
+/// Bends a shading normal on the side of `ng` towards `ng`, just so far that `w` sees the same side of both. The same
+/// for `w` and `-w`.
+#[inline]
+pub(super) fn bent(ns: Vec3, ng: Vec3, w: Vec3) -> Vec3 {
+    let cos = w.dot(ng);
+    let w = if cos < 0.0 { -w } else { w };
     let (cos_g, cos_s) = (cos.abs(), w.dot(ns));
     let least = (0.5 * cos_g).min(1e-3);
     if cos_s >= least {
@@ -89,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn red_points_along_u_and_green_against_v() {
+    fn normal_map_red_points_along_u_and_green_against_v() {
         let map = TextureRef {
             texture: 0,
             transform: glam::Affine2::IDENTITY,
@@ -120,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_s_own_tangents_go_first() {
+    fn normal_map_prefers_tangents_of_the_mesh() {
         let (mut mesh, edges) = mapped(Vec2::X, Vec2::NEG_Y);
         mesh.tangents = vec![glam::Vec4::new(0.0, 1.0, 0.0, -1.0); 3];
         let map = TextureRef {
@@ -134,15 +139,19 @@ mod tests {
     }
 
     #[test]
-    fn bending_stops_where_the_viewer_sees_both_sides_alike() {
+    fn bent_normal_shows_a_direction_the_same_side_as_the_geometric_normal() {
         let (ng, wo) = (Vec3::Z, Vec3::new(1.0, 0.0, 0.2).normalize());
         let ns = Vec3::new(-0.8, 0.0, 0.6);
         for sign in [1.0, -1.0] {
-            let n = facing(ns, ng, sign * wo);
+            let n = bent(ns, ng, sign * wo);
             assert!((n.dot(wo) - 1e-3).abs() < 1e-3 && n.dot(wo) > 0.0, "{n}");
             assert!(n.y == 0.0 && n.x < 0.0, "{n}");
         }
-        assert_eq!(facing(ns, ng, Vec3::Z), ns, "seen from above nothing bends");
-        assert_eq!(facing(ns, ng, Vec3::X), ng, "edge-on the shading is flat");
+        assert_eq!(bent(ns, ng, Vec3::Z), ns, "from above nothing bends");
+        assert_eq!(
+            bent(ns, ng, Vec3::X),
+            ng,
+            "edge-on the normal is the geometric one"
+        );
     }
 }

@@ -1,21 +1,21 @@
 //! Textures: decoded images with wrap modes, sampled bilinearly in linear values.
 
 use crate::math::Vec2;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
-/// What happens outside [0, 1).
+/// Continuation of a texture outside [0, 1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
-    /// The picture repeats.
+    /// The image repeats.
     #[default]
     Repeat,
-    /// It repeats, every other copy mirrored.
+    /// The image repeats, every other copy mirrored.
     Mirror,
-    /// Its edge goes on for ever.
+    /// The edge texels continue.
     Clamp,
 }
 
-/// A decoded image: four bytes a texel.
+/// A decoded image: four bytes a texel. Clones share the texels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Texture {
     /// Width in texels, at least 1.
@@ -23,8 +23,8 @@ pub struct Texture {
     /// Height in texels, at least 1.
     pub height: u32,
     /// `width * height` texels, rows from the top.
-    pub texels: Vec<[u8; 4]>,
-    /// Whether the colour channels are sRGB encoded (the fourth never is).
+    pub texels: Arc<[[u8; 4]]>,
+    /// True if the colour channels are sRGB encoded; the fourth never is.
     pub srgb: bool,
     /// Horizontal and vertical wrap.
     pub wrap: [Wrap; 2],
@@ -60,7 +60,7 @@ impl Wrap {
 }
 
 impl Texture {
-    /// Four linear values at `uv`, bilinear; (0, 0) is the top left corner of the picture.
+    /// Four linear values at `uv`, bilinear; (0, 0) is the top left corner of the image.
     pub fn sample(&self, uv: Vec2) -> [f32; 4] {
         // Coordinates that are not finite become 0; `as` saturates, so huge ones are harmless.
         let place = |x: f32, n: u32| {
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     fn ramp(wrap: Wrap) -> Texture {
-        let texels = vec![
+        let texels = [
             [0, 0, 0, 255],
             [100, 0, 0, 255],
             [200, 0, 0, 255],
@@ -136,14 +136,14 @@ mod tests {
         Texture {
             width: 4,
             height: 1,
-            texels,
+            texels: texels.into(),
             srgb: false,
             wrap: [wrap; 2],
         }
     }
 
     #[test]
-    fn texel_centres_are_exact_and_between_them_is_linear() {
+    fn bilinear_sampling_is_exact_at_texel_centres() {
         let t = ramp(Wrap::Clamp);
         let red = |u: f32| t.sample(Vec2::new(u, 0.5))[0] * 255.0;
         assert!((red(0.375) - 100.0).abs() < 1e-3);
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn wrapping() {
+    fn texture_wrap_modes() {
         let at = |wrap, u: f32| ramp(wrap).sample(Vec2::new(u, 0.5))[0] * 255.0;
         assert!((at(Wrap::Repeat, 1.375) - 100.0).abs() < 1e-3);
         assert!((at(Wrap::Repeat, -0.625) - 100.0).abs() < 1e-3);
@@ -166,11 +166,11 @@ mod tests {
     }
 
     #[test]
-    fn colours_are_decoded_and_opacity_is_not() {
+    fn srgb_decodes_colours_but_not_opacity() {
         let t = Texture {
             width: 1,
             height: 1,
-            texels: vec![[188, 0, 255, 128]],
+            texels: [[188, 0, 255, 128]].into(),
             srgb: true,
             ..Texture::default()
         };

@@ -97,13 +97,16 @@ fn sampled(scene: &Scene, normal: Vec3, numbers: &mut Numbers) -> (f64, f64) {
         let cell = Vec2::new((i % STRATA) as f32, (i / STRATA) as f32);
         let mut place = || (cell + Vec2::new(numbers.next(), numbers.next())) / STRATA as f32;
         let (at, lobe) = (place(), place());
-        if let Some(light) = scene.sample_light(Vec3::ZERO, [numbers.next(), at.x, at.y]) {
+        if let Some(light) = scene
+            .lights()
+            .sample(Vec3::ZERO, [numbers.next(), at.x, at.y])
+        {
             let pdf = warp::cosine_hemisphere_pdf(light.wi.dot(normal));
-            let weight = balance(light.pdf_w, pdf) * pdf / light.pdf_w;
+            let weight = light.density.mis_weight(pdf) * pdf / light.density.value();
             sum += f64::from(light.radiance.x * weight);
             // A ray through the very edge may miss.
             if let Some(seen) = scene.emission_along(&Ray::new(Vec3::ZERO, light.wi)) {
-                let ratio = f64::from(seen.pdf_w) / f64::from(light.pdf_w);
+                let ratio = f64::from(seen.pdf_w) / f64::from(light.density.value());
                 apart = apart.max((ratio - 1.0).abs());
             }
         }
@@ -211,8 +214,8 @@ fn slivers() -> Finding {
         let mut sum = 0.0;
         for k in 0..64 * 64 {
             let u = [0.0, (k % 64) as f32 + 0.5, (k / 64) as f32 + 0.5].map(|u| u / 64.0);
-            if let Some(light) = scene.sample_light(Vec3::ZERO, u) {
-                sum += f64::from(light.wi.dot(normal).max(0.0) / light.pdf_w) * FRAC_1_PI;
+            if let Some(light) = scene.lights().sample(Vec3::ZERO, u) {
+                sum += f64::from(light.wi.dot(normal).max(0.0) / light.density.value()) * FRAC_1_PI;
             }
         }
         let exact = lambert(&corners.map(|c| c.as_dvec3()), normal.as_dvec3());
@@ -246,8 +249,8 @@ pub fn occluded(shadow_ray: ShadowRay<'_>) -> Finding {
                     count += 1;
                     continue;
                 };
-                let surface = scene.surface(&ray, &hit);
-                if let Some(light) = scene.sample_light(surface.position, u) {
+                let surface = scene.surface(&hit);
+                if let Some(light) = scene.lights().sample(surface.position, u) {
                     count += u32::from(scene.occluded(&shadow_ray(&surface, &light)));
                 }
             }

@@ -1,4 +1,4 @@
-//! What textures, normal maps, holes and lights without area make of a surface, against formulas and plain geometry.
+//! Textures, normal maps, opacity and lights without area, against closed forms and plain geometry.
 
 use super::support::render::{film, mean, scene};
 use glam::{Affine2, Vec2 as Uv};
@@ -17,7 +17,7 @@ fn row(texels: &[[u8; 4]]) -> Texture {
     Texture {
         width: texels.len() as u32,
         height: 1,
-        texels: texels.to_vec(),
+        texels: texels.into(),
         srgb: false,
         wrap: [Wrap::Clamp; 2],
     }
@@ -98,7 +98,7 @@ fn textures_multiply_factors() {
 }
 
 #[test]
-fn the_sun_is_as_bright_as_its_irradiance_says() {
+fn directional_light_irradiance() {
     let mut parts = floor([0.0; 3]);
     let direction = Vec3::new(0.3, -0.8, 0.4).normalize();
     parts.lights.push(PunctualLight::Directional {
@@ -110,7 +110,7 @@ fn the_sun_is_as_bright_as_its_irradiance_says() {
 }
 
 #[test]
-fn a_spot_falls_off_between_its_angles_and_with_its_range() {
+fn spot_light_falloff_and_range() {
     let (inner, outer) = (20f32.to_radians(), 40f32.to_radians());
     for range in [f32::INFINITY, 1.5] {
         for degrees in [0.0, 15.0, 25.0, 35.0, 45.0] {
@@ -136,7 +136,7 @@ fn a_spot_falls_off_between_its_angles_and_with_its_range() {
 }
 
 #[test]
-fn of_several_lights_each_gives_its_part() {
+fn light_selection_among_several_lights() {
     let mut parts = floor([0.0; 3]);
     let sun = PunctualLight::Directional {
         direction: Vec3::NEG_Y,
@@ -160,7 +160,7 @@ fn of_several_lights_each_gives_its_part() {
 }
 
 #[test]
-fn normal_maps_tilt_the_shading() {
+fn normal_map_tilts_the_shading() {
     let texel = [204u8, 90, 230, 255];
     let light = Vec3::new(-0.3, -0.8, -0.2).normalize();
     for scale in [1.0, 0.5] {
@@ -190,7 +190,7 @@ fn under(material: Material, textures: Vec<Texture>, width: f32) -> SceneParts {
 }
 
 #[test]
-fn lights_with_textures_and_holes_shine_where_they_are() {
+fn area_light_with_texture_and_opacity() {
     const SPP: u32 = 1024;
     let lit = emitter("light", Rgb::ONE);
     let whole = brightness(under(lit.clone(), vec![], 2.0), 8, SPP);
@@ -250,7 +250,7 @@ fn lights_with_textures_and_holes_shine_where_they_are() {
 }
 
 #[test]
-fn a_sky_is_seen_through_the_holes_of_a_light() {
+fn environment_through_the_holes_of_a_light() {
     let mut parts = under(
         Material {
             alpha_mode: AlphaMode::Mask(0.5),
@@ -267,7 +267,7 @@ fn a_sky_is_seen_through_the_holes_of_a_light() {
 }
 
 #[test]
-fn masks_cut_where_the_texture_says() {
+fn opacity_mask_from_a_texture() {
     let mut parts = SceneParts::default();
     parts
         .textures

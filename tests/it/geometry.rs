@@ -1,4 +1,4 @@
-//! Triangles, their tree and the points on them.
+//! The bounding volume hierarchy: agreement with brute force, watertightness, determinism.
 
 use opsr::math::{Ray, Vec3};
 use opsr::scene::accel::Accel;
@@ -165,7 +165,7 @@ fn compare_with_brute_force(triangles: &[[Vec3; 3]], seed: u64, size: f32, rays:
 }
 
 #[test]
-fn tree_finds_what_brute_force_finds() {
+fn bvh_agrees_with_brute_force() {
     for (i, &(count, edge)) in [(1, 2.0), (3, 2.0), (17, 1.0), (200, 0.5), (3000, 0.1)]
         .iter()
         .enumerate()
@@ -176,7 +176,7 @@ fn tree_finds_what_brute_force_finds() {
 }
 
 #[test]
-fn axis_parallel_rays_meet_axis_parallel_boxes() {
+fn bvh_axis_parallel_rays_meet_axis_parallel_boxes() {
     // Zero direction components, both signs of zero, origins on the planes of boxes.
     let triangles: Vec<_> = (0..5).flat_map(|k| square(1.0, k as f32)).collect();
     let accel = Accel::new(&triangles);
@@ -194,7 +194,7 @@ fn axis_parallel_rays_meet_axis_parallel_boxes() {
 }
 
 #[test]
-fn no_ray_escapes_a_closed_mesh() {
+fn watertight_no_ray_escapes_a_closed_mesh() {
     let mesh = bumpy_sphere(120, 240);
     let corners: Vec<_> = mesh
         .indices
@@ -218,7 +218,7 @@ fn no_ray_escapes_a_closed_mesh() {
 }
 
 #[test]
-fn empty_scenes_have_no_hits() {
+fn bvh_of_an_empty_scene_has_no_hits() {
     let parts = parts_of(vec![]);
     let geometry = geometry_of(&parts);
     let ray = Ray::new(Vec3::ZERO, Vec3::Z);
@@ -229,7 +229,7 @@ fn empty_scenes_have_no_hits() {
 }
 
 #[test]
-fn unusable_triangles_are_dropped_and_counted() {
+fn degenerate_triangles_are_dropped_and_counted() {
     let [good, other] = square(1.0, 0.0);
     let a = good[0];
     let mut bad = mesh_of(&[
@@ -257,7 +257,7 @@ fn unusable_triangles_are_dropped_and_counted() {
 }
 
 #[test]
-fn tree_ignores_what_is_not_finite() {
+fn bvh_ignores_triangles_that_are_not_finite() {
     let mut triangles = vec![[Vec3::NAN; 3]; 3];
     triangles.extend(square(1.0, 0.0));
     triangles.push([Vec3::INFINITY, Vec3::ZERO, Vec3::ONE]);
@@ -270,7 +270,7 @@ fn tree_ignores_what_is_not_finite() {
 }
 
 #[test]
-fn coincident_triangles_give_the_first() {
+fn bvh_ties_go_to_the_lowest_index() {
     let one = square(1.0, 0.0)[0];
     let mut triangles = soup(3, 50, 1.0, 0.1);
     triangles.extend([one; 40]);
@@ -286,7 +286,7 @@ fn coincident_triangles_give_the_first() {
 }
 
 #[test]
-fn fast_walk_and_plain_walk_agree_to_the_bit() {
+fn bvh_avx2_and_portable_traversal_are_bit_identical() {
     for (seed, count, edge) in [(11, 500, 0.4), (12, 20_000, 0.05), (13, 2000, 2.0)] {
         let triangles = soup(seed, count, 1.0, edge);
         let (fast, plain) = (Accel::new(&triangles), Accel::portable(&triangles));
@@ -310,7 +310,7 @@ fn fast_walk_and_plain_walk_agree_to_the_bit() {
 }
 
 #[test]
-fn hits_do_not_depend_on_the_number_of_threads() {
+fn determinism_hits_at_any_thread_count() {
     let triangles = soup(14, 60_000, 1.0, 0.03);
     let trees = [1, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();

@@ -1,8 +1,8 @@
-//! glTF files to geometry: what is written comes back, and every form of a mesh gives the same mesh.
+//! Loading glTF files: round trips through the writer, and equal scenes from all forms of a file.
 
 pub(crate) mod broken;
 pub(crate) mod hostile;
-mod look;
+mod materials;
 mod meshes;
 
 use super::support::gltf::{File, load_bytes, load_in};
@@ -22,7 +22,7 @@ fn close(a: Vec3, b: Vec3) -> bool {
     (a - b).length() <= 1e-6 * (1.0 + a.length())
 }
 
-/// The meshes of a round trip, bit for bit but for normals that were not quite unit.
+/// The meshes of a round trip are bit-identical, except normals that were not quite unit.
 fn same_meshes(a: &SceneParts, b: &SceneParts) {
     assert_eq!(a.meshes.len(), b.meshes.len());
     for (a, b) in a.meshes.iter().zip(&b.meshes) {
@@ -87,7 +87,7 @@ fn same_cameras(a: &SceneParts, b: &SceneParts) {
 }
 
 #[test]
-fn what_is_saved_comes_back() {
+fn load_returns_what_was_saved() {
     let scenes = [
         gallery::furnace_sphere(0.5),
         gallery::cornell_box(),
@@ -105,7 +105,7 @@ fn what_is_saved_comes_back() {
         same_materials(&parts, &loaded.parts);
         same_cameras(&parts, &loaded.parts);
         assert_eq!(parts.lights.len(), loaded.parts.lights.len());
-        // Once more: the first trip's rounding is all there is.
+        // A second trip rounds nothing more.
         let again = load_bytes(&glb::to_glb(&loaded.parts).unwrap()).unwrap();
         same_meshes(&loaded.parts, &again.parts);
         same_materials(&loaded.parts, &again.parts);
@@ -113,7 +113,7 @@ fn what_is_saved_comes_back() {
 }
 
 #[test]
-fn a_mesh_of_many_vertices_comes_back() {
+fn load_returns_a_mesh_of_many_vertices() {
     let mut parts = SceneParts::default();
     let mesh = Mesh {
         tangents: vec![glam::Vec4::new(1.0, 0.0, 0.0, -1.0); 40_962],
@@ -127,7 +127,7 @@ fn a_mesh_of_many_vertices_comes_back() {
 }
 
 #[test]
-fn text_and_binary_are_the_same_scene() {
+fn load_gltf_and_glb_give_the_same_scene() {
     let file = File::triangle();
     let (text, binary) = (
         load_bytes(&file.gltf()).unwrap(),
@@ -142,7 +142,7 @@ fn text_and_binary_are_the_same_scene() {
 }
 
 #[test]
-fn files_beside_are_found_and_digested_in_order() {
+fn load_hashes_external_files_in_order() {
     let folder = tempfile::tempdir().unwrap();
     let mut file = File::triangle();
     let picture = super::support::gltf::png(&image::DynamicImage::new_rgb8(2, 2));
@@ -163,7 +163,7 @@ fn files_beside_are_found_and_digested_in_order() {
 }
 
 #[test]
-fn scenes_and_instances() {
+fn load_scenes_and_instances() {
     let mut file = File::triangle();
     file.json["nodes"] = json!([
         { "mesh": 0, "translation": [1, 0, 0] },
@@ -188,7 +188,7 @@ fn scenes_and_instances() {
 }
 
 #[test]
-fn what_is_left_out_is_said_once() {
+fn load_warns_once_of_each_ignored_feature() {
     let mut file = File::triangle();
     file.json["extensionsUsed"] = json!(["KHR_materials_sheen", "EXT_dream", "KHR_materials_ior"]);
     file.json["animations"] = json!([]);

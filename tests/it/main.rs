@@ -2,6 +2,7 @@
 
 mod agree;
 mod appearance;
+mod architecture;
 mod bench;
 mod bsdf;
 mod cli;

@@ -1,7 +1,6 @@
-//! References: going on from a file is the same as never having stopped, foreign files are refused, and the committed
-//! ones show what the renderer shows.
+//! References: a resumed one equals one run, foreign files are refused, and the committed ones agree with the renderer.
 
-use opsr::gallery::manifest::{Entry, Manifest};
+use opsr::gallery::manifest::{Manifest, SceneEntry};
 use opsr::gallery::reference::{Reference, SEED};
 use opsr::image::film::Film;
 use opsr::integrator::Settings;
@@ -17,7 +16,7 @@ fn committed() -> Manifest {
     Manifest::load(Path::new(MANIFEST)).unwrap()
 }
 
-fn scene(manifest: &Manifest, entry: &Entry) -> (Scene, [u8; 32]) {
+fn scene(manifest: &Manifest, entry: &SceneEntry) -> (Scene, [u8; 32]) {
     let loaded = load(&manifest.file(entry), &LoadOptions::default()).unwrap();
     (Scene::new(loaded.parts), loaded.digest)
 }
@@ -31,7 +30,7 @@ fn elsewhere(folder: &Path) -> Manifest {
 }
 
 #[test]
-fn going_on_is_never_having_stopped() {
+fn resume_of_a_reference_equals_one_run() {
     let folder = tempfile::tempdir().unwrap();
     let manifest = elsewhere(folder.path());
     let entry = (manifest.scenes.iter().find(|e| e.name == "rings")).unwrap();
@@ -74,7 +73,7 @@ fn going_on_is_never_having_stopped() {
 }
 
 #[test]
-fn a_reference_of_something_else_is_refused() {
+fn reference_of_other_settings_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let manifest = elsewhere(folder.path());
     let entry = &manifest.scenes[0];
@@ -85,11 +84,11 @@ fn a_reference_of_something_else_is_refused() {
     reference.extend(&scene, camera, 2);
     reference.save().unwrap();
 
-    let longer = Entry {
+    let longer = SceneEntry {
         max_vertices: entry.max_vertices + 1,
         ..entry.clone()
     };
-    let wider = Entry {
+    let wider = SceneEntry {
         frame: [entry.frame[0] + 2, entry.frame[1]],
         ..entry.clone()
     };
@@ -110,7 +109,7 @@ fn a_reference_of_something_else_is_refused() {
 /// Every committed reference exists, is of the committed scene, and its mean is that of a fresh render within the
 /// noise of both.
 #[test]
-fn committed_references_agree_with_a_fresh_render() {
+fn reference_files_agree_with_a_fresh_render() {
     const SPP: u32 = 32;
     let manifest = committed();
     let mut sum_of_squares = 0.0;

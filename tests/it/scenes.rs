@@ -1,4 +1,4 @@
-//! Procedural scenes: shapes are closed and face outward, files hold what was written.
+//! Procedural shapes are closed and face outward; written files are well formed.
 
 use opsr::gallery::glb;
 use opsr::gallery::{self, shapes};
@@ -86,7 +86,7 @@ fn shapes_are_closed_and_face_outward() {
 }
 
 #[test]
-fn placing_keeps_normals_on_their_side() {
+fn placed_shapes_keep_normals_on_their_side() {
     let turned = shapes::sphere(Vec3::ZERO, 1.0, 2)
         .stretched(Vec3::new(1.0, 0.3, 2.0))
         .placed([0.5, 0.3, -0.2], Vec3::Y);
@@ -111,7 +111,7 @@ fn height_fields_face_up() {
 }
 
 #[test]
-fn files_are_well_formed() {
+fn glb_files_are_well_formed() {
     let bytes = glb::to_glb(&gallery::caustic_box()).unwrap();
     assert_eq!(&bytes[..4], b"glTF");
     let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
@@ -125,7 +125,7 @@ fn files_are_well_formed() {
 }
 
 #[test]
-fn what_cannot_be_written_is_refused() {
+fn glb_refuses_textures() {
     let parts = SceneParts {
         textures: vec![Default::default()],
         ..SceneParts::default()

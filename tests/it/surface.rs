@@ -1,9 +1,9 @@
-//! Surfaces at a hit: self-intersection, scale, shading normals, opacity.
+//! Points of surfaces: self-intersection of spawned rays, shading frames, opacity.
 
 use crate::geometry::{
     bumpy_sphere, direction, geometry_of, mesh_of, parts_of, point, rng, square,
 };
-use opsr::math::{Ray, Vec2, Vec3};
+use opsr::math::{Frame, Ray, Vec2, Vec3};
 use opsr::scene::material::AlphaMode;
 use opsr::scene::{Geometry, Hit, Material, Mesh, SceneParts, Surface};
 use rand::RngExt;
@@ -38,11 +38,11 @@ fn leaving(rng: &mut Pcg32, ng: Vec3, least: f32) -> Vec3 {
 
 fn meet(geometry: &Geometry, parts: &SceneParts, ray: &Ray) -> Option<(Hit, Surface)> {
     let hit = geometry.intersect(parts, ray)?;
-    Some((hit, geometry.surface(parts, ray, &hit)))
+    Some((hit, geometry.surface(parts, &hit)))
 }
 
 #[test]
-fn self_intersection_of_a_sphere_at_every_scale() {
+fn self_intersection_in_a_convex_body_at_every_scale() {
     let mut sphere = bumpy_sphere(60, 120);
     for p in &mut sphere.positions {
         *p = p.normalize();
@@ -71,8 +71,8 @@ fn self_intersection_of_a_sphere_at_every_scale() {
 }
 
 #[test]
-fn self_intersection_of_a_plane_of_mixed_triangles() {
-    // Spacings from 1e-3 to 200 units side by side.
+fn self_intersection_on_flat_ground_of_mixed_triangles() {
+    // Spacings from 1e-3 to 100 units beside each other.
     let ticks: Vec<f32> = (0..24).map(|k| 1e-3 * 1.7f32.powi(k)).collect();
     let n = ticks.len() as u32;
     let mesh = Mesh {
@@ -114,7 +114,7 @@ fn self_intersection_of_a_plane_of_mixed_triangles() {
 }
 
 #[test]
-fn sheets_4e_5_apart_are_hit_one_by_one_at_every_scale() {
+fn self_intersection_between_thin_shells_at_every_scale() {
     const GAP: f32 = 4e-5;
     let mut shells = square(1.0, 0.0).to_vec();
     shells.extend(square(1.0, -GAP));
@@ -123,7 +123,6 @@ fn sheets_4e_5_apart_are_hit_one_by_one_at_every_scale() {
         let geometry = geometry_of(&parts);
         let up = geometry.surface(
             &parts,
-            &Ray::new(Vec3::ZERO, Vec3::Z),
             &Hit {
                 t: 1.0,
                 triangle: 0,
@@ -155,7 +154,7 @@ fn sheets_4e_5_apart_are_hit_one_by_one_at_every_scale() {
 }
 
 #[test]
-fn scale_invariance_is_bit_identical_for_powers_of_two() {
+fn scale_invariance_by_a_power_of_two_is_bit_identical() {
     let base = transformed(bumpy_sphere(40, 80), 1.0, Vec3::new(0.3, 0.2, -0.4));
     let parts: Vec<_> = [0, -10, 20]
         .map(|e| {
@@ -186,7 +185,7 @@ fn scale_invariance_is_bit_identical_for_powers_of_two() {
 }
 
 #[test]
-fn surface_interpolates_normals_and_uvs() {
+fn surface_interpolates_attributes() {
     let mut mesh = mesh_of(&square(1.0, 0.0)[..1]);
     mesh.normals = vec![Vec3::Z, Vec3::new(0.6, 0.0, 0.8), Vec3::Z];
     mesh.uvs = vec![Vec2::ZERO, Vec2::X, Vec2::ONE];
@@ -199,7 +198,7 @@ fn surface_interpolates_normals_and_uvs() {
         assert!((s.uv - Vec2::new(0.75, 0.5)).length() < 1e-6, "{s:?}");
         assert!((s.position - Vec3::new(0.5, 0.0, 0.0)).length() < 1e-6);
         let n = (0.75 * Vec3::Z + 0.25 * Vec3::new(0.6, 0.0, 0.8)).normalize();
-        assert!((s.frame.n - n).length() < 1e-6, "{s:?} {hit:?}");
+        assert!((s.ns - n).length() < 1e-6, "{s:?} {hit:?}");
     }
     assert_eq!(geometry.triangle_uvs(&parts, 0)[2], Vec2::ONE);
     assert_eq!(geometry.triangle_area(0), 2.0);
@@ -210,7 +209,7 @@ fn surface_interpolates_normals_and_uvs() {
 }
 
 #[test]
-fn shading_normal_agrees_with_the_geometric_normal() {
+fn shading_normal_and_geometric_normal_agree_on_sides() {
     let mut rng = rng(80);
     let mut bent = 0;
     for _ in 0..2000 {
@@ -231,7 +230,8 @@ fn shading_normal_agrees_with_the_geometric_normal() {
         let Some((_, s)) = meet(&geometry, &parts, &Ray::new(on + wo, -wo)) else {
             continue;
         };
-        let (n, cos) = (s.frame.n, wo.dot(s.ng));
+        let (n, cos) = (s.frame_for(wo).n, wo.dot(s.ng));
+        assert!(s.ns.dot(s.ng) >= 0.0, "{:?}", s.ns);
         assert!((n.length() - 1.0).abs() < 1e-5, "{n:?}");
         assert!(n.dot(s.ng) >= 0.0, "{n:?}");
         assert!(wo.dot(n) * cos >= 0.0, "{n:?} {wo:?}");
@@ -240,7 +240,84 @@ fn shading_normal_agrees_with_the_geometric_normal() {
     assert!(bent > 100, "only {bent} normals were bent");
 }
 
-/// Opaque square below a square of this opacity.
+/// The bits of a frame.
+fn bits(frame: Frame) -> [[u32; 3]; 3] {
+    [frame.s, frame.t, frame.n].map(|v| v.to_array().map(f32::to_bits))
+}
+
+#[test]
+fn shading_frame_bends_only_for_grazing_directions() {
+    let (base, mut rng) = (meet_square(), rng(81));
+    let (mut level, mut bent) = (0, 0);
+    for _ in 0..20_000 {
+        let ng = direction(&mut rng);
+        let ns = (ng + point(&mut rng, 0.5)).normalize();
+        let surface = Surface { ng, ns, ..base };
+        let w = direction(&mut rng);
+        let side = if w.dot(ng) < 0.0 { -w } else { w };
+        let frame = surface.frame_for(w);
+        assert_eq!(bits(frame), bits(surface.frame_for(-w)), "two sides, {w}");
+        // Edge-on, rounding may take the last digit.
+        assert!(frame.n.dot(side) > -1e-6, "{ns} {w}");
+        if ns.dot(side) >= 1e-3 {
+            assert_eq!(bits(frame), bits(Frame::from_normal(ns)), "{ns} {w}");
+            level += 1;
+        } else {
+            assert_ne!(frame.n, ns, "{w} sees the other side");
+            bent += 1;
+        }
+    }
+    assert!(level > 15_000 && bent > 500, "{level} {bent}");
+}
+
+#[test]
+fn shading_frame_is_that_of_one_surface_for_camera_rays_and_light_rays() {
+    let mut sphere = bumpy_sphere(20, 40);
+    sphere.normals = sphere.positions.iter().map(|p| p.normalize()).collect();
+    let parts = parts_of(vec![sphere]);
+    let geometry = geometry_of(&parts);
+    let mut rng = rng(82);
+    let (mut met, mut apart) = (0, 0);
+    for _ in 0..20_000 {
+        let (from, dir) = (3.0 * direction(&mut rng), point(&mut rng, 1.0));
+        let Some((hit, camera)) =
+            meet(&geometry, &parts, &Ray::new(from, (dir - from).normalize()))
+        else {
+            continue;
+        };
+        // Towards the same point from a light elsewhere.
+        let to = leaving(&mut rng, camera.ng, 1e-3);
+        let Some((other, light)) = meet(&geometry, &parts, &Ray::new(camera.position + to, -to))
+        else {
+            continue;
+        };
+        if other.triangle != hit.triangle {
+            continue;
+        }
+        met += 1;
+        assert_eq!(camera.ng, light.ng);
+        assert!(
+            (camera.ns - light.ns).length() < 1e-4,
+            "{camera:?} {light:?}"
+        );
+        let wo = (from - camera.position).normalize();
+        let value = [camera.frame_for(wo), light.frame_for(wo)];
+        assert!((value[0].n - value[1].n).length() < 1e-2, "{value:?}");
+        // A walk from the light that kept its own frame would scatter off another surface.
+        apart += usize::from((light.frame_for(to).n - value[0].n).length() > 1e-2);
+    }
+    assert!(met > 5000 && apart > 50, "{met} {apart}");
+}
+
+/// A point of a square.
+fn meet_square() -> Surface {
+    let parts = parts_of(vec![mesh_of(&square(1.0, 0.0))]);
+    let ray = Ray::new(Vec3::new(0.3, 0.1, 1.0), Vec3::NEG_Z);
+    let (_, surface) = meet(&geometry_of(&parts), &parts, &ray).expect("hit");
+    surface
+}
+
+/// An opaque square below one of the given opacity.
 fn veiled(alpha_mode: AlphaMode, opacity: f32) -> SceneParts {
     let mut parts = parts_of(vec![mesh_of(&square(1.0, 0.0)), mesh_of(&square(1.0, 1.0))]);
     parts.meshes[1].material = 1;
@@ -253,7 +330,7 @@ fn veiled(alpha_mode: AlphaMode, opacity: f32) -> SceneParts {
 }
 
 #[test]
-fn alpha_mask_and_opacity_bounds() {
+fn opacity_mask_cuts_holes() {
     for (mode, opacity, first) in [
         (AlphaMode::Mask(0.5), 0.4, 0),
         (AlphaMode::Mask(0.5), 0.5, 2),
@@ -276,7 +353,7 @@ fn alpha_mask_and_opacity_bounds() {
 }
 
 #[test]
-fn alpha_blend_is_hit_with_the_probability_of_its_opacity() {
+fn opacity_blend_is_the_probability_of_a_hit() {
     let parts = veiled(AlphaMode::Blend, 0.3);
     let geometry = geometry_of(&parts);
     let mut rng = rng(90);

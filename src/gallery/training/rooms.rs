@@ -1,5 +1,5 @@
-//! Rooms tiled with every roughness. Walking between their walls a path meets the four levels about equally often, so
-//! five vertices meet every combination of them.
+//! Rooms tiled with every roughness. Paths between their walls meet the four roughness bins about equally often, so that
+//! five vertices form every combination of bins.
 
 use crate::gallery::materials::{
     ALUMINIUM, COPPER, GOLD, SILVER, coated, diffuse, emitter, glass, metal,
@@ -9,7 +9,7 @@ use crate::gallery::{light_panel, v3};
 use crate::math::{Rgb, Vec3};
 use crate::scene::{Material, Mesh, SceneParts};
 
-/// Two tile materials for each of the four levels of roughness.
+/// Two tile materials for each of the four roughness bins.
 fn tile_materials() -> [Material; 8] {
     [
         metal("tile 0.02", SILVER, 0.02),
@@ -54,7 +54,7 @@ fn hash(mut x: u32) -> u32 {
     x ^ (x >> 16)
 }
 
-/// Metal, glass and coated bodies of every level in a tiled room.
+/// Metal, glass and coated bodies of every roughness bin in a tiled room.
 pub(super) fn many_roughnesses() -> SceneParts {
     let mut parts = SceneParts::default();
     tiled(&mut parts, v3(-1.5, 0.0, -1.5), v3(1.5, 2.4, 1.5), 6, 7);

@@ -57,14 +57,14 @@ impl<R: Regulariser> PathTracer<R> {
                 if scene.parts().environment.is_some() {
                     arrival.scale(medium.transmittance(scene, f32::INFINITY));
                     total += arrival.weigh(
-                        scene.environment(ray.dir),
-                        || scene.pdf_environment(ray.dir),
+                        scene.lights().environment(ray.dir),
+                        || scene.lights().pdf_environment(ray.dir),
                         observer,
                     );
                 }
                 break;
             };
-            let surface = scene.surface(&ray, &hit);
+            let surface = scene.surface(&hit);
             if !medium.is_empty() {
                 let transmittance = medium.transmittance(scene, hit.t);
                 throughput *= transmittance;
@@ -72,11 +72,11 @@ impl<R: Regulariser> PathTracer<R> {
             }
 
             // ── emission met by the ray
-            let radiance = scene.emitted(&surface, -ray.dir);
+            let radiance = scene.lights().emitted(&surface, -ray.dir);
             if radiance != Rgb::ZERO && arrival.throughput != Rgb::ZERO {
                 total += arrival.weigh(
                     radiance,
-                    || scene.pdf_emitter(ray.origin, &surface),
+                    || scene.lights().pdf_emitter(ray.origin, &surface),
                     observer,
                 );
             }
@@ -89,11 +89,13 @@ impl<R: Regulariser> PathTracer<R> {
             let bsdf = scene.bsdf(&surface, u.material);
             let alpha = bsdf.alpha();
             let alpha_reg = self.roughen(&memory, alpha);
+            let frame = surface.frame_for(-ray.dir);
             let here = Here {
                 scene,
                 surface,
+                frame,
                 bsdf,
-                wo: surface.frame.to_local(-ray.dir),
+                wo: frame.to_local(-ray.dir),
                 alpha,
                 alpha_reg,
                 throughput,

@@ -35,7 +35,7 @@ impl Here<'_> {
     ///
     /// `radius` is that of the kernel at the light, over half the diagonal of the scene.
     pub(super) fn mollified(&self, next: &Next, radius: f32, u: [f32; 3]) -> Rgb {
-        let Some(light) = self.scene.sample_light(self.surface.position, u) else {
+        let Some(light) = self.scene.lights().sample(self.surface.position, u) else {
             return Rgb::ZERO;
         };
         let (low, high) = self.scene.geometry().bounds();
@@ -44,7 +44,7 @@ impl Here<'_> {
         let cone = Cone::new(radius * extent, light.distance.min(2.0 * extent));
         let ng = self.surface.ng;
         let same_side = light.wi.dot(ng) * next.wi.dot(ng) > 0.0;
-        if !light.delta || !same_side || !cone.holds(next.wi, light.wi) {
+        if !light.density.is_delta() || !same_side || !cone.holds(next.wi, light.wi) {
             return Rgb::ZERO;
         }
         if self.scene.occluded(&self.surface.spawn_to_light(&light)) {
@@ -55,6 +55,6 @@ impl Here<'_> {
             * next.sample.weight
             * light.radiance
             * transmittance
-            * (cone.density() / light.pdf_w)
+            * (cone.density() / light.density.value())
     }
 }

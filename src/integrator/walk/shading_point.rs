@@ -5,15 +5,17 @@ use super::pending_emission::Arrival;
 use crate::bsdf::{Bsdf, BsdfSample, Lobe, LobeQuery};
 use crate::integrator::walk::observer::{Event, PathObserver, Technique};
 use crate::math::measure::balance;
-use crate::math::{Rgb, Vec3};
+use crate::math::{Frame, Rgb, Vec3};
 use crate::regularise::Regulariser;
 use crate::sampler::VertexU;
-use crate::scene::{LightSample, Scene, Surface};
+use crate::scene::{Scene, Surface};
 
 /// A vertex as the steps of the loop need it.
 pub(in crate::integrator) struct Here<'a> {
     pub(in crate::integrator) scene: &'a Scene,
     pub(in crate::integrator) surface: Surface,
+    /// Shading frame for the direction towards the previous vertex.
+    pub(in crate::integrator) frame: Frame,
     pub(in crate::integrator) bsdf: Bsdf,
     /// Local direction towards the previous vertex.
     pub(in crate::integrator) wo: Vec3,
@@ -43,7 +45,7 @@ impl Here<'_> {
     /// World direction of a local one; `None` where shading and geometric normal disagree about its side.
     #[inline]
     fn world(&self, wi: Vec3) -> Option<Vec3> {
-        let world = self.surface.frame.to_world(wi);
+        let world = self.frame.to_world(wi);
         (world.dot(self.surface.ng) * wi.z > 0.0).then_some(world)
     }
 
@@ -72,10 +74,10 @@ impl Here<'_> {
         if self.bsdf.is_delta_at(self.alpha_reg) {
             return Rgb::ZERO;
         }
-        let Some(light) = self.scene.sample_light(self.surface.position, u) else {
+        let Some(light) = self.scene.lights().sample(self.surface.position, u) else {
             return Rgb::ZERO;
         };
-        let wi = self.surface.frame.to_local(light.wi);
+        let wi = self.frame.to_local(light.wi);
         if light.wi.dot(self.surface.ng) * wi.z <= 0.0 {
             return Rgb::ZERO;
         }
@@ -91,19 +93,14 @@ impl Here<'_> {
         let radiance =
             self.throughput * light.radiance * self.transmittance(light.wi, light.distance);
         if O::EVENTS && self.is_regularised() {
-            let LightSample { pdf_w, delta, .. } = light;
             observer.event(&Event {
-                pdf_light: pdf_w,
-                delta_light: delta,
+                pdf_light: light.density.value(),
+                delta_light: light.density.is_delta(),
                 ..self.event(query, radiance, Technique::Light)
             });
         }
-        let weight = if light.delta {
-            1.0
-        } else {
-            balance(light.pdf_w, eval.pdf_w)
-        };
-        radiance * eval.value * (weight / light.pdf_w)
+        let weight = light.density.mis_weight(eval.pdf_w);
+        radiance * eval.value * (weight / light.density.value())
     }
 
     /// The bodies that a ray from here along the world direction `wi` is inside of.

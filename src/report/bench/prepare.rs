@@ -9,7 +9,6 @@ use super::suite::SceneSpec;
 use super::vary::{scale_lights, scale_roughness};
 use crate::files::{self, hex};
 use crate::gallery;
-use crate::gallery::training::EXAMPLES;
 use crate::image::film::{Film, Window};
 use crate::image::metric::pixel::EPSILON;
 use crate::image::{Buffer, exr};
@@ -82,32 +81,14 @@ fn parts(spec: &SceneSpec) -> Result<(SceneParts, String), BenchError> {
         return Ok((loaded.parts, hex(&loaded.digest)));
     }
     let name = spec.builtin.as_deref().unwrap_or_default();
-    let make = small(name).or_else(|| {
-        let example = EXAMPLES.iter().find(|e| e.name == name);
-        example.map(|e| e.build)
-    });
-    let parts = make.map(|make| make()).ok_or_else(|| {
-        let examples = EXAMPLES.iter().map(|e| e.name);
-        let names: Vec<&str> = SMALL.into_iter().chain(examples).collect();
+    let parts = gallery::builtin(name).ok_or_else(|| {
+        let names: Vec<&str> = gallery::names().collect();
         fault(
             spec,
             format!("no builtin scene `{name}`: there are {}", names.join(", ")),
         )
     })?;
     Ok((parts, name.to_owned()))
-}
-
-/// Small scenes that come with the program, beside those of `training_scenes/`.
-const SMALL: [&str; 4] = ["caustic-box", "cornell-box", "furnace", "plane"];
-
-fn small(name: &str) -> Option<fn() -> SceneParts> {
-    Some(match name {
-        "caustic-box" => gallery::caustic_box,
-        "cornell-box" => gallery::cornell_box,
-        "furnace" => || gallery::furnace_sphere(0.5),
-        "plane" => gallery::area_light_over_plane,
-        _ => return None,
-    })
 }
 
 fn camera(spec: &SceneSpec, scene: &Scene) -> Result<Camera, BenchError> {

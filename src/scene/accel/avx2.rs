@@ -1,4 +1,4 @@
-//! The walk with AVX2 and FMA: the one module with unsafe code.
+//! The traversal with AVX2 and FMA: the one module with unsafe code.
 //!
 //! Safety rests on four facts, each local to this folder:
 //! - The kernel needs AVX2 and FMA: [`Avx2`] is only made by [`Avx2::detect`], after asking the processor.
@@ -54,8 +54,8 @@ impl Avx2 {
     }
 }
 
-/// The same list in memory that the kernel was asked to back with huge pages: incoherent rays spend much of their time
-/// on address translation. Only advice; where there are none, nothing changes.
+/// Moves a list to memory that the kernel is asked to back with huge pages: incoherent rays spend much of their time on
+/// address translation. Only advice; without huge pages nothing changes.
 pub(super) fn in_huge_pages<T: Copy>(list: Vec<T>) -> Vec<T> {
     const PAGE: usize = 4096;
     let size = size_of_val(list.as_slice());
@@ -86,9 +86,9 @@ struct Slabs {
 }
 
 impl Slabs {
-    /// All rounding goes outwards: the product origin · scale is off by its own unit in the last place, which the
-    /// offsets take up, and the rest is relative, which the scales take up. The test itself then costs one fused
-    /// operation a plane and never loses a box.
+    /// All rounding goes outwards: the offsets absorb the error of the product origin · scale, one unit in its last
+    /// place, and the scales absorb the relative rest. The test itself then costs one fused operation a plane and never
+    /// loses a box.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     fn new(ray: &Ray) -> Self {
@@ -115,7 +115,7 @@ impl Slabs {
         }
     }
 
-    /// Entry distances of the eight boxes, and which of them the ray meets before `t_max`.
+    /// Entry distances of the eight boxes, and the mask of those that the ray meets before `t_max`.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     fn test(&self, node: &Node, t_max: __m256) -> (__m256, u32) {
@@ -138,7 +138,7 @@ impl Slabs {
     }
 }
 
-/// Four at a time the test of [`super::triangle::intersect`], with the same operations in the same order.
+/// The test of [`super::triangle::intersect`] for four triangles, with the same operations in the same order.
 struct Quad {
     axes: [usize; 3],
     origin: [__m128; 3],
@@ -188,7 +188,7 @@ impl Quad {
         }
     }
 
-    /// Which of the four are hit with 0 < t <= `t_max`; fills `found` if any.
+    /// Mask of the triangles hit with 0 < t <= `t_max`; fills `found` if there are any.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
     fn test(&self, block: &Block, ray: &Ray, t_max: f32, found: &mut Found) -> u32 {

@@ -1,8 +1,8 @@
-//! The tree over triangles: built by obvhs (its only user), folded to eight children a node, and walked with AVX2 where
-//! the processor has it.
+//! The bounding volume hierarchy over triangles: built by obvhs (its only user), folded to eight children a node, and
+//! traversed with AVX2 where the processor has it.
 //!
-//! Both walks compute the same triangle test to the bit and break ties by index, so a hit depends neither on the
-//! processor nor on the number of threads that built the tree.
+//! Both traversals compute bit-identical triangle tests and break ties by index, so a hit depends neither on the processor
+//! nor on the number of threads that built the tree.
 
 use super::Hit;
 use crate::math::{Ray, Vec3};
@@ -39,7 +39,7 @@ impl Accel {
         }
     }
 
-    /// The same tree, walked in plain Rust whatever the processor can do: the measure of the fast walk.
+    /// The same tree, traversed in portable Rust on any processor: the reference for the AVX2 traversal.
     pub fn portable(triangles: &[[Vec3; 3]]) -> Self {
         Self {
             #[cfg(target_arch = "x86_64")]
@@ -48,7 +48,7 @@ impl Accel {
         }
     }
 
-    /// Whether the tree can hold the triangle: all coordinates finite and not beyond 1e17.
+    /// True if the tree can hold the triangle: all coordinates finite and not beyond 1e17.
     pub fn accepts(triangle: &[Vec3; 3]) -> bool {
         wide::usable(triangle)
     }
@@ -59,7 +59,7 @@ impl Accel {
         self.closest_where(ray, |_| true)
     }
 
-    /// Whether there is any hit with 0 < t < `t_max`.
+    /// True if there is any hit with 0 < t < `t_max`.
     #[inline]
     pub fn any(&self, ray: &Ray) -> bool {
         self.any_where(ray, |_| true)
@@ -71,7 +71,7 @@ impl Accel {
         self.walk::<false>(ray, keep)
     }
 
-    /// Whether there is a hit that `keep` accepts.
+    /// True if there is a hit that `keep` accepts.
     #[inline]
     pub fn any_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> bool {
         self.walk::<true>(ray, keep).is_some()
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_deep_tree_s_stack_on_the_heap_changes_nothing() {
+    fn bvh_stack_on_the_heap_gives_the_same_hits() {
         let triangles: Vec<_> = (0..400)
             .map(|k| {
                 let p = Vec3::new((k % 20) as f32, (k / 20) as f32, (k * k % 7) as f32);
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fold_holds_every_triangle_once_and_inside_its_boxes() {
+    fn bvh_holds_every_triangle_once_inside_its_boxes() {
         let triangles: Vec<_> = (0..3000u32)
             .map(|k| {
                 let f = |m: u32| (k.wrapping_mul(m) >> 8) as f32 / 16_777_216.0;

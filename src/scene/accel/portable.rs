@@ -1,11 +1,11 @@
-//! The walk in plain Rust: for processors without AVX2, and the measure of the other.
+//! The traversal in portable Rust: for processors without AVX2, and the reference for the AVX2 one.
 
 use super::triangle::{Shear, intersect};
 use super::wide::{LANES, LEAF, Node, WIDTH, Wide, leaf_blocks};
 use crate::math::{Ray, Vec3};
 use crate::scene::Hit;
 
-/// Relative slack of a box test: a sum, a product and a reciprocal, each rounded, and one more for good measure.
+/// Relative slack of a box test: a sum, a product and a reciprocal, each rounded, and one unit to spare.
 pub(super) const SLACK: f32 = 4.0 * f32::EPSILON * 0.5;
 
 /// Reciprocal direction; zero components become tiny ones so that no product is NaN.
@@ -21,8 +21,8 @@ pub(super) fn reciprocal(dir: Vec3) -> Vec3 {
     Vec3::new(1.0 / safe(dir.x), 1.0 / safe(dir.y), 1.0 / safe(dir.z))
 }
 
-/// Walks the tree. `ANY`: stops at the first hit. Among equally distant hits the lowest index wins, so that the
-/// result does not depend on the tree. `keep` decides whether a hit counts.
+/// Traverses the tree; with `ANY` stops at the first hit. Among equally distant hits the lowest index wins, so that the
+/// result does not depend on the tree. Hits that `keep` rejects do not count.
 pub(super) fn walk<const ANY: bool>(
     tree: &Wide,
     ray: &Ray,
@@ -79,7 +79,7 @@ pub(super) fn walk<const ANY: bool>(
     found.then_some(best)
 }
 
-/// Whether `hit` comes before `best`; false for NaN.
+/// True if `hit` comes before `best`; false for NaN.
 #[inline(always)]
 pub(super) fn closer(hit: &Hit, best: &Hit) -> bool {
     hit.t < best.t || (hit.t == best.t && hit.triangle < best.triangle)

@@ -1,7 +1,7 @@
-//! The watertight ray-triangle test `[Woop13]`, in the one form that every walk computes.
+//! The watertight ray-triangle test `[Woop13]`, in the one form that both traversals compute.
 //!
-//! The triangle's corners are moved and sheared so that the ray becomes the z axis; what is left is a point-in-triangle
-//! test in the plane. A corner is mapped alike for every triangle that shares it, and an edge function is the difference
+//! The triangle's corners are translated and sheared so that the ray becomes the z axis; a point-in-triangle test in the
+//! plane remains. A corner is mapped alike for every triangle that shares it, and an edge function is the difference
 //! of two rounded products: swapping the edge's ends negates it exactly, and rounding is monotonic, so its sign, unless
 //! zero, is the exact one. Zero counts as inside for both neighbours. Hence no ray slips through a shared edge.
 //!
@@ -10,17 +10,17 @@
 //!
 //! The distance is the plane's, in double precision. `[Woop13]` interpolates it with the edge functions, whose error
 //! grows with the triangle's aspect ratio: rays then meet the very sliver that they leave. In double precision the sign
-//! of t is right for every origin that single precision can tell from the plane, and it costs next to nothing, for few
+//! of t is right for every origin that single precision distinguishes from the plane. The cost is negligible, for few
 //! triangles get that far.
 
 use crate::math::{DVec3, Ray, Vec3};
 
-/// What the test needs to know of a ray.
+/// Precomputed shear of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shear {
     /// The two minor axes, then the one along which the ray is longest.
     pub(super) axes: [usize; 3],
-    /// How far the ray moves along the first and second axis per unit of the third.
+    /// Movement of the ray along the first and second axis per unit of the third.
     pub(super) slope: [f32; 2],
 }
 

@@ -1,5 +1,5 @@
-//! The 8-wide tree: obvhs builds a binary one, which is folded here into nodes of eight boxes and leaves of four-triangle
-//! blocks, as the SIMD walk wants them.
+//! The 8-wide tree: the binary tree of obvhs folded into nodes of eight boxes and leaves of four-triangle blocks, the
+//! layout of the SIMD traversal.
 //!
 //! The fold minimises the surface-area cost exactly, by dynamic programming over the binary tree `[Ylitie17 §3.1]`.
 
@@ -32,7 +32,7 @@ pub(super) fn leaf_blocks(leaf: u32) -> Range<usize> {
     first..first + count
 }
 
-/// Eight boxes and what is in them: four cache lines.
+/// Eight boxes and their contents: four cache lines.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(256))]
 pub(super) struct Node {
@@ -56,7 +56,7 @@ pub(super) struct Block {
 pub(super) struct Wide {
     pub(super) nodes: Vec<Node>,
     pub(super) blocks: Vec<Block>,
-    /// Entries the walk's stack must hold.
+    /// Entries that the traversal's stack must hold.
     pub(super) stack: usize,
     /// Lower and upper corner of everything.
     pub(super) bounds: (Vec3, Vec3),
@@ -86,13 +86,13 @@ impl Block {
     };
 }
 
-/// Whether all coordinates are finite and small enough.
+/// True if all coordinates are finite and small enough.
 pub(super) fn usable(triangle: &[Vec3; 3]) -> bool {
     let ok = |p: &Vec3| p.to_array().iter().all(|x| x.abs() <= LIMIT);
     triangle.iter().all(ok)
 }
 
-/// A triangle as the builder sees it.
+/// A triangle's box, for the builder.
 struct Bounded(Aabb);
 
 impl Boundable for Bounded {
@@ -132,11 +132,11 @@ impl Wide {
 #[derive(Clone, Copy)]
 struct Plan {
     cost: [f32; WIDTH - 1],
-    /// How many of `i + 1` roots (last: of the eight children) go to the left child; 0: fewer roots are no worse.
+    /// Number of the `i + 1` roots (last: of the eight children) that go to the left child; 0: fewer roots are no worse.
     left: [u8; WIDTH],
     /// Triangles below.
     count: u32,
-    /// Whether one root is best as a leaf.
+    /// True if one root is best as a leaf.
     leaf: bool,
 }
 
@@ -250,8 +250,8 @@ impl<'a> Fold<'a> {
         // (binary subtree, its wide node, depth)
         let mut todo = vec![(0u32, 0usize, 1usize)];
         let mut roots = Vec::with_capacity(WIDTH);
-        while let Some((n, target, level)) = todo.pop() {
-            depth = depth.max(level);
+        while let Some((n, target, at)) = todo.pop() {
+            depth = depth.max(at);
             roots.clear();
             if self.plans[n as usize].leaf {
                 roots.push(n); // only the root of a tiny scene
@@ -264,7 +264,7 @@ impl<'a> Fold<'a> {
                 nodes[target].children[slot] = if plan.leaf {
                     self.leaf(child, triangles, ids, &mut blocks)
                 } else {
-                    todo.push((child, nodes.len(), level + 1));
+                    todo.push((child, nodes.len(), at + 1));
                     nodes.push(Node::EMPTY);
                     nodes.len() as u32 - 1
                 };

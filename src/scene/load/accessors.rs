@@ -1,5 +1,5 @@
-//! Typed numbers out of buffers: strides, normalised integers, sparse overrides. Every length is checked before a byte
-//! is read or a vector allocated.
+//! Reads typed numbers from buffers: strides, normalised integers, sparse overrides. Every length is checked before a
+//! byte is read or a vector allocated.
 
 use super::error::{Result, fault, place};
 use gltf::json::accessor::{ComponentType, Type};
@@ -7,14 +7,14 @@ use gltf::json::validation::Checked;
 use gltf::json::{Root, accessor};
 use std::borrow::Cow;
 
-/// The longest accessor that may exist without bytes of its own behind it.
+/// Most elements of an accessor without a buffer view.
 const MAX_UNBACKED: u64 = 1 << 20;
 
 /// A file's buffers and the views and accessors into them.
 pub(super) struct Data<'a> {
     pub(super) root: &'a Root,
     pub(super) buffers: Vec<Cow<'a, [u8]>>,
-    /// Whether KHR_mesh_quantization is in use.
+    /// True if KHR_mesh_quantization is in use.
     pub(super) quantised: bool,
 }
 
@@ -66,7 +66,7 @@ impl Data<'_> {
         self.root.accessors.get(index).map_or(0, |a| a.count.0)
     }
 
-    /// Vectors of `N` components. Those that are not finite are an error, or zero where `lenient`.
+    /// Vectors of `N` components.
     pub(super) fn floats<const N: usize>(
         &self,
         index: usize,
@@ -99,7 +99,7 @@ impl Data<'_> {
         })
     }
 
-    /// Indices of corners.
+    /// Indices of triangle corners.
     pub(super) fn indices(&self, index: usize) -> Result<Vec<u32>> {
         let layout = self.layout(index)?;
         let component = layout.component;
@@ -267,7 +267,7 @@ fn slice(bytes: &[u8], start: u64, length: u64) -> Option<&[u8]> {
     bytes.get(start..end)
 }
 
-/// The first `N` bytes; the layout has made sure that they are there.
+/// The first `N` bytes; the layout guarantees that they exist.
 #[inline]
 fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
     bytes.first_chunk().copied().unwrap_or([0; N])
@@ -281,7 +281,7 @@ fn unsigned(component: ComponentType, bytes: &[u8]) -> u32 {
     }
 }
 
-/// One component as a single; normalised integers by `[glTF §3.11]`.
+/// One component as `f32`; normalised integers by `[glTF §3.11]`.
 #[inline]
 fn number(component: ComponentType, normalised: bool, bytes: &[u8]) -> f32 {
     let (value, one) = match component {
@@ -304,7 +304,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn normalised_integers_reach_both_ends() {
+    fn load_normalised_integers_reach_both_ends() {
         let of = |c, bytes: &[u8]| number(c, true, bytes);
         assert_eq!(of(ComponentType::I8, &[127]), 1.0);
         assert_eq!(of(ComponentType::I8, &[0x81]), -1.0);

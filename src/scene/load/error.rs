@@ -1,28 +1,28 @@
-//! What can be wrong with a file.
+//! Faults of a file with their place, and warnings.
 
 use crate::files::FileError;
 use std::path::Path;
 
-/// An error before it knows its file: the place in it, such as `accessors[3]`, and what is wrong there.
+/// A fault without its file: the place, such as `accessors[3]`, and the problem.
 #[derive(Debug)]
 pub(super) struct Fault(String);
 
-/// Of everything that reads one part of a file.
+/// Result of reading one part of a file.
 pub(super) type Result<T> = std::result::Result<T, Fault>;
 
-/// Something wrong at a place.
+/// A fault at a place.
 pub(super) fn fault(place: impl Into<String>, what: impl Into<String>) -> Fault {
     Fault(format!("{}: {}", place.into(), what.into()))
 }
 
 impl Fault {
-    /// The error as the caller of the loader sees it.
+    /// The fault as an error of a file.
     pub(super) fn of(self, path: &Path) -> FileError {
         FileError::content(path, self.0)
     }
 }
 
-/// The place of the `i`-th thing of a list, with its name if it has one.
+/// The place of the `i`-th element of a list, with its name if it has one.
 pub(super) fn place(list: &str, i: usize, name: Option<&String>) -> String {
     match name {
         Some(name) if !name.is_empty() => format!("{list}[{i}] (`{name}`)"),
@@ -30,7 +30,7 @@ pub(super) fn place(list: &str, i: usize, name: Option<&String>) -> String {
     }
 }
 
-/// Lines for the user, each said once.
+/// Warnings for the user, each said once.
 #[derive(Debug, Default)]
 pub(super) struct Warnings {
     lines: Vec<String>,

@@ -32,7 +32,7 @@ pub(super) fn cameras(
         let (projection, aspect) = projection(camera, &at)?;
         let Some(frame) = upright(placed) else {
             warnings.say(format!(
-                "{}: its camera has no direction and is left out",
+                "{}: its camera has no direction and is ignored",
                 placed.place
             ));
             continue;
@@ -80,7 +80,7 @@ fn projection(camera: &gltf::json::Camera, at: &str) -> Result<(Projection, Opti
     }
 }
 
-/// The axes of a node's pose without its scale, mirroring included `[glTF §3.10.1]`; `None` if they are gone.
+/// The axes of a node's pose without scale and mirroring `[glTF §3.10.1]`; `None` if the pose is singular.
 fn upright(placed: &Placed<'_>) -> Option<Frame> {
     let m = placed.pose.matrix3;
     let n = m.z_axis.try_normalize()?;
@@ -121,7 +121,7 @@ pub(super) fn lights(
         match direction.try_normalize() {
             None if !matches!(light.type_, Checked::Valid(Kind::Point)) => {
                 warnings.say(format!(
-                    "{}: its light has no direction and is left out",
+                    "{}: its light has no direction and is ignored",
                     placed.place
                 ));
             }
@@ -135,7 +135,7 @@ pub(super) fn lights(
     Ok(lights)
 }
 
-/// Candela and lux are taken as W/sr and W/m².
+/// A light in the world; candela and lux are taken as W/sr and W/m².
 fn punctual(light: &Light, position: Vec3, direction: Vec3, at: &str) -> Result<PunctualLight> {
     let power = Rgb::from(light.color) * light.intensity;
     if !power.is_finite() || power.min_element() < 0.0 {

@@ -1,4 +1,4 @@
-//! Materials: factors, extensions, and which textures they use.
+//! Materials: factors, extensions, and uses of textures.
 
 use super::error::{Result, Warnings, fault, place};
 use super::mesh::Slot;
@@ -15,7 +15,7 @@ use gltf::json::texture::Info;
 use gltf::json::validation::Checked;
 use gltf::json::{self, Root};
 
-/// All materials in file order, and the one of primitives without a material, last.
+/// All materials in file order, then the default material of primitives without one.
 pub(super) fn materials(
     root: &Root,
     distribution: Distribution,
@@ -52,7 +52,7 @@ struct Reader<'a> {
     at: String,
     requests: &'a mut Requests,
     warnings: &'a mut Warnings,
-    /// The set of texture coordinates of the first texture; a mesh of ours has one.
+    /// Texture coordinate set of the first texture; our meshes have one set.
     uv_set: Option<u32>,
 }
 
@@ -154,7 +154,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Beer-Lambert: what is left of white after the attenuation distance is the attenuation colour
+    /// Beer-Lambert absorption: the attenuation colour is the transmittance over the attenuation distance
     /// [KHR_materials_volume].
     fn absorption(&self, volume: &ext::Volume) -> Result<Rgb> {
         let distance = volume.attenuation_distance.0;
@@ -183,7 +183,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A number from 0 to 1; a little rounding beyond is forgiven.
+    /// A number from 0 to 1, with a tolerance for rounding.
     fn fraction(&self, name: &str, x: f32) -> Result<f32> {
         if !(-1e-3..=1.001).contains(&x) {
             return Err(fault(&self.at, format!("{name} is {x}, not from 0 to 1")));
@@ -222,7 +222,7 @@ impl Reader<'_> {
         normal: &json::material::NormalTexture,
         out: &mut Material,
     ) -> Result<()> {
-        // The crate leaves this one use of the extension untyped.
+        // The crate does not type this one use of the extension.
         let value =
             (normal.extensions.as_ref()).and_then(|e| e.others.get("KHR_texture_transform"));
         let transform = value

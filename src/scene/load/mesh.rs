@@ -1,4 +1,4 @@
-//! Primitives to meshes: topologies, attributes, poses.
+//! Converts primitives to meshes: topologies, attributes, poses.
 
 use super::accessors::Data;
 use super::error::{Result, Warnings, fault, place};
@@ -10,19 +10,18 @@ use gltf::json::accessor::ComponentType::{F32, I8, I16, U8, U16};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 
-/// The most vertices, and the most triangles, a scene may have. Instances and shared accessors let a small file ask for
-/// any number.
+/// Most vertices, and most triangles, of a scene. Instances and shared accessors let a small file ask for any number.
 const MAX_ELEMENTS: u64 = 1 << 26;
 
-/// The most meshes of ours, one per primitive and instance.
+/// Most meshes, one per primitive and instance.
 const MAX_MESHES: usize = 1 << 20;
 
-/// What meshes need to know of a material.
+/// A material as far as meshes depend on it.
 #[derive(Clone, Copy)]
 pub(super) struct Slot {
     /// Index into `SceneParts::materials`.
     pub(super) material: u32,
-    /// Which set of texture coordinates its textures use.
+    /// Texture coordinate set of its textures.
     pub(super) uv_set: u32,
 }
 
@@ -30,8 +29,9 @@ pub(super) struct Slot {
 struct Instance<'a> {
     primitive: &'a Primitive,
     pose: DAffine3,
-    /// Of the primitive.
+    /// Place of the primitive, for messages.
     place: String,
+    /// Place of the node.
     node: &'a str,
 }
 
@@ -114,7 +114,7 @@ fn mesh(
         Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
     );
     if !triangular {
-        warnings.say(format!("{place}: points and lines are not shown"));
+        warnings.say(format!("{place}: points and lines are ignored"));
         return Ok(None);
     }
     let slot = primitive.material.map_or(slots.len() - 1, |m| m.value());
@@ -194,7 +194,7 @@ fn attributes(
     Ok(mesh)
 }
 
-/// Reads attributes that a mesh could do without.
+/// Reads optional attributes.
 struct Optional<'a, 'b> {
     data: &'a Data<'b>,
     place: &'a str,
@@ -242,7 +242,7 @@ fn faces(
     place: &str,
     warnings: &mut Warnings,
 ) -> Vec<[u32; 3]> {
-    // Strips are stitched with triangles without area.
+    // Degenerate triangles stitch strips.
     let spans = |[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
     match mode {
         Checked::Valid(Mode::TriangleStrip) => (corners.windows(3).enumerate())
@@ -277,8 +277,8 @@ fn faces(
     }
 }
 
-/// Moves a mesh to its place in the world. A pose that mirrors turns the winding round, so that the front stays the
-/// front `[glTF §3.7.4]`.
+/// Transforms a mesh to world space. A mirroring pose reverses the winding, so that the front stays the front
+/// `[glTF §3.7.4]`.
 fn put(mesh: &mut Mesh, instance: &Instance<'_>) -> Result<()> {
     let pose = &instance.pose;
     let m = pose.matrix3;
@@ -310,13 +310,14 @@ fn put(mesh: &mut Mesh, instance: &Instance<'_>) -> Result<()> {
     Ok(())
 }
 
-/// What normals transform by, up to a factor: the inverse transpose, but there for flattening matrices too.
+/// The cofactor matrix, which transforms normals: the inverse transpose up to a factor, but defined for singular matrices
+/// too.
 fn cofactors(m: &DMat3) -> DMat3 {
     let (x, y, z) = (m.x_axis, m.y_axis, m.z_axis);
     DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y))
 }
 
-/// The unit vector, or zero where there is no direction. Vectors that are unit already keep their bits.
+/// The unit vector, or zero for a vector without direction. Unit vectors keep their bits.
 fn unit(v: DVec3) -> Vec3 {
     if (v.length_squared() - 1.0).abs() < 1e-6 {
         v.as_vec3()
@@ -330,7 +331,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn strips_and_fans_keep_their_winding() {
+    fn load_strips_and_fans_keep_their_winding() {
         let faces = |mode, n| {
             let corners: Vec<u32> = (0..n).collect();
             faces(

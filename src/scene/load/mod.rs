@@ -1,8 +1,8 @@
-//! glTF files (`.gltf`, `.glb`) to scene parts. The only user of the crate gltf, and the only place that knows
+//! Loads glTF files (`.gltf`, `.glb`) into scene parts. The only user of the crate gltf, and the only place that knows
 //! perceptual roughness.
 //!
-//! The crate gives typed JSON and a check of indices; lengths, types and numbers are checked here, before anything is
-//! read or allocated by them. Meshes come out in world space, one per primitive and instance; materials keep their
+//! The crate parses the JSON and checks indices; lengths, types and numbers are checked here, before anything is read or
+//! allocated by them. Meshes come out in world space, one per primitive and instance; materials keep their
 //! order.
 
 mod accessors;
@@ -27,7 +27,7 @@ use std::borrow::Cow;
 use std::path::Path;
 use uris::{Container, Files};
 
-/// The extensions this loader acts on.
+/// The extensions that this loader implements.
 const SUPPORTED: [&str; 9] = [
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
@@ -40,7 +40,7 @@ const SUPPORTED: [&str; 9] = [
     "KHR_texture_transform",
 ];
 
-/// What a file does not say.
+/// Choices that a file does not contain.
 #[derive(Clone, Copy, Debug)]
 pub struct LoadOptions {
     /// Slope distribution of all glossy lobes.
@@ -60,13 +60,13 @@ impl Default for LoadOptions {
 pub struct Loaded {
     /// The scene.
     pub parts: SceneParts,
-    /// What the file asks for and does not get; one line each.
+    /// Features of the file that are ignored, one line each.
     pub warnings: Vec<String>,
     /// SHA-256 over the file and every external buffer and image it uses, in that order.
     pub digest: [u8; 32],
 }
 
-/// Reads a scene. Nothing in the file can make it panic or allocate without measure.
+/// Reads a scene. No file makes it panic or allocate without bound.
 pub fn load(path: &Path, options: &LoadOptions) -> std::result::Result<Loaded, FileError> {
     let bytes = uris::read_file(path).map_err(|e| Problem::Read(e).at(path))?;
     scene(path, &bytes, options).map_err(|fault| fault.of(path))
@@ -116,7 +116,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
     })
 }
 
-/// The part of a file that says whether the rest can be understood.
+/// The part of a file that decides if the rest can be read.
 #[derive(serde::Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Head {
@@ -188,9 +188,9 @@ fn head(json: &[u8], warnings: &mut Warnings) -> Result<Head> {
     Ok(head)
 }
 
-/// The crate's own check: indices in range, known enumerators, properties present.
+/// Runs the crate's own check: indices in range, known enumerators, properties present.
 fn validate(root: &Root) -> Result<()> {
-    // That check would panic on this one index.
+    // The crate's check would panic on this one index.
     for (m, mesh) in root.meshes.iter().enumerate() {
         for (p, primitive) in mesh.primitives.iter().enumerate() {
             let position = primitive
@@ -244,7 +244,7 @@ fn buffers<'a>(
             );
             return Err(fault(at, what));
         }
-        // What follows is padding.
+        // The rest is padding.
         buffers.push(match bytes {
             Cow::Borrowed(b) => Cow::Borrowed(&b[..length as usize]),
             Cow::Owned(mut b) => {

@@ -1,14 +1,14 @@
-//! The node graph: who is in the scene, and where.
+//! The node graph: the nodes of the scene with their poses.
 
 use super::error::{Result, fault, place};
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 use gltf::json::{Node, Root};
 
-/// A node of the scene and its pose in the world.
+/// A node of the scene with its pose in the world.
 pub(super) struct Placed<'a> {
     pub(super) node: &'a Node,
     pub(super) pose: DAffine3,
-    /// For messages.
+    /// Place in the file, for messages.
     pub(super) place: String,
 }
 
@@ -41,7 +41,7 @@ pub(super) fn placed(root: &Root) -> Result<Vec<Placed<'_>>> {
     Ok(out)
 }
 
-/// The roots of the scene to show: the default one, the first one, or, without any, every node that is no child.
+/// The roots of the default scene, else of the first scene; in a file without scenes, every node without a parent.
 fn roots(root: &Root) -> Result<Vec<usize>> {
     let number = root.scene.map_or(0, |s| s.value());
     if let Some(scene) = root.scenes.get(number) {
@@ -82,7 +82,7 @@ fn local(node: &Node, place: &str) -> Result<DAffine3> {
         Some(q) => {
             let q = DQuat::from_array(q.0.map(f64::from));
             let length = q.length();
-            // Rounded in a file, a quaternion is not quite of unit length; far from it, it is something else.
+            // Rounding makes the length differ from 1 a little; a large difference is an error.
             if !(0.5..2.0).contains(&length) {
                 return Err(fault(place, "its rotation is not a unit quaternion"));
             }

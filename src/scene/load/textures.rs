@@ -1,4 +1,4 @@
-//! Images, decoded once each, and the textures made of them.
+//! Textures, and their images, decoded once each.
 
 use super::accessors::Data;
 use super::error::{Result, Warnings, fault, place};
@@ -12,10 +12,10 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use std::collections::{BTreeMap, HashMap};
 use std::io::Cursor;
 
-/// The most texels of one image, and of all textures together: a few bytes of PNG can ask for any number.
+/// Most texels of one image, and of all images together: a few bytes of PNG can ask for any number.
 const MAX_TEXELS: [u64; 2] = [1 << 26, 1 << 28];
 
-/// What makes two uses of a file's textures one texture of ours.
+/// Identity of a texture: uses with equal keys share one.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 struct Key {
     image: usize,
@@ -27,12 +27,12 @@ struct Key {
 #[derive(Default)]
 pub(super) struct Requests {
     known: HashMap<Key, u32>,
-    /// By image: which textures are made of it.
+    /// Textures of each image.
     uses: BTreeMap<usize, Vec<(u32, Key)>>,
 }
 
 impl Requests {
-    /// Asks for a texture of the file; the answer is its index in `SceneParts::textures`.
+    /// Requests a texture of the file; returns its index in `SceneParts::textures`.
     pub(super) fn texture(
         &mut self,
         root: &Root,
@@ -66,27 +66,19 @@ impl Requests {
         }))
     }
 
-    /// Reads and decodes the images asked for, in file order.
+    /// Reads and decodes the requested images, in file order.
     pub(super) fn textures(self, data: &Data<'_>, files: &mut Files) -> Result<Vec<Texture>> {
         let mut textures = vec![Texture::default(); self.known.len()];
         let mut left = MAX_TEXELS[1];
         for (image, uses) in self.uses {
             let at = place("images", image, data.root.images[image].name.as_ref());
-            let copies = uses.len() as u64;
-            let (width, height, mut texels) = decoded(data, image, files, &at, left / copies)?;
-            left -= texels.len() as u64 * copies;
-            for (k, (texture, Key { srgb, wrap, .. })) in uses.iter().enumerate() {
-                let last = k + 1 == uses.len();
-                textures[*texture as usize] = Texture {
-                    width,
-                    height,
-                    texels: if last {
-                        std::mem::take(&mut texels)
-                    } else {
-                        texels.clone()
-                    },
-                    srgb: *srgb,
-                    wrap: *wrap,
+            let picture = decoded(data, image, files, &at, left)?;
+            left -= picture.texels.len() as u64;
+            for (texture, Key { srgb, wrap, .. }) in uses {
+                textures[texture as usize] = Texture {
+                    srgb,
+                    wrap,
+                    ..picture.clone()
                 };
             }
         }
@@ -102,16 +94,14 @@ fn mode(wrap: &Checked<WrappingMode>) -> Wrap {
     }
 }
 
-type Picture = (u32, u32, Vec<[u8; 4]>);
-
-/// Width, height and texels of an image of at most `most` texels. The bytes decide the format, not the MIME type.
+/// An image of at most `most` texels. The bytes decide the format, not the MIME type.
 fn decoded(
     data: &Data<'_>,
     index: usize,
     files: &mut Files,
     at: &str,
     most: u64,
-) -> Result<Picture> {
+) -> Result<Texture> {
     let image = &data.root.images[index];
     let owned;
     let bytes = match (&image.uri, image.buffer_view) {
@@ -144,5 +134,10 @@ fn decoded(
         .map_err(bad)?
         .into_rgba8();
     let (texels, _) = pixels.as_raw().as_chunks::<4>();
-    Ok((width, height, texels.to_vec()))
+    Ok(Texture {
+        width,
+        height,
+        texels: texels.into(),
+        ..Texture::default()
+    })
 }

@@ -1,4 +1,4 @@
-//! Bytes: the container of a `.glb` file, files beside it, data URIs, and the digest over all of them.
+//! Sources of bytes: the container of a `.glb` file, external files, data URIs, and the digest over all of them.
 
 use super::error::{Result, fault};
 use base64::Engine;
@@ -66,14 +66,14 @@ impl<'a> Container<'a> {
     }
 }
 
-/// The most bytes read from files beside the scene: a list of buffers may name one file again and again.
+/// Most bytes read from external files: a list of buffers may name one file again and again.
 const MAX_BESIDE: u64 = 1 << 32;
 
 /// The files a scene is made of.
 pub(super) struct Files {
     folder: PathBuf,
     digest: Sha256,
-    /// How many more bytes may be read.
+    /// Bytes that may still be read.
     left: u64,
 }
 
@@ -92,7 +92,7 @@ impl Files {
         self.digest.finalize().into()
     }
 
-    /// The bytes a URI stands for: a data URI, or a file in the scene's folder or below.
+    /// The bytes of a data URI, or of a file in the scene's folder or below.
     pub(super) fn read(&mut self, uri: &str, place: &str) -> Result<Vec<u8>> {
         if uri
             .get(..5)
@@ -106,7 +106,7 @@ impl Files {
         let size = std::fs::metadata(&path).map_err(cannot)?.len();
         let Some(left) = self.left.checked_sub(size) else {
             let what = format!(
-                "{}: more than {MAX_BESIDE} bytes beside the scene",
+                "{}: more than {MAX_BESIDE} bytes of external files",
                 path.display()
             );
             return Err(fault(place, what));
@@ -140,7 +140,7 @@ fn data(rest: &str, place: &str) -> Result<Vec<u8>> {
     (engine.decode(payload)).map_err(|e| fault(place, format!("bad base64 in a data URI: {e}")))
 }
 
-/// A relative path that stays in its folder: a scene must not be able to read elsewhere.
+/// A relative path that stays in its folder: a scene must not read elsewhere.
 fn inside(name: &str, place: &str) -> Result<PathBuf> {
     let scheme = name.split_once(':').is_some_and(|(scheme, _)| {
         scheme.starts_with(|c: char| c.is_ascii_alphabetic())
@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn uris() {
+    fn uri_paths_stay_in_the_folder() {
         let path = |uri: &str| {
             let name = percent_decoded(uri, "p").ok()?;
             inside(&name, "p").ok()?.to_str().map(str::to_owned)
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn data_uris() {
+    fn data_uris_are_decoded() {
         let read = |uri: &str| data(uri, "p").ok();
         assert_eq!(read(";base64,AQID"), Some(vec![1, 2, 3]));
         assert_eq!(

@@ -1,7 +1,7 @@
 //! Crops to learn from: a manifest's scenes, opened, with their references.
 
 use crate::files::FileError;
-use crate::gallery::manifest::{CROP, Entry, Manifest, Role};
+use crate::gallery::manifest::{CROP, Manifest, Role, SceneEntry};
 use crate::gallery::reference::{Reference, SEED};
 use crate::image::Film;
 use crate::image::film::{FilmError, Window};
@@ -82,7 +82,7 @@ impl Crop {
     /// Opens the crops of all scenes that `wanted` says.
     pub fn open_all(
         manifest: &Path,
-        wanted: impl Fn(&Entry) -> bool,
+        wanted: impl Fn(&SceneEntry) -> bool,
     ) -> Result<Vec<Self>, DatasetError> {
         let manifest = Manifest::load(manifest)?;
         let mut crops = Vec::new();

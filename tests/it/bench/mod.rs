@@ -321,11 +321,13 @@ fn committed_suites_name_files_that_are_there() {
             }
         }
         // The manifest may move crops and depths; the suites must follow.
-        let manifest = opsr::gallery::training::EXAMPLES;
+        let path = root.join("training_scenes/manifest.toml");
+        let manifest = opsr::gallery::manifest::Manifest::load(&path).unwrap();
         for scene in suite.scenes.iter().filter(|s| s.reference.is_some()) {
             let example = manifest
+                .scenes
                 .iter()
-                .find(|e| scene.name.starts_with(e.name))
+                .find(|e| scene.name.starts_with(&e.name))
                 .unwrap();
             let [x, y, w, h] = scene.crop.unwrap();
             assert!(

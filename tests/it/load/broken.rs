@@ -1,9 +1,9 @@
-//! Broken files are refused with the place of the break; nothing panics, and nothing is allocated by a lie.
+//! Broken files are refused with the place of the fault; nothing panics or allocates by false lengths.
 
 use crate::support::gltf::{File, floats, load_bytes, load_in, shorts};
 use serde_json::{Value, json};
 
-/// A good file with a bit of everything.
+/// A valid file that uses every supported feature.
 pub(crate) fn good() -> File {
     let mut file = File::of(|file| {
         let p = file.floats(
@@ -90,7 +90,7 @@ pub(super) fn refused(bytes: &[u8], fragment: &str, what: &str) {
 }
 
 #[test]
-fn the_good_file_is_good() {
+fn load_accepts_the_unbroken_file() {
     for bytes in [good().gltf(), good().glb()] {
         let loaded = load_bytes(&bytes).unwrap();
         assert_eq!(loaded.warnings, [""; 0]);
@@ -104,7 +104,7 @@ fn the_good_file_is_good() {
 }
 
 #[test]
-fn every_edit_is_refused_by_name() {
+fn load_refuses_every_invalid_value_by_place() {
     // A line of the table is a JSON pointer, the value put there (`null` removes it), and a piece of the message.
     let table = include_str!("edits.txt").lines();
     let table: Vec<&str> = table.filter(|line| !line.starts_with('#')).collect();
@@ -122,7 +122,7 @@ fn every_edit_is_refused_by_name() {
 }
 
 #[test]
-fn broken_bytes_are_refused() {
+fn load_refuses_broken_bytes() {
     let poke = |at: usize, bytes: &[u8]| {
         let mut file = good();
         file.bytes[at..at + bytes.len()].copy_from_slice(bytes);
@@ -220,7 +220,7 @@ fn broken_bytes_are_refused() {
 }
 
 #[test]
-fn files_beside_are_refused_by_name() {
+fn load_refuses_external_files_by_name() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("folder")).unwrap();
     std::fs::write(folder.path().join("short.bin"), [0; 10]).unwrap();

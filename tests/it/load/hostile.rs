@@ -1,4 +1,4 @@
-//! Small files that ask for much, and files at random: no panic, no flood of memory.
+//! Small files that ask for much memory, and random files: no panic, bounded memory.
 
 use super::broken::{good, refused};
 use crate::support::gltf::{File, load_bytes};
@@ -17,7 +17,7 @@ pub(crate) fn claiming(width: u32, height: u32) -> Vec<u8> {
 }
 
 #[test]
-fn pictures_that_claim_too_much() {
+fn load_limits_image_sizes() {
     for (width, height, fragment) in [
         (60_000, 60_000, "images[0]: 60000 x 60000 texels"),
         (0, 5, "images[0]"),
@@ -33,7 +33,7 @@ fn pictures_that_claim_too_much() {
 }
 
 #[test]
-fn accessors_without_bytes_behind_them() {
+fn load_limits_accessors_without_bytes() {
     let mut file = good();
     file.json["accessors"][0]
         .as_object_mut()
@@ -48,7 +48,7 @@ fn accessors_without_bytes_behind_them() {
 }
 
 #[test]
-fn instances_without_end() {
+fn load_limits_instances() {
     // Each instance is small, all together are not.
     let mut file = good();
     let accessor = &mut file.json["accessors"][0];
@@ -64,7 +64,7 @@ fn instances_without_end() {
 }
 
 #[test]
-fn graphs_deep_and_round() {
+fn load_deep_node_graphs_and_refuses_cycles() {
     // A chain deeper than any stack is walked; closed to a ring, it is refused.
     let n = 50_000;
     let mut file = File::triangle();
@@ -85,13 +85,13 @@ fn graphs_deep_and_round() {
 }
 
 #[test]
-fn lists_longer_than_any_real_one() {
+fn load_limits_list_lengths() {
     let mut file = File::triangle();
     file.json["materials"] = json!(vec![json!({}); 70_000]);
     refused(&file.gltf(), "materials: 70000 are more than", "materials");
 }
 
-/// Loads, builds the scene of what loads, and is content with anything but a panic.
+/// Loads the bytes and builds the scene, if there is one; true if they are a valid file.
 fn survives(bytes: &[u8]) -> bool {
     match load_bytes(bytes) {
         Ok(loaded) => {
@@ -149,7 +149,7 @@ fn run<S: Strategy>(cases: u32, strategy: S, mut change: impl FnMut(S::Value) ->
 }
 
 #[test]
-fn bytes_at_random() {
+fn load_survives_random_bytes() {
     let base = good().glb();
     let change = (0..4u8, any::<prop::sample::Index>(), any::<u8>());
     let changes = prop::collection::vec(change, 1..8);
@@ -172,7 +172,7 @@ fn bytes_at_random() {
 }
 
 #[test]
-fn values_at_random() {
+fn load_survives_random_values() {
     let base = good();
     let mut all = Vec::new();
     pointers(&base.json, "", &mut all);

@@ -18,7 +18,7 @@ fn volume(mesh: &Mesh) -> f32 {
 
 /// The unit square in many forms; each is the same two triangles.
 #[test]
-fn topologies() {
+fn load_mesh_topologies() {
     let strip = |file: &mut File| {
         let p = file.floats("VEC3", &SQUARE);
         json!({ "attributes": { "POSITION": p }, "mode": 5 })
@@ -72,7 +72,7 @@ fn topologies() {
 }
 
 #[test]
-fn interleaved_attributes() {
+fn load_interleaved_attributes() {
     let file = File::of(|file| {
         let vertex = |x: f32, y: f32| [x, y, 0.0, 0.0, 0.0, 1.0, x, 1.0 - y];
         let data = [vertex(0.0, 0.0), vertex(1.0, 0.0), vertex(0.0, 1.0)].concat();
@@ -92,7 +92,7 @@ fn interleaved_attributes() {
 }
 
 #[test]
-fn sparse_accessors() {
+fn load_sparse_accessors() {
     for backed in [true, false] {
         let mut file = File::triangle();
         let indices = file.view(&shorts(&[0, 2]));
@@ -116,7 +116,7 @@ fn sparse_accessors() {
 }
 
 #[test]
-fn quantised_attributes() {
+fn load_quantised_attributes() {
     let mut file = File::of(|file| {
         let mut part = |bytes: &[u8], component: u32, kind: &str, normalised: bool, stride: u32| {
             let view = file.view(bytes);
@@ -170,7 +170,7 @@ fn ball(outer: Value, inner: Value) -> Mesh {
 }
 
 #[test]
-fn poses_keep_the_front_in_front() {
+fn load_node_transforms_keep_the_winding() {
     let plain = volume(&ball(json!({}), json!({})));
     let turn = json!([0.5, 0.5, -0.5, 0.5]);
     let poses = [
@@ -225,7 +225,7 @@ fn poses_keep_the_front_in_front() {
 }
 
 #[test]
-fn matrices_and_parts_of_them_agree() {
+fn load_matrix_and_trs_transforms_agree() {
     // 90° about y, then twice as large, then moved.
     let h = 0.5f64.sqrt();
     let parts = json!({ "rotation": [0, h, 0, h], "scale": [2, 2, 2], "translation": [1, 2, 3] });
@@ -238,7 +238,7 @@ fn matrices_and_parts_of_them_agree() {
 }
 
 #[test]
-fn tangents_keep_their_hand() {
+fn load_tangents_keep_their_handedness() {
     let mut file = File::of(|file| {
         let p = file.floats("VEC3", &SQUARE[..9]);
         let n = file.floats("VEC3", &[0.0, 0.0, 1.0].repeat(3));

@@ -30,20 +30,21 @@ fn radiance(scene: &Scene, at: Vec2, sampler: &mut impl Sampler, max_vertices: u
     let (mut total, mut throughput) = (Rgb::ZERO, Rgb::ONE);
     for n in 1..=max_vertices + 1 {
         let Some(hit) = scene.intersect(&ray) else {
-            return total + throughput * scene.environment(ray.dir);
+            return total + throughput * scene.lights().environment(ray.dir);
         };
-        let surface = scene.surface(&ray, &hit);
-        total += throughput * scene.emitted(&surface, -ray.dir);
+        let surface = scene.surface(&hit);
+        total += throughput * scene.lights().emitted(&surface, -ray.dir);
         if n > max_vertices {
             break;
         }
         let u = sampler.vertex();
         let bsdf = scene.bsdf(&surface, u.material);
-        let wo = surface.frame.to_local(-ray.dir);
+        let frame = surface.frame_for(-ray.dir);
+        let wo = frame.to_local(-ray.dir);
         let Some(sample) = bsdf.sample(bsdf.alpha(), wo, u.lobe) else {
             break;
         };
-        let wi = surface.frame.to_world(sample.wi);
+        let wi = frame.to_world(sample.wi);
         if wi.dot(surface.ng) * sample.wi.z <= 0.0 {
             break;
         }

@@ -1,4 +1,4 @@
-//! Materials, textures, lights and cameras out of glTF files.
+//! Loading materials, textures, lights and cameras.
 
 use super::close;
 use crate::support::gltf::File;
@@ -11,7 +11,7 @@ use opsr::scene::texture::Wrap;
 use opsr::scene::{Material, PunctualLight};
 use serde_json::{Value, json};
 
-/// The material that comes of a description.
+/// The material loaded from a description.
 fn material(value: Value) -> Material {
     let mut file = File::triangle();
     file.push("materials", value);
@@ -25,7 +25,7 @@ fn with(extension: &str, body: Value) -> Material {
 }
 
 #[test]
-fn factors() {
+fn load_material_factors() {
     let m = material(json!({
         "name": "steel",
         "pbrMetallicRoughness": {
@@ -50,7 +50,7 @@ fn factors() {
 }
 
 #[test]
-fn glass() {
+fn load_transmission_and_volume() {
     let thin = with("transmission", json!({ "transmissionFactor": 0.75 }));
     assert!(thin.transmission == 0.75 && !thin.solid && thin.absorption == Rgb::ZERO);
     assert!(!with("volume", json!({ "attenuationDistance": 1 })).solid);
@@ -76,7 +76,7 @@ fn glass() {
 }
 
 #[test]
-fn specular_and_unlit() {
+fn load_specular_and_unlit() {
     let m = with(
         "specular",
         json!({ "specularFactor": 0.5, "specularColorFactor": [1, 0.5, 2] }),
@@ -100,7 +100,7 @@ fn quarters() -> DynamicImage {
 }
 
 #[test]
-fn textures_by_use_and_sampler() {
+fn load_textures_by_use_and_sampler() {
     let mut file = File::triangle();
     file.texture(&quarters());
     file.json["samplers"] = json!([{ "wrapS": 33071, "wrapT": 33648, "magFilter": 9728 }]);
@@ -139,13 +139,13 @@ fn textures_by_use_and_sampler() {
         parts
             .textures
             .iter()
-            .all(|t| t.texels == expected && (t.width, t.height) == (2, 2))
+            .all(|t| *t.texels == expected && (t.width, t.height) == (2, 2))
     );
     assert!(loaded.warnings.iter().any(|w| w.contains("nearest")));
 }
 
 #[test]
-fn pixel_formats() {
+fn load_image_pixel_formats() {
     let alpha = RgbaImage::from_pixel(1, 1, image::Rgba([10, 20, 30, 40]));
     let pictures: [(DynamicImage, [u8; 4]); 3] = [
         (alpha.into(), [10, 20, 30, 40]),
@@ -162,7 +162,7 @@ fn pixel_formats() {
         let mut file = File::triangle();
         file.texture(&picture);
         file.push("materials", json!({ "emissiveTexture": { "index": 0 } }));
-        assert_eq!(file.loaded().parts.textures[0].texels, [texel]);
+        assert_eq!(*file.loaded().parts.textures[0].texels, [texel]);
     }
     // JPEG, whatever the file calls it.
     let mut out = std::io::Cursor::new(Vec::new());
@@ -182,7 +182,7 @@ fn pixel_formats() {
 }
 
 #[test]
-fn texture_transforms() {
+fn load_texture_transforms() {
     let mut file = File::triangle();
     file.texture(&quarters());
     let quarter_turn = json!({ "rotation": std::f32::consts::FRAC_PI_2 });
@@ -209,7 +209,7 @@ fn texture_transforms() {
 }
 
 #[test]
-fn sets_of_texture_coordinates() {
+fn load_texture_coordinate_sets() {
     let build = |texture: Value| {
         let mut file = File::triangle();
         file.texture(&quarters());
@@ -238,7 +238,7 @@ fn sets_of_texture_coordinates() {
 }
 
 #[test]
-fn lights() {
+fn load_punctual_lights() {
     let mut file = File::new();
     file.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [
         { "type": "point", "intensity": 3, "color": [1, 0.5, 0], "range": 7 },
@@ -275,7 +275,7 @@ fn lights() {
 }
 
 #[test]
-fn cameras() {
+fn load_cameras() {
     let mut file = File::new();
     let lens = json!({ "yfov": 1.2, "znear": 0.1, "aspectRatio": 1.5 });
     let flat = json!({ "xmag": 3, "ymag": 2, "znear": 0, "zfar": 9 });

@@ -1,6 +1,6 @@
-//! Lights without area: points, spots and the sun.
+//! Lights without area: point, spot and directional lights.
 
-use super::LightSample;
+use super::{LightDensity, LightSample};
 use crate::math::{Rgb, Vec3, luminance};
 use std::f32::consts::PI;
 
@@ -9,39 +9,39 @@ use std::f32::consts::PI;
 pub enum PunctualLight {
     /// Shines in all directions.
     Point {
-        /// Where it is.
+        /// Position in world space.
         position: Vec3,
-        /// Radiant intensity (file's candela taken as W/sr).
+        /// Radiant intensity in W/sr (a file's candela are taken as W/sr).
         intensity: Rgb,
         /// Cutoff distance, infinity for none.
         range: f32,
     },
     /// Shines into a cone.
     Spot {
-        /// Where it is.
+        /// Position in world space.
         position: Vec3,
-        /// Unit axis, the way it shines.
+        /// Unit axis, away from the light.
         direction: Vec3,
         /// Radiant intensity on the axis.
         intensity: Rgb,
         /// Cutoff distance, infinity for none.
         range: f32,
-        /// Cosine of the angle at which fall-off begins.
+        /// Cosine of the angle at which the fall-off begins.
         cos_inner: f32,
-        /// Cosine of the angle at which it ends.
+        /// Cosine of the angle at which the fall-off ends.
         cos_outer: f32,
     },
     /// Shines along one direction from infinity.
     Directional {
-        /// Unit direction, the way it shines.
+        /// Unit direction in which the light travels.
         direction: Vec3,
-        /// Irradiance on a plane facing it.
+        /// Irradiance on a plane facing the light.
         irradiance: Rgb,
     },
 }
 
 impl PunctualLight {
-    /// Emitted power (luminance), to choose among lights; `disk` is the area through which light from infinity enters.
+    /// Emitted power (luminance), to choose among lights; light from infinity enters through the area `disk`.
     pub(super) fn power(&self, disk: f64) -> f64 {
         let power = |c: Rgb| f64::from(luminance(c)).max(0.0);
         match *self {
@@ -94,8 +94,7 @@ impl PunctualLight {
             wi,
             distance,
             radiance,
-            pdf_w: pmf,
-            delta: true,
+            density: LightDensity::Delta(pmf),
             cos: 1.0,
             // At infinity the ray must not end before it.
             error: if distance.is_finite() {

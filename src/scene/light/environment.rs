@@ -13,23 +13,24 @@ use crate::math::discrete::Distribution2D;
 use crate::math::{Rgb, Vec2, Vec3, luminance};
 use std::f32::consts::{PI, TAU};
 use std::path::Path;
+use std::sync::Arc;
 
-/// Radiance from infinity.
+/// Radiance from infinity. Clones share the map.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    map: Buffer,
+    map: Arc<Buffer>,
     /// Turn about +Y in radians.
     rotation: f32,
     /// Density over (u, v), proportional to luminance · sin θ; `None` for a black map.
-    density: Option<Distribution2D>,
+    density: Option<Arc<Distribution2D>>,
 }
 
-/// The most bytes of a map's file, and of its texels in memory: far above any sky, far below what a header of a few
-/// bytes could ask for.
+/// Most bytes of a map's file, and of its texels in memory: far above any sky, far below the sizes that a damaged
+/// header can claim.
 const MAX_BYTES: u64 = 1 << 31;
 
 impl Environment {
-    /// One colour from everywhere.
+    /// One colour from all directions.
     pub fn constant(radiance: Rgb) -> Self {
         Self::from_map(Buffer::filled(1, 1, radiance), 0.0)
     }
@@ -43,14 +44,14 @@ impl Environment {
             .enumerate()
             .map(|(i, &texel)| {
                 let row = (i / map.width) as f64;
-                // The exact solid angle of the row: ∫ sin θ dθ.
+                // Exact solid angle of the row: ∫ sin θ dθ.
                 let edge = |r: f64| (std::f64::consts::PI * r / height).cos();
                 f64::from(luminance(texel)) * (edge(row) - edge(row + 1.0))
             })
             .collect();
-        let density = Distribution2D::new(map.width, &weights);
+        let density = Distribution2D::new(map.width, &weights).map(Arc::new);
         Self {
-            map,
+            map: map.into(),
             rotation,
             density,
         }
@@ -58,7 +59,7 @@ impl Environment {
 
     /// Loads an `.hdr` or `.exr` map, multiplied by `intensity`, turned by `rotation` radians about +Y.
     pub fn load(path: &Path, intensity: f32, rotation: f32) -> Result<Self, FileError> {
-        // A pipe would be empty the second time, and who waits for its other end waits for ever.
+        // A pipe is empty when it is read again, and waiting for its other end never ends.
         if std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
             let what = "not a plain file; maps are read more than once";
             return Err(FileError::content(path, what));
@@ -76,7 +77,7 @@ impl Environment {
         if map.pixels.is_empty() {
             return Err(FileError::content(path, "a map without texels"));
         }
-        // Only now: a texel that overflows is as bad as one that was infinite.
+        // After the multiplication: a texel that overflows is as bad as an infinite one.
         let map = map.map(|p| p * intensity);
         let bad = |p: &Rgb| !p.is_finite() || p.min_element() < 0.0;
         if let Some(i) = map.pixels.iter().position(bad) {
@@ -88,7 +89,7 @@ impl Environment {
         Ok(Self::from_map(map, rotation))
     }
 
-    /// Hands over the bytes of a map's file piece by piece: whoever names a scene by a hash has the map in it.
+    /// Hands over the bytes of a map's file piece by piece, so that the hash of a scene includes its map.
     pub fn bytes(path: &Path, take: impl FnMut(&[u8])) -> Result<(), FileError> {
         files::stream(path, MAX_BYTES, take)
     }
@@ -105,7 +106,7 @@ impl Environment {
         self.map.pixels[y * self.map.width + x]
     }
 
-    /// Place of a direction in the map, in [0, 1]².
+    /// Position of a direction in the map, in [0, 1]².
     #[inline]
     fn place(&self, dir: Vec3) -> Vec2 {
         let phi = dir.x.atan2(-dir.z) + self.rotation;

@@ -1,0 +1,161 @@
+//! Area lights: the emissive triangles of a scene.
+
+use super::{LightDensity, LightSample};
+use crate::math::measure::area_to_solid_angle;
+use crate::math::{Ray, Rgb, Vec2, Vec3, luminance, warp};
+use crate::scene::accel::Accel;
+use crate::scene::material::AlphaMode;
+use crate::scene::{Geometry, Hit, Material, SceneParts, Surface, Texture};
+use std::f32::consts::PI;
+
+/// All emissive triangles and their materials.
+#[derive(Default)]
+pub(super) struct AreaLights {
+    triangles: Vec<EmissiveTriangle>,
+    /// Density per area with which each triangle of the scene is drawn, 0 for dark ones; empty without area lights.
+    pdf_a: Vec<f32>,
+    /// Tree over the emissive triangles alone.
+    tree: Option<Accel>,
+    /// The scene's materials, in its order.
+    materials: Vec<Material>,
+    textures: Vec<Texture>,
+}
+
+struct EmissiveTriangle {
+    corners: [Vec3; 3],
+    uvs: [Vec2; 3],
+    /// Unit normal, towards the front.
+    normal: Vec3,
+    area: f32,
+    /// Emitted power (luminance).
+    power: f64,
+    /// Index of the triangle, in scene order.
+    triangle: u32,
+    /// Index of the material.
+    material: u32,
+}
+
+impl AreaLights {
+    /// Collects the triangles whose material emits.
+    pub(super) fn new(parts: &SceneParts, geometry: &Geometry) -> Self {
+        let average = |m: &Material| luminance(m.average_emission(&parts.textures));
+        let averages: Vec<f32> = parts.materials.iter().map(average).collect();
+        let emissive = |triangle: u32| {
+            let material = geometry.triangle_material(triangle);
+            let average = averages[material as usize];
+            let double_sided = parts.materials[material as usize].double_sided;
+            let sides = if double_sided { 2.0 } else { 1.0 };
+            let area = geometry.triangle_area(triangle);
+            (average > 0.0).then(|| EmissiveTriangle {
+                corners: geometry.triangle(triangle),
+                uvs: geometry.triangle_uvs(parts, triangle),
+                normal: geometry.triangle_normal(triangle),
+                area,
+                power: f64::from(PI * area * average * sides),
+                triangle,
+                material,
+            })
+        };
+        let triangles: Vec<_> = (0..geometry.len() as u32).filter_map(emissive).collect();
+        if triangles.is_empty() {
+            return Self::default();
+        }
+        let corners: Vec<_> = triangles.iter().map(|t| t.corners).collect();
+        Self {
+            triangles,
+            pdf_a: vec![0.0; geometry.len()],
+            tree: Some(Accel::new(&corners)),
+            materials: parts.materials.clone(),
+            textures: parts.textures.clone(),
+        }
+    }
+
+    /// Number of emissive triangles.
+    pub(super) fn len(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Power of each emissive triangle.
+    pub(super) fn powers(&self) -> Vec<f64> {
+        self.triangles.iter().map(|t| t.power).collect()
+    }
+
+    /// Takes over the probabilities with which the emissive triangles are drawn.
+    pub(super) fn set_densities(&mut self, pmf: impl Fn(usize) -> f32) {
+        for (k, t) in self.triangles.iter().enumerate() {
+            self.pdf_a[t.triangle as usize] = pmf(k) / t.area;
+        }
+    }
+
+    /// Draws a uniform point of the `k`-th emissive triangle.
+    #[inline]
+    pub(super) fn sample(&self, k: usize, from: Vec3, u: Vec2) -> Option<LightSample> {
+        let light = &self.triangles[k];
+        let [a, b, c] = light.corners;
+        let weights = warp::triangle(u);
+        let (e1, e2) = (b - a, c - a);
+        let point = a + weights.x * e1 + weights.y * e2;
+        let to = point - from;
+        let distance = to.length();
+        let wi = to / distance;
+        let material = &self.materials[light.material as usize];
+        let cos = -wi.dot(light.normal);
+        if !(cos > 0.0 || (material.double_sided && cos < 0.0)) {
+            return None;
+        }
+        let pdf_a = self.pdf_a[light.triangle as usize];
+        let pdf_w = area_to_solid_angle(pdf_a, from, point, cos.abs());
+        let varies = material.emissive_texture.is_some();
+        let radiance = if varies || material.alpha_mode != AlphaMode::Opaque {
+            let [ua, ub, uc] = light.uvs;
+            let uv = ua + weights.x * (ub - ua) + weights.y * (uc - ua);
+            // The shadow ray ends before the light: a hole in the light itself is counted here.
+            material.emission_at(&self.textures, uv) * material.presence(&self.textures, uv)
+        } else {
+            material.emission
+        };
+        // Four roundings of the point, two of the direction.
+        let reach = (a.abs() + e1.abs() + e2.abs()).dot(light.normal.abs());
+        let error = f32::EPSILON * (4.0 * reach + 2.0 * distance);
+        (pdf_w.is_finite() && pdf_w > 0.0).then_some(LightSample {
+            wi,
+            distance,
+            radiance,
+            density: LightDensity::SolidAngle(pdf_w),
+            cos: cos.abs(),
+            error,
+        })
+    }
+
+    /// Density per steradian with which the direction from `from` to a point of an emissive triangle is drawn.
+    #[inline]
+    pub(super) fn pdf(&self, from: Vec3, surface: &Surface) -> f32 {
+        let cos = (surface.position - from).normalize().dot(surface.ng).abs();
+        let pdf_a = self.pdf_a.get(surface.triangle as usize);
+        area_to_solid_angle(pdf_a.copied().unwrap_or(0.0), from, surface.position, cos)
+    }
+
+    /// Radiance emitted by a surface point towards `wo` (world).
+    #[inline]
+    pub(super) fn emitted(&self, surface: &Surface, wo: Vec3) -> Rgb {
+        match self.pdf_a.get(surface.triangle as usize) {
+            Some(&pdf_a) if pdf_a > 0.0 => {}
+            _ => return Rgb::ZERO,
+        }
+        let material = &self.materials[surface.material as usize];
+        if !(material.double_sided || wo.dot(surface.ng) > 0.0) {
+            return Rgb::ZERO;
+        }
+        material.emission_at(&self.textures, surface.uv)
+    }
+
+    /// The closest emissive triangle along a ray.
+    #[inline]
+    pub(super) fn closest(&self, ray: &Ray) -> Option<Hit> {
+        let hit = self.tree.as_ref()?.closest(ray)?;
+        Some(Hit {
+            triangle: self.triangles[hit.triangle as usize].triangle,
+            ..hit
+        })
+    }
+}

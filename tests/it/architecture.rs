@@ -1,0 +1,224 @@
+//! The room table at the top of `src/lib.rs` as an assertion: a room uses only rooms below its own.
+
+use std::path::{Path, PathBuf};
+
+/// The rooms; each may use those before it.
+#[rustfmt::skip]
+const ROOMS: &[&str] = &[
+    "files", "math", "sampler", "regularise", "bsdf", "image", "scene", "stats", "integrator", "tune", "gallery",
+    "train", "report", "verify", "cli",
+];
+
+/// Rooms inside a room, in the same order.
+const INNER: &[(&str, &[&str])] = &[
+    ("integrator", &["walk", "path"]),
+    ("train", &["record", "evaluate", "learn", "study"]),
+];
+
+/// A source text with comments and test modules blanked out, lines kept.
+fn stripped(text: &str) -> String {
+    let mut kept = String::new();
+    let mut tests = None;
+    for line in text.lines() {
+        if line.trim() == "#[cfg(test)]" {
+            tests = Some(line.replace("#[cfg(test)]", "}"));
+        }
+        if tests.is_none() {
+            kept += line.split("//").next().unwrap_or_default();
+        }
+        // A test module ends with a brace at the indentation of its attribute.
+        tests = tests.filter(|end| line != end);
+        kept.push('\n');
+    }
+    kept
+}
+
+/// First words of the items of a `{…}` group, up to the brace that closes it.
+fn heads(group: &str) -> Vec<&str> {
+    let (mut depth, mut starts, mut heads) = (0, true, Vec::new());
+    for (i, c) in group.char_indices() {
+        match c {
+            '{' => depth += 1,
+            '}' if depth == 0 => break,
+            '}' => depth -= 1,
+            ',' => starts |= depth == 0,
+            c if starts && !c.is_whitespace() => {
+                let word = group[i..].split(|c: char| !c.is_alphanumeric() && c != '_');
+                heads.extend(word.take(1));
+                starts = false;
+            }
+            _ => {}
+        }
+    }
+    heads
+}
+
+/// A path from the root of the crate, without `crate` or `opsr`; `None` for a path that is not ours.
+fn resolved<'a>(path: &'a str, module: &[&'a str]) -> Option<Vec<&'a str>> {
+    let mut names = path.split("::").filter(|name| !name.is_empty()).peekable();
+    let mut base = match names.next()? {
+        "crate" | "opsr" => Vec::new(),
+        "self" => module.to_vec(),
+        "super" => module[..module.len() - 1].to_vec(),
+        _ => return None,
+    };
+    while names.next_if_eq(&"super").is_some() {
+        base.pop();
+    }
+    base.extend(names);
+    Some(base)
+}
+
+/// The uses in a file of `src/` that break the table: one line each.
+fn faults(file: &str, text: &str) -> Vec<String> {
+    let module = file.trim_end_matches(".rs").trim_end_matches("/mod");
+    let module: Vec<&str> = module.split('/').collect();
+    let text = stripped(text);
+    let mut faults = Vec::new();
+    let mut judge = |at: usize, path: &str| {
+        let Some(used) = resolved(path, &module) else {
+            return;
+        };
+        let inner = INNER
+            .iter()
+            .filter(|(room, _)| module[0] == *room && used.first() == Some(room));
+        let (table, level) = inner
+            .map(|(_, table)| (*table, 1))
+            .next()
+            .unwrap_or((ROOMS, 0));
+        let floor = |path: &[&str]| table.iter().position(|room| path.get(level) == Some(room));
+        if let (Some(own), Some(other)) = (floor(&module), floor(&used))
+            && other > own
+        {
+            let line = text[..at].matches('\n').count() + 1;
+            let [own, other] = [own, other].map(|floor| table[floor]);
+            faults.push(format!(
+                "src/{file}:{line}: `{own}` uses `{path}`, but `{other}` stands above it"
+            ));
+        }
+    };
+    let in_path = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+    let mut at = 0;
+    while let Some(start) = text[at..].find(in_path).map(|i| at + i) {
+        at = text[start..]
+            .find(|c| !in_path(c))
+            .map_or(text.len(), |i| start + i);
+        let path = &text[start..at];
+        match text[at..].strip_prefix('{') {
+            Some(group) if path.ends_with("::") => {
+                heads(group)
+                    .iter()
+                    .for_each(|head| judge(start, &format!("{path}{head}")));
+            }
+            _ => judge(start, path),
+        }
+    }
+    faults
+}
+
+/// Every source file below `folder`, test modules in files of their own left out.
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|e| e == "rs") && !path.ends_with("tests.rs") {
+            found.push(path);
+        }
+    }
+}
+
+#[test]
+fn architecture_rooms_use_only_rooms_below_them() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    sources(&src, &mut files);
+    assert!(files.len() > 100, "only {} files", files.len());
+    let mut all = Vec::new();
+    for path in files {
+        let file = path
+            .strip_prefix(&src)
+            .expect("below src")
+            .to_string_lossy();
+        all.extend(faults(
+            &file,
+            &std::fs::read_to_string(&path).expect("a source file"),
+        ));
+    }
+    assert!(
+        all.is_empty(),
+        "data flows one way (src/lib.rs):\n{}",
+        all.join("\n")
+    );
+    for room in ROOMS.iter().map(|room| src.join(room)) {
+        assert!(
+            room.is_dir() || room.with_extension("rs").is_file(),
+            "no room {}",
+            room.display()
+        );
+    }
+}
+
+#[test]
+fn architecture_check_sees_every_form_of_import() {
+    for (file, line, wrong) in [
+        ("scene/mod.rs", "use crate::gallery::manifest;", true),
+        (
+            "scene/load/mesh.rs",
+            "    let x = crate::integrator::drive(1);",
+            true,
+        ),
+        ("math/frame.rs", "use super::super::scene::Scene;", true),
+        (
+            "bsdf/mod.rs",
+            "use crate::{math::Vec3, scene::{Scene, Hit}};",
+            true,
+        ),
+        (
+            "integrator/walk/mod.rs",
+            "use super::path::PathTracer;",
+            true,
+        ),
+        (
+            "integrator/walk/bodies.rs",
+            "use super::super::{drive, path};",
+            true,
+        ),
+        (
+            "train/record/crop.rs",
+            "use crate::train::learn::Session;",
+            true,
+        ),
+        ("sampler.rs", "use crate::bsdf::Bsdf;", true),
+        (
+            "scene/mod.rs",
+            "use crate::math::Vec3; // not crate::gallery",
+            false,
+        ),
+        (
+            "scene/mod.rs",
+            "#[cfg(test)]\nmod tests {\n    use crate::gallery::quad;\n}\n",
+            false,
+        ),
+        (
+            "cli/info.rs",
+            "use opsr::scene::Scene;\nuse super::output::print;",
+            false,
+        ),
+        (
+            "integrator/path/mod.rs",
+            "use super::walk::observer::Vertex;",
+            false,
+        ),
+        ("report/page.rs", "use std::verify::cli;", false),
+    ] {
+        let found = faults(file, &format!("//! Text.\n{line}\n"));
+        assert_eq!(!found.is_empty(), wrong, "{file}: {line}: {found:?}");
+        assert!(
+            found
+                .iter()
+                .all(|f| f.starts_with(&format!("src/{file}:2: "))),
+            "{found:?}"
+        );
+    }
+}
