@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
-use opsr::integrator::drive::Progress;
+use opsr::integrator::drive::RenderProgress;
 use std::io::{IsTerminal, Write};
 
 /// How progress is shown.
@@ -47,7 +47,7 @@ impl Bar {
     }
 
     /// Shows where a render stands.
-    pub(super) fn show(&self, progress: &Progress) {
+    pub(super) fn show(&self, progress: &RenderProgress) {
         let seconds = progress.elapsed.as_secs_f64();
         match self {
             Self::Quiet => {}

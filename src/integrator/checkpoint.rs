@@ -1,7 +1,7 @@
-//! A render that can be gone on with: the film's moments, the AOVs, and what they belong to.
+//! Resumable renders: the film's moments, the AOVs, and the identity of the render.
 //!
-//! The file is written whole or not at all, carries a checksum of its content, and names the scene and settings it
-//! was made with by a fingerprint; another fingerprint is refused.
+//! A file is written whole or not at all, carries a checksum of its content, and names its scene and settings by a
+//! fingerprint; another fingerprint is refused.
 
 use super::{FirstHit, Picture};
 use crate::files::{self, hex};
@@ -14,10 +14,10 @@ use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"opsrckp1";
 
-/// Larger headers are not ours.
+/// Largest header, in bytes.
 const MAX_HEADER: u64 = 1 << 20;
 
-/// What a checkpoint belongs to.
+/// Identity of a render.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fingerprint {
@@ -40,7 +40,7 @@ struct Header {
     sha256: String,
 }
 
-/// Number and checksum of bytes that need not be held.
+/// Number and checksum of bytes that are not held.
 #[derive(Default)]
 struct Summary {
     bytes: usize,
@@ -73,7 +73,7 @@ impl Write for Summary {
 /// A stopped render.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
-    /// What it belongs to.
+    /// The render that was stopped.
     pub fingerprint: Fingerprint,
     /// Samples per pixel so far; the next pass begins with this number.
     pub samples: u32,
@@ -83,7 +83,7 @@ pub struct Checkpoint {
     pub picture: Picture,
 }
 
-/// Why a checkpoint could not be read or written.
+/// A checkpoint that could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The file could not be read or written.
@@ -91,15 +91,15 @@ pub enum CheckpointError {
     Io {
         /// The file.
         path: PathBuf,
-        /// Why not.
+        /// The system's error.
         source: io::Error,
     },
-    /// The file is damaged or something else.
+    /// The file is damaged or no checkpoint.
     #[error("{path}: not a checkpoint of this version, or damaged: {what}")]
     Invalid {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The fault.
         what: String,
     },
     /// The file belongs to another render.
@@ -107,11 +107,11 @@ pub enum CheckpointError {
     Other {
         /// The file.
         path: PathBuf,
-        /// In what it differs.
+        /// The part that differs.
         what: &'static str,
-        /// What the file says.
+        /// Value in the file.
         theirs: String,
-        /// What this render is.
+        /// Value of this render.
         ours: String,
     },
 }
@@ -221,7 +221,7 @@ impl Checkpoint {
     }
 }
 
-/// The bytes of a checkpoint, or the first ones of what is none.
+/// The bytes of a checkpoint, or the first ones of another file.
 fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = File::open(path)?;
     let mut bytes = Vec::new();

@@ -7,7 +7,17 @@ use super::{Attenuation, MAX_VERTICES};
 pub const LEN: usize = 1360;
 
 /// How a path finds its factor.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize,
+    clap::ValueEnum,
+)]
 #[serde(rename_all = "kebab-case")]
 pub enum Lookup {
     /// The factor of the path's class: the paper's text. α′ jumps where a roughness crosses a level.

@@ -16,6 +16,7 @@ pub mod material;
 pub mod mesh;
 mod normals;
 pub mod punctual;
+pub mod sensor;
 pub mod texture;
 
 pub use camera::Camera;
@@ -25,6 +26,7 @@ pub use light::{Emission, Emitters, LightSample};
 pub use material::Material;
 pub use mesh::Mesh;
 pub use punctual::PunctualLight;
+pub use sensor::Sensor;
 pub use texture::Texture;
 
 /// Everything a scene is made of, as plain data.

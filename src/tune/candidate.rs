@@ -1,8 +1,7 @@
 //! A candidate of the pilot: its pictures in independent batches, and what tiles of them say.
 
-use super::View;
 use crate::image::film::{Film, FilmError, Window};
-use crate::integrator::{Integrator, Picture, Settings};
+use crate::integrator::{Integrator, Picture, Settings, View};
 use std::ops::Range;
 
 /// Independent batches.
@@ -27,7 +26,7 @@ impl Entrant {
     /// No samples yet.
     pub(super) fn new(settings: &Settings, view: &View<'_>) -> Result<Self, FilmError> {
         let picture = Picture {
-            film: Film::cropped(view.frame, view.window)?,
+            film: Film::cropped(view.sensor.frame, view.window)?,
             aovs: None,
         };
         Ok(Self {
@@ -41,7 +40,7 @@ impl Entrant {
         for (batch, picture) in (0..).zip(&mut self.pictures) {
             let first = batch * spp;
             let range = first + samples.start..first + samples.end;
-            (self.integrator).pass(view.scene, view.camera, range, picture);
+            (self.integrator).pass(view, range, picture);
         }
     }
 

@@ -12,10 +12,9 @@
 mod candidate;
 
 use crate::image::film::{FilmError, Window};
-use crate::integrator::{Method, Settings};
+use crate::integrator::{Estimator, Settings, View};
 use crate::math::UVec2;
-use crate::regularise::AttenuationTable;
-use crate::scene::{Camera, Scene};
+use crate::regularise::{AttenuationTable, Rule};
 use candidate::{BATCHES, Entrant, TILE, Tiles};
 
 /// How much of the pattern is tried: all, half, and none.
@@ -131,63 +130,38 @@ impl Level {
     }
 }
 
-/// What of a scene is rendered.
-#[derive(Clone, Copy)]
-pub struct View<'a> {
-    /// The scene.
-    pub scene: &'a Scene,
-    /// The camera.
-    pub camera: &'a Camera,
-    /// Size of the whole picture.
-    pub frame: UVec2,
-    /// The part of it that is rendered.
-    pub window: Window,
-}
-
 /// Chooses how the table in `settings` is changed for a render of `samples` samples per pixel of a view.
 ///
 /// Settings without a table, and scenes without anything to roughen, are not tried. The reuse mode is tried in the
 /// default mode: its paths would not be the same from level to level. Fails where the window leaves the frame.
 pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilot, FilmError> {
-    let table = match &settings.method {
-        Method::Table { table, .. } if view.scene.has_lobes() => table,
-        _ => {
-            return Ok(Pilot {
-                change: Change::NONE,
-                decided: false,
-                levels: Vec::new(),
-                paths: 0,
-            });
-        }
+    let Some(table) = settings.rule.table().filter(|_| view.scene.has_lobes()) else {
+        return Ok(Pilot {
+            change: Change::NONE,
+            decided: false,
+            levels: Vec::new(),
+            paths: 0,
+        });
     };
-    let (frame, window) = view.pilot();
-    let view = View {
-        frame,
-        window,
-        ..*view
-    };
+    let (frame, window) = pilot_window(view.sensor.frame, view.window);
+    let view = View::new(view.scene, view.sensor.camera, frame, window);
     let (pixels, count) = (window.len() as u64, BATCHES as u64);
     let wanted = (PATHS_PER_SAMPLE * u64::from(samples)).clamp(PATHS.0, PATHS.1);
     let spp = (wanted / (count * pixels)).max(2) as u32;
     let heat = (spp / HEAT).max(2)..spp;
-    let entrant = |method: Method| {
+    let entrant = |rule: Rule| {
         let settings = Settings {
-            method,
+            estimator: Estimator::Path { reuse: false },
+            rule,
             ..settings.clone()
         };
         let mut entrant = Entrant::new(&settings, &view)?;
         entrant.trace(&view, spp, 0..heat.start);
         Ok(entrant)
     };
-    let mut plain = entrant(Method::Plain)?;
+    let mut plain = entrant(Rule::Plain)?;
     let mut entrants = Change::all()
-        .map(|change| {
-            entrant(Method::Table {
-                table: change.of(table),
-                reuse: false,
-                lambda: 0.0,
-            })
-        })
+        .map(|change| entrant(Rule::with_table(change.of(table))))
         .collect::<Result<Vec<Entrant>, FilmError>>()?;
     let tiles = |(change, entrant): (Change, &Entrant)| (change, entrant.tiles(window));
     let heats: Vec<(Change, Tiles)> = Change::all().zip(&entrants).map(tiles).collect();
@@ -232,36 +206,30 @@ fn finalists(levels: &[Level]) -> Vec<usize> {
         .collect()
 }
 
-impl View<'_> {
-    /// Size of the pilot's whole picture, and its window: whole tiles.
-    fn pilot(&self) -> (UVec2, Window) {
-        let scale = (PIXELS / self.window.len().max(1) as f32).sqrt();
-        let side = |x: u32| ((x as f32 * scale / TILE as f32).round() as u32).clamp(2, 256) * TILE;
-        let start = |x: u32| (x as f32 * scale).round() as u32;
-        let window = Window {
-            x: start(self.window.x),
-            y: start(self.window.y),
-            w: side(self.window.w),
-            h: side(self.window.h),
-        };
-        // A window of the whole frame stays one.
-        let edge = |axis: usize, start: u32, side: u32| {
-            let [frame, from, length] = [
-                self.frame.to_array(),
-                [self.window.x, self.window.y],
-                [self.window.w, self.window.h],
-            ]
-            .map(|pair| pair[axis]);
-            let end = start + side;
-            if from + length == frame {
-                end
-            } else {
-                ((frame as f32 * scale).round() as u32).max(end)
-            }
-        };
-        let frame = UVec2::new(edge(0, window.x, window.w), edge(1, window.y, window.h));
-        (frame, window)
-    }
+/// Size of the pilot's whole picture, and its window: whole tiles.
+fn pilot_window(frame: UVec2, window: Window) -> (UVec2, Window) {
+    let scale = (PIXELS / window.len().max(1) as f32).sqrt();
+    let side = |x: u32| ((x as f32 * scale / TILE as f32).round() as u32).clamp(2, 256) * TILE;
+    let start = |x: u32| (x as f32 * scale).round() as u32;
+    let pilot = Window {
+        x: start(window.x),
+        y: start(window.y),
+        w: side(window.w),
+        h: side(window.h),
+    };
+    // A window of the whole frame stays one.
+    let edge = |frame: u32, from: u32, length: u32, end: u32| {
+        if from + length == frame {
+            end
+        } else {
+            ((frame as f32 * scale).round() as u32).max(end)
+        }
+    };
+    let frame = UVec2::new(
+        edge(frame.x, window.x, window.w, pilot.x + pilot.w),
+        edge(frame.y, window.y, window.h, pilot.y + pilot.h),
+    );
+    (frame, pilot)
 }
 
 /// 1 / (radiance² + ε) of every tile, at a brightness of 0.3.

@@ -17,15 +17,8 @@ fn noisy(rng: &mut Pcg32, mean: f64, noise: f64, tiles: usize) -> Tiles {
 
 #[test]
 fn a_pilot_looks_where_the_render_looks() {
-    let scene = Scene::new(crate::gallery::caustic_box());
-    let camera = &scene.parts().cameras[0];
     let frame = UVec2::new(160, 90);
-    let view = |window| View {
-        scene: &scene,
-        camera,
-        frame,
-        window,
-    };
+    let pilot_of = |window| pilot_window(frame, window);
     let whole = Window::full(frame);
     let crop = Window {
         x: 94,
@@ -40,7 +33,7 @@ fn a_pilot_looks_where_the_render_looks() {
         h: 1,
     };
     for window in [whole, crop, corner] {
-        let (size, pilot) = view(window).pilot();
+        let (size, pilot) = pilot_of(window);
         assert!(
             pilot.inside(&Window::full(size)),
             "{window:?}: {pilot:?} of {size}"
@@ -58,7 +51,7 @@ fn a_pilot_looks_where_the_render_looks() {
             assert!((place(a + b) - found(inner.0 + inner.1)).abs() < slack);
         }
     }
-    assert_eq!(view(whole).pilot().1, Window::full(view(whole).pilot().0));
+    assert_eq!(pilot_of(whole).1, Window::full(pilot_of(whole).0));
 }
 
 #[test]

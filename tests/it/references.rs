@@ -4,7 +4,7 @@
 use opsr::gallery::manifest::{Entry, Manifest};
 use opsr::gallery::reference::{Reference, SEED};
 use opsr::image::film::Film;
-use opsr::integrator::Settings;
+use opsr::integrator::{Settings, View};
 use opsr::math::DVec3;
 use opsr::sampler::Independent;
 use opsr::scene::Scene;
@@ -69,7 +69,8 @@ fn going_on_is_never_having_stopped() {
     }
     .tracer(opsr::regularise::Unregularised);
     let source = Independent { seed: 5 };
-    tracer.estimate(&scene, camera, &source, 0..7, &mut other, &mut ());
+    let view = View::of(&scene, camera, &other);
+    tracer.estimate(&view, &source, 0..7, &mut other, &mut ());
     assert_eq!(&other, whole.film());
 }
 
@@ -134,7 +135,8 @@ fn committed_references_agree_with_a_fresh_render() {
             let mut fresh = Film::cropped(film.size, film.window).unwrap();
             let tracer = settings.tracer(opsr::regularise::Unregularised);
             let source = Independent { seed: 1 };
-            tracer.estimate(&scene, camera, &source, 0..SPP, &mut fresh, &mut ());
+            let view = View::of(&scene, camera, &fresh);
+            tracer.estimate(&view, &source, 0..SPP, &mut fresh, &mut ());
             let mean = |film: &Film| (film.pixels.iter()).map(|p| p.mean.y).sum::<f64>();
             // The reference knows the variance better than 32 samples do.
             let variance: f64 = (film.pixels.iter())
