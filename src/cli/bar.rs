@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
-use opsr::integrator::drive::Progress;
+use opsr::integrator::drive::RenderProgress;
 use std::io::{IsTerminal, Write};
 
 /// Form of the progress.
@@ -46,8 +46,8 @@ impl Bar {
         }
     }
 
-    /// Shows the progress of a render.
-    pub(super) fn show(&self, progress: &Progress) {
+    /// Shows where a render stands.
+    pub(super) fn show(&self, progress: &RenderProgress) {
         let seconds = progress.elapsed.as_secs_f64();
         match self {
             Self::Quiet => {}

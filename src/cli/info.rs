@@ -3,8 +3,7 @@
 use super::output::print;
 use super::scene::SceneArgs;
 use clap::Args;
-use opsr::integrator::Method;
-use opsr::regularise::{GammaIndex, LEN, bin};
+use opsr::regularise::{GammaIndex, LEN, Rule, bin};
 use opsr::scene::{Material, PunctualLight, Scene};
 
 /// Options of `opsr info`.
@@ -48,7 +47,7 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
         },
         "cameras": parts.cameras.iter().map(|c| c.name.clone()).collect::<Vec<_>>(),
         "classes": reachable(scene),
-        "unused": unused(scene, &Method::Plain),
+        "unused": unused(scene, &Rule::Plain),
         "warnings": warnings,
     })
 }
@@ -92,8 +91,8 @@ fn reachable(scene: &Scene) -> usize {
         .count()
 }
 
-/// Features of the renderer that this scene does not use.
-pub(super) fn unused(scene: &Scene, method: &Method) -> Vec<String> {
+/// What a render of this scene leaves out, because nothing in it asks for it.
+pub(super) fn unused(scene: &Scene, rule: &Rule) -> Vec<String> {
     let parts = scene.parts();
     let off = [
         ("textures", parts.textures.is_empty()),
@@ -105,7 +104,7 @@ pub(super) fn unused(scene: &Scene, method: &Method) -> Vec<String> {
             parts.materials.iter().all(|m| m.transmission == 0.0),
         ),
         ("light sampling", scene.lights().is_empty()),
-        ("regularisation", *method == Method::Plain),
+        ("regularisation", *rule == Rule::Plain),
     ];
     off.iter()
         .filter(|(_, off)| *off)

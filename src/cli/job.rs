@@ -1,15 +1,12 @@
-//! What `opsr render` was asked, resolved: the method and the shape of the picture.
+//! Parsers of render options, and the settings that the options resolve to.
 
 use super::Blame;
-use super::render_args::{Mode, RenderArgs};
+use super::render_args::RenderArgs;
 use anyhow::anyhow;
-use opsr::files::hex;
 use opsr::image::film::Window;
-use opsr::integrator::{Method, Settings};
+use opsr::integrator::Settings;
+use opsr::integrator::method::{Kind, Method};
 use opsr::math::UVec2;
-use opsr::regularise::TableTuning;
-use opsr::regularise::file::TableFile;
-use opsr::regularise::rules::Mollifier;
 
 /// A pair such as `640x480`.
 pub(super) fn size(text: &str) -> Result<UVec2, String> {
@@ -29,12 +26,12 @@ pub(super) fn window(text: &str) -> Result<Window, String> {
     }
 }
 
-/// How the factors of a table are scaled.
+/// Scale of a table's factors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Scale {
-    /// As a pilot finds best.
+    /// The best one of a pilot.
     Auto,
-    /// By this, instead of the table's own scale.
+    /// This, instead of the table's own scale.
     By(f32),
 }
 
@@ -49,78 +46,40 @@ pub(super) fn scale(text: &str) -> Result<Scale, String> {
     }
 }
 
-/// The method, and the hash of its table where there is one.
-pub(super) struct Chosen {
-    pub(super) method: Method,
-    pub(super) table_hash: Option<String>,
-}
-
-/// Resolves the options that say how to regularise.
-pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Chosen> {
-    let reuse = args.mode == Mode::Reuse;
-    let lambda = args.consistent.unwrap_or(0.0);
-    let plain = |method| {
-        Ok(Chosen {
-            method,
-            table_hash: None,
-        })
-    };
-    let compared = !matches!(args.mode, Mode::Default | Mode::Reuse);
-    if compared && (args.opsr_table.is_some() || args.gamma.is_some() || lambda > 0.0) {
-        let what = "this --mode has a rule of its own: no --opsr-table, --gamma or --consistent";
-        return Err(anyhow!(what)).usage();
-    }
-    match args.mode {
-        Mode::Pbrt => return plain(Method::Pbrt),
-        Mode::FilterGlossy => return plain(Method::FilterGlossy(args.filter)),
-        Mode::RoughnessClamp => return plain(Method::RoughnessClamp),
-        Mode::Mollifier => return plain(Method::Mollifier(Mollifier::RADIUS)),
-        Mode::Default | Mode::Reuse => {}
-    }
-    if let Some(gamma) = args.gamma {
-        return plain(Method::Constant {
-            gamma,
-            reuse,
-            lambda,
-        });
-    }
-    let Some(path) = &args.opsr_table else {
-        if args.consistent.is_some() || reuse {
-            let what = "--consistent and --mode reuse need --opsr-table or --gamma";
+/// Resolves the options that choose a method.
+pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
+    let mut spec = args.method.clone();
+    let factors = spec.table.is_some() || spec.gamma.is_some();
+    let consistent = spec.lambda.is_some();
+    match spec.method {
+        Kind::Default | Kind::Reuse => {
+            if !factors && (consistent || spec.method == Kind::Reuse) {
+                let what = "--consistent and --mode reuse need --opsr-table or --gamma";
+                return Err(anyhow!(what)).usage();
+            }
+        }
+        _ if factors || consistent => {
+            let what =
+                "this --mode has a rule of its own: no --opsr-table, --gamma or --consistent";
             return Err(anyhow!(what)).usage();
         }
-        return plain(Method::Plain);
-    };
-    let file = TableFile::load(path).input()?;
-    let mut table = file.table.tuned(TableTuning {
-        scale: 1.0,
-        contrast: args.table_contrast,
-    });
+        _ => {}
+    }
     if let Some(Scale::By(scale)) = args.table_scale {
         if args.table_energy.is_some() {
             return Err(anyhow!("--table-energy needs --table-scale auto")).usage();
         }
-        table.scale = scale;
+        spec.table_scale = Some(scale);
     }
-    if let Some(lookup) = args.lookup {
-        table.lookup = lookup.into();
-    }
-    let table_hash = Some(hex(&file.digest()));
-    Ok(Chosen {
-        method: Method::Table {
-            table,
-            reuse,
-            lambda,
-        },
-        table_hash,
-    })
+    spec.resolve().input()
 }
 
 /// The settings with that method.
-pub(super) fn settings(args: &RenderArgs, method: Method) -> Settings {
+pub(super) fn settings(args: &RenderArgs, method: &Method) -> Settings {
     Settings {
-        method,
-        max_vertices: args.max_depth,
+        estimator: method.estimator,
+        rule: method.rule.clone(),
+        max_vertices: args.max_vertices,
         seed: args.seed,
         ..Settings::default()
     }

@@ -10,14 +10,14 @@ use super::{Blame, Exit, job, tune};
 use anyhow::{Context, anyhow};
 use opsr::image::film::{Film, Window};
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
-use opsr::integrator::drive::{Budget, Progress, Reason, drive};
-use opsr::integrator::{FirstHit, Method, Picture, Settings};
+use opsr::integrator::drive::{Budget, Reason, RenderProgress, drive};
+use opsr::integrator::{FirstHit, Picture, Settings, View};
 use opsr::math::UVec2;
-use opsr::regularise::TableTuning;
+use opsr::regularise::AttenuationTable;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-/// How often a checkpoint is written if nothing else is said.
+/// Interval of checkpoints unless another is asked for.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 /// Samples of a render whose budget is not given.
@@ -30,9 +30,9 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         can_write(path).output()?;
     }
     super::set_threads(args.threads)?;
-    let chosen = job::method(args)?;
+    let method = job::method(args)?;
     let opened = args.scene.open()?;
-    let mut settings = job::settings(args, chosen.method);
+    let mut settings = job::settings(args, &method);
     if args.table_scale == Some(job::Scale::Auto) {
         tune::tune(args, &opened, &mut settings)?;
     }
@@ -41,14 +41,11 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         seed: args.seed,
         scene: args.scene.scene.display().to_string(),
         scene_hash: opened.hash.clone(),
-        table_hash: chosen.table_hash.clone(),
-        table_tuning: match &settings.method {
-            Method::Table { table, .. } => Some(table.tuning()),
-            _ => None,
-        },
+        table_hash: method.table_sha256,
+        table_tuning: settings.rule.table().map(AttenuationTable::tuning),
         reproducible: args.reproducible,
     };
-    Job {
+    RenderJob {
         args,
         outputs,
         opened,
@@ -59,7 +56,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
 }
 
 /// Everything a render needs.
-struct Job<'a> {
+struct RenderJob<'a> {
     args: &'a RenderArgs,
     outputs: Outputs,
     opened: Opened,
@@ -67,7 +64,7 @@ struct Job<'a> {
     provenance: Provenance,
 }
 
-impl Job<'_> {
+impl RenderJob<'_> {
     fn run(&self) -> anyhow::Result<Exit> {
         let args = self.args;
         let size = tune::size(args, &self.opened)?;
@@ -82,7 +79,7 @@ impl Job<'_> {
         let budget = self.budget();
         let stop = Stop::listen();
         let bar = Bar::new(args.progress);
-        let checkpoint = |progress: &Progress, picture: &Picture| -> anyhow::Result<()> {
+        let checkpoint = |progress: &RenderProgress, picture: &Picture| -> anyhow::Result<()> {
             let Some(path) = &args.checkpoint else {
                 return Ok(());
             };
@@ -99,7 +96,7 @@ impl Job<'_> {
         };
         let mut saved = Instant::now();
         let mut trouble = None;
-        let mut listener = |progress: &Progress, picture: &Picture| {
+        let mut listener = |progress: &RenderProgress, picture: &Picture| {
             bar.show(progress);
             if let Some(view) = &mut live
                 && let Err(error) = view.show(&picture.film.mean())
@@ -127,12 +124,10 @@ impl Job<'_> {
                 ControlFlow::Continue(())
             }
         };
-        let integrator = self.settings.integrator();
-        let scene = &self.opened.scene;
+        let view = View::of(&self.opened.scene, &camera, &picture.film);
         let (progress, reason) = drive(
-            &*integrator,
-            scene,
-            &camera,
+            &mut *self.settings.integrator(),
+            &view,
             &budget,
             start,
             &mut picture,
@@ -142,7 +137,7 @@ impl Job<'_> {
         if let Some(error) = trouble {
             return Err(error.context("could not save the picture so far"));
         }
-        // What cannot be saved in one place is still saved in the other.
+        // If one of the two cannot be saved, the other still is.
         let kept = checkpoint(&progress, &picture);
         self.write(&picture, &progress, spent)?;
         kept?;
@@ -170,32 +165,12 @@ impl Job<'_> {
         }
     }
 
-    /// What a checkpoint of this render must say.
+    /// The identity of this render, which its checkpoints carry.
     fn fingerprint(&self, size: UVec2) -> Fingerprint {
-        let Settings {
-            method,
-            max_vertices,
-            roulette_start,
-            seed,
-        } = &self.settings;
         let args = self.args;
-        // A table is named by its hash, not by 1360 numbers.
-        let method = match (method, &self.provenance.table_hash) {
-            (
-                Method::Table {
-                    table,
-                    reuse,
-                    lambda,
-                },
-                Some(hash),
-            ) => {
-                let (lookup, TableTuning { scale, contrast }) = (table.lookup, table.tuning());
-                format!("table {hash} {lookup:?} {scale} {contrast} {reuse} {lambda}")
-            }
-            (method, _) => format!("{method:?}"),
-        };
         let settings = format!(
-            "{method}, {max_vertices} vertices, roulette {roulette_start}, seed {seed}, {}x{}, crop {:?}, camera {:?}, aov {}, {}",
+            "{}, {}x{}, crop {:?}, camera {:?}, aov {}, {}",
+            self.settings.fingerprint(),
             size.x,
             size.y,
             args.crop,
@@ -210,7 +185,7 @@ impl Job<'_> {
         }
     }
 
-    /// The picture to go on with, the number of its samples, and the seconds spent on them.
+    /// The picture to continue, the number of its samples, and the seconds spent on them.
     fn start(&self, size: UVec2, ours: &Fingerprint) -> anyhow::Result<(Picture, u32, f64)> {
         let args = self.args;
         if let Some(path) = &args.checkpoint {
@@ -220,7 +195,7 @@ impl Job<'_> {
             }
             if path.exists() {
                 let path = path.display();
-                let what = "exists: --resume goes on from it; remove it to begin anew";
+                let what = "exists: --resume continues from it; remove it to begin anew";
                 return Err(anyhow!("{path} {what}")).usage();
             }
         }
@@ -230,7 +205,12 @@ impl Job<'_> {
         Ok((Picture { film, aovs }, 0, 0.0))
     }
 
-    fn write(&self, picture: &Picture, progress: &Progress, spent: f64) -> anyhow::Result<()> {
+    fn write(
+        &self,
+        picture: &Picture,
+        progress: &RenderProgress,
+        spent: f64,
+    ) -> anyhow::Result<()> {
         let seconds = spent + progress.elapsed.as_secs_f64();
         let threads = rayon::current_num_threads();
         self.outputs.write(
@@ -239,8 +219,8 @@ impl Job<'_> {
         )
     }
 
-    /// Says what was done, and what was refused.
-    fn report(&self, picture: &Picture, progress: &Progress) {
+    /// Logs the statistics of the render, and the refused samples.
+    fn report(&self, picture: &Picture, progress: &RenderProgress) {
         let film = &picture.film;
         let seconds = progress.elapsed.as_secs_f64();
         let paths = film.pixels.iter().map(|p| f64::from(p.n)).sum::<f64>();
@@ -250,7 +230,7 @@ impl Job<'_> {
             paths / seconds / 1e6,
             film.relative_error()
         );
-        for line in super::info::unused(&self.opened.scene, &self.settings.method) {
+        for line in super::info::unused(&self.opened.scene, &self.settings.rule) {
             tracing::info!("{line}");
         }
         let rejected = &film.rejected;

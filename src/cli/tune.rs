@@ -6,9 +6,9 @@ use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use anyhow::Context;
 use opsr::image::film::{Film, Window};
-use opsr::integrator::{Method, Picture, Settings};
+use opsr::integrator::{Picture, Settings, View};
 use opsr::math::UVec2;
-use opsr::tune::{self, PilotView};
+use opsr::tune;
 use std::time::{Duration, Instant};
 
 /// Rows of a picture without `--size`.
@@ -26,12 +26,8 @@ pub(super) fn tune(
     let size = size(args, opened)?;
     let aspect = size.x as f32 / size.y as f32;
     let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
-    let view = PilotView {
-        scene: &opened.scene,
-        camera: &camera,
-        frame: size,
-        window: args.crop.unwrap_or(Window::full(size)),
-    };
+    let window = args.crop.unwrap_or(Window::full(size));
+    let view = View::new(&opened.scene, &camera, size, window);
     let samples = match (args.spp, args.time) {
         (Some(spp), _) => spp,
         (None, Some(time)) => samples_in(time, settings, &view)?,
@@ -42,7 +38,7 @@ pub(super) fn tune(
         .context("--crop")
         .usage()?;
     let tuning = (args.table_energy).map_or(pilot.tuning, |share| pilot.within(share.into()));
-    if let Method::Table { table, .. } = &mut settings.method {
+    if let Some(table) = settings.rule.table_mut() {
         *table = table.tuned(tuning);
         let why = if pilot.decided || args.table_energy.is_some() {
             ""
@@ -71,16 +67,16 @@ pub(super) fn tune(
 }
 
 /// Samples per pixel that fit into this time, about.
-fn samples_in(time: Duration, settings: &Settings, view: &PilotView<'_>) -> anyhow::Result<u32> {
+fn samples_in(time: Duration, settings: &Settings, view: &View<'_>) -> anyhow::Result<u32> {
     const PROBE: u32 = 4;
     let mut picture = Picture {
-        film: Film::cropped(view.frame, view.window)
+        film: Film::cropped(view.sensor.frame, view.window)
             .context("--crop")
             .usage()?,
         aovs: None,
     };
     let clock = Instant::now();
-    (settings.integrator()).pass(view.scene, view.camera, 0..PROBE, &mut picture);
+    (settings.integrator()).pass(view, 0..PROBE, &mut picture);
     let rate = f64::from(PROBE) / clock.elapsed().as_secs_f64().max(1e-6);
     Ok(((rate * time.as_secs_f64()) as u32).max(1))
 }

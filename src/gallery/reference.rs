@@ -11,7 +11,7 @@ use crate::gallery::manifest::{CROP, Manifest, SceneEntry};
 use crate::image::Film;
 use crate::image::exr::{self, Metadata};
 use crate::image::film::Window;
-use crate::integrator::{Picture, Settings};
+use crate::integrator::{Picture, Settings, View};
 use crate::math::{DVec3, UVec2};
 use crate::scene::{Camera, Scene};
 use std::path::{Path, PathBuf};
@@ -96,8 +96,8 @@ impl Reference {
     /// Adds the next `samples` samples to every pixel.
     pub fn extend(&mut self, scene: &Scene, camera: &Camera, samples: u32) {
         let end = self.next.saturating_add(samples);
-        let integrator = self.settings.integrator();
-        integrator.pass(scene, camera, self.next..end, &mut self.picture);
+        let view = View::of(scene, camera, &self.picture.film);
+        (self.settings.integrator()).pass(&view, self.next..end, &mut self.picture);
         self.next = end;
     }
 

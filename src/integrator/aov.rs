@@ -1,14 +1,15 @@
-//! What the first surface of each path looks like: albedo, normal and depth, for denoisers and compositing.
+//! AOVs of the first surface of each path: albedo, normal and depth, for denoisers and compositing.
 
-use super::walk::observer::{PathObserver, Recorder, Vertex};
+use super::ShadingPoint;
+use super::walk::observer::{PathObserver, Recorder};
 use crate::bsdf::Bsdf;
 use crate::image::Buffer;
 use crate::image::film::Window;
 use crate::math::{DVec3, Rgb, UVec2};
 
-/// Sums over the samples of a pixel.
+/// PixelSums over the samples of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Sums {
+struct PixelSums {
     albedo: DVec3,
     normal: DVec3,
     depth: f64,
@@ -20,8 +21,8 @@ struct Sums {
 #[derive(Clone, Debug, PartialEq)]
 pub struct FirstHit {
     window: Window,
-    sums: Vec<Sums>,
-    /// What a tile saw, in order: index of the pixel and, if its path met a surface, what was there.
+    sums: Vec<PixelSums>,
+    /// First vertices of a tile's paths, in order: index of the pixel, and the surface if the path met one.
     log: Vec<(usize, Option<Seen>)>,
 }
 
@@ -33,7 +34,7 @@ impl FirstHit {
     pub fn new(window: Window) -> Self {
         Self {
             window,
-            sums: vec![Sums::default(); window.len()],
+            sums: vec![PixelSums::default(); window.len()],
             log: Vec::new(),
         }
     }
@@ -61,7 +62,7 @@ impl FirstHit {
         })
     }
 
-    fn buffer(&self, f: impl Fn(&Sums) -> Rgb) -> Buffer {
+    fn buffer(&self, f: impl Fn(&PixelSums) -> Rgb) -> Buffer {
         Buffer {
             width: self.window.w as usize,
             height: self.window.h as usize,
@@ -93,7 +94,7 @@ impl FirstHit {
         if chunks.len() != window.len() || !rest.is_empty() {
             return None;
         }
-        let sums = chunks.iter().map(|c| Sums {
+        let sums = chunks.iter().map(|c| PixelSums {
             albedo: DVec3::new(c[0], c[1], c[2]),
             normal: DVec3::new(c[3], c[4], c[5]),
             depth: c[6],
@@ -108,7 +109,7 @@ impl FirstHit {
     }
 }
 
-/// Reflectance plus transmittance of a closure, roughly: what a denoiser divides by.
+/// Reflectance plus transmittance of a BSDF, roughly, for denoisers to divide by.
 fn albedo(bsdf: &Bsdf) -> Rgb {
     match bsdf {
         Bsdf::Diffuse(d) => d.albedo,
@@ -119,20 +120,17 @@ fn albedo(bsdf: &Bsdf) -> Rgb {
 }
 
 impl PathObserver for FirstHit {
-    const VERTICES: bool = true;
-
     fn begin(&mut self, pixel: UVec2, _: u32) {
         let (x, y) = (pixel.x - self.window.x, pixel.y - self.window.y);
         self.log
             .push((y as usize * self.window.w as usize + x as usize, None));
     }
 
-    fn vertex(&mut self, vertex: &Vertex<'_>) {
-        if vertex.n == 1
+    fn vertex(&mut self, n: u32, distance: f32, point: &ShadingPoint<'_>) {
+        if n == 1
             && let Some((_, seen)) = self.log.last_mut()
         {
-            let normal = vertex.surface.frame_for(vertex.wo).n;
-            *seen = Some((albedo(vertex.bsdf), normal, vertex.distance));
+            *seen = Some((albedo(&point.bsdf), point.frame.n, distance));
         }
     }
 }

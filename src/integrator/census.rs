@@ -1,17 +1,32 @@
-//! How often a rule acts.
+//! Counts of the vertices that a rule roughens.
 
-use super::walk::observer::{PathObserver, Recorder, Vertex};
+use super::walk::observer::{PathObserver, Recorder};
+use super::{Settings, ShadingPoint, View};
+use crate::image::film::Film;
+use crate::sampler::{Domain, Independent, Seed};
+use std::ops::Range;
 
-/// Counts vertices.
+/// Numbers of vertices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Census {
     /// Vertices at which light was gathered.
     pub vertices: u64,
-    /// Those of them with a roughened lobe.
+    /// Vertices among them with a roughened lobe.
     pub regularised: u64,
 }
 
 impl Census {
+    /// Counts along the paths with these sample numbers through the window of a film of the view, which stays as it is.
+    pub fn take(settings: &Settings, view: &View<'_>, samples: Range<u32>, film: &Film) -> Self {
+        let tracer = settings.tracer(settings.rule.clone());
+        let source = Independent {
+            seed: Seed(settings.seed).derive(Domain::Camera, 0),
+        };
+        let mut census = Self::default();
+        tracer.estimate(view, &source, samples, &mut film.clone(), &mut census);
+        census
+    }
+
     /// Share of the vertices that were regularised; zero without vertices.
     pub fn share(&self) -> f64 {
         self.regularised as f64 / self.vertices.max(1) as f64
@@ -19,11 +34,9 @@ impl Census {
 }
 
 impl PathObserver for Census {
-    const VERTICES: bool = true;
-
-    fn vertex(&mut self, vertex: &Vertex<'_>) {
+    fn vertex(&mut self, _: u32, _: f32, point: &ShadingPoint<'_>) {
         self.vertices += 1;
-        self.regularised += u64::from(vertex.alpha_reg > vertex.bsdf.alpha());
+        self.regularised += u64::from(point.is_roughened());
     }
 }
 

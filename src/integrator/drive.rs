@@ -1,11 +1,10 @@
 //! Passes until a budget is spent.
 
-use super::{Integrator, Picture};
-use crate::scene::{Camera, Scene};
+use super::{Integrator, Picture, View};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-/// When to stop: at the first bound that is reached. Without any bound a render goes on until it is told to stop.
+/// Bounds of a render, which stops at the first that it reaches; without any, when the listener stops it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Budget {
     /// Samples per pixel in all, those of a resumed film included.
@@ -16,22 +15,22 @@ pub struct Budget {
     pub error: Option<f64>,
 }
 
-/// Why a render ended.
+/// The bound that ended a render.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reason {
-    /// All samples are there.
+    /// All samples are taken.
     Samples,
     /// The time is over.
     Time,
     /// The noise is low enough.
     Error,
-    /// The listener wanted it so.
+    /// The listener broke.
     Stopped,
 }
 
-/// Where a render stands after a pass.
+/// State of a render after a pass.
 #[derive(Clone, Copy, Debug)]
-pub struct Progress {
+pub struct RenderProgress {
     /// Samples per pixel so far.
     pub samples: u32,
     /// Wall time of this run so far.
@@ -42,7 +41,7 @@ pub struct Progress {
     pub error: Option<f64>,
 }
 
-impl Progress {
+impl RenderProgress {
     /// Time left, extrapolated from the part that is done.
     pub fn eta(&self) -> Option<Duration> {
         let fraction = self.fraction.filter(|&f| f > 0.0)?;
@@ -50,28 +49,27 @@ impl Progress {
     }
 }
 
-/// The noise of fewer samples says too little to stop on.
+/// Fewer samples estimate their own noise too badly to stop on.
 const MIN_SAMPLES_FOR_ERROR: u32 = 16;
 
-/// Samples of the longest pass: the listener hears from a render at least this often.
+/// Samples of the longest pass, after which the listener is called.
 const MAX_PASS: u32 = 16;
 
 /// Runs passes of an integrator from sample number `start` on until the budget is spent or the listener breaks.
 ///
 /// The listener is called after each pass with the picture so far.
 pub fn drive(
-    integrator: &dyn Integrator,
-    scene: &Scene,
-    camera: &Camera,
+    integrator: &mut dyn Integrator,
+    view: &View<'_>,
     budget: &Budget,
     start: u32,
     picture: &mut Picture,
-    listener: &mut dyn FnMut(&Progress, &Picture) -> ControlFlow<()>,
-) -> (Progress, Reason) {
+    listener: &mut dyn FnMut(&RenderProgress, &Picture) -> ControlFlow<()>,
+) -> (RenderProgress, Reason) {
     let clock = Instant::now();
     let mut samples = start;
     let mut length = 1u32;
-    let mut progress = Progress {
+    let mut progress = RenderProgress {
         samples,
         elapsed: Duration::ZERO,
         fraction: None,
@@ -85,12 +83,12 @@ pub fn drive(
             .saturating_add(length)
             .min(budget.samples.unwrap_or(u32::MAX));
         let pass = Instant::now();
-        integrator.pass(scene, camera, samples..end, picture);
+        integrator.pass(view, samples..end, picture);
         let seconds = pass.elapsed().as_secs_f64() / f64::from(end - samples);
         samples = end;
         let elapsed = clock.elapsed();
         let error = budget.error.map(|_| picture.film.relative_error());
-        progress = Progress {
+        progress = RenderProgress {
             samples,
             elapsed,
             fraction: fraction(budget, start, samples, elapsed, error),
@@ -104,7 +102,7 @@ pub fn drive(
 }
 
 /// The first bound that is reached.
-fn reached(budget: &Budget, progress: &Progress) -> Option<Reason> {
+fn reached(budget: &Budget, progress: &RenderProgress) -> Option<Reason> {
     if budget.samples.is_some_and(|s| progress.samples >= s) {
         Some(Reason::Samples)
     } else if budget.time.is_some_and(|t| progress.elapsed >= t) {
@@ -121,7 +119,7 @@ fn reached(budget: &Budget, progress: &Progress) -> Option<Reason> {
     }
 }
 
-/// How much of the budget is spent, by the bound that is nearest.
+/// Part of the budget that is spent, by the nearest bound.
 fn fraction(
     budget: &Budget,
     start: u32,

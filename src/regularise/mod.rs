@@ -1,9 +1,9 @@
 //! The paper: how much to roughen the last surface of a path, given the roughness of the path so far.
 //!
 //! At next-event estimation the glossy lobe of the last vertex is evaluated at an *accumulated roughness*
-//! α′ₙ ≥ αₙ `[OPSR (7)]`; the path itself goes on with the original lobe. [`Accumulated`] computes α′ from a
-//! [`PathRoughness`] and an [`Attenuation`] (a learned table, or one constant γ). Rules that other renderers use
-//! stand beside it behind the same small interface, [`Regulariser`]; [`Unregularised`] is a plain path tracer.
+//! α′ₙ ≥ αₙ `[OPSR (7)]`; the path itself continues with the original lobe. [`Accumulated`] computes α′ from a
+//! [`PathRoughness`] and [`Factors`] (a learned table, or one constant γ). [`Rule`] is the policy a user chooses,
+//! rules of other renderers among them; estimators see any of them as a [`Roughening`].
 //!
 //! Nothing here depends on scenes, lights or the trainer.
 
@@ -16,9 +16,10 @@ mod table;
 pub use roughness::{
     BIN_EDGES, BINS, GammaIndex, MAX_VERTICES, PathRoughness, bin, bin_coordinate,
 };
+pub use rules::Rule;
 pub use table::{AttenuationTable, LEN, Lookup, TableTuning};
 
-/// Where the attenuation factor γ in [0, 1] of a path comes from.
+/// A source of the attenuation factor γ in [0, 1] of a path.
 pub trait Attenuation: Sync {
     /// γ for a path with this prefix whose last vertex has roughness `last`; the prefix is not empty.
     fn gamma(&self, prefix: &PathRoughness, last: f32) -> f32;
@@ -35,50 +36,89 @@ impl Attenuation for ConstantGamma {
     }
 }
 
-/// What a path scattered from, as a rule may want to remember it.
+/// Attenuation factors of [`Accumulated`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum Factors {
+    /// One γ in [0, 1] for every path.
+    Constant(f32),
+    /// One learned γ for each class of path.
+    Table(AttenuationTable),
+}
+
+impl Attenuation for Factors {
+    #[inline]
+    fn gamma(&self, prefix: &PathRoughness, last: f32) -> f32 {
+        match self {
+            Self::Constant(gamma) => *gamma,
+            Self::Table(table) => table.gamma(prefix, last),
+        }
+    }
+}
+
+/// The lobe that a path continued from, as rules remember it.
 #[derive(Clone, Copy, Debug)]
 pub struct Scattered {
-    /// Own roughness of the lobe that was sampled: 0 for a perfectly smooth one, 1 for Lambert.
+    /// Own roughness of the sampled lobe: 0 for a perfectly smooth one, 1 for Lambert.
     pub alpha: f32,
     /// Density of the direction per steradian, infinity for a Dirac lobe.
     pub pdf_w: f32,
 }
 
-/// A rule that roughens the last vertex of a path.
-pub trait Regulariser: Sync {
-    /// What the rule remembers of the path so far.
+/// Computes the roughness of the last vertex of a path at next-event estimation.
+pub trait Roughening: Sync {
+    /// Memory of the path so far.
     type Path: Copy;
-    /// Whether the rule ever changes a roughness; `false` compiles it away.
-    const ACTIVE: bool;
-    /// Whether the path goes on with the roughened lobe too.
-    const REUSE: bool;
+    /// False where no roughness ever changes, which compiles look-up and memory away.
+    const ACTIVE: bool = true;
 
     /// The memory of an empty path of sample number `sample` (from 0) of a pixel.
     fn start(&self, sample: u32) -> Self::Path;
 
-    /// Roughness to use at next-event estimation, at least `alpha`; `alpha` itself where nothing changes.
+    /// Roughness α′ ≥ `alpha` at next-event estimation; `alpha` itself where nothing changes.
     fn roughen(&self, path: &Self::Path, alpha: f32) -> f32;
 
     /// Appends a vertex to the memory.
     fn scatter(&self, path: &mut Self::Path, vertex: Scattered);
 
-    /// Whether Dirac lobes are spread towards lights that nothing can find by way of them.
-    const MOLLIFIES: bool = false;
-
-    /// How far they are spread: radius of the kernel at the light over half the diagonal of the scene.
-    fn bandwidth(&self, _: &Self::Path) -> f32 {
-        0.0
+    /// Radius over half the diagonal of the scene of the kernel at lights without area, for a rule that spreads Dirac
+    /// lobes towards them `[PSR]`.
+    fn mollifier_radius(&self, _: &Self::Path) -> Option<f32> {
+        None
     }
 }
 
-/// No regularisation: a plain path tracer.
+impl<R: Roughening> Roughening for &R {
+    type Path = R::Path;
+    const ACTIVE: bool = R::ACTIVE;
+
+    #[inline]
+    fn start(&self, sample: u32) -> R::Path {
+        (**self).start(sample)
+    }
+
+    #[inline]
+    fn roughen(&self, path: &R::Path, alpha: f32) -> f32 {
+        (**self).roughen(path, alpha)
+    }
+
+    #[inline]
+    fn scatter(&self, path: &mut R::Path, vertex: Scattered) {
+        (**self).scatter(path, vertex)
+    }
+
+    #[inline]
+    fn mollifier_radius(&self, path: &R::Path) -> Option<f32> {
+        (**self).mollifier_radius(path)
+    }
+}
+
+/// No regularisation: plain path tracing, without any memory.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Unregularised;
 
-impl Regulariser for Unregularised {
+impl Roughening for Unregularised {
     type Path = ();
     const ACTIVE: bool = false;
-    const REUSE: bool = false;
 
     fn start(&self, _: u32) {}
 
@@ -92,30 +132,25 @@ impl Regulariser for Unregularised {
 }
 
 /// Path space regularisation by accumulated roughness `[OPSR (13), (14)]`.
-///
-/// With `REUSE` the path goes on with the regularised lobe ("reuse" of section 5.1): as fast as a plain path tracer,
-/// slightly more bias.
-#[derive(Clone, Copy, Debug)]
-pub struct Accumulated<A, const REUSE: bool = false> {
+#[derive(Clone, Debug, PartialEq)]
+pub struct Accumulated {
     /// The attenuation factors.
-    pub attenuation: A,
+    pub factors: Factors,
     /// Exponent λ of the consistent variant, which multiplies the surplus α′ − α of sample n (from 1) by n^−λ
     /// `[OPSR §4.2]`; 0 for the fixed, biased estimator.
     pub lambda: f32,
 }
 
 /// Memory of [`Accumulated`].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct AccumulatedPath {
     roughness: PathRoughness,
     /// n^−λ.
     shrink: f32,
 }
 
-impl<A: Attenuation, const REUSE: bool> Regulariser for Accumulated<A, REUSE> {
+impl Roughening for Accumulated {
     type Path = AccumulatedPath;
-    const ACTIVE: bool = true;
-    const REUSE: bool = REUSE;
 
     fn start(&self, sample: u32) -> AccumulatedPath {
         let shrink = if self.lambda > 0.0 {
@@ -131,14 +166,13 @@ impl<A: Attenuation, const REUSE: bool> Regulariser for Accumulated<A, REUSE> {
 
     #[inline]
     fn roughen(&self, path: &AccumulatedPath, alpha: f32) -> f32 {
-        path.roughness
-            .accumulate(alpha, &self.attenuation, path.shrink)
+        path.roughness.accumulate(alpha, &self.factors, path.shrink)
     }
 
     #[inline]
     fn scatter(&self, path: &mut AccumulatedPath, vertex: Scattered) {
         path.roughness
-            .push(vertex.alpha, &self.attenuation, path.shrink);
+            .push(vertex.alpha, &self.factors, path.shrink);
     }
 }
 
@@ -147,13 +181,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_path_gathers_roughness_and_samples_shrink_it() {
+    fn accumulated_roughness_shrinks_with_the_sample_number() {
         let scattered = |alpha| Scattered { alpha, pdf_w: 1.0 };
-        // Sample 0 is the first, of which nothing is taken.
+        // Sample 0 is the first, with the full surplus.
         for (lambda, sample, shrink) in [(0.0, 3, 1.0), (0.5, 0, 1.0), (0.5, 3, 0.5), (1.0, 4, 0.2)]
         {
-            let rule = Accumulated::<_, false> {
-                attenuation: ConstantGamma(0.25),
+            let rule = Accumulated {
+                factors: Factors::Constant(0.25),
                 lambda,
             };
             let mut path = rule.start(sample);

@@ -1,132 +1,168 @@
-//! Rules of other renderers, for comparison. All but [`Mollifier`] blur the continuation of the path too, which OPSR
-//! does not.
+//! The rule that a user chooses: accumulated roughness, or one of other renderers for comparison.
 
-use super::{Regulariser, Scattered};
+use super::{
+    Accumulated, AccumulatedPath, AttenuationTable, Factors, Lookup, Roughening, Scattered,
+};
+use crate::files::hex;
+use sha2::{Digest, Sha256};
 
-/// pbrt-v4's `regularize`: after any bounce that was not perfectly specular, a lobe below 0.3 is doubled and clamped
-/// to [0.1, 0.3].
-#[derive(Clone, Copy, Debug, Default)]
-pub struct PbrtRegularize;
+/// A rule that roughens the last vertex of a path.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Rule {
+    /// Not at all.
+    #[default]
+    Plain,
+    /// Accumulated roughness with learned factors or one constant `[OPSR]`.
+    Accumulated(Accumulated),
+    /// pbrt-v4's `regularize`: after any bounce that was not perfectly specular, a lobe below 0.3 is doubled and clamped
+    /// to [0.1, 0.3].
+    Pbrt,
+    /// Cycles' "filter glossy" with filter value F > 0: with p the smallest density sampled so far and b = p/F < 1,
+    /// α′ = max(α, ½ √(1 − b)). Larger F filters more.
+    FilterGlossy(f32),
+    /// Roughness clamp: no lobe is sharper than the roughest one before it.
+    RoughnessClamp,
+    /// The mollifier of Kaplanyan and Dachsbacher at next-event estimation `[PSR]`, only where no path could be sampled:
+    /// a smooth lobe before a light without area. Holds r₀ over half the diagonal of the scene; sample n uses a kernel
+    /// of radius r₀ n^(−1/6), so the bias vanishes.
+    Mollifier(f32),
+}
 
-impl Regulariser for PbrtRegularize {
-    /// Whether a bounce that was not perfectly specular has happened.
-    type Path = bool;
-    const ACTIVE: bool = true;
-    const REUSE: bool = true;
+/// r₀ of [`Rule::Mollifier`] unless another is asked for.
+pub const MOLLIFIER_RADIUS: f32 = 0.01;
 
-    fn start(&self, _: u32) -> bool {
-        false
+impl Rule {
+    /// Accumulated roughness with one factor for all paths: the paper's naive variant.
+    pub fn constant(gamma: f32) -> Self {
+        Self::Accumulated(Accumulated {
+            factors: Factors::Constant(gamma),
+            lambda: 0.0,
+        })
     }
 
-    #[inline]
-    fn roughen(&self, &blurred: &bool, alpha: f32) -> f32 {
-        if blurred && alpha < 0.3 {
-            (2.0 * alpha).clamp(0.1, 0.3)
-        } else {
-            alpha
+    /// Accumulated roughness with the factors of a table.
+    pub fn with_table(table: AttenuationTable) -> Self {
+        Self::Accumulated(Accumulated {
+            factors: Factors::Table(table),
+            lambda: 0.0,
+        })
+    }
+
+    /// The table, for a rule that has one.
+    pub fn table(&self) -> Option<&AttenuationTable> {
+        match self {
+            Self::Accumulated(Accumulated {
+                factors: Factors::Table(table),
+                ..
+            }) => Some(table),
+            _ => None,
         }
     }
 
-    #[inline]
-    fn scatter(&self, blurred: &mut bool, vertex: Scattered) {
-        *blurred |= vertex.alpha > 0.0;
+    /// The table to change, for a rule that has one.
+    pub fn table_mut(&mut self) -> Option<&mut AttenuationTable> {
+        match self {
+            Self::Accumulated(Accumulated {
+                factors: Factors::Table(table),
+                ..
+            }) => Some(table),
+            _ => None,
+        }
+    }
+
+    /// True for rules whose paths always continue with the roughened lobe, as in the renderers they come from.
+    pub fn roughens_continuation(&self) -> bool {
+        matches!(
+            self,
+            Self::Pbrt | Self::FilterGlossy(_) | Self::RoughnessClamp
+        )
+    }
+
+    /// The rule in words that two rules share only if they roughen alike; a table is named by the hash of its factors.
+    pub fn fingerprint(&self) -> String {
+        let (Some(table), Self::Accumulated(rule)) = (self.table(), self) else {
+            return format!("{self:?}");
+        };
+        let AttenuationTable {
+            gammas,
+            lookup,
+            scale,
+            contrast: _,
+        } = table;
+        let factors = hex(&Sha256::digest(bytemuck::cast_slice::<f32, u8>(
+            &gammas[..],
+        )));
+        let lookup = match lookup {
+            Lookup::Nearest => "nearest",
+            Lookup::Linear => "linear",
+        };
+        format!(
+            "table {factors} {lookup} scale {scale} lambda {}",
+            rule.lambda
+        )
     }
 }
 
-/// Cycles' "filter glossy" with filter value F: with p the smallest density sampled so far and b = p/F < 1,
-/// α′ = max(α, ½ √(1 − b)).
+/// Memory of [`Rule`], kept whatever the rule.
 #[derive(Clone, Copy, Debug)]
-pub struct FilterGlossy {
-    /// F > 0; larger filters more.
-    pub filter: f32,
-}
-
-impl Regulariser for FilterGlossy {
+pub struct RulePath {
+    accumulated: AccumulatedPath,
+    /// The largest own roughness so far.
+    roughest: f32,
     /// The smallest density so far.
-    type Path = f32;
-    const ACTIVE: bool = true;
-    const REUSE: bool = true;
+    least_pdf_w: f32,
+    sample: u32,
+}
 
-    fn start(&self, _: u32) -> f32 {
-        f32::INFINITY
-    }
+impl Roughening for Rule {
+    type Path = RulePath;
 
-    #[inline]
-    fn roughen(&self, &smallest: &f32, alpha: f32) -> f32 {
-        let b = smallest / self.filter;
-        if b < 1.0 {
-            alpha.max(0.5 * (1.0 - b).sqrt())
-        } else {
-            alpha
+    fn start(&self, sample: u32) -> RulePath {
+        RulePath {
+            accumulated: match self {
+                Self::Accumulated(rule) => rule.start(sample),
+                _ => AccumulatedPath::default(),
+            },
+            roughest: 0.0,
+            least_pdf_w: f32::INFINITY,
+            sample,
         }
     }
 
     #[inline]
-    fn scatter(&self, smallest: &mut f32, vertex: Scattered) {
-        *smallest = smallest.min(vertex.pdf_w);
-    }
-}
-
-/// Roughness clamp: no lobe is sharper than the roughest one before it.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct RoughnessClamp;
-
-impl Regulariser for RoughnessClamp {
-    /// The largest roughness so far.
-    type Path = f32;
-    const ACTIVE: bool = true;
-    const REUSE: bool = true;
-
-    fn start(&self, _: u32) -> f32 {
-        0.0
-    }
-
-    #[inline]
-    fn roughen(&self, &largest: &f32, alpha: f32) -> f32 {
-        alpha.max(largest)
+    fn roughen(&self, path: &RulePath, alpha: f32) -> f32 {
+        match self {
+            Self::Plain | Self::Mollifier(_) => alpha,
+            Self::Accumulated(rule) => rule.roughen(&path.accumulated, alpha),
+            Self::Pbrt if path.roughest > 0.0 && alpha < 0.3 => (2.0 * alpha).clamp(0.1, 0.3),
+            Self::Pbrt => alpha,
+            Self::FilterGlossy(filter) => {
+                let b = path.least_pdf_w / filter;
+                if b < 1.0 {
+                    alpha.max(0.5 * (1.0 - b).sqrt())
+                } else {
+                    alpha
+                }
+            }
+            Self::RoughnessClamp => alpha.max(path.roughest),
+        }
     }
 
     #[inline]
-    fn scatter(&self, largest: &mut f32, vertex: Scattered) {
-        *largest = largest.max(vertex.alpha);
-    }
-}
-
-/// The mollifier of Kaplanyan and Dachsbacher at next-event estimation `[PSR]`, only where no path could be sampled:
-/// a smooth lobe before a light without area. Sample n uses a kernel of radius r₀ n^(−1/6), so the bias vanishes.
-#[derive(Clone, Copy, Debug)]
-pub struct Mollifier {
-    /// r₀ over half the diagonal of the scene.
-    pub radius: f32,
-}
-
-impl Mollifier {
-    /// r₀ if nothing else is said.
-    pub const RADIUS: f32 = 0.01;
-}
-
-impl Regulariser for Mollifier {
-    /// The radius for this sample.
-    type Path = f32;
-    const ACTIVE: bool = false;
-    const REUSE: bool = false;
-    const MOLLIFIES: bool = true;
-
-    fn start(&self, sample: u32) -> f32 {
-        (f64::from(self.radius) * (f64::from(sample) + 1.0).powf(-1.0 / 6.0)) as f32
+    fn scatter(&self, path: &mut RulePath, vertex: Scattered) {
+        if let Self::Accumulated(rule) = self {
+            rule.scatter(&mut path.accumulated, vertex);
+        }
+        path.roughest = path.roughest.max(vertex.alpha);
+        path.least_pdf_w = path.least_pdf_w.min(vertex.pdf_w);
     }
 
-    #[inline]
-    fn roughen(&self, _: &f32, alpha: f32) -> f32 {
-        alpha
-    }
-
-    #[inline]
-    fn scatter(&self, _: &mut f32, _: Scattered) {}
-
-    #[inline]
-    fn bandwidth(&self, &radius: &f32) -> f32 {
-        radius
+    fn mollifier_radius(&self, path: &RulePath) -> Option<f32> {
+        let &Self::Mollifier(radius) = self else {
+            return None;
+        };
+        let n = f64::from(path.sample) + 1.0;
+        Some((f64::from(radius) * n.powf(-1.0 / 6.0)) as f32)
     }
 }
 
@@ -134,19 +170,19 @@ impl Regulariser for Mollifier {
 mod tests {
     use super::*;
 
-    fn met(alpha: f32, pdf_w: f32) -> Scattered {
+    fn scattered(alpha: f32, pdf_w: f32) -> Scattered {
         Scattered { alpha, pdf_w }
     }
 
     #[test]
-    fn pbrt_doubles_what_is_sharp_after_a_rough_bounce() {
-        let rule = PbrtRegularize;
+    fn pbrt_doubles_sharp_lobes_after_a_rough_bounce() {
+        let rule = Rule::Pbrt;
         let mut path = rule.start(0);
-        rule.scatter(&mut path, met(0.0, f32::INFINITY));
+        rule.scatter(&mut path, scattered(0.0, f32::INFINITY));
         assert_eq!(rule.roughen(&path, 0.01), 0.01);
-        rule.scatter(&mut path, met(1e-3, 9.0));
+        rule.scatter(&mut path, scattered(1e-3, 9.0));
         // Remembered whatever comes after.
-        rule.scatter(&mut path, met(0.0, f32::INFINITY));
+        rule.scatter(&mut path, scattered(0.0, f32::INFINITY));
         for (own, blurred) in [
             (0.0, 0.1),
             (0.01, 0.1),
@@ -162,39 +198,75 @@ mod tests {
     }
 
     #[test]
-    fn cycles_filters_by_the_least_density() {
-        let rule = FilterGlossy { filter: 4.0 };
+    fn filter_glossy_follows_the_least_density() {
+        let rule = Rule::FilterGlossy(4.0);
         let mut path = rule.start(0);
         assert_eq!(rule.roughen(&path, 0.01), 0.01);
         for (pdf_w, expected) in [(8.0, 0.01), (4.0, 0.01), (3.0, 0.25), (5.0, 0.25)] {
-            rule.scatter(&mut path, met(0.0, pdf_w));
+            rule.scatter(&mut path, scattered(0.0, pdf_w));
             assert_eq!(rule.roughen(&path, 0.01), expected, "{pdf_w}");
         }
         assert_eq!(rule.roughen(&path, 0.6), 0.6);
     }
 
     #[test]
-    fn a_clamp_remembers_the_roughest() {
-        let rule = RoughnessClamp;
+    fn roughness_clamp_remembers_the_roughest_vertex() {
+        let rule = Rule::RoughnessClamp;
         let mut path = rule.start(0);
         assert_eq!(rule.roughen(&path, 0.01), 0.01);
         for (own, largest) in [(0.2, 0.2), (0.1, 0.2), (0.5, 0.5)] {
-            rule.scatter(&mut path, met(own, 1.0));
+            rule.scatter(&mut path, scattered(own, 1.0));
             assert_eq!(rule.roughen(&path, 0.01), largest);
             assert_eq!(rule.roughen(&path, 0.9), 0.9);
         }
     }
 
     #[test]
-    fn the_mollifier_leaves_roughness_alone() {
-        let rule = Mollifier { radius: 0.1 };
+    fn mollifier_leaves_roughness_alone_and_shrinks_its_kernel() {
+        let rule = Rule::Mollifier(0.1);
         let mut path = rule.start(0);
-        assert_eq!(rule.bandwidth(&path), 0.1);
-        rule.scatter(&mut path, met(1.0, 1.0));
-        assert_eq!(
-            (rule.bandwidth(&path), rule.roughen(&path, 0.3)),
-            (0.1, 0.3)
-        );
-        assert_eq!(PbrtRegularize.bandwidth(&true), 0.0);
+        assert_eq!(rule.mollifier_radius(&path), Some(0.1));
+        rule.scatter(&mut path, scattered(1.0, 1.0));
+        assert_eq!(rule.mollifier_radius(&path), Some(0.1));
+        assert_eq!(rule.roughen(&path, 0.3), 0.3);
+        // With the sixth root of the sample's number.
+        let later = rule.mollifier_radius(&rule.start(63)).unwrap();
+        assert!((later - 0.05).abs() < 1e-8);
+        assert_eq!(Rule::Pbrt.mollifier_radius(&path), None);
+    }
+
+    #[test]
+    fn rules_have_the_same_fingerprint_only_if_they_are_equal() {
+        let table = |gamma, lookup, scale| {
+            Rule::with_table(AttenuationTable {
+                lookup,
+                scale,
+                ..AttenuationTable::constant(gamma)
+            })
+        };
+        let consistent = Rule::Accumulated(Accumulated {
+            factors: Factors::Table(AttenuationTable::constant(0.5)),
+            lambda: 0.2,
+        });
+        let rules = [
+            Rule::Plain,
+            Rule::constant(0.5),
+            Rule::constant(0.25),
+            table(0.5, Lookup::Nearest, 1.0),
+            table(0.25, Lookup::Nearest, 1.0),
+            table(0.5, Lookup::Linear, 1.0),
+            table(0.5, Lookup::Nearest, 2.0),
+            consistent,
+            Rule::Pbrt,
+            Rule::FilterGlossy(1.0),
+            Rule::FilterGlossy(2.0),
+            Rule::RoughnessClamp,
+            Rule::Mollifier(0.01),
+        ];
+        for (i, a) in rules.iter().enumerate() {
+            for (j, b) in rules.iter().enumerate() {
+                assert_eq!(a.fingerprint() == b.fingerprint(), i == j, "{a:?} {b:?}");
+            }
+        }
     }
 }

@@ -6,8 +6,18 @@ use super::{Attenuation, MAX_VERTICES};
 /// P: number of attenuation factors in a table, 4² + 4³ + 4⁴ + 4⁵.
 pub const LEN: usize = 1360;
 
-/// Map from a path to its factor.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+/// How a path finds its factor.
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize,
+    clap::ValueEnum,
+)]
 #[serde(rename_all = "kebab-case")]
 pub enum Lookup {
     /// Factor of the path's class, as in the paper. α′ jumps where a roughness crosses the edge of a bin.

@@ -14,6 +14,8 @@ pub mod load;
 pub mod material;
 pub mod mesh;
 mod normals;
+
+pub mod sensor;
 pub mod texture;
 
 pub use camera::Camera;
@@ -21,6 +23,8 @@ pub use geometry::Geometry;
 pub use light::{Emission, Environment, LightDensity, LightSample, Lights, PunctualLight};
 pub use material::Material;
 pub use mesh::Mesh;
+
+pub use sensor::Sensor;
 pub use texture::Texture;
 
 /// Everything a scene is made of, as plain data.

@@ -1,8 +1,7 @@
 //! Pictures of a candidate in independent batches, and their tiles.
 
-use super::PilotView;
 use crate::image::film::{Film, FilmError, Window};
-use crate::integrator::{Integrator, Picture, Settings};
+use crate::integrator::{Integrator, Picture, Settings, View};
 use std::ops::Range;
 
 /// Independent batches.
@@ -25,9 +24,9 @@ pub(super) struct CandidatePictures {
 
 impl CandidatePictures {
     /// No samples yet.
-    pub(super) fn new(settings: &Settings, view: &PilotView<'_>) -> Result<Self, FilmError> {
+    pub(super) fn new(settings: &Settings, view: &View<'_>) -> Result<Self, FilmError> {
         let picture = Picture {
-            film: Film::cropped(view.frame, view.window)?,
+            film: Film::cropped(view.sensor.frame, view.window)?,
             aovs: None,
         };
         Ok(Self {
@@ -37,11 +36,11 @@ impl CandidatePictures {
     }
 
     /// Adds some of the `spp` samples per pixel of every batch.
-    pub(super) fn trace(&mut self, view: &PilotView<'_>, spp: u32, samples: Range<u32>) {
+    pub(super) fn trace(&mut self, view: &View<'_>, spp: u32, samples: Range<u32>) {
         for (batch, picture) in (0..).zip(&mut self.pictures) {
             let first = batch * spp;
             let range = first + samples.start..first + samples.end;
-            (self.integrator).pass(view.scene, view.camera, range, picture);
+            (self.integrator).pass(view, range, picture);
         }
     }
 

@@ -16,10 +16,9 @@
 mod candidate;
 
 use crate::image::film::{FilmError, Window};
-use crate::integrator::{Method, Settings};
+use crate::integrator::{Estimator, Settings, View};
 use crate::math::UVec2;
-use crate::regularise::TableTuning;
-use crate::scene::{Camera, Scene};
+use crate::regularise::{Rule, TableTuning};
 use candidate::{BATCHES, CandidatePictures, TILE, Tiles};
 
 /// Contrasts of the candidates: all of the table's pattern, half of it, and none.
@@ -112,60 +111,39 @@ impl Pilot {
     }
 }
 
-/// Part of a scene that is rendered.
-#[derive(Clone, Copy)]
-pub struct PilotView<'a> {
-    /// The scene.
-    pub scene: &'a Scene,
-    /// The camera.
-    pub camera: &'a Camera,
-    /// Size of the whole picture.
-    pub frame: UVec2,
-    /// Rendered part of the picture.
-    pub window: Window,
-}
-
 /// Chooses the tuning of the table in `settings` for a render of a view with `samples` samples per pixel.
 ///
 /// Settings without a table, and scenes without lobes to roughen, need no pilot. The reuse mode is piloted in the
 /// default mode, since its paths would differ between candidates. Fails where the window leaves the frame.
-pub fn choose(settings: &Settings, view: &PilotView<'_>, samples: u32) -> Result<Pilot, FilmError> {
-    let table = match &settings.method {
-        Method::Table { table, .. } if view.scene.has_lobes() => table,
-        _ => {
-            return Ok(Pilot {
-                tuning: TableTuning::NONE,
-                decided: false,
-                candidates: Vec::new(),
-                paths: 0,
-            });
-        }
+pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilot, FilmError> {
+    let Some(table) = settings.rule.table().filter(|_| view.scene.has_lobes()) else {
+        return Ok(Pilot {
+            tuning: TableTuning::NONE,
+            decided: false,
+            candidates: Vec::new(),
+            paths: 0,
+        });
     };
-    let view = view.reduced();
-    let window = view.window;
+    let (frame, window) = pilot_window(view.sensor.frame, view.window);
+    let view = View::new(view.scene, view.sensor.camera, frame, window);
     let (pixels, batches) = (window.len() as u64, BATCHES as u64);
     let wanted = (PATHS_PER_SAMPLE * u64::from(samples)).clamp(PATHS.0, PATHS.1);
     let spp = (wanted / (batches * pixels)).max(2) as u32;
     let first = 0..(spp / FIRST_ROUND).max(2);
     let second = first.end..spp;
-    let begin = |method: Method| {
+    let begin = |rule: Rule| {
         let settings = Settings {
-            method,
+            estimator: Estimator::Path { reuse: false },
+            rule,
             ..settings.clone()
         };
         let mut pictures = CandidatePictures::new(&settings, &view)?;
         pictures.trace(&view, spp, first.clone());
         Ok(pictures)
     };
-    let mut plain = begin(Method::Plain)?;
+    let mut plain = begin(Rule::Plain)?;
     let mut pictures = tunings()
-        .map(|tuning| {
-            begin(Method::Table {
-                table: table.tuned(tuning),
-                reuse: false,
-                lambda: 0.0,
-            })
-        })
+        .map(|tuning| begin(Rule::with_table(table.tuned(tuning))))
         .collect::<Result<Vec<CandidatePictures>, FilmError>>()?;
     let tiles: Vec<(TableTuning, Tiles)> = tunings()
         .zip(&pictures)
@@ -212,40 +190,30 @@ fn survivors(candidates: &[Candidate]) -> Vec<usize> {
         .collect()
 }
 
-impl PilotView<'_> {
-    /// The same view at about [`PIXELS`] pixels, in whole tiles.
-    fn reduced(self) -> Self {
-        let scale = (PIXELS / self.window.len().max(1) as f32).sqrt();
-        let side = |x: u32| ((x as f32 * scale / TILE as f32).round() as u32).clamp(2, 256) * TILE;
-        let start = |x: u32| (x as f32 * scale).round() as u32;
-        let window = Window {
-            x: start(self.window.x),
-            y: start(self.window.y),
-            w: side(self.window.w),
-            h: side(self.window.h),
-        };
-        // A window of the whole frame stays one.
-        let edge = |axis: usize, start: u32, side: u32| {
-            let [frame, from, length] = [
-                self.frame.to_array(),
-                [self.window.x, self.window.y],
-                [self.window.w, self.window.h],
-            ]
-            .map(|pair| pair[axis]);
-            let end = start + side;
-            if from + length == frame {
-                end
-            } else {
-                ((frame as f32 * scale).round() as u32).max(end)
-            }
-        };
-        let frame = UVec2::new(edge(0, window.x, window.w), edge(1, window.y, window.h));
-        Self {
-            frame,
-            window,
-            ..self
+/// Size of the pilot's whole picture, and its window: whole tiles.
+fn pilot_window(frame: UVec2, window: Window) -> (UVec2, Window) {
+    let scale = (PIXELS / window.len().max(1) as f32).sqrt();
+    let side = |x: u32| ((x as f32 * scale / TILE as f32).round() as u32).clamp(2, 256) * TILE;
+    let start = |x: u32| (x as f32 * scale).round() as u32;
+    let pilot = Window {
+        x: start(window.x),
+        y: start(window.y),
+        w: side(window.w),
+        h: side(window.h),
+    };
+    // A window of the whole frame stays one.
+    let edge = |frame: u32, from: u32, length: u32, end: u32| {
+        if from + length == frame {
+            end
+        } else {
+            ((frame as f32 * scale).round() as u32).max(end)
         }
-    }
+    };
+    let frame = UVec2::new(
+        edge(frame.x, window.x, window.w, pilot.x + pilot.w),
+        edge(frame.y, window.y, window.h, pilot.y + pilot.h),
+    );
+    (frame, pilot)
 }
 
 /// 1 / (radiance² + ε) of every tile, at a brightness of 0.3.

@@ -17,15 +17,8 @@ fn noisy(rng: &mut Pcg32, mean: f64, noise: f64, tiles: usize) -> Tiles {
 
 #[test]
 fn pilot_view_covers_the_window_of_the_render() {
-    let scene = Scene::new(crate::gallery::caustic_box());
-    let camera = &scene.parts().cameras[0];
     let frame = UVec2::new(160, 90);
-    let view = |window| PilotView {
-        scene: &scene,
-        camera,
-        frame,
-        window,
-    };
+    let pilot_of = |window| pilot_window(frame, window);
     let whole = Window::full(frame);
     let crop = Window {
         x: 94,
@@ -40,8 +33,7 @@ fn pilot_view_covers_the_window_of_the_render() {
         h: 1,
     };
     for window in [whole, crop, corner] {
-        let reduced = view(window).reduced();
-        let (size, pilot) = (reduced.frame, reduced.window);
+        let (size, pilot) = pilot_of(window);
         assert!(
             pilot.inside(&Window::full(size)),
             "{window:?}: {pilot:?} of {size}"
@@ -59,8 +51,8 @@ fn pilot_view_covers_the_window_of_the_render() {
             assert!((place(a + b) - found(inner.0 + inner.1)).abs() < slack);
         }
     }
-    let reduced = view(whole).reduced();
-    assert_eq!(reduced.window, Window::full(reduced.frame));
+    let (size, pilot) = pilot_of(whole);
+    assert_eq!(pilot, Window::full(size));
 }
 
 #[test]

@@ -6,17 +6,19 @@ use crate::gallery::materials::{GOLD, coated, diffuse, emitter, glass, metal};
 use crate::gallery::shapes::{quad, room, sphere};
 use crate::gallery::{caustic_box, furnace_sphere};
 use crate::image::Film;
-use crate::integrator::{Method, Picture, Settings};
+use crate::integrator::{Estimator, Picture, Settings, View};
 use crate::math::{Rgb, UVec2, Vec3};
+use crate::regularise::Rule;
 use crate::scene::{Environment, Material, Mesh, PunctualLight, Scene, SceneParts};
 
-const REGULARISED: Method = regularised(false);
+fn plain() -> Settings {
+    Settings::default()
+}
 
-const fn regularised(reuse: bool) -> Method {
-    Method::Constant {
-        gamma: 0.3,
-        reuse,
-        lambda: 0.0,
+fn regularised() -> Settings {
+    Settings {
+        rule: Rule::constant(0.3),
+        ..Settings::default()
     }
 }
 
@@ -26,21 +28,12 @@ fn render(parts: SceneParts, settings: &Settings, size: u32, spp: u32) -> Film {
         film: Film::new(UVec2::splat(size)),
         aovs: None,
     };
-    let camera = &scene.parts().cameras[0];
-    settings
-        .integrator()
-        .pass(&scene, camera, 0..spp, &mut picture);
+    let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
+    settings.integrator().pass(&view, 0..spp, &mut picture);
     picture.film
 }
 
-fn with(method: Method) -> Settings {
-    Settings {
-        method,
-        ..Settings::default()
-    }
-}
-
-/// Mean of the picture and its standard error; NaN if samples were refused.
+/// Mean of the picture and its standard error; not a number where samples were refused.
 fn mean(film: &Film) -> (f64, f64) {
     if film.rejected.total() > 0 {
         return (f64::NAN, f64::NAN);
@@ -91,13 +84,13 @@ fn balls(alpha: f32, distribution: Distribution) -> SceneParts {
 /// Relative change of the mean of a picture from just below to just above the Dirac bound.
 pub(super) fn mean_across_the_dirac_bound() -> Finding {
     let mut errors = Vec::new();
-    for (method, distribution) in [
-        (Method::Plain, Distribution::Beckmann),
-        (Method::Plain, Distribution::Ggx),
-        (REGULARISED, Distribution::Beckmann),
+    for (settings, distribution) in [
+        (plain(), Distribution::Beckmann),
+        (plain(), Distribution::Ggx),
+        (regularised(), Distribution::Beckmann),
     ] {
         let parts = |alpha| balls(alpha, distribution);
-        let at = |alpha| mean(&render(parts(alpha), &with(method.clone()), 24, 128)).0;
+        let at = |alpha| mean(&render(parts(alpha), &settings, 24, 128)).0;
         let (below, above) = (at(9.9e-4), at(1.01e-3));
         errors.push((below / above - 1.0).abs());
     }
@@ -119,9 +112,8 @@ pub(super) fn weak_interfaces() -> Vec<Finding> {
         parts.add_camera([0.0, 1.2, 3.0], [0.0, 0.7, 0.0], 45.0);
         parts
     };
-    let worst = |method: Method, alphas: &[f32]| {
-        let picture =
-            |ior, alpha| mean(&render(parts(ior, alpha), &with(method.clone()), 16, 256)).0;
+    let worst = |settings: Settings, alphas: &[f32]| {
+        let picture = |ior, alpha| mean(&render(parts(ior, alpha), &settings, 16, 256)).0;
         let nothing = picture(1.0, 0.0);
         let mut errors = Vec::new();
         for ior in [1.0001, 1.0006, 1.001] {
@@ -130,13 +122,13 @@ pub(super) fn weak_interfaces() -> Vec<Finding> {
         }
         errors
     };
-    let mut rough = worst(Method::Plain, &[0.3]);
-    rough.extend(worst(REGULARISED, &[0.0]));
+    let mut rough = worst(plain(), &[0.3]);
+    rough.extend(worst(regularised(), &[0.0]));
     vec![
         Finding::new(
             "mean with a ball of index 1.0001 to 1.001 against none",
             5e-3,
-            worst(Method::Plain, &[0.0, 0.01]),
+            worst(plain(), &[0.0, 0.01]),
         ),
         // Single scattering loses the light that a rough interface masks, at any index.
         Finding::new("the same, rough or roughened", 2e-2, rough),
@@ -172,8 +164,11 @@ fn dark(open: bool) -> SceneParts {
 
 /// Largest value seen inside a closed sphere, or inside one with a hole.
 pub fn leak(open: bool) -> Finding {
-    let films = [Method::Plain, REGULARISED, regularised(true)]
-        .map(|method| render(dark(open), &with(method), 24, 16));
+    let reuse = Settings {
+        estimator: Estimator::Path { reuse: true },
+        ..regularised()
+    };
+    let films = [plain(), regularised(), reuse].map(|s| render(dark(open), &s, 24, 16));
     Finding::new(
         "light inside a closed sphere, random shading normals",
         0.0,
@@ -207,8 +202,7 @@ fn lamp(closed: bool) -> SceneParts {
 /// Largest value of a picture whose only light is covered by a sheet that almost touches it.
 pub fn covered(closed: bool) -> Finding {
     let films = [1e-3, 1.0, 37.0, 1e6].into_iter().flat_map(|scale| {
-        [Method::Plain, REGULARISED]
-            .map(|method| render(scaled(lamp(closed), scale), &with(method), 12, 16))
+        [plain(), regularised()].map(|s| render(scaled(lamp(closed), scale), &s, 12, 16))
     });
     Finding::new(
         "light through a sheet 4e-5 before the lamp",
@@ -229,7 +223,7 @@ fn scaled(mut parts: SceneParts, scale: f32) -> SceneParts {
 }
 
 pub(super) fn scales() -> Vec<Finding> {
-    let picture = |scale| render(scaled(caustic_box(), scale), &with(REGULARISED), 24, 16);
+    let picture = |scale| render(scaled(caustic_box(), scale), &regularised(), 24, 16);
     let one = picture(1.0);
     let same = |other: Film| {
         let apart = |i: usize| one.pixels[i].mean - other.pixels[i].mean;
@@ -240,7 +234,7 @@ pub(super) fn scales() -> Vec<Finding> {
     let mean = |scale| {
         mean(&render(
             scaled(balls.clone(), scale),
-            &with(REGULARISED),
+            &regularised(),
             24,
             64,
         ))
@@ -310,7 +304,7 @@ pub(super) fn empty_scenes() -> Vec<Finding> {
     black.environment = Some(Environment::constant(Rgb::ZERO));
     black.add(glass("ball", 1.5, 0.0), [sphere(Vec3::ZERO, 1.0, 2)]);
     let values = [empty(), unlit, broken, black]
-        .map(|parts| brightest(&render(parts, &with(REGULARISED), 8, 4)));
+        .map(|parts| brightest(&render(parts, &regularised(), 8, 4)));
     vec![Finding::new(
         "light of empty, unlit and broken scenes",
         0.0,

@@ -5,8 +5,9 @@
 use criterion::{Criterion, Throughput};
 use opsr::bsdf::{Bsdf, Dielectric, Diffuse, Distribution, Glossy};
 use opsr::image::Film;
-use opsr::integrator::{Method, Picture, Settings};
+use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
+use opsr::regularise::Rule;
 use opsr::scene::Scene;
 use opsr::scene::load::{LoadOptions, load};
 use rand::{RngExt, SeedableRng};
@@ -17,7 +18,7 @@ use std::time::Instant;
 
 const ALPHA: f32 = 0.1;
 
-fn closures() -> [(&'static str, Bsdf); 3] {
+fn bsdfs() -> [(&'static str, Bsdf); 3] {
     let distribution = Distribution::Beckmann;
     [
         (
@@ -56,7 +57,7 @@ fn lobes(c: &mut Criterion) {
             (wo, [u(), u(), u()])
         })
         .collect();
-    for (name, bsdf) in closures() {
+    for (name, bsdf) in bsdfs() {
         let mut group = c.benchmark_group(name);
         group.throughput(Throughput::Elements(inputs.len() as u64));
         group.bench_function("sample", |b| {
@@ -89,17 +90,17 @@ fn paths(file: &str) -> Result<(), Box<dyn std::error::Error>> {
         .join(file);
     let scene = Scene::new(load(&path, &LoadOptions::default())?.parts);
     let camera = &scene.parts().cameras[0];
-    let constant = |reuse| Method::Constant {
-        gamma: 0.1,
-        reuse,
-        lambda: 0.0,
-    };
-    let methods = [Method::Plain, constant(false), constant(true)];
+    let methods = [
+        (Rule::Plain, false),
+        (Rule::constant(0.1), false),
+        (Rule::constant(0.1), true),
+    ];
     let mut seconds = [(); 3].map(|()| Vec::new());
     for turn in 0..TURNS {
-        for (method, times) in methods.iter().zip(&mut seconds) {
+        for ((rule, reuse), times) in methods.iter().zip(&mut seconds) {
             let settings = Settings {
-                method: method.clone(),
+                estimator: Estimator::Path { reuse: *reuse },
+                rule: rule.clone(),
                 seed: turn as u64,
                 ..Settings::default()
             };
@@ -108,7 +109,8 @@ fn paths(file: &str) -> Result<(), Box<dyn std::error::Error>> {
                 aovs: None,
             };
             let clock = Instant::now();
-            (settings.integrator()).pass(&scene, camera, 0..SPP, &mut picture);
+            let view = View::of(&scene, camera, &picture.film);
+            (settings.integrator()).pass(&view, 0..SPP, &mut picture);
             times.push(clock.elapsed().as_secs_f64());
         }
     }

@@ -5,8 +5,8 @@ use glam::{Affine2, Vec2 as Uv};
 use opsr::bsdf::Bsdf;
 use opsr::gallery::materials::{diffuse, emitter};
 use opsr::gallery::shapes::quad;
-use opsr::integrator::Method;
 use opsr::math::{Ray, Rgb, Vec2, Vec3};
+use opsr::regularise::Rule;
 use opsr::scene::material::{AlphaMode, TextureRef};
 use opsr::scene::texture::Wrap;
 use opsr::scene::{Material, Mesh, PunctualLight, SceneParts, Texture};
@@ -46,7 +46,7 @@ fn floor(at: [f32; 3]) -> SceneParts {
 }
 
 fn brightness(parts: SceneParts, size: u32, spp: u32) -> f64 {
-    let (mean, error) = mean(&film(&scene(parts), Method::Plain, size, spp, 1));
+    let (mean, error) = mean(&film(&scene(parts), Rule::Plain, size, spp, 1));
     assert!(error <= 4e-3 * mean, "too noisy: {mean} ± {error}");
     mean
 }
@@ -152,7 +152,7 @@ fn light_selection_among_several_lights() {
     };
     parts.lights = vec![sun, spot(0.9, 0.8), spot(0.999, 0.99)];
     let expected = f64::from(0.5 / PI) + 2.0;
-    let (value, error) = mean(&film(&scene(parts), Method::Plain, 16, 1024, 1));
+    let (value, error) = mean(&film(&scene(parts), Rule::Plain, 16, 1024, 1));
     assert!(
         (value - expected).abs() < 4.0 * error && error < 0.03 * expected,
         "{value} ± {error}, expected {expected}"

@@ -1,4 +1,4 @@
-//! Scattering closures against their textbook, and the light they keep: never more than arrives, all of it where smooth.
+//! BSDFs against textbook formulas: values, reciprocity and energy conservation.
 
 use crate::bsdf::{DISTRIBUTIONS, at, glass, metal, numbers, pane, plastic};
 use crate::geometry::{direction, rng};
@@ -10,7 +10,7 @@ use rand::RngExt;
 use rand_pcg::Pcg32;
 use std::f64::consts::PI;
 
-/// Microfacet formulas as they are printed, in cosines and double precision.
+/// Microfacet formulas as printed, in cosines and double precision.
 struct Textbook {
     distribution: Distribution,
     alpha: f64,
@@ -56,7 +56,7 @@ impl Textbook {
     }
 }
 
-/// A pair of directions in the lobe's reach: drawn from it or from the whole sphere.
+/// A pair of directions: drawn from the lobe, or from the whole sphere.
 fn pair(rng: &mut Pcg32, bsdf: &Bsdf, alpha: f32) -> (Vec3, Vec3) {
     let wo = at(89.0 * rng.random::<f32>()) * if rng.random() { 1.0 } else { -1.0 };
     let drawn = bsdf.sample(alpha, wo, numbers(rng)).map(|s| s.wi);
@@ -69,7 +69,7 @@ fn pair(rng: &mut Pcg32, bsdf: &Bsdf, alpha: f32) -> (Vec3, Vec3) {
 }
 
 #[test]
-fn interfaces_have_the_values_of_their_textbook() {
+fn textbook_values_of_interfaces() {
     let mut rng = rng(200);
     let mut seen = [0; 2];
     for i in 0..40_000 {
@@ -96,7 +96,7 @@ fn interfaces_have_the_values_of_their_textbook() {
                 true => textbook.interface(o, w, 1e-9),
                 false => textbook.interface(o, w, eta),
             };
-            // Slopes hold about five digits at α = 0.01.
+            // tan² holds about five digits at α = 0.01.
             assert!(
                 (value - expected).abs() <= 2e-3 * expected + 1e-7,
                 "{bsdf:?} {wo:?} {wi:?}: {value} {expected}"
@@ -108,7 +108,7 @@ fn interfaces_have_the_values_of_their_textbook() {
 }
 
 #[test]
-fn light_may_go_either_way() {
+fn reciprocity_of_every_bsdf() {
     let mut rng = rng(210);
     let mut seen = 0;
     for i in 0..40_000 {
@@ -144,7 +144,7 @@ fn light_may_go_either_way() {
     assert!(seen > 100_000, "{seen}");
 }
 
-/// Mean energy of a draw (the closure's albedo, green), its standard error, and the largest energy of one. A refracted
+/// Mean energy of a draw (the BSDF's albedo, green), its standard error, and the largest energy of one. A refracted
 /// weight is radiance, scaled back to energy.
 fn albedo(rng: &mut Pcg32, bsdf: &Bsdf, alpha: f32, wo: Vec3, draws: u32) -> [f64; 3] {
     let (mut moments, mut largest) = ([0.0; 2], 0.0f64);
@@ -167,7 +167,7 @@ fn albedo(rng: &mut Pcg32, bsdf: &Bsdf, alpha: f32, wo: Vec3, draws: u32) -> [f6
 }
 
 #[test]
-fn interfaces_keep_light_and_gain_none() {
+fn energy_conservation_of_interfaces() {
     const DRAWS: u32 = 4000;
     let mut rng = rng(220);
     for distribution in DISTRIBUTIONS {
@@ -199,7 +199,7 @@ fn interfaces_keep_light_and_gain_none() {
 }
 
 #[test]
-fn a_coat_and_its_base_gain_no_light() {
+fn energy_conservation_of_a_coat_over_its_base() {
     let mut rng = rng(230);
     for distribution in DISTRIBUTIONS {
         for alpha in [0.0, 1e-3, 0.1, 0.2, 0.3, 1.0] {

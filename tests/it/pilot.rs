@@ -3,31 +3,22 @@
 use super::support::render::scene;
 use opsr::gallery::caustic_box;
 use opsr::image::film::{Film, Window};
-use opsr::integrator::{Method, Picture, Settings};
+use opsr::integrator::{Picture, Settings, View};
 use opsr::math::UVec2;
-use opsr::regularise::{AttenuationTable, GammaIndex, LEN, TableTuning};
+use opsr::regularise::{AttenuationTable, GammaIndex, LEN, Rule, TableTuning};
 use opsr::scene::Scene;
-use opsr::tune::{CONTRASTS, Candidate, PilotView, SCALES, choose};
+use opsr::tune::{CONTRASTS, Candidate, SCALES, choose};
 
 fn settings(gamma: f32) -> Settings {
     Settings {
-        method: Method::Table {
-            table: AttenuationTable::constant(gamma),
-            reuse: false,
-            lambda: 0.0,
-        },
+        rule: Rule::with_table(AttenuationTable::constant(gamma)),
         ..Settings::default()
     }
 }
 
-fn view(scene: &Scene) -> PilotView<'_> {
+fn view(scene: &Scene) -> View<'_> {
     let frame = UVec2::splat(64);
-    PilotView {
-        scene,
-        camera: &scene.parts().cameras[0],
-        frame,
-        window: Window::full(frame),
-    }
+    View::new(scene, &scene.parts().cameras[0], frame, Window::full(frame))
 }
 
 #[test]
@@ -76,11 +67,7 @@ fn pilot_drops_a_pattern_that_does_not_fit() {
         *gamma = if bins[bins.len() - 1] == 0 { 1e-3 } else { 1.0 };
     }
     let settings = Settings {
-        method: Method::Table {
-            table: table.clone(),
-            reuse: false,
-            lambda: 0.0,
-        },
+        rule: Rule::with_table(table.clone()),
         ..Settings::default()
     };
     let pilot = choose(&settings, &view(&scene), 40).unwrap();
@@ -96,35 +83,26 @@ fn pilot_keeps_energy_within_the_limit() {
     let view = view(&scene);
     let rough = settings(0.5);
     let pilot = choose(&rough, &view, 1).unwrap();
-    let mean = |method: Method| {
+    let mean = |rule: Rule| {
         let settings = Settings {
-            method,
+            rule,
             seed: 77,
             ..Settings::default()
         };
         let mut picture = Picture {
-            film: Film::new(view.frame),
+            film: Film::new(view.sensor.frame),
             aovs: None,
         };
-        (settings.integrator()).pass(&scene, view.camera, 0..400, &mut picture);
+        (settings.integrator()).pass(&view, 0..400, &mut picture);
         let mean = picture.film.mean();
         let sum: f64 = (mean.pixels.iter())
             .map(|p| f64::from(p.element_sum()))
             .sum();
         sum
     };
-    let plain = mean(Method::Plain);
-    let Method::Table { table, .. } = &rough.method else {
-        unreachable!()
-    };
-    let changed = |tuning: TableTuning| {
-        let method = Method::Table {
-            table: table.tuned(tuning),
-            reuse: false,
-            lambda: 0.0,
-        };
-        mean(method) / plain - 1.0
-    };
+    let plain = mean(Rule::Plain);
+    let table = rough.rule.table().unwrap();
+    let changed = |tuning: TableTuning| mean(Rule::with_table(table.tuned(tuning))) / plain - 1.0;
     let candidate = |tuning: TableTuning| {
         pilot
             .candidates

@@ -3,7 +3,7 @@
 use opsr::gallery::manifest::{Manifest, SceneEntry};
 use opsr::gallery::reference::{Reference, SEED};
 use opsr::image::film::Film;
-use opsr::integrator::Settings;
+use opsr::integrator::{Settings, View};
 use opsr::math::DVec3;
 use opsr::sampler::{Independent, Seed};
 use opsr::scene::Scene;
@@ -68,7 +68,8 @@ fn resume_of_a_reference_equals_one_run() {
     }
     .tracer(opsr::regularise::Unregularised);
     let source = Independent { seed: Seed(5) };
-    tracer.estimate(&scene, camera, &source, 0..7, &mut other, &mut ());
+    let view = View::of(&scene, camera, &other);
+    tracer.estimate(&view, &source, 0..7, &mut other, &mut ());
     assert_eq!(&other, whole.film());
 }
 
@@ -133,7 +134,8 @@ fn reference_files_agree_with_a_fresh_render() {
             let mut fresh = Film::cropped(film.size, film.window).unwrap();
             let tracer = settings.tracer(opsr::regularise::Unregularised);
             let source = Independent { seed: Seed(1) };
-            tracer.estimate(&scene, camera, &source, 0..SPP, &mut fresh, &mut ());
+            let view = View::of(&scene, camera, &fresh);
+            tracer.estimate(&view, &source, 0..SPP, &mut fresh, &mut ());
             let mean = |film: &Film| (film.pixels.iter()).map(|p| p.mean.y).sum::<f64>();
             // The reference knows the variance better than 32 samples do.
             let variance: f64 = (film.pixels.iter())

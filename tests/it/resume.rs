@@ -1,5 +1,5 @@
-//! Work that is stopped anywhere and gone on with from its file is, to the bit, work that was never stopped: fifty
-//! random places each, at another number of threads after each.
+//! Resumed work is bit-identical to work that was never stopped: fifty random places each, at another number of threads
+//! after each.
 
 use crate::fuzz::mutate::Rng;
 use crate::support::quick_folder;
@@ -8,9 +8,9 @@ use opsr::gallery::caustic_box;
 use opsr::image::Film;
 use opsr::image::film::Window;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
-use opsr::integrator::{FirstHit, Method, Picture, Settings};
+use opsr::integrator::{FirstHit, Picture, Settings, View};
 use opsr::math::UVec2;
-use opsr::regularise::AttenuationTable;
+use opsr::regularise::{Accumulated, AttenuationTable, Factors, Rule};
 use rayon::ThreadPool;
 
 /// Places to stop at.
@@ -34,7 +34,7 @@ fn pools() -> Vec<ThreadPool> {
 }
 
 #[test]
-fn a_render_stopped_at_fifty_places() {
+fn resume_renders_stopped_at_fifty_places() {
     const SPP: usize = 120;
     let scene = scene(caustic_box());
     let camera = &scene.parts().cameras[0];
@@ -56,23 +56,20 @@ fn a_render_stopped_at_fifty_places() {
     let folder = quick_folder();
     let path = folder.path().join("a.ckpt");
     let pools = pools();
-    let methods = [
-        Method::Plain,
-        Method::Table {
-            table: AttenuationTable::constant(0.3),
-            reuse: false,
-            lambda: 0.2,
-        },
-    ];
-    for method in methods {
+    let view = View::of(&scene, camera, &blank.film);
+    let consistent = Rule::Accumulated(Accumulated {
+        factors: Factors::Table(AttenuationTable::constant(0.3)),
+        lambda: 0.2,
+    });
+    for rule in [Rule::Plain, consistent] {
         let settings = Settings {
-            method,
+            rule,
             seed: 11,
             ..Settings::default()
         };
-        let integrator = settings.integrator();
+        let mut integrator = settings.integrator();
         let mut whole = blank.clone();
-        integrator.pass(&scene, camera, 0..SPP as u32, &mut whole);
+        integrator.pass(&view, 0..SPP as u32, &mut whole);
         let mut ends = places("render", SPP);
         ends.push(SPP);
         let mut checkpoint = Checkpoint {
@@ -84,13 +81,13 @@ fn a_render_stopped_at_fifty_places() {
         for (i, &end) in ends.iter().enumerate() {
             let samples = checkpoint.samples..end as u32;
             let picture = &mut checkpoint.picture;
-            pools[i % 4].install(|| integrator.pass(&scene, camera, samples, picture));
+            pools[i % 4].install(|| integrator.pass(&view, samples, picture));
             checkpoint.samples = end as u32;
             checkpoint.save(&path).expect("saved");
-            // Only what is in the file goes on.
+            // Only the content of the file continues.
             checkpoint = Checkpoint::load(&path, &ours).expect("ours");
         }
-        assert!(checkpoint.picture == whole, "{:?}", settings.method);
+        assert!(checkpoint.picture == whole, "{:?}", settings.rule);
     }
 }
 
@@ -122,7 +119,7 @@ mod training {
     }
 
     #[test]
-    fn a_training_stopped_at_fifty_places() {
+    fn resume_trainings_stopped_at_fifty_places() {
         let crop = crop(4);
         let pools = pools();
         for (way, model, optimiser) in [
@@ -151,9 +148,9 @@ mod training {
         }
     }
 
-    /// The look at the validation crops at the step where a training is stopped was counted before the stop and after.
+    /// The validation at the step where a training is stopped counts once, not before the stop and again after.
     #[test]
-    fn a_look_at_the_step_of_a_stop_counts_once() {
+    fn resume_counts_the_validation_at_a_stop_once() {
         let crop = crop(4);
         let config = Config {
             spp: 8,

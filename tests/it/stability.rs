@@ -10,11 +10,9 @@ use crate::support::slopes::DensityTest;
 use opsr::gallery::materials::{diffuse, emitter};
 use opsr::gallery::{shapes, two_mirrors};
 use opsr::image::Film;
-use opsr::integrator::{PathObserver, Recorder, Settings, Vertex};
+use opsr::integrator::{self, PathObserver, Recorder, Settings, ShadingPoint};
 use opsr::math::{Rgb, UVec2, Vec3};
-use opsr::regularise::{
-    Accumulated, AttenuationTable, ConstantGamma, MAX_VERTICES, Regulariser, Unregularised,
-};
+use opsr::regularise::{AttenuationTable, MAX_VERTICES, Roughening, Rule, Unregularised};
 use opsr::sampler::{Independent, Seed};
 use opsr::scene::{Scene, SceneParts};
 use opsr::verify::{CASES, Finding, lights, lobes, roughness, transport, weights};
@@ -65,11 +63,9 @@ struct Witness {
 }
 
 impl PathObserver for Witness {
-    const VERTICES: bool = true;
-
-    fn vertex(&mut self, vertex: &Vertex<'_>) {
-        self.deepest = self.deepest.max(vertex.n);
-        self.roughened.push((vertex.n, vertex.alpha_reg));
+    fn vertex(&mut self, n: u32, _: f32, point: &ShadingPoint<'_>) {
+        self.deepest = self.deepest.max(n);
+        self.roughened.push((n, point.alpha_reg));
     }
 
     fn scattered(&mut self, alpha: f32) {
@@ -89,12 +85,12 @@ impl Recorder for Witness {
     }
 }
 
-fn witness(parts: SceneParts, regulariser: impl Regulariser) -> Witness {
+fn witness(parts: SceneParts, rule: impl Roughening) -> Witness {
     let scene = Scene::new(parts);
     let (mut film, mut witness) = (Film::new(UVec2::splat(8)), Witness::default());
-    Settings::default().tracer(regulariser).estimate(
-        &scene,
-        &scene.parts().cameras[0],
+    let view = integrator::View::of(&scene, &scene.parts().cameras[0], &film);
+    Settings::default().tracer(rule).estimate(
+        &view,
         &Independent { seed: Seed(1) },
         0..4,
         &mut film,
@@ -106,11 +102,7 @@ fn witness(parts: SceneParts, regulariser: impl Regulariser) -> Witness {
 
 #[test]
 fn case_1_delta_lobes_keep_their_roughness_in_the_path() {
-    let rule = Accumulated::<_, false> {
-        attenuation: ConstantGamma(1.0),
-        lambda: 0.0,
-    };
-    let seen = witness(two_mirrors(1.0, 5e-4), rule);
+    let seen = witness(two_mirrors(1.0, 5e-4), Rule::constant(1.0));
     // The wall at the end is diffuse.
     assert!(seen.scattered.iter().all(|&a| a == 5e-4 || a == 1.0));
     for (n, alpha) in seen.roughened.iter().filter(|(n, a)| *n <= 5 && *a < 1.0) {

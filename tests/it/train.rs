@@ -8,10 +8,10 @@ use opsr::gallery::caustic_box;
 use opsr::gallery::manifest::Role;
 use opsr::gallery::materials::coated;
 use opsr::image::film::Window;
-use opsr::integrator::{Method, Picture, Settings};
+use opsr::integrator::{Picture, Settings};
 use opsr::math::real::Dual;
 use opsr::math::{Rgb, UVec2};
-use opsr::regularise::{Accumulated, AttenuationTable, ConstantGamma, LEN, Lookup};
+use opsr::regularise::{AttenuationTable, LEN, Lookup, Rule};
 use opsr::scene::SceneParts;
 use opsr::train::Config;
 use opsr::train::config::Way;
@@ -61,13 +61,6 @@ fn crop_of(parts: SceneParts, edge: u32) -> Crop {
 
 /// The factor that references are made with.
 const TRUTH: f32 = 0.03;
-
-fn rule(gamma: f32) -> Accumulated<ConstantGamma> {
-    Accumulated {
-        attenuation: ConstantGamma(gamma),
-        lambda: 0.0,
-    }
-}
 
 /// A table whose factors differ from class to class, none near a bound.
 fn uneven(lookup: Lookup) -> AttenuationTable {
@@ -129,9 +122,8 @@ fn replayed_where_it_was_made(crop: &Crop) {
     let source = opsr::sampler::Independent {
         seed: opsr::sampler::Seed(3),
     };
-    settings.tracer(rule(0.1)).estimate(
-        &crop.scene,
-        &crop.camera,
+    settings.tracer(Rule::constant(0.1)).estimate(
+        &crop.view(),
         &source,
         0..spp,
         &mut film,
@@ -178,11 +170,7 @@ fn error(reference: &[[f32; 3]], pictures: impl Iterator<Item = Moments>) -> f32
 /// A render of a crop, as moments.
 fn render(crop: &Crop, gamma: f32, samples: u32, seed: u64) -> Moments {
     let settings = Settings {
-        method: Method::Constant {
-            gamma,
-            reuse: false,
-            lambda: 0.0,
-        },
+        rule: Rule::constant(gamma),
         max_vertices: crop.max_vertices,
         seed,
         ..Settings::default()
@@ -191,7 +179,7 @@ fn render(crop: &Crop, gamma: f32, samples: u32, seed: u64) -> Moments {
         film: crop.film().unwrap(),
         aovs: None,
     };
-    (settings.integrator()).pass(&crop.scene, &crop.camera, 0..samples, &mut picture);
+    (settings.integrator()).pass(&crop.view(), 0..samples, &mut picture);
     let (mean, variance) = (picture.film.mean(), picture.film.sample_variance());
     let n = samples as f32;
     let pixels = mean.pixels.iter().zip(&variance.pixels);

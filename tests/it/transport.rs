@@ -1,4 +1,4 @@
-//! The path tracer against known answers, against a naive one, and against itself.
+//! The path tracer against analytic answers, against a naive tracer, and against itself.
 
 use super::support::naive;
 use super::support::render::{film, film_with, mean, scene};
@@ -6,44 +6,50 @@ use opsr::gallery::materials::{GOLD, coated, diffuse, emitter, glass, metal};
 use opsr::gallery::shapes::{cuboid, quad, room, sphere};
 use opsr::gallery::{self, caustic_box, cornell_box};
 use opsr::image::{Buffer, Film};
-use opsr::integrator::{Method, Picture, Settings};
+use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
-use opsr::regularise::{Accumulated, AttenuationTable, ConstantGamma, Lookup};
+use opsr::regularise::{Accumulated, AttenuationTable, Factors, Lookup, Rule};
 use opsr::sampler::{Independent, Seed};
 use opsr::scene::material::TextureRef;
 use opsr::scene::{Environment, Material, Scene, SceneParts, Texture};
 use opsr::stats::agreement::{agree, agree_with_exact};
 
-const PLAIN: Method = Method::Plain;
-
-fn constant(gamma: f32, reuse: bool) -> Method {
-    Method::Constant {
-        gamma,
-        reuse,
-        lambda: 0.0,
+/// One factor for all paths.
+fn constant(gamma: f32, reuse: bool, seed: u64) -> Settings {
+    Settings {
+        estimator: Estimator::Path { reuse },
+        rule: Rule::constant(gamma),
+        seed,
+        ..Settings::default()
     }
 }
 
-/// All methods that roughen something in `caustic_box`.
-fn methods() -> Vec<Method> {
-    let table = |lookup| Method::Table {
-        table: AttenuationTable {
-            lookup,
-            ..AttenuationTable::constant(0.3)
-        },
-        reuse: false,
-        lambda: 0.0,
-    };
-    vec![
-        constant(0.3, false),
-        constant(0.3, true),
-        table(Lookup::Nearest),
-        table(Lookup::Linear),
-        Method::Pbrt,
-        Method::FilterGlossy(1.0),
-        Method::RoughnessClamp,
-        Method::Mollifier(0.01),
-    ]
+/// A table of equal factors.
+fn table(gamma: f32, lookup: Lookup) -> Rule {
+    Rule::with_table(AttenuationTable {
+        lookup,
+        ..AttenuationTable::constant(gamma)
+    })
+}
+
+/// Settings with every rule, and with reuse.
+fn every_rule(seed: u64) -> Vec<Settings> {
+    let rules = [
+        Rule::constant(0.3),
+        table(0.3, Lookup::Nearest),
+        table(0.3, Lookup::Linear),
+        Rule::Pbrt,
+        Rule::FilterGlossy(1.0),
+        Rule::RoughnessClamp,
+        Rule::Mollifier(0.01),
+    ];
+    let mut every = vec![constant(0.3, true, seed)];
+    every.extend(rules.map(|rule| Settings {
+        rule,
+        seed,
+        ..Settings::default()
+    }));
+    every
 }
 
 /// The mean is `expected` to 0.2 % and to four standard errors.
@@ -60,7 +66,7 @@ fn assert_mean(film: &Film, expected: f64, what: &str) {
 }
 
 #[test]
-fn a_furnace_is_everywhere_as_bright() {
+fn white_furnace_of_a_diffuse_sphere_is_uniform() {
     let scene = scene(gallery::furnace_sphere(0.5));
     let settings = Settings {
         max_vertices: 64,
@@ -75,23 +81,27 @@ fn a_furnace_is_everywhere_as_bright() {
 }
 
 #[test]
-fn lights_over_planes_are_as_bright_as_the_formulas() {
+fn analytic_radiance_of_lights_over_planes() {
     // Pixels so small that the formula's value at the centre is the pixel's.
     let mut parts = gallery::point_light_over_plane();
     parts.cameras.clear();
     parts.add_camera([0.0, 0.5, 4.0], [0.0, 0.0, 0.0], 0.05);
-    assert_mean(&film(&scene(parts), PLAIN, 2, 4, 1), 1.0, "point light");
+    assert_mean(
+        &film(&scene(parts), Rule::Plain, 2, 4, 1),
+        1.0,
+        "point light",
+    );
 
     let mut parts = gallery::area_light_over_plane();
     parts.cameras.clear();
     parts.add_camera([0.0, 0.5, 4.0], [0.0, 0.0, 0.0], 0.05);
     let form = 4.0 / std::f64::consts::PI * 0.5f64.sqrt() * 0.5f64.sqrt().atan();
-    let film = film(&scene(parts), PLAIN, 16, 4096, 1);
+    let film = film(&scene(parts), Rule::Plain, 16, 4096, 1);
     assert_mean(&film, 0.5 * form, "area light");
 }
 
 #[test]
-fn a_slab_of_glass_transmits_what_fresnel_says() {
+fn analytic_transmittance_of_a_glass_slab() {
     let reflected: f64 = 0.04;
     let expected = (1.0 - reflected) / (1.0 + reflected);
     let mut parts = gallery::glass_slab(0.0);
@@ -107,7 +117,7 @@ fn a_slab_of_glass_transmits_what_fresnel_says() {
 }
 
 #[test]
-fn mirrors_lose_what_they_absorb() {
+fn analytic_absorption_of_mirrors() {
     let settings = Settings {
         roulette_start: 16,
         ..Settings::default()
@@ -123,7 +133,7 @@ fn mirrors_lose_what_they_absorb() {
     assert_mean(&film, fresnel.powi(8), "mirrors of 0.8");
 }
 
-/// A closed room with a lit ceiling, whose light a tracer without light sampling finds soon.
+/// A closed room with a lit ceiling, which a tracer without light sampling finds soon.
 fn lit_room(content: impl FnOnce(&mut SceneParts)) -> Scene {
     let mut parts = SceneParts::default();
     let [left, right, floor, ceiling, back, front] =
@@ -138,7 +148,7 @@ fn lit_room(content: impl FnOnce(&mut SceneParts)) -> Scene {
     scene(parts)
 }
 
-/// The real tracer agrees with the naive one.
+/// The tracer agrees with the naive one.
 fn assert_naive_agrees(scene: &Scene, what: &str) {
     let settings = Settings {
         max_vertices: 8,
@@ -153,7 +163,7 @@ fn assert_naive_agrees(scene: &Scene, what: &str) {
 }
 
 #[test]
-fn the_naive_tracer_agrees_on_metal_glass_and_coats() {
+fn naive_tracer_agrees_on_metal_glass_and_coats() {
     let ball = |x: f32, z: f32| sphere(Vec3::new(x, 0.45, z), 0.4, 3);
     let room = lit_room(|parts| {
         parts.add(metal("gold", GOLD, 0.1), [ball(-0.5, -0.4)]);
@@ -167,7 +177,7 @@ fn the_naive_tracer_agrees_on_metal_glass_and_coats() {
 }
 
 #[test]
-fn the_naive_tracer_agrees_on_smooth_glass_and_mirrors() {
+fn naive_tracer_agrees_on_smooth_glass_and_mirrors() {
     let ball = |x: f32, z: f32| sphere(Vec3::new(x, 0.45, z), 0.4, 3);
     let room = lit_room(|parts| {
         parts.add(metal("mirror", GOLD, 0.0), [ball(-0.5, -0.4)]);
@@ -181,7 +191,7 @@ fn the_naive_tracer_agrees_on_smooth_glass_and_mirrors() {
 }
 
 #[test]
-fn the_naive_tracer_agrees_under_a_sky() {
+fn naive_tracer_agrees_under_a_sky() {
     let mut parts = SceneParts::default();
     let sky = |u: f32, v: f32| Rgb::new(0.2 + u, 0.5 + (9.0 * u).sin().abs(), 1.5 - v);
     let map = Buffer::from_fn(32, 16, |x, y| sky(x as f32 / 32.0, y as f32 / 16.0));
@@ -207,50 +217,38 @@ fn the_naive_tracer_agrees_under_a_sky() {
 }
 
 #[test]
-fn a_gamma_of_zero_is_plain_to_the_bit() {
+fn gamma_of_zero_is_bit_identical_to_plain() {
     let scene = scene(caustic_box());
-    let plain = film(&scene, PLAIN, 24, 8, 3);
+    let plain = film(&scene, Rule::Plain, 24, 8, 3);
     for reuse in [false, true] {
-        assert_eq!(film(&scene, constant(0.0, reuse), 24, 8, 3), plain);
+        let zero = constant(0.0, reuse, 3);
+        assert_eq!(film_with(&scene, &zero, 24, 8), plain);
     }
-    let table = AttenuationTable::constant(0.0);
     for lookup in [Lookup::Nearest, Lookup::Linear] {
-        let table = AttenuationTable {
-            lookup,
-            ..table.clone()
-        };
-        let zeros = Method::Table {
-            table,
-            reuse: false,
-            lambda: 0.0,
-        };
-        assert_eq!(film(&scene, zeros, 24, 8, 3), plain);
+        assert_eq!(film(&scene, table(0.0, lookup), 24, 8, 3), plain);
     }
-    assert_ne!(film(&scene, constant(0.1, false), 24, 8, 3), plain);
+    assert_ne!(film(&scene, Rule::constant(0.1), 24, 8, 3), plain);
 }
 
 #[test]
-fn diffuse_scenes_are_the_same_under_every_method() {
+fn diffuse_scenes_are_bit_identical_under_every_rule() {
     let scene = scene(cornell_box());
-    let plain = film(&scene, PLAIN, 16, 8, 3);
-    for method in methods() {
-        assert_eq!(film(&scene, method.clone(), 16, 8, 3), plain, "{method:?}");
+    let plain = film(&scene, Rule::Plain, 16, 8, 3);
+    for settings in every_rule(3) {
+        assert_eq!(film_with(&scene, &settings, 16, 8), plain, "{settings:?}");
     }
-    // Such scenes are rendered without a rule; asked all the same, it changes nothing.
+    // Such scenes are rendered without a rule; a tracer with one makes the same picture.
     assert!(!scene.has_lobes());
-    let rule = Accumulated {
-        attenuation: ConstantGamma(0.3),
-        lambda: 0.0,
-    };
-    let mut asked = Film::new(UVec2::splat(16));
-    let (camera, source) = (&scene.parts().cameras[0], Independent { seed: Seed(3) });
-    let tracer = Settings::default().tracer::<Accumulated<_>>(rule);
-    tracer.estimate(&scene, camera, &source, 0..8, &mut asked, &mut ());
-    assert_eq!(asked, plain);
+    let mut ruled = Film::new(UVec2::splat(16));
+    let view = View::of(&scene, &scene.parts().cameras[0], &ruled);
+    let tracer = Settings::default().tracer(Rule::constant(0.3));
+    let source = Independent { seed: Seed(3) };
+    tracer.estimate(&view, &source, 0..8, &mut ruled, &mut ());
+    assert_eq!(ruled, plain);
 }
 
 #[test]
-fn scenes_with_a_lobe_somewhere_are_known() {
+fn has_lobes_follows_the_materials_in_use() {
     assert!(scene(caustic_box()).has_lobes());
     // A material that no mesh has does not count; a texture may make any roughness smaller.
     let mut parts = cornell_box();
@@ -278,19 +276,11 @@ fn scenes_with_a_lobe_somewhere_are_known() {
 }
 
 #[test]
-fn constant_tables_are_the_constant() {
+fn table_of_equal_factors_is_the_constant() {
     let scene = scene(caustic_box());
-    let one = film(&scene, constant(0.3, false), 24, 8, 5);
+    let one = film(&scene, Rule::constant(0.3), 24, 8, 5);
     for lookup in [Lookup::Nearest, Lookup::Linear] {
-        let table = Method::Table {
-            table: AttenuationTable {
-                lookup,
-                ..AttenuationTable::constant(0.3)
-            },
-            reuse: false,
-            lambda: 0.0,
-        };
-        let film = film(&scene, table, 24, 8, 5);
+        let film = film(&scene, table(0.3, lookup), 24, 8, 5);
         let worst = (one.mean().pixels.iter().zip(&film.mean().pixels))
             .map(|(a, b)| (*a - *b).abs().max_element() / (a.max_element() + 0.01))
             .fold(0.0, f32::max);
@@ -299,15 +289,10 @@ fn constant_tables_are_the_constant() {
 }
 
 #[test]
-fn threads_tiles_and_splits_change_no_bit() {
+fn determinism_under_threads_tiles_and_splits() {
     let scene = scene(caustic_box());
     let camera = &scene.parts().cameras[0];
-    for method in methods() {
-        let settings = Settings {
-            method,
-            seed: 9,
-            ..Settings::default()
-        };
+    for settings in every_rule(9) {
         let render = |threads: usize, cuts: &[u32]| {
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
@@ -317,9 +302,10 @@ fn threads_tiles_and_splits_change_no_bit() {
                 film: Film::new(UVec2::new(37, 21)),
                 aovs: None,
             };
-            let integrator = settings.integrator();
+            let view = View::of(&scene, camera, &picture.film);
+            let mut integrator = settings.integrator();
             for pair in cuts.windows(2) {
-                pool.install(|| integrator.pass(&scene, camera, pair[0]..pair[1], &mut picture));
+                pool.install(|| integrator.pass(&view, pair[0]..pair[1], &mut picture));
             }
             picture.film
         };
@@ -338,46 +324,45 @@ fn bias_vanishes_with_gamma() {
         let ball = sphere(Vec3::new(0.0, 0.6, 0.0), 0.5, 3);
         parts.add(glass("frosted", 1.5, 0.2), [ball]);
     });
-    let plain = film(&room, PLAIN, 16, 1024, 1);
-    let tiny = film(&room, constant(1e-4, false), 16, 1024, 2);
+    let plain = film(&room, Rule::Plain, 16, 1024, 1);
+    let tiny = film(&room, Rule::constant(1e-4), 16, 1024, 2);
     let agreement = agree(&plain, &tiny).unwrap();
     assert!(agreement.passed(), "{agreement}");
 }
 
 /// A small film of the samples with these numbers.
-fn film_of(scene: &Scene, method: Method, samples: std::ops::Range<u32>) -> Film {
+fn film_of(scene: &Scene, rule: Rule, samples: std::ops::Range<u32>) -> Film {
     let settings = Settings {
-        method,
+        rule,
         ..Settings::default()
     };
     let mut picture = Picture {
         film: Film::new(UVec2::splat(24)),
         aovs: None,
     };
-    let camera = &scene.parts().cameras[0];
-    settings
-        .integrator()
-        .pass(scene, camera, samples, &mut picture);
+    let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
+    settings.integrator().pass(&view, samples, &mut picture);
     picture.film
 }
 
 #[test]
-fn the_consistent_variant_roughens_less_with_every_sample() {
+fn consistent_variant_roughens_less_with_every_sample() {
     let room = scene(caustic_box());
-    let method = |lambda| Method::Constant {
-        gamma: 0.5,
-        reuse: false,
-        lambda,
+    let rule = |lambda| {
+        Rule::Accumulated(Accumulated {
+            factors: Factors::Constant(0.5),
+            lambda,
+        })
     };
-    // Sample 1 knows no shrinking.
-    let one = |lambda, samples| film_of(&room, method(lambda), samples).mean();
+    // Sample 1 has the full surplus.
+    let one = |lambda, samples| film_of(&room, rule(lambda), samples).mean();
     assert_eq!(one(0.0, 0..1), one(0.3, 0..1));
     assert_ne!(one(0.0, 7..8), one(0.3, 7..8));
     // At sample 1e9 with λ = 0.49 the surplus is scaled by 4e-5: next to nothing is left of it.
     let late = 1_000_000_000;
-    let plain = film_of(&room, PLAIN, late..late + 64);
-    let vanishing = film_of(&room, method(0.49), late..late + 64);
-    let strong = film_of(&room, method(0.0), late..late + 64);
+    let plain = film_of(&room, Rule::Plain, late..late + 64);
+    let vanishing = film_of(&room, rule(0.49), late..late + 64);
+    let strong = film_of(&room, rule(0.0), late..late + 64);
     let distance = |a: &Film, b: &Film| -> f64 {
         (a.mean().pixels.iter().zip(&b.mean().pixels))
             .map(|(a, b)| f64::from((*a - *b).abs().element_sum().min(1.0)))

@@ -1,21 +1,21 @@
-//! The mollifier: lights without area seen by way of smooth mirrors and glass.
+//! The mollifier: lights without area, seen by way of smooth mirrors and glass `[PSR]`.
 
-use crate::integrator::walk::shading_point::{Here, Next};
+use crate::integrator::walk::shading_point::{Continuation, ShadingPoint};
 use crate::math::{Rgb, Vec3};
 use std::f32::consts::TAU;
 
-/// The cone of directions that a mollified Dirac lobe is spread over.
+/// The cone of directions over which a mollified Dirac lobe is spread.
 struct Cone {
     /// 1 − cos ε.
     width: f32,
 }
 
 impl Cone {
-    /// The cone in which a kernel of radius r at distance d is seen: ε = atan(r/d).
+    /// The cone that a kernel of radius r at distance d subtends: ε = atan(r/d).
     fn new(radius: f32, distance: f32) -> Self {
         let tan = radius / distance;
         let secant = (1.0 + tan * tan).sqrt();
-        // 1 − 1/s without the difference of numbers near 1.
+        // 1 − 1/secant without the difference of numbers near 1.
         let width = tan * tan / (secant * (secant + 1.0));
         Self { width }
     }
@@ -29,12 +29,12 @@ impl Cone {
     }
 }
 
-impl Here<'_> {
-    /// Light from a light without area, let in by the Dirac lobe that was drawn as if it were spread evenly over a
-    /// cone `[PSR]`. Nothing else can find such a light, so nothing is counted twice.
+impl ShadingPoint<'_> {
+    /// Contribution of a light without area through the Dirac lobe that was drawn, as if that lobe were spread evenly
+    /// over a cone. Nothing else can find such a light, so nothing is counted twice.
     ///
-    /// `radius` is that of the kernel at the light, over half the diagonal of the scene.
-    pub(super) fn mollified(&self, next: &Next, radius: f32, u: [f32; 3]) -> Rgb {
+    /// `radius` is the kernel's at the light, over half the diagonal of the scene.
+    pub(super) fn mollified(&self, next: &Continuation, radius: f32, u: [f32; 3]) -> Rgb {
         let Some(light) = self.scene.lights().sample(self.surface.position, u) else {
             return Rgb::ZERO;
         };

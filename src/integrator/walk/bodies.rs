@@ -1,22 +1,25 @@
-//! What a path goes through between its vertices.
+//! Bodies around a path, and what they absorb.
 
 use crate::math::Rgb;
 use crate::scene::Scene;
 
-/// Bodies the path is inside of, innermost last; only scenes with absorbing bodies use it.
+/// The bodies that enclose the current vertex of a path, innermost last; empty in scenes without absorption.
+///
+/// Holds four; a fifth is not entered.
 #[derive(Clone, Copy, Default)]
-pub(in crate::integrator) struct Medium {
+pub(in crate::integrator) struct EnclosingBodies {
     materials: [u32; 4],
     len: usize,
 }
 
-impl Medium {
-    /// Whether the path is outside of all bodies.
+impl EnclosingBodies {
+    /// True outside of all bodies.
     #[inline]
     pub(in crate::integrator) fn is_empty(&self) -> bool {
         self.len == 0
     }
 
+    /// Enters a body of this material.
     #[inline]
     pub(in crate::integrator) fn enter(&mut self, material: u32) {
         if self.len < self.materials.len() {
@@ -25,6 +28,7 @@ impl Medium {
         }
     }
 
+    /// Leaves the innermost body of this material.
     #[inline]
     pub(in crate::integrator) fn leave(&mut self, material: u32) {
         if let Some(i) = self.materials[..self.len]
@@ -43,7 +47,7 @@ impl Medium {
             return Rgb::ONE;
         };
         let sigma = scene.parts().materials[material as usize].absorption;
-        // 0 · ∞ is no absorption over any distance.
+        // Without absorption 0 · ∞ must be 0.
         sigma.map(|s| if s > 0.0 { (-s * distance).exp() } else { 1.0 })
     }
 }

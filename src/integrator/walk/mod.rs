@@ -1,6 +1,17 @@
-//! Steps that every estimator borrows: the shading point, direct light, enclosing bodies, observers.
+//! Steps that every estimator borrows; each estimator keeps its own loop.
+//!
+//! | file | step |
+//! |---|---|
+//! | [`shading_point`] | light sampled from a vertex, emission found by a roughened lobe, the continuation |
+//! | [`roughening`] | roughness at next-event estimation, and the memory of a rule |
+//! | `pending_emission` | the weight of emission at the end of the current ray |
+//! | `bodies` | bodies around the path, and what they absorb |
+//! | `roulette` | Russian roulette |
+//! | [`observer`] | callbacks for layers, statistics and training |
 
 pub(super) mod bodies;
 pub mod observer;
 pub(super) mod pending_emission;
-pub(super) mod shading_point;
+pub mod roughening;
+pub(super) mod roulette;
+pub mod shading_point;

@@ -1,96 +1,80 @@
-//! Who listens to a path: ripgrep's `Sink` for light transport.
+//! Observers of paths: layers, statistics, recordings for training.
 //!
-//! The loop tells an observer what happens; an observer that wants nothing costs nothing, because the constants say
-//! so at compile time. Rendering listens with `()`, AOVs with [`FirstHit`], training with a recorder of [`Event`]s.
+//! An estimator reports to an observer; one that does nothing costs nothing, since all calls are monomorphised.
+//! Rendering observes with `()`, AOVs with [`FirstHit`](crate::integrator::FirstHit), training with a recorder of
+//! [`Event`]s.
 
-use crate::bsdf::{Bsdf, LobeQuery};
-use crate::math::{Rgb, UVec2, Vec3};
-use crate::scene::{Scene, Surface};
+use super::shading_point::ShadingPoint;
+use crate::bsdf::LobeQuery;
+use crate::math::{Rgb, UVec2};
 
-/// How an emitter was found.
+/// The technique that found an emitter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Technique {
     /// By sampling a light.
     Light,
-    /// By a direction drawn from the regularised closure.
+    /// By a ray of its own, drawn from the roughened lobe.
     Lobe,
-    /// By a direction that the closure draws at any roughness, that of a diffuse lobe.
-    Diffuse,
+    /// By the ray on which the path continues: a diffuse lobe draws the same direction at any roughness.
+    Continuation,
 }
 
-/// One evaluation of a lobe whose roughness depends on the table, towards a visible light (method section 5).
+/// One evaluation of a roughened BSDF towards a visible light.
 ///
 /// Its contribution at any roughness a is `radiance · f(a) / (pdf_light + p(a))` with f and p of `query`; for a light
 /// without area `radiance · f(a) / pdf_light`.
 #[derive(Clone, Copy, Debug)]
 pub struct Event {
-    /// f·|cos θi| and the density of the closure as functions of the roughness.
+    /// f·|cos θi| and the density of the BSDF as functions of the roughness.
     pub query: LobeQuery,
     /// Path throughput before this vertex, times the emitted radiance.
     pub radiance: Rgb,
     /// Density of the light sample per steradian; for a light without area the probability of its choice.
     pub pdf_light: f32,
-    /// Whether the light has no area.
+    /// True for a light without area.
     pub delta_light: bool,
-    /// How the direction was drawn.
+    /// The technique that found the light.
     pub technique: Technique,
-    /// Whether the picture counts it: not if an observer alone asked for it, see [`PathObserver::draws`].
-    pub counted: bool,
-    /// The last vertex's own roughness.
+    /// The vertex's own roughness.
     pub alpha: f32,
-    /// The roughness α′ > `alpha` with which it was drawn and weighted.
+    /// The roughness α′ > `alpha` at which the picture counts the event.
     pub alpha_reg: f32,
 }
 
-/// A scattering vertex.
-pub struct Vertex<'a> {
-    /// The scene.
-    pub scene: &'a Scene,
-    /// Number of the vertex, 1 for the first.
-    pub n: u32,
-    /// The point.
-    pub surface: &'a Surface,
-    /// The closure.
-    pub bsdf: &'a Bsdf,
-    /// World direction towards the previous vertex.
-    pub wo: Vec3,
-    /// Distance to the previous vertex.
-    pub distance: f32,
-    /// Roughness used at next-event estimation.
-    pub alpha_reg: f32,
-}
-
-/// Listens to paths. All methods do nothing unless they are implemented.
+/// An observer of paths. All methods do nothing unless they are implemented.
 pub trait PathObserver {
-    /// Whether [`PathObserver::event`] is called.
+    /// Enables [`PathObserver::event`] and [`PathObserver::roughened`].
     const EVENTS: bool = false;
-    /// Whether [`PathObserver::vertex`] is called.
-    const VERTICES: bool = false;
 
     /// A path starts.
+    #[inline]
     fn begin(&mut self, _pixel: UVec2, _sample: u32) {}
-    /// The path met a surface that scatters.
-    fn vertex(&mut self, _vertex: &Vertex<'_>) {}
-    /// Further roughness at which a regularised lobe of this own roughness is drawn, for events alone.
-    fn draws(&mut self, _alpha: f32) -> Vec<f32> {
-        Vec::new()
-    }
-    /// A contribution that depends on the table, in order of depth; at one vertex those found by the light first. One
-    /// that is [`Technique::Diffuse`] is told of at the end of its ray, after [`PathObserver::scattered`].
+    /// The path met a surface that scatters: its `n`th from the camera (from 1), at this distance from the previous one.
+    #[inline]
+    fn vertex(&mut self, _n: u32, _distance: f32, _point: &ShadingPoint<'_>) {}
+    /// A contribution whose size depends on the rule, in order of depth; at one vertex the light sample first. An event of
+    /// [`Technique::Continuation`] is reported at the end of its ray, after [`PathObserver::scattered`].
+    #[inline]
     fn event(&mut self, _event: &Event) {}
-    /// The path goes on from a vertex whose sampled lobe has this own roughness.
+    /// A roughened lobe was sampled, with these numbers, by a ray of its own; an observer may draw from it
+    /// [again](ShadingPoint::lobe_event).
+    #[inline]
+    fn roughened(&mut self, _point: &ShadingPoint<'_>, _u: [f32; 3]) {}
+    /// The path continues from a vertex whose sampled lobe has this own roughness.
+    #[inline]
     fn scattered(&mut self, _alpha: f32) {}
-    /// The path is complete; `radiance` is all it carried.
+    /// The path is complete; `radiance` is the sum of its contributions.
+    #[inline]
     fn finish(&mut self, _radiance: Rgb) {}
 }
 
 impl PathObserver for () {}
 
-/// An observer that can be split over tiles and put together again, always in tile order.
+/// An observer that can be split over tiles and joined again, always in tile order.
 pub trait Recorder: PathObserver + Send + Sync {
     /// An empty recorder for one tile.
     fn fork(&self) -> Self;
-    /// Takes what a tile recorded.
+    /// Appends the records of a tile.
     fn join(&mut self, tile: Self);
 }
 

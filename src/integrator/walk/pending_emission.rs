@@ -1,30 +1,31 @@
-//! What emission at the end of a ray is worth.
+//! The weight of emission at the end of a ray.
 
-use crate::integrator::walk::observer::{Event, PathObserver};
+use super::observer::{Event, PathObserver};
 use crate::math::Rgb;
 use crate::math::measure::balance;
 
-/// How the emission at the end of the current ray counts.
+/// Weight of the emission at the end of the current ray.
 #[derive(Clone, Copy)]
-pub(in crate::integrator) struct Arrival {
-    /// Throughput for the emission: that of the path, unless the closure at α′ differs from the one at α. Zero
-    /// where a regularised sample has counted the emission already.
+pub(in crate::integrator) struct PendingEmission {
+    /// Throughput for the emission: that of the path, unless the BSDF at α′ differs from the one at α. Zero where a
+    /// roughened lobe has counted the emission already.
     pub(in crate::integrator) throughput: Rgb,
-    /// Density of the direction in the closure at α′, to weigh it against light sampling; `None` for camera rays and
+    /// Density of the direction in the BSDF at α′, to weigh it against light sampling; `None` for camera rays and
     /// Dirac lobes, which count in full.
     pub(in crate::integrator) pdf_w: Option<f32>,
-    /// What an observer is told if the ray meets an emitter, without its light.
+    /// The event to report if the ray meets an emitter, without its light.
     pub(in crate::integrator) event: Option<Event>,
 }
 
-impl Arrival {
+impl PendingEmission {
+    /// Emission that was counted already.
     pub(in crate::integrator) const COUNTED: Self = Self {
         throughput: Rgb::ZERO,
         pdf_w: None,
         event: None,
     };
 
-    /// Emission counts in full.
+    /// Emission that counts in full.
     #[inline]
     pub(in crate::integrator) fn full(throughput: Rgb) -> Self {
         Self {
@@ -33,12 +34,13 @@ impl Arrival {
         }
     }
 
-    /// Whether no emission at the end of the ray would count, at any roughness.
+    /// True if no emission at the end of the ray would count, at any roughness.
     #[inline]
-    pub(in crate::integrator) fn carries_nothing(&self) -> bool {
+    pub(in crate::integrator) fn is_nothing(&self) -> bool {
         self.throughput == Rgb::ZERO && self.event.is_none()
     }
 
+    /// Multiplies the emission's throughput.
     #[inline]
     pub(in crate::integrator) fn scale(&mut self, factor: Rgb) {
         self.throughput *= factor;
@@ -47,9 +49,10 @@ impl Arrival {
         }
     }
 
-    /// What emitted radiance contributes; tells the observer of an event.
+    /// The contribution of this emitted radiance, which light sampling would have found with density `pdf_light`; an
+    /// event is reported.
     #[inline]
-    pub(in crate::integrator) fn weigh<O: PathObserver>(
+    pub(in crate::integrator) fn contribution<O: PathObserver>(
         &self,
         radiance: Rgb,
         pdf_light: impl FnOnce() -> f32,

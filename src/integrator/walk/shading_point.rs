@@ -1,44 +1,56 @@
-//! One vertex of a path: light sampled from it, emission that a regularised lobe finds, and the way on.
+//! One vertex of a path: light sampled from it, emission that its roughened lobe finds, and the continuation.
 
-use super::bodies::Medium;
-use super::pending_emission::Arrival;
+use super::bodies::EnclosingBodies;
+use super::observer::{Event, PathObserver, Technique};
+use super::pending_emission::PendingEmission;
 use crate::bsdf::{Bsdf, BsdfSample, Lobe, LobeQuery};
-use crate::integrator::walk::observer::{Event, PathObserver, Technique};
 use crate::math::measure::balance;
 use crate::math::{Frame, Rgb, Vec3};
-use crate::regularise::Regulariser;
+use crate::regularise::Roughening;
 use crate::sampler::VertexU;
 use crate::scene::{Scene, Surface};
 
-/// A vertex as the steps of the loop need it.
-pub(in crate::integrator) struct Here<'a> {
-    pub(in crate::integrator) scene: &'a Scene,
-    pub(in crate::integrator) surface: Surface,
+/// A scattering vertex.
+pub struct ShadingPoint<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The point.
+    pub surface: Surface,
     /// Shading frame for the direction towards the previous vertex.
-    pub(in crate::integrator) frame: Frame,
-    pub(in crate::integrator) bsdf: Bsdf,
+    pub frame: Frame,
+    /// Its BSDF.
+    pub bsdf: Bsdf,
     /// Local direction towards the previous vertex.
-    pub(in crate::integrator) wo: Vec3,
+    pub wo: Vec3,
     /// Own roughness.
-    pub(in crate::integrator) alpha: f32,
-    /// Roughness at next-event estimation.
-    pub(in crate::integrator) alpha_reg: f32,
-    pub(in crate::integrator) throughput: Rgb,
-    pub(in crate::integrator) medium: Medium,
+    pub alpha: f32,
+    /// Roughness α′ ≥ `alpha` at next-event estimation.
+    pub alpha_reg: f32,
+    /// Throughput of the path before this vertex.
+    pub throughput: Rgb,
+    pub(in crate::integrator) bodies: EnclosingBodies,
 }
 
-/// Where a path goes on.
-pub(in crate::integrator) struct Next {
+/// The ray on which a path continues.
+pub(in crate::integrator) struct Continuation {
     /// World direction.
     pub(in crate::integrator) wi: Vec3,
     pub(in crate::integrator) sample: BsdfSample,
-    pub(in crate::integrator) arrival: Arrival,
+    pub(in crate::integrator) emission: PendingEmission,
 }
 
-impl Here<'_> {
-    /// Whether the table has a say in this vertex.
+/// Emission at the end of a direction that was drawn from a lobe.
+struct FoundEmission {
+    sample: BsdfSample,
+    /// Throughput before the vertex, times the emitted radiance.
+    radiance: Rgb,
+    pdf_light: f32,
+}
+
+impl ShadingPoint<'_> {
+    /// True if a rule has changed the roughness at next-event estimation.
     #[inline]
-    fn is_regularised(&self) -> bool {
+    pub fn is_roughened(&self) -> bool {
         self.alpha_reg > self.alpha
     }
 
@@ -49,7 +61,7 @@ impl Here<'_> {
         (world.dot(self.surface.ng) * wi.z > 0.0).then_some(world)
     }
 
-    /// An event of this vertex; `radiance` is a factor that the light's radiance multiplies.
+    /// An event of this vertex towards a light with area; `radiance` is a factor that the light's radiance multiplies.
     #[inline]
     fn event(&self, query: LobeQuery, radiance: Rgb, technique: Technique) -> Event {
         Event {
@@ -58,15 +70,14 @@ impl Here<'_> {
             pdf_light: 0.0,
             delta_light: false,
             technique,
-            counted: true,
             alpha: self.alpha,
             alpha_reg: self.alpha_reg,
         }
     }
 
-    /// Step 1: a light sample, the closure at α′.
+    /// Step 1: light sampled directly, the BSDF evaluated at α′.
     #[inline]
-    pub(in crate::integrator) fn sample_light<O: PathObserver>(
+    pub(in crate::integrator) fn direct_light<O: PathObserver>(
         &self,
         u: [f32; 3],
         observer: &mut O,
@@ -85,14 +96,14 @@ impl Here<'_> {
             return Rgb::ZERO;
         };
         let eval = query.at(self.alpha_reg);
-        // A recorder wants the events that are dark at this roughness too: at another they are not.
-        let dark = eval.value == Rgb::ZERO && !(O::EVENTS && self.is_regularised());
+        // Events that are dark at this roughness are reported too: at another they are not.
+        let dark = eval.value == Rgb::ZERO && !(O::EVENTS && self.is_roughened());
         if dark || self.scene.occluded(&self.surface.spawn_to_light(&light)) {
             return Rgb::ZERO;
         }
         let radiance =
             self.throughput * light.radiance * self.transmittance(light.wi, light.distance);
-        if O::EVENTS && self.is_regularised() {
+        if O::EVENTS && self.is_roughened() {
             observer.event(&Event {
                 pdf_light: light.density.value(),
                 delta_light: light.density.is_delta(),
@@ -103,153 +114,157 @@ impl Here<'_> {
         radiance * eval.value * (weight / light.density.value())
     }
 
-    /// The bodies that a ray from here along the world direction `wi` is inside of.
+    /// The bodies around a ray from here along the world direction `wi`.
     #[inline]
-    pub(in crate::integrator) fn medium_towards(&self, wi: Vec3) -> Medium {
-        let mut medium = self.medium;
+    pub(in crate::integrator) fn bodies_towards(&self, wi: Vec3) -> EnclosingBodies {
+        let mut bodies = self.bodies;
         let outside = self.wo.z > 0.0;
         if self.scene.has_absorption()
             && self.bsdf.is_solid()
             && (wi.dot(self.surface.ng) > 0.0) != outside
         {
             if outside {
-                medium.enter(self.surface.material)
+                bodies.enter(self.surface.material)
             } else {
-                medium.leave(self.surface.material)
+                bodies.leave(self.surface.material)
             }
         }
-        medium
+        bodies
     }
 
     /// Transmittance from here along the world direction `wi`.
     #[inline]
     pub(in crate::integrator) fn transmittance(&self, wi: Vec3, distance: f32) -> Rgb {
         if self.scene.has_absorption() {
-            self.medium_towards(wi).transmittance(self.scene, distance)
+            self.bodies_towards(wi).transmittance(self.scene, distance)
         } else {
             Rgb::ONE
         }
     }
 
-    /// Steps 2 and 3: emission found by a regularised ray of its own, and the way on.
+    /// Steps 2 and 3: emission that the lobe at α′ finds with a ray of its own, and the continuation, drawn at α or with
+    /// `reuse` at α′. `None` where the path ends.
     #[inline]
-    pub(in crate::integrator) fn scatter<R: Regulariser, O: PathObserver>(
+    pub(in crate::integrator) fn scatter<R: Roughening, O: PathObserver>(
         &self,
+        reuse: bool,
         u: &VertexU,
         observer: &mut O,
-    ) -> (Rgb, Option<Next>) {
-        let regularised = R::ACTIVE && self.is_regularised();
-        let alpha = if R::REUSE { self.alpha_reg } else { self.alpha };
-        let on = self
+    ) -> (Rgb, Option<Continuation>) {
+        let roughened = R::ACTIVE && self.is_roughened();
+        let alpha = if roughened && reuse {
+            self.alpha_reg
+        } else {
+            self.alpha
+        };
+        let drawn = self
             .bsdf
             .sample(alpha, self.wo, u.lobe)
             .and_then(|sample| Some((self.world(sample.wi)?, sample)));
-        // One ray serves both where the path goes on with the closure at α′, or with the diffuse lobe.
-        let shared = |sample: &BsdfSample| !regularised || R::REUSE || sample.lobe == Lobe::Diffuse;
-        match on {
+        // One ray serves both where the path continues with the BSDF at α′, or with the diffuse lobe.
+        let shared = |sample: &BsdfSample| !roughened || reuse || sample.lobe == Lobe::Diffuse;
+        let continuation = |(wi, sample), emission| Continuation {
+            wi,
+            sample,
+            emission,
+        };
+        match drawn {
             Some((wi, sample)) if shared(&sample) => {
-                let arrival = if sample.delta {
-                    Arrival::full(self.throughput * sample.weight)
-                } else if regularised {
-                    self.shared_arrival::<O>(&sample)
+                let emission = if sample.delta {
+                    PendingEmission::full(self.throughput * sample.weight)
+                } else if roughened {
+                    self.shared_emission::<O>(&sample)
                 } else {
-                    Arrival {
+                    PendingEmission {
                         throughput: self.throughput * sample.weight,
                         pdf_w: Some(sample.pdf_w),
                         event: None,
                     }
                 };
-                (
-                    Rgb::ZERO,
-                    Some(Next {
-                        wi,
-                        sample,
-                        arrival,
-                    }),
-                )
+                (Rgb::ZERO, Some(continuation((wi, sample), emission)))
             }
-            on => {
+            drawn => {
                 let mut found = Rgb::ZERO;
-                if regularised {
-                    found = self.regularised_emission(self.alpha_reg, u.lobe, true, observer);
-                    self.further_draws(u.lobe, observer);
+                if roughened {
+                    found = self.roughened_emission(u.lobe, observer);
+                    if O::EVENTS {
+                        observer.roughened(self, u.lobe);
+                    }
                 }
-                (
-                    found,
-                    on.map(|(wi, sample)| Next {
-                        wi,
-                        sample,
-                        arrival: Arrival::COUNTED,
-                    }),
-                )
+                let counted = |drawn| continuation(drawn, PendingEmission::COUNTED);
+                (found, drawn.map(counted))
             }
         }
     }
 
-    /// How emission counts at the end of a ray whose direction is a draw from the closure at α′ as much as from
-    /// the one at which the path goes on.
+    /// Weight of emission at the end of a ray whose direction is a draw from the BSDF at α′ as much as from the one at
+    /// which the path continues.
     #[inline]
-    fn shared_arrival<O: PathObserver>(&self, sample: &BsdfSample) -> Arrival {
+    fn shared_emission<O: PathObserver>(&self, sample: &BsdfSample) -> PendingEmission {
         let Some(query) = self.bsdf.query(self.wo, sample.wi) else {
-            return Arrival::COUNTED;
+            return PendingEmission::COUNTED;
         };
         let eval = query.at(self.alpha_reg);
         if eval.pdf_w <= 0.0 {
-            return Arrival::COUNTED;
+            return PendingEmission::COUNTED;
         }
-        let event = O::EVENTS.then(|| self.event(query, self.throughput, Technique::Diffuse));
-        Arrival {
+        let event = O::EVENTS.then(|| self.event(query, self.throughput, Technique::Continuation));
+        PendingEmission {
             throughput: self.throughput * eval.value / eval.pdf_w,
             pdf_w: Some(eval.pdf_w),
             event,
         }
     }
 
-    /// Events of the lobe at the roughness that an observer asks for.
+    /// Step 2 with a ray of its own, drawn at α′.
     #[inline]
-    fn further_draws<O: PathObserver>(&self, u: [f32; 3], observer: &mut O) {
-        if O::EVENTS {
-            for alpha in observer.draws(self.alpha) {
-                self.regularised_emission(alpha, u, false, observer);
-            }
-        }
-    }
-
-    /// Step 2 with a ray of its own: emission that a direction drawn at the roughness `alpha` finds.
-    #[inline]
-    fn regularised_emission<O: PathObserver>(
-        &self,
-        alpha: f32,
-        u: [f32; 3],
-        counted: bool,
-        observer: &mut O,
-    ) -> Rgb {
-        let Some(sample) = self.bsdf.sample(alpha, self.wo, u) else {
+    fn roughened_emission<O: PathObserver>(&self, u: [f32; 3], observer: &mut O) -> Rgb {
+        let Some(found) = self.find_emission(self.alpha_reg, u) else {
             return Rgb::ZERO;
         };
-        let Some(wi) = self.world(sample.wi) else {
-            return Rgb::ZERO;
-        };
-        let Some(emission) = self.scene.emission_along(&self.surface.spawn(wi)) else {
-            return Rgb::ZERO;
-        };
-        let radiance =
-            self.throughput * emission.radiance * self.transmittance(wi, emission.distance);
         if O::EVENTS
-            && let Some(query) = self.bsdf.query(self.wo, sample.wi)
+            && let Some(event) = self.found_event(&found)
         {
-            observer.event(&Event {
-                pdf_light: emission.pdf_w,
-                counted,
-                ..self.event(query, radiance, Technique::Lobe)
-            });
+            observer.event(&event);
         }
+        let sample = found.sample;
         // Only an interface between equal indices is a delta at any roughness; light sampling cannot see through it.
         let weight = if sample.delta {
             1.0
         } else {
-            balance(sample.pdf_w, emission.pdf_w)
+            balance(sample.pdf_w, found.pdf_light)
         };
-        radiance * sample.weight * weight
+        found.radiance * sample.weight * weight
+    }
+
+    /// Emission at the end of a direction that is drawn from the lobe at roughness `alpha`, found with a ray of its own.
+    #[inline]
+    fn find_emission(&self, alpha: f32, u: [f32; 3]) -> Option<FoundEmission> {
+        let sample = self.bsdf.sample(alpha, self.wo, u)?;
+        let wi = self.world(sample.wi)?;
+        let emission = self.scene.emission_along(&self.surface.spawn(wi))?;
+        Some(FoundEmission {
+            sample,
+            radiance: self.throughput
+                * emission.radiance
+                * self.transmittance(wi, emission.distance),
+            pdf_light: emission.pdf_w,
+        })
+    }
+
+    #[inline]
+    fn found_event(&self, found: &FoundEmission) -> Option<Event> {
+        let query = self.bsdf.query(self.wo, found.sample.wi)?;
+        Some(Event {
+            pdf_light: found.pdf_light,
+            ..self.event(query, found.radiance, Technique::Lobe)
+        })
+    }
+
+    /// Draws a direction from the lobe at roughness `alpha` with the numbers `u`: the event at the end of its ray, if that
+    /// meets an emitter. The picture does not count it.
+    #[inline]
+    pub fn lobe_event(&self, alpha: f32, u: [f32; 3]) -> Option<Event> {
+        self.found_event(&self.find_emission(alpha, u)?)
     }
 }

@@ -106,6 +106,7 @@ fn scene(scene: &SceneSpec) -> Result<(), String> {
 
 /// The first thing that is wrong with a method.
 fn method(method: &MethodSpec) -> Result<(), String> {
+    let lambda = method.lambda.unwrap_or(0.0);
     let unit = |x: f32| (0.0..=1.0).contains(&x);
     let only = |given: bool, kind: Kind, what: &str| match given && method.method != kind {
         true => Err(format!("`{what}` does not belong to this method")),
@@ -116,9 +117,7 @@ fn method(method: &MethodSpec) -> Result<(), String> {
     only(method.table.is_some(), Kind::Table, "table")?;
     only(method.table_scale.is_some(), Kind::Table, "table_scale")?;
     only(method.lookup.is_some(), Kind::Table, "lookup")?;
-    if (method.reuse || method.lambda != 0.0)
-        && !matches!(method.method, Kind::Constant | Kind::Table)
-    {
+    if (method.reuse || lambda != 0.0) && !matches!(method.method, Kind::Constant | Kind::Table) {
         return Err("`reuse` and `lambda` belong to `constant` and `table`".to_owned());
     }
     match method.method {
@@ -126,7 +125,7 @@ fn method(method: &MethodSpec) -> Result<(), String> {
             Err("gamma: expected from 0 to 1".to_owned())
         }
         Kind::Table if method.table.is_none() => Err("table: expected a file".to_owned()),
-        _ if !(0.0..0.5).contains(&method.lambda) => {
+        _ if !(0.0..0.5).contains(&lambda) => {
             Err("lambda: expected from 0 to below 0.5".to_owned())
         }
         _ if method

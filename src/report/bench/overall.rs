@@ -88,7 +88,7 @@ pub fn best_constant(results: &Results) -> Option<&str> {
         m.method == Kind::Constant
             && m.gamma.is_some_and(|g| g > 0.0)
             && !m.reuse
-            && m.lambda == 0.0
+            && m.lambda.unwrap_or(0.0) == 0.0
     });
     constants
         .filter_map(|m| Some((m.name.as_str(), level(&m.name)?)))

@@ -13,7 +13,7 @@ use crate::image::film::{Film, Window};
 use crate::image::metric::pixel::EPSILON;
 use crate::image::{Buffer, exr};
 use crate::integrator::drive::{Budget, Reason, drive};
-use crate::integrator::{Picture, Settings};
+use crate::integrator::{Picture, Settings, View};
 use crate::math::DVec3;
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Camera, Scene, SceneParts};
@@ -160,9 +160,8 @@ impl Prepared {
             ..Budget::default()
         };
         let (_, reason) = drive(
-            &*settings.integrator(),
-            &self.scene,
-            &self.camera,
+            &mut *settings.integrator(),
+            &View::of(&self.scene, &self.camera, &self.blank),
             &budget,
             0,
             &mut picture,

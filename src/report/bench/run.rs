@@ -20,7 +20,8 @@ use crate::files::{self, Problem, hex};
 use crate::image::film::Film;
 use crate::image::metric::MetricError;
 use crate::image::{Buffer, exr};
-use crate::integrator::{Method, Picture, Settings};
+use crate::integrator::method::Method;
+use crate::integrator::{Census, Picture, Settings, View};
 
 /// Samples per pixel for counting regularised vertices.
 const CENSUS: u32 = 2;
@@ -175,9 +176,16 @@ impl Bench<'_> {
                 let method = methods[(turn + round) % methods.len()];
                 // With the name: a method may be measured against itself.
                 let name = &method.spec.name;
-                let key = short_hash(&serde_json::json!([base, name, key_of(method), seed]));
+                let settings = Settings {
+                    estimator: method.method.estimator,
+                    rule: method.method.rule.clone(),
+                    max_vertices: spec.max_depth,
+                    seed,
+                    ..Settings::default()
+                };
+                let key = short_hash(&serde_json::json!([base, name, settings.fingerprint()]));
                 if !self.results.cells.iter().any(|c| c.key == key) {
-                    let Some(measured) = self.measure(spec, scene, method, seed, &key)? else {
+                    let Some(measured) = self.measure(spec, scene, name, &settings, &key)? else {
                         return Ok(Outcome::Stopped);
                     };
                     self.keep(spec, measured, round == 0)?;
@@ -221,23 +229,18 @@ impl Bench<'_> {
         &mut self,
         spec: &SceneSpec,
         scene: &Prepared,
-        method: &ReadyMethod<'_>,
-        seed: u64,
+        name: &str,
+        settings: &Settings,
         key: &str,
     ) -> Result<Option<Measured>, BenchError> {
-        let name = &method.spec.name;
+        let seed = settings.seed;
         let status = status(
             self.suite,
             self.done,
             format!("{}: {name}, seed {seed}", spec.name),
         );
-        let settings = Settings {
-            method: method.method.clone(),
-            max_vertices: spec.max_depth,
-            seed,
-            ..Settings::default()
-        };
-        let integrator = settings.integrator();
+        let view = View::of(&scene.scene, &scene.camera, &scene.blank);
+        let mut integrator = settings.integrator();
         let mut picture = Picture {
             film: scene.blank.clone(),
             aovs: None,
@@ -250,7 +253,7 @@ impl Bench<'_> {
                 return Ok(None);
             }
             let watch = Stopwatch::start();
-            integrator.pass(&scene.scene, &scene.camera, now.samples..end, &mut picture);
+            integrator.pass(&view, now.samples..end, &mut picture);
             let (wall, cpu) = watch.seconds();
             now.wall += wall;
             now.cpu += cpu;
@@ -265,11 +268,11 @@ impl Bench<'_> {
                 points.push(now.with(errors));
             }
         }
-        let census = integrator.census(&scene.scene, &scene.camera, 0..CENSUS, &scene.blank);
+        let census = Census::take(settings, &view, 0..CENSUS, &scene.blank);
         let cell = Run {
             regularised: census.share(),
             scene: spec.name.clone(),
-            method: name.clone(),
+            method: name.to_owned(),
             seed,
             key: key.to_owned(),
             points,
@@ -365,25 +368,5 @@ fn status(suite: &Suite, done: usize, what: String) -> Status {
         what,
         done,
         total: runs * suite.seeds as usize,
-    }
-}
-
-/// A method as a key: a table counts by its factors, not by its file's name.
-fn key_of(method: &ReadyMethod<'_>) -> String {
-    match &method.method {
-        Method::Table {
-            table,
-            reuse,
-            lambda,
-        } => {
-            let factors = hex(&Sha256::digest(bytemuck::cast_slice::<f32, u8>(
-                &table.gammas[..],
-            )));
-            format!(
-                "table {factors} {:?} {} {reuse} {lambda}",
-                table.lookup, table.scale
-            )
-        }
-        method => format!("{method:?}"),
     }
 }

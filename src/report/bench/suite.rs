@@ -29,11 +29,8 @@ use serde::{Deserialize, Serialize};
 use crate::bsdf::Distribution;
 use crate::files::{self, FileError};
 use crate::image::film::Window;
-use crate::integrator::Method;
+pub use crate::integrator::method::{Kind, MethodSpec};
 use crate::math::UVec2;
-use crate::regularise::Lookup;
-use crate::regularise::file::TableFile;
-use crate::regularise::rules::Mollifier;
 
 /// Larger files are not suites.
 const MAX_BYTES: u64 = 1 << 22;
@@ -156,57 +153,6 @@ impl From<Lobes> for Distribution {
     }
 }
 
-/// A method and its constants.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MethodSpec {
-    /// Its name in the results.
-    pub name: String,
-    /// Which.
-    pub method: Kind,
-    /// γ of `constant`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gamma: Option<f32>,
-    /// File of `table`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub table: Option<PathBuf>,
-    /// Scale of the table instead of its own.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub table_scale: Option<f32>,
-    /// Look-up instead of the table's own.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lookup: Option<Lookup>,
-    /// True if paths continue with the regularised lobe.
-    #[serde(default)]
-    pub reuse: bool,
-    /// λ of the consistent variant; 0 for the fixed one.
-    #[serde(default)]
-    pub lambda: f32,
-    /// Filter value of `filter-glossy`; 1 if not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub filter: Option<f32>,
-}
-
-/// [`Method`] in a suite.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Kind {
-    /// No regularisation.
-    Plain,
-    /// One attenuation factor.
-    Constant,
-    /// Learned attenuation factors.
-    Table,
-    /// pbrt-v4's rule.
-    Pbrt,
-    /// Cycles' rule.
-    FilterGlossy,
-    /// The rule after Arnold's.
-    RoughnessClamp,
-    /// Kaplanyan and Dachsbacher's.
-    Mollifier,
-}
-
 impl Suite {
     /// Reads a suite; relative paths in it are taken from its folder.
     pub fn load(path: &Path) -> Result<Self, FileError> {
@@ -285,35 +231,5 @@ impl SceneSpec {
             },
             window,
         )
-    }
-}
-
-impl MethodSpec {
-    /// The method; a table is read from its file.
-    pub fn resolve(&self) -> Result<Method, FileError> {
-        let (reuse, lambda) = (self.reuse, self.lambda);
-        Ok(match self.method {
-            Kind::Plain => Method::Plain,
-            Kind::Constant => Method::Constant {
-                gamma: self.gamma.unwrap_or(0.0),
-                reuse,
-                lambda,
-            },
-            Kind::Pbrt => Method::Pbrt,
-            Kind::FilterGlossy => Method::FilterGlossy(self.filter.unwrap_or(1.0)),
-            Kind::RoughnessClamp => Method::RoughnessClamp,
-            Kind::Mollifier => Method::Mollifier(Mollifier::RADIUS),
-            Kind::Table => {
-                let path = self.table.clone().unwrap_or_default();
-                let mut table = TableFile::load(&path)?.table;
-                table.scale = self.table_scale.unwrap_or(table.scale);
-                table.lookup = self.lookup.unwrap_or(table.lookup);
-                Method::Table {
-                    table,
-                    reuse,
-                    lambda,
-                }
-            }
-        })
     }
 }

@@ -1,7 +1,7 @@
 //! Fresh: paths are traced anew at every step with the table of that step. Slow, and what the other ways are checked
 //! against.
 
-use crate::regularise::{Accumulated, AttenuationTable};
+use crate::regularise::{AttenuationTable, Rule};
 use crate::train::evaluate::moments::{Adjoint, Moments, Source, no_gradient};
 use crate::train::evaluate::replay::Replay;
 use crate::train::record::crop::Crop;
@@ -29,10 +29,7 @@ impl Fresh {
 
     /// Paths that nobody has seen; `None` for a crop outside of its frame, which cannot be opened.
     fn trace(&self, table: &AttenuationTable, number: u64) -> Option<Replay> {
-        let rule = Accumulated {
-            attenuation: table,
-            lambda: 0.0,
-        };
+        let rule = Rule::with_table(table.clone());
         // Far from the seeds next to it, which other replicates use.
         let seed = self.seed ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let recording = self.crop.record_with(rule, self.spp, seed).ok()?;

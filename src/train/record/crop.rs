@@ -5,9 +5,9 @@ use crate::gallery::manifest::{CROP, Manifest, Role, SceneEntry};
 use crate::gallery::reference::{Reference, SEED};
 use crate::image::Film;
 use crate::image::film::{FilmError, Window};
-use crate::integrator::{Method, Settings};
+use crate::integrator::{Settings, View};
 use crate::math::UVec2;
-use crate::regularise::{Accumulated, AttenuationTable, Regulariser};
+use crate::regularise::{AttenuationTable, Roughening, Rule};
 use crate::sampler::{Independent, Seed};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Camera, Scene};
@@ -15,7 +15,7 @@ use crate::train::learn::objective::Target;
 use crate::train::record::proposals::Drawn;
 use crate::train::record::recording::{Recording, Tape};
 use crate::train::record::roulette::Thin;
-use crate::tune::{self, Pilot, PilotView};
+use crate::tune::{self, Pilot};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -145,17 +145,12 @@ impl Crop {
         self.trace(&drawn.0, tape, spp, seed)
     }
 
-    /// Records the events of samples `0..spp` with this attenuation.
-    pub fn record_with<A: crate::regularise::Attenuation>(
-        &self,
-        rule: Accumulated<A>,
-        spp: u32,
-        seed: u64,
-    ) -> Result<Recording, DatasetError> {
+    /// Records the events of samples `0..spp` with this rule.
+    pub fn record_with(&self, rule: Rule, spp: u32, seed: u64) -> Result<Recording, DatasetError> {
         self.trace(rule, Tape::new(self.window), spp, seed)
     }
 
-    fn trace<R: Regulariser>(
+    fn trace<R: Roughening>(
         &self,
         rule: R,
         mut tape: Tape,
@@ -163,10 +158,9 @@ impl Crop {
         seed: u64,
     ) -> Result<Recording, DatasetError> {
         let mut film = self.film()?;
-        let settings = self.settings(Method::Plain);
+        let settings = self.settings(Rule::Plain);
         settings.tracer(rule).estimate(
-            &self.scene,
-            &self.camera,
+            &self.view(),
             &Independent { seed: Seed(seed) },
             0..spp,
             &mut film,
@@ -177,27 +171,22 @@ impl Crop {
 
     /// What a pilot does to a table for a render of `samples` samples per pixel, without the reference.
     pub fn pilot(&self, table: &AttenuationTable, samples: u32) -> Result<Pilot, DatasetError> {
-        let settings = self.settings(Method::Table {
-            table: table.clone(),
-            reuse: false,
-            lambda: 0.0,
-        });
-        let view = PilotView {
-            scene: &self.scene,
-            camera: &self.camera,
-            frame: self.frame,
-            window: self.window,
-        };
-        tune::choose(&settings, &view, samples).map_err(|e| self.outside(e))
+        let settings = self.settings(Rule::with_table(table.clone()));
+        tune::choose(&settings, &self.view(), samples).map_err(|e| self.outside(e))
     }
 
     /// How the crop is rendered.
-    fn settings(&self, method: Method) -> Settings {
+    fn settings(&self, rule: Rule) -> Settings {
         Settings {
-            method,
+            rule,
             max_vertices: self.max_vertices,
             ..Settings::default()
         }
+    }
+
+    /// The crop as integrators see it.
+    pub fn view(&self) -> View<'_> {
+        View::new(&self.scene, &self.camera, self.frame, self.window)
     }
 
     /// An empty film of the crop.

@@ -66,7 +66,7 @@ impl StoredEvent {
             1.0 / event.pdf_light
         } else {
             // A direction that every draw has counts for all of them.
-            let times = if event.technique == Technique::Diffuse {
+            let times = if event.technique == Technique::Continuation {
                 draws
             } else {
                 1

@@ -6,7 +6,7 @@
 //! heuristic (Veach 1997, eq. 9.8): wherever the table goes, some were drawn nearby.
 
 use crate::bsdf::{BsdfEval, DELTA_ALPHA, LobeQuery};
-use crate::regularise::{ConstantGamma, PathRoughness, Regulariser, Scattered};
+use crate::regularise::{ConstantGamma, PathRoughness, Roughening, Scattered};
 
 /// A lobe that is wider than another by less than this is not drawn beside it: the factors are told apart by what they do
 /// to a mirror, and most do little to a surface that is rough by itself.
@@ -67,10 +67,8 @@ impl Drawn {
     }
 }
 
-impl Regulariser for &Drawn {
+impl Roughening for Drawn {
     type Path = PathRoughness;
-    const ACTIVE: bool = true;
-    const REUSE: bool = false;
 
     fn start(&self, _: u32) -> PathRoughness {
         PathRoughness::default()

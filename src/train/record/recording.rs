@@ -1,7 +1,7 @@
 //! What a crop's paths depend on the table with: a constant for every path, and its events.
 
 use crate::image::film::Window;
-use crate::integrator::{Event, PathObserver, Recorder, Technique};
+use crate::integrator::{Event, PathObserver, Recorder, ShadingPoint, Technique};
 use crate::math::{Rgb, UVec2};
 use crate::sampler::IndependentStream;
 use crate::train::record::event::StoredEvent;
@@ -9,6 +9,7 @@ use crate::train::record::intern::Interner;
 use crate::train::record::lists::Codes;
 use crate::train::record::proposals::Drawn;
 use crate::train::record::roulette::Thin;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A path with events.
@@ -172,11 +173,26 @@ impl Tape {
         self.events.extend(weight.map(|times| event.times(times)));
     }
 
-    /// α′ of the lobes that are drawn at the last vertex of a code.
-    fn drawn_at(&self, code: u32) -> &[f32] {
+    /// Places in `drawn_at` of the lobes that are drawn at the last vertex of a code.
+    fn draws_of(&self, code: u32) -> Range<usize> {
         let code = code as usize;
         let start = code.checked_sub(1).map_or(0, |c| self.drawn_ends[c]);
-        &self.drawn_at[start..self.drawn_ends[code]]
+        start..self.drawn_ends[code]
+    }
+
+    /// Stores an event; false for one that carries no light at any roughness.
+    fn record(&mut self, event: &Event, code: u32) -> bool {
+        let (drawn, draws) = if self.drawn.is_some() {
+            let alphas = &self.drawn_at[self.draws_of(code)];
+            (Drawn::all(&event.query, alphas), alphas.len())
+        } else {
+            (event.query.at(event.alpha_reg), 1)
+        };
+        let Some(stored) = StoredEvent::new(event, drawn.pdf_w, draws, code) else {
+            return false;
+        };
+        self.keep(stored, event.radiance * drawn.value);
+        true
     }
 }
 
@@ -192,37 +208,32 @@ impl PathObserver for Tape {
         self.counted = Rgb::ZERO;
     }
 
-    fn draws(&mut self, alpha: f32) -> Vec<f32> {
-        if self.drawn.is_none() {
-            return Vec::new();
-        }
-        let code = self.code(alpha);
-        // The tracer draws with the first itself.
-        self.drawn_at(code)[1..].to_vec()
-    }
-
     fn event(&mut self, event: &Event) {
         let code = match event.technique {
-            // Told of at the end of the ray, when the path has gone on from the vertex.
-            Technique::Diffuse => self.intern(self.left, event.alpha),
+            // Reported at the end of the ray, when the path has left the vertex.
+            Technique::Continuation => self.intern(self.left, event.alpha),
             _ => self.code(event.alpha),
         };
-        let found = event.query.at(event.alpha_reg);
-        let (drawn, draws) = if self.drawn.is_some() {
-            let alphas = self.drawn_at(code);
-            (Drawn::all(&event.query, alphas), alphas.len())
-        } else {
-            (found, 1)
-        };
-        if let Some(stored) = StoredEvent::new(event, drawn.pdf_w, draws, code) {
-            self.keep(stored, event.radiance * drawn.value);
-            if event.counted {
-                let density = if event.delta_light {
-                    event.pdf_light
-                } else {
-                    event.pdf_light + found.pdf_w
-                };
-                self.counted += event.radiance * found.value / density;
+        if self.record(event, code) {
+            let found = event.query.at(event.alpha_reg);
+            let density = if event.delta_light {
+                event.pdf_light
+            } else {
+                event.pdf_light + found.pdf_w
+            };
+            self.counted += event.radiance * found.value / density;
+        }
+    }
+
+    fn roughened(&mut self, point: &ShadingPoint<'_>, u: [f32; 3]) {
+        if self.drawn.is_none() {
+            return;
+        }
+        let code = self.code(point.alpha);
+        // The path tracer has drawn at the first roughness itself.
+        for i in self.draws_of(code).skip(1) {
+            if let Some(event) = point.lobe_event(self.drawn_at[i], u) {
+                self.record(&event, code);
             }
         }
     }

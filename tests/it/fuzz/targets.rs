@@ -8,7 +8,7 @@ use opsr::files::FileError;
 use opsr::gallery::manifest::Manifest;
 use opsr::image::{exr, png};
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
-use opsr::integrator::{FirstHit, Picture, Settings};
+use opsr::integrator::{FirstHit, Picture, Settings, View};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::regularise::file::TableFile;
 use opsr::report::bench::page::page;
@@ -79,8 +79,8 @@ pub(crate) fn gltf() -> Target {
                 max_vertices: 4,
                 ..Settings::default()
             };
-            let integrator = settings.integrator();
-            integrator.pass(&scene, &camera, 0..1, &mut picture);
+            let view = View::of(&scene, &camera, &picture.film);
+            settings.integrator().pass(&view, 0..1, &mut picture);
             Ok(format!("with{contents}: {warnings}"))
         },
     }

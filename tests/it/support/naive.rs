@@ -1,32 +1,31 @@
-//! A path tracer without light sampling, weights or roulette: slow, and too simple to be wrong in the same way as the
-//! real one.
+//! A path tracer without light sampling, weights or roulette: slow, and too simple to share the faults of the real one.
 
 use opsr::image::Film;
-use opsr::math::{Rgb, UVec2, Vec2};
+use opsr::math::{Ray, Rgb, UVec2};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
-use opsr::scene::Scene;
+use opsr::scene::{Scene, Sensor};
 
 /// A film of the scene's first camera.
 pub(crate) fn film(scene: &Scene, size: u32, spp: u32, seed: u64, max_vertices: u32) -> Film {
     let mut film = Film::new(UVec2::splat(size));
     let source = Independent { seed: Seed(seed) };
+    let sensor = Sensor {
+        camera: &scene.parts().cameras[0],
+        frame: film.size,
+    };
     for index in 0..film.pixels.len() {
         let pixel = film.pixel(index);
         for sample in 0..spp {
             let mut stream = source.stream(pixel, sample);
-            let at = (pixel.as_vec2() + stream.film()) / size as f32;
-            film.push(
-                index,
-                radiance(scene, at, &mut stream, max_vertices),
-                sample,
-            );
+            let ray = sensor.ray(pixel.as_vec2() + stream.film());
+            let value = radiance(scene, ray, &mut stream, max_vertices);
+            film.push(index, value, sample);
         }
     }
     film
 }
 
-fn radiance(scene: &Scene, at: Vec2, sampler: &mut impl Sampler, max_vertices: u32) -> Rgb {
-    let mut ray = scene.parts().cameras[0].ray(at, 1.0);
+fn radiance(scene: &Scene, mut ray: Ray, sampler: &mut impl Sampler, max_vertices: u32) -> Rgb {
     let (mut total, mut throughput) = (Rgb::ZERO, Rgb::ONE);
     for n in 1..=max_vertices + 1 {
         let Some(hit) = scene.intersect(&ray) else {

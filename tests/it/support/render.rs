@@ -1,14 +1,15 @@
 //! Small renders.
 
 use opsr::image::Film;
-use opsr::integrator::{Method, Picture, Settings};
+use opsr::integrator::{Picture, Settings, View};
 use opsr::math::UVec2;
+use opsr::regularise::Rule;
 use opsr::scene::{Scene, SceneParts};
 
 /// A film of the scene's first camera.
-pub(crate) fn film(scene: &Scene, method: Method, size: u32, spp: u32, seed: u64) -> Film {
+pub(crate) fn film(scene: &Scene, rule: Rule, size: u32, spp: u32, seed: u64) -> Film {
     let settings = Settings {
-        method,
+        rule,
         seed,
         ..Settings::default()
     };
@@ -21,15 +22,13 @@ pub(crate) fn film_with(scene: &Scene, settings: &Settings, size: u32, spp: u32)
         film: Film::new(UVec2::splat(size)),
         aovs: None,
     };
-    let camera = &scene.parts().cameras[0];
-    settings
-        .integrator()
-        .pass(scene, camera, 0..spp, &mut picture);
+    let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
+    settings.integrator().pass(&view, 0..spp, &mut picture);
     assert_eq!(picture.film.rejected.total(), 0);
     picture.film
 }
 
-/// A scene of these parts, which must be without fault.
+/// A scene of these parts; a warning fails the test.
 pub(crate) fn scene(parts: SceneParts) -> Scene {
     let scene = Scene::new(parts);
     assert_eq!(scene.warnings(), &[] as &[String]);

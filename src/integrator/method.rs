@@ -1,0 +1,165 @@
+//! Estimator and rule as users choose them: options of `opsr render`, keys of a method in a suite.
+
+use super::Estimator;
+use crate::files::{FileError, hex};
+use crate::regularise::file::TableFile;
+use crate::regularise::rules::MOLLIFIER_RADIUS;
+use crate::regularise::{Accumulated, Factors, Lookup, Rule, TableTuning};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// A method and its constants.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
+#[serde(deny_unknown_fields)]
+pub struct MethodSpec {
+    /// Its name in the results of a bench.
+    #[arg(skip)]
+    pub name: String,
+    /// Kind of regularisation.
+    #[arg(long = "mode", value_enum, default_value_t)]
+    pub method: Kind,
+    /// One attenuation factor in [0, 1] for all paths, instead of a table; 0 is plain path tracing.
+    #[arg(long, value_name = "X", value_parser = unit)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gamma: Option<f32>,
+    /// Learned attenuation factors.
+    #[arg(
+        id = "opsr_table",
+        long = "opsr-table",
+        value_name = "FILE",
+        conflicts_with = "gamma"
+    )]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub table: Option<PathBuf>,
+    /// Scale of the table instead of its own.
+    #[arg(skip)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub table_scale: Option<f32>,
+    /// Share of the table's pattern that is kept, from 0, one factor for all paths, to 1.
+    #[arg(long, value_name = "X", default_value_t = 1.0, requires = "opsr_table", value_parser = unit)]
+    #[serde(skip, default = "one")]
+    pub table_contrast: f32,
+    /// Look-up of the factors, instead of the one that the table was learned for.
+    #[arg(long, value_enum, requires = "opsr_table")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lookup: Option<Lookup>,
+    /// Continue paths with the roughened lobe.
+    #[arg(skip)]
+    #[serde(default)]
+    pub reuse: bool,
+    /// Let the bias vanish: sample n roughens by n^-LAMBDA of the full amount, LAMBDA in (0, 0.5).
+    #[arg(
+        long = "consistent",
+        value_name = "LAMBDA",
+        num_args = 0..=1,
+        default_missing_value = "0.16666667",
+        value_parser = exponent
+    )]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lambda: Option<f32>,
+    /// Filter value of filter-glossy; 1 if not given.
+    #[arg(long, value_name = "X", value_parser = positive)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filter: Option<f32>,
+}
+
+/// Kinds of methods.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// At next-event estimation only; the path continues with the original lobe.
+    #[default]
+    #[serde(skip)]
+    Default,
+    /// The path continues with the roughened lobe: faster, slightly more bias.
+    #[serde(skip)]
+    Reuse,
+    /// No regularisation.
+    #[value(skip)]
+    Plain,
+    /// One attenuation factor.
+    #[value(skip)]
+    Constant,
+    /// Learned attenuation factors.
+    #[value(skip)]
+    Table,
+    /// pbrt-v4's rule, for comparison.
+    Pbrt,
+    /// Cycles' filter glossy, for comparison.
+    FilterGlossy,
+    /// No lobe sharper than the roughest before it, for comparison.
+    RoughnessClamp,
+    /// Kaplanyan and Dachsbacher's mollifier: lights without area seen through smooth mirrors and glass.
+    Mollifier,
+}
+
+/// A method whose table is read.
+#[derive(Clone, Debug)]
+pub struct Method {
+    /// The algorithm.
+    pub estimator: Estimator,
+    /// The rule.
+    pub rule: Rule,
+    /// SHA-256 of the table's file, in hexadecimal digits.
+    pub table_sha256: Option<String>,
+}
+
+impl MethodSpec {
+    /// The method; a table is read from its file.
+    pub fn resolve(&self) -> Result<Method, FileError> {
+        let mut table_sha256 = None;
+        let accumulated = |factors| {
+            Rule::Accumulated(Accumulated {
+                factors,
+                lambda: self.lambda.unwrap_or(0.0),
+            })
+        };
+        let rule = match (self.method, self.gamma, &self.table) {
+            (Kind::Pbrt, ..) => Rule::Pbrt,
+            (Kind::FilterGlossy, ..) => Rule::FilterGlossy(self.filter.unwrap_or(1.0)),
+            (Kind::RoughnessClamp, ..) => Rule::RoughnessClamp,
+            (Kind::Mollifier, ..) => Rule::Mollifier(MOLLIFIER_RADIUS),
+            (_, Some(gamma), _) => accumulated(Factors::Constant(gamma)),
+            (_, None, Some(path)) => {
+                let file = TableFile::load(path)?;
+                table_sha256 = Some(hex(&file.digest()));
+                let mut table = file.table.tuned(TableTuning {
+                    scale: 1.0,
+                    contrast: self.table_contrast,
+                });
+                table.scale = self.table_scale.unwrap_or(table.scale);
+                table.lookup = self.lookup.unwrap_or(table.lookup);
+                accumulated(Factors::Table(table))
+            }
+            (_, None, None) => Rule::Plain,
+        };
+        let reuse = self.reuse || self.method == Kind::Reuse;
+        Ok(Method {
+            estimator: Estimator::Path { reuse },
+            rule,
+            table_sha256,
+        })
+    }
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+/// A number from 0 to 1.
+pub fn unit(text: &str) -> Result<f32, String> {
+    number(text, |x| (0.0..=1.0).contains(&x), "from 0 to 1")
+}
+
+fn exponent(text: &str) -> Result<f32, String> {
+    number(text, |x| x > 0.0 && x < 0.5, "between 0 and 0.5")
+}
+
+fn positive(text: &str) -> Result<f32, String> {
+    number(text, |x| x > 0.0 && x.is_finite(), "above 0")
+}
+
+fn number(text: &str, allowed: fn(f32) -> bool, range: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|&x| allowed(x));
+    number.ok_or_else(|| format!("expected a number {range}"))
+}

@@ -1,0 +1,65 @@
+//! All paths of a film, tile by tile.
+
+use super::PathTracer;
+use crate::image::film::Film;
+use crate::integrator::View;
+use crate::integrator::walk::observer::{PathObserver, Recorder};
+use crate::regularise::Roughening;
+use crate::sampler::{SampleSource, Sampler};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Pixels a side of the tiles that threads take: small enough that all cores stay busy to the end.
+const TILE: u32 = 16;
+
+impl<R: Roughening> PathTracer<R> {
+    /// Adds the samples with these numbers to every pixel of a film of the view; tiles in parallel, joined in order.
+    pub fn estimate<Q: SampleSource, O: Recorder>(
+        &self,
+        view: &View<'_>,
+        source: &Q,
+        samples: Range<u32>,
+        film: &mut Film,
+        recorder: &mut O,
+    ) {
+        debug_assert_eq!(
+            (film.size, film.window),
+            (view.sensor.frame, view.window),
+            "the film of another view"
+        );
+        let tiles: Vec<(Film, O)> = film
+            .tiles(TILE)
+            .into_par_iter()
+            .map(|window| {
+                let mut tile = film.cut(window);
+                let mut observer = recorder.fork();
+                self.tile(view, source, samples.clone(), &mut tile, &mut observer);
+                (tile, observer)
+            })
+            .collect();
+        for (tile, observer) in tiles {
+            film.paste(&tile);
+            recorder.join(observer);
+        }
+    }
+
+    fn tile<Q: SampleSource, O: PathObserver>(
+        &self,
+        view: &View<'_>,
+        source: &Q,
+        samples: Range<u32>,
+        tile: &mut Film,
+        observer: &mut O,
+    ) {
+        for index in 0..tile.pixels.len() {
+            let pixel = tile.pixel(index);
+            for sample in samples.clone() {
+                let mut stream = source.stream(pixel, sample);
+                let ray = view.sensor.ray(pixel.as_vec2() + stream.film());
+                observer.begin(pixel, sample);
+                let value = self.radiance(view.scene, ray, sample, &mut stream, observer);
+                tile.push(index, value, sample);
+            }
+        }
+    }
+}

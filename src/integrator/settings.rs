@@ -1,0 +1,113 @@
+//! Settings of a render, and the integrator they stand for.
+
+use super::path::PathTracer;
+use super::{Integrator, Picture, View};
+use crate::regularise::{Rule, Unregularised};
+use crate::sampler::{Domain, Independent, Seed};
+use std::ops::Range;
+
+/// The algorithm that estimates the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Estimator {
+    /// Unidirectional path tracing with next-event estimation.
+    Path {
+        /// Continue paths with the roughened lobe ("reuse" of `[OPSR §5.1]`): as fast as plain path tracing,
+        /// slightly more bias. Rules that [always do](Rule::roughens_continuation) ignore it.
+        reuse: bool,
+    },
+}
+
+impl Default for Estimator {
+    fn default() -> Self {
+        Self::Path { reuse: false }
+    }
+}
+
+/// All that a picture depends on, apart from the view and the number of samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// The algorithm.
+    pub estimator: Estimator,
+    /// The rule that roughens the last vertex of a path.
+    pub rule: Rule,
+    /// Scattering vertices of the longest path, at least 1.
+    pub max_vertices: u32,
+    /// Vertex (from 1) at which Russian roulette begins.
+    pub roulette_start: u32,
+    /// Seed of all random numbers.
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            estimator: Estimator::default(),
+            rule: Rule::Plain,
+            max_vertices: 16,
+            roulette_start: 5,
+            seed: 0,
+        }
+    }
+}
+
+impl Settings {
+    /// The integrator of these settings.
+    pub fn integrator(&self) -> Box<dyn Integrator> {
+        let Estimator::Path { .. } = self.estimator;
+        Box::new(PathIntegrator {
+            tracer: self.tracer(self.rule.clone()),
+            seed: self.seed,
+        })
+    }
+
+    /// The path tracer of these settings with a rule of the caller's.
+    pub fn tracer<R>(&self, rule: R) -> PathTracer<R> {
+        let Estimator::Path { reuse } = self.estimator;
+        PathTracer {
+            max_vertices: self.max_vertices,
+            roulette_start: self.roulette_start,
+            reuse: reuse || self.rule.roughens_continuation(),
+            rule,
+        }
+    }
+
+    /// The settings in words that two of them share only if they make the same picture.
+    pub fn fingerprint(&self) -> String {
+        let Self {
+            estimator,
+            rule,
+            max_vertices,
+            roulette_start,
+            seed,
+        } = self;
+        let rule = rule.fingerprint();
+        format!(
+            "{estimator:?}, {rule}, {max_vertices} vertices, roulette {roulette_start}, seed {seed}"
+        )
+    }
+}
+
+/// A path tracer and its seed.
+struct PathIntegrator {
+    tracer: PathTracer<Rule>,
+    seed: u64,
+}
+
+impl Integrator for PathIntegrator {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
+        let Self { tracer, seed } = self;
+        let source = Independent {
+            seed: Seed(*seed).derive(Domain::Camera, 0),
+        };
+        let Picture { film, aovs } = picture;
+        match aovs {
+            Some(aovs) => tracer.estimate(view, &source, samples, film, aovs),
+            // Nothing to roughen: a loop that keeps no memory of the path.
+            None if tracer.rule == Rule::Plain || !view.scene.has_lobes() => {
+                let plain = tracer.with(Unregularised);
+                plain.estimate(view, &source, samples, film, &mut ())
+            }
+            None => tracer.estimate(view, &source, samples, film, &mut ()),
+        }
+    }
+}

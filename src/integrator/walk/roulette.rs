@@ -1,0 +1,17 @@
+//! Russian roulette `[Veach97 §10.4.1]`.
+
+use crate::math::Rgb;
+
+/// The largest probability of survival: chains that lose no light must end some time.
+const LARGEST: f32 = 0.95;
+
+/// The probability with which a path survived, by which its throughput is divided; `None` for a path that ends. `u` is
+/// uniform in [0, 1).
+///
+/// `eta_scale` undoes the 1/η² with which refraction scales radiance: that is no lost light.
+#[inline]
+pub(in crate::integrator) fn survival(throughput: Rgb, eta_scale: f32, u: f32) -> Option<f32> {
+    // A throughput that is not a number survives; the film finds and reports it.
+    let survival = (throughput * eta_scale).max_element().min(LARGEST);
+    (u < survival).then_some(survival)
+}
