@@ -100,14 +100,19 @@ impl Integrator for PathIntegrator {
             seed: Seed(*seed).derive(Domain::Camera, 0),
         };
         let Picture { film, aovs } = picture;
-        match aovs {
-            Some(aovs) => tracer.estimate(view, &source, samples, film, aovs),
-            // Nothing to roughen: a loop that keeps no memory of the path.
-            None if tracer.rule == Rule::Plain || !view.scene.has_lobes() => {
-                let plain = tracer.with(Unregularised);
-                plain.estimate(view, &source, samples, film, &mut ())
+        // The loops that are run most are compiled for their rule; the others dispatch at every vertex.
+        match (aovs, &tracer.rule) {
+            (Some(aovs), _) => tracer.estimate(view, &source, samples, film, aovs),
+            // Nothing to roughen: a loop without memory of the path.
+            (None, rule) if *rule == Rule::Plain || !view.scene.has_lobes() => {
+                let tracer = tracer.with(Unregularised);
+                tracer.estimate(view, &source, samples, film, &mut ())
             }
-            None => tracer.estimate(view, &source, samples, film, &mut ()),
+            (None, Rule::Accumulated(rule)) => {
+                let tracer = tracer.with(rule);
+                tracer.estimate(view, &source, samples, film, &mut ())
+            }
+            (None, _) => tracer.estimate(view, &source, samples, film, &mut ()),
         }
     }
 }

@@ -122,17 +122,27 @@ impl<R: Roughening> PathTracer<R> {
             // ── next-event estimation at α′
             total += point.direct_light(u.light, observer);
 
-            // ── emission found by the BSDF at α′, and the continuation
-            let (found, continuation) = point.scatter::<R, O>(self.reuse, &u, observer);
-            total += found;
-            let Some(next) = continuation else { break };
+            // ── the continuation, and emission found by the BSDF at α′
+            let roughened = R::ACTIVE && point.is_roughened();
+            let reused = roughened && self.reuse;
+            let next = point.sample(if reused { point.alpha_reg } else { alpha }, u.lobe);
+            let diffuse = (next.as_ref()).is_some_and(|next| next.sample.lobe == Lobe::Diffuse);
+            let shared = !roughened || reused || diffuse;
+            if !shared {
+                total += point.roughened_emission(u.lobe, observer);
+            }
+            let Some(next) = next else { break };
+            emission = if shared {
+                point.shared_emission::<O>(&next.sample, roughened)
+            } else {
+                PendingEmission::COUNTED
+            };
             if next.sample.delta
                 && !scene.parts().lights.is_empty()
                 && let Some(radius) = self.rule.mollifier_radius(&memory)
             {
                 total += point.mollified(&next, radius, u.light);
             }
-            emission = next.emission;
             throughput *= next.sample.weight;
             remember(&self.rule, &mut memory, &point, &next.sample, observer);
             if next.sample.lobe == Lobe::Transmission {

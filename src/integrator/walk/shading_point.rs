@@ -3,11 +3,9 @@
 use super::bodies::EnclosingBodies;
 use super::observer::{Event, PathObserver, Technique};
 use super::pending_emission::PendingEmission;
-use crate::bsdf::{Bsdf, BsdfSample, Lobe, LobeQuery};
+use crate::bsdf::{Bsdf, BsdfSample, LobeQuery};
 use crate::math::measure::balance;
 use crate::math::{Frame, Rgb, Vec3};
-use crate::regularise::Roughening;
-use crate::sampler::VertexU;
 use crate::scene::{Scene, Surface};
 
 /// A scattering vertex.
@@ -36,7 +34,6 @@ pub(in crate::integrator) struct Continuation {
     /// World direction.
     pub(in crate::integrator) wi: Vec3,
     pub(in crate::integrator) sample: BsdfSample,
-    pub(in crate::integrator) emission: PendingEmission,
 }
 
 /// Emission at the end of a direction that was drawn from a lobe.
@@ -142,65 +139,32 @@ impl ShadingPoint<'_> {
         }
     }
 
-    /// Steps 2 and 3: emission that the lobe at α′ finds with a ray of its own, and the continuation, drawn at α or with
-    /// `reuse` at α′. `None` where the path ends.
-    #[inline]
-    pub(in crate::integrator) fn scatter<R: Roughening, O: PathObserver>(
-        &self,
-        reuse: bool,
-        u: &VertexU,
-        observer: &mut O,
-    ) -> (Rgb, Option<Continuation>) {
-        let roughened = R::ACTIVE && self.is_roughened();
-        let alpha = if roughened && reuse {
-            self.alpha_reg
-        } else {
-            self.alpha
-        };
-        let drawn = self
-            .bsdf
-            .sample(alpha, self.wo, u.lobe)
-            .and_then(|sample| Some((self.world(sample.wi)?, sample)));
-        // One ray serves both where the path continues with the BSDF at α′, or with the diffuse lobe.
-        let shared = |sample: &BsdfSample| !roughened || reuse || sample.lobe == Lobe::Diffuse;
-        let continuation = |(wi, sample), emission| Continuation {
-            wi,
-            sample,
-            emission,
-        };
-        match drawn {
-            Some((wi, sample)) if shared(&sample) => {
-                let emission = if sample.delta {
-                    PendingEmission::full(self.throughput * sample.weight)
-                } else if roughened {
-                    self.shared_emission::<O>(&sample)
-                } else {
-                    PendingEmission {
-                        throughput: self.throughput * sample.weight,
-                        pdf_w: Some(sample.pdf_w),
-                        event: None,
-                    }
-                };
-                (Rgb::ZERO, Some(continuation((wi, sample), emission)))
-            }
-            drawn => {
-                let mut found = Rgb::ZERO;
-                if roughened {
-                    found = self.roughened_emission(u.lobe, observer);
-                    if O::EVENTS {
-                        observer.roughened(self, u.lobe);
-                    }
-                }
-                let counted = |drawn| continuation(drawn, PendingEmission::COUNTED);
-                (found, drawn.map(counted))
-            }
-        }
+    /// Step 3: a direction drawn from the BSDF at roughness `alpha`; `None` where the path ends.
+    #[inline(always)]
+    pub(in crate::integrator) fn sample(&self, alpha: f32, u: [f32; 3]) -> Option<Continuation> {
+        let sample = self.bsdf.sample(alpha, self.wo, u)?;
+        let wi = self.world(sample.wi)?;
+        Some(Continuation { wi, sample })
     }
 
-    /// Weight of emission at the end of a ray whose direction is a draw from the BSDF at α′ as much as from the one at
-    /// which the path continues.
-    #[inline]
-    fn shared_emission<O: PathObserver>(&self, sample: &BsdfSample) -> PendingEmission {
+    /// Weight of emission at the end of a continuation that step 2 shares: its direction is a draw from the BSDF at α′
+    /// as much as from the one at which the path continues.
+    #[inline(always)]
+    pub(in crate::integrator) fn shared_emission<O: PathObserver>(
+        &self,
+        sample: &BsdfSample,
+        roughened: bool,
+    ) -> PendingEmission {
+        if sample.delta {
+            return PendingEmission::full(self.throughput * sample.weight);
+        }
+        if !roughened {
+            return PendingEmission {
+                throughput: self.throughput * sample.weight,
+                pdf_w: Some(sample.pdf_w),
+                event: None,
+            };
+        }
         let Some(query) = self.bsdf.query(self.wo, sample.wi) else {
             return PendingEmission::COUNTED;
         };
@@ -216,17 +180,23 @@ impl ShadingPoint<'_> {
         }
     }
 
-    /// Step 2 with a ray of its own, drawn at α′.
+    /// Step 2 with a ray of its own: emission at the end of a direction drawn from the BSDF at α′.
     #[inline]
-    fn roughened_emission<O: PathObserver>(&self, u: [f32; 3], observer: &mut O) -> Rgb {
-        let Some(found) = self.find_emission(self.alpha_reg, u) else {
+    pub(in crate::integrator) fn roughened_emission<O: PathObserver>(
+        &self,
+        u: [f32; 3],
+        observer: &mut O,
+    ) -> Rgb {
+        let found = self.find_emission(self.alpha_reg, u);
+        if O::EVENTS {
+            if let Some(event) = found.as_ref().and_then(|found| self.found_event(found)) {
+                observer.event(&event);
+            }
+            observer.roughened(self, u);
+        }
+        let Some(found) = found else {
             return Rgb::ZERO;
         };
-        if O::EVENTS
-            && let Some(event) = self.found_event(&found)
-        {
-            observer.event(&event);
-        }
         let sample = found.sample;
         // Only an interface between equal indices is a delta at any roughness; light sampling cannot see through it.
         let weight = if sample.delta {
@@ -240,8 +210,7 @@ impl ShadingPoint<'_> {
     /// Emission at the end of a direction that is drawn from the lobe at roughness `alpha`, found with a ray of its own.
     #[inline]
     fn find_emission(&self, alpha: f32, u: [f32; 3]) -> Option<FoundEmission> {
-        let sample = self.bsdf.sample(alpha, self.wo, u)?;
-        let wi = self.world(sample.wi)?;
+        let Continuation { wi, sample } = self.sample(alpha, u)?;
         let emission = self.scene.emission_along(&self.surface.spawn(wi))?;
         Some(FoundEmission {
             sample,
