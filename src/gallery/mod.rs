@@ -20,8 +20,11 @@ use materials::{COPPER, diffuse, emitter, glass, metal};
 use shapes::{cuboid, quad, ring, sphere};
 use std::f32::consts::PI;
 
+/// A scene's name and its builder.
+type Builder = (&'static str, fn() -> SceneParts);
+
 /// Small scenes by name, for suites.
-const SMALL: [(&str, fn() -> SceneParts); 4] = [
+const SMALL: [Builder; 4] = [
     ("caustic-box", caustic_box),
     ("cornell-box", cornell_box),
     ("furnace", || furnace_sphere(0.5)),

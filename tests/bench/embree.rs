@@ -1,4 +1,4 @@
-//! Embree 4 through its C interface, loaded at run time: the yardstick.
+//! Embree 4 through its C interface, loaded at run time: the baseline of the traversal benchmark.
 #![allow(unsafe_code)]
 
 use super::{Bench, any, closest};
@@ -130,7 +130,7 @@ fn cpu_seconds() -> f64 {
     t.tv_sec as f64 + 1e-9 * t.tv_nsec as f64
 }
 
-/// Best of `rounds` of each contestant, in turns; prints Mrays/s, hits, and the share of the first.
+/// Runs the candidates in turns and prints the best of `rounds` of each in Mrays/s, the hits, and the ratio to the first.
 fn race(name: &str, rays: usize, rounds: usize, runners: &[(&str, &dyn Fn() -> usize)]) {
     let mut best = vec![(f64::INFINITY, 0); runners.len()];
     for _ in 0..rounds {
@@ -149,7 +149,7 @@ fn race(name: &str, rays: usize, rounds: usize, runners: &[(&str, &dyn Fn() -> u
     }
 }
 
-/// Prints rates of Embree (default and robust) and of this crate's two walks.
+/// Prints rates of Embree (default and robust) and of this crate's two traversals.
 pub(crate) fn compare(path: &str, bench: &Bench, rounds: usize) {
     // SAFETY: the user says that this is Embree 4.
     let (lib, robust, embree);

@@ -1,6 +1,6 @@
 //! Rays per second through a displaced sphere of two million triangles, and through needles.
 //!
-//! With `OPSR_EMBREE` set to the path of an Embree 4 library, prints a comparison in CPU time, both in turns, instead.
+//! With `OPSR_EMBREE` set to the path of an Embree 4 library, prints a comparison in CPU time, in alternating turns.
 
 use criterion::Criterion;
 use opsr::math::{Ray, Vec3};
@@ -15,11 +15,11 @@ mod embree;
 struct Bench {
     positions: Vec<Vec3>,
     indices: Vec<[u32; 3]>,
-    /// From a camera, in tiles of 8 x 8.
+    /// Camera rays, in tiles of 8 x 8.
     coherent: Vec<Ray>,
-    /// From anywhere to anywhere.
+    /// Rays between random points.
     incoherent: Vec<Ray>,
-    /// The same, ending at the target: for any hit.
+    /// The same rays, ending at the target: for any hit.
     segments: Vec<Ray>,
 }
 
@@ -46,7 +46,7 @@ fn sphere(rings: u32, segments: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (positions, indices)
 }
 
-/// Long thin triangles across the cube: hard to put into boxes.
+/// Long thin triangles across the cube, whose boxes are mostly empty.
 fn needles(count: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mut rng = Pcg32::seed_from_u64(2);
     let mut point = |s: f32| Vec3::from_array([(); 3].map(|()| s * (rng.random::<f32>() - 0.5)));

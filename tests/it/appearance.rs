@@ -1,5 +1,6 @@
 //! Textures, normal maps, opacity and lights without area, against closed forms and plain geometry.
 
+use super::support::chi2;
 use super::support::render::{film, mean, scene};
 use glam::{Affine2, Vec2 as Uv};
 use opsr::bsdf::Bsdf;
@@ -9,7 +10,9 @@ use opsr::math::{Ray, Rgb, Vec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::material::{AlphaMode, TextureRef};
 use opsr::scene::texture::Wrap;
-use opsr::scene::{Material, Mesh, PunctualLight, SceneParts, Texture};
+use opsr::scene::{
+    Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts, Texture,
+};
 use std::f32::consts::PI;
 
 /// A picture of these texels side by side.
@@ -260,7 +263,7 @@ fn environment_through_the_holes_of_a_light() {
         vec![row(&[[255; 4], [255, 255, 255, 0]])],
         2.0,
     );
-    parts.environment = Some(opsr::scene::Environment::constant(Rgb::splat(0.7)));
+    parts.environment = Some(Environment::constant(Rgb::splat(0.7)));
     // Panel and sky are as bright: the hole changes nothing.
     let value = brightness(parts, 8, 1024);
     assert!((value / 0.35 - 1.0).abs() < 0.01, "{value}");
@@ -278,7 +281,7 @@ fn opacity_mask_from_a_texture() {
         ..diffuse("leaf", Rgb::ONE)
     };
     parts.add(leaf, [mapped(Vec3::ZERO, Vec3::X * 4.0, Vec3::Y)]);
-    let scene = opsr::scene::Scene::new(parts);
+    let scene = Scene::new(parts);
     for (x, there) in [(0.5, true), (1.5, false), (2.5, true), (3.5, false)] {
         for y in [0.1, 0.9] {
             let ray = Ray::new(Vec3::new(x, y, 1.0), Vec3::NEG_Z);
@@ -286,4 +289,93 @@ fn opacity_mask_from_a_texture() {
             assert_eq!(scene.occluded(&ray), there, "{x} {y}");
         }
     }
+}
+
+/// P-value of directions drawn from the lights, against the density of the emission along rays; both from the origin.
+fn light_sampling(parts: SceneParts) -> f64 {
+    const CELLS: [usize; 2] = [20, 12];
+    const COUNT: u32 = 200_000;
+    let (scene, tau) = (Scene::new(parts), std::f64::consts::TAU);
+    let steps = [tau / CELLS[0] as f64, 0.5 * tau / CELLS[1] as f64];
+    let density = |phi: f64, theta: f64| {
+        let ((sin, cos), (y, x)) = (theta.sin_cos(), phi.sin_cos());
+        let dir = glam::DVec3::new(sin * x, cos, sin * y).as_vec3();
+        let seen = scene.emission_along(&Ray::new(Vec3::ZERO, dir));
+        seen.map_or(0.0, |e| sin * f64::from(e.pdf_w))
+    };
+    let mut expected = Vec::new();
+    for cell in 0..CELLS[0] * CELLS[1] {
+        let [x, y] = [cell % CELLS[0], cell / CELLS[0]].map(|i| i as f64);
+        let (phi, theta) = (x * steps[0], y * steps[1]);
+        let (across, down) = ([phi, phi + steps[0]], [theta, theta + steps[1]]);
+        let count = f64::from(COUNT);
+        expected.push(count * chi2::integrate(&density, across, down, 0.2 / count));
+    }
+    let mut rng = crate::geometry::rng(5);
+    let mut observed = vec![0; expected.len()];
+    for _ in 0..COUNT {
+        let u = std::array::from_fn(|_| rand::RngExt::random(&mut rng));
+        let light = scene
+            .lights()
+            .sample(Vec3::ZERO, u)
+            .expect("all lights shine here");
+        assert!(matches!(light.density, LightDensity::SolidAngle(_)));
+        let phi = f64::from(light.wi.z)
+            .atan2(light.wi.x.into())
+            .rem_euclid(tau);
+        let theta = f64::from(light.wi.y).acos();
+        let at = [phi / steps[0], theta / steps[1]];
+        let [x, y] = [0, 1].map(|i| (at[i] as usize).min(CELLS[i] - 1));
+        observed[y * CELLS[0] + x] += 1;
+    }
+    let total: f64 = expected.iter().sum();
+    assert!(
+        (total / f64::from(COUNT) - 1.0).abs() < 2e-3,
+        "densities sum to {total} of {COUNT}"
+    );
+    chi2::p_value(&observed, &expected)
+}
+
+#[test]
+fn chi_square_light_sampling_of_environment_and_area_lights() {
+    let sky = |x: usize, y: usize| Rgb::splat(0.2 + ((7 * x + 3 * y) % 5) as f32);
+    let map = opsr::image::Buffer::from_fn(8, 4, sky);
+    let mut lamps = SceneParts::default();
+    let panel = |at: f32| quad(Vec3::new(-1.0, at, -1.5), Vec3::X * 2.0, Vec3::Z * 3.0);
+    lamps.add(emitter("above", Rgb::splat(2.0)), [panel(0.8)]);
+    let below = Material {
+        double_sided: true,
+        ..emitter("below", Rgb::ONE)
+    };
+    lamps.add(below, [panel(-1.2)]);
+    let sky = SceneParts {
+        environment: Some(Environment::from_map(map, 0.4)),
+        ..SceneParts::default()
+    };
+    let all = [("environment", sky), ("area lights", lamps)];
+    let p_values = all.map(|(name, parts)| (light_sampling(parts), name.to_owned()));
+    chi2::assert_likely(&p_values);
+}
+
+#[test]
+fn light_density_of_lights_without_area_is_a_probability() {
+    let mut parts = SceneParts::default();
+    for power in [1.0, 3.0] {
+        parts.lights.push(PunctualLight::Point {
+            position: Vec3::Y,
+            intensity: Rgb::splat(power),
+            range: f32::INFINITY,
+        });
+    }
+    let scene = Scene::new(parts);
+    let mut seen = [0.1, 0.9].map(|u| {
+        let light = scene
+            .lights()
+            .sample(Vec3::ZERO, [u, 0.5, 0.5])
+            .expect("a light");
+        assert!(light.density.is_delta() && light.density.mis_weight(7.0) == 1.0);
+        light.density.value()
+    });
+    seen.sort_by(f32::total_cmp);
+    assert!(seen.iter().all(|p| [0.25, 0.75].contains(p)), "{seen:?}");
 }

@@ -12,16 +12,16 @@ mod rooms;
 mod validation;
 mod water;
 
+use super::Builder;
 use crate::files;
 use crate::gallery::glb::{SaveError, save};
-use crate::scene::SceneParts;
 use std::path::{Path, PathBuf};
 
 /// The text of `training_scenes/manifest.toml`.
 pub const MANIFEST: &str = include_str!("../../../training_scenes/manifest.toml");
 
 /// Builders of the manifest's scenes, by name.
-pub(super) const BUILDERS: [(&str, fn() -> SceneParts); 12] = [
+pub(super) const BUILDERS: [Builder; 12] = [
     ("cornell_caustics", boxes::cornell_caustics),
     ("cornell_glossy", boxes::cornell_glossy),
     ("glass_in_glass", glass::glass_in_glass),
