@@ -3,7 +3,7 @@
 use crate::image::{Buffer, png};
 use crate::math::Rgb;
 use crate::regularise::{AttenuationTable, GammaIndex, LEN, Lookup};
-use crate::train::learn::crop_set::Set;
+use crate::train::learn::crop_set::CropSet;
 use crate::train::learn::objective::CropLoss;
 use crate::train::record::visits::{LIVE, Visits};
 use crate::train::study::{HeldOut, Score};
@@ -81,7 +81,7 @@ pub struct Crops {
 
 impl Crops {
     /// Scores and pictures of a set.
-    pub fn of(set: &mut Set, start: &AttenuationTable, learned: &AttenuationTable) -> Self {
+    pub fn of(set: &mut CropSet, start: &AttenuationTable, learned: &AttenuationTable) -> Self {
         if set.is_empty() {
             return Self::default();
         }
@@ -182,7 +182,7 @@ impl Report {
     }
 
     /// Curves of the loss: means, and two crops of each set.
-    fn curves(&self, l: &Learned) -> Vec<Line> {
+    fn curves(&self, l: &Learned) -> Vec<LossCurve> {
         let step = |e: &serde_json::Value| e["step"].as_f64().unwrap_or(0.0);
         let crop = |key: &'static str, i: usize| {
             let beta = f64::from(l.beta);
@@ -191,7 +191,7 @@ impl Report {
                 Some(crop["mape"].as_f64()? + beta * crop["variance"].as_f64()?)
             }
         };
-        let line = |name: &str, value: &dyn Fn(&serde_json::Value) -> Option<f64>| Line {
+        let line = |name: &str, value: &dyn Fn(&serde_json::Value) -> Option<f64>| LossCurve {
             name: name.into(),
             points: l
                 .log
@@ -219,13 +219,13 @@ impl Report {
 }
 
 /// A curve of a plot.
-struct Line {
+struct LossCurve {
     name: String,
     points: Vec<(f64, f64)>,
 }
 
 /// Loss by step, as SVG.
-fn plot(lines: Vec<Line>) -> String {
+fn plot(lines: Vec<LossCurve>) -> String {
     const COLOURS: [&str; 6] = [
         "#2563eb", "#dc2626", "#60a5fa", "#93c5fd", "#f97316", "#fca5a5",
     ];

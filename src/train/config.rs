@@ -15,7 +15,7 @@ const MOST_DRAWS: usize = 16;
 /// How loss and gradient are evaluated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Way {
+pub enum Evaluation {
     /// Paths are traced anew at every step.
     Fresh,
     /// Paths are traced once; their events are evaluated at every step.
@@ -63,7 +63,7 @@ pub struct Config {
     /// How factors are looked up.
     pub lookup: Lookup,
     /// How loss and gradient are evaluated.
-    pub method: Way,
+    pub method: Evaluation,
     /// Which loss.
     pub loss: Loss,
     /// Where all factors start; 0 for the best constant of the training crops.
@@ -96,7 +96,7 @@ impl Default for Config {
             optimiser: Optimiser::Adam,
             model: Model::Full,
             lookup: Lookup::Nearest,
-            method: Way::Tabulated,
+            method: Evaluation::Tabulated,
             loss: Loss::Published,
             start: 0.5,
             record_gammas: vec![0.002, 0.007, 0.025, 0.09, 0.3, 1.0],

@@ -2,7 +2,7 @@
 //!
 //! A path sample is a constant plus a few [events](event), each of which can be evaluated at any roughness. So paths
 //! are traced once ([`recording`]); mean and second moment of every pixel, and their derivatives, are then functions of
-//! the table alone ([`moments::Source`]): exactly, event by event ([`replay`]), or from baked [`curves`]; [`fresh`] traces
+//! the table alone ([`moments::MomentSource`]): exactly, event by event ([`replay`]), or from baked [`curves`]; [`fresh`] traces
 //! at every step and checks the others. burn holds the parameters ([`model`]), differentiates the loss ([`objective`];
 //! the fast way repeats its roundings in loops) and steps Adam; it never sees a ray. [`session`] is the outer loop;
 //! [`study`] says what came out of it.

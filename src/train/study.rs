@@ -2,7 +2,7 @@
 
 use super::TrainError;
 use super::config::Config;
-use super::learn::crop_set::Set;
+use super::learn::crop_set::CropSet;
 use super::learn::model::Model;
 use super::learn::objective::CropLoss;
 use super::learn::session::Session;
@@ -77,7 +77,7 @@ fn constant(gamma: f32, lookup: Lookup) -> AttenuationTable {
 }
 
 /// The best single factor for a set of crops.
-pub fn best_constant(set: &mut Set, beta: f32, lookup: Lookup) -> f32 {
+pub fn best_constant(set: &mut CropSet, beta: f32, lookup: Lookup) -> f32 {
     let ln = minimise(
         f64::from(super::evaluate::grid::GAMMA_MIN).ln(),
         0.0,
@@ -90,7 +90,7 @@ pub fn best_constant(set: &mut Set, beta: f32, lookup: Lookup) -> f32 {
 }
 
 /// The best scale of a table for a set of crops, between 1/32 and 32.
-pub fn best_scale(set: &mut Set, beta: f32, table: &AttenuationTable) -> f32 {
+pub fn best_scale(set: &mut CropSet, beta: f32, table: &AttenuationTable) -> f32 {
     let ln = minimise(-(32f64.ln()), 32f64.ln(), |ln| {
         let loss = set.loss(beta, &scaled(table, ln.exp() as f32));
         f64::from(loss.unwrap_or(0.0))
@@ -99,7 +99,7 @@ pub fn best_scale(set: &mut Set, beta: f32, table: &AttenuationTable) -> f32 {
 }
 
 /// The contrasts that a pilot tries, each with its best scale and the loss there.
-fn best_changes(set: &mut Set, beta: f32, table: &AttenuationTable) -> [(f32, Change); 3] {
+fn best_changes(set: &mut CropSet, beta: f32, table: &AttenuationTable) -> [(f32, Change); 3] {
     CONTRASTS.map(|contrast| {
         let scale = best_scale(set, beta, &table.with_contrast(contrast));
         let change = Change { contrast, scale };
@@ -117,7 +117,7 @@ fn scaled(table: &AttenuationTable, scale: f32) -> AttenuationTable {
 
 /// The score of a table.
 pub fn score(
-    set: &mut Set,
+    set: &mut CropSet,
     beta: f32,
     name: &str,
     value: Option<f32>,
@@ -139,7 +139,7 @@ fn energy(losses: &[CropLoss]) -> f32 {
 /// Scores of tables beside constants: the best one of the crops themselves, and one chosen elsewhere; in `hindsight`
 /// also with the change to each table that suits the crops best.
 pub fn scores(
-    set: &mut Set,
+    set: &mut CropSet,
     beta: f32,
     own: f32,
     elsewhere: f32,
@@ -187,7 +187,7 @@ pub fn scores(
 /// Scores of a table that a pilot changes for every crop, without its reference, for renders of `samples` samples per
 /// pixel: by what it chooses, and by what it would if the picture's mean may change by some per cent at most.
 pub fn piloted(
-    set: &mut Set,
+    set: &mut CropSet,
     beta: f32,
     name: &str,
     table: &AttenuationTable,

@@ -4,7 +4,7 @@
 //! three ways are taken in turns, so that a drifting machine favours none.
 
 use opsr::train::Session;
-use opsr::train::config::{Config, Way};
+use opsr::train::config::{Config, Evaluation};
 use opsr::train::learn::model::Optimiser;
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -35,9 +35,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         rayon::current_num_threads()
     );
     let ways = [
-        ("fresh", Way::Fresh),
-        ("replay", Way::Replay),
-        ("tabulated", Way::Tabulated),
+        ("fresh", Evaluation::Fresh),
+        ("replay", Evaluation::Replay),
+        ("tabulated", Evaluation::Tabulated),
     ];
     let mut sessions = Vec::new();
     for (name, method) in ways {

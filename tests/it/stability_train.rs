@@ -3,10 +3,10 @@
 
 use crate::train::{crop, quick};
 use opsr::regularise::{AttenuationTable, LEN};
-use opsr::train::config::Way;
-use opsr::train::evaluate::moments::{Adjoint, Moments, Source};
+use opsr::train::config::Evaluation;
+use opsr::train::evaluate::moments::{Adjoint, MomentSource, Moments};
 use opsr::train::evaluate::replay::Replay;
-use opsr::train::learn::objective::Arithmetic;
+use opsr::train::learn::objective::LossBackend;
 use opsr::train::learn::session::Outcome;
 use opsr::train::record::visits::Visits;
 use opsr::train::{Session, TrainError};
@@ -28,7 +28,7 @@ struct Faulty {
     calls: u32,
 }
 
-impl Source for Faulty {
+impl MomentSource for Faulty {
     fn moments(&mut self, table: &AttenuationTable) -> Moments {
         self.calls += 1;
         let mut moments = self.good.moments(table);
@@ -53,7 +53,7 @@ impl Source for Faulty {
 }
 
 fn learn(steps: u32, fault: Fault, folder: Option<&Path>) -> Result<Outcome, TrainError> {
-    let mut config = quick(Way::Replay);
+    let mut config = quick(Evaluation::Replay);
     config.steps = steps;
     // A look at the losses asks for the moments too.
     config.validate_every = 1000;
@@ -113,8 +113,13 @@ fn case_15_too_many_of_them_end_a_training_with_a_checkpoint() {
 fn case_15_a_loss_that_is_no_number_is_not_the_best() {
     let folder = tempfile::tempdir().unwrap();
     let crop = crop(6);
-    let mut session = Session::with_crops(quick(Way::Replay), vec![crop.clone()], vec![], &|_| ())
-        .expect("a session");
+    let mut session = Session::with_crops(
+        quick(Evaluation::Replay),
+        vec![crop.clone()],
+        vec![],
+        &|_| (),
+    )
+    .expect("a session");
     let recording = crop.record(&[0.05], 0.0, 8, 1).expect("a recording");
     let source = Faulty {
         good: Replay::new(recording),
@@ -135,7 +140,7 @@ fn case_15_a_loss_that_is_no_number_is_not_the_best() {
 
 #[test]
 fn case_15_bounds_and_black_crops_have_finite_gradients() {
-    for way in [Way::Replay, Way::Tabulated] {
+    for way in [Evaluation::Replay, Evaluation::Tabulated] {
         for black in [false, true] {
             let mut crop = crop(6);
             if black {
@@ -143,12 +148,12 @@ fn case_15_bounds_and_black_crops_have_finite_gradients() {
             }
             let mut session =
                 Session::with_crops(quick(way), vec![crop], vec![], &|_| ()).expect("a session");
-            for arithmetic in [Arithmetic::Tensors, Arithmetic::Loops] {
-                let objective = session.training.objective(0.001, arithmetic);
+            for backend in [LossBackend::Autodiff, LossBackend::Scalar] {
+                let objective = session.training.objective(0.001, backend);
                 for gamma in [0.0, 1e-3, 0.5, 1.0] {
                     let table = AttenuationTable::constant(gamma);
                     let (loss, gradient) = session.training.gradient(&objective, &table);
-                    let case = format!("{way:?} {arithmetic:?} {black} {gamma}");
+                    let case = format!("{way:?} {backend:?} {black} {gamma}");
                     assert!(loss.is_finite(), "{case}: {loss}");
                     assert_eq!(gradient.iter().position(|g| !g.is_finite()), None, "{case}");
                 }

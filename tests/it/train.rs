@@ -14,13 +14,13 @@ use opsr::math::{Rgb, UVec2};
 use opsr::regularise::{Accumulated, AttenuationTable, ConstantGamma, LEN, Lookup};
 use opsr::scene::SceneParts;
 use opsr::train::Config;
-use opsr::train::config::Way;
+use opsr::train::config::Evaluation;
 use opsr::train::evaluate::curves::Curves;
-use opsr::train::evaluate::moments::{Adjoint, Moments, Source};
+use opsr::train::evaluate::moments::{Adjoint, MomentSource, Moments};
 use opsr::train::evaluate::replay::Replay;
 use opsr::train::learn::objective::EPSILON;
 use opsr::train::record::crop::Crop;
-use opsr::train::record::event::Moment;
+use opsr::train::record::event::MeanAndSquare;
 use opsr::train::record::recording::{Recording, Tape};
 use std::sync::Arc;
 
@@ -283,8 +283,8 @@ fn the_tangent_of_an_event_is_the_one_of_double_precision() {
         for alpha in [1e-3f32, 4e-3, 0.02, 0.1, 0.5, 1.0] {
             let single = event.tangent(Dual::variable(alpha));
             let double = event.at(Dual::variable(f64::from(alpha)));
-            let parts = |m: &Moment<Dual>| [m.x[0], m.x[1], m.x[2], m.y];
-            let wide = Moment {
+            let parts = |m: &MeanAndSquare<Dual>| [m.x[0], m.x[1], m.x[2], m.y];
+            let wide = MeanAndSquare {
                 x: single.x.map(Dual::wide),
                 y: single.y.wide(),
             };
@@ -389,7 +389,7 @@ fn curves_agree_with_replay() {
 }
 
 /// A training that takes a second.
-pub(crate) fn quick(way: Way) -> Config {
+pub(crate) fn quick(way: Evaluation) -> Config {
     Config {
         spp: 32,
         steps: 12,

@@ -3,7 +3,7 @@
 use super::{Blame, save};
 use anyhow::Context;
 use opsr::files;
-use opsr::train::learn::session::Entry;
+use opsr::train::learn::session::LogEntry;
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -12,12 +12,12 @@ use std::path::{Path, PathBuf};
 const MAX_BYTES: u64 = 1 << 26;
 
 /// The log as JSON lines, replaced as a whole at every line so that it is never half-written.
-pub(super) struct Log {
+pub(super) struct MetricsLog {
     path: PathBuf,
     lines: BTreeMap<u32, String>,
 }
 
-impl Log {
+impl MetricsLog {
     /// Keeps the lines of an earlier run if it is gone on with.
     pub(super) fn open(path: &Path, resume: bool) -> anyhow::Result<Self> {
         let old = match resume.then(|| files::read_text(path, MAX_BYTES)) {
@@ -39,7 +39,7 @@ impl Log {
         })
     }
 
-    pub(super) fn add(&mut self, entry: &Entry) -> anyhow::Result<()> {
+    pub(super) fn add(&mut self, entry: &LogEntry) -> anyhow::Result<()> {
         self.lines.retain(|&step, _| step < entry.step);
         (self.lines).insert(entry.step, serde_json::to_string(entry)?);
         let text: String = self

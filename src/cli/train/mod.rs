@@ -8,7 +8,7 @@ use super::stop::Stop;
 use super::{Blame, Exit};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use log::Log;
+use log::MetricsLog;
 use opsr::files;
 use opsr::regularise::file::TableFile;
 use opsr::regularise::{AttenuationTable, Lookup};
@@ -17,7 +17,7 @@ use opsr::train::config::Config;
 use opsr::train::learn::model::Model;
 use opsr::train::learn::session::Outcome;
 use opsr::train::{Session, TrainError, study};
-use shown::Shown;
+use shown::ProgressDisplay;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -205,7 +205,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     }
     save(&args.run.join("config.toml"), &config.to_toml()?)?;
 
-    let progress = Shown::new(args.progress, config.steps);
+    let progress = ProgressDisplay::new(args.progress, config.steps);
     let mut session = Session::open(config.clone(), &|crop| {
         progress.say(&format!("recording {crop}"))
     })
@@ -274,12 +274,12 @@ fn learn(
     session: &mut Session,
     beta: f32,
     folder: &Path,
-    progress: &Shown,
+    progress: &ProgressDisplay,
     stop: &Stop,
 ) -> anyhow::Result<Option<Learned>> {
     let config = session.config.clone();
     let names: Vec<String> = session.training.crops().map(|c| c.name.clone()).collect();
-    let mut log = Log::open(&folder.join("metrics.jsonl"), args.resume)?;
+    let mut log = MetricsLog::open(&folder.join("metrics.jsonl"), args.resume)?;
     let resume = args.resume && folder.join("last.ckpt").exists();
     let clock = Instant::now();
     let mut broken = None;

@@ -2,18 +2,18 @@
 
 use super::super::bar::Style;
 use indicatif::{ProgressBar, ProgressStyle};
-use opsr::train::learn::session::Entry;
+use opsr::train::learn::session::LogEntry;
 use std::io::{IsTerminal, Write};
 use std::time::Instant;
 
 /// Progress on a terminal, as JSON lines, or not at all.
-pub(super) struct Shown {
+pub(super) struct ProgressDisplay {
     bar: Option<ProgressBar>,
     style: Style,
     steps: u32,
 }
 
-impl Shown {
+impl ProgressDisplay {
     pub(super) fn new(style: Style, steps: u32) -> Self {
         let terminal = style == Style::Auto && std::io::stderr().is_terminal();
         let bar = terminal.then(|| {
@@ -40,7 +40,7 @@ impl Shown {
         step: u32,
         beta: f32,
         loss: f32,
-        entry: Option<&Entry>,
+        entry: Option<&LogEntry>,
         names: &[String],
         clock: &Instant,
     ) {

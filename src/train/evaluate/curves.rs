@@ -8,11 +8,11 @@
 use crate::math::real::{Dual, Real};
 use crate::regularise::{AttenuationTable, GammaIndex, accumulate_at};
 use crate::train::evaluate::folded::Folded;
-use crate::train::evaluate::grid::{GAMMA_MIN, Level, NODES, Place, node, spacing};
-use crate::train::evaluate::moments::{Adjoint, Moments, Source, no_gradient};
-use crate::train::evaluate::sums::{Slopes, Sums, add, rows};
-use crate::train::record::event::{Moment, Running};
-use crate::train::record::recording::{Pixel, Recording};
+use crate::train::evaluate::grid::{GAMMA_MIN, GridStep, HermiteWeights, NODES, node, spacing};
+use crate::train::evaluate::moments::{Adjoint, MomentSource, Moments, no_gradient};
+use crate::train::evaluate::sums::{ExactSums, Jacobian, add, rows};
+use crate::train::record::event::{MeanAndSquare, PathSum};
+use crate::train::record::recording::{RecordedPixel, Recording};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -21,13 +21,13 @@ use std::ops::Range;
 type Knot = [f32; 8];
 
 /// The curves of the pixels that depend on one effective factor.
-struct Bundle {
+struct FactorCurves {
     /// The table entries that make the factor, and their weights.
     entries: Vec<(GammaIndex, f32)>,
     /// Node by node, pixel by pixel.
     knots: Vec<Knot>,
     /// The level next to where the factor was when the moments were last asked for.
-    level: Option<Level>,
+    level: Option<GridStep>,
     /// Its pixels among those of all bundles.
     range: Range<usize>,
 }
@@ -35,11 +35,11 @@ struct Bundle {
 /// The curves of a crop.
 pub struct Curves {
     constant: Moments,
-    bundles: Vec<Bundle>,
+    bundles: Vec<FactorCurves>,
     /// Derivative by γ of every pixel's curve at the level of its bundle, bundle by bundle.
-    slopes: Slopes,
+    slopes: Jacobian,
     /// Of all bundles at their levels.
-    sums: Sums,
+    sums: ExactSums,
     folded: Folded,
 }
 
@@ -59,7 +59,7 @@ impl Curves {
     /// Bakes a recording. `table` says which look-up makes the factors; its values only matter where paths fold.
     pub fn bake(recording: &Recording, table: &AttenuationTable) -> Self {
         let codes = &recording.codes;
-        // Codes that share their entries share their curves.
+        // RoughnessLists that share their entries share their curves.
         let mut groups: BTreeMap<Vec<(usize, u32)>, usize> = BTreeMap::new();
         let mut entries = Vec::new();
         let group: Vec<Option<usize>> = (0..codes.len() as u32)
@@ -101,7 +101,7 @@ impl Curves {
             constant,
             bundles,
             slopes,
-            sums: Sums::new(baked.len(), bound(&baked)),
+            sums: ExactSums::new(baked.len(), bound(&baked)),
             folded: Folded::new(recording),
         }
     }
@@ -110,7 +110,7 @@ impl Curves {
 /// The curves of one pixel, by group.
 fn bake_pixel(
     recording: &Recording,
-    pixel: &Pixel,
+    pixel: &RecordedPixel,
     group: &[Option<usize>],
     alphas: &[[Dual<f32>; NODES]],
 ) -> Vec<(usize, [Knot; NODES])> {
@@ -128,9 +128,9 @@ fn bake_pixel(
             }
             let sum = sums.entry(g).or_insert_with(|| Box::new([[0.0; 8]; NODES]));
             for (k, knot) in sum.iter_mut().enumerate() {
-                let mut running = Running::new(path.constant.map(Dual::constant));
+                let mut running = PathSum::new(path.constant.map(Dual::constant));
                 for event in events[i..].iter().filter(|e| same(e)) {
-                    let Moment { x, mut y } = event.tangent(alphas[event.code as usize][k]);
+                    let MeanAndSquare { x, mut y } = event.tangent(alphas[event.code as usize][k]);
                     let met = running.meet(event, x);
                     for c in 0..3 {
                         let cross = met[c] * x[c];
@@ -154,14 +154,14 @@ fn bake_pixel(
 fn bundle(
     entries: Vec<Vec<(GammaIndex, f32)>>,
     baked: &[Vec<(usize, [Knot; NODES])>],
-) -> (Vec<Bundle>, Slopes) {
+) -> (Vec<FactorCurves>, Jacobian) {
     let mut members: Vec<Vec<(u32, &[Knot; NODES])>> = vec![Vec::new(); entries.len()];
     for (pixel, curves) in (0u32..).zip(baked) {
         for (g, knots) in curves {
             members[*g].push((pixel, knots));
         }
     }
-    let mut slopes = Slopes::default();
+    let mut slopes = Jacobian::default();
     let bundles = (entries.into_iter().zip(members))
         .filter(|(_, members)| !members.is_empty())
         .map(|(entries, members)| {
@@ -169,7 +169,7 @@ fn bundle(
             for (pixel, _) in &members {
                 slopes.push(*pixel);
             }
-            Bundle {
+            FactorCurves {
                 entries,
                 knots: (0..NODES)
                     .flat_map(|k| members.iter().map(move |m| m.1[k]))
@@ -209,7 +209,7 @@ fn read(low: &Knot, high: &Knot, weights: [f32; 4]) -> [f32; 4] {
     sum
 }
 
-impl Bundle {
+impl FactorCurves {
     fn factor(&self, table: &AttenuationTable) -> f32 {
         let raw: f32 = (self.entries.iter())
             .map(|&(class, weight)| weight * table.gammas[class.index()])
@@ -218,15 +218,15 @@ impl Bundle {
     }
 
     /// The knots on both sides of a place, pixel by pixel.
-    fn knots(&self, place: &Place) -> (&[Knot], &[Knot]) {
+    fn knots(&self, place: &HermiteWeights) -> (&[Knot], &[Knot]) {
         let n = self.range.len();
         let at = |k: usize| &self.knots[k * n..][..n];
         (at(place.node), at(place.node + 1))
     }
 
     /// Adds the curves' values at the table's factor to the moments.
-    fn add(&self, table: &AttenuationTable, slopes: &Slopes, moments: &mut Moments) {
-        let place = Place::of(self.factor(table).into());
+    fn add(&self, table: &AttenuationTable, slopes: &Jacobian, moments: &mut Moments) {
+        let place = HermiteWeights::of(self.factor(table).into());
         let (low, high) = self.knots(&place);
         for ((&pixel, a), b) in slopes.pixels(self.range.clone()).iter().zip(low).zip(high) {
             let v = read(a, b, place.value);
@@ -239,8 +239,8 @@ impl Bundle {
     }
 
     /// Goes to the level next to the table's factor: the curves' values into the sums, and their slopes.
-    fn step(&mut self, level: Level, slopes: &mut Slopes, sums: &mut Sums) {
-        let before = self.level.replace(level).map(Level::place);
+    fn step(&mut self, level: GridStep, slopes: &mut Jacobian, sums: &mut ExactSums) {
+        let before = self.level.replace(level).map(GridStep::place);
         let place = level.place();
         let (low, high) = self.knots(&place);
         let old = before.map(|b| (b.value, self.knots(&b)));
@@ -252,17 +252,17 @@ impl Bundle {
     }
 }
 
-impl Source for Curves {
+impl MomentSource for Curves {
     fn moments(&mut self, table: &AttenuationTable) -> Moments {
         for bundle in &mut self.bundles {
-            let level = Level::of(bundle.factor(table));
+            let level = GridStep::of(bundle.factor(table));
             if bundle.level != Some(level) {
                 bundle.step(level, &mut self.slopes, &mut self.sums);
             }
         }
         let mut rows = self.sums.rows();
         for bundle in &self.bundles {
-            let from = bundle.level.map_or(0.0, Level::gamma);
+            let from = bundle.level.map_or(0.0, GridStep::gamma);
             let by = bundle.factor(table) - from;
             self.slopes.follow(bundle.range.clone(), by, &mut rows);
         }

@@ -6,9 +6,9 @@
 use crate::math::real::{Dual, Real};
 use crate::regularise::{AttenuationTable, GammaIndex, LEN};
 use crate::train::evaluate::moments::Moments;
-use crate::train::evaluate::sums::{Row, Slopes};
-use crate::train::record::event::{Moment, StoredEvent};
-use crate::train::record::lists::{Codes, Gathered};
+use crate::train::evaluate::sums::{Jacobian, PixelMoments};
+use crate::train::record::event::{MeanAndSquare, StoredEvent};
+use crate::train::record::lists::{PrefetchBuffer, RoughnessLists};
 use crate::train::record::recording::Recording;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -18,7 +18,7 @@ use std::ops::Range;
 const FAINT: f64 = 0.03;
 
 /// An event, what else its path carries, and the share of a sample in its pixel's mean.
-struct Member {
+struct FoldedEvent {
     constant: [f32; 3],
     event: StoredEvent,
 }
@@ -27,44 +27,44 @@ struct Member {
 #[derive(Default)]
 pub(in crate::train) struct Folded {
     /// Those of the events, all of them long.
-    codes: Codes,
+    codes: RoughnessLists,
     /// By pixel; the number of samples beside them.
-    pixels: Vec<(f64, Vec<Member>)>,
+    pixels: Vec<(f64, Vec<FoldedEvent>)>,
     /// The table of the tangent.
     at: Option<AttenuationTable>,
-    value: Vec<Row>,
+    value: Vec<PixelMoments>,
     /// The tangent, class by class, and where each class ends.
-    tangents: Slopes,
+    tangents: Jacobian,
     ends: Vec<usize>,
     /// Σ |d mean / d ln γ| of every class at the anchor.
     weights: Vec<f64>,
 }
 
 /// Moments of one pixel's folded events, and their derivatives by the classes that they depend on, in their order.
-type Evaluated = ([f64; 4], Vec<(u16, Row)>);
+type Evaluated = ([f64; 4], Vec<(u16, PixelMoments)>);
 
 /// Derivatives of one pixel by class while they are added up.
 struct Scratch {
-    slopes: Vec<Row>,
+    slopes: Vec<PixelMoments>,
     /// Which of them are not zero, a bit each.
     seen: [u64; LEN.div_ceil(64)],
     /// α′ and dependences of the events of the pixel.
-    gathered: Gathered,
+    gathered: PrefetchBuffer,
 }
 
 impl Default for Scratch {
     fn default() -> Self {
         Self {
-            slopes: vec![Row::default(); LEN],
+            slopes: vec![PixelMoments::default(); LEN],
             seen: [0; _],
-            gathered: Gathered::default(),
+            gathered: PrefetchBuffer::default(),
         }
     }
 }
 
 impl Scratch {
     #[inline]
-    fn add(&mut self, class: GammaIndex, slope: Row, factor: f32) {
+    fn add(&mut self, class: GammaIndex, slope: PixelMoments, factor: f32) {
         let index = class.index();
         self.seen[index / 64] |= 1 << (index % 64);
         for (sum, s) in self.slopes[index].iter_mut().zip(slope) {
@@ -73,7 +73,7 @@ impl Scratch {
     }
 
     /// Hands the sums times `scale` out, and is empty again.
-    fn take(&mut self, scale: f32) -> Vec<(u16, Row)> {
+    fn take(&mut self, scale: f32) -> Vec<(u16, PixelMoments)> {
         let count = self.seen.iter().map(|word| word.count_ones()).sum::<u32>();
         let mut entries = Vec::with_capacity(count as usize);
         for (word, start) in self.seen.iter_mut().zip((0..).step_by(64)) {
@@ -89,7 +89,7 @@ impl Scratch {
 }
 
 /// What a slope does to the mean.
-fn size(slope: Row) -> f64 {
+fn size(slope: PixelMoments) -> f64 {
     f64::from(slope[0].abs() + slope[1].abs() + slope[2].abs())
 }
 
@@ -121,7 +121,7 @@ impl Folded {
                         if let Some(code) = place[event.code as usize] {
                             event.code = code;
                             let constant = path.constant;
-                            members.push(Member { constant, event });
+                            members.push(FoldedEvent { constant, event });
                         }
                     }
                 }
@@ -137,7 +137,7 @@ impl Folded {
 
     pub(in crate::train) fn bytes(&self) -> usize {
         let members: usize = self.pixels.iter().map(|p| p.1.len()).sum();
-        members * size_of::<Member>() + self.tangents.len() * size_of::<(u32, [u16; 4])>()
+        members * size_of::<FoldedEvent>() + self.tangents.len() * size_of::<(u32, [u16; 4])>()
     }
 
     /// Number of tangents.
@@ -145,7 +145,7 @@ impl Folded {
         self.tangents.len()
     }
 
-    /// See [`Source::add_weights`](crate::train::evaluate::moments::Source::add_weights).
+    /// See [`MomentSource::add_weights`](crate::train::evaluate::moments::MomentSource::add_weights).
     pub(in crate::train) fn add_weights(&self, weights: &mut [f64]) {
         for (sum, weight) in weights.iter_mut().zip(&self.weights) {
             *sum += weight;
@@ -168,8 +168,10 @@ impl Folded {
                 let mut gathered = std::mem::take(&mut scratch.gathered);
                 roughness.gather(members.iter().map(|m| m.event.code), &mut gathered);
                 let found = roughness.gathered(&gathered);
-                for (Member { constant, event }, (alpha, gradient)) in members.iter().zip(found) {
-                    let Moment { x, mut y } = event.tangent(Dual::variable(alpha));
+                for (FoldedEvent { constant, event }, (alpha, gradient)) in
+                    members.iter().zip(found)
+                {
+                    let MeanAndSquare { x, mut y } = event.tangent(Dual::variable(alpha));
                     for (c, x) in constant.iter().zip(x) {
                         y = y + Dual::constant(2.0 * c) * x;
                     }
@@ -191,7 +193,8 @@ impl Folded {
         self.value.clear();
         self.weights = vec![0.0; LEN];
         let floors = floors(&evaluated);
-        let faint = |(class, slope): &(u16, Row)| size(*slope) < floors[usize::from(*class)];
+        let faint =
+            |(class, slope): &(u16, PixelMoments)| size(*slope) < floors[usize::from(*class)];
         self.ends = vec![0; LEN];
         let slopes = evaluated.iter().flat_map(|(_, slopes)| slopes);
         for (class, _) in slopes.filter(|s| !faint(s)) {
@@ -202,7 +205,7 @@ impl Folded {
             // Where the class begins, until its pixels are in.
             count += std::mem::replace(end, count);
         }
-        self.tangents = Slopes::zero(count);
+        self.tangents = Jacobian::zero(count);
         for (pixel, (sum, slopes)) in (0u32..).zip(&evaluated) {
             self.value.push(sum.map(|s| s as f32));
             for &(class, slope) in slopes {
@@ -224,7 +227,7 @@ impl Folded {
     }
 
     /// Adds the events to the rows of their pixels, by the tangent from the anchor to a table.
-    pub(in crate::train) fn follow(&self, table: &AttenuationTable, rows: &mut [Row]) {
+    pub(in crate::train) fn follow(&self, table: &AttenuationTable, rows: &mut [PixelMoments]) {
         let Some(at) = &self.at else { return };
         for (row, value) in rows.iter_mut().zip(&self.value) {
             for c in 0..4 {
@@ -248,7 +251,8 @@ impl Folded {
                 let mut sum = [0.0; 4];
                 gathered.clear();
                 gathered.extend(members.iter().map(|m| alphas[m.event.code as usize]));
-                for (Member { constant, event }, &alpha) in members.iter().zip(gathered.iter()) {
+                for (FoldedEvent { constant, event }, &alpha) in members.iter().zip(gathered.iter())
+                {
                     let moment = event.at(alpha);
                     let mut second = moment.y;
                     for c in 0..3 {
@@ -269,7 +273,7 @@ impl Folded {
     }
 
     /// Adds dL/dγ.
-    pub(in crate::train) fn gradient(&self, adjoint: &[Row], gradient: &mut [f64]) {
+    pub(in crate::train) fn gradient(&self, adjoint: &[PixelMoments], gradient: &mut [f64]) {
         for (g, range) in gradient.iter_mut().zip(self.ranges()) {
             *g += self.tangents.gradient(range, adjoint);
         }

@@ -2,7 +2,7 @@
 //! against.
 
 use crate::regularise::{Accumulated, AttenuationTable};
-use crate::train::evaluate::moments::{Adjoint, Moments, Source, no_gradient};
+use crate::train::evaluate::moments::{Adjoint, MomentSource, Moments, no_gradient};
 use crate::train::evaluate::replay::Replay;
 use crate::train::record::crop::Crop;
 
@@ -40,7 +40,7 @@ impl Fresh {
     }
 }
 
-impl Source for Fresh {
+impl MomentSource for Fresh {
     fn moments(&mut self, table: &AttenuationTable) -> Moments {
         self.traced += 1;
         match self.trace(table, self.traced) {

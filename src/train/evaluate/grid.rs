@@ -29,7 +29,7 @@ fn coordinate(gamma: f64) -> f64 {
 /// Where a curve is read: between which nodes, and with which weights of value and slope on the left, value and slope
 /// on the right.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::train) struct Place {
+pub(in crate::train) struct HermiteWeights {
     /// The node on the left.
     pub(in crate::train) node: usize,
     /// Weights of the value.
@@ -38,7 +38,7 @@ pub(in crate::train) struct Place {
     pub(in crate::train) slope: [f32; 4],
 }
 
-impl Place {
+impl HermiteWeights {
     /// Where γ is.
     pub(in crate::train) fn of(gamma: f64) -> Self {
         Self::at(coordinate(gamma))
@@ -74,9 +74,9 @@ impl Place {
 /// A step of Adam moves a factor by little. The curves need not be evaluated again until it has reached the next level,
 /// and what is kept depends on nothing but the level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::train) struct Level(u32);
+pub(in crate::train) struct GridStep(u32);
 
-impl Level {
+impl GridStep {
     /// The level nearest to γ.
     pub(in crate::train) fn of(gamma: f32) -> Self {
         Self((coordinate(gamma.into()) * f64::from(LEVELS)).round() as u32)
@@ -92,8 +92,8 @@ impl Level {
     }
 
     /// Where it is among the nodes.
-    pub(in crate::train) fn place(self) -> Place {
-        Place::at(self.coordinate())
+    pub(in crate::train) fn place(self) -> HermiteWeights {
+        HermiteWeights::at(self.coordinate())
     }
 }
 
@@ -105,14 +105,14 @@ mod tests {
     fn a_level_is_near_its_factor() {
         for k in 0..=1000 {
             let gamma = GAMMA_MIN.powf(1.0 - k as f32 / 1000.0);
-            let found = Level::of(gamma).gamma();
+            let found = GridStep::of(gamma).gamma();
             assert!((found / gamma).ln().abs() < 0.51 * spacing() as f32 / LEVELS as f32);
         }
         for bound in [GAMMA_MIN, 1.0] {
-            assert!((Level::of(bound).gamma() / bound - 1.0).abs() < 1e-6);
+            assert!((GridStep::of(bound).gamma() / bound - 1.0).abs() < 1e-6);
         }
-        assert_eq!(Level::of(0.0), Level::of(GAMMA_MIN));
-        assert_eq!(Level::of(7.0), Level::of(1.0));
+        assert_eq!(GridStep::of(0.0), GridStep::of(GAMMA_MIN));
+        assert_eq!(GridStep::of(7.0), GridStep::of(1.0));
     }
 
     #[test]
@@ -121,7 +121,7 @@ mod tests {
         let by_x = |x: f64| 0.5 + x * (0.4 - 0.09 * x);
         for k in 0..=333 {
             let gamma = 0.001f64.powf(1.0 - f64::from(k) / 333.0);
-            let place = Place::of(gamma);
+            let place = HermiteWeights::of(gamma);
             let ends = [place.node, place.node + 1].map(|k| node(k).ln());
             let knots = [
                 cubic(ends[0]),

@@ -15,7 +15,7 @@ pub struct Moments {
 pub type Adjoint = Moments;
 
 /// Moments of a crop at any table, and their derivative.
-pub trait Source: Send + Sync {
+pub trait MomentSource: Send + Sync {
     /// The moments at this table.
     fn moments(&mut self, table: &AttenuationTable) -> Moments;
 

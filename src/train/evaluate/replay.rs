@@ -2,9 +2,9 @@
 
 use crate::math::real::Dual;
 use crate::regularise::AttenuationTable;
-use crate::train::evaluate::moments::{Adjoint, Moments, Source, no_gradient};
-use crate::train::record::event::{Moment, Running};
-use crate::train::record::recording::{Path, Pixel, Recording};
+use crate::train::evaluate::moments::{Adjoint, MomentSource, Moments, no_gradient};
+use crate::train::record::event::{MeanAndSquare, PathSum};
+use crate::train::record::recording::{RecordedPath, RecordedPixel, Recording};
 use rayon::prelude::*;
 
 /// Pixels that a thread takes at once; sums are made in their order.
@@ -21,13 +21,13 @@ impl Replay {
         Self { recording }
     }
 
-    /// Sums of one pixel.
-    fn pixel(&self, pixel: &Pixel, alphas: &[f32]) -> ([f64; 3], f64) {
+    /// ExactSums of one pixel.
+    fn pixel(&self, pixel: &RecordedPixel, alphas: &[f32]) -> ([f64; 3], f64) {
         let mut mean = pixel.constant;
         let mut second = pixel.constant_squared;
         for path in &pixel.paths {
             // M2 += y + 2 S x; S += x: the square of the sum, events in order of depth.
-            let mut sum = Running::new(path.constant.map(f64::from));
+            let mut sum = PathSum::new(path.constant.map(f64::from));
             for event in self.events(path) {
                 let moment = event.at(alphas[event.code as usize]);
                 let x = moment.x.map(f64::from);
@@ -43,20 +43,20 @@ impl Replay {
         (mean.map(|m| m / n), second / n)
     }
 
-    fn events(&self, path: &Path) -> &[crate::train::record::event::StoredEvent] {
+    fn events(&self, path: &RecordedPath) -> &[crate::train::record::event::StoredEvent] {
         &self.recording.events[path.first as usize..][..path.count as usize]
     }
 
     /// dL/dα′ of every code, from the pixels of a chunk.
     fn chunk(
         &self,
-        pixels: &[Pixel],
+        pixels: &[RecordedPixel],
         first: usize,
         alphas: &[f32],
         adjoint: &Adjoint,
     ) -> Vec<(u32, f64)> {
         let mut out = Vec::new();
-        let mut moments: Vec<Played> = Vec::new();
+        let mut moments: Vec<ReplayedEvent> = Vec::new();
         for (i, pixel) in pixels.iter().enumerate() {
             let n = f64::from(pixel.samples.max(1));
             let mean = adjoint.mean[first + i].map(|a| f64::from(a) / n);
@@ -71,7 +71,7 @@ impl Replay {
                     let moment = event.at(Dual::variable(alphas[event.code as usize].into()));
                     if moments
                         .last()
-                        .is_some_and(|m: &Played| m.code != event.code)
+                        .is_some_and(|m: &ReplayedEvent| m.code != event.code)
                     {
                         close(&mut moments[first..], found);
                         (first, found) = (moments.len(), [0.0; 3]);
@@ -80,7 +80,7 @@ impl Replay {
                         total[c] += moment.x[c].v;
                         found[c] += if event.found { moment.x[c].v } else { 0.0 };
                     }
-                    moments.push(Played {
+                    moments.push(ReplayedEvent {
                         code: event.code,
                         found: event.found,
                         moment,
@@ -88,7 +88,7 @@ impl Replay {
                     });
                 }
                 close(&mut moments[first..], found);
-                for Played {
+                for ReplayedEvent {
                     code,
                     moment,
                     apart,
@@ -109,22 +109,22 @@ impl Replay {
 }
 
 /// An event of the path at hand.
-struct Played {
+struct ReplayedEvent {
     code: u32,
     found: bool,
-    moment: Moment<Dual>,
+    moment: MeanAndSquare<Dual>,
     /// What of the path's sum it does not meet: itself, and what else is found from its vertex.
     apart: [f64; 3],
 }
 
 /// Sets what does not meet among the events of one vertex.
-fn close(vertex: &mut [Played], found: [f64; 3]) {
+fn close(vertex: &mut [ReplayedEvent], found: [f64; 3]) {
     for event in vertex.iter_mut().filter(|e| e.found) {
         event.apart = found;
     }
 }
 
-impl Source for Replay {
+impl MomentSource for Replay {
     fn moments(&mut self, table: &AttenuationTable) -> Moments {
         let alphas = self.recording.codes.alphas(table);
         let sums: Vec<_> = (self.recording.pixels.par_iter().with_min_len(CHUNK))

@@ -1,4 +1,4 @@
-//! Sums over the factors of a table, of which a training step changes only some.
+//! ExactSums over the factors of a table, of which a training step changes only some.
 
 use crate::math::Vec4;
 use crate::train::evaluate::moments::{Adjoint, Moments};
@@ -9,13 +9,13 @@ use std::ops::Range;
 /// Contributions are rounded to a grid on which additions of `f64` are exact, so that a sum depends on what it is made
 /// of and not on how it came about: a training that goes on from a checkpoint has the same sums to the bit.
 #[derive(Default)]
-pub(in crate::train) struct Sums {
+pub(in crate::train) struct ExactSums {
     /// 1.5 times the power of two above all sums: what is added to it is rounded to its last place.
     rounder: [f64; 4],
     pixels: Vec<[f64; 4]>,
 }
 
-impl Sums {
+impl ExactSums {
     /// Zeros, for contributions whose absolute values in a pixel add up to at most `bound`.
     pub(in crate::train) fn new(pixels: usize, bound: [f64; 4]) -> Self {
         Self {
@@ -35,32 +35,32 @@ impl Sums {
     }
 
     /// The sums, pixel by pixel.
-    pub(in crate::train) fn rows(&self) -> Vec<Row> {
+    pub(in crate::train) fn rows(&self) -> Vec<PixelMoments> {
         let rows = self.pixels.iter();
         rows.map(|sum| sum.map(|s| s as f32)).collect()
     }
 }
 
 /// Mean per channel and second moment of a pixel side by side.
-pub(in crate::train) type Row = [f32; 4];
+pub(in crate::train) type PixelMoments = [f32; 4];
 
 /// Derivatives of the rows of pixels by the factor that they depend on.
 ///
 /// A training step reads all of them twice and waits for memory, so they are kept with eight bits of mantissa. Moments
 /// and gradients follow the same slopes, so that one stays the derivative of the other.
 #[derive(Default)]
-pub(in crate::train) struct Slopes {
+pub(in crate::train) struct Jacobian {
     pixels: Vec<u32>,
     values: Vec<[u16; 4]>,
 }
 
 #[inline]
-fn pack(slope: Row) -> [u16; 4] {
+fn pack(slope: PixelMoments) -> [u16; 4] {
     slope.map(|s| half::bf16::from_f32(s).to_bits())
 }
 
 #[inline]
-fn unpack(packed: [u16; 4]) -> Row {
+fn unpack(packed: [u16; 4]) -> PixelMoments {
     // The upper halves of singles, in a form that compiles to one interleaving with zeros.
     let [a, b, c, d] = packed;
     if cfg!(target_endian = "little") {
@@ -73,19 +73,19 @@ fn unpack(packed: [u16; 4]) -> Row {
 /// Terms that are added up in single precision.
 const BLOCK: usize = 256;
 
-/// Sums that are made side by side, so that none waits for another.
+/// ExactSums that are made side by side, so that none waits for another.
 const LANES: usize = 4;
 
-/// Slopes that are unpacked together: between sums the compiler makes of one interleaving twenty scalar instructions.
+/// Jacobian that are unpacked together: between sums the compiler makes of one interleaving twenty scalar instructions.
 const PART: usize = 4 * LANES;
 
 /// Hands every slope over, in their order, with its number (in its part) and its pixel.
 #[inline]
-fn each(pixels: &[u32], values: &[[u16; 4]], mut hand: impl FnMut(usize, u32, Row)) {
+fn each(pixels: &[u32], values: &[[u16; 4]], mut hand: impl FnMut(usize, u32, PixelMoments)) {
     let (pixels, last) = pixels.as_chunks::<PART>();
     let (values, last_values) = values.as_chunks::<PART>();
     for (pixels, values) in pixels.iter().zip(values) {
-        let mut slopes = [Row::default(); PART];
+        let mut slopes = [PixelMoments::default(); PART];
         let singles = slopes.as_flattened_mut().iter_mut();
         for (single, &bits) in singles.zip(values.as_flattened()) {
             *single = f32::from_bits(u32::from(bits) << 16);
@@ -99,7 +99,7 @@ fn each(pixels: &[u32], values: &[[u16; 4]], mut hand: impl FnMut(usize, u32, Ro
     }
 }
 
-impl Slopes {
+impl Jacobian {
     /// Number of slopes.
     pub(in crate::train) fn len(&self) -> usize {
         self.pixels.len()
@@ -110,7 +110,7 @@ impl Slopes {
         &self.pixels[range]
     }
 
-    /// Slopes of no pixel, to be set.
+    /// Jacobian of no pixel, to be set.
     pub(in crate::train) fn zero(count: usize) -> Self {
         Self {
             pixels: vec![0; count],
@@ -126,7 +126,7 @@ impl Slopes {
 
     /// Sets a pixel and its slope.
     #[inline]
-    pub(in crate::train) fn set(&mut self, index: usize, pixel: u32, slope: Row) {
+    pub(in crate::train) fn set(&mut self, index: usize, pixel: u32, slope: PixelMoments) {
         self.pixels[index] = pixel;
         self.values[index] = pack(slope);
     }
@@ -135,7 +135,7 @@ impl Slopes {
     pub(in crate::train) fn update(
         &mut self,
         range: Range<usize>,
-        mut slope: impl FnMut(usize, u32) -> Row,
+        mut slope: impl FnMut(usize, u32) -> PixelMoments,
     ) {
         let values = self.values[range.clone()].iter_mut();
         for (i, (value, &pixel)) in values.zip(&self.pixels[range]).enumerate() {
@@ -144,7 +144,7 @@ impl Slopes {
     }
 
     /// Moves the factor that those in `range` belong to by this much.
-    pub(in crate::train) fn follow(&self, range: Range<usize>, by: f32, rows: &mut [Row]) {
+    pub(in crate::train) fn follow(&self, range: Range<usize>, by: f32, rows: &mut [PixelMoments]) {
         // In the end two factors of five stay at a bound.
         if by == 0.0 {
             return;
@@ -157,7 +157,7 @@ impl Slopes {
     }
 
     /// The derivative by the factor that those in `range` belong to of what has this derivative by the moments.
-    pub(in crate::train) fn gradient(&self, range: Range<usize>, adjoint: &[Row]) -> f64 {
+    pub(in crate::train) fn gradient(&self, range: Range<usize>, adjoint: &[PixelMoments]) -> f64 {
         let pixels = self.pixels[range.clone()].chunks(BLOCK);
         let values = self.values[range].chunks(BLOCK);
         let block = |(pixels, values): (&[u32], &[[u16; 4]])| {
@@ -179,7 +179,7 @@ impl Slopes {
 }
 
 /// Adds rows to moments.
-pub(in crate::train) fn add(rows: &[Row], moments: &mut Moments) {
+pub(in crate::train) fn add(rows: &[PixelMoments], moments: &mut Moments) {
     let pixels = moments.mean.iter_mut().zip(&mut moments.second);
     for ((mean, second), row) in pixels.zip(rows) {
         for (m, r) in mean.iter_mut().zip(row) {
@@ -190,7 +190,7 @@ pub(in crate::train) fn add(rows: &[Row], moments: &mut Moments) {
 }
 
 /// An adjoint with all that belongs to a pixel side by side.
-pub(in crate::train) fn rows(adjoint: &Adjoint) -> Vec<Row> {
+pub(in crate::train) fn rows(adjoint: &Adjoint) -> Vec<PixelMoments> {
     (adjoint.mean.iter().zip(&adjoint.second))
         .map(|(m, &second)| [m[0], m[1], m[2], second])
         .collect()
@@ -209,14 +209,14 @@ mod tests {
         };
         let (first, last): (Vec<_>, Vec<_>) = (0..500).map(|_| (value(), value())).unzip();
         let bound = [500.0 * 8.0; 4];
-        let mut walked = Sums::new(1, bound);
+        let mut walked = ExactSums::new(1, bound);
         for v in &first {
             walked.exchange(0, [0.0; 4], *v);
         }
         for (old, new) in first.iter().zip(&last).rev() {
             walked.exchange(0, *old, *new);
         }
-        let mut direct = Sums::new(1, bound);
+        let mut direct = ExactSums::new(1, bound);
         for v in &last {
             direct.exchange(0, [0.0; 4], *v);
         }
@@ -230,15 +230,15 @@ mod tests {
     #[test]
     fn slopes_are_followed_as_they_are_derived() {
         let mut rng = rand_pcg::Pcg32::seed_from_u64(8);
-        let mut row = || -> Row { std::array::from_fn(|_| rng.random::<f32>() - 0.5) };
-        let mut slopes = Slopes::zero(3 * BLOCK);
+        let mut row = || -> PixelMoments { std::array::from_fn(|_| rng.random::<f32>() - 0.5) };
+        let mut slopes = Jacobian::zero(3 * BLOCK);
         for i in 0..slopes.len() {
             slopes.set(i, (i * 7 % 50) as u32, row());
         }
         // The second of two factors.
         let range = 40..slopes.len();
-        let adjoint: Vec<Row> = (0..50).map(|_| row()).collect();
-        let mut rows = vec![Row::default(); 50];
+        let adjoint: Vec<PixelMoments> = (0..50).map(|_| row()).collect();
+        let mut rows = vec![PixelMoments::default(); 50];
         slopes.follow(range.clone(), 0.25, &mut rows);
         let pairs = rows.iter().flatten().zip(adjoint.iter().flatten());
         let moved: f64 = pairs.map(|(r, a)| f64::from(*r) * f64::from(*a)).sum();

@@ -4,7 +4,7 @@ use crate::files;
 use crate::files::hex;
 use crate::regularise::{AttenuationTable, LEN};
 use crate::train::config::{Config, ConfigError};
-use crate::train::learn::model::{Learner, State};
+use crate::train::learn::model::{Learner, LearnerState};
 use crate::train::record::crop::Crop;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -29,7 +29,7 @@ pub struct Checkpoint {
     /// The table that paths which fold were linearised at.
     pub anchor: AttenuationTable,
     /// Parameters and optimiser.
-    pub state: State,
+    pub state: LearnerState,
 }
 
 /// Why a checkpoint could not be read or written.
@@ -71,7 +71,7 @@ pub enum CheckpointError {
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Document {
+struct CheckpointFile {
     format: String,
     fingerprint: String,
     step: u32,
@@ -86,7 +86,7 @@ struct Document {
 
 const FORMAT: &str = "opsr training checkpoint 1";
 
-impl Document {
+impl CheckpointFile {
     fn checksum(&self) -> String {
         let text = format!(
             "{} {} {} {} {:?} {:?} {} {} {}",
@@ -134,7 +134,7 @@ impl Checkpoint {
 
     /// Writes the file, whole or not at all.
     pub fn save(&self, path: &Path) -> Result<(), CheckpointError> {
-        let mut document = Document {
+        let mut document = CheckpointFile {
             format: FORMAT.into(),
             fingerprint: self.fingerprint.clone(),
             step: self.step,
@@ -160,7 +160,8 @@ impl Checkpoint {
             path: path.into(),
             source,
         })?;
-        let document: Document = serde_json::from_slice(&text).map_err(|e| damaged(path, e))?;
+        let document: CheckpointFile =
+            serde_json::from_slice(&text).map_err(|e| damaged(path, e))?;
         if document.format != FORMAT || document.sha256 != document.checksum() {
             return Err(damaged(path, "the checksum is wrong"));
         }
@@ -182,7 +183,7 @@ impl Checkpoint {
             looks: document.looks,
             best,
             anchor: table(&document.anchor)?,
-            state: State {
+            state: LearnerState {
                 parameters: bytes(&document.parameters)?,
                 adam: bytes(&document.adam)?,
             },

@@ -1,8 +1,8 @@
 //! Crops that are learned from, or scored, together.
 
 use crate::regularise::{AttenuationTable, Lookup};
-use crate::train::evaluate::moments::{Moments, Source, no_gradient};
-use crate::train::learn::objective::{Arithmetic, CropLoss, Objective, Target};
+use crate::train::evaluate::moments::{MomentSource, Moments, no_gradient};
+use crate::train::learn::objective::{CropLoss, LossBackend, Objective, Target};
 use crate::train::record::crop::Crop;
 use crate::train::record::visits::Visits;
 use rayon::prelude::*;
@@ -15,8 +15,8 @@ const REACH: f64 = 0.1;
 
 /// Crops with their sources of moments and what they are compared with.
 #[derive(Default)]
-pub struct Set {
-    members: Vec<Member>,
+pub struct CropSet {
+    members: Vec<TrainingCrop>,
     /// The table that sources are linearised at.
     pub(in crate::train) anchor: Option<AttenuationTable>,
     /// The light that follows each factor in what is linearised.
@@ -24,16 +24,16 @@ pub struct Set {
 }
 
 /// A replicate of a crop.
-struct Member {
+struct TrainingCrop {
     crop: Crop,
-    source: Box<dyn Source>,
+    source: Box<dyn MomentSource>,
     target: Target,
     visits: Visits,
     /// Its losses where all factors are the same, as far as they are known: every β asks for much the same factors.
     constants: Vec<((f32, Lookup), CropLoss)>,
 }
 
-impl Member {
+impl TrainingCrop {
     /// The loss where all factors are the same.
     fn constant(&mut self, gamma: f32, lookup: Lookup) -> CropLoss {
         let key = (gamma, lookup);
@@ -50,10 +50,16 @@ impl Member {
     }
 }
 
-impl Set {
+impl CropSet {
     /// Adds a replicate of a crop.
-    pub fn push(&mut self, crop: Crop, source: Box<dyn Source>, target: Target, visits: Visits) {
-        self.members.push(Member {
+    pub fn push(
+        &mut self,
+        crop: Crop,
+        source: Box<dyn MomentSource>,
+        target: Target,
+        visits: Visits,
+    ) {
+        self.members.push(TrainingCrop {
             crop,
             source,
             target,
@@ -150,9 +156,9 @@ impl Set {
     }
 
     /// An objective over the crops.
-    pub fn objective(&self, beta: f32, arithmetic: Arithmetic) -> Objective {
+    pub fn objective(&self, beta: f32, backend: LossBackend) -> Objective {
         let targets: Vec<&Target> = self.members.iter().map(|m| &m.target).collect();
-        Objective::new(&targets, beta, arithmetic)
+        Objective::new(&targets, beta, backend)
     }
 
     /// The loss of each crop with these moments.

@@ -1,24 +1,24 @@
 //! The recordings that a training starts with.
 
-use crate::train::config::{Config, Loss, Way};
+use crate::train::config::{Config, Evaluation, Loss};
 use crate::train::evaluate::curves::Curves;
 use crate::train::evaluate::fresh::Fresh;
-use crate::train::evaluate::moments::Source;
+use crate::train::evaluate::moments::MomentSource;
 use crate::train::evaluate::replay::Replay;
 use crate::train::record::crop::{Crop, DatasetError};
 use crate::train::record::visits::Visits;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What a job makes.
-type Made = Result<(Box<dyn Source>, Visits), DatasetError>;
+type Recorded = Result<(Box<dyn MomentSource>, Visits), DatasetError>;
 
 /// Runs jobs, two at a time: while one thread puts a recording together, the paths of another are traced. Tells which
 /// crop begins. What they made is in their order, up to an error.
 pub(in crate::train) fn run_all(
-    jobs: &[Job],
+    jobs: &[RecordingJob],
     config: &Config,
     listen: &(dyn Fn(&str) + Sync),
-) -> Vec<Made> {
+) -> Vec<Recorded> {
     let next = AtomicUsize::new(0);
     let worker = || {
         let mut made = Vec::new();
@@ -42,7 +42,7 @@ pub(in crate::train) fn run_all(
 }
 
 /// A recording to be made.
-pub(in crate::train) struct Job {
+pub(in crate::train) struct RecordingJob {
     pub(in crate::train) crop: Crop,
     /// Whether the crop is learned from.
     pub(in crate::train) training: bool,
@@ -50,7 +50,7 @@ pub(in crate::train) struct Job {
     spp: u32,
 }
 
-impl Job {
+impl RecordingJob {
     /// The recordings that are made of a crop.
     pub(in crate::train) fn of(crop: Crop, training: bool, config: &Config) -> Vec<Self> {
         // Without noise in the loss all samples make one picture.
@@ -72,14 +72,14 @@ impl Job {
     }
 
     /// Traces it, and makes of it what the configuration evaluates.
-    fn run(&self, config: &Config) -> Made {
+    fn run(&self, config: &Config) -> Recorded {
         let Self {
             crop, seed, spp, ..
         } = self;
         let gammas = &config.record_gammas;
         let middle = config.constant(gammas[gammas.len() / 2]);
         let mut visits = Visits::default();
-        if config.method == Way::Fresh && self.training {
+        if config.method == Evaluation::Fresh && self.training {
             // Visits are those of a recording whatever the way.
             let recording = crop.record(gammas, config.roulette, (*spp).min(64), config.seed)?;
             visits.count(&recording, &middle);
@@ -87,8 +87,8 @@ impl Job {
         }
         let recording = crop.record(gammas, config.roulette, *spp, *seed)?;
         visits.count(&recording, &middle);
-        let source: Box<dyn Source> = match config.method {
-            Way::Replay => Box::new(Replay::new(recording)),
+        let source: Box<dyn MomentSource> = match config.method {
+            Evaluation::Replay => Box::new(Replay::new(recording)),
             _ => Box::new(Curves::bake(&recording, &middle)),
         };
         Ok((source, visits))

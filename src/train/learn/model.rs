@@ -168,17 +168,17 @@ impl Learner {
     }
 
     /// Parameters and optimiser state, as burn writes them.
-    pub fn to_bytes(&self) -> Result<State, RecordError> {
+    pub fn to_bytes(&self) -> Result<LearnerState, RecordError> {
         let parameters = self.parameters.clone().into_record().into_bytes()?;
         let adam = self.adam.into_bytes()?;
-        Ok(State {
+        Ok(LearnerState {
             parameters: parameters.to_vec(),
             adam: adam.to_vec(),
         })
     }
 
     /// Goes on from a state. Parameters first: they carry the identity by which Adam knows its moments.
-    pub fn restore(self, state: State) -> Result<Self, RecordError> {
+    pub fn restore(self, state: LearnerState) -> Result<Self, RecordError> {
         let numbers = self.values().len();
         let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(state.parameters))?;
         let parameters = self.parameters.try_load_record(record)?;
@@ -230,7 +230,7 @@ fn check_moments(state: &[u8], numbers: usize) -> Result<(), RecordError> {
 
 /// What a learner needs to go on to the bit.
 #[derive(Clone, Debug, PartialEq)]
-pub struct State {
+pub struct LearnerState {
     /// The parameters.
     pub parameters: Vec<u8>,
     /// Adam's moments and step.

@@ -9,7 +9,7 @@
 //! term has the unit of radiance squared and the first none, and β must mean the same everywhere.
 //!
 //! It is written in burn's tensors, and its derivative is burn's. The fast way to train does the same roundings in loops,
-//! without a graph ([`Arithmetic`]).
+//! without a graph ([`LossBackend`]).
 
 use crate::train::evaluate::moments::{Adjoint, Moments};
 use burn::tensor::{Device, Tensor, TensorData};
@@ -123,20 +123,20 @@ impl CropLoss {
 
 /// What loss and derivative are evaluated with. The derivatives are the same to the bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Arithmetic {
+pub enum LossBackend {
     /// burn's tensors and its graph.
-    Tensors,
-    /// Loops over numbers.
-    Loops,
+    Autodiff,
+    /// Scalar over numbers.
+    Scalar,
 }
 
 /// The loss of several crops.
 pub struct Objective {
-    parts: Vec<Part>,
+    parts: Vec<CropObjective>,
 }
 
 /// The loss of one crop as a part of the whole: Σ w |x − r| + Σ q (y − Σ x²), means x and second moments y.
-struct Part {
+struct CropObjective {
     /// What radiance is multiplied by.
     scale: f32,
     /// r, all channels in a row.
@@ -145,11 +145,11 @@ struct Part {
     errors: Vec<f32>,
     /// q.
     variance: f32,
-    graph: Option<Graph>,
+    graph: Option<LossGraph>,
 }
 
 /// The same as Σ w |x − r| + Σ x (c − q x) over means and second moments in a row.
-struct Graph {
+struct LossGraph {
     reference: Tensor<1>,
     /// 0 for second moments.
     errors: Tensor<1>,
@@ -159,8 +159,8 @@ struct Graph {
     linear: Tensor<1>,
 }
 
-impl Graph {
-    fn new(part: &Part) -> Self {
+impl LossGraph {
+    fn new(part: &CropObjective) -> Self {
         let device = device().autodiff();
         let means = part.reference.len();
         let numbers = |mut numbers: Vec<f32>, second: f32| {
@@ -194,8 +194,8 @@ impl Graph {
     }
 }
 
-impl Part {
-    fn new(target: &Target, beta: f32, total: usize, arithmetic: Arithmetic) -> Self {
+impl CropObjective {
+    fn new(target: &Target, beta: f32, total: usize, backend: LossBackend) -> Self {
         let reference = target.scaled();
         let share = 1.0 / (3 * total) as f32;
         let mut part = Self {
@@ -205,7 +205,7 @@ impl Part {
             reference,
             graph: None,
         };
-        part.graph = (arithmetic == Arithmetic::Tensors).then(|| Graph::new(&part));
+        part.graph = (backend == LossBackend::Autodiff).then(|| LossGraph::new(&part));
         part
     }
 
@@ -247,9 +247,9 @@ impl Part {
 
 impl Objective {
     /// For these crops.
-    pub fn new(targets: &[&Target], beta: f32, arithmetic: Arithmetic) -> Self {
+    pub fn new(targets: &[&Target], beta: f32, backend: LossBackend) -> Self {
         let total = targets.iter().map(|t| t.reference.len()).sum();
-        let part = |target: &&Target| Part::new(target, beta, total, arithmetic);
+        let part = |target: &&Target| CropObjective::new(target, beta, total, backend);
         Self {
             parts: targets.iter().map(part).collect(),
         }

@@ -3,24 +3,24 @@
 use crate::regularise::{AttenuationTable, Lookup};
 use crate::train::TrainError;
 use crate::train::learn::checkpoint::Checkpoint;
-use crate::train::learn::crop_set::Set;
+use crate::train::learn::crop_set::CropSet;
 use crate::train::learn::model::Learner;
-use crate::train::learn::session::Entry;
+use crate::train::learn::session::LogEntry;
 use std::path::Path;
 
 /// Where the learning of one table stands.
-pub(in crate::train) struct Progress {
+pub(in crate::train) struct TrainingState {
     pub(in crate::train) learner: Learner,
     pub(in crate::train) step: u32,
     /// Steps left out since the start or the resumption.
     pub(in crate::train) skipped: u32,
-    pub(in crate::train) log: Vec<Entry>,
+    pub(in crate::train) log: Vec<LogEntry>,
     pub(in crate::train) best: Option<(u32, f32, AttenuationTable)>,
     /// Looks at the validation scenes since the best one.
     pub(in crate::train) looks: u32,
 }
 
-impl Progress {
+impl TrainingState {
     pub(in crate::train) fn new(learner: Learner) -> Self {
         Self {
             learner,
@@ -57,7 +57,7 @@ impl Progress {
     pub(in crate::train) fn checkpoint(
         &self,
         fingerprint: &str,
-        training: &Set,
+        training: &CropSet,
     ) -> Result<Checkpoint, TrainError> {
         Ok(Checkpoint {
             fingerprint: fingerprint.into(),

@@ -3,13 +3,13 @@
 use crate::gallery::manifest::Role;
 use crate::regularise::AttenuationTable;
 use crate::regularise::file::Provenance;
-use crate::train::config::{Config, ConfigError, Loss, Way};
+use crate::train::config::{Config, ConfigError, Evaluation, Loss};
 use crate::train::learn::checkpoint::{Checkpoint, CheckpointError};
-use crate::train::learn::crop_set::{Set, mean_loss};
-use crate::train::learn::job::{Job, run_all};
+use crate::train::learn::crop_set::{CropSet, mean_loss};
+use crate::train::learn::job::{RecordingJob, run_all};
 use crate::train::learn::model::Learner;
-use crate::train::learn::objective::{Arithmetic, CropLoss};
-use crate::train::learn::progress::Progress;
+use crate::train::learn::objective::{CropLoss, LossBackend};
+use crate::train::learn::progress::TrainingState;
 use crate::train::record::crop::{Crop, DatasetError};
 use crate::train::study::best_constant;
 use burn::store::RecordError;
@@ -57,7 +57,7 @@ pub enum TrainError {
 
 /// A line of the log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Entry {
+pub struct LogEntry {
     /// Steps taken.
     pub step: u32,
     /// The loss over the training crops.
@@ -74,7 +74,7 @@ pub struct Entry {
 }
 
 /// Hears of every step: its number, its loss, and the log's entry where there is one.
-pub type Listener<'a> = &'a mut dyn FnMut(u32, f32, Option<&Entry>) -> ControlFlow<()>;
+pub type Listener<'a> = &'a mut dyn FnMut(u32, f32, Option<&LogEntry>) -> ControlFlow<()>;
 
 /// What came out for one β.
 #[derive(Clone, Debug)]
@@ -90,7 +90,7 @@ pub struct Outcome {
     /// Steps whose loss or gradient was not finite or beyond measure: the table and the optimiser stayed as they were.
     pub skipped: u32,
     /// The log.
-    pub log: Vec<Entry>,
+    pub log: Vec<LogEntry>,
     /// Whether the listener ended it.
     pub stopped: bool,
 }
@@ -100,9 +100,9 @@ pub struct Session {
     /// The configuration.
     pub config: Config,
     /// What is learned from.
-    pub training: Set,
+    pub training: CropSet,
     /// What is only scored.
-    pub validation: Set,
+    pub validation: CropSet,
     /// Wall seconds that recording and baking took.
     pub seconds: f64,
 }
@@ -142,16 +142,16 @@ impl Session {
         }
         let clock = Instant::now();
         let mut session = Self {
-            training: Set::default(),
-            validation: Set::default(),
+            training: CropSet::default(),
+            validation: CropSet::default(),
             seconds: 0.0,
             config,
         };
         let training = training.into_iter().map(|crop| (crop, true));
         let validation = validation.into_iter().map(|crop| (crop, false));
-        let jobs: Vec<Job> = training
+        let jobs: Vec<RecordingJob> = training
             .chain(validation)
-            .flat_map(|(crop, training)| Job::of(crop, training, &session.config))
+            .flat_map(|(crop, training)| RecordingJob::of(crop, training, &session.config))
             .collect();
         for (job, source) in jobs.iter().zip(run_all(&jobs, &session.config, listen)) {
             let (source, visits) = source?;
@@ -192,11 +192,11 @@ impl Session {
         listen: Listener<'_>,
     ) -> Result<Outcome, TrainError> {
         let config = self.config.clone();
-        let arithmetic = match config.method {
-            Way::Tabulated => Arithmetic::Loops,
-            Way::Fresh | Way::Replay => Arithmetic::Tensors,
+        let backend = match config.method {
+            Evaluation::Tabulated => LossBackend::Scalar,
+            Evaluation::Fresh | Evaluation::Replay => LossBackend::Autodiff,
         };
-        let objective = self.training.objective(beta, arithmetic);
+        let objective = self.training.objective(beta, backend);
         let start = self.start(beta);
         let learner = Learner::new(
             config.model,
@@ -206,7 +206,7 @@ impl Session {
             start,
         );
         let fingerprint = Checkpoint::fingerprint(&config, beta, self.training.crops())?;
-        let mut state = Progress::new(learner);
+        let mut state = TrainingState::new(learner);
         let path = folder.map(|f| f.join("last.ckpt"));
         let mut anchor = self.constant(start);
         if resume && let Some(path) = &path {
@@ -242,7 +242,7 @@ impl Session {
                 if let Some(path) = &path {
                     (state.checkpoint(&fingerprint, &self.training)?).save(path)?;
                 }
-                let Progress { step, skipped, .. } = state;
+                let TrainingState { step, skipped, .. } = state;
                 return Err(TrainError::NotFinite { step, skipped });
             }
             if let Some(path) = &path
@@ -272,13 +272,13 @@ impl Session {
     }
 
     /// Appends to the log, and remembers the table if no other has a lower validation loss.
-    fn log(&mut self, state: &mut Progress, beta: f32, clock: &Instant) {
+    fn log(&mut self, state: &mut TrainingState, beta: f32, clock: &Instant) {
         if state.log.last().is_some_and(|e| e.step == state.step) {
             return;
         }
         let table = state.learner.table();
         let whole = self.training.visits().inherit(&table);
-        let crops = if self.config.method == Way::Fresh {
+        let crops = if self.config.method == Evaluation::Fresh {
             Vec::new()
         } else {
             self.training.losses(&table)
@@ -294,7 +294,7 @@ impl Session {
         } else {
             state.looks += 1;
         }
-        state.log.push(Entry {
+        state.log.push(LogEntry {
             step: state.step,
             loss: mean_loss(&crops, beta).unwrap_or(f32::NAN),
             validation: score,

@@ -11,9 +11,9 @@ use crate::sampler::Independent;
 use crate::scene::load::{LoadError, LoadOptions, load};
 use crate::scene::{Camera, Scene};
 use crate::train::learn::objective::Target;
-use crate::train::record::proposals::Drawn;
+use crate::train::record::proposals::Proposals;
 use crate::train::record::recording::{Recording, Tape};
-use crate::train::record::roulette::Thin;
+use crate::train::record::roulette::EventRoulette;
 use crate::tune::{self, Pilot, View};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -144,8 +144,8 @@ impl Crop {
         spp: u32,
         seed: u64,
     ) -> Result<Recording, DatasetError> {
-        let thin = Thin::new(&self.target(spp), roulette, seed);
-        let drawn = Arc::new((Drawn::new(gammas), thin));
+        let thin = EventRoulette::new(&self.target(spp), roulette, seed);
+        let drawn = Arc::new((Proposals::new(gammas), thin));
         let tape = Tape::drawn(self.window, drawn.clone());
         self.trace(&drawn.0, tape, spp, seed)
     }

@@ -33,7 +33,7 @@ pub struct StoredEvent {
     pdf_light: f32,
     /// 1 / (p_l + p₀), times how many events it stands for.
     weight: f32,
-    /// Which list of roughness values the path has, see [`Codes`](crate::train::record::lists::Codes).
+    /// Which list of roughness values the path has, see [`RoughnessLists`](crate::train::record::lists::RoughnessLists).
     pub code: u32,
     distribution: Distribution,
     /// Whether the light has no area: only light sampling finds it.
@@ -46,7 +46,7 @@ const _: () = assert!(size_of::<StoredEvent>() == 60);
 
 /// Mean and second moment of an event at one roughness.
 #[derive(Clone, Copy, Debug)]
-pub struct Moment<T> {
+pub struct MeanAndSquare<T> {
     /// x, per channel.
     pub x: [T; 3],
     /// y, summed over the channels.
@@ -107,7 +107,7 @@ impl StoredEvent {
 
     /// Mean and second moment at roughness `a`.
     #[inline]
-    pub fn at<T: Real>(&self, a: T) -> Moment<T> {
+    pub fn at<T: Real>(&self, a: T) -> MeanAndSquare<T> {
         // A Dirac lobe finds a light as often, and with as much, as the narrowest smooth one.
         let floor = T::constant(DELTA_ALPHA);
         let a = if a.value() < floor.value() { floor } else { a };
@@ -122,12 +122,12 @@ impl StoredEvent {
             T::constant(self.pdf_light + self.base_pdf) + T::constant(self.pdf_scale) * dg1
         };
         let y = squares * weight / pdf;
-        Moment { x, y }
+        MeanAndSquare { x, y }
     }
 
     /// Mean and second moment with their derivatives: in single precision, but for what is beyond its range.
     #[inline]
-    pub fn tangent(&self, a: Dual<f32>) -> Moment<Dual<f32>> {
+    pub fn tangent(&self, a: Dual<f32>) -> MeanAndSquare<Dual<f32>> {
         let moment = self.at(a);
         let finite = |d: &Dual<f32>| d.v.is_finite() && d.d.is_finite();
         if moment.x.iter().all(finite) && finite(&moment.y) {
@@ -137,8 +137,8 @@ impl StoredEvent {
             v: d.v as f32,
             d: d.d as f32,
         };
-        let Moment { x, y } = self.at(a.wide());
-        Moment {
+        let MeanAndSquare { x, y } = self.at(a.wide());
+        MeanAndSquare {
             x: x.map(narrow),
             y: narrow(y),
         }
@@ -161,14 +161,14 @@ impl StoredEvent {
 /// The light of a path as its events come in, in order of depth.
 ///
 /// The draws of one vertex's lobe stand for a single one of the renderer's: no two of them are on one of its paths.
-pub struct Running<T> {
+pub struct PathSum<T> {
     sum: [T; 3],
     /// What was found from the vertex at hand.
     found: [T; 3],
     code: Option<u32>,
 }
 
-impl<T: Real> Running<T> {
+impl<T: Real> PathSum<T> {
     /// A path that carries this besides its events.
     pub fn new(constant: [T; 3]) -> Self {
         Self {
@@ -228,8 +228,8 @@ mod tests {
         assert!(!single.y.d.is_finite(), "{single:?}");
         let tangent = event.tangent(Dual::variable(alpha));
         let double = event.at(Dual::variable(f64::from(alpha)));
-        let parts = |m: Moment<Dual>| [m.x[0], m.x[1], m.x[2], m.y];
-        let wide = Moment {
+        let parts = |m: MeanAndSquare<Dual>| [m.x[0], m.x[1], m.x[2], m.y];
+        let wide = MeanAndSquare {
             x: tangent.x.map(Dual::wide),
             y: tangent.y.wide(),
         };

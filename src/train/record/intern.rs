@@ -1,6 +1,6 @@
 //! The roughness lists of paths while they are traced.
 
-use crate::train::record::lists::Codes;
+use crate::train::record::lists::RoughnessLists;
 use foldhash::fast::FixedState;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -65,7 +65,7 @@ impl Interner {
     }
 
     /// The codes of those lists that are `used`, and which of them each number has become.
-    pub(in crate::train) fn codes(&self, used: &[bool]) -> (Codes, Vec<u32>) {
+    pub(in crate::train) fn codes(&self, used: &[bool]) -> (RoughnessLists, Vec<u32>) {
         let used = (0u32..).zip(used).filter(|(_, used)| **used);
         let mut lists: Vec<(Vec<f32>, u32)> =
             used.map(|(code, _)| (self.list(code), code)).collect();
@@ -78,7 +78,7 @@ impl Interner {
             place[*old as usize] = new;
         }
         (
-            Codes::of(lists.iter().map(|(list, _)| list.as_slice())),
+            RoughnessLists::of(lists.iter().map(|(list, _)| list.as_slice())),
             place,
         )
     }

@@ -9,7 +9,7 @@ use crate::regularise::{
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Codes that one thread takes at a time.
+/// RoughnessLists that one thread takes at a time.
 const CHUNK: usize = 1024;
 
 /// Lists of roughness, camera first, last vertex last.
@@ -44,7 +44,7 @@ fn range(ends: &[u32], code: usize) -> Range<usize> {
 /// Distinct lists of own roughness of paths, camera first, last vertex last; such that begin alike are next to one
 /// another.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Codes {
+pub struct RoughnessLists {
     lists: Lists,
     /// With how many values of the list before it each begins.
     shared: Vec<u32>,
@@ -52,9 +52,9 @@ pub struct Codes {
 
 /// α′ of all codes and what it depends on.
 #[derive(Clone, Debug, Default)]
-pub struct Roughness {
+pub struct ListAlphas {
     /// Of [`CHUNK`] codes each.
-    parts: Vec<Part>,
+    parts: Vec<AlphaChunk>,
 }
 
 /// Dependences that are kept beside α′: those of a path of up to nine vertices whose factors are not interpolated.
@@ -62,7 +62,7 @@ const BESIDE: usize = 2;
 
 /// α′ of a code and what it depends on; read at random, and so in one piece.
 #[derive(Clone, Copy, Debug, Default)]
-struct Head {
+struct ListAlpha {
     alpha: f32,
     /// How many dependences there are, and where the part has them if they are more than are kept here.
     count: u32,
@@ -72,14 +72,14 @@ struct Head {
 
 /// α′ of some codes, and the dependences of those that have many, one after the other.
 #[derive(Clone, Debug, Default)]
-struct Part {
-    heads: Vec<Head>,
+struct AlphaChunk {
+    heads: Vec<ListAlpha>,
     entries: Dependence,
     /// Those of the code at hand.
     own: Dependence,
 }
 
-impl Part {
+impl AlphaChunk {
     /// Of no codes, with room for them.
     fn empty() -> Self {
         Self {
@@ -90,11 +90,11 @@ impl Part {
 
     fn push(&mut self, path: &Differentiated, last: f32, table: &AttenuationTable) {
         self.own.clear();
-        let mut head = Head {
+        let mut head = ListAlpha {
             alpha: path.accumulate(last, table, &mut self.own),
             count: self.own.len() as u32,
             start: self.entries.len() as u32,
-            ..Head::default()
+            ..ListAlpha::default()
         };
         match head.beside.get_mut(..self.own.len()) {
             Some(beside) => beside.copy_from_slice(&self.own),
@@ -106,15 +106,19 @@ impl Part {
 
 /// α′ of some codes and what it depends on, in the order in which they are needed.
 #[derive(Debug, Default)]
-pub(in crate::train) struct Gathered {
-    heads: Vec<(Head, u32)>,
+pub(in crate::train) struct PrefetchBuffer {
+    heads: Vec<(ListAlpha, u32)>,
 }
 
-impl Roughness {
+impl ListAlphas {
     /// Brings what some codes have close together.
     ///
     /// In a loop that does nothing else, so that the waits for memory are many at a time and not one after the other.
-    pub(in crate::train) fn gather(&self, codes: impl Iterator<Item = u32>, to: &mut Gathered) {
+    pub(in crate::train) fn gather(
+        &self,
+        codes: impl Iterator<Item = u32>,
+        to: &mut PrefetchBuffer,
+    ) {
         to.heads.clear();
         to.heads.extend(codes.map(|code| (*self.head(code), code)));
     }
@@ -122,18 +126,18 @@ impl Roughness {
     /// What was gathered here.
     pub(in crate::train) fn gathered<'a>(
         &'a self,
-        gathered: &'a Gathered,
+        gathered: &'a PrefetchBuffer,
     ) -> impl Iterator<Item = (f32, &'a [(GammaIndex, f32)])> {
         let heads = gathered.heads.iter();
         heads.map(|(head, code)| (head.alpha, self.entries(head, *code)))
     }
 
-    fn head(&self, code: u32) -> &Head {
+    fn head(&self, code: u32) -> &ListAlpha {
         &self.parts[code as usize / CHUNK].heads[code as usize % CHUNK]
     }
 
     #[inline]
-    fn entries<'a>(&'a self, head: &'a Head, code: u32) -> &'a [(GammaIndex, f32)] {
+    fn entries<'a>(&'a self, head: &'a ListAlpha, code: u32) -> &'a [(GammaIndex, f32)] {
         let count = head.count as usize;
         head.beside.get(..count).unwrap_or_else(|| {
             let entries = &self.parts[code as usize / CHUNK].entries;
@@ -149,7 +153,7 @@ impl Roughness {
     }
 }
 
-impl Codes {
+impl RoughnessLists {
     /// Of sorted lists.
     pub(in crate::train) fn of<'a>(lists: impl Iterator<Item = &'a [f32]>) -> Self {
         let mut codes = Self::default();
@@ -229,13 +233,13 @@ impl Codes {
     }
 
     /// α′ and derivative of every code.
-    pub fn roughness(&self, table: &AttenuationTable) -> Roughness {
+    pub fn roughness(&self, table: &AttenuationTable) -> ListAlphas {
         let parts = self.follow(
-            Part::empty,
+            AlphaChunk::empty,
             |path: &mut Differentiated, alpha| path.push(alpha, table),
-            |part: &mut Part, path, last| part.push(path, last, table),
+            |part: &mut AlphaChunk, path, last| part.push(path, last, table),
         );
-        Roughness { parts }
+        ListAlphas { parts }
     }
 
     /// Whether a path folds: α′ then depends on the factors of more than one class.
@@ -318,7 +322,7 @@ mod tests {
             assert_eq!(roughness.at(code), (alpha, &gradient[..]));
         }
         // In any order, and after others.
-        let mut gathered = Gathered::default();
+        let mut gathered = PrefetchBuffer::default();
         for step in [3, 7] {
             let some = (0..codes.len() as u32).rev().step_by(step);
             roughness.gather(some.clone(), &mut gathered);

@@ -14,11 +14,11 @@ const ALIKE: f32 = 1.7;
 
 /// Constant factors that lobes are drawn with, ascending; also the rule of a path tracer that roughens by the first.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Drawn {
+pub struct Proposals {
     gammas: Vec<f32>,
 }
 
-impl Drawn {
+impl Proposals {
     /// These factors, at least one.
     pub fn new(gammas: &[f32]) -> Self {
         let mut gammas = gammas.to_vec();
@@ -67,7 +67,7 @@ impl Drawn {
     }
 }
 
-impl Regulariser for &Drawn {
+impl Regulariser for &Proposals {
     type Path = PathRoughness;
     const ACTIVE: bool = true;
     const REUSE: bool = false;
@@ -78,7 +78,7 @@ impl Regulariser for &Drawn {
 
     #[inline]
     fn roughen(&self, path: &PathRoughness, alpha: f32) -> f32 {
-        Drawn::alpha(path, alpha, self.first())
+        Proposals::alpha(path, alpha, self.first())
     }
 
     #[inline]
@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn lobes_that_are_alike_are_drawn_once() {
-        let drawn = Drawn::new(&[1e-3, 0.1, 0.2, 1.0]);
+        let drawn = Proposals::new(&[1e-3, 0.1, 0.2, 1.0]);
         let alphas = |list: &[f32]| {
             let mut alphas = Vec::new();
             drawn.alphas(list, &mut alphas);

@@ -6,14 +6,14 @@ use crate::math::{Rgb, UVec2};
 use crate::sampler::IndependentStream;
 use crate::train::record::event::StoredEvent;
 use crate::train::record::intern::Interner;
-use crate::train::record::lists::Codes;
-use crate::train::record::proposals::Drawn;
-use crate::train::record::roulette::Thin;
+use crate::train::record::lists::RoughnessLists;
+use crate::train::record::proposals::Proposals;
+use crate::train::record::roulette::EventRoulette;
 use std::sync::Arc;
 
 /// A path with events.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Path {
+pub struct RecordedPath {
     /// What it carries whatever the table says.
     pub constant: [f32; 3],
     /// First of its events.
@@ -24,7 +24,7 @@ pub struct Path {
 
 /// The paths of one pixel.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Pixel {
+pub struct RecordedPixel {
     /// Samples.
     pub samples: u32,
     /// Sum of the constants of all samples.
@@ -32,32 +32,32 @@ pub struct Pixel {
     /// Sum of their squares, over the channels.
     pub constant_squared: f64,
     /// The paths with events.
-    pub paths: Vec<Path>,
+    pub paths: Vec<RecordedPath>,
 }
 
 /// The paths of a crop.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
-    /// Row by row.
-    pub pixels: Vec<Pixel>,
+    /// PixelMoments by row.
+    pub pixels: Vec<RecordedPixel>,
     /// Events of all paths.
     pub events: Vec<StoredEvent>,
     /// Roughness lists of the events.
-    pub codes: Codes,
+    pub codes: RoughnessLists,
 }
 
 /// A recorder of events, which becomes a [`Recording`]; fork it for tiles of the same crop.
 #[derive(Clone, Debug)]
 pub struct Tape {
     window: Window,
-    /// Row by row.
-    pixels: Vec<Pixel>,
+    /// PixelMoments by row.
+    pixels: Vec<RecordedPixel>,
     /// Events of all paths.
     events: Vec<StoredEvent>,
     /// Roughness lists of the events, and of vertices that none came from.
     codes: Interner,
     /// What lobes are drawn with, and which of their events are kept.
-    drawn: Option<Arc<(Drawn, Thin)>>,
+    drawn: Option<Arc<(Proposals, EventRoulette)>>,
     /// α′ of the lobes that are drawn at the last vertex of every code, and where they end.
     drawn_at: Vec<f32>,
     drawn_ends: Vec<usize>,
@@ -102,13 +102,13 @@ impl Recording {
     /// Bytes held, near enough.
     pub fn bytes(&self) -> usize {
         let paths: usize = self.pixels.iter().map(|p| p.paths.len()).sum();
-        size_of_val(self.events.as_slice()) + paths * size_of::<Path>()
+        size_of_val(self.events.as_slice()) + paths * size_of::<RecordedPath>()
     }
 }
 
 impl Tape {
     /// An empty recording of a crop whose lobes are drawn with several factors, and whose faint events play roulette.
-    pub fn drawn(window: Window, drawn: Arc<(Drawn, Thin)>) -> Self {
+    pub fn drawn(window: Window, drawn: Arc<(Proposals, EventRoulette)>) -> Self {
         Self {
             drawn: Some(drawn),
             ..Self::new(window)
@@ -119,7 +119,7 @@ impl Tape {
     pub fn new(window: Window) -> Self {
         Self {
             window,
-            pixels: vec![Pixel::default(); window.len()],
+            pixels: vec![RecordedPixel::default(); window.len()],
             events: Vec::new(),
             codes: Interner::default(),
             drawn: None,
@@ -210,7 +210,7 @@ impl PathObserver for Tape {
         let found = event.query.at(event.alpha_reg);
         let (drawn, draws) = if self.drawn.is_some() {
             let alphas = self.drawn_at(code);
-            (Drawn::all(&event.query, alphas), alphas.len())
+            (Proposals::all(&event.query, alphas), alphas.len())
         } else {
             (found, 1)
         };
@@ -251,7 +251,7 @@ impl PathObserver for Tape {
         }
         let count = (self.events.len() - self.first) as u32;
         if count > 0 {
-            pixel.paths.push(Path {
+            pixel.paths.push(RecordedPath {
                 constant,
                 first: self.first as u32,
                 count,
@@ -283,10 +283,12 @@ impl Recorder for Tape {
             for c in 0..3 {
                 pixel.constant[c] += other.constant[c];
             }
-            pixel.paths.extend(other.paths.into_iter().map(|path| Path {
-                first: path.first + offset,
-                ..path
-            }));
+            pixel
+                .paths
+                .extend(other.paths.into_iter().map(|path| RecordedPath {
+                    first: path.first + offset,
+                    ..path
+                }));
         }
     }
 }

@@ -16,13 +16,13 @@ use crate::train::learn::objective::{EPSILON, Target};
 
 /// The roulette of a crop's recording.
 #[derive(Clone, Debug)]
-pub struct Thin {
+pub struct EventRoulette {
     /// What an event of each pixel is weighed against, the sum of its channels.
     floors: Vec<f32>,
     source: Independent,
 }
 
-impl Thin {
+impl EventRoulette {
     /// For a crop that is compared with this, whose events are weighed against this share of the reference and ε.
     pub(in crate::train) fn new(target: &Target, share: f32, seed: u64) -> Self {
         let epsilon = 3.0 * EPSILON / target.scale();
@@ -63,12 +63,12 @@ impl Thin {
 mod tests {
     use super::*;
 
-    fn thin(share: f32) -> Thin {
+    fn thin(share: f32) -> EventRoulette {
         let target = Target {
             reference: vec![[0.2, 0.3, 0.4], [0.0, 0.0, 0.0]],
             samples: 64,
         };
-        Thin::new(&target, share, 5)
+        EventRoulette::new(&target, share, 5)
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use super::{TRUTH, crop, quick};
 use opsr::regularise::AttenuationTable;
-use opsr::train::config::Way;
-use opsr::train::evaluate::moments::Source;
+use opsr::train::config::Evaluation;
+use opsr::train::evaluate::moments::MomentSource;
 use opsr::train::evaluate::replay::Replay;
 use opsr::train::learn::model::Optimiser;
 use opsr::train::{Config, Session};
@@ -30,7 +30,7 @@ fn learn(
 
 #[test]
 fn the_loss_falls_whatever_the_way() {
-    for way in [Way::Fresh, Way::Replay, Way::Tabulated] {
+    for way in [Evaluation::Fresh, Evaluation::Replay, Evaluation::Tabulated] {
         let config = Config {
             spp: 128,
             steps: 40,
@@ -49,7 +49,7 @@ fn the_loss_falls_whatever_the_way() {
 
 #[test]
 fn the_same_seed_gives_the_same_table_at_any_thread_count() {
-    for way in [Way::Fresh, Way::Replay, Way::Tabulated] {
+    for way in [Evaluation::Fresh, Evaluation::Replay, Evaluation::Tabulated] {
         let table = |threads| {
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
@@ -66,7 +66,11 @@ fn the_same_seed_gives_the_same_table_at_any_thread_count() {
 #[test]
 fn a_stopped_training_goes_on_to_the_bit() {
     // From a given factor, and from the best one, which is searched for again.
-    for (way, start) in [(Way::Fresh, 0.5), (Way::Tabulated, 0.5), (Way::Fresh, 0.0)] {
+    for (way, start) in [
+        (Evaluation::Fresh, 0.5),
+        (Evaluation::Tabulated, 0.5),
+        (Evaluation::Fresh, 0.0),
+    ] {
         let config = || Config {
             start,
             ..quick(way)
@@ -94,7 +98,7 @@ fn a_stopped_training_goes_on_to_the_bit() {
 /// The second β of a training starts where it would have started alone, though the first has asked before it.
 #[test]
 fn a_beta_is_learned_alike_alone_and_after_another() {
-    for way in [Way::Fresh, Way::Tabulated] {
+    for way in [Evaluation::Fresh, Evaluation::Tabulated] {
         let config = Config {
             start: 0.0,
             steps: 4,
@@ -121,7 +125,7 @@ fn a_known_factor_is_found_again() {
     let config = Config {
         spp: 256,
         steps: 400,
-        method: Way::Replay,
+        method: Evaluation::Replay,
         optimiser: Optimiser::Log,
         learning_rate: 0.01,
         start: 2.0 * TRUTH,

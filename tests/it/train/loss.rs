@@ -1,7 +1,7 @@
 //! The loss and its derivative: burn's, a direct reading of the definition, and the loops of the fast way.
 
 use opsr::train::evaluate::moments::{Adjoint, Moments};
-use opsr::train::learn::objective::{Arithmetic, BRIGHTNESS, EPSILON, Objective, Target};
+use opsr::train::learn::objective::{BRIGHTNESS, EPSILON, LossBackend, Objective, Target};
 use rand::{RngExt, SeedableRng};
 
 #[test]
@@ -24,7 +24,7 @@ fn burns_gradient_of_the_loss_is_the_hand_written_one() {
         .collect();
     let beta = 0.03;
     let targets_of_all: Vec<&Target> = targets.iter().collect();
-    let objective = Objective::new(&targets_of_all, beta, Arithmetic::Tensors);
+    let objective = Objective::new(&targets_of_all, beta, LossBackend::Autodiff);
     let (losses, adjoints): (Vec<f32>, Vec<Adjoint>) = (moments.iter().enumerate())
         .map(|(crop, moments)| objective.evaluate(crop, moments))
         .unzip();
@@ -75,17 +75,16 @@ fn loops_round_the_gradient_of_the_loss_as_burn_does() {
             samples: 2,
         };
         for target in [&target, &black] {
-            let evaluate = |arithmetic| {
-                Objective::new(&[target, target], beta, arithmetic).evaluate(1, &moments)
-            };
-            let (by_burn, tensors) = evaluate(Arithmetic::Tensors);
-            let (by_hand, loops) = evaluate(Arithmetic::Loops);
+            let evaluate =
+                |backend| Objective::new(&[target, target], beta, backend).evaluate(1, &moments);
+            let (by_burn, tensors) = evaluate(LossBackend::Autodiff);
+            let (by_hand, loops) = evaluate(LossBackend::Scalar);
             assert!(tensors.mean.iter().flatten().any(|&d| d != 0.0));
             for (p, pair) in tensors.mean.iter().zip(&loops.mean).enumerate() {
                 assert_eq!(pair.0, pair.1, "{beta}: pixel {p}");
             }
             assert!(tensors.second == loops.second, "{beta}");
-            // Sums are made in another order.
+            // ExactSums are made in another order.
             assert!((by_hand - by_burn).abs() <= 1e-5 * by_burn.abs(), "{beta}");
         }
     }
