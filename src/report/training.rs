@@ -2,9 +2,9 @@
 
 use crate::image::{Buffer, png};
 use crate::math::Rgb;
-use crate::regularise::{AttenuationTable, GammaIndex, LEN, Lookup};
+use crate::regularise::{AttenuationTable, Lookup};
 use crate::train::learn::crop_set::CropSet;
-use crate::train::learn::objective::CropLoss;
+use crate::train::learn::loss::CropLoss;
 use crate::train::record::visits::{LIVE, Visits};
 use crate::train::study::{HeldOut, Score};
 use crate::train::{Config, Session};
@@ -145,8 +145,8 @@ impl Report {
                         "opsr " (self.opsr) ". " (self.names.len()) " training crops, " (self.validation_names.len())
                         " validation crops, " (self.config.spp) " samples per pixel. Recorded in "
                         (format!("{:.1}", self.recording_seconds)) " s; " (self.bytes / 1_000_000) " MB held. "
-                        (events) " events; " (visits.coverage()) " of " (LIVE) " live classes seen, "
-                        (at_least(&visits, 100)) " of them at least 100 times."
+                        (events) " events; " (visits.live_with(1)) " of " (LIVE) " live classes seen, "
+                        (visits.live_with(100)) " of them at least 100 times."
                     }
                     @for learned in &self.tables { (self.learned(learned)) }
                     h2 { "Settings" }
@@ -240,14 +240,6 @@ fn plot(lines: Vec<LossCurve>) -> String {
         .with_x_label("step")
         .with_y_label("loss");
     SvgBackend.render_scene(&render_multiple(plots, layout))
-}
-
-/// Live classes with at least so many events.
-fn at_least(visits: &Visits, n: u64) -> usize {
-    (0..LEN)
-        .filter_map(GammaIndex::new)
-        .filter(|&c| crate::train::record::visits::is_live(c) && visits.0[c.index()] >= n)
-        .count()
 }
 
 /// Factors in a sentence: quantiles weighted by visits, and the look-up.

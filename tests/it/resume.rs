@@ -98,9 +98,8 @@ fn a_render_stopped_at_fifty_places() {
 mod training {
     use super::*;
     use crate::train::{crop, quick};
-    use opsr::train::config::Evaluation;
-    use opsr::train::learn::model::{Model, Optimiser};
-    use opsr::train::learn::session::Outcome;
+    use opsr::train::config::{Evaluation, Model, Optimiser};
+    use opsr::train::learn::outer_loop::Outcome;
     use opsr::train::record::crop::Crop;
     use opsr::train::{Config, Session};
     use std::ops::ControlFlow;

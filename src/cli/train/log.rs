@@ -1,24 +1,24 @@
-//! The log of a training.
+//! Log of a training, as JSON lines.
 
 use super::{Blame, save};
 use anyhow::Context;
 use opsr::files;
-use opsr::train::learn::session::LogEntry;
+use opsr::train::learn::outer_loop::LogEntry;
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// The most bytes of a log: a look at every step of a training of ten thousand has less.
+/// Longest log that is read; ten thousand steps with a validation each need less.
 const MAX_BYTES: u64 = 1 << 26;
 
-/// The log as JSON lines, replaced as a whole at every line so that it is never half-written.
+/// The log by step. Its file is replaced as a whole at every line, so that it is never half-written.
 pub(super) struct MetricsLog {
     path: PathBuf,
     lines: BTreeMap<u32, String>,
 }
 
 impl MetricsLog {
-    /// Keeps the lines of an earlier run if it is gone on with.
+    /// Opens the log, with the lines of the earlier run if that is resumed.
     pub(super) fn open(path: &Path, resume: bool) -> anyhow::Result<Self> {
         let old = match resume.then(|| files::read_text(path, MAX_BYTES)) {
             Some(Err(e)) if e.kind() != ErrorKind::NotFound => {
