@@ -13,7 +13,7 @@ use log::MetricsLog;
 use opsr::files;
 use opsr::regularise::file::TableFile;
 use opsr::regularise::{AttenuationTable, Lookup};
-use opsr::report::training::{Crops, Learned, Report};
+use opsr::report::training::{CropScores, LearnedTable, Report};
 use opsr::train::config::{Config, Model};
 use opsr::train::learn::checkpoint::CheckpointError;
 use opsr::train::learn::outer_loop::Outcome;
@@ -278,7 +278,7 @@ fn learn(
     folder: &Path,
     progress: &ProgressDisplay,
     stop: &Stop,
-) -> anyhow::Result<Option<Learned>> {
+) -> anyhow::Result<Option<LearnedTable>> {
     let config = session.config.clone();
     let names: Vec<String> = session.training.crops().map(|c| c.name.clone()).collect();
     let mut log = MetricsLog::open(&folder.join("metrics.jsonl"), args.resume)?;
@@ -344,7 +344,7 @@ fn score(
     outcome: Outcome,
     log: Vec<serde_json::Value>,
     seconds: f64,
-) -> Learned {
+) -> LearnedTable {
     let lookup = session.config.lookup;
     let constant = match session.config.start > 0.0 {
         true => session.training.best_constant(beta, lookup),
@@ -369,7 +369,7 @@ fn score(
         study::scores(&mut session.validation, beta, own, constant, &tables, true)
     };
     let start = session.config.constant(outcome.start);
-    Learned {
+    LearnedTable {
         beta,
         steps: outcome.steps,
         seconds,
@@ -377,8 +377,8 @@ fn score(
         training,
         validation,
         held_out: Vec::new(),
-        crops: Crops::of(&mut session.training, &start, &outcome.table),
-        validation_crops: Crops::of(&mut session.validation, &start, &outcome.table),
+        crops: CropScores::new(&mut session.training, &start, &outcome.table),
+        validation_crops: CropScores::new(&mut session.validation, &start, &outcome.table),
         table: outcome.table,
     }
 }

@@ -101,6 +101,8 @@ fn report_scores_tables_beside_constants() {
         "walls 16,16",
         "kept 0,32",
         "β = 0.001",
+        "What the terms mean",
+        "crops have a larger loss with the table than plain",
         "data:image/png",
     ] {
         assert!(page.contains(word), "{word}");
