@@ -1,22 +1,23 @@
-//! Fresh: paths are traced anew at every step with the table of that step. Slow, and what the other ways are checked
-//! against.
+//! Fresh: paths are traced anew at every step with the table of that step. It is slow, and the measure of the other
+//! sources.
 
 use crate::regularise::{Accumulated, AttenuationTable};
-use crate::train::evaluate::moments::{Adjoint, Moments, Source, no_gradient};
 use crate::train::evaluate::replay::Replay;
+use crate::train::evaluate::{Adjoint, MomentSource, Moments, no_gradient};
 use crate::train::record::crop::Crop;
 
-/// Traces a crop whenever its moments are asked for.
+/// Traces a crop at every call.
 pub struct Fresh {
     crop: Crop,
     spp: u32,
     seed: u64,
+    /// Number of calls of [`MomentSource::moments`].
     traced: u64,
     last: Option<Replay>,
 }
 
 impl Fresh {
-    /// Of a crop; every tracing has a seed of its own that follows from `seed`.
+    /// A crop with `spp` samples per pixel; the seed of every call follows from `seed`.
     pub fn new(crop: Crop, spp: u32, seed: u64) -> Self {
         Self {
             crop,
@@ -27,20 +28,20 @@ impl Fresh {
         }
     }
 
-    /// Paths that nobody has seen; `None` for a crop outside of its frame, which cannot be opened.
+    /// Paths of the call with this number; `None` for a crop outside of its frame, which cannot be opened.
     fn trace(&self, table: &AttenuationTable, number: u64) -> Option<Replay> {
         let rule = Accumulated {
             attenuation: table,
             lambda: 0.0,
         };
-        // Far from the seeds next to it, which other replicates use.
+        // Far from the neighbouring seeds, which other replicates use.
         let seed = self.seed ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let recording = self.crop.record_with(rule, self.spp, seed).ok()?;
         Some(Replay::new(recording))
     }
 }
 
-impl Source for Fresh {
+impl MomentSource for Fresh {
     fn moments(&mut self, table: &AttenuationTable) -> Moments {
         self.traced += 1;
         match self.trace(table, self.traced) {
@@ -49,7 +50,7 @@ impl Source for Fresh {
         }
     }
 
-    /// Of the same paths every time.
+    /// Always with the paths of call 0.
     fn exact(&mut self, table: &AttenuationTable) -> Moments {
         match self.trace(table, 0) {
             Some(mut replay) => replay.moments(table),
@@ -64,7 +65,7 @@ impl Source for Fresh {
         }
     }
 
-    fn skip(&mut self, steps: u64) {
-        self.traced = steps;
+    fn skip(&mut self, times: u64) {
+        self.traced = times;
     }
 }

@@ -1,9 +1,9 @@
-//! A stopped training, from which it goes on to the bit.
+//! Checkpoints, from which a stopped training resumes bit-identically.
 
 use crate::files::{self, FileError, hex};
 use crate::regularise::{AttenuationTable, LEN};
 use crate::train::config::{Config, ConfigError};
-use crate::train::learn::model::{Learner, State};
+use crate::train::learn::model::{Learner, LearnerState};
 use crate::train::record::crop::Crop;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -11,41 +11,41 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 
-/// Larger files are not checkpoints of a training.
+/// Longest checkpoint that is read.
 const MAX_BYTES: u64 = 1 << 26;
 
-/// What a training needs to go on.
+/// State of a training after a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
-    /// What it belongs to.
+    /// Hash of all that the training depends on, see [`Checkpoint::fingerprint`].
     pub fingerprint: String,
     /// Steps taken.
     pub step: u32,
-    /// Looks at the validation scenes since the best one.
-    pub looks: u32,
-    /// Step, loss and table of the best look.
+    /// Validations since the best one.
+    pub stale: u32,
+    /// Step, loss and table of the best validation.
     pub best: Option<(u32, f32, AttenuationTable)>,
-    /// The table that paths which fold were linearised at.
+    /// Table at which paths that fold were linearised.
     pub anchor: AttenuationTable,
     /// Parameters and optimiser.
-    pub state: State,
+    pub state: LearnerState,
 }
 
-/// Why a checkpoint could not be read or written.
+/// Errors of checkpoints.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// Damaged, or not a checkpoint.
+    /// The file is damaged or no checkpoint.
     #[error("{path}: not a checkpoint of a training: {problem}")]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         problem: String,
     },
-    /// A checkpoint of other settings or scenes.
+    /// The checkpoint belongs to another training.
     #[error(
         "{path}: belongs to a training with other settings, scenes or another version of the program"
     )]
@@ -55,13 +55,15 @@ pub enum CheckpointError {
     },
 }
 
+/// The file, as JSON; byte strings in base 64.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Document {
+struct CheckpointFile {
     format: String,
     fingerprint: String,
     step: u32,
-    looks: u32,
+    #[serde(rename = "looks")]
+    stale: u32,
     best: Option<(u32, f32)>,
     best_table: Option<String>,
     anchor: String,
@@ -72,14 +74,14 @@ struct Document {
 
 const FORMAT: &str = "opsr training checkpoint 1";
 
-impl Document {
+impl CheckpointFile {
     fn checksum(&self) -> String {
         let text = format!(
             "{} {} {} {} {:?} {:?} {} {} {}",
             self.format,
             self.fingerprint,
             self.step,
-            self.looks,
+            self.stale,
             self.best,
             self.best_table,
             self.anchor,
@@ -91,8 +93,8 @@ impl Document {
 }
 
 impl Checkpoint {
-    /// What a training depends on, as a hash: settings, version, scenes, references. The number of steps is not part of
-    /// it: a finished training can be gone on with.
+    /// Hash of all that a training depends on: settings, version, scenes, references. The number of steps is not part of
+    /// it, so that a finished training can be continued.
     pub fn fingerprint<'a>(
         config: &Config,
         beta: f32,
@@ -120,11 +122,11 @@ impl Checkpoint {
 
     /// Writes the file, whole or not at all.
     pub fn save(&self, path: &Path) -> Result<(), CheckpointError> {
-        let mut document = Document {
+        let mut file = CheckpointFile {
             format: FORMAT.into(),
             fingerprint: self.fingerprint.clone(),
             step: self.step,
-            looks: self.looks,
+            stale: self.stale,
             best: self.best.as_ref().map(|b| (b.0, b.1)),
             best_table: self.best.as_ref().map(|b| bits(&b.2)),
             anchor: bits(&self.anchor),
@@ -132,44 +134,44 @@ impl Checkpoint {
             adam: STANDARD.encode(&self.state.adam),
             sha256: String::new(),
         };
-        document.sha256 = document.checksum();
-        let text = serde_json::to_vec(&document).map_err(|e| damaged(path, e))?;
+        file.sha256 = file.checksum();
+        let text = serde_json::to_vec(&file).map_err(|e| damaged(path, e))?;
         Ok(files::write_bytes(path, &text)?)
     }
 
     /// Reads a checkpoint of the training with this fingerprint.
     pub fn load(path: &Path, fingerprint: &str) -> Result<Self, CheckpointError> {
         let text = files::read(path, MAX_BYTES)?;
-        let document: Document = serde_json::from_slice(&text).map_err(|e| damaged(path, e))?;
-        if document.format != FORMAT || document.sha256 != document.checksum() {
+        let file: CheckpointFile = serde_json::from_slice(&text).map_err(|e| damaged(path, e))?;
+        if file.format != FORMAT || file.sha256 != file.checksum() {
             return Err(damaged(path, "the checksum is wrong"));
         }
-        if document.fingerprint != fingerprint {
+        if file.fingerprint != fingerprint {
             return Err(CheckpointError::Other { path: path.into() });
         }
         let bytes = |text: &str| STANDARD.decode(text).map_err(|e| damaged(path, e));
         let table = |text: &str| {
             table(&bytes(text)?).ok_or_else(|| damaged(path, "not the factors of a table"))
         };
-        let best = match (document.best, &document.best_table) {
+        let best = match (file.best, &file.best_table) {
             (Some((step, loss)), Some(text)) => Some((step, loss, table(text)?)),
             (None, None) => None,
             _ => return Err(damaged(path, "half of a best table")),
         };
         Ok(Self {
-            fingerprint: document.fingerprint,
-            step: document.step,
-            looks: document.looks,
+            fingerprint: file.fingerprint,
+            step: file.step,
+            stale: file.stale,
             best,
-            anchor: table(&document.anchor)?,
-            state: State {
-                parameters: bytes(&document.parameters)?,
-                adam: bytes(&document.adam)?,
+            anchor: table(&file.anchor)?,
+            state: LearnerState {
+                parameters: bytes(&file.parameters)?,
+                adam: bytes(&file.adam)?,
             },
         })
     }
 
-    /// Sets a fresh learner to where this one stood; `path` is for messages.
+    /// Sets a new learner to the state of this checkpoint; messages name `path`.
     pub fn restore(&self, learner: Learner, path: &Path) -> Result<Learner, CheckpointError> {
         learner
             .restore(self.state.clone())
@@ -177,13 +179,13 @@ impl Checkpoint {
     }
 }
 
-/// The factors of a table, to the bit.
+/// The factors of a table in base 64.
 fn bits(table: &AttenuationTable) -> String {
     let bytes: Vec<u8> = table.gammas.iter().flat_map(|g| g.to_le_bytes()).collect();
     STANDARD.encode(bytes)
 }
 
-/// What [`bits`] wrote.
+/// Inverse of [`bits`], after base 64.
 fn table(bytes: &[u8]) -> Option<AttenuationTable> {
     let mut table = AttenuationTable::constant(0.0);
     let (chunks, []) = bytes.as_chunks::<4>() else {

@@ -4,8 +4,9 @@ use super::targets::{text, written};
 use super::{Target, repair};
 use opsr::regularise::{AttenuationTable, LEN, Lookup};
 use opsr::train::Config;
+use opsr::train::config::{Model, Optimiser};
 use opsr::train::learn::checkpoint::Checkpoint;
-use opsr::train::learn::model::{Learner, Model, Optimiser};
+use opsr::train::learn::model::Learner;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
@@ -55,7 +56,7 @@ pub(crate) fn trainings() -> Target {
         let checkpoint = Checkpoint {
             fingerprint: FINGERPRINT.into(),
             step: 1,
-            looks: 2,
+            stale: 2,
             best: best.then(|| (1, 0.25, AttenuationTable::constant(0.5))),
             anchor: AttenuationTable::constant(0.25),
             state: learner.to_bytes().expect("a state"),
