@@ -1,10 +1,10 @@
-//! Mutated files: every reader answers with an error or with something sane, never with a panic, a flood of memory or a
-//! message that does not name its file.
+//! Fuzz tests of every file reader: a mutated file gives an error that names the file, or a value that passes the
+//! reader's checks; never a panic, and never more than a bounded amount of memory.
 //!
-//! Execution `i` of a target depends on nothing but its name and `i`, so a failure is found again by its number. The
-//! short tier always runs; `cargo test --release fuzz::long -- --ignored` runs `OPSR_FUZZ_EXECUTIONS` of each target,
-//! from `OPSR_FUZZ_FROM` on, or only of the targets named in `OPSR_FUZZ_TARGETS`. Files worth keeping are in
-//! `tests/corpus`.
+//! Execution `i` of a target depends only on the target's file name and on `i`, so a failure is reproduced by its
+//! number. A short tier runs with every `cargo test`. `cargo test --release fuzz_long -- --ignored` runs
+//! `OPSR_FUZZ_EXECUTIONS` executions of each target, starting with number `OPSR_FUZZ_FROM`; `OPSR_FUZZ_TARGETS` lists
+//! the targets to run, separated by commas. Files worth keeping are in `tests/corpus`.
 
 mod corpus;
 pub(crate) mod mutate;
@@ -18,24 +18,37 @@ use mutate::{Rng, mutated};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-/// A reader under test.
+/// A file reader under test.
 pub(crate) struct Target {
-    /// Its name, and that of its folder in the corpus.
+    /// Name of the target and of its folder in the corpus.
     pub(crate) name: &'static str,
-    /// Name of the file that it reads; its ending may matter.
-    pub(crate) file: &'static str,
-    /// Good files.
+    /// Name of the file that the reader is given; some readers depend on its extension.
+    pub(crate) file_name: &'static str,
+    /// Valid files.
     pub(crate) seeds: Vec<Vec<u8>>,
-    /// Sets lengths and checksums right that a change has broken.
+    /// Corrects lengths and checksums after a mutation, so that the reader gets past them.
     pub(crate) repair: fn(Vec<u8>) -> Vec<u8>,
-    /// Reads the file, checks what comes of it, and says in a few words what was taken.
+    /// Reads the file, asserts that what it accepted is sane, and summarises it in a few words.
     pub(crate) read: fn(&Path) -> Result<String, String>,
 }
 
-/// The most memory that this process may ever have held, in KiB. The targets need 30 MiB; other tests run beside them.
-const MOST_KIB: u64 = 1 << 20;
+impl Target {
+    /// Input of execution `i`: a mutated seed, repaired three times out of four.
+    fn input(&self, i: u64) -> Vec<u8> {
+        let mut rng = Rng::new(self.file_name, i);
+        let bytes = mutated(&mut rng, &self.seeds);
+        if rng.below(4) > 0 {
+            (self.repair)(bytes)
+        } else {
+            bytes
+        }
+    }
+}
 
-/// The most memory that this process has held so far, in KiB; 0 where the system does not tell.
+/// Limit on the peak memory of this process, in KiB. The targets need 30 MiB; other tests run in the same process.
+const MAX_KIB: u64 = 1 << 20;
+
+/// Peak resident memory of this process in KiB; 0 if the system does not report it.
 fn peak_kib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
@@ -43,135 +56,144 @@ fn peak_kib() -> u64 {
         .unwrap_or(0)
 }
 
-/// Executions `from..from + count`; the share of files that were taken.
+/// Number in an environment variable; `default` if it is not set.
+fn env_number(name: &str, default: u64) -> u64 {
+    std::env::var(name).map_or(default, |text| text.parse().expect("a number"))
+}
+
+/// Targets named in `OPSR_FUZZ_TARGETS`; all targets if it is not set.
+fn selected() -> Vec<Target> {
+    let names = std::env::var("OPSR_FUZZ_TARGETS").unwrap_or_default();
+    let mut targets = targets::all();
+    targets.retain(|target| names.is_empty() || names.split(',').any(|name| name == target.name));
+    targets
+}
+
+/// Runs executions `from..from + count` and returns the fraction of inputs that the reader accepted.
 fn fuzz(target: &Target, from: u64, count: u64) -> f64 {
     let folder = crate::support::quick_folder();
-    let path = folder.path().join(target.file);
+    let path = folder.path().join(target.file_name);
     for seed in &target.seeds {
         std::fs::write(&path, seed).expect("a file");
-        (target.read)(&path).expect("the seeds are good");
+        (target.read)(&path).expect("the seeds are valid");
     }
-    let mut taken = 0;
+    let mut accepted = 0;
     for i in from..from + count {
-        let mut rng = Rng::new(target.file, i);
-        let mut bytes = mutated(&mut rng, &target.seeds);
-        if rng.below(4) > 0 {
-            bytes = (target.repair)(bytes);
-        }
+        let bytes = target.input(i);
         std::fs::write(&path, &bytes).expect("a file");
         let outcome = catch_unwind(AssertUnwindSafe(|| (target.read)(&path)));
         let fault = match outcome {
             Err(_) => Some("a panic".to_owned()),
-            Ok(Err(message)) if !message.contains(target.file) => {
+            Ok(Err(message)) if !message.contains(target.file_name) => {
                 Some(format!("no file in `{message}`"))
             }
             Ok(Err(message)) if message.len() > 4000 => {
                 Some(format!("{} bytes of message", message.len()))
             }
             Ok(outcome) => {
-                taken += u64::from(outcome.is_ok());
+                accepted += u64::from(outcome.is_ok());
                 None
             }
         };
         let fault = fault.or_else(|| {
             let peak = peak_kib();
-            (peak > MOST_KIB).then(|| format!("{peak} KiB of memory"))
+            (peak > MAX_KIB).then(|| format!("{peak} KiB of memory"))
         });
         if let Some(fault) = fault {
-            let kept = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(target.file);
+            let kept = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(target.file_name);
             std::fs::write(&kept, &bytes).expect("a file");
-            panic!("{} {i}: {fault}; kept as {}", target.file, kept.display());
+            let (name, kept) = (target.file_name, kept.display());
+            panic!("{name}, execution {i}: {fault}; input kept as {kept}");
         }
     }
-    taken as f64 / count.max(1) as f64
+    accepted as f64 / count.max(1) as f64
 }
 
-/// The short tier. If nearly all files are refused, or nearly none, the changes are of the wrong size.
+/// Runs the first `count` executions. If nearly all inputs are accepted, or nearly none, the mutations are of the wrong
+/// size.
 fn short(target: &Target, count: u64) {
-    let taken = fuzz(target, 0, count);
-    assert!((0.02..0.98).contains(&taken), "{taken} were taken");
+    let accepted = fuzz(target, 0, count);
+    assert!((0.02..0.98).contains(&accepted), "{accepted} accepted");
 }
 
 #[test]
-fn gltf() {
+fn fuzz_seeds_are_reproducible() {
+    for (first, second) in targets::all().iter().zip(targets::all()) {
+        assert!(first.seeds == second.seeds, "{}", first.name);
+    }
+}
+
+#[test]
+fn fuzz_gltf() {
     short(&targets::gltf(), 1500);
 }
 
 #[test]
-fn exr() {
+fn fuzz_exr() {
     short(&targets::exr(), 1500);
 }
 
 #[test]
-fn hdr() {
+fn fuzz_hdr() {
     short(&targets::hdr(), 1000);
 }
 
 #[test]
-fn png() {
+fn fuzz_png() {
     short(&targets::png(), 500);
 }
 
 #[test]
-fn tables() {
+fn fuzz_tables() {
     short(&targets::tables(), 600);
 }
 
 #[test]
-fn manifests() {
+fn fuzz_manifests() {
     short(&targets::manifests(), 600);
 }
 
 #[test]
-fn suites() {
+fn fuzz_suites() {
     short(&targets::suites(), 600);
 }
 
 #[test]
-fn checkpoints() {
+fn fuzz_checkpoints() {
     short(&targets::checkpoints(), 600);
 }
 
 #[test]
-fn textures() {
+fn fuzz_textures() {
     short(&targets::textures(), 500);
 }
 
 #[test]
-fn results() {
+fn fuzz_results() {
     short(&targets::results(), 200);
 }
 
 #[test]
 #[cfg(feature = "train")]
-fn configurations() {
+fn fuzz_configurations() {
     short(&trained::configurations(), 600);
 }
 
 #[test]
 #[cfg(feature = "train")]
-fn trainings() {
+fn fuzz_trainings() {
     short(&trained::trainings(), 600);
 }
 
 #[test]
 #[ignore = "long: OPSR_FUZZ_EXECUTIONS of each target, 20000 if not set"]
-fn long() {
-    let number = |name: &str, or: u64| match std::env::var(name) {
-        Ok(text) => text.parse().expect("a number"),
-        Err(_) => or,
-    };
-    let (from, count) = (
-        number("OPSR_FUZZ_FROM", 0),
-        number("OPSR_FUZZ_EXECUTIONS", 20_000),
-    );
-    let only = std::env::var("OPSR_FUZZ_TARGETS").unwrap_or_default();
-    for target in targets::all() {
-        if !only.is_empty() && !only.split(',').any(|name| name == target.name) {
-            continue;
-        }
-        let taken = fuzz(&target, from, count);
-        println!("{}: {count} executions, {taken:.3} taken", target.file);
-        println!("at most {} KiB of memory so far", peak_kib());
+fn fuzz_long() {
+    let from = env_number("OPSR_FUZZ_FROM", 0);
+    let count = env_number("OPSR_FUZZ_EXECUTIONS", 20_000);
+    for target in selected() {
+        let accepted = fuzz(&target, from, count);
+        let name = target.file_name;
+        println!("{name}: {count} executions, {accepted:.3} accepted");
+        println!("peak memory so far: {} KiB", peak_kib());
     }
 }

@@ -16,6 +16,8 @@ mod load;
 mod metric;
 mod mollifier;
 mod pilot;
+#[cfg(feature = "train")]
+mod readme;
 mod references;
 mod resume;
 mod scenes;

@@ -1,48 +1,100 @@
-//! The corpus: small files that are kept, broken and odd ones, each with what must come of it.
+//! Corpus of small broken and odd files in `tests/corpus`: one folder of numbered files per target, and the outcome
+//! expected of each file in the folder's `expected.txt`.
 //!
-//! A file is there for the kind of its outcome: the message, or what was taken, without numbers and names. `make` looks
-//! for kinds that no file has yet and keeps the smallest of each.
+//! The outcome of a file is its error message, or the summary of what the reader accepted, without numbers, names and
+//! paths. `corpus_add_new_outcomes` searches for outcomes that no file has yet and adds the smallest file of each.
 
-use super::mutate::{Rng, json_in, mutated};
-use super::{Target, targets};
+use super::mutate::json_in;
+use super::{Target, env_number, selected, targets};
 use crate::load::hostile::pointers;
 use crate::support::quick_folder;
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-/// Kinds by the file's name.
-type Expected = BTreeMap<String, String>;
+/// Outcomes by file number.
+type Outcomes = BTreeMap<u32, String>;
 
-/// The list of a folder.
-const LIST: &str = "expected.txt";
+/// Name of the list of expected outcomes in each folder.
+const EXPECTED: &str = "expected.txt";
 
 fn folder(target: &Target) -> PathBuf {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus");
     corpus.join(target.name)
 }
 
-fn expected(target: &Target) -> Expected {
-    let text = std::fs::read_to_string(folder(target).join(LIST)).unwrap_or_default();
-    let line = |l: &str| {
-        let (name, kind) = l.split_once(": ").expect("a name and a kind");
-        (name.to_owned(), kind.to_owned())
-    };
-    text.lines().map(line).collect()
+/// Path of a numbered file, such as `0001.glb`.
+fn file(target: &Target, number: u32) -> PathBuf {
+    let (_, extension) = target.file_name.rsplit_once('.').expect("an extension");
+    folder(target).join(format!("{number:04}.{extension}"))
 }
 
-fn record(target: &Target, expected: &Expected) {
-    let lines = expected
+/// Numbers of the files in a folder, and the paths of files that are not named by a number.
+fn files(target: &Target) -> (BTreeSet<u32>, Vec<PathBuf>) {
+    let (mut numbers, mut misnamed) = (BTreeSet::new(), Vec::new());
+    for entry in std::fs::read_dir(folder(target)).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        let stem = path.file_stem().and_then(|s| s.to_str());
+        let number = stem.and_then(|s| s.parse().ok());
+        match number.filter(|&n| file(target, n) == path) {
+            Some(number) => drop(numbers.insert(number)),
+            None if path.ends_with(EXPECTED) => {}
+            None => misnamed.push(path),
+        }
+    }
+    (numbers, misnamed)
+}
+
+/// Outcomes listed for a folder: one line per file, its number, a space and its outcome.
+fn expected(target: &Target) -> Outcomes {
+    let path = folder(target).join(EXPECTED);
+    let text = std::fs::read_to_string(&path).unwrap_or_default();
+    let mut outcomes = Outcomes::new();
+    for (i, line) in text.lines().enumerate() {
+        let place = format!("{}:{}", path.display(), i + 1);
+        let entry = line.split_once(' ');
+        let entry = entry.and_then(|(number, outcome)| Some((number.parse().ok()?, outcome)));
+        let Some((number, outcome)) = entry else {
+            panic!("{place}: expected a number and an outcome, found `{line}`");
+        };
+        let twice = outcomes.insert(number, outcome.to_owned()).is_some();
+        assert!(!twice, "{place}: number {number:04} is listed twice");
+    }
+    outcomes
+}
+
+fn record(target: &Target, outcomes: &Outcomes) {
+    let lines = outcomes
         .iter()
-        .map(|(name, kind)| format!("{name}: {kind}\n"));
+        .map(|(number, outcome)| format!("{number:04} {outcome}\n"));
     let text: String = lines.collect();
-    std::fs::write(folder(target).join(LIST), text).expect("a list");
+    std::fs::write(folder(target).join(EXPECTED), text).expect("a list");
 }
 
-/// Between which words messages tell what they found instead, which does not matter.
-const FOUND: [(&str, &str); 8] = [
+/// One complaint for each file that has no expected outcome or another one, and for each listed file that is missing.
+fn differences(target: &Target, expected: &Outcomes, found: &Outcomes) -> Vec<String> {
+    let numbers: BTreeSet<&u32> = expected.keys().chain(found.keys()).collect();
+    let complaint = |&number: &u32| {
+        let complaint = match (expected.get(&number), found.get(&number)) {
+            (Some(old), Some(new)) if old == new => return None,
+            (Some(old), Some(new)) => format!("expected `{old}`, found `{new}`"),
+            (Some(old), None) => format!("missing, {EXPECTED} lists it with `{old}`"),
+            (None, new) => {
+                format!(
+                    "not in {EXPECTED}, found `{}`",
+                    new.map_or("", String::as_str)
+                )
+            }
+        };
+        Some(format!("{}: {complaint}", file(target, number).display()))
+    };
+    numbers.into_iter().filter_map(complaint).collect()
+}
+
+/// Delimiters of the parts of a message that quote the file's content, which differs from file to file.
+const QUOTED: [(&str, &str); 8] = [
     ("ChunkType {", " }"),
     ("invalid type: ", ", expected"),
     ("unknown variant ", ", expected"),
@@ -53,7 +105,7 @@ const FOUND: [(&str, &str); 8] = [
     (" ('", "')"),
 ];
 
-/// The text without what stands between two words, wherever they are.
+/// The text with `…` in place of everything between two delimiters, at every occurrence.
 fn without(text: &str, from: &str, to: &str) -> String {
     let mut pieces = text.split(from);
     let mut out = pieces.next().unwrap_or_default().to_owned();
@@ -64,18 +116,20 @@ fn without(text: &str, from: &str, to: &str) -> String {
     out
 }
 
-/// A message without what differs from file to file: paths, quoted words, numbers, and TOML's copy of the line.
-fn words(message: &str, path: &Path) -> String {
+/// A message without what differs from file to file: paths, file name, quoted words, numbers, and the line that TOML's
+/// errors copy from the file. Names are replaced before numbers, since the name of a corpus file is a number.
+fn normalised(message: &str, path: &Path) -> String {
     let folder = path.parent().unwrap_or(path).display().to_string();
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
     let message = message.replace(&*path.display().to_string(), "FILE");
-    let message = message.replace(&folder, "FOLDER");
+    let message = message.replace(&folder, "FOLDER").replace(&*name, "FILE");
     let copied = |l: &&str| {
         !l.trim_start_matches(|c: char| c.is_numeric() || c == ' ')
             .starts_with('|')
     };
     let lines: Vec<&str> = message.lines().filter(copied).collect();
     let mut plain = lines.join(" ");
-    for (from, to) in FOUND {
+    for (from, to) in QUOTED {
         plain = without(&plain, from, to);
     }
     for quote in ['`', '"'] {
@@ -83,19 +137,19 @@ fn words(message: &str, path: &Path) -> String {
         plain = plain.split(quote).enumerate().map(inside).collect();
     }
     let part = |c: char| c.is_alphanumeric() || c == '_';
-    let mut kind = String::new();
+    let mut out = String::new();
     for word in plain.split_inclusive(|c| !part(c)) {
         let end = word.trim_end_matches(|c| !part(c));
         let number = end.starts_with(|c: char| c.is_ascii_digit());
         let name = end.starts_with("KHR_") || end.starts_with("EXT_");
-        kind.push_str(if number {
+        out.push_str(if number {
             "N"
         } else if name {
             "_"
         } else {
             end
         });
-        kind.push_str(&word[end.len()..]);
+        out.push_str(&word[end.len()..]);
     }
     for (long, short) in [
         ("N.N", "N"),
@@ -105,70 +159,101 @@ fn words(message: &str, path: &Path) -> String {
         ("_ _", "_"),
         ("_, _", "_"),
     ] {
-        while kind.contains(long) {
-            kind = kind.replace(long, short);
+        while out.contains(long) {
+            out = out.replace(long, short);
         }
     }
-    let blanks = kind.split(|c: char| c.is_whitespace() || c.is_control());
-    let kind: Vec<&str> = blanks.filter(|w| !w.is_empty()).collect();
-    kind.join(" ").chars().take(200).collect()
+    let blanks = out.split(|c: char| c.is_whitespace() || c.is_control());
+    let words: Vec<&str> = blanks.filter(|w| !w.is_empty()).collect();
+    words.join(" ").chars().take(200).collect()
 }
 
-/// What came of a file; a panic, or a message without the file's name, is a fault.
-fn kind(target: &Target, path: &Path) -> Result<String, String> {
+/// Outcome of reading a file.
+///
+/// # Errors
+/// If the reader panics, or its error message does not name the file.
+fn outcome(target: &Target, path: &Path) -> Result<String, String> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     match catch_unwind(AssertUnwindSafe(|| (target.read)(path))) {
         Err(_) => Err("a panic".into()),
-        Ok(Ok(taken)) => Ok(format!("taken: {}", words(&taken, path))),
+        Ok(Ok(summary)) => Ok(format!("accepted: {}", normalised(&summary, path))),
         Ok(Err(message)) if !message.contains(&*name) => Err(format!("no file in `{message}`")),
-        Ok(Err(message)) => Ok(words(&message, path).replace(&*name, "FILE")),
+        Ok(Err(message)) => Ok(normalised(&message, path)),
     }
 }
 
 #[test]
-fn every_file_has_the_outcome_it_had() {
-    let again = std::env::var("OPSR_CORPUS_RECORD").is_ok();
-    let mut wrong = Vec::new();
-    let mut files = 0;
+fn corpus_files_have_their_expected_outcomes() {
+    let recording = std::env::var("OPSR_CORPUS_RECORD").is_ok();
+    let mut faults = Vec::new();
+    let mut count = 0;
     for target in targets::all() {
-        let old = expected(&target);
-        let mut new = Expected::new();
-        for entry in std::fs::read_dir(folder(&target)).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            if name == LIST {
-                continue;
-            }
-            files += 1;
-            match kind(&target, &path) {
-                Ok(kind) => drop(new.insert(name.into_owned(), kind)),
-                Err(fault) => wrong.push(format!("{}: {fault}", path.display())),
+        let (numbers, misnamed) = files(&target);
+        let form = file(&target, 1);
+        let form = form.file_name().unwrap_or_default().display();
+        let misnamed = misnamed.iter().map(|path| path.display());
+        faults.extend(misnamed.map(|path| format!("{path}: expected a name such as {form}")));
+        count += numbers.len();
+        let mut found = Outcomes::new();
+        let mut failed = Vec::new();
+        for number in numbers {
+            let path = file(&target, number);
+            match outcome(&target, &path) {
+                Ok(outcome) => drop(found.insert(number, outcome)),
+                Err(fault) => {
+                    faults.push(format!("{}: {fault}", path.display()));
+                    failed.push(number);
+                }
             }
         }
-        if again {
-            record(&target, &new);
-        } else if old != new {
-            let gone = old
-                .iter()
-                .filter(|(name, kind)| new.get(*name) != Some(kind));
-            let come = new
-                .iter()
-                .filter(|(name, kind)| old.get(*name) != Some(kind));
-            wrong.extend(gone.map(|(name, kind)| format!("- {}/{name}: {kind}", target.name)));
-            wrong.extend(come.map(|(name, kind)| format!("+ {}/{name}: {kind}", target.name)));
+        if recording {
+            record(&target, &found);
+        } else {
+            let mut expected = expected(&target);
+            expected.retain(|number, _| !failed.contains(number));
+            faults.extend(differences(&target, &expected, &found));
         }
     }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    assert!(files >= 300 || !cfg!(feature = "train"), "{files} files");
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+    assert!(count >= 300 || !cfg!(feature = "train"), "{count} files");
 }
 
-/// Shorter files with pieces or JSON values left out, or with numbers of one digit, as long as `same` holds.
+#[test]
+fn corpus_differences_name_the_file() {
+    let target = targets::hdr();
+    let outcomes = |list: &[(u32, &str)]| -> Outcomes {
+        list.iter().map(|&(n, text)| (n, text.to_owned())).collect()
+    };
+    let expected = outcomes(&[(1, "same"), (2, "old"), (3, "listed")]);
+    let found = outcomes(&[(1, "same"), (2, "new"), (4, "unlisted")]);
+    let complaints = differences(&target, &expected, &found);
+    let fragments = [
+        "0002.hdr: expected `old`, found `new`",
+        "0003.hdr: missing, expected.txt lists it with `listed`",
+        "0004.hdr: not in expected.txt, found `unlisted`",
+    ];
+    assert_eq!(complaints.len(), fragments.len(), "{complaints:?}");
+    for (complaint, fragment) in complaints.iter().zip(fragments) {
+        assert!(complaint.ends_with(fragment), "{complaint}");
+    }
+}
+
+#[test]
+fn corpus_outcomes_do_not_depend_on_the_file_number() {
+    let of = |path: &str, message: &str| normalised(message, Path::new(path));
+    let first = of("/a/0001.glb", "/a/0001.glb: see 0001.glb in /a, byte 1");
+    let second = of("/b/0712.glb", "/b/0712.glb: see 0712.glb in /b, byte 712");
+    assert_eq!(first, "FILE: see FILE in FOLDER, byte N");
+    assert_eq!(first, second);
+}
+
+/// The shortest file found for which `same` holds, by removing JSON values and byte ranges in at most `tries` tries.
 fn shrunk(mut bytes: Vec<u8>, mut tries: u32, same: &mut dyn FnMut(&[u8]) -> bool) -> Vec<u8> {
     let place = json_in(&bytes);
     if let Ok(json) = serde_json::from_slice::<Value>(&bytes[place.clone()]) {
         let mut all = Vec::new();
         pointers(&json, "", &mut all);
-        // From the end: what comes before keeps its index.
+        // Backwards, since a removal shifts the indices of the values that follow.
         for at in all.iter().rev().filter(|p| !p.is_empty()) {
             let place = json_in(&bytes);
             let Ok(mut json) = serde_json::from_slice(&bytes[place.clone()]) else {
@@ -201,7 +286,7 @@ fn shrunk(mut bytes: Vec<u8>, mut tries: u32, same: &mut dyn FnMut(&[u8]) -> boo
     bytes
 }
 
-/// JSON text in place of what was there, with blanks to a length that glTF likes.
+/// The file with its JSON range replaced, padded with spaces to a multiple of four bytes in a `.glb` file.
 fn spliced(bytes: &[u8], place: Range<usize>, json: &Value) -> Vec<u8> {
     let mut text = json.to_string();
     while bytes.starts_with(b"glTF") && !text.len().is_multiple_of(4) {
@@ -210,6 +295,7 @@ fn spliced(bytes: &[u8], place: Range<usize>, json: &Value) -> Vec<u8> {
     [&bytes[..place.start], text.as_bytes(), &bytes[place.end..]].concat()
 }
 
+/// Removes the value at a JSON pointer; `false` if there is none.
 fn remove(json: &mut Value, at: &str) -> bool {
     let Some((parent, key)) = at.rsplit_once('/') else {
         return false;
@@ -227,63 +313,37 @@ fn remove(json: &mut Value, at: &str) -> bool {
     }
 }
 
-/// A name for a file of this kind that no other has.
-fn name(target: &Target, kind: &str, taken: &Expected) -> String {
-    let letter = |c: char| {
-        if c.is_ascii_alphanumeric() {
-            c.to_ascii_lowercase()
-        } else {
-            ' '
-        }
-    };
-    let plain: String = kind.replace("FILE", "").chars().map(letter).collect();
-    let words: Vec<&str> = plain.split_whitespace().filter(|w| *w != "n").collect();
-    let mut slug: String = words.join("-").chars().take(60).collect();
-    if slug.is_empty() {
-        slug = "file".into();
-    }
-    let ending = target.file.rsplit_once('.').map_or("", |(_, e)| e);
-    let names = (1..).map(|i| match i {
-        1 => format!("{slug}.{ending}"),
-        _ => format!("{slug}-{i}.{ending}"),
-    });
-    let free = |name: &String| !taken.contains_key(name);
-    names.into_iter().find(free).expect("a number")
-}
-
-/// Adds a file for each kind of outcome that has none yet.
+/// Adds a file for each outcome of executions `0..count` that no file has yet, under the next free number.
 fn enlarge(target: &Target, count: u64) {
-    let folder = folder(target);
-    std::fs::create_dir_all(&folder).expect("a folder");
+    std::fs::create_dir_all(folder(target)).expect("a folder");
     let mut listed = expected(target);
-    let place = quick_folder();
-    let path = place.path().join(target.file);
-    let outcome = |bytes: &[u8]| {
+    let temporary = quick_folder();
+    let path = temporary.path().join(target.file_name);
+    let outcome_of = |bytes: &[u8]| {
         std::fs::write(&path, bytes).expect("a file");
-        kind(target, &path).unwrap_or_else(|fault| panic!("{}: {fault}", target.name))
+        outcome(target, &path).unwrap_or_else(|fault| panic!("{}: {fault}", target.name))
     };
-    let mut found: BTreeMap<String, Vec<u8>> = BTreeMap::new();
+    let mut smallest: BTreeMap<String, Vec<u8>> = BTreeMap::new();
     for i in 0..count {
-        let mut rng = Rng::new(target.file, i);
-        let mut bytes = mutated(&mut rng, &target.seeds);
-        if rng.below(4) > 0 {
-            bytes = (target.repair)(bytes);
-        }
-        let kind = outcome(&bytes);
-        let known = listed.values().any(|k| *k == kind);
-        if !known && found.get(&kind).is_none_or(|b| b.len() > bytes.len()) {
-            found.insert(kind, bytes);
+        let bytes = target.input(i);
+        let outcome = outcome_of(&bytes);
+        let known = listed.values().any(|o| *o == outcome);
+        let smaller = |old: &Vec<u8>| bytes.len() < old.len();
+        if !known && smallest.get(&outcome).is_none_or(smaller) {
+            smallest.insert(outcome, bytes);
         }
     }
-    for (kind, bytes) in found {
-        let mut best = shrunk(bytes, 700, &mut |b| outcome(b) == kind);
+    for (outcome, bytes) in smallest {
+        let mut best = shrunk(bytes, 700, &mut |b| outcome_of(b) == outcome);
         let repaired = (target.repair)(best.clone());
-        if repaired.len() <= best.len() && outcome(&repaired) == kind {
+        if repaired.len() <= best.len() && outcome_of(&repaired) == outcome {
             best = repaired;
         }
-        let name = name(target, &kind, &listed);
-        std::fs::write(folder.join(&name), &best).expect("a file");
-        listed.insert(name, kind);
+        let present = files(target).0;
+        let last = present.last().max(listed.keys().last());
+        let number = last.map_or(1, |last| last + 1);
+        std::fs::write(file(target, number), &best).expect("a file");
+        listed.insert(number, outcome);
     }
     println!("{}: {} files", target.name, listed.len());
     record(target, &listed);
@@ -291,13 +351,9 @@ fn enlarge(target: &Target, count: u64) {
 
 #[test]
 #[ignore = "adds files to tests/corpus"]
-fn make() {
-    let count =
-        std::env::var("OPSR_FUZZ_EXECUTIONS").map_or(20_000, |n| n.parse().expect("a number"));
-    let only = std::env::var("OPSR_FUZZ_TARGETS").unwrap_or_default();
-    for target in targets::all() {
-        if only.is_empty() || only.split(',').any(|name| name == target.name) {
-            enlarge(&target, count);
-        }
+fn corpus_add_new_outcomes() {
+    let count = env_number("OPSR_FUZZ_EXECUTIONS", 20_000);
+    for target in selected() {
+        enlarge(&target, count);
     }
 }

@@ -1,9 +1,9 @@
-//! Changes to files: of bits, numbers and stretches, of words where there is text, and of values where it is JSON.
+//! Mutations of files: bits, numbers and byte ranges in any file, words in text, values in JSON.
 
 use crate::load::hostile::pointers;
 use serde_json::{Value, json};
 
-/// Numbers that depend on a name and a count alone (SplitMix64).
+/// Random numbers (SplitMix64) that depend only on a name, hashed with FNV-1a, and a number.
 pub(crate) struct Rng(u64);
 
 impl Rng {
@@ -20,7 +20,7 @@ impl Rng {
         z ^ z >> 31
     }
 
-    /// A number below `n`; 0 if there is none.
+    /// A number below `n`; 0 if `n` is 0.
     pub(crate) fn below(&mut self, n: usize) -> usize {
         (self.next() % n.max(1) as u64) as usize
     }
@@ -30,8 +30,8 @@ impl Rng {
     }
 }
 
-/// Numbers at which something often breaks.
-const ODD: [u64; 16] = [
+/// Integers near the limits of common types.
+const EDGE_NUMBERS: [u64; 16] = [
     0,
     1,
     2,
@@ -50,8 +50,8 @@ const ODD: [u64; 16] = [
     u64::MAX,
 ];
 
-/// Words at which a reader of text often breaks.
-const WORDS: [&str; 28] = [
+/// Words that often break a reader of text.
+const EDGE_WORDS: [&str; 28] = [
     "0",
     "1",
     "-1",
@@ -82,56 +82,56 @@ const WORDS: [&str; 28] = [
     "\u{fffd}",
 ];
 
-/// A good file with one to some changes.
+/// A random seed with one to seven mutations.
 pub(crate) fn mutated(rng: &mut Rng, seeds: &[Vec<u8>]) -> Vec<u8> {
     let mut bytes = rng.pick(seeds).clone();
     let text = std::str::from_utf8(&bytes).is_ok();
-    // Half of the files stay JSON, so that what comes after the parser has something to do.
-    let whole = rng.below(2) == 0;
-    let changes = 1 + rng.below(3) * rng.below(4);
-    for _ in 0..changes {
-        if whole && change_json(rng, &mut bytes) {
+    // Half of the JSON files stay valid JSON, so that the code behind the parser is reached.
+    let keep_json = rng.below(2) == 0;
+    let mutations = 1 + rng.below(3) * rng.below(4);
+    for _ in 0..mutations {
+        if keep_json && mutate_json(rng, &mut bytes) {
             continue;
         }
         if text && rng.below(4) > 0 {
-            change_words(rng, &mut bytes);
+            mutate_words(rng, &mut bytes);
         } else {
-            change_bytes(rng, &mut bytes, seeds);
+            mutate_bytes(rng, &mut bytes, seeds);
         }
     }
     bytes
 }
 
-/// A place in the file, half of the time near its head, where sizes are.
-fn place(rng: &mut Rng, length: usize) -> usize {
-    let reach = if rng.below(2) == 0 {
+/// A position in the file, half of the time in its first 512 bytes, which is where headers store sizes.
+fn position(rng: &mut Rng, length: usize) -> usize {
+    let end = if rng.below(2) == 0 {
         length.min(512)
     } else {
         length
     };
-    rng.below(reach)
+    rng.below(end)
 }
 
-/// A stretch of the file, mostly short.
-fn stretch(rng: &mut Rng, length: usize) -> std::ops::Range<usize> {
-    let start = place(rng, length);
-    let most = if rng.below(8) == 0 { length } else { 32 };
-    start..(start + rng.below(most)).min(length)
+/// A byte range of the file, mostly shorter than 32 bytes.
+fn range(rng: &mut Rng, length: usize) -> std::ops::Range<usize> {
+    let start = position(rng, length);
+    let limit = if rng.below(8) == 0 { length } else { 32 };
+    start..(start + rng.below(limit)).min(length)
 }
 
-fn change_bytes(rng: &mut Rng, bytes: &mut Vec<u8>, seeds: &[Vec<u8>]) {
+fn mutate_bytes(rng: &mut Rng, bytes: &mut Vec<u8>, seeds: &[Vec<u8>]) {
     if bytes.is_empty() {
         bytes.push(0);
     }
-    let at = place(rng, bytes.len());
+    let at = position(rng, bytes.len());
     match rng.below(9) {
         0 | 1 => bytes[at] ^= 1 << rng.below(8),
         2 => bytes[at] = rng.next() as u8,
         3 | 4 => {
-            // A number of one, two, four or eight bytes, little- or big-endian, somewhere round an odd one.
+            // An integer of one, two, four or eight bytes, little- or big-endian, at most one away from an edge.
             let width = 1 << rng.below(4);
             let value = rng
-                .pick(&ODD)
+                .pick(&EDGE_NUMBERS)
                 .wrapping_add(rng.below(3) as u64)
                 .wrapping_sub(1);
             let end = (at + width).min(bytes.len());
@@ -141,14 +141,14 @@ fn change_bytes(rng: &mut Rng, bytes: &mut Vec<u8>, seeds: &[Vec<u8>]) {
             };
             bytes[at..end].copy_from_slice(&number[..end - at]);
         }
-        5 => drop(bytes.drain(stretch(rng, bytes.len()))),
+        5 => drop(bytes.drain(range(rng, bytes.len()))),
         6 => {
-            let piece = bytes[stretch(rng, bytes.len())].to_vec();
+            let piece = bytes[range(rng, bytes.len())].to_vec();
             bytes.splice(at..at, piece);
         }
         7 => {
             let other = rng.pick(seeds);
-            let from = stretch(rng, other.len());
+            let from = range(rng, other.len());
             let end = (at + from.len()).min(bytes.len());
             bytes.splice(at..end, other[from].iter().copied());
         }
@@ -156,7 +156,7 @@ fn change_bytes(rng: &mut Rng, bytes: &mut Vec<u8>, seeds: &[Vec<u8>]) {
     }
 }
 
-/// Words and numbers of a text, as ranges of bytes.
+/// Byte ranges of the words and numbers of a text.
 fn words(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
     let inside = |b: u8| b.is_ascii_alphanumeric() || b"_.+-".contains(&b);
     let mut out = Vec::new();
@@ -174,20 +174,20 @@ fn words(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
     out
 }
 
-fn change_words(rng: &mut Rng, bytes: &mut Vec<u8>) {
+fn mutate_words(rng: &mut Rng, bytes: &mut Vec<u8>) {
     let words = words(bytes);
     if words.is_empty() {
         return;
     }
-    let word = words[place(rng, words.len())].clone();
+    let word = words[position(rng, words.len())].clone();
     match rng.below(4) {
-        0 | 1 => drop(bytes.splice(word, rng.pick(&WORDS).bytes())),
+        0 | 1 => drop(bytes.splice(word, rng.pick(&EDGE_WORDS).bytes())),
         2 => {
             let other = bytes[rng.pick(&words).clone()].to_vec();
             bytes.splice(word, other);
         }
         _ => {
-            // A line, or a stretch up to the next comma, once more.
+            // Repeats the text up to the next comma or line break.
             let rest = &bytes[word.start..];
             let length = rest.iter().position(|b| b",\n".contains(b));
             let piece = rest[..length.map_or(rest.len(), |n| n + 1)].to_vec();
@@ -196,7 +196,7 @@ fn change_words(rng: &mut Rng, bytes: &mut Vec<u8>) {
     }
 }
 
-/// Where JSON is in a file, if anywhere: in the first chunk of a `.glb` file, or all of it.
+/// Byte range of a file that holds its JSON, if it has any: the first chunk of a `.glb` file, else the whole file.
 pub(crate) fn json_in(bytes: &[u8]) -> std::ops::Range<usize> {
     match bytes.get(12..16) {
         Some(length) if bytes.starts_with(b"glTF") => {
@@ -208,22 +208,22 @@ pub(crate) fn json_in(bytes: &[u8]) -> std::ops::Range<usize> {
     }
 }
 
-/// Another value at a random place; `false` if this is not JSON.
-fn change_json(rng: &mut Rng, bytes: &mut Vec<u8>) -> bool {
+/// Replaces, removes or changes the value at a random JSON pointer; `false` if the file is not JSON.
+fn mutate_json(rng: &mut Rng, bytes: &mut Vec<u8>) -> bool {
     let place = json_in(bytes);
     let Ok(mut json) = serde_json::from_slice::<Value>(&bytes[place.clone()]) else {
         return false;
     };
     let mut all = Vec::new();
     pointers(&json, "", &mut all);
-    // The first of a long list is as good as the last; the keys between lists are what is rare.
-    let short: Vec<&String> = all
+    // Long lists have many elements that are read alike, so half of the choices leave out their elements.
+    let keys: Vec<&String> = all
         .iter()
         .filter(|p| !p.ends_with(char::is_numeric))
         .collect();
     let at = match rng.below(2) {
         0 => rng.pick(&all),
-        _ => *rng.pick(&short),
+        _ => *rng.pick(&keys),
     };
     let from: &String = rng.pick(&all);
     let other = json.pointer(from).cloned().unwrap_or_default();
@@ -239,7 +239,7 @@ fn change_json(rng: &mut Rng, bytes: &mut Vec<u8>) -> bool {
         (1, Value::Array(list)) if !list.is_empty() => drop(list.remove(rng.below(list.len()))),
         (2, Value::Array(list)) => list.push(other),
         (1 | 2, Value::Number(n)) => {
-            // An index one too far, a size one too small.
+            // Off by one in either direction, the other sign, or far too large.
             *value = match (n.as_i64(), rng.below(3)) {
                 (Some(n), 0) => json!(n.saturating_add(1)),
                 (Some(n), 1) => json!(n.saturating_sub(1)),
@@ -247,7 +247,7 @@ fn change_json(rng: &mut Rng, bytes: &mut Vec<u8>) -> bool {
                 _ => json!(n.as_f64().map(|n| n * 1e20)),
             };
         }
-        _ => *value = rng.pick(&WORDS).parse().unwrap_or(json!("?")),
+        _ => *value = rng.pick(&EDGE_WORDS).parse().unwrap_or(json!("?")),
     }
     let mut text = json.to_string();
     while text.len() % 4 > 0 {

@@ -1,32 +1,33 @@
-//! Lengths and checksums set right after a change, so that it is not them that are refused.
+//! Corrections of lengths and checksums after a mutation, so that readers do not reject every file because of them.
 
 use crate::support::gltf::crc32;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-/// Leaves a file as it is.
+/// Returns the file unchanged.
 pub(crate) fn nothing(bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-fn set(bytes: &mut [u8], at: usize, value: usize) {
+/// Writes a little-endian `u32`.
+fn set_u32(bytes: &mut [u8], at: usize, value: usize) {
     bytes[at..at + 4].copy_from_slice(&(value as u32).to_le_bytes());
 }
 
-/// The lengths in a `.glb` file, by where its second chunk is found.
+/// Corrects the lengths in a `.glb` file from the position of its second chunk.
 pub(crate) fn glb(mut bytes: Vec<u8>) -> Vec<u8> {
     let found = bytes.windows(4).position(|w| w == b"BIN\0");
     let Some(at) = found.filter(|&at| at >= 24 && bytes.starts_with(b"glTF")) else {
         return bytes;
     };
     let length = bytes.len();
-    set(&mut bytes, 8, length);
-    set(&mut bytes, 12, at - 24);
-    set(&mut bytes, at - 4, length - at - 4);
+    set_u32(&mut bytes, 8, length);
+    set_u32(&mut bytes, 12, at - 24);
+    set_u32(&mut bytes, at - 4, length - at - 4);
     bytes
 }
 
-/// The checksums of a PNG file's chunks, as far as they can be followed.
+/// Corrects the checksums of a PNG file's chunks up to the first chunk that passes the end of the file.
 pub(crate) fn png(mut bytes: Vec<u8>) -> Vec<u8> {
     let mut at = 8;
     while let Some(head) = bytes.get(at..at + 4) {

@@ -1,4 +1,4 @@
-//! Small good files of every format and kind.
+//! Small valid files of every format.
 
 use crate::support::gltf::File;
 use ::exr::prelude as exrs;
@@ -15,11 +15,11 @@ use opsr::report::bench::results::Inset;
 use opsr::scene::SceneParts;
 use std::path::Path;
 
-/// Bytes of a file that `make` writes.
-fn bytes(name: &str, make: impl FnOnce(&Path)) -> Vec<u8> {
+/// Bytes of the file that `write` writes under a name.
+fn bytes(name: &str, write: impl FnOnce(&Path)) -> Vec<u8> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join(name);
-    make(&path);
+    write(&path);
     std::fs::read(path).expect("a file")
 }
 
@@ -35,7 +35,7 @@ pub(crate) fn gltf() -> Vec<Vec<u8>> {
         gallery::two_mirrors(0.9, 0.01),
         glass,
     ];
-    // As text and as binary.
+    // Each scene as text and as binary.
     let mut files = vec![good.gltf(), good.glb()];
     for parts in saved {
         let glb = glb::to_glb(&parts).expect("a scene");
@@ -45,7 +45,7 @@ pub(crate) fn gltf() -> Vec<Vec<u8>> {
     files
 }
 
-/// A film of a crop, with different numbers of samples.
+/// A cropped film with two to four samples per pixel.
 pub(crate) fn film() -> Film {
     let window = Window {
         x: 2,
@@ -66,7 +66,7 @@ fn picture() -> Buffer {
     Buffer::from_fn(9, 7, |x, y| Rgb::new(x as f32, y as f32, 0.25))
 }
 
-/// What other programs write: every coding that is read, lines and tiles, three types of numbers.
+/// An EXR file as other programs write it, with half, float and integer channels.
 pub(crate) fn foreign(compression: Compression, blocks: Blocks) -> Vec<u8> {
     let ramp: Vec<f32> = (0..63).map(|i| i as f32 / 8.0).collect();
     let halves = ramp.iter().map(|&x| exrs::f16::from_f32(x)).collect();
@@ -122,10 +122,10 @@ pub(crate) fn hdr() -> Vec<Vec<u8>> {
             .expect("a map");
         out
     };
-    // Run lengths of the old kind: a texel, and it once more eleven times.
-    let mut old = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n-Y 2 +X 12\n".to_vec();
-    old.extend([9, 8, 7, 128, 1, 1, 1, 11].repeat(2));
-    vec![encoded(16, 8), encoded(5, 3), old]
+    // Old run-length encoding: a texel, and a run that repeats it eleven times.
+    let mut old_rle = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n-Y 2 +X 12\n".to_vec();
+    old_rle.extend([9, 8, 7, 128, 1, 1, 1, 11].repeat(2));
+    vec![encoded(16, 8), encoded(5, 3), old_rle]
 }
 
 pub(crate) fn png() -> Vec<Vec<u8>> {
@@ -141,7 +141,7 @@ pub(crate) fn png() -> Vec<Vec<u8>> {
     vec![own, wide, jpeg.into_inner()]
 }
 
-/// Pictures as textures come: with and without colours, alpha and palettes, of eight and sixteen bits.
+/// Texture images: RGBA, grey and RGB, eight and sixteen bits, PNG and JPEG.
 pub(crate) fn textures() -> Vec<Vec<u8>> {
     use crate::support::gltf::png;
     let at = |x: u32, y: u32| [(x * 90) as u8, (y * 70) as u8, 9, 200];
@@ -164,7 +164,7 @@ pub(crate) fn textures() -> Vec<Vec<u8>> {
     ]
 }
 
-/// What a small bench measured, with and without pictures.
+/// Results of a small bench, with and without pictures.
 pub(crate) fn results() -> Vec<Vec<u8>> {
     use crate::bench::planted::{Planted, planted, recorded};
     let bright = Planted {
@@ -184,7 +184,7 @@ pub(crate) fn results() -> Vec<Vec<u8>> {
     vec![json(all), json(bare)]
 }
 
-/// How a table that never was learned was learned.
+/// Made-up provenance of a table.
 pub(crate) fn provenance() -> Provenance {
     Provenance {
         opsr: "0.1.0".into(),
@@ -202,7 +202,7 @@ pub(crate) fn provenance() -> Provenance {
     }
 }
 
-/// A table with every factor another one, among them the smallest and the largest.
+/// A table whose factors all differ, with 0, the smallest positive number and 1 among them.
 pub(crate) fn table() -> TableFile {
     let mut table = AttenuationTable::constant(0.0);
     for (i, gamma) in table.gammas.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! The readers, and what must hold of anything they take.
+//! Fuzz targets: the readers, and assertions about every value that they accept.
 
 #[cfg(feature = "train")]
 use super::trained;
@@ -37,11 +37,12 @@ pub(crate) fn all() -> Vec<Target> {
     ]
 }
 
+/// The result with its error as text.
 pub(super) fn text<T, E: ToString>(result: Result<T, E>) -> Result<T, String> {
     result.map_err(|e| e.to_string())
 }
 
-/// What `save` writes.
+/// Bytes of the file that `save` writes.
 pub(super) fn written(save: impl FnOnce(&Path) -> Result<(), String>) -> Vec<u8> {
     let folder = crate::support::quick_folder();
     let path = folder.path().join("file");
@@ -49,24 +50,24 @@ pub(super) fn written(save: impl FnOnce(&Path) -> Result<(), String>) -> Vec<u8>
     std::fs::read(&path).expect("a file")
 }
 
-/// Loads, builds and renders a little: whatever is taken can be looked at.
+/// Scenes: loads the file, builds the scene and renders one sample of a 2×2 picture.
 pub(crate) fn gltf() -> Target {
     Target {
         name: "gltf",
-        file: "fuzz.glb",
+        file_name: "fuzz.glb",
         seeds: seeds::gltf(),
         repair: repair::glb,
         read: |path| {
             let loaded = text(load(path, &LoadOptions::default()))?;
             let (parts, warnings) = (loaded.parts, loaded.warnings.join("; "));
             let has = |n: usize, what: &str| (n > 0).then(|| format!(" {what}"));
-            let taken = [
+            let contents = [
                 has(parts.meshes.len(), "meshes"),
                 has(parts.lights.len(), "lights"),
                 has(parts.cameras.len(), "cameras"),
                 has(parts.textures.len(), "textures"),
             ];
-            let taken: String = taken.into_iter().flatten().collect();
+            let contents: String = contents.into_iter().flatten().collect();
             let own = parts.cameras.first().cloned();
             let scene = Scene::new(parts);
             let camera = own.unwrap_or_else(|| Camera::framing(scene.geometry().bounds(), 1.0));
@@ -80,28 +81,30 @@ pub(crate) fn gltf() -> Target {
             };
             let integrator = settings.integrator();
             integrator.pass(&scene, &camera, 0..1, &mut picture);
-            Ok(format!("with{taken}: {warnings}"))
+            Ok(format!("with{contents}: {warnings}"))
         },
     }
 }
 
+/// Pictures: reads the layers, then tries the file as a film and as an RGB picture.
 pub(crate) fn exr() -> Target {
     Target {
         name: "exr",
-        file: "fuzz.exr",
+        file_name: "fuzz.exr",
         seeds: seeds::exr(),
         repair: repair::nothing,
         read: |path| {
-            // Whether the channels are those of a film or of a picture is another matter.
-            let told = |r: Result<(), FileError>| {
+            // A file without the channels of a film or of a picture is still accepted; the summary tells.
+            let error_of = |r: Result<(), FileError>| {
                 let name = path.display().to_string();
-                let words = r.map_or_else(|e| e.to_string(), |()| name.clone());
-                assert!(words.contains(&name), "{words}");
-                words.replace(&name, "")
+                let message = r.map_or_else(|e| e.to_string(), |()| name.clone());
+                assert!(message.contains(&name), "{message}");
+                message.replace(&name, "")
             };
-            let film = told(exr::read_film(path).map(|film| drop(film.mean())));
-            let rgb =
-                told(exr::read_rgb(path).map(|p| assert_eq!(p.pixels.len(), p.width * p.height)));
+            let film = error_of(exr::read_film(path).map(|film| drop(film.mean())));
+            let rgb = error_of(
+                exr::read_rgb(path).map(|p| assert_eq!(p.pixels.len(), p.width * p.height)),
+            );
             let layers = text(exr::read_layers(path))?;
             let n = layers.width * layers.height;
             assert!(layers.channels.values().all(|c| c.len() == n));
@@ -110,11 +113,11 @@ pub(crate) fn exr() -> Target {
     }
 }
 
-/// An environment map, looked at and sampled.
+/// Environment maps: evaluates and samples the map.
 pub(crate) fn hdr() -> Target {
     Target {
         name: "hdr",
-        file: "fuzz.hdr",
+        file_name: "fuzz.hdr",
         seeds: seeds::hdr(),
         repair: repair::nothing,
         read: |path| {
@@ -134,10 +137,11 @@ pub(crate) fn hdr() -> Target {
     }
 }
 
+/// Display pictures, PNG or JPEG.
 pub(crate) fn png() -> Target {
     Target {
         name: "png",
-        file: "fuzz.png",
+        file_name: "fuzz.png",
         seeds: seeds::png(),
         repair: repair::png,
         read: |path| {
@@ -149,11 +153,11 @@ pub(crate) fn png() -> Target {
     }
 }
 
-/// A table that is taken is a table, and is the same after it was written again.
+/// Tables: an accepted table has valid factors and survives a round trip.
 pub(crate) fn tables() -> Target {
     Target {
         name: "tables",
-        file: "fuzz.json",
+        file_name: "fuzz.json",
         seeds: seeds::tables(),
         repair: repair::nothing,
         read: |path| {
@@ -162,16 +166,17 @@ pub(crate) fn tables() -> Target {
             assert!(t.gammas.iter().all(|g| (0.0..=1.0).contains(g)) && t.scale > 0.0);
             let again = TableFile::parse(file.to_json().unwrap().as_bytes(), path);
             assert_eq!(again.unwrap(), file);
-            let made = file.provenance.is_some();
-            Ok(format!("{:?}, provenance {made}", t.lookup))
+            let provenance = file.provenance.is_some();
+            Ok(format!("{:?}, provenance {provenance}", t.lookup))
         },
     }
 }
 
+/// Manifests of training scenes.
 pub(crate) fn manifests() -> Target {
     Target {
         name: "manifests",
-        file: "fuzz.manifest",
+        file_name: "fuzz.manifest",
         seeds: seeds::manifests(),
         repair: repair::nothing,
         read: |path| {
@@ -186,10 +191,11 @@ pub(crate) fn manifests() -> Target {
     }
 }
 
+/// Suites of benches.
 pub(crate) fn suites() -> Target {
     Target {
         name: "suites",
-        file: "fuzz.suite",
+        file_name: "fuzz.suite",
         seeds: seeds::suites(),
         repair: repair::nothing,
         read: |path| {
@@ -204,7 +210,7 @@ pub(crate) fn suites() -> Target {
     }
 }
 
-/// Whose checkpoint the seeds are.
+/// Fingerprint of the render that wrote the seeds.
 fn fingerprint() -> Fingerprint {
     Fingerprint {
         version: "1".into(),
@@ -213,6 +219,7 @@ fn fingerprint() -> Fingerprint {
     }
 }
 
+/// Checkpoints of renders.
 pub(crate) fn checkpoints() -> Target {
     let film = seeds::film();
     let aovs = Some(FirstHit::new(film.window));
@@ -231,25 +238,25 @@ pub(crate) fn checkpoints() -> Target {
     });
     Target {
         name: "checkpoints",
-        file: "fuzz.ckpt",
+        file_name: "fuzz.ckpt",
         seeds: seeds.into(),
         repair: repair::sealed,
         read: |path: &Path| {
             let checkpoint = text(Checkpoint::load(path, &fingerprint()))?;
             let film = checkpoint.picture.film;
             assert_eq!(film.pixels.len(), film.window.len());
-            let refused = film.rejected.total() > 0;
+            let rejected = film.rejected.total() > 0;
             let aovs = checkpoint.picture.aovs.is_some();
-            Ok(format!("refused samples {refused}, AOVs {aovs}"))
+            Ok(format!("rejected samples {rejected}, AOVs {aovs}"))
         },
     }
 }
 
-/// A picture on a triangle.
+/// Textures: embeds the picture in a scene of one triangle and loads the scene.
 pub(crate) fn textures() -> Target {
     Target {
         name: "textures",
-        file: "fuzz-texture.png",
+        file_name: "fuzz-texture.png",
         seeds: seeds::textures(),
         repair: repair::png,
         read: |path| {
@@ -260,7 +267,7 @@ pub(crate) fn textures() -> Target {
             file.push("textures", json!({ "source": image }));
             file.push("materials", json!({ "emissiveTexture": { "index": 0 } }));
             file.primitive()["material"] = json!(0);
-            // A scene under the picture's name.
+            // The scene has the picture's file name, which error messages must contain.
             let scene = folder.path().join(path.file_name().unwrap_or_default());
             text(std::fs::write(&scene, file.glb()))?;
             let error = |e: FileError| {
@@ -277,11 +284,11 @@ pub(crate) fn textures() -> Target {
     }
 }
 
-/// Results of a bench, and the page of what is taken.
+/// Results of benches: prints the summary and the HTML page.
 pub(crate) fn results() -> Target {
     Target {
         name: "results",
-        file: "fuzz-results.json",
+        file_name: "fuzz-results.json",
         seeds: seeds::results(),
         repair: repair::nothing,
         read: |path| {

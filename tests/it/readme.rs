@@ -1,0 +1,450 @@
+//! Documents against the program: every command parses, every file and link exists, cheap examples of README run.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const OPSR: &str = env!("CARGO_BIN_EXE_opsr");
+
+/// Documents outside of `docs`.
+const DOCUMENTS: [&str; 4] = [
+    "README.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "training_scenes/README.md",
+];
+
+/// Input files that a reader brings along.
+const STAND_INS: [&str; 6] = [
+    "scene.glb",
+    "a.exr",
+    "b.exr",
+    "reference.exr",
+    "results.json",
+    "my_scenes/manifest.toml",
+];
+
+/// Options whose value is written, not read.
+const OUTPUTS: [&str; 9] = [
+    "-o",
+    "--output",
+    "--out",
+    "--run",
+    "--json",
+    "--page",
+    "--maps",
+    "--plots",
+    "--checkpoint",
+];
+
+const SUBCOMMANDS: [&[&str]; 11] = [
+    &["render"],
+    &["train"],
+    &["info"],
+    &["compare"],
+    &["bench"],
+    &["report"],
+    &["verify"],
+    &["scenes", "write"],
+    &["scenes", "reference"],
+    &["table", "show"],
+    &["table", "export"],
+];
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read(document: &str) -> String {
+    std::fs::read_to_string(root().join(document)).unwrap_or_else(|e| panic!("{document}: {e}"))
+}
+
+/// Words of a shell line without its comment.
+fn words(line: &str) -> Vec<String> {
+    let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
+    for c in line.chars() {
+        match quote {
+            Some(end) if c == end => quote = None,
+            None if c == '\'' || c == '"' => {
+                quote = Some(c);
+                word.get_or_insert_default();
+            }
+            None if c.is_whitespace() => words.extend(word.take()),
+            None if c == '#' && word.is_none() => break,
+            _ => word.get_or_insert_default().push(c),
+        }
+    }
+    words.extend(word);
+    words
+}
+
+/// Lines of the `sh` blocks of a document, and its inline code outside of all blocks.
+fn code(text: &str) -> (Vec<Vec<String>>, Vec<Vec<String>>) {
+    let (mut lines, mut spans) = (Vec::new(), Vec::new());
+    for (i, part) in text.split("```").enumerate() {
+        if i % 2 == 0 {
+            spans.extend(part.split('`').skip(1).step_by(2).map(words));
+        } else if let Some(block) = part.strip_prefix("sh\n") {
+            lines.extend(block.replace("\\\n", " ").lines().map(words));
+        }
+    }
+    lines.retain(|line| !line.is_empty());
+    spans.retain(|span| !span.is_empty());
+    (lines, spans)
+}
+
+/// Arguments of `opsr` in a command line, if it is one.
+fn opsr_arguments(line: &[String]) -> Option<&[String]> {
+    let cargo = ["cargo", "run", "--release", "--"];
+    match line {
+        [program, arguments @ ..] if program == "opsr" => Some(arguments),
+        _ if line.len() > 4 && line[..4] == cargo => Some(&line[4..]),
+        _ => None,
+    }
+}
+
+fn opsr<S: AsRef<std::ffi::OsStr>>(arguments: &[S], folder: &Path) -> Output {
+    let mut command = Command::new(OPSR);
+    command.args(arguments).current_dir(folder);
+    command.output().expect("the program")
+}
+
+/// First line of an error.
+fn message(output: &Output) -> String {
+    let text = String::from_utf8_lossy(&output.stderr);
+    text.lines().next().unwrap_or_default().to_owned()
+}
+
+/// Faults of `opsr` arguments, as its own parser reports them.
+///
+/// `--help` at the end stops the program after names and values of all options before it have been parsed. Options that
+/// conflict or are missing are not found; running the command finds those.
+fn parse_faults(arguments: &[String]) -> Option<String> {
+    let arguments: Vec<&str> = (arguments.iter().map(String::as_str))
+        .chain(["--help"])
+        .collect();
+    let output = opsr(&arguments, root());
+    (output.status.code() != Some(0)).then(|| message(&output))
+}
+
+/// Input files of `opsr` arguments.
+fn inputs(arguments: &[String]) -> Vec<&str> {
+    let written = |i: usize| i > 0 && OUTPUTS.contains(&arguments[i - 1].as_str());
+    let words = arguments.iter().enumerate().filter(|(i, _)| !written(*i));
+    words
+        .map(|(_, word)| {
+            word.split_once("manifest=")
+                .map_or(&**word, |(_, file)| file)
+        })
+        .filter(|word| {
+            let ending = Path::new(word).extension().and_then(|e| e.to_str());
+            ending.is_some_and(|e| e.len() > 1 && e.chars().all(|c| c.is_ascii_lowercase()))
+        })
+        .collect()
+}
+
+fn is_there(file: &str) -> bool {
+    STAND_INS.contains(&file) || root().join(file).exists()
+}
+
+/// Names of all tests of this binary, ignored ones included.
+fn tests() -> String {
+    let program = std::env::current_exe().expect("this program");
+    let output = Command::new(program)
+        .arg("--list")
+        .output()
+        .expect("a list");
+    String::from_utf8(output.stdout).expect("UTF-8")
+}
+
+fn cargo_faults(arguments: &[String]) -> Option<String> {
+    let own = arguments.split(|a| a == "--").next().unwrap_or_default();
+    let value = |option: &str| {
+        let place = own.iter().position(|a| a == option)?;
+        own.get(place + 1)
+    };
+    let manifest = read("Cargo.toml");
+    for option in ["--test", "--bench"] {
+        if let Some(name) = value(option)
+            && !manifest.contains(&format!("name = \"{name}\""))
+        {
+            return Some(format!("no {option} {name} in Cargo.toml"));
+        }
+    }
+    let filter = own.iter().skip(1).rfind(|a| !a.starts_with('-'));
+    match (own.first()?.as_str(), filter) {
+        ("test", Some(filter)) if value("--test") != Some(filter) => (!tests()
+            .contains(filter.as_str()))
+        .then(|| format!("no test has `{filter}` in its name")),
+        ("test" | "build" | "bench" | "fmt" | "clippy", _) => None,
+        (other, _) => Some(format!("cargo {other} is not known here")),
+    }
+}
+
+/// Faults of one command line.
+fn command_faults(line: &[String]) -> Option<String> {
+    if let Some(arguments) = opsr_arguments(line) {
+        return parse_faults(arguments).or_else(|| {
+            let missing = inputs(arguments).into_iter().find(|file| !is_there(file))?;
+            Some(format!("{missing} does not exist"))
+        });
+    }
+    match line {
+        [cargo, arguments @ ..] if cargo == "cargo" => cargo_faults(arguments),
+        [python, script, ..] if python == "python3" => {
+            (!is_there(script)).then(|| format!("{script} does not exist"))
+        }
+        [script, ..] if script.starts_with("tests/") => {
+            (!is_there(script)).then(|| format!("{script} does not exist"))
+        }
+        _ => Some("not a command that is known here".into()),
+    }
+}
+
+/// Options that some subcommand's help defines, and those of cargo that documents name.
+fn known_options() -> BTreeSet<String> {
+    let mut known = BTreeSet::from(["--no-default-features".to_owned(), "--help".to_owned()]);
+    for subcommand in SUBCOMMANDS {
+        let help = opsr(&[subcommand, &["--help"]].concat(), root());
+        let help = String::from_utf8(help.stdout).expect("UTF-8");
+        for line in help.lines() {
+            let definition = line.trim_start();
+            if definition.starts_with('-') {
+                let names = definition.split([' ', ',', '.', '=', '[']);
+                known.extend(names.filter(|n| n.starts_with("--")).map(str::to_owned));
+            }
+        }
+    }
+    known
+}
+
+/// The anchor that a heading gets.
+fn anchor(heading: &str) -> String {
+    let kept = |c: &char| c.is_alphanumeric() || " -_".contains(*c);
+    let text: String = heading.trim_start_matches('#').trim().to_lowercase();
+    text.chars()
+        .filter(kept)
+        .collect::<String>()
+        .replace(' ', "-")
+}
+
+/// A fault of a relative link, from a document.
+fn link_fault(document: &Path, target: &str) -> Option<String> {
+    if target.contains("://") {
+        return None;
+    }
+    let (file, fragment) = target.split_once('#').unwrap_or((target, ""));
+    let place: PathBuf = match file {
+        "" => root().join(document),
+        file => root().join(document).parent()?.join(file),
+    };
+    if !place.exists() {
+        return Some(format!("{target} does not exist"));
+    }
+    let text = std::fs::read_to_string(place).unwrap_or_default();
+    let mut headings = text.lines().filter(|l| l.starts_with('#'));
+    (!fragment.is_empty() && !headings.any(|h| anchor(h) == fragment))
+        .then(|| format!("{target}: no such heading"))
+}
+
+/// Faults of a document.
+fn faults(document: &str, text: &str) -> Vec<String> {
+    let mut faults = Vec::new();
+    let (lines, spans) = code(text);
+    let is_command = |span: &Vec<String>| span.len() > 1 && ["opsr", "cargo"].contains(&&*span[0]);
+    let (commands, others): (Vec<_>, Vec<_>) = spans.into_iter().partition(is_command);
+    for line in lines.iter().chain(&commands) {
+        faults.extend(command_faults(line).map(|fault| format!("{}: {fault}", line.join(" "))));
+    }
+    // The changelog may name options of the past.
+    if document != "CHANGELOG.md" {
+        let known = known_options();
+        let options = others
+            .iter()
+            .flatten()
+            .filter(|w| w.starts_with("--") && w.len() > 2);
+        let unknown = options.filter(|option| !known.contains(*option));
+        faults.extend(unknown.map(|option| format!("{option}: no command has this option")));
+    }
+    for link in text.split("](").skip(1) {
+        let target = link.split(')').next().unwrap_or_default();
+        faults.extend(link_fault(Path::new(document), target));
+    }
+    faults
+}
+
+#[test]
+fn documents_have_valid_commands_options_and_links() {
+    let mut documents: Vec<String> = DOCUMENTS.map(str::to_owned).to_vec();
+    for entry in std::fs::read_dir(root().join("docs")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().expect("UTF-8");
+        if name.ends_with(".md") {
+            documents.push(format!("docs/{name}"));
+        }
+    }
+    documents.sort();
+    let mut all = Vec::new();
+    for document in &documents {
+        let found = faults(document, &read(document));
+        all.extend(found.iter().map(|fault| format!("{document}: {fault}")));
+    }
+    assert!(all.is_empty(), "{}", all.join("\n"));
+}
+
+#[test]
+fn planted_faults_in_a_document_are_found() {
+    let good = "`--spp` [x](README.md#licence)\n```sh\nopsr render scene.glb --spp 3 # --not an option\n```\n";
+    assert_eq!(faults("README.md", good), Vec::<String>::new());
+    for (planted, expected) in [
+        ("```sh\nopsr render scene.glb --samples 3\n```", "--samples"),
+        ("```sh\nopsr render scene.glb --mode reused\n```", "reused"),
+        ("```sh\nopsr render scene.glb --gamma 2\n```", "from 0 to 1"),
+        (
+            "```sh\nopsr render other.glb\n```",
+            "other.glb does not exist",
+        ),
+        ("```sh\nopsr paint scene.glb\n```", "paint"),
+        (
+            "```sh\ncargo test --release --test it no_such_test_name\n```",
+            "no test has",
+        ),
+        ("```sh\ncargo bench --bench none\n```", "none in Cargo.toml"),
+        ("```sh\ntests/none.sh\n```", "tests/none.sh does not exist"),
+        ("```sh\nmake\n```", "not a command"),
+        ("see `opsr render --samples 3`", "--samples"),
+        ("add `--samples 3`", "--samples: no command"),
+        ("[x](none.md)", "none.md does not exist"),
+        ("[x](README.md#none)", "no such heading"),
+    ] {
+        let found = faults("README.md", planted);
+        assert_eq!(found.len(), 1, "{planted}: {found:?}");
+        assert!(found[0].contains(expected), "{planted}: {found:?}");
+    }
+}
+
+/// Arguments of a command with small sizes in place of its own, and the repository's files by their full names; `None`
+/// for what takes minutes even so.
+fn cheap(arguments: &[String]) -> Option<Vec<String>> {
+    let (remove, add): (&[&str], &[&str]) = match arguments.first()?.as_str() {
+        "render" => (
+            &["--spp", "--time", "--size", "--target-error"],
+            &["--spp", "1", "--size", "16x16", "--progress", "none"],
+        ),
+        "info" | "compare" | "table" | "report" => (&[], &[]),
+        "train" => (
+            &["--spp", "--steps"],
+            &["--spp", "2", "--steps", "1", "--progress", "none"],
+        ),
+        _ => return None,
+    };
+    let mut small = Vec::new();
+    let mut words = arguments.iter();
+    while let Some(word) = words.next() {
+        if remove.contains(&word.as_str()) {
+            words.next();
+            continue;
+        }
+        let file = root().join(word);
+        let known = word.contains('.') && file.exists();
+        small.push(if known {
+            file.display().to_string()
+        } else {
+            word.clone()
+        });
+    }
+    small.extend(add.iter().map(ToString::to_string));
+    if small[0] == "train" {
+        let manifest = root().join("training_scenes/manifest.toml");
+        small.extend(["--set".into(), format!("manifest={manifest:?}")]);
+    }
+    Some(small)
+}
+
+#[test]
+fn examples_of_the_readme_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let here = |name: &str| folder.path().join(name);
+    std::fs::copy(
+        root().join("training_scenes/cornell_glossy.glb"),
+        here("scene.glb"),
+    )
+    .unwrap();
+    std::fs::copy(root().join("suites/quick.json"), here("results.json")).unwrap();
+    for name in ["a.exr", "b.exr", "reference.exr"] {
+        let render = [
+            "render",
+            "scene.glb",
+            "--size",
+            "16x16",
+            "--spp",
+            "1",
+            "-o",
+            name,
+        ];
+        assert!(opsr(&render, folder.path()).status.success());
+    }
+    let (lines, _) = code(&read("README.md"));
+    let mut run = BTreeSet::new();
+    for arguments in lines.iter().filter_map(|line| opsr_arguments(line)) {
+        let Some(small) = cheap(arguments) else {
+            continue;
+        };
+        let output = opsr(&small, folder.path());
+        let line = arguments.join(" ");
+        assert_eq!(
+            output.status.code(),
+            Some(0),
+            "{line}: {}",
+            message(&output)
+        );
+        for (option, file) in arguments.iter().zip(&arguments[1..]) {
+            assert!(option != "-o" || here(file).exists(), "{line}: no {file}");
+        }
+        run.insert(arguments[0].clone());
+    }
+    let expected = ["compare", "info", "render", "report", "table", "train"];
+    assert!(run.iter().eq(&expected), "{run:?}");
+}
+
+/// Rust files of a folder.
+fn sources(folder: &Path, to: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            sources(&path, to);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            to.push(path);
+        }
+    }
+}
+
+#[test]
+fn cited_sections_of_the_method_exist() {
+    let method = read("docs/method.md");
+    let mut files = Vec::new();
+    for folder in ["src", "tests/it", "tests/bench"] {
+        sources(&root().join(folder), &mut files);
+    }
+    let mut cited = 0;
+    for file in files {
+        let text = std::fs::read_to_string(&file).unwrap();
+        for (place, found) in text.match_indices("section ") {
+            let before = text[..place].trim_end_matches([' ', ',', '`']);
+            let number: String = text[place + found.len()..]
+                .chars()
+                .take_while(char::is_ascii_digit)
+                .collect();
+            let is_method = before.ends_with("method") || before.ends_with("method.md");
+            if is_method && !number.is_empty() {
+                cited += 1;
+                let heading = format!("\n## {number}. ");
+                assert!(
+                    method.contains(&heading),
+                    "{}: section {number}",
+                    file.display()
+                );
+            }
+        }
+    }
+    assert!(cited > 0, "nothing cites the method");
+}
