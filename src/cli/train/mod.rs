@@ -15,7 +15,6 @@ use opsr::regularise::file::TableFile;
 use opsr::regularise::{AttenuationTable, Lookup};
 use opsr::report::training::{CropScores, LearnedTable, Report};
 use opsr::train::config::{Config, Model};
-use opsr::train::learn::checkpoint::CheckpointError;
 use opsr::train::learn::outer_loop::Outcome;
 use opsr::train::record::visits::LIVE;
 use opsr::train::{Session, TrainError, study};
@@ -377,7 +376,7 @@ fn score(
 /// Attaches the exit code of a training's error.
 fn blame(error: TrainError) -> anyhow::Error {
     let code = match &error {
-        TrainError::Checkpoint(CheckpointError::File(e)) if e.is_write() => Exit::Output,
+        TrainError::Checkpoint(e) if e.is_write() => Exit::Output,
         TrainError::State(_) | TrainError::NotFinite { .. } => Exit::Failed,
         _ => Exit::Input,
     };

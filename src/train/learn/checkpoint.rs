@@ -1,18 +1,13 @@
 //! Checkpoints, from which a stopped training resumes bit-identically.
 
-use crate::files::{self, FileError, hex};
+use crate::files::{FileError, Sealed, hex};
 use crate::regularise::{AttenuationTable, LEN};
 use crate::train::config::{Config, ConfigError};
 use crate::train::learn::model::{Learner, LearnerState};
 use crate::train::record::crop::Crop;
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use std::path::{Path, PathBuf};
-
-/// Longest checkpoint that is read.
-const MAX_BYTES: u64 = 1 << 26;
+use std::path::Path;
 
 /// State of a training after a step.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,65 +26,23 @@ pub struct Checkpoint {
     pub state: LearnerState,
 }
 
-/// Errors of checkpoints.
-#[derive(Debug, thiserror::Error)]
-pub enum CheckpointError {
-    /// The file cannot be read or written.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// The file is damaged or no checkpoint.
-    #[error("{path}: not a checkpoint of a training: {problem}")]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// The problem.
-        problem: String,
-    },
-    /// The checkpoint belongs to another training.
-    #[error(
-        "{path}: belongs to a training with other settings, scenes or another version of the program"
-    )]
-    Other {
-        /// The file.
-        path: PathBuf,
-    },
-}
+const FILE: Sealed = Sealed {
+    kind: "training checkpoint",
+    version: 2,
+    most: 1 << 26,
+};
 
-/// The file, as JSON; byte strings in base 64.
+/// Header of the file. Payload: the factors of the anchor, those of the best table if there is one, the parameters, the
+/// optimiser.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct CheckpointFile {
-    format: String,
+struct Header {
     fingerprint: String,
     step: u32,
-    #[serde(rename = "looks")]
     stale: u32,
     best: Option<(u32, f32)>,
-    best_table: Option<String>,
-    anchor: String,
-    parameters: String,
-    adam: String,
-    sha256: String,
-}
-
-const FORMAT: &str = "opsr training checkpoint 1";
-
-impl CheckpointFile {
-    fn checksum(&self) -> String {
-        let text = format!(
-            "{} {} {} {} {:?} {:?} {} {} {}",
-            self.format,
-            self.fingerprint,
-            self.step,
-            self.stale,
-            self.best,
-            self.best_table,
-            self.anchor,
-            self.parameters,
-            self.adam
-        );
-        hex(&Sha256::digest(text.as_bytes()))
-    }
+    /// Bytes of the parameters.
+    parameters: usize,
 }
 
 impl Checkpoint {
@@ -121,86 +74,78 @@ impl Checkpoint {
     }
 
     /// Writes the file, whole or not at all.
-    pub fn save(&self, path: &Path) -> Result<(), CheckpointError> {
-        let mut file = CheckpointFile {
-            format: FORMAT.into(),
+    pub fn save(&self, path: &Path) -> Result<(), FileError> {
+        let header = Header {
             fingerprint: self.fingerprint.clone(),
             step: self.step,
             stale: self.stale,
             best: self.best.as_ref().map(|b| (b.0, b.1)),
-            best_table: self.best.as_ref().map(|b| bits(&b.2)),
-            anchor: bits(&self.anchor),
-            parameters: STANDARD.encode(&self.state.parameters),
-            adam: STANDARD.encode(&self.state.adam),
-            sha256: String::new(),
+            parameters: self.state.parameters.len(),
         };
-        file.sha256 = file.checksum();
-        let text = serde_json::to_vec(&file).map_err(|e| damaged(path, e))?;
-        Ok(files::write_bytes(path, &text)?)
+        FILE.save(path, &header, |out| {
+            let best = self.best.iter().map(|b| &b.2);
+            for gamma in [&self.anchor]
+                .into_iter()
+                .chain(best)
+                .flat_map(|t| t.gammas.iter())
+            {
+                out.write_all(&gamma.to_le_bytes())?;
+            }
+            out.write_all(&self.state.parameters)?;
+            out.write_all(&self.state.adam)
+        })
     }
 
     /// Reads a checkpoint of the training with this fingerprint.
-    pub fn load(path: &Path, fingerprint: &str) -> Result<Self, CheckpointError> {
-        let text = files::read(path, MAX_BYTES)?;
-        let file: CheckpointFile = serde_json::from_slice(&text).map_err(|e| damaged(path, e))?;
-        if file.format != FORMAT || file.sha256 != file.checksum() {
-            return Err(damaged(path, "the checksum is wrong"));
+    pub fn load(path: &Path, fingerprint: &str) -> Result<Self, FileError> {
+        let (header, payload): (Header, _) = FILE.load(path)?;
+        if header.fingerprint != fingerprint {
+            let what = "belongs to a training with other settings, scenes or another version of the program";
+            return Err(FileError::content(path, what));
         }
-        if file.fingerprint != fingerprint {
-            return Err(CheckpointError::Other { path: path.into() });
-        }
-        let bytes = |text: &str| STANDARD.decode(text).map_err(|e| damaged(path, e));
-        let table = |text: &str| {
-            table(&bytes(text)?).ok_or_else(|| damaged(path, "not the factors of a table"))
+        let mut rest = payload.as_slice();
+        let mut table =
+            || table(&mut rest).ok_or_else(|| damaged(path, "not the factors of a table"));
+        let anchor = table()?;
+        let best = match header.best {
+            Some((step, loss)) => Some((step, loss, table()?)),
+            None => None,
         };
-        let best = match (file.best, &file.best_table) {
-            (Some((step, loss)), Some(text)) => Some((step, loss, table(text)?)),
-            (None, None) => None,
-            _ => return Err(damaged(path, "half of a best table")),
-        };
+        let (parameters, adam) = (rest.split_at_checked(header.parameters))
+            .ok_or_else(|| damaged(path, "the parameters are cut short"))?;
         Ok(Self {
-            fingerprint: file.fingerprint,
-            step: file.step,
-            stale: file.stale,
+            fingerprint: header.fingerprint,
+            step: header.step,
+            stale: header.stale,
             best,
-            anchor: table(&file.anchor)?,
+            anchor,
             state: LearnerState {
-                parameters: bytes(&file.parameters)?,
-                adam: bytes(&file.adam)?,
+                parameters: parameters.into(),
+                adam: adam.into(),
             },
         })
     }
 
     /// Sets a new learner to the state of this checkpoint; messages name `path`.
-    pub fn restore(&self, learner: Learner, path: &Path) -> Result<Learner, CheckpointError> {
+    pub fn restore(&self, learner: Learner, path: &Path) -> Result<Learner, FileError> {
         learner
             .restore(self.state.clone())
             .map_err(|e| damaged(path, e))
     }
 }
 
-/// The factors of a table in base 64.
-fn bits(table: &AttenuationTable) -> String {
-    let bytes: Vec<u8> = table.gammas.iter().flat_map(|g| g.to_le_bytes()).collect();
-    STANDARD.encode(bytes)
-}
-
-/// Inverse of [`bits`], after base 64.
-fn table(bytes: &[u8]) -> Option<AttenuationTable> {
+/// Takes the factors of a table from the front of `bytes`; `None` if they are cut short or outside of [0, 1].
+fn table(bytes: &mut &[u8]) -> Option<AttenuationTable> {
+    let (factors, rest) = bytes.split_at_checked(4 * LEN)?;
     let mut table = AttenuationTable::constant(0.0);
-    let (chunks, []) = bytes.as_chunks::<4>() else {
-        return None;
-    };
-    for (gamma, chunk) in table.gammas.iter_mut().zip(chunks) {
-        *gamma = f32::from_le_bytes(*chunk);
+    for (gamma, four) in table.gammas.iter_mut().zip(factors.as_chunks::<4>().0) {
+        *gamma = f32::from_le_bytes(*four);
     }
+    *bytes = rest;
     let sane = table.gammas.iter().all(|g| (0.0..=1.0).contains(g));
-    (chunks.len() == LEN && sane).then_some(table)
+    sane.then_some(table)
 }
 
-fn damaged(path: &Path, problem: impl std::fmt::Display) -> CheckpointError {
-    CheckpointError::Damaged {
-        path: path.into(),
-        problem: files::briefly(problem),
-    }
+fn damaged(path: &Path, problem: impl std::fmt::Display) -> FileError {
+    FileError::content(path, format!("a damaged training checkpoint: {problem}"))
 }

@@ -1,8 +1,9 @@
 //! The outer loop: learns one table for one β.
 
+use crate::files::FileError;
 use crate::regularise::AttenuationTable;
 use crate::train::config::{Config, ConfigError, Evaluation};
-use crate::train::learn::checkpoint::{Checkpoint, CheckpointError};
+use crate::train::learn::checkpoint::Checkpoint;
 use crate::train::learn::crop_set::CropSet;
 use crate::train::learn::loss::{CropLoss, LossBackend, mean_loss};
 use crate::train::learn::model::Learner;
@@ -30,7 +31,7 @@ pub enum TrainError {
     Dataset(#[from] DatasetError),
     /// A checkpoint cannot be read or written.
     #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
+    Checkpoint(#[from] FileError),
     /// The optimiser's state cannot be stored.
     #[error("optimiser state: {0}")]
     State(String),

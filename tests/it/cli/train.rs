@@ -111,7 +111,7 @@ fn resume_gives_the_same_tables() {
     refused("--steps 9 --resume --seed 1", "other settings");
     assert!(place.files_in("run/beta-0.001") == before);
     place.write("run/beta-0.001/last.ckpt", &before["last.ckpt"][..99]);
-    refused("--steps 9 --resume", "not a checkpoint");
+    refused("--steps 9 --resume", "a damaged training checkpoint");
     assert!(place.files_in("params") == whole);
     // A log that is too long is refused too.
     place.write("run/beta-0.001/last.ckpt", &before["last.ckpt"]);
