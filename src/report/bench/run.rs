@@ -169,7 +169,7 @@ impl Bench<'_> {
         methods: &[&ReadyMethod<'_>],
     ) -> Result<Outcome, BenchError> {
         let base = self.base_key(spec, scene);
-        self.show_reference(spec, scene, &base);
+        self.show(inset(spec, None, &base, &scene.reference));
         for (round, seed) in self.suite.seeds().enumerate() {
             for turn in 0..methods.len() {
                 let method = methods[(turn + round) % methods.len()];
@@ -302,10 +302,6 @@ impl Bench<'_> {
 
     fn picture(&self, key: &str) -> PathBuf {
         self.folder.join(format!("{key}.exr"))
-    }
-
-    fn show_reference(&mut self, spec: &SceneSpec, scene: &Prepared, key: &str) {
-        self.show(inset(spec, None, key, &scene.reference));
     }
 
     fn show(&mut self, inset: Inset) {
