@@ -121,11 +121,7 @@ impl Job<'_> {
                     return ControlFlow::Break(());
                 }
             }
-            if stop.asked() {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
+            stop.flow()
         };
         let integrator = self.settings.integrator();
         let scene = &self.opened.scene;

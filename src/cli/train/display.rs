@@ -1,7 +1,7 @@
 //! Progress of a training.
 
-use super::super::bar::Style;
-use indicatif::{ProgressBar, ProgressStyle};
+use super::super::bar::{self, Style};
+use indicatif::ProgressBar;
 use opsr::train::learn::outer_loop::LogEntry;
 use std::io::{IsTerminal, Write};
 use std::time::Instant;
@@ -16,13 +16,7 @@ pub(super) struct ProgressDisplay {
 impl ProgressDisplay {
     pub(super) fn new(style: Style, steps: u32) -> Self {
         let terminal = style == Style::Auto && std::io::stderr().is_terminal();
-        let bar = terminal.then(|| {
-            let bar = ProgressBar::new(steps.into());
-            if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
-                bar.set_style(style);
-            }
-            bar
-        });
+        let bar = terminal.then(|| bar::terminal(steps.into(), "{bar:30} {pos}/{len} {msg}"));
         Self { bar, style, steps }
     }
 

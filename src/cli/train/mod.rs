@@ -222,11 +222,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
         for (&beta, learned) in config.beta.iter().zip(&mut report.tables) {
             learned.held_out = study::leave_one_out(&mut session, beta, &mut |family| {
                 progress.say(&format!("beta {beta}: learning without {family}"));
-                if stop.asked() {
-                    ControlFlow::Break(())
-                } else {
-                    ControlFlow::Continue(())
-                }
+                stop.flow()
             })
             .map_err(blame)?;
             if !session.validation.is_empty() && !stop.asked() {
@@ -284,11 +280,7 @@ fn learn(
                 return ControlFlow::Break(());
             }
             progress.show(step, beta, loss, entry, &names, &clock);
-            if stop.asked() {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
+            stop.flow()
         })
         .map_err(blame)?;
     if let Some(error) = log_error {
