@@ -101,7 +101,7 @@ struct Bench<'a> {
     listener: Listener<'a>,
 }
 
-/// A method made ready.
+/// A method with its table.
 struct ReadyMethod<'a> {
     spec: &'a MethodSpec,
     method: Method,
@@ -109,17 +109,17 @@ struct ReadyMethod<'a> {
 
 /// A run and its picture.
 struct Measured {
-    cell: Run,
+    run: Run,
     picture: Buffer,
 }
 
 impl Measured {
-    fn new(mut cell: Run, film: &Film) -> Self {
-        cell.rejected = film.rejected.total();
-        cell.paths = film.pixels.iter().map(|p| u64::from(p.n)).sum::<u64>() + cell.rejected;
-        cell.memory = machine::memory();
+    fn new(mut run: Run, film: &Film) -> Self {
+        run.rejected = film.rejected.total();
+        run.paths = film.pixels.iter().map(|p| u64::from(p.n)).sum::<u64>() + run.rejected;
+        run.memory = machine::memory();
         let picture = film.mean();
-        Self { cell, picture }
+        Self { run, picture }
     }
 }
 
@@ -266,7 +266,7 @@ impl Bench<'_> {
             }
         }
         let census = integrator.census(&scene.scene, &scene.camera, 0..CENSUS, &scene.blank);
-        let cell = Run {
+        let run = Run {
             regularised: census.share(),
             scene: spec.name.clone(),
             method: name.clone(),
@@ -275,17 +275,17 @@ impl Bench<'_> {
             points,
             ..Run::default()
         };
-        Ok(Some(Measured::new(cell, &picture.film)))
+        Ok(Some(Measured::new(run, &picture.film)))
     }
 
     /// Takes a run into the results and writes them.
     fn keep(&mut self, spec: &SceneSpec, measured: Measured, show: bool) -> Result<(), BenchError> {
-        let Measured { cell, picture } = measured;
+        let Measured { run, picture } = measured;
         files::create_folder(&self.folder)?;
-        exr::write_rgb(&self.picture(&cell.key), &picture, &exr::Metadata::new())?;
-        if show && let Some(end) = cell.points.last() {
+        exr::write_rgb(&self.picture(&run.key), &picture, &exr::Metadata::new())?;
+        if show && let Some(end) = run.points.last() {
             let seconds = self.suite.clock.seconds(end, self.results.machine.threads);
-            let inset = inset(spec, Some(&cell.method), &cell.key, &picture);
+            let inset = inset(spec, Some(&run.method), &run.key, &picture);
             let samples = end.samples;
             self.show(Inset {
                 samples,
@@ -295,8 +295,8 @@ impl Bench<'_> {
         }
         self.results
             .cells
-            .retain(|c| (&c.scene, &c.method, c.seed) != (&cell.scene, &cell.method, cell.seed));
-        self.results.cells.push(cell);
+            .retain(|c| (&c.scene, &c.method, c.seed) != (&run.scene, &run.method, run.seed));
+        self.results.cells.push(run);
         Ok(self.results.save(self.path)?)
     }
 
