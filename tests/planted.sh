@@ -85,12 +85,12 @@ plant "13 pixels that are no numbers" src/image/metric/mod.rs \
 plant "14 corners that are no numbers" src/scene/load/mesh.rs \
     's/!p\.iter\(\)\.all\(\|x\| x\.is_finite\(\)\)/p.is_empty()/' load::broken::load_refuses_broken_bytes
 plant "14 triangles without area" src/scene/geometry.rs \
-    's/ && area > 0\.0/ \&\& area >= 0.0/' geometry::degenerate_triangles_are_dropped_and_counted
-plant "15 steps with a gradient of no numbers" src/train/session.rs \
-    's/if loss\.is_finite\(\) && gradient\.iter\(\)\.all\(\|g\| g\.abs\(\) < LARGEST\)/if gradient.len() < usize::MAX/' \
-    stability_train::case_15_steps_without_a_gradient_leave_everything_as_it_was
-plant "15 a best loss of no number" src/train/session.rs \
-    's/score\.filter\(\|s\| s\.is_finite\(\)\)/score/' stability_train::case_15_a_loss_that_is_no_number_is_not_the_best
+    's/ && area > 0\.0/ \&\& area >= 0.0/' geometry::unusable_triangles_are_dropped_and_counted
+plant "15 steps with a gradient of no numbers" src/train/learn/outer_loop.rs \
+    's/if loss\.is_finite\(\) && gradient\.iter\(\)\.all\(\|g\| g\.abs\(\) < MAX_DERIVATIVE\)/if gradient.len() < usize::MAX/' \
+    stability_train::case_15_nan_gradients_leave_table_and_optimiser_unchanged
+plant "15 a best loss of no number" src/train/learn/outer_loop.rs \
+    's/score\.filter\(\|s\| s\.is_finite\(\)\)/score/' stability_train::case_15_nan_loss_is_never_the_best
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

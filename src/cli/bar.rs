@@ -30,17 +30,22 @@ pub(super) enum Bar {
     Quiet,
 }
 
+/// A bar of so many steps.
+pub(super) fn terminal(steps: u64, template: &str) -> ProgressBar {
+    let bar = ProgressBar::new(steps);
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar
+}
+
 impl Bar {
     /// A bar in this style.
     pub(super) fn new(style: Style) -> Self {
         match style {
             Style::Json => Self::Json,
             Style::Auto if std::io::stderr().is_terminal() => {
-                let bar = ProgressBar::new(STEPS);
-                if let Ok(style) = ProgressStyle::with_template("{bar:30} {msg}") {
-                    bar.set_style(style);
-                }
-                Self::Terminal(bar)
+                Self::Terminal(terminal(STEPS, "{bar:30} {msg}"))
             }
             Style::Auto | Style::None => Self::Quiet,
         }

@@ -1,12 +1,11 @@
 //! `opsr bench`: methods against each other, measured.
 
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use opsr::report::bench::{Outcome, Status, Suite, run as measure, summary};
 
+use super::bar::terminal;
 use super::output::print;
 use super::stop::Stop;
 use super::{Blame, Exit};
@@ -50,18 +49,12 @@ pub(super) fn run(args: &BenchArgs) -> anyhow::Result<Exit> {
     super::set_threads(args.threads)?;
     let command = std::env::args().collect::<Vec<_>>().join(" ");
     let stop = Stop::listen();
-    let bar = ProgressBar::new(0);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
-        bar.set_style(style);
-    }
+    let bar = terminal(0, "{bar:30} {pos}/{len} {msg}");
     let mut listener = |status: &Status| {
         bar.set_length(status.total as u64);
         bar.set_position(status.done as u64);
         bar.set_message(status.what.clone());
-        match stop.asked() {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        }
+        stop.flow()
     };
     let measured = measure(&suite, &args.output, &command, &mut listener);
     bar.finish_and_clear();

@@ -118,11 +118,7 @@ impl RenderJob<'_> {
                     return ControlFlow::Break(());
                 }
             }
-            if stop.asked() {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
+            stop.flow()
         };
         let view = View::of(&self.opened.scene, &camera, &picture.film);
         let (progress, reason) = drive(

@@ -1,5 +1,6 @@
 //! Ctrl-C and SIGTERM: the first asks for an end after the current pass, the second ends at once.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -29,5 +30,13 @@ impl Stop {
     /// True once an end was asked for.
     pub(super) fn asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)
+    }
+
+    /// The answer of a listener.
+    pub(super) fn flow(&self) -> ControlFlow<()> {
+        match self.asked() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
     }
 }

@@ -39,7 +39,7 @@ mod tests {
     use crate::math::luminance;
 
     #[test]
-    fn lightness_grows_evenly() {
+    fn false_colour_lightness_is_even() {
         // CIELAB lightness of what the display shows, after the clamp to its colours.
         let lightness = |t: f32| {
             let y = luminance(false_colour(t));

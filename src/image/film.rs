@@ -178,9 +178,14 @@ pub enum FilmError {
         /// Frame and window of the second.
         b: (UVec2, Window),
     },
-    /// Stored bytes are not a film.
-    #[error("stored film: {0}")]
-    Stored(&'static str),
+    /// Stored numbers that are not [`Film::NUMBERS`] for each pixel of the window.
+    #[error("{numbers} numbers for the {}x{} pixels of a film", window.w, window.h)]
+    Numbers {
+        /// Their number.
+        numbers: usize,
+        /// The window.
+        window: Window,
+    },
 }
 
 /// Running moments of every pixel in a window of the frame.
@@ -315,6 +320,35 @@ impl Film {
         let y = (tile.y - self.window.y + row) as usize;
         let start = y * self.window.w as usize + (tile.x - self.window.x) as usize;
         (start..start + w, row as usize * w..(row as usize + 1) * w)
+    }
+
+    // ── checkpoints ──
+
+    /// Numbers of a pixel in [`Film::numbers`].
+    pub const NUMBERS: usize = 7;
+
+    /// The pixels as numbers, for a checkpoint: count, mean, sum of squared deviations. Refusals are not part of them.
+    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+        self.pixels.iter().flat_map(|m| {
+            let (a, b) = (m.mean, m.m2());
+            [f64::from(m.n), a.x, a.y, a.z, b.x, b.y, b.z]
+        })
+    }
+
+    /// The film without refusals that these [`Film::numbers`] are of.
+    pub fn from_numbers(size: UVec2, window: Window, numbers: &[f64]) -> Result<Self, FilmError> {
+        let (pixels, rest) = numbers.as_chunks::<{ Self::NUMBERS }>();
+        // Compared before memory is taken: a damaged window cannot ask for more than there is.
+        if pixels.len() != window.len() || !rest.is_empty() {
+            let numbers = numbers.len();
+            return Err(FilmError::Numbers { numbers, window });
+        }
+        let mut film = Self::cropped(size, window)?;
+        for (m, &[n, ax, ay, az, bx, by, bz]) in film.pixels.iter_mut().zip(pixels) {
+            let (mean, m2) = (DVec3::new(ax, ay, az), DVec3::new(bx, by, bz));
+            *m = Moments::from_parts(n as u32, mean, m2);
+        }
+        Ok(film)
     }
 
     // ── pictures ──

@@ -4,7 +4,6 @@ pub mod buffer;
 pub mod exr;
 pub mod false_colour;
 pub mod film;
-mod film_bytes;
 pub mod metric;
 pub mod png;
 

@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_curve_inverts_and_joins() {
+    fn srgb_curve_inverts_and_is_continuous() {
         for i in 0..=255u8 {
             let y = f32::from(i) / 255.0;
             assert!((srgb_encode(srgb_decode(y)) - y).abs() < 1e-6);
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn exposure_clamp_and_alarm() {
+    fn display_exposure_clamp_and_non_finite() {
         assert_eq!(display(Rgb::splat(0.25), 2.0), [255; 3]);
         assert_eq!(display(Rgb::new(-1.0, 0.0, 1e30), 0.0), [0, 0, 255]);
         assert_eq!(display(Rgb::new(0.0, f32::NAN, 0.0), 0.0), [255, 0, 255]);

@@ -5,15 +5,16 @@
 use super::{FirstHit, Picture};
 use crate::files::{FileError, Sealed};
 use crate::image::exr::MAX_PIXELS;
-use crate::image::film::Film;
+use crate::image::film::{Cause, Film, Rejected, RejectedSample, Window};
+use crate::math::UVec2;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 const FILE: Sealed = Sealed {
     kind: "render checkpoint",
     version: 2,
-    // 52 bytes of film and 72 of AOVs a pixel.
-    most: 128 * MAX_PIXELS as u64,
+    // 56 bytes of film and 72 of AOVs per pixel, and a header.
+    most: 136 * MAX_PIXELS as u64,
 };
 
 /// Render that a checkpoint belongs to.
@@ -28,12 +29,20 @@ pub struct Fingerprint {
     pub settings: String,
 }
 
+/// Header of the file. Payload: the numbers of the film, then those of the AOVs if there are any.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {
     fingerprint: Fingerprint,
     samples: u32,
     seconds: f64,
+    size: [u32; 2],
+    /// x, y, width, height.
+    window: [u32; 4],
+    /// Refused samples that were not a number, and that were infinite.
+    refused: [u64; 2],
+    /// The first of them: column, row, sample, and true if it was infinite.
+    first_refused: Vec<(u32, u32, u32, bool)>,
 }
 
 /// A stopped render.
@@ -52,14 +61,23 @@ pub struct Checkpoint {
 impl Checkpoint {
     /// Writes the file, whole or not at all.
     pub fn save(&self, path: &Path) -> Result<(), FileError> {
+        let film = &self.picture.film;
+        let (Window { x, y, w, h }, rejected) = (film.window, &film.rejected);
+        let first = rejected.first.iter();
         let header = Header {
             fingerprint: self.fingerprint.clone(),
             samples: self.samples,
             seconds: self.seconds,
+            size: film.size.to_array(),
+            window: [x, y, w, h],
+            refused: [rejected.nan, rejected.infinite],
+            first_refused: first
+                .map(|r| (r.pixel.x, r.pixel.y, r.sample, r.cause == Cause::Infinite))
+                .collect(),
         };
-        FILE.save(path, &header, |mut out| {
-            self.picture.film.write(&mut out)?;
-            for number in self.picture.aovs.iter().flat_map(FirstHit::numbers) {
+        FILE.save(path, &header, |out| {
+            let aovs = self.picture.aovs.iter().flat_map(FirstHit::numbers);
+            for number in film.numbers().chain(aovs) {
                 out.write_all(&number.to_le_bytes())?;
             }
             Ok(())
@@ -81,7 +99,7 @@ impl Checkpoint {
                 return Err(FileError::content(path, what));
             }
         }
-        let picture = picture(&payload).map_err(|e| FileError::content(path, e))?;
+        let picture = picture(&header, &payload).map_err(|e| FileError::content(path, e))?;
         Ok(Self {
             fingerprint: header.fingerprint,
             samples: header.samples,
@@ -91,18 +109,38 @@ impl Checkpoint {
     }
 }
 
-/// The film, and the AOVs if there are bytes after it.
-fn picture(mut payload: &[u8]) -> Result<Picture, String> {
-    let film = Film::read(&mut payload).map_err(|e| e.to_string())?;
-    let (numbers, rest) = payload.as_chunks::<8>();
-    let numbers: Vec<f64> = numbers.iter().map(|&b| f64::from_le_bytes(b)).collect();
-    let aovs = match (numbers.is_empty(), rest.is_empty()) {
-        (true, true) => None,
-        (false, true) => FirstHit::from_numbers(film.window, &numbers),
-        (_, false) => return Err("the AOVs are cut short".into()),
+fn picture(header: &Header, payload: &[u8]) -> Result<Picture, String> {
+    let numbers = payload
+        .chunks(8)
+        .map(|b| b.try_into().map(f64::from_le_bytes));
+    let numbers: Vec<f64> = numbers.collect::<Result<_, _>>().map_err(|_| "cut short")?;
+    let [x, y, w, h] = header.window;
+    let window = Window { x, y, w, h };
+    let end = numbers
+        .len()
+        .min(Film::NUMBERS.saturating_mul(window.len()));
+    let (film, aovs) = numbers.split_at(end);
+    let size = UVec2::from_array(header.size);
+    let mut film = Film::from_numbers(size, window, film).map_err(|e| e.to_string())?;
+    let first = header.first_refused.iter().take(Rejected::REMEMBERED);
+    film.rejected = Rejected {
+        nan: header.refused[0],
+        infinite: header.refused[1],
+        first: first
+            .map(|&(x, y, sample, infinite)| RejectedSample {
+                pixel: UVec2::new(x, y),
+                sample,
+                cause: if infinite {
+                    Cause::Infinite
+                } else {
+                    Cause::Nan
+                },
+            })
+            .collect(),
     };
-    if aovs.is_none() && !numbers.is_empty() {
-        return Err("wrong number of AOVs".into());
-    }
+    let aovs = match aovs {
+        [] => None,
+        _ => Some(FirstHit::from_numbers(window, aovs).ok_or("wrong number of AOVs")?),
+    };
     Ok(Picture { film, aovs })
 }

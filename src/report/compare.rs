@@ -168,15 +168,7 @@ fn entry(
     hdr: bool,
 ) -> Result<PictureErrors, MetricError> {
     let picture = &named.picture;
-    let mut metrics = vec![
-        metric::mse(picture, reference)?,
-        metric::rmse(picture, reference)?,
-        metric::relmse(picture, reference)?,
-        metric::relmse_trimmed(picture, reference)?,
-        metric::mape(picture, reference)?,
-        metric::smape(picture, reference)?,
-        metric::energy_ratio(picture, reference)?,
-    ];
+    let mut metrics = metric::pixel::all(picture, reference)?;
     let scale = options.exposure.exp2();
     let (shown, wanted) = (picture.map(|p| p * scale), reference.map(|p| p * scale));
     let map = flip::ldr(&shown, &wanted, options.ppd)?;

@@ -1,11 +1,12 @@
-//! The report of a training: what was learned, from how much, and what it is worth beside constants.
+//! Report of a training: the learned tables, their data, and their scores beside constant factors.
 
 use super::html;
 use crate::image::{Buffer, png};
 use crate::math::Rgb;
-use crate::regularise::{AttenuationTable, GammaIndex, LEN, Lookup};
-use crate::train::learn::crop_set::Set;
-use crate::train::learn::objective::CropLoss;
+use crate::regularise::{AttenuationTable, Lookup};
+use crate::train::config::ConfigError;
+use crate::train::learn::crop_set::CropSet;
+use crate::train::learn::loss::CropLoss;
 use crate::train::record::visits::{LIVE, Visits};
 use crate::train::study::{HeldOut, Score};
 use crate::train::{Config, Session};
@@ -18,7 +19,7 @@ use kuva::render::render::render_multiple;
 use maud::{Markup, html};
 use serde::Serialize;
 
-/// What the report is made from.
+/// All data of the report.
 #[derive(Debug, Serialize)]
 pub struct Report {
     /// Version of the program.
@@ -29,63 +30,70 @@ pub struct Report {
     pub names: Vec<String>,
     /// Names of the validation crops.
     pub validation_names: Vec<String>,
-    /// Seconds that recording and baking took.
+    /// Wall-clock seconds of recording and baking.
     pub recording_seconds: f64,
-    /// Bytes that the sources hold.
+    /// Memory of the recordings in bytes.
     pub bytes: usize,
     /// Events per class.
     pub visits: Vec<u64>,
-    /// One for each β.
-    pub tables: Vec<Learned>,
+    /// One table for each β.
+    pub tables: Vec<LearnedTable>,
 }
 
 /// A table and its scores.
 #[derive(Debug, Serialize)]
-pub struct Learned {
+pub struct LearnedTable {
     /// Weight of the variance.
     pub beta: f32,
     /// Steps taken.
     pub steps: u32,
-    /// Seconds that they took.
+    /// Wall-clock seconds of the steps.
     pub seconds: f64,
     /// Lines of the log.
     #[serde(skip)]
     pub log: Vec<serde_json::Value>,
-    /// On the training crops.
+    /// Scores on the training crops.
     pub training: Vec<Score>,
-    /// On the validation crops.
+    /// Scores on the validation crops.
     pub validation: Vec<Score>,
-    /// On each family, learned from the others; empty if that was not asked for.
+    /// Scores on each family, learned from the others; empty without a study.
     pub held_out: Vec<HeldOut>,
     /// Losses of the training crops.
-    pub crops: Crops,
+    pub crops: CropScores,
     /// Losses of the validation crops.
-    pub validation_crops: Crops,
+    pub validation_crops: CropScores,
     /// The table.
     #[serde(skip)]
     pub table: AttenuationTable,
 }
 
-/// Crops before and after.
+/// Losses and images of every crop of a set.
 #[derive(Debug, Default, Serialize)]
-pub struct Crops {
+pub struct CropScores {
+    /// Without roughening: all factors 0.
+    pub plain: Vec<CropLoss>,
     /// At the start of the training.
     pub before: Vec<CropLoss>,
     /// With the learned table.
     pub after: Vec<CropLoss>,
-    /// Relative noise of the references.
+    /// Mean relative standard error of the references.
     pub reference_noise: Vec<f64>,
     /// Reference, start and learned, as PNG.
     #[serde(skip)]
     pictures: Vec<[Vec<u8>; 3]>,
 }
 
-impl Crops {
-    /// Scores and pictures of a set.
-    pub fn of(set: &mut Set, start: &AttenuationTable, learned: &AttenuationTable) -> Self {
+impl CropScores {
+    /// Losses and images at the start of the training and with the learned table.
+    pub fn new(set: &mut CropSet, start: &AttenuationTable, learned: &AttenuationTable) -> Self {
         if set.is_empty() {
             return Self::default();
         }
+        let plain = AttenuationTable {
+            lookup: learned.lookup,
+            ..AttenuationTable::constant(0.0)
+        };
+        let plain = set.losses(&plain);
         let (a, b) = (set.exact(start), set.exact(learned));
         let pictures = (set.crops().zip(a.iter().zip(&b)))
             .map(|(crop, (a, b))| {
@@ -104,16 +112,22 @@ impl Crops {
             })
             .collect();
         Self {
+            plain,
             before: set.losses_of(&a),
             after: set.losses_of(&b),
             reference_noise: set.crops().map(|c| c.reference_noise).collect(),
             pictures,
         }
     }
+
+    /// Whether a crop's loss is larger with the learned table than without roughening.
+    fn is_worse(&self, crop: usize, beta: f32) -> bool {
+        self.after[crop].total(beta) > self.plain[crop].total(beta)
+    }
 }
 
 impl Report {
-    /// Of a session that has recorded and not learned yet.
+    /// The report of a session that has recorded its crops, without tables yet.
     pub fn new(session: &Session) -> Self {
         Self {
             opsr: env!("CARGO_PKG_VERSION").into(),
@@ -127,19 +141,20 @@ impl Report {
         }
     }
 
-    /// One offline HTML file.
-    pub fn html(&self) -> Result<String, crate::train::config::ConfigError> {
+    /// The report as one HTML file that loads nothing else.
+    pub fn html(&self) -> Result<String, ConfigError> {
         let settings = self.config.to_toml()?;
         let visits = Visits(self.visits.clone());
         let events: u64 = self.visits.iter().sum();
         let body = html! {
             p {
-                "opsr " (self.opsr) ". " (self.names.len()) " training crops, " (self.validation_names.len())
-                " validation crops, " (self.config.spp) " samples per pixel. Recorded in "
-                (format!("{:.1}", self.recording_seconds)) " s; " (self.bytes / 1_000_000) " MB held. "
-                (events) " events; " (visits.coverage()) " of " (LIVE) " live classes seen, "
-                (at_least(&visits, 100)) " of them at least 100 times."
+                "opsr " (self.opsr) " learned from " (self.names.len()) " crops, with "
+                (self.validation_names.len()) " crops for validation, for renders of " (self.config.spp)
+                " samples per pixel. Recording took " (format!("{:.1}", self.recording_seconds)) " s and "
+                (self.bytes / 1_000_000) " MB. The " (events) " events visit " (visits.live_with(1)) " of "
+                (LIVE) " live classes, " (visits.live_with(100)) " of them at least 100 times."
             }
+            (legend())
             @for learned in &self.tables { (self.learned(learned)) }
             h2 { "Settings" }
             pre { (settings) }
@@ -147,11 +162,14 @@ impl Report {
         Ok(html::page("Training of attenuation factors", &body))
     }
 
-    fn learned(&self, l: &Learned) -> Markup {
+    fn learned(&self, l: &LearnedTable) -> Markup {
         html! {
             h2 { "β = " (l.beta) }
-            p { (l.steps) " steps in " (format!("{:.1}", l.seconds)) " s. Factors: " (summary(&l.table, &self.visits)) }
-            (html::plot(&plot(self.curves(l)), "Mean of the training and of the validation crops, and two of each."))
+            p { (l.steps) " steps in " (format!("{:.1}", l.seconds)) " s. " (summary(&l.table, &self.visits)) }
+            (html::plot(
+                &plot(self.curves(l)),
+                "Mean loss of the training and of the validation crops, and the loss of two crops of each."
+            ))
             h3 { "Training crops: the table beside constants" }
             (scores(&l.training))
             @if !l.validation.is_empty() {
@@ -162,14 +180,14 @@ impl Report {
                 h3 { "Families held out: learned from the others, scored on this one" }
                 (held_out(&l.held_out))
             }
-            h3 { "Crops" }
+            h3 { "Crop by crop" }
             (crops(&self.names, &l.crops, l.beta))
             @if !l.validation.is_empty() { (crops(&self.validation_names, &l.validation_crops, l.beta)) }
         }
     }
 
-    /// Curves of the loss: means, and two crops of each set.
-    fn curves(&self, l: &Learned) -> Vec<Line> {
+    /// Loss by step: the mean and two crops of each set.
+    fn curves(&self, l: &LearnedTable) -> Vec<LossCurve> {
         let step = |e: &serde_json::Value| e["step"].as_f64().unwrap_or(0.0);
         let crop = |key: &'static str, i: usize| {
             let beta = f64::from(l.beta);
@@ -178,7 +196,7 @@ impl Report {
                 Some(crop["mape"].as_f64()? + beta * crop["variance"].as_f64()?)
             }
         };
-        let line = |name: &str, value: &dyn Fn(&serde_json::Value) -> Option<f64>| Line {
+        let line = |name: &str, value: &dyn Fn(&serde_json::Value) -> Option<f64>| LossCurve {
             name: name.into(),
             points: l
                 .log
@@ -205,14 +223,14 @@ impl Report {
     }
 }
 
-/// A curve of a plot.
-struct Line {
+/// A curve of the plot.
+struct LossCurve {
     name: String,
     points: Vec<(f64, f64)>,
 }
 
 /// Loss by step, as SVG.
-fn plot(lines: Vec<Line>) -> String {
+fn plot(lines: Vec<LossCurve>) -> String {
     const COLOURS: [&str; 6] = [
         "#2563eb", "#dc2626", "#60a5fa", "#93c5fd", "#f97316", "#fca5a5",
     ];
@@ -229,15 +247,60 @@ fn plot(lines: Vec<Line>) -> String {
     SvgBackend.render_scene(&render_multiple(plots, layout))
 }
 
-/// Live classes with at least so many events.
-fn at_least(visits: &Visits, n: u64) -> usize {
-    (0..LEN)
-        .filter_map(GammaIndex::new)
-        .filter(|&c| crate::train::record::visits::is_live(c) && visits.0[c.index()] >= n)
-        .count()
+/// Explanation of the terms in the tables.
+fn legend() -> Markup {
+    let terms = [
+        (
+            "loss",
+            "MAPE + β · variance, averaged over crops. Smaller is better. A good table has a smaller loss than the best \
+             constant (a ratio below 1), on validation crops too.",
+        ),
+        (
+            "MAPE",
+            "Mean of |image − reference| / (reference + 0.01) over pixels and channels; 0.1 means 10 %. It holds both the \
+             noise at the chosen number of samples and the bias.",
+        ),
+        (
+            "variance",
+            "Sample variance of one path sample, after every crop is scaled to mean 0.3. It falls as paths are roughened.",
+        ),
+        (
+            "β",
+            "Weight of the variance in the loss. A larger β asks for more roughening: less noise, more bias.",
+        ),
+        (
+            "factor",
+            "How much of a path's roughness is added to its last surface, from 0 (none: plain path tracing) to 1.",
+        ),
+        (
+            "energy",
+            "Image mean / reference mean. 1 is right; below about 0.97 the roughening loses light, usually of caustics.",
+        ),
+        (
+            "best constant",
+            "The one factor for all classes that has the smallest loss on these very crops. It needs their references, \
+             which a user does not have, and is the honest baseline of a table.",
+        ),
+        ("scale", "A number that multiplies all factors of a table."),
+        (
+            "contrast",
+            "How much of a table's pattern is left: 1 all of it, 0 one constant, their geometric mean.",
+        ),
+        (
+            "live class",
+            "A class of paths whose last surface can be roughened; classes never visited inherit the factor of a \
+             visited one.",
+        ),
+    ];
+    html! {
+        details {
+            summary { "What the terms mean, and what good looks like" }
+            dl { @for (term, meaning) in terms { dt { (term) } dd { (meaning) } } }
+        }
+    }
 }
 
-/// Factors in a sentence: quantiles weighted by visits, and the look-up.
+/// A sentence about the factors: quantiles weighted by events, and the look-up.
 fn summary(table: &AttenuationTable, visits: &[u64]) -> String {
     let mut factors: Vec<(f32, u64)> =
         (table.gammas.iter().copied().zip(visits.iter().copied())).collect();
@@ -257,24 +320,27 @@ fn summary(table: &AttenuationTable, visits: &[u64]) -> String {
         Lookup::Linear => "linear",
     };
     format!(
-        "a tenth of the events is below {:.4}, half below {:.4}, nine tenths below {:.4}; {lookup} look-up.",
+        "Factors, weighted by events: 10 % below {:.4}, median {:.4}, 90 % below {:.4}; {lookup} look-up.",
         quantile(0.1),
         quantile(0.5),
         quantile(0.9)
     )
 }
 
+/// Scores, the first of which is the best constant.
 fn scores(all: &[Score]) -> Markup {
-    let oracle = all.first().map_or(f32::NAN, |s| s.loss);
+    let best_constant = all.first().map_or(f32::NAN, |s| s.loss);
     html! {
         .scroll { table {
-            tr { th { "way" } th { "factor or scale" } th { "loss" } th { "over the best constant" } th { "energy" } }
+            tr {
+                th { "table" } th { "factor or scale" } th { "loss" } th { "loss / best constant" } th { "energy" }
+            }
             @for s in all {
                 tr {
                     td { (s.name) }
                     td { (s.value.map_or(String::new(), |v| format!("{v:.4}"))) }
                     td { (format!("{:.4}", s.loss)) }
-                    td { (format!("{:.3}", s.loss / oracle)) }
+                    td { (format!("{:.3}", s.loss / best_constant)) }
                     td { (format!("{:.3}", s.energy)) }
                 }
             }
@@ -282,6 +348,7 @@ fn scores(all: &[Score]) -> Markup {
     }
 }
 
+/// Scores of held-out families, as ratios to the first.
 fn held_out(all: &[HeldOut]) -> Markup {
     let names: Vec<&str> = all.first().map_or(Vec::new(), |h| {
         h.scores.iter().map(|s| s.name.as_str()).collect()
@@ -297,7 +364,7 @@ fn held_out(all: &[HeldOut]) -> Markup {
     };
     let shown = |x: Option<f32>| x.map_or("–".to_owned(), |x| format!("{x:.3}"));
     html! {
-        p { "Loss over that of the best constant of the held-out crops themselves, which a user cannot know; energy in brackets." }
+        p { "Loss / loss of the best constant of the held-out crops themselves, which a user cannot know; energy in brackets." }
         .scroll { table {
             tr { th { "family" } @for name in &names { th { (name) } } }
             @for h in all {
@@ -314,21 +381,30 @@ fn held_out(all: &[HeldOut]) -> Markup {
     }
 }
 
-fn crops(names: &[String], crops: &Crops, beta: f32) -> Markup {
+/// Losses and images of every crop.
+fn crops(names: &[String], crops: &CropScores, beta: f32) -> Markup {
     let image =
         |bytes: &Vec<u8>| format!("data:image/png;base64,{}", BASE64_STANDARD.encode(bytes));
+    let worse = (0..names.len())
+        .filter(|&i| crops.is_worse(i, beta))
+        .count();
     html! {
+        p {
+            (worse) " of " (names.len()) " crops have a larger loss with the table than plain, without roughening"
+            @if worse > 0 { "; they are marked ▲" } "."
+        }
         .scroll { table {
             tr {
-                th { "crop" } th { "reference, start, learned" } th { "loss at the start" } th { "loss" } th { "MAPE" }
-                th { "variance" } th { "energy" } th { "noise of the reference" }
+                th { "crop" } th { "reference, start, learned" } th { "loss, plain" } th { "loss at the start" }
+                th { "loss, learned" } th { "MAPE" } th { "variance" } th { "energy" } th { "noise of the reference" }
             }
             @for (i, name) in names.iter().enumerate() {
                 tr {
-                    td { (name) }
+                    td { (name) @if crops.is_worse(i, beta) { strong title="worse than plain" { " ▲" } } }
                     td style="white-space: nowrap" {
                         @for picture in &crops.pictures[i] { img src=(image(picture)) width="96" height="96" alt=(name); " " }
                     }
+                    td { (format!("{:.4}", crops.plain[i].total(beta))) }
                     td { (format!("{:.4}", crops.before[i].total(beta))) }
                     td { (format!("{:.4}", crops.after[i].total(beta))) }
                     td { (format!("{:.4}", crops.after[i].mape)) }

@@ -111,7 +111,8 @@ impl fmt::Display for Agreement {
 /// Compares two films of independent samples at three scales, at [`SIGNIFICANCE`] for all together.
 ///
 /// ```
-/// use opsr::image::{Film, agree::agree};
+/// use opsr::image::Film;
+/// use opsr::stats::agreement::agree;
 /// use opsr::math::{Rgb, UVec2};
 /// let film = |offset: f32| {
 ///     let mut film = Film::new(UVec2::new(16, 16));
@@ -147,9 +148,9 @@ pub fn agree_with_exact(film: &Film, exact: &Buffer) -> Result<Agreement, FilmEr
     }))
 }
 
-/// One film at one place: the sum of its pixels' means, and what is known of its error.
+/// Sum of the means of one film's pixels at a place, and its error.
 #[derive(Clone, Copy, Default)]
-struct Side {
+struct Estimate {
     sum: DVec3,
     /// Σ v, the squared standard error of `sum`.
     variance: DVec3,
@@ -157,7 +158,7 @@ struct Side {
     spread: DVec3,
 }
 
-impl Side {
+impl Estimate {
     fn new(mean: DVec3, variance: DVec3, degrees: u32) -> Self {
         Self {
             sum: mean,
@@ -174,9 +175,9 @@ impl Side {
 
     /// Variance and spread in a channel if the true value is `other`'s.
     ///
-    /// Samples of light are rare hits more often than not. A pixel that by chance was hit seldom then shows a low
-    /// mean *and* a low variance, and looks far more certain than it is. Variance of hits grows with the mean, so
-    /// the darker side gets what it would have at the brighter side's value.
+    /// Samples of light are often rare hits. A pixel that by chance was hit seldom then has a low mean *and* a low
+    /// variance, and looks far more certain than it is. The variance of hits grows with the mean, so the darker
+    /// estimate gets the variance that it would have at the brighter one's value.
     fn at_least(&self, other: &Self, channel: usize) -> (f64, f64) {
         let (own, other) = (self.sum[channel], other.sum[channel]);
         let scale = if own > 0.0 && other > own {
@@ -191,19 +192,19 @@ impl Side {
     }
 }
 
-/// Both films at one place.
+/// Estimates of both films at one place.
 #[derive(Clone, Copy, Default)]
-struct Sums {
+struct Estimates {
     pixels: usize,
-    a: Side,
-    b: Side,
+    a: Estimate,
+    b: Estimate,
 }
 
-impl Sums {
+impl Estimates {
     fn of(a: &Moments, b: &Moments) -> Self {
         let (mut va, mut vb) = (a.variance_of_mean(), b.variance_of_mean());
-        // Two sets without any spread, say four hits against four misses, do not show that there is none. If they
-        // are the same picture, then their union shows it.
+        // Two sets without any spread, say four hits against four misses, do not prove that there is none. If they
+        // show the same picture, their union has the spread.
         let flat = (va + vb).cmpeq(DVec3::ZERO);
         let mut both = *a;
         both.merge(b);
@@ -211,8 +212,8 @@ impl Sums {
         vb = DVec3::select(flat, both.sample_variance() / f64::from(b.n), vb);
         Self {
             pixels: 1,
-            a: Side::new(a.mean, va, a.n - 1),
-            b: Side::new(b.mean, vb, b.n - 1),
+            a: Estimate::new(a.mean, va, a.n - 1),
+            b: Estimate::new(b.mean, vb, b.n - 1),
         }
     }
 
@@ -234,7 +235,7 @@ impl Sums {
             } else {
                 (a - b) / variance.sqrt()
             };
-            // Without spread only rounding is left, whose size is not estimated: infinitely many degrees.
+            // Without spread only rounding is left, whose size is not estimated: infinitely many degrees of freedom.
             let degrees = variance * variance / (sa + sb).max(f64::MIN_POSITIVE);
             Deviation {
                 window,
@@ -251,10 +252,10 @@ impl Sums {
 fn compare(size: UVec2, window: Window, pair: impl Fn(usize) -> (Moments, Moments)) -> Agreement {
     let mut pixels = Vec::new();
     let mut tiles = Vec::new();
-    let mut image = Sums::default();
+    let mut image = Estimates::default();
     debug_assert!(window.inside(&Window::full(size)));
     for tile in window.tiles(TILE) {
-        let mut sums = Sums::default();
+        let mut sums = Estimates::default();
         for i in 0..tile.len() {
             let pixel = tile.pixel(i);
             let index =
@@ -263,7 +264,7 @@ fn compare(size: UVec2, window: Window, pair: impl Fn(usize) -> (Moments, Moment
             if a.n < 2 || b.n < 2 {
                 continue;
             }
-            let one = Sums::of(&a, &b);
+            let one = Estimates::of(&a, &b);
             let place = Window {
                 x: pixel.x,
                 y: pixel.y,
@@ -292,7 +293,7 @@ fn compare(size: UVec2, window: Window, pair: impl Fn(usize) -> (Moments, Moment
     }
 }
 
-fn scale(places: &[(Window, Sums)]) -> Scale {
+fn scale(places: &[(Window, Estimates)]) -> Scale {
     let deviations = places
         .iter()
         .flat_map(|(window, sums)| sums.deviations(*window));

@@ -1,4 +1,4 @@
-//! Comparisons of methods over seeds: paired, with intervals, and a verdict only where the interval allows one.
+//! Ratios of methods over seeds: paired, with intervals, and a verdict only where the interval allows one.
 //!
 //! Every seed renders with every method, so methods are compared seed by seed: what a seed does to both cancels. A
 //! ratio is the geometric mean of the seeds' ratios, which treats a factor 2 and a factor ½ alike.
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn intervals_hold_the_truth_as_often_as_they_say() {
+    fn bootstrap_intervals_have_their_coverage() {
         for (seeds, spread) in [(5, 0.02), (5, 0.8), (10, 0.3), (30, 0.3)] {
             let c = coverage(seeds, spread);
             assert!(
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_is_a_tie_and_few_seeds_say_nothing() {
+    fn verdicts_tie_for_equal_errors_and_too_few_seeds() {
         let errors = [0.3, 0.2, 0.25, 0.4, 0.31];
         let same = paired_ratio(&errors, &errors).unwrap();
         assert_eq!((same.low, same.value, same.high), (1.0, 1.0, 1.0));
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn bias_is_told_from_noise() {
+    fn squared_bias_is_separated_from_noise() {
         // Pictures of 4000 pixels with noise of 0.1, and a bias of 2 % or none.
         for (bias, seed) in [(0.02, 1), (0.02, 2), (0.0, 3), (0.0, 4)] {
             let mut rng = Pcg32::seed_from_u64(seed);

@@ -1,82 +1,104 @@
-//! How to train: defaults, presets, a file, and single settings from the command line.
+//! Settings of a training: defaults, a TOML file, single settings from the command line.
 
-use super::learn::model::{Model, Optimiser};
 use crate::files::{self, FileError};
 use crate::regularise::{AttenuationTable, Lookup};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Larger files are not settings.
+/// Longest file of settings that is read.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Most factors that the lobes of a recording are drawn with.
-const MOST_DRAWS: usize = 16;
+/// Maximum number of factors with which the lobes of a recording are sampled.
+const MAX_RECORD_GAMMAS: usize = 16;
 
-/// How loss and gradient are evaluated.
+/// Evaluation of the loss and its gradient (`docs/method.md` section 7).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Way {
+pub enum Evaluation {
     /// Paths are traced anew at every step.
     Fresh,
     /// Paths are traced once; their events are evaluated at every step.
     Replay,
-    /// Paths are traced once; their events are baked into curves.
+    /// Paths are traced once; their events are baked into curves over the factor.
     #[default]
     Tabulated,
 }
 
-/// Which loss.
+/// The image whose error the loss measures (`docs/method.md` section 6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Loss {
-    /// MAPE of the realised picture of `spp` samples, noise included.
+    /// The realised mean of `spp` samples, noise included.
     #[default]
     Published,
-    /// MAPE of the mean of all replicates, which are many: no dependence on the number of samples.
+    /// The mean of all `replicates × spp` samples, so that the loss hardly depends on the number of samples.
     NoiseFree,
 }
 
-/// Everything that a training depends on.
+/// Parameters that are learned.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Model {
+    /// The 1360 factors themselves.
+    #[default]
+    Full,
+    /// 24 numbers: ln γ is the sum of one number for each (position before the last vertex, bin) and one for each
+    /// length of the path.
+    Additive,
+}
+
+/// Parameter space in which Adam steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Optimiser {
+    /// γ, as published.
+    #[default]
+    Adam,
+    /// ln γ, which takes hundreds of steps instead of thousands.
+    Log,
+}
+
+/// All settings that a training depends on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
-    /// The list of scenes.
+    /// Manifest that lists the scenes.
     pub manifest: PathBuf,
-    /// Names of training scenes; empty for all.
+    /// Names of the training scenes; empty for all.
     pub scenes: Vec<String>,
-    /// Family of scenes to leave out of training and to score instead.
+    /// Family of scenes that is left out of training and scored instead; empty for none.
     pub hold_out: String,
-    /// Weights of the variance; one table for each.
+    /// Weights β of the variance, from 0 to 1e6; each makes one table.
     pub beta: Vec<f32>,
-    /// Samples per pixel that the table is learned for.
+    /// Samples per pixel that the table is learned for, at least 2.
     pub spp: u32,
-    /// Independent recordings of `spp` samples; their losses are averaged.
+    /// Independent recordings of `spp` samples, from 1 to 64; their losses are averaged.
     pub replicates: u32,
     /// Optimiser steps.
     pub steps: u32,
-    /// Step of Adam; 0 for the optimiser's own (5e-4 on γ, 0.05 on ln γ).
+    /// Step size of Adam; 0 for the optimiser's default (5e-4 on γ, 0.05 on ln γ).
     pub learning_rate: f64,
-    /// In what Adam walks.
+    /// Parameter space in which Adam steps.
     pub optimiser: Optimiser,
-    /// What is learned.
+    /// Parameters that are learned.
     pub model: Model,
-    /// How factors are looked up.
+    /// Look-up of factors, see `docs/method.md` section 8.
     pub lookup: Lookup,
-    /// How loss and gradient are evaluated.
-    pub method: Way,
-    /// Which loss.
+    /// Evaluation of the loss and its gradient.
+    pub method: Evaluation,
+    /// The image whose error the loss measures.
     pub loss: Loss,
-    /// Where all factors start; 0 for the best constant of the training crops.
+    /// Initial value of all factors; 0 for the best constant of the training crops.
     pub start: f32,
-    /// The constant factors that the lobes of a recording are drawn with.
+    /// Constant factors with which the lobes of a recording are sampled, 1 to 16 numbers in (0, 1].
     pub record_gammas: Vec<f32>,
-    /// Recorded events that carry less than this times their pixel's reference play Russian roulette; 0 keeps all.
+    /// Recorded events that carry less than this share of their pixel's reference play Russian roulette; 0 keeps all.
     pub roulette: f32,
     /// Seed of the recording.
     pub seed: u64,
-    /// Steps between two lines of the log and two looks at the validation scenes.
+    /// Steps between two lines of the log, each with a validation.
     pub validate_every: u32,
-    /// Stop after this many looks without a better validation loss; 0 for never.
+    /// Number of validations in a row without an improvement after which training stops; 0 for never.
     pub patience: u32,
     /// Steps between two checkpoints.
     pub checkpoint_every: u32,
@@ -96,11 +118,10 @@ impl Default for Config {
             optimiser: Optimiser::Adam,
             model: Model::Full,
             lookup: Lookup::Nearest,
-            method: Way::Tabulated,
+            method: Evaluation::Tabulated,
             loss: Loss::Published,
             start: 0.5,
             record_gammas: vec![0.002, 0.007, 0.025, 0.09, 0.3, 1.0],
-            // See `thin`.
             roulette: 0.3,
             seed: 0,
             validate_every: 500,
@@ -110,56 +131,53 @@ impl Default for Config {
     }
 }
 
-/// Why a configuration cannot be used.
+/// Errors of settings.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// Not TOML, an unknown key, or a value of the wrong type.
+    /// Invalid TOML, an unknown key, or a value of the wrong type.
     #[error("{place}: {problem}")]
     Syntax {
-        /// The file, or the setting.
+        /// The file, or the setting of the command line.
         place: String,
-        /// What is wrong.
+        /// Message of the parser.
         problem: String,
     },
-    /// A value that makes no sense.
+    /// A value out of range.
     #[error("{key}: {problem}")]
     Value {
         /// The key.
         key: &'static str,
-        /// Why.
+        /// The range.
         problem: String,
     },
 }
 
 impl Config {
-    /// A table of one factor with the look-up in use.
+    /// A table whose factors are all `gamma`, with the configured look-up.
     pub fn constant(&self, gamma: f32) -> AttenuationTable {
-        AttenuationTable {
-            lookup: self.lookup,
-            ..AttenuationTable::constant(gamma)
-        }
+        constant_table(gamma, self.lookup)
     }
 
-    /// The learning rate in use.
-    pub fn rate(&self) -> f64 {
+    /// Step size of Adam.
+    pub fn step_size(&self) -> f64 {
         match self.optimiser {
             _ if self.learning_rate > 0.0 => self.learning_rate,
-            // The additive model walks in ln γ whatever the optimiser is called.
+            // The additive model steps in ln γ with either optimiser.
             Optimiser::Adam if self.model == Model::Full => 5e-4,
             _ => 0.05,
         }
     }
 
-    /// This configuration with the values of a TOML file in place of its own.
+    /// Returns these settings, overridden by those of a TOML file.
     pub fn with_file(&self, path: &Path) -> Result<Self, ConfigError> {
         let text = files::read_text(path, MAX_BYTES)?;
         self.with_text(&text, &path.display().to_string())
     }
 
-    /// This configuration with the values of a TOML text in place of its own; `place` is for messages.
+    /// Returns these settings, overridden by those of a TOML text; messages name `place`.
     pub fn with_text(&self, text: &str, place: &str) -> Result<Self, ConfigError> {
         let syntax = |problem| ConfigError::Syntax {
             place: place.into(),
@@ -174,7 +192,7 @@ impl Config {
         all.try_into().map_err(|e| syntax(files::briefly(e)))
     }
 
-    /// This configuration with one setting `key=value` changed; a value that is not TOML is taken as a string.
+    /// Returns these settings with one setting `key=value` changed; a value that is not TOML is taken as a string.
     pub fn with_setting(&self, setting: &str) -> Result<Self, ConfigError> {
         let place = format!("--set {setting}");
         if let Some((key, value)) = setting.split_once('=')
@@ -185,52 +203,75 @@ impl Config {
         self.with_text(setting, &place)
     }
 
-    /// Whether all values make sense.
+    /// Checks the range of every value.
     pub fn check(&self) -> Result<(), ConfigError> {
-        let bad = |key, problem: &str| {
-            Err(ConfigError::Value {
+        let usable = |gamma: &f32| *gamma > 0.0 && *gamma <= 1.0;
+        let gammas = &self.record_gammas;
+        let checks = [
+            (
+                "beta",
+                !self.beta.is_empty() && self.beta.iter().all(|b| (0.0..=1e6).contains(b)),
+                "expected numbers from 0 to 1e6, at least one",
+            ),
+            (
+                "spp",
+                (2..=1 << 20).contains(&self.spp),
+                "expected 2 to 1048576 samples",
+            ),
+            (
+                "replicates",
+                (1..=64).contains(&self.replicates),
+                "expected 1 to 64",
+            ),
+            ("steps", self.steps > 0, "expected at least 1"),
+            (
+                "learning_rate",
+                (0.0..1e3).contains(&self.learning_rate),
+                "expected a number from 0 to 1000",
+            ),
+            (
+                "record_gammas",
+                (1..=MAX_RECORD_GAMMAS).contains(&gammas.len()) && gammas.iter().all(usable),
+                "expected 1 to 16 numbers in (0, 1]",
+            ),
+            (
+                "roulette",
+                (0.0..=10.0).contains(&self.roulette),
+                "expected a number from 0 to 10",
+            ),
+            (
+                "start",
+                (0.0..=1.0).contains(&self.start),
+                "expected a number from 0 to 1",
+            ),
+            (
+                "validate_every, checkpoint_every",
+                self.validate_every > 0 && self.checkpoint_every > 0,
+                "expected at least 1",
+            ),
+        ];
+        match checks.into_iter().find(|(_, valid, _)| !valid) {
+            None => Ok(()),
+            Some((key, _, problem)) => Err(ConfigError::Value {
                 key,
                 problem: problem.into(),
-            })
-        };
-        if self.beta.is_empty() || self.beta.iter().any(|b| !(0.0..=1e6).contains(b)) {
-            return bad("beta", "expected numbers from 0 to 1e6, at least one");
+            }),
         }
-        if !(2..=1 << 20).contains(&self.spp) {
-            return bad("spp", "expected 2 to 1048576 samples");
-        }
-        if !(1..=64).contains(&self.replicates) {
-            return bad("replicates", "expected 1 to 64");
-        }
-        if self.steps == 0 {
-            return bad("steps", "expected at least 1");
-        }
-        if !(0.0..1e3).contains(&self.learning_rate) {
-            return bad("learning_rate", "expected a number from 0 to 1000");
-        }
-        let usable = |gamma: &f32| *gamma > 0.0 && *gamma <= 1.0;
-        if !(1..=MOST_DRAWS).contains(&self.record_gammas.len())
-            || !self.record_gammas.iter().all(usable)
-        {
-            return bad("record_gammas", "expected 1 to 16 numbers in (0, 1]");
-        }
-        if !(0.0..=10.0).contains(&self.roulette) {
-            return bad("roulette", "expected a number from 0 to 10");
-        }
-        if !(0.0..=1.0).contains(&self.start) {
-            return bad("start", "expected a number from 0 to 1");
-        }
-        if self.validate_every == 0 || self.checkpoint_every == 0 {
-            return bad("validate_every, checkpoint_every", "expected at least 1");
-        }
-        Ok(())
     }
 
-    /// The resolved configuration as TOML.
+    /// The settings as TOML.
     pub fn to_toml(&self) -> Result<String, ConfigError> {
         toml::to_string_pretty(self).map_err(|e| ConfigError::Value {
             key: "configuration",
             problem: e.to_string(),
         })
+    }
+}
+
+/// A table whose factors are all `gamma`.
+pub(in crate::train) fn constant_table(gamma: f32, lookup: Lookup) -> AttenuationTable {
+    AttenuationTable {
+        lookup,
+        ..AttenuationTable::constant(gamma)
     }
 }

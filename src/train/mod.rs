@@ -1,11 +1,19 @@
-//! Learning the table: differentiable rendering without a ray in the loop.
+//! Learning the table: differentiable rendering without a ray in the loop (`docs/method.md` sections 4 to 7).
 //!
-//! A path sample is a constant plus a few [events](event), each of which can be evaluated at any roughness. So paths
-//! are traced once ([`recording`]); mean and second moment of every pixel, and their derivatives, are then functions of
-//! the table alone ([`moments::Source`]): exactly, event by event ([`replay`]), or from baked [`curves`]; [`fresh`] traces
-//! at every step and checks the others. burn holds the parameters ([`model`]), differentiates the loss ([`objective`];
-//! the fast way repeats its roundings in loops) and steps Adam; it never sees a ray. [`session`] is the outer loop;
-//! [`study`] says what came out of it.
+//! A path sample is a constant plus a few *events*, each of which can be evaluated at any roughness. So training is a
+//! story in three rooms, each of which uses the ones before:
+//!
+//! 1. [`record`] traces the paths of every crop once and keeps their events.
+//! 2. [`evaluate`] turns a recording into mean and second moment of every pixel, and their derivatives, at any table.
+//! 3. [`learn`] sums loss and gradient over the crops and lets Adam change the table. burn holds the parameters,
+//!    differentiates the loss and steps; it never sees a ray.
+//!
+//! [`config`] has the settings of all three. [`study`], on top, scores tables beside constants and on scenes that they
+//! were not learned from.
+//!
+//! A derivative travels from a lobe to its factor through `record/event.rs` (dx/dα′), `record/lists.rs` (dα′/dγ),
+//! `evaluate/curves.rs` (the pixel's curve), `learn/loss.rs` (dL/dmoments), `learn/crop_set.rs` (the sum over crops), and
+//! `learn/model.rs` (the step).
 
 pub mod config;
 pub mod derivative;
@@ -15,4 +23,5 @@ pub mod record;
 pub mod study;
 
 pub use config::Config;
-pub use learn::session::{Session, TrainError};
+pub use learn::outer_loop::TrainError;
+pub use learn::session::Session;

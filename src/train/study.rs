@@ -1,26 +1,26 @@
-//! What a table is worth: against constant factors, on crops that it was not learned from, with its level free.
+//! The worth of a table: beside constant factors, on crops that it was not learned from, and with its scale free.
 
-use super::TrainError;
-use super::config::Config;
-use super::learn::crop_set::Set;
-use super::learn::model::Model;
-use super::learn::objective::CropLoss;
-use super::learn::session::Session;
-use crate::regularise::{AttenuationTable, Lookup, TableTuning};
-use crate::tune::{CONTRASTS, Pilot};
+use crate::regularise::{AttenuationTable, Lookup, Rule, TableTuning};
+use crate::train::TrainError;
+use crate::train::config::{Config, Model, constant_table};
+use crate::train::learn::crop_set::{CropSet, minimise};
+use crate::train::learn::loss::{CropLoss, mean_loss};
+use crate::train::learn::session::Session;
+use crate::train::record::crop::{Crop, DatasetError};
+use crate::tune::{self, CONTRASTS, Pilot};
 use serde::Serialize;
 use std::ops::ControlFlow;
 
-/// Loss of one way to roughen on some crops.
+/// Loss of a table, or of a constant factor, on some crops.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Score {
-    /// Which way.
+    /// Name of the table.
     pub name: String,
-    /// Its constant factor, or the scale of its table, if it has one; the geometric mean where crops have their own.
+    /// The constant factor, or the scale of the table, if there is one; the geometric mean where each crop has its own.
     pub value: Option<f32>,
     /// Mean loss of the crops.
     pub loss: f32,
-    /// Sum of the crops' means over the sum of their references', each crop scaled alike.
+    /// Mean over the crops of rendered mean / reference mean.
     pub energy: f32,
 }
 
@@ -29,121 +29,36 @@ pub struct Score {
 pub struct HeldOut {
     /// The family.
     pub family: String,
-    /// The scores; the first is the best constant of the family itself, which a user cannot know.
+    /// The scores. The first is the best constant of the family itself, which a user cannot know.
     pub scores: Vec<Score>,
 }
 
-/// Steps of a search by golden section.
-const GOLDEN_STEPS: usize = 6;
-
-/// Where `loss` is smallest in [`low`, `high`]: a scan of 16 steps, then golden section between the neighbours of the
-/// best.
-fn minimise(low: f64, high: f64, mut loss: impl FnMut(f64) -> f64) -> f64 {
-    const SCAN: usize = 16;
-    let at = |i: usize| low + (high - low) * i as f64 / SCAN as f64;
-    let scores: Vec<f64> = (0..=SCAN).map(|i| loss(at(i))).collect();
-    let best = (0..=SCAN)
-        .min_by(|&a, &b| scores[a].total_cmp(&scores[b]))
-        .unwrap_or(0);
-    let (mut a, mut b) = (at(best.saturating_sub(1)), at((best + 1).min(SCAN)));
-    let golden = (5f64.sqrt() - 1.0) / 2.0;
-    let (mut x, mut y) = (b - golden * (b - a), a + golden * (b - a));
-    let (mut fx, mut fy) = (loss(x), loss(y));
-    for _ in 0..GOLDEN_STEPS {
-        if fx < fy {
-            (b, y, fy) = (y, x, fx);
-            x = b - golden * (b - a);
-            fx = loss(x);
-        } else {
-            (a, x, fx) = (x, y, fy);
-            y = a + golden * (b - a);
-            fy = loss(y);
+impl Score {
+    fn new(name: &str, value: Option<f32>, losses: &[CropLoss], beta: f32) -> Self {
+        Self {
+            name: name.into(),
+            value,
+            loss: mean_loss(losses, beta).unwrap_or(f32::NAN),
+            energy: losses.iter().map(|l| l.energy).sum::<f32>() / losses.len().max(1) as f32,
         }
-    }
-    let (value, found) = if fx < fy { (x, fx) } else { (y, fy) };
-    if found < scores[best] {
-        value
-    } else {
-        at(best)
-    }
-}
-
-/// A table of one factor.
-fn constant(gamma: f32, lookup: Lookup) -> AttenuationTable {
-    AttenuationTable {
-        lookup,
-        ..AttenuationTable::constant(gamma)
-    }
-}
-
-/// The best single factor for a set of crops.
-pub fn best_constant(set: &mut Set, beta: f32, lookup: Lookup) -> f32 {
-    let ln = minimise(
-        f64::from(super::evaluate::grid::GAMMA_MIN).ln(),
-        0.0,
-        |ln| {
-            let loss = set.constant_loss(beta, ln.exp() as f32, lookup);
-            f64::from(loss.unwrap_or(0.0))
-        },
-    );
-    ln.exp() as f32
-}
-
-/// The best scale of a table for a set of crops, between 1/32 and 32.
-pub fn best_scale(set: &mut Set, beta: f32, table: &AttenuationTable) -> f32 {
-    let ln = minimise(-(32f64.ln()), 32f64.ln(), |ln| {
-        let loss = set.loss(beta, &scaled(table, ln.exp() as f32));
-        f64::from(loss.unwrap_or(0.0))
-    });
-    ln.exp() as f32
-}
-
-/// The contrasts that a pilot tries, each with its best scale and the loss there.
-fn best_changes(set: &mut Set, beta: f32, table: &AttenuationTable) -> [(f32, TableTuning); 3] {
-    CONTRASTS.map(|contrast| {
-        let flattened = TableTuning {
-            scale: 1.0,
-            contrast,
-        };
-        let scale = best_scale(set, beta, &table.tuned(flattened));
-        let change = TableTuning { contrast, scale };
-        let loss = set.loss(beta, &table.tuned(change));
-        (loss.unwrap_or(0.0), change)
-    })
-}
-
-fn scaled(table: &AttenuationTable, scale: f32) -> AttenuationTable {
-    AttenuationTable {
-        scale: table.scale * scale,
-        ..table.clone()
     }
 }
 
 /// The score of a table.
 pub fn score(
-    set: &mut Set,
+    set: &mut CropSet,
     beta: f32,
     name: &str,
     value: Option<f32>,
     table: &AttenuationTable,
 ) -> Score {
-    let losses = set.losses(table);
-    Score {
-        name: name.into(),
-        value,
-        loss: super::learn::crop_set::mean_loss(&losses, beta).unwrap_or(f32::NAN),
-        energy: energy(&losses),
-    }
+    Score::new(name, value, &set.losses(table), beta)
 }
 
-fn energy(losses: &[CropLoss]) -> f32 {
-    losses.iter().map(|l| l.energy).sum::<f32>() / losses.len().max(1) as f32
-}
-
-/// Scores of tables beside constants: the best one of the crops themselves, and one chosen elsewhere; in `hindsight`
-/// also with the change to each table that suits the crops best.
+/// Scores of constants and tables: the constant `own`, the best one of the crops themselves; `elsewhere`, the best one of
+/// the training crops; and `tables`, in `hindsight` also with the scale and contrast that suit the crops best.
 pub fn scores(
-    set: &mut Set,
+    set: &mut CropSet,
     beta: f32,
     own: f32,
     elsewhere: f32,
@@ -151,56 +66,73 @@ pub fn scores(
     hindsight: bool,
 ) -> Vec<Score> {
     let lookup = tables.first().map_or(Lookup::Nearest, |t| t.1.lookup);
-    let mut all = vec![
-        score(
-            set,
-            beta,
-            "best constant of these crops",
-            Some(own),
-            &constant(own, lookup),
-        ),
-        score(
-            set,
-            beta,
-            "constant of the training crops",
-            Some(elsewhere),
-            &constant(elsewhere, lookup),
-        ),
-    ];
+    let mut all = Vec::new();
+    for (name, gamma) in [
+        ("best constant of these crops", own),
+        ("constant of the training crops", elsewhere),
+    ] {
+        let table = constant_table(gamma, lookup);
+        all.push(score(set, beta, name, Some(gamma), &table));
+    }
     for (name, table) in tables {
         all.push(score(set, beta, name, None, table));
         if !hindsight {
             continue;
         }
-        let changes = best_changes(set, beta, table);
-        let mut best = changes[0];
-        for change in changes {
-            if change.0 < best.0 {
-                best = change;
+        let tuned = best_tunings(set, beta, table);
+        let mut best = tuned[0];
+        for candidate in tuned {
+            if candidate.0 < best.0 {
+                best = candidate;
             }
         }
-        for (what, change) in [("scale", changes[0].1), ("scale and contrast", best.1)] {
+        for (what, tuning) in [("scale", tuned[0].1), ("scale and contrast", best.1)] {
             let name = format!("{name}, best {what}");
-            let scale = Some(change.scale);
-            all.push(score(set, beta, &name, scale, &table.tuned(change)));
+            let scale = Some(tuning.scale);
+            all.push(score(set, beta, &name, scale, &table.tuned(tuning)));
         }
     }
     all
 }
 
-/// Scores of a table that a pilot changes for every crop, without its reference, for renders of `samples` samples per
-/// pixel: by what it chooses, and by what it would if the picture's mean may change by some per cent at most.
+/// The best scale of a table for some crops, between 1/32 and 32.
+fn best_scale(set: &mut CropSet, beta: f32, table: &AttenuationTable) -> f32 {
+    let ln = minimise(-(32f64.ln()), 32f64.ln(), |ln| {
+        let scaled = AttenuationTable {
+            scale: table.scale * ln.exp() as f32,
+            ..table.clone()
+        };
+        f64::from(set.loss(beta, &scaled).unwrap_or(0.0))
+    });
+    ln.exp() as f32
+}
+
+/// The contrasts that a pilot tries, each with its best scale and the loss there.
+fn best_tunings(set: &mut CropSet, beta: f32, table: &AttenuationTable) -> [(f32, TableTuning); 3] {
+    CONTRASTS.map(|contrast| {
+        let flattened = table.tuned(TableTuning {
+            scale: 1.0,
+            contrast,
+        });
+        let scale = best_scale(set, beta, &flattened);
+        let tuning = TableTuning { scale, contrast };
+        let loss = set.loss(beta, &table.tuned(tuning));
+        (loss.unwrap_or(0.0), tuning)
+    })
+}
+
+/// Scores of a table that a pilot tunes for every crop, without its reference, for renders of `samples` samples per
+/// pixel: as the pilot chooses, and as it chooses where the image mean may change by 3 or 10 % at most.
 pub fn piloted(
-    set: &mut Set,
+    set: &mut CropSet,
     beta: f32,
     name: &str,
     table: &AttenuationTable,
     samples: u32,
 ) -> Result<Vec<Score>, TrainError> {
     let pilots = (set.crops())
-        .map(|crop| crop.pilot(table, samples))
+        .map(|crop| pilot(crop, table, samples))
         .collect::<Result<Vec<Pilot>, _>>()?;
-    let mut scores = Vec::new();
     let mut choices = vec![(
         String::new(),
         pilots.iter().map(|p| p.tuning).collect::<Vec<_>>(),
@@ -210,24 +142,32 @@ pub fn piloted(
         let name = format!(", energy within {per_cent} %");
         choices.push((name, pilots.iter().map(within).collect()));
     }
-    for (what, changes) in choices {
-        let tables: Vec<AttenuationTable> = changes.iter().map(|c| table.tuned(*c)).collect();
+    let mut scores = Vec::new();
+    for (limit, tunings) in choices {
+        let tables: Vec<AttenuationTable> = tunings.iter().map(|t| table.tuned(*t)).collect();
         let moments = set.exact_each(&tables);
-        let losses = set.losses_of(&moments);
         let ln: f32 = tables.iter().map(|t| (t.scale / table.scale).ln()).sum();
-        scores.push(Score {
-            name: format!("{name}{what}"),
-            value: Some((ln / tables.len().max(1) as f32).exp()),
-            loss: super::learn::crop_set::mean_loss(&losses, beta).unwrap_or(f32::NAN),
-            energy: energy(&losses),
-        });
+        let scale = (ln / tables.len().max(1) as f32).exp();
+        let name = format!("{name}{limit}");
+        scores.push(Score::new(
+            &name,
+            Some(scale),
+            &set.losses_of(&moments),
+            beta,
+        ));
     }
     Ok(scores)
 }
 
-/// Learns from all families but one, and scores on that one; for every family of the training scenes.
+/// Runs a pilot of a table on a crop, for a render of `samples` samples per pixel.
+fn pilot(crop: &Crop, table: &AttenuationTable, samples: u32) -> Result<Pilot, DatasetError> {
+    let settings = crop.settings(Rule::with_table(table.clone()));
+    tune::choose(&settings, &crop.view(), samples).map_err(|e| crop.outside(e))
+}
+
+/// Learns from all families but one and scores on that one, for every family of the training scenes.
 ///
-/// `listen` is told of every family before it is held out, and can end the study.
+/// `listen` gets the name of every family before it is held out, and can stop the study.
 pub fn leave_one_out(
     session: &mut Session,
     beta: f32,
@@ -245,13 +185,13 @@ pub fn leave_one_out(
         if listen(&family).is_break() {
             break;
         }
-        let mut held = session.training.take(|crop| crop.family == family);
+        let mut held = session.training.remove(|crop| crop.family == family);
         if session.training.is_empty() {
             session.training.append(held);
             continue;
         }
         let validation = std::mem::take(&mut session.validation);
-        let elsewhere = best_constant(&mut session.training, beta, config.lookup);
+        let elsewhere = session.training.best_constant(beta, config.lookup);
         let mut learn = |model| -> Result<AttenuationTable, TrainError> {
             session.config = Config {
                 model,
@@ -267,21 +207,15 @@ pub fn leave_one_out(
         session.validation = validation;
         let (full, additive) = learned?;
         let tables = [("full table", &full), ("additive table", &additive)];
-        let own = best_constant(&mut held, beta, config.lookup);
+        let own = held.best_constant(beta, config.lookup);
         let mut scores = scores(&mut held, beta, own, elsewhere, &tables, true);
         for (name, table) in tables {
-            // What little is known of a scene: halfway to one factor.
             let half = format!("{name}, half its contrast");
-            scores.push(score(
-                &mut held,
-                beta,
-                &half,
-                None,
-                &table.tuned(TableTuning {
-                    scale: 1.0,
-                    contrast: 0.5,
-                }),
-            ));
+            let softened = table.tuned(TableTuning {
+                scale: 1.0,
+                contrast: 0.5,
+            });
+            scores.push(score(&mut held, beta, &half, None, &softened));
             let name = format!("{name}, pilot's scale and contrast");
             scores.extend(piloted(&mut held, beta, &name, table, config.spp)?);
         }

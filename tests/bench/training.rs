@@ -1,11 +1,10 @@
-//! Seconds of one optimiser step and of the recording, and the memory held, for each way to evaluate the loss.
+//! Seconds of one optimiser step and of the recording, and the memory, of every evaluation of the loss.
 //!
-//! `cargo bench --bench training [-- SPP [SCENE ...]]`; 64 samples of `cornell_caustics` unless told otherwise. Steps of the
-//! three ways are taken in turns, so that a drifting machine favours none.
+//! `cargo bench --bench training [-- SPP [SCENE ...]]`; by default 64 samples of `cornell_caustics`. The three evaluations
+//! take turns, so that a drifting clock of the machine favours none.
 
 use opsr::train::Session;
-use opsr::train::config::{Config, Way};
-use opsr::train::learn::model::Optimiser;
+use opsr::train::config::{Config, Evaluation, Optimiser};
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -13,7 +12,7 @@ use std::time::Instant;
 
 const BETA: f32 = 0.001;
 
-/// Rounds of all ways, and steps of a way in each round.
+/// Rounds, and steps of each evaluation in a round.
 const ROUNDS: usize = 5;
 const STEPS: u32 = 10;
 
@@ -34,13 +33,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         scenes.join(", "),
         rayon::current_num_threads()
     );
-    let ways = [
-        ("fresh", Way::Fresh),
-        ("replay", Way::Replay),
-        ("tabulated", Way::Tabulated),
+    let evaluations = [
+        ("fresh", Evaluation::Fresh),
+        ("replay", Evaluation::Replay),
+        ("tabulated", Evaluation::Tabulated),
     ];
     let mut sessions = Vec::new();
-    for (name, method) in ways {
+    for (name, method) in evaluations {
         let config = Config {
             manifest: Path::new(env!("CARGO_MANIFEST_DIR")).join("training_scenes/manifest.toml"),
             scenes: scenes.clone(),
@@ -66,7 +65,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let mut clock = None;
             session.learn(BETA, None, false, &mut |step, _, _| {
                 let now = Instant::now();
-                // The first step anchors and looks at all crops.
+                // The first step linearises and validates all crops.
                 if let Some(before) = clock.replace(now)
                     && step > 1
                     && step < STEPS

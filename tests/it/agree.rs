@@ -33,7 +33,7 @@ fn compared(a: &Film, b: &Film) -> Agreement {
 }
 
 #[test]
-fn planted_errors_are_found_at_their_scale() {
+fn agreement_finds_planted_errors_at_their_scale() {
     let good = film(1, 1024, |p, u| shade(p) * u);
     let global = compared(&good, &film(2, 1024, |p, u| 1.005 * shade(p) * u));
     assert!(!global.image.passed() && global.pixels.passed() && !global.passed());
@@ -67,7 +67,7 @@ fn planted_errors_are_found_at_their_scale() {
 }
 
 #[test]
-fn equal_distributions_pass() {
+fn agreement_passes_equal_distributions() {
     // Even noise, a heavy tail, rare hits on black, and two estimators of one mean.
     type Estimator = fn(UVec2, Rgb) -> Rgb;
     let even: Estimator = |p, u| shade(p) * u;
@@ -99,7 +99,7 @@ fn equal_distributions_pass() {
 }
 
 #[test]
-fn pixels_without_noise_or_samples() {
+fn agreement_of_pixels_without_noise_or_samples() {
     let flat = |value: f32| film(0, 16, move |p, _| Rgb::splat(value * shade(p)));
     assert!(compared(&flat(1.0), &flat(1.0)).passed());
     assert!(
@@ -122,7 +122,7 @@ fn pixels_without_noise_or_samples() {
 }
 
 #[test]
-fn a_known_picture() {
+fn agreement_with_an_exact_picture() {
     let exact = |scale: f32| {
         let half = |x: usize, y: usize| 0.5 * shade(UVec2::new(x as u32, y as u32));
         Buffer::from_fn(EDGE as usize, EDGE as usize, |x, y| {

@@ -1,4 +1,4 @@
-//! The program itself: exit codes, messages, and files that are whole or as they were.
+//! The program: exit codes, messages, and files that are whole or unchanged.
 
 mod broken;
 mod faults;

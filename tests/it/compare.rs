@@ -36,7 +36,7 @@ fn value(c: &Comparison, entry: usize, metric: &str) -> f64 {
 }
 
 #[test]
-fn the_better_picture_has_the_smaller_numbers() {
+fn comparison_ranks_the_better_picture_first() {
     let pictures = [noisy("good.exr", 1, 0.2), noisy("bad <&>.exr", 2, 1.0)];
     let reference = named("reference.exr", shade);
     let c = compare(&pictures, &reference, &Options::default()).unwrap();
@@ -79,7 +79,7 @@ fn the_better_picture_has_the_smaller_numbers() {
 }
 
 #[test]
-fn a_page_holds_everything_itself() {
+fn comparison_page_is_self_contained() {
     let pictures = [noisy("good.exr", 1, 0.2), noisy("bad <&>.exr", 2, 1.0)];
     let reference = named("reference.exr", shade);
     let c = compare(&pictures, &reference, &Options::default()).unwrap();
@@ -102,7 +102,7 @@ fn a_page_holds_everything_itself() {
 }
 
 #[test]
-fn seeds_tell_bias_from_variance() {
+fn comparison_splits_bias_and_variance_over_seeds() {
     let reference = named("reference.exr", shade);
     let pictures: Vec<Named> = (0..4).map(|s| noisy("render.exr", s, 0.5)).collect();
     let options = Options {
@@ -130,7 +130,7 @@ fn seeds_tell_bias_from_variance() {
 }
 
 #[test]
-fn faults_name_the_file() {
+fn comparison_errors_name_the_file() {
     let reference = named("reference.exr", shade);
     let mut bad = named("bad.exr", shade);
     bad.picture.pixels[24 + 3].x = f32::NAN;
@@ -162,7 +162,7 @@ fn faults_name_the_file() {
 }
 
 #[test]
-fn files_are_read_by_their_ending() {
+fn pictures_are_read_by_their_extension() {
     let folder = tempfile::tempdir().unwrap();
     let reference = named("reference", shade);
     let (a, b, c) = (

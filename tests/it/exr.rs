@@ -31,7 +31,7 @@ fn picture(f: impl Fn(usize, usize) -> Rgb) -> Buffer {
 }
 
 #[test]
-fn a_film_comes_back_with_its_layers_and_metadata() {
+fn exr_round_trip_of_film_layers_and_metadata() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("film.exr");
     let film = small_film();
@@ -75,7 +75,7 @@ fn a_film_comes_back_with_its_layers_and_metadata() {
 }
 
 #[test]
-fn the_same_film_is_the_same_bytes_and_replaces_a_file_whole() {
+fn exr_determinism_and_whole_file_writes() {
     let folder = tempfile::tempdir().unwrap();
     let (a, b) = (folder.path().join("a.exr"), folder.path().join("b.exr"));
     let metadata: BTreeMap<_, _> = (0..20)
@@ -94,7 +94,7 @@ fn the_same_film_is_the_same_bytes_and_replaces_a_file_whole() {
 }
 
 #[test]
-fn errors_name_the_file_and_what_is_missing() {
+fn exr_errors_name_the_file_and_the_missing_channel() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("picture.exr");
     let error = exr::read_rgb(&path).unwrap_err();
@@ -117,7 +117,7 @@ fn errors_name_the_file_and_what_is_missing() {
 }
 
 #[test]
-fn damaged_files_are_errors_or_pictures_never_panics() {
+fn exr_damaged_files_never_panic() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("damaged.exr");
     exr::write_film(&path, &small_film(), &[], &BTreeMap::new()).unwrap();
@@ -140,7 +140,7 @@ fn damaged_files_are_errors_or_pictures_never_panics() {
 
 /// A broken block and an end that is missing: whichever thread is faster, the first of the file is told.
 #[test]
-fn of_two_faults_it_is_always_the_first() {
+fn exr_error_determinism_of_two_faults() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("twice.exr");
     let grain = |x, y| noise(UVec2::new(x as u32, y as u32), 0, 3);
@@ -159,7 +159,7 @@ fn of_two_faults_it_is_always_the_first() {
 }
 
 #[test]
-fn a_header_that_asks_for_too_much_is_refused() {
+fn exr_header_with_too_many_pixels_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("huge.exr");
     exr::write_rgb(&path, &picture(|_, _| Rgb::ONE), &BTreeMap::new()).unwrap();
@@ -177,7 +177,7 @@ fn a_header_that_asks_for_too_much_is_refused() {
 
 /// A file of half floats whose data window is made larger: memory for it would have to be written, not only promised.
 #[test]
-fn a_header_that_promises_more_than_its_file_can_hold_is_refused() {
+fn exr_header_larger_than_its_file_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("promise.exr");
     let halves = crate::fuzz::seeds::foreign(
@@ -199,7 +199,7 @@ fn a_header_that_promises_more_than_its_file_can_hold_is_refused() {
 }
 
 #[test]
-fn a_png_that_claims_too_many_pixels_is_refused() {
+fn png_with_too_many_pixels_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("huge.png");
     std::fs::write(&path, crate::load::hostile::claiming(20_000, 20_000)).unwrap();
@@ -208,7 +208,7 @@ fn a_png_that_claims_too_many_pixels_is_refused() {
 }
 
 #[test]
-fn a_png_comes_back_within_its_eight_bits() {
+fn png_round_trip_within_eight_bits() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("display.png");
     let ramp = picture(|x, y| Rgb::new(x as f32 / 20.0, y as f32 / 17.0, 0.001 * x as f32));

@@ -133,7 +133,7 @@ fn expected(kind: &str) -> Vec<(String, Value)> {
 }
 
 #[test]
-fn ldr_flip_is_the_authors() {
+fn flip_ldr_matches_published_values() {
     for (name, expected) in expected("ldr") {
         let (reference, test) = ldr_pair(&name);
         let map = flip::ldr(&test, &reference, flip::DEFAULT_PPD).unwrap();
@@ -147,7 +147,7 @@ fn ldr_flip_is_the_authors() {
 }
 
 #[test]
-fn hdr_flip_is_the_authors() {
+fn flip_hdr_matches_published_values() {
     for (name, expected) in expected("hdr") {
         let (reference, test) = hdr_pair(&name);
         let (map, exposures) = flip::hdr(&test, &reference, flip::DEFAULT_PPD).unwrap();
@@ -171,7 +171,7 @@ fn hdr_flip_is_the_authors() {
 }
 
 #[test]
-fn flip_knows_its_limits() {
+fn flip_limits() {
     let (black, lit) = (
         Buffer::filled(5, 3, Rgb::ZERO),
         Buffer::filled(5, 3, Rgb::ONE),
@@ -194,7 +194,7 @@ fn flip_knows_its_limits() {
 // ── plain formulas ──
 
 #[test]
-fn each_metric_is_its_formula() {
+fn metric_values_match_their_formulas() {
     let (reference, test) = hdr_pair("noise");
     let channels = |b: &Buffer| {
         b.pixels
@@ -238,7 +238,7 @@ fn each_metric_is_its_formula() {
 }
 
 #[test]
-fn one_firefly_on_black_is_found_and_can_be_left_out() {
+fn metric_firefly_is_found_and_trimmed() {
     let black = Buffer::filled(30, 20, Rgb::ZERO);
     let mut test = black.clone();
     test.pixels[7 * 30 + 11] = Rgb::new(0.0, 0.0, 3.0);
@@ -294,7 +294,7 @@ fn pictures_that_cannot_be_compared_are_errors() {
 }
 
 #[test]
-fn bias_and_variance_come_apart() {
+fn metric_bias_and_variance_split() {
     // Renders are f + b + noise of known variance: uniform ±¼ on a grid of 1/256.
     let reference = picture(|_, _, _| 512);
     let bias = 0.125;

@@ -95,9 +95,8 @@ fn resume_renders_stopped_at_fifty_places() {
 mod training {
     use super::*;
     use crate::train::{crop, quick};
-    use opsr::train::config::Way;
-    use opsr::train::learn::model::{Model, Optimiser};
-    use opsr::train::learn::session::Outcome;
+    use opsr::train::config::{Evaluation, Model, Optimiser};
+    use opsr::train::learn::outer_loop::Outcome;
     use opsr::train::record::crop::Crop;
     use opsr::train::{Config, Session};
     use std::ops::ControlFlow;
@@ -123,9 +122,9 @@ mod training {
         let crop = crop(4);
         let pools = pools();
         for (way, model, optimiser) in [
-            (Way::Fresh, Model::Full, Optimiser::Adam),
-            (Way::Tabulated, Model::Full, Optimiser::Log),
-            (Way::Replay, Model::Additive, Optimiser::Log),
+            (Evaluation::Fresh, Model::Full, Optimiser::Adam),
+            (Evaluation::Tabulated, Model::Full, Optimiser::Log),
+            (Evaluation::Replay, Model::Additive, Optimiser::Log),
         ] {
             let config = Config {
                 spp: 8,
@@ -159,7 +158,7 @@ mod training {
             // Every step is worse than the start.
             start: 0.03,
             learning_rate: 0.02,
-            ..quick(Way::Tabulated)
+            ..quick(Evaluation::Tabulated)
         };
         let whole = learn(&config, &crop, None, u32::MAX);
         assert!(whole.steps < config.steps, "patience ended nothing");

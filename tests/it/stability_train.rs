@@ -1,19 +1,18 @@
-//! Hard numerical cases of the trainer (15 of the project's list): gradients that are no numbers, fireflies, factors at
-//! their bounds, black crops.
+//! Hard numerical case 15, in the trainer: gradients that are not finite, fireflies, factors at their bounds, black crops.
 
 use crate::train::{crop, quick};
 use opsr::regularise::{AttenuationTable, LEN};
-use opsr::train::config::Way;
-use opsr::train::evaluate::moments::{Adjoint, Moments, Source};
+use opsr::train::config::Evaluation;
 use opsr::train::evaluate::replay::Replay;
-use opsr::train::learn::objective::Arithmetic;
-use opsr::train::learn::session::Outcome;
+use opsr::train::evaluate::{Adjoint, MomentSource, Moments};
+use opsr::train::learn::loss::LossBackend;
+use opsr::train::learn::outer_loop::Outcome;
 use opsr::train::record::visits::Visits;
 use opsr::train::{Session, TrainError};
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// What goes wrong, and at which of the calls.
+/// A planted value, and the calls at which it appears.
 #[derive(Clone, Copy)]
 enum Fault {
     Never,
@@ -21,14 +20,14 @@ enum Fault {
     Firefly(f32, fn(u32) -> bool),
 }
 
-/// A replay that is sometimes wrong.
+/// A replay with a fault.
 struct Faulty {
     good: Replay,
     fault: Fault,
     calls: u32,
 }
 
-impl Source for Faulty {
+impl MomentSource for Faulty {
     fn moments(&mut self, table: &AttenuationTable) -> Moments {
         self.calls += 1;
         let mut moments = self.good.moments(table);
@@ -53,15 +52,15 @@ impl Source for Faulty {
 }
 
 fn learn(steps: u32, fault: Fault, folder: Option<&Path>) -> Result<Outcome, TrainError> {
-    let mut config = quick(Way::Replay);
+    let mut config = quick(Evaluation::Replay);
     config.steps = steps;
-    // A look at the losses asks for the moments too.
+    // A validation asks for the moments too.
     config.validate_every = 1000;
     let crop = crop(6);
     let recording = crop.record(&config.record_gammas, config.roulette, config.spp, 1)?;
     let target = crop.target(config.spp);
     let mut session = Session::with_crops(config, vec![crop.clone()], vec![], &|_| ())?;
-    session.training.take(|_| true);
+    session.training.remove(|_| true);
     let source = Faulty {
         good: Replay::new(recording),
         fault,
@@ -76,14 +75,14 @@ fn learn(steps: u32, fault: Fault, folder: Option<&Path>) -> Result<Outcome, Tra
 }
 
 #[test]
-fn case_15_steps_without_a_gradient_leave_everything_as_it_was() {
+fn case_15_nan_gradients_leave_table_and_optimiser_unchanged() {
     let good = learn(10, Fault::Never, None).unwrap();
     assert_eq!(good.skipped, 0);
     let when = |call| call == 4 || call == 7;
     for fault in [
         Fault::Gradient(f64::NAN, when),
         Fault::Gradient(f64::NEG_INFINITY, when),
-        // Its square is infinite in single precision, and so would Adam's moment be ever after.
+        // Its square overflows single precision, and Adam's moment would stay infinite.
         Fault::Gradient(1e30, when),
         Fault::Firefly(f32::NAN, when),
         Fault::Firefly(1e30, when),
@@ -96,25 +95,30 @@ fn case_15_steps_without_a_gradient_leave_everything_as_it_was() {
 }
 
 #[test]
-fn case_15_too_many_of_them_end_a_training_with_a_checkpoint() {
+fn case_15_too_many_nan_gradients_fail_with_a_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
     let fault = Fault::Gradient(f64::NAN, |call| call > 3);
     let error = learn(1000, fault, Some(folder.path())).unwrap_err();
     let TrainError::NotFinite { step, skipped } = error else {
         panic!("{error}");
     };
-    // The first call is for the log.
+    // The first call belongs to a validation.
     assert_eq!((step, skipped), (102, 100));
     assert!(folder.path().join("last.ckpt").exists());
 }
 
-/// It was taken for the best one, and written into a checkpoint that could not be read any more.
+/// Such a loss was once taken for the best one, and its checkpoint could not be read back.
 #[test]
-fn case_15_a_loss_that_is_no_number_is_not_the_best() {
+fn case_15_nan_loss_is_never_the_best() {
     let folder = tempfile::tempdir().unwrap();
     let crop = crop(6);
-    let mut session = Session::with_crops(quick(Way::Replay), vec![crop.clone()], vec![], &|_| ())
-        .expect("a session");
+    let mut session = Session::with_crops(
+        quick(Evaluation::Replay),
+        vec![crop.clone()],
+        vec![],
+        &|_| (),
+    )
+    .expect("a session");
     let recording = crop.record(&[0.05], 0.0, 8, 1).expect("a recording");
     let source = Faulty {
         good: Replay::new(recording),
@@ -134,21 +138,21 @@ fn case_15_a_loss_that_is_no_number_is_not_the_best() {
 }
 
 #[test]
-fn case_15_bounds_and_black_crops_have_finite_gradients() {
-    for way in [Way::Replay, Way::Tabulated] {
+fn case_15_gradients_are_finite_at_bounds_and_on_black_crops() {
+    for method in [Evaluation::Replay, Evaluation::Tabulated] {
         for black in [false, true] {
             let mut crop = crop(6);
             if black {
                 crop.reference.iter_mut().for_each(|p| *p = [0.0; 3]);
             }
             let mut session =
-                Session::with_crops(quick(way), vec![crop], vec![], &|_| ()).expect("a session");
-            for arithmetic in [Arithmetic::Tensors, Arithmetic::Loops] {
-                let objective = session.training.objective(0.001, arithmetic);
+                Session::with_crops(quick(method), vec![crop], vec![], &|_| ()).expect("a session");
+            for backend in [LossBackend::Autodiff, LossBackend::Scalar] {
+                let objective = session.training.objective(0.001, backend);
                 for gamma in [0.0, 1e-3, 0.5, 1.0] {
                     let table = AttenuationTable::constant(gamma);
                     let (loss, gradient) = session.training.gradient(&objective, &table);
-                    let case = format!("{way:?} {arithmetic:?} {black} {gamma}");
+                    let case = format!("{method:?} {backend:?} {black} {gamma}");
                     assert!(loss.is_finite(), "{case}: {loss}");
                     assert_eq!(gradient.iter().position(|g| !g.is_finite()), None, "{case}");
                 }
@@ -158,7 +162,10 @@ fn case_15_bounds_and_black_crops_have_finite_gradients() {
                 .unwrap();
             assert_eq!(outcome.skipped, 0);
             let mut gammas = outcome.table.gammas.iter();
-            assert!(gammas.all(|g| (1e-3..=1.0).contains(g)), "{way:?} {black}");
+            assert!(
+                gammas.all(|g| (1e-3..=1.0).contains(g)),
+                "{method:?} {black}"
+            );
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The trainer: moments and gradients of the three ways against renders, finite differences and one another.
+//! The trainer: moments and gradients of its three evaluations against renders, finite differences and one another.
 
 mod learning;
 mod loss;
@@ -14,13 +14,12 @@ use opsr::math::{Rgb, UVec2};
 use opsr::regularise::{AttenuationTable, LEN, Lookup, Rule};
 use opsr::scene::SceneParts;
 use opsr::train::Config;
-use opsr::train::config::Way;
+use opsr::train::config::Evaluation;
 use opsr::train::evaluate::curves::Curves;
-use opsr::train::evaluate::moments::{Adjoint, Moments, Source};
 use opsr::train::evaluate::replay::Replay;
-use opsr::train::learn::objective::EPSILON;
-use opsr::train::record::crop::Crop;
-use opsr::train::record::event::Moment;
+use opsr::train::evaluate::{Adjoint, MomentSource, Moments};
+use opsr::train::record::crop::{Crop, EPSILON};
+use opsr::train::record::event::MeanAndSquare;
 use opsr::train::record::recording::{Recording, Tape};
 use std::sync::Arc;
 
@@ -51,7 +50,7 @@ fn crop_of(parts: SceneParts, edge: u32) -> Crop {
         reference: Vec::new(),
         reference_noise: 0.0,
     };
-    // As if the truth were a little roughened.
+    // The reference is a little roughened, so that a known factor is the best.
     let truth = AttenuationTable::constant(TRUTH);
     crop.reference = Replay::new(crop.record(&[TRUTH], 0.0, 1024, 99).unwrap())
         .moments(&truth)
@@ -59,10 +58,10 @@ fn crop_of(parts: SceneParts, edge: u32) -> Crop {
     crop
 }
 
-/// The factor that references are made with.
+/// Factor of the references.
 const TRUTH: f32 = 0.03;
 
-/// A table whose factors differ from class to class, none near a bound.
+/// A table whose factors differ between classes and stay away from the bounds.
 fn uneven(lookup: Lookup) -> AttenuationTable {
     let mut table = AttenuationTable::constant(0.0);
     for (i, gamma) in table.gammas.iter_mut().enumerate() {
@@ -72,7 +71,7 @@ fn uneven(lookup: Lookup) -> AttenuationTable {
     table
 }
 
-/// Weights that a loss might give to the moments.
+/// A derivative of some loss by the moments.
 fn adjoint(pixels: usize) -> Adjoint {
     Adjoint {
         mean: (0..pixels)
@@ -95,23 +94,23 @@ fn weigh(adjoint: &Adjoint, moments: &Moments) -> f64 {
 }
 
 #[test]
-fn a_recording_replayed_where_it_was_made_is_the_render() {
-    replayed_where_it_was_made(&crop(8));
+fn replay_matches_the_render_at_the_recorded_factor() {
+    compare_replay_with_render(&crop(8));
 }
 
-/// A coat over a diffuse base: its diffuse lobe finds the light too, and is told of when the path has gone on.
+/// A coat over a diffuse base: its diffuse lobe finds the light too, and is reported after the path has left the vertex.
 #[test]
-fn a_recording_of_a_coat_replayed_where_it_was_made_is_the_render() {
+fn replay_matches_the_render_of_a_coat_at_the_recorded_factor() {
     let mut parts = caustic_box();
     for material in &mut parts.materials {
         if material.specular == Rgb::ZERO && material.emission == Rgb::ZERO {
             *material = coated("plastic", material.base_color, 0.3);
         }
     }
-    replayed_where_it_was_made(&crop_of(parts, 8));
+    compare_replay_with_render(&crop_of(parts, 8));
 }
 
-fn replayed_where_it_was_made(crop: &Crop) {
+fn compare_replay_with_render(crop: &Crop) {
     let spp = 64;
     let mut tape = Tape::new(crop.window);
     let mut film = crop.film().unwrap();
@@ -145,7 +144,7 @@ fn replayed_where_it_was_made(crop: &Crop) {
             let n = spp as f32;
             expected += variance.pixels[p][c] * (n - 1.0) / n + m * m;
         }
-        // With both techniques on one path the mixture's second moment is the renderer's in expectation only.
+        // With both techniques on one path the second moments agree in expectation only.
         assert!((moments.second[p] - expected).abs() < 0.5 * expected + 0.01);
     }
 }
@@ -192,7 +191,7 @@ fn render(crop: &Crop, gamma: f32, samples: u32, seed: u64) -> Moments {
 }
 
 #[test]
-fn a_recording_is_the_render_and_as_noisy_at_every_factor() {
+fn bias_and_noise_of_replay_match_the_render_at_every_factor() {
     const SEEDS: u64 = 12;
     let crop = crop(8);
     let draws = Config::default().record_gammas;
@@ -228,12 +227,12 @@ fn a_recording_is_the_render_and_as_noisy_at_every_factor() {
         assert!((several - 1.0).abs() < 0.15, "{gamma}: {several}");
         worst = worst.max(single);
     }
-    // Of draws at one factor this does not hold.
+    // A recording with a single factor is much noisier somewhere.
     assert!(worst > 1.5, "{worst}");
 }
 
 #[test]
-fn faint_events_are_thinned_out_without_bias() {
+fn bias_of_recordings_with_event_roulette_is_zero() {
     let crop = crop(8);
     let draws = Config::default().record_gammas;
     let recorded = |roulette| crop.record(&draws, roulette, 2048, 4).unwrap();
@@ -244,7 +243,7 @@ fn faint_events_are_thinned_out_without_bias() {
     for gamma in [0.002, 0.05, 1.0] {
         let table = AttenuationTable::constant(gamma);
         let (a, b) = (all.moments(&table), some.moments(&table));
-        // Of the same paths: apart by no more than the roulette adds, √(f²/n) in a pixel.
+        // The paths are the same, so only the roulette differs: at most √(f²/n) in a pixel.
         let (mut sum, mut off) = (0.0, 0.0);
         for ((a, b), f) in a.mean.iter().zip(&b.mean).zip(&crop.reference) {
             for c in 0..3 {
@@ -265,7 +264,7 @@ fn faint_events_are_thinned_out_without_bias() {
 }
 
 #[test]
-fn the_tangent_of_an_event_is_the_one_of_double_precision() {
+fn derivatives_of_events_in_single_precision_match_double() {
     let crop = crop(6);
     let recording = (crop.record(&Config::default().record_gammas, 0.0, 64, 3)).unwrap();
     let mut steep = 0;
@@ -273,15 +272,15 @@ fn the_tangent_of_an_event_is_the_one_of_double_precision() {
         for alpha in [1e-3f32, 4e-3, 0.02, 0.1, 0.5, 1.0] {
             let single = event.tangent(Dual::variable(alpha));
             let double = event.at(Dual::variable(f64::from(alpha)));
-            let parts = |m: &Moment<Dual>| [m.x[0], m.x[1], m.x[2], m.y];
-            let wide = Moment {
-                x: single.x.map(Dual::wide),
-                y: single.y.wide(),
+            let parts = |m: &MeanAndSquare<Dual>| [m.mean[0], m.mean[1], m.mean[2], m.square];
+            let wide = MeanAndSquare {
+                mean: single.mean.map(Dual::wide),
+                square: single.square.wide(),
             };
             for (a, b) in parts(&wide).into_iter().zip(parts(&double)) {
                 // The derivative is a difference of two terms, each as large as value / α.
                 let scale = b.v / f64::from(alpha) + b.d.abs();
-                // Below that a single has no digits left.
+                // Smaller numbers are subnormal in single precision.
                 let least = 1e-33;
                 assert!(
                     (a.v - b.v).abs() <= 2e-4 * b.v + least,
@@ -299,7 +298,7 @@ fn the_tangent_of_an_event_is_the_one_of_double_precision() {
 }
 
 #[test]
-fn the_gradient_of_replay_is_a_finite_difference() {
+fn finite_difference_of_replay_matches_its_gradient() {
     let crop = crop(6);
     for lookup in [Lookup::Nearest, Lookup::Linear] {
         let mut replay = Replay::new(
@@ -319,7 +318,7 @@ fn the_gradient_of_replay_is_a_finite_difference() {
                 moved.gammas[class] += step;
                 weigh(&adjoint, &replay.moments(&moved))
             };
-            // The level of a folded value is taken as constant: steps small enough not to cross one.
+            // The bin of a folded value is taken as constant, so the step must not cross an edge.
             let h = 2e-4;
             let difference = (at(h) - at(-h)) / (2.0 * f64::from(h));
             assert!(
@@ -332,7 +331,7 @@ fn the_gradient_of_replay_is_a_finite_difference() {
 }
 
 #[test]
-fn curves_agree_with_replay() {
+fn tabulated_moments_and_gradient_match_replay() {
     let crop = crop(8);
     for lookup in [Lookup::Nearest, Lookup::Linear] {
         let recording = (crop.record(&Config::default().record_gammas, 0.3, 256, 7)).unwrap();
@@ -357,7 +356,7 @@ fn curves_agree_with_replay() {
             let exact = curves.exact(table);
             let second = |m: &Moments| m.second.iter().sum::<f32>();
             for (e, a) in exact.mean.iter().flatten().zip(a.mean.iter().flatten()) {
-                // A level is up to 0.17 % in γ away, a peak changes by twice that.
+                // A grid step is up to 0.17 % in γ away, and a peak changes by twice that.
                 assert!((e - a).abs() < 5e-3 * a, "{lookup:?}: {e} {a}");
             }
             assert!((second(&exact) / second(&a) - 1.0).abs() < 0.01);
@@ -378,12 +377,12 @@ fn curves_agree_with_replay() {
     }
 }
 
-/// A training that takes a second.
-pub(crate) fn quick(way: Way) -> Config {
+/// Settings of a training that takes a second.
+pub(crate) fn quick(method: Evaluation) -> Config {
     Config {
         spp: 32,
         steps: 12,
-        method: way,
+        method,
         learning_rate: 0.02,
         validate_every: 4,
         checkpoint_every: 5,

@@ -1,22 +1,22 @@
-//! The log of a training.
+//! Log of a training, as JSON lines.
 
 use super::{Blame, save};
 use opsr::files;
-use opsr::train::learn::session::Entry;
+use opsr::train::learn::outer_loop::LogEntry;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// The most bytes of a log: a look at every step of a training of ten thousand has less.
+/// Longest log that is read; ten thousand steps with a validation each need less.
 const MAX_BYTES: u64 = 1 << 26;
 
-/// The log as JSON lines, replaced as a whole at every line so that it is never half-written.
-pub(super) struct Log {
+/// The log by step. Its file is replaced as a whole at every line, so that it is never half-written.
+pub(super) struct MetricsLog {
     path: PathBuf,
     lines: BTreeMap<u32, String>,
 }
 
-impl Log {
-    /// Keeps the lines of an earlier run if it is gone on with.
+impl MetricsLog {
+    /// Opens the log, with the lines of the earlier run if that is resumed.
     pub(super) fn open(path: &Path, resume: bool) -> anyhow::Result<Self> {
         let old = match resume.then(|| files::read_text(path, MAX_BYTES)) {
             Some(Err(e)) if !e.is_missing() => return Err(e).input(),
@@ -35,7 +35,7 @@ impl Log {
         })
     }
 
-    pub(super) fn add(&mut self, entry: &Entry) -> anyhow::Result<()> {
+    pub(super) fn add(&mut self, entry: &LogEntry) -> anyhow::Result<()> {
         self.lines.retain(|&step, _| step < entry.step);
         (self.lines).insert(entry.step, serde_json::to_string(entry)?);
         let text: String = self

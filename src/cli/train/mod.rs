@@ -1,24 +1,23 @@
-//! `opsr train`: scenes in, tables of attenuation factors out.
+//! `opsr train`: learns tables of attenuation factors from scenes.
 
+mod display;
 mod log;
-mod shown;
 
 use super::bar::Style;
 use super::stop::Stop;
 use super::{Blame, Exit};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use log::Log;
+use display::ProgressDisplay;
+use log::MetricsLog;
 use opsr::files;
 use opsr::regularise::file::TableFile;
 use opsr::regularise::{AttenuationTable, Lookup};
-use opsr::report::training::{Crops, Learned, Report};
-use opsr::train::config::Config;
-use opsr::train::learn::checkpoint::CheckpointError;
-use opsr::train::learn::model::Model;
-use opsr::train::learn::session::Outcome;
+use opsr::report::training::{CropScores, LearnedTable, Report};
+use opsr::train::config::{Config, Model};
+use opsr::train::learn::outer_loop::Outcome;
+use opsr::train::record::visits::LIVE;
 use opsr::train::{Session, TrainError, study};
-use shown::Shown;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -40,17 +39,17 @@ pub(super) struct TrainArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
 
-    /// How loss and gradient are evaluated: fresh, replay or tabulated.
-    #[arg(long, value_name = "WAY")]
+    /// Evaluation of loss and gradient: tabulated (fast), replay (exact for the recording) or fresh (traces every step).
+    #[arg(long, value_name = "NAME")]
     method: Option<String>,
-    /// adam (published) or log (on the logarithm of the factors: hundreds of steps instead of thousands).
+    /// adam (published) or log (Adam on the logarithm of the factors: hundreds of steps instead of thousands).
     #[arg(long, value_name = "NAME")]
     optimiser: Option<String>,
-    /// full (1360 free factors, published) or additive (24 numbers that make them).
+    /// full (1360 free factors, published) or additive (24 numbers that make the factors).
     #[arg(long, value_name = "NAME")]
     model: Option<String>,
-    /// How factors are looked up: nearest or linear.
-    #[arg(long, value_name = "WAY")]
+    /// Look-up of factors: nearest or linear.
+    #[arg(long, value_name = "NAME")]
     lookup: Option<String>,
     /// Optimiser steps.
     #[arg(long, value_name = "N")]
@@ -58,29 +57,29 @@ pub(super) struct TrainArgs {
     /// Samples per pixel that the tables are learned for.
     #[arg(long, value_name = "N")]
     spp: Option<u32>,
-    /// Seed of the recording: the same seed gives the same tables to the bit.
+    /// Seed of the recording; the same seed gives bit-identical tables.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// Leave this family of scenes out of the training and score the tables on it.
     #[arg(long, value_name = "FAMILY")]
     hold_out: Option<String>,
 
-    /// Folder of the run: resolved settings, log, checkpoints, tables and report.
+    /// Folder of the run, for resolved settings, log, checkpoints, tables and report.
     #[arg(long, value_name = "DIR", default_value = "out/train")]
     run: PathBuf,
-    /// Folder that the finished tables go to.
+    /// Folder of the finished tables.
     #[arg(long, value_name = "DIR", default_value = "params")]
     out: PathBuf,
-    /// Go on from the checkpoints of the run's folder.
+    /// Continue from the checkpoints in the run's folder.
     #[arg(long)]
     resume: bool,
-    /// Afterwards hold every family of scenes out once, and report how tables do on scenes unlike those learned from.
+    /// Then hold every family of scenes out once, and report the scores of tables on scenes unlike the training scenes.
     #[arg(long)]
     study: bool,
-    /// Threads; without it as many as there are cores. The tables do not depend on it.
+    /// Number of threads; all cores by default. The tables do not depend on it.
     #[arg(long, value_name = "N")]
     threads: Option<u16>,
-    /// How progress is shown.
+    /// Display of progress.
     #[arg(long, value_enum, default_value_t)]
     progress: Style,
 }
@@ -90,13 +89,13 @@ Examples:
   opsr train --beta 0.001,0.05             ten thousand steps each from one recording: the tables in params/
   opsr train --preset fast --beta 0.001    150 large steps: minutes, and nearly as good
   opsr train --preset published            from 0.5, as published
-  opsr train --preset fast --study         how tables do on families of scenes that they were not learned from
+  opsr train --preset fast --study         scores of tables on families of scenes that they were not learned from
   opsr train --preset smoke                one scene, a minute or two; params/smoke-beta-0.001.json
   opsr train --optimiser log --set steps=500 --set 'scenes=[\"rings\", \"basins\"]'
-  opsr train --beta 0.001 --resume         go on after Ctrl-C
+  opsr train --beta 0.001 --resume         continue after Ctrl-C
 
-Written to the run's folder: config.toml, and for every beta metrics.jsonl, last.ckpt, table.json, best.json (lowest
-validation loss); report.html and report.json.";
+The run's folder gets config.toml, report.html and report.json, and for every beta metrics.jsonl, last.ckpt, table.json
+and best.json (lowest validation loss).";
 
 /// Settings to start from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -113,7 +112,7 @@ enum Preset {
 }
 
 impl TrainArgs {
-    /// The settings, later ones over earlier ones: preset, file, options, --set.
+    /// Resolves the settings; later ones override earlier ones: preset, file, options, --set.
     fn resolve(&self) -> anyhow::Result<Config> {
         let mut config = Config::default();
         let preset: &[&str] = match self.preset {
@@ -153,7 +152,7 @@ impl TrainArgs {
         Ok(config)
     }
 
-    /// Name of a table's file without its ending.
+    /// File name of a table without its extension.
     fn stem(&self, config: &Config, beta: f32) -> String {
         let preset = match self.preset {
             Preset::Full | Preset::Published | Preset::Fast => "",
@@ -171,10 +170,10 @@ impl TrainArgs {
     }
 }
 
-/// On the training scenes ten thousand steps from 0.5 end in a far worse minimum than a single best factor.
+/// From 0.5 ten thousand steps on the training scenes end in a far worse minimum than the best constant.
 const FULL: &str = "start = 0.0";
 
-/// Few steps that are large.
+/// Few large steps.
 const FAST: &str = r#"
 steps = 150
 optimiser = "log"
@@ -183,7 +182,7 @@ validate_every = 25
 checkpoint_every = 50
 "#;
 
-/// Little to learn from, over [`FAST`].
+/// One scene and few samples, on top of [`FAST`].
 const SMOKE: &str = r#"
 scenes = ["cornell_caustics"]
 spp = 256
@@ -199,17 +198,16 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     }
     save(&args.run.join("config.toml"), &config.to_toml()?)?;
 
-    let progress = Shown::new(args.progress, config.steps);
+    let progress = ProgressDisplay::new(args.progress, config.steps);
     let mut session = Session::open(config.clone(), &|crop| {
         progress.say(&format!("recording {crop}"))
     })
     .map_err(blame)?;
     progress.say(&format!(
-        "recorded in {:.1} s, {:.0} MB, {} of {} live classes seen",
+        "recorded in {:.1} s, {:.0} MB, {} of {LIVE} live classes visited",
         session.seconds,
         session.training.bytes() as f64 / 1e6,
-        session.training.visits().coverage(),
-        opsr::train::record::visits::LIVE
+        session.training.visits().live_with(1)
     ));
     let mut report = Report::new(&session);
     for &beta in &config.beta {
@@ -223,16 +221,14 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     if args.study {
         for (&beta, learned) in config.beta.iter().zip(&mut report.tables) {
             learned.held_out = study::leave_one_out(&mut session, beta, &mut |family| {
-                progress.say(&format!("beta {beta}: holding out {family}"));
-                if stop.asked() {
-                    ControlFlow::Break(())
-                } else {
-                    ControlFlow::Continue(())
-                }
+                progress.say(&format!("beta {beta}: learning without {family}"));
+                stop.flow()
             })
             .map_err(blame)?;
             if !session.validation.is_empty() && !stop.asked() {
-                progress.say(&format!("beta {beta}: a pilot for every validation crop"));
+                progress.say(&format!(
+                    "beta {beta}: running a pilot for every validation crop"
+                ));
                 let scores = study::piloted(
                     &mut session.validation,
                     beta,
@@ -260,38 +256,34 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     })
 }
 
-/// Learns one table; `None` if the user ended it.
+/// Learns one table; `None` if the user stopped it.
 fn learn(
     args: &TrainArgs,
     session: &mut Session,
     beta: f32,
     folder: &Path,
-    progress: &Shown,
+    progress: &ProgressDisplay,
     stop: &Stop,
-) -> anyhow::Result<Option<Learned>> {
+) -> anyhow::Result<Option<LearnedTable>> {
     let config = session.config.clone();
     let names: Vec<String> = session.training.crops().map(|c| c.name.clone()).collect();
-    let mut log = Log::open(&folder.join("metrics.jsonl"), args.resume)?;
+    let mut log = MetricsLog::open(&folder.join("metrics.jsonl"), args.resume)?;
     let resume = args.resume && folder.join("last.ckpt").exists();
     let clock = Instant::now();
-    let mut broken = None;
+    let mut log_error = None;
     let outcome = session
         .learn(beta, Some(folder), resume, &mut |step, loss, entry| {
             if let Some(entry) = entry
                 && let Err(error) = log.add(entry)
             {
-                broken = Some(error);
+                log_error = Some(error);
                 return ControlFlow::Break(());
             }
             progress.show(step, beta, loss, entry, &names, &clock);
-            if stop.asked() {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
+            stop.flow()
         })
         .map_err(blame)?;
-    if let Some(error) = broken {
+    if let Some(error) = log_error {
         return Err(error);
     }
     let seconds = clock.elapsed().as_secs_f64();
@@ -306,13 +298,13 @@ fn learn(
     }
     if outcome.skipped > 0 {
         progress.say(&format!(
-            "{} steps left out: their loss or gradient was not finite",
+            "skipped {} steps whose loss or gradient was not finite",
             outcome.skipped
         ));
     }
     if outcome.stopped {
         progress.say(&format!(
-            "stopped after {} of {} steps; --resume goes on",
+            "stopped after {} of {} steps; continue with --resume",
             outcome.steps, config.steps
         ));
         return Ok(None);
@@ -324,20 +316,20 @@ fn learn(
         path.display(),
         outcome.steps
     ));
-    Ok(Some(judge(session, beta, outcome, log.entries(), seconds)))
+    Ok(Some(score(session, beta, outcome, log.entries(), seconds)))
 }
 
-/// What the report says about a table.
-fn judge(
+/// Scores a table for the report.
+fn score(
     session: &mut Session,
     beta: f32,
     outcome: Outcome,
     log: Vec<serde_json::Value>,
     seconds: f64,
-) -> Learned {
+) -> LearnedTable {
     let lookup = session.config.lookup;
     let constant = match session.config.start > 0.0 {
-        true => study::best_constant(&mut session.training, beta, lookup),
+        true => session.training.best_constant(beta, lookup),
         false => outcome.start,
     };
     let mut tables = vec![("learned table", &outcome.table)];
@@ -355,11 +347,11 @@ fn judge(
     let validation = if session.validation.is_empty() {
         Vec::new()
     } else {
-        let own = study::best_constant(&mut session.validation, beta, lookup);
+        let own = session.validation.best_constant(beta, lookup);
         study::scores(&mut session.validation, beta, own, constant, &tables, true)
     };
-    let start = session.constant(outcome.start);
-    Learned {
+    let start = session.config.constant(outcome.start);
+    LearnedTable {
         beta,
         steps: outcome.steps,
         seconds,
@@ -367,16 +359,16 @@ fn judge(
         training,
         validation,
         held_out: Vec::new(),
-        crops: Crops::of(&mut session.training, &start, &outcome.table),
-        validation_crops: Crops::of(&mut session.validation, &start, &outcome.table),
+        crops: CropScores::new(&mut session.training, &start, &outcome.table),
+        validation_crops: CropScores::new(&mut session.validation, &start, &outcome.table),
         table: outcome.table,
     }
 }
 
-/// Exit codes of a training's errors.
+/// Attaches the exit code of a training's error.
 fn blame(error: TrainError) -> anyhow::Error {
     let code = match &error {
-        TrainError::Checkpoint(CheckpointError::File(e)) if e.is_write() => Exit::Output,
+        TrainError::Checkpoint(e) if e.is_write() => Exit::Output,
         TrainError::State(_) | TrainError::NotFinite { .. } => Exit::Failed,
         _ => Exit::Input,
     };

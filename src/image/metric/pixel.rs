@@ -114,6 +114,13 @@ pub fn energy_ratio(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricE
     Ok(Metric::new("energy ratio", "mean I / mean f", &[], value))
 }
 
+/// All errors of this module, in the order of reports.
+pub fn all(test: &Buffer, reference: &Buffer) -> Result<Vec<Metric>, MetricError> {
+    type Measure = fn(&Buffer, &Buffer) -> Result<Metric, MetricError>;
+    const ALL: [Measure; 7] = [mse, rmse, relmse, relmse_trimmed, mape, smape, energy_ratio];
+    ALL.iter().map(|measure| measure(test, reference)).collect()
+}
+
 /// The pixel with the largest relative squared error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Worst {

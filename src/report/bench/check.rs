@@ -11,38 +11,38 @@ const MAX_SEEDS: u32 = 1000;
 /// The most stops of exposure: beyond, single precision is at its end.
 const MAX_STOPS: f32 = 64.0;
 
-/// The first thing that is wrong with a suite.
+/// The message unless the condition holds.
+fn ensure(holds: bool, message: impl Into<String>) -> Result<(), String> {
+    if holds { Ok(()) } else { Err(message.into()) }
+}
+
+/// The first fault of a suite.
 pub(super) fn suite(suite: &Suite) -> Result<(), String> {
     unique("scene", suite.scenes.iter().map(|s| s.name.as_str()))?;
     unique("method", suite.methods.iter().map(|m| m.name.as_str()))?;
-    if !(1..=MAX_SEEDS).contains(&suite.seeds) {
-        return Err(format!("seeds: from 1 to {MAX_SEEDS}"));
-    }
-    if suite.times.is_empty() && suite.samples.is_empty() {
-        return Err("times or samples: at least one time point".to_owned());
-    }
-    let ascending = |v: &[f64]| v.windows(2).all(|w| w[0] < w[1]);
+    let seeds = (1..=MAX_SEEDS).contains(&suite.seeds);
+    ensure(seeds, format!("seeds: from 1 to {MAX_SEEDS}"))?;
+    let any = !suite.times.is_empty() || !suite.samples.is_empty();
+    ensure(any, "times or samples: at least one time point")?;
     let samples: Vec<f64> = suite.samples.iter().map(|&n| f64::from(n)).collect();
-    let positive = |v: &[f64]| v.iter().all(|x| *x > 0.0 && x.is_finite());
     for (what, values) in [("times", &suite.times), ("samples", &samples)] {
-        if !ascending(values) || !positive(values) {
-            return Err(format!("{what}: expected ascending numbers above 0"));
-        }
+        let ascending = values.windows(2).all(|w| w[0] < w[1]);
+        let positive = values.iter().all(|x| *x > 0.0 && x.is_finite());
+        let message = format!("{what}: expected ascending numbers above 0");
+        ensure(ascending && positive, message)?;
     }
-    let named = |name: &str| suite.methods.iter().any(|m| m.name == name);
-    if let Some(name) = &suite.baseline
-        && !named(name)
-    {
-        return Err(format!("baseline: there is no method `{name}`"));
+    let named = |name: &str| {
+        let there = suite.methods.iter().any(|m| m.name == name);
+        ensure(there, format!("there is no method `{name}`"))
+    };
+    if let Some(name) = &suite.baseline {
+        named(name).map_err(|e| format!("baseline: {e}"))?;
     }
     for scene in &suite.scenes {
-        self::scene(scene).map_err(|e| format!("scene `{}`: {e}", scene.name))?;
-        if let Some(name) = scene.methods.iter().flatten().find(|n| !named(n)) {
-            return Err(format!(
-                "scene `{}`: there is no method `{name}`",
-                scene.name
-            ));
-        }
+        let mut methods = scene.methods.iter().flatten();
+        self::scene(scene)
+            .and_then(|()| methods.try_for_each(|name| named(name)))
+            .map_err(|e| format!("scene `{}`: {e}", scene.name))?;
     }
     for method in &suite.methods {
         self::method(method).map_err(|e| format!("method `{}`: {e}", method.name))?;
@@ -53,90 +53,78 @@ pub(super) fn suite(suite: &Suite) -> Result<(), String> {
 fn unique<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(), String> {
     let mut seen = BTreeSet::new();
     for name in names {
-        if name.is_empty() {
-            return Err(format!("a {what} without a name"));
-        }
-        if !seen.insert(name) {
-            return Err(format!("two {what}s are called `{name}`"));
-        }
+        ensure(!name.is_empty(), format!("a {what} without a name"))?;
+        ensure(
+            seen.insert(name),
+            format!("two {what}s are called `{name}`"),
+        )?;
     }
-    if seen.is_empty() {
-        return Err(format!("no {what}"));
-    }
-    Ok(())
+    ensure(!seen.is_empty(), format!("no {what}"))
 }
 
-/// The first thing that is wrong with a scene.
+/// The first fault of a scene.
 fn scene(scene: &SceneSpec) -> Result<(), String> {
-    let either = |a: bool, b: bool, what: &str| match (a, b) {
-        (true, false) | (false, true) => Ok(()),
-        _ => Err(format!("expected either {what}")),
-    };
-    either(
-        scene.file.is_some(),
-        scene.builtin.is_some(),
-        "`file` or `builtin`",
+    ensure(
+        scene.file.is_some() != scene.builtin.is_some(),
+        "expected either `file` or `builtin`",
     )?;
-    either(
-        scene.reference.is_some(),
-        scene.reference_spp.is_some(),
-        "`reference` or `reference_spp`",
+    ensure(
+        scene.reference.is_some() != scene.reference_spp.is_some(),
+        "expected either `reference` or `reference_spp`",
     )?;
-    if scene.size.iter().any(|n| !(1..=65536).contains(n)) {
-        return Err("size: from 1 to 65536 each".to_owned());
-    }
-    if !scene.window().inside(&Window::full(scene.frame())) {
-        return Err("crop: empty or not inside the frame".to_owned());
-    }
-    if !scene.inset_window().inside(&scene.window()) {
-        return Err("inset: empty or not inside the rendered part".to_owned());
-    }
-    let scales = [scene.light_scale, scene.roughness_scale];
-    if !scales.iter().flatten().all(|s| *s > 0.0 && s.is_finite()) {
-        return Err("light_scale and roughness_scale: expected numbers above 0".to_owned());
-    }
-    if !(-MAX_STOPS..=MAX_STOPS).contains(&scene.exposure) {
-        return Err(format!("exposure: from -{MAX_STOPS} to {MAX_STOPS} stops"));
-    }
-    if scene.max_depth == 0 || scene.reference_spp == Some(0) {
-        return Err("max_depth and reference_spp: at least 1".to_owned());
-    }
-    Ok(())
+    let size = scene.size.iter().all(|n| (1..=65536).contains(n));
+    ensure(size, "size: from 1 to 65536 each")?;
+    let crop = scene.window().inside(&Window::full(scene.frame()));
+    ensure(crop, "crop: empty or not inside the frame")?;
+    let inset = scene.inset_window().inside(&scene.window());
+    ensure(inset, "inset: empty or not inside the rendered part")?;
+    let mut scales = [scene.light_scale, scene.roughness_scale].into_iter();
+    ensure(
+        scales.all(|s| s.is_none_or(|s| s > 0.0 && s.is_finite())),
+        "light_scale and roughness_scale: expected numbers above 0",
+    )?;
+    ensure(
+        (-MAX_STOPS..=MAX_STOPS).contains(&scene.exposure),
+        format!("exposure: from -{MAX_STOPS} to {MAX_STOPS} stops"),
+    )?;
+    ensure(
+        scene.max_depth > 0 && scene.reference_spp != Some(0),
+        "max_depth and reference_spp: at least 1",
+    )
 }
 
-/// The first thing that is wrong with a method.
+/// The first fault of a method.
 fn method(method: &MethodSpec) -> Result<(), String> {
     let lambda = method.lambda.unwrap_or(0.0);
-    let unit = |x: f32| (0.0..=1.0).contains(&x);
-    let only = |given: bool, kind: Kind, what: &str| match given && method.method != kind {
-        true => Err(format!("`{what}` does not belong to this method")),
-        false => Ok(()),
-    };
-    only(method.gamma.is_some(), Kind::Constant, "gamma")?;
-    only(method.filter.is_some(), Kind::FilterGlossy, "filter")?;
-    only(method.table.is_some(), Kind::Table, "table")?;
-    only(method.table_scale.is_some(), Kind::Table, "table_scale")?;
-    only(method.lookup.is_some(), Kind::Table, "lookup")?;
-    if (method.reuse || lambda != 0.0) && !matches!(method.method, Kind::Constant | Kind::Table) {
-        return Err("`reuse` and `lambda` belong to `constant` and `table`".to_owned());
+    for (given, kind, what) in [
+        (method.gamma.is_some(), Kind::Constant, "gamma"),
+        (method.filter.is_some(), Kind::FilterGlossy, "filter"),
+        (method.table.is_some(), Kind::Table, "table"),
+        (method.table_scale.is_some(), Kind::Table, "table_scale"),
+        (method.lookup.is_some(), Kind::Table, "lookup"),
+    ] {
+        let belongs = !given || method.method == kind;
+        ensure(belongs, format!("`{what}` does not belong to this method"))?;
     }
-    match method.method {
-        Kind::Constant if !method.gamma.is_some_and(unit) => {
-            Err("gamma: expected from 0 to 1".to_owned())
-        }
-        Kind::Table if method.table.is_none() => Err("table: expected a file".to_owned()),
-        _ if !(0.0..0.5).contains(&lambda) => {
-            Err("lambda: expected from 0 to below 0.5".to_owned())
-        }
-        _ if method
-            .table_scale
-            .is_some_and(|s| !(s >= 0.0 && s.is_finite())) =>
-        {
-            Err("table_scale: expected 0 or more".to_owned())
-        }
-        _ if method.filter.is_some_and(|f| !(f > 0.0 && f.is_finite())) => {
-            Err("filter: expected a number above 0".to_owned())
-        }
-        _ => Ok(()),
-    }
+    let accumulated = matches!(method.method, Kind::Constant | Kind::Table);
+    ensure(
+        accumulated || !(method.reuse || lambda != 0.0),
+        "`reuse` and `lambda` belong to `constant` and `table`",
+    )?;
+    ensure(
+        method.method != Kind::Constant || method.gamma.is_some_and(|g| (0.0..=1.0).contains(&g)),
+        "gamma: expected from 0 to 1",
+    )?;
+    ensure(
+        method.method != Kind::Table || method.table.is_some(),
+        "table: expected a file",
+    )?;
+    ensure(
+        (0.0..0.5).contains(&lambda),
+        "lambda: expected from 0 to below 0.5",
+    )?;
+    let scale = method.table_scale.is_none_or(|s| s >= 0.0 && s.is_finite());
+    ensure(scale, "table_scale: expected 0 or more")?;
+    let filter = method.filter.is_none_or(|f| f > 0.0 && f.is_finite());
+    ensure(filter, "filter: expected a number above 0")
 }

@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn a_late_record_is_corrected_along_the_curve() {
+    fn curve_interpolation_corrects_a_late_record() {
         let c = run(&[(0.1, 10.0), (1.25, 0.8), (2.5, 0.4)]);
         let at = |t| at_seconds(&c, "relMSE", t, &|p| Clock::Wall.seconds(p, 2));
         for t in [0.1, 1.0, 1.25, 2.0, 2.5] {
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn crossings() {
+    fn curve_crossings() {
         let times = [1.0, 2.0, 4.0, 8.0];
         let baseline = times.map(|t| 1.0 / t);
         let biased = |floor: f64| times.map(|t| 0.2 / t + floor);

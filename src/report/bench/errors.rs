@@ -11,16 +11,9 @@ pub fn errors(
     reference: &Buffer,
     exposure: f32,
 ) -> Result<BTreeMap<String, f64>, MetricError> {
-    let metrics = [
-        metric::mse(picture, reference)?,
-        metric::relmse(picture, reference)?,
-        metric::relmse_trimmed(picture, reference)?,
-        metric::mape(picture, reference)?,
-        metric::smape(picture, reference)?,
-        metric::energy_ratio(picture, reference)?,
-    ];
-    let mut errors: BTreeMap<String, f64> = metrics
-        .iter()
+    let mut errors: BTreeMap<String, f64> = (metric::pixel::all(picture, reference)?.iter())
+        // The root of MSE says nothing new.
+        .filter(|m| m.name != "RMSE")
         .map(|m| (m.name.to_owned(), m.value))
         .collect();
     let scale = exposure.exp2();

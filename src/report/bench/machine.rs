@@ -77,7 +77,7 @@ mod tests {
     /// The scheduler's own figures in `/proc` are zero on kernels that do not keep them; this clock always runs. No
     /// length of time is asked for: the loop ends when the clock has moved.
     #[test]
-    fn work_moves_both_clocks() {
+    fn stopwatch_measures_wall_and_cpu_time() {
         let watch = Stopwatch::start();
         let mut x = 1.0f64;
         let (wall, cpu) = loop {

@@ -250,7 +250,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pictures_survive_as_text() {
+    fn inset_round_trip() {
         let picture = Buffer::from_fn(5, 3, |x, y| {
             Rgb::new(1e-6, 0.3, 7.0) * (10f32).powi(x as i32 * 2 - 3) * (1.0 + y as f32)
         });

@@ -102,7 +102,7 @@ struct Bench<'a> {
     listener: Listener<'a>,
 }
 
-/// A method made ready.
+/// A method with its table.
 struct ReadyMethod<'a> {
     spec: &'a MethodSpec,
     method: Method,
@@ -110,17 +110,17 @@ struct ReadyMethod<'a> {
 
 /// A run and its picture.
 struct Measured {
-    cell: Run,
+    run: Run,
     picture: Buffer,
 }
 
 impl Measured {
-    fn new(mut cell: Run, film: &Film) -> Self {
-        cell.rejected = film.rejected.total();
-        cell.paths = film.pixels.iter().map(|p| u64::from(p.n)).sum::<u64>() + cell.rejected;
-        cell.memory = machine::memory();
+    fn new(mut run: Run, film: &Film) -> Self {
+        run.rejected = film.rejected.total();
+        run.paths = film.pixels.iter().map(|p| u64::from(p.n)).sum::<u64>() + run.rejected;
+        run.memory = machine::memory();
         let picture = film.mean();
-        Self { cell, picture }
+        Self { run, picture }
     }
 }
 
@@ -170,7 +170,7 @@ impl Bench<'_> {
         methods: &[&ReadyMethod<'_>],
     ) -> Result<Outcome, BenchError> {
         let base = self.base_key(spec, scene);
-        self.show_reference(spec, scene, &base);
+        self.show(inset(spec, None, &base, &scene.reference));
         for (round, seed) in self.suite.seeds().enumerate() {
             for turn in 0..methods.len() {
                 let method = methods[(turn + round) % methods.len()];
@@ -269,7 +269,7 @@ impl Bench<'_> {
             }
         }
         let census = Census::take(settings, &view, 0..CENSUS, &scene.blank);
-        let cell = Run {
+        let run = Run {
             regularised: census.share(),
             scene: spec.name.clone(),
             method: name.to_owned(),
@@ -278,17 +278,17 @@ impl Bench<'_> {
             points,
             ..Run::default()
         };
-        Ok(Some(Measured::new(cell, &picture.film)))
+        Ok(Some(Measured::new(run, &picture.film)))
     }
 
     /// Takes a run into the results and writes them.
     fn keep(&mut self, spec: &SceneSpec, measured: Measured, show: bool) -> Result<(), BenchError> {
-        let Measured { cell, picture } = measured;
+        let Measured { run, picture } = measured;
         files::create_folder(&self.folder)?;
-        exr::write_rgb(&self.picture(&cell.key), &picture, &exr::Metadata::new())?;
-        if show && let Some(end) = cell.points.last() {
+        exr::write_rgb(&self.picture(&run.key), &picture, &exr::Metadata::new())?;
+        if show && let Some(end) = run.points.last() {
             let seconds = self.suite.clock.seconds(end, self.results.machine.threads);
-            let inset = inset(spec, Some(&cell.method), &cell.key, &picture);
+            let inset = inset(spec, Some(&run.method), &run.key, &picture);
             let samples = end.samples;
             self.show(Inset {
                 samples,
@@ -298,17 +298,13 @@ impl Bench<'_> {
         }
         self.results
             .cells
-            .retain(|c| (&c.scene, &c.method, c.seed) != (&cell.scene, &cell.method, cell.seed));
-        self.results.cells.push(cell);
+            .retain(|c| (&c.scene, &c.method, c.seed) != (&run.scene, &run.method, run.seed));
+        self.results.cells.push(run);
         Ok(self.results.save(self.path)?)
     }
 
     fn picture(&self, key: &str) -> PathBuf {
         self.folder.join(format!("{key}.exr"))
-    }
-
-    fn show_reference(&mut self, spec: &SceneSpec, scene: &Prepared, key: &str) {
-        self.show(inset(spec, None, key, &scene.reference));
     }
 
     fn show(&mut self, inset: Inset) {

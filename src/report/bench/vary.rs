@@ -35,7 +35,7 @@ mod tests {
     use crate::gallery::area_light_over_plane;
 
     #[test]
-    fn a_smaller_light_has_the_same_power() {
+    fn energy_conservation_of_scaled_lights() {
         let area = |parts: &SceneParts| -> f32 {
             let lit = |m: &&crate::scene::Mesh| {
                 parts.materials[m.material as usize].emission != Vec3::ZERO
@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn smooth_stays_smooth_and_diffuse_diffuse() {
+    fn roughness_scale_keeps_smooth_and_diffuse() {
         let mut parts = SceneParts::default();
         for alpha in [0.0, 0.2, 0.6, 1.0] {
             parts.add_material(crate::scene::Material {

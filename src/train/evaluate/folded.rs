@@ -1,24 +1,26 @@
-//! Events of paths of more than five vertices, whose roughness folds: each depends on the factors of several classes.
+//! Events on paths of more than five vertices, whose roughness values fold (`docs/method.md` section 2): each depends on
+//! the factors of several classes.
 //!
 //! They are evaluated exactly, with derivatives, at one table, the anchor, and followed by the tangent from there until
 //! the factors have moved too far.
 
 use crate::math::real::{Dual, Real};
 use crate::regularise::{AttenuationTable, GammaIndex, LEN};
-use crate::train::evaluate::moments::Moments;
-use crate::train::evaluate::sums::{Row, Slopes};
-use crate::train::record::event::{Moment, StoredEvent};
-use crate::train::record::lists::{Codes, Gathered};
+use crate::train::evaluate::Moments;
+use crate::train::evaluate::jacobian::{Jacobian, PixelMoments};
+use crate::train::record::event::StoredEvent;
+use crate::train::record::lists::{PrefetchBuffer, RoughnessLists};
 use crate::train::record::recording::Recording;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// A slope that is smaller than this times the mean of its class is left out. On the crops with the most folded paths,
-/// 12 to 35 % of all slopes are below a hundredth of it, with 0.04 % of their sum, and 35 to 53 % below a tenth, with 0.9 %.
+/// Share of the mean derivative of its class below which a derivative is dropped. On the crops with the most folded
+/// paths 12 to 35 % of all derivatives are below a hundredth of the mean, with 0.04 % of their sum, and 35 to 53 % below a
+/// tenth, with 0.9 %.
 const FAINT: f64 = 0.03;
 
-/// An event, what else its path carries, and the share of a sample in its pixel's mean.
-struct Member {
+/// An event and the part of its path that does not depend on the table.
+struct FoldedEvent {
     constant: [f32; 3],
     event: StoredEvent,
 }
@@ -26,126 +28,126 @@ struct Member {
 /// The folded events of a crop.
 #[derive(Default)]
 pub(in crate::train) struct Folded {
-    /// Those of the events, all of them long.
-    codes: Codes,
-    /// By pixel; the number of samples beside them.
-    pixels: Vec<(f64, Vec<Member>)>,
-    /// The table of the tangent.
-    at: Option<AttenuationTable>,
-    value: Vec<Row>,
-    /// The tangent, class by class, and where each class ends.
-    tangents: Slopes,
+    /// Lists of the events, all of them long.
+    lists: RoughnessLists,
+    /// Number of samples and events, by pixel.
+    pixels: Vec<(f64, Vec<FoldedEvent>)>,
+    /// Table of the tangent.
+    anchor: Option<AttenuationTable>,
+    /// Moments at the anchor.
+    value: Vec<PixelMoments>,
+    /// Derivatives at the anchor, class by class, and the end of each class.
+    jacobian: Jacobian,
     ends: Vec<usize>,
     /// Σ |d mean / d ln γ| of every class at the anchor.
     weights: Vec<f64>,
 }
 
-/// Moments of one pixel's folded events, and their derivatives by the classes that they depend on, in their order.
-type Evaluated = ([f64; 4], Vec<(u16, Row)>);
+/// Moments of one pixel's folded events, and their derivatives by class in ascending order.
+type FoldedPixel = ([f64; 4], Vec<(u16, PixelMoments)>);
 
-/// Derivatives of one pixel by class while they are added up.
+/// Derivatives of one pixel by class while they are summed.
 struct Scratch {
-    slopes: Vec<Row>,
-    /// Which of them are not zero, a bit each.
+    derivatives: Vec<PixelMoments>,
+    /// Classes with a derivative, a bit each.
     seen: [u64; LEN.div_ceil(64)],
-    /// α′ and dependences of the events of the pixel.
-    gathered: Gathered,
+    buffer: PrefetchBuffer,
 }
 
 impl Default for Scratch {
     fn default() -> Self {
         Self {
-            slopes: vec![Row::default(); LEN],
+            derivatives: vec![PixelMoments::default(); LEN],
             seen: [0; _],
-            gathered: Gathered::default(),
+            buffer: PrefetchBuffer::default(),
         }
     }
 }
 
 impl Scratch {
     #[inline]
-    fn add(&mut self, class: GammaIndex, slope: Row, factor: f32) {
+    fn add(&mut self, class: GammaIndex, derivative: PixelMoments, factor: f32) {
         let index = class.index();
         self.seen[index / 64] |= 1 << (index % 64);
-        for (sum, s) in self.slopes[index].iter_mut().zip(slope) {
-            *sum += s * factor;
+        for (sum, d) in self.derivatives[index].iter_mut().zip(derivative) {
+            *sum += d * factor;
         }
     }
 
-    /// Hands the sums times `scale` out, and is empty again.
-    fn take(&mut self, scale: f32) -> Vec<(u16, Row)> {
+    /// Takes the sums, times `scale`, out.
+    fn take(&mut self, scale: f32) -> Vec<(u16, PixelMoments)> {
         let count = self.seen.iter().map(|word| word.count_ones()).sum::<u32>();
         let mut entries = Vec::with_capacity(count as usize);
         for (word, start) in self.seen.iter_mut().zip((0..).step_by(64)) {
             while *word != 0 {
                 let index = start + word.trailing_zeros() as usize;
                 *word &= *word - 1;
-                let sum = std::mem::take(&mut self.slopes[index]);
-                entries.push((index as u16, sum.map(|s| s * scale)));
+                let sum = std::mem::take(&mut self.derivatives[index]);
+                entries.push((index as u16, sum.map(|d| d * scale)));
             }
         }
         entries
     }
 }
 
-/// What a slope does to the mean.
-fn size(slope: Row) -> f64 {
-    f64::from(slope[0].abs() + slope[1].abs() + slope[2].abs())
+/// Size of a derivative of the mean.
+fn size(derivative: PixelMoments) -> f64 {
+    f64::from(derivative[0].abs() + derivative[1].abs() + derivative[2].abs())
 }
 
-/// The size below which the slopes of each class are left out: together they are less than a hundredth of the class.
-fn floors(evaluated: &[Evaluated]) -> Vec<f64> {
+/// Size below which the derivatives of each class are dropped.
+fn thresholds(evaluated: &[FoldedPixel]) -> Vec<f64> {
     let mut sums = vec![(0.0, 0u32); LEN];
-    for (class, slope) in evaluated.iter().flat_map(|(_, slopes)| slopes) {
+    for (class, derivative) in evaluated.iter().flat_map(|(_, derivatives)| derivatives) {
         let (sum, count) = &mut sums[usize::from(*class)];
-        *sum += size(*slope);
+        *sum += size(*derivative);
         *count += 1;
     }
-    let floor = |(sum, count): &(f64, u32)| FAINT * sum / f64::from((*count).max(1));
-    sums.iter().map(floor).collect()
+    let threshold = |(sum, count): &(f64, u32)| FAINT * sum / f64::from((*count).max(1));
+    sums.iter().map(threshold).collect()
 }
 
 impl Folded {
+    /// The events of a recording whose paths fold.
     pub(in crate::train) fn new(recording: &Recording) -> Self {
-        let (codes, all) = recording.codes.long();
-        let mut place = vec![None; recording.codes.len()];
+        let (lists, all) = recording.lists.long();
+        let mut place = vec![None; recording.lists.len()];
         for (code, of_all) in (0u32..).zip(all) {
             place[of_all as usize] = Some(code);
         }
         let pixels = (recording.pixels.iter())
             .map(|pixel| {
-                let mut members = Vec::new();
+                let mut folded = Vec::new();
                 for path in &pixel.paths {
-                    let events = &recording.events[path.first as usize..][..path.count as usize];
-                    for &(mut event) in events {
+                    for &(mut event) in recording.events_of(path) {
                         if let Some(code) = place[event.code as usize] {
                             event.code = code;
                             let constant = path.constant;
-                            members.push(Member { constant, event });
+                            folded.push(FoldedEvent { constant, event });
                         }
                     }
                 }
-                (f64::from(pixel.samples.max(1)), members)
+                (f64::from(pixel.samples.max(1)), folded)
             })
             .collect();
         Self {
-            codes,
+            lists,
             pixels,
             ..Self::default()
         }
     }
 
     pub(in crate::train) fn bytes(&self) -> usize {
-        let members: usize = self.pixels.iter().map(|p| p.1.len()).sum();
-        members * size_of::<Member>() + self.tangents.len() * size_of::<(u32, [u16; 4])>()
+        let events: usize = self.pixels.iter().map(|p| p.1.len()).sum();
+        events * size_of::<FoldedEvent>() + self.jacobian.len() * size_of::<(u32, [u16; 4])>()
     }
 
-    /// Number of tangents.
+    /// Number of derivatives.
     pub(in crate::train) fn work(&self) -> usize {
-        self.tangents.len()
+        self.jacobian.len()
     }
 
-    /// See [`Source::add_weights`](crate::train::evaluate::moments::Source::add_weights).
+    /// See [`MomentSource::add_weights`](crate::train::evaluate::MomentSource::add_weights).
     pub(in crate::train) fn add_weights(&self, weights: &mut [f64]) {
         for (sum, weight) in weights.iter_mut().zip(&self.weights) {
             *sum += weight;
@@ -161,15 +163,17 @@ impl Folded {
         if self.is_empty() {
             return;
         }
-        let roughness = self.codes.roughness(table);
-        let evaluated: Vec<Evaluated> = (self.pixels.par_iter())
-            .map_init(Scratch::default, |scratch, (samples, members)| {
+        let alphas = self.lists.alphas_with_gradient(table);
+        let evaluated: Vec<FoldedPixel> = (self.pixels.par_iter())
+            .map_init(Scratch::default, |scratch, (samples, events)| {
                 let mut sum = [0.0; 4];
-                let mut gathered = std::mem::take(&mut scratch.gathered);
-                roughness.gather(members.iter().map(|m| m.event.code), &mut gathered);
-                let found = roughness.gathered(&gathered);
-                for (Member { constant, event }, (alpha, gradient)) in members.iter().zip(found) {
-                    let Moment { x, mut y } = event.tangent(Dual::variable(alpha));
+                let mut buffer = std::mem::take(&mut scratch.buffer);
+                alphas.prefetch(events.iter().map(|e| e.event.code), &mut buffer);
+                let found = alphas.prefetched(&buffer);
+                for (FoldedEvent { constant, event }, (alpha, gradient)) in events.iter().zip(found)
+                {
+                    let moment = event.tangent(Dual::variable(alpha));
+                    let (x, mut y) = (moment.mean, moment.square);
                     for (c, x) in constant.iter().zip(x) {
                         y = y + Dual::constant(2.0 * c) * x;
                     }
@@ -181,59 +185,63 @@ impl Folded {
                         scratch.add(class, parts.map(|p| p.d), d);
                     }
                 }
-                scratch.gathered = gathered;
+                scratch.buffer = buffer;
                 (
                     sum.map(|s| s / samples),
                     scratch.take(1.0 / *samples as f32),
                 )
             })
             .collect();
+        self.set_tangent(table, &evaluated);
+    }
+
+    /// Stores moments and derivatives, which were evaluated pixel by pixel at `table`, class by class.
+    fn set_tangent(&mut self, table: &AttenuationTable, evaluated: &[FoldedPixel]) {
         self.value.clear();
         self.weights = vec![0.0; LEN];
-        let floors = floors(&evaluated);
-        let faint = |(class, slope): &(u16, Row)| size(*slope) < floors[usize::from(*class)];
+        let thresholds = thresholds(evaluated);
+        let faint = |class: u16, derivative| size(derivative) < thresholds[usize::from(class)];
         self.ends = vec![0; LEN];
-        let slopes = evaluated.iter().flat_map(|(_, slopes)| slopes);
-        for (class, _) in slopes.filter(|s| !faint(s)) {
-            self.ends[usize::from(*class)] += 1;
+        for &(class, derivative) in evaluated.iter().flat_map(|(_, derivatives)| derivatives) {
+            self.ends[usize::from(class)] += usize::from(!faint(class, derivative));
         }
         let mut count = 0;
         for end in &mut self.ends {
-            // Where the class begins, until its pixels are in.
+            // The start of the class; it becomes the end while elements are set.
             count += std::mem::replace(end, count);
         }
-        self.tangents = Slopes::zero(count);
-        for (pixel, (sum, slopes)) in (0u32..).zip(&evaluated) {
+        self.jacobian = Jacobian::zero(count);
+        for (pixel, (sum, derivatives)) in (0u32..).zip(evaluated) {
             self.value.push(sum.map(|s| s as f32));
-            for &(class, slope) in slopes {
+            for &(class, derivative) in derivatives {
                 let index = usize::from(class);
-                self.weights[index] += size(slope) * f64::from(table.gammas[index]);
-                if !faint(&(class, slope)) {
-                    self.tangents.set(self.ends[index], pixel, slope);
+                self.weights[index] += size(derivative) * f64::from(table.gammas[index]);
+                if !faint(class, derivative) {
+                    self.jacobian.set(self.ends[index], pixel, derivative);
                     self.ends[index] += 1;
                 }
             }
         }
-        self.at = Some(table.clone());
+        self.anchor = Some(table.clone());
     }
 
-    /// Where the tangents of the classes are.
+    /// Range of each class in the Jacobian.
     fn ranges(&self) -> impl Iterator<Item = Range<usize>> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
         starts.zip(&self.ends).map(|(start, &end)| start..end)
     }
 
-    /// Adds the events to the rows of their pixels, by the tangent from the anchor to a table.
-    pub(in crate::train) fn follow(&self, table: &AttenuationTable, rows: &mut [Row]) {
-        let Some(at) = &self.at else { return };
-        for (row, value) in rows.iter_mut().zip(&self.value) {
+    /// Adds the events to their pixels, by the tangent from the anchor to a table.
+    pub(in crate::train) fn follow(&self, table: &AttenuationTable, pixels: &mut [PixelMoments]) {
+        let Some(anchor) = &self.anchor else { return };
+        for (pixel, value) in pixels.iter_mut().zip(&self.value) {
             for c in 0..4 {
-                row[c] += value[c];
+                pixel[c] += value[c];
             }
         }
-        let factors = at.gammas.iter().zip(table.gammas.iter());
+        let factors = anchor.gammas.iter().zip(table.gammas.iter());
         for (range, (&from, &to)) in self.ranges().zip(factors) {
-            self.tangents.follow(range, to - from, rows);
+            self.jacobian.follow(range, to - from, pixels);
         }
     }
 
@@ -242,18 +250,20 @@ impl Folded {
         if self.is_empty() {
             return;
         }
-        let alphas = self.codes.alphas(table);
+        let alphas = self.lists.alphas(table);
         let sums: Vec<[f64; 4]> = (self.pixels.par_iter())
-            .map_init(Vec::new, |gathered, (samples, members)| {
+            .map_init(Vec::new, |of_events, (samples, events)| {
                 let mut sum = [0.0; 4];
-                gathered.clear();
-                gathered.extend(members.iter().map(|m| alphas[m.event.code as usize]));
-                for (Member { constant, event }, &alpha) in members.iter().zip(gathered.iter()) {
+                // In a loop of its own for the same reason as `ListAlphas::prefetch`.
+                of_events.clear();
+                of_events.extend(events.iter().map(|e| alphas[e.event.code as usize]));
+                for (FoldedEvent { constant, event }, &alpha) in events.iter().zip(of_events.iter())
+                {
                     let moment = event.at(alpha);
-                    let mut second = moment.y;
+                    let mut second = moment.square;
                     for c in 0..3 {
-                        sum[c] += f64::from(moment.x[c]);
-                        second += 2.0 * constant[c] * moment.x[c];
+                        sum[c] += f64::from(moment.mean[c]);
+                        second += 2.0 * constant[c] * moment.mean[c];
                     }
                     sum[3] += f64::from(second);
                 }
@@ -269,9 +279,9 @@ impl Folded {
     }
 
     /// Adds dL/dγ.
-    pub(in crate::train) fn gradient(&self, adjoint: &[Row], gradient: &mut [f64]) {
+    pub(in crate::train) fn gradient(&self, adjoint: &[PixelMoments], gradient: &mut [f64]) {
         for (g, range) in gradient.iter_mut().zip(self.ranges()) {
-            *g += self.tangents.gradient(range, adjoint);
+            *g += self.jacobian.gradient(range, adjoint);
         }
     }
 }

@@ -1,22 +1,23 @@
-//! Fresh: paths are traced anew at every step with the table of that step. Slow, and what the other ways are checked
-//! against.
+//! Fresh: paths are traced anew at every step with the table of that step. It is slow, and the measure of the other
+//! sources.
 
 use crate::regularise::{AttenuationTable, Rule};
-use crate::train::evaluate::moments::{Adjoint, Moments, Source, no_gradient};
 use crate::train::evaluate::replay::Replay;
+use crate::train::evaluate::{Adjoint, MomentSource, Moments, no_gradient};
 use crate::train::record::crop::Crop;
 
-/// Traces a crop whenever its moments are asked for.
+/// Traces a crop at every call.
 pub struct Fresh {
     crop: Crop,
     spp: u32,
     seed: u64,
+    /// Number of calls of [`MomentSource::moments`].
     traced: u64,
     last: Option<Replay>,
 }
 
 impl Fresh {
-    /// Of a crop; every tracing has a seed of its own that follows from `seed`.
+    /// A crop with `spp` samples per pixel; the seed of every call follows from `seed`.
     pub fn new(crop: Crop, spp: u32, seed: u64) -> Self {
         Self {
             crop,
@@ -27,7 +28,7 @@ impl Fresh {
         }
     }
 
-    /// Paths that nobody has seen; `None` for a crop outside of its frame, which cannot be opened.
+    /// Paths of the call with this number; `None` for a crop outside of its frame, which cannot be opened.
     fn trace(&self, table: &AttenuationTable, number: u64) -> Option<Replay> {
         let rule = Rule::with_table(table.clone());
         // Far from the seeds next to it, which other replicates use.
@@ -37,7 +38,7 @@ impl Fresh {
     }
 }
 
-impl Source for Fresh {
+impl MomentSource for Fresh {
     fn moments(&mut self, table: &AttenuationTable) -> Moments {
         self.traced += 1;
         match self.trace(table, self.traced) {
@@ -46,7 +47,7 @@ impl Source for Fresh {
         }
     }
 
-    /// Of the same paths every time.
+    /// Always with the paths of call 0.
     fn exact(&mut self, table: &AttenuationTable) -> Moments {
         match self.trace(table, 0) {
             Some(mut replay) => replay.moments(table),
@@ -61,7 +62,7 @@ impl Source for Fresh {
         }
     }
 
-    fn skip(&mut self, steps: u64) {
-        self.traced = steps;
+    fn skip(&mut self, times: u64) {
+        self.traced = times;
     }
 }

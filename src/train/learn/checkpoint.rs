@@ -1,98 +1,53 @@
-//! A stopped training, from which it goes on to the bit.
+//! Checkpoints, from which a stopped training resumes bit-identically.
 
-use crate::files::{self, FileError, hex};
+use crate::files::{FileError, Sealed, hex};
 use crate::regularise::{AttenuationTable, LEN};
 use crate::train::config::{Config, ConfigError};
-use crate::train::learn::model::{Learner, State};
+use crate::train::learn::model::{Learner, LearnerState};
 use crate::train::record::crop::Crop;
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Larger files are not checkpoints of a training.
-const MAX_BYTES: u64 = 1 << 26;
-
-/// What a training needs to go on.
+/// State of a training after a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
-    /// What it belongs to.
+    /// Hash of all that the training depends on, see [`Checkpoint::fingerprint`].
     pub fingerprint: String,
     /// Steps taken.
     pub step: u32,
-    /// Looks at the validation scenes since the best one.
-    pub looks: u32,
-    /// Step, loss and table of the best look.
+    /// Validations since the best one.
+    pub stale: u32,
+    /// Step, loss and table of the best validation.
     pub best: Option<(u32, f32, AttenuationTable)>,
-    /// The table that paths which fold were linearised at.
+    /// Table at which paths that fold were linearised.
     pub anchor: AttenuationTable,
     /// Parameters and optimiser.
-    pub state: State,
+    pub state: LearnerState,
 }
 
-/// Why a checkpoint could not be read or written.
-#[derive(Debug, thiserror::Error)]
-pub enum CheckpointError {
-    /// The file cannot be read or written.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// Damaged, or not a checkpoint.
-    #[error("{path}: not a checkpoint of a training: {problem}")]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        problem: String,
-    },
-    /// A checkpoint of other settings or scenes.
-    #[error(
-        "{path}: belongs to a training with other settings, scenes or another version of the program"
-    )]
-    Other {
-        /// The file.
-        path: PathBuf,
-    },
-}
+const FILE: Sealed = Sealed {
+    kind: "training checkpoint",
+    version: 2,
+    most: 1 << 26,
+};
 
+/// Header of the file. Payload: the factors of the anchor, those of the best table if there is one, the parameters, the
+/// optimiser.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Document {
-    format: String,
+struct Header {
     fingerprint: String,
     step: u32,
-    looks: u32,
+    stale: u32,
     best: Option<(u32, f32)>,
-    best_table: Option<String>,
-    anchor: String,
-    parameters: String,
-    adam: String,
-    sha256: String,
-}
-
-const FORMAT: &str = "opsr training checkpoint 1";
-
-impl Document {
-    fn checksum(&self) -> String {
-        let text = format!(
-            "{} {} {} {} {:?} {:?} {} {} {}",
-            self.format,
-            self.fingerprint,
-            self.step,
-            self.looks,
-            self.best,
-            self.best_table,
-            self.anchor,
-            self.parameters,
-            self.adam
-        );
-        hex(&Sha256::digest(text.as_bytes()))
-    }
+    /// Bytes of the parameters.
+    parameters: usize,
 }
 
 impl Checkpoint {
-    /// What a training depends on, as a hash: settings, version, scenes, references. The number of steps is not part of
-    /// it: a finished training can be gone on with.
+    /// Hash of all that a training depends on: settings, version, scenes, references. The number of steps is not part of
+    /// it, so that a finished training can be continued.
     pub fn fingerprint<'a>(
         config: &Config,
         beta: f32,
@@ -119,86 +74,78 @@ impl Checkpoint {
     }
 
     /// Writes the file, whole or not at all.
-    pub fn save(&self, path: &Path) -> Result<(), CheckpointError> {
-        let mut document = Document {
-            format: FORMAT.into(),
+    pub fn save(&self, path: &Path) -> Result<(), FileError> {
+        let header = Header {
             fingerprint: self.fingerprint.clone(),
             step: self.step,
-            looks: self.looks,
+            stale: self.stale,
             best: self.best.as_ref().map(|b| (b.0, b.1)),
-            best_table: self.best.as_ref().map(|b| bits(&b.2)),
-            anchor: bits(&self.anchor),
-            parameters: STANDARD.encode(&self.state.parameters),
-            adam: STANDARD.encode(&self.state.adam),
-            sha256: String::new(),
+            parameters: self.state.parameters.len(),
         };
-        document.sha256 = document.checksum();
-        let text = serde_json::to_vec(&document).map_err(|e| damaged(path, e))?;
-        Ok(files::write_bytes(path, &text)?)
+        FILE.save(path, &header, |out| {
+            let best = self.best.iter().map(|b| &b.2);
+            for gamma in [&self.anchor]
+                .into_iter()
+                .chain(best)
+                .flat_map(|t| t.gammas.iter())
+            {
+                out.write_all(&gamma.to_le_bytes())?;
+            }
+            out.write_all(&self.state.parameters)?;
+            out.write_all(&self.state.adam)
+        })
     }
 
     /// Reads a checkpoint of the training with this fingerprint.
-    pub fn load(path: &Path, fingerprint: &str) -> Result<Self, CheckpointError> {
-        let text = files::read(path, MAX_BYTES)?;
-        let document: Document = serde_json::from_slice(&text).map_err(|e| damaged(path, e))?;
-        if document.format != FORMAT || document.sha256 != document.checksum() {
-            return Err(damaged(path, "the checksum is wrong"));
+    pub fn load(path: &Path, fingerprint: &str) -> Result<Self, FileError> {
+        let (header, payload): (Header, _) = FILE.load(path)?;
+        if header.fingerprint != fingerprint {
+            let what = "belongs to a training with other settings, scenes or another version of the program";
+            return Err(FileError::content(path, what));
         }
-        if document.fingerprint != fingerprint {
-            return Err(CheckpointError::Other { path: path.into() });
-        }
-        let bytes = |text: &str| STANDARD.decode(text).map_err(|e| damaged(path, e));
-        let table = |text: &str| {
-            table(&bytes(text)?).ok_or_else(|| damaged(path, "not the factors of a table"))
+        let mut rest = payload.as_slice();
+        let mut table =
+            || table(&mut rest).ok_or_else(|| damaged(path, "not the factors of a table"));
+        let anchor = table()?;
+        let best = match header.best {
+            Some((step, loss)) => Some((step, loss, table()?)),
+            None => None,
         };
-        let best = match (document.best, &document.best_table) {
-            (Some((step, loss)), Some(text)) => Some((step, loss, table(text)?)),
-            (None, None) => None,
-            _ => return Err(damaged(path, "half of a best table")),
-        };
+        let (parameters, adam) = (rest.split_at_checked(header.parameters))
+            .ok_or_else(|| damaged(path, "the parameters are cut short"))?;
         Ok(Self {
-            fingerprint: document.fingerprint,
-            step: document.step,
-            looks: document.looks,
+            fingerprint: header.fingerprint,
+            step: header.step,
+            stale: header.stale,
             best,
-            anchor: table(&document.anchor)?,
-            state: State {
-                parameters: bytes(&document.parameters)?,
-                adam: bytes(&document.adam)?,
+            anchor,
+            state: LearnerState {
+                parameters: parameters.into(),
+                adam: adam.into(),
             },
         })
     }
 
-    /// Sets a fresh learner to where this one stood; `path` is for messages.
-    pub fn restore(&self, learner: Learner, path: &Path) -> Result<Learner, CheckpointError> {
+    /// Sets a new learner to the state of this checkpoint; messages name `path`.
+    pub fn restore(&self, learner: Learner, path: &Path) -> Result<Learner, FileError> {
         learner
             .restore(self.state.clone())
             .map_err(|e| damaged(path, e))
     }
 }
 
-/// The factors of a table, to the bit.
-fn bits(table: &AttenuationTable) -> String {
-    let bytes: Vec<u8> = table.gammas.iter().flat_map(|g| g.to_le_bytes()).collect();
-    STANDARD.encode(bytes)
-}
-
-/// What [`bits`] wrote.
-fn table(bytes: &[u8]) -> Option<AttenuationTable> {
+/// Takes the factors of a table from the front of `bytes`; `None` if they are cut short or outside of [0, 1].
+fn table(bytes: &mut &[u8]) -> Option<AttenuationTable> {
+    let (factors, rest) = bytes.split_at_checked(4 * LEN)?;
     let mut table = AttenuationTable::constant(0.0);
-    let (chunks, []) = bytes.as_chunks::<4>() else {
-        return None;
-    };
-    for (gamma, chunk) in table.gammas.iter_mut().zip(chunks) {
-        *gamma = f32::from_le_bytes(*chunk);
+    for (gamma, four) in table.gammas.iter_mut().zip(factors.as_chunks::<4>().0) {
+        *gamma = f32::from_le_bytes(*four);
     }
+    *bytes = rest;
     let sane = table.gammas.iter().all(|g| (0.0..=1.0).contains(g));
-    (chunks.len() == LEN && sane).then_some(table)
+    sane.then_some(table)
 }
 
-fn damaged(path: &Path, problem: impl std::fmt::Display) -> CheckpointError {
-    CheckpointError::Damaged {
-        path: path.into(),
-        problem: files::briefly(problem),
-    }
+fn damaged(path: &Path, problem: impl std::fmt::Display) -> FileError {
+    FileError::content(path, format!("a damaged training checkpoint: {problem}"))
 }

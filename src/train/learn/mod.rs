@@ -1,9 +1,10 @@
-//! Learning: the loss, its gradient, Adam, and the outer loop.
+//! Learning: a [`session`] records the crops of a configuration once, and the [`outer_loop`] learns a table for each β:
+//! [`loss`] and gradient summed over a [`crop_set`], a step of Adam on the parameters of a [`model`], validations, and
+//! [`checkpoint`]s.
 
 pub mod checkpoint;
 pub mod crop_set;
-mod job;
+pub mod loss;
 pub mod model;
-pub mod objective;
-mod progress;
+pub mod outer_loop;
 pub mod session;

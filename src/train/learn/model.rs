@@ -1,41 +1,19 @@
-//! What is learned: a burn module of parameters, Adam, and how parameters make the 1360 factors.
+//! Parameters: a burn module, the factors that it makes, and Adam.
 
 use crate::regularise::{AttenuationTable, BINS, GammaIndex, LEN, Lookup, MAX_VERTICES};
-use crate::train::evaluate::grid::GAMMA_MIN;
-use crate::train::learn::objective::{device, tensor};
+use crate::train::config::{Model, Optimiser};
+use crate::train::evaluate::GAMMA_MIN;
+use crate::train::learn::loss::{device, tensor};
 use burn::module::{Module, Param};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::store::{ModuleRecord, RecordError};
 use burn::tensor::{Bytes, Tensor};
 use burn_pack::{DType, Reader};
-use serde::{Deserialize, Serialize};
 
-/// Gradients below this are noise, on which Adam, which knows no scale, would walk.
+/// Gradients below this are rounding noise, on which Adam would walk, since its steps do not depend on their scale.
 const NOISE: f64 = 1e-10;
 
-/// Shape of what is learned.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Model {
-    /// Every factor by itself.
-    #[default]
-    Full,
-    /// ln γ is a sum of one number for each (position before the last vertex, level) and one for each length.
-    Additive,
-}
-
-/// In what the optimiser walks.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Optimiser {
-    /// Adam on γ, as published.
-    #[default]
-    Adam,
-    /// Adam on ln γ: hundreds of steps instead of thousands.
-    Log,
-}
-
-/// Numbers of the additive model: 5 positions of 4 levels, 4 lengths.
+/// Parameters of the additive model: 5 positions times 4 bins, and 4 lengths.
 const ADDITIVE: usize = MAX_VERTICES * BINS + MAX_VERTICES - 1;
 
 #[derive(Module, Debug)]
@@ -53,16 +31,16 @@ pub struct Learner {
     adam: ModuleOptimizer,
 }
 
-/// Which numbers of the additive model a class is the sum of.
+/// Parameters of the additive model whose sum is ln γ of a class.
 fn terms(class: usize) -> Vec<usize> {
-    let levels = GammaIndex::new(class).map_or(Vec::new(), GammaIndex::bins);
-    let length = MAX_VERTICES * BINS + levels.len().saturating_sub(2);
-    let positions = (levels.iter().rev().enumerate()).map(|(i, level)| i * BINS + level);
+    let bins = GammaIndex::new(class).map_or(Vec::new(), GammaIndex::bins);
+    let length = MAX_VERTICES * BINS + bins.len().saturating_sub(2);
+    let positions = (bins.iter().rev().enumerate()).map(|(i, bin)| i * BINS + bin);
     positions.chain([length]).collect()
 }
 
 impl Learner {
-    /// All factors at `start`.
+    /// Parameters of a table whose factors are all `start`.
     pub fn new(
         model: Model,
         optimiser: Optimiser,
@@ -88,7 +66,7 @@ impl Learner {
             parameters: Parameters {
                 values: Param::from_tensor(parameters(values)),
             },
-            // burn's own default is 1e-5; its update divides as Kingma and Ba's does.
+            // The ε of Kingma and Ba; burn's default is 1e-5.
             adam: AdamConfig::new().with_epsilon(1e-8).init(),
         }
     }
@@ -102,7 +80,7 @@ impl Learner {
             .unwrap_or_default()
     }
 
-    /// The factors.
+    /// The table that the parameters make.
     pub fn table(&self) -> AttenuationTable {
         let values = self.values();
         let gammas: Vec<f32> = (0..LEN)
@@ -124,7 +102,7 @@ impl Learner {
         table
     }
 
-    /// One step of Adam down the gradient dL/dγ, and the projection to [10⁻³, 1].
+    /// One step of Adam down the gradient dL/dγ, then projection of γ to \[10⁻³, 1\].
     pub fn step(&mut self, gradient: &[f64]) {
         let gradient = self.chain(gradient);
         let mut gradients = GradientsParams::new();
@@ -136,12 +114,12 @@ impl Learner {
             (Model::Additive, _) => return,
         };
         let values = self.parameters.values.clone();
-        // Without a fresh start the parameter would stay on the graph of the step.
+        // A new leaf; otherwise the parameter would stay on the graph of the step.
         self.parameters.values =
             values.map(|t| Tensor::from_inner(t.inner().clamp(low, high)).require_grad());
     }
 
-    /// Derivative by the parameters.
+    /// Gradient by the parameters, from dL/dγ.
     fn chain(&self, gradient: &[f64]) -> Vec<f32> {
         let quiet = |g: f64| if g.abs() < NOISE { 0.0 } else { g };
         match (self.model, self.optimiser) {
@@ -154,9 +132,9 @@ impl Learner {
                 for (class, (&g, &gamma)) in
                     gradient.iter().zip(self.table().gammas.iter()).enumerate()
                 {
-                    // At a bound only the way back counts.
-                    let stuck = (gamma <= GAMMA_MIN && g > 0.0) || (gamma >= 1.0 && g < 0.0);
-                    if !stuck {
+                    // At a bound only a step back inside counts.
+                    let outward = (gamma <= GAMMA_MIN && g > 0.0) || (gamma >= 1.0 && g < 0.0);
+                    if !outward {
                         for term in terms(class) {
                             sums[term] += quiet(g) * f64::from(gamma);
                         }
@@ -168,17 +146,17 @@ impl Learner {
     }
 
     /// Parameters and optimiser state, as burn writes them.
-    pub fn to_bytes(&self) -> Result<State, RecordError> {
+    pub fn to_bytes(&self) -> Result<LearnerState, RecordError> {
         let parameters = self.parameters.clone().into_record().into_bytes()?;
         let adam = self.adam.into_bytes()?;
-        Ok(State {
+        Ok(LearnerState {
             parameters: parameters.to_vec(),
             adam: adam.to_vec(),
         })
     }
 
-    /// Goes on from a state. Parameters first: they carry the identity by which Adam knows its moments.
-    pub fn restore(self, state: State) -> Result<Self, RecordError> {
+    /// Continues from a state. Parameters first: they carry the identifiers by which Adam finds its moments.
+    pub fn restore(self, state: LearnerState) -> Result<Self, RecordError> {
         let numbers = self.values().len();
         let record = ModuleRecord::from_bytes(Bytes::from_bytes_vec(state.parameters))?;
         let parameters = self.parameters.try_load_record(record)?;
@@ -201,8 +179,8 @@ fn invalid(what: impl Into<String>) -> RecordError {
     RecordError::Validation(what.into())
 }
 
-/// Whether an optimiser's state is one of Adam's for this many parameters. burn would panic at moments of another shape
-/// when it makes its next step, and walk to infinity with moments that are no numbers.
+/// Checks that a state of Adam belongs to this many parameters. In the next step burn would panic at moments of another
+/// shape, and moments that are not finite would spread to all parameters.
 fn check_moments(state: &[u8], numbers: usize) -> Result<(), RecordError> {
     let reader = Reader::from_bytes(Bytes::from_bytes_vec(state.to_vec()))?;
     for (name, &value) in reader.scalars() {
@@ -228,15 +206,16 @@ fn check_moments(state: &[u8], numbers: usize) -> Result<(), RecordError> {
     Ok(())
 }
 
-/// What a learner needs to go on to the bit.
+/// State from which a learner continues bit-identically.
 #[derive(Clone, Debug, PartialEq)]
-pub struct State {
+pub struct LearnerState {
     /// The parameters.
     pub parameters: Vec<u8>,
-    /// Adam's moments and step.
+    /// Adam's moments and step count.
     pub adam: Vec<u8>,
 }
 
+/// Parameters as a leaf of burn's graph.
 fn parameters(values: Vec<f32>) -> Tensor<1> {
     tensor(values, &device().autodiff()).require_grad()
 }

@@ -1,113 +1,36 @@
-//! A training: scenes are opened and recorded once, then a table is learned for every β.
+//! A session: scenes are opened and recorded once, then a table is learned for every β.
 
+use crate::files::hex;
 use crate::gallery::manifest::Role;
-use crate::regularise::AttenuationTable;
 use crate::regularise::file::Provenance;
-use crate::train::config::{Config, ConfigError, Loss, Way};
-use crate::train::learn::checkpoint::{Checkpoint, CheckpointError};
-use crate::train::learn::crop_set::{Set, mean_loss};
-use crate::train::learn::job::{Job, run_all};
-use crate::train::learn::model::Learner;
-use crate::train::learn::objective::{Arithmetic, CropLoss};
-use crate::train::learn::progress::Progress;
-use crate::train::record::crop::{Crop, DatasetError};
-use crate::train::study::best_constant;
-use serde::Serialize;
-use std::ops::ControlFlow;
+use crate::train::config::{Config, Evaluation, Loss, Optimiser};
+use crate::train::evaluate::MomentSource;
+use crate::train::evaluate::curves::Curves;
+use crate::train::evaluate::fresh::Fresh;
+use crate::train::evaluate::replay::Replay;
+use crate::train::learn::crop_set::CropSet;
+use crate::train::learn::outer_loop::{Listener, Outcome, OuterLoop, TrainError};
+use crate::train::record::crop::{BRIGHTNESS, Crop, DatasetError, EPSILON};
+use crate::train::record::visits::Visits;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
-
-/// Adam squares the gradient in single precision; a moment of infinity would hold its factor for ever.
-const LARGEST: f64 = 1e18;
-
-/// Steps without a usable gradient after which a training gives up.
-const MOST_SKIPPED: u32 = 100;
-
-/// Why a training could not go on.
-#[derive(Debug, thiserror::Error)]
-pub enum TrainError {
-    /// The configuration.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
-    /// Scenes and references.
-    #[error(transparent)]
-    Dataset(#[from] DatasetError),
-    /// A checkpoint.
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-    /// The optimiser's state.
-    #[error("optimiser state: {0}")]
-    State(String),
-    /// Nothing to learn from.
-    #[error("{0}")]
-    Empty(String),
-    /// Too many steps had to be left out.
-    #[error(
-        "step {step}: the loss or its gradient was not finite for the {skipped}th time; the checkpoint holds the \
-         last good state"
-    )]
-    NotFinite {
-        /// Steps taken.
-        step: u32,
-        /// Steps left out.
-        skipped: u32,
-    },
-}
-
-/// A line of the log.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Entry {
-    /// Steps taken.
-    pub step: u32,
-    /// The loss over the training crops.
-    pub loss: f32,
-    /// The loss over the validation crops, unvisited classes inherited.
-    pub validation: Option<f32>,
-    /// The loss of each training crop.
-    pub crops: Vec<CropLoss>,
-    /// The loss of each validation crop.
-    pub validation_crops: Vec<CropLoss>,
-    /// Seconds since the start or the resumption.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub seconds: Option<f64>,
-}
-
-/// Hears of every step: its number, its loss, and the log's entry where there is one.
-pub type Listener<'a> = &'a mut dyn FnMut(u32, f32, Option<&Entry>) -> ControlFlow<()>;
-
-/// What came out for one β.
-#[derive(Clone, Debug)]
-pub struct Outcome {
-    /// Where all factors started.
-    pub start: f32,
-    /// The learned table, unvisited classes inherited.
-    pub table: AttenuationTable,
-    /// The table with the lowest validation loss, and its step.
-    pub best: Option<(u32, AttenuationTable)>,
-    /// Steps taken.
-    pub steps: u32,
-    /// Steps whose loss or gradient was not finite or beyond measure: the table and the optimiser stayed as they were.
-    pub skipped: u32,
-    /// The log.
-    pub log: Vec<Entry>,
-    /// Whether the listener ended it.
-    pub stopped: bool,
-}
 
 /// An opened and recorded training.
 pub struct Session {
     /// The configuration.
     pub config: Config,
-    /// What is learned from.
-    pub training: Set,
-    /// What is only scored.
-    pub validation: Set,
-    /// Wall seconds that recording and baking took.
+    /// Crops that are learned from.
+    pub training: CropSet,
+    /// Crops that are only scored.
+    pub validation: CropSet,
+    /// Wall-clock seconds of recording and baking.
     pub seconds: f64,
 }
 
 impl Session {
-    /// Opens the scenes of a configuration and records them. `listen` is told what is being done.
+    /// Opens the scenes of a configuration and records them. `listen` gets the name of each crop when its recording
+    /// begins.
     pub fn open(config: Config, listen: &(dyn Fn(&str) + Sync)) -> Result<Self, TrainError> {
         config.check()?;
         let held_out = |family: &str| family == config.hold_out;
@@ -140,18 +63,18 @@ impl Session {
             return Err(TrainError::Empty("no scene to learn from".into()));
         }
         let clock = Instant::now();
+        let training = training.into_iter().map(|crop| (crop, true));
+        let validation = validation.into_iter().map(|crop| (crop, false));
+        let jobs: Vec<RecordingJob> = training
+            .chain(validation)
+            .flat_map(|(crop, training)| RecordingJob::replicates(crop, training, &config))
+            .collect();
         let mut session = Self {
-            training: Set::default(),
-            validation: Set::default(),
+            training: CropSet::default(),
+            validation: CropSet::default(),
             seconds: 0.0,
             config,
         };
-        let training = training.into_iter().map(|crop| (crop, true));
-        let validation = validation.into_iter().map(|crop| (crop, false));
-        let jobs: Vec<Job> = training
-            .chain(validation)
-            .flat_map(|(crop, training)| Job::of(crop, training, &session.config))
-            .collect();
         for (job, source) in jobs.iter().zip(run_all(&jobs, &session.config, listen)) {
             let (source, visits) = source?;
             let target = job.crop.target(session.config.spp);
@@ -165,24 +88,10 @@ impl Session {
         Ok(session)
     }
 
-    /// A table of one factor with the configuration's look-up.
-    pub fn constant(&self, gamma: f32) -> AttenuationTable {
-        self.config.constant(gamma)
-    }
-
-    /// Where factors start.
-    fn start(&mut self, beta: f32) -> f32 {
-        if self.config.start > 0.0 {
-            self.config.start
-        } else {
-            best_constant(&mut self.training, beta, self.config.lookup)
-        }
-    }
-
     /// Learns a table for one β.
     ///
-    /// With a `folder` the state is kept there: `last.ckpt`, from which `resume` goes on to the bit. The listener
-    /// hears of every step, with the log's entry where there is one, and can end the training.
+    /// The state is kept in `last.ckpt` of `folder`, from which `resume` continues bit-identically. The listener hears of
+    /// every step and can stop the training.
     pub fn learn(
         &mut self,
         beta: f32,
@@ -190,125 +99,20 @@ impl Session {
         resume: bool,
         listen: Listener<'_>,
     ) -> Result<Outcome, TrainError> {
-        let config = self.config.clone();
-        let arithmetic = match config.method {
-            Way::Tabulated => Arithmetic::Loops,
-            Way::Fresh | Way::Replay => Arithmetic::Tensors,
-        };
-        let objective = self.training.objective(beta, arithmetic);
-        let start = self.start(beta);
-        let learner = Learner::new(
-            config.model,
-            config.optimiser,
-            config.rate(),
-            config.lookup,
-            start,
-        );
-        let fingerprint = Checkpoint::fingerprint(&config, beta, self.training.crops())?;
-        let mut state = Progress::new(learner);
-        let path = folder.map(|f| f.join("last.ckpt"));
-        let mut anchor = self.constant(start);
-        if resume && let Some(path) = &path {
-            let checkpoint = Checkpoint::load(path, &fingerprint)?;
-            anchor.gammas.clone_from(&checkpoint.anchor.gammas);
-            state = state.resume(checkpoint, config.lookup, path)?;
+        let (training, validation) = (&mut self.training, &mut self.validation);
+        let mut outer = OuterLoop::new(&self.config, training, validation, beta, folder)?;
+        if resume {
+            outer = outer.resume()?;
         }
-        self.training.skip(u64::from(state.step));
-        self.training.anchor(anchor);
-        let clock = Instant::now();
-        let mut stopped = false;
-        while state.step < config.steps && !stopped && !state.is_over(config.patience) {
-            let table = state.learner.table();
-            let (loss, gradient) = self.training.gradient(&objective, &table);
-            let due = state.step.is_multiple_of(config.validate_every);
-            let before = due.then(|| (state.best.clone(), state.looks));
-            if due {
-                self.log(&mut state, beta, &clock);
-            }
-            stopped = listen(state.step, loss, state.log.last().filter(|_| due)).is_break();
-            if stopped {
-                // A training that goes on looks at this step itself: counted twice, a look would end it too early.
-                (state.best, state.looks) = before.unwrap_or((state.best, state.looks));
-                break;
-            }
-            if loss.is_finite() && gradient.iter().all(|g| g.abs() < LARGEST) {
-                state.learner.step(&gradient);
-            } else {
-                state.skipped += 1;
-            }
-            state.step += 1;
-            if state.skipped >= MOST_SKIPPED {
-                if let Some(path) = &path {
-                    (state.checkpoint(&fingerprint, &self.training)?).save(path)?;
-                }
-                let Progress { step, skipped, .. } = state;
-                return Err(TrainError::NotFinite { step, skipped });
-            }
-            if let Some(path) = &path
-                && state.step.is_multiple_of(config.checkpoint_every)
-            {
-                (state.checkpoint(&fingerprint, &self.training)?).save(path)?;
-            }
-        }
-        // Before the last look, which may move the anchor: a training that goes on does not have it.
-        if let Some(path) = &path {
-            (state.checkpoint(&fingerprint, &self.training)?).save(path)?;
-        }
-        if !stopped {
-            self.log(&mut state, beta, &clock);
-            // Nobody is left to be stopped.
-            let _ = listen(state.step, f32::NAN, state.log.last());
-        }
-        Ok(Outcome {
-            start,
-            table: self.training.visits().inherit(&state.learner.table()),
-            best: state.best.map(|(step, _, table)| (step, table)),
-            steps: state.step,
-            skipped: state.skipped,
-            log: state.log,
-            stopped,
-        })
+        outer.run(listen)
     }
 
-    /// Appends to the log, and remembers the table if no other has a lower validation loss.
-    fn log(&mut self, state: &mut Progress, beta: f32, clock: &Instant) {
-        if state.log.last().is_some_and(|e| e.step == state.step) {
-            return;
-        }
-        let table = state.learner.table();
-        let whole = self.training.visits().inherit(&table);
-        let crops = if self.config.method == Way::Fresh {
-            Vec::new()
-        } else {
-            self.training.losses(&table)
-        };
-        let validation_crops = self.validation.losses(&whole);
-        let score = mean_loss(&validation_crops, beta);
-        // A loss that is no number is not a best one, and could not be read back from a checkpoint.
-        if let Some(score) = score.filter(|s| s.is_finite())
-            && state.best.as_ref().is_none_or(|best| score < best.1)
-        {
-            state.best = Some((state.step, score, whole));
-            state.looks = 0;
-        } else {
-            state.looks += 1;
-        }
-        state.log.push(Entry {
-            step: state.step,
-            loss: mean_loss(&crops, beta).unwrap_or(f32::NAN),
-            validation: score,
-            crops,
-            validation_crops,
-            seconds: Some(clock.elapsed().as_secs_f64()),
-        });
-    }
-
-    /// What the table's file says about its making.
+    /// Provenance of a table after `steps` steps, for its file.
     pub fn provenance(&self, beta: f32, start: f32, steps: u32) -> Provenance {
         let config = &self.config;
         let mut scenes: Vec<(String, String)> = Vec::new();
         for crop in self.training.crops() {
-            let hash = crate::files::hex(&crop.digest);
+            let hash = hex(&crop.digest);
             let scene = (crop.scene_name.clone(), hash);
             if !scenes.contains(&scene) {
                 scenes.push(scene);
@@ -323,8 +127,7 @@ impl Session {
             loss: format!(
                 "mean |I - f| / (f + {}) {kind} + beta mean N/(N-1) (M2 - M1^2), the sample variance of one path \
                  sample; every crop scaled so that its reference has mean {}",
-                crate::train::learn::objective::EPSILON,
-                crate::train::learn::objective::BRIGHTNESS
+                EPSILON, BRIGHTNESS
             ),
             beta: f64::from(beta),
             spp: config.spp,
@@ -332,10 +135,10 @@ impl Session {
             optimiser: format!(
                 "{}, rate {}, beta1 0.9, beta2 0.999, epsilon 1e-8, factors kept in [0.001, 1]",
                 match config.optimiser {
-                    crate::train::learn::model::Optimiser::Adam => "Adam",
-                    crate::train::learn::model::Optimiser::Log => "Adam on ln gamma",
+                    Optimiser::Adam => "Adam",
+                    Optimiser::Log => "Adam on ln gamma",
                 },
-                config.rate()
+                config.step_size()
             ),
             method: format!(
                 "{:?}, {} recording(s) drawn at gamma {:?}, roulette below {} of the reference",
@@ -349,4 +152,92 @@ impl Session {
             visits: self.training.visits().0,
         }
     }
+}
+
+/// Moments of a recorded crop, and the events per class of its recording.
+type Recorded = Result<(Box<dyn MomentSource>, Visits), DatasetError>;
+
+/// A crop to record.
+struct RecordingJob {
+    crop: Crop,
+    /// Whether the crop is learned from.
+    training: bool,
+    seed: u64,
+    spp: u32,
+}
+
+impl RecordingJob {
+    /// The recordings of a crop: `replicates` of a training crop, one of a validation crop.
+    fn replicates(crop: Crop, training: bool, config: &Config) -> Vec<Self> {
+        // The noise-free loss has one image of all samples.
+        let (replicates, spp) = match config.loss {
+            Loss::Published => (config.replicates, config.spp),
+            Loss::NoiseFree => (1, config.spp.saturating_mul(config.replicates)),
+        };
+        let replicates = 0..if training { replicates } else { 1 };
+        let job = |replicate| {
+            let seed = config.seed.wrapping_add(u64::from(replicate) << 32);
+            Self {
+                crop: crop.clone(),
+                training,
+                seed: if training { seed } else { !seed },
+                spp,
+            }
+        };
+        replicates.map(job).collect()
+    }
+
+    /// Traces the crop and prepares the configured evaluation.
+    fn run(&self, config: &Config) -> Recorded {
+        let Self {
+            crop, seed, spp, ..
+        } = self;
+        let gammas = &config.record_gammas;
+        let middle = config.constant(gammas[gammas.len() / 2]);
+        let mut visits = Visits::default();
+        if config.method == Evaluation::Fresh && self.training {
+            // Visits are those of a recording with any evaluation.
+            let recording = crop.record(gammas, config.roulette, (*spp).min(64), config.seed)?;
+            visits.count(&recording, &middle);
+            return Ok((Box::new(Fresh::new(crop.clone(), *spp, *seed)), visits));
+        }
+        let recording = crop.record(gammas, config.roulette, *spp, *seed)?;
+        visits.count(&recording, &middle);
+        let source: Box<dyn MomentSource> = match config.method {
+            Evaluation::Replay => Box::new(Replay::new(recording)),
+            Evaluation::Fresh | Evaluation::Tabulated => {
+                Box::new(Curves::bake(&recording, &middle))
+            }
+        };
+        Ok((source, visits))
+    }
+}
+
+/// Runs jobs, two at a time: while one thread puts a recording together, the paths of another are traced. Results are in
+/// the order of the jobs, up to the first error.
+fn run_all(
+    jobs: &[RecordingJob],
+    config: &Config,
+    listen: &(dyn Fn(&str) + Sync),
+) -> Vec<Recorded> {
+    let next = AtomicUsize::new(0);
+    let worker = || {
+        let mut done = Vec::new();
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(job) = jobs.get(index) else {
+                return done;
+            };
+            listen(&job.crop.name);
+            let result = job.run(config);
+            if result.is_err() {
+                next.store(jobs.len(), Ordering::Relaxed);
+            }
+            done.push((index, result));
+        }
+    };
+    let (mut done, others) = rayon::join(worker, worker);
+    done.extend(others);
+    done.sort_unstable_by_key(|(index, _)| *index);
+    done.into_iter().map(|(_, result)| result).collect()
 }

@@ -1,4 +1,4 @@
-//! Crops to learn from: a manifest's scenes, opened, with their references.
+//! Crops of a manifest's scenes with their references, and their recordings.
 
 use crate::files::FileError;
 use crate::gallery::manifest::{CROP, Manifest, Role, SceneEntry};
@@ -7,40 +7,45 @@ use crate::image::Film;
 use crate::image::film::{FilmError, Window};
 use crate::integrator::{Settings, View};
 use crate::math::UVec2;
-use crate::regularise::{AttenuationTable, Roughening, Rule};
+use crate::regularise::{Roughening, Rule};
 use crate::sampler::{Independent, Seed};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Camera, Scene};
-use crate::train::learn::objective::Target;
-use crate::train::record::proposals::Drawn;
+use crate::train::record::proposals::Proposals;
 use crate::train::record::recording::{Recording, Tape};
-use crate::train::record::roulette::Thin;
-use crate::tune::{self, Pilot};
+use crate::train::record::roulette::EventRoulette;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A crop, its scene and its reference.
+/// ε of MAPE, in units of the scaled reference.
+pub const EPSILON: f32 = 0.01;
+
+/// Mean to which the reference of every crop is scaled. The variance has the unit of radiance squared and MAPE has
+/// none, so that without a common scale β would mean something else in each crop.
+pub const BRIGHTNESS: f32 = 0.3;
+
+/// A window of a scene's image, and its reference.
 #[derive(Clone)]
 pub struct Crop {
-    /// Scene and place, such as `rings 16,72`.
+    /// Name of the scene and position of the window, such as `rings 16,72`.
     pub name: String,
     /// Name of the scene.
     pub scene_name: String,
-    /// Scenes of one kind.
+    /// Family of similar scenes.
     pub family: String,
-    /// What the scene is for.
+    /// Training or validation.
     pub role: Role,
     /// The scene.
     pub scene: Arc<Scene>,
     /// SHA-256 of the scene's file.
     pub digest: [u8; 32],
-    /// Its camera.
+    /// Camera of the image.
     pub camera: Camera,
-    /// Size of the whole picture.
+    /// Size of the whole image in pixels.
     pub frame: UVec2,
-    /// Where the crop is.
+    /// Pixels of the crop.
     pub window: Window,
-    /// Scattering vertices of the longest path.
+    /// Maximum number of scattering vertices of a path.
     pub max_vertices: u32,
     /// Converged, unregularised radiance, row by row.
     pub reference: Vec<[f32; 3]>,
@@ -48,38 +53,62 @@ pub struct Crop {
     pub reference_noise: f64,
 }
 
-/// Why crops could not be opened.
+/// The reference of a crop as the loss sees it.
+#[derive(Clone, Debug)]
+pub struct Target {
+    /// Converged, unregularised radiance, unscaled, row by row.
+    pub reference: Vec<[f32; 3]>,
+    /// Samples per pixel N that the table is learned for.
+    pub samples: u32,
+}
+
+impl Target {
+    /// Factor that scales the reference to the mean [`BRIGHTNESS`]; 1 for a black reference.
+    pub fn scale(&self) -> f32 {
+        let sum: f64 = (self.reference.iter().flatten())
+            .map(|&v| f64::from(v))
+            .sum();
+        let mean = sum / (3 * self.reference.len().max(1)) as f64;
+        if mean > 0.0 {
+            (f64::from(BRIGHTNESS) / mean) as f32
+        } else {
+            1.0
+        }
+    }
+}
+
+/// Errors of opening and recording crops.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
-    /// The manifest, a scene, or a reference that cannot be read or is one of another scene, crop or path length.
+    /// The manifest, a scene or a reference cannot be used.
     #[error(transparent)]
     File(#[from] FileError),
-    /// No reference.
+    /// A reference does not exist.
     #[error("{path}: there is no reference; `opsr scenes reference` makes it")]
     Missing {
-        /// The file.
+        /// File of the reference.
         path: PathBuf,
     },
-    /// A camera or a reference that cannot be used.
+    /// The camera does not exist, or the reference has pixels that are not finite.
     #[error("{path}: {problem}")]
     Shape {
         /// The file.
         path: PathBuf,
-        /// What does not fit.
+        /// The problem.
         problem: String,
     },
-    /// A crop outside of its frame.
+    /// The crop lies outside of its frame.
     #[error("{name}: {cause}")]
     Window {
-        /// The crop.
+        /// Name of the crop.
         name: String,
-        /// What is wrong with it.
+        /// Error of the film.
         cause: FilmError,
     },
 }
 
 impl Crop {
-    /// Opens the crops of all scenes that `wanted` says.
+    /// Opens the crops of all scenes of a manifest that `wanted` accepts.
     pub fn open_all(
         manifest: &Path,
         wanted: impl Fn(&SceneEntry) -> bool,
@@ -122,7 +151,7 @@ impl Crop {
         Ok(crops)
     }
 
-    /// What the loss compares the crop with.
+    /// The crop's reference, for renders of `samples` samples per pixel.
     pub fn target(&self, samples: u32) -> Target {
         Target {
             reference: self.reference.clone(),
@@ -130,8 +159,8 @@ impl Crop {
         }
     }
 
-    /// Records the events of samples `0..spp`, lobes drawn with each of these constant factors; events that carry less
-    /// than `roulette` times the reference are thinned out.
+    /// Records the events of samples `0..spp`. Lobes are sampled with each of the constant factors `gammas`; events that
+    /// carry less than `roulette` times the reference play Russian roulette.
     pub fn record(
         &self,
         gammas: &[f32],
@@ -139,8 +168,8 @@ impl Crop {
         spp: u32,
         seed: u64,
     ) -> Result<Recording, DatasetError> {
-        let thin = Thin::new(&self.target(spp), roulette, seed);
-        let drawn = Arc::new((Drawn::new(gammas), thin));
+        let roulette = EventRoulette::new(&self.target(spp), roulette, seed);
+        let drawn = Arc::new((Proposals::new(gammas), roulette));
         let tape = Tape::drawn(self.window, drawn.clone());
         self.trace(&drawn.0, tape, spp, seed)
     }
@@ -169,14 +198,8 @@ impl Crop {
         Ok(tape.into())
     }
 
-    /// What a pilot does to a table for a render of `samples` samples per pixel, without the reference.
-    pub fn pilot(&self, table: &AttenuationTable, samples: u32) -> Result<Pilot, DatasetError> {
-        let settings = self.settings(Rule::with_table(table.clone()));
-        tune::choose(&settings, &self.view(), samples).map_err(|e| self.outside(e))
-    }
-
-    /// How the crop is rendered.
-    fn settings(&self, rule: Rule) -> Settings {
+    /// Settings of a render of the crop.
+    pub(in crate::train) fn settings(&self, rule: Rule) -> Settings {
         Settings {
             rule,
             max_vertices: self.max_vertices,
@@ -194,7 +217,7 @@ impl Crop {
         Film::cropped(self.frame, self.window).map_err(|e| self.outside(e))
     }
 
-    fn outside(&self, cause: FilmError) -> DatasetError {
+    pub(in crate::train) fn outside(&self, cause: FilmError) -> DatasetError {
         DatasetError::Window {
             name: self.name.clone(),
             cause,
@@ -202,7 +225,7 @@ impl Crop {
     }
 }
 
-/// Pixels of a reference and their mean relative standard error.
+/// Pixels of a reference, and their mean relative standard error.
 fn read_reference(reference: &Reference) -> Result<(Vec<[f32; 3]>, f64), DatasetError> {
     let path = || reference.path().to_path_buf();
     if reference.samples() == 0 {

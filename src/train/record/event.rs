@@ -1,29 +1,30 @@
-//! One evaluation of a lobe towards a visible light, kept so that it can be evaluated again at any roughness.
+//! Events: evaluations of a lobe towards a visible light, stored so that they can be evaluated again at any roughness
+//! (`docs/method.md` section 5).
 //!
-//! An event's direction was drawn from the lobe at one or several roughness values (see [`drawn`](crate::train::record::proposals)), whose
-//! densities add up to p₀, or by light sampling. With h(a) the integrand and p(a) the lobe's density (both from a
-//! [`LobeQuery`](crate::bsdf::LobeQuery)) and p_l the light's, the *mixture form*
+//! The direction of an event was sampled from the light, or from the lobe at one or several roughness values (see
+//! [`Proposals`](crate::train::record::proposals::Proposals)) whose densities add up to p₀. With the integrand h(a), the lobe's density p(a)
+//! (both from a [`LobeQuery`]) and the light's density p_l, the *mixture form*
 //!
 //! ```text
 //! x(a) = h(a) / (p_l + p₀)                        mean
 //! y(a) = h(a)² / [(p_l + p(a)) (p_l + p₀)]        second moment
 //! ```
 //!
-//! is unbiased for every a, is the renderer's own estimate where p₀ = p(a), and has no term for edges or visibility:
-//! the samples stay where they are. How noisy the realised mean is at a depends on p₀, and a loss of absolute errors
-//! sees it: p₀ must be large wherever the table goes.
+//! is unbiased for every roughness a and equals the renderer's own estimate where p₀ = p(a). It needs no term for edges
+//! or visibility, since the samples stay fixed. The noise of the realised mean at a depends on p₀, and a loss of
+//! absolute errors sees that noise: p₀ must be large wherever the table goes.
 
 use crate::bsdf::{DELTA_ALPHA, Distribution, LobeQuery, LobeReal, LobeShape};
 use crate::integrator::{Event, Technique};
 use crate::math::Rgb;
 use crate::math::real::Dual;
 
-/// An event, 60 bytes.
+/// An event. A recording holds millions, so each has only 60 bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StoredEvent {
-    /// Throughput and light times the part of f·|cos| that does not depend on the roughness.
+    /// Throughput times emitted radiance times the part of f·|cos| that does not depend on the roughness.
     base: [f32; 3],
-    /// Throughput and light times the factor of D·G2.
+    /// Throughput times emitted radiance times the factor of D·G2.
     scale: [f32; 3],
     base_pdf: f32,
     pdf_scale: f32,
@@ -31,31 +32,31 @@ pub struct StoredEvent {
     tan2_o: f32,
     tan2_i: f32,
     pdf_light: f32,
-    /// 1 / (p_l + p₀), times how many events it stands for.
+    /// 1 / (p_l + p₀), times the number of events that this one stands for.
     weight: f32,
-    /// Which list of roughness values the path has, see [`Codes`](crate::train::record::lists::Codes).
+    /// Index of the path's roughness values in [`RoughnessLists`](crate::train::record::lists::RoughnessLists).
     pub code: u32,
     distribution: Distribution,
-    /// Whether the light has no area: only light sampling finds it.
+    /// Whether the light has no area, so that only light sampling finds it.
     delta_light: bool,
-    /// Whether the light was not sampled but found.
-    pub found: bool,
+    /// Whether a lobe sample hit the light; `false` for a light sample.
+    pub from_lobe: bool,
 }
 
 const _: () = assert!(size_of::<StoredEvent>() == 60);
 
-/// Mean and second moment of an event at one roughness.
+/// Contribution of an event to mean and second moment at one roughness.
 #[derive(Clone, Copy, Debug)]
-pub struct Moment<T> {
+pub struct MeanAndSquare<T> {
     /// x, per channel.
-    pub x: [T; 3],
+    pub mean: [T; 3],
     /// y, summed over the channels.
-    pub y: T,
+    pub square: T,
 }
 
 impl StoredEvent {
-    /// Keeps an event of the path tracer; `drawn` is the density of all draws of its vertex's lobe. `None` for one that carries no light
-    /// at any roughness.
+    /// Stores an event of the path tracer. `drawn` is the density of its direction, summed over all `draws` samples of
+    /// the vertex's lobe. `None` for an event that carries no light at any roughness.
     pub fn new(event: &Event, drawn: f32, draws: usize, code: u32) -> Option<Self> {
         let Event {
             query, radiance, ..
@@ -88,16 +89,16 @@ impl StoredEvent {
             code,
             distribution: query.distribution,
             delta_light: event.delta_light,
-            found: event.technique != Technique::Light,
+            from_lobe: event.technique != Technique::Light,
         })
     }
 
-    /// What it carries where its integrand is `value`, the sum of its channels.
+    /// Contribution to the mean, summed over the channels, where the integrand is `value`.
     pub(in crate::train) fn size(&self, value: Rgb) -> f32 {
         value.element_sum() * self.weight
     }
 
-    /// The event as one that stands for this many, none of which meet.
+    /// The event with its weight multiplied. Both moments are linear in the weight.
     pub(in crate::train) fn times(self, times: f32) -> Self {
         Self {
             weight: self.weight * times,
@@ -107,8 +108,8 @@ impl StoredEvent {
 
     /// Mean and second moment at roughness `a`.
     #[inline]
-    pub fn at<T: LobeReal>(&self, a: T) -> Moment<T> {
-        // A Dirac lobe finds a light as often, and with as much, as the narrowest smooth one.
+    pub fn at<T: LobeReal>(&self, a: T) -> MeanAndSquare<T> {
+        // A Dirac lobe contributes as the narrowest lobe that can be evaluated.
         let floor = T::constant(DELTA_ALPHA);
         let a = if a.value() < floor.value() { floor } else { a };
         let LobeShape { dg2, dg1 } = self.query().shape(a);
@@ -122,25 +123,25 @@ impl StoredEvent {
             T::constant(self.pdf_light + self.base_pdf) + T::constant(self.pdf_scale) * dg1
         };
         let y = squares * weight / pdf;
-        Moment { x, y }
+        MeanAndSquare { mean: x, square: y }
     }
 
-    /// Mean and second moment with their derivatives: in single precision, but for what is beyond its range.
+    /// Mean and second moment with derivatives, in single precision; in double precision where singles overflow.
     #[inline]
-    pub fn tangent(&self, a: Dual<f32>) -> Moment<Dual<f32>> {
-        let moment = self.at(a);
+    pub fn tangent(&self, a: Dual<f32>) -> MeanAndSquare<Dual<f32>> {
+        let single = self.at(a);
         let finite = |d: &Dual<f32>| d.v.is_finite() && d.d.is_finite();
-        if moment.x.iter().all(finite) && finite(&moment.y) {
-            return moment;
+        if single.mean.iter().all(finite) && finite(&single.square) {
+            return single;
         }
         let narrow = |d: Dual| Dual {
             v: d.v as f32,
             d: d.d as f32,
         };
-        let Moment { x, y } = self.at(a.wide());
-        Moment {
-            x: x.map(narrow),
-            y: narrow(y),
+        let double = self.at(a.wide());
+        MeanAndSquare {
+            mean: double.mean.map(narrow),
+            square: narrow(double.square),
         }
     }
 
@@ -158,46 +159,48 @@ impl StoredEvent {
     }
 }
 
-/// The light of a path as its events come in, in order of depth.
+/// Sum of a path's contributions, to which its events are added in order of depth.
 ///
-/// The draws of one vertex's lobe stand for a single one of the renderer's: no two of them are on one of its paths.
-pub struct Running<T> {
+/// The lobe samples of one vertex are alternatives: each stands for the renderer's single sample, so no two of them lie
+/// on one path and their products do not enter the second moment.
+pub struct PathSum<T> {
     sum: [T; 3],
-    /// What was found from the vertex at hand.
-    found: [T; 3],
+    /// Lobe samples of the current vertex.
+    from_lobe: [T; 3],
     code: Option<u32>,
 }
 
-impl<T: LobeReal> Running<T> {
-    /// A path that carries this besides its events.
+impl<T: LobeReal> PathSum<T> {
+    /// A path whose contribution without events is `constant`.
     pub fn new(constant: [T; 3]) -> Self {
         Self {
             sum: constant,
-            found: [T::constant(0.0); 3],
+            from_lobe: [T::constant(0.0); 3],
             code: None,
         }
     }
 
-    /// Adds what an event carries; what it meets on its path.
+    /// Adds the contribution `x` of an event, and returns the sum S of the earlier contributions that share a path with
+    /// it: the second moment grows by y + 2 S x.
     #[inline]
-    pub fn meet(&mut self, event: &StoredEvent, x: [T; 3]) -> [T; 3] {
+    pub fn add(&mut self, event: &StoredEvent, x: [T; 3]) -> [T; 3] {
         if self.code != Some(event.code) {
             self.code = Some(event.code);
             for c in 0..3 {
-                self.sum[c] = self.sum[c] + self.found[c];
-                self.found[c] = T::constant(0.0);
+                self.sum[c] = self.sum[c] + self.from_lobe[c];
+                self.from_lobe[c] = T::constant(0.0);
             }
         }
-        let met = self.sum;
-        let side = if event.found {
-            &mut self.found
+        let before = self.sum;
+        let side = if event.from_lobe {
+            &mut self.from_lobe
         } else {
             &mut self.sum
         };
         for c in 0..3 {
             side[c] = side[c] + x[c];
         }
-        met
+        before
     }
 }
 
@@ -205,9 +208,10 @@ impl<T: LobeReal> Running<T> {
 mod tests {
     use super::*;
 
-    /// Of a light so bright that the square's derivative leaves the range of singles, but not what comes of it.
+    /// The light is so bright that intermediate values of the square's derivative overflow singles, though the result
+    /// does not.
     #[test]
-    fn what_overflows_on_the_way_is_evaluated_in_double_precision() {
+    fn overflow_of_singles_is_evaluated_in_double_precision() {
         let event = StoredEvent {
             base: [0.0; 3],
             scale: [1e13, 2e13, 3e13],
@@ -221,17 +225,17 @@ mod tests {
             code: 0,
             distribution: Distribution::Beckmann,
             delta_light: false,
-            found: true,
+            from_lobe: true,
         };
         let alpha = 2e-3f32;
         let single = event.at(Dual::variable(alpha));
-        assert!(!single.y.d.is_finite(), "{single:?}");
+        assert!(!single.square.d.is_finite(), "{single:?}");
         let tangent = event.tangent(Dual::variable(alpha));
         let double = event.at(Dual::variable(f64::from(alpha)));
-        let parts = |m: Moment<Dual>| [m.x[0], m.x[1], m.x[2], m.y];
-        let wide = Moment {
-            x: tangent.x.map(Dual::wide),
-            y: tangent.y.wide(),
+        let parts = |m: MeanAndSquare<Dual>| [m.mean[0], m.mean[1], m.mean[2], m.square];
+        let wide = MeanAndSquare {
+            mean: tangent.mean.map(Dual::wide),
+            square: tangent.square.wide(),
         };
         for (a, b) in parts(wide).into_iter().zip(parts(double)) {
             assert!((a.v / b.v - 1.0).abs() < 1e-6, "{a:?} {b:?}");

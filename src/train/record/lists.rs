@@ -1,201 +1,197 @@
-//! The roughness lists of paths, each kept once.
+//! Roughness values of paths, each list kept once.
 //!
-//! α′ and its derivative depend on the list of roughness values alone, of which there are far fewer than events: they
-//! are computed per list ("code"), not per event.
+//! α′ and its derivative depend on the list of a path's roughness values alone. There are far fewer lists than events,
+//! so both are computed per list and looked up by its number, the *code*. While paths are traced, lists grow vertex by
+//! vertex in a tree ([`Interner`]); a finished recording has them sorted ([`RoughnessLists`]).
 
 use crate::regularise::{AttenuationTable, GammaIndex, MAX_VERTICES, PathRoughness};
 use crate::train::derivative::{Dependence, Differentiated};
+use foldhash::fast::FixedState;
 use rayon::prelude::*;
+use std::collections::HashMap;
 use std::ops::Range;
 
-/// Codes that one thread takes at a time.
+/// Codes that a thread evaluates at a time.
 const CHUNK: usize = 1024;
 
-/// Lists of roughness, camera first, last vertex last.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Lists {
-    /// All lists, one after the other, and where each ends.
-    values: Vec<f32>,
-    ends: Vec<u32>,
-}
-
-impl Lists {
-    fn len(&self) -> usize {
-        self.ends.len()
-    }
-
-    fn list(&self, code: u32) -> &[f32] {
-        &self.values[range(&self.ends, code as usize)]
-    }
-
-    fn push(&mut self, list: &[f32]) {
-        self.values.extend(list);
-        self.ends.push(self.values.len() as u32);
-    }
-}
-
-/// Where the elements of a code are among those of all codes.
-fn range(ends: &[u32], code: usize) -> Range<usize> {
-    let start = code.checked_sub(1).map_or(0, |before| ends[before]);
-    start as usize..ends[code] as usize
-}
-
-/// Distinct lists of own roughness of paths, camera first, last vertex last; such that begin alike are next to one
-/// another.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Codes {
-    lists: Lists,
-    /// With how many values of the list before it each begins.
-    shared: Vec<u32>,
-}
-
-/// α′ of all codes and what it depends on.
+/// Roughness lists while paths are traced, as a tree: every node is a vertex and stands for the list that leads to it.
 #[derive(Clone, Debug, Default)]
-pub struct Roughness {
-    /// Of [`CHUNK`] codes each.
-    parts: Vec<Part>,
+pub(in crate::train) struct Interner {
+    /// Parent and roughness.
+    nodes: Vec<(Option<u32>, f32)>,
+    /// Node by its [`key`].
+    index: HashMap<u64, u32, FixedState>,
 }
 
-/// Dependences that are kept beside α′: those of a path of up to nine vertices whose factors are not interpolated.
-const BESIDE: usize = 2;
-
-/// α′ of a code and what it depends on; read at random, and so in one piece.
-#[derive(Clone, Copy, Debug, Default)]
-struct Head {
-    alpha: f32,
-    /// How many dependences there are, and where the part has them if they are more than are kept here.
-    count: u32,
-    start: u32,
-    beside: [(GammaIndex, f32); BESIDE],
+/// Parent and roughness of a node as one number, which is cheap to hash: it is done at every vertex of every path.
+fn key(parent: Option<u32>, alpha: f32) -> u64 {
+    let parent = parent.map_or(0, |p| u64::from(p) + 1);
+    parent << 32 | u64::from(alpha.to_bits())
 }
 
-/// α′ of some codes, and the dependences of those that have many, one after the other.
-#[derive(Clone, Debug, Default)]
-struct Part {
-    heads: Vec<Head>,
-    entries: Dependence,
-    /// Those of the code at hand.
-    own: Dependence,
-}
-
-impl Part {
-    /// Of no codes, with room for them.
-    fn empty() -> Self {
-        Self {
-            heads: Vec::with_capacity(CHUNK),
-            ..Self::default()
-        }
-    }
-
-    fn push(&mut self, path: &Differentiated, last: f32, table: &AttenuationTable) {
-        self.own.clear();
-        let mut head = Head {
-            alpha: path.accumulate(last, table, &mut self.own),
-            count: self.own.len() as u32,
-            start: self.entries.len() as u32,
-            ..Head::default()
-        };
-        match head.beside.get_mut(..self.own.len()) {
-            Some(beside) => beside.copy_from_slice(&self.own),
-            None => self.entries.extend(&self.own),
-        }
-        self.heads.push(head);
-    }
-}
-
-/// α′ of some codes and what it depends on, in the order in which they are needed.
-#[derive(Debug, Default)]
-pub(in crate::train) struct Gathered {
-    heads: Vec<(Head, u32)>,
-}
-
-impl Roughness {
-    /// Brings what some codes have close together.
-    ///
-    /// In a loop that does nothing else, so that the waits for memory are many at a time and not one after the other.
-    pub(in crate::train) fn gather(&self, codes: impl Iterator<Item = u32>, to: &mut Gathered) {
-        to.heads.clear();
-        to.heads.extend(codes.map(|code| (*self.head(code), code)));
-    }
-
-    /// What was gathered here.
-    pub(in crate::train) fn gathered<'a>(
-        &'a self,
-        gathered: &'a Gathered,
-    ) -> impl Iterator<Item = (f32, &'a [(GammaIndex, f32)])> {
-        let heads = gathered.heads.iter();
-        heads.map(|(head, code)| (head.alpha, self.entries(head, *code)))
-    }
-
-    fn head(&self, code: u32) -> &Head {
-        &self.parts[code as usize / CHUNK].heads[code as usize % CHUNK]
-    }
-
-    #[inline]
-    fn entries<'a>(&'a self, head: &'a Head, code: u32) -> &'a [(GammaIndex, f32)] {
-        let count = head.count as usize;
-        head.beside.get(..count).unwrap_or_else(|| {
-            let entries = &self.parts[code as usize / CHUNK].entries;
-            &entries[head.start as usize..][..count]
+impl Interner {
+    /// The code of the list that extends `parent` by a vertex of roughness `alpha`.
+    pub(in crate::train) fn intern(&mut self, parent: Option<u32>, alpha: f32) -> u32 {
+        let next = self.nodes.len() as u32;
+        *(self.index.entry(key(parent, alpha))).or_insert_with(|| {
+            self.nodes.push((parent, alpha));
+            next
         })
     }
 
-    /// Accumulated roughness of a code, and its derivatives by the table entries it depends on.
-    #[inline]
-    pub fn at(&self, code: u32) -> (f32, &[(GammaIndex, f32)]) {
-        let head = self.head(code);
-        (head.alpha, self.entries(head, code))
+    /// Number of lists.
+    pub(in crate::train) fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// The list of a code, camera first.
+    pub(in crate::train) fn list(&self, code: u32) -> Vec<f32> {
+        let mut list = Vec::new();
+        let mut at = Some(code);
+        while let Some((parent, alpha)) = at.map(|code| self.nodes[code as usize]) {
+            list.push(alpha);
+            at = parent;
+        }
+        list.reverse();
+        list
+    }
+
+    /// Adds the `used` lists of another tree, and returns the new code of each of its codes.
+    pub(in crate::train) fn absorb(&mut self, other: &Self, mut used: Vec<bool>) -> Vec<u32> {
+        // Parents come before their children.
+        for code in (0..other.len()).rev() {
+            if let (Some(parent), _) = other.nodes[code] {
+                used[parent as usize] |= used[code];
+            }
+        }
+        let mut place = vec![u32::MAX; other.len()];
+        for (code, &(parent, alpha)) in other.nodes.iter().enumerate() {
+            if used[code] {
+                place[code] = self.intern(parent.map(|p| place[p as usize]), alpha);
+            }
+        }
+        place
+    }
+
+    /// The `used` lists, sorted, and the new code of each code.
+    pub(in crate::train) fn sorted(&self, used: &[bool]) -> (RoughnessLists, Vec<u32>) {
+        let used = (0u32..).zip(used).filter(|(_, used)| **used);
+        let mut lists: Vec<(Vec<f32>, u32)> =
+            used.map(|(code, _)| (self.list(code), code)).collect();
+        lists.par_sort_unstable_by(|(a, _), (b, _)| {
+            let (a, b) = (a.iter().map(|a| a.to_bits()), b.iter().map(|b| b.to_bits()));
+            a.cmp(b)
+        });
+        let mut place = vec![u32::MAX; self.len()];
+        for (new, (_, old)) in (0u32..).zip(&lists) {
+            place[*old as usize] = new;
+        }
+        let lists = lists.iter().map(|(list, _)| list.as_slice());
+        (RoughnessLists::from_sorted(lists), place)
     }
 }
 
-impl Codes {
-    /// Of sorted lists.
-    pub(in crate::train) fn of<'a>(lists: impl Iterator<Item = &'a [f32]>) -> Self {
-        let mut codes = Self::default();
-        let mut before: &[f32] = &[];
-        for list in lists {
-            let alike = before.iter().zip(list).take_while(|(a, b)| a == b);
-            codes.shared.push(alike.count() as u32);
-            codes.lists.push(list);
-            before = list;
+/// Distinct lists of roughness values, camera first, last vertex last; sorted, so that lists with a common prefix are
+/// neighbours.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RoughnessLists {
+    /// All lists, one after the other.
+    values: Vec<f32>,
+    /// End of each list in `values`.
+    ends: Vec<u32>,
+    /// Length of the prefix shared with the previous list.
+    shared: Vec<u32>,
+}
+
+impl RoughnessLists {
+    fn from_sorted<'a>(sorted: impl Iterator<Item = &'a [f32]>) -> Self {
+        let mut lists = Self::default();
+        let mut previous: &[f32] = &[];
+        for list in sorted {
+            let shared = previous.iter().zip(list).take_while(|(a, b)| a == b);
+            lists.shared.push(shared.count() as u32);
+            lists.values.extend(list);
+            lists.ends.push(lists.values.len() as u32);
+            previous = list;
         }
-        codes
+        lists
     }
 
-    /// Number of codes.
-    pub fn len(&self) -> usize {
-        self.lists.len()
+    /// Number of lists.
+    pub(in crate::train) fn len(&self) -> usize {
+        self.ends.len()
     }
 
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
+    /// All codes, in order.
+    pub(in crate::train) fn codes(&self) -> Range<u32> {
+        0..self.len() as u32
     }
 
-    /// The list of a code.
+    /// The list of a code, camera first.
     pub fn list(&self, code: u32) -> &[f32] {
-        self.lists.list(code)
+        let code = code as usize;
+        let start = code.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.values[start as usize..self.ends[code] as usize]
     }
 
-    /// Those of paths that fold, and where they are among all.
-    pub fn long(&self) -> (Self, Vec<u32>) {
-        let all = 0..self.len() as u32;
-        let long: Vec<u32> = all.filter(|&code| self.is_long(code)).collect();
-        (Self::of(long.iter().map(|&code| self.list(code))), long)
+    /// Whether a path folds: α′ then depends on the factors of more than one class.
+    pub fn is_long(&self, code: u32) -> bool {
+        self.list(code).len() > MAX_VERTICES
     }
 
-    /// Follows the vertices before the last of every code with a state that `push` takes along, once for all codes that
-    /// begin alike; `visit` gets the state, the last vertex's roughness, and what a thread collects, at first `part`.
-    fn follow<S: Clone + Default, T: Send>(
+    /// The lists of paths that fold, and the code that each has here.
+    pub(in crate::train) fn long(&self) -> (Self, Vec<u32>) {
+        let long: Vec<u32> = self.codes().filter(|&code| self.is_long(code)).collect();
+        let lists = long.iter().map(|&code| self.list(code));
+        (Self::from_sorted(lists), long)
+    }
+
+    /// The table entries and weights that make the factor of a path that does not fold.
+    pub fn entries(&self, code: u32, table: &AttenuationTable) -> Vec<(GammaIndex, f32)> {
+        let Some((&last, before)) = self.list(code).split_last() else {
+            return Vec::new();
+        };
+        let prefix = PathRoughness::of(before, table);
+        let mut entries = Vec::new();
+        if !before.is_empty() {
+            table.entries(&prefix, last, |class, weight| entries.push((class, weight)));
+        }
+        entries
+    }
+
+    /// α′ of every list.
+    pub fn alphas(&self, table: &AttenuationTable) -> Vec<f32> {
+        let chunks = self.walk(
+            || Vec::with_capacity(CHUNK),
+            |path: &mut PathRoughness, alpha| path.push(alpha, table, 1.0),
+            |chunk: &mut Vec<f32>, path, last| chunk.push(path.accumulate(last, table, 1.0)),
+        );
+        chunks.concat()
+    }
+
+    /// α′ of every list and its derivatives by the factors of `table`.
+    pub fn alphas_with_gradient(&self, table: &AttenuationTable) -> ListAlphas {
+        let chunks = self.walk(
+            AlphaChunk::with_room,
+            |path: &mut Differentiated, alpha| path.push(alpha, table),
+            |chunk: &mut AlphaChunk, path, last| chunk.push(path, last, table),
+        );
+        ListAlphas { chunks }
+    }
+
+    /// Walks all lists, chunk by chunk in parallel. A path state `S` goes along: `push` adds a vertex to it, once for all
+    /// lists with the same prefix. `visit` gets the chunk's result, the state before the last vertex, and that vertex's
+    /// roughness.
+    fn walk<S: Clone + Default, T: Send>(
         &self,
-        part: impl Fn() -> T + Sync,
+        result: impl Fn() -> T + Sync,
         push: impl Fn(&mut S, f32) + Sync,
         visit: impl Fn(&mut T, &S, f32) + Sync,
     ) -> Vec<T> {
         let chunks = (0..self.len()).into_par_iter().step_by(CHUNK);
-        let follow = |start: usize| {
-            let mut part = part();
-            // After 0, 1, 2 … vertices of the list at hand; more than it has vertices are left from others.
+        let walk_chunk = |start: usize| {
+            let mut result = result();
+            // States after 0, 1, 2 … vertices of the current list; those beyond its end are left from others.
             let mut states = vec![S::default()];
             let mut known = 0;
             for code in start..self.len().min(start + CHUNK) {
@@ -210,59 +206,112 @@ impl Codes {
                     push(&mut next[0], alpha);
                 }
                 known = before.len();
-                visit(&mut part, &states[known], last);
+                visit(&mut result, &states[known], last);
             }
-            part
+            result
         };
-        chunks.map(follow).collect()
+        chunks.map(walk_chunk).collect()
     }
+}
 
-    /// α′ of every code.
-    pub fn alphas(&self, table: &AttenuationTable) -> Vec<f32> {
-        let parts = self.follow(
-            || Vec::with_capacity(CHUNK),
-            |path: &mut PathRoughness, alpha| path.push(alpha, table, 1.0),
-            |part: &mut Vec<f32>, path, last| part.push(path.accumulate(last, table, 1.0)),
-        );
-        parts.concat()
-    }
+/// α′ of every list and its derivatives by the table's factors.
+#[derive(Clone, Debug, Default)]
+pub struct ListAlphas {
+    /// [`CHUNK`] lists each.
+    chunks: Vec<AlphaChunk>,
+}
 
-    /// α′ and derivative of every code.
-    pub fn roughness(&self, table: &AttenuationTable) -> Roughness {
-        let parts = self.follow(
-            Part::empty,
-            |path: &mut Differentiated, alpha| path.push(alpha, table),
-            |part: &mut Part, path, last| part.push(path, last, table),
-        );
-        Roughness { parts }
-    }
+/// Number of derivatives stored beside α′: enough for paths of up to nine vertices whose factors are not interpolated.
+const INLINE: usize = 2;
 
-    /// Whether a path folds: α′ then depends on the factors of more than one class.
-    pub fn is_long(&self, code: u32) -> bool {
-        self.list(code).len() > MAX_VERTICES
-    }
+/// α′ of a list and its derivatives, in one piece because it is read at random.
+#[derive(Clone, Copy, Debug, Default)]
+struct ListAlpha {
+    alpha: f32,
+    /// Number of derivatives; more than [`INLINE`] of them are in the chunk, from `start` on.
+    count: u32,
+    start: u32,
+    inline: [(GammaIndex, f32); INLINE],
+}
 
-    /// The table entries and weights that make the factor of a code that does not fold.
-    pub fn entries(&self, code: u32, table: &AttenuationTable) -> Vec<(GammaIndex, f32)> {
-        let Some((&last, before)) = self.list(code).split_last() else {
-            return Vec::new();
-        };
-        let prefix = PathRoughness::of(before, table);
-        let mut entries = Vec::new();
-        if !before.is_empty() {
-            table.entries(&prefix, last, |class, weight| entries.push((class, weight)));
+/// α′ of some lists, and the derivatives of those that have many.
+#[derive(Clone, Debug, Default)]
+struct AlphaChunk {
+    alphas: Vec<ListAlpha>,
+    derivatives: Dependence,
+    /// Derivatives of the current list.
+    scratch: Dependence,
+}
+
+impl AlphaChunk {
+    fn with_room() -> Self {
+        Self {
+            alphas: Vec::with_capacity(CHUNK),
+            ..Self::default()
         }
-        entries
     }
 
-    /// The class of a code, by its own levels; of a long one the class of its last five vertices.
-    pub fn class(&self, code: u32) -> Option<GammaIndex> {
-        let list = self.list(code);
-        let levels: Vec<usize> = list[list.len().saturating_sub(MAX_VERTICES)..]
-            .iter()
-            .map(|&a| crate::regularise::bin(a))
-            .collect();
-        GammaIndex::from_bins(&levels)
+    fn push(&mut self, path: &Differentiated, last: f32, table: &AttenuationTable) {
+        self.scratch.clear();
+        let mut entry = ListAlpha {
+            alpha: path.accumulate(last, table, &mut self.scratch),
+            count: self.scratch.len() as u32,
+            start: self.derivatives.len() as u32,
+            ..ListAlpha::default()
+        };
+        match entry.inline.get_mut(..self.scratch.len()) {
+            Some(inline) => inline.copy_from_slice(&self.scratch),
+            None => self.derivatives.extend(&self.scratch),
+        }
+        self.alphas.push(entry);
+    }
+}
+
+/// α′ of some lists in the order in which they are needed.
+#[derive(Debug, Default)]
+pub(in crate::train) struct PrefetchBuffer {
+    entries: Vec<(ListAlpha, u32)>,
+}
+
+impl ListAlphas {
+    /// Copies α′ of `codes` into a buffer, in a loop that does nothing else: the processor then waits for many cache
+    /// misses at a time instead of one after the other.
+    pub(in crate::train) fn prefetch(
+        &self,
+        codes: impl Iterator<Item = u32>,
+        buffer: &mut PrefetchBuffer,
+    ) {
+        buffer.entries.clear();
+        (buffer.entries).extend(codes.map(|code| (*self.entry(code), code)));
+    }
+
+    /// α′ and derivatives of the lists in a buffer.
+    pub(in crate::train) fn prefetched<'a>(
+        &'a self,
+        buffer: &'a PrefetchBuffer,
+    ) -> impl Iterator<Item = (f32, &'a [(GammaIndex, f32)])> {
+        let entries = buffer.entries.iter();
+        entries.map(|(entry, code)| (entry.alpha, self.derivatives(entry, *code)))
+    }
+
+    /// α′ of a list, and its derivatives by the table entries on which it depends.
+    #[inline]
+    pub fn at(&self, code: u32) -> (f32, &[(GammaIndex, f32)]) {
+        let entry = self.entry(code);
+        (entry.alpha, self.derivatives(entry, code))
+    }
+
+    fn entry(&self, code: u32) -> &ListAlpha {
+        &self.chunks[code as usize / CHUNK].alphas[code as usize % CHUNK]
+    }
+
+    #[inline]
+    fn derivatives<'a>(&'a self, entry: &'a ListAlpha, code: u32) -> &'a [(GammaIndex, f32)] {
+        let count = entry.count as usize;
+        entry.inline.get(..count).unwrap_or_else(|| {
+            let chunk = &self.chunks[code as usize / CHUNK];
+            &chunk.derivatives[entry.start as usize..][..count]
+        })
     }
 }
 
@@ -270,16 +319,15 @@ impl Codes {
 mod tests {
     use super::*;
     use crate::train::derivative::accumulate_with_gradient;
-    use crate::train::record::intern::Interner;
     use rand::{RngExt, SeedableRng};
 
     #[test]
-    fn codes_that_begin_alike_are_followed_as_each_alone() {
+    fn alphas_and_gradients_of_lists_match_those_of_single_paths() {
         let mut rng = rand_pcg::Pcg32::seed_from_u64(3);
         let values = [0.0, 0.02, 0.1, 0.3, 0.7, 1.0];
         let mut tree = Interner::default();
         let mut lists = Vec::new();
-        // More than a chunk, so that one begins in the middle of lists that begin alike.
+        // More than a chunk, so that a chunk begins in the middle of lists with a common prefix.
         for _ in 0..4 * CHUNK {
             let n = rng.random_range(1..12);
             let list: Vec<f32> = (0..n).map(|_| values[rng.random_range(0..6)]).collect();
@@ -294,8 +342,8 @@ mod tests {
             assert_eq!(&tree.list(*code), list);
             used[*code as usize] = true;
         }
-        let (codes, place) = tree.codes(&used);
-        assert_eq!(codes.len(), used.iter().filter(|u| **u).count());
+        let (sorted, place) = tree.sorted(&used);
+        assert_eq!(sorted.len(), used.iter().filter(|u| **u).count());
         // Another tree that has some of the lists already.
         let mut other = Interner::default();
         let first = other.intern(None, 0.3);
@@ -305,30 +353,30 @@ mod tests {
             assert_eq!(&other.list(moved[*code as usize]), list);
         }
         assert!(other.len() < tree.len());
-        assert!(codes.len() > 2 * CHUNK && codes.shared.iter().any(|&s| s > 3));
+        assert!(sorted.len() > 2 * CHUNK && sorted.shared.iter().any(|&s| s > 3));
         let mut table = AttenuationTable::constant(0.0);
         table.gammas.fill_with(|| rng.random());
-        let (alphas, roughness) = (codes.alphas(&table), codes.roughness(&table));
+        let (alphas, gradients) = (sorted.alphas(&table), sorted.alphas_with_gradient(&table));
         for (list, old) in &lists {
             let code = place[*old as usize];
-            assert_eq!(codes.list(code), list);
+            assert_eq!(sorted.list(code), list);
             let (alpha, gradient) = accumulate_with_gradient(list, &table);
             assert_eq!(alphas[code as usize], alpha);
-            assert_eq!(roughness.at(code), (alpha, &gradient[..]));
+            assert_eq!(gradients.at(code), (alpha, &gradient[..]));
         }
         // In any order, and after others.
-        let mut gathered = Gathered::default();
+        let mut buffer = PrefetchBuffer::default();
         for step in [3, 7] {
-            let some = (0..codes.len() as u32).rev().step_by(step);
-            roughness.gather(some.clone(), &mut gathered);
-            let found = roughness.gathered(&gathered);
-            assert!(found.eq(some.map(|code| roughness.at(code))));
+            let some = (0..sorted.len() as u32).rev().step_by(step);
+            gradients.prefetch(some.clone(), &mut buffer);
+            let found = gradients.prefetched(&buffer);
+            assert!(found.eq(some.map(|code| gradients.at(code))));
         }
-        let (long, all) = codes.long();
+        let (long, all) = sorted.long();
         for (code, &of_all) in (0u32..).zip(&all) {
-            assert_eq!(long.list(code), codes.list(of_all));
+            assert_eq!(long.list(code), sorted.list(of_all));
         }
-        let folds = (0..codes.len() as u32).filter(|&code| codes.is_long(code));
+        let folds = (0..sorted.len() as u32).filter(|&code| sorted.is_long(code));
         assert!(folds.eq(all));
     }
 }

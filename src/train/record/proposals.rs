@@ -1,25 +1,25 @@
-//! The factors that a recording's lobes are drawn with.
+//! Factors with which a recording samples its lobes.
 //!
-//! A direction drawn from a lobe at one roughness says little about the lobe at another: where the light is wide, and
-//! so p_l small, an event drawn at γ₀ is many times as noisy at 10 γ₀ as the renderer is there. So every roughened
-//! vertex of a recording draws its lobe once with each of several factors, and all draws are weighed with the balance
-//! heuristic (Veach 1997, eq. 9.8): wherever the table goes, some were drawn nearby.
+//! A direction sampled from a lobe at one roughness says little about the lobe at another: where the light is large, and
+//! so p_l small, an event sampled at γ₀ is many times as noisy at 10 γ₀ as the renderer is there. So a recording samples
+//! the lobe of every roughened vertex once with each of several factors, and weights all samples with the balance
+//! heuristic (`[Veach97]` eq. 9.8): wherever the table goes, some samples were drawn nearby.
 
 use crate::bsdf::{BsdfEval, DELTA_ALPHA, LobeQuery};
 use crate::regularise::{ConstantGamma, PathRoughness, Roughening, Scattered};
 
-/// A lobe that is wider than another by less than this is not drawn beside it: the factors are told apart by what they do
-/// to a mirror, and most do little to a surface that is rough by itself.
-const ALIKE: f32 = 1.7;
+/// Ratio of α′ below which two proposals count as one: the factors are chosen for a mirror, and most of them change
+/// little on a surface that is rough by itself.
+const MIN_RATIO: f32 = 1.7;
 
-/// Constant factors that lobes are drawn with, ascending; also the rule of a path tracer that roughens by the first.
+/// Constant factors with which lobes are sampled, ascending. As a rule of the path tracer it roughens by the first.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Drawn {
+pub struct Proposals {
     gammas: Vec<f32>,
 }
 
-impl Drawn {
-    /// These factors, at least one.
+impl Proposals {
+    /// Sorts `gammas`, at least one factor.
     pub fn new(gammas: &[f32]) -> Self {
         let mut gammas = gammas.to_vec();
         gammas.sort_by(f32::total_cmp);
@@ -28,8 +28,8 @@ impl Drawn {
 
     /// α′ of a vertex of roughness `last`.
     ///
-    /// What is roughened at all is at least as wide as the narrowest lobe that can be evaluated: all factors must tell
-    /// of the same vertices.
+    /// A roughened lobe is clamped to [`DELTA_ALPHA`] and kept above `last`, so that every factor records the same set of
+    /// vertices.
     #[inline]
     fn alpha(path: &PathRoughness, last: f32, gamma: f32) -> f32 {
         if last >= 1.0 || path.values().iter().all(|&alpha| alpha <= 0.0) {
@@ -39,21 +39,21 @@ impl Drawn {
         alpha.max(DELTA_ALPHA).max(last.next_up())
     }
 
-    /// Appends α′ of the last vertex of a path with every factor, but for those that are [`ALIKE`].
+    /// Appends α′ of the last vertex of a path for every factor, without those closer than [`MIN_RATIO`].
     pub(in crate::train) fn alphas(&self, list: &[f32], alphas: &mut Vec<f32>) {
         let (&last, before) = list.split_last().unwrap_or((&1.0, &[]));
         let mut widest = f32::NEG_INFINITY;
         for &gamma in &self.gammas {
             let path = PathRoughness::of(before, &ConstantGamma(gamma));
             let alpha = Self::alpha(&path, last, gamma);
-            if alpha > widest * ALIKE {
+            if alpha > widest * MIN_RATIO {
                 alphas.push(alpha);
                 widest = alpha;
             }
         }
     }
 
-    /// Sum of the densities of a direction over all draws, and the largest value there.
+    /// Density of a direction summed over all proposals, and the largest value.
     pub(in crate::train) fn all(query: &LobeQuery, alphas: &[f32]) -> BsdfEval {
         let lobes = alphas.iter().map(|&alpha| query.at(alpha));
         lobes.fold(BsdfEval::default(), |all, lobe| BsdfEval {
@@ -67,7 +67,7 @@ impl Drawn {
     }
 }
 
-impl Roughening for Drawn {
+impl Roughening for &Proposals {
     type Path = PathRoughness;
 
     fn start(&self, _: u32) -> PathRoughness {
@@ -76,7 +76,7 @@ impl Roughening for Drawn {
 
     #[inline]
     fn roughen(&self, path: &PathRoughness, alpha: f32) -> f32 {
-        Drawn::alpha(path, alpha, self.first())
+        Proposals::alpha(path, alpha, self.first())
     }
 
     #[inline]
@@ -90,21 +90,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lobes_that_are_alike_are_drawn_once() {
-        let drawn = Drawn::new(&[1e-3, 0.1, 0.2, 1.0]);
+    fn similar_proposals_are_sampled_once() {
+        let drawn = Proposals::new(&[1e-3, 0.1, 0.2, 1.0]);
         let alphas = |list: &[f32]| {
             let mut alphas = Vec::new();
             drawn.alphas(list, &mut alphas);
             alphas
         };
-        // A Dirac lobe after a rough vertex: 1 − (1 − γ 0.5), no less than can be evaluated.
+        // A Dirac lobe after a rough vertex: α′ = γ · 0.5, clamped to DELTA_ALPHA.
         assert_eq!(alphas(&[0.5, 0.0]), [DELTA_ALPHA, 0.05, 0.1, 0.5]);
         // 0.20, 0.24, 0.28 and 0.6.
         assert_eq!(alphas(&[0.5, 0.2]).len(), 2);
         assert_eq!(alphas(&[0.5, 0.7]).len(), 1);
-        // So little that it is lost to rounding is roughened all the same.
+        // A change lost to rounding still counts as roughened.
         assert!(alphas(&[1e-6, 0.7])[0] > 0.7);
-        // Nothing to add, nothing to roughen.
+        // A specular prefix, direct light and diffuse vertices are not roughened.
         for list in [&[0.0, 0.0][..], &[0.0, 0.0, 0.2], &[0.2], &[0.5, 1.0]] {
             let last = list[list.len() - 1];
             assert_eq!(alphas(list), [last], "{list:?}");

@@ -1,23 +1,22 @@
-//! What a crop's paths depend on the table with: a constant for every path, and its events.
+//! Recordings: for every path of a crop a constant and the events that depend on the table.
 
 use crate::image::film::Window;
 use crate::integrator::{Event, PathObserver, Recorder, ShadingPoint, Technique};
 use crate::math::{Rgb, UVec2};
 use crate::sampler::IndependentStream;
 use crate::train::record::event::StoredEvent;
-use crate::train::record::intern::Interner;
-use crate::train::record::lists::Codes;
-use crate::train::record::proposals::Drawn;
-use crate::train::record::roulette::Thin;
+use crate::train::record::lists::{Interner, RoughnessLists};
+use crate::train::record::proposals::Proposals;
+use crate::train::record::roulette::EventRoulette;
 use std::ops::Range;
 use std::sync::Arc;
 
 /// A path with events.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Path {
-    /// What it carries whatever the table says.
+pub struct RecordedPath {
+    /// Contribution that does not depend on the table.
     pub constant: [f32; 3],
-    /// First of its events.
+    /// Index of its first event.
     pub first: u32,
     /// Number of its events, in order of depth.
     pub count: u32,
@@ -25,59 +24,61 @@ pub struct Path {
 
 /// The paths of one pixel.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Pixel {
-    /// Samples.
+pub struct RecordedPixel {
+    /// Number of samples.
     pub samples: u32,
     /// Sum of the constants of all samples.
     pub constant: [f64; 3],
     /// Sum of their squares, over the channels.
     pub constant_squared: f64,
     /// The paths with events.
-    pub paths: Vec<Path>,
+    pub paths: Vec<RecordedPath>,
 }
 
 /// The paths of a crop.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     /// Row by row.
-    pub pixels: Vec<Pixel>,
+    pub pixels: Vec<RecordedPixel>,
     /// Events of all paths.
     pub events: Vec<StoredEvent>,
     /// Roughness lists of the events.
-    pub codes: Codes,
+    pub lists: RoughnessLists,
 }
 
-/// A recorder of events, which becomes a [`Recording`]; fork it for tiles of the same crop.
+/// Observer of paths that becomes a [`Recording`]. Tiles of a crop are recorded by forks.
 #[derive(Clone, Debug)]
 pub struct Tape {
     window: Window,
     /// Row by row.
-    pixels: Vec<Pixel>,
+    pixels: Vec<RecordedPixel>,
     /// Events of all paths.
     events: Vec<StoredEvent>,
-    /// Roughness lists of the events, and of vertices that none came from.
-    codes: Interner,
-    /// What lobes are drawn with, and which of their events are kept.
-    drawn: Option<Arc<(Drawn, Thin)>>,
-    /// α′ of the lobes that are drawn at the last vertex of every code, and where they end.
+    /// Roughness lists of all vertices.
+    lists: Interner,
+    /// Proposals of lobe samples, and the roulette over events; `None` for one sample with the renderer's roughness.
+    drawn: Option<Arc<(Proposals, EventRoulette)>>,
+    /// α′ of the proposals at the last vertex of every code, and the end of each code's values.
     drawn_at: Vec<f32>,
     drawn_ends: Vec<usize>,
-    /// The list of the current path before the vertex at hand, and before the one that it came from.
+    /// Code of the current path before the current vertex, and before the previous one.
     before: Option<u32>,
     left: Option<u32>,
-    /// The code of the vertex at hand, by its roughness.
+    /// Roughness and code of the current vertex.
     here: Option<(f32, u32)>,
+    /// Index of the current pixel.
     current: usize,
+    /// Index of the current path's first event.
     first: usize,
-    /// The current path's numbers for the roulette of its events.
+    /// Random numbers of the roulette on the current path.
     roulette: Option<IndependentStream>,
-    /// What the current path's events have contributed.
+    /// Contribution of the current path's events.
     counted: Rgb,
 }
 
-/// Which lists have events.
-fn used(codes: &Interner, events: &[StoredEvent]) -> Vec<bool> {
-    let mut used = vec![false; codes.len()];
+/// Marks the lists that have events.
+fn used(lists: &Interner, events: &[StoredEvent]) -> Vec<bool> {
+    let mut used = vec![false; lists.len()];
     for event in events {
         used[event.code as usize] = true;
     }
@@ -86,7 +87,7 @@ fn used(codes: &Interner, events: &[StoredEvent]) -> Vec<bool> {
 
 impl From<Tape> for Recording {
     fn from(tape: Tape) -> Self {
-        let (codes, place) = tape.codes.codes(&used(&tape.codes, &tape.events));
+        let (lists, place) = tape.lists.sorted(&used(&tape.lists, &tape.events));
         let mut events = tape.events;
         for event in &mut events {
             event.code = place[event.code as usize];
@@ -94,35 +95,41 @@ impl From<Tape> for Recording {
         Self {
             pixels: tape.pixels,
             events,
-            codes,
+            lists,
         }
     }
 }
 
 impl Recording {
-    /// Bytes held, near enough.
+    /// The events of a path, in order of depth.
+    #[inline]
+    pub fn events_of(&self, path: &RecordedPath) -> &[StoredEvent] {
+        &self.events[path.first as usize..][..path.count as usize]
+    }
+
+    /// Approximate memory in bytes.
     pub fn bytes(&self) -> usize {
         let paths: usize = self.pixels.iter().map(|p| p.paths.len()).sum();
-        size_of_val(self.events.as_slice()) + paths * size_of::<Path>()
+        size_of_val(self.events.as_slice()) + paths * size_of::<RecordedPath>()
     }
 }
 
 impl Tape {
-    /// An empty recording of a crop whose lobes are drawn with several factors, and whose faint events play roulette.
-    pub fn drawn(window: Window, drawn: Arc<(Drawn, Thin)>) -> Self {
+    /// An empty tape. Lobes are sampled with several factors, and faint events play roulette.
+    pub fn drawn(window: Window, drawn: Arc<(Proposals, EventRoulette)>) -> Self {
         Self {
             drawn: Some(drawn),
             ..Self::new(window)
         }
     }
 
-    /// An empty recording of a crop, every event drawn at its own roughness.
+    /// An empty tape. Lobes are sampled once, with the renderer's roughness.
     pub fn new(window: Window) -> Self {
         Self {
             window,
-            pixels: vec![Pixel::default(); window.len()],
+            pixels: vec![RecordedPixel::default(); window.len()],
             events: Vec::new(),
-            codes: Interner::default(),
+            lists: Interner::default(),
             drawn: None,
             drawn_at: Vec::new(),
             drawn_ends: Vec::new(),
@@ -136,7 +143,7 @@ impl Tape {
         }
     }
 
-    /// The code of the current path as it ends with the vertex at hand, of this roughness.
+    /// The code of the current path with the current vertex, of roughness `alpha`.
     #[inline]
     fn code(&mut self, alpha: f32) -> u32 {
         match self.here {
@@ -150,23 +157,23 @@ impl Tape {
     }
 
     fn intern(&mut self, before: Option<u32>, alpha: f32) -> u32 {
-        let known = self.codes.len();
-        let code = self.codes.intern(before, alpha);
-        if self.codes.len() > known
+        let known = self.lists.len();
+        let code = self.lists.intern(before, alpha);
+        if self.lists.len() > known
             && let Some(drawn) = &self.drawn
         {
-            (drawn.0).alphas(&self.codes.list(code), &mut self.drawn_at);
+            (drawn.0).alphas(&self.lists.list(code), &mut self.drawn_at);
             self.drawn_ends.push(self.drawn_at.len());
         }
         code
     }
 
-    /// Keeps an event, or not; at the factors it was drawn with its integrand is at most `brightest`.
+    /// Stores an event if it survives the roulette; `brightest` is the largest integrand over all proposals.
     fn keep(&mut self, event: StoredEvent, brightest: Rgb) {
-        let thin = self.drawn.as_ref().map(|drawn| &drawn.1);
-        let weight = match (thin, &mut self.roulette) {
-            (Some(thin), Some(roulette)) => {
-                thin.weight(self.current, event.size(brightest), roulette)
+        let roulette = self.drawn.as_ref().map(|drawn| &drawn.1);
+        let weight = match (roulette, &mut self.roulette) {
+            (Some(roulette), Some(stream)) => {
+                roulette.weight(self.current, event.size(brightest), stream)
             }
             _ => Some(1.0),
         };
@@ -184,7 +191,7 @@ impl Tape {
     fn record(&mut self, event: &Event, code: u32) -> bool {
         let (drawn, draws) = if self.drawn.is_some() {
             let alphas = &self.drawn_at[self.draws_of(code)];
-            (Drawn::all(&event.query, alphas), alphas.len())
+            (Proposals::all(&event.query, alphas), alphas.len())
         } else {
             (event.query.at(event.alpha_reg), 1)
         };
@@ -253,7 +260,7 @@ impl PathObserver for Tape {
             return;
         }
         let constant = (radiance - self.counted).to_array();
-        // What rounding leaves of a path whose light is all in its events.
+        // Rounding errors of a path whose light is all in its events.
         let floor = radiance.max_element() * 1e-5;
         let constant = constant.map(|c| if c < floor { 0.0 } else { c });
         for (sum, c) in pixel.constant.iter_mut().zip(constant) {
@@ -262,7 +269,7 @@ impl PathObserver for Tape {
         }
         let count = (self.events.len() - self.first) as u32;
         if count > 0 {
-            pixel.paths.push(Path {
+            pixel.paths.push(RecordedPath {
                 constant,
                 first: self.first as u32,
                 count,
@@ -281,8 +288,8 @@ impl Recorder for Tape {
 
     fn join(&mut self, tile: Self) {
         let codes = self
-            .codes
-            .absorb(&tile.codes, used(&tile.codes, &tile.events));
+            .lists
+            .absorb(&tile.lists, used(&tile.lists, &tile.events));
         let offset = self.events.len() as u32;
         self.events.extend(tile.events.into_iter().map(|mut event| {
             event.code = codes[event.code as usize];
@@ -294,10 +301,12 @@ impl Recorder for Tape {
             for c in 0..3 {
                 pixel.constant[c] += other.constant[c];
             }
-            pixel.paths.extend(other.paths.into_iter().map(|path| Path {
-                first: path.first + offset,
-                ..path
-            }));
+            pixel
+                .paths
+                .extend(other.paths.into_iter().map(|path| RecordedPath {
+                    first: path.first + offset,
+                    ..path
+                }));
         }
     }
 }

@@ -1,7 +1,11 @@
-//! How often each class was seen, and what a class that never was inherits.
+//! Events per class, and the factors that unvisited classes inherit.
 
-use crate::regularise::{AttenuationTable, GammaIndex, LEN};
+use crate::regularise::{AttenuationTable, BINS, GammaIndex, LEN};
 use crate::train::record::recording::Recording;
+
+/// Number of live classes, those whose last vertex is below the top bin: in the top bin there is hardly anything to
+/// roughen.
+pub const LIVE: usize = LEN / 4 * 3;
 
 /// Events per class.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,18 +18,18 @@ impl Default for Visits {
 }
 
 impl Visits {
-    /// Counts the events of a recording at every class whose factor they depend on.
+    /// Counts the events of a recording in every class on whose factor they depend.
     pub fn count(&mut self, recording: &Recording, table: &AttenuationTable) {
-        let roughness = recording.codes.roughness(table);
+        let alphas = recording.lists.alphas_with_gradient(table);
         for event in &recording.events {
-            for (class, _) in roughness.at(event.code).1 {
+            for (class, _) in alphas.at(event.code).1 {
                 self.0[class.index()] += 1;
             }
         }
     }
 
-    /// Gives every class that was never visited the factor of its longest visited suffix: the class without the
-    /// vertices nearest the camera. Without one it gets the median of the visited factors.
+    /// Gives every unvisited class the factor of its longest visited suffix: the class without the vertices nearest the
+    /// camera. Without one it gets the median of the visited factors.
     pub fn inherit(&self, table: &AttenuationTable) -> AttenuationTable {
         let mut visited: Vec<f32> = (table.gammas.iter().zip(&self.0))
             .filter(|(_, visits)| **visits > 0)
@@ -33,7 +37,7 @@ impl Visits {
             .collect();
         visited.sort_by(f32::total_cmp);
         let median = visited.get(visited.len() / 2).copied();
-        let mut whole = table.clone();
+        let mut filled = table.clone();
         for class in (0..LEN).filter_map(GammaIndex::new) {
             if self.0[class.index()] > 0 {
                 continue;
@@ -46,28 +50,22 @@ impl Visits {
             }
             let gamma = suffix.map(|s| table.gammas[s.index()]).or(median);
             if let Some(gamma) = gamma {
-                whole.gammas[class.index()] = gamma;
+                filled.gammas[class.index()] = gamma;
             }
         }
-        whole
+        filled
     }
 
-    /// Visited classes among the [`LIVE`] ones whose last vertex is not on the top level.
-    pub fn coverage(&self) -> usize {
+    /// Number of live classes with at least `n` events.
+    pub fn live_with(&self, n: u64) -> usize {
         (0..LEN)
             .filter_map(GammaIndex::new)
-            .filter(|&c| is_live(c) && self.0[c.index()] > 0)
+            .filter(|&c| is_live(c) && self.0[c.index()] >= n)
             .count()
     }
 }
 
-/// Classes whose last vertex is not on the top level, where there is hardly anything to roughen.
-pub const LIVE: usize = LEN / 4 * 3;
-
-/// Whether a class is one of the [`LIVE`].
-pub fn is_live(class: GammaIndex) -> bool {
-    class
-        .bins()
-        .last()
-        .is_some_and(|&level| level + 1 < crate::regularise::BINS)
+/// Whether the last vertex of a class is below the top bin.
+fn is_live(class: GammaIndex) -> bool {
+    (class.bins().last()).is_some_and(|&bin| bin + 1 < BINS)
 }

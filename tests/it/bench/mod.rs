@@ -1,4 +1,4 @@
-//! Benches: suites, runs that go on where they stopped, and verdicts on recorded data.
+//! Benches: suites, resumed runs, and verdicts on recorded data.
 
 pub(crate) mod planted;
 mod report;
@@ -20,7 +20,7 @@ fn summary_of<'a>(all: &'a [summary::SceneSummary], name: &str) -> &'a MethodSum
 }
 
 #[test]
-fn planted_differences_are_found_and_no_others() {
+fn bench_finds_planted_differences_and_no_others() {
     let methods = [
         planted("plain", 0.1, 0.0),
         planted("twin", 0.1, 0.0),
@@ -73,7 +73,7 @@ fn planted_differences_are_found_and_no_others() {
 }
 
 #[test]
-fn four_seeds_are_too_few() {
+fn bench_verdict_needs_five_seeds() {
     let all = summary::summaries(&recorded(
         &[planted("plain", 0.1, 0.0), planted("quiet", 0.01, 0.0)],
         4,
@@ -87,7 +87,7 @@ fn four_seeds_are_too_few() {
 }
 
 #[test]
-fn suites_are_checked() {
+fn bench_suite_errors_name_the_entry() {
     let scene = "[[scene]]\nname = 's'\nbuiltin = 'plane'\nsize = [8, 8]\nreference_spp = 1\n";
     let method = "[[method]]\nname = 'm'\nmethod = 'plain'\n";
     let faults = [
@@ -142,7 +142,7 @@ const SMALL: &str = "seeds = 3\nsamples = [2, 5]\n\
     [[method]]\nname = 'twin'\nmethod = 'constant'\ngamma = 0.0\n";
 
 #[test]
-fn a_bench_goes_on_where_it_stopped() {
+fn bench_resume_keeps_measured_runs() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("results.json");
     let suite = Suite::parse(SMALL).unwrap();
@@ -213,7 +213,7 @@ fn a_bench_goes_on_where_it_stopped() {
 }
 
 #[test]
-fn references_are_kept_and_may_be_given() {
+fn bench_references_are_cached_or_given() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("results.json");
     let quick = SMALL.replace("seeds = 3", "seeds = 1");
@@ -269,7 +269,7 @@ fn references_are_kept_and_may_be_given() {
 }
 
 #[test]
-fn without_caustics_plain_errors_fall_as_one_over_samples() {
+fn bench_convergence_of_plain_errors_is_one_over_samples() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("results.json");
     let text = "seeds = 3\nsamples = [4, 256]\n\
@@ -292,7 +292,7 @@ fn without_caustics_plain_errors_fall_as_one_over_samples() {
 }
 
 #[test]
-fn scenes_can_be_varied() {
+fn bench_scene_variants() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("results.json");
     let go = |keys: &str| {
@@ -310,7 +310,7 @@ fn scenes_can_be_varied() {
 }
 
 #[test]
-fn committed_suites_name_files_that_are_there() {
+fn bench_committed_suites_name_existing_files() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     for name in ["quick", "full"] {
         let suite = Suite::load(&root.join(format!("suites/{name}.toml"))).unwrap();

@@ -22,7 +22,7 @@ fn methods() -> [Planted; 4] {
 }
 
 #[test]
-fn the_page_is_a_function_of_the_file() {
+fn bench_page_determinism_and_self_contained() {
     let results = recorded(&methods(), 6);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("results.json");
@@ -42,7 +42,7 @@ fn the_page_is_a_function_of_the_file() {
 }
 
 #[test]
-fn the_page_shows_what_was_measured() {
+fn bench_page_shows_the_measurements() {
     let html = page(&recorded(&methods(), 6));
     // Curves over time and over samples, ratios over all scenes; a polyline or path for each method.
     assert_eq!(html.matches("<svg").count(), 3);
@@ -62,7 +62,7 @@ fn the_page_shows_what_was_measured() {
 }
 
 #[test]
-fn results_without_seeds_pictures_or_times_make_a_page() {
+fn bench_page_of_partial_results() {
     let mut results = recorded(&methods()[..1], 1);
     results.insets.clear();
     results.products.clear();
@@ -101,7 +101,7 @@ fn two_scenes() -> Results {
 }
 
 #[test]
-fn scenes_are_summed_up_by_group_and_opponent() {
+fn bench_overall_by_group_and_opponent() {
     let results = two_scenes();
     let of = |group, opponent: &str, name: &str| {
         let all = overall(&results, group, opponent);

@@ -1,4 +1,4 @@
-//! What goes wrong leads to the documented exit code and to a message that names the culprit, and changes no file.
+//! Failures: the documented exit code, a message that names the fault, and no changed file.
 
 use super::{Ended, Place};
 use crate::fuzz::seeds;
@@ -300,7 +300,7 @@ fn exit_codes_and_messages() {
 }
 
 #[test]
-fn the_codes_are_documented() {
+fn exit_codes_are_documented() {
     let help = Place::new().opsr("--help").done().out;
     for words in [
         "0 done",
@@ -318,7 +318,7 @@ fn the_codes_are_documented() {
 /// Standard output is a pipe that nobody reads any more, or a full disk.
 #[test]
 #[cfg(target_os = "linux")]
-fn output_that_goes_nowhere() {
+fn closed_pipe_is_no_error_and_full_output_is() {
     let place = place();
     for args in [
         "info scene.glb",
@@ -353,7 +353,7 @@ fn output_that_goes_nowhere() {
 /// A disk that fills up in the middle of a file, by way of a limit on the size of files.
 #[test]
 #[cfg(unix)]
-fn a_full_disk_leaves_the_old_picture() {
+fn full_disk_leaves_the_old_picture() {
     let place = Place::new();
     place.write("old.exr", "what was there before");
     place.write("old.png", "what was there before");
@@ -378,7 +378,7 @@ fn a_full_disk_leaves_the_old_picture() {
 /// A pipe that nobody writes to: whoever opens it waits.
 #[test]
 #[cfg(unix)]
-fn a_pipe_for_a_map() {
+fn environment_map_from_a_pipe_is_refused() {
     let place = Place::new();
     let made = std::process::Command::new("mkfifo")
         .arg(place.path().join("sky.hdr"))

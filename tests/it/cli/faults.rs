@@ -1,5 +1,4 @@
-//! Places that benches and trainings cannot write to: exit code 4, what was there before is there as it was, and
-//! nothing is left behind.
+//! Places that benches and trainings cannot write to: exit code 4, old files unchanged, nothing left behind.
 
 #[cfg(unix)]
 use super::shut::Shut;
@@ -18,7 +17,7 @@ fn long() -> String {
 
 #[test]
 #[cfg(unix)]
-fn a_bench_that_cannot_write() {
+fn exit_code_of_a_bench_that_cannot_write() {
     let place = Place::new();
     place.write("suite.toml", SUITE);
     place.opsr("bench suite.toml -o old.json").done();
@@ -58,7 +57,7 @@ fn a_bench_that_cannot_write() {
 /// The page is written whole or not at all.
 #[test]
 #[cfg(unix)]
-fn a_report_that_cannot_be_written() {
+fn exit_code_of_a_report_that_cannot_be_written() {
     let place = Place::new();
     place.write("suite.toml", SUITE);
     place.opsr("bench suite.toml -o results.json").done();
@@ -86,7 +85,7 @@ fn a_report_that_cannot_be_written() {
 /// Every command that writes, into a folder that is read-only.
 #[test]
 #[cfg(unix)]
-fn a_folder_that_is_read_only() {
+fn exit_code_of_a_read_only_folder() {
     let place = Place::new();
     place.write("suite.toml", SUITE.replace("[1]", "[1, 2]"));
     place.opsr("bench suite.toml -o results.json").done();
@@ -165,7 +164,7 @@ mod training {
     use super::*;
 
     #[test]
-    fn a_training_that_cannot_write() {
+    fn exit_code_of_a_training_that_cannot_write() {
         let place = place();
         train(&place, "--steps 4").done();
         let run = "run/beta-0.001";
@@ -207,7 +206,7 @@ mod training {
     }
 
     #[test]
-    fn progress_that_nobody_can_read_ends_no_training() {
+    fn closed_progress_pipe_does_not_end_a_training() {
         let place = place();
         let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
         let args = format!("{TRAIN} --steps 2 --progress json").replace("--progress none ", "");

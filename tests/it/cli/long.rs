@@ -1,4 +1,4 @@
-//! Files that are longer than any of their kind, and lines: exit code 3 and few words.
+//! Files and lines that are too long: exit code 3 and a short message.
 
 use super::Place;
 use crate::fuzz::seeds;
@@ -13,7 +13,7 @@ fn lengthen(place: &Place, name: &str, bytes: u64) {
 }
 
 #[test]
-fn a_map_with_gigabytes_behind_it() {
+fn environment_map_with_gigabytes_behind_it_is_refused() {
     let place = Place::new();
     place.write("sky.hdr", &seeds::hdr()[0]);
     place.render("--spp 1 --env sky.hdr -o out.exr").done();
@@ -25,7 +25,7 @@ fn a_map_with_gigabytes_behind_it() {
 }
 
 #[test]
-fn one_line_of_a_list_and_of_a_suite() {
+fn errors_in_long_toml_lines_are_short() {
     let place = Place::new();
     let line = format!("seeds = 5 # {0}\nlong ? {0}\n", "long ".repeat(99_999));
     place.write("line.toml", line);

@@ -1,4 +1,4 @@
-//! What commands show and write when nothing goes wrong: pilots, comparisons, plots, a live view.
+//! Outputs of commands that succeed: pilots, comparisons, plots, a live view.
 
 use super::Place;
 use crate::fuzz::seeds;
@@ -21,9 +21,9 @@ fn picture(place: &Place, name: &str) -> Buffer {
     exr::read_rgb(&place.path().join(name)).expect("a picture")
 }
 
-/// What the pilot chooses is told, and set by hand it gives the same picture.
+/// The pilot's choice is reported, and set by hand it gives the same picture.
 #[test]
-fn a_scale_from_a_pilot() {
+fn pilot_scale_set_by_hand_gives_the_same_picture() {
     let place = caustics();
     let table = "--spp 2 --opsr-table table.json --table-scale";
     let ended = place
@@ -67,7 +67,7 @@ fn a_scale_from_a_pilot() {
 }
 
 #[test]
-fn a_comparison_in_numbers_maps_and_a_page() {
+fn compare_writes_numbers_maps_and_a_page() {
     let place = caustics();
     for (name, args) in [
         ("a.exr", "--spp 4"),
@@ -122,7 +122,7 @@ fn a_comparison_in_numbers_maps_and_a_page() {
 }
 
 #[test]
-fn plots_beside_the_page_of_a_bench() {
+fn report_plots_determinism() {
     let place = Place::new();
     place.write(
         "suite.toml",
@@ -151,7 +151,7 @@ fn plots_beside_the_page_of_a_bench() {
 }
 
 #[test]
-fn what_holds_as_a_table() {
+fn verify_prints_a_table() {
     let ended = Place::new().opsr("verify").done();
     let lines: Vec<&str> = ended.out.lines().collect();
     assert!(lines[0].starts_with("case") && lines[0].ends_with("bound"));
@@ -163,7 +163,7 @@ fn what_holds_as_a_table() {
 
 /// A viewer that listens is shown a picture that becomes the one that is written.
 #[test]
-fn a_live_view() {
+fn tev_live_view() {
     let place = caustics();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();

@@ -1,4 +1,4 @@
-//! `opsr render` from a file to files, stopped, and gone on with.
+//! `opsr render`: files in and out, interruption, resumption.
 
 use super::{Ended, Place};
 use crate::fuzz::seeds;
@@ -6,7 +6,7 @@ use opsr::gallery;
 use opsr::image::{exr, png};
 
 #[test]
-fn a_picture_in_two_formats_and_nothing_else() {
+fn render_writes_its_outputs_and_nothing_else() {
     let place = Place::new();
     place.save("scene.glb", &gallery::cornell_box());
     let ended = place.render("--spp 4 --aov -o out.exr -o out.png").done();
@@ -37,7 +37,7 @@ fn a_picture_in_two_formats_and_nothing_else() {
 }
 
 #[test]
-fn equal_renders_are_equal_files() {
+fn determinism_of_reproducible_files() {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
     place.write("table.json", &seeds::tables()[1]);
@@ -62,7 +62,7 @@ fn equal_renders_are_equal_files() {
 }
 
 #[test]
-fn a_resumed_render_is_an_uninterrupted_one() {
+fn resume_equals_an_uninterrupted_render() {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
     place.render("--aov --spp 9 -o whole.exr").done();
@@ -82,7 +82,7 @@ fn a_resumed_render_is_an_uninterrupted_one() {
 }
 
 #[test]
-fn a_checkpoint_of_another_render_is_refused() {
+fn resume_refuses_the_checkpoint_of_another_render() {
     let place = Place::new();
     place.write("table.json", &seeds::tables()[1]);
     place.write("sky.hdr", &seeds::hdr()[0]);
@@ -141,7 +141,7 @@ fn a_checkpoint_of_another_render_is_refused() {
 /// Ctrl-C in the middle of a long render: what there is is saved, and the exit code says so.
 #[test]
 #[cfg(unix)]
-fn stopped_by_a_signal() {
+fn exit_code_after_a_signal() {
     let place = Place::new();
     let args = "render scene.glb --size 16x16 --time 10min --threads 1 --progress none --save-every 1ms \
                 -o out.exr --checkpoint a.ckpt --reproducible";
@@ -167,7 +167,7 @@ fn stopped_by_a_signal() {
 
 /// A table with less of its pattern: another picture, which says so, and which only its like goes on from.
 #[test]
-fn the_contrast_of_a_table() {
+fn table_contrast_is_part_of_the_checkpoint() {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
     place.write("table.json", &seeds::tables()[1]);

@@ -1,4 +1,4 @@
-//! Folders that may not be written to, and the program run by somebody whom that stops: root may write everywhere.
+//! Read-only folders, and the program run by a user other than root, who may write everywhere.
 
 use super::{Ended, Place};
 use std::fs::{Permissions, set_permissions};

@@ -1,4 +1,4 @@
-//! What a training says of itself: names of tables, scores in the report, families that were held out.
+//! The report of a training: names of tables, scores, families held out.
 
 use super::Place;
 use opsr::gallery;
@@ -6,7 +6,7 @@ use opsr::regularise::Lookup;
 use opsr::regularise::file::TableFile;
 use serde_json::Value;
 
-/// Two families to learn from and one scene that is kept back, each with one crop.
+/// Two families for training and one scene for validation, with one crop each.
 const MANIFEST: &str = r#"
 [[scene]]
 name = "glass"
@@ -39,7 +39,7 @@ max_vertices = 6
 exposure = 1.0
 "#;
 
-/// A folder with the list and its scenes.
+/// A folder with the manifest and its scenes.
 fn scenes() -> Place {
     let place = Place::new();
     place.save("box.glb", &gallery::caustic_box());
@@ -48,7 +48,7 @@ fn scenes() -> Place {
     place
 }
 
-/// The same with references.
+/// The same folder with references.
 fn ready() -> Place {
     let place = scenes();
     let said = place.opsr("scenes reference --manifest list.toml --spp 96 --threads 2");
@@ -63,7 +63,7 @@ fn json(text: impl AsRef<[u8]>) -> Value {
     serde_json::from_slice(text.as_ref()).expect("JSON")
 }
 
-/// The report without its pictures.
+/// The report's page without its images.
 fn page(place: &Place) -> String {
     let page = String::from_utf8(place.read("run/report.html")).expect("UTF-8");
     let mut parts = page.split("base64,");
@@ -80,9 +80,9 @@ fn loss(scores: &Value, i: usize) -> f64 {
 }
 
 #[test]
-fn a_report_says_what_a_table_is_worth() {
+fn report_scores_tables_beside_constants() {
     let place = ready();
-    // References that are there are not rendered again.
+    // Existing references are not rendered again.
     let first = place.read("references/kept_0_32.exr");
     (place.opsr("scenes reference --manifest list.toml --spp 96")).done();
     assert!(place.read("references/kept_0_32.exr") == first);
@@ -101,6 +101,8 @@ fn a_report_says_what_a_table_is_worth() {
         "walls 16,16",
         "kept 0,32",
         "β = 0.001",
+        "What the terms mean",
+        "crops have a larger loss with the table than plain",
         "data:image/png",
     ] {
         assert!(page.contains(word), "{word}");
@@ -127,7 +129,7 @@ fn a_report_says_what_a_table_is_worth() {
             .collect();
         assert_eq!(steps, [0, 2, 4]);
 
-        // The best constant is the best of constants, and its table does no worse where it was learned.
+        // No constant is better than the best one, and a table is no worse on the crops that it was learned from.
         let learned = &report["tables"][i];
         let training = &learned["training"];
         assert_eq!(training[0]["name"], "best constant of these crops");
@@ -135,7 +137,7 @@ fn a_report_says_what_a_table_is_worth() {
         assert!(loss(training, 2) <= loss(training, 0) * 1.02, "{training}");
         let validation = &learned["validation"];
         assert!(loss(validation, 0) <= loss(validation, 1) * 1.000_001);
-        // What a table could be changed to with the crops at hand is asked for crops it was not learned from.
+        // Scale and contrast in hindsight are reported for validation crops only.
         let name = |scores: &Value, i: usize| scores[i]["name"].as_str().unwrap().to_owned();
         assert_eq!(name(validation, 3), "learned table, best scale");
         assert!(
@@ -148,7 +150,7 @@ fn a_report_says_what_a_table_is_worth() {
 }
 
 #[test]
-fn every_family_is_held_out_once() {
+fn study_holds_every_family_out_once() {
     let place = ready();
     place
         .opsr(&format!(
@@ -163,7 +165,7 @@ fn every_family_is_held_out_once() {
         let scores = &family["scores"];
         assert_eq!(scores[0]["name"], "best constant of these crops");
         assert!(loss(scores, 0) <= loss(scores, 1) * 1.000_001, "{family}");
-        // A scale that is chosen with the crops at hand only helps.
+        // A scale chosen on the same crops can only help.
         assert_eq!(scores[2]["name"], "full table");
         assert!(loss(scores, 3) <= loss(scores, 2) * 1.000_001, "{family}");
     }
@@ -173,7 +175,7 @@ fn every_family_is_held_out_once() {
 }
 
 #[test]
-fn tables_are_named_after_what_they_are() {
+fn table_files_are_named_after_model_and_lookup() {
     let place = ready();
     let args = "--steps 2 --model additive --lookup linear --hold-out walls --set loss=noise-free";
     let ended = place
@@ -190,7 +192,7 @@ fn tables_are_named_after_what_they_are() {
         "{}",
         about.loss
     );
-    // What is held out is not learned from but scored.
+    // A family that is held out is scored, not learned from.
     assert_eq!(about.scenes.len(), 1);
     let report = json(place.read("run/report.json"));
     assert_eq!(report["names"], serde_json::json!(["glass 24,32"]));
@@ -201,7 +203,7 @@ fn tables_are_named_after_what_they_are() {
 }
 
 #[test]
-fn trainings_that_cannot_begin_say_why() {
+fn errors_before_training_name_the_setting_or_file() {
     let place = scenes();
     let run = "--run run --out tables --progress none";
     let ended = place.opsr(&format!("{QUICK} {run}"));
@@ -230,7 +232,7 @@ fn trainings_that_cannot_begin_say_why() {
         assert_eq!(ended.code, Some(3), "{args}: {}", ended.err);
         assert!(ended.err.contains(word), "{args}: {}", ended.err);
     }
-    // A reference of another picture is no reference.
+    // A reference with another seed is refused.
     std::fs::remove_file(place.path().join("references/kept_0_32.exr")).expect("removed");
     (place.opsr(&format!("{reference} --scene kept --seed 9"))).done();
     let ended = place.opsr(&format!("{QUICK} {run}"));

@@ -1,10 +1,10 @@
-//! `opsr train` from scenes to tables: stopped, gone on with, and refused.
+//! `opsr train` from scenes to tables: output, resumption, errors.
 
 use super::{Ended, Place};
 use opsr::gallery;
 use opsr::regularise::file::TableFile;
 
-/// A short training of one crop; its options may be given once more.
+/// A short training of one crop. Options after it override its own.
 pub(super) const TRAIN: &str = "train --set manifest=\"list.toml\" --set spp=2 --set start=0.1 --set validate_every=2 \
                                 --set checkpoint_every=1 --run run --out params --progress none ";
 
@@ -27,7 +27,7 @@ pub(super) fn place() -> Place {
 }
 
 pub(super) fn train(place: &Place, args: &str) -> Ended {
-    // Later options have the last word, but for folders.
+    // Folders can be given only once.
     let mut all = TRAIN.to_owned();
     for folder in ["--run", "--out"] {
         if args.contains(folder) {
@@ -40,7 +40,7 @@ pub(super) fn train(place: &Place, args: &str) -> Ended {
 }
 
 #[test]
-fn tables_a_log_and_a_report() {
+fn output_is_tables_a_log_and_a_report() {
     let place = place();
     train(&place, "--steps 4 --beta 0.001,0.05").done();
     let names = |folder: &str| place.files_in(folder).into_keys().collect::<Vec<_>>();
@@ -66,20 +66,20 @@ fn tables_a_log_and_a_report() {
         assert!((provenance.beta - beta).abs() < 1e-6 && provenance.steps == 4);
         assert_eq!(provenance.scenes.len(), 1, "{:?}", provenance.scenes);
     }
-    // The settings that were written make the same tables.
+    // The written settings make the same tables.
     let before = place.files_in("params");
     place
         .opsr("train --config run/config.toml --run other --out more --progress none")
         .done();
     assert!(place.files_in("more") == before);
-    // And a table is one that a render takes.
+    // A render takes the tables.
     place
         .render("--spp 1 -o out.exr --opsr-table params/beta-0.05.json")
         .done();
 }
 
 #[test]
-fn a_training_goes_on_as_if_it_had_not_been_stopped() {
+fn resume_gives_the_same_tables() {
     let place = place();
     train(&place, "--steps 7").done();
     let whole = place.files_in("params");
@@ -97,7 +97,7 @@ fn a_training_goes_on_as_if_it_had_not_been_stopped() {
     };
     let log = place.read("run/beta-0.001/metrics.jsonl");
     assert!(steps(&report).iter().all(|s| steps(&log).contains(s)));
-    // Other settings, and a damaged file, are refused, and nothing is written over.
+    // Other settings and a damaged file are refused, and no file is overwritten.
     let before = place.files_in("run/beta-0.001");
     let refused = |args: &str, words: &str| {
         let ended = train(&place, args);
@@ -111,9 +111,9 @@ fn a_training_goes_on_as_if_it_had_not_been_stopped() {
     refused("--steps 9 --resume --seed 1", "other settings");
     assert!(place.files_in("run/beta-0.001") == before);
     place.write("run/beta-0.001/last.ckpt", &before["last.ckpt"][..99]);
-    refused("--steps 9 --resume", "not a checkpoint");
+    refused("--steps 9 --resume", "a damaged training checkpoint");
     assert!(place.files_in("params") == whole);
-    // So is a log that is too long for one.
+    // A log that is too long is refused too.
     place.write("run/beta-0.001/last.ckpt", &before["last.ckpt"]);
     let log = std::fs::File::create(place.path().join("run/beta-0.001/metrics.jsonl"));
     log.unwrap().set_len((1 << 26) + 1).unwrap();
@@ -130,7 +130,7 @@ fn a_training_goes_on_as_if_it_had_not_been_stopped() {
 /// Ctrl-C in the middle of a long training.
 #[test]
 #[cfg(unix)]
-fn stopped_by_a_signal() {
+fn resume_after_an_interrupt_gives_the_same_tables() {
     let place = place();
     let args = format!("{TRAIN} --steps 4000000000");
     let ended = place.interrupted(&args, "run/beta-0.001/last.ckpt");
@@ -145,7 +145,7 @@ fn stopped_by_a_signal() {
 }
 
 #[test]
-fn what_a_training_cannot_do_without() {
+fn errors_name_the_setting_or_file() {
     let place = place();
     place.write("bad.toml", "steps = \"many\"\n");
     place.write("line.toml", format!("beta = [{}?]\n", "1, ".repeat(9999)));

@@ -4,10 +4,9 @@ use super::targets::{text, written};
 use super::{Target, repair};
 use opsr::regularise::{AttenuationTable, LEN, Lookup};
 use opsr::train::Config;
+use opsr::train::config::{Model, Optimiser};
 use opsr::train::learn::checkpoint::Checkpoint;
-use opsr::train::learn::model::{Learner, Model, Optimiser};
-use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
+use opsr::train::learn::model::Learner;
 
 /// Configurations: an accepted one survives a round trip.
 pub(crate) fn configurations() -> Target {
@@ -69,7 +68,7 @@ pub(crate) fn trainings() -> Target {
         let checkpoint = Checkpoint {
             fingerprint: FINGERPRINT.into(),
             step: 1,
-            looks: 2,
+            stale: 2,
             best: best.then(|| (1, 0.25, AttenuationTable::constant(0.5))),
             anchor: AttenuationTable::constant(0.25),
             state: learner.to_bytes().expect("a state"),
@@ -80,7 +79,7 @@ pub(crate) fn trainings() -> Target {
         name: "trainings",
         file_name: "fuzz-last.ckpt",
         seeds: seeds.into(),
-        repair: checkpoint,
+        repair: repair::sealed,
         read: |path| {
             let checkpoint = text(Checkpoint::load(path, FINGERPRINT))?;
             let mut learner = text(checkpoint.restore(learner(), path))?;
@@ -91,36 +90,4 @@ pub(crate) fn trainings() -> Target {
             Ok(format!("best {best}"))
         },
     }
-}
-
-/// Corrects the checksum of a training checkpoint.
-fn checkpoint(bytes: Vec<u8>) -> Vec<u8> {
-    let Ok(mut json) = serde_json::from_slice::<Value>(&bytes) else {
-        return bytes;
-    };
-    let word = |key: &str| json[key].as_str().unwrap_or_default();
-    let best = json["best"].as_array().map(|best| {
-        let loss = best.get(1).and_then(Value::as_f64).unwrap_or_default() as f32;
-        (
-            best.first().and_then(Value::as_u64).unwrap_or_default() as u32,
-            loss,
-        )
-    });
-    let text = format!(
-        "{} {} {} {} {best:?} {:?} {} {} {}",
-        word("format"),
-        word("fingerprint"),
-        json["step"],
-        json["looks"],
-        json["best_table"].as_str(),
-        word("anchor"),
-        word("parameters"),
-        word("adam"),
-    );
-    let digest = Sha256::digest(text.as_bytes());
-    let digits: Vec<String> = digest.iter().map(|b| format!("{b:02x}")).collect();
-    if json.is_object() {
-        json["sha256"] = json!(digits.concat());
-    }
-    json.to_string().into_bytes()
 }

@@ -5,7 +5,7 @@ use opsr::image::metric::{self, flip};
 use opsr::math::Rgb;
 
 #[test]
-fn relative_bias_and_variance_weigh_each_pixel_by_itself() {
+fn metric_relative_bias_and_variance_weight_each_pixel() {
     let grey = |values: [f32; 2]| Buffer::from_fn(2, 1, |x, _| Rgb::splat(values[x]));
     let reference = grey([0.5, 2.0]);
     let renders = [grey([0.25, 3.0]), grey([0.75, 5.0]), grey([1.25, 4.0])];
@@ -36,7 +36,7 @@ fn relative_bias_and_variance_weigh_each_pixel_by_itself() {
 }
 
 #[test]
-fn a_thousandth_is_trimmed_and_at_least_a_pixel() {
+fn metric_trims_a_thousandth_and_at_least_a_pixel() {
     // Errors in red only: a third of 1/0.01 each.
     let black = |n| Buffer::filled(n, 1, Rgb::ZERO);
     for (pixels, wrong, left) in [(1000, 2, 1), (1001, 3, 1), (2000, 2, 0), (1, 1, 1)] {
@@ -56,7 +56,7 @@ fn a_thousandth_is_trimmed_and_at_least_a_pixel() {
 }
 
 #[test]
-fn the_worst_pixel_is_the_first_of_equals() {
+fn metric_worst_pixel_is_the_first_of_equals() {
     let white = Buffer::filled(4, 3, Rgb::ONE);
     let mut test = white.clone();
     for i in [5, 9] {
@@ -67,7 +67,7 @@ fn the_worst_pixel_is_the_first_of_equals() {
 }
 
 #[test]
-fn symmetric_errors_take_values_without_their_sign() {
+fn metric_smape_uses_absolute_values() {
     let (test, reference) = (
         Buffer::filled(2, 2, Rgb::splat(-0.5)),
         Buffer::filled(2, 2, Rgb::splat(0.25)),
@@ -79,7 +79,7 @@ fn symmetric_errors_take_values_without_their_sign() {
 }
 
 #[test]
-fn flip_takes_one_to_a_thousand_pixels_per_degree() {
+fn flip_range_of_pixels_per_degree() {
     let b = Buffer::filled(3, 3, Rgb::ONE);
     for (ppd, good) in [
         (1.0, true),

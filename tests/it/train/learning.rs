@@ -1,20 +1,15 @@
-//! Whole trainings of a second: what they learn, that they repeat, and that they can be gone on with.
+//! Whole trainings of a second: learning, determinism, resumption.
 
 use super::{TRUTH, crop, quick};
 use opsr::regularise::AttenuationTable;
-use opsr::train::config::Way;
-use opsr::train::evaluate::moments::Source;
+use opsr::train::config::{Evaluation, Optimiser};
+use opsr::train::evaluate::MomentSource;
 use opsr::train::evaluate::replay::Replay;
-use opsr::train::learn::model::Optimiser;
+use opsr::train::learn::outer_loop::Outcome;
 use opsr::train::{Config, Session};
 use std::ops::ControlFlow;
 
-fn learn(
-    config: Config,
-    folder: Option<&std::path::Path>,
-    resume: bool,
-    stop_at: u32,
-) -> opsr::train::learn::session::Outcome {
+fn learn(config: Config, folder: Option<&std::path::Path>, resume: bool, stop_at: u32) -> Outcome {
     let beta = config.beta[0];
     let mut session = Session::with_crops(config, vec![crop(6)], vec![crop(6)], &|_| ()).unwrap();
     session
@@ -29,59 +24,63 @@ fn learn(
 }
 
 #[test]
-fn the_loss_falls_whatever_the_way() {
-    for way in [Way::Fresh, Way::Replay, Way::Tabulated] {
+fn learning_lowers_the_loss_with_every_evaluation() {
+    for method in [Evaluation::Fresh, Evaluation::Replay, Evaluation::Tabulated] {
         let config = Config {
             spp: 128,
             steps: 40,
             optimiser: Optimiser::Log,
             learning_rate: 0.08,
             beta: vec![0.0001],
-            ..quick(way)
+            ..quick(method)
         };
         let outcome = learn(config, None, false, u32::MAX);
         let (first, last) = (outcome.log.first().unwrap(), outcome.log.last().unwrap());
         assert_eq!(last.step, 40);
         let (a, b) = (first.validation.unwrap(), last.validation.unwrap());
-        assert!(b < a, "{way:?}: {a} to {b}");
+        assert!(b < a, "{method:?}: {a} to {b}");
     }
 }
 
 #[test]
-fn the_same_seed_gives_the_same_table_at_any_thread_count() {
-    for way in [Way::Fresh, Way::Replay, Way::Tabulated] {
+fn determinism_of_tables_at_any_thread_count() {
+    for method in [Evaluation::Fresh, Evaluation::Replay, Evaluation::Tabulated] {
         let table = |threads| {
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .build()
                 .unwrap();
-            pool.install(|| learn(quick(way), None, false, u32::MAX).table)
+            pool.install(|| learn(quick(method), None, false, u32::MAX).table)
         };
         let one = table(1);
-        assert_eq!(one, table(3), "{way:?}");
+        assert_eq!(one, table(3), "{method:?}");
         assert_ne!(one.gammas, AttenuationTable::constant(0.5).gammas);
     }
 }
 
 #[test]
-fn a_stopped_training_goes_on_to_the_bit() {
-    // From a given factor, and from the best one, which is searched for again.
-    for (way, start) in [(Way::Fresh, 0.5), (Way::Tabulated, 0.5), (Way::Fresh, 0.0)] {
+fn resume_gives_bit_identical_tables() {
+    // From a given factor, and from the best constant, which is searched for again.
+    for (method, start) in [
+        (Evaluation::Fresh, 0.5),
+        (Evaluation::Tabulated, 0.5),
+        (Evaluation::Fresh, 0.0),
+    ] {
         let config = || Config {
             start,
-            ..quick(way)
+            ..quick(method)
         };
         let whole = learn(config(), None, false, u32::MAX);
         let folder = tempfile::tempdir().unwrap();
         let stopped = learn(config(), Some(folder.path()), false, 7);
         assert!(stopped.stopped && stopped.steps == 7);
         let resumed = learn(config(), Some(folder.path()), true, u32::MAX);
-        assert_eq!(resumed.table, whole.table, "{way:?} {start}");
-        assert_eq!(resumed.best, whole.best, "{way:?} {start}");
+        assert_eq!(resumed.table, whole.table, "{method:?} {start}");
+        assert_eq!(resumed.best, whole.best, "{method:?} {start}");
         // Other settings are refused.
         let other = Config {
             seed: 1,
-            ..quick(way)
+            ..quick(method)
         };
         let mut session = Session::with_crops(other, vec![crop(6)], vec![], &|_| ()).unwrap();
         let refused = session.learn(0.001, Some(folder.path()), true, &mut |_, _, _| {
@@ -91,37 +90,39 @@ fn a_stopped_training_goes_on_to_the_bit() {
     }
 }
 
-/// The second β of a training starts where it would have started alone, though the first has asked before it.
+/// The search for the best constant of the second β does not depend on that of the first.
 #[test]
-fn a_beta_is_learned_alike_alone_and_after_another() {
-    for way in [Way::Fresh, Way::Tabulated] {
+fn determinism_of_a_beta_alone_and_after_another() {
+    for method in [Evaluation::Fresh, Evaluation::Tabulated] {
         let config = Config {
             start: 0.0,
             steps: 4,
-            ..quick(way)
+            ..quick(method)
         };
         let learn = |betas: &[f32]| {
             let crops = (vec![crop(6)], vec![crop(6)]);
             let mut session =
                 Session::with_crops(config.clone(), crops.0, crops.1, &|_| ()).unwrap();
-            let go_on = &mut |_, _, _: Option<&_>| ControlFlow::Continue(());
-            let outcomes = betas.iter().map(|&b| session.learn(b, None, false, go_on));
+            let continue_ = &mut |_, _, _: Option<&_>| ControlFlow::Continue(());
+            let outcomes = betas
+                .iter()
+                .map(|&b| session.learn(b, None, false, continue_));
             outcomes.last().unwrap().unwrap()
         };
         let (alone, after) = (learn(&[0.05]), learn(&[0.001, 0.05]));
-        assert_eq!(alone.start, after.start, "{way:?}");
-        assert_eq!(alone.table, after.table, "{way:?}");
+        assert_eq!(alone.start, after.start, "{method:?}");
+        assert_eq!(alone.table, after.table, "{method:?}");
     }
 }
 
 #[test]
-fn a_known_factor_is_found_again() {
+fn learning_recovers_a_known_factor() {
     let mut exact = crop(6);
     exact.reference = Vec::new();
     let config = Config {
         spp: 256,
         steps: 400,
-        method: Way::Replay,
+        method: Evaluation::Replay,
         optimiser: Optimiser::Log,
         learning_rate: 0.01,
         start: 2.0 * TRUTH,
@@ -147,7 +148,7 @@ fn a_known_factor_is_found_again() {
         "{last} of {}",
         outcome.log[0].loss
     );
-    // Weighted by how often a class is met; a rare one may be left where its pixels cannot tell.
+    // Weighted by events per class: a rare class hardly changes its pixels and may stay where it was.
     let (mut sum, mut visits) = (0.0, 0.0);
     for (gamma, &n) in outcome
         .table

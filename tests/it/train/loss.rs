@@ -1,11 +1,12 @@
-//! The loss and its derivative: burn's, a direct reading of the definition, and the loops of the fast way.
+//! The loss and its derivative: automatic differentiation, the formula, and the scalar implementation.
 
-use opsr::train::evaluate::moments::{Adjoint, Moments};
-use opsr::train::learn::objective::{Arithmetic, BRIGHTNESS, EPSILON, Objective, Target};
+use opsr::train::evaluate::{Adjoint, Moments};
+use opsr::train::learn::loss::{LossBackend, Objective};
+use opsr::train::record::crop::{BRIGHTNESS, EPSILON, Target};
 use rand::{RngExt, SeedableRng};
 
 #[test]
-fn burns_gradient_of_the_loss_is_the_hand_written_one() {
+fn gradient_of_the_loss_by_autodiff_matches_the_formula() {
     let targets: Vec<Target> = (0..2)
         .map(|k| Target {
             reference: (0..5)
@@ -24,7 +25,7 @@ fn burns_gradient_of_the_loss_is_the_hand_written_one() {
         .collect();
     let beta = 0.03;
     let targets_of_all: Vec<&Target> = targets.iter().collect();
-    let objective = Objective::new(&targets_of_all, beta, Arithmetic::Tensors);
+    let objective = Objective::new(&targets_of_all, beta, LossBackend::Autodiff);
     let (losses, adjoints): (Vec<f32>, Vec<Adjoint>) = (moments.iter().enumerate())
         .map(|(crop, moments)| objective.evaluate(crop, moments))
         .unzip();
@@ -41,8 +42,8 @@ fn burns_gradient_of_the_loss_is_the_hand_written_one() {
             for c in 0..3 {
                 let (i, f) = (scale * moment.mean[p][c], scale * target.reference[p][c]);
                 expected += ((i - f).abs() / (f + EPSILON) - beta * bessel * i * i) / n;
-                let slope = (i - f).signum() / (f + EPSILON) - 2.0 * beta * bessel * i;
-                assert!((adjoint.mean[p][c] - scale * slope / n).abs() < 1e-6);
+                let derivative = (i - f).signum() / (f + EPSILON) - 2.0 * beta * bessel * i;
+                assert!((adjoint.mean[p][c] - scale * derivative / n).abs() < 1e-6);
             }
             assert!((adjoint.second[p] - beta * bessel * scale * scale / n).abs() < 1e-8);
         }
@@ -54,7 +55,7 @@ fn burns_gradient_of_the_loss_is_the_hand_written_one() {
 }
 
 #[test]
-fn loops_round_the_gradient_of_the_loss_as_burn_does() {
+fn gradient_of_the_loss_by_scalars_is_bit_identical_to_autodiff() {
     let mut rng = rand_pcg::Pcg32::seed_from_u64(11);
     let mut number = || (rng.random::<f32>() * 12.0 - 10.0).exp();
     for beta in [1e-6, 0.001, 0.05, 3.0] {
@@ -66,7 +67,7 @@ fn loops_round_the_gradient_of_the_loss_as_burn_does() {
             mean: (0..1024).map(|_| [0; 3].map(|_| number())).collect(),
             second: (0..1024).map(|_| number()).collect(),
         };
-        // No error at all, where the derivative jumps; and nothing at all.
+        // Pixels without error, where the derivative jumps, and black pixels.
         moments.mean[..32].copy_from_slice(&target.reference[..32]);
         moments.mean[32..64].fill([0.0; 3]);
         moments.second[32..64].fill(0.0);
@@ -75,18 +76,20 @@ fn loops_round_the_gradient_of_the_loss_as_burn_does() {
             samples: 2,
         };
         for target in [&target, &black] {
-            let evaluate = |arithmetic| {
-                Objective::new(&[target, target], beta, arithmetic).evaluate(1, &moments)
-            };
-            let (by_burn, tensors) = evaluate(Arithmetic::Tensors);
-            let (by_hand, loops) = evaluate(Arithmetic::Loops);
-            assert!(tensors.mean.iter().flatten().any(|&d| d != 0.0));
-            for (p, pair) in tensors.mean.iter().zip(&loops.mean).enumerate() {
+            let evaluate =
+                |backend| Objective::new(&[target, target], beta, backend).evaluate(1, &moments);
+            let (autodiff_loss, autodiff) = evaluate(LossBackend::Autodiff);
+            let (scalar_loss, scalar) = evaluate(LossBackend::Scalar);
+            assert!(autodiff.mean.iter().flatten().any(|&d| d != 0.0));
+            for (p, pair) in autodiff.mean.iter().zip(&scalar.mean).enumerate() {
                 assert_eq!(pair.0, pair.1, "{beta}: pixel {p}");
             }
-            assert!(tensors.second == loops.second, "{beta}");
-            // Sums are made in another order.
-            assert!((by_hand - by_burn).abs() <= 1e-5 * by_burn.abs(), "{beta}");
+            assert!(autodiff.second == scalar.second, "{beta}");
+            // The order of the sum differs.
+            assert!(
+                (scalar_loss - autodiff_loss).abs() <= 1e-5 * autodiff_loss.abs(),
+                "{beta}"
+            );
         }
     }
 }

@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn white_and_the_way_back() {
+    fn colour_spaces_round_trip() {
         assert!(
             (opponent(DVec3::ONE) - DVec3::new(100.0, 0.0, 0.0))
                 .abs()

@@ -7,8 +7,8 @@ use super::super::overall::{METRICS as OVER_SCENES, Overall};
 use super::super::results::Results;
 use super::super::summary::{MAIN, MethodSummary, SceneSummary};
 use super::plots;
-use crate::image::metric::{self, Metric};
-use crate::image::{Buffer, metric::flip};
+use crate::image::Buffer;
+use crate::image::metric::{self, flip};
 use crate::math::Rgb;
 use crate::report::compare::definition;
 use crate::report::html::{or_dash, table};
@@ -211,22 +211,14 @@ pub(super) fn stability(results: &Results, scene: &SceneSummary) -> Markup {
     table("Stability", heads, rows)
 }
 
-/// The formulas of the errors, as the metrics tell them.
+/// The formulas of the errors.
 pub(super) fn definitions() -> Vec<String> {
     let one = Buffer::filled(1, 1, Rgb::ONE);
-    type Measure = fn(&Buffer, &Buffer) -> Result<Metric, metric::MetricError>;
-    let metrics: [Measure; 6] = [
-        metric::relmse,
-        metric::relmse_trimmed,
-        metric::mse,
-        metric::mape,
-        metric::smape,
-        metric::energy_ratio,
-    ];
-    let formulas = metrics.iter().filter_map(|m| m(&one, &one).ok());
+    let metrics = metric::pixel::all(&one, &one).unwrap_or_default();
+    let formulas = metrics.iter().filter(|m| m.name != "RMSE").map(definition);
     let flip = format!(
         "FLIP: LDR-FLIP at the scene's exposure; pixels per degree = {:.2}",
         flip::DEFAULT_PPD
     );
-    formulas.map(|m| definition(&m)).chain([flip]).collect()
+    formulas.chain([flip]).collect()
 }

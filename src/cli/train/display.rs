@@ -1,32 +1,26 @@
-//! The progress of a training.
+//! Progress of a training.
 
-use super::super::bar::Style;
-use indicatif::{ProgressBar, ProgressStyle};
-use opsr::train::learn::session::Entry;
+use super::super::bar::{self, Style};
+use indicatif::ProgressBar;
+use opsr::train::learn::outer_loop::LogEntry;
 use std::io::{IsTerminal, Write};
 use std::time::Instant;
 
-/// Progress on a terminal, as JSON lines, or not at all.
-pub(super) struct Shown {
+/// Progress as a bar on a terminal, as JSON lines, or not at all.
+pub(super) struct ProgressDisplay {
     bar: Option<ProgressBar>,
     style: Style,
     steps: u32,
 }
 
-impl Shown {
+impl ProgressDisplay {
     pub(super) fn new(style: Style, steps: u32) -> Self {
         let terminal = style == Style::Auto && std::io::stderr().is_terminal();
-        let bar = terminal.then(|| {
-            let bar = ProgressBar::new(steps.into());
-            if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
-                bar.set_style(style);
-            }
-            bar
-        });
+        let bar = terminal.then(|| bar::terminal(steps.into(), "{bar:30} {pos}/{len} {msg}"));
         Self { bar, style, steps }
     }
 
-    /// A line for people.
+    /// Prints a line for people.
     pub(super) fn say(&self, text: &str) {
         match (&self.bar, self.style) {
             (Some(bar), _) => bar.println(text),
@@ -35,12 +29,13 @@ impl Shown {
         }
     }
 
+    /// Shows a step; at a validation also the crop with the largest loss.
     pub(super) fn show(
         &self,
         step: u32,
         beta: f32,
         loss: f32,
-        entry: Option<&Entry>,
+        entry: Option<&LogEntry>,
         names: &[String],
         clock: &Instant,
     ) {
@@ -54,7 +49,7 @@ impl Shown {
                 let left = (self.steps - step.min(self.steps)) as f64 / f64::from(step.max(1))
                     * clock.elapsed().as_secs_f64();
                 bar.set_message(format!(
-                    "beta {beta}: loss {loss:.4}, worst {name} {loss_of_worst:.4}, {left:.0} s left"
+                    "beta {beta}: loss {loss:.4}, worst crop {name} {loss_of_worst:.4}, {left:.0} s left"
                 ));
             }
         }
@@ -65,7 +60,7 @@ impl Shown {
                 "beta": beta, "step": step, "steps": self.steps, "loss": entry.loss,
                 "validation": entry.validation, "worst": worst.map(|w| w.1), "seconds": entry.seconds,
             });
-            // A reader that has gone away is no reason to end a training.
+            // The training continues when nobody reads its output.
             let _ = writeln!(std::io::stdout(), "{line}");
         }
     }
