@@ -12,8 +12,8 @@
 //! were not learned from.
 //!
 //! A derivative travels from a lobe to its factor through `record/event.rs` (dx/dα′), `record/lists.rs` (dα′/dγ),
-//! `evaluate/curves.rs` (the pixel's curve), `learn/loss.rs` (dL/dmoments), `learn/crop_set.rs` (the sum over crops), and
-//! `learn/model.rs` (the step).
+//! `evaluate/curves.rs` (the pixel's curve), `learn/loss.rs` (dL/dmoments), `learn/crop_set.rs` (the sum over crops),
+//! and `learn/model.rs` (the step).
 
 pub mod config;
 pub mod derivative;

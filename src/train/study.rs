@@ -55,8 +55,8 @@ pub fn score(
     Score::new(name, value, &set.losses(table), beta)
 }
 
-/// Scores of constants and tables: the constant `own`, the best one of the crops themselves; `elsewhere`, the best one of
-/// the training crops; and `tables`, in `hindsight` also with the scale and contrast that suit the crops best.
+/// Scores of constants and tables: the constant `own`, the best one of the crops themselves; `elsewhere`, the best one
+/// of the training crops; and `tables`, in `hindsight` also with the scale and contrast that suit the crops best.
 pub fn scores(
     set: &mut CropSet,
     beta: f32,

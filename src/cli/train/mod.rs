@@ -39,7 +39,7 @@ pub(super) struct TrainArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
 
-    /// Evaluation of loss and gradient: tabulated (fast), replay (exact for the recording) or fresh (traces every step).
+    /// Evaluation of the loss: tabulated (fast), replay (exact for the recording) or fresh (traces every step).
     #[arg(long, value_name = "NAME")]
     method: Option<String>,
     /// adam (published) or log (Adam on the logarithm of the factors: hundreds of steps instead of thousands).

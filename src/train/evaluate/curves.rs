@@ -1,9 +1,9 @@
 //! Tabulated: mean and second moment of every pixel as curves over the factor.
 //!
 //! An event on a path that does not fold depends on one effective factor γ, so the events of a pixel with the same
-//! factor add up to one curve. It is sampled at [`NODES`] values of ln γ with exact derivatives, and interpolated by
-//! cubic Hermite polynomials. Neglected: products of two events of different factors on one path. Paths that fold couple
-//! several factors; they stay events and are linearised anew whenever the table has moved (see [`Folded`]).
+//! factor add up to one curve. It is sampled at 17 values of ln γ with exact derivatives, and interpolated by
+//! cubic Hermite polynomials. Neglected: products of two events of different factors on one path. Paths that fold
+//! couple several factors; they stay events and are linearised anew whenever the table has moved (`folded.rs`).
 
 use crate::math::real::{Dual, Real};
 use crate::regularise::{AttenuationTable, GammaIndex};
@@ -20,8 +20,8 @@ use std::ops::Range;
 /// Number of values of γ at which curves are sampled, evenly spaced in ln γ from [`GAMMA_MIN`] to 1.
 const NODES: usize = 17;
 
-/// Grid steps between two nodes: 5.5 % in γ. A tangent over half a step leaves an error of at most 0.08 % of a curve that
-/// bends as γ² does.
+/// Grid steps between two nodes: 5.5 % in γ. A tangent over half a step leaves an error of at most 0.08 % of a curve
+/// that bends as γ² does.
 const STEPS_PER_NODE: u32 = 8;
 
 /// Distance of two nodes in ln γ.
@@ -131,7 +131,8 @@ pub struct Curves {
 type PixelCurves = Vec<(usize, [Knot; NODES])>;
 
 impl Curves {
-    /// Bakes a recording. `table` determines the look-up that makes the factors; its values only matter where paths fold.
+    /// Bakes a recording. `table` determines the look-up that makes the factors; its values only matter where paths
+    /// fold.
     pub fn bake(recording: &Recording, table: &AttenuationTable) -> Self {
         let lists = &recording.lists;
         // Lists with the same entries share their curves.

@@ -1,5 +1,5 @@
-//! Events on paths of more than five vertices, whose roughness values fold (`docs/method.md` section 2): each depends on
-//! the factors of several classes.
+//! Events on paths of more than five vertices, whose roughness values fold (`docs/method.md` section 2): each depends
+//! on the factors of several classes.
 //!
 //! They are evaluated exactly, with derivatives, at one table, the anchor, and followed by the tangent from there until
 //! the factors have moved too far.
@@ -15,8 +15,8 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Share of the mean derivative of its class below which a derivative is dropped. On the crops with the most folded
-/// paths 12 to 35 % of all derivatives are below a hundredth of the mean, with 0.04 % of their sum, and 35 to 53 % below a
-/// tenth, with 0.9 %.
+/// paths 12 to 35 % of all derivatives are below a hundredth of the mean, with 0.04 % of their sum, and 35 to 53 %
+/// below a tenth, with 0.9 %.
 const FAINT: f64 = 0.03;
 
 /// An event and the part of its path that does not depend on the table.

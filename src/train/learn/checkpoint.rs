@@ -46,8 +46,8 @@ struct Header {
 }
 
 impl Checkpoint {
-    /// Hash of all that a training depends on: settings, version, scenes, references. The number of steps is not part of
-    /// it, so that a finished training can be continued.
+    /// Hash of all that a training depends on: settings, version, scenes, references. The number of steps is not part
+    /// of it, so that a finished training can be continued.
     pub fn fingerprint<'a>(
         config: &Config,
         beta: f32,

@@ -222,8 +222,8 @@ impl CropSet {
     }
 }
 
-/// Position of the smallest `loss` in \[`low`, `high`\]: a scan of 16 intervals, then six steps of golden section search
-/// between the neighbours of the best.
+/// Position of the smallest `loss` in \[`low`, `high`\]: a scan of 16 intervals, then six steps of golden section
+/// search between the neighbours of the best.
 pub(in crate::train) fn minimise(low: f64, high: f64, mut loss: impl FnMut(f64) -> f64) -> f64 {
     const SCAN: usize = 16;
     const GOLDEN_STEPS: usize = 6;

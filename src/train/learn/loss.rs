@@ -4,8 +4,8 @@
 //! L = mean |I − f| / (f + ε)  +  β · mean N/(N − 1) (M₂ − M₁²)      ε = 0.01
 //! ```
 //!
-//! The means are over pixels and colour channels of all crops. I = M₁ is the realised mean of N samples; the second term
-//! is the sample variance of *one* path sample. Every crop is scaled so that its reference has the mean
+//! The means are over pixels and colour channels of all crops. I = M₁ is the realised mean of N samples; the second
+//! term is the sample variance of *one* path sample. Every crop is scaled so that its reference has the mean
 //! [`BRIGHTNESS`](crate::train::record::crop::BRIGHTNESS).
 //!
 //! The loss is written in burn's tensors and differentiated by burn. The tabulated evaluation uses a scalar

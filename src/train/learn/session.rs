@@ -90,8 +90,8 @@ impl Session {
 
     /// Learns a table for one β.
     ///
-    /// The state is kept in `last.ckpt` of `folder`, from which `resume` continues bit-identically. The listener hears of
-    /// every step and can stop the training.
+    /// The state is kept in `last.ckpt` of `folder`, from which `resume` continues bit-identically. The listener hears
+    /// of every step and can stop the training.
     pub fn learn(
         &mut self,
         beta: f32,
@@ -213,8 +213,8 @@ impl RecordingJob {
     }
 }
 
-/// Runs jobs, two at a time: while one thread puts a recording together, the paths of another are traced. Results are in
-/// the order of the jobs, up to the first error.
+/// Runs jobs, two at a time: while one thread puts a recording together, the paths of another are traced. Results are
+/// in the order of the jobs, up to the first error.
 fn run_all(
     jobs: &[RecordingJob],
     config: &Config,

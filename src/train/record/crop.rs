@@ -159,8 +159,8 @@ impl Crop {
         }
     }
 
-    /// Records the events of samples `0..spp`. Lobes are sampled with each of the constant factors `gammas`; events that
-    /// carry less than `roulette` times the reference play Russian roulette.
+    /// Records the events of samples `0..spp`. Lobes are sampled with each of the constant factors `gammas`; events
+    /// that carry less than `roulette` times the reference play Russian roulette.
     pub fn record(
         &self,
         gammas: &[f32],

@@ -2,8 +2,8 @@
 //! (`docs/method.md` section 5).
 //!
 //! The direction of an event was sampled from the light, or from the lobe at one or several roughness values (see
-//! [`Proposals`](crate::train::record::proposals::Proposals)) whose densities add up to p₀. With the integrand h(a), the lobe's density p(a)
-//! (both from a [`LobeQuery`]) and the light's density p_l, the *mixture form*
+//! [`Proposals`](crate::train::record::proposals::Proposals)) whose densities add up to p₀. With the integrand h(a),
+//! the lobe's density p(a) (both from a [`LobeQuery`]) and the light's density p_l, the *mixture form*
 //!
 //! ```text
 //! x(a) = h(a) / (p_l + p₀)                        mean

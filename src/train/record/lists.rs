@@ -2,7 +2,7 @@
 //!
 //! α′ and its derivative depend on the list of a path's roughness values alone. There are far fewer lists than events,
 //! so both are computed per list and looked up by its number, the *code*. While paths are traced, lists grow vertex by
-//! vertex in a tree ([`Interner`]); a finished recording has them sorted ([`RoughnessLists`]).
+//! vertex in a tree (`Interner`); a finished recording has them sorted ([`RoughnessLists`]).
 
 use crate::regularise::{AttenuationTable, GammaIndex, MAX_VERTICES, PathRoughness};
 use crate::train::derivative::{Dependence, Differentiated};
@@ -179,9 +179,9 @@ impl RoughnessLists {
         ListAlphas { chunks }
     }
 
-    /// Walks all lists, chunk by chunk in parallel. A path state `S` goes along: `push` adds a vertex to it, once for all
-    /// lists with the same prefix. `visit` gets the chunk's result, the state before the last vertex, and that vertex's
-    /// roughness.
+    /// Walks all lists, chunk by chunk in parallel. A path state `S` goes along: `push` adds a vertex to it, once for
+    /// all lists with the same prefix. `visit` gets the chunk's result, the state before the last vertex, and that
+    /// vertex's roughness.
     fn walk<S: Clone + Default, T: Send>(
         &self,
         result: impl Fn() -> T + Sync,

@@ -1,8 +1,9 @@
 //! Recording: paths are traced once and their events kept.
 //!
-//! A [`Crop`](crop::Crop) is traced with a [`Tape`](recording::Tape) as the observer. The tape samples every roughened lobe with several
-//! [`proposals`], plays Russian [`roulette`] with faint [`event`]s, and numbers the [`lists`] of roughness values on which
-//! their α′ depends. The result is a [`Recording`](recording::Recording): per path a constant and a few events.
+//! A [`Crop`](crop::Crop) is traced with a [`Tape`](recording::Tape) as the observer. The tape samples every roughened
+//! lobe with several [`proposals`], plays Russian [`roulette`] with faint [`event`]s, and numbers the [`lists`] of
+//! roughness values on which their α′ depends. The result is a [`Recording`](recording::Recording): per path a constant
+//! and a few events.
 
 pub mod crop;
 pub mod event;

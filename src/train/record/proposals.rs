@@ -1,9 +1,9 @@
 //! Factors with which a recording samples its lobes.
 //!
-//! A direction sampled from a lobe at one roughness says little about the lobe at another: where the light is large, and
-//! so p_l small, an event sampled at γ₀ is many times as noisy at 10 γ₀ as the renderer is there. So a recording samples
-//! the lobe of every roughened vertex once with each of several factors, and weights all samples with the balance
-//! heuristic (`[Veach97]` eq. 9.8): wherever the table goes, some samples were drawn nearby.
+//! A direction sampled from a lobe at one roughness says little about the lobe at another: where the light is large,
+//! and so p_l small, an event sampled at γ₀ is many times as noisy at 10 γ₀ as the renderer is there. So a recording
+//! samples the lobe of every roughened vertex once with each of several factors, and weights all samples with the
+//! balance heuristic (`[Veach97]` eq. 9.8): wherever the table goes, some samples were drawn nearby.
 
 use crate::bsdf::{BsdfEval, DELTA_ALPHA, LobeQuery};
 use crate::regularise::{ConstantGamma, PathRoughness, Roughening, Scattered};
@@ -28,8 +28,8 @@ impl Proposals {
 
     /// α′ of a vertex of roughness `last`.
     ///
-    /// A roughened lobe is clamped to [`DELTA_ALPHA`] and kept above `last`, so that every factor records the same set of
-    /// vertices.
+    /// A roughened lobe is clamped to [`DELTA_ALPHA`] and kept above `last`, so that every factor records the same set
+    /// of vertices.
     #[inline]
     fn alpha(path: &PathRoughness, last: f32, gamma: f32) -> f32 {
         if last >= 1.0 || path.values().iter().all(|&alpha| alpha <= 0.0) {
