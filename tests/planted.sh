@@ -46,8 +46,8 @@ plant() {
 
 plant "1 smooth below the Dirac bound" src/bsdf/lobes.rs \
     's/alpha < DELTA_ALPHA/alpha < 0.95 * DELTA_ALPHA/g' stability::case_1_the_dirac_bound
-plant "1 the path remembers the roughened lobe" src/integrator/path.rs \
-    's/here\.alpha\n/here.alpha_reg\n/' stability::case_1_delta_lobes_keep_their_roughness_in_the_path
+plant "1 the path remembers the roughened lobe" src/integrator/walk/roughening.rs \
+    's/point\.alpha\n/point.alpha_reg\n/' stability::case_1_delta_lobes_keep_their_roughness_in_the_path
 plant "2 quantiles of 0 and 1" src/bsdf/distribution.rs \
     's/u\.clamp\(3e-8, 1\.0 - 6e-8\)/u/' stability::case_2_sampling_at_extreme_random_numbers
 plant "3 the printed form" src/regularise/roughness.rs \
@@ -66,16 +66,16 @@ plant "7 rays that end on the light" src/scene/mod.rs \
 plant "8 Fresnel with a difference of squares" src/bsdf/fresnel.rs \
     's/\(eta - 1\.0\) \* \(eta \+ 1\.0\) \+ cos \* cos/eta * eta * (1.0 - (1.0 - cos * cos) \/ (eta * eta))/' \
     stability::case_8_fresnel_and_interfaces
-plant "9 sides by the shading normal" src/integrator/path/vertex.rs \
+plant "9 sides by the shading normal" src/integrator/walk/shading_point.rs \
     's/light\.wi\.dot\(self\.surface\.ng\) \* wi\.z <= 0\.0/false/' \
     stability::cases_9_and_10_light_leaks
 plant "10 rays that start on the surface" src/scene/geometry.rs \
     's/error: rounding \+ 1e-13 \* extent/error: 0.0 * (rounding + 1e-13 * extent)/' \
     stability::case_10_scale_invariance
-plant "11 paths that carry nothing go on" src/integrator/path.rs \
-    's/throughput == Rgb::ZERO && arrival\.carries_nothing\(\)/false \&\& arrival.carries_nothing()/' \
+plant "11 paths that carry nothing go on" src/integrator/path/mod.rs \
+    's/throughput == Rgb::ZERO && emission\.is_nothing\(\)/false \&\& emission.is_nothing()/' \
     stability::case_11_zero_throughput_ends_the_path
-plant "11 survivors weigh as before" src/integrator/path.rs \
+plant "11 survivors weigh as before" src/integrator/path/mod.rs \
     's/throughput \/= survival;//' stability::case_11_russian_roulette_is_unbiased
 plant "12 moments in single precision" src/math/moments.rs \
     's/self\.mean \+= delta \/ f64::from\(self\.n\);/self.mean = (self.mean + delta \/ f64::from(self.n)).as_vec3().as_dvec3();/' \
