@@ -72,7 +72,8 @@ impl Sealed {
             fill(40, &mut bytes)?;
             let (kind, version) = (self.kind, self.version);
             let found = String::from_utf8_lossy(&bytes);
-            let found: String = found.chars().take_while(|c| !c.is_control()).collect();
+            let found = found.chars().take_while(|c| (' '..='~').contains(c));
+            let found = found.collect::<String>().replace(['`', '"'], "'");
             let what = format!("not a {kind} of version {version}: it begins with `{found}`");
             return Err(Problem::Content(what));
         }

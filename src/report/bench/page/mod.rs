@@ -57,7 +57,7 @@ fn introduction(results: &Results, scenes: usize) -> Markup {
         p {
             "A ratio is an error or a cost of a method over that of the method it is compared with, at the same time point "
             "and seed by seed; below 1 is better. Brackets hold its " (percent(CONFIDENCE)) " interval over seeds. A "
-            "verdict is spoken only where the interval excludes 1 and at least " (MIN_SEEDS) " seeds were run; "
+            "verdict is given only where the interval excludes 1 and at least " (MIN_SEEDS) " seeds were run; "
             "otherwise it is a tie."
         }
     }

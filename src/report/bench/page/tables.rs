@@ -91,7 +91,7 @@ pub(super) fn losses(scenes: &[SceneSummary]) -> Markup {
         h2 { "Where methods lose to the baseline" }
         @if losses.is_empty() { p { "Nowhere." } } @else {
             details {
-                summary { (losses.len()) " of the ratios at the last time point are worse than 1" }
+                summary { "Ratios above 1 at the last time point: " (losses.len()) }
                 (table("", ["scene", "method", "error", "ratio"], losses))
             }
         }
