@@ -3,5 +3,6 @@
 pub mod bench;
 pub mod compare;
 pub mod page;
+mod plot;
 #[cfg(feature = "train")]
 pub mod training;

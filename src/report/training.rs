@@ -1,5 +1,6 @@
 //! The report of a training: what was learned, from how much, and what it is worth beside constants.
 
+use super::plot::{self, Axis, Line};
 use crate::image::{Buffer, png};
 use crate::math::Rgb;
 use crate::regularise::{AttenuationTable, GammaIndex, LEN, Lookup};
@@ -9,11 +10,6 @@ use crate::train::study::{HeldOut, Score};
 use crate::train::visits::{LIVE, Visits};
 use crate::train::{Config, Session};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
-use kuva::backend::svg::SvgBackend;
-use kuva::plot::LinePlot;
-use kuva::render::layout::Layout;
-use kuva::render::plots::Plot;
-use kuva::render::render::render_multiple;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde::Serialize;
 
@@ -162,8 +158,8 @@ impl Report {
             h2 { "β = " (l.beta) }
             p { (l.steps) " steps in " (format!("{:.1}", l.seconds)) " s. Factors: " (summary(&l.table, &self.visits)) }
             figure {
-                (PreEscaped(plot(self.curves(l))))
-                figcaption { "Mean of the training and of the validation crops, and two of each." }
+                (PreEscaped(self.curves(l)))
+                figcaption { "Loss by step: mean of the training and of the validation crops, and two of each." }
             }
             h3 { "Training crops: the table beside constants" }
             (scores(&l.training))
@@ -181,8 +177,11 @@ impl Report {
         }
     }
 
-    /// Curves of the loss: means, and two crops of each set.
-    fn curves(&self, l: &Learned) -> Vec<Line> {
+    /// Loss by step, as SVG: means, and two crops of each set.
+    fn curves(&self, l: &Learned) -> String {
+        const COLOURS: [&str; 6] = [
+            "#0072b2", "#d55e00", "#2c97ff", "#6668e5", "#b68d64", "#cc79a7",
+        ];
         let step = |e: &serde_json::Value| e["step"].as_f64().unwrap_or(0.0);
         let crop = |key: &'static str, i: usize| {
             let beta = f64::from(l.beta);
@@ -191,17 +190,13 @@ impl Report {
                 Some(crop["mape"].as_f64()? + beta * crop["variance"].as_f64()?)
             }
         };
-        let line = |name: &str, value: &dyn Fn(&serde_json::Value) -> Option<f64>| Line {
-            name: name.into(),
-            points: l
-                .log
-                .iter()
-                .filter_map(|e| Some((step(e), value(e)?)))
-                .collect(),
+        let points = |value: &dyn Fn(&serde_json::Value) -> Option<f64>| -> Vec<(f64, f64)> {
+            let points = l.log.iter().filter_map(|e| Some((step(e), value(e)?)));
+            points.collect()
         };
-        let mut lines = vec![
-            line("training", &|e| e["loss"].as_f64()),
-            line("validation", &|e| e["validation"].as_f64()),
+        let mut curves = vec![
+            ("training", points(&|e| e["loss"].as_f64())),
+            ("validation", points(&|e| e["validation"].as_f64())),
         ];
         for (key, names) in [
             ("crops", &self.names),
@@ -209,37 +204,25 @@ impl Report {
         ] {
             for i in [0, names.len() / 2] {
                 if let Some(name) = names.get(i) {
-                    lines.push(line(name, &crop(key, i)));
+                    curves.push((name, points(&crop(key, i))));
                 }
             }
         }
-        lines.retain(|line| !line.points.is_empty());
-        lines
+        curves.retain(|(_, points)| !points.is_empty());
+        let all = || curves.iter().flat_map(|(_, points)| points);
+        let steps = Axis::around("step", all().map(|p| p.0));
+        let losses = Axis::around("loss", all().map(|p| p.1));
+        let lines: Vec<Line> = (curves.iter().zip(COLOURS))
+            .map(|((name, points), colour)| Line {
+                name,
+                colour,
+                dashes: "",
+                points: points.clone(),
+                band: Vec::new(),
+            })
+            .collect();
+        plot::lines(&steps, &losses, &lines, &[])
     }
-}
-
-/// A curve of a plot.
-struct Line {
-    name: String,
-    points: Vec<(f64, f64)>,
-}
-
-/// Loss by step, as SVG.
-fn plot(lines: Vec<Line>) -> String {
-    const COLOURS: [&str; 6] = [
-        "#2563eb", "#dc2626", "#60a5fa", "#93c5fd", "#f97316", "#fca5a5",
-    ];
-    let plots: Vec<Plot> = (lines.into_iter().zip(COLOURS))
-        .map(|(line, colour)| {
-            let plot = LinePlot::new().with_data(line.points).with_color(colour);
-            Plot::Line(plot.with_legend(line.name).with_stroke_width(2.0))
-        })
-        .collect();
-    let layout = Layout::auto_from_plots(&plots)
-        .with_title("Loss by step")
-        .with_x_label("step")
-        .with_y_label("loss");
-    SvgBackend.render_scene(&render_multiple(plots, layout))
 }
 
 /// Live classes with at least so many events.
