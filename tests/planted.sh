@@ -85,7 +85,7 @@ plant "13 pixels that are no numbers" src/image/metric/mod.rs \
 plant "14 corners that are no numbers" src/scene/load/mesh.rs \
     's/!p\.iter\(\)\.all\(\|x\| x\.is_finite\(\)\)/p.is_empty()/' load::broken::load_refuses_broken_bytes
 plant "14 triangles without area" src/scene/geometry.rs \
-    's/ && area > 0\.0/ \&\& area >= 0.0/' geometry::unusable_triangles_are_dropped_and_counted
+    's/ && area > 0\.0/ \&\& area >= 0.0/' geometry::degenerate_triangles_are_dropped_and_counted
 plant "15 steps with a gradient of no numbers" src/train/learn/outer_loop.rs \
     's/if loss\.is_finite\(\) && gradient\.iter\(\)\.all\(\|g\| g\.abs\(\) < MAX_DERIVATIVE\)/if gradient.len() < usize::MAX/' \
     stability_train::case_15_nan_gradients_leave_table_and_optimiser_unchanged

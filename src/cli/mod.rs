@@ -5,6 +5,9 @@
 use anyhow::Context;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::{fmt, prelude::*};
 
 mod bar;
 mod bench;
@@ -133,14 +136,16 @@ enum Command {
 /// Runs the program.
 pub(crate) fn main() -> ExitCode {
     let args = Args::parse();
-    let level = ["warn", "info", "debug"][usize::from(args.verbose.min(2))];
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(level));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let levels = [LevelFilter::WARN, LevelFilter::INFO, LevelFilter::DEBUG];
+    let level = levels[usize::from(args.verbose.min(2))];
+    let wished: Option<Targets> = std::env::var("RUST_LOG").ok().and_then(|w| w.parse().ok());
+    let filter = wished.unwrap_or(Targets::new().with_default(level));
+    let lines = fmt::layer()
         .with_writer(std::io::stderr)
         .with_target(false)
-        .without_time()
+        .without_time();
+    tracing_subscriber::registry()
+        .with(lines.with_filter(filter))
         .init();
     let result = match args.command {
         Command::Render(args) => render::run(&args),

@@ -1,6 +1,7 @@
 //! Report of a training: the learned tables, their data, and their scores beside constant factors.
 
 use super::html;
+use super::plot::{self, Axis, Line};
 use crate::image::{Buffer, png};
 use crate::math::Rgb;
 use crate::regularise::{AttenuationTable, Lookup};
@@ -11,11 +12,6 @@ use crate::train::record::visits::{LIVE, Visits};
 use crate::train::study::{HeldOut, Score};
 use crate::train::{Config, Session};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
-use kuva::backend::svg::SvgBackend;
-use kuva::plot::LinePlot;
-use kuva::render::layout::Layout;
-use kuva::render::plots::Plot;
-use kuva::render::render::render_multiple;
 use maud::{Markup, html};
 use serde::Serialize;
 
@@ -167,7 +163,7 @@ impl Report {
             h2 { "β = " (l.beta) }
             p { (l.steps) " steps in " (format!("{:.1}", l.seconds)) " s. " (summary(&l.table, &self.visits)) }
             (html::plot(
-                &plot(self.curves(l)),
+                &self.curves(l),
                 "Mean loss of the training and of the validation crops, and the loss of two crops of each."
             ))
             h3 { "Training crops: the table beside constants" }
@@ -186,8 +182,11 @@ impl Report {
         }
     }
 
-    /// Loss by step: the mean and two crops of each set.
-    fn curves(&self, l: &LearnedTable) -> Vec<LossCurve> {
+    /// Loss by step, as SVG: means, and two crops of each set.
+    fn curves(&self, l: &LearnedTable) -> String {
+        const COLOURS: [&str; 6] = [
+            "#0072b2", "#d55e00", "#2c97ff", "#6668e5", "#b68d64", "#cc79a7",
+        ];
         let step = |e: &serde_json::Value| e["step"].as_f64().unwrap_or(0.0);
         let crop = |key: &'static str, i: usize| {
             let beta = f64::from(l.beta);
@@ -196,17 +195,13 @@ impl Report {
                 Some(crop["mape"].as_f64()? + beta * crop["variance"].as_f64()?)
             }
         };
-        let line = |name: &str, value: &dyn Fn(&serde_json::Value) -> Option<f64>| LossCurve {
-            name: name.into(),
-            points: l
-                .log
-                .iter()
-                .filter_map(|e| Some((step(e), value(e)?)))
-                .collect(),
+        let points = |value: &dyn Fn(&serde_json::Value) -> Option<f64>| -> Vec<(f64, f64)> {
+            let points = l.log.iter().filter_map(|e| Some((step(e), value(e)?)));
+            points.collect()
         };
-        let mut lines = vec![
-            line("training", &|e| e["loss"].as_f64()),
-            line("validation", &|e| e["validation"].as_f64()),
+        let mut curves = vec![
+            ("training", points(&|e| e["loss"].as_f64())),
+            ("validation", points(&|e| e["validation"].as_f64())),
         ];
         for (key, names) in [
             ("crops", &self.names),
@@ -214,37 +209,25 @@ impl Report {
         ] {
             for i in [0, names.len() / 2] {
                 if let Some(name) = names.get(i) {
-                    lines.push(line(name, &crop(key, i)));
+                    curves.push((name, points(&crop(key, i))));
                 }
             }
         }
-        lines.retain(|line| !line.points.is_empty());
-        lines
+        curves.retain(|(_, points)| !points.is_empty());
+        let all = || curves.iter().flat_map(|(_, points)| points);
+        let steps = Axis::around("step", all().map(|p| p.0));
+        let losses = Axis::around("loss", all().map(|p| p.1));
+        let lines: Vec<Line> = (curves.iter().zip(COLOURS))
+            .map(|((name, points), colour)| Line {
+                name,
+                colour,
+                dashes: "",
+                points: points.clone(),
+                band: Vec::new(),
+            })
+            .collect();
+        plot::lines(&steps, &losses, &lines, &[])
     }
-}
-
-/// A curve of the plot.
-struct LossCurve {
-    name: String,
-    points: Vec<(f64, f64)>,
-}
-
-/// Loss by step, as SVG.
-fn plot(lines: Vec<LossCurve>) -> String {
-    const COLOURS: [&str; 6] = [
-        "#2563eb", "#dc2626", "#60a5fa", "#93c5fd", "#f97316", "#fca5a5",
-    ];
-    let plots: Vec<Plot> = (lines.into_iter().zip(COLOURS))
-        .map(|(line, colour)| {
-            let plot = LinePlot::new().with_data(line.points).with_color(colour);
-            Plot::Line(plot.with_legend(line.name).with_stroke_width(2.0))
-        })
-        .collect();
-    let layout = Layout::auto_from_plots(&plots)
-        .with_title("Loss by step")
-        .with_x_label("step")
-        .with_y_label("loss");
-    SvgBackend.render_scene(&render_multiple(plots, layout))
 }
 
 /// Explanation of the terms in the tables.

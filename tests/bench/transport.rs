@@ -1,8 +1,8 @@
 //! Nanoseconds of a lobe, and of a path: plain, roughened, and with the roughened lobe reused.
 //!
-//! `cargo bench --bench transport`; the ratios of methods are taken in turns, so that a drifting machine favours none.
+//! `cargo bench --bench transport`; times are taken in turns, so that a drifting machine favours none.
 
-use criterion::{Criterion, Throughput};
+use clock::Contestant;
 use opsr::bsdf::{Bsdf, Dielectric, Diffuse, Distribution, Glossy};
 use opsr::image::Film;
 use opsr::integrator::{Estimator, Picture, Settings, View};
@@ -15,6 +15,8 @@ use rand_pcg::Pcg32;
 use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
+
+mod clock;
 
 const ALPHA: f32 = 0.1;
 
@@ -48,7 +50,7 @@ fn bsdfs() -> [(&'static str, Bsdf); 3] {
     ]
 }
 
-fn lobes(c: &mut Criterion) {
+fn lobes() {
     let mut rng = Pcg32::seed_from_u64(1);
     let inputs: Vec<(Vec3, [f32; 3])> = (0..1024)
         .map(|_| {
@@ -57,28 +59,27 @@ fn lobes(c: &mut Criterion) {
             (wo, [u(), u(), u()])
         })
         .collect();
+    let mut contestants: Vec<Contestant> = Vec::new();
     for (name, bsdf) in bsdfs() {
-        let mut group = c.benchmark_group(name);
-        group.throughput(Throughput::Elements(inputs.len() as u64));
-        group.bench_function("sample", |b| {
-            b.iter(|| {
-                for &(wo, u) in &inputs {
-                    black_box(bsdf.sample(ALPHA, wo, u));
-                }
-            });
-        });
         let pairs: Vec<(Vec3, Vec3)> = (inputs.iter())
             .filter_map(|&(wo, u)| Some((wo, bsdf.sample(ALPHA, wo, u)?.wi)))
             .collect();
-        group.bench_function("eval", |b| {
-            b.iter(|| {
-                for &(wo, wi) in &pairs {
-                    black_box(bsdf.eval(ALPHA, wo, wi));
-                }
-            });
-        });
-        group.finish();
+        let inputs = &inputs;
+        let sample = move || {
+            for &(wo, u) in inputs {
+                black_box(bsdf.sample(ALPHA, wo, u));
+            }
+        };
+        contestants.push((format!("{name} sample"), inputs.len(), Box::new(sample)));
+        let count = pairs.len();
+        let eval = move || {
+            for &(wo, wi) in &pairs {
+                black_box(bsdf.eval(ALPHA, wo, wi));
+            }
+        };
+        contestants.push((format!("{name} eval"), count, Box::new(eval)));
     }
+    clock::in_turns(&contestants);
 }
 
 /// Paths per second of some methods on a training scene, in turns.
@@ -138,8 +139,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     ] {
         paths(file)?;
     }
-    let mut criterion = Criterion::default().configure_from_args();
-    lobes(&mut criterion);
-    criterion.final_summary();
+    lobes();
     Ok(())
 }

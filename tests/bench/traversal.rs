@@ -1,14 +1,15 @@
-//! Rays per second through a displaced sphere of two million triangles, and through needles.
+//! Times of rays through a displaced sphere of two million triangles, and through needles.
 //!
 //! With `OPSR_EMBREE` set to the path of an Embree 4 library, prints a comparison in CPU time, in alternating turns.
 
-use criterion::Criterion;
+use clock::Contestant;
 use opsr::math::{Ray, Vec3};
 use opsr::scene::accel::Accel;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 use std::hint::black_box;
 
+mod clock;
 mod embree;
 
 /// A triangle mesh and three kinds of rays.
@@ -104,25 +105,27 @@ fn any(accel: &Accel, rays: &[Ray]) -> usize {
     rays.iter().filter(|r| accel.any(r)).count()
 }
 
-fn run(c: &mut Criterion) {
+/// Times of the two walks.
+fn run() {
     let bench = Bench::new(sphere(700, 1400), 40_000);
     let triangles = bench.triangles();
-    for (name, accel) in [
+    let accels = [
         ("fast", Accel::new(&triangles)),
         ("portable", Accel::portable(&triangles)),
-    ] {
-        let mut group = c.benchmark_group(name);
-        group.sample_size(10);
-        for (rays, list) in [
-            ("coherent", &bench.coherent),
-            ("incoherent", &bench.incoherent),
-        ] {
-            group.bench_function(rays, |b| b.iter(|| black_box(closest(&accel, list))));
+    ];
+    let kinds = [
+        ("coherent", &bench.coherent, closest as fn(&_, &_) -> _),
+        ("incoherent", &bench.incoherent, closest),
+        ("any hit", &bench.segments, any),
+    ];
+    let mut contestants: Vec<Contestant> = Vec::new();
+    for (kind, rays, walk) in kinds {
+        for (name, accel) in &accels {
+            let work = move || _ = black_box(walk(accel, rays));
+            contestants.push((format!("{kind} {name}"), rays.len(), Box::new(work)));
         }
-        group.bench_function("any hit", |b| {
-            b.iter(|| black_box(any(&accel, &bench.segments)));
-        });
     }
+    clock::in_turns(&contestants);
 }
 
 fn main() {
@@ -135,7 +138,5 @@ fn main() {
         }
         return;
     }
-    let mut c = Criterion::default().configure_from_args();
-    run(&mut c);
-    c.final_summary();
+    run();
 }

@@ -140,7 +140,7 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         2,
         "table export table.json -o old.exr",
-        "old.exr: the name does not say",
+        "old.exr: no format for this extension",
     ),
     (2, "compare a.exr", "PICTURE"),
     (2, "compare a.exr b.exr --exposures 0,nan", "--exposures"),
