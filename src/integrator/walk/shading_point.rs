@@ -7,7 +7,7 @@ use crate::bsdf::{Bsdf, BsdfSample, Lobe, LobeQuery};
 use crate::math::measure::balance;
 use crate::math::{Frame, Rgb, Vec3};
 use crate::regularise::Roughening;
-use crate::sampler::VertexU;
+use crate::sampler::{LightU, VertexU};
 use crate::scene::{Scene, Surface};
 
 /// A scattering vertex.
@@ -79,7 +79,7 @@ impl ShadingPoint<'_> {
     #[inline]
     pub(in crate::integrator) fn direct_light<O: PathObserver>(
         &self,
-        u: [f32; 3],
+        u: LightU,
         observer: &mut O,
     ) -> Rgb {
         if self.bsdf.is_delta_at(self.alpha_reg) {

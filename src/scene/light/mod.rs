@@ -13,7 +13,8 @@ pub use punctual::PunctualLight;
 use super::{Geometry, Hit, SceneParts, Surface};
 use crate::math::discrete::AliasTable;
 use crate::math::measure::balance;
-use crate::math::{Ray, Rgb, Vec2, Vec3, luminance};
+use crate::math::{DVec2, Ray, Rgb, Vec2, Vec3, luminance};
+use crate::sampler::LightU;
 use area::AreaLights;
 use std::f32::consts::PI;
 
@@ -134,16 +135,16 @@ impl Lights {
     /// Draws a light and a point on it, as seen from `from`. `None` where the light drawn does not reach `from`.
     /// Visibility is not tested.
     #[inline]
-    pub fn sample(&self, from: Vec3, u: [f32; 3]) -> Option<LightSample> {
-        let (k, _) = self.choice.sample(u[0])?;
-        let at = Vec2::new(u[1], u[2]);
+    pub fn sample(&self, from: Vec3, u: LightU) -> Option<LightSample> {
+        let (k, remainder) = self.choice.sample(u.pick)?;
         let Some(rest) = k.checked_sub(self.area.len()) else {
-            return self.area.sample(k, from, at);
+            return self.area.sample(k, from, u.at);
         };
         let pmf = self.choice.pmf(k);
         if let Some(light) = self.punctual.get(rest) {
             return light.illuminate(from, pmf);
         }
+        let at = refined(u.at, remainder);
         let (wi, radiance, pdf_w) = self.environment.as_ref()?.sample(at)?;
         Some(LightSample {
             wi,
@@ -184,4 +185,12 @@ impl Lights {
     pub(super) fn closest(&self, ray: &Ray) -> Option<Hit> {
         self.area.closest(ray)
     }
+}
+
+/// Coordinates of 24 bits each with further bits from `u`, all in [0, 1).
+#[inline]
+fn refined(at: Vec2, u: f64) -> DVec2 {
+    let x = u * f64::from(1 << 26);
+    let further = DVec2::new(x.floor() / f64::from(1 << 26), x.fract());
+    at.as_dvec2() + further / f64::from(1 << 24)
 }

@@ -11,7 +11,7 @@
 //! of 256 samples grows by 0.6 % in the crops with the least noise, by less than 0.2 % in others.
 
 use crate::math::UVec2;
-use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
+use crate::sampler::{Independent, IndependentStream, LEAST_CHANCE, SampleSource, Sampler, Seed};
 use crate::train::learn::objective::{EPSILON, Target};
 
 /// The roulette of a crop's recording.
@@ -54,8 +54,8 @@ impl Thin {
         if size >= floor {
             return Some(1.0);
         }
-        let kept = size / floor;
-        (stream.next_1d() < kept).then(|| 1.0 / kept)
+        let kept = (size / floor).max(LEAST_CHANCE);
+        (stream.next_1d() < kept && size > 0.0).then(|| 1.0 / kept)
     }
 }
 
