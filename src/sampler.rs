@@ -60,13 +60,37 @@ impl Seed {
     }
 }
 
+/// Least probability that one number of [`Sampler::next_1d`] may decide: `u < p` holds with probability p to a relative
+/// 2⁻¹² from here on. Below, 24 bits are too few; a p of 1e-9 would be taken for 6e-8.
+pub const LEAST_CHANCE: f32 = 1.0 / 4096.0;
+
+/// Uniform random numbers in [0, 1) that draw a light and a point on it.
+#[derive(Clone, Copy, Debug)]
+pub struct LightU {
+    /// Choice of the light. It has 53 bits, since a scene may have a million lights, and some of them a millionth of
+    /// the power of others.
+    pub pick: f64,
+    /// Point on the light.
+    pub at: Vec2,
+}
+
+impl From<[f32; 3]> for LightU {
+    /// Numbers in the order in which a vertex draws them; the choice has no more than 24 bits then.
+    fn from([pick, x, y]: [f32; 3]) -> Self {
+        Self {
+            pick: pick.into(),
+            at: Vec2::new(x, y),
+        }
+    }
+}
+
 /// Uniform random numbers in [0, 1) of one scattering vertex, named by use.
 #[derive(Clone, Copy, Debug)]
 pub struct VertexU {
     /// Choice between the BSDFs of one material (partial transmission).
     pub material: f32,
     /// Choice of a light, and point on it.
-    pub light: [f32; 3],
+    pub light: LightU,
     /// Lobe and direction, for the original and the regularised lobe alike.
     pub lobe: [f32; 3],
     /// Russian roulette.
@@ -75,8 +99,14 @@ pub struct VertexU {
 
 /// Source of uniform numbers in [0, 1) for one path.
 pub trait Sampler {
+    /// Next 32 random bits.
+    fn next_bits(&mut self) -> u32;
+
     /// Next number.
-    fn next_1d(&mut self) -> f32;
+    #[inline]
+    fn next_1d(&mut self) -> f32 {
+        unit(self.next_bits())
+    }
 
     /// Position in the pixel at which the path starts, in [0, 1)².
     fn film(&mut self) -> Vec2 {
@@ -84,12 +114,27 @@ pub trait Sampler {
     }
 
     /// Numbers of the next vertex.
+    #[inline]
     fn vertex(&mut self) -> VertexU {
+        // Each of the eight numbers leaves eight bits over, which refine the choice of a light.
+        let mut spare = 0u64;
+        let mut next = || {
+            let bits = self.next_bits();
+            spare = spare << 8 | u64::from(bits & 0xff);
+            unit(bits)
+        };
+        let material = next();
+        let [pick, x, y] = std::array::from_fn(|_| next());
+        let lobe = std::array::from_fn(|_| next());
+        let roulette = next();
         VertexU {
-            material: self.next_1d(),
-            light: std::array::from_fn(|_| self.next_1d()),
-            lobe: std::array::from_fn(|_| self.next_1d()),
-            roulette: self.next_1d(),
+            material,
+            light: LightU {
+                pick: f64::from(pick) + (spare >> 35) as f64 * (0.5 * f64::EPSILON),
+                at: Vec2::new(x, y),
+            },
+            lobe,
+            roulette,
         }
     }
 }
@@ -113,6 +158,12 @@ pub struct Independent {
 #[derive(Clone, Debug)]
 pub struct IndependentStream(Pcg32);
 
+/// A number in [0, 1) from the upper 24 bits: every value is representable and below 1.
+#[inline]
+fn unit(bits: u32) -> f32 {
+    (bits >> 8) as f32 * (1.0 / 16_777_216.0)
+}
+
 /// Finaliser of SplitMix64, a bijection in which every input bit affects every output bit.
 fn mix(mut x: u64) -> u64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -133,9 +184,8 @@ impl SampleSource for Independent {
 
 impl Sampler for IndependentStream {
     #[inline]
-    fn next_1d(&mut self) -> f32 {
-        // 24 bits: every value is representable and below 1.
-        (self.0.next_u32() >> 8) as f32 * (1.0 / 16_777_216.0)
+    fn next_bits(&mut self) -> u32 {
+        self.0.next_u32()
     }
 }
 
@@ -201,5 +251,34 @@ mod tests {
             numbers,
             [2_144_111.0, 5_361_793.0, 8_101_002.0, 1_165_573.0]
         );
+    }
+
+    #[test]
+    fn the_choice_of_a_light_has_53_uniform_bits() {
+        let mut stream = Independent { seed: Seed(3) }.stream(UVec2::ZERO, 0);
+        let n = 100_000;
+        let mut ones = [0u32; 53];
+        for _ in 0..n {
+            let before = stream.clone();
+            let u = stream.vertex();
+            assert!((0.0..1.0).contains(&u.light.pick));
+            let bits = (u.light.pick * 2f64.powi(53)) as u64;
+            for (i, count) in ones.iter_mut().enumerate() {
+                *count += (bits >> i & 1) as u32;
+            }
+            // The upper bits are the second number of the vertex, and no other number is used up.
+            let mut plain = before;
+            let numbers: [f32; 8] = std::array::from_fn(|_| plain.next_1d());
+            assert_eq!(bits >> 29, (numbers[1] * 16_777_216.0) as u64);
+            assert_eq!((u.material, u.roulette), (numbers[0], numbers[7]));
+        }
+        // Five standard deviations.
+        let far = 5.0 * (0.25 * f64::from(n)).sqrt();
+        for (i, &count) in ones.iter().enumerate() {
+            assert!(
+                (f64::from(count) - 0.5 * f64::from(n)).abs() < far,
+                "bit {i}: {count}"
+            );
+        }
     }
 }

@@ -92,6 +92,12 @@ impl Geometry {
         self.materials[self.sources[i as usize][0] as usize]
     }
 
+    /// Index of a triangle's mesh.
+    #[inline]
+    pub fn triangle_mesh(&self, i: u32) -> u32 {
+        self.sources[i as usize][0]
+    }
+
     /// Texture coordinates of a triangle's corners; zero where the mesh has none.
     #[inline]
     pub fn triangle_uvs(&self, parts: &SceneParts, i: u32) -> [Vec2; 3] {

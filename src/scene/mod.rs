@@ -185,7 +185,7 @@ impl Scene {
             let radiance = lights.environment(ray.dir);
             return (radiance != Rgb::ZERO && !hidden(ray.t_max)).then(|| Emission {
                 radiance,
-                pdf_w: lights.pdf_environment(ray.dir),
+                pdf_w: lights.pdf_environment(ray.origin, ray.dir),
                 distance: f32::INFINITY,
             });
         };

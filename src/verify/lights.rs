@@ -7,6 +7,7 @@ use crate::gallery::shapes::quad;
 use crate::image::Buffer;
 use crate::math::measure::balance;
 use crate::math::{DVec3, Frame, Ray, Rgb, Vec2, Vec3, warp};
+use crate::sampler::LightU;
 use crate::scene::{Environment, LightSample, Material, Mesh, Scene, SceneParts, Surface};
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
@@ -97,10 +98,11 @@ fn sampled(scene: &Scene, normal: Vec3, numbers: &mut Numbers) -> (f64, f64) {
         let cell = Vec2::new((i % STRATA) as f32, (i / STRATA) as f32);
         let mut place = || (cell + Vec2::new(numbers.next(), numbers.next())) / STRATA as f32;
         let (at, lobe) = (place(), place());
-        if let Some(light) = scene
-            .lights()
-            .sample(Vec3::ZERO, [numbers.next(), at.x, at.y])
-        {
+        let u = LightU {
+            pick: numbers.next().into(),
+            at,
+        };
+        if let Some(light) = scene.lights().sample(Vec3::ZERO, u) {
             let pdf = warp::cosine_hemisphere_pdf(light.wi.dot(normal));
             let weight = light.density.mis_weight(pdf) * pdf / light.density.value();
             sum += f64::from(light.radiance.x * weight);
@@ -214,7 +216,7 @@ fn slivers() -> Finding {
         let mut sum = 0.0;
         for k in 0..64 * 64 {
             let u = [0.0, (k % 64) as f32 + 0.5, (k / 64) as f32 + 0.5].map(|u| u / 64.0);
-            if let Some(light) = scene.lights().sample(Vec3::ZERO, u) {
+            if let Some(light) = scene.lights().sample(Vec3::ZERO, u.into()) {
                 sum += f64::from(light.wi.dot(normal).max(0.0) / light.density.value()) * FRAC_1_PI;
             }
         }
@@ -250,7 +252,7 @@ pub fn occluded(shadow_ray: ShadowRay<'_>) -> Finding {
                     continue;
                 };
                 let surface = scene.surface(&hit);
-                if let Some(light) = scene.lights().sample(surface.position, u) {
+                if let Some(light) = scene.lights().sample(surface.position, u.into()) {
                     count += u32::from(scene.occluded(&shadow_ray(&surface, &light)));
                 }
             }

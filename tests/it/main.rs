@@ -14,6 +14,7 @@ mod film;
 mod fuzz;
 mod geometry;
 mod load;
+mod many_lights;
 mod metric;
 mod mollifier;
 mod pilot;

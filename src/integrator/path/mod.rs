@@ -75,7 +75,7 @@ impl<R: Roughening> PathTracer<R> {
                     emission.scale(bodies.transmittance(scene, f32::INFINITY));
                     total += emission.contribution(
                         scene.lights().environment(ray.dir),
-                        || scene.lights().pdf_environment(ray.dir),
+                        || scene.lights().pdf_environment(ray.origin, ray.dir),
                         observer,
                     );
                 }

@@ -2,6 +2,7 @@
 
 use crate::integrator::walk::shading_point::{Continuation, ShadingPoint};
 use crate::math::{Rgb, Vec3};
+use crate::sampler::LightU;
 use std::f32::consts::TAU;
 
 /// The cone of directions over which a mollified Dirac lobe is spread.
@@ -34,7 +35,7 @@ impl ShadingPoint<'_> {
     /// over a cone. Nothing else can find such a light, so nothing is counted twice.
     ///
     /// `radius` is the kernel's at the light, over half the diagonal of the scene.
-    pub(super) fn mollified(&self, next: &Continuation, radius: f32, u: [f32; 3]) -> Rgb {
+    pub(super) fn mollified(&self, next: &Continuation, radius: f32, u: LightU) -> Rgb {
         let Some(light) = self.scene.lights().sample(self.surface.position, u) else {
             return Rgb::ZERO;
         };

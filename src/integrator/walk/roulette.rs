@@ -1,6 +1,7 @@
 //! Russian roulette `[Veach97 §10.4.1]`.
 
 use crate::math::Rgb;
+use crate::sampler::LEAST_CHANCE;
 
 /// The largest probability of survival: chains that lose no light must end some time.
 const LARGEST: f32 = 0.95;
@@ -13,5 +14,11 @@ const LARGEST: f32 = 0.95;
 pub(in crate::integrator) fn survival(throughput: Rgb, eta_scale: f32, u: f32) -> Option<f32> {
     // A throughput that is not a number survives; the film finds and reports it.
     let survival = (throughput * eta_scale).max_element().min(LARGEST);
+    // The bits of `u` decide no smaller chance; a path without throughput ends.
+    let survival = if survival > 0.0 {
+        survival.max(LEAST_CHANCE)
+    } else {
+        survival
+    };
     (u < survival).then_some(survival)
 }

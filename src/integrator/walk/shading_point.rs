@@ -6,6 +6,7 @@ use super::pending_emission::PendingEmission;
 use crate::bsdf::{Bsdf, BsdfSample, LobeQuery};
 use crate::math::measure::balance;
 use crate::math::{Frame, Rgb, Vec3};
+use crate::sampler::LightU;
 use crate::scene::{Scene, Surface};
 
 /// A scattering vertex.
@@ -76,7 +77,7 @@ impl ShadingPoint<'_> {
     #[inline]
     pub(in crate::integrator) fn direct_light<O: PathObserver>(
         &self,
-        u: [f32; 3],
+        u: LightU,
         observer: &mut O,
     ) -> Rgb {
         if self.bsdf.is_delta_at(self.alpha_reg) {

@@ -1,5 +1,6 @@
 //! Area lights: the emissive triangles of a scene.
 
+use super::tree::{Item, LightBounds};
 use super::{LightDensity, LightSample};
 use crate::math::measure::area_to_solid_angle;
 use crate::math::{Ray, Rgb, Vec2, Vec3, luminance, warp};
@@ -12,8 +13,11 @@ use std::f32::consts::PI;
 #[derive(Default)]
 pub(super) struct AreaLights {
     triangles: Vec<EmissiveTriangle>,
-    /// Density per area with which each triangle of the scene is drawn, 0 for dark ones; empty without area lights.
+    /// Density per area with which each triangle of the scene is drawn by power, 0 for dark ones; empty without area
+    /// lights.
     pdf_a: Vec<f32>,
+    /// Place in `triangles` of each triangle of the scene; empty where power alone decides.
+    places: Vec<u32>,
     /// Tree over the emissive triangles alone.
     tree: Option<Accel>,
     /// The scene's materials, in its order.
@@ -64,6 +68,7 @@ impl AreaLights {
         Self {
             triangles,
             pdf_a: vec![0.0; geometry.len()],
+            places: Vec::new(),
             tree: Some(Accel::new(&corners)),
             materials: parts.materials.clone(),
             textures: parts.textures.clone(),
@@ -87,9 +92,62 @@ impl AreaLights {
         }
     }
 
-    /// Draws a uniform point of the `k`-th emissive triangle.
+    /// Bounds of the emissive triangles for a light tree, mesh by mesh, intensities in this unit.
+    pub(super) fn bounds(&self, geometry: &Geometry, unit: f64) -> Vec<Item> {
+        let mut meshes: Vec<Item> = Vec::new();
+        let mut last = None;
+        for (k, t) in self
+            .triangles
+            .iter()
+            .enumerate()
+            .filter(|(_, t)| t.power > 0.0)
+        {
+            let [a, b, c] = t.corners;
+            let two_sided = self.materials[t.material as usize].double_sided;
+            let sides = if two_sided { 2.0 } else { 1.0 };
+            let bounds = LightBounds {
+                low: a.min(b).min(c),
+                high: a.max(b).max(c),
+                axis: t.normal,
+                cos_facing: 1.0,
+                cos_emission: 0.0,
+                two_sided,
+                intensity: (t.power * unit / (f64::from(PI) * sides)) as f32,
+            };
+            let mesh = geometry.triangle_mesh(t.triangle);
+            match meshes.last_mut().filter(|_| last == Some(mesh)) {
+                Some(of_mesh) => of_mesh.push(Item::light(bounds, k)),
+                None => meshes.push(Item::light(bounds, k)),
+            }
+            last = Some(mesh);
+        }
+        meshes
+    }
+
+    /// Prepares [`AreaLights::place`].
+    pub(super) fn index(&mut self) {
+        self.places = vec![u32::MAX; self.pdf_a.len()];
+        for (k, t) in self.triangles.iter().enumerate() {
+            self.places[t.triangle as usize] = k as u32;
+        }
+    }
+
+    /// Number of a triangle of the scene among the emissive ones; `None` for dark ones. Needs [`AreaLights::index`].
     #[inline]
-    pub(super) fn sample(&self, k: usize, from: Vec3, u: Vec2) -> Option<LightSample> {
+    pub(super) fn place(&self, triangle: u32) -> Option<usize> {
+        let k = *self.places.get(triangle as usize)?;
+        (k != u32::MAX).then_some(k as usize)
+    }
+
+    /// Density per area of a uniform point of the `k`-th emissive triangle.
+    #[inline]
+    pub(super) fn pdf_point(&self, k: usize) -> f32 {
+        1.0 / self.triangles[k].area
+    }
+
+    /// Draws a uniform point of the `k`-th emissive triangle, which was chosen with this probability.
+    #[inline]
+    pub(super) fn sample(&self, k: usize, pmf: f32, from: Vec3, u: Vec2) -> Option<LightSample> {
         let light = &self.triangles[k];
         let [a, b, c] = light.corners;
         let weights = warp::triangle(u);
@@ -103,7 +161,7 @@ impl AreaLights {
         if !(cos > 0.0 || (material.double_sided && cos < 0.0)) {
             return None;
         }
-        let pdf_a = self.pdf_a[light.triangle as usize];
+        let pdf_a = pmf / light.area;
         let pdf_w = area_to_solid_angle(pdf_a, from, point, cos.abs());
         let varies = material.emissive_texture.is_some();
         let radiance = if varies || material.alpha_mode != AlphaMode::Opaque {
@@ -124,15 +182,22 @@ impl AreaLights {
             density: LightDensity::SolidAngle(pdf_w),
             cos: cos.abs(),
             error,
+            emission_ratio: 1.0,
         })
     }
 
-    /// Density per steradian with which the direction from `from` to a point of an emissive triangle is drawn.
+    /// Density per area with which a triangle of the scene is drawn by power.
     #[inline]
-    pub(super) fn pdf(&self, from: Vec3, surface: &Surface) -> f32 {
+    pub(super) fn pdf_by_power(&self, triangle: u32) -> f32 {
+        self.pdf_a.get(triangle as usize).copied().unwrap_or(0.0)
+    }
+
+    /// Density per steradian with which the direction from `from` to a surface point is drawn, from its density per
+    /// area.
+    #[inline]
+    pub(super) fn pdf(pdf_a: f32, from: Vec3, surface: &Surface) -> f32 {
         let cos = (surface.position - from).normalize().dot(surface.ng).abs();
-        let pdf_a = self.pdf_a.get(surface.triangle as usize);
-        area_to_solid_angle(pdf_a.copied().unwrap_or(0.0), from, surface.position, cos)
+        area_to_solid_angle(pdf_a, from, surface.position, cos)
     }
 
     /// Radiance emitted by a surface point towards `wo` (world).

@@ -10,7 +10,7 @@ use crate::files::{self, FileError, Problem};
 use crate::image::Buffer;
 use crate::image::exr;
 use crate::math::discrete::Distribution2D;
-use crate::math::{Rgb, Vec2, Vec3, luminance};
+use crate::math::{DVec2, Rgb, Vec2, Vec3, luminance};
 use std::f32::consts::{PI, TAU};
 use std::path::Path;
 use std::sync::Arc;
@@ -118,7 +118,7 @@ impl Environment {
 
     /// A direction, its radiance, and its density per steradian; `None` for a black map.
     #[inline]
-    pub fn sample(&self, u: Vec2) -> Option<(Vec3, Rgb, f32)> {
+    pub fn sample(&self, u: DVec2) -> Option<(Vec3, Rgb, f32)> {
         let (uv, pdf) = self.density.as_ref()?.sample(u);
         let (sin, cos) = (uv.y * PI).sin_cos();
         let phi = (uv.x - 0.5) * TAU - self.rotation;

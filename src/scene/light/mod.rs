@@ -1,11 +1,14 @@
-//! All lights of a scene: one of them is drawn by power, then a point or a direction of it.
+//! All lights of a scene: one of them is drawn, by power or if there are many with a light tree, then a point or a
+//! direction of it.
 //!
 //! [`Lights`] owns copies of what it samples (emissive triangles, their materials, lights without area, the
 //! environment; texels and maps are shared), so that light sampling never asks the scene back.
 
 mod area;
 mod environment;
+mod many;
 mod punctual;
+mod tree;
 
 pub use environment::Environment;
 pub use punctual::PunctualLight;
@@ -13,8 +16,10 @@ pub use punctual::PunctualLight;
 use super::{Geometry, Hit, SceneParts, Surface};
 use crate::math::discrete::AliasTable;
 use crate::math::measure::balance;
-use crate::math::{Ray, Rgb, Vec2, Vec3, luminance};
+use crate::math::{DVec2, Ray, Rgb, Vec2, Vec3, luminance};
+use crate::sampler::LightU;
 use area::AreaLights;
+use many::ManyLights;
 use std::f32::consts::PI;
 
 /// A direction towards a light, drawn from a point.
@@ -32,6 +37,9 @@ pub struct LightSample {
     pub cos: f32,
     /// Bound of the rounding error of the light's surface along its normal; 0 for lights at infinity.
     pub error: f32,
+    /// Probability with which emission sampling chooses the light (by power) over the one in `density`: 1 unless a
+    /// light tree chose it.
+    pub emission_ratio: f32,
 }
 
 /// Density of a [`LightSample`], in the measure of its light.
@@ -85,6 +93,8 @@ pub struct Emission {
 pub struct Lights {
     /// Choice by power: emissive triangles first, then lights without area, then the environment.
     choice: AliasTable,
+    /// Choice at a point, in scenes of many lights.
+    many: Option<ManyLights>,
     area: AreaLights,
     punctual: Vec<PunctualLight>,
     environment: Option<Environment>,
@@ -92,7 +102,7 @@ pub struct Lights {
 }
 
 impl Lights {
-    /// Collects the lights and weighs them by power.
+    /// Collects the lights and builds the distributions over them.
     pub fn new(parts: &SceneParts, geometry: &Geometry, warnings: &mut Vec<String>) -> Self {
         let (low, high) = geometry.bounds();
         // Light from infinity enters the scene through a disk of the scene's radius.
@@ -112,8 +122,15 @@ impl Lights {
             Some(_) if !choice.is_empty() => choice.pmf(powers.len() - 1),
             _ => 0.0,
         };
+        let many = (!choice.is_empty())
+            .then(|| ManyLights::new(&area, &parts.lights, geometry, &powers, disk))
+            .flatten();
+        if many.is_some() {
+            area.index();
+        }
         Self {
             choice,
+            many,
             area,
             punctual: parts.lights.clone(),
             environment: parts.environment.clone(),
@@ -134,16 +151,48 @@ impl Lights {
     /// Draws a light and a point on it, as seen from `from`. `None` where the light drawn does not reach `from`.
     /// Visibility is not tested.
     #[inline]
-    pub fn sample(&self, from: Vec3, u: [f32; 3]) -> Option<LightSample> {
-        let (k, _) = self.choice.sample(u[0])?;
-        let at = Vec2::new(u[1], u[2]);
+    pub fn sample(&self, from: Vec3, u: LightU) -> Option<LightSample> {
+        let (k, pmf, rest) = self.choose(from, u.pick)?;
+        let sample = self.sample_one(k, pmf, from, u.at, rest)?;
+        Some(match &self.many {
+            None => sample,
+            Some(_) => LightSample {
+                emission_ratio: self.choice.pmf(k) / pmf,
+                ..sample
+            },
+        })
+    }
+
+    /// Draws the light that [`Lights::sample`] draws: its index as in [`Lights::pmf`], the probability of the choice,
+    /// and the remainder of `pick`, uniform in [0, 1) again.
+    #[inline]
+    pub fn choose(&self, from: Vec3, pick: f64) -> Option<(usize, f32, f64)> {
+        match &self.many {
+            None => {
+                let (k, rest) = self.choice.sample(pick)?;
+                Some((k, self.choice.pmf(k), rest))
+            }
+            Some(many) => Some(many.sample(from, pick)).filter(|(_, pmf, _)| *pmf > 0.0),
+        }
+    }
+
+    /// Draws a point on the `k`-th light, which was chosen with this probability; `further` in [0, 1) refines `at`.
+    #[inline]
+    fn sample_one(
+        &self,
+        k: usize,
+        pmf: f32,
+        from: Vec3,
+        at: Vec2,
+        further: f64,
+    ) -> Option<LightSample> {
         let Some(rest) = k.checked_sub(self.area.len()) else {
-            return self.area.sample(k, from, at);
+            return self.area.sample(k, pmf, from, at);
         };
-        let pmf = self.choice.pmf(k);
         if let Some(light) = self.punctual.get(rest) {
             return light.illuminate(from, pmf);
         }
+        let at = refined(at, further);
         let (wi, radiance, pdf_w) = self.environment.as_ref()?.sample(at)?;
         Some(LightSample {
             wi,
@@ -152,6 +201,7 @@ impl Lights {
             density: LightDensity::SolidAngle(pdf_w * pmf),
             cos: 1.0,
             error: 0.0,
+            emission_ratio: 1.0,
         })
     }
 
@@ -164,7 +214,12 @@ impl Lights {
     /// Density per steradian with which [`Lights::sample`] from `from` draws the direction to that emitting point.
     #[inline]
     pub fn pdf_emitter(&self, from: Vec3, surface: &Surface) -> f32 {
-        self.area.pdf(from, surface)
+        let pdf_a = match &self.many {
+            None => self.area.pdf_by_power(surface.triangle),
+            Some(many) => (self.area.place(surface.triangle))
+                .map_or(0.0, |k| many.pmf(k, from) * self.area.pdf_point(k)),
+        };
+        AreaLights::pdf(pdf_a, from, surface)
     }
 
     /// Radiance seen from the scene when looking along `dir` past all surfaces.
@@ -173,10 +228,31 @@ impl Lights {
         (self.environment.as_ref()).map_or(Rgb::ZERO, |e| e.radiance(dir))
     }
 
-    /// Density per steradian with which [`Lights::sample`] draws the direction `dir` from the environment.
+    /// Density per steradian with which [`Lights::sample`] from `from` draws the direction `dir` of the environment.
     #[inline]
-    pub fn pdf_environment(&self, dir: Vec3) -> f32 {
-        (self.environment.as_ref()).map_or(0.0, |e| e.pdf(dir) * self.environment_pmf)
+    pub fn pdf_environment(&self, from: Vec3, dir: Vec3) -> f32 {
+        let Some(environment) = &self.environment else {
+            return 0.0;
+        };
+        let pmf = match &self.many {
+            None => self.environment_pmf,
+            Some(many) => many.pmf(self.area.len() + self.punctual.len(), from),
+        };
+        environment.pdf(dir) * pmf
+    }
+
+    /// Probability with which [`Lights::sample`] from `from` draws the light with this index: emissive triangles first,
+    /// then lights without area, then the environment.
+    pub fn pmf(&self, light: usize, from: Vec3) -> f32 {
+        match &self.many {
+            None => self.choice.pmf(light),
+            Some(many) => many.pmf(light, from),
+        }
+    }
+
+    /// Probability of the same light by power alone, which no point enters: emission sampling chooses so.
+    pub fn emission_pmf(&self, light: usize) -> f32 {
+        self.choice.pmf(light)
     }
 
     /// The closest emissive triangle along a ray, the rest of the scene left out: most rays meet none and are done.
@@ -184,4 +260,12 @@ impl Lights {
     pub(super) fn closest(&self, ray: &Ray) -> Option<Hit> {
         self.area.closest(ray)
     }
+}
+
+/// Coordinates of 24 bits each with further bits from `u`, all in [0, 1).
+#[inline]
+fn refined(at: Vec2, u: f64) -> DVec2 {
+    let x = u * f64::from(1 << 26);
+    let further = DVec2::new(x.floor() / f64::from(1 << 26), x.fract());
+    at.as_dvec2() + further / f64::from(1 << 24)
 }

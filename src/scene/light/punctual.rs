@@ -102,6 +102,7 @@ impl PunctualLight {
             } else {
                 0.0
             },
+            emission_ratio: 1.0,
         })
     }
 }

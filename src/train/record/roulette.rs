@@ -12,7 +12,7 @@
 //! others.
 
 use crate::math::UVec2;
-use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
+use crate::sampler::{Independent, IndependentStream, LEAST_CHANCE, SampleSource, Sampler, Seed};
 use crate::train::record::crop::{EPSILON, Target};
 
 /// The roulette of one crop's recording.
@@ -55,8 +55,8 @@ impl EventRoulette {
         if size >= threshold {
             return Some(1.0);
         }
-        let survival = size / threshold;
-        (stream.next_1d() < survival).then(|| 1.0 / survival)
+        let kept = (size / threshold).max(LEAST_CHANCE);
+        (stream.next_1d() < kept && size > 0.0).then(|| 1.0 / kept)
     }
 }
 

@@ -126,7 +126,7 @@ pub(crate) fn hdr() -> Target {
                 assert!(map.radiance(dir).is_finite());
             }
             for u in [Vec2::ZERO, Vec2::splat(0.999_999_9)] {
-                if let Some((dir, radiance, pdf)) = map.sample(u) {
+                if let Some((dir, radiance, pdf)) = map.sample(u.into()) {
                     assert!(dir.is_finite() && radiance.is_finite() && pdf > 0.0);
                 }
             }
