@@ -7,6 +7,7 @@ pub mod film;
 mod film_bytes;
 pub mod metric;
 pub mod png;
+pub mod splat;
 
 pub use buffer::Buffer;
 pub use film::Film;

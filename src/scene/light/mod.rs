@@ -4,9 +4,11 @@
 //! environment; texels and maps are shared), so that light sampling never asks the scene back.
 
 mod area;
+pub mod emission;
 mod environment;
 mod punctual;
 
+pub use emission::{EmissionDensity, EmissionSample};
 pub use environment::Environment;
 pub use punctual::PunctualLight;
 
@@ -15,6 +17,7 @@ use crate::math::discrete::AliasTable;
 use crate::math::measure::balance;
 use crate::math::{Ray, Rgb, Vec2, Vec3, luminance};
 use area::AreaLights;
+use emission::Sphere;
 use std::f32::consts::PI;
 
 /// A direction towards a light, drawn from a point.
@@ -32,6 +35,9 @@ pub struct LightSample {
     pub cos: f32,
     /// Bound of the rounding error of the light's surface along its normal; 0 for lights at infinity.
     pub error: f32,
+    /// Density with which an emission sample that starts there goes to the point: per steradian, or for a light at
+    /// infinity per area across the direction. See [`EmissionDensity`].
+    pub emission_pdf: f32,
 }
 
 /// Density of a [`LightSample`], in the measure of its light.
@@ -89,6 +95,8 @@ pub struct Lights {
     punctual: Vec<PunctualLight>,
     environment: Option<Environment>,
     environment_pmf: f32,
+    /// The sphere round the scene, through which light from infinity enters.
+    sphere: Sphere,
 }
 
 impl Lights {
@@ -118,6 +126,7 @@ impl Lights {
             punctual: parts.lights.clone(),
             environment: parts.environment.clone(),
             environment_pmf,
+            sphere: Sphere::around(geometry.bounds()),
         }
     }
 
@@ -142,7 +151,7 @@ impl Lights {
         };
         let pmf = self.choice.pmf(k);
         if let Some(light) = self.punctual.get(rest) {
-            return light.illuminate(from, pmf);
+            return light.illuminate(from, pmf, self.sphere.pdf());
         }
         let (wi, radiance, pdf_w) = self.environment.as_ref()?.sample(at)?;
         Some(LightSample {
@@ -152,6 +161,7 @@ impl Lights {
             density: LightDensity::SolidAngle(pdf_w * pmf),
             cos: 1.0,
             error: 0.0,
+            emission_pdf: self.sphere.pdf(),
         })
     }
 
