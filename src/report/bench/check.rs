@@ -106,6 +106,7 @@ fn scene(scene: &SceneSpec) -> Result<(), String> {
 
 /// The first thing that is wrong with a method.
 fn method(method: &MethodSpec) -> Result<(), String> {
+    method.refused()?;
     let lambda = method.lambda.unwrap_or(0.0);
     let unit = |x: f32| (0.0..=1.0).contains(&x);
     let only = |given: bool, kind: Kind, what: &str| match given && method.method != kind {
