@@ -108,6 +108,12 @@ pub trait Sampler {
         unit(self.next_bits())
     }
 
+    /// Next number, with 53 bits: for choices among very many.
+    fn next_pick(&mut self) -> f64 {
+        let bits = u64::from(self.next_bits()) << 32 | u64::from(self.next_bits());
+        (bits >> 11) as f64 * (0.5 * f64::EPSILON)
+    }
+
     /// Position in the pixel at which the path starts, in [0, 1)².
     fn film(&mut self) -> Vec2 {
         Vec2::new(self.next_1d(), self.next_1d())

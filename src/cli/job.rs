@@ -51,6 +51,7 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
     let mut spec = args.method.clone();
     let factors = spec.table.is_some() || spec.gamma.is_some();
     let consistent = spec.lambda.is_some();
+    spec.refused().map_err(anyhow::Error::msg).usage()?;
     match spec.method {
         Kind::Default | Kind::Reuse => {
             if !factors && (consistent || spec.method == Kind::Reuse) {

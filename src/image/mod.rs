@@ -6,6 +6,7 @@ pub mod false_colour;
 pub mod film;
 pub mod metric;
 pub mod png;
+pub mod splat;
 
 pub use buffer::Buffer;
 pub use film::Film;

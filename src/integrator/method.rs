@@ -15,6 +15,10 @@ pub struct MethodSpec {
     /// Its name in the results of a bench.
     #[arg(skip)]
     pub name: String,
+    /// The algorithm that estimates the picture.
+    #[arg(long, value_enum, default_value_t)]
+    #[serde(default, skip_serializing_if = "IntegratorKind::is_path")]
+    pub integrator: IntegratorKind,
     /// Kind of regularisation.
     #[arg(long = "mode", value_enum, default_value_t)]
     pub method: Kind,
@@ -63,6 +67,25 @@ pub struct MethodSpec {
     pub filter: Option<f32>,
 }
 
+/// Integrators by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum IntegratorKind {
+    /// Path tracing from the camera.
+    #[default]
+    Path,
+    /// Light tracing: caustics seen directly; no surface that is seen by way of a mirror or smooth glass.
+    Light,
+    /// Bidirectional path tracing: lamps behind glass, caustics, indirect light.
+    Bdpt,
+}
+
+impl IntegratorKind {
+    fn is_path(&self) -> bool {
+        *self == Self::Path
+    }
+}
+
 /// Kinds of methods.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
@@ -105,6 +128,21 @@ pub struct Method {
 }
 
 impl MethodSpec {
+    /// The first option that the integrator cannot take.
+    pub fn refused(&self) -> Result<(), String> {
+        let regularised = !matches!(self.method, Kind::Default | Kind::Plain)
+            || self.gamma.is_some()
+            || self.table.is_some()
+            || self.reuse;
+        if regularised && !self.integrator.is_path() {
+            let name = format!("{:?}", self.integrator).to_lowercase();
+            return Err(format!(
+                "integrator {name} does not regularise: no mode, gamma, table or reuse"
+            ));
+        }
+        Ok(())
+    }
+
     /// The method; a table is read from its file.
     pub fn resolve(&self) -> Result<Method, FileError> {
         let mut table_sha256 = None;
@@ -134,8 +172,13 @@ impl MethodSpec {
             (_, None, None) => Rule::Plain,
         };
         let reuse = self.reuse || self.method == Kind::Reuse;
+        let estimator = match self.integrator {
+            IntegratorKind::Path => Estimator::Path { reuse },
+            IntegratorKind::Light => Estimator::Light,
+            IntegratorKind::Bdpt => Estimator::Bdpt,
+        };
         Ok(Method {
-            estimator: Estimator::Path { reuse },
+            estimator,
             rule,
             table_sha256,
         })

@@ -5,6 +5,7 @@
 //! loop without a table. What estimators share is in [`walk`] as steps; each keeps its own loop.
 
 pub mod aov;
+pub mod bidirectional;
 pub mod census;
 pub mod checkpoint;
 pub mod drive;
@@ -17,6 +18,7 @@ use crate::image::film::{Film, Window};
 use crate::math::UVec2;
 use crate::scene::{Camera, Scene, Sensor};
 pub use aov::FirstHit;
+pub use bidirectional::Bidirectional;
 pub use census::Census;
 pub use path::PathTracer;
 pub use settings::{Estimator, Settings};

@@ -1,5 +1,6 @@
 //! Settings of a render, and the integrator they stand for.
 
+use super::bidirectional::{Bidirectional, Strategies};
 use super::path::PathTracer;
 use super::{Integrator, Picture, View};
 use crate::regularise::{Rule, Unregularised};
@@ -15,6 +16,11 @@ pub enum Estimator {
         /// slightly more bias. Rules that [always do](Rule::roughens_continuation) ignore it.
         reuse: bool,
     },
+    /// Light tracing: light paths connected to the camera, and lights that the camera sees, directly or by way of Dirac
+    /// lobes.
+    Light,
+    /// Bidirectional path tracing: all connections, weighted by the balance heuristic.
+    Bdpt,
 }
 
 impl Default for Estimator {
@@ -53,16 +59,32 @@ impl Default for Settings {
 impl Settings {
     /// The integrator of these settings.
     pub fn integrator(&self) -> Box<dyn Integrator> {
-        let Estimator::Path { .. } = self.estimator;
-        Box::new(PathIntegrator {
-            tracer: self.tracer(self.rule.clone()),
+        let strategies = match self.estimator {
+            Estimator::Path { .. } => {
+                return Box::new(PathIntegrator {
+                    tracer: self.tracer(self.rule.clone()),
+                    seed: self.seed,
+                });
+            }
+            Estimator::Light => Strategies::Light,
+            Estimator::Bdpt => Strategies::All,
+        };
+        Box::new(self.bidirectional(strategies))
+    }
+
+    /// The bidirectional path tracer of these settings with these strategies; it has no rule.
+    pub fn bidirectional(&self, strategies: Strategies) -> Bidirectional {
+        Bidirectional {
+            strategies,
+            max_vertices: self.max_vertices,
+            roulette_start: self.roulette_start,
             seed: self.seed,
-        })
+        }
     }
 
     /// The path tracer of these settings with a rule of the caller's.
     pub fn tracer<R>(&self, rule: R) -> PathTracer<R> {
-        let Estimator::Path { reuse } = self.estimator;
+        let reuse = self.estimator == Estimator::Path { reuse: true };
         PathTracer {
             max_vertices: self.max_vertices,
             roulette_start: self.roulette_start,

@@ -55,6 +55,28 @@ impl Camera {
         }
     }
 
+    /// Film position of a point, world direction from the point towards the camera, and the distance to it; the inverse
+    /// of [`Camera::ray`]. `None` for points that are not in front of the camera.
+    #[inline]
+    pub fn project(&self, point: Vec3, aspect: f32) -> Option<(Vec2, Vec3, f32)> {
+        let to = self.position - point;
+        let local = self.frame.to_local(-to);
+        let depth = -local.z;
+        if depth <= 0.0 {
+            return None;
+        }
+        let (scale, wo, distance) = match self.projection {
+            Projection::Perspective { tan_half_y } => {
+                let distance = to.length();
+                (depth * tan_half_y, to / distance, distance)
+            }
+            Projection::Orthographic { half_height } => (half_height, self.frame.n, depth),
+        };
+        let x = local.x / (scale * aspect);
+        let film = Vec2::new(0.5 + 0.5 * x, 0.5 - 0.5 * local.y / scale);
+        Some((film, wo, distance))
+    }
+
     /// A pinhole at `from` that looks at `to`, with a vertical field of view in radians.
     pub fn look_at(from: Vec3, to: Vec3, up: Vec3, fov_y: f32) -> Self {
         let n = (from - to).normalize();

@@ -20,11 +20,14 @@ pub mod texture;
 
 pub use camera::Camera;
 pub use geometry::Geometry;
-pub use light::{Emission, Environment, LightDensity, LightSample, Lights, PunctualLight};
+pub use light::{
+    Emission, EmissionDensity, EmissionSample, Environment, LightDensity, LightSample, Lights,
+    PunctualLight,
+};
 pub use material::Material;
 pub use mesh::Mesh;
 
-pub use sensor::Sensor;
+pub use sensor::{Sensor, Sighting};
 pub use texture::Texture;
 
 /// Everything a scene is made of, as plain data.
@@ -220,6 +223,16 @@ impl Surface {
             -self.error
         };
         Ray::new(self.position + side * self.ng, dir)
+    }
+
+    /// The segment from this surface along `dir` to just before another surface at this distance, whose absolute cosine
+    /// with `dir` is `cos`.
+    #[inline]
+    pub fn spawn_to(&self, other: &Self, dir: Vec3, distance: f32, cos: f32) -> Ray {
+        let mut ray = self.spawn(dir);
+        let slack = (self.error + other.error + 2.0 * f32::EPSILON * distance) / cos;
+        ray.t_max = (distance - slack).max(0.5 * distance);
+        ray
     }
 
     /// The segment from this surface to just before a light sample.

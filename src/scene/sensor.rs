@@ -1,7 +1,8 @@
 //! A camera bound to a frame.
 
 use super::Camera;
-use crate::math::{Ray, UVec2, Vec2};
+use super::camera::Projection;
+use crate::math::{Ray, UVec2, Vec2, Vec3};
 
 /// A camera that sees a frame of pixels.
 #[derive(Clone, Copy, Debug)]
@@ -12,11 +13,75 @@ pub struct Sensor<'a> {
     pub frame: UVec2,
 }
 
+/// A point as the camera sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sighting {
+    /// Pixel of the full frame.
+    pub pixel: UVec2,
+    /// Unit direction from the point towards the camera.
+    pub wo: Vec3,
+    /// Distance along `wo` to the camera, or to the plane of a parallel camera.
+    pub distance: f32,
+    /// Density of the ray to the point among the rays of its pixel; see [`Sensor::pdf`].
+    pub pdf: f32,
+    /// True if the camera's rays are parallel.
+    pub parallel: bool,
+}
+
+impl Sighting {
+    /// Density per area, on a surface whose absolute cosine with `wo` is `cos`, with which the rays of the pixel meet
+    /// it. A pixel's response integrates to 1, so this is also the factor that turns radiance into pixel values.
+    #[inline]
+    pub fn pdf_area(&self, cos: f32) -> f32 {
+        if self.parallel {
+            self.pdf * cos
+        } else {
+            self.pdf * cos / (self.distance * self.distance)
+        }
+    }
+}
+
 impl Sensor<'_> {
     /// The ray through a point of the frame, in pixels from the top left.
     #[inline]
     pub fn ray(&self, point: Vec2) -> Ray {
         let size = self.frame.as_vec2();
         self.camera.ray(point / size, size.x / size.y)
+    }
+
+    /// Density of a ray along `dir` among the rays through one pixel, whose integral over the pixel is 1: per steradian
+    /// for a pinhole, per area across the ray for a parallel camera (then also true).
+    #[inline]
+    pub fn pdf(&self, dir: Vec3) -> (f32, bool) {
+        let rows = self.frame.y as f32;
+        match self.camera.projection {
+            Projection::Perspective { tan_half_y } => {
+                let edge = 2.0 * tan_half_y / rows;
+                let cos = -dir.dot(self.camera.frame.n);
+                (1.0 / (edge * edge * cos * cos * cos), false)
+            }
+            Projection::Orthographic { half_height } => {
+                let edge = 2.0 * half_height / rows;
+                (1.0 / (edge * edge), true)
+            }
+        }
+    }
+
+    /// The pixel that sees a point if nothing stands between. `None` for points outside the frame or behind the camera;
+    /// pixels are half open.
+    #[inline]
+    pub fn see(&self, point: Vec3) -> Option<Sighting> {
+        let size = self.frame.as_vec2();
+        let (film, wo, distance) = self.camera.project(point, size.x / size.y)?;
+        let place = (film * size).floor();
+        let inside = place.cmpge(Vec2::ZERO).all() && place.cmplt(size).all();
+        let (pdf, parallel) = self.pdf(-wo);
+        (inside && pdf.is_finite()).then(|| Sighting {
+            pixel: place.as_uvec2(),
+            wo,
+            distance,
+            pdf,
+            parallel,
+        })
     }
 }

@@ -314,10 +314,10 @@ fn light_sampling(parts: SceneParts) -> f64 {
     let mut rng = crate::geometry::rng(5);
     let mut observed = vec![0; expected.len()];
     for _ in 0..COUNT {
-        let u = std::array::from_fn(|_| rand::RngExt::random(&mut rng));
+        let u: [f32; 3] = std::array::from_fn(|_| rand::RngExt::random(&mut rng));
         let light = scene
             .lights()
-            .sample(Vec3::ZERO, u)
+            .sample(Vec3::ZERO, u.into())
             .expect("all lights shine here");
         assert!(matches!(light.density, LightDensity::SolidAngle(_)));
         let phi = f64::from(light.wi.z)
@@ -371,7 +371,7 @@ fn light_density_of_lights_without_area_is_a_probability() {
     let mut seen = [0.1, 0.9].map(|u| {
         let light = scene
             .lights()
-            .sample(Vec3::ZERO, [u, 0.5, 0.5])
+            .sample(Vec3::ZERO, [u, 0.5, 0.5].into())
             .expect("a light");
         assert!(light.density.is_delta() && light.density.mis_weight(7.0) == 1.0);
         light.density.value()

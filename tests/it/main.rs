@@ -4,6 +4,7 @@ mod agree;
 mod appearance;
 mod architecture;
 mod bench;
+mod bidirectional;
 mod bsdf;
 mod cli;
 mod compare;

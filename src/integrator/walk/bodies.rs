@@ -1,6 +1,6 @@
 //! Bodies around a path, and what they absorb.
 
-use crate::math::Rgb;
+use crate::math::{Ray, Rgb};
 use crate::scene::Scene;
 
 /// The bodies that enclose the current vertex of a path, innermost last; empty in scenes without absorption.
@@ -13,6 +13,35 @@ pub(in crate::integrator) struct EnclosingBodies {
 }
 
 impl EnclosingBodies {
+    /// The absorbing bodies around the origin of a ray: those that the ray, followed to infinity, leaves without having
+    /// entered them. Bodies are taken to be closed and nested.
+    pub(in crate::integrator) fn around(scene: &Scene, ray: &Ray) -> Self {
+        let mut ray = *ray;
+        let mut entered = Vec::new();
+        let mut around = Vec::new();
+        // A surface that a ray meets again and again must not hold the walk for ever.
+        for _ in 0..1024 {
+            let Some(hit) = scene.intersect(&ray) else {
+                break;
+            };
+            let surface = scene.surface(&hit);
+            let material = scene.material(&surface);
+            if material.solid && material.transmission > 0.0 {
+                if ray.dir.dot(surface.ng) < 0.0 {
+                    entered.push(surface.material);
+                } else if let Some(i) = entered.iter().rposition(|&m| m == surface.material) {
+                    entered.remove(i);
+                } else {
+                    around.push(surface.material);
+                }
+            }
+            ray = surface.spawn(ray.dir);
+        }
+        let mut bodies = Self::default();
+        around.iter().rev().for_each(|&m| bodies.enter(m));
+        bodies
+    }
+
     /// True outside of all bodies.
     #[inline]
     pub(in crate::integrator) fn is_empty(&self) -> bool {

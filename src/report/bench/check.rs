@@ -95,6 +95,7 @@ fn scene(scene: &SceneSpec) -> Result<(), String> {
 
 /// The first fault of a method.
 fn method(method: &MethodSpec) -> Result<(), String> {
+    method.refused()?;
     let lambda = method.lambda.unwrap_or(0.0);
     for (given, kind, what) in [
         (method.gamma.is_some(), Kind::Constant, "gamma"),

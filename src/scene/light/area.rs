@@ -7,7 +7,15 @@ use crate::math::{Ray, Rgb, Vec2, Vec3, luminance, warp};
 use crate::scene::accel::Accel;
 use crate::scene::material::AlphaMode;
 use crate::scene::{Geometry, Hit, Material, SceneParts, Surface, Texture};
-use std::f32::consts::PI;
+use std::f32::consts::{FRAC_1_PI, PI};
+
+/// Density per steradian with which an emission sample leaves a triangle at this cosine: |cos θ|/π, halved if both
+/// sides emit.
+#[inline]
+fn emission_pdf(material: &Material, cos: f32) -> f32 {
+    let sides = if material.double_sided { 2.0 } else { 1.0 };
+    cos.abs() * FRAC_1_PI / sides
+}
 
 /// All emissive triangles and their materials.
 #[derive(Default)]
@@ -182,7 +190,7 @@ impl AreaLights {
             density: LightDensity::SolidAngle(pdf_w),
             cos: cos.abs(),
             error,
-            emission_ratio: 1.0,
+            emission_pdf: emission_pdf(material, cos),
         })
     }
 
@@ -198,6 +206,34 @@ impl AreaLights {
     pub(super) fn pdf(pdf_a: f32, from: Vec3, surface: &Surface) -> f32 {
         let cos = (surface.position - from).normalize().dot(surface.ng).abs();
         area_to_solid_angle(pdf_a, from, surface.position, cos)
+    }
+
+    /// A uniform point of the `k`-th emissive triangle, as a hit.
+    pub(super) fn point(&self, k: usize, u: Vec2) -> Hit {
+        let weights = warp::triangle(u);
+        Hit {
+            t: 0.0,
+            triangle: self.triangles[k].triangle,
+            u: weights.x,
+            v: weights.y,
+        }
+    }
+
+    /// Radiance on the emitting sides of a surface point times its presence, and true if both sides emit.
+    pub(super) fn exitance(&self, surface: &Surface) -> (Rgb, bool) {
+        let material = &self.materials[surface.material as usize];
+        let presence = material.presence(&self.textures, surface.uv);
+        let radiance = material.emission_at(&self.textures, surface.uv);
+        (radiance * presence, material.double_sided)
+    }
+
+    /// Density per area with which an emissive triangle's point is drawn, and density per steradian with which an
+    /// emission sample leaves it along `wo` (world).
+    pub(super) fn emission_density(&self, surface: &Surface, wo: Vec3) -> (f32, f32) {
+        let pdf_a = self.pdf_a.get(surface.triangle as usize);
+        let material = &self.materials[surface.material as usize];
+        let pdf_w = emission_pdf(material, wo.dot(surface.ng));
+        (pdf_a.copied().unwrap_or(0.0), pdf_w)
     }
 
     /// Radiance emitted by a surface point towards `wo` (world).

@@ -5,11 +5,13 @@
 //! environment; texels and maps are shared), so that light sampling never asks the scene back.
 
 mod area;
+pub mod emission;
 mod environment;
 mod many;
 mod punctual;
 mod tree;
 
+pub use emission::{EmissionDensity, EmissionSample};
 pub use environment::Environment;
 pub use punctual::PunctualLight;
 
@@ -19,6 +21,7 @@ use crate::math::measure::balance;
 use crate::math::{DVec2, Ray, Rgb, Vec2, Vec3, luminance};
 use crate::sampler::LightU;
 use area::AreaLights;
+use emission::Sphere;
 use many::ManyLights;
 use std::f32::consts::PI;
 
@@ -37,9 +40,9 @@ pub struct LightSample {
     pub cos: f32,
     /// Bound of the rounding error of the light's surface along its normal; 0 for lights at infinity.
     pub error: f32,
-    /// Probability with which emission sampling chooses the light (by power) over the one in `density`: 1 unless a
-    /// light tree chose it.
-    pub emission_ratio: f32,
+    /// Density with which an emission sample that starts there goes to the point: per steradian, or for a light at
+    /// infinity per area across the direction. See [`EmissionDensity`].
+    pub emission_pdf: f32,
 }
 
 /// Density of a [`LightSample`], in the measure of its light.
@@ -99,6 +102,8 @@ pub struct Lights {
     punctual: Vec<PunctualLight>,
     environment: Option<Environment>,
     environment_pmf: f32,
+    /// The sphere round the scene, through which light from infinity enters.
+    sphere: Sphere,
 }
 
 impl Lights {
@@ -135,6 +140,7 @@ impl Lights {
             punctual: parts.lights.clone(),
             environment: parts.environment.clone(),
             environment_pmf,
+            sphere: Sphere::around(geometry.bounds()),
         }
     }
 
@@ -153,14 +159,15 @@ impl Lights {
     #[inline]
     pub fn sample(&self, from: Vec3, u: LightU) -> Option<LightSample> {
         let (k, pmf, rest) = self.choose(from, u.pick)?;
-        let sample = self.sample_one(k, pmf, from, u.at, rest)?;
-        Some(match &self.many {
-            None => sample,
-            Some(_) => LightSample {
-                emission_ratio: self.choice.pmf(k) / pmf,
-                ..sample
-            },
-        })
+        self.sample_one(k, pmf, from, u.at, rest)
+    }
+
+    /// As [`Lights::sample`], but the light is always drawn by power, as emission sampling draws it: the probability of
+    /// the choice does not depend on the point, which bidirectional MIS weights rely on.
+    #[inline]
+    pub fn sample_by_power(&self, from: Vec3, u: LightU) -> Option<LightSample> {
+        let (k, rest) = self.choice.sample(u.pick)?;
+        self.sample_one(k, self.choice.pmf(k), from, u.at, rest)
     }
 
     /// Draws the light that [`Lights::sample`] draws: its index as in [`Lights::pmf`], the probability of the choice,
@@ -190,7 +197,7 @@ impl Lights {
             return self.area.sample(k, pmf, from, at);
         };
         if let Some(light) = self.punctual.get(rest) {
-            return light.illuminate(from, pmf);
+            return light.illuminate(from, pmf, self.sphere.pdf());
         }
         let at = refined(at, further);
         let (wi, radiance, pdf_w) = self.environment.as_ref()?.sample(at)?;
@@ -201,7 +208,7 @@ impl Lights {
             density: LightDensity::SolidAngle(pdf_w * pmf),
             cos: 1.0,
             error: 0.0,
-            emission_ratio: 1.0,
+            emission_pdf: self.sphere.pdf(),
         })
     }
 

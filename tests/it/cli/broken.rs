@@ -104,6 +104,16 @@ const CASES: &[(i32, &str, &str)] = &[
     ),
     (
         2,
+        "render scene.glb --integrator bdpt --opsr-table table.json",
+        "integrator bdpt does not regularise",
+    ),
+    (
+        2,
+        "render scene.glb --integrator light --mode mollifier",
+        "integrator light does not regularise",
+    ),
+    (
+        2,
         "render scene.glb --mode pbrt --gamma 0.1",
         "has a rule of its own",
     ),

@@ -54,6 +54,8 @@ fn determinism_of_reproducible_files() {
         "--gamma 0.5",
         "--opsr-table table.json",
         "--mode pbrt",
+        "--integrator light",
+        "--integrator bdpt --aov",
         "--max-depth 2",
     ];
     for other in others {

@@ -1,0 +1,55 @@
+//! Splats: values that paths from the lights add to pixels that nobody chose.
+//!
+//! Floating-point addition does not commute with itself in other orders, so splats are kept as a list and added in the
+//! order of their light paths: a picture is bit-identical at any number of threads. Values span the whole range of
+//! radiance, which no fixed-point sum would hold.
+
+use super::film::Window;
+use crate::math::{DVec3, Rgb, UVec2};
+
+/// A value for one pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Splat {
+    /// Index of the pixel in the window, row by row.
+    pub index: u32,
+    /// The value.
+    pub value: Rgb,
+}
+
+impl Splat {
+    /// A value for a pixel of the full frame; `None` outside the window.
+    #[inline]
+    pub fn new(window: &Window, pixel: UVec2, value: Rgb) -> Option<Self> {
+        let x = pixel.x.checked_sub(window.x).filter(|&x| x < window.w)?;
+        let y = pixel.y.checked_sub(window.y).filter(|&y| y < window.h)?;
+        let index = y * window.w + x;
+        Some(Self { index, value })
+    }
+}
+
+/// Sums of splats over the pixels of a window.
+#[derive(Clone, Debug)]
+pub struct SplatLayer {
+    sums: Vec<DVec3>,
+}
+
+impl SplatLayer {
+    /// An empty layer of a window.
+    pub fn new(window: &Window) -> Self {
+        Self {
+            sums: vec![DVec3::ZERO; window.len()],
+        }
+    }
+
+    /// Adds splats in their order.
+    pub fn add_in_order(&mut self, splats: &[Splat]) {
+        for splat in splats {
+            self.sums[splat.index as usize] += splat.value.as_dvec3();
+        }
+    }
+
+    /// The sums, row by row; the layer is empty again.
+    pub fn take(&mut self) -> impl Iterator<Item = Rgb> + '_ {
+        (self.sums.iter_mut()).map(|sum| std::mem::take(sum).as_vec3())
+    }
+}

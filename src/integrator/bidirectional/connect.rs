@@ -1,0 +1,176 @@
+//! The five ways to close a path. Each computes the value, then the weight, then the shadow ray: most closings carry
+//! nothing, and the ray is the dearest part.
+
+use super::vertex::Vertex;
+use super::walk::Walk;
+use super::weights::{self, End};
+use super::{Iteration, Strategies};
+use crate::image::splat::Splat;
+use crate::math::Rgb;
+use crate::sampler::LightU;
+
+/// Density per area with which a direction of density `pdf_w` meets a vertex.
+#[inline]
+fn per_area(pdf_w: f32, cos: f32, distance2: f32) -> f32 {
+    pdf_w * cos / distance2
+}
+
+impl Vertex {
+    /// This vertex as an end of a closing edge.
+    #[inline]
+    fn end(&self, pdf_area: f32, pdf_reverse: f32) -> End<f32> {
+        End {
+            partial: self.partial,
+            pdf_area,
+            pdf_reverse,
+        }
+    }
+}
+
+impl Iteration<'_> {
+    fn strategies(&self) -> Strategies {
+        self.settings.strategies
+    }
+
+    /// s = 0: the surface that the camera walk met as this vertex emits.
+    #[inline]
+    pub(super) fn emitter(&self, vertex: &Vertex) -> Rgb {
+        let lights = self.view.scene.lights();
+        let radiance = lights.emitted(&vertex.surface, vertex.back);
+        if radiance == Rgb::ZERO {
+            return Rgb::ZERO;
+        }
+        let weight = self.strategies().weight(0, vertex.n + 1, || {
+            if vertex.n == 1 {
+                return 1.0;
+            }
+            let pdf = lights.pdf_emission(&vertex.surface, vertex.back);
+            weights::hit(&vertex.partial, pdf.position, pdf.direction, false)
+        });
+        vertex.throughput * radiance * weight
+    }
+
+    /// s = 0: the camera walk left the scene instead of meeting its vertex `n`.
+    #[inline]
+    pub(super) fn environment(&self, walk: &Walk<'_>, n: u32) -> Rgb {
+        let scene = self.view.scene;
+        let radiance = scene.lights().environment(walk.ray.dir);
+        if radiance == Rgb::ZERO {
+            return Rgb::ZERO;
+        }
+        let weight = self.strategies().weight(0, n + 1, || {
+            if n == 1 {
+                return 1.0;
+            }
+            let pdf = scene.lights().pdf_emission_environment(walk.ray.dir);
+            weights::hit(&walk.partial, pdf.position, pdf.direction, true)
+        });
+        let transmittance = walk.bodies.transmittance(scene, f32::INFINITY);
+        walk.throughput * transmittance * radiance * weight
+    }
+
+    /// s = 1: a light sampled from a vertex of the camera walk.
+    #[inline]
+    pub(super) fn sampled_light(&self, vertex: &Vertex, u: LightU) -> Rgb {
+        let scene = self.view.scene;
+        let Some(light) = scene.lights().sample_by_power(vertex.surface.position, u) else {
+            return Rgb::ZERO;
+        };
+        let Some(eval) = vertex.towards_light(light.wi) else {
+            return Rgb::ZERO;
+        };
+        let weight = self.strategies().weight(1, vertex.n + 1, || {
+            let cos = vertex.cos(light.wi);
+            let infinite = light.distance == f32::INFINITY;
+            let distance2 = if infinite {
+                1.0
+            } else {
+                light.distance * light.distance
+            };
+            let pdf_hit = if light.density.is_delta() {
+                0.0
+            } else {
+                eval.pdf_w / light.density.value()
+            };
+            let pdf_area = per_area(light.emission_pdf, cos, distance2);
+            weights::light_sample(pdf_hit, &vertex.end(pdf_area, vertex.pdf_back(light.wi)))
+        });
+        if weight == 0.0 || scene.occluded(&vertex.surface.spawn_to_light(&light)) {
+            return Rgb::ZERO;
+        }
+        let transmittance = vertex.transmittance(scene, light.wi, light.distance);
+        vertex.throughput
+            * eval.value
+            * light.radiance
+            * transmittance
+            * (weight / light.density.value())
+    }
+
+    /// s, t > 1: a vertex of the camera walk connected to a vertex of the light walk.
+    #[inline]
+    pub(super) fn connection(&self, vertex: &Vertex, light: &Vertex) -> Rgb {
+        let scene = self.view.scene;
+        let to = light.surface.position - vertex.surface.position;
+        let distance2 = to.length_squared();
+        let distance = distance2.sqrt();
+        let dir = to / distance;
+        if !dir.is_finite() {
+            return Rgb::ZERO;
+        }
+        // Both values before any density: most pairs see each other from behind.
+        let Some(here) = vertex.towards_light(dir) else {
+            return Rgb::ZERO;
+        };
+        let Some(there) = light.towards_camera(-dir) else {
+            return Rgb::ZERO;
+        };
+        let (cos_here, cos_there) = (vertex.cos(dir), light.cos(dir));
+        let weight = self.strategies().weight(light.n + 1, vertex.n + 1, || {
+            weights::connection(
+                &light.end(per_area(here.pdf_w, cos_there, distance2), there.pdf_w),
+                &vertex.end(
+                    per_area(light.pdf_on(-dir), cos_here, distance2),
+                    vertex.pdf_back(dir),
+                ),
+            )
+        });
+        if weight == 0.0
+            || scene.occluded(
+                &vertex
+                    .surface
+                    .spawn_to(&light.surface, dir, distance, cos_there),
+            )
+        {
+            return Rgb::ZERO;
+        }
+        let transmittance = vertex.transmittance(scene, dir, distance);
+        vertex.throughput
+            * here.value
+            * transmittance
+            * there.value
+            * light.throughput
+            * (weight * cos_there / distance2)
+    }
+
+    /// t = 1: a vertex of the light walk connected to the camera.
+    #[inline]
+    pub(super) fn connect_to_camera(&self, vertex: &Vertex) -> Option<Splat> {
+        let scene = self.view.scene;
+        let sight = self.view.sensor.see(vertex.surface.position)?;
+        let splat = Splat::new(&self.view.window, sight.pixel, Rgb::ZERO)?;
+        let eval = vertex.towards_camera(sight.wo)?;
+        let paths = self.paths as f32;
+        let pdf_area = sight.pdf_area(vertex.cos(sight.wo));
+        let weight = self.strategies().weight(vertex.n + 1, 1, || {
+            weights::camera_sample(&vertex.end(pdf_area, eval.pdf_w), paths)
+        });
+        let mut ray = vertex.surface.spawn(sight.wo);
+        ray.t_max = sight.distance;
+        if weight == 0.0 || scene.occluded(&ray) {
+            return None;
+        }
+        let transmittance = vertex.transmittance(scene, sight.wo, sight.distance);
+        let value = vertex.throughput * eval.value * transmittance * (weight * pdf_area / paths);
+        Some(Splat { value, ..splat })
+    }
+}

@@ -1,0 +1,129 @@
+//! A vertex of either walk: its value towards the camera, and the densities of both walks.
+//!
+//! In every strategy the value is the one of the path tracer: f·|cos| for `wo` towards the *camera* and `wi` towards the
+//! *light*, in the frame for `wo`. There is no adjoint BSDF: only the density depends on the walk, and the frame of a
+//! density is the one for the direction its walk came from.
+
+use super::weights::{Partial, clamped};
+use crate::bsdf::{Bsdf, BsdfEval};
+use crate::integrator::walk::bodies::EnclosingBodies;
+use crate::math::{Frame, Rgb, Vec3};
+use crate::scene::{Scene, Surface};
+
+/// The end of a path to which a walk's previous vertices lead.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Origin {
+    Camera,
+    Light,
+}
+
+/// A scattering vertex of a walk.
+pub(super) struct Vertex {
+    /// Number of the vertex in its walk, from 1.
+    pub(super) n: u32,
+    pub(super) surface: Surface,
+    pub(super) bsdf: Bsdf,
+    pub(super) alpha: f32,
+    /// World direction towards the previous vertex.
+    pub(super) back: Vec3,
+    /// Shading frame for `back`, and `back` in it.
+    pub(super) frame: Frame,
+    pub(super) local: Vec3,
+    /// Throughput before the vertex; in a light walk over |ng · back|: flux per area and cosine.
+    pub(super) throughput: Rgb,
+    pub(super) partial: Partial<f32>,
+    pub(super) bodies: EnclosingBodies,
+}
+
+impl Vertex {
+    /// True if only a Dirac lobe scatters here, to which nothing can be connected.
+    pub(super) fn is_delta(&self) -> bool {
+        self.bsdf.is_delta_at(self.alpha)
+    }
+
+    /// At a vertex of a camera walk: the value for light from `out`, and the density with which the walk draws it;
+    /// `None` where nothing is scattered.
+    #[inline]
+    pub(super) fn towards_light(&self, out: Vec3) -> Option<BsdfEval> {
+        let wi = self.frame.to_local(out);
+        if out.dot(self.surface.ng) * wi.z <= 0.0 {
+            return None;
+        }
+        let eval = self.bsdf.eval(self.alpha, self.local, wi);
+        (eval.value != Rgb::ZERO).then_some(eval)
+    }
+
+    /// At a vertex of a light walk: the value towards a camera along `out`, and the density with which a camera walk from
+    /// there draws `back`.
+    #[inline]
+    pub(super) fn towards_camera(&self, out: Vec3) -> Option<BsdfEval> {
+        let (wo, wi) = self.seen_from(out)?;
+        let eval = self.bsdf.eval(self.alpha, wo, wi);
+        (eval.value != Rgb::ZERO).then_some(eval)
+    }
+
+    /// Density with which this walk draws `out`.
+    #[inline]
+    pub(super) fn pdf_on(&self, out: Vec3) -> f32 {
+        let local = self.frame.to_local(out);
+        if out.dot(self.surface.ng) * local.z <= 0.0 {
+            return 0.0;
+        }
+        self.bsdf.pdf(self.alpha, self.local, local)
+    }
+
+    /// Density with which the other walk, coming from `out`, draws `back`.
+    #[inline]
+    pub(super) fn pdf_back(&self, out: Vec3) -> f32 {
+        let pdf = |(from, to)| self.bsdf.pdf(self.alpha, from, to);
+        self.seen_from(out).map_or(0.0, pdf)
+    }
+
+    /// `out` and `back` in the frame for `out`; `None` where that disagrees with the geometric normal about the side of
+    /// `back`.
+    #[inline]
+    fn seen_from(&self, out: Vec3) -> Option<(Vec3, Vec3)> {
+        let frame = self.surface.frame_for(out);
+        let back = if frame.n == self.frame.n {
+            self.local
+        } else {
+            frame.to_local(self.back)
+        };
+        (self.back.dot(self.surface.ng) * back.z > 0.0).then(|| (frame.to_local(out), back))
+    }
+
+    /// Absolute geometric cosine with a direction, clamped as in all weights.
+    #[inline]
+    pub(super) fn cos(&self, w: Vec3) -> f32 {
+        clamped(self.surface.ng.dot(w))
+    }
+
+    /// The bodies around a ray from here along `out`.
+    #[inline]
+    pub(super) fn bodies_towards(&self, scene: &Scene, out: Vec3) -> EnclosingBodies {
+        let mut bodies = self.bodies;
+        let outside = self.back.dot(self.surface.ng) > 0.0;
+        if scene.has_absorption()
+            && self.bsdf.is_solid()
+            && (out.dot(self.surface.ng) > 0.0) != outside
+        {
+            if outside {
+                bodies.enter(self.surface.material)
+            } else {
+                bodies.leave(self.surface.material)
+            }
+        }
+        bodies
+    }
+
+    /// Transmittance from here along `out`.
+    #[inline]
+    pub(super) fn transmittance(&self, scene: &Scene, out: Vec3, distance: f32) -> Rgb {
+        if scene.has_absorption() {
+            self.bodies_towards(scene, out)
+                .transmittance(scene, distance)
+        } else {
+            Rgb::ONE
+        }
+    }
+}

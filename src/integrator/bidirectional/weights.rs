@@ -1,0 +1,171 @@
+//! Weights of all strategies of a path, from two running numbers a walk: the balance heuristic `[Veach97 §9.2]` over
+//! every way to find the path, in the recursive form of `[VCM-TR]`.
+//!
+//! A path has vertices x₀ on the camera, x₁ … x_k on surfaces, x_k on a light. Strategy (s, t) takes s of them from the
+//! light walk and t from the camera walk: s = 0 is a light met by the camera walk, s = 1 light sampling, t = 1 a light
+//! walk connected to the camera. The weight of the strategy that closes the path is 1/(1 + w_l + w_c): w_l sums the
+//! densities of strategies with fewer light vertices over this one's, w_c of those with more. Each walk brings its sum in
+//! a [`Partial`], which it updates at every vertex:
+//!
+//! ```text
+//! arrive          vcm *= d²  (not on the first edge from a light at infinity or of a parallel camera)
+//!                 vcm, vc /= c_in
+//! smooth scatter  vc  <- (c_out / p_f) (p_r vc + vcm)        vcm <- 1 / p_f
+//! Dirac scatter   vc  <- vc c_in (n_in / n_out)²             vcm <- 0
+//! ```
+//!
+//! c_in, c_out are the absolute cosines of the *geometric* normal with the directions to the previous and the next
+//! vertex; p_f is the density per steradian with which this walk draws the next direction; p_r that with which the
+//! other walk, coming from there, would draw the direction back to the previous vertex; n_in, n_out are the refractive
+//! indices on the sides of the two directions. The Dirac factor is the exact ratio of the two densities on the
+//! refraction manifold. Densities count smooth lobes only, with their selection probabilities. Roulette and opacity
+//! enter no weight: any function of the path alone is valid, and these are the same from both sides.
+//!
+//! Everything here is pure and works in single and double precision; walks and tests call the same functions.
+
+use std::ops::{Add, Div, Mul};
+
+/// Arithmetic of the weights.
+pub trait Real:
+    Copy + From<f32> + PartialOrd + Add<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
+}
+
+impl Real for f32 {}
+impl Real for f64 {}
+
+/// Least cosine in a change of measure: at grazing angles no number overflows. Both walks and all closings use the same,
+/// so that the weights of a path still sum to 1.
+pub const LEAST_COS: f32 = 1e-6;
+
+/// The running numbers of a walk.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Partial<T> {
+    /// Reciprocal density of the last vertex, as far as the last edge can be cut by a connection.
+    pub vcm: T,
+    /// Densities of all strategies that cut an earlier edge, over this walk's.
+    pub vc: T,
+}
+
+/// Densities at a smooth vertex.
+#[derive(Clone, Copy, Debug)]
+pub struct Step<T> {
+    /// Absolute geometric cosine towards the next vertex.
+    pub cos_out: T,
+    /// Density per steradian with which this walk draws the next direction.
+    pub pdf: T,
+    /// Density per steradian with which the other walk, coming from there, draws the way back.
+    pub pdf_reverse: T,
+}
+
+/// One end of a connecting edge.
+#[derive(Clone, Copy, Debug)]
+pub struct End<T> {
+    /// Running numbers of the walk that ends here, after arrival.
+    pub partial: Partial<T>,
+    /// Density per area with which the *other* walk, drawing the edge from the other end, meets this end.
+    pub pdf_area: T,
+    /// Density per steradian with which the other walk, having come along the edge, draws the direction to this walk's
+    /// previous vertex.
+    pub pdf_reverse: T,
+}
+
+/// Clamps an absolute cosine to [`LEAST_COS`].
+#[inline]
+pub fn clamped(cos: f32) -> f32 {
+    cos.abs().max(LEAST_COS)
+}
+
+impl<T: Real> Partial<T> {
+    /// Numbers of a camera path at its start, for N light paths: `pdf` is that of [`Sensor::pdf`].
+    ///
+    /// [`Sensor::pdf`]: crate::scene::Sensor::pdf
+    #[inline]
+    pub fn camera(pdf: T, light_paths: T) -> Self {
+        Self {
+            vcm: light_paths / pdf,
+            vc: T::from(0.0),
+        }
+    }
+
+    /// Numbers of a light path at its start: densities of its point and its direction, and the cosine at an area light
+    /// (1 for the environment, 0 for lights that no camera walk can meet).
+    #[inline]
+    pub fn light(pdf_position: T, pdf_direction: T, infinite: bool, cos: T) -> Self {
+        let one = T::from(1.0);
+        let first = if infinite {
+            pdf_position
+        } else {
+            pdf_direction
+        };
+        Self {
+            vcm: one / first,
+            vc: cos / (pdf_position * pdf_direction),
+        }
+    }
+
+    /// The walk meets its next vertex. `distance2` is the squared length of the edge, `None` on the first edge from a
+    /// light at infinity or of a parallel camera.
+    #[inline]
+    pub fn arrive(&mut self, distance2: Option<T>, cos_in: T) {
+        if let Some(distance2) = distance2 {
+            self.vcm = self.vcm * distance2;
+        }
+        self.vcm = self.vcm / cos_in;
+        self.vc = self.vc / cos_in;
+    }
+
+    /// The walk goes on along a smooth lobe.
+    #[inline]
+    pub fn scatter(&mut self, step: &Step<T>) {
+        self.vc = (step.cos_out / step.pdf) * (step.pdf_reverse * self.vc + self.vcm);
+        self.vcm = T::from(1.0) / step.pdf;
+    }
+
+    /// The walk goes on along a Dirac lobe; `index2` is (n_in / n_out)², 1 for a reflection.
+    #[inline]
+    pub fn dirac(&mut self, cos_in: T, index2: T) {
+        self.vc = self.vc * (cos_in * index2);
+        self.vcm = T::from(0.0);
+    }
+}
+
+impl<T: Real> End<T> {
+    /// Densities of the strategies that move the cut to this walk's side, over that of the cut here.
+    #[inline]
+    fn others(&self) -> T {
+        self.pdf_area * (self.partial.vcm + self.pdf_reverse * self.partial.vc)
+    }
+}
+
+/// Weight of a light met by the camera walk, whose densities of position and direction are given. For an area light
+/// `partial` is taken after arrival, for the environment before. A light that the camera's own ray meets has weight 1:
+/// no other strategy finds it.
+#[inline]
+pub fn hit<T: Real>(partial: &Partial<T>, position: T, direction: T, infinite: bool) -> T {
+    let one = T::from(1.0);
+    let first = if infinite { direction } else { position };
+    one / (one + first * partial.vcm + position * direction * partial.vc)
+}
+
+/// Weight of a light sample. `pdf_hit` is the density of the camera walk's direction over that of the light sample, 0 for
+/// lights without area; `camera` the shading point, met by emission samples.
+#[inline]
+pub fn light_sample<T: Real>(pdf_hit: T, camera: &End<T>) -> T {
+    let one = T::from(1.0);
+    one / (one + pdf_hit + camera.others())
+}
+
+/// Weight of a connection of two walks.
+#[inline]
+pub fn connection<T: Real>(light: &End<T>, camera: &End<T>) -> T {
+    let one = T::from(1.0);
+    one / (one + light.others() + camera.others())
+}
+
+/// Weight of a light walk's vertex that is connected to the camera; `light.pdf_area` is the density of one camera ray.
+#[inline]
+pub fn camera_sample<T: Real>(light: &End<T>, light_paths: T) -> T {
+    let one = T::from(1.0);
+    one / (one + light.others() / light_paths)
+}

@@ -1,0 +1,102 @@
+//! Agreement of bidirectional estimators with the path tracer, at three scales.
+
+use super::scenes;
+use crate::support::render::{film_with, mean, scene};
+use opsr::gallery::furnace_sphere;
+use opsr::gallery::materials::glass;
+use opsr::gallery::shapes::sphere;
+use opsr::image::Film;
+use opsr::integrator::{Estimator, Settings};
+use opsr::math::Vec3;
+use opsr::scene::Scene;
+use opsr::stats::agreement::agree;
+
+const SIZE: u32 = 24;
+
+fn film(scene: &Scene, estimator: Estimator, spp: u32, seed: u64) -> Film {
+    let settings = Settings {
+        estimator,
+        max_vertices: 8,
+        seed,
+        ..Settings::default()
+    };
+    film_with(scene, &settings, SIZE, spp)
+}
+
+/// Names of the scenes in which the two films differ.
+fn differing(
+    a: Estimator,
+    b: Estimator,
+    more: u32,
+    wanted: impl Fn(&str) -> bool,
+    pixels: impl Fn(&str) -> bool,
+) -> Vec<&'static str> {
+    let mut differing = Vec::new();
+    for (name, parts, spp) in scenes::all() {
+        if !wanted(name) {
+            continue;
+        }
+        let scene = scene(parts);
+        let (a, b) = (film(&scene, a, more * spp, 1), film(&scene, b, spp, 2));
+        let agreement = agree(&a, &b).expect("one size");
+        let large = agreement.tiles.passed() && agreement.image.passed();
+        let passed = large && (agreement.pixels.passed() || !pixels(name));
+        println!("{name}: {:.5?} {:.5?} {passed}", mean(&a), mean(&b));
+        if !passed {
+            println!("{agreement}");
+            differing.push(name);
+        }
+    }
+    differing
+}
+
+const PATH: Estimator = Estimator::Path { reuse: false };
+
+#[test]
+fn agreement_of_bdpt_with_path() {
+    // Of the caustics of a small light, path tracing misses whole pixels.
+    let pixels = |name: &str| name != "caustic box";
+    let wrong = differing(PATH, Estimator::Bdpt, 4, |_| true, pixels);
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+/// Scenes in which the camera never sees a rough surface by way of a Dirac lobe, without single pixels: few light paths
+/// come to some.
+#[test]
+fn agreement_of_light_with_path() {
+    let dirac = ["caustic box", "partial glass", "sharp coat"];
+    let wanted = |name: &str| !dirac.contains(&name);
+    let wrong = differing(PATH, Estimator::Light, 1, wanted, |_| false);
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+/// Every path in a white furnace carries radiance 1, and a smooth ball of glass changes nothing: a missing η² or a shading
+/// normal in the wrong place does. A rough one loses what its model loses in the path tracer.
+#[test]
+fn white_furnace_with_glass_from_both_ends() {
+    for alpha in [0.0, 0.3] {
+        let mut parts = furnace_sphere(0.5);
+        let ball = sphere(Vec3::new(0.0, 0.0, -0.5), 0.25, 4);
+        parts.add(glass("glass", 1.5, alpha), [ball]);
+        let scene = scene(parts);
+        let furnace = |estimator| {
+            let settings = Settings {
+                estimator,
+                max_vertices: 48,
+                roulette_start: 12,
+                ..Settings::default()
+            };
+            let (mean, error) = mean(&film_with(&scene, &settings, 16, 256));
+            println!("alpha {alpha}, {estimator:?}: {mean:.5} ± {error:.5}");
+            assert!(error < 1e-3, "{mean} ± {error}");
+            mean
+        };
+        let expected = if alpha > 0.0 { furnace(PATH) } else { 1.0 };
+        // Light paths alone do not show what the camera sees by way of a Dirac lobe.
+        let light = (alpha > 0.0).then_some(Estimator::Light);
+        for estimator in [Estimator::Bdpt].into_iter().chain(light) {
+            let mean = furnace(estimator);
+            assert!((mean / expected - 1.0).abs() < 2e-3, "{mean} {expected}");
+        }
+    }
+}

@@ -1,0 +1,345 @@
+//! Emission sampling and the camera as an end: samples against densities.
+
+use super::scenes::{panel, walls};
+use crate::support::chi2::{assert_likely, integrate, p_value};
+use crate::support::render::scene;
+use opsr::gallery::materials::{diffuse, emitter};
+use opsr::image::Buffer;
+use opsr::math::{Frame, Rgb, UVec2, Vec2, Vec3};
+use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
+use opsr::scene::camera::Projection;
+use opsr::scene::{
+    Camera, EmissionSample, Environment, Material, PunctualLight, Scene, SceneParts, Sensor,
+};
+use std::f32::consts::PI;
+use std::f64::consts::TAU;
+
+const SAMPLES: u32 = 40_000;
+/// Cells over z and φ, or over the unit square.
+const CELLS: usize = 12;
+
+fn emission(scene: &Scene) -> Vec<EmissionSample> {
+    let source = Independent { seed: Seed(8) };
+    (0..SAMPLES)
+        .filter_map(|n| {
+            let mut stream = source.stream(UVec2::ZERO, n);
+            scene.sample_emission(
+                stream.next_pick(),
+                std::array::from_fn(|_| stream.next_1d()),
+            )
+        })
+        .collect()
+}
+
+/// p-value of points of [0, 1]² against a density there, given as an integral over a cell.
+fn likely(points: impl Iterator<Item = Vec2>, expected: impl Fn([f64; 2], [f64; 2]) -> f64) -> f64 {
+    let mut counts = vec![0u32; CELLS * CELLS + 1];
+    let cell = |x: f32| ((x * CELLS as f32) as usize).min(CELLS - 1);
+    let mut n = 0;
+    for p in points {
+        counts[cell(p.y) * CELLS + cell(p.x)] += 1;
+        n += 1;
+    }
+    let edge = |i: usize| [i as f64 / CELLS as f64, (i + 1) as f64 / CELLS as f64];
+    let mut means: Vec<f64> = (0..CELLS * CELLS)
+        .map(|i| f64::from(n) * expected(edge(i % CELLS), edge(i / CELLS)))
+        .collect();
+    // Whatever the densities leave over is a cell that must stay empty.
+    let rest = f64::from(n) - means.iter().sum::<f64>();
+    assert!(rest.abs() < 0.003 * f64::from(n), "{rest} of {n} left over");
+    means.push(0.0);
+    p_value(&counts, &means)
+}
+
+/// p-value of directions against a density per steradian; cells over z and φ of the frame.
+fn directions(
+    all: impl Iterator<Item = Vec3>,
+    frame: Frame,
+    low: f32,
+    pdf: impl Fn(Vec3) -> f32,
+) -> f64 {
+    let span = f64::from(1.0 - low);
+    let place = |w: Vec3| {
+        let l = frame.to_local(w);
+        let phi = l.y.atan2(l.x) / (2.0 * PI);
+        Vec2::new((l.z - low) / (1.0 - low), phi.rem_euclid(1.0))
+    };
+    likely(all.map(place), |x, y| {
+        let f = |x: f64, y: f64| {
+            let z = f64::from(low) + x * span;
+            let r = (1.0 - z * z).max(0.0).sqrt();
+            let (sin, cos) = (TAU * y).sin_cos();
+            let local = Vec3::new((r * cos) as f32, (r * sin) as f32, z as f32);
+            f64::from(pdf(frame.to_world(local))) * span * TAU
+        };
+        integrate(&f, x, y, 1e-5)
+    })
+}
+
+/// Points of the unit disk of equal density, as points of the unit square of equal density.
+fn disk(p: Vec2) -> Vec2 {
+    Vec2::new(
+        p.length_squared().min(1.0),
+        (p.y.atan2(p.x) / (2.0 * PI)).rem_euclid(1.0),
+    )
+}
+
+fn uniform(x: [f64; 2], y: [f64; 2]) -> f64 {
+    (x[1] - x[0]) * (y[1] - y[0])
+}
+
+fn dark_box() -> SceneParts {
+    walls(diffuse("walls", Rgb::splat(0.5)))
+}
+
+/// Centre and radius of the sphere round the scene.
+fn sphere(scene: &Scene) -> (Vec3, f32) {
+    let (low, high) = scene.geometry().bounds();
+    (0.5 * (low + high), 0.5 * low.distance(high))
+}
+
+/// Where rays pass the disk across them, as points of equal density in the unit square.
+fn across(scene: &Scene, samples: &[EmissionSample]) -> f64 {
+    let (centre, radius) = sphere(scene);
+    let points = samples.iter().map(|s| {
+        let frame = Frame::from_normal(s.ray.dir);
+        let l = frame.to_local(s.ray.origin - centre) / radius;
+        assert!(l.z < -0.999, "the ray starts inside the scene: {l}");
+        disk(Vec2::new(l.x, l.y))
+    });
+    likely(points, uniform)
+}
+
+fn near(a: f32, b: f32) {
+    assert!((a / b - 1.0).abs() < 1e-3, "{a} {b}");
+}
+
+#[test]
+fn chi_square_of_emission_from_triangles() {
+    let mut p_values = Vec::new();
+    for double_sided in [false, true] {
+        let mut parts = dark_box();
+        let material = Material {
+            double_sided,
+            ..emitter("light", Rgb::splat(3.0))
+        };
+        parts.add(material, [panel(0.8)]);
+        let scene = scene(parts);
+        let samples = emission(&scene);
+        assert_eq!(samples.len() as u32, SAMPLES);
+        // The same panel, met by a ray.
+        let up = opsr::math::Ray::new(Vec3::new(0.1, 1.0, 0.2), Vec3::Y);
+        let surface = scene.surface(&scene.intersect(&up).expect("the panel"));
+        let pdf = |w: Vec3| {
+            let lit = double_sided || w.dot(surface.ng) > 0.0;
+            let pdf = scene.lights().pdf_emission(&surface, w);
+            if lit { pdf.direction } else { 0.0 }
+        };
+        for s in &samples {
+            let expected = scene.lights().pdf_emission(&surface, s.ray.dir);
+            near(s.pdf.direction, expected.direction);
+            near(s.pdf.position, 1.0 / 0.64);
+            near(s.pdf.position, expected.position);
+            near(
+                s.throughput.x,
+                3.0 * s.cos / (s.pdf.position * s.pdf.direction),
+            );
+        }
+        let low = if double_sided { -1.0 } else { 0.0 };
+        let frame = Frame::from_normal(surface.ng);
+        let all = samples.iter().map(|s| s.ray.dir);
+        let p = directions(all, frame, low, pdf);
+        p_values.push((p, format!("direction, two sides {double_sided}")));
+        let points = samples.iter().map(|s| {
+            let p = s.ray.origin / 0.8 + 0.5;
+            Vec2::new(p.x, p.z)
+        });
+        p_values.push((likely(points, uniform), "point".into()));
+    }
+    assert_likely(&p_values);
+}
+
+#[test]
+fn chi_square_of_emission_from_lights_without_area() {
+    let position = Vec3::new(0.1, 1.2, 0.0);
+    let axis = Vec3::new(0.3, -1.0, 0.2).normalize();
+    let intensity = Rgb::splat(2.0);
+    let range = f32::INFINITY;
+    let lights = [
+        PunctualLight::Point {
+            position,
+            intensity,
+            range,
+        },
+        PunctualLight::Spot {
+            position,
+            direction: axis,
+            intensity,
+            range,
+            cos_inner: 0.7,
+            cos_outer: 0.699,
+        },
+        PunctualLight::Directional {
+            direction: axis,
+            irradiance: intensity,
+        },
+    ];
+    let mut p_values = Vec::new();
+    for light in lights {
+        let mut parts = dark_box();
+        parts.lights.push(light);
+        let scene = scene(parts);
+        let samples = emission(&scene);
+        // Density with which light sampling says that an emission sample comes to a point.
+        let pdf = |w: Vec3| {
+            let sample = scene.lights().sample(position + w, [0.5; 3].into());
+            sample.map_or(0.0, |s| s.emission_pdf)
+        };
+        let all = samples.iter().map(|s| s.ray.dir);
+        let p = match light {
+            PunctualLight::Directional { .. } => {
+                let (_, radius) = sphere(&scene);
+                for s in &samples {
+                    assert_eq!(s.ray.dir, axis);
+                    near(s.pdf.position, 1.0 / (PI * radius * radius));
+                    near(s.pdf.position, pdf(Vec3::Y));
+                }
+                across(&scene, &samples)
+            }
+            PunctualLight::Spot { cos_outer, .. } => {
+                // Just inside the cone, where the ramp is not yet dark.
+                samples
+                    .iter()
+                    .for_each(|s| near(s.pdf.direction, pdf(axis)));
+                let inside = |w: Vec3| {
+                    if w.dot(axis) > cos_outer {
+                        pdf(axis)
+                    } else {
+                        0.0
+                    }
+                };
+                directions(all, Frame::from_normal(axis), cos_outer, inside)
+            }
+            PunctualLight::Point { .. } => directions(all, Frame::from_normal(axis), -1.0, pdf),
+        };
+        p_values.push((p, format!("{light:?}")));
+        for s in &samples {
+            assert_eq!(s.cos, 0.0);
+            assert!(s.throughput.x <= 2.0001 / (s.pdf.position * s.pdf.direction));
+        }
+    }
+    assert_likely(&p_values);
+}
+
+#[test]
+fn chi_square_of_emission_from_an_environment() {
+    let mut parts = dark_box();
+    let map = Buffer::from_fn(CELLS, CELLS, |x, y| Rgb::splat((1 + x * y % 7) as f32));
+    parts.environment = Some(Environment::from_map(map, 0.0));
+    let scene = scene(parts);
+    let samples = emission(&scene);
+    for s in &samples {
+        let expected = scene.lights().pdf_emission_environment(-s.ray.dir);
+        near(s.pdf.position, expected.position);
+        near(s.pdf.direction, expected.direction);
+        assert!(s.pdf.infinite && s.cos == 1.0);
+    }
+    // Cells of the map's own coordinates, so that the density is even in each.
+    let place = |w: Vec3| {
+        let u = 0.5 + w.x.atan2(-w.z) / (2.0 * PI);
+        Vec2::new(u, w.y.acos() / PI)
+    };
+    let p = likely(samples.iter().map(|s| place(-s.ray.dir)), |x, y| {
+        let f = |u: f64, v: f64| {
+            let (sin, cos) = (v * std::f64::consts::PI).sin_cos();
+            let phi = (u - 0.5) * TAU;
+            let w = Vec3::new(
+                (sin * phi.sin()) as f32,
+                cos as f32,
+                (-sin * phi.cos()) as f32,
+            );
+            let pdf = scene.lights().pdf_emission_environment(w).direction;
+            f64::from(pdf) * TAU * std::f64::consts::PI * sin
+        };
+        integrate(&f, x, y, 1e-5)
+    });
+    let points = across(&scene, &samples);
+    assert_likely(&[(p, "direction".into()), (points, "point".into())]);
+}
+
+fn cameras() -> [Camera; 2] {
+    let pinhole = Camera::look_at(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO, Vec3::Y, 1.4);
+    let parallel = Camera {
+        projection: Projection::Orthographic { half_height: 1.5 },
+        ..pinhole.clone()
+    };
+    [pinhole, parallel]
+}
+
+/// The rays of one pixel against the density of a sighting, over the plane at distance 1.
+#[test]
+fn chi_square_of_camera_pdf() {
+    let mut p_values = Vec::new();
+    for camera in cameras() {
+        // One pixel: all of the frame.
+        let sensor = Sensor {
+            camera: &camera,
+            frame: UVec2::ONE,
+        };
+        let mut stream = Independent { seed: Seed(1) }.stream(UVec2::ZERO, 0);
+        let (half, pinhole) = match camera.projection {
+            Projection::Perspective { tan_half_y } => (tan_half_y, true),
+            Projection::Orthographic { half_height } => (half_height, false),
+        };
+        let points = (0..SAMPLES).map(|_| {
+            let ray = sensor.ray(stream.film());
+            let l = camera.frame.to_local(ray.dir);
+            let t = -1.0 / l.z;
+            let p = camera.frame.to_local(ray.at(t) - camera.position) / half;
+            0.5 * Vec2::new(p.x, p.y) + 0.5
+        });
+        let p = likely(points, |x, y| {
+            let f = |x: f64, y: f64| {
+                let at = 2.0 * half * (Vec2::new(x as f32, y as f32) - 0.5);
+                let point = camera.position + camera.frame.to_world(at.extend(-1.0));
+                let sight = sensor.see(point).expect("in the frame");
+                assert_eq!(sight.parallel, !pinhole);
+                // Density per area of the plane, whose normal is the camera's axis.
+                let cos = sight.wo.dot(camera.frame.n);
+                f64::from(sight.pdf_area(cos) * 4.0 * half * half)
+            };
+            integrate(&f, x, y, 1e-5)
+        });
+        p_values.push((p, format!("{:?}", camera.projection)));
+    }
+    assert_likely(&p_values);
+}
+
+#[test]
+fn camera_sees_the_points_of_its_rays_in_their_pixels() {
+    for camera in cameras() {
+        let sensor = Sensor {
+            camera: &camera,
+            frame: UVec2::new(30, 20),
+        };
+        let mut stream = Independent { seed: Seed(2) }.stream(UVec2::ZERO, 0);
+        for _ in 0..1000 {
+            let place = stream.film() * Vec2::new(30.0, 20.0);
+            let ray = sensor.ray(place);
+            let distance = 0.1 + 10.0 * stream.next_1d();
+            let sight = sensor.see(ray.at(distance)).expect("in the frame");
+            // A point on the border of two pixels may fall into either.
+            let inside = (place.fract() - 0.5).abs().max_element() < 0.499;
+            assert!(
+                !inside || sight.pixel == place.as_uvec2(),
+                "{place} {sight:?}"
+            );
+            assert!((sight.wo + ray.dir).length() < 1e-5);
+            assert!((sight.distance / distance - 1.0).abs() < 1e-4);
+            near(sight.pdf, sensor.pdf(ray.dir).0);
+            assert_eq!(sensor.see(ray.at(-distance)), None, "behind the camera");
+        }
+        let beside = sensor.ray(Vec2::new(30.01, 10.0));
+        assert_eq!(sensor.see(beside.at(3.0)), None);
+    }
+}

@@ -1,0 +1,202 @@
+//! Small scenes, each with one thing that a bidirectional estimator can get wrong.
+
+use opsr::gallery::materials::{coated, diffuse, emitter, glass, metal, tinted_glass};
+use opsr::gallery::shapes::{cuboid, quad, room, sphere};
+use opsr::gallery::{caustic_box, cornell_box};
+use opsr::image::Buffer;
+use opsr::math::{Frame, Rgb, Vec3};
+use opsr::scene::camera::Projection;
+use opsr::scene::material::{AlphaMode, TextureRef};
+use opsr::scene::{Environment, Material, PunctualLight, SceneParts, Texture};
+
+const HALF: Rgb = Rgb::splat(0.5);
+
+/// A box of edge 2 around (0, 1, 0) whose walls are of this material; the camera looks in from its open front.
+pub(super) fn walls(material: Material) -> SceneParts {
+    let mut parts = SceneParts::default();
+    let all = room(Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 2.0, 1.0));
+    let [left, right, floor, ceiling, back, _] = all;
+    parts.add(material, [left, right, floor, ceiling, back]);
+    parts.add_camera([0.0, 1.0, 3.6], [0.0, 1.0, 0.0], 45.0);
+    parts
+}
+
+/// A panel below the ceiling that shines down.
+pub(super) fn panel(edge: f32) -> opsr::scene::Mesh {
+    let corner = Vec3::new(-0.5 * edge, 1.9, -0.5 * edge);
+    quad(corner, Vec3::X * edge, Vec3::Z * edge)
+}
+
+pub(super) fn lit(material: Material, radiance: f32) -> SceneParts {
+    let mut parts = walls(material);
+    parts.add(emitter("light", Rgb::splat(radiance)), [panel(0.8)]);
+    parts
+}
+
+/// The lit diffuse box with a sphere of this material on its floor.
+pub(super) fn with_sphere(material: Material) -> SceneParts {
+    let mut parts = lit(diffuse("walls", Rgb::new(0.7, 0.5, 0.4)), 3.0);
+    parts.add(material, [sphere(Vec3::new(0.1, 0.55, 0.0), 0.5, 4)]);
+    parts
+}
+
+fn blocks() -> [opsr::scene::Mesh; 1] {
+    [cuboid(Vec3::new(-0.6, 0.0, -0.5), Vec3::new(0.0, 0.8, 0.1))]
+}
+
+pub(super) fn point_lit(material: Material) -> SceneParts {
+    let mut parts = walls(material);
+    parts.add(diffuse("block", HALF), blocks());
+    parts.lights.push(PunctualLight::Point {
+        position: Vec3::new(0.4, 1.5, 0.3),
+        intensity: Rgb::new(1.0, 0.8, 0.6),
+        range: 3.0,
+    });
+    parts
+}
+
+fn spot() -> SceneParts {
+    let mut parts = walls(diffuse("walls", HALF));
+    parts.add(diffuse("block", HALF), blocks());
+    parts.lights.push(PunctualLight::Spot {
+        position: Vec3::new(0.3, 1.8, 0.5),
+        direction: Vec3::new(-0.3, -1.0, -0.4).normalize(),
+        intensity: Rgb::splat(3.0),
+        range: f32::INFINITY,
+        cos_inner: 0.95,
+        cos_outer: 0.8,
+    });
+    parts
+}
+
+fn sunny(directional: bool) -> SceneParts {
+    let mut parts = SceneParts::default();
+    let floor = quad(Vec3::new(-1.5, 0.0, -1.5), Vec3::Z * 3.0, Vec3::X * 3.0);
+    parts.add(diffuse("floor", HALF), [floor]);
+    let at = |x| sphere(Vec3::new(x, 0.42, 0.0), 0.4, 3);
+    parts.add(diffuse("ball", Rgb::new(0.8, 0.4, 0.3)), [at(-0.5)]);
+    parts.add(coated("gloss", Rgb::new(0.2, 0.5, 0.7), 0.2), [at(0.5)]);
+    let map = Buffer::from_fn(8, 4, |x, y| {
+        Rgb::new(0.2 + 0.1 * x as f32, 0.5, 1.0 - 0.2 * y as f32)
+    });
+    parts.environment = Some(Environment::from_map(map, 0.4));
+    if directional {
+        parts.lights.push(PunctualLight::Directional {
+            direction: Vec3::new(0.4, -1.0, -0.3).normalize(),
+            irradiance: Rgb::splat(2.0),
+        });
+    }
+    parts.add_camera([0.0, 1.4, 3.0], [0.0, 0.3, 0.0], 40.0);
+    parts
+}
+
+fn parallel_camera() -> SceneParts {
+    let mut parts = with_sphere(diffuse("ball", HALF));
+    let camera = &mut parts.cameras[0];
+    camera.position = Vec3::new(0.0, 1.0, 2.0);
+    camera.frame = Frame {
+        s: Vec3::X,
+        t: Vec3::Y,
+        n: Vec3::Z,
+    };
+    camera.projection = Projection::Orthographic { half_height: 1.2 };
+    parts
+}
+
+fn two_sided() -> SceneParts {
+    let mut parts = walls(diffuse("walls", HALF));
+    let sheet = quad(Vec3::new(-0.4, 1.2, -0.4), Vec3::X * 0.8, Vec3::Z * 0.8);
+    let material = Material {
+        double_sided: true,
+        ..emitter("sheet", Rgb::splat(2.0))
+    };
+    parts.add(material, [sheet]);
+    parts
+}
+
+/// A panel on the back wall whose normal map turns its normals by up to 40°.
+fn normal_map() -> SceneParts {
+    let mut parts = lit(diffuse("walls", HALF), 3.0);
+    let texel = |i: u8| [60 + 40 * (i % 4), 60 + 40 * (i / 4), 220, 255];
+    parts.textures.push(Texture {
+        width: 4,
+        height: 4,
+        texels: (0..16).map(texel).collect(),
+        ..Texture::default()
+    });
+    let material = Material {
+        normal_texture: Some(TextureRef {
+            texture: 0,
+            transform: Default::default(),
+        }),
+        ..coated("bumps", Rgb::splat(0.6), 0.3)
+    };
+    let mut panel = quad(Vec3::new(-0.8, 0.3, -0.9), Vec3::X * 1.6, Vec3::Y * 1.4);
+    panel.uvs = vec![
+        [0.0, 1.0].into(),
+        [1.0, 1.0].into(),
+        [1.0, 0.0].into(),
+        [0.0, 0.0].into(),
+    ];
+    parts.add(material, [panel]);
+    parts
+}
+
+/// A leaf of half opacity before the light.
+fn leaf() -> SceneParts {
+    let mut parts = lit(diffuse("walls", HALF), 4.0);
+    let leaf = Material {
+        alpha_mode: AlphaMode::Blend,
+        opacity: 0.5,
+        ..diffuse("leaf", Rgb::new(0.3, 0.8, 0.2))
+    };
+    let sheet = quad(Vec3::new(-0.6, 1.3, -0.6), Vec3::Z * 1.2, Vec3::X * 1.0);
+    parts.add(leaf, [sheet]);
+    parts
+}
+
+/// An absorbing bottle of rough glass with a lamp inside.
+fn bottle() -> SceneParts {
+    let mut parts = walls(diffuse("walls", HALF));
+    let absorption = Rgb::new(0.3, 1.0, 2.0);
+    parts.add(
+        tinted_glass("bottle", 1.3, 0.4, absorption),
+        [sphere(Vec3::new(0.0, 1.0, 0.0), 0.5, 4)],
+    );
+    parts.add(
+        emitter("lamp", Rgb::splat(8.0)),
+        [sphere(Vec3::new(0.0, 1.0, 0.0), 0.25, 2)],
+    );
+    parts
+}
+
+/// Every scene, with the samples a pixel that its comparison takes.
+pub(super) fn all() -> Vec<(&'static str, SceneParts, u32)> {
+    let thin = Material {
+        transmission: 1.0,
+        ..coated("wall", Rgb::new(0.9, 0.8, 0.7), 0.3)
+    };
+    let half = Material {
+        transmission: 0.5,
+        ..glass("half", 1.5, 0.2)
+    };
+    vec![
+        ("cornell box", cornell_box(), 64),
+        ("caustic box", caustic_box(), 256),
+        ("rough glass", with_sphere(glass("glass", 1.5, 0.3)), 128),
+        ("partial glass", with_sphere(half), 128),
+        ("thin wall", with_sphere(thin), 64),
+        ("sharp coat", with_sphere(coated("coat", HALF, 0.0)), 128),
+        ("rough coat", with_sphere(coated("coat", HALF, 0.2)), 64),
+        ("metal", with_sphere(metal("metal", HALF, 0.2)), 128),
+        ("environment", sunny(false), 64),
+        ("sun", sunny(true), 64),
+        ("point", point_lit(diffuse("walls", HALF)), 64),
+        ("spot", spot(), 64),
+        ("parallel camera", parallel_camera(), 64),
+        ("two-sided emitter", two_sided(), 64),
+        ("normal map", normal_map(), 64),
+        ("blend leaf", leaf(), 64),
+        ("absorbing bottle", bottle(), 128),
+    ]
+}

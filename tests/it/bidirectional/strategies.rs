@@ -1,0 +1,106 @@
+//! One strategy at a time, with weight 1, against the path tracer's paths of that length: wrong values that weights would
+//! hide.
+
+use super::scenes::{lit, point_lit};
+use crate::support::render::scene;
+use opsr::gallery::materials::{diffuse, metal};
+use opsr::image::Film;
+use opsr::integrator::bidirectional::Strategies;
+use opsr::integrator::{Integrator, Picture, Settings, View};
+use opsr::math::{Rgb, UVec2};
+use opsr::regularise::Unregularised;
+use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
+use opsr::scene::{Material, Scene, SceneParts};
+use opsr::stats::agreement::agree;
+
+const SIZE: u32 = 16;
+
+/// Paths of exactly this many edges: the difference of two depths with the same random numbers.
+fn exact_length(scene: &Scene, edges: u32, spp: u32) -> Film {
+    let mut film = Film::new(UVec2::splat(SIZE));
+    let source = Independent { seed: Seed(5) };
+    let view = View::of(scene, &scene.parts().cameras[0], &film);
+    let sensor = view.sensor;
+    let radiance = |depth: u32, pixel: UVec2, sample| {
+        let tracer = Settings {
+            max_vertices: depth,
+            ..Settings::default()
+        }
+        .tracer(Unregularised);
+        let mut stream = source.stream(pixel, sample);
+        let ray = sensor.ray(pixel.as_vec2() + stream.film());
+        tracer.radiance(scene, ray, sample, &mut stream, &mut ())
+    };
+    for index in 0..film.pixels.len() {
+        for sample in 0..spp {
+            let pixel = film.pixel(index);
+            let (long, short) = (edges - 1, edges - 2);
+            let shorter = match short {
+                0 => radiance_of_emitters(scene, &view, pixel, &source, sample),
+                _ => radiance(short, pixel, sample),
+            };
+            film.push(index, radiance(long, pixel, sample) - shorter, sample);
+        }
+    }
+    film
+}
+
+/// Emission that the camera sees directly.
+fn radiance_of_emitters(
+    scene: &Scene,
+    view: &View<'_>,
+    pixel: UVec2,
+    source: &Independent,
+    sample: u32,
+) -> Rgb {
+    let ray = (view.sensor).ray(pixel.as_vec2() + source.stream(pixel, sample).film());
+    (scene.intersect(&ray)).map_or(Rgb::ZERO, |hit| {
+        scene.lights().emitted(&scene.surface(&hit), -ray.dir)
+    })
+}
+
+fn strategy(scene: &Scene, s: u32, t: u32, spp: u32) -> Film {
+    let mut picture = Picture {
+        film: Film::new(UVec2::splat(SIZE)),
+        aovs: None,
+    };
+    let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
+    Settings::default()
+        .bidirectional(Strategies::Only { s, t })
+        .pass(&view, 0..spp, &mut picture);
+    picture.film
+}
+
+fn assert_each_strategy(name: &str, parts: SceneParts, area: bool) {
+    let scene = scene(parts);
+    let mut wrong = Vec::new();
+    for edges in 2..=5 {
+        let expected = exact_length(&scene, edges, 128);
+        for s in u32::from(!area)..=edges {
+            let t = edges + 1 - s;
+            let agreement = agree(&expected, &strategy(&scene, s, t, 192)).expect("one size");
+            // Single pixels of a strategy that hardly ever succeeds have no variance to test with.
+            if !agreement.tiles.passed() || !agreement.image.passed() {
+                println!("{name}, s = {s}, t = {t}\n{agreement}");
+                wrong.push((s, t));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{name}: {wrong:?}");
+}
+
+fn grey() -> Material {
+    diffuse("walls", Rgb::new(0.7, 0.5, 0.3))
+}
+
+#[test]
+fn agreement_of_each_strategy_in_a_diffuse_box() {
+    assert_each_strategy("area light", lit(grey(), 3.0), true);
+    assert_each_strategy("point light", point_lit(grey()), false);
+}
+
+#[test]
+fn agreement_of_each_strategy_in_a_glossy_box() {
+    let walls = metal("walls", Rgb::new(0.7, 0.5, 0.3), 0.3);
+    assert_each_strategy("area light", lit(walls, 3.0), true);
+}
