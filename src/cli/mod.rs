@@ -17,6 +17,7 @@ mod references;
 mod render;
 mod render_args;
 mod report;
+mod resolve;
 mod scene;
 mod scenes;
 mod stop;
@@ -124,6 +125,8 @@ enum Command {
     Bench(bench::BenchArgs),
     /// Show a table of attenuation factors, or write it for another renderer.
     Table(table::TableArgs),
+    /// Choose among the levels of a render again, from its checkpoint.
+    Resolve(resolve::Args),
     /// Turn the results of a bench into one HTML file.
     Report(report::ReportArgs),
     /// Run hard numerical cases on this machine.
@@ -151,6 +154,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Scenes(args) => scenes::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Table(args) => table::run(&args).map(|()| Exit::Done),
+        Command::Resolve(args) => resolve::run(&args).map(|()| Exit::Done),
         Command::Report(args) => report::run(&args).map(|()| Exit::Done),
         Command::Verify(args) => verify::run(&args),
     };

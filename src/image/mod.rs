@@ -5,6 +5,7 @@ pub mod exr;
 pub mod false_colour;
 pub mod film;
 mod film_bytes;
+pub mod level_film;
 pub mod metric;
 pub mod png;
 

@@ -1,4 +1,4 @@
-//! A render that can be resumed: the film's moments, the AOVs, and what they belong to.
+//! A render that can be resumed: the film's moments, its levels, the AOVs, and what they belong to.
 //!
 //! A sealed file whose header names the version, the scene and the settings; a file of another render is refused.
 
@@ -6,14 +6,15 @@ use super::{FirstHit, Picture};
 use crate::files::{FileError, Sealed};
 use crate::image::exr::MAX_PIXELS;
 use crate::image::film::Film;
+use crate::image::level_film::LevelFilm;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 const FILE: Sealed = Sealed {
     kind: "render checkpoint",
-    version: 2,
-    // 52 bytes of film and 72 of AOVs a pixel.
-    most: 128 * MAX_PIXELS as u64,
+    version: 3,
+    // 52 bytes of film, 72 of AOVs and 400 of eight levels a pixel.
+    most: 528 * MAX_PIXELS as u64,
 };
 
 /// Render that a checkpoint belongs to.
@@ -34,6 +35,8 @@ struct Header {
     fingerprint: Fingerprint,
     samples: u32,
     seconds: f64,
+    /// Scales of the levels; empty for one level.
+    levels: Vec<f32>,
 }
 
 /// A stopped render.
@@ -45,6 +48,8 @@ pub struct Checkpoint {
     pub samples: u32,
     /// Wall time spent so far.
     pub seconds: f64,
+    /// Scales of the levels; empty for one level.
+    pub levels: Vec<f32>,
     /// The moments and AOVs so far.
     pub picture: Picture,
 }
@@ -56,9 +61,13 @@ impl Checkpoint {
             fingerprint: self.fingerprint.clone(),
             samples: self.samples,
             seconds: self.seconds,
+            levels: self.levels.clone(),
         };
         FILE.save(path, &header, |mut out| {
             self.picture.film.write(&mut out)?;
+            if let Some(levels) = &self.picture.levels {
+                levels.write(&mut out)?;
+            }
             for number in self.picture.aovs.iter().flat_map(FirstHit::numbers) {
                 out.write_all(&number.to_le_bytes())?;
             }
@@ -68,8 +77,8 @@ impl Checkpoint {
 
     /// Reads the checkpoint of this render; one of another version, scene or other settings is refused.
     pub fn load(path: &Path, ours: &Fingerprint) -> Result<Self, FileError> {
-        let (header, payload): (Header, _) = FILE.load(path)?;
-        let theirs = &header.fingerprint;
+        let old = Self::open(path)?;
+        let theirs = &old.fingerprint;
         for (what, theirs, ours) in [
             ("another version", &theirs.version, &ours.version),
             ("another scene", &theirs.scene, &ours.scene),
@@ -81,19 +90,37 @@ impl Checkpoint {
                 return Err(FileError::content(path, what));
             }
         }
-        let picture = picture(&payload).map_err(|e| FileError::content(path, e))?;
+        Ok(old)
+    }
+
+    /// Reads the checkpoint of any render by this version of the file.
+    pub fn open(path: &Path) -> Result<Self, FileError> {
+        let (header, payload): (Header, _) = FILE.load(path)?;
+        let picture = picture(&payload, header.levels.len());
         Ok(Self {
             fingerprint: header.fingerprint,
             samples: header.samples,
             seconds: header.seconds,
-            picture,
+            levels: header.levels,
+            picture: picture.map_err(|e| FileError::content(path, e))?,
         })
     }
 }
 
-/// The film, and the AOVs if there are bytes after it.
-fn picture(mut payload: &[u8]) -> Result<Picture, String> {
+/// The film, its levels if there are any, and the AOVs if there are bytes after them.
+fn picture(mut payload: &[u8], levels: usize) -> Result<Picture, String> {
     let film = Film::read(&mut payload).map_err(|e| e.to_string())?;
+    let levels = match levels {
+        0 => None,
+        n => {
+            let read = LevelFilm::read(film.size, film.window, &mut payload);
+            let read = read.map_err(|e| e.to_string())?;
+            if read.levels() != n {
+                return Err(format!("it has {} levels in place of {n}", read.levels()));
+            }
+            Some(read)
+        }
+    };
     let (numbers, rest) = payload.as_chunks::<8>();
     let numbers: Vec<f64> = numbers.iter().map(|&b| f64::from_le_bytes(b)).collect();
     let aovs = match (numbers.is_empty(), rest.is_empty()) {
@@ -104,5 +131,5 @@ fn picture(mut payload: &[u8]) -> Result<Picture, String> {
     if aovs.is_none() && !numbers.is_empty() {
         return Err("wrong number of AOVs".into());
     }
-    Ok(Picture { film, aovs })
+    Ok(Picture { film, aovs, levels })
 }

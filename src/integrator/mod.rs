@@ -8,12 +8,14 @@ pub mod aov;
 pub mod census;
 pub mod checkpoint;
 pub mod drive;
+pub mod levels;
 pub mod method;
 pub mod path;
 pub mod settings;
 pub mod walk;
 
 use crate::image::film::{Film, Window};
+use crate::image::level_film::LevelFilm;
 use crate::math::UVec2;
 use crate::scene::{Camera, Scene, Sensor};
 pub use aov::FirstHit;
@@ -58,6 +60,19 @@ pub struct Picture {
     pub film: Film,
     /// Albedo, normal and depth, where they are wanted.
     pub aovs: Option<FirstHit>,
+    /// Means of all levels in batches, for settings of several levels; `film` then holds level 0.
+    pub levels: Option<LevelFilm>,
+}
+
+impl Picture {
+    /// A picture of one level without AOVs.
+    pub fn new(film: Film) -> Self {
+        Self {
+            film,
+            aovs: None,
+            levels: None,
+        }
+    }
 }
 
 /// An estimator that adds independent estimates to a picture.

@@ -1,7 +1,9 @@
 //! Settings of a render, and the integrator they stand for.
 
+use super::levels::{LevelError, LevelTracer};
 use super::path::PathTracer;
 use super::{Integrator, Picture, View};
+use crate::image::level_film::LevelFilm;
 use crate::regularise::{Rule, Unregularised};
 use crate::sampler::{Domain, Independent, Seed};
 use std::ops::Range;
@@ -30,6 +32,9 @@ pub struct Settings {
     pub estimator: Estimator,
     /// The rule that roughens the last vertex of a path.
     pub rule: Rule,
+    /// Scales of the rule's factors at the [levels](super::levels) of a render, ascending from 0, which is plain path
+    /// tracing; empty for a render at the rule's own factors alone.
+    pub levels: Vec<f32>,
     /// Scattering vertices of the longest path, at least 1.
     pub max_vertices: u32,
     /// Vertex (from 1) at which Russian roulette begins.
@@ -43,6 +48,7 @@ impl Default for Settings {
         Self {
             estimator: Estimator::default(),
             rule: Rule::Plain,
+            levels: Vec::new(),
             max_vertices: 16,
             roulette_start: 5,
             seed: 0,
@@ -52,12 +58,40 @@ impl Default for Settings {
 
 impl Settings {
     /// The integrator of these settings.
+    ///
+    /// Panics for levels that [`Settings::check_levels`] refuses.
     pub fn integrator(&self) -> Box<dyn Integrator> {
         let Estimator::Path { .. } = self.estimator;
+        if !self.levels.is_empty() {
+            let tracer = self.level_tracer().expect("levels that were checked");
+            let seed = Seed(self.seed);
+            return Box::new(LevelIntegrator { tracer, seed });
+        }
         Box::new(PathIntegrator {
             tracer: self.tracer(self.rule.clone()),
             seed: self.seed,
         })
+    }
+
+    /// An error unless the settings have one level, or the levels of an estimator and a rule that can have several.
+    pub fn check_levels(&self) -> Result<(), LevelError> {
+        if self.levels.is_empty() {
+            return Ok(());
+        }
+        self.level_tracer().map(|_| ())
+    }
+
+    fn level_tracer(&self) -> Result<LevelTracer, LevelError> {
+        let Estimator::Path { reuse } = self.estimator;
+        if reuse {
+            return Err(LevelError::Reuse);
+        }
+        LevelTracer::new(
+            &self.rule,
+            &self.levels,
+            self.max_vertices,
+            self.roulette_start,
+        )
     }
 
     /// The path tracer of these settings with a rule of the caller's.
@@ -76,14 +110,37 @@ impl Settings {
         let Self {
             estimator,
             rule,
+            levels,
             max_vertices,
             roulette_start,
             seed,
         } = self;
-        let rule = rule.fingerprint();
+        let mut rule = rule.fingerprint();
+        if !levels.is_empty() {
+            rule += &format!(" at levels {levels:?}");
+        }
         format!(
             "{estimator:?}, {rule}, {max_vertices} vertices, roulette {roulette_start}, seed {seed}"
         )
+    }
+}
+
+/// A path tracer at several levels and its seed.
+struct LevelIntegrator {
+    tracer: LevelTracer,
+    seed: Seed,
+}
+
+impl Integrator for LevelIntegrator {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
+        let Self { tracer, seed } = self;
+        let Picture { film, aovs, levels } = picture;
+        let levels =
+            levels.get_or_insert_with(|| LevelFilm::new(film.size, film.window, tracer.levels()));
+        match aovs {
+            Some(aovs) => tracer.estimate(view, *seed, samples, film, levels, aovs),
+            None => tracer.estimate(view, *seed, samples, film, levels, &mut ()),
+        }
     }
 }
 
@@ -99,7 +156,7 @@ impl Integrator for PathIntegrator {
         let source = Independent {
             seed: Seed(*seed).derive(Domain::Camera, 0),
         };
-        let Picture { film, aovs } = picture;
+        let Picture { film, aovs, .. } = picture;
         match aovs {
             Some(aovs) => tracer.estimate(view, &source, samples, film, aovs),
             // Nothing to roughen: a loop that keeps no memory of the path.

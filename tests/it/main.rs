@@ -13,6 +13,7 @@ mod exr;
 mod film;
 mod fuzz;
 mod geometry;
+mod levels;
 mod load;
 mod metric;
 mod mollifier;

@@ -211,7 +211,7 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         3,
         "render scene.glb --checkpoint state.ckpt --resume",
-        "state.ckpt: not a render checkpoint of version 2: it begins with `opsrckp1",
+        "state.ckpt: not a render checkpoint of version 3: it begins with `opsrckp1",
     ),
     (
         3,
