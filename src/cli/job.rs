@@ -55,11 +55,12 @@ pub(super) struct Levels(Vec<f32>);
 /// A number of levels such as `6`, or their scales such as `0,0.25,1`.
 pub(super) fn level_scales(text: &str) -> Result<Levels, String> {
     if let Ok(number) = text.parse::<usize>() {
-        // Down from the default's roughest by factors of 4, and plain path tracing.
+        // Plain path tracing, and down from the roughest by factors of 5.
         let roughest = SCALES[SCALES.len() - 1];
-        let scale = |k: usize| roughest * 0.25f32.powi((number - 1 - k) as i32);
+        let scale = |k: usize| roughest * 0.2f32.powi((number - 1 - k) as i32);
         return match number {
             1 => Ok(Levels(Vec::new())),
+            n if n == SCALES.len() => Ok(Levels(SCALES.to_vec())),
             2..=MAX_LEVELS => Ok(Levels(
                 std::iter::once(0.0).chain((1..number).map(scale)).collect(),
             )),

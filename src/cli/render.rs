@@ -207,6 +207,10 @@ impl RenderJob<'_> {
         let film = Film::cropped(size, window).context("--crop").usage()?;
         let aovs = args.aov.then(|| FirstHit::new(window));
         let levels = self.settings.levels.len();
+        let bytes = LevelFilm::bytes(window.len(), levels);
+        if levels > 0 {
+            tracing::info!("{levels} levels take {} MB", bytes / 1_000_000);
+        }
         let levels = (levels > 0).then(|| LevelFilm::new(size, window, levels));
         Ok((Picture { film, aovs, levels }, 0, 0.0))
     }

@@ -30,7 +30,7 @@ const ENERGY_RADIUS: usize = 6;
 const KAPPA: f32 = 0.25;
 
 /// c: multiple of its variance by which the energy correction is shrunk.
-const SHRINKAGE: f32 = 2.0;
+const SHRINKAGE: f32 = 1.0;
 
 /// ε of relative errors, where the mean of the picture counts as 0.3.
 const EPSILON: f32 = 0.01;
@@ -399,12 +399,16 @@ mod tests {
         let value =
             |k: usize, b, i| Rgb::splat(1.0 + 0.2 * 0.25f32.powi(k as i32) * noise(k, b, i));
         let resolved = resolve(&levels(32, value, 3), false);
-        let roughest = resolved.level.iter().filter(|&&k| k == 2).count();
-        assert!(roughest > 1000, "{roughest} of 1024");
+        let count =
+            |resolved: &Resolved, level| resolved.level.iter().filter(|&&k| k == level).count();
+        // The estimate of a bias is noisy itself: 88 % by these numbers.
+        let counts = [0, 1, 2].map(|k| count(&resolved, k));
+        assert!(counts[2] > 850 && counts[0] < 20, "{counts:?}");
         // A level that adds light everywhere is not taken.
         let bright = |k: usize, b, i| value(k, b, i) + Rgb::splat(if k == 2 { 0.5 } else { 0.0 });
         let resolved = resolve(&levels(32, bright, 3), false);
-        assert!(resolved.level.iter().all(|&k| k == 1));
+        let counts = [0, 1, 2].map(|k| count(&resolved, k));
+        assert!(counts[2] == 0 && counts[1] > 850, "{counts:?}");
     }
 
     /// Equal levels keep their picture, black pixels stay black, and what a rough level loses is given back.

@@ -128,7 +128,7 @@ fn levels_agree_with_renders_of_their_own() {
     ] {
         let scene = scene(parts);
         let scales = [0.0, 0.05, 0.5, 2.0];
-        let all = level_films(&scene, &settings(rule.clone(), &scales, 1), 16, 64, 64);
+        let all = level_films(&scene, &settings(rule.clone(), &scales, 1), 16, 64, 16);
         for (k, scale) in scales.iter().enumerate() {
             let own = match &rule {
                 Rule::Accumulated(Accumulated {
@@ -141,7 +141,7 @@ fn levels_agree_with_renders_of_their_own() {
                     own
                 }
             };
-            let own = grouped(&scene, &settings(own, &[], 2), 16, 64, 64);
+            let own = grouped(&scene, &settings(own, &[], 2), 16, 64, 16);
             let agreement = agree(&all[k], &own).expect("one frame");
             assert!(agreement.passed(), "level {k}: {agreement:?}");
         }
