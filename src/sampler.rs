@@ -33,6 +33,8 @@ pub enum Domain {
     Retrace = 8,
     /// Russian roulette over recorded events.
     EventRoulette = 9,
+    /// Turns of the levels of roughening at drawing directions.
+    Levels = 10,
 }
 
 /// Seed of a set of random streams.

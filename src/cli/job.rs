@@ -2,9 +2,11 @@
 
 use super::Blame;
 use super::render_args::RenderArgs;
-use anyhow::anyhow;
+use anyhow::{Context, anyhow};
 use opsr::image::film::Window;
+use opsr::image::level_film::MAX_LEVELS;
 use opsr::integrator::Settings;
+use opsr::integrator::levels::SCALES;
 use opsr::integrator::method::{Kind, Method};
 use opsr::math::UVec2;
 
@@ -44,6 +46,43 @@ pub(super) fn scale(text: &str) -> Result<Scale, String> {
         Ok(x) if x > 0.0 && x.is_finite() => Ok(Scale::By(x)),
         _ => Err("expected a number above 0, or auto".into()),
     }
+}
+
+/// Scales of levels; empty for one level.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Levels(Vec<f32>);
+
+/// A number of levels such as `6`, or their scales such as `0,0.25,1`.
+pub(super) fn level_scales(text: &str) -> Result<Levels, String> {
+    if let Ok(number) = text.parse::<usize>() {
+        // Plain path tracing, and down from the roughest by factors of 5.
+        let roughest = SCALES[SCALES.len() - 1];
+        let scale = |k: usize| roughest * 0.2f32.powi((number - 1 - k) as i32);
+        return match number {
+            1 => Ok(Levels(Vec::new())),
+            n if n == SCALES.len() => Ok(Levels(SCALES.to_vec())),
+            2..=MAX_LEVELS => Ok(Levels(
+                std::iter::once(0.0).chain((1..number).map(scale)).collect(),
+            )),
+            _ => Err(format!("expected 1 to {MAX_LEVELS} levels")),
+        };
+    }
+    let scales: Result<Vec<f32>, _> = text.split(',').map(|x| x.trim().parse()).collect();
+    let scales = scales.map_err(|_| "expected a number of levels, or scales such as 0,0.25,1")?;
+    Ok(Levels(scales))
+}
+
+/// Scales of the levels of a render; those that the settings cannot have are refused.
+pub(super) fn levels(args: &RenderArgs, settings: &Settings) -> anyhow::Result<Vec<f32>> {
+    let Some(Levels(levels)) = args.levels.clone() else {
+        return Ok(Vec::new());
+    };
+    let settings = Settings {
+        levels,
+        ..settings.clone()
+    };
+    settings.check_levels().context("--levels").usage()?;
+    Ok(settings.levels)
 }
 
 /// Resolves the options that choose a method.

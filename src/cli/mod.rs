@@ -20,6 +20,7 @@ mod references;
 mod render;
 mod render_args;
 mod report;
+mod resolve;
 mod scene;
 mod scenes;
 mod stop;
@@ -127,6 +128,8 @@ enum Command {
     Bench(bench::BenchArgs),
     /// Show a table of attenuation factors, or write it for another renderer.
     Table(table::TableArgs),
+    /// Choose among the levels of a render again, from its checkpoint.
+    Resolve(resolve::Args),
     /// Turn the results of a bench into one HTML file.
     Report(report::ReportArgs),
     /// Run hard numerical cases on this machine.
@@ -156,6 +159,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Scenes(args) => scenes::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Table(args) => table::run(&args).map(|()| Exit::Done),
+        Command::Resolve(args) => resolve::run(&args).map(|()| Exit::Done),
         Command::Report(args) => report::run(&args).map(|()| Exit::Done),
         Command::Verify(args) => verify::run(&args),
     };

@@ -6,8 +6,20 @@ use opsr::image::exr::{self, Layer, Metadata};
 use opsr::image::png;
 use opsr::integrator::Picture;
 use opsr::regularise::TableTuning;
+use opsr::tune::resolve::resolve_film;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+
+/// Options of the choice among the levels of a film.
+#[derive(clap::Args, Clone, Copy, Debug)]
+pub(super) struct ResolveArgs {
+    /// Of every level take the mean of its mean and of the median of its batches: fewer fireflies at few samples.
+    #[arg(long)]
+    pub(super) robust: bool,
+    /// Add every level to EXR files, as layers `level0`, `level1` and so on.
+    #[arg(long)]
+    pub(super) level_layers: bool,
+}
 
 /// The files that a picture is written to.
 pub(super) struct Outputs {
@@ -36,12 +48,42 @@ impl Outputs {
     }
 
     /// Writes every file, each whole or not at all.
-    pub(super) fn write(&self, picture: &Picture, metadata: &Metadata) -> anyhow::Result<()> {
+    ///
+    /// Of several levels the one of every pixel is chosen; EXR files then have the layers `level`, `bias2`, `variance` and
+    /// `error` in place of the statistics of the film.
+    pub(super) fn write(
+        &self,
+        picture: &Picture,
+        args: ResolveArgs,
+        metadata: &Metadata,
+    ) -> anyhow::Result<()> {
+        let resolved =
+            (picture.levels.as_ref()).map(|film| (film, resolve_film(film, args.robust)));
+        let shown = match &resolved {
+            Some((_, resolved)) => resolved.picture.clone(),
+            None => picture.film.mean(),
+        };
+        let mut layers = layers(picture);
+        if let Some((film, resolved)) = &resolved {
+            let level = resolved.level.iter().map(|&k| f32::from(k)).collect();
+            layers.push(Layer::scalar("level", level));
+            layers.push(Layer::scalar("bias2", resolved.bias2.clone()));
+            layers.push(Layer::scalar("variance", resolved.variance.clone()));
+            layers.push(Layer::scalar("error", resolved.error()));
+            if args.level_layers {
+                let level = |k| Layer::rgb(&format!("level{k}"), &film.mean(k));
+                layers.extend((0..film.levels()).map(level));
+            }
+        }
         for file in &self.files {
+            let film = &picture.film;
             if file.extension().is_some_and(|e| e == "png") {
-                png::write(file, &picture.film.mean(), self.exposure).output()?;
+                png::write(file, &shown, self.exposure).output()?;
+            } else if resolved.is_some() {
+                let part = (film.size, film.window);
+                exr::write_layers(file, part, &shown, &layers, metadata).output()?;
             } else {
-                exr::write_film(file, &picture.film, &layers(picture), metadata).output()?;
+                exr::write_film(file, film, &layers, metadata).output()?;
             }
         }
         Ok(())
@@ -98,6 +140,8 @@ pub(super) struct Provenance {
     pub(super) table_hash: Option<String>,
     /// The table's scale and contrast in use, which a pilot may have chosen.
     pub(super) table_tuning: Option<TableTuning>,
+    /// Scales of the levels; empty for one level.
+    pub(super) levels: Vec<f32>,
     pub(super) reproducible: bool,
 }
 
@@ -119,6 +163,9 @@ impl Provenance {
         if let Some(TableTuning { scale, contrast }) = self.table_tuning {
             set("table_scale", scale.to_string());
             set("table_contrast", contrast.to_string());
+        }
+        if !self.levels.is_empty() {
+            set("levels", format!("{:?}", self.levels));
         }
         // Neither the number of threads nor the words of the command change a pixel.
         if !self.reproducible {

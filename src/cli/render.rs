@@ -9,6 +9,7 @@ use super::stop::Stop;
 use super::{Blame, Exit, job, tune};
 use anyhow::{Context, anyhow};
 use opsr::image::film::{Film, Window};
+use opsr::image::level_film::LevelFilm;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, Reason, RenderProgress, drive};
 use opsr::integrator::{FirstHit, Picture, Settings, View};
@@ -36,12 +37,14 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     if args.table_scale == Some(job::Scale::Auto) {
         tune::tune(args, &opened, &mut settings)?;
     }
+    settings.levels = job::levels(args, &settings)?;
     let provenance = Provenance {
         command: std::env::args().collect::<Vec<_>>().join(" "),
         seed: args.seed,
         scene: args.scene.scene.display().to_string(),
         scene_hash: opened.hash.clone(),
         table_hash: method.table_sha256,
+        levels: settings.levels.clone(),
         table_tuning: settings.rule.table().map(AttenuationTable::tuning),
         reproducible: args.reproducible,
     };
@@ -89,6 +92,7 @@ impl RenderJob<'_> {
                 fingerprint,
                 samples: progress.samples,
                 seconds,
+                levels: self.settings.levels.clone(),
                 picture,
             }
             .save(path)
@@ -198,7 +202,13 @@ impl RenderJob<'_> {
         let window = args.crop.unwrap_or(Window::full(size));
         let film = Film::cropped(size, window).context("--crop").usage()?;
         let aovs = args.aov.then(|| FirstHit::new(window));
-        Ok((Picture { film, aovs }, 0, 0.0))
+        let levels = self.settings.levels.len();
+        let bytes = LevelFilm::bytes(window.len(), levels);
+        if levels > 0 {
+            tracing::info!("{levels} levels take {} MB", bytes / 1_000_000);
+        }
+        let levels = (levels > 0).then(|| LevelFilm::new(size, window, levels));
+        Ok((Picture { film, aovs, levels }, 0, 0.0))
     }
 
     fn write(
@@ -209,10 +219,8 @@ impl RenderJob<'_> {
     ) -> anyhow::Result<()> {
         let seconds = spent + progress.elapsed.as_secs_f64();
         let threads = rayon::current_num_threads();
-        self.outputs.write(
-            picture,
-            &self.provenance.metadata(progress.samples, seconds, threads),
-        )
+        let metadata = self.provenance.metadata(progress.samples, seconds, threads);
+        self.outputs.write(picture, self.args.resolve, &metadata)
     }
 
     /// Logs the statistics of the render, and the refused samples.

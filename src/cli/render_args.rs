@@ -2,6 +2,7 @@
 
 use super::bar::Style;
 use super::job;
+use super::output::ResolveArgs;
 use super::scene::{self, SceneArgs};
 use clap::Args;
 use opsr::image::film::Window;
@@ -50,6 +51,13 @@ pub(super) struct RenderArgs {
     /// With --table-scale auto: reject what changes the mean of the picture by more than this share, such as 0.03.
     #[arg(long, value_name = "SHARE", requires = "table_scale", value_parser = unit)]
     pub(super) table_energy: Option<f32>,
+
+    /// Levels of roughening on the same paths, of which every pixel gets the best: their number, or the scales of the
+    /// table or constant, such as 0,0.25,1. Level 0 is plain path tracing; 1 renders one level.
+    #[arg(long, value_name = "N|SCALES", value_parser = job::level_scales)]
+    pub(super) levels: Option<job::Levels>,
+    #[command(flatten)]
+    pub(super) resolve: ResolveArgs,
 
     /// Scattering vertices of the longest path.
     #[arg(long, alias = "max-depth", value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65536))]

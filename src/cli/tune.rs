@@ -74,6 +74,7 @@ fn samples_in(time: Duration, settings: &Settings, view: &View<'_>) -> anyhow::R
             .context("--crop")
             .usage()?,
         aovs: None,
+        levels: None,
     };
     let clock = Instant::now();
     (settings.integrator()).pass(view, 0..PROBE, &mut picture);

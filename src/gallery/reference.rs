@@ -89,7 +89,7 @@ impl Reference {
             stamp,
             settings,
             next,
-            picture: Picture { film, aovs: None },
+            picture: Picture::new(film),
         })
     }
 

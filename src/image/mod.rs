@@ -4,6 +4,7 @@ pub mod buffer;
 pub mod exr;
 pub mod false_colour;
 pub mod film;
+pub mod level_film;
 pub mod metric;
 pub mod png;
 pub mod splat;

@@ -1,4 +1,4 @@
-//! A render that can be resumed: the film's moments, the AOVs, and what they belong to.
+//! A render that can be resumed: the film's moments, its levels, the AOVs, and what they belong to.
 //!
 //! A sealed file whose header names the version, the scene and the settings; a file of another render is refused.
 
@@ -6,15 +6,16 @@ use super::{FirstHit, Picture};
 use crate::files::{FileError, Sealed};
 use crate::image::exr::MAX_PIXELS;
 use crate::image::film::{Cause, Film, Rejected, RejectedSample, Window};
+use crate::image::level_film::LevelFilm;
 use crate::math::UVec2;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 const FILE: Sealed = Sealed {
     kind: "render checkpoint",
-    version: 2,
-    // 56 bytes of film and 72 of AOVs per pixel, and a header.
-    most: 136 * MAX_PIXELS as u64,
+    version: 3,
+    // 56 bytes of film, 72 of AOVs and 400 of eight levels per pixel, and a header.
+    most: 536 * MAX_PIXELS as u64,
 };
 
 /// Render that a checkpoint belongs to.
@@ -43,6 +44,8 @@ struct Header {
     refused: [u64; 2],
     /// The first of them: column, row, sample, and true if it was infinite.
     first_refused: Vec<(u32, u32, u32, bool)>,
+    /// Scales of the levels; empty for one level.
+    levels: Vec<f32>,
 }
 
 /// A stopped render.
@@ -54,6 +57,8 @@ pub struct Checkpoint {
     pub samples: u32,
     /// Wall time spent so far.
     pub seconds: f64,
+    /// Scales of the levels; empty for one level.
+    pub levels: Vec<f32>,
     /// The moments and AOVs so far.
     pub picture: Picture,
 }
@@ -74,10 +79,16 @@ impl Checkpoint {
             first_refused: first
                 .map(|r| (r.pixel.x, r.pixel.y, r.sample, r.cause == Cause::Infinite))
                 .collect(),
+            levels: self.levels.clone(),
         };
-        FILE.save(path, &header, |out| {
-            let aovs = self.picture.aovs.iter().flat_map(FirstHit::numbers);
-            for number in film.numbers().chain(aovs) {
+        FILE.save(path, &header, |mut out| {
+            for number in film.numbers() {
+                out.write_all(&number.to_le_bytes())?;
+            }
+            if let Some(levels) = &self.picture.levels {
+                levels.write(&mut out)?;
+            }
+            for number in self.picture.aovs.iter().flat_map(FirstHit::numbers) {
                 out.write_all(&number.to_le_bytes())?;
             }
             Ok(())
@@ -86,8 +97,8 @@ impl Checkpoint {
 
     /// Reads the checkpoint of this render; one of another version, scene or other settings is refused.
     pub fn load(path: &Path, ours: &Fingerprint) -> Result<Self, FileError> {
-        let (header, payload): (Header, _) = FILE.load(path)?;
-        let theirs = &header.fingerprint;
+        let old = Self::open(path)?;
+        let theirs = &old.fingerprint;
         for (what, theirs, ours) in [
             ("another version", &theirs.version, &ours.version),
             ("another scene", &theirs.scene, &ours.scene),
@@ -99,29 +110,49 @@ impl Checkpoint {
                 return Err(FileError::content(path, what));
             }
         }
-        let picture = picture(&header, &payload).map_err(|e| FileError::content(path, e))?;
+        Ok(old)
+    }
+
+    /// Reads the checkpoint of any render by this version of the file.
+    pub fn open(path: &Path) -> Result<Self, FileError> {
+        let (header, payload): (Header, _) = FILE.load(path)?;
+        let picture = picture(&header, &payload);
         Ok(Self {
             fingerprint: header.fingerprint,
             samples: header.samples,
             seconds: header.seconds,
-            picture,
+            levels: header.levels,
+            picture: picture.map_err(|e| FileError::content(path, e))?,
         })
     }
 }
 
-fn picture(header: &Header, payload: &[u8]) -> Result<Picture, String> {
-    let numbers = payload
+/// Little-endian numbers of double precision.
+fn numbers(bytes: &[u8]) -> Result<Vec<f64>, &'static str> {
+    let numbers = bytes
         .chunks(8)
         .map(|b| b.try_into().map(f64::from_le_bytes));
-    let numbers: Vec<f64> = numbers.collect::<Result<_, _>>().map_err(|_| "cut short")?;
+    numbers.collect::<Result<_, _>>().map_err(|_| "cut short")
+}
+
+/// The film, its levels if there are any, and the AOVs if there are numbers after them.
+fn picture(header: &Header, payload: &[u8]) -> Result<Picture, String> {
     let [x, y, w, h] = header.window;
     let window = Window { x, y, w, h };
-    let end = numbers
-        .len()
-        .min(Film::NUMBERS.saturating_mul(window.len()));
-    let (film, aovs) = numbers.split_at(end);
     let size = UVec2::from_array(header.size);
-    let mut film = Film::from_numbers(size, window, film).map_err(|e| e.to_string())?;
+    let end = (8 * Film::NUMBERS).saturating_mul(window.len());
+    let (film, mut rest) = payload.split_at(end.min(payload.len()));
+    let mut film = Film::from_numbers(size, window, &numbers(film)?).map_err(|e| e.to_string())?;
+    let levels = match header.levels.len() {
+        0 => None,
+        n => {
+            let read = LevelFilm::read(size, window, &mut rest)?;
+            if read.levels() != n {
+                return Err(format!("it has {} levels in place of {n}", read.levels()));
+            }
+            Some(read)
+        }
+    };
     let first = header.first_refused.iter().take(Rejected::REMEMBERED);
     film.rejected = Rejected {
         nan: header.refused[0],
@@ -138,9 +169,9 @@ fn picture(header: &Header, payload: &[u8]) -> Result<Picture, String> {
             })
             .collect(),
     };
-    let aovs = match aovs {
+    let aovs = match &numbers(rest)?[..] {
         [] => None,
-        _ => Some(FirstHit::from_numbers(window, aovs).ok_or("wrong number of AOVs")?),
+        aovs => Some(FirstHit::from_numbers(window, aovs).ok_or("wrong number of AOVs")?),
     };
-    Ok(Picture { film, aovs })
+    Ok(Picture { film, aovs, levels })
 }

@@ -2,19 +2,21 @@
 //!
 //! [`Settings`] name an [`Estimator`] and a [`Rule`]; [`Settings::integrator`] makes an [`Integrator`] of them, the one
 //! place with dynamic dispatch (one call a pass). Everything below is monomorphised: plain path tracing compiles to a
-//! loop without a table. What estimators share is in [`walk`] as steps; each keeps its own loop.
+//! loop without a table. [`levels`] traces several amounts of roughening at once. What estimators share is in [`walk`] as steps; each keeps its own loop.
 
 pub mod aov;
 pub mod bidirectional;
 pub mod census;
 pub mod checkpoint;
 pub mod drive;
+pub mod levels;
 pub mod method;
 pub mod path;
 pub mod settings;
 pub mod walk;
 
 use crate::image::film::{Film, Window};
+use crate::image::level_film::LevelFilm;
 use crate::math::UVec2;
 use crate::scene::{Camera, Scene, Sensor};
 pub use aov::FirstHit;
@@ -60,6 +62,19 @@ pub struct Picture {
     pub film: Film,
     /// Albedo, normal and depth, where they are wanted.
     pub aovs: Option<FirstHit>,
+    /// Means of all levels in batches, for settings of several levels; `film` then holds level 0.
+    pub levels: Option<LevelFilm>,
+}
+
+impl Picture {
+    /// A picture of one level without AOVs.
+    pub fn new(film: Film) -> Self {
+        Self {
+            film,
+            aovs: None,
+            levels: None,
+        }
+    }
 }
 
 /// An estimator that adds independent estimates to a picture.

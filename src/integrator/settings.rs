@@ -1,8 +1,10 @@
 //! Settings of a render, and the integrator they stand for.
 
 use super::bidirectional::{Bidirectional, Strategies};
+use super::levels::{LevelError, LevelTracer};
 use super::path::PathTracer;
 use super::{Integrator, Picture, View};
+use crate::image::level_film::LevelFilm;
 use crate::regularise::{Rule, Unregularised};
 use crate::sampler::{Domain, Independent, Seed};
 use std::ops::Range;
@@ -36,6 +38,9 @@ pub struct Settings {
     pub estimator: Estimator,
     /// The rule that roughens the last vertex of a path.
     pub rule: Rule,
+    /// Scales of the rule's factors at the [levels](super::levels) of a render, ascending from 0, which is plain path
+    /// tracing; empty for a render at the rule's own factors alone.
+    pub levels: Vec<f32>,
     /// Scattering vertices of the longest path, at least 1.
     pub max_vertices: u32,
     /// Vertex (from 1) at which Russian roulette begins.
@@ -49,6 +54,7 @@ impl Default for Settings {
         Self {
             estimator: Estimator::default(),
             rule: Rule::Plain,
+            levels: Vec::new(),
             max_vertices: 16,
             roulette_start: 5,
             seed: 0,
@@ -58,8 +64,15 @@ impl Default for Settings {
 
 impl Settings {
     /// The integrator of these settings.
+    ///
+    /// Panics for levels that [`Settings::check_levels`] refuses.
     pub fn integrator(&self) -> Box<dyn Integrator> {
         let strategies = match self.estimator {
+            Estimator::Path { .. } if !self.levels.is_empty() => {
+                let tracer = self.level_tracer().expect("levels that were checked");
+                let seed = Seed(self.seed);
+                return Box::new(LevelIntegrator { tracer, seed });
+            }
             Estimator::Path { .. } => {
                 return Box::new(PathIntegrator {
                     tracer: self.tracer(self.rule.clone()),
@@ -82,6 +95,28 @@ impl Settings {
         }
     }
 
+    /// An error unless the settings have one level, or the levels of an estimator and a rule that can have several.
+    pub fn check_levels(&self) -> Result<(), LevelError> {
+        if self.levels.is_empty() {
+            return Ok(());
+        }
+        self.level_tracer().map(|_| ())
+    }
+
+    fn level_tracer(&self) -> Result<LevelTracer, LevelError> {
+        match self.estimator {
+            Estimator::Path { reuse: false } => {}
+            Estimator::Path { reuse: true } => return Err(LevelError::Reuse),
+            Estimator::Light | Estimator::Bdpt => return Err(LevelError::Estimator),
+        }
+        LevelTracer::new(
+            &self.rule,
+            &self.levels,
+            self.max_vertices,
+            self.roulette_start,
+        )
+    }
+
     /// The path tracer of these settings with a rule of the caller's.
     pub fn tracer<R>(&self, rule: R) -> PathTracer<R> {
         let reuse = self.estimator == Estimator::Path { reuse: true };
@@ -98,14 +133,37 @@ impl Settings {
         let Self {
             estimator,
             rule,
+            levels,
             max_vertices,
             roulette_start,
             seed,
         } = self;
-        let rule = rule.fingerprint();
+        let mut rule = rule.fingerprint();
+        if !levels.is_empty() {
+            rule += &format!(" at levels {levels:?}");
+        }
         format!(
             "{estimator:?}, {rule}, {max_vertices} vertices, roulette {roulette_start}, seed {seed}"
         )
+    }
+}
+
+/// A path tracer at several levels and its seed.
+struct LevelIntegrator {
+    tracer: LevelTracer,
+    seed: Seed,
+}
+
+impl Integrator for LevelIntegrator {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
+        let Self { tracer, seed } = self;
+        let Picture { film, aovs, levels } = picture;
+        let levels =
+            levels.get_or_insert_with(|| LevelFilm::new(film.size, film.window, tracer.levels()));
+        match aovs {
+            Some(aovs) => tracer.estimate(view, *seed, samples, film, levels, aovs),
+            None => tracer.estimate(view, *seed, samples, film, levels, &mut ()),
+        }
     }
 }
 
@@ -121,7 +179,7 @@ impl Integrator for PathIntegrator {
         let source = Independent {
             seed: Seed(*seed).derive(Domain::Camera, 0),
         };
-        let Picture { film, aovs } = picture;
+        let Picture { film, aovs, .. } = picture;
         // The loops that are run most are compiled for their rule; the others dispatch at every vertex.
         match (aovs, &tracer.rule) {
             (Some(aovs), _) => tracer.estimate(view, &source, samples, film, aovs),

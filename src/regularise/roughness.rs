@@ -111,6 +111,12 @@ impl PathRoughness {
         &self.alpha[..usize::from(self.len)]
     }
 
+    /// True if the next vertex folds the path, which depends on the factors; up to there paths do not.
+    #[inline]
+    pub fn is_full(&self) -> bool {
+        usize::from(self.len) == MAX_VERTICES - 1
+    }
+
     /// Class of the path with a last vertex of roughness `last`; `None` if the prefix is empty.
     #[inline]
     pub fn class(&self, last: f32) -> Option<GammaIndex> {
@@ -152,7 +158,7 @@ impl PathRoughness {
             (0.0..=1.0).contains(&alpha),
             "roughness {alpha} outside [0, 1]"
         );
-        if usize::from(self.len) == MAX_VERTICES - 1 {
+        if self.is_full() {
             let folded = self.accumulate(alpha, attenuation, shrink);
             *self = Self::default();
             self.append(folded);

@@ -28,6 +28,7 @@ impl CandidatePictures {
         let picture = Picture {
             film: Film::cropped(view.sensor.frame, view.window)?,
             aovs: None,
+            levels: None,
         };
         Ok(Self {
             integrator: settings.integrator(),

@@ -14,6 +14,7 @@
 //! them the rest.
 
 mod candidate;
+pub mod resolve;
 
 use crate::image::film::{FilmError, Window};
 use crate::integrator::{Estimator, Settings, View};

@@ -27,6 +27,7 @@ fn render(parts: SceneParts, settings: &Settings, size: u32, spp: u32) -> Film {
     let mut picture = Picture {
         film: Film::new(UVec2::splat(size)),
         aovs: None,
+        levels: None,
     };
     let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
     settings.integrator().pass(&view, 0..spp, &mut picture);

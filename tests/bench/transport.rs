@@ -108,6 +108,7 @@ fn paths(file: &str) -> Result<(), Box<dyn std::error::Error>> {
             let mut picture = Picture {
                 film: Film::new(UVec2::splat(128)),
                 aovs: None,
+                levels: None,
             };
             let clock = Instant::now();
             let view = View::of(&scene, camera, &picture.film);

@@ -11,7 +11,7 @@ const ROOMS: &[&str] = &[
 
 /// Rooms inside a room, in the same order.
 const INNER: &[(&str, &[&str])] = &[
-    ("integrator", &["walk", "path", "bidirectional"]),
+    ("integrator", &["walk", "path", "levels", "bidirectional"]),
     ("train", &["record", "evaluate", "learn", "study"]),
 ];
 

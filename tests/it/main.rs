@@ -14,6 +14,7 @@ mod exr;
 mod film;
 mod fuzz;
 mod geometry;
+mod levels;
 mod load;
 mod many_lights;
 mod metric;

@@ -92,6 +92,7 @@ fn pilot_keeps_energy_within_the_limit() {
         let mut picture = Picture {
             film: Film::new(view.sensor.frame),
             aovs: None,
+            levels: None,
         };
         (settings.integrator()).pass(&view, 0..400, &mut picture);
         let mean = picture.film.mean();

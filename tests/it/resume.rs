@@ -7,6 +7,7 @@ use crate::support::render::scene;
 use opsr::gallery::caustic_box;
 use opsr::image::Film;
 use opsr::image::film::Window;
+use opsr::image::level_film::LevelFilm;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::{FirstHit, Picture, Settings, View};
 use opsr::math::UVec2;
@@ -47,6 +48,7 @@ fn resume_renders_stopped_at_fifty_places() {
     let blank = Picture {
         film: Film::cropped(UVec2::new(24, 20), window).expect("inside"),
         aovs: Some(FirstHit::new(window)),
+        levels: None,
     };
     let ours = Fingerprint {
         version: "1".into(),
@@ -61,9 +63,15 @@ fn resume_renders_stopped_at_fifty_places() {
         factors: Factors::Table(AttenuationTable::constant(0.3)),
         lambda: 0.2,
     });
-    for rule in [Rule::Plain, consistent] {
+    let levels = vec![0.0, 0.5, 1.0];
+    for (rule, levels) in [
+        (Rule::Plain, Vec::new()),
+        (consistent, Vec::new()),
+        (Rule::constant(0.3), levels),
+    ] {
         let settings = Settings {
             rule,
+            levels: levels.clone(),
             seed: 11,
             ..Settings::default()
         };
@@ -72,11 +80,15 @@ fn resume_renders_stopped_at_fifty_places() {
         integrator.pass(&view, 0..SPP as u32, &mut whole);
         let mut ends = places("render", SPP);
         ends.push(SPP);
+        let mut picture = blank.clone();
+        picture.levels =
+            (!levels.is_empty()).then(|| LevelFilm::new(picture.film.size, window, levels.len()));
         let mut checkpoint = Checkpoint {
             fingerprint: ours.clone(),
             samples: 0,
             seconds: 0.0,
-            picture: blank.clone(),
+            levels,
+            picture,
         };
         for (i, &end) in ends.iter().enumerate() {
             let samples = checkpoint.samples..end as u32;

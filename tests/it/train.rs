@@ -177,6 +177,7 @@ fn render(crop: &Crop, gamma: f32, samples: u32, seed: u64) -> Moments {
     let mut picture = Picture {
         film: crop.film().unwrap(),
         aovs: None,
+        levels: None,
     };
     (settings.integrator()).pass(&crop.view(), 0..samples, &mut picture);
     let (mean, variance) = (picture.film.mean(), picture.film.sample_variance());

@@ -301,6 +301,7 @@ fn determinism_under_threads_tiles_and_splits() {
             let mut picture = Picture {
                 film: Film::new(UVec2::new(37, 21)),
                 aovs: None,
+                levels: None,
             };
             let view = View::of(&scene, camera, &picture.film);
             let mut integrator = settings.integrator();
@@ -339,6 +340,7 @@ fn film_of(scene: &Scene, rule: Rule, samples: std::ops::Range<u32>) -> Film {
     let mut picture = Picture {
         film: Film::new(UVec2::splat(24)),
         aovs: None,
+        levels: None,
     };
     let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
     settings.integrator().pass(&view, samples, &mut picture);

@@ -15,7 +15,7 @@ use crate::files::Problem;
 use crate::math::{Rgb, UVec2};
 
 pub use read::{read_film, read_layers, read_rgb};
-pub use write::{write_film, write_rgb};
+pub use write::{write_film, write_layers, write_rgb};
 
 /// Pictures above this number of pixels are refused before memory is taken for them.
 pub const MAX_PIXELS: usize = 1 << 28;

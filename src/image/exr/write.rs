@@ -30,6 +30,18 @@ pub fn write_film(
     files::write_bytes(path, bytes)
 }
 
+/// Writes a picture of a part of a frame, and the layers given.
+pub fn write_layers(
+    path: &Path,
+    part: (UVec2, Window),
+    picture: &Buffer,
+    layers: &[Layer],
+    metadata: &Metadata,
+) -> Result<(), FileError> {
+    let bytes = encoded(part, picture, layers, metadata).map_err(|e| e.at(path))?;
+    files::write_bytes(path, bytes)
+}
+
 /// Writes a picture alone.
 pub fn write_rgb(path: &Path, picture: &Buffer, metadata: &Metadata) -> Result<(), FileError> {
     let size = UVec2::new(picture.width as u32, picture.height as u32);

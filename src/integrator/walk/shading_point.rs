@@ -54,7 +54,7 @@ impl ShadingPoint<'_> {
 
     /// World direction of a local one; `None` where shading and geometric normal disagree about its side.
     #[inline]
-    fn world(&self, wi: Vec3) -> Option<Vec3> {
+    pub(in crate::integrator) fn world(&self, wi: Vec3) -> Option<Vec3> {
         let world = self.frame.to_world(wi);
         (world.dot(self.surface.ng) * wi.z > 0.0).then_some(world)
     }

@@ -154,6 +154,7 @@ impl Prepared {
         let mut picture = Picture {
             film: self.blank.clone(),
             aovs: None,
+            levels: None,
         };
         let budget = Budget {
             samples: Some(spp),

@@ -244,6 +244,7 @@ impl Bench<'_> {
         let mut picture = Picture {
             film: scene.blank.clone(),
             aovs: None,
+            levels: None,
         };
         let mut schedule = Schedule::new(self.suite, self.results.machine.threads);
         let mut points = Vec::new();

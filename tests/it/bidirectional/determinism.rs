@@ -21,6 +21,7 @@ fn blank(window: Window) -> Picture {
     Picture {
         film: Film::cropped(FRAME, window).expect("inside"),
         aovs: Some(FirstHit::new(window)),
+        levels: None,
     }
 }
 
@@ -101,6 +102,7 @@ fn resume_of_light_paths_is_bit_identical() {
             fingerprint: fingerprint.clone(),
             samples: 2,
             seconds: 0.0,
+            levels: Vec::new(),
             picture: picture(&scene, estimator, full, 2, &[2]),
         };
         stopped.save(&path).expect("written");

@@ -63,6 +63,7 @@ fn strategy(scene: &Scene, s: u32, t: u32, spp: u32) -> Film {
     let mut picture = Picture {
         film: Film::new(UVec2::splat(SIZE)),
         aovs: None,
+        levels: None,
     };
     let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
     Settings::default()

@@ -132,6 +132,28 @@ const CASES: &[(i32, &str, &str)] = &[
     (2, "render scene.glb --threads 0", "--threads"),
     (2, "render scene.glb --seed -1", "-1"),
     (2, "render scene.glb --resume", "--checkpoint"),
+    (2, "render scene.glb --levels 5", "need a table"),
+    (2, "render scene.glb --mode pbrt --levels 5", "need a table"),
+    (
+        2,
+        "render scene.glb --gamma 0.1 --levels 9",
+        "1 to 8 levels",
+    ),
+    (
+        2,
+        "render scene.glb --gamma 0.1 --levels 0,2,1",
+        "ascending",
+    ),
+    (
+        2,
+        "render scene.glb --gamma 0.1 --levels 5 --mode reuse",
+        "reuse",
+    ),
+    (
+        2,
+        "render scene.glb --gamma 0.1 --levels 5 --consistent",
+        "consistent",
+    ),
     (
         2,
         "render scene.glb -o old.jpg",
@@ -221,13 +243,14 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         3,
         "render scene.glb --checkpoint state.ckpt --resume",
-        "state.ckpt: not a render checkpoint of version 2: it begins with `opsrckp1",
+        "state.ckpt: not a render checkpoint of version 3: it begins with `opsrckp1",
     ),
     (
         3,
         "render scene.glb --checkpoint a.exr --resume",
         "a.exr: not a render checkpoint",
     ),
+    (3, "resolve a.exr", "a.exr: not a render checkpoint"),
     (3, "compare none.exr b.exr", "none.exr"),
     (3, "compare short.exr b.exr", "short.exr"),
     (3, "compare short.png b.exr", "short.png"),

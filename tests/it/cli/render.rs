@@ -192,3 +192,53 @@ fn table_contrast_is_part_of_the_checkpoint() {
     assert!(ended.err.contains("state.ckpt"), "{}", ended.err);
     render("0.5", "--spp 4 --checkpoint state.ckpt --resume").done();
 }
+
+/// Every pixel gets the best of its levels; the choice is made again from the checkpoint.
+#[test]
+fn levels_are_rendered_and_resolved_again() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::caustic_box());
+    place.write("table.json", &seeds::tables()[1]);
+    let levels = "--spp 8 --opsr-table table.json --levels";
+    let render = |args: &str| {
+        place.render(&format!("{levels} {args}")).done();
+        place.read("out.exr")
+    };
+    let whole = render("0,0.5,1,4 -o out.exr --level-layers --checkpoint a.ckpt");
+    assert!(render("0,0.5,1,4 -o out.exr --level-layers --threads 3") == whole);
+    let file = |name: &str| exr::read_layers(&place.path().join(name)).expect("a file");
+    let plain = {
+        place.render("--spp 8 -o plain.exr").done();
+        file("plain.exr")
+    };
+    let (layers, levels) = (
+        file("out.exr"),
+        ["level0.R", "level1.R", "level2.R", "level3.R"],
+    );
+    for (a, b) in layers.channels["level0.R"].iter().zip(&plain.channels["R"]) {
+        assert!((a - b).abs() <= 1e-5 * b.abs(), "{a} {b}");
+    }
+    for name in levels
+        .into_iter()
+        .chain(["level", "bias2", "variance", "error"])
+    {
+        let values = &layers.channels[name];
+        assert!(
+            values.iter().any(|&x| x > 0.0) && values.iter().all(|x| x.is_finite()),
+            "{name}"
+        );
+    }
+    assert_eq!(layers.metadata["levels"], "[0.0, 0.5, 1.0, 4.0]");
+    place
+        .opsr("resolve a.ckpt -o again.exr --level-layers")
+        .done();
+    assert_eq!(file("again.exr").channels, layers.channels);
+    place.opsr("resolve a.ckpt -o robust.exr --robust").done();
+    assert!(file("robust.exr").channels["R"] != layers.channels["R"]);
+    // One level is a render without the option.
+    place
+        .render("--spp 8 --gamma 0.3 --levels 1 -o one.exr")
+        .done();
+    place.render("--spp 8 --gamma 0.3 -o none.exr").done();
+    assert!(place.read("one.exr") == place.read("none.exr"));
+}

@@ -6,6 +6,7 @@ use super::{Target, repair, seeds};
 use crate::support::gltf::File;
 use opsr::files::FileError;
 use opsr::gallery::manifest::Manifest;
+use opsr::image::level_film::LevelFilm;
 use opsr::image::{exr, png};
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::{FirstHit, Picture, Settings, View};
@@ -74,6 +75,7 @@ pub(crate) fn gltf() -> Target {
             let mut picture = Picture {
                 film: opsr::image::Film::new(UVec2::splat(2)),
                 aovs: None,
+                levels: None,
             };
             let settings = Settings {
                 max_vertices: 4,
@@ -223,16 +225,18 @@ fn fingerprint() -> Fingerprint {
 pub(crate) fn checkpoints() -> Target {
     let film = seeds::film();
     let aovs = Some(FirstHit::new(film.window));
-    let seeds = [None, aovs].map(|aovs| {
-        let picture = Picture {
-            film: film.clone(),
-            aovs,
-        };
+    let levels = LevelFilm::new(film.size, film.window, 2);
+    let seeds = [(None, None), (aovs, None), (None, Some(levels))].map(|(aovs, levels)| {
         let checkpoint = Checkpoint {
+            levels: levels.iter().flat_map(|_| [0.0, 1.0]).collect(),
+            picture: Picture {
+                film: film.clone(),
+                aovs,
+                levels,
+            },
             fingerprint: fingerprint(),
             samples: 4,
             seconds: 1.5,
-            picture,
         };
         written(|path| text(checkpoint.save(path)))
     });
@@ -247,7 +251,9 @@ pub(crate) fn checkpoints() -> Target {
             assert_eq!(film.pixels.len(), film.window.len());
             let rejected = film.rejected.total() > 0;
             let aovs = checkpoint.picture.aovs.is_some();
-            Ok(format!("rejected samples {rejected}, AOVs {aovs}"))
+            let levels = (checkpoint.picture.levels).map_or(0, |film| film.levels());
+            let layers = format!("AOVs {aovs}, levels {levels}");
+            Ok(format!("rejected samples {rejected}, {layers}"))
         },
     }
 }

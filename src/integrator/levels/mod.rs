@@ -1,0 +1,312 @@
+//! The path-tracing loop at several levels of roughening on the same paths.
+//!
+//! Level 0 is plain path tracing, bit for bit; level k roughens the last vertex by the factors of a rule of its own. All
+//! levels share prefix, throughput, roulette and continuation, since regularised next-event estimation leaves the path
+//! alone: only the last lobe is evaluated again. At a vertex that some level roughens
+//!
+//! 1. one light sample and one shadow ray are evaluated at the roughness of every level;
+//! 2. directions are drawn from the lobes of some levels ([`vertex`]), and emission at their ends is evaluated at every
+//!    level that roughens this vertex, weighted against the light with the density of all draws together;
+//! 3. the path continues with a draw at its own roughness. Emission at its end is plain path tracing's for the levels that
+//!    leave the vertex alone, and one more draw for those that roughen it.
+
+mod tiles;
+mod vertex;
+
+use super::walk::bodies::EnclosingBodies;
+use super::walk::observer::PathObserver;
+use super::walk::pending_emission::PendingEmission;
+use super::walk::roulette;
+use super::walk::shading_point::ShadingPoint;
+use crate::bsdf::{DELTA_ALPHA, Lobe};
+use crate::image::level_film::MAX_LEVELS;
+use crate::math::{Ray, Rgb};
+use crate::regularise::{
+    Accumulated, AttenuationTable, ConstantGamma, Factors, PathRoughness, Rule,
+};
+use crate::sampler::Sampler;
+use crate::scene::Scene;
+use vertex::{PendingLevels, Vertex};
+
+/// Scales of five levels: plain path tracing, and the factors from 0.128 to 16 times as large. A sixth level does not make
+/// better pictures, and scales below a tenth are rarely chosen at 64 samples.
+pub const SCALES: [f32; 5] = [0.0, 0.128, 0.64, 3.2, 16.0];
+
+/// Settings that cannot have several levels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LevelError {
+    /// The levels of plain path tracing are equal, and other rules roughen the continuation.
+    #[error("several levels need a table or a constant factor")]
+    Rule,
+    /// A path that continues with the roughened lobe belongs to one level.
+    #[error("the reuse mode continues a path with the roughened lobe: it has one level only")]
+    Reuse,
+    /// Other estimators have no rule.
+    #[error("several levels are for the path tracer only")]
+    Estimator,
+    /// The levels are chosen afterwards, so that their bias vanishes anyhow.
+    #[error("the consistent variant has one level only")]
+    Consistent,
+    /// Wrong scales.
+    #[error("expected 2 to {MAX_LEVELS} scales of levels, ascending from 0")]
+    Scales,
+}
+
+/// Path tracer at several levels.
+#[derive(Clone, Debug)]
+pub(super) struct LevelTracer {
+    max_vertices: u32,
+    roulette_start: u32,
+    /// Factors of the levels from 1 on.
+    factors: Vec<Factors>,
+}
+
+/// Values of the levels of one path.
+pub(super) type Values = [Rgb; MAX_LEVELS];
+
+impl LevelTracer {
+    /// Tracer of levels at these scales of a rule's factors.
+    pub(super) fn new(
+        rule: &Rule,
+        scales: &[f32],
+        max_vertices: u32,
+        roulette_start: u32,
+    ) -> Result<Self, LevelError> {
+        let Rule::Accumulated(Accumulated { factors, lambda }) = rule else {
+            return Err(LevelError::Rule);
+        };
+        if *lambda != 0.0 {
+            return Err(LevelError::Consistent);
+        }
+        let finite = scales.iter().all(|s| s.is_finite());
+        let ascending = scales.is_sorted_by(|a, b| a < b);
+        if !(2..=MAX_LEVELS).contains(&scales.len()) || scales[0] != 0.0 || !ascending || !finite {
+            return Err(LevelError::Scales);
+        }
+        let scaled = |&scale: &f32| match factors {
+            Factors::Constant(gamma) => Factors::Constant((gamma * scale).min(1.0)),
+            Factors::Table(table) => Factors::Table(AttenuationTable {
+                scale: table.scale * scale,
+                ..table.clone()
+            }),
+        };
+        Ok(Self {
+            max_vertices,
+            roulette_start,
+            factors: scales[1..].iter().map(scaled).collect(),
+        })
+    }
+
+    /// Number of levels.
+    pub(super) fn levels(&self) -> usize {
+        self.factors.len() + 1
+    }
+
+    /// Radiance that arrives along a camera ray, an independent estimate at every level. `turn` chooses among the lobes
+    /// that directions are drawn from: any number, uniform over samples.
+    fn radiance<S: Sampler, O: PathObserver>(
+        &self,
+        scene: &Scene,
+        mut ray: Ray,
+        turn: u32,
+        sampler: &mut S,
+        observer: &mut O,
+    ) -> Values {
+        let levels = self.levels();
+        let mut total = [Rgb::ZERO; MAX_LEVELS];
+        let mut throughput = Rgb::ONE;
+        let mut eta_scale = 1.0f32;
+        let mut bodies = EnclosingBodies::default();
+        let mut memory = LevelMemory::default();
+        let mut emission = PendingEmission::full(Rgb::ONE);
+        // Emission at the levels that roughened the vertex before.
+        let mut pending: Option<PendingLevels> = None;
+        for n in 1..=self.max_vertices + 1 {
+            let Some(hit) = scene.intersect(&ray) else {
+                if scene.parts().environment.is_some() {
+                    let transmittance = bodies.transmittance(scene, f32::INFINITY);
+                    emission.scale(transmittance);
+                    let radiance = scene.lights().environment(ray.dir);
+                    let pdf_light = || scene.lights().pdf_environment(ray.origin, ray.dir);
+                    let plain = emission.contribution(radiance, pdf_light, &mut ());
+                    add(&mut total[..levels], plain, pending.as_ref(), |p| {
+                        p.contribution(radiance * transmittance, pdf_light())
+                    });
+                }
+                break;
+            };
+            let surface = scene.surface(&hit);
+            if !bodies.is_empty() {
+                let transmittance = bodies.transmittance(scene, hit.t);
+                throughput *= transmittance;
+                emission.scale(transmittance);
+                if let Some(pending) = &mut pending {
+                    pending.scale(transmittance);
+                }
+            }
+
+            // ── emission met by the ray
+            let radiance = scene.lights().emitted(&surface, -ray.dir);
+            if radiance != Rgb::ZERO && (emission.throughput != Rgb::ZERO || pending.is_some()) {
+                let pdf_light = || scene.lights().pdf_emitter(ray.origin, &surface);
+                let plain = if emission.throughput == Rgb::ZERO {
+                    Rgb::ZERO
+                } else {
+                    emission.contribution(radiance, pdf_light, &mut ())
+                };
+                add(&mut total[..levels], plain, pending.as_ref(), |p| {
+                    p.contribution(radiance, pdf_light())
+                });
+            }
+            if n > self.max_vertices {
+                break;
+            }
+
+            // ── the vertex
+            let u = sampler.vertex();
+            let bsdf = scene.bsdf(&surface, u.material);
+            let alpha = bsdf.alpha();
+            let frame = surface.frame_for(-ray.dir);
+            let point = ShadingPoint {
+                scene,
+                surface,
+                frame,
+                bsdf,
+                wo: frame.to_local(-ray.dir),
+                alpha,
+                alpha_reg: alpha,
+                throughput,
+                bodies,
+            };
+            observer.vertex(n, hit.t, &point);
+
+            // ── next-event estimation, emission found by roughened lobes, and the continuation
+            // An interface between equal indices is a delta at any roughness.
+            let mut alphas = [alpha; MAX_LEVELS];
+            let roughened = alpha < 1.0
+                && !bsdf.is_delta_at(1.0)
+                && memory.roughen(&self.factors, alpha, &mut alphas);
+            let continuation = point.sample(alpha, u.lobe);
+            pending = None;
+            if roughened {
+                let drawn = continuation.as_ref().map(|next| &next.sample);
+                let vertex = Vertex::new(&point, &alphas[..levels], drawn);
+                vertex.direct_light(u.light, &mut total[..levels]);
+                vertex.lobe_light(turn.wrapping_add(n), u.lobe, &mut total[..levels]);
+                pending = Some(vertex.pending(drawn));
+            } else {
+                let direct = point.direct_light(u.light, &mut ());
+                total[..levels].iter_mut().for_each(|t| *t += direct);
+            }
+            let Some(next) = continuation else { break };
+            emission = point.shared_emission::<()>(&next.sample, false);
+            throughput *= next.sample.weight;
+            let own = if next.sample.lobe == Lobe::Diffuse {
+                1.0
+            } else {
+                alpha
+            };
+            memory.push(&self.factors, own);
+            if next.sample.lobe == Lobe::Transmission {
+                eta_scale *= point.bsdf.refraction_scale(point.wo);
+                bodies = point.bodies_towards(next.wi);
+            }
+
+            // ── the end of a path that carries nothing
+            let nothing = pending.as_ref().is_none_or(PendingLevels::is_nothing);
+            if throughput == Rgb::ZERO && emission.is_nothing() && nothing {
+                break;
+            }
+
+            // ── Russian roulette
+            if n >= self.roulette_start {
+                let Some(survival) = roulette::survival(throughput, eta_scale, u.roulette) else {
+                    break;
+                };
+                throughput /= survival;
+                let scale = Rgb::splat(1.0 / survival);
+                emission.scale(scale);
+                if let Some(pending) = &mut pending {
+                    pending.scale(scale);
+                }
+            }
+            ray = surface.spawn(next.wi);
+        }
+        observer.finish(total[0]);
+        total
+    }
+}
+
+/// Adds emission at the end of a ray: plain path tracing's, or that of the levels that roughened the vertex before.
+#[inline]
+fn add(
+    total: &mut [Rgb],
+    plain: Rgb,
+    pending: Option<&PendingLevels>,
+    roughened: impl FnOnce(&PendingLevels) -> Values,
+) {
+    let Some(pending) = pending else {
+        total.iter_mut().for_each(|t| *t += plain);
+        return;
+    };
+    let values = roughened(pending);
+    for (k, t) in total.iter_mut().enumerate() {
+        *t += if pending.roughens(k) {
+            values[k]
+        } else {
+            plain
+        };
+    }
+}
+
+/// Path roughness at every level from 1 on. Levels have one path in common until it folds, since only the value that five
+/// vertices fold to depends on the factors.
+#[derive(Clone, Copy, Default)]
+struct LevelMemory {
+    common: PathRoughness,
+    folded: Option<[PathRoughness; MAX_LEVELS]>,
+}
+
+impl LevelMemory {
+    fn path(&self, k: usize) -> &PathRoughness {
+        self.folded.as_ref().map_or(&self.common, |paths| &paths[k])
+    }
+
+    /// Fills in α′ of the levels from 1 on; true if one of them is above α. A lobe that stays below the Dirac bound keeps
+    /// its own roughness.
+    #[inline]
+    fn roughen(&self, factors: &[Factors], alpha: f32, alphas: &mut [f32]) -> bool {
+        if self.common.values().is_empty() && self.folded.is_none() {
+            return false;
+        }
+        let mut any = false;
+        for (k, (factors, out)) in factors.iter().zip(&mut alphas[1..]).enumerate() {
+            let roughened = self.path(k).accumulate(alpha, factors, 1.0);
+            if roughened >= DELTA_ALPHA {
+                *out = roughened;
+                any |= roughened > alpha;
+            }
+        }
+        any
+    }
+
+    #[inline]
+    fn push(&mut self, factors: &[Factors], alpha: f32) {
+        if let Some(paths) = &mut self.folded {
+            for (path, factors) in paths.iter_mut().zip(factors) {
+                path.push(alpha, factors, 1.0);
+            }
+        } else if self.common.is_full() {
+            let mut paths = [self.common; MAX_LEVELS];
+            for (path, factors) in paths.iter_mut().zip(factors) {
+                path.push(alpha, factors, 1.0);
+            }
+            self.folded = Some(paths);
+        } else {
+            self.common.push(alpha, &NO_FACTOR, 1.0);
+        }
+    }
+}
+
+/// Factor of a push that does not fold.
+const NO_FACTOR: ConstantGamma = ConstantGamma(0.0);

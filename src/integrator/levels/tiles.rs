@@ -1,0 +1,62 @@
+//! All paths of a film at several levels, tile by tile.
+
+use super::LevelTracer;
+use crate::image::film::{Film, Window};
+use crate::image::level_film::{BATCHES, LevelFilm};
+use crate::integrator::View;
+use crate::integrator::walk::observer::Recorder;
+use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Pixels a side of the tiles that threads take.
+const TILE: u32 = 16;
+
+impl LevelTracer {
+    /// Adds the samples with these numbers to every pixel: level 0 to `film`, all levels to `levels`; tiles in parallel,
+    /// joined in order.
+    pub(in crate::integrator) fn estimate<O: Recorder>(
+        &self,
+        view: &View<'_>,
+        seed: Seed,
+        samples: Range<u32>,
+        film: &mut Film,
+        levels: &mut LevelFilm,
+        recorder: &mut O,
+    ) {
+        debug_assert_eq!(levels.levels(), self.levels());
+        let source = Independent {
+            seed: seed.derive(Domain::Camera, 0),
+        };
+        let tile = |window: Window| {
+            let mut film = film.cut(window);
+            let mut levels = levels.cut(window);
+            let mut observer = recorder.fork();
+            for index in 0..film.pixels.len() {
+                let pixel = film.pixel(index);
+                let place = u64::from(pixel.y) << 32 | u64::from(pixel.x) << 2;
+                // Lobes take turns within a batch, from a random one on: batches stay independent of one another.
+                let turns: [u32; BATCHES] = std::array::from_fn(|batch| {
+                    seed.derive(Domain::Levels, place | batch as u64).0 as u32
+                });
+                for sample in samples.clone() {
+                    let mut stream = source.stream(pixel, sample);
+                    let ray = view.sensor.ray(pixel.as_vec2() + stream.film());
+                    observer.begin(pixel, sample);
+                    let turn = turns[sample as usize % BATCHES];
+                    let turn = (turn >> 1).wrapping_add(sample / BATCHES as u32);
+                    let values = self.radiance(view.scene, ray, turn, &mut stream, &mut observer);
+                    film.push(index, values[0], sample);
+                    levels.push(index, sample, &values[..self.levels()]);
+                }
+            }
+            (film, levels, observer)
+        };
+        let tiles: Vec<_> = film.tiles(TILE).into_par_iter().map(tile).collect();
+        for (tile, tile_levels, observer) in tiles {
+            film.paste(&tile);
+            levels.paste(&tile_levels);
+            recorder.join(observer);
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! A vertex that some level roughens: its lobe evaluated at all levels.
+//!
+//! Contributions have the mixture form of section 5 of the method: with h the integrand at a level's roughness, p_l the
+//! density of the light sample and p₀ the densities of all draws from lobes added up, samples of every technique return
+//! h / (p_l + p₀), the balance heuristic.
+
+use super::Values;
+use crate::bsdf::{BsdfSample, DELTA_ALPHA, Lobe, LobeQuery};
+use crate::image::level_film::MAX_LEVELS;
+use crate::integrator::walk::shading_point::ShadingPoint;
+use crate::math::Rgb;
+use crate::sampler::LightU;
+
+/// Draws with a ray of their own at a vertex, at most.
+const DRAWS: usize = 2;
+
+/// Lobes less than this factor apart in roughness share their draws, as in a recording.
+const SPACING: f32 = 1.7;
+
+/// Steps of the R2 sequence, by which further draws rotate the random numbers of the first.
+const ROTATION: [f32; 2] = [0.754_877_7, 0.569_840_3];
+
+/// The lobe of a vertex at all levels.
+#[derive(Clone, Copy)]
+struct LevelLobe {
+    /// α′ of every level; α at level 0 and at levels that leave the vertex alone.
+    alphas: [f32; MAX_LEVELS],
+    levels: usize,
+    /// Levels from whose lobes directions are drawn, as bits.
+    drawn: u32,
+    /// Expected number of draws from each of them.
+    share: f32,
+}
+
+impl LevelLobe {
+    #[inline]
+    fn roughens(&self, k: usize) -> bool {
+        self.alphas[k] > self.alphas[0]
+    }
+
+    /// f·|cos θi| at every level that roughens the vertex, and p₀ per steradian.
+    #[inline]
+    fn evaluate(&self, query: &LobeQuery) -> (Values, f32) {
+        let mut values = [Rgb::ZERO; MAX_LEVELS];
+        let mut dg1 = 0.0;
+        for k in 1..self.levels {
+            if !self.roughens(k) {
+                continue;
+            }
+            // Levels meet where a factor reaches 1.
+            if self.alphas[k] == self.alphas[k - 1] {
+                values[k] = values[k - 1];
+                continue;
+            }
+            let shape = query.shape(self.alphas[k]);
+            values[k] = query.base + query.scale * shape.dg2;
+            if self.drawn & 1 << k != 0 {
+                dg1 += shape.dg1;
+            }
+        }
+        let own = self.share * query.pdf_scale * dg1;
+        (values, query.pdf(self.alphas[0]) + own)
+    }
+
+    /// Values in the mixture form for radiance that the light sample finds with density `pdf_light`.
+    #[inline]
+    fn contribution(&self, query: &LobeQuery, radiance: Rgb, pdf_light: f32) -> Values {
+        let (mut values, p0) = self.evaluate(query);
+        let weight = 1.0 / (pdf_light + p0);
+        for value in &mut values[1..self.levels] {
+            *value = radiance * *value * weight;
+        }
+        values
+    }
+}
+
+/// A vertex that some level roughens.
+pub(super) struct Vertex<'a> {
+    point: &'a ShadingPoint<'a>,
+    lobe: LevelLobe,
+    /// Levels whose lobes are drawn from, the roughest first.
+    proposals: [u8; MAX_LEVELS],
+    len: usize,
+    /// Directions with rays of their own; none where the diffuse lobe was drawn, whose direction is the continuation's.
+    draws: usize,
+    continues: bool,
+}
+
+impl<'a> Vertex<'a> {
+    /// Vertex of these α′, α at level 0, from which the path continues by the draw `next`.
+    #[inline]
+    pub(super) fn new(
+        point: &'a ShadingPoint<'a>,
+        alphas: &[f32],
+        next: Option<&BsdfSample>,
+    ) -> Self {
+        let mut lobe = LevelLobe {
+            alphas: [0.0; MAX_LEVELS],
+            levels: alphas.len(),
+            drawn: 0,
+            share: 0.0,
+        };
+        lobe.alphas[..alphas.len()].copy_from_slice(alphas);
+        let mut proposals = [0; MAX_LEVELS];
+        let (mut len, mut above) = (0, f32::INFINITY);
+        // The continuation is a draw at α, unless that is a delta.
+        let floor = if alphas[0] < DELTA_ALPHA {
+            0.0
+        } else {
+            alphas[0] * SPACING
+        };
+        for k in (1..alphas.len()).rev() {
+            // Of levels that meet, the first is evaluated.
+            if alphas[k] == alphas[k - 1] {
+                continue;
+            }
+            if alphas[k] > floor && alphas[k] * SPACING <= above {
+                proposals[len] = k as u8;
+                lobe.drawn |= 1 << k;
+                above = alphas[k];
+                len += 1;
+            }
+        }
+        let draws = len.min(DRAWS);
+        lobe.share = draws as f32 / len.max(1) as f32;
+        let diffuse = next.is_some_and(|sample| sample.lobe == Lobe::Diffuse);
+        Self {
+            point,
+            lobe,
+            proposals,
+            len,
+            draws: if diffuse { 0 } else { draws },
+            continues: next.is_some_and(|sample| !sample.delta),
+        }
+    }
+
+    /// Adds what one light sample finds at every level.
+    #[inline]
+    pub(super) fn direct_light(&self, u: LightU, total: &mut [Rgb]) {
+        let point = self.point;
+        let Some(light) = point.scene.lights().sample(point.surface.position, u) else {
+            return;
+        };
+        let wi = point.frame.to_local(light.wi);
+        if light.wi.dot(point.surface.ng) * wi.z <= 0.0 {
+            return;
+        }
+        let Some(query) = point.bsdf.query(point.wo, wi) else {
+            return;
+        };
+        let plain = query.at(point.alpha);
+        let (values, p0) = self.lobe.evaluate(&query);
+        let dark = plain.value == Rgb::ZERO && values.iter().all(|v| *v == Rgb::ZERO);
+        if dark || point.scene.occluded(&point.surface.spawn_to_light(&light)) {
+            return;
+        }
+        let radiance =
+            point.throughput * light.radiance * point.transmittance(light.wi, light.distance);
+        let density = light.density.value();
+        // The operations of `ShadingPoint::direct_light`, in its order.
+        let weight = light.density.mis_weight(plain.pdf_w);
+        let plain = radiance * plain.value * (weight / density);
+        let weight = if light.density.is_delta() {
+            1.0 / density
+        } else {
+            1.0 / (density + p0)
+        };
+        for (k, t) in total.iter_mut().enumerate() {
+            *t += if self.lobe.roughens(k) {
+                radiance * values[k] * weight
+            } else {
+                plain
+            };
+        }
+    }
+
+    /// Adds the emission that draws from the lobes find with rays of their own at the levels that roughen the vertex.
+    #[inline]
+    pub(super) fn lobe_light(&self, turn: u32, u: [f32; 3], total: &mut [Rgb]) {
+        let point = self.point;
+        for i in 0..self.draws {
+            // Every lobe is as likely, and no two draws take the same.
+            let turn = turn as usize % self.len + i * self.len / self.draws;
+            let k = usize::from(self.proposals[turn % self.len]);
+            let steps = (i + usize::from(self.continues)) as f32;
+            let rotate = |u: f32, step: f32| (u + steps * step).fract();
+            let u = [u[0], rotate(u[1], ROTATION[0]), rotate(u[2], ROTATION[1])];
+            let Some(sample) = point.bsdf.sample(self.lobe.alphas[k], point.wo, u) else {
+                continue;
+            };
+            // The continuation was drawn from the diffuse lobe too, and met the wrong side of the surface.
+            if sample.lobe == Lobe::Diffuse {
+                return;
+            }
+            let Some(wi) = point.world(sample.wi) else {
+                continue;
+            };
+            let Some(emission) = point.scene.emission_along(&point.surface.spawn(wi)) else {
+                continue;
+            };
+            let Some(query) = point.bsdf.query(point.wo, sample.wi) else {
+                continue;
+            };
+            let radiance =
+                point.throughput * emission.radiance * point.transmittance(wi, emission.distance);
+            let values = self.lobe.contribution(&query, radiance, emission.pdf_w);
+            for (t, value) in total.iter_mut().zip(values).skip(1) {
+                *t += value;
+            }
+        }
+    }
+
+    /// Emission at the end of the continuation at the levels that roughen the vertex. A path that continues by a Dirac
+    /// lobe finds none.
+    #[inline]
+    pub(super) fn pending(&self, next: Option<&BsdfSample>) -> PendingLevels {
+        let query = match next {
+            Some(sample) if self.continues => self.point.bsdf.query(self.point.wo, sample.wi),
+            _ => None,
+        };
+        PendingLevels {
+            lobe: self.lobe,
+            query,
+            throughput: self.point.throughput,
+        }
+    }
+}
+
+/// Weight of emission at the end of the current ray at the levels that roughened the vertex before.
+pub(super) struct PendingLevels {
+    lobe: LevelLobe,
+    /// `None` where nothing counts.
+    query: Option<LobeQuery>,
+    /// Throughput before the vertex.
+    throughput: Rgb,
+}
+
+impl PendingLevels {
+    /// True if the vertex was roughened at a level.
+    #[inline]
+    pub(super) fn roughens(&self, k: usize) -> bool {
+        self.lobe.roughens(k)
+    }
+
+    /// True if no emission counts.
+    #[inline]
+    pub(super) fn is_nothing(&self) -> bool {
+        self.query.is_none()
+    }
+
+    /// Multiplies the emission's throughput.
+    #[inline]
+    pub(super) fn scale(&mut self, factor: Rgb) {
+        self.throughput *= factor;
+    }
+
+    /// Values of this emitted radiance, which light sampling would have found with density `pdf_light`.
+    #[inline]
+    pub(super) fn contribution(&self, radiance: Rgb, pdf_light: f32) -> Values {
+        let query = self.query.as_ref();
+        query.map_or([Rgb::ZERO; MAX_LEVELS], |query| {
+            (self.lobe).contribution(query, self.throughput * radiance, pdf_light)
+        })
+    }
+}

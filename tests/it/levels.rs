@@ -1,0 +1,226 @@
+//! Several levels of roughening on the same paths.
+
+use super::support::render::{film_with, scene};
+use opsr::gallery::materials::{GOLD, diffuse, emitter, glass, metal};
+use opsr::gallery::shapes::{quad, room, sphere};
+use opsr::gallery::{caustic_box, two_mirrors};
+use opsr::image::Film;
+use opsr::image::film::Window;
+use opsr::image::level_film::{BATCHES, LevelFilm};
+use opsr::integrator::levels::{LevelError, SCALES};
+use opsr::integrator::{Estimator, FirstHit, Picture, Settings, View};
+use opsr::math::moments::Moments;
+use opsr::math::{Rgb, UVec2, Vec3};
+use opsr::regularise::{Accumulated, AttenuationTable, Factors, GammaIndex, Rule};
+use opsr::scene::{Scene, SceneParts};
+use opsr::stats::agreement::agree;
+
+/// A table with a pattern.
+fn table() -> Rule {
+    let mut table = AttenuationTable::constant(0.0);
+    for (i, gamma) in table.gammas.iter_mut().enumerate() {
+        let bins = GammaIndex::new(i).expect("a class").bins();
+        *gamma = 0.1 + 0.1 * bins.iter().sum::<usize>() as f32 / bins.len() as f32;
+    }
+    Rule::with_table(table)
+}
+
+fn settings(rule: Rule, levels: &[f32], seed: u64) -> Settings {
+    Settings {
+        rule,
+        levels: levels.to_vec(),
+        seed,
+        ..Settings::default()
+    }
+}
+
+fn blank(size: UVec2, window: Window) -> Picture {
+    Picture::new(Film::cropped(size, window).expect("inside"))
+}
+
+/// A room with rough metal, glass and a small light.
+fn metal_room() -> SceneParts {
+    let mut parts = SceneParts::default();
+    parts.add(
+        diffuse("walls", Rgb::splat(0.6)),
+        room(Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 2.0, 1.0)),
+    );
+    parts.add(
+        metal("gold", GOLD, 0.3),
+        [sphere(Vec3::new(-0.4, 0.4, 0.0), 0.4, 3)],
+    );
+    parts.add(
+        glass("glass", 1.5, 0.0),
+        [sphere(Vec3::new(0.45, 0.35, 0.2), 0.35, 3)],
+    );
+    parts.add(
+        emitter("light", Rgb::splat(12.0)),
+        [quad(
+            Vec3::new(-0.3, 1.9, -0.3),
+            Vec3::X * 0.6,
+            Vec3::Z * 0.6,
+        )],
+    );
+    parts.add_camera([0.0, 1.0, 0.95], [0.0, 0.6, 0.0], 70.0);
+    parts
+}
+
+/// A film of every level: batches of passes become samples of pixels.
+fn level_films(scene: &Scene, settings: &Settings, size: u32, passes: u32, each: u32) -> Vec<Film> {
+    let frame = UVec2::splat(size);
+    let mut films = vec![Film::new(frame); settings.levels.len()];
+    let view = View::of(scene, &scene.parts().cameras[0], &films[0]);
+    let mut integrator = settings.integrator();
+    for pass in 0..passes {
+        let mut picture = Picture::new(Film::new(frame));
+        integrator.pass(&view, pass * each..(pass + 1) * each, &mut picture);
+        let levels = picture.levels.expect("levels");
+        for (k, film) in films.iter_mut().enumerate() {
+            for (pixel, value) in film.pixels.iter_mut().zip(&levels.mean(k).pixels) {
+                pixel.push(value.as_dvec3());
+            }
+        }
+    }
+    films
+}
+
+/// A film whose samples are the means of as many samples.
+fn grouped(scene: &Scene, settings: &Settings, size: u32, passes: u32, each: u32) -> Film {
+    let frame = UVec2::splat(size);
+    let mut film = Film::new(frame);
+    let view = View::of(scene, &scene.parts().cameras[0], &film);
+    let mut integrator = settings.integrator();
+    for pass in 0..passes {
+        let mut picture = Picture::new(Film::new(frame));
+        integrator.pass(&view, pass * each..(pass + 1) * each, &mut picture);
+        let pairs = film.pixels.iter_mut().zip(&picture.film.pixels);
+        pairs.for_each(|(pixel, m): (&mut Moments, &Moments)| pixel.push(m.mean));
+    }
+    film
+}
+
+#[test]
+fn level_0_is_bit_identical_to_plain_path_tracing() {
+    for parts in [caustic_box(), metal_room(), two_mirrors(0.9, 0.1)] {
+        let scene = scene(parts);
+        let plain = film_with(&scene, &settings(Rule::Plain, &[], 3), 24, 16);
+        for rule in [table(), Rule::constant(0.4)] {
+            assert_eq!(
+                film_with(&scene, &settings(rule, &SCALES, 3), 24, 16),
+                plain
+            );
+        }
+    }
+}
+
+/// Every level agrees with a render of its own at pixels, tiles and the whole image.
+#[test]
+fn levels_agree_with_renders_of_their_own() {
+    let mut point = metal_room();
+    point
+        .lights
+        .push(opsr::gallery::point_light_over_plane().lights[0].clone());
+    for (parts, rule) in [
+        (caustic_box(), table()),
+        (metal_room(), table()),
+        (metal_room(), Rule::constant(0.5)),
+        (point, table()),
+    ] {
+        let scene = scene(parts);
+        let scales = [0.0, 0.05, 0.5, 2.0];
+        let all = level_films(&scene, &settings(rule.clone(), &scales, 1), 16, 64, 16);
+        for (k, scale) in scales.iter().enumerate() {
+            let own = match &rule {
+                Rule::Accumulated(Accumulated {
+                    factors: Factors::Constant(gamma),
+                    ..
+                }) => Rule::constant((gamma * scale).min(1.0)),
+                _ => {
+                    let mut own = rule.clone();
+                    own.table_mut().expect("a table").scale = *scale;
+                    own
+                }
+            };
+            let own = grouped(&scene, &settings(own, &[], 2), 16, 64, 16);
+            let agreement = agree(&all[k], &own).expect("one frame");
+            assert!(agreement.passed(), "level {k}: {agreement:?}");
+        }
+    }
+}
+
+#[test]
+fn determinism_of_levels_over_splits_threads_and_crops() {
+    let scene = scene(metal_room());
+    let settings = settings(table(), &SCALES, 5);
+    let size = UVec2::new(21, 18);
+    let full = Window::full(size);
+    let render = |window: Window, ends: &[u32], threads: usize| {
+        let mut picture = blank(size, window);
+        picture.aovs = Some(FirstHit::new(window));
+        let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
+        let mut integrator = settings.integrator();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("threads").install(|| {
+            let mut start = 0;
+            for &end in ends {
+                integrator.pass(&view, start..end, &mut picture);
+                start = end;
+            }
+        });
+        picture
+    };
+    let whole = render(full, &[10], 1);
+    assert_eq!(render(full, &[1, 2, 7, 10], 3), whole);
+    let window = Window {
+        x: 3,
+        y: 2,
+        w: 17,
+        h: 16,
+    };
+    let part = render(window, &[10], 2);
+    assert_eq!(part.film, whole.film.cut(window));
+    let levels = whole.levels.as_ref().expect("levels");
+    assert_eq!(part.levels, Some(levels.cut(window)));
+    // Bytes bring them back; a piece of them is refused.
+    let mut bytes = Vec::new();
+    levels.write(&mut bytes).expect("a vector takes everything");
+    let read = |bytes: &[u8]| LevelFilm::read(size, full, &mut &bytes[..]);
+    assert_eq!(&read(&bytes).expect("a film"), levels);
+    assert_eq!(levels.least_samples(), 10 / BATCHES as u32);
+    assert_eq!(
+        bytes.len() as u64,
+        12 + LevelFilm::bytes(full.len(), SCALES.len())
+    );
+    for end in [0, 7, 11, 12, 100, bytes.len() - 1] {
+        assert!(read(&bytes[..end]).is_err(), "{end}");
+    }
+}
+
+#[test]
+fn levels_of_other_rules_are_refused_by_name() {
+    let refused = |settings: Settings| settings.check_levels().expect_err("refused");
+    assert_eq!(refused(settings(Rule::Plain, &SCALES, 0)), LevelError::Rule);
+    assert_eq!(refused(settings(Rule::Pbrt, &SCALES, 0)), LevelError::Rule);
+    let consistent = Rule::Accumulated(Accumulated {
+        factors: Factors::Constant(0.5),
+        lambda: 0.1,
+    });
+    assert_eq!(
+        refused(settings(consistent, &SCALES, 0)),
+        LevelError::Consistent
+    );
+    let reuse = Settings {
+        estimator: Estimator::Path { reuse: true },
+        ..settings(table(), &SCALES, 0)
+    };
+    assert_eq!(refused(reuse), LevelError::Reuse);
+    for scales in [
+        &[0.0][..],
+        &[0.5, 1.0],
+        &[0.0, 2.0, 1.0],
+        &[0.0, f32::NAN],
+        &[0.0; 9],
+    ] {
+        assert_eq!(refused(settings(table(), scales, 0)), LevelError::Scales);
+    }
+}
