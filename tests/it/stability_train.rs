@@ -3,6 +3,7 @@
 
 use crate::train::{crop, quick};
 use opsr::regularise::{AttenuationTable, LEN};
+use opsr::sampler::Seed;
 use opsr::train::config::Way;
 use opsr::train::evaluate::moments::{Adjoint, Moments, Source};
 use opsr::train::evaluate::replay::Replay;
@@ -58,7 +59,7 @@ fn learn(steps: u32, fault: Fault, folder: Option<&Path>) -> Result<Outcome, Tra
     // A look at the losses asks for the moments too.
     config.validate_every = 1000;
     let crop = crop(6);
-    let recording = crop.record(&config.record_gammas, config.roulette, config.spp, 1)?;
+    let recording = crop.record(&config.record_gammas, config.roulette, config.spp, Seed(1))?;
     let target = crop.target(config.spp);
     let mut session = Session::with_crops(config, vec![crop.clone()], vec![], &|_| ())?;
     session.training.take(|_| true);
@@ -115,7 +116,7 @@ fn case_15_a_loss_that_is_no_number_is_not_the_best() {
     let crop = crop(6);
     let mut session = Session::with_crops(quick(Way::Replay), vec![crop.clone()], vec![], &|_| ())
         .expect("a session");
-    let recording = crop.record(&[0.05], 0.0, 8, 1).expect("a recording");
+    let recording = crop.record(&[0.05], 0.0, 8, Seed(1)).expect("a recording");
     let source = Faulty {
         good: Replay::new(recording),
         fault: Fault::Firefly(f32::NAN, |_| true),

@@ -12,6 +12,7 @@ use opsr::integrator::{Method, Picture, Settings};
 use opsr::math::real::Dual;
 use opsr::math::{Rgb, UVec2};
 use opsr::regularise::{Accumulated, AttenuationTable, ConstantGamma, LEN, Lookup};
+use opsr::sampler::Seed;
 use opsr::scene::SceneParts;
 use opsr::train::Config;
 use opsr::train::config::Way;
@@ -53,7 +54,7 @@ fn crop_of(parts: SceneParts, edge: u32) -> Crop {
     };
     // As if the truth were a little roughened.
     let truth = AttenuationTable::constant(TRUTH);
-    crop.reference = Replay::new(crop.record(&[TRUTH], 0.0, 1024, 99).unwrap())
+    crop.reference = Replay::new(crop.record(&[TRUTH], 0.0, 1024, Seed(99)).unwrap())
         .moments(&truth)
         .mean;
     crop
@@ -126,9 +127,7 @@ fn replayed_where_it_was_made(crop: &Crop) {
         max_vertices: crop.max_vertices,
         ..Default::default()
     };
-    let source = opsr::sampler::Independent {
-        seed: opsr::sampler::Seed(3),
-    };
+    let source = opsr::sampler::Independent { seed: Seed(3) };
     settings.tracer(rule(0.1)).estimate(
         &crop.scene,
         &crop.camera,
@@ -210,11 +209,11 @@ fn a_recording_is_the_render_and_as_noisy_at_every_factor() {
     let draws = Config::default().record_gammas;
     let recorded = |draws: &[f32]| -> Vec<Replay> {
         (0..SEEDS)
-            .map(|seed| Replay::new(crop.record(draws, 0.3, 64, 100 + seed).unwrap()))
+            .map(|seed| Replay::new(crop.record(draws, 0.3, 64, Seed(100 + seed)).unwrap()))
             .collect()
     };
     let (mut several, mut single) = (recorded(&draws), recorded(&[0.05]));
-    let mut long = Replay::new(crop.record(&draws, 0.3, 8192, 9).unwrap());
+    let mut long = Replay::new(crop.record(&draws, 0.3, 8192, Seed(9)).unwrap());
     let mut worst: f32 = 1.0;
     for gamma in [0.002, 0.013, 0.05, 0.16, 0.55, 1.0] {
         let table = AttenuationTable::constant(gamma);
@@ -248,7 +247,7 @@ fn a_recording_is_the_render_and_as_noisy_at_every_factor() {
 fn faint_events_are_thinned_out_without_bias() {
     let crop = crop(8);
     let draws = Config::default().record_gammas;
-    let recorded = |roulette| crop.record(&draws, roulette, 2048, 4).unwrap();
+    let recorded = |roulette| crop.record(&draws, roulette, 2048, Seed(4)).unwrap();
     let (all, some) = (recorded(0.0), recorded(1.0));
     let kept = some.events.len() as f32 / all.events.len() as f32;
     assert!(kept < 0.8, "{kept}");
@@ -279,7 +278,7 @@ fn faint_events_are_thinned_out_without_bias() {
 #[test]
 fn the_tangent_of_an_event_is_the_one_of_double_precision() {
     let crop = crop(6);
-    let recording = (crop.record(&Config::default().record_gammas, 0.0, 64, 3)).unwrap();
+    let recording = (crop.record(&Config::default().record_gammas, 0.0, 64, Seed(3))).unwrap();
     let mut steep = 0;
     for event in recording.events.iter().step_by(7) {
         for alpha in [1e-3f32, 4e-3, 0.02, 0.1, 0.5, 1.0] {
@@ -315,7 +314,7 @@ fn the_gradient_of_replay_is_a_finite_difference() {
     let crop = crop(6);
     for lookup in [Lookup::Nearest, Lookup::Linear] {
         let mut replay = Replay::new(
-            crop.record(&Config::default().record_gammas, 0.3, 96, 5)
+            crop.record(&Config::default().record_gammas, 0.3, 96, Seed(5))
                 .unwrap(),
         );
         let table = uneven(lookup);
@@ -347,7 +346,7 @@ fn the_gradient_of_replay_is_a_finite_difference() {
 fn curves_agree_with_replay() {
     let crop = crop(8);
     for lookup in [Lookup::Nearest, Lookup::Linear] {
-        let recording = (crop.record(&Config::default().record_gammas, 0.3, 256, 7)).unwrap();
+        let recording = (crop.record(&Config::default().record_gammas, 0.3, 256, Seed(7))).unwrap();
         let table = uneven(lookup);
         let mut curves = Curves::bake(&recording, &table);
         curves.anchor(&table);

@@ -2,6 +2,7 @@
 //! against.
 
 use crate::regularise::{Accumulated, AttenuationTable};
+use crate::sampler::{Domain, Seed};
 use crate::train::evaluate::moments::{Adjoint, Moments, Source, no_gradient};
 use crate::train::evaluate::replay::Replay;
 use crate::train::record::crop::Crop;
@@ -10,14 +11,14 @@ use crate::train::record::crop::Crop;
 pub struct Fresh {
     crop: Crop,
     spp: u32,
-    seed: u64,
+    seed: Seed,
     traced: u64,
     last: Option<Replay>,
 }
 
 impl Fresh {
     /// Of a crop; every tracing has a seed of its own that follows from `seed`.
-    pub fn new(crop: Crop, spp: u32, seed: u64) -> Self {
+    pub fn new(crop: Crop, spp: u32, seed: Seed) -> Self {
         Self {
             crop,
             spp,
@@ -33,8 +34,7 @@ impl Fresh {
             attenuation: table,
             lambda: 0.0,
         };
-        // Far from the seeds next to it, which other replicates use.
-        let seed = self.seed ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let seed = self.seed.derive(Domain::Retrace, number);
         let recording = self.crop.record_with(rule, self.spp, seed).ok()?;
         Some(Replay::new(recording))
     }

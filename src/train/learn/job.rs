@@ -1,5 +1,6 @@
 //! The recordings that a training starts with.
 
+use crate::sampler::{Domain, Seed};
 use crate::train::config::{Config, Loss, Way};
 use crate::train::evaluate::curves::Curves;
 use crate::train::evaluate::fresh::Fresh;
@@ -46,7 +47,7 @@ pub(in crate::train) struct Job {
     pub(in crate::train) crop: Crop,
     /// Whether the crop is learned from.
     pub(in crate::train) training: bool,
-    seed: u64,
+    seed: Seed,
     spp: u32,
 }
 
@@ -59,14 +60,16 @@ impl Job {
             Loss::NoiseFree => (1, config.spp.saturating_mul(config.replicates)),
         };
         let replicates = 0..if training { replicates } else { 1 };
-        let job = |replicate| {
-            let seed = config.seed.wrapping_add(u64::from(replicate) << 32);
-            Self {
-                crop: crop.clone(),
-                training,
-                seed: if training { seed } else { !seed },
-                spp,
-            }
+        let domain = if training {
+            Domain::Recording
+        } else {
+            Domain::Validation
+        };
+        let job = |replicate: u32| Self {
+            crop: crop.clone(),
+            training,
+            seed: Seed(config.seed).derive(domain, replicate.into()),
+            spp,
         };
         replicates.map(job).collect()
     }
@@ -81,7 +84,7 @@ impl Job {
         let mut visits = Visits::default();
         if config.method == Way::Fresh && self.training {
             // Visits are those of a recording whatever the way.
-            let recording = crop.record(gammas, config.roulette, (*spp).min(64), config.seed)?;
+            let recording = crop.record(gammas, config.roulette, (*spp).min(64), *seed)?;
             visits.count(&recording, &middle);
             return Ok((Box::new(Fresh::new(crop.clone(), *spp, *seed)), visits));
         }

@@ -142,7 +142,7 @@ impl Crop {
         gammas: &[f32],
         roulette: f32,
         spp: u32,
-        seed: u64,
+        seed: Seed,
     ) -> Result<Recording, DatasetError> {
         let thin = Thin::new(&self.target(spp), roulette, seed);
         let drawn = Arc::new((Drawn::new(gammas), thin));
@@ -155,7 +155,7 @@ impl Crop {
         &self,
         rule: Accumulated<A>,
         spp: u32,
-        seed: u64,
+        seed: Seed,
     ) -> Result<Recording, DatasetError> {
         self.trace(rule, Tape::new(self.window), spp, seed)
     }
@@ -165,14 +165,14 @@ impl Crop {
         rule: R,
         mut tape: Tape,
         spp: u32,
-        seed: u64,
+        seed: Seed,
     ) -> Result<Recording, DatasetError> {
         let mut film = self.film()?;
         let settings = self.settings(Method::Plain);
         settings.tracer(rule).estimate(
             &self.scene,
             &self.camera,
-            &Independent { seed: Seed(seed) },
+            &Independent { seed },
             0..spp,
             &mut film,
             &mut tape,

@@ -11,7 +11,7 @@
 //! of 256 samples grows by 0.6 % in the crops with the least noise, by less than 0.2 % in others.
 
 use crate::math::UVec2;
-use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
+use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Sampler, Seed};
 use crate::train::learn::objective::{EPSILON, Target};
 
 /// The roulette of a crop's recording.
@@ -24,15 +24,16 @@ pub struct Thin {
 
 impl Thin {
     /// For a crop that is compared with this, whose events are weighed against this share of the reference and ε.
-    pub(in crate::train) fn new(target: &Target, share: f32, seed: u64) -> Self {
+    pub(in crate::train) fn new(target: &Target, share: f32, seed: Seed) -> Self {
         let epsilon = 3.0 * EPSILON / target.scale();
         let floors = (target.reference.iter())
             .map(|f| share * (f.iter().sum::<f32>() + epsilon))
             .collect();
         Self {
             floors,
-            // Not the numbers that the paths are made of.
-            source: Independent { seed: Seed(!seed) },
+            source: Independent {
+                seed: seed.derive(Domain::EventRoulette, 0),
+            },
         }
     }
 
@@ -68,7 +69,7 @@ mod tests {
             reference: vec![[0.2, 0.3, 0.4], [0.0, 0.0, 0.0]],
             samples: 64,
         };
-        Thin::new(&target, share, 5)
+        Thin::new(&target, share, Seed(5))
     }
 
     #[test]
