@@ -2,6 +2,7 @@
 
 use crate::train::{crop, quick};
 use opsr::regularise::{AttenuationTable, LEN};
+use opsr::sampler::Seed;
 use opsr::train::config::Evaluation;
 use opsr::train::evaluate::replay::Replay;
 use opsr::train::evaluate::{Adjoint, MomentSource, Moments};
@@ -57,7 +58,7 @@ fn learn(steps: u32, fault: Fault, folder: Option<&Path>) -> Result<Outcome, Tra
     // A validation asks for the moments too.
     config.validate_every = 1000;
     let crop = crop(6);
-    let recording = crop.record(&config.record_gammas, config.roulette, config.spp, 1)?;
+    let recording = crop.record(&config.record_gammas, config.roulette, config.spp, Seed(1))?;
     let target = crop.target(config.spp);
     let mut session = Session::with_crops(config, vec![crop.clone()], vec![], &|_| ())?;
     session.training.remove(|_| true);
@@ -119,7 +120,7 @@ fn case_15_nan_loss_is_never_the_best() {
         &|_| (),
     )
     .expect("a session");
-    let recording = crop.record(&[0.05], 0.0, 8, 1).expect("a recording");
+    let recording = crop.record(&[0.05], 0.0, 8, Seed(1)).expect("a recording");
     let source = Faulty {
         good: Replay::new(recording),
         fault: Fault::Firefly(f32::NAN, |_| true),

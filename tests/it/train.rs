@@ -12,6 +12,7 @@ use opsr::integrator::{Picture, Settings};
 use opsr::math::real::Dual;
 use opsr::math::{Rgb, UVec2};
 use opsr::regularise::{AttenuationTable, LEN, Lookup, Rule};
+use opsr::sampler::Seed;
 use opsr::scene::SceneParts;
 use opsr::train::Config;
 use opsr::train::config::Evaluation;
@@ -52,7 +53,7 @@ fn crop_of(parts: SceneParts, edge: u32) -> Crop {
     };
     // The reference is a little roughened, so that a known factor is the best.
     let truth = AttenuationTable::constant(TRUTH);
-    crop.reference = Replay::new(crop.record(&[TRUTH], 0.0, 1024, 99).unwrap())
+    crop.reference = Replay::new(crop.record(&[TRUTH], 0.0, 1024, Seed(99)).unwrap())
         .moments(&truth)
         .mean;
     crop
@@ -198,11 +199,11 @@ fn bias_and_noise_of_replay_match_the_render_at_every_factor() {
     let draws = Config::default().record_gammas;
     let recorded = |draws: &[f32]| -> Vec<Replay> {
         (0..SEEDS)
-            .map(|seed| Replay::new(crop.record(draws, 0.3, 64, 100 + seed).unwrap()))
+            .map(|seed| Replay::new(crop.record(draws, 0.3, 64, Seed(100 + seed)).unwrap()))
             .collect()
     };
     let (mut several, mut single) = (recorded(&draws), recorded(&[0.05]));
-    let mut long = Replay::new(crop.record(&draws, 0.3, 8192, 9).unwrap());
+    let mut long = Replay::new(crop.record(&draws, 0.3, 8192, Seed(9)).unwrap());
     let mut worst: f32 = 1.0;
     for gamma in [0.002, 0.013, 0.05, 0.16, 0.55, 1.0] {
         let table = AttenuationTable::constant(gamma);
@@ -236,7 +237,7 @@ fn bias_and_noise_of_replay_match_the_render_at_every_factor() {
 fn bias_of_recordings_with_event_roulette_is_zero() {
     let crop = crop(8);
     let draws = Config::default().record_gammas;
-    let recorded = |roulette| crop.record(&draws, roulette, 2048, 4).unwrap();
+    let recorded = |roulette| crop.record(&draws, roulette, 2048, Seed(4)).unwrap();
     let (all, some) = (recorded(0.0), recorded(1.0));
     let kept = some.events.len() as f32 / all.events.len() as f32;
     assert!(kept < 0.8, "{kept}");
@@ -267,7 +268,7 @@ fn bias_of_recordings_with_event_roulette_is_zero() {
 #[test]
 fn derivatives_of_events_in_single_precision_match_double() {
     let crop = crop(6);
-    let recording = (crop.record(&Config::default().record_gammas, 0.0, 64, 3)).unwrap();
+    let recording = (crop.record(&Config::default().record_gammas, 0.0, 64, Seed(3))).unwrap();
     let mut steep = 0;
     for event in recording.events.iter().step_by(7) {
         for alpha in [1e-3f32, 4e-3, 0.02, 0.1, 0.5, 1.0] {
@@ -303,7 +304,7 @@ fn finite_difference_of_replay_matches_its_gradient() {
     let crop = crop(6);
     for lookup in [Lookup::Nearest, Lookup::Linear] {
         let mut replay = Replay::new(
-            crop.record(&Config::default().record_gammas, 0.3, 96, 5)
+            crop.record(&Config::default().record_gammas, 0.3, 96, Seed(5))
                 .unwrap(),
         );
         let table = uneven(lookup);
@@ -335,7 +336,7 @@ fn finite_difference_of_replay_matches_its_gradient() {
 fn tabulated_moments_and_gradient_match_replay() {
     let crop = crop(8);
     for lookup in [Lookup::Nearest, Lookup::Linear] {
-        let recording = (crop.record(&Config::default().record_gammas, 0.3, 256, 7)).unwrap();
+        let recording = (crop.record(&Config::default().record_gammas, 0.3, 256, Seed(7))).unwrap();
         let table = uneven(lookup);
         let mut curves = Curves::bake(&recording, &table);
         curves.anchor(&table);

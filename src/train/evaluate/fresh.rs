@@ -2,6 +2,7 @@
 //! sources.
 
 use crate::regularise::{AttenuationTable, Rule};
+use crate::sampler::{Domain, Seed};
 use crate::train::evaluate::replay::Replay;
 use crate::train::evaluate::{Adjoint, MomentSource, Moments, no_gradient};
 use crate::train::record::crop::Crop;
@@ -10,7 +11,7 @@ use crate::train::record::crop::Crop;
 pub struct Fresh {
     crop: Crop,
     spp: u32,
-    seed: u64,
+    seed: Seed,
     /// Number of calls of [`MomentSource::moments`].
     traced: u64,
     last: Option<Replay>,
@@ -18,7 +19,7 @@ pub struct Fresh {
 
 impl Fresh {
     /// A crop with `spp` samples per pixel; the seed of every call follows from `seed`.
-    pub fn new(crop: Crop, spp: u32, seed: u64) -> Self {
+    pub fn new(crop: Crop, spp: u32, seed: Seed) -> Self {
         Self {
             crop,
             spp,
@@ -31,8 +32,7 @@ impl Fresh {
     /// Paths of the call with this number; `None` for a crop outside of its frame, which cannot be opened.
     fn trace(&self, table: &AttenuationTable, number: u64) -> Option<Replay> {
         let rule = Rule::with_table(table.clone());
-        // Far from the seeds next to it, which other replicates use.
-        let seed = self.seed ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let seed = self.seed.derive(Domain::Retrace, number);
         let recording = self.crop.record_with(rule, self.spp, seed).ok()?;
         Some(Replay::new(recording))
     }

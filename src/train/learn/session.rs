@@ -3,6 +3,7 @@
 use crate::files::hex;
 use crate::gallery::manifest::Role;
 use crate::regularise::file::Provenance;
+use crate::sampler::{Domain, Seed};
 use crate::train::config::{Config, Evaluation, Loss, Optimiser};
 use crate::train::evaluate::MomentSource;
 use crate::train::evaluate::curves::Curves;
@@ -162,7 +163,7 @@ struct RecordingJob {
     crop: Crop,
     /// Whether the crop is learned from.
     training: bool,
-    seed: u64,
+    seed: Seed,
     spp: u32,
 }
 
@@ -175,14 +176,16 @@ impl RecordingJob {
             Loss::NoiseFree => (1, config.spp.saturating_mul(config.replicates)),
         };
         let replicates = 0..if training { replicates } else { 1 };
-        let job = |replicate| {
-            let seed = config.seed.wrapping_add(u64::from(replicate) << 32);
-            Self {
-                crop: crop.clone(),
-                training,
-                seed: if training { seed } else { !seed },
-                spp,
-            }
+        let domain = if training {
+            Domain::Recording
+        } else {
+            Domain::Validation
+        };
+        let job = |replicate| Self {
+            crop: crop.clone(),
+            training,
+            seed: Seed(config.seed).derive(domain, u64::from(replicate)),
+            spp,
         };
         replicates.map(job).collect()
     }
@@ -197,7 +200,7 @@ impl RecordingJob {
         let mut visits = Visits::default();
         if config.method == Evaluation::Fresh && self.training {
             // Visits are those of a recording with any evaluation.
-            let recording = crop.record(gammas, config.roulette, (*spp).min(64), config.seed)?;
+            let recording = crop.record(gammas, config.roulette, (*spp).min(64), *seed)?;
             visits.count(&recording, &middle);
             return Ok((Box::new(Fresh::new(crop.clone(), *spp, *seed)), visits));
         }

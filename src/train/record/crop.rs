@@ -166,7 +166,7 @@ impl Crop {
         gammas: &[f32],
         roulette: f32,
         spp: u32,
-        seed: u64,
+        seed: Seed,
     ) -> Result<Recording, DatasetError> {
         let roulette = EventRoulette::new(&self.target(spp), roulette, seed);
         let drawn = Arc::new((Proposals::new(gammas), roulette));
@@ -175,7 +175,7 @@ impl Crop {
     }
 
     /// Records the events of samples `0..spp` with this rule.
-    pub fn record_with(&self, rule: Rule, spp: u32, seed: u64) -> Result<Recording, DatasetError> {
+    pub fn record_with(&self, rule: Rule, spp: u32, seed: Seed) -> Result<Recording, DatasetError> {
         self.trace(rule, Tape::new(self.window), spp, seed)
     }
 
@@ -184,13 +184,13 @@ impl Crop {
         rule: R,
         mut tape: Tape,
         spp: u32,
-        seed: u64,
+        seed: Seed,
     ) -> Result<Recording, DatasetError> {
         let mut film = self.film()?;
         let settings = self.settings(Rule::Plain);
         settings.tracer(rule).estimate(
             &self.view(),
-            &Independent { seed: Seed(seed) },
+            &Independent { seed },
             0..spp,
             &mut film,
             &mut tape,

@@ -12,7 +12,9 @@
 //! others.
 
 use crate::math::UVec2;
-use crate::sampler::{Independent, IndependentStream, LEAST_CHANCE, SampleSource, Sampler, Seed};
+use crate::sampler::{
+    Domain, Independent, IndependentStream, LEAST_CHANCE, SampleSource, Sampler, Seed,
+};
 use crate::train::record::crop::{EPSILON, Target};
 
 /// The roulette of one crop's recording.
@@ -25,15 +27,16 @@ pub struct EventRoulette {
 
 impl EventRoulette {
     /// A roulette whose thresholds are `share` times reference + ε.
-    pub(in crate::train) fn new(target: &Target, share: f32, seed: u64) -> Self {
+    pub(in crate::train) fn new(target: &Target, share: f32, seed: Seed) -> Self {
         let epsilon = 3.0 * EPSILON / target.scale();
         let thresholds = (target.reference.iter())
             .map(|f| share * (f.iter().sum::<f32>() + epsilon))
             .collect();
         Self {
             thresholds,
-            // Other random numbers than those of the paths.
-            source: Independent { seed: Seed(!seed) },
+            source: Independent {
+                seed: seed.derive(Domain::EventRoulette, 0),
+            },
         }
     }
 
@@ -69,7 +72,7 @@ mod tests {
             reference: vec![[0.2, 0.3, 0.4], [0.0, 0.0, 0.0]],
             samples: 64,
         };
-        EventRoulette::new(&target, share, 5)
+        EventRoulette::new(&target, share, Seed(5))
     }
 
     #[test]
