@@ -29,14 +29,55 @@ pub(super) struct Item {
     pub members: Vec<Item>,
 }
 
-/// Tree over lights at finite distance, depth first: the first child follows its parent.
+/// Tree over lights at finite distance.
 pub(super) struct LightTree {
-    nodes: Vec<Node>,
-    /// Place of each light's leaf, by index of the light; [`NONE`] for lights that are not in the tree.
-    leaves: Vec<u32>,
+    nodes: Vec<WideNode>,
+    /// Node and slot of each light, by index of the light; [`NONE`] for lights that are not in the tree.
+    leaves: Vec<Slot>,
 }
 
-/// A node's bounds as a sphere and two cones.
+/// Place of a child in a node.
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    node: u32,
+    child: u32,
+}
+
+/// Children of a node. A choice among eight at once looks three levels of a binary tree ahead, and is evaluated in
+/// vector registers.
+const WIDTH: usize = 8;
+
+/// Bounds of the children of a node, number by number, and where they are.
+struct WideNode {
+    x: Lanes,
+    y: Lanes,
+    z: Lanes,
+    radius: Lanes,
+    inverse_radius: Lanes,
+    axis_x: Lanes,
+    axis_y: Lanes,
+    axis_z: Lanes,
+    cos_facing: Lanes,
+    sin_facing: Lanes,
+    cos_emission: Lanes,
+    /// 1 for children with a light that shines to both sides.
+    two_sided: Lanes,
+    /// 0 for children that do not exist.
+    intensity: Lanes,
+    children: [Child; WIDTH],
+    parent: Slot,
+}
+
+type Lanes = [f32; WIDTH];
+
+#[derive(Clone, Copy, Debug)]
+enum Child {
+    None,
+    Light(u32),
+    Node(u32),
+}
+
+/// A node of the binary tree, depth first: the first child follows its parent. Bounds are a sphere and two cones.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     centre: Vec3,
@@ -53,7 +94,10 @@ struct Node {
     light: u32,
 }
 
-const NONE: u32 = u32::MAX;
+const NONE: Slot = Slot {
+    node: u32::MAX,
+    child: 0,
+};
 /// Parts into which an extent is cut to find the best split.
 const BUCKETS: usize = 12;
 /// Lights from which the halves of a node are built in parallel.
@@ -161,76 +205,173 @@ impl LightTree {
         );
         // No light is nearer than a millionth of their extent: intensities over squared distances stay finite.
         let least = (1e-12 * low.distance_squared(high)).max(1e-30);
-        let (nodes, _) = built(&mut items, least);
-        let mut leaves = vec![NONE; lights];
-        for (i, node) in nodes.iter().enumerate().filter(|(_, n)| n.skip == 0) {
-            leaves[node.light as usize] = i as u32;
+        let (binary, _) = built(&mut items, least);
+        let mut tree = Self {
+            nodes: Vec::new(),
+            leaves: vec![NONE; lights],
+        };
+        tree.collapse(&binary, 0, NONE);
+        tree
+    }
+
+    /// Adds the node with the descendants of the binary node `root` that bound the least, and all nodes below it;
+    /// returns its index.
+    fn collapse(&mut self, binary: &[Node], root: usize, parent: Slot) -> u32 {
+        let mut children = vec![root];
+        while children.len() < WIDTH {
+            let size = |i: usize| binary[i].intensity * binary[i].radius_squared;
+            let inner = (0..children.len()).filter(|&c| binary[children[c]].skip != 0);
+            let Some(c) = inner.max_by(|&a, &b| size(children[a]).total_cmp(&size(children[b])))
+            else {
+                break;
+            };
+            let i = children[c];
+            children[c] = i + 1;
+            children.push(i + binary[i].skip as usize);
         }
-        Self { nodes, leaves }
+        let lanes = |value: &dyn Fn(&Node) -> f32| -> Lanes {
+            std::array::from_fn(|k| children.get(k).map_or(0.0, |&i| value(&binary[i])))
+        };
+        let node = self.nodes.len();
+        self.nodes.push(WideNode {
+            x: lanes(&|n| n.centre.x),
+            y: lanes(&|n| n.centre.y),
+            z: lanes(&|n| n.centre.z),
+            radius: lanes(&|n| n.radius_squared.sqrt()),
+            inverse_radius: lanes(&|n| 1.0 / n.radius_squared.sqrt()),
+            axis_x: lanes(&|n| n.axis.x),
+            axis_y: lanes(&|n| n.axis.y),
+            axis_z: lanes(&|n| n.axis.z),
+            cos_facing: lanes(&|n| n.cos_facing),
+            sin_facing: lanes(&|n| n.sin_facing),
+            cos_emission: lanes(&|n| n.cos_emission),
+            two_sided: lanes(&|n| f32::from(n.two_sided)),
+            intensity: lanes(&|n| n.intensity),
+            children: [Child::None; WIDTH],
+            parent,
+        });
+        for (k, &i) in children.iter().enumerate() {
+            let slot = Slot {
+                node: node as u32,
+                child: k as u32,
+            };
+            let child = if binary[i].skip == 0 {
+                self.leaves[binary[i].light as usize] = slot;
+                Child::Light(binary[i].light)
+            } else {
+                Child::Node(self.collapse(binary, i, slot))
+            };
+            self.nodes[node].children[k] = child;
+        }
+        node as u32
     }
 
     /// Maps `u` in [0, 1) to a light, with the probability of the choice and the remainder of `u`.
     #[inline]
     pub(super) fn sample(&self, from: Vec3, mut u: f64) -> (usize, f64, f64) {
-        let (mut i, mut pmf) = (0, 1.0);
-        while self.nodes[i].skip != 0 {
-            let p = self.first(i, from);
-            u = u.min(ALMOST_ONE);
-            if u < p {
-                (i, u, pmf) = (i + 1, u / p, pmf * p);
-            } else {
-                let skip = self.nodes[i].skip as usize;
-                (i, u, pmf) = (i + skip, (u - p) / (1.0 - p), pmf * (1.0 - p));
+        let (mut node, mut pmf) = (0, 1.0);
+        loop {
+            let (weights, sum) = self.nodes[node].weights(from);
+            let mut below = 0.0;
+            let ends: [f64; WIDTH] = std::array::from_fn(|k| {
+                below += f64::from(weights[k]);
+                below
+            });
+            let place = u * sum;
+            let passed = ends.iter().filter(|&&end| end <= place).count();
+            // Rounding may pass all children; one without weight is never chosen.
+            let mut child = passed.min(WIDTH - 1);
+            while weights[child] <= 0.0 && child > 0 {
+                child -= 1;
+            }
+            let weight = f64::from(weights[child]);
+            let start = ends[child] - weight;
+            pmf *= weight / sum;
+            u = ((place - start) / weight).clamp(0.0, ALMOST_ONE);
+            match self.nodes[node].children[child] {
+                Child::Node(next) => node = next as usize,
+                Child::Light(light) => return (light as usize, pmf, u),
+                Child::None => return (0, 0.0, u),
             }
         }
-        (self.nodes[i].light as usize, pmf, u.min(ALMOST_ONE))
     }
 
-    /// Probability with which [`LightTree::sample`] draws a light: the same steps, towards the light's leaf.
+    /// Probability with which [`LightTree::sample`] draws a light: that of the same steps.
     #[inline]
     pub(super) fn pmf(&self, light: usize, from: Vec3) -> f64 {
-        let leaf = self.leaves[light];
-        if leaf == NONE {
+        let slot = self.leaves[light];
+        if slot.node == NONE.node {
             return 0.0;
         }
-        let (mut i, mut pmf) = (0, 1.0);
-        while self.nodes[i].skip != 0 {
-            let p = self.first(i, from);
-            let second = i + self.nodes[i].skip as usize;
-            if (leaf as usize) < second {
-                (i, pmf) = (i + 1, pmf * p);
-            } else {
-                (i, pmf) = (second, pmf * (1.0 - p));
-            }
+        self.pmf_of(slot, from)
+    }
+
+    fn pmf_of(&self, slot: Slot, from: Vec3) -> f64 {
+        if slot.node == NONE.node {
+            return 1.0;
         }
-        pmf
+        let node = &self.nodes[slot.node as usize];
+        let (weights, sum) = node.weights(from);
+        // From the root down, as a sample goes.
+        self.pmf_of(node.parent, from) * (f64::from(weights[slot.child as usize]) / sum)
     }
 
     /// Bound of the irradiance at a point from all lights of the tree.
     #[inline]
     pub(super) fn irradiance(&self, from: Vec3) -> f32 {
-        match self.nodes[0].skip {
-            0 => self.nodes[0].importance(from),
-            skip => self.nodes[1].importance(from) + self.nodes[skip as usize].importance(from),
+        self.nodes[0].importance(from).iter().sum()
+    }
+}
+
+impl WideNode {
+    /// Weights with which the children are drawn, and their sum, which is positive.
+    #[inline]
+    fn weights(&self, from: Vec3) -> (Lanes, f64) {
+        let importance = self.importance(from);
+        let sum = total(&importance);
+        if sum > 0.0 {
+            return (importance, sum);
         }
+        // None can light the point, which the bounds of their parent did not say: the sample will be dark.
+        let sum = total(&self.intensity);
+        if sum > 0.0 {
+            return (self.intensity, sum);
+        }
+        let weights = self.children.map(|c| f32::from(!matches!(c, Child::None)));
+        (weights, total(&weights))
     }
 
-    /// Probability of the first child of an inner node.
+    /// Bounds of the irradiance at `from`, on a surface that faces the lights: the intensity at the least angle to where
+    /// a light may face, over the squared distance of the centre ([ContyKulla18] eq. 3). Without branches, so that all
+    /// lanes are computed at once.
     #[inline]
-    fn first(&self, i: usize, from: Vec3) -> f64 {
-        let (a, b) = (
-            &self.nodes[i + 1],
-            &self.nodes[i + self.nodes[i].skip as usize],
-        );
-        let share = |a: f32, b: f32| f64::from(a) / (f64::from(a) + f64::from(b));
-        let p = share(a.importance(from), b.importance(from));
-        if p.is_finite() {
-            return p;
+    fn importance(&self, from: Vec3) -> Lanes {
+        let mut bounds = [0.0; WIDTH];
+        for (k, bound) in bounds.iter_mut().enumerate() {
+            let (x, y, z) = (from.x - self.x[k], from.y - self.y[k], from.z - self.z[k]);
+            let squared = x * x + y * y + z * z;
+            let inverse = 1.0 / squared.sqrt();
+            let cos = x * self.axis_x[k] + y * self.axis_y[k] + z * self.axis_z[k];
+            let cos = cos * inverse;
+            let cos = cos + self.two_sided[k] * (cos.abs() - cos);
+            let sin = (1.0 - cos * cos).max(0.0).sqrt();
+            let (sin, cos) = less(sin, cos, self.sin_facing[k], self.cos_facing[k]);
+            let subtended = self.radius[k] * inverse;
+            let clear = (1.0 - subtended * subtended).max(0.0).sqrt();
+            let (_, cos) = less(sin, cos, subtended, clear);
+            let seen = if cos > self.cos_emission[k] { cos } else { 0.0 };
+            // Inside of the sphere a light may be anywhere.
+            let seen = if subtended >= 1.0 { 1.0 } else { seen };
+            let inverse = inverse.min(self.inverse_radius[k]);
+            *bound = self.intensity[k] * seen * (inverse * inverse);
         }
-        // Neither can light the point, which the bounds of their parent did not say: the sample will be dark.
-        let p = share(a.intensity, b.intensity);
-        if p.is_finite() { p } else { 0.5 }
+        bounds
     }
+}
+
+#[inline]
+fn total(weights: &Lanes) -> f64 {
+    weights.iter().map(|&w| f64::from(w)).sum()
 }
 
 impl Node {
@@ -249,38 +390,14 @@ impl Node {
             light,
         }
     }
-
-    /// Bound of the irradiance at `from`, on a surface that faces the lights: the intensity at the least angle to where
-    /// a light may face, over the squared distance of the centre ([ContyKulla18] eq. 3).
-    #[inline]
-    fn importance(&self, from: Vec3) -> f32 {
-        let to = from - self.centre;
-        let squared = to.length_squared();
-        // Inside of the sphere a light may be anywhere.
-        if squared <= self.radius_squared {
-            return self.intensity / self.radius_squared;
-        }
-        let cos = to.dot(self.axis) / squared.sqrt();
-        let cos = if self.two_sided { cos.abs() } else { cos };
-        let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        let (sin, cos) = less(sin, cos, self.sin_facing, self.cos_facing);
-        let subtended = self.radius_squared / squared;
-        let (_, cos) = less(sin, cos, subtended.sqrt(), (1.0 - subtended).sqrt());
-        if cos <= self.cos_emission {
-            return 0.0;
-        }
-        self.intensity * cos / squared
-    }
 }
 
 /// Sine and cosine of the difference of two angles, or of 0 if it is negative.
 #[inline]
 fn less(sin_a: f32, cos_a: f32, sin_b: f32, cos_b: f32) -> (f32, f32) {
-    if cos_a >= cos_b {
-        (0.0, 1.0)
-    } else {
-        (sin_a * cos_b - cos_a * sin_b, cos_a * cos_b + sin_a * sin_b)
-    }
+    let (sin, cos) = (sin_a * cos_b - cos_a * sin_b, cos_a * cos_b + sin_a * sin_b);
+    let none = cos_a >= cos_b;
+    (if none { 0.0 } else { sin }, if none { 1.0 } else { cos })
 }
 
 /// Nodes over the items and their bounds.
@@ -303,7 +420,7 @@ fn built(items: &mut [Item], least: f32) -> (Vec<Node>, LightBounds) {
     };
     let bounds = a_bounds.union(&b_bounds);
     let mut nodes = Vec::with_capacity(1 + a.len() + b.len());
-    nodes.push(Node::new(&bounds, least, 1 + a.len() as u32, NONE));
+    nodes.push(Node::new(&bounds, least, 1 + a.len() as u32, u32::MAX));
     nodes.extend(a);
     nodes.extend(b);
     (nodes, bounds)
