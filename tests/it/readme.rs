@@ -15,7 +15,8 @@ const DOCUMENTS: [&str; 4] = [
 ];
 
 /// Input files that a reader brings along.
-const STAND_INS: [&str; 6] = [
+const STAND_INS: [&str; 7] = [
+    "pool.ckpt",
     "scene.glb",
     "a.exr",
     "b.exr",
@@ -37,7 +38,8 @@ const OUTPUTS: [&str; 9] = [
     "--checkpoint",
 ];
 
-const SUBCOMMANDS: [&[&str]; 11] = [
+const SUBCOMMANDS: [&[&str]; 12] = [
+    &["resolve"],
     &["render"],
     &["train"],
     &["info"],

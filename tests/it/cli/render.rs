@@ -218,10 +218,7 @@ fn levels_are_rendered_and_resolved_again() {
     for (a, b) in layers.channels["level0.R"].iter().zip(&plain.channels["R"]) {
         assert!((a - b).abs() <= 1e-5 * b.abs(), "{a} {b}");
     }
-    for name in levels
-        .into_iter()
-        .chain(["level", "bias2", "variance", "error"])
-    {
+    for name in levels.into_iter().chain(["variance", "error"]) {
         let values = &layers.channels[name];
         assert!(
             values.iter().any(|&x| x > 0.0) && values.iter().all(|x| x.is_finite()),
