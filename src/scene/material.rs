@@ -201,6 +201,11 @@ impl Material {
         self.metallic < 1.0 && self.transmission < 1.0
     }
 
+    /// True if the surface bounds a body that light enters and leaves.
+    pub fn bounds_body(&self) -> bool {
+        self.solid && self.transmission > 0.0 && self.metallic < 1.0
+    }
+
     /// True if the coat of the dielectric reflects anything.
     fn has_coat(&self) -> bool {
         self.specular != 0.0 && self.ior != 1.0
