@@ -20,18 +20,19 @@ pub fn dielectric(cos: f32, eta: f32) -> f32 {
     (0.5 * a * a * (1.0 + b * b)).min(1.0)
 }
 
-/// Schlick's approximation f0 + (1 − f0)(1 − cos)⁵ of the reflectance, with `f0` at normal incidence.
+/// Schlick's approximation f0 + (f90 − f0)(1 − cos)⁵ of the reflectance, with `f0` at normal and `f90` at grazing
+/// incidence.
 #[inline]
-pub fn schlick(f0: Rgb, cos: f32) -> Rgb {
+pub fn schlick(f0: Rgb, f90: f32, cos: f32) -> Rgb {
     let m = (1.0 - cos).clamp(0.0, 1.0);
     let m2 = m * m;
-    f0 + (Rgb::ONE - f0) * (m2 * m2 * m)
+    f0 + (Rgb::splat(f90) - f0) * (m2 * m2 * m)
 }
 
-/// Cosine-weighted mean of [`schlick`] over the hemisphere: 2 ∫₀¹ F(c) c dc = f0 + (1 − f0)/21.
+/// Cosine-weighted mean of [`schlick`] over the hemisphere: 2 ∫₀¹ F(c) c dc = f0 + (f90 − f0)/21.
 #[inline]
-pub fn schlick_average(f0: Rgb) -> Rgb {
-    f0 + (Rgb::ONE - f0) * (1.0 / 21.0)
+pub fn schlick_average(f0: Rgb, f90: f32) -> Rgb {
+    f0 + (Rgb::splat(f90) - f0) * (1.0 / 21.0)
 }
 
 #[cfg(test)]
@@ -64,9 +65,9 @@ mod tests {
         let sum: f64 = (0..n)
             .map(|i| {
                 let c = (f64::from(i) + 0.5) / f64::from(n);
-                2.0 * c * f64::from(schlick(Rgb::splat(0.2), c as f32).x) / f64::from(n)
+                2.0 * c * f64::from(schlick(Rgb::splat(0.2), 0.7, c as f32).x) / f64::from(n)
             })
             .sum();
-        assert!((sum - f64::from(schlick_average(Rgb::splat(0.2)).x)).abs() < 1e-6);
+        assert!((sum - f64::from(schlick_average(Rgb::splat(0.2), 0.7).x)).abs() < 1e-6);
     }
 }

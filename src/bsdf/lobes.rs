@@ -18,6 +18,8 @@ pub struct Diffuse {
 pub struct Glossy {
     /// Reflectance at normal incidence in [0, 1], for Schlick's approximation.
     pub f0: Rgb,
+    /// Reflectance at grazing incidence in [0, 1], not below a channel of `f0`; 1 unless a file says otherwise.
+    pub f90: f32,
     /// Reflectance of the base in [0, 1]; zero for a metal.
     pub albedo: Rgb,
     /// Original roughness in [0, 1].
@@ -44,6 +46,8 @@ pub struct Dielectric {
 pub struct ThinDielectric {
     /// Reflectance at normal incidence in [0, 1], for Schlick's approximation.
     pub f0: Rgb,
+    /// Reflectance at grazing incidence in [0, 1], not below a channel of `f0`; 1 unless a file says otherwise.
+    pub f90: f32,
     /// Factor of the transmitted light in [0, 1].
     pub tint: Rgb,
     /// Original roughness in [0, 1].
@@ -151,7 +155,7 @@ impl Glossy {
     /// Transmittance of the coat, inwards or outwards, at this cosine.
     #[inline]
     fn through(&self, cos: f32) -> Rgb {
-        Rgb::ONE - schlick(self.f0, cos)
+        Rgb::ONE - schlick(self.f0, self.f90, cos)
     }
 
     /// Selection probability of the glossy lobe: its share of the light that a smooth coat and the base reflect at
@@ -161,7 +165,7 @@ impl Glossy {
         if self.albedo == Rgb::ZERO {
             return 1.0;
         }
-        let glossy = luminance(schlick(self.f0, cos));
+        let glossy = luminance(schlick(self.f0, self.f90, cos));
         let base = luminance(self.albedo * self.through(cos));
         (glossy / (glossy + base)).clamp(0.05, 0.95)
     }
@@ -170,7 +174,7 @@ impl Glossy {
     pub(super) fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
         let (wo, wi) = (above(wo.z, wo), above(wo.z, wi));
         let (mut query, cos_h) = reflection(wo, wi, self.distribution)?;
-        query.scale *= schlick(self.f0, cos_h);
+        query.scale *= schlick(self.f0, self.f90, cos_h);
         if self.albedo != Rgb::ZERO {
             let p = self.glossy_probability(wo.z);
             query.pdf_scale *= p;
@@ -179,7 +183,7 @@ impl Glossy {
             // albedo on top of a mirror. The coupling by Kelemen and Szirmay-Kalos (2001) is reciprocal, does not
             // depend on α, and with a smooth coat both lobes sum to exactly F + (1 − F) albedo. A rough coat may
             // reflect more than the smooth one: a white base then gains up to 0.6 % (α = 0.2, 55°).
-            let average = Rgb::ONE - schlick_average(self.f0);
+            let average = Rgb::ONE - schlick_average(self.f0, self.f90);
             let coupling = self.through(wo.z) * self.through(wi.z) / average.max(Rgb::splat(1e-6));
             query.base = self.albedo * coupling * (wi.z * FRAC_1_PI);
         }
@@ -202,7 +206,7 @@ impl Glossy {
             let wi = Vec3::new(-wo.x, -wo.y, wo.z);
             return delta(
                 above(side, wi),
-                schlick(self.f0, wo.z) / p,
+                schlick(self.f0, self.f90, wo.z) / p,
                 Lobe::Reflection,
             );
         }
@@ -342,7 +346,7 @@ impl ThinDielectric {
             wi
         };
         let (mut query, cos_h) = reflection(wo, wi, self.distribution)?;
-        let f = schlick(self.f0, cos_h);
+        let f = schlick(self.f0, self.f90, cos_h);
         let p = luminance(f);
         query.scale *= if through {
             (Rgb::ONE - f) * self.tint
@@ -374,7 +378,7 @@ impl ThinDielectric {
         if wi.z <= 0.0 {
             return None;
         }
-        let f = schlick(self.f0, (0.5 * (wo + wi).length()).min(1.0));
+        let f = schlick(self.f0, self.f90, (0.5 * (wo + wi).length()).min(1.0));
         let p = luminance(f);
         let (through, lobe) = if u[0] < p {
             (false, Lobe::Reflection)

@@ -251,6 +251,7 @@ mod tests {
         let (f0, tint) = (Rgb::splat(0.04), Rgb::ONE);
         let glossy = |albedo| Glossy {
             f0,
+            f90: 1.0,
             albedo,
             alpha,
             distribution,
@@ -268,6 +269,7 @@ mod tests {
             }),
             Bsdf::Thin(ThinDielectric {
                 f0,
+                f90: 1.0,
                 tint,
                 alpha,
                 distribution,

@@ -237,6 +237,14 @@ impl RenderJob<'_> {
         for line in super::info::unused(&self.opened.scene, &self.settings.rule) {
             tracing::info!("{line}");
         }
+        let clipped = film.clipped_variances();
+        if clipped > 0 {
+            tracing::warn!(
+                "{clipped} pixels have a variance above {:e}, which is written in its place: the light is too strong for \
+                 error estimates in single precision",
+                f32::MAX
+            );
+        }
         let rejected = &film.rejected;
         if rejected.total() > 0 {
             let first = rejected.first.iter().map(|r| {

@@ -206,8 +206,8 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
     if m.solid {
         extensions.insert("KHR_materials_volume".into(), volume(m.absorption));
     }
-    if m.specular != Rgb::ONE {
-        extensions.insert("KHR_materials_specular".into(), specular(m.specular));
+    if (m.specular, m.specular_color) != (1.0, Rgb::ONE) {
+        extensions.insert("KHR_materials_specular".into(), specular(m));
     }
     used.extend(EXTENSIONS.iter().filter(|e| extensions.contains_key(**e)));
     if !extensions.is_empty() {
@@ -240,12 +240,12 @@ fn volume(absorption: Rgb) -> Value {
     })
 }
 
-fn specular(factor: Rgb) -> Value {
-    if factor == Rgb::splat(factor.x) && factor.x <= 1.0 {
-        json!({ "specularFactor": number(factor.x) })
-    } else {
-        json!({ "specularColorFactor": numbers(factor.to_array()) })
+fn specular(m: &Material) -> Value {
+    let mut value = json!({ "specularFactor": number(m.specular) });
+    if m.specular_color != Rgb::ONE {
+        value["specularColorFactor"] = numbers(m.specular_color.to_array());
     }
+    value
 }
 
 /// The lists of a file under construction.

@@ -27,7 +27,7 @@ fn base(name: &str, base_color: Rgb, alpha: f32) -> Material {
 /// A Lambertian surface: a dielectric without its coat.
 pub fn diffuse(name: &str, albedo: Rgb) -> Material {
     Material {
-        specular: Rgb::ZERO,
+        specular: 0.0,
         ..base(name, albedo, 1.0)
     }
 }

@@ -188,6 +188,9 @@ pub enum FilmError {
     },
 }
 
+/// Largest single-precision number: the bound of what a picture can hold.
+const LARGEST: DVec3 = DVec3::splat(f32::MAX as f64);
+
 /// Running moments of every pixel in a window of the frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
@@ -358,14 +361,21 @@ impl Film {
         self.picture(|m| m.mean)
     }
 
-    /// Estimated variance of one sample.
+    /// Estimated variance of one sample. Variances above the largest single-precision number become that number; see
+    /// [`Film::clipped_variances`].
     pub fn sample_variance(&self) -> Buffer {
-        self.picture(Moments::sample_variance)
+        self.picture(|m| m.sample_variance().min(LARGEST))
     }
 
-    /// Estimated variance of the mean: the squared error bar of the picture.
+    /// Estimated variance of the mean: the squared error bar of the picture. Clipped as [`Film::sample_variance`] is.
     pub fn variance_of_mean(&self) -> Buffer {
-        self.picture(Moments::variance_of_mean)
+        self.picture(|m| m.variance_of_mean().min(LARGEST))
+    }
+
+    /// Number of pixels with a sample variance above the largest single-precision number.
+    pub fn clipped_variances(&self) -> usize {
+        let clipped = |m: &&Moments| m.sample_variance().cmpgt(LARGEST).any();
+        self.pixels.iter().filter(clipped).count()
     }
 
     fn picture(&self, f: impl Fn(&Moments) -> DVec3) -> Buffer {

@@ -95,8 +95,8 @@ impl AliasTable {
 /// Largest double-precision number below 1.
 const ALMOST_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 
-/// Piecewise constant density on the unit square: the marginal of the rows, then a row's conditional, each by inversion
-/// of its cumulative sums.
+/// Probabilities of the cells of a grid: the marginal of the rows, then a row's conditional, each by inversion of its
+/// cumulative sums.
 #[derive(Clone, Debug)]
 pub struct Distribution2D {
     width: usize,
@@ -107,7 +107,7 @@ pub struct Distribution2D {
 }
 
 impl Distribution2D {
-    /// Density proportional to `weights`, listed row by row with `width` columns, finite and at least 0. `None` if no
+    /// Probabilities proportional to `weights`, listed row by row with `width` columns, finite and at least 0. `None` if no
     /// weight is positive or the last row is incomplete.
     pub fn new(width: usize, weights: &[f64]) -> Option<Self> {
         if width == 0 || weights.is_empty() || !weights.len().is_multiple_of(width) {
@@ -131,27 +131,21 @@ impl Distribution2D {
         &self.columns[y * self.width..][..self.width]
     }
 
-    /// Maps `u` in [0, 1)² to a point of the unit square, with its density per unit area.
+    /// Maps `u` in [0, 1)² to a cell (column, row), a uniform position in it in [0, 1)², and the cell's probability.
     ///
     /// Each coordinate decides a cell and the place in it: 24 bits are too few beside a sun that has all but 1e-6 of the
-    /// probability. A cell after the sun whose probability is lost in the rounding of the sums has density 0.
+    /// probability. A cell after the sun whose probability is lost in the rounding of the sums has probability 0.
     #[inline]
-    pub fn sample(&self, u: DVec2) -> (Vec2, f32) {
+    pub fn sample(&self, u: DVec2) -> ([usize; 2], Vec2, f32) {
         let (y, v, mass_y) = invert(&self.rows, u.y);
-        let row = self.row(y);
-        let (x, h, mass_x) = invert(row, u.x);
-        let (w, n) = (row.len() as f32, self.rows.len() as f32);
-        let point = Vec2::new((x as f32 + h) / w, (y as f32 + v) / n);
-        (point, mass_x * mass_y * w * n)
+        let (x, h, mass_x) = invert(self.row(y), u.x);
+        ([x, y], Vec2::new(h, v), mass_x * mass_y)
     }
 
-    /// Density of [`Distribution2D::sample`] at `point`, per unit area.
+    /// Probability of a cell (column, row).
     #[inline]
-    pub fn pdf(&self, point: Vec2) -> f32 {
-        let (w, n) = (self.width, self.rows.len());
-        let x = ((point.x * w as f32) as usize).min(w - 1);
-        let y = ((point.y * n as f32) as usize).min(n - 1);
-        mass(self.row(y), x) * mass(&self.rows, y) * (w * n) as f32
+    pub fn pmf(&self, [x, y]: [usize; 2]) -> f32 {
+        mass(self.row(y), x) * mass(&self.rows, y)
     }
 }
 
@@ -231,27 +225,17 @@ mod tests {
     }
 
     #[test]
-    fn distribution_2d_pdf_integrates_to_one_and_matches_sample() {
+    fn distribution_2d_pmf_sums_to_one_and_matches_sample() {
         let weights = [0.0, 1.0, 1e5, 0.0, 3.0, 0.5, 0.0, 0.0, 0.0, 2.0, 0.0, 7.0];
         let d = Distribution2D::new(4, &weights).unwrap();
-        let integral: f64 = (0..12)
-            .map(|i| {
-                f64::from(d.pdf(
-                    Vec2::new((i % 4) as f32 + 0.5, (i / 4) as f32 + 0.5) / Vec2::new(4.0, 3.0),
-                )) / 12.0
-            })
-            .sum();
-        assert!((integral - 1.0).abs() < 1e-6);
+        let sum: f64 = (0..12).map(|i| f64::from(d.pmf([i % 4, i / 4]))).sum();
+        assert!((sum - 1.0).abs() < 1e-6);
         for k in 0..100_000u32 {
             let k = f64::from(k);
             let u = DVec2::new((k * 0.618_034).fract(), (k + 0.5) / 100_000.0);
-            let (p, pdf) = d.sample(u);
-            assert!(pdf > 0.0, "{p}");
-            assert!(
-                (d.pdf(p) - pdf).abs() <= 1e-5 * pdf,
-                "{p} {pdf} {}",
-                d.pdf(p)
-            );
+            let (cell, inside, pmf) = d.sample(u);
+            assert!(inside.min_element() >= 0.0 && inside.max_element() < 1.0);
+            assert!(pmf > 0.0 && d.pmf(cell) == pmf, "{cell:?} {pmf}");
         }
         assert!(Distribution2D::new(4, &[0.0; 8]).is_none());
     }

@@ -31,8 +31,11 @@ pub struct Material {
     pub solid: bool,
     /// Absorption coefficient of the body per unit length.
     pub absorption: Rgb,
-    /// Specular factor: multiplies f0 of a dielectric coat.
-    pub specular: Rgb,
+    /// Weight in [0, 1] of the reflectance of a dielectric coat or thin wall, at all angles: its reflectance at grazing
+    /// incidence. The interface of a solid body has Fresnel's reflectance whatever this says.
+    pub specular: f32,
+    /// Factor of the reflectance of a dielectric coat or thin wall at normal incidence.
+    pub specular_color: Rgb,
     /// Slope distribution of the glossy lobe.
     pub distribution: Distribution,
     /// Base colour texture (sRGB), opacity in its fourth channel.
@@ -85,7 +88,8 @@ impl Default for Material {
             ior: 1.5,
             solid: false,
             absorption: Rgb::ZERO,
-            specular: Rgb::ONE,
+            specular: 1.0,
+            specular_color: Rgb::ONE,
             distribution: Distribution::Beckmann,
             base_color_texture: None,
             metallic_roughness_texture: None,
@@ -122,7 +126,9 @@ impl Material {
         }
         let distribution = self.distribution;
         let r0 = (self.ior - 1.0) / (self.ior + 1.0);
-        let f0 = (self.specular * (r0 * r0)).min(Rgb::ONE);
+        // F = specularFactor · Schlick(min(r0² · specularColorFactor, 1), 1) [KHR_materials_specular].
+        let f0 = (self.specular_color * (r0 * r0)).min(Rgb::ONE) * self.specular;
+        let f90 = self.specular;
         if u < transmission * (1.0 - metallic) {
             return if self.solid {
                 Bsdf::Dielectric(Dielectric {
@@ -134,18 +140,20 @@ impl Material {
             } else {
                 Bsdf::Thin(ThinDielectric {
                     f0,
+                    f90,
                     tint: color,
                     alpha,
                     distribution,
                 })
             };
         }
-        if metallic == 0.0 && f0 == Rgb::ZERO {
+        if metallic == 0.0 && !self.has_coat() {
             return Bsdf::Diffuse(Diffuse { albedo: color });
         }
         let f0 = f0 + (color - f0) * metallic;
         Bsdf::Glossy(Glossy {
             f0,
+            f90: f90 + (1.0 - f90) * metallic,
             albedo: color * (1.0 - metallic),
             alpha,
             distribution,
@@ -193,11 +201,19 @@ impl Material {
         self.metallic < 1.0 && self.transmission < 1.0
     }
 
+    /// True if the surface bounds a body that light enters and leaves.
+    pub fn bounds_body(&self) -> bool {
+        self.solid && self.transmission > 0.0 && self.metallic < 1.0
+    }
+
+    /// True if the coat of the dielectric reflects anything.
+    fn has_coat(&self) -> bool {
+        self.specular != 0.0 && self.ior != 1.0
+    }
+
     /// True for a Lambertian material: a dielectric whose coat reflects nothing.
     pub fn is_lambert(&self) -> bool {
-        self.metallic == 0.0
-            && self.transmission == 0.0
-            && (self.specular == Rgb::ZERO || self.ior == 1.0)
+        self.metallic == 0.0 && self.transmission == 0.0 && !self.has_coat()
     }
 
     /// True if no lobe of the material can be roughened.

@@ -11,6 +11,7 @@ const DRAWS: usize = 100_000;
 fn metal(alpha: f32, distribution: Distribution) -> Bsdf {
     Bsdf::Glossy(Glossy {
         f0: Rgb::ONE,
+        f90: 1.0,
         albedo: Rgb::ZERO,
         alpha,
         distribution,
@@ -31,6 +32,7 @@ fn bsdfs(alpha: f32, distribution: Distribution) -> [Bsdf; 5] {
         metal(alpha, distribution),
         Bsdf::Glossy(Glossy {
             f0: Rgb::splat(0.04),
+            f90: 1.0,
             albedo: Rgb::splat(0.8),
             alpha,
             distribution,
@@ -39,6 +41,7 @@ fn bsdfs(alpha: f32, distribution: Distribution) -> [Bsdf; 5] {
         glass(3.0, alpha, distribution),
         Bsdf::Thin(ThinDielectric {
             f0: Rgb::splat(0.1),
+            f90: 1.0,
             tint: Rgb::ONE,
             alpha,
             distribution,

@@ -33,6 +33,7 @@ fn bsdfs() -> [(&'static str, Bsdf); 3] {
             "conductor",
             Bsdf::Glossy(Glossy {
                 f0: Rgb::new(0.9, 0.6, 0.5),
+                f90: 1.0,
                 albedo: Rgb::ZERO,
                 alpha: ALPHA,
                 distribution,

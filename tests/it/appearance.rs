@@ -100,6 +100,51 @@ fn textures_multiply_factors() {
     assert!(matches!(at(1.0, 0.21), Bsdf::Glossy(g) if g.albedo == Rgb::new(0.5, 0.25, 0.5)));
 }
 
+/// The coat's reflectance is specularFactor · Schlick(min(r0² · specularColorFactor, 1), 1) [KHR_materials_specular]: the
+/// factor scales it at grazing incidence too.
+#[test]
+fn specular_factor_scales_the_reflectance_at_every_angle() {
+    let alpha = 0.3;
+    for (transmission, metallic) in [(0.0, 0.0), (0.0, 0.5), (1.0, 0.0)] {
+        let bsdf = |specular, specular_color| {
+            let material = Material {
+                base_color: Rgb::ZERO,
+                alpha,
+                transmission,
+                metallic,
+                specular,
+                specular_color,
+                ..Material::default()
+            };
+            material.bsdf(&[], Vec2::ZERO, 0.0)
+        };
+        for degrees in [0.0f64, 30.0, 60.0, 80.0, 86.0, 89.5] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let wo = glam::DVec3::new(sin, 0.0, cos).as_vec3();
+            let wi = Vec3::new(-wo.x, 0.0, wo.z);
+            let value = |b: Bsdf| b.eval(alpha, wo, wi).value;
+            // A black metal has F = (1 − cos)⁵, and the share of metal is linear in F.
+            let m = (1.0 - cos).powi(5);
+            let fresnel = |factor: f64, color: f64| {
+                let f0 = (0.04 * color).min(1.0);
+                let coat = factor * (f0 + (1.0 - f0) * m);
+                coat + (m - coat) * f64::from(metallic)
+            };
+            let full = f64::from(value(bsdf(1.0, Rgb::ONE)).x) / fresnel(1.0, 1.0);
+            for factor in [1.0, 0.5, 0.1, 0.0] {
+                for color in [0.0, 1.0, 10.0, 100.0] {
+                    let value = value(bsdf(factor as f32, Rgb::splat(color as f32))).x;
+                    let (got, wanted) = (f64::from(value) / full, fresnel(factor, color));
+                    assert!(
+                        (got - wanted).abs() <= 1e-4 * wanted.max(0.01),
+                        "{transmission} {metallic} {degrees} {factor} {color}: {got}, not {wanted}"
+                    );
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn directional_light_irradiance() {
     let mut parts = floor([0.0; 3]);

@@ -29,6 +29,7 @@ pub(crate) fn numbers(rng: &mut Pcg32) -> [f32; 3] {
 pub(crate) fn metal(alpha: f32, distribution: Distribution) -> Bsdf {
     Bsdf::Glossy(Glossy {
         f0: Rgb::ONE,
+        f90: 1.0,
         albedo: Rgb::ZERO,
         alpha,
         distribution,
@@ -38,6 +39,7 @@ pub(crate) fn metal(alpha: f32, distribution: Distribution) -> Bsdf {
 pub(crate) fn plastic(alpha: f32, distribution: Distribution) -> Bsdf {
     Bsdf::Glossy(Glossy {
         f0: Rgb::splat(0.04),
+        f90: 1.0,
         albedo: Rgb::new(0.8, 0.5, 0.2),
         alpha,
         distribution,
@@ -56,6 +58,7 @@ pub(crate) fn glass(eta: f32, alpha: f32, distribution: Distribution) -> Bsdf {
 pub(crate) fn pane(alpha: f32, distribution: Distribution) -> Bsdf {
     Bsdf::Thin(ThinDielectric {
         f0: Rgb::new(0.04, 0.2, 0.5),
+        f90: 1.0,
         tint: Rgb::new(1.0, 0.9, 0.8),
         alpha,
         distribution,
@@ -338,12 +341,14 @@ fn zoo(alpha: f32, distribution: Distribution) -> Vec<Bsdf> {
         Bsdf::Diffuse(Diffuse { albedo: Rgb::ONE }),
         Bsdf::Glossy(Glossy {
             f0: Rgb::ZERO,
+            f90: 1.0,
             albedo: Rgb::ONE,
             alpha,
             distribution,
         }),
         Bsdf::Thin(ThinDielectric {
             f0: Rgb::ONE,
+            f90: 1.0,
             tint: Rgb::ONE,
             alpha,
             distribution,
@@ -494,6 +499,7 @@ fn coat_is_selected_by_its_reflectance() {
     ] {
         let bsdf = Bsdf::Glossy(Glossy {
             f0: Rgb::splat(f0 as f32),
+            f90: 1.0,
             albedo: Rgb::splat(albedo as f32),
             alpha: 0.0,
             distribution: Distribution::Beckmann,

@@ -204,9 +204,17 @@ fn energy_conservation_of_a_coat_over_its_base() {
     for distribution in DISTRIBUTIONS {
         for alpha in [0.0, 1e-3, 0.1, 0.2, 0.3, 1.0] {
             for degrees in [0.0, 30.0, 55.0, 70.0, 85.0, 89.9] {
-                for f0 in [0.0, 0.04, 0.3, 1.0] {
+                for (f0, f90) in [
+                    (0.0, 1.0),
+                    (0.04, 1.0),
+                    (0.3, 1.0),
+                    (1.0, 1.0),
+                    (0.004, 0.1),
+                    (0.1, 0.5),
+                ] {
                     let white = Bsdf::Glossy(Glossy {
                         f0: Rgb::splat(f0),
+                        f90,
                         albedo: Rgb::ONE,
                         alpha,
                         distribution,
@@ -221,7 +229,7 @@ fn energy_conservation_of_a_coat_over_its_base() {
                     // A smooth coat over a white base keeps everything.
                     assert!(
                         alpha > 0.0 || kept > 1.0 - 4.0 * error - 1e-6,
-                        "{f0} {degrees}: {kept}"
+                        "{f0} {f90} {degrees}: {kept}"
                     );
                 }
             }

@@ -120,6 +120,23 @@ fn film_refuses_and_names_nan_and_infinite_samples() {
 }
 
 #[test]
+fn film_variances_beyond_single_precision_are_clipped_and_counted() {
+    let mut film = Film::new(UVec2::new(3, 1));
+    for s in 0..8 {
+        let on = (s % 2) as f32;
+        film.push(0, Rgb::new(1.0, 1e38, 0.0) * on, s);
+        film.push(1, Rgb::splat(1e18) * on, s);
+        film.push(2, Rgb::splat(f32::MAX), s);
+    }
+    assert_eq!(film.clipped_variances(), 1);
+    for picture in [film.sample_variance(), film.variance_of_mean()] {
+        assert_eq!(picture.pixels[0].y, f32::MAX);
+        assert!(picture.pixels.iter().all(|p| p.is_finite()));
+        assert!(picture.pixels[1].x < f32::MAX && picture.pixels[2] == Rgb::ZERO);
+    }
+}
+
+#[test]
 fn film_merge_equals_all_samples() {
     let size = UVec2::new(6, 5);
     let (mut a, mut b, mut all) = (Film::new(size), Film::new(size), Film::new(size));

@@ -55,14 +55,14 @@ fn same_materials(a: &SceneParts, b: &SceneParts) {
         for (x, y) in [
             (a.base_color, b.base_color),
             (a.emission, b.emission),
-            (a.specular, b.specular),
+            (a.specular_color, b.specular_color),
             (
                 Vec3::new(a.opacity, a.metallic, a.alpha),
                 Vec3::new(b.opacity, b.metallic, b.alpha),
             ),
             (
-                Vec3::new(a.transmission, a.ior, 0.0),
-                Vec3::new(b.transmission, b.ior, 0.0),
+                Vec3::new(a.transmission, a.ior, a.specular),
+                Vec3::new(b.transmission, b.ior, b.specular),
             ),
         ] {
             assert!(close(x, y), "{}: {x} {y}", a.name);

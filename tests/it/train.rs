@@ -104,7 +104,7 @@ fn replay_matches_the_render_at_the_recorded_factor() {
 fn replay_matches_the_render_of_a_coat_at_the_recorded_factor() {
     let mut parts = caustic_box();
     for material in &mut parts.materials {
-        if material.specular == Rgb::ZERO && material.emission == Rgb::ZERO {
+        if material.specular == 0.0 && material.emission == Rgb::ZERO {
             *material = coated("plastic", material.base_color, 0.3);
         }
     }

@@ -2,7 +2,7 @@
 
 use super::support::naive;
 use super::support::render::{film, film_with, mean, scene};
-use opsr::gallery::materials::{GOLD, coated, diffuse, emitter, glass, metal};
+use opsr::gallery::materials::{GOLD, coated, diffuse, emitter, glass, metal, tinted_glass};
 use opsr::gallery::shapes::{cuboid, quad, room, sphere};
 use opsr::gallery::{self, caustic_box, cornell_box};
 use opsr::image::{Buffer, Film};
@@ -10,6 +10,7 @@ use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{Accumulated, AttenuationTable, Factors, Lookup, Rule};
 use opsr::sampler::{Independent, Seed};
+use opsr::scene::camera::Projection;
 use opsr::scene::material::TextureRef;
 use opsr::scene::{Environment, Material, Scene, SceneParts, Texture};
 use opsr::stats::agreement::{agree, agree_with_exact};
@@ -114,6 +115,67 @@ fn analytic_transmittance_of_a_glass_slab() {
     };
     let film = film_with(&scene(parts), &settings, 16, 4096);
     assert_mean(&film, expected, "slab");
+}
+
+/// Cubes of half the edge 1, 2, … around the origin, bodies of this index that absorb 0.1, 0.2, … per unit length, under a
+/// sky of radiance 1.
+fn nested_cubes(count: u32, ior: f32) -> SceneParts {
+    let mut parts = SceneParts {
+        environment: Some(Environment::constant(Rgb::ONE)),
+        ..SceneParts::default()
+    };
+    for i in 1..=count {
+        let half = Vec3::splat(i as f32);
+        let body = tinted_glass("body", ior, 0.0, Rgb::splat(0.1 * i as f32));
+        parts.add(body, [cuboid(-half, half)]);
+    }
+    parts
+}
+
+fn deep() -> Settings {
+    Settings {
+        max_vertices: 64,
+        roulette_start: 32,
+        ..Settings::default()
+    }
+}
+
+#[test]
+fn analytic_absorption_around_the_camera() {
+    // A camera in the middle of a body: Beer-Lambert, Fresnel and n² at the face, and reflections between two faces.
+    let (sigma, n) = (0.5f64, 1.5f64);
+    let mut parts = nested_cubes(1, n as f32);
+    parts.materials[0].absorption = Rgb::splat(sigma as f32);
+    parts.add_camera([0.0; 3], [0.0, 0.0, -1.0], 0.5);
+    let reflected: f64 = 0.04;
+    let passes = (1.0 - reflected) / (1.0 - reflected * (-2.0 * sigma).exp());
+    let expected = n * n * (-sigma).exp() * passes;
+    let film = film_with(&scene(parts), &deep(), 16, 4096);
+    assert_mean(&film, expected, "inside");
+    // Half of a parallel camera's rays start in the body.
+    let mut parts = nested_cubes(1, 1.0);
+    parts.add_camera([1.0, 0.0, 0.0], [1.0, 0.0, -1.0], 1.0);
+    parts.cameras[0].projection = Projection::Orthographic { half_height: 0.5 };
+    let film = film_with(&scene(parts), &deep(), 4, 4);
+    for (i, p) in film.mean().pixels.iter().enumerate() {
+        let expected = if i % 4 < 2 { (-0.1f32).exp() } else { 1.0 };
+        assert!((p.x - expected).abs() < 1e-5, "{i}: {p}");
+    }
+}
+
+#[test]
+fn analytic_absorption_of_nested_bodies() {
+    for count in [1, 4, 5, 12] {
+        // One unit of the way in each body: ∑ 0.1 i.
+        let depth = 0.05 * f64::from(count * (count + 1));
+        for (from, passes) in [(0.0, 1.0), (20.0, 2.0)] {
+            let mut parts = nested_cubes(count, 1.0);
+            parts.add_camera([0.0, 0.0, from], [0.0, 0.0, from - 1.0], 0.05);
+            let film = film_with(&scene(parts), &deep(), 4, 4);
+            let expected = (-depth * passes).exp();
+            assert_mean(&film, expected, &format!("{count} bodies from {from}"));
+        }
+    }
 }
 
 #[test]

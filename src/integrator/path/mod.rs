@@ -51,13 +51,14 @@ impl<R> PathTracer<R> {
 }
 
 impl<R: Roughening> PathTracer<R> {
-    /// Radiance that arrives along a camera ray: one independent estimate.
+    /// Radiance that arrives along a camera ray: one independent estimate. `bodies` are those around the camera.
     ///
     /// `sample` is the number of the sample in its pixel, for rules whose bias vanishes.
-    pub fn radiance<S: Sampler, O: PathObserver>(
+    pub(in crate::integrator) fn radiance<S: Sampler, O: PathObserver>(
         &self,
         scene: &Scene,
         mut ray: Ray,
+        mut bodies: EnclosingBodies,
         sample: u32,
         sampler: &mut S,
         observer: &mut O,
@@ -66,7 +67,6 @@ impl<R: Roughening> PathTracer<R> {
         let mut throughput = Rgb::ONE;
         // Refraction scales radiance by 1/η²; roulette must not mistake that for lost light.
         let mut eta_scale = 1.0f32;
-        let mut bodies = EnclosingBodies::default();
         let mut memory = self.rule.start(sample);
         let mut emission = PendingEmission::full(Rgb::ONE);
         for n in 1..=self.max_vertices + 1 {

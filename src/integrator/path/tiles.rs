@@ -3,9 +3,12 @@
 use super::PathTracer;
 use crate::image::film::Film;
 use crate::integrator::View;
+use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::integrator::walk::observer::{PathObserver, Recorder};
+use crate::math::Ray;
 use crate::regularise::Roughening;
 use crate::sampler::{SampleSource, Sampler};
+use crate::scene::camera::Projection;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -51,15 +54,32 @@ impl<R: Roughening> PathTracer<R> {
         tile: &mut Film,
         observer: &mut O,
     ) {
+        let around = around_camera(view);
         for index in 0..tile.pixels.len() {
             let pixel = tile.pixel(index);
             for sample in samples.clone() {
                 let mut stream = source.stream(pixel, sample);
                 let ray = view.sensor.ray(pixel.as_vec2() + stream.film());
                 observer.begin(pixel, sample);
-                let value = self.radiance(view.scene, ray, sample, &mut stream, observer);
+                let bodies = around.unwrap_or_else(|| EnclosingBodies::around(view.scene, &ray));
+                let value = self.radiance(view.scene, ray, bodies, sample, &mut stream, observer);
                 tile.push(index, value, sample);
             }
         }
+    }
+}
+
+/// The bodies around the camera, if they are the same for all its rays.
+fn around_camera(view: &View<'_>) -> Option<EnclosingBodies> {
+    let camera = view.sensor.camera;
+    if !view.scene.has_absorption() {
+        return Some(EnclosingBodies::default());
+    }
+    match camera.projection {
+        Projection::Perspective { .. } => {
+            let forwards = Ray::new(camera.position, -camera.frame.n);
+            Some(EnclosingBodies::around(view.scene, &forwards))
+        }
+        Projection::Orthographic { .. } => None,
     }
 }

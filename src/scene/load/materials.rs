@@ -111,9 +111,9 @@ impl Reader<'_> {
             }
         }
         if let Some(specular) = &e.specular {
-            let factor = self.fraction("specularFactor", specular.specular_factor.0)?;
-            out.specular =
-                factor * self.colour("specularColorFactor", specular.specular_color_factor.0)?;
+            out.specular = self.fraction("specularFactor", specular.specular_factor.0)?;
+            out.specular_color =
+                self.colour("specularColorFactor", specular.specular_color_factor.0)?;
             if specular.specular_texture.is_some() || specular.specular_color_texture.is_some() {
                 self.warnings
                     .say(format!("{}: specular textures are ignored", self.at));
@@ -143,7 +143,7 @@ impl Reader<'_> {
                 emission: out.base_color,
                 emissive_texture: out.base_color_texture,
                 base_color: Rgb::ZERO,
-                specular: Rgb::ZERO,
+                specular: 0.0,
                 metallic: 0.0,
                 transmission: 0.0,
                 double_sided: true,

@@ -81,7 +81,8 @@ fn load_specular_and_unlit() {
         "specular",
         json!({ "specularFactor": 0.5, "specularColorFactor": [1, 0.5, 2] }),
     );
-    assert_eq!(m.specular, Rgb::new(0.5, 0.25, 1.0));
+    let of = |m: &opsr::scene::Material| (m.specular, m.specular_color);
+    assert_eq!(of(&m), (0.5, Rgb::new(1.0, 0.5, 2.0)));
     let m = material(json!({
         "pbrMetallicRoughness": { "baseColorFactor": [0.1, 0.2, 0.3, 1] },
         "extensions": { "KHR_materials_unlit": {} },
