@@ -2,7 +2,8 @@
 //!
 //! [`Settings`] name an [`Estimator`] and a [`Rule`]; [`Settings::integrator`] makes an [`Integrator`] of them, the one
 //! place with dynamic dispatch (one call a pass). Everything below is monomorphised: plain path tracing compiles to a
-//! loop without a table. [`levels`] traces several amounts of roughening at once. What estimators share is in [`walk`] as steps; each keeps its own loop.
+//! loop without a table. [`levels`] traces several amounts of roughening at once. What estimators share is in [`walk`] as
+//! steps; each keeps its own loop.
 
 pub mod aov;
 pub mod bidirectional;
@@ -25,6 +26,7 @@ pub use census::Census;
 pub use path::PathTracer;
 pub use settings::{Estimator, Settings};
 use std::ops::Range;
+pub use walk::bodies::EnclosingBodies;
 pub use walk::observer::{Event, PathObserver, Recorder, Technique};
 pub use walk::shading_point::ShadingPoint;
 

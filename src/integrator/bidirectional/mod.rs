@@ -22,6 +22,7 @@ use super::walk::observer::{PathObserver, Recorder};
 use super::walk::shading_point::ShadingPoint;
 use super::{Integrator, Picture, View};
 use crate::image::splat::{Splat, SplatLayer};
+use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::math::{Rgb, UVec2};
 use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
 use rayon::prelude::*;
@@ -116,6 +117,8 @@ struct Iteration<'a> {
     paths: u32,
     light: Independent,
     camera: Independent,
+    /// Bodies around the camera, if they are the same for all its rays.
+    around_camera: Option<EnclosingBodies>,
 }
 
 impl Bidirectional {
@@ -139,6 +142,7 @@ impl Bidirectional {
             paths: pixels.min(u64::from(MOST_PATHS)) as u32,
             light: source(Domain::Light),
             camera: source(Domain::Camera),
+            around_camera: EnclosingBodies::around_camera(view),
         };
         let chunks: Vec<Chunk<O>> = (0..iteration.paths.div_ceil(CHUNK))
             .into_par_iter()
@@ -238,7 +242,9 @@ impl Iteration<'_> {
             partial: Partial::camera(pdf, self.paths as f32),
             parallel,
             roulette_scale: 1.0,
-            bodies: Default::default(),
+            bodies: self
+                .around_camera
+                .unwrap_or_else(|| EnclosingBodies::around(scene, &ray)),
         };
         let mut total = Rgb::ZERO;
         observer.begin(pixel, self.sample);

@@ -108,6 +108,7 @@ impl LevelTracer {
         &self,
         scene: &Scene,
         mut ray: Ray,
+        mut bodies: EnclosingBodies,
         turn: u32,
         sampler: &mut S,
         observer: &mut O,
@@ -116,7 +117,6 @@ impl LevelTracer {
         let mut total = [Rgb::ZERO; MAX_LEVELS];
         let mut throughput = Rgb::ONE;
         let mut eta_scale = 1.0f32;
-        let mut bodies = EnclosingBodies::default();
         let mut memory = LevelMemory::default();
         let mut emission = PendingEmission::full(Rgb::ONE);
         // Emission at the levels that roughened the vertex before.

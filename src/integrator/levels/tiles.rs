@@ -4,6 +4,7 @@ use super::LevelTracer;
 use crate::image::film::{Film, Window};
 use crate::image::level_film::{BATCHES, LevelFilm};
 use crate::integrator::View;
+use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::integrator::walk::observer::Recorder;
 use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
 use rayon::prelude::*;
@@ -28,6 +29,7 @@ impl LevelTracer {
         let source = Independent {
             seed: seed.derive(Domain::Camera, 0),
         };
+        let around = EnclosingBodies::around_camera(view);
         let tile = |window: Window| {
             let mut film = film.cut(window);
             let mut levels = levels.cut(window);
@@ -43,9 +45,12 @@ impl LevelTracer {
                     let mut stream = source.stream(pixel, sample);
                     let ray = view.sensor.ray(pixel.as_vec2() + stream.film());
                     observer.begin(pixel, sample);
+                    let bodies =
+                        around.unwrap_or_else(|| EnclosingBodies::around(view.scene, &ray));
                     let turn = turns[sample as usize % BATCHES];
                     let turn = (turn >> 1).wrapping_add(sample / BATCHES as u32);
-                    let values = self.radiance(view.scene, ray, turn, &mut stream, &mut observer);
+                    let values =
+                        self.radiance(view.scene, ray, bodies, turn, &mut stream, &mut observer);
                     film.push(index, values[0], sample);
                     levels.push(index, sample, &values[..self.levels()]);
                 }

@@ -54,7 +54,7 @@ impl<R: Roughening> PathTracer<R> {
     /// Radiance that arrives along a camera ray: one independent estimate. `bodies` are those around the camera.
     ///
     /// `sample` is the number of the sample in its pixel, for rules whose bias vanishes.
-    pub(in crate::integrator) fn radiance<S: Sampler, O: PathObserver>(
+    pub fn radiance<S: Sampler, O: PathObserver>(
         &self,
         scene: &Scene,
         mut ray: Ray,

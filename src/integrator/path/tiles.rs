@@ -5,10 +5,8 @@ use crate::image::film::Film;
 use crate::integrator::View;
 use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::integrator::walk::observer::{PathObserver, Recorder};
-use crate::math::Ray;
 use crate::regularise::Roughening;
 use crate::sampler::{SampleSource, Sampler};
-use crate::scene::camera::Projection;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -54,7 +52,7 @@ impl<R: Roughening> PathTracer<R> {
         tile: &mut Film,
         observer: &mut O,
     ) {
-        let around = around_camera(view);
+        let around = EnclosingBodies::around_camera(view);
         for index in 0..tile.pixels.len() {
             let pixel = tile.pixel(index);
             for sample in samples.clone() {
@@ -66,20 +64,5 @@ impl<R: Roughening> PathTracer<R> {
                 tile.push(index, value, sample);
             }
         }
-    }
-}
-
-/// The bodies around the camera, if they are the same for all its rays.
-fn around_camera(view: &View<'_>) -> Option<EnclosingBodies> {
-    let camera = view.sensor.camera;
-    if !view.scene.has_absorption() {
-        return Some(EnclosingBodies::default());
-    }
-    match camera.projection {
-        Projection::Perspective { .. } => {
-            let forwards = Ray::new(camera.position, -camera.frame.n);
-            Some(EnclosingBodies::around(view.scene, &forwards))
-        }
-        Projection::Orthographic { .. } => None,
     }
 }

@@ -1,7 +1,9 @@
 //! Bodies around a path, and what they absorb.
 
+use crate::integrator::View;
 use crate::math::{Ray, Rgb};
 use crate::scene::Scene;
+use crate::scene::camera::Projection;
 
 /// Bodies that are remembered around a vertex.
 const MOST: usize = 16;
@@ -14,7 +16,7 @@ const MOST_SURFACES: usize = 10_000;
 /// Remembers the [`MOST`] innermost. Where a path needs one that was forgotten, its transmittance is not a number: the film
 /// refuses the sample, counts and names it.
 #[derive(Clone, Copy, Default)]
-pub(in crate::integrator) struct EnclosingBodies {
+pub struct EnclosingBodies {
     materials: [u32; MOST],
     len: u32,
     /// Bodies outside of the remembered ones.
@@ -46,6 +48,21 @@ impl EnclosingBodies {
         let mut bodies = Self::default();
         around.iter().rev().for_each(|&m| bodies.enter(m));
         bodies
+    }
+
+    /// The bodies around the camera, if they are the same for all its rays.
+    pub(in crate::integrator) fn around_camera(view: &View<'_>) -> Option<Self> {
+        let camera = view.sensor.camera;
+        if !view.scene.has_absorption() {
+            return Some(Self::default());
+        }
+        match camera.projection {
+            Projection::Perspective { .. } => {
+                let forwards = Ray::new(camera.position, -camera.frame.n);
+                Some(Self::around(view.scene, &forwards))
+            }
+            Projection::Orthographic { .. } => None,
+        }
     }
 
     /// True outside of all bodies.
