@@ -2,18 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use clap::Args;
 
 use opsr::files;
+use opsr::image::metric::Metric;
 use opsr::image::metric::flip::DEFAULT_PPD;
 use opsr::image::{exr, png};
 use opsr::report::compare::{Comparison, Named, Options, compare};
 use opsr::report::page;
 use opsr::stats::agreement;
 
-use super::Blame;
 use super::output::print;
+use super::{Blame, Exit};
 
 /// Compare pictures with a reference: MSE, relMSE, MAPE, FLIP and HDR-FLIP.
 #[derive(Args, Debug)]
@@ -48,13 +49,25 @@ pub(super) struct CompareArgs {
     /// The pictures are renders of one scene with several seeds: tell bias and variance apart
     #[arg(long)]
     seeds: bool,
-    /// Test whether picture and reference agree up to their noise, which both files must hold
+    /// Test whether picture and reference agree up to their noise, which both files must hold; exit with code 6 if not
     #[arg(long)]
     agree: bool,
+    /// Exit with code 6 if a metric of any picture is above X, such as relMSE=0.01; may be given several times
+    #[arg(long, value_name = "METRIC=X", value_parser = bound)]
+    fail_above: Vec<(String, f64)>,
+}
+
+/// A bound such as `relMSE=0.01`.
+fn bound(text: &str) -> Result<(String, f64), String> {
+    let number = |x: &str| x.trim().parse().ok().filter(|x: &f64| !x.is_nan());
+    let parts = text.rsplit_once('=');
+    parts
+        .and_then(|(name, x)| Some((name.trim().to_owned(), number(x)?)))
+        .ok_or_else(|| "expected METRIC=X, such as relMSE=0.01".into())
 }
 
 /// Runs the command: the table goes to standard output.
-pub(super) fn run(args: &CompareArgs) -> anyhow::Result<()> {
+pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Exit> {
     let mut pictures = args
         .files
         .iter()
@@ -68,10 +81,12 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<()> {
         seeds: args.seeds,
     };
     let comparison = compare(&pictures, &reference, &options).input()?;
+    let above = above(&comparison, &args.fail_above)?;
     print(comparison.to_string())?;
 
+    let mut same = above.is_empty();
     if args.agree {
-        print_agreement(&args.files)?;
+        same &= print_agreement(&args.files)?;
     }
     if let Some(path) = &args.json {
         let json = serde_json::to_string_pretty(&comparison)? + "\n";
@@ -84,12 +99,41 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<()> {
         let html = page::page(&comparison, &pictures, &reference, &args.exposures);
         files::write_bytes(path, html).output()?;
     }
-    Ok(())
+    for line in above {
+        eprintln!("opsr: {line}");
+    }
+    Ok(if same { Exit::Done } else { Exit::Differ })
 }
 
-fn print_agreement(files: &[PathBuf]) -> anyhow::Result<()> {
+/// Metrics above their bounds, one line each.
+fn above(comparison: &Comparison, bounds: &[(String, f64)]) -> anyhow::Result<Vec<String>> {
+    let mut lines = Vec::new();
+    for (wanted, most) in bounds {
+        let is = |metric: &&Metric| metric.name.eq_ignore_ascii_case(wanted);
+        if !comparison.metrics().iter().any(|metric| is(&metric)) {
+            let names = comparison.metrics().iter().map(|metric| metric.name);
+            let names = names.collect::<Vec<_>>().join(", ");
+            let what = anyhow!("--fail-above: no metric `{wanted}` among {names}");
+            return Err(what).usage();
+        }
+        for entry in &comparison.entries {
+            for metric in entry.metrics.iter().filter(is) {
+                // A metric that is not a number is no good either.
+                if !(metric.value <= *most) {
+                    let Metric { name, value, .. } = metric;
+                    lines.push(format!("{}: {name} {value:.6} is above {most}", entry.name));
+                }
+            }
+        }
+    }
+    Ok(lines)
+}
+
+/// Prints the test of every picture; true if all agree with the reference.
+fn print_agreement(files: &[PathBuf]) -> anyhow::Result<bool> {
+    let mut same = true;
     let Some((reference, pictures)) = files.split_last() else {
-        return Ok(());
+        return Ok(same);
     };
     let wanted = exr::read_film(reference).input()?;
     for path in pictures {
@@ -98,8 +142,9 @@ fn print_agreement(files: &[PathBuf]) -> anyhow::Result<()> {
             .input()?;
         let names = format!("{} against {}", path.display(), reference.display());
         print(format!("\n{names}\n{agreement}\n"))?;
+        same &= agreement.passed();
     }
-    Ok(())
+    Ok(same)
 }
 
 /// Files are numbered, since pictures of different folders may share their name.

@@ -105,6 +105,9 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
         }
         _ => {}
     }
+    if spec.filter.is_some() && spec.method != Kind::FilterGlossy {
+        return Err(anyhow!("--filter needs --mode filter-glossy")).usage();
+    }
     if let Some(Scale::By(scale)) = args.table_scale {
         if args.table_energy.is_some() {
             return Err(anyhow!("--table-energy needs --table-scale auto")).usage();
@@ -112,6 +115,14 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
         spec.table_scale = Some(scale);
     }
     spec.resolve().input()
+}
+
+/// The option to blame for a film that cannot be.
+pub(super) fn window_option(args: &RenderArgs) -> &'static str {
+    match args.crop {
+        Some(_) => "--crop",
+        None => "--size",
+    }
 }
 
 /// The settings with that method.

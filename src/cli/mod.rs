@@ -3,7 +3,8 @@
 //! Only this folder uses clap, anyhow and the terminal.
 
 use anyhow::Context;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
@@ -46,6 +47,8 @@ enum Exit {
     Output = 4,
     /// Stopped by the user; the results so far are saved.
     Stopped = 5,
+    /// Pictures differ by more than they may.
+    Differ = 6,
 }
 
 /// An error together with the exit code it leads to.
@@ -109,7 +112,8 @@ struct Args {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 an input file is missing, damaged or not \
-supported; 4 a result could not be written; 5 stopped by the user, the results so far are saved.";
+supported; 4 a result could not be written; 5 stopped by the user, the results so far are saved; 6 pictures differ by more \
+than `opsr compare` was told to allow.";
 
 #[derive(Subcommand)]
 enum Command {
@@ -136,15 +140,30 @@ enum Command {
     Verify(verify::VerifyArgs),
 }
 
+/// Lets a negative number be the value of every option: the option then says what it expects, where clap would call the
+/// number an unknown option.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let values = |arg: clap::Arg| {
+        let is_option = arg.get_action().takes_values() && !arg.is_positional();
+        let has_hyphens = arg.is_allow_hyphen_values_set();
+        arg.allow_negative_numbers(is_option && !has_hyphens)
+    };
+    command
+        .mut_args(values)
+        .mut_subcommands(with_negative_numbers)
+}
+
 /// Runs the program.
 pub(crate) fn main() -> ExitCode {
-    let args = Args::parse();
+    let matches = with_negative_numbers(Args::command()).get_matches();
+    let args = Args::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     let levels = [LevelFilter::WARN, LevelFilter::INFO, LevelFilter::DEBUG];
     let level = levels[usize::from(args.verbose.min(2))];
     let wished: Option<Targets> = std::env::var("RUST_LOG").ok().and_then(|w| w.parse().ok());
     let filter = wished.unwrap_or(Targets::new().with_default(level));
     let lines = fmt::layer()
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
         .with_target(false)
         .without_time();
     tracing_subscriber::registry()
@@ -155,7 +174,7 @@ pub(crate) fn main() -> ExitCode {
         #[cfg(feature = "train")]
         Command::Train(args) => train::run(&args),
         Command::Info(args) => info::run(&args).map(|()| Exit::Done),
-        Command::Compare(args) => compare::run(&args).map(|()| Exit::Done),
+        Command::Compare(args) => compare::run(&args),
         Command::Scenes(args) => scenes::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Table(args) => table::run(&args).map(|()| Exit::Done),

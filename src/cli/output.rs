@@ -2,6 +2,7 @@
 
 use super::Blame;
 use anyhow::{Context, anyhow, bail};
+use opsr::files::Target;
 use opsr::image::exr::{self, Layer, Metadata};
 use opsr::image::png;
 use opsr::integrator::Picture;
@@ -45,6 +46,12 @@ impl Outputs {
             files: files.to_vec(),
             exposure,
         })
+    }
+
+    /// The files, for people.
+    pub(super) fn names(&self) -> String {
+        let names = self.files.iter().map(|file| file.display().to_string());
+        names.collect::<Vec<_>>().join(", ")
     }
 
     /// Writes every file, each whole or not at all.
@@ -96,6 +103,12 @@ pub(super) fn can_write(file: &Path) -> anyhow::Result<()> {
     if file.is_dir() {
         bail!("{}: is a folder", file.display());
     }
+    let file = match Target::of(file) {
+        Ok(Target::Stream) => return Ok(()),
+        Ok(Target::Whole(file)) => file,
+        // What is wrong with it is said below.
+        Err(_) => file.to_owned(),
+    };
     let folder = match file.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),

@@ -1,6 +1,6 @@
 //! `opsr render`: a glTF scene in, a picture out.
 
-use super::bar::Bar;
+use super::bar::{Bar, Style};
 use super::live::Live;
 use super::output::{Outputs, Provenance, can_write};
 use super::render_args::RenderArgs;
@@ -34,8 +34,11 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     let method = job::method(args)?;
     let opened = args.scene.open()?;
     let mut settings = job::settings(args, &method);
-    if args.table_scale == Some(job::Scale::Auto) {
-        tune::tune(args, &opened, &mut settings)?;
+    let stop = Stop::listen();
+    if args.table_scale == Some(job::Scale::Auto)
+        && !tune::tune(args, &opened, &mut settings, &stop)?
+    {
+        return Ok(Exit::Stopped);
     }
     settings.levels = job::levels(args, &settings)?;
     let provenance = Provenance {
@@ -54,6 +57,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         opened,
         settings,
         provenance,
+        stop,
     }
     .run()
 }
@@ -65,6 +69,7 @@ struct RenderJob<'a> {
     opened: Opened,
     settings: Settings,
     provenance: Provenance,
+    stop: Stop,
 }
 
 impl RenderJob<'_> {
@@ -75,12 +80,11 @@ impl RenderJob<'_> {
         let camera = scene::camera(&self.opened.scene, args.camera.as_deref(), aspect)?;
         let fingerprint = self.fingerprint(size);
         let (mut picture, start, spent) = self.start(size, &fingerprint)?;
-        let mut live = match &args.tev {
+        let live = match &args.tev {
             Some(address) => Some(Live::open(address, "opsr", &picture.film.mean())?),
             None => None,
         };
         let budget = self.budget();
-        let stop = Stop::listen();
         let bar = Bar::new(args.progress);
         let checkpoint = |progress: &RenderProgress, picture: &Picture| -> anyhow::Result<()> {
             let Some(path) = &args.checkpoint else {
@@ -102,11 +106,8 @@ impl RenderJob<'_> {
         let mut trouble = None;
         let mut listener = |progress: &RenderProgress, picture: &Picture| {
             bar.show(progress);
-            if let Some(view) = &mut live
-                && let Err(error) = view.show(&picture.film.mean())
-            {
-                tracing::warn!("tev went away: {error:#}");
-                live = None;
+            if let Some(view) = &live {
+                view.show(picture.film.mean());
             }
             let every = args
                 .save_every
@@ -122,7 +123,7 @@ impl RenderJob<'_> {
                     return ControlFlow::Break(());
                 }
             }
-            stop.flow()
+            self.stop.flow()
         };
         let view = View::of(&self.opened.scene, &camera, &picture.film);
         let (progress, reason) = drive(
@@ -141,7 +142,10 @@ impl RenderJob<'_> {
         let kept = checkpoint(&progress, &picture);
         self.write(&picture, &progress, spent)?;
         kept?;
-        self.report(&picture, &progress);
+        if let Some(view) = live {
+            view.finish();
+        }
+        self.report(&picture, &progress, start);
         Ok(if reason == Reason::Stopped {
             Exit::Stopped
         } else {
@@ -200,7 +204,9 @@ impl RenderJob<'_> {
             }
         }
         let window = args.crop.unwrap_or(Window::full(size));
-        let film = Film::cropped(size, window).context("--crop").usage()?;
+        let film = Film::cropped(size, window)
+            .context(job::window_option(args))
+            .usage()?;
         let aovs = args.aov.then(|| FirstHit::new(window));
         let levels = self.settings.levels.len();
         let bytes = LevelFilm::bytes(window.len(), levels);
@@ -223,17 +229,32 @@ impl RenderJob<'_> {
         self.outputs.write(picture, self.args.resolve, &metadata)
     }
 
-    /// Logs the statistics of the render, and the refused samples.
-    fn report(&self, picture: &Picture, progress: &RenderProgress) {
+    /// Reports what was written with the statistics of the render, and the refused samples.
+    fn report(&self, picture: &Picture, progress: &RenderProgress, start: u32) {
         let film = &picture.film;
         let seconds = progress.elapsed.as_secs_f64();
-        let paths = film.pixels.iter().map(|p| f64::from(p.n)).sum::<f64>();
-        tracing::info!(
-            "{} spp in {seconds:.2} s, {:.3} million paths/s, estimated relative error {:.4}",
-            progress.samples,
-            paths / seconds / 1e6,
-            film.relative_error()
+        // Samples of an earlier run took no time of this one.
+        let paths = f64::from(progress.samples - start) * film.pixels.len() as f64;
+        let rate = if paths > 0.0 {
+            format!("{:.3} million paths/s", paths / seconds / 1e6)
+        } else {
+            "no new samples: the checkpoint has as many as were asked for, or more".to_owned()
+        };
+        let error = match film.relative_error() {
+            error if error.is_finite() => format!(", estimated relative error {error:.4}"),
+            _ => String::new(),
+        };
+        let summary = format!(
+            "{}: {}x{}, {} spp in {seconds:.2} s, {rate}{error}",
+            self.outputs.names(),
+            film.window.w,
+            film.window.h,
+            progress.samples
         );
+        match self.args.progress {
+            Style::Auto => eprintln!("{summary}"),
+            Style::Json | Style::None => tracing::info!("{summary}"),
+        }
         for line in super::info::unused(&self.opened.scene, &self.settings.rule) {
             tracing::info!("{line}");
         }

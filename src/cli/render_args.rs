@@ -85,7 +85,7 @@ pub(super) struct RenderArgs {
     #[arg(long)]
     pub(super) reproducible: bool,
 
-    /// Style of the progress display.
+    /// Style of the progress display; `auto` ends with a line that says what was written.
     #[arg(long, value_enum, default_value_t)]
     pub(super) progress: Style,
     /// Write the picture so far this often.
@@ -103,7 +103,7 @@ pub(super) struct RenderArgs {
 }
 
 const EXAMPLES: &str = "Examples:
-  opsr render scene.glb --opsr-table params/beta-0.001.json -o out.exr -o out.png
+  opsr render scene.glb --opsr-table beta-0.001 -o out.exr -o out.png
   opsr render scene.glb --time 60s --size 1280x720 --env sky.hdr -o out.png
   opsr render scene.glb --spp 4096 --checkpoint night.ckpt -o out.exr
   opsr render scene.glb --spp 8192 --checkpoint night.ckpt --resume -o out.exr";

@@ -26,7 +26,7 @@ enum Action {
     /// Classes are listed by the number of vertices, each with the roughness bins of its vertices, camera first (0 is
     /// smooth, 3 is rough), its factor, and the number of its events in training.
     Show {
-        /// The table (params/*.json).
+        /// The table: a file, or beta-0.001 or beta-0.05, which the program contains.
         file: PathBuf,
         /// Print JSON.
         #[arg(long)]
@@ -42,11 +42,11 @@ enum Action {
     /// table's scale.
     #[command(
         after_help = "Examples:\n  opsr table export params/beta-0.001.json -o opsr_table.h\n  \
-        opsr table export params/beta-0.001.json -o shaders/opsr.glsl\n  \
+        opsr table export beta-0.05 -o shaders/opsr.glsl\n  \
         opsr table export params/beta-0.001.json --format csv -o -"
     )]
     Export {
-        /// The table (params/*.json).
+        /// The table: a file, or beta-0.001 or beta-0.05, which the program contains.
         file: PathBuf,
         /// Format of OUT; by default that of its file name extension.
         #[arg(long, value_enum)]

@@ -1,9 +1,10 @@
 //! `--table-scale auto`: scale and contrast of a table from a pilot before the render.
 
-use super::Blame;
 use super::render::DEFAULT_SPP;
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
+use super::stop::Stop;
+use super::{Blame, job};
 use anyhow::Context;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::{Picture, Settings, View};
@@ -17,12 +18,13 @@ const DEFAULT_ROWS: u32 = 512;
 /// Samples per pixel that a pilot assumes for a render to a target error.
 const SPP_OF_TARGET: u32 = 256;
 
-/// Tunes the table of `settings` as a pilot finds best.
+/// Tunes the table of `settings` as a pilot finds best; false if the user stopped the pilot.
 pub(super) fn tune(
     args: &RenderArgs,
     opened: &Opened,
     settings: &mut Settings,
-) -> anyhow::Result<()> {
+    stop: &Stop,
+) -> anyhow::Result<bool> {
     let size = size(args, opened)?;
     let aspect = size.x as f32 / size.y as f32;
     let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
@@ -30,13 +32,17 @@ pub(super) fn tune(
     let view = View::new(&opened.scene, &camera, size, window);
     let samples = match (args.spp, args.time) {
         (Some(spp), _) => spp,
-        (None, Some(time)) => samples_in(time, settings, &view)?,
+        (None, Some(time)) => samples_in(time, settings, &view, job::window_option(args))?,
         (None, None) if args.target_error.is_some() => SPP_OF_TARGET,
         (None, None) => DEFAULT_SPP,
     };
-    let pilot = tune::choose(settings, &view, samples)
-        .context("--crop")
+    tracing::info!("pilot for {samples} samples per pixel");
+    let pilot = tune::choose_while(settings, &view, samples, &|| !stop.asked())
+        .context(job::window_option(args))
         .usage()?;
+    let Some(pilot) = pilot else {
+        return Ok(false);
+    };
     let tuning = (args.table_energy).map_or(pilot.tuning, |share| pilot.within(share.into()));
     if let Some(table) = settings.rule.table_mut() {
         *table = table.tuned(tuning);
@@ -63,15 +69,20 @@ pub(super) fn tune(
             100.0 * c.energy
         );
     }
-    Ok(())
+    Ok(true)
 }
 
 /// Samples per pixel that fit into this time, about.
-fn samples_in(time: Duration, settings: &Settings, view: &View<'_>) -> anyhow::Result<u32> {
+fn samples_in(
+    time: Duration,
+    settings: &Settings,
+    view: &View<'_>,
+    option: &'static str,
+) -> anyhow::Result<u32> {
     const PROBE: u32 = 4;
     let mut picture = Picture {
         film: Film::cropped(view.sensor.frame, view.window)
-            .context("--crop")
+            .context(option)
             .usage()?,
         aovs: None,
         levels: None,

@@ -12,7 +12,7 @@ pub use error::{FileError, Problem};
 pub(crate) use read::{briefly, stream, toml};
 pub use read::{read, read_text};
 pub(crate) use sealed::Sealed;
-pub use write::{create_folder, write, write_bytes};
+pub use write::{Target, create_folder, write, write_bytes};
 
 /// Lower-case hexadecimal digits of a hash.
 pub fn hex(bytes: &[u8]) -> String {

@@ -25,6 +25,13 @@ pub struct Window {
     pub h: u32,
 }
 
+impl std::fmt::Display for Window {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { x, y, w, h } = self;
+        write!(out, "{w}x{h} pixels at ({x}, {y})")
+    }
+}
+
 impl Window {
     /// The whole frame.
     pub fn full(size: UVec2) -> Self {
@@ -157,7 +164,7 @@ impl Rejected {
 #[derive(Debug, thiserror::Error)]
 pub enum FilmError {
     /// The window is empty or not inside the frame.
-    #[error("window {window:?} is empty or not inside {outer:?}")]
+    #[error("the window of {window} is empty or not inside the picture of {outer}")]
     Window {
         /// The window asked for.
         window: Window,
@@ -171,7 +178,7 @@ pub enum FilmError {
         window: Window,
     },
     /// Two films that should show the same pixels do not.
-    #[error("films differ in frame or window: {a:?} and {b:?}")]
+    #[error("films differ in frame or window: {} of {}x{} and {} of {}x{}", a.1, a.0.x, a.0.y, b.1, b.0.x, b.0.y)]
     Differ {
         /// Frame and window of the first.
         a: (UVec2, Window),

@@ -26,11 +26,11 @@ pub struct MethodSpec {
     #[arg(long, value_name = "X", value_parser = unit)]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gamma: Option<f32>,
-    /// Learned attenuation factors.
+    /// Learned attenuation factors: a table's file, or beta-0.001 or beta-0.05, which the program contains.
     #[arg(
         id = "opsr_table",
         long = "opsr-table",
-        value_name = "FILE",
+        value_name = "TABLE",
         conflicts_with = "gamma"
     )]
     #[serde(default, skip_serializing_if = "Option::is_none")]

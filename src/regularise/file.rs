@@ -22,6 +22,12 @@ pub(super) const ORDER: &str =
 /// Size limit of a table file; larger files are refused.
 const MAX_BYTES: u64 = 1 << 22;
 
+/// Tables that the program contains: name and text of the file.
+const BUILT_IN: [(&str, &str); 2] = [
+    ("beta-0.001", include_str!("../../params/beta-0.001.json")),
+    ("beta-0.05", include_str!("../../params/beta-0.05.json")),
+];
+
 /// Number of list elements on a line of the file.
 const PER_LINE: usize = 16;
 
@@ -80,9 +86,13 @@ struct Document {
 }
 
 impl TableFile {
-    /// Reads a table file.
+    /// Reads a table file; `beta-0.001` and `beta-0.05` are tables that the program contains, unless there are files of
+    /// these names.
     pub fn load(path: &Path) -> Result<Self, FileError> {
-        Self::parse(&files::read(path, MAX_BYTES)?, path)
+        match BUILT_IN.iter().find(|(name, _)| path == Path::new(name)) {
+            Some((_, text)) if !path.exists() => Self::parse(text.as_bytes(), path),
+            _ => Self::parse(&files::read(path, MAX_BYTES)?, path),
+        }
     }
 
     /// Parses the bytes of a table file; `path` appears in errors only.

@@ -96,6 +96,14 @@ pub struct Pilot {
 }
 
 impl Pilot {
+    /// Outcome where there is nothing to choose.
+    const NONE: Self = Self {
+        tuning: TableTuning::NONE,
+        decided: false,
+        candidates: Vec::new(),
+        paths: 0,
+    };
+
     /// Tuning of the best candidate that changes the mean of the picture by at most this share; of the one that changes
     /// it least if all change it by more.
     ///
@@ -117,13 +125,18 @@ impl Pilot {
 /// Settings without a table, and scenes without lobes to roughen, need no pilot. The reuse mode is piloted in the
 /// default mode, since its paths would differ between candidates. Fails where the window leaves the frame.
 pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilot, FilmError> {
+    Ok(choose_while(settings, view, samples, &|| true)?.unwrap_or(Pilot::NONE))
+}
+
+/// [`choose`], given up with `None` when `go_on` says no; it is asked before every small render.
+pub fn choose_while(
+    settings: &Settings,
+    view: &View<'_>,
+    samples: u32,
+    go_on: &dyn Fn() -> bool,
+) -> Result<Option<Pilot>, FilmError> {
     let Some(table) = settings.rule.table().filter(|_| view.scene.has_lobes()) else {
-        return Ok(Pilot {
-            tuning: TableTuning::NONE,
-            decided: false,
-            candidates: Vec::new(),
-            paths: 0,
-        });
+        return Ok(Some(Pilot::NONE));
     };
     let (frame, window) = pilot_window(view.sensor.frame, view.window);
     let view = View::new(view.scene, view.sensor.camera, frame, window);
@@ -133,6 +146,9 @@ pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilo
     let first = 0..(spp / FIRST_ROUND).max(2);
     let second = first.end..spp;
     let begin = |rule: Rule| {
+        if !go_on() {
+            return Ok(None);
+        }
         let settings = Settings {
             estimator: Estimator::Path { reuse: false },
             rule,
@@ -140,12 +156,17 @@ pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilo
         };
         let mut pictures = CandidatePictures::new(&settings, &view)?;
         pictures.trace(&view, spp, first.clone());
-        Ok(pictures)
+        Ok(Some(pictures))
     };
-    let mut plain = begin(Rule::Plain)?;
-    let mut pictures = tunings()
+    let Some(mut plain) = begin(Rule::Plain)? else {
+        return Ok(None);
+    };
+    let begun = tunings()
         .map(|tuning| begin(Rule::with_table(table.tuned(tuning))))
-        .collect::<Result<Vec<CandidatePictures>, FilmError>>()?;
+        .collect::<Result<Option<Vec<CandidatePictures>>, FilmError>>()?;
+    let Some(mut pictures) = begun else {
+        return Ok(None);
+    };
     let tiles: Vec<(TableTuning, Tiles)> = tunings()
         .zip(&pictures)
         .map(|(tuning, pictures)| (tuning, pictures.tiles(window)))
@@ -164,6 +185,9 @@ pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilo
     plain.trace(&view, spp, second.clone());
     let mut tiles = Vec::new();
     for &i in &best {
+        if !go_on() {
+            return Ok(None);
+        }
         pictures[i].trace(&view, spp, second.clone());
         tiles.push((candidates[i].tuning, pictures[i].tiles(window)));
     }
@@ -173,12 +197,12 @@ pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilo
     }
     let (tuning, decided) = decide(&plain, &tiles, &weights, samples);
     let passes = first.len() * (pictures.len() + 1) + second.len() * (best.len() + 1);
-    Ok(Pilot {
+    Ok(Some(Pilot {
         tuning,
         decided,
         candidates,
         paths: passes as u64 * batches * pixels,
-    })
+    }))
 }
 
 /// Indices of the candidates of the second round, ascending: the best ones, and the untuned table.

@@ -9,6 +9,8 @@ mod render;
 mod shut;
 #[cfg(feature = "train")]
 mod study;
+#[cfg(unix)]
+mod targets;
 #[cfg(feature = "train")]
 mod train;
 

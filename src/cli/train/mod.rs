@@ -6,7 +6,7 @@ mod log;
 use super::bar::Style;
 use super::stop::Stop;
 use super::{Blame, Exit};
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use clap::{Args, ValueEnum};
 use display::ProgressDisplay;
 use log::MetricsLog;
@@ -64,15 +64,18 @@ pub(super) struct TrainArgs {
     #[arg(long, value_name = "FAMILY")]
     hold_out: Option<String>,
 
-    /// Folder of the run, for resolved settings, log, checkpoints, tables and report.
-    #[arg(long, value_name = "DIR", default_value = "out/train")]
-    run: PathBuf,
+    /// Folder of the run, for resolved settings, log, checkpoints, tables and report [default: out/train/PRESET].
+    #[arg(long, value_name = "DIR")]
+    run: Option<PathBuf>,
     /// Folder of the finished tables.
     #[arg(long, value_name = "DIR", default_value = "params")]
     out: PathBuf,
     /// Continue from the checkpoints in the run's folder.
     #[arg(long)]
     resume: bool,
+    /// Replace tables and a run that are there already; without it the program ends with exit code 2.
+    #[arg(long)]
+    force: bool,
     /// Then hold every family of scenes out once, and report the scores of tables on scenes unlike the training scenes.
     #[arg(long)]
     study: bool,
@@ -86,13 +89,13 @@ pub(super) struct TrainArgs {
 
 const EXAMPLES: &str = "\
 Examples:
-  opsr train --beta 0.001,0.05             ten thousand steps each from one recording: the tables in params/
-  opsr train --preset fast --beta 0.001    150 large steps: minutes, and nearly as good
+  opsr train --beta 0.001,0.05 --out mine  ten thousand steps each from one recording: the shipped tables, in mine/
+  opsr train --preset fast --beta 0.001    150 large steps: minutes, and nearly as good; params/fast-beta-0.001.json
   opsr train --preset published            from 0.5, as published
   opsr train --preset fast --study         scores of tables on families of scenes that they were not learned from
   opsr train --preset smoke                one scene, a minute or two; params/smoke-beta-0.001.json
   opsr train --optimiser log --set steps=500 --set 'scenes=[\"rings\", \"basins\"]'
-  opsr train --beta 0.001 --resume         continue after Ctrl-C
+  opsr train --beta 0.001 --out mine --resume   continue after Ctrl-C
 
 The run's folder gets config.toml, report.html and report.json, and for every beta metrics.jsonl, last.ckpt, table.json
 and best.json (lowest validation loss).";
@@ -111,7 +114,52 @@ enum Preset {
     Smoke,
 }
 
+impl Preset {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::Published => "published",
+            Self::Fast => "fast",
+            Self::Smoke => "smoke",
+        }
+    }
+}
+
 impl TrainArgs {
+    /// Folder of the run.
+    fn run_folder(&self) -> PathBuf {
+        let default = || Path::new("out/train").join(self.preset.name());
+        self.run.clone().unwrap_or_else(default)
+    }
+
+    /// Refuses to resume where there is nothing to resume from, and to replace a run or a table unless `--force` says so.
+    fn check_places(&self, config: &Config, run: &Path) -> anyhow::Result<()> {
+        let stems = config.beta.iter().map(|&beta| self.stem(config, beta));
+        let stems: Vec<String> = stems.collect();
+        if self.resume && !(stems.iter()).any(|stem| run.join(stem).join(CHECKPOINT).exists()) {
+            let what = "no checkpoint of these settings to resume from; start without --resume";
+            return Err(anyhow!("{}: {what}", run.display())).input();
+        }
+        if self.force {
+            return Ok(());
+        }
+        if !self.resume && holds_a_run(run) {
+            let what = "holds a run: --resume continues it, --force replaces it, --run names another folder";
+            return Err(anyhow!("{} {what}", run.display())).usage();
+        }
+        for stem in stems {
+            let table = self.out.join(format!("{stem}.json"));
+            // A resumed run replaces the table that it made itself.
+            let own = || std::fs::read(run.join(&stem).join("table.json")).ok();
+            let ours = self.resume && std::fs::read(&table).ok() == own();
+            if table.exists() && !ours {
+                let what = "exists: --force replaces it, --out names another folder";
+                return Err(anyhow!("{} {what}", table.display())).usage();
+            }
+        }
+        Ok(())
+    }
+
     /// Resolves the settings; later ones override earlier ones: preset, file, options, --set.
     fn resolve(&self) -> anyhow::Result<Config> {
         let mut config = Config::default();
@@ -155,8 +203,8 @@ impl TrainArgs {
     /// File name of a table without its extension.
     fn stem(&self, config: &Config, beta: f32) -> String {
         let preset = match self.preset {
-            Preset::Full | Preset::Published | Preset::Fast => "",
-            Preset::Smoke => "smoke-",
+            Preset::Full => String::new(),
+            other => format!("{}-", other.name()),
         };
         let model = match config.model {
             Model::Full => "",
@@ -168,6 +216,19 @@ impl TrainArgs {
         };
         format!("{preset}beta-{beta}{model}{lookup}")
     }
+}
+
+/// Name of a checkpoint in the folder of its table.
+const CHECKPOINT: &str = "last.ckpt";
+
+/// True if a folder of tables in this folder holds any work.
+fn holds_a_run(run: &Path) -> bool {
+    let work = |folder: &Path| {
+        let files = [CHECKPOINT, "table.json"];
+        files.iter().any(|file| folder.join(file).exists())
+    };
+    let mut entries = std::fs::read_dir(run).into_iter().flatten().flatten();
+    entries.any(|entry| work(&entry.path()))
 }
 
 /// From 0.5 ten thousand steps on the training scenes end in a far worse minimum than the best constant.
@@ -191,12 +252,14 @@ spp = 256
 /// Runs the command.
 pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     let config = args.resolve()?;
+    let run = args.run_folder();
+    args.check_places(&config, &run)?;
     let stop = Stop::listen();
     super::set_threads(args.threads)?;
-    for dir in [&args.run, &args.out] {
+    for dir in [&run, &args.out] {
         files::create_folder(dir).output()?;
     }
-    save(&args.run.join("config.toml"), &config.to_toml()?)?;
+    save(&run.join("config.toml"), &config.to_toml()?)?;
 
     let progress = ProgressDisplay::new(args.progress, config.steps);
     let mut session = Session::open(config.clone(), &|crop| {
@@ -211,7 +274,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     ));
     let mut report = Report::new(&session);
     for &beta in &config.beta {
-        let folder = args.run.join(args.stem(&config, beta));
+        let folder = run.join(args.stem(&config, beta));
         files::create_folder(&folder).output()?;
         let Some(learned) = learn(args, &mut session, beta, &folder, &progress, &stop)? else {
             return Ok(Exit::Stopped);
@@ -241,14 +304,11 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
         }
     }
     save(
-        &args.run.join("report.json"),
+        &run.join("report.json"),
         &format!("{:#}\n", serde_json::to_value(&report)?),
     )?;
-    save(&args.run.join("report.html"), &report.html()?)?;
-    progress.say(&format!(
-        "report: {}",
-        args.run.join("report.html").display()
-    ));
+    save(&run.join("report.html"), &report.html()?)?;
+    progress.say(&format!("report: {}", run.join("report.html").display()));
     Ok(if stop.asked() {
         Exit::Stopped
     } else {
@@ -268,7 +328,7 @@ fn learn(
     let config = session.config.clone();
     let names: Vec<String> = session.training.crops().map(|c| c.name.clone()).collect();
     let mut log = MetricsLog::open(&folder.join("metrics.jsonl"), args.resume)?;
-    let resume = args.resume && folder.join("last.ckpt").exists();
+    let resume = args.resume && folder.join(CHECKPOINT).exists();
     let clock = Instant::now();
     let mut log_error = None;
     let outcome = session

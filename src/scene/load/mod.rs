@@ -164,7 +164,12 @@ struct Asset {
 }
 
 fn head(json: &[u8], warnings: &mut Warnings) -> Result<Head> {
-    let head: Head = serde_json::from_slice(json).map_err(|e| fault("JSON", e.to_string()))?;
+    let head: Head = serde_json::from_slice(json).map_err(|e| {
+        match e.is_syntax() && (e.line(), e.column()) == (1, 1) {
+            true => fault("not a glTF file", "it holds no JSON"),
+            false => fault("JSON", e.to_string()),
+        }
+    })?;
     let version = &head.asset.version;
     if !version.starts_with("2.") {
         return Err(fault("asset.version", format!("`{version}` is not 2.0")));
@@ -174,10 +179,14 @@ fn head(json: &[u8], warnings: &mut Warnings) -> Result<Head> {
     }
     head.check_lists()?;
     let unknown = |e: &&String| !SUPPORTED.contains(&e.as_str());
-    if let Some(name) = head.extensions_required.iter().find(unknown) {
+    let required: Vec<&str> = (head.extensions_required.iter().filter(unknown))
+        .map(String::as_str)
+        .collect();
+    if !required.is_empty() {
+        let are = if required.len() == 1 { "is" } else { "are" };
         return Err(fault(
             "extensionsRequired",
-            format!("{name} is not supported"),
+            format!("{} {are} not supported", required.join(", ")),
         ));
     }
     for name in head.extensions_used.iter().filter(unknown) {

@@ -23,7 +23,7 @@ fn place() -> Place {
     dangling.json["nodes"][0]["mesh"] = json!(7);
     place.write("dangling.gltf", dangling.gltf());
     let mut required = File::triangle();
-    required.json["extensionsRequired"] = json!(["EXT_dream"]);
+    required.json["extensionsRequired"] = json!(["EXT_dream", "KHR_materials_ior", "EXT_sleep"]);
     place.write("required.gltf", required.gltf());
     place.write("table.json", &seeds::tables()[1]);
     place.write("short.json", half(&seeds::tables()[1]));
@@ -60,7 +60,22 @@ const CASES: &[(i32, &str, &str)] = &[
     (2, "paint scene.glb", "unrecognized subcommand"),
     (2, "render", "<SCENE>"),
     (2, "render scene.glb --spp 0", "--spp"),
-    (2, "render scene.glb --spp -3", "-3"),
+    (
+        2,
+        "render scene.glb --spp -3",
+        "'-3' for '--spp <N>': -3 is not in 1..",
+    ),
+    (
+        2,
+        "render scene.glb --gamma -1",
+        "'-1' for '--gamma <X>': expected a number from 0 to 1",
+    ),
+    (
+        2,
+        "bench suite.toml --threads -2",
+        "'-2' for '--threads <N>'",
+    ),
+    (2, "table show table.json --top -2", "'-2' for '--top <N>'"),
     (2, "render scene.glb --spp 4294967296", "--spp"),
     (2, "render scene.glb --time soon", "--time"),
     (2, "render scene.glb --size 0x5", "--size"),
@@ -69,10 +84,14 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         2,
         "render scene.glb --size 65536x65536",
-        "65536x65536 pixels are more",
+        "--size: 65536x65536 pixels are more",
     ),
     (2, "render scene.glb --crop 1,2,3", "--crop"),
-    (2, "render scene.glb --size 16x16 --crop 8,8,9,8", "--crop"),
+    (
+        2,
+        "render scene.glb --size 16x16 --crop 8,8,9,8",
+        "--crop: the window of 9x8 pixels at (8, 8) is empty or not inside the picture of 16x16 pixels",
+    ),
     (2, "render scene.glb --size 16x16 --crop 8,8,0,8", "--crop"),
     (2, "render scene.glb --gamma 1.5", "from 0 to 1"),
     (2, "render scene.glb --gamma nan", "from 0 to 1"),
@@ -122,6 +141,11 @@ const CASES: &[(i32, &str, &str)] = &[
         "render scene.glb --mode filter-glossy --filter inf",
         "above 0",
     ),
+    (
+        2,
+        "render scene.glb --filter 2",
+        "--filter needs --mode filter-glossy",
+    ),
     (2, "render scene.glb --mode sharpen", "sharpen"),
     (2, "render scene.glb --exposure nan", "--exposure"),
     (
@@ -130,7 +154,7 @@ const CASES: &[(i32, &str, &str)] = &[
         "--env-rotation",
     ),
     (2, "render scene.glb --threads 0", "--threads"),
-    (2, "render scene.glb --seed -1", "-1"),
+    (2, "render scene.glb --seed -1", "'-1' for '--seed <N>'"),
     (2, "render scene.glb --resume", "--checkpoint"),
     (2, "render scene.glb --levels 5", "need a table"),
     (2, "render scene.glb --mode pbrt --levels 5", "need a table"),
@@ -189,9 +213,9 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         3,
         "render required.gltf",
-        "required.gltf: extensionsRequired: EXT_dream",
+        "required.gltf: extensionsRequired: EXT_dream, EXT_sleep are not supported",
     ),
-    (3, "render old.png", "old.png: JSON"),
+    (3, "render old.png", "old.png: not a glTF file"),
     (3, "info none.glb", "none.glb"),
     (3, "info --json text.gltf", "text.gltf: JSON"),
     (3, "render scene.glb --camera none", "no camera `none`"),
@@ -342,6 +366,7 @@ fn exit_codes_are_documented() {
         "3 an input",
         "4 a result",
         "5 stopped",
+        "6 pictures differ",
     ] {
         let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
         assert!(help.contains(words), "{words}");

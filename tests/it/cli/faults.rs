@@ -173,7 +173,7 @@ mod training {
         let long = long();
         for option in ["--run", "--out"] {
             for folder in ["scene.glb", "scene.glb/new", &long] {
-                let ended = train(&place, &format!("--steps 4 {option} {folder}"));
+                let ended = train(&place, &format!("--steps 4 --force {option} {folder}"));
                 assert_eq!(ended.code, Some(4), "{option} {folder}: {}", ended.err);
                 assert!(ended.err.contains(folder), "{}", ended.err);
                 assert!(state() == before, "{option} {folder} changed files");
@@ -181,7 +181,7 @@ mod training {
         }
         // The settings fit, the log and the checkpoint do not; then the log too, not the checkpoint.
         for bytes in [1024, 4096, 16384] {
-            let mut ended = place.opsr_on_a_full_disk(bytes, &format!("{TRAIN} --steps 4"));
+            let mut ended = place.opsr_on_a_full_disk(bytes, &format!("{TRAIN} --steps 4 --force"));
             assert_eq!(ended.code, Some(4), "{bytes}: {}", ended.err);
             let mut now = state();
             // The log begins anew with the training: it is a whole one, if a short one.
@@ -197,7 +197,7 @@ mod training {
             let Some(shut) = Shut::new(&place, folder) else {
                 return;
             };
-            let ended = shut.opsr(&format!("{TRAIN} --steps 4 --seed 5"));
+            let ended = shut.opsr(&format!("{TRAIN} --steps 4 --force --seed 5"));
             assert_eq!(ended.code, Some(4), "{folder}: {}", ended.err);
             assert!(ended.err.contains(folder), "{folder}: {}", ended.err);
             let now = (place.files_in(folder), place.files_in("params"));

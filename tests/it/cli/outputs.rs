@@ -80,9 +80,15 @@ fn compare_writes_numbers_maps_and_a_page() {
         .opsr(
             "compare a.exr b.exr reference.exr --seeds --agree --json out.json --maps maps --page out.html \
              --exposures -1,0",
-        )
-        .done();
-    // Two renders of one scene agree up to their noise.
+        );
+    // Four samples are too few for a test that never raises a false alarm.
+    let differ = ended.out.contains("DIFFER");
+    assert_eq!(
+        ended.code,
+        Some(if differ { 6 } else { 0 }),
+        "{}",
+        ended.err
+    );
     assert_eq!(ended.out.matches(" against reference.exr").count(), 2);
     let json: Value = serde_json::from_slice(&place.read("out.json")).unwrap();
     let load = |name: &str| Named::load(&place.path().join(name)).unwrap();
@@ -119,6 +125,43 @@ fn compare_writes_numbers_maps_and_a_page() {
     let page = String::from_utf8(place.read("out.html")).unwrap();
     assert!(page.contains("a.exr") && page.contains("reference.exr"));
     assert!(!page.contains("src=\"http"), "it needs nothing else");
+}
+
+/// A picture that differs from its reference, and one above its bound, end with an exit code of their own.
+#[test]
+fn compare_exit_code_of_pictures_that_differ() {
+    let place = caustics();
+    for (name, args) in [
+        ("a.exr", ""),
+        ("b.exr", "--seed 1"),
+        ("bright.exr", "--max-vertices 1"),
+    ] {
+        place.render(&format!("--spp 64 {args} -o {name}")).done();
+    }
+    let compare = |args: &str| place.opsr(&format!("compare {args} b.exr"));
+    for (code, args, words) in [
+        (0, "--agree a.exr", ""),
+        (6, "--agree bright.exr", ""),
+        (6, "--json out.json --agree bright.exr a.exr", ""),
+        (0, "--fail-above relmse=1e6 --fail-above MSE=1e6 a.exr", ""),
+        (6, "--fail-above relMSE=0 a.exr", "a.exr: relMSE "),
+        (6, "--fail-above MSE=1e6 --fail-above MAPE=0 a.exr", "MAPE "),
+        (
+            2,
+            "--fail-above noise=1 a.exr",
+            "no metric `noise` among MSE",
+        ),
+        (2, "--fail-above relMSE a.exr", "METRIC=X"),
+    ] {
+        let ended = compare(args);
+        assert_eq!(ended.code, Some(code), "{args}: {}{}", ended.out, ended.err);
+        assert!(ended.err.contains(words), "{args}: {}", ended.err);
+        assert_eq!(ended.err.is_empty(), words.is_empty(), "{}", ended.err);
+        let differ = code == 6 && args.contains("--agree");
+        assert_eq!(ended.out.contains("DIFFER"), differ, "{}", ended.out);
+    }
+    // The numbers are written all the same.
+    assert!(place.path().join("out.json").exists());
 }
 
 #[test]
@@ -200,4 +243,24 @@ fn tev_live_view() {
     assert_eq!(nobody.code, Some(1), "{}", nobody.err);
     assert!(nobody.err.contains(&address.to_string()), "{}", nobody.err);
     assert!(!place.path().join("other.exr").exists());
+}
+
+/// A viewer that listens and never reads holds up neither the render nor its end.
+#[test]
+#[cfg(unix)]
+fn tev_that_never_reads_does_not_block_the_render() {
+    let place = Place::new();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    // Three pictures of six megabytes are more than the system keeps for a reader.
+    let args = format!(
+        "render scene.glb --size 1024x512 --max-vertices 1 --spp 8 --progress none -o out.exr --tev {address}"
+    );
+    let mut command = place.command("timeout");
+    let program = env!("CARGO_BIN_EXE_opsr");
+    command.args(["60", program]).args(args.split_whitespace());
+    let ended = super::Ended::of(command.output().expect("the program"));
+    assert_eq!(ended.code, Some(0), "{}", ended.err);
+    assert_eq!(picture(&place, "out.exr").size(), (1024, 512));
+    drop(listener);
 }

@@ -36,6 +36,60 @@ fn render_writes_its_outputs_and_nothing_else() {
     assert_eq!(png::read(&place.path().join("out.png")).unwrap(), shown);
 }
 
+/// What was written, and how good it is, in one plain line.
+#[test]
+fn summary_line_names_files_samples_time_and_error() {
+    let place = Place::new();
+    let ended = place.opsr("render scene.glb --size 16x8 --spp 4 --verbose -o out.exr -o out.png");
+    let ended = ended.done();
+    let start = "out.exr, out.png: 16x8, 4 spp in ";
+    let line = ended.err.lines().find(|line| line.starts_with(start));
+    let line = line.unwrap_or_else(|| panic!("{}", ended.err));
+    let (_, error) = line
+        .split_once("estimated relative error ")
+        .expect("an error");
+    assert!(error.parse::<f64>().is_ok_and(|e| e >= 0.0), "{line}");
+    assert!(line.contains(" million paths/s, "), "{line}");
+    // A pipe gets no colours, even from the log.
+    assert!(
+        ended.err.contains("INFO") && !ended.err.contains('\x1b'),
+        "{}",
+        ended.err
+    );
+    assert_eq!(ended.out, "");
+    // One sample has no error that is known.
+    let one = place.opsr("render scene.glb --size 16x8 --spp 1").done();
+    assert!(
+        one.err.contains("1 spp in ") && !one.err.contains("inf"),
+        "{}",
+        one.err
+    );
+}
+
+/// The shipped tables are known by name where no file has it.
+#[test]
+fn table_by_name_is_the_shipped_file() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::caustic_box());
+    let picture = |table: &str| {
+        place
+            .render(&format!("--spp 4 -o out.exr --opsr-table {table}"))
+            .done();
+        place.read("out.exr")
+    };
+    for name in ["beta-0.001", "beta-0.05"] {
+        let file = format!("{}/params/{name}.json", env!("CARGO_MANIFEST_DIR"));
+        assert!(picture(name) == picture(&file), "{name}");
+        let shown = |table: &str| place.opsr(&format!("table show {table}")).done().out;
+        assert_eq!(shown(name), shown(&file));
+    }
+    let built_in = picture("beta-0.05");
+    place.write("beta-0.05", &seeds::tables()[1]);
+    assert!(picture("beta-0.05") != built_in, "a file of that name wins");
+    let ended = place.render("--spp 1 -o out.exr --opsr-table beta-0.1");
+    assert_eq!(ended.code, Some(3), "{}", ended.err);
+}
+
 #[test]
 fn determinism_of_reproducible_files() {
     let place = Place::new();
@@ -77,10 +131,12 @@ fn resume_equals_an_uninterrupted_render() {
         .done();
     assert!(place.read("part.exr") == place.read("whole.exr"));
     // Asked for less than there is, it keeps what there is.
-    place
-        .render("--aov --spp 5 -o part.exr --checkpoint a.ckpt --resume")
+    let ended = place
+        .render("--aov --spp 5 -o part.exr --checkpoint a.ckpt --resume --verbose")
         .done();
     assert!(place.read("part.exr") == place.read("whole.exr"));
+    assert!(ended.err.contains("no new samples"), "{}", ended.err);
+    assert!(!ended.err.contains("inf"), "{}", ended.err);
 }
 
 #[test]
@@ -165,6 +221,31 @@ fn exit_code_after_a_signal() {
         .done();
     place.render(&format!("--spp {more} -o whole.exr")).done();
     assert!(place.read("out.exr") == place.read("whole.exr"));
+}
+
+/// Ctrl-C during a pilot has the exit code of every other stop.
+#[test]
+#[cfg(unix)]
+fn exit_code_of_a_stopped_pilot() {
+    use std::io::{BufRead, BufReader};
+    use std::process::{Command, Stdio};
+    let place = Place::new();
+    place.save("scene.glb", &gallery::caustic_box());
+    place.write("table.json", &seeds::tables()[1]);
+    let args = "render scene.glb --verbose --spp 100000 --opsr-table table.json --table-scale auto -o out.exr";
+    let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
+    let command = command.args(args.split_whitespace()).stderr(Stdio::piped());
+    let mut child = command.spawn().expect("the program");
+    let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
+    let begun = lines.any(|line| line.expect("UTF-8").contains("pilot for 100000"));
+    assert!(begun, "no pilot");
+    let id = child.id().to_string();
+    let kill = Command::new("kill").args(["-INT", &id]).status();
+    assert!(kill.expect("kill").success());
+    let rest: Vec<String> = lines.map_while(Result::ok).collect();
+    let code = child.wait().expect("an end").code();
+    assert_eq!(code, Some(5), "{}", rest.join("\n"));
+    assert!(!place.path().join("out.exr").exists());
 }
 
 /// A table with less of its pattern: another picture, which says so, and which only its like goes on from.

@@ -109,7 +109,7 @@ fn report_scores_tables_beside_constants() {
     }
     assert!(!page.contains("NaN"));
     for (i, beta) in ["0.001", "0.05"].into_iter().enumerate() {
-        let path = place.path().join(format!("tables/beta-{beta}.json"));
+        let path = place.path().join(format!("tables/fast-beta-{beta}.json"));
         let file = TableFile::load(&path).expect("a table");
         let about = file
             .provenance
@@ -123,7 +123,8 @@ fn report_scores_tables_beside_constants() {
             serde_json::from_value::<Vec<u64>>(report["visits"].clone()).unwrap()
         );
 
-        let log = String::from_utf8(place.read(&format!("run/beta-{beta}/metrics.jsonl"))).unwrap();
+        let log =
+            String::from_utf8(place.read(&format!("run/fast-beta-{beta}/metrics.jsonl"))).unwrap();
         let steps: Vec<u64> = (log.lines())
             .map(|l| json(l)["step"].as_u64().unwrap())
             .collect();
@@ -182,7 +183,9 @@ fn table_files_are_named_after_model_and_lookup() {
         .opsr(&format!("{QUICK} {args} --run run --out tables"))
         .done();
     assert!(ended.err.contains("recording glass 24,32"), "{}", ended.err);
-    let path = place.path().join("tables/beta-0.001-additive-linear.json");
+    let path = place
+        .path()
+        .join("tables/fast-beta-0.001-additive-linear.json");
     let file = TableFile::load(&path).expect("a table");
     assert_eq!(file.table.lookup, Lookup::Linear);
     let about = file.provenance.expect("provenance");

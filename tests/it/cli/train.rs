@@ -140,8 +140,51 @@ fn resume_after_an_interrupt_gives_the_same_tables() {
     let more = table.provenance.unwrap().steps + 2;
     train(&place, &format!("--steps {more} --resume")).done();
     let resumed = place.files_in("params");
-    train(&place, &format!("--steps {more}")).done();
+    train(&place, &format!("--steps {more} --force")).done();
     assert!(place.files_in("params") == resumed);
+}
+
+/// A table or a run that is there is replaced with `--force` only.
+#[test]
+fn force_is_needed_to_overwrite_tables_and_runs() {
+    let place = place();
+    let all = || {
+        let folders = ["run", "run/beta-0.001", "params"];
+        folders.map(|folder| place.files_in(folder))
+    };
+    train(&place, "--steps 3").done();
+    let before = all();
+    for (args, word) in [
+        ("--steps 2", "run holds a run"),
+        (
+            "--steps 2 --run other",
+            "params/beta-0.001.json exists: --force",
+        ),
+        ("--steps 2 --run none --resume", "none: no checkpoint"),
+    ] {
+        let ended = train(&place, &format!("{args} --out params"));
+        let code = if args.contains("resume") { 3 } else { 2 };
+        assert_eq!(ended.code, Some(code), "{args}: {}", ended.err);
+        assert!(ended.err.contains(word), "{args}: {}", ended.err);
+        assert!(all() == before, "{args} changed files");
+    }
+    for folder in ["other", "none"] {
+        assert!(!place.path().join(folder).exists(), "{folder}");
+    }
+    // A resumed run replaces its own table, not one that somebody else put there.
+    train(&place, "--steps 4 --resume").done();
+    place.write("params/beta-0.001.json", "another table");
+    let ended = train(&place, "--steps 5 --resume");
+    assert_eq!(ended.code, Some(2), "{}", ended.err);
+    assert!(place.read("params/beta-0.001.json") == b"another table");
+    train(&place, "--steps 3 --force").done();
+    assert!(place.files_in("params") == before[2]);
+    // Presets have names of their own.
+    train(&place, "--preset fast --steps 2 --run fast").done();
+    train(&place, "--preset published --steps 2 --run published").done();
+    let names: Vec<String> = place.files_in("params").into_keys().collect();
+    let expected = ["beta-0.001", "fast-beta-0.001", "published-beta-0.001"];
+    assert_eq!(names, expected.map(|name| format!("{name}.json")));
 }
 
 #[test]

@@ -1,0 +1,84 @@
+//! Outputs that are no regular files: links are followed, pipes and devices are written into and stay what they are.
+
+use super::{Ended, Place};
+use crate::fuzz::seeds;
+use opsr::image::exr;
+use std::os::unix::fs::{FileTypeExt, symlink};
+use std::process::{Command, Stdio};
+
+/// A folder with a table and links beside it.
+fn place() -> Place {
+    let place = Place::new();
+    place.write("table.json", &seeds::tables()[1]);
+    std::fs::create_dir(place.path().join("far")).expect("a folder");
+    for (link, to) in [
+        ("old.exr", "far/old.exr"),
+        ("new.exr", "far/new.exr"),
+        ("full.csv", "/dev/full"),
+        ("out.csv", "/dev/stdout"),
+    ] {
+        symlink(to, place.path().join(link)).expect("a link");
+    }
+    place
+}
+
+fn is_link(place: &Place, name: &str) -> bool {
+    place.path().join(name).is_symlink()
+}
+
+#[test]
+fn output_links_stay_and_their_targets_are_replaced() {
+    let place = place();
+    place.write("far/old.exr", "what was there before");
+    place.render("--spp 1 -o old.exr -o new.exr").done();
+    for name in ["old.exr", "new.exr"] {
+        assert!(is_link(&place, name), "{name}");
+        exr::read_rgb(&place.path().join("far").join(name)).expect("a picture");
+    }
+}
+
+#[test]
+fn output_pipe_stays_a_pipe_and_gets_the_bytes() {
+    let place = place();
+    let pipe = place.path().join("pipe.csv");
+    let made = Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.is_ok_and(|status| status.success()));
+    let export = "table export table.json -o";
+    place.opsr(&format!("{export} file.csv")).done();
+    // The reader gives up when nobody writes.
+    let mut reader = place.command("timeout");
+    reader
+        .args(["60", "cat", "pipe.csv"])
+        .stdout(Stdio::piped());
+    let reader = reader.spawn().expect("cat");
+    let writer = place.opsr(&format!("{export} pipe.csv"));
+    let is_pipe = pipe.symlink_metadata().unwrap().file_type().is_fifo();
+    if !is_pipe {
+        let _ = reader.wait_with_output();
+        panic!("the pipe became a file");
+    }
+    writer.done();
+    let read = reader.wait_with_output().expect("bytes").stdout;
+    assert!(read == place.read("file.csv"));
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn output_devices_are_written_into() {
+    let place = place();
+    let export = "table export table.json -o";
+    place.opsr(&format!("{export} file.csv")).done();
+    let ended = place.opsr(&format!("{export} full.csv"));
+    assert_eq!(ended.code, Some(4), "{}", ended.err);
+    assert!(ended.err.contains("full.csv"), "{}", ended.err);
+    let shown = place.opsr(&format!("{export} out.csv")).done();
+    assert!(shown.out.as_bytes() == place.read("file.csv"));
+    // Standard output that is a file keeps what is in it.
+    let file = std::fs::File::create(place.path().join("said")).expect("a file");
+    let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
+    command.args(format!("{export} out.csv").split_whitespace());
+    command.stdout(file);
+    Ended::of(command.output().expect("the program")).done();
+    assert!(place.read("said") == place.read("file.csv"));
+    assert!(is_link(&place, "full.csv") && is_link(&place, "out.csv"));
+}
