@@ -119,7 +119,7 @@ fn above(comparison: &Comparison, bounds: &[(String, f64)]) -> anyhow::Result<Ve
         for entry in &comparison.entries {
             for metric in entry.metrics.iter().filter(is) {
                 // A metric that is not a number is no good either.
-                if !(metric.value <= *most) {
+                if metric.value.is_nan() || metric.value > *most {
                     let Metric { name, value, .. } = metric;
                     lines.push(format!("{}: {name} {value:.6} is above {most}", entry.name));
                 }

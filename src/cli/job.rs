@@ -91,19 +91,14 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
     let factors = spec.table.is_some() || spec.gamma.is_some();
     let consistent = spec.lambda.is_some();
     spec.refused().map_err(anyhow::Error::msg).usage()?;
-    match spec.method {
-        Kind::Default | Kind::Reuse => {
-            if !factors && (consistent || spec.method == Kind::Reuse) {
-                let what = "--consistent and --mode reuse need --opsr-table or --gamma";
-                return Err(anyhow!(what)).usage();
-            }
-        }
-        _ if factors || consistent => {
-            let what =
-                "this --mode has a rule of its own: no --opsr-table, --gamma or --consistent";
-            return Err(anyhow!(what)).usage();
-        }
-        _ => {}
+    let accumulates = matches!(spec.method, Kind::Default | Kind::Reuse);
+    if accumulates && !factors && (consistent || spec.method == Kind::Reuse) {
+        let what = "--consistent and --mode reuse need --opsr-table or --gamma";
+        return Err(anyhow!(what)).usage();
+    }
+    if !accumulates && (factors || consistent) {
+        let what = "this --mode has a rule of its own: no --opsr-table, --gamma or --consistent";
+        return Err(anyhow!(what)).usage();
     }
     if spec.filter.is_some() && spec.method != Kind::FilterGlossy {
         return Err(anyhow!("--filter needs --mode filter-glossy")).usage();

@@ -183,7 +183,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Verify(args) => verify::run(&args),
     };
     let exit = result.unwrap_or_else(|error| {
-        eprintln!("opsr: {}", format!("{error:#}"));
+        eprintln!("opsr: {error:#}");
         error
             .downcast_ref::<Failure>()
             .map_or(Exit::Failed, |failure| failure.0)

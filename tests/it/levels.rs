@@ -119,7 +119,7 @@ fn levels_agree_with_renders_of_their_own() {
     let mut point = metal_room();
     point
         .lights
-        .push(opsr::gallery::point_light_over_plane().lights[0].clone());
+        .push(opsr::gallery::point_light_over_plane().lights[0]);
     for (parts, rule) in [
         (caustic_box(), table()),
         (metal_room(), table()),

@@ -51,7 +51,7 @@ impl<'a> Walk<'a> {
         }
         let back = -self.ray.dir;
         let cos = clamped(surface.ng.dot(back));
-        let distance2 = (!self.parallel).then(|| hit.t * hit.t);
+        let distance2 = (!self.parallel).then_some(hit.t * hit.t);
         self.partial.arrive(distance2, cos);
         let throughput = match self.origin {
             Origin::Camera => self.throughput,
