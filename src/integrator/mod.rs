@@ -1,9 +1,9 @@
 //! Rendering: estimators, the steps they share, budgets and checkpoints.
 //!
-//! [`Settings`] name an [`Estimator`] and a [`Rule`]; [`Settings::integrator`] makes an [`Integrator`] of them, the one
-//! place with dynamic dispatch (one call a pass). Everything below is monomorphised: plain path tracing compiles to a
-//! loop without a table. [`levels`] traces several amounts of roughening at once. What estimators share is in [`walk`] as
-//! steps; each keeps its own loop.
+//! [`Settings`] name an [`Estimator`] and a [rule](crate::regularise::Rule); [`Settings::integrator`] makes an
+//! [`Integrator`] of them, the one place with dynamic dispatch (one call a pass). Everything below is monomorphised: plain
+//! path tracing compiles to a loop without a table. [`levels`] traces several amounts of roughening at once. What
+//! estimators share is in [`walk`] as steps; each keeps its own loop.
 
 pub mod aov;
 pub mod bidirectional;

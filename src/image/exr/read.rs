@@ -26,7 +26,8 @@ pub fn read_rgb(path: &Path) -> Result<Buffer, FileError> {
     layers.picture(names).map_err(|e| e.at(path))
 }
 
-/// Reads a film that [`write_film`] wrote, in the single precision of the file and without its refusals.
+/// Reads a film that [`write_film`](super::write_film) wrote, in the single precision of the file and without its
+/// refusals.
 pub fn read_film(path: &Path) -> Result<Film, FileError> {
     let layers = read_layers(path)?;
     film_of(&layers).map_err(|e| e.at(path))

@@ -5,7 +5,7 @@
 //! alone: only the last lobe is evaluated again. At a vertex that some level roughens
 //!
 //! 1. one light sample and one shadow ray are evaluated at the roughness of every level;
-//! 2. directions are drawn from the lobes of some levels ([`vertex`]), and emission at their ends is evaluated at every
+//! 2. directions are drawn from the lobes of some levels (`vertex`), and emission at their ends is evaluated at every
 //!    level that roughens this vertex, weighted against the light with the density of all draws together;
 //! 3. the path continues with a draw at its own roughness. Emission at its end is plain path tracing's for the levels that
 //!    leave the vertex alone, and one more draw for those that roughen it.

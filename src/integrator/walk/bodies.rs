@@ -13,7 +13,7 @@ const MOST_SURFACES: usize = 10_000;
 
 /// The bodies that enclose the current vertex of a path, innermost last; empty in scenes without absorption.
 ///
-/// Remembers the [`MOST`] innermost. Where a path needs one that was forgotten, its transmittance is not a number: the film
+/// Remembers the `MOST` innermost. Where a path needs one that was forgotten, its transmittance is not a number: the film
 /// refuses the sample, counts and names it.
 #[derive(Clone, Copy, Default)]
 pub struct EnclosingBodies {

@@ -3,7 +3,7 @@
 //! | module | contents |
 //! |---|---|
 //! | [`suite`] | scenes, methods, seeds and time points, from a TOML file |
-//! | [`run`] | measures: one progressive run per scene, method and seed; resumable |
+//! | [`run`](mod@run) | measures: one progressive run per scene, method and seed; resumable |
 //! | [`results`] | the measurements, as JSON |
 //! | [`errors`] | the errors of a picture |
 //! | [`curve`] | errors at a time or a number of samples, and the crossing of two methods |

@@ -1,7 +1,7 @@
 //! FLIP: the difference a viewer sees when flipping between two pictures.
 //!
-//! LDR as in [FLIP20]: both pictures pass the blur of the eye and are compared as colours (ΔE_c); edges and points
-//! found in one but not the other (ΔE_f) raise that: ΔE = ΔE_c^(1 − ΔE_f), in [0, 1] per pixel. HDR as in [FLIP21]:
+//! LDR as in `[FLIP20]`: both pictures pass the blur of the eye and are compared as colours (ΔE_c); edges and points
+//! found in one but not the other (ΔE_f) raise that: ΔE = ΔE_c^(1 − ΔE_f), in [0, 1] per pixel. HDR as in `[FLIP21]`:
 //! the largest LDR error over exposures that take the reference from its brightest pixel to its median just
 //! below white, after the ACES tone curve.
 
