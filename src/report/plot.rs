@@ -33,6 +33,7 @@ pub(super) struct Axis<'a> {
 
 impl<'a> Axis<'a> {
     /// A linear axis around values, with some room.
+    #[cfg(feature = "train")]
     pub(super) fn around(label: &'a str, values: impl Iterator<Item = f64> + Clone) -> Self {
         let finite = values.filter(|v| v.is_finite());
         let low = finite.clone().reduce(f64::min).unwrap_or(0.0);
