@@ -36,7 +36,7 @@ fn render_writes_its_outputs_and_nothing_else() {
     assert_eq!(png::read(&place.path().join("out.png")).unwrap(), shown);
 }
 
-/// What was written, and how good it is, in one plain line.
+/// The closing line says in plain words which files were written and how good they are.
 #[test]
 fn summary_line_names_files_samples_time_and_error() {
     let place = Place::new();
