@@ -27,7 +27,7 @@ pub(super) const DEFAULT_SPP: u32 = 128;
 
 /// Runs the command.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
-    let outputs = Outputs::new(&args.output, args.exposure)?;
+    let outputs = Outputs::new(&args.output, args.display)?;
     if let Some(path) = &args.checkpoint {
         can_write(path).output()?;
     }
@@ -125,7 +125,7 @@ impl RenderJob<'_> {
             if every.is_some_and(|every| saved.elapsed() >= every) {
                 saved = Instant::now();
                 let partial = match args.save_every {
-                    Some(_) => self.write(picture, progress, spent),
+                    Some(_) => self.write(picture, progress, spent).map(|_| ()),
                     None => Ok(()),
                 };
                 if let Err(error) = partial.and_then(|()| checkpoint(progress, picture)) {
@@ -150,12 +150,12 @@ impl RenderJob<'_> {
         }
         // If one of the two cannot be saved, the other still is.
         let kept = checkpoint(&progress, &picture);
-        self.write(&picture, &progress, spent)?;
+        let exposure = self.write(&picture, &progress, spent)?;
         kept?;
         if let Some(view) = live {
             view.finish();
         }
-        self.report(&picture, &progress, start);
+        self.report(&picture, &progress, start, exposure);
         Ok(if reason == Reason::Stopped {
             Exit::Stopped
         } else {
@@ -251,7 +251,7 @@ impl RenderJob<'_> {
         picture: &Picture,
         progress: &RenderProgress,
         spent: f64,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<Option<f32>> {
         let seconds = spent + progress.elapsed.as_secs_f64();
         let threads = rayon::current_num_threads();
         let metadata = self.provenance.metadata(progress.samples, seconds, threads);
@@ -259,7 +259,13 @@ impl RenderJob<'_> {
     }
 
     /// Reports what was written with the statistics of the render, and the refused samples.
-    fn report(&self, picture: &Picture, progress: &RenderProgress, start: u32) {
+    fn report(
+        &self,
+        picture: &Picture,
+        progress: &RenderProgress,
+        start: u32,
+        exposure: Option<f32>,
+    ) {
         let film = &picture.film;
         let seconds = progress.elapsed.as_secs_f64();
         // Samples of an earlier run took no time of this one.
@@ -273,8 +279,9 @@ impl RenderJob<'_> {
             error if error.is_finite() => format!(", estimated relative error {error:.4}"),
             _ => String::new(),
         };
+        let exposure = exposure.map_or(String::new(), |stops| format!(", exposure {stops:+}"));
         let summary = format!(
-            "{}: {}x{}, {} spp in {seconds:.2} s, {rate}{error}",
+            "{}: {}x{}{exposure}, {} spp in {seconds:.2} s, {rate}{error}",
             self.outputs.names(),
             film.window.w,
             film.window.h,
