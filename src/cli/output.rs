@@ -3,8 +3,9 @@
 use super::Blame;
 use anyhow::{Context, anyhow, bail};
 use opsr::files::Target;
+use opsr::image::denoise::Denoiser;
 use opsr::image::exr::{self, Layer, Metadata};
-use opsr::image::png;
+use opsr::image::{Buffer, png};
 use opsr::integrator::Picture;
 use opsr::regularise::TableTuning;
 use opsr::tune::resolve::resolve_film;
@@ -20,17 +21,43 @@ pub(super) struct ResolveArgs {
     /// Add every level to EXR files, as layers `level0`, `level1` and so on.
     #[arg(long)]
     pub(super) level_layers: bool,
+    /// Denoise the picture with Open Image Denoise 2, which is looked for in the folder OIDN_DIR and in the system's library
+    /// path. EXR files keep the picture before it as the layer `noisy`.
+    #[arg(long)]
+    pub(super) denoise: bool,
+}
+
+impl ResolveArgs {
+    /// The denoiser, if one is asked for.
+    pub(super) fn denoiser(self) -> anyhow::Result<Option<Denoiser>> {
+        let denoiser = self.denoise.then(Denoiser::open).transpose();
+        denoiser.context("--denoise").input()
+    }
+
+    /// The picture to look at while it is made.
+    pub(super) fn shown(self, picture: &Picture) -> Buffer {
+        match &picture.levels {
+            Some(film) => resolve_film(film, self.robust).picture,
+            None => picture.film.mean(),
+        }
+    }
 }
 
 /// The files that a picture is written to.
 pub(super) struct Outputs {
     files: Vec<PathBuf>,
     exposure: f32,
+    resolve: ResolveArgs,
+    denoiser: Option<Denoiser>,
 }
 
 impl Outputs {
     /// Checks before anything is rendered that the files can be written at all.
-    pub(super) fn new(files: &[PathBuf], exposure: f32) -> anyhow::Result<Self> {
+    pub(super) fn new(
+        files: &[PathBuf],
+        exposure: f32,
+        resolve: ResolveArgs,
+    ) -> anyhow::Result<Self> {
         for file in files {
             match file.extension().and_then(|e| e.to_str()) {
                 Some("exr" | "png") => {}
@@ -45,6 +72,8 @@ impl Outputs {
         Ok(Self {
             files: files.to_vec(),
             exposure,
+            resolve,
+            denoiser: resolve.denoiser()?,
         })
     }
 
@@ -57,20 +86,23 @@ impl Outputs {
     /// Writes every file, each whole or not at all.
     ///
     /// Of several levels the one of every pixel is chosen; EXR files then have the layers `level`, `bias2`, `variance` and
-    /// `error` in place of the statistics of the film.
-    pub(super) fn write(
-        &self,
-        picture: &Picture,
-        args: ResolveArgs,
-        metadata: &Metadata,
-    ) -> anyhow::Result<()> {
+    /// `error` in place of the statistics of the film, as does a denoised picture. The result is the estimated relative error of the picture.
+    pub(super) fn write(&self, picture: &Picture, metadata: &Metadata) -> anyhow::Result<f64> {
+        let args = self.resolve;
         let resolved =
             (picture.levels.as_ref()).map(|film| (film, resolve_film(film, args.robust)));
-        let shown = match &resolved {
+        let mut shown = match &resolved {
             Some((_, resolved)) => resolved.picture.clone(),
             None => picture.film.mean(),
         };
         let mut layers = layers(picture);
+        if let Some(denoiser) = &self.denoiser {
+            let aovs = (picture.aovs.as_ref()).context("--denoise needs a render with --aov");
+            let aovs = aovs.usage()?;
+            let clean = denoiser.denoise(&shown, &aovs.albedo(), &aovs.normal())?;
+            layers.push(Layer::rgb("noisy", &shown));
+            shown = clean;
+        }
         if let Some((film, resolved)) = &resolved {
             let level = resolved.level.iter().map(|&k| f32::from(k)).collect();
             layers.push(Layer::scalar("level", level));
@@ -83,17 +115,20 @@ impl Outputs {
             }
         }
         for file in &self.files {
-            let film = &picture.film;
+            let (film, whole) = (&picture.film, resolved.is_some() || args.denoise);
             if file.extension().is_some_and(|e| e == "png") {
                 png::write(file, &shown, self.exposure).output()?;
-            } else if resolved.is_some() {
+            } else if whole {
                 let part = (film.size, film.window);
                 exr::write_layers(file, part, &shown, &layers, metadata).output()?;
             } else {
                 exr::write_film(file, film, &layers, metadata).output()?;
             }
         }
-        Ok(())
+        Ok(match &resolved {
+            Some((_, resolved)) => resolved.relative_error(),
+            None => picture.film.relative_error(),
+        })
     }
 }
 

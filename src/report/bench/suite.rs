@@ -92,6 +92,9 @@ pub struct SceneSpec {
     /// a scene that comes with the program.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub builtin: Option<String>,
+    /// Environment: an equirectangular map (.hdr or .exr).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub environment: Option<PathBuf>,
     /// Slope distribution of the lobes of a file's materials.
     #[serde(default)]
     pub distribution: Lobes,
@@ -162,7 +165,7 @@ impl Suite {
         let scene_files = suite
             .scenes
             .iter_mut()
-            .flat_map(|s| [&mut s.file, &mut s.reference]);
+            .flat_map(|s| [&mut s.file, &mut s.reference, &mut s.environment]);
         let tables = suite.methods.iter_mut().map(|m| &mut m.table);
         for file in scene_files.chain(tables).flatten() {
             *file = folder.join(&*file);
