@@ -91,7 +91,7 @@ fn reachable(scene: &Scene) -> usize {
         .count()
 }
 
-/// What a render of this scene leaves out, because nothing in it asks for it.
+/// Features that a render of this scene leaves out, because nothing in the scene asks for them.
 pub(super) fn unused(scene: &Scene, rule: &Rule) -> Vec<String> {
     let parts = scene.parts();
     let off = [

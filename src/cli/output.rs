@@ -4,6 +4,7 @@ use super::Blame;
 use anyhow::{Context, anyhow, bail};
 use opsr::files::Target;
 use opsr::image::denoise::Denoiser;
+use opsr::image::display::{Display, ViewTransform, auto_exposure};
 use opsr::image::exr::{self, Layer, Metadata};
 use opsr::image::{Buffer, png};
 use opsr::integrator::Picture;
@@ -43,10 +44,64 @@ impl ResolveArgs {
     }
 }
 
+/// Options of PNG files.
+#[derive(clap::Args, Clone, Copy, Debug)]
+pub(super) struct DisplayArgs {
+    /// Brightness of PNG files in stops; `auto` puts the 95th percentile of the luminance at 80 % of white, `none` is 0.
+    #[arg(
+        long,
+        value_name = "STOPS|auto|none",
+        default_value = "auto",
+        allow_negative_numbers = true,
+        value_parser = exposure
+    )]
+    exposure: Exposure,
+    /// View transform of PNG files.
+    #[arg(long, value_enum, default_value_t)]
+    view: ViewTransform,
+}
+
+/// Exposure of PNG files.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Exposure {
+    /// The one that suits the picture.
+    Auto,
+    /// So many stops.
+    Stops(f32),
+}
+
+fn exposure(text: &str) -> Result<Exposure, String> {
+    match text {
+        "auto" => Ok(Exposure::Auto),
+        "none" => Ok(Exposure::Stops(0.0)),
+        number => (super::scene::finite(number).map(Exposure::Stops))
+            .map_err(|_| "expected a number of stops, auto or none".into()),
+    }
+}
+
+impl DisplayArgs {
+    fn of(self, picture: &Buffer) -> Display {
+        let exposure = match self.exposure {
+            Exposure::Auto => auto_exposure(picture),
+            Exposure::Stops(stops) => stops,
+        };
+        let view = self.view;
+        Display { exposure, view }
+    }
+}
+
+/// Facts about a picture that was written.
+pub(super) struct Written {
+    /// Exposure of the PNG files, if there are any.
+    pub(super) exposure: Option<f32>,
+    /// Estimated relative error of the picture, before it was denoised.
+    pub(super) error: f64,
+}
+
 /// The files that a picture is written to.
 pub(super) struct Outputs {
     files: Vec<PathBuf>,
-    exposure: f32,
+    display: DisplayArgs,
     resolve: ResolveArgs,
     denoiser: Option<Denoiser>,
 }
@@ -55,7 +110,7 @@ impl Outputs {
     /// Checks before anything is rendered that the files can be written at all.
     pub(super) fn new(
         files: &[PathBuf],
-        exposure: f32,
+        display: DisplayArgs,
         resolve: ResolveArgs,
     ) -> anyhow::Result<Self> {
         for file in files {
@@ -71,7 +126,7 @@ impl Outputs {
         }
         Ok(Self {
             files: files.to_vec(),
-            exposure,
+            display,
             resolve,
             denoiser: resolve.denoiser()?,
         })
@@ -86,8 +141,8 @@ impl Outputs {
     /// Writes every file, each whole or not at all.
     ///
     /// Of several levels the one of every pixel is chosen; EXR files then have the layers `level`, `bias2`, `variance` and
-    /// `error` in place of the statistics of the film, as does a denoised picture. The result is the estimated relative error of the picture.
-    pub(super) fn write(&self, picture: &Picture, metadata: &Metadata) -> anyhow::Result<f64> {
+    /// `error` in place of the statistics of the film, as does a denoised picture.
+    pub(super) fn write(&self, picture: &Picture, metadata: &Metadata) -> anyhow::Result<Written> {
         let args = self.resolve;
         let resolved =
             (picture.levels.as_ref()).map(|film| (film, resolve_film(film, args.robust)));
@@ -114,10 +169,12 @@ impl Outputs {
                 layers.extend((0..film.levels()).map(level));
             }
         }
+        let is_png = |file: &PathBuf| file.extension().is_some_and(|e| e == "png");
+        let display = (self.files.iter().any(is_png)).then(|| self.display.of(&shown));
         for file in &self.files {
             let (film, whole) = (&picture.film, resolved.is_some() || args.denoise);
-            if file.extension().is_some_and(|e| e == "png") {
-                png::write(file, &shown, self.exposure).output()?;
+            if let Some(display) = display.filter(|_| is_png(file)) {
+                png::write(file, &shown, display).output()?;
             } else if whole {
                 let part = (film.size, film.window);
                 exr::write_layers(file, part, &shown, &layers, metadata).output()?;
@@ -125,9 +182,12 @@ impl Outputs {
                 exr::write_film(file, film, &layers, metadata).output()?;
             }
         }
-        Ok(match &resolved {
-            Some((_, resolved)) => resolved.relative_error(),
-            None => picture.film.relative_error(),
+        Ok(Written {
+            exposure: display.map(|display| display.exposure),
+            error: match &resolved {
+                Some((_, resolved)) => resolved.relative_error(),
+                None => picture.film.relative_error(),
+            },
         })
     }
 }

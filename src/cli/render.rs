@@ -2,7 +2,7 @@
 
 use super::bar::{Bar, Style};
 use super::live::Live;
-use super::output::{Outputs, Provenance, can_write};
+use super::output::{Outputs, Provenance, Written, can_write};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
@@ -27,7 +27,7 @@ pub(super) const DEFAULT_SPP: u32 = 128;
 
 /// Runs the command.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
-    let outputs = Outputs::new(&args.output, args.exposure, args.resolve)?;
+    let outputs = Outputs::new(&args.output, args.display, args.resolve)?;
     if let Some(path) = &args.checkpoint {
         can_write(path).output()?;
     }
@@ -141,12 +141,12 @@ impl RenderJob<'_> {
         }
         // If one of the two cannot be saved, the other still is.
         let kept = checkpoint(&progress, &picture);
-        let error = self.write(&picture, &progress, spent)?;
+        let written = self.write(&picture, &progress, spent)?;
         kept?;
         if let Some(view) = live {
             view.finish();
         }
-        self.report(&picture, &progress, start, error);
+        self.report(&picture, &progress, start, &written);
         Ok(if reason == Reason::Stopped {
             Exit::Stopped
         } else {
@@ -227,7 +227,7 @@ impl RenderJob<'_> {
         picture: &Picture,
         progress: &RenderProgress,
         spent: f64,
-    ) -> anyhow::Result<f64> {
+    ) -> anyhow::Result<Written> {
         let seconds = spent + progress.elapsed.as_secs_f64();
         let threads = rayon::current_num_threads();
         let metadata = self.provenance.metadata(progress.samples, seconds, threads);
@@ -235,7 +235,7 @@ impl RenderJob<'_> {
     }
 
     /// Reports what was written with the statistics of the render, and the refused samples.
-    fn report(&self, picture: &Picture, progress: &RenderProgress, start: u32, error: f64) {
+    fn report(&self, picture: &Picture, progress: &RenderProgress, start: u32, written: &Written) {
         let film = &picture.film;
         let seconds = progress.elapsed.as_secs_f64();
         // Samples of an earlier run took no time of this one.
@@ -245,7 +245,7 @@ impl RenderJob<'_> {
         } else {
             "no new samples: the checkpoint has as many as were asked for, or more".to_owned()
         };
-        let mut error = match error {
+        let mut error = match written.error {
             error if error.is_finite() => format!(", estimated relative error {error:.4}"),
             _ => String::new(),
         };
@@ -253,8 +253,10 @@ impl RenderJob<'_> {
         if unseen >= 0.05 {
             error += &format!(", {unseen:.1} % of the light found by roughened lobes alone");
         }
+        let exposure =
+            (written.exposure).map_or(String::new(), |stops| format!(", exposure {stops:+}"));
         let summary = format!(
-            "{}: {}x{}, {} spp in {seconds:.2} s, {rate}{error}",
+            "{}: {}x{}{exposure}, {} spp in {seconds:.2} s, {rate}{error}",
             self.outputs.names(),
             film.window.w,
             film.window.h,

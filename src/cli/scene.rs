@@ -33,6 +33,9 @@ pub(super) struct SceneArgs {
     /// Microfacet distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model.
     #[arg(long, value_enum, default_value_t)]
     distribution: Lobes,
+    /// Make solid bodies of closed meshes that transmit without a thickness, such as glass from Blender.
+    #[arg(long)]
+    solid_glass: bool,
 }
 
 /// [`Distribution`] on the command line.
@@ -76,7 +79,10 @@ impl SceneArgs {
             Lobes::Beckmann => Distribution::Beckmann,
             Lobes::Ggx => Distribution::Ggx,
         };
-        let options = LoadOptions { distribution };
+        let options = LoadOptions {
+            distribution,
+            solid_glass: self.solid_glass,
+        };
         let loaded = load(&self.scene, &options).input()?;
         let (mut parts, mut warnings) = (loaded.parts, loaded.warnings);
         let mut digest = Sha256::new();
@@ -105,9 +111,11 @@ impl SceneArgs {
             env_intensity,
             env_rotation,
             distribution,
+            solid_glass,
             ..
         } = self;
-        format!("env {env_intensity} {env_rotation}, {distribution:?}")
+        let glass = if *solid_glass { ", solid glass" } else { "" };
+        format!("env {env_intensity} {env_rotation}, {distribution:?}{glass}")
     }
 }
 

@@ -2,6 +2,7 @@
 
 pub mod buffer;
 pub mod denoise;
+pub mod display;
 pub mod exr;
 pub mod false_colour;
 pub mod film;

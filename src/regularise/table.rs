@@ -6,7 +6,7 @@ use super::{Attenuation, MAX_VERTICES};
 /// P: number of attenuation factors in a table, 4² + 4³ + 4⁴ + 4⁵.
 pub const LEN: usize = 1360;
 
-/// How a path finds its factor.
+/// Look-up of the factor of a path.
 #[derive(
     Clone,
     Copy,

@@ -18,7 +18,7 @@ const FOOT: f64 = 48.0;
 const ROW: f64 = 22.0;
 const ENTRY: f64 = 18.0;
 
-/// Of a character of a label, about: nothing here measures text.
+/// Approximate width of a character of a label: nothing here measures text.
 const CHARACTER: f64 = 6.4;
 
 const MAX_TICKS: usize = 8;

@@ -116,7 +116,7 @@ impl CropScores {
         }
     }
 
-    /// Whether a crop's loss is larger with the learned table than without roughening.
+    /// True if a crop's loss is larger with the learned table than without roughening.
     fn is_worse(&self, crop: usize, beta: f32) -> bool {
         self.after[crop].total(beta) > self.plain[crop].total(beta)
     }

@@ -20,6 +20,7 @@ use crate::image::film::{FilmError, Window};
 use crate::integrator::{Estimator, Settings, View};
 use crate::math::UVec2;
 use crate::regularise::{Rule, TableTuning};
+use crate::sampler::{Domain, Seed};
 use candidate::{BATCHES, CandidatePictures, TILE, Tiles};
 
 /// Contrasts of the candidates: all of the table's pattern, half of it, and none.
@@ -152,6 +153,8 @@ pub fn choose_while(
         let settings = Settings {
             estimator: Estimator::Path { reuse: false },
             rule,
+            // A picture that shares paths with its pilot would favour what these paths favour.
+            seed: Seed(settings.seed).derive(Domain::Pilot, 0).0,
             ..settings.clone()
         };
         let mut pictures = CandidatePictures::new(&settings, &view)?;

@@ -24,7 +24,7 @@ use tempfile::TempDir;
 /// A folder in which the program runs.
 pub(crate) struct Place(TempDir);
 
-/// How a run ended.
+/// End of a run.
 pub(crate) struct Ended {
     pub(crate) code: Option<i32>,
     pub(crate) out: String,

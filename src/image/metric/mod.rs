@@ -69,7 +69,7 @@ pub enum MetricError {
     /// A pixel is not a number or infinite.
     #[error("{which}: pixel ({x}, {y}) is not finite, and {} more", count - 1)]
     NotFinite {
-        /// Which of the two.
+        /// Name of the picture.
         which: &'static str,
         /// Column of the first such pixel.
         x: usize,

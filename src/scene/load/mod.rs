@@ -6,6 +6,7 @@
 //! order.
 
 mod accessors;
+mod closed;
 mod error;
 mod lights;
 mod materials;
@@ -45,12 +46,15 @@ const SUPPORTED: [&str; 9] = [
 pub struct LoadOptions {
     /// Slope distribution of all glossy lobes.
     pub distribution: Distribution,
+    /// Closed meshes that transmit without a thickness are solid bodies, not thin walls.
+    pub solid_glass: bool,
 }
 
 impl Default for LoadOptions {
     fn default() -> Self {
         Self {
             distribution: Distribution::Beckmann,
+            solid_glass: false,
         }
     }
 }
@@ -96,11 +100,17 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
     let mut requests = textures::Requests::default();
     let (mut materials, slots) =
         materials::materials(&root, options.distribution, &mut requests, &mut warnings)?;
-    let meshes = mesh::meshes(&data, &nodes, &slots, &mut warnings)?;
+    let mut meshes = mesh::meshes(&data, &nodes, &slots, &mut warnings)?;
     let default = materials.len() - 1;
     if !meshes.iter().any(|m| m.material as usize == default) {
         materials.truncate(default);
     }
+    let known: Vec<bool> = (root.materials.iter())
+        .map(|m| (m.extensions.as_ref()).is_some_and(|e| e.volume.is_some()))
+        .chain([false])
+        .collect();
+    let solid = options.solid_glass;
+    closed::bodies(&mut meshes, &mut materials, &known, solid, &mut warnings);
     let parts = SceneParts {
         meshes,
         materials,

@@ -89,7 +89,7 @@ impl CropSet {
         self.anchor = None;
     }
 
-    /// Whether there are no crops.
+    /// True if there are no crops.
     pub fn is_empty(&self) -> bool {
         self.crops.is_empty()
     }
@@ -188,7 +188,7 @@ impl CropSet {
         (loss, sum)
     }
 
-    /// Whether the tangents from the anchor hold at a table.
+    /// True if the tangents from the anchor hold at a table.
     fn is_within_reach(&self, table: &AttenuationTable) -> bool {
         self.anchor.as_ref().is_some_and(|anchor| {
             let (mut moved, mut weight) = (0.0, 0.0);

@@ -87,7 +87,7 @@ pub struct Outcome {
     pub skipped: u32,
     /// The log.
     pub log: Vec<LogEntry>,
-    /// Whether the listener stopped it.
+    /// True if the listener stopped it.
     pub stopped: bool,
 }
 

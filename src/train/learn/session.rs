@@ -161,7 +161,7 @@ type Recorded = Result<(Box<dyn MomentSource>, Visits), DatasetError>;
 /// A crop to record.
 struct RecordingJob {
     crop: Crop,
-    /// Whether the crop is learned from.
+    /// True if the crop is learned from.
     training: bool,
     seed: Seed,
     spp: u32,

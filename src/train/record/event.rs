@@ -37,9 +37,9 @@ pub struct StoredEvent {
     /// Index of the path's roughness values in [`RoughnessLists`](crate::train::record::lists::RoughnessLists).
     pub code: u32,
     distribution: Distribution,
-    /// Whether the light has no area, so that only light sampling finds it.
+    /// True if the light has no area, so that only light sampling finds it.
     delta_light: bool,
-    /// Whether a lobe sample hit the light; `false` for a light sample.
+    /// True if a lobe sample hit the light; `false` for a light sample.
     pub from_lobe: bool,
 }
 

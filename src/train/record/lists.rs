@@ -134,7 +134,7 @@ impl RoughnessLists {
         &self.values[start as usize..self.ends[code] as usize]
     }
 
-    /// Whether a path folds: α′ then depends on the factors of more than one class.
+    /// True if a path folds: α′ then depends on the factors of more than one class.
     pub fn is_long(&self, code: u32) -> bool {
         self.list(code).len() > MAX_VERTICES
     }

@@ -65,7 +65,7 @@ impl Visits {
     }
 }
 
-/// Whether the last vertex of a class is below the top bin.
+/// True if the last vertex of a class is below the top bin.
 fn is_live(class: GammaIndex) -> bool {
     (class.bins().last()).is_some_and(|&bin| bin + 1 < BINS)
 }

@@ -98,7 +98,7 @@ fn sphere(scene: &Scene) -> (Vec3, f32) {
     (0.5 * (low + high), 0.5 * low.distance(high))
 }
 
-/// Where rays pass the disk across them, as points of equal density in the unit square.
+/// Chi-square p-value of the points where rays cross the disk around the scene.
 fn across(scene: &Scene, samples: &[EmissionSample]) -> f64 {
     let (centre, radius) = sphere(scene);
     let points = samples.iter().map(|s| {

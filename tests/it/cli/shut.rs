@@ -16,7 +16,7 @@ pub(super) struct Shut<'a> {
     place: &'a Place,
     folder: PathBuf,
     program: PathBuf,
-    /// Where the program is if nobody else could reach it where it was built.
+    /// Copy of the program, if another user cannot reach the place where it was built.
     copy: Option<TempDir>,
 }
 
@@ -47,7 +47,7 @@ impl<'a> Shut<'a> {
         None
     }
 
-    /// Where root runs the tests: the place, and a copy of the program, to somebody else.
+    /// Gives the folder and a copy of the program to another user if root runs the tests.
     fn give_away(&mut self) -> std::io::Result<()> {
         let copy = tempfile::tempdir()?;
         // What we make belongs to us.
