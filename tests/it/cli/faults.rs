@@ -184,9 +184,10 @@ mod training {
             let mut ended = place.opsr_on_a_full_disk(bytes, &format!("{TRAIN} --steps 4 --force"));
             assert_eq!(ended.code, Some(4), "{bytes}: {}", ended.err);
             let mut now = state();
-            // The log begins anew with the training: it is a whole one, if a short one.
-            now.1
-                .insert("metrics.jsonl".into(), before.1["metrics.jsonl"].clone());
+            // The log begins anew with the training, and its curves: whole ones, if short ones.
+            for log in ["metrics.jsonl", "metrics.csv"] {
+                now.1.insert(log.into(), before.1[log].clone());
+            }
             assert!(now == before, "{bytes} bytes changed files");
             ended = train(&place, "--steps 4 --resume").done();
             assert_eq!(ended.err, "");
