@@ -26,7 +26,7 @@ A suite:
   # distribution, light_scale, roughness_scale
   [[method]]
   name = \"plain\"
-  method = \"plain\"          # constant (gamma), table (table, table_scale, lookup), pbrt, filter-glossy (filter),
+  method = \"plain\"          # constant (gamma), table (table: a file or beta-0.001, table_scale, lookup), pbrt, filter-glossy (filter),
                             # roughness-clamp, mollifier; constant and table take reuse and lambda";
 
 /// Options of `opsr bench`.
@@ -49,6 +49,7 @@ pub(super) fn run(args: &BenchArgs) -> anyhow::Result<Exit> {
     super::set_threads(args.threads)?;
     let command = std::env::args().collect::<Vec<_>>().join(" ");
     let stop = Stop::listen();
+    stop.begin();
     let bar = terminal(0, "{bar:30} {pos}/{len} {msg}");
     let mut listener = |status: &Status| {
         bar.set_length(status.total as u64);

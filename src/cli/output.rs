@@ -3,6 +3,8 @@
 use super::Blame;
 use anyhow::{Context, anyhow, bail};
 use opsr::files::Target;
+use opsr::image::Buffer;
+use opsr::image::display::{Display, ViewTransform, auto_exposure};
 use opsr::image::exr::{self, Layer, Metadata};
 use opsr::image::png;
 use opsr::integrator::Picture;
@@ -22,15 +24,61 @@ pub(super) struct ResolveArgs {
     pub(super) level_layers: bool,
 }
 
+/// Options of PNG files.
+#[derive(clap::Args, Clone, Copy, Debug)]
+pub(super) struct DisplayArgs {
+    /// Brightness of PNG files in stops; `auto` puts the 95th percentile of the luminance at 80 % of white, `none` is 0.
+    #[arg(
+        long,
+        value_name = "STOPS|auto|none",
+        default_value = "auto",
+        allow_negative_numbers = true,
+        value_parser = exposure
+    )]
+    exposure: Exposure,
+    /// View transform of PNG files.
+    #[arg(long, value_enum, default_value_t)]
+    view: ViewTransform,
+}
+
+/// Exposure of PNG files.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Exposure {
+    /// The one that suits the picture.
+    Auto,
+    /// So many stops.
+    Stops(f32),
+}
+
+fn exposure(text: &str) -> Result<Exposure, String> {
+    match text {
+        "auto" => Ok(Exposure::Auto),
+        "none" => Ok(Exposure::Stops(0.0)),
+        number => (super::scene::finite(number).map(Exposure::Stops))
+            .map_err(|_| "expected a number of stops, auto or none".into()),
+    }
+}
+
+impl DisplayArgs {
+    fn of(self, picture: &Buffer) -> Display {
+        let exposure = match self.exposure {
+            Exposure::Auto => auto_exposure(picture),
+            Exposure::Stops(stops) => stops,
+        };
+        let view = self.view;
+        Display { exposure, view }
+    }
+}
+
 /// The files that a picture is written to.
 pub(super) struct Outputs {
     files: Vec<PathBuf>,
-    exposure: f32,
+    display: DisplayArgs,
 }
 
 impl Outputs {
     /// Checks before anything is rendered that the files can be written at all.
-    pub(super) fn new(files: &[PathBuf], exposure: f32) -> anyhow::Result<Self> {
+    pub(super) fn new(files: &[PathBuf], display: DisplayArgs) -> anyhow::Result<Self> {
         for file in files {
             match file.extension().and_then(|e| e.to_str()) {
                 Some("exr" | "png") => {}
@@ -44,7 +92,7 @@ impl Outputs {
         }
         Ok(Self {
             files: files.to_vec(),
-            exposure,
+            display,
         })
     }
 
@@ -54,7 +102,7 @@ impl Outputs {
         names.collect::<Vec<_>>().join(", ")
     }
 
-    /// Writes every file, each whole or not at all.
+    /// Writes every file, each whole or not at all; returns the exposure of the PNG files, if there are any.
     ///
     /// Of several levels the one of every pixel is chosen; EXR files then have the layers `level`, `bias2`, `variance` and
     /// `error` in place of the statistics of the film.
@@ -63,7 +111,7 @@ impl Outputs {
         picture: &Picture,
         args: ResolveArgs,
         metadata: &Metadata,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<Option<f32>> {
         let resolved =
             (picture.levels.as_ref()).map(|film| (film, resolve_film(film, args.robust)));
         let shown = match &resolved {
@@ -82,10 +130,12 @@ impl Outputs {
                 layers.extend((0..film.levels()).map(level));
             }
         }
+        let is_png = |file: &PathBuf| file.extension().is_some_and(|e| e == "png");
+        let display = (self.files.iter().any(is_png)).then(|| self.display.of(&shown));
         for file in &self.files {
             let film = &picture.film;
-            if file.extension().is_some_and(|e| e == "png") {
-                png::write(file, &shown, self.exposure).output()?;
+            if let Some(display) = display.filter(|_| is_png(file)) {
+                png::write(file, &shown, display).output()?;
             } else if resolved.is_some() {
                 let part = (film.size, film.window);
                 exr::write_layers(file, part, &shown, &layers, metadata).output()?;
@@ -93,7 +143,7 @@ impl Outputs {
                 exr::write_film(file, film, &layers, metadata).output()?;
             }
         }
-        Ok(())
+        Ok(display.map(|display| display.exposure))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::bar::Style;
 use super::job;
-use super::output::ResolveArgs;
+use super::output::{DisplayArgs, ResolveArgs};
 use super::scene::{self, SceneArgs};
 use clap::Args;
 use opsr::image::film::Window;
@@ -72,15 +72,8 @@ pub(super) struct RenderArgs {
     /// Add albedo, normal and depth layers to EXR files.
     #[arg(long)]
     pub(super) aov: bool,
-    /// Brighten PNG files by this many stops.
-    #[arg(
-        long,
-        value_name = "STOPS",
-        default_value_t = 0.0,
-        allow_negative_numbers = true,
-        value_parser = scene::finite
-    )]
-    pub(super) exposure: f32,
+    #[command(flatten)]
+    pub(super) display: DisplayArgs,
     /// Leave times out of the files, so that equal renders are equal files.
     #[arg(long)]
     pub(super) reproducible: bool,

@@ -1,8 +1,7 @@
 //! `opsr resolve`: the choice among levels, made again from a checkpoint.
 
 use super::Blame;
-use super::output::{Outputs, ResolveArgs};
-use super::scene;
+use super::output::{DisplayArgs, Outputs, ResolveArgs};
 use anyhow::anyhow;
 use opsr::image::exr::Metadata;
 use opsr::integrator::checkpoint::Checkpoint;
@@ -19,20 +18,13 @@ pub(super) struct Args {
     output: Vec<PathBuf>,
     #[command(flatten)]
     resolve: ResolveArgs,
-    /// Brighten PNG files by this many stops.
-    #[arg(
-        long,
-        value_name = "STOPS",
-        default_value_t = 0.0,
-        allow_negative_numbers = true,
-        value_parser = scene::finite
-    )]
-    exposure: f32,
+    #[command(flatten)]
+    display: DisplayArgs,
 }
 
 /// Runs the command.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let outputs = Outputs::new(&args.output, args.exposure)?;
+    let outputs = Outputs::new(&args.output, args.display)?;
     let film = Checkpoint::open(&args.film).input()?;
     let path = args.film.display();
     let version = env!("CARGO_PKG_VERSION");
@@ -52,5 +44,6 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         ("levels", format!("{:?}", film.levels)),
     ];
     let metadata: Metadata = metadata.map(|(key, value)| (key.to_owned(), value)).into();
-    outputs.write(&film.picture, args.resolve, &metadata)
+    outputs.write(&film.picture, args.resolve, &metadata)?;
+    Ok(())
 }

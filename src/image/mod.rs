@@ -1,6 +1,7 @@
 //! Pictures: films of running moments, files, and the metrics that compare them.
 
 pub mod buffer;
+pub mod display;
 pub mod exr;
 pub mod false_colour;
 pub mod film;

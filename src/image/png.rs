@@ -1,6 +1,6 @@
 //! PNG files: display pictures out, 8- and 16-bit pictures in.
 //!
-//! Only the encoding for a display happens here: exposure in stops, clamp to [0, 1], sRGB curve, 8 bit. A pixel that
+//! Only the encoding for a display happens here: exposure and view ([`Display`]), sRGB curve, 8 bit. A pixel that
 //! is not finite is drawn magenta, so that it is seen rather than taken for black.
 
 use std::io::{self, Cursor};
@@ -9,6 +9,7 @@ use std::path::Path;
 use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
 
 use super::Buffer;
+use super::display::Display;
 use super::exr::MAX_PIXELS;
 use crate::files::{self, FileError, Problem};
 use crate::math::Rgb;
@@ -31,23 +32,22 @@ pub fn srgb_decode(y: f32) -> f32 {
     }
 }
 
-/// One pixel for a display, scaled by 2^`exposure`.
-pub fn display(value: Rgb, exposure: f32) -> [u8; 3] {
+/// One pixel for a display.
+pub fn display(value: Rgb, display: Display) -> [u8; 3] {
     if !value.is_finite() {
         return [255, 0, 255];
     }
-    let scaled = (value * exposure.exp2()).clamp(Rgb::ZERO, Rgb::ONE);
-    scaled
-        .to_array()
-        .map(|c| (srgb_encode(c) * 255.0).round() as u8)
+    (display.linear(value).to_array()).map(|c| (srgb_encode(c) * 255.0).round() as u8)
 }
 
-/// A PNG file in memory, scaled by 2^`exposure`.
-pub fn encode(picture: &Buffer, exposure: f32) -> Result<Vec<u8>, ::image::ImageError> {
-    let bytes = picture
-        .pixels
-        .iter()
-        .flat_map(|&p| display(p, exposure))
+/// A PNG file in memory. A number for the display is an exposure in stops.
+pub fn encode(
+    picture: &Buffer,
+    display: impl Into<Display>,
+) -> Result<Vec<u8>, ::image::ImageError> {
+    let shown = display.into();
+    let bytes = (picture.pixels.iter())
+        .flat_map(|&p| self::display(p, shown))
         .collect();
     let rgb = RgbImage::from_raw(picture.width as u32, picture.height as u32, bytes);
     let rgb = DynamicImage::ImageRgb8(rgb.expect("three bytes a pixel"));
@@ -56,10 +56,10 @@ pub fn encode(picture: &Buffer, exposure: f32) -> Result<Vec<u8>, ::image::Image
     Ok(out.into_inner())
 }
 
-/// Writes a PNG file, scaled by 2^`exposure`; the old file stays until the new one is complete.
-pub fn write(path: &Path, picture: &Buffer, exposure: f32) -> Result<(), FileError> {
+/// Writes a PNG file as [`encode`] makes it; the old file stays until the new one is complete.
+pub fn write(path: &Path, picture: &Buffer, display: impl Into<Display>) -> Result<(), FileError> {
     let bytes =
-        encode(picture, exposure).map_err(|e| Problem::Write(io::Error::other(e)).at(path))?;
+        encode(picture, display).map_err(|e| Problem::Write(io::Error::other(e)).at(path))?;
     files::write_bytes(path, bytes)
 }
 
@@ -101,7 +101,7 @@ mod tests {
         for i in 0..=255u8 {
             let y = f32::from(i) / 255.0;
             assert!((srgb_encode(srgb_decode(y)) - y).abs() < 1e-6);
-            assert_eq!(display(Rgb::splat(srgb_decode(y)), 0.0), [i; 3]);
+            assert_eq!(display(Rgb::splat(srgb_decode(y)), 0.0.into()), [i; 3]);
         }
         assert!((srgb_encode(0.003_130_8) - srgb_encode(0.003_130_9)).abs() < 1e-5);
         assert!((srgb_encode(1.0) - 1.0).abs() < 1e-7);
@@ -109,8 +109,11 @@ mod tests {
 
     #[test]
     fn display_exposure_clamp_and_non_finite() {
-        assert_eq!(display(Rgb::splat(0.25), 2.0), [255; 3]);
-        assert_eq!(display(Rgb::new(-1.0, 0.0, 1e30), 0.0), [0, 0, 255]);
-        assert_eq!(display(Rgb::new(0.0, f32::NAN, 0.0), 0.0), [255, 0, 255]);
+        assert_eq!(display(Rgb::splat(0.25), 2.0.into()), [255; 3]);
+        assert_eq!(display(Rgb::new(-1.0, 0.0, 1e30), 0.0.into()), [0, 0, 255]);
+        assert_eq!(
+            display(Rgb::new(0.0, f32::NAN, 0.0), 0.0.into()),
+            [255, 0, 255]
+        );
     }
 }

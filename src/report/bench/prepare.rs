@@ -77,7 +77,13 @@ pub(super) fn prepare(
 fn parts(spec: &SceneSpec) -> Result<(SceneParts, String), BenchError> {
     if let Some(path) = &spec.file {
         let distribution = spec.distribution.into();
-        let loaded = load(path, &LoadOptions { distribution })?;
+        let loaded = load(
+            path,
+            &LoadOptions {
+                distribution,
+                ..LoadOptions::default()
+            },
+        )?;
         return Ok((loaded.parts, hex(&loaded.digest)));
     }
     let name = spec.builtin.as_deref().unwrap_or_default();

@@ -31,11 +31,13 @@ use crate::files::{self, FileError};
 use crate::image::film::Window;
 pub use crate::integrator::method::{Kind, MethodSpec};
 use crate::math::UVec2;
+use crate::regularise::file::TableFile;
 
 /// Larger files are not suites.
 const MAX_BYTES: u64 = 1 << 22;
 
-/// A suite of measurements. Relative paths start at the suite's file.
+/// A suite of measurements. Relative paths start at the suite's file; `table` may also name a table that the program
+/// contains, such as `beta-0.001`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Suite {
@@ -163,8 +165,10 @@ impl Suite {
             .scenes
             .iter_mut()
             .flat_map(|s| [&mut s.file, &mut s.reference]);
-        let tables = suite.methods.iter_mut().map(|m| &mut m.table);
-        for file in scene_files.chain(tables).flatten() {
+        let tables = suite.methods.iter_mut().flat_map(|m| &mut m.table);
+        // Unless there is such a file, the name of a table that the program contains is none.
+        let is_file = |t: &&mut PathBuf| !TableFile::is_built_in(t) || folder.join(&**t).exists();
+        for file in scene_files.flatten().chain(tables.filter(is_file)) {
             *file = folder.join(&*file);
         }
         Ok(suite)

@@ -342,3 +342,18 @@ fn bench_committed_suites_name_existing_files() {
         }
     }
 }
+
+/// A table by its name in a suite, as `opsr render --opsr-table` takes it; a file of that name goes first.
+#[test]
+fn table_of_a_suite_may_be_named() {
+    let folder = crate::support::quick_folder();
+    let path = folder.path().join("suite.toml");
+    let method = "[[method]]\nname = 'learned'\nmethod = 'table'\ntable = 'beta-0.001'\n";
+    std::fs::write(&path, format!("{SMALL}{method}")).unwrap();
+    let table = || Suite::load(&path).unwrap().methods.pop().unwrap();
+    let learned = table();
+    assert_eq!(learned.table.as_deref(), Some(Path::new("beta-0.001")));
+    assert!(learned.resolve().unwrap().table_sha256.is_some());
+    std::fs::write(folder.path().join("beta-0.001"), "another").unwrap();
+    assert_eq!(table().table, Some(folder.path().join("beta-0.001")));
+}

@@ -9,7 +9,7 @@ use opsr::image::{exr, png};
 fn render_writes_its_outputs_and_nothing_else() {
     let place = Place::new();
     place.save("scene.glb", &gallery::cornell_box());
-    let ended = place.render("--spp 4 --aov -o out.exr -o out.png").done();
+    let ended = (place.render("--spp 4 --aov --exposure none -o out.exr -o out.png")).done();
     assert_eq!((ended.out.as_str(), ended.err.as_str()), ("", ""));
     assert_eq!(
         place.files().into_keys().collect::<Vec<_>>(),
@@ -32,7 +32,7 @@ fn render_writes_its_outputs_and_nothing_else() {
     }
     // An old picture is replaced.
     place.write("out.png", "old");
-    place.render("--spp 4 -o out.png").done();
+    place.render("--spp 4 --exposure 0 -o out.png").done();
     assert_eq!(png::read(&place.path().join("out.png")).unwrap(), shown);
 }
 
@@ -42,8 +42,10 @@ fn summary_line_names_files_samples_time_and_error() {
     let place = Place::new();
     let ended = place.opsr("render scene.glb --size 16x8 --spp 4 --verbose -o out.exr -o out.png");
     let ended = ended.done();
-    let start = "out.exr, out.png: 16x8, 4 spp in ";
-    let line = ended.err.lines().find(|line| line.starts_with(start));
+    let is_summary = |line: &&str| {
+        line.starts_with("out.exr, out.png: 16x8, exposure ") && line.contains(", 4 spp in ")
+    };
+    let line = ended.err.lines().find(is_summary);
     let line = line.unwrap_or_else(|| panic!("{}", ended.err));
     let (_, error) = line
         .split_once("estimated relative error ")
@@ -64,6 +66,72 @@ fn summary_line_names_files_samples_time_and_error() {
         "{}",
         one.err
     );
+}
+
+/// The exposure of the summary set by hand makes the same PNG file; EXR files know none.
+#[test]
+fn exposure_auto_is_printed_and_leaves_exr_files_alone() {
+    let place = Place::new();
+    let mut parts = gallery::cornell_box();
+    for material in &mut parts.materials {
+        material.emission *= 5000.0;
+    }
+    place.save("scene.glb", &parts);
+    let render = |args: &str| {
+        let common = "render scene.glb --size 16x16 --spp 4 --reproducible -o out.exr -o out.png";
+        let ended = place.opsr(&format!("{common} {args}")).done();
+        (ended.err, place.read("out.exr"), place.read("out.png"))
+    };
+    let (line, radiance, auto) = render("");
+    let (_, rest) = line.split_once("exposure ").expect("an exposure");
+    let stops = rest.split(',').next().expect("a number");
+    assert!(stops.parse::<f32>().is_ok_and(|e| e < -8.0), "{line}");
+    let (_, _, white) = render("--exposure none");
+    assert!(white != auto && render("--exposure 0").2 == white);
+    for (same, args) in [
+        (true, format!("--exposure {stops}")),
+        (true, format!("--exposure={stops} --view srgb")),
+        (false, "--view filmic".to_owned()),
+    ] {
+        let (_, exr, png) = render(&args);
+        assert!(exr == radiance && (png == auto) == same, "{args}");
+    }
+    // Without a PNG file there is nothing to expose.
+    let ended = place.opsr("render scene.glb --size 16x16 --spp 1 -o out.exr");
+    assert!(!ended.err.contains("exposure"), "{}", ended.err);
+}
+
+/// Glass without a thickness is named with its remedy, by `render` and by `info`.
+#[test]
+fn solid_glass_turns_closed_thin_walls_into_bodies() {
+    let place = Place::new();
+    let mut parts = gallery::caustic_box();
+    for material in &mut parts.materials {
+        material.solid = false;
+        if material.transmission > 0.0 {
+            "ball".clone_into(&mut material.name);
+        }
+    }
+    place.save("scene.glb", &parts);
+    let warning = "(`ball`): transmits without a thickness";
+    for (command, warns) in [
+        ("render scene.glb --size 16x16 --spp 1", true),
+        ("render scene.glb --size 16x16 --spp 1 --solid-glass", false),
+        ("info scene.glb", true),
+        ("info scene.glb --solid-glass", false),
+    ] {
+        let ended = place.opsr(command).done();
+        assert_eq!(ended.err.contains(warning), warns, "{command}");
+        if command.starts_with("info") {
+            let kind = ["solid transmission ball", "thin-walled transmission ball"];
+            assert!(
+                ended.out.contains(kind[usize::from(warns)]),
+                "{}",
+                ended.out
+            );
+            assert_eq!(ended.out.contains("--solid-glass"), warns);
+        }
+    }
 }
 
 /// The shipped tables are known by name where no file has it.
@@ -160,6 +228,7 @@ fn resume_refuses_the_checkpoint_of_another_render() {
         "--aov",
         "--camera 0",
         "--distribution ggx",
+        "--solid-glass",
         "--env-rotation 5",
     ];
     let refused = |Ended { code, err, .. }: Ended, what: &str, args: &str| {

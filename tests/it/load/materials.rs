@@ -4,11 +4,13 @@ use super::close;
 use crate::support::gltf::File;
 use glam::Vec2;
 use image::{DynamicImage, RgbImage, RgbaImage};
+use opsr::gallery::{glb, shapes};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::camera::Projection;
+use opsr::scene::load::LoadOptions;
 use opsr::scene::material::AlphaMode;
 use opsr::scene::texture::Wrap;
-use opsr::scene::{Material, PunctualLight};
+use opsr::scene::{Material, Mesh, PunctualLight, SceneParts};
 use serde_json::{Value, json};
 
 /// The material loaded from a description.
@@ -47,6 +49,50 @@ fn load_material_factors() {
     assert_eq!(masked.alpha_mode, AlphaMode::Mask(0.5));
     let masked = material(json!({ "alphaMode": "MASK", "alphaCutoff": 0.25 }));
     assert_eq!(masked.alpha_mode, AlphaMode::Mask(0.25));
+}
+
+/// A closed ball and an open pane of one material without a thickness, and of one that says it has none.
+#[test]
+fn load_closed_transmission_without_thickness() {
+    let said = |body: Value| {
+        let mut extensions = json!({ "KHR_materials_transmission": { "transmissionFactor": 1 } });
+        if !body.is_null() {
+            extensions["KHR_materials_volume"] = body;
+        }
+        json!({ "name": "glass", "extensions": extensions })
+    };
+    let file = |body: Value, pane: bool| {
+        let mut parts = SceneParts::default();
+        let ball = shapes::sphere(Vec3::ZERO, 1.0, 4);
+        let sheet = shapes::quad(Vec3::splat(2.0), Vec3::X, Vec3::Y);
+        parts.add(Material::default(), [ball]);
+        if pane {
+            parts.meshes.push(sheet);
+        }
+        let mut file = File::from_glb(&glb::to_glb(&parts).expect("a scene"));
+        file.json["materials"] = json!([said(body)]);
+        file
+    };
+    let load = |file: &File, solid_glass| {
+        let options = LoadOptions {
+            solid_glass,
+            ..LoadOptions::default()
+        };
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("scene.gltf");
+        std::fs::write(&path, file.gltf()).expect("a file");
+        let loaded = opsr::scene::load::load(&path, &options).expect("a scene");
+        let parts = &loaded.parts;
+        let solid = |mesh: &Mesh| parts.materials[mesh.material as usize].solid;
+        let solid: Vec<bool> = parts.meshes.iter().map(solid).collect();
+        (solid, loaded.warnings.len(), parts.materials.len())
+    };
+    let glass = file(Value::Null, true);
+    assert_eq!(load(&glass, false), (vec![false, false], 1, 1));
+    assert_eq!(load(&glass, true), (vec![true, false], 0, 2));
+    assert_eq!(load(&file(Value::Null, false), true), (vec![true], 0, 1));
+    let thin = file(json!({ "thicknessFactor": 0 }), true);
+    assert_eq!(load(&thin, true), (vec![false, false], 0, 1));
 }
 
 #[test]

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use super::{MetricError, check};
 use crate::image::Buffer;
+use crate::image::display::{ACES, aces};
 use filter::{ACHROMATIC, BLUE_YELLOW, Detectors, Plane, RED_GREEN};
 
 /// Pixels per degree of sight of the published default: a 4K display of 0.7 m at 0.7 m.
@@ -106,25 +107,6 @@ impl FlipMap {
 }
 
 // ── HDR: exposures and tone curve ──
-
-/// Coefficients k₀ … k₅ of (k₀x² + k₁x + k₂) / (k₃x² + k₄x + k₅), Narkowicz's fit to ACES at exposure 0.6.
-const ACES: [f64; 6] = [
-    0.6 * 0.6 * 2.51,
-    0.6 * 0.03,
-    0.0,
-    0.6 * 0.6 * 2.43,
-    0.6 * 0.59,
-    0.14,
-];
-
-fn aces(rgb: DVec3) -> DVec3 {
-    let [k0, k1, k2, k3, k4, k5] = ACES;
-    // The curve has a pole left of zero; light is not negative.
-    let x = rgb.max(DVec3::ZERO);
-    let curve = (x * (x * k0 + k1) + k2) / (x * (x * k3 + k4) + k5);
-    // Beyond the square root of the largest number the quotient is ∞/∞; the curve is above 1 long before.
-    DVec3::select(x.cmplt(DVec3::splat(1e100)), curve, DVec3::ONE)
-}
 
 /// Exposures between the one where the reference's brightest and the one where its median luminance is shown
 /// as t = 0.85. [FLIP21 §3]
