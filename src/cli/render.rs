@@ -2,7 +2,7 @@
 
 use super::bar::{Bar, Style};
 use super::live::Live;
-use super::output::{Outputs, Provenance, can_write};
+use super::output::{Outputs, Provenance, Written, can_write};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
@@ -11,11 +11,12 @@ use anyhow::{Context, anyhow};
 use opsr::image::film::{Film, Window};
 use opsr::image::level_film::LevelFilm;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
-use opsr::integrator::drive::{Budget, Reason, RenderProgress, drive};
+use opsr::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
 use opsr::integrator::{FirstHit, Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
 use opsr::regularise::AttenuationTable;
+use opsr::tune::resolve::{relative_error, unseen_share};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -27,7 +28,7 @@ pub(super) const DEFAULT_SPP: u32 = 128;
 
 /// Runs the command.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
-    let outputs = Outputs::new(&args.output, args.display)?;
+    let outputs = Outputs::new(&args.output, args.display, args.resolve)?;
     if let Some(path) = &args.checkpoint {
         can_write(path).output()?;
     }
@@ -42,7 +43,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     {
         return Ok(Exit::Stopped);
     }
-    settings.levels = job::levels(args, &settings)?;
+    settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;
     let provenance = Provenance {
         command: std::env::args().collect::<Vec<_>>().join(" "),
         seed: args.seed,
@@ -117,7 +118,7 @@ impl RenderJob<'_> {
         let mut listener = |progress: &RenderProgress, picture: &Picture| {
             bar.show(progress);
             if let Some(view) = &live {
-                view.show(picture.film.mean());
+                view.show(args.resolve.shown(picture));
             }
             let every = args
                 .save_every
@@ -150,12 +151,12 @@ impl RenderJob<'_> {
         }
         // If one of the two cannot be saved, the other still is.
         let kept = checkpoint(&progress, &picture);
-        let exposure = self.write(&picture, &progress, spent)?;
+        let written = self.write(&picture, &progress, spent)?;
         kept?;
         if let Some(view) = live {
             view.finish();
         }
-        self.report(&picture, &progress, start, exposure);
+        self.report(&picture, &progress, start, &written);
         Ok(if reason == Reason::Stopped {
             Exit::Stopped
         } else {
@@ -192,7 +193,10 @@ impl RenderJob<'_> {
         Budget {
             samples,
             time,
-            error: target_error.map(f64::from),
+            error: target_error.map(|bound| ErrorBound {
+                bound: bound.into(),
+                estimate: relative_error,
+            }),
         }
     }
 
@@ -206,7 +210,7 @@ impl RenderJob<'_> {
             size.y,
             args.crop,
             args.camera,
-            args.aov,
+            args.aov || args.resolve.denoise,
             args.scene.words(),
         );
         Fingerprint {
@@ -236,7 +240,7 @@ impl RenderJob<'_> {
             }
         }
         let film = Film::cropped(size, window).usage()?;
-        let aovs = args.aov.then(|| FirstHit::new(window));
+        let aovs = (args.aov || args.resolve.denoise).then(|| FirstHit::new(window));
         let levels = self.settings.levels.len();
         if levels > 0 {
             let bytes = LevelFilm::bytes(window.len(), levels);
@@ -246,26 +250,21 @@ impl RenderJob<'_> {
         Ok((Picture { film, aovs, levels }, 0, 0.0))
     }
 
+    /// Writes the files; the estimated relative error of the picture.
     fn write(
         &self,
         picture: &Picture,
         progress: &RenderProgress,
         spent: f64,
-    ) -> anyhow::Result<Option<f32>> {
+    ) -> anyhow::Result<Written> {
         let seconds = spent + progress.elapsed.as_secs_f64();
         let threads = rayon::current_num_threads();
         let metadata = self.provenance.metadata(progress.samples, seconds, threads);
-        self.outputs.write(picture, self.args.resolve, &metadata)
+        self.outputs.write(picture, &metadata)
     }
 
     /// Reports what was written with the statistics of the render, and the refused samples.
-    fn report(
-        &self,
-        picture: &Picture,
-        progress: &RenderProgress,
-        start: u32,
-        exposure: Option<f32>,
-    ) {
+    fn report(&self, picture: &Picture, progress: &RenderProgress, start: u32, written: &Written) {
         let film = &picture.film;
         let seconds = progress.elapsed.as_secs_f64();
         // Samples of an earlier run took no time of this one.
@@ -275,11 +274,16 @@ impl RenderJob<'_> {
         } else {
             "no new samples: the checkpoint has as many as were asked for, or more".to_owned()
         };
-        let error = match film.relative_error() {
+        let mut error = match written.error {
             error if error.is_finite() => format!(", estimated relative error {error:.4}"),
             _ => String::new(),
         };
-        let exposure = exposure.map_or(String::new(), |stops| format!(", exposure {stops:+}"));
+        let unseen = 100.0 * unseen_share(picture);
+        if unseen >= 0.05 {
+            error += &format!(", {unseen:.1} % of the light found by roughened lobes alone");
+        }
+        let exposure =
+            (written.exposure).map_or(String::new(), |stops| format!(", exposure {stops:+}"));
         let summary = format!(
             "{}: {}x{}{exposure}, {} spp in {seconds:.2} s, {rate}{error}",
             self.outputs.names(),
