@@ -1,6 +1,6 @@
 //! Bodies around a path, and what they absorb.
 
-use crate::bsdf::{Bsdf, is_matched};
+use crate::bsdf::{Bsdf, Dielectric, is_matched};
 use crate::integrator::View;
 use crate::math::{Ray, Rgb, Vec3};
 use crate::scene::bodies::MOST_SURFACES;
@@ -130,14 +130,18 @@ impl EnclosingBodies {
         scene: &Scene,
         surface: &Surface,
         dir: Vec3,
-        mut bsdf: Bsdf,
+        bsdf: Bsdf,
     ) -> Bsdf {
-        if scene.has_overlaps()
-            && let Bsdf::Dielectric(dielectric) = &mut bsdf
-        {
-            dielectric.eta /= self.boundary(scene, surface, dir).unwrap_or(1.0);
+        match bsdf {
+            Bsdf::Dielectric(dielectric) if scene.has_overlaps() => {
+                let outside = self.boundary(scene, surface, dir).unwrap_or(1.0);
+                Bsdf::Dielectric(Dielectric {
+                    eta: dielectric.eta / outside,
+                    ..dielectric
+                })
+            }
+            _ => bsdf,
         }
-        bsdf
     }
 
     /// Follows a ray to the surface that ends it, through boundaries that do not exist, and enters and leaves their bodies.
@@ -153,6 +157,8 @@ impl EnclosingBodies {
         }
     }
 
+    #[cold]
+    #[inline(never)]
     fn follow_through(&mut self, scene: &Scene, ray: &Ray) -> Way {
         let mut rest = *ray;
         let mut way = Way {
