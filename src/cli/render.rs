@@ -77,7 +77,14 @@ impl RenderJob<'_> {
         let args = self.args;
         let size = tune::size(args, &self.opened)?;
         let aspect = size.x as f32 / size.y as f32;
-        let camera = scene::camera(&self.opened.scene, args.camera.as_deref(), aspect)?;
+        let camera = scene::camera(
+            &self.opened.scene,
+            args.camera.as_deref(),
+            args.lens,
+            aspect,
+        )?;
+        let checked = self.settings.check_scene(&self.opened.scene, &camera);
+        checked.map_err(|what| anyhow!(what)).usage()?;
         let fingerprint = self.fingerprint(size);
         let (mut picture, start, spent) = self.start(size, &fingerprint)?;
         let live = match &args.tev {
@@ -180,7 +187,7 @@ impl RenderJob<'_> {
             args.crop,
             args.camera,
             args.aov,
-            args.scene.words(),
+            args.scene.words() + &args.lens.words(),
         );
         Fingerprint {
             version: env!("CARGO_PKG_VERSION").into(),

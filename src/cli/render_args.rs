@@ -3,7 +3,7 @@
 use super::bar::Style;
 use super::job;
 use super::output::{DisplayArgs, ResolveArgs};
-use super::scene::{self, SceneArgs};
+use super::scene::{self, LensArgs, SceneArgs};
 use clap::Args;
 use opsr::image::film::Window;
 use opsr::integrator::method::{MethodSpec, unit};
@@ -41,6 +41,8 @@ pub(super) struct RenderArgs {
     /// Camera by name or number (from 0).
     #[arg(long, value_name = "NAME")]
     pub(super) camera: Option<String>,
+    #[command(flatten)]
+    pub(super) lens: LensArgs,
 
     #[command(flatten)]
     pub(super) method: MethodSpec,

@@ -27,7 +27,7 @@ pub(super) fn tune(
 ) -> anyhow::Result<bool> {
     let size = size(args, opened)?;
     let aspect = size.x as f32 / size.y as f32;
-    let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
+    let camera = scene::camera(&opened.scene, args.camera.as_deref(), args.lens, aspect)?;
     let window = args.crop.unwrap_or(Window::full(size));
     let view = View::new(&opened.scene, &camera, size, window);
     let samples = match (args.spp, args.time) {
@@ -98,7 +98,7 @@ pub(super) fn size(args: &RenderArgs, opened: &Opened) -> anyhow::Result<UVec2> 
     if let Some(size) = args.size {
         return Ok(size);
     }
-    let camera = scene::camera(&opened.scene, args.camera.as_deref(), 1.0)?;
+    let camera = scene::camera(&opened.scene, args.camera.as_deref(), args.lens, 1.0)?;
     let width = (DEFAULT_ROWS as f32 * camera.aspect.unwrap_or(1.0)).round();
     Ok(UVec2::new(
         (width as u32).clamp(1, 16 * DEFAULT_ROWS),

@@ -18,7 +18,7 @@ mod normals;
 pub mod sensor;
 pub mod texture;
 
-pub use camera::Camera;
+pub use camera::{Camera, Lens};
 pub use geometry::Geometry;
 pub use light::{
     Emission, EmissionDensity, EmissionSample, Environment, LightDensity, LightSample, Lights,
@@ -85,6 +85,7 @@ pub struct Scene {
     geometry: Geometry,
     lights: Lights,
     has_absorption: bool,
+    has_dispersion: bool,
     has_lobes: bool,
     warnings: Vec<String>,
 }
@@ -96,6 +97,8 @@ impl Scene {
         let geometry = Geometry::new(&parts, &mut warnings);
         let lights = Lights::new(&parts, &geometry, &mut warnings);
         let has_absorption = (parts.materials.iter()).any(|m| m.absorption != Rgb::ZERO);
+        let has_dispersion =
+            (parts.materials.iter()).any(|m| m.dispersion > 0.0 && m.bounds_body());
         let mut shown = parts.meshes.iter().map(|m| m.material as usize);
         let has_lobes = shown.any(|m| !parts.materials.get(m).is_some_and(Material::is_rough));
         Self {
@@ -103,6 +106,7 @@ impl Scene {
             geometry,
             lights,
             has_absorption,
+            has_dispersion,
             has_lobes,
             warnings,
         }
@@ -122,6 +126,12 @@ impl Scene {
     #[inline]
     pub fn has_absorption(&self) -> bool {
         self.has_absorption
+    }
+
+    /// True if any body refracts each colour channel by an index of its own.
+    #[inline]
+    pub fn has_dispersion(&self) -> bool {
+        self.has_dispersion
     }
 
     /// True if any surface has a lobe that a rule could roughen.
