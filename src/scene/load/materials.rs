@@ -43,6 +43,7 @@ pub(super) fn materials(
         slots.push(Slot {
             material: i as u32,
             uv_set: reader.uv_set.unwrap_or(0),
+            emits: material.emission != Rgb::ZERO,
         });
         materials.push(material);
     }
