@@ -1,6 +1,6 @@
 //! Settings of a render, and the integrator they stand for.
 
-use super::bidirectional::{Bidirectional, Strategies};
+use super::bidirectional::{Bidirectional, Radius, Strategies};
 use super::levels::{LevelError, LevelTracer};
 use super::path::PathTracer;
 use super::{Integrator, Picture, View};
@@ -10,7 +10,7 @@ use crate::sampler::{Domain, Independent, Seed};
 use std::ops::Range;
 
 /// The algorithm that estimates the picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Estimator {
     /// Unidirectional path tracing with next-event estimation.
     Path {
@@ -23,6 +23,10 @@ pub enum Estimator {
     Light,
     /// Bidirectional path tracing: all connections, weighted by the balance heuristic.
     Bdpt,
+    /// Vertex connection and merging `[UPS]`: all connections, and photon density at every vertex.
+    Vcm(Radius),
+    /// Progressive photon mapping with one radius for the whole picture.
+    Sppm(Radius),
 }
 
 impl Default for Estimator {
@@ -67,7 +71,7 @@ impl Settings {
     ///
     /// Panics for levels that [`Settings::check_levels`] refuses.
     pub fn integrator(&self) -> Box<dyn Integrator> {
-        let strategies = match self.estimator {
+        let (strategies, merging) = match self.estimator {
             Estimator::Path { .. } if !self.levels.is_empty() => {
                 let tracer = self.level_tracer().expect("levels that were checked");
                 let seed = Seed(self.seed);
@@ -79,16 +83,22 @@ impl Settings {
                     seed: self.seed,
                 });
             }
-            Estimator::Light => Strategies::Light,
-            Estimator::Bdpt => Strategies::All,
+            Estimator::Light => (Strategies::Light, None),
+            Estimator::Bdpt => (Strategies::All, None),
+            Estimator::Vcm(radius) => (Strategies::All, Some(radius)),
+            Estimator::Sppm(radius) => (Strategies::Density, Some(radius)),
         };
-        Box::new(self.bidirectional(strategies))
+        Box::new(Bidirectional {
+            merging,
+            ..self.bidirectional(strategies)
+        })
     }
 
-    /// The bidirectional path tracer of these settings with these strategies; it has no rule.
+    /// The bidirectional path tracer of these settings with these strategies, without merging; it has no rule.
     pub fn bidirectional(&self, strategies: Strategies) -> Bidirectional {
         Bidirectional {
             strategies,
+            merging: None,
             max_vertices: self.max_vertices,
             roulette_start: self.roulette_start,
             seed: self.seed,
@@ -107,7 +117,7 @@ impl Settings {
         match self.estimator {
             Estimator::Path { reuse: false } => {}
             Estimator::Path { reuse: true } => return Err(LevelError::Reuse),
-            Estimator::Light | Estimator::Bdpt => return Err(LevelError::Estimator),
+            _ => return Err(LevelError::Estimator),
         }
         LevelTracer::new(
             &self.rule,

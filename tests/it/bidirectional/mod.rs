@@ -1,6 +1,8 @@
 //! Light paths and connections: densities of the ends, algebra of the weights, agreement with the path tracer.
 
 mod agreement;
+mod audit;
+mod density;
 mod determinism;
 mod ends;
 mod scenes;
