@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Takes the fix of each hard numerical case, and what bidirectional weights rest on, out of a copy of the source, one at a time, and requires the case's test to
-# fail: what a test cannot notice it does not protect. More than half an hour on two cores, nearly all of it builds.
+# Takes the fix of each hard numerical case, and what bidirectional estimates rest on, out of a copy of the source, one at
+# a time, and requires the case's test to fail: what a test cannot notice it does not protect. More than half an hour on
+# two cores, nearly all of it builds.
 #
 #     tests/planted.sh [PART OF A NAME]
 #

@@ -97,8 +97,20 @@ pub enum IntegratorKind {
 }
 
 impl IntegratorKind {
-    fn is_path(&self) -> bool {
+    /// True for path tracing.
+    pub fn is_path(&self) -> bool {
         *self == Self::Path
+    }
+
+    /// The algorithm, with this radius if it has one.
+    pub fn estimator(self, radius: Radius) -> Estimator {
+        match self {
+            Self::Path => Estimator::Path { reuse: false },
+            Self::Light => Estimator::Light,
+            Self::Bdpt => Estimator::Bdpt,
+            Self::Vcm => Estimator::Vcm(radius),
+            Self::Sppm => Estimator::Sppm(radius),
+        }
     }
 
     fn merges(self) -> bool {
@@ -150,15 +162,20 @@ pub struct Method {
 impl MethodSpec {
     /// The first option that the integrator cannot take.
     pub fn refused(&self) -> Result<(), String> {
-        let regularised = !matches!(self.method, Kind::Default | Kind::Plain)
+        let bdpt = self.integrator == IntegratorKind::Bdpt;
+        let mollified = bdpt && self.method == Kind::Mollifier;
+        let regularised = !matches!(self.method, Kind::Default | Kind::Plain) && !mollified
             || self.gamma.is_some()
             || self.table.is_some()
             || self.reuse;
         let name = format!("{:?}", self.integrator).to_lowercase();
         if regularised && !self.integrator.is_path() {
-            return Err(format!(
-                "integrator {name} does not regularise: no mode, gamma, table or reuse"
-            ));
+            return Err(if bdpt {
+                "integrator bdpt does not roughen: no gamma, table or reuse, and no mode but mollifier"
+                    .into()
+            } else {
+                format!("integrator {name} does not regularise: no mode, gamma, table or reuse")
+            });
         }
         if (self.radius.is_some() || self.radius_alpha.is_some()) && !self.integrator.merges() {
             return Err(format!(
@@ -201,12 +218,9 @@ impl MethodSpec {
             first: self.radius,
             alpha: self.radius_alpha.unwrap_or(Radius::default().alpha),
         };
-        let estimator = match self.integrator {
-            IntegratorKind::Path => Estimator::Path { reuse },
-            IntegratorKind::Light => Estimator::Light,
-            IntegratorKind::Bdpt => Estimator::Bdpt,
-            IntegratorKind::Vcm => Estimator::Vcm(radius),
-            IntegratorKind::Sppm => Estimator::Sppm(radius),
+        let estimator = match self.integrator.estimator(radius) {
+            Estimator::Path { .. } => Estimator::Path { reuse },
+            other => other,
         };
         Ok(Method {
             estimator,

@@ -94,11 +94,15 @@ impl Settings {
         })
     }
 
-    /// The bidirectional path tracer of these settings with these strategies, without merging; it has no rule.
+    /// The bidirectional path tracer of these settings with these strategies, without merging; the only rule it has is the mollifier.
     pub fn bidirectional(&self, strategies: Strategies) -> Bidirectional {
         Bidirectional {
             strategies,
             merging: None,
+            mollifier: match self.rule {
+                Rule::Mollifier(radius) if self.estimator == Estimator::Bdpt => Some(radius),
+                _ => None,
+            },
             max_vertices: self.max_vertices,
             roulette_start: self.roulette_start,
             seed: self.seed,

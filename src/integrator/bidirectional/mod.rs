@@ -17,12 +17,14 @@
 //! | `photons` | light vertices that are kept, and the grid over them |
 //! | `merge` | paths closed by a merge, and photon density estimation |
 //! | `radius` | the radius of merges |
+//! | `psr` | paths that no strategy can sample, regularised |
 //! | [`audit`] | contributions of real paths against the definition |
 
 pub mod audit;
 mod connect;
 mod merge;
 mod photons;
+mod psr;
 mod radius;
 mod vertex;
 mod walk;
@@ -36,6 +38,7 @@ use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::math::{Rgb, UVec2};
 use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Sampler, Seed};
 use photons::{LightVertices, PhotonMap};
+use psr::{Chain, Ends};
 pub use radius::Radius;
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -79,6 +82,9 @@ pub struct Bidirectional {
     pub strategies: Strategies,
     /// The radius of merges; `None` for connections only.
     pub merging: Option<Radius>,
+    /// Radius of the kernel for paths that no strategy can sample, over half the diagonal of the scene: that of sample 1,
+    /// for sample n times n^(−1/6) `[PSR (6)]`. Without merging only.
+    pub mollifier: Option<f32>,
     /// Scattering vertices of the longest path, at least 1.
     pub max_vertices: u32,
     /// Vertex (from 1 at either end) at which Russian roulette begins.
@@ -141,6 +147,13 @@ impl Integrator for Bidirectional {
     }
 }
 
+/// A light path, as a camera path needs it.
+#[derive(Default)]
+struct LightPath {
+    vertices: Vec<Vertex>,
+    ends: Ends,
+}
+
 /// Light paths of a chunk.
 struct LightChunk {
     vertices: LightVertices,
@@ -159,6 +172,8 @@ struct Iteration<'a> {
     /// Radius of merges; 0 without.
     radius: f32,
     merging: Merging<f32>,
+    /// Radius of the kernel in world units; `None` where all lights can be met too.
+    mollifier: Option<f32>,
     light: Independent,
     camera: Independent,
     /// Bodies around the camera, if they are the same for all its rays.
@@ -179,6 +194,11 @@ impl Bidirectional {
             Strategies::All if radius > 0.0 => Merging::new(PI * radius * radius * paths as f32),
             _ => Merging::none(),
         };
+        let (low, high) = view.scene.geometry().bounds();
+        let shrink = (f64::from(sample) + 1.0).powf(-1.0 / 6.0) as f32;
+        let mollifier = (self.mollifier)
+            .filter(|_| !view.scene.parts().lights.is_empty())
+            .map(|radius| radius * 0.5 * low.distance(high) * shrink);
         Iteration {
             settings: *self,
             view,
@@ -186,6 +206,7 @@ impl Bidirectional {
             paths,
             radius,
             merging,
+            mollifier,
             light: source(Domain::Light),
             camera: source(Domain::Camera),
             around_camera: EnclosingBodies::around_camera(view),
@@ -199,7 +220,7 @@ impl Iteration<'_> {
         if self.settings.merging.is_some() {
             let vertices = self.light_vertices(layer);
             let low = self.view.scene.geometry().bounds().0;
-            let map = PhotonMap::new(&vertices, low, self.radius, usize::MAX);
+            let map = PhotonMap::new(&vertices, low, self.radius);
             self.camera_paths(&vertices, &map, layer, recorder);
         } else {
             self.paths_together(layer, recorder);
@@ -248,7 +269,8 @@ impl Iteration<'_> {
             splats: Vec::new(),
         };
         for path in paths {
-            self.light_path(path, |v| chunk.vertices.push(&v), &mut chunk.splats);
+            let keep = |v| chunk.vertices.push(&v);
+            self.light_path(path, keep, &mut Ends::default(), &mut chunk.splats);
             chunk.vertices.end();
         }
         chunk
@@ -268,7 +290,7 @@ impl Iteration<'_> {
             .into_par_iter()
             .map(|chunk| {
                 let mut observer = recorder.fork();
-                let mut light = Vec::new();
+                let mut light = LightPath::default();
                 let indices = chunk * CHUNK..(chunk * CHUNK + CHUNK).min(pixels);
                 let value = |index: u32| {
                     let pixel =
@@ -280,7 +302,7 @@ impl Iteration<'_> {
                             u64::from(pixel.y) * u64::from(sensor.frame.x) + u64::from(pixel.x);
                         let path = (number % u64::from(self.paths)) as u32;
                         let most = self.settings.max_vertices - 1;
-                        vertices.of_path(path, most, self.view.scene, &mut light);
+                        vertices.of_path(path, most, self.view.scene, &mut light.vertices);
                         self.camera_path(pixel, &light, Some(map), &mut observer)
                     };
                     Splat { index, value }
@@ -301,16 +323,18 @@ impl Iteration<'_> {
             splats: Vec::new(),
             observer,
         };
-        let mut vertices = Vec::new();
+        let mut light = LightPath::default();
         let [columns, rows] = self.view.sensor.frame.to_array().map(u64::from);
         let pixels = columns * rows;
         for path in paths {
-            vertices.clear();
-            self.light_path(path, |v| vertices.push(v), &mut chunk.splats);
+            light.vertices.clear();
+            light.ends.clear();
+            let LightPath { vertices, ends } = &mut light;
+            self.light_path(path, |v| vertices.push(v), ends, &mut chunk.splats);
             for index in (u64::from(path)..pixels).step_by(self.paths as usize) {
                 let pixel = UVec2::new((index % columns) as u32, (index / columns) as u32);
                 if let Some(mut splat) = Splat::new(&self.view.window, pixel, Rgb::ZERO) {
-                    splat.value = self.camera_path(pixel, &vertices, None, &mut chunk.observer);
+                    splat.value = self.camera_path(pixel, &light, None, &mut chunk.observer);
                     chunk.camera.push(splat);
                 }
             }
@@ -319,7 +343,13 @@ impl Iteration<'_> {
     }
 
     /// Walks a light path: connects its vertices to the camera, and keeps those that a camera walk can use.
-    fn light_path(&self, path: u32, mut keep: impl FnMut(Vertex), splats: &mut Vec<Splat>) {
+    fn light_path(
+        &self,
+        path: u32,
+        mut keep: impl FnMut(Vertex),
+        ends: &mut Ends,
+        splats: &mut Vec<Splat>,
+    ) {
         let strategies = self.settings.strategies;
         let scene = self.view.scene;
         let mut stream = self.light.stream(UVec2::new(path, 0), self.sample);
@@ -331,6 +361,7 @@ impl Iteration<'_> {
             return;
         };
         let mut walk = Walk::light(scene, &start, self.merging);
+        let mut chain = Chain::default();
         for n in 1..=self.settings.max_vertices {
             let Some(hit) = scene.intersect(&walk.ray) else {
                 return;
@@ -347,11 +378,24 @@ impl Iteration<'_> {
                 splats.push(splat);
             }
             let more = n < self.settings.max_vertices;
-            let goes_on = more && walk.scatter(&vertex, u.lobe).is_some();
+            let drawn = if more || self.mollifier.is_some() {
+                walk.scatter(&vertex, u.lobe)
+            } else {
+                None
+            };
+            self.note_light(
+                &start,
+                &walk,
+                &vertex,
+                hit.t,
+                drawn,
+                (&mut chain, ends, splats),
+            );
             let merges = self.settings.merging.is_some();
             if (merges || more && strategies.connects()) && !vertex.is_delta() {
                 keep(vertex);
             }
+            let goes_on = more && drawn.is_some();
             if !goes_on || (n >= self.settings.roulette_start && walk.survive(u.roulette).is_none())
             {
                 return;
@@ -385,13 +429,14 @@ impl Iteration<'_> {
     fn camera_path<O: PathObserver>(
         &self,
         pixel: UVec2,
-        light: &[Vertex],
+        light: &LightPath,
         map: Option<&PhotonMap<'_>>,
         observer: &mut O,
     ) -> Rgb {
         let scene = self.view.scene;
         let strategies = self.settings.strategies;
         let (mut walk, mut stream) = self.camera_walk(pixel);
+        let mut chain = Chain::default();
         let mut total = Rgb::ZERO;
         observer.begin(pixel, self.sample);
         for n in 1..=self.settings.max_vertices + 1 {
@@ -410,7 +455,7 @@ impl Iteration<'_> {
             }
             if strategies.connects() && !vertex.is_delta() {
                 total += self.sampled_light(&vertex, u.light);
-                for other in light {
+                for other in &light.vertices {
                     if n + other.n > self.settings.max_vertices {
                         break;
                     }
@@ -420,7 +465,10 @@ impl Iteration<'_> {
                     total += self.merges(&vertex, map);
                 }
             }
-            match walk.scatter(&vertex, u.lobe) {
+            let drawn = walk.scatter(&vertex, u.lobe);
+            let ends = (&mut chain, &light.ends);
+            total += self.regularised(&walk, &vertex, hit.t, drawn, u.light, ends);
+            match drawn {
                 Some(smooth) if strategies.connects() || !smooth => {}
                 _ => break,
             }

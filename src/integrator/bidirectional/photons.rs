@@ -154,9 +154,9 @@ fn bucket(cell: [i64; 3], mask: u32) -> u32 {
 }
 
 impl<'a> PhotonMap<'a> {
-    /// Sorts photons into buckets: as many as photons, or `most` if that is less.
-    pub(super) fn new(vertices: &'a LightVertices, low: Vec3, radius: f32, most: usize) -> Self {
-        let size = vertices.photons.len().next_power_of_two().min(most);
+    /// Sorts photons into at least as many buckets.
+    pub(super) fn new(vertices: &'a LightVertices, low: Vec3, radius: f32) -> Self {
+        let size = vertices.photons.len().next_power_of_two();
         let mask = size as u32 - 1;
         let mut map = Self {
             vertices,

@@ -7,9 +7,11 @@
 //! | `pending_emission` | the weight of emission at the end of the current ray |
 //! | `bodies` | bodies around the path, and what they absorb |
 //! | `roulette` | Russian roulette |
+//! | `cone` | a Dirac lobe spread over a cone |
 //! | [`observer`] | callbacks for layers, statistics and training |
 
 pub(super) mod bodies;
+pub(super) mod cone;
 pub mod observer;
 pub(super) mod pending_emission;
 pub mod roughening;

@@ -124,12 +124,17 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         2,
         "render scene.glb --integrator bdpt --opsr-table table.json",
-        "integrator bdpt does not regularise",
+        "integrator bdpt does not roughen",
     ),
     (
         2,
         "render scene.glb --integrator light --mode mollifier",
         "integrator light does not regularise",
+    ),
+    (
+        2,
+        "render scene.glb --integrator bdpt --mode reuse --gamma 0.1",
+        "integrator bdpt does not roughen",
     ),
     (
         2,
