@@ -127,5 +127,9 @@ fn method(method: &MethodSpec) -> Result<(), String> {
     let scale = method.table_scale.is_none_or(|s| s >= 0.0 && s.is_finite());
     ensure(scale, "table_scale: expected 0 or more")?;
     let filter = method.filter.is_none_or(|f| f > 0.0 && f.is_finite());
-    ensure(filter, "filter: expected a number above 0")
+    ensure(filter, "filter: expected a number above 0")?;
+    let radius = method.radius.is_none_or(|r| r > 0.0 && r.is_finite());
+    ensure(radius, "radius: expected a number above 0")?;
+    let alpha = method.radius_alpha.is_none_or(|a| a > 0.0 && a <= 1.0);
+    ensure(alpha, "radius_alpha: expected above 0 and at most 1")
 }
