@@ -131,6 +131,16 @@ impl LobeQuery {
         }
     }
 
+    /// The query of the glossy lobe alone, with its selection probability.
+    #[inline]
+    pub fn gloss(&self) -> Self {
+        Self {
+            base: Rgb::ZERO,
+            base_pdf: 0.0,
+            ..*self
+        }
+    }
+
     /// Density per steradian at roughness `alpha` in [0, 1]; that of the diffuse lobe alone below [`DELTA_ALPHA`].
     /// The same bits as the density of [`LobeQuery::at`], without the work for the value.
     #[inline]

@@ -174,8 +174,12 @@ impl RenderJob<'_> {
             }
             self.stop.flow()
         };
+        let mut integrator = self.settings.integrator();
+        if let Some(notes) = integrator.notes(&view) {
+            tracing::info!("{notes}");
+        }
         let (progress, reason) = drive(
-            &mut *self.settings.integrator(),
+            &mut *integrator,
             &view,
             &budget,
             start,

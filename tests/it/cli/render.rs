@@ -521,6 +521,8 @@ fn determinism_of_reproducible_files() {
         "--mode pbrt",
         "--integrator light",
         "--integrator bdpt --aov",
+        "--integrator ups",
+        "--integrator sppm --radius 0.1 --radius-alpha 1",
         "--max-depth 2",
     ];
     for other in others {
