@@ -3,12 +3,13 @@
 use super::Blame;
 use anyhow::{Context, anyhow, bail};
 use opsr::files::Target;
-use opsr::image::Buffer;
+use opsr::image::denoise::Denoiser;
 use opsr::image::display::{Display, ViewTransform, auto_exposure};
-use opsr::image::exr::{self, Layer, Metadata};
-use opsr::image::png;
+use opsr::image::exr::{self, Compression, Header, Layer, Metadata, Storage};
+use opsr::image::{Buffer, png};
 use opsr::integrator::Picture;
 use opsr::regularise::TableTuning;
+use opsr::scene::Camera;
 use opsr::tune::resolve::resolve_film;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -22,11 +23,31 @@ pub(super) struct ResolveArgs {
     /// Add every level to EXR files, as layers `level0`, `level1` and so on.
     #[arg(long)]
     pub(super) level_layers: bool,
+    /// Denoise the picture with Open Image Denoise 2, which is looked for in the folder OIDN_DIR and in the system's library
+    /// path. EXR files keep the picture before it as the layer `noisy`.
+    #[arg(long)]
+    pub(super) denoise: bool,
 }
 
-/// Options of PNG files.
+impl ResolveArgs {
+    /// The denoiser, if one is asked for.
+    pub(super) fn denoiser(self) -> anyhow::Result<Option<Denoiser>> {
+        let denoiser = self.denoise.then(Denoiser::open).transpose();
+        denoiser.context("--denoise").input()
+    }
+
+    /// The picture to look at while it is made.
+    pub(super) fn shown(self, picture: &Picture) -> Buffer {
+        match &picture.levels {
+            Some(film) => resolve_film(film, self.robust).picture,
+            None => picture.film.mean(),
+        }
+    }
+}
+
+/// Options of the files.
 #[derive(clap::Args, Clone, Copy, Debug)]
-pub(super) struct DisplayArgs {
+pub(super) struct FileArgs {
     /// Brightness of PNG files in stops; `auto` puts the 95th percentile of the luminance at 80 % of white, `none` is 0.
     #[arg(
         long,
@@ -39,6 +60,12 @@ pub(super) struct DisplayArgs {
     /// View transform of PNG files.
     #[arg(long, value_enum, default_value_t)]
     view: ViewTransform,
+    /// Write colours and normals of EXR files as half floats: half the size, three digits, at most 65504.
+    #[arg(long)]
+    exr_half: bool,
+    /// Compression of EXR files, always lossless.
+    #[arg(long, value_enum, value_name = "CODING", default_value_t)]
+    exr_compression: Compression,
 }
 
 /// Exposure of PNG files.
@@ -59,8 +86,15 @@ fn exposure(text: &str) -> Result<Exposure, String> {
     }
 }
 
-impl DisplayArgs {
-    fn of(self, picture: &Buffer) -> Display {
+impl FileArgs {
+    fn storage(self) -> Storage {
+        Storage {
+            half: self.exr_half,
+            compression: self.exr_compression,
+        }
+    }
+
+    fn display(self, picture: &Buffer) -> Display {
         let exposure = match self.exposure {
             Exposure::Auto => auto_exposure(picture),
             Exposure::Stops(stops) => stops,
@@ -70,15 +104,31 @@ impl DisplayArgs {
     }
 }
 
+/// Picture that was written.
+pub(super) struct Written {
+    /// Exposure of the PNG files, if there are any.
+    pub(super) exposure: Option<f32>,
+    /// Estimated relative error of the picture, before it was denoised.
+    pub(super) error: f64,
+    /// The picture.
+    pub(super) shown: Buffer,
+}
+
 /// The files that a picture is written to.
 pub(super) struct Outputs {
     files: Vec<PathBuf>,
-    display: DisplayArgs,
+    args: FileArgs,
+    resolve: ResolveArgs,
+    denoiser: Option<Denoiser>,
 }
 
 impl Outputs {
     /// Checks before anything is rendered that the files can be written at all.
-    pub(super) fn new(files: &[PathBuf], display: DisplayArgs) -> anyhow::Result<Self> {
+    pub(super) fn new(
+        files: &[PathBuf],
+        args: FileArgs,
+        resolve: ResolveArgs,
+    ) -> anyhow::Result<Self> {
         for file in files {
             match file.extension().and_then(|e| e.to_str()) {
                 Some("exr" | "png") => {}
@@ -92,7 +142,9 @@ impl Outputs {
         }
         Ok(Self {
             files: files.to_vec(),
-            display,
+            args,
+            resolve,
+            denoiser: resolve.denoiser()?,
         })
     }
 
@@ -102,23 +154,33 @@ impl Outputs {
         names.collect::<Vec<_>>().join(", ")
     }
 
-    /// Writes every file, each whole or not at all; returns the exposure of the PNG files, if there are any.
+    /// Writes every file, each whole or not at all.
     ///
-    /// Of several levels the one of every pixel is chosen; EXR files then have the layers `level`, `bias2`, `variance` and
-    /// `error` in place of the statistics of the film.
+    /// EXR files get the layers, and the place of the camera if it is known. Of several levels the one of every pixel is
+    /// chosen; EXR files then have the layers `level`, `bias2`, `variance` and `error` in place of the statistics of the
+    /// film, as does a denoised picture.
     pub(super) fn write(
         &self,
         picture: &Picture,
-        args: ResolveArgs,
+        mut layers: Vec<Layer>,
+        camera: Option<&Camera>,
         metadata: &Metadata,
-    ) -> anyhow::Result<Option<f32>> {
+    ) -> anyhow::Result<Written> {
+        let args = self.resolve;
         let resolved =
             (picture.levels.as_ref()).map(|film| (film, resolve_film(film, args.robust)));
-        let shown = match &resolved {
+        let mut shown = match &resolved {
             Some((_, resolved)) => resolved.picture.clone(),
             None => picture.film.mean(),
         };
-        let mut layers = layers(picture);
+        if let Some(denoiser) = &self.denoiser {
+            let first = picture.aovs.as_ref().and_then(|a| a.first.as_ref());
+            let first = first.context("--denoise needs a render with --aov albedo,normal");
+            let first = first.usage()?;
+            let clean = denoiser.denoise(&shown, &first.albedo(), &first.normal())?;
+            layers.push(Layer::rgb("noisy", &shown));
+            shown = clean;
+        }
         if let Some((film, resolved)) = &resolved {
             let level = resolved.level.iter().map(|&k| f32::from(k)).collect();
             layers.push(Layer::scalar("level", level));
@@ -130,20 +192,32 @@ impl Outputs {
                 layers.extend((0..film.levels()).map(level));
             }
         }
+        let header = Header {
+            metadata,
+            storage: self.args.storage(),
+            world_to_camera: camera.map(Camera::world_to_camera),
+        };
         let is_png = |file: &PathBuf| file.extension().is_some_and(|e| e == "png");
-        let display = (self.files.iter().any(is_png)).then(|| self.display.of(&shown));
+        let display = (self.files.iter().any(is_png)).then(|| self.args.display(&shown));
         for file in &self.files {
-            let film = &picture.film;
+            let (film, whole) = (&picture.film, resolved.is_some() || args.denoise);
             if let Some(display) = display.filter(|_| is_png(file)) {
                 png::write(file, &shown, display).output()?;
-            } else if resolved.is_some() {
+            } else if whole {
                 let part = (film.size, film.window);
-                exr::write_layers(file, part, &shown, &layers, metadata).output()?;
+                exr::write_layers(file, part, &shown, &layers, header).output()?;
             } else {
-                exr::write_film(file, film, &layers, metadata).output()?;
+                exr::write_film(file, film, &layers, header).output()?;
             }
         }
-        Ok(display.map(|display| display.exposure))
+        Ok(Written {
+            exposure: display.map(|display| display.exposure),
+            error: match &resolved {
+                Some((_, resolved)) => resolved.relative_error(),
+                None => picture.film.relative_error(),
+            },
+            shown,
+        })
     }
 }
 
@@ -182,18 +256,6 @@ pub(super) fn print(text: impl AsRef<[u8]>) -> anyhow::Result<()> {
     }
 }
 
-fn layers(picture: &Picture) -> Vec<Layer> {
-    let Some(aovs) = &picture.aovs else {
-        return Vec::new();
-    };
-    let depth = aovs.depth().pixels.iter().map(|p| p.x).collect();
-    vec![
-        Layer::rgb("albedo", &aovs.albedo()),
-        Layer::xyz("normal", &aovs.normal()),
-        Layer::scalar("depth", depth),
-    ]
-}
-
 /// Origin of a picture, for the metadata of its file.
 pub(super) struct Provenance {
     pub(super) command: String,
@@ -205,12 +267,20 @@ pub(super) struct Provenance {
     pub(super) table_tuning: Option<TableTuning>,
     /// Scales of the levels; empty for one level.
     pub(super) levels: Vec<f32>,
+    /// Options that choose the picture, by name.
+    pub(super) settings: Vec<(&'static str, String)>,
     pub(super) reproducible: bool,
 }
 
 impl Provenance {
-    /// The EXR metadata of a picture with this many samples.
-    pub(super) fn metadata(&self, spp: u32, seconds: f64, threads: usize) -> Metadata {
+    /// The EXR metadata of a picture with this many samples, of which so many were refused.
+    pub(super) fn metadata(
+        &self,
+        spp: u32,
+        refused: u64,
+        seconds: f64,
+        threads: usize,
+    ) -> Metadata {
         let mut metadata = Metadata::new();
         let mut set = |key: &str, value: String| {
             metadata.insert(key.to_owned(), value);
@@ -220,6 +290,10 @@ impl Provenance {
         set("scene", self.scene.clone());
         set("scene_sha256", self.scene_hash.clone());
         set("spp", spp.to_string());
+        set("refused_samples", refused.to_string());
+        for (key, value) in &self.settings {
+            set(key, value.clone());
+        }
         if let Some(hash) = &self.table_hash {
             set("table_sha256", hash.clone());
         }

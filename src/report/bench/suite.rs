@@ -94,6 +94,9 @@ pub struct SceneSpec {
     /// a scene that comes with the program.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub builtin: Option<String>,
+    /// Environment: an equirectangular map (.hdr or .exr).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub environment: Option<PathBuf>,
     /// Slope distribution of the lobes of a file's materials.
     #[serde(default)]
     pub distribution: Lobes,
@@ -164,7 +167,7 @@ impl Suite {
         let scene_files = suite
             .scenes
             .iter_mut()
-            .flat_map(|s| [&mut s.file, &mut s.reference]);
+            .flat_map(|s| [&mut s.file, &mut s.reference, &mut s.environment]);
         let tables = suite.methods.iter_mut().flat_map(|m| &mut m.table);
         // Unless there is such a file, the name of a table that the program contains is none.
         let is_file = |t: &&mut PathBuf| !TableFile::is_built_in(t) || folder.join(&**t).exists();
