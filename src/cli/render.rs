@@ -215,11 +215,9 @@ impl RenderJob<'_> {
         if args.resolve.level_layers {
             each += LEVEL_LAYER_BYTES;
         }
-        let aovs = if aovs::recorded(args)[0] {
-            AOV_BYTES
-        } else {
-            0
-        };
+        // Light by its path, and time, take no more than albedo, normal and depth do.
+        let records = aovs::recorded(args).iter().filter(|r| **r).count() as u64;
+        let aovs = AOV_BYTES * records;
         let levels = self.settings.levels.len() as u64;
         let bytes = window.len() as u64 * (FILM_BYTES + aovs + levels * each);
         let pixels = format!("{}x{} pixels", window.w, window.h);
