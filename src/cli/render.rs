@@ -226,8 +226,9 @@ impl RenderJob<'_> {
         if args.resolve.level_layers {
             each += LEVEL_LAYER_BYTES;
         }
-        let parts = aovs::recorded(args).into_iter().map(u64::from);
-        let aovs = AOV_BYTES * parts.sum::<u64>();
+        // Light by its path, and time, take no more than albedo, normal and depth do.
+        let records = aovs::recorded(args).iter().filter(|r| **r).count() as u64;
+        let aovs = AOV_BYTES * records;
         let levels = self.settings.levels.len() as u64;
         let bytes = window.len() as u64 * (FILM_BYTES + aovs + levels * each);
         let pixels = format!("{}x{} pixels", window.w, window.h);
