@@ -4,9 +4,11 @@
 //! their field names; nothing holds references.
 
 use crate::bsdf::Bsdf;
-use crate::math::{Frame, Ray, Rgb, Vec2, Vec3};
+use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, luminance};
+use crate::sampler::LightU;
 
 pub mod accel;
+pub mod bodies;
 pub mod camera;
 pub mod geometry;
 pub mod light;
@@ -86,6 +88,9 @@ pub struct Scene {
     lights: Lights,
     has_absorption: bool,
     has_dispersion: bool,
+    has_overlaps: bool,
+    /// Rank of each material where bodies overlap.
+    ranks: Vec<u32>,
     has_lobes: bool,
     warnings: Vec<String>,
 }
@@ -101,15 +106,21 @@ impl Scene {
             (parts.materials.iter()).any(|m| m.dispersion > 0.0 && m.bounds_body());
         let mut shown = parts.meshes.iter().map(|m| m.material as usize);
         let has_lobes = shown.any(|m| !parts.materials.get(m).is_some_and(Material::is_rough));
-        Self {
+        let mut scene = Self {
+            ranks: bodies::ranks(&parts),
             parts,
             geometry,
             lights,
             has_absorption,
             has_dispersion,
+            has_overlaps: false,
             has_lobes,
             warnings,
-        }
+        };
+        let priorities =
+            (scene.parts.materials.iter()).any(|m| m.bounds_body() && m.priority != 0.0);
+        scene.has_overlaps = priorities || scene.find_overlaps();
+        scene
     }
 
     /// Defects of the input and their treatment, one line each.
@@ -134,6 +145,24 @@ impl Scene {
         self.has_dispersion
     }
 
+    /// True if bodies overlap or have priorities: what a boundary is depends on the bodies around it.
+    #[inline]
+    pub fn has_overlaps(&self) -> bool {
+        self.has_overlaps
+    }
+
+    /// True if a path must know the bodies around it.
+    #[inline]
+    pub fn tracks_bodies(&self) -> bool {
+        self.has_absorption || self.has_overlaps
+    }
+
+    /// Rank of a material where bodies overlap: that of the highest is there.
+    #[inline]
+    pub fn rank(&self, material: u32) -> u32 {
+        self.ranks[material as usize]
+    }
+
     /// True if any surface has a lobe that a rule could roughen.
     pub fn has_lobes(&self) -> bool {
         self.has_lobes
@@ -148,6 +177,35 @@ impl Scene {
     #[inline]
     pub fn lights(&self) -> &Lights {
         &self.lights
+    }
+
+    /// Camera for a file that has none: all of the scene, from the side that the lights shine on.
+    pub fn framing_camera(&self, aspect: f32) -> Camera {
+        let (low, high) = self.geometry.bounds();
+        let light = self.light_direction(0.5 * (low + high));
+        Camera::framing_lit((low, high), light, aspect)
+    }
+
+    /// Direction from a point towards the lights, weighted by the irradiance that each would send there if nothing stood
+    /// between; zero without lights.
+    fn light_direction(&self, from: Vec3) -> Vec3 {
+        /// Enough to find a side.
+        const SAMPLES: u32 = 1024;
+        // A sequence of low discrepancy: multiples of powers of the root of x⁴ = x + 1.
+        let at = |i: u32, step: f64| (f64::from(i) * step).fract();
+        let one = |i: u32| {
+            let u = LightU {
+                pick: at(i, 0.819_172_513_396_164_4),
+                at: Vec2::new(
+                    at(i, 0.671_043_606_703_789_2) as f32,
+                    at(i, 0.549_700_477_901_97) as f32,
+                ),
+            };
+            let light = self.lights.sample(from, u)?;
+            let towards = light.wi * (luminance(light.radiance) / light.density.value());
+            towards.is_finite().then_some(towards)
+        };
+        (1..=SAMPLES).filter_map(one).sum::<Vec3>() / SAMPLES as f32
     }
 
     /// Closest hit in front of the ray's origin; parts that opacity removes are skipped.
@@ -210,6 +268,29 @@ impl Scene {
             pdf_w: lights.pdf_emitter(ray.origin, &surface),
             distance: hit.t,
         })
+    }
+}
+
+impl Scene {
+    /// The emission of what a ray met first: a surface, or without one the environment.
+    pub fn emission_at(&self, ray: &Ray, hit: Option<Hit>) -> Option<Emission> {
+        let lights = &self.lights;
+        let emission = match hit {
+            None => Emission {
+                radiance: lights.environment(ray.dir),
+                pdf_w: lights.pdf_environment(ray.origin, ray.dir),
+                distance: f32::INFINITY,
+            },
+            Some(hit) => {
+                let surface = self.surface(&hit);
+                Emission {
+                    radiance: lights.emitted(&surface, -ray.dir),
+                    pdf_w: lights.pdf_emitter(ray.origin, &surface),
+                    distance: hit.t,
+                }
+            }
+        };
+        (emission.radiance != Rgb::ZERO).then_some(emission)
     }
 }
 

@@ -1,6 +1,7 @@
 //! All integration tests, in one binary so that the library is linked once.
 
 mod agree;
+mod aov;
 mod appearance;
 mod architecture;
 mod bench;
@@ -21,6 +22,7 @@ mod load;
 mod many_lights;
 mod metric;
 mod mollifier;
+mod nested;
 mod pilot;
 #[cfg(feature = "train")]
 mod readme;

@@ -72,20 +72,27 @@ impl<R: Roughening> PathTracer<R> {
         let mut memory = self.rule.start(sample);
         let mut emission = PendingEmission::full(Rgb::ONE);
         for n in 1..=self.max_vertices + 1 {
-            let Some(hit) = scene.intersect(&ray) else {
+            let way = bodies.follow(scene, &ray);
+            if let Some(passed) = way.passed {
+                throughput *= passed;
+                emission.scale(passed);
+            }
+            let Some(hit) = way.hit else {
                 if scene.parts().environment.is_some() {
                     emission.scale(bodies.transmittance(scene, f32::INFINITY));
-                    total += emission.contribution(
+                    let found = emission.contribution(
                         scene.lights().environment(ray.dir),
                         || scene.lights().pdf_environment(ray.origin, ray.dir),
                         observer,
                     );
+                    observer.light(n - 1, found);
+                    total += found;
                 }
                 break;
             };
             let surface = scene.surface(&hit);
             if !bodies.is_empty() {
-                let transmittance = bodies.transmittance(scene, hit.t);
+                let transmittance = bodies.transmittance(scene, hit.t - way.start);
                 throughput *= transmittance;
                 emission.scale(transmittance);
             }
@@ -93,11 +100,13 @@ impl<R: Roughening> PathTracer<R> {
             // ── emission met by the ray
             let radiance = scene.lights().emitted(&surface, -ray.dir);
             if radiance != Rgb::ZERO && emission.throughput != Rgb::ZERO {
-                total += emission.contribution(
+                let found = emission.contribution(
                     radiance,
                     || scene.lights().pdf_emitter(ray.origin, &surface),
                     observer,
                 );
+                observer.light(n - 1, found);
+                total += found;
             }
             if n > self.max_vertices {
                 break;
@@ -106,6 +115,7 @@ impl<R: Roughening> PathTracer<R> {
             // ── the vertex
             let u = sampler.vertex();
             let bsdf = channel.bsdf(scene, &surface, u.material, &mut throughput);
+            let bsdf = bodies.interface(scene, &surface, ray.dir, bsdf);
             let alpha = bsdf.alpha();
             let frame = surface.frame_for(-ray.dir);
             let point = ShadingPoint {
@@ -122,7 +132,9 @@ impl<R: Roughening> PathTracer<R> {
             observer.vertex(n, hit.t, &point);
 
             // ── next-event estimation at α′
-            total += point.direct_light(u.light, observer);
+            let direct = point.direct_light(u.light, observer);
+            observer.light(n, direct);
+            total += direct;
 
             // ── the continuation, and emission found by the BSDF at α′
             let roughened = R::ACTIVE && point.is_roughened();
@@ -131,7 +143,9 @@ impl<R: Roughening> PathTracer<R> {
             let diffuse = (next.as_ref()).is_some_and(|next| next.sample.lobe == Lobe::Diffuse);
             let shared = !roughened || reused || diffuse;
             if !shared {
-                total += point.roughened_emission(u.lobe, observer);
+                let found = point.roughened_emission(u.lobe, observer);
+                observer.light(n, found);
+                total += found;
             }
             let Some(next) = next else { break };
             emission = if shared {
@@ -143,7 +157,9 @@ impl<R: Roughening> PathTracer<R> {
                 && !scene.parts().lights.is_empty()
                 && let Some(radius) = self.rule.mollifier_radius(&memory)
             {
-                total += point.mollified(&next, radius, u.light);
+                let found = point.mollified(&next, radius, u.light);
+                observer.light(n, found);
+                total += found;
             }
             throughput *= next.sample.weight;
             remember(&self.rule, &mut memory, &point, &next.sample, observer);
