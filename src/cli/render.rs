@@ -98,12 +98,8 @@ impl RenderJob<'_> {
         let args = self.args;
         let size = tune::size(args, &self.opened)?;
         let aspect = size.x as f32 / size.y as f32;
-        let camera = scene::camera(
-            &self.opened.scene,
-            args.camera.as_deref(),
-            args.lens,
-            aspect,
-        )?;
+        let camera = scene::camera(&self.opened.scene, args.camera.as_deref(), aspect)?;
+        let camera = args.lens.on(camera)?;
         let checked = self.settings.check_scene(&self.opened.scene, &camera);
         checked.map_err(|what| anyhow!(what)).usage()?;
         if let Some(pixel) = args.trace_pixel {

@@ -167,6 +167,12 @@ pub(super) struct LensArgs {
 }
 
 impl LensArgs {
+    /// The camera with the lens asked for.
+    pub(super) fn on(self, camera: Camera) -> anyhow::Result<Camera> {
+        let lens = self.lens(camera.lens)?;
+        Ok(Camera { lens, ..camera })
+    }
+
     /// The lens of a camera whose file says `file`.
     fn lens(self, file: Option<Lens>) -> anyhow::Result<Option<Lens>> {
         let radius = self.aperture.or(file.map(|l| l.radius));
@@ -188,20 +194,8 @@ impl LensArgs {
     }
 }
 
-/// The camera with this name or number, and the lens asked for; see [`pinhole`].
-pub(super) fn camera(
-    scene: &Scene,
-    wanted: Option<&str>,
-    lens: LensArgs,
-    aspect: f32,
-) -> anyhow::Result<Camera> {
-    let camera = pinhole(scene, wanted, aspect)?;
-    let lens = lens.lens(camera.lens)?;
-    Ok(Camera { lens, ..camera })
-}
-
 /// The camera with this name or number; without one the first, or a camera that sees the whole scene.
-pub(super) fn pinhole(scene: &Scene, wanted: Option<&str>, aspect: f32) -> anyhow::Result<Camera> {
+pub(super) fn camera(scene: &Scene, wanted: Option<&str>, aspect: f32) -> anyhow::Result<Camera> {
     let cameras = &scene.parts().cameras;
     let Some(wanted) = wanted else {
         let first = cameras.first().cloned();

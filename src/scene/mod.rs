@@ -87,10 +87,10 @@ pub struct Scene {
     geometry: Geometry,
     lights: Lights,
     has_absorption: bool,
+    has_dispersion: bool,
     has_overlaps: bool,
     /// Rank of each material where bodies overlap.
     ranks: Vec<u32>,
-    has_dispersion: bool,
     has_lobes: bool,
     warnings: Vec<String>,
 }
@@ -112,8 +112,8 @@ impl Scene {
             geometry,
             lights,
             has_absorption,
-            has_overlaps: false,
             has_dispersion,
+            has_overlaps: false,
             has_lobes,
             warnings,
         };
@@ -139,6 +139,12 @@ impl Scene {
         self.has_absorption
     }
 
+    /// True if any body refracts each colour channel by an index of its own.
+    #[inline]
+    pub fn has_dispersion(&self) -> bool {
+        self.has_dispersion
+    }
+
     /// True if bodies overlap or have priorities: what a boundary is depends on the bodies around it.
     #[inline]
     pub fn has_overlaps(&self) -> bool {
@@ -155,12 +161,6 @@ impl Scene {
     #[inline]
     pub fn rank(&self, material: u32) -> u32 {
         self.ranks[material as usize]
-    }
-
-    /// True if any body refracts each colour channel by an index of its own.
-    #[inline]
-    pub fn has_dispersion(&self) -> bool {
-        self.has_dispersion
     }
 
     /// True if any surface has a lobe that a rule could roughen.
