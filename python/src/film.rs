@@ -111,7 +111,7 @@ impl Film {
         (window.x, window.y, window.w, window.h)
     }
 
-    /// Writes the picture, whole or not at all: .exr, the bytes that `opsr render --reproducible` writes, or .png.
+    /// Writes the picture, whole or not at all: .exr, with variance, AOVs and the choice among levels as layers, or .png.
     ///
     /// exposure: brightness of a .png in stops; by default the 95th percentile of the luminance is at 80 % of white.
     #[pyo3(signature = (path, *, exposure=None))]

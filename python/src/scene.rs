@@ -63,10 +63,8 @@ impl Scene {
             "ggx" => Distribution::Ggx,
             _ => return Err(argument("distribution", "expected beckmann or ggx")),
         };
-        let options = LoadOptions {
-            distribution,
-            solid_glass,
-        };
+        let mut options = LoadOptions::default();
+        (options.distribution, options.solid_glass) = (distribution, solid_glass);
         let env = env.map(|env| (env, env_intensity, env_rotation.to_radians()));
         let scene = detached(py, || open(path, env, &options))?.map_err(file)?;
         for warning in &scene.warnings {
