@@ -13,6 +13,7 @@
 //! | 0 | [`math`] | frames, measures, warps, discrete distributions, running moments |
 //! | 0 | [`sampler`] | the random numbers of a path, keyed by (seed, pixel, sample) |
 //! | 0 | [`files`] | bounded reads, writes that are whole or not made, hashes in hex |
+//! | 0 | [`memory`] | free memory, refusal of what needs more |
 //! | 1 | [`regularise`] | the paper: path roughness, classes, attenuation tables, look-ups, comparison rules; `export` writes tables for other renderers |
 //! | 2 | [`bsdf`] | BSDFs that are evaluated *at* a roughness |
 //! | 3 | [`image`] | films of running moments, EXR and PNG, error metrics |
@@ -64,6 +65,7 @@ pub mod gallery;
 pub mod image;
 pub mod integrator;
 pub mod math;
+pub mod memory;
 pub mod regularise;
 pub mod report;
 pub mod sampler;

@@ -27,6 +27,11 @@ train() {
         --set checkpoint_every=2 --set validate_every=20 --run "$1/run" --out "$1/params" --progress none "${@:2}"
 }
 
+# True if the killed command left anything to go on from.
+resumable() {
+    [ -e "$work/killed/$checkpoint" ] || compgen -G "$work/killed/run/recordings/*.recording" >/dev/null
+}
+
 # check COMMAND: kills COMMAND at random moments until it has been killed $times times, each time going on.
 check() {
     command=$1 file=$2 checkpoint=$3
@@ -38,7 +43,7 @@ check() {
     while [ "$killed" -lt "$times" ]; do
         rounds=$((rounds + 1))
         resume=()
-        [ -e "$work/killed/$checkpoint" ] && resume=(--resume)
+        resumable && resume=(--resume)
         "$command" "$work/killed" "${resume[@]}" 2>"$work/errors" &
         pid=$!
         sleep "$(awk -v r=$RANDOM -v ms="$took" 'BEGIN { print 0.02 + ms / 1000 * r / 32768 }')"
@@ -59,7 +64,7 @@ check() {
         fi
     done
     resume=()
-    [ -e "$work/killed/$checkpoint" ] && resume=(--resume)
+    resumable && resume=(--resume)
     "$command" "$work/killed" "${resume[@]}"
     cmp "$work/whole/$file" "$work/killed/$file" || fail "$command: another result after kills"
     rm -rf "$work/whole" "$work/killed"

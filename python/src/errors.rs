@@ -2,16 +2,18 @@
 
 use opsr::files::{FileError, Problem};
 use pyo3::PyErr;
-use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyValueError};
+use pyo3::exceptions::{PyFileNotFoundError, PyMemoryError, PyOSError, PyValueError};
 use std::fmt::Display;
 
-/// `FileNotFoundError`, `OSError` for a file that cannot be read or written, `ValueError` for what is in it.
+/// `FileNotFoundError`, `OSError` for a file that cannot be read or written, `ValueError` for what is in it, `MemoryError`
+/// where it needs more memory than there is.
 pub(crate) fn file(error: FileError) -> PyErr {
     let text = error.to_string();
     match error.problem {
         _ if error.is_missing() => PyFileNotFoundError::new_err(text),
         Problem::Read(_) | Problem::Write(_) => PyOSError::new_err(text),
         Problem::Content(_) => PyValueError::new_err(text),
+        Problem::Memory(_) => PyMemoryError::new_err(text),
     }
 }
 

@@ -13,6 +13,7 @@ use opsr::integrator::levels::SCALES;
 use opsr::integrator::method::{Kind, MethodSpec};
 use opsr::integrator::{FirstHit, Picture, Settings, View};
 use opsr::math::UVec2;
+use opsr::memory;
 use opsr::regularise::{Rule, TableTuning};
 use opsr::tune::resolve::resolve_film;
 use pyo3::exceptions::{PyMemoryError, PyTypeError};
@@ -24,6 +25,11 @@ use std::time::Duration;
 
 /// Samples per pixel of a render without a budget.
 const DEFAULT_SPP: u32 = 128;
+
+/// Bytes of a pixel, of its AOVs and of each level, as the program counts them.
+const PIXEL_BYTES: u64 = 205;
+const AOV_BYTES: u64 = 195;
+const LEVEL_BYTES: u64 = 96;
 
 /// Rows of a picture without a size.
 const DEFAULT_ROWS: u32 = 512;
@@ -65,7 +71,7 @@ impl From<RenderProgress> for Progress {
 /// reuse: continue paths with the roughened lobe; needs a table or gamma.
 /// integrator: "path", "light" or "bdpt"; only the first takes a table, gamma or rule.
 /// levels: several amounts of roughening on the same paths, of which every pixel gets the best: their number from 1 to 8, or
-///     the scales of the table's or the constant factor, ascending from 0. One by default.
+///     the scales of the table's or the constant factor, ascending from 0. One by default, where the program has five.
 /// max_vertices: scattering vertices of the longest path, from 1 to 65536.
 /// threads: their number; all cores by default.
 /// aov: record albedo, normal and depth of the first surface.
@@ -277,21 +283,17 @@ fn empty(
     settings: &Settings,
     aov: bool,
 ) -> PyResult<Picture> {
-    if window.inside(&Window::full(frame)) {
-        // A failed allocation would end the interpreter: tried before.
-        let levels = LevelFilm::bytes(window.len(), settings.levels.len());
-        let bytes = levels + 256 * window.len() as u64;
-        let tried = usize::try_from(bytes).map(|n| Vec::<u8>::new().try_reserve_exact(n));
-        if !matches!(tried, Ok(Ok(()))) {
-            let what = format!("{window}: {} MB are not there", bytes / 1_000_000);
-            return Err(PyMemoryError::new_err(what));
-        }
-    }
     let name = if cropped { "crop" } else { "size" };
+    Moments::check(frame, window).map_err(|e| argument(name, e))?;
+    // A failed allocation would end the interpreter.
+    let levels = settings.levels.len();
+    let each = PIXEL_BYTES + if aov { AOV_BYTES } else { 0 } + levels as u64 * LEVEL_BYTES;
+    let what = format!("{}x{} pixels", window.w, window.h);
+    memory::check(what, window.len() as u64 * each)
+        .map_err(|e| PyMemoryError::new_err(e.to_string()))?;
     let film = Moments::cropped(frame, window).map_err(|e| argument(name, e))?;
     let mut picture = Picture::new(film);
     picture.aovs = aov.then(|| FirstHit::new(window));
-    let levels = settings.levels.len();
     picture.levels = (levels > 0).then(|| LevelFilm::new(frame, window, levels));
     Ok(picture)
 }

@@ -6,8 +6,8 @@ use crate::work::{Hear, watched};
 use opsr::regularise::file::TableFile;
 use opsr::train::config::{Config, ConfigError};
 use opsr::train::record::crop::DatasetError;
-use opsr::train::{Session, TrainError};
-use pyo3::exceptions::{PyFileNotFoundError, PyRuntimeError, PyValueError};
+use opsr::train::{RecordingControl, Session, TrainError};
+use pyo3::exceptions::{PyFileNotFoundError, PyMemoryError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 use std::path::PathBuf;
@@ -38,7 +38,7 @@ type Event = (f32, u32, f32, Option<serde_json::Result<String>>);
 ///
 /// Returns the tables in the order of beta, after `False` those so far.
 ///
-/// Ctrl-C ends the training at the next step, during the recording at its end, and raises KeyboardInterrupt. Raises
+/// Ctrl-C ends the recording or the training within a second or at the next step, and raises KeyboardInterrupt. Raises
 /// ValueError for settings and scenes that cannot be used, FileNotFoundError and OSError for files, RuntimeError for a
 /// training without usable gradients.
 #[pyfunction]
@@ -66,7 +66,11 @@ pub(crate) fn train(
     });
     let hear: Hear<'_, Event> = hear.as_mut().map(|hear| hear as _);
     let tables = watched(py, threads, hear, |link| {
-        let mut session = Session::open(config, &|_| ())?;
+        let control = RecordingControl {
+            stop: link.stop.clone(),
+            ..RecordingControl::default()
+        };
+        let mut session = Session::open(config, &control)?;
         let mut tables = Vec::new();
         for beta in session.config.beta.clone() {
             let outcome = session.learn(beta, None, false, &mut |step, loss, entry| {
@@ -112,6 +116,7 @@ fn failed(error: TrainError) -> PyErr {
         | TrainError::Dataset(DatasetError::File(e))
         | TrainError::Checkpoint(e) => file(e),
         TrainError::Dataset(DatasetError::Missing { .. }) => PyFileNotFoundError::new_err(text),
+        TrainError::Memory(_) => PyMemoryError::new_err(text),
         TrainError::State(_) | TrainError::NotFinite { .. } => PyRuntimeError::new_err(text),
         _ => PyValueError::new_err(text),
     }

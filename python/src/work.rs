@@ -5,6 +5,7 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use rayon::ThreadPoolBuilder;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
@@ -16,15 +17,16 @@ const INTERVAL: Duration = Duration::from_millis(50);
 pub(crate) type Hear<'a, E> = Option<&'a mut (dyn FnMut(Python<'_>, E) -> PyResult<bool> + Send)>;
 
 /// The end of the work at which it tells of events and learns that it shall stop.
-pub(crate) struct Link<'a, E> {
-    stop: &'a AtomicBool,
+pub(crate) struct Link<E> {
+    /// Set when the work shall stop.
+    pub(crate) stop: Arc<AtomicBool>,
     /// Where events go and where answers come from, for a callback.
     heard: Option<(SyncSender<E>, Receiver<()>)>,
     /// Open as long as the work goes on.
     _open: SyncSender<E>,
 }
 
-impl<E> Link<'_, E> {
+impl<E> Link<E> {
     /// Waits for the callback, if there is one; breaks if the work shall stop.
     pub(crate) fn tell(&self, event: impl FnOnce() -> E) -> ControlFlow<()> {
         if let Some((events, answers)) = &self.heard
@@ -47,7 +49,7 @@ pub(crate) fn watched<E: Send, T: Send>(
     py: Python<'_>,
     threads: Option<u16>,
     mut hear: Hear<'_, E>,
-    work: impl FnOnce(&Link<'_, E>) -> T + Send,
+    work: impl FnOnce(&Link<E>) -> T + Send,
 ) -> PyResult<T> {
     if threads == Some(0) {
         return Err(argument("threads", "expected at least 1"));
@@ -57,11 +59,11 @@ pub(crate) fn watched<E: Send, T: Send>(
         PyRuntimeError::new_err(format!("threads: cannot start that many threads: {e}"))
     })?;
     py.detach(|| {
-        let stop = AtomicBool::new(false);
+        let stop = Arc::new(AtomicBool::new(false));
         let (events, heard) = sync_channel(0);
         let (answer, answers) = sync_channel(1);
         let link = Link {
-            stop: &stop,
+            stop: stop.clone(),
             heard: hear.is_some().then(|| (events.clone(), answers)),
             _open: events,
         };

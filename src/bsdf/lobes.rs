@@ -192,29 +192,36 @@ impl Glossy {
 
     #[inline]
     pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
+        let (wi, lobe) = self.direction(alpha, wo, u)?;
+        if alpha < DELTA_ALPHA && lobe == Lobe::Reflection {
+            let cos = wo.z.abs();
+            let weight = schlick(self.f0, self.f90, cos) / self.glossy_probability(cos);
+            return delta(wi, weight, lobe);
+        }
+        finish(self.query(wo, wi), alpha, wi, lobe)
+    }
+
+    /// Direction and lobe of a sample.
+    #[inline]
+    pub(super) fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
         let side = wo.z;
         let wo = above(side, wo);
         if wo.z <= 0.0 {
             return None;
         }
-        let p = self.glossy_probability(wo.z);
-        if u[0] >= p {
+        if u[0] >= self.glossy_probability(wo.z) {
             let wi = warp::cosine_hemisphere(Vec2::new(u[1], u[2]));
-            return finish(self.query(wo, wi), alpha, above(side, wi), Lobe::Diffuse);
+            return Some((above(side, wi), Lobe::Diffuse));
         }
-        if alpha < DELTA_ALPHA {
-            let wi = Vec3::new(-wo.x, -wo.y, wo.z);
-            return delta(
-                above(side, wi),
-                schlick(self.f0, self.f90, wo.z) / p,
-                Lobe::Reflection,
-            );
-        }
-        let wi = mirror(
-            wo,
-            self.distribution.sample_visible(alpha, wo, [u[1], u[2]]),
-        );
-        finish(self.query(wo, wi), alpha, above(side, wi), Lobe::Reflection)
+        let wi = if alpha < DELTA_ALPHA {
+            Vec3::new(-wo.x, -wo.y, wo.z)
+        } else {
+            mirror(
+                wo,
+                self.distribution.sample_visible(alpha, wo, [u[1], u[2]]),
+            )
+        };
+        Some((above(side, wi), Lobe::Reflection))
     }
 }
 
@@ -273,6 +280,21 @@ impl Dielectric {
         if self.is_matched() {
             return delta(-wo, self.tint, Lobe::Transmission);
         }
+        let (wi, lobe) = self.direction(alpha, wo, u)?;
+        if alpha >= DELTA_ALPHA {
+            return finish(self.query(wo, wi), alpha, wi, lobe);
+        }
+        let ratio = 1.0 / self.relative(wo);
+        let weight = match lobe {
+            Lobe::Transmission => self.tint * (ratio * ratio),
+            _ => Rgb::ONE,
+        };
+        delta(wi, weight, lobe)
+    }
+
+    /// Direction and lobe of a sample; the interface is not matched.
+    #[inline]
+    pub(super) fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
         let side = wo.z;
         let eta = self.relative(wo);
         let wo = above(side, wo);
@@ -297,20 +319,7 @@ impl Dielectric {
             } else {
                 mirror(wo, h)
             };
-            let back = above(side, wi);
-            if smooth {
-                return delta(back, Rgb::ONE, Lobe::Reflection);
-            }
-            return finish(
-                if wi.z > 0.0 {
-                    self.query(above(side, wo), back)
-                } else {
-                    None
-                },
-                alpha,
-                back,
-                Lobe::Reflection,
-            );
+            return (wi.z > 0.0).then(|| (above(side, wi), Lobe::Reflection));
         }
         // Snell's law for vectors; the root is real because F < 1.
         let ratio = 1.0 / eta;
@@ -318,19 +327,7 @@ impl Dielectric {
             .max(0.0)
             .sqrt();
         let wi = (ratio * cos - cos_t) * h - ratio * wo;
-        if wi.z >= 0.0 {
-            return None;
-        }
-        let wi = above(side, wi.normalize());
-        if smooth {
-            return delta(wi, self.tint * (ratio * ratio), Lobe::Transmission);
-        }
-        finish(
-            self.query(above(side, wo), wi),
-            alpha,
-            wi,
-            Lobe::Transmission,
-        )
+        (wi.z < 0.0).then(|| (above(side, wi.normalize()), Lobe::Transmission))
     }
 }
 
@@ -359,6 +356,22 @@ impl ThinDielectric {
 
     #[inline]
     pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
+        let (wi, lobe) = self.direction(alpha, wo, u)?;
+        if alpha >= DELTA_ALPHA {
+            return finish(self.query(wo, wi), alpha, wi, lobe);
+        }
+        let f = schlick(self.f0, self.f90, wo.z.abs().min(1.0));
+        let p = luminance(f);
+        let weight = match lobe {
+            Lobe::Transmission => (Rgb::ONE - f) * self.tint / (1.0 - p),
+            _ => f / p,
+        };
+        delta(wi, weight, lobe)
+    }
+
+    /// Direction and lobe of a sample.
+    #[inline]
+    pub(super) fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
         let side = wo.z;
         let wo = above(side, wo);
         if wo.z <= 0.0 {
@@ -379,25 +392,13 @@ impl ThinDielectric {
             return None;
         }
         let f = schlick(self.f0, self.f90, (0.5 * (wo + wi).length()).min(1.0));
-        let p = luminance(f);
-        let (through, lobe) = if u[0] < p {
-            (false, Lobe::Reflection)
+        Some(if u[0] < luminance(f) {
+            (above(side, wi), Lobe::Reflection)
         } else {
-            (true, Lobe::Transmission)
-        };
-        let wi = if through {
-            Vec3::new(wi.x, wi.y, -wi.z)
-        } else {
-            wi
-        };
-        if smooth {
-            let weight = if through {
-                (Rgb::ONE - f) * self.tint / (1.0 - p)
-            } else {
-                f / p
-            };
-            return delta(above(side, wi), weight, lobe);
-        }
-        finish(self.query(wo, wi), alpha, above(side, wi), lobe)
+            (
+                above(side, Vec3::new(wi.x, wi.y, -wi.z)),
+                Lobe::Transmission,
+            )
+        })
     }
 }

@@ -119,6 +119,10 @@ impl LobeQuery {
     pub fn shape<T: LobeReal>(&self, alpha: T) -> LobeShape<T> {
         let one = T::constant(1.0);
         let d = self.distribution.d(alpha, self.tan2_h);
+        if d.value() == 0.0 {
+            // Far from a sharp lobe: its masking is dear and changes nothing.
+            return LobeShape { dg2: d, dg1: d };
+        }
         let masked = one + self.distribution.lambda(alpha, self.tan2_o);
         let shadowed = masked + self.distribution.lambda(alpha, self.tan2_i);
         LobeShape {
@@ -206,6 +210,17 @@ impl Bsdf {
             Self::Glossy(l) => l.sample(alpha, wo, u),
             Self::Dielectric(l) => l.sample(alpha, wo, u),
             Self::Thin(l) => l.sample(alpha, wo, u),
+        }
+    }
+
+    /// Direction and lobe of [`Bsdf::sample`] without the work for value and density. It may lie where `eval` is zero.
+    #[inline]
+    pub fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
+        match self {
+            Self::Glossy(l) => l.direction(alpha, wo, u),
+            Self::Dielectric(l) if !l.is_matched() => l.direction(alpha, wo, u),
+            Self::Thin(l) => l.direction(alpha, wo, u),
+            _ => self.sample(alpha, wo, u).map(|s| (s.wi, s.lobe)),
         }
     }
 

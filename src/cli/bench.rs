@@ -23,11 +23,13 @@ A suite:
   size = [256, 256]
   reference_spp = 65536     # or reference = \"box.exr\"
   # crop = [x, y, w, h], inset = [x, y, w, h], camera, max_depth, exposure, group, methods = [names],
-  # distribution, light_scale, roughness_scale
+  # distribution, light_scale, roughness_scale, environment = \"sky.hdr\"
   [[method]]
   name = \"plain\"
-  method = \"plain\"          # constant (gamma), table (table, table_scale, lookup), pbrt, filter-glossy (filter),
-                            # roughness-clamp, mollifier; constant and table take reuse and lambda";
+  method = \"plain\"          # constant (gamma), table (table: a file or beta-0.001, table_scale, table_contrast, lookup,
+                            # pilot = true), pbrt, filter-glossy (filter), roughness-clamp, mollifier; constant and table
+                            # take reuse, lambda, levels = [0, 0.128, 0.64, 3.2, 16] and then robust = true; all take
+                            # denoise = true";
 
 /// Options of `opsr bench`.
 #[derive(Args, Debug)]
@@ -49,6 +51,7 @@ pub(super) fn run(args: &BenchArgs) -> anyhow::Result<Exit> {
     super::set_threads(args.threads)?;
     let command = std::env::args().collect::<Vec<_>>().join(" ");
     let stop = Stop::listen();
+    stop.begin();
     let bar = terminal(0, "{bar:30} {pos}/{len} {msg}");
     let mut listener = |status: &Status| {
         bar.set_length(status.total as u64);

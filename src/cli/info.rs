@@ -19,7 +19,10 @@ pub(super) struct InfoArgs {
 /// Runs the command.
 pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
     let opened = args.scene.open()?;
-    let facts = facts(&opened.scene, &opened.warnings);
+    let mut facts = facts(&opened.scene, &opened.warnings);
+    facts["animations"] = (opened.animations.iter())
+        .map(|a| serde_json::json!({ "name": a.name, "seconds": a.seconds }))
+        .collect();
     print(match args.json {
         true => format!("{facts:#}\n"),
         false => described(&facts),
@@ -127,8 +130,11 @@ fn described(facts: &serde_json::Value) -> String {
             "classes     {} of {LEN} occur with these materials",
             facts["classes"]
         ),
-        "materials".to_owned(),
     ];
+    for a in facts["animations"].as_array().into_iter().flatten() {
+        lines.push(format!("animation   {}: {} s", a["name"], a["seconds"]));
+    }
+    lines.push("materials".to_owned());
     for m in facts["materials"].as_array().into_iter().flatten() {
         let textured = if m["textured_roughness"] == true {
             " (textured)"

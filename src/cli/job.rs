@@ -9,6 +9,7 @@ use opsr::integrator::Settings;
 use opsr::integrator::levels::SCALES;
 use opsr::integrator::method::{Kind, Method};
 use opsr::math::UVec2;
+use opsr::regularise::Rule;
 
 /// A pair such as `640x480`.
 pub(super) fn size(text: &str) -> Result<UVec2, String> {
@@ -72,16 +73,31 @@ pub(super) fn level_scales(text: &str) -> Result<Levels, String> {
     Ok(Levels(scales))
 }
 
-/// Scales of the levels of a render; those that the settings cannot have are refused.
-pub(super) fn levels(args: &RenderArgs, settings: &Settings) -> anyhow::Result<Vec<f32>> {
-    let Some(Levels(levels)) = args.levels.clone() else {
-        return Ok(Vec::new());
-    };
-    let settings = Settings {
+/// Scales of the levels of a render. Those that were asked for and that the settings cannot have are refused; where
+/// nothing was asked for and there is something to roughen, there are several wherever the settings can have them.
+pub(super) fn levels(
+    args: &RenderArgs,
+    settings: &Settings,
+    has_lobes: bool,
+) -> anyhow::Result<Vec<f32>> {
+    let with = |levels: Vec<f32>| Settings {
         levels,
         ..settings.clone()
     };
-    settings.check_levels().context("--levels").usage()?;
+    if let Some(Levels(levels)) = args.levels.clone() {
+        let settings = with(levels);
+        settings.check_levels().context("--levels").usage()?;
+        return Ok(settings.levels);
+    }
+    let nothing = [Rule::Plain, Rule::constant(0.0)].contains(&settings.rule) || !has_lobes;
+    if nothing || args.table_scale == Some(Scale::Auto) {
+        return Ok(Vec::new());
+    }
+    let settings = with(SCALES.to_vec());
+    if let Err(why) = settings.check_levels() {
+        tracing::info!("one level: {why}");
+        return Ok(Vec::new());
+    }
     Ok(settings.levels)
 }
 

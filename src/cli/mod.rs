@@ -4,6 +4,8 @@
 
 use anyhow::Context;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use opsr::files::FileError;
+use opsr::memory::Shortage;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;
@@ -49,6 +51,8 @@ enum Exit {
     Stopped = 5,
     /// Pictures differ by more than they may.
     Differ = 6,
+    /// There is not enough memory.
+    Memory = 7,
 }
 
 /// An error together with the exit code it leads to.
@@ -86,8 +90,25 @@ trait Blame<T>: Sized {
 
 impl<T, E: Into<anyhow::Error>> Blame<T> for Result<T, E> {
     fn blame(self, exit: Exit) -> anyhow::Result<T> {
-        self.map_err(|e| Failure(exit, e.into()).into())
+        self.map_err(|e| {
+            let error: anyhow::Error = e.into();
+            Failure(
+                if is_shortage(&error) {
+                    Exit::Memory
+                } else {
+                    exit
+                },
+                error,
+            )
+            .into()
+        })
     }
+}
+
+/// True if memory is at fault, which has an exit code of its own.
+fn is_shortage(error: &anyhow::Error) -> bool {
+    let of_file = error.downcast_ref().is_some_and(FileError::is_shortage);
+    of_file || error.downcast_ref::<Shortage>().is_some()
 }
 
 /// Sets the number of threads; all cores without one.
@@ -113,7 +134,7 @@ struct Args {
 
 const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 an input file is missing, damaged or not \
 supported; 4 a result could not be written; 5 stopped by the user, the results so far are saved; 6 pictures differ by more \
-than `opsr compare` was told to allow.";
+than `opsr compare` was told to allow; 7 there is not enough memory, which is found out before it is taken.";
 
 #[derive(Subcommand)]
 enum Command {

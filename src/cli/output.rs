@@ -3,10 +3,10 @@
 use super::Blame;
 use anyhow::{Context, anyhow, bail};
 use opsr::files::Target;
-use opsr::image::Buffer;
+use opsr::image::denoise::Denoiser;
 use opsr::image::display::{Display, ViewTransform, auto_exposure};
 use opsr::image::exr::{self, Layer, Metadata};
-use opsr::image::png;
+use opsr::image::{Buffer, png};
 use opsr::integrator::Picture;
 use opsr::regularise::TableTuning;
 use opsr::tune::resolve::resolve_film;
@@ -22,6 +22,26 @@ pub(super) struct ResolveArgs {
     /// Add every level to EXR files, as layers `level0`, `level1` and so on.
     #[arg(long)]
     pub(super) level_layers: bool,
+    /// Denoise the picture with Open Image Denoise 2, which is looked for in the folder OIDN_DIR and in the system's library
+    /// path. EXR files keep the picture before it as the layer `noisy`.
+    #[arg(long)]
+    pub(super) denoise: bool,
+}
+
+impl ResolveArgs {
+    /// The denoiser, if one is asked for.
+    pub(super) fn denoiser(self) -> anyhow::Result<Option<Denoiser>> {
+        let denoiser = self.denoise.then(Denoiser::open).transpose();
+        denoiser.context("--denoise").input()
+    }
+
+    /// The picture to look at while it is made.
+    pub(super) fn shown(self, picture: &Picture) -> Buffer {
+        match &picture.levels {
+            Some(film) => resolve_film(film, self.robust).picture,
+            None => picture.film.mean(),
+        }
+    }
 }
 
 /// Options of PNG files.
@@ -70,15 +90,29 @@ impl DisplayArgs {
     }
 }
 
+/// Facts about a picture that was written.
+pub(super) struct Written {
+    /// Exposure of the PNG files, if there are any.
+    pub(super) exposure: Option<f32>,
+    /// Estimated relative error of the picture, before it was denoised.
+    pub(super) error: f64,
+}
+
 /// The files that a picture is written to.
 pub(super) struct Outputs {
     files: Vec<PathBuf>,
     display: DisplayArgs,
+    resolve: ResolveArgs,
+    denoiser: Option<Denoiser>,
 }
 
 impl Outputs {
     /// Checks before anything is rendered that the files can be written at all.
-    pub(super) fn new(files: &[PathBuf], display: DisplayArgs) -> anyhow::Result<Self> {
+    pub(super) fn new(
+        files: &[PathBuf],
+        display: DisplayArgs,
+        resolve: ResolveArgs,
+    ) -> anyhow::Result<Self> {
         for file in files {
             match file.extension().and_then(|e| e.to_str()) {
                 Some("exr" | "png") => {}
@@ -93,6 +127,8 @@ impl Outputs {
         Ok(Self {
             files: files.to_vec(),
             display,
+            resolve,
+            denoiser: resolve.denoiser()?,
         })
     }
 
@@ -102,23 +138,26 @@ impl Outputs {
         names.collect::<Vec<_>>().join(", ")
     }
 
-    /// Writes every file, each whole or not at all; returns the exposure of the PNG files, if there are any.
+    /// Writes every file, each whole or not at all.
     ///
     /// Of several levels the one of every pixel is chosen; EXR files then have the layers `level`, `bias2`, `variance` and
-    /// `error` in place of the statistics of the film.
-    pub(super) fn write(
-        &self,
-        picture: &Picture,
-        args: ResolveArgs,
-        metadata: &Metadata,
-    ) -> anyhow::Result<Option<f32>> {
+    /// `error` in place of the statistics of the film, as does a denoised picture.
+    pub(super) fn write(&self, picture: &Picture, metadata: &Metadata) -> anyhow::Result<Written> {
+        let args = self.resolve;
         let resolved =
             (picture.levels.as_ref()).map(|film| (film, resolve_film(film, args.robust)));
-        let shown = match &resolved {
+        let mut shown = match &resolved {
             Some((_, resolved)) => resolved.picture.clone(),
             None => picture.film.mean(),
         };
         let mut layers = layers(picture);
+        if let Some(denoiser) = &self.denoiser {
+            let aovs = (picture.aovs.as_ref()).context("--denoise needs a render with --aov");
+            let aovs = aovs.usage()?;
+            let clean = denoiser.denoise(&shown, &aovs.albedo(), &aovs.normal())?;
+            layers.push(Layer::rgb("noisy", &shown));
+            shown = clean;
+        }
         if let Some((film, resolved)) = &resolved {
             let level = resolved.level.iter().map(|&k| f32::from(k)).collect();
             layers.push(Layer::scalar("level", level));
@@ -133,17 +172,23 @@ impl Outputs {
         let is_png = |file: &PathBuf| file.extension().is_some_and(|e| e == "png");
         let display = (self.files.iter().any(is_png)).then(|| self.display.of(&shown));
         for file in &self.files {
-            let film = &picture.film;
+            let (film, whole) = (&picture.film, resolved.is_some() || args.denoise);
             if let Some(display) = display.filter(|_| is_png(file)) {
                 png::write(file, &shown, display).output()?;
-            } else if resolved.is_some() {
+            } else if whole {
                 let part = (film.size, film.window);
                 exr::write_layers(file, part, &shown, &layers, metadata).output()?;
             } else {
                 exr::write_film(file, film, &layers, metadata).output()?;
             }
         }
-        Ok(display.map(|display| display.exposure))
+        Ok(Written {
+            exposure: display.map(|display| display.exposure),
+            error: match &resolved {
+                Some((_, resolved)) => resolved.relative_error(),
+                None => picture.film.relative_error(),
+            },
+        })
     }
 }
 

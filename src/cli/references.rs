@@ -90,6 +90,7 @@ pub(super) fn run(args: &ReferenceArgs) -> anyhow::Result<Exit> {
     let target = args.target_noise.or(free.then_some(TARGET)).unwrap_or(0.0);
     let spp = args.spp.unwrap_or(1 << 24);
     let (clock, stop) = (Instant::now(), Stop::listen());
+    stop.begin();
     let mut exit = Exit::Done;
     loop {
         if stop.asked() {

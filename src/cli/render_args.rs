@@ -28,7 +28,8 @@ pub(super) struct RenderArgs {
     /// Stop after this long, such as 60s or 5min.
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     pub(super) time: Option<Duration>,
-    /// Stop when the estimated relative error of the picture (root of its relMSE) is below this.
+    /// Stop when the estimated relative error of the picture (root of its relMSE; of several levels that of the best of
+    /// every pixel) is below this.
     #[arg(long, value_name = "X", value_parser = scene::positive)]
     pub(super) target_error: Option<f32>,
 
@@ -53,7 +54,9 @@ pub(super) struct RenderArgs {
     pub(super) table_energy: Option<f32>,
 
     /// Levels of roughening on the same paths, of which every pixel gets the best: their number, or the scales of the
-    /// table or constant, such as 0,0.25,1. Level 0 is plain path tracing; 1 renders one level.
+    /// table or constant, such as 0,0.25,1. Level 0 is plain path tracing; 1 renders the table or constant as it is.
+    /// Without it five where a table or a constant can have them: not with --mode, --consistent, --table-scale auto or
+    /// another integrator.
     #[arg(long, value_name = "N|SCALES", value_parser = job::level_scales)]
     pub(super) levels: Option<job::Levels>,
     #[command(flatten)]

@@ -24,7 +24,7 @@ pub(super) struct Args {
 
 /// Runs the command.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let outputs = Outputs::new(&args.output, args.display)?;
+    let outputs = Outputs::new(&args.output, args.display, args.resolve)?;
     let film = Checkpoint::open(&args.film).input()?;
     let path = args.film.display();
     let version = env!("CARGO_PKG_VERSION");
@@ -44,6 +44,6 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         ("levels", format!("{:?}", film.levels)),
     ];
     let metadata: Metadata = metadata.map(|(key, value)| (key.to_owned(), value)).into();
-    outputs.write(&film.picture, args.resolve, &metadata)?;
+    outputs.write(&film.picture, &metadata)?;
     Ok(())
 }

@@ -5,7 +5,7 @@ use anyhow::anyhow;
 use clap::Args;
 use opsr::bsdf::Distribution;
 use opsr::files::hex;
-use opsr::scene::load::{LoadOptions, load};
+use opsr::scene::load::{Animation, LoadOptions, load};
 use opsr::scene::{Camera, Environment, Scene};
 use sha2::{Digest, Sha256};
 use std::path::PathBuf;
@@ -36,6 +36,15 @@ pub(super) struct SceneArgs {
     /// Make solid bodies of closed meshes that transmit without a thickness, such as glass from Blender.
     #[arg(long)]
     solid_glass: bool,
+    /// Frame of the animations to show, from 0 at their start. Without it the scene is at rest.
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = moment)]
+    frame: Option<f64>,
+    /// Frames per second that --frame counts.
+    #[arg(long, value_name = "N", default_value_t = 24.0, requires = "frame", value_parser = positive)]
+    fps: f32,
+    /// Moment of the animations to show, in seconds from their start.
+    #[arg(long, value_name = "SECONDS", conflicts_with = "frame", allow_negative_numbers = true, value_parser = moment)]
+    time_of_scene: Option<f64>,
 }
 
 /// [`Distribution`] on the command line.
@@ -62,6 +71,14 @@ pub(super) fn finite(text: &str) -> Result<f32, String> {
     }
 }
 
+/// A finite number of frames or seconds.
+fn moment(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(x) if x.is_finite() => Ok(x),
+        _ => Err("expected a number".into()),
+    }
+}
+
 /// An opened scene.
 pub(super) struct Opened {
     /// The scene.
@@ -70,6 +87,8 @@ pub(super) struct Opened {
     pub(super) hash: String,
     /// Warnings of the loader and of the scene.
     pub(super) warnings: Vec<String>,
+    /// Animations of the file.
+    pub(super) animations: Vec<Animation>,
 }
 
 impl SceneArgs {
@@ -82,6 +101,7 @@ impl SceneArgs {
         let options = LoadOptions {
             distribution,
             solid_glass: self.solid_glass,
+            time: self.time(),
         };
         let loaded = load(&self.scene, &options).input()?;
         let (mut parts, mut warnings) = (loaded.parts, loaded.warnings);
@@ -102,7 +122,14 @@ impl SceneArgs {
             scene,
             hash: hex(&digest.finalize()),
             warnings,
+            animations: loaded.animations,
         })
+    }
+
+    /// Moment of the animations in seconds.
+    fn time(&self) -> Option<f64> {
+        let frame = self.frame.map(|frame| frame / f64::from(self.fps));
+        self.time_of_scene.or(frame)
     }
 
     /// The options other than files, for a fingerprint.
@@ -115,7 +142,8 @@ impl SceneArgs {
             ..
         } = self;
         let glass = if *solid_glass { ", solid glass" } else { "" };
-        format!("env {env_intensity} {env_rotation}, {distribution:?}{glass}")
+        let time = self.time().map_or(String::new(), |t| format!(", at {t} s"));
+        format!("env {env_intensity} {env_rotation}, {distribution:?}{glass}{time}")
     }
 }
 

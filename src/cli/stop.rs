@@ -1,4 +1,5 @@
-//! Ctrl-C and SIGTERM: the first asks for an end after the current pass, the second ends at once.
+//! Ctrl-C and SIGTERM: the first asks for an end after the current pass, the second ends at once. While a scene is loaded
+//! there is nothing to wait for, and the first ends at once.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -6,15 +7,23 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Flag that the user sets to end a command.
 #[derive(Clone)]
-pub(super) struct Stop(Arc<AtomicBool>);
+pub(super) struct Stop {
+    asked: Arc<AtomicBool>,
+    /// True while there is nothing to save.
+    idle: Arc<AtomicBool>,
+}
 
 impl Stop {
-    /// Listens from now on. Where no handler can be set the signals keep their usual meaning.
+    /// Listens from now on; until [`Stop::begin`] the first signal ends the program. Where no handler can be set the
+    /// signals keep their usual meaning.
     pub(super) fn listen() -> Self {
-        let flag = Arc::new(AtomicBool::new(false));
-        let seen = flag.clone();
+        let stop = Self {
+            asked: Arc::default(),
+            idle: Arc::new(AtomicBool::new(true)),
+        };
+        let Self { asked, idle } = stop.clone();
         let handler = ctrlc::set_handler(move || {
-            if seen.swap(true, Ordering::Relaxed) {
+            if asked.swap(true, Ordering::Relaxed) || idle.load(Ordering::Relaxed) {
                 std::process::exit(super::Exit::Stopped as i32);
             }
             eprintln!(
@@ -24,12 +33,23 @@ impl Stop {
         if let Err(error) = handler {
             tracing::warn!("no handler for Ctrl-C: {error}");
         }
-        Self(flag)
+        stop
+    }
+
+    /// Work begins whose results are saved when an end is asked for.
+    pub(super) fn begin(&self) {
+        self.idle.store(false, Ordering::Relaxed);
     }
 
     /// True once an end was asked for.
     pub(super) fn asked(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.asked.load(Ordering::Relaxed)
+    }
+
+    /// The flag itself.
+    #[cfg(feature = "train")]
+    pub(super) fn flag(&self) -> Arc<AtomicBool> {
+        self.asked.clone()
     }
 
     /// The answer of a listener.

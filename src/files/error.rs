@@ -1,5 +1,6 @@
 //! Errors of files.
 
+use crate::memory::Shortage;
 use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -23,6 +24,9 @@ pub enum Problem {
     /// The file cannot be written or the folder not made.
     #[error("cannot be written: {0}")]
     Write(io::Error),
+    /// The content needs more memory than there is.
+    #[error("{0}")]
+    Memory(Shortage),
     /// The content is damaged, not supported, or does not fit; the text names the place.
     #[error("{0}")]
     Content(String),
@@ -52,6 +56,11 @@ impl FileError {
     /// True if the place to write to is at fault, rather than the input.
     pub fn is_write(&self) -> bool {
         matches!(self.problem, Problem::Write(_))
+    }
+
+    /// True if there is not enough memory for the content.
+    pub fn is_shortage(&self) -> bool {
+        matches!(self.problem, Problem::Memory(_))
     }
 
     /// True if there is no such file.

@@ -231,6 +231,12 @@ impl Film {
 
     /// An empty film of a part of the frame.
     pub fn cropped(size: UVec2, window: Window) -> Result<Self, FilmError> {
+        Self::check(size, window)?;
+        Ok(Self::empty(size, window))
+    }
+
+    /// The error of [`Film::cropped`], without the film.
+    pub fn check(size: UVec2, window: Window) -> Result<(), FilmError> {
         let outer = Window::full(size);
         if !window.inside(&outer) {
             return Err(FilmError::Window { window, outer });
@@ -238,7 +244,7 @@ impl Film {
         if window.len() > MAX_PIXELS {
             return Err(FilmError::TooLarge { window });
         }
-        Ok(Self::empty(size, window))
+        Ok(())
     }
 
     fn empty(size: UVec2, window: Window) -> Self {

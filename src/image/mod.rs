@@ -1,6 +1,7 @@
 //! Pictures: films of running moments, files, and the metrics that compare them.
 
 pub mod buffer;
+pub mod denoise;
 pub mod display;
 pub mod exr;
 pub mod false_colour;

@@ -11,8 +11,17 @@ pub struct Budget {
     pub samples: Option<u32>,
     /// Wall time of this run.
     pub time: Option<Duration>,
-    /// Estimated relative error of the picture (see [`crate::image::Film::relative_error`]).
-    pub error: Option<f64>,
+    /// Estimated relative error of the picture.
+    pub error: Option<ErrorBound>,
+}
+
+/// Bound of an estimated error.
+#[derive(Clone, Copy, Debug)]
+pub struct ErrorBound {
+    /// The render stops at this error.
+    pub bound: f64,
+    /// Estimate of a picture's error, such as [`Film::relative_error`](crate::image::Film::relative_error) of its film.
+    pub estimate: fn(&Picture) -> f64,
 }
 
 /// The bound that ended a render.
@@ -87,7 +96,7 @@ pub fn drive(
         let seconds = pass.elapsed().as_secs_f64() / f64::from(end - samples);
         samples = end;
         let elapsed = clock.elapsed();
-        let error = budget.error.map(|_| picture.film.relative_error());
+        let error = budget.error.map(|error| (error.estimate)(picture));
         progress = RenderProgress {
             samples,
             elapsed,
@@ -111,7 +120,7 @@ fn reached(budget: &Budget, progress: &RenderProgress) -> Option<Reason> {
         && budget
             .error
             .zip(progress.error)
-            .is_some_and(|(bound, error)| error <= bound)
+            .is_some_and(|(limit, error)| error <= limit.bound)
     {
         Some(Reason::Error)
     } else {
@@ -136,7 +145,7 @@ fn fraction(
         .error
         .zip(error)
         .filter(|(_, e)| e.is_finite())
-        .map(|(bound, e)| (bound / e).powi(2));
+        .map(|(limit, e)| (limit.bound / e).powi(2));
     let most = [by_samples, by_time, by_error]
         .into_iter()
         .flatten()

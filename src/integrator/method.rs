@@ -41,8 +41,24 @@ pub struct MethodSpec {
     pub table_scale: Option<f32>,
     /// Share of the table's pattern that is kept, from 0, one factor for all paths, to 1.
     #[arg(long, value_name = "X", default_value_t = 1.0, requires = "opsr_table", value_parser = unit)]
-    #[serde(skip, default = "one")]
+    #[serde(default = "one", skip_serializing_if = "is_one")]
     pub table_contrast: f32,
+    /// Choose scale and contrast of the table by a pilot, for the most samples of the suite.
+    #[arg(skip)]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub pilot: bool,
+    /// Scales of several levels on the same paths, of which every pixel gets the best; empty for one level.
+    #[arg(skip)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub levels: Vec<f32>,
+    /// Of every level take the mean of its mean and of the median of its batches.
+    #[arg(skip)]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub robust: bool,
+    /// Denoise the picture.
+    #[arg(skip)]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub denoise: bool,
     /// Look-up of the factors, instead of the one that the table was learned for.
     #[arg(long, value_enum, requires = "opsr_table")]
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -187,6 +203,10 @@ impl MethodSpec {
 
 fn one() -> f32 {
     1.0
+}
+
+fn is_one(x: &f32) -> bool {
+    *x == 1.0
 }
 
 /// A number from 0 to 1.

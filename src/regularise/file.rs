@@ -95,6 +95,11 @@ impl TableFile {
         }
     }
 
+    /// True for the name of a table that the program contains.
+    pub fn is_built_in(name: &Path) -> bool {
+        BUILT_IN.iter().any(|(own, _)| name == Path::new(own))
+    }
+
     /// Parses the bytes of a table file; `path` appears in errors only.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, FileError> {
         let refused = |problem| FileError::content(path, problem);

@@ -24,4 +24,4 @@ pub mod study;
 
 pub use config::Config;
 pub use learn::outer_loop::TrainError;
-pub use learn::session::Session;
+pub use learn::session::{RecordingControl, Session};

@@ -13,11 +13,13 @@
 //! ```
 //!
 //! The picture is Σ_k tent_1(1[k* = k]) I_k. What light the choice lost is given back: μ = tent_R(I_0 − picture), shrunk
-//! by max(0, 1 − c Var(μ)/μ²) where it is not above its own noise.
+//! by max(0, 1 − c Var(μ)/μ²) where it is not above its own noise. What the whole picture still lacks is spread over it in
+//! proportion to the standard deviation of μ.
 
 use crate::image::Buffer;
 use crate::image::level_film::{BATCHES, LevelFilm};
-use crate::math::Rgb;
+use crate::integrator::Picture;
+use crate::math::{DVec3, Rgb};
 use rayon::prelude::*;
 
 /// r: radius in pixels at which noise and bias are smoothed.
@@ -100,6 +102,28 @@ pub fn resolve_film(film: &LevelFilm, robust: bool) -> Resolved {
         };
     }
     resolve(&LevelMeans::of(film), robust)
+}
+
+/// Estimated relative error of a picture: of several levels that of the best of every pixel, else the noise of its film.
+pub fn relative_error(picture: &Picture) -> f64 {
+    match &picture.levels {
+        Some(film) => resolve_film(film, false).relative_error(),
+        None => picture.film.relative_error(),
+    }
+}
+
+/// Share of the light of a picture of several levels that plain path tracing cannot find: that of lights without area at
+/// the end of Dirac lobes. 0 for one level.
+pub fn unseen_share(picture: &Picture) -> f64 {
+    let sum = |buffer: Buffer| -> f64 {
+        let pixels = buffer.pixels.iter();
+        pixels.map(|p| f64::from(p.element_sum())).sum()
+    };
+    let Some(film) = &picture.levels else {
+        return 0.0;
+    };
+    let (all, plain) = (sum(film.mean(0)), sum(picture.film.mean()));
+    if all > 0.0 { 1.0 - plain / all } else { 0.0 }
 }
 
 /// Chooses the level of every pixel. There is at least one level, level 0 is unbiased, and all pictures have one size.
@@ -248,13 +272,27 @@ fn picture(size: Size, levels: &[LevelMeans], chosen: &[u8], robust: bool) -> Bu
         let part = blend(&|k, i| levels[k].batches[b].pixels[i]);
         lost(&levels[0].batches[b], &part)
     });
+    let mean = |values: &[Rgb]| -> Rgb {
+        let sum: DVec3 = values.iter().map(|v| v.as_dvec3()).sum();
+        (sum / values.len().max(1) as f64).as_vec3()
+    };
+    let (given, spread): (Vec<Rgb>, Vec<Rgb>) = (0..picture.len())
+        .map(|i| {
+            // A pixel that no level lights stays black.
+            if levels.iter().all(|level| level.mean.pixels[i] == Rgb::ZERO) {
+                return (Rgb::ZERO, Rgb::ZERO);
+            }
+            let noise = variance_of_mean(batches.each_ref().map(|b| b[i]));
+            (shrunk(mu[i], noise), noise.map(f32::sqrt))
+        })
+        .unzip();
+    let left = shrunk(
+        mean(&mu) - mean(&given),
+        variance_of_mean(batches.each_ref().map(|b| mean(b))),
+    );
+    let each = left / mean(&spread).max(Rgb::splat(f32::MIN_POSITIVE));
     for (i, p) in picture.iter_mut().enumerate() {
-        let noise = variance_of_mean(batches.each_ref().map(|b| b[i]));
-        // A pixel that no level lights stays black.
-        let lit = levels.iter().any(|level| level.mean.pixels[i] != Rgb::ZERO);
-        if lit {
-            *p = (*p + shrunk(mu[i], noise)).max(Rgb::ZERO);
-        }
+        *p = (*p + given[i] + each * spread[i]).max(Rgb::ZERO);
     }
     Buffer {
         width: size.0,

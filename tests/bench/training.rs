@@ -3,8 +3,8 @@
 //! `cargo bench --bench training [-- SPP [SCENE ...]]`; by default 64 samples of `cornell_caustics`. The three evaluations
 //! take turns, so that a drifting clock of the machine favours none.
 
-use opsr::train::Session;
 use opsr::train::config::{Config, Evaluation, Optimiser};
+use opsr::train::{RecordingControl, Session};
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             validate_every: 2 * STEPS,
             ..Config::default()
         };
-        let mut session = Session::open(config, &|_| ())?;
+        let mut session = Session::open(config, &RecordingControl::default())?;
         session.validation = Default::default();
         println!(
             "{name}: prepared in {:.2} s, {:.1} MB",

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 /// The rooms; each may use those before it.
 #[rustfmt::skip]
 const ROOMS: &[&str] = &[
-    "files", "math", "sampler", "regularise", "bsdf", "image", "scene", "stats", "integrator", "tune", "gallery",
+    "memory", "files", "math", "sampler", "regularise", "bsdf", "image", "scene", "stats", "integrator", "tune", "gallery",
     "train", "report", "verify", "cli",
 ];
 

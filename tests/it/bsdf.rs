@@ -413,6 +413,8 @@ fn sample_weight_and_pdf_match_eval() {
             assert!(least && s.weight.max_element() <= 20.0, "{}", say());
             let through = wo.z * s.wi.z < 0.0;
             assert_eq!(through, s.lobe == Lobe::Transmission, "{}", say());
+            let direction = bsdf.direction(alpha, wo, u);
+            assert_eq!(direction, Some((s.wi, s.lobe)), "{}", say());
             if s.delta {
                 assert!(s.pdf_w == 0.0, "{}", say());
                 assert!(alpha < DELTA_ALPHA || bsdf.is_delta_at(1.0), "{}", say());

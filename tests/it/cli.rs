@@ -3,6 +3,8 @@
 mod broken;
 mod faults;
 mod long;
+#[cfg(target_os = "linux")]
+mod memory;
 mod outputs;
 mod render;
 #[cfg(unix)]

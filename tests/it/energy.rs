@@ -2,7 +2,7 @@
 
 use crate::bsdf::{DISTRIBUTIONS, at, glass, metal, numbers, pane, plastic};
 use crate::geometry::{direction, rng};
-use opsr::bsdf::{Bsdf, Distribution, Glossy, Lobe};
+use opsr::bsdf::{Bsdf, Distribution, Glossy, Lobe, ThinDielectric};
 use opsr::math::real::erf_f64;
 use opsr::math::{DVec3, Rgb, Vec3};
 use opsr::verify::lobes::polarisations;
@@ -232,6 +232,56 @@ fn energy_conservation_of_a_coat_over_its_base() {
                         "{f0} {f90} {degrees}: {kept}"
                     );
                 }
+            }
+        }
+    }
+}
+
+/// Single scattering loses light, a roughened lobe more than its own; the numbers of section 3 of the method.
+#[test]
+fn white_furnace_of_roughened_lobes() {
+    const ANGLES: [f32; 3] = [0.0, 60.0, 80.0];
+    let mut rng = rng(240);
+    let beckmann = Distribution::Beckmann;
+    // α′, then the albedo at each angle: metal, into glass, out of glass.
+    for (alpha_reg, expected) in [
+        (
+            0.1,
+            [[1.00, 1.00, 0.94], [1.00, 1.00, 0.96], [1.00, 1.00, 0.94]],
+        ),
+        (
+            0.3,
+            [[1.00, 0.92, 0.92], [1.00, 0.98, 0.95], [1.00, 0.88, 0.92]],
+        ),
+        (
+            0.5,
+            [[0.94, 0.87, 0.93], [1.00, 0.96, 0.96], [0.96, 0.77, 0.90]],
+        ),
+        (
+            1.0,
+            [[0.46, 0.77, 0.92], [0.97, 0.91, 0.88], [0.54, 0.64, 0.64]],
+        ),
+    ] {
+        let thin = Bsdf::Thin(ThinDielectric {
+            f0: Rgb::splat(0.04),
+            f90: 1.0,
+            tint: Rgb::ONE,
+            alpha: 0.0,
+            distribution: beckmann,
+        });
+        for (bsdf, side, expected) in [
+            (metal(0.0, beckmann), 1.0, expected[0]),
+            (thin, 1.0, expected[0]),
+            (glass(1.5, 0.0, beckmann), 1.0, expected[1]),
+            (glass(1.5, 0.0, beckmann), -1.0, expected[2]),
+        ] {
+            for (degrees, expected) in ANGLES.into_iter().zip(expected) {
+                let [kept, error, _] =
+                    albedo(&mut rng, &bsdf, alpha_reg, at(degrees) * side, 20_000);
+                assert!(
+                    (kept - expected).abs() < 0.006 + 4.0 * error,
+                    "{bsdf:?} at {alpha_reg}, {degrees}: {kept}, not {expected}"
+                );
             }
         }
     }

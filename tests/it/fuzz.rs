@@ -186,6 +186,12 @@ fn fuzz_trainings() {
 }
 
 #[test]
+#[cfg(feature = "train")]
+fn fuzz_recordings() {
+    short(&trained::recordings(), 600);
+}
+
+#[test]
 #[ignore = "long: OPSR_FUZZ_EXECUTIONS of each target, 20000 if not set"]
 fn fuzz_long() {
     let from = env_number("OPSR_FUZZ_FROM", 0);

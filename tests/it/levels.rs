@@ -12,8 +12,9 @@ use opsr::integrator::{Estimator, FirstHit, Picture, Settings, View};
 use opsr::math::moments::Moments;
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{Accumulated, AttenuationTable, Factors, GammaIndex, Rule};
-use opsr::scene::{Scene, SceneParts};
+use opsr::scene::{PunctualLight, Scene, SceneParts};
 use opsr::stats::agreement::agree;
+use opsr::tune::resolve::{resolve_film, unseen_share};
 
 /// A table with a pattern.
 fn table() -> Rule {
@@ -76,7 +77,13 @@ fn level_films(scene: &Scene, settings: &Settings, size: u32, passes: u32, each:
         integrator.pass(&view, pass * each..(pass + 1) * each, &mut picture);
         let levels = picture.levels.expect("levels");
         for (k, film) in films.iter_mut().enumerate() {
-            for (pixel, value) in film.pixels.iter_mut().zip(&levels.mean(k).pixels) {
+            // Level 0 takes light that plain path tracing cannot find from the next.
+            let level = if k == 0 {
+                picture.film.mean()
+            } else {
+                levels.mean(k)
+            };
+            for (pixel, value) in film.pixels.iter_mut().zip(&level.pixels) {
                 pixel.push(value.as_dvec3());
             }
         }
@@ -146,6 +153,62 @@ fn levels_agree_with_renders_of_their_own() {
             assert!(agreement.passed(), "level {k}: {agreement:?}");
         }
     }
+}
+
+/// A point light in a mirror: no level below finds it, so the first that does is the anchor, and its light is kept.
+#[test]
+fn energy_conservation_of_lights_that_plain_path_tracing_cannot_see() {
+    let mut parts = SceneParts::default();
+    parts.add(
+        diffuse("floor", Rgb::splat(0.8)),
+        [quad(
+            Vec3::new(-1.0, 0.0, 1.0),
+            Vec3::X * 2.0,
+            Vec3::Z * -2.0,
+        )],
+    );
+    parts.add(
+        metal("mirror", Rgb::splat(0.9), 0.0),
+        [quad(
+            Vec3::new(-1.0, 0.0, -1.0),
+            Vec3::X * 2.0,
+            Vec3::Y * 2.0,
+        )],
+    );
+    // Between lamp and floor: the floor is lit by way of the mirror alone.
+    parts.add(
+        diffuse("shade", Rgb::ZERO),
+        [quad(
+            Vec3::new(-1.0, 0.9, 1.0),
+            Vec3::X * 2.0,
+            Vec3::Z * -1.4,
+        )],
+    );
+    parts.lights.push(PunctualLight::Point {
+        position: Vec3::new(0.0, 1.3, 0.2),
+        intensity: Rgb::splat(4.0),
+        range: f32::INFINITY,
+    });
+    parts.add_camera([0.0, 0.7, 1.8], [0.0, 0.0, 0.3], 50.0);
+    let scene = scene(parts);
+    let size = UVec2::splat(24);
+    let mut picture = blank(size, Window::full(size));
+    let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
+    let settings = settings(Rule::constant(0.1), &[0.0, 1.0, 2.0], 4);
+    settings.integrator().pass(&view, 0..256, &mut picture);
+    let levels = picture.levels.as_ref().expect("levels");
+    let mean = |b: &opsr::image::Buffer| b.pixels.iter().map(|p| p.x).sum::<f32>();
+    let (plain, anchor, first) = (
+        mean(&picture.film.mean()),
+        mean(&levels.mean(0)),
+        mean(&levels.mean(1)),
+    );
+    assert!(first > 1.2 * plain, "{plain} {first}");
+    assert!((anchor / first - 1.0).abs() < 1e-4, "{anchor} {first}");
+    let share = unseen_share(&picture);
+    assert!((share - f64::from(1.0 - plain / anchor)).abs() < 1e-4);
+    let resolved = mean(&resolve_film(levels, false).picture);
+    assert!((resolved / first - 1.0).abs() < 0.05, "{resolved} {first}");
 }
 
 #[test]

@@ -119,6 +119,25 @@ fn a_lamp_that_lights_nothing_changes_nothing() {
 }
 
 #[test]
+fn energy_of_a_lamp_near_the_end_of_single_precision() {
+    // Radiance times area times pi is more than single precision holds.
+    let picture = |radiance: f32| {
+        let mut parts = SceneParts::default();
+        let floor = quad(Vec3::new(-4.0, 0.0, -4.0), Vec3::Z * 8.0, Vec3::X * 8.0);
+        parts.add(diffuse("floor", Rgb::splat(0.01)), [floor]);
+        let lamp = quad(Vec3::new(-2.0, 3.0, -2.0), Vec3::X * 4.0, Vec3::Z * 4.0);
+        parts.add(emitter("lamp", Rgb::splat(radiance)), [lamp]);
+        parts.add_camera([0.0, 2.0, 3.0], [0.0, 0.0, 0.0], 40.0);
+        mean(&film(&scene(parts), Rule::Plain, 4, 256, 0))
+    };
+    let (dim, bright) = (picture(1.0), picture(1e38));
+    assert!(
+        (bright.0 / 1e38 / dim.0 - 1.0).abs() < 1e-4,
+        "{bright:?} {dim:?}"
+    );
+}
+
+#[test]
 fn a_sun_outside_a_closed_room_changes_nothing() {
     let closed = |sun: bool| {
         let mut parts = SceneParts::default();

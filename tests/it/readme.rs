@@ -1,5 +1,7 @@
 //! Documents against the program: every command parses, every file and link exists, cheap examples of README run.
 
+use opsr::regularise::bin;
+use opsr::regularise::{AttenuationTable, PathRoughness};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -449,4 +451,42 @@ fn cited_sections_of_the_method_exist() {
         }
     }
     assert!(cited > 0, "nothing cites the method");
+}
+
+/// The table of look-ups in the page for renderer engineers, computed by the library.
+#[test]
+fn look_up_vectors_of_the_document_are_the_librarys() {
+    let mut table = AttenuationTable::constant(0.0);
+    for (i, gamma) in table.gammas.iter_mut().enumerate() {
+        *gamma = 0.05 + 0.0005 * i as f32;
+    }
+    let text = read("docs/renderers.md");
+    let rows = text.lines().filter_map(|line| {
+        let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();
+        (cells.len() == 7 && cells[1].parse::<u32>().is_ok()).then_some(cells)
+    });
+    let number = |text: &str| text.parse::<f32>().expect("a number");
+    let (mut path, mut seen) = (PathRoughness::default(), 0);
+    for cells in rows {
+        if cells[1] == "1" {
+            path = PathRoughness::default();
+        }
+        let alpha = number(cells[2]);
+        assert_eq!(cells[3], bin(alpha).to_string(), "{cells:?}");
+        let class = path.class(alpha);
+        let words = class.map_or(String::new(), |class| class.index().to_string());
+        assert_eq!(cells[4], words, "{cells:?}");
+        if let Some(class) = class {
+            assert!((table.gammas[class.index()] - number(cells[5])).abs() < 1e-6);
+        }
+        let accumulated = path.accumulate(alpha, &table, 1.0);
+        let expected = number(cells[6]);
+        assert!(
+            (accumulated - expected).abs() < 1e-6,
+            "{cells:?}: {accumulated}"
+        );
+        path.push(alpha, &table, 1.0);
+        seen += 1;
+    }
+    assert_eq!(seen, 11);
 }

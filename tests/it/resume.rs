@@ -107,18 +107,27 @@ fn resume_renders_stopped_at_fifty_places() {
 mod training {
     use super::*;
     use crate::train::{crop, quick};
+    use opsr::train::TrainError;
     use opsr::train::config::{Evaluation, Model, Optimiser};
     use opsr::train::learn::outer_loop::Outcome;
-    use opsr::train::record::crop::Crop;
-    use opsr::train::{Config, Session};
+    use opsr::train::record::crop::{Crop, DatasetError};
+    use opsr::train::{Config, RecordingControl, Session};
     use std::ops::ControlFlow;
-    use std::path::Path;
+    use std::path::{Path, PathBuf};
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+    use std::time::Instant;
 
     /// Trains as a new process would, up to a step.
     fn learn(config: &Config, crop: &Crop, folder: Option<&Path>, stop_at: u32) -> Outcome {
         let crops = vec![crop.clone()];
-        let mut session =
-            Session::with_crops(config.clone(), crops.clone(), crops, &|_| ()).expect("a session");
+        let mut session = Session::with_crops(
+            config.clone(),
+            crops.clone(),
+            crops,
+            &RecordingControl::default(),
+        )
+        .expect("a session");
         let mut listen = |step: u32, _: f32, _: Option<&_>| match step == stop_at {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
@@ -183,5 +192,126 @@ mod training {
         assert_eq!(resumed.steps, whole.steps);
         assert_eq!(resumed.table, whole.table);
         assert_eq!(resumed.best, whole.best);
+    }
+
+    /// Opens a session in a folder; `stop` is set when crop number `stop_at` begins.
+    fn open(config: &Config, folder: &Path, stop_at: usize) -> Result<Session, TrainError> {
+        let (crop, begun) = (crop(4), AtomicUsize::new(0));
+        let stop = Arc::new(AtomicBool::new(false));
+        let control = RecordingControl {
+            folder: Some(folder.into()),
+            checkpoints: Vec::new(),
+            stop: stop.clone(),
+            listen: &|_| {
+                if begun.fetch_add(1, Ordering::Relaxed) == stop_at {
+                    stop.store(true, Ordering::Relaxed);
+                }
+            },
+        };
+        Session::with_crops(config.clone(), vec![crop.clone()], vec![crop], &control)
+    }
+
+    fn kept(folder: &Path) -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(folder).expect("a folder");
+        let mut paths: Vec<_> = entries.map(|e| e.expect("an entry").path()).collect();
+        paths.sort();
+        paths
+    }
+
+    #[test]
+    fn resume_of_stopped_recordings_gives_the_same_table() {
+        let config = Config {
+            spp: 8,
+            steps: 9,
+            replicates: 6,
+            ..quick(Evaluation::Tabulated)
+        };
+        let table = |session: &mut Session| {
+            let listen: &mut dyn FnMut(u32, f32, Option<&_>) -> ControlFlow<()> =
+                &mut |_, _, _| ControlFlow::Continue(());
+            session
+                .learn(0.001, None, false, listen)
+                .expect("a table")
+                .table
+        };
+        let (whole, parts) = (quick_folder(), quick_folder());
+        let expected = table(&mut open(&config, whole.path(), usize::MAX).expect("a session"));
+        assert_eq!(kept(whole.path()).len(), 7);
+        for stop_at in [0, 2, 3] {
+            let ended = open(&config, parts.path(), stop_at).err();
+            let stopped = matches!(ended, Some(TrainError::Dataset(DatasetError::Stopped)));
+            assert!(stopped, "{stop_at}: {ended:?}");
+        }
+        let before = kept(parts.path());
+        assert!((2..7).contains(&before.len()), "{before:?}");
+        let mut resumed = open(&config, parts.path(), usize::MAX).expect("a session");
+        assert_eq!(table(&mut resumed), expected);
+        for (a, b) in kept(whole.path()).iter().zip(kept(parts.path())) {
+            assert_eq!(a.file_name(), b.file_name());
+            assert!(std::fs::read(a).unwrap() == std::fs::read(&b).unwrap());
+        }
+
+        // Settings that recordings do not depend on may change, others not.
+        let other = Config {
+            steps: 3,
+            optimiser: Optimiser::Log,
+            beta: vec![0.1],
+            ..config.clone()
+        };
+        open(&other, parts.path(), usize::MAX).expect("a session");
+        let refused = |config: Config, words: &str| {
+            let error = open(&config, parts.path(), usize::MAX).err().expect(words);
+            let text = error.to_string();
+            assert!(
+                text.contains("000-box.recording: ") && text.contains(words),
+                "{text}"
+            );
+        };
+        let base = &config;
+        for other in [
+            Config {
+                seed: 1,
+                ..base.clone()
+            },
+            Config {
+                spp: 9,
+                ..base.clone()
+            },
+            Config {
+                roulette: 0.2,
+                ..base.clone()
+            },
+            Config {
+                record_gammas: vec![0.1],
+                ..base.clone()
+            },
+        ] {
+            refused(other, "other settings");
+        }
+        let first = &kept(parts.path())[0];
+        let mut bytes = std::fs::read(first).unwrap();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 1;
+        std::fs::write(first, bytes).unwrap();
+        refused(config.clone(), "a damaged recording");
+    }
+
+    #[test]
+    fn resume_needs_no_wait_since_a_stop_ends_a_recording_within_a_second() {
+        let config = Config {
+            spp: 1 << 20,
+            ..quick(Evaluation::Tabulated)
+        };
+        let folder = quick_folder();
+        let clock = Instant::now();
+        // Minutes of work; the stop comes when the second crop begins.
+        assert!(open(&config, folder.path(), 1).is_err());
+        // With room for a loaded machine.
+        assert!(
+            clock.elapsed().as_secs_f64() < 10.0,
+            "{:?}",
+            clock.elapsed()
+        );
+        assert!(kept(folder.path()).is_empty());
     }
 }

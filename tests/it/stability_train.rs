@@ -9,7 +9,7 @@ use opsr::train::evaluate::{Adjoint, MomentSource, Moments};
 use opsr::train::learn::loss::LossBackend;
 use opsr::train::learn::outer_loop::Outcome;
 use opsr::train::record::visits::Visits;
-use opsr::train::{Session, TrainError};
+use opsr::train::{RecordingControl, Session, TrainError};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -60,7 +60,12 @@ fn learn(steps: u32, fault: Fault, folder: Option<&Path>) -> Result<Outcome, Tra
     let crop = crop(6);
     let recording = crop.record(&config.record_gammas, config.roulette, config.spp, Seed(1))?;
     let target = crop.target(config.spp);
-    let mut session = Session::with_crops(config, vec![crop.clone()], vec![], &|_| ())?;
+    let mut session = Session::with_crops(
+        config,
+        vec![crop.clone()],
+        vec![],
+        &RecordingControl::default(),
+    )?;
     session.training.remove(|_| true);
     let source = Faulty {
         good: Replay::new(recording),
@@ -117,7 +122,7 @@ fn case_15_nan_loss_is_never_the_best() {
         quick(Evaluation::Replay),
         vec![crop.clone()],
         vec![],
-        &|_| (),
+        &RecordingControl::default(),
     )
     .expect("a session");
     let recording = crop.record(&[0.05], 0.0, 8, Seed(1)).expect("a recording");
@@ -146,8 +151,13 @@ fn case_15_gradients_are_finite_at_bounds_and_on_black_crops() {
             if black {
                 crop.reference.iter_mut().for_each(|p| *p = [0.0; 3]);
             }
-            let mut session =
-                Session::with_crops(quick(method), vec![crop], vec![], &|_| ()).expect("a session");
+            let mut session = Session::with_crops(
+                quick(method),
+                vec![crop],
+                vec![],
+                &RecordingControl::default(),
+            )
+            .expect("a session");
             for backend in [LossBackend::Autodiff, LossBackend::Scalar] {
                 let objective = session.training.objective(0.001, backend);
                 for gamma in [0.0, 1e-3, 0.5, 1.0] {

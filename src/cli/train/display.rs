@@ -3,6 +3,7 @@
 use super::super::bar::{self, Style};
 use indicatif::ProgressBar;
 use opsr::train::learn::outer_loop::LogEntry;
+use opsr::train::learn::session::RecordingProgress;
 use std::io::{IsTerminal, Write};
 use std::time::Instant;
 
@@ -26,6 +27,44 @@ impl ProgressDisplay {
             (Some(bar), _) => bar.println(text),
             (None, Style::None) => {}
             (None, _) => eprintln!("{text}"),
+        }
+    }
+
+    /// Shows that a crop's recording begins.
+    pub(super) fn recording(&self, progress: &RecordingProgress<'_>) {
+        let RecordingProgress {
+            crop,
+            done,
+            of,
+            left,
+        } = *progress;
+        let eta = left.map_or(String::new(), |left| {
+            format!(", {:.0} s left", left.as_secs_f64())
+        });
+        let line = format!("recording {crop} ({done} of {of} done{eta})");
+        match (&self.bar, self.style) {
+            (Some(bar), _) => {
+                bar.set_length(of as u64);
+                bar.set_position(done as u64);
+                bar.set_message(line);
+            }
+            (None, Style::Json) => {
+                // The training continues when nobody reads its output.
+                let line = serde_json::json!({
+                    "recording": crop, "done": done, "of": of, "eta": left.map(|l| l.as_secs_f64()),
+                });
+                let _ = writeln!(std::io::stdout(), "{line}");
+            }
+            (None, _) => self.say(&line),
+        }
+    }
+
+    /// The recordings are done: steps are shown from now on.
+    pub(super) fn recorded(&self) {
+        if let Some(bar) = &self.bar {
+            bar.set_length(self.steps.into());
+            bar.set_position(0);
+            bar.set_message("");
         }
     }
 

@@ -16,8 +16,10 @@ use opsr::regularise::{AttenuationTable, Lookup};
 use opsr::report::training::{CropScores, LearnedTable, Report};
 use opsr::train::config::{Config, Model};
 use opsr::train::learn::outer_loop::Outcome;
+use opsr::train::learn::session::RECORDING;
+use opsr::train::record::crop::DatasetError;
 use opsr::train::record::visits::LIVE;
-use opsr::train::{Session, TrainError, study};
+use opsr::train::{RecordingControl, Session, TrainError, study};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -70,7 +72,7 @@ pub(super) struct TrainArgs {
     /// Folder of the finished tables.
     #[arg(long, value_name = "DIR", default_value = "params")]
     out: PathBuf,
-    /// Continue from the checkpoints in the run's folder.
+    /// Continue from the recordings and checkpoints in the run's folder.
     #[arg(long)]
     resume: bool,
     /// Replace tables and a run that are there already; without it the program ends with exit code 2.
@@ -98,7 +100,7 @@ Examples:
   opsr train --beta 0.001 --out mine --resume   continue after Ctrl-C
 
 The run's folder gets config.toml, report.html and report.json, and for every beta metrics.jsonl, last.ckpt, table.json
-and best.json (lowest validation loss).";
+and best.json (lowest validation loss). Recordings of crops are kept in it until the run is complete.";
 
 /// Settings to start from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -132,12 +134,26 @@ impl TrainArgs {
         self.run.clone().unwrap_or_else(default)
     }
 
+    /// The checkpoints of a run, with their β.
+    fn checkpoints(&self, config: &Config, run: &Path) -> Vec<(f32, PathBuf)> {
+        let place = |&beta: &f32| (beta, run.join(self.stem(config, beta)).join(CHECKPOINT));
+        let places = config.beta.iter().map(place);
+        places.filter(|(_, path)| path.exists()).collect()
+    }
+
     /// Refuses to resume where there is nothing to resume from, and to replace a run or a table unless `--force` says so.
     fn check_places(&self, config: &Config, run: &Path) -> anyhow::Result<()> {
         let stems = config.beta.iter().map(|&beta| self.stem(config, beta));
         let stems: Vec<String> = stems.collect();
-        if self.resume && !(stems.iter()).any(|stem| run.join(stem).join(CHECKPOINT).exists()) {
-            let what = "no checkpoint of these settings to resume from; start without --resume";
+        let nothing = || self.checkpoints(config, run).is_empty() && recordings(run).is_empty();
+        if self.resume && nothing() {
+            let what = match std::fs::read_dir(run).map(|mut entries| entries.next().is_none()) {
+                Err(_) => "there is no such run; start without --resume",
+                Ok(true) => "an empty folder: nothing to resume; start without --resume",
+                Ok(false) => {
+                    "no checkpoint or recording of these settings to resume from; start without --resume"
+                }
+            };
             return Err(anyhow!("{}: {what}", run.display())).input();
         }
         if self.force {
@@ -221,14 +237,26 @@ impl TrainArgs {
 /// Name of a checkpoint in the folder of its table.
 const CHECKPOINT: &str = "last.ckpt";
 
-/// True if a folder of tables in this folder holds any work.
+/// Folder of the recordings in the folder of a run.
+const RECORDINGS: &str = "recordings";
+
+/// The recordings of a run.
+fn recordings(run: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(run.join(RECORDINGS));
+    let paths = entries.into_iter().flatten().flatten().map(|e| e.path());
+    paths
+        .filter(|path| path.extension().is_some_and(|e| e == RECORDING))
+        .collect()
+}
+
+/// True if a run's folder holds any work: recordings, or folders of tables with any.
 fn holds_a_run(run: &Path) -> bool {
     let work = |folder: &Path| {
         let files = [CHECKPOINT, "table.json"];
         files.iter().any(|file| folder.join(file).exists())
     };
     let mut entries = std::fs::read_dir(run).into_iter().flatten().flatten();
-    entries.any(|entry| work(&entry.path()))
+    !recordings(run).is_empty() || entries.any(|entry| work(&entry.path()))
 }
 
 /// From 0.5 ten thousand steps on the training scenes end in a far worse minimum than the best constant.
@@ -262,10 +290,36 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     save(&run.join("config.toml"), &config.to_toml()?)?;
 
     let progress = ProgressDisplay::new(args.progress, config.steps);
-    let mut session = Session::open(config.clone(), &|crop| {
-        progress.say(&format!("recording {crop}"))
-    })
-    .map_err(blame)?;
+    let kept = run.join(RECORDINGS);
+    if !args.resume {
+        // Those of a run that --force replaces.
+        remove_recordings(&run);
+    }
+    files::create_folder(&kept).output()?;
+    let control = RecordingControl {
+        folder: Some(kept.clone()),
+        checkpoints: if args.resume {
+            args.checkpoints(&config, &run)
+        } else {
+            Vec::new()
+        },
+        stop: stop.flag(),
+        listen: &|state| {
+            stop.begin();
+            progress.recording(state);
+        },
+    };
+    let mut session = match Session::open(config.clone(), &control) {
+        Err(TrainError::Dataset(DatasetError::Stopped)) => {
+            let (n, kept) = (recordings(&run).len(), kept.display());
+            progress.say(&format!(
+                "stopped while recording: {kept} has {n} crops; continue with --resume"
+            ));
+            return Ok(Exit::Stopped);
+        }
+        opened => opened.map_err(blame)?,
+    };
+    progress.recorded();
     progress.say(&format!(
         "recorded in {:.1} s, {:.0} MB, {} of {LIVE} live classes visited",
         session.seconds,
@@ -309,11 +363,23 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     )?;
     save(&run.join("report.html"), &report.html()?)?;
     progress.say(&format!("report: {}", run.join("report.html").display()));
-    Ok(if stop.asked() {
-        Exit::Stopped
-    } else {
-        Exit::Done
-    })
+    if stop.asked() {
+        return Ok(Exit::Stopped);
+    }
+    // Large, and of use no longer.
+    remove_recordings(&run);
+    Ok(Exit::Done)
+}
+
+/// Removes the recordings of a run; one that cannot be removed is in nobody's way.
+fn remove_recordings(run: &Path) {
+    for path in recordings(run) {
+        if let Err(error) = std::fs::remove_file(&path) {
+            tracing::warn!("{}: cannot be removed: {error}", path.display());
+        }
+    }
+    // Only if it is empty.
+    let _ = std::fs::remove_dir(run.join(RECORDINGS));
 }
 
 /// Learns one table; `None` if the user stopped it.
@@ -428,6 +494,8 @@ fn score(
 /// Attaches the exit code of a training's error.
 fn blame(error: TrainError) -> anyhow::Error {
     let code = match &error {
+        TrainError::Memory(_) => Exit::Memory,
+        TrainError::Dataset(DatasetError::File(e)) if e.is_shortage() => Exit::Memory,
         TrainError::Checkpoint(e) if e.is_write() => Exit::Output,
         TrainError::State(_) | TrainError::NotFinite { .. } => Exit::Failed,
         _ => Exit::Input,

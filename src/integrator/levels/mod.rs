@@ -9,6 +9,9 @@
 //!    level that roughens this vertex, weighted against the light with the density of all draws together;
 //! 3. the path continues with a draw at its own roughness. Emission at its end is plain path tracing's for the levels that
 //!    leave the vertex alone, and one more draw for those that roughen it.
+//!
+//! Light without area at the end of a Dirac lobe is beyond plain path tracing. The levels below the first that finds it
+//! take it from there, so that it does not count as bias.
 
 mod tiles;
 mod vertex;
@@ -102,8 +105,9 @@ impl LevelTracer {
         self.factors.len() + 1
     }
 
-    /// Radiance that arrives along a camera ray, an independent estimate at every level. `turn` chooses among the lobes
-    /// that directions are drawn from: any number, uniform over samples.
+    /// Radiance that arrives along a camera ray, an independent estimate at every level, and what of it plain path
+    /// tracing cannot find, at the least roughened level that can. `turn` chooses among the lobes that directions are
+    /// drawn from: any number, uniform over samples.
     fn radiance<S: Sampler, O: PathObserver>(
         &self,
         scene: &Scene,
@@ -112,9 +116,10 @@ impl LevelTracer {
         turn: u32,
         sampler: &mut S,
         observer: &mut O,
-    ) -> Values {
+    ) -> (Values, Rgb) {
         let levels = self.levels();
         let mut total = [Rgb::ZERO; MAX_LEVELS];
+        let mut unseen = Rgb::ZERO;
         let mut throughput = Rgb::ONE;
         let mut eta_scale = 1.0f32;
         let mut memory = LevelMemory::default();
@@ -191,7 +196,7 @@ impl LevelTracer {
             if roughened {
                 let drawn = continuation.as_ref().map(|next| &next.sample);
                 let vertex = Vertex::new(&point, &alphas[..levels], drawn);
-                vertex.direct_light(u.light, &mut total[..levels]);
+                unseen += vertex.direct_light(u.light, &mut total[..levels]);
                 vertex.lobe_light(turn.wrapping_add(n), u.lobe, &mut total[..levels]);
                 pending = Some(vertex.pending(drawn));
             } else {
@@ -233,7 +238,7 @@ impl LevelTracer {
             ray = surface.spawn(next.wi);
         }
         observer.finish(total[0]);
-        total
+        (total, unseen)
     }
 }
 

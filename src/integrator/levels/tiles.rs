@@ -49,9 +49,10 @@ impl LevelTracer {
                         around.unwrap_or_else(|| EnclosingBodies::around(view.scene, &ray));
                     let turn = turns[sample as usize % BATCHES];
                     let turn = (turn >> 1).wrapping_add(sample / BATCHES as u32);
-                    let values =
+                    let (mut values, unseen) =
                         self.radiance(view.scene, ray, bodies, turn, &mut stream, &mut observer);
                     film.push(index, values[0], sample);
+                    values[0] += unseen;
                     levels.push(index, sample, &values[..self.levels()]);
                 }
             }

@@ -5,14 +5,11 @@
 //! h / (p_l + p₀), the balance heuristic.
 
 use super::Values;
-use crate::bsdf::{BsdfSample, DELTA_ALPHA, Lobe, LobeQuery};
+use crate::bsdf::{Bsdf, BsdfSample, DELTA_ALPHA, Lobe, LobeQuery};
 use crate::image::level_film::MAX_LEVELS;
 use crate::integrator::walk::shading_point::ShadingPoint;
-use crate::math::Rgb;
+use crate::math::{Rgb, Vec3};
 use crate::sampler::LightU;
-
-/// Draws with a ray of their own at a vertex, at most.
-const DRAWS: usize = 2;
 
 /// Lobes less than this factor apart in roughness share their draws, as in a recording.
 const SPACING: f32 = 1.7;
@@ -26,10 +23,8 @@ struct LevelLobe {
     /// α′ of every level; α at level 0 and at levels that leave the vertex alone.
     alphas: [f32; MAX_LEVELS],
     levels: usize,
-    /// Levels from whose lobes directions are drawn, as bits.
-    drawn: u32,
-    /// Expected number of draws from each of them.
-    share: f32,
+    /// Expected number of draws from the lobe of every level.
+    shares: [f32; MAX_LEVELS],
 }
 
 impl LevelLobe {
@@ -54,12 +49,9 @@ impl LevelLobe {
             }
             let shape = query.shape(self.alphas[k]);
             values[k] = query.base + query.scale * shape.dg2;
-            if self.drawn & 1 << k != 0 {
-                dg1 += shape.dg1;
-            }
+            dg1 += self.shares[k] * shape.dg1;
         }
-        let own = self.share * query.pdf_scale * dg1;
-        (values, query.pdf(self.alphas[0]) + own)
+        (values, query.pdf(self.alphas[0]) + query.pdf_scale * dg1)
     }
 
     /// Values in the mixture form for radiance that the light sample finds with density `pdf_light`.
@@ -81,8 +73,8 @@ pub(super) struct Vertex<'a> {
     /// Levels whose lobes are drawn from, the roughest first.
     proposals: [u8; MAX_LEVELS],
     len: usize,
-    /// Directions with rays of their own; none where the diffuse lobe was drawn, whose direction is the continuation's.
-    draws: usize,
+    /// True where the diffuse lobe was drawn: its direction is the continuation's, and no draw is left.
+    diffuse: bool,
     continues: bool,
 }
 
@@ -97,8 +89,7 @@ impl<'a> Vertex<'a> {
         let mut lobe = LevelLobe {
             alphas: [0.0; MAX_LEVELS],
             levels: alphas.len(),
-            drawn: 0,
-            share: 0.0,
+            shares: [0.0; MAX_LEVELS],
         };
         lobe.alphas[..alphas.len()].copy_from_slice(alphas);
         let mut proposals = [0; MAX_LEVELS];
@@ -116,89 +107,114 @@ impl<'a> Vertex<'a> {
             }
             if alphas[k] > floor && alphas[k] * SPACING <= above {
                 proposals[len] = k as u8;
-                lobe.drawn |= 1 << k;
                 above = alphas[k];
                 len += 1;
             }
         }
-        let draws = len.min(DRAWS);
-        lobe.share = draws as f32 / len.max(1) as f32;
-        let diffuse = next.is_some_and(|sample| sample.lobe == Lobe::Diffuse);
+        if let [others @ .., sharpest] = &proposals[..len] {
+            lobe.shares[usize::from(*sharpest)] = 1.0;
+            for k in others {
+                lobe.shares[usize::from(*k)] = 0.5 / others.len() as f32;
+            }
+            if let Some(k) = others.last() {
+                lobe.shares[usize::from(*k)] += 0.5;
+            }
+        }
         Self {
             point,
             lobe,
             proposals,
             len,
-            draws: if diffuse { 0 } else { draws },
+            diffuse: next.is_some_and(|sample| sample.lobe == Lobe::Diffuse),
             continues: next.is_some_and(|sample| !sample.delta),
         }
     }
 
-    /// Adds what one light sample finds at every level.
+    /// Adds what one light sample finds at every level. Returns what plain path tracing cannot find, at the least
+    /// roughened level that can.
     #[inline]
-    pub(super) fn direct_light(&self, u: LightU, total: &mut [Rgb]) {
+    pub(super) fn direct_light(&self, u: LightU, total: &mut [Rgb]) -> Rgb {
         let point = self.point;
         let Some(light) = point.scene.lights().sample(point.surface.position, u) else {
-            return;
+            return Rgb::ZERO;
         };
         let wi = point.frame.to_local(light.wi);
         if light.wi.dot(point.surface.ng) * wi.z <= 0.0 {
-            return;
+            return Rgb::ZERO;
         }
         let Some(query) = point.bsdf.query(point.wo, wi) else {
-            return;
+            return Rgb::ZERO;
         };
         let plain = query.at(point.alpha);
         let (values, p0) = self.lobe.evaluate(&query);
         let dark = plain.value == Rgb::ZERO && values.iter().all(|v| *v == Rgb::ZERO);
         if dark || point.scene.occluded(&point.surface.spawn_to_light(&light)) {
-            return;
+            return Rgb::ZERO;
         }
         let radiance =
             point.throughput * light.radiance * point.transmittance(light.wi, light.distance);
         let density = light.density.value();
         // The operations of `ShadingPoint::direct_light`, in its order.
         let weight = light.density.mis_weight(plain.pdf_w);
-        let plain = radiance * plain.value * (weight / density);
-        let weight = if light.density.is_delta() {
-            1.0 / density
+        let smooth = plain.value;
+        let plain = radiance * smooth * (weight / density);
+        let (weight, unseen) = if light.density.is_delta() {
+            // No path of plain path tracing reaches a light without area by a Dirac lobe.
+            let first = (1..total.len()).find(|&k| self.lobe.roughens(k));
+            let found = first.filter(|_| point.alpha < DELTA_ALPHA);
+            let unseen = found.map_or(Rgb::ZERO, |k| radiance * (values[k] - smooth) / density);
+            (1.0 / density, unseen)
         } else {
-            1.0 / (density + p0)
+            (1.0 / (density + p0), Rgb::ZERO)
         };
         for (k, t) in total.iter_mut().enumerate() {
             *t += if self.lobe.roughens(k) {
                 radiance * values[k] * weight
+            } else if k > 0 {
+                plain + unseen
             } else {
                 plain
             };
         }
+        unseen
     }
 
     /// Adds the emission that draws from the lobes find with rays of their own at the levels that roughen the vertex.
     #[inline]
     pub(super) fn lobe_light(&self, turn: u32, u: [f32; 3], total: &mut [Rgb]) {
         let point = self.point;
-        for i in 0..self.draws {
-            // Every lobe is as likely, and no two draws take the same.
-            let turn = turn as usize % self.len + i * self.len / self.draws;
-            let k = usize::from(self.proposals[turn % self.len]);
+        let [others @ .., sharpest] = &self.proposals[..self.len] else {
+            return;
+        };
+        if self.diffuse {
+            return;
+        }
+        let turn = turn as usize;
+        let second = if turn.is_multiple_of(2) {
+            others.last()
+        } else {
+            others.get(turn / 2 % others.len().max(1))
+        };
+        let drawn = std::iter::once(sharpest).chain(second);
+        for (i, &k) in drawn.enumerate() {
             let steps = (i + usize::from(self.continues)) as f32;
             let rotate = |u: f32, step: f32| (u + steps * step).fract();
             let u = [u[0], rotate(u[1], ROTATION[0]), rotate(u[2], ROTATION[1])];
-            let Some(sample) = point.bsdf.sample(self.lobe.alphas[k], point.wo, u) else {
+            let alpha = self.lobe.alphas[usize::from(k)];
+            let Some((local, lobe)) = point.bsdf.direction(alpha, point.wo, u) else {
                 continue;
             };
             // The continuation was drawn from the diffuse lobe too, and met the wrong side of the surface.
-            if sample.lobe == Lobe::Diffuse {
+            if lobe == Lobe::Diffuse {
                 return;
             }
-            let Some(wi) = point.world(sample.wi) else {
+            let Some(wi) = point.world(local) else {
                 continue;
             };
             let Some(emission) = point.scene.emission_along(&point.surface.spawn(wi)) else {
                 continue;
             };
-            let Some(query) = point.bsdf.query(point.wo, sample.wi) else {
+            let Some(query) = point.bsdf.query(point.wo, local) else {
                 continue;
             };
             let radiance =
@@ -214,13 +230,10 @@ impl<'a> Vertex<'a> {
     /// lobe finds none.
     #[inline]
     pub(super) fn pending(&self, next: Option<&BsdfSample>) -> PendingLevels {
-        let query = match next {
-            Some(sample) if self.continues => self.point.bsdf.query(self.point.wo, sample.wi),
-            _ => None,
-        };
+        let next = next.filter(|_| self.continues);
         PendingLevels {
             lobe: self.lobe,
-            query,
+            towards: next.map(|sample| (self.point.bsdf, self.point.wo, sample.wi)),
             throughput: self.point.throughput,
         }
     }
@@ -229,8 +242,8 @@ impl<'a> Vertex<'a> {
 /// Weight of emission at the end of the current ray at the levels that roughened the vertex before.
 pub(super) struct PendingLevels {
     lobe: LevelLobe,
-    /// `None` where nothing counts.
-    query: Option<LobeQuery>,
+    /// BSDF, wo and wi of the continuation; `None` where nothing counts. Few rays meet a light and need the query.
+    towards: Option<(Bsdf, Vec3, Vec3)>,
     /// Throughput before the vertex.
     throughput: Rgb,
 }
@@ -245,7 +258,7 @@ impl PendingLevels {
     /// True if no emission counts.
     #[inline]
     pub(super) fn is_nothing(&self) -> bool {
-        self.query.is_none()
+        self.towards.is_none()
     }
 
     /// Multiplies the emission's throughput.
@@ -257,9 +270,9 @@ impl PendingLevels {
     /// Values of this emitted radiance, which light sampling would have found with density `pdf_light`.
     #[inline]
     pub(super) fn contribution(&self, radiance: Rgb, pdf_light: f32) -> Values {
-        let query = self.query.as_ref();
+        let query = (self.towards.as_ref()).and_then(|(bsdf, wo, wi)| bsdf.query(*wo, *wi));
         query.map_or([Rgb::ZERO; MAX_LEVELS], |query| {
-            (self.lobe).contribution(query, self.throughput * radiance, pdf_light)
+            (self.lobe).contribution(&query, self.throughput * radiance, pdf_light)
         })
     }
 }

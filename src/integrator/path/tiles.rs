@@ -56,6 +56,9 @@ impl<R: Roughening> PathTracer<R> {
         for index in 0..tile.pixels.len() {
             let pixel = tile.pixel(index);
             for sample in samples.clone() {
+                if observer.stopped() {
+                    return;
+                }
                 let mut stream = source.stream(pixel, sample);
                 let ray = view.sensor.ray(pixel.as_vec2() + stream.film());
                 observer.begin(pixel, sample);

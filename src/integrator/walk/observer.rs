@@ -46,6 +46,11 @@ pub trait PathObserver {
     /// Enables [`PathObserver::event`] and [`PathObserver::roughened`].
     const EVENTS: bool = false;
 
+    /// True once no more paths are wanted: the estimator then leaves the rest out. It is asked before every path.
+    #[inline]
+    fn stopped(&self) -> bool {
+        false
+    }
     /// A path starts.
     #[inline]
     fn begin(&mut self, _pixel: UVec2, _sample: u32) {}

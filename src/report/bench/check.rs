@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 
 use super::suite::{Kind, MethodSpec, SceneSpec, Suite};
 use crate::image::film::Window;
+use crate::integrator::{Estimator, Settings};
+use crate::regularise::{Accumulated, Factors, Rule};
 
 /// The most seeds of a suite: comparisons go through all of them again and again.
 const MAX_SEEDS: u32 = 1000;
@@ -103,6 +105,8 @@ fn method(method: &MethodSpec) -> Result<(), String> {
         (method.table.is_some(), Kind::Table, "table"),
         (method.table_scale.is_some(), Kind::Table, "table_scale"),
         (method.lookup.is_some(), Kind::Table, "lookup"),
+        (method.table_contrast != 1.0, Kind::Table, "table_contrast"),
+        (method.pilot, Kind::Table, "pilot"),
     ] {
         let belongs = !given || method.method == kind;
         ensure(belongs, format!("`{what}` does not belong to this method"))?;
@@ -127,5 +131,28 @@ fn method(method: &MethodSpec) -> Result<(), String> {
     let scale = method.table_scale.is_none_or(|s| s >= 0.0 && s.is_finite());
     ensure(scale, "table_scale: expected 0 or more")?;
     let filter = method.filter.is_none_or(|f| f > 0.0 && f.is_finite());
-    ensure(filter, "filter: expected a number above 0")
+    ensure(filter, "filter: expected a number above 0")?;
+    ensure(
+        (0.0..=1.0).contains(&method.table_contrast),
+        "table_contrast: expected from 0 to 1",
+    )?;
+    ensure(
+        !method.robust || !method.levels.is_empty(),
+        "robust: several levels have batches",
+    )?;
+    let factors = Factors::Constant(1.0);
+    let settings = Settings {
+        estimator: Estimator::Path {
+            reuse: method.reuse,
+        },
+        rule: if accumulated {
+            Rule::Accumulated(Accumulated { factors, lambda })
+        } else {
+            Rule::Pbrt
+        },
+        levels: method.levels.clone(),
+        ..Settings::default()
+    };
+    let levels = settings.check_levels();
+    levels.map_err(|e| format!("levels: {e}"))
 }

@@ -16,7 +16,8 @@ use crate::integrator::drive::{Budget, Reason, drive};
 use crate::integrator::{Picture, Settings, View};
 use crate::math::DVec3;
 use crate::scene::load::{LoadOptions, load};
-use crate::scene::{Camera, Scene, SceneParts};
+use crate::scene::{Camera, Environment, Scene, SceneParts};
+use sha2::{Digest, Sha256};
 
 /// Seed of references: far from the seeds that are measured, whose paths must not be in the reference.
 const REFERENCE_SEED: u64 = 0x7e7e_7e7e_0000_0001;
@@ -43,7 +44,13 @@ pub(super) fn prepare(
     cache: &Path,
     listener: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Option<Prepared>, BenchError> {
-    let (mut parts, source) = parts(spec)?;
+    let (mut parts, mut source) = parts(spec)?;
+    if let Some(path) = &spec.environment {
+        parts.environment = Some(Environment::load(path, 1.0, 0.0)?);
+        let mut digest = Sha256::new_with_prefix(&source);
+        Environment::bytes(path, |bytes| digest.update(bytes))?;
+        source = hex(&digest.finalize());
+    }
     if let Some(factor) = spec.light_scale {
         scale_lights(&mut parts, factor);
     }
@@ -239,7 +246,6 @@ pub(super) fn inset(spec: &SceneSpec, method: Option<&str>, key: &str, picture: 
 
 /// The first half of a SHA-256, in hexadecimal digits: enough to tell files and runs apart.
 pub(super) fn short_hash(what: &serde_json::Value) -> String {
-    use sha2::{Digest, Sha256};
     hex(&Sha256::digest(what.to_string().as_bytes())[..16])
 }
 

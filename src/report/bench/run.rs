@@ -10,21 +10,27 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use super::BenchError;
-use super::errors::{error_products, errors};
+use super::errors::{error_map, error_products, errors};
 use super::machine::{self, Machine, Stopwatch};
 use super::prepare::{Prepared, file_name, inset, prepare, short_hash};
 use super::results::{Inset, Point, Products, Results, Run, VERSION};
 use super::schedule::Schedule;
 use super::suite::{MethodSpec, SceneSpec, Suite};
 use crate::files::{self, Problem, hex};
+use crate::image::denoise::{DenoiseError, Denoiser};
 use crate::image::film::Film;
 use crate::image::metric::MetricError;
 use crate::image::{Buffer, exr};
 use crate::integrator::method::Method;
-use crate::integrator::{Census, Picture, Settings, View};
+use crate::integrator::{Census, FirstHit, Picture, Settings, View};
+use crate::tune::choose;
+use crate::tune::resolve::{Resolved, resolve_film};
 
 /// Samples per pixel for counting regularised vertices.
 const CENSUS: u32 = 2;
+
+/// Samples per pixel that a pilot assumes in a suite that names none.
+const PILOT_SAMPLES: u32 = 64;
 
 /// Progress of a bench.
 #[derive(Clone, Debug)]
@@ -85,6 +91,7 @@ pub fn run(
         path,
         folder: path.with_extension("pictures"),
         results,
+        denoiser: None,
         done: 0,
         listener,
     };
@@ -98,6 +105,8 @@ struct Bench<'a> {
     path: &'a Path,
     folder: PathBuf,
     results: Results,
+    /// The denoiser, if a method asks for it.
+    denoiser: Option<Denoiser>,
     done: usize,
     listener: Listener<'a>,
 }
@@ -115,13 +124,30 @@ struct Measured {
 }
 
 impl Measured {
-    fn new(mut run: Run, film: &Film) -> Self {
+    fn new(mut run: Run, film: &Film, picture: Buffer) -> Self {
         run.rejected = film.rejected.total();
         run.paths = film.pixels.iter().map(|p| u64::from(p.n)).sum::<u64>() + run.rejected;
         run.memory = machine::memory();
-        let picture = film.mean();
         Self { run, picture }
     }
+}
+
+/// The picture as a user gets it, and the choice among its levels if it has several.
+fn finished(
+    picture: &Picture,
+    spec: &MethodSpec,
+    denoiser: Option<&Denoiser>,
+) -> Result<(Buffer, Option<Resolved>), DenoiseError> {
+    let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, spec.robust));
+    let shown = match &resolved {
+        Some(resolved) => resolved.picture.clone(),
+        None => picture.film.mean(),
+    };
+    let shown = match (denoiser, &picture.aovs) {
+        (Some(denoiser), Some(aovs)) => denoiser.denoise(&shown, &aovs.albedo(), &aovs.normal())?,
+        _ => shown,
+    };
+    Ok((shown, resolved))
 }
 
 impl Bench<'_> {
@@ -138,7 +164,14 @@ impl Bench<'_> {
                 })
             })
             .collect::<Result<_, BenchError>>()?;
-        // So is a place that cannot be written to.
+        // So are a library that is missing and a place that cannot be written to.
+        if let Some(spec) = self.suite.methods.iter().find(|m| m.denoise) {
+            let denoiser = Denoiser::open().map_err(|e| BenchError::Scene {
+                place: format!("method `{}`", spec.name),
+                reason: e.to_string(),
+            })?;
+            self.denoiser = Some(denoiser);
+        }
         files::create_folder(&self.folder)?;
         for scene in &self.suite.scenes {
             let mut waiting = status(self.suite, self.done, format!("{}: reference", scene.name));
@@ -179,13 +212,27 @@ impl Bench<'_> {
                 let settings = Settings {
                     estimator: method.method.estimator,
                     rule: method.method.rule.clone(),
+                    levels: method.spec.levels.clone(),
                     max_vertices: spec.max_depth,
                     seed,
                     ..Settings::default()
                 };
-                let key = short_hash(&serde_json::json!([base, name, settings.fingerprint()]));
+                let mut words = settings.fingerprint();
+                let MethodSpec {
+                    pilot,
+                    robust,
+                    denoise,
+                    ..
+                } = *method.spec;
+                for (is, word) in [(pilot, "pilot"), (robust, "robust"), (denoise, "denoised")] {
+                    if is {
+                        words += &format!(", {word}");
+                    }
+                }
+                let key = short_hash(&serde_json::json!([base, name, words]));
                 if !self.results.cells.iter().any(|c| c.key == key) {
-                    let Some(measured) = self.measure(spec, scene, name, &settings, &key)? else {
+                    let Some(measured) = self.measure(spec, scene, method.spec, settings, &key)?
+                    else {
                         return Ok(Outcome::Stopped);
                     };
                     self.keep(spec, measured, round == 0)?;
@@ -229,26 +276,41 @@ impl Bench<'_> {
         &mut self,
         spec: &SceneSpec,
         scene: &Prepared,
-        name: &str,
-        settings: &Settings,
+        method: &MethodSpec,
+        mut settings: Settings,
         key: &str,
     ) -> Result<Option<Measured>, BenchError> {
-        let seed = settings.seed;
+        let (name, seed) = (&method.name, settings.seed);
         let status = status(
             self.suite,
             self.done,
             format!("{}: {name}, seed {seed}", spec.name),
         );
         let view = View::of(&scene.scene, &scene.camera, &scene.blank);
+        let fault = |reason: String| BenchError::Scene {
+            place: format!("`{}`, method `{name}`", spec.name),
+            reason,
+        };
+        let mut now = Point::default();
+        if method.pilot {
+            let watch = Stopwatch::start();
+            let samples = self.suite.samples.last().copied().unwrap_or(PILOT_SAMPLES);
+            let pilot = choose(&settings, &view, samples).map_err(|e| fault(e.to_string()))?;
+            if let Some(table) = settings.rule.table_mut() {
+                *table = table.tuned(pilot.tuning);
+            }
+            (now.wall, now.cpu) = watch.seconds();
+        }
+        let settings = &settings;
         let mut integrator = settings.integrator();
         let mut picture = Picture {
             film: scene.blank.clone(),
-            aovs: None,
+            aovs: method.denoise.then(|| FirstHit::new(scene.blank.window)),
             levels: None,
         };
+        let mut shown = Buffer::default();
         let mut schedule = Schedule::new(self.suite, self.results.machine.threads);
         let mut points = Vec::new();
-        let mut now = Point::default();
         while let Some(end) = schedule.next(&now) {
             if (self.listener)(&status).is_break() {
                 return Ok(None);
@@ -260,26 +322,37 @@ impl Bench<'_> {
             now.cpu += cpu;
             now.samples = end;
             if schedule.crossed(&now) {
-                let reason = |e: MetricError| BenchError::Scene {
-                    place: format!("`{}`, method `{name}`", spec.name),
-                    reason: e.to_string(),
-                };
-                let errors = errors(&picture.film.mean(), &scene.reference, spec.exposure)
-                    .map_err(reason)?;
-                points.push(now.with(errors));
+                // Choosing levels and denoising are part of the render, but not of the passes that follow.
+                let denoiser = self.denoiser.as_ref().filter(|_| method.denoise);
+                let watch = Stopwatch::start();
+                let (last, resolved) =
+                    finished(&picture, method, denoiser).map_err(|e| fault(e.to_string()))?;
+                let (wall, cpu) = watch.seconds();
+                let mut errors = errors(&last, &scene.reference, spec.exposure)
+                    .map_err(|e: MetricError| fault(e.to_string()))?;
+                if let Some(resolved) = resolved.filter(|_| denoiser.is_none()) {
+                    errors.extend(error_map(&resolved, &scene.reference));
+                }
+                let mut point = now.clone();
+                if picture.levels.is_some() || denoiser.is_some() {
+                    point.wall += wall;
+                    point.cpu += cpu;
+                }
+                points.push(point.with(errors));
+                shown = last;
             }
         }
         let census = Census::take(settings, &view, 0..CENSUS, &scene.blank);
         let run = Run {
             regularised: census.share(),
             scene: spec.name.clone(),
-            method: name.to_owned(),
+            method: name.clone(),
             seed,
             key: key.to_owned(),
             points,
             ..Run::default()
         };
-        Ok(Some(Measured::new(run, &picture.film)))
+        Ok(Some(Measured::new(run, &picture.film, shown)))
     }
 
     /// Takes a run into the results and writes them.

@@ -31,11 +31,13 @@ use crate::files::{self, FileError};
 use crate::image::film::Window;
 pub use crate::integrator::method::{Kind, MethodSpec};
 use crate::math::UVec2;
+use crate::regularise::file::TableFile;
 
 /// Larger files are not suites.
 const MAX_BYTES: u64 = 1 << 22;
 
-/// A suite of measurements. Relative paths start at the suite's file.
+/// A suite of measurements. Relative paths start at the suite's file; `table` may also name a table that the program
+/// contains, such as `beta-0.001`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Suite {
@@ -92,6 +94,9 @@ pub struct SceneSpec {
     /// a scene that comes with the program.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub builtin: Option<String>,
+    /// Environment: an equirectangular map (.hdr or .exr).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub environment: Option<PathBuf>,
     /// Slope distribution of the lobes of a file's materials.
     #[serde(default)]
     pub distribution: Lobes,
@@ -162,9 +167,11 @@ impl Suite {
         let scene_files = suite
             .scenes
             .iter_mut()
-            .flat_map(|s| [&mut s.file, &mut s.reference]);
-        let tables = suite.methods.iter_mut().map(|m| &mut m.table);
-        for file in scene_files.chain(tables).flatten() {
+            .flat_map(|s| [&mut s.file, &mut s.reference, &mut s.environment]);
+        let tables = suite.methods.iter_mut().flat_map(|m| &mut m.table);
+        // Unless there is such a file, the name of a table that the program contains is none.
+        let is_file = |t: &&mut PathBuf| !TableFile::is_built_in(t) || folder.join(&**t).exists();
+        for file in scene_files.flatten().chain(tables.filter(is_file)) {
             *file = folder.join(&*file);
         }
         Ok(suite)

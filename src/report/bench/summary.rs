@@ -64,6 +64,9 @@ pub struct MethodSummary {
     pub memory: Option<f64>,
     /// Light of the picture over light of the reference at the end of the runs.
     pub energy: Option<Interval>,
+    /// Estimated over true error, and their rank correlation, of the error maps at the end of the runs of several levels
+    /// (see [`error_map`](super::errors::error_map)).
+    pub error_map: Option<[f64; 2]>,
     /// Part of [`MAIN`] that no number of samples removes.
     pub squared_bias: Option<Interval>,
     /// Samples that were refused, over all runs.
@@ -167,6 +170,10 @@ impl Baseline<'_> {
             .iter()
             .filter_map(|c| c.points.last()?.errors.get("energy ratio").copied())
             .collect();
+        let error_map = ["error map ratio", "error map rank"].map(|name| {
+            let last = |c: &&Run| c.points.last()?.errors.get(name).copied();
+            ratios::mean(&runs.iter().filter_map(last).collect::<Vec<f64>>())
+        });
         let facts = self.results.scenes.iter().find(|s| s.name == spec.name);
         let noise = facts.map_or(0.0, |f| f.reference_noise);
         let squared_bias = self
@@ -183,6 +190,7 @@ impl Baseline<'_> {
             regularised: ratios::mean(&runs.iter().map(|c| c.regularised).collect::<Vec<f64>>()),
             memory: runs.iter().filter_map(|c| c.memory).reduce(f64::max),
             energy: ratios::mean_interval(&energy),
+            error_map: error_map[0].zip(error_map[1]).map(<[f64; 2]>::from),
             squared_bias,
             rejected: runs.iter().fold(0, |n, c| n.saturating_add(c.rejected)),
             crossing: None,
@@ -274,18 +282,40 @@ pub fn text(results: &Results) -> String {
             "{}: {MAIN} at {}, against {}\n",
             scene.name, scene.last, scene.baseline
         );
-        let heads = ["", MAIN, "ratio", "ns/path", "ratio", "energy", "bias²"];
+        let heads = [
+            "",
+            MAIN,
+            "ratio",
+            "MAPE",
+            "FLIP",
+            "ns/path",
+            "ratio",
+            "energy",
+            "bias²",
+            "error map",
+            "rank",
+        ];
         let mut rows = vec![heads.map(str::to_owned).to_vec()];
         for m in &scene.methods {
-            let main = m.metrics.first().and_then(|(_, c)| *c);
+            let metric = |name| {
+                m.metrics
+                    .iter()
+                    .find(|(n, _)| *n == name)
+                    .and_then(|(_, c)| *c)
+            };
+            let main = metric(MAIN);
             rows.push(vec![
                 m.name.clone(),
                 or_dash(main, |c| number(c.value)),
                 ratio_words(main),
+                or_dash(metric("MAPE"), |c| number(c.value)),
+                or_dash(metric("FLIP"), |c| number(c.value)),
                 or_dash(m.ns_per_path, |c| format!("{:.0}", c.value)),
                 ratio_words(m.ns_per_path),
                 or_dash(m.energy, |e| format!("{:.4}", e.value)),
                 or_dash(m.floor(), number),
+                or_dash(m.error_map, |[ratio, _]| format!("{ratio:.2}")),
+                or_dash(m.error_map, |[_, rank]| format!("{rank:.2}")),
             ]);
         }
         text.push_str(&aligned(&rows));

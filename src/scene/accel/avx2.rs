@@ -1,4 +1,4 @@
-//! The traversal with AVX2 and FMA: the one module with unsafe code.
+//! The traversal with AVX2 and FMA. Only this module and `image::denoise` have unsafe code.
 //!
 //! Safety rests on four facts, each local to this folder:
 //! - The kernel needs AVX2 and FMA: [`Avx2`] is only made by [`Avx2::detect`], after asking the processor.

@@ -56,14 +56,15 @@ impl AreaLights {
             let material = geometry.triangle_material(triangle);
             let average = averages[material as usize];
             let double_sided = parts.materials[material as usize].double_sided;
-            let sides = if double_sided { 2.0 } else { 1.0 };
+            let sides = if double_sided { 2.0f64 } else { 1.0 };
             let area = geometry.triangle_area(triangle);
             (average > 0.0).then(|| EmissiveTriangle {
                 corners: geometry.triangle(triangle),
                 uvs: geometry.triangle_uvs(parts, triangle),
                 normal: geometry.triangle_normal(triangle),
                 area,
-                power: f64::from(PI * area * average * sides),
+                // The product may be too large for single precision.
+                power: f64::from(PI) * f64::from(area) * f64::from(average) * sides,
                 triangle,
                 material,
             })

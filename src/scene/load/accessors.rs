@@ -72,12 +72,8 @@ impl Data<'_> {
         index: usize,
         allowed: &[ComponentType],
     ) -> Result<Vec<[f32; N]>> {
-        let layout = self.layout(index)?;
         let kind = [Type::Scalar, Type::Vec2, Type::Vec3, Type::Vec4][N - 1];
-        if layout.kind != kind {
-            let what = format!("is a {:?}, not the {kind:?} its use asks for", layout.kind);
-            return Err(fault(layout.place, what));
-        }
+        let layout = self.layout_of(index, kind)?;
         let component = layout.component;
         let unextended = component == ComponentType::F32
             || N == 2
@@ -92,11 +88,56 @@ impl Data<'_> {
             };
             return Err(fault(layout.place, what + hint));
         }
+        layout.numbers()
+    }
+
+    /// Vectors of `N` components, floats or normalised integers, as animations and weights of joints have them.
+    pub(super) fn normalised<const N: usize>(&self, index: usize) -> Result<Vec<[f32; N]>> {
+        let kind = [Type::Scalar, Type::Vec2, Type::Vec3, Type::Vec4][N - 1];
+        let layout = self.layout_of(index, kind)?;
+        let component = layout.component;
+        if component == ComponentType::U32 || component != ComponentType::F32 && !layout.normalised
+        {
+            let what = format!("component type {component:?} is not allowed here");
+            return Err(fault(layout.place, what));
+        }
+        layout.numbers()
+    }
+
+    /// Matrices of floats, in columns.
+    pub(super) fn matrices(&self, index: usize) -> Result<Vec<[f32; 16]>> {
+        let layout = self.layout_of(index, Type::Mat4)?;
+        match layout.component {
+            ComponentType::F32 => layout.numbers(),
+            other => {
+                let what = format!("component type {other:?} is not allowed here");
+                Err(fault(layout.place, what))
+            }
+        }
+    }
+
+    /// Numbers of joints, four a vertex.
+    pub(super) fn joints(&self, index: usize) -> Result<Vec<[u32; 4]>> {
+        let layout = self.layout_of(index, Type::Vec4)?;
+        let component = layout.component;
+        if !matches!(component, ComponentType::U8 | ComponentType::U16) {
+            let what = format!("component type {component:?} is not allowed here");
+            return Err(fault(layout.place, what));
+        }
         let size = component.size();
-        let normalised = layout.normalised;
-        layout.read([0.0; N], |bytes| {
-            std::array::from_fn(|i| number(component, normalised, &bytes[i * size..]))
+        layout.read([0; 4], |bytes| {
+            std::array::from_fn(|i| unsigned(component, &bytes[i * size..]))
         })
+    }
+
+    /// The layout of an accessor that must have this type.
+    fn layout_of(&self, index: usize, kind: Type) -> Result<Layout<'_>> {
+        let layout = self.layout(index)?;
+        if layout.kind != kind {
+            let what = format!("is a {:?}, not the {kind:?} its use asks for", layout.kind);
+            return Err(fault(layout.place, what));
+        }
+        Ok(layout)
     }
 
     /// Indices of triangle corners.
@@ -233,6 +274,15 @@ impl Data<'_> {
 }
 
 impl Layout<'_> {
+    /// Elements of `N` components as numbers.
+    fn numbers<const N: usize>(&self) -> Result<Vec<[f32; N]>> {
+        let (component, normalised) = (self.component, self.normalised);
+        let size = component.size();
+        self.read([0.0; N], |bytes| {
+            std::array::from_fn(|i| number(component, normalised, &bytes[i * size..]))
+        })
+    }
+
     fn read<T: Copy>(&self, zero: T, decode: impl Fn(&[u8]) -> T) -> Result<Vec<T>> {
         let mut out: Vec<T> = match self.base {
             Some((bytes, stride)) => (0..self.count)

@@ -1,24 +1,35 @@
 //! Faults of a file with their place, and warnings.
 
-use crate::files::FileError;
+use crate::files::{FileError, Problem};
+use crate::memory::Shortage;
 use std::path::Path;
 
-/// A fault without its file: the place, such as `accessors[3]`, and the problem.
+/// A fault without its file.
 #[derive(Debug)]
-pub(super) struct Fault(String);
+pub(super) struct Fault(Problem);
 
 /// Result of reading one part of a file.
 pub(super) type Result<T> = std::result::Result<T, Fault>;
 
-/// A fault at a place.
+/// A fault at a place, such as `accessors[3]`.
 pub(super) fn fault(place: impl Into<String>, what: impl Into<String>) -> Fault {
-    Fault(format!("{}: {}", place.into(), what.into()))
+    Fault(Problem::content(format!(
+        "{}: {}",
+        place.into(),
+        what.into()
+    )))
+}
+
+impl From<Shortage> for Fault {
+    fn from(shortage: Shortage) -> Self {
+        Self(Problem::Memory(shortage))
+    }
 }
 
 impl Fault {
     /// The fault as an error of a file.
     pub(super) fn of(self, path: &Path) -> FileError {
-        FileError::content(path, self.0)
+        self.0.at(path)
     }
 }
 

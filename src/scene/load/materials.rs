@@ -15,6 +15,9 @@ use gltf::json::texture::Info;
 use gltf::json::validation::Checked;
 use gltf::json::{self, Root};
 
+/// Emitted radiance whose square still fits into single precision, in which pictures keep their variance.
+const LARGEST_EMISSION: f32 = 1e19;
+
 /// All materials in file order, then the default material of primitives without one.
 pub(super) fn materials(
     root: &Root,
@@ -40,6 +43,7 @@ pub(super) fn materials(
         slots.push(Slot {
             material: i as u32,
             uv_set: reader.uv_set.unwrap_or(0),
+            emits: material.emission != Rgb::ZERO,
         });
         materials.push(material);
     }
@@ -102,6 +106,12 @@ impl Reader<'_> {
         if let Some(strength) = &e.emissive_strength {
             out.emission *= self.positive("emissiveStrength", strength.emissive_strength.0)?;
             self.colour("emission", out.emission.to_array())?;
+            if out.emission.max_element() > LARGEST_EMISSION {
+                self.warnings.say(format!(
+                    "{}: emissiveStrength {:e} is so large that variances in the picture may be cut",
+                    self.at, strength.emissive_strength.0
+                ));
+            }
         }
         if let Some(ior) = &e.ior {
             out.ior = ior.ior.0;

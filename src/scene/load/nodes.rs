@@ -7,14 +7,16 @@ use gltf::json::{Node, Root};
 /// A node of the scene with its pose in the world.
 pub(super) struct Placed<'a> {
     pub(super) node: &'a Node,
+    /// Its number in the file.
+    pub(super) index: usize,
     pub(super) pose: DAffine3,
     /// Place in the file, for messages.
     pub(super) place: String,
 }
 
-/// All nodes of the file's scene, parents before children, in file order.
-pub(super) fn placed(root: &Root) -> Result<Vec<Placed<'_>>> {
-    let mut seen = vec![false; root.nodes.len()];
+/// All nodes of the file's scene, parents before children, in file order; `nodes` are those of the file at some moment.
+pub(super) fn placed<'a>(root: &Root, nodes: &'a [Node]) -> Result<Vec<Placed<'a>>> {
+    let mut seen = vec![false; nodes.len()];
     let mut stack: Vec<(usize, DAffine3)> = roots(root)?
         .into_iter()
         .rev()
@@ -22,7 +24,7 @@ pub(super) fn placed(root: &Root) -> Result<Vec<Placed<'_>>> {
         .collect();
     let mut out = Vec::new();
     while let Some((i, parent)) = stack.pop() {
-        let Some(node) = root.nodes.get(i) else {
+        let Some(node) = nodes.get(i) else {
             return Err(fault(format!("nodes[{i}]"), "does not exist"));
         };
         let place = place("nodes", i, node.name.as_ref());
@@ -36,7 +38,12 @@ pub(super) fn placed(root: &Root) -> Result<Vec<Placed<'_>>> {
         }
         let children = node.children.iter().flatten().rev();
         stack.extend(children.map(|child| (child.value(), pose)));
-        out.push(Placed { node, pose, place });
+        out.push(Placed {
+            node,
+            index: i,
+            pose,
+            place,
+        });
     }
     Ok(out)
 }

@@ -2,6 +2,7 @@
 
 use super::accessors::Data;
 use super::error::{Result, Warnings, fault, place};
+use super::extensions::DECODE_TEXTURES;
 use super::uris::Files;
 use crate::scene::Texture;
 use crate::scene::texture::Wrap;
@@ -44,9 +45,9 @@ impl Requests {
             return Err(fault(format!("textures[{index}]"), "does not exist"));
         };
         let at = place("textures", index, texture.name.as_ref());
-        let image = texture.source.value();
+        let image = source(texture).unwrap_or(texture.source.value());
         if image >= root.images.len() {
-            return Err(fault(at, "has no image"));
+            return Err(fault(format!("{at}.source"), "is missing, or no image"));
         }
         let mut wrap = [Wrap::Repeat; 2];
         if let Some(sampler) = texture.sampler {
@@ -86,6 +87,16 @@ impl Requests {
     }
 }
 
+/// The image that EXT_texture_webp gives.
+fn source(texture: &gltf::json::Texture) -> Option<usize> {
+    let webp = texture
+        .extensions
+        .as_ref()?
+        .others
+        .get("EXT_texture_webp")?;
+    Some(usize::try_from(webp.get("source")?.as_u64()?).unwrap_or(usize::MAX))
+}
+
 fn mode(wrap: &Checked<WrappingMode>) -> Wrap {
     match wrap {
         Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
@@ -114,8 +125,15 @@ fn decoded(
     };
     let bad = |e: image::ImageError| fault(at, format!("cannot be decoded: {e}"));
     let format = image::guess_format(bytes).ok();
-    if !matches!(format, Some(ImageFormat::Png | ImageFormat::Jpeg)) {
-        return Err(fault(at, "is neither PNG nor JPEG"));
+    if bytes.starts_with(b"\xabKTX 20\xbb") {
+        let what = format!("KTX2 is not supported; to decode it: {DECODE_TEXTURES}");
+        return Err(fault(at, what));
+    }
+    if !matches!(
+        format,
+        Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)
+    ) {
+        return Err(fault(at, "is neither PNG nor JPEG nor WebP"));
     }
     let mut reader = ImageReader::new(Cursor::new(bytes));
     if let Some(format) = format {

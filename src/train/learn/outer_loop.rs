@@ -1,6 +1,7 @@
 //! The outer loop: learns one table for one β.
 
 use crate::files::FileError;
+use crate::memory::Shortage;
 use crate::regularise::AttenuationTable;
 use crate::train::config::{Config, ConfigError, Evaluation};
 use crate::train::learn::checkpoint::Checkpoint;
@@ -32,6 +33,9 @@ pub enum TrainError {
     /// A checkpoint cannot be read or written.
     #[error(transparent)]
     Checkpoint(#[from] FileError),
+    /// The recordings do not fit into memory.
+    #[error(transparent)]
+    Memory(#[from] Shortage),
     /// The optimiser's state cannot be stored.
     #[error("optimiser state: {0}")]
     State(String),

@@ -2,6 +2,7 @@
 
 use crate::files::hex;
 use crate::gallery::manifest::Role;
+use crate::memory;
 use crate::regularise::file::Provenance;
 use crate::sampler::{Domain, Seed};
 use crate::train::config::{Config, Evaluation, Loss, Optimiser};
@@ -9,13 +10,52 @@ use crate::train::evaluate::MomentSource;
 use crate::train::evaluate::curves::Curves;
 use crate::train::evaluate::fresh::Fresh;
 use crate::train::evaluate::replay::Replay;
+use crate::train::learn::checkpoint::Checkpoint;
 use crate::train::learn::crop_set::CropSet;
 use crate::train::learn::outer_loop::{Listener, Outcome, OuterLoop, TrainError};
 use crate::train::record::crop::{BRIGHTNESS, Crop, DatasetError, EPSILON};
+use crate::train::record::recording::Recording;
 use crate::train::record::visits::Visits;
-use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Instant;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+/// Place of the recordings of a session, and the wishes of whoever waits for them.
+pub struct RecordingControl<'a> {
+    /// Folder of recordings: those in it are read, others are traced and kept there; `None` for memory alone.
+    pub folder: Option<PathBuf>,
+    /// Checkpoints that are to be resumed, with their β. One of another training is refused before anything is recorded.
+    pub checkpoints: Vec<(f32, PathBuf)>,
+    /// Set to end the recording with [`DatasetError::Stopped`].
+    pub stop: Arc<AtomicBool>,
+    /// Hears of every crop that begins.
+    pub listen: &'a (dyn Fn(&RecordingProgress<'_>) + Sync),
+}
+
+impl Default for RecordingControl<'_> {
+    fn default() -> Self {
+        Self {
+            folder: None,
+            checkpoints: Vec::new(),
+            stop: Arc::default(),
+            listen: &|_| (),
+        }
+    }
+}
+
+/// State of the recordings of a session.
+#[derive(Clone, Copy, Debug)]
+pub struct RecordingProgress<'a> {
+    /// Name of the crop that begins.
+    pub crop: &'a str,
+    /// Recordings that are done.
+    pub done: usize,
+    /// All recordings.
+    pub of: usize,
+    /// Time left, extrapolated from the recordings that were traced; `None` before the first.
+    pub left: Option<Duration>,
+}
 
 /// An opened and recorded training.
 pub struct Session {
@@ -30,9 +70,8 @@ pub struct Session {
 }
 
 impl Session {
-    /// Opens the scenes of a configuration and records them. `listen` gets the name of each crop when its recording
-    /// begins.
-    pub fn open(config: Config, listen: &(dyn Fn(&str) + Sync)) -> Result<Self, TrainError> {
+    /// Opens the scenes of a configuration and records them.
+    pub fn open(config: Config, control: &RecordingControl<'_>) -> Result<Self, TrainError> {
         config.check()?;
         let held_out = |family: &str| family == config.hold_out;
         let chosen = |name: &String| config.scenes.is_empty() || config.scenes.contains(name);
@@ -49,7 +88,7 @@ impl Session {
                 config.manifest.display()
             )));
         }
-        Self::with_crops(config, training, validation, listen)
+        Self::with_crops(config, training, validation, control)
     }
 
     /// Records these crops.
@@ -57,7 +96,7 @@ impl Session {
         config: Config,
         training: Vec<Crop>,
         validation: Vec<Crop>,
-        listen: &(dyn Fn(&str) + Sync),
+        control: &RecordingControl<'_>,
     ) -> Result<Self, TrainError> {
         config.check()?;
         if training.is_empty() {
@@ -70,14 +109,19 @@ impl Session {
             .chain(validation)
             .flat_map(|(crop, training)| RecordingJob::replicates(crop, training, &config))
             .collect();
+        for (beta, path) in &control.checkpoints {
+            let crops = jobs.iter().filter(|job| job.training).map(|job| &job.crop);
+            Checkpoint::load(path, &Checkpoint::fingerprint(&config, *beta, crops)?)?;
+        }
+        check_memory(&jobs, &config)?;
         let mut session = Self {
             training: CropSet::default(),
             validation: CropSet::default(),
             seconds: 0.0,
             config,
         };
-        for (job, source) in jobs.iter().zip(run_all(&jobs, &session.config, listen)) {
-            let (source, visits) = source?;
+        for (job, recorded) in jobs.iter().zip(run_all(&jobs, &session.config, control)) {
+            let RecordedCrop { source, visits, .. } = recorded?;
             let target = job.crop.target(session.config.spp);
             let set = match job.training {
                 true => &mut session.training,
@@ -155,8 +199,16 @@ impl Session {
     }
 }
 
-/// Moments of a recorded crop, and the events per class of its recording.
-type Recorded = Result<(Box<dyn MomentSource>, Visits), DatasetError>;
+/// A recorded crop.
+struct RecordedCrop {
+    source: Box<dyn MomentSource>,
+    /// Events per class.
+    visits: Visits,
+    /// Whether its paths were traced now, not read from a file.
+    traced: bool,
+}
+
+type Recorded = Result<RecordedCrop, DatasetError>;
 
 /// A crop to record.
 struct RecordingJob {
@@ -190,57 +242,135 @@ impl RecordingJob {
         replicates.map(job).collect()
     }
 
-    /// Traces the crop and prepares the configured evaluation.
-    fn run(&self, config: &Config) -> Recorded {
+    /// Records the crop and prepares the configured evaluation.
+    fn run(&self, config: &Config, place: Option<&Path>, stop: &Arc<AtomicBool>) -> Recorded {
         let Self {
             crop, seed, spp, ..
         } = self;
-        let gammas = &config.record_gammas;
-        let middle = config.constant(gammas[gammas.len() / 2]);
-        let mut visits = Visits::default();
-        if config.method == Evaluation::Fresh && self.training {
-            // Visits are those of a recording with any evaluation.
-            let recording = crop.record(gammas, config.roulette, (*spp).min(64), *seed)?;
-            visits.count(&recording, &middle);
-            return Ok((Box::new(Fresh::new(crop.clone(), *spp, *seed)), visits));
+        let middle = config.constant(config.record_gammas[config.record_gammas.len() / 2]);
+        let fresh = config.method == Evaluation::Fresh && self.training;
+        // Visits are those of a recording with any evaluation.
+        let spp_recorded = if fresh { (*spp).min(64) } else { *spp };
+        let (recording, traced) = self.recording(config, spp_recorded, place, stop)?;
+        if stop.load(Ordering::Relaxed) {
+            return Err(DatasetError::Stopped);
         }
-        let recording = crop.record(gammas, config.roulette, *spp, *seed)?;
+        let mut visits = Visits::default();
         visits.count(&recording, &middle);
         let source: Box<dyn MomentSource> = match config.method {
+            Evaluation::Fresh if fresh => Box::new(Fresh::new(crop.clone(), *spp, *seed)),
             Evaluation::Replay => Box::new(Replay::new(recording)),
             Evaluation::Fresh | Evaluation::Tabulated => {
                 Box::new(Curves::bake(&recording, &middle))
             }
         };
-        Ok((source, visits))
+        Ok(RecordedCrop {
+            source,
+            visits,
+            traced,
+        })
+    }
+
+    /// The recording in a file, or else a new one, which is kept there; and whether it is new.
+    fn recording(
+        &self,
+        config: &Config,
+        spp: u32,
+        place: Option<&Path>,
+        stop: &Arc<AtomicBool>,
+    ) -> Result<(Recording, bool), DatasetError> {
+        let (crop, gammas, roulette) = (&self.crop, &config.record_gammas, config.roulette);
+        let Some(place) = place else {
+            let recording = crop.record_until(gammas, roulette, spp, self.seed, stop)?;
+            return Ok((recording, true));
+        };
+        let fingerprint = crop.fingerprint(gammas, roulette, spp, self.seed);
+        if place.exists() {
+            let kept = Recording::load(place, &fingerprint, crop.window.len())?;
+            return Ok((kept, false));
+        }
+        let recording = crop.record_until(gammas, roulette, spp, self.seed, stop)?;
+        if let Err(error) = recording.save(place, &fingerprint) {
+            // It is of use only if the training is stopped.
+            tracing::warn!("a recording is not kept, so that --resume makes it again: {error}");
+        }
+        Ok((recording, true))
+    }
+
+    /// Name of the recording's file.
+    fn file_name(&self, index: usize) -> String {
+        let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+        let name: String = self.crop.name.chars().take(100).map(plain).collect();
+        format!("{index:03}-{name}.{RECORDING}")
     }
 }
+
+/// Bytes of a recorded path: in curves, which the nine training scenes take with 1024 samples per pixel, and as events.
+const CURVE_BYTES: u64 = 50;
+const EVENT_BYTES: u64 = 30;
+
+/// Refuses recordings that need more memory than there is. Two are in the making at a time, in up to three copies.
+fn check_memory(jobs: &[RecordingJob], config: &Config) -> Result<(), TrainError> {
+    let paths = |job: &RecordingJob| u64::from(job.spp) * job.crop.window.len() as u64;
+    let each = |job: &RecordingJob| match config.method {
+        Evaluation::Replay => EVENT_BYTES,
+        // One recording at a time, made and left again.
+        Evaluation::Fresh if job.training => 0,
+        Evaluation::Fresh | Evaluation::Tabulated => CURVE_BYTES,
+    };
+    let kept: u64 = jobs.iter().map(|job| each(job) * paths(job)).sum();
+    let making = 2 * 3 * EVENT_BYTES * jobs.iter().map(paths).max().unwrap_or(0);
+    let what = format!("recordings of {} crops", jobs.len());
+    Ok(memory::check(what, kept + making)?)
+}
+
+/// Ending of the names of recordings.
+pub const RECORDING: &str = "recording";
 
 /// Runs jobs, two at a time: while one thread puts a recording together, the paths of another are traced. Results are
 /// in the order of the jobs, up to the first error.
 fn run_all(
     jobs: &[RecordingJob],
     config: &Config,
-    listen: &(dyn Fn(&str) + Sync),
+    control: &RecordingControl<'_>,
 ) -> Vec<Recorded> {
-    let next = AtomicUsize::new(0);
+    let clock = Instant::now();
+    let (next, done, traced) = (
+        AtomicUsize::new(0),
+        AtomicUsize::new(0),
+        AtomicUsize::new(0),
+    );
     let worker = || {
-        let mut done = Vec::new();
+        let mut results = Vec::new();
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
             let Some(job) = jobs.get(index) else {
-                return done;
+                return results;
             };
-            listen(&job.crop.name);
-            let result = job.run(config);
-            if result.is_err() {
-                next.store(jobs.len(), Ordering::Relaxed);
+            let (done_now, traced_now) =
+                (done.load(Ordering::Relaxed), traced.load(Ordering::Relaxed));
+            let left = jobs.len().saturating_sub(done_now) as f64 / traced_now as f64;
+            (control.listen)(&RecordingProgress {
+                crop: &job.crop.name,
+                done: done_now,
+                of: jobs.len(),
+                left: Duration::try_from_secs_f64(clock.elapsed().as_secs_f64() * left).ok(),
+            });
+            let place = control
+                .folder
+                .as_ref()
+                .map(|f| f.join(job.file_name(index)));
+            let result = job.run(config, place.as_deref(), &control.stop);
+            done.fetch_add(1, Ordering::Relaxed);
+            match &result {
+                Ok(crop) => drop(traced.fetch_add(usize::from(crop.traced), Ordering::Relaxed)),
+                Err(_) => next.store(jobs.len(), Ordering::Relaxed),
             }
-            done.push((index, result));
+            results.push((index, result));
         }
     };
-    let (mut done, others) = rayon::join(worker, worker);
-    done.extend(others);
-    done.sort_unstable_by_key(|(index, _)| *index);
-    done.into_iter().map(|(_, result)| result).collect()
+    let (mut results, others) = rayon::join(worker, worker);
+    results.extend(others);
+    results.sort_unstable_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
 }

@@ -1,11 +1,11 @@
 //! Crops of a manifest's scenes with their references, and their recordings.
 
-use crate::files::FileError;
+use crate::files::{FileError, hex};
 use crate::gallery::manifest::{CROP, Manifest, Role, SceneEntry};
 use crate::gallery::reference::{Reference, SEED};
 use crate::image::Film;
 use crate::image::film::{FilmError, Window};
-use crate::integrator::{Settings, View};
+use crate::integrator::{PathObserver, Settings, View};
 use crate::math::UVec2;
 use crate::regularise::{Roughening, Rule};
 use crate::sampler::{Independent, Seed};
@@ -14,8 +14,10 @@ use crate::scene::{Camera, Scene};
 use crate::train::record::proposals::Proposals;
 use crate::train::record::recording::{Recording, Tape};
 use crate::train::record::roulette::EventRoulette;
+use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// ε of MAPE, in units of the scaled reference.
 pub const EPSILON: f32 = 0.01;
@@ -97,6 +99,9 @@ pub enum DatasetError {
         /// The problem.
         problem: String,
     },
+    /// The user ended the recording.
+    #[error("stopped while recording")]
+    Stopped,
     /// The crop lies outside of its frame.
     #[error("{name}: {cause}")]
     Window {
@@ -168,10 +173,44 @@ impl Crop {
         spp: u32,
         seed: Seed,
     ) -> Result<Recording, DatasetError> {
+        self.record_until(gammas, roulette, spp, seed, &Arc::default())
+    }
+
+    /// [`Crop::record`], which ends with [`DatasetError::Stopped`] as soon as `stop` is set.
+    pub fn record_until(
+        &self,
+        gammas: &[f32],
+        roulette: f32,
+        spp: u32,
+        seed: Seed,
+        stop: &Arc<AtomicBool>,
+    ) -> Result<Recording, DatasetError> {
         let roulette = EventRoulette::new(&self.target(spp), roulette, seed);
         let drawn = Arc::new((Proposals::new(gammas), roulette));
-        let tape = Tape::drawn(self.window, drawn.clone());
+        let tape = Tape::drawn(self.window, drawn.clone()).until(stop.clone());
         self.trace(&drawn.0, tape, spp, seed)
+    }
+
+    /// Hash of all that a recording with these arguments depends on.
+    pub fn fingerprint(&self, gammas: &[f32], roulette: f32, spp: u32, seed: Seed) -> String {
+        let mut digest = Sha256::new();
+        let Self {
+            name,
+            camera,
+            frame,
+            window,
+            max_vertices,
+            ..
+        } = self;
+        digest.update(format!(
+            "{} {name:?} {camera:?} {frame:?} {window:?} {max_vertices} {gammas:?} {roulette} {spp} {seed:?} ",
+            env!("CARGO_PKG_VERSION")
+        ));
+        digest.update(self.digest);
+        for value in self.reference.iter().flatten() {
+            digest.update(value.to_le_bytes());
+        }
+        hex(&digest.finalize())
     }
 
     /// Records the events of samples `0..spp` with this rule.
@@ -195,7 +234,10 @@ impl Crop {
             &mut film,
             &mut tape,
         );
-        Ok(tape.into())
+        match tape.stopped() {
+            true => Err(DatasetError::Stopped),
+            false => Ok(tape.into()),
+        }
     }
 
     /// Settings of a render of the crop.

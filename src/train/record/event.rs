@@ -145,6 +145,64 @@ impl StoredEvent {
         }
     }
 
+    /// Bytes of an event in a file.
+    pub(in crate::train) const BYTES: usize = 57;
+
+    /// The event as little-endian numbers: 13 of single precision, the code, and a byte of flags.
+    pub(in crate::train) fn to_bytes(self) -> [u8; Self::BYTES] {
+        let ggx = self.distribution == Distribution::Ggx;
+        let flags = u8::from(ggx) | u8::from(self.delta_light) << 1 | u8::from(self.from_lobe) << 2;
+        let mut bytes = [flags; Self::BYTES];
+        let numbers = [
+            self.base[0],
+            self.base[1],
+            self.base[2],
+            self.scale[0],
+            self.scale[1],
+            self.scale[2],
+            self.base_pdf,
+            self.pdf_scale,
+            self.tan2_h,
+            self.tan2_o,
+            self.tan2_i,
+            self.pdf_light,
+            self.weight,
+        ];
+        let words = numbers.map(f32::to_bits).into_iter().chain([self.code]);
+        for (four, word) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(words) {
+            *four = word.to_le_bytes();
+        }
+        bytes
+    }
+
+    /// The event of these bytes; `None` for one with a number that is not finite.
+    pub(in crate::train) fn from_bytes(bytes: &[u8; Self::BYTES]) -> Option<Self> {
+        let (words, flags) = bytes.as_chunks::<4>();
+        let word = |i: usize| u32::from_le_bytes(words[i]);
+        let number = |i: usize| f32::from_bits(word(i));
+        let flag = |bit: u8| flags[0] & 1 << bit != 0;
+        let finite = (0..13).all(|i| number(i).is_finite());
+        finite.then(|| Self {
+            base: [0, 1, 2].map(number),
+            scale: [3, 4, 5].map(number),
+            base_pdf: number(6),
+            pdf_scale: number(7),
+            tan2_h: number(8),
+            tan2_o: number(9),
+            tan2_i: number(10),
+            pdf_light: number(11),
+            weight: number(12),
+            code: word(13),
+            distribution: if flag(0) {
+                Distribution::Ggx
+            } else {
+                Distribution::Beckmann
+            },
+            delta_light: flag(1),
+            from_lobe: flag(2),
+        })
+    }
+
     fn query(&self) -> LobeQuery {
         LobeQuery {
             base: self.base.into(),

@@ -104,7 +104,7 @@ pub struct RoughnessLists {
 }
 
 impl RoughnessLists {
-    fn from_sorted<'a>(sorted: impl Iterator<Item = &'a [f32]>) -> Self {
+    pub(in crate::train) fn from_sorted<'a>(sorted: impl Iterator<Item = &'a [f32]>) -> Self {
         let mut lists = Self::default();
         let mut previous: &[f32] = &[];
         for list in sorted {

@@ -10,6 +10,7 @@ use crate::train::record::proposals::Proposals;
 use crate::train::record::roulette::EventRoulette;
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A path with events.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,6 +75,8 @@ pub struct Tape {
     roulette: Option<IndependentStream>,
     /// Contribution of the current path's events.
     counted: Rgb,
+    /// Set by the user to end the recording.
+    stop: Arc<AtomicBool>,
 }
 
 /// Marks the lists that have events.
@@ -140,7 +143,13 @@ impl Tape {
             first: 0,
             roulette: None,
             counted: Rgb::ZERO,
+            stop: Arc::default(),
         }
+    }
+
+    /// The tape, which ends as soon as `stop` is set.
+    pub fn until(self, stop: Arc<AtomicBool>) -> Self {
+        Self { stop, ..self }
     }
 
     /// The code of the current path with the current vertex, of roughness `alpha`.
@@ -205,6 +214,11 @@ impl Tape {
 
 impl PathObserver for Tape {
     const EVENTS: bool = true;
+
+    #[inline]
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
 
     fn begin(&mut self, pixel: UVec2, sample: u32) {
         self.roulette = (self.drawn.as_ref()).map(|drawn| drawn.1.stream(pixel, sample));
@@ -280,10 +294,11 @@ impl PathObserver for Tape {
 
 impl Recorder for Tape {
     fn fork(&self) -> Self {
-        match &self.drawn {
+        let tape = match &self.drawn {
             Some(drawn) => Self::drawn(self.window, drawn.clone()),
             None => Self::new(self.window),
-        }
+        };
+        tape.until(self.stop.clone())
     }
 
     fn join(&mut self, tile: Self) {

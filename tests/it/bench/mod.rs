@@ -212,6 +212,51 @@ fn bench_resume_keeps_measured_runs() {
     );
 }
 
+/// Levels and pilots are measured as a user gets them, with the time that they take.
+#[test]
+fn bench_measures_levels_pilots_and_environments() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
+    write("table.json", &crate::fuzz::seeds::tables()[1]);
+    write("sky.hdr", &crate::fuzz::seeds::hdr()[0]);
+    let go = |scene: &str| {
+        let text = format!(
+            "samples = [1, 8]\nseeds = 1\n\
+             [[scene]]\nname = 'box'\nbuiltin = 'caustic-box'\nsize = [64, 32]\nreference_spp = 16\n{scene}\n\
+             [[method]]\nname = 'plain'\nmethod = 'plain'\n\
+             [[method]]\nname = 'levels'\nmethod = 'constant'\ngamma = 0.3\nlevels = [0.0, 0.3, 3.0]\n\
+             [[method]]\nname = 'robust'\nmethod = 'constant'\ngamma = 0.3\nlevels = [0.0, 0.3, 3.0]\nrobust = true\n\
+             [[method]]\nname = 'pilot'\nmethod = 'table'\ntable = 'table.json'\npilot = true\ntable_contrast = 0.5\n"
+        );
+        write("suite.toml", text.as_bytes());
+        let suite = Suite::load(&folder.path().join("suite.toml")).unwrap();
+        let path = folder.path().join("results.json");
+        let (results, _) = run(&suite, &path, "", &mut |_| ControlFlow::Continue(())).unwrap();
+        results
+    };
+    let results = go("");
+    let last = |results: &Results, method: &str| {
+        let run = results.runs("box", method)[0];
+        run.points.last().unwrap().clone()
+    };
+    let [plain, levels, robust, pilot] =
+        ["plain", "levels", "robust", "pilot"].map(|m| last(&results, m));
+    assert!(levels.errors["relMSE"] < plain.errors["relMSE"]);
+    assert!(levels.errors != robust.errors);
+    let ratio = levels.errors["error map ratio"];
+    assert!(ratio > 0.1 && ratio < 10.0, "{ratio}");
+    assert!(levels.errors["error map rank"].abs() <= 1.0);
+    assert!(!plain.errors.contains_key("error map ratio"));
+    // 28 small renders are dearer than eight samples.
+    assert!(pilot.cpu > 3.0 * plain.cpu, "{} {}", pilot.cpu, plain.cpu);
+    let text = summary::text(&results);
+    assert!(text.contains("error map"), "{text}");
+    // Another sky, another scene: everything is measured anew.
+    let lit = go("environment = 'sky.hdr'");
+    assert_ne!(lit.scenes[0].source, results.scenes[0].source);
+    assert!(last(&lit, "plain").errors != plain.errors);
+}
+
 #[test]
 fn bench_references_are_cached_or_given() {
     let folder = tempfile::tempdir().unwrap();
@@ -312,9 +357,9 @@ fn bench_scene_variants() {
 #[test]
 fn bench_committed_suites_name_existing_files() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    for name in ["quick", "full"] {
+    for name in ["quick", "full", "frames"] {
         let suite = Suite::load(&root.join(format!("suites/{name}.toml"))).unwrap();
-        assert!(suite.seeds >= 5, "{name}: no verdicts");
+        assert!(suite.seeds >= 5 || name == "frames", "{name}: no verdicts");
         for scene in &suite.scenes {
             for file in [&scene.file, &scene.reference].into_iter().flatten() {
                 assert!(file.exists(), "{name}: {}", file.display());
@@ -341,4 +386,19 @@ fn bench_committed_suites_name_existing_files() {
             );
         }
     }
+}
+
+/// A table by its name in a suite, as `opsr render --opsr-table` takes it; a file of that name goes first.
+#[test]
+fn table_of_a_suite_may_be_named() {
+    let folder = crate::support::quick_folder();
+    let path = folder.path().join("suite.toml");
+    let method = "[[method]]\nname = 'learned'\nmethod = 'table'\ntable = 'beta-0.001'\n";
+    std::fs::write(&path, format!("{SMALL}{method}")).unwrap();
+    let table = || Suite::load(&path).unwrap().methods.pop().unwrap();
+    let learned = table();
+    assert_eq!(learned.table.as_deref(), Some(Path::new("beta-0.001")));
+    assert!(learned.resolve().unwrap().table_sha256.is_some());
+    std::fs::write(folder.path().join("beta-0.001"), "another").unwrap();
+    assert_eq!(table().table, Some(folder.path().join("beta-0.001")));
 }

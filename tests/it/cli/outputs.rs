@@ -3,6 +3,7 @@
 use super::Place;
 use crate::fuzz::seeds;
 use opsr::gallery;
+use opsr::image::denoise::Denoiser;
 use opsr::image::{Buffer, exr, png};
 use opsr::report::compare::{Named, Options, compare};
 use serde_json::Value;
@@ -39,7 +40,7 @@ fn pilot_scale_set_by_hand_gives_the_same_picture() {
     assert_eq!(ended.err.matches("bias²").count(), 27, "{}", ended.err);
     place
         .render(&format!(
-            "{table} {scale} --table-contrast {contrast} -o hand.exr"
+            "{table} {scale} --table-contrast {contrast} --levels 1 -o hand.exr"
         ))
         .done();
     assert_eq!(picture(&place, "auto.exr"), picture(&place, "hand.exr"));
@@ -64,6 +65,46 @@ fn pilot_scale_set_by_hand_gives_the_same_picture() {
     let by_hand = place.render(&format!("{table} 1 --table-energy 0.1 -o kept.exr"));
     assert_eq!(by_hand.code, Some(2), "{}", by_hand.err);
     assert!(by_hand.err.contains("--table-energy"), "{}", by_hand.err);
+}
+
+/// Without the library the render does not begin; with it the picture before it is a layer.
+#[test]
+fn denoised_picture_keeps_the_noisy_one_as_a_layer() {
+    let place = caustics();
+    let args = "--spp 8 --opsr-table table.json --denoise -o clean.exr --checkpoint a.ckpt";
+    if let Err(missing) = Denoiser::open() {
+        eprintln!("skipped: {missing}");
+        let ended = place.render(args);
+        assert_eq!(ended.code, Some(3), "{}", ended.err);
+        assert!(
+            ended
+                .err
+                .contains("--denoise: Open Image Denoise 2 was not found")
+                && ended.err.contains("OIDN_DIR"),
+            "{}",
+            ended.err
+        );
+        assert!(!place.path().join("clean.exr").exists());
+        return;
+    }
+    place.render(args).done();
+    place
+        .render("--spp 8 --opsr-table table.json -o noisy.exr")
+        .done();
+    let layers = exr::read_layers(&place.path().join("clean.exr")).expect("layers");
+    let noisy = picture(&place, "noisy.exr");
+    let kept = layers.picture(["noisy.R", "noisy.G", "noisy.B"]);
+    assert_eq!(kept.expect("a layer"), noisy);
+    assert!(picture(&place, "clean.exr") != noisy);
+    place.opsr("resolve a.ckpt --denoise -o again.exr").done();
+    assert_eq!(picture(&place, "again.exr"), picture(&place, "clean.exr"));
+    // A film without AOVs has nothing to guide the denoiser.
+    place
+        .render("--spp 8 --gamma 0.5 -o noisy.exr --checkpoint b.ckpt")
+        .done();
+    let ended = place.opsr("resolve b.ckpt --denoise -o again.exr");
+    assert_eq!(ended.code, Some(2), "{}", ended.err);
+    assert!(ended.err.contains("--aov"), "{}", ended.err);
 }
 
 #[test]

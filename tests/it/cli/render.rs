@@ -382,10 +382,44 @@ fn levels_are_rendered_and_resolved_again() {
     assert_eq!(file("again.exr").channels, layers.channels);
     place.opsr("resolve a.ckpt -o robust.exr --robust").done();
     assert!(file("robust.exr").channels["R"] != layers.channels["R"]);
-    // One level is a render without the option.
-    place
-        .render("--spp 8 --gamma 0.3 --levels 1 -o one.exr")
+}
+
+/// Several levels are the default wherever a rule can have them.
+#[test]
+fn levels_are_the_default_of_tables_and_constants() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::caustic_box());
+    place.write("table.json", &seeds::tables()[1]);
+    let levels = |args: &str| {
+        place.render(&format!("--spp 8 {args} -o out.exr")).done();
+        let layers = exr::read_layers(&place.path().join("out.exr")).expect("layers");
+        layers.metadata.get("levels").cloned()
+    };
+    for factors in ["--gamma 0.3", "--opsr-table table.json"] {
+        let five = levels(factors);
+        assert_eq!(five.as_deref(), Some("[0.0, 0.128, 0.64, 3.2, 16.0]"));
+        let file = place.read("out.exr");
+        assert_eq!(levels(&format!("{factors} --levels 5")), five);
+        assert!(place.read("out.exr") == file);
+        let settings = ["--levels 1", "--mode reuse", "--consistent", "--gamma 0"];
+        for one in settings
+            .iter()
+            .take(if factors.contains("gamma") { 3 } else { 2 })
+        {
+            assert_eq!(levels(&format!("{factors} {one}")), None, "{one}");
+        }
+    }
+    for one in ["", "--gamma 0", "--mode pbrt", "--integrator bdpt"] {
+        assert_eq!(levels(one), None, "{one}");
+    }
+    // The bound of an error counts the bias that is left, too.
+    let ended = place
+        .opsr("render scene.glb --size 16x16 --gamma 0.3 --target-error 0.5 --spp 4096 -o out.exr")
         .done();
-    place.render("--spp 8 --gamma 0.3 -o none.exr").done();
-    assert!(place.read("one.exr") == place.read("none.exr"));
+    let error = ended
+        .err
+        .rsplit(' ')
+        .next()
+        .and_then(|x| x.trim().parse::<f32>().ok());
+    assert!(error.is_some_and(|e| e <= 0.5), "{}", ended.err);
 }

@@ -82,3 +82,25 @@ fn output_devices_are_written_into() {
     assert!(place.read("said") == place.read("file.csv"));
     assert!(is_link(&place, "full.csv") && is_link(&place, "out.csv"));
 }
+
+/// Ctrl-C while inputs are read: nothing has to be saved, so the program ends at once. A scene cannot be a pipe, a table
+/// can.
+#[test]
+fn interrupt_while_inputs_load_ends_with_its_exit_code() {
+    let place = Place::new();
+    let pipe = place.path().join("slow.json");
+    let made = Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.is_ok_and(|status| status.success()));
+    let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
+    command.args("render scene.glb --opsr-table slow.json -o out.exr --spp 1".split(' '));
+    let mut child = command.stderr(Stdio::piped()).spawn().expect("the program");
+    // Opens when the program reads.
+    let writer = std::fs::OpenOptions::new().write(true).open(&pipe);
+    let kill = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(kill.expect("kill").success());
+    assert_eq!(child.wait().expect("an end").code(), Some(5));
+    drop(writer);
+    assert!(!place.path().join("out.exr").exists());
+}

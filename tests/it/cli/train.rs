@@ -144,6 +144,43 @@ fn resume_after_an_interrupt_gives_the_same_tables() {
     assert!(place.files_in("params") == resumed);
 }
 
+/// Ctrl-C while crops are recorded: those that are done are kept, and the tables come out the same.
+#[test]
+#[cfg(unix)]
+fn resume_after_an_interrupt_of_the_recording_gives_the_same_tables() {
+    let place = place();
+    let args = "--steps 3 --set spp=300 --set replicates=4";
+    let first = "run/recordings/000-a-32-32.recording";
+    let ended = place.interrupted(&format!("{TRAIN} {args}"), first);
+    assert_eq!(ended.code, Some(5), "{}", ended.err);
+    let kept = place.files_in("run/recordings").len();
+    assert!((1..5).contains(&kept), "{kept}");
+    // Without --resume a run with recordings is not replaced.
+    let refused = train(&place, args);
+    assert_eq!(refused.code, Some(2), "{}", refused.err);
+    assert!(refused.err.contains("run holds a run"), "{}", refused.err);
+    let other = train(&place, &format!("{args} --seed 5 --resume"));
+    assert_eq!(other.code, Some(3), "{}", other.err);
+    assert!(other.err.contains(first), "{}", other.err);
+    train(&place, &format!("{args} --resume")).done();
+    let resumed = place.files_in("params");
+    // Complete, it needs them no longer.
+    assert!(!place.path().join("run/recordings").exists());
+    train(&place, &format!("{args} --force")).done();
+    assert!(place.files_in("params") == resumed);
+    // Progress for programs names the crops.
+    let args = args.replace("300", "2") + " --force --progress json";
+    let all = format!("{TRAIN} {args}").replace("--progress none", "");
+    let ended = place.opsr(&all).done();
+    let line = ended.out.lines().find(|l| l.contains("recording"));
+    let line: serde_json::Value = serde_json::from_str(line.expect("a line")).unwrap();
+    assert_eq!(
+        (&line["of"], &line["done"]),
+        (&5.into(), &0.into()),
+        "{line}"
+    );
+}
+
 /// A table or a run that is there is replaced with `--force` only.
 #[test]
 fn force_is_needed_to_overwrite_tables_and_runs() {
@@ -153,6 +190,7 @@ fn force_is_needed_to_overwrite_tables_and_runs() {
         folders.map(|folder| place.files_in(folder))
     };
     train(&place, "--steps 3").done();
+    std::fs::create_dir(place.path().join("empty")).unwrap();
     let before = all();
     for (args, word) in [
         ("--steps 2", "run holds a run"),
@@ -160,7 +198,18 @@ fn force_is_needed_to_overwrite_tables_and_runs() {
             "--steps 2 --run other",
             "params/beta-0.001.json exists: --force",
         ),
-        ("--steps 2 --run none --resume", "none: no checkpoint"),
+        (
+            "--steps 2 --run none --resume",
+            "none: there is no such run",
+        ),
+        (
+            "--steps 2 --run empty --resume",
+            "empty: an empty folder: nothing to resume",
+        ),
+        (
+            "--steps 2 --beta 0.9 --resume --run run",
+            "run: no checkpoint or recording of these",
+        ),
     ] {
         let ended = train(&place, &format!("{args} --out params"));
         let code = if args.contains("resume") { 3 } else { 2 };

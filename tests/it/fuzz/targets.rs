@@ -35,6 +35,8 @@ pub(crate) fn all() -> Vec<Target> {
         trained::configurations(),
         #[cfg(feature = "train")]
         trained::trainings(),
+        #[cfg(feature = "train")]
+        trained::recordings(),
     ]
 }
 

@@ -1,12 +1,17 @@
-//! Fuzz targets of the trainer: configurations and training checkpoints.
+//! Fuzz targets of the trainer: configurations, training checkpoints, recordings.
 
 use super::targets::{text, written};
 use super::{Target, repair};
 use opsr::regularise::{AttenuationTable, LEN, Lookup};
+use opsr::sampler::Seed;
 use opsr::train::Config;
 use opsr::train::config::{Model, Optimiser};
+use opsr::train::evaluate::MomentSource;
+use opsr::train::evaluate::curves::Curves;
+use opsr::train::evaluate::replay::Replay;
 use opsr::train::learn::checkpoint::Checkpoint;
 use opsr::train::learn::model::Learner;
+use opsr::train::record::recording::Recording;
 
 /// Configurations: an accepted one survives a round trip.
 pub(crate) fn configurations() -> Target {
@@ -88,6 +93,30 @@ pub(crate) fn trainings() -> Target {
             assert!(gammas.all(|g| (0.0..=1.0).contains(&g)));
             let best = checkpoint.best.is_some();
             Ok(format!("best {best}"))
+        },
+    }
+}
+
+/// Recordings: an accepted one is replayed and baked. One pixel has the shortest files.
+pub(crate) fn recordings() -> Target {
+    let seeds = [1, 8].map(|spp| {
+        let recording = crate::train::crop(1).record(&[0.05, 0.5], 0.0, spp, Seed(3));
+        let recording = recording.expect("a recording");
+        written(|path| text(recording.save(path, FINGERPRINT)))
+    });
+    Target {
+        name: "recordings",
+        file_name: "fuzz.recording",
+        seeds: seeds.into(),
+        repair: repair::sealed,
+        read: |path| {
+            let recording = text(Recording::load(path, FINGERPRINT, 1))?;
+            let table = AttenuationTable::constant(0.1);
+            let baked = Curves::bake(&recording, &table).exact(&table);
+            assert_eq!(baked.mean.len(), 1);
+            let events = !recording.events.is_empty();
+            Replay::new(recording).moments(&table);
+            Ok(format!("events {events}"))
         },
     }
 }

@@ -96,6 +96,21 @@ fn load_closed_transmission_without_thickness() {
 }
 
 #[test]
+fn load_warns_of_emission_whose_variance_does_not_fit() {
+    for (strength, warned) in [(1e15, false), (1e38, true)] {
+        let mut file = File::triangle();
+        file.push("materials", json!({
+            "name": "lamp", "emissiveFactor": [1, 1, 1],
+            "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": strength } },
+        }));
+        file.primitive()["material"] = json!(0);
+        let warnings = file.loaded().warnings;
+        let named = |w: &String| w.contains("materials[0] (`lamp`)") && w.contains("1e38");
+        assert_eq!(warnings.iter().any(named), warned, "{warnings:?}");
+    }
+}
+
+#[test]
 fn load_transmission_and_volume() {
     let thin = with("transmission", json!({ "transmissionFactor": 0.75 }));
     assert!(thin.transmission == 0.75 && !thin.solid && thin.absorption == Rgb::ZERO);

@@ -7,12 +7,18 @@ use opsr::train::config::{Evaluation, Optimiser};
 use opsr::train::evaluate::MomentSource;
 use opsr::train::evaluate::replay::Replay;
 use opsr::train::learn::outer_loop::Outcome;
-use opsr::train::{Config, Session};
+use opsr::train::{Config, RecordingControl, Session};
 use std::ops::ControlFlow;
 
 fn learn(config: Config, folder: Option<&std::path::Path>, resume: bool, stop_at: u32) -> Outcome {
     let beta = config.beta[0];
-    let mut session = Session::with_crops(config, vec![crop(6)], vec![crop(6)], &|_| ()).unwrap();
+    let mut session = Session::with_crops(
+        config,
+        vec![crop(6)],
+        vec![crop(6)],
+        &RecordingControl::default(),
+    )
+    .unwrap();
     session
         .learn(beta, folder, resume, &mut |step, _, _| {
             if step == stop_at {
@@ -83,7 +89,9 @@ fn resume_gives_bit_identical_tables() {
             seed: 1,
             ..quick(method)
         };
-        let mut session = Session::with_crops(other, vec![crop(6)], vec![], &|_| ()).unwrap();
+        let mut session =
+            Session::with_crops(other, vec![crop(6)], vec![], &RecordingControl::default())
+                .unwrap();
         let refused = session.learn(0.001, Some(folder.path()), true, &mut |_, _, _| {
             ControlFlow::Continue(())
         });
@@ -102,8 +110,13 @@ fn determinism_of_a_beta_alone_and_after_another() {
         };
         let learn = |betas: &[f32]| {
             let crops = (vec![crop(6)], vec![crop(6)]);
-            let mut session =
-                Session::with_crops(config.clone(), crops.0, crops.1, &|_| ()).unwrap();
+            let mut session = Session::with_crops(
+                config.clone(),
+                crops.0,
+                crops.1,
+                &RecordingControl::default(),
+            )
+            .unwrap();
             let continue_ = &mut |_, _, _: Option<&_>| ControlFlow::Continue(());
             let outcomes = betas
                 .iter()
@@ -139,7 +152,8 @@ fn learning_recovers_a_known_factor() {
     let seed = Seed(config.seed).derive(Domain::Recording, 0);
     let recording = exact.record(&[TRUTH], 0.0, config.spp, seed).unwrap();
     exact.reference = Replay::new(recording).moments(&truth).mean;
-    let mut session = Session::with_crops(config, vec![exact], vec![], &|_| ()).unwrap();
+    let mut session =
+        Session::with_crops(config, vec![exact], vec![], &RecordingControl::default()).unwrap();
     let outcome = session
         .learn(0.0, None, false, &mut |_, _, _| ControlFlow::Continue(()))
         .unwrap();

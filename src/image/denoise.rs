@@ -1,0 +1,271 @@
+//! Intel Open Image Denoise, found when the program runs: the one module that calls a library of another language.
+//!
+//! Nothing is linked. [`Denoiser::open`] looks for the library (version 2) in the folder that the variable `OIDN_DIR`
+//! names, in its `lib` and `bin`, and where the system's loader looks.
+//!
+//! # Safety
+//!
+//! The declarations are those of `oidn.h` 2.0. Three facts make the calls sound:
+//! - The library is loaded before any of its functions is taken and outlives them: [`Denoiser`] owns it, and no function
+//!   leaves this module.
+//! - Every handle comes from the device that it is used with, on the thread that made it, and is released once.
+//! - Buffers are rows of three `f32` without gaps, of the length that the library is told; inputs are only read, and the
+//!   output is borrowed mutably until the filter has run, which [`execute`](Functions) waits for.
+
+#![allow(unsafe_code)]
+
+use super::Buffer;
+use crate::math::Rgb;
+use libloading::Library;
+use std::ffi::{CStr, c_char, c_int, c_void};
+use std::path::{Path, PathBuf};
+
+/// Environment variable that names the folder of the library.
+const VARIABLE: &str = "OIDN_DIR";
+
+/// File names of the library.
+const NAMES: &[&str] = if cfg!(windows) {
+    &["OpenImageDenoise.dll"]
+} else if cfg!(target_os = "macos") {
+    &["libOpenImageDenoise.2.dylib", "libOpenImageDenoise.dylib"]
+} else {
+    &["libOpenImageDenoise.so.2", "libOpenImageDenoise.so"]
+};
+
+/// `OIDN_DEVICE_TYPE_CPU`: the same bytes on every machine of a kind.
+const CPU: c_int = 1;
+
+/// `OIDN_FORMAT_FLOAT3`.
+const FLOAT3: c_int = 3;
+
+/// Failures of the denoiser.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DenoiseError {
+    /// No library, or one that cannot be used.
+    #[error(
+        "Open Image Denoise 2 was not found; set {VARIABLE} to its folder. Looked for: {}",
+        .0.join("; ")
+    )]
+    Missing(Vec<String>),
+    /// The library refused.
+    #[error("Open Image Denoise: {0}")]
+    Failed(String),
+}
+
+type Handle = *mut c_void;
+
+/// The functions in use, by their names in `oidn.h`.
+struct Functions {
+    new_device: unsafe extern "C" fn(c_int) -> Handle,
+    commit_device: unsafe extern "C" fn(Handle),
+    device_error: unsafe extern "C" fn(Handle, *mut *const c_char) -> c_int,
+    release_device: unsafe extern "C" fn(Handle),
+    new_filter: unsafe extern "C" fn(Handle, *const c_char) -> Handle,
+    set_image: unsafe extern "C" fn(
+        Handle,
+        *const c_char,
+        *mut c_void,
+        c_int,
+        usize,
+        usize,
+        usize,
+        usize,
+        usize,
+    ),
+    set_bool: unsafe extern "C" fn(Handle, *const c_char, bool),
+    commit_filter: unsafe extern "C" fn(Handle),
+    execute: unsafe extern "C" fn(Handle),
+    release_filter: unsafe extern "C" fn(Handle),
+}
+
+/// The library.
+pub struct Denoiser {
+    functions: Functions,
+    /// Dropped last: the functions are in it.
+    _library: Library,
+}
+
+/// Files that may be the library, in the order of the search.
+fn candidates(folder: Option<&Path>) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    if let Some(folder) = folder {
+        for part in ["lib", "bin", ""] {
+            files.extend(NAMES.iter().map(|name| folder.join(part).join(name)));
+        }
+    }
+    files.extend(NAMES.iter().map(PathBuf::from));
+    files
+}
+
+impl Denoiser {
+    /// Finds the library; the error says where it was looked for.
+    pub fn open() -> Result<Self, DenoiseError> {
+        let folder = std::env::var_os(VARIABLE).map(PathBuf::from);
+        let mut looked = Vec::new();
+        for file in candidates(folder.as_deref()) {
+            match Self::load(&file) {
+                Ok(denoiser) => return Ok(denoiser),
+                // A file that is there and cannot be used says why.
+                Err(why) if file.exists() => looked.push(format!("{} ({why})", file.display())),
+                Err(_) if file.components().count() == 1 => {
+                    looked.push(format!("{} in the system's library path", file.display()));
+                }
+                Err(_) => looked.push(file.display().to_string()),
+            }
+        }
+        Err(DenoiseError::Missing(looked))
+    }
+
+    fn load(file: &Path) -> Result<Self, libloading::Error> {
+        // SAFETY: the user names the library or installed it; its initialisers are as trustworthy as the program itself.
+        let library = unsafe { Library::new(file) }?;
+        // SAFETY: the types are those of oidn.h.
+        let functions = unsafe {
+            Functions {
+                new_device: *library.get(b"oidnNewDevice\0")?,
+                commit_device: *library.get(b"oidnCommitDevice\0")?,
+                device_error: *library.get(b"oidnGetDeviceError\0")?,
+                release_device: *library.get(b"oidnReleaseDevice\0")?,
+                new_filter: *library.get(b"oidnNewFilter\0")?,
+                set_image: *library.get(b"oidnSetSharedFilterImage\0")?,
+                set_bool: *library.get(b"oidnSetFilterBool\0")?,
+                commit_filter: *library.get(b"oidnCommitFilter\0")?,
+                execute: *library.get(b"oidnExecuteFilter\0")?,
+                release_filter: *library.get(b"oidnReleaseFilter\0")?,
+            }
+        };
+        Ok(Self {
+            functions,
+            _library: library,
+        })
+    }
+
+    /// The picture without its noise. Linear radiance; albedo in [0, 1] and world normal of the first surface, of the same
+    /// size.
+    ///
+    /// Panics if the sizes differ.
+    pub fn denoise(
+        &self,
+        colour: &Buffer,
+        albedo: &Buffer,
+        normal: &Buffer,
+    ) -> Result<Buffer, DenoiseError> {
+        let size = colour.size();
+        assert!(
+            [albedo, normal].iter().all(|b| b.size() == size)
+                && [colour, albedo, normal]
+                    .iter()
+                    .all(|b| b.pixels.len() == size.0 * size.1)
+        );
+        let mut out = vec![Rgb::ZERO; colour.pixels.len()];
+        if out.is_empty() {
+            return Ok(colour.clone());
+        }
+        let f = &self.functions;
+        // SAFETY: see the head of this module. The library only reads the images that are not `output`.
+        let failure = unsafe {
+            let device = (f.new_device)(CPU);
+            if device.is_null() {
+                self.failure(device)
+            } else {
+                (f.commit_device)(device);
+                let filter = (f.new_filter)(device, c"RT".as_ptr());
+                let image = |name: &CStr, pixels: *mut Rgb| {
+                    let (w, h) = size;
+                    (f.set_image)(filter, name.as_ptr(), pixels.cast(), FLOAT3, w, h, 0, 0, 0);
+                };
+                if !filter.is_null() {
+                    image(c"color", colour.pixels.as_ptr().cast_mut());
+                    image(c"albedo", albedo.pixels.as_ptr().cast_mut());
+                    image(c"normal", normal.pixels.as_ptr().cast_mut());
+                    image(c"output", out.as_mut_ptr());
+                    (f.set_bool)(filter, c"hdr".as_ptr(), true);
+                    (f.commit_filter)(filter);
+                    (f.execute)(filter);
+                    (f.release_filter)(filter);
+                }
+                let failure = self.failure(device);
+                (f.release_device)(device);
+                failure
+            }
+        };
+        match failure {
+            Some(what) => Err(DenoiseError::Failed(what)),
+            None => Ok(Buffer {
+                width: size.0,
+                height: size.1,
+                pixels: out,
+            }),
+        }
+    }
+
+    /// The first error of a device, or of the thread without one.
+    ///
+    /// # Safety
+    ///
+    /// The device is null or one that is not released.
+    unsafe fn failure(&self, device: Handle) -> Option<String> {
+        let mut message: *const c_char = std::ptr::null();
+        // SAFETY: the caller's device; the message is a string that lives until the next call.
+        unsafe {
+            let code = (self.functions.device_error)(device, &raw mut message);
+            (code != 0 || device.is_null()).then(|| {
+                if message.is_null() {
+                    format!("error {code}")
+                } else {
+                    CStr::from_ptr(message).to_string_lossy().into_owned()
+                }
+            })
+        }
+    }
+}
+
+// Three singles without gaps are what the library is told.
+const _: () = assert!(size_of::<Rgb>() == 12 && align_of::<Rgb>() == 4);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn denoiser_is_looked_for_in_the_named_folder_first() {
+        let files = candidates(Some(Path::new("/opt/oidn")));
+        assert_eq!(files[0], Path::new("/opt/oidn/lib").join(NAMES[0]));
+        assert_eq!(files.last(), NAMES.last().map(PathBuf::from).as_ref());
+        assert_eq!(candidates(None).len(), NAMES.len());
+    }
+
+    /// With the library at hand the noise of a constant goes and an edge in the albedo stays.
+    #[test]
+    fn denoiser_removes_noise_and_keeps_edges() {
+        let Ok(denoiser) = Denoiser::open() else {
+            eprintln!("skipped: no Open Image Denoise; set {VARIABLE}");
+            return;
+        };
+        let half = |x: usize| if x < 32 { 0.2f32 } else { 0.8 };
+        let hash = |x: usize, y: usize| ((x * 7919 + y * 104_729) % 1009) as f32 / 1009.0;
+        let noisy = Buffer::from_fn(64, 64, |x, y| {
+            Rgb::splat(half(x) * (0.5 + hash(x * x + y, y * y + x)))
+        });
+        let albedo = Buffer::from_fn(64, 64, |x, _| Rgb::splat(half(x)));
+        let normal = Buffer::from_fn(64, 64, |_, _| Rgb::Z);
+        let clean = denoiser
+            .denoise(&noisy, &albedo, &normal)
+            .expect("denoised");
+        assert_eq!(
+            clean,
+            denoiser.denoise(&noisy, &albedo, &normal).expect("again")
+        );
+        let error = |b: &Buffer| -> f32 {
+            let pixels = b.pixels.iter().enumerate();
+            let one = |(i, p): (usize, &Rgb)| (p.x - half(i % 64)).powi(2);
+            pixels.map(one).sum()
+        };
+        assert!(
+            error(&clean) < 0.2 * error(&noisy),
+            "{} {}",
+            error(&clean),
+            error(&noisy)
+        );
+    }
+}

@@ -1,0 +1,42 @@
+//! The extensions that this loader implements, and what to do about those that it does not.
+
+/// The extensions that this loader implements; `docs/gltf.md` says how far.
+pub const SUPPORTED: [&str; 11] = [
+    "EXT_mesh_gpu_instancing",
+    "EXT_texture_webp",
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// The command that writes KTX2 textures as PNG. It decodes compressed meshes too.
+pub(super) const DECODE_TEXTURES: &str = "gltf-transform ktxdecompress in.glb out.glb";
+
+/// The command that decodes compressed meshes.
+const DECODE_MESHES: &str = "gltf-transform copy in.glb out.glb";
+
+/// The names of required extensions that are not supported, all of them, and the command that removes their need.
+pub(super) fn refusal(unsupported: &[&str]) -> String {
+    let are = if unsupported.len() == 1 { "is" } else { "are" };
+    let refused = format!("{} {are} not supported", unsupported.join(", "));
+    let meshes = ["KHR_draco_mesh_compression", "EXT_meshopt_compression"];
+    let textures = ["KHR_texture_basisu"];
+    let asked = |names: &[&'static str]| -> Vec<&str> {
+        let asked = |name: &&str| unsupported.contains(name);
+        names.iter().copied().filter(asked).collect()
+    };
+    let (meshes, textures) = (asked(&meshes), asked(&textures));
+    let command = match (textures.is_empty(), meshes.is_empty()) {
+        (false, _) => DECODE_TEXTURES,
+        (true, false) => DECODE_MESHES,
+        (true, true) => return refused,
+    };
+    let removed = [meshes, textures].concat().join(", ");
+    format!("{refused}; to decode {removed}: {command}")
+}

@@ -1,0 +1,87 @@
+//! Work that needs more memory than there is: refused before it is taken, with exit code 7 and the number of bytes.
+
+use super::{Ended, Place};
+use crate::support::gltf::File;
+use serde_json::json;
+
+impl Place {
+    /// Runs the program with an address space of so many kilobytes.
+    fn opsr_in_memory(&self, kilobytes: u64, args: &str) -> Ended {
+        let program = env!("CARGO_BIN_EXE_opsr");
+        let script = format!("ulimit -v {kilobytes}; exec {program} {args}");
+        let mut shell = self.command("sh");
+        Ended::of(shell.args(["-c", &script]).output().expect("a shell"))
+    }
+}
+
+/// A mesh of 2730 triangles on so many nodes.
+fn instances(nodes: usize) -> Vec<u8> {
+    let mut file = File::triangle();
+    let corners = file.indices(&[0, 1, 2].repeat(2730));
+    file.primitive()["indices"] = json!(corners);
+    for k in 1..nodes {
+        file.push("nodes", json!({ "mesh": 0, "translation": [k, 0, 0] }));
+    }
+    file.glb()
+}
+
+#[test]
+fn memory_of_eight_million_triangles_is_refused_before_it_is_taken() {
+    let place = Place::new();
+    place.write("many.glb", instances(3000));
+    place.write("few.glb", instances(100));
+    for args in [
+        "info many.glb",
+        "render many.glb --size 8x8 --spp 1 -o out.exr --progress none",
+    ] {
+        let ended = place.opsr_in_memory(2_000_000, args);
+        assert_eq!(ended.code, Some(7), "{args}: {}", ended.err);
+        let words = "many.glb: not enough memory: 8190000 triangles, instances counted, need about 2.80 GB, and ";
+        assert!(ended.err.contains(words), "{}", ended.err);
+        assert!(!place.path().join("out.exr").exists());
+    }
+    place.opsr_in_memory(2_000_000, "info few.glb").done();
+}
+
+#[test]
+fn memory_of_a_large_picture_is_refused_before_it_is_taken() {
+    let place = Place::new();
+    let render = |options: &str| {
+        let common = "--spp 1 --max-vertices 1 --progress none -o out.exr";
+        place.opsr_in_memory(1_500_000, &format!("render scene.glb {common} {options}"))
+    };
+    for (options, words) in [
+        (
+            "--size 16384x16384",
+            "16384x16384 pixels need about 55.03 GB",
+        ),
+        (
+            "--size 4096x4096 --aov",
+            "4096x4096 pixels need about 6.71 GB",
+        ),
+        (
+            "--size 2048x2048 --gamma 0.1 --levels 4",
+            "2048x2048 pixels of 4 levels need about 2.47 GB",
+        ),
+    ] {
+        let ended = render(options);
+        assert_eq!(ended.code, Some(7), "{options}: {}", ended.err);
+        assert!(ended.err.contains(words), "{options}: {}", ended.err);
+        assert!(ended.err.contains("--crop renders a part"), "{}", ended.err);
+    }
+    // What the estimate allows does fit: 0.86 GB of the 1.5.
+    render("--size 2048x2048").done();
+    render("--size 16384x16384 --crop 5,5,8,8").done();
+}
+
+/// The recordings of a training.
+#[test]
+#[cfg(feature = "train")]
+fn memory_of_recordings_is_refused_before_it_is_taken() {
+    let place = super::train::place();
+    let args = super::train::TRAIN;
+    let ended = place.opsr_in_memory(1_500_000, &format!("{args} --set spp=100000 --steps 1"));
+    assert_eq!(ended.code, Some(7), "{}", ended.err);
+    let words = "recordings of 2 crops need about ";
+    assert!(ended.err.contains(words), "{}", ended.err);
+}

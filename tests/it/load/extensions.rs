@@ -1,0 +1,91 @@
+//! Extensions: the table of the documents, refusals with their remedy, WebP.
+
+use super::broken::refused;
+use crate::support::gltf::File;
+use opsr::scene::load::SUPPORTED;
+use serde_json::json;
+
+#[test]
+fn extensions_of_the_documents_are_those_of_the_loader() {
+    let rows = include_str!("../../../docs/gltf.md").lines();
+    let listed: Vec<&str> = rows
+        .filter_map(|row| {
+            let mut cells = row.strip_prefix("| `")?.split(" | ");
+            let name = cells.next()?.trim_end_matches('`');
+            let state = cells.next()?;
+            let reads = ["supported", "approximated"].contains(&state);
+            assert!(reads || ["ignored", "refused"].contains(&state), "{row}");
+            reads.then_some(name)
+        })
+        .collect();
+    assert_eq!(listed, SUPPORTED);
+}
+
+#[test]
+fn extensions_required_are_refused_all_at_once_with_the_command_that_converts() {
+    for (required, fragment) in [
+        (
+            json!(["EXT_a", "KHR_b", "KHR_materials_ior"]),
+            "extensionsRequired: EXT_a, KHR_b are not supported",
+        ),
+        (
+            json!(["KHR_draco_mesh_compression"]),
+            "is not supported; to decode KHR_draco_mesh_compression: gltf-transform copy in.glb out.glb",
+        ),
+        (
+            json!(["EXT_meshopt_compression", "KHR_mesh_quantization"]),
+            "to decode EXT_meshopt_compression: gltf-transform copy in.glb out.glb",
+        ),
+        (
+            json!(["EXT_x", "KHR_texture_basisu", "KHR_draco_mesh_compression"]),
+            "EXT_x, KHR_texture_basisu, KHR_draco_mesh_compression are not supported; to decode \
+             KHR_draco_mesh_compression, KHR_texture_basisu: gltf-transform ktxdecompress in.glb out.glb",
+        ),
+    ] {
+        let mut file = File::triangle();
+        file.json["extensionsUsed"] = required.clone();
+        file.json["extensionsRequired"] = required;
+        refused(&file.gltf(), fragment, fragment);
+    }
+}
+
+/// A file whose only material takes its base colour from a texture with this description.
+fn textured(image: &[u8], texture: serde_json::Value) -> File {
+    let mut file = File::triangle();
+    let view = file.view(image);
+    file.push("images", json!({ "bufferView": view }));
+    file.push("textures", texture);
+    let info = json!({ "baseColorTexture": { "index": 0 } });
+    file.push("materials", json!({ "pbrMetallicRoughness": info }));
+    file
+}
+
+#[test]
+fn webp_textures_are_read_in_place_of_the_source() {
+    let picture = image::RgbaImage::from_fn(5, 3, |x, y| {
+        image::Rgba([40 * x as u8, 70 * y as u8, 9, 200])
+    });
+    let mut webp = std::io::Cursor::new(Vec::new());
+    (picture.write_to(&mut webp, image::ImageFormat::WebP)).expect("a picture");
+    let extension = json!({ "extensions": { "EXT_texture_webp": { "source": 0 } } });
+    let mut file = textured(webp.get_ref(), extension.clone());
+    file.json["extensionsUsed"] = json!(["EXT_texture_webp"]);
+    file.json["extensionsRequired"] = json!(["EXT_texture_webp"]);
+    let texture = &file.loaded().parts.textures[0];
+    assert_eq!((texture.width, texture.height), (5, 3));
+    let expected: Vec<[u8; 4]> = picture.pixels().map(|p| p.0).collect();
+    assert_eq!(texture.texels[..], expected[..]);
+    let short = &webp.get_ref()[..webp.get_ref().len() / 2];
+    let file = textured(short, extension);
+    refused(&file.gltf(), "images[0]: cannot be decoded", "half a WebP");
+    let wrong = json!({ "extensions": { "EXT_texture_webp": { "source": 7 } } });
+    let file = textured(webp.get_ref(), wrong);
+    refused(&file.gltf(), "textures[0].source: is missing", "no image");
+}
+
+#[test]
+fn ktx2_images_are_refused_with_the_command_that_converts() {
+    let file = textured(b"\xabKTX 20\xbb\r\n\x1a\n....", json!({ "source": 0 }));
+    let fragment = "KTX2 is not supported; to decode it: gltf-transform ktxdecompress";
+    refused(&file.gltf(), fragment, "KTX2");
+}
