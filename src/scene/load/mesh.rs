@@ -289,7 +289,7 @@ fn morph(
             count: mesh.positions.len(),
             warnings,
         };
-        let mut read = |index: usize, name: &str| {
+        let mut read = |index: usize, name: &str| -> Result<_> {
             let deltas = reader.read::<3>(index, &format!("targets[{k}].{name}"), &all)?;
             Ok(deltas.into_iter().map(move |d| weight * Vec3::from(d)))
         };
