@@ -54,9 +54,5 @@ fn named(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Named> {
     } else {
         array::to_picture(name, value)?
     };
-    Ok(Named {
-        name: name.to_owned(),
-        picture,
-        hdr: true,
-    })
+    Ok(Named::new(name, picture, true))
 }

@@ -7,7 +7,7 @@ use opsr::image::Buffer;
 use opsr::image::display::{Display, ViewTransform, auto_exposure};
 use opsr::image::exr::{self, Layer, Metadata};
 use opsr::image::png;
-use opsr::integrator::Picture;
+use opsr::integrator::{FirstHit, Picture};
 use opsr::tune::resolve::{Resolved as Choice, resolve_film};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -49,7 +49,7 @@ impl Film {
     #[getter]
     fn aovs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let aovs = PyDict::new(py);
-        if let Some(hit) = &self.made.aovs {
+        if let Some(hit) = self.first_hit() {
             aovs.set_item("albedo", array::picture(py, &hit.albedo())?)?;
             aovs.set_item("normal", array::picture(py, &hit.normal())?)?;
             let depth = hit.depth();
@@ -151,10 +151,14 @@ impl Film {
         }
     }
 
+    fn first_hit(&self) -> Option<&FirstHit> {
+        self.made.aovs.as_ref()?.first.as_ref()
+    }
+
     fn save_exr(&self, path: &std::path::Path) -> Result<(), opsr::files::FileError> {
         let film = &self.made.film;
         let mut layers = Vec::new();
-        if let Some(aovs) = &self.made.aovs {
+        if let Some(aovs) = self.first_hit() {
             let depth = aovs.depth().pixels.iter().map(|p| p.x).collect();
             layers.push(Layer::rgb("albedo", &aovs.albedo()));
             layers.push(Layer::xyz("normal", &aovs.normal()));

@@ -293,7 +293,7 @@ fn empty(
         .map_err(|e| PyMemoryError::new_err(e.to_string()))?;
     let film = Moments::cropped(frame, window).map_err(|e| argument(name, e))?;
     let mut picture = Picture::new(film);
-    picture.aovs = aov.then(|| FirstHit::new(window));
+    picture.aovs = aov.then(|| FirstHit::new(window).into());
     picture.levels = (levels > 0).then(|| LevelFilm::new(frame, window, levels));
     Ok(picture)
 }

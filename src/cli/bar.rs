@@ -51,8 +51,8 @@ impl Bar {
         }
     }
 
-    /// Shows where a render stands.
-    pub(super) fn show(&self, progress: &RenderProgress) {
+    /// Shows where a render stands, and its true error if that is known.
+    pub(super) fn show(&self, progress: &RenderProgress, true_error: Option<f64>) {
         let seconds = progress.elapsed.as_secs_f64();
         match self {
             Self::Quiet => {}
@@ -65,19 +65,23 @@ impl Bar {
                 let error = progress
                     .error
                     .map_or(String::new(), |e| format!(", error {e:.4}"));
+                let truth = true_error.map_or(String::new(), |e| format!(", true error {e:.4}"));
                 bar.set_message(format!(
-                    "{} spp, {seconds:.1} s{error}{eta}",
+                    "{} spp, {seconds:.1} s{error}{truth}{eta}",
                     progress.samples
                 ));
             }
             Self::Json => {
-                let line = serde_json::json!({
+                let mut line = serde_json::json!({
                     "spp": progress.samples,
                     "seconds": seconds,
                     "fraction": progress.fraction,
                     "eta": progress.eta().map(|e| e.as_secs_f64()),
                     "error": progress.error.filter(|e| e.is_finite()),
                 });
+                if let Some(error) = true_error {
+                    line["true_error"] = error.into();
+                }
                 // A reader that has gone away is no reason to end a render.
                 let _ = writeln!(std::io::stdout(), "{line}");
             }

@@ -1,5 +1,6 @@
 //! `opsr compare`: pictures against a reference.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
@@ -9,7 +10,7 @@ use opsr::files;
 use opsr::image::metric::Metric;
 use opsr::image::metric::flip::DEFAULT_PPD;
 use opsr::image::{exr, png};
-use opsr::report::compare::{Comparison, Named, Options, compare};
+use opsr::report::compare::{Comparison, Named, Options, compare, cut_to_common};
 use opsr::report::page;
 use opsr::stats::agreement;
 
@@ -22,6 +23,9 @@ pub(super) struct CompareArgs {
     /// Pictures (.exr, .png, .jpg); the last is the reference
     #[arg(required = true, num_args = 2.., value_name = "PICTURE")]
     files: Vec<PathBuf>,
+    /// Compare this layer of EXR files, such as albedo, or Depth for ViewLayer.Depth
+    #[arg(long, value_name = "NAME", conflicts_with = "agree")]
+    layer: Option<String>,
     /// Write all numbers as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -44,7 +48,7 @@ pub(super) struct CompareArgs {
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_parser = super::scene::finite)]
     exposure: f32,
     /// Pixels per degree of sight, for FLIP
-    #[arg(long, default_value_t = DEFAULT_PPD)]
+    #[arg(long, default_value_t = DEFAULT_PPD, value_parser = pixels_per_degree)]
     ppd: f64,
     /// The pictures are renders of one scene with several seeds: tell bias and variance apart
     #[arg(long)]
@@ -55,6 +59,12 @@ pub(super) struct CompareArgs {
     /// Exit with code 6 if a metric of any picture is above X, such as relMSE=0.01; may be given several times
     #[arg(long, value_name = "METRIC=X", value_parser = bound)]
     fail_above: Vec<(String, f64)>,
+}
+
+/// A number that FLIP can take.
+fn pixels_per_degree(text: &str) -> Result<f64, String> {
+    let ppd = text.parse().ok().filter(|x| (1.0..=1000.0).contains(x));
+    ppd.ok_or_else(|| "expected a number from 1 to 1000".into())
 }
 
 /// A bound such as `relMSE=0.01`.
@@ -68,19 +78,24 @@ fn bound(text: &str) -> Result<(String, f64), String> {
 
 /// Runs the command: the table goes to standard output.
 pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Exit> {
+    let layer = args.layer.as_deref();
     let mut pictures = args
         .files
         .iter()
-        .map(|f| Named::load(f))
+        .map(|f| Named::load_layer(f, layer))
         .collect::<Result<Vec<_>, _>>()
         .input()?;
+    let common = cut_to_common(&mut pictures);
     let reference = pictures.pop().context("no reference")?;
     let options = Options {
         ppd: args.ppd,
         exposure: args.exposure,
         seeds: args.seeds,
     };
-    let comparison = compare(&pictures, &reference, &options).input()?;
+    let mut comparison = compare(&pictures, &reference, &options).input()?;
+    if let Some(window) = common {
+        (comparison.notes).push(format!("compared: the {window} that all pictures show"));
+    }
     let above = above(&comparison, &args.fail_above)?;
     print(comparison.to_string())?;
 
@@ -137,7 +152,14 @@ fn print_agreement(files: &[PathBuf]) -> anyhow::Result<bool> {
     };
     let wanted = exr::read_film(reference).input()?;
     for path in pictures {
-        let agreement = agreement::agree(&exr::read_film(path).input()?, &wanted)
+        let mut film = exr::read_film(path).input()?;
+        let mut wanted = Cow::Borrowed(&wanted);
+        let common = film.window.intersection(&wanted.window);
+        if let Some(common) = common.filter(|_| film.size == wanted.size) {
+            film = film.cut(common);
+            wanted = Cow::Owned(wanted.cut(common));
+        }
+        let agreement = agreement::agree(&film, &wanted)
             .with_context(|| format!("{} against {}", path.display(), reference.display()))
             .input()?;
         let names = format!("{} against {}", path.display(), reference.display());

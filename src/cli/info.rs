@@ -1,16 +1,31 @@
 //! `opsr info`: content of a scene and the features it uses.
 
 use super::output::print;
-use super::scene::SceneArgs;
+use super::scene::{Opened, SceneArgs};
+use super::{Blame, job, tune};
+use anyhow::Context;
 use clap::Args;
+use opsr::image::film::{Film, Window};
+use opsr::integrator::View;
+use opsr::integrator::aov::centre;
 use opsr::regularise::{GammaIndex, LEN, Rule, bin};
 use opsr::scene::{Material, PunctualLight, Scene};
+use serde_json::Value;
 
 /// Options of `opsr info`.
 #[derive(Args, Debug)]
 pub(super) struct InfoArgs {
     #[command(flatten)]
     scene: SceneArgs,
+    /// Say what the ray through the centre of this pixel meets, instead.
+    #[arg(long, value_name = "X,Y", value_parser = job::pixel)]
+    pixel: Option<job::Pixel>,
+    /// Size of the picture that --pixel is in, as for render.
+    #[arg(long, value_name = "WxH|SHARE", requires = "pixel", value_parser = job::size)]
+    size: Option<job::Size>,
+    /// Camera of --pixel by name or number (from 0).
+    #[arg(long, value_name = "NAME", requires = "pixel")]
+    camera: Option<String>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -19,14 +34,60 @@ pub(super) struct InfoArgs {
 /// Runs the command.
 pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
     let opened = args.scene.open()?;
-    let mut facts = facts(&opened.scene, &opened.warnings);
-    facts["animations"] = (opened.animations.iter())
-        .map(|a| serde_json::json!({ "name": a.name, "seconds": a.seconds }))
-        .collect();
-    print(match args.json {
-        true => format!("{facts:#}\n"),
-        false => described(&facts),
+    let facts = match args.pixel {
+        Some(pixel) => seen(args, &opened, pixel)?,
+        None => {
+            let mut facts = facts(&opened.scene, &opened.warnings);
+            facts["animations"] = (opened.animations.iter())
+                .map(|a| serde_json::json!({ "name": a.name, "seconds": a.seconds }))
+                .collect();
+            facts
+        }
+    };
+    print(match (args.json, args.pixel) {
+        (true, _) => format!("{facts:#}\n"),
+        (false, None) => described(&facts),
+        (false, Some(_)) => lines(&facts),
     })
+}
+
+/// The surface in the centre of a pixel as JSON; without one only the pixel.
+fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyhow::Result<Value> {
+    let scene = &opened.scene;
+    let size = tune::frame(args.size, args.camera.as_deref(), opened)?;
+    let [x, y] = pixel.to_array();
+    let window = Window { x, y, w: 1, h: 1 };
+    Film::cropped(size, window).context("--pixel").usage()?;
+    let aspect = size.x as f32 / size.y as f32;
+    let camera = super::scene::camera(scene, args.camera.as_deref(), aspect)?;
+    let view = View::new(scene, &camera, size, window);
+    let mut facts = serde_json::json!({ "pixel": [x, y], "frame": size.to_array() });
+    let Some((hit, surface)) = centre(&view, pixel) else {
+        facts["meets"] = "nothing".into();
+        return Ok(facts);
+    };
+    let of = scene.material(&surface);
+    let alpha = scene.bsdf(&surface, 0.0).alpha();
+    facts["mesh"] = (scene.geometry().triangle_mesh(surface.triangle) + 1).into();
+    facts["material"] = format!("{} ({})", of.name, surface.material + 1).into();
+    facts["kind"] = material(of)["kind"].clone();
+    facts["alpha"] = serde_json::json!(alpha);
+    facts["bin"] = bin(alpha).into();
+    facts["distance"] = serde_json::json!(hit.t);
+    facts["position"] = serde_json::json!(surface.position.to_array());
+    facts["normal"] = serde_json::json!(surface.ns.to_array());
+    facts["geometric_normal"] = serde_json::json!(surface.ng.to_array());
+    facts["uv"] = serde_json::json!(surface.uv.to_array());
+    Ok(facts)
+}
+
+/// Facts of one level, one a line.
+fn lines(facts: &Value) -> String {
+    let line = |(key, value): (&String, &Value)| {
+        let value = value.as_str().map_or_else(|| value.to_string(), Into::into);
+        format!("{key:<17} {value}\n")
+    };
+    facts.as_object().into_iter().flatten().map(line).collect()
 }
 
 /// The content of a scene as JSON.
@@ -144,7 +205,10 @@ fn described(facts: &serde_json::Value) -> String {
         let emits = if m["emits"] == true { ", emits" } else { "" };
         lines.push(format!(
             "  {} {}: alpha {}{textured}, bin {}{emits}",
-            m["kind"], m["name"], m["alpha"], m["bin"]
+            m["kind"].as_str().unwrap_or_default(),
+            m["name"].as_str().unwrap_or_default(),
+            m["alpha"],
+            m["bin"]
         ));
     }
     for key in ["unused", "warnings"] {

@@ -3,6 +3,7 @@
 use super::Blame;
 use super::render_args::RenderArgs;
 use anyhow::{Context, anyhow};
+use clap::ValueEnum;
 use opsr::image::film::Window;
 use opsr::image::level_film::MAX_LEVELS;
 use opsr::integrator::Settings;
@@ -11,22 +12,113 @@ use opsr::integrator::method::{Kind, Method};
 use opsr::math::UVec2;
 use opsr::regularise::Rule;
 
-/// A pair such as `640x480`.
-pub(super) fn size(text: &str) -> Result<UVec2, String> {
+/// Size of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Size {
+    /// Columns and rows.
+    Pixels(UVec2),
+    /// Share of the size that the picture has without being asked for one.
+    Share(f64),
+}
+
+/// A pair such as `640x480`, or a share such as `50%`.
+pub(super) fn size(text: &str) -> Result<Size, String> {
+    if let Some(share) = share(text).filter(|s| *s > 0.0) {
+        return Ok(Size::Share(share));
+    }
     let numbers = text.split_once('x').map(|(w, h)| (w.parse(), h.parse()));
     match numbers {
-        Some((Ok(w @ 1..=65536), Ok(h @ 1..=65536))) => Ok(UVec2::new(w, h)),
-        _ => Err("expected WIDTHxHEIGHT, such as 640x480, from 1 to 65536 each".into()),
+        Some((Ok(w @ 1..=65536), Ok(h @ 1..=65536))) => Ok(Size::Pixels(UVec2::new(w, h))),
+        _ => Err(
+            "expected WIDTHxHEIGHT, such as 640x480, from 1 to 65536 each, or a share such as 50%"
+                .into(),
+        ),
     }
 }
 
-/// A window such as `10,20,32,32`.
-pub(super) fn window(text: &str) -> Result<Window, String> {
-    let numbers: Result<Vec<u32>, _> = text.split(',').map(|n| n.trim().parse()).collect();
-    match numbers.as_deref() {
-        Ok(&[x, y, w, h]) => Ok(Window { x, y, w, h }),
-        _ => Err("expected X,Y,WIDTH,HEIGHT in pixels from the top left".into()),
+/// A share such as `25%`, `0.25` or `1/4`; a number without a point is none.
+fn share(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let number = |x: &str| x.trim().parse::<f64>().ok();
+    let share = if let Some(percent) = text.strip_suffix('%') {
+        number(percent)? / 100.0
+    } else if let Some((a, b)) = text.split_once('/') {
+        number(a)? / number(b)?
+    } else {
+        number(text).filter(|_| text.contains('.'))?
+    };
+    (share.is_finite() && share >= 0.0).then_some(share)
+}
+
+/// A length along one side of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Length {
+    Pixels(u32),
+    Share(f64),
+}
+
+impl Length {
+    fn of(self, side: u32) -> f64 {
+        match self {
+            Self::Pixels(n) => f64::from(n),
+            Self::Share(share) => share * f64::from(side),
+        }
     }
+}
+
+/// A part of a picture: column, row, width, height.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Crop([Length; 4]);
+
+/// A part such as `10,20,32,32` or `25%,25%,1/2,1/2`.
+pub(super) fn crop(text: &str) -> Result<Crop, String> {
+    let length = |text: &str| {
+        let pixels = text.trim().parse().ok().map(Length::Pixels);
+        pixels.or_else(|| share(text).map(Length::Share))
+    };
+    let lengths: Option<Vec<Length>> = text.split(',').map(length).collect();
+    match lengths.as_deref() {
+        Some(&[x, y, w, h]) => Ok(Crop([x, y, w, h])),
+        _ => Err(
+            "expected X,Y,WIDTH,HEIGHT from the top left, in pixels or as shares such as 25%"
+                .into(),
+        ),
+    }
+}
+
+impl Crop {
+    /// The part of a picture of this size. Edges are rounded, so that shares that meet make parts that meet.
+    pub(super) fn of(&self, size: UVec2) -> Window {
+        let [x, y, w, h] = self.0;
+        let edges = |at: Length, length: Length, side: u32| {
+            let start = at.of(side);
+            let end = (start + length.of(side)).round();
+            let start = start.round();
+            (start as u32, (end - start) as u32)
+        };
+        let ((x, w), (y, h)) = (edges(x, w, size.x), edges(y, h, size.y));
+        Window { x, y, w, h }
+    }
+}
+
+/// A pixel of the frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pixel(pub(super) UVec2);
+
+/// A pixel such as `10,20`.
+pub(super) fn pixel(text: &str) -> Result<Pixel, String> {
+    let numbers = text
+        .split_once(',')
+        .map(|(x, y)| (x.trim().parse(), y.trim().parse()));
+    match numbers {
+        Some((Ok(x), Ok(y))) => Ok(Pixel(UVec2::new(x, y))),
+        _ => Err("expected X,Y in pixels from the top left".into()),
+    }
+}
+
+/// The part of a picture of this size that is rendered.
+pub(super) fn window(args: &RenderArgs, size: UVec2) -> Window {
+    args.crop.map_or(Window::full(size), |crop| crop.of(size))
 }
 
 /// Scale of a table's factors.
@@ -90,7 +182,8 @@ pub(super) fn levels(
         return Ok(settings.levels);
     }
     let nothing = [Rule::Plain, Rule::constant(0.0)].contains(&settings.rule) || !has_lobes;
-    if nothing || args.table_scale == Some(Scale::Auto) {
+    let single = args.trace_pixel.is_some() || super::aovs::splits_light(args);
+    if nothing || single || args.table_scale == Some(Scale::Auto) {
         return Ok(Vec::new());
     }
     let settings = with(SCALES.to_vec());
@@ -128,6 +221,21 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
     spec.resolve().input()
 }
 
+/// Options that choose the picture, for the metadata of its file.
+pub(super) fn words(args: &RenderArgs) -> Vec<(&'static str, String)> {
+    let name = |value: Option<clap::builder::PossibleValue>| {
+        value.map_or(String::new(), |value| value.get_name().to_owned())
+    };
+    let method = &args.method;
+    let mut words = vec![
+        ("integrator", name(method.integrator.to_possible_value())),
+        ("mode", name(method.method.to_possible_value())),
+        ("max_vertices", args.max_vertices.to_string()),
+    ];
+    words.extend(method.gamma.map(|gamma| ("gamma", gamma.to_string())));
+    words
+}
+
 /// The option to blame for a film that cannot be.
 pub(super) fn window_option(args: &RenderArgs) -> &'static str {
     match args.crop {
@@ -144,5 +252,43 @@ pub(super) fn settings(args: &RenderArgs, method: &Method) -> Settings {
         max_vertices: args.max_vertices,
         seed: args.seed,
         ..Settings::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crop_shares_tile_the_frame() {
+        let frame = UVec2::new(101, 67);
+        let of = |text: &str| crop(text).unwrap().of(frame);
+        assert_eq!(of("0,0,100%,1.0"), Window::full(frame));
+        let thirds = ["0%", "1/3", "2/3"].map(|x| of(&format!("{x},0,1/3,67")));
+        assert_eq!(thirds.iter().map(|w| w.w).sum::<u32>(), 101);
+        assert!(thirds.windows(2).all(|w| w[0].x + w[0].w == w[1].x));
+        assert_eq!(
+            of("10,20,32,32"),
+            Window {
+                x: 10,
+                y: 20,
+                w: 32,
+                h: 32
+            }
+        );
+        for bad in ["1,2,3", "a,0,1,1", "-1%,0,1,1", "1/0,0,1,1", "0,0,inf%,1"] {
+            assert!(crop(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn size_in_pixels_or_as_a_share() {
+        assert_eq!(size("640x480"), Ok(Size::Pixels(UVec2::new(640, 480))));
+        for half in ["50%", "1/2", "0.5"] {
+            assert_eq!(size(half), Ok(Size::Share(0.5)));
+        }
+        for bad in ["0x5", "2", "0%", "640", "-50%", "x", "70000x1"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
     }
 }

@@ -12,6 +12,7 @@ use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::{fmt, prelude::*};
 
+mod aovs;
 mod bar;
 mod bench;
 mod compare;
@@ -26,8 +27,10 @@ mod report;
 mod resolve;
 mod scene;
 mod scenes;
+mod shell;
 mod stop;
 mod table;
+mod trace;
 #[cfg(feature = "train")]
 mod train;
 mod tune;
@@ -159,6 +162,10 @@ enum Command {
     Report(report::ReportArgs),
     /// Run hard numerical cases on this machine.
     Verify(verify::VerifyArgs),
+    /// Print completions of options for a shell.
+    Completions(shell::CompletionsArgs),
+    /// Write manual pages.
+    Man(shell::ManArgs),
 }
 
 /// Lets a negative number be the value of every option: the option then says what it expects, where clap would call the
@@ -202,6 +209,8 @@ pub(crate) fn main() -> ExitCode {
         Command::Resolve(args) => resolve::run(&args).map(|()| Exit::Done),
         Command::Report(args) => report::run(&args).map(|()| Exit::Done),
         Command::Verify(args) => verify::run(&args),
+        Command::Completions(args) => shell::completions(&args).map(|()| Exit::Done),
+        Command::Man(args) => shell::man(&args).map(|()| Exit::Done),
     };
     let exit = result.unwrap_or_else(|error| {
         eprintln!("opsr: {error:#}");

@@ -5,10 +5,11 @@ use anyhow::{Context, anyhow, bail};
 use opsr::files::Target;
 use opsr::image::denoise::Denoiser;
 use opsr::image::display::{Display, ViewTransform, auto_exposure};
-use opsr::image::exr::{self, Layer, Metadata};
+use opsr::image::exr::{self, Compression, Header, Layer, Metadata, Storage};
 use opsr::image::{Buffer, png};
 use opsr::integrator::Picture;
 use opsr::regularise::TableTuning;
+use opsr::scene::Camera;
 use opsr::tune::resolve::resolve_film;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -44,9 +45,9 @@ impl ResolveArgs {
     }
 }
 
-/// Options of PNG files.
+/// Options of the files.
 #[derive(clap::Args, Clone, Copy, Debug)]
-pub(super) struct DisplayArgs {
+pub(super) struct FileArgs {
     /// Brightness of PNG files in stops; `auto` puts the 95th percentile of the luminance at 80 % of white, `none` is 0.
     #[arg(
         long,
@@ -59,6 +60,12 @@ pub(super) struct DisplayArgs {
     /// View transform of PNG files.
     #[arg(long, value_enum, default_value_t)]
     view: ViewTransform,
+    /// Write colours and normals of EXR files as half floats: half the size, three digits, at most 65504.
+    #[arg(long)]
+    exr_half: bool,
+    /// Compression of EXR files, always lossless.
+    #[arg(long, value_enum, value_name = "CODING", default_value_t)]
+    exr_compression: Compression,
 }
 
 /// Exposure of PNG files.
@@ -79,8 +86,15 @@ fn exposure(text: &str) -> Result<Exposure, String> {
     }
 }
 
-impl DisplayArgs {
-    fn of(self, picture: &Buffer) -> Display {
+impl FileArgs {
+    fn storage(self) -> Storage {
+        Storage {
+            half: self.exr_half,
+            compression: self.exr_compression,
+        }
+    }
+
+    fn display(self, picture: &Buffer) -> Display {
         let exposure = match self.exposure {
             Exposure::Auto => auto_exposure(picture),
             Exposure::Stops(stops) => stops,
@@ -90,18 +104,20 @@ impl DisplayArgs {
     }
 }
 
-/// Facts about a picture that was written.
+/// Picture that was written.
 pub(super) struct Written {
     /// Exposure of the PNG files, if there are any.
     pub(super) exposure: Option<f32>,
     /// Estimated relative error of the picture, before it was denoised.
     pub(super) error: f64,
+    /// The picture.
+    pub(super) shown: Buffer,
 }
 
 /// The files that a picture is written to.
 pub(super) struct Outputs {
     files: Vec<PathBuf>,
-    display: DisplayArgs,
+    args: FileArgs,
     resolve: ResolveArgs,
     denoiser: Option<Denoiser>,
 }
@@ -110,7 +126,7 @@ impl Outputs {
     /// Checks before anything is rendered that the files can be written at all.
     pub(super) fn new(
         files: &[PathBuf],
-        display: DisplayArgs,
+        args: FileArgs,
         resolve: ResolveArgs,
     ) -> anyhow::Result<Self> {
         for file in files {
@@ -126,7 +142,7 @@ impl Outputs {
         }
         Ok(Self {
             files: files.to_vec(),
-            display,
+            args,
             resolve,
             denoiser: resolve.denoiser()?,
         })
@@ -140,9 +156,16 @@ impl Outputs {
 
     /// Writes every file, each whole or not at all.
     ///
-    /// Of several levels the one of every pixel is chosen; EXR files then have the layers `level`, `bias2`, `variance` and
-    /// `error` in place of the statistics of the film, as does a denoised picture.
-    pub(super) fn write(&self, picture: &Picture, metadata: &Metadata) -> anyhow::Result<Written> {
+    /// EXR files get the layers, and the place of the camera if it is known. Of several levels the one of every pixel is
+    /// chosen; EXR files then have the layers `level`, `bias2`, `variance` and `error` in place of the statistics of the
+    /// film, as does a denoised picture.
+    pub(super) fn write(
+        &self,
+        picture: &Picture,
+        mut layers: Vec<Layer>,
+        camera: Option<&Camera>,
+        metadata: &Metadata,
+    ) -> anyhow::Result<Written> {
         let args = self.resolve;
         let resolved =
             (picture.levels.as_ref()).map(|film| (film, resolve_film(film, args.robust)));
@@ -150,11 +173,11 @@ impl Outputs {
             Some((_, resolved)) => resolved.picture.clone(),
             None => picture.film.mean(),
         };
-        let mut layers = layers(picture);
         if let Some(denoiser) = &self.denoiser {
-            let aovs = (picture.aovs.as_ref()).context("--denoise needs a render with --aov");
-            let aovs = aovs.usage()?;
-            let clean = denoiser.denoise(&shown, &aovs.albedo(), &aovs.normal())?;
+            let first = picture.aovs.as_ref().and_then(|a| a.first.as_ref());
+            let first = first.context("--denoise needs a render with --aov albedo,normal");
+            let first = first.usage()?;
+            let clean = denoiser.denoise(&shown, &first.albedo(), &first.normal())?;
             layers.push(Layer::rgb("noisy", &shown));
             shown = clean;
         }
@@ -169,17 +192,22 @@ impl Outputs {
                 layers.extend((0..film.levels()).map(level));
             }
         }
+        let header = Header {
+            metadata,
+            storage: self.args.storage(),
+            world_to_camera: camera.map(Camera::world_to_camera),
+        };
         let is_png = |file: &PathBuf| file.extension().is_some_and(|e| e == "png");
-        let display = (self.files.iter().any(is_png)).then(|| self.display.of(&shown));
+        let display = (self.files.iter().any(is_png)).then(|| self.args.display(&shown));
         for file in &self.files {
             let (film, whole) = (&picture.film, resolved.is_some() || args.denoise);
             if let Some(display) = display.filter(|_| is_png(file)) {
                 png::write(file, &shown, display).output()?;
             } else if whole {
                 let part = (film.size, film.window);
-                exr::write_layers(file, part, &shown, &layers, metadata).output()?;
+                exr::write_layers(file, part, &shown, &layers, header).output()?;
             } else {
-                exr::write_film(file, film, &layers, metadata).output()?;
+                exr::write_film(file, film, &layers, header).output()?;
             }
         }
         Ok(Written {
@@ -188,6 +216,7 @@ impl Outputs {
                 Some((_, resolved)) => resolved.relative_error(),
                 None => picture.film.relative_error(),
             },
+            shown,
         })
     }
 }
@@ -227,18 +256,6 @@ pub(super) fn print(text: impl AsRef<[u8]>) -> anyhow::Result<()> {
     }
 }
 
-fn layers(picture: &Picture) -> Vec<Layer> {
-    let Some(aovs) = &picture.aovs else {
-        return Vec::new();
-    };
-    let depth = aovs.depth().pixels.iter().map(|p| p.x).collect();
-    vec![
-        Layer::rgb("albedo", &aovs.albedo()),
-        Layer::xyz("normal", &aovs.normal()),
-        Layer::scalar("depth", depth),
-    ]
-}
-
 /// Origin of a picture, for the metadata of its file.
 pub(super) struct Provenance {
     pub(super) command: String,
@@ -250,12 +267,20 @@ pub(super) struct Provenance {
     pub(super) table_tuning: Option<TableTuning>,
     /// Scales of the levels; empty for one level.
     pub(super) levels: Vec<f32>,
+    /// Options that choose the picture, by name.
+    pub(super) settings: Vec<(&'static str, String)>,
     pub(super) reproducible: bool,
 }
 
 impl Provenance {
-    /// The EXR metadata of a picture with this many samples.
-    pub(super) fn metadata(&self, spp: u32, seconds: f64, threads: usize) -> Metadata {
+    /// The EXR metadata of a picture with this many samples, of which so many were refused.
+    pub(super) fn metadata(
+        &self,
+        spp: u32,
+        refused: u64,
+        seconds: f64,
+        threads: usize,
+    ) -> Metadata {
         let mut metadata = Metadata::new();
         let mut set = |key: &str, value: String| {
             metadata.insert(key.to_owned(), value);
@@ -265,6 +290,10 @@ impl Provenance {
         set("scene", self.scene.clone());
         set("scene_sha256", self.scene_hash.clone());
         set("spp", spp.to_string());
+        set("refused_samples", refused.to_string());
+        for (key, value) in &self.settings {
+            set(key, value.clone());
+        }
         if let Some(hash) = &self.table_hash {
             set("table_sha256", hash.clone());
         }

@@ -1,23 +1,31 @@
 //! `opsr render`: a glTF scene in, a picture out.
 
+use super::aovs::{self, Layers};
 use super::bar::{Bar, Style};
 use super::live::Live;
-use super::output::{Outputs, Provenance, Written, can_write};
+use super::output::{Outputs, Provenance, can_write};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
-use super::{Blame, Exit, job, tune};
+use super::{Blame, Exit, job, trace, tune};
 use anyhow::{Context, anyhow};
+use opsr::files;
+use opsr::image::Buffer;
 use opsr::image::film::{Film, Window};
 use opsr::image::level_film::LevelFilm;
+use opsr::image::metric::relmse;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
-use opsr::integrator::{FirstHit, Picture, Settings, View};
+use opsr::integrator::{Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
 use opsr::regularise::AttenuationTable;
+use opsr::report::compare::Named;
+use opsr::scene::Camera;
 use opsr::tune::resolve::{relative_error, unseen_share};
+use std::cell::Cell;
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// Interval of checkpoints unless another is asked for.
@@ -28,8 +36,8 @@ pub(super) const DEFAULT_SPP: u32 = 128;
 
 /// Runs the command.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
-    let outputs = Outputs::new(&args.output, args.display, args.resolve)?;
-    if let Some(path) = &args.checkpoint {
+    let outputs = Outputs::new(&args.output, args.files, args.resolve)?;
+    for path in args.checkpoint.iter().chain(&args.stats) {
         can_write(path).output()?;
     }
     super::set_threads(args.threads)?;
@@ -44,6 +52,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         return Ok(Exit::Stopped);
     }
     settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;
+    aovs::check(args, &settings)?;
     let provenance = Provenance {
         command: std::env::args().collect::<Vec<_>>().join(" "),
         seed: args.seed,
@@ -52,6 +61,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         table_hash: method.table_sha256,
         levels: settings.levels.clone(),
         table_tuning: settings.rule.table().map(AttenuationTable::tuning),
+        settings: job::words(args),
         reproducible: args.reproducible,
     };
     RenderJob {
@@ -89,6 +99,11 @@ impl RenderJob<'_> {
         let size = tune::size(args, &self.opened)?;
         let aspect = size.x as f32 / size.y as f32;
         let camera = scene::camera(&self.opened.scene, args.camera.as_deref(), aspect)?;
+        if let Some(pixel) = args.trace_pixel {
+            let view = View::new(&self.opened.scene, &camera, size, Window::full(size));
+            trace::run(args, &self.settings, &view, pixel)?;
+            return Ok(Exit::Done);
+        }
         let fingerprint = self.fingerprint(size);
         let (mut picture, start, spent) = self.start(size, &fingerprint)?;
         let live = match &args.tev {
@@ -113,10 +128,26 @@ impl RenderJob<'_> {
             .save(path)
             .output()
         };
+        let view = View::of(&self.opened.scene, &camera, &picture.film);
+        let layers = Layers::new(&args.aov, &view);
+        let truth = match &args.reference {
+            Some(path) => Some(Truth::load(path, &picture.film)?),
+            None => None,
+        };
+        let write = |picture: &Picture, progress: &RenderProgress| {
+            let seconds = spent + progress.elapsed.as_secs_f64();
+            let refused = picture.film.rejected.total();
+            let threads = rayon::current_num_threads();
+            let metadata = (self.provenance).metadata(progress.samples, refused, seconds, threads);
+            let layers = layers.of(picture);
+            (self.outputs).write(picture, layers, Some(&camera), &metadata)
+        };
         let mut saved = Instant::now();
         let mut trouble = None;
         let mut listener = |progress: &RenderProgress, picture: &Picture| {
-            bar.show(progress);
+            let shown = || args.resolve.shown(picture);
+            let known = truth.as_ref();
+            bar.show(progress, known.and_then(|truth| truth.now_and_then(shown)));
             if let Some(view) = &live {
                 view.show(args.resolve.shown(picture));
             }
@@ -126,7 +157,7 @@ impl RenderJob<'_> {
             if every.is_some_and(|every| saved.elapsed() >= every) {
                 saved = Instant::now();
                 let partial = match args.save_every {
-                    Some(_) => self.write(picture, progress, spent).map(|_| ()),
+                    Some(_) => write(picture, progress).map(|_| ()),
                     None => Ok(()),
                 };
                 if let Err(error) = partial.and_then(|()| checkpoint(progress, picture)) {
@@ -136,7 +167,6 @@ impl RenderJob<'_> {
             }
             self.stop.flow()
         };
-        let view = View::of(&self.opened.scene, &camera, &picture.film);
         let (progress, reason) = drive(
             &mut *self.settings.integrator(),
             &view,
@@ -151,12 +181,26 @@ impl RenderJob<'_> {
         }
         // If one of the two cannot be saved, the other still is.
         let kept = checkpoint(&progress, &picture);
-        let written = self.write(&picture, &progress, spent)?;
+        let written = write(&picture, &progress)?;
         kept?;
         if let Some(view) = live {
             view.finish();
         }
-        self.report(&picture, &progress, start, &written);
+        let ended = Ended {
+            film: &picture.film,
+            progress: &progress,
+            start,
+            camera: &camera,
+            exposure: written.exposure,
+            error: written.error,
+            unseen: unseen_share(&picture),
+            true_error: truth.and_then(|truth| truth.error(&written.shown)),
+        };
+        if let Some(path) = &args.stats {
+            let text = format!("{:#}\n", self.statistics(&ended, spent));
+            files::write_bytes(path, text).output()?;
+        }
+        self.report(&ended);
         Ok(if reason == Reason::Stopped {
             Exit::Stopped
         } else {
@@ -171,7 +215,11 @@ impl RenderJob<'_> {
         if args.resolve.level_layers {
             each += LEVEL_LAYER_BYTES;
         }
-        let aovs = if args.aov { AOV_BYTES } else { 0 };
+        let aovs = if aovs::recorded(args)[0] {
+            AOV_BYTES
+        } else {
+            0
+        };
         let levels = self.settings.levels.len() as u64;
         let bytes = window.len() as u64 * (FILM_BYTES + aovs + levels * each);
         let pixels = format!("{}x{} pixels", window.w, window.h);
@@ -204,13 +252,13 @@ impl RenderJob<'_> {
     fn fingerprint(&self, size: UVec2) -> Fingerprint {
         let args = self.args;
         let settings = format!(
-            "{}, {}x{}, crop {:?}, camera {:?}, aov {}, {}",
+            "{}, {}x{}, crop {:?}, camera {:?}, aov {:?}, {}",
             self.settings.fingerprint(),
             size.x,
             size.y,
-            args.crop,
+            args.crop.map(|crop| crop.of(size)),
             args.camera,
-            args.aov || args.resolve.denoise,
+            aovs::recorded(args),
             args.scene.words(),
         );
         Fingerprint {
@@ -223,7 +271,7 @@ impl RenderJob<'_> {
     /// The picture to continue, the number of its samples, and the seconds spent on them.
     fn start(&self, size: UVec2, ours: &Fingerprint) -> anyhow::Result<(Picture, u32, f64)> {
         let args = self.args;
-        let window = args.crop.unwrap_or(Window::full(size));
+        let window = job::window(args, size);
         Film::check(size, window)
             .context(job::window_option(args))
             .usage()?;
@@ -240,7 +288,7 @@ impl RenderJob<'_> {
             }
         }
         let film = Film::cropped(size, window).usage()?;
-        let aovs = (args.aov || args.resolve.denoise).then(|| FirstHit::new(window));
+        let aovs = aovs::record(args, window);
         let levels = self.settings.levels.len();
         if levels > 0 {
             let bytes = LevelFilm::bytes(window.len(), levels);
@@ -250,42 +298,30 @@ impl RenderJob<'_> {
         Ok((Picture { film, aovs, levels }, 0, 0.0))
     }
 
-    /// Writes the files; the estimated relative error of the picture.
-    fn write(
-        &self,
-        picture: &Picture,
-        progress: &RenderProgress,
-        spent: f64,
-    ) -> anyhow::Result<Written> {
-        let seconds = spent + progress.elapsed.as_secs_f64();
-        let threads = rayon::current_num_threads();
-        let metadata = self.provenance.metadata(progress.samples, seconds, threads);
-        self.outputs.write(picture, &metadata)
-    }
-
     /// Reports what was written with the statistics of the render, and the refused samples.
-    fn report(&self, picture: &Picture, progress: &RenderProgress, start: u32, written: &Written) {
-        let film = &picture.film;
+    fn report(&self, ended: &Ended<'_>) {
+        let Ended { film, progress, .. } = ended;
         let seconds = progress.elapsed.as_secs_f64();
-        // Samples of an earlier run took no time of this one.
-        let paths = f64::from(progress.samples - start) * film.pixels.len() as f64;
-        let rate = if paths > 0.0 {
-            format!("{:.3} million paths/s", paths / seconds / 1e6)
-        } else {
-            "no new samples: the checkpoint has as many as were asked for, or more".to_owned()
+        let rate = match ended.paths() {
+            0 => "no new samples: the checkpoint has as many as were asked for, or more".to_owned(),
+            paths => format!("{:.3} million paths/s", paths as f64 / seconds / 1e6),
         };
-        let mut error = match written.error {
+        let exposure = (ended.exposure).map_or(String::new(), |e| format!(", exposure {e:+}"));
+        let camera = match self.opened.scene.parts().cameras.is_empty() {
+            true => format!(", {}, since the file has no camera", ended.camera.name),
+            false => String::new(),
+        };
+        let mut error = match ended.error {
             error if error.is_finite() => format!(", estimated relative error {error:.4}"),
             _ => String::new(),
         };
-        let unseen = 100.0 * unseen_share(picture);
-        if unseen >= 0.05 {
-            error += &format!(", {unseen:.1} % of the light found by roughened lobes alone");
+        if ended.unseen >= 0.0005 {
+            let percent = 100.0 * ended.unseen;
+            error += &format!(", {percent:.1} % of the light found by roughened lobes alone");
         }
-        let exposure =
-            (written.exposure).map_or(String::new(), |stops| format!(", exposure {stops:+}"));
+        let truth = (ended.true_error).map_or(String::new(), |e| format!(", true error {e:.4}"));
         let summary = format!(
-            "{}: {}x{}{exposure}, {} spp in {seconds:.2} s, {rate}{error}",
+            "{}: {}x{}{exposure}{camera}, {} spp in {seconds:.2} s, {rate}{error}{truth}",
             self.outputs.names(),
             film.window.w,
             film.window.h,
@@ -322,5 +358,107 @@ impl RenderJob<'_> {
                 first.collect::<Vec<_>>().join("; ")
             );
         }
+    }
+
+    /// Statistics for programs.
+    fn statistics(&self, ended: &Ended<'_>, spent: f64) -> serde_json::Value {
+        let Ended { film, progress, .. } = ended;
+        let seconds = progress.elapsed.as_secs_f64();
+        let scene = &self.opened.scene;
+        let settings = self.provenance.settings.iter();
+        let settings = settings.map(|(key, value)| ((*key).to_owned(), value.clone().into()));
+        let Window { x, y, w, h } = film.window;
+        let finite = |x: f64| x.is_finite().then_some(x);
+        serde_json::json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "command": self.provenance.command,
+            "settings": serde_json::Map::from_iter(settings),
+            "seed": self.settings.seed,
+            "files": self.args.output,
+            "scene": {
+                "file": self.provenance.scene,
+                "sha256": self.opened.hash,
+                "triangles": scene.geometry().len(),
+                "emissive_triangles": scene.lights().emissive_triangles(),
+                "materials": scene.parts().materials.len(),
+            },
+            "camera": ended.camera.name,
+            "frame": [film.size.x, film.size.y],
+            "window": [x, y, w, h],
+            "threads": rayon::current_num_threads(),
+            "spp": progress.samples,
+            "seconds": seconds,
+            "seconds_of_earlier_runs": spent,
+            "paths": ended.paths(),
+            "paths_per_second": finite(ended.paths() as f64 / seconds),
+            "relative_error": finite(ended.error),
+            "true_error": ended.true_error.and_then(finite),
+            "exposure": ended.exposure,
+            "refused": { "nan": film.rejected.nan, "infinite": film.rejected.infinite },
+            "clipped_variances": film.clipped_variances(),
+        })
+    }
+}
+
+/// A render that has ended.
+struct Ended<'a> {
+    film: &'a Film,
+    progress: &'a RenderProgress,
+    /// Samples of an earlier run, which took no time of this one.
+    start: u32,
+    camera: &'a Camera,
+    exposure: Option<f32>,
+    /// Estimated relative error.
+    error: f64,
+    /// Share of the light that roughened lobes alone found.
+    unseen: f64,
+    true_error: Option<f64>,
+}
+
+impl Ended<'_> {
+    /// Paths of this run.
+    fn paths(&self) -> u64 {
+        u64::from(self.progress.samples - self.start) * self.film.pixels.len() as u64
+    }
+}
+
+/// The picture that a render should come to.
+struct Truth {
+    reference: Buffer,
+    /// The latest error, and when it was computed.
+    latest: Cell<Option<(Instant, f64)>>,
+}
+
+/// Interval at which the true error is computed while rendering.
+const TRUTH_EVERY: Duration = Duration::from_secs(1);
+
+impl Truth {
+    fn load(path: &Path, film: &Film) -> anyhow::Result<Self> {
+        let (name, window) = (path.display(), film.window);
+        let reference = Named::load(path).input()?.showing(film.size, window);
+        let wrong = || anyhow!("--reference {name}: does not show the {window} of this render");
+        let reference = reference.ok_or_else(wrong).usage()?;
+        relmse(&reference, &reference)
+            .with_context(|| name.to_string())
+            .input()?;
+        let latest = Cell::new(None);
+        Ok(Self { reference, latest })
+    }
+
+    /// Root of the relMSE.
+    fn error(&self, picture: &Buffer) -> Option<f64> {
+        Some(relmse(picture, &self.reference).ok()?.value.sqrt())
+    }
+
+    /// The error of the picture so far, seldom computed.
+    fn now_and_then(&self, shown: impl FnOnce() -> Buffer) -> Option<f64> {
+        if let Some((at, error)) = self.latest.get()
+            && at.elapsed() < TRUTH_EVERY
+        {
+            return Some(error);
+        }
+        let error = self.error(&shown())?;
+        self.latest.set(Some((Instant::now(), error)));
+        Some(error)
     }
 }

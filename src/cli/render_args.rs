@@ -1,13 +1,12 @@
 //! Options of `opsr render`.
 
+use super::aovs::Aov;
 use super::bar::Style;
 use super::job;
-use super::output::{DisplayArgs, ResolveArgs};
+use super::output::{FileArgs, ResolveArgs};
 use super::scene::{self, SceneArgs};
 use clap::Args;
-use opsr::image::film::Window;
 use opsr::integrator::method::{MethodSpec, unit};
-use opsr::math::UVec2;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -33,12 +32,13 @@ pub(super) struct RenderArgs {
     #[arg(long, value_name = "X", value_parser = scene::positive)]
     pub(super) target_error: Option<f32>,
 
-    /// Size of the picture; without it 512 rows, as wide as the camera asks for.
-    #[arg(long, value_name = "WxH", value_parser = job::size)]
-    pub(super) size: Option<UVec2>,
-    /// Render only this part of the picture.
-    #[arg(long, value_name = "X,Y,W,H", value_parser = job::window)]
-    pub(super) crop: Option<Window>,
+    /// Size of the picture, or a share such as 50% or 1/2 of the size without this option: 512 rows, as wide as the camera
+    /// asks for.
+    #[arg(long, value_name = "WxH|SHARE", value_parser = job::size)]
+    pub(super) size: Option<job::Size>,
+    /// Render only this part of the picture; each number in pixels, or a share of width or height such as 25% or 1/4.
+    #[arg(long, value_name = "X,Y,W,H", value_parser = job::crop)]
+    pub(super) crop: Option<job::Crop>,
     /// Camera by name or number (from 0).
     #[arg(long, value_name = "NAME")]
     pub(super) camera: Option<String>,
@@ -72,11 +72,18 @@ pub(super) struct RenderArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(super) threads: Option<u16>,
 
-    /// Add albedo, normal and depth layers to EXR files.
-    #[arg(long)]
-    pub(super) aov: bool,
+    /// Add layers to EXR files; without a list albedo, normal and depth.
+    #[arg(
+        long,
+        value_enum,
+        value_name = "LAYERS",
+        value_delimiter = ',',
+        num_args = 0..=1,
+        default_missing_value = "albedo,normal,depth"
+    )]
+    pub(super) aov: Vec<Aov>,
     #[command(flatten)]
-    pub(super) display: DisplayArgs,
+    pub(super) files: FileArgs,
     /// Leave times out of the files, so that equal renders are equal files.
     #[arg(long)]
     pub(super) reproducible: bool,
@@ -93,6 +100,18 @@ pub(super) struct RenderArgs {
     /// Continue from the checkpoint; one of another scene or of other settings is refused.
     #[arg(long, requires = "checkpoint")]
     pub(super) resume: bool,
+    /// Show the true error against this picture (root of the relMSE), while rendering and at the end.
+    #[arg(long, value_name = "FILE")]
+    pub(super) reference: Option<PathBuf>,
+    /// Write statistics of the render to this file (.json).
+    #[arg(long, value_name = "FILE")]
+    pub(super) stats: Option<PathBuf>,
+    /// Print the paths of a pixel instead of rendering: those of its first samples, as many as --spp says (or 4).
+    #[arg(long, value_name = "X,Y", value_parser = job::pixel)]
+    pub(super) trace_pixel: Option<job::Pixel>,
+    /// Print the path of this sample (from 0) only.
+    #[arg(long, value_name = "N", requires = "trace_pixel")]
+    pub(super) sample: Option<u32>,
     /// Show the picture in the viewer tev while it is made.
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:14158")]
     pub(super) tev: Option<String>,

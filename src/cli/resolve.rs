@@ -1,7 +1,7 @@
 //! `opsr resolve`: the choice among levels, made again from a checkpoint.
 
 use super::Blame;
-use super::output::{DisplayArgs, Outputs, ResolveArgs};
+use super::output::{FileArgs, Outputs, ResolveArgs};
 use anyhow::anyhow;
 use opsr::image::exr::Metadata;
 use opsr::integrator::checkpoint::Checkpoint;
@@ -19,12 +19,12 @@ pub(super) struct Args {
     #[command(flatten)]
     resolve: ResolveArgs,
     #[command(flatten)]
-    display: DisplayArgs,
+    files: FileArgs,
 }
 
 /// Runs the command.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let outputs = Outputs::new(&args.output, args.display, args.resolve)?;
+    let outputs = Outputs::new(&args.output, args.files, args.resolve)?;
     let film = Checkpoint::open(&args.film).input()?;
     let path = args.film.display();
     let version = env!("CARGO_PKG_VERSION");
@@ -44,6 +44,6 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         ("levels", format!("{:?}", film.levels)),
     ];
     let metadata: Metadata = metadata.map(|(key, value)| (key.to_owned(), value)).into();
-    outputs.write(&film.picture, &metadata)?;
+    outputs.write(&film.picture, Vec::new(), None, &metadata)?;
     Ok(())
 }

@@ -151,12 +151,8 @@ impl SceneArgs {
 pub(super) fn camera(scene: &Scene, wanted: Option<&str>, aspect: f32) -> anyhow::Result<Camera> {
     let cameras = &scene.parts().cameras;
     let Some(wanted) = wanted else {
-        return Ok(cameras.first().cloned().unwrap_or_else(|| {
-            tracing::warn!(
-                "the scene has no camera: using one that sees the whole scene from a corner"
-            );
-            Camera::framing(scene.geometry().bounds(), aspect)
-        }));
+        let first = cameras.first().cloned();
+        return Ok(first.unwrap_or_else(|| scene.framing_camera(aspect)));
     };
     let by_name = cameras.iter().find(|c| c.name == wanted);
     let by_number = || wanted.parse::<usize>().ok().and_then(|i| cameras.get(i));

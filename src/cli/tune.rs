@@ -1,12 +1,13 @@
 //! `--table-scale auto`: scale and contrast of a table from a pilot before the render.
 
+use super::job::Size;
 use super::render::DEFAULT_SPP;
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
 use super::{Blame, job};
 use anyhow::Context;
-use opsr::image::film::{Film, Window};
+use opsr::image::film::Film;
 use opsr::integrator::{Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::tune;
@@ -28,7 +29,7 @@ pub(super) fn tune(
     let size = size(args, opened)?;
     let aspect = size.x as f32 / size.y as f32;
     let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
-    let window = args.crop.unwrap_or(Window::full(size));
+    let window = job::window(args, size);
     let view = View::new(&opened.scene, &camera, size, window);
     let samples = match (args.spp, args.time) {
         (Some(spp), _) => spp,
@@ -95,13 +96,23 @@ fn samples_in(
 
 /// Size of the whole picture.
 pub(super) fn size(args: &RenderArgs, opened: &Opened) -> anyhow::Result<UVec2> {
-    if let Some(size) = args.size {
-        return Ok(size);
-    }
-    let camera = scene::camera(&opened.scene, args.camera.as_deref(), 1.0)?;
+    frame(args.size, args.camera.as_deref(), opened)
+}
+
+/// Size of the whole picture of a camera.
+pub(super) fn frame(
+    size: Option<Size>,
+    camera: Option<&str>,
+    opened: &Opened,
+) -> anyhow::Result<UVec2> {
+    let share = match size {
+        Some(Size::Pixels(size)) => return Ok(size),
+        Some(Size::Share(share)) => share,
+        None => 1.0,
+    };
+    let camera = scene::camera(&opened.scene, camera, 1.0)?;
     let width = (DEFAULT_ROWS as f32 * camera.aspect.unwrap_or(1.0)).round();
-    Ok(UVec2::new(
-        (width as u32).clamp(1, 16 * DEFAULT_ROWS),
-        DEFAULT_ROWS,
-    ))
+    let width = (width as u32).clamp(1, 16 * DEFAULT_ROWS);
+    let scaled = |side: u32| ((share * f64::from(side)).round() as u32).clamp(1, 65536);
+    Ok(UVec2::new(scaled(width), scaled(DEFAULT_ROWS)))
 }

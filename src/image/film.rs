@@ -54,6 +54,15 @@ impl Window {
             && end(self.y, self.h) <= end(outer.y, outer.h)
     }
 
+    /// The pixels of both windows, if there are any.
+    pub fn intersection(&self, other: &Self) -> Option<Self> {
+        let (x, y) = (self.x.max(other.x), self.y.max(other.y));
+        let end = |a: u32, b: u32, c: u32, d: u32| a.saturating_add(b).min(c.saturating_add(d));
+        let w = end(self.x, self.w, other.x, other.w).saturating_sub(x);
+        let h = end(self.y, self.h, other.y, other.h).saturating_sub(y);
+        (w > 0 && h > 0).then_some(Self { x, y, w, h })
+    }
+
     /// Number of pixels.
     pub fn len(&self) -> usize {
         self.w as usize * self.h as usize

@@ -1,13 +1,166 @@
-//! AOVs of the first surface of each path: albedo, normal and depth, for denoisers and compositing.
+//! AOVs: what the first surface of a path is, light by the number of its scatterings, and time, for denoisers and
+//! compositing. Each is recorded only where it is wanted.
 
-use super::ShadingPoint;
 use super::walk::observer::{PathObserver, Recorder};
+use super::{ShadingPoint, View};
 use crate::bsdf::Bsdf;
 use crate::image::Buffer;
-use crate::image::film::Window;
-use crate::math::{DVec3, Rgb, UVec2};
+use crate::image::film::{Film, Window};
+use crate::math::{DVec3, Rgb, UVec2, Vec2, Vec3};
+use crate::scene::{Hit, Surface};
+use rayon::prelude::*;
+use std::time::Instant;
 
-/// PixelSums over the samples of a pixel.
+/// Values of a tile's paths, in order, each with the index of its pixel.
+#[derive(Clone, Debug, PartialEq)]
+struct Log<T> {
+    window: Window,
+    values: Vec<(usize, T)>,
+}
+
+impl<T: Default> Log<T> {
+    fn new(window: Window) -> Self {
+        Self {
+            window,
+            values: Vec::new(),
+        }
+    }
+
+    /// Begins the path of a pixel.
+    fn begin(&mut self, pixel: UVec2) {
+        let (x, y) = (pixel.x - self.window.x, pixel.y - self.window.y);
+        let index = y as usize * self.window.w as usize + x as usize;
+        self.values.push((index, T::default()));
+    }
+
+    /// The value of the current path.
+    fn current(&mut self) -> Option<&mut T> {
+        self.values.last_mut().map(|(_, value)| value)
+    }
+}
+
+fn buffer<T>(window: &Window, sums: &[T], f: impl Fn(&T) -> DVec3) -> Buffer {
+    Buffer {
+        width: window.w as usize,
+        height: window.h as usize,
+        pixels: sums.iter().map(|s| f(s).as_vec3()).collect(),
+    }
+}
+
+/// AOVs of a render, recorded along its paths.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Aovs {
+    /// Albedo, normal, depth and coverage.
+    pub first: Option<FirstHit>,
+    /// Emission and direct light.
+    pub light: Option<LightSplit>,
+    /// Time.
+    pub time: Option<PixelTime>,
+}
+
+impl From<FirstHit> for Aovs {
+    fn from(first: FirstHit) -> Self {
+        Self {
+            first: Some(first),
+            light: None,
+            time: None,
+        }
+    }
+}
+
+impl Aovs {
+    /// AOVs as numbers, for a checkpoint: those of the first surface, of light, and of time.
+    pub fn numbers(&self) -> impl Iterator<Item = f64> {
+        let first = self.first.iter().flat_map(FirstHit::numbers);
+        let light = self.light.iter().flat_map(LightSplit::numbers);
+        first
+            .chain(light)
+            .chain(self.time.iter().flat_map(|t| t.seconds.iter().copied()))
+    }
+
+    /// The inverse of [`Aovs::numbers`], which are as many a pixel as the sum of those of every part: no two sets of parts
+    /// have the same sum. `None` for another number.
+    pub fn from_numbers(window: Window, numbers: &[f64]) -> Option<Self> {
+        let pixels = window.len().max(1);
+        let (first, light, time) = match numbers.len() / pixels {
+            9 => (true, false, false),
+            16 => (true, true, false),
+            10 => (true, false, true),
+            17 => (true, true, true),
+            7 => (false, true, false),
+            8 => (false, true, true),
+            1 => (false, false, true),
+            _ => return None,
+        };
+        let (a, rest) = numbers.split_at(if first { 9 * pixels } else { 0 });
+        let (b, c) = rest.split_at(if light { 7 * pixels } else { 0 });
+        if c.len() != if time { pixels } else { 0 } {
+            return None;
+        }
+        Some(Self {
+            first: match first {
+                true => Some(FirstHit::from_numbers(window, a)?),
+                false => None,
+            },
+            light: light.then(|| LightSplit::from_numbers(window, b)),
+            time: time.then(|| PixelTime {
+                seconds: c.to_vec(),
+                ..PixelTime::new(window)
+            }),
+        })
+    }
+}
+
+impl PathObserver for Aovs {
+    fn begin(&mut self, pixel: UVec2, sample: u32) {
+        // The clock starts last and stops first.
+        self.first.iter_mut().for_each(|o| o.begin(pixel, sample));
+        self.light.iter_mut().for_each(|o| o.begin(pixel, sample));
+        self.time.iter_mut().for_each(|o| o.begin(pixel, sample));
+    }
+
+    fn vertex(&mut self, n: u32, distance: f32, point: &ShadingPoint<'_>) {
+        self.first
+            .iter_mut()
+            .for_each(|o| o.vertex(n, distance, point));
+    }
+
+    fn light(&mut self, scatterings: u32, value: Rgb) {
+        self.light
+            .iter_mut()
+            .for_each(|o| o.light(scatterings, value));
+    }
+
+    fn finish(&mut self, radiance: Rgb) {
+        self.time.iter_mut().for_each(|o| o.finish(radiance));
+        self.light.iter_mut().for_each(|o| o.finish(radiance));
+    }
+}
+
+impl Recorder for Aovs {
+    fn fork(&self) -> Self {
+        Self {
+            first: self.first.as_ref().map(Recorder::fork),
+            light: self.light.as_ref().map(Recorder::fork),
+            time: self.time.as_ref().map(Recorder::fork),
+        }
+    }
+
+    fn join(&mut self, tile: Self) {
+        fn both<T: Recorder>(all: &mut Option<T>, tile: Option<T>) {
+            if let Some((all, tile)) = all.as_mut().zip(tile) {
+                all.join(tile);
+            }
+        }
+        both(&mut self.first, tile.first);
+        both(&mut self.light, tile.light);
+        both(&mut self.time, tile.time);
+    }
+}
+
+// ── the first surface ──
+
+/// Sums over the samples of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct PixelSums {
     albedo: DVec3,
@@ -20,10 +173,9 @@ struct PixelSums {
 /// Records the first vertex of every path in a window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FirstHit {
-    window: Window,
     sums: Vec<PixelSums>,
-    /// First vertices of a tile's paths, in order: index of the pixel, and the surface if the path met one.
-    log: Vec<(usize, Option<Seen>)>,
+    /// First vertices of a tile's paths, if they met a surface.
+    log: Log<Option<Seen>>,
 }
 
 /// Albedo, normal and depth of one first vertex.
@@ -33,41 +185,40 @@ impl FirstHit {
     /// An empty record of a window of the frame.
     pub fn new(window: Window) -> Self {
         Self {
-            window,
             sums: vec![PixelSums::default(); window.len()],
-            log: Vec::new(),
+            log: Log::new(window),
         }
     }
 
     /// Mean reflectance of the first surface; black where there is none.
     pub fn albedo(&self) -> Buffer {
-        self.buffer(|s| (s.albedo / f64::from(s.samples.max(1))).as_vec3())
+        self.buffer(|s| s.albedo / f64::from(s.samples.max(1)))
     }
 
     /// Mean world normal of the first surface; zero where there is none.
     pub fn normal(&self) -> Buffer {
-        self.buffer(|s| (s.normal / f64::from(s.samples.max(1))).as_vec3())
+        self.buffer(|s| s.normal / f64::from(s.samples.max(1)))
     }
 
     /// Mean distance to the first surface over the paths that met one; infinity where none did. All three channels
     /// are the same.
     pub fn depth(&self) -> Buffer {
         self.buffer(|s| {
-            let depth = if s.hits > 0 {
+            DVec3::splat(if s.hits > 0 {
                 s.depth / f64::from(s.hits)
             } else {
                 f64::INFINITY
-            };
-            Rgb::splat(depth as f32)
+            })
         })
     }
 
-    fn buffer(&self, f: impl Fn(&PixelSums) -> Rgb) -> Buffer {
-        Buffer {
-            width: self.window.w as usize,
-            height: self.window.h as usize,
-            pixels: self.sums.iter().map(f).collect(),
-        }
+    /// Share of the paths that met a surface, in [0, 1]. All three channels are the same.
+    pub fn coverage(&self) -> Buffer {
+        self.buffer(|s| DVec3::splat(f64::from(s.hits) / f64::from(s.samples.max(1))))
+    }
+
+    fn buffer(&self, f: impl Fn(&PixelSums) -> DVec3) -> Buffer {
+        buffer(&self.log.window, &self.sums, f)
     }
 
     /// The sums as numbers, for a checkpoint: nine a pixel.
@@ -102,9 +253,8 @@ impl FirstHit {
             samples: c[8] as u32,
         });
         Some(Self {
-            window,
             sums: sums.collect(),
-            log: Vec::new(),
+            log: Log::new(window),
         })
     }
 }
@@ -121,14 +271,12 @@ fn albedo(bsdf: &Bsdf) -> Rgb {
 
 impl PathObserver for FirstHit {
     fn begin(&mut self, pixel: UVec2, _: u32) {
-        let (x, y) = (pixel.x - self.window.x, pixel.y - self.window.y);
-        self.log
-            .push((y as usize * self.window.w as usize + x as usize, None));
+        self.log.begin(pixel);
     }
 
     fn vertex(&mut self, n: u32, distance: f32, point: &ShadingPoint<'_>) {
         if n == 1
-            && let Some((_, seen)) = self.log.last_mut()
+            && let Some(seen) = self.log.current()
         {
             *seen = Some((albedo(&point.bsdf), point.frame.n, distance));
         }
@@ -138,14 +286,13 @@ impl PathObserver for FirstHit {
 impl Recorder for FirstHit {
     fn fork(&self) -> Self {
         Self {
-            window: self.window,
             sums: Vec::new(),
-            log: Vec::new(),
+            log: Log::new(self.log.window),
         }
     }
 
     fn join(&mut self, tile: Self) {
-        for (index, seen) in tile.log {
+        for (index, seen) in tile.log.values {
             let sums = &mut self.sums[index];
             sums.samples += 1;
             if let Some((albedo, normal, depth)) = seen {
@@ -154,6 +301,209 @@ impl Recorder for FirstHit {
                 sums.depth += f64::from(depth);
                 sums.hits += 1;
             }
+        }
+    }
+}
+
+// ── light ──
+
+/// Sums over the samples of a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct LightSums {
+    emission: DVec3,
+    direct: DVec3,
+    samples: u32,
+}
+
+/// Records light by the number of its scatterings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightSplit {
+    sums: Vec<LightSums>,
+    /// Emission and direct light of a tile's paths.
+    log: Log<[Rgb; 2]>,
+}
+
+impl LightSplit {
+    /// An empty record of a window of the frame.
+    pub fn new(window: Window) -> Self {
+        Self {
+            sums: vec![LightSums::default(); window.len()],
+            log: Log::new(window),
+        }
+    }
+
+    /// Light that comes straight from emitters and the environment.
+    pub fn emission(&self) -> Buffer {
+        self.buffer(|s| s.emission / f64::from(s.samples.max(1)))
+    }
+
+    /// Light that was scattered once.
+    pub fn direct(&self) -> Buffer {
+        self.buffer(|s| s.direct / f64::from(s.samples.max(1)))
+    }
+
+    /// Light that was scattered more often: the rest of the film of the same paths.
+    pub fn indirect(&self, film: &Film) -> Buffer {
+        let pairs = self.sums.iter().zip(&film.pixels);
+        let rest =
+            pairs.map(|(s, m)| m.mean - (s.emission + s.direct) / f64::from(s.samples.max(1)));
+        buffer(&self.log.window, &rest.collect::<Vec<_>>(), |&rest| rest)
+    }
+
+    fn buffer(&self, f: impl Fn(&LightSums) -> DVec3) -> Buffer {
+        buffer(&self.log.window, &self.sums, f)
+    }
+
+    /// The sums as numbers, seven a pixel.
+    fn numbers(&self) -> impl Iterator<Item = f64> {
+        self.sums.iter().flat_map(|s| {
+            let (e, d) = (s.emission, s.direct);
+            [e.x, e.y, e.z, d.x, d.y, d.z, f64::from(s.samples)]
+        })
+    }
+
+    fn from_numbers(window: Window, numbers: &[f64]) -> Self {
+        let (chunks, _) = numbers.as_chunks::<7>();
+        let sums = chunks.iter().map(|c| LightSums {
+            emission: DVec3::new(c[0], c[1], c[2]),
+            direct: DVec3::new(c[3], c[4], c[5]),
+            samples: c[6] as u32,
+        });
+        Self {
+            sums: sums.collect(),
+            log: Log::new(window),
+        }
+    }
+}
+
+impl PathObserver for LightSplit {
+    fn begin(&mut self, pixel: UVec2, _: u32) {
+        self.log.begin(pixel);
+    }
+
+    fn light(&mut self, scatterings: u32, value: Rgb) {
+        if let Some(part) = (self.log.current()).and_then(|p| p.get_mut(scatterings as usize)) {
+            *part += value;
+        }
+    }
+
+    fn finish(&mut self, radiance: Rgb) {
+        // The film refuses the sample too.
+        if !radiance.is_finite() {
+            self.log.values.pop();
+        }
+    }
+}
+
+impl Recorder for LightSplit {
+    fn fork(&self) -> Self {
+        Self {
+            sums: Vec::new(),
+            log: Log::new(self.log.window),
+        }
+    }
+
+    fn join(&mut self, tile: Self) {
+        for (index, [emission, direct]) in tile.log.values {
+            let sums = &mut self.sums[index];
+            sums.emission += emission.as_dvec3();
+            sums.direct += direct.as_dvec3();
+            sums.samples += 1;
+        }
+    }
+}
+
+// ── time ──
+
+/// Records the time that the paths of a pixel take.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PixelTime {
+    seconds: Vec<f64>,
+    started: Option<Instant>,
+    log: Log<f32>,
+}
+
+impl PixelTime {
+    /// An empty record of a window of the frame.
+    pub fn new(window: Window) -> Self {
+        Self {
+            seconds: vec![0.0; window.len()],
+            started: None,
+            log: Log::new(window),
+        }
+    }
+
+    /// Seconds of all paths of each pixel.
+    pub fn seconds(&self) -> Vec<f32> {
+        self.seconds.iter().map(|&s| s as f32).collect()
+    }
+}
+
+impl PathObserver for PixelTime {
+    fn begin(&mut self, pixel: UVec2, _: u32) {
+        self.log.begin(pixel);
+        self.started = Some(Instant::now());
+    }
+
+    fn finish(&mut self, _: Rgb) {
+        if let Some((started, seconds)) = self.started.zip(self.log.current()) {
+            *seconds = started.elapsed().as_secs_f32();
+        }
+    }
+}
+
+impl Recorder for PixelTime {
+    fn fork(&self) -> Self {
+        Self {
+            seconds: Vec::new(),
+            started: None,
+            log: Log::new(self.log.window),
+        }
+    }
+
+    fn join(&mut self, tile: Self) {
+        for (index, seconds) in tile.log.values {
+            self.seconds[index] += f64::from(seconds);
+        }
+    }
+}
+
+// ── the centres of pixels ──
+
+/// The surface that the ray through the centre of a pixel meets.
+pub fn centre(view: &View<'_>, pixel: UVec2) -> Option<(Hit, Surface)> {
+    let ray = view.sensor.ray(pixel.as_vec2() + Vec2::splat(0.5));
+    let hit = view.scene.intersect(&ray)?;
+    Some((hit, view.scene.surface(&hit)))
+}
+
+/// AOVs that must not be blended between surfaces: those of the ray through the centre of each pixel.
+#[derive(Clone, Debug)]
+pub struct Centres {
+    /// World position of the surface; zero where there is none.
+    pub position: Buffer,
+    /// Number of the mesh and of the material, from 1; zero where there is none.
+    pub ids: [Vec<f32>; 2],
+}
+
+impl Centres {
+    /// Traces one ray a pixel of the view.
+    pub fn of(view: &View<'_>) -> Self {
+        let mesh = |s: &Surface| view.scene.geometry().triangle_mesh(s.triangle);
+        let found: Vec<(Vec3, [f32; 2])> = (0..view.window.len())
+            .into_par_iter()
+            .map(|i| match centre(view, view.window.pixel(i)) {
+                Some((_, s)) => (
+                    s.position,
+                    [mesh(&s) + 1, s.material + 1].map(|id| id as f32),
+                ),
+                None => (Vec3::ZERO, [0.0; 2]),
+            })
+            .collect();
+        let id = |k: usize| found.iter().map(|(_, ids)| ids[k]).collect();
+        Self {
+            position: buffer(&view.window, &found, |(p, _)| p.as_dvec3()),
+            ids: [id(0), id(1)],
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! A sealed file whose header names the version, the scene and the settings; a file of another render is refused.
 
-use super::{FirstHit, Picture};
+use super::{Aovs, Picture};
 use crate::files::{FileError, Sealed};
 use crate::image::exr::MAX_PIXELS;
 use crate::image::film::{Cause, Film, Rejected, RejectedSample, Window};
@@ -14,8 +14,8 @@ use std::path::Path;
 const FILE: Sealed = Sealed {
     kind: "render checkpoint",
     version: 3,
-    // 56 bytes of film, 72 of AOVs and 400 of eight levels per pixel, and a header.
-    most: 536 * MAX_PIXELS as u64,
+    // 56 bytes of film, 136 of AOVs and 400 of eight levels per pixel, and a header.
+    most: 600 * MAX_PIXELS as u64,
 };
 
 /// Render that a checkpoint belongs to.
@@ -88,7 +88,7 @@ impl Checkpoint {
             if let Some(levels) = &self.picture.levels {
                 levels.write(&mut out)?;
             }
-            for number in self.picture.aovs.iter().flat_map(FirstHit::numbers) {
+            for number in self.picture.aovs.iter().flat_map(Aovs::numbers) {
                 out.write_all(&number.to_le_bytes())?;
             }
             Ok(())
@@ -171,7 +171,7 @@ fn picture(header: &Header, payload: &[u8]) -> Result<Picture, String> {
     };
     let aovs = match &numbers(rest)?[..] {
         [] => None,
-        aovs => Some(FirstHit::from_numbers(window, aovs).ok_or("wrong number of AOVs")?),
+        aovs => Some(Aovs::from_numbers(window, aovs).ok_or("wrong number of AOVs")?),
     };
     Ok(Picture { film, aovs, levels })
 }

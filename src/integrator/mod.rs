@@ -14,13 +14,14 @@ pub mod levels;
 pub mod method;
 pub mod path;
 pub mod settings;
+pub mod trace;
 pub mod walk;
 
 use crate::image::film::{Film, Window};
 use crate::image::level_film::LevelFilm;
 use crate::math::UVec2;
 use crate::scene::{Camera, Scene, Sensor};
-pub use aov::FirstHit;
+pub use aov::{Aovs, FirstHit};
 pub use bidirectional::Bidirectional;
 pub use census::Census;
 pub use path::PathTracer;
@@ -62,8 +63,8 @@ impl<'a> View<'a> {
 pub struct Picture {
     /// The moments of every pixel.
     pub film: Film,
-    /// Albedo, normal and depth, where they are wanted.
-    pub aovs: Option<FirstHit>,
+    /// AOVs, where they are wanted.
+    pub aovs: Option<Aovs>,
     /// Means of all levels in batches, for settings of several levels; `film` then holds level 0.
     pub levels: Option<LevelFilm>,
 }

@@ -149,6 +149,13 @@ pub struct AccumulatedPath {
     shrink: f32,
 }
 
+impl AccumulatedPath {
+    /// Roughness of the vertices so far.
+    pub fn roughness(&self) -> &PathRoughness {
+        &self.roughness
+    }
+}
+
 impl Roughening for Accumulated {
     type Path = AccumulatedPath;
 

@@ -6,8 +6,10 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::files::FileError;
+use crate::image::film::Window;
 use crate::image::metric::{self, BiasVariance, Metric, MetricError, Worst, flip};
 use crate::image::{Buffer, exr, false_colour, png};
+use crate::math::UVec2;
 
 /// A picture and where it comes from.
 #[derive(Clone, Debug)]
@@ -18,32 +20,97 @@ pub struct Named {
     pub picture: Buffer,
     /// True if values above 1 have a meaning: for EXR, not for PNG and JPEG.
     pub hdr: bool,
+    /// The frame and the part of it that the picture shows; `None` if it reaches beyond.
+    pub part: Option<(UVec2, Window)>,
 }
 
 impl Named {
+    /// A picture of a whole frame.
+    pub fn new(name: impl Into<String>, picture: Buffer, hdr: bool) -> Self {
+        let frame = UVec2::new(picture.width as u32, picture.height as u32);
+        Self {
+            name: name.into(),
+            picture,
+            hdr,
+            part: Some((frame, Window::full(frame))),
+        }
+    }
+
     /// Reads an EXR, PNG or JPEG file, chosen by its ending.
     pub fn load(path: &Path) -> Result<Self, FileError> {
+        Self::load_layer(path, None)
+    }
+
+    /// Reads a [layer](exr::Layers::layer) of an EXR file; without one as [`Named::load`] does.
+    pub fn load_layer(path: &Path, layer: Option<&str>) -> Result<Self, FileError> {
         let ending = path
             .extension()
             .and_then(|e| e.to_str())
             .unwrap_or("")
             .to_ascii_lowercase();
-        let (picture, hdr) = match ending.as_str() {
-            "exr" => (exr::read_rgb(path)?, true),
-            "png" | "jpg" | "jpeg" => (png::read(path)?, false),
-            _ => {
-                return Err(FileError::content(
-                    path,
-                    "not a picture this program reads (.exr, .png, .jpg)",
-                ));
+        let name = path.display().to_string();
+        match (ending.as_str(), layer) {
+            ("exr", _) => {
+                let file = exr::read_layers(path)?;
+                let picture = layer.map_or_else(|| file.main(), |layer| file.layer(layer));
+                let (x, y) = (file.position.0.try_into(), file.position.1.try_into());
+                let window = x.ok().zip(y.ok()).map(|(x, y)| Window {
+                    x,
+                    y,
+                    w: file.width as u32,
+                    h: file.height as u32,
+                });
+                let inside = |window: &Window| window.inside(&Window::full(file.size));
+                Ok(Self {
+                    part: window.filter(inside).map(|window| (file.size, window)),
+                    ..Self::new(name, picture.map_err(|e| e.at(path))?, true)
+                })
             }
-        };
-        Ok(Self {
-            name: path.display().to_string(),
-            picture,
-            hdr,
-        })
+            ("png" | "jpg" | "jpeg", None) => Ok(Self::new(name, png::read(path)?, false)),
+            (_, Some(_)) => Err(FileError::content(path, "only EXR files have layers")),
+            _ => Err(FileError::content(
+                path,
+                "not a picture this program reads (.exr, .png, .jpg)",
+            )),
+        }
     }
+
+    /// The picture of a window of a frame; `None` if it shows another frame, or not all of the window. A picture that is
+    /// just as large as the window is taken for it.
+    pub fn showing(mut self, frame: UVec2, window: Window) -> Option<Buffer> {
+        let size = (window.w as usize, window.h as usize);
+        if self.part.is_some_and(|(own, _)| own == frame) {
+            self.cut(window);
+        }
+        (self.picture.size() == size).then_some(self.picture)
+    }
+
+    /// The picture inside a window of its frame, which it must show.
+    fn cut(&mut self, to: Window) {
+        if let Some((_, from)) = self.part.as_mut().filter(|(_, from)| to.inside(from)) {
+            let (x, y) = ((to.x - from.x) as usize, (to.y - from.y) as usize);
+            let old = &self.picture;
+            self.picture =
+                Buffer::from_fn(to.w as usize, to.h as usize, |i, j| old.get(x + i, y + j));
+            *from = to;
+        }
+    }
+}
+
+/// Cuts pictures that show different parts of one frame to the part that all of them show. Returns that part; `None` if
+/// there is nothing to cut, or no such part.
+pub fn cut_to_common(pictures: &mut [Named]) -> Option<Window> {
+    let parts: Option<Vec<(UVec2, Window)>> = pictures.iter().map(|p| p.part).collect();
+    let parts = parts?;
+    let &(frame, first) = parts.first()?;
+    let equal = parts.iter().all(|(_, window)| *window == first);
+    if equal || parts.iter().any(|(other, _)| *other != frame) {
+        return None;
+    }
+    let common =
+        (parts.iter()).try_fold(first, |common, (_, window)| common.intersection(window))?;
+    pictures.iter_mut().for_each(|p| p.cut(common));
+    Some(common)
 }
 
 /// Options of a comparison.

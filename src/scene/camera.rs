@@ -35,6 +35,21 @@ pub enum Projection {
     },
 }
 
+/// Three-quarter views: a side, a little from its right or left, and from above.
+const VIEWS: [(DVec3, &str); 8] = [
+    (DVec3::new(0.6, 0.45, 1.0), "front right (+z +x)"),
+    (DVec3::new(-0.6, 0.45, 1.0), "front left (+z -x)"),
+    (DVec3::new(1.0, 0.45, 0.6), "right front (+x +z)"),
+    (DVec3::new(-1.0, 0.45, 0.6), "left front (-x +z)"),
+    (DVec3::new(1.0, 0.45, -0.6), "right back (+x -z)"),
+    (DVec3::new(-1.0, 0.45, -0.6), "left back (-x -z)"),
+    (DVec3::new(0.6, 0.45, -1.0), "back right (-z +x)"),
+    (DVec3::new(-0.6, 0.45, -1.0), "back left (-z -x)"),
+];
+
+/// Least sine of the angle between light and the vertical at which it has a side.
+const SLANT: f32 = 0.1;
+
 impl Camera {
     /// The ray through a film position, for a picture of the given width over height.
     #[inline]
@@ -77,6 +92,19 @@ impl Camera {
         Some((film, wo, distance))
     }
 
+    /// Matrix of the OpenEXR attribute `worldToCamera`, row by row, for points as row vectors: x to the right, y up, and z
+    /// along the view.
+    pub fn world_to_camera(&self) -> [f32; 16] {
+        let Frame { s, t, n } = self.frame;
+        let axes = [s, t, -n];
+        let [x, y, z] = axes.map(|axis| -axis.dot(self.position));
+        let row = |k: usize| axes.map(|axis| axis[k]);
+        let [a, b, c] = [row(0), row(1), row(2)];
+        [
+            a[0], a[1], a[2], 0.0, b[0], b[1], b[2], 0.0, c[0], c[1], c[2], 0.0, x, y, z, 1.0,
+        ]
+    }
+
     /// A pinhole at `from` that looks at `to`, with a vertical field of view in radians.
     pub fn look_at(from: Vec3, to: Vec3, up: Vec3, fov_y: f32) -> Self {
         let n = (from - to).normalize();
@@ -96,9 +124,26 @@ impl Camera {
         }
     }
 
-    /// A camera that sees a whole box from a raised corner, for a picture of the given width over height. A box that is
-    /// empty, a point or not finite is replaced by the unit cube around its centre, or around the origin.
+    /// A camera that sees a whole box in three-quarter view from the front right, for a picture of the given width over
+    /// height. A box that is empty, a point or not finite is replaced by the unit cube around its centre, or around the
+    /// origin.
     pub fn framing(bounds: (Vec3, Vec3), aspect: f32) -> Self {
+        Self::framing_lit(bounds, Vec3::ZERO, aspect)
+    }
+
+    /// [`Camera::framing`] from the corner on the side of the light, which comes from the direction `light`. Light from
+    /// above, or from nowhere, leaves it where it is.
+    pub fn framing_lit(bounds: (Vec3, Vec3), light: Vec3, aspect: f32) -> Self {
+        let mut from = VIEWS[0];
+        if light.with_y(0.0).length() > SLANT * light.length() {
+            let lit = |&(view, _): &(DVec3, &str)| view.with_y(0.0).dot(light.as_dvec3());
+            for view in VIEWS {
+                if lit(&view) > lit(&from) {
+                    from = view;
+                }
+            }
+        }
+        let (n, name) = from;
         let (low, high) = (bounds.0.as_dvec3(), bounds.1.as_dvec3());
         let mut centre = 0.5 * (low + high);
         let mut half = 0.5 * (high - low);
@@ -114,7 +159,7 @@ impl Camera {
         } else {
             1.0
         };
-        let n = DVec3::new(0.6, 0.45, 1.0).normalize();
+        let n = n.normalize();
         let s = DVec3::Y.cross(n).normalize();
         let t = n.cross(s);
         let fov_y = 40f64.to_radians();
@@ -135,7 +180,7 @@ impl Camera {
                 t: t.as_vec3(),
                 n: n.as_vec3(),
             },
-            name: "framing".to_owned(),
+            name: format!("three-quarter view from the {name}"),
             projection: Projection::Perspective {
                 tan_half_y: tan_y as f32,
             },
@@ -185,6 +230,28 @@ mod tests {
                 }
                 assert!(furthest > 0.6, "{low} {high} {aspect}: {furthest}");
             }
+        }
+    }
+
+    #[test]
+    fn camera_framing_stands_on_the_lit_side() {
+        let bounds = (-Vec3::ONE, Vec3::ONE);
+        let plain = Camera::framing(bounds, 1.0);
+        for above in [Vec3::Y, Vec3::new(0.05, 1.0, -0.05), Vec3::ZERO] {
+            let camera = Camera::framing_lit(bounds, above, 1.0);
+            assert_eq!(camera.position, plain.position, "{above}");
+        }
+        for i in 0..16 {
+            let (sin, cos) = (i as f32 * std::f32::consts::FRAC_PI_8).sin_cos();
+            let light = Vec3::new(sin, 0.5, cos);
+            let camera = Camera::framing_lit(bounds, light, 1.0);
+            let from = camera.position.with_y(0.0).normalize();
+            assert!(
+                from.dot(light.with_y(0.0)) > 0.85,
+                "{light} {}",
+                camera.name
+            );
+            assert_eq!(camera.position.y, plain.position.y);
         }
     }
 

@@ -4,7 +4,8 @@
 //! their field names; nothing holds references.
 
 use crate::bsdf::Bsdf;
-use crate::math::{Frame, Ray, Rgb, Vec2, Vec3};
+use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, luminance};
+use crate::sampler::LightU;
 
 pub mod accel;
 pub mod camera;
@@ -138,6 +139,35 @@ impl Scene {
     #[inline]
     pub fn lights(&self) -> &Lights {
         &self.lights
+    }
+
+    /// Camera for a file that has none: all of the scene, from the side that the lights shine on.
+    pub fn framing_camera(&self, aspect: f32) -> Camera {
+        let (low, high) = self.geometry.bounds();
+        let light = self.light_direction(0.5 * (low + high));
+        Camera::framing_lit((low, high), light, aspect)
+    }
+
+    /// Direction from a point towards the lights, weighted by the irradiance that each would send there if nothing stood
+    /// between; zero without lights.
+    fn light_direction(&self, from: Vec3) -> Vec3 {
+        /// Enough to find a side.
+        const SAMPLES: u32 = 1024;
+        // A sequence of low discrepancy: multiples of powers of the root of x⁴ = x + 1.
+        let at = |i: u32, step: f64| (f64::from(i) * step).fract();
+        let one = |i: u32| {
+            let u = LightU {
+                pick: at(i, 0.819_172_513_396_164_4),
+                at: Vec2::new(
+                    at(i, 0.671_043_606_703_789_2) as f32,
+                    at(i, 0.549_700_477_901_97) as f32,
+                ),
+            };
+            let light = self.lights.sample(from, u)?;
+            let towards = light.wi * (luminance(light.radiance) / light.density.value());
+            towards.is_finite().then_some(towards)
+        };
+        (1..=SAMPLES).filter_map(one).sum::<Vec3>() / SAMPLES as f32
     }
 
     /// Closest hit in front of the ray's origin; parts that opacity removes are skipped.

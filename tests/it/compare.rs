@@ -13,11 +13,7 @@ fn shade(x: usize, y: usize) -> Rgb {
 }
 
 fn named(name: &str, f: impl Fn(usize, usize) -> Rgb) -> Named {
-    Named {
-        name: name.to_owned(),
-        picture: Buffer::from_fn(24, 16, f),
-        hdr: true,
-    }
+    Named::new(name, Buffer::from_fn(24, 16, f), true)
 }
 
 fn noisy(name: &str, seed: u32, amount: f32) -> Named {
@@ -141,10 +137,7 @@ fn comparison_errors_name_the_file() {
         "{text}"
     );
 
-    let small = Named {
-        picture: Buffer::filled(3, 3, Rgb::ONE),
-        ..reference.clone()
-    };
+    let small = Named::new("small.exr", Buffer::filled(3, 3, Rgb::ONE), true);
     let error = compare(&[small], &reference, &Options::default())
         .unwrap_err()
         .to_string();

@@ -2,10 +2,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use ::exr::prelude as exrs;
+use exrs::WritableImage;
 use opsr::image::exr::{self, Layer};
 use opsr::image::film::{Film, Window};
 use opsr::image::{Buffer, png};
-use opsr::math::{Rgb, UVec2};
+use opsr::math::{Rgb, UVec2, Vec3};
+use opsr::scene::Camera;
 
 use crate::film::noise;
 
@@ -227,5 +230,137 @@ fn png_round_trip_within_eight_bits() {
             .unwrap_err()
             .to_string()
             .contains("display.png")
+    );
+}
+
+/// A part of an EXR file with these channels of one value each.
+fn part(name: &str, channels: &[(&str, f32)]) -> exrs::Layer<exrs::AnyChannels<exrs::FlatSamples>> {
+    let channel = |&(name, value): &(&str, f32)| {
+        exrs::AnyChannel::new(name, exrs::FlatSamples::F32(vec![value; 12]))
+    };
+    let attributes = exrs::LayerAttributes {
+        layer_name: exrs::Text::new_or_none(name),
+        ..Default::default()
+    };
+    let channels = exrs::AnyChannels::sort(channels.iter().map(channel).collect());
+    exrs::Layer::new((4, 3), attributes, exrs::Encoding::UNCOMPRESSED, channels)
+}
+
+/// Names as Blender writes them in one part (to 4.5) and in many (from 5.0), and as Arnold does.
+#[test]
+fn exr_multilayer_files_of_blender_and_arnold() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("multi.exr");
+    let blender = [
+        ("ViewLayer.Combined.R", 1.0),
+        ("ViewLayer.Combined.G", 2.0),
+        ("ViewLayer.Combined.B", 3.0),
+        ("ViewLayer.Combined.A", 1.0),
+        ("ViewLayer.Depth.Z", 9.0),
+        ("ViewLayer.Normal.X", 0.1),
+        ("ViewLayer.Normal.Y", 0.2),
+        ("ViewLayer.Normal.Z", 0.3),
+    ];
+    let arnold = [
+        ("R", 1.0),
+        ("G", 2.0),
+        ("B", 3.0),
+        ("A", 1.0),
+        ("Depth.Z", 9.0),
+        ("Normal.X", 0.1),
+        ("Normal.Y", 0.2),
+        ("Normal.Z", 0.3),
+    ];
+    let bounds = exrs::IntegerBounds::from_dimensions((4, 3));
+    let image = |parts: Vec<_>| exrs::Image {
+        attributes: exrs::ImageAttributes::new(bounds),
+        layer_data: exrs::Layers::from(parts),
+    };
+    for file in [
+        image(vec![part("", &blender)]),
+        image(vec![
+            part("ViewLayer.Combined", &blender[..4]),
+            part("ViewLayer.Depth", &blender[4..5]),
+            part("ViewLayer.Normal", &blender[5..]),
+        ]),
+        image(vec![part("", &arnold)]),
+        image(vec![part("RGBA", &arnold[..4]), part("rest", &arnold[4..])]),
+    ] {
+        file.write().to_file(&path).unwrap();
+        let first = |picture: Buffer| picture.pixels[0];
+        assert_eq!(
+            first(exr::read_rgb(&path).unwrap()),
+            Rgb::new(1.0, 2.0, 3.0)
+        );
+        let layers = exr::read_layers(&path).unwrap();
+        assert_eq!(first(layers.layer("Depth").unwrap()), Rgb::splat(9.0));
+        assert_eq!(
+            first(layers.layer("Normal").unwrap()),
+            Rgb::new(0.1, 0.2, 0.3)
+        );
+        let missing = layers.layer("Albedo").unwrap_err().to_string();
+        assert!(
+            missing.contains("Albedo") && missing.contains("Normal"),
+            "{missing}"
+        );
+    }
+    let two = [
+        ("a.x.R", 1.0),
+        ("a.x.G", 1.0),
+        ("a.x.B", 1.0),
+        ("b.x.R", 2.0),
+        ("b.x.G", 2.0),
+        ("b.x.B", 2.0),
+    ];
+    image(vec![part("", &two)]).write().to_file(&path).unwrap();
+    let layers = exr::read_layers(&path).unwrap();
+    let error = layers.layer("x").unwrap_err().to_string();
+    assert!(
+        error.contains("more than one") && error.contains("a.x, b.x"),
+        "{error}"
+    );
+    assert!(layers.main().unwrap_err().to_string().contains("a.x, b.x"));
+    assert_eq!(layers.layer("b.x").unwrap().pixels[0].x, 2.0);
+}
+
+/// Standard attributes as other programs read them, and radiance that half floats cannot hold.
+#[test]
+fn exr_half_floats_are_cut_and_attributes_are_standard() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("half.exr");
+    let (from, to) = (Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.0, 0.5, -1.0));
+    let camera = Camera::look_at(from, to, Vec3::Y, 1.0);
+    let metadata = BTreeMap::new();
+    let header = exr::Header {
+        storage: exr::Storage {
+            half: true,
+            ..Default::default()
+        },
+        world_to_camera: Some(camera.world_to_camera()),
+        ..exr::Header::from(&metadata)
+    };
+    let mut film = Film::new(UVec2::new(4, 4));
+    (0..16).for_each(|i| film.push(i, Rgb::new(1e9, 0.1, 0.0), 0));
+    exr::write_film(&path, &film, &[], header).unwrap();
+    let picture = exr::read_rgb(&path).unwrap();
+    assert_eq!(picture.pixels[0].x, 65504.0);
+    assert!((picture.pixels[0].y - 0.1).abs() < 1e-4);
+    let meta = ::exr::meta::MetaData::read_from_file(&path, false).unwrap();
+    let header = &meta.headers[0];
+    let white = header.shared_attributes.chromaticities.unwrap().white;
+    assert_eq!((white.x(), white.y()), (0.3127, 0.329));
+    // Points are row vectors: the target lies straight ahead, at its distance.
+    let m = header.own_attributes.world_to_camera.unwrap();
+    let p = [to.x, to.y, to.z, 1.0];
+    let image: Vec<f32> = (0..4)
+        .map(|j| (0..4).map(|i| p[i] * m[4 * i + j]).sum())
+        .collect();
+    let expected = [0.0, 0.0, from.distance(to), 1.0];
+    assert!(
+        image
+            .iter()
+            .zip(expected)
+            .all(|(a, b)| (a - b).abs() < 1e-5),
+        "{image:?}"
     );
 }

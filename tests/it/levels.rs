@@ -219,7 +219,7 @@ fn determinism_of_levels_over_splits_threads_and_crops() {
     let full = Window::full(size);
     let render = |window: Window, ends: &[u32], threads: usize| {
         let mut picture = blank(size, window);
-        picture.aovs = Some(FirstHit::new(window));
+        picture.aovs = Some(FirstHit::new(window).into());
         let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
         let mut integrator = settings.integrator();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();

@@ -28,7 +28,8 @@ const STAND_INS: [&str; 7] = [
 ];
 
 /// Options whose value is written, not read.
-const OUTPUTS: [&str; 9] = [
+const OUTPUTS: [&str; 10] = [
+    "--stats",
     "-o",
     "--output",
     "--out",
@@ -40,7 +41,9 @@ const OUTPUTS: [&str; 9] = [
     "--checkpoint",
 ];
 
-const SUBCOMMANDS: [&[&str]; 12] = [
+const SUBCOMMANDS: [&[&str]; 14] = [
+    &["completions"],
+    &["man"],
     &["resolve"],
     &["render"],
     &["train"],

@@ -47,7 +47,7 @@ fn resume_renders_stopped_at_fifty_places() {
     };
     let blank = Picture {
         film: Film::cropped(UVec2::new(24, 20), window).expect("inside"),
-        aovs: Some(FirstHit::new(window)),
+        aovs: Some(FirstHit::new(window).into()),
         levels: None,
     };
     let ours = Fingerprint {

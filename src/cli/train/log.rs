@@ -1,4 +1,4 @@
-//! Log of a training, as JSON lines.
+//! Log of a training, as JSON lines, and its curves as CSV for spreadsheets and plots.
 
 use super::{Blame, save};
 use opsr::files;
@@ -43,7 +43,8 @@ impl MetricsLog {
             .values()
             .flat_map(|l| [l.as_str(), "\n"])
             .collect();
-        save(&self.path, &text)
+        save(&self.path, &text)?;
+        save(&self.path.with_extension("csv"), &csv(&self.entries()))
     }
 
     pub(super) fn entries(&self) -> Vec<serde_json::Value> {
@@ -51,4 +52,17 @@ impl MetricsLog {
             .filter_map(|line| serde_json::from_str(line).ok())
             .collect()
     }
+}
+
+/// Step, seconds and mean losses of all entries; what is not known is left empty.
+fn csv(entries: &[serde_json::Value]) -> String {
+    const COLUMNS: [&str; 4] = ["step", "seconds", "loss", "validation"];
+    let row = |entry: &serde_json::Value| {
+        let cells = COLUMNS.map(|key| entry[key].as_f64().map_or(String::new(), |x| x.to_string()));
+        cells.join(",") + "\n"
+    };
+    let rows = entries.iter().map(row);
+    std::iter::once(COLUMNS.join(",") + "\n")
+        .chain(rows)
+        .collect()
 }

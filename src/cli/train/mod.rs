@@ -99,8 +99,8 @@ Examples:
   opsr train --optimiser log --set steps=500 --set 'scenes=[\"rings\", \"basins\"]'
   opsr train --beta 0.001 --out mine --resume   continue after Ctrl-C
 
-The run's folder gets config.toml, report.html and report.json, and for every beta metrics.jsonl, last.ckpt, table.json
-and best.json (lowest validation loss). Recordings of crops are kept in it until the run is complete.";
+The run's folder gets config.toml, report.html and report.json, and for every beta metrics.jsonl, metrics.csv, last.ckpt,
+table.json and best.json (lowest validation loss). Recordings of crops are kept in it until the run is complete.";
 
 /// Settings to start from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -203,16 +203,21 @@ impl TrainArgs {
         ];
         for (key, value) in named {
             if let Some(value) = value {
-                config = config.with_setting(&format!("{key}={value:?}")).input()?;
+                config = config.with_setting(&format!("{key}={value:?}")).usage()?;
             }
         }
         config.steps = self.steps.unwrap_or(config.steps);
         config.spp = self.spp.unwrap_or(config.spp);
         config.seed = self.seed.unwrap_or(config.seed);
         for setting in &self.settings {
-            config = config.with_setting(setting).input()?;
+            config = config.with_setting(setting).usage()?;
         }
-        config.check().input()?;
+        // A file is an input; without one only the command line can be wrong.
+        let checked = config.check();
+        match self.config {
+            Some(_) => checked.input()?,
+            None => checked.usage()?,
+        }
         Ok(config)
     }
 

@@ -1,14 +1,15 @@
 //! EXR files: a film with its statistics and further layers, and pictures read back.
 //!
 //! A file has one part, so every viewer finds the picture as plain `R`, `G`, `B`; layers are channels with a
-//! prefix (`albedo.R`). Lossless ZIP over 16 lines. The crop of a film is the data window, its frame the display
+//! prefix (`albedo.R`). Lossless ZIP over 16 lines unless [`Storage`] says otherwise. The crop of a film is the data window, its frame the display
 //! window. Metadata is one text attribute, a JSON object with sorted keys: separate attributes would be written in
-//! the order of a randomly seeded hash map, and the same render must give the same bytes.
+//! the order of a randomly seeded hash map, and the same render must give the same bytes. Standard attributes are the
+//! chromaticities of Rec. 709 and, where the camera is known, `worldToCamera`.
 
 mod read;
 mod write;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::Buffer;
 use crate::files::Problem;
@@ -23,8 +24,60 @@ pub const MAX_PIXELS: usize = 1 << 28;
 /// Name of the attribute that holds the metadata.
 const METADATA: &str = "opsr";
 
+/// Channels of a colour.
+const RGB: [&str; 3] = ["R", "G", "B"];
+
+/// Last names of layers that hold the main picture.
+const MAIN: [&str; 3] = ["Combined", "RGBA", "beauty"];
+
 /// Text by key, kept in the header of a file.
 pub type Metadata = BTreeMap<String, String>;
+
+/// Lossless codings of pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Compression {
+    /// Pixels as they are.
+    None,
+    /// Run lengths.
+    Rle,
+    /// Deflate, line by line.
+    Zips,
+    /// Deflate over 16 lines.
+    #[default]
+    Zip,
+    /// Wavelets: small files of grainy pictures.
+    Piz,
+}
+
+/// Storage of pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Storage {
+    /// Colours, normals and coverage as half floats, cut to ±65504; statistics, places and numbers stay single precision.
+    pub half: bool,
+    /// Coding.
+    pub compression: Compression,
+}
+
+/// Everything in a file but its frame and pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct Header<'a> {
+    /// Text.
+    pub metadata: &'a Metadata,
+    /// Storage of pixels.
+    pub storage: Storage,
+    /// The standard attribute `worldToCamera`.
+    pub world_to_camera: Option<[f32; 16]>,
+}
+
+impl<'a> From<&'a Metadata> for Header<'a> {
+    fn from(metadata: &'a Metadata) -> Self {
+        Self {
+            metadata,
+            storage: Storage::default(),
+            world_to_camera: None,
+        }
+    }
+}
 
 /// A problem that the crate `exr` found while it read.
 fn problem(error: ::exr::error::Error) -> Problem {
@@ -113,6 +166,95 @@ impl Layers {
             height: self.height,
             pixels: (0..r.len()).map(|i| Rgb::new(r[i], g[i], b[i])).collect(),
         })
+    }
+
+    /// The main picture: `R`, `G`, `B`, or a grey `Y`; in a file whose channels are all in layers, the layer that Blender
+    /// (`Combined`) and others (`RGBA`, `beauty`) give that part to, or the only colour.
+    pub fn main(&self) -> Result<Buffer, Problem> {
+        if self.channels.contains_key("R") {
+            return self.picture(["R", "G", "B"]);
+        }
+        if self.channels.contains_key("Y") {
+            return self.picture(["Y"; 3]);
+        }
+        let colours = self
+            .names()
+            .into_iter()
+            .filter(|layer| self.has(layer, RGB));
+        let colours: Vec<&str> = colours.collect();
+        let is_main = |layer: &&str| {
+            let last = layer.rsplit('.').next().unwrap_or_default();
+            MAIN.iter().any(|name| last.eq_ignore_ascii_case(name))
+        };
+        let main: Vec<&str> = colours.iter().copied().filter(is_main).collect();
+        match (&main[..], &colours[..]) {
+            ([layer], _) | (_, [layer]) => self.vector(layer, RGB),
+            ([], []) => self.picture(RGB),
+            _ => Err(Problem::content(format!(
+                "no main picture, but the layers {}",
+                colours.join(", ")
+            ))),
+        }
+    }
+
+    /// The picture of a layer: its colour, its vector, or its only channel in grey. The name may leave out what stands in
+    /// front, such as `Depth` for `ViewLayer.Depth`, if that is unambiguous.
+    pub fn layer(&self, name: &str) -> Result<Buffer, Problem> {
+        let suffix = format!(".{name}");
+        let (names, keys) = (self.names(), self.channels.keys().map(String::as_str));
+        let of_one = keys.filter(|key| !names.contains(key));
+        let all: Vec<&str> = names.iter().copied().chain(of_one).collect();
+        let mut found: Vec<&str> = (all.iter().copied()).filter(|n| *n == name).collect();
+        if found.is_empty() {
+            found = (all.iter().copied())
+                .filter(|n| n.ends_with(&suffix))
+                .collect();
+        }
+        let [layer] = found[..] else {
+            let (what, list) = match found.len() {
+                0 => ("no layer", all),
+                _ => ("more than one layer", found),
+            };
+            let list = list.join(", ");
+            return Err(Problem::content(format!(
+                "{what} '{name}'; the file has {list}"
+            )));
+        };
+        if self.channels.contains_key(layer) {
+            return self.picture([layer; 3]);
+        }
+        let kinds = [RGB, ["X", "Y", "Z"]];
+        if let Some(channels) = kinds
+            .into_iter()
+            .find(|channels| self.has(layer, *channels))
+        {
+            return self.vector(layer, channels);
+        }
+        let inside = |key: &&String| {
+            key.rsplit_once('.')
+                .is_some_and(|(front, _)| front == layer)
+        };
+        match self.channels.keys().filter(inside).collect::<Vec<_>>()[..] {
+            [only] => self.picture([only; 3]),
+            _ => Err(Problem::content(format!(
+                "layer '{layer}' is neither a colour nor a vector"
+            ))),
+        }
+    }
+
+    /// Names of the layers: what stands before the last point of a channel.
+    fn names(&self) -> BTreeSet<&str> {
+        let fronts = self.channels.keys().filter_map(|key| key.rsplit_once('.'));
+        fronts.map(|(front, _)| front).collect()
+    }
+
+    fn has(&self, layer: &str, channels: [&str; 3]) -> bool {
+        (channels.iter()).all(|channel| self.channels.contains_key(&join(layer, channel)))
+    }
+
+    fn vector(&self, layer: &str, channels: [&str; 3]) -> Result<Buffer, Problem> {
+        let names = channels.map(|channel| join(layer, channel));
+        self.picture(names.each_ref().map(String::as_str))
     }
 
     /// One channel by its full name.

@@ -15,15 +15,9 @@ use crate::image::film::{Film, Window};
 use crate::math::moments::Moments;
 use crate::math::{DVec3, UVec2};
 
-/// Reads the main picture: `R`, `G`, `B`, or a grey `Y`.
+/// Reads the [main picture](Layers::main).
 pub fn read_rgb(path: &Path) -> Result<Buffer, FileError> {
-    let layers = read_layers(path)?;
-    let names = if layers.channels.contains_key("Y") && !layers.channels.contains_key("R") {
-        ["Y"; 3]
-    } else {
-        ["R", "G", "B"]
-    };
-    layers.picture(names).map_err(|e| e.at(path))
+    read_layers(path)?.main().map_err(|e| e.at(path))
 }
 
 /// Reads a film that [`write_film`](super::write_film) wrote, in the single precision of the file and without its
@@ -111,7 +105,12 @@ fn read_channels(path: &Path) -> Result<Layers, Problem> {
                 let what = format!("channel '{}' is subsampled", channel.name);
                 return Err(unsupported(what));
             }
-            let full = join(&name, &channel.name.to_string());
+            // Blender repeats the name of the part in those of its channels.
+            let channel_name = channel.name.to_string();
+            let full = match channel_name.strip_prefix(&name) {
+                Some(rest) if rest.starts_with('.') && !name.is_empty() => channel_name,
+                _ => join(&name, &channel_name),
+            };
             // The main picture of a file whose parts are all named is its first part.
             if std::ptr::eq(part, first) && !name.is_empty() {
                 layers

@@ -3,21 +3,22 @@
 use std::io;
 use std::path::Path;
 
+use ::exr::meta::attribute::Chromaticities;
 use ::exr::prelude as exrs;
 use exrs::WritableImage;
 
-use super::{Layer, METADATA, Metadata, join, problem, unsupported};
+use super::{Compression, Header, Layer, METADATA, Metadata, join, problem, unsupported};
 use crate::files::{self, FileError, Problem};
 use crate::image::Buffer;
 use crate::image::film::{Film, Window};
 use crate::math::UVec2;
 
 /// Writes a film: the picture, `sample_variance`, `variance_of_mean`, `spp`, and the layers given.
-pub fn write_film(
+pub fn write_film<'a>(
     path: &Path,
     film: &Film,
     layers: &[Layer],
-    metadata: &Metadata,
+    header: impl Into<Header<'a>>,
 ) -> Result<(), FileError> {
     let mut all = vec![
         Layer::rgb("sample_variance", &film.sample_variance()),
@@ -26,19 +27,19 @@ pub fn write_film(
     ];
     all.extend_from_slice(layers);
     let part = (film.size, film.window);
-    let bytes = encoded(part, &film.mean(), &all, metadata).map_err(|e| e.at(path))?;
+    let bytes = encoded(part, &film.mean(), &all, header.into()).map_err(|e| e.at(path))?;
     files::write_bytes(path, bytes)
 }
 
 /// Writes a picture of a part of a frame, and the layers given.
-pub fn write_layers(
+pub fn write_layers<'a>(
     path: &Path,
     part: (UVec2, Window),
     picture: &Buffer,
     layers: &[Layer],
-    metadata: &Metadata,
+    header: impl Into<Header<'a>>,
 ) -> Result<(), FileError> {
-    let bytes = encoded(part, picture, layers, metadata).map_err(|e| e.at(path))?;
+    let bytes = encoded(part, picture, layers, header.into()).map_err(|e| e.at(path))?;
     files::write_bytes(path, bytes)
 }
 
@@ -46,7 +47,7 @@ pub fn write_layers(
 pub fn write_rgb(path: &Path, picture: &Buffer, metadata: &Metadata) -> Result<(), FileError> {
     let size = UVec2::new(picture.width as u32, picture.height as u32);
     let part = (size, Window::full(size));
-    let bytes = encoded(part, picture, &[], metadata).map_err(|e| e.at(path))?;
+    let bytes = encoded(part, picture, &[], metadata.into()).map_err(|e| e.at(path))?;
     files::write_bytes(path, bytes)
 }
 
@@ -55,8 +56,11 @@ fn encoded(
     (size, window): (UVec2, Window),
     picture: &Buffer,
     layers: &[Layer],
-    metadata: &Metadata,
+    header: Header<'_>,
 ) -> Result<Vec<u8>, Problem> {
+    let Header {
+        metadata, storage, ..
+    } = header;
     let main = Layer::rgb("", picture);
     let mut list = Vec::new();
     for layer in std::iter::once(&main).chain(layers) {
@@ -70,15 +74,19 @@ fn encoded(
                 )));
             }
             let name = text(&join(&layer.name, channel))?;
-            list.push(exrs::AnyChannel::new(
-                name,
-                exrs::FlatSamples::F32(values.clone()),
-            ));
+            let samples = if storage.half && fits_half(layer) {
+                let half = |x: &f32| exrs::f16::from_f32(x.clamp(-HALF_MAX, HALF_MAX));
+                exrs::FlatSamples::F16(values.iter().map(half).collect())
+            } else {
+                exrs::FlatSamples::F32(values.clone())
+            };
+            list.push(exrs::AnyChannel::new(name, samples));
         }
     }
 
     let mut attributes = exrs::LayerAttributes {
         layer_position: exrs::Vec2(window.x as i32, window.y as i32),
+        world_to_camera: header.world_to_camera,
         software_name: exrs::Text::new_or_none(concat!("opsr ", env!("CARGO_PKG_VERSION"))),
         ..Default::default()
     };
@@ -87,7 +95,13 @@ fn encoded(
         attributes.other.insert(text(METADATA)?, value);
     }
     let encoding = exrs::Encoding {
-        compression: exrs::Compression::ZIP16,
+        compression: match storage.compression {
+            Compression::None => exrs::Compression::Uncompressed,
+            Compression::Rle => exrs::Compression::RLE,
+            Compression::Zips => exrs::Compression::ZIP1,
+            Compression::Zip => exrs::Compression::ZIP16,
+            Compression::Piz => exrs::Compression::PIZ,
+        },
         blocks: exrs::Blocks::ScanLines,
         // A fixed order of the blocks: the same bytes however many threads compress.
         line_order: exrs::LineOrder::Increasing,
@@ -99,7 +113,10 @@ fn encoded(
         exrs::AnyChannels::sort(list.into_iter().collect()),
     );
     let image = exrs::Image {
-        attributes: exrs::ImageAttributes::with_size((size.x as usize, size.y as usize)),
+        attributes: exrs::ImageAttributes {
+            chromaticities: Some(REC_709),
+            ..exrs::ImageAttributes::with_size((size.x as usize, size.y as usize))
+        },
         layer_data: part,
     };
 
@@ -112,6 +129,24 @@ fn encoded(
         .map_err(problem)?;
     Ok(bytes.into_inner())
 }
+
+/// Largest half float.
+const HALF_MAX: f32 = 65504.0;
+
+/// Layers that lose only precision as half floats.
+fn fits_half(layer: &Layer) -> bool {
+    let level = (layer.name.strip_prefix("level")).is_some_and(|k| k.parse::<u32>().is_ok());
+    ["", "albedo", "normal", "emission", "direct", "indirect"].contains(&layer.name.as_str())
+        || level
+}
+
+/// Primaries and white of our RGB.
+const REC_709: Chromaticities = Chromaticities {
+    red: exrs::Vec2(0.64, 0.33),
+    green: exrs::Vec2(0.3, 0.6),
+    blue: exrs::Vec2(0.15, 0.06),
+    white: exrs::Vec2(0.3127, 0.329),
+};
 
 fn text(s: &str) -> Result<exrs::Text, Problem> {
     exrs::Text::new_or_none(s).ok_or_else(|| unsupported(format!("name '{s}' is not Latin-1")))

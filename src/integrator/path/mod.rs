@@ -73,11 +73,13 @@ impl<R: Roughening> PathTracer<R> {
             let Some(hit) = scene.intersect(&ray) else {
                 if scene.parts().environment.is_some() {
                     emission.scale(bodies.transmittance(scene, f32::INFINITY));
-                    total += emission.contribution(
+                    let found = emission.contribution(
                         scene.lights().environment(ray.dir),
                         || scene.lights().pdf_environment(ray.origin, ray.dir),
                         observer,
                     );
+                    observer.light(n - 1, found);
+                    total += found;
                 }
                 break;
             };
@@ -91,11 +93,13 @@ impl<R: Roughening> PathTracer<R> {
             // ── emission met by the ray
             let radiance = scene.lights().emitted(&surface, -ray.dir);
             if radiance != Rgb::ZERO && emission.throughput != Rgb::ZERO {
-                total += emission.contribution(
+                let found = emission.contribution(
                     radiance,
                     || scene.lights().pdf_emitter(ray.origin, &surface),
                     observer,
                 );
+                observer.light(n - 1, found);
+                total += found;
             }
             if n > self.max_vertices {
                 break;
@@ -120,7 +124,9 @@ impl<R: Roughening> PathTracer<R> {
             observer.vertex(n, hit.t, &point);
 
             // ── next-event estimation at α′
-            total += point.direct_light(u.light, observer);
+            let direct = point.direct_light(u.light, observer);
+            observer.light(n, direct);
+            total += direct;
 
             // ── the continuation, and emission found by the BSDF at α′
             let roughened = R::ACTIVE && point.is_roughened();
@@ -129,7 +135,9 @@ impl<R: Roughening> PathTracer<R> {
             let diffuse = (next.as_ref()).is_some_and(|next| next.sample.lobe == Lobe::Diffuse);
             let shared = !roughened || reused || diffuse;
             if !shared {
-                total += point.roughened_emission(u.lobe, observer);
+                let found = point.roughened_emission(u.lobe, observer);
+                observer.light(n, found);
+                total += found;
             }
             let Some(next) = next else { break };
             emission = if shared {
@@ -141,7 +149,9 @@ impl<R: Roughening> PathTracer<R> {
                 && !scene.parts().lights.is_empty()
                 && let Some(radius) = self.rule.mollifier_radius(&memory)
             {
-                total += point.mollified(&next, radius, u.light);
+                let found = point.mollified(&next, radius, u.light);
+                observer.light(n, found);
+                total += found;
             }
             throughput *= next.sample.weight;
             remember(&self.rule, &mut memory, &point, &next.sample, observer);

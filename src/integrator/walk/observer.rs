@@ -1,11 +1,11 @@
 //! Observers of paths: layers, statistics, recordings for training.
 //!
 //! An estimator reports to an observer; one that does nothing costs nothing, since all calls are monomorphised.
-//! Rendering observes with `()`, AOVs with [`FirstHit`](crate::integrator::FirstHit), training with a recorder of
+//! Rendering observes with `()`, AOVs with [`Aovs`](crate::integrator::Aovs), training with a recorder of
 //! [`Event`]s.
 
 use super::shading_point::ShadingPoint;
-use crate::bsdf::LobeQuery;
+use crate::bsdf::{Lobe, LobeQuery};
 use crate::math::{Rgb, UVec2};
 
 /// The technique that found an emitter.
@@ -65,9 +65,15 @@ pub trait PathObserver {
     /// [again](ShadingPoint::lobe_event).
     #[inline]
     fn roughened(&mut self, _point: &ShadingPoint<'_>, _u: [f32; 3]) {}
+    /// The path continues by this lobe.
+    #[inline]
+    fn sampled(&mut self, _lobe: Lobe) {}
     /// The path continues from a vertex whose sampled lobe has this own roughness.
     #[inline]
     fn scattered(&mut self, _alpha: f32) {}
+    /// Light of so many scatterings is added to the path's radiance; the path tracer alone tells.
+    #[inline]
+    fn light(&mut self, _scatterings: u32, _value: Rgb) {}
     /// The path is complete; `radiance` is the sum of its contributions.
     #[inline]
     fn finish(&mut self, _radiance: Rgb) {}

@@ -41,5 +41,6 @@ pub(in crate::integrator) fn remember<R: Roughening, O: PathObserver>(
         };
         rule.scatter(memory, Scattered { alpha, pdf_w });
     }
+    observer.sampled(sample.lobe);
     observer.scattered(alpha);
 }

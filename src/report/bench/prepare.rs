@@ -108,7 +108,7 @@ fn camera(spec: &SceneSpec, scene: &Scene) -> Result<Camera, BenchError> {
     let cameras = &scene.parts().cameras;
     let Some(wanted) = &spec.camera else {
         let aspect = spec.size[0] as f32 / spec.size[1] as f32;
-        let framing = || Camera::framing(scene.geometry().bounds(), aspect);
+        let framing = || scene.framing_camera(aspect);
         return Ok(cameras.first().cloned().unwrap_or_else(framing));
     };
     let by_name = cameras.iter().find(|c| &c.name == wanted);

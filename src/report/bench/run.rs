@@ -143,8 +143,11 @@ fn finished(
         Some(resolved) => resolved.picture.clone(),
         None => picture.film.mean(),
     };
-    let shown = match (denoiser, &picture.aovs) {
-        (Some(denoiser), Some(aovs)) => denoiser.denoise(&shown, &aovs.albedo(), &aovs.normal())?,
+    let first = picture.aovs.as_ref().and_then(|aovs| aovs.first.as_ref());
+    let shown = match (denoiser, first) {
+        (Some(denoiser), Some(first)) => {
+            denoiser.denoise(&shown, &first.albedo(), &first.normal())?
+        }
         _ => shown,
     };
     Ok((shown, resolved))
@@ -305,7 +308,7 @@ impl Bench<'_> {
         let mut integrator = settings.integrator();
         let mut picture = Picture {
             film: scene.blank.clone(),
-            aovs: method.denoise.then(|| FirstHit::new(scene.blank.window)),
+            aovs: (method.denoise).then(|| FirstHit::new(scene.blank.window).into()),
             levels: None,
         };
         let mut shown = Buffer::default();

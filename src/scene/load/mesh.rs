@@ -291,7 +291,7 @@ fn morph(
         };
         let mut read = |index: usize, name: &str| -> Result<_> {
             let deltas = reader.read::<3>(index, &format!("targets[{k}].{name}"), &all)?;
-            Ok(deltas.into_iter().map(move |d| weight * Vec3::from(d)))
+            Result::Ok(deltas.into_iter().map(move |d| weight * Vec3::from(d)))
         };
         if let Some(index) = target.positions {
             let deltas = read(index.value(), "POSITION")?;

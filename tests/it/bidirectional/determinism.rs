@@ -20,7 +20,7 @@ fn parts() -> SceneParts {
 fn blank(window: Window) -> Picture {
     Picture {
         film: Film::cropped(FRAME, window).expect("inside"),
-        aovs: Some(FirstHit::new(window)),
+        aovs: Some(FirstHit::new(window).into()),
         levels: None,
     }
 }

@@ -158,6 +158,336 @@ fn table_by_name_is_the_shipped_file() {
     assert_eq!(ended.code, Some(3), "{}", ended.err);
 }
 
+/// Every layer by name, and the errors of those that the render has not.
+#[test]
+fn aov_layers_are_written_by_name() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::caustic_box());
+    let layers = |args: &str| {
+        place.render(&format!("--spp 4 -o out.exr {args}")).done();
+        let layers = exr::read_layers(&place.path().join("out.exr")).unwrap();
+        assert_eq!(layers.channel("spp").unwrap()[0], 4.0);
+        layers
+    };
+    let plain = layers("");
+    let all = layers("--aov albedo,normal,depth,alpha,position,id,emission,direct,indirect");
+    for name in ["R", "sample_variance.G", "variance_of_mean.B"] {
+        assert_eq!(plain.channel(name).unwrap(), all.channel(name).unwrap());
+    }
+    let added = (all.channels.keys()).filter(|name| !plain.channels.contains_key(*name));
+    let expected = "A albedo.B albedo.G albedo.R depth direct.B direct.G direct.R emission.B emission.G emission.R \
+                    id.material id.mesh indirect.B indirect.G indirect.R normal.X normal.Y normal.Z position.X \
+                    position.Y position.Z";
+    assert_eq!(
+        added.map(String::as_str).collect::<Vec<_>>().join(" "),
+        expected
+    );
+    let (coverage, depth) = (all.channel("A").unwrap(), all.channel("depth").unwrap());
+    let ids = all.layer("id.mesh").unwrap();
+    for (i, id) in ids.pixels.iter().enumerate() {
+        assert!((0.0..=8.0).contains(&id.x) && (0.0..=1.0).contains(&coverage[i]));
+        assert_eq!(coverage[i] == 0.0, depth[i] == f32::INFINITY);
+    }
+    let timed = "--size 16x16 --spp 4 --aov time,level --gamma 0.5 --levels 3 -o out.exr";
+    place.opsr(&format!("render scene.glb {timed}")).done();
+    let timed = exr::read_layers(&place.path().join("out.exr")).unwrap();
+    assert!(
+        timed
+            .channel("time")
+            .unwrap()
+            .iter()
+            .all(|&t| t > 0.0 && t < 10.0)
+    );
+    assert!(timed.channel("level").is_ok() && timed.channel("albedo.R").is_err());
+    for (args, words) in [
+        ("--aov direct --integrator bdpt", "path tracer"),
+        ("--aov emission --gamma 0.5 --levels 3", "one level"),
+        ("--aov level", "--levels"),
+        ("--aov time", "--reproducible"),
+        ("--aov colour", "albedo"),
+    ] {
+        let ended = place.render(&format!("--spp 1 -o out.exr {args}"));
+        assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
+        assert!(ended.err.contains(words), "{args}: {}", ended.err);
+    }
+}
+
+#[test]
+fn size_and_crop_as_shares_equal_those_in_pixels() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::caustic_box());
+    let render = |args: &str| {
+        let command =
+            format!("render scene.glb --spp 1 --reproducible --progress none -o out.exr {args}");
+        place.opsr(&command).done();
+        place.read("out.exr")
+    };
+    let whole = exr_size(&place, &render("--size 1/16"));
+    assert_eq!(whole, (32, 32));
+    assert!(render("--size 6.25%") == render("--size 32x32"));
+    let pixels = render("--size 32x32 --crop 8,16,16,4");
+    for shares in ["25%,50%,50%,4", "1/4,0.5,16,1/8"] {
+        assert!(
+            render(&format!("--size 32x32 --crop {shares}")) == pixels,
+            "{shares}"
+        );
+    }
+    let ended = place.opsr("render scene.glb --size 32x32 --crop 50%,0,75%,1 -o out.exr");
+    assert!(
+        ended.code == Some(2) && ended.err.contains("--crop"),
+        "{}",
+        ended.err
+    );
+}
+
+fn exr_size(place: &Place, bytes: &[u8]) -> (usize, usize) {
+    place.write("size.exr", bytes);
+    let layers = exr::read_layers(&place.path().join("size.exr")).unwrap();
+    (layers.width, layers.height)
+}
+
+/// A file without a camera gets one that sees the lit side, and the closing line says so.
+#[test]
+fn camera_of_a_file_without_one_is_named() {
+    let place = Place::new();
+    let mut parts = gallery::cornell_box();
+    parts.cameras.clear();
+    for material in &mut parts.materials {
+        material.emission = opsr::math::Rgb::ZERO;
+    }
+    for (x, z, side) in [
+        (9.0, 0.0, "right"),
+        (0.0, -9.0, "back"),
+        (-9.0, 0.0, "left"),
+    ] {
+        parts.lights = vec![opsr::scene::PunctualLight::Point {
+            position: opsr::math::Vec3::new(x, 3.0, z),
+            intensity: opsr::math::Rgb::ONE,
+            range: f32::INFINITY,
+        }];
+        place.save("scene.glb", &parts);
+        let ended = place
+            .opsr("render scene.glb --size 16x16 --spp 1 -o out.exr")
+            .done();
+        let words = format!("16x16, three-quarter view from the {side} ");
+        assert!(ended.err.contains(&words), "{}", ended.err);
+        assert!(
+            ended.err.contains("since the file has no camera"),
+            "{}",
+            ended.err
+        );
+    }
+}
+
+/// Paths in words add up to the pixel of the picture, and errors of usage say what is wrong.
+#[test]
+fn trace_pixel_prints_the_paths_of_the_render() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::caustic_box());
+    let common = "render scene.glb --size 16x16 --gamma 0.5";
+    let ended = place
+        .opsr(&format!("{common} --trace-pixel 9,12 --spp 3"))
+        .done();
+    let heads = ended
+        .out
+        .lines()
+        .filter(|line| line.starts_with("pixel 9,12 sample "));
+    assert_eq!(heads.count(), 3, "{}", ended.out);
+    for word in [
+        "alpha ",
+        "class ",
+        "throughput ",
+        "continues by ",
+        "diffuse `white`",
+    ] {
+        assert!(ended.out.contains(word), "{word}: {}", ended.out);
+    }
+    let one = place
+        .opsr(&format!("{common} --trace-pixel 9,12 --sample 2"))
+        .done();
+    assert!(ended.out.ends_with(&one.out) && one.out.lines().count() > 2);
+    assert!(!place.path().join("out.exr").exists());
+    for args in [
+        "--trace-pixel 16,0",
+        "--trace-pixel 1",
+        "--sample 1",
+        "--trace-pixel 1,1 --levels 3",
+    ] {
+        let ended = place.opsr(&format!("{common} {args}"));
+        assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
+    }
+    let seen = place
+        .opsr("info scene.glb --pixel 9,12 --size 16x16")
+        .done()
+        .out;
+    for word in ["distance ", "normal ", "alpha ", "material "] {
+        assert!(seen.contains(word), "{seen}");
+    }
+    let json = place
+        .opsr("info scene.glb --pixel 0,0 --size 1/8 --json")
+        .done()
+        .out;
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["frame"], serde_json::json!([64, 64]));
+    let ended = place.opsr("info scene.glb --pixel 64,0 --size 64x64");
+    assert_eq!(ended.code, Some(2), "{}", ended.err);
+}
+
+/// The true error is that of `compare`, and statistics say the same as the closing line.
+#[test]
+fn reference_and_statistics_of_a_render() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::caustic_box());
+    place.render("--spp 64 -o reference.exr").done();
+    let args = "--spp 4 --seed 1 --reference reference.exr --stats stats.json";
+    let crop = "--crop 25%,25%,50%,50%";
+    let ended = place
+        .opsr(&format!(
+            "render scene.glb --size 16x16 {args} {crop} -o out.exr"
+        ))
+        .done();
+    let stats: serde_json::Value = serde_json::from_slice(&place.read("stats.json")).unwrap();
+    let error = stats["true_error"].as_f64().unwrap();
+    assert!(
+        ended.err.contains(&format!(", true error {error:.4}")),
+        "{}",
+        ended.err
+    );
+    place
+        .opsr("compare out.exr reference.exr --json compare.json")
+        .done();
+    let compared: serde_json::Value = serde_json::from_slice(&place.read("compare.json")).unwrap();
+    let metrics = compared["entries"][0]["metrics"].as_array().unwrap();
+    let relmse = metrics.iter().find(|m| m["name"] == "relMSE").unwrap();
+    assert!((error.powi(2) - relmse["value"].as_f64().unwrap()).abs() < 1e-9);
+    assert_eq!(stats["window"], serde_json::json!([4, 4, 8, 8]));
+    assert_eq!((&stats["spp"], &stats["paths"]), (&4.into(), &256.into()));
+    assert_eq!(stats["settings"]["integrator"], "path");
+    // Shown while rendering too.
+    let lines = place.opsr(&format!(
+        "render scene.glb --size 16x16 {args} --progress json"
+    ));
+    assert!(
+        lines
+            .done()
+            .out
+            .lines()
+            .all(|line| line.contains("\"true_error\":"))
+    );
+    (place.opsr("render scene.glb --size 8x8 --spp 1 -o small.exr")).done();
+    for (code, file) in [(2, "small.exr"), (3, "none.exr")] {
+        let ended = place.opsr(&format!(
+            "render scene.glb --size 9x16 --spp 1 --reference {file}"
+        ));
+        assert_eq!(ended.code, Some(code), "{}", ended.err);
+        assert!(ended.err.contains(file), "{}", ended.err);
+    }
+}
+
+#[test]
+fn completions_and_manual_pages_know_every_command() {
+    let place = Place::new();
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let text = place.opsr(&format!("completions {shell}")).done().out;
+        for word in ["trace-pixel", "solid-glass", "compare", "completions"] {
+            assert!(text.contains(word), "{shell}: {word}");
+        }
+    }
+    place.opsr("man pages").done();
+    let pages: Vec<String> = place.files_in("pages").into_keys().collect();
+    for page in [
+        "opsr.1",
+        "opsr-render.1",
+        "opsr-table-export.1",
+        "opsr-man.1",
+    ] {
+        assert!(pages.iter().any(|p| p == page), "{pages:?}");
+    }
+    let page = String::from_utf8(place.read("pages/opsr-render.1")).unwrap();
+    assert!(page.contains("exposure") && page.contains("EXAMPLES") || page.contains("Examples"));
+}
+
+/// Half floats and every coding hold the same picture, and metadata say how it was made.
+#[test]
+fn exr_options_and_metadata() {
+    let place = Place::new();
+    let render = |args: &str| {
+        let file = "--spp 4 --gamma 0.25 --max-vertices 5 --aov normal -o out.exr";
+        place.render(&format!("{file} {args}")).done();
+        let layers = exr::read_layers(&place.path().join("out.exr")).unwrap();
+        (layers, place.read("out.exr").len())
+    };
+    let (plain, _) = render("");
+    for (key, value) in [
+        ("integrator", "path"),
+        ("mode", "default"),
+        ("gamma", "0.25"),
+        ("max_vertices", "5"),
+        ("refused_samples", "0"),
+        ("spp", "4"),
+        ("seed", "0"),
+    ] {
+        assert_eq!(plain.metadata[key], value, "{key}");
+    }
+    let mut sizes = Vec::new();
+    for coding in ["none", "rle", "zips", "zip", "piz"] {
+        let (layers, size) = render(&format!("--exr-compression {coding}"));
+        assert_eq!(layers.channels, plain.channels, "{coding}");
+        sizes.push(size);
+    }
+    assert!(sizes[3] < sizes[0], "{sizes:?}");
+    let (half, size) = render("--exr-half --exr-compression none");
+    assert!(size < sizes[0]);
+    for (name, values) in &half.channels {
+        let exact = ["spp", "sample_variance", "variance_of_mean"]
+            .iter()
+            .any(|n| name.starts_with(n));
+        let bound = if exact { 0.0 } else { 1.0 / 1024.0 };
+        for (a, b) in values.iter().zip(&plain.channels[name]) {
+            assert!(
+                (a - b).abs() <= bound * b.abs().max(1e-4),
+                "{name}: {a} {b}"
+            );
+        }
+    }
+}
+
+/// A crop is compared with its place in the full frame, and any layer with its like.
+#[test]
+fn compare_crops_and_layers() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::caustic_box());
+    place.render("--spp 16 --aov -o whole.exr").done();
+    place
+        .render("--spp 16 --aov --crop 4,2,8,9 -o crop.exr")
+        .done();
+    for args in [
+        "",
+        "--layer albedo",
+        "--layer normal",
+        "--layer depth",
+        "--agree",
+    ] {
+        let ended = place.opsr(&format!(
+            "compare crop.exr whole.exr --fail-above MSE=0 {args}"
+        ));
+        let ended = ended.done();
+        assert!(
+            ended.out.contains("8x9 pixels at (4, 2)"),
+            "{args}: {}",
+            ended.out
+        );
+    }
+    let ended = place.opsr("compare crop.exr whole.exr --layer depht");
+    assert!(
+        ended.code == Some(3) && ended.err.contains("depth"),
+        "{}",
+        ended.err
+    );
+    let ended = place.opsr("compare crop.exr whole.exr --layer depth --agree");
+    assert_eq!(ended.code, Some(2), "{}", ended.err);
+}
+
 #[test]
 fn determinism_of_reproducible_files() {
     let place = Place::new();
@@ -167,8 +497,18 @@ fn determinism_of_reproducible_files() {
         place.render(&format!("--spp 4 -o out.exr {args}")).done();
         place.read("out.exr")
     };
+    // Apart from the metadata, which tell the factor.
+    let channels = |args: &str| {
+        picture(args);
+        exr::read_layers(&place.path().join("out.exr"))
+            .unwrap()
+            .channels
+    };
+    assert!(
+        channels("--gamma 0") == channels(""),
+        "γ = 0 is plain path tracing"
+    );
     let plain = picture("");
-    assert!(picture("--gamma 0") == plain, "γ = 0 is plain path tracing");
     assert!(picture("--threads 1") == plain && picture("--threads 3") == plain);
     assert!(picture("--crop 0,0,16,16") == plain);
     let others = [

@@ -221,6 +221,13 @@ fn errors_before_training_name_the_setting_or_file() {
             "--set scenes=['glass','other']",
             "no training scene `other`",
         ),
+        ("--config scene.glb", "scene.glb"),
+    ] {
+        let ended = place.opsr(&format!("{QUICK} {run} {args}"));
+        assert_eq!(ended.code, Some(3), "{args}: {}", ended.err);
+        assert!(ended.err.contains(word), "{args}: {}", ended.err);
+    }
+    for (args, word) in [
         ("--set nonsense=1", "nonsense"),
         ("--set spp=many", "--set spp=many"),
         ("--set spp=1", "spp: expected 2"),
@@ -231,10 +238,9 @@ fn errors_before_training_name_the_setting_or_file() {
         ("--set start=1.5", "start: expected"),
         ("--set checkpoint_every=0", "checkpoint_every: expected"),
         ("--method quick", "quick"),
-        ("--config scene.glb", "scene.glb"),
     ] {
         let ended = place.opsr(&format!("{QUICK} {run} {args}"));
-        assert_eq!(ended.code, Some(3), "{args}: {}", ended.err);
+        assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
         assert!(ended.err.contains(word), "{args}: {}", ended.err);
     }
     // A reference with another seed is refused.

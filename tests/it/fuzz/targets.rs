@@ -226,7 +226,7 @@ fn fingerprint() -> Fingerprint {
 /// Checkpoints of renders.
 pub(crate) fn checkpoints() -> Target {
     let film = seeds::film();
-    let aovs = Some(FirstHit::new(film.window));
+    let aovs = Some(FirstHit::new(film.window).into());
     let levels = LevelFilm::new(film.size, film.window, 2);
     let seeds = [(None, None), (aovs, None), (None, Some(levels))].map(|(aovs, levels)| {
         let checkpoint = Checkpoint {

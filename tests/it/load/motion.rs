@@ -234,11 +234,11 @@ fn animations_that_are_broken_are_refused_by_place() {
     type Edit = fn(&mut File);
     let cases: [(Edit, &str); 4] = [
         (
-            |f| drop(f.json["animations"][0]["samplers"][0]["output"] = json!(0)),
+            |f| f.json["animations"][0]["samplers"][0]["output"] = json!(0),
             "channels[0]: 3 values, not 2",
         ),
         (
-            |f| drop(f.json["animations"][0]["samplers"][0]["input"] = json!(0)),
+            |f| f.json["animations"][0]["samplers"][0]["input"] = json!(0),
             "is a Vec3, not the Scalar",
         ),
         (

@@ -1,0 +1,189 @@
+//! AOVs and traced paths against the picture they belong to.
+
+use crate::support::render;
+use opsr::gallery;
+use opsr::image::film::{Film, Window};
+use opsr::integrator::aov::{Aovs, Centres, FirstHit, LightSplit, PixelTime};
+use opsr::integrator::trace::trace;
+use opsr::integrator::{Picture, Settings, View};
+use opsr::math::{UVec2, Vec2};
+use opsr::regularise::{Accumulated, Factors, Rule};
+use opsr::scene::Scene;
+
+const SIZE: UVec2 = UVec2::new(20, 18);
+
+fn all(window: Window) -> Aovs {
+    Aovs {
+        light: Some(LightSplit::new(window)),
+        ..FirstHit::new(window).into()
+    }
+}
+
+fn rules() -> [Rule; 3] {
+    let accumulated = Rule::Accumulated(Accumulated {
+        factors: Factors::Constant(0.5),
+        lambda: 0.0,
+    });
+    [Rule::Plain, accumulated, Rule::Mollifier(0.1)]
+}
+
+/// The picture of passes that end at these sample numbers.
+fn picture(scene: &Scene, settings: &Settings, aovs: Option<Aovs>, passes: &[u32]) -> Picture {
+    let mut picture = Picture {
+        aovs,
+        ..Picture::new(Film::new(SIZE))
+    };
+    let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
+    let mut start = 0;
+    for &end in passes {
+        settings.integrator().pass(&view, start..end, &mut picture);
+        start = end;
+    }
+    picture
+}
+
+#[test]
+fn aov_light_split_adds_up_and_equals_short_paths() {
+    let mut parts = gallery::caustic_box();
+    parts.lights = gallery::point_light_over_plane().lights;
+    let scene = render::scene(parts);
+    let window = Window::full(SIZE);
+    for rule in rules() {
+        let settings = Settings {
+            rule,
+            ..Settings::default()
+        };
+        let whole = picture(&scene, &settings, Some(all(window)), &[8]);
+        let plain = picture(&scene, &settings, None, &[8]);
+        assert_eq!(whole.film, plain.film, "AOVs change the picture");
+        let short = Settings {
+            max_vertices: 1,
+            ..settings
+        };
+        let short = picture(&scene, &short, None, &[8]).film.mean();
+        let light = whole.aovs.as_ref().and_then(|a| a.light.as_ref()).unwrap();
+        let (emission, direct) = (light.emission(), light.direct());
+        let indirect = light.indirect(&whole.film);
+        let sum = |b: &opsr::image::Buffer| b.pixels.iter().map(|p| p.element_sum()).sum::<f32>();
+        assert!(sum(&emission) > 0.0 && sum(&direct) > 0.0 && sum(&indirect) > 0.0);
+        for (i, total) in whole.film.mean().pixels.iter().enumerate() {
+            let once = emission.pixels[i] + direct.pixels[i];
+            let close = |a: opsr::math::Rgb, b: opsr::math::Rgb| {
+                (a - b).abs().max_element() <= 1e-5 * (1.0 + b.max_element())
+            };
+            assert!(
+                close(once, short.pixels[i]),
+                "{i}: {once} {}",
+                short.pixels[i]
+            );
+            assert!(close(once + indirect.pixels[i], *total), "{i}");
+        }
+    }
+}
+
+#[test]
+fn aov_determinism_over_passes_and_checkpoint_numbers() {
+    let scene = render::scene(gallery::caustic_box());
+    let window = Window::full(SIZE);
+    let settings = Settings::default();
+    let whole = picture(&scene, &settings, Some(all(window)), &[9])
+        .aovs
+        .unwrap();
+    let split = picture(&scene, &settings, Some(all(window)), &[2, 3, 9])
+        .aovs
+        .unwrap();
+    assert!(whole == split);
+    let timed = Aovs {
+        time: Some(PixelTime::new(window)),
+        ..all(window)
+    };
+    let timed = picture(&scene, &settings, Some(timed), &[3]).aovs.unwrap();
+    let seconds = timed.time.as_ref().unwrap().seconds();
+    assert!(seconds.iter().all(|&s| s > 0.0 && s < 10.0));
+    // Every set of parts has a number of its own.
+    for bits in 1..8u32 {
+        let part = Aovs {
+            first: timed.first.clone().filter(|_| bits & 1 != 0),
+            light: timed.light.clone().filter(|_| bits & 2 != 0),
+            time: timed.time.clone().filter(|_| bits & 4 != 0),
+        };
+        let mut numbers: Vec<f64> = part.numbers().collect();
+        let read = Aovs::from_numbers(window, &numbers).unwrap();
+        assert!(read.numbers().eq(numbers.iter().copied()), "{bits}");
+        assert_eq!(read.time.is_some(), part.time.is_some());
+        numbers.push(0.0);
+        assert!(Aovs::from_numbers(window, &numbers).is_none(), "{bits}");
+    }
+    assert!(Aovs::from_numbers(window, &[]).is_none());
+}
+
+#[test]
+fn aov_centres_lie_on_their_surfaces() {
+    let scene = render::scene(gallery::caustic_box());
+    let film = Film::new(SIZE);
+    let view = View::of(&scene, &scene.parts().cameras[0], &film);
+    let centres = Centres::of(&view);
+    let materials = scene.parts().materials.len() as f32;
+    let mut met = 0;
+    for (i, position) in centres.position.pixels.iter().enumerate() {
+        if centres.ids[0][i] == 0.0 {
+            assert_eq!((centres.ids[1][i], position.length()), (0.0, 0.0));
+            continue;
+        }
+        met += 1;
+        let aspect = SIZE.x as f32 / SIZE.y as f32;
+        let (place, ..) = view.sensor.camera.project(*position, aspect).unwrap();
+        let expected = film.pixel(i).as_vec2() + Vec2::splat(0.5);
+        assert!((place * SIZE.as_vec2() - expected).length() < 1e-3, "{i}");
+        let [mesh, material] = [centres.ids[0][i], centres.ids[1][i]];
+        assert!(mesh >= 1.0 && (1.0..=materials).contains(&material));
+        let of_mesh = &scene.parts().meshes[mesh as usize - 1];
+        assert_eq!(of_mesh.material as f32 + 1.0, material);
+    }
+    assert!(met > 200, "{met}");
+}
+
+/// Paths traced one by one have the radiance of the render, in parts that add up.
+#[test]
+fn trace_of_a_pixel_equals_its_samples() {
+    let mut parts = gallery::caustic_box();
+    parts.lights = gallery::point_light_over_plane().lights;
+    let scene = render::scene(parts);
+    let mut roughened = 0;
+    for rule in rules() {
+        let settings = Settings {
+            rule,
+            ..Settings::default()
+        };
+        let whole = picture(&scene, &settings, None, &[8]);
+        let view = View::of(&scene, &scene.parts().cameras[0], &whole.film);
+        for (x, y) in [(3, 4), (10, 9), (10, 13), (19, 17)] {
+            let paths = trace(&settings, &view, UVec2::new(x, y), 0..8).unwrap();
+            let mut moments = opsr::math::moments::Moments::default();
+            for path in &paths {
+                moments.push(path.radiance.as_dvec3());
+                let light = path.vertices.iter().map(|v| v.light);
+                let sum = path.emission + light.sum::<opsr::math::Rgb>();
+                let off = (sum - path.radiance).abs().max_element();
+                assert!(
+                    off <= 1e-5 * (1.0 + path.radiance.max_element()),
+                    "{path:?}"
+                );
+                for (n, v) in path.vertices.iter().enumerate() {
+                    let own = (1..4).contains(&n).then_some(n + 1);
+                    let length = v.class.map(|class| class.bins().len());
+                    assert!(
+                        own.is_none() || length.is_none() || length == own,
+                        "{path:?}"
+                    );
+                    assert!(v.lobe.is_some() || n + 1 == path.vertices.len());
+                    roughened += u32::from(v.alpha_reg > v.alpha);
+                }
+            }
+            let index = (y * SIZE.x + x) as usize;
+            assert_eq!(whole.film.pixels[index], moments, "{x} {y}");
+        }
+        assert!(trace(&settings, &view, SIZE, 0..1).is_err());
+    }
+    assert!(roughened > 0);
+}
