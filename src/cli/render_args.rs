@@ -106,7 +106,8 @@ pub(super) struct RenderArgs {
     /// Write statistics of the render to this file (.json).
     #[arg(long, value_name = "FILE")]
     pub(super) stats: Option<PathBuf>,
-    /// Print the paths of a pixel instead of rendering: those of its first samples, as many as --spp says (or 4).
+    /// Print the paths of a pixel instead of rendering, as --levels 1 renders them: those of its first samples, as many as
+    /// --spp says (or 4).
     #[arg(long, value_name = "X,Y", value_parser = job::pixel)]
     pub(super) trace_pixel: Option<job::Pixel>,
     /// Print the path of this sample (from 0) only.

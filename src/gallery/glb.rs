@@ -206,6 +206,9 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
     if m.solid {
         extensions.insert("KHR_materials_volume".into(), volume(m.absorption));
     }
+    if m.priority != 0.0 {
+        value["extras"] = json!({ "priority": number(m.priority) });
+    }
     if (m.specular, m.specular_color) != (1.0, Rgb::ONE) {
         extensions.insert("KHR_materials_specular".into(), specular(m));
     }

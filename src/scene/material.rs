@@ -29,6 +29,8 @@ pub struct Material {
     pub ior: f32,
     /// True if the surface bounds a solid body and refracts; otherwise transmission is thin-walled.
     pub solid: bool,
+    /// Priority where bodies overlap: the one of the highest is there; among equals the smaller body.
+    pub priority: f32,
     /// Absorption coefficient of the body per unit length.
     pub absorption: Rgb,
     /// Weight in [0, 1] of the reflectance of a dielectric coat or thin wall, at all angles: its reflectance at grazing
@@ -87,6 +89,7 @@ impl Default for Material {
             transmission: 0.0,
             ior: 1.5,
             solid: false,
+            priority: 0.0,
             absorption: Rgb::ZERO,
             specular: 1.0,
             specular_color: Rgb::ONE,
@@ -204,6 +207,15 @@ impl Material {
     /// True if the surface bounds a body that light enters and leaves.
     pub fn bounds_body(&self) -> bool {
         self.solid && self.transmission > 0.0 && self.metallic < 1.0
+    }
+
+    /// True if the surface does nothing to light but reflect and refract it.
+    pub fn is_clear(&self) -> bool {
+        self.transmission == 1.0
+            && self.transmission_texture.is_none()
+            && self.base_color == Rgb::ONE
+            && self.base_color_texture.is_none()
+            && self.metallic == 0.0
     }
 
     /// True if the coat of the dielectric reflects anything.

@@ -20,6 +20,7 @@ mod load;
 mod many_lights;
 mod metric;
 mod mollifier;
+mod nested;
 mod pilot;
 #[cfg(feature = "train")]
 mod readme;

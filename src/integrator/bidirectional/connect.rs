@@ -95,10 +95,13 @@ impl Iteration<'_> {
             let pdf_area = per_area(light.emission_pdf, cos, distance2);
             weights::light_sample(pdf_hit, &vertex.end(pdf_area, vertex.pdf_back(light.wi)))
         });
-        if weight == 0.0 || scene.occluded(&vertex.surface.spawn_to_light(&light)) {
+        if weight == 0.0 {
             return Rgb::ZERO;
         }
-        let transmittance = vertex.transmittance(scene, light.wi, light.distance);
+        let ray = vertex.surface.spawn_to_light(&light);
+        let Some(transmittance) = vertex.unblocked(scene, &ray, light.distance) else {
+            return Rgb::ZERO;
+        };
         vertex.throughput
             * eval.value
             * light.radiance
@@ -134,16 +137,13 @@ impl Iteration<'_> {
                 ),
             )
         });
-        if weight == 0.0
-            || scene.occluded(
-                &vertex
-                    .surface
-                    .spawn_to(&light.surface, dir, distance, cos_there),
-            )
-        {
+        if weight == 0.0 {
             return Rgb::ZERO;
         }
-        let transmittance = vertex.transmittance(scene, dir, distance);
+        let ray = (vertex.surface).spawn_to(&light.surface, dir, distance, cos_there);
+        let Some(transmittance) = vertex.unblocked(scene, &ray, distance) else {
+            return Rgb::ZERO;
+        };
         vertex.throughput
             * here.value
             * transmittance
@@ -166,10 +166,10 @@ impl Iteration<'_> {
         });
         let mut ray = vertex.surface.spawn(sight.wo);
         ray.t_max = sight.distance;
-        if weight == 0.0 || scene.occluded(&ray) {
+        if weight == 0.0 {
             return None;
         }
-        let transmittance = vertex.transmittance(scene, sight.wo, sight.distance);
+        let transmittance = vertex.unblocked(scene, &ray, sight.distance)?;
         let value = vertex.throughput * eval.value * transmittance * (weight * pdf_area / paths);
         Some(Splat { value, ..splat })
     }

@@ -197,11 +197,11 @@ impl Iteration<'_> {
         };
         let mut walk = Walk::light(scene, &start);
         for n in 1..=self.settings.max_vertices {
-            let Some(hit) = scene.intersect(&walk.ray) else {
+            let Some(hit) = walk.arrive() else {
                 return;
             };
             if n == 1 {
-                walk.throughput *= start.window(hit.t);
+                walk.throughput *= start.window(hit.0.t);
             }
             let u = stream.vertex();
             let vertex = walk.vertex(n, &hit, u.material);
@@ -249,7 +249,7 @@ impl Iteration<'_> {
         let mut total = Rgb::ZERO;
         observer.begin(pixel, self.sample);
         for n in 1..=self.settings.max_vertices + 1 {
-            let Some(hit) = scene.intersect(&walk.ray) else {
+            let Some(hit) = walk.arrive() else {
                 total += self.environment(&walk, n);
                 break;
             };
@@ -260,7 +260,7 @@ impl Iteration<'_> {
                 break;
             }
             if n == 1 {
-                observer.vertex(n, hit.t, &point(&walk, &vertex));
+                observer.vertex(n, hit.0.t, &point(&walk, &vertex));
             }
             if strategies.connects() && !vertex.is_delta() {
                 total += self.sampled_light(&vertex, u.light);

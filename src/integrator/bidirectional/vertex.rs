@@ -7,7 +7,7 @@
 use super::weights::{Partial, clamped};
 use crate::bsdf::{Bsdf, BsdfEval};
 use crate::integrator::walk::bodies::EnclosingBodies;
-use crate::math::{Frame, Rgb, Vec3};
+use crate::math::{Frame, Ray, Rgb, Vec3};
 use crate::scene::{Scene, Surface};
 
 /// The end of a path to which a walk's previous vertices lead.
@@ -103,7 +103,7 @@ impl Vertex {
     pub(super) fn bodies_towards(&self, scene: &Scene, out: Vec3) -> EnclosingBodies {
         let mut bodies = self.bodies;
         let outside = self.back.dot(self.surface.ng) > 0.0;
-        if scene.has_absorption()
+        if scene.tracks_bodies()
             && self.bsdf.is_solid()
             && (out.dot(self.surface.ng) > 0.0) != outside
         {
@@ -116,14 +116,14 @@ impl Vertex {
         bodies
     }
 
-    /// Transmittance from here along `out`.
+    /// Transmittance from here along a ray over a distance; `None` if something stands between.
     #[inline]
-    pub(super) fn transmittance(&self, scene: &Scene, out: Vec3, distance: f32) -> Rgb {
-        if scene.has_absorption() {
-            self.bodies_towards(scene, out)
-                .transmittance(scene, distance)
+    pub(super) fn unblocked(&self, scene: &Scene, ray: &Ray, distance: f32) -> Option<Rgb> {
+        if scene.tracks_bodies() {
+            self.bodies_towards(scene, ray.dir)
+                .unblocked(scene, ray, distance)
         } else {
-            Rgb::ONE
+            (!scene.occluded(ray)).then_some(Rgb::ONE)
         }
     }
 }

@@ -34,7 +34,7 @@ impl<'a> Walk<'a> {
             partial: Partial::light(pdf.position, pdf.direction, pdf.infinite, start.cos),
             parallel: pdf.infinite,
             roulette_scale: 1.0 / start.throughput.max_element(),
-            bodies: if scene.has_absorption() && !pdf.infinite {
+            bodies: if scene.tracks_bodies() && !pdf.infinite {
                 EnclosingBodies::around(scene, &start.ray)
             } else {
                 EnclosingBodies::default()
@@ -42,12 +42,22 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The walk's `n`th vertex, at a hit; `u` chooses between the BSDFs of its material.
+    /// The surface at which the current edge ends, at its distance `t`, and the distance of the last boundary passed.
     #[inline]
-    pub(super) fn vertex(&mut self, n: u32, hit: &Hit, u: f32) -> Vertex {
+    pub(super) fn arrive(&mut self) -> Option<(Hit, f32)> {
+        let way = self.bodies.follow(self.scene, &self.ray);
+        if let Some(passed) = way.passed {
+            self.throughput *= passed;
+        }
+        Some((way.hit?, way.start))
+    }
+
+    /// The walk's `n`th vertex, where it has [arrived](Walk::arrive); `u` chooses between the BSDFs of its material.
+    #[inline]
+    pub(super) fn vertex(&mut self, n: u32, (hit, start): &(Hit, f32), u: f32) -> Vertex {
         let surface = self.scene.surface(hit);
         if !self.bodies.is_empty() {
-            self.throughput *= self.bodies.transmittance(self.scene, hit.t);
+            self.throughput *= self.bodies.transmittance(self.scene, hit.t - start);
         }
         let back = -self.ray.dir;
         let cos = clamped(surface.ng.dot(back));
@@ -58,6 +68,7 @@ impl<'a> Walk<'a> {
             Origin::Light => self.throughput / cos,
         };
         let bsdf = self.scene.bsdf(&surface, u);
+        let bsdf = (self.bodies).interface(self.scene, &surface, self.ray.dir, bsdf);
         let frame = surface.frame_for(back);
         Vertex {
             n,

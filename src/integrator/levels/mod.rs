@@ -127,7 +127,15 @@ impl LevelTracer {
         // Emission at the levels that roughened the vertex before.
         let mut pending: Option<PendingLevels> = None;
         for n in 1..=self.max_vertices + 1 {
-            let Some(hit) = scene.intersect(&ray) else {
+            let way = bodies.follow(scene, &ray);
+            if let Some(passed) = way.passed {
+                throughput *= passed;
+                emission.scale(passed);
+                if let Some(pending) = &mut pending {
+                    pending.scale(passed);
+                }
+            }
+            let Some(hit) = way.hit else {
                 if scene.parts().environment.is_some() {
                     let transmittance = bodies.transmittance(scene, f32::INFINITY);
                     emission.scale(transmittance);
@@ -142,7 +150,7 @@ impl LevelTracer {
             };
             let surface = scene.surface(&hit);
             if !bodies.is_empty() {
-                let transmittance = bodies.transmittance(scene, hit.t);
+                let transmittance = bodies.transmittance(scene, hit.t - way.start);
                 throughput *= transmittance;
                 emission.scale(transmittance);
                 if let Some(pending) = &mut pending {
@@ -170,6 +178,7 @@ impl LevelTracer {
             // ── the vertex
             let u = sampler.vertex();
             let bsdf = scene.bsdf(&surface, u.material);
+            let bsdf = bodies.interface(scene, &surface, ray.dir, bsdf);
             let alpha = bsdf.alpha();
             let frame = surface.frame_for(-ray.dir);
             let point = ShadingPoint {

@@ -70,7 +70,12 @@ impl<R: Roughening> PathTracer<R> {
         let mut memory = self.rule.start(sample);
         let mut emission = PendingEmission::full(Rgb::ONE);
         for n in 1..=self.max_vertices + 1 {
-            let Some(hit) = scene.intersect(&ray) else {
+            let way = bodies.follow(scene, &ray);
+            if let Some(passed) = way.passed {
+                throughput *= passed;
+                emission.scale(passed);
+            }
+            let Some(hit) = way.hit else {
                 if scene.parts().environment.is_some() {
                     emission.scale(bodies.transmittance(scene, f32::INFINITY));
                     let found = emission.contribution(
@@ -85,7 +90,7 @@ impl<R: Roughening> PathTracer<R> {
             };
             let surface = scene.surface(&hit);
             if !bodies.is_empty() {
-                let transmittance = bodies.transmittance(scene, hit.t);
+                let transmittance = bodies.transmittance(scene, hit.t - way.start);
                 throughput *= transmittance;
                 emission.scale(transmittance);
             }
@@ -108,6 +113,7 @@ impl<R: Roughening> PathTracer<R> {
             // ── the vertex
             let u = sampler.vertex();
             let bsdf = scene.bsdf(&surface, u.material);
+            let bsdf = bodies.interface(scene, &surface, ray.dir, bsdf);
             let alpha = bsdf.alpha();
             let frame = surface.frame_for(-ray.dir);
             let point = ShadingPoint {

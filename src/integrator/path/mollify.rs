@@ -48,10 +48,9 @@ impl ShadingPoint<'_> {
         if !light.density.is_delta() || !same_side || !cone.holds(next.wi, light.wi) {
             return Rgb::ZERO;
         }
-        if self.scene.occluded(&self.surface.spawn_to_light(&light)) {
+        let Some(transmittance) = self.transmittance_to(&light) else {
             return Rgb::ZERO;
-        }
-        let transmittance = self.transmittance(light.wi, light.distance);
+        };
         self.throughput
             * next.sample.weight
             * light.radiance

@@ -99,6 +99,7 @@ impl Reader<'_> {
         if let Some(extensions) = &m.extensions {
             self.extensions(extensions, &mut out)?;
         }
+        out.priority = self.priority(m);
         Ok(out)
     }
 
@@ -162,6 +163,25 @@ impl Reader<'_> {
             };
         }
         Ok(())
+    }
+
+    /// The priority among overlapping bodies, a number in the material's `extras`.
+    fn priority(&mut self, m: &json::Material) -> f32 {
+        let extras = (m.extras.as_ref()).and_then(|e| json::deserialize::from_str(e.get()).ok());
+        let Some(value) = extras
+            .as_ref()
+            .and_then(|e: &json::Value| e.get("priority"))
+        else {
+            return 0.0;
+        };
+        match value.as_f64() {
+            Some(priority) => priority as f32,
+            None => {
+                let line = format!("{}: extras.priority is no number, and ignored", self.at);
+                self.warnings.say(line);
+                0.0
+            }
+        }
     }
 
     /// Beer-Lambert absorption: the attenuation colour is the transmittance over the attenuation distance
