@@ -59,7 +59,7 @@ fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyh
     let window = Window { x, y, w: 1, h: 1 };
     Film::cropped(size, window).context("--pixel").usage()?;
     let aspect = size.x as f32 / size.y as f32;
-    let camera = super::scene::camera(scene, args.camera.as_deref(), aspect)?;
+    let camera = super::scene::pinhole(scene, args.camera.as_deref(), aspect)?;
     let view = View::new(scene, &camera, size, window);
     let mut facts = serde_json::json!({ "pixel": [x, y], "frame": size.to_array() });
     let Some((hit, surface)) = centre(&view, pixel) else {

@@ -98,7 +98,14 @@ impl RenderJob<'_> {
         let args = self.args;
         let size = tune::size(args, &self.opened)?;
         let aspect = size.x as f32 / size.y as f32;
-        let camera = scene::camera(&self.opened.scene, args.camera.as_deref(), aspect)?;
+        let camera = scene::camera(
+            &self.opened.scene,
+            args.camera.as_deref(),
+            args.lens,
+            aspect,
+        )?;
+        let checked = self.settings.check_scene(&self.opened.scene, &camera);
+        checked.map_err(|what| anyhow!(what)).usage()?;
         if let Some(pixel) = args.trace_pixel {
             let view = View::new(&self.opened.scene, &camera, size, Window::full(size));
             trace::run(args, &self.settings, &view, pixel)?;
@@ -256,7 +263,7 @@ impl RenderJob<'_> {
             args.crop.map(|crop| crop.of(size)),
             args.camera,
             aovs::recorded(args),
-            args.scene.words(),
+            args.scene.words() + &args.lens.words(),
         );
         Fingerprint {
             version: env!("CARGO_PKG_VERSION").into(),

@@ -6,7 +6,7 @@ use clap::Args;
 use opsr::bsdf::Distribution;
 use opsr::files::hex;
 use opsr::scene::load::{Animation, LoadOptions, load};
-use opsr::scene::{Camera, Environment, Scene};
+use opsr::scene::{Camera, Environment, Lens, Scene};
 use sha2::{Digest, Sha256};
 use std::path::PathBuf;
 
@@ -60,6 +60,14 @@ pub(super) fn positive(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(x) if x > 0.0 && x.is_finite() => Ok(x),
         _ => Err("expected a number above 0".into()),
+    }
+}
+
+/// A number not below zero.
+fn at_least_zero(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(x) if x >= 0.0 && x.is_finite() => Ok(x),
+        _ => Err("expected a number, at least 0".into()),
     }
 }
 
@@ -147,8 +155,53 @@ impl SceneArgs {
     }
 }
 
+/// Options of the camera's lens.
+#[derive(Args, Debug, Clone, Copy)]
+pub(super) struct LensArgs {
+    /// Radius of the camera's lens, in units of the scene: what is not in focus blurs. 0 leaves a lens of the file out.
+    #[arg(long, value_name = "RADIUS", value_parser = at_least_zero)]
+    aperture: Option<f32>,
+    /// Distance that is in focus, along the view direction, in units of the scene.
+    #[arg(long, value_name = "DISTANCE", value_parser = positive)]
+    focus: Option<f32>,
+}
+
+impl LensArgs {
+    /// The lens of a camera whose file says `file`.
+    fn lens(self, file: Option<Lens>) -> anyhow::Result<Option<Lens>> {
+        let radius = self.aperture.or(file.map(|l| l.radius));
+        let focus = self.focus.or(file.map(|l| l.focus));
+        match (radius, focus) {
+            (Some(0.0), _) | (None, None) => Ok(None),
+            (Some(radius), Some(focus)) => Ok(Some(Lens { radius, focus })),
+            (Some(_), None) => Err(anyhow!("--aperture needs --focus")).usage(),
+            (None, Some(_)) => Err(anyhow!("--focus needs --aperture")).usage(),
+        }
+    }
+
+    /// The options in words, for a fingerprint.
+    pub(super) fn words(self) -> String {
+        match (self.aperture, self.focus) {
+            (None, None) => String::new(),
+            (aperture, focus) => format!(", lens {aperture:?} {focus:?}"),
+        }
+    }
+}
+
+/// The camera with this name or number, and the lens asked for; see [`pinhole`].
+pub(super) fn camera(
+    scene: &Scene,
+    wanted: Option<&str>,
+    lens: LensArgs,
+    aspect: f32,
+) -> anyhow::Result<Camera> {
+    let camera = pinhole(scene, wanted, aspect)?;
+    let lens = lens.lens(camera.lens)?;
+    Ok(Camera { lens, ..camera })
+}
+
 /// The camera with this name or number; without one the first, or a camera that sees the whole scene.
-pub(super) fn camera(scene: &Scene, wanted: Option<&str>, aspect: f32) -> anyhow::Result<Camera> {
+pub(super) fn pinhole(scene: &Scene, wanted: Option<&str>, aspect: f32) -> anyhow::Result<Camera> {
     let cameras = &scene.parts().cameras;
     let Some(wanted) = wanted else {
         let first = cameras.first().cloned();

@@ -28,7 +28,7 @@ pub(super) fn tune(
 ) -> anyhow::Result<bool> {
     let size = size(args, opened)?;
     let aspect = size.x as f32 / size.y as f32;
-    let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
+    let camera = scene::camera(&opened.scene, args.camera.as_deref(), args.lens, aspect)?;
     let window = job::window(args, size);
     let view = View::new(&opened.scene, &camera, size, window);
     let samples = match (args.spp, args.time) {
@@ -110,7 +110,7 @@ pub(super) fn frame(
         Some(Size::Share(share)) => share,
         None => 1.0,
     };
-    let camera = scene::camera(&opened.scene, camera, 1.0)?;
+    let camera = scene::pinhole(&opened.scene, camera, 1.0)?;
     let width = (DEFAULT_ROWS as f32 * camera.aspect.unwrap_or(1.0)).round();
     let width = (width as u32).clamp(1, 16 * DEFAULT_ROWS);
     let scaled = |side: u32| ((share * f64::from(side)).round() as u32).clamp(1, 65536);

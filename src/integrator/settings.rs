@@ -7,6 +7,7 @@ use super::{Integrator, Picture, View};
 use crate::image::level_film::LevelFilm;
 use crate::regularise::{Rule, Unregularised};
 use crate::sampler::{Domain, Independent, Seed};
+use crate::scene::{Camera, Scene};
 use std::ops::Range;
 
 /// The algorithm that estimates the picture.
@@ -101,6 +102,20 @@ impl Settings {
             return Ok(());
         }
         self.level_tracer().map(|_| ())
+    }
+
+    /// An error if the estimator cannot show what the scene or the camera asks for.
+    pub fn check_scene(&self, scene: &Scene, camera: &Camera) -> Result<(), &'static str> {
+        match self.estimator {
+            Estimator::Path { .. } => Ok(()),
+            _ if camera.lens.is_some() => {
+                Err("--integrator light and bdpt have no lens: leave it out with --aperture 0")
+            }
+            _ if scene.has_dispersion() => {
+                Err("--integrator light and bdpt have no dispersion (KHR_materials_dispersion)")
+            }
+            _ => Ok(()),
+        }
     }
 
     fn level_tracer(&self) -> Result<LevelTracer, LevelError> {

@@ -20,7 +20,7 @@ mod normals;
 pub mod sensor;
 pub mod texture;
 
-pub use camera::Camera;
+pub use camera::{Camera, Lens};
 pub use geometry::Geometry;
 pub use light::{
     Emission, EmissionDensity, EmissionSample, Environment, LightDensity, LightSample, Lights,
@@ -90,6 +90,7 @@ pub struct Scene {
     has_overlaps: bool,
     /// Rank of each material where bodies overlap.
     ranks: Vec<u32>,
+    has_dispersion: bool,
     has_lobes: bool,
     warnings: Vec<String>,
 }
@@ -101,6 +102,8 @@ impl Scene {
         let geometry = Geometry::new(&parts, &mut warnings);
         let lights = Lights::new(&parts, &geometry, &mut warnings);
         let has_absorption = (parts.materials.iter()).any(|m| m.absorption != Rgb::ZERO);
+        let has_dispersion =
+            (parts.materials.iter()).any(|m| m.dispersion > 0.0 && m.bounds_body());
         let mut shown = parts.meshes.iter().map(|m| m.material as usize);
         let has_lobes = shown.any(|m| !parts.materials.get(m).is_some_and(Material::is_rough));
         let mut scene = Self {
@@ -110,6 +113,7 @@ impl Scene {
             lights,
             has_absorption,
             has_overlaps: false,
+            has_dispersion,
             has_lobes,
             warnings,
         };
@@ -151,6 +155,12 @@ impl Scene {
     #[inline]
     pub fn rank(&self, material: u32) -> u32 {
         self.ranks[material as usize]
+    }
+
+    /// True if any body refracts each colour channel by an index of its own.
+    #[inline]
+    pub fn has_dispersion(&self) -> bool {
+        self.has_dispersion
     }
 
     /// True if any surface has a lobe that a rule could roughen.

@@ -17,6 +17,7 @@ mod tiles;
 mod vertex;
 
 use super::walk::bodies::EnclosingBodies;
+use super::walk::dispersion::Channel;
 use super::walk::observer::PathObserver;
 use super::walk::pending_emission::PendingEmission;
 use super::walk::roulette;
@@ -121,6 +122,7 @@ impl LevelTracer {
         let mut total = [Rgb::ZERO; MAX_LEVELS];
         let mut unseen = Rgb::ZERO;
         let mut throughput = Rgb::ONE;
+        let mut channel = Channel::default();
         let mut eta_scale = 1.0f32;
         let mut memory = LevelMemory::default();
         let mut emission = PendingEmission::full(Rgb::ONE);
@@ -177,7 +179,7 @@ impl LevelTracer {
 
             // ── the vertex
             let u = sampler.vertex();
-            let bsdf = scene.bsdf(&surface, u.material);
+            let bsdf = channel.bsdf(scene, &surface, u.material, &mut throughput);
             let bsdf = bodies.interface(scene, &surface, ray.dir, bsdf);
             let alpha = bsdf.alpha();
             let frame = surface.frame_for(-ray.dir);

@@ -11,6 +11,7 @@
 //! correlation is harmless, and a table of zeros makes the bytes of plain path tracing.
 
 use super::walk::bodies::EnclosingBodies;
+use super::walk::dispersion::Channel;
 use super::walk::observer::PathObserver;
 use super::walk::pending_emission::PendingEmission;
 use super::walk::roughening::{remember, roughen};
@@ -65,6 +66,7 @@ impl<R: Roughening> PathTracer<R> {
     ) -> Rgb {
         let mut total = Rgb::ZERO;
         let mut throughput = Rgb::ONE;
+        let mut channel = Channel::default();
         // Refraction scales radiance by 1/η²; roulette must not mistake that for lost light.
         let mut eta_scale = 1.0f32;
         let mut memory = self.rule.start(sample);
@@ -112,7 +114,7 @@ impl<R: Roughening> PathTracer<R> {
 
             // ── the vertex
             let u = sampler.vertex();
-            let bsdf = scene.bsdf(&surface, u.material);
+            let bsdf = channel.bsdf(scene, &surface, u.material, &mut throughput);
             let bsdf = bodies.interface(scene, &surface, ray.dir, bsdf);
             let alpha = bsdf.alpha();
             let frame = surface.frame_for(-ray.dir);

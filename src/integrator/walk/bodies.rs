@@ -39,11 +39,11 @@ impl EnclosingBodies {
             return Some(Self::default());
         }
         match camera.projection {
-            Projection::Perspective { .. } => {
+            Projection::Perspective { .. } if camera.lens.is_none() => {
                 let forwards = Ray::new(camera.position, -camera.frame.n);
                 Some(Self::around(view.scene, &forwards))
             }
-            Projection::Orthographic { .. } => None,
+            _ => None,
         }
     }
 

@@ -143,6 +143,12 @@ impl Reader<'_> {
             out.solid = self.positive("thicknessFactor", volume.thickness_factor.0)? > 0.0;
             out.absorption = self.absorption(volume)?;
         }
+        if let Some(value) = e.others.get("KHR_materials_dispersion") {
+            let dispersion = value.get("dispersion").map_or(Some(0.0), |x| x.as_f64());
+            let dispersion =
+                dispersion.ok_or_else(|| fault(&self.at, "dispersion is no number"))?;
+            out.dispersion = self.positive("dispersion", dispersion as f32)?;
+        }
         if out.ior == 0.0 {
             // An infinite index: everything is reflected [KHR_materials_ior].
             out.transmission = 0.0;
