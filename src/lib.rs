@@ -48,6 +48,7 @@
 //! - `[Heitz14]` Heitz: *Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs*, JCGT 2014.
 //! - `[Veach97]` Veach: *Robust Monte Carlo Methods for Light Transport Simulation*, 1997.
 //! - `[VCM-TR]` Georgiev: *Implementing Vertex Connection and Merging*, technical report, Saarland University, 2012.
+//! - `[UPS]` Hachisuka, Pantaleoni, Jensen: *A Path Space Extension for Robust Light Transport Simulation*, SIGGRAPH Asia 2012.
 //! - `[Duff17]` Duff et al.: *Building an Orthonormal Basis, Revisited*, JCGT 2017.
 //! - `[Woop13]` Woop, Benthin, Wald: *Watertight Ray/Triangle Intersection*, JCGT 2013.
 //! - `[Ylitie17]` Ylitie, Karras, Laine: *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*, HPG 2017.

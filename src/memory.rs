@@ -87,8 +87,11 @@ fn group(cgroup: &str) -> Option<u64> {
         let current: u64 = text("memory.current")?.trim().parse().ok()?;
         // Pages of files are given up when they are needed.
         let stat = text("memory.stat").unwrap_or_default();
-        let line = stat.lines().find_map(|l| l.strip_prefix("inactive_file "));
-        let files = line.and_then(|n| n.parse().ok()).unwrap_or(0);
+        let of = |name: &str| {
+            stat.lines()
+                .find_map(|l| l.strip_prefix(name)?.parse().ok())
+        };
+        let files = of("inactive_file ").unwrap_or(0) + of("active_file ").unwrap_or(0);
         Some(most.saturating_sub(current.saturating_sub(files)))
     };
     groups.filter_map(free).min()

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Takes the fix of each hard numerical case out of a copy of the source, one at a time, and requires the case's test to
-# fail: what a test cannot notice it does not protect. More than half an hour on two cores, nearly all of it builds.
+# Takes the fix of each hard numerical case, and what bidirectional estimates rest on, out of a copy of the source, one at
+# a time, and requires the case's test to fail: what a test cannot notice it does not protect. More than half an hour on
+# two cores, nearly all of it builds.
 #
 #     tests/planted.sh [PART OF A NAME]
 #
@@ -91,6 +92,21 @@ plant "15 steps with a gradient of no numbers" src/train/learn/outer_loop.rs \
     stability_train::case_15_nan_gradients_leave_table_and_optimiser_unchanged
 plant "15 a best loss of no number" src/train/learn/outer_loop.rs \
     's/score\.filter\(\|s\| s\.is_finite\(\)\)/score/' stability_train::case_15_nan_loss_is_never_the_best
+
+plant "light flux without the square of the index" src/integrator/bidirectional/walk.rs \
+    's/refraction_scale \* cosines\.abs\(\)/cosines.abs()/' \
+    bidirectional::audit::audit_of_mis_weights_and_values_under_water
+plant "light flux with geometric cosines at a bent normal" src/integrator/bidirectional/walk.rs \
+    's/vertex\.back\.dot\(frame\.n\), out\.dot\(frame\.n\)/vertex.back.dot(vertex.surface.ng), out.dot(vertex.surface.ng)/' \
+    bidirectional::audit::audit_of_mis_weights_and_values_under_water
+plant "reverse density is the forward one" src/integrator/bidirectional/walk.rs \
+    's/vertex\.pdf_back\(out\)/vertex.pdf_on(out)/' \
+    bidirectional::audit::audit_of_mis_weights_and_values_of_materials
+plant "photons of a shared bucket count twice" src/integrator/bidirectional/photons.rs \
+    's/if buckets\[\.\.i as usize\]\.contains\(&key\)/if key == u32::MAX/' \
+    bidirectional::density::photon_density_of_an_analytic_disk
+plant "weights of connections ignore merges" src/integrator/bidirectional/weights.rs \
+    's/merging\.m \+ self/self/' bidirectional::weights::mis_weights_equal_enumeration_in_double_precision
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

@@ -60,6 +60,12 @@ pub struct ThinDielectric {
 /// line, whose half vector single precision cannot resolve.
 const MATCHED: f32 = 5e-4;
 
+/// True for a ratio of indices so close to 1 that the interface is invisible.
+#[inline]
+pub fn is_matched(eta: f32) -> bool {
+    (eta - 1.0).abs() < MATCHED
+}
+
 /// Negates `w` if `side` is negative: maps a direction on the side of `side` to the upper hemisphere and back.
 #[inline]
 fn above(side: f32, w: Vec3) -> Vec3 {
@@ -229,7 +235,7 @@ impl Dielectric {
     /// True if the indices are so close that the interface is invisible.
     #[inline]
     pub(super) fn is_matched(&self) -> bool {
-        (self.eta - 1.0).abs() < MATCHED
+        is_matched(self.eta)
     }
 
     /// Index of the other side over the index on the side of `wo`.

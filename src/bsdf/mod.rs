@@ -22,7 +22,7 @@ pub mod fresnel;
 pub mod lobes;
 
 pub use distribution::{Distribution, LobeReal};
-pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric};
+pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric, is_matched};
 
 /// Roughness below which a lobe is a Dirac delta: single precision cannot evaluate a sharper one at grazing angles.
 pub const DELTA_ALPHA: f32 = 1e-3;
@@ -128,6 +128,16 @@ impl LobeQuery {
         LobeShape {
             dg2: d / shadowed,
             dg1: d / masked,
+        }
+    }
+
+    /// The query of the glossy lobe alone, with its selection probability.
+    #[inline]
+    pub fn gloss(&self) -> Self {
+        Self {
+            base: Rgb::ZERO,
+            base_pdf: 0.0,
+            ..*self
         }
     }
 

@@ -99,6 +99,9 @@ impl RenderJob<'_> {
         let size = tune::size(args, &self.opened)?;
         let aspect = size.x as f32 / size.y as f32;
         let camera = scene::camera(&self.opened.scene, args.camera.as_deref(), aspect)?;
+        let camera = args.lens.on(camera)?;
+        let checked = self.settings.check_scene(&self.opened.scene, &camera);
+        checked.map_err(|what| anyhow!(what)).usage()?;
         if let Some(pixel) = args.trace_pixel {
             let view = View::new(&self.opened.scene, &camera, size, Window::full(size));
             trace::run(args, &self.settings, &view, pixel)?;
@@ -167,8 +170,12 @@ impl RenderJob<'_> {
             }
             self.stop.flow()
         };
+        let mut integrator = self.settings.integrator();
+        if let Some(notes) = integrator.notes(&view) {
+            tracing::info!("{notes}");
+        }
         let (progress, reason) = drive(
-            &mut *self.settings.integrator(),
+            &mut *integrator,
             &view,
             &budget,
             start,
@@ -215,8 +222,9 @@ impl RenderJob<'_> {
         if args.resolve.level_layers {
             each += LEVEL_LAYER_BYTES;
         }
-        let parts = aovs::recorded(args).into_iter().map(u64::from);
-        let aovs = AOV_BYTES * parts.sum::<u64>();
+        // Light by its path, and time, take no more than albedo, normal and depth do.
+        let records = aovs::recorded(args).iter().filter(|r| **r).count() as u64;
+        let aovs = AOV_BYTES * records;
         let levels = self.settings.levels.len() as u64;
         let bytes = window.len() as u64 * (FILM_BYTES + aovs + levels * each);
         let pixels = format!("{}x{} pixels", window.w, window.h);
@@ -256,7 +264,7 @@ impl RenderJob<'_> {
             args.crop.map(|crop| crop.of(size)),
             args.camera,
             aovs::recorded(args),
-            args.scene.words(),
+            args.scene.words() + &args.lens.words(),
         );
         Fingerprint {
             version: env!("CARGO_PKG_VERSION").into(),

@@ -4,7 +4,7 @@ use super::aovs::Aov;
 use super::bar::Style;
 use super::job;
 use super::output::{FileArgs, ResolveArgs};
-use super::scene::{self, SceneArgs};
+use super::scene::{self, LensArgs, SceneArgs};
 use clap::Args;
 use opsr::integrator::method::{MethodSpec, unit};
 use std::path::PathBuf;
@@ -42,6 +42,8 @@ pub(super) struct RenderArgs {
     /// Camera by name or number (from 0).
     #[arg(long, value_name = "NAME")]
     pub(super) camera: Option<String>,
+    #[command(flatten)]
+    pub(super) lens: LensArgs,
 
     #[command(flatten)]
     pub(super) method: MethodSpec,

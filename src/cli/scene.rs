@@ -6,7 +6,7 @@ use clap::Args;
 use opsr::bsdf::Distribution;
 use opsr::files::hex;
 use opsr::scene::load::{Animation, LoadOptions, load};
-use opsr::scene::{Camera, Environment, Scene};
+use opsr::scene::{Camera, Environment, Lens, Scene};
 use sha2::{Digest, Sha256};
 use std::path::PathBuf;
 
@@ -60,6 +60,14 @@ pub(super) fn positive(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(x) if x > 0.0 && x.is_finite() => Ok(x),
         _ => Err("expected a number above 0".into()),
+    }
+}
+
+/// A number not below zero.
+fn at_least_zero(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(x) if x >= 0.0 && x.is_finite() => Ok(x),
+        _ => Err("expected a number, at least 0".into()),
     }
 }
 
@@ -144,6 +152,45 @@ impl SceneArgs {
         let glass = if *solid_glass { ", solid glass" } else { "" };
         let time = self.time().map_or(String::new(), |t| format!(", at {t} s"));
         format!("env {env_intensity} {env_rotation}, {distribution:?}{glass}{time}")
+    }
+}
+
+/// Options of the camera's lens.
+#[derive(Args, Debug, Clone, Copy)]
+pub(super) struct LensArgs {
+    /// Radius of the camera's lens, in units of the scene: what is not in focus blurs. 0 leaves a lens of the file out.
+    #[arg(long, value_name = "RADIUS", value_parser = at_least_zero)]
+    aperture: Option<f32>,
+    /// Distance that is in focus, along the view direction, in units of the scene.
+    #[arg(long, value_name = "DISTANCE", value_parser = positive)]
+    focus: Option<f32>,
+}
+
+impl LensArgs {
+    /// The camera with the lens asked for.
+    pub(super) fn on(self, camera: Camera) -> anyhow::Result<Camera> {
+        let lens = self.lens(camera.lens)?;
+        Ok(Camera { lens, ..camera })
+    }
+
+    /// The lens of a camera whose file says `file`.
+    fn lens(self, file: Option<Lens>) -> anyhow::Result<Option<Lens>> {
+        let radius = self.aperture.or(file.map(|l| l.radius));
+        let focus = self.focus.or(file.map(|l| l.focus));
+        match (radius, focus) {
+            (Some(0.0), _) | (None, None) => Ok(None),
+            (Some(radius), Some(focus)) => Ok(Some(Lens { radius, focus })),
+            (Some(_), None) => Err(anyhow!("--aperture needs --focus")).usage(),
+            (None, Some(_)) => Err(anyhow!("--focus needs --aperture")).usage(),
+        }
+    }
+
+    /// The options in words, for a fingerprint.
+    pub(super) fn words(self) -> String {
+        match (self.aperture, self.focus) {
+            (None, None) => String::new(),
+            (aperture, focus) => format!(", lens {aperture:?} {focus:?}"),
+        }
     }
 }
 

@@ -28,7 +28,11 @@ pub(super) fn tune(
 ) -> anyhow::Result<bool> {
     let size = size(args, opened)?;
     let aspect = size.x as f32 / size.y as f32;
-    let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
+    let camera = args.lens.on(scene::camera(
+        &opened.scene,
+        args.camera.as_deref(),
+        aspect,
+    )?)?;
     let window = job::window(args, size);
     let view = View::new(&opened.scene, &camera, size, window);
     let samples = match (args.spp, args.time) {

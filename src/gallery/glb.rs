@@ -203,8 +203,15 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
     if m.ior != 1.5 {
         extensions.insert("KHR_materials_ior".into(), json!({ "ior": number(m.ior) }));
     }
+    if m.dispersion != 0.0 {
+        let body = json!({ "dispersion": number(m.dispersion) });
+        extensions.insert("KHR_materials_dispersion".into(), body);
+    }
     if m.solid {
         extensions.insert("KHR_materials_volume".into(), volume(m.absorption));
+    }
+    if m.priority != 0.0 {
+        value["extras"] = json!({ "priority": number(m.priority) });
     }
     if (m.specular, m.specular_color) != (1.0, Rgb::ONE) {
         extensions.insert("KHR_materials_specular".into(), specular(m));
@@ -217,7 +224,8 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
 }
 
 /// The material extensions that this writer uses.
-const EXTENSIONS: [&str; 5] = [
+const EXTENSIONS: [&str; 6] = [
+    "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_transmission",
     "KHR_materials_ior",

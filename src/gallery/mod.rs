@@ -8,6 +8,7 @@
 //! ```
 
 pub mod glb;
+mod light;
 pub mod manifest;
 pub mod materials;
 pub mod reference;
@@ -24,11 +25,15 @@ use std::f32::consts::PI;
 type Builder = (&'static str, fn() -> SceneParts);
 
 /// Small scenes by name, for suites.
-const SMALL: [Builder; 4] = [
+const SMALL: [Builder; 8] = [
+    ("caustic-behind-glass", light::caustic_behind_glass),
     ("caustic-box", caustic_box),
     ("cornell-box", cornell_box),
+    ("filament", light::filament),
     ("furnace", || furnace_sphere(0.5)),
     ("plane", area_light_over_plane),
+    ("sun-pool", light::sun_pool),
+    ("three-boxes", light::three_boxes),
 ];
 
 /// Names of the builtin scenes.

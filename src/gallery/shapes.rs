@@ -141,7 +141,7 @@ fn icosphere(divisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
 }
 
 /// Gives a mesh normals that are area-weighted means of its faces'.
-fn smooth(mesh: &mut Mesh) {
+pub(super) fn smooth(mesh: &mut Mesh) {
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
     for &[a, b, c] in &mesh.indices {
         let p = |i: u32| mesh.positions[i as usize].as_dvec3();

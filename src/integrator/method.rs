@@ -1,6 +1,7 @@
 //! Estimator and rule as users choose them: options of `opsr render`, keys of a method in a suite.
 
 use super::Estimator;
+use super::bidirectional::Radius;
 use crate::files::{FileError, hex};
 use crate::regularise::file::TableFile;
 use crate::regularise::rules::MOLLIFIER_RADIUS;
@@ -81,6 +82,15 @@ pub struct MethodSpec {
     #[arg(long, value_name = "X", value_parser = positive)]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub filter: Option<f32>,
+    /// First radius within which the photons of vcm and sppm count, in the scene's units; twice a pixel's footprint if
+    /// not given.
+    #[arg(long, value_name = "R", value_parser = positive)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius: Option<f32>,
+    /// Shrinking of that radius: in sample n it is n^((A − 1)/2) of the first, A in (0, 1]; 2/3 if not given.
+    #[arg(long, value_name = "A", value_parser = shrinking)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius_alpha: Option<f32>,
 }
 
 /// Integrators by name.
@@ -94,11 +104,33 @@ pub enum IntegratorKind {
     Light,
     /// Bidirectional path tracing: lamps behind glass, caustics, indirect light.
     Bdpt,
+    /// Bidirectional path tracing and photon density in one: caustics seen through glass, water or mirrors too.
+    #[value(alias = "ups")]
+    #[serde(alias = "ups")]
+    Vcm,
+    /// Photon density with a shrinking radius.
+    Sppm,
 }
 
 impl IntegratorKind {
-    fn is_path(&self) -> bool {
+    /// True for path tracing.
+    pub fn is_path(&self) -> bool {
         *self == Self::Path
+    }
+
+    /// The algorithm, with this radius if it has one.
+    pub fn estimator(self, radius: Radius) -> Estimator {
+        match self {
+            Self::Path => Estimator::Path { reuse: false },
+            Self::Light => Estimator::Light,
+            Self::Bdpt => Estimator::Bdpt,
+            Self::Vcm => Estimator::Vcm(radius),
+            Self::Sppm => Estimator::Sppm(radius),
+        }
+    }
+
+    fn merges(self) -> bool {
+        matches!(self, Self::Vcm | Self::Sppm)
     }
 }
 
@@ -146,14 +178,24 @@ pub struct Method {
 impl MethodSpec {
     /// The first option that the integrator cannot take.
     pub fn refused(&self) -> Result<(), String> {
-        let regularised = !matches!(self.method, Kind::Default | Kind::Plain)
+        let bdpt = self.integrator == IntegratorKind::Bdpt;
+        let mollified = bdpt && self.method == Kind::Mollifier;
+        let regularised = !matches!(self.method, Kind::Default | Kind::Plain) && !mollified
             || self.gamma.is_some()
             || self.table.is_some()
             || self.reuse;
+        let name = format!("{:?}", self.integrator).to_lowercase();
         if regularised && !self.integrator.is_path() {
-            let name = format!("{:?}", self.integrator).to_lowercase();
+            return Err(if bdpt {
+                "integrator bdpt does not roughen: no gamma, table or reuse, and no mode but mollifier"
+                    .into()
+            } else {
+                format!("integrator {name} does not regularise: no mode, gamma, table or reuse")
+            });
+        }
+        if (self.radius.is_some() || self.radius_alpha.is_some()) && !self.integrator.merges() {
             return Err(format!(
-                "integrator {name} does not regularise: no mode, gamma, table or reuse"
+                "integrator {name} has no radius: vcm and sppm have"
             ));
         }
         Ok(())
@@ -188,10 +230,13 @@ impl MethodSpec {
             (_, None, None) => Rule::Plain,
         };
         let reuse = self.reuse || self.method == Kind::Reuse;
-        let estimator = match self.integrator {
-            IntegratorKind::Path => Estimator::Path { reuse },
-            IntegratorKind::Light => Estimator::Light,
-            IntegratorKind::Bdpt => Estimator::Bdpt,
+        let radius = Radius {
+            first: self.radius,
+            alpha: self.radius_alpha.unwrap_or(Radius::default().alpha),
+        };
+        let estimator = match self.integrator.estimator(radius) {
+            Estimator::Path { .. } => Estimator::Path { reuse },
+            other => other,
         };
         Ok(Method {
             estimator,
@@ -216,6 +261,10 @@ pub fn unit(text: &str) -> Result<f32, String> {
 
 fn exponent(text: &str) -> Result<f32, String> {
     number(text, |x| x > 0.0 && x < 0.5, "between 0 and 0.5")
+}
+
+fn shrinking(text: &str) -> Result<f32, String> {
+    number(text, |x| x > 0.0 && x <= 1.0, "above 0 and at most 1")
 }
 
 fn positive(text: &str) -> Result<f32, String> {

@@ -1,16 +1,17 @@
 //! Settings of a render, and the integrator they stand for.
 
-use super::bidirectional::{Bidirectional, Strategies};
+use super::bidirectional::{Bidirectional, Radius, Strategies};
 use super::levels::{LevelError, LevelTracer};
 use super::path::PathTracer;
 use super::{Integrator, Picture, View};
 use crate::image::level_film::LevelFilm;
 use crate::regularise::{Rule, Unregularised};
 use crate::sampler::{Domain, Independent, Seed};
+use crate::scene::{Camera, Scene};
 use std::ops::Range;
 
 /// The algorithm that estimates the picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Estimator {
     /// Unidirectional path tracing with next-event estimation.
     Path {
@@ -23,6 +24,10 @@ pub enum Estimator {
     Light,
     /// Bidirectional path tracing: all connections, weighted by the balance heuristic.
     Bdpt,
+    /// Vertex connection and merging `[UPS]`: all connections, and photon density at every vertex.
+    Vcm(Radius),
+    /// Progressive photon mapping with one radius for the whole picture.
+    Sppm(Radius),
 }
 
 impl Default for Estimator {
@@ -67,7 +72,7 @@ impl Settings {
     ///
     /// Panics for levels that [`Settings::check_levels`] refuses.
     pub fn integrator(&self) -> Box<dyn Integrator> {
-        let strategies = match self.estimator {
+        let (strategies, merging) = match self.estimator {
             Estimator::Path { .. } if !self.levels.is_empty() => {
                 let tracer = self.level_tracer().expect("levels that were checked");
                 let seed = Seed(self.seed);
@@ -79,16 +84,26 @@ impl Settings {
                     seed: self.seed,
                 });
             }
-            Estimator::Light => Strategies::Light,
-            Estimator::Bdpt => Strategies::All,
+            Estimator::Light => (Strategies::Light, None),
+            Estimator::Bdpt => (Strategies::All, None),
+            Estimator::Vcm(radius) => (Strategies::All, Some(radius)),
+            Estimator::Sppm(radius) => (Strategies::Density, Some(radius)),
         };
-        Box::new(self.bidirectional(strategies))
+        Box::new(Bidirectional {
+            merging,
+            ..self.bidirectional(strategies)
+        })
     }
 
-    /// The bidirectional path tracer of these settings with these strategies; it has no rule.
+    /// The bidirectional path tracer of these settings with these strategies, without merging; the only rule it has is the mollifier.
     pub fn bidirectional(&self, strategies: Strategies) -> Bidirectional {
         Bidirectional {
             strategies,
+            merging: None,
+            mollifier: match self.rule {
+                Rule::Mollifier(radius) if self.estimator == Estimator::Bdpt => Some(radius),
+                _ => None,
+            },
             max_vertices: self.max_vertices,
             roulette_start: self.roulette_start,
             seed: self.seed,
@@ -103,11 +118,29 @@ impl Settings {
         self.level_tracer().map(|_| ())
     }
 
+    /// An error if the estimator cannot show what the scene or the camera asks for.
+    pub fn check_scene(&self, scene: &Scene, camera: &Camera) -> Result<(), &'static str> {
+        match self.estimator {
+            Estimator::Path { .. } => Ok(()),
+            _ if camera.lens.is_some() => {
+                Err("only --integrator path has a lens: leave it out with --aperture 0")
+            }
+            _ if scene.has_dispersion() => {
+                Err("only --integrator path has dispersion (KHR_materials_dispersion)")
+            }
+            // A photon does not remember the bodies around it.
+            Estimator::Vcm(_) if scene.has_overlaps() => {
+                Err("--integrator vcm knows no bodies that overlap; bdpt and sppm do")
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn level_tracer(&self) -> Result<LevelTracer, LevelError> {
         match self.estimator {
             Estimator::Path { reuse: false } => {}
             Estimator::Path { reuse: true } => return Err(LevelError::Reuse),
-            Estimator::Light | Estimator::Bdpt => return Err(LevelError::Estimator),
+            _ => return Err(LevelError::Estimator),
         }
         LevelTracer::new(
             &self.rule,

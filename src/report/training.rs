@@ -314,7 +314,7 @@ fn summary(table: &AttenuationTable, visits: &[u64]) -> String {
 fn scores(all: &[Score]) -> Markup {
     let best_constant = all.first().map_or(f32::NAN, |s| s.loss);
     html! {
-        .scroll { table {
+        .scroll { table.named {
             tr {
                 th { "table" } th { "factor or scale" } th { "loss" } th { "loss / best constant" } th { "energy" }
             }
@@ -347,18 +347,20 @@ fn held_out(all: &[HeldOut]) -> Markup {
     };
     let shown = |x: Option<f32>| x.map_or("–".to_owned(), |x| format!("{x:.3}"));
     html! {
-        p { "Loss / loss of the best constant of the held-out crops themselves, which a user cannot know; energy in brackets." }
-        .scroll { table {
-            tr { th { "family" } @for name in &names { th { (name) } } }
-            @for h in all {
+        p {
+            "Loss / loss of the best constant of the held-out crops themselves, which a user cannot know; below 1 the table is \
+             better. Energy in brackets."
+        }
+        .scroll { table.named {
+            tr { th { "table" } @for h in all { th { (h.family) } } th { "geometric mean" } }
+            @for (i, name) in names.iter().enumerate() {
                 tr {
-                    td { (h.family) }
-                    @for i in 0..names.len() { td { (format!("{} ({:.3})", shown(ratio(h, i)), h.scores[i].energy)) } }
+                    td { (name) }
+                    @for h in all {
+                        td { (shown(ratio(h, i))) br; "(" (format!("{:.3}", h.scores[i].energy)) ")" }
+                    }
+                    td { (shown(mean(i))) }
                 }
-            }
-            tr {
-                td { "geometric mean" }
-                @for i in 0..names.len() { td { (shown(mean(i))) } }
             }
         } }
     }
@@ -376,20 +378,19 @@ fn crops(names: &[String], crops: &CropScores, beta: f32) -> Markup {
             (worse) " of " (names.len()) " crops have a larger loss with the table than plain, without roughening"
             @if worse > 0 { "; they are marked ▲" } "."
         }
-        .scroll { table {
+        .scroll { table.named {
             tr {
                 th { "crop" } th { "reference, start, learned" } th { "loss, plain" } th { "loss at the start" }
                 th { "loss, learned" } th { "MAPE" } th { "variance" } th { "energy" } th { "noise of the reference" }
             }
             @for (i, name) in names.iter().enumerate() {
+                @let worse = crops.is_worse(i, beta);
                 tr {
-                    td { (name) @if crops.is_worse(i, beta) { strong title="worse than plain" { " ▲" } } }
-                    td style="white-space: nowrap" {
-                        @for picture in &crops.pictures[i] { img src=(image(picture)) width="96" height="96" alt=(name); " " }
-                    }
+                    td { (name) @if worse { strong.off title="worse than plain" { " ▲" } } }
+                    td { .crop { @for picture in &crops.pictures[i] { img src=(image(picture)) alt=(name); } } }
                     td { (format!("{:.4}", crops.plain[i].total(beta))) }
                     td { (format!("{:.4}", crops.before[i].total(beta))) }
-                    td { (format!("{:.4}", crops.after[i].total(beta))) }
+                    td.worse[worse] { (format!("{:.4}", crops.after[i].total(beta))) }
                     td { (format!("{:.4}", crops.after[i].mape)) }
                     td { (format!("{:.3}", crops.after[i].variance)) }
                     td { (format!("{:.3}", crops.after[i].energy)) }

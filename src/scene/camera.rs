@@ -1,6 +1,6 @@
-//! Cameras: pinholes and parallel projections.
+//! Cameras: pinholes, parallel projections, and thin lenses in front of either.
 
-use crate::math::{DVec3, Frame, Ray, Vec2, Vec3};
+use crate::math::{DVec3, Frame, Ray, Vec2, Vec3, warp};
 
 /// Largest coordinate of a scene that a camera can frame.
 const LARGE: f64 = 1e30;
@@ -18,6 +18,17 @@ pub struct Camera {
     pub projection: Projection,
     /// Width over height, if the file gives one.
     pub aspect: Option<f32>,
+    /// Lens; a camera without one sees everything sharply.
+    pub lens: Option<Lens>,
+}
+
+/// A thin lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// Radius of the aperture in world units, above 0.
+    pub radius: f32,
+    /// Distance of the plane in focus, along the view direction, above 0.
+    pub focus: f32,
 }
 
 /// Projection of a camera.
@@ -68,6 +79,19 @@ impl Camera {
                 Ray::new(self.position + shift, -self.frame.n)
             }
         }
+    }
+
+    /// The ray through a film position and a point of the lens, for a picture of the given width over height; `u` is uniform
+    /// in [0, 1)². All rays through a film position meet in the plane of focus, and none of them is likelier: the mean over
+    /// the aperture is Kolb's, Mitchell's and Hanrahan's thin lens (*A Realistic Camera Model for Computer Graphics*, 1995)
+    /// without vignetting.
+    #[inline]
+    pub fn ray_through(&self, lens: Lens, film: Vec2, aspect: f32, u: Vec2) -> Ray {
+        let chief = self.ray(film, aspect);
+        let target = chief.origin + chief.dir * (lens.focus / -chief.dir.dot(self.frame.n));
+        let point = lens.radius * warp::disk(u);
+        let origin = chief.origin + self.frame.s * point.x + self.frame.t * point.y;
+        Ray::new(origin, (target - origin).normalize())
     }
 
     /// Film position of a point, world direction from the point towards the camera, and the distance to it; the inverse
@@ -121,6 +145,7 @@ impl Camera {
                 tan_half_y: (0.5 * fov_y).tan(),
             },
             aspect: None,
+            lens: None,
         }
     }
 
@@ -185,6 +210,7 @@ impl Camera {
                 tan_half_y: tan_y as f32,
             },
             aspect: None,
+            lens: None,
         }
     }
 }

@@ -25,10 +25,14 @@ pub struct Material {
     pub double_sided: bool,
     /// Share of the light that is transmitted instead of scattered diffusely, in [0, 1].
     pub transmission: f32,
-    /// Index of refraction.
+    /// Index of refraction, at the wavelength of the line d where it disperses.
     pub ior: f32,
+    /// 20 over the Abbe number of a solid body; 0 without dispersion.
+    pub dispersion: f32,
     /// True if the surface bounds a solid body and refracts; otherwise transmission is thin-walled.
     pub solid: bool,
+    /// Priority where bodies overlap: the one of the highest is there; among equals the smaller body.
+    pub priority: f32,
     /// Absorption coefficient of the body per unit length.
     pub absorption: Rgb,
     /// Weight in [0, 1] of the reflectance of a dielectric coat or thin wall, at all angles: its reflectance at grazing
@@ -86,7 +90,9 @@ impl Default for Material {
             double_sided: false,
             transmission: 0.0,
             ior: 1.5,
+            dispersion: 0.0,
             solid: false,
+            priority: 0.0,
             absorption: Rgb::ZERO,
             specular: 1.0,
             specular_color: Rgb::ONE,
@@ -206,6 +212,15 @@ impl Material {
         self.solid && self.transmission > 0.0 && self.metallic < 1.0
     }
 
+    /// True if the surface does nothing to light but reflect and refract it.
+    pub fn is_clear(&self) -> bool {
+        self.transmission == 1.0
+            && self.transmission_texture.is_none()
+            && self.base_color == Rgb::ONE
+            && self.base_color_texture.is_none()
+            && self.metallic == 0.0
+    }
+
     /// True if the coat of the dielectric reflects anything.
     fn has_coat(&self) -> bool {
         self.specular != 0.0 && self.ior != 1.0
@@ -214,6 +229,16 @@ impl Material {
     /// True for a Lambertian material: a dielectric whose coat reflects nothing.
     pub fn is_lambert(&self) -> bool {
         self.metallic == 0.0 && self.transmission == 0.0 && !self.has_coat()
+    }
+
+    /// Indices of refraction of red, green and blue: Cauchy's formula by the Abbe number V,
+    /// n(λ) = n + (n − 1)/V (523655 nm²/λ² − 1.5168) but at least 1 `[KHR_materials_dispersion]`, at the lines C, d and F
+    /// (656.27, 587.56 and 486.13 nm) that define V.
+    pub fn iors(&self) -> [f32; 3] {
+        [656.27f32, 587.56, 486.13].map(|wavelength| {
+            let cauchy = 523_655.0 / (wavelength * wavelength) - 1.5168;
+            (self.ior + (self.ior - 1.0) * (self.dispersion / 20.0) * cauchy).max(1.0)
+        })
     }
 
     /// True if no lobe of the material can be roughened.

@@ -8,6 +8,7 @@ use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, luminance};
 use crate::sampler::LightU;
 
 pub mod accel;
+pub mod bodies;
 pub mod camera;
 pub mod geometry;
 pub mod light;
@@ -19,7 +20,7 @@ mod normals;
 pub mod sensor;
 pub mod texture;
 
-pub use camera::Camera;
+pub use camera::{Camera, Lens};
 pub use geometry::Geometry;
 pub use light::{
     Emission, EmissionDensity, EmissionSample, Environment, LightDensity, LightSample, Lights,
@@ -86,6 +87,10 @@ pub struct Scene {
     geometry: Geometry,
     lights: Lights,
     has_absorption: bool,
+    has_dispersion: bool,
+    has_overlaps: bool,
+    /// Rank of each material where bodies overlap.
+    ranks: Vec<u32>,
     has_lobes: bool,
     warnings: Vec<String>,
 }
@@ -97,16 +102,25 @@ impl Scene {
         let geometry = Geometry::new(&parts, &mut warnings);
         let lights = Lights::new(&parts, &geometry, &mut warnings);
         let has_absorption = (parts.materials.iter()).any(|m| m.absorption != Rgb::ZERO);
+        let has_dispersion =
+            (parts.materials.iter()).any(|m| m.dispersion > 0.0 && m.bounds_body());
         let mut shown = parts.meshes.iter().map(|m| m.material as usize);
         let has_lobes = shown.any(|m| !parts.materials.get(m).is_some_and(Material::is_rough));
-        Self {
+        let mut scene = Self {
+            ranks: bodies::ranks(&parts),
             parts,
             geometry,
             lights,
             has_absorption,
+            has_dispersion,
+            has_overlaps: false,
             has_lobes,
             warnings,
-        }
+        };
+        let priorities =
+            (scene.parts.materials.iter()).any(|m| m.bounds_body() && m.priority != 0.0);
+        scene.has_overlaps = priorities || scene.find_overlaps();
+        scene
     }
 
     /// Defects of the input and their treatment, one line each.
@@ -123,6 +137,30 @@ impl Scene {
     #[inline]
     pub fn has_absorption(&self) -> bool {
         self.has_absorption
+    }
+
+    /// True if any body refracts each colour channel by an index of its own.
+    #[inline]
+    pub fn has_dispersion(&self) -> bool {
+        self.has_dispersion
+    }
+
+    /// True if bodies overlap or have priorities: what a boundary is depends on the bodies around it.
+    #[inline]
+    pub fn has_overlaps(&self) -> bool {
+        self.has_overlaps
+    }
+
+    /// True if a path must know the bodies around it.
+    #[inline]
+    pub fn tracks_bodies(&self) -> bool {
+        self.has_absorption || self.has_overlaps
+    }
+
+    /// Rank of a material where bodies overlap: that of the highest is there.
+    #[inline]
+    pub fn rank(&self, material: u32) -> u32 {
+        self.ranks[material as usize]
     }
 
     /// True if any surface has a lobe that a rule could roughen.
@@ -230,6 +268,29 @@ impl Scene {
             pdf_w: lights.pdf_emitter(ray.origin, &surface),
             distance: hit.t,
         })
+    }
+}
+
+impl Scene {
+    /// The emission of what a ray met first: a surface, or without one the environment.
+    pub fn emission_at(&self, ray: &Ray, hit: Option<Hit>) -> Option<Emission> {
+        let lights = &self.lights;
+        let emission = match hit {
+            None => Emission {
+                radiance: lights.environment(ray.dir),
+                pdf_w: lights.pdf_environment(ray.origin, ray.dir),
+                distance: f32::INFINITY,
+            },
+            Some(hit) => {
+                let surface = self.surface(&hit);
+                Emission {
+                    radiance: lights.emitted(&surface, -ray.dir),
+                    pdf_w: lights.pdf_emitter(ray.origin, &surface),
+                    distance: hit.t,
+                }
+            }
+        };
+        (emission.radiance != Rgb::ZERO).then_some(emission)
     }
 }
 

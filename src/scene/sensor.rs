@@ -42,11 +42,24 @@ impl Sighting {
 }
 
 impl Sensor<'_> {
-    /// The ray through a point of the frame, in pixels from the top left.
+    /// The ray through a point of the frame, in pixels from the top left; a lens is left out.
     #[inline]
     pub fn ray(&self, point: Vec2) -> Ray {
         let size = self.frame.as_vec2();
         self.camera.ray(point / size, size.x / size.y)
+    }
+
+    /// A ray through a point of the frame: the only one, or for a lens one through the point that `u`, uniform in [0, 1)²,
+    /// chooses. A camera without a lens asks for no numbers.
+    #[inline]
+    pub fn sample_ray(&self, point: Vec2, u: impl FnOnce() -> Vec2) -> Ray {
+        match self.camera.lens {
+            None => self.ray(point),
+            Some(lens) => {
+                let size = self.frame.as_vec2();
+                (self.camera).ray_through(lens, point / size, size.x / size.y, u())
+            }
+        }
     }
 
     /// Density of a ray along `dir` among the rays through one pixel, whose integral over the pixel is 1: per steradian
@@ -67,7 +80,7 @@ impl Sensor<'_> {
         }
     }
 
-    /// The pixel that sees a point if nothing stands between. `None` for points outside the frame or behind the camera;
+    /// The pixel that sees a point, a lens left out, if nothing stands between. `None` for points outside the frame or behind the camera;
     /// pixels are half open.
     #[inline]
     pub fn see(&self, point: Vec3) -> Option<Sighting> {

@@ -1,4 +1,4 @@
-//! The five ways to close a path. Each computes the value, then the weight, then the shadow ray: most closings carry
+//! The ways to close a path by an edge. Each computes the value, then the weight, then the shadow ray: most closings carry
 //! nothing, and the ray is the dearest part.
 
 use super::vertex::Vertex;
@@ -93,12 +93,16 @@ impl Iteration<'_> {
                 eval.pdf_w / light.density.value()
             };
             let pdf_area = per_area(light.emission_pdf, cos, distance2);
-            weights::light_sample(pdf_hit, &vertex.end(pdf_area, vertex.pdf_back(light.wi)))
+            let end = vertex.end(pdf_area, vertex.pdf_back(light.wi));
+            weights::light_sample(pdf_hit, &end, &self.merging)
         });
-        if weight == 0.0 || scene.occluded(&vertex.surface.spawn_to_light(&light)) {
+        if weight == 0.0 {
             return Rgb::ZERO;
         }
-        let transmittance = vertex.transmittance(scene, light.wi, light.distance);
+        let ray = vertex.surface.spawn_to_light(&light);
+        let Some(transmittance) = vertex.unblocked(scene, &ray, light.distance) else {
+            return Rgb::ZERO;
+        };
         vertex.throughput
             * eval.value
             * light.radiance
@@ -132,18 +136,16 @@ impl Iteration<'_> {
                     per_area(light.pdf_on(-dir), cos_here, distance2),
                     vertex.pdf_back(dir),
                 ),
+                &self.merging,
             )
         });
-        if weight == 0.0
-            || scene.occluded(
-                &vertex
-                    .surface
-                    .spawn_to(&light.surface, dir, distance, cos_there),
-            )
-        {
+        if weight == 0.0 {
             return Rgb::ZERO;
         }
-        let transmittance = vertex.transmittance(scene, dir, distance);
+        let ray = (vertex.surface).spawn_to(&light.surface, dir, distance, cos_there);
+        let Some(transmittance) = vertex.unblocked(scene, &ray, distance) else {
+            return Rgb::ZERO;
+        };
         vertex.throughput
             * here.value
             * transmittance
@@ -162,14 +164,14 @@ impl Iteration<'_> {
         let paths = self.paths as f32;
         let pdf_area = sight.pdf_area(vertex.cos(sight.wo));
         let weight = self.strategies().weight(vertex.n + 1, 1, || {
-            weights::camera_sample(&vertex.end(pdf_area, eval.pdf_w), paths)
+            weights::camera_sample(&vertex.end(pdf_area, eval.pdf_w), paths, &self.merging)
         });
         let mut ray = vertex.surface.spawn(sight.wo);
         ray.t_max = sight.distance;
-        if weight == 0.0 || scene.occluded(&ray) {
+        if weight == 0.0 {
             return None;
         }
-        let transmittance = vertex.transmittance(scene, sight.wo, sight.distance);
+        let transmittance = vertex.unblocked(scene, &ray, sight.distance)?;
         let value = vertex.throughput * eval.value * transmittance * (weight * pdf_area / paths);
         Some(Splat { value, ..splat })
     }

@@ -1,19 +1,31 @@
-//! Bidirectional transport: every light path is connected to the camera and to every vertex of a camera path.
+//! Bidirectional transport: every light path is connected to the camera and to every vertex of a camera path, or merges
+//! with the camera paths that come near it.
 //!
 //! One iteration is one sample a pixel. It walks one light path per pixel of the *full* frame, at most [`MOST_PATHS`],
 //! and connects the camera path of pixel p to light path p mod N. Light paths depend on the seed, their number and the
-//! iteration only: any thread count, split into passes, and crop give bit-identical pixels. A light path and the camera
-//! paths that it serves are walked together, so that no light vertex outlives them; splats are kept in the order of
-//! their light paths and added in that order.
+//! iteration only: any thread count, split into passes, and crop give bit-identical pixels. Without merging a light path
+//! and the camera paths that it serves are walked together, so that no light vertex outlives them; with merging all
+//! light vertices of an iteration are kept and sorted into a grid before the first camera path. Splats are added in the
+//! order of their light paths.
 //!
 //! | file | contents |
 //! |---|---|
 //! | [`weights`] | multiple importance sampling over all strategies: pure recursions |
 //! | `vertex` | a scattering vertex: its value, and the densities of both walks |
 //! | `walk` | one walk from either end: edges, draws, running numbers |
-//! | `connect` | the five ways to close a path: value, then weight, then shadow ray |
+//! | `connect` | the ways to close a path by an edge: value, then weight, then shadow ray |
+//! | `photons` | light vertices that are kept, and the grid over them |
+//! | `merge` | paths closed by a merge, and photon density estimation |
+//! | `radius` | the radius of merges |
+//! | `psr` | paths that no strategy can sample, regularised |
+//! | [`audit`] | contributions of real paths against the definition |
 
+pub mod audit;
 mod connect;
+mod merge;
+mod photons;
+mod psr;
+mod radius;
 mod vertex;
 mod walk;
 pub mod weights;
@@ -24,18 +36,25 @@ use super::{Integrator, Picture, View};
 use crate::image::splat::{Splat, SplatLayer};
 use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::math::{Rgb, UVec2};
-use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
+use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Sampler, Seed};
+use photons::{LightVertices, PhotonMap};
+use psr::{Chain, Ends};
+pub use radius::Radius;
 use rayon::prelude::*;
+use std::f32::consts::PI;
 use std::ops::Range;
 use vertex::{Origin, Vertex};
 use walk::Walk;
-use weights::Partial;
+use weights::{Merging, Partial};
 
 /// Most light paths of an iteration.
 pub const MOST_PATHS: u32 = 1 << 20;
 
-/// Light paths that a thread takes at a time.
+/// Paths that a thread takes at a time.
 const CHUNK: u32 = 1024;
+
+/// Chunks of light paths that are walked before their vertices are joined: few enough to hold little twice.
+const BATCH: u32 = 32;
 
 /// The strategies that count, and their weights. Strategy (s, t) takes s vertices of a path from the light walk and t
 /// from the camera walk.
@@ -45,6 +64,8 @@ pub enum Strategies {
     All,
     /// Light tracing: t = 1, and lights met by the camera walk before its first smooth draw; weight 1.
     Light,
+    /// Photon density: merges at the first rough lobe of a camera walk, and lights met before it; weight 1.
+    Density,
     /// One strategy with weight 1, for tests.
     Only {
         /// Vertices of the light walk, the light's own included.
@@ -59,6 +80,11 @@ pub enum Strategies {
 pub struct Bidirectional {
     /// The strategies that count.
     pub strategies: Strategies,
+    /// The radius of merges; `None` for connections only.
+    pub merging: Option<Radius>,
+    /// Radius of the kernel for paths that no strategy can sample, over half the diagonal of the scene: that of sample 1,
+    /// for sample n times n^(−1/6) `[PSR (6)]`. Without merging only.
+    pub mollifier: Option<f32>,
     /// Scattering vertices of the longest path, at least 1.
     pub max_vertices: u32,
     /// Vertex (from 1 at either end) at which Russian roulette begins.
@@ -82,32 +108,60 @@ impl Strategies {
         match self {
             Self::All => balance(),
             Self::Light => f32::from(u8::from(t == 1 || s == 0)),
+            Self::Density => f32::from(u8::from(s == 0)),
             Self::Only { s: s1, t: t1 } => f32::from(u8::from((s, t) == (s1, t1))),
         }
     }
 
     /// True if camera walks are closed by light sampling and connections.
     fn connects(self) -> bool {
-        self != Self::Light
+        matches!(self, Self::All | Self::Only { .. })
     }
 }
 
 impl Integrator for Bidirectional {
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
         let mut layer = SplatLayer::new(&view.window);
+        let first = self.merging.map(|radius| radius.first(view));
         for sample in samples {
+            let iteration = self.iteration(view, sample, first);
             match &mut picture.aovs {
-                Some(aovs) => self.iteration(view, sample, &mut layer, aovs),
-                None => self.iteration(view, sample, &mut layer, &mut ()),
+                Some(aovs) => iteration.run(&mut layer, aovs),
+                None => iteration.run(&mut layer, &mut ()),
             }
             for (index, value) in layer.take().enumerate() {
                 picture.film.push(index, value, sample);
             }
         }
     }
+
+    fn notes(&self, view: &View<'_>) -> Option<String> {
+        let first = self.merging?.first(view);
+        let iteration = self.iteration(view, 0, Some(first));
+        let some = iteration.light_chunk(0..iteration.paths.min(CHUNK));
+        let bytes = some.vertices.bytes_per_path() * iteration.paths as usize;
+        Some(format!(
+            "first radius {first:e}; light vertices take about {} MB",
+            bytes.div_ceil(1_000_000)
+        ))
+    }
+}
+
+/// A light path, as a camera path needs it.
+#[derive(Default)]
+struct LightPath {
+    vertices: Vec<Vertex>,
+    ends: Ends,
+}
+
+/// Light paths of a chunk.
+struct LightChunk {
+    vertices: LightVertices,
+    splats: Vec<Splat>,
 }
 
 /// Work of one thread on one iteration.
+#[derive(Clone, Copy)]
 struct Iteration<'a> {
     settings: Bidirectional,
     view: &'a View<'a>,
@@ -115,6 +169,11 @@ struct Iteration<'a> {
     sample: u32,
     /// Number of light paths.
     paths: u32,
+    /// Radius of merges; 0 without.
+    radius: f32,
+    merging: Merging<f32>,
+    /// Radius of the kernel in world units; `None` where all lights can be met too.
+    mollifier: Option<f32>,
     light: Independent,
     camera: Independent,
     /// Bodies around the camera, if they are the same for all its rays.
@@ -122,35 +181,57 @@ struct Iteration<'a> {
 }
 
 impl Bidirectional {
-    /// Adds one sample of every pixel to the layer, which holds a value a pixel of the window.
-    fn iteration<O: Recorder>(
-        &self,
-        view: &View<'_>,
-        sample: u32,
-        layer: &mut SplatLayer,
-        recorder: &mut O,
-    ) {
+    /// Iteration number `sample`; `first` is the radius of merges in iteration 0.
+    fn iteration<'a>(&self, view: &'a View<'a>, sample: u32, first: Option<f32>) -> Iteration<'a> {
         let frame = view.sensor.frame;
         let pixels = u64::from(frame.x) * u64::from(frame.y);
+        let paths = pixels.min(u64::from(MOST_PATHS)) as u32;
         let source = |domain| Independent {
             seed: Seed(self.seed).derive(domain, 0),
         };
-        let iteration = Iteration {
+        let radius = (self.merging.zip(first)).map_or(0.0, |(r, first)| r.at(first, sample));
+        let merging = match self.strategies {
+            Strategies::All if radius > 0.0 => Merging::new(PI * radius * radius * paths as f32),
+            _ => Merging::none(),
+        };
+        let (low, high) = view.scene.geometry().bounds();
+        let shrink = (f64::from(sample) + 1.0).powf(-1.0 / 6.0) as f32;
+        let mollifier = (self.mollifier)
+            .filter(|_| !view.scene.parts().lights.is_empty())
+            .map(|radius| radius * 0.5 * low.distance(high) * shrink);
+        Iteration {
             settings: *self,
             view,
             sample,
-            paths: pixels.min(u64::from(MOST_PATHS)) as u32,
+            paths,
+            radius,
+            merging,
+            mollifier,
             light: source(Domain::Light),
             camera: source(Domain::Camera),
             around_camera: EnclosingBodies::around_camera(view),
-        };
-        let chunks: Vec<Chunk<O>> = (0..iteration.paths.div_ceil(CHUNK))
+        }
+    }
+}
+
+impl Iteration<'_> {
+    /// Adds one sample of every pixel to the layer, which holds a value a pixel of the window.
+    fn run<O: Recorder>(&self, layer: &mut SplatLayer, recorder: &mut O) {
+        if self.settings.merging.is_some() {
+            let vertices = self.light_vertices(layer);
+            let low = self.view.scene.geometry().bounds().0;
+            let map = PhotonMap::new(&vertices, low, self.radius);
+            self.camera_paths(&vertices, &map, layer, recorder);
+        } else {
+            self.paths_together(layer, recorder);
+        }
+    }
+
+    /// Light paths and camera paths, chunk by chunk.
+    fn paths_together<O: Recorder>(&self, layer: &mut SplatLayer, recorder: &mut O) {
+        let chunks: Vec<Chunk<O>> = (0..self.paths.div_ceil(CHUNK))
             .into_par_iter()
-            .map(|chunk| {
-                let first = chunk * CHUNK;
-                let paths = first..(first + CHUNK).min(iteration.paths);
-                iteration.chunk(paths, pixels, recorder.fork())
-            })
+            .map(|chunk| self.chunk(self.range(chunk), recorder.fork()))
             .collect();
         for chunk in chunks {
             layer.add_in_order(&chunk.camera);
@@ -158,24 +239,102 @@ impl Bidirectional {
             recorder.join(chunk.observer);
         }
     }
-}
 
-impl Iteration<'_> {
+    /// Light paths of a chunk.
+    fn range(&self, chunk: u32) -> Range<u32> {
+        let first = chunk * CHUNK;
+        first..(first + CHUNK).min(self.paths)
+    }
+
+    /// All light paths: their splats go to the layer, their vertices are kept.
+    fn light_vertices(&self, layer: &mut SplatLayer) -> LightVertices {
+        let mut vertices = LightVertices::default();
+        let chunks = self.paths.div_ceil(CHUNK);
+        for first in (0..chunks).step_by(BATCH as usize) {
+            let batch: Vec<LightChunk> = (first..(first + BATCH).min(chunks))
+                .into_par_iter()
+                .map(|chunk| self.light_chunk(self.range(chunk)))
+                .collect();
+            for chunk in batch {
+                layer.add_in_order(&chunk.splats);
+                vertices.append(chunk.vertices);
+            }
+        }
+        vertices
+    }
+
+    fn light_chunk(&self, paths: Range<u32>) -> LightChunk {
+        let mut chunk = LightChunk {
+            vertices: LightVertices::default(),
+            splats: Vec::new(),
+        };
+        for path in paths {
+            let keep = |v| chunk.vertices.push(&v);
+            self.light_path(path, keep, &mut Ends::default(), &mut chunk.splats);
+            chunk.vertices.end();
+        }
+        chunk
+    }
+
+    /// All camera paths of the window.
+    fn camera_paths<O: Recorder>(
+        &self,
+        vertices: &LightVertices,
+        map: &PhotonMap<'_>,
+        layer: &mut SplatLayer,
+        recorder: &mut O,
+    ) {
+        let View { window, sensor, .. } = *self.view;
+        let pixels = window.len() as u32;
+        let chunks: Vec<(Vec<Splat>, O)> = (0..pixels.div_ceil(CHUNK))
+            .into_par_iter()
+            .map(|chunk| {
+                let mut observer = recorder.fork();
+                let mut light = LightPath::default();
+                let indices = chunk * CHUNK..(chunk * CHUNK + CHUNK).min(pixels);
+                let value = |index: u32| {
+                    let pixel =
+                        UVec2::new(window.x + index % window.w, window.y + index / window.w);
+                    let value = if self.settings.strategies == Strategies::Density {
+                        self.density_path(pixel, map, &mut observer)
+                    } else {
+                        let number =
+                            u64::from(pixel.y) * u64::from(sensor.frame.x) + u64::from(pixel.x);
+                        let path = (number % u64::from(self.paths)) as u32;
+                        let most = self.settings.max_vertices - 1;
+                        vertices.of_path(path, most, self.view.scene, &mut light.vertices);
+                        self.camera_path(pixel, &light, Some(map), &mut observer)
+                    };
+                    Splat { index, value }
+                };
+                (indices.map(value).collect(), observer)
+            })
+            .collect();
+        for (values, observer) in chunks {
+            layer.add_in_order(&values);
+            recorder.join(observer);
+        }
+    }
+
     /// A range of light paths and the camera paths that they serve.
-    fn chunk<O: PathObserver>(&self, paths: Range<u32>, pixels: u64, observer: O) -> Chunk<O> {
+    fn chunk<O: PathObserver>(&self, paths: Range<u32>, observer: O) -> Chunk<O> {
         let mut chunk = Chunk {
             camera: Vec::new(),
             splats: Vec::new(),
             observer,
         };
-        let mut vertices = Vec::new();
-        let columns = u64::from(self.view.sensor.frame.x);
+        let mut light = LightPath::default();
+        let [columns, rows] = self.view.sensor.frame.to_array().map(u64::from);
+        let pixels = columns * rows;
         for path in paths {
-            self.light_path(path, &mut vertices, &mut chunk.splats);
+            light.vertices.clear();
+            light.ends.clear();
+            let LightPath { vertices, ends } = &mut light;
+            self.light_path(path, |v| vertices.push(v), ends, &mut chunk.splats);
             for index in (u64::from(path)..pixels).step_by(self.paths as usize) {
                 let pixel = UVec2::new((index % columns) as u32, (index / columns) as u32);
                 if let Some(mut splat) = Splat::new(&self.view.window, pixel, Rgb::ZERO) {
-                    splat.value = self.camera_path(pixel, &vertices, &mut chunk.observer);
+                    splat.value = self.camera_path(pixel, &light, None, &mut chunk.observer);
                     chunk.camera.push(splat);
                 }
             }
@@ -183,9 +342,15 @@ impl Iteration<'_> {
         chunk
     }
 
-    /// Walks a light path: connects its vertices to the camera, and leaves those to which a camera walk can connect.
-    fn light_path(&self, path: u32, vertices: &mut Vec<Vertex>, splats: &mut Vec<Splat>) {
-        vertices.clear();
+    /// Walks a light path: connects its vertices to the camera, and keeps those that a camera walk can use.
+    fn light_path(
+        &self,
+        path: u32,
+        mut keep: impl FnMut(Vertex),
+        ends: &mut Ends,
+        splats: &mut Vec<Splat>,
+    ) {
+        let strategies = self.settings.strategies;
         let scene = self.view.scene;
         let mut stream = self.light.stream(UVec2::new(path, 0), self.sample);
         let (pick, u) = (
@@ -195,26 +360,42 @@ impl Iteration<'_> {
         let Some(start) = scene.sample_emission(pick, u) else {
             return;
         };
-        let mut walk = Walk::light(scene, &start);
+        let mut walk = Walk::light(scene, &start, self.merging);
+        let mut chain = Chain::default();
         for n in 1..=self.settings.max_vertices {
-            let Some(hit) = scene.intersect(&walk.ray) else {
+            let Some(hit) = walk.arrive() else {
                 return;
             };
             if n == 1 {
-                walk.throughput *= start.window(hit.t);
+                walk.throughput *= start.window(hit.0.t);
             }
             let u = stream.vertex();
             let vertex = walk.vertex(n, &hit, u.material);
-            if !vertex.is_delta()
+            if strategies != Strategies::Density
+                && !vertex.is_delta()
                 && let Some(splat) = self.connect_to_camera(&vertex)
             {
                 splats.push(splat);
             }
             let more = n < self.settings.max_vertices;
-            let goes_on = more && walk.scatter(&vertex, u.lobe).is_some();
-            if more && self.settings.strategies.connects() && !vertex.is_delta() {
-                vertices.push(vertex);
+            let drawn = if more || self.mollifier.is_some() {
+                walk.scatter(&vertex, u.lobe)
+            } else {
+                None
+            };
+            self.note_light(
+                &start,
+                &walk,
+                &vertex,
+                hit.0.t,
+                drawn,
+                (&mut chain, ends, splats),
+            );
+            let merges = self.settings.merging.is_some();
+            if (merges || more && strategies.connects()) && !vertex.is_delta() {
+                keep(vertex);
             }
+            let goes_on = more && drawn.is_some();
             if !goes_on || (n >= self.settings.roulette_start && walk.survive(u.roulette).is_none())
             {
                 return;
@@ -222,34 +403,43 @@ impl Iteration<'_> {
         }
     }
 
-    /// Walks a camera path: the sum of all contributions that end at its vertices.
-    fn camera_path<O: PathObserver>(
-        &self,
-        pixel: UVec2,
-        light: &[Vertex],
-        observer: &mut O,
-    ) -> Rgb {
+    /// A camera walk through a pixel, and its random numbers.
+    fn camera_walk(&self, pixel: UVec2) -> (Walk<'_>, IndependentStream) {
         let View { scene, sensor, .. } = *self.view;
-        let strategies = self.settings.strategies;
         let mut stream = self.camera.stream(pixel, self.sample);
         let ray = sensor.ray(pixel.as_vec2() + stream.film());
         let (pdf, parallel) = sensor.pdf(ray.dir);
-        let mut walk = Walk {
+        let walk = Walk {
             scene,
             origin: Origin::Camera,
             ray,
             throughput: Rgb::ONE,
             partial: Partial::camera(pdf, self.paths as f32),
+            merging: self.merging,
             parallel,
             roulette_scale: 1.0,
             bodies: self
                 .around_camera
                 .unwrap_or_else(|| EnclosingBodies::around(scene, &ray)),
         };
+        (walk, stream)
+    }
+
+    /// Walks a camera path: the sum of all contributions that end at its vertices.
+    fn camera_path<O: PathObserver>(
+        &self,
+        pixel: UVec2,
+        light: &LightPath,
+        map: Option<&PhotonMap<'_>>,
+        observer: &mut O,
+    ) -> Rgb {
+        let strategies = self.settings.strategies;
+        let (mut walk, mut stream) = self.camera_walk(pixel);
+        let mut chain = Chain::default();
         let mut total = Rgb::ZERO;
         observer.begin(pixel, self.sample);
         for n in 1..=self.settings.max_vertices + 1 {
-            let Some(hit) = scene.intersect(&walk.ray) else {
+            let Some(hit) = walk.arrive() else {
                 total += self.environment(&walk, n);
                 break;
             };
@@ -260,18 +450,24 @@ impl Iteration<'_> {
                 break;
             }
             if n == 1 {
-                observer.vertex(n, hit.t, &point(&walk, &vertex));
+                observer.vertex(n, hit.0.t, &point(&walk, &vertex));
             }
             if strategies.connects() && !vertex.is_delta() {
                 total += self.sampled_light(&vertex, u.light);
-                for other in light {
+                for other in &light.vertices {
                     if n + other.n > self.settings.max_vertices {
                         break;
                     }
                     total += self.connection(&vertex, other);
                 }
+                if let Some(map) = map {
+                    total += self.merges(&vertex, map);
+                }
             }
-            match walk.scatter(&vertex, u.lobe) {
+            let drawn = walk.scatter(&vertex, u.lobe);
+            let ends = (&mut chain, &light.ends);
+            total += self.regularised(&walk, &vertex, hit.0.t, drawn, u.light, ends);
+            match drawn {
                 Some(smooth) if strategies.connects() || !smooth => {}
                 _ => break,
             }

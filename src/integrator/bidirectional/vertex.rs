@@ -5,10 +5,10 @@
 //! density is the one for the direction its walk came from.
 
 use super::weights::{Partial, clamped};
-use crate::bsdf::{Bsdf, BsdfEval};
+use crate::bsdf::{Bsdf, BsdfEval, LobeQuery};
 use crate::integrator::walk::bodies::EnclosingBodies;
-use crate::math::{Frame, Rgb, Vec3};
-use crate::scene::{Scene, Surface};
+use crate::math::{Frame, Ray, Rgb, Vec3};
+use crate::scene::{Hit, Scene, Surface};
 
 /// The end of a path to which a walk's previous vertices lead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,9 +18,13 @@ pub(super) enum Origin {
 }
 
 /// A scattering vertex of a walk.
+#[derive(Clone, Copy)]
 pub(super) struct Vertex {
     /// Number of the vertex in its walk, from 1.
     pub(super) n: u32,
+    /// The surface and BSDF follow from these two.
+    pub(super) hit: Hit,
+    pub(super) choice: f32,
     pub(super) surface: Surface,
     pub(super) bsdf: Bsdf,
     pub(super) alpha: f32,
@@ -35,7 +39,16 @@ pub(super) struct Vertex {
     pub(super) bodies: EnclosingBodies,
 }
 
+/// Roughness from which walks of photon density estimation merge at a glossy lobe instead of following it.
+const LEAST_MERGED: f32 = 0.25;
+
 impl Vertex {
+    /// True if photon density estimation merges at the glossy lobe too, and not at the base alone.
+    #[inline]
+    pub(super) fn merges_gloss(&self) -> bool {
+        self.alpha >= LEAST_MERGED
+    }
+
     /// True if only a Dirac lobe scatters here, to which nothing can be connected.
     pub(super) fn is_delta(&self) -> bool {
         self.bsdf.is_delta_at(self.alpha)
@@ -45,12 +58,29 @@ impl Vertex {
     /// `None` where nothing is scattered.
     #[inline]
     pub(super) fn towards_light(&self, out: Vec3) -> Option<BsdfEval> {
+        let eval = self.query_light(out)?.at(self.alpha);
+        (eval.value != Rgb::ZERO).then_some(eval)
+    }
+
+    /// At a vertex of a camera walk: the value for light from `out` of the lobes at which photon density estimation
+    /// merges.
+    #[inline]
+    pub(super) fn merged_value(&self, out: Vec3) -> Option<Rgb> {
+        let query = self.query_light(out)?;
+        Some(if self.merges_gloss() {
+            query.at(self.alpha).value
+        } else {
+            query.base
+        })
+    }
+
+    #[inline]
+    fn query_light(&self, out: Vec3) -> Option<LobeQuery> {
         let wi = self.frame.to_local(out);
         if out.dot(self.surface.ng) * wi.z <= 0.0 {
             return None;
         }
-        let eval = self.bsdf.eval(self.alpha, self.local, wi);
-        (eval.value != Rgb::ZERO).then_some(eval)
+        self.bsdf.query(self.local, wi)
     }
 
     /// At a vertex of a light walk: the value towards a camera along `out`, and the density with which a camera walk from
@@ -103,7 +133,7 @@ impl Vertex {
     pub(super) fn bodies_towards(&self, scene: &Scene, out: Vec3) -> EnclosingBodies {
         let mut bodies = self.bodies;
         let outside = self.back.dot(self.surface.ng) > 0.0;
-        if scene.has_absorption()
+        if scene.tracks_bodies()
             && self.bsdf.is_solid()
             && (out.dot(self.surface.ng) > 0.0) != outside
         {
@@ -116,14 +146,14 @@ impl Vertex {
         bodies
     }
 
-    /// Transmittance from here along `out`.
+    /// Transmittance from here along a ray over a distance; `None` if something stands between.
     #[inline]
-    pub(super) fn transmittance(&self, scene: &Scene, out: Vec3, distance: f32) -> Rgb {
-        if scene.has_absorption() {
-            self.bodies_towards(scene, out)
-                .transmittance(scene, distance)
+    pub(super) fn unblocked(&self, scene: &Scene, ray: &Ray, distance: f32) -> Option<Rgb> {
+        if scene.tracks_bodies() {
+            self.bodies_towards(scene, ray.dir)
+                .unblocked(scene, ray, distance)
         } else {
-            Rgb::ONE
+            (!scene.occluded(ray)).then_some(Rgb::ONE)
         }
     }
 }

@@ -1,12 +1,12 @@
 //! One walk, from the camera or from a light: edges, vertices, draws, and the running numbers of the weights.
 
 use super::vertex::{Origin, Vertex};
-use super::weights::{Partial, Step, clamped};
+use super::weights::{Merging, Partial, Step, clamped};
 use crate::bsdf::{BsdfSample, Lobe};
 use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::integrator::walk::roulette;
 use crate::math::{Ray, Rgb, Vec3};
-use crate::scene::{EmissionSample, Hit, Scene};
+use crate::scene::{EmissionDensity, EmissionSample, Hit, Scene};
 
 /// A walk on its way to its next vertex.
 pub(super) struct Walk<'a> {
@@ -15,6 +15,7 @@ pub(super) struct Walk<'a> {
     pub(super) ray: Ray,
     pub(super) throughput: Rgb,
     pub(super) partial: Partial<f32>,
+    pub(super) merging: Merging<f32>,
     /// True on an edge whose length changes no density: the first from a light at infinity or of a parallel camera.
     pub(super) parallel: bool,
     /// Factor that undoes all scaling that is no loss of light, for roulette.
@@ -24,17 +25,22 @@ pub(super) struct Walk<'a> {
 
 impl<'a> Walk<'a> {
     /// A walk along a ray that a light sends out.
-    pub(super) fn light(scene: &'a Scene, start: &EmissionSample) -> Self {
-        let pdf = start.pdf;
+    pub(super) fn light(scene: &'a Scene, start: &EmissionSample, merging: Merging<f32>) -> Self {
+        let EmissionDensity {
+            position,
+            direction,
+            infinite,
+        } = start.pdf;
         Self {
             scene,
             origin: Origin::Light,
             ray: start.ray,
             throughput: start.throughput,
-            partial: Partial::light(pdf.position, pdf.direction, pdf.infinite, start.cos),
-            parallel: pdf.infinite,
+            partial: Partial::light(position, direction, infinite, start.cos, &merging),
+            merging,
+            parallel: infinite,
             roulette_scale: 1.0 / start.throughput.max_element(),
-            bodies: if scene.has_absorption() && !pdf.infinite {
+            bodies: if scene.tracks_bodies() && !infinite {
                 EnclosingBodies::around(scene, &start.ray)
             } else {
                 EnclosingBodies::default()
@@ -42,12 +48,22 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The walk's `n`th vertex, at a hit; `u` chooses between the BSDFs of its material.
+    /// The surface at which the current edge ends, at its distance `t`, and the distance of the last boundary passed.
     #[inline]
-    pub(super) fn vertex(&mut self, n: u32, hit: &Hit, u: f32) -> Vertex {
+    pub(super) fn arrive(&mut self) -> Option<(Hit, f32)> {
+        let way = self.bodies.follow(self.scene, &self.ray);
+        if let Some(passed) = way.passed {
+            self.throughput *= passed;
+        }
+        Some((way.hit?, way.start))
+    }
+
+    /// The walk's `n`th vertex, where it has [arrived](Walk::arrive); `u` chooses between the BSDFs of its material.
+    #[inline]
+    pub(super) fn vertex(&mut self, n: u32, (hit, start): &(Hit, f32), u: f32) -> Vertex {
         let surface = self.scene.surface(hit);
         if !self.bodies.is_empty() {
-            self.throughput *= self.bodies.transmittance(self.scene, hit.t);
+            self.throughput *= self.bodies.transmittance(self.scene, hit.t - start);
         }
         let back = -self.ray.dir;
         let cos = clamped(surface.ng.dot(back));
@@ -58,9 +74,12 @@ impl<'a> Walk<'a> {
             Origin::Light => self.throughput / cos,
         };
         let bsdf = self.scene.bsdf(&surface, u);
+        let bsdf = (self.bodies).interface(self.scene, &surface, self.ray.dir, bsdf);
         let frame = surface.frame_for(back);
         Vertex {
             n,
+            hit: *hit,
+            choice: u,
             surface,
             bsdf,
             alpha: bsdf.alpha(),
@@ -98,13 +117,42 @@ impl<'a> Walk<'a> {
                     eval.pdf_w
                 }
             };
-            self.partial.scatter(&Step {
+            let step = Step {
                 cos_out,
                 pdf,
                 pdf_reverse,
-            });
+            };
+            self.partial.scatter(&step, &self.merging);
         }
-        if sample.lobe == Lobe::Transmission {
+        self.leave(vertex, sample.lobe, out);
+        (self.throughput != Rgb::ZERO).then_some(!sample.delta)
+    }
+
+    /// Draws the next direction of a camera walk that merges at all rough lobes and is weighed against nothing: `None`
+    /// where a rough lobe was drawn, or the walk ends.
+    pub(super) fn follow_sharp(&mut self, vertex: &Vertex, u: [f32; 3]) -> Option<()> {
+        let sample = vertex.bsdf.sample(vertex.alpha, vertex.local, u)?;
+        let out = vertex.frame.to_world(sample.wi);
+        let rough = !sample.delta && (sample.lobe == Lobe::Diffuse || vertex.merges_gloss());
+        if rough || out.dot(vertex.surface.ng) * sample.wi.z <= 0.0 {
+            return None;
+        }
+        self.throughput *= if sample.delta {
+            sample.weight
+        } else {
+            // Of the glossy lobe alone: the base has merged.
+            let gloss = vertex.bsdf.query(vertex.local, sample.wi)?.gloss();
+            let eval = gloss.at(vertex.alpha);
+            eval.value / eval.pdf_w
+        };
+        self.leave(vertex, sample.lobe, out);
+        (self.throughput != Rgb::ZERO).then_some(())
+    }
+
+    /// Sets out from a vertex along `out`.
+    #[inline]
+    fn leave(&mut self, vertex: &Vertex, lobe: Lobe, out: Vec3) {
+        if lobe == Lobe::Transmission {
             if self.origin == Origin::Camera {
                 self.roulette_scale *= vertex.bsdf.refraction_scale(vertex.local);
             }
@@ -112,7 +160,6 @@ impl<'a> Walk<'a> {
         }
         self.parallel = false;
         self.ray = vertex.surface.spawn(out);
-        (self.throughput != Rgb::ZERO).then_some(!sample.delta)
     }
 
     /// Goes on along a Dirac lobe. The light walk's weight follows from the ratio of the two measures: with

@@ -1,17 +1,21 @@
-//! Weights of all strategies of a path, from two running numbers a walk: the balance heuristic `[Veach97 §9.2]` over
+//! Weights of all strategies of a path, from three running numbers a walk: the balance heuristic `[Veach97 §9.2]` over
 //! every way to find the path, in the recursive form of `[VCM-TR]`.
 //!
 //! A path has vertices x₀ on the camera, x₁ … x_k on surfaces, x_k on a light. Strategy (s, t) takes s of them from the
 //! light walk and t from the camera walk: s = 0 is a light met by the camera walk, s = 1 light sampling, t = 1 a light
-//! walk connected to the camera. The weight of the strategy that closes the path is 1/(1 + w_l + w_c): w_l sums the
-//! densities of strategies with fewer light vertices over this one's, w_c of those with more. Each walk brings its sum in
-//! a [`Partial`], which it updates at every vertex:
+//! walk connected to the camera. Where walks merge, a path is also found when both come within r of x_j: such a merge
+//! has M = π r² N times the density of both walks at x_j `[UPS (6)]`, with N light paths; M = 0 without merging.
+//!
+//! The weight of the strategy that closes the path is 1/(1 + w_l + w_c): w_l sums the densities of strategies with fewer
+//! light vertices over this one's, w_c of those with more. Each walk brings its sum in a [`Partial`], which it updates at
+//! every vertex; vc is taken over the density of a connection, vm over that of a merge:
 //!
 //! ```text
 //! arrive          vcm *= d²  (not on the first edge from a light at infinity or of a parallel camera)
-//!                 vcm, vc /= c_in
-//! smooth scatter  vc  <- (c_out / p_f) (p_r vc + vcm)        vcm <- 1 / p_f
-//! Dirac scatter   vc  <- vc c_in (n_in / n_out)²             vcm <- 0
+//!                 vcm, vc, vm /= c_in
+//! smooth scatter  vc  <- (c_out / p_f) (p_r vc + vcm + M)
+//!                 vm  <- (c_out / p_f) (p_r vm + vcm / M + 1)      vcm <- 1 / p_f
+//! Dirac scatter   vc, vm *= c_in (n_in / n_out)²                   vcm <- 0
 //! ```
 //!
 //! c_in, c_out are the absolute cosines of the *geometric* normal with the directions to the previous and the next
@@ -43,8 +47,36 @@ pub const LEAST_COS: f32 = 1e-6;
 pub struct Partial<T> {
     /// Reciprocal density of the last vertex, as far as the last edge can be cut by a connection.
     pub vcm: T,
-    /// Densities of all strategies that cut an earlier edge, over this walk's.
+    /// Densities of all strategies that cut an earlier edge or merge before, over this walk's.
     pub vc: T,
+    /// The same over M, for merges; without meaning where nothing merges.
+    pub vm: T,
+}
+
+/// Merging beside connecting.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Merging<T> {
+    /// M = π r² N; 0 if nothing merges.
+    m: T,
+    /// 1/M; 0 if nothing merges.
+    inverse: T,
+}
+
+impl<T: Real> Merging<T> {
+    /// No merging: connections only.
+    pub fn none() -> Self {
+        let zero = T::from(0.0);
+        Self {
+            m: zero,
+            inverse: zero,
+        }
+    }
+
+    /// Merging with M = `m` > 0.
+    pub fn new(m: T) -> Self {
+        let inverse = T::from(1.0) / m;
+        Self { m, inverse }
+    }
 }
 
 /// Densities at a smooth vertex.
@@ -85,22 +117,31 @@ impl<T: Real> Partial<T> {
         Self {
             vcm: light_paths / pdf,
             vc: T::from(0.0),
+            vm: T::from(0.0),
         }
     }
 
     /// Numbers of a light path at its start: densities of its point and its direction, and the cosine at an area light
     /// (1 for the environment, 0 for lights that no camera walk can meet).
     #[inline]
-    pub fn light(pdf_position: T, pdf_direction: T, infinite: bool, cos: T) -> Self {
+    pub fn light(
+        pdf_position: T,
+        pdf_direction: T,
+        infinite: bool,
+        cos: T,
+        merging: &Merging<T>,
+    ) -> Self {
         let one = T::from(1.0);
         let first = if infinite {
             pdf_position
         } else {
             pdf_direction
         };
+        let vc = cos / (pdf_position * pdf_direction);
         Self {
             vcm: one / first,
-            vc: cos / (pdf_position * pdf_direction),
+            vc,
+            vm: vc * merging.inverse,
         }
     }
 
@@ -113,12 +154,16 @@ impl<T: Real> Partial<T> {
         }
         self.vcm = self.vcm / cos_in;
         self.vc = self.vc / cos_in;
+        self.vm = self.vm / cos_in;
     }
 
     /// The walk goes on along a smooth lobe.
     #[inline]
-    pub fn scatter(&mut self, step: &Step<T>) {
-        self.vc = (step.cos_out / step.pdf) * (step.pdf_reverse * self.vc + self.vcm);
+    pub fn scatter(&mut self, step: &Step<T>, merging: &Merging<T>) {
+        let Self { vcm, vc, vm } = *self;
+        let factor = step.cos_out / step.pdf;
+        self.vc = factor * (step.pdf_reverse * vc + vcm + merging.m);
+        self.vm = factor * (step.pdf_reverse * vm + vcm * merging.inverse + T::from(1.0));
         self.vcm = T::from(1.0) / step.pdf;
     }
 
@@ -126,6 +171,7 @@ impl<T: Real> Partial<T> {
     #[inline]
     pub fn dirac(&mut self, cos_in: T, index2: T) {
         self.vc = self.vc * (cos_in * index2);
+        self.vm = self.vm * (cos_in * index2);
         self.vcm = T::from(0.0);
     }
 }
@@ -133,8 +179,8 @@ impl<T: Real> Partial<T> {
 impl<T: Real> End<T> {
     /// Densities of the strategies that move the cut to this walk's side, over that of the cut here.
     #[inline]
-    fn others(&self) -> T {
-        self.pdf_area * (self.partial.vcm + self.pdf_reverse * self.partial.vc)
+    fn others(&self, merging: &Merging<T>) -> T {
+        self.pdf_area * (merging.m + self.partial.vcm + self.pdf_reverse * self.partial.vc)
     }
 }
 
@@ -151,21 +197,38 @@ pub fn hit<T: Real>(partial: &Partial<T>, position: T, direction: T, infinite: b
 /// Weight of a light sample. `pdf_hit` is the density of the camera walk's direction over that of the light sample, 0 for
 /// lights without area; `camera` the shading point, met by emission samples.
 #[inline]
-pub fn light_sample<T: Real>(pdf_hit: T, camera: &End<T>) -> T {
+pub fn light_sample<T: Real>(pdf_hit: T, camera: &End<T>, merging: &Merging<T>) -> T {
     let one = T::from(1.0);
-    one / (one + pdf_hit + camera.others())
+    one / (one + pdf_hit + camera.others(merging))
 }
 
 /// Weight of a connection of two walks.
 #[inline]
-pub fn connection<T: Real>(light: &End<T>, camera: &End<T>) -> T {
+pub fn connection<T: Real>(light: &End<T>, camera: &End<T>, merging: &Merging<T>) -> T {
     let one = T::from(1.0);
-    one / (one + light.others() + camera.others())
+    one / (one + light.others(merging) + camera.others(merging))
 }
 
 /// Weight of a light walk's vertex that is connected to the camera; `light.pdf_area` is the density of one camera ray.
 #[inline]
-pub fn camera_sample<T: Real>(light: &End<T>, light_paths: T) -> T {
+pub fn camera_sample<T: Real>(light: &End<T>, light_paths: T, merging: &Merging<T>) -> T {
     let one = T::from(1.0);
-    one / (one + light.others() / light_paths)
+    one / (one + light.others(merging) / light_paths)
+}
+
+/// Weight of a merge of both walks at a vertex, with the numbers of both after their arrival there. `pdf` is the density
+/// per steradian with which the camera walk goes on along the light walk's last edge, `pdf_reverse` that with which the
+/// light walk goes on along the camera walk's.
+#[inline]
+pub fn merge<T: Real>(
+    light: &Partial<T>,
+    camera: &Partial<T>,
+    pdf: T,
+    pdf_reverse: T,
+    merging: &Merging<T>,
+) -> T {
+    let one = T::from(1.0);
+    let w_l = light.vcm * merging.inverse + pdf * light.vm;
+    let w_c = camera.vcm * merging.inverse + pdf_reverse * camera.vm;
+    one / (one + w_l + w_c)
 }

@@ -17,6 +17,7 @@ mod tiles;
 mod vertex;
 
 use super::walk::bodies::EnclosingBodies;
+use super::walk::dispersion::Channel;
 use super::walk::observer::PathObserver;
 use super::walk::pending_emission::PendingEmission;
 use super::walk::roulette;
@@ -121,13 +122,22 @@ impl LevelTracer {
         let mut total = [Rgb::ZERO; MAX_LEVELS];
         let mut unseen = Rgb::ZERO;
         let mut throughput = Rgb::ONE;
+        let mut channel = Channel::default();
         let mut eta_scale = 1.0f32;
         let mut memory = LevelMemory::default();
         let mut emission = PendingEmission::full(Rgb::ONE);
         // Emission at the levels that roughened the vertex before.
         let mut pending: Option<PendingLevels> = None;
         for n in 1..=self.max_vertices + 1 {
-            let Some(hit) = scene.intersect(&ray) else {
+            let way = bodies.follow(scene, &ray);
+            if let Some(passed) = way.passed {
+                throughput *= passed;
+                emission.scale(passed);
+                if let Some(pending) = &mut pending {
+                    pending.scale(passed);
+                }
+            }
+            let Some(hit) = way.hit else {
                 if scene.parts().environment.is_some() {
                     let transmittance = bodies.transmittance(scene, f32::INFINITY);
                     emission.scale(transmittance);
@@ -142,7 +152,7 @@ impl LevelTracer {
             };
             let surface = scene.surface(&hit);
             if !bodies.is_empty() {
-                let transmittance = bodies.transmittance(scene, hit.t);
+                let transmittance = bodies.transmittance(scene, hit.t - way.start);
                 throughput *= transmittance;
                 emission.scale(transmittance);
                 if let Some(pending) = &mut pending {
@@ -169,7 +179,8 @@ impl LevelTracer {
 
             // ── the vertex
             let u = sampler.vertex();
-            let bsdf = scene.bsdf(&surface, u.material);
+            let bsdf = channel.bsdf(scene, &surface, u.material, &mut throughput);
+            let bsdf = bodies.interface(scene, &surface, ray.dir, bsdf);
             let alpha = bsdf.alpha();
             let frame = surface.frame_for(-ray.dir);
             let point = ShadingPoint {

@@ -36,14 +36,15 @@ impl LevelTracer {
             let mut observer = recorder.fork();
             for index in 0..film.pixels.len() {
                 let pixel = film.pixel(index);
-                let place = u64::from(pixel.y) << 32 | u64::from(pixel.x) << 2;
+                let number = u64::from(pixel.y) << 32 | u64::from(pixel.x) << 2;
                 // Lobes take turns within a batch, from a random one on: batches stay independent of one another.
                 let turns: [u32; BATCHES] = std::array::from_fn(|batch| {
-                    seed.derive(Domain::Levels, place | batch as u64).0 as u32
+                    seed.derive(Domain::Levels, number | batch as u64).0 as u32
                 });
                 for sample in samples.clone() {
                     let mut stream = source.stream(pixel, sample);
-                    let ray = view.sensor.ray(pixel.as_vec2() + stream.film());
+                    let place = pixel.as_vec2() + stream.film();
+                    let ray = (view.sensor).sample_ray(place, || stream.film());
                     observer.begin(pixel, sample);
                     let bodies =
                         around.unwrap_or_else(|| EnclosingBodies::around(view.scene, &ray));

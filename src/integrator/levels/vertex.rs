@@ -148,11 +148,13 @@ impl<'a> Vertex<'a> {
         let plain = query.at(point.alpha);
         let (values, p0) = self.lobe.evaluate(&query);
         let dark = plain.value == Rgb::ZERO && values.iter().all(|v| *v == Rgb::ZERO);
-        if dark || point.scene.occluded(&point.surface.spawn_to_light(&light)) {
+        if dark {
             return Rgb::ZERO;
         }
-        let radiance =
-            point.throughput * light.radiance * point.transmittance(light.wi, light.distance);
+        let Some(transmittance) = point.transmittance_to(&light) else {
+            return Rgb::ZERO;
+        };
+        let radiance = point.throughput * light.radiance * transmittance;
         let density = light.density.value();
         // The operations of `ShadingPoint::direct_light`, in its order.
         let weight = light.density.mis_weight(plain.pdf_w);
@@ -211,14 +213,13 @@ impl<'a> Vertex<'a> {
             let Some(wi) = point.world(local) else {
                 continue;
             };
-            let Some(emission) = point.scene.emission_along(&point.surface.spawn(wi)) else {
+            let Some((emission, transmittance)) = point.emission_towards(wi) else {
                 continue;
             };
             let Some(query) = point.bsdf.query(point.wo, local) else {
                 continue;
             };
-            let radiance =
-                point.throughput * emission.radiance * point.transmittance(wi, emission.distance);
+            let radiance = point.throughput * emission.radiance * transmittance;
             let values = self.lobe.contribution(&query, radiance, emission.pdf_w);
             for (t, value) in total.iter_mut().zip(values).skip(1) {
                 *t += value;

@@ -11,6 +11,7 @@
 //! correlation is harmless, and a table of zeros makes the bytes of plain path tracing.
 
 use super::walk::bodies::EnclosingBodies;
+use super::walk::dispersion::Channel;
 use super::walk::observer::PathObserver;
 use super::walk::pending_emission::PendingEmission;
 use super::walk::roughening::{remember, roughen};
@@ -65,12 +66,18 @@ impl<R: Roughening> PathTracer<R> {
     ) -> Rgb {
         let mut total = Rgb::ZERO;
         let mut throughput = Rgb::ONE;
+        let mut channel = Channel::default();
         // Refraction scales radiance by 1/η²; roulette must not mistake that for lost light.
         let mut eta_scale = 1.0f32;
         let mut memory = self.rule.start(sample);
         let mut emission = PendingEmission::full(Rgb::ONE);
         for n in 1..=self.max_vertices + 1 {
-            let Some(hit) = scene.intersect(&ray) else {
+            let way = bodies.follow(scene, &ray);
+            if let Some(passed) = way.passed {
+                throughput *= passed;
+                emission.scale(passed);
+            }
+            let Some(hit) = way.hit else {
                 if scene.parts().environment.is_some() {
                     emission.scale(bodies.transmittance(scene, f32::INFINITY));
                     let found = emission.contribution(
@@ -85,7 +92,7 @@ impl<R: Roughening> PathTracer<R> {
             };
             let surface = scene.surface(&hit);
             if !bodies.is_empty() {
-                let transmittance = bodies.transmittance(scene, hit.t);
+                let transmittance = bodies.transmittance(scene, hit.t - way.start);
                 throughput *= transmittance;
                 emission.scale(transmittance);
             }
@@ -107,7 +114,8 @@ impl<R: Roughening> PathTracer<R> {
 
             // ── the vertex
             let u = sampler.vertex();
-            let bsdf = scene.bsdf(&surface, u.material);
+            let bsdf = channel.bsdf(scene, &surface, u.material, &mut throughput);
+            let bsdf = bodies.interface(scene, &surface, ray.dir, bsdf);
             let alpha = bsdf.alpha();
             let frame = surface.frame_for(-ray.dir);
             let point = ShadingPoint {

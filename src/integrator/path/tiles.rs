@@ -60,7 +60,8 @@ impl<R: Roughening> PathTracer<R> {
                     return;
                 }
                 let mut stream = source.stream(pixel, sample);
-                let ray = view.sensor.ray(pixel.as_vec2() + stream.film());
+                let place = pixel.as_vec2() + stream.film();
+                let ray = (view.sensor).sample_ray(place, || stream.film());
                 observer.begin(pixel, sample);
                 let bodies = around.unwrap_or_else(|| EnclosingBodies::around(view.scene, &ray));
                 let value = self.radiance(view.scene, ray, bodies, sample, &mut stream, observer);

@@ -1,17 +1,16 @@
 //! Bodies around a path, and what they absorb.
 
+use crate::bsdf::{Bsdf, Dielectric, is_matched};
 use crate::integrator::View;
-use crate::math::{Ray, Rgb};
-use crate::scene::Scene;
+use crate::math::{Ray, Rgb, Vec3};
+use crate::scene::bodies::MOST_SURFACES;
 use crate::scene::camera::Projection;
+use crate::scene::{Hit, Scene, Surface};
 
 /// Bodies that are remembered around a vertex.
 const MOST: usize = 16;
 
-/// Surfaces at which the search for the bodies around a point gives up.
-const MOST_SURFACES: usize = 10_000;
-
-/// The bodies that enclose the current vertex of a path, innermost last; empty in scenes without absorption.
+/// The bodies that enclose the current vertex of a path, innermost last; empty in scenes that need not know them.
 ///
 /// Remembers the `MOST` innermost. Where a path needs one that was forgotten, its transmittance is not a number: the film
 /// refuses the sample, counts and names it.
@@ -24,44 +23,27 @@ pub struct EnclosingBodies {
 }
 
 impl EnclosingBodies {
-    /// The bodies around the origin of a ray: those that the ray, followed through all surfaces to infinity, leaves without
-    /// having entered. Bodies are taken for closed.
+    /// The bodies around the origin of a ray.
     pub(in crate::integrator) fn around(scene: &Scene, ray: &Ray) -> Self {
-        let mut ray = *ray;
-        let (mut entered, mut around) = (Vec::new(), Vec::new());
-        for _ in 0..MOST_SURFACES {
-            let Some(hit) = scene.intersect(&ray) else {
-                break;
-            };
-            let surface = scene.surface(&hit);
-            if scene.material(&surface).bounds_body() {
-                if ray.dir.dot(surface.ng) < 0.0 {
-                    entered.push(surface.material);
-                } else if let Some(i) = entered.iter().rposition(|&m| m == surface.material) {
-                    entered.remove(i);
-                } else {
-                    around.push(surface.material);
-                }
-            }
-            ray = surface.spawn(ray.dir);
-        }
         let mut bodies = Self::default();
-        around.iter().rev().for_each(|&m| bodies.enter(m));
+        for &material in scene.bodies_around(ray).iter().rev() {
+            bodies.enter(material);
+        }
         bodies
     }
 
     /// The bodies around the camera, if they are the same for all its rays.
     pub(in crate::integrator) fn around_camera(view: &View<'_>) -> Option<Self> {
         let camera = view.sensor.camera;
-        if !view.scene.has_absorption() {
+        if !view.scene.tracks_bodies() {
             return Some(Self::default());
         }
         match camera.projection {
-            Projection::Perspective { .. } => {
+            Projection::Perspective { .. } if camera.lens.is_none() => {
                 let forwards = Ray::new(camera.position, -camera.frame.n);
                 Some(Self::around(view.scene, &forwards))
             }
-            Projection::Orthographic { .. } => None,
+            _ => None,
         }
     }
 
@@ -95,20 +77,151 @@ impl EnclosingBodies {
         }
     }
 
-    /// Transmittance over a distance inside the innermost body (Beer-Lambert).
+    /// The material of the body that is there: the innermost, or where bodies overlap the one of the highest rank.
+    #[inline]
+    fn present(&self, scene: &Scene) -> Option<u32> {
+        let around = self.materials[..self.len as usize].iter().copied();
+        if scene.has_overlaps() {
+            around.max_by_key(|&material| scene.rank(material))
+        } else {
+            around.last()
+        }
+    }
+
+    /// Transmittance over a distance inside the body that is there (Beer-Lambert).
     #[inline]
     pub(in crate::integrator) fn transmittance(&self, scene: &Scene, distance: f32) -> Rgb {
-        let Some(&material) = self.materials[..self.len as usize].last() else {
-            return if self.forgotten == 0 {
-                Rgb::ONE
-            } else {
-                Rgb::NAN
-            };
+        // A forgotten body may outrank those that are remembered.
+        if self.forgotten > 0 && (self.len == 0 || scene.has_overlaps()) {
+            return Rgb::NAN;
+        }
+        let Some(material) = self.present(scene) else {
+            return Rgb::ONE;
         };
         let sigma = scene.parts().materials[material as usize].absorption;
         // Without absorption 0 · ∞ must be 0.
         sigma.map(|s| if s > 0.0 { (-s * distance).exp() } else { 1.0 })
     }
+
+    /// Index of refraction on the outside of a body's boundary that a ray meets along `dir`; `None` where that boundary
+    /// does not exist, since inside and outside are one body, of a higher rank or of the same index and without colour.
+    fn boundary(&self, scene: &Scene, surface: &Surface, dir: Vec3) -> Option<f32> {
+        let material = scene.material(surface);
+        let mut others = *self;
+        if dir.dot(surface.ng) > 0.0 {
+            others.leave(surface.material);
+        }
+        let around = others.present(scene);
+        let index = around.map_or(1.0, |other| scene.parts().materials[other as usize].ior);
+        // A surface that shines is always there: light sampling must find what paths find.
+        if material.emission != Rgb::ZERO {
+            return Some(index);
+        }
+        let inside =
+            |other| other == surface.material || scene.rank(other) > scene.rank(surface.material);
+        let invisible = is_matched(material.ior / index) && material.is_clear();
+        (!around.is_some_and(inside) && !invisible).then_some(index)
+    }
+
+    /// The BSDF of a surface that a ray met along `dir`, against the body outside of it.
+    #[inline]
+    pub(in crate::integrator) fn interface(
+        &self,
+        scene: &Scene,
+        surface: &Surface,
+        dir: Vec3,
+        bsdf: Bsdf,
+    ) -> Bsdf {
+        match bsdf {
+            Bsdf::Dielectric(dielectric) if scene.has_overlaps() => {
+                let outside = self.boundary(scene, surface, dir).unwrap_or(1.0);
+                Bsdf::Dielectric(Dielectric {
+                    eta: dielectric.eta / outside,
+                    ..dielectric
+                })
+            }
+            _ => bsdf,
+        }
+    }
+
+    /// Follows a ray to the surface that ends it, through boundaries that do not exist, and enters and leaves their bodies.
+    #[inline]
+    pub(in crate::integrator) fn follow(&mut self, scene: &Scene, ray: &Ray) -> Way {
+        if scene.has_overlaps() {
+            return self.follow_through(scene, ray);
+        }
+        Way {
+            hit: scene.intersect(ray),
+            start: 0.0,
+            passed: None,
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn follow_through(&mut self, scene: &Scene, ray: &Ray) -> Way {
+        let mut rest = *ray;
+        let mut way = Way {
+            hit: None,
+            start: 0.0,
+            passed: None,
+        };
+        for _ in 0..MOST_SURFACES {
+            let Some(hit) = scene.intersect(&rest) else {
+                return way;
+            };
+            let surface = scene.surface(&hit);
+            let hidden = scene.material(&surface).bounds_body()
+                && self.boundary(scene, &surface, ray.dir).is_none();
+            if !hidden {
+                way.hit = Some(Hit {
+                    t: way.start + hit.t,
+                    ..hit
+                });
+                return way;
+            }
+            let transmittance = self.transmittance(scene, hit.t);
+            way.passed = Some(way.passed.unwrap_or(Rgb::ONE) * transmittance);
+            way.start += hit.t;
+            if ray.dir.dot(surface.ng) < 0.0 {
+                self.enter(surface.material);
+            } else {
+                self.leave(surface.material);
+            }
+            rest = surface.spawn(ray.dir);
+            rest.t_max = ray.t_max - way.start;
+        }
+        way
+    }
+
+    /// Transmittance along a ray over a distance; `None` if something stands between its origin and its `t_max`.
+    #[inline]
+    pub(in crate::integrator) fn unblocked(
+        mut self,
+        scene: &Scene,
+        ray: &Ray,
+        distance: f32,
+    ) -> Option<Rgb> {
+        if !scene.has_overlaps() {
+            return (!scene.occluded(ray)).then(|| self.transmittance(scene, distance));
+        }
+        let way = self.follow_through(scene, ray);
+        if way.hit.is_some() {
+            return None;
+        }
+        let last = self.transmittance(scene, distance - way.start);
+        Some(way.passed.unwrap_or(Rgb::ONE) * last)
+    }
+}
+
+/// The way from a point to the surface that ends it.
+pub(in crate::integrator) struct Way {
+    /// The surface, at its distance from the point; `None` if there is none.
+    pub(in crate::integrator) hit: Option<Hit>,
+    /// Distance of the last boundary that was passed.
+    pub(in crate::integrator) start: f32,
+    /// Transmittance up to there; `None` if no boundary was passed.
+    pub(in crate::integrator) passed: Option<Rgb>,
 }
 
 #[cfg(test)]

@@ -6,10 +6,14 @@
 //! | [`roughening`] | roughness at next-event estimation, and the memory of a rule |
 //! | `pending_emission` | the weight of emission at the end of the current ray |
 //! | `bodies` | bodies around the path, and what they absorb |
+//! | `dispersion` | the colour channel of a path that met a dispersive interface |
 //! | `roulette` | Russian roulette |
+//! | `cone` | a Dirac lobe spread over a cone |
 //! | [`observer`] | callbacks for layers, statistics and training |
 
 pub(super) mod bodies;
+pub(super) mod cone;
+pub(super) mod dispersion;
 pub mod observer;
 pub(super) mod pending_emission;
 pub mod roughening;

@@ -7,7 +7,7 @@ use crate::bsdf::{Bsdf, BsdfSample, LobeQuery};
 use crate::math::measure::balance;
 use crate::math::{Frame, Rgb, Vec3};
 use crate::sampler::LightU;
-use crate::scene::{Scene, Surface};
+use crate::scene::{Emission, LightSample, Scene, Surface};
 
 /// A scattering vertex.
 pub struct ShadingPoint<'a> {
@@ -96,11 +96,13 @@ impl ShadingPoint<'_> {
         let eval = query.at(self.alpha_reg);
         // Events that are dark at this roughness are reported too: at another they are not.
         let dark = eval.value == Rgb::ZERO && !(O::EVENTS && self.is_roughened());
-        if dark || self.scene.occluded(&self.surface.spawn_to_light(&light)) {
+        if dark {
             return Rgb::ZERO;
         }
-        let radiance =
-            self.throughput * light.radiance * self.transmittance(light.wi, light.distance);
+        let Some(transmittance) = self.transmittance_to(&light) else {
+            return Rgb::ZERO;
+        };
+        let radiance = self.throughput * light.radiance * transmittance;
         if O::EVENTS && self.is_roughened() {
             observer.event(&Event {
                 pdf_light: light.density.value(),
@@ -117,7 +119,7 @@ impl ShadingPoint<'_> {
     pub(in crate::integrator) fn bodies_towards(&self, wi: Vec3) -> EnclosingBodies {
         let mut bodies = self.bodies;
         let outside = self.wo.z > 0.0;
-        if self.scene.has_absorption()
+        if self.scene.tracks_bodies()
             && self.bsdf.is_solid()
             && (wi.dot(self.surface.ng) > 0.0) != outside
         {
@@ -130,14 +132,35 @@ impl ShadingPoint<'_> {
         bodies
     }
 
-    /// Transmittance from here along the world direction `wi`.
+    /// Transmittance from here to a light sample; `None` if something stands between.
     #[inline]
-    pub(in crate::integrator) fn transmittance(&self, wi: Vec3, distance: f32) -> Rgb {
-        if self.scene.has_absorption() {
-            self.bodies_towards(wi).transmittance(self.scene, distance)
+    pub(in crate::integrator) fn transmittance_to(&self, light: &LightSample) -> Option<Rgb> {
+        let ray = self.surface.spawn_to_light(light);
+        if self.scene.tracks_bodies() {
+            let bodies = self.bodies_towards(light.wi);
+            bodies.unblocked(self.scene, &ray, light.distance)
         } else {
-            Rgb::ONE
+            (!self.scene.occluded(&ray)).then_some(Rgb::ONE)
         }
+    }
+
+    /// Emission seen along the world direction `wi`, and the transmittance to it.
+    #[inline]
+    pub(in crate::integrator) fn emission_towards(&self, wi: Vec3) -> Option<(Emission, Rgb)> {
+        let ray = self.surface.spawn(wi);
+        if !self.scene.tracks_bodies() {
+            return Some((self.scene.emission_along(&ray)?, Rgb::ONE));
+        }
+        let mut bodies = self.bodies_towards(wi);
+        if !self.scene.has_overlaps() {
+            let emission = self.scene.emission_along(&ray)?;
+            let transmittance = bodies.transmittance(self.scene, emission.distance);
+            return Some((emission, transmittance));
+        }
+        let way = bodies.follow(self.scene, &ray);
+        let emission = self.scene.emission_at(&ray, way.hit)?;
+        let last = bodies.transmittance(self.scene, emission.distance - way.start);
+        Some((emission, way.passed.unwrap_or(Rgb::ONE) * last))
     }
 
     /// Step 3: a direction drawn from the BSDF at roughness `alpha`; `None` where the path ends.
@@ -212,12 +235,10 @@ impl ShadingPoint<'_> {
     #[inline]
     fn find_emission(&self, alpha: f32, u: [f32; 3]) -> Option<FoundEmission> {
         let Continuation { wi, sample } = self.sample(alpha, u)?;
-        let emission = self.scene.emission_along(&self.surface.spawn(wi))?;
+        let (emission, transmittance) = self.emission_towards(wi)?;
         Some(FoundEmission {
             sample,
-            radiance: self.throughput
-                * emission.radiance
-                * self.transmittance(wi, emission.distance),
+            radiance: self.throughput * emission.radiance * transmittance,
             pdf_light: emission.pdf_w,
         })
     }

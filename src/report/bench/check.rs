@@ -136,6 +136,10 @@ fn method(method: &MethodSpec) -> Result<(), String> {
         (0.0..=1.0).contains(&method.table_contrast),
         "table_contrast: expected from 0 to 1",
     )?;
+    let radius = method.radius.is_none_or(|r| r > 0.0 && r.is_finite());
+    ensure(radius, "radius: expected a number above 0")?;
+    let alpha = method.radius_alpha.is_none_or(|a| a > 0.0 && a <= 1.0);
+    ensure(alpha, "radius_alpha: expected above 0 and at most 1")?;
     ensure(
         !method.robust || !method.levels.is_empty(),
         "robust: several levels have batches",

@@ -12,6 +12,7 @@ use crate::gallery;
 use crate::image::film::{Film, Window};
 use crate::image::metric::pixel::EPSILON;
 use crate::image::{Buffer, exr};
+use crate::integrator::bidirectional::Radius;
 use crate::integrator::drive::{Budget, Reason, drive};
 use crate::integrator::{Picture, Settings, View};
 use crate::math::DVec3;
@@ -160,6 +161,7 @@ impl Prepared {
             return Ok(Some(()));
         }
         let settings = Settings {
+            estimator: spec.reference_integrator.estimator(Radius::default()),
             max_vertices: spec.max_depth,
             seed: REFERENCE_SEED,
             ..Settings::default()
@@ -192,7 +194,7 @@ impl Prepared {
     }
 
     fn cached(&self, spec: &SceneSpec, spp: u32, cache: &Path) -> PathBuf {
-        let what = serde_json::json!([
+        let mut what = serde_json::json!([
             env!("CARGO_PKG_VERSION"),
             self.facts.source,
             spec.distribution,
@@ -204,6 +206,11 @@ impl Prepared {
             spec.max_depth,
             spp,
         ]);
+        if !spec.reference_integrator.is_path()
+            && let Some(list) = what.as_array_mut()
+        {
+            list.push(serde_json::json!(spec.reference_integrator));
+        }
         cache.join(format!("reference-{}.exr", short_hash(&what)))
     }
 

@@ -334,7 +334,9 @@ impl Bench<'_> {
                 let mut errors = errors(&last, &scene.reference, spec.exposure)
                     .map_err(|e: MetricError| fault(e.to_string()))?;
                 if let Some(resolved) = resolved.filter(|_| denoiser.is_none()) {
-                    errors.extend(error_map(&resolved, &scene.reference));
+                    // Of fewer samples than batches the estimate is infinite.
+                    let map = error_map(&resolved, &scene.reference).into_iter();
+                    errors.extend(map.filter(|(_, value)| value.is_finite()));
                 }
                 let mut point = now.clone();
                 if picture.levels.is_some() || denoiser.is_some() {

@@ -29,6 +29,7 @@ use serde::{Deserialize, Serialize};
 use crate::bsdf::Distribution;
 use crate::files::{self, FileError};
 use crate::image::film::Window;
+use crate::integrator::method::IntegratorKind;
 pub use crate::integrator::method::{Kind, MethodSpec};
 use crate::math::UVec2;
 use crate::regularise::file::TableFile;
@@ -123,6 +124,9 @@ pub struct SceneSpec {
     /// samples per pixel of one that is made and kept beside the results.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_spp: Option<u32>,
+    /// The algorithm that makes it: one that finds all light of the scene.
+    #[serde(default, skip_serializing_if = "IntegratorKind::is_path")]
+    pub reference_integrator: IntegratorKind,
     /// The part of the picture that the report shows: x, y, width, height in the full frame; the middle if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inset: Option<[u32; 4]>,

@@ -17,6 +17,16 @@ fn emission_pdf(material: &Material, cos: f32) -> f32 {
     cos.abs() * FRAC_1_PI / sides
 }
 
+/// Power of a triangle that emits this radiance. Rounded to single precision where that can hold it: alias tables, and
+/// with them pictures, depend on the last digit.
+fn power(area: f32, radiance: f32, sides: f32) -> f64 {
+    let rounded = PI * area * radiance * sides;
+    if rounded.is_finite() {
+        return rounded.into();
+    }
+    f64::from(PI) * f64::from(area) * f64::from(radiance) * f64::from(sides)
+}
+
 /// All emissive triangles and their materials.
 #[derive(Default)]
 pub(super) struct AreaLights {
@@ -56,15 +66,14 @@ impl AreaLights {
             let material = geometry.triangle_material(triangle);
             let average = averages[material as usize];
             let double_sided = parts.materials[material as usize].double_sided;
-            let sides = if double_sided { 2.0f64 } else { 1.0 };
+            let sides = if double_sided { 2.0 } else { 1.0 };
             let area = geometry.triangle_area(triangle);
             (average > 0.0).then(|| EmissiveTriangle {
                 corners: geometry.triangle(triangle),
                 uvs: geometry.triangle_uvs(parts, triangle),
                 normal: geometry.triangle_normal(triangle),
                 area,
-                // The product may be too large for single precision.
-                power: f64::from(PI) * f64::from(area) * f64::from(average) * sides,
+                power: power(area, average, sides),
                 triangle,
                 material,
             })

@@ -4,9 +4,9 @@ use super::error::{Result, Warnings, fault, place};
 use super::nodes::Placed;
 use crate::math::{Frame, Rgb, Vec3};
 use crate::scene::camera::Projection;
-use crate::scene::{Camera, PunctualLight};
+use crate::scene::{Camera, Lens, PunctualLight};
 use gltf::json::Root;
-use gltf::json::camera::Type as Lens;
+use gltf::json::camera::Type as CameraType;
 use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type as Kind};
 use gltf::json::validation::Checked;
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -46,6 +46,7 @@ pub(super) fn cameras(
                 frame,
                 projection,
                 aspect,
+                lens: lens(camera, &at, warnings),
             },
         ));
     }
@@ -59,7 +60,7 @@ fn projection(camera: &gltf::json::Camera, at: &str) -> Result<(Projection, Opti
         false => Err(fault(at, format!("{name} is {x}, not a positive number"))),
     };
     match (&camera.type_, &camera.perspective, &camera.orthographic) {
-        (Checked::Valid(Lens::Perspective), Some(lens), _) => {
+        (Checked::Valid(CameraType::Perspective), Some(lens), _) => {
             let yfov = positive(lens.yfov, "yfov")?;
             if yfov >= PI {
                 return Err(fault(at, format!("yfov is {yfov}, not below π")));
@@ -71,13 +72,53 @@ fn projection(camera: &gltf::json::Camera, at: &str) -> Result<(Projection, Opti
             let tan_half_y = (0.5 * yfov).tan();
             Ok((Projection::Perspective { tan_half_y }, aspect))
         }
-        (Checked::Valid(Lens::Orthographic), _, Some(lens)) => {
+        (Checked::Valid(CameraType::Orthographic), _, Some(lens)) => {
             let half_height = positive(lens.ymag, "ymag")?;
             let aspect = positive(positive(lens.xmag, "xmag")? / half_height, "xmag / ymag")?;
             Ok((Projection::Orthographic { half_height }, Some(aspect)))
         }
         _ => Err(fault(at, "lacks the properties of its type")),
     }
+}
+
+/// What a camera's `extras` may say of its lens: custom properties of the camera's data in Blender.
+#[derive(Default, serde::Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct LensExtras {
+    /// In world units.
+    aperture_radius: Option<f32>,
+    fstop: Option<f32>,
+    /// In millimetres.
+    focal_length: Option<f32>,
+    /// In world units.
+    focus_distance: Option<f32>,
+}
+
+/// Half the height of the film that an f-number without a focal length is taken for, in millimetres.
+const HALF_FILM: f32 = 12.0;
+
+/// The lens of a camera: radius f/(2 N) by focal length and f-number, with the metres of glTF as world units, or as it is
+/// given. Without a focal length it is that of a film 24 mm high.
+fn lens(camera: &gltf::json::Camera, at: &str, warnings: &mut Warnings) -> Option<Lens> {
+    let extras = camera.extras.as_ref()?;
+    let extras: LensExtras = gltf::json::deserialize::from_str(extras.get()).unwrap_or_default();
+    let yfov = camera.perspective.as_ref().map(|p| p.yfov);
+    let focal_length = extras
+        .focal_length
+        .or(yfov.map(|yfov| HALF_FILM / (0.5 * yfov).tan()));
+    let by_number = || Some(1e-3 * focal_length? / (2.0 * extras.fstop?));
+    let radius = extras.aperture_radius.or_else(by_number)?;
+    let focus = extras.focus_distance.unwrap_or(0.0);
+    let good = |x: f32| x.is_finite() && x > 0.0;
+    if good(radius) && good(focus) {
+        return Some(Lens { radius, focus });
+    }
+    if radius != 0.0 {
+        warnings.say(format!(
+            "{at}.extras: a lens of radius {radius} with focusDistance {focus} is ignored"
+        ));
+    }
+    None
 }
 
 /// The axes of a node's pose without scale and mirroring `[glTF §3.10.1]`; `None` if the pose is singular.

@@ -99,6 +99,7 @@ impl Reader<'_> {
         if let Some(extensions) = &m.extensions {
             self.extensions(extensions, &mut out)?;
         }
+        out.priority = self.priority(m);
         Ok(out)
     }
 
@@ -142,6 +143,12 @@ impl Reader<'_> {
             out.solid = self.positive("thicknessFactor", volume.thickness_factor.0)? > 0.0;
             out.absorption = self.absorption(volume)?;
         }
+        if let Some(value) = e.others.get("KHR_materials_dispersion") {
+            let dispersion = value.get("dispersion").map_or(Some(0.0), |x| x.as_f64());
+            let dispersion =
+                dispersion.ok_or_else(|| fault(&self.at, "dispersion is no number"))?;
+            out.dispersion = self.positive("dispersion", dispersion as f32)?;
+        }
         if out.ior == 0.0 {
             // An infinite index: everything is reflected [KHR_materials_ior].
             out.transmission = 0.0;
@@ -162,6 +169,25 @@ impl Reader<'_> {
             };
         }
         Ok(())
+    }
+
+    /// The priority among overlapping bodies, a number in the material's `extras`.
+    fn priority(&mut self, m: &json::Material) -> f32 {
+        let extras = (m.extras.as_ref()).and_then(|e| json::deserialize::from_str(e.get()).ok());
+        let Some(value) = extras
+            .as_ref()
+            .and_then(|e: &json::Value| e.get("priority"))
+        else {
+            return 0.0;
+        };
+        match value.as_f64() {
+            Some(priority) => priority as f32,
+            None => {
+                let line = format!("{}: extras.priority is no number, and ignored", self.at);
+                self.warnings.say(line);
+                0.0
+            }
+        }
     }
 
     /// Beer-Lambert absorption: the attenuation colour is the transmittance over the attenuation distance

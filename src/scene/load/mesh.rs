@@ -289,9 +289,9 @@ fn morph(
             count: mesh.positions.len(),
             warnings,
         };
-        let mut read = |index: usize, name: &str| {
+        let mut read = |index: usize, name: &str| -> Result<Vec<Vec3>> {
             let deltas = reader.read::<3>(index, &format!("targets[{k}].{name}"), &all)?;
-            Result::Ok(deltas.into_iter().map(move |d| weight * Vec3::from(d)))
+            Ok((deltas.into_iter().map(|d| weight * Vec3::from(d))).collect())
         };
         if let Some(index) = target.positions {
             let deltas = read(index.value(), "POSITION")?;

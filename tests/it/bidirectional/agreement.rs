@@ -6,6 +6,7 @@ use opsr::gallery::furnace_sphere;
 use opsr::gallery::materials::glass;
 use opsr::gallery::shapes::sphere;
 use opsr::image::Film;
+use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::Vec3;
 use opsr::scene::Scene;
@@ -50,13 +51,16 @@ fn differing(
     differing
 }
 
+/// False where path tracing misses whole pixels: caustics of a small light, and behind a surface of water.
+fn found_by_path(name: &str) -> bool {
+    name != "caustic box" && !name.starts_with("under")
+}
+
 const PATH: Estimator = Estimator::Path { reuse: false };
 
 #[test]
 fn agreement_of_bdpt_with_path() {
-    // Of the caustics of a small light, path tracing misses whole pixels.
-    let pixels = |name: &str| name != "caustic box";
-    let wrong = differing(PATH, Estimator::Bdpt, 4, |_| true, pixels);
+    let wrong = differing(PATH, Estimator::Bdpt, 4, |_| true, found_by_path);
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
@@ -68,6 +72,37 @@ fn agreement_of_light_with_path() {
     let wanted = |name: &str| !dirac.contains(&name);
     let wrong = differing(PATH, Estimator::Light, 1, wanted, |_| false);
     assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+/// A radius so small that its bias is far below the noise, at which many photons still merge.
+const SMALL: Radius = Radius {
+    first: Some(0.01),
+    alpha: 2.0 / 3.0,
+};
+
+#[test]
+fn agreement_of_vcm_with_path() {
+    let wrong = differing(PATH, Estimator::Vcm(SMALL), 4, |_| true, found_by_path);
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+/// Means of whole pictures: few photons come to a pixel. Photons are lost at edges of surfaces, in proportion to the radius.
+#[test]
+fn agreement_of_sppm_with_path() {
+    let radius = Radius {
+        first: Some(0.05),
+        alpha: 2.0 / 3.0,
+    };
+    for (name, parts, spp) in scenes::all() {
+        let scene = scene(parts);
+        let (a, its_error) = mean(&film(&scene, PATH, 2 * spp, 1));
+        let (b, error) = mean(&film(&scene, Estimator::Sppm(radius), spp, 2));
+        println!("{name}: {a:.5} ± {its_error:.5}, {b:.5} ± {error:.5}");
+        // The channels of a pixel are far from independent.
+        let noise = 3.0 * 3f64.sqrt() * error.hypot(its_error);
+        assert!((a - b).abs() < 0.015 * a + noise, "{name}: {a} {b}");
+        assert!(error < 0.1 * a, "{name}: {error} of {a}");
+    }
 }
 
 /// Every path in a white furnace carries radiance 1, and a smooth ball of glass changes nothing: a missing η² or a shading

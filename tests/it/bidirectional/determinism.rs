@@ -6,12 +6,22 @@ use crate::support::render::scene;
 use opsr::gallery::materials::{coated, diffuse};
 use opsr::image::Film;
 use opsr::image::film::Window;
+use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::{Estimator, FirstHit, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr::scene::{Scene, SceneParts};
 
 const FRAME: UVec2 = UVec2::new(40, 36);
+
+fn estimators() -> [Estimator; 4] {
+    [
+        Estimator::Light,
+        Estimator::Bdpt,
+        Estimator::Vcm(Radius::default()),
+        Estimator::Sppm(Radius::default()),
+    ]
+}
 
 fn parts() -> SceneParts {
     with_sphere(coated("coat", Rgb::splat(0.5), 0.0))
@@ -55,7 +65,7 @@ fn picture(
 fn determinism_of_light_paths_at_any_thread_count_and_split() {
     let scene = scene(parts());
     let full = Window::full(FRAME);
-    for estimator in [Estimator::Light, Estimator::Bdpt] {
+    for estimator in estimators() {
         let whole = picture(&scene, estimator, full, 1, &[6]);
         assert_eq!(whole.film.rejected.total(), 0);
         for (threads, passes) in [(2, &[1, 5][..]), (7, &[6]), (3, &[2, 3, 1])] {
@@ -74,7 +84,7 @@ fn determinism_of_a_crop_with_light_paths() {
         w: 20,
         h: 15,
     };
-    for estimator in [Estimator::Light, Estimator::Bdpt] {
+    for estimator in estimators() {
         let whole = picture(&scene, estimator, full, 2, &[4]);
         let crop = picture(&scene, estimator, window, 2, &[4]);
         assert_eq!(whole.film.cut(window).pixels, crop.film.pixels);
@@ -87,7 +97,7 @@ fn resume_of_light_paths_is_bit_identical() {
     let full = Window::full(FRAME);
     let folder = quick_folder();
     let path = folder.path().join("a.ckpt");
-    for estimator in [Estimator::Light, Estimator::Bdpt] {
+    for estimator in estimators() {
         let settings = Settings {
             estimator,
             seed: 3,
@@ -118,7 +128,7 @@ fn black_scene_without_lights() {
     let mut parts = super::scenes::walls(diffuse("walls", Rgb::ONE));
     parts.environment = None;
     let scene = Scene::new(parts);
-    for estimator in [Estimator::Light, Estimator::Bdpt] {
+    for estimator in estimators() {
         let picture = picture(&scene, estimator, Window::full(FRAME), 2, &[2]);
         assert!(picture.film.mean().pixels.iter().all(|&p| p == Rgb::ZERO));
         assert_eq!(picture.film.rejected.total(), 0);

@@ -1,8 +1,11 @@
 //! Light paths and connections: densities of the ends, algebra of the weights, agreement with the path tracer.
 
 mod agreement;
+mod audit;
+mod density;
 mod determinism;
 mod ends;
+mod psr;
 mod scenes;
 mod strategies;
 mod weights;

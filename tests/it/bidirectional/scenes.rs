@@ -55,7 +55,7 @@ pub(super) fn point_lit(material: Material) -> SceneParts {
     parts
 }
 
-fn spot() -> SceneParts {
+pub(super) fn spot() -> SceneParts {
     let mut parts = walls(diffuse("walls", HALF));
     parts.add(diffuse("block", HALF), blocks());
     parts.lights.push(PunctualLight::Spot {
@@ -69,7 +69,7 @@ fn spot() -> SceneParts {
     parts
 }
 
-fn sunny(directional: bool) -> SceneParts {
+pub(super) fn sunny(directional: bool) -> SceneParts {
     let mut parts = SceneParts::default();
     let floor = quad(Vec3::new(-1.5, 0.0, -1.5), Vec3::Z * 3.0, Vec3::X * 3.0);
     parts.add(diffuse("floor", HALF), [floor]);
@@ -90,7 +90,7 @@ fn sunny(directional: bool) -> SceneParts {
     parts
 }
 
-fn parallel_camera() -> SceneParts {
+pub(super) fn parallel_camera() -> SceneParts {
     let mut parts = with_sphere(diffuse("ball", HALF));
     let camera = &mut parts.cameras[0];
     camera.position = Vec3::new(0.0, 1.0, 2.0);
@@ -103,7 +103,7 @@ fn parallel_camera() -> SceneParts {
     parts
 }
 
-fn two_sided() -> SceneParts {
+pub(super) fn two_sided() -> SceneParts {
     let mut parts = walls(diffuse("walls", HALF));
     let sheet = quad(Vec3::new(-0.4, 1.2, -0.4), Vec3::X * 0.8, Vec3::Z * 0.8);
     let material = Material {
@@ -115,7 +115,7 @@ fn two_sided() -> SceneParts {
 }
 
 /// A panel on the back wall whose normal map turns its normals by up to 40°.
-fn normal_map() -> SceneParts {
+pub(super) fn normal_map() -> SceneParts {
     let mut parts = lit(diffuse("walls", HALF), 3.0);
     let texel = |i: u8| [60 + 40 * (i % 4), 60 + 40 * (i / 4), 220, 255];
     parts.textures.push(Texture {
@@ -170,6 +170,28 @@ fn bottle() -> SceneParts {
     parts
 }
 
+/// A camera under water whose surface has shading normals that lean by 20°, with a ball on the floor and a light above.
+/// A refraction between light and camera that no other undoes shows η², a leaning normal shows the cosines of both.
+pub(super) fn under_water(alpha: f32) -> SceneParts {
+    let mut parts = SceneParts::default();
+    let (low, high) = (Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 1.0, 1.0));
+    let mut body = cuboid(low, high);
+    // Its upper side.
+    body.indices.drain(6..8);
+    let mut surface = quad(low + Vec3::Y, Vec3::Z * 2.0, Vec3::X * 2.0);
+    let (sin, cos) = 20f32.to_radians().sin_cos();
+    surface.normals = vec![Vec3::new(sin, cos, 0.0); 4];
+    parts.add(glass("water", 1.33, alpha), [body, surface]);
+    let floor = quad(Vec3::new(-0.9, 0.1, -0.9), Vec3::Z * 1.8, Vec3::X * 1.8);
+    parts.add(diffuse("floor", Rgb::new(0.6, 0.7, 0.5)), [floor]);
+    let ball = sphere(Vec3::new(0.2, 0.35, -0.2), 0.25, 3);
+    parts.add(coated("ball", Rgb::new(0.3, 0.5, 0.7), 0.3), [ball]);
+    let light = quad(Vec3::new(-1.2, 1.9, -0.8), Vec3::X * 1.6, Vec3::Z * 1.6);
+    parts.add(emitter("light", Rgb::splat(3.0)), [light]);
+    parts.add_camera([0.0, 0.6, 0.9], [0.0, 0.2, -0.2], 60.0);
+    parts
+}
+
 /// Every scene, with the samples a pixel that its comparison takes.
 pub(super) fn all() -> Vec<(&'static str, SceneParts, u32)> {
     let thin = Material {
@@ -198,5 +220,7 @@ pub(super) fn all() -> Vec<(&'static str, SceneParts, u32)> {
         ("normal map", normal_map(), 64),
         ("blend leaf", leaf(), 64),
         ("absorbing bottle", bottle(), 128),
+        ("under water", under_water(0.0), 64),
+        ("under rough water", under_water(0.3), 64),
     ]
 }

@@ -2,7 +2,7 @@
 //! vertices and ends at random, through the functions that the walks call.
 
 use opsr::integrator::bidirectional::weights::{
-    End, Partial, Real, Step, camera_sample, connection, hit, light_sample,
+    End, Merging, Partial, Real, Step, camera_sample, connection, hit, light_sample, merge,
 };
 use opsr::math::UVec2;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
@@ -21,6 +21,8 @@ struct Path {
     light: Light,
     parallel: bool,
     light_paths: f64,
+    /// M; 0 without merging.
+    merging: f64,
     camera_pdf: f64,
     position: f64,
     direction: f64,
@@ -55,6 +57,7 @@ impl Path {
         let (mut pdf_c, mut pdf_l) = (many(0.05, 20.0), many(0.05, 20.0));
         let ends = many(0.05, 20.0);
         let light_paths = many(1.0, 1e6)[0].round();
+        let m = many(1e-3, 1e3)[0];
         let mut next = || f64::from(u.next_1d());
         let dirac: Vec<bool> = (0..=k).map(|i| i > 0 && i < k && next() < 0.3).collect();
         let mut index2 = vec![1.0; k + 1];
@@ -68,6 +71,7 @@ impl Path {
             light,
             parallel: next() < 0.3,
             light_paths,
+            merging: if next() < 0.5 { m } else { 0.0 },
             camera_pdf: ends[0],
             position: ends[1],
             direction: ends[2],
@@ -122,7 +126,12 @@ impl Path {
         }
     }
 
-    /// Balance heuristic by definition; index t.
+    /// True if both walks can merge at x_j.
+    fn merges(&self, j: usize) -> bool {
+        self.merging > 0.0 && j > 0 && j < self.k && !self.dirac[j]
+    }
+
+    /// Balance heuristic by definition: strategies t = 0 … k + 1, then merges at x_0 … x_k.
     fn enumerated(&self) -> Vec<f64> {
         let density = |t: usize| {
             if t == 0 || !self.possible(t) {
@@ -132,16 +141,29 @@ impl Path {
             let light: f64 = (t..=self.k).map(|i| self.light_density(i)).product();
             camera * light * if t == 1 { self.light_paths } else { 1.0 }
         };
-        let all: Vec<f64> = (0..self.k + 2).map(density).collect();
+        let merge = |j: usize| {
+            if !self.merges(j) {
+                return 0.0;
+            }
+            let camera: f64 = (1..=j).map(|i| self.camera_density(i)).product();
+            let light: f64 = (j..=self.k).map(|i| self.light_density(i)).product();
+            self.merging * camera * light
+        };
+        let merges = (0..=self.k).map(merge);
+        let all: Vec<f64> = (0..self.k + 2).map(density).chain(merges).collect();
         let sum: f64 = all.iter().sum();
         all.iter().map(|q| q / sum).collect()
     }
 
-    /// The weights of the walks; index t.
+    /// The weights of the walks; indices as in `enumerated`.
     fn recursive<T: Real>(&self, of: impl Fn(f64) -> T) -> Vec<Option<T>> {
         let k = self.k;
         let squared = |i: usize, free: bool| (!free).then(|| of(self.distance[i].powi(2)));
         let n = of(self.light_paths);
+        let merging = match self.merging {
+            0.0 => Merging::none(),
+            m => Merging::new(of(m)),
+        };
         // Numbers of both walks on arrival at x_i, and of the camera walk before it.
         let mut walk = Partial::camera(of(self.camera_pdf), n);
         let (mut camera, mut before) = (vec![Partial::default_of(&of)], vec![walk]);
@@ -152,11 +174,12 @@ impl Path {
             if self.dirac[i] {
                 walk.dirac(of(self.cos_c[i]), of(self.index2[i]));
             } else {
-                walk.scatter(&Step {
+                let step = Step {
                     cos_out: of(self.cos_l[i]),
                     pdf: of(self.pdf_c[i]),
                     pdf_reverse: of(self.pdf_l[i]),
-                });
+                };
+                walk.scatter(&step, &merging);
             }
         }
         let cos = match self.light {
@@ -169,6 +192,7 @@ impl Path {
             of(self.direction),
             self.infinite(),
             of(cos),
+            &merging,
         );
         let mut light = vec![Partial::default_of(&of); k + 1];
         for i in (1..k).rev() {
@@ -178,11 +202,12 @@ impl Path {
             if self.dirac[i] {
                 walk.dirac(of(self.cos_l[i]), of(1.0 / self.index2[i]));
             } else {
-                walk.scatter(&Step {
+                let step = Step {
                     cos_out: of(self.cos_c[i]),
                     pdf: of(self.pdf_l[i]),
                     pdf_reverse: of(self.pdf_c[i]),
-                });
+                };
+                walk.scatter(&step, &merging);
             }
         }
         let end = |partial: Partial<T>, pdf_area: f64, pdf_reverse: f64| End {
@@ -210,9 +235,12 @@ impl Path {
                     _ => f64::INFINITY,
                 };
                 let camera = end(camera[k - 1], self.light_density(k - 1), self.pdf_l[k - 1]);
-                light_sample(of(self.pdf_c[k - 1] / pdf_light), &camera)
+                light_sample(of(self.pdf_c[k - 1] / pdf_light), &camera, &merging)
             } else if t == 1 {
-                camera_sample(&end(light[1], self.camera_density(1), self.pdf_c[1]), n)
+                {
+                    let light = end(light[1], self.camera_density(1), self.pdf_c[1]);
+                    camera_sample(&light, n, &merging)
+                }
             } else {
                 connection(
                     &end(
@@ -225,10 +253,16 @@ impl Path {
                         self.pdf_l[t] * self.cos_l[t - 1] / d2,
                         self.pdf_l[t - 1],
                     ),
+                    &merging,
                 )
             })
         };
-        (0..k + 2).map(weight).collect()
+        let merged = |j: usize| {
+            let pdfs = (of(self.pdf_c[j]), of(self.pdf_l[j]));
+            let weight = || merge(&light[j], &camera[j], pdfs.0, pdfs.1, &merging);
+            self.merges(j).then(weight)
+        };
+        (0..k + 2).map(weight).chain((0..=k).map(merged)).collect()
     }
 }
 
@@ -242,6 +276,7 @@ impl<T: Real> Zero<T> for Partial<T> {
         Self {
             vcm: of(0.0),
             vc: of(0.0),
+            vm: of(0.0),
         }
     }
 }
@@ -253,14 +288,15 @@ fn errors<T: Real + Into<f64>>(paths: u32, of: impl Fn(f64) -> T) -> (f64, f64) 
     for number in 0..paths {
         let path = Path::random(&mut source.stream(UVec2::ZERO, number));
         let expected = path.enumerated();
-        if (1..path.k + 2).all(|t| !path.possible(t)) {
+        let none = (1..path.k + 2).all(|t| !path.possible(t));
+        if none && (0..path.k).all(|j| !path.merges(j)) {
             continue;
         }
         let mut sum = 0.0;
         for (t, weight) in path.recursive(&of).into_iter().enumerate() {
             let weight: f64 = weight.map_or(0.0, Into::into);
             let error = (weight - expected[t]).abs();
-            assert!(error < 1e-3, "strategy t = {t}: {weight}, {path:?}");
+            assert!(error < 1e-3, "strategy {t}: {weight}, {path:?}");
             single = single.max(error);
             sum += weight;
         }

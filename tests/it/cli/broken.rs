@@ -124,12 +124,43 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         2,
         "render scene.glb --integrator bdpt --opsr-table table.json",
-        "integrator bdpt does not regularise",
+        "integrator bdpt does not roughen",
     ),
     (
         2,
         "render scene.glb --integrator light --mode mollifier",
         "integrator light does not regularise",
+    ),
+    (
+        2,
+        "render scene.glb --integrator bdpt --mode reuse --gamma 0.1",
+        "integrator bdpt does not roughen",
+    ),
+    (
+        2,
+        "render scene.glb --integrator vcm --gamma 0.1",
+        "integrator vcm does not regularise",
+    ),
+    (
+        2,
+        "render scene.glb --integrator bdpt --radius 0.1",
+        "integrator bdpt has no radius",
+    ),
+    (2, "render scene.glb --integrator vcm --radius 0", "above 0"),
+    (
+        2,
+        "render scene.glb --integrator sppm --radius inf",
+        "above 0",
+    ),
+    (
+        2,
+        "render scene.glb --integrator vcm --radius-alpha 0",
+        "above 0 and at most 1",
+    ),
+    (
+        2,
+        "render scene.glb --integrator ups --radius-alpha 1.5",
+        "above 0 and at most 1",
     ),
     (
         2,

@@ -123,7 +123,10 @@ fn solid_glass_turns_closed_thin_walls_into_bodies() {
         let ended = place.opsr(command).done();
         assert_eq!(ended.err.contains(warning), warns, "{command}");
         if command.starts_with("info") {
-            let kind = ["solid transmission ball", "thin-walled transmission ball"];
+            let kind = [
+                r#""solid transmission" "ball""#,
+                r#""thin-walled transmission" "ball""#,
+            ];
             assert!(
                 ended.out.contains(kind[usize::from(warns)]),
                 "{}",
@@ -518,6 +521,8 @@ fn determinism_of_reproducible_files() {
         "--mode pbrt",
         "--integrator light",
         "--integrator bdpt --aov",
+        "--integrator ups",
+        "--integrator sppm --radius 0.1 --radius-alpha 1",
         "--max-depth 2",
     ];
     for other in others {

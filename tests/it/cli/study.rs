@@ -98,6 +98,8 @@ fn report_scores_tables_beside_constants() {
 
     let report = json(place.read("run/report.json"));
     let page = page(&place);
+    // Ink on the page's own colour, dark or light.
+    assert!(page.contains("fill=\"currentColor\"") && !page.contains("background: #fff"));
     for word in [
         "glass 24,32",
         "walls 16,16",

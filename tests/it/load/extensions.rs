@@ -8,6 +8,7 @@ use serde_json::json;
 #[test]
 fn extensions_of_the_documents_are_those_of_the_loader() {
     let rows = include_str!("../../../docs/gltf.md").lines();
+    let rows = rows.take_while(|row| *row != "## Animation");
     let listed: Vec<&str> = rows
         .filter_map(|row| {
             let mut cells = row.strip_prefix("| `")?.split(" | ");

@@ -111,6 +111,25 @@ fn load_warns_of_emission_whose_variance_does_not_fit() {
 }
 
 #[test]
+fn load_priority_of_a_body_from_extras() {
+    for (extras, expected, warned) in [
+        (json!({ "priority": 2 }), 2.0, false),
+        (json!({ "priority": -0.5, "other": [1] }), -0.5, false),
+        (json!({ "other": 3 }), 0.0, false),
+        (json!("text"), 0.0, false),
+        (json!({ "priority": "high" }), 0.0, true),
+    ] {
+        let mut file = File::triangle();
+        file.push("materials", json!({ "extras": extras }));
+        file.primitive()["material"] = json!(0);
+        let loaded = file.loaded();
+        assert_eq!(loaded.parts.materials[0].priority, expected, "{extras}");
+        let says = |w: &String| w.contains("extras.priority");
+        assert_eq!(loaded.warnings.iter().any(says), warned, "{extras}");
+    }
+}
+
+#[test]
 fn load_transmission_and_volume() {
     let thin = with("transmission", json!({ "transmissionFactor": 0.75 }));
     assert!(thin.transmission == 0.75 && !thin.solid && thin.absorption == Rgb::ZERO);

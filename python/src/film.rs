@@ -1,0 +1,249 @@
+//! Films: rendered pictures and their statistics.
+
+use crate::array;
+use crate::errors::{argument, file};
+use crate::work::detached;
+use opsr::image::Buffer;
+use opsr::image::display::{Display, ViewTransform, auto_exposure};
+use opsr::image::exr::{self, Layer, Metadata};
+use opsr::image::png;
+use opsr::integrator::{FirstHit, Picture};
+use opsr::tune::resolve::{Resolved as Choice, resolve_film};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+
+/// The result of a render. Arrays are new ones at every access; rows run from the top.
+#[pyclass(frozen, module = "opsr")]
+pub(crate) struct Film {
+    pub(crate) made: Picture,
+    /// The choice among several levels.
+    pub(crate) choice: Option<Choice>,
+    pub(crate) metadata: Metadata,
+    /// Samples per pixel.
+    #[pyo3(get)]
+    pub(crate) spp: u32,
+    /// Wall time of the render in seconds.
+    #[pyo3(get)]
+    pub(crate) seconds: f64,
+}
+
+#[pymethods]
+impl Film {
+    /// The picture: linear Rec. 709 radiance, shape (height, width, 3), float32. Of several levels the best of every pixel.
+    #[getter]
+    fn picture<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array::picture(py, &self.shown())
+    }
+
+    /// Estimated variance of the mean of every pixel, the squared error bar of the picture: radiance squared, shape
+    /// (height, width, 3), float32. Of several levels that of level 0, plain path tracing.
+    #[getter]
+    fn variance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array::picture(py, &self.made.film.variance_of_mean())
+    }
+
+    /// AOVs of the first surface, empty unless `render` was called with `aov=True`: "albedo" and "normal" of shape (height,
+    /// width, 3), and "depth", the distance in scene units, infinity where there is nothing, of shape (height, width). All
+    /// float32.
+    #[getter]
+    fn aovs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let aovs = PyDict::new(py);
+        if let Some(hit) = self.first_hit() {
+            aovs.set_item("albedo", array::picture(py, &hit.albedo())?)?;
+            aovs.set_item("normal", array::picture(py, &hit.normal())?)?;
+            let depth = hit.depth();
+            let shape = [depth.height, depth.width];
+            let depth = depth.pixels.iter().map(|p| p.x);
+            aovs.set_item("depth", array::floats(py, &shape, depth)?)?;
+        }
+        Ok(aovs)
+    }
+
+    /// Pictures of all levels, plain path tracing first: shape (levels, height, width, 3), float32; None for one level.
+    #[getter]
+    fn levels<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(film) = &self.made.levels else {
+            return Ok(None);
+        };
+        let window = self.made.film.window;
+        let shape = [film.levels(), window.h as usize, window.w as usize, 3];
+        let values = (0..film.levels()).flat_map(|k| film.mean(k).pixels);
+        let values = values.flat_map(|p| p.to_array());
+        array::floats(py, &shape, values).map(Some)
+    }
+
+    /// Samples of every pixel that were not refused: shape (height, width), uint32.
+    #[getter]
+    fn samples<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let film = &self.made.film;
+        let shape = [film.window.h as usize, film.window.w as usize];
+        let counts = film.pixels.iter().map(|m| m.n.to_le_bytes());
+        array::array(py, &shape, "<u4", counts)
+    }
+
+    /// Samples that were refused because they were not finite.
+    #[getter]
+    fn rejected(&self) -> u64 {
+        self.made.film.rejected.total()
+    }
+
+    /// Estimated relative error of the picture, the root of the relMSE to be expected; of one level that of its noise alone.
+    /// Infinity where there are too few samples.
+    #[getter]
+    fn relative_error(&self) -> f64 {
+        match &self.choice {
+            Some(choice) => choice.relative_error(),
+            None => self.made.film.relative_error(),
+        }
+    }
+
+    /// (width, height) of the whole frame in pixels.
+    #[getter]
+    fn size(&self) -> (u32, u32) {
+        self.made.film.size.into()
+    }
+
+    /// (x, y, width, height) of the part of the frame that the arrays show, in pixels from the top left.
+    #[getter]
+    fn crop(&self) -> (u32, u32, u32, u32) {
+        let window = self.made.film.window;
+        (window.x, window.y, window.w, window.h)
+    }
+
+    /// Writes the picture, whole or not at all: .exr, with variance, AOVs and the choice among levels as layers, or .png.
+    ///
+    /// exposure: brightness of a .png in stops; by default the 95th percentile of the luminance is at 80 % of white.
+    #[pyo3(signature = (path, *, exposure=None))]
+    fn save(&self, py: Python<'_>, path: PathBuf, exposure: Option<f32>) -> PyResult<()> {
+        if !exposure.is_none_or(f32::is_finite) {
+            return Err(argument("exposure", "expected a number of stops"));
+        }
+        let saved = match path.extension().and_then(|e| e.to_str()) {
+            Some("exr") => detached(py, || self.save_exr(&path))?,
+            Some("png") => detached(py, || {
+                let shown = self.shown();
+                let exposure = exposure.unwrap_or_else(|| auto_exposure(&shown));
+                let view = ViewTransform::default();
+                png::write(&path, &shown, Display { exposure, view })
+            })?,
+            _ => {
+                let path = path.display().to_string();
+                return Err(argument(&path, "expected a name that ends in .exr or .png"));
+            }
+        };
+        saved.map_err(file)
+    }
+
+    fn __repr__(&self) -> String {
+        let window = self.made.film.window;
+        let (w, h, spp) = (window.w, window.h, self.spp);
+        format!("<opsr.Film {w}x{h}, {spp} spp in {:.2} s>", self.seconds)
+    }
+}
+
+impl Film {
+    /// The picture that files and comparisons show.
+    pub(crate) fn shown(&self) -> Buffer {
+        match &self.choice {
+            Some(choice) => choice.picture.clone(),
+            None => self.made.film.mean(),
+        }
+    }
+
+    fn first_hit(&self) -> Option<&FirstHit> {
+        self.made.aovs.as_ref()?.first.as_ref()
+    }
+
+    fn save_exr(&self, path: &std::path::Path) -> Result<(), opsr::files::FileError> {
+        let film = &self.made.film;
+        let mut layers = Vec::new();
+        if let Some(aovs) = self.first_hit() {
+            let depth = aovs.depth().pixels.iter().map(|p| p.x).collect();
+            layers.push(Layer::rgb("albedo", &aovs.albedo()));
+            layers.push(Layer::xyz("normal", &aovs.normal()));
+            layers.push(Layer::scalar("depth", depth));
+        }
+        let Some(choice) = &self.choice else {
+            return exr::write_film(path, film, &layers, &self.metadata);
+        };
+        let level = choice.level.iter().map(|&k| f32::from(k)).collect();
+        layers.push(Layer::scalar("level", level));
+        layers.push(Layer::scalar("bias2", choice.bias2.clone()));
+        layers.push(Layer::scalar("variance", choice.variance.clone()));
+        layers.push(Layer::scalar("error", choice.error()));
+        let part = (film.size, film.window);
+        exr::write_layers(path, part, &choice.picture, &layers, &self.metadata)
+    }
+}
+
+/// The level of roughening chosen for every pixel of a film, without a reference.
+#[pyclass(frozen, module = "opsr")]
+pub(crate) struct Resolved {
+    choice: Choice,
+}
+
+/// Chooses among the levels of a film again.
+///
+/// film: a film of several levels.
+/// robust: of every level take the mean of its mean and of the median of its batches, which removes fireflies.
+///
+/// Raises ValueError for a film of one level.
+#[pyfunction]
+#[pyo3(signature = (film, *, robust=false))]
+pub(crate) fn resolve(film: &Bound<'_, Film>, robust: bool) -> PyResult<Resolved> {
+    let Some(levels) = &film.get().made.levels else {
+        let what = "a film of one level, there is nothing to choose";
+        return Err(argument("film", what));
+    };
+    let choice = detached(film.py(), || resolve_film(levels, robust))?;
+    Ok(Resolved { choice })
+}
+
+#[pymethods]
+impl Resolved {
+    /// The picture: linear Rec. 709 radiance, shape (height, width, 3), float32.
+    #[getter]
+    fn picture<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array::picture(py, &self.choice.picture)
+    }
+
+    /// Chosen level of every pixel: shape (height, width), uint8; 0 is plain path tracing.
+    #[getter]
+    fn level<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let levels = self.choice.level.iter().map(|&k| [k]);
+        array::array(py, &self.shape(), "u1", levels)
+    }
+
+    /// Estimated squared bias of every pixel over its squared radiance + 0.01, at a mean radiance of 0.3: shape (height,
+    /// width), float32.
+    #[getter]
+    fn bias2<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array::floats(py, &self.shape(), self.choice.bias2.iter().copied())
+    }
+
+    /// Estimated variance of every pixel, relative as `bias2` is: shape (height, width), float32.
+    #[getter]
+    fn variance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array::floats(py, &self.shape(), self.choice.variance.iter().copied())
+    }
+
+    /// Estimated relative error of every pixel, the root of `bias2 + variance`: shape (height, width), float32.
+    #[getter]
+    fn error<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array::floats(py, &self.shape(), self.choice.error())
+    }
+
+    /// Estimated relative error of the picture: the root mean square of `error`.
+    #[getter]
+    fn relative_error(&self) -> f64 {
+        self.choice.relative_error()
+    }
+}
+
+impl Resolved {
+    fn shape(&self) -> [usize; 2] {
+        let Buffer { width, height, .. } = self.choice.picture;
+        [height, width]
+    }
+}

@@ -1,0 +1,113 @@
+//! Work without the GIL, on threads of its own, that Ctrl-C and a callback can stop.
+
+use crate::errors::argument;
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use rayon::ThreadPoolBuilder;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::time::Duration;
+
+/// Interval in which signals are looked at.
+const INTERVAL: Duration = Duration::from_millis(50);
+
+/// A callback for events of type `E`: false asks the work to stop.
+pub(crate) type Hear<'a, E> = Option<&'a mut (dyn FnMut(Python<'_>, E) -> PyResult<bool> + Send)>;
+
+/// The end of the work at which it tells of events and learns that it shall stop.
+pub(crate) struct Link<E> {
+    /// Set when the work shall stop.
+    pub(crate) stop: Arc<AtomicBool>,
+    /// Where events go and where answers come from, for a callback.
+    heard: Option<(SyncSender<E>, Receiver<()>)>,
+    /// Open as long as the work goes on.
+    _open: SyncSender<E>,
+}
+
+impl<E> Link<E> {
+    /// Waits for the callback, if there is one; breaks if the work shall stop.
+    pub(crate) fn tell(&self, event: impl FnOnce() -> E) -> ControlFlow<()> {
+        if let Some((events, answers)) = &self.heard
+            && events.send(event()).is_ok()
+        {
+            // Without an answer the other end is gone, which has set `stop`.
+            let _ = answers.recv();
+        }
+        match self.stop.load(Ordering::Relaxed) {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
+}
+
+/// Does work in a pool of this many threads, all cores by default, while this thread looks for signals and calls `hear`.
+///
+/// The pool ends with the work: a process that was forked later has all that it needs to work itself.
+pub(crate) fn watched<E: Send, T: Send>(
+    py: Python<'_>,
+    threads: Option<u16>,
+    mut hear: Hear<'_, E>,
+    work: impl FnOnce(&Link<E>) -> T + Send,
+) -> PyResult<T> {
+    if threads == Some(0) {
+        return Err(argument("threads", "expected at least 1"));
+    }
+    let pool = ThreadPoolBuilder::new().num_threads(threads.map_or(0, usize::from));
+    let pool = pool.build().map_err(|e| {
+        PyRuntimeError::new_err(format!("threads: cannot start that many threads: {e}"))
+    })?;
+    py.detach(|| {
+        let stop = Arc::new(AtomicBool::new(false));
+        let (events, heard) = sync_channel(0);
+        let (answer, answers) = sync_channel(1);
+        let link = Link {
+            stop: stop.clone(),
+            heard: hear.is_some().then(|| (events.clone(), answers)),
+            _open: events,
+        };
+        let (mut result, mut error) = (None, None);
+        let (made, failed) = (&mut result, &mut error);
+        pool.in_place_scope(|scope| {
+            scope.spawn(move |_| {
+                *made = Some(work(&link));
+            });
+            loop {
+                let event = match heard.recv_timeout(INTERVAL) {
+                    Ok(event) => Some(event),
+                    Err(RecvTimeoutError::Timeout) => None,
+                    Err(RecvTimeoutError::Disconnected) => return,
+                };
+                let waits = event.is_some();
+                let answered = Python::attach(|py| {
+                    py.check_signals()?;
+                    match (event, &mut hear) {
+                        (Some(event), Some(hear)) => hear(py, event),
+                        _ => Ok(true),
+                    }
+                });
+                if !matches!(answered, Ok(true)) {
+                    stop.store(true, Ordering::Relaxed);
+                }
+                if let Err(problem) = answered {
+                    failed.get_or_insert(problem);
+                }
+                if waits {
+                    let _ = answer.send(());
+                }
+            }
+        });
+        match (error, result) {
+            (Some(error), _) => Err(error),
+            (None, Some(result)) => Ok(result),
+            // A panic of the work has left the scope already.
+            (None, None) => Err(PyRuntimeError::new_err("the work has no result")),
+        }
+    })
+}
+
+/// [`watched`] work without events, which goes on to its end.
+pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    watched::<(), T>(py, None, None, |_| work())
+}

@@ -1,0 +1,260 @@
+"""Renders: determinism, the program's pictures, arrays, callbacks, Ctrl-C, errors."""
+
+import _thread
+import inspect
+import multiprocessing
+import pathlib
+import subprocess
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import opsr
+from conftest import SCENES
+
+SMALL = {"size": (24, 16), "spp": 4}
+
+
+def test_render_arrays_have_shape_and_type(box):
+    film = opsr.render(box, **SMALL, aov=True)
+    assert film.picture.shape == film.variance.shape == (16, 24, 3)
+    assert film.picture.dtype == film.variance.dtype == np.float32
+    assert film.samples.shape == (16, 24) and (film.samples == 4).all()
+    assert film.samples.dtype == np.uint32
+    assert film.aovs["albedo"].shape == film.aovs["normal"].shape == (16, 24, 3)
+    assert film.aovs["depth"].shape == (16, 24)
+    assert np.isfinite(film.picture).all() and film.picture.mean() > 0 and film.picture.flags.writeable
+    assert (film.size, film.crop, film.spp, film.rejected) == ((24, 16), (0, 0, 24, 16), 4, 0)
+    assert film.levels is None and opsr.render(box, **SMALL).aovs == {}
+    assert 0 < film.relative_error < 10 and film.seconds > 0
+
+
+def test_render_determinism_over_threads_passes_and_crops(box):
+    whole = opsr.render(box, **SMALL, table="beta-0.05", seed=3).picture
+    for threads in (1, 3):
+        again = opsr.render(box, **SMALL, table=opsr.Table.load("beta-0.05"), seed=3, threads=threads)
+        np.testing.assert_array_equal(again.picture, whole)
+    crop = opsr.render(box, **SMALL, crop=(5, 4, 10, 7), table="beta-0.05", seed=3).picture
+    np.testing.assert_array_equal(crop, whole[4:11, 5:15])
+    assert not np.array_equal(opsr.render(box, **SMALL, table="beta-0.05", seed=4).picture, whole)
+
+
+@pytest.mark.parametrize(
+    "words, options",
+    [
+        ([], {}),
+        (["--aov", "--seed", "9", "--crop", "3,2,12,8"], {"aov": True, "seed": 9, "crop": (3, 2, 12, 8)}),
+        (["--opsr-table", "beta-0.001", "--levels", "1"], {"table": "beta-0.001"}),
+        (["--gamma", "0.4", "--levels", "1", "--mode", "reuse"], {"gamma": 0.4, "reuse": True}),
+        (["--opsr-table", "beta-0.05", "--levels", "5"], {"table": "beta-0.05", "levels": 5}),
+        (["--gamma", "0.5", "--levels", "0,0.25,1"], {"gamma": 0.5, "levels": [0, 0.25, 1]}),
+        (["--mode", "pbrt"], {"rule": "pbrt"}),
+        (["--integrator", "bdpt"], {"integrator": "bdpt"}),
+    ],
+)
+def test_render_determinism_gives_the_picture_of_the_program(program, tmp_path, words, options):
+    path = SCENES / "cornell_caustics.glb"
+    theirs, ours = tmp_path / "theirs.exr", tmp_path / "ours.exr"
+    command = [program, "render", path, "--size", "24x16", "--spp", "8", "-o", theirs]
+    subprocess.run([*command, *words], check=True, capture_output=True)
+    film = opsr.render(opsr.Scene.load(path), size=(24, 16), spp=8, **options)
+    film.save(ours)
+    # Zero only if every number is the same.
+    assert opsr.compare(film, theirs)["MSE"] == 0
+    assert opsr.compare(str(ours), theirs)["MSE"] == 0
+    again = film.picture.copy()
+    again[0, 0, 0] = np.nextafter(again[0, 0, 0], np.float32(np.inf))
+    assert opsr.compare(again, theirs)["MSE"] > 0
+
+
+def test_levels_resolve(box):
+    film = opsr.render(box, **SMALL, table="beta-0.05", levels=3)
+    assert film.levels.shape == (3, 16, 24, 3) and film.levels.dtype == np.float32
+    plain = opsr.render(box, **SMALL).picture
+    np.testing.assert_allclose(film.levels[0], film.levels[0].clip(0))
+    resolved = opsr.resolve(film)
+    np.testing.assert_array_equal(resolved.picture, film.picture)
+    assert resolved.level.shape == (16, 24) and resolved.level.dtype == np.uint8 and resolved.level.max() < 3
+    np.testing.assert_allclose(resolved.error**2, resolved.bias2 + resolved.variance, rtol=1e-4)
+    assert resolved.relative_error == film.relative_error > 0
+    assert opsr.resolve(film, robust=True).picture.shape == plain.shape
+    with pytest.raises(ValueError, match="a film of one level, there is nothing to choose"):
+        opsr.resolve(opsr.render(box, **SMALL))
+
+
+def test_save_png_and_names(box, tmp_path):
+    film = opsr.render(box, **SMALL)
+    film.save(tmp_path / "a.png")
+    film.save(tmp_path / "b.png", exposure=-2)
+    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG" != (tmp_path / "b.png").read_bytes()
+    with pytest.raises(ValueError, match=r"expected a name that ends in \.exr or \.png"):
+        film.save(tmp_path / "a.jpg")
+    with pytest.raises(OSError, match="cannot be written"):
+        film.save(tmp_path / "none" / "a.exr")
+    with pytest.raises(ValueError, match="exposure"):
+        film.save(tmp_path / "a.png", exposure=float("nan"))
+
+
+def test_progress_is_reported_and_false_stops(box):
+    seen = []
+    film = opsr.render(box, **SMALL, on_progress=seen.append)
+    assert [p.samples for p in seen] == sorted({p.samples for p in seen}) and seen[-1].samples == 4
+    assert seen[-1].fraction == 1 and 0 < seen[0].fraction < 1 and seen[0].seconds > 0
+    film = opsr.render(box, size=(24, 16), spp=1000, on_progress=lambda p: p.samples < 5)
+    assert film.spp == 7 and (film.samples == 7).all()
+
+
+def test_callback_errors_stop_the_render(box):
+    def fail(_):
+        raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        opsr.render(box, size=(24, 16), spp=1 << 20, on_progress=fail)
+    with pytest.raises(TypeError):
+        opsr.render(box, **SMALL, on_progress=lambda: None)
+
+
+def test_ctrl_c_stops_a_render(box):
+    timer = threading.Timer(0.5, _thread.interrupt_main)
+    timer.start()
+    begin = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        opsr.render(box, size=(64, 64), time=120)
+    assert time.monotonic() - begin < 60
+    timer.join()
+    assert opsr.render(box, **SMALL).spp == 4
+
+
+def test_gil_is_released_and_scenes_are_shared(box):
+    films = {}
+
+    def work(seed):
+        films[seed] = opsr.render(box, **SMALL, seed=seed, threads=1).picture
+
+    threads = [threading.Thread(target=work, args=(seed,)) for seed in range(3)]
+    for thread in threads:
+        thread.start()
+    ticks = 0
+    stop = time.monotonic() + 0.3
+    film = threading.Thread(target=lambda: opsr.render(box, size=(64, 64), time=0.3))
+    film.start()
+    while time.monotonic() < stop:
+        ticks += 1
+        time.sleep(0.001)
+    for thread in [*threads, film]:
+        thread.join()
+    assert ticks > 3
+    for seed, picture in films.items():
+        np.testing.assert_array_equal(picture, opsr.render(box, **SMALL, seed=seed).picture)
+
+
+def test_render_inside_a_callback(box):
+    inner = []
+    opsr.render(box, size=(8, 8), spp=1, on_progress=lambda p: inner.append(opsr.render(box, size=(8, 8), spp=2)))
+    assert inner[0].spp == 2
+
+
+def _render(box, results):
+    results.put(opsr.render(box, **SMALL).picture.sum())
+
+
+@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="no fork")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_render_after_fork(box):
+    mine = opsr.render(box, **SMALL).picture.sum()
+    context = multiprocessing.get_context("fork")
+    results = context.Queue()
+    process = context.Process(target=_render, args=(box, results))
+    process.start()
+    assert results.get(timeout=60) == mine
+    process.join()
+
+
+@pytest.mark.parametrize(
+    "options, error, message",
+    [
+        ({"spp": 0}, ValueError, "spp: expected at least 1"),
+        ({"spp": -1}, OverflowError, ""),
+        ({"spp": "8"}, TypeError, "spp"),
+        ({"time": float("nan")}, ValueError, "time: expected a number of seconds"),
+        ({"time": -1.0}, ValueError, "time: expected a number of seconds"),
+        ({"size": (0, 4)}, ValueError, "size: expected"),
+        ({"size": 4}, TypeError, "size"),
+        ({"size": (65536, 65536)}, (ValueError, MemoryError), ""),
+        ({"crop": (0, 0, 25, 4)}, ValueError, "crop: the window of 25x4 pixels at"),
+        ({"crop": (0, 0, 0, 0)}, ValueError, "crop: the window"),
+        ({"crop": (4294967295, 0, 4294967295, 1)}, ValueError, "crop: the window"),
+        ({"camera": "none"}, ValueError, "no camera `none`: the scene has 0 `"),
+        ({"camera": 7}, ValueError, "no camera `7`"),
+        ({"camera": -1}, ValueError, "no camera `-1`"),
+        ({"camera": 1.5}, TypeError, "camera: expected a name or a number"),
+        ({"gamma": 1.5}, ValueError, "gamma: expected a number from 0 to 1"),
+        ({"gamma": float("nan")}, ValueError, "gamma: expected a number from 0 to 1"),
+        ({"gamma": 0.5, "table": "beta-0.05"}, ValueError, "gamma: a table has factors of its own"),
+        ({"table": "none.json"}, FileNotFoundError, "none.json: cannot be read"),
+        ({"table": 3}, TypeError, "table: expected a Table, a file, beta-0.001 or beta-0.05"),
+        ({"table": "beta\0"}, (OSError, ValueError), ""),
+        ({"rule": "none"}, ValueError, "rule: expected pbrt"),
+        ({"rule": "pbrt", "gamma": 0.5}, ValueError, "rule: a rule of its own"),
+        ({"reuse": True}, ValueError, "reuse: needs a table or gamma"),
+        ({"integrator": "none"}, ValueError, "integrator: unknown variant `none`"),
+        ({"integrator": "bdpt", "gamma": 0.5}, ValueError, "integrator bdpt does not regularise"),
+        ({"integrator": "bdpt", "table": "beta-0.05"}, ValueError, "integrator bdpt does not regularise"),
+        ({"levels": 3}, ValueError, "levels: several levels need a table or a constant factor"),
+        ({"levels": 9, "gamma": 0.5}, ValueError, "levels: expected 1 to 8 levels"),
+        ({"levels": -1, "gamma": 0.5}, ValueError, "levels: expected 1 to 8 levels"),
+        ({"levels": [0, float("nan")], "gamma": 0.5}, ValueError, "levels: expected 2 to 8 scales"),
+        ({"levels": "all", "gamma": 0.5}, TypeError, ""),
+        ({"max_vertices": 0}, ValueError, "max_vertices: expected 1 to 65536"),
+        ({"threads": 0}, ValueError, "threads: expected at least 1"),
+        ({"seed": -1}, OverflowError, ""),
+        ({"none": 1}, TypeError, "none"),
+    ],
+)
+def test_wrong_settings_are_exceptions(box, options, error, message):
+    with pytest.raises(error, match=message or None):
+        opsr.render(box, **{**SMALL, **options})
+
+
+def test_scene_cameras_and_errors(box, tmp_path):
+    assert len(box.cameras) == 1 and len(box.sha256) == 64
+    assert "cornell_caustics.glb" in repr(box) and str(box.path).endswith("cornell_caustics.glb")
+    by_name = opsr.render(box, **SMALL, camera=box.cameras[0]).picture
+    np.testing.assert_array_equal(by_name, opsr.render(box, **SMALL, camera=0).picture)
+    with pytest.raises(FileNotFoundError, match="none.glb: cannot be read"):
+        opsr.Scene.load("none.glb")
+    broken = tmp_path / "broken.glb"
+    broken.write_bytes(b"glTF\2\0\0\0")
+    with pytest.raises(ValueError, match="broken.glb"):
+        opsr.Scene.load(broken)
+    with pytest.raises(OSError):
+        opsr.Scene.load(tmp_path)
+    with pytest.raises(FileNotFoundError, match="none.hdr"):
+        opsr.Scene.load(box.path, env="none.hdr")
+    with open(broken) as file:
+        pass
+    for wrong in (None, 3, file):
+        with pytest.raises(TypeError):
+            opsr.Scene.load(wrong)
+    for options in ({"env_intensity": 0}, {"env_rotation": float("inf")}, {"distribution": "none"}):
+        with pytest.raises(ValueError, match=next(iter(options))):
+            opsr.Scene.load(box.path, **options)
+    with pytest.raises(TypeError):
+        opsr.render(str(box.path))
+    with pytest.raises(TypeError):
+        opsr.Scene()
+
+
+def test_stub_and_docstrings_are_complete():
+    stub = pathlib.Path(opsr.__file__).with_suffix(".pyi").read_text()
+    for name in set(opsr.__all__) - {"__version__"}:
+        item = getattr(opsr, name)
+        assert item.__doc__ and f" {name}" in stub, name
+        if inspect.isclass(item):
+            members = [m for m in vars(item) if not m.startswith("_")]
+            assert members and all(f"def {m}(" in stub for m in members), name
+        else:
+            words = inspect.signature(item).parameters
+            assert all(f"{word}: " in stub for word in words), name

@@ -1,0 +1,126 @@
+//! Scenes that are hard for one estimator and easy for another.
+
+use super::materials::{SILVER, diffuse, emitter, glass, metal};
+use super::shapes::{cuboid, quad, room, sphere};
+use super::{caustic_box, open_box, v3};
+use crate::math::{Rgb, Vec3};
+use crate::scene::{Environment, Mesh, PunctualLight, SceneParts};
+
+/// The caustic box with a small light, behind a pane of smooth glass: its caustics are seen through a Dirac lobe, and
+/// their light comes by way of another.
+pub(super) fn caustic_behind_glass() -> SceneParts {
+    let mut parts = caustic_box();
+    let light = parts.materials.iter().position(|m| m.name == "light");
+    let light = light.expect("a light") as u32;
+    // An edge of 0.1 in place of 0.4.
+    parts.materials[light as usize].emission *= 16.0;
+    for mesh in parts.meshes.iter_mut().filter(|m| m.material == light) {
+        mesh.positions
+            .iter_mut()
+            .for_each(|p| (p.x, p.z) = (0.25 * p.x, 0.25 * p.z));
+    }
+    let pane = cuboid(v3(-1.2, -0.2, 1.2), v3(1.2, 2.2, 1.25));
+    parts.add(glass("pane", 1.5, 0.0), [pane]);
+    parts
+}
+
+/// A filament in a bulb of smooth glass in a closed room, with a mirror on the left wall.
+pub(super) fn filament() -> SceneParts {
+    let mut parts = SceneParts::default();
+    let walls = room(v3(-1.0, 0.0, -1.0), v3(1.0, 2.0, 1.5));
+    parts.add(diffuse("walls", v3(0.7, 0.65, 0.55)), walls);
+    let at = v3(0.3, 1.3, -0.2);
+    let (outer, inner) = (sphere(at, 0.22, 5), sphere(at, 0.2, 5).inverted());
+    parts.add(glass("bulb", 1.5, 0.0), [outer, inner]);
+    parts.add(
+        emitter("filament", v3(1.0, 0.8, 0.5) * 900.0),
+        [sphere(at, 0.02, 2)],
+    );
+    let mirror = quad(v3(-0.99, 0.5, 0.9), Vec3::Z * -1.4, Vec3::Y * 1.1);
+    parts.add(metal("mirror", SILVER, 0.0), [mirror]);
+    let block = cuboid(v3(-0.3, 0.0, -0.6), v3(0.1, 0.6, -0.2));
+    parts.add(diffuse("block", Rgb::splat(0.6)), [block]);
+    parts.add_camera([0.6, 1.1, 1.4], [-0.2, 0.85, -0.4], 70.0);
+    parts
+}
+
+/// Edges a side of the water's surface.
+const WAVES: u32 = 64;
+
+/// A tiled pool under the sun and a dim sky, seen through the smooth surface of its water: every sunny path passes it
+/// twice.
+pub(super) fn sun_pool() -> SceneParts {
+    let mut parts = SceneParts::default();
+    let (low, high) = (v3(-1.0, 0.0, -1.0), v3(1.0, 0.8, 1.0));
+    let [left, right, floor, _, back, front] = room(low + 0.01, high - v3(0.01, -0.1, 0.01));
+    let tiles = diffuse("tiles", v3(0.5, 0.7, 0.75));
+    parts.add(tiles, [left, right, floor, back, front]);
+    let mut body = cuboid(low, high);
+    // Its upper side.
+    body.indices.drain(6..8);
+    parts.add(glass("water", 1.33, 0.0), [body, waves(low, high)]);
+    let ball = sphere(v3(0.3, 0.26, -0.2), 0.25, 4);
+    parts.add(diffuse("ball", v3(0.8, 0.35, 0.2)), [ball]);
+    parts.environment = Some(Environment::constant(v3(0.1, 0.13, 0.2)));
+    parts.lights.push(PunctualLight::Directional {
+        direction: v3(0.35, -1.0, -0.2).normalize(),
+        irradiance: v3(1.0, 0.95, 0.85) * 4.0,
+    });
+    parts.add_camera([0.0, 2.3, 2.0], [0.0, 0.3, 0.0], 42.0);
+    parts
+}
+
+/// The upper side of a body of water, with gentle waves that end at its edges.
+fn waves(low: Vec3, high: Vec3) -> Mesh {
+    let n = WAVES + 1;
+    let at = |i: u32| {
+        let (x, z) = (f64::from(i % n), f64::from(i / n));
+        let (x, z) = (x / f64::from(WAVES), z / f64::from(WAVES));
+        let bump = |a: f64, b: f64, phase: f64| (a * x + b * z + phase).sin();
+        let edge = (16.0 * x * (1.0 - x) * z * (1.0 - z)).min(1.0);
+        let sum = bump(17.0, 5.0, 0.3) + bump(-7.0, 19.0, 1.1) + bump(11.0, -13.0, 2.0);
+        let side = high - low;
+        v3(
+            low.x + side.x * x as f32,
+            high.y + (0.008 * edge * sum) as f32,
+            low.z + side.z * z as f32,
+        )
+    };
+    let positions: Vec<Vec3> = (0..n * n).map(at).collect();
+    let corner = |x: u32, z: u32| z * n + x;
+    let indices: Vec<[u32; 3]> = (0..WAVES * WAVES)
+        .flat_map(|i| {
+            let (x, z) = (i % WAVES, i / WAVES);
+            let [a, b] = [corner(x, z), corner(x, z + 1)];
+            [[a, b, b + 1], [a, b + 1, a + 1]]
+        })
+        .collect();
+    let mut mesh = Mesh {
+        positions,
+        indices,
+        ..Mesh::default()
+    };
+    super::shapes::smooth(&mut mesh);
+    mesh
+}
+
+/// A box, a glossy box and a glass box under a small light: `[UPS]` Fig. 13.
+pub(super) fn three_boxes() -> SceneParts {
+    let mut parts = open_box(0.1, 300.0);
+    let block = |w: f32, h: f32| cuboid(v3(-w, 0.0, -w), v3(w, h, w));
+    let placed =
+        |mesh: Mesh, turn: f32, x: f32, z: f32| mesh.placed([turn, 0.0, 0.0], v3(x, 0.01, z));
+    parts.add(
+        diffuse("box", Rgb::splat(0.7)),
+        [placed(block(0.22, 0.5), 0.3, -0.6, 0.3)],
+    );
+    parts.add(
+        metal("glossy", SILVER, 0.05),
+        [placed(block(0.26, 1.1), -0.4, -0.1, -0.5)],
+    );
+    parts.add(
+        glass("glass", 1.5, 0.0),
+        [placed(block(0.25, 0.6), 0.5, 0.5, 0.3)],
+    );
+    parts
+}

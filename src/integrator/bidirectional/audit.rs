@@ -1,0 +1,513 @@
+//! Contributions of real paths against the definition.
+//!
+//! [`audit`] walks paths with the functions of the integrator, closes them in every way, and computes each contribution
+//! again from nothing but positions, normals and BSDFs: all densities of both walks by definition, the value of the path,
+//! and the balance heuristic by enumeration. It finds what tests of the weights' algebra cannot: swapped directions,
+//! a missing η², a shading normal in the wrong place.
+
+use super::vertex::Vertex;
+use super::{Bidirectional, Iteration, Strategies};
+use crate::bsdf::Bsdf;
+use crate::integrator::View;
+use crate::math::{Frame, Rgb, UVec2, Vec3};
+use crate::sampler::{LightU, SampleSource, Sampler};
+use crate::scene::Surface;
+use std::collections::BTreeMap;
+
+/// Differences by rounding: directions are computed again from positions, where edges may be short.
+const TOLERANCE: f64 = 1e-3;
+
+/// Result of an audit.
+#[derive(Clone, Debug, Default)]
+pub struct Audit {
+    /// Contributions that were compared, by strategy (s, t).
+    pub compared: BTreeMap<(u32, u32), u32>,
+    /// Contributions whose weight is off by more than 1e-3, or whose value is, relatively.
+    pub apart: u32,
+    /// Largest difference of a weight from enumeration.
+    pub weight: f64,
+    /// Largest relative difference of a contribution of weight 1 from value over density.
+    pub value: f64,
+    /// A contribution that is apart, in words.
+    pub example: String,
+}
+
+/// A light's end of a path.
+struct LightEnd {
+    /// Position, or the direction towards a light at infinity.
+    place: Vec3,
+    infinite: bool,
+    /// Normal of an area light.
+    ng: Option<Vec3>,
+    /// True if a camera walk can meet the light.
+    met: bool,
+    /// Densities of emission.
+    position: f64,
+    direction: f64,
+    /// Radiance, intensity or irradiance.
+    radiance: Rgb,
+}
+
+/// A scattering vertex of a path; `delta` if it was passed by a Dirac lobe.
+struct Node {
+    surface: Surface,
+    bsdf: Bsdf,
+    alpha: f32,
+    delta: bool,
+}
+
+impl Node {
+    fn new(vertex: &Vertex, delta: bool) -> Self {
+        Self {
+            surface: vertex.surface,
+            bsdf: vertex.bsdf,
+            alpha: vertex.alpha,
+            delta,
+        }
+    }
+}
+
+/// Densities and value of a whole path; index i belongs to x_i.
+struct Definition {
+    /// Density per area (per steradian for a light at infinity) of x_i from either walk.
+    camera: Vec<f64>,
+    light: Vec<f64>,
+    /// As `light`, with the exact ratio of Dirac densities at bent normals, as the flux has it.
+    flux: Vec<f64>,
+    delta: Vec<bool>,
+    value: [f64; 3],
+}
+
+/// Absolute cosine.
+fn cos(a: Vec3, b: Vec3) -> f64 {
+    f64::from(a.dot(b).abs())
+}
+
+impl Iteration<'_> {
+    /// Camera vertices x_1 … and light vertices … x_n of a path and its light, as the definition has them. `None` for
+    /// paths that the definition leaves open: with lobes that are not reversible at bent normals.
+    fn define(&self, nodes: &[Node], end: &LightEnd) -> Option<Definition> {
+        let sensor = self.view.sensor;
+        let n = nodes.len();
+        let first = nodes[0].surface.position;
+        let sight = sensor.see(first)?;
+        // Directions at x_i towards the camera and towards the light.
+        let (mut to_camera, mut to_light) = (vec![Vec3::ZERO; n + 2], vec![Vec3::ZERO; n + 2]);
+        let mut distance2 = vec![1.0f64; n + 2];
+        to_camera[1] = sight.wo;
+        distance2[1] = if sight.parallel {
+            1.0
+        } else {
+            f64::from(sight.distance).powi(2)
+        };
+        for i in 1..=n {
+            let here = nodes[i - 1].surface.position;
+            let edge = match nodes.get(i) {
+                Some(next) => next.surface.position - here,
+                None if end.infinite => end.place,
+                None => end.place - here,
+            };
+            to_light[i] = edge.normalize();
+            to_camera[i + 1] = -to_light[i];
+            if i < n || !end.infinite {
+                distance2[i + 1] = edge.as_dvec3().length_squared();
+            }
+        }
+        // Geometric cosines at x_i.
+        let ng = |i: usize| nodes[i - 1].surface.ng;
+        let end_cos = match end.ng {
+            Some(ng) => cos(ng, to_camera[n + 1]),
+            None => 1.0,
+        };
+        let cos_c = |i: usize| {
+            if i > n {
+                end_cos
+            } else {
+                cos(ng(i), to_camera[i])
+            }
+        };
+        let cos_l = |i: usize| cos(ng(i), to_light[i]);
+
+        let mut value = Rgb::splat(sight.pdf).as_dvec3() * cos_c(1) / distance2[1];
+        let (mut pdf_c, mut pdf_l) = (vec![1.0f64; n + 1], vec![1.0f64; n + 1]);
+        let mut exact_l = pdf_l.clone();
+        for i in 1..=n {
+            let node = &nodes[i - 1];
+            let (wo, wi) = (to_camera[i], to_light[i]);
+            let frame = node.surface.frame_for(wo);
+            let back = node.surface.frame_for(wi);
+            let local = |frame: &Frame| (frame.to_local(wo), frame.to_local(wi));
+            let (o, l) = local(&frame);
+            if node.delta {
+                if frame.n != back.n {
+                    return None;
+                }
+                let reflects = wo.dot(node.surface.ng) * wi.dot(node.surface.ng) > 0.0;
+                let choice = if reflects {
+                    0.0
+                } else {
+                    1.0 - 0.5 * f32::EPSILON
+                };
+                let sample = node.bsdf.sample(node.alpha, o, [choice, 0.5, 0.5])?;
+                // A lobe of total reflection, or rounding at a corner.
+                if !sample.delta || sample.wi.dot(l) < 0.9999 {
+                    return None;
+                }
+                value *= sample.weight.as_dvec3();
+                let index2 = match node.bsdf {
+                    Bsdf::Dielectric(d) if !reflects && !node.bsdf.is_delta_at(1.0) => {
+                        let eta = f64::from(d.eta);
+                        // (n towards the camera / n towards the light)².
+                        let outside = wo.dot(node.surface.ng) > 0.0;
+                        if outside {
+                            1.0 / (eta * eta)
+                        } else {
+                            eta * eta
+                        }
+                    }
+                    _ => 1.0,
+                };
+                pdf_l[i] = cos_c(i) / cos_l(i) * index2;
+                exact_l[i] = cos(frame.n, wo) / cos(frame.n, wi) * index2;
+            } else {
+                let eval = node.bsdf.eval(node.alpha, o, l);
+                value *= eval.value.as_dvec3();
+                pdf_c[i] = f64::from(eval.pdf_w);
+                let (o, l) = local(&back);
+                let side =
+                    wi.dot(node.surface.ng) * l.z > 0.0 && wo.dot(node.surface.ng) * o.z > 0.0;
+                pdf_l[i] = if side {
+                    f64::from(node.bsdf.pdf(node.alpha, l, o))
+                } else {
+                    0.0
+                };
+                exact_l[i] = pdf_l[i];
+            }
+            if i < n || !end.infinite {
+                value *= cos_c(i + 1) / distance2[i + 1];
+            }
+        }
+        let value = (value * end.radiance.as_dvec3()).to_array();
+        let mut camera = vec![1.0; n + 2];
+        camera[1] = f64::from(sight.pdf) * cos_c(1) / distance2[1];
+        for i in 2..=n + 1 {
+            let to_area = if i > n && end.infinite {
+                1.0
+            } else {
+                cos_c(i) / distance2[i]
+            };
+            camera[i] = pdf_c[i - 1] * to_area;
+        }
+        let light_density = |pdf_l: &[f64]| {
+            let mut light = vec![1.0; n + 2];
+            light[n + 1] = if end.infinite {
+                end.direction
+            } else {
+                end.position
+            };
+            for i in (1..=n).rev() {
+                let pdf = match i == n {
+                    true if end.infinite => end.position,
+                    true => end.direction,
+                    false => pdf_l[i + 1],
+                };
+                light[i] = pdf * cos_l(i) / distance2[i + 1];
+            }
+            light
+        };
+        let delta = |i: usize| i > 0 && i <= n && nodes[i - 1].delta;
+        Some(Definition {
+            light: light_density(&pdf_l),
+            flux: light_density(&exact_l),
+            camera,
+            delta: (0..n + 2).map(delta).collect(),
+            value,
+        })
+    }
+
+    /// Density of strategy t, which cuts the edge before x_t, on a path with these densities of the light walk.
+    fn strategy_density(&self, path: &Definition, light: &[f64], t: usize) -> f64 {
+        let before: f64 = path.camera[1..t.min(path.camera.len())].iter().product();
+        let after: f64 = light[t.min(light.len())..].iter().product();
+        let n = if t == 1 { f64::from(self.paths) } else { 1.0 };
+        before * after * n
+    }
+
+    /// Compares a contribution with the definition.
+    fn compare(&self, audit: &mut Audit, nodes: &[Node], end: &LightEnd, t: u32, sums: [Rgb; 2]) {
+        let [weighted, plain] = sums;
+        let k = nodes.len() + 1;
+        let (s, t) = (k as u32 + 1 - t, t as usize);
+        if plain == Rgb::ZERO || nodes.is_empty() {
+            return;
+        }
+        let Some(path) = self.define(nodes, end) else {
+            return;
+        };
+        let possible = |t: usize| match t {
+            t if t == k + 1 => end.met,
+            t => !path.delta[t - 1] && !path.delta[t],
+        };
+        let all: Vec<f64> = (1..k + 2)
+            .map(|t| {
+                if possible(t) {
+                    self.strategy_density(&path, &path.light, t)
+                } else {
+                    0.0
+                }
+            })
+            .collect();
+        let merges: f64 = (1..k)
+            .filter(|&j| self.radius > 0.0 && !path.delta[j])
+            .map(|j| {
+                let m =
+                    std::f64::consts::PI * f64::from(self.radius).powi(2) * f64::from(self.paths);
+                m * path.camera[1..=j].iter().product::<f64>()
+                    * path.light[j..].iter().product::<f64>()
+            })
+            .sum();
+        let expected = all[t - 1] / (all.iter().sum::<f64>() + merges);
+        let density = self.strategy_density(&path, &path.flux, t);
+        let c = (0..3)
+            .max_by(|&a, &b| path.value[a].total_cmp(&path.value[b]))
+            .unwrap_or(0);
+        let weight = f64::from(weighted[c]) / f64::from(plain[c]);
+        let off = (weight - expected).abs();
+        let value = (f64::from(plain[c]) * density / path.value[c] - 1.0).abs();
+        *audit.compared.entry((s, t as u32)).or_default() += 1;
+        if !(off <= TOLERANCE && value <= TOLERANCE) {
+            audit.apart += 1;
+            audit.example = format!(
+                "s {s}, t {t}: weight {weight:.6} for {expected:.6}, value off by {value:.1e}; Dirac {:?}",
+                path.delta
+            );
+        }
+        audit.weight = if off > audit.weight {
+            off
+        } else {
+            audit.weight
+        };
+        audit.value = if value > audit.value {
+            value
+        } else {
+            audit.value
+        };
+    }
+
+    /// Walks one light path and the camera path of the same number, and compares every contribution.
+    fn audit_pair(&self, path: u32, audit: &mut Audit) {
+        let View { scene, sensor, .. } = *self.view;
+        let lights = scene.lights();
+        let only = |s, t| Self {
+            settings: Bidirectional {
+                strategies: Strategies::Only { s, t },
+                ..self.settings
+            },
+            ..*self
+        };
+        // The light walk.
+        let mut stream = self.light.stream(UVec2::new(path, 0), self.sample);
+        let (pick, u) = (
+            stream.next_pick(),
+            std::array::from_fn(|_| stream.next_1d()),
+        );
+        let mut light: Vec<(Vertex, bool)> = Vec::new();
+        let start = scene.sample_emission(pick, u);
+        if let Some(start) = &start {
+            let mut walk = super::Walk::light(scene, start, self.merging);
+            for n in 1..=self.settings.max_vertices {
+                let Some(hit) = walk.arrive() else {
+                    break;
+                };
+                if n == 1 {
+                    walk.throughput *= start.window(hit.0.t);
+                }
+                let u = stream.vertex();
+                let vertex = walk.vertex(n, &hit, u.material);
+                let smooth = walk.scatter(&vertex, u.lobe);
+                light.push((vertex, smooth == Some(false)));
+                if smooth.is_none() {
+                    break;
+                }
+            }
+        }
+        let emitted = start.as_ref().map(|start| {
+            let distance = light.first().map_or(1.0, |(first, _)| {
+                first.surface.position.distance(start.ray.origin)
+            });
+            let pdf = start.pdf;
+            let scale = if start.cos > 0.0 {
+                1.0 / start.cos
+            } else {
+                start.window(distance)
+            };
+            LightEnd {
+                place: if pdf.infinite {
+                    -start.ray.dir
+                } else {
+                    start.ray.origin
+                },
+                infinite: pdf.infinite,
+                // The cosine is all that counts.
+                ng: (start.cos > 0.0 && !pdf.infinite).then(|| {
+                    let dir = start.ray.dir;
+                    let across = Frame::from_normal(dir).s;
+                    start.cos * dir + (1.0 - start.cos * start.cos).max(0.0).sqrt() * across
+                }),
+                met: start.cos > 0.0,
+                position: pdf.position.into(),
+                direction: pdf.direction.into(),
+                radiance: start.throughput * pdf.position * pdf.direction * scale,
+            }
+        });
+        // The light's part of a path from light vertex `j` (from 1) on, nearest the camera first.
+        let tail = |j: usize| {
+            let passed = light[..j - 1].iter().rev();
+            let mut nodes = vec![Node::new(&light[j - 1].0, false)];
+            nodes.extend(passed.map(|(v, delta)| Node::new(v, *delta)));
+            nodes
+        };
+        if let Some(end) = &emitted {
+            for (j, (vertex, _)) in light.iter().enumerate() {
+                if !vertex.is_delta() {
+                    let sums = [*self, only(vertex.n + 1, 1)].map(|i| {
+                        i.connect_to_camera(vertex)
+                            .map_or(Rgb::ZERO, |splat| splat.value)
+                    });
+                    self.compare(audit, &tail(j + 1), end, 1, sums);
+                }
+            }
+        }
+        // The camera walk.
+        let columns = sensor.frame.x;
+        let pixel = UVec2::new(path % columns, path / columns);
+        let (mut walk, mut stream) = self.camera_walk(pixel);
+        let mut nodes: Vec<Node> = Vec::new();
+        for n in 1..=self.settings.max_vertices + 1 {
+            let Some(hit) = walk.arrive() else {
+                let pdf = lights.pdf_emission_environment(walk.ray.dir);
+                let end = LightEnd {
+                    place: walk.ray.dir,
+                    infinite: true,
+                    ng: None,
+                    met: true,
+                    position: pdf.position.into(),
+                    direction: pdf.direction.into(),
+                    radiance: lights.environment(walk.ray.dir),
+                };
+                let sums = [*self, only(0, n + 1)].map(|i| i.environment(&walk, n));
+                self.compare(audit, &nodes, &end, n + 1, sums);
+                return;
+            };
+            let u = stream.vertex();
+            let vertex = walk.vertex(n, &hit, u.material);
+            let sums = [*self, only(0, n + 1)].map(|i| i.emitter(&vertex));
+            if sums[1] != Rgb::ZERO {
+                let end = self.area_end(&vertex.surface, vertex.back);
+                self.compare(audit, &nodes, &end, n + 1, sums);
+            }
+            if n > self.settings.max_vertices {
+                return;
+            }
+            if !vertex.is_delta() {
+                nodes.push(Node::new(&vertex, false));
+                let sums = [*self, only(1, n + 1)].map(|i| i.sampled_light(&vertex, u.light));
+                if sums[1] != Rgb::ZERO
+                    && let Some(end) = self.sampled_end(&vertex, u.light)
+                {
+                    self.compare(audit, &nodes, &end, n + 1, sums);
+                }
+                for (j, (other, _)) in light.iter().enumerate() {
+                    if other.is_delta() || n + other.n > self.settings.max_vertices {
+                        continue;
+                    }
+                    let sums =
+                        [*self, only(other.n + 1, n + 1)].map(|i| i.connection(&vertex, other));
+                    let before = nodes.len();
+                    nodes.extend(tail(j + 1));
+                    if let Some(end) = &emitted {
+                        self.compare(audit, &nodes, end, n + 1, sums);
+                    }
+                    nodes.truncate(before);
+                }
+                nodes.pop();
+            }
+            let Some(smooth) = walk.scatter(&vertex, u.lobe) else {
+                return;
+            };
+            nodes.push(Node::new(&vertex, !smooth));
+        }
+    }
+
+    /// An emitting point as the end of a path.
+    fn area_end(&self, surface: &Surface, wo: Vec3) -> LightEnd {
+        let lights = self.view.scene.lights();
+        let pdf = lights.pdf_emission(surface, wo);
+        LightEnd {
+            place: surface.position,
+            infinite: false,
+            ng: Some(surface.ng),
+            met: true,
+            position: pdf.position.into(),
+            direction: pdf.direction.into(),
+            radiance: lights.emitted(surface, wo),
+        }
+    }
+
+    /// The end of a path with a light sample.
+    fn sampled_end(&self, vertex: &Vertex, u: LightU) -> Option<LightEnd> {
+        let scene = self.view.scene;
+        let light = scene.lights().sample_by_power(vertex.surface.position, u)?;
+        let infinite = light.distance == f32::INFINITY;
+        if !light.density.is_delta() {
+            if infinite {
+                let pdf = scene.lights().pdf_emission_environment(light.wi);
+                return Some(LightEnd {
+                    place: light.wi,
+                    infinite,
+                    ng: None,
+                    met: true,
+                    position: pdf.position.into(),
+                    direction: pdf.direction.into(),
+                    radiance: light.radiance,
+                });
+            }
+            let hit = scene.intersect(&vertex.surface.spawn(light.wi))?;
+            return Some(self.area_end(&scene.surface(&hit), -light.wi));
+        }
+        let pmf = f64::from(light.density.value());
+        let emission = f64::from(light.emission_pdf);
+        Some(LightEnd {
+            place: if infinite {
+                light.wi
+            } else {
+                vertex.surface.position + light.distance * light.wi
+            },
+            infinite,
+            ng: None,
+            met: false,
+            position: if infinite { emission } else { pmf },
+            direction: if infinite { pmf } else { emission },
+            radiance: if infinite {
+                light.radiance
+            } else {
+                light.radiance * (light.distance * light.distance)
+            },
+        })
+    }
+}
+
+impl Bidirectional {
+    /// Compares all contributions of the first `paths` light paths and camera paths of an iteration with the definition.
+    /// Scenes without absorption and without partly opaque surfaces; smooth lobes should not be much sharper than
+    /// α = 0.1, since directions are computed from positions.
+    pub fn audit(&self, view: &View<'_>, sample: u32, paths: u32) -> Audit {
+        let first = self.merging.map(|radius| radius.first(view));
+        let iteration = self.iteration(view, sample, first);
+        let mut audit = Audit::default();
+        for path in 0..paths.min(iteration.paths) {
+            iteration.audit_pair(path, &mut audit);
+        }
+        audit
+    }
+}

@@ -1,0 +1,223 @@
+//! Light vertices that are kept for an iteration, and a hash grid over them for merging.
+//!
+//! The edge of a cell is 2r, so that a ball of radius r lies in at most eight cells, whose buckets are visited in a fixed
+//! order and each once: cells that share a bucket count no photon twice. A bucket holds its photons in the order of
+//! their light paths, so that sums are bit-identical at any number of threads.
+
+use super::vertex::Vertex;
+use super::weights::Partial;
+use crate::integrator::walk::bodies::EnclosingBodies;
+use crate::math::{Rgb, Vec3};
+use crate::scene::{Hit, Scene};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// A light vertex without what follows from its hit.
+#[derive(Clone, Copy)]
+pub(super) struct Photon {
+    /// Flux per area and cosine.
+    pub(super) flux: Rgb,
+    /// World direction towards the previous vertex.
+    pub(super) back: Vec3,
+    pub(super) partial: Partial<f32>,
+    /// Number of the vertex in its walk, from 1.
+    pub(super) n: u32,
+    triangle: u32,
+    at: [f32; 2],
+    choice: f32,
+    /// Geometric normal in units of 1/127.
+    ng: [i8; 4],
+}
+
+const _: () = assert!(size_of::<Photon>() == 60);
+
+/// Least cosine of the normals of a photon and of the vertex that it merges with.
+const LEAST_COS: f32 = 0.9;
+
+/// Greatest distance of a photon from the plane of the vertex that it merges with, over the radius.
+const MOST_HEIGHT: f32 = 0.25;
+
+impl Photon {
+    fn new(vertex: &Vertex) -> Self {
+        let [x, y, z] = (127.0 * vertex.surface.ng).to_array();
+        Self {
+            flux: vertex.throughput,
+            back: vertex.back,
+            partial: vertex.partial,
+            n: vertex.n,
+            triangle: vertex.hit.triangle,
+            at: [vertex.hit.u, vertex.hit.v],
+            choice: vertex.choice,
+            ng: [x as i8, y as i8, z as i8, 0],
+        }
+    }
+
+    fn ng(&self) -> Vec3 {
+        let [x, y, z, _] = self.ng.map(f32::from);
+        Vec3::new(x, y, z) / 127.0
+    }
+
+    /// The vertex again, without the bodies around it.
+    fn vertex(&self, scene: &Scene) -> Vertex {
+        let hit = Hit {
+            t: 0.0,
+            triangle: self.triangle,
+            u: self.at[0],
+            v: self.at[1],
+        };
+        let surface = scene.surface(&hit);
+        let bsdf = scene.bsdf(&surface, self.choice);
+        let frame = surface.frame_for(self.back);
+        Vertex {
+            n: self.n,
+            hit,
+            choice: self.choice,
+            surface,
+            bsdf,
+            alpha: bsdf.alpha(),
+            back: self.back,
+            frame,
+            local: frame.to_local(self.back),
+            throughput: self.flux,
+            partial: self.partial,
+            bodies: EnclosingBodies::default(),
+        }
+    }
+}
+
+/// Light vertices in the order of their paths.
+#[derive(Default)]
+pub(super) struct LightVertices {
+    photons: Vec<Photon>,
+    positions: Vec<Vec3>,
+    /// First vertex of each path but the first.
+    ends: Vec<u32>,
+}
+
+impl LightVertices {
+    /// Adds a vertex to the path that is open.
+    pub(super) fn push(&mut self, vertex: &Vertex) {
+        self.photons.push(Photon::new(vertex));
+        self.positions.push(vertex.surface.position);
+    }
+
+    /// Closes a path.
+    pub(super) fn end(&mut self) {
+        self.ends.push(self.photons.len() as u32);
+    }
+
+    /// Appends the paths of another list.
+    pub(super) fn append(&mut self, other: Self) {
+        let first = self.photons.len() as u32;
+        self.photons.extend(other.photons);
+        self.positions.extend(other.positions);
+        self.ends.extend(other.ends.iter().map(|end| first + end));
+    }
+
+    /// Vertices of a path with fewer than `most` before them, built again.
+    pub(super) fn of_path(&self, path: u32, most: u32, scene: &Scene, vertices: &mut Vec<Vertex>) {
+        let path = path as usize;
+        let first = if path == 0 { 0 } else { self.ends[path - 1] };
+        let photons = &self.photons[first as usize..self.ends[path] as usize];
+        vertices.clear();
+        vertices.extend((photons.iter().filter(|p| p.n <= most)).map(|p| p.vertex(scene)));
+    }
+
+    /// Bytes that a path takes on average, the grid over them included.
+    pub(super) fn bytes_per_path(&self) -> usize {
+        // A position and its index in the grid, and up to two buckets of four bytes.
+        let vertex = size_of::<Photon>() + 2 * size_of::<Vec3>() + 4 + 8;
+        self.photons.len() * vertex / self.ends.len().max(1) + 4
+    }
+}
+
+/// Photons by place.
+pub(super) struct PhotonMap<'a> {
+    vertices: &'a LightVertices,
+    radius: f32,
+    low: DVec3,
+    /// 1 / (2r).
+    scale: f64,
+    /// First entry of each bucket, and the end of the last.
+    buckets: Vec<u32>,
+    entries: Vec<(Vec3, u32)>,
+}
+
+/// A bucket of a table of 2^k.
+fn bucket(cell: [i64; 3], mask: u32) -> u32 {
+    let [x, y, z] = cell.map(|c| c as u64);
+    let mut h = x.wrapping_mul(0x9e37_79b9_7f4a_7c15)
+        ^ y.wrapping_mul(0xc2b2_ae3d_27d4_eb4f)
+        ^ z.wrapping_mul(0x1656_67b1_9e37_79f9);
+    h ^= h >> 32;
+    (h.wrapping_mul(0xff51_afd7_ed55_8ccd) >> 32) as u32 & mask
+}
+
+impl<'a> PhotonMap<'a> {
+    /// Sorts photons into at least as many buckets.
+    pub(super) fn new(vertices: &'a LightVertices, low: Vec3, radius: f32) -> Self {
+        let size = vertices.photons.len().next_power_of_two();
+        let mask = size as u32 - 1;
+        let mut map = Self {
+            vertices,
+            radius,
+            low: low.as_dvec3(),
+            scale: 0.5 / f64::from(radius),
+            buckets: vec![0; size + 1],
+            entries: vec![(Vec3::ZERO, 0); vertices.photons.len()],
+        };
+        let cell = |p: &Vec3| map.place(*p).floor().to_array().map(|x| x as i64);
+        let keys: Vec<u32> = (vertices.positions.par_iter())
+            .map(|p| bucket(cell(p), mask))
+            .collect();
+        for &key in &keys {
+            map.buckets[key as usize + 1] += 1;
+        }
+        for i in 0..size {
+            map.buckets[i + 1] += map.buckets[i];
+        }
+        // Counting sort: each bucket's start moves to its end, and one place down again.
+        for (i, &key) in keys.iter().enumerate() {
+            let at = &mut map.buckets[key as usize];
+            map.entries[*at as usize] = (vertices.positions[i], i as u32);
+            *at += 1;
+        }
+        map.buckets.rotate_right(1);
+        map.buckets[0] = 0;
+        map
+    }
+
+    /// A point in units of cells.
+    fn place(&self, p: Vec3) -> DVec3 {
+        (p.as_dvec3() - self.low) * self.scale
+    }
+
+    /// Visits the photons within the radius of a vertex that lie on its surface.
+    #[inline]
+    pub(super) fn around(&self, vertex: &Vertex, mut visit: impl FnMut(&Photon)) {
+        let (p, ng) = (vertex.surface.position, vertex.surface.ng);
+        let [x, y, z] = (self.place(p) - 0.5).floor().to_array().map(|x| x as i64);
+        let mask = self.buckets.len() as u32 - 2;
+        let mut buckets = [0; 8];
+        for i in 0..8i64 {
+            let key = bucket([x + (i & 1), y + (i >> 1 & 1), z + (i >> 2)], mask);
+            buckets[i as usize] = key;
+            if buckets[..i as usize].contains(&key) {
+                continue;
+            }
+            let range = self.buckets[key as usize]..self.buckets[key as usize + 1];
+            for &(position, index) in &self.entries[range.start as usize..range.end as usize] {
+                let to = position - p;
+                if to.length_squared() > self.radius * self.radius
+                    || to.dot(ng).abs() > MOST_HEIGHT * self.radius
+                {
+                    continue;
+                }
+                let photon = &self.vertices.photons[index as usize];
+                if photon.ng().dot(ng) > LEAST_COS {
+                    visit(photon);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! Dispersion: one colour channel for the rest of a path.
+
+use crate::bsdf::Bsdf;
+use crate::math::Rgb;
+use crate::scene::{Material, Scene, Surface};
+
+/// The colour channel that a path carries, from its first dispersive interface on.
+#[derive(Clone, Copy, Default)]
+pub(in crate::integrator) struct Channel(Option<u8>);
+
+impl Channel {
+    /// The BSDF at a surface point, with the index of refraction of the path's channel; `u` is uniform in [0, 1).
+    ///
+    /// At its first dispersive interface a path keeps one channel, each with probability 1/3, and `throughput` three times
+    /// of that. All techniques at the vertex and after it share the channel, so that their MIS weights are those of its
+    /// index: the estimate of each channel is that of a scene with its index. Other paths stay as they are.
+    #[inline]
+    pub(in crate::integrator) fn bsdf(
+        &mut self,
+        scene: &Scene,
+        surface: &Surface,
+        u: f32,
+        throughput: &mut Rgb,
+    ) -> Bsdf {
+        let bsdf = scene.bsdf(surface, u);
+        if scene.has_dispersion() {
+            self.split(bsdf, scene.material(surface), u, throughput)
+        } else {
+            bsdf
+        }
+    }
+
+    #[inline(never)]
+    fn split(&mut self, bsdf: Bsdf, material: &Material, u: f32, throughput: &mut Rgb) -> Bsdf {
+        let Bsdf::Dielectric(mut glass) = bsdf else {
+            return bsdf;
+        };
+        if material.dispersion == 0.0 {
+            return bsdf;
+        }
+        let channel = *self.0.get_or_insert_with(|| {
+            // The lower digits of a number of 24 bits, whose upper ones choose between BSDFs.
+            let channel = ((u * 16_777_216.0) as u32 % 3) as u8;
+            let kept = throughput[usize::from(channel)];
+            *throughput = Rgb::ZERO;
+            throughput[usize::from(channel)] = 3.0 * kept;
+            channel
+        });
+        glass.eta = material.iors()[usize::from(channel)];
+        Bsdf::Dielectric(glass)
+    }
+}

@@ -1,0 +1,76 @@
+//! Photon density against known values, and its radius.
+
+use crate::support::render::{film_with, mean, scene};
+use opsr::gallery::point_light_over_plane;
+use opsr::image::Film;
+use opsr::integrator::bidirectional::Radius;
+use opsr::integrator::{Estimator, Settings, View};
+use opsr::math::UVec2;
+use opsr::scene::Camera;
+
+/// The plane under a point light, at whose foot all pixels look.
+fn foot(radius: f32, iterations: u32) -> (f64, f64) {
+    let mut parts = point_light_over_plane();
+    let camera = parts.cameras.remove(0);
+    let at = camera.position;
+    parts.cameras.push(Camera::look_at(
+        at,
+        opsr::math::Vec3::ZERO,
+        opsr::math::Vec3::Y,
+        1e-3,
+    ));
+    let settings = Settings {
+        estimator: Estimator::Sppm(Radius {
+            first: Some(radius),
+            alpha: 1.0,
+        }),
+        ..Settings::default()
+    };
+    // All pixels see the same photons: their mean is as noisy as one of them.
+    let film = film_with(&scene(parts), &settings, 16, iterations);
+    let error = film.variance_of_mean().pixels[0].x.sqrt();
+    (mean(&film).0, error.into())
+}
+
+/// The mean of the radiance over a disk of radius r about the foot is (2/r²)(1 − (1 + r²)^(−1/2)). With 128 photons in as
+/// many buckets the cells of a query often share one, and no photon may count twice.
+#[test]
+fn photon_density_of_an_analytic_disk() {
+    for (r, iterations, tolerance) in [(0.5f64, 30_000, 0.002), (0.2, 20_000, 0.006)] {
+        let expected = 2.0 / (r * r) * (1.0 - 1.0 / (1.0 + r * r).sqrt());
+        let (found, error) = foot(r as f32, iterations);
+        println!("r {r}: {found:.5} ± {error:.5} for {expected:.5}");
+        assert!(error < tolerance, "{error}");
+        assert!((found - expected).abs() < 3.5 * error, "{found} {expected}");
+    }
+}
+
+#[test]
+fn radius_shrinks_as_the_exponent_says() {
+    let radius = Radius::default();
+    assert_eq!(radius.at(0.5, 0), 0.5);
+    // i^(−1/6).
+    assert!((radius.at(0.5, 63) - 0.25).abs() < 1e-6);
+    let fixed = Radius {
+        alpha: 1.0,
+        ..radius
+    };
+    assert_eq!(fixed.at(0.5, 1000), 0.5);
+}
+
+/// Twice the footprint of a pixel at the distance of what is seen, mirrors included; half as large at twice the rows.
+#[test]
+fn first_radius_follows_the_footprint() {
+    let mut parts = point_light_over_plane();
+    parts.cameras.clear();
+    parts.add_camera([0.0, 2.0, 0.01], [0.0, 0.0, 0.0], 10.0);
+    let scene = scene(parts);
+    let first = |rows| {
+        let film = Film::new(UVec2::splat(rows));
+        let view = View::of(&scene, &scene.parts().cameras[0], &film);
+        Radius::default().first(&view)
+    };
+    let expected = 2.0 * 2.0 * 2.0 * 5f32.to_radians().tan() / 128.0;
+    assert!((first(128) / expected - 1.0).abs() < 0.02, "{}", first(128));
+    assert!((first(256) / first(128) - 0.5).abs() < 0.01);
+}

@@ -1,0 +1,111 @@
+//! Dispersion: indices of the channels, and each channel against a scene of its index.
+
+use super::support::render;
+use opsr::gallery;
+use opsr::image::Film;
+use opsr::integrator::{Estimator, Settings};
+use opsr::regularise::Rule;
+use opsr::scene::{Material, Scene, SceneParts};
+
+#[test]
+fn dispersion_gives_the_indices_of_a_known_glass() {
+    // Schott N-BK7: n_d = 1.51680, V = 64.17, n_C = 1.51432, n_F = 1.52238.
+    let glass = Material {
+        ior: 1.5168,
+        dispersion: 20.0 / 64.17,
+        ..Material::default()
+    };
+    for (got, expected) in glass.iors().into_iter().zip([1.51432f32, 1.5168, 1.52238]) {
+        assert!((got - expected).abs() < 2e-4, "{got} {expected}");
+    }
+    assert_eq!(Material::default().iors(), [1.5; 3]);
+}
+
+/// A box with a glass ball of this index and dispersion.
+fn ball(ior: f32, dispersion: f32) -> Scene {
+    let parts = gallery::caustic_box();
+    let change = |m: Material| match m.solid {
+        true => Material {
+            ior,
+            dispersion,
+            ..m
+        },
+        false => m,
+    };
+    let materials = parts.materials.into_iter().map(change).collect();
+    render::scene(SceneParts { materials, ..parts })
+}
+
+/// Mean of a channel over the picture, and its standard error.
+fn channel(film: &Film, c: usize) -> (f64, f64) {
+    let n = film.pixels.len() as f64;
+    let sum = |b: opsr::image::Buffer| b.pixels.iter().map(|p| f64::from(p[c])).sum::<f64>();
+    (
+        sum(film.mean()) / n,
+        sum(film.variance_of_mean()).sqrt() / n,
+    )
+}
+
+#[test]
+fn dispersion_gives_each_channel_the_picture_of_its_index() {
+    let (ior, dispersion) = (1.5, 2.5);
+    let scene = ball(ior, dispersion);
+    assert!(scene.has_dispersion() && !ball(ior, 0.0).has_dispersion());
+    let glass = Material {
+        ior,
+        dispersion,
+        ..Material::default()
+    };
+    let path = Settings {
+        seed: 3,
+        ..Settings::default()
+    };
+    let rough = Settings {
+        rule: Rule::constant(0.4),
+        ..path.clone()
+    };
+    let reuse = Settings {
+        estimator: Estimator::Path { reuse: true },
+        ..rough.clone()
+    };
+    for settings in [path, rough, reuse] {
+        let split = render::film_with(&scene, &settings, 24, 256);
+        for (c, n) in glass.iors().into_iter().enumerate() {
+            let other = Settings {
+                seed: 40 + c as u64,
+                ..settings.clone()
+            };
+            let alone = render::film_with(&ball(n, 0.0), &other, 24, 128);
+            let ((a, s), (b, t)) = (channel(&split, c), channel(&alone, c));
+            let z = (a - b) / s.hypot(t);
+            assert!(
+                z.abs() < 4.0,
+                "channel {c} of {settings:?}: {a} {b}, z = {z}"
+            );
+        }
+    }
+}
+
+#[test]
+fn dispersion_of_levels_is_that_of_the_path_tracer() {
+    let scene = ball(1.5, 2.5);
+    let plain = Settings::default();
+    let levels = Settings {
+        rule: Rule::constant(0.4),
+        levels: vec![0.0, 1.0],
+        seed: 9,
+        ..Settings::default()
+    };
+    let picture = |settings: &Settings| {
+        let mut picture = opsr::integrator::Picture::new(Film::new(glam::UVec2::splat(24)));
+        let camera = &scene.parts().cameras[0];
+        let view = opsr::integrator::View::of(&scene, camera, &picture.film);
+        settings.integrator().pass(&view, 0..128, &mut picture);
+        picture.film
+    };
+    let (a, b) = (picture(&plain), picture(&levels));
+    for c in 0..3 {
+        let ((a, s), (b, t)) = (channel(&a, c), channel(&b, c));
+        assert!((a - b).abs() < 4.0 * s.hypot(t), "channel {c}: {a} {b}");
+    }
+}

@@ -1,0 +1,128 @@
+//! Depth of field: rays of a lens, where lenses come from, and who refuses them.
+
+use super::support::gltf::File;
+use opsr::gallery;
+use opsr::integrator::{Estimator, Settings};
+use opsr::math::{UVec2, Vec2, Vec3};
+use opsr::scene::{Camera, Lens, Scene, Sensor};
+use serde_json::{Value, json};
+
+const LENS: Lens = Lens {
+    radius: 0.1,
+    focus: 3.0,
+};
+
+fn camera(lens: Option<Lens>) -> Camera {
+    let pinhole = Camera::look_at(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO, Vec3::Y, 0.8);
+    Camera { lens, ..pinhole }
+}
+
+#[test]
+fn lens_rays_of_a_film_position_meet_in_the_plane_of_focus() {
+    let camera = camera(Some(LENS));
+    for film in [Vec2::splat(0.5), Vec2::new(0.1, 0.8)] {
+        let chief = camera.ray(film, 1.5);
+        let depth = |p: Vec3| -(p - camera.position).dot(camera.frame.n);
+        let at = |ray: opsr::math::Ray, d: f32| {
+            ray.origin + ray.dir * ((d - depth(ray.origin)) / -ray.dir.dot(camera.frame.n))
+        };
+        // Uniform points of the lens make, in the plane at distance d, a uniform disk of radius R |1 − d/f|.
+        let (n, d) = (64, 7.0f32);
+        let mut moments = [0.0f64; 5];
+        for i in 0..n * n {
+            let u = Vec2::new((i % n) as f32 + 0.5, (i / n) as f32 + 0.5) / n as f32;
+            let ray = camera.ray_through(LENS, film, 1.5, u);
+            assert!((ray.dir.length() - 1.0).abs() < 1e-5);
+            assert!((at(ray, LENS.focus) - at(chief, LENS.focus)).length() < 1e-5);
+            let off = camera.frame.to_local(at(ray, d) - at(chief, d));
+            let (x, y) = (f64::from(off.x), f64::from(off.y));
+            for (m, v) in moments.iter_mut().zip([x, y, x * x, y * y, x * y]) {
+                *m += v / f64::from(n * n);
+            }
+        }
+        let radius = f64::from(LENS.radius * (1.0 - d / LENS.focus).abs());
+        let expected = [0.0, 0.0, 0.25, 0.25, 0.0].map(|m| m * radius * radius);
+        for (got, expected) in moments.iter().zip(expected) {
+            assert!((got - expected).abs() < 2e-3 * radius, "{moments:?}");
+        }
+    }
+}
+
+#[test]
+fn pinhole_draws_no_numbers_for_a_lens() {
+    let camera = camera(None);
+    let sensor = Sensor {
+        camera: &camera,
+        frame: UVec2::new(30, 20),
+    };
+    let place = Vec2::new(3.7, 11.2);
+    let ray = sensor.sample_ray(place, || panic!("a number was drawn"));
+    let same = sensor.ray(place);
+    assert_eq!((ray.origin, ray.dir), (same.origin, same.dir));
+}
+
+#[test]
+fn load_lens_from_the_extras_of_a_camera() {
+    let lens = |extras: Value| {
+        let mut file = File::triangle();
+        let yfov = 2.0 * 0.24f32.atan();
+        file.push("cameras", json!({
+            "type": "perspective", "perspective": { "yfov": yfov, "znear": 0.1 }, "extras": extras,
+        }));
+        file.push("nodes", json!({ "camera": 0 }));
+        let loaded = file.loaded();
+        (loaded.parts.cameras[0].lens, loaded.warnings.len())
+    };
+    let is = |got: (Option<Lens>, usize), radius: f32| {
+        let lens = got.0.expect("a lens");
+        assert!(
+            (lens.radius - radius).abs() < 1e-6 && lens.focus == 4.0,
+            "{lens:?}"
+        );
+    };
+    is(
+        lens(json!({ "apertureRadius": 0.5, "focusDistance": 4 })),
+        0.5,
+    );
+    is(
+        lens(json!({ "fstop": 2, "focalLength": 80, "focusDistance": 4 })),
+        0.02,
+    );
+    // A film of 24 mm with this field of view has 50 mm.
+    is(lens(json!({ "fstop": 2.5, "focusDistance": 4 })), 0.01);
+    for (extras, warnings) in [
+        (json!({}), 0),
+        (json!("a word"), 0),
+        (json!({ "focusDistance": 4 }), 0),
+        (json!({ "apertureRadius": 0, "focusDistance": 4 }), 0),
+        (json!({ "apertureRadius": 0.5 }), 1),
+        (json!({ "apertureRadius": -1, "focusDistance": 4 }), 1),
+    ] {
+        assert_eq!(lens(extras.clone()), (None, warnings), "{extras}");
+    }
+}
+
+#[test]
+fn bidirectional_estimators_refuse_lenses_and_dispersion() {
+    let mut parts = gallery::caustic_box();
+    let plain = Scene::new(parts.clone());
+    parts.materials.iter_mut().for_each(|m| m.dispersion = 1.0);
+    let dispersive = Scene::new(parts);
+    for estimator in [
+        Estimator::Light,
+        Estimator::Bdpt,
+        Estimator::Path { reuse: false },
+    ] {
+        let settings = Settings {
+            estimator,
+            ..Settings::default()
+        };
+        let refused = [
+            settings.check_scene(&plain, &camera(None)).is_err(),
+            settings.check_scene(&plain, &camera(Some(LENS))).is_err(),
+            settings.check_scene(&dispersive, &camera(None)).is_err(),
+        ];
+        let path = matches!(estimator, Estimator::Path { .. });
+        assert_eq!(refused, [false, !path, !path], "{estimator:?}");
+    }
+}
