@@ -201,6 +201,14 @@ fn command_faults(line: &[String]) -> Option<String> {
         [python, script, ..] if python == "python3" => {
             (!is_there(script)).then(|| format!("{script} does not exist"))
         }
+        [pip, install, package] if pip == "pip" && install == "install" => {
+            let folder = package.split('[').next().unwrap_or(package);
+            let file = format!("{folder}/pyproject.toml");
+            (!is_there(&file)).then(|| format!("{file} does not exist"))
+        }
+        [python, m, pytest, folder] if [python, m, pytest] == ["python", "-m", "pytest"] => {
+            (!is_there(folder)).then(|| format!("{folder} does not exist"))
+        }
         [script, ..] if script.starts_with("tests/") => {
             (!is_there(script)).then(|| format!("{script} does not exist"))
         }

@@ -123,10 +123,7 @@ fn solid_glass_turns_closed_thin_walls_into_bodies() {
         let ended = place.opsr(command).done();
         assert_eq!(ended.err.contains(warning), warns, "{command}");
         if command.starts_with("info") {
-            let kind = [
-                r#""solid transmission" "ball""#,
-                r#""thin-walled transmission" "ball""#,
-            ];
+            let kind = ["solid transmission ball", "thin-walled transmission ball"];
             assert!(
                 ended.out.contains(kind[usize::from(warns)]),
                 "{}",
