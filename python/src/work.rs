@@ -20,7 +20,7 @@ pub(crate) type Hear<'a, E> = Option<&'a mut (dyn FnMut(Python<'_>, E) -> PyResu
 pub(crate) struct Link<E> {
     /// Set when the work shall stop.
     pub(crate) stop: Arc<AtomicBool>,
-    /// Where events go and where answers come from, for a callback.
+    /// Channels of events to a callback and of its answers.
     heard: Option<(SyncSender<E>, Receiver<()>)>,
     /// Open as long as the work goes on.
     _open: SyncSender<E>,

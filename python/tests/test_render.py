@@ -51,7 +51,8 @@ def test_render_determinism_over_threads_passes_and_crops(box):
         (["--opsr-table", "beta-0.05", "--levels", "5"], {"table": "beta-0.05", "levels": 5}),
         (["--gamma", "0.5", "--levels", "0,0.25,1"], {"gamma": 0.5, "levels": [0, 0.25, 1]}),
         (["--mode", "pbrt"], {"rule": "pbrt"}),
-        (["--integrator", "bdpt"], {"integrator": "bdpt"}),
+        (["--integrator", "bdpt", "--mode", "mollifier"], {"integrator": "bdpt", "rule": "mollifier"}),
+        (["--integrator", "vcm"], {"integrator": "vcm"}),
     ],
 )
 def test_render_determinism_gives_the_picture_of_the_program(program, tmp_path, words, options):
@@ -200,8 +201,9 @@ def test_render_after_fork(box):
         ({"rule": "pbrt", "gamma": 0.5}, ValueError, "rule: a rule of its own"),
         ({"reuse": True}, ValueError, "reuse: needs a table or gamma"),
         ({"integrator": "none"}, ValueError, "integrator: unknown variant `none`"),
-        ({"integrator": "bdpt", "gamma": 0.5}, ValueError, "integrator bdpt does not regularise"),
-        ({"integrator": "bdpt", "table": "beta-0.05"}, ValueError, "integrator bdpt does not regularise"),
+        ({"integrator": "bdpt", "gamma": 0.5}, ValueError, "integrator bdpt does not roughen"),
+        ({"integrator": "bdpt", "table": "beta-0.05"}, ValueError, "integrator bdpt does not roughen"),
+        ({"integrator": "light", "rule": "pbrt"}, ValueError, "integrator light does not regularise"),
         ({"levels": 3}, ValueError, "levels: several levels need a table or a constant factor"),
         ({"levels": 9, "gamma": 0.5}, ValueError, "levels: expected 1 to 8 levels"),
         ({"levels": -1, "gamma": 0.5}, ValueError, "levels: expected 1 to 8 levels"),

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// Options of the choice among the levels of a film.
 #[derive(clap::Args, Clone, Copy, Debug)]
 pub(super) struct ResolveArgs {
-    /// Of every level take the mean of its mean and of the median of its batches: fewer fireflies at few samples.
+    /// Take every level halfway between its mean and the median of its batches: fewer fireflies at few samples.
     #[arg(long)]
     pub(super) robust: bool,
     /// Add every level to EXR files, as layers `level0`, `level1` and so on.

@@ -10,7 +10,7 @@
 //!   leaves this module.
 //! - Every handle comes from the device that it is used with, on the thread that made it, and is released once.
 //! - Buffers are rows of three `f32` without gaps, of the length that the library is told; inputs are only read, and the
-//!   output is borrowed mutably until the filter has run, which [`execute`](Functions) waits for.
+//!   output is borrowed mutably until the filter has run, which `execute` waits for.
 
 #![allow(unsafe_code)]
 

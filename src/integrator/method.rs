@@ -52,7 +52,7 @@ pub struct MethodSpec {
     #[arg(skip)]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub levels: Vec<f32>,
-    /// Of every level take the mean of its mean and of the median of its batches.
+    /// Mean of every level: halfway between its mean and the median of its batches.
     #[arg(skip)]
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub robust: bool,

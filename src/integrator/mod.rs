@@ -88,7 +88,7 @@ pub trait Integrator: Send {
     /// any split and at any number of threads make bit-identical films.
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture);
 
-    /// What the integrator chose for a view, and the memory that it takes there beside the film; `None` where there is
+    /// Choices of the integrator for a view, and the memory that it takes there beside the film; `None` where there is
     /// nothing to say.
     fn notes(&self, _view: &View<'_>) -> Option<String> {
         None

@@ -1,6 +1,6 @@
 //! Contributions of real paths against the definition.
 //!
-//! [`audit`] walks paths with the functions of the integrator, closes them in every way, and computes each contribution
+//! The audit walks paths with the functions of the integrator, closes them in every way, and computes each contribution
 //! again from nothing but positions, normals and BSDFs: all densities of both walks by definition, the value of the path,
 //! and the balance heuristic by enumeration. It finds what tests of the weights' algebra cannot: swapped directions,
 //! a missing η², a shading normal in the wrong place.

@@ -16,7 +16,7 @@ use crate::math::{Rgb, Vec3};
 use crate::sampler::LightU;
 use crate::scene::{EmissionSample, Surface};
 
-/// What a walk remembers of its edges.
+/// Edges of a walk, as far as they decide where it is regularised.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Chain {
     /// True if some edge joins two smooth vertices.

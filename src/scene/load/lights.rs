@@ -81,7 +81,7 @@ fn projection(camera: &gltf::json::Camera, at: &str) -> Result<(Projection, Opti
     }
 }
 
-/// What a camera's `extras` may say of its lens: custom properties of the camera's data in Blender.
+/// Lens in a camera's `extras`: custom properties of the camera's data in Blender.
 #[derive(Default, serde::Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 struct LensExtras {

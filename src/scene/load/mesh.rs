@@ -25,7 +25,7 @@ pub(super) struct Slot {
     pub(super) material: u32,
     /// Texture coordinate set of its textures.
     pub(super) uv_set: u32,
-    /// Whether it emits light.
+    /// True if it emits light.
     pub(super) emits: bool,
 }
 

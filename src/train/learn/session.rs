@@ -204,7 +204,7 @@ struct RecordedCrop {
     source: Box<dyn MomentSource>,
     /// Events per class.
     visits: Visits,
-    /// Whether its paths were traced now, not read from a file.
+    /// True if its paths were traced now, not read from a file.
     traced: bool,
 }
 
