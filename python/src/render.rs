@@ -119,6 +119,8 @@ pub(crate) fn render(
     settings.levels = levels.map(scales).transpose()?.unwrap_or_default();
     let fault = |e| argument("levels", e);
     settings.check_levels().map_err(fault)?;
+    let fault = |e| argument("integrator", e);
+    settings.check_scene(&scene.world, &camera).map_err(fault)?;
     let window = crop.map_or(Window::full(frame), |(x, y, w, h)| Window { x, y, w, h });
     let mut picture = empty(frame, window, crop.is_some(), &settings, aov)?;
 

@@ -276,7 +276,13 @@ fn overlaps_are_found_and_only_they() {
             emitter("lamp", Rgb::ONE),
             [quad(Vec3::Y * 3.0, Vec3::X, Vec3::Z)],
         );
-        scene(parts).has_overlaps()
+        let scene = scene(parts);
+        let overlaps = scene.has_overlaps();
+        // A photon does not know the bodies around it.
+        let settings = deep(Estimator::Vcm(Default::default()));
+        let camera = scene.framing_camera(1.0);
+        assert_eq!(settings.check_scene(&scene, &camera).is_err(), overlaps);
+        overlaps
     };
     // Inside of a hollow ball, in its wall, reaching out of it; around it.
     assert!(!apart(0.5, 0.0));

@@ -294,6 +294,8 @@ impl Bench<'_> {
             place: format!("`{}`, method `{name}`", spec.name),
             reason,
         };
+        let known = settings.check_scene(&scene.scene, &scene.camera);
+        known.map_err(|what| fault(what.into()))?;
         let mut now = Point::default();
         if method.pilot {
             let watch = Stopwatch::start();
