@@ -359,8 +359,10 @@ fn cheap(arguments: &[String]) -> Option<Vec<String>> {
             words.next();
             continue;
         }
+        // A picture that lies there from trying the command by hand is no input.
+        let written = small.last().is_some_and(|option| option == "-o");
         let file = root().join(word);
-        let known = word.contains('.') && file.exists();
+        let known = !written && word.contains('.') && file.exists();
         small.push(if known {
             file.display().to_string()
         } else {
