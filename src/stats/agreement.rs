@@ -13,7 +13,7 @@
 //!   (Efron 1969, by Hoeffding's inequality over the signs).
 //! - Pixels: Welch's test again with the mean variance of the pixel's tile.
 //!
-//! Of 300 pairs of equal renders of `cornell_caustics`, 64 × 64 pixels, none failed with 8, 16 or 64 samples. A picture
+//! Measured on 300 pairs of equal renders of `cornell_caustics`, 64 × 64 pixels: none failed with 8, 16 or 64 samples. A picture
 //! 10 % too bright failed in 21, 95 and 100 % of the pairs; one 2 % too bright in none. Rare hits against films of the same
 //! mean without them failed in every pair with Welch's test alone.
 

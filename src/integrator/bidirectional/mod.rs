@@ -481,7 +481,7 @@ impl Iteration<'_> {
 }
 
 /// The first vertex of a camera walk as observers see it.
-fn point<'a>(walk: &Walk<'a>, vertex: &Vertex) -> ShadingPoint<'a> {
+fn point<'a>(walk: &Walk<'a>, vertex: &'a Vertex) -> ShadingPoint<'a> {
     ShadingPoint {
         scene: walk.scene,
         surface: vertex.surface,
@@ -491,6 +491,6 @@ fn point<'a>(walk: &Walk<'a>, vertex: &Vertex) -> ShadingPoint<'a> {
         alpha: vertex.alpha,
         alpha_reg: vertex.alpha,
         throughput: vertex.throughput,
-        bodies: vertex.bodies,
+        bodies: &vertex.bodies,
     }
 }

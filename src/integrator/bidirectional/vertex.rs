@@ -130,28 +130,17 @@ impl Vertex {
 
     /// The bodies around a ray from here along `out`.
     #[inline]
-    pub(super) fn bodies_towards(&self, scene: &Scene, out: Vec3) -> EnclosingBodies {
-        let mut bodies = self.bodies;
+    pub(super) fn bodies_towards(&self, out: Vec3) -> EnclosingBodies {
         let outside = self.back.dot(self.surface.ng) > 0.0;
-        if scene.tracks_bodies()
-            && self.bsdf.is_solid()
-            && (out.dot(self.surface.ng) > 0.0) != outside
-        {
-            if outside {
-                bodies.enter(self.surface.material)
-            } else {
-                bodies.leave(self.surface.material)
-            }
-        }
-        bodies
+        let crosses = self.bsdf.is_solid() && (out.dot(self.surface.ng) > 0.0) != outside;
+        (self.bodies).across(crosses, outside, self.surface.material)
     }
 
     /// Transmittance from here along a ray over a distance; `None` if something stands between.
     #[inline]
     pub(super) fn unblocked(&self, scene: &Scene, ray: &Ray, distance: f32) -> Option<Rgb> {
         if scene.tracks_bodies() {
-            self.bodies_towards(scene, ray.dir)
-                .unblocked(scene, ray, distance)
+            self.bodies_towards(ray.dir).unblocked(scene, ray, distance)
         } else {
             (!scene.occluded(ray)).then_some(Rgb::ONE)
         }

@@ -156,7 +156,9 @@ impl<'a> Walk<'a> {
             if self.origin == Origin::Camera {
                 self.roulette_scale *= vertex.bsdf.refraction_scale(vertex.local);
             }
-            self.bodies = vertex.bodies_towards(self.scene, out);
+            if self.scene.tracks_bodies() {
+                self.bodies = vertex.bodies_towards(out);
+            }
         }
         self.parallel = false;
         self.ray = vertex.surface.spawn(out);

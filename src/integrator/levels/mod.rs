@@ -192,7 +192,7 @@ impl LevelTracer {
                 alpha,
                 alpha_reg: alpha,
                 throughput,
-                bodies,
+                bodies: &bodies,
             };
             observer.vertex(n, hit.t, &point);
 
@@ -225,7 +225,9 @@ impl LevelTracer {
             memory.push(&self.factors, own);
             if next.sample.lobe == Lobe::Transmission {
                 eta_scale *= point.bsdf.refraction_scale(point.wo);
-                bodies = point.bodies_towards(next.wi);
+                if scene.tracks_bodies() {
+                    bodies = point.bodies_towards(next.wi);
+                }
             }
 
             // ── the end of a path that carries nothing

@@ -127,7 +127,7 @@ impl<R: Roughening> PathTracer<R> {
                 alpha,
                 alpha_reg: roughen(&self.rule, &memory, alpha),
                 throughput,
-                bodies,
+                bodies: &bodies,
             };
             observer.vertex(n, hit.t, &point);
 
@@ -165,7 +165,9 @@ impl<R: Roughening> PathTracer<R> {
             remember(&self.rule, &mut memory, &point, &next.sample, observer);
             if next.sample.lobe == Lobe::Transmission {
                 eta_scale *= point.bsdf.refraction_scale(point.wo);
-                bodies = point.bodies_towards(next.wi);
+                if scene.tracks_bodies() {
+                    bodies = point.bodies_towards(next.wi);
+                }
             }
 
             // ── the end of a path that carries nothing

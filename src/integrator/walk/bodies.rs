@@ -77,6 +77,24 @@ impl EnclosingBodies {
         }
     }
 
+    /// The bodies on the other side of a boundary of `material` if a ray `crosses` it, from its `outside` or inside; else
+    /// these.
+    #[inline]
+    pub(in crate::integrator) fn across(
+        &self,
+        crosses: bool,
+        outside: bool,
+        material: u32,
+    ) -> Self {
+        let mut bodies = *self;
+        match (crosses, outside) {
+            (true, true) => bodies.enter(material),
+            (true, false) => bodies.leave(material),
+            (false, _) => {}
+        }
+        bodies
+    }
+
     /// The material of the body that is there: the innermost, or where bodies overlap the one of the highest rank.
     #[inline]
     fn present(&self, scene: &Scene) -> Option<u32> {

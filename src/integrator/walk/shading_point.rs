@@ -27,7 +27,8 @@ pub struct ShadingPoint<'a> {
     pub alpha_reg: f32,
     /// Throughput of the path before this vertex.
     pub throughput: Rgb,
-    pub(in crate::integrator) bodies: EnclosingBodies,
+    /// The bodies around the previous edge; by reference, since they are many words that few scenes use.
+    pub(in crate::integrator) bodies: &'a EnclosingBodies,
 }
 
 /// The ray on which a path continues.
@@ -117,19 +118,9 @@ impl ShadingPoint<'_> {
     /// The bodies around a ray from here along the world direction `wi`.
     #[inline]
     pub(in crate::integrator) fn bodies_towards(&self, wi: Vec3) -> EnclosingBodies {
-        let mut bodies = self.bodies;
         let outside = self.wo.z > 0.0;
-        if self.scene.tracks_bodies()
-            && self.bsdf.is_solid()
-            && (wi.dot(self.surface.ng) > 0.0) != outside
-        {
-            if outside {
-                bodies.enter(self.surface.material)
-            } else {
-                bodies.leave(self.surface.material)
-            }
-        }
-        bodies
+        let crosses = self.bsdf.is_solid() && (wi.dot(self.surface.ng) > 0.0) != outside;
+        (self.bodies).across(crosses, outside, self.surface.material)
     }
 
     /// Transmittance from here to a light sample; `None` if something stands between.
