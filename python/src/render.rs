@@ -15,7 +15,7 @@ use opsr::integrator::{FirstHit, Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
 use opsr::regularise::{Rule, TableTuning};
-use opsr::tune::resolve::resolve_film;
+use opsr::tune::resolve::{Resolve, resolve_film};
 use pyo3::exceptions::{PyMemoryError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyInt;
@@ -141,7 +141,7 @@ pub(crate) fn render(
             &mut picture,
             &mut |progress, _| link.tell(|| *progress),
         );
-        let choice = (picture.levels.as_ref()).map(|film| resolve_film(film, false));
+        let choice = (picture.levels.as_ref()).map(|film| resolve_film(film, Resolve::default()));
         (picture, choice, progress)
     })?;
     Ok(Film {
