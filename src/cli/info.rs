@@ -98,7 +98,12 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
     let (low, high) = scene.geometry().bounds();
     serde_json::json!({
         "triangles": scene.geometry().len(),
-        "meshes": parts.meshes.len(),
+        "meshes": parts.meshes.len() + scene.geometry().instances(),
+        "shared": {
+            "meshes": parts.shared.len(),
+            "instances": scene.geometry().instances(),
+            "triangles_in_memory": scene.geometry().stored(),
+        },
         "bounds": [low.to_array(), high.to_array()],
         "materials": materials,
         "textures": parts.textures.len(),
@@ -192,6 +197,18 @@ fn described(facts: &serde_json::Value) -> String {
             facts["classes"]
         ),
     ];
+    let shared = &facts["shared"];
+    if let Some(meshes @ 1..) = shared["meshes"].as_u64() {
+        lines.insert(
+            1,
+            format!(
+                "shared      {} instances of {meshes} {}, {} triangles in memory",
+                shared["instances"],
+                if meshes == 1 { "mesh" } else { "meshes" },
+                shared["triangles_in_memory"]
+            ),
+        );
+    }
     for a in facts["animations"].as_array().into_iter().flatten() {
         lines.push(format!("animation   {}: {} s", a["name"], a["seconds"]));
     }

@@ -254,3 +254,13 @@ impl TextureRef {
         textures[self.texture as usize].sample(self.transform.transform_point2(uv))
     }
 }
+
+/// True if opacity may remove a hit on the material.
+pub(super) fn may_vanish(material: &Material) -> bool {
+    let textured = material.base_color_texture.is_some();
+    match material.alpha_mode {
+        AlphaMode::Opaque => false,
+        AlphaMode::Mask(cutoff) => textured || material.opacity < cutoff,
+        AlphaMode::Blend => textured || material.opacity < 1.0,
+    }
+}

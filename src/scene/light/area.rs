@@ -31,7 +31,7 @@ fn power(area: f32, radiance: f32, sides: f32) -> f64 {
 #[derive(Default)]
 pub(super) struct AreaLights {
     triangles: Vec<EmissiveTriangle>,
-    /// Density per area with which each triangle of the scene is drawn by power, 0 for dark ones; empty without area
+    /// Density per area with which each triangle that is not shared is drawn by power, 0 for dark ones; empty without area
     /// lights.
     pdf_a: Vec<f32>,
     /// Place in `triangles` of each triangle of the scene; empty where power alone decides.
@@ -78,14 +78,14 @@ impl AreaLights {
                 material,
             })
         };
-        let triangles: Vec<_> = (0..geometry.len() as u32).filter_map(emissive).collect();
+        let triangles: Vec<_> = (0..geometry.single() as u32).filter_map(emissive).collect();
         if triangles.is_empty() {
             return Self::default();
         }
         let corners: Vec<_> = triangles.iter().map(|t| t.corners).collect();
         Self {
             triangles,
-            pdf_a: vec![0.0; geometry.len()],
+            pdf_a: vec![0.0; geometry.single()],
             places: Vec::new(),
             tree: Some(Accel::new(&corners)),
             materials: parts.materials.clone(),
