@@ -77,7 +77,7 @@ fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyh
     facts["position"] = serde_json::json!(surface.position.to_array());
     facts["normal"] = serde_json::json!(surface.ns.to_array());
     facts["geometric_normal"] = serde_json::json!(surface.ng.to_array());
-    facts["uv"] = serde_json::json!(surface.uv.to_array());
+    facts["uv"] = serde_json::json!(scene.geometry().uv(scene.parts(), &hit).to_array());
     Ok(facts)
 }
 

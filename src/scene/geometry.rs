@@ -7,6 +7,7 @@ use super::mesh::{attribute, mix};
 use super::normals::{lifted, normal_texel, perturbed, tangent};
 use super::{Hit, Mesh, SceneParts, Surface};
 use crate::math::{DVec3, Ray, Vec2, Vec3, Vec4};
+use std::borrow::Borrow;
 use std::ops::Range;
 
 /// Half a unit in the last place, relative.
@@ -15,9 +16,9 @@ const HALF_ULP: f32 = 0.5 * f32::EPSILON;
 /// All triangles of a scene. Those of [`SceneParts::meshes`] come first in scene order, those of the instances after them.
 pub struct Geometry {
     accel: Accel,
-    triangles: Triangles,
-    /// Material of each mesh.
-    materials: Vec<u32>,
+    triangles: Vec<Triangle>,
+    /// Number of meshes that are not shared.
+    meshes: u32,
     /// True for triangles whose hits opacity may remove; empty if there are none.
     cutouts: Vec<bool>,
     instances: Option<Instances>,
@@ -35,68 +36,112 @@ enum Walk {
     Instances,
 }
 
-/// Triangles of some meshes, those without area left out.
-#[derive(Default)]
-pub(super) struct Triangles {
-    pub(super) corners: Vec<[Vec3; 3]>,
-    /// Mesh and face of each triangle.
-    pub(super) sources: Vec<[u32; 2]>,
+/// A triangle with all that a surface without textures is interpolated from: one load, where mesh, corners' indices and
+/// attributes would be four that wait for each other.
+#[repr(C, align(32))]
+pub(super) struct Triangle {
+    pub(super) corners: [Vec3; 3],
+    /// Unit normal by winding.
+    ng: Vec3,
+    /// Shading normals of the corners; zero where the mesh has none.
+    normals: [Vec3; 3],
+    /// Index of the material; [`TEXTURED`] if it needs texture coordinates.
+    material: u32,
+    /// Index of the mesh.
+    mesh: u32,
+    /// Index of its face.
+    face: u32,
 }
 
-impl Triangles {
-    /// Adds the triangles of the `m`-th mesh; what is dropped is named in a warning.
-    pub(super) fn add(
-        &mut self,
-        m: u32,
-        mesh: &Mesh,
-        parts: &SceneParts,
-        name: &str,
-        warnings: &mut Vec<String>,
-    ) {
-        if mesh.material as usize >= parts.materials.len() {
-            warnings.push(format!(
-                "{name}: dropped, its material is {} of {}",
-                mesh.material,
-                parts.materials.len()
-            ));
-            return;
-        }
-        let before = self.corners.len();
-        for (face, indices) in mesh.indices.iter().enumerate() {
-            if let Some(triangle) = usable(mesh, indices) {
-                self.corners.push(triangle);
-                self.sources.push([m, face as u32]);
-            }
-        }
-        let dropped = mesh.indices.len() - (self.corners.len() - before);
-        if dropped > 0 {
-            warnings.push(format!(
-                "{name}: dropped {dropped} of {} triangles (no area, not finite, or missing corners)",
-                mesh.indices.len()
-            ));
-        }
+/// Bit of [`Triangle::material`].
+const TEXTURED: u32 = 1 << 31;
+
+impl Borrow<[Vec3; 3]> for Triangle {
+    fn borrow(&self) -> &[Vec3; 3] {
+        &self.corners
+    }
+}
+
+impl Triangle {
+    /// Index of the material.
+    #[inline]
+    fn material(&self) -> u32 {
+        self.material & !TEXTURED
+    }
+
+    /// Corners' indices in the triangle's mesh.
+    #[inline]
+    pub(super) fn indices<'a>(&self, mesh: &'a Mesh) -> &'a [u32; 3] {
+        &mesh.indices[self.face as usize]
+    }
+}
+
+/// Adds the triangles of the `m`-th mesh, those without area left out; what is dropped is named in a warning.
+pub(super) fn add_triangles(
+    out: &mut Vec<Triangle>,
+    m: usize,
+    mesh: &Mesh,
+    parts: &SceneParts,
+    name: &str,
+    warnings: &mut Vec<String>,
+) {
+    let Some(material) = parts.materials.get(mesh.material as usize) else {
+        warnings.push(format!(
+            "{name}: dropped, its material is {} of {}",
+            mesh.material,
+            parts.materials.len()
+        ));
+        return;
+    };
+    let textured = if material.is_textured() { TEXTURED } else { 0 };
+    let triangle = |(face, indices): (usize, &[u32; 3])| {
+        let corners @ [a, b, c] = usable(mesh, indices)?;
+        Some(Triangle {
+            corners,
+            ng: normal(a, b, c).normalize().as_vec3(),
+            normals: attribute(&mesh.normals, indices).unwrap_or([Vec3::ZERO; 3]),
+            material: mesh.material | textured,
+            mesh: m as u32,
+            face: face as u32,
+        })
+    };
+    let before = out.len();
+    out.extend(mesh.indices.iter().enumerate().filter_map(triangle));
+    let dropped = mesh.indices.len() - (out.len() - before);
+    if dropped > 0 {
+        warnings.push(format!(
+            "{name}: dropped {dropped} of {} triangles (no area, not finite, or missing corners)",
+            mesh.indices.len()
+        ));
     }
 }
 
 impl Geometry {
     /// Collects the triangles of all meshes and builds the trees.
     pub fn new(parts: &SceneParts, warnings: &mut Vec<String>) -> Self {
-        let mut triangles = Triangles::default();
+        let most = parts.meshes.iter().map(|mesh| mesh.indices.len()).sum();
+        let mut triangles = Vec::with_capacity(most);
         for (m, mesh) in parts.meshes.iter().enumerate() {
-            triangles.add(m as u32, mesh, parts, &format!("mesh {m}"), warnings);
+            add_triangles(
+                &mut triangles,
+                m,
+                mesh,
+                parts,
+                &format!("mesh {m}"),
+                warnings,
+            );
         }
-        let materials: Vec<u32> = parts.meshes.iter().map(|m| m.material).collect();
         let cut: Vec<bool> = parts.materials.iter().map(may_vanish).collect();
         let mut cutouts = Vec::new();
         if cut.contains(&true) {
-            let of = |s: &[u32; 2]| cut[materials[s[0] as usize] as usize];
-            cutouts = triangles.sources.iter().map(of).collect();
+            let of = |t: &Triangle| cut[t.material() as usize];
+            cutouts = triangles.iter().map(of).collect();
             if !cutouts.contains(&true) {
                 cutouts.clear();
             }
         }
-        let accel = Accel::new(&triangles.corners);
-        let instances = Instances::new(parts, triangles.corners.len() as u32, warnings);
+        let accel = Accel::new(&triangles);
+        let instances = Instances::new(parts, triangles.len() as u32, warnings);
         let walk = match (&instances, cutouts.is_empty()) {
             (Some(_), _) => Walk::Instances,
             (None, false) => Walk::Cutouts,
@@ -105,7 +150,7 @@ impl Geometry {
         Self {
             accel,
             triangles,
-            materials,
+            meshes: parts.meshes.len() as u32,
             cutouts,
             instances,
             walk,
@@ -124,7 +169,7 @@ impl Geometry {
 
     /// Number of triangles that no instances share: the first in scene order, and the only ones that emit.
     pub fn single(&self) -> usize {
-        self.triangles.corners.len()
+        self.triangles.len()
     }
 
     /// Number of triangles in memory: those of instances once.
@@ -147,8 +192,8 @@ impl Geometry {
     /// Corners of a triangle, counter-clockwise seen from the front.
     #[inline]
     pub fn triangle(&self, i: u32) -> [Vec3; 3] {
-        match self.triangles.corners.get(i as usize) {
-            Some(corners) => *corners,
+        match self.triangles.get(i as usize) {
+            Some(triangle) => triangle.corners,
             None => self.shared().corners(i),
         }
     }
@@ -156,8 +201,8 @@ impl Geometry {
     /// Index of a triangle's material.
     #[inline]
     pub fn triangle_material(&self, i: u32) -> u32 {
-        match self.triangles.sources.get(i as usize) {
-            Some(source) => self.materials[source[0] as usize],
+        match self.triangles.get(i as usize) {
+            Some(triangle) => triangle.material(),
             None => self.shared().material(i),
         }
     }
@@ -165,9 +210,9 @@ impl Geometry {
     /// Index of a triangle's mesh; instances are counted after the meshes.
     #[inline]
     pub fn triangle_mesh(&self, i: u32) -> u32 {
-        match self.triangles.sources.get(i as usize) {
-            Some(source) => source[0],
-            None => self.materials.len() as u32 + self.shared().instance(i),
+        match self.triangles.get(i as usize) {
+            Some(triangle) => triangle.mesh,
+            None => self.meshes + self.shared().instance(i),
         }
     }
 
@@ -175,7 +220,7 @@ impl Geometry {
     pub fn ranges(&self) -> Vec<Range<u32>> {
         let mut ranges = Vec::new();
         let mut start = 0;
-        for mesh in self.triangles.sources.chunk_by(|a, b| a[0] == b[0]) {
+        for mesh in self.triangles.chunk_by(|a, b| a.mesh == b.mesh) {
             let end = start + mesh.len() as u32;
             ranges.push(start..end);
             start = end;
@@ -187,11 +232,19 @@ impl Geometry {
     /// Texture coordinates of a triangle's corners; zero where the mesh has none.
     #[inline]
     pub fn triangle_uvs(&self, parts: &SceneParts, i: u32) -> [Vec2; 3] {
-        let (mesh, indices) = match self.triangles.sources.get(i as usize) {
-            Some(source) => sourced(parts, source),
+        let (mesh, indices) = match self.triangles.get(i as usize) {
+            Some(triangle) => {
+                let mesh = &parts.meshes[triangle.mesh as usize];
+                (mesh, triangle.indices(mesh))
+            }
             None => self.shared().source(parts, i),
         };
         attribute(&mesh.uvs, indices).unwrap_or([Vec2::ZERO; 3])
+    }
+
+    /// Texture coordinates at a hit; zero where the mesh has none.
+    pub fn uv(&self, parts: &SceneParts, hit: &Hit) -> Vec2 {
+        mix(&weights(hit), self.triangle_uvs(parts, hit.triangle))
     }
 
     /// Area of a triangle.
@@ -263,16 +316,10 @@ impl Geometry {
     /// Interpolates the surface at a hit. No direction enters: a path from the camera and a path from a light that meet
     /// at a point see the same surface.
     pub fn surface(&self, parts: &SceneParts, hit: &Hit) -> Surface {
-        let Some(corners) = self.triangles.corners.get(hit.triangle as usize) else {
-            return self.shared().surface(parts, hit);
-        };
-        let (mesh, indices) = sourced(parts, &self.triangles.sources[hit.triangle as usize]);
-        let of = Interpolation {
-            mesh,
-            indices,
-            corners,
-        };
-        of.at(parts, hit, &InWorld)
+        match self.triangles.get(hit.triangle as usize) {
+            Some(triangle) => triangle.surface(parts, hit, &InWorld),
+            None => self.shared().surface(parts, hit),
+        }
     }
 
     /// True if opacity leaves this hit of a single mesh in place, or cannot remove any.
@@ -298,21 +345,22 @@ impl Geometry {
     }
 }
 
-/// Mesh and corners' indices of a triangle of a single mesh.
-#[inline]
-fn sourced<'a>(parts: &'a SceneParts, [mesh, face]: &[u32; 2]) -> (&'a Mesh, &'a [u32; 3]) {
-    let mesh = &parts.meshes[*mesh as usize];
-    (mesh, &mesh.indices[*face as usize])
+/// Barycentric weights of a hit.
+#[inline(always)]
+fn weights(hit: &Hit) -> [f32; 3] {
+    [(1.0 - hit.u - hit.v).max(0.0), hit.u, hit.v]
 }
 
 /// The way of a mesh into the world.
 pub(super) trait Placing {
+    /// The mesh of this index.
+    fn mesh<'a>(&self, parts: &'a SceneParts, index: u32) -> &'a Mesh;
     /// A point.
     fn point(&self, p: Vec3) -> DVec3;
     /// A difference of points.
     fn edge(&self, e: DVec3) -> DVec3;
-    /// A normal by winding in the world, towards the front.
-    fn front(&self, n: DVec3) -> DVec3;
+    /// The unit geometric normal, towards the front: from the mesh's own and from the edges in the world.
+    fn geometric(&self, ng: Vec3, e: DVec3, f: DVec3) -> Vec3;
     /// A corner's shading normal.
     fn normal(&self, n: Vec3) -> Vec3;
     /// A corner's tangent and handedness.
@@ -326,6 +374,11 @@ struct InWorld;
 
 impl Placing for InWorld {
     #[inline(always)]
+    fn mesh<'a>(&self, parts: &'a SceneParts, index: u32) -> &'a Mesh {
+        &parts.meshes[index as usize]
+    }
+
+    #[inline(always)]
     fn point(&self, p: Vec3) -> DVec3 {
         p.as_dvec3()
     }
@@ -336,8 +389,8 @@ impl Placing for InWorld {
     }
 
     #[inline(always)]
-    fn front(&self, n: DVec3) -> DVec3 {
-        n
+    fn geometric(&self, ng: Vec3, _: DVec3, _: DVec3) -> Vec3 {
+        ng
     }
 
     #[inline(always)]
@@ -356,44 +409,30 @@ impl Placing for InWorld {
     }
 }
 
-/// A triangle, between the corners of which a surface is interpolated.
-pub(super) struct Interpolation<'a> {
-    pub(super) mesh: &'a Mesh,
-    pub(super) indices: &'a [u32; 3],
-    pub(super) corners: &'a [Vec3; 3],
-}
-
-impl Interpolation<'_> {
+impl Triangle {
+    /// Interpolates the surface at a hit.
     #[inline(always)]
-    pub(super) fn at(&self, parts: &SceneParts, hit: &Hit, placing: &impl Placing) -> Surface {
-        let Self { mesh, indices, .. } = *self;
-        let [a, b, c] = *self.corners;
-        let weights = [(1.0 - hit.u - hit.v).max(0.0), hit.u, hit.v];
+    pub(super) fn surface(&self, parts: &SceneParts, hit: &Hit, placing: &impl Placing) -> Surface {
+        let [a, b, c] = self.corners;
+        let weights = weights(hit);
         let local = a.as_dvec3();
         let e = placing.edge(b.as_dvec3() - local);
         let f = placing.edge(c.as_dvec3() - local);
-        let ng = placing.front(e.cross(f)).normalize().as_vec3();
+        let ng = placing.geometric(self.ng, e, f);
         // Exact up to the rounding to single precision.
         let position = (placing.point(a) + f64::from(hit.u) * e + f64::from(hit.v) * f).as_vec3();
         // A spawned origin is off by that rounding and by its own, half a unit in the last place each; the intersection
         // test knows the side of the plane exactly. [PBRT4 §6.8] has to allow for γ₇ of the corners' size.
         let rounding = 3.0 * HALF_ULP * position.abs().dot(ng.abs());
         let extent = e.abs().max(f.abs()).max_element() as f32;
-        let uv = attribute(&mesh.uvs, indices).map_or(Vec2::ZERO, |uv| mix(&weights, uv));
-        let mut ns = attribute(&mesh.normals, indices)
-            .and_then(|n| mix(&weights, n.map(|n| placing.normal(n))).try_normalize())
+        let mut ns = mix(&weights, self.normals.map(|n| placing.normal(n)))
+            .try_normalize()
             .unwrap_or(ng);
         let flipped = ns.dot(ng) < 0.0;
-        let material = &parts.materials[mesh.material as usize];
-        if let Some(map) = &material.normal_texture {
+        let mut uv = Vec2::ZERO;
+        if self.material & TEXTURED != 0 {
             let edges = [e.as_vec3(), f.as_vec3()];
-            let tangents = attribute(&mesh.tangents, indices);
-            let own = tangents.map(|t| t.map(|t| placing.tangent(t)));
-            let uvs = || attribute(&mesh.uvs, indices);
-            if let Some((tangent, hand)) = tangent(own, uvs, &weights, edges, map, ns) {
-                let local = normal_texel(&parts.textures, map, uv, material.normal_scale);
-                ns = perturbed(ns, tangent, hand, local);
-            }
+            (uv, ns) = self.textured(parts, &weights, edges, ns, placing);
         }
         if flipped {
             ns = -ns;
@@ -404,9 +443,33 @@ impl Interpolation<'_> {
             ns: lifted(ns, ng),
             uv,
             triangle: hit.triangle,
-            material: mesh.material,
+            material: self.material(),
             error: placing.error(rounding + 1e-13 * extent),
         }
+    }
+
+    /// Texture coordinates, and the shading normal with the normal map applied.
+    fn textured(
+        &self,
+        parts: &SceneParts,
+        weights: &[f32; 3],
+        edges: [Vec3; 2],
+        ns: Vec3,
+        placing: &impl Placing,
+    ) -> (Vec2, Vec3) {
+        let mesh = placing.mesh(parts, self.mesh);
+        let indices = self.indices(mesh);
+        let uvs = attribute(&mesh.uvs, indices);
+        let uv = uvs.map_or(Vec2::ZERO, |uv| mix(weights, uv));
+        let material = &parts.materials[self.material() as usize];
+        let mapped = || {
+            let map = material.normal_texture.as_ref()?;
+            let own = attribute(&mesh.tangents, indices).map(|t| t.map(|t| placing.tangent(t)));
+            let (tangent, hand) = tangent(own, uvs, weights, edges, map, ns)?;
+            let local = normal_texel(&parts.textures, map, uv, material.normal_scale);
+            Some(perturbed(ns, tangent, hand, local))
+        };
+        (uv, mapped().unwrap_or(ns))
     }
 }
 

@@ -5,7 +5,7 @@
 //! be walked a little faster, but only by scenes that share meshes; so the others' tree stays as it is.
 
 use super::accel::{Accel, BoxTree, LocalRay};
-use super::geometry::{Interpolation, Placing, Triangles};
+use super::geometry::{Placing, Triangle, add_triangles};
 use super::material::may_vanish;
 use super::mesh::{Mesh, SharedMesh, cofactors, unit};
 use super::{Hit, SceneParts, Surface};
@@ -30,7 +30,7 @@ pub(super) struct Instances {
 
 /// A shared mesh.
 pub(super) struct Shared {
-    triangles: Triangles,
+    triangles: Vec<Triangle>,
     accel: Accel,
     material: u32,
     /// True if opacity may remove hits.
@@ -56,16 +56,17 @@ impl Instances {
         let (mut list, mut firsts, mut boxes) = (Vec::new(), Vec::new(), Vec::new());
         let mut end = first;
         for (m, SharedMesh { mesh, poses }) in parts.shared.iter().enumerate() {
-            let mut triangles = Triangles::default();
-            triangles.add(m as u32, mesh, parts, &format!("shared mesh {m}"), warnings);
-            let count = triangles.corners.len() as u32;
-            let accel = Accel::new(&triangles.corners);
+            let mut triangles = Vec::with_capacity(mesh.indices.len());
+            let name = format!("shared mesh {m}");
+            add_triangles(&mut triangles, m, mesh, parts, &name, warnings);
+            let count = triangles.len() as u32;
+            let accel = Accel::new(&triangles);
             let material = parts.materials.get(mesh.material as usize);
             if material.is_some_and(|m| m.emission != Vec3::ZERO) {
                 warnings.push(format!("shared mesh {m}: its emission is ignored"));
             }
             let extent =
-                (triangles.corners.iter().flatten()).fold(Vec3::ZERO, |e, p| e.max(p.abs()));
+                (triangles.iter().flat_map(|t| &t.corners)).fold(Vec3::ZERO, |e, p| e.max(p.abs()));
             let before = list.len();
             for pose in poses.iter().filter(|_| count > 0) {
                 let Some(condition) = SharedMesh::condition(pose) else {
@@ -127,7 +128,7 @@ impl Instances {
 
     /// Number of triangles in memory.
     pub(super) fn stored(&self) -> usize {
-        self.meshes.iter().map(|m| m.triangles.corners.len()).sum()
+        self.meshes.iter().map(|m| m.triangles.len()).sum()
     }
 
     /// The triangles of each instance, in scene order.
@@ -169,17 +170,16 @@ impl Instances {
         triangle: u32,
     ) -> (&'a Mesh, &'a [u32; 3]) {
         let (i, local) = self.find(triangle);
-        let shared = &self.meshes[self.list[i].mesh as usize];
-        let [mesh, face] = shared.triangles.sources[local];
-        let mesh = &parts.shared[mesh as usize].mesh;
-        (mesh, &mesh.indices[face as usize])
+        let m = self.list[i].mesh as usize;
+        let mesh = &parts.shared[m].mesh;
+        (mesh, self.meshes[m].triangles[local].indices(mesh))
     }
 
     /// Corners of a triangle in the world, rounded; counter-clockwise seen from the front.
     pub(super) fn corners(&self, triangle: u32) -> [Vec3; 3] {
         let (i, local) = self.find(triangle);
         let instance = &self.list[i];
-        let corners = self.meshes[instance.mesh as usize].triangles.corners[local];
+        let corners = self.meshes[instance.mesh as usize].triangles[local].corners;
         let [a, b, c] = corners.map(|p| instance.pose.transform_point3(p.as_dvec3()).as_vec3());
         if instance.is_mirrored() {
             [a, c, b]
@@ -223,21 +223,12 @@ impl Instances {
     pub(super) fn surface(&self, parts: &SceneParts, hit: &Hit) -> Surface {
         let (i, local) = self.find(hit.triangle);
         let instance = &self.list[i];
-        let triangles = &self.meshes[instance.mesh as usize].triangles;
-        let [mesh, face] = triangles.sources[local];
-        let mesh = &parts.shared[mesh as usize].mesh;
-        let indices = &mesh.indices[face as usize];
         let placing = Placed {
             instance,
             normals: cofactors(&instance.pose.matrix3),
             sign: if instance.is_mirrored() { -1.0 } else { 1.0 },
         };
-        Interpolation {
-            mesh,
-            indices,
-            corners: &triangles.corners[local],
-        }
-        .at(parts, hit, &placing)
+        self.meshes[instance.mesh as usize].triangles[local].surface(parts, hit, &placing)
     }
 }
 
@@ -274,6 +265,10 @@ struct Placed<'a> {
 }
 
 impl Placing for Placed<'_> {
+    fn mesh<'a>(&self, parts: &'a SceneParts, index: u32) -> &'a Mesh {
+        &parts.shared[index as usize].mesh
+    }
+
     fn point(&self, p: Vec3) -> DVec3 {
         self.instance.pose.transform_point3(p.as_dvec3())
     }
@@ -282,8 +277,8 @@ impl Placing for Placed<'_> {
         self.instance.pose.transform_vector3(e)
     }
 
-    fn front(&self, n: DVec3) -> DVec3 {
-        self.sign * n
+    fn geometric(&self, _: Vec3, e: DVec3, f: DVec3) -> Vec3 {
+        (self.sign * e.cross(f)).normalize().as_vec3()
     }
 
     fn normal(&self, n: Vec3) -> Vec3 {

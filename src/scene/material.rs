@@ -241,6 +241,18 @@ impl Material {
         })
     }
 
+    /// True if any texture varies over the surface.
+    pub fn is_textured(&self) -> bool {
+        let maps = [
+            &self.base_color_texture,
+            &self.metallic_roughness_texture,
+            &self.normal_texture,
+            &self.emissive_texture,
+            &self.transmission_texture,
+        ];
+        maps.iter().any(|map| map.is_some())
+    }
+
     /// True if no lobe of the material can be roughened.
     pub fn is_rough(&self) -> bool {
         self.is_lambert() || (self.alpha >= 1.0 && self.metallic_roughness_texture.is_none())

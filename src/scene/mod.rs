@@ -83,7 +83,7 @@ pub struct Surface {
     pub ng: Vec3,
     /// Unit shading normal, interpolated and normal-mapped, on the same side as `ng`; see [`Surface::frame_for`].
     pub ns: Vec3,
-    /// Texture coordinates (set 0).
+    /// Texture coordinates (set 0); zero where the material has no texture. See [`Geometry::uv`].
     pub uv: Vec2,
     /// Index of the triangle, in scene order.
     pub triangle: u32,

@@ -13,6 +13,7 @@ mod portable;
 mod triangle;
 mod wide;
 
+use std::borrow::Borrow;
 use std::ops::ControlFlow;
 pub(crate) use triangle::LocalRay;
 use triangle::Probe;
@@ -30,7 +31,7 @@ impl Accel {
     pub(crate) const LIMIT: f32 = wide::LIMIT;
 
     /// Builds the tree. Triangles with a coordinate that is not finite or beyond 1e17 are never hit.
-    pub fn new(triangles: &[[Vec3; 3]]) -> Self {
+    pub fn new<T: Borrow<[Vec3; 3]>>(triangles: &[T]) -> Self {
         #[allow(unused_mut, reason = "only some targets have huge pages")]
         let mut tree = Wide::new(triangles);
         #[cfg(target_arch = "x86_64")]
@@ -46,7 +47,7 @@ impl Accel {
     }
 
     /// The same tree, traversed in portable Rust on any processor: the reference for the AVX2 traversal.
-    pub fn portable(triangles: &[[Vec3; 3]]) -> Self {
+    pub fn portable<T: Borrow<[Vec3; 3]>>(triangles: &[T]) -> Self {
         Self {
             #[cfg(target_arch = "x86_64")]
             simd: None,

@@ -6,6 +6,7 @@
 use crate::math::Vec3;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams, aabb::Aabb};
+use std::borrow::Borrow;
 use std::ops::Range;
 use std::time::Duration;
 
@@ -131,19 +132,20 @@ impl Boundable for Bounded {
 
 impl Wide<Block> {
     /// Builds over all triangles whose coordinates are usable; the others keep their index and are never hit.
-    pub(super) fn new(triangles: &[[Vec3; 3]]) -> Self {
+    pub(super) fn new<T: Borrow<[Vec3; 3]>>(triangles: &[T]) -> Self {
+        let corners = |i: u32| triangles[i as usize].borrow();
         let ids: Vec<u32> = (0..triangles.len() as u32)
-            .filter(|&i| usable(&triangles[i as usize]))
+            .filter(|&i| usable(corners(i)))
             .collect();
         let boxes = (ids.iter())
-            .map(|&i| Bounded(Aabb::from_points(&triangles[i as usize].map(Into::into))))
+            .map(|&i| Bounded(Aabb::from_points(&corners(i).map(Into::into))))
             .collect();
         Self::build(boxes, &TRIANGLES, |primitives, blocks| {
             for group in primitives.chunks(LANES) {
                 let mut block = Block::EMPTY;
                 for (lane, &i) in group.iter().enumerate() {
                     let id = ids[i as usize];
-                    for (corner, p) in block.corners.iter_mut().zip(&triangles[id as usize]) {
+                    for (corner, p) in block.corners.iter_mut().zip(corners(id)) {
                         for axis in 0..3 {
                             corner[axis][lane] = p[axis];
                         }
