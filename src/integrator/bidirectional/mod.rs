@@ -484,9 +484,9 @@ impl Iteration<'_> {
 fn point<'a>(walk: &Walk<'a>, vertex: &'a Vertex) -> ShadingPoint<'a> {
     ShadingPoint {
         scene: walk.scene,
-        surface: vertex.surface,
+        surface: &vertex.surface,
         frame: vertex.frame,
-        bsdf: vertex.bsdf,
+        bsdf: &vertex.bsdf,
         wo: vertex.local,
         alpha: vertex.alpha,
         alpha_reg: vertex.alpha,
