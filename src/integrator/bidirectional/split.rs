@@ -318,9 +318,9 @@ impl<'a> Iteration<'a> {
         };
         let point = ShadingPoint {
             scene: self.view.scene,
-            surface: vertex.surface,
+            surface: &vertex.surface,
             frame: vertex.frame,
-            bsdf,
+            bsdf: &bsdf,
             wo: vertex.local,
             alpha: vertex.alpha,
             alpha_reg: roughen(rule, &prefix.memory, vertex.alpha),
