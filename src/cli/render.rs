@@ -7,7 +7,7 @@ use super::output::{Outputs, Provenance, can_write};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
-use super::{Blame, Exit, job, trace, tune};
+use super::{Blame, Exit, job, part, trace, tune};
 use anyhow::{Context, anyhow};
 use opsr::files;
 use opsr::image::Buffer;
@@ -36,11 +36,20 @@ pub(super) const DEFAULT_SPP: u32 = 128;
 
 /// Runs the command.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
-    let outputs = Outputs::new(&args.output, args.files, args.resolve)?;
-    for path in args.checkpoint.iter().chain(&args.stats) {
+    // A part makes no picture.
+    let pictures = if args.film.is_some() {
+        &[]
+    } else {
+        &args.output[..]
+    };
+    let outputs = Outputs::new(pictures, args.files, args.resolve)?;
+    for path in args.checkpoint.iter().chain(&args.stats).chain(&args.film) {
         can_write(path).output()?;
     }
     super::set_threads(args.threads)?;
+    if args.film.is_some() {
+        part::check(args)?;
+    }
     let stop = Stop::listen();
     let method = job::method(args)?;
     let opened = args.scene.open()?;
@@ -84,13 +93,13 @@ const LEVEL_BYTES: u64 = 96;
 const LEVEL_LAYER_BYTES: u64 = 36;
 
 /// Everything a render needs.
-struct RenderJob<'a> {
-    args: &'a RenderArgs,
+pub(super) struct RenderJob<'a> {
+    pub(super) args: &'a RenderArgs,
     outputs: Outputs,
-    opened: Opened,
-    settings: Settings,
-    provenance: Provenance,
-    stop: Stop,
+    pub(super) opened: Opened,
+    pub(super) settings: Settings,
+    pub(super) provenance: Provenance,
+    pub(super) stop: Stop,
 }
 
 impl RenderJob<'_> {
@@ -107,7 +116,10 @@ impl RenderJob<'_> {
             trace::run(args, &self.settings, &view, pixel)?;
             return Ok(Exit::Done);
         }
-        let fingerprint = self.fingerprint(size);
+        if let Some(path) = &args.film {
+            return self.part(path, &camera, size);
+        }
+        let fingerprint = self.fingerprint(size, args.crop.map(|crop| crop.of(size)));
         let (mut picture, start, spent) = self.start(size, &fingerprint)?;
         let live = match &args.tev {
             Some(address) => Some(Live::open(address, "opsr", &picture.film.mean())?),
@@ -143,7 +155,7 @@ impl RenderJob<'_> {
             let threads = rayon::current_num_threads();
             let metadata = (self.provenance).metadata(progress.samples, refused, seconds, threads);
             let layers = layers.of(picture);
-            (self.outputs).write(picture, layers, Some(&camera), &metadata)
+            (self.outputs).write(picture, layers, Some(camera.world_to_camera()), &metadata)
         };
         let mut saved = Instant::now();
         let mut trouble = None;
@@ -216,7 +228,7 @@ impl RenderJob<'_> {
     }
 
     /// Refuses a picture that needs more memory than there is.
-    fn check_memory(&self, window: Window) -> anyhow::Result<()> {
+    pub(super) fn check_memory(&self, window: Window) -> anyhow::Result<()> {
         let args = self.args;
         let mut each = LEVEL_BYTES;
         if args.resolve.level_layers {
@@ -253,15 +265,14 @@ impl RenderJob<'_> {
         }
     }
 
-    /// The identity of this render, which its checkpoints carry.
-    fn fingerprint(&self, size: UVec2) -> Fingerprint {
+    /// The identity of this render, which its checkpoints carry, and its parts without their crop.
+    pub(super) fn fingerprint(&self, size: UVec2, crop: Option<Window>) -> Fingerprint {
         let args = self.args;
         let settings = format!(
-            "{}, {}x{}, crop {:?}, camera {:?}, aov {:?}, {}",
+            "{}, {}x{}, crop {crop:?}, camera {:?}, aov {:?}, {}",
             self.settings.fingerprint(),
             size.x,
             size.y,
-            args.crop.map(|crop| crop.of(size)),
             args.camera,
             aovs::recorded(args),
             args.scene.words() + &args.lens.words(),

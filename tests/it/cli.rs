@@ -6,6 +6,7 @@ mod long;
 #[cfg(target_os = "linux")]
 mod memory;
 mod outputs;
+mod parts;
 mod render;
 #[cfg(unix)]
 mod shut;

@@ -24,6 +24,7 @@ mod many_lights;
 mod metric;
 mod mollifier;
 mod nested;
+mod parts;
 mod pilot;
 #[cfg(feature = "train")]
 mod readme;
