@@ -140,6 +140,8 @@ fn method(method: &MethodSpec) -> Result<(), String> {
     ensure(radius, "radius: expected a number above 0")?;
     let alpha = method.radius_alpha.is_none_or(|a| a > 0.0 && a <= 1.0);
     ensure(alpha, "radius_alpha: expected above 0 and at most 1")?;
+    let pass = method.mlt_pass.is_none_or(|n| (1..=65536).contains(&n));
+    ensure(pass, "mlt_pass: expected from 1 to 65536")?;
     ensure(
         !method.robust || !method.levels.is_empty(),
         "robust: several levels have batches",
