@@ -118,6 +118,8 @@ pub enum IntegratorKind {
     /// Metropolis light transport over bdpt: light through keyholes and around corners, chains of glossy reflections. A
     /// sample is 16 mutations per pixel.
     Mlt,
+    /// The one of the others with the least expected error, by a pilot of a few per cent of the render.
+    Auto,
 }
 
 impl IntegratorKind {
@@ -129,7 +131,8 @@ impl IntegratorKind {
     /// The algorithm, with this radius if it has one.
     pub fn estimator(self, radius: Radius) -> Estimator {
         match self {
-            Self::Path => Estimator::Path { reuse: false },
+            // Until a pilot has chosen.
+            Self::Path | Self::Auto => Estimator::Path { reuse: false },
             Self::Light => Estimator::Light,
             Self::Bdpt => Estimator::Bdpt,
             Self::Vcm => Estimator::Vcm(radius),
@@ -194,6 +197,16 @@ pub struct Method {
 impl MethodSpec {
     /// The first option that the integrator cannot take.
     pub fn refused(&self) -> Result<(), String> {
+        if self.integrator == IntegratorKind::Auto {
+            let others = [Kind::Pbrt, Kind::FilterGlossy, Kind::RoughnessClamp];
+            return match others.contains(&self.method) {
+                true => Err("integrator auto takes no mode but reuse and mollifier".into()),
+                false if self.mlt_pass.is_some() => {
+                    Err("integrator auto does not try mlt: no mlt-pass".into())
+                }
+                false => Ok(()),
+            };
+        }
         use IntegratorKind::{Bdpt, Mlt, Path, Vcm};
         let name = self.integrator.name();
         let accumulates = self.gamma.is_some() || self.table.is_some();
@@ -232,6 +245,37 @@ impl MethodSpec {
             return Err(format!("integrator {name} has no mlt-pass: mlt has"));
         }
         Ok(())
+    }
+
+    /// The methods among which [`IntegratorKind::Auto`] chooses: this one by each integrator, the path tracer first. An
+    /// integrator that cannot take the regularisation or the radius does without.
+    pub fn contenders(&self) -> Vec<Self> {
+        [
+            IntegratorKind::Path,
+            IntegratorKind::Bdpt,
+            IntegratorKind::Vcm,
+            IntegratorKind::Sppm,
+            IntegratorKind::Light,
+        ]
+        .map(|integrator| {
+            let mut spec = Self {
+                integrator,
+                ..self.clone()
+            };
+            if !integrator.merges() {
+                (spec.radius, spec.radius_alpha) = (None, None);
+            }
+            if !integrator.is_path() {
+                spec.levels = Vec::new();
+            }
+            if spec.refused().is_err() {
+                spec.method = Kind::Plain;
+                (spec.gamma, spec.table, spec.lambda) = (None, None, None);
+                spec.reuse = false;
+            }
+            spec
+        })
+        .into()
     }
 
     /// The method; a table is read from its file.

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::suite::{Kind, MethodSpec, SceneSpec, Suite};
 use crate::image::film::Window;
+use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Estimator, Settings};
 use crate::regularise::{Accumulated, Factors, Rule};
 
@@ -73,6 +74,10 @@ fn scene(scene: &SceneSpec) -> Result<(), String> {
     ensure(
         scene.reference.is_some() != scene.reference_spp.is_some(),
         "expected either `reference` or `reference_spp`",
+    )?;
+    ensure(
+        scene.reference_integrator != IntegratorKind::Auto,
+        "reference_integrator: expected one by name",
     )?;
     let size = scene.size.iter().all(|n| (1..=65536).contains(n));
     ensure(size, "size: from 1 to 65536 each")?;
