@@ -10,6 +10,7 @@ use opsr::integrator::View;
 use opsr::integrator::aov::centre;
 use opsr::regularise::{GammaIndex, LEN, Rule, bin};
 use opsr::scene::{Material, PunctualLight, Scene};
+use opsr::tune::integrator::advise;
 use serde_json::Value;
 
 /// Options of `opsr info`.
@@ -96,6 +97,7 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
     let materials: Vec<_> = parts.materials.iter().map(material).collect();
     let count = |f: fn(&PunctualLight) -> bool| parts.lights.iter().filter(|l| f(l)).count();
     let (low, high) = scene.geometry().bounds();
+    let advice = advise(scene);
     serde_json::json!({
         "triangles": scene.geometry().len(),
         "meshes": parts.meshes.len() + scene.geometry().instances(),
@@ -116,6 +118,7 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
         },
         "cameras": parts.cameras.iter().map(|c| c.name.clone()).collect::<Vec<_>>(),
         "classes": reachable(scene),
+        "integrator": { "name": advice.kind.name(), "why": advice.why },
         "unused": unused(scene, &Rule::Plain),
         "warnings": warnings,
     })
@@ -195,6 +198,11 @@ fn described(facts: &serde_json::Value) -> String {
         format!(
             "classes     {} of {LEN} occur with these materials",
             facts["classes"]
+        ),
+        format!(
+            "integrator  {}: {}",
+            facts["integrator"]["name"].as_str().unwrap_or_default(),
+            facts["integrator"]["why"].as_str().unwrap_or_default()
         ),
     ];
     let shared = &facts["shared"];
