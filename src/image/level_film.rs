@@ -67,6 +67,29 @@ impl LevelFilm {
         pixels as u64 * each as u64
     }
 
+    /// Bytes before the pixels in [`LevelFilm::write`].
+    pub const HEAD: u64 = 12;
+
+    /// Numbers of a pixel in [`LevelFilm::sample`].
+    pub fn sample_numbers(levels: usize) -> usize {
+        3 * (levels + 1) + 4
+    }
+
+    /// Numbers of a sample in a film that has no other, by pixel: levels, shared light and guide. Not numbers where it was
+    /// left out.
+    pub fn sample(&self, sample: u32) -> impl Iterator<Item = f32> + '_ {
+        let batch = sample as usize % BATCHES;
+        let each = self.levels + 1;
+        let pixels = self.sums.chunks_exact(BATCHES * each);
+        let pixels = pixels.zip(&self.counts).zip(&self.guides);
+        pixels.flat_map(move |((sums, counts), guide)| {
+            let missing = counts[batch] == 0;
+            let own = sums[batch * each..(batch + 1) * each].iter();
+            own.flat_map(move |v| if missing { Rgb::NAN } else { *v }.to_array())
+                .chain(*guide)
+        })
+    }
+
     /// Number of levels.
     pub fn levels(&self) -> usize {
         self.levels
