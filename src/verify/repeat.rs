@@ -49,6 +49,7 @@ fn ways() -> Vec<(&'static str, Settings)> {
         ..settings
     };
     let vcm = || estimator(Estimator::Vcm(Radius::default()));
+    let mlt = || estimator(Estimator::Mlt { mutations: 2 });
     vec![
         ("path", base.clone()),
         ("path, consistent", path(consistent, Vec::new(), false)),
@@ -63,6 +64,8 @@ fn ways() -> Vec<(&'static str, Settings)> {
         ("vcm", vcm()),
         ("vcm, regularised", rough(vcm())),
         ("sppm", estimator(Estimator::Sppm(Radius::default()))),
+        ("mlt", mlt()),
+        ("mlt, regularised", rough(mlt())),
     ]
 }
 

@@ -24,6 +24,7 @@ fn black_scene_without_lights() {
         Estimator::Bdpt,
         Estimator::Vcm(Radius::default()),
         Estimator::Sppm(Radius::default()),
+        Estimator::Mlt { mutations: 2 },
     ] {
         let settings = Settings {
             estimator,
