@@ -153,12 +153,12 @@ fn material(m: &Material) -> serde_json::Value {
 fn reachable(scene: &Scene) -> usize {
     let mut bins = [false; 4];
     for m in &scene.parts().materials {
-        if m.metallic_roughness_texture.is_some() {
-            bins = [true; 4];
-        } else if m.clearcoat > 0.0 && m.clearcoat_roughness_texture.is_some() {
+        let coated = m.clearcoat > 0.0;
+        let textured = m.metallic_roughness_texture.is_some();
+        if textured || coated && m.clearcoat_roughness_texture.is_some() {
             bins = [true; 4];
         } else {
-            bins[bin(m.clearcoat_alpha)] |= m.clearcoat > 0.0;
+            bins[bin(m.clearcoat_alpha)] |= coated;
             bins[bin(m.alpha)] |= !m.is_lambert();
             // A diffuse base scatters too.
             bins[3] |= m.has_base();

@@ -279,7 +279,7 @@ impl PathObserver for FirstHit {
         if n == 1
             && let Some(seen) = self.log.current()
         {
-            *seen = Some((albedo(&point.bsdf), point.frame.n, distance));
+            *seen = Some((albedo(point.bsdf), point.frame.n, distance));
         }
     }
 }
