@@ -10,7 +10,7 @@ use opsr::image::film::{Film as Moments, Window};
 use opsr::image::level_film::{LevelFilm, MAX_LEVELS};
 use opsr::integrator::drive::{Budget, RenderProgress, drive};
 use opsr::integrator::levels::SCALES;
-use opsr::integrator::method::{Kind, MethodSpec};
+use opsr::integrator::method::{IntegratorKind, Kind, MethodSpec};
 use opsr::integrator::{FirstHit, Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
@@ -69,8 +69,8 @@ impl From<RenderProgress> for Progress {
 /// rule: a rule of other renderers instead of both, for comparison: "pbrt", "filter-glossy", "roughness-clamp" or
 ///     "mollifier".
 /// reuse: continue paths with the roughened lobe; needs a table or gamma.
-/// integrator: "path", "light", "bdpt", "vcm" or "sppm"; only the first takes a table, gamma or rule, and "bdpt" the
-///     mollifier.
+/// integrator: "path", "light", "bdpt", "vcm", "sppm" or "mlt"; "light" and "sppm" take no table or gamma, and only "bdpt" and
+///     "mlt" a rule, the mollifier.
 /// levels: several amounts of roughening on the same paths, of which every pixel gets the best: their number from 1 to 8, or
 ///     the scales of the table's or the constant factor, ascending from 0. One by default, where the program has five.
 /// max_vertices: scattering vertices of the longest path, from 1 to 65536.
@@ -238,6 +238,10 @@ fn method(
     let spec = json!({ "name": "", "method": kind });
     let mut spec: MethodSpec = serde_json::from_value(spec).map_err(fault)?;
     spec.integrator = integrator.map_err(fault)?;
+    if spec.integrator == IntegratorKind::Auto {
+        let what = "auto chooses by a pilot, which opsr render has; name one";
+        return Err(argument("integrator", what));
+    }
     spec.gamma = gamma.map(|gamma| unit("gamma", gamma)).transpose()?;
     spec.reuse = reuse;
     // Named only for the check, and then put in its place.

@@ -94,6 +94,12 @@ impl<'a> Layers<'a> {
         }
     }
 
+    /// Layers without those of pixel centres.
+    pub(super) fn recorded(wanted: &'a [Aov]) -> Self {
+        let centres = None;
+        Self { wanted, centres }
+    }
+
     /// The layers of a picture, in the order asked for.
     pub(super) fn of(&self, picture: &Picture) -> Vec<Layer> {
         let layer = |aov: &Aov| self.layer(*aov, picture);

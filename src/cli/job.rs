@@ -8,7 +8,7 @@ use opsr::image::film::Window;
 use opsr::image::level_film::MAX_LEVELS;
 use opsr::integrator::Settings;
 use opsr::integrator::levels::SCALES;
-use opsr::integrator::method::{Kind, Method};
+use opsr::integrator::method::{IntegratorKind, Kind, Method, MethodSpec};
 use opsr::math::UVec2;
 use opsr::regularise::Rule;
 
@@ -196,7 +196,7 @@ pub(super) fn levels(
 
 /// Resolves the options that choose a method.
 pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
-    let mut spec = args.method.clone();
+    let spec = args.method.clone();
     let factors = spec.table.is_some() || spec.gamma.is_some();
     let consistent = spec.lambda.is_some();
     spec.refused().map_err(anyhow::Error::msg).usage()?;
@@ -212,26 +212,34 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
     if spec.filter.is_some() && spec.method != Kind::FilterGlossy {
         return Err(anyhow!("--filter needs --mode filter-glossy")).usage();
     }
+    if matches!(args.table_scale, Some(Scale::By(_))) && args.table_energy.is_some() {
+        return Err(anyhow!("--table-energy needs --table-scale auto")).usage();
+    }
+    resolve(args, spec)
+}
+
+/// The method of options that were checked.
+pub(super) fn resolve(args: &RenderArgs, mut spec: MethodSpec) -> anyhow::Result<Method> {
     if let Some(Scale::By(scale)) = args.table_scale {
-        if args.table_energy.is_some() {
-            return Err(anyhow!("--table-energy needs --table-scale auto")).usage();
-        }
         spec.table_scale = Some(scale);
     }
     spec.resolve().input()
 }
 
-/// Options that choose the picture, for the metadata of its file.
-pub(super) fn words(args: &RenderArgs) -> Vec<(&'static str, String)> {
+/// Options that choose the picture, for the metadata of its file; the integrator may be a pilot's choice.
+pub(super) fn words(args: &RenderArgs, integrator: IntegratorKind) -> Vec<(&'static str, String)> {
     let name = |value: Option<clap::builder::PossibleValue>| {
         value.map_or(String::new(), |value| value.get_name().to_owned())
     };
     let method = &args.method;
     let mut words = vec![
-        ("integrator", name(method.integrator.to_possible_value())),
+        ("integrator", name(integrator.to_possible_value())),
         ("mode", name(method.method.to_possible_value())),
         ("max_vertices", args.max_vertices.to_string()),
     ];
+    if integrator != method.integrator {
+        words.push(("integrator_chosen_by", "pilot".to_owned()));
+    }
     words.extend(method.gamma.map(|gamma| ("gamma", gamma.to_string())));
     words
 }

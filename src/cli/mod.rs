@@ -13,6 +13,7 @@ use tracing_subscriber::filter::Targets;
 use tracing_subscriber::{fmt, prelude::*};
 
 mod aovs;
+mod auto;
 mod bar;
 mod bench;
 mod compare;
@@ -20,6 +21,7 @@ mod info;
 mod job;
 mod live;
 mod output;
+mod part;
 mod references;
 mod render;
 mod render_args;
@@ -158,6 +160,8 @@ enum Command {
     Table(table::TableArgs),
     /// Choose among the levels of a render again, from its checkpoint.
     Resolve(resolve::Args),
+    /// Put the parts of a render together.
+    Merge(part::MergeArgs),
     /// Turn the results of a bench into one HTML file.
     Report(report::ReportArgs),
     /// Run hard numerical cases on this machine.
@@ -207,6 +211,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Bench(args) => bench::run(&args),
         Command::Table(args) => table::run(&args).map(|()| Exit::Done),
         Command::Resolve(args) => resolve::run(&args).map(|()| Exit::Done),
+        Command::Merge(args) => part::run(&args).map(|()| Exit::Done),
         Command::Report(args) => report::run(&args).map(|()| Exit::Done),
         Command::Verify(args) => verify::run(&args),
         Command::Completions(args) => shell::completions(&args).map(|()| Exit::Done),

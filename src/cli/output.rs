@@ -9,7 +9,6 @@ use opsr::image::exr::{self, Compression, Header, Layer, Metadata, Storage};
 use opsr::image::{Buffer, png};
 use opsr::integrator::Picture;
 use opsr::regularise::TableTuning;
-use opsr::scene::Camera;
 use opsr::tune::resolve::resolve_film;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -163,7 +162,7 @@ impl Outputs {
         &self,
         picture: &Picture,
         mut layers: Vec<Layer>,
-        camera: Option<&Camera>,
+        world_to_camera: Option<[f32; 16]>,
         metadata: &Metadata,
     ) -> anyhow::Result<Written> {
         let args = self.resolve;
@@ -195,7 +194,7 @@ impl Outputs {
         let header = Header {
             metadata,
             storage: self.args.storage(),
-            world_to_camera: camera.map(Camera::world_to_camera),
+            world_to_camera,
         };
         let is_png = |file: &PathBuf| file.extension().is_some_and(|e| e == "png");
         let display = (self.files.iter().any(is_png)).then(|| self.args.display(&shown));
@@ -281,6 +280,18 @@ impl Provenance {
         seconds: f64,
         threads: usize,
     ) -> Metadata {
+        let mut metadata = self.reproducible_metadata(spp, refused);
+        // Neither the number of threads nor the words of the command change a pixel.
+        if !self.reproducible {
+            metadata.insert("command".into(), self.command.clone());
+            metadata.insert("seconds".into(), format!("{seconds:.3}"));
+            metadata.insert("threads".into(), threads.to_string());
+        }
+        metadata
+    }
+
+    /// The metadata of reproducible files.
+    pub(super) fn reproducible_metadata(&self, spp: u32, refused: u64) -> Metadata {
         let mut metadata = Metadata::new();
         let mut set = |key: &str, value: String| {
             metadata.insert(key.to_owned(), value);
@@ -303,12 +314,6 @@ impl Provenance {
         }
         if !self.levels.is_empty() {
             set("levels", format!("{:?}", self.levels));
-        }
-        // Neither the number of threads nor the words of the command change a pixel.
-        if !self.reproducible {
-            set("command", self.command.clone());
-            set("seconds", format!("{seconds:.3}"));
-            set("threads", threads.to_string());
         }
         metadata
     }

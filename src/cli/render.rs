@@ -7,7 +7,7 @@ use super::output::{Outputs, Provenance, can_write};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
-use super::{Blame, Exit, job, trace, tune};
+use super::{Blame, Exit, auto, job, part, trace, tune};
 use anyhow::{Context, anyhow};
 use opsr::files;
 use opsr::image::Buffer;
@@ -16,6 +16,7 @@ use opsr::image::level_film::LevelFilm;
 use opsr::image::metric::relmse;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
+use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
@@ -36,22 +37,46 @@ pub(super) const DEFAULT_SPP: u32 = 128;
 
 /// Runs the command.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
-    let outputs = Outputs::new(&args.output, args.files, args.resolve)?;
-    for path in args.checkpoint.iter().chain(&args.stats) {
+    // A part makes no picture.
+    let pictures = if args.film.is_some() {
+        &[]
+    } else {
+        &args.output[..]
+    };
+    let outputs = Outputs::new(pictures, args.files, args.resolve)?;
+    for path in args.checkpoint.iter().chain(&args.stats).chain(&args.film) {
         can_write(path).output()?;
     }
     super::set_threads(args.threads)?;
+    if args.film.is_some() {
+        part::check(args)?;
+    }
     let stop = Stop::listen();
-    let method = job::method(args)?;
+    let mut method = job::method(args)?;
     let opened = args.scene.open()?;
     stop.begin();
-    let mut settings = job::settings(args, &method);
-    if args.table_scale == Some(job::Scale::Auto)
-        && !tune::tune(args, &opened, &mut settings, &stop)?
-    {
-        return Ok(Exit::Stopped);
-    }
-    settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;
+    let pilot = Instant::now();
+    let mut kind = args.method.integrator;
+    let settings = if kind == IntegratorKind::Auto {
+        let Some((contender, its_method)) = auto::choose(args, &opened, &stop)? else {
+            return Ok(Exit::Stopped);
+        };
+        (kind, method) = (contender.kind, its_method);
+        contender.settings
+    } else {
+        let mut settings = job::settings(args, &method);
+        if args.table_scale == Some(job::Scale::Auto)
+            && !tune::tune(args, &opened, &mut settings, &stop)?
+        {
+            return Ok(Exit::Stopped);
+        }
+        settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;
+        settings
+    };
+    let pilot = match args.method.integrator {
+        IntegratorKind::Auto => pilot.elapsed(),
+        _ => Duration::ZERO,
+    };
     aovs::check(args, &settings)?;
     let provenance = Provenance {
         command: std::env::args().collect::<Vec<_>>().join(" "),
@@ -61,7 +86,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         table_hash: method.table_sha256,
         levels: settings.levels.clone(),
         table_tuning: settings.rule.table().map(AttenuationTable::tuning),
-        settings: job::words(args),
+        settings: job::words(args, kind),
         reproducible: args.reproducible,
     };
     RenderJob {
@@ -71,6 +96,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         settings,
         provenance,
         stop,
+        pilot,
     }
     .run()
 }
@@ -84,13 +110,15 @@ const LEVEL_BYTES: u64 = 96;
 const LEVEL_LAYER_BYTES: u64 = 36;
 
 /// Everything a render needs.
-struct RenderJob<'a> {
-    args: &'a RenderArgs,
+pub(super) struct RenderJob<'a> {
+    pub(super) args: &'a RenderArgs,
     outputs: Outputs,
-    opened: Opened,
-    settings: Settings,
-    provenance: Provenance,
-    stop: Stop,
+    pub(super) opened: Opened,
+    pub(super) settings: Settings,
+    pub(super) provenance: Provenance,
+    pub(super) stop: Stop,
+    /// Time that the choice of the integrator took, which --time counts.
+    pilot: Duration,
 }
 
 impl RenderJob<'_> {
@@ -107,7 +135,10 @@ impl RenderJob<'_> {
             trace::run(args, &self.settings, &view, pixel)?;
             return Ok(Exit::Done);
         }
-        let fingerprint = self.fingerprint(size);
+        if let Some(path) = &args.film {
+            return self.part(path, &camera, size);
+        }
+        let fingerprint = self.fingerprint(size, args.crop.map(|crop| crop.of(size)));
         let (mut picture, start, spent) = self.start(size, &fingerprint)?;
         let live = match &args.tev {
             Some(address) => Some(Live::open(address, "opsr", &picture.film.mean())?),
@@ -143,7 +174,7 @@ impl RenderJob<'_> {
             let threads = rayon::current_num_threads();
             let metadata = (self.provenance).metadata(progress.samples, refused, seconds, threads);
             let layers = layers.of(picture);
-            (self.outputs).write(picture, layers, Some(&camera), &metadata)
+            (self.outputs).write(picture, layers, Some(camera.world_to_camera()), &metadata)
         };
         let mut saved = Instant::now();
         let mut trouble = None;
@@ -216,7 +247,7 @@ impl RenderJob<'_> {
     }
 
     /// Refuses a picture that needs more memory than there is.
-    fn check_memory(&self, window: Window) -> anyhow::Result<()> {
+    pub(super) fn check_memory(&self, window: Window) -> anyhow::Result<()> {
         let args = self.args;
         let mut each = LEVEL_BYTES;
         if args.resolve.level_layers {
@@ -245,7 +276,7 @@ impl RenderJob<'_> {
         let samples = if free { Some(DEFAULT_SPP) } else { spp };
         Budget {
             samples,
-            time,
+            time: time.map(|time| time.saturating_sub(self.pilot)),
             error: target_error.map(|bound| ErrorBound {
                 bound: bound.into(),
                 estimate: relative_error,
@@ -253,24 +284,9 @@ impl RenderJob<'_> {
         }
     }
 
-    /// The identity of this render, which its checkpoints carry.
-    fn fingerprint(&self, size: UVec2) -> Fingerprint {
-        let args = self.args;
-        let settings = format!(
-            "{}, {}x{}, crop {:?}, camera {:?}, aov {:?}, {}",
-            self.settings.fingerprint(),
-            size.x,
-            size.y,
-            args.crop.map(|crop| crop.of(size)),
-            args.camera,
-            aovs::recorded(args),
-            args.scene.words() + &args.lens.words(),
-        );
-        Fingerprint {
-            version: env!("CARGO_PKG_VERSION").into(),
-            scene: self.opened.hash.clone(),
-            settings,
-        }
+    /// The identity of this render, which its checkpoints carry, and its parts without their crop.
+    pub(super) fn fingerprint(&self, size: UVec2, crop: Option<Window>) -> Fingerprint {
+        fingerprint(self.args, &self.opened, &self.settings, size, crop)
     }
 
     /// The picture to continue, the number of its samples, and the seconds spent on them.
@@ -402,6 +418,30 @@ impl RenderJob<'_> {
             "refused": { "nan": film.rejected.nan, "infinite": film.rejected.infinite },
             "clipped_variances": film.clipped_variances(),
         })
+    }
+}
+
+/// The identity of a render with these settings.
+pub(super) fn fingerprint(
+    args: &RenderArgs,
+    opened: &Opened,
+    settings: &Settings,
+    size: UVec2,
+    crop: Option<Window>,
+) -> Fingerprint {
+    let settings = format!(
+        "{}, {}x{}, crop {crop:?}, camera {:?}, aov {:?}, {}",
+        settings.fingerprint(),
+        size.x,
+        size.y,
+        args.camera,
+        aovs::recorded(args),
+        args.scene.words() + &args.lens.words(),
+    );
+    Fingerprint {
+        version: env!("CARGO_PKG_VERSION").into(),
+        scene: opened.hash.clone(),
+        settings,
     }
 }
 

@@ -4,9 +4,11 @@ use super::aovs::Aov;
 use super::bar::Style;
 use super::job;
 use super::output::{FileArgs, ResolveArgs};
+use super::part;
 use super::scene::{self, LensArgs, SceneArgs};
 use clap::Args;
 use opsr::integrator::method::{MethodSpec, unit};
+use std::ops::Range;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -24,6 +26,11 @@ pub(super) struct RenderArgs {
     /// Samples per pixel. Without --spp, --time and --target-error: 128.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) spp: Option<u32>,
+    /// With --film: only the samples from number A on (from 0), without B. Any split of the samples, of the picture by
+    /// --crop, or of both will do. A part that begins after sample 0 keeps every sample, 12 bytes for each of a pixel and 12
+    /// more for each level, other parts only sums: parts of all samples of a crop are small.
+    #[arg(long, value_name = "A..B", requires = "film", conflicts_with = "spp", value_parser = part::samples)]
+    pub(super) samples: Option<Range<u32>>,
     /// Stop after this long, such as 60s or 5min.
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     pub(super) time: Option<Duration>,
@@ -102,6 +109,17 @@ pub(super) struct RenderArgs {
     /// Continue from the checkpoint; one of another scene or of other settings is refused.
     #[arg(long, requires = "checkpoint")]
     pub(super) resume: bool,
+    /// Write no picture but this part of one, for `opsr merge`. It is whole or not there at all.
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = [
+            "output", "time", "target_error", "checkpoint", "save_every", "reference", "stats", "trace_pixel", "tev",
+            "robust", "level_layers",
+            "denoise", "exposure", "view", "exr_half", "exr_compression"
+        ]
+    )]
+    pub(super) film: Option<PathBuf>,
     /// Show the true error against this picture (root of the relMSE), while rendering and at the end.
     #[arg(long, value_name = "FILE")]
     pub(super) reference: Option<PathBuf>,

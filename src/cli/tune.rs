@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 const DEFAULT_ROWS: u32 = 512;
 
 /// Samples per pixel that a pilot assumes for a render to a target error.
-const SPP_OF_TARGET: u32 = 256;
+pub(super) const SPP_OF_TARGET: u32 = 256;
 
 /// Tunes the table of `settings` as a pilot finds best; false if the user stopped the pilot.
 pub(super) fn tune(

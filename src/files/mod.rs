@@ -11,7 +11,7 @@ mod write;
 pub use error::{FileError, Problem};
 pub(crate) use read::{briefly, stream, toml};
 pub use read::{read, read_text};
-pub(crate) use sealed::Sealed;
+pub(crate) use sealed::{Payload, Sealed};
 pub use write::{Target, create_folder, write, write_bytes};
 
 /// Lower-case hexadecimal digits of a hash.

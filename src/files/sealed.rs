@@ -7,7 +7,7 @@ use super::{FileError, Problem, write};
 use serde::{Serialize, de::DeserializeOwned};
 use sha2::{Digest, Sha256};
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::Path;
 
 /// Bytes of the checksum at the end.
@@ -70,16 +70,11 @@ impl Sealed {
         fill(line.len() as u64, &mut bytes)?;
         if bytes != line.as_bytes() {
             fill(40, &mut bytes)?;
-            let (kind, version) = (self.kind, self.version);
-            let found = String::from_utf8_lossy(&bytes);
-            let found = found.chars().take_while(|c| (' '..='~').contains(c));
-            let found = found.collect::<String>().replace(['`', '"'], "'");
-            let what = format!("not a {kind} of version {version}: it begins with `{found}`");
-            return Err(Problem::Content(what));
+            return Err(self.another(&bytes));
         }
         bytes.clear();
         fill(self.most + 1, &mut bytes)?;
-        let damaged = |what: &str| Problem::Content(format!("a damaged {}: {what}", self.kind));
+        let damaged = |what: &str| self.damaged(what);
         let Some(end) = bytes.len().checked_sub(CHECKSUM) else {
             return Err(damaged("cut short"));
         };
@@ -100,6 +95,100 @@ impl Sealed {
         let begin = bytes.len() - payload.len();
         bytes.drain(..begin);
         Ok((header, bytes))
+    }
+
+    /// The header of a file, and its payload to read piece by piece. Neither is known to be right before
+    /// [`Payload::finish`] says so.
+    pub(crate) fn stream<H: DeserializeOwned>(&self, path: &Path) -> Result<(H, Payload), Problem> {
+        let file = File::open(path).map_err(Problem::Read)?;
+        let length = file.metadata().map_err(Problem::Read)?.len();
+        let mut file = BufReader::new(file);
+        let line = self.first_line();
+        let mut begin = Vec::new();
+        let read = (&mut file).take(line.len() as u64).read_to_end(&mut begin);
+        read.map_err(Problem::Read)?;
+        if begin != line.as_bytes() {
+            let read = file.take(40).read_to_end(&mut begin);
+            read.map_err(Problem::Read)?;
+            return Err(self.another(&begin));
+        }
+        let mut words = [0; 8];
+        let read = file.read_exact(&mut words);
+        read.map_err(|_| self.damaged("cut short"))?;
+        let long = u64::from_le_bytes(words);
+        let fixed = (line.len() + words.len() + CHECKSUM) as u64;
+        let left = length.checked_sub(fixed).and_then(|l| l.checked_sub(long));
+        let left = left.filter(|_| long <= MOST_HEADER);
+        let left = left.ok_or_else(|| self.damaged("the header ends nowhere"))?;
+        let mut header = Vec::new();
+        let read = (&mut file).take(long).read_to_end(&mut header);
+        read.map_err(Problem::Read)?;
+        let sha256 = Sha256::new_with_prefix(&begin)
+            .chain_update(words)
+            .chain_update(&header);
+        let header = serde_json::from_slice(&header);
+        let header = header.map_err(|e| self.damaged(&super::briefly(e)))?;
+        let kind = self.kind;
+        let payload = Payload {
+            kind,
+            file,
+            sha256,
+            left,
+        };
+        Ok((header, payload))
+    }
+
+    /// The problem of a file that begins with these bytes.
+    fn another(&self, bytes: &[u8]) -> Problem {
+        let (kind, version) = (self.kind, self.version);
+        let found = String::from_utf8_lossy(bytes);
+        let found = found.chars().take_while(|c| (' '..='~').contains(c));
+        let found = found.collect::<String>().replace(['`', '"'], "'");
+        let what = format!("not a {kind} of version {version}: it begins with `{found}`");
+        Problem::Content(what)
+    }
+
+    fn damaged(&self, what: &str) -> Problem {
+        Problem::Content(format!("a damaged {}: {what}", self.kind))
+    }
+}
+
+/// Longest header that is read before the rest of a file.
+const MOST_HEADER: u64 = 1 << 20;
+
+/// Payload of a sealed file that is read piece by piece.
+pub(crate) struct Payload {
+    kind: &'static str,
+    file: BufReader<File>,
+    sha256: Sha256,
+    left: u64,
+}
+
+impl Payload {
+    /// Bytes that have not been read.
+    pub(crate) fn left(&self) -> u64 {
+        self.left
+    }
+
+    /// Reads this many bytes; a file that has become shorter is an error.
+    pub(crate) fn read(&mut self, bytes: &mut [u8]) -> Result<(), Problem> {
+        self.left = self.left.saturating_sub(bytes.len() as u64);
+        self.file.read_exact(bytes).map_err(Problem::Read)?;
+        self.sha256.update(bytes);
+        Ok(())
+    }
+
+    /// An error unless all has been read and the checksum is right.
+    pub(crate) fn finish(mut self) -> Result<(), Problem> {
+        let mut checksum = [0; CHECKSUM];
+        self.file.read_exact(&mut checksum).map_err(Problem::Read)?;
+        match self.sha256.finalize()[..] == checksum && self.left == 0 {
+            true => Ok(()),
+            false => {
+                let what = format!("a damaged {}: the checksum differs", self.kind);
+                Err(Problem::Content(what))
+            }
+        }
     }
 }
 
@@ -139,16 +228,24 @@ mod tests {
         KIND.save(&path, &header, |out| out.write_all(b"payload"))
             .unwrap();
         let load = || KIND.load::<Vec<String>>(&path);
+        let stream = || -> Result<(Vec<String>, Vec<u8>), Problem> {
+            let (header, mut payload) = KIND.stream(&path)?;
+            let mut bytes = vec![0; payload.left() as usize];
+            payload.read(&mut bytes)?;
+            payload.finish()?;
+            Ok((header, bytes))
+        };
         assert_eq!(load().unwrap(), (header, b"payload".to_vec()));
+        assert_eq!(load().unwrap(), stream().unwrap());
 
         let good = std::fs::read(&path).unwrap();
         for at in 0..good.len() {
             let mut bad = good.clone();
             bad[at] ^= 1;
             std::fs::write(&path, &bad).unwrap();
-            assert!(load().is_err(), "byte {at}");
+            assert!(load().is_err() && stream().is_err(), "byte {at}");
             std::fs::write(&path, &good[..at]).unwrap();
-            assert!(load().is_err(), "cut at {at}");
+            assert!(load().is_err() && stream().is_err(), "cut at {at}");
         }
         std::fs::write(&path, vec![0; 1 << 20]).unwrap();
         assert!(load().is_err());
@@ -169,5 +266,6 @@ mod tests {
     #[cfg(target_os = "linux")]
     fn sealed_file_without_end_is_refused() {
         assert!(KIND.load::<u32>(Path::new("/dev/zero")).is_err());
+        assert!(KIND.stream::<u32>(Path::new("/dev/zero")).is_err());
     }
 }

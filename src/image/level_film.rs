@@ -50,6 +50,23 @@ impl LevelFilm {
         pixels as u64 * each as u64
     }
 
+    /// Bytes before the pixels in [`LevelFilm::write`].
+    pub const HEAD: u64 = 12;
+
+    /// Values of a sample in a film that has no other, by pixel, levels fastest; not numbers where it was left out.
+    pub fn values(&self, sample: u32) -> impl Iterator<Item = Rgb> + '_ {
+        let batch = sample as usize % BATCHES;
+        let pixels = self
+            .sums
+            .chunks_exact(BATCHES * self.levels)
+            .zip(&self.counts);
+        pixels.flat_map(move |(sums, counts)| {
+            let own = &sums[batch * self.levels..(batch + 1) * self.levels];
+            let missing = counts[batch] == 0;
+            own.iter().map(move |v| if missing { Rgb::NAN } else { *v })
+        })
+    }
+
     /// Number of levels.
     pub fn levels(&self) -> usize {
         self.levels

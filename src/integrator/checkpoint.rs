@@ -9,6 +9,7 @@ use crate::image::film::{Cause, Film, Rejected, RejectedSample, Window};
 use crate::image::level_film::LevelFilm;
 use crate::math::UVec2;
 use serde::{Deserialize, Serialize};
+use std::io::{self, Write};
 use std::path::Path;
 
 const FILE: Sealed = Sealed {
@@ -28,6 +29,23 @@ pub struct Fingerprint {
     pub scene: String,
     /// Everything else that the picture depends on, in words.
     pub settings: String,
+}
+
+impl Fingerprint {
+    /// An error unless both are the same. `file` is the kind of file that has `self`, `ours` belongs to this `other`.
+    pub(super) fn differs(&self, ours: &Self, file: &str, other: &str) -> Result<(), String> {
+        for (what, theirs, ours) in [
+            ("another version", &self.version, &ours.version),
+            ("another scene", &self.scene, &ours.scene),
+            ("other settings", &self.settings, &ours.settings),
+        ] {
+            if theirs != ours {
+                let differs = format!("it has `{theirs}`, this {other} `{ours}`");
+                return Err(format!("this {file} belongs to {what}: {differs}"));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Header of the file. Payload: the numbers of the film, then those of the AOVs if there are any.
@@ -67,62 +85,43 @@ impl Checkpoint {
     /// Writes the file, whole or not at all.
     pub fn save(&self, path: &Path) -> Result<(), FileError> {
         let film = &self.picture.film;
-        let (Window { x, y, w, h }, rejected) = (film.window, &film.rejected);
-        let first = rejected.first.iter();
+        let Window { x, y, w, h } = film.window;
+        let (refused, first_refused) = refusals(&film.rejected);
         let header = Header {
             fingerprint: self.fingerprint.clone(),
             samples: self.samples,
             seconds: self.seconds,
             size: film.size.to_array(),
             window: [x, y, w, h],
-            refused: [rejected.nan, rejected.infinite],
-            first_refused: first
-                .map(|r| (r.pixel.x, r.pixel.y, r.sample, r.cause == Cause::Infinite))
-                .collect(),
+            refused,
+            first_refused,
             levels: self.levels.clone(),
         };
-        FILE.save(path, &header, |mut out| {
-            for number in film.numbers() {
-                out.write_all(&number.to_le_bytes())?;
-            }
-            if let Some(levels) = &self.picture.levels {
-                levels.write(&mut out)?;
-            }
-            for number in self.picture.aovs.iter().flat_map(Aovs::numbers) {
-                out.write_all(&number.to_le_bytes())?;
-            }
-            Ok(())
-        })
+        FILE.save(path, &header, |out| write(&self.picture, out))
     }
 
     /// Reads the checkpoint of this render; one of another version, scene or other settings is refused.
     pub fn load(path: &Path, ours: &Fingerprint) -> Result<Self, FileError> {
         let old = Self::open(path)?;
-        let theirs = &old.fingerprint;
-        for (what, theirs, ours) in [
-            ("another version", &theirs.version, &ours.version),
-            ("another scene", &theirs.scene, &ours.scene),
-            ("other settings", &theirs.settings, &ours.settings),
-        ] {
-            if theirs != ours {
-                let differs = format!("it has `{theirs}`, this render `{ours}`");
-                let what = format!("this checkpoint belongs to {what}: {differs}");
-                return Err(FileError::content(path, what));
-            }
-        }
+        let differs = old.fingerprint.differs(ours, "checkpoint", "render");
+        differs.map_err(|what| FileError::content(path, what))?;
         Ok(old)
     }
 
     /// Reads the checkpoint of any render by this version of the file.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let (header, payload): (Header, _) = FILE.load(path)?;
-        let picture = picture(&header, &payload);
+        let [x, y, w, h] = header.window;
+        let (size, window) = (UVec2::from_array(header.size), Window { x, y, w, h });
+        let picture = read(size, window, header.levels.len(), &payload);
+        let mut picture = picture.map_err(|e| FileError::content(path, e))?;
+        picture.film.rejected = rejected(header.refused, &header.first_refused);
         Ok(Self {
             fingerprint: header.fingerprint,
             samples: header.samples,
             seconds: header.seconds,
             levels: header.levels,
-            picture: picture.map_err(|e| FileError::content(path, e))?,
+            picture,
         })
     }
 }
@@ -135,15 +134,61 @@ fn numbers(bytes: &[u8]) -> Result<Vec<f64>, &'static str> {
     numbers.collect::<Result<_, _>>().map_err(|_| "cut short")
 }
 
-/// The film, its levels if there are any, and the AOVs if there are numbers after them.
-fn picture(header: &Header, payload: &[u8]) -> Result<Picture, String> {
-    let [x, y, w, h] = header.window;
-    let window = Window { x, y, w, h };
-    let size = UVec2::from_array(header.size);
+/// Refused samples that were not a number, and that were infinite; and the first of them: column, row, sample, and true if
+/// it was infinite.
+pub(super) type Refusals = ([u64; 2], Vec<(u32, u32, u32, bool)>);
+
+/// Refused samples as a header has them.
+pub(super) fn refusals(rejected: &Rejected) -> Refusals {
+    let first = rejected.first.iter();
+    let first = first.map(|r| (r.pixel.x, r.pixel.y, r.sample, r.cause == Cause::Infinite));
+    ([rejected.nan, rejected.infinite], first.collect())
+}
+
+/// The inverse of [`refusals`].
+pub(super) fn rejected(refused: [u64; 2], first: &[(u32, u32, u32, bool)]) -> Rejected {
+    let sample = |&(x, y, sample, infinite): &(u32, u32, u32, bool)| RejectedSample {
+        pixel: UVec2::new(x, y),
+        sample,
+        cause: if infinite {
+            Cause::Infinite
+        } else {
+            Cause::Nan
+        },
+    };
+    let first = first.iter().take(Rejected::REMEMBERED);
+    Rejected {
+        nan: refused[0],
+        infinite: refused[1],
+        first: first.map(sample).collect(),
+    }
+}
+
+/// Writes the film, its levels if there are any, and the AOVs.
+pub(super) fn write(picture: &Picture, mut out: &mut dyn Write) -> io::Result<()> {
+    for number in picture.film.numbers() {
+        out.write_all(&number.to_le_bytes())?;
+    }
+    if let Some(levels) = &picture.levels {
+        levels.write(&mut out)?;
+    }
+    for number in picture.aovs.iter().flat_map(Aovs::numbers) {
+        out.write_all(&number.to_le_bytes())?;
+    }
+    Ok(())
+}
+
+/// The film without refusals, its levels if there are any, and the AOVs if there are numbers after them.
+pub(super) fn read(
+    size: UVec2,
+    window: Window,
+    levels: usize,
+    payload: &[u8],
+) -> Result<Picture, String> {
     let end = (8 * Film::NUMBERS).saturating_mul(window.len());
     let (film, mut rest) = payload.split_at(end.min(payload.len()));
-    let mut film = Film::from_numbers(size, window, &numbers(film)?).map_err(|e| e.to_string())?;
-    let levels = match header.levels.len() {
+    let film = Film::from_numbers(size, window, &numbers(film)?).map_err(|e| e.to_string())?;
+    let levels = match levels {
         0 => None,
         n => {
             let read = LevelFilm::read(size, window, &mut rest)?;
@@ -152,22 +197,6 @@ fn picture(header: &Header, payload: &[u8]) -> Result<Picture, String> {
             }
             Some(read)
         }
-    };
-    let first = header.first_refused.iter().take(Rejected::REMEMBERED);
-    film.rejected = Rejected {
-        nan: header.refused[0],
-        infinite: header.refused[1],
-        first: first
-            .map(|&(x, y, sample, infinite)| RejectedSample {
-                pixel: UVec2::new(x, y),
-                sample,
-                cause: if infinite {
-                    Cause::Infinite
-                } else {
-                    Cause::Nan
-                },
-            })
-            .collect(),
     };
     let aovs = match &numbers(rest)?[..] {
         [] => None,

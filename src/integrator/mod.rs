@@ -1,4 +1,4 @@
-//! Rendering: estimators, the steps they share, budgets and checkpoints.
+//! Rendering: estimators, the steps they share, budgets, checkpoints and parts.
 //!
 //! [`Settings`] name an [`Estimator`] and a [rule](crate::regularise::Rule); [`Settings::integrator`] makes an
 //! [`Integrator`] of them, the one place with dynamic dispatch (one call a pass). Everything below is monomorphised: plain
@@ -12,6 +12,8 @@ pub mod checkpoint;
 pub mod drive;
 pub mod levels;
 pub mod method;
+pub mod metropolis;
+pub mod part;
 pub mod path;
 pub mod settings;
 pub mod trace;
@@ -24,6 +26,7 @@ use crate::scene::{Camera, Scene, Sensor};
 pub use aov::{Aovs, FirstHit};
 pub use bidirectional::Bidirectional;
 pub use census::Census;
+pub use metropolis::Metropolis;
 pub use path::PathTracer;
 pub use settings::{Estimator, Settings};
 use std::ops::Range;

@@ -2,6 +2,7 @@
 
 use super::bidirectional::{Bidirectional, Radius, Strategies};
 use super::levels::{LevelError, LevelTracer};
+use super::metropolis::Metropolis;
 use super::path::PathTracer;
 use super::{Integrator, Picture, View};
 use crate::image::level_film::LevelFilm;
@@ -28,6 +29,11 @@ pub enum Estimator {
     Vcm(Radius),
     /// Progressive photon mapping with one radius for the whole picture.
     Sppm(Radius),
+    /// Metropolis light transport over bidirectional path tracing.
+    Mlt {
+        /// Mutations per pixel of one sample, at least 1.
+        mutations: u32,
+    },
 }
 
 impl Default for Estimator {
@@ -88,6 +94,10 @@ impl Settings {
             Estimator::Bdpt => (Strategies::All, None),
             Estimator::Vcm(radius) => (Strategies::All, Some(radius)),
             Estimator::Sppm(radius) => (Strategies::Density, Some(radius)),
+            Estimator::Mlt { mutations } => {
+                let base = self.bidirectional(Strategies::All);
+                return Box::new(Metropolis::new(base, mutations));
+            }
         };
         Box::new(Bidirectional {
             merging,
@@ -95,13 +105,22 @@ impl Settings {
         })
     }
 
-    /// The bidirectional path tracer of these settings with these strategies, without merging; the only rule it has is the mollifier.
+    /// The bidirectional path tracer of these settings with these strategies, without merging; of the rules it has the
+    /// mollifier and accumulated roughness.
     pub fn bidirectional(&self, strategies: Strategies) -> Bidirectional {
         Bidirectional {
             strategies,
             merging: None,
             mollifier: match self.rule {
-                Rule::Mollifier(radius) if self.estimator == Estimator::Bdpt => Some(radius),
+                Rule::Mollifier(radius)
+                    if matches!(self.estimator, Estimator::Bdpt | Estimator::Mlt { .. }) =>
+                {
+                    Some(radius)
+                }
+                _ => None,
+            },
+            split: match &self.rule {
+                Rule::Accumulated(rule) if !rule.factors.are_zero() => Some(rule.clone()),
                 _ => None,
             },
             max_vertices: self.max_vertices,

@@ -3,8 +3,9 @@
 //! Overlapping bodies are nested dielectrics (Schmidt, Budge: *Simple Nested Dielectrics in Ray Traced Images*, Journal of
 //! Graphics Tools 7(2), 2002): the one of the highest rank is there, and the others' boundaries inside of it do not exist.
 
-use super::{Hit, Mesh, PunctualLight, Scene, SceneParts};
+use super::{Hit, Material, Mesh, PunctualLight, Scene, SceneParts, SharedMesh};
 use crate::math::{DVec3, Ray, Rgb, Vec3};
+use glam::DAffine3;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 
@@ -18,15 +19,24 @@ const PROBES: usize = 256;
 /// meshes), then the later material.
 pub(super) fn ranks(parts: &SceneParts) -> Vec<u32> {
     let mut extents = vec![0.0f32; parts.materials.len()];
+    let mut extend = |material: u32, extent: f32| {
+        if let Some(most) = extents.get_mut(material as usize) {
+            *most = most.max(extent);
+        }
+    };
     for mesh in &parts.meshes {
-        let (low, high) = mesh
-            .positions
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| {
-                (low.min(p), high.max(p))
-            });
-        if let Some(extent) = extents.get_mut(mesh.material as usize) {
-            *extent = extent.max(low.distance(high));
+        extend(mesh.material, extent(mesh.positions.iter().copied()));
+    }
+    for SharedMesh { mesh, poses } in &parts.shared {
+        // Positions times instances are many, and the rank of what is no body does not matter.
+        let body = parts.materials.get(mesh.material as usize);
+        if body.is_some_and(Material::bounds_body) {
+            let of = |pose: &DAffine3| {
+                let there = |p: &Vec3| pose.transform_point3(p.as_dvec3()).as_vec3();
+                extent(mesh.positions.iter().map(there))
+            };
+            let largest = poses.par_iter().map(of).reduce(|| 0.0, f32::max);
+            extend(mesh.material, largest);
         }
     }
     let mut order: Vec<usize> = (0..extents.len()).collect();
@@ -39,6 +49,18 @@ pub(super) fn ranks(parts: &SceneParts) -> Vec<u32> {
         ranks[i] = rank as u32;
     }
     ranks
+}
+
+/// Diagonal of the box around points.
+fn extent(points: impl Iterator<Item = Vec3>) -> f32 {
+    let (low, high) = bounds(points);
+    low.distance(high)
+}
+
+/// The box around points.
+fn bounds(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
+    let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    points.fold(start, |(low, high), p| (low.min(p), high.max(p)))
 }
 
 impl Scene {
@@ -68,29 +90,33 @@ impl Scene {
 
     /// For each material, true if all its meshes are closed, facing outwards, and no light reaches into the box around any of them: a ray
     /// that starts on such a surface towards its inside is blocked by the body before it meets a light. False for all where
-    /// opacity makes holes, or where boundaries of overlapping bodies do not exist. One thread, since paths wait for it: a
+    /// opacity makes holes, or where boundaries of overlapping bodies do not exist; for shared meshes, whose instances may be
+    /// many; and for all where such a mesh shines. One thread, since paths wait for it: a
     /// pool of threads that waits for itself would never end.
     pub(super) fn find_dark_insides(&self) -> Vec<bool> {
-        let materials = &self.parts.materials;
-        let mut dark: Vec<bool> = materials.iter().map(|m| m.bounds_body()).collect();
-        if self.has_overlaps || self.geometry.has_opacity() || !dark.contains(&true) {
+        let SceneParts {
+            meshes,
+            shared,
+            materials,
+            lights,
+            ..
+        } = &self.parts;
+        let mut dark: Vec<bool> = materials.iter().map(Material::bounds_body).collect();
+        let material = |mesh: &Mesh| mesh.material as usize;
+        let shines =
+            |mesh: &Mesh| (materials.get(material(mesh))).is_some_and(|m| m.emission != Rgb::ZERO);
+        let unknown = self.has_overlaps || self.geometry.has_opacity();
+        if unknown || shared.iter().any(|shared| shines(&shared.mesh)) || !dark.contains(&true) {
             return vec![false; dark.len()];
         }
-        let nothing = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let mut boxes = vec![nothing; self.parts.meshes.len()];
-        for i in 0..self.geometry.len() as u32 {
-            let (low, high) = &mut boxes[self.geometry.triangle_mesh(i) as usize];
-            for corner in self.geometry.triangle(i) {
-                (*low, *high) = (low.min(corner), high.max(corner));
+        for SharedMesh { mesh, .. } in shared {
+            if let Some(dark) = dark.get_mut(material(mesh)) {
+                *dark = false;
             }
         }
-        let material = |mesh: &Mesh| mesh.material as usize;
-        let area = (self.parts.meshes.iter().zip(&boxes))
-            .filter(|(mesh, _)| {
-                (materials.get(material(mesh))).is_some_and(|m| m.emission != Rgb::ZERO)
-            })
-            .map(|(_, bounds)| *bounds);
-        let points = self.parts.lights.iter().filter_map(|light| match light {
+        let around = |mesh: &Mesh| bounds(mesh.positions.iter().copied());
+        let area = meshes.iter().filter(|mesh| shines(mesh)).map(around);
+        let points = lights.iter().filter_map(|light| match light {
             PunctualLight::Point { position, .. } | PunctualLight::Spot { position, .. } => {
                 Some((*position, *position))
             }
@@ -103,9 +129,9 @@ impl Scene {
             let (low, high) = (low - slack, high + slack);
             (lights.iter()).any(|(l, h)| l.cmple(high).all() && h.cmpge(low).all())
         };
-        for (mesh, bounds) in self.parts.meshes.iter().zip(&boxes) {
+        for mesh in meshes {
             let m = material(mesh);
-            if dark.get(m) == Some(&true) && (lit(*bounds) || !all_outwards(mesh)) {
+            if dark.get(m) == Some(&true) && (lit(around(mesh)) || !all_outwards(mesh)) {
                 dark[m] = false;
             }
         }
@@ -121,19 +147,12 @@ impl Scene {
         if !bounds.contains(&true) {
             return false;
         }
-        let mut triangles = vec![Vec::new(); self.parts.meshes.len()];
-        for i in 0..self.geometry.len() as u32 {
-            if bounds[self.geometry.triangle_material(i) as usize] {
-                triangles[self.geometry.triangle_mesh(i) as usize].push(i);
-            }
-        }
-        let probes: Vec<u32> = (triangles.iter())
+        let probes: Vec<u32> = (self.geometry.ranges().into_iter())
+            .filter(|of_mesh| bounds[self.geometry.triangle_material(of_mesh.start) as usize])
             .flat_map(|of_mesh| {
-                of_mesh
-                    .iter()
-                    .step_by(of_mesh.len().div_ceil(PROBES).max(1))
+                let step = of_mesh.len().div_ceil(PROBES);
+                of_mesh.step_by(step)
             })
-            .copied()
             .collect();
         probes.into_par_iter().any(|triangle| {
             let surface = self.surface(&Hit {

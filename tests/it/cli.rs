@@ -1,11 +1,13 @@
 //! The program: exit codes, messages, and files that are whole or unchanged.
 
+mod auto;
 mod broken;
 mod faults;
 mod long;
 #[cfg(target_os = "linux")]
 mod memory;
 mod outputs;
+mod parts;
 mod render;
 #[cfg(unix)]
 mod shut;

@@ -164,6 +164,11 @@ fn fuzz_checkpoints() {
 }
 
 #[test]
+fn fuzz_parts() {
+    short(&targets::parts(), 600);
+}
+
+#[test]
 fn fuzz_textures() {
     short(&targets::textures(), 500);
 }

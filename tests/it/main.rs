@@ -16,6 +16,7 @@ mod exr;
 mod film;
 mod fuzz;
 mod geometry;
+mod instances;
 mod lens;
 mod levels;
 mod load;
@@ -23,6 +24,7 @@ mod many_lights;
 mod metric;
 mod mollifier;
 mod nested;
+mod parts;
 mod pilot;
 #[cfg(feature = "train")]
 mod readme;

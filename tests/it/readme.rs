@@ -17,8 +17,10 @@ const DOCUMENTS: [&str; 4] = [
 ];
 
 /// Input files that a reader brings along.
-const STAND_INS: [&str; 7] = [
+const STAND_INS: [&str; 9] = [
     "pool.ckpt",
+    "left.part",
+    "right.part",
     "scene.glb",
     "a.exr",
     "b.exr",
@@ -28,7 +30,7 @@ const STAND_INS: [&str; 7] = [
 ];
 
 /// Options whose value is written, not read.
-const OUTPUTS: [&str; 10] = [
+const OUTPUTS: [&str; 11] = [
     "--stats",
     "-o",
     "--output",
@@ -39,12 +41,14 @@ const OUTPUTS: [&str; 10] = [
     "--maps",
     "--plots",
     "--checkpoint",
+    "--film",
 ];
 
-const SUBCOMMANDS: [&[&str]; 14] = [
+const SUBCOMMANDS: [&[&str]; 15] = [
     &["completions"],
     &["man"],
     &["resolve"],
+    &["merge"],
     &["render"],
     &["train"],
     &["info"],
@@ -311,7 +315,7 @@ fn planted_faults_in_a_document_are_found() {
     let good = "`--spp` [x](README.md#licence)\n```sh\nopsr render scene.glb --spp 3 # --not an option\n```\n";
     assert_eq!(faults("README.md", good), Vec::<String>::new());
     for (planted, expected) in [
-        ("```sh\nopsr render scene.glb --samples 3\n```", "--samples"),
+        ("```sh\nopsr render scene.glb --rays 3\n```", "--rays"),
         ("```sh\nopsr render scene.glb --mode reused\n```", "reused"),
         ("```sh\nopsr render scene.glb --gamma 2\n```", "from 0 to 1"),
         (
@@ -326,8 +330,8 @@ fn planted_faults_in_a_document_are_found() {
         ("```sh\ncargo bench --bench none\n```", "none in Cargo.toml"),
         ("```sh\ntests/none.sh\n```", "tests/none.sh does not exist"),
         ("```sh\nmake\n```", "not a command"),
-        ("see `opsr render --samples 3`", "--samples"),
-        ("add `--samples 3`", "--samples: no command"),
+        ("see `opsr render --rays 3`", "--rays"),
+        ("add `--rays 3`", "--rays: no command"),
         ("[x](none.md)", "none.md does not exist"),
         ("[x](README.md#none)", "no such heading"),
     ] {

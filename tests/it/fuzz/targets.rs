@@ -8,8 +8,10 @@ use opsr::files::FileError;
 use opsr::gallery::manifest::Manifest;
 use opsr::image::level_film::LevelFilm;
 use opsr::image::{exr, png};
+use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
-use opsr::integrator::{FirstHit, Picture, Settings, View};
+use opsr::integrator::part::{MergeError, Part, merge};
+use opsr::integrator::{Estimator, FirstHit, Picture, Settings, View};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::regularise::file::TableFile;
 use opsr::report::bench::page::page;
@@ -29,6 +31,7 @@ pub(crate) fn all() -> Vec<Target> {
         manifests(),
         suites(),
         checkpoints(),
+        parts(),
         textures(),
         results(),
         #[cfg(feature = "train")]
@@ -85,6 +88,23 @@ pub(crate) fn gltf() -> Target {
             };
             let view = View::of(&scene, &camera, &picture.film);
             settings.integrator().pass(&view, 0..1, &mut picture);
+            // One of the other estimators, which depends on the file alone.
+            let others = [
+                Estimator::Light,
+                Estimator::Bdpt,
+                Estimator::Vcm(Radius::default()),
+                Estimator::Sppm(Radius::default()),
+                Estimator::Mlt { mutations: 1 },
+            ];
+            let settings = Settings {
+                estimator: others[scene.geometry().len() % others.len()],
+                ..settings
+            };
+            if settings.check_scene(&scene, &camera).is_ok() {
+                let mut integrator = settings.integrator();
+                integrator.notes(&view);
+                integrator.pass(&view, 0..2, &mut picture);
+            }
             Ok(format!("with{contents}: {warnings}"))
         },
     }
@@ -256,6 +276,64 @@ pub(crate) fn checkpoints() -> Target {
             let levels = (checkpoint.picture.levels).map_or(0, |film| film.levels());
             let layers = format!("AOVs {aovs}, levels {levels}");
             Ok(format!("rejected samples {rejected}, {layers}"))
+        },
+    }
+}
+
+/// A part of a render, of one level or of two.
+fn part(samples: std::ops::Range<u32>, levels: &[f32]) -> Vec<u8> {
+    let scene = crate::support::render::scene(opsr::gallery::caustic_box());
+    let (camera, film) = (&scene.parts().cameras[0], seeds::film());
+    let view = View::of(&scene, camera, &film);
+    let settings = Settings {
+        rule: opsr::regularise::Rule::constant(0.3),
+        levels: levels.to_vec(),
+        ..Settings::default()
+    };
+    let aovs = [!levels.is_empty(), false];
+    let part = Part::new(fingerprint(), &view, samples, levels.to_vec(), aovs);
+    let mut go_on = |_: &_| std::ops::ControlFlow::Continue(());
+    let mut integrator = settings.integrator();
+    written(|path| text(part.render(path, &mut *integrator, &view, &mut go_on)).map(drop))
+}
+
+/// Parts of renders: those that begin with sample 0, and those that follow them.
+pub(crate) fn parts() -> Target {
+    Target {
+        name: "parts",
+        file_name: "fuzz.part",
+        seeds: vec![
+            part(0..2, &[]),
+            part(2..4, &[]),
+            part(0..2, &[0.0, 1.0]),
+            part(2..4, &[0.0, 1.0]),
+        ],
+        repair: repair::sealed,
+        read: |path: &Path| {
+            let bytes = text(std::fs::read(path))?;
+            let has = |words: &str| bytes.windows(words.len()).any(|w| w == words.as_bytes());
+            let folder = crate::support::quick_folder();
+            let mut paths = vec![path.to_owned()];
+            if !has("\"samples\":[0,") {
+                let first = if has("\"levels\":[]") {
+                    part(0..2, &[])
+                } else {
+                    part(0..2, &[0.0, 1.0])
+                };
+                paths.push(folder.path().join("fuzz.part"));
+                text(std::fs::write(&paths[1], first))?;
+            }
+            let merged = merge(&paths, |_| seeds::film().window, None);
+            let picture = merged
+                .map_err(|e| match e {
+                    MergeError::Samples(what) => format!("{}: {what}", path.display()),
+                    e => e.to_string(),
+                })?
+                .picture;
+            assert_eq!(picture.film.pixels.len(), picture.film.window.len());
+            let aovs = picture.aovs.is_some();
+            let levels = picture.levels.map_or(0, |film| film.levels());
+            Ok(format!("AOVs {aovs}, levels {levels}"))
         },
     }
 }

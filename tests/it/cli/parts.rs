@@ -1,0 +1,196 @@
+//! `opsr render --film` and `opsr merge`.
+
+use super::Place;
+use opsr::gallery;
+
+/// A split by samples, by crops, and by both, in another order, and at other numbers of threads.
+#[test]
+fn parts_merge_to_the_bytes_of_the_single_render() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::caustic_box());
+    for settings in [
+        "--aov albedo,alpha,emission,indirect",
+        "--gamma 0.3 --aov",
+        "--gamma 0.3 --levels 0,0.5,4",
+        "--integrator bdpt",
+        "--integrator sppm",
+    ] {
+        place
+            .render(&format!("--spp 7 {settings} -o one.exr -o one.png"))
+            .done();
+        for parts in [
+            vec!["--samples 5..7", "--samples 0..3", "--samples 3..5"],
+            vec!["--spp 7 --crop 1/2,0,1/2,16", "--spp 7 --crop 0,0,1/2,16"],
+            vec![
+                "--samples 0..7 --crop 0,0,16,5",
+                "--samples 4..7 --crop 0,5,16,11 --threads 3",
+                "--samples 0..4 --crop 0,5,7,11",
+                "--samples 0..4 --crop 7,5,9,11 --threads 1",
+            ],
+        ] {
+            let mut names = String::new();
+            for (i, part) in parts.iter().enumerate() {
+                place
+                    .render(&format!("{settings} {part} --film {i}.part"))
+                    .done();
+                names += &format!(" {i}.part");
+            }
+            let ended = place
+                .opsr(&format!("merge{names} --spp 7 -o all.exr -o all.png"))
+                .done();
+            assert!(
+                ended
+                    .err
+                    .starts_with("all.exr, all.png: 16x16, 7 spp from "),
+                "{}",
+                ended.err
+            );
+            for kind in ["exr", "png"] {
+                let same = place.read(&format!("one.{kind}")) == place.read(&format!("all.{kind}"));
+                assert!(same, "{kind}, {settings}, {parts:?}");
+            }
+        }
+    }
+    assert!(!place.path().join("out.exr").exists());
+}
+
+#[test]
+fn parts_of_other_renders_are_refused_by_name() {
+    let place = Place::new();
+    place.save("other.glb", &gallery::caustic_box());
+    let part = |scene: &str, args: &str, name: &str| {
+        let common = "--size 8x8 --progress none";
+        place
+            .opsr(&format!("render {scene} {common} {args} --film {name}"))
+            .done();
+    };
+    part("scene.glb", "--samples 0..2", "a.part");
+    part("scene.glb", "--samples 2..4 --seed 1", "seed.part");
+    part(
+        "scene.glb",
+        "--samples 2..4 --max-vertices 3",
+        "vertices.part",
+    );
+    part("other.glb", "--samples 2..4", "scene.part");
+    part("scene.glb", "--samples 3..4", "late.part");
+    place.write("cut.part", &place.read("late.part")[..900]);
+    let mut damaged = place.read("late.part");
+    let end = damaged.len() - 40;
+    damaged[end] ^= 1;
+    place.write("damaged.part", damaged);
+    place.write("text.part", "nothing");
+    for (code, args, words) in [
+        (
+            3,
+            "a.part seed.part",
+            "seed.part: this part belongs to other settings: it has `",
+        ),
+        (
+            3,
+            "a.part vertices.part",
+            "vertices.part: this part belongs to other settings: it has `",
+        ),
+        (
+            3,
+            "a.part scene.part",
+            "scene.part: this part belongs to another scene: it has `",
+        ),
+        (
+            3,
+            "late.part a.part",
+            "missing samples: 2..3 within 8x8 pixels at (0, 0)",
+        ),
+        (
+            3,
+            "a.part a.part",
+            "a.part and a.part both have samples 0..2 of 8x8",
+        ),
+        (
+            3,
+            "a.part cut.part",
+            "cut.part: its length is not that of its samples",
+        ),
+        (
+            3,
+            "a.part text.part",
+            "text.part: not a part of a render of version 1: it begins with `nothing`",
+        ),
+        (3, "a.part none.part", "none.part: cannot be read"),
+        (
+            3,
+            "a.part --spp 1",
+            "a.part: samples 0..2 of 8x8 pixels at (0, 0): more than the 1",
+        ),
+        (
+            3,
+            "a.part --crop 0,0,4,4",
+            "a.part: 8x8 pixels at (0, 0) leave the 4x4",
+        ),
+        (2, "a.part -o out.jpg", "ends in .exr or .png"),
+        (2, "", "PART"),
+        (4, "a.part -o none/out.exr", "no such folder"),
+    ] {
+        let ended = place.opsr(&format!("merge {args}"));
+        assert_eq!(ended.code, Some(code), "{args}: {}", ended.err);
+        assert!(ended.err.contains(words), "{args}: {}", ended.err);
+    }
+    part("scene.glb", "--samples 2..3", "b.part");
+    let ended = place.opsr("merge a.part b.part damaged.part");
+    assert_eq!(ended.code, Some(3), "{}", ended.err);
+    let words = "damaged.part: a damaged part of a render: the checksum differs";
+    assert!(ended.err.contains(words), "{}", ended.err);
+    assert!(!place.path().join("out.exr").exists());
+    for (args, words) in [
+        ("--samples 0..4", "--film"),
+        ("--samples 4..4 --film x", "expected A..B"),
+        ("--samples 0..4 --spp 4 --film x", "--spp"),
+        ("--film x -o y.exr", "--output"),
+        ("--film x --time 3s", "--time"),
+        ("--film x --checkpoint c", "--checkpoint"),
+        (
+            "--film x --aov id",
+            "--film keeps no --aov position, id and time",
+        ),
+        (
+            "--film x --opsr-table beta-0.001 --table-scale auto",
+            "--table-scale",
+        ),
+        ("--film x --crop 0,0,99,99", "--crop"),
+    ] {
+        let ended = place.opsr(&format!("render scene.glb --size 8x8 {args}"));
+        assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
+        assert!(ended.err.contains(words), "{args}: {}", ended.err);
+    }
+}
+
+/// A part that is stopped, or that a full disk ends, is not there.
+#[test]
+#[cfg(unix)]
+fn parts_are_whole_or_not_there() {
+    let place = Place::new();
+    let long =
+        "render scene.glb --size 64x64 --samples 1..1000000 --film long.part --progress json";
+    let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
+    command
+        .args(long.split(' '))
+        .stdout(std::process::Stdio::piped());
+    let mut child = command.spawn().expect("the program");
+    let mut line = String::new();
+    let out = child.stdout.take().expect("a pipe");
+    std::io::BufRead::read_line(&mut std::io::BufReader::new(out), &mut line).expect("progress");
+    let id = child.id().to_string();
+    assert!(
+        std::process::Command::new("kill")
+            .args(["-INT", &id])
+            .status()
+            .expect("kill")
+            .success()
+    );
+    assert_eq!(child.wait().expect("an end").code(), Some(5));
+    let ended = place.opsr_on_a_full_disk(
+        4096,
+        "render scene.glb --size 64x64 --samples 1..9 --film full.part",
+    );
+    assert_eq!(ended.code, Some(4), "{}", ended.err);
+    assert_eq!(place.files().into_keys().collect::<Vec<_>>(), ["scene.glb"]);
+}

@@ -1,0 +1,288 @@
+//! Renders in parts: any split, merged in any order, is the single render bit by bit.
+
+use crate::fuzz::mutate::Rng;
+use crate::support::quick_folder;
+use crate::support::render::scene;
+use opsr::gallery::caustic_box;
+use opsr::image::Film;
+use opsr::image::film::Window;
+use opsr::image::level_film::LevelFilm;
+use opsr::integrator::aov::LightSplit;
+use opsr::integrator::checkpoint::Fingerprint;
+use opsr::integrator::part::{MergeError, Part, merge};
+use opsr::integrator::{Aovs, Estimator, FirstHit, Integrator, Picture, Settings, View};
+use opsr::math::{Rgb, UVec2};
+use opsr::regularise::Rule;
+use std::ops::{ControlFlow, Range};
+use std::path::PathBuf;
+
+/// A box of pixels and samples.
+type Piece = (Window, Range<u32>);
+
+const FRAME: UVec2 = UVec2::new(24, 20);
+const SPP: u32 = 11;
+
+/// A crop of the frame, as the whole of all parts.
+fn window() -> Window {
+    Window {
+        x: 3,
+        y: 2,
+        w: 19,
+        h: 17,
+    }
+}
+
+/// Cuts a piece into random pieces, in random order.
+fn cut(rng: &mut Rng, piece: Piece, cuts: usize) -> Vec<Piece> {
+    let mut pieces = vec![piece];
+    for _ in 0..cuts {
+        let (window, samples) = pieces.swap_remove(rng.below(pieces.len()));
+        let (mut a, mut b) = ((window, samples.clone()), (window, samples.clone()));
+        let place = |rng: &mut Rng, length: u32| 1 + rng.below(length as usize - 1) as u32;
+        match rng.below(3) {
+            0 if window.w > 1 => {
+                let at = place(rng, window.w);
+                (a.0.w, b.0.x, b.0.w) = (at, window.x + at, window.w - at);
+            }
+            1 if window.h > 1 => {
+                let at = place(rng, window.h);
+                (a.0.h, b.0.y, b.0.h) = (at, window.y + at, window.h - at);
+            }
+            _ if samples.len() > 1 => {
+                let at = samples.start + place(rng, samples.len() as u32);
+                (a.1.end, b.1.start) = (at, at);
+            }
+            _ => {
+                pieces.push((window, samples));
+                continue;
+            }
+        }
+        pieces.extend([a, b]);
+    }
+    pieces
+}
+
+fn fingerprint() -> Fingerprint {
+    Fingerprint {
+        version: "1".into(),
+        scene: "box".into(),
+        settings: "any".into(),
+    }
+}
+
+fn blank(window: Window, levels: usize, [first, light]: [bool; 2]) -> Picture {
+    Picture {
+        film: Film::cropped(FRAME, window).expect("inside"),
+        aovs: (first || light).then(|| Aovs {
+            first: first.then(|| FirstHit::new(window)),
+            light: light.then(|| LightSplit::new(window)),
+            time: None,
+        }),
+        levels: (levels > 0).then(|| LevelFilm::new(FRAME, window, levels)),
+    }
+}
+
+/// Compares the single render with ten random splits of it.
+fn check(
+    name: &str,
+    integrator: &dyn Fn() -> Box<dyn Integrator>,
+    levels: &[f32],
+    aovs: [bool; 2],
+) {
+    let scene = scene(caustic_box());
+    let camera = &scene.parts().cameras[0];
+    let mut whole = blank(window(), levels.len(), aovs);
+    let view = View::of(&scene, camera, &whole.film);
+    integrator().pass(&view, 0..SPP, &mut whole);
+    let mut rng = Rng::new(name, 0);
+    let folder = quick_folder();
+    for round in 0..10 {
+        let pieces = cut(&mut rng, (window(), 0..SPP), round);
+        let render = |(i, (window, samples)): (usize, Piece)| {
+            let path = folder.path().join(format!("{i}.part"));
+            let view = View { window, ..view };
+            let part = Part::new(fingerprint(), &view, samples, levels.to_vec(), aovs);
+            let mut integrator = integrator();
+            let mut go_on = |_: &_| ControlFlow::Continue(());
+            let done = part.render(&path, &mut *integrator, &view, &mut go_on);
+            assert!(done.expect("a part"));
+            path
+        };
+        let paths: Vec<PathBuf> = pieces.into_iter().enumerate().map(render).collect();
+        let merged = merge(&paths, |_| window(), None).expect("all parts");
+        assert_eq!(merged.samples, SPP);
+        let (a, b) = (&merged.picture, &whole);
+        assert!(a.film.pixels == b.film.pixels, "{name}, round {round}");
+        let count = |p: &Picture| (p.film.rejected.nan, p.film.rejected.infinite);
+        assert_eq!(count(a), count(b), "{name}");
+        assert!(
+            a.levels == b.levels && a.aovs == b.aovs,
+            "{name}, round {round}"
+        );
+    }
+}
+
+#[test]
+fn parts_of_any_split_merge_to_the_single_render() {
+    let of = |estimator, rule, levels: &[f32]| Settings {
+        estimator,
+        rule,
+        levels: levels.to_vec(),
+        seed: 11,
+        ..Settings::default()
+    };
+    let path = Estimator::default();
+    for (name, settings, aovs) in [
+        ("plain", of(path, Rule::Plain, &[]), [true, true]),
+        (
+            "constant",
+            of(path, Rule::constant(0.3), &[]),
+            [false, true],
+        ),
+        (
+            "levels",
+            of(path, Rule::constant(0.3), &[0.0, 0.5, 1.0]),
+            [true, false],
+        ),
+        ("bdpt", of(Estimator::Bdpt, Rule::Plain, &[]), [true, false]),
+        (
+            "vcm",
+            of(Estimator::Vcm(Default::default()), Rule::Plain, &[]),
+            [false; 2],
+        ),
+    ] {
+        check(name, &|| settings.integrator(), &settings.levels, aovs);
+    }
+}
+
+/// Values that are not finite now and then, at all levels or at one.
+struct Faulty;
+
+impl Integrator for Faulty {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
+        for sample in samples {
+            for index in 0..view.window.len() {
+                let [x, y] = view.window.pixel(index).to_array();
+                let hash = (x * 7919 + y * 104_729 + sample * 1_299_709) % 23;
+                let value = Rgb::new(hash as f32 * 0.37, 1e6, 0.001);
+                let value = match hash {
+                    0 => Rgb::new(1.0, f32::NAN, 1.0),
+                    1 => Rgb::new(1.0, f32::INFINITY, 1.0),
+                    _ => value,
+                };
+                picture.film.push(index, value, sample);
+                if let Some(levels) = &mut picture.levels {
+                    let other = if hash == 2 { f32::NAN } else { 0.1 };
+                    levels.push(index, sample, &[value, value * other]);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn parts_keep_refused_samples_refused() {
+    check("faulty", &|| Box::new(Faulty), &[0.0, 1.0], [false; 2]);
+}
+
+#[test]
+fn parts_that_are_missing_or_there_twice_are_named() {
+    let scene = scene(caustic_box());
+    let camera = &scene.parts().cameras[0];
+    let folder = quick_folder();
+    let view = View::new(&scene, camera, FRAME, Window::full(FRAME));
+    let part = |name: &str, window: Window, samples: Range<u32>| {
+        let path = folder.path().join(name);
+        let view = View { window, ..view };
+        let part = Part::new(fingerprint(), &view, samples, Vec::new(), [false; 2]);
+        let mut integrator = Settings::default().integrator();
+        let mut go_on = |_: &_| ControlFlow::Continue(());
+        part.render(&path, &mut *integrator, &view, &mut go_on)
+            .expect("a part");
+        path
+    };
+    let full = Window::full(FRAME);
+    let left = Window { w: 10, ..full };
+    let right = Window {
+        x: 10,
+        w: 14,
+        ..full
+    };
+    let a = part("a", left, 0..4);
+    let b = part("b", right, 0..2);
+    let c = part("c", right, 2..4);
+    let d = part("d", full, 3..5);
+    let e = part("e", full, 6..7);
+    let text = |paths: &[&PathBuf], samples| {
+        let paths: Vec<PathBuf> = paths.iter().copied().cloned().collect();
+        let error = merge(&paths, Window::full, samples).err();
+        error.map_or(String::new(), |e| {
+            e.to_string()
+                .replace(&folder.path().display().to_string(), "")
+        })
+    };
+    assert_eq!(text(&[&c, &b, &a], None), "");
+    assert_eq!(text(&[&c, &b, &a], Some(4)), "");
+    for (paths, samples, words) in [
+        (
+            vec![&a, &c],
+            None,
+            "missing samples: 0..2 within 14x20 pixels at (10, 0)",
+        ),
+        (
+            vec![&a, &b],
+            None,
+            "missing samples: 2..4 within 14x20 pixels at (10, 0)",
+        ),
+        (
+            vec![&b, &c],
+            None,
+            "missing samples: 0..4 within 10x20 pixels at (0, 0)",
+        ),
+        (
+            vec![&a, &b, &c],
+            Some(9),
+            "missing samples: 4..9 within 24x20 pixels at (0, 0)",
+        ),
+        (
+            vec![&a, &b, &c, &e],
+            None,
+            "missing samples: 4..6 within 24x20 pixels at (0, 0)",
+        ),
+        (
+            vec![&b, &d, &a],
+            None,
+            "/a and /d both have samples 3..4 of 10x20 pixels at (0, 0)",
+        ),
+        (
+            vec![&b, &b],
+            None,
+            "/b and /b both have samples 0..2 of 14x20 pixels at (10, 0)",
+        ),
+        (
+            vec![&a, &b, &c],
+            Some(3),
+            "samples 0..4 of 10x20 pixels at (0, 0): more than the 3",
+        ),
+        (vec![], None, "no parts"),
+    ] {
+        let found = text(&paths, samples);
+        assert!(found.contains(words), "{found}");
+    }
+    let crop = merge(std::slice::from_ref(&a), |_| right, None).expect_err("another window");
+    assert!(matches!(crop, MergeError::File(_)), "{crop}");
+    assert!(
+        crop.to_string()
+            .contains("leave the 14x20 pixels at (10, 0)"),
+        "{crop}"
+    );
+    // A part that was stopped leaves no file.
+    let path = folder.path().join("stopped");
+    for samples in [0..9, 3..9] {
+        let part = Part::new(fingerprint(), &view, samples, Vec::new(), [false; 2]);
+        let mut integrator = Settings::default().integrator();
+        let mut stop = |_: &_| ControlFlow::Break(());
+        let done = part.render(&path, &mut *integrator, &view, &mut stop);
+        assert!(!done.expect("no fault") && !path.exists());
+    }
+}
