@@ -1,6 +1,6 @@
 //! `opsr render --film` and `opsr merge`: a render made in parts.
 
-use super::aovs::{self, Aov, Layers};
+use super::aovs;
 use super::bar::Bar;
 use super::output::{FileArgs, Outputs, ResolveArgs};
 use super::render::{DEFAULT_SPP, RenderJob};
@@ -11,6 +11,7 @@ use clap::ValueEnum;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::View;
 use opsr::integrator::drive::RenderProgress;
+use opsr::integrator::layers::{Aov, Layers};
 use opsr::integrator::part::{MergeError, Merged, Part, merge};
 use opsr::math::UVec2;
 use opsr::scene::Camera;

@@ -6,6 +6,7 @@ use crate::files::{FileError, hex};
 use crate::regularise::file::TableFile;
 use crate::regularise::rules::MOLLIFIER_RADIUS;
 use crate::regularise::{Accumulated, Factors, Lookup, Rule, TableTuning};
+use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -199,6 +200,20 @@ impl MethodSpec {
             ));
         }
         Ok(())
+    }
+
+    /// Integrator, mode and constant factor by name, for the file of a picture.
+    pub fn words(&self) -> impl Iterator<Item = (&'static str, String)> {
+        let name = |value: Option<clap::builder::PossibleValue>| {
+            value.map_or(String::new(), |value| value.get_name().to_owned())
+        };
+        let gamma = self.gamma.map(|gamma| ("gamma", gamma.to_string()));
+        [
+            ("integrator", name(self.integrator.to_possible_value())),
+            ("mode", name(self.method.to_possible_value())),
+        ]
+        .into_iter()
+        .chain(gamma)
     }
 
     /// The method; a table is read from its file.
