@@ -5,6 +5,7 @@ use super::{Picture, View};
 use crate::image::Buffer;
 use crate::image::exr::Layer;
 use crate::image::film::Window;
+use clap::ValueEnum;
 
 /// A layer, or channels, that a render can add to its EXR files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -34,6 +35,21 @@ pub enum Aov {
 }
 
 impl Aov {
+    /// Its name in options.
+    pub fn name(self) -> String {
+        let value = self.to_possible_value();
+        value.map_or(String::new(), |value| value.get_name().to_owned())
+    }
+
+    /// The layer with this name; an error that lists all.
+    pub fn named(name: &str) -> Result<Self, String> {
+        Self::from_str(name, false).map_err(|_| {
+            let known = Self::value_variants().iter().map(|aov| aov.name());
+            let known = known.collect::<Vec<_>>().join(", ");
+            format!("no layer `{name}`: there are {known}")
+        })
+    }
+
     /// Parts of the AOVs that these layers need recorded along paths: the first surface, light, time.
     pub fn recorded(wanted: &[Self]) -> [bool; 3] {
         let any = |of: &[Self]| of.iter().any(|aov| wanted.contains(aov));
