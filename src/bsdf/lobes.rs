@@ -196,7 +196,7 @@ impl Glossy {
         Some(query)
     }
 
-    #[inline]
+    #[inline(never)]
     pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
         let (wi, lobe) = self.direction(alpha, wo, u)?;
         if alpha < DELTA_ALPHA && lobe == Lobe::Reflection {
@@ -281,7 +281,7 @@ impl Dielectric {
         })
     }
 
-    #[inline]
+    #[inline(never)]
     pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
         if self.is_matched() {
             return delta(-wo, self.tint, Lobe::Transmission);
@@ -360,7 +360,7 @@ impl ThinDielectric {
         Some(query)
     }
 
-    #[inline]
+    #[inline(never)]
     pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
         let (wi, lobe) = self.direction(alpha, wo, u)?;
         if alpha >= DELTA_ALPHA {

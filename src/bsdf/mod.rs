@@ -131,6 +131,12 @@ impl LobeQuery {
         }
     }
 
+    /// True if there is no glossy lobe: its D and Λ are dear, and would be multiplied by 0.
+    #[inline]
+    fn is_diffuse(&self) -> bool {
+        self.pdf_scale == 0.0 && self.scale == Rgb::ZERO
+    }
+
     /// The query of the glossy lobe alone, with its selection probability.
     #[inline]
     pub fn gloss(&self) -> Self {
@@ -145,7 +151,7 @@ impl LobeQuery {
     /// The same bits as the density of [`LobeQuery::at`], without the work for the value.
     #[inline]
     pub fn pdf(&self, alpha: f32) -> f32 {
-        if alpha < DELTA_ALPHA {
+        if alpha < DELTA_ALPHA || self.is_diffuse() {
             return self.base_pdf;
         }
         self.base_pdf + self.pdf_scale * self.shape(alpha).dg1
@@ -158,7 +164,7 @@ impl LobeQuery {
             value: self.base,
             pdf_w: self.base_pdf,
         };
-        if alpha >= DELTA_ALPHA {
+        if alpha >= DELTA_ALPHA && !self.is_diffuse() {
             let shape = self.shape(alpha);
             eval.value += self.scale * shape.dg2;
             eval.pdf_w += self.pdf_scale * shape.dg1;
@@ -195,8 +201,18 @@ impl Bsdf {
     /// `alpha` in [0, 1]; Dirac lobes are left out.
     #[inline]
     pub fn eval(&self, alpha: f32, wo: Vec3, wi: Vec3) -> BsdfEval {
-        self.query(wo, wi)
-            .map_or(BsdfEval::default(), |query| query.at(alpha))
+        match self {
+            // Most vertices are diffuse: in place, their query needs no memory.
+            Self::Diffuse(l) => l.query(wo, wi),
+            _ => return self.eval_microfacet(alpha, wo, wi),
+        }
+        .map_or(BsdfEval::default(), |query| query.at(alpha))
+    }
+
+    #[inline(never)]
+    fn eval_microfacet(&self, alpha: f32, wo: Vec3, wi: Vec3) -> BsdfEval {
+        let query = self.query(wo, wi);
+        (query.as_ref()).map_or(BsdfEval::default(), |query| query.at(alpha))
     }
 
     /// Density per steradian with which `sample(alpha, from, ..)` samples `to`: smooth lobes only, with the selection
@@ -213,9 +229,10 @@ impl Bsdf {
     /// diffuse lobe depends on `wo` and `u` only, so that it gives the same direction at every `alpha`.
     ///
     /// `None` if the sampled direction lies below the horizon, where `eval` is zero: the estimate stays unbiased.
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
         match self {
+            // Most vertices are diffuse: in place, their numbers stay in registers.
             Self::Diffuse(l) => l.sample(wo, u),
             Self::Glossy(l) => l.sample(alpha, wo, u),
             Self::Dielectric(l) => l.sample(alpha, wo, u),

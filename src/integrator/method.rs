@@ -179,20 +179,33 @@ pub struct Method {
 impl MethodSpec {
     /// The first option that the integrator cannot take.
     pub fn refused(&self) -> Result<(), String> {
-        let bdpt = self.integrator == IntegratorKind::Bdpt;
-        let mollified = bdpt && self.method == Kind::Mollifier;
-        let regularised = !matches!(self.method, Kind::Default | Kind::Plain) && !mollified
-            || self.gamma.is_some()
-            || self.table.is_some()
-            || self.reuse;
+        use IntegratorKind::{Bdpt, Path, Vcm};
         let name = format!("{:?}", self.integrator).to_lowercase();
-        if regularised && !self.integrator.is_path() {
-            return Err(if bdpt {
-                "integrator bdpt does not roughen: no gamma, table or reuse, and no mode but mollifier"
-                    .into()
-            } else {
-                format!("integrator {name} does not regularise: no mode, gamma, table or reuse")
-            });
+        let accumulates = self.gamma.is_some() || self.table.is_some();
+        let mollified = self.integrator == Bdpt && self.method == Kind::Mollifier;
+        let modes = !matches!(
+            self.method,
+            Kind::Default | Kind::Plain | Kind::Constant | Kind::Table
+        );
+        match self.integrator {
+            Path => {}
+            Bdpt | Vcm if self.reuse || modes && !mollified => {
+                let allowed = if self.integrator == Bdpt {
+                    "no mode but mollifier"
+                } else {
+                    "no mode"
+                };
+                return Err(format!(
+                    "integrator {name} roughens the last vertex only, with a table or gamma: {allowed}, no reuse"
+                ));
+            }
+            Bdpt | Vcm => {}
+            _ if modes || accumulates || self.reuse => {
+                return Err(format!(
+                    "integrator {name} does not regularise: no mode, gamma, table or reuse"
+                ));
+            }
+            _ => {}
         }
         if (self.radius.is_some() || self.radius_alpha.is_some()) && !self.integrator.merges() {
             return Err(format!(

@@ -96,13 +96,18 @@ impl Settings {
         })
     }
 
-    /// The bidirectional path tracer of these settings with these strategies, without merging; the only rule it has is the mollifier.
+    /// The bidirectional path tracer of these settings with these strategies, without merging; of the rules it has the
+    /// mollifier and accumulated roughness.
     pub fn bidirectional(&self, strategies: Strategies) -> Bidirectional {
         Bidirectional {
             strategies,
             merging: None,
             mollifier: match self.rule {
                 Rule::Mollifier(radius) if self.estimator == Estimator::Bdpt => Some(radius),
+                _ => None,
+            },
+            split: match &self.rule {
+                Rule::Accumulated(rule) if !rule.factors.are_zero() => Some(rule.clone()),
                 _ => None,
             },
             max_vertices: self.max_vertices,

@@ -45,6 +45,16 @@ pub enum Factors {
     Table(AttenuationTable),
 }
 
+impl Factors {
+    /// True if no path is ever roughened.
+    pub fn are_zero(&self) -> bool {
+        match self {
+            Self::Constant(gamma) => *gamma == 0.0,
+            Self::Table(table) => table.scale == 0.0 || table.gammas.iter().all(|&g| g == 0.0),
+        }
+    }
+}
+
 impl Attenuation for Factors {
     #[inline]
     fn gamma(&self, prefix: &PathRoughness, last: f32) -> f32 {

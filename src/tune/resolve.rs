@@ -5,16 +5,18 @@
 //! of level k in B batches, D = I_k − I_j in each of them, and tent_r a box filter of radius r applied twice:
 //!
 //! ```text
-//! V_k  = tent_r(variance of the mean of level k), from the roughest down V_j ← max(V_j, V_{j+1})
+//! V_k  = tent_r(variance of the mean of level k)
 //! w    = 1 / (I~² + 0.01)        I~ the roughest level, smoothed by tent_r, where the mean of the picture counts as 0.3
 //! U_kj = [(Σ D)² − Σ D²] / (B (B − 1))                     unbiased for the squared difference
 //! b_k  = max over j < k of w tent_r(U_kj) − κ w V_j, at least 0
 //! k*   = argmin b_k + w V_k
 //! ```
 //!
-//! The picture is Σ_k tent_1(1[k* = k]) I_k. What light the choice lost is given back: μ = tent_R(I_0 − picture), shrunk
-//! by max(0, 1 − c Var(μ)/μ²) where it is not above its own noise. What the whole picture still lacks is spread over it in
-//! proportion to the standard deviation of μ.
+//! Rougher levels are not always less noisy: the variances are taken as they are.
+//!
+//! The picture p is Σ_k tent_1(1[k* = k]) I_k. What light the choice lost is given back: μ = tent_R(I_0 − p), shrunk by
+//! max(0, 1 − c Var(μ)/μ²) where it is not above its own noise, times p / tent_R(p): in proportion to the picture, so that
+//! shadows stay dark. What the whole picture still lacks, shrunk likewise, makes all of it brighter or darker.
 
 use crate::image::Buffer;
 use crate::image::level_film::{BATCHES, LevelFilm};
@@ -173,9 +175,9 @@ fn weights(size: Size, roughest: &Buffer) -> Vec<Rgb> {
     smooth.iter().map(weight).collect()
 }
 
-/// w V of every level: decreases from level to level.
+/// w V of every level.
 fn variances(size: Size, levels: &[LevelMeans], weights: &[Rgb]) -> Vec<Vec<f32>> {
-    let mut all: Vec<Vec<f32>> = levels
+    levels
         .iter()
         .map(|level| {
             let noise: Vec<Rgb> = (0..weights.len())
@@ -184,14 +186,7 @@ fn variances(size: Size, levels: &[LevelMeans], weights: &[Rgb]) -> Vec<Vec<f32>
                 .collect();
             weighted(&tent(size, RADIUS, &noise), weights)
         })
-        .collect();
-    for k in (1..all.len()).rev() {
-        let (finer, rougher) = all.split_at_mut(k);
-        for (v, rough) in finer[k - 1].iter_mut().zip(&rougher[0]) {
-            *v = v.max(*rough);
-        }
-    }
-    all
+        .collect()
 }
 
 /// b of every level.
@@ -254,14 +249,15 @@ fn picture(size: Size, levels: &[LevelMeans], chosen: &[u8], robust: bool) -> Bu
         let pixel = |i: usize| (0..levels.len()).map(|k| shares[k][i] * of(k, i)).sum();
         (0..chosen.len()).into_par_iter().map(pixel).collect()
     };
-    let mut picture = if robust {
-        blend(&|k, i| {
-            let median = median(levels[k].batches.each_ref().map(|b| b.pixels[i]));
-            0.5 * (levels[k].mean.pixels[i] + median)
-        })
-    } else {
-        blend(&|k, i| levels[k].mean.pixels[i])
-    };
+    let mut picture = blend(&|k, i| levels[k].mean.pixels[i]);
+    // In proportion to this light is given back: shadows stay dark, and a pixel that no level lights stays black.
+    let mut shape = picture.clone();
+    if robust {
+        // Without fireflies.
+        shape = blend(&|k, i| median(levels[k].batches.each_ref().map(|b| b.pixels[i])));
+        let pairs = picture.iter_mut().zip(&shape);
+        pairs.for_each(|(mean, median)| *mean = 0.5 * (*mean + *median));
+    }
     let lost = |plain: &Buffer, picture: &[Rgb]| {
         let pairs = plain.pixels.iter().zip(picture);
         let difference: Vec<Rgb> = pairs.map(|(a, b)| *a - *b).collect();
@@ -276,23 +272,21 @@ fn picture(size: Size, levels: &[LevelMeans], chosen: &[u8], robust: bool) -> Bu
         let sum: DVec3 = values.iter().map(|v| v.as_dvec3()).sum();
         (sum / values.len().max(1) as f64).as_vec3()
     };
-    let (given, spread): (Vec<Rgb>, Vec<Rgb>) = (0..picture.len())
+    let around = tent(size, ENERGY_RADIUS, &shape);
+    let given: Vec<Rgb> = (0..picture.len())
         .map(|i| {
-            // A pixel that no level lights stays black.
-            if levels.iter().all(|level| level.mean.pixels[i] == Rgb::ZERO) {
-                return (Rgb::ZERO, Rgb::ZERO);
-            }
+            let share = shape[i] / around[i].max(Rgb::splat(f32::MIN_POSITIVE));
             let noise = variance_of_mean(batches.each_ref().map(|b| b[i]));
-            (shrunk(mu[i], noise), noise.map(f32::sqrt))
+            share * shrunk(mu[i], noise)
         })
-        .unzip();
+        .collect();
     let left = shrunk(
         mean(&mu) - mean(&given),
         variance_of_mean(batches.each_ref().map(|b| mean(b))),
     );
-    let each = left / mean(&spread).max(Rgb::splat(f32::MIN_POSITIVE));
-    for (i, p) in picture.iter_mut().enumerate() {
-        *p = (*p + given[i] + each * spread[i]).max(Rgb::ZERO);
+    let gain = Rgb::ONE + left / mean(&picture).max(Rgb::splat(f32::MIN_POSITIVE));
+    for (p, given) in picture.iter_mut().zip(given) {
+        *p = (*p * gain + given).max(Rgb::ZERO);
     }
     Buffer {
         width: size.0,
@@ -447,6 +441,33 @@ mod tests {
         let resolved = resolve(&levels(32, bright, 3), false);
         let counts = [0, 1, 2].map(|k| count(&resolved, k));
         assert!(counts[2] == 0 && counts[1] > 850, "{counts:?}");
+    }
+
+    /// Light that the path finds anyhow, in a room under a sky: roughening the last vertex makes it noisier.
+    #[test]
+    fn noisier_levels_are_not_chosen() {
+        let value = |k: usize, b, i| Rgb::splat(1.0 + [0.05, 0.6, 0.3][k] * noise(k, b, i));
+        let resolved = resolve(&levels(32, value, 3), false);
+        let rough = resolved.level.iter().filter(|&&k| k > 0).count();
+        assert!(rough < 20, "{rough}");
+    }
+
+    /// Light that a bright surface lost is not given to the shadow beside it.
+    #[test]
+    fn energy_correction_leaves_shadows_dark() {
+        let shadow = |i: usize| i % 8 < 4;
+        let value = |k: usize, b, i| {
+            let bright = [1.0, 0.93][k] + [0.6, 0.05][k] * noise(k, b, i);
+            Rgb::splat(bright * if shadow(i) { 0.01 } else { 1.0 })
+        };
+        let resolved = resolve(&levels(48, value, 2), false);
+        let pixels = resolved.picture.pixels.iter().enumerate();
+        let dark: Vec<f32> = pixels
+            .filter(|(i, _)| shadow(*i))
+            .map(|(_, p)| p.x)
+            .collect();
+        let mean = dark.iter().sum::<f32>() / dark.len() as f32;
+        assert!((mean - 0.01).abs() < 0.002, "{mean}");
     }
 
     /// Equal levels keep their picture, black pixels stay black, and what a rough level loses is given back.

@@ -5,6 +5,7 @@
 //! and the balance heuristic by enumeration. It finds what tests of the weights' algebra cannot: swapped directions,
 //! a missing η², a shading normal in the wrong place.
 
+use super::split::{Event, Trail, share};
 use super::vertex::Vertex;
 use super::{Bidirectional, Iteration, Strategies};
 use crate::bsdf::Bsdf;
@@ -128,6 +129,7 @@ impl Iteration<'_> {
         };
         let cos_l = |i: usize| cos(ng(i), to_light[i]);
 
+        let mut events = Vec::new();
         let mut value = Rgb::splat(sight.pdf).as_dvec3() * cos_c(1) / distance2[1];
         let (mut pdf_c, mut pdf_l) = (vec![1.0f64; n + 1], vec![1.0f64; n + 1]);
         let mut exact_l = pdf_l.clone();
@@ -138,6 +140,11 @@ impl Iteration<'_> {
             let back = node.surface.frame_for(wi);
             let local = |frame: &Frame| (frame.to_local(wo), frame.to_local(wi));
             let (o, l) = local(&frame);
+            events.push(if node.delta {
+                Event::DIRAC
+            } else {
+                Event::between(&node.bsdf, node.alpha, Some((o, l)))
+            });
             if node.delta {
                 if frame.n != back.n {
                     return None;
@@ -187,7 +194,9 @@ impl Iteration<'_> {
                 value *= cos_c(i + 1) / distance2[i + 1];
             }
         }
-        let value = (value * end.radiance.as_dvec3()).to_array();
+        let easy =
+            (Rgb::ONE - events[n - 1].gloss * self.split_by_definition(nodes, &events)).as_dvec3();
+        let value = (value * easy * end.radiance.as_dvec3()).to_array();
         let mut camera = vec![1.0; n + 2];
         camera[1] = f64::from(sight.pdf) * cos_c(1) / distance2[1];
         for i in 2..=n + 1 {
@@ -223,6 +232,23 @@ impl Iteration<'_> {
             delta: (0..n + 2).map(delta).collect(),
             value,
         })
+    }
+
+    /// The share of the last vertex's glossy lobe that is roughened, by all strategies of the path.
+    fn split_by_definition(&self, nodes: &[Node], events: &[Event]) -> f32 {
+        let (last, before) = nodes.split_last().expect("a vertex");
+        if self.rule.is_none() || before.iter().all(|node| node.delta) {
+            return 0.0;
+        }
+        let mut roughness: Vec<f32> = events.iter().map(|event| event.roughness).collect();
+        roughness[nodes.len() - 1] = last.alpha;
+        let edges = roughness.windows(2).map(|pair| pair[0].min(pair[1]));
+        let merges = roughness.iter().copied().filter(|_| self.radius > 0.0);
+        share(
+            edges
+                .chain(merges)
+                .fold(roughness[0].max(last.alpha), f32::max),
+        )
     }
 
     /// Density of strategy t, which cuts the edge before x_t, on a path with these densities of the light walk.
@@ -299,10 +325,7 @@ impl Iteration<'_> {
         let View { scene, sensor, .. } = *self.view;
         let lights = scene.lights();
         let only = |s, t| Self {
-            settings: Bidirectional {
-                strategies: Strategies::Only { s, t },
-                ..self.settings
-            },
+            strategies: Strategies::Only { s, t },
             ..*self
         };
         // The light walk.
@@ -311,7 +334,8 @@ impl Iteration<'_> {
             stream.next_pick(),
             std::array::from_fn(|_| stream.next_1d()),
         );
-        let mut light: Vec<(Vertex, bool)> = Vec::new();
+        let mut light: Vec<(Vertex, bool, Trail)> = Vec::new();
+        let mut trail = Trail::START;
         let start = scene.sample_emission(pick, u);
         if let Some(start) = &start {
             let mut walk = super::Walk::light(scene, start, self.merging);
@@ -325,14 +349,15 @@ impl Iteration<'_> {
                 let u = stream.vertex();
                 let vertex = walk.vertex(n, &hit, u.material);
                 let smooth = walk.scatter(&vertex, u.lobe);
-                light.push((vertex, smooth == Some(false)));
-                if smooth.is_none() {
+                light.push((vertex, smooth == Some(false), trail));
+                let Some(smooth) = smooth else {
                     break;
-                }
+                };
+                trail = self.trail(trail, &vertex, walk.ray.dir, smooth);
             }
         }
         let emitted = start.as_ref().map(|start| {
-            let distance = light.first().map_or(1.0, |(first, _)| {
+            let distance = light.first().map_or(1.0, |(first, ..)| {
                 first.surface.position.distance(start.ray.origin)
             });
             let pdf = start.pdf;
@@ -364,14 +389,14 @@ impl Iteration<'_> {
         let tail = |j: usize| {
             let passed = light[..j - 1].iter().rev();
             let mut nodes = vec![Node::new(&light[j - 1].0, false)];
-            nodes.extend(passed.map(|(v, delta)| Node::new(v, *delta)));
+            nodes.extend(passed.map(|(v, delta, _)| Node::new(v, *delta)));
             nodes
         };
         if let Some(end) = &emitted {
-            for (j, (vertex, _)) in light.iter().enumerate() {
+            for (j, (vertex, _, trail)) in light.iter().enumerate() {
                 if !vertex.is_delta() {
                     let sums = [*self, only(vertex.n + 1, 1)].map(|i| {
-                        i.connect_to_camera(vertex)
+                        i.connect_to_camera(vertex, trail)
                             .map_or(Rgb::ZERO, |splat| splat.value)
                     });
                     self.compare(audit, &tail(j + 1), end, 1, sums);
@@ -383,6 +408,7 @@ impl Iteration<'_> {
         let pixel = UVec2::new(path % columns, path / columns);
         let (mut walk, mut stream) = self.camera_walk(pixel);
         let mut nodes: Vec<Node> = Vec::new();
+        let mut prefix = self.prefix();
         for n in 1..=self.settings.max_vertices + 1 {
             let Some(hit) = walk.arrive() else {
                 let pdf = lights.pdf_emission_environment(walk.ray.dir);
@@ -395,13 +421,13 @@ impl Iteration<'_> {
                     direction: pdf.direction.into(),
                     radiance: lights.environment(walk.ray.dir),
                 };
-                let sums = [*self, only(0, n + 1)].map(|i| i.environment(&walk, n));
+                let sums = [*self, only(0, n + 1)].map(|i| prefix.met * i.environment(&walk, n));
                 self.compare(audit, &nodes, &end, n + 1, sums);
                 return;
             };
             let u = stream.vertex();
             let vertex = walk.vertex(n, &hit, u.material);
-            let sums = [*self, only(0, n + 1)].map(|i| i.emitter(&vertex));
+            let sums = [*self, only(0, n + 1)].map(|i| prefix.met * i.emitter(&vertex));
             if sums[1] != Rgb::ZERO {
                 let end = self.area_end(&vertex.surface, vertex.back);
                 self.compare(audit, &nodes, &end, n + 1, sums);
@@ -409,20 +435,22 @@ impl Iteration<'_> {
             if n > self.settings.max_vertices {
                 return;
             }
+            let h = prefix.share(&vertex);
             if !vertex.is_delta() {
                 nodes.push(Node::new(&vertex, false));
-                let sums = [*self, only(1, n + 1)].map(|i| i.sampled_light(&vertex, u.light));
+                let sums = [*self, only(1, n + 1)].map(|i| i.sampled_light(&vertex, u.light, h));
                 if sums[1] != Rgb::ZERO
                     && let Some(end) = self.sampled_end(&vertex, u.light)
                 {
                     self.compare(audit, &nodes, &end, n + 1, sums);
                 }
-                for (j, (other, _)) in light.iter().enumerate() {
+                for (j, (other, _, trail)) in light.iter().enumerate() {
                     if other.is_delta() || n + other.n > self.settings.max_vertices {
                         continue;
                     }
-                    let sums =
-                        [*self, only(other.n + 1, n + 1)].map(|i| i.connection(&vertex, other));
+                    let part = prefix.connected(&vertex, other, trail);
+                    let sums = [*self, only(other.n + 1, n + 1)]
+                        .map(|i| part * i.connection(&vertex, other));
                     let before = nodes.len();
                     nodes.extend(tail(j + 1));
                     if let Some(end) = &emitted {
@@ -435,6 +463,7 @@ impl Iteration<'_> {
             let Some(smooth) = walk.scatter(&vertex, u.lobe) else {
                 return;
             };
+            prefix.scatter(&vertex, walk.ray.dir, smooth, h);
             nodes.push(Node::new(&vertex, !smooth));
         }
     }

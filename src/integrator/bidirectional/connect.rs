@@ -1,10 +1,11 @@
 //! The ways to close a path by an edge. Each computes the value, then the weight, then the shadow ray: most closings carry
 //! nothing, and the ray is the dearest part.
 
+use super::Iteration;
+use super::split::Trail;
 use super::vertex::Vertex;
 use super::walk::Walk;
 use super::weights::{self, End};
-use super::{Iteration, Strategies};
 use crate::image::splat::Splat;
 use crate::math::Rgb;
 use crate::sampler::LightU;
@@ -28,10 +29,6 @@ impl Vertex {
 }
 
 impl Iteration<'_> {
-    fn strategies(&self) -> Strategies {
-        self.settings.strategies
-    }
-
     /// s = 0: the surface that the camera walk met as this vertex emits.
     #[inline]
     pub(super) fn emitter(&self, vertex: &Vertex) -> Rgb {
@@ -40,7 +37,7 @@ impl Iteration<'_> {
         if radiance == Rgb::ZERO {
             return Rgb::ZERO;
         }
-        let weight = self.strategies().weight(0, vertex.n + 1, || {
+        let weight = self.strategies.weight(0, vertex.n + 1, || {
             if vertex.n == 1 {
                 return 1.0;
             }
@@ -58,7 +55,7 @@ impl Iteration<'_> {
         if radiance == Rgb::ZERO {
             return Rgb::ZERO;
         }
-        let weight = self.strategies().weight(0, n + 1, || {
+        let weight = self.strategies.weight(0, n + 1, || {
             if n == 1 {
                 return 1.0;
             }
@@ -69,9 +66,9 @@ impl Iteration<'_> {
         walk.throughput * transmittance * radiance * weight
     }
 
-    /// s = 1: a light sampled from a vertex of the camera walk.
+    /// s = 1: a light sampled from a vertex of the camera walk, without the share `h` of its glossy lobe.
     #[inline]
-    pub(super) fn sampled_light(&self, vertex: &Vertex, u: LightU) -> Rgb {
+    pub(super) fn sampled_light(&self, vertex: &Vertex, u: LightU, h: f32) -> Rgb {
         let scene = self.view.scene;
         let Some(light) = scene.lights().sample_by_power(vertex.surface.position, u) else {
             return Rgb::ZERO;
@@ -79,7 +76,7 @@ impl Iteration<'_> {
         let Some(eval) = vertex.towards_light(light.wi) else {
             return Rgb::ZERO;
         };
-        let weight = self.strategies().weight(1, vertex.n + 1, || {
+        let weight = self.strategies.weight(1, vertex.n + 1, || {
             let cos = vertex.cos(light.wi);
             let infinite = light.distance == f32::INFINITY;
             let distance2 = if infinite {
@@ -96,14 +93,15 @@ impl Iteration<'_> {
             let end = vertex.end(pdf_area, vertex.pdf_back(light.wi));
             weights::light_sample(pdf_hit, &end, &self.merging)
         });
-        if weight == 0.0 {
+        let part = vertex.easy_part(light.wi, h);
+        if weight == 0.0 || part == Rgb::ZERO {
             return Rgb::ZERO;
         }
         let ray = vertex.surface.spawn_to_light(&light);
         let Some(transmittance) = vertex.unblocked(scene, &ray, light.distance) else {
             return Rgb::ZERO;
         };
-        vertex.throughput
+        part * vertex.throughput
             * eval.value
             * light.radiance
             * transmittance
@@ -129,7 +127,7 @@ impl Iteration<'_> {
             return Rgb::ZERO;
         };
         let (cos_here, cos_there) = (vertex.cos(dir), light.cos(dir));
-        let weight = self.strategies().weight(light.n + 1, vertex.n + 1, || {
+        let weight = self.strategies.weight(light.n + 1, vertex.n + 1, || {
             weights::connection(
                 &light.end(per_area(here.pdf_w, cos_there, distance2), there.pdf_w),
                 &vertex.end(
@@ -156,23 +154,25 @@ impl Iteration<'_> {
 
     /// t = 1: a vertex of the light walk connected to the camera.
     #[inline]
-    pub(super) fn connect_to_camera(&self, vertex: &Vertex) -> Option<Splat> {
+    pub(super) fn connect_to_camera(&self, vertex: &Vertex, trail: &Trail) -> Option<Splat> {
         let scene = self.view.scene;
         let sight = self.view.sensor.see(vertex.surface.position)?;
         let splat = Splat::new(&self.view.window, sight.pixel, Rgb::ZERO)?;
         let eval = vertex.towards_camera(sight.wo)?;
         let paths = self.paths as f32;
         let pdf_area = sight.pdf_area(vertex.cos(sight.wo));
-        let weight = self.strategies().weight(vertex.n + 1, 1, || {
+        let weight = self.strategies.weight(vertex.n + 1, 1, || {
             weights::camera_sample(&vertex.end(pdf_area, eval.pdf_w), paths, &self.merging)
         });
         let mut ray = vertex.surface.spawn(sight.wo);
         ray.t_max = sight.distance;
-        if weight == 0.0 {
+        let part = self.seen_part(vertex, trail, sight.wo);
+        if weight == 0.0 || part == Rgb::ZERO {
             return None;
         }
         let transmittance = vertex.unblocked(scene, &ray, sight.distance)?;
-        let value = vertex.throughput * eval.value * transmittance * (weight * pdf_area / paths);
+        let value =
+            part * vertex.throughput * eval.value * transmittance * (weight * pdf_area / paths);
         Some(Splat { value, ..splat })
     }
 }

@@ -1,6 +1,7 @@
 //! Paths closed by a merge: light vertices within the radius of a camera walk's vertex.
 
 use super::photons::PhotonMap;
+use super::split::Prefix;
 use super::vertex::Vertex;
 use super::{Iteration, point, weights};
 use crate::integrator::walk::observer::PathObserver;
@@ -10,9 +11,9 @@ use std::f32::consts::PI;
 
 impl Iteration<'_> {
     /// Merges with all photons around a vertex of the camera walk, weighed against all other strategies.
-    pub(super) fn merges(&self, vertex: &Vertex, map: &PhotonMap<'_>) -> Rgb {
+    pub(super) fn merges(&self, vertex: &Vertex, prefix: &Prefix<'_>, map: &PhotonMap<'_>) -> Rgb {
         let mut sum = Rgb::ZERO;
-        map.around(vertex, |photon| {
+        map.around(vertex, |photon, trail| {
             // The path has the merged vertex once.
             if vertex.n + photon.n - 1 > self.settings.max_vertices {
                 return;
@@ -27,7 +28,11 @@ impl Iteration<'_> {
                 vertex.pdf_back(photon.back),
                 &self.merging,
             );
-            sum += eval.value * photon.flux * weight;
+            let part = match trail {
+                Some(trail) => prefix.merged(vertex, photon.n, photon.back, trail),
+                None => Rgb::ONE,
+            };
+            sum += part * eval.value * photon.flux * weight;
         });
         self.density(vertex, sum)
     }
@@ -60,7 +65,7 @@ impl Iteration<'_> {
             }
             if !vertex.is_delta() {
                 let mut sum = Rgb::ZERO;
-                map.around(&vertex, |photon| {
+                map.around(&vertex, |photon, _| {
                     if n + photon.n - 1 <= settings.max_vertices
                         && let Some(value) = vertex.merged_value(photon.back)
                     {

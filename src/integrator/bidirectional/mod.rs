@@ -18,6 +18,7 @@
 //! | `merge` | paths closed by a merge, and photon density estimation |
 //! | `radius` | the radius of merges |
 //! | `psr` | paths that no strategy can sample, regularised |
+//! | `split` | learned roughening where no strategy is good |
 //! | [`audit`] | contributions of real paths against the definition |
 
 pub mod audit;
@@ -26,6 +27,7 @@ mod merge;
 mod photons;
 mod psr;
 mod radius;
+mod split;
 mod vertex;
 mod walk;
 pub mod weights;
@@ -36,11 +38,13 @@ use super::{Integrator, Picture, View};
 use crate::image::splat::{Splat, SplatLayer};
 use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::math::{Rgb, UVec2};
+use crate::regularise::Accumulated;
 use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Sampler, Seed};
 use photons::{LightVertices, PhotonMap};
 use psr::{Chain, Ends};
 pub use radius::Radius;
 use rayon::prelude::*;
+use split::Trail;
 use std::f32::consts::PI;
 use std::ops::Range;
 use vertex::{Origin, Vertex};
@@ -76,7 +80,7 @@ pub enum Strategies {
 }
 
 /// A bidirectional path tracer, or one of its parts.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Bidirectional {
     /// The strategies that count.
     pub strategies: Strategies,
@@ -85,6 +89,9 @@ pub struct Bidirectional {
     /// Radius of the kernel for paths that no strategy can sample, over half the diagonal of the scene: that of sample 1,
     /// for sample n times n^(−1/6) `[PSR (6)]`. Without merging only.
     pub mollifier: Option<f32>,
+    /// Accumulated roughness of the last vertex, where no strategy finds the path well. With [`Strategies::Only`] the
+    /// picture lacks what is roughened.
+    pub split: Option<Accumulated>,
     /// Scattering vertices of the longest path, at least 1.
     pub max_vertices: u32,
     /// Vertex (from 1 at either end) at which Russian roulette begins.
@@ -151,6 +158,7 @@ impl Integrator for Bidirectional {
 #[derive(Default)]
 struct LightPath {
     vertices: Vec<Vertex>,
+    trails: Vec<Trail>,
     ends: Ends,
 }
 
@@ -163,7 +171,8 @@ struct LightChunk {
 /// Work of one thread on one iteration.
 #[derive(Clone, Copy)]
 struct Iteration<'a> {
-    settings: Bidirectional,
+    settings: &'a Bidirectional,
+    strategies: Strategies,
     view: &'a View<'a>,
     /// Number of the iteration.
     sample: u32,
@@ -174,6 +183,8 @@ struct Iteration<'a> {
     merging: Merging<f32>,
     /// Radius of the kernel in world units; `None` where all lights can be met too.
     mollifier: Option<f32>,
+    /// Accumulated roughness, in scenes that have glossy lobes.
+    rule: Option<&'a Accumulated>,
     light: Independent,
     camera: Independent,
     /// Bodies around the camera, if they are the same for all its rays.
@@ -182,7 +193,12 @@ struct Iteration<'a> {
 
 impl Bidirectional {
     /// Iteration number `sample`; `first` is the radius of merges in iteration 0.
-    fn iteration<'a>(&self, view: &'a View<'a>, sample: u32, first: Option<f32>) -> Iteration<'a> {
+    fn iteration<'a>(
+        &'a self,
+        view: &'a View<'a>,
+        sample: u32,
+        first: Option<f32>,
+    ) -> Iteration<'a> {
         let frame = view.sensor.frame;
         let pixels = u64::from(frame.x) * u64::from(frame.y);
         let paths = pixels.min(u64::from(MOST_PATHS)) as u32;
@@ -200,13 +216,15 @@ impl Bidirectional {
             .filter(|_| !view.scene.parts().lights.is_empty())
             .map(|radius| radius * 0.5 * low.distance(high) * shrink);
         Iteration {
-            settings: *self,
+            settings: self,
+            strategies: self.strategies,
             view,
             sample,
             paths,
             radius,
             merging,
             mollifier,
+            rule: self.split.as_ref().filter(|_| view.scene.has_lobes()),
             light: source(Domain::Light),
             camera: source(Domain::Camera),
             around_camera: EnclosingBodies::around_camera(view),
@@ -269,7 +287,7 @@ impl Iteration<'_> {
             splats: Vec::new(),
         };
         for path in paths {
-            let keep = |v| chunk.vertices.push(&v);
+            let keep = |v, trail| chunk.vertices.push(&v, self.rule.map(|_| trail));
             self.light_path(path, keep, &mut Ends::default(), &mut chunk.splats);
             chunk.vertices.end();
         }
@@ -295,14 +313,19 @@ impl Iteration<'_> {
                 let value = |index: u32| {
                     let pixel =
                         UVec2::new(window.x + index % window.w, window.y + index / window.w);
-                    let value = if self.settings.strategies == Strategies::Density {
+                    let value = if self.strategies == Strategies::Density {
                         self.density_path(pixel, map, &mut observer)
                     } else {
                         let number =
                             u64::from(pixel.y) * u64::from(sensor.frame.x) + u64::from(pixel.x);
                         let path = (number % u64::from(self.paths)) as u32;
                         let most = self.settings.max_vertices - 1;
-                        vertices.of_path(path, most, self.view.scene, &mut light.vertices);
+                        let LightPath {
+                            vertices: v,
+                            trails,
+                            ..
+                        } = &mut light;
+                        vertices.of_path(path, most, self.view.scene, v, trails);
                         self.camera_path(pixel, &light, Some(map), &mut observer)
                     };
                     Splat { index, value }
@@ -328,9 +351,18 @@ impl Iteration<'_> {
         let pixels = columns * rows;
         for path in paths {
             light.vertices.clear();
+            light.trails.clear();
             light.ends.clear();
-            let LightPath { vertices, ends } = &mut light;
-            self.light_path(path, |v| vertices.push(v), ends, &mut chunk.splats);
+            let LightPath {
+                vertices,
+                trails,
+                ends,
+            } = &mut light;
+            let keep = |v, trail| {
+                vertices.push(v);
+                trails.push(trail);
+            };
+            self.light_path(path, keep, ends, &mut chunk.splats);
             for index in (u64::from(path)..pixels).step_by(self.paths as usize) {
                 let pixel = UVec2::new((index % columns) as u32, (index / columns) as u32);
                 if let Some(mut splat) = Splat::new(&self.view.window, pixel, Rgb::ZERO) {
@@ -346,11 +378,11 @@ impl Iteration<'_> {
     fn light_path(
         &self,
         path: u32,
-        mut keep: impl FnMut(Vertex),
+        mut keep: impl FnMut(Vertex, Trail),
         ends: &mut Ends,
         splats: &mut Vec<Splat>,
     ) {
-        let strategies = self.settings.strategies;
+        let strategies = self.strategies;
         let scene = self.view.scene;
         let mut stream = self.light.stream(UVec2::new(path, 0), self.sample);
         let (pick, u) = (
@@ -362,6 +394,7 @@ impl Iteration<'_> {
         };
         let mut walk = Walk::light(scene, &start, self.merging);
         let mut chain = Chain::default();
+        let mut trail = Trail::START;
         for n in 1..=self.settings.max_vertices {
             let Some(hit) = walk.arrive() else {
                 return;
@@ -373,7 +406,7 @@ impl Iteration<'_> {
             let vertex = walk.vertex(n, &hit, u.material);
             if strategies != Strategies::Density
                 && !vertex.is_delta()
-                && let Some(splat) = self.connect_to_camera(&vertex)
+                && let Some(splat) = self.connect_to_camera(&vertex, &trail)
             {
                 splats.push(splat);
             }
@@ -393,7 +426,10 @@ impl Iteration<'_> {
             );
             let merges = self.settings.merging.is_some();
             if (merges || more && strategies.connects()) && !vertex.is_delta() {
-                keep(vertex);
+                keep(vertex, trail);
+            }
+            if let Some(smooth) = drawn {
+                trail = self.trail(trail, &vertex, walk.ray.dir, smooth);
             }
             let goes_on = more && drawn.is_some();
             if !goes_on || (n >= self.settings.roulette_start && walk.survive(u.roulette).is_none())
@@ -433,38 +469,49 @@ impl Iteration<'_> {
         map: Option<&PhotonMap<'_>>,
         observer: &mut O,
     ) -> Rgb {
-        let strategies = self.settings.strategies;
+        let strategies = self.strategies;
         let (mut walk, mut stream) = self.camera_walk(pixel);
         let mut chain = Chain::default();
+        let mut prefix = self.prefix();
         let mut total = Rgb::ZERO;
         observer.begin(pixel, self.sample);
         for n in 1..=self.settings.max_vertices + 1 {
             let Some(hit) = walk.arrive() else {
-                total += self.environment(&walk, n);
+                total += prefix.met * self.environment(&walk, n);
                 break;
             };
             let u = stream.vertex();
             let vertex = walk.vertex(n, &hit, u.material);
-            total += self.emitter(&vertex);
+            total += prefix.met * self.emitter(&vertex);
             if n > self.settings.max_vertices {
                 break;
             }
             if n == 1 {
                 observer.vertex(n, hit.0.t, &point(&walk, &vertex));
             }
+            let share = prefix.share(&vertex);
             if strategies.connects() && !vertex.is_delta() {
-                total += self.sampled_light(&vertex, u.light);
-                for other in &light.vertices {
+                total += self.sampled_light(&vertex, u.light, share);
+                for (other, trail) in light.vertices.iter().zip(&light.trails) {
                     if n + other.n > self.settings.max_vertices {
                         break;
                     }
-                    total += self.connection(&vertex, other);
+                    let part = prefix.connected(&vertex, other, trail);
+                    if part != Rgb::ZERO {
+                        total += part * self.connection(&vertex, other);
+                    }
                 }
                 if let Some(map) = map {
-                    total += self.merges(&vertex, map);
+                    total += self.merges(&vertex, &prefix, map);
                 }
             }
+            if strategies == Strategies::All {
+                total += self.hard_part(&prefix, &vertex, share, &u);
+            }
             let drawn = walk.scatter(&vertex, u.lobe);
+            if let Some(smooth) = drawn {
+                prefix.scatter(&vertex, walk.ray.dir, smooth, share);
+            }
             let ends = (&mut chain, &light.ends);
             total += self.regularised(&walk, &vertex, hit.0.t, drawn, u.light, ends);
             match drawn {
@@ -484,9 +531,9 @@ impl Iteration<'_> {
 fn point<'a>(walk: &Walk<'a>, vertex: &'a Vertex) -> ShadingPoint<'a> {
     ShadingPoint {
         scene: walk.scene,
-        surface: vertex.surface,
+        surface: &vertex.surface,
         frame: vertex.frame,
-        bsdf: vertex.bsdf,
+        bsdf: &vertex.bsdf,
         wo: vertex.local,
         alpha: vertex.alpha,
         alpha_reg: vertex.alpha,

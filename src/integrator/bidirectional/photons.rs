@@ -4,6 +4,7 @@
 //! order and each once: cells that share a bucket count no photon twice. A bucket holds its photons in the order of
 //! their light paths, so that sums are bit-identical at any number of threads.
 
+use super::split::Trail;
 use super::vertex::Vertex;
 use super::weights::Partial;
 use crate::integrator::walk::bodies::EnclosingBodies;
@@ -90,15 +91,18 @@ impl Photon {
 pub(super) struct LightVertices {
     photons: Vec<Photon>,
     positions: Vec<Vec3>,
+    /// One a photon, or none.
+    trails: Vec<Trail>,
     /// First vertex of each path but the first.
     ends: Vec<u32>,
 }
 
 impl LightVertices {
     /// Adds a vertex to the path that is open.
-    pub(super) fn push(&mut self, vertex: &Vertex) {
+    pub(super) fn push(&mut self, vertex: &Vertex, trail: Option<Trail>) {
         self.photons.push(Photon::new(vertex));
         self.positions.push(vertex.surface.position);
+        self.trails.extend(trail);
     }
 
     /// Closes a path.
@@ -111,23 +115,39 @@ impl LightVertices {
         let first = self.photons.len() as u32;
         self.photons.extend(other.photons);
         self.positions.extend(other.positions);
+        self.trails.extend(other.trails);
         self.ends.extend(other.ends.iter().map(|end| first + end));
     }
 
     /// Vertices of a path with fewer than `most` before them, built again.
-    pub(super) fn of_path(&self, path: u32, most: u32, scene: &Scene, vertices: &mut Vec<Vertex>) {
+    pub(super) fn of_path(
+        &self,
+        path: u32,
+        most: u32,
+        scene: &Scene,
+        vertices: &mut Vec<Vertex>,
+        trails: &mut Vec<Trail>,
+    ) {
         let path = path as usize;
         let first = if path == 0 { 0 } else { self.ends[path - 1] };
-        let photons = &self.photons[first as usize..self.ends[path] as usize];
         vertices.clear();
-        vertices.extend((photons.iter().filter(|p| p.n <= most)).map(|p| p.vertex(scene)));
+        trails.clear();
+        for i in first as usize..self.ends[path] as usize {
+            let photon = &self.photons[i];
+            if photon.n > most {
+                break;
+            }
+            vertices.push(photon.vertex(scene));
+            trails.push(self.trails.get(i).copied().unwrap_or(Trail::START));
+        }
     }
 
     /// Bytes that a path takes on average, the grid over them included.
     pub(super) fn bytes_per_path(&self) -> usize {
         // A position and its index in the grid, and up to two buckets of four bytes.
         let vertex = size_of::<Photon>() + 2 * size_of::<Vec3>() + 4 + 8;
-        self.photons.len() * vertex / self.ends.len().max(1) + 4
+        let trails = self.trails.len() * size_of::<Trail>();
+        (self.photons.len() * vertex + trails) / self.ends.len().max(1) + 4
     }
 }
 
@@ -194,7 +214,7 @@ impl<'a> PhotonMap<'a> {
 
     /// Visits the photons within the radius of a vertex that lie on its surface.
     #[inline]
-    pub(super) fn around(&self, vertex: &Vertex, mut visit: impl FnMut(&Photon)) {
+    pub(super) fn around(&self, vertex: &Vertex, mut visit: impl FnMut(&Photon, Option<&Trail>)) {
         let (p, ng) = (vertex.surface.position, vertex.surface.ng);
         let [x, y, z] = (self.place(p) - 0.5).floor().to_array().map(|x| x as i64);
         let mask = self.buckets.len() as u32 - 2;
@@ -215,7 +235,7 @@ impl<'a> PhotonMap<'a> {
                 }
                 let photon = &self.vertices.photons[index as usize];
                 if photon.ng().dot(ng) > LEAST_COS {
-                    visit(photon);
+                    visit(photon, self.vertices.trails.get(index as usize));
                 }
             }
         }

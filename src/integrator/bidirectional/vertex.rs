@@ -112,7 +112,7 @@ impl Vertex {
     /// `out` and `back` in the frame for `out`; `None` where that disagrees with the geometric normal about the side of
     /// `back`.
     #[inline]
-    fn seen_from(&self, out: Vec3) -> Option<(Vec3, Vec3)> {
+    pub(super) fn seen_from(&self, out: Vec3) -> Option<(Vec3, Vec3)> {
         let frame = self.surface.frame_for(out);
         let back = if frame.n == self.frame.n {
             self.local

@@ -73,8 +73,8 @@ impl<'a> Walk<'a> {
             Origin::Camera => self.throughput,
             Origin::Light => self.throughput / cos,
         };
-        let bsdf = self.scene.bsdf(&surface, u);
-        let bsdf = (self.bodies).interface(self.scene, &surface, self.ray.dir, bsdf);
+        let mut bsdf = self.scene.bsdf(&surface, u);
+        (self.bodies).interface(self.scene, &surface, self.ray.dir, &mut bsdf);
         let frame = surface.frame_for(back);
         Vertex {
             n,

@@ -150,7 +150,7 @@ impl LevelTracer {
                     pending.scale(passed);
                 }
             }
-            let Some(hit) = way.hit else {
+            let Some(hit) = &way.hit else {
                 if scene.parts().environment.is_some() {
                     let transmittance = bodies.transmittance(scene, f32::INFINITY);
                     emission.scale(transmittance);
@@ -163,7 +163,7 @@ impl LevelTracer {
                 }
                 break;
             };
-            let surface = scene.surface(&hit);
+            let surface = scene.surface(hit);
             if !bodies.is_empty() {
                 let transmittance = bodies.transmittance(scene, hit.t - way.start);
                 throughput *= transmittance;
@@ -192,15 +192,15 @@ impl LevelTracer {
 
             // ── the vertex
             let u = sampler.vertex();
-            let bsdf = channel.bsdf(scene, &surface, u.material, &mut throughput);
-            let bsdf = bodies.interface(scene, &surface, ray.dir, bsdf);
+            let mut bsdf = channel.bsdf(scene, &surface, u.material, &mut throughput);
+            bodies.interface(scene, &surface, ray.dir, &mut bsdf);
             let alpha = bsdf.alpha();
             let frame = surface.frame_for(-ray.dir);
             let point = ShadingPoint {
                 scene,
-                surface,
+                surface: &surface,
                 frame,
-                bsdf,
+                bsdf: &bsdf,
                 wo: frame.to_local(-ray.dir),
                 alpha,
                 alpha_reg: alpha,

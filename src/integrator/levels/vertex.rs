@@ -135,23 +135,25 @@ impl<'a> Vertex<'a> {
     #[inline]
     pub(super) fn direct_light(&self, u: LightU, total: &mut [Rgb]) -> Rgb {
         let point = self.point;
-        let Some(light) = point.scene.lights().sample(point.surface.position, u) else {
+        let light = point.scene.lights().sample(point.surface.position, u);
+        let Some(light) = &light else {
             return Rgb::ZERO;
         };
         let wi = point.frame.to_local(light.wi);
         if light.wi.dot(point.surface.ng) * wi.z <= 0.0 {
             return Rgb::ZERO;
         }
-        let Some(query) = point.bsdf.query(point.wo, wi) else {
+        let query = point.bsdf.query(point.wo, wi);
+        let Some(query) = &query else {
             return Rgb::ZERO;
         };
         let plain = query.at(point.alpha);
-        let (values, p0) = self.lobe.evaluate(&query);
+        let (values, p0) = self.lobe.evaluate(query);
         let dark = plain.value == Rgb::ZERO && values.iter().all(|v| *v == Rgb::ZERO);
         if dark {
             return Rgb::ZERO;
         }
-        let Some(transmittance) = point.transmittance_to(&light) else {
+        let Some(transmittance) = point.transmittance_to(light) else {
             return Rgb::ZERO;
         };
         let radiance = point.throughput * light.radiance * transmittance;
@@ -234,7 +236,7 @@ impl<'a> Vertex<'a> {
         let next = next.filter(|_| self.continues);
         PendingLevels {
             lobe: self.lobe,
-            towards: next.map(|sample| (self.point.bsdf, self.point.wo, sample.wi)),
+            towards: next.map(|sample| (*self.point.bsdf, self.point.wo, sample.wi)),
             throughput: self.point.throughput,
         }
     }

@@ -77,7 +77,7 @@ impl<R: Roughening> PathTracer<R> {
                 throughput *= passed;
                 emission.scale(passed);
             }
-            let Some(hit) = way.hit else {
+            let Some(hit) = &way.hit else {
                 if scene.parts().environment.is_some() {
                     emission.scale(bodies.transmittance(scene, f32::INFINITY));
                     let found = emission.contribution(
@@ -90,7 +90,7 @@ impl<R: Roughening> PathTracer<R> {
                 }
                 break;
             };
-            let surface = scene.surface(&hit);
+            let surface = scene.surface(hit);
             if !bodies.is_empty() {
                 let transmittance = bodies.transmittance(scene, hit.t - way.start);
                 throughput *= transmittance;
@@ -114,15 +114,15 @@ impl<R: Roughening> PathTracer<R> {
 
             // ── the vertex
             let u = sampler.vertex();
-            let bsdf = channel.bsdf(scene, &surface, u.material, &mut throughput);
-            let bsdf = bodies.interface(scene, &surface, ray.dir, bsdf);
+            let mut bsdf = channel.bsdf(scene, &surface, u.material, &mut throughput);
+            bodies.interface(scene, &surface, ray.dir, &mut bsdf);
             let alpha = bsdf.alpha();
             let frame = surface.frame_for(-ray.dir);
             let point = ShadingPoint {
                 scene,
-                surface,
+                surface: &surface,
                 frame,
-                bsdf,
+                bsdf: &bsdf,
                 wo: frame.to_local(-ray.dir),
                 alpha,
                 alpha_reg: roughen(&self.rule, &memory, alpha),

@@ -1,6 +1,6 @@
 //! Bodies around a path, and what they absorb.
 
-use crate::bsdf::{Bsdf, Dielectric, is_matched};
+use crate::bsdf::{Bsdf, is_matched};
 use crate::integrator::View;
 use crate::math::{Ray, Rgb, Vec3};
 use crate::scene::bodies::MOST_SURFACES;
@@ -123,6 +123,7 @@ impl EnclosingBodies {
 
     /// Index of refraction on the outside of a body's boundary that a ray meets along `dir`; `None` where that boundary
     /// does not exist, since inside and outside are one body, of a higher rank or of the same index and without colour.
+    #[cold]
     fn boundary(&self, scene: &Scene, surface: &Surface, dir: Vec3) -> Option<f32> {
         let material = scene.material(surface);
         let mut others = *self;
@@ -141,24 +142,19 @@ impl EnclosingBodies {
         (!around.is_some_and(inside) && !invisible).then_some(index)
     }
 
-    /// The BSDF of a surface that a ray met along `dir`, against the body outside of it.
+    /// Makes the BSDF of a surface that a ray met along `dir` one against the body outside of it.
     #[inline]
     pub(in crate::integrator) fn interface(
         &self,
         scene: &Scene,
         surface: &Surface,
         dir: Vec3,
-        bsdf: Bsdf,
-    ) -> Bsdf {
-        match bsdf {
-            Bsdf::Dielectric(dielectric) if scene.has_overlaps() => {
-                let outside = self.boundary(scene, surface, dir).unwrap_or(1.0);
-                Bsdf::Dielectric(Dielectric {
-                    eta: dielectric.eta / outside,
-                    ..dielectric
-                })
-            }
-            _ => bsdf,
+        bsdf: &mut Bsdf,
+    ) {
+        if scene.has_overlaps()
+            && let Bsdf::Dielectric(dielectric) = bsdf
+        {
+            dielectric.eta /= self.boundary(scene, surface, dir).unwrap_or(1.0);
         }
     }
 

@@ -14,7 +14,7 @@ impl Channel {
     /// At its first dispersive interface a path keeps one channel, each with probability 1/3, and `throughput` three times
     /// of that. All techniques at the vertex and after it share the channel, so that their MIS weights are those of its
     /// index: the estimate of each channel is that of a scene with its index. Other paths stay as they are.
-    #[inline]
+    #[inline(always)]
     pub(in crate::integrator) fn bsdf(
         &mut self,
         scene: &Scene,
@@ -22,31 +22,32 @@ impl Channel {
         u: f32,
         throughput: &mut Rgb,
     ) -> Bsdf {
-        let bsdf = scene.bsdf(surface, u);
+        let mut bsdf = scene.bsdf(surface, u);
         if scene.has_dispersion() {
-            self.split(bsdf, scene.material(surface), u, throughput)
-        } else {
-            bsdf
+            let material = scene.material(surface);
+            *throughput = self.split(&mut bsdf, material, u, *throughput);
         }
+        bsdf
     }
 
-    #[inline(never)]
-    fn split(&mut self, bsdf: Bsdf, material: &Material, u: f32, throughput: &mut Rgb) -> Bsdf {
-        let Bsdf::Dielectric(mut glass) = bsdf else {
-            return bsdf;
+    /// Changes the BSDF and returns the throughput. Takes that by value, so that loops keep it in registers.
+    #[cold]
+    fn split(&mut self, bsdf: &mut Bsdf, material: &Material, u: f32, mut throughput: Rgb) -> Rgb {
+        let Bsdf::Dielectric(glass) = bsdf else {
+            return throughput;
         };
         if material.dispersion == 0.0 {
-            return bsdf;
+            return throughput;
         }
         let channel = *self.0.get_or_insert_with(|| {
             // The lower digits of a number of 24 bits, whose upper ones choose between BSDFs.
             let channel = ((u * 16_777_216.0) as u32 % 3) as u8;
             let kept = throughput[usize::from(channel)];
-            *throughput = Rgb::ZERO;
+            throughput = Rgb::ZERO;
             throughput[usize::from(channel)] = 3.0 * kept;
             channel
         });
         glass.eta = material.iors()[usize::from(channel)];
-        Bsdf::Dielectric(glass)
+        throughput
     }
 }

@@ -9,16 +9,16 @@ use crate::math::{Frame, Rgb, Vec3};
 use crate::sampler::LightU;
 use crate::scene::{Emission, LightSample, Scene, Surface};
 
-/// A scattering vertex.
+/// A scattering vertex. Borrows what it would be dear to copy once a vertex.
 pub struct ShadingPoint<'a> {
     /// The scene.
     pub scene: &'a Scene,
     /// The point.
-    pub surface: Surface,
+    pub surface: &'a Surface,
     /// Shading frame for the direction towards the previous vertex.
     pub frame: Frame,
     /// Its BSDF.
-    pub bsdf: Bsdf,
+    pub bsdf: &'a Bsdf,
     /// Local direction towards the previous vertex.
     pub wo: Vec3,
     /// Own roughness.
@@ -27,7 +27,7 @@ pub struct ShadingPoint<'a> {
     pub alpha_reg: f32,
     /// Throughput of the path before this vertex.
     pub throughput: Rgb,
-    /// The bodies around the previous edge; by reference, since they are many words that few scenes use.
+    /// The bodies around the previous edge.
     pub(in crate::integrator) bodies: &'a EnclosingBodies,
 }
 
@@ -84,27 +84,30 @@ impl ShadingPoint<'_> {
         if self.bsdf.is_delta_at(self.alpha_reg) {
             return Rgb::ZERO;
         }
-        let Some(light) = self.scene.lights().sample(self.surface.position, u) else {
+        // By reference: a copy would wait for the stores of the call.
+        let light = self.scene.lights().sample(self.surface.position, u);
+        let Some(light) = &light else {
             return Rgb::ZERO;
         };
         let wi = self.frame.to_local(light.wi);
         if light.wi.dot(self.surface.ng) * wi.z <= 0.0 {
             return Rgb::ZERO;
         }
-        let Some(query) = self.bsdf.query(self.wo, wi) else {
-            return Rgb::ZERO;
-        };
-        let eval = query.at(self.alpha_reg);
+        let eval = self.bsdf.eval(self.alpha_reg, self.wo, wi);
         // Events that are dark at this roughness are reported too: at another they are not.
-        let dark = eval.value == Rgb::ZERO && !(O::EVENTS && self.is_roughened());
-        if dark {
+        let query = if O::EVENTS && self.is_roughened() {
+            self.bsdf.query(self.wo, wi)
+        } else {
+            None
+        };
+        if eval.value == Rgb::ZERO && query.is_none() {
             return Rgb::ZERO;
         }
-        let Some(transmittance) = self.transmittance_to(&light) else {
+        let Some(transmittance) = self.transmittance_to(light) else {
             return Rgb::ZERO;
         };
         let radiance = self.throughput * light.radiance * transmittance;
-        if O::EVENTS && self.is_roughened() {
+        if let Some(query) = query {
             observer.event(&Event {
                 pdf_light: light.density.value(),
                 delta_light: light.density.is_delta(),
@@ -209,10 +212,10 @@ impl ShadingPoint<'_> {
             }
             observer.roughened(self, u);
         }
-        let Some(found) = found else {
+        let Some(found) = &found else {
             return Rgb::ZERO;
         };
-        let sample = found.sample;
+        let sample = &found.sample;
         // Only an interface between equal indices is a delta at any roughness; light sampling cannot see through it.
         let weight = if sample.delta {
             1.0

@@ -7,14 +7,19 @@ use crate::support::render::scene;
 use opsr::gallery::materials::{coated, diffuse, glass, metal};
 use opsr::image::film::Window;
 use opsr::integrator::bidirectional::{Bidirectional, Radius, Strategies};
-use opsr::integrator::{Settings, View};
+use opsr::integrator::{Estimator, Settings, View};
 use opsr::math::{Rgb, UVec2};
+use opsr::regularise::Rule;
 use opsr::scene::SceneParts;
 
 const FRAME: UVec2 = UVec2::splat(40);
 
 /// Audits a scene with and without merging; a light path and a camera path for every pixel.
 fn assert_audited(name: &str, parts: SceneParts, least: usize) {
+    assert_audited_with(Rule::Plain, name, parts, least);
+}
+
+fn assert_audited_with(rule: Rule, name: &str, parts: SceneParts, least: usize) {
     let scene = scene(parts);
     let view = View::new(
         &scene,
@@ -23,6 +28,8 @@ fn assert_audited(name: &str, parts: SceneParts, least: usize) {
         Window::full(FRAME),
     );
     let settings = Settings {
+        estimator: Estimator::Bdpt,
+        rule,
         max_vertices: 7,
         ..Settings::default()
     };
@@ -75,4 +82,19 @@ fn audit_of_mis_weights_and_values_of_ends() {
     assert_audited("sun", sunny(true), 10);
     assert_audited("parallel camera", parallel_camera(), 20);
     assert_audited("two-sided emitter", two_sided(), 20);
+}
+
+/// What the split leaves of every contribution: lobes and shares by all strategies of the path.
+#[test]
+fn audit_of_the_split() {
+    let audited = |name: &str, parts| assert_audited_with(Rule::constant(0.5), name, parts, 20);
+    let colour = Rgb::new(0.6, 0.3, 0.1);
+    for alpha in [0.0, 0.15] {
+        audited("coat", with_sphere(coated("coat", colour, alpha)));
+        audited("glass", with_sphere(glass("glass", 1.5, alpha)));
+        audited("water", under_water(alpha));
+    }
+    audited("metal walls", lit(metal("walls", colour, 0.15), 3.0));
+    audited("coated walls", lit(coated("walls", colour, 0.15), 3.0));
+    audited("point", point_lit(coated("walls", colour, 0.15)));
 }

@@ -10,16 +10,20 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::{Estimator, FirstHit, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
+use opsr::regularise::Rule;
 use opsr::scene::{Scene, SceneParts};
 
 const FRAME: UVec2 = UVec2::new(40, 36);
 
-fn estimators() -> [Estimator; 4] {
+fn estimators() -> [(Estimator, Rule); 6] {
+    let vcm = Estimator::Vcm(Radius::default());
     [
-        Estimator::Light,
-        Estimator::Bdpt,
-        Estimator::Vcm(Radius::default()),
-        Estimator::Sppm(Radius::default()),
+        (Estimator::Light, Rule::Plain),
+        (Estimator::Bdpt, Rule::Plain),
+        (Estimator::Bdpt, Rule::constant(0.5)),
+        (vcm, Rule::Plain),
+        (vcm, Rule::constant(0.5)),
+        (Estimator::Sppm(Radius::default()), Rule::Plain),
     ]
 }
 
@@ -38,14 +42,15 @@ fn blank(window: Window) -> Picture {
 /// A picture of these passes at this number of threads.
 fn picture(
     scene: &Scene,
-    estimator: Estimator,
+    (estimator, rule): &(Estimator, Rule),
     window: Window,
     threads: usize,
     passes: &[u32],
 ) -> Picture {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let settings = Settings {
-        estimator,
+        estimator: *estimator,
+        rule: rule.clone(),
         seed: 3,
         ..Settings::default()
     };
@@ -66,10 +71,10 @@ fn determinism_of_light_paths_at_any_thread_count_and_split() {
     let scene = scene(parts());
     let full = Window::full(FRAME);
     for estimator in estimators() {
-        let whole = picture(&scene, estimator, full, 1, &[6]);
+        let whole = picture(&scene, &estimator, full, 1, &[6]);
         assert_eq!(whole.film.rejected.total(), 0);
         for (threads, passes) in [(2, &[1, 5][..]), (7, &[6]), (3, &[2, 3, 1])] {
-            assert!(whole == picture(&scene, estimator, full, threads, passes));
+            assert!(whole == picture(&scene, &estimator, full, threads, passes));
         }
     }
 }
@@ -85,8 +90,8 @@ fn determinism_of_a_crop_with_light_paths() {
         h: 15,
     };
     for estimator in estimators() {
-        let whole = picture(&scene, estimator, full, 2, &[4]);
-        let crop = picture(&scene, estimator, window, 2, &[4]);
+        let whole = picture(&scene, &estimator, full, 2, &[4]);
+        let crop = picture(&scene, &estimator, window, 2, &[4]);
         assert_eq!(whole.film.cut(window).pixels, crop.film.pixels);
     }
 }
@@ -99,7 +104,8 @@ fn resume_of_light_paths_is_bit_identical() {
     let path = folder.path().join("a.ckpt");
     for estimator in estimators() {
         let settings = Settings {
-            estimator,
+            estimator: estimator.0,
+            rule: estimator.1.clone(),
             seed: 3,
             ..Settings::default()
         };
@@ -113,13 +119,13 @@ fn resume_of_light_paths_is_bit_identical() {
             samples: 2,
             seconds: 0.0,
             levels: Vec::new(),
-            picture: picture(&scene, estimator, full, 2, &[2]),
+            picture: picture(&scene, &estimator, full, 2, &[2]),
         };
         stopped.save(&path).expect("written");
         let mut resumed = Checkpoint::load(&path, &fingerprint).expect("ours").picture;
         let view = View::of(&scene, &scene.parts().cameras[0], &resumed.film);
         settings.integrator().pass(&view, 2..5, &mut resumed);
-        assert!(resumed == picture(&scene, estimator, full, 1, &[5]));
+        assert!(resumed == picture(&scene, &estimator, full, 1, &[5]));
     }
 }
 
@@ -129,7 +135,7 @@ fn black_scene_without_lights() {
     parts.environment = None;
     let scene = Scene::new(parts);
     for estimator in estimators() {
-        let picture = picture(&scene, estimator, Window::full(FRAME), 2, &[2]);
+        let picture = picture(&scene, &estimator, Window::full(FRAME), 2, &[2]);
         assert!(picture.film.mean().pixels.iter().all(|&p| p == Rgb::ZERO));
         assert_eq!(picture.film.rejected.total(), 0);
     }

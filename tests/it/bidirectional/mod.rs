@@ -7,5 +7,6 @@ mod determinism;
 mod ends;
 mod psr;
 mod scenes;
+mod split;
 mod strategies;
 mod weights;
