@@ -13,7 +13,7 @@ use opsr::integrator::checkpoint::Fingerprint;
 use opsr::integrator::drive::{Budget, ErrorBound, RenderProgress, drive};
 use opsr::integrator::layers::{Aov, Layers};
 use opsr::integrator::levels;
-use opsr::integrator::method::{Kind, MethodSpec};
+use opsr::integrator::method::{IntegratorKind, Kind, MethodSpec};
 use opsr::integrator::part::{self, MergeError, Merged, Part};
 use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::UVec2;
@@ -72,8 +72,8 @@ impl From<RenderProgress> for Progress {
 /// reuse: continue paths with the roughened lobe; needs a table or gamma.
 /// consistent: exponent between 0 and 0.5 with which the bias vanishes: sample n roughens by n**-consistent of the full
 ///     amount; needs a table or gamma.
-/// integrator: "path", "light", "bdpt", "vcm" or "sppm"; only the first takes a table, gamma or rule, and "bdpt" the
-///     mollifier.
+/// integrator: "path", "light", "bdpt", "vcm", "sppm" or "mlt"; "light" and "sppm" take no table or gamma, and only "bdpt" and
+///     "mlt" a rule, the mollifier.
 /// levels: several amounts of roughening on the same paths, of which every pixel gets the best: their number from 1 to 8, or
 ///     the scales of the table's or the constant factor, ascending from 0. One by default, where the program has five.
 /// max_vertices: scattering vertices of the longest path, from 1 to 65536.
@@ -222,7 +222,7 @@ impl Job<'_> {
     fn metadata(&self, settings: &Settings) -> Metadata {
         let path = self.scene.path.display().to_string();
         let mut metadata = settings.metadata(&path, &self.scene.sha256, self.digest.as_deref());
-        let words = self.spec.words();
+        let words = self.spec.words(self.spec.integrator);
         metadata.extend(words.map(|(key, value)| (key.to_owned(), value)));
         metadata
     }
@@ -518,6 +518,10 @@ fn spec(
         serde_json::from_value(json!({ "name": "", "method": "plain" })).map_err(fault)?;
     spec.integrator = integrator.map_err(fault)?;
     spec.method = kind;
+    if spec.integrator == IntegratorKind::Auto {
+        let what = "auto chooses by a pilot, which opsr render has; name one";
+        return Err(argument("integrator", what));
+    }
     spec.gamma = gamma.map(|gamma| unit("gamma", gamma)).transpose()?;
     (spec.filter, spec.lambda) = (filter, consistent);
     // Named only for the check.

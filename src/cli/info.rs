@@ -10,6 +10,7 @@ use opsr::integrator::View;
 use opsr::integrator::aov::centre;
 use opsr::regularise::{GammaIndex, LEN, Rule, bin};
 use opsr::scene::{Material, PunctualLight, Scene};
+use opsr::tune::integrator::advise;
 use serde_json::Value;
 
 /// Options of `opsr info`.
@@ -77,7 +78,7 @@ fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyh
     facts["position"] = serde_json::json!(surface.position.to_array());
     facts["normal"] = serde_json::json!(surface.ns.to_array());
     facts["geometric_normal"] = serde_json::json!(surface.ng.to_array());
-    facts["uv"] = serde_json::json!(surface.uv.to_array());
+    facts["uv"] = serde_json::json!(scene.geometry().uv(scene.parts(), &hit).to_array());
     Ok(facts)
 }
 
@@ -96,9 +97,15 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
     let materials: Vec<_> = parts.materials.iter().map(material).collect();
     let count = |f: fn(&PunctualLight) -> bool| parts.lights.iter().filter(|l| f(l)).count();
     let (low, high) = scene.geometry().bounds();
+    let advice = advise(scene);
     serde_json::json!({
         "triangles": scene.geometry().len(),
-        "meshes": parts.meshes.len(),
+        "meshes": parts.meshes.len() + scene.geometry().instances(),
+        "shared": {
+            "meshes": parts.shared.len(),
+            "instances": scene.geometry().instances(),
+            "triangles_in_memory": scene.geometry().stored(),
+        },
         "bounds": [low.to_array(), high.to_array()],
         "materials": materials,
         "textures": parts.textures.len(),
@@ -111,6 +118,7 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
         },
         "cameras": parts.cameras.iter().map(|c| c.name.clone()).collect::<Vec<_>>(),
         "classes": reachable(scene),
+        "integrator": { "name": advice.kind.name(), "why": advice.why },
         "unused": unused(scene, &Rule::Plain),
         "warnings": warnings,
     })
@@ -191,7 +199,24 @@ fn described(facts: &serde_json::Value) -> String {
             "classes     {} of {LEN} occur with these materials",
             facts["classes"]
         ),
+        format!(
+            "integrator  {}: {}",
+            facts["integrator"]["name"].as_str().unwrap_or_default(),
+            facts["integrator"]["why"].as_str().unwrap_or_default()
+        ),
     ];
+    let shared = &facts["shared"];
+    if let Some(meshes @ 1..) = shared["meshes"].as_u64() {
+        lines.insert(
+            1,
+            format!(
+                "shared      {} instances of {meshes} {}, {} triangles in memory",
+                shared["instances"],
+                if meshes == 1 { "mesh" } else { "meshes" },
+                shared["triangles_in_memory"]
+            ),
+        );
+    }
     for a in facts["animations"].as_array().into_iter().flatten() {
         lines.push(format!("animation   {}: {} s", a["name"], a["seconds"]));
     }

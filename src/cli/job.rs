@@ -7,7 +7,7 @@ use opsr::image::film::Window;
 use opsr::image::level_film::MAX_LEVELS;
 use opsr::integrator::Settings;
 use opsr::integrator::levels::{SCALES, scales};
-use opsr::integrator::method::{Kind, Method};
+use opsr::integrator::method::{IntegratorKind, Kind, Method, MethodSpec};
 use opsr::math::UVec2;
 use opsr::regularise::Rule;
 
@@ -186,7 +186,7 @@ pub(super) fn levels(
 
 /// Resolves the options that choose a method.
 pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
-    let mut spec = args.method.clone();
+    let spec = args.method.clone();
     let factors = spec.table.is_some() || spec.gamma.is_some();
     let consistent = spec.lambda.is_some();
     spec.refused().map_err(anyhow::Error::msg).usage()?;
@@ -202,19 +202,24 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
     if spec.filter.is_some() && spec.method != Kind::FilterGlossy {
         return Err(anyhow!("--filter needs --mode filter-glossy")).usage();
     }
+    if matches!(args.table_scale, Some(Scale::By(_))) && args.table_energy.is_some() {
+        return Err(anyhow!("--table-energy needs --table-scale auto")).usage();
+    }
+    resolve(args, spec)
+}
+
+/// The method of options that were checked.
+pub(super) fn resolve(args: &RenderArgs, mut spec: MethodSpec) -> anyhow::Result<Method> {
     if let Some(Scale::By(scale)) = args.table_scale {
-        if args.table_energy.is_some() {
-            return Err(anyhow!("--table-energy needs --table-scale auto")).usage();
-        }
         spec.table_scale = Some(scale);
     }
     spec.resolve().input()
 }
 
-/// Options that choose the picture, by name.
-pub(super) fn words(args: &RenderArgs) -> Vec<(&'static str, String)> {
+/// Options that choose the picture, by name; the integrator may be a pilot's choice.
+pub(super) fn words(args: &RenderArgs, integrator: IntegratorKind) -> Vec<(&'static str, String)> {
     let vertices = ("max_vertices", args.max_vertices.to_string());
-    args.method.words().chain([vertices]).collect()
+    args.method.words(integrator).chain([vertices]).collect()
 }
 
 /// The option to blame for a film that cannot be.

@@ -11,6 +11,7 @@ use opsr::image::film::{Film, Window};
 use opsr::integrator::View;
 use opsr::integrator::drive::RenderProgress;
 use opsr::integrator::layers::{Aov, Layers};
+use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::part::{MergeError, Merged, Part, merge};
 use opsr::math::UVec2;
 use opsr::scene::Camera;
@@ -36,6 +37,8 @@ pub(super) fn check(args: &RenderArgs) -> anyhow::Result<()> {
         "--film keeps no --aov position, id and time"
     } else if args.table_scale == Some(job::Scale::Auto) {
         "--film needs a number for --table-scale: a pilot would choose one for each part"
+    } else if args.method.integrator == IntegratorKind::Auto {
+        "--film needs the name of an integrator: a pilot would choose one for each part"
     } else {
         return Ok(());
     };

@@ -7,7 +7,7 @@ use super::output::{Outputs, Provenance, can_write};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
-use super::{Blame, Exit, job, part, trace, tune};
+use super::{Blame, Exit, auto, job, part, trace, tune};
 use anyhow::{Context, anyhow};
 use opsr::files;
 use opsr::image::Buffer;
@@ -17,6 +17,7 @@ use opsr::image::metric::relmse;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
 use opsr::integrator::layers::Layers;
+use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
@@ -51,27 +52,42 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         part::check(args)?;
     }
     let stop = Stop::listen();
-    let method = job::method(args)?;
+    let mut method = job::method(args)?;
     let opened = args.scene.open()?;
     stop.begin();
-    let mut settings = job::settings(args, &method);
-    if args.table_scale == Some(job::Scale::Auto)
-        && !tune::tune(args, &opened, &mut settings, &stop)?
-    {
-        return Ok(Exit::Stopped);
-    }
-    settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;
+    let pilot = Instant::now();
+    let mut kind = args.method.integrator;
+    let settings = if kind == IntegratorKind::Auto {
+        let Some((contender, its_method)) = auto::choose(args, &opened, &stop)? else {
+            return Ok(Exit::Stopped);
+        };
+        (kind, method) = (contender.kind, its_method);
+        contender.settings
+    } else {
+        let mut settings = job::settings(args, &method);
+        if args.table_scale == Some(job::Scale::Auto)
+            && !tune::tune(args, &opened, &mut settings, &stop)?
+        {
+            return Ok(Exit::Stopped);
+        }
+        settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;
+        settings
+    };
+    let pilot = match args.method.integrator {
+        IntegratorKind::Auto => pilot.elapsed(),
+        _ => Duration::ZERO,
+    };
     aovs::check(args, &settings)?;
     let scene = args.scene.scene.display().to_string();
     let table = method.table_sha256.as_deref();
     let mut fixed = settings.metadata(&scene, &opened.hash, table);
-    let words = args.method.words();
+    let words = args.method.words(kind);
     fixed.extend(words.map(|(key, value)| (key.to_owned(), value)));
     let provenance = Provenance {
         command: std::env::args().collect::<Vec<_>>().join(" "),
         scene,
         fixed,
-        settings: job::words(args),
+        settings: job::words(args, kind),
         reproducible: args.reproducible,
     };
     RenderJob {
@@ -81,6 +97,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         settings,
         provenance,
         stop,
+        pilot,
     }
     .run()
 }
@@ -96,6 +113,8 @@ pub(super) struct RenderJob<'a> {
     pub(super) settings: Settings,
     pub(super) provenance: Provenance,
     pub(super) stop: Stop,
+    /// Time that the choice of the integrator took, which --time counts.
+    pilot: Duration,
 }
 
 impl RenderJob<'_> {
@@ -249,7 +268,7 @@ impl RenderJob<'_> {
         let samples = if free { Some(DEFAULT_SPP) } else { spp };
         Budget {
             samples,
-            time,
+            time: time.map(|time| time.saturating_sub(self.pilot)),
             error: target_error.map(|bound| ErrorBound {
                 bound: bound.into(),
                 estimate: relative_error,
@@ -259,21 +278,7 @@ impl RenderJob<'_> {
 
     /// The identity of this render, which its checkpoints carry, and its parts without their crop.
     pub(super) fn fingerprint(&self, size: UVec2, crop: Option<Window>) -> Fingerprint {
-        let args = self.args;
-        let settings = format!(
-            "{}, {}x{}, crop {crop:?}, camera {:?}, aov {:?}, {}",
-            self.settings.fingerprint(),
-            size.x,
-            size.y,
-            args.camera,
-            aovs::recorded(args),
-            args.scene.words() + &args.lens.words(),
-        );
-        Fingerprint {
-            version: env!("CARGO_PKG_VERSION").into(),
-            scene: self.opened.hash.clone(),
-            settings,
-        }
+        fingerprint(self.args, &self.opened, &self.settings, size, crop)
     }
 
     /// The picture to continue, the number of its samples, and the seconds spent on them.
@@ -403,6 +408,30 @@ impl RenderJob<'_> {
             "refused": { "nan": film.rejected.nan, "infinite": film.rejected.infinite },
             "clipped_variances": film.clipped_variances(),
         })
+    }
+}
+
+/// The identity of a render with these settings.
+pub(super) fn fingerprint(
+    args: &RenderArgs,
+    opened: &Opened,
+    settings: &Settings,
+    size: UVec2,
+    crop: Option<Window>,
+) -> Fingerprint {
+    let settings = format!(
+        "{}, {}x{}, crop {crop:?}, camera {:?}, aov {:?}, {}",
+        settings.fingerprint(),
+        size.x,
+        size.y,
+        args.camera,
+        aovs::recorded(args),
+        args.scene.words() + &args.lens.words(),
+    );
+    Fingerprint {
+        version: env!("CARGO_PKG_VERSION").into(),
+        scene: opened.hash.clone(),
+        settings,
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::bidirectional::{Bidirectional, Radius, Strategies};
 use super::levels::{LevelError, LevelTracer};
+use super::metropolis::Metropolis;
 use super::path::PathTracer;
 use super::{Integrator, Picture, View};
 use crate::image::exr::Metadata;
@@ -29,6 +30,11 @@ pub enum Estimator {
     Vcm(Radius),
     /// Progressive photon mapping with one radius for the whole picture.
     Sppm(Radius),
+    /// Metropolis light transport over bidirectional path tracing.
+    Mlt {
+        /// Mutations per pixel of one sample, at least 1.
+        mutations: u32,
+    },
 }
 
 impl Default for Estimator {
@@ -89,6 +95,10 @@ impl Settings {
             Estimator::Bdpt => (Strategies::All, None),
             Estimator::Vcm(radius) => (Strategies::All, Some(radius)),
             Estimator::Sppm(radius) => (Strategies::Density, Some(radius)),
+            Estimator::Mlt { mutations } => {
+                let base = self.bidirectional(Strategies::All);
+                return Box::new(Metropolis::new(base, mutations));
+            }
         };
         Box::new(Bidirectional {
             merging,
@@ -103,7 +113,11 @@ impl Settings {
             strategies,
             merging: None,
             mollifier: match self.rule {
-                Rule::Mollifier(radius) if self.estimator == Estimator::Bdpt => Some(radius),
+                Rule::Mollifier(radius)
+                    if matches!(self.estimator, Estimator::Bdpt | Estimator::Mlt { .. }) =>
+                {
+                    Some(radius)
+                }
                 _ => None,
             },
             split: match &self.rule {

@@ -3,8 +3,9 @@
 //! Overlapping bodies are nested dielectrics (Schmidt, Budge: *Simple Nested Dielectrics in Ray Traced Images*, Journal of
 //! Graphics Tools 7(2), 2002): the one of the highest rank is there, and the others' boundaries inside of it do not exist.
 
-use super::{Hit, Scene, SceneParts};
+use super::{Hit, Material, Scene, SceneParts, SharedMesh};
 use crate::math::{Ray, Vec3};
+use glam::DAffine3;
 use rayon::prelude::*;
 
 /// Surfaces at which the search for the bodies around a point gives up.
@@ -17,15 +18,24 @@ const PROBES: usize = 256;
 /// meshes), then the later material.
 pub(super) fn ranks(parts: &SceneParts) -> Vec<u32> {
     let mut extents = vec![0.0f32; parts.materials.len()];
+    let mut extend = |material: u32, extent: f32| {
+        if let Some(most) = extents.get_mut(material as usize) {
+            *most = most.max(extent);
+        }
+    };
     for mesh in &parts.meshes {
-        let (low, high) = mesh
-            .positions
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| {
-                (low.min(p), high.max(p))
-            });
-        if let Some(extent) = extents.get_mut(mesh.material as usize) {
-            *extent = extent.max(low.distance(high));
+        extend(mesh.material, extent(mesh.positions.iter().copied()));
+    }
+    for SharedMesh { mesh, poses } in &parts.shared {
+        // Positions times instances are many, and the rank of what is no body does not matter.
+        let body = parts.materials.get(mesh.material as usize);
+        if body.is_some_and(Material::bounds_body) {
+            let of = |pose: &DAffine3| {
+                let there = |p: &Vec3| pose.transform_point3(p.as_dvec3()).as_vec3();
+                extent(mesh.positions.iter().map(there))
+            };
+            let largest = poses.par_iter().map(of).reduce(|| 0.0, f32::max);
+            extend(mesh.material, largest);
         }
     }
     let mut order: Vec<usize> = (0..extents.len()).collect();
@@ -38,6 +48,13 @@ pub(super) fn ranks(parts: &SceneParts) -> Vec<u32> {
         ranks[i] = rank as u32;
     }
     ranks
+}
+
+/// Diagonal of the box around points.
+fn extent(points: impl Iterator<Item = Vec3>) -> f32 {
+    let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    let (low, high) = points.fold(start, |(low, high), p| (low.min(p), high.max(p)));
+    low.distance(high)
 }
 
 impl Scene {
@@ -74,19 +91,12 @@ impl Scene {
         if !bounds.contains(&true) {
             return false;
         }
-        let mut triangles = vec![Vec::new(); self.parts.meshes.len()];
-        for i in 0..self.geometry.len() as u32 {
-            if bounds[self.geometry.triangle_material(i) as usize] {
-                triangles[self.geometry.triangle_mesh(i) as usize].push(i);
-            }
-        }
-        let probes: Vec<u32> = (triangles.iter())
+        let probes: Vec<u32> = (self.geometry.ranges().into_iter())
+            .filter(|of_mesh| bounds[self.geometry.triangle_material(of_mesh.start) as usize])
             .flat_map(|of_mesh| {
-                of_mesh
-                    .iter()
-                    .step_by(of_mesh.len().div_ceil(PROBES).max(1))
+                let step = of_mesh.len().div_ceil(PROBES);
+                of_mesh.step_by(step)
             })
-            .copied()
             .collect();
         probes.into_par_iter().any(|triangle| {
             let surface = self.surface(&Hit {

@@ -241,6 +241,18 @@ impl Material {
         })
     }
 
+    /// True if any texture varies over the surface.
+    pub fn is_textured(&self) -> bool {
+        let maps = [
+            &self.base_color_texture,
+            &self.metallic_roughness_texture,
+            &self.normal_texture,
+            &self.emissive_texture,
+            &self.transmission_texture,
+        ];
+        maps.iter().any(|map| map.is_some())
+    }
+
     /// True if no lobe of the material can be roughened.
     pub fn is_rough(&self) -> bool {
         self.is_lambert() || (self.alpha >= 1.0 && self.metallic_roughness_texture.is_none())
@@ -252,5 +264,15 @@ impl TextureRef {
     #[inline]
     pub fn sample(&self, textures: &[Texture], uv: Vec2) -> [f32; 4] {
         textures[self.texture as usize].sample(self.transform.transform_point2(uv))
+    }
+}
+
+/// True if opacity may remove a hit on the material.
+pub(super) fn may_vanish(material: &Material) -> bool {
+    let textured = material.base_color_texture.is_some();
+    match material.alpha_mode {
+        AlphaMode::Opaque => false,
+        AlphaMode::Mask(cutoff) => textured || material.opacity < cutoff,
+        AlphaMode::Blend => textured || material.opacity < 1.0,
     }
 }

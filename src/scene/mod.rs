@@ -11,6 +11,7 @@ pub mod accel;
 pub mod bodies;
 pub mod camera;
 pub mod geometry;
+mod instances;
 pub mod light;
 pub mod load;
 pub mod material;
@@ -27,7 +28,7 @@ pub use light::{
     PunctualLight,
 };
 pub use material::Material;
-pub use mesh::Mesh;
+pub use mesh::{Mesh, SharedMesh};
 
 pub use sensor::{Sensor, Sighting};
 pub use texture::Texture;
@@ -37,6 +38,9 @@ pub use texture::Texture;
 pub struct SceneParts {
     /// Triangle meshes in world space.
     pub meshes: Vec<Mesh>,
+    /// Meshes that are shown at several poses and kept once. The program shares where copies would take much memory; see
+    /// [`load`].
+    pub shared: Vec<SharedMesh>,
     /// Materials; `Mesh::material` is an index into this list.
     pub materials: Vec<Material>,
     /// Textures; materials hold indices into this list.
@@ -47,6 +51,14 @@ pub struct SceneParts {
     pub environment: Option<Environment>,
     /// Cameras, in file order.
     pub cameras: Vec<Camera>,
+}
+
+impl SceneParts {
+    /// All meshes, the shared ones once and in their own space.
+    pub fn all_meshes(&self) -> impl Iterator<Item = &Mesh> {
+        let shared = self.shared.iter().map(|shared| &shared.mesh);
+        self.meshes.iter().chain(shared)
+    }
 }
 
 /// A ray's closest hit: 16 bytes.
@@ -71,7 +83,7 @@ pub struct Surface {
     pub ng: Vec3,
     /// Unit shading normal, interpolated and normal-mapped, on the same side as `ng`; see [`Surface::frame_for`].
     pub ns: Vec3,
-    /// Texture coordinates (set 0).
+    /// Texture coordinates (set 0); zero where the material has no texture. See [`Geometry::uv`].
     pub uv: Vec2,
     /// Index of the triangle, in scene order.
     pub triangle: u32,
@@ -104,8 +116,8 @@ impl Scene {
         let has_absorption = (parts.materials.iter()).any(|m| m.absorption != Rgb::ZERO);
         let has_dispersion =
             (parts.materials.iter()).any(|m| m.dispersion > 0.0 && m.bounds_body());
-        let mut shown = parts.meshes.iter().map(|m| m.material as usize);
-        let has_lobes = shown.any(|m| !parts.materials.get(m).is_some_and(Material::is_rough));
+        let shown = |m: &Mesh| parts.materials.get(m.material as usize);
+        let has_lobes = (parts.all_meshes()).any(|m| !shown(m).is_some_and(Material::is_rough));
         let mut scene = Self {
             ranks: bodies::ranks(&parts),
             parts,

@@ -1,4 +1,4 @@
-//! Scale and contrast of a table for a scene, chosen by a pilot without a reference.
+//! Scale and contrast of a table for a scene, chosen by a pilot without a reference; so is the [integrator].
 //!
 //! The blur that a scene tolerates is not part of a path's class. A table therefore serves scenes unlike its training
 //! scenes only at a scale of their own, and where a scene is unlike all of them, one factor for all paths is better
@@ -14,7 +14,9 @@
 //! them the rest.
 
 mod candidate;
+pub mod integrator;
 pub mod resolve;
+pub mod stopwatch;
 
 use crate::image::film::{Film, FilmError, Window};
 use crate::integrator::{Estimator, Picture, Settings, View};
@@ -153,7 +155,7 @@ pub fn choose_while(
     let Some(table) = settings.rule.table().filter(|_| view.scene.has_lobes()) else {
         return Ok(Some(Pilot::NONE));
     };
-    let (frame, window) = pilot_window(view.sensor.frame, view.window);
+    let (frame, window) = pilot_window(view.sensor.frame, view.window, PIXELS);
     let view = View::new(view.scene, view.sensor.camera, frame, window);
     let (pixels, batches) = (window.len() as u64, BATCHES as u64);
     let wanted = (PATHS_PER_SAMPLE * u64::from(samples)).clamp(PATHS.0, PATHS.1);
@@ -232,9 +234,9 @@ fn survivors(candidates: &[Candidate]) -> Vec<usize> {
         .collect()
 }
 
-/// Size of the pilot's whole picture, and its window: whole tiles.
-fn pilot_window(frame: UVec2, window: Window) -> (UVec2, Window) {
-    let scale = (PIXELS / window.len().max(1) as f32).sqrt();
+/// Size of the pilot's whole picture, and its window of about so many pixels: whole tiles.
+fn pilot_window(frame: UVec2, window: Window, pixels: f32) -> (UVec2, Window) {
+    let scale = (pixels / window.len().max(1) as f32).sqrt();
     let side = |x: u32| ((x as f32 * scale / TILE as f32).round() as u32).clamp(2, 256) * TILE;
     let start = |x: u32| (x as f32 * scale).round() as u32;
     let pilot = Window {

@@ -1,5 +1,6 @@
 //! The program: exit codes, messages, and files that are whole or unchanged.
 
+mod auto;
 mod broken;
 mod faults;
 mod long;

@@ -16,6 +16,7 @@ mod exr;
 mod film;
 mod fuzz;
 mod geometry;
+mod instances;
 mod lens;
 mod levels;
 mod load;

@@ -406,7 +406,8 @@ impl Iteration<'_> {
         // The camera walk.
         let columns = sensor.frame.x;
         let pixel = UVec2::new(path % columns, path / columns);
-        let (mut walk, mut stream) = self.camera_walk(pixel);
+        let mut stream = self.camera_stream(pixel);
+        let mut walk = self.camera_walk(pixel, &mut stream);
         let mut nodes: Vec<Node> = Vec::new();
         let mut prefix = self.prefix();
         for n in 1..=self.settings.max_vertices + 1 {

@@ -26,7 +26,7 @@ pub(super) struct Photon {
     triangle: u32,
     at: [f32; 2],
     choice: f32,
-    /// Geometric normal in units of 1/127.
+    /// Geometric normal in units of 1/127, and 1 if the photon arrives on its side, else 0.
     ng: [i8; 4],
 }
 
@@ -49,7 +49,12 @@ impl Photon {
             triangle: vertex.hit.triangle,
             at: [vertex.hit.u, vertex.hit.v],
             choice: vertex.choice,
-            ng: [x as i8, y as i8, z as i8, 0],
+            ng: [
+                x as i8,
+                y as i8,
+                z as i8,
+                i8::from(vertex.back.dot(vertex.surface.ng) > 0.0),
+            ],
         }
     }
 
@@ -234,7 +239,9 @@ impl<'a> PhotonMap<'a> {
                     continue;
                 }
                 let photon = &self.vertices.photons[index as usize];
-                if photon.ng().dot(ng) > LEAST_COS {
+                // One that grazes a neighbouring facet from outside may come from below this one.
+                let same_side = (photon.back.dot(ng) > 0.0) == (photon.ng[3] == 1);
+                if same_side && photon.ng().dot(ng) > LEAST_COS {
                     visit(photon, self.vertices.trails.get(index as usize));
                 }
             }

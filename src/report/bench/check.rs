@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::suite::{Kind, MethodSpec, SceneSpec, Suite};
 use crate::image::film::Window;
+use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Estimator, Settings};
 use crate::regularise::{Accumulated, Factors, Rule};
 
@@ -74,6 +75,10 @@ fn scene(scene: &SceneSpec) -> Result<(), String> {
         scene.reference.is_some() != scene.reference_spp.is_some(),
         "expected either `reference` or `reference_spp`",
     )?;
+    ensure(
+        scene.reference_integrator != IntegratorKind::Auto,
+        "reference_integrator: expected one by name",
+    )?;
     let size = scene.size.iter().all(|n| (1..=65536).contains(n));
     ensure(size, "size: from 1 to 65536 each")?;
     let crop = scene.window().inside(&Window::full(scene.frame()));
@@ -140,6 +145,8 @@ fn method(method: &MethodSpec) -> Result<(), String> {
     ensure(radius, "radius: expected a number above 0")?;
     let alpha = method.radius_alpha.is_none_or(|a| a > 0.0 && a <= 1.0);
     ensure(alpha, "radius_alpha: expected above 0 and at most 1")?;
+    let pass = method.mlt_pass.is_none_or(|n| (1..=65536).contains(&n));
+    ensure(pass, "mlt_pass: expected from 1 to 65536")?;
     ensure(
         !method.robust || !method.levels.is_empty(),
         "robust: several levels have batches",

@@ -10,7 +10,7 @@ use std::collections::HashMap;
 ///
 /// A material that open meshes have too stays theirs; the closed ones get a solid copy.
 pub(super) fn bodies(
-    meshes: &mut [Mesh],
+    meshes: &mut [&mut Mesh],
     materials: &mut Vec<Material>,
     thickness_known: &[bool],
     solid: bool,
@@ -22,6 +22,7 @@ pub(super) fn bodies(
             continue;
         }
         let (closed, open): (Vec<&mut Mesh>, Vec<&mut Mesh>) = (meshes.iter_mut())
+            .map(|mesh| &mut **mesh)
             .filter(|mesh| mesh.material as usize == i)
             .partition(|mesh| is_closed(mesh));
         if closed.is_empty() {

@@ -15,8 +15,9 @@ use opsr::scene::{Scene, SceneParts};
 
 const FRAME: UVec2 = UVec2::new(40, 36);
 
-fn estimators() -> [(Estimator, Rule); 6] {
+fn estimators() -> [(Estimator, Rule); 8] {
     let vcm = Estimator::Vcm(Radius::default());
+    let mlt = Estimator::Mlt { mutations: 2 };
     [
         (Estimator::Light, Rule::Plain),
         (Estimator::Bdpt, Rule::Plain),
@@ -24,6 +25,8 @@ fn estimators() -> [(Estimator, Rule); 6] {
         (vcm, Rule::Plain),
         (vcm, Rule::constant(0.5)),
         (Estimator::Sppm(Radius::default()), Rule::Plain),
+        (mlt, Rule::Plain),
+        (mlt, Rule::constant(0.5)),
     ]
 }
 
