@@ -8,7 +8,7 @@ use opsr::image::display::{Display, ViewTransform, auto_exposure};
 use opsr::image::exr::{self, Header, Layer, Metadata, Storage};
 use opsr::image::png;
 use opsr::integrator::Picture;
-use opsr::tune::resolve::{Resolved as Choice, resolve_film};
+use opsr::tune::resolve::{MAX_SIGMA, Resolve, Resolved as Choice, resolve_film};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -188,16 +188,23 @@ pub(crate) struct Resolved {
 ///
 /// film: a film of several levels.
 /// robust: of every level take the mean of its mean and of the median of its batches, which removes fireflies.
+/// sigma: standard deviation in pixels of the blur that the light of roughened vertices gets where that makes less error,
+///     from 0 for none to 1.5.
 ///
-/// Raises ValueError for a film of one level.
+/// Raises ValueError for a film of one level, and for another sigma.
 #[pyfunction]
-#[pyo3(signature = (film, *, robust=false))]
-pub(crate) fn resolve(film: &Bound<'_, Film>, robust: bool) -> PyResult<Resolved> {
+#[pyo3(signature = (film, *, robust=false, sigma=0.7))]
+pub(crate) fn resolve(film: &Bound<'_, Film>, robust: bool, sigma: f32) -> PyResult<Resolved> {
+    if !(0.0..=MAX_SIGMA).contains(&sigma) {
+        return Err(argument("sigma", "expected from 0 to 1.5"));
+    }
     let Some(levels) = &film.get().made.levels else {
         let what = "a film of one level, there is nothing to choose";
         return Err(argument("film", what));
     };
-    let choice = detached(film.py(), || resolve_film(levels, robust))?;
+    let choice = detached(film.py(), || {
+        resolve_film(levels, Resolve { robust, sigma })
+    })?;
     Ok(Resolved { choice })
 }
 

@@ -21,7 +21,7 @@ use opsr::memory;
 use opsr::regularise::{Factors, Rule};
 use opsr::scene::Camera;
 use opsr::tune;
-use opsr::tune::resolve::{relative_error, resolve_film};
+use opsr::tune::resolve::{Resolve, relative_error, resolve_film};
 use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyInt, PyString};
@@ -255,7 +255,7 @@ impl Job<'_> {
         let mut metadata = self.metadata(&settings);
         stamp(&mut metadata, progress.samples, &picture);
         Ok(Film {
-            choice: (picture.levels.as_ref()).map(|film| resolve_film(film, false)),
+            choice: (picture.levels.as_ref()).map(|film| resolve_film(film, Resolve::default())),
             layers: Layers::new(&self.aovs, &view).of(&picture),
             camera: self.camera.world_to_camera(),
             made: picture,
@@ -354,7 +354,7 @@ pub(crate) fn merge(
     let mut metadata = first.metadata;
     stamp(&mut metadata, samples, &picture);
     Ok(Film {
-        choice: (picture.levels.as_ref()).map(|film| resolve_film(film, false)),
+        choice: (picture.levels.as_ref()).map(|film| resolve_film(film, Resolve::default())),
         layers: Layers::recorded(&wanted).of(&picture),
         camera: first.camera,
         made: picture,

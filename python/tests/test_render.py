@@ -81,6 +81,9 @@ def test_levels_resolve(box):
     np.testing.assert_allclose(resolved.error**2, resolved.bias2 + resolved.variance, rtol=1e-4)
     assert resolved.relative_error == film.relative_error > 0
     assert opsr.resolve(film, robust=True).picture.shape == plain.shape
+    assert (opsr.resolve(film, sigma=0).picture != opsr.resolve(film, sigma=1.5).picture).any()
+    with pytest.raises(ValueError, match="sigma"):
+        opsr.resolve(film, sigma=9)
     with pytest.raises(ValueError, match="a film of one level, there is nothing to choose"):
         opsr.resolve(opsr.render(box, **SMALL))
 

@@ -58,6 +58,10 @@ pub struct MethodSpec {
     #[arg(skip)]
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub robust: bool,
+    /// Standard deviation in pixels of the blur of roughened light, instead of the default; 0 for none.
+    #[arg(skip)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma: Option<f32>,
     /// Denoise the picture.
     #[arg(skip)]
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
