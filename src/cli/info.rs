@@ -68,7 +68,9 @@ fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyh
         return Ok(facts);
     };
     let of = scene.material(&surface);
-    let alpha = scene.bsdf(&surface, 0.0).alpha();
+    // The base: a clear coat is drawn by smaller numbers.
+    let u = if of.clearcoat > 0.0 { 0.25 } else { 0.0 };
+    let alpha = scene.bsdf(&surface, u).alpha();
     facts["mesh"] = (scene.geometry().triangle_mesh(surface.triangle) + 1).into();
     facts["material"] = format!("{} ({})", of.name, surface.material + 1).into();
     facts["kind"] = material(of)["kind"].clone();
@@ -232,9 +234,15 @@ fn described(facts: &serde_json::Value) -> String {
         } else {
             ""
         };
+        let clear_coat = match m["clearcoat"].as_f64() {
+            Some(coat) if coat > 0.0 => {
+                format!(", clear coat {coat} of alpha {}", m["clearcoat_alpha"])
+            }
+            _ => String::new(),
+        };
         let emits = if m["emits"] == true { ", emits" } else { "" };
         lines.push(format!(
-            "  {} {}: alpha {}{textured}, bin {}{emits}",
+            "  {} {}: alpha {}{textured}, bin {}{clear_coat}{emits}",
             m["kind"].as_str().unwrap_or_default(),
             m["name"].as_str().unwrap_or_default(),
             m["alpha"],

@@ -290,6 +290,8 @@ impl Material {
             &self.normal_texture,
             &self.emissive_texture,
             &self.transmission_texture,
+            &self.clearcoat_texture,
+            &self.clearcoat_roughness_texture,
         ];
         maps.iter().any(|map| map.is_some())
     }

@@ -94,7 +94,7 @@ fn albedo_by(
 
 /// White furnace around white BSDFs: draws keep the energy of the values, and no BSDF makes light.
 pub fn furnace(size: Size) -> Vec<Finding> {
-    let (strata, bound) = size.of((16, 5e-2), (32, 2e-2), (128, 1e-3));
+    let (strata, bound) = size.of((16, 2e-2), (32, 5e-3), (80, 1e-3));
     type Make = fn(f32, Distribution) -> Bsdf;
     let kinds: [(&str, Make, f32); 4] = [
         ("metal", bsdfs::metal, 1.0),

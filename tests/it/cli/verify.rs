@@ -48,7 +48,7 @@ fn verify_render_finds_a_planted_fault() {
             "planted missing-eta2: found"
         ]
     );
-    // A picture 3 % too bright is beyond so few samples.
+    // A picture 1 % too bright is beyond so few samples.
     let ended = verify("render --plant brightness");
     assert_eq!(ended.code, Some(1), "{}", ended.out);
     let missed = "planted brightness: NOT FOUND";
