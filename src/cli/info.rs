@@ -139,6 +139,8 @@ fn material(m: &Material) -> serde_json::Value {
         "alpha": alpha,
         "textured_roughness": m.metallic_roughness_texture.is_some(),
         "bin": bin(alpha),
+        "clearcoat": m.clearcoat,
+        "clearcoat_alpha": m.clearcoat_alpha,
         // The former name of "bin".
         "level": bin(alpha),
         "emits": m.emission != opsr::math::Rgb::ZERO,
@@ -151,7 +153,10 @@ fn reachable(scene: &Scene) -> usize {
     for m in &scene.parts().materials {
         if m.metallic_roughness_texture.is_some() {
             bins = [true; 4];
+        } else if m.clearcoat > 0.0 && m.clearcoat_roughness_texture.is_some() {
+            bins = [true; 4];
         } else {
+            bins[bin(m.clearcoat_alpha)] |= m.clearcoat > 0.0;
             bins[bin(m.alpha)] |= !m.is_lambert();
             // A diffuse base scatters too.
             bins[3] |= m.has_base();

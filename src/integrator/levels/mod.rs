@@ -228,7 +228,7 @@ impl LevelTracer {
                 total[..levels].iter_mut().for_each(|t| *t += direct);
             }
             let Some(next) = continuation else { break };
-            emission = point.shared_emission::<()>(&next.sample, false);
+            emission = point.shared_emission::<()>(&next.sample, false, false);
             throughput *= next.sample.weight;
             let own = if next.sample.lobe == Lobe::Diffuse {
                 1.0
