@@ -126,4 +126,18 @@ impl Clearcoated {
     pub(super) fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
         self.base().direction(alpha, wo, u)
     }
+
+    #[cold]
+    #[inline(never)]
+    pub(super) fn complete(
+        &self,
+        alpha: f32,
+        wo: Vec3,
+        wi: Vec3,
+        lobe: Lobe,
+    ) -> Option<BsdfSample> {
+        let mut sample = self.base().complete(alpha, wo, wi, lobe)?;
+        sample.weight *= self.through(wo, wi);
+        Some(sample)
+    }
 }

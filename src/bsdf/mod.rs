@@ -80,6 +80,8 @@ pub enum Lobe {
 pub struct BsdfSample {
     /// Sampled direction, local.
     pub wi: Vec3,
+    /// f·|cos θi| of the whole BSDF; without meaning if `delta`.
+    pub value: Rgb,
     /// f·|cos θi| / pdf of the whole BSDF; of the Dirac lobe alone, over its selection probability, if `delta`. Finite
     /// and at least 0.
     pub weight: Rgb,
@@ -251,11 +253,23 @@ impl Bsdf {
     #[inline]
     pub fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
         match self {
+            Self::Diffuse(l) => l.sample(wo, u).map(|s| (s.wi, s.lobe)),
             Self::Glossy(l) => l.direction(alpha, wo, u),
-            Self::Dielectric(l) if !l.is_matched() => l.direction(alpha, wo, u),
+            Self::Dielectric(l) => l.direction(alpha, wo, u),
             Self::Thin(l) => l.direction(alpha, wo, u),
             Self::Clearcoated(l) => l.direction(alpha, wo, u),
-            _ => self.sample(alpha, wo, u).map(|s| (s.wi, s.lobe)),
+        }
+    }
+
+    /// The [`Bsdf::sample`] of a direction and lobe from [`Bsdf::direction`] at the same roughness: value and density.
+    #[inline]
+    pub fn complete(&self, alpha: f32, wo: Vec3, wi: Vec3, lobe: Lobe) -> Option<BsdfSample> {
+        match self {
+            Self::Diffuse(l) => l.complete(wo, wi),
+            Self::Glossy(l) => l.complete(alpha, wo, wi, lobe),
+            Self::Dielectric(l) => l.complete(alpha, wo, wi, lobe),
+            Self::Thin(l) => l.complete(alpha, wo, wi, lobe),
+            Self::Clearcoated(l) => l.complete(alpha, wo, wi, lobe),
         }
     }
 
