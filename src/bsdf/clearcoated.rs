@@ -116,9 +116,18 @@ impl Clearcoated {
     #[cold]
     #[inline(never)]
     pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
-        let mut sample = self.base().sample(alpha, wo, u)?;
-        sample.weight *= self.through(wo, sample.wi);
-        Some(sample)
+        let sample = self.base().sample(alpha, wo, u)?;
+        Some(self.dimmed(wo, sample))
+    }
+
+    /// A sample of the base under the coat.
+    fn dimmed(&self, wo: Vec3, sample: BsdfSample) -> BsdfSample {
+        let through = self.through(wo, sample.wi);
+        BsdfSample {
+            value: sample.value * through,
+            weight: sample.weight * through,
+            ..sample
+        }
     }
 
     #[cold]
@@ -136,8 +145,7 @@ impl Clearcoated {
         wi: Vec3,
         lobe: Lobe,
     ) -> Option<BsdfSample> {
-        let mut sample = self.base().complete(alpha, wo, wi, lobe)?;
-        sample.weight *= self.through(wo, wi);
-        Some(sample)
+        let sample = self.base().complete(alpha, wo, wi, lobe)?;
+        Some(self.dimmed(wo, sample))
     }
 }

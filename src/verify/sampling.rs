@@ -242,10 +242,11 @@ impl Worst {
             self.invalid += f64::from(u8::from(!valid));
             if !s.delta {
                 let eval = bsdf.eval(alpha, wo, s.wi);
-                let apart = (eval.value / eval.pdf_w - s.weight).abs().max_element();
-                self.weight = self
-                    .weight
-                    .max(f64::from(apart / s.weight.max_element().max(1e-6)));
+                let least = s.weight.max_element().max(1e-6);
+                for weight in [eval.value / eval.pdf_w, s.value / s.pdf_w] {
+                    let apart = (weight - s.weight).abs().max_element();
+                    self.weight = self.weight.max(f64::from(apart / least));
+                }
                 let ratio = f64::from(eval.pdf_w) / f64::from(s.pdf_w) - 1.0;
                 self.density = self.density.max(ratio.abs());
                 // At the horizon, and far from the peak, the last bits of a direction decide.
