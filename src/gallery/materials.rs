@@ -2,6 +2,7 @@
 
 use crate::math::Rgb;
 use crate::scene::Material;
+use crate::scene::material::Clearcoat;
 
 /// Reflectance of gold at normal incidence, linear.
 pub const GOLD: Rgb = Rgb::new(1.0, 0.78, 0.34);
@@ -48,8 +49,11 @@ pub fn coated(name: &str, albedo: Rgb, alpha: f32) -> Material {
 /// A material under a clear coat of roughness `alpha`.
 pub fn clearcoated(base: Material, alpha: f32) -> Material {
     Material {
-        clearcoat: 1.0,
-        clearcoat_alpha: alpha,
+        clearcoat: Some(Box::new(Clearcoat {
+            weight: 1.0,
+            alpha,
+            ..Clearcoat::default()
+        })),
         ..base
     }
 }

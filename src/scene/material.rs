@@ -54,14 +54,21 @@ pub struct Material {
     pub emissive_texture: Option<TextureRef>,
     /// Transmission in red.
     pub transmission_texture: Option<TextureRef>,
-    /// Weight in [0, 1] of a clear coat over everything else; 0 without one.
-    pub clearcoat: f32,
-    /// Roughness of the clear coat in [0, 1].
-    pub clearcoat_alpha: f32,
-    /// Weight of the clear coat in red.
-    pub clearcoat_texture: Option<TextureRef>,
-    /// Perceptual roughness of the clear coat in green.
-    pub clearcoat_roughness_texture: Option<TextureRef>,
+    /// Clear coat over everything else; apart, since few materials have one and all are read at every hit.
+    pub clearcoat: Option<Box<Clearcoat>>,
+}
+
+/// Clear coat of a material.
+#[derive(Clone, Debug, Default)]
+pub struct Clearcoat {
+    /// Weight in [0, 1].
+    pub weight: f32,
+    /// Roughness in [0, 1].
+    pub alpha: f32,
+    /// Weight in red.
+    pub texture: Option<TextureRef>,
+    /// Perceptual roughness in green.
+    pub roughness_texture: Option<TextureRef>,
 }
 
 /// Use of a material's opacity.
@@ -111,10 +118,7 @@ impl Default for Material {
             normal_scale: 1.0,
             emissive_texture: None,
             transmission_texture: None,
-            clearcoat: 0.0,
-            clearcoat_alpha: 0.0,
-            clearcoat_texture: None,
-            clearcoat_roughness_texture: None,
+            clearcoat: None,
         }
     }
 }
@@ -124,25 +128,25 @@ impl Material {
     /// is partial.
     #[inline]
     pub fn bsdf(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
-        if self.clearcoat > 0.0 {
-            return self.clearcoat_or_base(textures, uv, u);
+        if let Some(coat) = &self.clearcoat {
+            return self.clearcoat_or_base(coat, textures, uv, u);
         }
         self.base_bsdf(textures, uv, u)
     }
 
     #[cold]
     #[inline(never)]
-    fn clearcoat_or_base(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
-        let (mut coat, mut alpha) = (self.clearcoat, self.clearcoat_alpha);
-        if let Some(map) = &self.clearcoat_texture {
-            coat *= map.sample(textures, uv)[0];
+    fn clearcoat_or_base(&self, coat: &Clearcoat, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
+        let (mut weight, mut alpha) = (coat.weight, coat.alpha);
+        if let Some(map) = &coat.texture {
+            weight *= map.sample(textures, uv)[0];
         }
-        if let Some(map) = &self.clearcoat_roughness_texture {
+        if let Some(map) = &coat.roughness_texture {
             let roughness = map.sample(textures, uv)[1];
             alpha *= roughness * roughness;
         }
         let base = |u| self.base_bsdf(textures, uv, u);
-        clearcoated(coat, alpha, self.distribution, u, base)
+        clearcoated(weight, alpha, self.distribution, u, base)
     }
 
     /// The BSDF without a clear coat.
@@ -256,7 +260,7 @@ impl Material {
             && self.base_color == Rgb::ONE
             && self.base_color_texture.is_none()
             && self.metallic == 0.0
-            && self.clearcoat == 0.0
+            && self.clearcoat.is_none()
     }
 
     /// True if the coat of the dielectric reflects anything.
@@ -269,7 +273,7 @@ impl Material {
         self.metallic == 0.0
             && self.transmission == 0.0
             && !self.has_coat()
-            && self.clearcoat == 0.0
+            && self.clearcoat.is_none()
     }
 
     /// Indices of refraction of red, green and blue: Cauchy's formula by the Abbe number V,
@@ -290,10 +294,10 @@ impl Material {
             &self.normal_texture,
             &self.emissive_texture,
             &self.transmission_texture,
-            &self.clearcoat_texture,
-            &self.clearcoat_roughness_texture,
         ];
-        maps.iter().any(|map| map.is_some())
+        let coat = self.clearcoat.as_ref();
+        let coats = coat.is_some_and(|c| c.texture.is_some() || c.roughness_texture.is_some());
+        coats || maps.iter().any(|map| map.is_some())
     }
 
     /// True if no lobe of the material can be roughened.
@@ -301,7 +305,7 @@ impl Material {
         self.is_lambert()
             || (self.alpha >= 1.0
                 && self.metallic_roughness_texture.is_none()
-                && self.clearcoat == 0.0)
+                && self.clearcoat.is_none())
     }
 }
 

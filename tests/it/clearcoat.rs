@@ -12,7 +12,7 @@ use opsr::math::{Rgb, UVec2, Vec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, Seed};
 use opsr::scene::material::TextureRef;
-use opsr::scene::{Material, SceneParts, Texture};
+use opsr::scene::{SceneParts, Texture};
 use opsr::verify::bsdfs::{DISTRIBUTIONS, at, glass, metal as mirror, plastic};
 
 /// Coat and base of a surface, each with its chance.
@@ -120,11 +120,10 @@ fn clearcoat_textures_scale_weight_and_roughness() {
             transform: glam::Affine2::IDENTITY,
         })
     };
-    let material = Material {
-        clearcoat_texture: map(0),
-        clearcoat_roughness_texture: map(1),
-        ..materials::clearcoated(metal("paint", Rgb::ONE, 0.3), 0.8)
-    };
+    let mut material = materials::clearcoated(metal("paint", Rgb::ONE, 0.3), 0.8);
+    let coat = material.clearcoat.as_mut().expect("a coat");
+    coat.texture = map(0);
+    coat.roughness_texture = map(1);
     let bsdf = |u| material.bsdf(&textures, Vec2::ZERO, u);
     // A weight of 0.2 is drawn with a chance of 0.05.
     assert!(matches!(bsdf(0.0499), Bsdf::Glossy(_)));

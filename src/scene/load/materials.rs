@@ -6,7 +6,7 @@ use super::textures::Requests;
 use crate::bsdf::Distribution;
 use crate::math::Rgb;
 use crate::scene::Material;
-use crate::scene::material::{AlphaMode, TextureRef};
+use crate::scene::material::{AlphaMode, Clearcoat, TextureRef};
 use glam::{Affine2, Vec2};
 use gltf::json::extensions::material as ext;
 use gltf::json::extensions::texture::TextureTransform;
@@ -54,7 +54,7 @@ pub(super) fn materials(
 /// `KHR_materials_clearcoat`, which the crate does not type.
 #[derive(Default, Deserialize)]
 #[serde(default)]
-struct Clearcoat {
+struct ClearcoatExtension {
     #[serde(rename = "clearcoatFactor")]
     factor: f32,
     #[serde(rename = "clearcoatTexture")]
@@ -183,7 +183,7 @@ impl Reader<'_> {
                 specular: 0.0,
                 metallic: 0.0,
                 transmission: 0.0,
-                clearcoat: 0.0,
+                clearcoat: None,
                 double_sided: true,
                 normal_texture: None,
                 ..std::mem::take(out)
@@ -193,16 +193,21 @@ impl Reader<'_> {
     }
 
     fn clearcoat(&mut self, value: &json::Value, out: &mut Material) -> Result<()> {
-        let coat: Clearcoat = json::deserialize::from_value(value.clone()).map_err(|e| {
-            let place = format!("{}.KHR_materials_clearcoat", self.at);
-            fault(place, e.to_string())
-        })?;
-        out.clearcoat = self.fraction("clearcoatFactor", coat.factor)?;
+        let coat: ClearcoatExtension =
+            json::deserialize::from_value(value.clone()).map_err(|e| {
+                let place = format!("{}.KHR_materials_clearcoat", self.at);
+                fault(place, e.to_string())
+            })?;
+        let weight = self.fraction("clearcoatFactor", coat.factor)?;
         let roughness = self.fraction("clearcoatRoughnessFactor", coat.roughness_factor)?;
-        out.clearcoat_alpha = roughness * roughness;
-        out.clearcoat_texture = self.info("clearcoatTexture", coat.texture.as_ref(), false)?;
         let map = coat.roughness_texture.as_ref();
-        out.clearcoat_roughness_texture = self.info("clearcoatRoughnessTexture", map, false)?;
+        let read = Clearcoat {
+            weight,
+            alpha: roughness * roughness,
+            texture: self.info("clearcoatTexture", coat.texture.as_ref(), false)?,
+            roughness_texture: self.info("clearcoatRoughnessTexture", map, false)?,
+        };
+        out.clearcoat = (weight > 0.0).then(|| Box::new(read));
         if coat.normal_texture.is_some() {
             let line = "clearcoatNormalTexture is ignored: the coat has the base's normal";
             self.warnings.say(format!("{}: {line}", self.at));

@@ -56,9 +56,10 @@ fn load_material_factors() {
 fn load_clearcoat() {
     let coat = |body: Value| with("clearcoat", body);
     let m = coat(json!({ "clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.2 }));
-    assert!(m.clearcoat == 0.5 && (m.clearcoat_alpha - 0.04).abs() < 1e-7);
+    let read = m.clearcoat.expect("a coat");
+    assert!(read.weight == 0.5 && (read.alpha - 0.04).abs() < 1e-7);
     let m = coat(json!({}));
-    assert_eq!((m.clearcoat, m.clearcoat_alpha), (0.0, 0.0));
+    assert!(m.clearcoat.is_none());
     for (body, fragment) in [
         (
             json!({ "clearcoatFactor": 2 }),
