@@ -16,9 +16,10 @@ pub struct Diffuse {
 /// Microfacet reflection over a Lambertian base.
 #[derive(Clone, Copy, Debug)]
 pub struct Glossy {
-    /// Reflectance at normal incidence in [0, 1], for Schlick's approximation.
+    /// Reflectance at normal incidence in [0, 1], for Schlick's approximation; over the chance that it was drawn for a
+    /// clear coat.
     pub f0: Rgb,
-    /// Reflectance at grazing incidence in [0, 1], not below a channel of `f0`; 1 unless a file says otherwise.
+    /// Reflectance at grazing incidence, as `f0`, not below a channel of it; 1 unless a file says otherwise.
     pub f90: f32,
     /// Reflectance of the base in [0, 1]; zero for a metal.
     pub albedo: Rgb,
