@@ -116,9 +116,8 @@ impl Clearcoated {
     #[cold]
     #[inline(never)]
     pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
-        let mut sample = self.base().sample(alpha, wo, u)?;
-        sample.weight *= self.through(wo, sample.wi);
-        Some(sample)
+        let (wi, lobe) = self.direction(alpha, wo, u)?;
+        self.complete(alpha, wo, wi, lobe)
     }
 
     #[cold]
@@ -137,7 +136,9 @@ impl Clearcoated {
         lobe: Lobe,
     ) -> Option<BsdfSample> {
         let mut sample = self.base().complete(alpha, wo, wi, lobe)?;
-        sample.weight *= self.through(wo, wi);
+        let through = self.through(wo, wi);
+        sample.value *= through;
+        sample.weight *= through;
         Some(sample)
     }
 }
