@@ -116,18 +116,8 @@ impl Clearcoated {
     #[cold]
     #[inline(never)]
     pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
-        let sample = self.base().sample(alpha, wo, u)?;
-        Some(self.dimmed(wo, sample))
-    }
-
-    /// A sample of the base under the coat.
-    fn dimmed(&self, wo: Vec3, sample: BsdfSample) -> BsdfSample {
-        let through = self.through(wo, sample.wi);
-        BsdfSample {
-            value: sample.value * through,
-            weight: sample.weight * through,
-            ..sample
-        }
+        let (wi, lobe) = self.direction(alpha, wo, u)?;
+        self.complete(alpha, wo, wi, lobe)
     }
 
     #[cold]
@@ -145,7 +135,10 @@ impl Clearcoated {
         wi: Vec3,
         lobe: Lobe,
     ) -> Option<BsdfSample> {
-        let sample = self.base().complete(alpha, wo, wi, lobe)?;
-        Some(self.dimmed(wo, sample))
+        let mut sample = self.base().complete(alpha, wo, wi, lobe)?;
+        let through = self.through(wo, wi);
+        sample.value *= through;
+        sample.weight *= through;
+        Some(sample)
     }
 }

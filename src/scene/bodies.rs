@@ -273,6 +273,7 @@ mod tests {
     /// A ball of glass, changed by `change`, and a lamp.
     fn is_dark(lamp: Vec3, change: impl Fn(&mut SceneParts)) -> bool {
         let glass = Material {
+            metallic: 0.0,
             transmission: 1.0,
             solid: true,
             ..Material::default()

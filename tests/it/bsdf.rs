@@ -173,6 +173,31 @@ fn pdf_of_a_sample_is_its_density_both_ways() {
     }
 }
 
+#[test]
+fn sample_is_direction_and_completion_with_the_value_of_eval() {
+    let mut rng = rng(116);
+    for distribution in DISTRIBUTIONS {
+        for alpha in ALPHAS {
+            for (name, bsdf) in kinds(alpha, distribution) {
+                for k in 0..200 {
+                    let wo = at(ANGLES[k % 5]) * if k % 2 == 0 { 1.0 } else { -1.0 };
+                    let u = numbers(&mut rng);
+                    let sample = bsdf.sample(alpha, wo, u);
+                    let drawn = bsdf.direction(alpha, wo, u);
+                    let again = drawn.and_then(|(wi, lobe)| bsdf.complete(alpha, wo, wi, lobe));
+                    assert_eq!(format!("{sample:?}"), format!("{again:?}"), "{name}");
+                    let Some(s) = sample.filter(|s| !s.delta) else {
+                        continue;
+                    };
+                    let value = bsdf.eval(alpha, wo, s.wi).value;
+                    let far = (s.value - value).abs().max_element();
+                    assert!(far <= 1e-5 * value.max_element(), "{name} {value}: {s:?}");
+                }
+            }
+        }
+    }
+}
+
 /// Relative difference allowed to values of one lobe for swapped directions: half vectors differ in the last bits, which
 /// a sharp lobe magnifies by 1/α.
 fn reciprocity_tolerance(alpha: f32) -> f32 {
