@@ -4,12 +4,12 @@ use super::render::{DEFAULT_SPP, fingerprint};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
-use super::tune::SPP_OF_TARGET;
 use super::{Blame, aovs, job, tune};
 use anyhow::{Context, anyhow};
 use opsr::integrator::View;
 use opsr::integrator::checkpoint::Checkpoint;
 use opsr::integrator::method::Method;
+use opsr::tune::SPP_OF_TARGET;
 use opsr::tune::integrator::{Contender, Horizon, choose_integrator};
 
 /// A contender, and the method that its settings come from.

@@ -68,7 +68,9 @@ fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyh
         return Ok(facts);
     };
     let of = scene.material(&surface);
-    let alpha = scene.bsdf(&surface, 0.0).alpha();
+    // The base: a clear coat is drawn by smaller numbers.
+    let u = if of.clearcoat > 0.0 { 0.25 } else { 0.0 };
+    let alpha = scene.bsdf(&surface, u).alpha();
     facts["mesh"] = (scene.geometry().triangle_mesh(surface.triangle) + 1).into();
     facts["material"] = format!("{} ({})", of.name, surface.material + 1).into();
     facts["kind"] = material(of)["kind"].clone();
@@ -78,7 +80,7 @@ fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyh
     facts["position"] = serde_json::json!(surface.position.to_array());
     facts["normal"] = serde_json::json!(surface.ns.to_array());
     facts["geometric_normal"] = serde_json::json!(surface.ng.to_array());
-    facts["uv"] = serde_json::json!(surface.uv.to_array());
+    facts["uv"] = serde_json::json!(scene.geometry().uv(scene.parts(), &hit).to_array());
     Ok(facts)
 }
 
@@ -100,7 +102,12 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
     let advice = advise(scene);
     serde_json::json!({
         "triangles": scene.geometry().len(),
-        "meshes": parts.meshes.len(),
+        "meshes": parts.meshes.len() + scene.geometry().instances(),
+        "shared": {
+            "meshes": parts.shared.len(),
+            "instances": scene.geometry().instances(),
+            "triangles_in_memory": scene.geometry().stored(),
+        },
         "bounds": [low.to_array(), high.to_array()],
         "materials": materials,
         "textures": parts.textures.len(),
@@ -134,6 +141,8 @@ fn material(m: &Material) -> serde_json::Value {
         "alpha": alpha,
         "textured_roughness": m.metallic_roughness_texture.is_some(),
         "bin": bin(alpha),
+        "clearcoat": m.clearcoat,
+        "clearcoat_alpha": m.clearcoat_alpha,
         // The former name of "bin".
         "level": bin(alpha),
         "emits": m.emission != opsr::math::Rgb::ZERO,
@@ -146,7 +155,10 @@ fn reachable(scene: &Scene) -> usize {
     for m in &scene.parts().materials {
         if m.metallic_roughness_texture.is_some() {
             bins = [true; 4];
+        } else if m.clearcoat > 0.0 && m.clearcoat_roughness_texture.is_some() {
+            bins = [true; 4];
         } else {
+            bins[bin(m.clearcoat_alpha)] |= m.clearcoat > 0.0;
             bins[bin(m.alpha)] |= !m.is_lambert();
             // A diffuse base scatters too.
             bins[3] |= m.has_base();
@@ -200,6 +212,18 @@ fn described(facts: &serde_json::Value) -> String {
             facts["integrator"]["why"].as_str().unwrap_or_default()
         ),
     ];
+    let shared = &facts["shared"];
+    if let Some(meshes @ 1..) = shared["meshes"].as_u64() {
+        lines.insert(
+            1,
+            format!(
+                "shared      {} instances of {meshes} {}, {} triangles in memory",
+                shared["instances"],
+                if meshes == 1 { "mesh" } else { "meshes" },
+                shared["triangles_in_memory"]
+            ),
+        );
+    }
     for a in facts["animations"].as_array().into_iter().flatten() {
         lines.push(format!("animation   {}: {} s", a["name"], a["seconds"]));
     }
@@ -210,9 +234,15 @@ fn described(facts: &serde_json::Value) -> String {
         } else {
             ""
         };
+        let clear_coat = match m["clearcoat"].as_f64() {
+            Some(coat) if coat > 0.0 => {
+                format!(", clear coat {coat} of alpha {}", m["clearcoat_alpha"])
+            }
+            _ => String::new(),
+        };
         let emits = if m["emits"] == true { ", emits" } else { "" };
         lines.push(format!(
-            "  {} {}: alpha {}{textured}, bin {}{emits}",
+            "  {} {}: alpha {}{textured}, bin {}{clear_coat}{emits}",
             m["kind"].as_str().unwrap_or_default(),
             m["name"].as_str().unwrap_or_default(),
             m["alpha"],

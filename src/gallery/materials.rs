@@ -45,6 +45,15 @@ pub fn coated(name: &str, albedo: Rgb, alpha: f32) -> Material {
     base(name, albedo, alpha)
 }
 
+/// A material under a clear coat of roughness `alpha`.
+pub fn clearcoated(base: Material, alpha: f32) -> Material {
+    Material {
+        clearcoat: 1.0,
+        clearcoat_alpha: alpha,
+        ..base
+    }
+}
+
 /// The boundary of a solid transparent body.
 pub fn glass(name: &str, ior: f32, alpha: f32) -> Material {
     Material {

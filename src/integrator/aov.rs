@@ -266,6 +266,7 @@ fn albedo(bsdf: &Bsdf) -> Rgb {
         Bsdf::Glossy(g) => g.f0 + g.albedo * (Rgb::ONE - g.f0),
         Bsdf::Dielectric(d) => d.tint,
         Bsdf::Thin(t) => t.tint,
+        Bsdf::Clearcoated(c) => albedo(&c.base()) * c.through(Vec3::Z, Vec3::Z),
     }
 }
 

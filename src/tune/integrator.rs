@@ -10,7 +10,7 @@
 //! Time is CPU time, or counted paths, each at what it costs in most scenes, for a choice that is the same every time.
 
 use super::pilot_window;
-use super::resolve::resolve_film;
+use super::resolve::{Resolve, resolve_film};
 use super::stopwatch::Stopwatch;
 use crate::image::film::{Film, FilmError, Window};
 use crate::integrator::method::IntegratorKind;
@@ -344,7 +344,7 @@ impl Tiles {
         let Picture { film, levels, .. } = picture;
         let (mean, error) = match levels {
             Some(levels) => {
-                let resolved = resolve_film(levels, false);
+                let resolved = resolve_film(levels, Resolve::default());
                 let absolute = |(m, e): (&crate::math::Rgb, f32)| {
                     let squared = m.as_dvec3().powf(2.0).element_sum() / 3.0 + EPSILON;
                     f64::from(e) * f64::from(e) * squared

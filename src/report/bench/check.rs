@@ -7,6 +7,7 @@ use crate::image::film::Window;
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Estimator, Settings};
 use crate::regularise::{Accumulated, Factors, Rule};
+use crate::tune::resolve::MAX_SIGMA;
 
 /// The most seeds of a suite: comparisons go through all of them again and again.
 const MAX_SEEDS: u32 = 1000;
@@ -150,6 +151,12 @@ fn method(method: &MethodSpec) -> Result<(), String> {
     ensure(
         !method.robust || !method.levels.is_empty(),
         "robust: several levels have batches",
+    )?;
+    let sigma = method.sigma.is_none_or(|s| (0.0..=MAX_SIGMA).contains(&s));
+    ensure(sigma, "sigma: expected from 0 to 1.5")?;
+    ensure(
+        method.sigma.is_none() || !method.levels.is_empty(),
+        "sigma: several levels have roughened light",
     )?;
     let factors = Factors::Constant(1.0);
     let settings = Settings {

@@ -25,7 +25,7 @@ use crate::integrator::method::{IntegratorKind, Method};
 use crate::integrator::{Census, FirstHit, Picture, Settings, View};
 use crate::tune::choose;
 use crate::tune::integrator::{Contender, Horizon, choose_integrator};
-use crate::tune::resolve::{Resolved, resolve_film};
+use crate::tune::resolve::{Resolve, Resolved, resolve_film};
 use crate::tune::stopwatch::Stopwatch;
 
 /// Samples per pixel for counting regularised vertices.
@@ -140,7 +140,13 @@ fn finished(
     spec: &MethodSpec,
     denoiser: Option<&Denoiser>,
 ) -> Result<(Buffer, Option<Resolved>), DenoiseError> {
-    let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, spec.robust));
+    let default = Resolve::default();
+    let settings = Resolve {
+        robust: spec.robust,
+        // As the program does: a denoiser does its own blur.
+        sigma: (spec.sigma).unwrap_or(if spec.denoise { 0.0 } else { default.sigma }),
+    };
+    let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, settings));
     let shown = match &resolved {
         Some(resolved) => resolved.picture.clone(),
         None => picture.film.mean(),
@@ -227,8 +233,12 @@ impl Bench<'_> {
                     pilot,
                     robust,
                     denoise,
+                    sigma,
                     ..
                 } = *method.spec;
+                if let Some(sigma) = sigma {
+                    words += &format!(", blur {sigma}");
+                }
                 let auto = method.spec.integrator == IntegratorKind::Auto;
                 for (is, word) in [
                     (pilot, "pilot"),
