@@ -22,9 +22,9 @@ pub(super) fn choose(
     opened: &Opened,
     stop: &Stop,
 ) -> anyhow::Result<Option<Entry>> {
-    if args.table_scale == Some(job::Scale::Auto) || args.trace_pixel.is_some() {
-        let what =
-            "--integrator auto chooses for itself: not with --table-scale auto or --trace-pixel";
+    let tuned = args.table_scale == Some(job::Scale::Auto);
+    if tuned || args.trace_pixel.is_some() || args.film.is_some() {
+        let what = "--integrator auto chooses for itself: not with --table-scale auto, --trace-pixel or --film";
         return Err(anyhow!(what)).usage();
     }
     let mut entries = entries(args, opened)?;
