@@ -20,7 +20,7 @@
 //! | 3 | [`scene`] | glTF, meshes, the tree, materials, lights, cameras |
 //! | 4 | [`stats`] | Student's distribution, agreement of pictures, ratios with intervals |
 //! | 4 | [`integrator`] | estimators and the steps they share; budgets, checkpoints |
-//! | 5 | [`tune`] | the pilot: scale and contrast of a table, chosen without a reference; levels chosen per pixel |
+//! | 5 | [`tune`] | pilots without a reference: scale and contrast of a table, the integrator; levels chosen per pixel |
 //! | 5 | [`gallery`] | the scenes of this project, manifest, references, glb writer |
 //! | 6 | `train` | record, evaluate, learn (feature `train`) |
 //! | 6 | [`report`] | comparisons, benches and their pages |

@@ -4,12 +4,12 @@ use super::render::{DEFAULT_SPP, fingerprint};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
-use super::tune::SPP_OF_TARGET;
 use super::{Blame, aovs, job, tune};
 use anyhow::{Context, anyhow};
 use opsr::integrator::View;
 use opsr::integrator::checkpoint::Checkpoint;
 use opsr::integrator::method::Method;
+use opsr::tune::SPP_OF_TARGET;
 use opsr::tune::integrator::{Contender, Horizon, choose_integrator};
 
 /// A contender, and the method that its settings come from.
@@ -22,9 +22,9 @@ pub(super) fn choose(
     opened: &Opened,
     stop: &Stop,
 ) -> anyhow::Result<Option<Entry>> {
-    if args.table_scale == Some(job::Scale::Auto) || args.trace_pixel.is_some() {
-        let what =
-            "--integrator auto chooses for itself: not with --table-scale auto or --trace-pixel";
+    let tuned = args.table_scale == Some(job::Scale::Auto);
+    if tuned || args.trace_pixel.is_some() || args.film.is_some() {
+        let what = "--integrator auto chooses for itself: not with --table-scale auto, --trace-pixel or --film";
         return Err(anyhow!(what)).usage();
     }
     let mut entries = entries(args, opened)?;

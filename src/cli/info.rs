@@ -68,7 +68,9 @@ fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyh
         return Ok(facts);
     };
     let of = scene.material(&surface);
-    let alpha = scene.bsdf(&surface, 0.0).alpha();
+    // The base: a clear coat is drawn by smaller numbers.
+    let u = if of.clearcoat.is_some() { 0.25 } else { 0.0 };
+    let alpha = scene.bsdf(&surface, u).alpha();
     facts["mesh"] = (scene.geometry().triangle_mesh(surface.triangle) + 1).into();
     facts["material"] = format!("{} ({})", of.name, surface.material + 1).into();
     facts["kind"] = material(of)["kind"].clone();
@@ -139,6 +141,8 @@ fn material(m: &Material) -> serde_json::Value {
         "alpha": alpha,
         "textured_roughness": m.metallic_roughness_texture.is_some(),
         "bin": bin(alpha),
+        "clearcoat": m.clearcoat.as_ref().map(|coat| coat.weight),
+        "clearcoat_alpha": m.clearcoat.as_ref().map(|coat| coat.alpha),
         // The former name of "bin".
         "level": bin(alpha),
         "emits": m.emission != opsr::math::Rgb::ZERO,
@@ -149,9 +153,12 @@ fn material(m: &Material) -> serde_json::Value {
 fn reachable(scene: &Scene) -> usize {
     let mut bins = [false; 4];
     for m in &scene.parts().materials {
-        if m.metallic_roughness_texture.is_some() {
+        let coat = m.clearcoat.as_ref();
+        let textured = m.metallic_roughness_texture.is_some();
+        if textured || coat.is_some_and(|coat| coat.roughness_texture.is_some()) {
             bins = [true; 4];
         } else {
+            coat.iter().for_each(|coat| bins[bin(coat.alpha)] = true);
             bins[bin(m.alpha)] |= !m.is_lambert();
             // A diffuse base scatters too.
             bins[3] |= m.has_base();
@@ -227,9 +234,13 @@ fn described(facts: &serde_json::Value) -> String {
         } else {
             ""
         };
+        let clear_coat = match m["clearcoat"].as_f64() {
+            Some(coat) => format!(", clear coat {coat} of alpha {}", m["clearcoat_alpha"]),
+            None => String::new(),
+        };
         let emits = if m["emits"] == true { ", emits" } else { "" };
         lines.push(format!(
-            "  {} {}: alpha {}{textured}, bin {}{emits}",
+            "  {} {}: alpha {}{textured}, bin {}{clear_coat}{emits}",
             m["kind"].as_str().unwrap_or_default(),
             m["name"].as_str().unwrap_or_default(),
             m["alpha"],

@@ -8,7 +8,6 @@ use opsr::image::display::{Display, ViewTransform, auto_exposure};
 use opsr::image::exr::{self, Compression, Header, Layer, Metadata, Storage};
 use opsr::image::{Buffer, png};
 use opsr::integrator::Picture;
-use opsr::regularise::TableTuning;
 use opsr::tune::resolve::{MAX_SIGMA, Resolve, resolve_film};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -283,14 +282,9 @@ pub(super) fn print(text: impl AsRef<[u8]>) -> anyhow::Result<()> {
 /// Origin of a picture, for the metadata of its file.
 pub(super) struct Provenance {
     pub(super) command: String,
-    pub(super) seed: u64,
     pub(super) scene: String,
-    pub(super) scene_hash: String,
-    pub(super) table_hash: Option<String>,
-    /// The table's scale and contrast in use, which a pilot may have chosen.
-    pub(super) table_tuning: Option<TableTuning>,
-    /// Scales of the levels; empty for one level.
-    pub(super) levels: Vec<f32>,
+    /// What no run changes.
+    pub(super) fixed: Metadata,
     /// Options that choose the picture, by name.
     pub(super) settings: Vec<(&'static str, String)>,
     pub(super) reproducible: bool,
@@ -317,29 +311,9 @@ impl Provenance {
 
     /// The metadata of reproducible files.
     pub(super) fn reproducible_metadata(&self, spp: u32, refused: u64) -> Metadata {
-        let mut metadata = Metadata::new();
-        let mut set = |key: &str, value: String| {
-            metadata.insert(key.to_owned(), value);
-        };
-        set("version", env!("CARGO_PKG_VERSION").to_owned());
-        set("seed", self.seed.to_string());
-        set("scene", self.scene.clone());
-        set("scene_sha256", self.scene_hash.clone());
-        set("spp", spp.to_string());
-        set("refused_samples", refused.to_string());
-        for (key, value) in &self.settings {
-            set(key, value.clone());
-        }
-        if let Some(hash) = &self.table_hash {
-            set("table_sha256", hash.clone());
-        }
-        if let Some(TableTuning { scale, contrast }) = self.table_tuning {
-            set("table_scale", scale.to_string());
-            set("table_contrast", contrast.to_string());
-        }
-        if !self.levels.is_empty() {
-            set("levels", format!("{:?}", self.levels));
-        }
+        let mut metadata = self.fixed.clone();
+        metadata.insert("spp".into(), spp.to_string());
+        metadata.insert("refused_samples".into(), refused.to_string());
         metadata
     }
 }

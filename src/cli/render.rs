@@ -1,6 +1,6 @@
 //! `opsr render`: a glTF scene in, a picture out.
 
-use super::aovs::{self, Layers};
+use super::aovs;
 use super::bar::{Bar, Style};
 use super::live::Live;
 use super::output::{Outputs, Provenance, can_write};
@@ -16,11 +16,11 @@ use opsr::image::level_film::LevelFilm;
 use opsr::image::metric::relmse;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
+use opsr::integrator::layers::Layers;
 use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
-use opsr::regularise::AttenuationTable;
 use opsr::report::compare::Named;
 use opsr::scene::Camera;
 use opsr::tune::resolve::{relative_error, unseen_share};
@@ -78,14 +78,15 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         _ => Duration::ZERO,
     };
     aovs::check(args, &settings)?;
+    let scene = args.scene.scene.display().to_string();
+    let table = method.table_sha256.as_deref();
+    let mut fixed = settings.metadata(&scene, &opened.hash, table);
+    let words = args.method.words(kind);
+    fixed.extend(words.map(|(key, value)| (key.to_owned(), value)));
     let provenance = Provenance {
         command: std::env::args().collect::<Vec<_>>().join(" "),
-        seed: args.seed,
-        scene: args.scene.scene.display().to_string(),
-        scene_hash: opened.hash.clone(),
-        table_hash: method.table_sha256,
-        levels: settings.levels.clone(),
-        table_tuning: settings.rule.table().map(AttenuationTable::tuning),
+        scene,
+        fixed,
         settings: job::words(args, kind),
         reproducible: args.reproducible,
     };
@@ -101,12 +102,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     .run()
 }
 
-/// Bytes of a pixel: moments, their copy in tiles, the layers that are written. Measured: 192.
-const FILM_BYTES: u64 = 205;
-/// The same of albedo, normal and depth; measured: 181. Light and time take less.
-const AOV_BYTES: u64 = 195;
-/// The same of a level; measured: 275. A layer of its own adds 36.
-const LEVEL_BYTES: u64 = 290;
+/// Bytes that a layer of its own adds for each pixel of a level.
 const LEVEL_LAYER_BYTES: u64 = 36;
 
 /// Everything a render needs.
@@ -249,15 +245,11 @@ impl RenderJob<'_> {
     /// Refuses a picture that needs more memory than there is.
     pub(super) fn check_memory(&self, window: Window) -> anyhow::Result<()> {
         let args = self.args;
-        let mut each = LEVEL_BYTES;
+        let levels = self.settings.levels.len();
+        let mut bytes = Picture::bytes(window, levels, aovs::recorded(args));
         if args.resolve.level_layers {
-            each += LEVEL_LAYER_BYTES;
+            bytes += (window.len() * levels) as u64 * LEVEL_LAYER_BYTES;
         }
-        // Light by its path, and time, take no more than albedo, normal and depth do.
-        let records = aovs::recorded(args).iter().filter(|r| **r).count() as u64;
-        let aovs = AOV_BYTES * records;
-        let levels = self.settings.levels.len() as u64;
-        let bytes = window.len() as u64 * (FILM_BYTES + aovs + levels * each);
         let pixels = format!("{}x{} pixels", window.w, window.h);
         let with_levels = format!("{pixels} of {levels} levels");
         memory::check(if levels > 0 { with_levels } else { pixels }, bytes)
@@ -308,15 +300,13 @@ impl RenderJob<'_> {
                 return Err(anyhow!("{path} {what}")).usage();
             }
         }
-        let film = Film::cropped(size, window).usage()?;
-        let aovs = aovs::record(args, window);
         let levels = self.settings.levels.len();
         if levels > 0 {
             let bytes = LevelFilm::bytes(window.len(), levels);
             tracing::info!("{levels} levels take {} MB", bytes / 1_000_000);
         }
-        let levels = (levels > 0).then(|| LevelFilm::new(size, window, levels));
-        Ok((Picture { film, aovs, levels }, 0, 0.0))
+        let picture = Picture::blank(size, window, levels, aovs::recorded(args)).usage()?;
+        Ok((picture, 0, 0.0))
     }
 
     /// Reports what was written with the statistics of the render, and the refused samples.

@@ -7,6 +7,7 @@ use crate::files::{FileError, hex};
 use crate::regularise::file::TableFile;
 use crate::regularise::rules::MOLLIFIER_RADIUS;
 use crate::regularise::{Accumulated, Factors, Lookup, Rule, TableTuning};
+use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -249,6 +250,26 @@ impl MethodSpec {
             return Err(format!("integrator {name} has no mlt-pass: mlt has"));
         }
         Ok(())
+    }
+
+    /// Integrator, mode and constant factor by name, for the file of a picture; the integrator may be a pilot's choice.
+    pub fn words(
+        &self,
+        integrator: IntegratorKind,
+    ) -> impl Iterator<Item = (&'static str, String)> + use<> {
+        let name = |value: Option<clap::builder::PossibleValue>| {
+            value.map_or(String::new(), |value| value.get_name().to_owned())
+        };
+        let gamma = self.gamma.map(|gamma| ("gamma", gamma.to_string()));
+        let pilot =
+            (integrator != self.integrator).then(|| ("integrator_chosen_by", "pilot".to_owned()));
+        [
+            ("integrator", name(integrator.to_possible_value())),
+            ("mode", name(self.method.to_possible_value())),
+        ]
+        .into_iter()
+        .chain(pilot)
+        .chain(gamma)
     }
 
     /// The methods among which [`IntegratorKind::Auto`] chooses: this one by each integrator, the path tracer first. An

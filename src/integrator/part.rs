@@ -9,11 +9,10 @@
 
 use super::checkpoint::{self, Fingerprint};
 use super::drive::{Budget, RenderProgress, drive};
-use super::{Aovs, FirstHit, Integrator, Picture, View};
+use super::{Aovs, Integrator, Picture, View};
 use crate::files::{FileError, Payload, Problem, Sealed};
 use crate::image::film::{Cause, Film, Window};
 use crate::image::level_film::{LevelFilm, MAX_LEVELS, PathLevels};
-use crate::integrator::aov::LightSplit;
 use crate::math::{Rgb, UVec2};
 use crate::memory::{self, Shortage};
 use serde::{Deserialize, Serialize};
@@ -93,19 +92,10 @@ impl Part {
 
     /// A picture of these pixels without samples.
     fn blank(&self, window: Window) -> Picture {
-        let size = UVec2::from_array(self.size);
         let [first, light] = self.aovs;
-        let aovs = (first || light).then(|| Aovs {
-            first: first.then(|| FirstHit::new(window)),
-            light: light.then(|| LightSplit::new(window)),
-            time: None,
-        });
-        let levels = self.levels.len();
-        Picture {
-            film: Film::cropped(size, window).expect("a window that was checked"),
-            aovs,
-            levels: (levels > 0).then(|| LevelFilm::new(size, window, levels)),
-        }
+        let (size, levels) = (UVec2::from_array(self.size), self.levels.len());
+        let blank = Picture::blank(size, window, levels, [first, light, false]);
+        blank.expect("a window that was checked")
     }
 
     /// AOVs of a pixel as numbers.

@@ -6,6 +6,7 @@
 use crate::bsdf::Bsdf;
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, luminance};
 use crate::sampler::LightU;
+use std::sync::OnceLock;
 
 pub mod accel;
 pub mod bodies;
@@ -104,6 +105,9 @@ pub struct Scene {
     /// Rank of each material where bodies overlap.
     ranks: Vec<u32>,
     has_lobes: bool,
+    /// For each material, true if no light can reach its bodies' surfaces from inside of them; found when first asked for,
+    /// since smooth bodies never ask.
+    dark_inside: OnceLock<Vec<bool>>,
     warnings: Vec<String>,
 }
 
@@ -127,6 +131,7 @@ impl Scene {
             has_dispersion,
             has_overlaps: false,
             has_lobes,
+            dark_inside: OnceLock::new(),
             warnings,
         };
         let priorities =
@@ -173,6 +178,12 @@ impl Scene {
     #[inline]
     pub fn rank(&self, material: u32) -> u32 {
         self.ranks[material as usize]
+    }
+
+    /// True if a ray that starts on a surface of this material towards its inside can meet no light before that body ends.
+    #[inline]
+    pub fn is_dark_inside(&self, material: u32) -> bool {
+        self.dark_inside.get_or_init(|| self.find_dark_insides())[material as usize]
     }
 
     /// True if any surface has a lobe that a rule could roughen.

@@ -18,12 +18,13 @@ pub mod integrator;
 pub mod resolve;
 pub mod stopwatch;
 
-use crate::image::film::{FilmError, Window};
-use crate::integrator::{Estimator, Settings, View};
+use crate::image::film::{Film, FilmError, Window};
+use crate::integrator::{Estimator, Picture, Settings, View};
 use crate::math::UVec2;
 use crate::regularise::{Rule, TableTuning};
 use crate::sampler::{Domain, Seed};
 use candidate::{BATCHES, CandidatePictures, TILE, Tiles};
+use std::time::{Duration, Instant};
 
 /// Contrasts of the candidates: all of the table's pattern, half of it, and none.
 pub const CONTRASTS: [f32; 3] = [1.0, 0.5, 0.0];
@@ -129,6 +130,19 @@ impl Pilot {
 /// default mode, since its paths would differ between candidates. Fails where the window leaves the frame.
 pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilot, FilmError> {
     Ok(choose_while(settings, view, samples, &|| true)?.unwrap_or(Pilot::NONE))
+}
+
+/// Samples per pixel that a pilot assumes for a render to a target error.
+pub const SPP_OF_TARGET: u32 = 256;
+
+/// Samples per pixel that fit into this time, about. Fails where the window leaves the frame.
+pub fn samples_in(time: Duration, settings: &Settings, view: &View<'_>) -> Result<u32, FilmError> {
+    const PROBE: u32 = 4;
+    let mut picture = Picture::new(Film::cropped(view.sensor.frame, view.window)?);
+    let clock = Instant::now();
+    (settings.integrator()).pass(view, 0..PROBE, &mut picture);
+    let rate = f64::from(PROBE) / clock.elapsed().as_secs_f64().max(1e-6);
+    Ok(((rate * time.as_secs_f64()) as u32).max(1))
 }
 
 /// [`choose`], given up with `None` when `go_on` says no; it is asked before every small render.

@@ -17,6 +17,7 @@ mod study;
 mod targets;
 #[cfg(feature = "train")]
 mod train;
+mod verify;
 
 use opsr::gallery::{self, glb};
 use opsr::scene::SceneParts;

@@ -7,6 +7,7 @@ mod architecture;
 mod bench;
 mod bidirectional;
 mod bsdf;
+mod clearcoat;
 mod cli;
 mod compare;
 mod dispersion;

@@ -161,8 +161,9 @@ impl Iteration<'_> {
                     return None;
                 }
                 value *= sample.weight.as_dvec3();
-                let index2 = match node.bsdf {
-                    Bsdf::Dielectric(d) if !reflects && !node.bsdf.is_delta_at(1.0) => {
+                let mut bsdf = node.bsdf;
+                let index2 = match bsdf.dielectric_mut() {
+                    Some(d) if !reflects && !node.bsdf.is_delta_at(1.0) => {
                         let eta = f64::from(d.eta);
                         // (n towards the camera / n towards the light)².
                         let outside = wo.dot(node.surface.ng) > 0.0;

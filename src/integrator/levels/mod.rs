@@ -36,6 +36,19 @@ use vertex::{PendingLevels, Vertex};
 /// better pictures, and scales below a tenth are rarely chosen at 64 samples.
 pub const SCALES: [f32; 5] = [0.0, 0.128, 0.64, 3.2, 16.0];
 
+/// Scales of so many levels: plain path tracing, and down from the roughest by factors of 5; empty for one level. `None` for
+/// none or more than [`MAX_LEVELS`].
+pub fn scales(levels: usize) -> Option<Vec<f32>> {
+    let roughest = SCALES[SCALES.len() - 1];
+    let scale = |k: usize| roughest * 0.2f32.powi((levels - 1 - k) as i32);
+    match levels {
+        1 => Some(Vec::new()),
+        n if n == SCALES.len() => Some(SCALES.to_vec()),
+        2..=MAX_LEVELS => Some(std::iter::once(0.0).chain((1..levels).map(scale)).collect()),
+        _ => None,
+    }
+}
+
 /// Settings that cannot have several levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LevelError {
@@ -234,7 +247,7 @@ impl LevelTracer {
                 sums.add_shared(point.direct_light(u.light, &mut ()));
             }
             let Some(next) = continuation else { break };
-            emission = point.shared_emission::<()>(&next.sample, false);
+            emission = point.shared_emission::<()>(&next.sample, false, false);
             throughput *= next.sample.weight;
             let own = if next.sample.lobe == Lobe::Diffuse {
                 1.0

@@ -7,8 +7,22 @@ use crate::sampler::{IndependentStream, Sampler};
 /// Probability of a large step, which draws all numbers anew.
 pub(super) const LARGE: f64 = 0.3;
 
+/// Share of the small proposals that leave the light walk as it is, and of those that leave the camera walk.
+const KEPT: f32 = 0.25;
+
 /// log₂ of the least and the largest small step, of numbers in [0, 1).
 const STEPS: [f32; 2] = [-10.0, -6.0];
+
+/// The way from the numbers of a state to those of a proposal. Every one is symmetric.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Step {
+    /// All are drawn anew.
+    Large,
+    /// Each moves a little.
+    Small,
+    /// None moves.
+    None,
+}
 
 /// Random numbers of one walk: those of the current state, and those of the state that is proposed.
 ///
@@ -18,7 +32,7 @@ pub(super) struct Numbers {
     current: Vec<u32>,
     proposed: Vec<u32>,
     source: IndependentStream,
-    large: bool,
+    step: Step,
     /// Place in the pixel, if this walk begins at the camera.
     place: Vec2,
 }
@@ -30,7 +44,7 @@ impl Numbers {
             current: Vec::new(),
             proposed: Vec::new(),
             source,
-            large: true,
+            step: Step::Large,
             place: Vec2::ZERO,
         }
     }
@@ -41,9 +55,9 @@ impl Numbers {
     }
 
     /// Begins a proposal.
-    pub(super) fn propose(&mut self, large: bool) {
+    pub(super) fn propose(&mut self, step: Step) {
         self.proposed.clear();
-        self.large = large;
+        self.step = step;
     }
 
     /// Makes the proposal the state.
@@ -69,7 +83,10 @@ impl Sampler for Numbers {
     #[inline]
     fn next_bits(&mut self) -> u32 {
         let bits = match self.current.get(self.proposed.len()) {
-            Some(&old) if !self.large => old.wrapping_add(small_step(self.source.next_bits())),
+            Some(&old) if self.step == Step::None => old,
+            Some(&old) if self.step == Step::Small => {
+                old.wrapping_add(small_step(self.source.next_bits()))
+            }
             _ => self.source.next_bits(),
         };
         self.proposed.push(bits);
@@ -180,8 +197,14 @@ pub(super) fn run(
     let mut spare = Vec::new();
     for _ in 0..mutations {
         let large = f64::from(choices.next_1d()) < LARGE;
-        light.propose(large);
-        camera.propose(large);
+        let part = choices.next_1d();
+        let step = |kept: bool| match kept {
+            _ if large => Step::Large,
+            true => Step::None,
+            false => Step::Small,
+        };
+        light.propose(step(part < KEPT));
+        camera.propose(step(part >= 1.0 - KEPT));
         let mut next = State {
             splats: std::mem::take(&mut spare),
             target: 0.0,

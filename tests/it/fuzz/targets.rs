@@ -324,12 +324,12 @@ pub(crate) fn parts() -> Target {
                 text(std::fs::write(&paths[1], first))?;
             }
             let merged = merge(&paths, |_| seeds::film().window, None);
-            let picture = merged
-                .map_err(|e| match e {
-                    MergeError::Samples(what) => format!("{}: {what}", path.display()),
-                    e => e.to_string(),
-                })?
-                .picture;
+            let other = format!("{}/", folder.path().display());
+            let merged = merged.map_err(|e| match e {
+                MergeError::Samples(what) => format!("{}: {what}", path.display()),
+                e => e.to_string().replace(&other, ""),
+            });
+            let picture = merged?.picture;
             assert_eq!(picture.film.pixels.len(), picture.film.window.len());
             let aovs = picture.aovs.is_some();
             let levels = picture.levels.map_or(0, |film| film.levels());

@@ -119,25 +119,27 @@ fn metropolis_detailed_balance_of_small_steps() {
         bits
     };
     let mut now = place(&mut light, &mut camera);
-    (light.accept(), camera.accept());
+    light.accept();
+    camera.accept();
     let mut flows = [[0u32; 16]; 16];
     let n = 2_000_000;
     for _ in 0..n {
-        light.propose(false);
-        camera.propose(false);
+        light.propose(Step::Small);
+        camera.propose(Step::Small);
         let next = place(&mut light, &mut camera);
         if f64::from(choices.next_1d()) < value(next) / value(now) {
             flows[(now >> 28) as usize][(next >> 28) as usize] += 1;
             now = next;
-            (light.accept(), camera.accept());
+            light.accept();
+            camera.accept();
         } else {
             flows[(now >> 28) as usize][(now >> 28) as usize] += 1;
         }
     }
     let mut tested = 0;
-    for i in 0..16 {
-        for j in 0..i {
-            let [a, b] = [flows[i][j], flows[j][i]].map(f64::from);
+    for (i, row) in flows.iter().enumerate() {
+        for (j, &there) in row[..i].iter().enumerate() {
+            let [a, b] = [there, flows[j][i]].map(f64::from);
             // Around a ring flows may differ by the number of turns, which is small.
             assert!(
                 (a - b).abs() < 5.0 * (a + b).sqrt() + 1.0,
