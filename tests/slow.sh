@@ -26,6 +26,7 @@ step "instructions of what is not used" tests/instructions.sh "$program"
 step "killed at random moments" tests/kill.sh "$program" 200
 export OPSR_FUZZ_EXECUTIONS=${OPSR_FUZZ_EXECUTIONS:-100000}
 step "fuzzing" cargo test --release fuzz_long -- --ignored
+step "slopes of errors" cargo test --release slopes_long -- --ignored
 step "faults planted in the source" tests/planted.sh
 step "memory" tests/long.sh "$program" "${OPSR_LONG_SECONDS:-3600}"
 [ "$failed" -eq 0 ] && echo "all slow checks passed"

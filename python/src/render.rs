@@ -69,8 +69,8 @@ impl From<RenderProgress> for Progress {
 /// rule: a rule of other renderers instead of both, for comparison: "pbrt", "filter-glossy", "roughness-clamp" or
 ///     "mollifier".
 /// reuse: continue paths with the roughened lobe; needs a table or gamma.
-/// integrator: "path", "light", "bdpt", "vcm" or "sppm"; only the first takes a table, gamma or rule, and "bdpt" the
-///     mollifier.
+/// integrator: "path", "light", "bdpt", "vcm" or "sppm"; only the first takes a rule or reuse, "bdpt" and "vcm" a
+///     table or gamma too, and "bdpt" the mollifier.
 /// levels: several amounts of roughening on the same paths, of which every pixel gets the best: their number from 1 to 8, or
 ///     the scales of the table's or the constant factor, ascending from 0. One by default, where the program has five.
 /// max_vertices: scattering vertices of the longest path, from 1 to 65536.

@@ -53,6 +53,7 @@ def test_render_determinism_over_threads_passes_and_crops(box):
         (["--mode", "pbrt"], {"rule": "pbrt"}),
         (["--integrator", "bdpt", "--mode", "mollifier"], {"integrator": "bdpt", "rule": "mollifier"}),
         (["--integrator", "vcm"], {"integrator": "vcm"}),
+        (["--integrator", "bdpt", "--opsr-table", "beta-0.001"], {"integrator": "bdpt", "table": "beta-0.001"}),
     ],
 )
 def test_render_determinism_gives_the_picture_of_the_program(program, tmp_path, words, options):
@@ -201,8 +202,8 @@ def test_render_after_fork(box):
         ({"rule": "pbrt", "gamma": 0.5}, ValueError, "rule: a rule of its own"),
         ({"reuse": True}, ValueError, "reuse: needs a table or gamma"),
         ({"integrator": "none"}, ValueError, "integrator: unknown variant `none`"),
-        ({"integrator": "bdpt", "gamma": 0.5}, ValueError, "integrator bdpt does not roughen"),
-        ({"integrator": "bdpt", "table": "beta-0.05"}, ValueError, "integrator bdpt does not roughen"),
+        ({"integrator": "bdpt", "gamma": 0.5, "reuse": True}, ValueError, "integrator bdpt roughens the last"),
+        ({"integrator": "sppm", "table": "beta-0.05"}, ValueError, "integrator sppm does not regularise"),
         ({"integrator": "light", "rule": "pbrt"}, ValueError, "integrator light does not regularise"),
         ({"levels": 3}, ValueError, "levels: several levels need a table or a constant factor"),
         ({"levels": 9, "gamma": 0.5}, ValueError, "levels: expected 1 to 8 levels"),

@@ -91,6 +91,20 @@ pub struct MethodSpec {
     #[arg(long, value_name = "A", value_parser = shrinking)]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius_alpha: Option<f32>,
+    /// Connections of vcm; all if not given.
+    #[arg(long, value_enum)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub connections: Option<Connections>,
+}
+
+/// Connections of `vcm`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Connections {
+    /// Every vertex of a light path to the camera and to every vertex of a camera path.
+    All,
+    /// Light samples only: cheaper, and as good where photons find the rest.
+    Nee,
 }
 
 /// Integrators by name.
@@ -206,6 +220,11 @@ impl MethodSpec {
             }
             _ => {}
         }
+        if self.connections.is_some() && self.integrator != Vcm {
+            return Err(format!(
+                "integrator {name} has no choice of connections: vcm has"
+            ));
+        }
         if (self.radius.is_some() || self.radius_alpha.is_some()) && !self.integrator.merges() {
             return Err(format!(
                 "integrator {name} has no radius: vcm and sppm have"
@@ -249,6 +268,9 @@ impl MethodSpec {
         };
         let estimator = match self.integrator.estimator(radius) {
             Estimator::Path { .. } => Estimator::Path { reuse },
+            Estimator::Vcm(radius) if self.connections == Some(Connections::Nee) => {
+                Estimator::VcmNee(radius)
+            }
             other => other,
         };
         Ok(Method {

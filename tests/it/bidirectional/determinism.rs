@@ -15,7 +15,7 @@ use opsr::scene::{Scene, SceneParts};
 
 const FRAME: UVec2 = UVec2::new(40, 36);
 
-fn estimators() -> [(Estimator, Rule); 6] {
+fn estimators() -> [(Estimator, Rule); 7] {
     let vcm = Estimator::Vcm(Radius::default());
     [
         (Estimator::Light, Rule::Plain),
@@ -23,6 +23,7 @@ fn estimators() -> [(Estimator, Rule); 6] {
         (Estimator::Bdpt, Rule::constant(0.5)),
         (vcm, Rule::Plain),
         (vcm, Rule::constant(0.5)),
+        (Estimator::VcmNee(Radius::default()), Rule::Plain),
         (Estimator::Sppm(Radius::default()), Rule::Plain),
     ]
 }

@@ -7,6 +7,7 @@ mod determinism;
 mod ends;
 mod psr;
 mod scenes;
+mod slopes;
 mod split;
 mod strategies;
 mod weights;
