@@ -20,7 +20,7 @@
 //! | 3 | [`scene`] | glTF, meshes, the tree, materials, lights, cameras |
 //! | 4 | [`stats`] | Student's distribution, agreement of pictures, ratios with intervals |
 //! | 4 | [`integrator`] | estimators and the steps they share; budgets, checkpoints |
-//! | 5 | [`tune`] | the pilot: scale and contrast of a table, chosen without a reference; levels chosen per pixel |
+//! | 5 | [`tune`] | pilots without a reference: scale and contrast of a table, the integrator; levels chosen per pixel |
 //! | 5 | [`gallery`] | the scenes of this project, manifest, references, glb writer |
 //! | 6 | `train` | record, evaluate, learn (feature `train`) |
 //! | 6 | [`report`] | comparisons, benches and their pages |
@@ -49,6 +49,8 @@
 //! - `[Veach97]` Veach: *Robust Monte Carlo Methods for Light Transport Simulation*, 1997.
 //! - `[VCM-TR]` Georgiev: *Implementing Vertex Connection and Merging*, technical report, Saarland University, 2012.
 //! - `[UPS]` Hachisuka, Pantaleoni, Jensen: *A Path Space Extension for Robust Light Transport Simulation*, SIGGRAPH Asia 2012.
+//! - `[Kelemen02]` Kelemen, Szirmay-Kalos, Antal, Csonka: *A Simple and Robust Mutation Strategy for the Metropolis Light Transport Algorithm*, EG 2002.
+//! - `[Hoberock10]` Hoberock, Hart: *Arbitrary Importance Functions for Metropolis Light Transport*, CGF 29(6), 2010.
 //! - `[Duff17]` Duff et al.: *Building an Orthonormal Basis, Revisited*, JCGT 2017.
 //! - `[Woop13]` Woop, Benthin, Wald: *Watertight Ray/Triangle Intersection*, JCGT 2013.
 //! - `[Ylitie17]` Ylitie, Karras, Laine: *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*, HPG 2017.

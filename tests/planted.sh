@@ -92,6 +92,8 @@ plant "15 steps with a gradient of no numbers" src/train/learn/outer_loop.rs \
     stability_train::case_15_nan_gradients_leave_table_and_optimiser_unchanged
 plant "15 a best loss of no number" src/train/learn/outer_loop.rs \
     's/score\.filter\(\|s\| s\.is_finite\(\)\)/score/' stability_train::case_15_nan_loss_is_never_the_best
+plant "a clear coat dims its base by one side" src/bsdf/clearcoated.rs \
+    's/wo\.z\.abs\(\)\.min\(wi\.z\.abs\(\)\)/wo.z.abs()/' clearcoat::reciprocity_and_value_of_clearcoat_over_base
 
 plant "light flux without the square of the index" src/integrator/bidirectional/walk.rs \
     's/refraction_scale \* cosines\.abs\(\)/cosines.abs()/' \

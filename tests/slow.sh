@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Every check that takes too long for each change: hours, one of them for the memory alone.
+# Every check that takes too long for each change: hours, one of them for the memory alone. `opsr verify` has others.
 #
 #     tests/slow.sh
 #
@@ -25,6 +25,9 @@ program=target/release/opsr
 step "instructions of what is not used" tests/instructions.sh "$program"
 step "killed at random moments" tests/kill.sh "$program" 200
 export OPSR_FUZZ_EXECUTIONS=${OPSR_FUZZ_EXECUTIONS:-100000}
+step "chi-square, furnaces and invariants" "$program" verify --thorough
+step "renders against the simple path tracer" "$program" verify render --thorough
+step "planted faults of renders" "$program" verify render --plant all
 step "fuzzing" cargo test --release fuzz_long -- --ignored
 step "slopes of errors" cargo test --release slopes_long -- --ignored
 step "faults planted in the source" tests/planted.sh

@@ -119,6 +119,7 @@ class Step:
     @property
     def log(self) -> dict[str, Any] | None: ...
 
+@overload
 def render(
     scene: Scene,
     *,
@@ -127,19 +128,55 @@ def render(
     crop: tuple[int, int, int, int] | None = None,
     spp: int | None = None,
     time: float | None = None,
+    target_error: float | None = None,
     seed: int = 0,
     table: Table | Path | None = None,
+    table_scale: float | Literal["auto"] | None = None,
     gamma: float | None = None,
     rule: Literal["pbrt", "filter-glossy", "roughness-clamp", "mollifier"] | None = None,
+    filter: float | None = None,
     reuse: bool = False,
+    consistent: float | None = None,
     integrator: str = "path",
     levels: int | Sequence[float] | None = None,
     max_vertices: int = 16,
     threads: int | None = None,
-    aov: bool = False,
+    aov: bool | str | Sequence[str] | None = None,
     on_progress: Callable[[Progress], bool | None] | None = None,
+    part: None = None,
+    samples: None = None,
 ) -> Film: ...
-def resolve(film: Film, *, robust: bool = False) -> Resolved: ...
+@overload
+def render(
+    scene: Scene,
+    *,
+    camera: str | int | None = None,
+    size: tuple[int, int] | None = None,
+    crop: tuple[int, int, int, int] | None = None,
+    spp: int | None = None,
+    time: float | None = None,
+    target_error: float | None = None,
+    seed: int = 0,
+    table: Table | Path | None = None,
+    table_scale: float | Literal["auto"] | None = None,
+    gamma: float | None = None,
+    rule: Literal["pbrt", "filter-glossy", "roughness-clamp", "mollifier"] | None = None,
+    filter: float | None = None,
+    reuse: bool = False,
+    consistent: float | None = None,
+    integrator: str = "path",
+    levels: int | Sequence[float] | None = None,
+    max_vertices: int = 16,
+    threads: int | None = None,
+    aov: bool | str | Sequence[str] | None = None,
+    on_progress: Callable[[Progress], bool | None] | None = None,
+    part: Path,
+    samples: tuple[int, int] | None = None,
+) -> None: ...
+def merge(
+    parts: Sequence[Path], *, spp: int | None = None, crop: tuple[int, int, int, int] | None = None
+) -> Film: ...
+def resolve(film: Film, *, robust: bool = False, sigma: float = 0.7) -> Resolved: ...
 def compare(
     picture: Film | Picture | Path,
     reference: Film | Picture | Path,

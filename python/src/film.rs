@@ -5,10 +5,10 @@ use crate::errors::{argument, file};
 use crate::work::detached;
 use opsr::image::Buffer;
 use opsr::image::display::{Display, ViewTransform, auto_exposure};
-use opsr::image::exr::{self, Layer, Metadata};
+use opsr::image::exr::{self, Header, Layer, Metadata, Storage};
 use opsr::image::png;
-use opsr::integrator::{FirstHit, Picture};
-use opsr::tune::resolve::{Resolved as Choice, resolve_film};
+use opsr::integrator::Picture;
+use opsr::tune::resolve::{MAX_SIGMA, Resolve, Resolved as Choice, resolve_film};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -19,6 +19,9 @@ pub(crate) struct Film {
     pub(crate) made: Picture,
     /// The choice among several levels.
     pub(crate) choice: Option<Choice>,
+    pub(crate) layers: Vec<Layer>,
+    /// World to camera.
+    pub(crate) camera: [f32; 16],
     pub(crate) metadata: Metadata,
     /// Samples per pixel.
     #[pyo3(get)]
@@ -43,19 +46,22 @@ impl Film {
         array::picture(py, &self.made.film.variance_of_mean())
     }
 
-    /// AOVs of the first surface, empty unless `render` was called with `aov=True`: "albedo" and "normal" of shape (height,
-    /// width, 3), and "depth", the distance in scene units, infinity where there is nothing, of shape (height, width). All
-    /// float32.
+    /// The layers that `render` was asked for by `aov`, by name: colours and vectors of shape (height, width, 3), the mesh and
+    /// the material of "id" of shape (height, width, 2), other layers of shape (height, width). All float32. "depth" is the
+    /// distance in scene units, infinity where there is nothing.
     #[getter]
     fn aovs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let aovs = PyDict::new(py);
-        if let Some(hit) = self.first_hit() {
-            aovs.set_item("albedo", array::picture(py, &hit.albedo())?)?;
-            aovs.set_item("normal", array::picture(py, &hit.normal())?)?;
-            let depth = hit.depth();
-            let shape = [depth.height, depth.width];
-            let depth = depth.pixels.iter().map(|p| p.x);
-            aovs.set_item("depth", array::floats(py, &shape, depth)?)?;
+        let window = self.made.film.window;
+        let (height, width) = (window.h as usize, window.w as usize);
+        for Layer { name, channels } in &self.layers {
+            let name = if name.is_empty() { "alpha" } else { name };
+            let count = channels.len();
+            let shape = [height, width, count];
+            let shape = if count == 1 { &shape[..2] } else { &shape[..] };
+            let pixels = 0..height * width;
+            let values = pixels.flat_map(|i| channels.iter().map(move |(_, values)| values[i]));
+            aovs.set_item(name, array::floats(py, shape, values)?)?;
         }
         Ok(aovs)
     }
@@ -151,21 +157,16 @@ impl Film {
         }
     }
 
-    fn first_hit(&self) -> Option<&FirstHit> {
-        self.made.aovs.as_ref()?.first.as_ref()
-    }
-
     fn save_exr(&self, path: &std::path::Path) -> Result<(), opsr::files::FileError> {
         let film = &self.made.film;
-        let mut layers = Vec::new();
-        if let Some(aovs) = self.first_hit() {
-            let depth = aovs.depth().pixels.iter().map(|p| p.x).collect();
-            layers.push(Layer::rgb("albedo", &aovs.albedo()));
-            layers.push(Layer::xyz("normal", &aovs.normal()));
-            layers.push(Layer::scalar("depth", depth));
-        }
+        let mut layers = self.layers.clone();
+        let header = Header {
+            metadata: &self.metadata,
+            storage: Storage::default(),
+            world_to_camera: Some(self.camera),
+        };
         let Some(choice) = &self.choice else {
-            return exr::write_film(path, film, &layers, &self.metadata);
+            return exr::write_film(path, film, &layers, header);
         };
         let level = choice.level.iter().map(|&k| f32::from(k)).collect();
         layers.push(Layer::scalar("level", level));
@@ -173,7 +174,7 @@ impl Film {
         layers.push(Layer::scalar("variance", choice.variance.clone()));
         layers.push(Layer::scalar("error", choice.error()));
         let part = (film.size, film.window);
-        exr::write_layers(path, part, &choice.picture, &layers, &self.metadata)
+        exr::write_layers(path, part, &choice.picture, &layers, header)
     }
 }
 
@@ -187,16 +188,23 @@ pub(crate) struct Resolved {
 ///
 /// film: a film of several levels.
 /// robust: of every level take the mean of its mean and of the median of its batches, which removes fireflies.
+/// sigma: standard deviation in pixels of the blur that the light of roughened vertices gets where that makes less error,
+///     from 0 for none to 1.5.
 ///
-/// Raises ValueError for a film of one level.
+/// Raises ValueError for a film of one level, and for another sigma.
 #[pyfunction]
-#[pyo3(signature = (film, *, robust=false))]
-pub(crate) fn resolve(film: &Bound<'_, Film>, robust: bool) -> PyResult<Resolved> {
+#[pyo3(signature = (film, *, robust=false, sigma=0.7))]
+pub(crate) fn resolve(film: &Bound<'_, Film>, robust: bool, sigma: f32) -> PyResult<Resolved> {
+    if !(0.0..=MAX_SIGMA).contains(&sigma) {
+        return Err(argument("sigma", "expected from 0 to 1.5"));
+    }
     let Some(levels) = &film.get().made.levels else {
         let what = "a film of one level, there is nothing to choose";
         return Err(argument("film", what));
     };
-    let choice = detached(film.py(), || resolve_film(levels, robust))?;
+    let choice = detached(film.py(), || {
+        resolve_film(levels, Resolve { robust, sigma })
+    })?;
     Ok(Resolved { choice })
 }
 

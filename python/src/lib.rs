@@ -21,7 +21,7 @@ mod _opsr {
     #[pymodule_export]
     use super::film::{Film, Resolved, resolve};
     #[pymodule_export]
-    use super::render::{Progress, render};
+    use super::render::{Progress, merge, render};
     #[pymodule_export]
     use super::scene::Scene;
     #[pymodule_export]

@@ -1,38 +1,36 @@
-//! Renders.
+//! Renders, whole or in parts.
 
-use crate::errors::argument;
+use crate::errors::{argument, file};
 use crate::film::Film;
 use crate::scene::Scene;
 use crate::table::{Table, unit};
-use crate::work::{Hear, watched};
+use crate::work::{Hear, Link, watched};
+use opsr::files::FileError;
 use opsr::image::exr::Metadata;
-use opsr::image::film::{Film as Moments, Window};
-use opsr::image::level_film::{LevelFilm, MAX_LEVELS};
-use opsr::integrator::drive::{Budget, RenderProgress, drive};
-use opsr::integrator::levels::SCALES;
-use opsr::integrator::method::{Kind, MethodSpec};
-use opsr::integrator::{FirstHit, Picture, Settings, View};
+use opsr::image::film::{Film as Moments, FilmError, Window};
+use opsr::image::level_film::MAX_LEVELS;
+use opsr::integrator::checkpoint::Fingerprint;
+use opsr::integrator::drive::{Budget, ErrorBound, RenderProgress, drive};
+use opsr::integrator::layers::{Aov, Layers};
+use opsr::integrator::levels;
+use opsr::integrator::method::{IntegratorKind, Kind, MethodSpec};
+use opsr::integrator::part::{self, MergeError, Merged, Part};
+use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
-use opsr::regularise::{Rule, TableTuning};
-use opsr::tune::resolve::resolve_film;
-use pyo3::exceptions::{PyMemoryError, PyTypeError};
+use opsr::regularise::{Factors, Rule};
+use opsr::scene::Camera;
+use opsr::tune;
+use opsr::tune::resolve::{Resolve, relative_error, resolve_film};
+use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyInt;
+use pyo3::types::{PyBool, PyInt, PyString};
 use serde_json::json;
 use std::path::PathBuf;
 use std::time::Duration;
 
 /// Samples per pixel of a render without a budget.
 const DEFAULT_SPP: u32 = 128;
-
-/// Bytes of a pixel, of its AOVs and of each level, as the program counts them.
-const PIXEL_BYTES: u64 = 205;
-const AOV_BYTES: u64 = 195;
-const LEVEL_BYTES: u64 = 96;
-
-/// Rows of a picture without a size.
-const DEFAULT_ROWS: u32 = 512;
 
 /// State of a render after a pass.
 #[pyclass(frozen, get_all, module = "opsr")]
@@ -62,28 +60,36 @@ impl From<RenderProgress> for Progress {
 /// size: (width, height) of the whole frame in pixels, at most 65536 each; by default 512 rows, as wide as the camera asks
 ///     for.
 /// crop: (x, y, width, height) of the part to render, in pixels from the top left.
-/// spp, time: when to stop, in samples per pixel or in seconds, the first one reached; 128 samples by default.
+/// spp, time, target_error: when to stop, in samples per pixel, in seconds, or at an estimated relative error of the picture
+///     (the root of its relMSE), the first one reached; 128 samples by default.
 /// seed: seed of all random numbers, from 0 to 2**64 - 1.
 /// table: learned attenuation factors: a Table, a file, or "beta-0.001" or "beta-0.05".
+/// table_scale: factor on the table's factors instead of its own, or "auto": a pilot chooses it, and the contrast.
 /// gamma: one attenuation factor from 0 to 1 for all paths, instead of a table.
 /// rule: a rule of other renderers instead of both, for comparison: "pbrt", "filter-glossy", "roughness-clamp" or
 ///     "mollifier".
+/// filter: value of "filter-glossy", above 0; 1 by default.
 /// reuse: continue paths with the roughened lobe; needs a table or gamma.
-/// integrator: "path", "light", "bdpt", "vcm" or "sppm"; only the first takes a rule or reuse, "bdpt" and "vcm" a
-///     table or gamma too, and "bdpt" the mollifier.
+/// consistent: exponent between 0 and 0.5 with which the bias vanishes: sample n roughens by n**-consistent of the full
+///     amount; needs a table or gamma.
+/// integrator: "path", "light", "bdpt", "vcm", "sppm" or "mlt"; "light" and "sppm" take no table or gamma, and only "bdpt" and
+///     "mlt" a rule, the mollifier.
 /// levels: several amounts of roughening on the same paths, of which every pixel gets the best: their number from 1 to 8, or
 ///     the scales of the table's or the constant factor, ascending from 0. One by default, where the program has five.
 /// max_vertices: scattering vertices of the longest path, from 1 to 65536.
 /// threads: their number; all cores by default.
-/// aov: record albedo, normal and depth of the first surface.
+/// aov: layers to record: names of those of the program's --aov, or True for albedo, normal and depth.
 /// on_progress: called with a Progress after each pass; False ends the render, which then has the samples so far.
+/// part: write this file instead, for `merge`, and return None. It is whole or not there.
+/// samples: (first, last + 1) of the samples of a part; by default all `spp`.
 ///
 /// Ctrl-C ends the render after the current pass and raises KeyboardInterrupt. Raises ValueError for settings that cannot
 /// be, MemoryError for pictures that are too large for this machine.
 #[pyfunction]
 #[pyo3(signature = (
-    scene, *, camera=None, size=None, crop=None, spp=None, time=None, seed=0, table=None, gamma=None, rule=None,
-    reuse=false, integrator="path", levels=None, max_vertices=16, threads=None, aov=false, on_progress=None
+    scene, *, camera=None, size=None, crop=None, spp=None, time=None, target_error=None, seed=0, table=None,
+    table_scale=None, gamma=None, rule=None, filter=None, reuse=false, consistent=None, integrator="path", levels=None,
+    max_vertices=16, threads=None, aov=None, on_progress=None, part=None, samples=None
 ))]
 #[allow(clippy::too_many_arguments)]
 pub(crate) fn render(
@@ -94,62 +100,267 @@ pub(crate) fn render(
     crop: Option<(u32, u32, u32, u32)>,
     spp: Option<u32>,
     time: Option<f64>,
+    target_error: Option<f64>,
     seed: u64,
     table: Option<&Bound<'_, PyAny>>,
+    table_scale: Option<&Bound<'_, PyAny>>,
     gamma: Option<f32>,
     rule: Option<&str>,
+    filter: Option<f32>,
     reuse: bool,
+    consistent: Option<f32>,
     integrator: &str,
     levels: Option<&Bound<'_, PyAny>>,
     max_vertices: u32,
     threads: Option<u16>,
-    aov: bool,
+    aov: Option<&Bound<'_, PyAny>>,
     on_progress: Option<Py<PyAny>>,
-) -> PyResult<Film> {
+    part: Option<PathBuf>,
+    samples: Option<(u32, u32)>,
+) -> PyResult<Option<Film>> {
     let scene = scene.get();
     let frame = frame(scene, camera, size)?;
     let camera = scene.camera(camera, frame.x as f32 / frame.y as f32)?;
-    let budget = budget(spp, time)?;
+    let budget = budget(spp, time, target_error)?;
     if !(1..=65536).contains(&max_vertices) {
         return Err(argument("max_vertices", "expected 1 to 65536"));
     }
     let table = table.map(held).transpose()?;
-    let (mut settings, digest) = method(table.as_ref(), gamma, rule, reuse, integrator)?;
+    let scale = table_scale.map(scale).transpose()?;
+    if scale.is_some() && table.is_none() {
+        return Err(argument("table_scale", "needs a table"));
+    }
+    let spec = spec(
+        table.is_some(),
+        gamma,
+        rule,
+        filter,
+        reuse,
+        consistent,
+        integrator,
+    )?;
+    let mut settings = settings(spec.clone(), table.as_ref(), scale)?;
     (settings.max_vertices, settings.seed) = (max_vertices, seed);
     settings.levels = levels.map(scales).transpose()?.unwrap_or_default();
     let fault = |e| argument("levels", e);
     settings.check_levels().map_err(fault)?;
     let fault = |e| argument("integrator", e);
     settings.check_scene(&scene.world, &camera).map_err(fault)?;
+    let aovs = aov.map(layers).transpose()?.unwrap_or_default();
+    check_layers(&aovs, &settings)?;
     let window = crop.map_or(Window::full(frame), |(x, y, w, h)| Window { x, y, w, h });
-    let mut picture = empty(frame, window, crop.is_some(), &settings, aov)?;
-
+    let name = if crop.is_some() { "crop" } else { "size" };
+    let digest = table.map(|table| opsr::files::hex(&table.get().file.digest()));
+    let job = Job {
+        scene,
+        camera,
+        frame,
+        window,
+        name,
+        aovs,
+        spec,
+        digest,
+    };
     let mut hear = on_progress.map(|call| {
         move |py: Python<'_>, progress: RenderProgress| {
             let answer = call.call1(py, (Progress::from(progress),))?;
-            Ok(!answer.bind(py).is(pyo3::types::PyBool::new(py, false)))
+            Ok(!answer.bind(py).is(PyBool::new(py, false)))
         }
     });
     let hear: Hear<'_, RenderProgress> = hear.as_mut().map(|hear| hear as _);
-    let (made, choice, progress) = watched(py, threads, hear, |link| {
-        let view = View::new(&scene.world, &camera, frame, window);
-        let (progress, _) = drive(
-            &mut *settings.integrator(),
-            &view,
-            &budget,
-            0,
-            &mut picture,
-            &mut |progress, _| link.tell(|| *progress),
-        );
-        let choice = (picture.levels.as_ref()).map(|film| resolve_film(film, false));
-        (picture, choice, progress)
+    job.check_memory(&settings)?;
+    if let Some(path) = part {
+        let samples = samples.unwrap_or((0, spp.unwrap_or(DEFAULT_SPP)));
+        job.check_part(samples, time.is_some() || target_error.is_some(), scale)?;
+        let done = watched(py, threads, hear, |link| {
+            job.part(&settings, path, samples, link)
+        })?;
+        return match done.map_err(file)? {
+            true => Ok(None),
+            false => Err(argument("part", "not written, since on_progress ended it")),
+        };
+    }
+    if samples.is_some() {
+        return Err(argument("samples", "needs a part to write"));
+    }
+    let auto = matches!(scale, Some(Scale::Auto));
+    let made = watched(py, threads, hear, |link| {
+        job.film(settings, &budget, auto, link)
     })?;
+    Ok(Some(made.map_err(|e| argument(name, e))?))
+}
+
+/// A render whose arguments are checked.
+struct Job<'a> {
+    scene: &'a Scene,
+    camera: Camera,
+    frame: UVec2,
+    window: Window,
+    /// Argument that chose the window.
+    name: &'static str,
+    aovs: Vec<Aov>,
+    spec: MethodSpec,
+    /// SHA-256 of the table.
+    digest: Option<String>,
+}
+
+impl Job<'_> {
+    /// Refuses what would fail to be allocated, which would end the interpreter.
+    fn check_memory(&self, settings: &Settings) -> PyResult<()> {
+        let window = self.window;
+        Moments::check(self.frame, window).map_err(|e| argument(self.name, e))?;
+        let bytes = Picture::bytes(window, settings.levels.len(), Aov::recorded(&self.aovs));
+        memory::check(format!("{}x{} pixels", window.w, window.h), bytes)
+            .map_err(|e| PyMemoryError::new_err(e.to_string()))
+    }
+
+    fn view(&self) -> View<'_> {
+        View::new(&self.scene.world, &self.camera, self.frame, self.window)
+    }
+
+    /// Text for the file of the picture, as the program writes it into reproducible files.
+    fn metadata(&self, settings: &Settings) -> Metadata {
+        let path = self.scene.path.display().to_string();
+        let mut metadata = settings.metadata(&path, &self.scene.sha256, self.digest.as_deref());
+        let words = self.spec.words(self.spec.integrator);
+        metadata.extend(words.map(|(key, value)| (key.to_owned(), value)));
+        metadata
+    }
+
+    fn film(
+        &self,
+        mut settings: Settings,
+        budget: &Budget,
+        auto: bool,
+        link: &Link<RenderProgress>,
+    ) -> Result<Film, FilmError> {
+        let view = self.view();
+        if auto {
+            let samples = match (budget.samples, budget.time) {
+                (Some(samples), _) => samples,
+                (None, Some(time)) => tune::samples_in(time, &settings, &view)?,
+                (None, None) => tune::SPP_OF_TARGET,
+            };
+            let go_on = || !link.stopped();
+            let pilot = tune::choose_while(&settings, &view, samples, &go_on)?;
+            if let Some((table, pilot)) = settings.rule.table_mut().zip(pilot) {
+                *table = table.tuned(pilot.tuning);
+            }
+        }
+        let (levels, recorded) = (settings.levels.len(), Aov::recorded(&self.aovs));
+        let mut picture = Picture::blank(self.frame, self.window, levels, recorded)?;
+        let listen = &mut |progress: &RenderProgress, _: &Picture| link.tell(|| *progress);
+        let mut integrator = settings.integrator();
+        let (progress, _) = drive(&mut *integrator, &view, budget, 0, &mut picture, listen);
+        let mut metadata = self.metadata(&settings);
+        stamp(&mut metadata, progress.samples, &picture);
+        Ok(Film {
+            choice: (picture.levels.as_ref()).map(|film| resolve_film(film, Resolve::default())),
+            layers: Layers::new(&self.aovs, &view).of(&picture),
+            camera: self.camera.world_to_camera(),
+            made: picture,
+            metadata,
+            spp: progress.samples,
+            seconds: progress.elapsed.as_secs_f64(),
+        })
+    }
+
+    /// An error for what a part cannot be.
+    fn check_part(&self, samples: (u32, u32), bounded: bool, scale: Option<Scale>) -> PyResult<()> {
+        let wants = |aov| self.aovs.contains(&aov);
+        if samples.0 >= samples.1 {
+            return Err(argument("samples", "expected (first, last + 1)"));
+        }
+        if wants(Aov::Position) || wants(Aov::Id) || wants(Aov::Time) {
+            return Err(argument("aov", "a part keeps no position, id and time"));
+        }
+        if bounded || matches!(scale, Some(Scale::Auto)) {
+            let what = "has a number of samples: no time, target_error or table_scale=\"auto\"";
+            return Err(argument("part", what));
+        }
+        Ok(())
+    }
+
+    fn part(
+        &self,
+        settings: &Settings,
+        path: PathBuf,
+        (start, end): (u32, u32),
+        link: &Link<RenderProgress>,
+    ) -> Result<bool, FileError> {
+        let view = self.view();
+        let [first, light, _] = Aov::recorded(&self.aovs);
+        // Parts of one render are made by one program, or by this package.
+        let words = format!(
+            "Python: {}, {}x{}, camera {:?}, {:?}, scene {}",
+            settings.fingerprint(),
+            self.frame.x,
+            self.frame.y,
+            self.camera.name,
+            self.aovs,
+            self.scene.words,
+        );
+        let fingerprint = Fingerprint {
+            version: env!("CARGO_PKG_VERSION").into(),
+            scene: self.scene.sha256.clone(),
+            settings: words,
+        };
+        let levels = settings.levels.clone();
+        let mut part = Part::new(fingerprint, &view, start..end, levels, [first, light]);
+        part.layers = self.aovs.iter().map(|aov| aov.name()).collect();
+        part.metadata = self.metadata(settings);
+        let listen = &mut |progress: &RenderProgress| link.tell(|| *progress);
+        part.render(&path, &mut *settings.integrator(), &view, listen)
+    }
+}
+
+/// Adds what only the end of a render knows.
+fn stamp(metadata: &mut Metadata, samples: u32, picture: &Picture) {
+    metadata.insert("spp".into(), samples.to_string());
+    let refused = picture.film.rejected.total();
+    metadata.insert("refused_samples".into(), refused.to_string());
+}
+
+/// Puts the parts of a render together, in any order: the film is that of the single render, bit by bit.
+///
+/// parts: files that `render(..., part=...)` or the program wrote.
+/// spp: samples per pixel that the parts shall make; by default the most that a pixel has.
+/// crop: (x, y, width, height) of the pixels that the parts shall make; by default the whole frame.
+///
+/// Raises ValueError for parts of different renders, for samples that are missing or there twice, each by name, and for
+/// damaged files; OSError for those that cannot be read.
+#[pyfunction]
+#[pyo3(signature = (parts, *, spp=None, crop=None))]
+pub(crate) fn merge(
+    py: Python<'_>,
+    parts: Vec<PathBuf>,
+    spp: Option<u32>,
+    crop: Option<(u32, u32, u32, u32)>,
+) -> PyResult<Film> {
+    let window = |size| crop.map_or(Window::full(size), |(x, y, w, h)| Window { x, y, w, h });
+    let merged = watched::<(), _>(py, None, None, |_| part::merge(&parts, window, spp))?;
+    let Merged {
+        first,
+        samples,
+        picture,
+    } = merged.map_err(|error| match error {
+        MergeError::File(error) => file(error),
+        MergeError::Memory(shortage) => PyMemoryError::new_err(shortage.to_string()),
+        MergeError::Samples(what) => argument("parts", what),
+    })?;
+    let wanted = first.layers.iter().map(|name| Aov::named(name));
+    let wanted = wanted.collect::<Result<Vec<_>, _>>();
+    let wanted = wanted.map_err(|e| argument("parts", e))?;
+    let mut metadata = first.metadata;
+    stamp(&mut metadata, samples, &picture);
     Ok(Film {
-        made,
-        choice,
-        metadata: metadata(scene, &settings, digest, progress.samples),
-        spp: progress.samples,
-        seconds: progress.elapsed.as_secs_f64(),
+        choice: (picture.levels.as_ref()).map(|film| resolve_film(film, Resolve::default())),
+        layers: Layers::recorded(&wanted).of(&picture),
+        camera: first.camera,
+        made: picture,
+        metadata,
+        spp: samples,
+        seconds: 0.0,
     })
 }
 
@@ -166,29 +377,81 @@ fn frame(
             let what = "expected (width, height), such as (640, 480), from 1 to 65536 each";
             Err(argument("size", what))
         }
-        None => {
-            let aspect = scene.camera(camera, 1.0)?.aspect.unwrap_or(1.0);
-            let width = (DEFAULT_ROWS as f32 * aspect).round() as u32;
-            Ok(UVec2::new(width.clamp(1, 16 * DEFAULT_ROWS), DEFAULT_ROWS))
-        }
+        None => Ok(scene.camera(camera, 1.0)?.default_frame()),
     }
 }
 
-fn budget(spp: Option<u32>, time: Option<f64>) -> PyResult<Budget> {
+fn budget(spp: Option<u32>, time: Option<f64>, error: Option<f64>) -> PyResult<Budget> {
     if spp == Some(0) {
         return Err(argument("spp", "expected at least 1"));
+    }
+    if error.is_some_and(|e| e.is_nan() || e <= 0.0) {
+        return Err(argument("target_error", "expected a number above 0"));
     }
     let duration = |seconds: f64| {
         let time = Duration::try_from_secs_f64(seconds).ok();
         time.ok_or_else(|| argument("time", "expected a number of seconds, not below 0"))
     };
     let time = time.map(duration).transpose()?;
-    let default = time.is_none().then_some(DEFAULT_SPP);
+    let default = (time.is_none() && error.is_none()).then_some(DEFAULT_SPP);
     Ok(Budget {
         samples: spp.or(default),
         time,
-        ..Budget::default()
+        error: error.map(|bound| ErrorBound {
+            bound,
+            estimate: relative_error,
+        }),
     })
+}
+
+/// Scale of a table.
+#[derive(Clone, Copy)]
+enum Scale {
+    /// That of a pilot.
+    Auto,
+    By(f32),
+}
+
+fn scale(scale: &Bound<'_, PyAny>) -> PyResult<Scale> {
+    match scale.extract::<f32>() {
+        Ok(x) if x > 0.0 && x.is_finite() => Ok(Scale::By(x)),
+        _ if scale.eq("auto")? => Ok(Scale::Auto),
+        _ => Err(argument(
+            "table_scale",
+            "expected a number above 0, or auto",
+        )),
+    }
+}
+
+/// Layers by name; True stands for albedo, normal and depth.
+fn layers(aov: &Bound<'_, PyAny>) -> PyResult<Vec<Aov>> {
+    if let Ok(some) = aov.cast::<PyBool>() {
+        let usual = [Aov::Albedo, Aov::Normal, Aov::Depth];
+        return Ok(if some.is_true() {
+            usual.into()
+        } else {
+            Vec::new()
+        });
+    }
+    let names: Vec<String> = match aov.cast::<PyString>() {
+        Ok(name) => vec![name.extract()?],
+        Err(_) => aov.extract()?,
+    };
+    let layer = |name: &String| Aov::named(name).map_err(|e| argument("aov", e));
+    names.iter().map(layer).collect()
+}
+
+fn check_layers(aovs: &[Aov], settings: &Settings) -> PyResult<()> {
+    let [_, light, _] = Aov::recorded(aovs);
+    let path = matches!(settings.estimator, Estimator::Path { .. }) && settings.levels.is_empty();
+    if light && !path {
+        let what = "emission, direct and indirect are of the path tracer with one level";
+        return Err(argument("aov", what));
+    }
+    if aovs.contains(&Aov::Level) && settings.levels.is_empty() {
+        return Err(argument("aov", "level needs levels"));
+    }
+    Ok(())
 }
 
 /// The table of an argument: a table, a file or a name.
@@ -203,27 +466,40 @@ fn held<'py>(table: &Bound<'py, PyAny>) -> PyResult<Bound<'py, Table>> {
     Bound::new(table.py(), Table::load(path)?)
 }
 
-/// Estimator and rule, and the hash of the table.
-fn method(
-    table: Option<&Bound<'_, Table>>,
+/// The method of these arguments, without its table.
+fn spec(
+    table: bool,
     gamma: Option<f32>,
     rule: Option<&str>,
+    filter: Option<f32>,
     reuse: bool,
+    consistent: Option<f32>,
     integrator: &str,
-) -> PyResult<(Settings, Option<String>)> {
-    let factors = gamma.is_some() || table.is_some();
-    if gamma.is_some() && table.is_some() {
+) -> PyResult<MethodSpec> {
+    let factors = gamma.is_some() || table;
+    if gamma.is_some() && table {
         return Err(argument("gamma", "a table has factors of its own"));
     }
-    if rule.is_some() && (factors || reuse) {
-        let what = "a rule of its own: no table, gamma or reuse";
+    if rule.is_some() && (factors || reuse || consistent.is_some()) {
+        let what = "a rule of its own: no table, gamma, reuse or consistent";
         return Err(argument("rule", what));
     }
     if reuse && !factors {
         return Err(argument("reuse", "needs a table or gamma"));
     }
+    if consistent.is_some() && !factors {
+        return Err(argument("consistent", "needs a table or gamma"));
+    }
+    if consistent.is_some_and(|x| !(x > 0.0 && x < 0.5)) {
+        let what = "expected a number between 0 and 0.5";
+        return Err(argument("consistent", what));
+    }
+    if filter.is_some_and(|x| !(x > 0.0 && x.is_finite())) {
+        return Err(argument("filter", "expected a number above 0"));
+    }
     let kind = match rule {
-        None => Kind::Plain,
+        None if reuse => Kind::Reuse,
+        None => Kind::Default,
         Some("pbrt") => Kind::Pbrt,
         Some("filter-glossy") => Kind::FilterGlossy,
         Some("roughness-clamp") => Kind::RoughnessClamp,
@@ -233,94 +509,59 @@ fn method(
             return Err(argument("rule", what));
         }
     };
+    if filter.is_some() && kind != Kind::FilterGlossy {
+        return Err(argument("filter", "needs rule=\"filter-glossy\""));
+    }
     let integrator = serde_json::from_value(json!(integrator));
     let fault = |e: serde_json::Error| argument("integrator", e);
-    let spec = json!({ "name": "", "method": kind });
-    let mut spec: MethodSpec = serde_json::from_value(spec).map_err(fault)?;
+    let mut spec: MethodSpec =
+        serde_json::from_value(json!({ "name": "", "method": "plain" })).map_err(fault)?;
     spec.integrator = integrator.map_err(fault)?;
+    spec.method = kind;
+    if spec.integrator == IntegratorKind::Auto {
+        let what = "auto chooses by a pilot, which opsr render has; name one";
+        return Err(argument("integrator", what));
+    }
     spec.gamma = gamma.map(|gamma| unit("gamma", gamma)).transpose()?;
-    spec.reuse = reuse;
-    // Named only for the check, and then put in its place.
-    spec.table = table.map(|_| PathBuf::new());
-    spec.refused()
-        .map_err(pyo3::exceptions::PyValueError::new_err)?;
+    (spec.filter, spec.lambda) = (filter, consistent);
+    // Named only for the check.
+    spec.table = table.then(PathBuf::new);
+    spec.refused().map_err(PyValueError::new_err)?;
     spec.table = None;
-    let method = spec.resolve().map_err(crate::errors::file)?;
-    let table = table.map(|table| &table.get().file);
-    let rule = table.map_or(method.rule, |file| Rule::with_table(file.table.clone()));
-    let settings = Settings {
+    Ok(spec)
+}
+
+/// Estimator and rule of a method with this table.
+fn settings(
+    mut spec: MethodSpec,
+    table: Option<&Bound<'_, Table>>,
+    scale: Option<Scale>,
+) -> PyResult<Settings> {
+    if table.is_some() {
+        // Its place.
+        spec.gamma = Some(0.0);
+    }
+    let method = spec.resolve().map_err(file)?;
+    let mut settings = Settings {
         estimator: method.estimator,
-        rule,
+        rule: method.rule,
         ..Settings::default()
     };
-    let digest = table.map(|file| opsr::files::hex(&file.digest()));
-    Ok((settings, digest))
+    if let Some((Rule::Accumulated(rule), table)) = Some(&mut settings.rule).zip(table) {
+        let mut table = table.get().file.table.clone();
+        if let Some(Scale::By(scale)) = scale {
+            table.scale = scale;
+        }
+        rule.factors = Factors::Table(table);
+    }
+    Ok(settings)
 }
 
 /// Scales of levels by their number, or as they are given; empty for one level.
-fn scales(levels: &Bound<'_, PyAny>) -> PyResult<Vec<f32>> {
-    if !levels.is_instance_of::<PyInt>() {
-        return levels.extract();
+fn scales(wanted: &Bound<'_, PyAny>) -> PyResult<Vec<f32>> {
+    if !wanted.is_instance_of::<PyInt>() {
+        return wanted.extract();
     }
-    let roughest = SCALES[SCALES.len() - 1];
-    match levels.extract::<usize>() {
-        Ok(1) => Ok(Vec::new()),
-        Ok(n) if n == SCALES.len() => Ok(SCALES.to_vec()),
-        // Plain path tracing, and down from the roughest by factors of 5, as the program has them.
-        Ok(n @ 2..=MAX_LEVELS) => {
-            let scale = |k: usize| roughest * 0.2f32.powi((n - 1 - k) as i32);
-            Ok(std::iter::once(0.0).chain((1..n).map(scale)).collect())
-        }
-        _ => {
-            let what = format!("expected 1 to {MAX_LEVELS} levels");
-            Err(argument("levels", what))
-        }
-    }
-}
-
-/// A picture without samples.
-fn empty(
-    frame: UVec2,
-    window: Window,
-    cropped: bool,
-    settings: &Settings,
-    aov: bool,
-) -> PyResult<Picture> {
-    let name = if cropped { "crop" } else { "size" };
-    Moments::check(frame, window).map_err(|e| argument(name, e))?;
-    // A failed allocation would end the interpreter.
-    let levels = settings.levels.len();
-    let each = PIXEL_BYTES + if aov { AOV_BYTES } else { 0 } + levels as u64 * LEVEL_BYTES;
-    let what = format!("{}x{} pixels", window.w, window.h);
-    memory::check(what, window.len() as u64 * each)
-        .map_err(|e| PyMemoryError::new_err(e.to_string()))?;
-    let film = Moments::cropped(frame, window).map_err(|e| argument(name, e))?;
-    let mut picture = Picture::new(film);
-    picture.aovs = aov.then(|| FirstHit::new(window).into());
-    picture.levels = (levels > 0).then(|| LevelFilm::new(frame, window, levels));
-    Ok(picture)
-}
-
-/// The metadata that the program writes into reproducible files.
-fn metadata(scene: &Scene, settings: &Settings, table: Option<String>, spp: u32) -> Metadata {
-    let mut metadata = Metadata::new();
-    let mut set = |key: &str, value: String| {
-        metadata.insert(key.to_owned(), value);
-    };
-    set("version", env!("CARGO_PKG_VERSION").to_owned());
-    set("seed", settings.seed.to_string());
-    set("scene", scene.path.display().to_string());
-    set("scene_sha256", scene.sha256.clone());
-    set("spp", spp.to_string());
-    if let Some(hash) = table {
-        set("table_sha256", hash);
-    }
-    if let Some(TableTuning { scale, contrast }) = settings.rule.table().map(|t| t.tuning()) {
-        set("table_scale", scale.to_string());
-        set("table_contrast", contrast.to_string());
-    }
-    if !settings.levels.is_empty() {
-        set("levels", format!("{:?}", settings.levels));
-    }
-    metadata
+    let known = wanted.extract::<usize>().ok().and_then(levels::scales);
+    known.ok_or_else(|| argument("levels", format!("expected 1 to {MAX_LEVELS} levels")))
 }

@@ -23,6 +23,8 @@ pub(crate) struct Scene {
     /// SHA-256 of the scene's files, in hexadecimal digits.
     #[pyo3(get)]
     pub(crate) sha256: String,
+    /// Options that it was loaded with.
+    pub(crate) words: String,
     /// Defects and features of the file that are ignored, one line each.
     #[pyo3(get)]
     warnings: Vec<String>,
@@ -65,8 +67,11 @@ impl Scene {
         };
         let mut options = LoadOptions::default();
         (options.distribution, options.solid_glass) = (distribution, solid_glass);
+        let words = format!(
+            "env {env_intensity} {env_rotation}, {distribution:?}, solid glass {solid_glass}"
+        );
         let env = env.map(|env| (env, env_intensity, env_rotation.to_radians()));
-        let scene = detached(py, || open(path, env, &options))?.map_err(file)?;
+        let scene = detached(py, || open(path, env, &options, words))?.map_err(file)?;
         for warning in &scene.warnings {
             let text = format!("{}: {warning}", scene.path.display()).replace('\0', " ");
             let text = CString::new(text)?;
@@ -96,6 +101,7 @@ fn open(
     path: PathBuf,
     env: Option<(PathBuf, f32, f32)>,
     options: &LoadOptions,
+    words: String,
 ) -> Result<Scene, FileError> {
     let loaded = load(&path, options)?;
     let (mut parts, mut warnings) = (loaded.parts, loaded.warnings);
@@ -112,6 +118,7 @@ fn open(
         world,
         path,
         sha256: hex(&digest.finalize()),
+        words,
         warnings,
     })
 }

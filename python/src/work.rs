@@ -27,6 +27,11 @@ pub(crate) struct Link<E> {
 }
 
 impl<E> Link<E> {
+    /// True if the work shall stop.
+    pub(crate) fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
     /// Waits for the callback, if there is one; breaks if the work shall stop.
     pub(crate) fn tell(&self, event: impl FnOnce() -> E) -> ControlFlow<()> {
         if let Some((events, answers)) = &self.heard
@@ -35,7 +40,7 @@ impl<E> Link<E> {
             // Without an answer the other end is gone, which has set `stop`.
             let _ = answers.recv();
         }
-        match self.stop.load(Ordering::Relaxed) {
+        match self.stopped() {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
         }

@@ -82,6 +82,9 @@ def test_levels_resolve(box):
     np.testing.assert_allclose(resolved.error**2, resolved.bias2 + resolved.variance, rtol=1e-4)
     assert resolved.relative_error == film.relative_error > 0
     assert opsr.resolve(film, robust=True).picture.shape == plain.shape
+    assert (opsr.resolve(film, sigma=0).picture != opsr.resolve(film, sigma=1.5).picture).any()
+    with pytest.raises(ValueError, match="sigma"):
+        opsr.resolve(film, sigma=9)
     with pytest.raises(ValueError, match="a film of one level, there is nothing to choose"):
         opsr.resolve(opsr.render(box, **SMALL))
 
@@ -202,8 +205,8 @@ def test_render_after_fork(box):
         ({"rule": "pbrt", "gamma": 0.5}, ValueError, "rule: a rule of its own"),
         ({"reuse": True}, ValueError, "reuse: needs a table or gamma"),
         ({"integrator": "none"}, ValueError, "integrator: unknown variant `none`"),
-        ({"integrator": "bdpt", "gamma": 0.5, "reuse": True}, ValueError, "integrator bdpt roughens the last"),
-        ({"integrator": "sppm", "table": "beta-0.05"}, ValueError, "integrator sppm does not regularise"),
+        ({"integrator": "bdpt", "gamma": 0.5, "reuse": True}, ValueError, "integrator bdpt roughens the last vertex only"),
+        ({"integrator": "light", "table": "beta-0.05"}, ValueError, "integrator light does not regularise"),
         ({"integrator": "light", "rule": "pbrt"}, ValueError, "integrator light does not regularise"),
         ({"levels": 3}, ValueError, "levels: several levels need a table or a constant factor"),
         ({"levels": 9, "gamma": 0.5}, ValueError, "levels: expected 1 to 8 levels"),

@@ -16,9 +16,10 @@ pub struct Diffuse {
 /// Microfacet reflection over a Lambertian base.
 #[derive(Clone, Copy, Debug)]
 pub struct Glossy {
-    /// Reflectance at normal incidence in [0, 1], for Schlick's approximation.
+    /// Reflectance at normal incidence in [0, 1], for Schlick's approximation; over the chance that it was drawn for a
+    /// clear coat.
     pub f0: Rgb,
-    /// Reflectance at grazing incidence in [0, 1], not below a channel of `f0`; 1 unless a file says otherwise.
+    /// Reflectance at grazing incidence, as `f0`, not below a channel of it; 1 unless a file says otherwise.
     pub f90: f32,
     /// Reflectance of the base in [0, 1]; zero for a metal.
     pub albedo: Rgb,
@@ -109,6 +110,7 @@ fn finish(query: Option<LobeQuery>, alpha: f32, wi: Vec3, lobe: Lobe) -> Option<
     let eval = query?.at(alpha);
     (eval.pdf_w > 0.0).then(|| BsdfSample {
         wi,
+        value: eval.value,
         weight: eval.value / eval.pdf_w,
         pdf_w: eval.pdf_w,
         lobe,
@@ -120,6 +122,7 @@ fn finish(query: Option<LobeQuery>, alpha: f32, wi: Vec3, lobe: Lobe) -> Option<
 fn delta(wi: Vec3, weight: Rgb, lobe: Lobe) -> Option<BsdfSample> {
     Some(BsdfSample {
         wi,
+        value: Rgb::ZERO,
         weight,
         pdf_w: 0.0,
         lobe,
@@ -146,9 +149,15 @@ impl Diffuse {
     #[inline]
     pub(super) fn sample(&self, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
         let local = warp::cosine_hemisphere(Vec2::new(u[1], u[2]));
-        let pdf_w = local.z * FRAC_1_PI;
+        self.complete(wo, above(wo.z, local))
+    }
+
+    #[inline]
+    pub(super) fn complete(&self, wo: Vec3, wi: Vec3) -> Option<BsdfSample> {
+        let pdf_w = wi.z.abs() * FRAC_1_PI;
         (pdf_w > 0.0 && wo.z != 0.0).then(|| BsdfSample {
-            wi: above(wo.z, local),
+            wi,
+            value: self.albedo * pdf_w,
             weight: self.albedo,
             pdf_w,
             lobe: Lobe::Diffuse,
@@ -199,6 +208,18 @@ impl Glossy {
     #[inline(never)]
     pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
         let (wi, lobe) = self.direction(alpha, wo, u)?;
+        self.complete(alpha, wo, wi, lobe)
+    }
+
+    /// Value and density of a direction that was drawn.
+    #[inline]
+    pub(super) fn complete(
+        &self,
+        alpha: f32,
+        wo: Vec3,
+        wi: Vec3,
+        lobe: Lobe,
+    ) -> Option<BsdfSample> {
         if alpha < DELTA_ALPHA && lobe == Lobe::Reflection {
             let cos = wo.z.abs();
             let weight = schlick(self.f0, self.f90, cos) / self.glossy_probability(cos);
@@ -227,7 +248,7 @@ impl Glossy {
                 self.distribution.sample_visible(alpha, wo, [u[1], u[2]]),
             )
         };
-        Some((above(side, wi), Lobe::Reflection))
+        (wi.z > 0.0).then(|| (above(side, wi), Lobe::Reflection))
     }
 }
 
@@ -283,10 +304,22 @@ impl Dielectric {
 
     #[inline(never)]
     pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
-        if self.is_matched() {
-            return delta(-wo, self.tint, Lobe::Transmission);
-        }
         let (wi, lobe) = self.direction(alpha, wo, u)?;
+        self.complete(alpha, wo, wi, lobe)
+    }
+
+    /// Value and density of a direction that was drawn.
+    #[inline]
+    pub(super) fn complete(
+        &self,
+        alpha: f32,
+        wo: Vec3,
+        wi: Vec3,
+        lobe: Lobe,
+    ) -> Option<BsdfSample> {
+        if self.is_matched() {
+            return delta(wi, self.tint, lobe);
+        }
         if alpha >= DELTA_ALPHA {
             return finish(self.query(wo, wi), alpha, wi, lobe);
         }
@@ -298,9 +331,12 @@ impl Dielectric {
         delta(wi, weight, lobe)
     }
 
-    /// Direction and lobe of a sample; the interface is not matched.
+    /// Direction and lobe of a sample.
     #[inline]
     pub(super) fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
+        if self.is_matched() {
+            return Some((-wo, Lobe::Transmission));
+        }
         let side = wo.z;
         let eta = self.relative(wo);
         let wo = above(side, wo);
@@ -363,6 +399,18 @@ impl ThinDielectric {
     #[inline(never)]
     pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
         let (wi, lobe) = self.direction(alpha, wo, u)?;
+        self.complete(alpha, wo, wi, lobe)
+    }
+
+    /// Value and density of a direction that was drawn.
+    #[inline]
+    pub(super) fn complete(
+        &self,
+        alpha: f32,
+        wo: Vec3,
+        wi: Vec3,
+        lobe: Lobe,
+    ) -> Option<BsdfSample> {
         if alpha >= DELTA_ALPHA {
             return finish(self.query(wo, wi), alpha, wi, lobe);
         }

@@ -17,10 +17,12 @@
 
 use crate::math::{Rgb, Vec3};
 
+pub mod clearcoated;
 pub mod distribution;
 pub mod fresnel;
 pub mod lobes;
 
+pub use clearcoated::{Clearcoated, clearcoated};
 pub use distribution::{Distribution, LobeReal};
 pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric, is_matched};
 
@@ -78,6 +80,8 @@ pub enum Lobe {
 pub struct BsdfSample {
     /// Sampled direction, local.
     pub wi: Vec3,
+    /// f·|cos θi| of the whole BSDF; without meaning if `delta`.
+    pub value: Rgb,
     /// f·|cos θi| / pdf of the whole BSDF; of the Dirac lobe alone, over its selection probability, if `delta`. Finite
     /// and at least 0.
     pub weight: Rgb,
@@ -100,6 +104,8 @@ pub enum Bsdf {
     Dielectric(Dielectric),
     /// Thin wall: microfacet reflection, and transmission without refraction.
     Thin(ThinDielectric),
+    /// Base under a clear coat.
+    Clearcoated(Clearcoated),
 }
 
 /// Factors of a [`LobeQuery`] that depend on the roughness, at one roughness.
@@ -182,6 +188,7 @@ impl Bsdf {
             Self::Glossy(l) => l.alpha,
             Self::Dielectric(l) => l.alpha,
             Self::Thin(l) => l.alpha,
+            Self::Clearcoated(l) => l.base().alpha(),
         }
     }
 
@@ -194,6 +201,7 @@ impl Bsdf {
             Self::Glossy(l) => l.query(wo, wi),
             Self::Dielectric(l) => l.query(wo, wi),
             Self::Thin(l) => l.query(wo, wi),
+            Self::Clearcoated(l) => l.query(wo, wi),
         }
     }
 
@@ -237,6 +245,7 @@ impl Bsdf {
             Self::Glossy(l) => l.sample(alpha, wo, u),
             Self::Dielectric(l) => l.sample(alpha, wo, u),
             Self::Thin(l) => l.sample(alpha, wo, u),
+            Self::Clearcoated(l) => l.sample(alpha, wo, u),
         }
     }
 
@@ -244,10 +253,23 @@ impl Bsdf {
     #[inline]
     pub fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
         match self {
+            Self::Diffuse(l) => l.sample(wo, u).map(|s| (s.wi, s.lobe)),
             Self::Glossy(l) => l.direction(alpha, wo, u),
-            Self::Dielectric(l) if !l.is_matched() => l.direction(alpha, wo, u),
+            Self::Dielectric(l) => l.direction(alpha, wo, u),
             Self::Thin(l) => l.direction(alpha, wo, u),
-            _ => self.sample(alpha, wo, u).map(|s| (s.wi, s.lobe)),
+            Self::Clearcoated(l) => l.direction(alpha, wo, u),
+        }
+    }
+
+    /// The [`Bsdf::sample`] of a direction and lobe from [`Bsdf::direction`] at the same roughness: value and density.
+    #[inline]
+    pub fn complete(&self, alpha: f32, wo: Vec3, wi: Vec3, lobe: Lobe) -> Option<BsdfSample> {
+        match self {
+            Self::Diffuse(l) => l.complete(wo, wi),
+            Self::Glossy(l) => l.complete(alpha, wo, wi, lobe),
+            Self::Dielectric(l) => l.complete(alpha, wo, wi, lobe),
+            Self::Thin(l) => l.complete(alpha, wo, wi, lobe),
+            Self::Clearcoated(l) => l.complete(alpha, wo, wi, lobe),
         }
     }
 
@@ -260,14 +282,51 @@ impl Bsdf {
             // An interface between equal indices passes light straight on at any roughness.
             Self::Dielectric(l) if l.is_matched() => return true,
             Self::Dielectric(_) | Self::Thin(_) => false,
+            Self::Clearcoated(l) => return l.base().is_delta_at(alpha),
         };
         alpha < DELTA_ALPHA && !has_base
+    }
+
+    /// True for a Lambertian surface, under a clear coat or not.
+    #[inline]
+    pub fn is_diffuse(&self) -> bool {
+        match self {
+            Self::Diffuse(_) => true,
+            Self::Clearcoated(l) => l.base().is_diffuse(),
+            _ => false,
+        }
+    }
+
+    /// The BSDF without its diffuse lobe; a Lambertian one stays as it is.
+    pub fn without_diffuse(&self) -> Self {
+        match *self {
+            Self::Glossy(l) => Self::Glossy(Glossy {
+                albedo: Rgb::ZERO,
+                ..l
+            }),
+            Self::Clearcoated(l) => l.over(l.base().without_diffuse()),
+            other => other,
+        }
     }
 
     /// True if the surface bounds a solid body that light can enter.
     #[inline]
     pub fn is_solid(&self) -> bool {
-        matches!(self, Self::Dielectric(_))
+        match self {
+            Self::Dielectric(_) => true,
+            Self::Clearcoated(l) => l.base().is_solid(),
+            _ => false,
+        }
+    }
+
+    /// The interface of a solid body, under a clear coat or not.
+    #[inline]
+    pub fn dielectric_mut(&mut self) -> Option<&mut Dielectric> {
+        match self {
+            Self::Dielectric(l) => Some(l),
+            Self::Clearcoated(l) => l.dielectric_mut(),
+            _ => None,
+        }
     }
 
     /// (ηᵢ/ηₒ)² of a refraction, with `wo` on the side of ηₒ: the factor by which refraction divides the radiance
@@ -277,6 +336,7 @@ impl Bsdf {
         match self {
             Self::Dielectric(d) if wo.z > 0.0 => d.eta * d.eta,
             Self::Dielectric(d) => 1.0 / (d.eta * d.eta),
+            Self::Clearcoated(l) => l.base().refraction_scale(wo),
             _ => 1.0,
         }
     }

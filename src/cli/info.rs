@@ -10,6 +10,7 @@ use opsr::integrator::View;
 use opsr::integrator::aov::centre;
 use opsr::regularise::{GammaIndex, LEN, Rule, bin};
 use opsr::scene::{Material, PunctualLight, Scene};
+use opsr::tune::integrator::advise;
 use serde_json::Value;
 
 /// Options of `opsr info`.
@@ -67,7 +68,9 @@ fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyh
         return Ok(facts);
     };
     let of = scene.material(&surface);
-    let alpha = scene.bsdf(&surface, 0.0).alpha();
+    // The base: a clear coat is drawn by smaller numbers.
+    let u = if of.clearcoat.is_some() { 0.25 } else { 0.0 };
+    let alpha = scene.bsdf(&surface, u).alpha();
     facts["mesh"] = (scene.geometry().triangle_mesh(surface.triangle) + 1).into();
     facts["material"] = format!("{} ({})", of.name, surface.material + 1).into();
     facts["kind"] = material(of)["kind"].clone();
@@ -77,7 +80,7 @@ fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyh
     facts["position"] = serde_json::json!(surface.position.to_array());
     facts["normal"] = serde_json::json!(surface.ns.to_array());
     facts["geometric_normal"] = serde_json::json!(surface.ng.to_array());
-    facts["uv"] = serde_json::json!(surface.uv.to_array());
+    facts["uv"] = serde_json::json!(scene.geometry().uv(scene.parts(), &hit).to_array());
     Ok(facts)
 }
 
@@ -96,9 +99,15 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
     let materials: Vec<_> = parts.materials.iter().map(material).collect();
     let count = |f: fn(&PunctualLight) -> bool| parts.lights.iter().filter(|l| f(l)).count();
     let (low, high) = scene.geometry().bounds();
+    let advice = advise(scene);
     serde_json::json!({
         "triangles": scene.geometry().len(),
-        "meshes": parts.meshes.len(),
+        "meshes": parts.meshes.len() + scene.geometry().instances(),
+        "shared": {
+            "meshes": parts.shared.len(),
+            "instances": scene.geometry().instances(),
+            "triangles_in_memory": scene.geometry().stored(),
+        },
         "bounds": [low.to_array(), high.to_array()],
         "materials": materials,
         "textures": parts.textures.len(),
@@ -111,6 +120,7 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
         },
         "cameras": parts.cameras.iter().map(|c| c.name.clone()).collect::<Vec<_>>(),
         "classes": reachable(scene),
+        "integrator": { "name": advice.kind.name(), "why": advice.why },
         "unused": unused(scene, &Rule::Plain),
         "warnings": warnings,
     })
@@ -131,6 +141,8 @@ fn material(m: &Material) -> serde_json::Value {
         "alpha": alpha,
         "textured_roughness": m.metallic_roughness_texture.is_some(),
         "bin": bin(alpha),
+        "clearcoat": m.clearcoat.as_ref().map(|coat| coat.weight),
+        "clearcoat_alpha": m.clearcoat.as_ref().map(|coat| coat.alpha),
         // The former name of "bin".
         "level": bin(alpha),
         "emits": m.emission != opsr::math::Rgb::ZERO,
@@ -141,9 +153,12 @@ fn material(m: &Material) -> serde_json::Value {
 fn reachable(scene: &Scene) -> usize {
     let mut bins = [false; 4];
     for m in &scene.parts().materials {
-        if m.metallic_roughness_texture.is_some() {
+        let coat = m.clearcoat.as_ref();
+        let textured = m.metallic_roughness_texture.is_some();
+        if textured || coat.is_some_and(|coat| coat.roughness_texture.is_some()) {
             bins = [true; 4];
         } else {
+            coat.iter().for_each(|coat| bins[bin(coat.alpha)] = true);
             bins[bin(m.alpha)] |= !m.is_lambert();
             // A diffuse base scatters too.
             bins[3] |= m.has_base();
@@ -191,7 +206,24 @@ fn described(facts: &serde_json::Value) -> String {
             "classes     {} of {LEN} occur with these materials",
             facts["classes"]
         ),
+        format!(
+            "integrator  {}: {}",
+            facts["integrator"]["name"].as_str().unwrap_or_default(),
+            facts["integrator"]["why"].as_str().unwrap_or_default()
+        ),
     ];
+    let shared = &facts["shared"];
+    if let Some(meshes @ 1..) = shared["meshes"].as_u64() {
+        lines.insert(
+            1,
+            format!(
+                "shared      {} instances of {meshes} {}, {} triangles in memory",
+                shared["instances"],
+                if meshes == 1 { "mesh" } else { "meshes" },
+                shared["triangles_in_memory"]
+            ),
+        );
+    }
     for a in facts["animations"].as_array().into_iter().flatten() {
         lines.push(format!("animation   {}: {} s", a["name"], a["seconds"]));
     }
@@ -202,9 +234,13 @@ fn described(facts: &serde_json::Value) -> String {
         } else {
             ""
         };
+        let clear_coat = match m["clearcoat"].as_f64() {
+            Some(coat) => format!(", clear coat {coat} of alpha {}", m["clearcoat_alpha"]),
+            None => String::new(),
+        };
         let emits = if m["emits"] == true { ", emits" } else { "" };
         lines.push(format!(
-            "  {} {}: alpha {}{textured}, bin {}{emits}",
+            "  {} {}: alpha {}{textured}, bin {}{clear_coat}{emits}",
             m["kind"].as_str().unwrap_or_default(),
             m["name"].as_str().unwrap_or_default(),
             m["alpha"],

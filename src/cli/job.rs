@@ -3,12 +3,11 @@
 use super::Blame;
 use super::render_args::RenderArgs;
 use anyhow::{Context, anyhow};
-use clap::ValueEnum;
 use opsr::image::film::Window;
 use opsr::image::level_film::MAX_LEVELS;
 use opsr::integrator::Settings;
 use opsr::integrator::bidirectional::Part;
-use opsr::integrator::levels::SCALES;
+use opsr::integrator::levels::{SCALES, scales};
 use opsr::integrator::method::{IntegratorKind, Kind, Method, MethodSpec};
 use opsr::math::UVec2;
 use opsr::regularise::Rule;
@@ -180,17 +179,8 @@ pub(super) struct Levels(Vec<f32>);
 /// A number of levels such as `6`, or their scales such as `0,0.25,1`.
 pub(super) fn level_scales(text: &str) -> Result<Levels, String> {
     if let Ok(number) = text.parse::<usize>() {
-        // Plain path tracing, and down from the roughest by factors of 5.
-        let roughest = SCALES[SCALES.len() - 1];
-        let scale = |k: usize| roughest * 0.2f32.powi((number - 1 - k) as i32);
-        return match number {
-            1 => Ok(Levels(Vec::new())),
-            n if n == SCALES.len() => Ok(Levels(SCALES.to_vec())),
-            2..=MAX_LEVELS => Ok(Levels(
-                std::iter::once(0.0).chain((1..number).map(scale)).collect(),
-            )),
-            _ => Err(format!("expected 1 to {MAX_LEVELS} levels")),
-        };
+        let scales = scales(number).map(Levels);
+        return scales.ok_or_else(|| format!("expected 1 to {MAX_LEVELS} levels"));
     }
     let scales: Result<Vec<f32>, _> = text.split(',').map(|x| x.trim().parse()).collect();
     let scales = scales.map_err(|_| "expected a number of levels, or scales such as 0,0.25,1")?;
@@ -228,7 +218,7 @@ pub(super) fn levels(
 
 /// Resolves the options that choose a method.
 pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
-    let mut spec = args.method.clone();
+    let spec = args.method.clone();
     let factors = spec.table.is_some() || spec.gamma.is_some();
     let consistent = spec.lambda.is_some();
     spec.refused().map_err(anyhow::Error::msg).usage()?;
@@ -248,33 +238,29 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
     if spec.filter.is_some() && spec.method != Kind::FilterGlossy {
         return Err(anyhow!("--filter needs --mode filter-glossy")).usage();
     }
+    if matches!(args.table_scale, Some(Scale::By(_))) && args.table_energy.is_some() {
+        return Err(anyhow!("--table-energy needs --table-scale auto")).usage();
+    }
+    resolve(args, spec)
+}
+
+/// The method of options that were checked.
+pub(super) fn resolve(args: &RenderArgs, mut spec: MethodSpec) -> anyhow::Result<Method> {
     if let Some(Scale::By(scale)) = args.table_scale {
-        if args.table_energy.is_some() {
-            return Err(anyhow!("--table-energy needs --table-scale auto")).usage();
-        }
         spec.table_scale = Some(scale);
     }
     spec.resolve().input()
 }
 
-/// Options that choose the picture, for the metadata of its file.
-pub(super) fn words(args: &RenderArgs) -> Vec<(&'static str, String)> {
-    let name = |value: Option<clap::builder::PossibleValue>| {
-        value.map_or(String::new(), |value| value.get_name().to_owned())
-    };
-    let method = &args.method;
-    let mut words = vec![
-        ("integrator", name(method.integrator.to_possible_value())),
-        ("mode", name(method.method.to_possible_value())),
-        ("max_vertices", args.max_vertices.to_string()),
-    ];
-    let part = args.strategy.map(|part| match part {
-        Part::Edge { s, t } => format!("{s},{t}"),
-        Part::Merges => "merges".into(),
+/// Options that choose the picture, by name; the integrator may be a pilot's choice.
+pub(super) fn words(args: &RenderArgs, integrator: IntegratorKind) -> Vec<(&'static str, String)> {
+    let vertices = ("max_vertices", args.max_vertices.to_string());
+    let strategy = args.strategy.map(|part| match part {
+        Part::Edge { s, t } => ("strategy", format!("{s},{t}")),
+        Part::Merges => ("strategy", "merges".into()),
     });
-    words.extend(part.map(|part| ("strategy", part)));
-    words.extend(method.gamma.map(|gamma| ("gamma", gamma.to_string())));
-    words
+    let words = args.method.words(integrator);
+    words.chain([vertices]).chain(strategy).collect()
 }
 
 /// The option to blame for a film that cannot be.

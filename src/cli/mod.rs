@@ -13,6 +13,7 @@ use tracing_subscriber::filter::Targets;
 use tracing_subscriber::{fmt, prelude::*};
 
 mod aovs;
+mod auto;
 mod bar;
 mod bench;
 mod compare;

@@ -8,8 +8,7 @@ use opsr::image::display::{Display, ViewTransform, auto_exposure};
 use opsr::image::exr::{self, Compression, Header, Layer, Metadata, Storage};
 use opsr::image::{Buffer, png};
 use opsr::integrator::Picture;
-use opsr::regularise::TableTuning;
-use opsr::tune::resolve::resolve_film;
+use opsr::tune::resolve::{MAX_SIGMA, Resolve, resolve_film};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -18,7 +17,11 @@ use std::path::{Path, PathBuf};
 pub(super) struct ResolveArgs {
     /// Take every level halfway between its mean and the median of its batches: fewer fireflies at few samples.
     #[arg(long)]
-    pub(super) robust: bool,
+    robust: bool,
+    /// Standard deviation in pixels of the blur that the light of roughened vertices gets where that makes less error: at
+    /// most 1.5, 0 for none. Without it 0.7, and 0 with --denoise.
+    #[arg(long, value_name = "PIXELS", value_parser = sigma)]
+    sigma: Option<f32>,
     /// Add every level to EXR files, as layers `level0`, `level1` and so on.
     #[arg(long)]
     pub(super) level_layers: bool,
@@ -28,7 +31,28 @@ pub(super) struct ResolveArgs {
     pub(super) denoise: bool,
 }
 
+fn sigma(text: &str) -> Result<f32, String> {
+    let sigma = super::scene::finite(text)?;
+    if (0.0..=MAX_SIGMA).contains(&sigma) {
+        return Ok(sigma);
+    }
+    Err(format!("expected from 0 to {MAX_SIGMA} pixels"))
+}
+
 impl ResolveArgs {
+    /// Settings of the choice. A denoiser does its own blur.
+    fn settings(self) -> Resolve {
+        let sigma = (self.sigma).unwrap_or(if self.denoise {
+            0.0
+        } else {
+            Resolve::default().sigma
+        });
+        Resolve {
+            robust: self.robust,
+            sigma,
+        }
+    }
+
     /// The denoiser, if one is asked for.
     pub(super) fn denoiser(self) -> anyhow::Result<Option<Denoiser>> {
         let denoiser = self.denoise.then(Denoiser::open).transpose();
@@ -38,7 +62,7 @@ impl ResolveArgs {
     /// The picture to look at while it is made.
     pub(super) fn shown(self, picture: &Picture) -> Buffer {
         match &picture.levels {
-            Some(film) => resolve_film(film, self.robust).picture,
+            Some(film) => resolve_film(film, self.settings()).picture,
             None => picture.film.mean(),
         }
     }
@@ -167,7 +191,7 @@ impl Outputs {
     ) -> anyhow::Result<Written> {
         let args = self.resolve;
         let resolved =
-            (picture.levels.as_ref()).map(|film| (film, resolve_film(film, args.robust)));
+            (picture.levels.as_ref()).map(|film| (film, resolve_film(film, args.settings())));
         let mut shown = match &resolved {
             Some((_, resolved)) => resolved.picture.clone(),
             None => picture.film.mean(),
@@ -258,14 +282,9 @@ pub(super) fn print(text: impl AsRef<[u8]>) -> anyhow::Result<()> {
 /// Origin of a picture, for the metadata of its file.
 pub(super) struct Provenance {
     pub(super) command: String,
-    pub(super) seed: u64,
     pub(super) scene: String,
-    pub(super) scene_hash: String,
-    pub(super) table_hash: Option<String>,
-    /// The table's scale and contrast in use, which a pilot may have chosen.
-    pub(super) table_tuning: Option<TableTuning>,
-    /// Scales of the levels; empty for one level.
-    pub(super) levels: Vec<f32>,
+    /// What no run changes.
+    pub(super) fixed: Metadata,
     /// Options that choose the picture, by name.
     pub(super) settings: Vec<(&'static str, String)>,
     pub(super) reproducible: bool,
@@ -292,29 +311,9 @@ impl Provenance {
 
     /// The metadata of reproducible files.
     pub(super) fn reproducible_metadata(&self, spp: u32, refused: u64) -> Metadata {
-        let mut metadata = Metadata::new();
-        let mut set = |key: &str, value: String| {
-            metadata.insert(key.to_owned(), value);
-        };
-        set("version", env!("CARGO_PKG_VERSION").to_owned());
-        set("seed", self.seed.to_string());
-        set("scene", self.scene.clone());
-        set("scene_sha256", self.scene_hash.clone());
-        set("spp", spp.to_string());
-        set("refused_samples", refused.to_string());
-        for (key, value) in &self.settings {
-            set(key, value.clone());
-        }
-        if let Some(hash) = &self.table_hash {
-            set("table_sha256", hash.clone());
-        }
-        if let Some(TableTuning { scale, contrast }) = self.table_tuning {
-            set("table_scale", scale.to_string());
-            set("table_contrast", contrast.to_string());
-        }
-        if !self.levels.is_empty() {
-            set("levels", format!("{:?}", self.levels));
-        }
+        let mut metadata = self.fixed.clone();
+        metadata.insert("spp".into(), spp.to_string());
+        metadata.insert("refused_samples".into(), refused.to_string());
         metadata
     }
 }

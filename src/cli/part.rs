@@ -1,16 +1,17 @@
 //! `opsr render --film` and `opsr merge`: a render made in parts.
 
-use super::aovs::{self, Aov, Layers};
+use super::aovs;
 use super::bar::Bar;
 use super::output::{FileArgs, Outputs, ResolveArgs};
 use super::render::{DEFAULT_SPP, RenderJob};
 use super::render_args::RenderArgs;
 use super::{Blame, Exit, job};
 use anyhow::anyhow;
-use clap::ValueEnum;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::View;
 use opsr::integrator::drive::RenderProgress;
+use opsr::integrator::layers::{Aov, Layers};
+use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::part::{MergeError, Merged, Part, merge};
 use opsr::math::UVec2;
 use opsr::scene::Camera;
@@ -36,6 +37,8 @@ pub(super) fn check(args: &RenderArgs) -> anyhow::Result<()> {
         "--film keeps no --aov position, id and time"
     } else if args.table_scale == Some(job::Scale::Auto) {
         "--film needs a number for --table-scale: a pilot would choose one for each part"
+    } else if args.method.integrator == IntegratorKind::Auto {
+        "--film needs the name of an integrator: a pilot would choose one for each part"
     } else {
         return Ok(());
     };
@@ -57,8 +60,7 @@ impl RenderJob<'_> {
         let [first, light, _] = aovs::recorded(args);
         let (fingerprint, levels) = (self.fingerprint(size, None), self.settings.levels.clone());
         let mut part = Part::new(fingerprint, &view, samples, levels, [first, light]);
-        let names = args.aov.iter().filter_map(Aov::to_possible_value);
-        part.layers = names.map(|name| name.get_name().to_owned()).collect();
+        part.layers = args.aov.iter().map(|aov| aov.name()).collect();
         part.metadata = self.provenance.reproducible_metadata(0, 0);
         let bar = Bar::new(args.progress);
         let done = part.render(
@@ -126,11 +128,9 @@ pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
     metadata.insert("spp".into(), samples.to_string());
     let refused = picture.film.rejected.total();
     metadata.insert("refused_samples".into(), refused.to_string());
-    let wanted = first.layers.iter().map(|name| Aov::from_str(name, false));
-    let wanted = wanted
-        .collect::<Result<Vec<_>, _>>()
-        .map_err(|_| anyhow!("{}: an unknown layer", args.parts[0].display()));
-    let wanted = wanted.input()?;
+    let wanted = first.layers.iter().map(|name| Aov::named(name));
+    let wanted = wanted.collect::<Result<Vec<_>, _>>();
+    let wanted = wanted.map_err(anyhow::Error::msg).input()?;
     let layers = Layers::recorded(&wanted).of(&picture);
     let written = outputs.write(&picture, layers, Some(first.camera), &metadata)?;
     let Window { w, h, .. } = picture.film.window;

@@ -1,13 +1,13 @@
 //! `opsr render`: a glTF scene in, a picture out.
 
-use super::aovs::{self, Layers};
+use super::aovs;
 use super::bar::{Bar, Style};
 use super::live::Live;
 use super::output::{Outputs, Provenance, can_write};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
-use super::{Blame, Exit, job, part, trace, tune};
+use super::{Blame, Exit, auto, job, part, trace, tune};
 use anyhow::{Context, anyhow};
 use opsr::files;
 use opsr::image::Buffer;
@@ -16,10 +16,11 @@ use opsr::image::level_film::LevelFilm;
 use opsr::image::metric::relmse;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
+use opsr::integrator::layers::Layers;
+use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
-use opsr::regularise::AttenuationTable;
 use opsr::report::compare::Named;
 use opsr::scene::Camera;
 use opsr::tune::resolve::{relative_error, unseen_share};
@@ -51,26 +52,42 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         part::check(args)?;
     }
     let stop = Stop::listen();
-    let method = job::method(args)?;
+    let mut method = job::method(args)?;
     let opened = args.scene.open()?;
     stop.begin();
-    let mut settings = job::settings(args, &method);
-    if args.table_scale == Some(job::Scale::Auto)
-        && !tune::tune(args, &opened, &mut settings, &stop)?
-    {
-        return Ok(Exit::Stopped);
-    }
-    settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;
+    let pilot = Instant::now();
+    let mut kind = args.method.integrator;
+    let settings = if kind == IntegratorKind::Auto {
+        let Some((contender, its_method)) = auto::choose(args, &opened, &stop)? else {
+            return Ok(Exit::Stopped);
+        };
+        (kind, method) = (contender.kind, its_method);
+        contender.settings
+    } else {
+        let mut settings = job::settings(args, &method);
+        if args.table_scale == Some(job::Scale::Auto)
+            && !tune::tune(args, &opened, &mut settings, &stop)?
+        {
+            return Ok(Exit::Stopped);
+        }
+        settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;
+        settings
+    };
+    let pilot = match args.method.integrator {
+        IntegratorKind::Auto => pilot.elapsed(),
+        _ => Duration::ZERO,
+    };
     aovs::check(args, &settings)?;
+    let scene = args.scene.scene.display().to_string();
+    let table = method.table_sha256.as_deref();
+    let mut fixed = settings.metadata(&scene, &opened.hash, table);
+    let words = args.method.words(kind);
+    fixed.extend(words.map(|(key, value)| (key.to_owned(), value)));
     let provenance = Provenance {
         command: std::env::args().collect::<Vec<_>>().join(" "),
-        seed: args.seed,
-        scene: args.scene.scene.display().to_string(),
-        scene_hash: opened.hash.clone(),
-        table_hash: method.table_sha256,
-        levels: settings.levels.clone(),
-        table_tuning: settings.rule.table().map(AttenuationTable::tuning),
-        settings: job::words(args),
+        scene,
+        fixed,
+        settings: job::words(args, kind),
         reproducible: args.reproducible,
     };
     RenderJob {
@@ -80,16 +97,12 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         settings,
         provenance,
         stop,
+        pilot,
     }
     .run()
 }
 
-/// Bytes of a pixel: moments, their copy in tiles, the layers that are written. Measured: 192.
-const FILM_BYTES: u64 = 205;
-/// The same of albedo, normal and depth; measured: 181. Light and time take less.
-const AOV_BYTES: u64 = 195;
-/// The same of a level; measured: 87. A layer of its own adds 36.
-const LEVEL_BYTES: u64 = 96;
+/// Bytes that a layer of its own adds for each pixel of a level.
 const LEVEL_LAYER_BYTES: u64 = 36;
 
 /// Everything a render needs.
@@ -100,6 +113,8 @@ pub(super) struct RenderJob<'a> {
     pub(super) settings: Settings,
     pub(super) provenance: Provenance,
     pub(super) stop: Stop,
+    /// Time that the choice of the integrator took, which --time counts.
+    pilot: Duration,
 }
 
 impl RenderJob<'_> {
@@ -230,15 +245,11 @@ impl RenderJob<'_> {
     /// Refuses a picture that needs more memory than there is.
     pub(super) fn check_memory(&self, window: Window) -> anyhow::Result<()> {
         let args = self.args;
-        let mut each = LEVEL_BYTES;
+        let levels = self.settings.levels.len();
+        let mut bytes = Picture::bytes(window, levels, aovs::recorded(args));
         if args.resolve.level_layers {
-            each += LEVEL_LAYER_BYTES;
+            bytes += (window.len() * levels) as u64 * LEVEL_LAYER_BYTES;
         }
-        // Light by its path, and time, take no more than albedo, normal and depth do.
-        let records = aovs::recorded(args).iter().filter(|r| **r).count() as u64;
-        let aovs = AOV_BYTES * records;
-        let levels = self.settings.levels.len() as u64;
-        let bytes = window.len() as u64 * (FILM_BYTES + aovs + levels * each);
         let pixels = format!("{}x{} pixels", window.w, window.h);
         let with_levels = format!("{pixels} of {levels} levels");
         memory::check(if levels > 0 { with_levels } else { pixels }, bytes)
@@ -257,7 +268,7 @@ impl RenderJob<'_> {
         let samples = if free { Some(DEFAULT_SPP) } else { spp };
         Budget {
             samples,
-            time,
+            time: time.map(|time| time.saturating_sub(self.pilot)),
             error: target_error.map(|bound| ErrorBound {
                 bound: bound.into(),
                 estimate: relative_error,
@@ -267,21 +278,7 @@ impl RenderJob<'_> {
 
     /// The identity of this render, which its checkpoints carry, and its parts without their crop.
     pub(super) fn fingerprint(&self, size: UVec2, crop: Option<Window>) -> Fingerprint {
-        let args = self.args;
-        let settings = format!(
-            "{}, {}x{}, crop {crop:?}, camera {:?}, aov {:?}, {}",
-            self.settings.fingerprint(),
-            size.x,
-            size.y,
-            args.camera,
-            aovs::recorded(args),
-            args.scene.words() + &args.lens.words(),
-        );
-        Fingerprint {
-            version: env!("CARGO_PKG_VERSION").into(),
-            scene: self.opened.hash.clone(),
-            settings,
-        }
+        fingerprint(self.args, &self.opened, &self.settings, size, crop)
     }
 
     /// The picture to continue, the number of its samples, and the seconds spent on them.
@@ -303,15 +300,13 @@ impl RenderJob<'_> {
                 return Err(anyhow!("{path} {what}")).usage();
             }
         }
-        let film = Film::cropped(size, window).usage()?;
-        let aovs = aovs::record(args, window);
         let levels = self.settings.levels.len();
         if levels > 0 {
             let bytes = LevelFilm::bytes(window.len(), levels);
             tracing::info!("{levels} levels take {} MB", bytes / 1_000_000);
         }
-        let levels = (levels > 0).then(|| LevelFilm::new(size, window, levels));
-        Ok((Picture { film, aovs, levels }, 0, 0.0))
+        let picture = Picture::blank(size, window, levels, aovs::recorded(args)).usage()?;
+        Ok((picture, 0, 0.0))
     }
 
     /// Reports what was written with the statistics of the render, and the refused samples.
@@ -413,6 +408,30 @@ impl RenderJob<'_> {
             "refused": { "nan": film.rejected.nan, "infinite": film.rejected.infinite },
             "clipped_variances": film.clipped_variances(),
         })
+    }
+}
+
+/// The identity of a render with these settings.
+pub(super) fn fingerprint(
+    args: &RenderArgs,
+    opened: &Opened,
+    settings: &Settings,
+    size: UVec2,
+    crop: Option<Window>,
+) -> Fingerprint {
+    let settings = format!(
+        "{}, {}x{}, crop {crop:?}, camera {:?}, aov {:?}, {}",
+        settings.fingerprint(),
+        size.x,
+        size.y,
+        args.camera,
+        aovs::recorded(args),
+        args.scene.words() + &args.lens.words(),
+    );
+    Fingerprint {
+        version: env!("CARGO_PKG_VERSION").into(),
+        scene: opened.hash.clone(),
+        settings,
     }
 }
 

@@ -1,6 +1,5 @@
 //! Options of `opsr render`.
 
-use super::aovs::Aov;
 use super::bar::Style;
 use super::job;
 use super::output::{FileArgs, ResolveArgs};
@@ -8,6 +7,7 @@ use super::part;
 use super::scene::{self, LensArgs, SceneArgs};
 use clap::Args;
 use opsr::integrator::bidirectional::Part;
+use opsr::integrator::layers::Aov;
 use opsr::integrator::method::{MethodSpec, unit};
 use std::ops::Range;
 use std::path::PathBuf;

@@ -7,17 +7,9 @@ use super::scene::{self, Opened};
 use super::stop::Stop;
 use super::{Blame, job};
 use anyhow::Context;
-use opsr::image::film::Film;
-use opsr::integrator::{Picture, Settings, View};
+use opsr::integrator::{Settings, View};
 use opsr::math::UVec2;
 use opsr::tune;
-use std::time::{Duration, Instant};
-
-/// Rows of a picture without `--size`.
-const DEFAULT_ROWS: u32 = 512;
-
-/// Samples per pixel that a pilot assumes for a render to a target error.
-const SPP_OF_TARGET: u32 = 256;
 
 /// Tunes the table of `settings` as a pilot finds best; false if the user stopped the pilot.
 pub(super) fn tune(
@@ -37,8 +29,10 @@ pub(super) fn tune(
     let view = View::new(&opened.scene, &camera, size, window);
     let samples = match (args.spp, args.time) {
         (Some(spp), _) => spp,
-        (None, Some(time)) => samples_in(time, settings, &view, job::window_option(args))?,
-        (None, None) if args.target_error.is_some() => SPP_OF_TARGET,
+        (None, Some(time)) => tune::samples_in(time, settings, &view)
+            .context(job::window_option(args))
+            .usage()?,
+        (None, None) if args.target_error.is_some() => tune::SPP_OF_TARGET,
         (None, None) => DEFAULT_SPP,
     };
     tracing::info!("pilot for {samples} samples per pixel");
@@ -77,27 +71,6 @@ pub(super) fn tune(
     Ok(true)
 }
 
-/// Samples per pixel that fit into this time, about.
-fn samples_in(
-    time: Duration,
-    settings: &Settings,
-    view: &View<'_>,
-    option: &'static str,
-) -> anyhow::Result<u32> {
-    const PROBE: u32 = 4;
-    let mut picture = Picture {
-        film: Film::cropped(view.sensor.frame, view.window)
-            .context(option)
-            .usage()?,
-        aovs: None,
-        levels: None,
-    };
-    let clock = Instant::now();
-    (settings.integrator()).pass(view, 0..PROBE, &mut picture);
-    let rate = f64::from(PROBE) / clock.elapsed().as_secs_f64().max(1e-6);
-    Ok(((rate * time.as_secs_f64()) as u32).max(1))
-}
-
 /// Size of the whole picture.
 pub(super) fn size(args: &RenderArgs, opened: &Opened) -> anyhow::Result<UVec2> {
     frame(args.size, args.camera.as_deref(), opened)
@@ -115,8 +88,7 @@ pub(super) fn frame(
         None => 1.0,
     };
     let camera = scene::camera(&opened.scene, camera, 1.0)?;
-    let width = (DEFAULT_ROWS as f32 * camera.aspect.unwrap_or(1.0)).round();
-    let width = (width as u32).clamp(1, 16 * DEFAULT_ROWS);
+    let whole = camera.default_frame();
     let scaled = |side: u32| ((share * f64::from(side)).round() as u32).clamp(1, 65536);
-    Ok(UVec2::new(scaled(width), scaled(DEFAULT_ROWS)))
+    Ok(UVec2::new(scaled(whole.x), scaled(whole.y)))
 }

@@ -1,55 +1,174 @@
-//! `opsr verify`: runs the hard numerical cases on this machine.
+//! `opsr verify`: checks that the program works on this machine.
 
 use super::Exit;
 use super::output::print;
-use clap::Args;
-use opsr::verify::{CASES, Finding};
+use clap::builder::PossibleValuesParser;
+use clap::{Args, Subcommand};
+use opsr::verify::simple::Fault;
+use opsr::verify::{Finding, NUMERIC, Size, images, repeat, soak};
 use serde_json::json;
+use std::time::Duration;
 
 /// Options of `opsr verify`.
 #[derive(Args, Debug)]
+#[command(
+    after_help = "Every line is a check: the worst value of its statistic and the bound. Exit code 0 says that all \
+hold and, with --plant, that the fault is found; 1 that something is wrong."
+)]
 pub(super) struct VerifyArgs {
     /// Print JSON.
-    #[arg(long)]
+    #[arg(long, global = true)]
     json: bool,
+    /// Take the large sizes: minutes instead of seconds.
+    #[arg(long, global = true)]
+    thorough: bool,
+    /// Take the sizes of the program's own tests.
+    #[arg(long, global = true, hide = true, conflicts_with = "thorough")]
+    tiny: bool,
+    #[command(subcommand)]
+    what: Option<What>,
+}
+
+/// Subject of the checks; numbers without one.
+#[derive(Clone, Debug, Subcommand)]
+enum What {
+    /// Hard numerical cases; BSDFs: chi-square of draws, white furnace, reciprocity (the default).
+    Numeric,
+    /// Renders against a simple path tracer, which shares no light sampling, weights or roulette with the program's.
+    Render {
+        /// Plant a fault in the simple path tracer; the comparison must find it. `all` plants one after the other.
+        #[arg(long, value_name = "FAULT", value_parser = faults())]
+        plant: Option<String>,
+    },
+    /// Pictures at other numbers of threads, in other passes, and of crops: bit-identical.
+    Determinism,
+    /// Renders stopped at random places and resumed from their checkpoint: bit-identical.
+    Resume,
+    /// The trainer: gradients against differences; tables at other numbers of threads and resumed; losses.
+    #[cfg(feature = "train")]
+    Train,
+    /// Rounds of rendering, saving and learning: memory and bytes stay.
+    Soak {
+        /// Duration [default: 20s, with --thorough 1h].
+        #[arg(long, value_name = "DURATION", value_parser = humantime::parse_duration)]
+        time: Option<Duration>,
+    },
+}
+
+fn faults() -> PossibleValuesParser {
+    let names = Fault::ALL.iter().map(|(name, _)| *name);
+    PossibleValuesParser::new(names.chain(["all"]))
 }
 
 /// Runs the command: prints the worst value and the bound of every check.
 pub(super) fn run(args: &VerifyArgs) -> anyhow::Result<Exit> {
-    let (mut all, mut violations) = (Vec::new(), 0);
-    if !args.json {
-        print(row(["case", "check", "worst", "bound"], ""))?;
-    }
-    for case in &CASES {
-        for finding in case.run() {
-            violations += u32::from(!finding.holds());
-            if args.json {
-                all.push(as_json(case.name, &finding));
-                continue;
+    let size = match (args.tiny, args.thorough) {
+        (true, _) => Size::Tiny,
+        (_, true) => Size::Thorough,
+        _ => Size::Small,
+    };
+    let mut report = Report::new(args.json)?;
+    match args.what.clone().unwrap_or(What::Numeric) {
+        What::Numeric => {
+            for case in &NUMERIC {
+                report.add(case.name, case.run(size))?;
             }
-            let [worst, bound] = [finding.worst, finding.bound].map(short);
-            let mark = if finding.holds() { "" } else { "  VIOLATED" };
-            print(row([case.name, &finding.tried, &worst, &bound], mark))?;
+        }
+        What::Render { plant: None } => report.add("render", images::all(size, None))?,
+        What::Render { plant: Some(plant) } => {
+            for (name, fault) in Fault::ALL {
+                if plant == name || plant == "all" {
+                    report.add_planted(name, &images::all(size, Some(fault)))?;
+                }
+            }
+        }
+        What::Determinism => report.add("determinism", repeat::determinism(size))?,
+        What::Resume => report.add("resume", repeat::resume(size))?,
+        #[cfg(feature = "train")]
+        What::Train => report.add("train", opsr::verify::learning::all(size))?,
+        What::Soak { time } => {
+            let seconds = size.of(0, 20, 3600);
+            let time = time.unwrap_or(Duration::from_secs(seconds));
+            report.add("soak", soak::run(time))?;
         }
     }
-    if args.json {
-        print(format!("{:#}\n", json!(all)))?;
-    } else if violations == 0 {
-        print("all hold\n")?;
-    } else {
-        print(format!(
-            "{violations} violated: please report them with the model of the processor\n"
-        ))?;
+    report.finish()
+}
+
+/// What has been found so far.
+struct Report {
+    json: Option<Vec<serde_json::Value>>,
+    wrong: u32,
+    planted: bool,
+}
+
+impl Report {
+    fn new(json: bool) -> anyhow::Result<Self> {
+        if !json {
+            print(row(["case", "check", "worst", "bound"], ""))?;
+        }
+        Ok(Self {
+            json: json.then(Vec::new),
+            wrong: 0,
+            planted: false,
+        })
     }
-    Ok(if violations == 0 {
-        Exit::Done
-    } else {
-        Exit::Failed
-    })
+
+    /// Adds findings that must hold.
+    fn add(&mut self, case: &str, findings: Vec<Finding>) -> anyhow::Result<()> {
+        for finding in findings {
+            self.wrong += u32::from(!finding.holds());
+            let mark = if finding.holds() { "" } else { "VIOLATED" };
+            self.line(case, &finding, mark)?;
+        }
+        Ok(())
+    }
+
+    /// Adds the findings of a planted fault, one of which must not hold.
+    fn add_planted(&mut self, fault: &str, findings: &[Finding]) -> anyhow::Result<()> {
+        for finding in findings {
+            let mark = if finding.holds() { "" } else { "found" };
+            self.line(fault, finding, mark)?;
+        }
+        let missed = findings.iter().all(Finding::holds);
+        self.wrong += u32::from(missed);
+        self.planted = true;
+        if self.json.is_none() {
+            let verdict = if missed { "NOT FOUND" } else { "found" };
+            print(format!("planted {fault}: {verdict}\n"))?;
+        }
+        Ok(())
+    }
+
+    fn line(&mut self, case: &str, finding: &Finding, mark: &str) -> anyhow::Result<()> {
+        if let Some(all) = &mut self.json {
+            all.push(as_json(case, finding));
+            return Ok(());
+        }
+        let [worst, bound] = [finding.worst, finding.bound].map(short);
+        print(row([case, &finding.tried, &worst, &bound], mark))
+    }
+
+    fn finish(self) -> anyhow::Result<Exit> {
+        match (self.json, self.wrong) {
+            (Some(all), _) => print(format!("{:#}\n", json!(all)))?,
+            (None, 0) if self.planted => print("every planted fault is found\n")?,
+            (None, 0) => print("all hold\n")?,
+            (None, wrong) => print(format!(
+                "{wrong} wrong: please report this with the model of the processor\n"
+            ))?,
+        }
+        Ok(if self.wrong == 0 {
+            Exit::Done
+        } else {
+            Exit::Failed
+        })
+    }
 }
 
 fn row([case, tried, worst, bound]: [&str; 4], mark: &str) -> String {
-    format!("{case:<24} {tried:<64} {worst:>9}  {bound:>9}{mark}\n")
+    let line = format!("{case:<20} {tried:<72} {worst:>9}  {bound:>9}  {mark}");
+    format!("{}\n", line.trim_end())
 }
 
 fn short(x: f64) -> String {

@@ -35,6 +35,9 @@ pub fn to_glb(parts: &SceneParts) -> Result<Vec<u8>, SaveError> {
     if parts.environment.is_some() {
         return Err(SaveError::Unsupported("an environment"));
     }
+    if !parts.shared.is_empty() {
+        return Err(SaveError::Unsupported("a shared mesh"));
+    }
     let mut file = Writer::default();
     for (i, mesh) in parts.meshes.iter().enumerate() {
         file.mesh(mesh);

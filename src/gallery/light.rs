@@ -1,6 +1,6 @@
 //! Scenes that are hard for one estimator and easy for another.
 
-use super::materials::{SILVER, diffuse, emitter, glass, metal};
+use super::materials::{GOLD, SILVER, coated, diffuse, emitter, glass, metal};
 use super::shapes::{cuboid, quad, room, sphere};
 use super::{caustic_box, open_box, v3};
 use crate::math::{Rgb, Vec3};
@@ -122,5 +122,38 @@ pub(super) fn three_boxes() -> SceneParts {
         glass("glass", 1.5, 0.0),
         [placed(block(0.25, 0.6), 0.5, 0.5, 0.3)],
     );
+    parts
+}
+
+/// Two rooms and a door between them that stands ajar: all light of the room that the camera sees comes through the gap,
+/// from a lamp that shines at the other room's ceiling. After Veach's scene.
+pub(super) fn door_ajar() -> SceneParts {
+    let mut parts = SceneParts::default();
+    let (low, high) = (v3(-2.0, 0.0, -1.5), v3(2.0, 2.2, 1.5));
+    parts.add(diffuse("walls", v3(0.75, 0.72, 0.65)), room(low, high));
+    // The wall between the rooms, with an opening from z = −0.5 to 0.4 and a lintel.
+    let part = |z: [f32; 2], y: [f32; 2]| cuboid(v3(-0.05, y[0], z[0]), v3(0.05, y[1], z[1]));
+    let wall = [
+        part([-1.5, -0.5], [0.0, 2.2]),
+        part([0.4, 1.5], [0.0, 2.2]),
+        part([-0.5, 0.4], [1.8, 2.2]),
+    ];
+    parts.add(diffuse("wall", v3(0.6, 0.65, 0.7)), wall);
+    let door = cuboid(v3(-0.025, 0.0, 0.0), v3(0.025, 1.79, 0.9));
+    parts.add(
+        diffuse("door", v3(0.45, 0.3, 0.18)),
+        [door.placed([-0.05, 0.0, 0.0], v3(0.0, 0.0, -0.5))],
+    );
+    // The lamp faces the ceiling.
+    let lamp = quad(v3(1.2, 1.4, -0.2), Vec3::Z * 0.4, Vec3::X * 0.4);
+    parts.add(emitter("lamp", v3(1.0, 0.9, 0.75) * 2000.0), [lamp]);
+    parts.add(
+        coated("table", v3(0.4, 0.25, 0.15), 0.15),
+        [cuboid(v3(-1.6, 0.0, -0.7), v3(-0.8, 0.5, 0.3))],
+    );
+    let ball = |x: f32, z: f32| sphere(v3(x, 0.68, z), 0.18, 4);
+    parts.add(metal("gold", GOLD, 0.05), [ball(-1.35, -0.4)]);
+    parts.add(glass("glass", 1.5, 0.0), [ball(-1.1, 0.05)]);
+    parts.add_camera([-1.75, 1.2, 1.3], [-0.5, 0.75, -0.6], 68.0);
     parts
 }

@@ -2,6 +2,7 @@
 
 use crate::math::Rgb;
 use crate::scene::Material;
+use crate::scene::material::Clearcoat;
 
 /// Reflectance of gold at normal incidence, linear.
 pub const GOLD: Rgb = Rgb::new(1.0, 0.78, 0.34);
@@ -43,6 +44,18 @@ pub fn metal(name: &str, f0: Rgb, alpha: f32) -> Material {
 /// A Lambertian base under a dielectric coat.
 pub fn coated(name: &str, albedo: Rgb, alpha: f32) -> Material {
     base(name, albedo, alpha)
+}
+
+/// A material under a clear coat of roughness `alpha`.
+pub fn clearcoated(base: Material, alpha: f32) -> Material {
+    Material {
+        clearcoat: Some(Box::new(Clearcoat {
+            weight: 1.0,
+            alpha,
+            ..Clearcoat::default()
+        })),
+        ..base
+    }
 }
 
 /// The boundary of a solid transparent body.

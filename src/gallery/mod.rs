@@ -25,10 +25,11 @@ use std::f32::consts::PI;
 type Builder = (&'static str, fn() -> SceneParts);
 
 /// Small scenes by name, for suites.
-const SMALL: [Builder; 8] = [
+const SMALL: [Builder; 9] = [
     ("caustic-behind-glass", light::caustic_behind_glass),
     ("caustic-box", caustic_box),
     ("cornell-box", cornell_box),
+    ("door-ajar", light::door_ajar),
     ("filament", light::filament),
     ("furnace", || furnace_sphere(0.5)),
     ("plane", area_light_over_plane),

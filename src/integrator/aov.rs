@@ -266,6 +266,7 @@ fn albedo(bsdf: &Bsdf) -> Rgb {
         Bsdf::Glossy(g) => g.f0 + g.albedo * (Rgb::ONE - g.f0),
         Bsdf::Dielectric(d) => d.tint,
         Bsdf::Thin(t) => t.tint,
+        Bsdf::Clearcoated(c) => albedo(&c.base()) * c.through(Vec3::Z, Vec3::Z),
     }
 }
 
@@ -278,7 +279,7 @@ impl PathObserver for FirstHit {
         if n == 1
             && let Some(seen) = self.log.current()
         {
-            *seen = Some((albedo(&point.bsdf), point.frame.n, distance));
+            *seen = Some((albedo(point.bsdf), point.frame.n, distance));
         }
     }
 }

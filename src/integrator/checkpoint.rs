@@ -15,8 +15,8 @@ use std::path::Path;
 const FILE: Sealed = Sealed {
     kind: "render checkpoint",
     version: 3,
-    // 56 bytes of film, 136 of AOVs and 400 of eight levels per pixel, and a header.
-    most: 600 * MAX_PIXELS as u64,
+    // 56 bytes of film, 136 of AOVs and 464 of eight levels per pixel, and a header.
+    most: 700 * MAX_PIXELS as u64,
 };
 
 /// Render that a checkpoint belongs to.

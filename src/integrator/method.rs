@@ -2,10 +2,12 @@
 
 use super::Estimator;
 use super::bidirectional::Radius;
+use super::metropolis::MUTATIONS;
 use crate::files::{FileError, hex};
 use crate::regularise::file::TableFile;
 use crate::regularise::rules::MOLLIFIER_RADIUS;
 use crate::regularise::{Accumulated, Factors, Lookup, Rule, TableTuning};
+use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -56,6 +58,10 @@ pub struct MethodSpec {
     #[arg(skip)]
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub robust: bool,
+    /// Standard deviation in pixels of the blur of roughened light, instead of the default; 0 for none.
+    #[arg(skip)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma: Option<f32>,
     /// Denoise the picture.
     #[arg(skip)]
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -95,6 +101,10 @@ pub struct MethodSpec {
     #[arg(long, value_enum)]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub connections: Option<Connections>,
+    /// Mutations per pixel of one sample of mlt; 16 if not given.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mlt_pass: Option<u32>,
 }
 
 /// Connections of `vcm`.
@@ -124,6 +134,11 @@ pub enum IntegratorKind {
     Vcm,
     /// Photon density with a shrinking radius.
     Sppm,
+    /// Metropolis light transport over bdpt: light through keyholes and around corners, chains of glossy reflections. A
+    /// sample is 16 mutations per pixel.
+    Mlt,
+    /// The one of the others with the least expected error, by a pilot of a few per cent of the render.
+    Auto,
 }
 
 impl IntegratorKind {
@@ -135,12 +150,21 @@ impl IntegratorKind {
     /// The algorithm, with this radius if it has one.
     pub fn estimator(self, radius: Radius) -> Estimator {
         match self {
-            Self::Path => Estimator::Path { reuse: false },
+            // Until a pilot has chosen.
+            Self::Path | Self::Auto => Estimator::Path { reuse: false },
             Self::Light => Estimator::Light,
             Self::Bdpt => Estimator::Bdpt,
             Self::Vcm => Estimator::Vcm(radius),
             Self::Sppm => Estimator::Sppm(radius),
+            Self::Mlt => Estimator::Mlt {
+                mutations: MUTATIONS,
+            },
         }
+    }
+
+    /// The name that users know it by.
+    pub fn name(self) -> String {
+        format!("{self:?}").to_lowercase()
     }
 
     fn merges(self) -> bool {
@@ -192,18 +216,29 @@ pub struct Method {
 impl MethodSpec {
     /// The first option that the integrator cannot take.
     pub fn refused(&self) -> Result<(), String> {
-        use IntegratorKind::{Bdpt, Path, Vcm};
-        let name = format!("{:?}", self.integrator).to_lowercase();
+        if self.integrator == IntegratorKind::Auto {
+            let others = [Kind::Pbrt, Kind::FilterGlossy, Kind::RoughnessClamp];
+            return match others.contains(&self.method) {
+                true => Err("integrator auto takes no mode but reuse and mollifier".into()),
+                false if self.mlt_pass.is_some() => {
+                    Err("integrator auto does not try mlt: no mlt-pass".into())
+                }
+                false => Ok(()),
+            };
+        }
+        use IntegratorKind::{Bdpt, Mlt, Path, Vcm};
+        let name = self.integrator.name();
         let accumulates = self.gamma.is_some() || self.table.is_some();
-        let mollified = self.integrator == Bdpt && self.method == Kind::Mollifier;
+        let mollifies = matches!(self.integrator, Bdpt | Mlt);
+        let mollified = mollifies && self.method == Kind::Mollifier;
         let modes = !matches!(
             self.method,
             Kind::Default | Kind::Plain | Kind::Constant | Kind::Table
         );
         match self.integrator {
             Path => {}
-            Bdpt | Vcm if self.reuse || modes && !mollified => {
-                let allowed = if self.integrator == Bdpt {
+            Bdpt | Vcm | Mlt if self.reuse || modes && !mollified => {
+                let allowed = if mollifies {
                     "no mode but mollifier"
                 } else {
                     "no mode"
@@ -212,7 +247,7 @@ impl MethodSpec {
                     "integrator {name} roughens the last vertex only, with a table or gamma: {allowed}, no reuse"
                 ));
             }
-            Bdpt | Vcm => {}
+            Bdpt | Vcm | Mlt => {}
             _ if modes || accumulates || self.reuse => {
                 return Err(format!(
                     "integrator {name} does not regularise: no mode, gamma, table or reuse"
@@ -230,7 +265,64 @@ impl MethodSpec {
                 "integrator {name} has no radius: vcm and sppm have"
             ));
         }
+        if self.mlt_pass.is_some() && self.integrator != IntegratorKind::Mlt {
+            return Err(format!("integrator {name} has no mlt-pass: mlt has"));
+        }
         Ok(())
+    }
+
+    /// Integrator, mode and constant factor by name, for the file of a picture; the integrator may be a pilot's choice.
+    pub fn words(
+        &self,
+        integrator: IntegratorKind,
+    ) -> impl Iterator<Item = (&'static str, String)> + use<> {
+        let name = |value: Option<clap::builder::PossibleValue>| {
+            value.map_or(String::new(), |value| value.get_name().to_owned())
+        };
+        let gamma = self.gamma.map(|gamma| ("gamma", gamma.to_string()));
+        let pilot =
+            (integrator != self.integrator).then(|| ("integrator_chosen_by", "pilot".to_owned()));
+        [
+            ("integrator", name(integrator.to_possible_value())),
+            ("mode", name(self.method.to_possible_value())),
+        ]
+        .into_iter()
+        .chain(pilot)
+        .chain(gamma)
+    }
+
+    /// The methods among which [`IntegratorKind::Auto`] chooses: this one by each integrator, the path tracer first. An
+    /// integrator that cannot take the regularisation or the radius does without.
+    pub fn contenders(&self) -> Vec<Self> {
+        [
+            IntegratorKind::Path,
+            IntegratorKind::Bdpt,
+            IntegratorKind::Vcm,
+            IntegratorKind::Sppm,
+            IntegratorKind::Light,
+        ]
+        .map(|integrator| {
+            let mut spec = Self {
+                integrator,
+                ..self.clone()
+            };
+            if !integrator.merges() {
+                (spec.radius, spec.radius_alpha) = (None, None);
+            }
+            if integrator != IntegratorKind::Vcm {
+                spec.connections = None;
+            }
+            if !integrator.is_path() {
+                spec.levels = Vec::new();
+            }
+            if spec.refused().is_err() {
+                spec.method = Kind::Plain;
+                (spec.gamma, spec.table, spec.lambda) = (None, None, None);
+                spec.reuse = false;
+            }
+            spec
+        })
+        .into()
     }
 
     /// The method; a table is read from its file.
@@ -271,6 +363,9 @@ impl MethodSpec {
             Estimator::Vcm(radius) if self.connections == Some(Connections::Nee) => {
                 Estimator::VcmNee(radius)
             }
+            Estimator::Mlt { mutations } => Estimator::Mlt {
+                mutations: self.mlt_pass.unwrap_or(mutations),
+            },
             other => other,
         };
         Ok(Method {

@@ -9,11 +9,10 @@
 
 use super::checkpoint::{self, Fingerprint};
 use super::drive::{Budget, RenderProgress, drive};
-use super::{Aovs, FirstHit, Integrator, Picture, View};
+use super::{Aovs, Integrator, Picture, View};
 use crate::files::{FileError, Payload, Problem, Sealed};
 use crate::image::film::{Cause, Film, Window};
-use crate::image::level_film::{LevelFilm, MAX_LEVELS};
-use crate::integrator::aov::LightSplit;
+use crate::image::level_film::{LevelFilm, MAX_LEVELS, PathLevels};
 use crate::math::{Rgb, UVec2};
 use crate::memory::{self, Shortage};
 use serde::{Deserialize, Serialize};
@@ -93,19 +92,10 @@ impl Part {
 
     /// A picture of these pixels without samples.
     fn blank(&self, window: Window) -> Picture {
-        let size = UVec2::from_array(self.size);
         let [first, light] = self.aovs;
-        let aovs = (first || light).then(|| Aovs {
-            first: first.then(|| FirstHit::new(window)),
-            light: light.then(|| LightSplit::new(window)),
-            time: None,
-        });
-        let levels = self.levels.len();
-        Picture {
-            film: Film::cropped(size, window).expect("a window that was checked"),
-            aovs,
-            levels: (levels > 0).then(|| LevelFilm::new(size, window, levels)),
-        }
+        let (size, levels) = (UVec2::from_array(self.size), self.levels.len());
+        let blank = Picture::blank(size, window, levels, [first, light, false]);
+        blank.expect("a window that was checked")
     }
 
     /// AOVs of a pixel as numbers.
@@ -199,7 +189,11 @@ impl Part {
             let head = if levels > 0 { LevelFilm::HEAD } else { 0 };
             film + head + LevelFilm::bytes(pixels, levels) * u64::from(levels > 0)
         } else {
-            let sample = pixels as u64 * 4 * (3 + 3 * levels + aovs) as u64;
+            let of_levels = match levels {
+                0 => 0,
+                levels => LevelFilm::sample_numbers(levels),
+            };
+            let sample = pixels as u64 * 4 * (3 + of_levels + aovs) as u64;
             sample.saturating_mul(u64::from(end - start))
         }
     }
@@ -231,9 +225,7 @@ fn write_sample(one: &Picture, sample: u32, out: &mut dyn Write) -> io::Result<(
         value.to_array().into_iter().try_for_each(&mut write)?;
     }
     if let Some(levels) = &one.levels {
-        for value in levels.values(sample) {
-            value.to_array().into_iter().try_for_each(&mut write)?;
-        }
+        levels.sample(sample).try_for_each(&mut write)?;
     }
     let aovs = one.aovs.iter().flat_map(Aovs::numbers);
     aovs.map(|x| x as f32).try_for_each(&mut write)
@@ -514,11 +506,15 @@ impl Whole {
         if let Some(levels) = &mut self.picture.levels {
             let mut values = vec![Rgb::ZERO; levels.levels()];
             for index in 0..window.len() {
-                for value in &mut values {
-                    *value = Rgb::from_array(std::array::from_fn(|_| next()));
-                }
+                let mut rgb = || Rgb::from_array(std::array::from_fn(|_| next()));
+                values.iter_mut().for_each(|value| *value = rgb());
+                let path = PathLevels {
+                    levels: &values,
+                    shared: rgb(),
+                    guide: std::array::from_fn(|_| next()),
+                };
                 let at = index_in(&levels.window(), window.pixel(index));
-                levels.push(at, sample, &values);
+                levels.push(at, sample, &path);
             }
         }
         self.add_aovs(part, &mut numbers.map(f64::from));

@@ -2,10 +2,12 @@
 
 use super::bidirectional::{Bidirectional, Part, Radius, Strategies};
 use super::levels::{LevelError, LevelTracer};
+use super::metropolis::Metropolis;
 use super::path::PathTracer;
 use super::{Integrator, Picture, View};
+use crate::image::exr::Metadata;
 use crate::image::level_film::LevelFilm;
-use crate::regularise::{Rule, Unregularised};
+use crate::regularise::{Rule, TableTuning, Unregularised};
 use crate::sampler::{Domain, Independent, Seed};
 use crate::scene::{Camera, Scene};
 use std::ops::Range;
@@ -30,6 +32,11 @@ pub enum Estimator {
     VcmNee(Radius),
     /// Progressive photon mapping with one radius for the whole picture.
     Sppm(Radius),
+    /// Metropolis light transport over bidirectional path tracing.
+    Mlt {
+        /// Mutations per pixel of one sample, at least 1.
+        mutations: u32,
+    },
 }
 
 impl Default for Estimator {
@@ -94,6 +101,10 @@ impl Settings {
             Estimator::Vcm(radius) => (self.shown(), Some(radius)),
             Estimator::VcmNee(radius) => (self.shown(), Some(radius)),
             Estimator::Sppm(radius) => (Strategies::Density, Some(radius)),
+            Estimator::Mlt { mutations } => {
+                let base = self.bidirectional(Strategies::All);
+                return Box::new(Metropolis::new(base, mutations));
+            }
         };
         Box::new(Bidirectional {
             merging,
@@ -114,7 +125,11 @@ impl Settings {
             merging: None,
             light_sampling_only: matches!(self.estimator, Estimator::VcmNee(_)),
             mollifier: match self.rule {
-                Rule::Mollifier(radius) if self.estimator == Estimator::Bdpt => Some(radius),
+                Rule::Mollifier(radius)
+                    if matches!(self.estimator, Estimator::Bdpt | Estimator::Mlt { .. }) =>
+                {
+                    Some(radius)
+                }
                 _ => None,
             },
             split: match &self.rule {
@@ -176,6 +191,35 @@ impl Settings {
             reuse: reuse || self.rule.roughens_continuation(),
             rule,
         }
+    }
+
+    /// Text for the file of a picture: version, seed, scene, table and levels.
+    pub fn metadata(
+        &self,
+        scene: &str,
+        scene_sha256: &str,
+        table_sha256: Option<&str>,
+    ) -> Metadata {
+        let mut metadata = Metadata::new();
+        let mut set = |key: &str, value: String| {
+            metadata.insert(key.to_owned(), value);
+        };
+        set("version", env!("CARGO_PKG_VERSION").to_owned());
+        set("seed", self.seed.to_string());
+        set("scene", scene.to_owned());
+        set("scene_sha256", scene_sha256.to_owned());
+        set("max_vertices", self.max_vertices.to_string());
+        if let Some(hash) = table_sha256 {
+            set("table_sha256", hash.to_owned());
+        }
+        if let Some(TableTuning { scale, contrast }) = self.rule.table().map(|t| t.tuning()) {
+            set("table_scale", scale.to_string());
+            set("table_contrast", contrast.to_string());
+        }
+        if !self.levels.is_empty() {
+            set("levels", format!("{:?}", self.levels));
+        }
+        metadata
     }
 
     /// The settings in words that two of them share only if they make the same picture.

@@ -114,6 +114,7 @@ impl PathObserver for Tracer<'_> {
                 Bsdf::Glossy(_) => "glossy",
                 Bsdf::Dielectric(_) => "dielectric",
                 Bsdf::Thin(_) => "thin wall",
+                Bsdf::Clearcoated(_) => "under a clear coat",
             },
             throughput: point.throughput,
             alpha: point.alpha,

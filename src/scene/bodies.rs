@@ -3,9 +3,11 @@
 //! Overlapping bodies are nested dielectrics (Schmidt, Budge: *Simple Nested Dielectrics in Ray Traced Images*, Journal of
 //! Graphics Tools 7(2), 2002): the one of the highest rank is there, and the others' boundaries inside of it do not exist.
 
-use super::{Hit, Scene, SceneParts};
-use crate::math::{Ray, Vec3};
+use super::{Hit, Material, Mesh, PunctualLight, Scene, SceneParts, SharedMesh};
+use crate::math::{DVec3, Ray, Rgb, Vec3};
+use glam::DAffine3;
 use rayon::prelude::*;
+use std::collections::{BTreeMap, HashMap};
 
 /// Surfaces at which the search for the bodies around a point gives up.
 pub const MOST_SURFACES: usize = 10_000;
@@ -17,15 +19,24 @@ const PROBES: usize = 256;
 /// meshes), then the later material.
 pub(super) fn ranks(parts: &SceneParts) -> Vec<u32> {
     let mut extents = vec![0.0f32; parts.materials.len()];
+    let mut extend = |material: u32, extent: f32| {
+        if let Some(most) = extents.get_mut(material as usize) {
+            *most = most.max(extent);
+        }
+    };
     for mesh in &parts.meshes {
-        let (low, high) = mesh
-            .positions
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| {
-                (low.min(p), high.max(p))
-            });
-        if let Some(extent) = extents.get_mut(mesh.material as usize) {
-            *extent = extent.max(low.distance(high));
+        extend(mesh.material, extent(mesh.positions.iter().copied()));
+    }
+    for SharedMesh { mesh, poses } in &parts.shared {
+        // Positions times instances are many, and the rank of what is no body does not matter.
+        let body = parts.materials.get(mesh.material as usize);
+        if body.is_some_and(Material::bounds_body) {
+            let of = |pose: &DAffine3| {
+                let there = |p: &Vec3| pose.transform_point3(p.as_dvec3()).as_vec3();
+                extent(mesh.positions.iter().map(there))
+            };
+            let largest = poses.par_iter().map(of).reduce(|| 0.0, f32::max);
+            extend(mesh.material, largest);
         }
     }
     let mut order: Vec<usize> = (0..extents.len()).collect();
@@ -38,6 +49,18 @@ pub(super) fn ranks(parts: &SceneParts) -> Vec<u32> {
         ranks[i] = rank as u32;
     }
     ranks
+}
+
+/// Diagonal of the box around points.
+fn extent(points: impl Iterator<Item = Vec3>) -> f32 {
+    let (low, high) = bounds(points);
+    low.distance(high)
+}
+
+/// The box around points.
+fn bounds(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
+    let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    points.fold(start, |(low, high), p| (low.min(p), high.max(p)))
 }
 
 impl Scene {
@@ -65,6 +88,56 @@ impl Scene {
         around
     }
 
+    /// For each material, true if all its meshes are closed, facing outwards, and no light reaches into the box around any of them: a ray
+    /// that starts on such a surface towards its inside is blocked by the body before it meets a light. False for all where
+    /// opacity makes holes, or where boundaries of overlapping bodies do not exist; for shared meshes, whose instances may be
+    /// many; and for all where such a mesh shines. One thread, since paths wait for it: a
+    /// pool of threads that waits for itself would never end.
+    pub(super) fn find_dark_insides(&self) -> Vec<bool> {
+        let SceneParts {
+            meshes,
+            shared,
+            materials,
+            lights,
+            ..
+        } = &self.parts;
+        let mut dark: Vec<bool> = materials.iter().map(Material::bounds_body).collect();
+        let material = |mesh: &Mesh| mesh.material as usize;
+        let shines =
+            |mesh: &Mesh| (materials.get(material(mesh))).is_some_and(|m| m.emission != Rgb::ZERO);
+        let unknown = self.has_overlaps || self.geometry.has_opacity();
+        if unknown || shared.iter().any(|shared| shines(&shared.mesh)) || !dark.contains(&true) {
+            return vec![false; dark.len()];
+        }
+        for SharedMesh { mesh, .. } in shared {
+            if let Some(dark) = dark.get_mut(material(mesh)) {
+                *dark = false;
+            }
+        }
+        let around = |mesh: &Mesh| bounds(mesh.positions.iter().copied());
+        let area = meshes.iter().filter(|mesh| shines(mesh)).map(around);
+        let points = lights.iter().filter_map(|light| match light {
+            PunctualLight::Point { position, .. } | PunctualLight::Spot { position, .. } => {
+                Some((*position, *position))
+            }
+            PunctualLight::Directional { .. } => None,
+        });
+        let lights: Vec<(Vec3, Vec3)> = area.chain(points).collect();
+        let lit = |(low, high): (Vec3, Vec3)| {
+            // Clear of rounding errors.
+            let slack = 1e-3 * (high - low).max_element() * Vec3::ONE;
+            let (low, high) = (low - slack, high + slack);
+            (lights.iter()).any(|(l, h)| l.cmple(high).all() && h.cmpge(low).all())
+        };
+        for mesh in meshes {
+            let m = material(mesh);
+            if dark.get(m) == Some(&true) && (lit(around(mesh)) || !all_outwards(mesh)) {
+                dark[m] = false;
+            }
+        }
+        dark
+    }
+
     /// True if the outside of some body, just before its surface, lies in another body; looked for at some triangles of
     /// each mesh.
     pub(super) fn find_overlaps(&self) -> bool {
@@ -74,19 +147,12 @@ impl Scene {
         if !bounds.contains(&true) {
             return false;
         }
-        let mut triangles = vec![Vec::new(); self.parts.meshes.len()];
-        for i in 0..self.geometry.len() as u32 {
-            if bounds[self.geometry.triangle_material(i) as usize] {
-                triangles[self.geometry.triangle_mesh(i) as usize].push(i);
-            }
-        }
-        let probes: Vec<u32> = (triangles.iter())
+        let probes: Vec<u32> = (self.geometry.ranges().into_iter())
+            .filter(|of_mesh| bounds[self.geometry.triangle_material(of_mesh.start) as usize])
             .flat_map(|of_mesh| {
-                of_mesh
-                    .iter()
-                    .step_by(of_mesh.len().div_ceil(PROBES).max(1))
+                let step = of_mesh.len().div_ceil(PROBES);
+                of_mesh.step_by(step)
             })
-            .copied()
             .collect();
         probes.into_par_iter().any(|triangle| {
             let surface = self.surface(&Hit {
@@ -97,5 +163,170 @@ impl Scene {
             });
             !self.bodies_around(&surface.spawn(surface.ng)).is_empty()
         })
+    }
+}
+
+/// True for a mesh that bounds a volume from outside: its surface is closed, and the normals point outwards.
+pub(super) fn is_closed(mesh: &Mesh) -> bool {
+    volumes(mesh).is_some_and(|parts| parts.iter().sum::<f64>() > 0.0)
+}
+
+/// True for a closed mesh without a part whose normals point inwards, even in a cavity of another.
+fn all_outwards(mesh: &Mesh) -> bool {
+    volumes(mesh).is_some_and(|parts| parts.iter().all(|&volume| volume > 0.0))
+}
+
+/// Six times the signed volume of each connected part of a closed mesh, above 0 where normals point outwards; `None` for an
+/// open mesh. Every edge of a closed mesh is met once in each direction for every two triangles. Vertices at the same place
+/// count as one, since exporters split them at seams.
+fn volumes(mesh: &Mesh) -> Option<Vec<f64>> {
+    // Zero has two signs.
+    let bits = |p: Vec3| (p + Vec3::ZERO).to_array().map(f32::to_bits);
+    let mut numbers = HashMap::new();
+    let welded: Vec<u32> = (mesh.positions.iter())
+        .map(|&p| {
+            let next = numbers.len() as u32;
+            *numbers.entry(bits(p)).or_insert(next)
+        })
+        .collect();
+    let mut edges = Vec::with_capacity(3 * mesh.indices.len());
+    let mut parts = Parts((0..numbers.len() as u32).collect());
+    let origin = mesh.positions.first()?;
+    for face in &mesh.indices {
+        // An index may point nowhere: such a triangle is not part of the scene.
+        let corner = |i: usize| welded.get(face[i] as usize).copied();
+        let (a, b, c) = (corner(0)?, corner(1)?, corner(2)?);
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            match from.cmp(&to) {
+                std::cmp::Ordering::Less => edges.push((from, to, 1i32)),
+                std::cmp::Ordering::Greater => edges.push((to, from, -1)),
+                // A triangle without area, as at the poles of a sphere.
+                std::cmp::Ordering::Equal => {}
+            }
+            parts.join(from, to);
+        }
+    }
+    edges.sort_unstable();
+    let mut same = edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1));
+    if same.any(|edge| edge.iter().map(|(.., turn)| turn).sum::<i32>() != 0) {
+        return None;
+    }
+    let mut volumes: BTreeMap<u32, f64> = BTreeMap::new();
+    for face in &mesh.indices {
+        let [a, b, c] = face.map(|v| (mesh.positions[v as usize] - origin).as_dvec3());
+        let part = parts.find(welded[face[0] as usize]);
+        *volumes.entry(part).or_default() += DVec3::dot(a, b.cross(c));
+    }
+    Some(volumes.into_values().collect())
+}
+
+/// Connected parts of a mesh: for every vertex another of its part, itself for one of each part.
+struct Parts(Vec<u32>);
+
+impl Parts {
+    fn find(&mut self, mut vertex: u32) -> u32 {
+        while self.0[vertex as usize] != vertex {
+            let next = self.0[vertex as usize];
+            self.0[vertex as usize] = self.0[next as usize];
+            vertex = next;
+        }
+        vertex
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.find(a), self.find(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gallery::shapes;
+    use crate::scene::Material;
+
+    #[test]
+    fn closed_meshes_are_found_across_seams_and_open_ones_are_not() {
+        let ball = shapes::sphere(Vec3::ONE, 0.5, 8);
+        // A mesh without shared vertices, as exporters write hard edges.
+        let apart = Mesh {
+            positions: (ball.indices.iter().flatten())
+                .map(|&v| ball.positions[v as usize])
+                .collect(),
+            indices: (0..ball.indices.len() as u32)
+                .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+                .collect(),
+            ..Mesh::default()
+        };
+        let mut inside_out = ball.clone();
+        inside_out.indices.iter_mut().for_each(|f| f.reverse());
+        let mut holed = ball.clone();
+        holed.indices.pop();
+        let pane = shapes::quad(Vec3::ZERO, Vec3::X, Vec3::Y);
+        assert!(is_closed(&ball) && is_closed(&apart));
+        assert!(is_closed(&shapes::cuboid(Vec3::ZERO, Vec3::ONE)));
+        for open in [inside_out, holed, pane, Mesh::default()] {
+            assert!(!is_closed(&open));
+        }
+    }
+
+    /// A ball of glass, changed by `change`, and a lamp.
+    fn is_dark(lamp: Vec3, change: impl Fn(&mut SceneParts)) -> bool {
+        let glass = Material {
+            metallic: 0.0,
+            transmission: 1.0,
+            solid: true,
+            ..Material::default()
+        };
+        let shine = Material {
+            emission: Rgb::ONE,
+            ..Material::default()
+        };
+        let lamp = Mesh {
+            material: 1,
+            ..shapes::sphere(lamp, 0.1, 8)
+        };
+        let mut parts = SceneParts {
+            meshes: vec![shapes::sphere(Vec3::ZERO, 1.0, 16), lamp],
+            materials: vec![glass, shine],
+            ..SceneParts::default()
+        };
+        change(&mut parts);
+        Scene::new(parts).is_dark_inside(0)
+    }
+
+    #[test]
+    fn inside_of_a_body_is_dark_only_where_it_is_closed_and_holds_no_light() {
+        let outside = Vec3::new(3.0, 0.0, 0.0);
+        assert!(is_dark(outside, |_| ()));
+        assert!(!is_dark(Vec3::ZERO, |_| ()));
+        let inside_out = |parts: &mut SceneParts| {
+            let mut ball = shapes::sphere(Vec3::new(0.0, 5.0, 0.0), 0.5, 16);
+            ball.indices.iter_mut().for_each(|f| f.reverse());
+            let first = parts.meshes[0].positions.len() as u32;
+            parts.meshes[0].positions.extend(ball.positions);
+            let indices = ball.indices.iter().map(|f| f.map(|v| v + first));
+            parts.meshes[0].indices.extend(indices);
+            parts.meshes[0].normals.clear();
+            parts.meshes[0].uvs.clear();
+        };
+        let changes: [(&str, &dyn Fn(&mut SceneParts)); 5] = [
+            ("open", &|parts| parts.meshes[0].indices.truncate(20)),
+            ("a part inside out", &inside_out),
+            ("shines itself", &|parts| {
+                parts.materials[0].emission = Rgb::ONE
+            }),
+            ("a thin wall", &|parts| parts.materials[0].solid = false),
+            ("a lamp without area", &|parts| {
+                parts.lights.push(PunctualLight::Point {
+                    position: Vec3::new(0.1, 0.2, 0.3),
+                    intensity: Rgb::ONE,
+                    range: f32::INFINITY,
+                });
+            }),
+        ];
+        for (name, change) in changes {
+            assert!(!is_dark(outside, change), "{name}");
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Cameras: pinholes, parallel projections, and thin lenses in front of either.
 
-use crate::math::{DVec3, Frame, Ray, Vec2, Vec3, warp};
+use crate::math::{DVec3, Frame, Ray, UVec2, Vec2, Vec3, warp};
 
 /// Largest coordinate of a scene that a camera can frame.
 const LARGE: f64 = 1e30;
@@ -127,6 +127,13 @@ impl Camera {
         [
             a[0], a[1], a[2], 0.0, b[0], b[1], b[2], 0.0, c[0], c[1], c[2], 0.0, x, y, z, 1.0,
         ]
+    }
+
+    /// Columns and rows of a picture of no particular size: 512 rows, as wide as the camera asks for.
+    pub fn default_frame(&self) -> UVec2 {
+        const ROWS: u32 = 512;
+        let columns = (ROWS as f32 * self.aspect.unwrap_or(1.0)).round();
+        UVec2::new((columns as u32).clamp(1, 16 * ROWS), ROWS)
     }
 
     /// A pinhole at `from` that looks at `to`, with a vertical field of view in radians.

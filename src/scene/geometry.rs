@@ -1,108 +1,250 @@
 //! Triangles in scene order, their attributes, and the tree over them.
 
 use super::accel::Accel;
-use super::material::AlphaMode;
+use super::instances::{Instances, Shared};
+use super::material::may_vanish;
 use super::mesh::{attribute, mix};
 use super::normals::{lifted, normal_texel, perturbed, tangent};
-use super::{Hit, Material, Mesh, SceneParts, Surface};
-use crate::math::{Ray, Vec2, Vec3};
+use super::{Hit, Mesh, SceneParts, Surface};
+use crate::math::{DVec3, Ray, Vec2, Vec3, Vec4};
+use std::borrow::Borrow;
+use std::ops::Range;
 
 /// Half a unit in the last place, relative.
 const HALF_ULP: f32 = 0.5 * f32::EPSILON;
 
-/// All triangles of a scene.
+/// All triangles of a scene. Those of [`SceneParts::meshes`] come first in scene order, those of the instances after them.
 pub struct Geometry {
     accel: Accel,
-    corners: Vec<[Vec3; 3]>,
-    /// Mesh and face of each triangle.
-    sources: Vec<[u32; 2]>,
-    /// Material of each mesh.
-    materials: Vec<u32>,
+    triangles: Vec<Triangle>,
+    /// Number of meshes that are not shared.
+    meshes: u32,
     /// True for triangles whose hits opacity may remove; empty if there are none.
     cutouts: Vec<bool>,
+    instances: Option<Instances>,
+    walk: Walk,
+}
+
+/// The way a ray asks a scene, the cheapest that the scene allows.
+#[derive(Clone, Copy)]
+enum Walk {
+    /// One tree, in which every hit counts.
+    Plain,
+    /// One tree, hits of which opacity may remove.
+    Cutouts,
+    /// Instances too.
+    Instances,
+}
+
+/// A triangle with all that a surface without textures is interpolated from: one load, where mesh, corners' indices and
+/// attributes would be four that wait for each other.
+#[repr(C, align(32))]
+pub(super) struct Triangle {
+    pub(super) corners: [Vec3; 3],
+    /// Unit normal by winding.
+    ng: Vec3,
+    /// Shading normals of the corners; zero where the mesh has none.
+    normals: [Vec3; 3],
+    /// Index of the material; [`TEXTURED`] if it needs texture coordinates.
+    material: u32,
+    /// Index of the mesh.
+    mesh: u32,
+    /// Index of its face.
+    face: u32,
+}
+
+/// Bit of [`Triangle::material`].
+const TEXTURED: u32 = 1 << 31;
+
+impl Borrow<[Vec3; 3]> for Triangle {
+    fn borrow(&self) -> &[Vec3; 3] {
+        &self.corners
+    }
+}
+
+impl Triangle {
+    /// Index of the material.
+    #[inline]
+    fn material(&self) -> u32 {
+        self.material & !TEXTURED
+    }
+
+    /// Corners' indices in the triangle's mesh.
+    #[inline]
+    pub(super) fn indices<'a>(&self, mesh: &'a Mesh) -> &'a [u32; 3] {
+        &mesh.indices[self.face as usize]
+    }
+}
+
+/// Adds the triangles of the `m`-th mesh, those without area left out; what is dropped is named in a warning.
+pub(super) fn add_triangles(
+    out: &mut Vec<Triangle>,
+    m: usize,
+    mesh: &Mesh,
+    parts: &SceneParts,
+    name: &str,
+    warnings: &mut Vec<String>,
+) {
+    let Some(material) = parts.materials.get(mesh.material as usize) else {
+        warnings.push(format!(
+            "{name}: dropped, its material is {} of {}",
+            mesh.material,
+            parts.materials.len()
+        ));
+        return;
+    };
+    let textured = if material.is_textured() { TEXTURED } else { 0 };
+    let triangle = |(face, indices): (usize, &[u32; 3])| {
+        let corners @ [a, b, c] = usable(mesh, indices)?;
+        Some(Triangle {
+            corners,
+            ng: normal(a, b, c).normalize().as_vec3(),
+            normals: attribute(&mesh.normals, indices).unwrap_or([Vec3::ZERO; 3]),
+            material: mesh.material | textured,
+            mesh: m as u32,
+            face: face as u32,
+        })
+    };
+    let before = out.len();
+    out.extend(mesh.indices.iter().enumerate().filter_map(triangle));
+    let dropped = mesh.indices.len() - (out.len() - before);
+    if dropped > 0 {
+        warnings.push(format!(
+            "{name}: dropped {dropped} of {} triangles (no area, not finite, or missing corners)",
+            mesh.indices.len()
+        ));
+    }
 }
 
 impl Geometry {
-    /// Collects the triangles of all meshes and builds the tree.
+    /// Collects the triangles of all meshes and builds the trees.
     pub fn new(parts: &SceneParts, warnings: &mut Vec<String>) -> Self {
-        let mut corners = Vec::new();
-        let mut sources = Vec::new();
+        let most = parts.meshes.iter().map(|mesh| mesh.indices.len()).sum();
+        let mut triangles = Vec::with_capacity(most);
         for (m, mesh) in parts.meshes.iter().enumerate() {
-            if mesh.material as usize >= parts.materials.len() {
-                warnings.push(format!(
-                    "mesh {m}: dropped, its material is {} of {}",
-                    mesh.material,
-                    parts.materials.len()
-                ));
-                continue;
-            }
-            let before = corners.len();
-            for (face, indices) in mesh.indices.iter().enumerate() {
-                if let Some(triangle) = usable(mesh, indices) {
-                    corners.push(triangle);
-                    sources.push([m as u32, face as u32]);
-                }
-            }
-            let dropped = mesh.indices.len() - (corners.len() - before);
-            if dropped > 0 {
-                warnings.push(format!(
-                    "mesh {m}: dropped {dropped} of {} triangles (no area, not finite, or missing corners)",
-                    mesh.indices.len()
-                ));
-            }
+            add_triangles(
+                &mut triangles,
+                m,
+                mesh,
+                parts,
+                &format!("mesh {m}"),
+                warnings,
+            );
         }
-        let materials: Vec<u32> = parts.meshes.iter().map(|m| m.material).collect();
         let cut: Vec<bool> = parts.materials.iter().map(may_vanish).collect();
         let mut cutouts = Vec::new();
         if cut.contains(&true) {
-            let of = |s: &[u32; 2]| cut[materials[s[0] as usize] as usize];
-            cutouts = sources.iter().map(of).collect();
+            let of = |t: &Triangle| cut[t.material() as usize];
+            cutouts = triangles.iter().map(of).collect();
             if !cutouts.contains(&true) {
                 cutouts.clear();
             }
         }
+        let accel = Accel::new(&triangles);
+        let instances = Instances::new(parts, triangles.len() as u32, warnings);
+        let walk = match (&instances, cutouts.is_empty()) {
+            (Some(_), _) => Walk::Instances,
+            (None, false) => Walk::Cutouts,
+            (None, true) => Walk::Plain,
+        };
         Self {
-            accel: Accel::new(&corners),
-            corners,
-            sources,
-            materials,
+            accel,
+            triangles,
+            meshes: parts.meshes.len() as u32,
             cutouts,
+            instances,
+            walk,
         }
     }
 
-    /// Number of triangles.
+    /// Number of triangles, those of every instance counted.
     pub fn len(&self) -> usize {
-        self.corners.len()
+        (self.instances.as_ref()).map_or(self.single(), |i| i.end() as usize)
     }
 
     /// True if there is no triangle.
     pub fn is_empty(&self) -> bool {
-        self.corners.is_empty()
+        self.len() == 0
+    }
+
+    /// Number of triangles that no instances share: the first in scene order, and the only ones that emit.
+    pub fn single(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Number of triangles in memory: those of instances once.
+    pub fn stored(&self) -> usize {
+        self.single() + self.instances.as_ref().map_or(0, Instances::stored)
+    }
+
+    /// Number of instances of shared meshes.
+    pub fn instances(&self) -> usize {
+        self.instances.as_ref().map_or(0, Instances::len)
+    }
+
+    /// The instances, for a triangle of one of them.
+    #[inline]
+    fn shared(&self) -> &Instances {
+        (self.instances.as_ref())
+            .expect("a triangle that is not of a single mesh is of an instance")
     }
 
     /// Corners of a triangle, counter-clockwise seen from the front.
     #[inline]
     pub fn triangle(&self, i: u32) -> [Vec3; 3] {
-        self.corners[i as usize]
+        match self.triangles.get(i as usize) {
+            Some(triangle) => triangle.corners,
+            None => self.shared().corners(i),
+        }
     }
 
     /// Index of a triangle's material.
     #[inline]
     pub fn triangle_material(&self, i: u32) -> u32 {
-        self.materials[self.sources[i as usize][0] as usize]
+        match self.triangles.get(i as usize) {
+            Some(triangle) => triangle.material(),
+            None => self.shared().material(i),
+        }
     }
 
-    /// Index of a triangle's mesh.
+    /// Index of a triangle's mesh; instances are counted after the meshes.
     #[inline]
     pub fn triangle_mesh(&self, i: u32) -> u32 {
-        self.sources[i as usize][0]
+        match self.triangles.get(i as usize) {
+            Some(triangle) => triangle.mesh,
+            None => self.meshes + self.shared().instance(i),
+        }
+    }
+
+    /// The triangles of each mesh and instance that has any, in scene order.
+    pub fn ranges(&self) -> Vec<Range<u32>> {
+        let mut ranges = Vec::new();
+        let mut start = 0;
+        for mesh in self.triangles.chunk_by(|a, b| a.mesh == b.mesh) {
+            let end = start + mesh.len() as u32;
+            ranges.push(start..end);
+            start = end;
+        }
+        ranges.extend(self.instances.iter().flat_map(Instances::ranges));
+        ranges
     }
 
     /// Texture coordinates of a triangle's corners; zero where the mesh has none.
     #[inline]
     pub fn triangle_uvs(&self, parts: &SceneParts, i: u32) -> [Vec2; 3] {
-        let (mesh, indices) = self.source(parts, i);
+        let (mesh, indices) = match self.triangles.get(i as usize) {
+            Some(triangle) => {
+                let mesh = &parts.meshes[triangle.mesh as usize];
+                (mesh, triangle.indices(mesh))
+            }
+            None => self.shared().source(parts, i),
+        };
         attribute(&mesh.uvs, indices).unwrap_or([Vec2::ZERO; 3])
+    }
+
+    /// Texture coordinates at a hit; zero where the mesh has none.
+    pub fn uv(&self, parts: &SceneParts, hit: &Hit) -> Vec2 {
+        mix(&weights(hit), self.triangle_uvs(parts, hit.triangle))
     }
 
     /// Area of a triangle.
@@ -122,63 +264,175 @@ impl Geometry {
     /// True if opacity may remove a hit.
     #[inline]
     pub fn has_opacity(&self) -> bool {
-        !self.cutouts.is_empty()
+        !self.cutouts.is_empty() || self.instances.as_ref().is_some_and(Instances::vanish)
     }
 
     /// Lower and upper corner of the scene; both zero if it is empty.
     pub fn bounds(&self) -> (Vec3, Vec3) {
-        self.accel.bounds()
+        let Some(instances) = &self.instances else {
+            return self.accel.bounds();
+        };
+        let (low, high) = instances.bounds();
+        match (self.single(), self.accel.bounds()) {
+            (0, _) => (low, high),
+            (_, (least, most)) => (low.min(least), high.max(most)),
+        }
     }
 
     /// Closest hit; parts that opacity removes are skipped.
     #[inline]
     pub fn intersect(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
-        if self.cutouts.is_empty() {
-            self.accel.closest(ray)
-        } else {
-            self.accel
-                .closest_where(ray, |hit| self.present(parts, ray, hit))
+        match self.walk {
+            Walk::Plain => self.accel.closest(ray),
+            Walk::Cutouts => (self.accel).closest_where(ray, |hit| self.present(parts, ray, hit)),
+            Walk::Instances => self.intersect_instances(parts, ray),
         }
+    }
+
+    #[inline(never)]
+    fn intersect_instances(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
+        let single = (self.accel).closest_where(ray, |hit| self.remains(parts, ray, hit));
+        let keep = |of: &Shared, hit: &Hit| !of.vanishes || self.present_at(parts, ray, hit);
+        self.shared().improve::<false>(ray, single, keep)
     }
 
     /// Any hit before the ray's end.
     #[inline]
     pub fn occluded(&self, parts: &SceneParts, ray: &Ray) -> bool {
-        if self.cutouts.is_empty() {
-            self.accel.any(ray)
-        } else {
-            self.accel
-                .any_where(ray, |hit| self.present(parts, ray, hit))
+        match self.walk {
+            Walk::Plain => self.accel.any(ray),
+            Walk::Cutouts => (self.accel).any_where(ray, |hit| self.present(parts, ray, hit)),
+            Walk::Instances => self.occluded_instances(parts, ray),
         }
+    }
+
+    #[inline(never)]
+    fn occluded_instances(&self, parts: &SceneParts, ray: &Ray) -> bool {
+        let keep = |of: &Shared, hit: &Hit| !of.vanishes || self.present_at(parts, ray, hit);
+        (self.accel).any_where(ray, |hit| self.remains(parts, ray, hit))
+            || self.shared().improve::<true>(ray, None, keep).is_some()
     }
 
     /// Interpolates the surface at a hit. No direction enters: a path from the camera and a path from a light that meet
     /// at a point see the same surface.
     pub fn surface(&self, parts: &SceneParts, hit: &Hit) -> Surface {
-        let [a, b, c] = self.triangle(hit.triangle);
-        let weights = [(1.0 - hit.u - hit.v).max(0.0), hit.u, hit.v];
-        let origin = a.as_dvec3();
-        let (e, f) = (b.as_dvec3() - origin, c.as_dvec3() - origin);
-        let ng = e.cross(f).normalize().as_vec3();
+        match self.triangles.get(hit.triangle as usize) {
+            Some(triangle) => triangle.surface(parts, hit, &InWorld),
+            None => self.shared().surface(parts, hit),
+        }
+    }
+
+    /// True if opacity leaves this hit of a single mesh in place, or cannot remove any.
+    fn remains(&self, parts: &SceneParts, ray: &Ray, hit: &Hit) -> bool {
+        self.cutouts.is_empty() || self.present(parts, ray, hit)
+    }
+
+    /// True if opacity leaves this hit in place.
+    fn present(&self, parts: &SceneParts, ray: &Ray, hit: &Hit) -> bool {
+        !self.cutouts[hit.triangle as usize] || self.present_at(parts, ray, hit)
+    }
+
+    /// The same, of a hit on a material whose opacity may remove it.
+    fn present_at(&self, parts: &SceneParts, ray: &Ray, hit: &Hit) -> bool {
+        let material = &parts.materials[self.triangle_material(hit.triangle) as usize];
+        let uvs = self.triangle_uvs(parts, hit.triangle);
+        let uv = mix(&[1.0 - hit.u - hit.v, hit.u, hit.v], uvs);
+        match material.presence(&parts.textures, uv) {
+            0.0 => false,
+            1.0 => true,
+            part => chance(ray, hit.triangle) < part,
+        }
+    }
+}
+
+/// Barycentric weights of a hit.
+#[inline(always)]
+fn weights(hit: &Hit) -> [f32; 3] {
+    [(1.0 - hit.u - hit.v).max(0.0), hit.u, hit.v]
+}
+
+/// The way of a mesh into the world.
+pub(super) trait Placing {
+    /// The mesh of this index.
+    fn mesh<'a>(&self, parts: &'a SceneParts, index: u32) -> &'a Mesh;
+    /// A point.
+    fn point(&self, p: Vec3) -> DVec3;
+    /// A difference of points.
+    fn edge(&self, e: DVec3) -> DVec3;
+    /// The unit geometric normal, towards the front: from the mesh's own and from the edges in the world.
+    fn geometric(&self, ng: Vec3, e: DVec3, f: DVec3) -> Vec3;
+    /// A corner's shading normal.
+    fn normal(&self, n: Vec3) -> Vec3;
+    /// A corner's tangent and handedness.
+    fn tangent(&self, t: Vec4) -> Vec4;
+    /// The error of a surface point, from that of its rounding to single precision.
+    fn error(&self, error: f32) -> f32;
+}
+
+/// The way of a mesh that is in the world.
+struct InWorld;
+
+impl Placing for InWorld {
+    #[inline(always)]
+    fn mesh<'a>(&self, parts: &'a SceneParts, index: u32) -> &'a Mesh {
+        &parts.meshes[index as usize]
+    }
+
+    #[inline(always)]
+    fn point(&self, p: Vec3) -> DVec3 {
+        p.as_dvec3()
+    }
+
+    #[inline(always)]
+    fn edge(&self, e: DVec3) -> DVec3 {
+        e
+    }
+
+    #[inline(always)]
+    fn geometric(&self, ng: Vec3, _: DVec3, _: DVec3) -> Vec3 {
+        ng
+    }
+
+    #[inline(always)]
+    fn normal(&self, n: Vec3) -> Vec3 {
+        n
+    }
+
+    #[inline(always)]
+    fn tangent(&self, t: Vec4) -> Vec4 {
+        t
+    }
+
+    #[inline(always)]
+    fn error(&self, error: f32) -> f32 {
+        error
+    }
+}
+
+impl Triangle {
+    /// Interpolates the surface at a hit.
+    #[inline(always)]
+    pub(super) fn surface(&self, parts: &SceneParts, hit: &Hit, placing: &impl Placing) -> Surface {
+        let [a, b, c] = self.corners;
+        let weights = weights(hit);
+        let local = a.as_dvec3();
+        let e = placing.edge(b.as_dvec3() - local);
+        let f = placing.edge(c.as_dvec3() - local);
+        let ng = placing.geometric(self.ng, e, f);
         // Exact up to the rounding to single precision.
-        let position = (origin + f64::from(hit.u) * e + f64::from(hit.v) * f).as_vec3();
+        let position = (placing.point(a) + f64::from(hit.u) * e + f64::from(hit.v) * f).as_vec3();
         // A spawned origin is off by that rounding and by its own, half a unit in the last place each; the intersection
         // test knows the side of the plane exactly. [PBRT4 §6.8] has to allow for γ₇ of the corners' size.
         let rounding = 3.0 * HALF_ULP * position.abs().dot(ng.abs());
         let extent = e.abs().max(f.abs()).max_element() as f32;
-        let (mesh, indices) = self.source(parts, hit.triangle);
-        let uv = attribute(&mesh.uvs, indices).map_or(Vec2::ZERO, |uv| mix(&weights, uv));
-        let mut ns = attribute(&mesh.normals, indices)
-            .and_then(|n| mix(&weights, n).try_normalize())
+        let mut ns = mix(&weights, self.normals.map(|n| placing.normal(n)))
+            .try_normalize()
             .unwrap_or(ng);
         let flipped = ns.dot(ng) < 0.0;
-        let material = &parts.materials[mesh.material as usize];
-        if let Some(map) = &material.normal_texture {
+        let mut uv = Vec2::ZERO;
+        if self.material & TEXTURED != 0 {
             let edges = [e.as_vec3(), f.as_vec3()];
-            if let Some((tangent, hand)) = tangent(mesh, indices, &weights, edges, map, ns) {
-                let local = normal_texel(&parts.textures, map, uv, material.normal_scale);
-                ns = perturbed(ns, tangent, hand, local);
-            }
+            (uv, ns) = self.textured(parts, &weights, edges, ns, placing);
         }
         if flipped {
             ns = -ns;
@@ -189,31 +443,33 @@ impl Geometry {
             ns: lifted(ns, ng),
             uv,
             triangle: hit.triangle,
-            material: mesh.material,
-            error: rounding + 1e-13 * extent,
+            material: self.material(),
+            error: placing.error(rounding + 1e-13 * extent),
         }
     }
 
-    #[inline]
-    fn source<'a>(&self, parts: &'a SceneParts, i: u32) -> (&'a Mesh, &'a [u32; 3]) {
-        let [mesh, face] = self.sources[i as usize];
-        let mesh = &parts.meshes[mesh as usize];
-        (mesh, &mesh.indices[face as usize])
-    }
-
-    /// True if opacity leaves this hit in place.
-    fn present(&self, parts: &SceneParts, ray: &Ray, hit: &Hit) -> bool {
-        if !self.cutouts[hit.triangle as usize] {
-            return true;
-        }
-        let material = &parts.materials[self.triangle_material(hit.triangle) as usize];
-        let uvs = self.triangle_uvs(parts, hit.triangle);
-        let uv = mix(&[1.0 - hit.u - hit.v, hit.u, hit.v], uvs);
-        match material.presence(&parts.textures, uv) {
-            0.0 => false,
-            1.0 => true,
-            part => chance(ray, hit.triangle) < part,
-        }
+    /// Texture coordinates, and the shading normal with the normal map applied.
+    fn textured(
+        &self,
+        parts: &SceneParts,
+        weights: &[f32; 3],
+        edges: [Vec3; 2],
+        ns: Vec3,
+        placing: &impl Placing,
+    ) -> (Vec2, Vec3) {
+        let mesh = placing.mesh(parts, self.mesh);
+        let indices = self.indices(mesh);
+        let uvs = attribute(&mesh.uvs, indices);
+        let uv = uvs.map_or(Vec2::ZERO, |uv| mix(weights, uv));
+        let material = &parts.materials[self.material() as usize];
+        let mapped = || {
+            let map = material.normal_texture.as_ref()?;
+            let own = attribute(&mesh.tangents, indices).map(|t| t.map(|t| placing.tangent(t)));
+            let (tangent, hand) = tangent(own, uvs, weights, edges, map, ns)?;
+            let local = normal_texel(&parts.textures, map, uv, material.normal_scale);
+            Some(perturbed(ns, tangent, hand, local))
+        };
+        (uv, mapped().unwrap_or(ns))
     }
 }
 
@@ -230,16 +486,6 @@ fn usable(mesh: &Mesh, indices: &[u32; 3]) -> Option<[Vec3; 3]> {
 fn normal(a: Vec3, b: Vec3, c: Vec3) -> glam::DVec3 {
     let a = a.as_dvec3();
     (b.as_dvec3() - a).cross(c.as_dvec3() - a)
-}
-
-/// True if opacity may remove a hit on the material.
-fn may_vanish(material: &Material) -> bool {
-    let textured = material.base_color_texture.is_some();
-    match material.alpha_mode {
-        AlphaMode::Opaque => false,
-        AlphaMode::Mask(cutoff) => textured || material.opacity < cutoff,
-        AlphaMode::Blend => textured || material.opacity < 1.0,
-    }
 }
 
 /// A hash of ray and triangle, uniform in [0, 1).

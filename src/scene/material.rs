@@ -1,7 +1,7 @@
 //! glTF materials, and their BSDF at a surface point.
 
 use super::Texture;
-use crate::bsdf::{Bsdf, Dielectric, Diffuse, Distribution, Glossy, ThinDielectric};
+use crate::bsdf::{Bsdf, Dielectric, Diffuse, Distribution, Glossy, ThinDielectric, clearcoated};
 use crate::math::{Rgb, Vec2};
 
 /// A metallic-roughness material with the extensions we model. Factors multiply textures.
@@ -54,6 +54,21 @@ pub struct Material {
     pub emissive_texture: Option<TextureRef>,
     /// Transmission in red.
     pub transmission_texture: Option<TextureRef>,
+    /// Clear coat over everything else; apart, since few materials have one and all are read at every hit.
+    pub clearcoat: Option<Box<Clearcoat>>,
+}
+
+/// Clear coat of a material.
+#[derive(Clone, Debug, Default)]
+pub struct Clearcoat {
+    /// Weight in [0, 1].
+    pub weight: f32,
+    /// Roughness in [0, 1].
+    pub alpha: f32,
+    /// Weight in red.
+    pub texture: Option<TextureRef>,
+    /// Perceptual roughness in green.
+    pub roughness_texture: Option<TextureRef>,
 }
 
 /// Use of a material's opacity.
@@ -103,17 +118,43 @@ impl Default for Material {
             normal_scale: 1.0,
             emissive_texture: None,
             transmission_texture: None,
+            clearcoat: None,
         }
     }
 }
 
 impl Material {
-    /// The BSDF at texture coordinates `uv`; `u` in [0, 1) chooses between two where transmission is partial.
+    /// The BSDF at texture coordinates `uv`; `u` in [0, 1) chooses between two under a clear coat, and where transmission
+    /// is partial.
+    #[inline]
+    pub fn bsdf(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
+        if let Some(coat) = &self.clearcoat {
+            return self.clearcoat_or_base(coat, textures, uv, u);
+        }
+        self.base_bsdf(textures, uv, u)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn clearcoat_or_base(&self, coat: &Clearcoat, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
+        let (mut weight, mut alpha) = (coat.weight, coat.alpha);
+        if let Some(map) = &coat.texture {
+            weight *= map.sample(textures, uv)[0];
+        }
+        if let Some(map) = &coat.roughness_texture {
+            let roughness = map.sample(textures, uv)[1];
+            alpha *= roughness * roughness;
+        }
+        let base = |u| self.base_bsdf(textures, uv, u);
+        clearcoated(weight, alpha, self.distribution, u, base)
+    }
+
+    /// The BSDF without a clear coat.
     ///
     /// A partly transmissive dielectric is the mixture t · interface + (1 − t) · coated base; drawing one of the two
     /// with its weight is unbiased and keeps every BSDF small.
     #[inline]
-    pub fn bsdf(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
+    fn base_bsdf(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
         let mut color = self.base_color;
         if let Some(map) = &self.base_color_texture {
             let [r, g, b, _] = map.sample(textures, uv);
@@ -219,6 +260,7 @@ impl Material {
             && self.base_color == Rgb::ONE
             && self.base_color_texture.is_none()
             && self.metallic == 0.0
+            && self.clearcoat.is_none()
     }
 
     /// True if the coat of the dielectric reflects anything.
@@ -228,7 +270,10 @@ impl Material {
 
     /// True for a Lambertian material: a dielectric whose coat reflects nothing.
     pub fn is_lambert(&self) -> bool {
-        self.metallic == 0.0 && self.transmission == 0.0 && !self.has_coat()
+        self.metallic == 0.0
+            && self.transmission == 0.0
+            && !self.has_coat()
+            && self.clearcoat.is_none()
     }
 
     /// Indices of refraction of red, green and blue: Cauchy's formula by the Abbe number V,
@@ -241,9 +286,26 @@ impl Material {
         })
     }
 
+    /// True if any texture varies over the surface.
+    pub fn is_textured(&self) -> bool {
+        let maps = [
+            &self.base_color_texture,
+            &self.metallic_roughness_texture,
+            &self.normal_texture,
+            &self.emissive_texture,
+            &self.transmission_texture,
+        ];
+        let coat = self.clearcoat.as_ref();
+        let coats = coat.is_some_and(|c| c.texture.is_some() || c.roughness_texture.is_some());
+        coats || maps.iter().any(|map| map.is_some())
+    }
+
     /// True if no lobe of the material can be roughened.
     pub fn is_rough(&self) -> bool {
-        self.is_lambert() || (self.alpha >= 1.0 && self.metallic_roughness_texture.is_none())
+        self.is_lambert()
+            || (self.alpha >= 1.0
+                && self.metallic_roughness_texture.is_none()
+                && self.clearcoat.is_none())
     }
 }
 
@@ -252,5 +314,15 @@ impl TextureRef {
     #[inline]
     pub fn sample(&self, textures: &[Texture], uv: Vec2) -> [f32; 4] {
         textures[self.texture as usize].sample(self.transform.transform_point2(uv))
+    }
+}
+
+/// True if opacity may remove a hit on the material.
+pub(super) fn may_vanish(material: &Material) -> bool {
+    let textured = material.base_color_texture.is_some();
+    match material.alpha_mode {
+        AlphaMode::Opaque => false,
+        AlphaMode::Mask(cutoff) => textured || material.opacity < cutoff,
+        AlphaMode::Blend => textured || material.opacity < 1.0,
     }
 }

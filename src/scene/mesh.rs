@@ -1,7 +1,7 @@
 //! Triangle meshes, and attributes between their corners.
 
-use crate::math::{Vec2, Vec3};
-use glam::Vec4;
+use crate::math::{DVec3, Vec2, Vec3};
+use glam::{DAffine3, DMat3, Vec4};
 use std::ops::{Add, Mul};
 
 /// A triangle mesh in world space. Attributes are per vertex; an empty list means "none".
@@ -21,6 +21,30 @@ pub struct Mesh {
     pub material: u32,
 }
 
+/// A mesh that the scene shows at several poses and keeps once. Its material must not emit: light sampling knows the
+/// triangles of [`SceneParts::meshes`](super::SceneParts::meshes) only.
+#[derive(Clone, Debug, Default)]
+pub struct SharedMesh {
+    /// The mesh in its own space.
+    pub mesh: Mesh,
+    /// The ways from there to the world, one for each instance. A mirroring one keeps the front the front.
+    pub poses: Vec<DAffine3>,
+}
+
+impl SharedMesh {
+    /// Condition number of a pose, an upper bound; `None` for a pose that no instance may have: it is singular, flattens or
+    /// shears by more than a factor of 1000, or scales by more than a million either way.
+    pub fn condition(pose: &DAffine3) -> Option<f64> {
+        const SCALE: f64 = 1e6;
+        const SKEW: f64 = 1e3;
+        let norm = |m: &DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>().sqrt();
+        let (there, back) = (norm(&pose.matrix3), norm(&pose.matrix3.inverse()));
+        let condition = there * back;
+        let good = pose.is_finite() && there <= SCALE && back <= SCALE && condition <= 3.0 * SKEW;
+        good.then_some(condition)
+    }
+}
+
 /// The values of an attribute at three corners; `None` if it is absent or too short.
 #[inline]
 pub(super) fn attribute<T: Copy>(values: &[T], indices: &[u32; 3]) -> Option<[T; 3]> {
@@ -35,4 +59,20 @@ pub(super) fn mix<T: Copy + Mul<f32, Output = T> + Add<Output = T>>(
     at: [T; 3],
 ) -> T {
     at[0] * weights[0] + at[1] * weights[1] + at[2] * weights[2]
+}
+
+/// The cofactor matrix, which transforms normals: the inverse transpose up to a factor, but defined for singular matrices
+/// too.
+pub(super) fn cofactors(m: &DMat3) -> DMat3 {
+    let (x, y, z) = (m.x_axis, m.y_axis, m.z_axis);
+    DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y))
+}
+
+/// The unit vector, or zero for a vector without direction. Unit vectors keep their bits.
+pub(super) fn unit(v: DVec3) -> Vec3 {
+    if (v.length_squared() - 1.0).abs() < 1e-6 {
+        v.as_vec3()
+    } else {
+        v.normalize_or_zero().as_vec3()
+    }
 }

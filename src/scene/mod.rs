@@ -6,11 +6,13 @@
 use crate::bsdf::Bsdf;
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, luminance};
 use crate::sampler::LightU;
+use std::sync::OnceLock;
 
 pub mod accel;
 pub mod bodies;
 pub mod camera;
 pub mod geometry;
+mod instances;
 pub mod light;
 pub mod load;
 pub mod material;
@@ -27,7 +29,7 @@ pub use light::{
     PunctualLight,
 };
 pub use material::Material;
-pub use mesh::Mesh;
+pub use mesh::{Mesh, SharedMesh};
 
 pub use sensor::{Sensor, Sighting};
 pub use texture::Texture;
@@ -37,6 +39,9 @@ pub use texture::Texture;
 pub struct SceneParts {
     /// Triangle meshes in world space.
     pub meshes: Vec<Mesh>,
+    /// Meshes that are shown at several poses and kept once. The program shares where copies would take much memory; see
+    /// [`load`].
+    pub shared: Vec<SharedMesh>,
     /// Materials; `Mesh::material` is an index into this list.
     pub materials: Vec<Material>,
     /// Textures; materials hold indices into this list.
@@ -47,6 +52,14 @@ pub struct SceneParts {
     pub environment: Option<Environment>,
     /// Cameras, in file order.
     pub cameras: Vec<Camera>,
+}
+
+impl SceneParts {
+    /// All meshes, the shared ones once and in their own space.
+    pub fn all_meshes(&self) -> impl Iterator<Item = &Mesh> {
+        let shared = self.shared.iter().map(|shared| &shared.mesh);
+        self.meshes.iter().chain(shared)
+    }
 }
 
 /// A ray's closest hit: 16 bytes.
@@ -71,7 +84,7 @@ pub struct Surface {
     pub ng: Vec3,
     /// Unit shading normal, interpolated and normal-mapped, on the same side as `ng`; see [`Surface::frame_for`].
     pub ns: Vec3,
-    /// Texture coordinates (set 0).
+    /// Texture coordinates (set 0); zero where the material has no texture. See [`Geometry::uv`].
     pub uv: Vec2,
     /// Index of the triangle, in scene order.
     pub triangle: u32,
@@ -92,6 +105,9 @@ pub struct Scene {
     /// Rank of each material where bodies overlap.
     ranks: Vec<u32>,
     has_lobes: bool,
+    /// For each material, true if no light can reach its bodies' surfaces from inside of them; found when first asked for,
+    /// since smooth bodies never ask.
+    dark_inside: OnceLock<Vec<bool>>,
     warnings: Vec<String>,
 }
 
@@ -104,8 +120,8 @@ impl Scene {
         let has_absorption = (parts.materials.iter()).any(|m| m.absorption != Rgb::ZERO);
         let has_dispersion =
             (parts.materials.iter()).any(|m| m.dispersion > 0.0 && m.bounds_body());
-        let mut shown = parts.meshes.iter().map(|m| m.material as usize);
-        let has_lobes = shown.any(|m| !parts.materials.get(m).is_some_and(Material::is_rough));
+        let shown = |m: &Mesh| parts.materials.get(m.material as usize);
+        let has_lobes = (parts.all_meshes()).any(|m| !shown(m).is_some_and(Material::is_rough));
         let mut scene = Self {
             ranks: bodies::ranks(&parts),
             parts,
@@ -115,6 +131,7 @@ impl Scene {
             has_dispersion,
             has_overlaps: false,
             has_lobes,
+            dark_inside: OnceLock::new(),
             warnings,
         };
         let priorities =
@@ -161,6 +178,12 @@ impl Scene {
     #[inline]
     pub fn rank(&self, material: u32) -> u32 {
         self.ranks[material as usize]
+    }
+
+    /// True if a ray that starts on a surface of this material towards its inside can meet no light before that body ends.
+    #[inline]
+    pub fn is_dark_inside(&self, material: u32) -> bool {
+        self.dark_inside.get_or_init(|| self.find_dark_insides())[material as usize]
     }
 
     /// True if any surface has a lobe that a rule could roughen.

@@ -1,9 +1,9 @@
 //! Shading normals: normal maps, and limits on how far a normal leans away from the surface.
 
+use super::Texture;
 use super::material::TextureRef;
-use super::mesh::{attribute, mix};
-use super::{Mesh, Texture};
-use crate::math::{Vec2, Vec3};
+use super::mesh::mix;
+use crate::math::{Vec2, Vec3, Vec4};
 
 /// The normal map's direction in tangent space, not yet normalised `[glTF §3.9.3]`.
 pub(super) fn normal_texel(textures: &[Texture], map: &TextureRef, uv: Vec2, scale: f32) -> Vec3 {
@@ -15,17 +15,17 @@ pub(super) fn normal_texel(textures: &[Texture], map: &TextureRef, uv: Vec2, sca
 
 /// Tangent and handedness: the mesh's own, or along u. The map's green channel points up, against v `[glTF §3.9.3]`.
 pub(super) fn tangent(
-    mesh: &Mesh,
-    indices: &[u32; 3],
+    own: Option<[Vec4; 3]>,
+    uvs: Option<[Vec2; 3]>,
     weights: &[f32; 3],
     edges: [Vec3; 2],
     map: &TextureRef,
     ns: Vec3,
 ) -> Option<(Vec3, f32)> {
-    if let Some(t) = attribute(&mesh.tangents, indices) {
+    if let Some(t) = own {
         return Some((mix(weights, t).truncate(), t[0].w));
     }
-    let [a, b, c] = attribute(&mesh.uvs, indices)?.map(|uv| map.transform.transform_point2(uv));
+    let [a, b, c] = uvs?.map(|uv| map.transform.transform_point2(uv));
     let (d, e) = (b - a, c - a);
     let det = d.perp_dot(e);
     let along_u = (edges[0] * e.y - edges[1] * d.y) * det;
@@ -79,18 +79,10 @@ pub(super) fn bent(ns: Vec3, ng: Vec3, w: Vec3) -> Vec3 {
 mod tests {
     use super::*;
 
-    /// A triangle facing +z whose u runs along `u` and whose v runs along `v`.
-    fn mapped(u: Vec2, v: Vec2) -> (Mesh, [Vec3; 2]) {
-        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
-        let uvs = positions
-            .iter()
-            .map(|p| Vec2::new(p.truncate().dot(u), p.truncate().dot(v)));
-        let mesh = Mesh {
-            uvs: uvs.collect(),
-            positions,
-            ..Mesh::default()
-        };
-        (mesh, [Vec3::X, Vec3::Y])
+    /// Texture coordinates and edges of a triangle facing +z whose u runs along `u` and whose v runs along `v`.
+    fn mapped(u: Vec2, v: Vec2) -> ([Vec2; 3], [Vec3; 2]) {
+        let uvs = [Vec2::ZERO, Vec2::X, Vec2::Y].map(|p| Vec2::new(p.dot(u), p.dot(v)));
+        (uvs, [Vec3::X, Vec3::Y])
     }
 
     #[test]
@@ -105,8 +97,8 @@ mod tests {
             (Vec2::Y, Vec2::X),
             (Vec2::X, 3.0 * Vec2::Y),
         ] {
-            let (mesh, edges) = mapped(u, v);
-            let (t, hand) = tangent(&mesh, &[0, 1, 2], &[0.2, 0.3, 0.5], edges, &map, Vec3::Z)
+            let (uvs, edges) = mapped(u, v);
+            let (t, hand) = tangent(None, Some(uvs), &[0.2, 0.3, 0.5], edges, &map, Vec3::Z)
                 .expect("the coordinates span an area");
             let red = perturbed(Vec3::Z, t, hand, Vec3::X);
             let green = perturbed(Vec3::Z, t, hand, Vec3::Y);
@@ -121,19 +113,19 @@ mod tests {
             assert_eq!(perturbed(Vec3::Z, t, hand, Vec3::Z), Vec3::Z);
         }
         let (flat, edges) = mapped(Vec2::X, Vec2::X);
-        assert!(tangent(&flat, &[0, 1, 2], &[1.0, 0.0, 0.0], edges, &map, Vec3::Z).is_none());
+        assert!(tangent(None, Some(flat), &[1.0, 0.0, 0.0], edges, &map, Vec3::Z).is_none());
     }
 
     #[test]
     fn normal_map_prefers_tangents_of_the_mesh() {
-        let (mut mesh, edges) = mapped(Vec2::X, Vec2::NEG_Y);
-        mesh.tangents = vec![glam::Vec4::new(0.0, 1.0, 0.0, -1.0); 3];
+        let (uvs, edges) = mapped(Vec2::X, Vec2::NEG_Y);
+        let own = Some([Vec4::new(0.0, 1.0, 0.0, -1.0); 3]);
         let map = TextureRef {
             texture: 0,
             transform: glam::Affine2::IDENTITY,
         };
         let (t, hand) =
-            tangent(&mesh, &[0, 1, 2], &[0.2, 0.3, 0.5], edges, &map, Vec3::Z).expect("given");
+            tangent(own, Some(uvs), &[0.2, 0.3, 0.5], edges, &map, Vec3::Z).expect("given");
         assert_eq!((t, hand), (Vec3::Y, -1.0));
         assert_eq!(perturbed(Vec3::Z, t, hand, Vec3::Y), Vec3::X);
     }

@@ -82,7 +82,7 @@ impl CandidatePictures {
 }
 
 /// Indices of a tile's pixels in the film of a window.
-fn inside(w: &Window, outer: &Window) -> impl Iterator<Item = usize> {
+pub(super) fn inside(w: &Window, outer: &Window) -> impl Iterator<Item = usize> {
     let (x, y, width) = (w.x - outer.x, w.y - outer.y, outer.w);
     let (w, h) = (w.w, w.h);
     (y..y + h).flat_map(move |y| (x..x + w).map(move |x| (y * width + x) as usize))

@@ -1,4 +1,4 @@
-//! Scale and contrast of a table for a scene, chosen by a pilot without a reference.
+//! Scale and contrast of a table for a scene, chosen by a pilot without a reference; so is the [integrator].
 //!
 //! The blur that a scene tolerates is not part of a path's class. A table therefore serves scenes unlike its training
 //! scenes only at a scale of their own, and where a scene is unlike all of them, one factor for all paths is better
@@ -14,14 +14,17 @@
 //! them the rest.
 
 mod candidate;
+pub mod integrator;
 pub mod resolve;
+pub mod stopwatch;
 
-use crate::image::film::{FilmError, Window};
-use crate::integrator::{Estimator, Settings, View};
+use crate::image::film::{Film, FilmError, Window};
+use crate::integrator::{Estimator, Picture, Settings, View};
 use crate::math::UVec2;
 use crate::regularise::{Rule, TableTuning};
 use crate::sampler::{Domain, Seed};
 use candidate::{BATCHES, CandidatePictures, TILE, Tiles};
+use std::time::{Duration, Instant};
 
 /// Contrasts of the candidates: all of the table's pattern, half of it, and none.
 pub const CONTRASTS: [f32; 3] = [1.0, 0.5, 0.0];
@@ -129,6 +132,19 @@ pub fn choose(settings: &Settings, view: &View<'_>, samples: u32) -> Result<Pilo
     Ok(choose_while(settings, view, samples, &|| true)?.unwrap_or(Pilot::NONE))
 }
 
+/// Samples per pixel that a pilot assumes for a render to a target error.
+pub const SPP_OF_TARGET: u32 = 256;
+
+/// Samples per pixel that fit into this time, about. Fails where the window leaves the frame.
+pub fn samples_in(time: Duration, settings: &Settings, view: &View<'_>) -> Result<u32, FilmError> {
+    const PROBE: u32 = 4;
+    let mut picture = Picture::new(Film::cropped(view.sensor.frame, view.window)?);
+    let clock = Instant::now();
+    (settings.integrator()).pass(view, 0..PROBE, &mut picture);
+    let rate = f64::from(PROBE) / clock.elapsed().as_secs_f64().max(1e-6);
+    Ok(((rate * time.as_secs_f64()) as u32).max(1))
+}
+
 /// [`choose`], given up with `None` when `go_on` says no; it is asked before every small render.
 pub fn choose_while(
     settings: &Settings,
@@ -139,7 +155,7 @@ pub fn choose_while(
     let Some(table) = settings.rule.table().filter(|_| view.scene.has_lobes()) else {
         return Ok(Some(Pilot::NONE));
     };
-    let (frame, window) = pilot_window(view.sensor.frame, view.window);
+    let (frame, window) = pilot_window(view.sensor.frame, view.window, PIXELS);
     let view = View::new(view.scene, view.sensor.camera, frame, window);
     let (pixels, batches) = (window.len() as u64, BATCHES as u64);
     let wanted = (PATHS_PER_SAMPLE * u64::from(samples)).clamp(PATHS.0, PATHS.1);
@@ -218,9 +234,9 @@ fn survivors(candidates: &[Candidate]) -> Vec<usize> {
         .collect()
 }
 
-/// Size of the pilot's whole picture, and its window: whole tiles.
-fn pilot_window(frame: UVec2, window: Window) -> (UVec2, Window) {
-    let scale = (PIXELS / window.len().max(1) as f32).sqrt();
+/// Size of the pilot's whole picture, and its window of about so many pixels: whole tiles.
+fn pilot_window(frame: UVec2, window: Window, pixels: f32) -> (UVec2, Window) {
+    let scale = (pixels / window.len().max(1) as f32).sqrt();
     let side = |x: u32| ((x as f32 * scale / TILE as f32).round() as u32).clamp(2, 256) * TILE;
     let start = |x: u32| (x as f32 * scale).round() as u32;
     let pilot = Window {

@@ -14,6 +14,11 @@
 //!
 //! Rougher levels are not always less noisy: the variances are taken as they are.
 //!
+//! Every level but 0 is a second candidate with the light of roughened vertices blurred by a Gaussian, and the rest as it
+//! is: P + G(I_k − P), where P is the light that all levels share. G stops at edges of the surface that the first rough
+//! vertices lie on. Its bias is judged against the sharp levels up to its own, and weighted for the darkest of the pixels
+//! around.
+//!
 //! The picture p is Σ_k tent_1(1[k* = k]) I_k. What light the choice lost is given back: μ = tent_R(I_0 − p), shrunk by
 //! max(0, 1 − c Var(μ)/μ²) where it is not above its own noise, times p / tent_R(p): in proportion to the picture, so that
 //! shadows stay dark. What the whole picture still lacks, shrunk likewise, makes all of it brighter or darker.
@@ -39,24 +44,147 @@ const SHRINKAGE: f32 = 1.0;
 /// ε of relative errors, where the mean of the picture counts as 0.3.
 const EPSILON: f32 = 0.01;
 
-/// One level: its picture, and the same in independent batches.
-#[derive(Clone, Debug)]
-pub struct LevelMeans {
-    /// Mean of all samples.
-    pub mean: Buffer,
-    /// Means of the batches.
-    pub batches: [Buffer; BATCHES],
+/// Settings of the choice.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resolve {
+    /// Take the mean of the mean of each level and of the median of its batches, which removes fireflies.
+    pub robust: bool,
+    /// Standard deviation in pixels of the blur that roughened light may get, from 0 for none to [`MAX_SIGMA`].
+    pub sigma: f32,
 }
 
-impl LevelMeans {
-    /// The levels of a film, plain path tracing first.
-    pub fn of(film: &LevelFilm) -> Vec<Self> {
-        (0..film.levels())
-            .map(|level| Self {
-                mean: film.mean(level),
-                batches: film.batch_means(level),
-            })
-            .collect()
+/// Largest standard deviation of the blur, in pixels.
+pub const MAX_SIGMA: f32 = 1.5;
+
+impl Default for Resolve {
+    fn default() -> Self {
+        Self {
+            robust: false,
+            sigma: 0.7,
+        }
+    }
+}
+
+/// A picture, and the same in independent batches.
+#[derive(Clone, Debug)]
+struct BatchMeans {
+    /// Mean of all samples.
+    mean: Buffer,
+    /// Means of the batches.
+    batches: [Buffer; BATCHES],
+}
+
+impl BatchMeans {
+    /// Those of a level of a film, or of the shared light by the number of levels.
+    fn of(film: &LevelFilm, level: usize) -> Self {
+        Self {
+            mean: film.mean(level),
+            batches: film.batch_means(level),
+        }
+    }
+
+    /// The same with everything but the shared light blurred. Pixels that are `dark` stay black.
+    fn blurred(&self, shared: &Self, blur: &Blur, dark: &[bool]) -> Self {
+        let one = |whole: &Buffer, shared: &Buffer| {
+            let pairs = whole.pixels.iter().zip(&shared.pixels);
+            let roughened: Vec<Rgb> = pairs.map(|(i, p)| *i - *p).collect();
+            let mut pixels = blur.apply(&roughened);
+            for (i, p) in pixels.iter_mut().enumerate() {
+                *p = if dark[i] {
+                    Rgb::ZERO
+                } else {
+                    shared.pixels[i] + *p
+                };
+            }
+            Buffer {
+                width: whole.width,
+                height: whole.height,
+                pixels,
+            }
+        };
+        Self {
+            mean: one(&self.mean, &shared.mean),
+            batches: std::array::from_fn(|b| one(&self.batches[b], &shared.batches[b])),
+        }
+    }
+}
+
+/// A Gaussian filter that stops at edges: where normals differ, or lengths by more than a plane explains.
+struct Blur {
+    size: Size,
+    radius: usize,
+    /// Weights of the pixels around each pixel, row by row; 0 outside of the picture.
+    weights: Vec<f32>,
+}
+
+impl Blur {
+    /// Weights of this standard deviation in pixels. A guide is a normal and a length.
+    fn new((width, height): Size, sigma: f32, guides: &[[f32; 4]]) -> Self {
+        let radius = (2.0 * sigma).ceil() as usize;
+        let length = |x: usize, y: usize| guides[y * width + x][3];
+        let change = |x: usize, y: usize| {
+            let across = (length((x + 1).min(width - 1), y) - length(x.saturating_sub(1), y)).abs();
+            let along = (length(x, (y + 1).min(height - 1)) - length(x, y.saturating_sub(1))).abs();
+            0.5 * across.max(along)
+        };
+        let around = |i: usize| {
+            let (x, y) = (i % width, i / width);
+            let [nx, ny, nz, z] = guides[i];
+            let change = change(x, y);
+            let weight = move |dx: usize, dy: usize| {
+                let (u, v) = (x + dx, y + dy);
+                let inside = radius..width + radius;
+                if !inside.contains(&u) || !(radius..height + radius).contains(&v) {
+                    return 0.0;
+                }
+                let [mx, my, mz, length] = guides[(v - radius) * width + u - radius];
+                let d2 = (dx.abs_diff(radius).pow(2) + dy.abs_diff(radius).pow(2)) as f32;
+                let turn = (nx - mx).powi(2) + (ny - my).powi(2) + (nz - mz).powi(2);
+                let step = (length - z) / (0.02 * z + 0.5 * change * d2.sqrt() + f32::MIN_POSITIVE);
+                (-0.5 * d2 / sigma / sigma - 10.0 * turn - 0.5 * step * step).exp()
+            };
+            let side = 0..2 * radius + 1;
+            side.clone()
+                .flat_map(move |dy| side.clone().map(move |dx| weight(dx, dy)))
+        };
+        let pixels = (0..guides.len()).into_par_iter();
+        Self {
+            size: (width, height),
+            radius,
+            weights: pixels.flat_map_iter(around).collect(),
+        }
+    }
+
+    fn apply(&self, values: &[Rgb]) -> Vec<Rgb> {
+        let ((width, _), radius) = (self.size, self.radius);
+        let side = 2 * radius + 1;
+        let pixel = |(i, weights): (usize, &[f32])| {
+            let (mut sum, mut all) = (Rgb::ZERO, 0.0);
+            for (at, &weight) in weights.iter().enumerate() {
+                if weight > 0.0 {
+                    let from = i + (at / side) * width + at % side;
+                    sum += weight * values[from - radius * (width + 1)];
+                    all += weight;
+                }
+            }
+            sum / all
+        };
+        let pixels = self.weights.par_chunks(side * side).enumerate();
+        pixels.map(pixel).collect()
+    }
+}
+
+/// A level, sharp or blurred.
+struct Candidate {
+    level: usize,
+    blurred: bool,
+    means: BatchMeans,
+}
+
+impl Candidate {
+    /// True if its bias is estimated against `other`: a sharp candidate, less roughened or of its own level.
+    fn judged_by(&self, other: &Self) -> bool {
+        !other.blurred && (other.level < self.level || self.blurred && other.level == self.level)
     }
 }
 
@@ -65,7 +193,7 @@ impl LevelMeans {
 pub struct Resolved {
     /// The picture.
     pub picture: Buffer,
-    /// Chosen level of every pixel.
+    /// Chosen level of every pixel, sharp or blurred.
     pub level: Vec<u8>,
     /// Estimated squared bias of the chosen level, relative: over the squared picture + ε, mean of the channels.
     pub bias2: Vec<f32>,
@@ -90,9 +218,7 @@ impl Resolved {
 
 /// Chooses the level of every pixel of a film. A film without a sample in every batch has no noise estimate: its picture
 /// is level 0, its error infinite.
-///
-/// `robust` takes for each level the mean of its mean and of the median of its batches, which removes fireflies.
-pub fn resolve_film(film: &LevelFilm, robust: bool) -> Resolved {
+pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
     if film.least_samples() == 0 {
         let picture = film.mean(0);
         let pixels = picture.pixels.len();
@@ -103,13 +229,17 @@ pub fn resolve_film(film: &LevelFilm, robust: bool) -> Resolved {
             variance: vec![f32::INFINITY; pixels],
         };
     }
-    resolve(&LevelMeans::of(film), robust)
+    let levels = (0..film.levels())
+        .map(|k| BatchMeans::of(film, k))
+        .collect();
+    let shared = BatchMeans::of(film, film.levels());
+    resolve(levels, &shared, &film.guides(), settings)
 }
 
 /// Estimated relative error of a picture: of several levels that of the best of every pixel, else the noise of its film.
 pub fn relative_error(picture: &Picture) -> f64 {
     match &picture.levels {
-        Some(film) => resolve_film(film, false).relative_error(),
+        Some(film) => resolve_film(film, Resolve::default()).relative_error(),
         None => picture.film.relative_error(),
     }
 }
@@ -129,87 +259,144 @@ pub fn unseen_share(picture: &Picture) -> f64 {
 }
 
 /// Chooses the level of every pixel. There is at least one level, level 0 is unbiased, and all pictures have one size.
-pub fn resolve(levels: &[LevelMeans], robust: bool) -> Resolved {
+fn resolve(
+    levels: Vec<BatchMeans>,
+    shared: &BatchMeans,
+    guides: &[[f32; 4]],
+    settings: Resolve,
+) -> Resolved {
     let size = levels[0].mean.size();
-    let weights = weights(size, &levels[levels.len() - 1].mean);
-    let variance = variances(size, levels, &weights);
-    let bias2 = biases(size, levels, &weights, &variance);
-    let pixels = weights.len();
-    let level: Vec<u8> = (0..pixels)
+    let roughest = &levels[levels.len() - 1].mean;
+    let weights = [
+        weights(roughest, &tent(size, RADIUS, &roughest.pixels)),
+        weights(roughest, &darkest(size, &roughest.pixels)),
+    ];
+    let candidates = candidates(levels, shared, guides, settings.sigma);
+    let variance: Vec<Vec<f32>> = (candidates.iter())
+        .map(|c| variance(size, &c.means, &weights[0]))
+        .collect();
+    let bias2 = biases(size, &candidates, &weights, &variance);
+    let pixels = weights[0].len();
+    let chosen: Vec<u8> = (0..pixels)
         .into_par_iter()
         .map(|i| {
             let error = |k: usize| bias2[k][i] + variance[k][i];
-            // The least roughened of the best.
-            let best =
-                (1..levels.len()).fold(0, |best, k| if error(k) < error(best) { k } else { best });
+            // The first of the best: the least roughened, and sharp.
+            let best = (1..candidates.len())
+                .fold(0, |best, k| if error(k) < error(best) { k } else { best });
             best as u8
         })
         .collect();
-    let chosen = |of: &[Vec<f32>]| -> Vec<f32> {
+    let of_chosen = |of: &[Vec<f32>]| -> Vec<f32> {
         let one = |(i, &k): (usize, &u8)| of[usize::from(k)][i];
-        level.iter().enumerate().map(one).collect()
+        chosen.iter().enumerate().map(one).collect()
     };
+    let level = |&k: &u8| candidates[usize::from(k)].level as u8;
     Resolved {
-        picture: picture(size, levels, &level, robust),
-        bias2: chosen(&bias2),
-        variance: chosen(&variance),
-        level,
+        picture: picture(size, &candidates, &chosen, settings.robust),
+        bias2: of_chosen(&bias2),
+        variance: of_chosen(&variance),
+        level: chosen.iter().map(level).collect(),
     }
+}
+
+/// The levels, then all but level 0 blurred.
+fn candidates(
+    levels: Vec<BatchMeans>,
+    shared: &BatchMeans,
+    guides: &[[f32; 4]],
+    sigma: f32,
+) -> Vec<Candidate> {
+    let mut blurred = Vec::new();
+    if sigma > 0.0 {
+        let black = |i| levels.iter().all(|level| level.mean.pixels[i] == Rgb::ZERO);
+        let dark: Vec<bool> = (0..shared.mean.pixels.len()).map(black).collect();
+        let gaussian = Blur::new(shared.mean.size(), sigma, guides);
+        let blur = |(level, means): (usize, &BatchMeans)| Candidate {
+            level,
+            blurred: true,
+            means: means.blurred(shared, &gaussian, &dark),
+        };
+        blurred.extend(levels.iter().enumerate().skip(1).map(blur));
+    }
+    let sharp = |(level, means)| Candidate {
+        level,
+        blurred: false,
+        means,
+    };
+    let sharp = levels.into_iter().enumerate().map(sharp);
+    sharp.chain(blurred).collect()
 }
 
 /// Width and height.
 type Size = (usize, usize);
 
-/// w of every pixel and channel.
-fn weights(size: Size, roughest: &Buffer) -> Vec<Rgb> {
-    let sum: f64 = (roughest.pixels.iter())
+/// w of every pixel and channel for these brightnesses, where the mean of a picture counts as 0.3.
+fn weights(picture: &Buffer, brightness: &[Rgb]) -> Vec<Rgb> {
+    let sum: f64 = (picture.pixels.iter())
         .map(|p| f64::from(p.element_sum()))
         .sum();
-    let mean = sum / (3 * roughest.pixels.len()).max(1) as f64;
+    let mean = sum / (3 * picture.pixels.len()).max(1) as f64;
     let gain = if mean > 0.0 { (0.3 / mean) as f32 } else { 1.0 };
-    let smooth = tent(size, RADIUS, &roughest.pixels);
     let weight = |i: &Rgb| {
         let i = *i * gain;
         Rgb::splat(gain * gain) / (i * i + EPSILON)
     };
-    smooth.iter().map(weight).collect()
+    brightness.iter().map(weight).collect()
 }
 
-/// w V of every level.
-fn variances(size: Size, levels: &[LevelMeans], weights: &[Rgb]) -> Vec<Vec<f32>> {
-    levels
-        .iter()
-        .map(|level| {
-            let noise: Vec<Rgb> = (0..weights.len())
-                .into_par_iter()
-                .map(|i| variance_of_mean(level.batches.each_ref().map(|b| b.pixels[i])))
-                .collect();
-            weighted(&tent(size, RADIUS, &noise), weights)
-        })
-        .collect()
+/// The least of a pixel and its neighbours.
+fn darkest((width, height): Size, values: &[Rgb]) -> Vec<Rgb> {
+    let around = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+    let least = |i: usize| {
+        let rows = around(i / width, height);
+        let near = rows.flat_map(|y| around(i % width, width).map(move |x| values[y * width + x]));
+        near.fold(values[i], Rgb::min)
+    };
+    (0..values.len()).into_par_iter().map(least).collect()
 }
 
-/// b of every level.
+/// w V of a candidate.
+fn variance(size: Size, means: &BatchMeans, weights: &[Rgb]) -> Vec<f32> {
+    let noise: Vec<Rgb> = (0..weights.len())
+        .into_par_iter()
+        .map(|i| variance_of_mean(means.batches.each_ref().map(|b| b.pixels[i])))
+        .collect();
+    weighted(&tent(size, RADIUS, &noise), weights)
+}
+
+/// b of every candidate.
 fn biases(
     size: Size,
-    levels: &[LevelMeans],
-    weights: &[Rgb],
+    candidates: &[Candidate],
+    [weights, dark]: &[Vec<Rgb>; 2],
     variance: &[Vec<f32>],
 ) -> Vec<Vec<f32>> {
-    let mut all = vec![vec![0.0f32; weights.len()]; levels.len()];
-    for k in 1..levels.len() {
-        for j in 0..k {
+    let mut all = vec![vec![0.0f32; weights.len()]; candidates.len()];
+    for (all, one) in all.iter_mut().zip(candidates) {
+        for (anchor, noise) in candidates.iter().zip(variance) {
+            if !one.judged_by(anchor) {
+                continue;
+            }
             let square: Vec<Rgb> = (0..weights.len())
                 .into_par_iter()
                 .map(|i| {
-                    let d =
-                        |b: usize| levels[k].batches[b].pixels[i] - levels[j].batches[b].pixels[i];
-                    squared_difference(std::array::from_fn(d))
+                    let of = |c: &Candidate, b: usize| c.means.batches[b].pixels[i];
+                    let square =
+                        squared_difference(std::array::from_fn(|b| of(one, b) - of(anchor, b)));
+                    // Light that a blur takes across an edge is seen on the dark side.
+                    let each = if one.blurred { dark[i] } else { Rgb::ONE };
+                    square * each
                 })
                 .collect();
-            let bias = weighted(&tent(size, RADIUS, &square), weights);
-            for (i, b) in all[k].iter_mut().enumerate() {
-                *b = b.max(bias[i] - KAPPA * variance[j][i]);
+            let smooth = tent(size, RADIUS, &square);
+            let bias: Vec<f32> = if one.blurred {
+                smooth.iter().map(|v| v.element_sum() / 3.0).collect()
+            } else {
+                weighted(&smooth, weights)
+            };
+            for (i, b) in all.iter_mut().enumerate() {
+                *b = b.max(bias[i] - KAPPA * noise[i]);
             }
         }
     }
@@ -237,24 +424,25 @@ fn weighted(values: &[Rgb], weights: &[Rgb]) -> Vec<f32> {
     pairs.map(|(v, w)| v.dot(*w) / 3.0).collect()
 }
 
-/// The levels blended as they were chosen, with the energy that the choice lost.
-fn picture(size: Size, levels: &[LevelMeans], chosen: &[u8], robust: bool) -> Buffer {
-    let shares: Vec<Vec<Rgb>> = (0..levels.len())
+/// The candidates blended as they were chosen, with the energy that the choice lost.
+fn picture(size: Size, candidates: &[Candidate], chosen: &[u8], robust: bool) -> Buffer {
+    let shares: Vec<Vec<f32>> = (0..candidates.len())
         .map(|k| {
             let is = |&c: &u8| Rgb::splat(f32::from(u8::from(usize::from(c) == k)));
-            tent(size, 1, &chosen.iter().map(is).collect::<Vec<Rgb>>())
+            let share = tent(size, 1, &chosen.iter().map(is).collect::<Vec<Rgb>>());
+            share.iter().map(|share| share.x).collect()
         })
         .collect();
     let blend = |of: &(dyn Fn(usize, usize) -> Rgb + Sync)| -> Vec<Rgb> {
-        let pixel = |i: usize| (0..levels.len()).map(|k| shares[k][i] * of(k, i)).sum();
+        let pixel = |i: usize| (0..candidates.len()).map(|k| shares[k][i] * of(k, i)).sum();
         (0..chosen.len()).into_par_iter().map(pixel).collect()
     };
-    let mut picture = blend(&|k, i| levels[k].mean.pixels[i]);
+    let mut picture = blend(&|k, i| candidates[k].means.mean.pixels[i]);
     // In proportion to this light is given back: shadows stay dark, and a pixel that no level lights stays black.
     let mut shape = picture.clone();
     if robust {
         // Without fireflies.
-        shape = blend(&|k, i| median(levels[k].batches.each_ref().map(|b| b.pixels[i])));
+        shape = blend(&|k, i| median(candidates[k].means.batches.each_ref().map(|b| b.pixels[i])));
         let pairs = picture.iter_mut().zip(&shape);
         pairs.for_each(|(mean, median)| *mean = 0.5 * (*mean + *median));
     }
@@ -263,10 +451,11 @@ fn picture(size: Size, levels: &[LevelMeans], chosen: &[u8], robust: bool) -> Bu
         let difference: Vec<Rgb> = pairs.map(|(a, b)| *a - *b).collect();
         tent(size, ENERGY_RADIUS, &difference)
     };
-    let mu = lost(&levels[0].mean, &picture);
+    let plain = &candidates[0].means;
+    let mu = lost(&plain.mean, &picture);
     let batches: [Vec<Rgb>; BATCHES] = std::array::from_fn(|b| {
-        let part = blend(&|k, i| levels[k].batches[b].pixels[i]);
-        lost(&levels[0].batches[b], &part)
+        let part = blend(&|k, i| candidates[k].means.batches[b].pixels[i]);
+        lost(&plain.batches[b], &part)
     });
     let mean = |values: &[Rgb]| -> Rgb {
         let sum: DVec3 = values.iter().map(|v| v.as_dvec3()).sum();
@@ -358,6 +547,7 @@ fn boxed((width, height): Size, radius: usize, values: &[Rgb]) -> Vec<Rgb> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::level_film::PathLevels;
     use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
 
     fn stream(n: u32) -> IndependentStream {
@@ -369,19 +559,37 @@ mod tests {
         size: usize,
         of: impl Fn(usize, usize, usize) -> Rgb,
         count: usize,
-    ) -> Vec<LevelMeans> {
+    ) -> Vec<BatchMeans> {
         let picture =
             |f: &dyn Fn(usize) -> Rgb| Buffer::from_fn(size, size, |x, y| f(y * size + x));
         let level = |k: usize| {
             let batches = std::array::from_fn(|b| picture(&|i| of(k, b, i)));
             let all = |i: usize| (0..BATCHES).map(|b| of(k, b, i)).sum::<Rgb>() / BATCHES as f32;
-            LevelMeans {
+            BatchMeans {
                 mean: picture(&all),
                 batches,
             }
         };
         (0..count).map(level).collect()
     }
+
+    /// The choice among levels whose light is all roughened.
+    fn choose(levels: &[BatchMeans], settings: Resolve) -> Resolved {
+        let size = levels[0].mean.width;
+        let nothing = super::tests::levels(size, |_, _, _| Rgb::ZERO, 1);
+        let flat = vec![[0.0; 4]; size * size];
+        resolve(levels.to_vec(), &nothing[0], &flat, settings)
+    }
+
+    const SHARP: Resolve = Resolve {
+        robust: false,
+        sigma: 0.0,
+    };
+
+    const ROBUST: Resolve = Resolve {
+        robust: true,
+        sigma: 0.0,
+    };
 
     /// Noise of mean 0 and variance 1 that depends on its place only.
     fn noise(k: usize, b: usize, i: usize) -> f32 {
@@ -418,8 +626,8 @@ mod tests {
     fn noise_free_levels_resolve_to_level_0() {
         let ramp = |k: usize, _, i: usize| Rgb::splat(1.0 + i as f32 / 64.0 + k as f32 * 0.01);
         let levels = levels(8, ramp, 4);
-        for robust in [false, true] {
-            let resolved = resolve(&levels, robust);
+        for (robust, sigma) in [(false, 0.0), (true, 0.0), (false, 0.7), (true, 1.5)] {
+            let resolved = choose(&levels, Resolve { robust, sigma });
             assert!(resolved.level.iter().all(|&k| k == 0));
             assert_eq!(resolved.picture, levels[0].mean);
             assert_eq!(resolved.relative_error(), 0.0);
@@ -430,7 +638,7 @@ mod tests {
     fn white_noise_on_a_constant_resolves_to_the_roughest_level() {
         let value =
             |k: usize, b, i| Rgb::splat(1.0 + 0.2 * 0.25f32.powi(k as i32) * noise(k, b, i));
-        let resolved = resolve(&levels(32, value, 3), false);
+        let resolved = choose(&levels(32, value, 3), SHARP);
         let count =
             |resolved: &Resolved, level| resolved.level.iter().filter(|&&k| k == level).count();
         // The estimate of a bias is noisy itself: 88 % by these numbers.
@@ -438,7 +646,7 @@ mod tests {
         assert!(counts[2] > 800 && counts[0] < 80, "{counts:?}");
         // A level that adds light everywhere is not taken.
         let bright = |k: usize, b, i| value(k, b, i) + Rgb::splat(if k == 2 { 0.5 } else { 0.0 });
-        let resolved = resolve(&levels(32, bright, 3), false);
+        let resolved = choose(&levels(32, bright, 3), SHARP);
         let counts = [0, 1, 2].map(|k| count(&resolved, k));
         assert!(counts[2] == 0 && counts[1] > 850, "{counts:?}");
     }
@@ -447,7 +655,7 @@ mod tests {
     #[test]
     fn noisier_levels_are_not_chosen() {
         let value = |k: usize, b, i| Rgb::splat(1.0 + [0.05, 0.6, 0.3][k] * noise(k, b, i));
-        let resolved = resolve(&levels(32, value, 3), false);
+        let resolved = choose(&levels(32, value, 3), SHARP);
         let rough = resolved.level.iter().filter(|&&k| k > 0).count();
         assert!(rough < 20, "{rough}");
     }
@@ -460,7 +668,7 @@ mod tests {
             let bright = [1.0, 0.93][k] + [0.6, 0.05][k] * noise(k, b, i);
             Rgb::splat(bright * if shadow(i) { 0.01 } else { 1.0 })
         };
-        let resolved = resolve(&levels(48, value, 2), false);
+        let resolved = choose(&levels(48, value, 2), SHARP);
         let pixels = resolved.picture.pixels.iter().enumerate();
         let dark: Vec<f32> = pixels
             .filter(|(i, _)| shadow(*i))
@@ -482,7 +690,7 @@ mod tests {
             }
         };
         let all = levels(16, equal, 3);
-        let resolved = resolve(&all, false);
+        let resolved = choose(&all, SHARP);
         for (i, (p, q)) in resolved
             .picture
             .pixels
@@ -501,7 +709,7 @@ mod tests {
             }
         };
         let all = levels(48, darker, 2);
-        let resolved = resolve(&all, false);
+        let resolved = choose(&all, SHARP);
         assert!(resolved.level.iter().filter(|&&k| k == 1).count() > 2000);
         let mean = |b: &Buffer| b.pixels.iter().map(|p| p.x).sum::<f32>() / b.pixels.len() as f32;
         let (plain, rough) = (mean(&all[0].mean), mean(&all[1].mean));
@@ -509,6 +717,94 @@ mod tests {
         assert!(lost < 0.35 * (plain - rough), "{plain} {rough} {lost}");
         for (i, p) in resolved.picture.pixels.iter().enumerate() {
             assert_eq!(*p == Rgb::ZERO, black(i), "{i}");
+        }
+    }
+
+    /// Error of noise on a smooth picture falls by blur, that of a texture does not: neither the texture of the light that
+    /// all levels share nor a sharp edge of roughened light is blurred.
+    #[test]
+    fn blur_lowers_noise_and_keeps_texture_and_edges() {
+        let blur = Resolve {
+            sigma: 0.7,
+            ..SHARP
+        };
+        let size = 32;
+        let texture = |i: usize| {
+            if (i + i / size).is_multiple_of(2) {
+                2.0
+            } else {
+                0.2
+            }
+        };
+        let edge = |i: usize| if i % size < 16 { 1.0f32 } else { 0.1 };
+        let shared = levels(size, |_, _, i| Rgb::splat(texture(i)), 1);
+        let value = |spread: f32| {
+            move |k: usize, b, i| {
+                let noise = 1.0 + spread * [4.0, 1.0][k] * noise(k, b, i);
+                Rgb::splat(texture(i) + edge(i) * noise)
+            }
+        };
+        let error = |resolved: &Resolved| -> f32 {
+            let pixels = resolved.picture.pixels.iter().enumerate();
+            let square = |(i, p): (usize, &Rgb)| (p.x / (texture(i) + edge(i)) - 1.0).powi(2);
+            pixels.map(square).sum()
+        };
+        let flat = vec![[0.0; 4]; size * size];
+        for (spread, most) in [(0.2, 0.7), (0.002, 1.1)] {
+            let all = levels(size, value(spread), 2);
+            let sharp = error(&resolve(all.clone(), &shared[0], &flat, SHARP));
+            let blurred = error(&resolve(all, &shared[0], &flat, blur));
+            assert!(blurred < most * sharp, "{spread}: {blurred} {sharp}");
+        }
+    }
+
+    #[test]
+    fn gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black() {
+        for (w, h) in [(1, 1), (2, 9), (7, 5)] {
+            let ones = Blur::new((w, h), 0.7, &vec![[0.0; 4]; w * h]).apply(&vec![Rgb::ONE; w * h]);
+            assert!(
+                ones.iter()
+                    .all(|v| (*v - Rgb::ONE).abs().max_element() < 1e-6)
+            );
+        }
+        let one = |i: usize| if i == 60 { Rgb::ONE } else { Rgb::ZERO };
+        let spread = |guide: &dyn Fn(usize) -> [f32; 4]| {
+            let guides: Vec<[f32; 4]> = (0..121).map(guide).collect();
+            let point = (0..121).map(one).collect::<Vec<Rgb>>();
+            Blur::new((11, 11), 1.0, &guides).apply(&point)
+        };
+        let flat = spread(&|_| [0.0, 0.0, 1.0, 5.0]);
+        let (beside, far) = (flat[61].x / flat[60].x, flat[62].x / flat[60].x);
+        assert!((beside - (-0.5f32).exp()).abs() < 1e-6, "{beside}");
+        assert!((far - (-2.0f32).exp()).abs() < 1e-6, "{far}");
+        // A wall that meets the floor, and a surface far behind; a tilted plane has no edge.
+        let left = |i: usize| i % 11 <= 5;
+        let corner = spread(&|i| {
+            if left(i) {
+                [0.0, 0.0, 1.0, 5.0]
+            } else {
+                [0.0, 1.0, 0.0, 5.0]
+            }
+        });
+        let behind = spread(&|i| [0.0, 0.0, 1.0, if left(i) { 5.0 } else { 9.0 }]);
+        let tilted = spread(&|i| [0.0, 0.0, 1.0, 5.0 + 0.3 * (i % 11) as f32]);
+        for (edge, expected) in [(corner, 0.0..0.01), (behind, 0.0..0.1), (tilted, 0.7..1.4)] {
+            let ratio = edge[61].x / edge[59].x;
+            assert!(expected.contains(&ratio), "{ratio} {expected:?}");
+        }
+        let value = |k: usize, b, i: usize| {
+            let light = if i.is_multiple_of(7) { 0.0 } else { 1.0 };
+            Rgb::splat(light * (1.0 + 0.3 * noise(k, b, i)))
+        };
+        let resolved = choose(
+            &levels(16, value, 3),
+            Resolve {
+                sigma: 1.0,
+                ..SHARP
+            },
+        );
+        for (i, p) in resolved.picture.pixels.iter().enumerate() {
+            assert_eq!(*p == Rgb::ZERO, i.is_multiple_of(7), "{i}");
         }
     }
 
@@ -531,7 +827,7 @@ mod tests {
     fn robust_levels_lose_a_firefly() {
         let value = |_, b, i| Rgb::splat(if (b, i) == (2, 40) { 1000.0 } else { 1.0 });
         let all = levels(9, value, 2);
-        let (mean, robust) = (resolve(&all, false), resolve(&all, true));
+        let (mean, robust) = (choose(&all, SHARP), choose(&all, ROBUST));
         let least = |r: &Resolved| r.picture.pixels[40].x;
         assert!(
             least(&robust) < 0.6 * least(&mean),
@@ -543,18 +839,25 @@ mod tests {
 
     #[test]
     fn film_without_a_noise_estimate_shows_level_0() {
+        fn path(levels: &[Rgb]) -> PathLevels<'_> {
+            PathLevels {
+                levels,
+                shared: Rgb::ZERO,
+                guide: [0.0; 4],
+            }
+        }
         let size = crate::math::UVec2::new(2, 1);
         let mut film = LevelFilm::new(size, crate::image::film::Window::full(size), 2);
         for sample in 0..BATCHES as u32 {
-            let resolved = resolve_film(&film, false);
+            let resolved = resolve_film(&film, SHARP);
             assert_eq!(resolved.picture, film.mean(0));
             assert_eq!(resolved.relative_error(), f64::INFINITY);
             for index in 0..2 {
-                film.push(index, sample, &[Rgb::ONE, Rgb::splat(0.5)]);
+                film.push(index, sample, &path(&[Rgb::ONE, Rgb::splat(0.5)]));
             }
         }
-        assert_eq!(resolve_film(&film, false).relative_error(), 0.0);
-        film.push(0, 4, &[Rgb::ONE, Rgb::splat(f32::NAN)]);
+        assert_eq!(resolve_film(&film, SHARP).relative_error(), 0.0);
+        film.push(0, 4, &path(&[Rgb::ONE, Rgb::splat(f32::NAN)]));
         assert_eq!(film.mean(1).pixels[0], Rgb::splat(0.5));
     }
 }

@@ -18,7 +18,7 @@ fn noisy(rng: &mut Pcg32, mean: f64, noise: f64, tiles: usize) -> Tiles {
 #[test]
 fn pilot_view_covers_the_window_of_the_render() {
     let frame = UVec2::new(160, 90);
-    let pilot_of = |window| pilot_window(frame, window);
+    let pilot_of = |window| pilot_window(frame, window, PIXELS);
     let whole = Window::full(frame);
     let crop = Window {
         x: 94,

@@ -1,42 +1,16 @@
 //! Lobes around the Dirac bound, at extreme random numbers, at the horizon and at the critical angle.
 
+use super::bsdfs::{DISTRIBUTIONS, coat, glass, metal};
 use super::{Finding, Numbers, transport};
-use crate::bsdf::{
-    Bsdf, DELTA_ALPHA, Dielectric, Distribution, Glossy, Lobe, ThinDielectric, fresnel,
-};
+use crate::bsdf::{Bsdf, DELTA_ALPHA, Distribution, Lobe, ThinDielectric, fresnel};
 use crate::math::{Rgb, Vec3};
 
 const DRAWS: usize = 100_000;
 
-fn metal(alpha: f32, distribution: Distribution) -> Bsdf {
-    Bsdf::Glossy(Glossy {
-        f0: Rgb::ONE,
-        f90: 1.0,
-        albedo: Rgb::ZERO,
-        alpha,
-        distribution,
-    })
-}
-
-fn glass(eta: f32, alpha: f32, distribution: Distribution) -> Bsdf {
-    Bsdf::Dielectric(Dielectric {
-        eta,
-        tint: Rgb::ONE,
-        alpha,
-        distribution,
-    })
-}
-
 fn bsdfs(alpha: f32, distribution: Distribution) -> [Bsdf; 5] {
     [
         metal(alpha, distribution),
-        Bsdf::Glossy(Glossy {
-            f0: Rgb::splat(0.04),
-            f90: 1.0,
-            albedo: Rgb::splat(0.8),
-            alpha,
-            distribution,
-        }),
+        coat(Rgb::splat(0.8), alpha, distribution),
         glass(1.5, alpha, distribution),
         glass(3.0, alpha, distribution),
         Bsdf::Thin(ThinDielectric {
@@ -50,7 +24,7 @@ fn bsdfs(alpha: f32, distribution: Distribution) -> [Bsdf; 5] {
 }
 
 fn distribution(i: usize) -> Distribution {
-    [Distribution::Beckmann, Distribution::Ggx][i % 2]
+    DISTRIBUTIONS[i % 2]
 }
 
 /// Direction on either side of the surface.

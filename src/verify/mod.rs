@@ -5,9 +5,19 @@
 //! value met beside its bound. A check takes the function that it checks as an argument, so that tests can plant a
 //! faulty one and require that it is found. The cases are listed in `docs/numerics.md`.
 
+pub mod bsdfs;
+pub mod chi_square;
+pub mod density;
+pub mod images;
+#[cfg(feature = "train")]
+pub mod learning;
 pub mod lights;
 pub mod lobes;
+pub mod repeat;
 pub mod roughness;
+pub mod sampling;
+pub mod simple;
+pub mod soak;
 pub mod transport;
 pub mod weights;
 
@@ -39,9 +49,36 @@ impl Finding {
         }
     }
 
+    /// Check that an error ended.
+    fn failed(error: impl std::fmt::Display) -> Self {
+        Self::new(error.to_string(), 0.0, [f64::NAN])
+    }
+
     /// True if the bound holds; false if the largest value is NaN.
     pub fn holds(&self) -> bool {
         self.worst <= self.bound
+    }
+}
+
+/// Amount of work of a check.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Size {
+    /// A second, for tests of the program.
+    Tiny,
+    /// Tens of seconds for all checks together.
+    Small,
+    /// Minutes.
+    Thorough,
+}
+
+impl Size {
+    /// The value for this size.
+    pub fn of<T>(self, tiny: T, small: T, thorough: T) -> T {
+        match self {
+            Self::Tiny => tiny,
+            Self::Small => small,
+            Self::Thorough => thorough,
+        }
     }
 }
 
@@ -49,34 +86,43 @@ impl Finding {
 pub struct Case {
     /// Name, as `opsr verify` prints it.
     pub name: &'static str,
-    run: fn() -> Vec<Finding>,
+    run: fn(Size) -> Vec<Finding>,
 }
 
 impl Case {
     /// Runs the checks.
-    pub fn run(&self) -> Vec<Finding> {
-        (self.run)()
+    pub fn run(&self, size: Size) -> Vec<Finding> {
+        (self.run)(size)
     }
 }
 
-const fn case(name: &'static str, run: fn() -> Vec<Finding>) -> Case {
+const fn case(name: &'static str, run: fn(Size) -> Vec<Finding>) -> Case {
     Case { name, run }
 }
 
-/// All cases. They run for a few seconds.
-pub const CASES: [Case; 11] = [
-    case("path roughness", roughness::all),
-    case("Dirac bound", lobes::dirac),
-    case("lobe sampling", lobes::sampling),
-    case("interfaces", lobes::interfaces),
-    case("MIS weights", weights::balances),
-    case("running moments", weights::moments),
-    case("lights near and far", lights::all),
-    case("closed bodies", transport::leaks),
-    case("scale of the scene", transport::scales),
-    case("Russian roulette", transport::roulette),
-    case("empty scenes", transport::empty_scenes),
+/// Numerical cases. The sizes change the last three.
+pub const NUMERIC: [Case; 14] = [
+    case("path roughness", |_| roughness::all()),
+    case("Dirac bound", |_| lobes::dirac()),
+    case("lobe sampling", |_| lobes::sampling()),
+    case("interfaces", |_| lobes::interfaces()),
+    case("MIS weights", |_| weights::balances()),
+    case("running moments", |_| weights::moments()),
+    case("lights near and far", |_| lights::all()),
+    case("closed bodies", |_| transport::leaks()),
+    case("scale of the scene", |_| transport::scales()),
+    case("Russian roulette", |_| transport::roulette()),
+    case("empty scenes", |_| transport::empty_scenes()),
+    case("chi-square", sampling::chi_square),
+    case("white furnace", sampling::furnace),
+    case("invariants", sampling::invariants),
 ];
+
+/// Threads of a check's own.
+fn pool(threads: usize) -> rayon::ThreadPool {
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    builder.build().expect("threads")
+}
 
 /// Random numbers from the renderer's generator.
 struct Numbers(IndependentStream);
@@ -94,6 +140,15 @@ impl Numbers {
     /// Uniform integer in 0..count.
     fn below(&mut self, count: usize) -> usize {
         ((self.next() * count as f32) as usize).min(count - 1)
+    }
+
+    /// Ascending integers in 1..end, all different, at most `count`.
+    fn places(&mut self, end: u32, count: usize) -> Vec<u32> {
+        let mut all: Vec<u32> = (1..end).collect();
+        while all.len() > count {
+            all.remove(self.below(all.len()));
+        }
+        all
     }
 
     /// Number from `low` to `high`, uniform in the logarithm.

@@ -6,6 +6,7 @@ use crate::gallery::materials::{GOLD, coated, diffuse, emitter, glass, metal};
 use crate::gallery::shapes::{quad, room, sphere};
 use crate::gallery::{caustic_box, furnace_sphere};
 use crate::image::Film;
+use crate::integrator::bidirectional::Radius;
 use crate::integrator::{Estimator, Picture, Settings, View};
 use crate::math::{Rgb, UVec2, Vec3};
 use crate::regularise::Rule;
@@ -20,6 +21,21 @@ fn regularised() -> Settings {
         rule: Rule::constant(0.3),
         ..Settings::default()
     }
+}
+
+/// Settings of the estimators that walk paths from the lights too.
+fn from_both_ends() -> [Settings; 5] {
+    [
+        Estimator::Light,
+        Estimator::Bdpt,
+        Estimator::Vcm(Radius::default()),
+        Estimator::Sppm(Radius::default()),
+        Estimator::Mlt { mutations: 1 },
+    ]
+    .map(|estimator| Settings {
+        estimator,
+        ..Settings::default()
+    })
 }
 
 fn render(parts: SceneParts, settings: &Settings, size: u32, spp: u32) -> Film {
@@ -169,11 +185,14 @@ pub fn leak(open: bool) -> Finding {
         estimator: Estimator::Path { reuse: true },
         ..regularised()
     };
-    let films = [plain(), regularised(), reuse].map(|s| render(dark(open), &s, 24, 16));
+    let settings = [plain(), regularised(), reuse].into_iter();
+    let films = settings
+        .chain(from_both_ends())
+        .map(|s| render(dark(open), &s, 24, 16));
     Finding::new(
         "light inside a closed sphere, random shading normals",
         0.0,
-        films.iter().map(brightest),
+        films.map(|film| brightest(&film)),
     )
 }
 
@@ -203,7 +222,10 @@ fn lamp(closed: bool) -> SceneParts {
 /// Largest value of a picture whose only light is covered by a sheet that almost touches it.
 pub fn covered(closed: bool) -> Finding {
     let films = [1e-3, 1.0, 37.0, 1e6].into_iter().flat_map(|scale| {
-        [plain(), regularised()].map(|s| render(scaled(lamp(closed), scale), &s, 12, 16))
+        let settings = [plain(), regularised()].into_iter();
+        settings
+            .chain(from_both_ends())
+            .map(move |s| render(scaled(lamp(closed), scale), &s, 12, 16))
     });
     Finding::new(
         "light through a sheet 4e-5 before the lamp",
@@ -224,13 +246,17 @@ fn scaled(mut parts: SceneParts, scale: f32) -> SceneParts {
 }
 
 pub(super) fn scales() -> Vec<Finding> {
-    let picture = |scale| render(scaled(caustic_box(), scale), &regularised(), 24, 16);
-    let one = picture(1.0);
-    let same = |other: Film| {
-        let apart = |i: usize| one.pixels[i].mean - other.pixels[i].mean;
-        largest(&other, |i| apart(i).abs().max_element())
+    let apart = |settings: &Settings| {
+        let picture = |scale| render(scaled(caustic_box(), scale), settings, 24, 16);
+        let one = picture(1.0);
+        let same = |other: Film| {
+            let apart = |i: usize| one.pixels[i].mean - other.pixels[i].mean;
+            largest(&other, |i| apart(i).abs().max_element())
+        };
+        [-10, 20].map(|e| same(picture(2f32.powi(e))))
     };
-    let powers = [-10, 20].map(|e| same(picture(2f32.powi(e))));
+    let settings = std::iter::once(regularised()).chain(from_both_ends());
+    let powers: Vec<f64> = settings.flat_map(|s| apart(&s)).collect();
     let balls = balls(0.01, Distribution::Beckmann);
     let mean = |scale| {
         mean(&render(
@@ -257,10 +283,10 @@ pub(super) fn roulette() -> Vec<Finding> {
         roulette_start: 1,
         ..Settings::default()
     };
-    let furnace = |albedo: f32, radiance: f32| {
+    let furnace = |settings: &Settings, spp: u32, albedo: f32, radiance: f32| {
         let mut parts = furnace_sphere(albedo);
         parts.materials[0].emission *= radiance;
-        let (mean, error) = mean(&render(parts, &settings, 12, 256));
+        let (mean, error) = mean(&render(parts, settings, 12, spp));
         let radiance = f64::from(radiance);
         (mean / radiance - 1.0, error / radiance)
     };
@@ -272,11 +298,22 @@ pub(super) fn roulette() -> Vec<Finding> {
         (0.5, 1e-30),
     ];
     let noisy = noisy.map(|(albedo, radiance)| {
-        let (off, error) = furnace(albedo, radiance);
+        let (off, error) = furnace(&settings, 256, albedo, radiance);
         off.abs() / error
     });
+    // Two walks with roulette of their own.
+    let both = Settings {
+        estimator: Estimator::Bdpt,
+        ..settings.clone()
+    };
+    let from_both_ends = [(0.1, 1.0), (0.5, 1.0), (0.5, 1e30), (0.5, 1e-30)];
+    let from_both_ends = from_both_ends.map(|(albedo, radiance)| {
+        let (off, error) = furnace(&both, 64, albedo, radiance);
+        off.abs() / error
+    });
+    let noisy = noisy.into_iter().chain(from_both_ends);
     // Paths with throughput 0 or 1e-30 stop at once.
-    let dark = [0.0, 1e-30].map(|albedo| furnace(albedo, 1.0).0.abs());
+    let dark = [0.0, 1e-30].map(|albedo| furnace(&settings, 256, albedo, 1.0).0.abs());
     vec![
         Finding::new("furnace with roulette: standard errors from 1", 4.5, noisy),
         Finding::new("furnace with black walls: mean − 1", 1e-6, dark),
@@ -304,8 +341,12 @@ pub(super) fn empty_scenes() -> Vec<Finding> {
     let mut black = empty();
     black.environment = Some(Environment::constant(Rgb::ZERO));
     black.add(glass("ball", 1.5, 0.0), [sphere(Vec3::ZERO, 1.0, 2)]);
-    let values = [empty(), unlit, broken, black]
-        .map(|parts| brightest(&render(parts, &regularised(), 8, 4)));
+    let settings = std::iter::once(regularised()).chain(from_both_ends());
+    let scenes = [empty(), unlit, broken, black];
+    let values = settings.flat_map(|s| {
+        let scenes = scenes.iter().cloned();
+        scenes.map(move |parts| brightest(&render(parts, &s, 8, 4)))
+    });
     vec![Finding::new(
         "light of empty, unlit and broken scenes",
         0.0,

@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
-"""Two boxes in opsr and in Mitsuba 3: do the pictures agree, and how many camera paths does a CPU-second buy?
+"""Two boxes in opsr and in Mitsuba 3: do the pictures agree, and how many camera paths does a CPU-second buy? The same of
+the integrator of `opsr.mitsuba` at the table beta-0.001, and its error beside that of Mitsuba's `path` in equal time.
 
     pip install mitsuba numpy
+    pip install ./python
     cargo build --release
     python3 tests/bench/against_mitsuba.py target/release/opsr
 
@@ -167,12 +169,12 @@ def mitsuba_scene(folder, parts):
     return mi.load_dict(scene)
 
 
-def opsr_render(program, gltf, spp, seed):
+def opsr_render(program, gltf, spp, seed, *options):
     """Picture, and CPU seconds of the process."""
     out = os.path.join(os.path.dirname(gltf), "opsr.exr")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run([program, "render", gltf, "--spp", str(spp), "--size", f"{SIZE}x{SIZE}", "--max-depth",
-                    str(VERTICES), "--seed", str(seed), "-o", out], check=True)
+                    str(VERTICES), "--seed", str(seed), "--progress", "none", "-o", out, *options], check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     picture = mi.Bitmap(out)
@@ -181,9 +183,9 @@ def opsr_render(program, gltf, spp, seed):
     return pixels, seconds
 
 
-def mitsuba_render(scene, spp, seed):
+def mitsuba_render(scene, spp, seed, integrator=None):
     start = time.process_time()
-    pixels = np.array(mi.render(scene, spp=spp, seed=seed))[..., :3]
+    pixels = np.array(mi.render(scene, spp=spp, seed=seed, integrator=integrator))[..., :3]
     return pixels, time.process_time() - start
 
 
@@ -191,38 +193,77 @@ def tiles(picture):
     return picture.mean(-1).reshape(SIZE // 8, 8, SIZE // 8, 8).mean((1, 3))
 
 
-def compare(program, name, parts, spp, turns):
+def compare(name, a_name, a_render, b_name, b_render, spp, turns):
     """Prints what was found; whether the pictures agree."""
-    with tempfile.TemporaryDirectory() as folder:
-        gltf, scene = write_gltf(folder, parts), mitsuba_scene(folder, parts)
-        mitsuba_render(scene, spp, 1000)  # Compiles its kernels.
-        ours, theirs, seconds = [], [], [0.0, 0.0]
-        for turn in range(turns):
-            a, s = opsr_render(program, gltf, spp, turn)
-            seconds[0] += s
-            b, t = mitsuba_render(scene, spp, turn)
-            seconds[1] += t
-            ours.append(tiles(a))
-            theirs.append(tiles(b))
+    b_render(spp, 1000)  # Compiles Mitsuba's kernels.
+    ours, theirs, seconds = [], [], [0.0, 0.0]
+    for turn in range(turns):
+        a, s = a_render(spp, turn)
+        seconds[0] += s
+        b, t = b_render(spp, turn)
+        seconds[1] += t
+        ours.append(tiles(a))
+        theirs.append(tiles(b))
     ours, theirs = np.array(ours), np.array(theirs)
     error = lambda x: np.sqrt(x.var(0, ddof=1) / turns)
     z = (ours.mean(0) - theirs.mean(0)) / np.maximum(np.hypot(error(ours), error(theirs)), 1e-9)
     a, b = ours.mean((1, 2)), theirs.mean((1, 2))
     mean_z = (a.mean() - b.mean()) / math.hypot(a.std(ddof=1), b.std(ddof=1)) * math.sqrt(turns)
-    print(f"{name}: mean radiance: opsr {a.mean():.5f}, Mitsuba {b.mean():.5f}, ratio {a.mean() / b.mean():.5f}, z {mean_z:.2f}")
+    print(f"{name}: mean radiance: {a_name} {a.mean():.5f}, {b_name} {b.mean():.5f}, ratio {a.mean() / b.mean():.5f}, z {mean_z:.2f}")
     # Student's t with about 10 degrees of freedom has a variance of 1.25.
     print(f"  tiles of 8x8: mean square of z {np.mean(z**2):.2f} (1.25 expected), largest |z| {np.abs(z).max():.1f}")
     paths = turns * spp * SIZE * SIZE / 1e6
-    print(f"  opsr {paths / seconds[0]:.3f}, Mitsuba {paths / seconds[1]:.3f} million camera paths per CPU-second: "
+    print(f"  {a_name} {paths / seconds[0]:.3f}, {b_name} {paths / seconds[1]:.3f} million camera paths per CPU-second: "
           f"ratio {seconds[1] / seconds[0]:.2f}")
     return abs(mean_z) < 4 and np.mean(z**2) < 2
+
+
+def gain(name, scene, table, plain, spp, turns):
+    """Prints the error of the integrator of `opsr.mitsuba` beside that of `path` in equal time."""
+    reference = mitsuba_render(scene, 64 * spp, 5000, plain)[0]
+    error = lambda picture: float(np.mean((picture - reference) ** 2 / (reference**2 + 0.01)))
+    absolute = lambda picture: float(np.mean(np.abs(picture - reference) / (reference + 0.01)))
+    costs, errors, mapes = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
+    for turn in range(turns):
+        for k, integrator in enumerate((plain, table)):
+            costs[k] += mitsuba_render(scene, spp, turn, integrator)[1]
+    cost = costs[1] / costs[0]
+    longer = max(1, round(spp * cost))
+    mitsuba_render(scene, longer, 1000, plain)
+    for turn in range(turns):
+        for k, (integrator, samples) in enumerate(((plain, longer), (table, spp))):
+            picture = mitsuba_render(scene, samples, 2000 + turn, integrator)[0]
+            errors[k] += error(picture)
+            mapes[k] += absolute(picture)
+    print(f"{name}: {cost:.2f} of the time of `path`; at {spp} samples and the {longer} of `path` in that time: "
+          f"relMSE {errors[1] / errors[0]:.2f}, MAPE {mapes[1] / mapes[0]:.2f} of it")
 
 
 def main():
     program = sys.argv[1] if len(sys.argv) > 1 else "target/release/opsr"
     spp = int(os.environ.get("SPP", 256))
     mi.set_variant("llvm_ad_rgb")
-    agree = [compare(program, name, parts, spp, turns=6) for name, parts in SCENES.items()]
+    try:
+        import opsr.mitsuba
+    except ImportError:
+        print("without the integrator of opsr: pip install ./python")
+        table = None
+    else:
+        opsr.mitsuba.register()
+        bounds = {"max_depth": VERTICES + 1, "rr_depth": 5}
+        table = mi.load_dict({"type": "opsr", "table": "beta-0.001", **bounds})
+        plain = mi.load_dict({"type": "path", **bounds})
+    agree = []
+    for name, parts in SCENES.items():
+        with tempfile.TemporaryDirectory() as folder:
+            gltf, scene = write_gltf(folder, parts), mitsuba_scene(folder, parts)
+            ours = lambda *options: lambda spp, seed: opsr_render(program, gltf, spp, seed, *options)
+            theirs = lambda integrator: lambda spp, seed: mitsuba_render(scene, spp, seed, integrator)
+            agree.append(compare(name, "opsr", ours(), "Mitsuba", theirs(None), spp, 6))
+            if table is not None:
+                at = ours("--opsr-table", "beta-0.001", "--levels", "1")
+                agree.append(compare(name + ", table", "opsr", at, "opsr.mitsuba", theirs(table), spp, 6))
+                gain(name, scene, table, plain, spp // 4, 6)
     return 0 if all(agree) else 1
 
 

@@ -1,6 +1,6 @@
 //! Textures, normal maps, opacity and lights without area, against closed forms and plain geometry.
 
-use super::support::chi2;
+use super::support::assert_likely;
 use super::support::render::{film, mean, scene};
 use glam::{Affine2, Vec2 as Uv};
 use opsr::bsdf::Bsdf;
@@ -13,6 +13,7 @@ use opsr::scene::texture::Wrap;
 use opsr::scene::{
     Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts, Texture,
 };
+use opsr::verify::chi_square;
 use std::f32::consts::PI;
 
 /// A picture of these texels side by side.
@@ -354,7 +355,7 @@ fn light_sampling(parts: SceneParts) -> f64 {
         let (phi, theta) = (x * steps[0], y * steps[1]);
         let (across, down) = ([phi, phi + steps[0]], [theta, theta + steps[1]]);
         let count = f64::from(COUNT);
-        expected.push(count * chi2::integrate(&density, across, down, 0.2 / count));
+        expected.push(count * chi_square::integrate(&density, across, down, 0.2 / count));
     }
     let mut rng = crate::geometry::rng(5);
     let mut observed = vec![0; expected.len()];
@@ -378,7 +379,7 @@ fn light_sampling(parts: SceneParts) -> f64 {
         (total / f64::from(COUNT) - 1.0).abs() < 2e-3,
         "densities sum to {total} of {COUNT}"
     );
-    chi2::p_value(&observed, &expected)
+    chi_square::p_value(&observed, &expected)
 }
 
 #[test]
@@ -399,7 +400,7 @@ fn chi_square_light_sampling_of_environment_and_area_lights() {
     };
     let all = [("environment", sky), ("area lights", lamps)];
     let p_values = all.map(|(name, parts)| (light_sampling(parts), name.to_owned()));
-    chi2::assert_likely(&p_values);
+    assert_likely(&p_values);
 }
 
 #[test]

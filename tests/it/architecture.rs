@@ -11,7 +11,10 @@ const ROOMS: &[&str] = &[
 
 /// Rooms inside a room, in the same order.
 const INNER: &[(&str, &[&str])] = &[
-    ("integrator", &["walk", "path", "levels", "bidirectional"]),
+    (
+        "integrator",
+        &["walk", "path", "levels", "bidirectional", "metropolis"],
+    ),
     ("train", &["record", "evaluate", "learn", "study"]),
 ];
 

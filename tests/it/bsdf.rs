@@ -1,101 +1,36 @@
 //! BSDFs: sampling against density, weights against values, reciprocity.
 
 use crate::geometry::rng;
-use crate::support::chi2::assert_likely;
-use crate::support::slopes::DensityTest;
-use opsr::bsdf::{
-    Bsdf, BsdfSample, DELTA_ALPHA, Dielectric, Diffuse, Distribution, Glossy, Lobe, ThinDielectric,
-};
+use crate::support::{assert_likely, holds};
+use opsr::bsdf::{Bsdf, BsdfSample, DELTA_ALPHA, Diffuse, Distribution, Glossy, Lobe};
 use opsr::math::{DVec3, Rgb, Vec3};
+use opsr::verify::bsdfs::{DISTRIBUTIONS, at, extremes, kinds, metal};
+use opsr::verify::density::DensityTest;
+use opsr::verify::{Size, sampling};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 use std::f64::consts::{PI, TAU};
 
-pub(crate) const DISTRIBUTIONS: [Distribution; 2] = [Distribution::Beckmann, Distribution::Ggx];
 const ALPHAS: [f32; 6] = [0.0, 1e-3, 0.01, 0.1, 0.3, 1.0];
 const ANGLES: [f32; 5] = [0.0, 30.0, 60.0, 80.0, 88.0];
-
-/// Direction at `degrees` from the normal, off both tangents.
-pub(crate) fn at(degrees: f32) -> Vec3 {
-    let (sin, cos) = degrees.to_radians().sin_cos();
-    let (y, x) = 0.7f32.sin_cos();
-    Vec3::new(sin * x, sin * y, cos)
-}
 
 pub(crate) fn numbers(rng: &mut Pcg32) -> [f32; 3] {
     std::array::from_fn(|_| rng.random())
 }
 
-pub(crate) fn metal(alpha: f32, distribution: Distribution) -> Bsdf {
-    Bsdf::Glossy(Glossy {
-        f0: Rgb::ONE,
-        f90: 1.0,
-        albedo: Rgb::ZERO,
-        alpha,
-        distribution,
-    })
-}
-
-pub(crate) fn plastic(alpha: f32, distribution: Distribution) -> Bsdf {
-    Bsdf::Glossy(Glossy {
-        f0: Rgb::splat(0.04),
-        f90: 1.0,
-        albedo: Rgb::new(0.8, 0.5, 0.2),
-        alpha,
-        distribution,
-    })
-}
-
-pub(crate) fn glass(eta: f32, alpha: f32, distribution: Distribution) -> Bsdf {
-    Bsdf::Dielectric(Dielectric {
-        eta,
-        tint: Rgb::ONE,
-        alpha,
-        distribution,
-    })
-}
-
-pub(crate) fn pane(alpha: f32, distribution: Distribution) -> Bsdf {
-    Bsdf::Thin(ThinDielectric {
-        f0: Rgb::new(0.04, 0.2, 0.5),
-        f90: 1.0,
-        tint: Rgb::new(1.0, 0.9, 0.8),
-        alpha,
-        distribution,
-    })
-}
-
-/// A BSDF of every kind at one roughness, with a name.
-fn bsdfs(alpha: f32, d: Distribution) -> [(&'static str, Bsdf); 5] {
-    [
-        ("metal", metal(alpha, d)),
-        ("plastic", plastic(alpha, d)),
-        ("glass", glass(1.5, alpha, d)),
-        ("pane", pane(alpha, d)),
-        ("diffuse", Bsdf::Diffuse(Diffuse { albedo: Rgb::ONE })),
-    ]
+#[test]
+fn chi_square_of_sample_against_pdf() {
+    holds(sampling::chi_square(Size::Small));
 }
 
 #[test]
-fn chi_square_of_sample_against_pdf() {
-    let mut rng = rng(100);
-    let mut p_values = Vec::new();
-    for distribution in DISTRIBUTIONS {
-        for &alpha in &ALPHAS[1..] {
-            for degrees in ANGLES {
-                for (name, bsdf) in bsdfs(alpha, distribution) {
-                    for side in [1.0, -1.0] {
-                        let wo = at(degrees) * side;
-                        let test = DensityTest { bsdf, alpha, wo };
-                        let p = test.p_value(20_000, &mut rng);
-                        let case = format!("{name} {distribution:?} {alpha} {degrees} {side}");
-                        p_values.push((p, case));
-                    }
-                }
-            }
-        }
-    }
-    assert_likely(&p_values);
+fn white_furnace_of_draws_and_values() {
+    holds(sampling::furnace(Size::Small));
+}
+
+#[test]
+fn reciprocity_and_other_invariants() {
+    holds(sampling::invariants(Size::Small));
 }
 
 /// A walk from the light arrives along a direction that a walk from the camera would have sampled.
@@ -105,7 +40,7 @@ fn chi_square_of_the_reverse_draw() {
     let mut p_values = Vec::new();
     for distribution in DISTRIBUTIONS {
         for &alpha in &ALPHAS[1..] {
-            for (name, bsdf) in bsdfs(alpha, distribution) {
+            for (name, bsdf) in kinds(alpha, distribution) {
                 for side in [1.0, -1.0] {
                     for lobe in [Lobe::Diffuse, Lobe::Reflection, Lobe::Transmission] {
                         let wo = at(50.0) * side;
@@ -120,7 +55,7 @@ fn chi_square_of_the_reverse_draw() {
                             alpha,
                             wo: wi,
                         };
-                        let p = test.p_value(20_000, &mut rng);
+                        let p = test.p_value(20_000, || numbers(&mut rng));
                         let case = format!("{name} {distribution:?} {alpha} {side} {lobe:?}");
                         p_values.push((p, case));
                     }
@@ -136,7 +71,7 @@ fn chi_square_rejects_a_wrong_density() {
     let mut rng = rng(110);
     for distribution in DISTRIBUTIONS {
         for alpha in [1e-3, 0.1, 1.0] {
-            for (name, bsdf) in &bsdfs(alpha, distribution)[..4] {
+            for (name, bsdf) in &kinds(alpha, distribution)[..4] {
                 for side in [1.0, -1.0] {
                     let (bsdf, wo) = (*bsdf, at(45.0) * side);
                     let test = DensityTest { bsdf, alpha, wo };
@@ -172,7 +107,7 @@ fn pdf_integrates_to_at_most_one() {
     for distribution in DISTRIBUTIONS {
         // Sharper lobes need the grid of the chi-square test, which checks their integral too.
         for alpha in [0.0, 0.1, 0.3, 1.0] {
-            for (name, bsdf) in bsdfs(alpha, distribution) {
+            for (name, bsdf) in kinds(alpha, distribution) {
                 for (degrees, side) in [(0.0, 1.0), (45.0, -1.0), (60.0, 1.0), (85.0, -1.0)] {
                     let from = at(degrees) * side;
                     let mut integral = 0.0;
@@ -193,7 +128,8 @@ fn pdf_integrates_to_at_most_one() {
                     // Few of these samples fail below the horizon.
                     let nearly_all = alpha == 0.1 && degrees == 0.0 || name == "diffuse";
                     assert!(!nearly_all || integral > 0.99, "{}", say());
-                    let all_delta = alpha == 0.0 && !matches!(name, "plastic" | "diffuse");
+                    let base = name.starts_with("plastic") || name == "diffuse";
+                    let all_delta = alpha == 0.0 && !base;
                     assert!(!all_delta || integral == 0.0, "{}", say());
                 }
             }
@@ -206,7 +142,7 @@ fn pdf_of_a_sample_is_its_density_both_ways() {
     let mut rng = rng(115);
     for distribution in DISTRIBUTIONS {
         for alpha in ALPHAS {
-            for (i, bsdf) in zoo(alpha, distribution).into_iter().enumerate() {
+            for (i, bsdf) in extremes(alpha, distribution).into_iter().enumerate() {
                 for k in 0..400 {
                     let wo = at(ANGLES[k % 5]) * if k % 2 == 0 { 1.0 } else { -1.0 };
                     let Some(s) = bsdf.sample(alpha, wo, numbers(&mut rng)) else {
@@ -237,6 +173,31 @@ fn pdf_of_a_sample_is_its_density_both_ways() {
     }
 }
 
+#[test]
+fn sample_is_direction_and_completion_with_the_value_of_eval() {
+    let mut rng = rng(116);
+    for distribution in DISTRIBUTIONS {
+        for alpha in ALPHAS {
+            for (name, bsdf) in kinds(alpha, distribution) {
+                for k in 0..200 {
+                    let wo = at(ANGLES[k % 5]) * if k % 2 == 0 { 1.0 } else { -1.0 };
+                    let u = numbers(&mut rng);
+                    let sample = bsdf.sample(alpha, wo, u);
+                    let drawn = bsdf.direction(alpha, wo, u);
+                    let again = drawn.and_then(|(wi, lobe)| bsdf.complete(alpha, wo, wi, lobe));
+                    assert_eq!(format!("{sample:?}"), format!("{again:?}"), "{name}");
+                    let Some(s) = sample.filter(|s| !s.delta) else {
+                        continue;
+                    };
+                    let value = bsdf.eval(alpha, wo, s.wi).value;
+                    let far = (s.value - value).abs().max_element();
+                    assert!(far <= 1e-5 * value.max_element(), "{name} {value}: {s:?}");
+                }
+            }
+        }
+    }
+}
+
 /// Relative difference allowed to values of one lobe for swapped directions: half vectors differ in the last bits, which
 /// a sharp lobe magnifies by 1/α.
 fn reciprocity_tolerance(alpha: f32) -> f32 {
@@ -250,7 +211,7 @@ fn reciprocity_of_eval() {
     let mut compared = [0, 0];
     for distribution in DISTRIBUTIONS {
         for &alpha in &ALPHAS[1..] {
-            for (name, bsdf) in bsdfs(alpha, distribution) {
+            for (name, bsdf) in kinds(alpha, distribution) {
                 for k in 0..2000 {
                     let wo = at(ANGLES[k % 4]) * if k % 2 == 0 { 1.0 } else { -1.0 };
                     let sample = bsdf.sample(alpha, wo, numbers(&mut rng));
@@ -285,7 +246,7 @@ fn adjoint_weight_of_the_reverse_draw() {
     let mut rng = rng(117);
     for distribution in DISTRIBUTIONS {
         for alpha in ALPHAS {
-            for (name, bsdf) in bsdfs(alpha, distribution) {
+            for (name, bsdf) in kinds(alpha, distribution) {
                 for k in 0..500 {
                     let wi = at(ANGLES[k % 4]) * if k % 2 == 0 { 1.0 } else { -1.0 };
                     let Some(s) = bsdf.sample(alpha, wi, numbers(&mut rng)) else {
@@ -332,141 +293,8 @@ fn adjoint_weight_of_the_reverse_draw() {
     }
 }
 
-/// BSDFs with all that a scene may contain: perfect, matched, weak and strong interfaces.
-fn zoo(alpha: f32, distribution: Distribution) -> Vec<Bsdf> {
-    let mut all = vec![
-        metal(alpha, distribution),
-        plastic(alpha, distribution),
-        pane(alpha, distribution),
-        Bsdf::Diffuse(Diffuse { albedo: Rgb::ONE }),
-        Bsdf::Glossy(Glossy {
-            f0: Rgb::ZERO,
-            f90: 1.0,
-            albedo: Rgb::ONE,
-            alpha,
-            distribution,
-        }),
-        Bsdf::Thin(ThinDielectric {
-            f0: Rgb::ONE,
-            f90: 1.0,
-            tint: Rgb::ONE,
-            alpha,
-            distribution,
-        }),
-    ];
-    all.extend(
-        [1.0, 1.0001, 1.001, 1.33, 1.5, 3.0, 0.7].map(|eta| glass(eta, alpha, distribution)),
-    );
-    all
-}
-
-/// Uniform numbers, often at the ends of their range.
-fn numbers_and_ends(rng: &mut Pcg32) -> [f32; 3] {
-    std::array::from_fn(|_| match rng.random_range(0..40) {
-        0 => 0.0,
-        1 => 1.0 - f32::EPSILON / 2.0,
-        2 => f32::EPSILON / 2.0,
-        _ => rng.random(),
-    })
-}
-
-/// Roughness in [0, 1], and a direction up to 89.999 degrees from the normal, on either side.
-fn hard_view(rng: &mut Pcg32) -> (f32, Vec3) {
-    let alpha = match rng.random_range(0..8) {
-        0 => 0.0,
-        1 => 1.0,
-        2 => 1e-3,
-        3 => 9.9e-4,
-        _ => 1e-3f32.powf(rng.random()),
-    };
-    // Half of them uniform in the angle, half logarithmic in the distance to the horizon.
-    let degrees = if rng.random() {
-        90.0 * rng.random::<f32>()
-    } else {
-        90.0 - 1e-3f32.powf(rng.random())
-    };
-    let wo = at(degrees.min(89.999));
-    (alpha, if rng.random() { wo } else { -wo })
-}
-
 fn close(a: f32, b: f32) -> bool {
     (a - b).abs() <= 1e-3 * a.abs().max(b.abs()) || (a - b).abs() < 1e-30
-}
-
-#[test]
-fn sample_weight_and_pdf_match_eval() {
-    let mut rng = rng(120);
-    let mut drawn = 0;
-    for i in 0..30_000 {
-        let (alpha, wo) = hard_view(&mut rng);
-        for bsdf in zoo(alpha, DISTRIBUTIONS[i % 2]) {
-            let u = numbers_and_ends(&mut rng);
-            let Some(s) = bsdf.sample(alpha, wo, u) else {
-                continue;
-            };
-            drawn += 1;
-            let say = || format!("{bsdf:?} at {alpha} from {wo:?} by {u:?}: {s:?}");
-            assert!((s.wi.length() - 1.0).abs() < 1e-5, "{}", say());
-            assert!(s.weight.is_finite(), "{}", say());
-            // A lobe is selected with probability 1/20 at least.
-            let least = s.weight.min_element() >= 0.0;
-            assert!(least && s.weight.max_element() <= 20.0, "{}", say());
-            let through = wo.z * s.wi.z < 0.0;
-            assert_eq!(through, s.lobe == Lobe::Transmission, "{}", say());
-            let direction = bsdf.direction(alpha, wo, u);
-            assert_eq!(direction, Some((s.wi, s.lobe)), "{}", say());
-            if s.delta {
-                assert!(s.pdf_w == 0.0, "{}", say());
-                assert!(alpha < DELTA_ALPHA || bsdf.is_delta_at(1.0), "{}", say());
-                continue;
-            }
-            let again = bsdf.eval(alpha, wo, s.wi);
-            assert!(again.pdf_w > 0.0 && again.pdf_w.is_finite(), "{}", say());
-            assert!(close(again.pdf_w, s.pdf_w), "{} {again:?}", say());
-            for c in 0..3 {
-                let value = again.value[c] / again.pdf_w;
-                assert!(close(value, s.weight[c]), "{} {again:?}", say());
-            }
-        }
-    }
-    // A few per cent of the samples fail below the horizon.
-    assert!(drawn > 300_000, "{drawn}");
-}
-
-#[test]
-fn eval_is_finite_and_not_negative_everywhere() {
-    let mut rng = rng(130);
-    for i in 0..40_000 {
-        let (alpha, wo) = hard_view(&mut rng);
-        let (_, wi) = hard_view(&mut rng);
-        // Mirrored, straight through, or anywhere.
-        let wi = match i % 4 {
-            0 => Vec3::new(-wo.x, -wo.y, wo.z),
-            1 => -wo,
-            2 => wi,
-            _ => Vec3::new(-wi.x, -wi.y, wi.z),
-        };
-        for bsdf in zoo(alpha, DISTRIBUTIONS[i % 2]) {
-            let eval = bsdf.eval(alpha, wo, wi);
-            let say = || format!("{bsdf:?} at {alpha}, {wo:?} to {wi:?}: {eval:?}");
-            assert!(
-                eval.value.is_finite() && eval.pdf_w.is_finite(),
-                "{}",
-                say()
-            );
-            assert!(
-                eval.value.min_element() >= 0.0 && eval.pdf_w >= 0.0,
-                "{}",
-                say()
-            );
-            // Sampling reaches every direction with a value.
-            assert!(
-                eval.pdf_w > 0.0 || eval.value.max_element() < 1e-6,
-                "{}",
-                say()
-            );
-        }
-    }
 }
 
 #[test]

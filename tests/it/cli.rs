@@ -1,5 +1,6 @@
 //! The program: exit codes, messages, and files that are whole or unchanged.
 
+mod auto;
 mod broken;
 mod faults;
 mod long;
@@ -16,6 +17,7 @@ mod study;
 mod targets;
 #[cfg(feature = "train")]
 mod train;
+mod verify;
 
 use opsr::gallery::{self, glb};
 use opsr::scene::SceneParts;

@@ -1,10 +1,11 @@
 //! BSDFs against textbook formulas: values, reciprocity and energy conservation.
 
-use crate::bsdf::{DISTRIBUTIONS, at, glass, metal, numbers, pane, plastic};
+use crate::bsdf::numbers;
 use crate::geometry::{direction, rng};
 use opsr::bsdf::{Bsdf, Distribution, Glossy, Lobe, ThinDielectric};
 use opsr::math::real::erf_f64;
 use opsr::math::{DVec3, Rgb, Vec3};
+use opsr::verify::bsdfs::{DISTRIBUTIONS, at, glass, metal, pane, plastic};
 use opsr::verify::lobes::polarisations;
 use rand::RngExt;
 use rand_pcg::Pcg32;

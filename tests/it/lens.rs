@@ -1,10 +1,13 @@
 //! Depth of field: rays of a lens, where lenses come from, and who refuses them.
 
+use super::support::assert_likely;
 use super::support::gltf::File;
 use opsr::gallery;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{UVec2, Vec2, Vec3};
+use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr::scene::{Camera, Lens, Scene, Sensor};
+use opsr::verify::chi_square::p_value;
 use serde_json::{Value, json};
 
 const LENS: Lens = Lens {
@@ -46,6 +49,41 @@ fn lens_rays_of_a_film_position_meet_in_the_plane_of_focus() {
             assert!((got - expected).abs() < 2e-3 * radius, "{moments:?}");
         }
     }
+}
+
+/// Origins of rays are uniform on the lens: equal cells of squared radius and angle, for places all over the frame.
+#[test]
+fn chi_square_of_lens_samples() {
+    const CELLS: usize = 12;
+    const DRAWS: u32 = 40_000;
+    let camera = camera(Some(LENS));
+    let sensor = Sensor {
+        camera: &camera,
+        frame: UVec2::new(30, 20),
+    };
+    let mut p_values = Vec::new();
+    for (seed, place) in [Vec2::ZERO, Vec2::new(15.0, 10.0), Vec2::new(29.9, 3.2)]
+        .into_iter()
+        .enumerate()
+    {
+        let mut stream = Independent {
+            seed: Seed(500 + seed as u64),
+        }
+        .stream(UVec2::ZERO, 0);
+        let mut observed = vec![0; CELLS * CELLS];
+        for _ in 0..DRAWS {
+            let ray = sensor.sample_ray(place, || stream.film());
+            let at = camera.frame.to_local(ray.origin - camera.position) / LENS.radius;
+            assert!(at.z.abs() < 1e-5, "{at}");
+            let share = (at.x * at.x + at.y * at.y).min(0.999_99);
+            let turn = at.y.atan2(at.x) / std::f32::consts::TAU + 0.5;
+            let cell = |x: f32| ((x * CELLS as f32) as usize).min(CELLS - 1);
+            observed[cell(share) * CELLS + cell(turn)] += 1;
+        }
+        let expected = vec![f64::from(DRAWS) / (CELLS * CELLS) as f64; CELLS * CELLS];
+        p_values.push((p_value(&observed, &expected), place.to_string()));
+    }
+    assert_likely(&p_values);
 }
 
 #[test]

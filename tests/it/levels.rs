@@ -14,7 +14,7 @@ use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{Accumulated, AttenuationTable, Factors, GammaIndex, Rule};
 use opsr::scene::{PunctualLight, Scene, SceneParts};
 use opsr::stats::agreement::agree;
-use opsr::tune::resolve::{resolve_film, unseen_share};
+use opsr::tune::resolve::{Resolve, resolve_film, unseen_share};
 
 /// A table with a pattern.
 fn table() -> Rule {
@@ -207,8 +207,50 @@ fn energy_conservation_of_lights_that_plain_path_tracing_cannot_see() {
     assert!((anchor / first - 1.0).abs() < 1e-4, "{anchor} {first}");
     let share = unseen_share(&picture);
     assert!((share - f64::from(1.0 - plain / anchor)).abs() < 1e-4);
-    let resolved = mean(&resolve_film(levels, false).picture);
+    let resolved = mean(&resolve_film(levels, Resolve::default()).picture);
     assert!((resolved / first - 1.0).abs() < 0.05, "{resolved} {first}");
+}
+
+/// Light that no level roughens is a part of every level; in a diffuse room it is all of it. Guides are those of the first
+/// rough vertex.
+#[test]
+fn shared_light_is_a_part_of_every_level() {
+    let film = |parts: SceneParts| {
+        let scene = scene(parts);
+        let size = UVec2::splat(16);
+        let mut picture = blank(size, Window::full(size));
+        let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
+        let settings = settings(Rule::constant(0.3), &[0.0, 0.5, 1.0], 6);
+        settings.integrator().pass(&view, 0..16, &mut picture);
+        picture.levels.expect("levels")
+    };
+    let mut parts = metal_room();
+    for material in &mut parts.materials {
+        if material.name != "light" {
+            *material = diffuse("walls", Rgb::splat(0.6));
+        }
+    }
+    let (gray, metal) = (film(parts), film(metal_room()));
+    for (levels, all) in [(&gray, true), (&metal, false)] {
+        let shared = levels.mean(levels.levels());
+        let mut more = 0;
+        for k in 0..levels.levels() {
+            for (whole, part) in levels.mean(k).pixels.iter().zip(&shared.pixels) {
+                let rest = (*whole - *part).min_element();
+                assert!(rest >= -1e-5 * whole.max_element(), "{whole} {part}");
+                more += usize::from(rest > 1e-4);
+            }
+        }
+        assert_eq!(more == 0, all, "{more}");
+    }
+    for [x, y, z, length] in gray.guides() {
+        // The mean of normals is no longer than one.
+        let normal = Vec3::new(x, y, z).length();
+        assert!(
+            normal <= 1.0 + 1e-5 && length > 0.1 && length < 3.0,
+            "{normal} {length}"
+        );
+    }
 }
 
 #[test]

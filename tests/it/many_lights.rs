@@ -1,7 +1,6 @@
 //! Scenes of many lights: the choice among them is right, and good.
 
-use super::support::chi2::{assert_likely, p_value};
-use super::support::naive;
+use super::support::assert_likely;
 use super::support::render::{film, film_with, mean, scene};
 use opsr::gallery::materials::{diffuse, emitter};
 use opsr::gallery::shapes::{cuboid, quad, room, sphere};
@@ -12,6 +11,8 @@ use opsr::regularise::Rule;
 use opsr::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
 use opsr::scene::{Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts};
 use opsr::stats::agreement::agree;
+use opsr::verify::chi_square::p_value;
+use opsr::verify::simple::Simple;
 
 fn stream(seed: u64) -> IndependentStream {
     Independent { seed: Seed(seed) }.stream(UVec2::ZERO, 0)
@@ -423,7 +424,12 @@ fn the_light_tree_is_unbiased() {
         ..Settings::default()
     };
     let with_tree = film_with(&scene, &settings, 16, 256);
-    let agreement = agree(&with_tree, &naive::film(&scene, 16, 4096, 2, 3)).unwrap();
+    let simple = Simple {
+        max_vertices: 3,
+        seed: 2,
+        fault: None,
+    };
+    let agreement = agree(&with_tree, &simple.film(&scene, 16, 4096)).unwrap();
     assert!(agreement.passed(), "{agreement}");
 }
 

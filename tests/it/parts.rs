@@ -6,7 +6,7 @@ use crate::support::render::scene;
 use opsr::gallery::caustic_box;
 use opsr::image::Film;
 use opsr::image::film::Window;
-use opsr::image::level_film::LevelFilm;
+use opsr::image::level_film::{LevelFilm, PathLevels};
 use opsr::integrator::aov::LightSplit;
 use opsr::integrator::checkpoint::Fingerprint;
 use opsr::integrator::part::{MergeError, Part, merge};
@@ -173,7 +173,12 @@ impl Integrator for Faulty {
                 picture.film.push(index, value, sample);
                 if let Some(levels) = &mut picture.levels {
                     let other = if hash == 2 { f32::NAN } else { 0.1 };
-                    levels.push(index, sample, &[value, value * other]);
+                    let values = PathLevels {
+                        levels: &[value, value * other],
+                        shared: 0.5 * value,
+                        guide: [0.0, 0.6, 0.8, hash as f32],
+                    };
+                    levels.push(index, sample, &values);
                 }
             }
         }

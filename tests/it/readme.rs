@@ -44,7 +44,7 @@ const OUTPUTS: [&str; 11] = [
     "--film",
 ];
 
-const SUBCOMMANDS: [&[&str]; 15] = [
+const SUBCOMMANDS: [&[&str]; 17] = [
     &["completions"],
     &["man"],
     &["resolve"],
@@ -56,6 +56,8 @@ const SUBCOMMANDS: [&[&str]; 15] = [
     &["bench"],
     &["report"],
     &["verify"],
+    &["verify", "render"],
+    &["verify", "soak"],
     &["scenes", "write"],
     &["scenes", "reference"],
     &["table", "show"],

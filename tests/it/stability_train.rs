@@ -1,6 +1,6 @@
 //! Hard numerical case 15, in the trainer: gradients that are not finite, fireflies, factors at their bounds, black crops.
 
-use crate::train::{crop, quick};
+use crate::train::crop;
 use opsr::regularise::{AttenuationTable, LEN};
 use opsr::sampler::Seed;
 use opsr::train::config::Evaluation;
@@ -10,6 +10,7 @@ use opsr::train::learn::loss::LossBackend;
 use opsr::train::learn::outer_loop::Outcome;
 use opsr::train::record::visits::Visits;
 use opsr::train::{RecordingControl, Session, TrainError};
+use opsr::verify::learning::quick;
 use std::ops::ControlFlow;
 use std::path::Path;
 

@@ -3,95 +3,25 @@
 mod learning;
 mod loss;
 
-use super::support::render::scene;
 use opsr::gallery::caustic_box;
-use opsr::gallery::manifest::Role;
 use opsr::gallery::materials::coated;
-use opsr::image::film::Window;
 use opsr::integrator::{Picture, Settings};
+use opsr::math::Rgb;
 use opsr::math::real::Dual;
-use opsr::math::{Rgb, UVec2};
-use opsr::regularise::{AttenuationTable, LEN, Lookup, Rule};
+use opsr::regularise::{AttenuationTable, Lookup, Rule};
 use opsr::sampler::Seed;
-use opsr::scene::SceneParts;
 use opsr::train::Config;
-use opsr::train::config::Evaluation;
 use opsr::train::evaluate::curves::Curves;
 use opsr::train::evaluate::replay::Replay;
-use opsr::train::evaluate::{Adjoint, MomentSource, Moments};
+use opsr::train::evaluate::{MomentSource, Moments};
 use opsr::train::record::crop::{Crop, EPSILON};
 use opsr::train::record::event::MeanAndSquare;
 use opsr::train::record::recording::{Recording, Tape};
-use std::sync::Arc;
+use opsr::verify::learning::{adjoint, crop_of, derivatives, uneven};
 
 /// A small crop of the box with glass and copper, with a reference at a known factor.
 pub(crate) fn crop(edge: u32) -> Crop {
-    crop_of(caustic_box(), edge)
-}
-
-fn crop_of(parts: SceneParts, edge: u32) -> Crop {
-    let scene = scene(parts);
-    let camera = scene.parts().cameras[0].clone();
-    let mut crop = Crop {
-        name: "box".into(),
-        scene_name: "box".into(),
-        family: "box".into(),
-        role: Role::Train,
-        scene: Arc::new(scene),
-        digest: [0; 32],
-        camera,
-        frame: UVec2::splat(64),
-        window: Window {
-            x: 40,
-            y: 56,
-            w: edge,
-            h: edge,
-        },
-        max_vertices: 10,
-        reference: Vec::new(),
-        reference_noise: 0.0,
-    };
-    // The reference is a little roughened, so that a known factor is the best.
-    let truth = AttenuationTable::constant(TRUTH);
-    crop.reference = Replay::new(crop.record(&[TRUTH], 0.0, 1024, Seed(99)).unwrap())
-        .moments(&truth)
-        .mean;
-    crop
-}
-
-/// Factor of the references.
-const TRUTH: f32 = 0.03;
-
-/// A table whose factors differ between classes and stay away from the bounds.
-fn uneven(lookup: Lookup) -> AttenuationTable {
-    let mut table = AttenuationTable::constant(0.0);
-    for (i, gamma) in table.gammas.iter_mut().enumerate() {
-        *gamma = 0.05 + 0.4 * ((i * 37 % 101) as f32 / 101.0);
-    }
-    table.lookup = lookup;
-    table
-}
-
-/// A derivative of some loss by the moments.
-fn adjoint(pixels: usize) -> Adjoint {
-    Adjoint {
-        mean: (0..pixels)
-            .map(|p| [0.3 + 0.1 * (p % 3) as f32, -0.2, 0.1])
-            .collect(),
-        second: (0..pixels).map(|p| 0.05 + 0.01 * (p % 5) as f32).collect(),
-    }
-}
-
-fn weigh(adjoint: &Adjoint, moments: &Moments) -> f64 {
-    let mean = adjoint
-        .mean
-        .iter()
-        .flatten()
-        .zip(moments.mean.iter().flatten());
-    let second = adjoint.second.iter().zip(&moments.second);
-    mean.chain(second)
-        .map(|(a, m)| f64::from(*a) * f64::from(*m))
-        .sum()
+    crop_of(caustic_box(), edge).unwrap()
 }
 
 #[test]
@@ -108,7 +38,7 @@ fn replay_matches_the_render_of_a_coat_at_the_recorded_factor() {
             *material = coated("plastic", material.base_color, 0.3);
         }
     }
-    compare_replay_with_render(&crop_of(parts, 8));
+    compare_replay_with_render(&crop_of(parts, 8).unwrap());
 }
 
 fn compare_replay_with_render(crop: &Crop) {
@@ -301,35 +231,9 @@ fn derivatives_of_events_in_single_precision_match_double() {
 
 #[test]
 fn finite_difference_of_replay_matches_its_gradient() {
-    let crop = crop(6);
-    for lookup in [Lookup::Nearest, Lookup::Linear] {
-        let mut replay = Replay::new(
-            crop.record(&Config::default().record_gammas, 0.3, 96, Seed(5))
-                .unwrap(),
-        );
-        let table = uneven(lookup);
-        let adjoint = adjoint(36);
-        replay.moments(&table);
-        let gradient = replay.gradient(&table, &adjoint);
-        let mut strongest: Vec<usize> = (0..LEN).collect();
-        strongest.sort_by(|&a, &b| gradient[b].abs().total_cmp(&gradient[a].abs()));
-        assert!(gradient[strongest[5]] != 0.0);
-        for &class in &strongest[..6] {
-            let mut at = |step: f32| {
-                let mut moved = table.clone();
-                moved.gammas[class] += step;
-                weigh(&adjoint, &replay.moments(&moved))
-            };
-            // The bin of a folded value is taken as constant, so the step must not cross an edge.
-            let h = 2e-4;
-            let difference = (at(h) - at(-h)) / (2.0 * f64::from(h));
-            assert!(
-                (difference - gradient[class]).abs() < 0.02 * gradient[class].abs(),
-                "{lookup:?} class {class}: {difference} and {}",
-                gradient[class]
-            );
-        }
-    }
+    let difference = |factor| derivatives(&crop(6), 1, factor).unwrap();
+    let (right, wrong) = (difference(1.0), difference(1.03));
+    assert!(right.holds() && !wrong.holds(), "{right:?} {wrong:?}");
 }
 
 #[test]
@@ -376,18 +280,5 @@ fn tabulated_moments_and_gradient_match_replay() {
                 .sqrt();
             assert!(off < 0.05 * norm, "{lookup:?}: {off} of {norm}");
         }
-    }
-}
-
-/// Settings of a training that takes a second.
-pub(crate) fn quick(method: Evaluation) -> Config {
-    Config {
-        spp: 32,
-        steps: 12,
-        method,
-        learning_rate: 0.02,
-        validate_every: 4,
-        checkpoint_every: 5,
-        ..Config::default()
     }
 }

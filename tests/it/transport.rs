@@ -1,6 +1,5 @@
 //! The path tracer against analytic answers, against a naive tracer, and against itself.
 
-use super::support::naive;
 use super::support::render::{film, film_with, mean, scene};
 use opsr::gallery::materials::{GOLD, coated, diffuse, emitter, glass, metal, tinted_glass};
 use opsr::gallery::shapes::{cuboid, quad, room, sphere};
@@ -14,6 +13,7 @@ use opsr::scene::camera::Projection;
 use opsr::scene::material::TextureRef;
 use opsr::scene::{Environment, Material, Scene, SceneParts, Texture};
 use opsr::stats::agreement::{agree, agree_with_exact};
+use opsr::verify::simple::Simple;
 
 /// One factor for all paths.
 fn constant(gamma: f32, reuse: bool, seed: u64) -> Settings {
@@ -219,8 +219,12 @@ fn assert_naive_agrees(scene: &Scene, what: &str) {
         ..Settings::default()
     };
     let real = film_with(scene, &settings, 24, 400);
-    let naive = naive::film(scene, 24, 400, 2, 8);
-    let agreement = agree(&real, &naive).unwrap();
+    let simple = Simple {
+        max_vertices: 8,
+        seed: 2,
+        fault: None,
+    };
+    let agreement = agree(&real, &simple.film(scene, 24, 400)).unwrap();
     assert!(agreement.passed(), "{what}: {agreement}");
 }
 

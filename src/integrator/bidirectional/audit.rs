@@ -161,8 +161,9 @@ impl Iteration<'_> {
                     return None;
                 }
                 value *= sample.weight.as_dvec3();
-                let index2 = match node.bsdf {
-                    Bsdf::Dielectric(d) if !reflects && !node.bsdf.is_delta_at(1.0) => {
+                let mut bsdf = node.bsdf;
+                let index2 = match bsdf.dielectric_mut() {
+                    Some(d) if !reflects && !node.bsdf.is_delta_at(1.0) => {
                         let eta = f64::from(d.eta);
                         // (n towards the camera / n towards the light)².
                         let outside = wo.dot(node.surface.ng) > 0.0;
@@ -406,7 +407,8 @@ impl Iteration<'_> {
         // The camera walk.
         let columns = sensor.frame.x;
         let pixel = UVec2::new(path % columns, path / columns);
-        let (mut walk, mut stream) = self.camera_walk(pixel);
+        let mut stream = self.camera_stream(pixel);
+        let mut walk = self.camera_walk(pixel, &mut stream);
         let mut nodes: Vec<Node> = Vec::new();
         let mut prefix = self.prefix();
         for n in 1..=self.settings.max_vertices + 1 {

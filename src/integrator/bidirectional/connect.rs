@@ -122,7 +122,8 @@ impl Iteration<'_> {
         let distance2 = to.length_squared();
         let distance = distance2.sqrt();
         let dir = to / distance;
-        if !dir.is_finite() {
+        // A triangle does not see itself: rounding would connect its two sides, in its plane.
+        if !dir.is_finite() || light.hit.triangle == vertex.hit.triangle {
             return Rgb::ZERO;
         }
         // Most pairs see each other from behind.

@@ -46,7 +46,8 @@ impl Iteration<'_> {
         observer: &mut O,
     ) -> Rgb {
         let settings = &self.settings;
-        let (mut walk, mut stream) = self.camera_walk(pixel);
+        let mut stream = self.camera_stream(pixel);
+        let mut walk = self.camera_walk(pixel, &mut stream);
         let mut total = Rgb::ZERO;
         observer.begin(pixel, self.sample);
         for n in 1..=settings.max_vertices + 1 {

@@ -15,6 +15,7 @@
 //! | `walk` | one walk from either end: edges, draws, running numbers |
 //! | `connect` | the ways to close a path by an edge: value, then weight, then shadow ray |
 //! | `photons` | light vertices that are kept, and the grid over them |
+//! | `pair` | one light path and one camera path alone, for Markov chains |
 //! | `merge` | paths closed by a merge, and photon density estimation |
 //! | `radius` | the radius of merges |
 //! | `psr` | paths that no strategy can sample, regularised |
@@ -24,6 +25,7 @@
 pub mod audit;
 mod connect;
 mod merge;
+mod pair;
 mod photons;
 mod psr;
 mod radius;
@@ -40,6 +42,7 @@ use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::math::{Rgb, UVec2};
 use crate::regularise::Accumulated;
 use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Sampler, Seed};
+pub(super) use pair::Pairs;
 use photons::{LightVertices, PhotonMap};
 use psr::{Chain, Ends};
 pub use radius::Radius;
@@ -366,7 +369,8 @@ impl Iteration<'_> {
         };
         for path in paths {
             let keep = |v, trail| chunk.vertices.push(&v, self.rule.map(|_| trail));
-            self.light_path(path, keep, &mut Ends::default(), &mut chunk.splats);
+            let stream = &mut self.light_stream(path);
+            self.light_path(stream, keep, &mut Ends::default(), &mut chunk.splats);
             chunk.vertices.end();
         }
         chunk
@@ -391,7 +395,8 @@ impl Iteration<'_> {
                         if !self.settings.light_sampling_only {
                             self.fetch(pixel, map, &mut light);
                         }
-                        self.camera_path(pixel, &light, Some(map), &mut observer)
+                        let stream = &mut self.camera_stream(pixel);
+                        self.camera_path(pixel, stream, &light, Some(map), &mut observer)
                     };
                     Splat { index, value }
                 };
@@ -427,23 +432,13 @@ impl Iteration<'_> {
         let [columns, rows] = self.view.sensor.frame.to_array().map(u64::from);
         let pixels = columns * rows;
         for path in paths {
-            light.vertices.clear();
-            light.trails.clear();
-            light.ends.clear();
-            let LightPath {
-                vertices,
-                trails,
-                ends,
-            } = &mut light;
-            let keep = |v, trail| {
-                vertices.push(v);
-                trails.push(trail);
-            };
-            self.light_path(path, keep, ends, &mut chunk.splats);
+            self.whole_light_path(&mut self.light_stream(path), &mut light, &mut chunk.splats);
             for index in (u64::from(path)..pixels).step_by(self.paths as usize) {
                 let pixel = UVec2::new((index % columns) as u32, (index / columns) as u32);
                 if let Some(mut splat) = Splat::new(&self.view.window, pixel, Rgb::ZERO) {
-                    splat.value = self.camera_path(pixel, &light, None, &mut chunk.observer);
+                    let stream = &mut self.camera_stream(pixel);
+                    splat.value =
+                        self.camera_path(pixel, stream, &light, None, &mut chunk.observer);
                     chunk.camera.push(splat);
                 }
             }
@@ -451,17 +446,48 @@ impl Iteration<'_> {
         chunk
     }
 
+    /// Random numbers of a light path.
+    fn light_stream(&self, path: u32) -> IndependentStream {
+        self.light.stream(UVec2::new(path, 0), self.sample)
+    }
+
+    /// Random numbers of a camera path.
+    fn camera_stream(&self, pixel: UVec2) -> IndependentStream {
+        self.camera.stream(pixel, self.sample)
+    }
+
+    /// Walks a light path and keeps all that one camera path needs of it.
+    fn whole_light_path(
+        &self,
+        stream: &mut impl Sampler,
+        light: &mut LightPath,
+        splats: &mut Vec<Splat>,
+    ) {
+        let LightPath {
+            vertices,
+            trails,
+            ends,
+        } = light;
+        vertices.clear();
+        trails.clear();
+        ends.clear();
+        let keep = |v, trail| {
+            vertices.push(v);
+            trails.push(trail);
+        };
+        self.light_path(stream, keep, ends, splats);
+    }
+
     /// Walks a light path: connects its vertices to the camera, and keeps those that a camera walk can use.
     fn light_path(
         &self,
-        path: u32,
+        stream: &mut impl Sampler,
         mut keep: impl FnMut(Vertex, Trail),
         ends: &mut Ends,
         splats: &mut Vec<Splat>,
     ) {
         let strategies = self.strategies;
         let scene = self.view.scene;
-        let mut stream = self.light.stream(UVec2::new(path, 0), self.sample);
         let (pick, u) = (
             stream.next_pick(),
             std::array::from_fn(|_| stream.next_1d()),
@@ -520,13 +546,12 @@ impl Iteration<'_> {
         }
     }
 
-    /// A camera walk through a pixel, and its random numbers.
-    fn camera_walk(&self, pixel: UVec2) -> (Walk<'_>, IndependentStream) {
+    /// A camera walk through a pixel.
+    fn camera_walk(&self, pixel: UVec2, stream: &mut impl Sampler) -> Walk<'_> {
         let View { scene, sensor, .. } = *self.view;
-        let mut stream = self.camera.stream(pixel, self.sample);
         let ray = sensor.ray(pixel.as_vec2() + stream.film());
         let (pdf, parallel) = sensor.pdf(ray.dir);
-        let walk = Walk {
+        Walk {
             scene,
             origin: Origin::Camera,
             ray,
@@ -538,20 +563,20 @@ impl Iteration<'_> {
             bodies: self
                 .around_camera
                 .unwrap_or_else(|| EnclosingBodies::around(scene, &ray)),
-        };
-        (walk, stream)
+        }
     }
 
     /// Walks a camera path: the sum of all contributions that end at its vertices.
     fn camera_path<O: PathObserver>(
         &self,
         pixel: UVec2,
+        stream: &mut impl Sampler,
         light: &LightPath,
         map: Option<&PhotonMap>,
         observer: &mut O,
     ) -> Rgb {
         let strategies = self.strategies;
-        let (mut walk, mut stream) = self.camera_walk(pixel);
+        let mut walk = self.camera_walk(pixel, stream);
         let mut chain = Chain::default();
         let mut prefix = self.prefix();
         let mut total = Total::of(strategies);

@@ -93,9 +93,10 @@ impl LightVertices {
     pub(super) fn push(&mut self, vertex: &Vertex, trail: Option<Trail>) {
         self.photons.push(Photon::new(vertex));
         let [x, y, z] = (127.0 * vertex.surface.ng).to_array();
+        let outside = vertex.back.dot(vertex.surface.ng) > 0.0;
         self.places.push(Place {
             position: vertex.surface.position,
-            ng: [x as i8, y as i8, z as i8, 0],
+            ng: [x as i8, y as i8, z as i8, i8::from(outside)],
         });
         self.trails.extend(trail);
     }
@@ -142,7 +143,7 @@ pub(super) struct PhotonMap {
     ends: Vec<u32>,
 }
 
-/// Position of a photon, and its geometric normal in units of 1/127.
+/// Position of a photon, and its geometric normal in units of 1/127 with 1 if the photon arrives on its side, else 0.
 #[derive(Clone, Copy)]
 struct Place {
     position: Vec3,
@@ -270,7 +271,11 @@ impl PhotonMap {
                     && to.dot(ng).abs() <= MOST_HEIGHT * self.radius
                     && place.ng().dot(ng) > LEAST_COS
                 {
-                    visit(&self.photons[index as usize], self.trail(index));
+                    let photon = &self.photons[index as usize];
+                    // One that grazes a neighbouring facet from outside may come from below this one.
+                    if (photon.back.dot(ng) > 0.0) == (place.ng[3] == 1) {
+                        visit(photon, self.trail(index));
+                    }
                 }
             }
         }

@@ -60,6 +60,8 @@ impl Event {
             gloss: Rgb::ZERO,
         };
         match bsdf {
+            // The coat dims both lobes of its base alike.
+            Bsdf::Clearcoated(coated) => Self::between(&coated.base(), alpha, directions),
             Bsdf::Diffuse(_) => BASE,
             Bsdf::Glossy(Glossy { albedo, .. }) if *albedo != Rgb::ZERO => {
                 let Some(query) = directions.and_then(|(wo, wi)| bsdf.query(wo, wi)) else {
@@ -196,11 +198,7 @@ impl Prefix<'_> {
     #[inline]
     pub(super) fn share(&self, vertex: &Vertex) -> f32 {
         let best = self.reach.best.max(vertex.alpha);
-        if self.rule.is_none()
-            || !self.smooth
-            || best >= ROUGH
-            || matches!(vertex.bsdf, Bsdf::Diffuse(_))
-        {
+        if self.rule.is_none() || !self.smooth || best >= ROUGH || vertex.bsdf.is_diffuse() {
             return 0.0;
         }
         share(best)
@@ -309,13 +307,7 @@ impl<'a> Iteration<'a> {
         let Some(rule) = prefix.rule.filter(|_| h > 0.0) else {
             return Rgb::ZERO;
         };
-        let bsdf = match vertex.bsdf {
-            Bsdf::Glossy(coat) => Bsdf::Glossy(Glossy {
-                albedo: Rgb::ZERO,
-                ..coat
-            }),
-            other => other,
-        };
+        let bsdf = vertex.bsdf.without_diffuse();
         let point = ShadingPoint {
             scene: self.view.scene,
             surface: &vertex.surface,

@@ -36,6 +36,19 @@ use vertex::{PendingLevels, Vertex};
 /// better pictures, and scales below a tenth are rarely chosen at 64 samples.
 pub const SCALES: [f32; 5] = [0.0, 0.128, 0.64, 3.2, 16.0];
 
+/// Scales of so many levels: plain path tracing, and down from the roughest by factors of 5; empty for one level. `None` for
+/// none or more than [`MAX_LEVELS`].
+pub fn scales(levels: usize) -> Option<Vec<f32>> {
+    let roughest = SCALES[SCALES.len() - 1];
+    let scale = |k: usize| roughest * 0.2f32.powi((levels - 1 - k) as i32);
+    match levels {
+        1 => Some(Vec::new()),
+        n if n == SCALES.len() => Some(SCALES.to_vec()),
+        2..=MAX_LEVELS => Some(std::iter::once(0.0).chain((1..levels).map(scale)).collect()),
+        _ => None,
+    }
+}
+
 /// Settings that cannot have several levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LevelError {
@@ -65,8 +78,24 @@ pub(super) struct LevelTracer {
     factors: Vec<Factors>,
 }
 
+/// Roughness from which light at a vertex is blurred by its surroundings there, not by those of its mirror image.
+const ROUGH: f32 = 0.05;
+
 /// Values of the levels of one path.
 pub(super) type Values = [Rgb; MAX_LEVELS];
+
+/// Radiance of one path.
+#[derive(Default)]
+struct PathSums {
+    /// An independent estimate at every level.
+    levels: Values,
+    /// What of it no level roughens: the same at all levels.
+    shared: Rgb,
+    /// Normal of the first rough vertex and the path's length to it; of the last vertex where none is rough.
+    guide: [f32; 4],
+    /// What plain path tracing cannot find, at the least roughened level that can.
+    unseen: Rgb,
+}
 
 impl LevelTracer {
     /// Tracer of levels at these scales of a rule's factors.
@@ -106,9 +135,8 @@ impl LevelTracer {
         self.factors.len() + 1
     }
 
-    /// Radiance that arrives along a camera ray, an independent estimate at every level, and what of it plain path
-    /// tracing cannot find, at the least roughened level that can. `turn` chooses among the lobes that directions are
-    /// drawn from: any number, uniform over samples.
+    /// Radiance that arrives along a camera ray. `turn` chooses among the lobes that directions are drawn from: any
+    /// number, uniform over samples.
     fn radiance<S: Sampler, O: PathObserver>(
         &self,
         scene: &Scene,
@@ -117,10 +145,10 @@ impl LevelTracer {
         turn: u32,
         sampler: &mut S,
         observer: &mut O,
-    ) -> (Values, Rgb) {
+    ) -> PathSums {
         let levels = self.levels();
-        let mut total = [Rgb::ZERO; MAX_LEVELS];
-        let mut unseen = Rgb::ZERO;
+        let mut sums = PathSums::default();
+        let mut guided = false;
         let mut throughput = Rgb::ONE;
         let mut channel = Channel::default();
         let mut eta_scale = 1.0f32;
@@ -144,7 +172,7 @@ impl LevelTracer {
                     let radiance = scene.lights().environment(ray.dir);
                     let pdf_light = || scene.lights().pdf_environment(ray.origin, ray.dir);
                     let plain = emission.contribution(radiance, pdf_light, &mut ());
-                    add(&mut total[..levels], plain, pending.as_ref(), |p| {
+                    sums.add(plain, pending.as_ref(), |p| {
                         p.contribution(radiance * transmittance, pdf_light())
                     });
                 }
@@ -169,7 +197,7 @@ impl LevelTracer {
                 } else {
                     emission.contribution(radiance, pdf_light, &mut ())
                 };
-                add(&mut total[..levels], plain, pending.as_ref(), |p| {
+                sums.add(plain, pending.as_ref(), |p| {
                     p.contribution(radiance, pdf_light())
                 });
             }
@@ -195,6 +223,11 @@ impl LevelTracer {
                 bodies: &bodies,
             };
             observer.vertex(n, hit.t, &point);
+            if !guided {
+                let [x, y, z] = frame.n.to_array();
+                sums.guide = [x, y, z, sums.guide[3] + hit.t];
+                guided = alpha >= ROUGH;
+            }
 
             // ── next-event estimation, emission found by roughened lobes, and the continuation
             // An interface between equal indices is a delta at any roughness.
@@ -207,15 +240,14 @@ impl LevelTracer {
             if roughened {
                 let drawn = continuation.as_ref().map(|next| &next.sample);
                 let vertex = Vertex::new(&point, &alphas[..levels], drawn);
-                unseen += vertex.direct_light(u.light, &mut total[..levels]);
-                vertex.lobe_light(turn.wrapping_add(n), u.lobe, &mut total[..levels]);
+                sums.unseen += vertex.direct_light(u.light, &mut sums.levels[..levels]);
+                vertex.lobe_light(turn.wrapping_add(n), u.lobe, &mut sums.levels[..levels]);
                 pending = Some(vertex.pending(drawn));
             } else {
-                let direct = point.direct_light(u.light, &mut ());
-                total[..levels].iter_mut().for_each(|t| *t += direct);
+                sums.add_shared(point.direct_light(u.light, &mut ()));
             }
             let Some(next) = continuation else { break };
-            emission = point.shared_emission::<()>(&next.sample, false);
+            emission = point.shared_emission::<()>(&next.sample, false, false);
             throughput *= next.sample.weight;
             let own = if next.sample.lobe == Lobe::Diffuse {
                 1.0
@@ -250,30 +282,38 @@ impl LevelTracer {
             }
             ray = surface.spawn(next.wi);
         }
-        observer.finish(total[0]);
-        (total, unseen)
+        observer.finish(sums.levels[0]);
+        sums
     }
 }
 
-/// Adds emission at the end of a ray: plain path tracing's, or that of the levels that roughened the vertex before.
-#[inline]
-fn add(
-    total: &mut [Rgb],
-    plain: Rgb,
-    pending: Option<&PendingLevels>,
-    roughened: impl FnOnce(&PendingLevels) -> Values,
-) {
-    let Some(pending) = pending else {
-        total.iter_mut().for_each(|t| *t += plain);
-        return;
-    };
-    let values = roughened(pending);
-    for (k, t) in total.iter_mut().enumerate() {
-        *t += if pending.roughens(k) {
-            values[k]
-        } else {
-            plain
+impl PathSums {
+    /// Adds light of a vertex that no level roughens.
+    #[inline]
+    fn add_shared(&mut self, value: Rgb) {
+        self.shared += value;
+        self.levels.iter_mut().for_each(|t| *t += value);
+    }
+
+    /// Adds emission at the end of a ray: plain path tracing's, or that of the levels that roughened the vertex before.
+    #[inline]
+    fn add(
+        &mut self,
+        plain: Rgb,
+        pending: Option<&PendingLevels>,
+        roughened: impl FnOnce(&PendingLevels) -> Values,
+    ) {
+        let Some(pending) = pending else {
+            return self.add_shared(plain);
         };
+        let values = roughened(pending);
+        for (k, t) in self.levels.iter_mut().enumerate() {
+            *t += if pending.roughens(k) {
+                values[k]
+            } else {
+                plain
+            };
+        }
     }
 }
 

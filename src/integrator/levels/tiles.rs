@@ -2,7 +2,7 @@
 
 use super::LevelTracer;
 use crate::image::film::{Film, Window};
-use crate::image::level_film::{BATCHES, LevelFilm};
+use crate::image::level_film::{BATCHES, LevelFilm, PathLevels};
 use crate::integrator::View;
 use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::integrator::walk::observer::Recorder;
@@ -50,11 +50,16 @@ impl LevelTracer {
                         around.unwrap_or_else(|| EnclosingBodies::around(view.scene, &ray));
                     let turn = turns[sample as usize % BATCHES];
                     let turn = (turn >> 1).wrapping_add(sample / BATCHES as u32);
-                    let (mut values, unseen) =
+                    let mut path =
                         self.radiance(view.scene, ray, bodies, turn, &mut stream, &mut observer);
-                    film.push(index, values[0], sample);
-                    values[0] += unseen;
-                    levels.push(index, sample, &values[..self.levels()]);
+                    film.push(index, path.levels[0], sample);
+                    path.levels[0] += path.unseen;
+                    let values = PathLevels {
+                        levels: &path.levels[..self.levels()],
+                        shared: path.shared,
+                        guide: path.guide,
+                    };
+                    levels.push(index, sample, &values);
                 }
             }
             (film, levels, observer)

@@ -140,7 +140,7 @@ impl<'a> Vertex<'a> {
             return Rgb::ZERO;
         };
         let wi = point.frame.to_local(light.wi);
-        if light.wi.dot(point.surface.ng) * wi.z <= 0.0 {
+        if light.wi.dot(point.surface.ng) * wi.z <= 0.0 || point.is_dark(light.wi) {
             return Rgb::ZERO;
         }
         let query = point.bsdf.query(point.wo, wi);
@@ -212,7 +212,7 @@ impl<'a> Vertex<'a> {
             if lobe == Lobe::Diffuse {
                 return;
             }
-            let Some(wi) = point.world(local) else {
+            let Some(wi) = point.world(local).filter(|wi| !point.is_dark(*wi)) else {
                 continue;
             };
             let Some((emission, transmittance)) = point.emission_towards(wi) else {

@@ -149,7 +149,7 @@ impl<R: Roughening> PathTracer<R> {
             }
             let Some(next) = next else { break };
             emission = if shared {
-                point.shared_emission::<O>(&next.sample, roughened)
+                point.shared_emission::<O>(&next.sample, roughened, reused)
             } else {
                 PendingEmission::COUNTED
             };

@@ -152,7 +152,7 @@ impl EnclosingBodies {
         bsdf: &mut Bsdf,
     ) {
         if scene.has_overlaps()
-            && let Bsdf::Dielectric(dielectric) = bsdf
+            && let Some(dielectric) = bsdf.dielectric_mut()
         {
             dielectric.eta /= self.boundary(scene, surface, dir).unwrap_or(1.0);
         }

@@ -33,7 +33,7 @@ impl Channel {
     /// Changes the BSDF and returns the throughput. Takes that by value, so that loops keep it in registers.
     #[cold]
     fn split(&mut self, bsdf: &mut Bsdf, material: &Material, u: f32, mut throughput: Rgb) -> Rgb {
-        let Bsdf::Dielectric(glass) = bsdf else {
+        let Some(glass) = bsdf.dielectric_mut() else {
             return throughput;
         };
         if material.dispersion == 0.0 {

@@ -3,7 +3,7 @@
 use super::bodies::EnclosingBodies;
 use super::observer::{Event, PathObserver, Technique};
 use super::pending_emission::PendingEmission;
-use crate::bsdf::{Bsdf, BsdfSample, LobeQuery};
+use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, LobeQuery};
 use crate::math::measure::balance;
 use crate::math::{Frame, Rgb, Vec3};
 use crate::sampler::LightU;
@@ -60,6 +60,14 @@ impl ShadingPoint<'_> {
         (world.dot(self.surface.ng) * wi.z > 0.0).then_some(world)
     }
 
+    /// True where a ray along the world direction `wi` ends inside a body without light.
+    #[inline]
+    pub(in crate::integrator) fn is_dark(&self, wi: Vec3) -> bool {
+        self.bsdf.is_solid()
+            && wi.dot(self.surface.ng) < 0.0
+            && self.scene.is_dark_inside(self.surface.material)
+    }
+
     /// An event of this vertex towards a light with area; `radiance` is a factor that the light's radiance multiplies.
     #[inline]
     fn event(&self, query: LobeQuery, radiance: Rgb, technique: Technique) -> Event {
@@ -90,7 +98,7 @@ impl ShadingPoint<'_> {
             return Rgb::ZERO;
         };
         let wi = self.frame.to_local(light.wi);
-        if light.wi.dot(self.surface.ng) * wi.z <= 0.0 {
+        if light.wi.dot(self.surface.ng) * wi.z <= 0.0 || self.is_dark(light.wi) {
             return Rgb::ZERO;
         }
         let eval = self.bsdf.eval(self.alpha_reg, self.wo, wi);
@@ -166,12 +174,13 @@ impl ShadingPoint<'_> {
     }
 
     /// Weight of emission at the end of a continuation that step 2 shares: its direction is a draw from the BSDF at α′
-    /// as much as from the one at which the path continues.
+    /// as much as from the one at which the path continues. `reused` if the path continues at α′ itself.
     #[inline(always)]
     pub(in crate::integrator) fn shared_emission<O: PathObserver>(
         &self,
         sample: &BsdfSample,
         roughened: bool,
+        reused: bool,
     ) -> PendingEmission {
         if sample.delta {
             return PendingEmission::full(self.throughput * sample.weight);
@@ -183,18 +192,26 @@ impl ShadingPoint<'_> {
                 event: None,
             };
         }
-        let Some(query) = self.bsdf.query(self.wo, sample.wi) else {
-            return PendingEmission::COUNTED;
+        let query = if O::EVENTS {
+            self.bsdf.query(self.wo, sample.wi)
+        } else {
+            None
         };
-        let eval = query.at(self.alpha_reg);
-        if eval.pdf_w <= 0.0 {
+        let BsdfEval { value, pdf_w } = if reused {
+            BsdfEval {
+                value: sample.value,
+                pdf_w: sample.pdf_w,
+            }
+        } else {
+            self.bsdf.eval(self.alpha_reg, self.wo, sample.wi)
+        };
+        if pdf_w <= 0.0 {
             return PendingEmission::COUNTED;
         }
-        let event = O::EVENTS.then(|| self.event(query, self.throughput, Technique::Continuation));
         PendingEmission {
-            throughput: self.throughput * eval.value / eval.pdf_w,
-            pdf_w: Some(eval.pdf_w),
-            event,
+            throughput: self.throughput * value / pdf_w,
+            pdf_w: Some(pdf_w),
+            event: query.map(|query| self.event(query, self.throughput, Technique::Continuation)),
         }
     }
 
@@ -228,8 +245,11 @@ impl ShadingPoint<'_> {
     /// Emission at the end of a direction that is drawn from the lobe at roughness `alpha`, found with a ray of its own.
     #[inline]
     fn find_emission(&self, alpha: f32, u: [f32; 3]) -> Option<FoundEmission> {
-        let Continuation { wi, sample } = self.sample(alpha, u)?;
+        let (local, lobe) = self.bsdf.direction(alpha, self.wo, u)?;
+        let wi = self.world(local).filter(|wi| !self.is_dark(*wi))?;
         let (emission, transmittance) = self.emission_towards(wi)?;
+        // Few rays meet a light: only they need value and density.
+        let sample = self.bsdf.complete(alpha, self.wo, local, lobe)?;
         Some(FoundEmission {
             sample,
             radiance: self.throughput * emission.radiance * transmittance,

@@ -4,8 +4,10 @@ use std::collections::BTreeSet;
 
 use super::suite::{Kind, MethodSpec, SceneSpec, Suite};
 use crate::image::film::Window;
+use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Estimator, Settings};
 use crate::regularise::{Accumulated, Factors, Rule};
+use crate::tune::resolve::MAX_SIGMA;
 
 /// The most seeds of a suite: comparisons go through all of them again and again.
 const MAX_SEEDS: u32 = 1000;
@@ -74,6 +76,10 @@ fn scene(scene: &SceneSpec) -> Result<(), String> {
         scene.reference.is_some() != scene.reference_spp.is_some(),
         "expected either `reference` or `reference_spp`",
     )?;
+    ensure(
+        scene.reference_integrator != IntegratorKind::Auto,
+        "reference_integrator: expected one by name",
+    )?;
     let size = scene.size.iter().all(|n| (1..=65536).contains(n));
     ensure(size, "size: from 1 to 65536 each")?;
     let crop = scene.window().inside(&Window::full(scene.frame()));
@@ -140,9 +146,17 @@ fn method(method: &MethodSpec) -> Result<(), String> {
     ensure(radius, "radius: expected a number above 0")?;
     let alpha = method.radius_alpha.is_none_or(|a| a > 0.0 && a <= 1.0);
     ensure(alpha, "radius_alpha: expected above 0 and at most 1")?;
+    let pass = method.mlt_pass.is_none_or(|n| (1..=65536).contains(&n));
+    ensure(pass, "mlt_pass: expected from 1 to 65536")?;
     ensure(
         !method.robust || !method.levels.is_empty(),
         "robust: several levels have batches",
+    )?;
+    let sigma = method.sigma.is_none_or(|s| (0.0..=MAX_SIGMA).contains(&s));
+    ensure(sigma, "sigma: expected from 0 to 1.5")?;
+    ensure(
+        method.sigma.is_none() || !method.levels.is_empty(),
+        "sigma: several levels have roughened light",
     )?;
     let factors = Factors::Constant(1.0);
     let settings = Settings {

@@ -10,7 +10,7 @@
 //! | [`summary`] | the comparisons of a scene |
 //! | [`overall`] | the comparisons over many scenes |
 //! | [`page`] | the report as one HTML file |
-//! | [`machine`] | clocks, memory, processor |
+//! | [`machine`] | memory, processor |
 
 use crate::files::FileError;
 

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 
 use super::BenchError;
 use super::errors::{error_map, error_products, errors};
-use super::machine::{self, Machine, Stopwatch};
+use super::machine::{self, Machine};
 use super::prepare::{Prepared, file_name, inset, prepare, short_hash};
 use super::results::{Inset, Point, Products, Results, Run, VERSION};
 use super::schedule::Schedule;
@@ -21,10 +21,12 @@ use crate::image::denoise::{DenoiseError, Denoiser};
 use crate::image::film::Film;
 use crate::image::metric::MetricError;
 use crate::image::{Buffer, exr};
-use crate::integrator::method::Method;
+use crate::integrator::method::{IntegratorKind, Method};
 use crate::integrator::{Census, FirstHit, Picture, Settings, View};
 use crate::tune::choose;
-use crate::tune::resolve::{Resolved, resolve_film};
+use crate::tune::integrator::{Contender, Horizon, choose_integrator};
+use crate::tune::resolve::{Resolve, Resolved, resolve_film};
+use crate::tune::stopwatch::Stopwatch;
 
 /// Samples per pixel for counting regularised vertices.
 const CENSUS: u32 = 2;
@@ -138,7 +140,13 @@ fn finished(
     spec: &MethodSpec,
     denoiser: Option<&Denoiser>,
 ) -> Result<(Buffer, Option<Resolved>), DenoiseError> {
-    let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, spec.robust));
+    let default = Resolve::default();
+    let settings = Resolve {
+        robust: spec.robust,
+        // As the program does: a denoiser does its own blur.
+        sigma: (spec.sigma).unwrap_or(if spec.denoise { 0.0 } else { default.sigma }),
+    };
+    let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, settings));
     let shown = match &resolved {
         Some(resolved) => resolved.picture.clone(),
         None => picture.film.mean(),
@@ -225,9 +233,19 @@ impl Bench<'_> {
                     pilot,
                     robust,
                     denoise,
+                    sigma,
                     ..
                 } = *method.spec;
-                for (is, word) in [(pilot, "pilot"), (robust, "robust"), (denoise, "denoised")] {
+                if let Some(sigma) = sigma {
+                    words += &format!(", blur {sigma}");
+                }
+                let auto = method.spec.integrator == IntegratorKind::Auto;
+                for (is, word) in [
+                    (pilot, "pilot"),
+                    (robust, "robust"),
+                    (denoise, "denoised"),
+                    (auto, "auto"),
+                ] {
                     if is {
                         words += &format!(", {word}");
                     }
@@ -294,9 +312,26 @@ impl Bench<'_> {
             place: format!("`{}`, method `{name}`", spec.name),
             reason,
         };
+        let mut now = Point::default();
+        if method.integrator == IntegratorKind::Auto {
+            let watch = Stopwatch::start();
+            let horizon = match (self.suite.times.last(), self.suite.samples.last()) {
+                (Some(&seconds), _) => {
+                    Horizon::Seconds(seconds * self.results.machine.threads as f64)
+                }
+                (None, samples) => Horizon::Samples(samples.copied().unwrap_or(PILOT_SAMPLES)),
+            };
+            let contenders = contenders(method, &settings)?;
+            let choice = choose_integrator(&contenders, &view, horizon, false, &|| true);
+            let choice = choice.map_err(|e| fault(e.to_string()))?;
+            if let Some(choice) = choice {
+                tracing::info!("{}: {name}: {choice}", spec.name);
+                settings = contenders[choice.best].settings.clone();
+            }
+            (now.wall, now.cpu) = watch.seconds();
+        }
         let known = settings.check_scene(&scene.scene, &scene.camera);
         known.map_err(|what| fault(what.into()))?;
-        let mut now = Point::default();
         if method.pilot {
             let watch = Stopwatch::start();
             let samples = self.suite.samples.last().copied().unwrap_or(PILOT_SAMPLES);
@@ -433,6 +468,25 @@ impl Bench<'_> {
         });
         Ok(())
     }
+}
+
+/// The integrators among which a method chooses, for a render like that of these settings.
+fn contenders(method: &MethodSpec, settings: &Settings) -> Result<Vec<Contender>, BenchError> {
+    let contender = |spec: MethodSpec| {
+        let Method {
+            estimator, rule, ..
+        } = spec.resolve()?;
+        Ok(Contender {
+            kind: spec.integrator,
+            settings: Settings {
+                estimator,
+                rule,
+                levels: spec.levels,
+                ..settings.clone()
+            },
+        })
+    };
+    method.contenders().into_iter().map(contender).collect()
 }
 
 fn status(suite: &Suite, done: usize, what: String) -> Status {

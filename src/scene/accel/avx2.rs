@@ -11,12 +11,13 @@
 #![allow(unsafe_code)]
 
 use super::portable::{SLACK, closer, reciprocal};
-use super::triangle::Shear;
+use super::triangle::{Probe, Shear};
 use super::wide::{Block, LANES, LEAF, Node, WIDTH, Wide, leaf_blocks};
 use crate::math::Ray;
 use crate::scene::Hit;
 use std::arch::x86_64::*;
 use std::mem::MaybeUninit;
+use std::ops::ControlFlow;
 
 /// Stack entries that fit on the machine stack; deeper trees use the heap.
 const STACK: usize = 256;
@@ -35,8 +36,8 @@ impl Avx2 {
     #[inline]
     pub(super) fn walk<const ANY: bool>(
         self,
-        tree: &Wide,
-        ray: &Ray,
+        tree: &Wide<Block>,
+        probe: &impl Probe,
         keep: impl Fn(&Hit) -> bool,
     ) -> Option<Hit> {
         if tree.nodes.is_empty() {
@@ -45,12 +46,28 @@ impl Avx2 {
         if tree.stack <= STACK {
             let mut stack = [MaybeUninit::uninit(); STACK];
             // SAFETY: `self` proves the features; the stack is long enough.
-            unsafe { walk::<ANY>(tree, ray, &mut stack, keep) }
+            unsafe { walk::<ANY>(tree, probe, &mut stack, keep) }
         } else {
             let mut stack = vec![MaybeUninit::uninit(); tree.stack];
             // SAFETY: as above.
-            unsafe { walk::<ANY>(tree, ray, &mut stack, keep) }
+            unsafe { walk::<ANY>(tree, probe, &mut stack, keep) }
         }
+    }
+
+    /// See [`super::portable::traverse`].
+    pub(super) fn traverse<const ANY: bool, B>(
+        self,
+        tree: &Wide<B>,
+        ray: &Ray,
+        t_max: f32,
+        visit: impl FnMut(&B, f32) -> ControlFlow<(), f32>,
+    ) {
+        if tree.nodes.is_empty() {
+            return;
+        }
+        let mut stack = vec![MaybeUninit::uninit(); tree.stack];
+        // SAFETY: `self` proves the features; the stack is long enough.
+        unsafe { traverse::<ANY, B>(tree, ray, t_max, &mut stack, visit) }
     }
 }
 
@@ -156,10 +173,10 @@ struct Found {
 
 impl Found {
     #[inline(always)]
-    fn hit(&self, block: &Block, lane: usize) -> Hit {
+    fn hit(&self, block: &Block, probe: &impl Probe, lane: usize) -> Hit {
         Hit {
             t: self.t[lane],
-            triangle: block.ids[lane],
+            triangle: probe.triangle(block.ids[lane]),
             u: self.u[lane],
             v: self.v[lane],
         }
@@ -191,7 +208,7 @@ impl Quad {
     /// Mask of the triangles hit with 0 < t <= `t_max`; fills `found` if there are any.
     #[target_feature(enable = "avx2,fma")]
     #[inline]
-    fn test(&self, block: &Block, ray: &Ray, t_max: f32, found: &mut Found) -> u32 {
+    fn test(&self, block: &Block, probe: &impl Probe, t_max: f32, found: &mut Found) -> u32 {
         let map = |k: usize| {
             let at = |i: usize| _mm_sub_ps(load(block, k, self.axes[i]), self.origin[i]);
             let z = at(2);
@@ -212,7 +229,7 @@ impl Quad {
         if _mm_movemask_ps(inside) == 0 {
             return 0;
         }
-        let t = distances(block, ray);
+        let t = distances(block, probe);
         let ahead = _mm_and_ps(_mm_cmpgt_ps(t, zero), _mm_cmple_ps(t, _mm_set1_ps(t_max)));
         let mask = _mm_movemask_ps(_mm_and_ps(inside, ahead)) as u32;
         if mask != 0 {
@@ -231,10 +248,11 @@ impl Quad {
 /// Distances to the planes of four triangles, in double precision; not fused, as in plain Rust.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
-fn distances(block: &Block, ray: &Ray) -> __m128 {
+fn distances(block: &Block, probe: &impl Probe) -> __m128 {
     let point = |k: usize| [0, 1, 2].map(|axis| _mm256_cvtps_pd(load(block, k, axis)));
     let minus = |p: [__m256d; 3], q: [__m256d; 3]| [0, 1, 2].map(|i| _mm256_sub_pd(p[i], q[i]));
-    let splat = |p: crate::math::Vec3| p.to_array().map(|x| _mm256_set1_pd(f64::from(x)));
+    let splat = |p: crate::math::DVec3| p.to_array().map(|x| _mm256_set1_pd(x));
+    let (origin, dir) = probe.exact();
     let a = point(0);
     let (e, f) = (minus(point(1), a), minus(point(2), a));
     let n = [(1, 2), (2, 0), (0, 1)]
@@ -243,8 +261,8 @@ fn distances(block: &Block, ray: &Ray) -> __m128 {
         let xy = _mm256_add_pd(_mm256_mul_pd(n[0], d[0]), _mm256_mul_pd(n[1], d[1]));
         _mm256_add_pd(xy, _mm256_mul_pd(n[2], d[2]))
     };
-    let above = along(minus(a, splat(ray.origin)));
-    _mm256_cvtpd_ps(_mm256_div_pd(above, along(splat(ray.dir))))
+    let above = along(minus(a, splat(origin)));
+    _mm256_cvtpd_ps(_mm256_div_pd(above, along(splat(dir))))
 }
 
 /// A child and its distance in one sortable word; distances are not negative, so their bits sort as they do.
@@ -256,7 +274,7 @@ fn entry(near: f32, child: u32) -> u64 {
 /// Asks for the first lines of a child.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
-fn prefetch(tree: &Wide, child: u32) {
+fn prefetch<B>(tree: &Wide<B>, child: u32) {
     let (base, lines) = if child & LEAF == 0 {
         (
             tree.nodes
@@ -280,8 +298,8 @@ fn prefetch(tree: &Wide, child: u32) {
 /// `stack` must have room above `top` for as many as `mask` has bits.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
-unsafe fn descend<const ANY: bool>(
-    tree: &Wide,
+unsafe fn descend<const ANY: bool, B>(
+    tree: &Wide<B>,
     node: &Node,
     enter: __m256,
     mut mask: u32,
@@ -327,63 +345,87 @@ struct Row([f32; WIDTH]);
 /// The processor must have AVX2 and FMA, and `stack` must hold `tree.stack` entries.
 #[target_feature(enable = "avx2,fma")]
 unsafe fn walk<const ANY: bool>(
-    tree: &Wide,
-    ray: &Ray,
+    tree: &Wide<Block>,
+    probe: &impl Probe,
     stack: &mut [MaybeUninit<u64>],
     keep: impl Fn(&Hit) -> bool,
 ) -> Option<Hit> {
+    let ray = probe.ray();
+    let quad = Quad::new(ray);
+    let mut best = probe.best();
+    let start = best.t;
+    let mut any = false;
+    let mut found = Found::default();
+    let visit = |block: &Block, t_max: f32| {
+        let mut mask = quad.test(block, probe, t_max, &mut found);
+        while mask != 0 {
+            let lane = mask.trailing_zeros() as usize % LANES;
+            let hit = found.hit(block, probe, lane);
+            mask &= mask - 1;
+            if closer(&hit, &best) && keep(&hit) {
+                best = hit;
+                any = true;
+                if ANY {
+                    return ControlFlow::Break(());
+                }
+            }
+        }
+        ControlFlow::Continue(best.t)
+    };
+    // SAFETY: as required of the caller.
+    unsafe { traverse::<ANY, Block>(tree, ray, start, stack, visit) };
+    any.then_some(best)
+}
+
+/// # Safety
+/// The processor must have AVX2 and FMA; the tree must have nodes, and `stack` hold `tree.stack` entries.
+#[target_feature(enable = "avx2,fma")]
+#[inline]
+unsafe fn traverse<const ANY: bool, B>(
+    tree: &Wide<B>,
+    ray: &Ray,
+    mut t_max: f32,
+    stack: &mut [MaybeUninit<u64>],
+    mut visit: impl FnMut(&B, f32) -> ControlFlow<(), f32>,
+) {
     debug_assert!(stack.len() >= tree.stack);
     let stack = stack.as_mut_ptr().cast::<u64>();
-    let (slabs, quad) = (Slabs::new(ray), Quad::new(ray));
-    let mut best = Hit {
-        t: ray.t_max,
-        ..Hit::default()
-    };
-    let mut any = false;
+    let slabs = Slabs::new(ray);
     let (mut top, mut current) = (0usize, 0u32);
-    let mut found = Found::default();
     loop {
         // ── boxes, down to a leaf or to nothing
         let mut miss = false;
         while current & LEAF == 0 && !miss {
             // SAFETY: an index the builder made.
             let node = unsafe { tree.nodes.get_unchecked(current as usize) };
-            let (enter, mask) = slabs.test(node, _mm256_set1_ps(best.t));
+            let (enter, mask) = slabs.test(node, _mm256_set1_ps(t_max));
             if mask.is_power_of_two() {
                 current = node.children[mask.trailing_zeros() as usize % WIDTH];
             } else if mask != 0 {
                 // SAFETY: the builder measured how much room the deepest path needs.
-                current = unsafe { descend::<ANY>(tree, node, enter, mask, stack, &mut top) };
+                current = unsafe { descend::<ANY, B>(tree, node, enter, mask, stack, &mut top) };
             } else {
                 miss = true;
             }
         }
-        // ── triangles
+        // ── blocks
         let blocks = if miss { 0..0 } else { leaf_blocks(current) };
         // SAFETY: a range the builder made.
         for block in unsafe { tree.blocks.get_unchecked(blocks) } {
-            let mut mask = quad.test(block, ray, best.t, &mut found);
-            while mask != 0 {
-                let hit = found.hit(block, mask.trailing_zeros() as usize % LANES);
-                mask &= mask - 1;
-                if closer(&hit, &best) && keep(&hit) {
-                    if ANY {
-                        return Some(hit);
-                    }
-                    best = hit;
-                    any = true;
-                }
+            match visit(block, t_max) {
+                ControlFlow::Continue(t) => t_max = t,
+                ControlFlow::Break(()) => return,
             }
         }
-        // ── the topmost entry that is not behind the best hit
+        // ── the topmost entry that is not behind the bound
         loop {
             if top == 0 {
-                return any.then_some(best);
+                return;
             }
             top -= 1;
             // SAFETY: below `top` everything has been written.
             let e = unsafe { stack.add(top).read() };
-            if f32::from_bits((e >> 32) as u32) <= best.t {
+            if f32::from_bits((e >> 32) as u32) <= t_max {
                 current = e as u32;
                 break;
             }

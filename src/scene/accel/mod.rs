@@ -13,18 +13,25 @@ mod portable;
 mod triangle;
 mod wide;
 
-use wide::Wide;
+use std::borrow::Borrow;
+use std::ops::ControlFlow;
+pub(crate) use triangle::LocalRay;
+use triangle::Probe;
+use wide::{Block, Wide};
 
 /// A tree over a list of triangles; indices of hits are indices of that list.
 pub struct Accel {
-    tree: Wide,
+    tree: Wide<Block>,
     #[cfg(target_arch = "x86_64")]
     simd: Option<avx2::Avx2>,
 }
 
 impl Accel {
+    /// Coordinates beyond this are not accepted.
+    pub(crate) const LIMIT: f32 = wide::LIMIT;
+
     /// Builds the tree. Triangles with a coordinate that is not finite or beyond 1e17 are never hit.
-    pub fn new(triangles: &[[Vec3; 3]]) -> Self {
+    pub fn new<T: Borrow<[Vec3; 3]>>(triangles: &[T]) -> Self {
         #[allow(unused_mut, reason = "only some targets have huge pages")]
         let mut tree = Wide::new(triangles);
         #[cfg(target_arch = "x86_64")]
@@ -40,7 +47,7 @@ impl Accel {
     }
 
     /// The same tree, traversed in portable Rust on any processor: the reference for the AVX2 traversal.
-    pub fn portable(triangles: &[[Vec3; 3]]) -> Self {
+    pub fn portable<T: Borrow<[Vec3; 3]>>(triangles: &[T]) -> Self {
         Self {
             #[cfg(target_arch = "x86_64")]
             simd: None,
@@ -77,17 +84,77 @@ impl Accel {
         self.walk::<true>(ray, keep).is_some()
     }
 
+    /// A hit of a ray in the tree's own space that is closer than the best one and that `keep` accepts: the closest, or with
+    /// `ANY` the first to be found.
     #[inline]
-    fn walk<const ANY: bool>(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
+    pub(crate) fn improve<const ANY: bool>(
+        &self,
+        ray: &LocalRay,
+        keep: impl Fn(&Hit) -> bool,
+    ) -> Option<Hit> {
+        self.walk::<ANY>(ray, keep)
+    }
+
+    #[inline]
+    fn walk<const ANY: bool>(
+        &self,
+        probe: &impl Probe,
+        keep: impl Fn(&Hit) -> bool,
+    ) -> Option<Hit> {
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = self.simd {
-            return simd.walk::<ANY>(&self.tree, ray, keep);
+            return simd.walk::<ANY>(&self.tree, probe, keep);
         }
-        portable::walk::<ANY>(&self.tree, ray, keep)
+        portable::walk::<ANY>(&self.tree, probe, keep)
+    }
+
+    /// Lower and upper corners of boxes that together hold all triangles: those of the tree's root.
+    pub(crate) fn boxes(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
+        let root = self.tree.nodes.first();
+        root.into_iter().flat_map(wide::Node::boxes)
     }
 
     /// Lower and upper corner of all triangles; both zero if there are none.
     pub fn bounds(&self) -> (Vec3, Vec3) {
+        self.tree.bounds
+    }
+}
+
+/// A tree over boxes, whose contents are asked by whoever walks it.
+pub(crate) struct BoxTree {
+    tree: Wide<u32>,
+    #[cfg(target_arch = "x86_64")]
+    simd: Option<avx2::Avx2>,
+}
+
+impl BoxTree {
+    /// Builds the tree over boxes, given by lower and upper corners within 1e17.
+    pub(crate) fn new(boxes: &[(Vec3, Vec3)]) -> Self {
+        Self {
+            tree: Wide::over(boxes),
+            #[cfg(target_arch = "x86_64")]
+            simd: avx2::Avx2::detect(),
+        }
+    }
+
+    /// Visits the boxes that a ray meets before `t_max`, by index, roughly nearest first unless `ANY` will do. `visit` is
+    /// given the bound, and returns the next or stops.
+    #[inline]
+    pub(crate) fn visit<const ANY: bool>(
+        &self,
+        ray: &Ray,
+        mut visit: impl FnMut(u32, f32) -> ControlFlow<(), f32>,
+    ) {
+        let visit = |&index: &u32, t_max: f32| visit(index, t_max);
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.simd {
+            return simd.traverse::<ANY, u32>(&self.tree, ray, ray.t_max, visit);
+        }
+        portable::traverse::<ANY, u32>(&self.tree, ray, ray.t_max, visit);
+    }
+
+    /// Lower and upper corner of all boxes; both zero if there are none.
+    pub(crate) fn bounds(&self) -> (Vec3, Vec3) {
         self.tree.bounds
     }
 }

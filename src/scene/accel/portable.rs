@@ -1,9 +1,10 @@
 //! The traversal in portable Rust: for processors without AVX2, and the reference for the AVX2 one.
 
-use super::triangle::{Shear, intersect};
-use super::wide::{LANES, LEAF, Node, WIDTH, Wide, leaf_blocks};
+use super::triangle::{Probe, Shear, intersect};
+use super::wide::{Block, LANES, LEAF, Node, WIDTH, Wide, leaf_blocks};
 use crate::math::{Ray, Vec3};
 use crate::scene::Hit;
+use std::ops::ControlFlow;
 
 /// Relative slack of a box test: a sum, a product and a reciprocal, each rounded, and one unit to spare.
 pub(super) const SLACK: f32 = 4.0 * f32::EPSILON * 0.5;
@@ -24,59 +25,70 @@ pub(super) fn reciprocal(dir: Vec3) -> Vec3 {
 /// Traverses the tree; with `ANY` stops at the first hit. Among equally distant hits the lowest index wins, so that the
 /// result does not depend on the tree. Hits that `keep` rejects do not count.
 pub(super) fn walk<const ANY: bool>(
-    tree: &Wide,
-    ray: &Ray,
+    tree: &Wide<Block>,
+    probe: &impl Probe,
     keep: impl Fn(&Hit) -> bool,
 ) -> Option<Hit> {
+    let shear = Shear::new(probe.ray().dir);
+    let mut best = probe.best();
+    let mut found = false;
+    traverse::<ANY, _>(tree, probe.ray(), best.t, |block, _| {
+        for lane in 0..LANES {
+            let Some((t, u, v)) = intersect(probe, &shear, |k, a| block.corners[k][a][lane]) else {
+                continue;
+            };
+            let hit = Hit {
+                t,
+                triangle: probe.triangle(block.ids[lane]),
+                u,
+                v,
+            };
+            if t > 0.0 && closer(&hit, &best) && keep(&hit) {
+                best = hit;
+                found = true;
+                if ANY {
+                    return ControlFlow::Break(());
+                }
+            }
+        }
+        ControlFlow::Continue(best.t)
+    });
+    found.then_some(best)
+}
+
+/// Visits the blocks of the leaves that a ray meets before `t_max`, nearest leaf first unless `ANY` will do; `visit` is
+/// given the bound, and returns the next or stops.
+pub(super) fn traverse<const ANY: bool, B>(
+    tree: &Wide<B>,
+    ray: &Ray,
+    mut t_max: f32,
+    mut visit: impl FnMut(&B, f32) -> ControlFlow<(), f32>,
+) {
     if tree.nodes.is_empty() {
-        return None;
+        return;
     }
     let inv = reciprocal(ray.dir);
-    let shear = Shear::new(ray.dir);
-    let mut best = Hit {
-        t: ray.t_max,
-        triangle: 0,
-        u: 0.0,
-        v: 0.0,
-    };
-    let mut found = false;
     let mut stack = Vec::with_capacity(tree.stack);
     stack.push((0.0f32, 0u32));
     while let Some((near, entry)) = stack.pop() {
-        if near > best.t {
+        if near > t_max {
             continue;
         }
         if entry & LEAF == 0 {
             let first = stack.len();
-            push_children(&tree.nodes[entry as usize], ray, inv, best.t, &mut stack);
+            push_children(&tree.nodes[entry as usize], ray, inv, t_max, &mut stack);
             if !ANY {
                 stack[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
             }
             continue;
         }
         for block in &tree.blocks[leaf_blocks(entry)] {
-            for lane in 0..LANES {
-                let Some((t, u, v)) = intersect(ray, &shear, |k, a| block.corners[k][a][lane])
-                else {
-                    continue;
-                };
-                let hit = Hit {
-                    t,
-                    triangle: block.ids[lane],
-                    u,
-                    v,
-                };
-                if t > 0.0 && closer(&hit, &best) && keep(&hit) {
-                    best = hit;
-                    found = true;
-                    if ANY {
-                        return Some(best);
-                    }
-                }
+            match visit(block, t_max) {
+                ControlFlow::Continue(t) => t_max = t,
+                ControlFlow::Break(()) => return,
             }
         }
     }
-    found.then_some(best)
 }
 
 /// True if `hit` comes before `best`; false for NaN.

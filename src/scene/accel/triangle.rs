@@ -14,6 +14,83 @@
 //! triangles get that far.
 
 use crate::math::{DVec3, Ray, Vec3};
+use crate::scene::Hit;
+
+/// A ray as it asks the triangles of a tree.
+pub(super) trait Probe {
+    /// The ray in single precision, for boxes and for the test in the plane.
+    fn ray(&self) -> &Ray;
+    /// Origin and direction, for distances.
+    fn exact(&self) -> (DVec3, DVec3);
+    /// The best hit so far: its distance bounds the search.
+    fn best(&self) -> Hit;
+    /// Index of a triangle of the tree in the scene.
+    fn triangle(&self, id: u32) -> u32;
+}
+
+impl Probe for Ray {
+    #[inline(always)]
+    fn ray(&self) -> &Ray {
+        self
+    }
+
+    #[inline(always)]
+    fn exact(&self) -> (DVec3, DVec3) {
+        (self.origin.as_dvec3(), self.dir.as_dvec3())
+    }
+
+    #[inline(always)]
+    fn best(&self) -> Hit {
+        Hit {
+            t: self.t_max,
+            ..Hit::default()
+        }
+    }
+
+    #[inline(always)]
+    fn triangle(&self, id: u32) -> u32 {
+        id
+    }
+}
+
+/// A ray in the space of an instance's mesh. Its direction has any length, so that distances are those in the world.
+///
+/// Distances are computed from the ray in double precision, not from its rounding: the sign of t is right for every origin
+/// that single precision distinguishes from the plane *in the world*, as it is for other triangles.
+pub(crate) struct LocalRay {
+    /// The ray, rounded.
+    pub(crate) ray: Ray,
+    /// Its origin.
+    pub(crate) origin: DVec3,
+    /// Its direction.
+    pub(crate) dir: DVec3,
+    /// Index of the instance's first triangle in the scene.
+    pub(crate) first: u32,
+    /// The best hit so far.
+    pub(crate) best: Hit,
+}
+
+impl Probe for LocalRay {
+    #[inline(always)]
+    fn ray(&self) -> &Ray {
+        &self.ray
+    }
+
+    #[inline(always)]
+    fn exact(&self) -> (DVec3, DVec3) {
+        (self.origin, self.dir)
+    }
+
+    #[inline(always)]
+    fn best(&self) -> Hit {
+        self.best
+    }
+
+    #[inline(always)]
+    fn triangle(&self, id: u32) -> u32 {
+        self.first + id
+    }
+}
 
 /// Precomputed shear of a ray.
 #[derive(Clone, Copy, Debug)]
@@ -47,11 +124,12 @@ impl Shear {
 /// Distance and the weights of the second and third corner. `corner(k, axis)` reads a coordinate.
 #[inline]
 pub(super) fn intersect(
-    ray: &Ray,
+    probe: &impl Probe,
     shear: &Shear,
     corner: impl Fn(usize, usize) -> f32,
 ) -> Option<(f32, f32, f32)> {
     let [x, y, z] = shear.axes;
+    let ray = probe.ray();
     let map = |k: usize| {
         let depth = corner(k, z) - ray.origin[z];
         (
@@ -69,7 +147,7 @@ pub(super) fn intersect(
         return None;
     }
     let point = |k: usize| DVec3::from_array([0, 1, 2].map(|axis| f64::from(corner(k, axis))));
-    let (a, origin) = (point(0), ray.origin.as_dvec3());
+    let (a, (origin, dir)) = (point(0), probe.exact());
     let (e, f) = (point(1) - a, point(2) - a);
     let n = [
         e.y * f.z - e.z * f.y,
@@ -77,7 +155,7 @@ pub(super) fn intersect(
         e.x * f.y - e.y * f.x,
     ];
     let along = |d: DVec3| (n[0] * d.x + n[1] * d.y) + n[2] * d.z;
-    let t = (along(a - origin) / along(ray.dir.as_dvec3())) as f32;
+    let t = (along(a - origin) / along(dir)) as f32;
     let r = 1.0 / sum;
     Some((t, v * r, w * r))
 }

@@ -1,11 +1,12 @@
-//! The 8-wide tree: the binary tree of obvhs folded into nodes of eight boxes and leaves of four-triangle blocks, the
-//! layout of the SIMD traversal.
+//! The 8-wide tree: the binary tree of obvhs folded into nodes of eight boxes and leaves of blocks, the layout of the SIMD
+//! traversal. A block is four triangles, or in a tree over instances one of them.
 //!
 //! The fold minimises the surface-area cost exactly, by dynamic programming over the binary tree `[Ylitie17 §3.1]`.
 
 use crate::math::Vec3;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams, aabb::Aabb};
+use std::borrow::Borrow;
 use std::ops::Range;
 use std::time::Duration;
 
@@ -17,12 +18,8 @@ pub(super) const LANES: usize = 4;
 pub(super) const LEAF: u32 = 1 << 31;
 /// Bits for the number of blocks of a leaf.
 const COUNT_BITS: u32 = 2;
-/// Most blocks in a leaf.
-const MAX_BLOCKS: usize = 1 << COUNT_BITS;
-/// Cost of testing a block of triangles over the cost of testing the eight boxes of a node.
-const BLOCK_COST: f32 = 0.3;
 /// Coordinates beyond this would overflow areas and slab distances.
-const LIMIT: f32 = 1e17;
+pub(super) const LIMIT: f32 = 1e17;
 
 /// The blocks of a leaf.
 #[inline(always)]
@@ -52,10 +49,10 @@ pub(super) struct Block {
     pub(super) ids: [u32; LANES],
 }
 
-/// The tree.
-pub(super) struct Wide {
+/// The tree over blocks of this type.
+pub(super) struct Wide<B> {
     pub(super) nodes: Vec<Node>,
-    pub(super) blocks: Vec<Block>,
+    pub(super) blocks: Vec<B>,
     /// Entries that the traversal's stack must hold.
     pub(super) stack: usize,
     /// Lower and upper corner of everything.
@@ -70,6 +67,16 @@ impl Node {
             children: [LEAF; WIDTH],
         }
     };
+
+    /// Lower and upper corners of the children's boxes.
+    pub(super) fn boxes(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
+        let corner = |slot: usize, side: usize| {
+            Vec3::from_array([0, 1, 2].map(|axis| self.planes[2 * axis + side][slot]))
+        };
+        (0..WIDTH)
+            .map(move |slot| (corner(slot, 0), corner(slot, 1)))
+            .filter(|(low, high)| low.x <= high.x)
+    }
 
     fn set_box(&mut self, slot: usize, aabb: &Aabb) {
         for axis in 0..3 {
@@ -92,7 +99,29 @@ pub(super) fn usable(triangle: &[Vec3; 3]) -> bool {
     triangle.iter().all(ok)
 }
 
-/// A triangle's box, for the builder.
+/// Leaves of a kind of tree.
+struct Leaves {
+    /// Primitives of a block.
+    lanes: usize,
+    /// Most blocks in a leaf.
+    most: usize,
+    /// Cost of a block over the cost of testing the eight boxes of a node.
+    cost: f32,
+}
+
+const TRIANGLES: Leaves = Leaves {
+    lanes: LANES,
+    most: 1 << COUNT_BITS,
+    cost: 0.3,
+};
+
+const INSTANCES: Leaves = Leaves {
+    lanes: 1,
+    most: 1,
+    cost: 4.0,
+};
+
+/// A primitive's box, for the builder.
 struct Bounded(Aabb);
 
 impl Boundable for Bounded {
@@ -101,13 +130,50 @@ impl Boundable for Bounded {
     }
 }
 
-impl Wide {
+impl Wide<Block> {
     /// Builds over all triangles whose coordinates are usable; the others keep their index and are never hit.
-    pub(super) fn new(triangles: &[[Vec3; 3]]) -> Self {
+    pub(super) fn new<T: Borrow<[Vec3; 3]>>(triangles: &[T]) -> Self {
+        let corners = |i: u32| triangles[i as usize].borrow();
         let ids: Vec<u32> = (0..triangles.len() as u32)
-            .filter(|&i| usable(&triangles[i as usize]))
+            .filter(|&i| usable(corners(i)))
             .collect();
-        if ids.is_empty() {
+        let boxes = (ids.iter())
+            .map(|&i| Bounded(Aabb::from_points(&corners(i).map(Into::into))))
+            .collect();
+        Self::build(boxes, &TRIANGLES, |primitives, blocks| {
+            for group in primitives.chunks(LANES) {
+                let mut block = Block::EMPTY;
+                for (lane, &i) in group.iter().enumerate() {
+                    let id = ids[i as usize];
+                    for (corner, p) in block.corners.iter_mut().zip(corners(id)) {
+                        for axis in 0..3 {
+                            corner[axis][lane] = p[axis];
+                        }
+                    }
+                    block.ids[lane] = id;
+                }
+                blocks.push(block);
+            }
+        })
+    }
+}
+
+impl Wide<u32> {
+    /// Builds over boxes, given by their lower and upper corners; blocks are their indices.
+    pub(super) fn over(boxes: &[(Vec3, Vec3)]) -> Self {
+        let boxes = (boxes.iter())
+            .map(|&(low, high)| Bounded(Aabb::new(low.into(), high.into())))
+            .collect();
+        Self::build(boxes, &INSTANCES, |primitives, blocks| {
+            blocks.extend_from_slice(primitives);
+        })
+    }
+}
+
+impl<B> Wide<B> {
+    /// Builds over boxes; `fill` appends the blocks of a leaf's primitives.
+    fn build(boxes: Vec<Bounded>, leaves: &Leaves, fill: impl FnMut(&[u32], &mut Vec<B>)) -> Self {
+        if boxes.is_empty() {
             return Self {
                 nodes: Vec::new(),
                 blocks: Vec::new(),
@@ -115,16 +181,12 @@ impl Wide {
                 bounds: (Vec3::ZERO, Vec3::ZERO),
             };
         }
-        let boxes: Vec<Bounded> = ids
-            .iter()
-            .map(|&i| Bounded(Aabb::from_points(&triangles[i as usize].map(Into::into))))
-            .collect();
         let params = BvhBuildParams {
             max_prims_per_leaf: 1,
             ..BvhBuildParams::medium_build()
         };
         let binary = build_bvh2(&boxes, params, &mut Duration::default());
-        Fold::new(&binary).run(triangles, &ids)
+        Fold::new(&binary, leaves).run(fill)
     }
 }
 
@@ -134,7 +196,7 @@ struct Plan {
     cost: [f32; WIDTH - 1],
     /// Number of the `i + 1` roots (last: of the eight children) that go to the left child; 0: fewer roots are no worse.
     left: [u8; WIDTH],
-    /// Triangles below.
+    /// Primitives below.
     count: u32,
     /// True if one root is best as a leaf.
     leaf: bool,
@@ -142,11 +204,12 @@ struct Plan {
 
 struct Fold<'a> {
     binary: &'a Bvh2,
+    leaves: &'a Leaves,
     plans: Vec<Plan>,
 }
 
 impl<'a> Fold<'a> {
-    fn new(binary: &'a Bvh2) -> Self {
+    fn new(binary: &'a Bvh2, leaves: &'a Leaves) -> Self {
         const NONE: Plan = Plan {
             cost: [0.0; WIDTH - 1],
             left: [0; WIDTH],
@@ -155,6 +218,7 @@ impl<'a> Fold<'a> {
         };
         let mut fold = Self {
             binary,
+            leaves,
             plans: vec![NONE; binary.nodes.len()],
         };
         // Children before parents: parents in order of discovery, backwards.
@@ -179,7 +243,7 @@ impl<'a> Fold<'a> {
         let area = node.aabb.half_area();
         if node.is_leaf() {
             return Plan {
-                cost: [area * BLOCK_COST; WIDTH - 1],
+                cost: [area * self.leaves.cost; WIDTH - 1],
                 left: [0; WIDTH],
                 count: node.prim_count,
                 leaf: true,
@@ -199,10 +263,10 @@ impl<'a> Fold<'a> {
             }
         }
         let count = l.count + r.count;
-        let blocks = (count as usize).div_ceil(LANES);
+        let blocks = (count as usize).div_ceil(self.leaves.lanes);
         let inner = cost[WIDTH - 1] + area;
-        let leaf_cost = if blocks <= MAX_BLOCKS {
-            area * BLOCK_COST * blocks as f32
+        let leaf_cost = if blocks <= self.leaves.most {
+            area * self.leaves.cost * blocks as f32
         } else {
             f32::INFINITY
         };
@@ -243,13 +307,14 @@ impl<'a> Fold<'a> {
         self.roots(first + 1, roots - left, out);
     }
 
-    fn run(&self, triangles: &[[Vec3; 3]], ids: &[u32]) -> Wide {
+    fn run<B>(&self, mut fill: impl FnMut(&[u32], &mut Vec<B>)) -> Wide<B> {
         let mut nodes = vec![Node::EMPTY];
         let mut blocks = Vec::new();
         let mut depth = 1;
         // (binary subtree, its wide node, depth)
         let mut todo = vec![(0u32, 0usize, 1usize)];
         let mut roots = Vec::with_capacity(WIDTH);
+        let mut primitives = Vec::new();
         while let Some((n, target, at)) = todo.pop() {
             depth = depth.max(at);
             roots.clear();
@@ -262,7 +327,10 @@ impl<'a> Fold<'a> {
                 let plan = &self.plans[child as usize];
                 nodes[target].set_box(slot, &self.binary.nodes[child as usize].aabb);
                 nodes[target].children[slot] = if plan.leaf {
-                    self.leaf(child, triangles, ids, &mut blocks)
+                    let first = blocks.len();
+                    self.primitives(child, &mut primitives);
+                    fill(&primitives, &mut blocks);
+                    LEAF | (first as u32) << COUNT_BITS | (blocks.len() - first - 1) as u32
                 } else {
                     todo.push((child, nodes.len(), at + 1));
                     nodes.push(Node::EMPTY);
@@ -279,9 +347,9 @@ impl<'a> Fold<'a> {
         }
     }
 
-    fn leaf(&self, n: u32, triangles: &[[Vec3; 3]], ids: &[u32], blocks: &mut Vec<Block>) -> u32 {
-        let first = blocks.len() as u32;
-        let mut found = 0;
+    /// The primitives of a binary subtree, left to right.
+    fn primitives(&self, n: u32, out: &mut Vec<u32>) {
+        out.clear();
         let mut todo = vec![n];
         while let Some(n) = todo.pop() {
             let node = &self.binary.nodes[n as usize];
@@ -289,21 +357,8 @@ impl<'a> Fold<'a> {
                 todo.extend([node.first_index + 1, node.first_index]);
                 continue;
             }
-            for i in node.first_index..node.first_index + node.prim_count {
-                let id = ids[self.binary.primitive_indices[i as usize] as usize];
-                if found % LANES == 0 {
-                    blocks.push(Block::EMPTY);
-                }
-                let block = blocks.last_mut().expect("one was just pushed");
-                for (corner, p) in block.corners.iter_mut().zip(&triangles[id as usize]) {
-                    for axis in 0..3 {
-                        corner[axis][found % LANES] = p[axis];
-                    }
-                }
-                block.ids[found % LANES] = id;
-                found += 1;
-            }
+            let first = node.first_index as usize;
+            out.extend(&self.binary.primitive_indices[first..first + node.prim_count as usize]);
         }
-        LEAF | first << COUNT_BITS | (found.div_ceil(LANES) as u32 - 1)
     }
 }

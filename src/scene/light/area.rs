@@ -12,8 +12,8 @@ use std::f32::consts::{FRAC_1_PI, PI};
 /// Density per steradian with which an emission sample leaves a triangle at this cosine: |cos θ|/π, halved if both
 /// sides emit.
 #[inline]
-fn emission_pdf(material: &Material, cos: f32) -> f32 {
-    let sides = if material.double_sided { 2.0 } else { 1.0 };
+fn emission_pdf(double_sided: bool, cos: f32) -> f32 {
+    let sides = if double_sided { 2.0 } else { 1.0 };
     cos.abs() * FRAC_1_PI / sides
 }
 
@@ -31,7 +31,11 @@ fn power(area: f32, radiance: f32, sides: f32) -> f64 {
 #[derive(Default)]
 pub(super) struct AreaLights {
     triangles: Vec<EmissiveTriangle>,
-    /// Density per area with which each triangle of the scene is drawn by power, 0 for dark ones; empty without area
+    /// Emitted power of each of them (luminance).
+    powers: Vec<f64>,
+    /// Texture coordinates of their corners.
+    uvs: Vec<[Vec2; 3]>,
+    /// Density per area with which each triangle that is not shared is drawn by power, 0 for dark ones; empty without area
     /// lights.
     pdf_a: Vec<f32>,
     /// Place in `triangles` of each triangle of the scene; empty where power alone decides.
@@ -43,14 +47,21 @@ pub(super) struct AreaLights {
     textures: Vec<Texture>,
 }
 
+/// A triangle with all that drawing its points needs, unless its emission varies.
 struct EmissiveTriangle {
-    corners: [Vec3; 3],
-    uvs: [Vec2; 3],
+    corner: Vec3,
+    /// From there to the second and third corner.
+    edges: [Vec3; 2],
     /// Unit normal, towards the front.
     normal: Vec3,
     area: f32,
-    /// Emitted power (luminance).
-    power: f64,
+    /// Size of the coordinates along the normal, of which a point's rounding error is a part.
+    reach: f32,
+    /// Radiance where it does not vary.
+    radiance: Rgb,
+    double_sided: bool,
+    /// True if texture or opacity make the radiance vary.
+    varies: bool,
     /// Index of the triangle, in scene order.
     triangle: u32,
     /// Index of the material.
@@ -60,36 +71,43 @@ struct EmissiveTriangle {
 impl AreaLights {
     /// Collects the triangles whose material emits.
     pub(super) fn new(parts: &SceneParts, geometry: &Geometry) -> Self {
-        let average = |m: &Material| luminance(m.average_emission(&parts.textures));
-        let averages: Vec<f32> = parts.materials.iter().map(average).collect();
-        let emissive = |triangle: u32| {
+        let of_material = |m: &Material| luminance(m.average_emission(&parts.textures));
+        let averages: Vec<f32> = parts.materials.iter().map(of_material).collect();
+        let mut lights = Self::default();
+        let average = |triangle: &u32| averages[geometry.triangle_material(*triangle) as usize];
+        for triangle in (0..geometry.single() as u32).filter(|t| average(t) > 0.0) {
             let material = geometry.triangle_material(triangle);
-            let average = averages[material as usize];
-            let double_sided = parts.materials[material as usize].double_sided;
-            let sides = if double_sided { 2.0 } else { 1.0 };
+            let of = &parts.materials[material as usize];
+            let sides = if of.double_sided { 2.0 } else { 1.0 };
             let area = geometry.triangle_area(triangle);
-            (average > 0.0).then(|| EmissiveTriangle {
-                corners: geometry.triangle(triangle),
-                uvs: geometry.triangle_uvs(parts, triangle),
-                normal: geometry.triangle_normal(triangle),
+            let [a, b, c] = geometry.triangle(triangle);
+            let (edges, normal) = ([b - a, c - a], geometry.triangle_normal(triangle));
+            lights.powers.push(power(area, average(&triangle), sides));
+            lights.uvs.push(geometry.triangle_uvs(parts, triangle));
+            lights.triangles.push(EmissiveTriangle {
+                corner: a,
+                edges,
+                normal,
                 area,
-                power: power(area, average, sides),
+                reach: (a.abs() + edges[0].abs() + edges[1].abs()).dot(normal.abs()),
+                radiance: of.emission,
+                double_sided: of.double_sided,
+                varies: of.emissive_texture.is_some() || of.alpha_mode != AlphaMode::Opaque,
                 triangle,
                 material,
-            })
-        };
-        let triangles: Vec<_> = (0..geometry.len() as u32).filter_map(emissive).collect();
-        if triangles.is_empty() {
-            return Self::default();
+            });
         }
-        let corners: Vec<_> = triangles.iter().map(|t| t.corners).collect();
+        if lights.triangles.is_empty() {
+            return lights;
+        }
+        let corners = |t: &EmissiveTriangle| geometry.triangle(t.triangle);
+        let corners: Vec<_> = lights.triangles.iter().map(corners).collect();
         Self {
-            triangles,
-            pdf_a: vec![0.0; geometry.len()],
-            places: Vec::new(),
+            pdf_a: vec![0.0; geometry.single()],
             tree: Some(Accel::new(&corners)),
             materials: parts.materials.clone(),
             textures: parts.textures.clone(),
+            ..lights
         }
     }
 
@@ -100,7 +118,7 @@ impl AreaLights {
 
     /// Power of each emissive triangle.
     pub(super) fn powers(&self) -> Vec<f64> {
-        self.triangles.iter().map(|t| t.power).collect()
+        self.powers.clone()
     }
 
     /// Takes over the probabilities with which the emissive triangles are drawn.
@@ -114,23 +132,18 @@ impl AreaLights {
     pub(super) fn bounds(&self, geometry: &Geometry, unit: f64) -> Vec<Item> {
         let mut meshes: Vec<Item> = Vec::new();
         let mut last = None;
-        for (k, t) in self
-            .triangles
-            .iter()
-            .enumerate()
-            .filter(|(_, t)| t.power > 0.0)
-        {
-            let [a, b, c] = t.corners;
-            let two_sided = self.materials[t.material as usize].double_sided;
-            let sides = if two_sided { 2.0 } else { 1.0 };
+        let all = self.triangles.iter().zip(&self.powers).enumerate();
+        for (k, (t, &power)) in all.filter(|(_, (_, power))| **power > 0.0) {
+            let [a, b, c] = geometry.triangle(t.triangle);
+            let sides = if t.double_sided { 2.0 } else { 1.0 };
             let bounds = LightBounds {
                 low: a.min(b).min(c),
                 high: a.max(b).max(c),
                 axis: t.normal,
                 cos_facing: 1.0,
                 cos_emission: 0.0,
-                two_sided,
-                intensity: (t.power * unit / (f64::from(PI) * sides)) as f32,
+                two_sided: t.double_sided,
+                intensity: (power * unit / (f64::from(PI) * sides)) as f32,
             };
             let mesh = geometry.triangle_mesh(t.triangle);
             match meshes.last_mut().filter(|_| last == Some(mesh)) {
@@ -167,32 +180,29 @@ impl AreaLights {
     #[inline]
     pub(super) fn sample(&self, k: usize, pmf: f32, from: Vec3, u: Vec2) -> Option<LightSample> {
         let light = &self.triangles[k];
-        let [a, b, c] = light.corners;
         let weights = warp::triangle(u);
-        let (e1, e2) = (b - a, c - a);
-        let point = a + weights.x * e1 + weights.y * e2;
+        let [e1, e2] = light.edges;
+        let point = light.corner + weights.x * e1 + weights.y * e2;
         let to = point - from;
         let distance = to.length();
         let wi = to / distance;
-        let material = &self.materials[light.material as usize];
         let cos = -wi.dot(light.normal);
-        if !(cos > 0.0 || (material.double_sided && cos < 0.0)) {
+        if !(cos > 0.0 || (light.double_sided && cos < 0.0)) {
             return None;
         }
         let pdf_a = pmf / light.area;
         let pdf_w = area_to_solid_angle(pdf_a, from, point, cos.abs());
-        let varies = material.emissive_texture.is_some();
-        let radiance = if varies || material.alpha_mode != AlphaMode::Opaque {
-            let [ua, ub, uc] = light.uvs;
+        let radiance = if light.varies {
+            let material = &self.materials[light.material as usize];
+            let [ua, ub, uc] = self.uvs[k];
             let uv = ua + weights.x * (ub - ua) + weights.y * (uc - ua);
             // The shadow ray ends before the light: a hole in the light itself is counted here.
             material.emission_at(&self.textures, uv) * material.presence(&self.textures, uv)
         } else {
-            material.emission
+            light.radiance
         };
         // Four roundings of the point, two of the direction.
-        let reach = (a.abs() + e1.abs() + e2.abs()).dot(light.normal.abs());
-        let error = f32::EPSILON * (4.0 * reach + 2.0 * distance);
+        let error = f32::EPSILON * (4.0 * light.reach + 2.0 * distance);
         (pdf_w.is_finite() && pdf_w > 0.0).then_some(LightSample {
             wi,
             distance,
@@ -200,7 +210,7 @@ impl AreaLights {
             density: LightDensity::SolidAngle(pdf_w),
             cos: cos.abs(),
             error,
-            emission_pdf: emission_pdf(material, cos),
+            emission_pdf: emission_pdf(light.double_sided, cos),
         })
     }
 
@@ -242,7 +252,7 @@ impl AreaLights {
     pub(super) fn emission_density(&self, surface: &Surface, wo: Vec3) -> (f32, f32) {
         let pdf_a = self.pdf_a.get(surface.triangle as usize);
         let material = &self.materials[surface.material as usize];
-        let pdf_w = emission_pdf(material, wo.dot(surface.ng));
+        let pdf_w = emission_pdf(material.double_sided, wo.dot(surface.ng));
         (pdf_a.copied().unwrap_or(0.0), pdf_w)
     }
 

@@ -6,7 +6,7 @@ use super::textures::Requests;
 use crate::bsdf::Distribution;
 use crate::math::Rgb;
 use crate::scene::Material;
-use crate::scene::material::{AlphaMode, TextureRef};
+use crate::scene::material::{AlphaMode, Clearcoat, TextureRef};
 use glam::{Affine2, Vec2};
 use gltf::json::extensions::material as ext;
 use gltf::json::extensions::texture::TextureTransform;
@@ -14,6 +14,7 @@ use gltf::json::material::AlphaMode as Alpha;
 use gltf::json::texture::Info;
 use gltf::json::validation::Checked;
 use gltf::json::{self, Root};
+use serde::Deserialize;
 
 /// Emitted radiance whose square still fits into single precision, in which pictures keep their variance.
 const LARGEST_EMISSION: f32 = 1e19;
@@ -48,6 +49,22 @@ pub(super) fn materials(
         materials.push(material);
     }
     Ok((materials, slots))
+}
+
+/// `KHR_materials_clearcoat`, which the crate does not type.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct ClearcoatExtension {
+    #[serde(rename = "clearcoatFactor")]
+    factor: f32,
+    #[serde(rename = "clearcoatTexture")]
+    texture: Option<Info>,
+    #[serde(rename = "clearcoatRoughnessFactor")]
+    roughness_factor: f32,
+    #[serde(rename = "clearcoatRoughnessTexture")]
+    roughness_texture: Option<Info>,
+    #[serde(rename = "clearcoatNormalTexture")]
+    normal_texture: Option<json::Value>,
 }
 
 /// Reads one material.
@@ -143,6 +160,9 @@ impl Reader<'_> {
             out.solid = self.positive("thicknessFactor", volume.thickness_factor.0)? > 0.0;
             out.absorption = self.absorption(volume)?;
         }
+        if let Some(value) = e.others.get("KHR_materials_clearcoat") {
+            self.clearcoat(value, out)?;
+        }
         if let Some(value) = e.others.get("KHR_materials_dispersion") {
             let dispersion = value.get("dispersion").map_or(Some(0.0), |x| x.as_f64());
             let dispersion =
@@ -163,10 +183,34 @@ impl Reader<'_> {
                 specular: 0.0,
                 metallic: 0.0,
                 transmission: 0.0,
+                clearcoat: None,
                 double_sided: true,
                 normal_texture: None,
                 ..std::mem::take(out)
             };
+        }
+        Ok(())
+    }
+
+    fn clearcoat(&mut self, value: &json::Value, out: &mut Material) -> Result<()> {
+        let coat: ClearcoatExtension =
+            json::deserialize::from_value(value.clone()).map_err(|e| {
+                let place = format!("{}.KHR_materials_clearcoat", self.at);
+                fault(place, e.to_string())
+            })?;
+        let weight = self.fraction("clearcoatFactor", coat.factor)?;
+        let roughness = self.fraction("clearcoatRoughnessFactor", coat.roughness_factor)?;
+        let map = coat.roughness_texture.as_ref();
+        let read = Clearcoat {
+            weight,
+            alpha: roughness * roughness,
+            texture: self.info("clearcoatTexture", coat.texture.as_ref(), false)?,
+            roughness_texture: self.info("clearcoatRoughnessTexture", map, false)?,
+        };
+        out.clearcoat = (weight > 0.0).then(|| Box::new(read));
+        if coat.normal_texture.is_some() {
+            let line = "clearcoatNormalTexture is ignored: the coat has the base's normal";
+            self.warnings.say(format!("{}: {line}", self.at));
         }
         Ok(())
     }

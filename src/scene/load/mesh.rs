@@ -6,17 +6,29 @@ use super::error::{Result, Warnings, fault, place};
 use super::nodes::Placed;
 use crate::math::{Vec2, Vec3};
 use crate::memory;
-use crate::scene::Mesh;
-use glam::{DAffine3, DMat3, DQuat, DVec3, Vec4};
+use crate::scene::mesh::{cofactors, unit};
+use crate::scene::{Mesh, SharedMesh};
+use glam::{DAffine3, DQuat, DVec3, Vec4};
 use gltf::json::accessor::ComponentType::{F32, I8, I16, U8, U16};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
+use std::collections::{HashMap, HashSet};
 
-/// Most vertices, and most triangles, of a scene. Instances and shared accessors let a small file ask for any number.
+/// Most vertices, and most triangles, of a scene in memory. Instances and shared accessors let a small file ask for any
+/// number.
 const MAX_ELEMENTS: u64 = 1 << 26;
+
+/// Most triangles of a scene, those of every instance counted: their indices have 32 bits.
+const MAX_SHOWN: u64 = 1 << 31;
 
 /// Most meshes, one per primitive and instance.
 const MAX_MESHES: usize = 1 << 20;
+
+/// Bytes of copies above which meshes are shared. Rays meet copies faster, so small scenes keep them.
+const MOST_COPIES: u64 = 256 << 20;
+
+/// Least triangles of a mesh that is shared: an instance takes as much memory as a copy of few.
+const LEAST_SHARED: u64 = 16;
 
 /// A material as far as meshes depend on it.
 #[derive(Clone, Copy)]
@@ -32,28 +44,46 @@ pub(super) struct Slot {
 /// A primitive of a node.
 struct Instance<'a> {
     primitive: &'a Primitive,
+    /// Index of the mesh in the file and of the primitive in the mesh.
+    source: (usize, usize),
     pose: DAffine3,
     /// Weights of the morph targets.
     weights: &'a [f32],
     /// Matrices of the skin's joints, which then replace the pose.
     joints: Option<&'a [DAffine3]>,
-    /// Place of the primitive, for messages.
-    place: String,
+    /// True if the material emits.
+    emits: bool,
     /// Place of the node.
     node: &'a str,
 }
 
-/// All meshes of the nodes, one per primitive and instance, in world space. `slots` holds one entry per material of the
-/// file and, last, the default material's.
+impl Instance<'_> {
+    /// True if the mesh may be shared with other instances: nothing deforms it, light sampling need not know its triangles
+    /// in the world, and its pose is no degenerate one.
+    fn may_share(&self) -> bool {
+        let morphs = self.primitive.targets.is_some() && self.weights.iter().any(|&w| w != 0.0);
+        let deformed = self.joints.is_some() || morphs;
+        !deformed && !self.emits && SharedMesh::condition(&self.pose).is_some()
+    }
+
+    /// Place of the primitive, for messages.
+    fn place(&self, data: &Data<'_>) -> String {
+        let (mesh, primitive) = self.source;
+        let name = data.root.meshes[mesh].name.as_ref();
+        format!("{}.primitives[{primitive}]", place("meshes", mesh, name))
+    }
+}
+
+/// All meshes of the nodes: one per primitive and instance, in world space, and those that instances share. `slots` holds
+/// one entry per material of the file and, last, the default material's.
 pub(super) fn meshes(
     data: &Data<'_>,
     nodes: &[Placed<'_>],
     slots: &[Slot],
     warnings: &mut Warnings,
-) -> Result<Vec<Mesh>> {
+) -> Result<(Vec<Mesh>, Vec<SharedMesh>)> {
     let skins = Skins::new(data, nodes, warnings)?;
     let mut instances = Vec::new();
-    let (mut vertices, mut triangles, mut bytes) = (0u64, 0u64, 0u64);
     for placed in nodes {
         let Some(index) = placed.node.mesh.map(|m| m.value()) else {
             continue;
@@ -64,39 +94,119 @@ pub(super) fn meshes(
                 format!("meshes[{index}] does not exist"),
             ));
         };
-        let at = place("meshes", index, mesh.name.as_ref());
         let weights = placed.node.weights.as_ref().or(mesh.weights.as_ref());
         let poses = poses(data, placed)?;
         let primitives = mesh.primitives.iter().enumerate();
         for ((k, primitive), pose) in primitives.flat_map(|p| poses.iter().map(move |q| (p, *q))) {
-            let place = format!("{at}.primitives[{k}]");
-            let (v, t) = size(data, primitive);
-            (vertices, triangles) = (vertices.saturating_add(v), triangles.saturating_add(t));
-            if vertices.max(triangles) > MAX_ELEMENTS || instances.len() == MAX_MESHES {
-                let what = format!(
-                    "more than {MAX_ELEMENTS} vertices or triangles, or {MAX_MESHES} meshes, instances counted"
-                );
-                return Err(fault(place, what));
-            }
             let material = primitive.material.map_or(slots.len() - 1, |m| m.value());
-            let emits = slots.get(material).is_some_and(|slot| slot.emits);
-            bytes += bytes_of(primitive, v, t, emits);
-            instances.push(Instance {
+            let instance = Instance {
                 primitive,
+                source: (index, k),
                 pose,
                 weights: weights.map_or(&[], Vec::as_slice),
                 joints: (placed.node.skin).and_then(|skin| skins.joints(skin.value())),
-                place,
+                emits: slots.get(material).is_some_and(|slot| slot.emits),
                 node: &placed.place,
-            });
+            };
+            if instances.len() == MAX_MESHES {
+                let what = format!("more than {MAX_MESHES} meshes, instances counted");
+                return Err(fault(instance.place(data), what));
+            }
+            instances.push(instance);
         }
     }
-    memory::check(format!("{triangles} triangles, instances counted,"), bytes)?;
-    let meshes = instances
-        .iter()
-        .filter_map(|instance| mesh(data, instance, slots, warnings).transpose());
-    meshes.collect()
+    let shared = shared(data, &instances);
+    check(data, &instances, &shared)?;
+    let mut meshes = Vec::new();
+    let mut numbers = HashMap::new();
+    let mut shares: Vec<SharedMesh> = Vec::new();
+    for instance in &instances {
+        if !(shared.contains(&instance.source) && instance.may_share()) {
+            meshes.extend(mesh(data, instance, slots, warnings)?);
+            continue;
+        }
+        let number = match numbers.get(&instance.source) {
+            Some(&number) => number,
+            None => {
+                let pose = DAffine3::IDENTITY;
+                let there = Instance { pose, ..*instance };
+                let number = mesh(data, &there, slots, warnings)?.map(|mesh| {
+                    shares.push(SharedMesh {
+                        mesh,
+                        poses: Vec::new(),
+                    });
+                    shares.len() - 1
+                });
+                numbers.insert(instance.source, number);
+                number
+            }
+        };
+        if let Some(number) = number {
+            shares[number].poses.push(instance.pose);
+        }
+    }
+    Ok((meshes, shares))
 }
+
+/// The primitives that instances share. All that are shown more than once are, but for the smallest, if copies of them would
+/// take much memory; else none.
+fn shared(data: &Data<'_>, instances: &[Instance<'_>]) -> HashSet<(usize, usize)> {
+    let mut uses: HashMap<_, u64> = HashMap::new();
+    let mut copies = 0u64;
+    for instance in instances.iter().filter(|instance| instance.may_share()) {
+        let (vertices, triangles) = size(data, instance.primitive);
+        if triangles < LEAST_SHARED {
+            continue;
+        }
+        let used = uses.entry(instance.source).or_default();
+        *used += 1;
+        if *used > 1 {
+            copies =
+                copies.saturating_add(bytes_of(instance.primitive, vertices, triangles, false));
+        }
+    }
+    let shared = uses
+        .into_iter()
+        .filter(|&(_, used)| used > 1 && copies > MOST_COPIES);
+    shared.map(|(source, _)| source).collect()
+}
+
+/// Refuses what is too large, or needs more memory than there is.
+fn check(
+    data: &Data<'_>,
+    instances: &[Instance<'_>],
+    shared: &HashSet<(usize, usize)>,
+) -> Result<()> {
+    let mut seen = HashSet::new();
+    let (mut vertices, mut stored, mut shown, mut bytes) = (0u64, 0u64, 0u64, 0u64);
+    for instance in instances {
+        let (v, t) = size(data, instance.primitive);
+        shown = shown.saturating_add(t);
+        if shared.contains(&instance.source) && instance.may_share() {
+            bytes += INSTANCE_BYTES;
+            if !seen.insert(instance.source) {
+                continue;
+            }
+        }
+        (vertices, stored) = (vertices.saturating_add(v), stored.saturating_add(t));
+        bytes = bytes.saturating_add(bytes_of(instance.primitive, v, t, instance.emits));
+        if vertices.max(stored) > MAX_ELEMENTS || shown > MAX_SHOWN {
+            let what = format!(
+                "more than {MAX_ELEMENTS} vertices or triangles, copies of meshes counted, or {MAX_SHOWN} triangles, instances \
+                 counted"
+            );
+            return Err(fault(instance.place(data), what));
+        }
+    }
+    let what = match seen.is_empty() {
+        true => format!("{shown} triangles, instances counted,"),
+        false => format!("{stored} triangles and {} instances", instances.len()),
+    };
+    Ok(memory::check(what, bytes)?)
+}
+
+/// Bytes of an instance of a shared mesh: its poses, and the tree over all while it is built. Measured: 550.
+const INSTANCE_BYTES: u64 = 600;
 
 /// Bytes of a triangle beside its mesh: corners, source, and the tree while it is built. Measured: 310.
 const TRIANGLE_BYTES: u64 = 330;
@@ -180,9 +290,8 @@ fn mesh(
     slots: &[Slot],
     warnings: &mut Warnings,
 ) -> Result<Option<Mesh>> {
-    let Instance {
-        primitive, place, ..
-    } = instance;
+    let Instance { primitive, .. } = instance;
+    let place = &instance.place(data);
     let triangular = matches!(
         primitive.mode,
         Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
@@ -213,7 +322,7 @@ fn mesh(
     }
     mesh.indices = faces(&primitive.mode, &corners, place, warnings);
     mesh.material = material;
-    put(&mut mesh, instance, &poses)?;
+    put(data, &mut mesh, instance, &poses)?;
     Ok(Some(mesh))
 }
 
@@ -229,9 +338,8 @@ fn attributes(
     uv_set: u32,
     warnings: &mut Warnings,
 ) -> Result<Mesh> {
-    let Instance {
-        primitive, place, ..
-    } = instance;
+    let Instance { primitive, .. } = instance;
+    let place = &instance.place(data);
     let all = [F32, I8, U8, I16, U16];
     let Some(index) = accessor(primitive, Semantic::Positions) else {
         return Err(fault(place, "has no POSITION"));
@@ -285,7 +393,7 @@ fn morph(
         }
         let mut reader = Optional {
             data,
-            place: &instance.place,
+            place: &instance.place(data),
             count: mesh.positions.len(),
             warnings,
         };
@@ -335,18 +443,18 @@ fn skinned(
         let (numbers, weights) = (data.joints(numbers)?, data.normalised::<4>(weights)?);
         if numbers.len() != count || weights.len() != count {
             let what = format!("JOINTS_{set} or WEIGHTS_{set} differs in length from POSITION");
-            return Err(fault(&instance.place, what));
+            return Err(fault(instance.place(data), what));
         }
         sets.push((numbers, weights));
     }
     if sets.is_empty() {
         warnings.say(format!(
             "{}: has a skin, but no JOINTS_0 and WEIGHTS_0: shown in its rest pose",
-            instance.place
+            instance.place(data)
         ));
         return Ok(Vec::new());
     }
-    blended(joints, &sets, count, &instance.place)
+    blended(joints, &sets, count, &instance.place(data))
 }
 
 /// Reads optional attributes.
@@ -434,7 +542,12 @@ fn faces(
 
 /// Transforms a mesh to world space, by `poses` of its vertices if there are any, else by its own. A mirroring pose reverses
 /// the winding, so that the front stays the front `[glTF §3.7.4]`.
-fn put(mesh: &mut Mesh, instance: &Instance<'_>, poses: &[DAffine3]) -> Result<()> {
+fn put(
+    data: &Data<'_>,
+    mesh: &mut Mesh,
+    instance: &Instance<'_>,
+    poses: &[DAffine3],
+) -> Result<()> {
     let pose = |i: usize| poses.get(i).unwrap_or(&instance.pose);
     let mirrored = pose(0).matrix3.determinant() < 0.0;
     let sign = if mirrored { -1.0 } else { 1.0 };
@@ -443,7 +556,7 @@ fn put(mesh: &mut Mesh, instance: &Instance<'_>, poses: &[DAffine3]) -> Result<(
         if !p.is_finite() {
             let what = format!(
                 "a position of {} is not finite in the world",
-                instance.place
+                instance.place(data)
             );
             return Err(fault(instance.node, what));
         }
@@ -461,22 +574,6 @@ fn put(mesh: &mut Mesh, instance: &Instance<'_>, poses: &[DAffine3]) -> Result<(
             .for_each(|[_, b, c]| std::mem::swap(b, c));
     }
     Ok(())
-}
-
-/// The cofactor matrix, which transforms normals: the inverse transpose up to a factor, but defined for singular matrices
-/// too.
-fn cofactors(m: &DMat3) -> DMat3 {
-    let (x, y, z) = (m.x_axis, m.y_axis, m.z_axis);
-    DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y))
-}
-
-/// The unit vector, or zero for a vector without direction. Unit vectors keep their bits.
-fn unit(v: DVec3) -> Vec3 {
-    if (v.length_squared() - 1.0).abs() < 1e-6 {
-        v.as_vec3()
-    } else {
-        v.normalize_or_zero().as_vec3()
-    }
 }
 
 #[cfg(test)]

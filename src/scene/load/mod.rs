@@ -2,8 +2,8 @@
 //! perceptual roughness.
 //!
 //! The crate parses the JSON and checks indices; lengths, types and numbers are checked here, before anything is read or
-//! allocated by them. Meshes come out in world space, one per primitive and instance; materials keep their
-//! order.
+//! allocated by them. Meshes come out in world space, one per primitive and instance, or shared by the instances where copies
+//! would take much memory; materials keep their order.
 
 mod accessors;
 mod animation;
@@ -18,7 +18,7 @@ mod nodes;
 mod textures;
 mod uris;
 
-use super::SceneParts;
+use super::{Mesh, SceneParts};
 use crate::bsdf::Distribution;
 use crate::files::{self, FileError, Problem};
 use accessors::Data;
@@ -105,9 +105,10 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
     let mut requests = textures::Requests::default();
     let (mut materials, slots) =
         materials::materials(&root, options.distribution, &mut requests, &mut warnings)?;
-    let mut meshes = mesh::meshes(&data, &nodes, &slots, &mut warnings)?;
+    let (mut meshes, mut shared) = mesh::meshes(&data, &nodes, &slots, &mut warnings)?;
     let default = materials.len() - 1;
-    if !meshes.iter().any(|m| m.material as usize == default) {
+    let all = || meshes.iter().chain(shared.iter().map(|s| &s.mesh));
+    if !all().any(|m| m.material as usize == default) {
         materials.truncate(default);
     }
     let known: Vec<bool> = (root.materials.iter())
@@ -115,9 +116,13 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         .chain([false])
         .collect();
     let solid = options.solid_glass;
-    closed::bodies(&mut meshes, &mut materials, &known, solid, &mut warnings);
+    let mut all: Vec<&mut Mesh> = (meshes.iter_mut())
+        .chain(shared.iter_mut().map(|s| &mut s.mesh))
+        .collect();
+    closed::bodies(&mut all, &mut materials, &known, solid, &mut warnings);
     let parts = SceneParts {
         meshes,
+        shared,
         materials,
         lights: lights::lights(&root, &nodes, &mut warnings)?,
         cameras: lights::cameras(&root, &nodes, &mut warnings)?,

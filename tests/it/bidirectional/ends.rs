@@ -1,7 +1,7 @@
 //! Emission sampling and the camera as an end: samples against densities.
 
 use super::scenes::{panel, walls};
-use crate::support::chi2::{assert_likely, integrate, p_value};
+use crate::support::assert_likely;
 use crate::support::render::scene;
 use opsr::gallery::materials::{diffuse, emitter};
 use opsr::image::Buffer;
@@ -11,6 +11,7 @@ use opsr::scene::camera::Projection;
 use opsr::scene::{
     Camera, EmissionSample, Environment, Material, PunctualLight, Scene, SceneParts, Sensor,
 };
+use opsr::verify::chi_square::{integrate, p_value};
 use std::f32::consts::PI;
 use std::f64::consts::TAU;
 

@@ -5,6 +5,7 @@ mod audit;
 mod density;
 mod determinism;
 mod ends;
+mod metropolis;
 mod psr;
 mod scenes;
 mod slopes;

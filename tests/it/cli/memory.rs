@@ -1,6 +1,7 @@
 //! Work that needs more memory than there is: refused before it is taken, with exit code 7 and the number of bytes.
 
 use super::{Ended, Place};
+use crate::instances::{grid, spread};
 use crate::support::gltf::File;
 use serde_json::json;
 
@@ -14,11 +15,13 @@ impl Place {
     }
 }
 
-/// A mesh of 2730 triangles on so many nodes.
-fn instances(nodes: usize) -> Vec<u8> {
+/// Meshes of 2730 triangles that emit, so that none is shared, on so many nodes.
+fn lamps(nodes: usize) -> Vec<u8> {
     let mut file = File::triangle();
     let corners = file.indices(&[0, 1, 2].repeat(2730));
     file.primitive()["indices"] = json!(corners);
+    file.primitive()["material"] = json!(0);
+    file.json["materials"] = json!([{ "emissiveFactor": [1, 1, 1] }]);
     for k in 1..nodes {
         file.push("nodes", json!({ "mesh": 0, "translation": [k, 0, 0] }));
     }
@@ -28,19 +31,39 @@ fn instances(nodes: usize) -> Vec<u8> {
 #[test]
 fn memory_of_eight_million_triangles_is_refused_before_it_is_taken() {
     let place = Place::new();
-    place.write("many.glb", instances(3000));
-    place.write("few.glb", instances(100));
+    place.write("many.glb", lamps(3000));
+    place.write("few.glb", lamps(100));
     for args in [
         "info many.glb",
         "render many.glb --size 8x8 --spp 1 -o out.exr --progress none",
     ] {
         let ended = place.opsr_in_memory(2_000_000, args);
         assert_eq!(ended.code, Some(7), "{args}: {}", ended.err);
-        let words = "many.glb: not enough memory: 8190000 triangles, instances counted, need about 2.80 GB, and ";
+        let words = "many.glb: not enough memory: 8190000 triangles, instances counted, need about 5.18 GB, and ";
         assert!(ended.err.contains(words), "{}", ended.err);
         assert!(!place.path().join("out.exr").exists());
     }
     place.opsr_in_memory(2_000_000, "info few.glb").done();
+}
+
+#[test]
+fn memory_of_shared_instances_is_counted_once() {
+    let place = Place::new();
+    let mut file = grid(71);
+    spread(&mut file, 10_000);
+    place.write("shared.glb", file.glb());
+    // A hundred million triangles, of which copies would take 35 GB.
+    let ended = place.opsr_in_memory(500_000, "info shared.glb").done();
+    for words in [
+        "triangles   100820000 in 10000 meshes",
+        "shared      10000 instances of 1 mesh, 10082 triangles in memory",
+    ] {
+        assert!(ended.out.contains(words), "{}", ended.out);
+    }
+    let tiny = "--size 8x8 --spp 1 --progress none -o out.exr";
+    place
+        .opsr_in_memory(500_000, &format!("render shared.glb {tiny}"))
+        .done();
 }
 
 #[test]

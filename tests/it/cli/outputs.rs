@@ -234,17 +234,6 @@ fn report_plots_determinism() {
     assert!(place.read("page.html") == page && place.files_in("plots") == plots);
 }
 
-#[test]
-fn verify_prints_a_table() {
-    let ended = Place::new().opsr("verify").done();
-    let lines: Vec<&str> = ended.out.lines().collect();
-    assert!(lines[0].starts_with("case") && lines[0].ends_with("bound"));
-    assert_eq!(lines.last(), Some(&"all hold"));
-    for case in &opsr::verify::CASES {
-        assert!(lines.iter().any(|l| l.starts_with(case.name)));
-    }
-}
-
 /// A viewer that listens is shown a picture that becomes the one that is written.
 #[test]
 fn tev_live_view() {

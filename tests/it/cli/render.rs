@@ -2,8 +2,10 @@
 
 use super::{Ended, Place};
 use crate::fuzz::seeds;
-use opsr::gallery;
+use crate::support::gltf::File;
+use opsr::gallery::{self, glb};
 use opsr::image::{exr, png};
+use serde_json::json;
 
 #[test]
 fn render_writes_its_outputs_and_nothing_else() {
@@ -34,6 +36,84 @@ fn render_writes_its_outputs_and_nothing_else() {
     place.write("out.png", "old");
     place.render("--spp 4 --exposure 0 -o out.png").done();
     assert_eq!(png::read(&place.path().join("out.png")).unwrap(), shown);
+}
+
+/// A lens blurs what is not in focus, and 0 is a pinhole again; wrong uses are named.
+#[test]
+fn aperture_and_focus_change_the_picture() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::cornell_box());
+    let picture = |options: &str| {
+        let file = format!("{}.exr", options.len());
+        place
+            .render(&format!("--spp 16 {options} -o {file}"))
+            .done();
+        exr::read_rgb(&place.path().join(file)).unwrap().pixels
+    };
+    let pinhole = picture("");
+    assert!(picture("--aperture 0") == pinhole);
+    assert!(picture("--aperture 0.4 --focus 1") != pinhole);
+    for (options, words) in [
+        ("--aperture 0.1", "--aperture needs --focus"),
+        ("--focus 2", "--focus needs --aperture"),
+        ("--aperture -1 --focus 2", "--aperture"),
+        (
+            "--integrator bdpt --aperture 0.1 --focus 2",
+            "only --integrator path has a lens",
+        ),
+    ] {
+        let ended = place.render(&format!("--spp 1 {options} -o no.exr"));
+        assert_eq!(ended.code, Some(2), "{options}: {}", ended.err);
+        assert!(ended.err.contains(words), "{options}: {}", ended.err);
+    }
+}
+
+/// A camera that flies away in one second, at frames of that flight.
+#[test]
+fn frame_and_time_of_scene_choose_a_moment() {
+    let mut file = File::from_glb(&glb::to_glb(&gallery::cornell_box()).unwrap());
+    let nodes = file.json["nodes"].as_array().unwrap();
+    let camera = nodes
+        .iter()
+        .position(|n| n.get("camera").is_some())
+        .unwrap();
+    // It looks along -z.
+    file.json["nodes"][camera] = json!({ "camera": file.json["nodes"][camera]["camera"] });
+    let times = file.floats("SCALAR", &[0.0, 1.0]);
+    let places = file.floats("VEC3", &[0.0, 1.0, 3.9, 0.0, 1.0, 39.0]);
+    file.push(
+        "animations",
+        json!({
+            "samplers": [{ "input": times, "output": places }],
+            "channels": [{ "sampler": 0, "target": { "node": camera, "path": "translation" } }],
+        }),
+    );
+    let place = Place::new();
+    place.write("scene.glb", file.glb());
+    let picture = |options: &str| {
+        place
+            .render(&format!("--spp 4 {options} -o out.exr"))
+            .done();
+        exr::read_rgb(&place.path().join("out.exr")).unwrap().pixels
+    };
+    let (start, half) = (picture("--frame 0"), picture("--frame 12"));
+    assert!(start != half);
+    for same in [
+        "--time-of-scene 0.5",
+        "--frame 6 --fps 12",
+        "--frame 30 --fps 60",
+    ] {
+        assert!(picture(same) == half, "{same}");
+    }
+    for options in [
+        "--frame 1 --time-of-scene 1",
+        "--fps 12",
+        "--frame x",
+        "--frame 1 --fps 0",
+    ] {
+        let ended = place.render(&format!("--spp 1 {options} -o no.exr"));
+        assert_eq!(ended.code, Some(2), "{options}: {}", ended.err);
+    }
 }
 
 /// The closing line says in plain words which files were written and how good they are.

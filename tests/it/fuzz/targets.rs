@@ -8,9 +8,10 @@ use opsr::files::FileError;
 use opsr::gallery::manifest::Manifest;
 use opsr::image::level_film::LevelFilm;
 use opsr::image::{exr, png};
+use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::part::{MergeError, Part, merge};
-use opsr::integrator::{FirstHit, Picture, Settings, View};
+use opsr::integrator::{Estimator, FirstHit, Picture, Settings, View};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::regularise::file::TableFile;
 use opsr::report::bench::page::page;
@@ -87,6 +88,23 @@ pub(crate) fn gltf() -> Target {
             };
             let view = View::of(&scene, &camera, &picture.film);
             settings.integrator().pass(&view, 0..1, &mut picture);
+            // One of the other estimators, which depends on the file alone.
+            let others = [
+                Estimator::Light,
+                Estimator::Bdpt,
+                Estimator::Vcm(Radius::default()),
+                Estimator::Sppm(Radius::default()),
+                Estimator::Mlt { mutations: 1 },
+            ];
+            let settings = Settings {
+                estimator: others[scene.geometry().len() % others.len()],
+                ..settings
+            };
+            if settings.check_scene(&scene, &camera).is_ok() {
+                let mut integrator = settings.integrator();
+                integrator.notes(&view);
+                integrator.pass(&view, 0..2, &mut picture);
+            }
             Ok(format!("with{contents}: {warnings}"))
         },
     }
@@ -306,12 +324,12 @@ pub(crate) fn parts() -> Target {
                 text(std::fs::write(&paths[1], first))?;
             }
             let merged = merge(&paths, |_| seeds::film().window, None);
-            let picture = merged
-                .map_err(|e| match e {
-                    MergeError::Samples(what) => format!("{}: {what}", path.display()),
-                    e => e.to_string(),
-                })?
-                .picture;
+            let other = format!("{}/", folder.path().display());
+            let merged = merged.map_err(|e| match e {
+                MergeError::Samples(what) => format!("{}: {what}", path.display()),
+                e => e.to_string().replace(&other, ""),
+            });
+            let picture = merged?.picture;
             assert_eq!(picture.film.pixels.len(), picture.film.window.len());
             let aovs = picture.aovs.is_some();
             let levels = picture.levels.map_or(0, |film| film.levels());

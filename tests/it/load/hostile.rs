@@ -53,13 +53,22 @@ fn load_limits_instances() {
     let accessor = &mut file.json["accessors"][0];
     accessor.as_object_mut().unwrap().remove("bufferView");
     accessor["count"] = json!(1_000_000);
-    file.json["nodes"] = json!(vec![json!({ "mesh": 0 }); 100]);
-    file.json["scenes"][0]["nodes"] = json!((0..100).collect::<Vec<_>>());
-    refused(
-        &file.gltf(),
-        "meshes[0].primitives[0]: more than 67108864 vertices",
-        "instances",
-    );
+    let show = |file: &mut File, nodes: usize, material| {
+        file.primitive()["material"] = json!(material);
+        file.json["nodes"] = json!(vec![json!({ "mesh": 0 }); nodes]);
+        file.json["scenes"][0]["nodes"] = json!((0..nodes).collect::<Vec<_>>());
+    };
+    // Copies of a lamp are in memory one by one, other meshes are shared.
+    let materials = [json!({ "emissiveFactor": [1, 1, 1] }), json!({})];
+    file.json["materials"] = json!(materials);
+    for (nodes, material) in [(100, 0), (7000, 1)] {
+        show(&mut file, nodes, material);
+        refused(
+            &file.gltf(),
+            "meshes[0].primitives[0]: more than 67108864 vertices",
+            "instances",
+        );
+    }
 }
 
 #[test]

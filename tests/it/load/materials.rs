@@ -1,5 +1,6 @@
 //! Loading materials, textures, lights and cameras.
 
+use super::broken::refused;
 use super::close;
 use crate::support::gltf::File;
 use glam::Vec2;
@@ -49,6 +50,46 @@ fn load_material_factors() {
     assert_eq!(masked.alpha_mode, AlphaMode::Mask(0.5));
     let masked = material(json!({ "alphaMode": "MASK", "alphaCutoff": 0.25 }));
     assert_eq!(masked.alpha_mode, AlphaMode::Mask(0.25));
+}
+
+#[test]
+fn load_clearcoat() {
+    let coat = |body: Value| with("clearcoat", body);
+    let m = coat(json!({ "clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.2 }));
+    let read = m.clearcoat.expect("a coat");
+    assert!(read.weight == 0.5 && (read.alpha - 0.04).abs() < 1e-7);
+    let m = coat(json!({}));
+    assert!(m.clearcoat.is_none());
+    for (body, fragment) in [
+        (
+            json!({ "clearcoatFactor": 2 }),
+            "clearcoatFactor is 2, not from 0 to 1",
+        ),
+        (
+            json!({ "clearcoatRoughnessFactor": -1 }),
+            "clearcoatRoughnessFactor is -1, not from 0 to 1",
+        ),
+        (
+            json!({ "clearcoatFactor": "much" }),
+            "KHR_materials_clearcoat",
+        ),
+        (json!({ "clearcoatTexture": { "index": 7 } }), "textures"),
+    ] {
+        let mut file = File::triangle();
+        let extensions = json!({ "KHR_materials_clearcoat": body });
+        file.push("materials", json!({ "extensions": extensions }));
+        refused(&file.gltf(), fragment, fragment);
+    }
+    let mut file = File::triangle();
+    let body = json!({ "clearcoatFactor": 1, "clearcoatNormalTexture": { "index": 0 } });
+    let extensions = json!({ "KHR_materials_clearcoat": body });
+    file.push("materials", json!({ "extensions": extensions }));
+    let warnings = file.loaded().warnings;
+    assert!(
+        warnings
+            .iter()
+            .any(|w| w.contains("clearcoatNormalTexture is ignored"))
+    );
 }
 
 /// A closed ball and an open pane of one material without a thickness, and of one that says it has none.

@@ -1,13 +1,26 @@
 //! Instruments that several tests share.
 
-pub(crate) mod chi2;
 pub(crate) mod gltf;
-pub(crate) mod naive;
 pub(crate) mod render;
-pub(crate) mod slopes;
+
+use opsr::verify::{Finding, chi_square};
 
 /// A folder for many small files, in memory where the system has a place for that.
 pub(crate) fn quick_folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir());
     folder.expect("a folder")
+}
+
+/// Fails if one of the bounds does not hold.
+pub(crate) fn holds(findings: Vec<Finding>) {
+    assert!(!findings.is_empty());
+    for finding in findings {
+        eprintln!("{finding:?}");
+        assert!(finding.holds(), "{finding:?}");
+    }
+}
+
+/// Fails if one of the named p-values is below 0.01 over their number (Bonferroni's correction).
+pub(crate) fn assert_likely(p_values: &[(f64, String)]) {
+    holds(vec![chi_square::finding("chi-square", p_values)]);
 }

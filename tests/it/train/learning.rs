@@ -1,6 +1,6 @@
 //! Whole trainings of a second: learning, determinism, resumption.
 
-use super::{TRUTH, crop, quick};
+use super::crop;
 use opsr::regularise::AttenuationTable;
 use opsr::sampler::{Domain, Seed};
 use opsr::train::config::{Evaluation, Optimiser};
@@ -8,6 +8,7 @@ use opsr::train::evaluate::MomentSource;
 use opsr::train::evaluate::replay::Replay;
 use opsr::train::learn::outer_loop::Outcome;
 use opsr::train::{Config, RecordingControl, Session};
+use opsr::verify::learning::{self, TRUTH, quick};
 use std::ops::ControlFlow;
 
 fn learn(config: Config, folder: Option<&std::path::Path>, resume: bool, stop_at: u32) -> Outcome {
@@ -32,37 +33,14 @@ fn learn(config: Config, folder: Option<&std::path::Path>, resume: bool, stop_at
 
 #[test]
 fn learning_lowers_the_loss_with_every_evaluation() {
-    for method in [Evaluation::Fresh, Evaluation::Replay, Evaluation::Tabulated] {
-        let config = Config {
-            spp: 128,
-            steps: 40,
-            optimiser: Optimiser::Log,
-            learning_rate: 0.08,
-            beta: vec![0.0001],
-            ..quick(method)
-        };
-        let outcome = learn(config, None, false, u32::MAX);
-        let (first, last) = (outcome.log.first().unwrap(), outcome.log.last().unwrap());
-        assert_eq!(last.step, 40);
-        let (a, b) = (first.validation.unwrap(), last.validation.unwrap());
-        assert!(b < a, "{method:?}: {a} to {b}");
-    }
+    let finding = learning::losses(&crop(6), 40).unwrap();
+    assert!(finding.holds(), "{finding:?}");
 }
 
 #[test]
 fn determinism_of_tables_at_any_thread_count() {
-    for method in [Evaluation::Fresh, Evaluation::Replay, Evaluation::Tabulated] {
-        let table = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
-            pool.install(|| learn(quick(method), None, false, u32::MAX).table)
-        };
-        let one = table(1);
-        assert_eq!(one, table(3), "{method:?}");
-        assert_ne!(one.gammas, AttenuationTable::constant(0.5).gammas);
-    }
+    let finding = learning::threads(&crop(6)).unwrap();
+    assert!(finding.holds(), "{finding:?}");
 }
 
 #[test]

@@ -1,12 +1,13 @@
 //! Pearson's chi-square test of counts, and quadrature of densities for the expected counts.
 
+use super::Finding;
+
 /// Least expected count of a cell; rarer cells are pooled, since the statistic is chi-square distributed only above.
 const LEAST: f64 = 10.0;
 
 /// Probability that a chi-square variable with `freedom` degrees of freedom exceeds `x`: the regularised upper incomplete
-/// gamma function Q(freedom/2, x/2), by Q(a + 1, y) = Q(a, y) + yᵃ e^(−y) / Γ(a + 1).
-pub(crate) fn upper_tail(x: f64, freedom: usize) -> f64 {
-    assert!(freedom > 0);
+/// gamma function Q(freedom/2, x/2), by Q(a + 1, y) = Q(a, y) + yᵃ e^(−y) / Γ(a + 1). `freedom` is at least 1.
+pub fn upper_tail(x: f64, freedom: usize) -> f64 {
     let y = 0.5 * x;
     if y <= 0.0 {
         return 1.0;
@@ -16,7 +17,7 @@ pub(crate) fn upper_tail(x: f64, freedom: usize) -> f64 {
     let half_pi_root = 0.5 * std::f64::consts::PI.sqrt();
     let (mut q, mut a, mut ln_gamma) = if odd {
         (
-            1.0 - opsr::math::real::erf_f64(y.sqrt()),
+            1.0 - crate::math::real::erf_f64(y.sqrt()),
             0.5,
             half_pi_root.ln(),
         )
@@ -32,13 +33,11 @@ pub(crate) fn upper_tail(x: f64, freedom: usize) -> f64 {
 }
 
 /// Probability of counts at least as far from `expected` as `observed`; both have the same sum up to rounding.
-pub(crate) fn p_value(observed: &[u32], expected: &[f64]) -> f64 {
-    assert_eq!(observed.len(), expected.len());
+pub fn p_value(observed: &[u32], expected: &[f64]) -> f64 {
     let mut order: Vec<usize> = (0..expected.len()).collect();
     order.sort_by(|&a, &b| expected[a].total_cmp(&expected[b]));
     let (mut statistic, mut cells) = (0.0, 0usize);
     let (mut o, mut e) = (0.0, 0.0);
-    let mut pooled_rest = 0.0;
     for &i in &order {
         o += f64::from(observed[i]);
         e += expected[i];
@@ -48,35 +47,29 @@ pub(crate) fn p_value(observed: &[u32], expected: &[f64]) -> f64 {
             (o, e) = (0.0, 0.0);
         }
     }
-    // Cells are sorted by expected count: a remainder is left only if all cells together are rare.
-    pooled_rest += e;
-    assert!(pooled_rest < LEAST);
     if cells < 2 {
         return 1.0;
     }
     upper_tail(statistic, cells - 1)
 }
 
-/// Fails if one of the named p-values is below 0.01 over their number (Bonferroni's correction).
-pub(crate) fn assert_likely(p_values: &[(f64, String)]) {
-    let least = 0.01 / p_values.len() as f64;
-    let bad: Vec<_> = p_values.iter().filter(|(p, _)| *p < least).collect();
-    assert!(
-        bad.is_empty(),
-        "{} of {}: {bad:?}",
-        bad.len(),
-        p_values.len()
-    );
+/// Largest −log₁₀ of named p-values. Its bound is that of 0.01 over their number (Bonferroni's correction).
+pub fn finding(tried: &str, p_values: &[(f64, String)]) -> Finding {
+    // A p-value that underflows to 0 stays a number.
+    let negative_log = |p: f64| -p.max(1e-300).log10();
+    let bound = negative_log(0.01 / p_values.len() as f64);
+    let worst = p_values.iter().min_by(|a, b| a.0.total_cmp(&b.0));
+    let (count, name) = (p_values.len(), worst.map_or("", |(_, name)| name));
+    Finding::new(
+        format!("{tried}, {count} tests, −log10 p; {name}"),
+        bound,
+        p_values.iter().map(|&(p, _)| negative_log(p)),
+    )
 }
 
 /// ∫∫ f over a rectangle by 3 × 3 Gauss points, subdivided until two subdivisions agree to `tolerance`. A rectangle in
 /// which f is zero somewhere may hold an edge that no point has seen: it is subdivided at least twice.
-pub(crate) fn integrate(
-    f: &impl Fn(f64, f64) -> f64,
-    x: [f64; 2],
-    y: [f64; 2],
-    tolerance: f64,
-) -> f64 {
+pub fn integrate(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2], tolerance: f64) -> f64 {
     refine(f, [x, y], gauss(f, x, y).0, tolerance, DEPTH)
 }
 
@@ -124,35 +117,40 @@ fn gauss(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2]) -> (f64, bool) 
     (sum * (x[1] - x[0]) * (y[1] - y[0]), zero)
 }
 
-#[test]
-fn chi_square_upper_tail_matches_tables() {
-    for (x, freedom, p) in [
-        (3.841_458_821, 1, 0.05),
-        (5.991_464_547, 2, 0.05),
-        (124.342_113_4, 100, 0.05),
-        (149.449_252_8, 100, 0.001),
-        (7.814_727_903, 3, 0.05),
-        (1_074.679_449, 1000, 0.05),
-    ] {
-        let found = upper_tail(x, freedom);
-        assert!((found / p - 1.0).abs() < 1e-6, "{x} {freedom}: {found}");
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-#[test]
-fn quadrature_across_an_edge() {
-    let disk = integrate(
-        &|x, y| f64::from(x * x + y * y < 1.0),
-        [-1.0, 1.0],
-        [-1.0, 1.0],
-        1e-5,
-    );
-    assert!((disk - std::f64::consts::PI).abs() < 5e-3, "{disk}");
-    let gauss = integrate(
-        &|x, y| (-x * x - y * y).exp(),
-        [-6.0, 6.0],
-        [-6.0, 6.0],
-        1e-8,
-    );
-    assert!((gauss - std::f64::consts::PI).abs() < 1e-6, "{gauss}");
+    #[test]
+    fn chi_square_upper_tail_matches_tables() {
+        for (x, freedom, p) in [
+            (3.841_458_821, 1, 0.05),
+            (5.991_464_547, 2, 0.05),
+            (124.342_113_4, 100, 0.05),
+            (149.449_252_8, 100, 0.001),
+            (7.814_727_903, 3, 0.05),
+            (1_074.679_449, 1000, 0.05),
+        ] {
+            let found = upper_tail(x, freedom);
+            assert!((found / p - 1.0).abs() < 1e-6, "{x} {freedom}: {found}");
+        }
+    }
+
+    #[test]
+    fn quadrature_across_an_edge() {
+        let disk = integrate(
+            &|x, y| f64::from(x * x + y * y < 1.0),
+            [-1.0, 1.0],
+            [-1.0, 1.0],
+            1e-5,
+        );
+        assert!((disk - std::f64::consts::PI).abs() < 5e-3, "{disk}");
+        let gauss = integrate(
+            &|x, y| (-x * x - y * y).exp(),
+            [-6.0, 6.0],
+            [-6.0, 6.0],
+            1e-8,
+        );
+        assert!((gauss - std::f64::consts::PI).abs() < 1e-6, "{gauss}");
+    }
 }

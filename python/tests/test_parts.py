@@ -1,0 +1,91 @@
+"""Renders in parts, and what the program has that `render` has too."""
+
+import subprocess
+
+import numpy as np
+import pytest
+
+import opsr
+from conftest import SCENES
+
+SCENE = SCENES / "cornell_caustics.glb"
+SMALL = {"size": (24, 16), "spp": 6}
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"aov": ["alpha", "direct"]}, {"gamma": 0.3, "levels": 3, "aov": True}, {"integrator": "bdpt"}],
+    ids=["path", "levels", "bdpt"],
+)
+def test_parts_merge_to_the_bytes_of_the_single_render(box, tmp_path, options):
+    assert opsr.render(box, part=tmp_path / "a", crop=(0, 0, 24, 5), **SMALL, **options) is None
+    opsr.render(box, part=tmp_path / "b", crop=(0, 5, 24, 11), samples=(2, 6), **SMALL, **options)
+    opsr.render(box, part=tmp_path / "c", crop=(0, 5, 24, 11), samples=(0, 2), **SMALL, **options)
+    film = opsr.merge([tmp_path / "c", tmp_path / "a", tmp_path / "b"], spp=6)
+    single = opsr.render(box, **SMALL, **options)
+    film.save(tmp_path / "all.exr")
+    single.save(tmp_path / "one.exr")
+    assert (tmp_path / "all.exr").read_bytes() == (tmp_path / "one.exr").read_bytes()
+    assert film.aovs.keys() == single.aovs.keys()
+    with pytest.raises(ValueError, match=r"missing samples: 0\.\.2 within 24x11 pixels at \(0, 5\)"):
+        opsr.merge([tmp_path / "a", tmp_path / "b"])
+    with pytest.raises(ValueError, match="both have samples"):
+        opsr.merge([tmp_path / "a", tmp_path / "a", tmp_path / "b", tmp_path / "c"])
+    opsr.render(box, part=tmp_path / "d", samples=(6, 7), size=(24, 16), seed=1, **options)
+    with pytest.raises(ValueError, match="belongs to other settings"):
+        opsr.merge([tmp_path / name for name in "abcd"])
+    with pytest.raises(FileNotFoundError):
+        opsr.merge([tmp_path / "none"])
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({"samples": (0, 2)}, "samples: needs a part"),
+        ({"part": "x", "samples": (2, 2)}, "samples: expected"),
+        ({"part": "x", "time": 1}, "part: has a number of samples"),
+        ({"part": "x", "aov": "id"}, "aov: a part keeps no"),
+        ({"aov": "colour"}, "no layer `colour`: there are albedo, normal"),
+        ({"aov": "direct", "gamma": 0.3, "levels": 3}, "aov: emission, direct and indirect"),
+        ({"aov": "level"}, "aov: level needs levels"),
+        ({"consistent": 0.2}, "consistent: needs a table or gamma"),
+        ({"consistent": 0.7, "gamma": 0.2}, "between 0 and 0.5"),
+        ({"filter": 2}, "filter: needs rule"),
+        ({"filter": -1, "rule": "filter-glossy"}, "filter: expected"),
+        ({"table_scale": 2}, "table_scale: needs a table"),
+        ({"table_scale": "much", "table": "beta-0.05"}, "table_scale: expected"),
+        ({"target_error": 0}, "target_error: expected"),
+    ],
+)
+def test_errors_name_the_argument(box, options, words):
+    with pytest.raises(ValueError, match=words):
+        opsr.render(box, **{"size": (8, 8), "spp": 2, **options})
+
+
+@pytest.mark.parametrize(
+    "words, options",
+    [
+        ("--gamma 0.4 --levels 1 --consistent 0.2", {"gamma": 0.4, "consistent": 0.2}),
+        ("--opsr-table beta-0.05 --levels 1 --consistent 0.2", {"table": "beta-0.05", "consistent": 0.2}),
+        ("--mode filter-glossy --filter 2", {"rule": "filter-glossy", "filter": 2}),
+        ("--opsr-table beta-0.05 --table-scale 3 --levels 5", {"table": "beta-0.05", "table_scale": 3, "levels": 5}),
+        ("--opsr-table beta-0.05 --table-scale auto", {"table": "beta-0.05", "table_scale": "auto"}),
+        ("--aov alpha,position,id,emission,indirect", {"aov": ["alpha", "position", "id", "emission", "indirect"]}),
+    ],
+)
+def test_render_determinism_gives_the_file_of_the_program(program, tmp_path, words, options):
+    theirs, ours = tmp_path / "theirs.exr", tmp_path / "ours.exr"
+    command = [program, "render", SCENE, "--size", "24x16", "--spp", "6", "--reproducible", "-o", theirs]
+    subprocess.run([*command, *words.split()], check=True, capture_output=True)
+    film = opsr.render(opsr.Scene.load(SCENE), **SMALL, **options)
+    film.save(ours)
+    assert ours.read_bytes() == theirs.read_bytes()
+    if "aov" in options:
+        assert film.aovs["id"].shape == (16, 24, 2) and film.aovs["alpha"].shape == (16, 24)
+        assert film.aovs["position"].shape == (16, 24, 3)
+
+
+def test_target_error_ends_a_render(box):
+    film = opsr.render(box, size=(24, 16), target_error=0.5)
+    assert film.relative_error <= 0.5 and film.spp >= 16
+    assert np.isfinite(film.picture).all()

@@ -1,0 +1,78 @@
+//! `--integrator auto`: a pilot before the render chooses the integrator, or the checkpoint says which it was.
+
+use super::render::{DEFAULT_SPP, fingerprint};
+use super::render_args::RenderArgs;
+use super::scene::{self, Opened};
+use super::stop::Stop;
+use super::{Blame, aovs, job, tune};
+use anyhow::{Context, anyhow};
+use opsr::integrator::View;
+use opsr::integrator::checkpoint::Checkpoint;
+use opsr::integrator::method::Method;
+use opsr::tune::SPP_OF_TARGET;
+use opsr::tune::integrator::{Contender, Horizon, choose_integrator};
+
+/// A contender, and the method that its settings come from.
+type Entry = (Contender, Method);
+
+/// The integrator that a checkpoint continues with, or the one that a pilot finds best; `None` if the user stopped the
+/// pilot.
+pub(super) fn choose(
+    args: &RenderArgs,
+    opened: &Opened,
+    stop: &Stop,
+) -> anyhow::Result<Option<Entry>> {
+    let tuned = args.table_scale == Some(job::Scale::Auto);
+    if tuned || args.trace_pixel.is_some() || args.film.is_some() {
+        let what = "--integrator auto chooses for itself: not with --table-scale auto, --trace-pixel or --film";
+        return Err(anyhow!(what)).usage();
+    }
+    let mut entries = entries(args, opened)?;
+    let size = tune::size(args, opened)?;
+    if args.resume
+        && let Some(path) = &args.checkpoint
+    {
+        let crop = args.crop.map(|crop| crop.of(size));
+        let theirs = Checkpoint::open(path).input()?.fingerprint;
+        let ours = |(c, _): &Entry| fingerprint(args, opened, &c.settings, size, crop) == theirs;
+        // A checkpoint of none of them is refused where it is loaded.
+        let place = entries.iter().position(ours).unwrap_or(0);
+        return Ok(Some(entries.swap_remove(place)));
+    }
+    let aspect = size.x as f32 / size.y as f32;
+    let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
+    let camera = args.lens.on(camera)?;
+    let view = View::new(&opened.scene, &camera, size, job::window(args, size));
+    let threads = rayon::current_num_threads() as f64;
+    let horizon = match (args.spp, args.time) {
+        (Some(spp), _) => Horizon::Samples(spp),
+        (None, Some(time)) => Horizon::Seconds(time.as_secs_f64() * threads),
+        (None, None) if args.target_error.is_some() => Horizon::Samples(SPP_OF_TARGET),
+        (None, None) => Horizon::Samples(DEFAULT_SPP),
+    };
+    let contenders: Vec<Contender> = entries.iter().map(|(c, _)| c.clone()).collect();
+    let go_on = || !stop.asked();
+    let choice = choose_integrator(&contenders, &view, horizon, args.reproducible, &go_on)
+        .context(job::window_option(args))
+        .usage()?;
+    Ok(choice.map(|choice| {
+        eprintln!("{choice}");
+        entries.swap_remove(choice.best)
+    }))
+}
+
+/// Everything that can render this picture, the path tracer first.
+fn entries(args: &RenderArgs, opened: &Opened) -> anyhow::Result<Vec<Entry>> {
+    let mut entries = Vec::new();
+    for spec in args.method.contenders() {
+        let (kind, method) = (spec.integrator, job::resolve(args, spec)?);
+        let mut settings = job::settings(args, &method);
+        if kind.is_path() {
+            settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;
+        } else if aovs::check(args, &settings).is_err() {
+            continue;
+        }
+        entries.push((Contender { kind, settings }, method));
+    }
+    Ok(entries)
+}

@@ -1,0 +1,58 @@
+//! One light path and one camera path, connected, from random numbers that are somebody else's.
+
+use super::{Bidirectional, Iteration, LightPath};
+use crate::image::splat::Splat;
+use crate::integrator::View;
+use crate::math::UVec2;
+use crate::sampler::Sampler;
+
+/// Pairs of paths of one iteration. The mean of a pair's values over all random numbers, the pixel of the camera path
+/// included, is the picture.
+pub(in crate::integrator) struct Pairs<'a> {
+    iteration: Iteration<'a>,
+    light: LightPath,
+    splats: Vec<Splat>,
+}
+
+impl<'a> Pairs<'a> {
+    /// Pairs of iteration number `sample` over a whole frame, without merging.
+    pub(in crate::integrator) fn new(
+        settings: &'a Bidirectional,
+        view: &'a View<'a>,
+        sample: u32,
+    ) -> Self {
+        Self {
+            iteration: settings.iteration(view, sample, None),
+            light: LightPath::default(),
+            splats: Vec::new(),
+        }
+    }
+
+    /// The values of a pair, one for the pixel of the camera path, and one for every vertex of the light path that the
+    /// camera sees; those of 0 are left out.
+    pub(in crate::integrator) fn trace(
+        &mut self,
+        light: &mut impl Sampler,
+        camera: &mut impl Sampler,
+        pixel: UVec2,
+    ) -> &[Splat] {
+        let Self {
+            iteration,
+            light: path,
+            splats,
+        } = self;
+        splats.clear();
+        iteration.whole_light_path(light, path, splats);
+        for splat in splats.iter_mut() {
+            splat.value *= iteration.paths as f32;
+        }
+        let frame = iteration.view.sensor.frame;
+        let value = iteration.camera_path(pixel, camera, path, None, &mut ());
+        splats.push(Splat {
+            index: pixel.y * frame.x + pixel.x,
+            value: value * (frame.x as f32 * frame.y as f32),
+        });
+        splats.retain(|splat| splat.value != crate::math::Rgb::ZERO);
+        splats
+    }
+}

@@ -1,0 +1,133 @@
+//! Layers that a render can add to its EXR files, by name.
+
+use super::aov::{Aovs, Centres, FirstHit, LightSplit, PixelTime};
+use super::{Picture, View};
+use crate::image::Buffer;
+use crate::image::exr::Layer;
+use crate::image::film::Window;
+use clap::ValueEnum;
+
+/// A layer, or channels, that a render can add to its EXR files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Aov {
+    /// Mean reflectance of the first surface.
+    Albedo,
+    /// Mean world normal of the first surface.
+    Normal,
+    /// Mean distance to the first surface; infinity where there is none.
+    Depth,
+    /// Channel A: share of the camera rays that meet a surface.
+    Alpha,
+    /// World position of the surface at the centre of the pixel.
+    Position,
+    /// Numbers of mesh and material at the centre of the pixel, from 1.
+    Id,
+    /// Light straight from emitters and the environment.
+    Emission,
+    /// Light scattered once.
+    Direct,
+    /// Light scattered more often.
+    Indirect,
+    /// Level of roughening that was chosen; --levels adds it anyhow.
+    Level,
+    /// Seconds spent on the paths of the pixel.
+    Time,
+}
+
+impl Aov {
+    /// Its name in options.
+    pub fn name(self) -> String {
+        let value = self.to_possible_value();
+        value.map_or(String::new(), |value| value.get_name().to_owned())
+    }
+
+    /// The layer with this name; an error that lists all.
+    pub fn named(name: &str) -> Result<Self, String> {
+        Self::from_str(name, false).map_err(|_| {
+            let known = Self::value_variants().iter().map(|aov| aov.name());
+            let known = known.collect::<Vec<_>>().join(", ");
+            format!("no layer `{name}`: there are {known}")
+        })
+    }
+
+    /// Parts of the AOVs that these layers need recorded along paths: the first surface, light, time.
+    pub fn recorded(wanted: &[Self]) -> [bool; 3] {
+        let any = |of: &[Self]| of.iter().any(|aov| wanted.contains(aov));
+        [
+            any(&[Self::Albedo, Self::Normal, Self::Depth, Self::Alpha]),
+            any(&[Self::Emission, Self::Direct, Self::Indirect]),
+            any(&[Self::Time]),
+        ]
+    }
+}
+
+impl Aovs {
+    /// An empty record of these parts: the first surface, light, time. `None` if there are none.
+    pub fn new(window: Window, [first, light, time]: [bool; 3]) -> Option<Self> {
+        (first || light || time).then(|| Self {
+            first: first.then(|| FirstHit::new(window)),
+            light: light.then(|| LightSplit::new(window)),
+            time: time.then(|| PixelTime::new(window)),
+        })
+    }
+}
+
+/// Layers that a render adds.
+pub struct Layers<'a> {
+    wanted: &'a [Aov],
+    centres: Option<Centres>,
+}
+
+impl<'a> Layers<'a> {
+    /// Traces the centres of pixels, if they are wanted.
+    pub fn new(wanted: &'a [Aov], view: &View<'_>) -> Self {
+        let centres = wanted.contains(&Aov::Position) || wanted.contains(&Aov::Id);
+        Self {
+            wanted,
+            centres: centres.then(|| Centres::of(view)),
+        }
+    }
+
+    /// Layers without those of pixel centres.
+    pub fn recorded(wanted: &'a [Aov]) -> Self {
+        let centres = None;
+        Self { wanted, centres }
+    }
+
+    /// The layers of a picture, in the order asked for.
+    pub fn of(&self, picture: &Picture) -> Vec<Layer> {
+        let layer = |aov: &Aov| self.layer(*aov, picture);
+        self.wanted.iter().filter_map(layer).collect()
+    }
+
+    fn layer(&self, aov: Aov, picture: &Picture) -> Option<Layer> {
+        let aovs = picture.aovs.as_ref();
+        let first = aovs.and_then(|a| a.first.as_ref());
+        let light = aovs.and_then(|a| a.light.as_ref());
+        let centres = self.centres.as_ref();
+        let grey = |buffer: Buffer| buffer.pixels.iter().map(|p| p.x).collect();
+        Some(match aov {
+            Aov::Albedo => Layer::rgb("albedo", &first?.albedo()),
+            Aov::Normal => Layer::xyz("normal", &first?.normal()),
+            Aov::Depth => Layer::scalar("depth", grey(first?.depth())),
+            Aov::Alpha => Layer {
+                name: String::new(),
+                channels: vec![("A", grey(first?.coverage()))],
+            },
+            Aov::Position => Layer::xyz("position", &centres?.position),
+            Aov::Id => {
+                let [mesh, material] = centres?.ids.clone();
+                Layer {
+                    name: "id".into(),
+                    channels: vec![("mesh", mesh), ("material", material)],
+                }
+            }
+            Aov::Emission => Layer::rgb("emission", &light?.emission()),
+            Aov::Direct => Layer::rgb("direct", &light?.direct()),
+            Aov::Indirect => Layer::rgb("indirect", &light?.indirect(&picture.film)),
+            // Written with the other results of the levels.
+            Aov::Level => return None,
+            Aov::Time => Layer::scalar("time", aovs?.time.as_ref()?.seconds()),
+        })
+    }
+}

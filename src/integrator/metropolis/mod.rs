@@ -1,0 +1,387 @@
+//! Metropolis light transport over primary samples `[Kelemen02]`, with bidirectional path tracing below.
+//!
+//! The state of a chain is the random numbers of a pair of paths, one from the camera and one from a light, with all their
+//! connections. Chains seek out what carries light: after a way through a keyhole is found, its neighbours are tried.
+//!
+//! One sample of the picture is a *pass*, an independent estimate: a bootstrap of fresh pairs, from which all chains of the
+//! pass start in proportion to their light, and so many mutations per pixel. No chain outlives its pass. So the expectation
+//! of a pass is exact, whatever the chains' length (`chain`); resuming, splitting and threads change no bit; variance
+//! layers are honest; and a chain that is stuck ends with the pass.
+//!
+//! The target of the chains is luminance over that of the neighbourhood in the picture, as far as a first bootstrap knows
+//! it `[Hoberock10]`: relative errors of dark and bright pixels are alike. Any positive target is right.
+
+mod chain;
+
+use super::bidirectional::{Bidirectional, Pairs};
+use super::{Integrator, Picture, View};
+use crate::image::film::{Cause, RejectedSample, Window};
+use crate::image::splat::{Splat, SplatLayer};
+use crate::integrator::path::PathTracer;
+use crate::math::{UVec2, luminance};
+use crate::regularise::Unregularised;
+use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Sampler, Seed};
+use chain::{Means, Numbers, Sources, Target};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Mutations per pixel of a pass where nobody says otherwise.
+pub const MUTATIONS: u32 = 16;
+
+/// Mutations for every sample of the bootstrap, and bounds of their number.
+const PER_BOOTSTRAP: u64 = 16;
+const BOOTSTRAP: (u64, u64) = (1 << 10, 1 << 16);
+
+/// Samples of the bootstrap for every chain.
+const PER_CHAIN: u32 = 64;
+
+/// Chains that run before their values are joined.
+const BATCH: u32 = 32;
+
+/// Samples of the bootstrap that a thread takes at a time.
+const CHUNK: u32 = 256;
+
+/// Cells a side of the neighbourhoods, at most.
+const CELLS: u32 = 32;
+
+/// Bounds of a neighbourhood's luminance over the mean of the picture.
+const CONTRAST: (f64, f64) = (0.05, 20.0);
+
+/// Metropolis light transport.
+#[derive(Clone, Debug)]
+pub struct Metropolis {
+    /// What the chains run over; no merging.
+    pub base: Bidirectional,
+    /// Mutations per pixel of a pass, at least 1.
+    pub mutations: u32,
+    /// What the first bootstrap says, once it is needed.
+    guide: Option<Guide>,
+}
+
+/// What the chains of all passes have in common.
+#[derive(Clone, Debug)]
+struct Guide {
+    /// Frame that it is for.
+    frame: UVec2,
+    /// Cells a side.
+    cells: UVec2,
+    /// Reciprocal luminance of the cells, row by row.
+    weights: Vec<f64>,
+    /// Mean of the target.
+    mean: f64,
+}
+
+impl Guide {
+    /// The cell of a pixel of the frame by its index.
+    fn cell(&self, index: u32) -> usize {
+        let (x, y) = (index % self.frame.x, index / self.frame.x);
+        let side = |at: u32, length: u32, cells: u32| {
+            (u64::from(at) * u64::from(cells) / u64::from(length)) as u32
+        };
+        let (x, y) = (
+            side(x, self.frame.x, self.cells.x),
+            side(y, self.frame.y, self.cells.y),
+        );
+        (y * self.cells.x + x) as usize
+    }
+
+    fn target(&self, splats: &[Splat]) -> f64 {
+        splats
+            .iter()
+            .map(|s| f64::from(luminance(s.value)) * self.weights[self.cell(s.index)])
+            .sum()
+    }
+}
+
+/// Number of streams that a use of random numbers has.
+#[derive(Clone, Copy)]
+enum Use {
+    LightStart,
+    CameraStart,
+    LightSteps,
+    CameraSteps,
+    Choices,
+    Starts,
+}
+
+/// A pass.
+struct Pass<'a> {
+    settings: &'a Metropolis,
+    guide: &'a Guide,
+    view: &'a View<'a>,
+    number: u32,
+    source: Independent,
+}
+
+/// Pairs of paths as the target of a chain.
+struct PairTarget<'a> {
+    pairs: Pairs<'a>,
+    guide: &'a Guide,
+    /// Pixel of the first state that is not a number or infinite, and how many there were.
+    refused: (u64, Option<(UVec2, Cause)>),
+}
+
+impl Target for PairTarget<'_> {
+    fn evaluate(
+        &mut self,
+        light: &mut Numbers,
+        camera: &mut Numbers,
+        splats: &mut Vec<Splat>,
+    ) -> f64 {
+        let pixel = camera.pixel(self.guide.frame);
+        splats.clear();
+        splats.extend_from_slice(self.pairs.trace(light, camera, pixel));
+        let target = self.guide.target(splats);
+        if target.is_finite() {
+            return target;
+        }
+        let cause = if target.is_nan() {
+            Cause::Nan
+        } else {
+            Cause::Infinite
+        };
+        self.refused.0 += 1;
+        self.refused.1.get_or_insert((pixel, cause));
+        splats.clear();
+        0.0
+    }
+}
+
+impl Metropolis {
+    /// Metropolis light transport with so many mutations per pixel of a pass.
+    pub fn new(base: Bidirectional, mutations: u32) -> Self {
+        Self {
+            base,
+            mutations,
+            guide: None,
+        }
+    }
+
+    fn source(&self, number: u64) -> Independent {
+        Independent {
+            seed: Seed(self.base.seed).derive(Domain::Chain, number),
+        }
+    }
+
+    /// Mutations, samples of the bootstrap, and chains of a pass.
+    fn counts(&self, frame: UVec2) -> (u64, u32, u32) {
+        let pixels = u64::from(frame.x) * u64::from(frame.y);
+        let mutations = u64::from(self.mutations) * pixels;
+        let bootstrap = (mutations / PER_BOOTSTRAP).clamp(BOOTSTRAP.0, BOOTSTRAP.1) as u32;
+        let chains = u64::from(bootstrap / PER_CHAIN).min(mutations) as u32;
+        (mutations, bootstrap, chains)
+    }
+
+    /// Luminance of neighbourhoods from a bootstrap of its own, and the mean of the target that follows.
+    fn first_bootstrap(&self, view: &View<'_>) -> Guide {
+        let frame = view.sensor.frame;
+        let cells = frame.min(UVec2::splat(CELLS));
+        let count = (cells.x * cells.y) as usize;
+        let mut guide = Guide {
+            frame,
+            cells,
+            weights: vec![1.0; count],
+            mean: 1.0,
+        };
+        let samples = self.counts(frame).1;
+        let found: Vec<Vec<Splat>> = {
+            let pass = Pass {
+                settings: self,
+                guide: &guide,
+                view,
+                number: 0,
+                source: self.source(1),
+            };
+            pass.bootstrap(samples, |_, splats| splats.to_vec())
+        };
+        let mut sums = vec![0.0; count];
+        for splat in found.iter().flatten() {
+            sums[guide.cell(splat.index)] += f64::from(luminance(splat.value));
+        }
+        let total: f64 = sums.iter().sum();
+        if total > 0.0 {
+            // Cells are alike to a pixel.
+            let mean = total / count as f64;
+            let (least, most) = CONTRAST;
+            let weight = |sum: &f64| mean / sum.clamp(least * mean, most * mean);
+            guide.weights = sums.iter().map(weight).collect();
+            let target: f64 = found.iter().map(|splats| guide.target(splats)).sum();
+            guide.mean = target / f64::from(samples);
+        }
+        guide
+    }
+}
+
+impl Pass<'_> {
+    fn stream(&self, index: u32, of: Use) -> IndependentStream {
+        self.source
+            .stream(UVec2::new(index, of as u32), self.number)
+    }
+
+    fn target(&self) -> PairTarget<'_> {
+        PairTarget {
+            pairs: Pairs::new(&self.settings.base, self.view, self.number),
+            guide: self.guide,
+            refused: (0, None),
+        }
+    }
+
+    fn start(&self, index: u32) -> [IndependentStream; 2] {
+        [Use::LightStart, Use::CameraStart].map(|of| self.stream(index, of))
+    }
+
+    /// Results of fresh pairs, in order: a function of their target and values.
+    fn bootstrap<T: Send>(
+        &self,
+        samples: u32,
+        result: impl Fn(f64, &[Splat]) -> T + Sync,
+    ) -> Vec<T> {
+        let chunks: Vec<Vec<T>> = (0..samples.div_ceil(CHUNK))
+            .into_par_iter()
+            .map(|chunk| {
+                let mut target = self.target();
+                let mut splats = Vec::new();
+                (chunk * CHUNK..(chunk * CHUNK + CHUNK).min(samples))
+                    .map(|i| {
+                        let [mut light, mut camera] = self.start(i).map(Numbers::new);
+                        let value = target.evaluate(&mut light, &mut camera, &mut splats);
+                        result(value, &splats)
+                    })
+                    .collect()
+            })
+            .collect();
+        chunks.into_iter().flatten().collect()
+    }
+
+    /// Adds one estimate of every pixel of the frame to the layer; returns the refused states.
+    fn run(&self, layer: &mut SplatLayer) -> (u64, Option<(UVec2, Cause)>) {
+        let (mutations, samples, chains) = self.settings.counts(self.guide.frame);
+        let weights = self.bootstrap(samples, |target, _| target);
+        let total: f64 = weights.iter().sum();
+        let means = Means {
+            pass: total / f64::from(samples),
+            constant: self.guide.mean,
+        };
+        let starts = starts(
+            &weights,
+            total,
+            chains,
+            self.stream(0, Use::Starts).next_1d(),
+        );
+        let scale = 1.0 / mutations as f64;
+        let mut refused = (0, None);
+        for first in (0..chains).step_by(BATCH as usize) {
+            let batch: Vec<_> = (first..(first + BATCH).min(chains))
+                .into_par_iter()
+                .map(|chain| {
+                    let mut target = self.target();
+                    let sources = Sources {
+                        start: self.start(starts[chain as usize]),
+                        steps: [Use::LightSteps, Use::CameraSteps, Use::Choices]
+                            .map(|of| self.stream(chain, of)),
+                    };
+                    // The first chains are longer by one where the numbers do not divide.
+                    let (each, rest) =
+                        (mutations / u64::from(chains), mutations % u64::from(chains));
+                    let length = each + u64::from(u64::from(chain) < rest);
+                    let splats = chain::run(&mut target, sources, length as u32, means, scale);
+                    (splats, target.refused)
+                })
+                .collect();
+            for (splats, (count, first)) in batch {
+                layer.add_in_order(&splats);
+                refused = (refused.0 + count, refused.1.or(first));
+            }
+        }
+        refused
+    }
+}
+
+/// Bootstrap samples from which so many chains start: in proportion to their weights, by systematic sampling with `u` in
+/// [0, 1). Without any light one will do.
+fn starts(weights: &[f64], total: f64, chains: u32, u: f32) -> Vec<u32> {
+    let mut starts = Vec::with_capacity(chains as usize);
+    let (mut sum, mut place) = (0.0, 0);
+    for chain in 0..chains {
+        let wanted = total * (f64::from(chain) + f64::from(u)) / f64::from(chains);
+        while place + 1 < weights.len() && sum + weights[place] <= wanted {
+            sum += weights[place];
+            place += 1;
+        }
+        starts.push(place as u32);
+    }
+    starts
+}
+
+impl Integrator for Metropolis {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
+        let frame = view.sensor.frame;
+        let whole = View::new(view.scene, view.sensor.camera, frame, Window::full(frame));
+        let guide = match self.guide.take().filter(|guide| guide.frame == frame) {
+            Some(guide) => guide,
+            None => self.first_bootstrap(&whole),
+        };
+        for number in samples.clone() {
+            let mut layer = SplatLayer::new(&whole.window);
+            let (refused, first) = Pass {
+                settings: self,
+                guide: &guide,
+                view: &whole,
+                number,
+                source: self.source(0),
+            }
+            .run(&mut layer);
+            for (index, value) in layer.take().enumerate() {
+                let pixel = UVec2::new(index as u32 % frame.x, index as u32 / frame.x);
+                if let Some(place) = Splat::new(&view.window, pixel, value) {
+                    picture.film.push(place.index as usize, value, number);
+                }
+            }
+            if let Some((pixel, cause)) = first {
+                for _ in 0..refused {
+                    picture.film.rejected.add(RejectedSample {
+                        pixel,
+                        sample: number,
+                        cause,
+                    });
+                }
+            }
+        }
+        self.guide = Some(guide);
+        // Chains have no first surface of their own.
+        if let Some(aovs) = &mut picture.aovs {
+            let tracer = PathTracer {
+                max_vertices: 1,
+                roulette_start: 1,
+                reuse: false,
+                rule: Unregularised,
+            };
+            let source = Independent {
+                seed: Seed(self.base.seed),
+            };
+            let mut unused = picture.film.clone();
+            tracer.estimate(view, &source, samples, &mut unused, aovs);
+        }
+    }
+
+    fn notes(&self, view: &View<'_>) -> Option<String> {
+        let (mutations, bootstrap, chains) = self.counts(view.sensor.frame);
+        Some(format!(
+            "a sample is {mutations} mutations by {chains} chains, after {bootstrap} fresh paths"
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metropolis_chains_start_in_proportion() {
+        let weights = [0.0, 1.0, 0.0, 2.0, 5.0, 0.0];
+        let starts = starts(&weights, 8.0, 16, 0.5);
+        let count = |i: u32| starts.iter().filter(|&&s| s == i).count();
+        assert_eq!((0..6).map(count).collect::<Vec<_>>(), [0, 2, 0, 4, 10, 0]);
+        assert_eq!(super::starts(&[0.0; 3], 0.0, 4, 0.9), [2; 4]);
+    }
+}

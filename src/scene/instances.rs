@@ -1,0 +1,323 @@
+//! Meshes that a scene shows at several poses: in memory once, each in a tree of its own in object space, below a tree over
+//! the boxes of the instances in the world.
+//!
+//! A ray asks the triangles that are not shared first, and then the instances before what it met. One tree over both would
+//! be walked a little faster, but only by scenes that share meshes; so the others' tree stays as it is.
+
+use super::accel::{Accel, BoxTree, LocalRay};
+use super::geometry::{Placing, Triangle, add_triangles};
+use super::material::may_vanish;
+use super::mesh::{Mesh, SharedMesh, cofactors, unit};
+use super::{Hit, SceneParts, Surface};
+use crate::math::{DVec3, Ray, Vec3, Vec4};
+use glam::{DAffine3, DMat3};
+use std::ops::{ControlFlow, Range};
+
+/// Roundings of double precision between the exact place of an instance's surface and the one that rays meet, relative to
+/// the reach of its coordinates and to the condition of its pose.
+const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
+
+/// All instances of a scene.
+pub(super) struct Instances {
+    meshes: Vec<Shared>,
+    list: Vec<Instance>,
+    /// First triangle of each instance, in scene order.
+    firsts: Vec<u32>,
+    tree: BoxTree,
+    /// Triangles of all instances together, and one past the last of them in scene order.
+    end: u32,
+}
+
+/// A shared mesh.
+pub(super) struct Shared {
+    triangles: Vec<Triangle>,
+    accel: Accel,
+    material: u32,
+    /// True if opacity may remove hits.
+    pub(super) vanishes: bool,
+}
+
+/// A shared mesh at one of its poses.
+struct Instance {
+    /// Index into `SceneParts::shared`.
+    mesh: u32,
+    /// Its first triangle, in scene order.
+    first: u32,
+    pose: DAffine3,
+    inverse: DAffine3,
+    /// Error of double precision, in the world.
+    slack: f32,
+}
+
+impl Instances {
+    /// Builds the trees; `first` is the number of triangles that are not shared. `None` if nothing is.
+    pub(super) fn new(parts: &SceneParts, first: u32, warnings: &mut Vec<String>) -> Option<Self> {
+        let mut meshes = Vec::new();
+        let (mut list, mut firsts, mut boxes) = (Vec::new(), Vec::new(), Vec::new());
+        let mut end = first;
+        for (m, SharedMesh { mesh, poses }) in parts.shared.iter().enumerate() {
+            let mut triangles = Vec::with_capacity(mesh.indices.len());
+            let name = format!("shared mesh {m}");
+            add_triangles(&mut triangles, m, mesh, parts, &name, warnings);
+            let count = triangles.len() as u32;
+            let accel = Accel::new(&triangles);
+            let material = parts.materials.get(mesh.material as usize);
+            if material.is_some_and(|m| m.emission != Vec3::ZERO) {
+                warnings.push(format!("shared mesh {m}: its emission is ignored"));
+            }
+            let extent =
+                (triangles.iter().flat_map(|t| &t.corners)).fold(Vec3::ZERO, |e, p| e.max(p.abs()));
+            let before = list.len();
+            for pose in poses.iter().filter(|_| count > 0) {
+                let Some(condition) = SharedMesh::condition(pose) else {
+                    continue;
+                };
+                let Some(next) = end.checked_add(count) else {
+                    continue;
+                };
+                let reach =
+                    (magnitudes(&pose.matrix3) * extent.as_dvec3()) + pose.translation.abs();
+                if reach.max_element() > Accel::LIMIT.into() {
+                    continue;
+                }
+                let slack = ROUNDINGS * condition * reach.length();
+                boxes.push(bounds(accel.boxes(), pose, slack));
+                firsts.push(end);
+                list.push(Instance {
+                    mesh: m as u32,
+                    first: end,
+                    pose: *pose,
+                    inverse: pose.inverse(),
+                    slack: slack as f32,
+                });
+                end = next;
+            }
+            let dropped = poses.len() - (list.len() - before);
+            if dropped > 0 {
+                warnings.push(format!(
+                    "shared mesh {m}: dropped {dropped} of {} instances (no triangles, too many, or a pose that is singular \
+                     or out of range)",
+                    poses.len()
+                ));
+            }
+            meshes.push(Shared {
+                vanishes: material.is_some_and(may_vanish),
+                material: mesh.material,
+                triangles,
+                accel,
+            });
+        }
+        (!list.is_empty()).then(|| Self {
+            tree: BoxTree::new(&boxes),
+            meshes,
+            list,
+            firsts,
+            end,
+        })
+    }
+
+    /// One past the last triangle, in scene order.
+    pub(super) fn end(&self) -> u32 {
+        self.end
+    }
+
+    /// Number of instances.
+    pub(super) fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// Number of triangles in memory.
+    pub(super) fn stored(&self) -> usize {
+        self.meshes.iter().map(|m| m.triangles.len()).sum()
+    }
+
+    /// The triangles of each instance, in scene order.
+    pub(super) fn ranges(&self) -> impl Iterator<Item = Range<u32>> {
+        let ends = self.firsts[1..].iter().copied().chain([self.end]);
+        self.firsts.iter().zip(ends).map(|(&first, end)| first..end)
+    }
+
+    /// True if opacity may remove a hit.
+    pub(super) fn vanish(&self) -> bool {
+        self.meshes.iter().any(|m| m.vanishes)
+    }
+
+    /// Lower and upper corner of all instances.
+    pub(super) fn bounds(&self) -> (Vec3, Vec3) {
+        self.tree.bounds()
+    }
+
+    /// The instance of a triangle, and the triangle's index in the shared mesh.
+    fn find(&self, triangle: u32) -> (usize, usize) {
+        let i = self.firsts.partition_point(|&first| first <= triangle) - 1;
+        (i, (triangle - self.firsts[i]) as usize)
+    }
+
+    /// Number of a triangle's instance.
+    pub(super) fn instance(&self, triangle: u32) -> u32 {
+        self.find(triangle).0 as u32
+    }
+
+    /// Index of a triangle's material.
+    pub(super) fn material(&self, triangle: u32) -> u32 {
+        self.meshes[self.list[self.find(triangle).0].mesh as usize].material
+    }
+
+    /// The mesh of a triangle in object space, and the corners' indices.
+    pub(super) fn source<'a>(
+        &self,
+        parts: &'a SceneParts,
+        triangle: u32,
+    ) -> (&'a Mesh, &'a [u32; 3]) {
+        let (i, local) = self.find(triangle);
+        let m = self.list[i].mesh as usize;
+        let mesh = &parts.shared[m].mesh;
+        (mesh, self.meshes[m].triangles[local].indices(mesh))
+    }
+
+    /// Corners of a triangle in the world, rounded; counter-clockwise seen from the front.
+    pub(super) fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        let (i, local) = self.find(triangle);
+        let instance = &self.list[i];
+        let corners = self.meshes[instance.mesh as usize].triangles[local].corners;
+        let [a, b, c] = corners.map(|p| instance.pose.transform_point3(p.as_dvec3()).as_vec3());
+        if instance.is_mirrored() {
+            [a, c, b]
+        } else {
+            [a, b, c]
+        }
+    }
+
+    /// The closest hit of an instance that `keep` accepts, if it is closer than the best one so far, else that one. With
+    /// `ANY` the first to be found.
+    pub(super) fn improve<const ANY: bool>(
+        &self,
+        ray: &Ray,
+        mut best: Option<Hit>,
+        keep: impl Fn(&Shared, &Hit) -> bool,
+    ) -> Option<Hit> {
+        let t_max = best.map_or(ray.t_max, |hit| hit.t);
+        self.tree.visit::<ANY>(&Ray { t_max, ..*ray }, |i, t| {
+            let instance = &self.list[i as usize];
+            let shared = &self.meshes[instance.mesh as usize];
+            let bound = best.unwrap_or(Hit {
+                t,
+                ..Hit::default()
+            });
+            let local = instance.local(ray, bound);
+            match (shared.accel).improve::<ANY>(&local, |hit| keep(shared, hit)) {
+                None => ControlFlow::Continue(t),
+                Some(hit) => {
+                    best = Some(hit);
+                    match ANY {
+                        true => ControlFlow::Break(()),
+                        false => ControlFlow::Continue(hit.t),
+                    }
+                }
+            }
+        });
+        best
+    }
+
+    /// See [`super::Geometry::surface`].
+    pub(super) fn surface(&self, parts: &SceneParts, hit: &Hit) -> Surface {
+        let (i, local) = self.find(hit.triangle);
+        let instance = &self.list[i];
+        let placing = Placed {
+            instance,
+            normals: cofactors(&instance.pose.matrix3),
+            sign: if instance.is_mirrored() { -1.0 } else { 1.0 },
+        };
+        self.meshes[instance.mesh as usize].triangles[local].surface(parts, hit, &placing)
+    }
+}
+
+impl Instance {
+    fn is_mirrored(&self) -> bool {
+        self.pose.matrix3.determinant() < 0.0
+    }
+
+    /// A ray in the mesh's space, with the best hit so far.
+    #[inline]
+    fn local(&self, ray: &Ray, best: Hit) -> LocalRay {
+        let origin = self.inverse.transform_point3(ray.origin.as_dvec3());
+        let dir = self.inverse.transform_vector3(ray.dir.as_dvec3());
+        LocalRay {
+            ray: Ray {
+                origin: origin.as_vec3(),
+                dir: dir.as_vec3(),
+                t_max: best.t,
+            },
+            origin,
+            dir,
+            first: self.first,
+            best,
+        }
+    }
+}
+
+/// An instance, with what its normals are transformed by.
+struct Placed<'a> {
+    instance: &'a Instance,
+    normals: DMat3,
+    /// −1 for a mirroring pose, which reverses the winding: the front stays the front `[glTF §3.7.4]`.
+    sign: f64,
+}
+
+impl Placing for Placed<'_> {
+    fn mesh<'a>(&self, parts: &'a SceneParts, index: u32) -> &'a Mesh {
+        &parts.shared[index as usize].mesh
+    }
+
+    fn point(&self, p: Vec3) -> DVec3 {
+        self.instance.pose.transform_point3(p.as_dvec3())
+    }
+
+    fn edge(&self, e: DVec3) -> DVec3 {
+        self.instance.pose.transform_vector3(e)
+    }
+
+    fn geometric(&self, _: Vec3, e: DVec3, f: DVec3) -> Vec3 {
+        (self.sign * e.cross(f)).normalize().as_vec3()
+    }
+
+    fn normal(&self, n: Vec3) -> Vec3 {
+        unit(self.normals * self.sign * n.as_dvec3())
+    }
+
+    fn tangent(&self, t: Vec4) -> Vec4 {
+        let hand = if (t.w < 0.0) == (self.sign < 0.0) {
+            1.0
+        } else {
+            -1.0
+        };
+        let along = self
+            .instance
+            .pose
+            .transform_vector3(t.truncate().as_dvec3());
+        unit(along).extend(hand)
+    }
+
+    fn error(&self, error: f32) -> f32 {
+        error + self.instance.slack
+    }
+}
+
+/// The absolute values of a matrix.
+fn magnitudes(m: &DMat3) -> DMat3 {
+    DMat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs())
+}
+
+/// The box in the world around boxes in object space, rounded outwards.
+fn bounds(boxes: impl Iterator<Item = (Vec3, Vec3)>, pose: &DAffine3, slack: f64) -> (Vec3, Vec3) {
+    let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) = boxes.fold(start, |(least, most), (low, high)| {
+        let (low, high) = (low.as_dvec3(), high.as_dvec3());
+        let centre = pose.transform_point3(0.5 * (low + high));
+        let half = magnitudes(&pose.matrix3) * (0.5 * (high - low));
+        (least.min(centre - half), most.max(centre + half))
+    });
+    // The rounded ray that the triangles are asked with may pass beside the world's.
+    let margin = DVec3::splat(slack) + 4.0 * f64::from(f32::EPSILON) * low.abs().max(high.abs());
+    ((low - margin).as_vec3(), (high + margin).as_vec3())
+}

@@ -1,0 +1,116 @@
+//! BSDFs that the checks take.
+
+use crate::bsdf::{Bsdf, Dielectric, Diffuse, Distribution, Glossy, ThinDielectric, clearcoated};
+use crate::math::{Rgb, Vec3};
+
+/// All distributions.
+pub const DISTRIBUTIONS: [Distribution; 2] = [Distribution::Beckmann, Distribution::Ggx];
+
+/// Direction at `degrees` from the normal, off both tangents.
+pub fn at(degrees: f32) -> Vec3 {
+    let (sin, cos) = degrees.to_radians().sin_cos();
+    let (y, x) = 0.7f32.sin_cos();
+    Vec3::new(sin * x, sin * y, cos)
+}
+
+/// White metal.
+pub fn metal(alpha: f32, distribution: Distribution) -> Bsdf {
+    Bsdf::Glossy(Glossy {
+        f0: Rgb::ONE,
+        f90: 1.0,
+        albedo: Rgb::ZERO,
+        alpha,
+        distribution,
+    })
+}
+
+/// Coat of reflectance 0.04 over a base of this reflectance.
+pub fn coat(albedo: Rgb, alpha: f32, distribution: Distribution) -> Bsdf {
+    Bsdf::Glossy(Glossy {
+        f0: Rgb::splat(0.04),
+        f90: 1.0,
+        albedo,
+        alpha,
+        distribution,
+    })
+}
+
+/// Coat over an orange base.
+pub fn plastic(alpha: f32, distribution: Distribution) -> Bsdf {
+    coat(Rgb::new(0.8, 0.5, 0.2), alpha, distribution)
+}
+
+/// Colourless glass of index `eta`.
+pub fn glass(eta: f32, alpha: f32, distribution: Distribution) -> Bsdf {
+    Bsdf::Dielectric(Dielectric {
+        eta,
+        tint: Rgb::ONE,
+        alpha,
+        distribution,
+    })
+}
+
+/// Coloured thin wall.
+pub fn pane(alpha: f32, distribution: Distribution) -> Bsdf {
+    Bsdf::Thin(ThinDielectric {
+        f0: Rgb::new(0.04, 0.2, 0.5),
+        f90: 1.0,
+        tint: Rgb::new(1.0, 0.9, 0.8),
+        alpha,
+        distribution,
+    })
+}
+
+/// BSDF of this base under a clear coat of weight 1.
+pub fn under_clearcoat(base: Bsdf) -> Bsdf {
+    clearcoated(1.0, 0.0, Distribution::Ggx, 0.9, |_| base)
+}
+
+/// BSDF of every kind at one roughness, with its name.
+pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 6] {
+    [
+        ("metal", metal(alpha, distribution)),
+        ("plastic", plastic(alpha, distribution)),
+        ("glass", glass(1.5, alpha, distribution)),
+        ("pane", pane(alpha, distribution)),
+        ("diffuse", Bsdf::Diffuse(Diffuse { albedo: Rgb::ONE })),
+        (
+            "plastic under clear coat",
+            under_clearcoat(plastic(alpha, distribution)),
+        ),
+    ]
+}
+
+/// BSDFs with all that a scene may contain: perfect, matched, weak and strong interfaces.
+pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 15] {
+    let glass = |eta| glass(eta, alpha, distribution);
+    [
+        metal(alpha, distribution),
+        plastic(alpha, distribution),
+        pane(alpha, distribution),
+        Bsdf::Diffuse(Diffuse { albedo: Rgb::ONE }),
+        Bsdf::Glossy(Glossy {
+            f0: Rgb::ZERO,
+            f90: 1.0,
+            albedo: Rgb::ONE,
+            alpha,
+            distribution,
+        }),
+        Bsdf::Thin(ThinDielectric {
+            f0: Rgb::ONE,
+            f90: 1.0,
+            tint: Rgb::ONE,
+            alpha,
+            distribution,
+        }),
+        glass(1.0),
+        glass(1.0001),
+        glass(1.001),
+        glass(1.33),
+        glass(1.5),
+        glass(3.0),
+        glass(0.7),
+        under_clearcoat(metal(alpha, distribution)),
+        under_clearcoat(glass(1.5)),
+    ]
+}

@@ -1,0 +1,251 @@
+//! Pictures that must be bit-identical: at any number of threads, in any split into passes, stopped and resumed.
+
+use super::{Finding, Numbers, Size, pool};
+use crate::gallery::caustic_box;
+use crate::gallery::materials::{clearcoated, coated};
+use crate::gallery::shapes::sphere;
+use crate::image::Film;
+use crate::image::film::Window;
+use crate::image::level_film::LevelFilm;
+use crate::integrator::bidirectional::Radius;
+use crate::integrator::checkpoint::{Checkpoint, Fingerprint};
+use crate::integrator::{Estimator, FirstHit, Picture, Settings, View};
+use crate::math::{Rgb, UVec2, Vec3};
+use crate::regularise::{Accumulated, AttenuationTable, Factors, Rule};
+use crate::scene::Scene;
+use std::error::Error;
+
+const FRAME: UVec2 = UVec2::new(24, 20);
+
+const CROP: Window = Window {
+    x: 3,
+    y: 2,
+    w: 19,
+    h: 17,
+};
+
+/// Ways to render, with their names: every estimator; rules, reuse and levels of path tracing.
+fn ways() -> Vec<(&'static str, Settings)> {
+    let base = Settings {
+        seed: 11,
+        ..Settings::default()
+    };
+    let path = |rule, levels, reuse| Settings {
+        rule,
+        levels,
+        estimator: Estimator::Path { reuse },
+        ..base.clone()
+    };
+    let consistent = Rule::Accumulated(Accumulated {
+        factors: Factors::Table(AttenuationTable::constant(0.3)),
+        lambda: 0.2,
+    });
+    let estimator = |estimator| Settings {
+        estimator,
+        ..base.clone()
+    };
+    let rough = |settings| Settings {
+        rule: Rule::constant(0.5),
+        ..settings
+    };
+    let vcm = || estimator(Estimator::Vcm(Radius::default()));
+    let mlt = || estimator(Estimator::Mlt { mutations: 2 });
+    vec![
+        ("path", base.clone()),
+        ("path, consistent", path(consistent, Vec::new(), false)),
+        ("path, reuse", path(Rule::constant(0.3), Vec::new(), true)),
+        (
+            "levels",
+            path(Rule::constant(0.3), vec![0.0, 0.5, 1.0], false),
+        ),
+        ("light", estimator(Estimator::Light)),
+        ("bdpt", estimator(Estimator::Bdpt)),
+        ("bdpt, regularised", rough(estimator(Estimator::Bdpt))),
+        ("vcm", vcm()),
+        ("vcm, regularised", rough(vcm())),
+        (
+            "vcm, light samples only",
+            estimator(Estimator::VcmNee(Radius::default())),
+        ),
+        ("sppm", estimator(Estimator::Sppm(Radius::default()))),
+        ("mlt", mlt()),
+        ("mlt, regularised", rough(mlt())),
+    ]
+}
+
+/// The box with glass and copper, and a lacquered ball.
+fn scene() -> Scene {
+    let mut parts = caustic_box();
+    let lacquer = coated("lacquer", Rgb::splat(0.5), 0.02);
+    parts.add(
+        clearcoated(lacquer, 0.1),
+        [sphere(Vec3::new(0.0, 1.2, 0.0), 0.3, 2)],
+    );
+    Scene::new(parts)
+}
+
+/// A picture without samples, with first-hit layers.
+fn blank(settings: &Settings, window: Window) -> Picture {
+    let mut film = Film::new(FRAME);
+    if window != Window::full(FRAME) {
+        film = film.cut(window);
+    }
+    let levels = settings.levels.len();
+    Picture {
+        levels: (levels > 0).then(|| LevelFilm::new(film.size, window, levels)),
+        aovs: Some(FirstHit::new(window).into()),
+        film,
+    }
+}
+
+/// Passes of these numbers of samples at this number of threads.
+fn picture(
+    scene: &Scene,
+    settings: &Settings,
+    window: Window,
+    threads: usize,
+    passes: &[u32],
+) -> Picture {
+    let mut picture = blank(settings, window);
+    let mut integrator = settings.integrator();
+    pool(threads).install(|| {
+        let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
+        let mut first = 0;
+        for &n in passes {
+            integrator.pass(&view, first..first + n, &mut picture);
+            first += n;
+        }
+    });
+    picture
+}
+
+/// Pixels of two films that are not bit-identical; all of them if more than the pixels differs.
+fn apart(a: &Picture, b: &Picture) -> f64 {
+    if a == b {
+        return 0.0;
+    }
+    let pixels = a.film.pixels.iter().zip(&b.film.pixels);
+    let count = pixels.filter(|(a, b)| a != b).count();
+    if count == 0 {
+        a.film.pixels.len() as f64
+    } else {
+        count as f64
+    }
+}
+
+/// Bit-identity at 1, 2, 3 and 8 threads, in several splits into passes, and of a crop.
+pub fn determinism(size: Size) -> Vec<Finding> {
+    let unit = size.of(1, 4, 128);
+    let scene = scene();
+    let full = Window::full(FRAME);
+    let mut all = Vec::new();
+    for (name, settings) in ways() {
+        let render = |window, threads, passes: &[u32]| {
+            let passes: Vec<u32> = passes.iter().map(|n| n * unit).collect();
+            picture(&scene, &settings, window, threads, &passes)
+        };
+        let whole = render(full, 1, &[6]);
+        let splits = [(2, &[1, 5][..]), (8, &[6]), (3, &[2, 3, 1])];
+        let splits = splits.map(|(threads, passes)| apart(&whole, &render(full, threads, passes)));
+        let samples = 6 * unit;
+        let tried = format!("{name}, {samples} samples: pixels that differ by threads, passes");
+        all.push(Finding::new(tried, 0.0, splits));
+        let part = render(CROP, 2, &[6]).film;
+        let expected = whole.film.cut(CROP);
+        let pixels = expected.pixels.iter().zip(&part.pixels);
+        let differ = pixels.filter(|(a, b)| a != b).count();
+        let tried = format!("{name}: pixels of a crop that differ");
+        all.push(Finding::new(tried, 0.0, [differ as f64]));
+    }
+    all
+}
+
+/// Bit-identity of renders that are stopped at many places, each time saved to a file, loaded and continued at another
+/// number of threads.
+pub fn resume(size: Size) -> Vec<Finding> {
+    let (stops, samples) = size.of((5, 24), (50, 120), (500, 4000));
+    let scene = scene();
+    let mut all = Vec::new();
+    for (name, settings) in ways() {
+        let tried = format!("{name}: pixels that differ after {stops} stops");
+        all.push(match resumed(&scene, &settings, stops, samples) {
+            Ok(differ) => Finding::new(tried, 0.0, [differ]),
+            Err(error) => Finding::failed(error),
+        });
+    }
+    all
+}
+
+fn fingerprint(settings: &Settings) -> Fingerprint {
+    Fingerprint {
+        version: "1".into(),
+        scene: "box".into(),
+        settings: settings.fingerprint(),
+    }
+}
+
+/// Pixels that differ after stops at ascending random places.
+fn resumed(
+    scene: &Scene,
+    settings: &Settings,
+    stops: usize,
+    samples: u32,
+) -> Result<f64, Box<dyn Error>> {
+    let whole = picture(scene, settings, CROP, 2, &[samples]);
+    let mut ends = Numbers::new(60).places(samples, stops);
+    ends.push(samples);
+    let ours = fingerprint(settings);
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("a.ckpt");
+    let pools = [1, 2, 3, 8].map(pool);
+    let mut checkpoint = Checkpoint {
+        fingerprint: ours.clone(),
+        samples: 0,
+        seconds: 0.0,
+        levels: settings.levels.clone(),
+        picture: blank(settings, CROP),
+    };
+    for (i, &end) in ends.iter().enumerate() {
+        let samples = checkpoint.samples..end;
+        let picture = &mut checkpoint.picture;
+        let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
+        // As a new process would.
+        let mut integrator = settings.integrator();
+        pools[i % 4].install(|| integrator.pass(&view, samples, picture));
+        checkpoint.samples = end;
+        checkpoint.save(&path)?;
+        // Only the content of the file continues.
+        checkpoint = Checkpoint::load(&path, &ours)?;
+    }
+    Ok(apart(&checkpoint.picture, &whole))
+}
+
+/// Numbers of the films of every way to render, each read back from its checkpoint, and of a learned table.
+pub(super) fn round() -> Result<Vec<u64>, Box<dyn Error>> {
+    let (scene, folder) = (scene(), tempfile::tempdir()?);
+    let path = folder.path().join("a.ckpt");
+    let mut bits = Vec::new();
+    for (_, settings) in ways() {
+        let checkpoint = Checkpoint {
+            fingerprint: fingerprint(&settings),
+            samples: 2,
+            seconds: 0.0,
+            levels: settings.levels.clone(),
+            picture: picture(&scene, &settings, Window::full(FRAME), 2, &[2]),
+        };
+        checkpoint.save(&path)?;
+        let film = Checkpoint::load(&path, &checkpoint.fingerprint)?
+            .picture
+            .film;
+        bits.extend(film.numbers().map(f64::to_bits));
+    }
+    #[cfg(feature = "train")]
+    {
+        use super::learning::{crop_of, learn, quick};
+        let crop = crop_of(caustic_box(), 2)?;
+        let config = quick(crate::train::config::Evaluation::Tabulated);
+        let table = learn(&config, &crop, Some(folder.path()), u32::MAX)?.table;
+        bits.extend(table.gammas.iter().map(|g| u64::from(g.to_bits())));
+    }
+    Ok(bits)
+}

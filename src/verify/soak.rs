@@ -1,0 +1,57 @@
+//! Long work: memory that stays, bytes that stay.
+
+use super::{Finding, repeat};
+use std::time::{Duration, Instant};
+
+/// Resident memory of the process in bytes; `None` where the system does not say (other than Linux).
+fn resident() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let kilobytes: f64 = line.split_whitespace().next()?.parse().ok()?;
+    Some(1024.0 * kilobytes)
+}
+
+/// Growth of memory in per cent: the least of the last third against that of the second; the first third fills pools.
+pub fn growth(resident: &[f64]) -> f64 {
+    let third = resident.len() / 3;
+    let least = |part: &[f64]| part.iter().copied().fold(f64::INFINITY, f64::min);
+    let (early, late) = (&resident[third..2 * third], &resident[2 * third..]);
+    100.0 * (least(late) / least(early) - 1.0)
+}
+
+/// Rounds of loading a scene, rendering it with every estimator, saving and loading its checkpoint, and learning a table,
+/// for this long and at least nine times: memory that grows, and bytes that change from round to round.
+pub fn run(time: Duration) -> Vec<Finding> {
+    let clock = Instant::now();
+    let (mut memory, mut first, mut changed) = (Vec::new(), None, 0);
+    while memory.len() < 9 || clock.elapsed() < time {
+        let round = match repeat::round() {
+            Ok(round) => round,
+            Err(error) => return vec![Finding::failed(error)],
+        };
+        changed += u32::from(*first.get_or_insert_with(|| round.clone()) != round);
+        memory.extend(resident());
+    }
+    let seconds = clock.elapsed().as_secs();
+    let mut all = vec![Finding::new(
+        format!("{seconds} s: rounds whose bytes differ from the first's"),
+        0.0,
+        [f64::from(changed)],
+    )];
+    if memory.is_empty() {
+        return all;
+    }
+    let megabytes = memory.iter().copied().fold(0.0, f64::max) / 1e6;
+    all.push(Finding::new(
+        format!(
+            "growth of memory in per cent, {} rounds, {megabytes:.0} MB",
+            memory.len()
+        ),
+        // The allocator settles in the first minutes.
+        if seconds < 600 { 10.0 } else { 1.0 },
+        [growth(&memory).max(0.0)],
+    ));
+    all
+}

@@ -1,0 +1,436 @@
+//! Instances that share a mesh, against copies of the mesh that are transformed here.
+
+use super::geometry::{bumpy_sphere, direction, point, rng};
+use super::support::gltf::File;
+use super::support::render::film_with;
+use glam::{Affine2, DAffine3, DQuat, DVec3, Vec2, Vec4};
+use opsr::gallery::materials::{diffuse, emitter, glass, metal};
+use opsr::gallery::shapes::{quad, room, sphere};
+use opsr::integrator::Settings;
+use opsr::integrator::bidirectional::Radius;
+use opsr::integrator::method::IntegratorKind;
+use opsr::math::{Ray, Rgb, Vec3};
+use opsr::scene::material::{AlphaMode, TextureRef};
+use opsr::scene::texture::Wrap;
+use opsr::scene::{Material, Mesh, Scene, SceneParts, SharedMesh, Texture};
+use opsr::stats::agreement::agree;
+use rand::RngExt;
+use rand_pcg::Pcg32;
+use serde_json::json;
+
+/// A pose that turns, scales by up to 3 along each axis, and mirrors if asked.
+fn pose(rng: &mut Pcg32, size: f32, mirrored: bool) -> DAffine3 {
+    let scale = DVec3::from_array([0, 1, 2].map(|_| rng.random_range(0.3..3.0)));
+    let turn = DQuat::from_axis_angle(
+        direction(rng).as_dvec3().normalize(),
+        rng.random_range(0.0..6.0),
+    );
+    let at = point(rng, size).as_dvec3();
+    let sign = if mirrored { -1.0 } else { 1.0 };
+    // A turn before the scale: a pose that shears.
+    let shear = DAffine3::from_quat(DQuat::from_rotation_y(0.7));
+    DAffine3::from_scale_rotation_translation(scale * DVec3::new(sign, 1.0, 1.0), turn, at) * shear
+}
+
+/// The scene of these parts, which may be dark.
+fn built(parts: SceneParts) -> Scene {
+    let scene = Scene::new(parts);
+    let expected = |w: &String| w.starts_with("no light");
+    assert!(
+        scene.warnings().iter().all(expected),
+        "{:?}",
+        scene.warnings()
+    );
+    scene
+}
+
+/// A mesh at a pose, as a mesh of its own.
+fn copy(mesh: &Mesh, pose: &DAffine3) -> Mesh {
+    let mirrored = pose.matrix3.determinant() < 0.0;
+    let normals = pose.matrix3.inverse().transpose();
+    let mut copy = mesh.clone();
+    for p in &mut copy.positions {
+        *p = pose.transform_point3(p.as_dvec3()).as_vec3();
+    }
+    for n in &mut copy.normals {
+        *n = (normals * n.as_dvec3()).normalize().as_vec3();
+    }
+    for t in &mut copy.tangents {
+        let along = pose.transform_vector3(t.truncate().as_dvec3()).normalize();
+        *t = along.as_vec3().extend(if mirrored { -t.w } else { t.w });
+    }
+    if mirrored {
+        copy.indices.iter_mut().for_each(|face| face.swap(1, 2));
+    }
+    copy
+}
+
+/// The same parts without shared meshes: every instance is a mesh of its own.
+fn copied(parts: &SceneParts) -> SceneParts {
+    let mut out = parts.clone();
+    for SharedMesh { mesh, poses } in std::mem::take(&mut out.shared) {
+        out.meshes
+            .extend(poses.iter().map(|pose| copy(&mesh, pose)));
+    }
+    out
+}
+
+/// A bumpy ball with normals, texture coordinates and, if asked, tangents.
+fn ball(material: u32, tangents: bool) -> Mesh {
+    let mut mesh = bumpy_sphere(24, 48);
+    mesh.normals = mesh.positions.iter().map(|p| p.normalize()).collect();
+    mesh.uvs = (mesh.positions.iter())
+        .map(|p| Vec2::new(p.x + 0.3 * p.z, p.y))
+        .collect();
+    if tangents {
+        let along = |p: &Vec3| Vec3::Y.cross(*p).try_normalize().unwrap_or(Vec3::X);
+        mesh.tangents = (mesh.positions.iter())
+            .map(|p| along(p).extend(1.0))
+            .collect::<Vec<Vec4>>();
+    }
+    mesh.material = material;
+    mesh
+}
+
+fn texture(rng: &mut Pcg32) -> Texture {
+    let texel = |_| [200, 90, 255, 130].map(|x: u8| x.saturating_sub(rng.random_range(0..60)));
+    Texture {
+        width: 4,
+        height: 4,
+        texels: (0..16).map(texel).collect::<Vec<_>>().into(),
+        srgb: false,
+        wrap: [Wrap::Repeat; 2],
+    }
+}
+
+/// Three shared meshes at poses of all kinds in a cube of this half size, among them one with holes, and a wall.
+fn crowd(size: f32, instances: usize) -> SceneParts {
+    let mut rng = rng(3);
+    let map = Some(TextureRef {
+        texture: 0,
+        transform: Affine2::IDENTITY,
+    });
+    let mut parts = SceneParts {
+        textures: vec![texture(&mut rng)],
+        ..SceneParts::default()
+    };
+    let wall = quad(
+        Vec3::new(-size, -size, -size),
+        Vec3::X * 2.0 * size,
+        Vec3::Y * 2.0 * size,
+    );
+    parts.add(diffuse("wall", Rgb::splat(0.5)), [wall]);
+    let bumps = Material {
+        normal_texture: map,
+        ..diffuse("bumps", Rgb::splat(0.5))
+    };
+    let holes = Material {
+        base_color_texture: map,
+        alpha_mode: AlphaMode::Mask(0.4),
+        ..diffuse("holes", Rgb::splat(0.5))
+    };
+    let materials = [bumps.clone(), bumps, holes].map(|m| parts.add_material(m));
+    for (k, material) in materials.into_iter().enumerate() {
+        let poses = (0..instances).map(|i| pose(&mut rng, size, i % 3 == 0));
+        parts.shared.push(SharedMesh {
+            mesh: ball(material, k == 0),
+            poses: poses.collect(),
+        });
+    }
+    parts
+}
+
+#[test]
+fn instances_are_met_where_their_copies_are() {
+    for (size, instances) in [(3.0, 2), (20.0, 60)] {
+        let parts = crowd(size, instances);
+        let (shared, copies) = (built(parts.clone()), built(copied(&parts)));
+        let (a, b) = (shared.geometry(), copies.geometry());
+        assert_eq!((a.len(), a.instances()), (b.len(), 3 * instances));
+        assert!(a.stored() * instances < b.stored() + 3 * instances);
+        let (low, high) = b.bounds();
+        let (least, most) = a.bounds();
+        assert!(least.cmple(low).all() && most.cmpge(high).all());
+        let mut rng = rng(4);
+        let (mut hits, mut differ) = (0, 0);
+        for _ in 0..50_000 {
+            let origin = point(&mut rng, 1.3 * size);
+            let mut ray = Ray::new(origin, (point(&mut rng, 0.8 * size) - origin).normalize());
+            if rng.random::<f32>() < 0.3 {
+                ray.t_max = rng.random::<f32>() * size;
+            }
+            let met = (shared.intersect(&ray), copies.intersect(&ray));
+            assert_eq!(shared.occluded(&ray), met.0.is_some(), "{ray:?}");
+            let (Some(h), Some(k)) = met else {
+                differ += usize::from(met.0.is_some() != met.1.is_some());
+                continue;
+            };
+            let (s, c) = (shared.surface(&h), copies.surface(&k));
+            // At a silhouette, or at the edge of a texel's hole, rounding may decide otherwise.
+            if (h.t - k.t).abs() > 1e-4 * size {
+                differ += 1;
+                continue;
+            }
+            hits += 1;
+            assert_eq!(s.material, c.material);
+            assert_eq!(a.triangle_mesh(s.triangle), b.triangle_mesh(c.triangle));
+            let same = s.triangle == c.triangle;
+            assert!(s.position.distance(ray.at(h.t)) < 1e-5 * size, "{s:?}");
+            assert!(s.position.distance(c.position) < 1e-4 * size, "{s:?} {c:?}");
+            assert!(!same || s.ng.distance(c.ng) < 1e-4, "{s:?} {c:?}");
+            assert!(!same || s.ns.distance(c.ns) < 2e-2, "{s:?} {c:?}");
+            assert!(!same || s.uv.distance(c.uv) < 1e-3, "{s:?} {c:?}");
+            assert_eq!(s.ng.dot(ray.dir) < 0.0, c.ng.dot(ray.dir) < 0.0);
+            let corners = a.triangle(s.triangle);
+            assert!(!same || corners == b.triangle(c.triangle), "{corners:?}");
+        }
+        assert!(hits > 20_000, "{hits} hits test little");
+        assert!(differ < 25, "{differ} rays differ");
+    }
+}
+
+#[test]
+fn watertight_no_ray_escapes_a_closed_instance() {
+    let mut rng = rng(11);
+    for far in [0.0, 1e3] {
+        let mut parts = SceneParts::default();
+        let material = parts.add_material(diffuse("shell", Rgb::ONE));
+        let at = pose(&mut rng, 1.0, far == 0.0);
+        let at = DAffine3::from_translation(DVec3::splat(far)) * at;
+        parts.shared.push(SharedMesh {
+            mesh: Mesh {
+                material,
+                ..bumpy_sphere(60, 120)
+            },
+            poses: vec![at],
+        });
+        let scene = built(parts);
+        for _ in 0..200_000 {
+            let inside = at.transform_point3(point(&mut rng, 0.3).as_dvec3());
+            let ray = Ray::new(inside.as_vec3(), direction(&mut rng));
+            assert!(scene.occluded(&ray), "{ray:?}");
+        }
+    }
+}
+
+#[test]
+fn self_intersection_of_instances_far_from_the_origin() {
+    // A flat sheet that is turned, stretched and carried away: a ray that leaves it never meets it.
+    let mut rng = rng(12);
+    for far in [0.0f32, 1.0, 1e4] {
+        for mirrored in [false, true] {
+            let mut parts = SceneParts::default();
+            let material = parts.add_material(diffuse("sheet", Rgb::ONE));
+            let at = DAffine3::from_translation(direction(&mut rng).as_dvec3() * f64::from(far))
+                * pose(&mut rng, 1.0, mirrored);
+            let mut mesh = quad(Vec3::new(-0.7, 0.3, -0.6), Vec3::X, Vec3::Z);
+            mesh.material = material;
+            parts.shared.push(SharedMesh {
+                mesh,
+                poses: vec![at],
+            });
+            let scene = built(parts);
+            let mut met = 0;
+            for _ in 0..20_000 {
+                let on = Vec3::new(rng.random::<f32>() - 0.7, 0.3, rng.random::<f32>() - 0.6);
+                let on = at.transform_point3(on.as_dvec3()).as_vec3();
+                let dir = direction(&mut rng);
+                let Some(hit) = scene.intersect(&Ray::new(on - 3.0 * dir, dir)) else {
+                    continue;
+                };
+                met += 1;
+                let surface = scene.surface(&hit);
+                let away = surface.spawn(direction(&mut rng));
+                let again = scene.intersect(&away);
+                assert!(again.is_none(), "{surface:?}, {away:?} meets {again:?}");
+            }
+            assert!(met > 15_000, "{met}");
+        }
+    }
+}
+
+/// A lit room with bodies of glass, brushed metal and bumps, each shared by a plain and a mirrored, squeezed instance.
+fn furnished() -> SceneParts {
+    let mut parts = SceneParts::default();
+    parts.add(
+        diffuse("walls", Rgb::splat(0.6)),
+        room(Vec3::splat(-1.0), Vec3::ONE),
+    );
+    let lamp = quad(Vec3::new(-0.4, 0.95, -0.4), Vec3::X * 0.8, Vec3::Z * 0.8);
+    parts.add(emitter("lamp", Rgb::splat(6.0)), [lamp]);
+    parts.add_camera([0.0, 0.0, 0.95], [0.0, -0.2, -1.0], 70.0);
+    let bodies = [
+        glass("glass", 1.5, 0.2),
+        metal("metal", Rgb::splat(0.8), 0.2),
+        diffuse("clay", Rgb::new(0.7, 0.4, 0.2)),
+    ];
+    for (k, body) in bodies.into_iter().enumerate() {
+        let material = parts.add_material(body);
+        let at = |x: f64, scale: DVec3| {
+            let turn = DQuat::from_rotation_z(0.4 + k as f64);
+            let place = DVec3::new(x, -0.5 + 0.4 * (k as f64 - 1.0), -0.3);
+            DAffine3::from_scale_rotation_translation(scale, turn, place)
+        };
+        parts.shared.push(SharedMesh {
+            mesh: Mesh {
+                material,
+                ..sphere(Vec3::ZERO, 1.0, 3)
+            },
+            poses: vec![
+                at(-0.45, DVec3::splat(0.2)),
+                at(0.45, DVec3::new(-0.3, 0.12, 0.2)),
+            ],
+        });
+    }
+    parts
+}
+
+#[test]
+fn agreement_of_instances_and_copies_in_every_integrator() {
+    let parts = furnished();
+    let (shared, copies) = (built(parts.clone()), built(copied(&parts)));
+    assert_eq!(shared.has_overlaps(), copies.has_overlaps());
+    for kind in [
+        IntegratorKind::Path,
+        IntegratorKind::Light,
+        IntegratorKind::Bdpt,
+        IntegratorKind::Vcm,
+        IntegratorKind::Sppm,
+    ] {
+        let film = |scene: &Scene, seed| {
+            let settings = Settings {
+                estimator: kind.estimator(Radius::default()),
+                max_vertices: 6,
+                seed,
+                ..Settings::default()
+            };
+            film_with(scene, &settings, 24, 48)
+        };
+        let agreement = agree(&film(&shared, 1), &film(&copies, 2)).unwrap();
+        assert!(agreement.passed(), "{kind:?}\n{agreement}");
+    }
+}
+
+#[test]
+fn bodies_around_a_point_in_nested_instances() {
+    // A ball in a ball, both shared; the inner one is the smaller body by its largest instance.
+    let mut parts = SceneParts::default();
+    for (name, ior, radius) in [("outer", 1.3, 1.0), ("inner", 1.5, 0.5)] {
+        let material = parts.add_material(glass(name, ior, 0.0));
+        let at = |x: f64, sign: f64| {
+            let scale = DVec3::new(sign, 1.0, 1.0) * radius;
+            DAffine3::from_scale_rotation_translation(scale, DQuat::IDENTITY, DVec3::X * x)
+        };
+        parts.shared.push(SharedMesh {
+            mesh: Mesh {
+                material,
+                ..sphere(Vec3::ZERO, 1.0, 3)
+            },
+            poses: vec![at(-3.0, 1.0), at(3.0, -1.0)],
+        });
+    }
+    let (shared, copies) = (built(parts.clone()), built(copied(&parts)));
+    for scene in [&shared, &copies] {
+        assert!(scene.has_overlaps());
+        assert!(scene.rank(1) > scene.rank(0));
+        let around = |x| scene.bodies_around(&Ray::new(Vec3::new(x, 0.1, 0.1), Vec3::Z));
+        for side in [-3.0, 3.0] {
+            assert_eq!(around(side), [1, 0]);
+            assert_eq!(around(side + 0.8), [0]);
+        }
+        assert!(around(0.0).is_empty());
+    }
+}
+
+#[test]
+fn instances_that_cannot_be_are_dropped_and_counted() {
+    let mut parts = SceneParts::default();
+    let material = parts.add_material(emitter("lamp", Rgb::ONE));
+    let flat = DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0));
+    let far = DAffine3::from_translation(DVec3::splat(1e18));
+    let huge = DAffine3::from_scale(DVec3::splat(1e7));
+    parts.shared.push(SharedMesh {
+        mesh: Mesh {
+            material,
+            ..sphere(Vec3::ZERO, 1.0, 1)
+        },
+        poses: vec![flat, far, huge, DAffine3::IDENTITY],
+    });
+    let scene = Scene::new(parts);
+    assert_eq!(scene.geometry().instances(), 1);
+    assert_eq!(scene.lights().emissive_triangles(), 0);
+    let words = scene.warnings().join("\n");
+    assert!(
+        words.contains("shared mesh 0: its emission is ignored"),
+        "{words}"
+    );
+    assert!(
+        words.contains("shared mesh 0: dropped 3 of 4 instances"),
+        "{words}"
+    );
+}
+
+/// A file with a grid of so many triangles, and two materials of which the second emits.
+pub(crate) fn grid(edge: u16) -> File {
+    let mut file = File::of(|file| {
+        let at = |i: u16| f32::from(i) / f32::from(edge);
+        let corners = (0..=edge).flat_map(|y| (0..=edge).map(move |x| [at(x), 0.0, at(y)]));
+        let positions: Vec<f32> = corners.flatten().collect();
+        let index = |x: u16, y: u16| y * (edge + 1) + x;
+        let faces = (0..edge).flat_map(|y| {
+            (0..edge).flat_map(move |x| {
+                let [a, b, c, d] =
+                    [(x, y), (x, y + 1), (x + 1, y + 1), (x + 1, y)].map(|(x, y)| index(x, y));
+                [a, b, c, a, c, d]
+            })
+        });
+        let faces: Vec<u16> = faces.collect();
+        json!({ "attributes": { "POSITION": file.floats("VEC3", &positions) }, "indices": file.indices(&faces), "material": 0 })
+    });
+    file.json["materials"] = json!([{}, { "emissiveFactor": [1, 1, 1] }]);
+    file.json["extensionsUsed"] = json!(["EXT_mesh_gpu_instancing"]);
+    file
+}
+
+/// Puts this many instances of mesh 0 on a node.
+pub(crate) fn spread(file: &mut File, count: usize) {
+    let places: Vec<f32> = (0..count)
+        .flat_map(|i| [(i % 100) as f32, 0.0, (i / 100) as f32])
+        .collect();
+    let places = file.floats("VEC3", &places);
+    let extension =
+        json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": places } } });
+    file.json["nodes"][0]["extensions"] = extension;
+}
+
+#[test]
+fn load_shares_meshes_whose_copies_would_take_much_memory() {
+    let mut file = grid(70);
+    spread(&mut file, 20);
+    // 20 copies of 9800 triangles take little.
+    let parts = file.loaded().parts;
+    assert_eq!((parts.meshes.len(), parts.shared.len()), (20, 0));
+    spread(&mut file, 1000);
+    file.push(
+        "nodes",
+        json!({ "mesh": 0, "scale": [-1, 2, 1], "translation": [0, 5, 0] }),
+    );
+    file.push("nodes", json!({ "mesh": 0, "scale": [1, 0, 1] }));
+    let parts = file.loaded().parts;
+    assert_eq!(parts.shared.len(), 1);
+    assert_eq!(parts.shared[0].poses.len(), 1001);
+    assert_eq!(parts.meshes.len(), 1, "a pose that flattens is copied");
+    let scene = built(parts);
+    assert_eq!(scene.geometry().len(), 1002 * 9800);
+    let ray = Ray::new(Vec3::new(-0.5, 9.0, 0.4), Vec3::NEG_Y);
+    let surface = scene.surface(&scene.intersect(&ray).expect("the mirrored instance"));
+    assert!(
+        (surface.ng - Vec3::Y).length() < 1e-6 && surface.position.y == 5.0,
+        "{surface:?}"
+    );
+    // Lamps are copied, since light sampling knows triangles in the world.
+    file.primitive()["material"] = json!(1);
+    file.json["nodes"] = json!([file.json["nodes"][0]]);
+    let parts = file.loaded().parts;
+    assert_eq!((parts.meshes.len(), parts.shared.len()), (1000, 0));
+}
