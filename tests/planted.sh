@@ -105,10 +105,12 @@ plant "reverse density is the forward one" src/integrator/bidirectional/walk.rs 
     's/vertex\.pdf_back\(out\)/vertex.pdf_on(out)/' \
     bidirectional::audit::audit_of_mis_weights_and_values_of_materials
 plant "photons of a shared bucket count twice" src/integrator/bidirectional/photons.rs \
-    's/if buckets\[\.\.i as usize\]\.contains\(&key\)/if key == u32::MAX/' \
+    's/if buckets\[\.\.i\]\.contains\(&buckets\[i\]\)/if buckets[i] == u32::MAX/' \
     bidirectional::density::photon_density_of_an_analytic_disk
 plant "weights of connections ignore merges" src/integrator/bidirectional/weights.rs \
-    's/merging\.m \+ self/self/' bidirectional::weights::mis_weights_equal_enumeration_in_double_precision
+    's/merging\.m \+ cut \+/cut +/' bidirectional::weights::mis_weights_equal_enumeration_in_double_precision
+plant "every strategy roughens a part of its own" src/integrator/bidirectional/split.rs \
+    's/reach\.join\(&there\.reach\)/there.reach.best/' bidirectional::audit::audit_of_the_split
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

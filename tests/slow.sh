@@ -29,6 +29,7 @@ step "chi-square, furnaces and invariants" "$program" verify --thorough
 step "renders against the simple path tracer" "$program" verify render --thorough
 step "planted faults of renders" "$program" verify render --plant all
 step "fuzzing" cargo test --release fuzz_long -- --ignored
+step "slopes of errors" cargo test --release slopes_long -- --ignored
 step "faults planted in the source" tests/planted.sh
 step "memory" tests/long.sh "$program" "${OPSR_LONG_SECONDS:-3600}"
 [ "$failed" -eq 0 ] && echo "all slow checks passed"

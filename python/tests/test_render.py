@@ -53,6 +53,7 @@ def test_render_determinism_over_threads_passes_and_crops(box):
         (["--mode", "pbrt"], {"rule": "pbrt"}),
         (["--integrator", "bdpt", "--mode", "mollifier"], {"integrator": "bdpt", "rule": "mollifier"}),
         (["--integrator", "vcm"], {"integrator": "vcm"}),
+        (["--integrator", "bdpt", "--opsr-table", "beta-0.001"], {"integrator": "bdpt", "table": "beta-0.001"}),
     ],
 )
 def test_render_determinism_gives_the_picture_of_the_program(program, tmp_path, words, options):

@@ -6,6 +6,7 @@ use anyhow::{Context, anyhow};
 use opsr::image::film::Window;
 use opsr::image::level_film::MAX_LEVELS;
 use opsr::integrator::Settings;
+use opsr::integrator::bidirectional::Part;
 use opsr::integrator::levels::{SCALES, scales};
 use opsr::integrator::method::{IntegratorKind, Kind, Method, MethodSpec};
 use opsr::math::UVec2;
@@ -47,6 +48,37 @@ fn share(text: &str) -> Option<f64> {
         number(text).filter(|_| text.contains('.'))?
     };
     (share.is_finite() && share >= 0.0).then_some(share)
+}
+
+/// A strategy such as `2,3`, or `merges`.
+pub(super) fn strategy(text: &str) -> Result<Part, String> {
+    if text == "merges" {
+        return Ok(Part::Merges);
+    }
+    let numbers = text.split_once(',').map(|(s, t)| (s.parse(), t.parse()));
+    match numbers {
+        Some((Ok(s), Ok(t @ 1..=65538))) if s <= 65537 && s + t > 1 => Ok(Part::Edge { s, t }),
+        _ => {
+            Err("expected S,T with S from 0 and T from 1, two vertices or more, or `merges`".into())
+        }
+    }
+}
+
+/// Refuses to show a strategy of what has none.
+fn check_strategy(part: Part, spec: &MethodSpec) -> Result<(), &'static str> {
+    let merges = part == Part::Merges;
+    match spec.integrator {
+        IntegratorKind::Vcm => {}
+        IntegratorKind::Bdpt if !merges => {}
+        _ if merges => return Err("only --integrator vcm has merges"),
+        _ => return Err("only --integrator bdpt and vcm have strategies"),
+    }
+    let plain = spec.method == Kind::Default && spec.table.is_none() && spec.gamma.is_none();
+    if plain {
+        Ok(())
+    } else {
+        Err("a strategy is shown without --mode, --opsr-table and --gamma")
+    }
 }
 
 /// A length along one side of a picture.
@@ -190,6 +222,10 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
     let factors = spec.table.is_some() || spec.gamma.is_some();
     let consistent = spec.lambda.is_some();
     spec.refused().map_err(anyhow::Error::msg).usage()?;
+    if let Some(part) = args.strategy {
+        let checked = check_strategy(part, &spec).map_err(anyhow::Error::msg);
+        checked.context("--strategy").usage()?;
+    }
     let accumulates = matches!(spec.method, Kind::Default | Kind::Reuse);
     if accumulates && !factors && (consistent || spec.method == Kind::Reuse) {
         let what = "--consistent and --mode reuse need --opsr-table or --gamma";
@@ -219,7 +255,12 @@ pub(super) fn resolve(args: &RenderArgs, mut spec: MethodSpec) -> anyhow::Result
 /// Options that choose the picture, by name; the integrator may be a pilot's choice.
 pub(super) fn words(args: &RenderArgs, integrator: IntegratorKind) -> Vec<(&'static str, String)> {
     let vertices = ("max_vertices", args.max_vertices.to_string());
-    args.method.words(integrator).chain([vertices]).collect()
+    let strategy = args.strategy.map(|part| match part {
+        Part::Edge { s, t } => ("strategy", format!("{s},{t}")),
+        Part::Merges => ("strategy", "merges".into()),
+    });
+    let words = args.method.words(integrator);
+    words.chain([vertices]).chain(strategy).collect()
 }
 
 /// The option to blame for a film that cannot be.
@@ -235,6 +276,7 @@ pub(super) fn settings(args: &RenderArgs, method: &Method) -> Settings {
     Settings {
         estimator: method.estimator,
         rule: method.rule.clone(),
+        part: args.strategy,
         max_vertices: args.max_vertices,
         seed: args.seed,
         ..Settings::default()

@@ -6,6 +6,7 @@ use super::output::{FileArgs, ResolveArgs};
 use super::part;
 use super::scene::{self, LensArgs, SceneArgs};
 use clap::Args;
+use opsr::integrator::bidirectional::Part;
 use opsr::integrator::layers::Aov;
 use opsr::integrator::method::{MethodSpec, unit};
 use std::ops::Range;
@@ -70,6 +71,12 @@ pub(super) struct RenderArgs {
     pub(super) levels: Option<job::Levels>,
     #[command(flatten)]
     pub(super) resolve: ResolveArgs,
+
+    /// Show one strategy of bdpt or vcm with its weights: S vertices from the light and T from the camera, both ends
+    /// included, such as 0,3 (a light that the camera meets), 1,2 (light sampling) or 3,1 (light tracing); or `merges` of
+    /// vcm. The pictures of all strategies add up to the whole.
+    #[arg(long, value_name = "S,T|merges", value_parser = job::strategy)]
+    pub(super) strategy: Option<Part>,
 
     /// Scattering vertices of the longest path.
     #[arg(long, alias = "max-depth", value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65536))]

@@ -97,10 +97,24 @@ pub struct MethodSpec {
     #[arg(long, value_name = "A", value_parser = shrinking)]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius_alpha: Option<f32>,
+    /// Connections of vcm; all if not given.
+    #[arg(long, value_enum)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub connections: Option<Connections>,
     /// Mutations per pixel of one sample of mlt; 16 if not given.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mlt_pass: Option<u32>,
+}
+
+/// Connections of `vcm`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Connections {
+    /// Every vertex of a light path to the camera and to every vertex of a camera path.
+    All,
+    /// Light samples only: cheaper, and as good where photons find the rest.
+    Nee,
 }
 
 /// Integrators by name.
@@ -241,6 +255,11 @@ impl MethodSpec {
             }
             _ => {}
         }
+        if self.connections.is_some() && self.integrator != Vcm {
+            return Err(format!(
+                "integrator {name} has no choice of connections: vcm has"
+            ));
+        }
         if (self.radius.is_some() || self.radius_alpha.is_some()) && !self.integrator.merges() {
             return Err(format!(
                 "integrator {name} has no radius: vcm and sppm have"
@@ -290,6 +309,9 @@ impl MethodSpec {
             if !integrator.merges() {
                 (spec.radius, spec.radius_alpha) = (None, None);
             }
+            if integrator != IntegratorKind::Vcm {
+                spec.connections = None;
+            }
             if !integrator.is_path() {
                 spec.levels = Vec::new();
             }
@@ -338,6 +360,9 @@ impl MethodSpec {
         };
         let estimator = match self.integrator.estimator(radius) {
             Estimator::Path { .. } => Estimator::Path { reuse },
+            Estimator::Vcm(radius) if self.connections == Some(Connections::Nee) => {
+                Estimator::VcmNee(radius)
+            }
             Estimator::Mlt { mutations } => Estimator::Mlt {
                 mutations: self.mlt_pass.unwrap_or(mutations),
             },

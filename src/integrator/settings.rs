@@ -1,6 +1,6 @@
 //! Settings of a render, and the integrator they stand for.
 
-use super::bidirectional::{Bidirectional, Radius, Strategies};
+use super::bidirectional::{Bidirectional, Part, Radius, Strategies};
 use super::levels::{LevelError, LevelTracer};
 use super::metropolis::Metropolis;
 use super::path::PathTracer;
@@ -28,6 +28,8 @@ pub enum Estimator {
     Bdpt,
     /// Vertex connection and merging `[UPS]`: all connections, and photon density at every vertex.
     Vcm(Radius),
+    /// The same with light samples as the only connections.
+    VcmNee(Radius),
     /// Progressive photon mapping with one radius for the whole picture.
     Sppm(Radius),
     /// Metropolis light transport over bidirectional path tracing.
@@ -53,6 +55,8 @@ pub struct Settings {
     /// Scales of the rule's factors at the [levels](super::levels) of a render, ascending from 0, which is plain path
     /// tracing; empty for a render at the rule's own factors alone.
     pub levels: Vec<f32>,
+    /// The only part of the strategies of `bdpt` or `vcm` that the picture shows, with its weights; without a rule.
+    pub part: Option<Part>,
     /// Scattering vertices of the longest path, at least 1.
     pub max_vertices: u32,
     /// Vertex (from 1) at which Russian roulette begins.
@@ -67,6 +71,7 @@ impl Default for Settings {
             estimator: Estimator::default(),
             rule: Rule::Plain,
             levels: Vec::new(),
+            part: None,
             max_vertices: 16,
             roulette_start: 5,
             seed: 0,
@@ -92,8 +97,9 @@ impl Settings {
                 });
             }
             Estimator::Light => (Strategies::Light, None),
-            Estimator::Bdpt => (Strategies::All, None),
-            Estimator::Vcm(radius) => (Strategies::All, Some(radius)),
+            Estimator::Bdpt => (self.shown(), None),
+            Estimator::Vcm(radius) => (self.shown(), Some(radius)),
+            Estimator::VcmNee(radius) => (self.shown(), Some(radius)),
             Estimator::Sppm(radius) => (Strategies::Density, Some(radius)),
             Estimator::Mlt { mutations } => {
                 let base = self.bidirectional(Strategies::All);
@@ -106,12 +112,18 @@ impl Settings {
         })
     }
 
+    /// The strategies of `bdpt` and `vcm` that the picture shows.
+    fn shown(&self) -> Strategies {
+        self.part.map_or(Strategies::All, Strategies::Part)
+    }
+
     /// The bidirectional path tracer of these settings with these strategies, without merging; of the rules it has the
     /// mollifier and accumulated roughness.
     pub fn bidirectional(&self, strategies: Strategies) -> Bidirectional {
         Bidirectional {
             strategies,
             merging: None,
+            light_sampling_only: matches!(self.estimator, Estimator::VcmNee(_)),
             mollifier: match self.rule {
                 Rule::Mollifier(radius)
                     if matches!(self.estimator, Estimator::Bdpt | Estimator::Mlt { .. }) =>
@@ -149,7 +161,7 @@ impl Settings {
                 Err("only --integrator path has dispersion (KHR_materials_dispersion)")
             }
             // A photon does not remember the bodies around it.
-            Estimator::Vcm(_) if scene.has_overlaps() => {
+            Estimator::Vcm(_) | Estimator::VcmNee(_) if scene.has_overlaps() => {
                 Err("--integrator vcm knows no bodies that overlap; bdpt and sppm do")
             }
             _ => Ok(()),
@@ -216,6 +228,7 @@ impl Settings {
             estimator,
             rule,
             levels,
+            part,
             max_vertices,
             roulette_start,
             seed,
@@ -223,6 +236,9 @@ impl Settings {
         let mut rule = rule.fingerprint();
         if !levels.is_empty() {
             rule += &format!(" at levels {levels:?}");
+        }
+        if let Some(part) = part {
+            rule += &format!(", {part:?} alone");
         }
         format!(
             "{estimator:?}, {rule}, {max_vertices} vertices, roulette {roulette_start}, seed {seed}"

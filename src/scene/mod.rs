@@ -328,6 +328,17 @@ impl Surface {
         Frame::from_normal(normals::bent(self.ns, self.ng, w))
     }
 
+    /// [`Surface::frame_for`] `w`, bit for bit: hardly ever another than a frame for another direction, which is `known`.
+    #[inline]
+    pub fn frame_near(&self, known: &Frame, w: Vec3) -> Frame {
+        let n = normals::bent(self.ns, self.ng, w);
+        if n == known.n {
+            *known
+        } else {
+            Frame::from_normal(n)
+        }
+    }
+
     /// A ray that leaves this surface towards `dir`, starting clear of it.
     #[inline]
     pub fn spawn(&self, dir: Vec3) -> Ray {

@@ -63,6 +63,10 @@ fn ways() -> Vec<(&'static str, Settings)> {
         ("bdpt, regularised", rough(estimator(Estimator::Bdpt))),
         ("vcm", vcm()),
         ("vcm, regularised", rough(vcm())),
+        (
+            "vcm, light samples only",
+            estimator(Estimator::VcmNee(Radius::default())),
+        ),
         ("sppm", estimator(Estimator::Sppm(Radius::default()))),
         ("mlt", mlt()),
         ("mlt, regularised", rough(mlt())),

@@ -452,7 +452,7 @@ impl Iteration<'_> {
                     }
                     let part = prefix.connected(&vertex, other, trail);
                     let sums = [*self, only(other.n + 1, n + 1)]
-                        .map(|i| part * i.connection(&vertex, other));
+                        .map(|i| part * i.connection(&vertex, other, (0.0, 0.0)));
                     let before = nodes.len();
                     nodes.extend(tail(j + 1));
                     if let Some(end) = &emitted {

@@ -108,9 +108,15 @@ impl Iteration<'_> {
             * (weight / light.density.value())
     }
 
-    /// s, t > 1: a vertex of the camera walk connected to a vertex of the light walk.
+    /// s, t > 1: a vertex of the camera walk connected to a vertex of the light walk. Of connections without shadow that
+    /// carry less than `least` some are left out, and the others count more; `u` is uniform in [0, 1).
     #[inline]
-    pub(super) fn connection(&self, vertex: &Vertex, light: &Vertex) -> Rgb {
+    pub(super) fn connection(
+        &self,
+        vertex: &Vertex,
+        light: &Vertex,
+        (least, u): (f32, f32),
+    ) -> Rgb {
         let scene = self.view.scene;
         let to = light.surface.position - vertex.surface.position;
         let distance2 = to.length_squared();
@@ -120,7 +126,10 @@ impl Iteration<'_> {
         if !dir.is_finite() || light.hit.triangle == vertex.hit.triangle {
             return Rgb::ZERO;
         }
-        // Both values before any density: most pairs see each other from behind.
+        // Most pairs see each other from behind.
+        if !vertex.scatters_to(dir) || !light.scatters_to(-dir) {
+            return Rgb::ZERO;
+        }
         let Some(here) = vertex.towards_light(dir) else {
             return Rgb::ZERO;
         };
@@ -141,16 +150,23 @@ impl Iteration<'_> {
         if weight == 0.0 {
             return Rgb::ZERO;
         }
+        let mut value = vertex.throughput
+            * here.value
+            * there.value
+            * light.throughput
+            * (weight * cos_there / distance2);
+        let chance = value.max_element() / least;
+        if chance < 1.0 {
+            if u >= chance {
+                return Rgb::ZERO;
+            }
+            value /= chance;
+        }
         let ray = (vertex.surface).spawn_to(&light.surface, dir, distance, cos_there);
         let Some(transmittance) = vertex.unblocked(scene, &ray, distance) else {
             return Rgb::ZERO;
         };
-        vertex.throughput
-            * here.value
-            * transmittance
-            * there.value
-            * light.throughput
-            * (weight * cos_there / distance2)
+        value * transmittance
     }
 
     /// t = 1: a vertex of the light walk connected to the camera.
@@ -159,6 +175,9 @@ impl Iteration<'_> {
         let scene = self.view.scene;
         let sight = self.view.sensor.see(vertex.surface.position)?;
         let splat = Splat::new(&self.view.window, sight.pixel, Rgb::ZERO)?;
+        if !vertex.scatters_to(sight.wo) {
+            return None;
+        }
         let eval = vertex.towards_camera(sight.wo)?;
         let paths = self.paths as f32;
         let pdf_area = sight.pdf_area(vertex.cos(sight.wo));

@@ -11,7 +11,7 @@ use std::f32::consts::PI;
 
 impl Iteration<'_> {
     /// Merges with all photons around a vertex of the camera walk, weighed against all other strategies.
-    pub(super) fn merges(&self, vertex: &Vertex, prefix: &Prefix<'_>, map: &PhotonMap<'_>) -> Rgb {
+    pub(super) fn merges(&self, vertex: &Vertex, prefix: &Prefix<'_>, map: &PhotonMap) -> Rgb {
         let mut sum = Rgb::ZERO;
         map.around(vertex, |photon, trail| {
             // The path has the merged vertex once.
@@ -42,7 +42,7 @@ impl Iteration<'_> {
     pub(super) fn density_path<O: PathObserver>(
         &self,
         pixel: UVec2,
-        map: &PhotonMap<'_>,
+        map: &PhotonMap,
         observer: &mut O,
     ) -> Rgb {
         let settings = &self.settings;

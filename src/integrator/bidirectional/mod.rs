@@ -63,6 +63,13 @@ const CHUNK: u32 = 1024;
 /// Chunks of light paths that are walked before their vertices are joined: few enough to hold little twice.
 const BATCH: u32 = 32;
 
+/// Vertices by which roulette of light walks begins earlier: every vertex of theirs is connected to all of a camera walk.
+const EARLIER: u32 = 3;
+
+/// Share of what a camera path has found so far below which a connection is left to chance: most shadow rays would find
+/// hardly any light.
+const LEAST_SHARE: f32 = 0.1;
+
 /// The strategies that count, and their weights. Strategy (s, t) takes s vertices of a path from the light walk and t
 /// from the camera walk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,6 +80,8 @@ pub enum Strategies {
     Light,
     /// Photon density: merges at the first rough lobe of a camera walk, and lights met before it; weight 1.
     Density,
+    /// A part of all, with the weights that it has there: the pictures of all parts add up to the whole.
+    Part(Part),
     /// One strategy with weight 1, for tests.
     Only {
         /// Vertices of the light walk, the light's own included.
@@ -82,6 +91,20 @@ pub enum Strategies {
     },
 }
 
+/// A part of the strategies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Strategy (s, t).
+    Edge {
+        /// Vertices of the light walk, the light's own included.
+        s: u32,
+        /// Vertices of the camera walk, the camera's own included.
+        t: u32,
+    },
+    /// All merges.
+    Merges,
+}
+
 /// A bidirectional path tracer, or one of its parts.
 #[derive(Clone, Debug)]
 pub struct Bidirectional {
@@ -89,6 +112,8 @@ pub struct Bidirectional {
     pub strategies: Strategies,
     /// The radius of merges; `None` for connections only.
     pub merging: Option<Radius>,
+    /// No connections but light samples, beside merges.
+    pub light_sampling_only: bool,
     /// Radius of the kernel for paths that no strategy can sample, over half the diagonal of the scene: that of sample 1,
     /// for sample n times n^(−1/6) `[PSR (6)]`. Without merging only.
     pub mollifier: Option<f32>,
@@ -97,7 +122,7 @@ pub struct Bidirectional {
     pub split: Option<Accumulated>,
     /// Scattering vertices of the longest path, at least 1.
     pub max_vertices: u32,
-    /// Vertex (from 1 at either end) at which Russian roulette begins.
+    /// Vertex (from 1) at which Russian roulette of camera walks begins, that of light walks three before.
     pub roulette_start: u32,
     /// Seed of all random numbers.
     pub seed: u64,
@@ -116,7 +141,7 @@ impl Strategies {
     #[inline]
     fn weight(self, s: u32, t: u32, balance: impl FnOnce() -> f32) -> f32 {
         match self {
-            Self::All => balance(),
+            Self::All | Self::Part(_) => balance(),
             Self::Light => f32::from(u8::from(t == 1 || s == 0)),
             Self::Density => f32::from(u8::from(s == 0)),
             Self::Only { s: s1, t: t1 } => f32::from(u8::from((s, t) == (s1, t1))),
@@ -125,7 +150,16 @@ impl Strategies {
 
     /// True if camera walks are closed by light sampling and connections.
     fn connects(self) -> bool {
-        matches!(self, Self::All | Self::Only { .. })
+        matches!(self, Self::All | Self::Part(_) | Self::Only { .. })
+    }
+
+    /// True if the picture shows this part of what is computed.
+    #[inline]
+    fn shows(self, part: Part) -> bool {
+        match self {
+            Self::Part(shown) => shown == part,
+            _ => true,
+        }
     }
 }
 
@@ -171,6 +205,40 @@ struct LightChunk {
     splats: Vec<Splat>,
 }
 
+/// Contributions of a camera path.
+struct Total {
+    strategies: Strategies,
+    /// All that were computed.
+    all: Rgb,
+    /// Those of the part that the picture shows.
+    shown: Rgb,
+}
+
+impl Total {
+    fn of(strategies: Strategies) -> Self {
+        Self {
+            strategies,
+            all: Rgb::ZERO,
+            shown: Rgb::ZERO,
+        }
+    }
+
+    #[inline]
+    fn add(&mut self, part: Part, value: Rgb) {
+        self.all += value;
+        if self.strategies.shows(part) {
+            self.shown += value;
+        }
+    }
+
+    /// Adds what belongs to no part.
+    #[inline]
+    fn show(&mut self, value: Rgb) {
+        self.all += value;
+        self.shown += value;
+    }
+}
+
 /// Work of one thread on one iteration.
 #[derive(Clone, Copy)]
 struct Iteration<'a> {
@@ -183,7 +251,9 @@ struct Iteration<'a> {
     paths: u32,
     /// Radius of merges; 0 without.
     radius: f32,
+    /// Of camera walks, and of light walks.
     merging: Merging<f32>,
+    light_merging: Merging<f32>,
     /// Radius of the kernel in world units; `None` where all lights can be met too.
     mollifier: Option<f32>,
     /// Accumulated roughness, in scenes that have glossy lobes.
@@ -210,8 +280,15 @@ impl Bidirectional {
         };
         let radius = (self.merging.zip(first)).map_or(0.0, |(r, first)| r.at(first, sample));
         let merging = match self.strategies {
-            Strategies::All if radius > 0.0 => Merging::new(PI * radius * radius * paths as f32),
+            Strategies::All | Strategies::Part(_) if radius > 0.0 => {
+                Merging::new(PI * radius * radius * paths as f32)
+            }
             _ => Merging::none(),
+        };
+        let [merging, light_merging] = if self.light_sampling_only {
+            merging.light_sampling_only()
+        } else {
+            [merging; 2]
         };
         let (low, high) = view.scene.geometry().bounds();
         let shrink = (f64::from(sample) + 1.0).powf(-1.0 / 6.0) as f32;
@@ -226,6 +303,7 @@ impl Bidirectional {
             paths,
             radius,
             merging,
+            light_merging,
             mollifier,
             rule: self.split.as_ref().filter(|_| view.scene.has_lobes()),
             light: source(Domain::Light),
@@ -241,8 +319,8 @@ impl Iteration<'_> {
         if self.settings.merging.is_some() {
             let vertices = self.light_vertices(layer);
             let low = self.view.scene.geometry().bounds().0;
-            let map = PhotonMap::new(&vertices, low, self.radius);
-            self.camera_paths(&vertices, &map, layer, recorder);
+            let map = PhotonMap::new(vertices, low, self.radius);
+            self.camera_paths(&map, layer, recorder);
         } else {
             self.paths_together(layer, recorder);
         }
@@ -299,14 +377,8 @@ impl Iteration<'_> {
     }
 
     /// All camera paths of the window.
-    fn camera_paths<O: Recorder>(
-        &self,
-        vertices: &LightVertices,
-        map: &PhotonMap<'_>,
-        layer: &mut SplatLayer,
-        recorder: &mut O,
-    ) {
-        let View { window, sensor, .. } = *self.view;
+    fn camera_paths<O: Recorder>(&self, map: &PhotonMap, layer: &mut SplatLayer, recorder: &mut O) {
+        let window = self.view.window;
         let pixels = window.len() as u32;
         let chunks: Vec<(Vec<Splat>, O)> = (0..pixels.div_ceil(CHUNK))
             .into_par_iter()
@@ -320,16 +392,9 @@ impl Iteration<'_> {
                     let value = if self.strategies == Strategies::Density {
                         self.density_path(pixel, map, &mut observer)
                     } else {
-                        let number =
-                            u64::from(pixel.y) * u64::from(sensor.frame.x) + u64::from(pixel.x);
-                        let path = (number % u64::from(self.paths)) as u32;
-                        let most = self.settings.max_vertices - 1;
-                        let LightPath {
-                            vertices: v,
-                            trails,
-                            ..
-                        } = &mut light;
-                        vertices.of_path(path, most, self.view.scene, v, trails);
+                        if !self.settings.light_sampling_only {
+                            self.fetch(pixel, map, &mut light);
+                        }
                         let stream = &mut self.camera_stream(pixel);
                         self.camera_path(pixel, stream, &light, Some(map), &mut observer)
                     };
@@ -342,6 +407,18 @@ impl Iteration<'_> {
             layer.add_in_order(&values);
             recorder.join(observer);
         }
+    }
+
+    /// The light path to which the camera path of a pixel is connected, from those that are kept.
+    fn fetch(&self, pixel: UVec2, map: &PhotonMap, light: &mut LightPath) {
+        let columns = u64::from(self.view.sensor.frame.x);
+        let number = u64::from(pixel.y) * columns + u64::from(pixel.x);
+        let path = (number % u64::from(self.paths)) as u32;
+        let most = self.settings.max_vertices - 1;
+        let LightPath {
+            vertices, trails, ..
+        } = light;
+        map.of_path(path, most, self.view.scene, vertices, trails);
     }
 
     /// A range of light paths and the camera paths that they serve.
@@ -418,7 +495,7 @@ impl Iteration<'_> {
         let Some(start) = scene.sample_emission(pick, u) else {
             return;
         };
-        let mut walk = Walk::light(scene, &start, self.merging);
+        let mut walk = Walk::light(scene, &start, self.light_merging);
         let mut chain = Chain::default();
         let mut trail = Trail::START;
         for n in 1..=self.settings.max_vertices {
@@ -431,7 +508,9 @@ impl Iteration<'_> {
             let u = stream.vertex();
             let vertex = walk.vertex(n, &hit, u.material);
             if strategies != Strategies::Density
+                && !self.settings.light_sampling_only
                 && !vertex.is_delta()
+                && strategies.shows(Part::Edge { s: n + 1, t: 1 })
                 && let Some(splat) = self.connect_to_camera(&vertex, &trail)
             {
                 splats.push(splat);
@@ -458,7 +537,9 @@ impl Iteration<'_> {
                 trail = self.trail(trail, &vertex, walk.ray.dir, smooth);
             }
             let goes_on = more && drawn.is_some();
-            if !goes_on || (n >= self.settings.roulette_start && walk.survive(u.roulette).is_none())
+            if !goes_on
+                || (n + EARLIER >= self.settings.roulette_start
+                    && walk.survive(u.roulette).is_none())
             {
                 return;
             }
@@ -491,23 +572,24 @@ impl Iteration<'_> {
         pixel: UVec2,
         stream: &mut impl Sampler,
         light: &LightPath,
-        map: Option<&PhotonMap<'_>>,
+        map: Option<&PhotonMap>,
         observer: &mut O,
     ) -> Rgb {
         let strategies = self.strategies;
         let mut walk = self.camera_walk(pixel, stream);
         let mut chain = Chain::default();
         let mut prefix = self.prefix();
-        let mut total = Rgb::ZERO;
+        let mut total = Total::of(strategies);
         observer.begin(pixel, self.sample);
         for n in 1..=self.settings.max_vertices + 1 {
+            let edge = |s| Part::Edge { s, t: n + 1 };
             let Some(hit) = walk.arrive() else {
-                total += prefix.met * self.environment(&walk, n);
+                total.add(edge(0), prefix.met * self.environment(&walk, n));
                 break;
             };
             let u = stream.vertex();
             let vertex = walk.vertex(n, &hit, u.material);
-            total += prefix.met * self.emitter(&vertex);
+            total.add(edge(0), prefix.met * self.emitter(&vertex));
             if n > self.settings.max_vertices {
                 break;
             }
@@ -516,29 +598,33 @@ impl Iteration<'_> {
             }
             let share = prefix.share(&vertex);
             if strategies.connects() && !vertex.is_delta() {
-                total += self.sampled_light(&vertex, u.light, share);
+                total.add(edge(1), self.sampled_light(&vertex, u.light, share));
+                let least = LEAST_SHARE * total.all.max_element();
                 for (other, trail) in light.vertices.iter().zip(&light.trails) {
                     if n + other.n > self.settings.max_vertices {
                         break;
                     }
                     let part = prefix.connected(&vertex, other, trail);
                     if part != Rgb::ZERO {
-                        total += part * self.connection(&vertex, other);
+                        let u = (u.roulette + 0.618_034 * other.n as f32).fract();
+                        let value = part * self.connection(&vertex, other, (least, u));
+                        total.add(edge(other.n + 1), value);
                     }
                 }
                 if let Some(map) = map {
-                    total += self.merges(&vertex, &prefix, map);
+                    total.add(Part::Merges, self.merges(&vertex, &prefix, map));
                 }
             }
             if strategies == Strategies::All {
-                total += self.hard_part(&prefix, &vertex, share, &u);
+                total.show(self.hard_part(&prefix, &vertex, share, &u));
             }
             let drawn = walk.scatter(&vertex, u.lobe);
             if let Some(smooth) = drawn {
                 prefix.scatter(&vertex, walk.ray.dir, smooth, share);
             }
             let ends = (&mut chain, &light.ends);
-            total += self.regularised(&walk, &vertex, hit.0.t, drawn, u.light, ends);
+            let value = self.regularised(&walk, &vertex, hit.0.t, drawn, u.light, ends);
+            total.show(value);
             match drawn {
                 Some(smooth) if strategies.connects() || !smooth => {}
                 _ => break,
@@ -547,11 +633,10 @@ impl Iteration<'_> {
                 break;
             }
         }
-        observer.finish(total);
-        total
+        observer.finish(total.shown);
+        total.shown
     }
 }
-
 /// The first vertex of a camera walk as observers see it.
 fn point<'a>(walk: &Walk<'a>, vertex: &'a Vertex) -> ShadingPoint<'a> {
     ShadingPoint {

@@ -26,11 +26,9 @@ pub(super) struct Photon {
     triangle: u32,
     at: [f32; 2],
     choice: f32,
-    /// Geometric normal in units of 1/127, and 1 if the photon arrives on its side, else 0.
-    ng: [i8; 4],
 }
 
-const _: () = assert!(size_of::<Photon>() == 60);
+const _: () = assert!(size_of::<Photon>() == 56);
 
 /// Least cosine of the normals of a photon and of the vertex that it merges with.
 const LEAST_COS: f32 = 0.9;
@@ -40,7 +38,6 @@ const MOST_HEIGHT: f32 = 0.25;
 
 impl Photon {
     fn new(vertex: &Vertex) -> Self {
-        let [x, y, z] = (127.0 * vertex.surface.ng).to_array();
         Self {
             flux: vertex.throughput,
             back: vertex.back,
@@ -49,18 +46,7 @@ impl Photon {
             triangle: vertex.hit.triangle,
             at: [vertex.hit.u, vertex.hit.v],
             choice: vertex.choice,
-            ng: [
-                x as i8,
-                y as i8,
-                z as i8,
-                i8::from(vertex.back.dot(vertex.surface.ng) > 0.0),
-            ],
         }
-    }
-
-    fn ng(&self) -> Vec3 {
-        let [x, y, z, _] = self.ng.map(f32::from);
-        Vec3::new(x, y, z) / 127.0
     }
 
     /// The vertex again, without the bodies around it.
@@ -95,7 +81,7 @@ impl Photon {
 #[derive(Default)]
 pub(super) struct LightVertices {
     photons: Vec<Photon>,
-    positions: Vec<Vec3>,
+    places: Vec<Place>,
     /// One a photon, or none.
     trails: Vec<Trail>,
     /// First vertex of each path but the first.
@@ -106,7 +92,12 @@ impl LightVertices {
     /// Adds a vertex to the path that is open.
     pub(super) fn push(&mut self, vertex: &Vertex, trail: Option<Trail>) {
         self.photons.push(Photon::new(vertex));
-        self.positions.push(vertex.surface.position);
+        let [x, y, z] = (127.0 * vertex.surface.ng).to_array();
+        let outside = vertex.back.dot(vertex.surface.ng) > 0.0;
+        self.places.push(Place {
+            position: vertex.surface.position,
+            ng: [x as i8, y as i8, z as i8, i8::from(outside)],
+        });
         self.trails.extend(trail);
     }
 
@@ -119,9 +110,108 @@ impl LightVertices {
     pub(super) fn append(&mut self, other: Self) {
         let first = self.photons.len() as u32;
         self.photons.extend(other.photons);
-        self.positions.extend(other.positions);
+        self.places.extend(other.places);
         self.trails.extend(other.trails);
         self.ends.extend(other.ends.iter().map(|end| first + end));
+    }
+
+    /// Bytes that a path takes on average, the grid over them included.
+    pub(super) fn bytes_per_path(&self) -> usize {
+        // While they are sorted there are two of all; then two indices, a key, and up to two buckets of four bytes.
+        let vertex = 2 * (size_of::<Photon>() + size_of::<Place>()) + 12 + 8;
+        let trails = 2 * self.trails.len() * size_of::<Trail>();
+        (self.photons.len() * vertex + trails) / self.ends.len().max(1) + 4
+    }
+}
+
+/// Photons by place.
+pub(super) struct PhotonMap {
+    radius: f32,
+    low: DVec3,
+    /// 1 / (2r).
+    scale: f64,
+    /// First photon of each bucket, and the end of the last.
+    buckets: Vec<u32>,
+    /// What decides whether a photon merges, apart from the rest: most photons that are looked at do not.
+    places: Vec<Place>,
+    photons: Vec<Photon>,
+    /// One a photon, or none.
+    trails: Vec<Trail>,
+    /// Place of each photon in the order of the light paths.
+    order: Vec<u32>,
+    /// First photon in that order of each path but the first.
+    ends: Vec<u32>,
+}
+
+/// Position of a photon, and its geometric normal in units of 1/127 with 1 if the photon arrives on its side, else 0.
+#[derive(Clone, Copy)]
+struct Place {
+    position: Vec3,
+    ng: [i8; 4],
+}
+
+impl Place {
+    fn ng(&self) -> Vec3 {
+        let [x, y, z, _] = self.ng.map(f32::from);
+        Vec3::new(x, y, z) / 127.0
+    }
+}
+
+/// A bucket of a table of 2^k. Neighbours along x lie side by side.
+fn bucket([x, y, z]: [i64; 3], mask: u32) -> u32 {
+    let [y, z] = [y, z].map(|c| c as u64);
+    let mut h = y.wrapping_mul(0xc2b2_ae3d_27d4_eb4f) ^ z.wrapping_mul(0x1656_67b1_9e37_79f9);
+    h ^= h >> 32;
+    let row = h.wrapping_mul(0xff51_afd7_ed55_8ccd) >> 32;
+    row.wrapping_add(x as u64) as u32 & mask
+}
+
+impl PhotonMap {
+    /// Sorts photons into at least as many buckets. The photons of a bucket lie side by side: looking for them is a matter
+    /// of waiting for memory.
+    pub(super) fn new(vertices: LightVertices, low: Vec3, radius: f32) -> Self {
+        let size = vertices.photons.len().next_power_of_two();
+        let mask = size as u32 - 1;
+        let mut map = Self {
+            radius,
+            low: low.as_dvec3(),
+            scale: 0.5 / f64::from(radius),
+            buckets: vec![0; size + 1],
+            places: Vec::new(),
+            photons: Vec::new(),
+            trails: Vec::new(),
+            order: vec![0; vertices.photons.len()],
+            ends: vertices.ends,
+        };
+        let cell = |p: &Place| {
+            let place = map.place(p.position).floor();
+            place.to_array().map(|x| x as i64)
+        };
+        let keys: Vec<u32> = (vertices.places.par_iter())
+            .map(|p| bucket(cell(p), mask))
+            .collect();
+        for &key in &keys {
+            map.buckets[key as usize + 1] += 1;
+        }
+        for i in 0..size {
+            map.buckets[i + 1] += map.buckets[i];
+        }
+        // Counting sort: each bucket's start moves to its end, and one place down again.
+        let mut sorted = vec![0u32; keys.len()];
+        for (i, &key) in keys.iter().enumerate() {
+            let at = &mut map.buckets[key as usize];
+            sorted[*at as usize] = i as u32;
+            map.order[i] = *at;
+            *at += 1;
+        }
+        map.buckets.rotate_right(1);
+        map.buckets[0] = 0;
+        map.places = gathered(&vertices.places, &sorted);
+        map.photons = gathered(&vertices.photons, &sorted);
+        if !vertices.trails.is_empty() {
+            map.trails = gathered(&vertices.trails, &sorted);
+        }
+        map
     }
 
     /// Vertices of a path with fewer than `most` before them, built again.
@@ -137,79 +227,20 @@ impl LightVertices {
         let first = if path == 0 { 0 } else { self.ends[path - 1] };
         vertices.clear();
         trails.clear();
-        for i in first as usize..self.ends[path] as usize {
-            let photon = &self.photons[i];
+        for &i in &self.order[first as usize..self.ends[path] as usize] {
+            let photon = &self.photons[i as usize];
             if photon.n > most {
                 break;
             }
             vertices.push(photon.vertex(scene));
-            trails.push(self.trails.get(i).copied().unwrap_or(Trail::START));
+            trails.push(self.trail(i).copied().unwrap_or(Trail::START));
         }
     }
 
-    /// Bytes that a path takes on average, the grid over them included.
-    pub(super) fn bytes_per_path(&self) -> usize {
-        // A position and its index in the grid, and up to two buckets of four bytes.
-        let vertex = size_of::<Photon>() + 2 * size_of::<Vec3>() + 4 + 8;
-        let trails = self.trails.len() * size_of::<Trail>();
-        (self.photons.len() * vertex + trails) / self.ends.len().max(1) + 4
-    }
-}
-
-/// Photons by place.
-pub(super) struct PhotonMap<'a> {
-    vertices: &'a LightVertices,
-    radius: f32,
-    low: DVec3,
-    /// 1 / (2r).
-    scale: f64,
-    /// First entry of each bucket, and the end of the last.
-    buckets: Vec<u32>,
-    entries: Vec<(Vec3, u32)>,
-}
-
-/// A bucket of a table of 2^k.
-fn bucket(cell: [i64; 3], mask: u32) -> u32 {
-    let [x, y, z] = cell.map(|c| c as u64);
-    let mut h = x.wrapping_mul(0x9e37_79b9_7f4a_7c15)
-        ^ y.wrapping_mul(0xc2b2_ae3d_27d4_eb4f)
-        ^ z.wrapping_mul(0x1656_67b1_9e37_79f9);
-    h ^= h >> 32;
-    (h.wrapping_mul(0xff51_afd7_ed55_8ccd) >> 32) as u32 & mask
-}
-
-impl<'a> PhotonMap<'a> {
-    /// Sorts photons into at least as many buckets.
-    pub(super) fn new(vertices: &'a LightVertices, low: Vec3, radius: f32) -> Self {
-        let size = vertices.photons.len().next_power_of_two();
-        let mask = size as u32 - 1;
-        let mut map = Self {
-            vertices,
-            radius,
-            low: low.as_dvec3(),
-            scale: 0.5 / f64::from(radius),
-            buckets: vec![0; size + 1],
-            entries: vec![(Vec3::ZERO, 0); vertices.photons.len()],
-        };
-        let cell = |p: &Vec3| map.place(*p).floor().to_array().map(|x| x as i64);
-        let keys: Vec<u32> = (vertices.positions.par_iter())
-            .map(|p| bucket(cell(p), mask))
-            .collect();
-        for &key in &keys {
-            map.buckets[key as usize + 1] += 1;
-        }
-        for i in 0..size {
-            map.buckets[i + 1] += map.buckets[i];
-        }
-        // Counting sort: each bucket's start moves to its end, and one place down again.
-        for (i, &key) in keys.iter().enumerate() {
-            let at = &mut map.buckets[key as usize];
-            map.entries[*at as usize] = (vertices.positions[i], i as u32);
-            *at += 1;
-        }
-        map.buckets.rotate_right(1);
-        map.buckets[0] = 0;
-        map
+    /// Vertices before a photon, where they are known.
+    #[inline]
+    fn trail(&self, index: u32) -> Option<&Trail> {
+        self.trails.get(index as usize)
     }
 
     /// A point in units of cells.
@@ -223,28 +254,35 @@ impl<'a> PhotonMap<'a> {
         let (p, ng) = (vertex.surface.position, vertex.surface.ng);
         let [x, y, z] = (self.place(p) - 0.5).floor().to_array().map(|x| x as i64);
         let mask = self.buckets.len() as u32 - 2;
-        let mut buckets = [0; 8];
-        for i in 0..8i64 {
-            let key = bucket([x + (i & 1), y + (i >> 1 & 1), z + (i >> 2)], mask);
-            buckets[i as usize] = key;
-            if buckets[..i as usize].contains(&key) {
+        let buckets: [u32; 8] = std::array::from_fn(|i| {
+            let i = i as i64;
+            bucket([x + (i & 1), y + (i >> 1 & 1), z + (i >> 2)], mask)
+        });
+        // All at once: none waits for the photons of another.
+        let ranges = buckets.map(|key| self.buckets[key as usize]..self.buckets[key as usize + 1]);
+        for (i, range) in ranges.into_iter().enumerate() {
+            if buckets[..i].contains(&buckets[i]) {
                 continue;
             }
-            let range = self.buckets[key as usize]..self.buckets[key as usize + 1];
-            for &(position, index) in &self.entries[range.start as usize..range.end as usize] {
-                let to = position - p;
-                if to.length_squared() > self.radius * self.radius
-                    || to.dot(ng).abs() > MOST_HEIGHT * self.radius
+            for index in range {
+                let place = &self.places[index as usize];
+                let to = place.position - p;
+                if to.length_squared() <= self.radius * self.radius
+                    && to.dot(ng).abs() <= MOST_HEIGHT * self.radius
+                    && place.ng().dot(ng) > LEAST_COS
                 {
-                    continue;
-                }
-                let photon = &self.vertices.photons[index as usize];
-                // One that grazes a neighbouring facet from outside may come from below this one.
-                let same_side = (photon.back.dot(ng) > 0.0) == (photon.ng[3] == 1);
-                if same_side && photon.ng().dot(ng) > LEAST_COS {
-                    visit(photon, self.vertices.trails.get(index as usize));
+                    let photon = &self.photons[index as usize];
+                    // One that grazes a neighbouring facet from outside may come from below this one.
+                    if (photon.back.dot(ng) > 0.0) == (place.ng[3] == 1) {
+                        visit(photon, self.trail(index));
+                    }
                 }
             }
         }
     }
+}
+
+/// Items in this order.
+fn gathered<T: Copy + Send + Sync>(items: &[T], order: &[u32]) -> Vec<T> {
+    order.par_iter().map(|&i| items[i as usize]).collect()
 }

@@ -54,6 +54,14 @@ impl Vertex {
         self.bsdf.is_delta_at(self.alpha)
     }
 
+    /// False where an opaque surface lies between `back` and `out`.
+    #[inline]
+    pub(super) fn scatters_to(&self, out: Vec3) -> bool {
+        let ng = self.surface.ng;
+        let opaque = matches!(self.bsdf, Bsdf::Diffuse(_) | Bsdf::Glossy(_));
+        !opaque || self.back.dot(ng) * out.dot(ng) > 0.0
+    }
+
     /// At a vertex of a camera walk: the value for light from `out`, and the density with which the walk draws it;
     /// `None` where nothing is scattered.
     #[inline]
@@ -113,7 +121,7 @@ impl Vertex {
     /// `back`.
     #[inline]
     pub(super) fn seen_from(&self, out: Vec3) -> Option<(Vec3, Vec3)> {
-        let frame = self.surface.frame_for(out);
+        let frame = self.surface.frame_near(&self.frame, out);
         let back = if frame.n == self.frame.n {
             self.local
         } else {

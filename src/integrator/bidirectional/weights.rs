@@ -60,22 +60,40 @@ pub struct Merging<T> {
     m: T,
     /// 1/M; 0 if nothing merges.
     inverse: T,
+    /// 1 if edges of this walk are cut by connections, 0 if not.
+    cut: T,
+    /// 1 if edges after this walk's first are, 0 if not.
+    keep: T,
 }
 
 impl<T: Real> Merging<T> {
     /// No merging: connections only.
     pub fn none() -> Self {
-        let zero = T::from(0.0);
+        let (zero, one) = (T::from(0.0), T::from(1.0));
         Self {
             m: zero,
             inverse: zero,
+            cut: one,
+            keep: one,
         }
     }
 
     /// Merging with M = `m` > 0.
     pub fn new(m: T) -> Self {
-        let inverse = T::from(1.0) / m;
-        Self { m, inverse }
+        let one = T::from(1.0);
+        Self {
+            m,
+            inverse: one / m,
+            cut: one,
+            keep: one,
+        }
+    }
+
+    /// The same where light sampling is the only connection, for walks from the camera and for walks from a light: of a
+    /// path only the edge at the light is cut, the first of a light walk and the last of a camera walk that meets it.
+    pub fn light_sampling_only(self) -> [Self; 2] {
+        let zero = T::from(0.0);
+        [Self { cut: zero, ..self }, Self { keep: zero, ..self }]
     }
 }
 
@@ -162,9 +180,10 @@ impl<T: Real> Partial<T> {
     pub fn scatter(&mut self, step: &Step<T>, merging: &Merging<T>) {
         let Self { vcm, vc, vm } = *self;
         let factor = step.cos_out / step.pdf;
+        let vcm = merging.cut * vcm;
         self.vc = factor * (step.pdf_reverse * vc + vcm + merging.m);
         self.vm = factor * (step.pdf_reverse * vm + vcm * merging.inverse + T::from(1.0));
-        self.vcm = T::from(1.0) / step.pdf;
+        self.vcm = merging.keep / step.pdf;
     }
 
     /// The walk goes on along a Dirac lobe; `index2` is (n_in / n_out)², 1 for a reflection.
@@ -180,7 +199,8 @@ impl<T: Real> End<T> {
     /// Densities of the strategies that move the cut to this walk's side, over that of the cut here.
     #[inline]
     fn others(&self, merging: &Merging<T>) -> T {
-        self.pdf_area * (merging.m + self.partial.vcm + self.pdf_reverse * self.partial.vc)
+        let cut = merging.cut * self.partial.vcm;
+        self.pdf_area * (merging.m + cut + self.pdf_reverse * self.partial.vc)
     }
 }
 
@@ -194,7 +214,7 @@ pub fn hit<T: Real>(partial: &Partial<T>, position: T, direction: T, infinite: b
     one / (one + first * partial.vcm + position * direction * partial.vc)
 }
 
-/// Weight of a light sample. `pdf_hit` is the density of the camera walk's direction over that of the light sample, 0 for
+/// Weight of a light sample, with the camera walk's merging. `pdf_hit` is the density of the camera walk's direction over that of the light sample, 0 for
 /// lights without area; `camera` the shading point, met by emission samples.
 #[inline]
 pub fn light_sample<T: Real>(pdf_hit: T, camera: &End<T>, merging: &Merging<T>) -> T {
@@ -218,7 +238,7 @@ pub fn camera_sample<T: Real>(light: &End<T>, light_paths: T, merging: &Merging<
 
 /// Weight of a merge of both walks at a vertex, with the numbers of both after their arrival there. `pdf` is the density
 /// per steradian with which the camera walk goes on along the light walk's last edge, `pdf_reverse` that with which the
-/// light walk goes on along the camera walk's.
+/// light walk goes on along the camera walk's; `merging` is the camera walk's.
 #[inline]
 pub fn merge<T: Real>(
     light: &Partial<T>,
@@ -229,6 +249,6 @@ pub fn merge<T: Real>(
 ) -> T {
     let one = T::from(1.0);
     let w_l = light.vcm * merging.inverse + pdf * light.vm;
-    let w_c = camera.vcm * merging.inverse + pdf_reverse * camera.vm;
+    let w_c = merging.cut * camera.vcm * merging.inverse + pdf_reverse * camera.vm;
     one / (one + w_l + w_c)
 }

@@ -86,6 +86,15 @@ fn agreement_of_vcm_with_path() {
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
+/// Without single pixels: caustics of photons alone are noisy.
+#[test]
+fn agreement_of_vcm_with_light_sampling_only_with_path() {
+    let estimator = Estimator::VcmNee(SMALL);
+    let wanted = |name: &str| name != "caustic box";
+    let wrong = differing(PATH, estimator, 4, wanted, |_| false);
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
 /// Means of whole pictures: few photons come to a pixel. Photons are lost at edges of surfaces, in proportion to the radius.
 #[test]
 fn agreement_of_sppm_with_path() {

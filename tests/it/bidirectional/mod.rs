@@ -8,6 +8,7 @@ mod ends;
 mod metropolis;
 mod psr;
 mod scenes;
+mod slopes;
 mod split;
 mod strategies;
 mod weights;

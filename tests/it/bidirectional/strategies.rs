@@ -1,12 +1,12 @@
 //! One strategy at a time, with weight 1, against the path tracer's paths of that length: wrong values that weights would
 //! hide.
 
-use super::scenes::{lit, point_lit};
-use crate::support::render::scene;
-use opsr::gallery::materials::{diffuse, metal};
+use super::scenes::{lit, point_lit, with_sphere};
+use crate::support::render::{film_with, scene};
+use opsr::gallery::materials::{coated, diffuse, metal};
 use opsr::image::Film;
-use opsr::integrator::bidirectional::Strategies;
-use opsr::integrator::{EnclosingBodies, Integrator, Picture, Settings, View};
+use opsr::integrator::bidirectional::{Part, Radius, Strategies};
+use opsr::integrator::{EnclosingBodies, Estimator, Integrator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr::regularise::Unregularised;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
@@ -118,4 +118,39 @@ fn agreement_of_each_strategy_in_a_diffuse_box() {
 fn agreement_of_each_strategy_in_a_glossy_box() {
     let walls = metal("walls", Rgb::new(0.7, 0.5, 0.3), 0.3);
     assert_each_strategy("area light", lit(walls, 3.0), true);
+}
+
+/// Weights as they are in the whole: nothing is left out, nothing shown twice.
+#[test]
+fn weighted_strategies_add_up_to_the_whole() {
+    let scene = scene(with_sphere(coated("coat", Rgb::splat(0.5), 0.1)));
+    let vcm = Estimator::Vcm(Radius {
+        first: Some(0.05),
+        alpha: 1.0,
+    });
+    for estimator in [Estimator::Bdpt, vcm] {
+        let film = |part| {
+            let settings = Settings {
+                estimator,
+                part,
+                max_vertices: 4,
+                seed: 3,
+                ..Settings::default()
+            };
+            film_with(&scene, &settings, SIZE, 16)
+        };
+        let whole = film(None);
+        let mut sum = vec![Rgb::ZERO; whole.pixels.len()];
+        let edges = (2..=6).flat_map(|all| (0..all).map(move |s| Part::Edge { s, t: all - s }));
+        for part in edges.chain([Part::Merges]) {
+            let mean = film(Some(part)).mean();
+            for (sum, value) in sum.iter_mut().zip(&mean.pixels) {
+                *sum += *value;
+            }
+        }
+        for (sum, value) in sum.iter().zip(&whole.mean().pixels) {
+            let off = (*sum - *value).abs().max_element();
+            assert!(off <= 1e-4 * value.max_element().max(1e-3), "{sum} {value}");
+        }
+    }
 }

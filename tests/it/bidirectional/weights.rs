@@ -20,6 +20,8 @@ enum Light {
 struct Path {
     light: Light,
     parallel: bool,
+    /// Light samples are the only connections.
+    nee: bool,
     light_paths: f64,
     /// M; 0 without merging.
     merging: f64,
@@ -70,6 +72,7 @@ impl Path {
         Self {
             light,
             parallel: next() < 0.3,
+            nee: false,
             light_paths,
             merging: if next() < 0.5 { m } else { 0.0 },
             camera_pdf: ends[0],
@@ -95,7 +98,7 @@ impl Path {
         if t == self.k + 1 {
             return matches!(self.light, Light::Area | Light::Environment);
         }
-        !self.dirac[t - 1] && !self.dirac[t]
+        !self.dirac[t - 1] && !self.dirac[t] && (t == self.k || !self.nee)
     }
 
     /// Density per area with which the camera walk finds x_i.
@@ -164,6 +167,11 @@ impl Path {
             0.0 => Merging::none(),
             m => Merging::new(of(m)),
         };
+        let [merging, light_merging] = if self.nee {
+            merging.light_sampling_only()
+        } else {
+            [merging; 2]
+        };
         // Numbers of both walks on arrival at x_i, and of the camera walk before it.
         let mut walk = Partial::camera(of(self.camera_pdf), n);
         let (mut camera, mut before) = (vec![Partial::default_of(&of)], vec![walk]);
@@ -192,7 +200,7 @@ impl Path {
             of(self.direction),
             self.infinite(),
             of(cos),
-            &merging,
+            &light_merging,
         );
         let mut light = vec![Partial::default_of(&of); k + 1];
         for i in (1..k).rev() {
@@ -207,7 +215,7 @@ impl Path {
                     pdf: of(self.pdf_l[i]),
                     pdf_reverse: of(self.pdf_c[i]),
                 };
-                walk.scatter(&step, &merging);
+                walk.scatter(&step, &light_merging);
             }
         }
         let end = |partial: Partial<T>, pdf_area: f64, pdf_reverse: f64| End {
@@ -286,7 +294,8 @@ fn errors<T: Real + Into<f64>>(paths: u32, of: impl Fn(f64) -> T) -> (f64, f64) 
     let source = Independent { seed: Seed(19) };
     let (mut single, mut total) = (0f64, 0f64);
     for number in 0..paths {
-        let path = Path::random(&mut source.stream(UVec2::ZERO, number));
+        let mut path = Path::random(&mut source.stream(UVec2::ZERO, number));
+        path.nee = path.merging > 0.0 && number % 4 == 0;
         let expected = path.enumerated();
         let none = (1..path.k + 2).all(|t| !path.possible(t));
         if none && (0..path.k).all(|j| !path.merges(j)) {

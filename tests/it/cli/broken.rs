@@ -123,8 +123,8 @@ const CASES: &[(i32, &str, &str)] = &[
     ),
     (
         2,
-        "render scene.glb --integrator bdpt --opsr-table table.json",
-        "integrator bdpt does not roughen",
+        "render scene.glb --integrator sppm --opsr-table table.json",
+        "integrator sppm does not regularise",
     ),
     (
         2,
@@ -134,17 +134,47 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         2,
         "render scene.glb --integrator bdpt --mode reuse --gamma 0.1",
-        "integrator bdpt does not roughen",
+        "integrator bdpt roughens the last vertex only, with a table or gamma: no mode but mollifier, no reuse",
     ),
     (
         2,
-        "render scene.glb --integrator vcm --gamma 0.1",
-        "integrator vcm does not regularise",
+        "render scene.glb --integrator vcm --mode pbrt",
+        "integrator vcm roughens the last vertex only, with a table or gamma: no mode, no reuse",
+    ),
+    (
+        2,
+        "render scene.glb --integrator bdpt --strategy 1",
+        "expected S,T with S from 0 and T from 1",
+    ),
+    (
+        2,
+        "render scene.glb --integrator bdpt --strategy 0,1",
+        "two vertices or more",
+    ),
+    (
+        2,
+        "render scene.glb --integrator bdpt --strategy merges",
+        "only --integrator vcm has merges",
+    ),
+    (
+        2,
+        "render scene.glb --strategy 1,2",
+        "only --integrator bdpt and vcm have strategies",
+    ),
+    (
+        2,
+        "render scene.glb --integrator bdpt --gamma 0.1 --strategy 1,2",
+        "without --mode, --opsr-table and --gamma",
     ),
     (
         2,
         "render scene.glb --integrator bdpt --radius 0.1",
         "integrator bdpt has no radius",
+    ),
+    (
+        2,
+        "render scene.glb --integrator bdpt --connections nee",
+        "integrator bdpt has no choice of connections",
     ),
     (2, "render scene.glb --integrator vcm --radius 0", "above 0"),
     (
