@@ -13,7 +13,6 @@ mod portable;
 mod triangle;
 mod wide;
 
-use std::borrow::Borrow;
 use std::ops::ControlFlow;
 pub(crate) use triangle::LocalRay;
 use triangle::Probe;
@@ -31,9 +30,14 @@ impl Accel {
     pub(crate) const LIMIT: f32 = wide::LIMIT;
 
     /// Builds the tree. Triangles with a coordinate that is not finite or beyond 1e17 are never hit.
-    pub fn new<T: Borrow<[Vec3; 3]>>(triangles: &[T]) -> Self {
+    pub fn new(triangles: &[[Vec3; 3]]) -> Self {
+        Self::over(triangles.len(), |i| triangles[i as usize])
+    }
+
+    /// The same, over so many triangles that a function gives: a list of them would add to the memory that building takes.
+    pub(crate) fn over(count: usize, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Self {
         #[allow(unused_mut, reason = "only some targets have huge pages")]
-        let mut tree = Wide::new(triangles);
+        let mut tree = Wide::new(count, corners);
         #[cfg(target_arch = "x86_64")]
         {
             tree.nodes = avx2::in_huge_pages(tree.nodes);
@@ -47,11 +51,20 @@ impl Accel {
     }
 
     /// The same tree, traversed in portable Rust on any processor: the reference for the AVX2 traversal.
-    pub fn portable<T: Borrow<[Vec3; 3]>>(triangles: &[T]) -> Self {
+    pub fn portable(triangles: &[[Vec3; 3]]) -> Self {
         Self {
             #[cfg(target_arch = "x86_64")]
             simd: None,
             ..Self::new(triangles)
+        }
+    }
+
+    /// Bounds of the triangles alone: no ray meets anything.
+    pub(crate) fn outline(triangles: impl Iterator<Item = [Vec3; 3]>) -> Self {
+        Self {
+            tree: Wide::outline(triangles),
+            #[cfg(target_arch = "x86_64")]
+            simd: None,
         }
     }
 
@@ -194,7 +207,7 @@ mod tests {
                 [p, p + 0.02 * Vec3::X, p + 0.02 * Vec3::Y]
             })
             .collect();
-        let tree = Wide::new(&triangles);
+        let tree = Wide::new(triangles.len(), |i| triangles[i as usize]);
         let mut seen = vec![0; triangles.len()];
         for node in &tree.nodes {
             for (slot, &child) in node.children.iter().enumerate() {
