@@ -1,6 +1,6 @@
 //! Triangles in scene order, their attributes, and the tree over them.
 
-use super::accel::Accel;
+use super::accel::{self, Accel};
 use super::instances::{Instances, Shared};
 use super::material::may_vanish;
 use super::mesh::{attribute, mix};
@@ -148,9 +148,9 @@ impl Geometry {
             true => Accel::over(faces.len(), |i| of(&faces[i as usize])),
             false => Accel::outline(faces.iter().map(of)),
         };
-        let triangles: Vec<Triangle> = (faces.into_par_iter())
-            .map(|face| Triangle::new(&parts.meshes[face[0] as usize], face, parts))
-            .collect();
+        let mut triangles = accel::huge_list(faces.len());
+        let triangle = |face: Face| Triangle::new(&parts.meshes[face[0] as usize], face, parts);
+        triangles.par_extend(faces.into_par_iter().map(triangle));
         let cut: Vec<bool> = parts.materials.iter().map(may_vanish).collect();
         let mut cutouts = Vec::new();
         if cut.contains(&true) {
@@ -308,7 +308,11 @@ impl Geometry {
     #[inline]
     pub fn intersect(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
         match self.walk {
-            Walk::Plain => self.accel.closest(ray),
+            // The surface of the closest hit is asked for next: its triangle arrives while the walk goes on.
+            Walk::Plain => self.accel.closest_where(ray, |hit| {
+                accel::fetch(&self.triangles, hit.triangle);
+                true
+            }),
             Walk::Cutouts => (self.accel).closest_where(ray, |hit| self.present(parts, ray, hit)),
             Walk::Instances => self.intersect_instances(parts, ray),
         }

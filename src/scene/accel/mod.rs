@@ -18,6 +18,33 @@ pub(crate) use triangle::LocalRay;
 use triangle::Probe;
 use wide::{Block, Wide};
 
+/// An empty list of this capacity, in huge pages where the system has them.
+pub(crate) fn huge_list<T>(capacity: usize) -> Vec<T> {
+    #[cfg(target_arch = "x86_64")]
+    return avx2::huge_list(capacity);
+    #[cfg(not(target_arch = "x86_64"))]
+    Vec::with_capacity(capacity)
+}
+
+/// Moves a list to huge pages.
+#[cfg(target_arch = "x86_64")]
+fn in_huge_pages<T: Copy>(list: Vec<T>) -> Vec<T> {
+    let mut moved = huge_list(list.len());
+    moved.extend_from_slice(&list);
+    moved
+}
+
+/// Asks the memory for an item of a list that will soon be read.
+#[inline(always)]
+pub(crate) fn fetch<T>(list: &[T], index: u32) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(item) = list.get(index as usize) {
+        avx2::fetch(item);
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (list, index);
+}
+
 /// A tree over a list of triangles; indices of hits are indices of that list.
 pub struct Accel {
     tree: Wide<Block>,
@@ -40,8 +67,8 @@ impl Accel {
         let mut tree = Wide::new(count, corners);
         #[cfg(target_arch = "x86_64")]
         {
-            tree.nodes = avx2::in_huge_pages(tree.nodes);
-            tree.blocks = avx2::in_huge_pages(tree.blocks);
+            tree.nodes = in_huge_pages(tree.nodes);
+            tree.blocks = in_huge_pages(tree.blocks);
         }
         Self {
             tree,
