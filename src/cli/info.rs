@@ -34,7 +34,10 @@ pub(super) struct InfoArgs {
 
 /// Runs the command.
 pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
-    let opened = args.scene.open()?;
+    let opened = match args.pixel {
+        Some(_) => args.scene.open()?,
+        None => args.scene.open_outline()?,
+    };
     let facts = match args.pixel {
         Some(pixel) => seen(args, &opened, pixel)?,
         None => {

@@ -6,7 +6,7 @@ use clap::Args;
 use opsr::bsdf::Distribution;
 use opsr::files::hex;
 use opsr::scene::load::{Animation, LoadOptions, load};
-use opsr::scene::{Camera, Environment, Lens, Scene};
+use opsr::scene::{Camera, Environment, Lens, Scene, SceneParts};
 use sha2::{Digest, Sha256};
 use std::path::PathBuf;
 
@@ -102,6 +102,15 @@ pub(super) struct Opened {
 impl SceneArgs {
     /// Opens the scene.
     pub(super) fn open(&self) -> anyhow::Result<Opened> {
+        self.open_as(Scene::new)
+    }
+
+    /// Opens the scene to be described, which needs no tree.
+    pub(super) fn open_outline(&self) -> anyhow::Result<Opened> {
+        self.open_as(Scene::outline)
+    }
+
+    fn open_as(&self, build: fn(SceneParts) -> Scene) -> anyhow::Result<Opened> {
         let distribution = match self.distribution {
             Lobes::Beckmann => Distribution::Beckmann,
             Lobes::Ggx => Distribution::Ggx,
@@ -121,7 +130,7 @@ impl SceneArgs {
             parts.environment = Some(environment);
             Environment::bytes(path, |bytes| digest.update(bytes)).input()?;
         }
-        let scene = Scene::new(parts);
+        let scene = build(parts);
         warnings.extend_from_slice(scene.warnings());
         for warning in &warnings {
             tracing::warn!("{}: {warning}", self.scene.display());

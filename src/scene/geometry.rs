@@ -1,13 +1,13 @@
 //! Triangles in scene order, their attributes, and the tree over them.
 
-use super::accel::Accel;
+use super::accel::{self, Accel};
 use super::instances::{Instances, Shared};
 use super::material::may_vanish;
 use super::mesh::{attribute, mix};
 use super::normals::{lifted, normal_texel, perturbed, tangent};
 use super::{Hit, Mesh, SceneParts, Surface};
 use crate::math::{DVec3, Ray, Vec2, Vec3, Vec4};
-use std::borrow::Borrow;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Half a unit in the last place, relative.
@@ -16,6 +16,7 @@ const HALF_ULP: f32 = 0.5 * f32::EPSILON;
 /// All triangles of a scene. Those of [`SceneParts::meshes`] come first in scene order, those of the instances after them.
 pub struct Geometry {
     accel: Accel,
+    has_tree: bool,
     triangles: Vec<Triangle>,
     /// Number of meshes that are not shared.
     meshes: u32,
@@ -56,12 +57,6 @@ pub(super) struct Triangle {
 /// Bit of [`Triangle::material`].
 const TEXTURED: u32 = 1 << 31;
 
-impl Borrow<[Vec3; 3]> for Triangle {
-    fn borrow(&self) -> &[Vec3; 3] {
-        &self.corners
-    }
-}
-
 impl Triangle {
     /// Index of the material.
     #[inline]
@@ -76,37 +71,55 @@ impl Triangle {
     }
 }
 
-/// Adds the triangles of the `m`-th mesh, those without area left out; what is dropped is named in a warning.
-pub(super) fn add_triangles(
-    out: &mut Vec<Triangle>,
+/// A face of a mesh: its index in a list of meshes, and its own.
+pub(super) type Face = [u32; 2];
+
+impl Triangle {
+    pub(super) fn new(mesh: &Mesh, [m, face]: Face, parts: &SceneParts) -> Self {
+        let corners @ [a, b, c] = corners(mesh, face);
+        let textured = parts.materials[mesh.material as usize].is_textured();
+        Self {
+            corners,
+            ng: normal(a, b, c).normalize().as_vec3(),
+            normals: attribute(&mesh.normals, &mesh.indices[face as usize])
+                .unwrap_or([Vec3::ZERO; 3]),
+            material: mesh.material | if textured { TEXTURED } else { 0 },
+            mesh: m,
+            face,
+        }
+    }
+}
+
+/// Corners of a usable face.
+#[inline]
+pub(super) fn corners(mesh: &Mesh, face: u32) -> [Vec3; 3] {
+    mesh.indices[face as usize].map(|i| mesh.positions[i as usize])
+}
+
+/// Adds the faces of the `m`-th mesh, those that are no triangles left out; what is dropped is named in a warning.
+pub(super) fn add_faces(
+    out: &mut Vec<Face>,
     m: usize,
     mesh: &Mesh,
     parts: &SceneParts,
     name: &str,
     warnings: &mut Vec<String>,
 ) {
-    let Some(material) = parts.materials.get(mesh.material as usize) else {
+    if mesh.material as usize >= parts.materials.len() {
         warnings.push(format!(
             "{name}: dropped, its material is {} of {}",
             mesh.material,
             parts.materials.len()
         ));
         return;
-    };
-    let textured = if material.is_textured() { TEXTURED } else { 0 };
-    let triangle = |(face, indices): (usize, &[u32; 3])| {
-        let corners @ [a, b, c] = usable(mesh, indices)?;
-        Some(Triangle {
-            corners,
-            ng: normal(a, b, c).normalize().as_vec3(),
-            normals: attribute(&mesh.normals, indices).unwrap_or([Vec3::ZERO; 3]),
-            material: mesh.material | textured,
-            mesh: m as u32,
-            face: face as u32,
-        })
-    };
+    }
     let before = out.len();
-    out.extend(mesh.indices.iter().enumerate().filter_map(triangle));
+    let faces = mesh.indices.iter().enumerate();
+    out.extend(
+        faces
+            .filter(|(_, indices)| is_usable(mesh, indices))
+            .map(|(face, _)| [m as u32, face as u32]),
+    );
     let dropped = mesh.indices.len() - (out.len() - before);
     if dropped > 0 {
         warnings.push(format!(
@@ -119,18 +132,25 @@ pub(super) fn add_triangles(
 impl Geometry {
     /// Collects the triangles of all meshes and builds the trees.
     pub fn new(parts: &SceneParts, warnings: &mut Vec<String>) -> Self {
+        Self::build(parts, true, warnings)
+    }
+
+    /// Collects the triangles of all meshes, with or without a tree over those that are not shared.
+    pub(super) fn build(parts: &SceneParts, tree: bool, warnings: &mut Vec<String>) -> Self {
         let most = parts.meshes.iter().map(|mesh| mesh.indices.len()).sum();
-        let mut triangles = Vec::with_capacity(most);
+        let mut faces: Vec<Face> = Vec::with_capacity(most);
         for (m, mesh) in parts.meshes.iter().enumerate() {
-            add_triangles(
-                &mut triangles,
-                m,
-                mesh,
-                parts,
-                &format!("mesh {m}"),
-                warnings,
-            );
+            add_faces(&mut faces, m, mesh, parts, &format!("mesh {m}"), warnings);
         }
+        // The tree first: while it is built the triangles are not there yet.
+        let of = |&[m, face]: &Face| corners(&parts.meshes[m as usize], face);
+        let accel = match tree {
+            true => Accel::over(faces.len(), |i| of(&faces[i as usize])),
+            false => Accel::outline(faces.iter().map(of)),
+        };
+        let mut triangles = accel::huge_list(faces.len());
+        let triangle = |face: Face| Triangle::new(&parts.meshes[face[0] as usize], face, parts);
+        triangles.par_extend(faces.into_par_iter().map(triangle));
         let cut: Vec<bool> = parts.materials.iter().map(may_vanish).collect();
         let mut cutouts = Vec::new();
         if cut.contains(&true) {
@@ -140,7 +160,6 @@ impl Geometry {
                 cutouts.clear();
             }
         }
-        let accel = Accel::new(&triangles);
         let instances = Instances::new(parts, triangles.len() as u32, warnings);
         let walk = match (&instances, cutouts.is_empty()) {
             (Some(_), _) => Walk::Instances,
@@ -149,12 +168,18 @@ impl Geometry {
         };
         Self {
             accel,
+            has_tree: tree,
             triangles,
             meshes: parts.meshes.len() as u32,
             cutouts,
             instances,
             walk,
         }
+    }
+
+    /// True if rays can be asked.
+    pub(super) fn has_tree(&self) -> bool {
+        self.has_tree
     }
 
     /// Number of triangles, those of every instance counted.
@@ -283,7 +308,11 @@ impl Geometry {
     #[inline]
     pub fn intersect(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
         match self.walk {
-            Walk::Plain => self.accel.closest(ray),
+            // The surface of the closest hit is asked for next: its triangle arrives while the walk goes on.
+            Walk::Plain => self.accel.closest_where(ray, |hit| {
+                accel::fetch(&self.triangles, hit.triangle);
+                true
+            }),
             Walk::Cutouts => (self.accel).closest_where(ray, |hit| self.present(parts, ray, hit)),
             Walk::Instances => self.intersect_instances(parts, ray),
         }
@@ -473,12 +502,12 @@ impl Triangle {
     }
 }
 
-/// The corners, if all exist, are finite, and span an area.
-fn usable(mesh: &Mesh, indices: &[u32; 3]) -> Option<[Vec3; 3]> {
-    let triangle = attribute(&mesh.positions, indices)?;
-    let [a, b, c] = triangle;
-    let area = normal(a, b, c).length();
-    (Accel::accepts(&triangle) && area > 0.0).then_some(triangle)
+/// True if all corners exist, are finite, and span an area.
+fn is_usable(mesh: &Mesh, indices: &[u32; 3]) -> bool {
+    attribute(&mesh.positions, indices).is_some_and(|triangle| {
+        let [a, b, c] = triangle;
+        Accel::accepts(&triangle) && normal(a, b, c).length() > 0.0
+    })
 }
 
 /// Normal by winding, twice the area long; in double precision, exact enough for the thinnest sliver.

@@ -5,7 +5,7 @@
 //! be walked a little faster, but only by scenes that share meshes; so the others' tree stays as it is.
 
 use super::accel::{Accel, BoxTree, LocalRay};
-use super::geometry::{Placing, Triangle, add_triangles};
+use super::geometry::{Placing, Triangle, add_faces, corners};
 use super::material::may_vanish;
 use super::mesh::{Mesh, SharedMesh, cofactors, unit};
 use super::{Hit, SceneParts, Surface};
@@ -56,11 +56,14 @@ impl Instances {
         let (mut list, mut firsts, mut boxes) = (Vec::new(), Vec::new(), Vec::new());
         let mut end = first;
         for (m, SharedMesh { mesh, poses }) in parts.shared.iter().enumerate() {
-            let mut triangles = Vec::with_capacity(mesh.indices.len());
+            let mut faces = Vec::with_capacity(mesh.indices.len());
             let name = format!("shared mesh {m}");
-            add_triangles(&mut triangles, m, mesh, parts, &name, warnings);
+            add_faces(&mut faces, m, mesh, parts, &name, warnings);
+            let accel = Accel::over(faces.len(), |i| corners(mesh, faces[i as usize][1]));
+            let triangles: Vec<Triangle> = (faces.into_iter())
+                .map(|face| Triangle::new(mesh, face, parts))
+                .collect();
             let count = triangles.len() as u32;
-            let accel = Accel::new(&triangles);
             let material = parts.materials.get(mesh.material as usize);
             if material.is_some_and(|m| m.emission != Vec3::ZERO) {
                 warnings.push(format!("shared mesh {m}: its emission is ignored"));

@@ -114,15 +114,29 @@ pub struct Scene {
 impl Scene {
     /// Builds the tree and the light distributions. Degenerate input is dropped and listed in [`Scene::warnings`].
     pub fn new(parts: SceneParts) -> Self {
+        let mut scene = Self::build(parts, true);
+        let priorities =
+            (scene.parts.materials.iter()).any(|m| m.bounds_body() && m.priority != 0.0);
+        scene.has_overlaps = priorities || scene.find_overlaps();
+        scene
+    }
+
+    /// The scene without trees, and without a search for bodies that overlap: to be described, not rendered. No ray meets
+    /// what is not shared.
+    pub fn outline(parts: SceneParts) -> Self {
+        Self::build(parts, false)
+    }
+
+    fn build(parts: SceneParts, trees: bool) -> Self {
         let mut warnings = Vec::new();
-        let geometry = Geometry::new(&parts, &mut warnings);
+        let geometry = Geometry::build(&parts, trees, &mut warnings);
         let lights = Lights::new(&parts, &geometry, &mut warnings);
         let has_absorption = (parts.materials.iter()).any(|m| m.absorption != Rgb::ZERO);
         let has_dispersion =
             (parts.materials.iter()).any(|m| m.dispersion > 0.0 && m.bounds_body());
         let shown = |m: &Mesh| parts.materials.get(m.material as usize);
         let has_lobes = (parts.all_meshes()).any(|m| !shown(m).is_some_and(Material::is_rough));
-        let mut scene = Self {
+        Self {
             ranks: bodies::ranks(&parts),
             parts,
             geometry,
@@ -133,11 +147,7 @@ impl Scene {
             has_lobes,
             dark_inside: OnceLock::new(),
             warnings,
-        };
-        let priorities =
-            (scene.parts.materials.iter()).any(|m| m.bounds_body() && m.priority != 0.0);
-        scene.has_overlaps = priorities || scene.find_overlaps();
-        scene
+        }
     }
 
     /// Defects of the input and their treatment, one line each.

@@ -71,24 +71,32 @@ impl Avx2 {
     }
 }
 
-/// Moves a list to memory that the kernel is asked to back with huge pages: incoherent rays spend much of their time on
-/// address translation. Only advice; without huge pages nothing changes.
-pub(super) fn in_huge_pages<T: Copy>(list: Vec<T>) -> Vec<T> {
+/// An empty list of this capacity in memory that the kernel is asked to back with huge pages: incoherent rays spend much of
+/// their time on address translation. Only advice; without huge pages nothing changes.
+pub(super) fn huge_list<T>(capacity: usize) -> Vec<T> {
     const PAGE: usize = 4096;
-    let size = size_of_val(list.as_slice());
-    if !cfg!(target_os = "linux") || size < 2 << 20 {
-        return list;
+    let list = Vec::<T>::with_capacity(capacity);
+    let size = capacity * size_of::<T>();
+    if cfg!(target_os = "linux") && size >= 2 << 20 {
+        let start = (list.as_ptr() as usize).next_multiple_of(PAGE);
+        let end = (list.as_ptr() as usize + size) / PAGE * PAGE;
+        #[cfg(target_os = "linux")]
+        // SAFETY: whole pages inside an allocation of ours; the advice changes no content.
+        unsafe {
+            libc::madvise(start as *mut libc::c_void, end - start, libc::MADV_HUGEPAGE)
+        };
     }
-    let mut moved = Vec::<T>::with_capacity(list.len());
-    let start = (moved.as_ptr() as usize).next_multiple_of(PAGE);
-    let end = (moved.as_ptr() as usize + size) / PAGE * PAGE;
-    #[cfg(target_os = "linux")]
-    // SAFETY: whole pages inside an allocation of ours; the advice changes no content.
-    unsafe {
-        libc::madvise(start as *mut libc::c_void, end - start, libc::MADV_HUGEPAGE)
-    };
-    moved.extend_from_slice(&list);
-    moved
+    list
+}
+
+/// Asks for an item that will soon be read.
+#[inline(always)]
+pub(super) fn fetch<T>(item: &T) {
+    let start = std::ptr::from_ref(item).cast::<i8>();
+    for line in (0..size_of::<T>()).step_by(64) {
+        // SAFETY: every x86_64 processor has SSE, and a prefetch reads nothing.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(line)) };
+    }
 }
 
 /// The slabs of a ray: near and far plane of every axis as `plane * scale - offset`.

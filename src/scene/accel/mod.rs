@@ -13,11 +13,37 @@ mod portable;
 mod triangle;
 mod wide;
 
-use std::borrow::Borrow;
 use std::ops::ControlFlow;
 pub(crate) use triangle::LocalRay;
 use triangle::Probe;
 use wide::{Block, Wide};
+
+/// An empty list of this capacity, in huge pages where the system has them.
+pub(crate) fn huge_list<T>(capacity: usize) -> Vec<T> {
+    #[cfg(target_arch = "x86_64")]
+    return avx2::huge_list(capacity);
+    #[cfg(not(target_arch = "x86_64"))]
+    Vec::with_capacity(capacity)
+}
+
+/// Moves a list to huge pages.
+#[cfg(target_arch = "x86_64")]
+fn in_huge_pages<T: Copy>(list: Vec<T>) -> Vec<T> {
+    let mut moved = huge_list(list.len());
+    moved.extend_from_slice(&list);
+    moved
+}
+
+/// Asks the memory for an item of a list that will soon be read.
+#[inline(always)]
+pub(crate) fn fetch<T>(list: &[T], index: u32) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(item) = list.get(index as usize) {
+        avx2::fetch(item);
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (list, index);
+}
 
 /// A tree over a list of triangles; indices of hits are indices of that list.
 pub struct Accel {
@@ -31,13 +57,18 @@ impl Accel {
     pub(crate) const LIMIT: f32 = wide::LIMIT;
 
     /// Builds the tree. Triangles with a coordinate that is not finite or beyond 1e17 are never hit.
-    pub fn new<T: Borrow<[Vec3; 3]>>(triangles: &[T]) -> Self {
+    pub fn new(triangles: &[[Vec3; 3]]) -> Self {
+        Self::over(triangles.len(), |i| triangles[i as usize])
+    }
+
+    /// The same, over so many triangles that a function gives: a list of them would add to the memory that building takes.
+    pub(crate) fn over(count: usize, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Self {
         #[allow(unused_mut, reason = "only some targets have huge pages")]
-        let mut tree = Wide::new(triangles);
+        let mut tree = Wide::new(count, corners);
         #[cfg(target_arch = "x86_64")]
         {
-            tree.nodes = avx2::in_huge_pages(tree.nodes);
-            tree.blocks = avx2::in_huge_pages(tree.blocks);
+            tree.nodes = in_huge_pages(tree.nodes);
+            tree.blocks = in_huge_pages(tree.blocks);
         }
         Self {
             tree,
@@ -47,11 +78,20 @@ impl Accel {
     }
 
     /// The same tree, traversed in portable Rust on any processor: the reference for the AVX2 traversal.
-    pub fn portable<T: Borrow<[Vec3; 3]>>(triangles: &[T]) -> Self {
+    pub fn portable(triangles: &[[Vec3; 3]]) -> Self {
         Self {
             #[cfg(target_arch = "x86_64")]
             simd: None,
             ..Self::new(triangles)
+        }
+    }
+
+    /// Bounds of the triangles alone: no ray meets anything.
+    pub(crate) fn outline(triangles: impl Iterator<Item = [Vec3; 3]>) -> Self {
+        Self {
+            tree: Wide::outline(triangles),
+            #[cfg(target_arch = "x86_64")]
+            simd: None,
         }
     }
 
@@ -194,7 +234,7 @@ mod tests {
                 [p, p + 0.02 * Vec3::X, p + 0.02 * Vec3::Y]
             })
             .collect();
-        let tree = Wide::new(&triangles);
+        let tree = Wide::new(triangles.len(), |i| triangles[i as usize]);
         let mut seen = vec![0; triangles.len()];
         for node in &tree.nodes {
             for (slot, &child) in node.children.iter().enumerate() {

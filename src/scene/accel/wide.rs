@@ -6,7 +6,7 @@
 use crate::math::Vec3;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams, aabb::Aabb};
-use std::borrow::Borrow;
+use rayon::prelude::*;
 use std::ops::Range;
 use std::time::Duration;
 
@@ -93,6 +93,9 @@ impl Block {
     };
 }
 
+/// Bounds of nothing.
+const NOWHERE: (Vec3, Vec3) = (Vec3::ZERO, Vec3::ZERO);
+
 /// True if all coordinates are finite and small enough.
 pub(super) fn usable(triangle: &[Vec3; 3]) -> bool {
     let ok = |p: &Vec3| p.to_array().iter().all(|x| x.abs() <= LIMIT);
@@ -121,40 +124,74 @@ const INSTANCES: Leaves = Leaves {
     cost: 4.0,
 };
 
-/// A primitive's box, for the builder.
-struct Bounded(Aabb);
+/// A primitive's box, for the builder: without the padding of its own.
+struct Bounded {
+    low: [f32; 3],
+    high: [f32; 3],
+}
+
+impl Bounded {
+    fn new(low: Vec3, high: Vec3) -> Self {
+        Self {
+            low: low.to_array(),
+            high: high.to_array(),
+        }
+    }
+}
 
 impl Boundable for Bounded {
     fn aabb(&self) -> Aabb {
-        self.0
+        Aabb::new(self.low.into(), self.high.into())
     }
 }
 
 impl Wide<Block> {
-    /// Builds over all triangles whose coordinates are usable; the others keep their index and are never hit.
-    pub(super) fn new<T: Borrow<[Vec3; 3]>>(triangles: &[T]) -> Self {
-        let corners = |i: u32| triangles[i as usize].borrow();
-        let ids: Vec<u32> = (0..triangles.len() as u32)
-            .filter(|&i| usable(corners(i)))
-            .collect();
-        let boxes = (ids.iter())
-            .map(|&i| Bounded(Aabb::from_points(&corners(i).map(Into::into))))
+    /// Builds over so many triangles. Those with a coordinate that is not usable keep their index and are never hit.
+    pub(super) fn new(count: usize, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Self {
+        let all = 0..count as u32;
+        let bad = |&i: &u32| !usable(&corners(i));
+        // Indices of the primitives; none if all triangles are.
+        let ids: Option<Vec<u32>> = (all.clone().into_par_iter().any(|i| bad(&i)))
+            .then(|| all.clone().filter(|i| !bad(i)).collect());
+        let id = |i: u32| ids.as_ref().map_or(i, |ids| ids[i as usize]);
+        let boxes = (0..ids.as_ref().map_or(count, Vec::len) as u32)
+            .into_par_iter()
+            .map(|i| {
+                let [a, b, c] = corners(id(i));
+                Bounded::new(a.min(b).min(c), a.max(b).max(c))
+            })
             .collect();
         Self::build(boxes, &TRIANGLES, |primitives, blocks| {
             for group in primitives.chunks(LANES) {
                 let mut block = Block::EMPTY;
                 for (lane, &i) in group.iter().enumerate() {
-                    let id = ids[i as usize];
-                    for (corner, p) in block.corners.iter_mut().zip(corners(id)) {
+                    for (corner, p) in block.corners.iter_mut().zip(corners(id(i))) {
                         for axis in 0..3 {
                             corner[axis][lane] = p[axis];
                         }
                     }
-                    block.ids[lane] = id;
+                    block.ids[lane] = id(i);
                 }
                 blocks.push(block);
             }
         })
+    }
+
+    /// A tree of the same bounds without anything in it.
+    pub(super) fn outline(triangles: impl Iterator<Item = [Vec3; 3]>) -> Self {
+        let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let (low, high) = triangles
+            .filter(usable)
+            .flatten()
+            .fold(start, |(low, high), p| (low.min(p), high.max(p)));
+        Self {
+            bounds: if low.x <= high.x {
+                (low, high)
+            } else {
+                NOWHERE
+            },
+            ..Self::empty()
+        }
     }
 }
 
@@ -162,7 +199,7 @@ impl Wide<u32> {
     /// Builds over boxes, given by their lower and upper corners; blocks are their indices.
     pub(super) fn over(boxes: &[(Vec3, Vec3)]) -> Self {
         let boxes = (boxes.iter())
-            .map(|&(low, high)| Bounded(Aabb::new(low.into(), high.into())))
+            .map(|&(low, high)| Bounded::new(low, high))
             .collect();
         Self::build(boxes, &INSTANCES, |primitives, blocks| {
             blocks.extend_from_slice(primitives);
@@ -171,21 +208,29 @@ impl Wide<u32> {
 }
 
 impl<B> Wide<B> {
+    fn empty() -> Self {
+        Self {
+            nodes: Vec::new(),
+            blocks: Vec::new(),
+            stack: 0,
+            bounds: NOWHERE,
+        }
+    }
+
     /// Builds over boxes; `fill` appends the blocks of a leaf's primitives.
     fn build(boxes: Vec<Bounded>, leaves: &Leaves, fill: impl FnMut(&[u32], &mut Vec<B>)) -> Self {
         if boxes.is_empty() {
-            return Self {
-                nodes: Vec::new(),
-                blocks: Vec::new(),
-                stack: 0,
-                bounds: (Vec3::ZERO, Vec3::ZERO),
-            };
+            return Self::empty();
         }
         let params = BvhBuildParams {
             max_prims_per_leaf: 1,
             ..BvhBuildParams::medium_build()
         };
-        let binary = build_bvh2(&boxes, params, &mut Duration::default());
+        let mut binary = build_bvh2(&boxes, params, &mut Duration::default());
+        drop(boxes);
+        // What the fold does not read; with as many entries as there are triangles.
+        binary.parents = Vec::new();
+        binary.primitives_to_nodes = Vec::new();
         Fold::new(&binary, leaves).run(fill)
     }
 }
@@ -194,63 +239,88 @@ impl<B> Wide<B> {
 #[derive(Clone, Copy)]
 struct Plan {
     cost: [f32; WIDTH - 1],
-    /// Number of the `i + 1` roots (last: of the eight children) that go to the left child; 0: fewer roots are no worse.
-    left: [u8; WIDTH],
-    /// Primitives below.
-    count: u32,
-    /// True if one root is best as a leaf.
-    leaf: bool,
+    /// Number of the `i + 2` roots (last: of the eight children) that go to the left child; 0: fewer roots are no worse.
+    left: [u8; WIDTH - 1],
+    /// Primitives below, at most 255.
+    count: u8,
+}
+
+impl Plan {
+    const NONE: Self = Self {
+        cost: [0.0; WIDTH - 1],
+        left: [0; WIDTH - 1],
+        count: 0,
+    };
+
+    /// Marks a subtree that is best as a leaf, in place of a number of roots: eight children have at least one each.
+    const LEAF: u8 = 0;
 }
 
 struct Fold<'a> {
     binary: &'a Bvh2,
     leaves: &'a Leaves,
+    /// Place of each inner node among `plans`.
+    places: Vec<u32>,
     plans: Vec<Plan>,
 }
 
 impl<'a> Fold<'a> {
     fn new(binary: &'a Bvh2, leaves: &'a Leaves) -> Self {
-        const NONE: Plan = Plan {
-            cost: [0.0; WIDTH - 1],
-            left: [0; WIDTH],
-            count: 0,
-            leaf: true,
-        };
+        // Inner nodes, parents before children: level after level.
+        let mut order = Vec::with_capacity(binary.nodes.len() / 2);
+        let mut places = vec![0; binary.nodes.len()];
+        let is_inner = |n: u32| !binary.nodes[n as usize].is_leaf();
+        order.extend(is_inner(0).then_some(0u32));
+        let mut levels = vec![0];
+        while levels.last() != Some(&order.len()) {
+            let start = levels[levels.len() - 1];
+            levels.push(order.len());
+            for at in start..order.len() {
+                places[order[at] as usize] = at as u32;
+                let first = binary.nodes[order[at] as usize].first_index;
+                order.extend([first, first + 1].into_iter().filter(|&n| is_inner(n)));
+            }
+        }
         let mut fold = Self {
             binary,
             leaves,
-            plans: vec![NONE; binary.nodes.len()],
+            places,
+            plans: vec![Plan::NONE; order.len()],
         };
-        // Children before parents: parents in order of discovery, backwards.
-        let mut order = Vec::with_capacity(binary.nodes.len());
-        order.push(0u32);
-        let mut next = 0;
-        while next < order.len() {
-            let node = &binary.nodes[order[next] as usize];
-            if !node.is_leaf() {
-                order.extend([node.first_index, node.first_index + 1]);
-            }
-            next += 1;
+        let mut plans = std::mem::take(&mut fold.plans);
+        for level in levels.windows(2).rev() {
+            let (above, below) = plans.split_at_mut(level[1]);
+            let of = |n: u32| fold.plan_of(n, below, level[1]);
+            (above[level[0]..].par_iter_mut().with_min_len(1024))
+                .zip(&order[level[0]..level[1]])
+                .for_each(|(plan, &n)| *plan = fold.plan(n, of));
         }
-        for &n in order.iter().rev() {
-            fold.plans[n as usize] = fold.plan(n as usize);
-        }
+        fold.plans = plans;
         fold
     }
 
-    fn plan(&self, n: usize) -> Plan {
-        let node = &self.binary.nodes[n];
-        let area = node.aabb.half_area();
-        if node.is_leaf() {
-            return Plan {
-                cost: [area * self.leaves.cost; WIDTH - 1],
-                left: [0; WIDTH],
-                count: node.prim_count,
-                leaf: true,
-            };
+    /// Plan of a binary subtree, from a list of plans that begins at this place.
+    fn plan_of(&self, n: u32, plans: &[Plan], start: usize) -> Plan {
+        let node = &self.binary.nodes[n as usize];
+        if !node.is_leaf() {
+            return plans[self.places[n as usize] as usize - start];
         }
-        let l = &self.plans[node.first_index as usize];
-        let r = &self.plans[node.first_index as usize + 1];
+        Plan {
+            cost: [node.aabb().half_area() * self.leaves.cost; WIDTH - 1],
+            count: node.prim_count.min(255) as u8,
+            ..Plan::NONE
+        }
+    }
+
+    fn whole(&self, n: u32) -> Plan {
+        self.plan_of(n, &self.plans, 0)
+    }
+
+    /// Plan of an inner node, from those of its children.
+    fn plan(&self, n: u32, of: impl Fn(u32) -> Plan) -> Plan {
+        let node = &self.binary.nodes[n as usize];
+        let area = node.aabb().half_area();
+        let (l, r) = (of(node.first_index), of(node.first_index + 1));
         let mut left = [0u8; WIDTH];
         let mut cost = [f32::INFINITY; WIDTH];
         for roots in 2..=WIDTH {
@@ -262,8 +332,8 @@ impl<'a> Fold<'a> {
                 }
             }
         }
-        let count = l.count + r.count;
-        let blocks = (count as usize).div_ceil(self.leaves.lanes);
+        let count = l.count.saturating_add(r.count);
+        let blocks = usize::from(count).div_ceil(self.leaves.lanes);
         let inner = cost[WIDTH - 1] + area;
         let leaf_cost = if blocks <= self.leaves.most {
             area * self.leaves.cost * blocks as f32
@@ -277,20 +347,27 @@ impl<'a> Fold<'a> {
                 left[roots] = 0;
             }
         }
-        let mut out = [0.0; WIDTH - 1];
-        out.copy_from_slice(&cost[..WIDTH - 1]);
-        Plan {
-            cost: out,
-            left,
-            count,
-            leaf: leaf_cost <= inner,
+        if leaf_cost <= inner {
+            left[WIDTH - 1] = Plan::LEAF;
         }
+        let mut plan = Plan {
+            count,
+            ..Plan::NONE
+        };
+        plan.cost.copy_from_slice(&cost[..WIDTH - 1]);
+        plan.left.copy_from_slice(&left[1..]);
+        plan
+    }
+
+    /// True if a binary subtree is best as a leaf.
+    fn is_leaf(&self, n: u32) -> bool {
+        self.whole(n).left[WIDTH - 2] == Plan::LEAF
     }
 
     /// The roots that represent subtree `n` when at most `roots` may be used.
     fn roots(&self, n: u32, mut roots: usize, out: &mut Vec<u32>) {
-        let plan = &self.plans[n as usize];
-        while roots > 1 && plan.left[roots - 1] == 0 {
+        let plan = self.whole(n);
+        while roots > 1 && plan.left[roots - 2] == 0 {
             roots -= 1;
         }
         if roots == 1 {
@@ -302,7 +379,7 @@ impl<'a> Fold<'a> {
 
     fn split(&self, n: u32, roots: usize, out: &mut Vec<u32>) {
         let first = self.binary.nodes[n as usize].first_index;
-        let left = self.plans[n as usize].left[roots - 1] as usize;
+        let left = usize::from(self.whole(n).left[roots - 2]);
         self.roots(first, left, out);
         self.roots(first + 1, roots - left, out);
     }
@@ -318,15 +395,14 @@ impl<'a> Fold<'a> {
         while let Some((n, target, at)) = todo.pop() {
             depth = depth.max(at);
             roots.clear();
-            if self.plans[n as usize].leaf {
+            if self.is_leaf(n) {
                 roots.push(n); // only the root of a tiny scene
             } else {
                 self.split(n, WIDTH, &mut roots);
             }
             for (slot, &child) in roots.iter().enumerate() {
-                let plan = &self.plans[child as usize];
-                nodes[target].set_box(slot, &self.binary.nodes[child as usize].aabb);
-                nodes[target].children[slot] = if plan.leaf {
+                nodes[target].set_box(slot, self.binary.nodes[child as usize].aabb());
+                nodes[target].children[slot] = if self.is_leaf(child) {
                     let first = blocks.len();
                     self.primitives(child, &mut primitives);
                     fill(&primitives, &mut blocks);
@@ -338,7 +414,7 @@ impl<'a> Fold<'a> {
                 };
             }
         }
-        let whole = &self.binary.nodes[0].aabb;
+        let whole = self.binary.nodes[0].aabb();
         Wide {
             nodes,
             blocks,

@@ -100,11 +100,12 @@ impl AreaLights {
         if lights.triangles.is_empty() {
             return lights;
         }
-        let corners = |t: &EmissiveTriangle| geometry.triangle(t.triangle);
-        let corners: Vec<_> = lights.triangles.iter().map(corners).collect();
+        let emissive = &lights.triangles;
+        let corners = |k: u32| geometry.triangle(emissive[k as usize].triangle);
+        let tree = (geometry.has_tree()).then(|| Accel::over(emissive.len(), corners));
         Self {
             pdf_a: vec![0.0; geometry.single()],
-            tree: Some(Accel::new(&corners)),
+            tree,
             materials: parts.materials.clone(),
             textures: parts.textures.clone(),
             ..lights

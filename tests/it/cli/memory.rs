@@ -39,7 +39,7 @@ fn memory_of_eight_million_triangles_is_refused_before_it_is_taken() {
     ] {
         let ended = place.opsr_in_memory(2_000_000, args);
         assert_eq!(ended.code, Some(7), "{args}: {}", ended.err);
-        let words = "many.glb: not enough memory: 8190000 triangles, instances counted, need about 5.18 GB, and ";
+        let words = "many.glb: not enough memory: 8190000 triangles, instances counted, need about 4.60 GB, and ";
         assert!(ended.err.contains(words), "{}", ended.err);
         assert!(!place.path().join("out.exr").exists());
     }
