@@ -247,7 +247,7 @@ mod tests {
 
     #[test]
     fn closed_meshes_are_found_across_seams_and_open_ones_are_not() {
-        let ball = shapes::sphere(Vec3::ONE, 0.5, 8);
+        let ball = shapes::sphere(Vec3::ONE, 0.5, 3);
         // A mesh without shared vertices, as exporters write hard edges.
         let apart = Mesh {
             positions: (ball.indices.iter().flatten())
@@ -284,10 +284,10 @@ mod tests {
         };
         let lamp = Mesh {
             material: 1,
-            ..shapes::sphere(lamp, 0.1, 8)
+            ..shapes::sphere(lamp, 0.1, 2)
         };
         let mut parts = SceneParts {
-            meshes: vec![shapes::sphere(Vec3::ZERO, 1.0, 16), lamp],
+            meshes: vec![shapes::sphere(Vec3::ZERO, 1.0, 3), lamp],
             materials: vec![glass, shine],
             ..SceneParts::default()
         };
@@ -301,7 +301,7 @@ mod tests {
         assert!(is_dark(outside, |_| ()));
         assert!(!is_dark(Vec3::ZERO, |_| ()));
         let inside_out = |parts: &mut SceneParts| {
-            let mut ball = shapes::sphere(Vec3::new(0.0, 5.0, 0.0), 0.5, 16);
+            let mut ball = shapes::sphere(Vec3::new(0.0, 5.0, 0.0), 0.5, 2);
             ball.indices.iter_mut().for_each(|f| f.reverse());
             let first = parts.meshes[0].positions.len() as u32;
             parts.meshes[0].positions.extend(ball.positions);

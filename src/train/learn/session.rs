@@ -114,6 +114,12 @@ impl Session {
             Checkpoint::load(path, &Checkpoint::fingerprint(&config, *beta, crops)?)?;
         }
         check_memory(&jobs, &config)?;
+        // Before any path is traced: a new recording must not come to lie beside those of other settings.
+        if let Some(folder) = &control.folder {
+            for (index, job) in jobs.iter().enumerate() {
+                job.check_kept(&config, &folder.join(job.file_name(index)))?;
+            }
+        }
         let mut session = Self {
             training: CropSet::default(),
             validation: CropSet::default(),
@@ -244,21 +250,17 @@ impl RecordingJob {
 
     /// Records the crop and prepares the configured evaluation.
     fn run(&self, config: &Config, place: Option<&Path>, stop: &Arc<AtomicBool>) -> Recorded {
-        let Self {
-            crop, seed, spp, ..
-        } = self;
+        let Self { crop, seed, .. } = self;
         let middle = config.constant(config.record_gammas[config.record_gammas.len() / 2]);
-        let fresh = config.method == Evaluation::Fresh && self.training;
-        // Visits are those of a recording with any evaluation.
-        let spp_recorded = if fresh { (*spp).min(64) } else { *spp };
-        let (recording, traced) = self.recording(config, spp_recorded, place, stop)?;
+        let fresh = self.is_fresh(config);
+        let (recording, traced) = self.recording(config, place, stop)?;
         if stop.load(Ordering::Relaxed) {
             return Err(DatasetError::Stopped);
         }
         let mut visits = Visits::default();
         visits.count(&recording, &middle);
         let source: Box<dyn MomentSource> = match config.method {
-            Evaluation::Fresh if fresh => Box::new(Fresh::new(crop.clone(), *spp, *seed)),
+            Evaluation::Fresh if fresh => Box::new(Fresh::new(crop.clone(), self.spp, *seed)),
             Evaluation::Replay => Box::new(Replay::new(recording)),
             Evaluation::Fresh | Evaluation::Tabulated => {
                 Box::new(Curves::bake(&recording, &middle))
@@ -271,20 +273,47 @@ impl RecordingJob {
         })
     }
 
+    /// True if the paths are traced again at every step.
+    fn is_fresh(&self, config: &Config) -> bool {
+        config.method == Evaluation::Fresh && self.training
+    }
+
+    /// Samples per pixel of the recording, of which visits are counted with any evaluation.
+    fn recorded_spp(&self, config: &Config) -> u32 {
+        match self.is_fresh(config) {
+            true => self.spp.min(64),
+            false => self.spp,
+        }
+    }
+
+    /// Fingerprint of the recording's file.
+    fn fingerprint(&self, config: &Config) -> String {
+        let spp = self.recorded_spp(config);
+        (self.crop).fingerprint(&config.record_gammas, config.roulette, spp, self.seed)
+    }
+
+    /// Refuses a file of another recording in this place.
+    fn check_kept(&self, config: &Config, place: &Path) -> Result<(), DatasetError> {
+        if place.exists() {
+            Recording::check(place, &self.fingerprint(config))?;
+        }
+        Ok(())
+    }
+
     /// The recording in a file, or else a new one, which is kept there; and whether it is new.
     fn recording(
         &self,
         config: &Config,
-        spp: u32,
         place: Option<&Path>,
         stop: &Arc<AtomicBool>,
     ) -> Result<(Recording, bool), DatasetError> {
         let (crop, gammas, roulette) = (&self.crop, &config.record_gammas, config.roulette);
+        let spp = self.recorded_spp(config);
         let Some(place) = place else {
             let recording = crop.record_until(gammas, roulette, spp, self.seed, stop)?;
             return Ok((recording, true));
         };
-        let fingerprint = crop.fingerprint(gammas, roulette, spp, self.seed);
+        let fingerprint = self.fingerprint(config);
         if place.exists() {
             let kept = Recording::load(place, &fingerprint, crop.window.len())?;
             return Ok((kept, false));

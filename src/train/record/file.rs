@@ -26,6 +26,16 @@ struct Header {
     values: usize,
 }
 
+impl Header {
+    fn check(&self, path: &Path, fingerprint: &str) -> Result<(), FileError> {
+        if self.fingerprint == fingerprint {
+            return Ok(());
+        }
+        let what = "belongs to other settings, another crop or another version of the program";
+        Err(FileError::content(path, what))
+    }
+}
+
 /// Bytes of a pixel: samples, constant, its square, number of paths.
 const PIXEL: usize = 4 + 24 + 8 + 4;
 
@@ -73,13 +83,16 @@ impl Recording {
         })
     }
 
+    /// Refuses a file that was not saved with this fingerprint. What follows the header is not read.
+    pub fn check(path: &Path, fingerprint: &str) -> Result<(), FileError> {
+        let (header, _): (Header, _) = FILE.stream(path).map_err(|problem| problem.at(path))?;
+        header.check(path, fingerprint)
+    }
+
     /// Reads the recording of a crop of so many pixels that was saved with this fingerprint; another one is refused.
     pub fn load(path: &Path, fingerprint: &str, pixels: usize) -> Result<Self, FileError> {
         let (header, payload): (Header, _) = FILE.load(path)?;
-        if header.fingerprint != fingerprint {
-            let what = "belongs to other settings, another crop or another version of the program";
-            return Err(FileError::content(path, what));
-        }
+        header.check(path, fingerprint)?;
         let damaged = |what| FileError::content(path, format!("a damaged recording: {what}"));
         if header.pixels != pixels {
             return Err(damaged("another number of pixels"));
