@@ -38,7 +38,7 @@ pub(super) fn check(args: &RenderArgs) -> anyhow::Result<()> {
     } else if args.table_scale == Some(job::Scale::Auto) {
         "--film needs a number for --table-scale: a pilot would choose one for each part"
     } else if args.method.integrator == IntegratorKind::Auto {
-        "--film needs the name of an integrator: a pilot would choose one for each part"
+        "--integrator auto chooses by a pilot, for each --film anew: name one"
     } else {
         return Ok(());
     };

@@ -320,7 +320,7 @@ pub(crate) fn parts() -> Target {
                 } else {
                     part(0..2, &[0.0, 1.0])
                 };
-                paths.push(folder.path().join("fuzz.part"));
+                paths.push(folder.path().join("first.part"));
                 text(std::fs::write(&paths[1], first))?;
             }
             let merged = merge(&paths, |_| seeds::film().window, None);
