@@ -310,7 +310,8 @@ mod tests {
             parts.meshes[0].normals.clear();
             parts.meshes[0].uvs.clear();
         };
-        let changes: [(&str, &dyn Fn(&mut SceneParts)); 5] = [
+        type Change<'a> = &'a dyn Fn(&mut SceneParts);
+        let changes: [(&str, Change<'_>); 5] = [
             ("open", &|parts| parts.meshes[0].indices.truncate(20)),
             ("a part inside out", &inside_out),
             ("shines itself", &|parts| {
