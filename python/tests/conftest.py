@@ -1,5 +1,6 @@
 import os
 import pathlib
+import signal
 
 import pytest
 
@@ -7,6 +8,12 @@ import opsr
 
 ROOT = pathlib.Path(__file__).parents[2]
 SCENES = ROOT / "training_scenes"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def interrupts():
+    # What a shell runs in the background inherits an ignored SIGINT, and Python would leave it ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
