@@ -283,7 +283,7 @@ pub(super) fn print(text: impl AsRef<[u8]>) -> anyhow::Result<()> {
 pub(super) struct Provenance {
     pub(super) command: String,
     pub(super) scene: String,
-    /// What no run changes.
+    /// Metadata that every run of these options has alike.
     pub(super) fixed: Metadata,
     /// Options that choose the picture, by name.
     pub(super) settings: Vec<(&'static str, String)>,

@@ -28,8 +28,8 @@ pub(super) struct RenderArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) spp: Option<u32>,
     /// With --film: only the samples from number A on (from 0), without B. Any split of the samples, of the picture by
-    /// --crop, or of both will do. A part that begins after sample 0 keeps every sample, 12 bytes for each of a pixel and 12
-    /// more for each level, other parts only sums: parts of all samples of a crop are small.
+    /// --crop, or of both will do. A part that begins after sample 0 keeps every sample, 12 bytes for each of a pixel, 28
+    /// more with levels and 12 for each of them; other parts keep only sums: parts of all samples of a crop are small.
     #[arg(long, value_name = "A..B", requires = "film", conflicts_with = "spp", value_parser = part::samples)]
     pub(super) samples: Option<Range<u32>>,
     /// Stop after this long, such as 60s or 5min.

@@ -95,7 +95,7 @@ pub(super) fn run(args: &VerifyArgs) -> anyhow::Result<Exit> {
     report.finish()
 }
 
-/// What has been found so far.
+/// Findings so far, as they are printed.
 struct Report {
     json: Option<Vec<serde_json::Value>>,
     wrong: u32,

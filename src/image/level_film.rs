@@ -26,7 +26,7 @@ const MAGIC: &[u8; 8] = b"opsrlvl2";
 pub struct PathLevels<'a> {
     /// Radiance at every level.
     pub levels: &'a [Rgb],
-    /// What of it no level roughens.
+    /// Radiance that no level roughens.
     pub shared: Rgb,
     /// Normal of the first rough vertex and the path's length to it.
     pub guide: [f32; 4],

@@ -3,7 +3,7 @@
 //! A picture depends to the last bit on the order in which the samples of a pixel are added, so parts are added in the
 //! order of their samples, whatever the order of the files. Sums can be continued, not inserted: a part that begins with
 //! sample 0 keeps sums, as a checkpoint does, at any number of samples; a later one keeps every sample, 12 bytes for each
-//! pixel and 12 more for each level. Pixels do not depend on each other, so parts of all samples of a crop stay small.
+//! pixel, 28 more with levels and 12 for each of them. Pixels do not depend on each other, so parts of all samples of a crop stay small.
 //!
 //! Neither the file of a part nor that of the whole is made before all of it is known.
 

@@ -208,9 +208,9 @@ struct LightChunk {
 /// Contributions of a camera path.
 struct Total {
     strategies: Strategies,
-    /// All that were computed.
+    /// Sum of the strategies that were computed.
     all: Rgb,
-    /// Those of the part that the picture shows.
+    /// Sum of the strategies that the picture shows.
     shown: Rgb,
 }
 
@@ -251,7 +251,7 @@ struct Iteration<'a> {
     paths: u32,
     /// Radius of merges; 0 without.
     radius: f32,
-    /// Of camera walks, and of light walks.
+    /// Merging weights of camera walks, and of light walks below.
     merging: Merging<f32>,
     light_merging: Merging<f32>,
     /// Radius of the kernel in world units; `None` where all lights can be met too.

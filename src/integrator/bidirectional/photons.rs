@@ -132,7 +132,7 @@ pub(super) struct PhotonMap {
     scale: f64,
     /// First photon of each bucket, and the end of the last.
     buckets: Vec<u32>,
-    /// What decides whether a photon merges, apart from the rest: most photons that are looked at do not.
+    /// Places of the photons, which decide whether they merge, apart from the rest: most that are looked at do not.
     places: Vec<Place>,
     photons: Vec<Photon>,
     /// One a photon, or none.

@@ -98,7 +98,7 @@ impl Vertex {
         Event::between(&self.bsdf, self.alpha, self.seen_from(out))
     }
 
-    /// What is left of the value towards the light, where the share `h` of the glossy lobe is roughened.
+    /// The value towards the light without the share `h` of the glossy lobe, which is roughened.
     #[inline]
     pub(super) fn easy_part(&self, out: Vec3, h: f32) -> Rgb {
         if h == 0.0 {

@@ -89,7 +89,7 @@ pub(super) type Values = [Rgb; MAX_LEVELS];
 struct PathSums {
     /// An independent estimate at every level.
     levels: Values,
-    /// What of it no level roughens: the same at all levels.
+    /// Light that no level roughens: the same at all levels.
     shared: Rgb,
     /// Normal of the first rough vertex and the path's length to it; of the last vertex where none is rough.
     guide: [f32; 4],
