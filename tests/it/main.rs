@@ -1,6 +1,7 @@
 //! All integration tests, in one binary so that the library is linked once.
 
 mod agree;
+mod anisotropy;
 mod aov;
 mod appearance;
 mod architecture;
