@@ -39,6 +39,7 @@ mod stability_train;
 mod support;
 mod surface;
 mod table_file;
+mod tensorboard;
 #[cfg(feature = "train")]
 mod train;
 mod training_scenes;
