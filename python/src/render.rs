@@ -77,6 +77,7 @@ impl From<RenderProgress> for Progress {
 /// levels: several amounts of roughening on the same paths, of which every pixel gets the best: their number from 1 to 8, or
 ///     the scales of the table's or the constant factor, ascending from 0. One by default, where the program has five.
 /// max_vertices: scattering vertices of the longest path, from 1 to 65536.
+/// sampler: random numbers of camera paths of "path": "sobol", or "independent", whose variances are unbiased.
 /// threads: their number; all cores by default.
 /// aov: layers to record: names of those of the program's --aov, or True for albedo, normal and depth.
 /// on_progress: called with a Progress after each pass; False ends the render, which then has the samples so far.
@@ -89,7 +90,7 @@ impl From<RenderProgress> for Progress {
 #[pyo3(signature = (
     scene, *, camera=None, size=None, crop=None, spp=None, time=None, target_error=None, seed=0, table=None,
     table_scale=None, gamma=None, rule=None, filter=None, reuse=false, consistent=None, integrator="path", levels=None,
-    max_vertices=16, threads=None, aov=None, on_progress=None, part=None, samples=None
+    max_vertices=16, sampler="sobol", threads=None, aov=None, on_progress=None, part=None, samples=None
 ))]
 #[allow(clippy::too_many_arguments)]
 pub(crate) fn render(
@@ -112,6 +113,7 @@ pub(crate) fn render(
     integrator: &str,
     levels: Option<&Bound<'_, PyAny>>,
     max_vertices: u32,
+    sampler: &str,
     threads: Option<u16>,
     aov: Option<&Bound<'_, PyAny>>,
     on_progress: Option<Py<PyAny>>,
@@ -130,7 +132,7 @@ pub(crate) fn render(
     if scale.is_some() && table.is_none() {
         return Err(argument("table_scale", "needs a table"));
     }
-    let spec = spec(
+    let mut spec = spec(
         table.is_some(),
         gamma,
         rule,
@@ -139,6 +141,8 @@ pub(crate) fn render(
         consistent,
         integrator,
     )?;
+    spec.sampler = serde_json::from_value(json!(sampler))
+        .map_err(|e: serde_json::Error| argument("sampler", e))?;
     let mut settings = settings(spec.clone(), table.as_ref(), scale)?;
     (settings.max_vertices, settings.seed) = (max_vertices, seed);
     settings.levels = levels.map(scales).transpose()?.unwrap_or_default();
@@ -545,6 +549,7 @@ fn settings(
     let mut settings = Settings {
         estimator: method.estimator,
         rule: method.rule,
+        sampler: spec.sampler,
         ..Settings::default()
     };
     if let Some((Rule::Accumulated(rule), table)) = Some(&mut settings.rule).zip(table) {
