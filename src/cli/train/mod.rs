@@ -227,11 +227,14 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     }
     if args.study {
         for (&beta, learned) in config.beta.iter().zip(&mut report.tables) {
-            learned.held_out = study::leave_one_out(&mut session, beta, &mut |family| {
+            for family in study::families(&session) {
+                if stop.asked() {
+                    break;
+                }
                 progress.say(&format!("beta {beta}: learning without {family}"));
-                stop.flow()
-            })
-            .map_err(blame)?;
+                let held_out = study::hold_out(&mut session, beta, &family, &|| stop.flow());
+                learned.held_out.extend(held_out.map_err(blame)?);
+            }
             if !session.validation.is_empty() && !stop.asked() {
                 progress.say(&format!(
                     "beta {beta}: running a pilot for every validation crop"
