@@ -149,6 +149,7 @@ class _Options(TypedDict, total=False):
     focus: float | None
     levels: int | Sequence[float] | None
     max_vertices: int
+    sampler: Literal["sobol", "independent"]
     threads: int | None
     aov: bool | str | Sequence[str] | None
     on_progress: Callable[[Progress], bool | None] | None

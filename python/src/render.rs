@@ -86,6 +86,7 @@ impl From<RenderProgress> for Progress {
 /// levels: several amounts of roughening on the same paths, of which every pixel gets the best: their number from 1 to 8, or
 ///     the scales of the table's or the constant factor, ascending from 0. One by default, where the program has five.
 /// max_vertices: scattering vertices of the longest path, from 1 to 65536.
+/// sampler: random numbers of camera paths of "path": "sobol", or "independent", whose variances are unbiased.
 /// threads: their number; all cores by default.
 /// aov: layers to record: names of those of the program's --aov, or True for albedo, normal and depth.
 /// on_progress: called with a Progress after each pass; False ends the render, which then has the samples so far.
@@ -99,7 +100,7 @@ impl From<RenderProgress> for Progress {
     scene, *, camera=None, size=None, crop=None, spp=None, time=None, target_error=None, seed=0, table=None,
     table_scale=None, table_energy=None, gamma=None, rule=None, filter=None, reuse=false, consistent=None,
     integrator="path", radius=None, radius_alpha=None, connections=None, mlt_pass=None, aperture=None, focus=None,
-    levels=None, max_vertices=16, threads=None, aov=None, on_progress=None, part=None, samples=None
+    levels=None, max_vertices=16, sampler="sobol", threads=None, aov=None, on_progress=None, part=None, samples=None
 ))]
 #[allow(clippy::too_many_arguments)]
 pub(crate) fn render(
@@ -129,6 +130,7 @@ pub(crate) fn render(
     focus: Option<f32>,
     levels: Option<&Bound<'_, PyAny>>,
     max_vertices: u32,
+    sampler: &str,
     threads: Option<u16>,
     aov: Option<&Bound<'_, PyAny>>,
     on_progress: Option<Py<PyAny>>,
@@ -162,6 +164,8 @@ pub(crate) fn render(
         consistent,
         integrator,
     )?;
+    spec.sampler = serde_json::from_value(json!(sampler))
+        .map_err(|e: serde_json::Error| argument("sampler", e))?;
     let known = |text| serde_json::from_value(json!(text)).map_err(|e| argument("connections", e));
     spec.connections = connections.map(known).transpose()?;
     spec.radius = radius.map(|r| positive("radius", r)).transpose()?;
@@ -638,6 +642,7 @@ fn settings(
     let mut settings = Settings {
         estimator: method.estimator,
         rule: method.rule,
+        sampler: spec.sampler,
         ..Settings::default()
     };
     if let Some((Rule::Accumulated(rule), table)) = Some(&mut settings.rule).zip(table) {

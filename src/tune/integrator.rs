@@ -15,7 +15,7 @@ use super::stopwatch::Stopwatch;
 use crate::image::film::{Film, FilmError, Window};
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Picture, Settings, View};
-use crate::sampler::{Domain, Seed};
+use crate::sampler::{Domain, SamplerKind, Seed};
 use crate::scene::{Camera, Scene};
 use std::fmt;
 use std::time::Duration;
@@ -313,6 +313,8 @@ fn rendered(
     let settings = Settings {
         // A picture that shares paths with its pilot would favour what these paths favour.
         seed: Seed(settings.seed).derive(Domain::Pilot, 1 + number).0,
+        // The film's variances decide.
+        sampler: SamplerKind::Independent,
         ..settings.clone()
     };
     let mut picture = Picture::new(Film::cropped(view.sensor.frame, view.window)?);
