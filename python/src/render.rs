@@ -21,7 +21,7 @@ use opsr::memory;
 use opsr::regularise::{Factors, Rule};
 use opsr::scene::{Camera, Lens};
 use opsr::tune;
-use opsr::tune::integrator::{Contender, Horizon, choose_integrator};
+use opsr::tune::integrator::{Contender, Horizon, choose_integrator, left_after};
 use opsr::tune::resolve::{Resolve, relative_error, resolve_film};
 use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -314,7 +314,7 @@ impl Job<'_> {
             let choice = choose_integrator(&self.contenders, &view, horizon, counted, &go_on)?;
             let best = &self.contenders[choice.map_or(0, |choice| choice.best)];
             (kind, settings) = (best.kind, best.settings.clone());
-            budget.time = budget.time.map(|time| time.saturating_sub(clock.elapsed()));
+            budget.time = budget.time.map(|time| left_after(time, clock.elapsed()));
         }
         if tuned {
             let samples = match (budget.samples, budget.time) {

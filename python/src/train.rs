@@ -107,20 +107,21 @@ fn control<E>(folder: Option<PathBuf>, link: &Link<E>) -> RecordingControl<'stat
 /// crops: (first, last + 1) of the crops to record; all by default.
 /// threads: their number; all cores by default. The recordings do not depend on it.
 ///
-/// Returns the names of the files of all crops, in order: `crops=(0, 0)` records none.
+/// Returns all crops in order, as dicts of the "file" in the folder, "scene", "family" and "training" (False for those that
+/// are only scored); `crops=(0, 0)` records none.
 ///
 /// Ctrl-C ends it within a second and raises KeyboardInterrupt; crops that are done are kept. Raises what `train` raises.
 #[pyfunction]
 #[pyo3(signature = (config, folder, *, crops=None, threads=None))]
-pub(crate) fn record(
-    py: Python<'_>,
-    config: Option<&Bound<'_, PyAny>>,
+pub(crate) fn record<'py>(
+    py: Python<'py>,
+    config: Option<&Bound<'py, PyAny>>,
     folder: PathBuf,
     crops: Option<(usize, usize)>,
     threads: Option<u16>,
-) -> PyResult<Vec<String>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let config = config.map(settings).transpose()?.unwrap_or_default();
-    watched::<(), _>(py, threads, None, |link| {
+    let crops = watched::<(), _>(py, threads, None, |link| {
         let recordings = Recordings::open(config).map_err(failed)?;
         let names = recordings.names();
         let (first, end) = crops.unwrap_or((0, names.len()));
@@ -134,8 +135,12 @@ pub(crate) fn record(
             ..control(Some(folder), link)
         };
         recordings.record(first..end, &control).map_err(failed)?;
-        Ok(names)
-    })?
+        let crops = recordings.crops().zip(names).map(|((crop, training), file)| {
+            json!({ "file": file, "scene": crop.scene_name, "family": crop.family, "training": training })
+        });
+        Ok(crops.collect::<Vec<_>>())
+    })??;
+    json(py, serde_json::to_string(&crops))
 }
 
 /// Scores tables on families of scenes that they were not learned from, as `opsr train --study` does.

@@ -112,6 +112,11 @@ impl Recordings {
         self.jobs.iter().map(RecordingJob::file_name).collect()
     }
 
+    /// The crops of these files, each true if it is learned from.
+    pub fn crops(&self) -> impl Iterator<Item = (&Crop, bool)> {
+        self.jobs.iter().map(|job| (&job.crop, job.training))
+    }
+
     /// Records those with these numbers into the folder. Whole files that are there are kept, those of other settings and
     /// damaged ones refused.
     ///
