@@ -56,6 +56,7 @@
 //! - `[Ylitie17]` Ylitie, Karras, Laine: *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*, HPG 2017.
 //! - `[PBRT4]` Pharr, Jakob, Humphreys: *Physically Based Rendering*, 4th edition, 2023.
 //! - `[ContyKulla18]` Conty Estevez, Kulla: *Importance Sampling of Many Lights with Adaptive Tree Splitting*, HPG 2018.
+//! - `[Burley20]` Burley: *Practical Hash-Based Owen Scrambling*, JCGT 2020.
 //! - `[FLIP20]` Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström, Fairchild: *FLIP: A Difference Evaluator for Alternating Images*, HPG 2020.
 //! - `[FLIP21]` Andersson, Nilsson, Shirley, Akenine-Möller: *Visualizing Errors in Rendered High Dynamic Range Images*, EG 2021 short papers.
 //! - `[Hesterberg15]` Hesterberg: *What Teachers Should Know About the Bootstrap*, The American Statistician 69(4), 2015.

@@ -277,6 +277,7 @@ pub(super) fn settings(args: &RenderArgs, method: &Method) -> Settings {
         estimator: method.estimator,
         rule: method.rule.clone(),
         part: args.strategy,
+        sampler: args.method.sampler,
         max_vertices: args.max_vertices,
         seed: args.seed,
         ..Settings::default()

@@ -24,6 +24,7 @@ use opsr::math::UVec2;
 use opsr::memory;
 use opsr::report::compare::Named;
 use opsr::scene::Camera;
+use opsr::tune::integrator::left_after;
 use opsr::tune::resolve::{relative_error, unseen_share};
 use std::cell::Cell;
 use std::ops::ControlFlow;
@@ -289,7 +290,7 @@ impl RenderJob<'_> {
         let samples = if free { Some(DEFAULT_SPP) } else { spp };
         Budget {
             samples,
-            time: time.map(|time| time.saturating_sub(self.pilot)),
+            time: time.map(|time| left_after(time, self.pilot)),
             error: target_error.map(|bound| ErrorBound {
                 bound: bound.into(),
                 estimate: relative_error,

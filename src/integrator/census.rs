@@ -3,7 +3,6 @@
 use super::walk::observer::{PathObserver, Recorder};
 use super::{Settings, ShadingPoint, View};
 use crate::image::film::Film;
-use crate::sampler::{Domain, Independent, Seed};
 use std::ops::Range;
 
 /// Numbers of vertices.
@@ -19,9 +18,7 @@ impl Census {
     /// Counts along the paths with these sample numbers through the window of a film of the view, which stays as it is.
     pub fn take(settings: &Settings, view: &View<'_>, samples: Range<u32>, film: &Film) -> Self {
         let tracer = settings.tracer(settings.rule.clone());
-        let source = Independent {
-            seed: Seed(settings.seed).derive(Domain::Camera, 0),
-        };
+        let source = settings.source();
         let mut census = Self::default();
         tracer.estimate(view, &source, samples, &mut film.clone(), &mut census);
         census

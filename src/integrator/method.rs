@@ -7,6 +7,7 @@ use crate::files::{FileError, hex};
 use crate::regularise::file::TableFile;
 use crate::regularise::rules::MOLLIFIER_RADIUS;
 use crate::regularise::{Accumulated, Factors, Lookup, Rule, TableTuning};
+use crate::sampler::SamplerKind;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -105,6 +106,10 @@ pub struct MethodSpec {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mlt_pass: Option<u32>,
+    /// Random numbers of camera paths of --integrator path; independent in a suite that does not say.
+    #[arg(long, value_enum, value_name = "KIND", default_value_t = SamplerKind::Sobol)]
+    #[serde(default, skip_serializing_if = "SamplerKind::is_independent")]
+    pub sampler: SamplerKind,
 }
 
 /// Connections of `vcm`.
@@ -280,6 +285,8 @@ impl MethodSpec {
             value.map_or(String::new(), |value| value.get_name().to_owned())
         };
         let gamma = self.gamma.map(|gamma| ("gamma", gamma.to_string()));
+        let sampler = (integrator.is_path() && !self.sampler.is_independent())
+            .then(|| ("sampler", name(self.sampler.to_possible_value())));
         let pilot =
             (integrator != self.integrator).then(|| ("integrator_chosen_by", "pilot".to_owned()));
         [
@@ -289,6 +296,7 @@ impl MethodSpec {
         .into_iter()
         .chain(pilot)
         .chain(gamma)
+        .chain(sampler)
     }
 
     /// The methods among which [`IntegratorKind::Auto`] chooses: this one by each integrator, the path tracer first. An

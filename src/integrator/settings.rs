@@ -6,9 +6,9 @@ use super::metropolis::Metropolis;
 use super::path::PathTracer;
 use super::{Integrator, Picture, View};
 use crate::image::exr::Metadata;
-use crate::image::level_film::LevelFilm;
+use crate::image::level_film::{BATCHES, LevelFilm};
 use crate::regularise::{Rule, TableTuning, Unregularised};
-use crate::sampler::{Domain, Independent, Seed};
+use crate::sampler::{CameraSource, SamplerKind, Seed};
 use crate::scene::{Camera, Scene};
 use std::ops::Range;
 
@@ -57,6 +57,9 @@ pub struct Settings {
     pub levels: Vec<f32>,
     /// The only part of the strategies of `bdpt` or `vcm` that the picture shows, with its weights; without a rule.
     pub part: Option<Part>,
+    /// Random numbers of camera paths, of path tracing only: other estimators have independent ones. Independent by
+    /// default, so that variances of a film are unbiased estimates; of Sobol points they are upper bounds.
+    pub sampler: SamplerKind,
     /// Scattering vertices of the longest path, at least 1.
     pub max_vertices: u32,
     /// Vertex (from 1) at which Russian roulette begins.
@@ -72,6 +75,7 @@ impl Default for Settings {
             rule: Rule::Plain,
             levels: Vec::new(),
             part: None,
+            sampler: SamplerKind::default(),
             max_vertices: 16,
             roulette_start: 5,
             seed: 0,
@@ -87,13 +91,16 @@ impl Settings {
         let (strategies, merging) = match self.estimator {
             Estimator::Path { .. } if !self.levels.is_empty() => {
                 let tracer = self.level_tracer().expect("levels that were checked");
-                let seed = Seed(self.seed);
-                return Box::new(LevelIntegrator { tracer, seed });
+                return Box::new(LevelIntegrator {
+                    tracer,
+                    seed: Seed(self.seed),
+                    source: self.source(),
+                });
             }
             Estimator::Path { .. } => {
                 return Box::new(PathIntegrator {
                     tracer: self.tracer(self.rule.clone()),
-                    seed: self.seed,
+                    source: self.source(),
                 });
             }
             Estimator::Light => (Strategies::Light, None),
@@ -110,6 +117,12 @@ impl Settings {
             merging,
             ..self.bidirectional(strategies)
         })
+    }
+
+    /// Numbers of the camera paths of path tracing: independent from batch to batch where there are several levels.
+    pub fn source(&self) -> CameraSource {
+        let batches = if self.levels.is_empty() { 1 } else { BATCHES };
+        CameraSource::new(self.sampler, Seed(self.seed), batches as u32)
     }
 
     /// The strategies of `bdpt` and `vcm` that the picture shows.
@@ -229,6 +242,7 @@ impl Settings {
             rule,
             levels,
             part,
+            sampler,
             max_vertices,
             roulette_start,
             seed,
@@ -240,57 +254,62 @@ impl Settings {
         if let Some(part) = part {
             rule += &format!(", {part:?} alone");
         }
+        if !sampler.is_independent() && matches!(estimator, Estimator::Path { .. }) {
+            rule += &format!(", {sampler:?}");
+        }
         format!(
             "{estimator:?}, {rule}, {max_vertices} vertices, roulette {roulette_start}, seed {seed}"
         )
     }
 }
 
-/// A path tracer at several levels and its seed.
+/// A path tracer at several levels and its numbers.
 struct LevelIntegrator {
     tracer: LevelTracer,
     seed: Seed,
+    source: CameraSource,
 }
 
 impl Integrator for LevelIntegrator {
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
-        let Self { tracer, seed } = self;
+        let Self {
+            tracer,
+            seed,
+            source,
+        } = self;
         let Picture { film, aovs, levels } = picture;
         let levels =
             levels.get_or_insert_with(|| LevelFilm::new(film.size, film.window, tracer.levels()));
         match aovs {
-            Some(aovs) => tracer.estimate(view, *seed, samples, film, levels, aovs),
-            None => tracer.estimate(view, *seed, samples, film, levels, &mut ()),
+            Some(aovs) => tracer.estimate(view, *seed, source, samples, film, levels, aovs),
+            None => tracer.estimate(view, *seed, source, samples, film, levels, &mut ()),
         }
     }
 }
 
-/// A path tracer and its seed.
+/// A path tracer and its numbers.
 struct PathIntegrator {
     tracer: PathTracer<Rule>,
-    seed: u64,
+    source: CameraSource,
 }
 
 impl Integrator for PathIntegrator {
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
-        let Self { tracer, seed } = self;
-        let source = Independent {
-            seed: Seed(*seed).derive(Domain::Camera, 0),
-        };
+        let Self { tracer, source } = self;
         let Picture { film, aovs, .. } = picture;
         // The loops that are run most are compiled for their rule; the others dispatch at every vertex.
         match (aovs, &tracer.rule) {
-            (Some(aovs), _) => tracer.estimate(view, &source, samples, film, aovs),
+            (Some(aovs), _) => tracer.estimate(view, source, samples, film, aovs),
             // Nothing to roughen: a loop without memory of the path.
             (None, rule) if *rule == Rule::Plain || !view.scene.has_lobes() => {
                 let tracer = tracer.with(Unregularised);
-                tracer.estimate(view, &source, samples, film, &mut ())
+                tracer.estimate(view, source, samples, film, &mut ())
             }
             (None, Rule::Accumulated(rule)) => {
                 let tracer = tracer.with(rule);
-                tracer.estimate(view, &source, samples, film, &mut ())
+                tracer.estimate(view, source, samples, film, &mut ())
             }
-            (None, _) => tracer.estimate(view, &source, samples, film, &mut ()),
+            (None, _) => tracer.estimate(view, source, samples, film, &mut ()),
         }
     }
 }

@@ -6,7 +6,6 @@ use crate::bsdf::{Bsdf, Lobe};
 use crate::image::film::{Film, FilmError, Window};
 use crate::math::{Rgb, UVec2, Vec3};
 use crate::regularise::{Accumulated, AccumulatedPath, GammaIndex, Roughening, Rule, Scattered};
-use crate::sampler::{Domain, Independent, Seed};
 use std::ops::Range;
 
 /// A path.
@@ -63,9 +62,7 @@ pub fn trace(
     let window = Window { x, y, w: 1, h: 1 };
     let mut film = Film::cropped(frame, window)?;
     let view = View { window, ..*view };
-    let source = Independent {
-        seed: Seed(settings.seed).derive(Domain::Camera, 0),
-    };
+    let source = settings.source();
     let rule = match &settings.rule {
         Rule::Accumulated(rule) => Some(rule),
         _ => None,

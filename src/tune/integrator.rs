@@ -15,9 +15,10 @@ use super::stopwatch::Stopwatch;
 use crate::image::film::{Film, FilmError, Window};
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Picture, Settings, View};
-use crate::sampler::{Domain, Seed};
+use crate::sampler::{Domain, SamplerKind, Seed};
 use crate::scene::{Camera, Scene};
 use std::fmt;
+use std::time::Duration;
 
 /// Share of the render's work that the pilot takes, as long as its pictures are large enough.
 const SHARE: f64 = 0.04;
@@ -217,6 +218,11 @@ fn usual_cost(contender: &Contender, frames: f64) -> f64 {
     }
 }
 
+/// Time of a render that is left after its pilot: enough for a pass, or there would be no picture.
+pub fn left_after(time: Duration, pilot: Duration) -> Duration {
+    time.saturating_sub(pilot).max(Duration::from_nanos(1))
+}
+
 /// Chooses an integrator for a render of a view; the first contender must be the path tracer. `counted` takes counted paths
 /// for time, so that the choice depends on the arguments alone.
 ///
@@ -307,6 +313,8 @@ fn rendered(
     let settings = Settings {
         // A picture that shares paths with its pilot would favour what these paths favour.
         seed: Seed(settings.seed).derive(Domain::Pilot, 1 + number).0,
+        // The film's variances decide.
+        sampler: SamplerKind::Independent,
         ..settings.clone()
     };
     let mut picture = Picture::new(Film::cropped(view.sensor.frame, view.window)?);

@@ -22,7 +22,7 @@ use crate::image::film::{Film, FilmError, Window};
 use crate::integrator::{Estimator, Picture, Settings, View};
 use crate::math::UVec2;
 use crate::regularise::{Rule, TableTuning};
-use crate::sampler::{Domain, Seed};
+use crate::sampler::{Domain, SamplerKind, Seed};
 use candidate::{BATCHES, CandidatePictures, TILE, Tiles};
 use std::time::{Duration, Instant};
 
@@ -171,6 +171,8 @@ pub fn choose_while(
             rule,
             // A picture that shares paths with its pilot would favour what these paths favour.
             seed: Seed(settings.seed).derive(Domain::Pilot, 0).0,
+            // Batches are runs of sample numbers.
+            sampler: SamplerKind::Independent,
             ..settings.clone()
         };
         let mut pictures = CandidatePictures::new(&settings, &view)?;

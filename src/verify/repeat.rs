@@ -12,6 +12,7 @@ use crate::integrator::checkpoint::{Checkpoint, Fingerprint};
 use crate::integrator::{Estimator, FirstHit, Picture, Settings, View};
 use crate::math::{Rgb, UVec2, Vec3};
 use crate::regularise::{Accumulated, AttenuationTable, Factors, Rule};
+use crate::sampler::SamplerKind;
 use crate::scene::Scene;
 use std::error::Error;
 
@@ -48,6 +49,10 @@ fn ways() -> Vec<(&'static str, Settings)> {
         rule: Rule::constant(0.5),
         ..settings
     };
+    let sobol = |settings| Settings {
+        sampler: SamplerKind::Sobol,
+        ..settings
+    };
     let vcm = || estimator(Estimator::Vcm(Radius::default()));
     let mlt = || estimator(Estimator::Mlt { mutations: 2 });
     vec![
@@ -57,6 +62,11 @@ fn ways() -> Vec<(&'static str, Settings)> {
         (
             "levels",
             path(Rule::constant(0.3), vec![0.0, 0.5, 1.0], false),
+        ),
+        ("path, Sobol", sobol(base.clone())),
+        (
+            "levels, Sobol",
+            sobol(path(Rule::constant(0.3), vec![0.0, 0.5, 1.0], false)),
         ),
         ("light", estimator(Estimator::Light)),
         ("bdpt", estimator(Estimator::Bdpt)),

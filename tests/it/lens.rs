@@ -72,7 +72,7 @@ fn chi_square_of_lens_samples() {
         .stream(UVec2::ZERO, 0);
         let mut observed = vec![0; CELLS * CELLS];
         for _ in 0..DRAWS {
-            let ray = sensor.sample_ray(place, || stream.film());
+            let ray = sensor.sample_ray(place, || stream.lens());
             let at = camera.frame.to_local(ray.origin - camera.position) / LENS.radius;
             assert!(at.z.abs() < 1e-5, "{at}");
             let share = (at.x * at.x + at.y * at.y).min(0.999_99);

@@ -32,6 +32,7 @@ mod pilot;
 mod readme;
 mod references;
 mod resume;
+mod sampler;
 mod scenes;
 mod stability;
 #[cfg(feature = "train")]

@@ -13,6 +13,7 @@ use opsr::integrator::part::{MergeError, Part, merge};
 use opsr::integrator::{Aovs, Estimator, FirstHit, Integrator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr::regularise::Rule;
+use opsr::sampler::SamplerKind;
 use std::ops::{ControlFlow, Range};
 use std::path::PathBuf;
 
@@ -143,6 +144,14 @@ fn parts_of_any_split_merge_to_the_single_render() {
             "levels",
             of(path, Rule::constant(0.3), &[0.0, 0.5, 1.0]),
             [true, false],
+        ),
+        (
+            "levels of Sobol points",
+            Settings {
+                sampler: SamplerKind::Sobol,
+                ..of(path, Rule::constant(0.3), &[0.0, 0.5, 1.0])
+            },
+            [false, true],
         ),
         ("bdpt", of(Estimator::Bdpt, Rule::Plain, &[]), [true, false]),
         (

@@ -6,7 +6,7 @@ use crate::image::level_film::{BATCHES, LevelFilm, PathLevels};
 use crate::integrator::View;
 use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::integrator::walk::observer::Recorder;
-use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
+use crate::sampler::{CameraSource, Domain, SampleSource, Sampler, Seed};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -20,15 +20,13 @@ impl LevelTracer {
         &self,
         view: &View<'_>,
         seed: Seed,
+        source: &CameraSource,
         samples: Range<u32>,
         film: &mut Film,
         levels: &mut LevelFilm,
         recorder: &mut O,
     ) {
         debug_assert_eq!(levels.levels(), self.levels());
-        let source = Independent {
-            seed: seed.derive(Domain::Camera, 0),
-        };
         let around = EnclosingBodies::around_camera(view);
         let tile = |window: Window| {
             let mut film = film.cut(window);
@@ -44,7 +42,7 @@ impl LevelTracer {
                 for sample in samples.clone() {
                     let mut stream = source.stream(pixel, sample);
                     let place = pixel.as_vec2() + stream.film();
-                    let ray = (view.sensor).sample_ray(place, || stream.film());
+                    let ray = (view.sensor).sample_ray(place, || stream.lens());
                     observer.begin(pixel, sample);
                     let bodies =
                         around.unwrap_or_else(|| EnclosingBodies::around(view.scene, &ray));

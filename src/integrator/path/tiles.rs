@@ -61,7 +61,7 @@ impl<R: Roughening> PathTracer<R> {
                 }
                 let mut stream = source.stream(pixel, sample);
                 let place = pixel.as_vec2() + stream.film();
-                let ray = (view.sensor).sample_ray(place, || stream.film());
+                let ray = (view.sensor).sample_ray(place, || stream.lens());
                 observer.begin(pixel, sample);
                 let bodies = around.unwrap_or_else(|| EnclosingBodies::around(view.scene, &ray));
                 let value = self.radiance(view.scene, ray, bodies, sample, &mut stream, observer);

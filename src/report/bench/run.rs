@@ -224,6 +224,7 @@ impl Bench<'_> {
                     estimator: method.method.estimator,
                     rule: method.method.rule.clone(),
                     levels: method.spec.levels.clone(),
+                    sampler: method.spec.sampler,
                     max_vertices: spec.max_depth,
                     seed,
                     ..Settings::default()

@@ -786,7 +786,7 @@ fn levels_are_rendered_and_resolved_again() {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
     place.write("table.json", &seeds::tables()[1]);
-    let levels = "--spp 8 --opsr-table table.json --levels";
+    let levels = "--spp 8 --sampler independent --opsr-table table.json --levels";
     let render = |args: &str| {
         place.render(&format!("{levels} {args}")).done();
         place.read("out.exr")
@@ -795,7 +795,9 @@ fn levels_are_rendered_and_resolved_again() {
     assert!(render("0,0.5,1,4 -o out.exr --level-layers --threads 3") == whole);
     let file = |name: &str| exr::read_layers(&place.path().join(name)).expect("a file");
     let plain = {
-        place.render("--spp 8 -o plain.exr").done();
+        place
+            .render("--spp 8 --sampler independent -o plain.exr")
+            .done();
         file("plain.exr")
     };
     let (layers, levels) = (

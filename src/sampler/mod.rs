@@ -5,9 +5,13 @@
 //!
 //! Whatever is random has a [`Seed`] of its own: [`Seed::derive`] keeps the streams of different uses apart.
 
+mod sobol;
+
 use crate::math::{UVec2, Vec2};
+use clap::ValueEnum;
 use rand::Rng;
 use rand_pcg::Pcg32;
+use serde::{Deserialize, Serialize};
 
 /// Use of random numbers. The numbers of the variants are part of what a seed means: never change or reuse one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +35,8 @@ pub enum Domain {
     EventRoulette = 9,
     /// Turns of the levels of roughening at drawing directions.
     Levels = 10,
+    /// Sequences of Sobol points.
+    Sobol = 11,
 }
 
 /// Seed of a set of random streams.
@@ -117,6 +123,11 @@ pub trait Sampler {
         Vec2::new(self.next_1d(), self.next_1d())
     }
 
+    /// Point on the lens through which the path starts, in [0, 1)²; drawn after [`Sampler::film`], if at all.
+    fn lens(&mut self) -> Vec2 {
+        Vec2::new(self.next_1d(), self.next_1d())
+    }
+
     /// Numbers of the next vertex.
     #[inline]
     fn vertex(&mut self) -> VertexU {
@@ -193,12 +204,117 @@ impl Sampler for IndependentStream {
     }
 }
 
+/// Kind of random numbers of camera paths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum SamplerKind {
+    /// Independent samples.
+    #[default]
+    Independent,
+    /// Owen-scrambled Sobol points: samples of a pixel that cover it, lights and lobes evenly.
+    Sobol,
+}
+
+impl SamplerKind {
+    /// True for independent samples.
+    pub fn is_independent(&self) -> bool {
+        *self == Self::Independent
+    }
+}
+
+/// Numbers of camera paths.
+#[derive(Clone, Copy, Debug)]
+pub struct CameraSource {
+    /// Numbers that no sequence has.
+    independent: Independent,
+    /// Sequences of Sobol points of a pixel, which take turns; 0 for independent samples.
+    sequences: u32,
+    /// Seed of all sequences.
+    seed: Seed,
+}
+
+impl CameraSource {
+    /// Numbers of a kind whose samples n, n + `batches`, n + 2 `batches`, … are independent of all others.
+    pub fn new(kind: SamplerKind, seed: Seed, batches: u32) -> Self {
+        let independent = Independent {
+            seed: seed.derive(Domain::Camera, 0),
+        };
+        let sequences = match kind {
+            SamplerKind::Independent => 0,
+            SamplerKind::Sobol => batches,
+        };
+        Self {
+            independent,
+            sequences,
+            seed: seed.derive(Domain::Sobol, 0),
+        }
+    }
+}
+
+/// Stream of [`CameraSource`].
+#[derive(Clone, Debug)]
+pub struct CameraStream {
+    rest: IndependentStream,
+    sequence: Option<sobol::Sequence>,
+    /// Vertices drawn.
+    vertices: u32,
+}
+
+impl SampleSource for CameraSource {
+    type Stream = CameraStream;
+
+    fn stream(&self, pixel: UVec2, sample: u32) -> CameraStream {
+        let sequence = (self.sequences > 0).then(|| {
+            let (index, batch) = (sample / self.sequences, sample % self.sequences);
+            let place = u64::from(batch) << 60 | u64::from(pixel.y) << 30 | u64::from(pixel.x);
+            sobol::Sequence::new(mix(place ^ self.seed.0), index)
+        });
+        CameraStream {
+            rest: self.independent.stream(pixel, sample),
+            sequence,
+            vertices: 0,
+        }
+    }
+}
+
+impl Sampler for CameraStream {
+    #[inline]
+    fn next_bits(&mut self) -> u32 {
+        self.rest.next_bits()
+    }
+
+    fn film(&mut self) -> Vec2 {
+        match &self.sequence {
+            Some(sequence) => sequence.film(),
+            None => self.rest.film(),
+        }
+    }
+
+    fn lens(&mut self) -> Vec2 {
+        match &self.sequence {
+            Some(sequence) => sequence.lens(),
+            None => self.rest.lens(),
+        }
+    }
+
+    #[inline]
+    fn vertex(&mut self) -> VertexU {
+        match &self.sequence {
+            Some(sequence) if self.vertices < sobol::VERTICES => {
+                self.vertices += 1;
+                sequence.vertex(self.vertices - 1)
+            }
+            _ => self.rest.vertex(),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::collections::HashSet;
 
-    const DOMAINS: [Domain; 9] = [
+    const DOMAINS: [Domain; 10] = [
         Domain::Camera,
         Domain::Light,
         Domain::Chain,
@@ -208,6 +324,7 @@ mod tests {
         Domain::Retrace,
         Domain::EventRoulette,
         Domain::Levels,
+        Domain::Sobol,
     ];
 
     #[test]
@@ -220,7 +337,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(seen.len(), 900_000);
+        assert_eq!(seen.len(), 1_000_000);
         // Derivations do not commute: seeds of seeds are distinct too.
         let (a, b) = ((Domain::Recording, 1), (Domain::EventRoulette, 2));
         let derive = |first: (Domain, u64), second: (Domain, u64)| {
@@ -244,6 +361,7 @@ mod tests {
             0x5a95_7b1d_5307_3e1e,
             0x9509_00c5_0b1e_f019,
             0x3a91_1a00_010c_7970,
+            0xf5e0_c2ef_7880_1ae1,
         ];
         assert_eq!(derived, expected);
         let source = Independent { seed: Seed(7) };

@@ -1,0 +1,278 @@
+//! Owen-scrambled Sobol points for camera paths.
+//!
+//! The numbers of a path come in sets of four: film and lens; then, for each of the first vertices, those that sample a
+//! light, and those that sample the BSDF. A set is the first four dimensions of the Sobol sequence (direction numbers of
+//! Joe, Kuo: *Constructing Sobol Sequences with Better Two-Dimensional Projections*, 2008), in an order of its own
+//! and scrambled on its own `[Burley20]`. Pairs that cover an area, such as
+//! the point on a light, are its first two dimensions, of which every aligned run of 2^m samples has one point in every
+//! elementary interval of area 2^-m. Every number alone is uniform, so that each sample is an unbiased estimate; samples of
+//! one sequence are correlated, and the variance of their mean is at most that of independent ones, about.
+
+use super::{LightU, VertexU, mix, unit};
+use crate::math::Vec2;
+
+/// Vertices whose numbers are Sobol points.
+pub(super) const VERTICES: u32 = 4;
+
+/// Position in the sequence of a pixel.
+#[derive(Clone, Debug)]
+pub(super) struct Sequence {
+    /// Hash of the sequence.
+    key: u64,
+    /// Number of the point.
+    index: u32,
+    /// The same with its bits reversed.
+    reversed: u32,
+}
+
+/// Numbers of a point have their digits reversed: the first is the lowest bit.
+type Digits = [u32; 4];
+
+/// Contributions to a point of every byte of its number; the lowest byte with its bits reversed.
+static BYTES: [[Digits; 256]; 4] = bytes();
+
+impl Sequence {
+    pub(super) fn new(key: u64, index: u32) -> Self {
+        Self {
+            key,
+            index,
+            reversed: index.reverse_bits(),
+        }
+    }
+
+    /// Bits of this point in a set, and 64 more of the whole sequence.
+    #[inline(always)]
+    fn point(&self, set: u32) -> (Digits, u64) {
+        let a = mix(self
+            .key
+            .wrapping_add(u64::from(set).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
+        let b = mix(a ^ 0xd1b5_4a32_d192_ed03);
+        let order = a.wrapping_add(b.rotate_left(32));
+        // A permutation of every aligned run of 256 points keeps its elementary intervals. Longer runs need none: their
+        // numbers are the ninth digits and later ones of a point.
+        let place = scramble(self.reversed, order as u32) >> 24;
+        let mut digits = BYTES[0][place as usize];
+        let mut rest = self.index >> 8;
+        let mut byte = 1;
+        while rest > 0 {
+            let row = &BYTES[byte][(rest & 0xff) as usize];
+            digits = std::array::from_fn(|d| digits[d] ^ row[d]);
+            rest >>= 8;
+            byte += 1;
+        }
+        let seeds = [a as u32, (a >> 32) as u32, b as u32, (b >> 32) as u32];
+        let bits = std::array::from_fn(|d| scramble(digits[d], seeds[d]).reverse_bits());
+        (bits, order)
+    }
+
+    #[inline]
+    pub(super) fn film(&self) -> Vec2 {
+        let ([x, y, ..], _) = self.point(0);
+        Vec2::new(unit(x), unit(y))
+    }
+
+    #[inline]
+    pub(super) fn lens(&self) -> Vec2 {
+        let ([_, _, x, y], _) = self.point(0);
+        Vec2::new(unit(x), unit(y))
+    }
+
+    /// Numbers of vertex `n`, from 0.
+    #[inline(never)]
+    pub(super) fn vertex(&self, n: u32) -> VertexU {
+        let ([x, y, pick, material], spare) = self.point(2 * n + 1);
+        let ([u, v, lobe, roulette], _) = self.point(2 * n + 2);
+        let spare = mix(spare ^ u64::from(self.index)) >> 43;
+        let pick = u64::from(pick) << 21 | spare;
+        VertexU {
+            material: unit(material),
+            light: LightU {
+                pick: pick as f64 * (0.5 * f64::EPSILON),
+                at: Vec2::new(unit(x), unit(y)),
+            },
+            lobe: [unit(lobe), unit(u), unit(v)],
+            roulette: unit(roulette),
+        }
+    }
+}
+
+/// Owen scrambling of reversed digits: each changes with the digits before it only. The hash is Laine and Karras'
+/// (*Stratified Sampling for Stochastic Transparency*, EGSR 2011) with the constants of Vegdahl (*Building a Better LK
+/// Hash*, 2021).
+#[inline(always)]
+fn scramble(mut x: u32, seed: u32) -> u32 {
+    x ^= x.wrapping_mul(0x3d20_adea);
+    x = x.wrapping_add(seed);
+    x = x.wrapping_mul((seed >> 16) | 1);
+    x ^= x.wrapping_mul(0x0552_6c56);
+    x ^ x.wrapping_mul(0x53a2_2864)
+}
+
+const fn bytes() -> [[Digits; 256]; 4] {
+    let columns = columns();
+    let mut bytes = [[[0; 4]; 256]; 4];
+    let mut byte = 0;
+    while byte < 4 {
+        let mut value = 0;
+        while value < 256 {
+            let mut bit = 0;
+            while bit < 8 {
+                let at = if byte == 0 { 7 - bit } else { bit };
+                if value >> at & 1 == 1 {
+                    let mut d = 0;
+                    while d < 4 {
+                        bytes[byte][value][d] ^= columns[d][8 * byte + bit];
+                        d += 1;
+                    }
+                }
+                bit += 1;
+            }
+            value += 1;
+        }
+        byte += 1;
+    }
+    bytes
+}
+
+/// Generator matrices with reversed rows, column by column.
+const fn columns() -> [[u32; 32]; 4] {
+    // The primitive polynomials 1 + x, 1 + x + x² and 1 + x + x³ over GF(2): degree, inner coefficients, first m.
+    let polynomials: [(usize, u64, [u64; 3]); 3] =
+        [(1, 0, [1, 0, 0]), (2, 1, [1, 3, 0]), (3, 1, [1, 3, 1])];
+    let mut columns = [[0; 32]; 4];
+    let mut bit = 0;
+    while bit < 32 {
+        columns[0][bit] = 1 << bit;
+        bit += 1;
+    }
+    let mut d = 0;
+    while d < 3 {
+        let (degree, inner, first) = polynomials[d];
+        let mut m = [0u64; 32];
+        let mut k = 0;
+        while k < 32 {
+            if k < degree {
+                m[k] = first[k];
+            } else {
+                m[k] = m[k - degree] ^ (m[k - degree] << degree);
+                let mut i = 1;
+                while i < degree {
+                    if inner >> (degree - 1 - i) & 1 == 1 {
+                        m[k] ^= m[k - i] << i;
+                    }
+                    i += 1;
+                }
+            }
+            // m has k + 1 digits, of which the first is the highest.
+            columns[d + 1][k] = (m[k] as u32).reverse_bits() >> (31 - k);
+            k += 1;
+        }
+        d += 1;
+    }
+    columns
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points of a set, digits as fractions of 2³².
+    fn points(key: u64, set: u32, n: u32) -> Vec<Digits> {
+        let point = |i| Sequence::new(key, i).point(set).0;
+        (0..n).map(point).collect()
+    }
+
+    #[test]
+    fn elementary_intervals_of_every_number_and_pair_hold_one_point() {
+        for (key, set) in [(1, 0), (2, 1), (3, 7)] {
+            let points = points(key, set, 4096);
+            for m in [0u32, 1, 4, 5, 8, 10, 12] {
+                for run in points.chunks(1 << m) {
+                    for a in 0..=m {
+                        // Columns of width 2^-a and rows of height 2^-(m - a).
+                        let cell = |x: u32, y: u32| {
+                            let column = u64::from(x) << a >> 32;
+                            let row = u64::from(y) << (m - a) >> 32;
+                            (column << (m - a) | row) as usize
+                        };
+                        let mut seen = vec![[false; 4]; 1 << m];
+                        for p in run {
+                            seen[cell(p[0], p[1])][0] = true;
+                            // Each of the others alone.
+                            seen[cell(p[2], p[2]) >> (m - a)][1] = true;
+                            seen[cell(p[3], p[3]) >> (m - a)][2] = true;
+                        }
+                        let count = |i: usize| seen.iter().filter(|s| s[i]).count();
+                        assert_eq!(count(0), 1 << m, "{key} {set} {m} {a}");
+                        assert_eq!((count(1), count(2)), (1 << a, 1 << a), "{m} {a}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// χ² of counts over equal cells in units of its standard deviation.
+    fn deviation(counts: &[u32]) -> f64 {
+        let n: u32 = counts.iter().sum();
+        let expected = f64::from(n) / counts.len() as f64;
+        let far = |&c: &u32| (f64::from(c) - expected).powi(2) / expected;
+        let freedom = (counts.len() - 1) as f64;
+        (counts.iter().map(far).sum::<f64>() - freedom) / (2.0 * freedom).sqrt()
+    }
+
+    /// Uniform over keys, for any number of a sample, and so are pairs of numbers of one sample, within sets and across.
+    #[test]
+    fn chi_square_of_one_sample_over_sequences() {
+        for index in [0, 1, 5, 200, 77_000] {
+            let numbers = |key: u64| -> Vec<u32> {
+                let sequence = Sequence::new(mix(key), index);
+                let sets = (0..3).map(|set| sequence.point(set).0);
+                sets.flat_map(|p| p.map(|x| x >> 28)).collect()
+            };
+            let mut pairs = vec![[0u32; 256]; 12 * 12];
+            for key in 0..40_000 {
+                let numbers = numbers(key);
+                for (i, x) in numbers.iter().enumerate() {
+                    for (j, y) in numbers[..i].iter().enumerate() {
+                        pairs[12 * i + j][(x << 4 | y) as usize] += 1;
+                    }
+                }
+            }
+            for i in 0..12 {
+                for j in 0..i {
+                    let far = deviation(&pairs[12 * i + j]);
+                    assert!(far < 5.5, "numbers {i} and {j} of sample {index}: {far}");
+                }
+            }
+        }
+    }
+
+    /// Pairs of numbers of different sets over the samples of one sequence are as good as independent.
+    #[test]
+    fn chi_square_of_pairs_across_sets_over_samples() {
+        let (n, runs) = (256, 200);
+        let mut counts = vec![[0u32; 256]; 16];
+        for key in 0..runs {
+            let key = mix(key);
+            let (a, b) = (points(key, 1, n), points(key, 2, n));
+            for (p, q) in a.iter().zip(&b) {
+                for d in 0..16 {
+                    let cell = p[d / 4] >> 28 << 4 | q[d % 4] >> 28;
+                    counts[d][cell as usize] += 1;
+                }
+            }
+        }
+        for (d, counts) in counts.iter().enumerate() {
+            // Each number alone is stratified, so that counts vary less than independent ones, not more.
+            assert!(deviation(counts) < 4.0, "{d}: {}", deviation(counts));
+        }
+    }
+
+    /// Pictures of a seed must never change.
+    #[test]
+    fn determinism_of_points() {
+        let bits = Sequence::new(7, 5).point(3).0;
+        let expected = [0x6518_90ae, 0xa097_2a4d, 0x3f36_8f7e, 0x1402_4938];
+        assert_eq!(bits, expected, "{bits:#010x?}");
+    }
+}
