@@ -58,6 +58,14 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     }
     let stop = Stop::listen();
     let mut method = job::method(args)?;
+    if method.table_scenes == Some(1) {
+        tracing::warn!(
+            "--opsr-table: a table of one scene, such as --preset smoke learns, suits no other"
+        );
+    }
+    if method.rule.table().is_some() && args.scene.has_ggx_lobes() {
+        tracing::warn!("--distribution ggx: tables are learned for Beckmann lobes");
+    }
     let opened = args.scene.open()?;
     stop.begin();
     let pilot = Instant::now();

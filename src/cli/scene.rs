@@ -110,6 +110,11 @@ impl SceneArgs {
         self.open_as(Scene::outline)
     }
 
+    /// True if glossy lobes have glTF's own distribution.
+    pub(super) fn has_ggx_lobes(&self) -> bool {
+        matches!(self.distribution, Lobes::Ggx)
+    }
+
     fn open_as(&self, build: fn(SceneParts) -> Scene) -> anyhow::Result<Opened> {
         let distribution = match self.distribution {
             Lobes::Beckmann => Distribution::Beckmann,

@@ -216,6 +216,8 @@ pub struct Method {
     pub rule: Rule,
     /// SHA-256 of the table's file, in hexadecimal digits.
     pub table_sha256: Option<String>,
+    /// Number of scenes that the table was learned from, if its file says so.
+    pub table_scenes: Option<usize>,
 }
 
 impl MethodSpec {
@@ -335,7 +337,7 @@ impl MethodSpec {
 
     /// The method; a table is read from its file.
     pub fn resolve(&self) -> Result<Method, FileError> {
-        let mut table_sha256 = None;
+        let (mut table_sha256, mut table_scenes) = (None, None);
         let accumulated = |factors| {
             Rule::Accumulated(Accumulated {
                 factors,
@@ -351,6 +353,7 @@ impl MethodSpec {
             (_, None, Some(path)) => {
                 let file = TableFile::load(path)?;
                 table_sha256 = Some(hex(&file.digest()));
+                table_scenes = file.provenance.as_ref().map(|p| p.scenes.len());
                 let mut table = file.table.tuned(TableTuning {
                     scale: 1.0,
                     contrast: self.table_contrast,
@@ -380,6 +383,7 @@ impl MethodSpec {
             estimator,
             rule,
             table_sha256,
+            table_scenes,
         })
     }
 }

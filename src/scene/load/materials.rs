@@ -46,6 +46,7 @@ pub(super) fn materials(
             material: i as u32,
             uv_set: reader.uv_set.unwrap_or(0),
             emits: material.emission != Rgb::ZERO,
+            textured: material.is_textured(),
             brushed: material.anisotropy().is_some(),
         });
         materials.push(material);

@@ -39,6 +39,8 @@ pub(super) struct Slot {
     pub(super) uv_set: u32,
     /// True if it emits light.
     pub(super) emits: bool,
+    /// True if it has textures, and needs their coordinates.
+    pub(super) textured: bool,
     /// True if it is brushed, and needs tangents.
     pub(super) brushed: bool,
 }
@@ -306,6 +308,7 @@ fn mesh(
     let Some(&Slot {
         material,
         uv_set,
+        textured,
         brushed,
         ..
     }) = slots.get(slot)
@@ -327,6 +330,11 @@ fn mesh(
     }
     mesh.indices = faces(&primitive.mode, &corners, place, warnings);
     mesh.material = material;
+    if textured && mesh.uvs.is_empty() {
+        warnings.say(format!(
+            "{place}: no TEXCOORD_{uv_set}: textures show the texel at (0, 0)"
+        ));
+    }
     if brushed && mesh.tangents.is_empty() {
         if mesh.uvs.is_empty() {
             warnings.say(format!(

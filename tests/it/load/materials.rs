@@ -122,6 +122,18 @@ fn load_anisotropy() {
     }
 }
 
+#[test]
+fn textures_without_coordinates_get_a_warning() {
+    let mut file = File::triangle();
+    file.texture(&DynamicImage::ImageRgb8(RgbImage::new(1, 1)));
+    let pbr = json!({ "baseColorTexture": { "index": 0 } });
+    file.push("materials", json!({ "pbrMetallicRoughness": pbr }));
+    file.primitive()["material"] = json!(0);
+    let warnings = file.loaded().warnings;
+    let said = |w: &String| w.contains("no TEXCOORD_0: textures show the texel");
+    assert!(warnings.iter().any(said), "{warnings:?}");
+}
+
 /// A closed ball and an open pane of one material without a thickness, and of one that says it has none.
 #[test]
 fn load_closed_transmission_without_thickness() {
