@@ -21,6 +21,7 @@ pub mod clearcoated;
 pub mod distribution;
 pub mod fresnel;
 pub mod lobes;
+mod slope;
 
 pub use clearcoated::{Clearcoated, clearcoated};
 pub use distribution::{Distribution, LobeReal};
