@@ -22,10 +22,13 @@ from ._opsr import (
     Step,
     Table,
     __version__,
+    bench,
     compare,
     merge,
+    record,
     render,
     resolve,
+    study,
     train,
 )
 
@@ -37,9 +40,12 @@ __all__ = [
     "Step",
     "Table",
     "__version__",
+    "bench",
     "compare",
     "merge",
+    "record",
     "render",
     "resolve",
+    "study",
     "train",
 ]

@@ -2,10 +2,11 @@
 
 import os
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, overload
+from typing import Any, Literal, TypedDict, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import Unpack
 
 Path = str | os.PathLike[str]
 Picture = NDArray[np.float32]
@@ -93,6 +94,8 @@ class Film:
     def spp(self) -> int: ...
     @property
     def seconds(self) -> float: ...
+    @property
+    def metadata(self) -> dict[str, str]: ...
     def save(self, path: Path, *, exposure: float | None = None) -> None: ...
 
 class Resolved:
@@ -119,61 +122,49 @@ class Step:
     @property
     def log(self) -> dict[str, Any] | None: ...
 
+class _Options(TypedDict, total=False):
+    """Options of `render`."""
+
+    camera: str | int | None
+    size: tuple[int, int] | None
+    crop: tuple[int, int, int, int] | None
+    spp: int | None
+    time: float | None
+    target_error: float | None
+    seed: int
+    table: Table | Path | None
+    table_scale: float | Literal["auto"] | None
+    table_energy: float | None
+    gamma: float | None
+    rule: Literal["pbrt", "filter-glossy", "roughness-clamp", "mollifier"] | None
+    filter: float | None
+    reuse: bool
+    consistent: float | None
+    integrator: Literal["path", "light", "bdpt", "vcm", "sppm", "mlt", "auto"]
+    radius: float | None
+    radius_alpha: float | None
+    connections: Literal["all", "nee"] | None
+    mlt_pass: int | None
+    aperture: float | None
+    focus: float | None
+    levels: int | Sequence[float] | None
+    max_vertices: int
+    sampler: Literal["sobol", "independent"]
+    threads: int | None
+    aov: bool | str | Sequence[str] | None
+    on_progress: Callable[[Progress], bool | None] | None
+
 @overload
 def render(
-    scene: Scene,
-    *,
-    camera: str | int | None = None,
-    size: tuple[int, int] | None = None,
-    crop: tuple[int, int, int, int] | None = None,
-    spp: int | None = None,
-    time: float | None = None,
-    target_error: float | None = None,
-    seed: int = 0,
-    table: Table | Path | None = None,
-    table_scale: float | Literal["auto"] | None = None,
-    gamma: float | None = None,
-    rule: Literal["pbrt", "filter-glossy", "roughness-clamp", "mollifier"] | None = None,
-    filter: float | None = None,
-    reuse: bool = False,
-    consistent: float | None = None,
-    integrator: str = "path",
-    levels: int | Sequence[float] | None = None,
-    max_vertices: int = 16,
-    sampler: str = "sobol",
-    threads: int | None = None,
-    aov: bool | str | Sequence[str] | None = None,
-    on_progress: Callable[[Progress], bool | None] | None = None,
-    part: None = None,
-    samples: None = None,
+    scene: Scene, *, part: None = None, samples: None = None, **options: Unpack[_Options]
 ) -> Film: ...
 @overload
 def render(
     scene: Scene,
     *,
-    camera: str | int | None = None,
-    size: tuple[int, int] | None = None,
-    crop: tuple[int, int, int, int] | None = None,
-    spp: int | None = None,
-    time: float | None = None,
-    target_error: float | None = None,
-    seed: int = 0,
-    table: Table | Path | None = None,
-    table_scale: float | Literal["auto"] | None = None,
-    gamma: float | None = None,
-    rule: Literal["pbrt", "filter-glossy", "roughness-clamp", "mollifier"] | None = None,
-    filter: float | None = None,
-    reuse: bool = False,
-    consistent: float | None = None,
-    integrator: str = "path",
-    levels: int | Sequence[float] | None = None,
-    max_vertices: int = 16,
-    sampler: str = "sobol",
-    threads: int | None = None,
-    aov: bool | str | Sequence[str] | None = None,
-    on_progress: Callable[[Progress], bool | None] | None = None,
     part: Path,
     samples: tuple[int, int] | None = None,
+    **options: Unpack[_Options],
 ) -> None: ...
 def merge(
     parts: Sequence[Path], *, spp: int | None = None, crop: tuple[int, int, int, int] | None = None
@@ -190,5 +181,28 @@ def train(
     config: dict[str, Any] | Path | None = None,
     *,
     on_step: Callable[[Step], bool | None] | None = None,
+    recordings: Path | None = None,
     threads: int | None = None,
 ) -> list[Table]: ...
+def record(
+    config: dict[str, Any] | Path | None,
+    folder: Path,
+    *,
+    crops: tuple[int, int] | None = None,
+    threads: int | None = None,
+) -> list[dict[str, Any]]: ...
+def study(
+    config: dict[str, Any] | Path | None = None,
+    *,
+    families: Sequence[str] | None = None,
+    recordings: Path | None = None,
+    threads: int | None = None,
+) -> list[dict[str, Any]]: ...
+def bench(
+    suite: Path,
+    output: Path,
+    *,
+    scenes: Sequence[str] | None = None,
+    on_progress: Callable[[str, int, int], bool | None] | None = None,
+    threads: int | None = None,
+) -> dict[str, Any]: ...

@@ -1,4 +1,4 @@
-"""Renders and trainings on a Dask cluster: this machine's cores, hosts over SSH, or a queue such as Slurm's.
+"""Renders, trainings, studies and benches on a Dask cluster: this machine's cores, hosts over SSH, or a queue such as Slurm's.
 
     from dask.distributed import Client, LocalCluster       # or dask_jobqueue.SLURMCluster, and the same lines
     import opsr.dask
@@ -7,12 +7,13 @@
     film = opsr.dask.render(client, "/shared/scene.glb", size=(1920, 1080), spp=1024, table="beta-0.001")
     tables = opsr.dask.train(client, [{"preset": "smoke", "seed": seed} for seed in range(8)])
 
-A render is split into parts, each a task; its film has the bytes of the single render, whichever worker made what. A task
-whose worker dies is done again by another. Files are read by the workers: give paths that all of them see. Dask's dashboard
-shows the tasks.
+Work is split into tasks, whose results are put together in order: those of a single process, whichever worker made what. A
+task whose worker dies is done again by another. Files are read by the workers: give paths that all of them see. Dask's
+dashboard shows the tasks.
 """
 
 import functools
+import json
 import os
 import pathlib
 import tempfile
@@ -20,12 +21,44 @@ import tempfile
 from dask.distributed import as_completed, get_worker
 
 from . import Scene, Table, merge
+from . import bench as _bench
+from . import record as _record
 from . import render as _render
+from . import study as _study
 from . import train as _train
 
-__all__ = ["render", "train"]
+__all__ = ["bench", "record", "render", "study", "train"]
 
 _PATH = "path"
+
+
+def _threads():
+    """Threads of this worker for a task."""
+    return get_worker().state.nthreads
+
+
+def _done(client, work, jobs, retries):
+    """Results of work on jobs, in order. Tasks are named after the work; an error or Ctrl-C cancels those that are left."""
+    futures = client.map(work, jobs, pure=False, retries=retries, key=f"opsr.{work.__name__.strip('_')}")
+    try:
+        return client.gather(futures)
+    finally:
+        client.cancel(futures)
+
+
+def _packed(table):
+    """The bytes of a table's file."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = pathlib.Path(folder) / "table.json"
+        table.save(file)
+        return file.read_bytes()
+
+
+def _unpacked(data):
+    with tempfile.TemporaryDirectory() as folder:
+        file = pathlib.Path(folder) / "table.json"
+        file.write_bytes(data)
+        return Table.load(file)
 
 
 @functools.lru_cache(maxsize=1)
@@ -33,12 +66,15 @@ def _scene(path, changed, options):
     return Scene.load(path, **dict(options))
 
 
-def _part(path, load, options, crop, samples):
+def _part(job):
     """A part of a render: the bytes of its file."""
+    path, load, options, crop, samples = job
+    if isinstance(options.get("table"), bytes):
+        options = {**options, "table": _unpacked(options["table"])}
     scene = _scene(path, os.stat(path).st_mtime_ns, load)
     with tempfile.TemporaryDirectory() as folder:
         file = pathlib.Path(folder) / "part"
-        _render(scene, crop=crop, part=file, samples=samples, threads=get_worker().state.nthreads, **options)
+        _render(scene, crop=crop, part=file, samples=samples, threads=_threads(), **options)
         return file.read_bytes()
 
 
@@ -77,14 +113,14 @@ def render(client, scene, *, size, spp, crop=None, integrator=_PATH, parts=None,
         if name in options:
             raise TypeError(f"{name}: not known to a render on a cluster")
     options.update(size=size, spp=spp, integrator=integrator)
+    if isinstance(options.get("table"), Table):
+        options["table"] = _packed(options["table"])
     workers = max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
     whole = crop or (0, 0, *size)
-    jobs = _split(whole, spp, integrator, parts or 4 * workers)
     load = tuple(sorted((load or {}).items()))
-    futures = [
-        client.submit(_part, os.fspath(scene), load, options, *job, pure=False, retries=retries, key=f"opsr-{id(jobs)}-{k}")
-        for k, job in enumerate(jobs)
-    ]
+    split = _split(whole, spp, integrator, parts or 4 * workers)
+    jobs = [(os.fspath(scene), load, options, *part) for part in split]
+    futures = client.map(_part, jobs, pure=False, retries=retries, key="opsr.part")
     moved, files = 0, []
     try:
         with tempfile.TemporaryDirectory() as folder:
@@ -102,28 +138,85 @@ def render(client, scene, *, size, spp, crop=None, integrator=_PATH, parts=None,
         client.cancel(futures)
 
 
-def _learn(config):
+def _crop(job):
+    config, folder, index = job
+    _record(config, folder, crops=(index, index + 1), threads=_threads())
+
+
+def record(client, config, folder, *, retries=3):
+    """Records a training on a cluster, one task for each crop: the files of `opsr.record`, whose result it returns.
+
+    folder: for the workers to write; recordings that it has whole are kept.
+    """
+    crops = _record(config, folder, crops=(0, 0))
+    _done(client, _crop, [(config, os.fspath(folder), index) for index in range(len(crops))], retries)
+    return crops
+
+
+def _learn(job):
     """Trains tables: the bytes of their files."""
+    config, recordings = job
+    return [_packed(table) for table in _train(config, recordings=recordings, threads=_threads())]
+
+
+def train(client, configs, *, recordings=None, retries=3):
+    """Trains tables on a cluster, one task for each configuration of `opsr.train`: a list of lists of Tables.
+
+    recordings: a folder of recordings for all of them, such as `record` makes; without it each records anew.
+    """
+    jobs = [(config, recordings and os.fspath(recordings)) for config in configs]
+    return [[_unpacked(data) for data in tables] for tables in _done(client, _learn, jobs, retries)]
+
+
+def _family(job):
+    config, recordings, family = job
+    return _study(config, families=[family], recordings=recordings, threads=_threads())
+
+
+def study(client, config, recordings, *, retries=3):
+    """Scores tables on families of scenes that they were not learned from: the result of `opsr.study`, bit by bit.
+
+    Crops are recorded first, one task each; then each family is a task, which reads all recordings.
+
+    recordings: folder for the workers to write and read, as of `record`.
+    """
+    crops = record(client, config, recordings, retries=retries)
+    families = dict.fromkeys(crop["family"] for crop in crops if crop["training"])
+    jobs = [(config, os.fspath(recordings), family) for family in families]
+    scores = [score for scores in _done(client, _family, jobs, retries) for score in scores]
+    # Beta by beta, as a single study. Sorting keeps the order of the families.
+    betas = list(dict.fromkeys(score["beta"] for score in scores))
+    return sorted(scores, key=lambda score: betas.index(score["beta"]))
+
+
+def _measure(job):
+    suite, scene = job
     with tempfile.TemporaryDirectory() as folder:
-        file = pathlib.Path(folder) / "table.json"
-        saved = []
-        for table in _train(config, threads=get_worker().state.nthreads):
-            table.save(file)
-            saved.append(file.read_bytes())
-        return saved
+        return _bench(suite, pathlib.Path(folder) / "results.json", scenes=[scene], threads=_threads())
 
 
-def train(client, configs, *, retries=3):
-    """Trains tables on a cluster, one task for each configuration of `opsr.train`: a list of lists of Tables."""
-    futures = client.map(_learn, list(configs), pure=False, retries=retries)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            file = pathlib.Path(folder) / "table.json"
+def bench(client, suite, output, *, retries=3):
+    """Measures methods against each other on a cluster, one task for each scene: the results of `opsr.bench`.
 
-            def table(data):
-                file.write_bytes(data)
-                return Table.load(file)
+    All methods of a scene are measured by one worker, in turns, so that their times can be compared. Let nothing else run
+    beside it: one worker for each machine, with as many threads as it has cores.
 
-            return [[table(data) for data in saved] for saved in client.gather(futures)]
-    finally:
-        client.cancel(futures)
+    suite: path of the suite, for the workers to read.
+    output: file of the results (.json), for `opsr report`; it is replaced.
+
+    Returns the results. Errors of pictures are those of a single bench; "cpu" in "machine" names all processors.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        results = _bench(suite, pathlib.Path(folder) / "results.json", scenes=[])
+    jobs = [(os.fspath(suite), scene["name"]) for scene in results["suite"]["scene"]]
+    parts = _done(client, _measure, jobs, retries)
+    for key in ("scenes", "cells", "products", "insets"):
+        results[key] = [item for part in parts for item in part[key]]
+    processors = dict.fromkeys(part["machine"]["cpu"] for part in parts)
+    results["machine"] = {**parts[0]["machine"], "cpu": ", ".join(processors)}
+    text = json.dumps(results, separators=(",", ":"), allow_nan=False) + "\n"
+    whole = pathlib.Path(output)
+    begun = whole.with_name(whole.name + ".begun")
+    begun.write_text(text)
+    begun.replace(whole)
+    return results

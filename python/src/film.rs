@@ -22,6 +22,8 @@ pub(crate) struct Film {
     pub(crate) layers: Vec<Layer>,
     /// World to camera.
     pub(crate) camera: [f32; 16],
+    /// Text in the file of the picture: a dict of settings by name.
+    #[pyo3(get)]
     pub(crate) metadata: Metadata,
     /// Samples per pixel.
     #[pyo3(get)]

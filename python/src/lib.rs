@@ -4,6 +4,7 @@
 //! into exceptions with the same messages.
 
 mod array;
+mod bench;
 mod compare;
 mod errors;
 mod film;
@@ -17,6 +18,8 @@ mod work;
 #[pyo3::pymodule]
 mod _opsr {
     #[pymodule_export]
+    use super::bench::bench;
+    #[pymodule_export]
     use super::compare::compare;
     #[pymodule_export]
     use super::film::{Film, Resolved, resolve};
@@ -27,7 +30,7 @@ mod _opsr {
     #[pymodule_export]
     use super::table::Table;
     #[pymodule_export]
-    use super::train::{Step, train};
+    use super::train::{Step, record, study, train};
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

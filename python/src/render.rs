@@ -3,7 +3,7 @@
 use crate::errors::{argument, file};
 use crate::film::Film;
 use crate::scene::Scene;
-use crate::table::{Table, unit};
+use crate::table::{Table, positive, unit};
 use crate::work::{Hear, Link, watched};
 use opsr::files::FileError;
 use opsr::image::exr::Metadata;
@@ -19,15 +19,16 @@ use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
 use opsr::regularise::{Factors, Rule};
-use opsr::scene::Camera;
+use opsr::scene::{Camera, Lens};
 use opsr::tune;
+use opsr::tune::integrator::{Contender, Horizon, choose_integrator, left_after};
 use opsr::tune::resolve::{Resolve, relative_error, resolve_film};
 use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyInt, PyString};
 use serde_json::json;
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Samples per pixel of a render without a budget.
 const DEFAULT_SPP: u32 = 128;
@@ -65,6 +66,7 @@ impl From<RenderProgress> for Progress {
 /// seed: seed of all random numbers, from 0 to 2**64 - 1.
 /// table: learned attenuation factors: a Table, a file, or "beta-0.001" or "beta-0.05".
 /// table_scale: factor on the table's factors instead of its own, or "auto": a pilot chooses it, and the contrast.
+/// table_energy: with table_scale="auto": reject what changes the mean of the picture by more than this share.
 /// gamma: one attenuation factor from 0 to 1 for all paths, instead of a table.
 /// rule: a rule of other renderers instead of both, for comparison: "pbrt", "filter-glossy", "roughness-clamp" or
 ///     "mollifier".
@@ -73,7 +75,14 @@ impl From<RenderProgress> for Progress {
 /// consistent: exponent between 0 and 0.5 with which the bias vanishes: sample n roughens by n**-consistent of the full
 ///     amount; needs a table or gamma.
 /// integrator: "path", "light", "bdpt", "vcm", "sppm" or "mlt"; "light" and "sppm" take no table or gamma, and only "bdpt" and
-///     "mlt" a rule, the mollifier.
+///     "mlt" a rule, the mollifier. "auto" takes the one of the first five with the least expected error, by a pilot of a few
+///     per cent of the render; `Film.metadata` says which.
+/// radius, radius_alpha: first radius within which the photons of "vcm" and "sppm" count, in scene units, above 0, by default
+///     twice a pixel's footprint; and its shrinking, above 0 and at most 1, by default 2/3.
+/// connections: "all" or "nee" (light samples only) of "vcm".
+/// mlt_pass: mutations per pixel of one sample of "mlt", from 1 to 65536; 16 by default.
+/// aperture, focus: radius of the camera's lens, 0 for none, and distance that is in focus, in scene units; by default those
+///     of the file.
 /// levels: several amounts of roughening on the same paths, of which every pixel gets the best: their number from 1 to 8, or
 ///     the scales of the table's or the constant factor, ascending from 0. One by default, where the program has five.
 /// max_vertices: scattering vertices of the longest path, from 1 to 65536.
@@ -89,8 +98,9 @@ impl From<RenderProgress> for Progress {
 #[pyfunction]
 #[pyo3(signature = (
     scene, *, camera=None, size=None, crop=None, spp=None, time=None, target_error=None, seed=0, table=None,
-    table_scale=None, gamma=None, rule=None, filter=None, reuse=false, consistent=None, integrator="path", levels=None,
-    max_vertices=16, sampler="sobol", threads=None, aov=None, on_progress=None, part=None, samples=None
+    table_scale=None, table_energy=None, gamma=None, rule=None, filter=None, reuse=false, consistent=None,
+    integrator="path", radius=None, radius_alpha=None, connections=None, mlt_pass=None, aperture=None, focus=None,
+    levels=None, max_vertices=16, sampler="sobol", threads=None, aov=None, on_progress=None, part=None, samples=None
 ))]
 #[allow(clippy::too_many_arguments)]
 pub(crate) fn render(
@@ -105,12 +115,19 @@ pub(crate) fn render(
     seed: u64,
     table: Option<&Bound<'_, PyAny>>,
     table_scale: Option<&Bound<'_, PyAny>>,
+    table_energy: Option<f32>,
     gamma: Option<f32>,
     rule: Option<&str>,
     filter: Option<f32>,
     reuse: bool,
     consistent: Option<f32>,
     integrator: &str,
+    radius: Option<f32>,
+    radius_alpha: Option<f32>,
+    connections: Option<&str>,
+    mlt_pass: Option<u32>,
+    aperture: Option<f32>,
+    focus: Option<f32>,
     levels: Option<&Bound<'_, PyAny>>,
     max_vertices: u32,
     sampler: &str,
@@ -122,7 +139,8 @@ pub(crate) fn render(
 ) -> PyResult<Option<Film>> {
     let scene = scene.get();
     let frame = frame(scene, camera, size)?;
-    let camera = scene.camera(camera, frame.x as f32 / frame.y as f32)?;
+    let mut camera = scene.camera(camera, frame.x as f32 / frame.y as f32)?;
+    camera.lens = lens(camera.lens, aperture, focus)?;
     let budget = budget(spp, time, target_error)?;
     if !(1..=65536).contains(&max_vertices) {
         return Err(argument("max_vertices", "expected 1 to 65536"));
@@ -131,6 +149,11 @@ pub(crate) fn render(
     let scale = table_scale.map(scale).transpose()?;
     if scale.is_some() && table.is_none() {
         return Err(argument("table_scale", "needs a table"));
+    }
+    let energy = table_energy.map(|x| unit("table_energy", x)).transpose()?;
+    let tuned = matches!(scale, Some(Scale::Auto));
+    if energy.is_some() && !tuned {
+        return Err(argument("table_energy", "needs table_scale=\"auto\""));
     }
     let mut spec = spec(
         table.is_some(),
@@ -143,14 +166,45 @@ pub(crate) fn render(
     )?;
     spec.sampler = serde_json::from_value(json!(sampler))
         .map_err(|e: serde_json::Error| argument("sampler", e))?;
-    let mut settings = settings(spec.clone(), table.as_ref(), scale)?;
-    (settings.max_vertices, settings.seed) = (max_vertices, seed);
-    settings.levels = levels.map(scales).transpose()?.unwrap_or_default();
+    let known = |text| serde_json::from_value(json!(text)).map_err(|e| argument("connections", e));
+    spec.connections = connections.map(known).transpose()?;
+    spec.radius = radius.map(|r| positive("radius", r)).transpose()?;
+    spec.radius_alpha = radius_alpha
+        .map(|a| positive("radius_alpha", a).and_then(|a| unit("radius_alpha", a)))
+        .transpose()?;
+    if mlt_pass.is_some_and(|n| !(1..=65536).contains(&n)) {
+        return Err(argument("mlt_pass", "expected 1 to 65536"));
+    }
+    spec.mlt_pass = mlt_pass;
+    spec.refused().map_err(PyValueError::new_err)?;
+    let scales = levels.map(scales).transpose()?.unwrap_or_default();
+    let aovs = aov.map(layers).transpose()?.unwrap_or_default();
+    let settings = |spec: MethodSpec| -> PyResult<Settings> {
+        let mut settings = settings(spec.clone(), table.as_ref(), scale)?;
+        (settings.max_vertices, settings.seed) = (max_vertices, seed);
+        if spec.integrator.is_path() || spec.integrator == IntegratorKind::Auto {
+            settings.levels.clone_from(&scales);
+        }
+        Ok(settings)
+    };
+    let mut contenders = Vec::new();
+    if spec.integrator == IntegratorKind::Auto {
+        if tuned {
+            let what = "auto chooses for itself: no table_scale=\"auto\"";
+            return Err(argument("integrator", what));
+        }
+        for spec in spec.contenders() {
+            let (kind, settings) = (spec.integrator, settings(spec)?);
+            if kind.is_path() || check_layers(&aovs, &settings).is_ok() {
+                contenders.push(Contender { kind, settings });
+            }
+        }
+    }
+    let settings = settings(spec.clone())?;
     let fault = |e| argument("levels", e);
     settings.check_levels().map_err(fault)?;
     let fault = |e| argument("integrator", e);
     settings.check_scene(&scene.world, &camera).map_err(fault)?;
-    let aovs = aov.map(layers).transpose()?.unwrap_or_default();
     check_layers(&aovs, &settings)?;
     let window = crop.map_or(Window::full(frame), |(x, y, w, h)| Window { x, y, w, h });
     let name = if crop.is_some() { "crop" } else { "size" };
@@ -163,6 +217,8 @@ pub(crate) fn render(
         name,
         aovs,
         spec,
+        contenders,
+        energy,
         digest,
     };
     let mut hear = on_progress.map(|call| {
@@ -187,9 +243,8 @@ pub(crate) fn render(
     if samples.is_some() {
         return Err(argument("samples", "needs a part to write"));
     }
-    let auto = matches!(scale, Some(Scale::Auto));
     let made = watched(py, threads, hear, |link| {
-        job.film(settings, &budget, auto, link)
+        job.film(settings, budget, tuned, link)
     })?;
     Ok(Some(made.map_err(|e| argument(name, e))?))
 }
@@ -204,6 +259,10 @@ struct Job<'a> {
     name: &'static str,
     aovs: Vec<Aov>,
     spec: MethodSpec,
+    /// Integrators among which a pilot chooses.
+    contenders: Vec<Contender>,
+    /// Share by which a pilot may change the picture's mean.
+    energy: Option<f32>,
     /// SHA-256 of the table.
     digest: Option<String>,
 }
@@ -223,10 +282,10 @@ impl Job<'_> {
     }
 
     /// Text for the file of the picture, as the program writes it into reproducible files.
-    fn metadata(&self, settings: &Settings) -> Metadata {
+    fn metadata(&self, settings: &Settings, kind: IntegratorKind) -> Metadata {
         let path = self.scene.path.display().to_string();
         let mut metadata = settings.metadata(&path, &self.scene.sha256, self.digest.as_deref());
-        let words = self.spec.words(self.spec.integrator);
+        let words = self.spec.words(kind);
         metadata.extend(words.map(|(key, value)| (key.to_owned(), value)));
         metadata
     }
@@ -234,12 +293,30 @@ impl Job<'_> {
     fn film(
         &self,
         mut settings: Settings,
-        budget: &Budget,
-        auto: bool,
+        mut budget: Budget,
+        tuned: bool,
         link: &Link<RenderProgress>,
     ) -> Result<Film, FilmError> {
         let view = self.view();
-        if auto {
+        let mut kind = self.spec.integrator;
+        if kind == IntegratorKind::Auto {
+            let clock = Instant::now();
+            let horizon = match (budget.samples, budget.time) {
+                (Some(samples), _) => Horizon::Samples(samples),
+                (None, Some(time)) => {
+                    Horizon::Seconds(time.as_secs_f64() * rayon::current_num_threads() as f64)
+                }
+                (None, None) => Horizon::Samples(tune::SPP_OF_TARGET),
+            };
+            let go_on = || !link.stopped();
+            // Counted paths for time, so that the picture depends on the arguments alone.
+            let counted = budget.time.is_none();
+            let choice = choose_integrator(&self.contenders, &view, horizon, counted, &go_on)?;
+            let best = &self.contenders[choice.map_or(0, |choice| choice.best)];
+            (kind, settings) = (best.kind, best.settings.clone());
+            budget.time = budget.time.map(|time| left_after(time, clock.elapsed()));
+        }
+        if tuned {
             let samples = match (budget.samples, budget.time) {
                 (Some(samples), _) => samples,
                 (None, Some(time)) => tune::samples_in(time, &settings, &view)?,
@@ -248,15 +325,16 @@ impl Job<'_> {
             let go_on = || !link.stopped();
             let pilot = tune::choose_while(&settings, &view, samples, &go_on)?;
             if let Some((table, pilot)) = settings.rule.table_mut().zip(pilot) {
-                *table = table.tuned(pilot.tuning);
+                let within = |share: f32| pilot.within(share.into());
+                *table = table.tuned(self.energy.map_or(pilot.tuning, within));
             }
         }
         let (levels, recorded) = (settings.levels.len(), Aov::recorded(&self.aovs));
         let mut picture = Picture::blank(self.frame, self.window, levels, recorded)?;
         let listen = &mut |progress: &RenderProgress, _: &Picture| link.tell(|| *progress);
         let mut integrator = settings.integrator();
-        let (progress, _) = drive(&mut *integrator, &view, budget, 0, &mut picture, listen);
-        let mut metadata = self.metadata(&settings);
+        let (progress, _) = drive(&mut *integrator, &view, &budget, 0, &mut picture, listen);
+        let mut metadata = self.metadata(&settings, kind);
         stamp(&mut metadata, progress.samples, &picture);
         Ok(Film {
             choice: (picture.levels.as_ref()).map(|film| resolve_film(film, Resolve::default())),
@@ -278,6 +356,10 @@ impl Job<'_> {
         if wants(Aov::Position) || wants(Aov::Id) || wants(Aov::Time) {
             return Err(argument("aov", "a part keeps no position, id and time"));
         }
+        if self.spec.integrator == IntegratorKind::Auto {
+            let what = "auto chooses by a pilot, for each part anew: name one";
+            return Err(argument("integrator", what));
+        }
         if bounded || matches!(scale, Some(Scale::Auto)) {
             let what = "has a number of samples: no time, target_error or table_scale=\"auto\"";
             return Err(argument("part", what));
@@ -296,11 +378,12 @@ impl Job<'_> {
         let [first, light, _] = Aov::recorded(&self.aovs);
         // Parts of one render are made by one program, or by this package.
         let words = format!(
-            "Python: {}, {}x{}, camera {:?}, {:?}, scene {}",
+            "Python: {}, {}x{}, camera {:?}, {:?}, {:?}, scene {}",
             settings.fingerprint(),
             self.frame.x,
             self.frame.y,
             self.camera.name,
+            self.camera.lens,
             self.aovs,
             self.scene.words,
         );
@@ -312,7 +395,7 @@ impl Job<'_> {
         let levels = settings.levels.clone();
         let mut part = Part::new(fingerprint, &view, start..end, levels, [first, light]);
         part.layers = self.aovs.iter().map(|aov| aov.name()).collect();
-        part.metadata = self.metadata(settings);
+        part.metadata = self.metadata(settings, self.spec.integrator);
         let listen = &mut |progress: &RenderProgress| link.tell(|| *progress);
         part.render(&path, &mut *settings.integrator(), &view, listen)
     }
@@ -427,6 +510,21 @@ fn scale(scale: &Bound<'_, PyAny>) -> PyResult<Scale> {
     }
 }
 
+/// The lens of a camera whose file says `file`.
+fn lens(file: Option<Lens>, aperture: Option<f32>, focus: Option<f32>) -> PyResult<Option<Lens>> {
+    if aperture.is_some_and(|r| !(r >= 0.0 && r.is_finite())) {
+        return Err(argument("aperture", "expected a number, not below 0"));
+    }
+    let focus = focus.map(|x| positive("focus", x)).transpose()?;
+    let radius = aperture.or(file.map(|lens| lens.radius));
+    match (radius, focus.or(file.map(|lens| lens.focus))) {
+        (Some(0.0), _) | (None, None) => Ok(None),
+        (Some(radius), Some(focus)) => Ok(Some(Lens { radius, focus })),
+        (Some(_), None) => Err(argument("aperture", "needs focus")),
+        (None, Some(_)) => Err(argument("focus", "needs aperture")),
+    }
+}
+
 /// Layers by name; True stands for albedo, normal and depth.
 fn layers(aov: &Bound<'_, PyAny>) -> PyResult<Vec<Aov>> {
     if let Ok(some) = aov.cast::<PyBool>() {
@@ -522,16 +620,10 @@ fn spec(
         serde_json::from_value(json!({ "name": "", "method": "plain" })).map_err(fault)?;
     spec.integrator = integrator.map_err(fault)?;
     spec.method = kind;
-    if spec.integrator == IntegratorKind::Auto {
-        let what = "auto chooses by a pilot, which opsr render has; name one";
-        return Err(argument("integrator", what));
-    }
     spec.gamma = gamma.map(|gamma| unit("gamma", gamma)).transpose()?;
     (spec.filter, spec.lambda) = (filter, consistent);
-    // Named only for the check.
+    // Named only for checks.
     spec.table = table.then(PathBuf::new);
-    spec.refused().map_err(PyValueError::new_err)?;
-    spec.table = None;
     Ok(spec)
 }
 
@@ -541,6 +633,7 @@ fn settings(
     table: Option<&Bound<'_, Table>>,
     scale: Option<Scale>,
 ) -> PyResult<Settings> {
+    let table = table.filter(|_| spec.table.is_some());
     if table.is_some() {
         // Its place.
         spec.gamma = Some(0.0);

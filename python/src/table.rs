@@ -168,7 +168,8 @@ pub(crate) fn unit(name: &str, x: f32) -> PyResult<f32> {
     }
 }
 
-fn positive(name: &str, x: f32) -> PyResult<f32> {
+/// A number above 0.
+pub(crate) fn positive(name: &str, x: f32) -> PyResult<f32> {
     match x > 0.0 && x.is_finite() {
         true => Ok(x),
         false => Err(argument(name, "expected a number above 0")),

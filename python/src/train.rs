@@ -2,14 +2,17 @@
 
 use crate::errors::{argument, file};
 use crate::table::{Table, json};
-use crate::work::{Hear, watched};
+use crate::work::{Hear, Link, watched};
+use opsr::files::create_folder;
 use opsr::regularise::file::TableFile;
 use opsr::train::config::{Config, ConfigError};
 use opsr::train::record::crop::DatasetError;
-use opsr::train::{RecordingControl, Session, TrainError};
+use opsr::train::study::{HeldOut, families as families_of, hold_out};
+use opsr::train::{RecordingControl, Recordings, Session, TrainError};
 use pyo3::exceptions::{PyFileNotFoundError, PyMemoryError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
+use serde_json::json;
 use std::path::PathBuf;
 
 /// A step of a training.
@@ -34,6 +37,7 @@ type Event = (f32, u32, f32, Option<serde_json::Result<String>>);
 ///     "start": 0.0}`, or a TOML file of them. docs/training.md lists keys and defaults; "manifest" names the file that lists
 ///     the scenes, by default training_scenes/manifest.toml in the working directory.
 /// on_step: called with a Step at every step; False ends the training.
+/// recordings: a folder that `record` filled with the same settings: all of its recordings are there, and no others.
 /// threads: their number; all cores by default. The tables do not depend on it.
 ///
 /// Returns the tables in the order of beta, after `False` those so far.
@@ -42,11 +46,12 @@ type Event = (f32, u32, f32, Option<serde_json::Result<String>>);
 /// ValueError for settings and scenes that cannot be used, FileNotFoundError and OSError for files, RuntimeError for a
 /// training without usable gradients.
 #[pyfunction]
-#[pyo3(signature = (config=None, *, on_step=None, threads=None))]
+#[pyo3(signature = (config=None, *, on_step=None, recordings=None, threads=None))]
 pub(crate) fn train(
     py: Python<'_>,
     config: Option<&Bound<'_, PyAny>>,
     on_step: Option<Py<PyAny>>,
+    recordings: Option<PathBuf>,
     threads: Option<u16>,
 ) -> PyResult<Vec<Table>> {
     let config = config.map(settings).transpose()?.unwrap_or_default();
@@ -54,8 +59,7 @@ pub(crate) fn train(
         move |py: Python<'_>, (beta, step, loss, log): Event| {
             let log = log.map(|log| json(py, log)).transpose()?;
             let step = Step {
-                // The shortest number, not the nearest double of the single.
-                beta: beta.to_string().parse().unwrap_or(f64::from(beta)),
+                beta: shortest(beta),
                 step,
                 loss,
                 log: log.map(Bound::unbind),
@@ -66,11 +70,7 @@ pub(crate) fn train(
     });
     let hear: Hear<'_, Event> = hear.as_mut().map(|hear| hear as _);
     let tables = watched(py, threads, hear, |link| {
-        let control = RecordingControl {
-            stop: link.stop.clone(),
-            ..RecordingControl::default()
-        };
-        let mut session = Session::open(config, &control)?;
+        let mut session = Session::open(config, &control(recordings, link))?;
         let mut tables = Vec::new();
         for beta in session.config.beta.clone() {
             let outcome = session.learn(beta, None, false, &mut |step, loss, entry| {
@@ -87,6 +87,107 @@ pub(crate) fn train(
         Ok(tables)
     })?;
     tables.map_err(failed)
+}
+
+/// Recordings in memory, or in this folder.
+fn control<E>(folder: Option<PathBuf>, link: &Link<E>) -> RecordingControl<'static> {
+    RecordingControl {
+        complete: folder.is_some(),
+        folder,
+        stop: link.stop.clone(),
+        ..RecordingControl::default()
+    }
+}
+
+/// Traces the paths of a training before it, for instance each crop on another machine, into files for
+/// `train(..., recordings=...)`. Those that are there whole are kept.
+///
+/// config: settings as of `train`; beta, optimiser, model and steps do not matter.
+/// folder: the folder of the recordings.
+/// crops: (first, last + 1) of the crops to record; all by default.
+/// threads: their number; all cores by default. The recordings do not depend on it.
+///
+/// Returns all crops in order, as dicts of the "file" in the folder, "scene", "family" and "training" (False for those that
+/// are only scored); `crops=(0, 0)` records none.
+///
+/// Ctrl-C ends it within a second and raises KeyboardInterrupt; crops that are done are kept. Raises what `train` raises.
+#[pyfunction]
+#[pyo3(signature = (config, folder, *, crops=None, threads=None))]
+pub(crate) fn record<'py>(
+    py: Python<'py>,
+    config: Option<&Bound<'py, PyAny>>,
+    folder: PathBuf,
+    crops: Option<(usize, usize)>,
+    threads: Option<u16>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let config = config.map(settings).transpose()?.unwrap_or_default();
+    let crops = watched::<(), _>(py, threads, None, |link| {
+        let recordings = Recordings::open(config).map_err(failed)?;
+        let names = recordings.names();
+        let (first, end) = crops.unwrap_or((0, names.len()));
+        if first > end || end > names.len() {
+            let what = format!("expected (first, last + 1) of {} crops", names.len());
+            return Err(argument("crops", what));
+        }
+        create_folder(&folder).map_err(file)?;
+        let control = RecordingControl {
+            complete: false,
+            ..control(Some(folder), link)
+        };
+        recordings.record(first..end, &control).map_err(failed)?;
+        let crops = recordings.crops().zip(names).map(|((crop, training), file)| {
+            json!({ "file": file, "scene": crop.scene_name, "family": crop.family, "training": training })
+        });
+        Ok(crops.collect::<Vec<_>>())
+    })??;
+    json(py, serde_json::to_string(&crops))
+}
+
+/// Scores tables on families of scenes that they were not learned from, as `opsr train --study` does.
+///
+/// config: settings as of `train`.
+/// families: names of the families to hold out; by default each in turn. What one scores does not depend on the others.
+/// recordings, threads: as of `train`.
+///
+/// Returns a list of {"beta": β, "family": name, "scores": [{"name", "value", "loss", "energy"}, ...]}.
+///
+/// Ctrl-C ends it within a second or at the next step, and raises KeyboardInterrupt. Raises what `train` raises.
+#[pyfunction]
+#[pyo3(signature = (config=None, *, families=None, recordings=None, threads=None))]
+pub(crate) fn study<'py>(
+    py: Python<'py>,
+    config: Option<&Bound<'py, PyAny>>,
+    families: Option<Vec<String>>,
+    recordings: Option<PathBuf>,
+    threads: Option<u16>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let config = config.map(settings).transpose()?.unwrap_or_default();
+    let scores = watched::<(), _>(py, threads, None, |link| {
+        let mut session = Session::open(config, &control(recordings, link)).map_err(failed)?;
+        let known = families_of(&session);
+        let families = families.unwrap_or_else(|| known.clone());
+        if let Some(family) = families.iter().find(|family| !known.contains(family)) {
+            let what = format!("no family `{family}`: there are {}", known.join(", "));
+            return Err(argument("families", what));
+        }
+        let mut scores = Vec::new();
+        for beta in session.config.beta.clone() {
+            for family in &families {
+                let held_out = hold_out(&mut session, beta, family, &|| link.tell(|| ()));
+                if let Some(HeldOut { family, scores: of }) = held_out.map_err(failed)? {
+                    let beta = shortest(beta);
+                    scores.push(json!({ "beta": beta, "family": family, "scores": of }));
+                }
+            }
+        }
+        Ok(scores)
+    })??;
+    json(py, serde_json::to_string(&scores))
+}
+
+/// The shortest number, not the nearest double of the single.
+fn shortest(beta: f32) -> f64 {
+    beta.to_string().parse().unwrap_or(f64::from(beta))
 }
 
 /// The settings of a dict or a file.
@@ -115,7 +216,9 @@ fn failed(error: TrainError) -> PyErr {
         TrainError::Config(ConfigError::File(e))
         | TrainError::Dataset(DatasetError::File(e))
         | TrainError::Checkpoint(e) => file(e),
-        TrainError::Dataset(DatasetError::Missing { .. }) => PyFileNotFoundError::new_err(text),
+        TrainError::Dataset(DatasetError::Missing { .. } | DatasetError::Unrecorded { .. }) => {
+            PyFileNotFoundError::new_err(text)
+        }
         TrainError::Memory(_) => PyMemoryError::new_err(text),
         TrainError::State(_) | TrainError::NotFinite { .. } => PyRuntimeError::new_err(text),
         _ => PyValueError::new_err(text),

@@ -14,8 +14,8 @@ SMALL = {"size": (24, 16), "spp": 6}
 
 @pytest.mark.parametrize(
     "options",
-    [{"aov": ["alpha", "direct"]}, {"gamma": 0.3, "levels": 3, "aov": True}, {"integrator": "bdpt"}],
-    ids=["path", "levels", "bdpt"],
+    [{"aov": ["alpha", "direct"]}, {"gamma": 0.3, "levels": 3, "aov": True}, {"integrator": "bdpt"}, {"integrator": "mlt"}],
+    ids=["path", "levels", "bdpt", "mlt"],
 )
 def test_parts_merge_to_the_bytes_of_the_single_render(box, tmp_path, options):
     assert opsr.render(box, part=tmp_path / "a", crop=(0, 0, 24, 5), **SMALL, **options) is None
@@ -53,6 +53,19 @@ def test_parts_merge_to_the_bytes_of_the_single_render(box, tmp_path, options):
         ({"filter": 2}, "filter: needs rule"),
         ({"filter": -1, "rule": "filter-glossy"}, "filter: expected"),
         ({"table_scale": 2}, "table_scale: needs a table"),
+        ({"table_energy": 0.1, "table": "beta-0.05"}, "table_energy: needs table_scale"),
+        ({"radius": 0, "integrator": "vcm"}, "radius: expected"),
+        ({"radius": 0.1}, "integrator path has no radius"),
+        ({"radius_alpha": 1.5, "integrator": "sppm"}, "radius_alpha: expected"),
+        ({"connections": "some", "integrator": "vcm"}, "connections: unknown variant `some`"),
+        ({"connections": "nee"}, "integrator path has no choice of connections"),
+        ({"mlt_pass": 0, "integrator": "mlt"}, "mlt_pass: expected"),
+        ({"mlt_pass": 4}, "integrator path has no mlt-pass"),
+        ({"aperture": 0.1}, "aperture: needs focus"),
+        ({"focus": 0.0, "aperture": 0.1}, "focus: expected"),
+        ({"integrator": "auto", "part": "x"}, "integrator: auto chooses by a pilot, for each part anew"),
+        ({"integrator": "auto", "mlt_pass": 4}, "does not try mlt"),
+        ({"integrator": "auto", "table": "beta-0.05", "table_scale": "auto"}, "integrator: auto chooses for itself"),
         ({"table_scale": "much", "table": "beta-0.05"}, "table_scale: expected"),
         ({"target_error": 0}, "target_error: expected"),
     ],
@@ -70,6 +83,18 @@ def test_errors_name_the_argument(box, options, words):
         ("--mode filter-glossy --filter 2", {"rule": "filter-glossy", "filter": 2}),
         ("--opsr-table beta-0.05 --table-scale 3 --levels 5", {"table": "beta-0.05", "table_scale": 3, "levels": 5}),
         ("--opsr-table beta-0.05 --table-scale auto", {"table": "beta-0.05", "table_scale": "auto"}),
+        (
+            "--opsr-table beta-0.05 --table-scale auto --table-energy 0.01",
+            {"table": "beta-0.05", "table_scale": "auto", "table_energy": 0.01},
+        ),
+        (
+            "--integrator vcm --radius 0.05 --radius-alpha 0.8 --connections nee",
+            {"integrator": "vcm", "radius": 0.05, "radius_alpha": 0.8, "connections": "nee"},
+        ),
+        ("--integrator mlt --mlt-pass 4", {"integrator": "mlt", "mlt_pass": 4}),
+        ("--aperture 0.05 --focus 2", {"aperture": 0.05, "focus": 2}),
+        ("--integrator auto --levels 1", {"integrator": "auto"}),
+        ("--integrator auto --opsr-table beta-0.05", {"integrator": "auto", "table": "beta-0.05", "levels": 5}),
         ("--aov alpha,position,id,emission,indirect", {"aov": ["alpha", "position", "id", "emission", "indirect"]}),
     ],
 )
@@ -89,3 +114,13 @@ def test_target_error_ends_a_render(box):
     film = opsr.render(box, size=(24, 16), target_error=0.5)
     assert film.relative_error <= 0.5 and film.spp >= 16
     assert np.isfinite(film.picture).all()
+
+
+def test_auto_names_the_integrator_that_a_pilot_chose(box):
+    film = opsr.render(box, size=(24, 16), spp=4, integrator="auto")
+    assert film.metadata["integrator_chosen_by"] == "pilot"
+    chosen = film.metadata["integrator"]
+    single = opsr.render(box, size=(24, 16), spp=4, integrator=chosen)
+    np.testing.assert_array_equal(film.picture, single.picture)
+    timed = opsr.render(box, size=(24, 16), time=0.2, integrator="auto", gamma=0.1, levels=3, aov=True)
+    assert timed.spp > 0 and timed.seconds < 5

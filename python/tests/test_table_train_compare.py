@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import opsr
-from conftest import ROOT, SCENES
+from conftest import ROOT, SUITE, TINY
 
 
 def test_table_round_trip_and_lookup(tmp_path):
@@ -106,17 +106,6 @@ def test_wrong_pictures_are_exceptions(tmp_path):
             opsr.compare(a, a, **options)
 
 
-TINY = {
-    "manifest": SCENES / "manifest.toml",
-    "scenes": ["cornell_caustics"],
-    "spp": 2,
-    "steps": 3,
-    "optimiser": "log",
-    "start": 0.1,
-    "validate_every": 2,
-}
-
-
 def test_train_determinism_gives_the_table_of_the_program(program, tmp_path):
     seen = []
     (table,) = opsr.train(TINY, on_step=seen.append)
@@ -169,3 +158,50 @@ def test_wrong_configurations_are_exceptions(config, error, message):
         config = {"manifest": TINY["manifest"], "steps": 1, **config}
     with pytest.raises(error, match=message or None):
         opsr.train(config)
+
+
+def test_train_from_recordings_gives_the_same_table(tmp_path):
+    config = {**TINY, "replicates": 2}
+    (whole,) = opsr.train(config)
+    crops = opsr.record(config, tmp_path / "paths", crops=(0, 0))
+    assert crops[0]["scene"] == "cornell_caustics" and crops[0]["training"] and not crops[-1]["training"]
+    assert list((tmp_path / "paths").iterdir()) == []
+    half = len(crops) // 2
+    assert opsr.record(config, tmp_path / "paths", crops=(half, len(crops)), threads=1) == crops
+    with pytest.raises(FileNotFoundError, match="missing recordings.* 000-cornell-caustics-"):
+        opsr.train(config, recordings=tmp_path / "paths")
+    opsr.record({**config, "beta": [7.0]}, tmp_path / "paths", crops=(0, half))
+    (table,) = opsr.train(config, recordings=tmp_path / "paths")
+    table.save(tmp_path / "a.json")
+    whole.save(tmp_path / "b.json")
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+    with pytest.raises(ValueError, match="other settings"):
+        opsr.train({**config, "seed": 1}, recordings=tmp_path / "paths")
+    with pytest.raises(ValueError, match="crops: expected"):
+        opsr.record(config, tmp_path / "paths", crops=(0, 99))
+
+
+def test_study_of_a_family_does_not_depend_on_the_others(two_families):
+    both = opsr.study(two_families)
+    assert [(score["beta"], score["family"]) for score in both] == [(0.001, "box"), (0.001, "rings")]
+    assert opsr.study(two_families, families=["rings"]) == both[1:]
+    assert both[0]["scores"][0]["name"] == "best constant of these crops"
+    with pytest.raises(ValueError, match="no family `none`: there are box, rings"):
+        opsr.study(two_families, families=["none"])
+
+
+def test_bench_measures_and_keeps(tmp_path):
+    suite, output = tmp_path / "suite.toml", tmp_path / "results.json"
+    suite.write_text(SUITE)
+    seen = []
+    results = opsr.bench(suite, output, scenes=["plane"], on_progress=lambda *status: seen.append(status))
+    assert {cell["scene"] for cell in results["cells"]} == {"plane"} and len(results["cells"]) == 4
+    assert seen[-1][2] == 4 and any("table" in what for what, *_ in seen)
+    assert results["cells"][0]["points"][-1]["samples"] == 8
+    assert len(results["suite"]["scene"]) == 3
+    whole = opsr.bench(suite, output)
+    assert whole["cells"][:4] == results["cells"] and len(whole["cells"]) == 12
+    with pytest.raises(ValueError, match="scenes: no scene `none`"):
+        opsr.bench(suite, output, scenes=["none"])
+    with pytest.raises(FileNotFoundError):
+        opsr.bench(tmp_path / "none.toml", output)

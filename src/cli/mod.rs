@@ -17,6 +17,7 @@ mod auto;
 mod bar;
 mod bench;
 mod compare;
+mod error_log;
 mod info;
 mod job;
 mod live;
@@ -147,7 +148,10 @@ enum Command {
     Render(Box<render_args::RenderArgs>),
     /// Learn tables of attenuation factors.
     #[cfg(feature = "train")]
-    Train(Box<train::TrainArgs>),
+    Train(train::TrainArgs),
+    /// Trace the paths of a training before it, for instance on several machines.
+    #[cfg(feature = "train")]
+    Record(Box<train::record::RecordArgs>),
     /// Describe a scene: geometry, materials, lights, cameras, warnings.
     Info(info::InfoArgs),
     /// Compare pictures with a reference.
@@ -205,6 +209,8 @@ pub(crate) fn main() -> ExitCode {
         Command::Render(args) => render::run(&args),
         #[cfg(feature = "train")]
         Command::Train(args) => train::run(&args),
+        #[cfg(feature = "train")]
+        Command::Record(args) => train::record::run(&args),
         Command::Info(args) => info::run(&args).map(|()| Exit::Done),
         Command::Compare(args) => compare::run(&args),
         Command::Scenes(args) => scenes::run(&args),

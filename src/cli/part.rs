@@ -18,16 +18,17 @@ use opsr::scene::Camera;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+/// A range of numbers such as `64..128`.
+pub(super) fn range(text: &str) -> Option<Range<u32>> {
+    let (a, b) = text.split_once("..")?;
+    let range = a.parse().ok()?..b.parse().ok()?;
+    (!range.is_empty()).then_some(range)
+}
+
 /// Samples such as `64..128`.
 pub(super) fn samples(text: &str) -> Result<Range<u32>, String> {
-    let numbers = text.split_once("..").map(|(a, b)| (a.parse(), b.parse()));
-    match numbers {
-        Some((Ok(a), Ok(b))) if a < b => Ok(a..b),
-        _ => Err(
-            "expected A..B, such as 64..128: the samples from number A on (from 0), without B"
-                .into(),
-        ),
-    }
+    let what = "expected A..B, such as 64..128: the samples from number A on (from 0), without B";
+    range(text).ok_or(what.into())
 }
 
 /// An error for a layer that a part cannot keep.

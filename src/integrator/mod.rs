@@ -78,8 +78,6 @@ impl Picture {
     const FILM_BYTES: u64 = 205;
     /// The same of albedo, normal and depth; measured: 181. Light and time take less.
     const AOV_BYTES: u64 = 195;
-    /// The same of a level; measured: 275.
-    const LEVEL_BYTES: u64 = 290;
 
     /// An empty picture of so many levels, none for one, with these [parts](layers::Aov::recorded) of AOVs.
     pub fn blank(
@@ -98,8 +96,14 @@ impl Picture {
     /// Bytes that such a picture takes, its copies in tiles and files included.
     pub fn bytes(window: Window, levels: usize, recorded: [bool; 3]) -> u64 {
         let records = recorded.iter().filter(|r| **r).count() as u64;
-        let aovs = Self::AOV_BYTES * records;
-        window.len() as u64 * (Self::FILM_BYTES + aovs + levels as u64 * Self::LEVEL_BYTES)
+        let pixels = window.len();
+        // Sums and their copy in tiles; choosing takes less.
+        let sums = if levels > 0 {
+            2 * LevelFilm::bytes(pixels, levels)
+        } else {
+            0
+        };
+        pixels as u64 * (Self::FILM_BYTES + Self::AOV_BYTES * records) + sums
     }
 
     /// A picture of one level without AOVs.

@@ -11,6 +11,7 @@ use std::sync::OnceLock;
 pub mod accel;
 pub mod bodies;
 pub mod camera;
+pub mod finish;
 pub mod geometry;
 mod instances;
 pub mod light;
@@ -265,11 +266,15 @@ impl Scene {
         &self.parts.materials[surface.material as usize]
     }
 
-    /// The BSDF at a surface point; `u` in [0, 1) chooses between the two BSDFs of a partly transmissive material.
+    /// The BSDF at a surface point; `u` in [0, 1) chooses between the two BSDFs of a partly transmissive material, and
+    /// between a clear coat and its base. Where that has a normal of its own the surface gets it.
     #[inline]
-    pub fn bsdf(&self, surface: &Surface, u: f32) -> Bsdf {
-        self.material(surface)
-            .bsdf(&self.parts.textures, surface.uv, u)
+    pub fn bsdf(&self, surface: &mut Surface, u: f32) -> Bsdf {
+        let material = self.material(surface);
+        match &material.finish {
+            None => material.bsdf(&self.parts.textures, surface.uv, u),
+            Some(finish) => self.finished_bsdf(finish, surface, u),
+        }
     }
 
     /// The emission at the end of a ray, as light sampling from the ray's origin sees it; `None` if the ray ends on

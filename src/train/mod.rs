@@ -24,4 +24,5 @@ pub mod study;
 
 pub use config::Config;
 pub use learn::outer_loop::TrainError;
-pub use learn::session::{RecordingControl, Session};
+pub use learn::recordings::{RecordingControl, Recordings};
+pub use learn::session::Session;

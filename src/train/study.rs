@@ -165,62 +165,76 @@ fn pilot(crop: &Crop, table: &AttenuationTable, samples: u32) -> Result<Pilot, D
     tune::choose(&settings, &crop.view(), samples).map_err(|e| crop.outside(e))
 }
 
-/// Learns from all families but one and scores on that one, for every family of the training scenes.
-///
-/// `listen` gets the name of every family before it is held out, and can stop the study.
-pub fn leave_one_out(
-    session: &mut Session,
-    beta: f32,
-    listen: &mut dyn FnMut(&str) -> ControlFlow<()>,
-) -> Result<Vec<HeldOut>, TrainError> {
+/// The families of the training scenes, in order.
+pub fn families(session: &Session) -> Vec<String> {
     let mut families: Vec<String> = Vec::new();
     for crop in session.training.crops() {
         if !families.contains(&crop.family) {
             families.push(crop.family.clone());
         }
     }
+    families
+}
+
+/// Learns from all families but one and scores on that one. The scores do not depend on families that were held out
+/// before. `None` for the only family, and if `listen`, which is called at every step, ends it.
+pub fn hold_out(
+    session: &mut Session,
+    beta: f32,
+    family: &str,
+    listen: &dyn Fn() -> ControlFlow<()>,
+) -> Result<Option<HeldOut>, TrainError> {
+    let mut held = session.training.remove(|crop| crop.family == family);
+    let scores = if session.training.is_empty() {
+        Ok(None)
+    } else {
+        held_out_scores(session, &mut held, beta, listen)
+    };
+    session.training.restore(held);
+    let family = family.to_owned();
+    Ok(scores?.map(|scores| HeldOut { family, scores }))
+}
+
+/// Scores on crops that were held out of a session; `None` if the listener ends it.
+fn held_out_scores(
+    session: &mut Session,
+    held: &mut CropSet,
+    beta: f32,
+    listen: &dyn Fn() -> ControlFlow<()>,
+) -> Result<Option<Vec<Score>>, TrainError> {
     let config = session.config.clone();
-    let mut all = Vec::new();
-    for family in families {
-        if listen(&family).is_break() {
-            break;
-        }
-        let mut held = session.training.remove(|crop| crop.family == family);
-        if session.training.is_empty() {
-            session.training.append(held);
-            continue;
-        }
-        let validation = std::mem::take(&mut session.validation);
-        let elsewhere = session.training.best_constant(beta, config.lookup);
-        let mut learn = |model| -> Result<AttenuationTable, TrainError> {
-            session.config = Config {
-                model,
-                validate_every: config.steps,
-                ..config.clone()
-            };
-            let outcome =
-                session.learn(beta, None, false, &mut |_, _, _| ControlFlow::Continue(()))?;
-            Ok(outcome.table)
+    let validation = std::mem::take(&mut session.validation);
+    let elsewhere = session.training.best_constant(beta, config.lookup);
+    let mut stopped = false;
+    let mut learn = |model| -> Result<AttenuationTable, TrainError> {
+        session.config = Config {
+            model,
+            validate_every: config.steps,
+            ..config.clone()
         };
-        let learned = learn(Model::Full).and_then(|full| Ok((full, learn(Model::Additive)?)));
-        session.config = config.clone();
-        session.validation = validation;
-        let (full, additive) = learned?;
-        let tables = [("full table", &full), ("additive table", &additive)];
-        let own = held.best_constant(beta, config.lookup);
-        let mut scores = scores(&mut held, beta, own, elsewhere, &tables, true);
-        for (name, table) in tables {
-            let half = format!("{name}, half its contrast");
-            let softened = table.tuned(TableTuning {
-                scale: 1.0,
-                contrast: 0.5,
-            });
-            scores.push(score(&mut held, beta, &half, None, &softened));
-            let name = format!("{name}, pilot's scale and contrast");
-            scores.extend(piloted(&mut held, beta, &name, table, config.spp)?);
-        }
-        session.training.append(held);
-        all.push(HeldOut { family, scores });
+        let outcome = session.learn(beta, None, false, &mut |_, _, _| listen())?;
+        stopped |= outcome.stopped;
+        Ok(outcome.table)
+    };
+    let learned = learn(Model::Full).and_then(|full| Ok((full, learn(Model::Additive)?)));
+    session.config = config.clone();
+    session.validation = validation;
+    let (full, additive) = learned?;
+    if stopped {
+        return Ok(None);
     }
-    Ok(all)
+    let tables = [("full table", &full), ("additive table", &additive)];
+    let own = held.best_constant(beta, config.lookup);
+    let mut scores = scores(held, beta, own, elsewhere, &tables, true);
+    for (name, table) in tables {
+        let half = format!("{name}, half its contrast");
+        let softened = table.tuned(TableTuning {
+            scale: 1.0,
+            contrast: 0.5,
+        });
+        scores.push(score(held, beta, &half, None, &softened));
+        let name = format!("{name}, pilot's scale and contrast");
+        scores.extend(piloted(held, beta, &name, table, config.spp)?);
+    }
+    Ok(Some(scores))
 }

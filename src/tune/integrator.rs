@@ -18,6 +18,7 @@ use crate::integrator::{Picture, Settings, View};
 use crate::sampler::{Domain, SamplerKind, Seed};
 use crate::scene::{Camera, Scene};
 use std::fmt;
+use std::time::Duration;
 
 /// Share of the render's work that the pilot takes, as long as its pictures are large enough.
 const SHARE: f64 = 0.04;
@@ -215,6 +216,11 @@ fn usual_cost(contender: &Contender, frames: f64) -> f64 {
         _ if contender.settings.levels.is_empty() => 1.0,
         _ => 1.35,
     }
+}
+
+/// Time of a render that is left after its pilot: enough for a pass, or there would be no picture.
+pub fn left_after(time: Duration, pilot: Duration) -> Duration {
+    time.saturating_sub(pilot).max(Duration::from_nanos(1))
 }
 
 /// Chooses an integrator for a render of a view; the first contender must be the path tracer. `counted` takes counted paths

@@ -22,12 +22,19 @@
 //! The picture p is Σ_k tent_1(1[k* = k]) I_k. What light the choice lost is given back: μ = tent_R(I_0 − p), shrunk by
 //! max(0, 1 − c Var(μ)/μ²) where it is not above its own noise, times p / tent_R(p): in proportion to the picture, so that
 //! shadows stay dark. What the whole picture still lacks, shrunk likewise, makes all of it brighter or darker.
+//!
+//! Levels are chosen in tiles with as much around them as filters reach, energy is given back in whole pictures: a film
+//! takes little memory beside its own.
 
 use crate::image::Buffer;
+use crate::image::film::Window;
 use crate::image::level_film::{BATCHES, LevelFilm};
 use crate::integrator::Picture;
 use crate::math::{DVec3, Rgb};
 use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::ops::{AddAssign, DivAssign};
+use std::sync::Mutex;
 
 /// r: radius in pixels at which noise and bias are smoothed.
 const RADIUS: usize = 1;
@@ -43,6 +50,12 @@ const SHRINKAGE: f32 = 1.0;
 
 /// ε of relative errors, where the mean of the picture counts as 0.3.
 const EPSILON: f32 = 0.01;
+
+/// Radius in pixels of the filter of the shares of the levels.
+const SHARE_RADIUS: usize = 1;
+
+/// Pixels a side of the tiles that levels are chosen in.
+const TILE: u32 = 64;
 
 /// Settings of the choice.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,6 +75,14 @@ impl Default for Resolve {
             robust: false,
             sigma: 0.7,
         }
+    }
+}
+
+impl Resolve {
+    /// Pixels around a tile that its picture depends on: shares of choices, which depend on noise and bias around, these
+    /// on blurred pictures.
+    fn reach(&self) -> u32 {
+        (2 * SHARE_RADIUS + 2 * RADIUS + blur_radius(self.sigma)) as u32
     }
 }
 
@@ -109,6 +130,11 @@ impl BatchMeans {
     }
 }
 
+/// Pixels that a blur of this standard deviation reaches.
+fn blur_radius(sigma: f32) -> usize {
+    (2.0 * sigma).ceil() as usize
+}
+
 /// A Gaussian filter that stops at edges: where normals differ, or lengths by more than a plane explains.
 struct Blur {
     size: Size,
@@ -120,7 +146,7 @@ struct Blur {
 impl Blur {
     /// Weights of this standard deviation in pixels. A guide is a normal and a length.
     fn new((width, height): Size, sigma: f32, guides: &[[f32; 4]]) -> Self {
-        let radius = (2.0 * sigma).ceil() as usize;
+        let radius = blur_radius(sigma);
         let length = |x: usize, y: usize| guides[y * width + x][3];
         let change = |x: usize, y: usize| {
             let across = (length((x + 1).min(width - 1), y) - length(x.saturating_sub(1), y)).abs();
@@ -147,11 +173,10 @@ impl Blur {
             side.clone()
                 .flat_map(move |dy| side.clone().map(move |dx| weight(dx, dy)))
         };
-        let pixels = (0..guides.len()).into_par_iter();
         Self {
             size: (width, height),
             radius,
-            weights: pixels.flat_map_iter(around).collect(),
+            weights: (0..guides.len()).flat_map(around).collect(),
         }
     }
 
@@ -169,7 +194,7 @@ impl Blur {
             }
             sum / all
         };
-        let pixels = self.weights.par_chunks(side * side).enumerate();
+        let pixels = self.weights.chunks(side * side).enumerate();
         pixels.map(pixel).collect()
     }
 }
@@ -229,11 +254,7 @@ pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
             variance: vec![f32::INFINITY; pixels],
         };
     }
-    let levels = (0..film.levels())
-        .map(|k| BatchMeans::of(film, k))
-        .collect();
-    let shared = BatchMeans::of(film, film.levels());
-    resolve(levels, &shared, &film.guides(), settings)
+    resolve(film, settings, TILE)
 }
 
 /// Estimated relative error of a picture: of several levels that of the best of every pixel, else the noise of its film.
@@ -258,45 +279,225 @@ pub fn unseen_share(picture: &Picture) -> f64 {
     if all > 0.0 { 1.0 - plain / all } else { 0.0 }
 }
 
-/// Chooses the level of every pixel. There is at least one level, level 0 is unbiased, and all pictures have one size.
-fn resolve(
-    levels: Vec<BatchMeans>,
-    shared: &BatchMeans,
-    guides: &[[f32; 4]],
-    settings: Resolve,
-) -> Resolved {
-    let size = levels[0].mean.size();
-    let roughest = &levels[levels.len() - 1].mean;
+/// Chooses the level of every pixel in tiles of so many pixels a side; there is a sample in every batch.
+fn resolve(film: &LevelFilm, settings: Resolve, edge: u32) -> Resolved {
+    let window = film.window();
+    let gain = gain(&film.mean(film.levels() - 1));
+    let whole = Mutex::new(Choice::blank(window, settings));
+    window.tiles(edge).into_par_iter().for_each(|tile| {
+        let around = surroundings(&tile, settings.reach(), &window);
+        let part = choose(&film.cut(around), gain, settings);
+        let mut whole = whole.lock().expect("no thread panics");
+        whole.paste(&window, &part, &around, &tile);
+    });
+    let choice = whole.into_inner().expect("no thread panics");
+    choice.with_energy((window.w as usize, window.h as usize))
+}
+
+/// A tile and so many pixels on each side, within the window.
+fn surroundings(tile: &Window, reach: u32, window: &Window) -> Window {
+    let range = |start: u32, length: u32, first: u32, all: u32| {
+        let from = start.saturating_sub(reach).max(first);
+        let to = start.saturating_add(length).saturating_add(reach);
+        (from, to.min(first + all) - from)
+    };
+    let (x, w) = range(tile.x, tile.w, window.x, window.w);
+    let (y, h) = range(tile.y, tile.h, window.y, window.h);
+    Window { x, y, w, h }
+}
+
+/// The choice of every pixel, and what is known of the light that it lost.
+struct Choice {
+    level: Vec<u8>,
+    bias2: Vec<f32>,
+    variance: Vec<f32>,
+    /// The candidates blended as they were chosen.
+    picture: Vec<Rgb>,
+    /// In proportion to this light is given back; empty where that is the picture.
+    shape: Vec<Rgb>,
+    /// Light of level 0 beyond the picture's, of all samples.
+    lost: Vec<Rgb>,
+    /// The same of every batch.
+    lost_batches: [Vec<Rgb>; BATCHES],
+}
+
+impl Choice {
+    fn blank(window: Window, settings: Resolve) -> Self {
+        let pixels = window.len();
+        let black = || vec![Rgb::ZERO; pixels];
+        Self {
+            level: vec![0; pixels],
+            bias2: vec![0.0; pixels],
+            variance: vec![0.0; pixels],
+            picture: black(),
+            shape: if settings.robust { black() } else { Vec::new() },
+            lost: black(),
+            lost_batches: std::array::from_fn(|_| black()),
+        }
+    }
+
+    /// Takes over a tile from a part of the window.
+    fn paste(&mut self, window: &Window, part: &Self, part_window: &Window, tile: &Window) {
+        let place =
+            |of: &Window, y: u32| (y - of.y) as usize * of.w as usize + (tile.x - of.x) as usize;
+        let w = tile.w as usize;
+        for y in tile.y..tile.y + tile.h {
+            let (to, from) = (place(window, y), place(part_window, y));
+            let (to, from) = (to..to + w, from..from + w);
+            let copy = |into: &mut [Rgb], out: &[Rgb]| {
+                into[to.clone()].copy_from_slice(&out[from.clone()]);
+            };
+            copy(&mut self.picture, &part.picture);
+            copy(&mut self.lost, &part.lost);
+            for (batch, out) in self.lost_batches.iter_mut().zip(&part.lost_batches) {
+                copy(batch, out);
+            }
+            if !self.shape.is_empty() {
+                copy(&mut self.shape, &part.shape);
+            }
+            self.bias2[to.clone()].copy_from_slice(&part.bias2[from.clone()]);
+            self.variance[to.clone()].copy_from_slice(&part.variance[from.clone()]);
+            self.level[to.clone()].copy_from_slice(&part.level[from.clone()]);
+        }
+    }
+
+    /// The picture with the energy that the choice lost.
+    fn with_energy(mut self, size: Size) -> Resolved {
+        let shape = if self.shape.is_empty() {
+            &self.picture
+        } else {
+            &self.shape
+        };
+        // Shadows stay dark, and a pixel that no level lights stays black.
+        let mut around = shape.clone();
+        let mut planes = vec![&mut around, &mut self.lost];
+        planes.extend(&mut self.lost_batches);
+        (planes.into_par_iter()).for_each(|plane| tent(size, ENERGY_RADIUS, plane));
+        let (mu, batches) = (&self.lost, &self.lost_batches);
+        let mean = |values: &[Rgb]| -> Rgb {
+            let sum: DVec3 = values.iter().map(|v| v.as_dvec3()).sum();
+            (sum / values.len().max(1) as f64).as_vec3()
+        };
+        let mut given = around;
+        for (i, given) in given.iter_mut().enumerate() {
+            let share = shape[i] / given.max(Rgb::splat(f32::MIN_POSITIVE));
+            let noise = variance_of_mean(batches.each_ref().map(|b| b[i]));
+            *given = share * shrunk(mu[i], noise);
+        }
+        let left = shrunk(
+            mean(mu) - mean(&given),
+            variance_of_mean(batches.each_ref().map(|b| mean(b))),
+        );
+        let gain = Rgb::ONE + left / mean(&self.picture).max(Rgb::splat(f32::MIN_POSITIVE));
+        for (p, given) in self.picture.iter_mut().zip(given) {
+            *p = (*p * gain + given).max(Rgb::ZERO);
+        }
+        Resolved {
+            picture: Buffer {
+                width: size.0,
+                height: size.1,
+                pixels: self.picture,
+            },
+            level: self.level,
+            bias2: self.bias2,
+            variance: self.variance,
+        }
+    }
+}
+
+/// Chooses the level of every pixel of a part of a film, where a brightness of 1 counts as `gain`. Pixels at edges that
+/// are not the film's own are wrong.
+fn choose(film: &LevelFilm, gain: f32, settings: Resolve) -> Choice {
+    let levels: Vec<BatchMeans> = (0..film.levels())
+        .map(|k| BatchMeans::of(film, k))
+        .collect();
+    let shared = BatchMeans::of(film, film.levels());
+    let size = shared.mean.size();
+    let roughest = &levels[levels.len() - 1].mean.pixels;
+    let mut smooth = roughest.clone();
+    tent(size, RADIUS, &mut smooth);
     let weights = [
-        weights(roughest, &tent(size, RADIUS, &roughest.pixels)),
-        weights(roughest, &darkest(size, &roughest.pixels)),
+        weights(gain, &smooth),
+        weights(gain, &darkest(size, roughest)),
     ];
-    let candidates = candidates(levels, shared, guides, settings.sigma);
+    let candidates = candidates(levels, &shared, &film.guides(), settings.sigma);
     let variance: Vec<Vec<f32>> = (candidates.iter())
         .map(|c| variance(size, &c.means, &weights[0]))
         .collect();
     let bias2 = biases(size, &candidates, &weights, &variance);
-    let pixels = weights[0].len();
-    let chosen: Vec<u8> = (0..pixels)
-        .into_par_iter()
-        .map(|i| {
-            let error = |k: usize| bias2[k][i] + variance[k][i];
-            // The first of the best: the least roughened, and sharp.
-            let best = (1..candidates.len())
-                .fold(0, |best, k| if error(k) < error(best) { k } else { best });
-            best as u8
-        })
-        .collect();
-    let of_chosen = |of: &[Vec<f32>]| -> Vec<f32> {
-        let one = |(i, &k): (usize, &u8)| of[usize::from(k)][i];
-        chosen.iter().enumerate().map(one).collect()
+    let best = |i: usize| {
+        let error = |k: usize| bias2[k][i] + variance[k][i];
+        // The first of the best: the least roughened, and sharp.
+        (1..candidates.len()).fold(0, |best, k| if error(k) < error(best) { k } else { best })
     };
-    let level = |&k: &u8| candidates[usize::from(k)].level as u8;
-    Resolved {
-        picture: picture(size, &candidates, &chosen, settings.robust),
+    let chosen: Vec<usize> = (0..film.window().len()).map(best).collect();
+    let of_chosen = |of: &[Vec<f32>]| -> Vec<f32> {
+        let pairs = chosen.iter().enumerate();
+        pairs.map(|(i, &k)| of[k][i]).collect()
+    };
+    let level = chosen.iter().map(|&k| candidates[k].level as u8);
+    let blend = Blend::new(size, &candidates, &chosen);
+    let mut picture = blend.of(&|c, i| c.means.mean.pixels[i]);
+    let mut shape = Vec::new();
+    if settings.robust {
+        // Without fireflies.
+        shape = blend.of(&|c, i| median(c.means.batches.each_ref().map(|b| b.pixels[i])));
+        let pairs = picture.iter_mut().zip(&shape);
+        pairs.for_each(|(mean, median)| *mean = 0.5 * (*mean + *median));
+    }
+    let lost = |plain: &Buffer, picture: &[Rgb]| -> Vec<Rgb> {
+        let pairs = plain.pixels.iter().zip(picture);
+        pairs.map(|(a, b)| *a - *b).collect()
+    };
+    let plain = &candidates[0].means;
+    Choice {
+        level: level.collect(),
         bias2: of_chosen(&bias2),
         variance: of_chosen(&variance),
-        level: chosen.iter().map(level).collect(),
+        lost: lost(&plain.mean, &picture),
+        lost_batches: std::array::from_fn(|b| {
+            lost(
+                &plain.batches[b],
+                &blend.of(&|c, i| c.means.batches[b].pixels[i]),
+            )
+        }),
+        picture,
+        shape,
+    }
+}
+
+/// A blend of candidates.
+struct Blend<'a> {
+    candidates: &'a [Candidate],
+    /// Share of every pixel by candidate.
+    shares: Vec<Vec<f32>>,
+}
+
+impl<'a> Blend<'a> {
+    /// Blend of candidates as they were chosen, without hard edges.
+    fn new(size: Size, candidates: &'a [Candidate], chosen: &[usize]) -> Self {
+        let share = |k: usize| {
+            let is = |&c: &usize| f32::from(u8::from(c == k));
+            let mut share: Vec<f32> = chosen.iter().map(is).collect();
+            tent(size, SHARE_RADIUS, &mut share);
+            share
+        };
+        Self {
+            candidates,
+            shares: (0..candidates.len()).map(share).collect(),
+        }
+    }
+
+    fn of(&self, value: &dyn Fn(&Candidate, usize) -> Rgb) -> Vec<Rgb> {
+        let mut sum = vec![Rgb::ZERO; self.shares[0].len()];
+        for (candidate, shares) in self.candidates.iter().zip(&self.shares) {
+            for (i, (sum, &share)) in sum.iter_mut().zip(shares).enumerate() {
+                if share > 0.0 {
+                    *sum += share * value(candidate, i);
+                }
+            }
+        }
+        sum
     }
 }
 
@@ -331,13 +532,17 @@ fn candidates(
 /// Width and height.
 type Size = (usize, usize);
 
-/// w of every pixel and channel for these brightnesses, where the mean of a picture counts as 0.3.
-fn weights(picture: &Buffer, brightness: &[Rgb]) -> Vec<Rgb> {
+/// The factor that makes the mean of a picture 0.3.
+fn gain(picture: &Buffer) -> f32 {
     let sum: f64 = (picture.pixels.iter())
         .map(|p| f64::from(p.element_sum()))
         .sum();
     let mean = sum / (3 * picture.pixels.len()).max(1) as f64;
-    let gain = if mean > 0.0 { (0.3 / mean) as f32 } else { 1.0 };
+    if mean > 0.0 { (0.3 / mean) as f32 } else { 1.0 }
+}
+
+/// w of every pixel and channel for these brightnesses.
+fn weights(gain: f32, brightness: &[Rgb]) -> Vec<Rgb> {
     let weight = |i: &Rgb| {
         let i = *i * gain;
         Rgb::splat(gain * gain) / (i * i + EPSILON)
@@ -353,16 +558,16 @@ fn darkest((width, height): Size, values: &[Rgb]) -> Vec<Rgb> {
         let near = rows.flat_map(|y| around(i % width, width).map(move |x| values[y * width + x]));
         near.fold(values[i], Rgb::min)
     };
-    (0..values.len()).into_par_iter().map(least).collect()
+    (0..values.len()).map(least).collect()
 }
 
 /// w V of a candidate.
 fn variance(size: Size, means: &BatchMeans, weights: &[Rgb]) -> Vec<f32> {
-    let noise: Vec<Rgb> = (0..weights.len())
-        .into_par_iter()
+    let mut noise: Vec<Rgb> = (0..weights.len())
         .map(|i| variance_of_mean(means.batches.each_ref().map(|b| b.pixels[i])))
         .collect();
-    weighted(&tent(size, RADIUS, &noise), weights)
+    tent(size, RADIUS, &mut noise);
+    weighted(&noise, weights)
 }
 
 /// b of every candidate.
@@ -378,8 +583,7 @@ fn biases(
             if !one.judged_by(anchor) {
                 continue;
             }
-            let square: Vec<Rgb> = (0..weights.len())
-                .into_par_iter()
+            let mut smooth: Vec<Rgb> = (0..weights.len())
                 .map(|i| {
                     let of = |c: &Candidate, b: usize| c.means.batches[b].pixels[i];
                     let square =
@@ -389,7 +593,7 @@ fn biases(
                     square * each
                 })
                 .collect();
-            let smooth = tent(size, RADIUS, &square);
+            tent(size, RADIUS, &mut smooth);
             let bias: Vec<f32> = if one.blurred {
                 smooth.iter().map(|v| v.element_sum() / 3.0).collect()
             } else {
@@ -420,68 +624,8 @@ fn variance_of_mean(x: [Rgb; BATCHES]) -> Rgb {
 
 /// Mean over the channels of values times their weights.
 fn weighted(values: &[Rgb], weights: &[Rgb]) -> Vec<f32> {
-    let pairs = values.par_iter().zip(weights);
+    let pairs = values.iter().zip(weights);
     pairs.map(|(v, w)| v.dot(*w) / 3.0).collect()
-}
-
-/// The candidates blended as they were chosen, with the energy that the choice lost.
-fn picture(size: Size, candidates: &[Candidate], chosen: &[u8], robust: bool) -> Buffer {
-    let shares: Vec<Vec<f32>> = (0..candidates.len())
-        .map(|k| {
-            let is = |&c: &u8| Rgb::splat(f32::from(u8::from(usize::from(c) == k)));
-            let share = tent(size, 1, &chosen.iter().map(is).collect::<Vec<Rgb>>());
-            share.iter().map(|share| share.x).collect()
-        })
-        .collect();
-    let blend = |of: &(dyn Fn(usize, usize) -> Rgb + Sync)| -> Vec<Rgb> {
-        let pixel = |i: usize| (0..candidates.len()).map(|k| shares[k][i] * of(k, i)).sum();
-        (0..chosen.len()).into_par_iter().map(pixel).collect()
-    };
-    let mut picture = blend(&|k, i| candidates[k].means.mean.pixels[i]);
-    // In proportion to this light is given back: shadows stay dark, and a pixel that no level lights stays black.
-    let mut shape = picture.clone();
-    if robust {
-        // Without fireflies.
-        shape = blend(&|k, i| median(candidates[k].means.batches.each_ref().map(|b| b.pixels[i])));
-        let pairs = picture.iter_mut().zip(&shape);
-        pairs.for_each(|(mean, median)| *mean = 0.5 * (*mean + *median));
-    }
-    let lost = |plain: &Buffer, picture: &[Rgb]| {
-        let pairs = plain.pixels.iter().zip(picture);
-        let difference: Vec<Rgb> = pairs.map(|(a, b)| *a - *b).collect();
-        tent(size, ENERGY_RADIUS, &difference)
-    };
-    let plain = &candidates[0].means;
-    let mu = lost(&plain.mean, &picture);
-    let batches: [Vec<Rgb>; BATCHES] = std::array::from_fn(|b| {
-        let part = blend(&|k, i| candidates[k].means.batches[b].pixels[i]);
-        lost(&plain.batches[b], &part)
-    });
-    let mean = |values: &[Rgb]| -> Rgb {
-        let sum: DVec3 = values.iter().map(|v| v.as_dvec3()).sum();
-        (sum / values.len().max(1) as f64).as_vec3()
-    };
-    let around = tent(size, ENERGY_RADIUS, &shape);
-    let given: Vec<Rgb> = (0..picture.len())
-        .map(|i| {
-            let share = shape[i] / around[i].max(Rgb::splat(f32::MIN_POSITIVE));
-            let noise = variance_of_mean(batches.each_ref().map(|b| b[i]));
-            share * shrunk(mu[i], noise)
-        })
-        .collect();
-    let left = shrunk(
-        mean(&mu) - mean(&given),
-        variance_of_mean(batches.each_ref().map(|b| mean(b))),
-    );
-    let gain = Rgb::ONE + left / mean(&picture).max(Rgb::splat(f32::MIN_POSITIVE));
-    for (p, given) in picture.iter_mut().zip(given) {
-        *p = (*p * gain + given).max(Rgb::ZERO);
-    }
-    Buffer {
-        width: size.0,
-        height: size.1,
-        pixels: picture,
-    }
 }
 
 /// μ, shrunk by its own noise.
@@ -511,37 +655,50 @@ fn median(x: [Rgb; BATCHES]) -> Rgb {
     Rgb::new(channel(0), channel(1), channel(2))
 }
 
-/// A box filter applied twice: about a tent of radius 2 `radius`. At the border a mean over the pixels inside.
-fn tent(size: Size, radius: usize, values: &[Rgb]) -> Vec<Rgb> {
-    let once = boxed(size, radius, values);
-    boxed(size, radius, &once)
+/// A box filter applied twice, in place: about a tent of radius 2 `radius`. At the border a mean over the pixels inside.
+fn tent<T>(size: Size, radius: usize, values: &mut [T])
+where
+    T: Copy + Default + AddAssign + DivAssign<f32>,
+{
+    boxed(size, radius, values);
+    boxed(size, radius, values);
 }
 
-/// Mean over the square of radius `radius` around every pixel.
-fn boxed((width, height): Size, radius: usize, values: &[Rgb]) -> Vec<Rgb> {
+/// Mean over the square of radius `radius` around every pixel, in place.
+fn boxed<T>((width, height): Size, radius: usize, values: &mut [T])
+where
+    T: Copy + Default + AddAssign + DivAssign<f32>,
+{
     let around = |at: usize, end: usize| at.saturating_sub(radius)..(at + radius + 1).min(end);
-    let mut rows = vec![Rgb::ZERO; values.len()];
-    rows.par_chunks_mut(width.max(1))
-        .zip(values.par_chunks(width.max(1)))
-        .for_each(|(out, row)| {
-            for (x, out) in out.iter_mut().enumerate() {
-                let near = &row[around(x, width)];
-                *out = near.iter().sum::<Rgb>() / near.len() as f32;
-            }
-        });
-    let mut all = vec![Rgb::ZERO; values.len()];
-    all.par_chunks_mut(width.max(1))
-        .enumerate()
-        .for_each(|(y, out)| {
-            let near = around(y, height);
-            let count = near.len() as f32;
-            for y in near {
-                let row = &rows[y * width..(y + 1) * width];
-                out.iter_mut().zip(row).for_each(|(out, v)| *out += *v);
-            }
-            out.iter_mut().for_each(|out| *out /= count);
-        });
-    all
+    let mut old = Vec::new();
+    for row in values.chunks_mut(width.max(1)) {
+        old.clear();
+        old.extend_from_slice(row);
+        for (x, out) in row.iter_mut().enumerate() {
+            let near = &old[around(x, width)];
+            *out = T::default();
+            near.iter().for_each(|v| *out += *v);
+            *out /= near.len() as f32;
+        }
+    }
+    // The rows above, as they were.
+    let mut above: VecDeque<Vec<T>> = VecDeque::new();
+    for y in 0..height {
+        let mut sum = vec![T::default(); width];
+        let rows = y * width..around(y, height).end * width;
+        let below = values[rows].chunks(width);
+        for row in above.iter().map(Vec::as_slice).chain(below) {
+            sum.iter_mut().zip(row).for_each(|(sum, v)| *sum += *v);
+        }
+        let count = around(y, height).len() as f32;
+        sum.iter_mut().for_each(|sum| *sum /= count);
+        let row = &mut values[y * width..(y + 1) * width];
+        above.push_back(row.to_vec());
+        if above.len() > radius {
+            above.pop_front();
+        }
+        row.copy_from_slice(&sum);
+    }
 }
 
 #[cfg(test)]
@@ -554,31 +711,32 @@ mod tests {
         Independent { seed: Seed(5) }.stream(crate::math::UVec2::ZERO, n)
     }
 
-    /// Levels of these batches, whose mean is the mean of the batches.
-    fn levels(
+    /// A square film of one sample a batch, all of whose light is roughened.
+    fn levels(size: usize, of: impl Fn(usize, usize, usize) -> Rgb, count: usize) -> LevelFilm {
+        film(size, of, count, |_| Rgb::ZERO)
+    }
+
+    /// A square film of one sample a batch: the light by level, batch and pixel, and what no level roughens.
+    fn film(
         size: usize,
         of: impl Fn(usize, usize, usize) -> Rgb,
         count: usize,
-    ) -> Vec<BatchMeans> {
-        let picture =
-            |f: &dyn Fn(usize) -> Rgb| Buffer::from_fn(size, size, |x, y| f(y * size + x));
-        let level = |k: usize| {
-            let batches = std::array::from_fn(|b| picture(&|i| of(k, b, i)));
-            let all = |i: usize| (0..BATCHES).map(|b| of(k, b, i)).sum::<Rgb>() / BATCHES as f32;
-            BatchMeans {
-                mean: picture(&all),
-                batches,
+        shared: impl Fn(usize) -> Rgb,
+    ) -> LevelFilm {
+        let frame = crate::math::UVec2::splat(size as u32);
+        let mut film = LevelFilm::new(frame, Window::full(frame), count);
+        for i in 0..size * size {
+            for b in 0..BATCHES {
+                let levels: Vec<Rgb> = (0..count).map(|k| of(k, b, i)).collect();
+                let path = PathLevels {
+                    levels: &levels,
+                    shared: shared(i),
+                    guide: [0.0; 4],
+                };
+                film.push(i, b as u32, &path);
             }
-        };
-        (0..count).map(level).collect()
-    }
-
-    /// The choice among levels whose light is all roughened.
-    fn choose(levels: &[BatchMeans], settings: Resolve) -> Resolved {
-        let size = levels[0].mean.width;
-        let nothing = super::tests::levels(size, |_, _, _| Rgb::ZERO, 1);
-        let flat = vec![[0.0; 4]; size * size];
-        resolve(levels.to_vec(), &nothing[0], &flat, settings)
+        }
+        film
     }
 
     const SHARP: Resolve = Resolve {
@@ -627,9 +785,9 @@ mod tests {
         let ramp = |k: usize, _, i: usize| Rgb::splat(1.0 + i as f32 / 64.0 + k as f32 * 0.01);
         let levels = levels(8, ramp, 4);
         for (robust, sigma) in [(false, 0.0), (true, 0.0), (false, 0.7), (true, 1.5)] {
-            let resolved = choose(&levels, Resolve { robust, sigma });
+            let resolved = resolve_film(&levels, Resolve { robust, sigma });
             assert!(resolved.level.iter().all(|&k| k == 0));
-            assert_eq!(resolved.picture, levels[0].mean);
+            assert_eq!(resolved.picture, levels.mean(0));
             assert_eq!(resolved.relative_error(), 0.0);
         }
     }
@@ -638,7 +796,7 @@ mod tests {
     fn white_noise_on_a_constant_resolves_to_the_roughest_level() {
         let value =
             |k: usize, b, i| Rgb::splat(1.0 + 0.2 * 0.25f32.powi(k as i32) * noise(k, b, i));
-        let resolved = choose(&levels(32, value, 3), SHARP);
+        let resolved = resolve_film(&levels(32, value, 3), SHARP);
         let count =
             |resolved: &Resolved, level| resolved.level.iter().filter(|&&k| k == level).count();
         // The estimate of a bias is noisy itself: 88 % by these numbers.
@@ -646,7 +804,7 @@ mod tests {
         assert!(counts[2] > 800 && counts[0] < 80, "{counts:?}");
         // A level that adds light everywhere is not taken.
         let bright = |k: usize, b, i| value(k, b, i) + Rgb::splat(if k == 2 { 0.5 } else { 0.0 });
-        let resolved = choose(&levels(32, bright, 3), SHARP);
+        let resolved = resolve_film(&levels(32, bright, 3), SHARP);
         let counts = [0, 1, 2].map(|k| count(&resolved, k));
         assert!(counts[2] == 0 && counts[1] > 850, "{counts:?}");
     }
@@ -655,7 +813,7 @@ mod tests {
     #[test]
     fn noisier_levels_are_not_chosen() {
         let value = |k: usize, b, i| Rgb::splat(1.0 + [0.05, 0.6, 0.3][k] * noise(k, b, i));
-        let resolved = choose(&levels(32, value, 3), SHARP);
+        let resolved = resolve_film(&levels(32, value, 3), SHARP);
         let rough = resolved.level.iter().filter(|&&k| k > 0).count();
         assert!(rough < 20, "{rough}");
     }
@@ -668,7 +826,7 @@ mod tests {
             let bright = [1.0, 0.93][k] + [0.6, 0.05][k] * noise(k, b, i);
             Rgb::splat(bright * if shadow(i) { 0.01 } else { 1.0 })
         };
-        let resolved = choose(&levels(48, value, 2), SHARP);
+        let resolved = resolve_film(&levels(48, value, 2), SHARP);
         let pixels = resolved.picture.pixels.iter().enumerate();
         let dark: Vec<f32> = pixels
             .filter(|(i, _)| shadow(*i))
@@ -690,12 +848,12 @@ mod tests {
             }
         };
         let all = levels(16, equal, 3);
-        let resolved = choose(&all, SHARP);
+        let resolved = resolve_film(&all, SHARP);
         for (i, (p, q)) in resolved
             .picture
             .pixels
             .iter()
-            .zip(&all[0].mean.pixels)
+            .zip(&all.mean(0).pixels)
             .enumerate()
         {
             assert!((*p - *q).abs().max_element() < 1e-6, "{i}: {p} {q}");
@@ -709,10 +867,10 @@ mod tests {
             }
         };
         let all = levels(48, darker, 2);
-        let resolved = choose(&all, SHARP);
+        let resolved = resolve_film(&all, SHARP);
         assert!(resolved.level.iter().filter(|&&k| k == 1).count() > 2000);
         let mean = |b: &Buffer| b.pixels.iter().map(|p| p.x).sum::<f32>() / b.pixels.len() as f32;
-        let (plain, rough) = (mean(&all[0].mean), mean(&all[1].mean));
+        let (plain, rough) = (mean(&all.mean(0)), mean(&all.mean(1)));
         let lost = (mean(&resolved.picture) - plain).abs();
         assert!(lost < 0.35 * (plain - rough), "{plain} {rough} {lost}");
         for (i, p) in resolved.picture.pixels.iter().enumerate() {
@@ -737,7 +895,7 @@ mod tests {
             }
         };
         let edge = |i: usize| if i % size < 16 { 1.0f32 } else { 0.1 };
-        let shared = levels(size, |_, _, i| Rgb::splat(texture(i)), 1);
+        let shared = |i: usize| Rgb::splat(texture(i));
         let value = |spread: f32| {
             move |k: usize, b, i| {
                 let noise = 1.0 + spread * [4.0, 1.0][k] * noise(k, b, i);
@@ -749,11 +907,10 @@ mod tests {
             let square = |(i, p): (usize, &Rgb)| (p.x / (texture(i) + edge(i)) - 1.0).powi(2);
             pixels.map(square).sum()
         };
-        let flat = vec![[0.0; 4]; size * size];
         for (spread, most) in [(0.2, 0.7), (0.002, 1.1)] {
-            let all = levels(size, value(spread), 2);
-            let sharp = error(&resolve(all.clone(), &shared[0], &flat, SHARP));
-            let blurred = error(&resolve(all, &shared[0], &flat, blur));
+            let all = film(size, value(spread), 2, shared);
+            let sharp = error(&resolve_film(&all, SHARP));
+            let blurred = error(&resolve_film(&all, blur));
             assert!(blurred < most * sharp, "{spread}: {blurred} {sharp}");
         }
     }
@@ -796,7 +953,7 @@ mod tests {
             let light = if i.is_multiple_of(7) { 0.0 } else { 1.0 };
             Rgb::splat(light * (1.0 + 0.3 * noise(k, b, i)))
         };
-        let resolved = choose(
+        let resolved = resolve_film(
             &levels(16, value, 3),
             Resolve {
                 sigma: 1.0,
@@ -811,14 +968,16 @@ mod tests {
     #[test]
     fn tent_keeps_constants_and_shares_sum_to_one() {
         for (w, h) in [(1, 1), (2, 9), (7, 5)] {
-            let ones = tent((w, h), 1, &vec![Rgb::ONE; w * h]);
+            let mut ones = vec![Rgb::ONE; w * h];
+            tent((w, h), 1, &mut ones);
             assert!(
                 ones.iter()
                     .all(|v| (*v - Rgb::ONE).abs().max_element() < 1e-6)
             );
         }
         let one = |i: usize| if i == 12 { Rgb::ONE } else { Rgb::ZERO };
-        let spread = tent((5, 5), 1, &(0..25).map(one).collect::<Vec<Rgb>>());
+        let mut spread: Vec<Rgb> = (0..25).map(one).collect();
+        tent((5, 5), 1, &mut spread);
         assert!((spread[12].x - 1.0 / 9.0).abs() < 1e-6, "{}", spread[12]);
         assert!(spread.iter().all(|v| v.x > 0.0));
     }
@@ -827,7 +986,7 @@ mod tests {
     fn robust_levels_lose_a_firefly() {
         let value = |_, b, i| Rgb::splat(if (b, i) == (2, 40) { 1000.0 } else { 1.0 });
         let all = levels(9, value, 2);
-        let (mean, robust) = (choose(&all, SHARP), choose(&all, ROBUST));
+        let (mean, robust) = (resolve_film(&all, SHARP), resolve_film(&all, ROBUST));
         let least = |r: &Resolved| r.picture.pixels[40].x;
         assert!(
             least(&robust) < 0.6 * least(&mean),
@@ -835,6 +994,43 @@ mod tests {
             least(&robust),
             least(&mean)
         );
+    }
+
+    /// Any light, noise and guides: a tile knows as much of its surroundings as its pixels depend on.
+    #[test]
+    fn resolve_in_tiles_has_the_bytes_of_the_whole() {
+        let frame = crate::math::UVec2::new(61, 38);
+        let window = Window {
+            x: 3,
+            y: 5,
+            w: 53,
+            h: 31,
+        };
+        let mut film = LevelFilm::new(frame, window, 4);
+        for index in 0..window.len() {
+            for sample in 0..2 * BATCHES as u32 {
+                let mut stream = stream(index as u32 * 16 + sample);
+                let mut next = || stream.next_1d();
+                let shared = Rgb::new(next(), next(), next());
+                let bright =
+                    |k: usize, u: f32| (0.5 - 0.1 * k as f32) / (u + 0.01 + 0.2 * k as f32);
+                let levels: [Rgb; 4] = std::array::from_fn(|k| shared + bright(k, next()));
+                let path = PathLevels {
+                    levels: &levels,
+                    shared,
+                    guide: [next(), 0.1 * next(), 0.9, 3.0 + 0.2 * next()],
+                };
+                film.push(index, sample, &path);
+            }
+        }
+        for (robust, sigma) in [(false, 0.0), (true, 0.3), (false, 0.7), (true, 1.5)] {
+            let settings = Resolve { robust, sigma };
+            let whole = resolve(&film, settings, 64);
+            assert!((0..4).filter(|k| whole.level.contains(k)).count() > 1);
+            for edge in [1, 7, 32] {
+                assert_eq!(resolve(&film, settings, edge), whole, "{settings:?} {edge}");
+            }
+        }
     }
 
     #[test]

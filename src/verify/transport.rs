@@ -197,7 +197,30 @@ pub fn leak(open: bool) -> Finding {
 }
 
 pub(super) fn leaks() -> Vec<Finding> {
-    vec![leak(false), covered(true)]
+    vec![leak(false), divided(), covered(true)]
+}
+
+/// Largest value seen inside a closed box of flat walls, turned so that the triangles of a wall share a plane only up to
+/// rounding, with all light outside.
+pub fn divided() -> Finding {
+    let inside = |turn: [f32; 3]| {
+        let mut parts = SceneParts::default();
+        let walls = room(Vec3::splat(-1.0), Vec3::ONE).map(|wall| wall.placed(turn, Vec3::ONE));
+        parts.add(diffuse("walls", Rgb::splat(0.9)), walls);
+        parts.environment = Some(Environment::constant(Rgb::splat(1e5)));
+        parts.add_camera([1.1, 0.9, 1.2], [1.5, 0.6, 0.0], 100.0);
+        parts
+    };
+    let turns = [[0.3, 0.7, 0.2], [1.1, 0.1, 2.3]];
+    let films = turns.into_iter().flat_map(|turn| {
+        let settings = std::iter::once(plain()).chain(from_both_ends());
+        settings.map(move |s| render(inside(turn), &s, 24, 16))
+    });
+    Finding::new(
+        "light inside a closed box whose walls are two triangles each",
+        0.0,
+        films.map(|film| brightest(&film)),
+    )
 }
 
 /// Lamp of edge 1 at height 2 over a white floor and a metal ball, with a black sheet 4e-5 below the lamp if `closed`.

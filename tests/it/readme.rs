@@ -30,7 +30,8 @@ const STAND_INS: [&str; 9] = [
 ];
 
 /// Options whose value is written, not read.
-const OUTPUTS: [&str; 11] = [
+const OUTPUTS: [&str; 12] = [
+    "--log",
     "--stats",
     "-o",
     "--output",
@@ -392,7 +393,23 @@ fn examples_of_the_readme_run() {
         here("scene.glb"),
     )
     .unwrap();
-    std::fs::copy(root().join("suites/quick.json"), here("results.json")).unwrap();
+    let suite = r#"
+        baseline = "plain"
+        seeds = 2
+        samples = [1, 2]
+        [[scene]]
+        name = "box"
+        builtin = "cornell-box"
+        size = [16, 16]
+        max_depth = 4
+        reference_spp = 4
+        [[method]]
+        name = "plain"
+        method = "plain"
+    "#;
+    std::fs::write(here("suite.toml"), suite).unwrap();
+    let bench = ["bench", "suite.toml", "-o", "results.json"];
+    assert!(opsr(&bench, folder.path()).status.success());
     for name in ["a.exr", "b.exr", "reference.exr"] {
         let render = [
             "render",

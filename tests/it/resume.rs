@@ -68,13 +68,13 @@ mod training {
         let stop = Arc::new(AtomicBool::new(false));
         let control = RecordingControl {
             folder: Some(folder.into()),
-            checkpoints: Vec::new(),
             stop: stop.clone(),
             listen: &|_| {
                 if begun.fetch_add(1, Ordering::Relaxed) == stop_at {
                     stop.store(true, Ordering::Relaxed);
                 }
             },
+            ..RecordingControl::default()
         };
         Session::with_crops(config.clone(), vec![crop.clone()], vec![crop], &control)
     }

@@ -3,7 +3,7 @@
 use super::super::bar::{self, Style};
 use indicatif::ProgressBar;
 use opsr::train::learn::outer_loop::LogEntry;
-use opsr::train::learn::session::RecordingProgress;
+use opsr::train::learn::recordings::RecordingProgress;
 use std::io::{IsTerminal, Write};
 use std::time::Instant;
 

@@ -2,12 +2,14 @@
 
 mod display;
 mod log;
+pub(super) mod record;
+mod settings;
 
 use super::bar::Style;
 use super::stop::Stop;
 use super::{Blame, Exit};
-use anyhow::{Context, anyhow};
-use clap::{Args, ValueEnum};
+use anyhow::anyhow;
+use clap::Args;
 use display::ProgressDisplay;
 use log::MetricsLog;
 use opsr::files;
@@ -16,10 +18,11 @@ use opsr::regularise::{AttenuationTable, Lookup};
 use opsr::report::training::{CropScores, LearnedTable, Report};
 use opsr::train::config::{Config, Model};
 use opsr::train::learn::outer_loop::Outcome;
-use opsr::train::learn::session::RECORDING;
+use opsr::train::learn::recordings::recordings_in;
 use opsr::train::record::crop::DatasetError;
 use opsr::train::record::visits::LIVE;
 use opsr::train::{RecordingControl, Session, TrainError, study};
+use settings::{Preset, SettingArgs};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -28,50 +31,17 @@ use std::time::Instant;
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct TrainArgs {
-    /// Weight of the variance against the error; several with commas make several tables from one recording.
-    #[arg(long, value_name = "B", value_delimiter = ',')]
-    beta: Vec<f32>,
-    /// Settings to start from.
-    #[arg(long, value_enum, default_value_t)]
-    preset: Preset,
-    /// A TOML file of settings, such as the config.toml of an earlier run.
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
-    /// One setting, such as spp=256; may be given several times and has the last word.
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    settings: Vec<String>,
-
-    /// Evaluation of the loss: tabulated (fast), replay (exact for the recording) or fresh (traces every step).
-    #[arg(long, value_name = "NAME")]
-    method: Option<String>,
-    /// adam (published) or log (Adam on the logarithm of the factors: hundreds of steps instead of thousands).
-    #[arg(long, value_name = "NAME")]
-    optimiser: Option<String>,
-    /// full (1360 free factors, published) or additive (24 numbers that make the factors).
-    #[arg(long, value_name = "NAME")]
-    model: Option<String>,
-    /// Look-up of factors: nearest or linear.
-    #[arg(long, value_name = "NAME")]
-    lookup: Option<String>,
-    /// Optimiser steps.
-    #[arg(long, value_name = "N")]
-    steps: Option<u32>,
-    /// Samples per pixel that the tables are learned for.
-    #[arg(long, value_name = "N")]
-    spp: Option<u32>,
-    /// Seed of the recording; the same seed gives bit-identical tables.
-    #[arg(long, value_name = "N")]
-    seed: Option<u64>,
-    /// Leave this family of scenes out of the training and score the tables on it.
-    #[arg(long, value_name = "FAMILY")]
-    hold_out: Option<String>,
-
+    #[command(flatten)]
+    settings: SettingArgs,
     /// Folder of the run, for resolved settings, log, checkpoints, tables and report [default: out/train/PRESET].
     #[arg(long, value_name = "DIR")]
     run: Option<PathBuf>,
     /// Folder of the finished tables.
     #[arg(long, value_name = "DIR", default_value = "params")]
     out: PathBuf,
+    /// Learn from the recordings in this folder, which `opsr record` made with the same settings: all of them, and no others.
+    #[arg(long, value_name = "DIR")]
+    recordings: Option<PathBuf>,
     /// Continue from the recordings and checkpoints in the run's folder.
     #[arg(long)]
     resume: bool,
@@ -99,38 +69,13 @@ Examples:
   opsr train --optimiser log --set steps=500 --set 'scenes=[\"rings\", \"basins\"]'
   opsr train --beta 0.001 --out mine --resume   continue after Ctrl-C
 
-The run's folder gets config.toml, report.html and report.json, and for every beta metrics.jsonl, metrics.csv, last.ckpt,
-table.json and best.json (lowest validation loss). Recordings of crops are kept in it until the run is complete.";
-
-/// Settings to start from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum Preset {
-    /// All scenes, 1024 samples, ten thousand steps of Adam, from the best constant.
-    #[default]
-    Full,
-    /// The same from 0.5, as published.
-    Published,
-    /// The same with 150 steps on the logarithm from the best constant: minutes.
-    Fast,
-    /// One scene, 256 samples, 150 steps on the logarithm.
-    Smoke,
-}
-
-impl Preset {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Full => "full",
-            Self::Published => "published",
-            Self::Fast => "fast",
-            Self::Smoke => "smoke",
-        }
-    }
-}
+The run's folder gets config.toml, report.html and report.json, and for every beta metrics.jsonl, metrics.csv, an event file for
+TensorBoard (tensorboard --logdir out/train), last.ckpt, table.json and best.json (lowest validation loss). Recordings of crops are kept in it until the run is complete.";
 
 impl TrainArgs {
     /// Folder of the run.
     fn run_folder(&self) -> PathBuf {
-        let default = || Path::new("out/train").join(self.preset.name());
+        let default = || Path::new("out/train").join(self.settings.preset.name());
         self.run.clone().unwrap_or_else(default)
     }
 
@@ -176,54 +121,9 @@ impl TrainArgs {
         Ok(())
     }
 
-    /// Resolves the settings; later ones override earlier ones: preset, file, options, --set.
-    fn resolve(&self) -> anyhow::Result<Config> {
-        let mut config = Config::default();
-        let preset: &[&str] = match self.preset {
-            Preset::Full => &[FULL],
-            Preset::Published => &[],
-            Preset::Fast => &[FAST],
-            Preset::Smoke => &[FAST, SMOKE],
-        };
-        for text in preset {
-            config = config.with_text(text, "the preset").context("the preset")?;
-        }
-        if let Some(path) = &self.config {
-            config = config.with_file(path).input()?;
-        }
-        if !self.beta.is_empty() {
-            config.beta.clone_from(&self.beta);
-        }
-        let named = [
-            ("method", &self.method),
-            ("optimiser", &self.optimiser),
-            ("model", &self.model),
-            ("lookup", &self.lookup),
-            ("hold_out", &self.hold_out),
-        ];
-        for (key, value) in named {
-            if let Some(value) = value {
-                config = config.with_setting(&format!("{key}={value:?}")).usage()?;
-            }
-        }
-        config.steps = self.steps.unwrap_or(config.steps);
-        config.spp = self.spp.unwrap_or(config.spp);
-        config.seed = self.seed.unwrap_or(config.seed);
-        for setting in &self.settings {
-            config = config.with_setting(setting).usage()?;
-        }
-        // A file is an input; without one only the command line can be wrong.
-        let checked = config.check();
-        match self.config {
-            Some(_) => checked.input()?,
-            None => checked.usage()?,
-        }
-        Ok(config)
-    }
-
     /// File name of a table without its extension.
     fn stem(&self, config: &Config, beta: f32) -> String {
-        let preset = match self.preset {
+        let preset = match self.settings.preset {
             Preset::Full => String::new(),
             other => format!("{}-", other.name()),
         };
@@ -247,11 +147,7 @@ const RECORDINGS: &str = "recordings";
 
 /// The recordings of a run.
 fn recordings(run: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(run.join(RECORDINGS));
-    let paths = entries.into_iter().flatten().flatten().map(|e| e.path());
-    paths
-        .filter(|path| path.extension().is_some_and(|e| e == RECORDING))
-        .collect()
+    recordings_in(&run.join(RECORDINGS))
 }
 
 /// True if a run's folder holds any work: recordings, or folders of tables with any.
@@ -264,27 +160,9 @@ fn holds_a_run(run: &Path) -> bool {
     !recordings(run).is_empty() || entries.any(|entry| work(&entry.path()))
 }
 
-/// From 0.5 ten thousand steps on the training scenes end in a far worse minimum than the best constant.
-const FULL: &str = "start = 0.0";
-
-/// Few large steps.
-const FAST: &str = r#"
-steps = 150
-optimiser = "log"
-start = 0.0
-validate_every = 25
-checkpoint_every = 50
-"#;
-
-/// One scene and few samples, on top of [`FAST`].
-const SMOKE: &str = r#"
-scenes = ["cornell_caustics"]
-spp = 256
-"#;
-
 /// Runs the command.
 pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
-    let config = args.resolve()?;
+    let config = args.settings.resolve()?;
     let run = args.run_folder();
     args.check_places(&config, &run)?;
     let stop = Stop::listen();
@@ -295,14 +173,21 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     save(&run.join("config.toml"), &config.to_toml()?)?;
 
     let progress = ProgressDisplay::new(args.progress, config.steps);
-    let kept = run.join(RECORDINGS);
     if !args.resume {
         // Those of a run that --force replaces.
         remove_recordings(&run);
     }
-    files::create_folder(&kept).output()?;
+    let kept = match &args.recordings {
+        Some(folder) => folder.clone(),
+        None => {
+            let kept = run.join(RECORDINGS);
+            files::create_folder(&kept).output()?;
+            kept
+        }
+    };
     let control = RecordingControl {
         folder: Some(kept.clone()),
+        complete: args.recordings.is_some(),
         checkpoints: if args.resume {
             args.checkpoints(&config, &run)
         } else {
@@ -316,7 +201,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     };
     let mut session = match Session::open(config.clone(), &control) {
         Err(TrainError::Dataset(DatasetError::Stopped)) => {
-            let (n, kept) = (recordings(&run).len(), kept.display());
+            let (n, kept) = (recordings_in(&kept).len(), kept.display());
             progress.say(&format!(
                 "stopped while recording: {kept} has {n} crops; continue with --resume"
             ));
@@ -342,11 +227,14 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     }
     if args.study {
         for (&beta, learned) in config.beta.iter().zip(&mut report.tables) {
-            learned.held_out = study::leave_one_out(&mut session, beta, &mut |family| {
+            for family in study::families(&session) {
+                if stop.asked() {
+                    break;
+                }
                 progress.say(&format!("beta {beta}: learning without {family}"));
-                stop.flow()
-            })
-            .map_err(blame)?;
+                let held_out = study::hold_out(&mut session, beta, &family, &|| stop.flow());
+                learned.held_out.extend(held_out.map_err(blame)?);
+            }
             if !session.validation.is_empty() && !stop.asked() {
                 progress.say(&format!(
                     "beta {beta}: running a pilot for every validation crop"

@@ -7,7 +7,7 @@ use super::vertex::Vertex;
 use super::walk::Walk;
 use super::weights::{self, End};
 use crate::image::splat::Splat;
-use crate::math::Rgb;
+use crate::math::{Rgb, Vec3};
 use crate::sampler::LightU;
 
 /// Density per area with which a direction of density `pdf_w` meets a vertex.
@@ -122,8 +122,14 @@ impl Iteration<'_> {
         let distance2 = to.length_squared();
         let distance = distance2.sqrt();
         let dir = to / distance;
-        // A triangle does not see itself: rounding would connect its two sides, in its plane.
-        if !dir.is_finite() || light.hit.triangle == vertex.hit.triangle {
+        // A triangle sees neither itself nor others in its plane: rounding would connect their two sides.
+        let error = vertex.surface.error + light.surface.error;
+        let in_plane = |ng: Vec3| to.dot(ng).abs() <= error;
+        if !dir.is_finite()
+            || light.hit.triangle == vertex.hit.triangle
+            || in_plane(vertex.surface.ng)
+            || in_plane(light.surface.ng)
+        {
             return Rgb::ZERO;
         }
         // Most pairs see each other from behind.

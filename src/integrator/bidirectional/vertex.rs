@@ -58,7 +58,10 @@ impl Vertex {
     #[inline]
     pub(super) fn scatters_to(&self, out: Vec3) -> bool {
         let ng = self.surface.ng;
-        let opaque = matches!(self.bsdf, Bsdf::Diffuse(_) | Bsdf::Glossy(_));
+        let opaque = matches!(
+            self.bsdf,
+            Bsdf::Diffuse(_) | Bsdf::Glossy(_) | Bsdf::Anisotropic(_)
+        );
         !opaque || self.back.dot(ng) * out.dot(ng) > 0.0
     }
 

@@ -61,7 +61,7 @@ impl<'a> Walk<'a> {
     /// The walk's `n`th vertex, where it has [arrived](Walk::arrive); `u` chooses between the BSDFs of its material.
     #[inline]
     pub(super) fn vertex(&mut self, n: u32, (hit, start): &(Hit, f32), u: f32) -> Vertex {
-        let surface = self.scene.surface(hit);
+        let mut surface = self.scene.surface(hit);
         if !self.bodies.is_empty() {
             self.throughput *= self.bodies.transmittance(self.scene, hit.t - start);
         }
@@ -73,7 +73,7 @@ impl<'a> Walk<'a> {
             Origin::Camera => self.throughput,
             Origin::Light => self.throughput / cos,
         };
-        let mut bsdf = self.scene.bsdf(&surface, u);
+        let mut bsdf = self.scene.bsdf(&mut surface, u);
         (self.bodies).interface(self.scene, &surface, self.ray.dir, &mut bsdf);
         let frame = surface.frame_for(back);
         Vertex {

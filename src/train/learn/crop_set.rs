@@ -26,6 +26,8 @@ pub struct CropSet {
 
 /// One replicate of a crop.
 struct TrainingCrop {
+    /// Place among all that were ever in the set: sums depend on the order of their terms.
+    place: usize,
     crop: Crop,
     source: Box<dyn MomentSource>,
     target: Target,
@@ -58,6 +60,7 @@ impl CropSet {
         visits: Visits,
     ) {
         self.crops.push(TrainingCrop {
+            place: self.crops.len(),
             crop,
             source,
             target,
@@ -83,9 +86,10 @@ impl CropSet {
         }
     }
 
-    /// Appends crops, such as those that were removed.
-    pub fn append(&mut self, other: Self) {
-        self.crops.extend(other.crops);
+    /// Puts crops back to their places, which were removed.
+    pub fn restore(&mut self, removed: Self) {
+        self.crops.extend(removed.crops);
+        self.crops.sort_by_key(|crop| crop.place);
         self.anchor = None;
     }
 

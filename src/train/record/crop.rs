@@ -99,6 +99,14 @@ pub enum DatasetError {
         /// The problem.
         problem: String,
     },
+    /// A folder of recordings lacks some.
+    #[error("{}", unrecorded(folder, missing))]
+    Unrecorded {
+        /// The folder.
+        folder: PathBuf,
+        /// Names of the files.
+        missing: Vec<String>,
+    },
     /// The user ended the recording.
     #[error("stopped while recording")]
     Stopped,
@@ -110,6 +118,18 @@ pub enum DatasetError {
         /// Error of the film.
         cause: FilmError,
     },
+}
+
+/// Names the first missing recordings.
+fn unrecorded(folder: &Path, missing: &[String]) -> String {
+    const NAMED: usize = 8;
+    let (folder, named) = (folder.display(), missing.iter().take(NAMED));
+    let named = named.cloned().collect::<Vec<_>>().join(", ");
+    let more = match missing.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    format!("{folder}: missing recordings, which `opsr record` makes: {named}{more}")
 }
 
 impl Crop {

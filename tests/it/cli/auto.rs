@@ -134,3 +134,15 @@ fn info_names_the_integrator_that_a_scene_calls_for() {
         assert_eq!(json["integrator"]["name"], expected);
     }
 }
+
+/// A pilot that takes longer than the render may leaves time for one pass.
+#[test]
+fn auto_makes_a_picture_when_the_pilot_takes_all_the_time() {
+    let place = place("caustic-box");
+    let ended = place
+        .render("--integrator auto --time 1ms -o auto.exr")
+        .done();
+    assert!(!ended.err.contains(" 0 spp"), "{}", ended.err);
+    let picture = exr::read_rgb(&place.path().join("auto.exr")).expect("a picture");
+    assert!(picture.pixels.iter().any(|p| p.max_element() > 0.0));
+}

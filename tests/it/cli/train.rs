@@ -55,6 +55,7 @@ fn output_is_tables_a_log_and_a_report() {
     assert_eq!(names("run"), run);
     let files = [
         "best.json",
+        "events.out.tfevents.opsr",
         "last.ckpt",
         "metrics.csv",
         "metrics.jsonl",
@@ -66,12 +67,19 @@ fn output_is_tables_a_log_and_a_report() {
     let csv = String::from_utf8(place.read("run/beta-0.001/metrics.csv")).unwrap();
     let rows: Vec<&str> = csv.lines().collect();
     assert_eq!((rows.len(), rows[0]), (4, "step,seconds,loss,validation"));
-    for (row, line) in rows[1..].iter().zip(log.lines()) {
+    let events = place.read("run/beta-0.001/events.out.tfevents.opsr");
+    let events = crate::tensorboard::events(&events);
+    assert_eq!(events.len(), 3);
+    for ((row, line), event) in rows[1..].iter().zip(log.lines()).zip(events) {
         let entry: serde_json::Value = serde_json::from_str(line).unwrap();
         let cells: Vec<&str> = row.split(',').collect();
         assert_eq!((cells.len(), cells[0]), (4, &*entry["step"].to_string()));
         let loss: f64 = cells[2].parse().unwrap();
         assert_eq!(Some(loss), entry["loss"].as_f64());
+        assert_eq!(event.scalars["loss/training"], loss as f32);
+        assert_eq!(Some(event.step), entry["step"].as_u64());
+        let energy = entry["crops"][0]["energy"].as_f64().unwrap();
+        assert_eq!(event.scalars["energy/training"], energy as f32);
     }
     let tables = ["beta-0.001", "beta-0.05"].map(|name| {
         let path = place.path().join(format!("params/{name}.json"));
@@ -292,4 +300,105 @@ fn errors_name_the_setting_or_file() {
     let ended = train(&place, "--steps 1");
     assert_eq!(ended.code, Some(3), "{}", ended.err);
     assert!(ended.err.contains("there is no reference"), "{}", ended.err);
+}
+
+/// `opsr record`, of the settings of `extra`.
+fn record(place: &Place, extra: &str) -> Ended {
+    let settings = "--set manifest=\"list.toml\" --set spp=2 --set start=0.1 --set replicates=2";
+    place.opsr(&format!("record {settings} {extra}"))
+}
+
+/// Tables of recordings that other processes made, in any order, are those of a training that records itself.
+#[test]
+fn recordings_of_several_processes_give_the_same_tables() {
+    let place = place();
+    let args = "--steps 5 --beta 0.001,0.05 --set replicates=2";
+    train(&place, args).done();
+    let whole = place.files_in("params");
+    // Three recordings: two of the training crop, one of the validation crop. Settings of the learning do not matter.
+    record(
+        &place,
+        "--recordings shards --crops 1..3 --threads 1 --beta 3",
+    )
+    .done();
+    let learn = format!("{args} --run other --out mine --recordings shards");
+    let refused = |code: i32, words: &[&str]| {
+        let ended = train(&place, &learn);
+        assert_eq!(ended.code, Some(code), "{}", ended.err);
+        for word in words {
+            assert!(ended.err.contains(word), "{word}: {}", ended.err);
+        }
+        assert!(place.files_in("mine").is_empty());
+    };
+    refused(3, &["shards: missing recordings", "000-a-32-32.recording"]);
+    record(&place, "--recordings shards --crops 0..1 --threads 3").done();
+    let shards = place.files_in("shards");
+    assert_eq!(shards.len(), 3);
+    train(&place, &learn).done();
+    assert!(place.files_in("mine") == whole);
+    // They stay, for other trainings.
+    assert!(place.files_in("shards") == shards);
+    assert!(!place.path().join("other/recordings").exists());
+    // Whole ones are not made again.
+    let said = record(&place, "--recordings shards").done().err;
+    assert!(
+        said.contains("shards: recordings of 3 of 3 crops"),
+        "{said}"
+    );
+    assert!(place.files_in("shards") == shards);
+
+    for folder in ["mine", "other"] {
+        std::fs::remove_dir_all(place.path().join(folder)).unwrap();
+    }
+    // Other settings, half of a file, and one that belongs to nobody.
+    let first = "shards/001-a-32-32.recording";
+    let bytes = place.read(first);
+    record(&place, "--recordings more --crops 1..2 --seed 1").done();
+    place.write(first, place.read("more/001-a-32-32.recording"));
+    refused(3, &[first, "other settings"]);
+    let ended = record(&place, "--recordings shards");
+    assert!(
+        ended.code == Some(3) && ended.err.contains(first),
+        "{}",
+        ended.err
+    );
+    place.write(first, &bytes[..bytes.len() / 2]);
+    refused(3, &[first, "a damaged recording"]);
+    let ended = record(&place, "--recordings shards");
+    assert!(
+        ended.code == Some(3) && ended.err.contains("damaged"),
+        "{}",
+        ended.err
+    );
+    place.write(first, &bytes);
+    place.write("shards/003-b.recording", &bytes);
+    refused(3, &["shards/003-b.recording", "belongs to no crop"]);
+
+    for (args, words) in [
+        (
+            "--recordings shards --crops 2..4",
+            "--crops 2..4: there are 0..3",
+        ),
+        ("--recordings shards --crops 2..2", "expected A..B"),
+        ("--crops 0..1", "--recordings"),
+    ] {
+        let ended = record(&place, args);
+        assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
+        assert!(ended.err.contains(words), "{args}: {}", ended.err);
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn record_resumes_after_an_interrupt() {
+    let place = place();
+    let args = "record --set manifest=\"list.toml\" --set spp=300 --set replicates=6 --recordings shards --progress none";
+    let ended = place.interrupted(args, "shards/000-a-32-32.recording");
+    assert_eq!(ended.code, Some(5), "{}", ended.err);
+    let kept = place.files_in("shards");
+    assert!((1..7).contains(&kept.len()), "{}", kept.len());
+    place.opsr(args).done();
+    let all = place.files_in("shards");
+    assert_eq!(all.len(), 7);
+    assert!(kept.iter().all(|(name, bytes)| all[name] == *bytes));
 }

@@ -1,0 +1,139 @@
+//! Settings of a training from the command line, for `opsr train` and `opsr record`.
+
+use super::super::Blame;
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+use opsr::train::Config;
+use std::path::PathBuf;
+
+/// Options that make the settings.
+#[derive(Args, Debug)]
+pub(super) struct SettingArgs {
+    /// Weight of the variance against the error; several with commas make several tables from one recording.
+    #[arg(long, value_name = "B", value_delimiter = ',')]
+    beta: Vec<f32>,
+    /// Settings to start from.
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) preset: Preset,
+    /// A TOML file of settings, such as the config.toml of an earlier run.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// One setting, such as spp=256; may be given several times and has the last word.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    settings: Vec<String>,
+
+    /// Evaluation of the loss: tabulated (fast), replay (exact for the recording) or fresh (traces every step).
+    #[arg(long, value_name = "NAME")]
+    method: Option<String>,
+    /// adam (published) or log (Adam on the logarithm of the factors: hundreds of steps instead of thousands).
+    #[arg(long, value_name = "NAME")]
+    optimiser: Option<String>,
+    /// full (1360 free factors, published) or additive (24 numbers that make the factors).
+    #[arg(long, value_name = "NAME")]
+    model: Option<String>,
+    /// Look-up of factors: nearest or linear.
+    #[arg(long, value_name = "NAME")]
+    lookup: Option<String>,
+    /// Optimiser steps.
+    #[arg(long, value_name = "N")]
+    steps: Option<u32>,
+    /// Samples per pixel that the tables are learned for.
+    #[arg(long, value_name = "N")]
+    spp: Option<u32>,
+    /// Seed of the recording; the same seed gives bit-identical tables.
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Leave this family of scenes out of the training and score the tables on it.
+    #[arg(long, value_name = "FAMILY")]
+    hold_out: Option<String>,
+}
+
+/// Settings to start from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Preset {
+    /// All scenes, 1024 samples, ten thousand steps of Adam, from the best constant.
+    #[default]
+    Full,
+    /// The same from 0.5, as published.
+    Published,
+    /// The same with 150 steps on the logarithm from the best constant: minutes.
+    Fast,
+    /// One scene, 256 samples, 150 steps on the logarithm.
+    Smoke,
+}
+
+impl Preset {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::Published => "published",
+            Self::Fast => "fast",
+            Self::Smoke => "smoke",
+        }
+    }
+}
+
+/// From 0.5 ten thousand steps on the training scenes end in a far worse minimum than the best constant.
+const FULL: &str = "start = 0.0";
+
+/// Few large steps.
+const FAST: &str = r#"
+steps = 150
+optimiser = "log"
+start = 0.0
+validate_every = 25
+checkpoint_every = 50
+"#;
+
+/// One scene and few samples, on top of [`FAST`].
+const SMOKE: &str = r#"
+scenes = ["cornell_caustics"]
+spp = 256
+"#;
+
+impl SettingArgs {
+    /// Resolves the settings; later ones override earlier ones: preset, file, options, --set.
+    pub(super) fn resolve(&self) -> anyhow::Result<Config> {
+        let mut config = Config::default();
+        let preset: &[&str] = match self.preset {
+            Preset::Full => &[FULL],
+            Preset::Published => &[],
+            Preset::Fast => &[FAST],
+            Preset::Smoke => &[FAST, SMOKE],
+        };
+        for text in preset {
+            config = config.with_text(text, "the preset").context("the preset")?;
+        }
+        if let Some(path) = &self.config {
+            config = config.with_file(path).input()?;
+        }
+        if !self.beta.is_empty() {
+            config.beta.clone_from(&self.beta);
+        }
+        let named = [
+            ("method", &self.method),
+            ("optimiser", &self.optimiser),
+            ("model", &self.model),
+            ("lookup", &self.lookup),
+            ("hold_out", &self.hold_out),
+        ];
+        for (key, value) in named {
+            if let Some(value) = value {
+                config = config.with_setting(&format!("{key}={value:?}")).usage()?;
+            }
+        }
+        config.steps = self.steps.unwrap_or(config.steps);
+        config.spp = self.spp.unwrap_or(config.spp);
+        config.seed = self.seed.unwrap_or(config.seed);
+        for setting in &self.settings {
+            config = config.with_setting(setting).usage()?;
+        }
+        // A file is an input; without one only the command line can be wrong.
+        let checked = config.check();
+        match self.config {
+            Some(_) => checked.input()?,
+            None => checked.usage()?,
+        }
+        Ok(config)
+    }
+}
