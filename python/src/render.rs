@@ -75,7 +75,8 @@ impl From<RenderProgress> for Progress {
 /// integrator: "path", "light", "bdpt", "vcm", "sppm" or "mlt"; "light" and "sppm" take no table or gamma, and only "bdpt" and
 ///     "mlt" a rule, the mollifier.
 /// levels: several amounts of roughening on the same paths, of which every pixel gets the best: their number from 1 to 8, or
-///     the scales of the table's or the constant factor, ascending from 0. One by default, where the program has five.
+///     the scales of the table's, the constant factor or the filter's value, ascending from 0. One by default, where the program
+///     has five.
 /// max_vertices: scattering vertices of the longest path, from 1 to 65536.
 /// threads: their number; all cores by default.
 /// aov: layers to record: names of those of the program's --aov, or True for albedo, normal and depth.
