@@ -126,8 +126,8 @@ impl LevelTracer {
         self.strength.levels()
     }
 
-    /// Radiance that arrives along a camera ray. `turn` chooses among the lobes that directions are drawn from: any
-    /// number, uniform over samples.
+    /// Radiance that arrives along a camera ray. `turn` says whether a second lobe is drawn from: any number, odd in
+    /// half of the samples.
     fn radiance<S: Sampler, O: PathObserver>(
         &self,
         scene: &Scene,

@@ -113,11 +113,8 @@ impl<'a> Vertex<'a> {
         }
         if let [others @ .., sharpest] = &proposals[..len] {
             lobe.shares[usize::from(*sharpest)] = 1.0;
-            for k in others {
-                lobe.shares[usize::from(*k)] = 0.5 / others.len() as f32;
-            }
             if let Some(k) = others.last() {
-                lobe.shares[usize::from(*k)] += 0.5;
+                lobe.shares[usize::from(*k)] = 0.5;
             }
         }
         Self {
@@ -193,12 +190,7 @@ impl<'a> Vertex<'a> {
         if self.diffuse {
             return;
         }
-        let turn = turn as usize;
-        let second = if turn.is_multiple_of(2) {
-            others.last()
-        } else {
-            others.get(turn / 2 % others.len().max(1))
-        };
+        let second = others.last().filter(|_| turn.is_multiple_of(2));
         let drawn = std::iter::once(sharpest).chain(second);
         for (i, &k) in drawn.enumerate() {
             let steps = (i + usize::from(self.continues)) as f32;
