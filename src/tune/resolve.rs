@@ -16,8 +16,8 @@
 //!
 //! Every level but 0 is a second candidate with the light of roughened vertices blurred by a Gaussian, and the rest as it
 //! is: P + G(I_k − P), where P is the light that all levels share. G stops at edges of the surface that the first rough
-//! vertices lie on. Its bias is judged against the sharp levels up to its own, and weighted for the darkest of the pixels
-//! around.
+//! vertices lie on. Its bias is judged against the sharp levels up to its own. Bias and variance are weighted for the darkest
+//! of the pixels around.
 //!
 //! The picture p is Σ_k tent_1(1[k* = k]) I_k. What light the choice lost is given back: μ = tent_R(I_0 − p), shrunk by
 //! max(0, 1 − c Var(μ)/μ²) where it is not above its own noise, times p / tent_R(p): in proportion to the picture, so that
@@ -424,12 +424,20 @@ fn choose(film: &LevelFilm, gain: f32, settings: Resolve) -> Choice {
     ];
     let blur = (settings.sigma > 0.0).then(|| Blur::new(size, settings.sigma, &film.guides()));
     let candidates = candidates(levels, &shared, blur.as_ref());
-    let variance: Vec<Vec<f32>> = (candidates.iter())
-        .map(|c| variance(size, &c.means, &weights[0]))
-        .collect();
+    let noise: Vec<Vec<Vec3A>> = candidates.iter().map(|c| noise(size, &c.means)).collect();
+    let [light, dark] = &weights;
+    let variance: Vec<Vec<f32>> = noise.iter().map(|v| weighted(v, light)).collect();
     let bias2 = biases(size, &candidates, &weights, &variance);
+    // Noise that a blur takes across an edge is seen on the dark side.
+    let of_blurred: Vec<Vec<f32>> = (candidates.iter().zip(&noise))
+        .filter(|(c, _)| c.blurred)
+        .map(|(_, v)| weighted(v, dark))
+        .collect();
+    let judged: Vec<&Vec<f32>> = (variance[..film.levels()].iter())
+        .chain(&of_blurred)
+        .collect();
     let best = |i: usize| {
-        let error = |k: usize| bias2[k][i] + variance[k][i];
+        let error = |k: usize| bias2[k][i] + judged[k][i];
         // The first of the best: the least roughened, and sharp.
         (1..candidates.len()).fold(0, |best, k| if error(k) < error(best) { k } else { best })
     };
@@ -556,13 +564,12 @@ fn darkest((width, height): Size, values: &[Vec3A]) -> Vec<Vec3A> {
     (0..values.len()).map(least).collect()
 }
 
-/// w V of a candidate.
-fn variance(size: Size, means: &Means, weights: &[Vec3A]) -> Vec<f32> {
-    let mut noise: Vec<Vec3A> = (0..weights.len())
-        .map(|i| variance_of_mean(means.batches(i)))
-        .collect();
+/// V of a candidate.
+fn noise(size: Size, means: &Means) -> Vec<Vec3A> {
+    let own = |i: usize| variance_of_mean(means.batches(i));
+    let mut noise: Vec<Vec3A> = (0..means.mean().len()).map(own).collect();
     tent(size, RADIUS, &mut noise);
-    weighted(&noise, weights)
+    noise
 }
 
 /// b of every candidate.
@@ -913,6 +920,24 @@ mod tests {
             let blurred = error(&resolve_film(&all, blur));
             assert!(blurred < most * sharp, "{spread}: {blurred} {sharp}");
         }
+    }
+
+    /// Noise of one batch beside dark pixels without noise, which no difference of batches tells from bias.
+    #[test]
+    fn blur_leaves_dark_pixels_beside_noise_dark() {
+        let (size, bright) = (32, |i: usize| i.is_multiple_of(8));
+        let value = |k: usize, b: usize, i: usize| {
+            let lit = bright(i) && b == (i / 8) % BATCHES;
+            Rgb::splat(if lit { 8.0 - 0.1 * k as f32 } else { 0.01 })
+        };
+        let resolved = resolve_film(&levels(size, value, 3), Resolve::default());
+        let pixels = resolved.picture.pixels.iter().enumerate();
+        let dark: Vec<f32> = pixels
+            .filter(|(i, _)| !bright(*i))
+            .map(|(_, p)| p.x)
+            .collect();
+        let worst = dark.iter().fold(0.0f32, |most, p| most.max(*p));
+        assert!(worst < 0.05, "{worst}");
     }
 
     #[test]
