@@ -12,8 +12,8 @@
 //! more light, and with a smooth coat over a mirror the sum is exactly 1: what is lost is light that the coat returns to
 //! a base that scatters widely.
 
-use super::ThinDielectric;
 use super::fresnel::schlick;
+use super::{Anisotropic, ThinDielectric};
 use super::{Bsdf, BsdfSample, Dielectric, Diffuse, Distribution, Glossy, Lobe, LobeQuery};
 use crate::math::{Rgb, Vec3};
 
@@ -38,6 +38,7 @@ enum Base {
     Glossy(Glossy),
     Dielectric(Dielectric),
     Thin(ThinDielectric),
+    Anisotropic(Anisotropic),
 }
 
 /// The BSDF of a surface with a clear coat of weight `coat` in [0, 1] and roughness `alpha`: the coat or the base, with
@@ -66,6 +67,7 @@ pub fn clearcoated(
         Bsdf::Glossy(l) => Base::Glossy(l),
         Bsdf::Dielectric(l) => Base::Dielectric(l),
         Bsdf::Thin(l) => Base::Thin(l),
+        Bsdf::Anisotropic(l) => Base::Anisotropic(l),
         Bsdf::Clearcoated(l) => l.base,
     };
     Bsdf::Clearcoated(Clearcoated { base, coat })
@@ -85,6 +87,7 @@ impl Clearcoated {
             Base::Glossy(l) => Bsdf::Glossy(l),
             Base::Dielectric(l) => Bsdf::Dielectric(l),
             Base::Thin(l) => Bsdf::Thin(l),
+            Base::Anisotropic(l) => Bsdf::Anisotropic(l),
         }
     }
 

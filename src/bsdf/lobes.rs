@@ -69,13 +69,13 @@ pub fn is_matched(eta: f32) -> bool {
 
 /// Negates `w` if `side` is negative: maps a direction on the side of `side` to the upper hemisphere and back.
 #[inline]
-fn above(side: f32, w: Vec3) -> Vec3 {
+pub(super) fn above(side: f32, w: Vec3) -> Vec3 {
     w * 1f32.copysign(side)
 }
 
 /// Mirror image of `w` about the half vector `h`, which may have any length.
 #[inline]
-fn mirror(w: Vec3, h: Vec3) -> Vec3 {
+pub(super) fn mirror(w: Vec3, h: Vec3) -> Vec3 {
     (2.0 * w.dot(h) / h.length_squared()) * h - w
 }
 
@@ -106,7 +106,12 @@ fn reflection(wo: Vec3, wi: Vec3, distribution: Distribution) -> Option<(LobeQue
 
 /// Sample of a smooth lobe. Value and density come from the query, so that the weight is exactly their ratio.
 #[inline]
-fn finish(query: Option<LobeQuery>, alpha: f32, wi: Vec3, lobe: Lobe) -> Option<BsdfSample> {
+pub(super) fn finish(
+    query: Option<LobeQuery>,
+    alpha: f32,
+    wi: Vec3,
+    lobe: Lobe,
+) -> Option<BsdfSample> {
     let eval = query?.at(alpha);
     (eval.pdf_w > 0.0).then(|| BsdfSample {
         wi,
@@ -176,7 +181,7 @@ impl Glossy {
     /// Selection probability of the glossy lobe: its share of the light that a smooth coat and the base reflect at
     /// cos θo = `cos`. Depends on `wo` only.
     #[inline]
-    fn glossy_probability(&self, cos: f32) -> f32 {
+    pub(super) fn glossy_probability(&self, cos: f32) -> f32 {
         if self.albedo == Rgb::ZERO {
             return 1.0;
         }

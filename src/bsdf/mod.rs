@@ -17,11 +17,14 @@
 
 use crate::math::{Rgb, Vec3};
 
+pub mod anisotropic;
 pub mod clearcoated;
 pub mod distribution;
 pub mod fresnel;
 pub mod lobes;
+mod slope;
 
+pub use anisotropic::{Anisotropic, anisotropic};
 pub use clearcoated::{Clearcoated, clearcoated};
 pub use distribution::{Distribution, LobeReal};
 pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric, is_matched};
@@ -45,7 +48,8 @@ pub struct LobeQuery {
     pub scale: Rgb,
     /// Factor of D·G1(wo) in the density per steradian, selection probability included.
     pub pdf_scale: f32,
-    /// tan² of the angle between half vector and normal.
+    /// tan² of the angle between half vector and normal; as the two below, of stretched directions of an
+    /// [anisotropic](Anisotropic) lobe.
     pub tan2_h: f32,
     /// tan² of the angle between `wo` and normal.
     pub tan2_o: f32,
@@ -106,6 +110,8 @@ pub enum Bsdf {
     Thin(ThinDielectric),
     /// Base under a clear coat.
     Clearcoated(Clearcoated),
+    /// [`Glossy`] with a lobe of two roughnesses.
+    Anisotropic(Anisotropic),
 }
 
 /// Factors of a [`LobeQuery`] that depend on the roughness, at one roughness.
@@ -180,7 +186,8 @@ impl LobeQuery {
 }
 
 impl Bsdf {
-    /// Original roughness of the glossy lobe; 1 for a purely diffuse BSDF.
+    /// Original roughness of the glossy lobe; 1 for a purely diffuse BSDF. The geometric mean of the two of an anisotropic
+    /// lobe.
     #[inline]
     pub fn alpha(&self) -> f32 {
         match self {
@@ -189,6 +196,7 @@ impl Bsdf {
             Self::Dielectric(l) => l.alpha,
             Self::Thin(l) => l.alpha,
             Self::Clearcoated(l) => l.base().alpha(),
+            Self::Anisotropic(l) => l.isotropic().alpha,
         }
     }
 
@@ -202,6 +210,7 @@ impl Bsdf {
             Self::Dielectric(l) => l.query(wo, wi),
             Self::Thin(l) => l.query(wo, wi),
             Self::Clearcoated(l) => l.query(wo, wi),
+            Self::Anisotropic(l) => l.query(wo, wi),
         }
     }
 
@@ -246,6 +255,7 @@ impl Bsdf {
             Self::Dielectric(l) => l.sample(alpha, wo, u),
             Self::Thin(l) => l.sample(alpha, wo, u),
             Self::Clearcoated(l) => l.sample(alpha, wo, u),
+            Self::Anisotropic(l) => l.sample(alpha, wo, u),
         }
     }
 
@@ -258,6 +268,7 @@ impl Bsdf {
             Self::Dielectric(l) => l.direction(alpha, wo, u),
             Self::Thin(l) => l.direction(alpha, wo, u),
             Self::Clearcoated(l) => l.direction(alpha, wo, u),
+            Self::Anisotropic(l) => l.direction_of(alpha, wo, u),
         }
     }
 
@@ -270,6 +281,7 @@ impl Bsdf {
             Self::Dielectric(l) => l.complete(alpha, wo, wi, lobe),
             Self::Thin(l) => l.complete(alpha, wo, wi, lobe),
             Self::Clearcoated(l) => l.complete(alpha, wo, wi, lobe),
+            Self::Anisotropic(l) => l.complete(alpha, wo, wi, lobe),
         }
     }
 
@@ -283,6 +295,7 @@ impl Bsdf {
             Self::Dielectric(l) if l.is_matched() => return true,
             Self::Dielectric(_) | Self::Thin(_) => false,
             Self::Clearcoated(l) => return l.base().is_delta_at(alpha),
+            Self::Anisotropic(l) => l.isotropic().albedo != Rgb::ZERO,
         };
         alpha < DELTA_ALPHA && !has_base
     }
@@ -305,6 +318,7 @@ impl Bsdf {
                 ..l
             }),
             Self::Clearcoated(l) => l.over(l.base().without_diffuse()),
+            Self::Anisotropic(l) => Self::Anisotropic(l.without_diffuse()),
             other => other,
         }
     }

@@ -66,14 +66,14 @@ fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyh
     let camera = super::scene::camera(scene, args.camera.as_deref(), aspect)?;
     let view = View::new(scene, &camera, size, window);
     let mut facts = serde_json::json!({ "pixel": [x, y], "frame": size.to_array() });
-    let Some((hit, surface)) = centre(&view, pixel) else {
+    let Some((hit, mut surface)) = centre(&view, pixel) else {
         facts["meets"] = "nothing".into();
         return Ok(facts);
     };
     let of = scene.material(&surface);
     // The base: a clear coat is drawn by smaller numbers.
-    let u = if of.clearcoat.is_some() { 0.25 } else { 0.0 };
-    let alpha = scene.bsdf(&surface, u).alpha();
+    let u = if of.clearcoat().is_some() { 0.25 } else { 0.0 };
+    let alpha = scene.bsdf(&mut surface, u).alpha();
     facts["mesh"] = (scene.geometry().triangle_mesh(surface.triangle) + 1).into();
     facts["material"] = format!("{} ({})", of.name, surface.material + 1).into();
     facts["kind"] = material(of)["kind"].clone();
@@ -144,8 +144,9 @@ fn material(m: &Material) -> serde_json::Value {
         "alpha": alpha,
         "textured_roughness": m.metallic_roughness_texture.is_some(),
         "bin": bin(alpha),
-        "clearcoat": m.clearcoat.as_ref().map(|coat| coat.weight),
-        "clearcoat_alpha": m.clearcoat.as_ref().map(|coat| coat.alpha),
+        "anisotropy": m.anisotropy().map(|a| a.strength),
+        "clearcoat": m.clearcoat().map(|coat| coat.weight),
+        "clearcoat_alpha": m.clearcoat().map(|coat| coat.alpha),
         // The former name of "bin".
         "level": bin(alpha),
         "emits": m.emission != opsr::math::Rgb::ZERO,
@@ -156,13 +157,15 @@ fn material(m: &Material) -> serde_json::Value {
 fn reachable(scene: &Scene) -> usize {
     let mut bins = [false; 4];
     for m in &scene.parts().materials {
-        let coat = m.clearcoat.as_ref();
-        let textured = m.metallic_roughness_texture.is_some();
+        let coat = m.clearcoat();
+        let brushing = m.anisotropy().and_then(|a| a.texture.as_ref());
+        let textured = m.metallic_roughness_texture.is_some() || brushing.is_some();
         if textured || coat.is_some_and(|coat| coat.roughness_texture.is_some()) {
             bins = [true; 4];
         } else {
             coat.iter().for_each(|coat| bins[bin(coat.alpha)] = true);
             bins[bin(m.alpha)] |= !m.is_lambert();
+            bins[bin(m.lobe_alpha())] |= m.anisotropy().is_some();
             // A diffuse base scatters too.
             bins[3] |= m.has_base();
         }
@@ -241,9 +244,13 @@ fn described(facts: &serde_json::Value) -> String {
             Some(coat) => format!(", clear coat {coat} of alpha {}", m["clearcoat_alpha"]),
             None => String::new(),
         };
+        let brushed = match m["anisotropy"].as_f64() {
+            Some(strength) => format!(", anisotropy {strength:.3}"),
+            None => String::new(),
+        };
         let emits = if m["emits"] == true { ", emits" } else { "" };
         lines.push(format!(
-            "  {} {}: alpha {}{textured}, bin {}{clear_coat}{emits}",
+            "  {} {}: alpha {}{textured}, bin {}{brushed}{clear_coat}{emits}",
             m["kind"].as_str().unwrap_or_default(),
             m["name"].as_str().unwrap_or_default(),
             m["alpha"],

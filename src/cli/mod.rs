@@ -17,6 +17,7 @@ mod auto;
 mod bar;
 mod bench;
 mod compare;
+mod error_log;
 mod info;
 mod job;
 mod live;

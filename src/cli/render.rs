@@ -2,6 +2,7 @@
 
 use super::aovs;
 use super::bar::{Bar, Style};
+use super::error_log::{ErrorLog, Line};
 use super::live::Live;
 use super::output::{Outputs, Provenance, can_write};
 use super::render_args::RenderArgs;
@@ -45,7 +46,10 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         &args.output[..]
     };
     let outputs = Outputs::new(pictures, args.files, args.resolve)?;
-    for path in args.checkpoint.iter().chain(&args.stats).chain(&args.film) {
+    for path in [&args.checkpoint, &args.stats, &args.log, &args.film]
+        .into_iter()
+        .flatten()
+    {
         can_write(path).output()?;
     }
     super::set_threads(args.threads)?;
@@ -173,12 +177,26 @@ impl RenderJob<'_> {
             let layers = layers.of(picture);
             (self.outputs).write(picture, layers, Some(camera.world_to_camera()), &metadata)
         };
+        let mut log = args.log.as_deref().map(ErrorLog::new).transpose()?;
+        let line = |progress: &RenderProgress, picture: &Picture, known: Option<f64>| Line {
+            samples: progress.samples,
+            seconds: spent + progress.elapsed.as_secs_f64(),
+            estimated: relative_error(picture),
+            true_error: known,
+        };
         let mut saved = Instant::now();
         let mut trouble = None;
         let mut listener = |progress: &RenderProgress, picture: &Picture| {
             let shown = || args.resolve.shown(picture);
             let known = truth.as_ref();
-            bar.show(progress, known.and_then(|truth| truth.now_and_then(shown)));
+            let known = known.and_then(|truth| truth.now_and_then(shown));
+            bar.show(progress, known);
+            if let Some(log) = &mut log
+                && let Err(error) = log.add(false, || line(progress, picture, known))
+            {
+                trouble = Some(error);
+                return ControlFlow::Break(());
+            }
             if let Some(view) = &live {
                 view.show(args.resolve.shown(picture));
             }
@@ -212,7 +230,7 @@ impl RenderJob<'_> {
         );
         bar.finish();
         if let Some(error) = trouble {
-            return Err(error.context("could not save the picture so far"));
+            return Err(error.context("could not save the render so far"));
         }
         // If one of the two cannot be saved, the other still is.
         let kept = checkpoint(&progress, &picture);
@@ -231,6 +249,9 @@ impl RenderJob<'_> {
             unseen: unseen_share(&picture),
             true_error: truth.and_then(|truth| truth.error(&written.shown)),
         };
+        if let Some(log) = &mut log {
+            log.add(true, || line(&progress, &picture, ended.true_error))?;
+        }
         if let Some(path) = &args.stats {
             let text = format!("{:#}\n", self.statistics(&ended, spent));
             files::write_bytes(path, text).output()?;

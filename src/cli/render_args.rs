@@ -121,7 +121,7 @@ pub(super) struct RenderArgs {
         long,
         value_name = "FILE",
         conflicts_with_all = [
-            "output", "time", "target_error", "checkpoint", "save_every", "reference", "stats", "trace_pixel", "tev",
+            "output", "time", "target_error", "checkpoint", "save_every", "reference", "stats", "log", "trace_pixel", "tev",
             "robust", "level_layers",
             "denoise", "exposure", "view", "exr_half", "exr_compression"
         ]
@@ -133,6 +133,9 @@ pub(super) struct RenderArgs {
     /// Write statistics of the render to this file (.json).
     #[arg(long, value_name = "FILE")]
     pub(super) stats: Option<PathBuf>,
+    /// Log samples, seconds and errors over time to this file: .csv, or for TensorBoard a name that contains tfevents.
+    #[arg(long, value_name = "FILE")]
+    pub(super) log: Option<PathBuf>,
     /// Print the paths of a pixel instead of rendering, as --levels 1 renders them: those of its first samples, as many as
     /// --spp says (or 4).
     #[arg(long, value_name = "X,Y", value_parser = job::pixel)]

@@ -219,6 +219,20 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
     if (m.specular, m.specular_color) != (1.0, Rgb::ONE) {
         extensions.insert("KHR_materials_specular".into(), specular(m));
     }
+    if let Some(coat) = m.clearcoat() {
+        let body = json!({
+            "clearcoatFactor": number(coat.weight),
+            "clearcoatRoughnessFactor": number(coat.alpha.sqrt()),
+        });
+        extensions.insert("KHR_materials_clearcoat".into(), body);
+    }
+    if let Some(anisotropy) = m.anisotropy() {
+        let body = json!({
+            "anisotropyStrength": number(anisotropy.strength),
+            "anisotropyRotation": number(anisotropy.rotation),
+        });
+        extensions.insert("KHR_materials_anisotropy".into(), body);
+    }
     used.extend(EXTENSIONS.iter().filter(|e| extensions.contains_key(**e)));
     if !extensions.is_empty() {
         value["extensions"] = Value::Object(extensions);
@@ -227,7 +241,9 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
 }
 
 /// The material extensions that this writer uses.
-const EXTENSIONS: [&str; 6] = [
+const EXTENSIONS: [&str; 8] = [
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
     "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_transmission",

@@ -2,7 +2,7 @@
 
 use crate::math::Rgb;
 use crate::scene::Material;
-use crate::scene::material::Clearcoat;
+use crate::scene::finish::{Anisotropy, Clearcoat};
 
 /// Reflectance of gold at normal incidence, linear.
 pub const GOLD: Rgb = Rgb::new(1.0, 0.78, 0.34);
@@ -47,15 +47,23 @@ pub fn coated(name: &str, albedo: Rgb, alpha: f32) -> Material {
 }
 
 /// A material under a clear coat of roughness `alpha`.
-pub fn clearcoated(base: Material, alpha: f32) -> Material {
-    Material {
-        clearcoat: Some(Box::new(Clearcoat {
-            weight: 1.0,
-            alpha,
-            ..Clearcoat::default()
-        })),
-        ..base
-    }
+pub fn clearcoated(mut base: Material, alpha: f32) -> Material {
+    base.finish_mut().clearcoat = Some(Clearcoat {
+        weight: 1.0,
+        alpha,
+        ..Clearcoat::default()
+    });
+    base
+}
+
+/// A material brushed with this strength, the rougher along a direction at the angle `rotation` from the tangent.
+pub fn brushed(mut base: Material, strength: f32, rotation: f32) -> Material {
+    base.finish_mut().anisotropy = Some(Anisotropy {
+        strength,
+        rotation,
+        texture: None,
+    });
+    base
 }
 
 /// The boundary of a solid transparent body.

@@ -190,6 +190,25 @@ pub fn cylinder(radius: f32, height: f32, segments: u32) -> Mesh {
     revolve(&profile, false, segments)
 }
 
+/// A flat disc on the plane y = 0 that faces up, with a hole of a tenth of its radius. Its tangents run around the axis, as
+/// the grooves of a turned plate do.
+pub fn disc(radius: f32, segments: u32) -> Mesh {
+    let mut mesh = Mesh::default();
+    let rings: Vec<_> = (1..=10)
+        .rev()
+        .map(|k| {
+            let edge = Vec2::new(0.1 * radius * k as f32, 0.0);
+            add_ring(&mut mesh, edge, Vec2::Y, segments)
+        })
+        .collect();
+    rings
+        .windows(2)
+        .for_each(|pair| stitch(&mut mesh, &pair[0], &pair[1]));
+    let around = |p: &Vec3| Vec3::Y.cross(*p).normalize().extend(1.0);
+    mesh.tangents = mesh.positions.iter().map(around).collect();
+    mesh
+}
+
 /// Turns a profile of (radius, height) around the y axis. The solid lies to the left of the profile: it runs up the
 /// outside, and down the inside of a vessel. An open profile should begin and end on the axis; `closed` joins its end
 /// to its beginning. Corners sharper than 35° stay sharp.
@@ -348,6 +367,10 @@ impl Mesh {
         }
         for n in &mut self.normals {
             *n = (normals * *n).normalize();
+        }
+        for t in &mut self.tangents {
+            let along = map.transform_vector3(t.truncate()).normalize();
+            *t = along.extend(t.w);
         }
         self
     }

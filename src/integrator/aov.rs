@@ -264,6 +264,7 @@ fn albedo(bsdf: &Bsdf) -> Rgb {
     match bsdf {
         Bsdf::Diffuse(d) => d.albedo,
         Bsdf::Glossy(g) => g.f0 + g.albedo * (Rgb::ONE - g.f0),
+        Bsdf::Anisotropic(a) => albedo(&Bsdf::Glossy(a.isotropic())),
         Bsdf::Dielectric(d) => d.tint,
         Bsdf::Thin(t) => t.tint,
         Bsdf::Clearcoated(c) => albedo(&c.base()) * c.through(Vec3::Z, Vec3::Z),

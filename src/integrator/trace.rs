@@ -112,6 +112,7 @@ impl PathObserver for Tracer<'_> {
                 Bsdf::Dielectric(_) => "dielectric",
                 Bsdf::Thin(_) => "thin wall",
                 Bsdf::Clearcoated(_) => "under a clear coat",
+                Bsdf::Anisotropic(_) => "anisotropic",
             },
             throughput: point.throughput,
             alpha: point.alpha,

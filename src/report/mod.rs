@@ -5,5 +5,6 @@ pub mod compare;
 mod html;
 pub mod page;
 mod plot;
+pub mod tensorboard;
 #[cfg(feature = "train")]
 pub mod training;

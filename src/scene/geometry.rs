@@ -2,6 +2,7 @@
 
 use super::accel::{self, Accel};
 use super::instances::{Instances, Shared};
+use super::material::TextureRef;
 use super::material::may_vanish;
 use super::mesh::{attribute, mix};
 use super::normals::{lifted, normal_texel, perturbed, tangent};
@@ -286,6 +287,12 @@ impl Geometry {
         normal(a, b, c).normalize().as_vec3()
     }
 
+    /// Signed distance of a point from the plane of a triangle.
+    pub(super) fn height(&self, i: u32, point: Vec3) -> f64 {
+        let [a, b, c] = self.triangle(i);
+        (point.as_dvec3() - a.as_dvec3()).dot(normal(a, b, c).normalize())
+    }
+
     /// True if opacity may remove a hit.
     #[inline]
     pub fn has_opacity(&self) -> bool {
@@ -325,6 +332,15 @@ impl Geometry {
         self.shared().improve::<false>(ray, single, keep)
     }
 
+    /// Closest hit on one of the triangles that `keep` accepts.
+    pub(super) fn closest_of(&self, ray: &Ray, keep: impl Fn(u32) -> bool) -> Option<Hit> {
+        let single = (self.accel).closest_where(ray, |hit| keep(hit.triangle));
+        match &self.instances {
+            None => single,
+            Some(instances) => instances.improve::<false>(ray, single, |_, hit| keep(hit.triangle)),
+        }
+    }
+
     /// Any hit before the ray's end.
     #[inline]
     pub fn occluded(&self, parts: &SceneParts, ray: &Ray) -> bool {
@@ -348,6 +364,54 @@ impl Geometry {
         match self.triangles.get(hit.triangle as usize) {
             Some(triangle) => triangle.surface(parts, hit, &InWorld),
             None => self.shared().surface(parts, hit),
+        }
+    }
+
+    /// The shading normal at a surface point with another normal map and its scale, or none.
+    pub(super) fn mapped_normal(
+        &self,
+        parts: &SceneParts,
+        surface: &Surface,
+        map: Option<(&TextureRef, f32)>,
+    ) -> Vec3 {
+        self.at(surface.triangle, |triangle, placing| {
+            let spot = triangle.spot(parts, surface.position, placing);
+            let (ns, flipped) = triangle.smooth_normal(&spot.weights, surface.ng, placing);
+            let mapped = map.and_then(|(map, scale)| spot.mapped(parts, map, scale, ns));
+            let ns = mapped.unwrap_or(ns);
+            lifted(if flipped { -ns } else { ns }, surface.ng)
+        })
+    }
+
+    /// Unit tangent and bitangent at a surface point, by the mesh's tangents or the texture coordinates of a map;
+    /// `None` without either.
+    pub(super) fn tangents(
+        &self,
+        parts: &SceneParts,
+        surface: &Surface,
+        map: Option<&TextureRef>,
+    ) -> Option<[Vec3; 2]> {
+        let plain = TextureRef {
+            texture: 0,
+            transform: glam::Affine2::IDENTITY,
+        };
+        self.at(surface.triangle, |triangle, placing| {
+            let spot = triangle.spot(parts, surface.position, placing);
+            let (ns, _) = triangle.smooth_normal(&spot.weights, surface.ng, placing);
+            let (tangent, hand) = spot.tangent(map.unwrap_or(&plain), ns)?;
+            let t = (tangent - ns * ns.dot(tangent)).try_normalize()?;
+            Some([t, hand * ns.cross(t)])
+        })
+    }
+
+    /// Asks a triangle and its way into the world.
+    fn at<T>(&self, triangle: u32, ask: impl FnOnce(&Triangle, &dyn Placing) -> T) -> T {
+        match self.triangles.get(triangle as usize) {
+            Some(triangle) => ask(triangle, &InWorld),
+            None => {
+                let (triangle, placed) = self.shared().place(triangle);
+                ask(triangle, &placed)
+            }
         }
     }
 
@@ -454,14 +518,18 @@ impl Triangle {
         // test knows the side of the plane exactly. [PBRT4 §6.8] has to allow for γ₇ of the corners' size.
         let rounding = 3.0 * HALF_ULP * position.abs().dot(ng.abs());
         let extent = e.abs().max(f.abs()).max_element() as f32;
-        let mut ns = mix(&weights, self.normals.map(|n| placing.normal(n)))
-            .try_normalize()
-            .unwrap_or(ng);
-        let flipped = ns.dot(ng) < 0.0;
+        let (mut ns, flipped) = self.smooth_normal(&weights, ng, placing);
         let mut uv = Vec2::ZERO;
         if self.material & TEXTURED != 0 {
-            let edges = [e.as_vec3(), f.as_vec3()];
-            (uv, ns) = self.textured(parts, &weights, edges, ns, placing);
+            let mesh = placing.mesh(parts, self.mesh);
+            let spot = Spot {
+                mesh,
+                indices: self.indices(mesh),
+                weights,
+                edges: [e.as_vec3(), f.as_vec3()],
+                placing,
+            };
+            (uv, ns) = self.textured(parts, &spot, ns);
         }
         if flipped {
             ns = -ns;
@@ -477,28 +545,90 @@ impl Triangle {
         }
     }
 
+    /// The interpolated normal, and if it is on the other side than `ng`.
+    #[inline(always)]
+    fn smooth_normal(
+        &self,
+        weights: &[f32; 3],
+        ng: Vec3,
+        placing: &(impl Placing + ?Sized),
+    ) -> (Vec3, bool) {
+        let ns = mix(weights, self.normals.map(|n| placing.normal(n)))
+            .try_normalize()
+            .unwrap_or(ng);
+        (ns, ns.dot(ng) < 0.0)
+    }
+
     /// Texture coordinates, and the shading normal with the normal map applied.
-    fn textured(
+    fn textured<P: Placing>(
         &self,
         parts: &SceneParts,
-        weights: &[f32; 3],
-        edges: [Vec3; 2],
+        spot: &Spot<'_, P>,
         ns: Vec3,
-        placing: &impl Placing,
     ) -> (Vec2, Vec3) {
-        let mesh = placing.mesh(parts, self.mesh);
-        let indices = self.indices(mesh);
-        let uvs = attribute(&mesh.uvs, indices);
-        let uv = uvs.map_or(Vec2::ZERO, |uv| mix(weights, uv));
         let material = &parts.materials[self.material() as usize];
-        let mapped = || {
-            let map = material.normal_texture.as_ref()?;
-            let own = attribute(&mesh.tangents, indices).map(|t| t.map(|t| placing.tangent(t)));
-            let (tangent, hand) = tangent(own, uvs, weights, edges, map, ns)?;
-            let local = normal_texel(&parts.textures, map, uv, material.normal_scale);
-            Some(perturbed(ns, tangent, hand, local))
-        };
-        (uv, mapped().unwrap_or(ns))
+        let mapped = (material.normal_texture.as_ref())
+            .and_then(|map| spot.mapped(parts, map, material.normal_scale, ns));
+        (spot.uv(), mapped.unwrap_or(ns))
+    }
+
+    /// The place of a point of the triangle.
+    fn spot<'a, P: Placing + ?Sized>(
+        &'a self,
+        parts: &'a SceneParts,
+        position: Vec3,
+        placing: &'a P,
+    ) -> Spot<'a, P> {
+        let mesh = placing.mesh(parts, self.mesh);
+        let [a, b, c] = self.corners;
+        let local = a.as_dvec3();
+        let e = placing.edge(b.as_dvec3() - local);
+        let f = placing.edge(c.as_dvec3() - local);
+        let d = position.as_dvec3() - placing.point(a);
+        let (ee, ef, ff) = (e.dot(e), e.dot(f), f.dot(f));
+        let (de, df) = (d.dot(e), d.dot(f));
+        let part = |x: f64| (x / (ee * ff - ef * ef)).clamp(0.0, 1.0) as f32;
+        let (u, v) = (part(de * ff - df * ef), part(df * ee - de * ef));
+        Spot {
+            mesh,
+            indices: self.indices(mesh),
+            weights: [(1.0 - u - v).max(0.0), u, v],
+            edges: [e.as_vec3(), f.as_vec3()],
+            placing,
+        }
+    }
+}
+
+/// A point of a triangle of a mesh, and its way into the world.
+struct Spot<'a, P: ?Sized> {
+    mesh: &'a Mesh,
+    indices: &'a [u32; 3],
+    weights: [f32; 3],
+    edges: [Vec3; 2],
+    placing: &'a P,
+}
+
+impl<P: Placing + ?Sized> Spot<'_, P> {
+    fn uvs(&self) -> Option<[Vec2; 3]> {
+        attribute(&self.mesh.uvs, self.indices)
+    }
+
+    fn uv(&self) -> Vec2 {
+        self.uvs().map_or(Vec2::ZERO, |uvs| mix(&self.weights, uvs))
+    }
+
+    /// Tangent and handedness for the coordinates of a map, about the normal `ns`.
+    fn tangent(&self, map: &TextureRef, ns: Vec3) -> Option<(Vec3, f32)> {
+        let own = attribute(&self.mesh.tangents, self.indices)
+            .map(|t| t.map(|t| self.placing.tangent(t)));
+        tangent(own, self.uvs(), &self.weights, self.edges, map, ns)
+    }
+
+    /// The normal `ns` with a normal map applied; `None` without tangents.
+    fn mapped(&self, parts: &SceneParts, map: &TextureRef, scale: f32, ns: Vec3) -> Option<Vec3> {
+        let (tangent, hand) = self.tangent(map, ns)?;
+        let local = normal_texel(&parts.textures, map, self.uv(), scale);
+        Some(perturbed(ns, tangent, hand, local))
     }
 }
 

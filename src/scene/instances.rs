@@ -224,14 +224,23 @@ impl Instances {
 
     /// See [`super::Geometry::surface`].
     pub(super) fn surface(&self, parts: &SceneParts, hit: &Hit) -> Surface {
-        let (i, local) = self.find(hit.triangle);
+        let (triangle, placing) = self.place(hit.triangle);
+        triangle.surface(parts, hit, &placing)
+    }
+
+    /// A triangle in its mesh's space, and its way into the world.
+    pub(super) fn place(&self, triangle: u32) -> (&Triangle, impl Placing + use<'_>) {
+        let (i, local) = self.find(triangle);
         let instance = &self.list[i];
         let placing = Placed {
             instance,
             normals: cofactors(&instance.pose.matrix3),
             sign: if instance.is_mirrored() { -1.0 } else { 1.0 },
         };
-        self.meshes[instance.mesh as usize].triangles[local].surface(parts, hit, &placing)
+        (
+            &self.meshes[instance.mesh as usize].triangles[local],
+            placing,
+        )
     }
 }
 

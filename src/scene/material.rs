@@ -1,7 +1,8 @@
 //! glTF materials, and their BSDF at a surface point.
 
 use super::Texture;
-use crate::bsdf::{Bsdf, Dielectric, Diffuse, Distribution, Glossy, ThinDielectric, clearcoated};
+use super::finish::Finish;
+use crate::bsdf::{Bsdf, Dielectric, Diffuse, Distribution, Glossy, ThinDielectric};
 use crate::math::{Rgb, Vec2};
 
 /// A metallic-roughness material with the extensions we model. Factors multiply textures.
@@ -54,21 +55,8 @@ pub struct Material {
     pub emissive_texture: Option<TextureRef>,
     /// Transmission in red.
     pub transmission_texture: Option<TextureRef>,
-    /// Clear coat over everything else; apart, since few materials have one and all are read at every hit.
-    pub clearcoat: Option<Box<Clearcoat>>,
-}
-
-/// Clear coat of a material.
-#[derive(Clone, Debug, Default)]
-pub struct Clearcoat {
-    /// Weight in [0, 1].
-    pub weight: f32,
-    /// Roughness in [0, 1].
-    pub alpha: f32,
-    /// Weight in red.
-    pub texture: Option<TextureRef>,
-    /// Perceptual roughness in green.
-    pub roughness_texture: Option<TextureRef>,
+    /// Clear coat and brushing; apart, since few materials have one and all are read at every hit.
+    pub finish: Option<Box<Finish>>,
 }
 
 /// Use of a material's opacity.
@@ -118,43 +106,19 @@ impl Default for Material {
             normal_scale: 1.0,
             emissive_texture: None,
             transmission_texture: None,
-            clearcoat: None,
+            finish: None,
         }
     }
 }
 
 impl Material {
-    /// The BSDF at texture coordinates `uv`; `u` in [0, 1) chooses between two under a clear coat, and where transmission
-    /// is partial.
-    #[inline]
-    pub fn bsdf(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
-        if let Some(coat) = &self.clearcoat {
-            return self.clearcoat_or_base(coat, textures, uv, u);
-        }
-        self.base_bsdf(textures, uv, u)
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn clearcoat_or_base(&self, coat: &Clearcoat, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
-        let (mut weight, mut alpha) = (coat.weight, coat.alpha);
-        if let Some(map) = &coat.texture {
-            weight *= map.sample(textures, uv)[0];
-        }
-        if let Some(map) = &coat.roughness_texture {
-            let roughness = map.sample(textures, uv)[1];
-            alpha *= roughness * roughness;
-        }
-        let base = |u| self.base_bsdf(textures, uv, u);
-        clearcoated(weight, alpha, self.distribution, u, base)
-    }
-
-    /// The BSDF without a clear coat.
+    /// The BSDF without a [`Finish`] at texture coordinates `uv`; `u` in [0, 1) chooses between two where transmission is
+    /// partial.
     ///
     /// A partly transmissive dielectric is the mixture t · interface + (1 − t) · coated base; drawing one of the two
     /// with its weight is unbiased and keeps every BSDF small.
     #[inline]
-    fn base_bsdf(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
+    pub fn bsdf(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
         let mut color = self.base_color;
         if let Some(map) = &self.base_color_texture {
             let [r, g, b, _] = map.sample(textures, uv);
@@ -260,7 +224,7 @@ impl Material {
             && self.base_color == Rgb::ONE
             && self.base_color_texture.is_none()
             && self.metallic == 0.0
-            && self.clearcoat.is_none()
+            && self.clearcoat().is_none()
     }
 
     /// True if the coat of the dielectric reflects anything.
@@ -273,7 +237,7 @@ impl Material {
         self.metallic == 0.0
             && self.transmission == 0.0
             && !self.has_coat()
-            && self.clearcoat.is_none()
+            && self.clearcoat().is_none()
     }
 
     /// Indices of refraction of red, green and blue: Cauchy's formula by the Abbe number V,
@@ -295,9 +259,9 @@ impl Material {
             &self.emissive_texture,
             &self.transmission_texture,
         ];
-        let coat = self.clearcoat.as_ref();
-        let coats = coat.is_some_and(|c| c.texture.is_some() || c.roughness_texture.is_some());
-        coats || maps.iter().any(|map| map.is_some())
+        let finish = self.finish.as_ref();
+        finish.is_some_and(|finish| finish.textures().next().is_some())
+            || maps.iter().any(|map| map.is_some())
     }
 
     /// True if no lobe of the material can be roughened.
@@ -305,7 +269,7 @@ impl Material {
         self.is_lambert()
             || (self.alpha >= 1.0
                 && self.metallic_roughness_texture.is_none()
-                && self.clearcoat.is_none())
+                && self.clearcoat().is_none())
     }
 }
 

@@ -1,5 +1,6 @@
 //! Triangle meshes, and attributes between their corners.
 
+use super::normals::along_u;
 use crate::math::{DVec3, Vec2, Vec3};
 use glam::{DAffine3, DMat3, Vec4};
 use std::ops::{Add, Mul};
@@ -19,6 +20,34 @@ pub struct Mesh {
     pub indices: Vec<[u32; 3]>,
     /// Index into `SceneParts::materials`.
     pub material: u32,
+}
+
+impl Mesh {
+    /// Tangents along u for a smooth mesh with texture coordinates: means over the faces at each vertex, by their areas. A
+    /// mesh without either keeps the direction of each face.
+    pub(super) fn derive_tangents(&mut self) {
+        if self.uvs.is_empty() || self.normals.is_empty() {
+            return;
+        }
+        let mut sums = vec![Vec4::ZERO; self.positions.len()];
+        for corners in &self.indices {
+            let usable = attribute(&self.positions, corners).zip(attribute(&self.uvs, corners));
+            let Some(([a, b, c], uvs)) = usable else {
+                continue;
+            };
+            let edges = [b - a, c - a];
+            let across = edges[0].cross(edges[1]);
+            if let Some((along, hand)) = along_u(uvs, edges, across) {
+                let part = along.normalize_or_zero().extend(hand) * across.length();
+                corners.iter().for_each(|&i| sums[i as usize] += part);
+            }
+        }
+        let unit = |t: Vec4| {
+            let along = t.truncate().normalize_or_zero();
+            along.extend(1f32.copysign(t.w))
+        };
+        self.tangents = sums.into_iter().map(unit).collect();
+    }
 }
 
 /// A mesh that the scene shows at several poses and keeps once. Its material must not emit: light sampling knows the

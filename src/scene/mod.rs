@@ -11,6 +11,7 @@ use std::sync::OnceLock;
 pub mod accel;
 pub mod bodies;
 pub mod camera;
+pub mod finish;
 pub mod geometry;
 mod instances;
 pub mod light;
@@ -102,6 +103,7 @@ pub struct Scene {
     has_absorption: bool,
     has_dispersion: bool,
     has_overlaps: bool,
+    has_touching: bool,
     /// Rank of each material where bodies overlap.
     ranks: Vec<u32>,
     has_lobes: bool,
@@ -117,7 +119,8 @@ impl Scene {
         let mut scene = Self::build(parts, true);
         let priorities =
             (scene.parts.materials.iter()).any(|m| m.bounds_body() && m.priority != 0.0);
-        scene.has_overlaps = priorities || scene.find_overlaps();
+        scene.has_touching = scene.finds_touching();
+        scene.has_overlaps = priorities || scene.has_touching || scene.find_overlaps();
         scene
     }
 
@@ -144,6 +147,7 @@ impl Scene {
             has_absorption,
             has_dispersion,
             has_overlaps: false,
+            has_touching: false,
             has_lobes,
             dark_inside: OnceLock::new(),
             warnings,
@@ -172,7 +176,7 @@ impl Scene {
         self.has_dispersion
     }
 
-    /// True if bodies overlap or have priorities: what a boundary is depends on the bodies around it.
+    /// True if bodies overlap, touch or have priorities: what a boundary is depends on the bodies around it.
     #[inline]
     pub fn has_overlaps(&self) -> bool {
         self.has_overlaps
@@ -265,11 +269,15 @@ impl Scene {
         &self.parts.materials[surface.material as usize]
     }
 
-    /// The BSDF at a surface point; `u` in [0, 1) chooses between the two BSDFs of a partly transmissive material.
+    /// The BSDF at a surface point; `u` in [0, 1) chooses between the two BSDFs of a partly transmissive material, and
+    /// between a clear coat and its base. Where that has a normal of its own the surface gets it.
     #[inline]
-    pub fn bsdf(&self, surface: &Surface, u: f32) -> Bsdf {
-        self.material(surface)
-            .bsdf(&self.parts.textures, surface.uv, u)
+    pub fn bsdf(&self, surface: &mut Surface, u: f32) -> Bsdf {
+        let material = self.material(surface);
+        match &material.finish {
+            None => material.bsdf(&self.parts.textures, surface.uv, u),
+            Some(finish) => self.finished_bsdf(finish, surface, u),
+        }
     }
 
     /// The emission at the end of a ray, as light sampling from the ray's origin sees it; `None` if the ray ends on

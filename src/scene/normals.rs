@@ -25,7 +25,11 @@ pub(super) fn tangent(
     if let Some(t) = own {
         return Some((mix(weights, t).truncate(), t[0].w));
     }
-    let [a, b, c] = uvs?.map(|uv| map.transform.transform_point2(uv));
+    along_u(uvs?.map(|uv| map.transform.transform_point2(uv)), edges, ns)
+}
+
+/// Direction in which u of a triangle's corners grows, and the handedness; `None` where the coordinates span no area.
+pub(super) fn along_u([a, b, c]: [Vec2; 3], edges: [Vec3; 2], ns: Vec3) -> Option<(Vec3, f32)> {
     let (d, e) = (b - a, c - a);
     let det = d.perp_dot(e);
     let along_u = (edges[0] * e.y - edges[1] * d.y) * det;

@@ -1,7 +1,9 @@
 //! BSDFs that the checks take.
 
-use crate::bsdf::{Bsdf, Dielectric, Diffuse, Distribution, Glossy, ThinDielectric, clearcoated};
-use crate::math::{Rgb, Vec3};
+use crate::bsdf::{
+    Bsdf, Dielectric, Diffuse, Distribution, Glossy, ThinDielectric, anisotropic, clearcoated,
+};
+use crate::math::{Rgb, Vec2, Vec3};
 
 /// All distributions.
 pub const DISTRIBUTIONS: [Distribution; 2] = [Distribution::Beckmann, Distribution::Ggx];
@@ -66,8 +68,18 @@ pub fn under_clearcoat(base: Bsdf) -> Bsdf {
     clearcoated(1.0, 0.0, Distribution::Ggx, 0.9, |_| base)
 }
 
+/// The lobe of a BSDF brushed along a direction off both tangents, its roughnesses in the proportion `ratio`, and their
+/// geometric mean that of the lobe.
+pub fn brushed(bsdf: Bsdf, ratio: f32) -> Bsdf {
+    let Bsdf::Glossy(lobe) = bsdf else {
+        return bsdf;
+    };
+    let along = lobe.alpha / ratio.sqrt();
+    anisotropic(lobe, along, along * ratio, Vec2::new(0.3, -0.8))
+}
+
 /// BSDF of every kind at one roughness, with its name.
-pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 6] {
+pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 7] {
     [
         ("metal", metal(alpha, distribution)),
         ("plastic", plastic(alpha, distribution)),
@@ -78,11 +90,15 @@ pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 6
             "plastic under clear coat",
             under_clearcoat(plastic(alpha, distribution)),
         ),
+        (
+            "brushed plastic",
+            brushed(plastic(alpha, distribution), 0.1),
+        ),
     ]
 }
 
 /// BSDFs with all that a scene may contain: perfect, matched, weak and strong interfaces.
-pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 15] {
+pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 17] {
     let glass = |eta| glass(eta, alpha, distribution);
     [
         metal(alpha, distribution),
@@ -112,5 +128,7 @@ pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 15] {
         glass(0.7),
         under_clearcoat(metal(alpha, distribution)),
         under_clearcoat(glass(1.5)),
+        brushed(metal(alpha, distribution), 0.02),
+        under_clearcoat(brushed(plastic(alpha, distribution), 0.3)),
     ]
 }

@@ -2,8 +2,10 @@
 
 use super::simple::{Fault, Simple};
 use super::{Finding, Size};
-use crate::gallery::materials::{GOLD, clearcoated, coated, diffuse, emitter, glass, metal};
-use crate::gallery::shapes::{cuboid, room, sphere};
+use crate::gallery::materials::{
+    GOLD, brushed, clearcoated, coated, diffuse, emitter, glass, metal,
+};
+use crate::gallery::shapes::{cuboid, disc, room, sphere};
 use crate::image::Film;
 use crate::integrator::{Estimator, Picture, Settings, View};
 use crate::math::{Rgb, UVec2, Vec3};
@@ -38,6 +40,12 @@ fn lit_room() -> Scene {
     let lacquer = coated("lacquer", Rgb::new(0.1, 0.3, 0.6), 0.05);
     let block = cuboid(Vec3::new(0.1, 0.0, -0.9), Vec3::new(0.7, 0.9, -0.4));
     parts.add(lacquer, [block]);
+    let plate = disc(0.4, 24).placed([0.0, 1.2, 0.0], Vec3::new(-0.3, 1.2, -0.9));
+    let plates = [plate.clone(), plate.moved(Vec3::new(0.0, -0.6, 0.3))];
+    let [upper, lower] = plates;
+    parts.add(brushed(metal("brushed", GOLD, 0.05), 0.7, 0.4), [upper]);
+    let varnish = coated("varnish", Rgb::new(0.2, 0.5, 0.3), 0.02);
+    parts.add(clearcoated(brushed(varnish, 0.5, 0.0), 0.01), [lower]);
     parts.add_camera([0.0, 1.0, 0.9], [0.0, 0.7, 0.0], 70.0);
     Scene::new(parts)
 }

@@ -2,8 +2,8 @@
 
 use super::{Finding, Numbers, Size, pool};
 use crate::gallery::caustic_box;
-use crate::gallery::materials::{clearcoated, coated};
-use crate::gallery::shapes::sphere;
+use crate::gallery::materials::{brushed, clearcoated, coated};
+use crate::gallery::shapes::{disc, sphere};
 use crate::image::Film;
 use crate::image::film::Window;
 use crate::image::level_film::LevelFilm;
@@ -88,9 +88,11 @@ fn scene() -> Scene {
     let mut parts = caustic_box();
     let lacquer = coated("lacquer", Rgb::splat(0.5), 0.02);
     parts.add(
-        clearcoated(lacquer, 0.1),
+        clearcoated(lacquer.clone(), 0.1),
         [sphere(Vec3::new(0.0, 1.2, 0.0), 0.3, 2)],
     );
+    let plate = disc(0.3, 16).placed([0.0, 1.3, 0.0], Vec3::new(-0.5, 1.2, -0.5));
+    parts.add(brushed(lacquer, 0.8, 0.3), [plate]);
     Scene::new(parts)
 }
 

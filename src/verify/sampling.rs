@@ -96,11 +96,13 @@ fn albedo_by(
 pub fn furnace(size: Size) -> Vec<Finding> {
     let (strata, bound) = size.of((16, 2e-2), (32, 5e-3), (80, 1e-3));
     type Make = fn(f32, Distribution) -> Bsdf;
-    let kinds: [(&str, Make, f32); 4] = [
+    let brushed = |alpha, d| bsdfs::brushed(bsdfs::metal(alpha, d), 0.1);
+    let kinds: [(&str, Make, f32); 5] = [
         ("metal", bsdfs::metal, 1.0),
         ("into glass", |alpha, d| bsdfs::glass(1.5, alpha, d), 1.0),
         ("out of glass", |alpha, d| bsdfs::glass(1.5, alpha, d), -1.0),
         ("coat", |alpha, d| bsdfs::coat(Rgb::ONE, alpha, d), 1.0),
+        ("brushed metal", brushed, 1.0),
     ];
     let mut cases = Vec::new();
     for distribution in DISTRIBUTIONS {

@@ -108,7 +108,7 @@ impl Simple {
             let Some(hit) = scene.intersect(&ray) else {
                 return total + throughput * times * scene.lights().environment(ray.dir);
             };
-            let surface = scene.surface(&hit);
+            let mut surface = scene.surface(&hit);
             total += throughput * times * scene.lights().emitted(&surface, -ray.dir);
             if n > self.max_vertices {
                 break;
@@ -117,7 +117,7 @@ impl Simple {
             if self.fault == Some(Fault::LossyRoulette) && u.roulette < 0.1 {
                 break;
             }
-            let bsdf = scene.bsdf(&surface, u.material);
+            let bsdf = scene.bsdf(&mut surface, u.material);
             let frame = surface.frame_for(-ray.dir);
             let wo = frame.to_local(-ray.dir);
             let alpha = bsdf.alpha();

@@ -126,9 +126,10 @@ fn pdf_integrates_to_at_most_one() {
                     let say = || format!("{name} {distribution:?} {alpha} {degrees}: {integral}");
                     assert!(integral < 1.002, "{}", say());
                     // Few of these samples fail below the horizon.
-                    let nearly_all = alpha == 0.1 && degrees == 0.0 || name == "diffuse";
+                    let narrow = alpha == 0.1 && degrees == 0.0 && !name.starts_with("brushed");
+                    let nearly_all = narrow || name == "diffuse";
                     assert!(!nearly_all || integral > 0.99, "{}", say());
-                    let base = name.starts_with("plastic") || name == "diffuse";
+                    let base = name.contains("plastic") || name == "diffuse";
                     let all_delta = alpha == 0.0 && !base;
                     assert!(!all_delta || integral == 0.0, "{}", say());
                 }

@@ -8,11 +8,11 @@ use opsr::gallery::materials::{self, metal};
 use opsr::gallery::shapes::quad;
 use opsr::image::Film;
 use opsr::integrator::{PathObserver, Recorder, Settings, View};
-use opsr::math::{Rgb, UVec2, Vec2, Vec3};
+use opsr::math::{Ray, Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, Seed};
 use opsr::scene::material::TextureRef;
-use opsr::scene::{SceneParts, Texture};
+use opsr::scene::{Scene, SceneParts, Texture};
 use opsr::verify::bsdfs::{DISTRIBUTIONS, at, glass, metal as mirror, plastic};
 
 /// Coat and base of a surface, each with its chance.
@@ -121,10 +121,18 @@ fn clearcoat_textures_scale_weight_and_roughness() {
         })
     };
     let mut material = materials::clearcoated(metal("paint", Rgb::ONE, 0.3), 0.8);
-    let coat = material.clearcoat.as_mut().expect("a coat");
+    let coat = material.finish_mut().clearcoat.as_mut().expect("a coat");
     coat.texture = map(0);
     coat.roughness_texture = map(1);
-    let bsdf = |u| material.bsdf(&textures, Vec2::ZERO, u);
+    let mut parts = SceneParts {
+        textures: textures.to_vec(),
+        ..SceneParts::default()
+    };
+    parts.add(material, [quad(Vec3::ZERO, Vec3::Z, Vec3::X)]);
+    let scene = Scene::new(parts);
+    let ray = Ray::new(Vec3::new(0.3, 1.0, 0.3), Vec3::NEG_Y);
+    let hit = scene.intersect(&ray).expect("the floor");
+    let bsdf = |u| scene.bsdf(&mut scene.surface(&hit), u);
     // A weight of 0.2 is drawn with a chance of 0.05.
     assert!(matches!(bsdf(0.0499), Bsdf::Glossy(_)));
     let alpha = 0.8 * (128.0f32 / 255.0).powi(2);

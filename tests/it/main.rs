@@ -1,6 +1,7 @@
 //! All integration tests, in one binary so that the library is linked once.
 
 mod agree;
+mod anisotropy;
 mod aov;
 mod appearance;
 mod architecture;
@@ -39,6 +40,7 @@ mod stability_train;
 mod support;
 mod surface;
 mod table_file;
+mod tensorboard;
 #[cfg(feature = "train")]
 mod train;
 mod training_scenes;

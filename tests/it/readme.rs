@@ -30,7 +30,8 @@ const STAND_INS: [&str; 9] = [
 ];
 
 /// Options whose value is written, not read.
-const OUTPUTS: [&str; 11] = [
+const OUTPUTS: [&str; 12] = [
+    "--log",
     "--stats",
     "-o",
     "--output",

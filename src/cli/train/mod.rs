@@ -69,8 +69,8 @@ Examples:
   opsr train --optimiser log --set steps=500 --set 'scenes=[\"rings\", \"basins\"]'
   opsr train --beta 0.001 --out mine --resume   continue after Ctrl-C
 
-The run's folder gets config.toml, report.html and report.json, and for every beta metrics.jsonl, metrics.csv, last.ckpt,
-table.json and best.json (lowest validation loss). Recordings of crops are kept in it until the run is complete.";
+The run's folder gets config.toml, report.html and report.json, and for every beta metrics.jsonl, metrics.csv, an event file for
+TensorBoard (tensorboard --logdir out/train), last.ckpt, table.json and best.json (lowest validation loss). Recordings of crops are kept in it until the run is complete.";
 
 impl TrainArgs {
     /// Folder of the run.

@@ -57,8 +57,8 @@ impl Photon {
             u: self.at[0],
             v: self.at[1],
         };
-        let surface = scene.surface(&hit);
-        let bsdf = scene.bsdf(&surface, self.choice);
+        let mut surface = scene.surface(&hit);
+        let bsdf = scene.bsdf(&mut surface, self.choice);
         let frame = surface.frame_for(self.back);
         Vertex {
             n: self.n,

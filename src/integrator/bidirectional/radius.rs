@@ -72,8 +72,8 @@ fn footprint(view: &View<'_>, film: Vec2) -> Option<f32> {
     for _ in 0..MOST_DIRAC {
         let hit = scene.intersect(&ray)?;
         distance += hit.t;
-        let surface = scene.surface(&hit);
-        let bsdf = scene.bsdf(&surface, 0.5);
+        let mut surface = scene.surface(&hit);
+        let bsdf = scene.bsdf(&mut surface, 0.5);
         let frame = surface.frame_for(-ray.dir);
         let alpha = bsdf.alpha();
         if !bsdf.is_delta_at(alpha) {

@@ -20,7 +20,7 @@
 
 use super::Iteration;
 use super::vertex::Vertex;
-use crate::bsdf::{Bsdf, Glossy};
+use crate::bsdf::Bsdf;
 use crate::integrator::walk::roughening::roughen;
 use crate::integrator::walk::shading_point::ShadingPoint;
 use crate::math::{Rgb, Vec3, luminance};
@@ -59,27 +59,30 @@ impl Event {
             roughness: 1.0,
             gloss: Rgb::ZERO,
         };
-        match bsdf {
+        let base = match bsdf {
             // The coat dims both lobes of its base alike.
-            Bsdf::Clearcoated(coated) => Self::between(&coated.base(), alpha, directions),
-            Bsdf::Diffuse(_) => BASE,
-            Bsdf::Glossy(Glossy { albedo, .. }) if *albedo != Rgb::ZERO => {
-                let Some(query) = directions.and_then(|(wo, wi)| bsdf.query(wo, wi)) else {
-                    return BASE;
-                };
-                let (whole, gloss) = (query.at(alpha).value, query.gloss().at(alpha).value);
-                let of = |part: f32, whole: f32| if whole > 0.0 { part / whole } else { 0.0 };
-                let roughness = 1.0 - (1.0 - alpha) * of(luminance(gloss), luminance(whole));
-                let (gloss, whole) = (gloss.to_array(), whole.to_array());
-                Self {
-                    roughness,
-                    gloss: Rgb::from_array(std::array::from_fn(|c| of(gloss[c], whole[c]))),
-                }
-            }
-            _ => Self {
+            Bsdf::Clearcoated(coated) => return Self::between(&coated.base(), alpha, directions),
+            Bsdf::Diffuse(_) => return BASE,
+            Bsdf::Glossy(lobe) => lobe.albedo,
+            Bsdf::Anisotropic(lobe) => lobe.isotropic().albedo,
+            _ => Rgb::ZERO,
+        };
+        if base == Rgb::ZERO {
+            return Self {
                 roughness: alpha,
                 gloss: Rgb::ONE,
-            },
+            };
+        }
+        let Some(query) = directions.and_then(|(wo, wi)| bsdf.query(wo, wi)) else {
+            return BASE;
+        };
+        let (whole, gloss) = (query.at(alpha).value, query.gloss().at(alpha).value);
+        let of = |part: f32, whole: f32| if whole > 0.0 { part / whole } else { 0.0 };
+        let roughness = 1.0 - (1.0 - alpha) * of(luminance(gloss), luminance(whole));
+        let (gloss, whole) = (gloss.to_array(), whole.to_array());
+        Self {
+            roughness,
+            gloss: Rgb::from_array(std::array::from_fn(|c| of(gloss[c], whole[c]))),
         }
     }
 }

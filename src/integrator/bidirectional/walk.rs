@@ -61,7 +61,7 @@ impl<'a> Walk<'a> {
     /// The walk's `n`th vertex, where it has [arrived](Walk::arrive); `u` chooses between the BSDFs of its material.
     #[inline]
     pub(super) fn vertex(&mut self, n: u32, (hit, start): &(Hit, f32), u: f32) -> Vertex {
-        let surface = self.scene.surface(hit);
+        let mut surface = self.scene.surface(hit);
         if !self.bodies.is_empty() {
             self.throughput *= self.bodies.transmittance(self.scene, hit.t - start);
         }
@@ -73,8 +73,8 @@ impl<'a> Walk<'a> {
             Origin::Camera => self.throughput,
             Origin::Light => self.throughput / cos,
         };
-        let mut bsdf = self.scene.bsdf(&surface, u);
-        (self.bodies).interface(self.scene, &surface, self.ray.dir, &mut bsdf);
+        let mut bsdf = self.scene.bsdf(&mut surface, u);
+        (self.bodies).interface(self.scene, &mut surface, self.ray.dir, &mut bsdf);
         let frame = surface.frame_for(back);
         Vertex {
             n,
@@ -157,7 +157,7 @@ impl<'a> Walk<'a> {
                 self.roulette_scale *= vertex.bsdf.refraction_scale(vertex.local);
             }
             if self.scene.tracks_bodies() {
-                self.bodies = vertex.bodies_towards(out);
+                self.bodies = vertex.bodies_towards(self.scene, out);
             }
         }
         self.parallel = false;

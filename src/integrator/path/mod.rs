@@ -90,7 +90,7 @@ impl<R: Roughening> PathTracer<R> {
                 }
                 break;
             };
-            let surface = scene.surface(hit);
+            let mut surface = scene.surface(hit);
             if !bodies.is_empty() {
                 let transmittance = bodies.transmittance(scene, hit.t - way.start);
                 throughput *= transmittance;
@@ -114,8 +114,8 @@ impl<R: Roughening> PathTracer<R> {
 
             // ── the vertex
             let u = sampler.vertex();
-            let mut bsdf = channel.bsdf(scene, &surface, u.material, &mut throughput);
-            bodies.interface(scene, &surface, ray.dir, &mut bsdf);
+            let mut bsdf = channel.bsdf(scene, &mut surface, u.material, &mut throughput);
+            bodies.interface(scene, &mut surface, ray.dir, &mut bsdf);
             let alpha = bsdf.alpha();
             let frame = surface.frame_for(-ray.dir);
             let point = ShadingPoint {

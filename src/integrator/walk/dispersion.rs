@@ -18,7 +18,7 @@ impl Channel {
     pub(in crate::integrator) fn bsdf(
         &mut self,
         scene: &Scene,
-        surface: &Surface,
+        surface: &mut Surface,
         u: f32,
         throughput: &mut Rgb,
     ) -> Bsdf {

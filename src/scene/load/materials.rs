@@ -6,7 +6,8 @@ use super::textures::Requests;
 use crate::bsdf::Distribution;
 use crate::math::Rgb;
 use crate::scene::Material;
-use crate::scene::material::{AlphaMode, Clearcoat, TextureRef};
+use crate::scene::finish::{Anisotropy, Clearcoat};
+use crate::scene::material::{AlphaMode, TextureRef};
 use glam::{Affine2, Vec2};
 use gltf::json::extensions::material as ext;
 use gltf::json::extensions::texture::TextureTransform;
@@ -45,6 +46,7 @@ pub(super) fn materials(
             material: i as u32,
             uv_set: reader.uv_set.unwrap_or(0),
             emits: material.emission != Rgb::ZERO,
+            brushed: material.anisotropy().is_some(),
         });
         materials.push(material);
     }
@@ -64,7 +66,19 @@ struct ClearcoatExtension {
     #[serde(rename = "clearcoatRoughnessTexture")]
     roughness_texture: Option<Info>,
     #[serde(rename = "clearcoatNormalTexture")]
-    normal_texture: Option<json::Value>,
+    normal_texture: Option<json::material::NormalTexture>,
+}
+
+/// `KHR_materials_anisotropy`, which the crate does not type.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct AnisotropyExtension {
+    #[serde(rename = "anisotropyStrength")]
+    strength: f32,
+    #[serde(rename = "anisotropyRotation")]
+    rotation: f32,
+    #[serde(rename = "anisotropyTexture")]
+    texture: Option<Info>,
 }
 
 /// Reads one material.
@@ -111,7 +125,8 @@ impl Reader<'_> {
             ..Material::default()
         };
         if let Some(normal) = &m.normal_texture {
-            self.normal_map(normal, &mut out)?;
+            let (map, scale) = self.normal_map("normalTexture", normal)?;
+            (out.normal_texture, out.normal_scale) = (Some(map), scale);
         }
         if let Some(extensions) = &m.extensions {
             self.extensions(extensions, &mut out)?;
@@ -163,6 +178,9 @@ impl Reader<'_> {
         if let Some(value) = e.others.get("KHR_materials_clearcoat") {
             self.clearcoat(value, out)?;
         }
+        if let Some(value) = e.others.get("KHR_materials_anisotropy") {
+            self.anisotropy(value, out)?;
+        }
         if let Some(value) = e.others.get("KHR_materials_dispersion") {
             let dispersion = value.get("dispersion").map_or(Some(0.0), |x| x.as_f64());
             let dispersion =
@@ -183,7 +201,7 @@ impl Reader<'_> {
                 specular: 0.0,
                 metallic: 0.0,
                 transmission: 0.0,
-                clearcoat: None,
+                finish: None,
                 double_sided: true,
                 normal_texture: None,
                 ..std::mem::take(out)
@@ -193,26 +211,52 @@ impl Reader<'_> {
     }
 
     fn clearcoat(&mut self, value: &json::Value, out: &mut Material) -> Result<()> {
-        let coat: ClearcoatExtension =
-            json::deserialize::from_value(value.clone()).map_err(|e| {
-                let place = format!("{}.KHR_materials_clearcoat", self.at);
-                fault(place, e.to_string())
-            })?;
+        let coat: ClearcoatExtension = self.untyped("KHR_materials_clearcoat", value)?;
         let weight = self.fraction("clearcoatFactor", coat.factor)?;
         let roughness = self.fraction("clearcoatRoughnessFactor", coat.roughness_factor)?;
         let map = coat.roughness_texture.as_ref();
-        let read = Clearcoat {
+        let mut read = Clearcoat {
             weight,
             alpha: roughness * roughness,
             texture: self.info("clearcoatTexture", coat.texture.as_ref(), false)?,
             roughness_texture: self.info("clearcoatRoughnessTexture", map, false)?,
+            ..Clearcoat::default()
         };
-        out.clearcoat = (weight > 0.0).then(|| Box::new(read));
-        if coat.normal_texture.is_some() {
-            let line = "clearcoatNormalTexture is ignored: the coat has the base's normal";
-            self.warnings.say(format!("{}: {line}", self.at));
+        if let Some(normal) = &coat.normal_texture {
+            let (map, scale) = self.normal_map("clearcoatNormalTexture", normal)?;
+            (read.normal_texture, read.normal_scale) = (Some(map), scale);
+        }
+        if weight > 0.0 {
+            out.finish_mut().clearcoat = Some(read);
         }
         Ok(())
+    }
+
+    fn anisotropy(&mut self, value: &json::Value, out: &mut Material) -> Result<()> {
+        let read: AnisotropyExtension = self.untyped("KHR_materials_anisotropy", value)?;
+        let strength = self.fraction("anisotropyStrength", read.strength)?;
+        if !read.rotation.is_finite() {
+            return Err(fault(&self.at, "anisotropyRotation is not finite"));
+        }
+        let texture = self.info("anisotropyTexture", read.texture.as_ref(), false)?;
+        if strength > 0.0 {
+            out.finish_mut().anisotropy = Some(Anisotropy {
+                strength,
+                rotation: read.rotation,
+                texture,
+            });
+        }
+        Ok(())
+    }
+
+    /// An extension that the crate does not type.
+    fn untyped<T: serde::de::DeserializeOwned>(
+        &self,
+        name: &str,
+        value: &json::Value,
+    ) -> Result<T> {
+        json::deserialize::from_value(value.clone())
+            .map_err(|e| fault(format!("{}.{name}", self.at), e.to_string()))
     }
 
     /// The priority among overlapping bodies, a number in the material's `extras`.
@@ -297,26 +341,25 @@ impl Reader<'_> {
             .map(Some)
     }
 
+    /// A normal map and its scale.
     fn normal_map(
         &mut self,
+        name: &str,
         normal: &json::material::NormalTexture,
-        out: &mut Material,
-    ) -> Result<()> {
+    ) -> Result<(TextureRef, f32)> {
         // The crate does not type this one use of the extension.
         let value =
             (normal.extensions.as_ref()).and_then(|e| e.others.get("KHR_texture_transform"));
         let transform = value
             .map(|v| json::deserialize::from_value::<TextureTransform>(v.clone()))
             .transpose()
-            .map_err(|e| fault(format!("{}.normalTexture", self.at), e.to_string()))?;
+            .map_err(|e| fault(format!("{}.{name}", self.at), e.to_string()))?;
         let (index, set) = (normal.index.value(), normal.tex_coord);
-        out.normal_texture =
-            Some(self.texture("normalTexture", index, set, transform.as_ref(), false)?);
         if !normal.scale.is_finite() {
-            return Err(fault(&self.at, "normalTexture.scale is not finite"));
+            return Err(fault(&self.at, format!("{name}.scale is not finite")));
         }
-        out.normal_scale = normal.scale;
-        Ok(())
+        let map = self.texture(name, index, set, transform.as_ref(), false)?;
+        Ok((map, normal.scale))
     }
 
     fn texture(

@@ -39,6 +39,8 @@ pub(super) struct Slot {
     pub(super) uv_set: u32,
     /// True if it emits light.
     pub(super) emits: bool,
+    /// True if it is brushed, and needs tangents.
+    pub(super) brushed: bool,
 }
 
 /// A primitive of a node.
@@ -302,7 +304,10 @@ fn mesh(
     }
     let slot = primitive.material.map_or(slots.len() - 1, |m| m.value());
     let Some(&Slot {
-        material, uv_set, ..
+        material,
+        uv_set,
+        brushed,
+        ..
     }) = slots.get(slot)
     else {
         return Err(fault(place, format!("materials[{slot}] does not exist")));
@@ -322,6 +327,14 @@ fn mesh(
     }
     mesh.indices = faces(&primitive.mode, &corners, place, warnings);
     mesh.material = material;
+    if brushed && mesh.tangents.is_empty() {
+        if mesh.uvs.is_empty() {
+            warnings.say(format!(
+                "{place}: no tangents and no TEXCOORD_{uv_set}: anisotropy is ignored"
+            ));
+        }
+        mesh.derive_tangents();
+    }
     put(data, &mut mesh, instance, &poses)?;
     Ok(Some(mesh))
 }

@@ -443,6 +443,21 @@ fn reference_and_statistics_of_a_render() {
     assert_eq!(stats["window"], serde_json::json!([4, 4, 8, 8]));
     assert_eq!((&stats["spp"], &stats["paths"]), (&4.into(), &256.into()));
     assert_eq!(stats["settings"]["integrator"], "path");
+    // The log ends with the same.
+    for name in ["log.csv", "log.tfevents"] {
+        let render = format!("render scene.glb --size 16x16 {args} {crop} --log {name} -o out.exr");
+        place.opsr(&render).done();
+    }
+    let csv = String::from_utf8(place.read("log.csv")).unwrap();
+    let last: Vec<&str> = csv.lines().last().unwrap().split(',').collect();
+    let number = |i: usize| last[i].parse::<f64>().unwrap();
+    assert_eq!((last.len(), last[0], number(3)), (4, "4", error));
+    assert!((number(2) - stats["relative_error"].as_f64().unwrap()).abs() < 1e-9);
+    let events = crate::tensorboard::events(&place.read("log.tfevents"));
+    let scalars = &events.last().unwrap().scalars;
+    assert_eq!(scalars["error/true"], error as f32);
+    let ended = place.opsr("render scene.glb --spp 1 --log log.txt -o out.exr");
+    assert_eq!(ended.code, Some(2), "{}", ended.err);
     // Shown while rendering too.
     let lines = place.opsr(&format!(
         "render scene.glb --size 16x16 {args} --progress json"

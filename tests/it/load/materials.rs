@@ -56,10 +56,10 @@ fn load_material_factors() {
 fn load_clearcoat() {
     let coat = |body: Value| with("clearcoat", body);
     let m = coat(json!({ "clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.2 }));
-    let read = m.clearcoat.expect("a coat");
+    let read = m.clearcoat().expect("a coat");
     assert!(read.weight == 0.5 && (read.alpha - 0.04).abs() < 1e-7);
     let m = coat(json!({}));
-    assert!(m.clearcoat.is_none());
+    assert!(m.clearcoat().is_none());
     for (body, fragment) in [
         (
             json!({ "clearcoatFactor": 2 }),
@@ -80,16 +80,46 @@ fn load_clearcoat() {
         file.push("materials", json!({ "extensions": extensions }));
         refused(&file.gltf(), fragment, fragment);
     }
+    let body =
+        json!({ "clearcoatFactor": 1, "clearcoatNormalTexture": { "index": 0, "scale": 0.5 } });
     let mut file = File::triangle();
-    let body = json!({ "clearcoatFactor": 1, "clearcoatNormalTexture": { "index": 0 } });
-    let extensions = json!({ "KHR_materials_clearcoat": body });
-    file.push("materials", json!({ "extensions": extensions }));
-    let warnings = file.loaded().warnings;
-    assert!(
-        warnings
-            .iter()
-            .any(|w| w.contains("clearcoatNormalTexture is ignored"))
+    file.texture(&DynamicImage::ImageRgb8(RgbImage::new(1, 1)));
+    file.push(
+        "materials",
+        json!({ "extensions": { "KHR_materials_clearcoat": body } }),
     );
+    let materials = file.loaded().parts.materials;
+    let coat = materials[0].clearcoat().expect("a coat");
+    assert!(coat.normal_texture.is_some() && coat.normal_scale == 0.5);
+}
+
+#[test]
+fn load_anisotropy() {
+    let brushed = |body: Value| with("anisotropy", body);
+    let m = brushed(json!({ "anisotropyStrength": 0.6, "anisotropyRotation": -2.5 }));
+    let read = m.anisotropy().expect("brushed");
+    assert_eq!((read.strength, read.rotation), (0.6, -2.5));
+    assert!(read.texture.is_none());
+    assert!(brushed(json!({ "anisotropyRotation": 1 })).finish.is_none());
+    for (body, fragment) in [
+        (
+            json!({ "anisotropyStrength": 1.5 }),
+            "anisotropyStrength is 1.5, not from 0 to 1",
+        ),
+        (
+            json!({ "anisotropyStrength": "much" }),
+            "KHR_materials_anisotropy",
+        ),
+        (
+            json!({ "anisotropyStrength": 1, "anisotropyTexture": { "index": 7 } }),
+            "textures",
+        ),
+    ] {
+        let mut file = File::triangle();
+        let extensions = json!({ "KHR_materials_anisotropy": body });
+        file.push("materials", json!({ "extensions": extensions }));
+        refused(&file.gltf(), fragment, fragment);
+    }
 }
 
 /// A closed ball and an open pane of one material without a thickness, and of one that says it has none.
