@@ -3,6 +3,7 @@
 //! All formulas use microfacet slopes and tangents of angles. They keep their digits in single precision from α = 1e-3
 //! to 1 and up to grazing angles, where formulas with `1 − cos²` lose every digit.
 
+use super::slope::{open, visible_slope};
 use crate::math::Vec3;
 use crate::math::real::{Dual, Real, SQRT_PI, erf_f64, erf_inverse, scaled_erfc};
 use std::f32::consts::PI;
@@ -137,7 +138,7 @@ impl Distribution {
         let tan = sin / stretched.z;
         let (x, y) = match self {
             Self::Beckmann => (
-                beckmann_slope(tan, u[0]),
+                visible_slope(tan, u[0]),
                 erf_inverse(2.0 * open(u[1]) - 1.0),
             ),
             Self::Ggx => return ggx_normal(stretched, alpha, u),
@@ -146,77 +147,6 @@ impl Distribution {
         let (sx, sy) = (cos_phi * x - sin_phi * y, sin_phi * x + cos_phi * y);
         Vec3::new(-alpha * sx, -alpha * sy, 1.0)
     }
-}
-
-/// Clamps a uniform number to the open interval (0, 1): quantiles of the Gaussian are infinite at its ends.
-#[inline]
-fn open(u: f32) -> f32 {
-    u.clamp(3e-8, 1.0 - 6e-8)
-}
-
-/// Samples the slope along the plane of incidence, for unit roughness and tan θ_o = `tan`.
-///
-/// Solves F(x) = u F(cot θ) on x ≤ cot θ, with F(x) = (1 + erf x)/2 + tan θ e^(−x²)/(2√π) the integral of
-/// (1 − x tan θ) e^(−x²)/√π `[HeitzDEon14 §4.1]`, by Halley's method inside a bracket. A step cubes the error: one or
-/// two suffice.
-#[inline]
-fn beckmann_slope(tan: f32, u: f32) -> f32 {
-    const INV_SQRT_PI: f32 = 0.564_189_6;
-    /// Length of a step, relative to 1 + |x|, after which the error is below single precision.
-    const LAST_STEP: f32 = 1e-3;
-    let u = open(u);
-    let normal = erf_inverse(2.0 * u - 1.0);
-    if tan < 1e-4 {
-        return normal;
-    }
-    let cot = 1.0 / tan;
-    let (mut low, mut high) = (-6.0f32, cot.min(6.0));
-    let half_tan = 0.5 * tan * INV_SQRT_PI;
-    let lambda = cot.beckmann_lambda();
-    let target = u * (1.0 + lambda);
-    // F″/F′ = −tan θ/(1 − x tan θ) − 2x.
-    let step = |x: f32, error: f32, gauss: f32| {
-        let visible = 1.0 - x * tan;
-        let newton = error / (visible * gauss * INV_SQRT_PI);
-        newton / (1.0 + 0.5 * newton * (tan / visible + 2.0 * x)).clamp(0.5, 2.0)
-    };
-    let first = if tan < 0.7 {
-        // First step from the quantile at normal incidence, where erf x = 2u − 1 needs no evaluation.
-        let gauss = (-normal * normal).exp();
-        normal - step(normal, half_tan * gauss - u * lambda, gauss)
-    } else {
-        // Between the quantiles at normal incidence and at grazing incidence, where F is proportional to e^(−x²).
-        let grazing = -(-u.ln()).sqrt();
-        normal + (grazing - normal) * tan / (1.0 + tan)
-    };
-    let mut x = first.clamp(low, high);
-    for _ in 0..12 {
-        let gauss = (-x * x).exp();
-        let erf = (1.0 - gauss * scaled_erfc(x.abs())).copysign(x);
-        let error = 0.5 * (1.0 + erf) + half_tan * gauss - target;
-        // Tested before the bracket shrinks to x: otherwise a step of length 0 would count as outside.
-        if error.abs() < 1e-7 * (1.0 + lambda) {
-            break;
-        }
-        if error > 0.0 {
-            high = x
-        } else {
-            low = x
-        }
-        let next = x - step(x, error, gauss);
-        // Bisection where the step leaves the bracket or is NaN because the density vanishes.
-        let next = if next >= low && next <= high {
-            next
-        } else {
-            0.5 * (low + high)
-        };
-        let moved = (next - x).abs();
-        x = next;
-        if moved < LAST_STEP * (1.0 + x.abs()) {
-            break;
-        }
-    }
-    x
 }
 
 /// Samples a visible normal of GGX by way of a uniform point of a spherical cap (Dupuy, Benyoub: *Sampling Visible GGX
@@ -271,32 +201,6 @@ mod tests {
                 }
             }
         }
-    }
-
-    /// F of [`beckmann_slope`] in double precision.
-    fn integral(x: f64, tan: f64) -> f64 {
-        0.5 * (1.0 + erf_f64(x)) + 0.5 * tan * (-x * x).exp() / std::f64::consts::PI.sqrt()
-    }
-
-    #[test]
-    fn beckmann_slope_inverts_its_cdf() {
-        let mut worst = 0.0f64;
-        for exponent in -40..=60 {
-            let tan = 10f32.powf(exponent as f32 * 0.1);
-            let whole = integral(1.0 / f64::from(tan), tan.into());
-            for i in 0..=2000 {
-                // Evenly spaced, and denser towards both ends.
-                let t = i as f32 / 2000.0;
-                for u in [t, 1e-4 * t, 1.0 - 1e-4 * t] {
-                    let x = beckmann_slope(tan, u);
-                    assert!(x <= 1.0 / tan, "{tan} {u}: {x} is not visible");
-                    let error = integral(x.into(), tan.into()) / whole - f64::from(open(u));
-                    worst = worst.max(error.abs());
-                }
-            }
-        }
-        // Errors: 1.5e-7 of erf, 6e-8 of u.
-        assert!(worst < 2e-6, "{worst:e}");
     }
 
     #[test]

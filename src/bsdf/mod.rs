@@ -22,6 +22,7 @@ pub mod clearcoated;
 pub mod distribution;
 pub mod fresnel;
 pub mod lobes;
+mod slope;
 
 pub use anisotropic::{Anisotropic, anisotropic};
 pub use clearcoated::{Clearcoated, clearcoated};

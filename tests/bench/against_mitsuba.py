@@ -11,8 +11,10 @@ Both trace the same triangles with the same models (Lambert, a Beckmann conducto
 dielectric), the same depth and Russian roulette. Agreement: the mean of the pictures within 4 standard errors, and the
 differences of 8x8 tiles spread as their own noise says. Speed: CPU time of both, in turns, in one run. Not part of the
 automatic tests: it needs Mitsuba and minutes. Where Mitsuba's LLVM fails, DRJIT_LIBLLVM_PATH names another; rustc brings one.
+With LANES=8 in the environment Mitsuba is held to AVX2; without it a processor with AVX-512 has 16.
 """
 
+import ctypes
 import json
 import math
 import os
@@ -239,10 +241,20 @@ def gain(name, scene, table, plain, spp, turns):
           f"relMSE {errors[1] / errors[0]:.2f}, MAPE {mapes[1] / mapes[0]:.2f} of it")
 
 
+def hold_to_avx2():
+    """Compiles Mitsuba's kernels for AVX2 and 8 lanes. Dr.Jit has a function for that, but not in Python."""
+    import drjit
+
+    core = ctypes.CDLL(os.path.join(os.path.dirname(drjit.__file__), "libdrjit-core.so"))
+    core._Z19jit_llvm_set_targetPKcS0_j(b"x86-64-v3", b"+avx2,+fma", ctypes.c_uint(8))
+
+
 def main():
     program = sys.argv[1] if len(sys.argv) > 1 else "target/release/opsr"
     spp = int(os.environ.get("SPP", 256))
     mi.set_variant("llvm_ad_rgb")
+    if os.environ.get("LANES") == "8":
+        hold_to_avx2()
     try:
         import opsr.mitsuba
     except ImportError:
