@@ -30,6 +30,13 @@ pub(super) struct Line {
     pub(super) true_error: Option<f64>,
 }
 
+impl Line {
+    /// The estimate, which one sample does not have.
+    fn estimated(&self) -> Option<f64> {
+        Some(self.estimated).filter(|e| e.is_finite())
+    }
+}
+
 /// The log; its file is replaced as a whole, so that it is never half-written.
 pub(super) struct ErrorLog {
     path: PathBuf,
@@ -79,11 +86,9 @@ impl ErrorLog {
 
     fn csv(&self) -> String {
         let row = |line: &Line| {
-            let known = line.true_error.map_or(String::new(), |e| e.to_string());
-            format!(
-                "{},{:.3},{},{known}\n",
-                line.samples, line.seconds, line.estimated
-            )
+            let cell = |e: Option<f64>| e.map_or(String::new(), |e| e.to_string());
+            let [estimated, known] = [line.estimated(), line.true_error].map(cell);
+            format!("{},{:.3},{estimated},{known}\n", line.samples, line.seconds)
         };
         let rows = self.lines.iter().map(row);
         std::iter::once("samples,seconds,estimated_error,true_error\n".to_owned())
@@ -97,10 +102,9 @@ impl ErrorLog {
         let began = now.map_or(0.0, |now| now.as_secs_f64()) - last;
         let mut scalars = Scalars::new(began);
         for line in &self.lines {
+            let estimated = line.estimated().map(|e| ("error/estimated", e));
             let known = line.true_error.map(|e| ("error/true", e));
-            let values = [("error/estimated", line.estimated)]
-                .into_iter()
-                .chain(known);
+            let values = estimated.into_iter().chain(known);
             scalars.add(line.samples.into(), began + line.seconds, values);
         }
         scalars.bytes().to_vec()
