@@ -16,8 +16,8 @@
 //!
 //! Every level but 0 is a second candidate with the light of roughened vertices blurred by a Gaussian, and the rest as it
 //! is: P + G(I_k − P), where P is the light that all levels share. G stops at edges of the surface that the first rough
-//! vertices lie on. Its bias is judged against the sharp levels up to its own. Bias and variance are weighted for the darkest
-//! of the pixels around.
+//! vertices lie on. Its bias is judged against the sharp levels up to its own, and weighted for the darkest of the pixels
+//! around; so is its variance, at half that weight.
 //!
 //! The picture p is Σ_k tent_1(1[k* = k]) I_k. What light the choice lost is given back: μ = tent_R(I_0 − p), shrunk by
 //! max(0, 1 − c Var(μ)/μ²) where it is not above its own noise, times p / tent_R(p): in proportion to the picture, so that
@@ -47,6 +47,9 @@ const KAPPA: f32 = 0.25;
 
 /// c: multiple of its variance by which the energy correction is shrunk.
 const SHRINKAGE: f32 = 1.0;
+
+/// Share of the weight of the darkest pixel around that the noise of a blurred picture has at least.
+const DARK: f32 = 0.5;
 
 /// ε of relative errors, where the mean of the picture counts as 0.3.
 const EPSILON: f32 = 0.01;
@@ -429,9 +432,11 @@ fn choose(film: &LevelFilm, gain: f32, settings: Resolve) -> Choice {
     let variance: Vec<Vec<f32>> = noise.iter().map(|v| weighted(v, light)).collect();
     let bias2 = biases(size, &candidates, &weights, &variance);
     // Noise that a blur takes across an edge is seen on the dark side.
+    let pairs = light.iter().zip(dark);
+    let edges: Vec<Vec3A> = pairs.map(|(w, dark)| w.max(DARK * *dark)).collect();
     let of_blurred: Vec<Vec<f32>> = (candidates.iter().zip(&noise))
         .filter(|(c, _)| c.blurred)
-        .map(|(_, v)| weighted(v, dark))
+        .map(|(_, v)| weighted(v, &edges))
         .collect();
     let judged: Vec<&Vec<f32>> = (variance[..film.levels()].iter())
         .chain(&of_blurred)
