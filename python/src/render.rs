@@ -84,7 +84,8 @@ impl From<RenderProgress> for Progress {
 /// aperture, focus: radius of the camera's lens, 0 for none, and distance that is in focus, in scene units; by default those
 ///     of the file.
 /// levels: several amounts of roughening on the same paths, of which every pixel gets the best: their number from 1 to 8, or
-///     the scales of the table's or the constant factor, ascending from 0. One by default, where the program has five.
+///     the scales of the table's, the constant factor or the filter's value, ascending from 0. One by default, where the program
+///     has five.
 /// max_vertices: scattering vertices of the longest path, from 1 to 65536.
 /// sampler: random numbers of camera paths of "path": "sobol", or "independent", whose variances are unbiased.
 /// threads: their number; all cores by default.

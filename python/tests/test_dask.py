@@ -140,6 +140,16 @@ def test_bench_resumes_where_a_worker_is_killed(client, tmp_path, program):
     subprocess.run(report, check=True, capture_output=True)
 
 
+def test_quiet_settings_are_known_to_dask():
+    import dask
+
+    import opsr.dask
+
+    for key in opsr.dask.QUIET:
+        # KeyError for another.
+        dask.config.get(key)
+
+
 def test_errors_of_workers_arrive(client, tmp_path):
     import opsr.dask
 

@@ -205,7 +205,9 @@ pub(super) fn levels(
     }
     let nothing = [Rule::Plain, Rule::constant(0.0)].contains(&settings.rule) || !has_lobes;
     let single = args.trace_pixel.is_some() || super::aovs::splits_light(args);
-    if nothing || single || args.table_scale == Some(Scale::Auto) {
+    // Unless asked for, the rules of other renderers are as there.
+    let foreign = settings.rule.roughens_continuation();
+    if nothing || single || foreign || args.table_scale == Some(Scale::Auto) {
         return Ok(Vec::new());
     }
     let settings = with(SCALES.to_vec());

@@ -8,7 +8,7 @@ pub mod real;
 pub mod warp;
 
 pub use frame::Frame;
-pub use glam::{DVec2, DVec3, UVec2, Vec2, Vec3, Vec4};
+pub use glam::{DVec2, DVec3, UVec2, Vec2, Vec3, Vec3A, Vec4};
 
 /// Linear RGB (Rec. 709 primaries): radiance, irradiance, reflectance or throughput.
 pub type Rgb = Vec3;

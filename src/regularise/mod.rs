@@ -53,6 +53,23 @@ impl Factors {
             Self::Table(table) => table.scale == 0.0 || table.gammas.iter().all(|&g| g == 0.0),
         }
     }
+
+    /// Multiplier of every factor.
+    pub fn scale(&self) -> f32 {
+        match self {
+            Self::Constant(_) => 1.0,
+            Self::Table(table) => table.scale,
+        }
+    }
+
+    /// Factor of a path before the multiplier.
+    #[inline]
+    pub fn unscaled(&self, prefix: &PathRoughness, last: f32) -> f32 {
+        match self {
+            Self::Constant(gamma) => *gamma,
+            Self::Table(table) => table.unscaled(prefix, last),
+        }
+    }
 }
 
 impl Attenuation for Factors {

@@ -103,6 +103,17 @@ impl Rule {
     }
 }
 
+/// α′ of [`Rule::FilterGlossy`] after this smallest density.
+#[inline]
+pub(crate) fn filter_glossy(filter: f32, least_pdf_w: f32, alpha: f32) -> f32 {
+    let b = least_pdf_w / filter;
+    if b < 1.0 {
+        alpha.max(0.5 * (1.0 - b).sqrt())
+    } else {
+        alpha
+    }
+}
+
 /// Memory of [`Rule`], kept whatever the rule.
 #[derive(Clone, Copy, Debug)]
 pub struct RulePath {
@@ -136,14 +147,7 @@ impl Roughening for Rule {
             Self::Accumulated(rule) => rule.roughen(&path.accumulated, alpha),
             Self::Pbrt if path.roughest > 0.0 && alpha < 0.3 => (2.0 * alpha).clamp(0.1, 0.3),
             Self::Pbrt => alpha,
-            Self::FilterGlossy(filter) => {
-                let b = path.least_pdf_w / filter;
-                if b < 1.0 {
-                    alpha.max(0.5 * (1.0 - b).sqrt())
-                } else {
-                    alpha
-                }
-            }
+            Self::FilterGlossy(filter) => filter_glossy(*filter, path.least_pdf_w, alpha),
             Self::RoughnessClamp => alpha.max(path.roughest),
         }
     }

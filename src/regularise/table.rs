@@ -123,21 +123,27 @@ impl AttenuationTable {
             Lookup::Linear => linear(prefix, last, visit),
         }
     }
-}
 
-impl Attenuation for AttenuationTable {
+    /// Factor of a path before the scale.
     #[inline]
-    fn gamma(&self, prefix: &PathRoughness, last: f32) -> f32 {
+    pub(super) fn unscaled(&self, prefix: &PathRoughness, last: f32) -> f32 {
         match self.lookup {
-            Lookup::Nearest => prefix.class(last).map_or(0.0, |class| self.factor(class)),
+            Lookup::Nearest => (prefix.class(last)).map_or(0.0, |class| self.gammas[class.index()]),
             Lookup::Linear => {
                 let mut gamma = 0.0;
                 linear(prefix, last, |class, weight| {
                     gamma += weight * self.gammas[class.index()]
                 });
-                (gamma * self.scale).min(1.0)
+                gamma
             }
         }
+    }
+}
+
+impl Attenuation for AttenuationTable {
+    #[inline]
+    fn gamma(&self, prefix: &PathRoughness, last: f32) -> f32 {
+        (self.unscaled(prefix, last) * self.scale).min(1.0)
     }
 }
 

@@ -3,7 +3,7 @@
 //! Overlapping bodies are nested dielectrics (Schmidt, Budge: *Simple Nested Dielectrics in Ray Traced Images*, Journal of
 //! Graphics Tools 7(2), 2002): the one of the highest rank is there, and the others' boundaries inside of it do not exist.
 
-use super::{Hit, Material, Mesh, PunctualLight, Scene, SceneParts, SharedMesh};
+use super::{Hit, Material, Mesh, PunctualLight, Scene, SceneParts, SharedMesh, Surface};
 use crate::math::{DVec3, Ray, Rgb, Vec3};
 use glam::DAffine3;
 use rayon::prelude::*;
@@ -69,23 +69,69 @@ impl Scene {
     pub fn bodies_around(&self, ray: &Ray) -> Vec<u32> {
         let mut ray = *ray;
         let (mut entered, mut around) = (Vec::new(), Vec::new());
+        let mut pass = |material: u32, enters: bool| {
+            if enters {
+                entered.push(material);
+            } else if let Some(i) = entered.iter().rposition(|&m| m == material) {
+                entered.remove(i);
+            } else {
+                around.push(material);
+            }
+        };
         for _ in 0..MOST_SURFACES {
             let Some(hit) = self.intersect(&ray) else {
                 break;
             };
-            let surface = self.surface(&hit);
+            let mut surface = self.surface(&hit);
             if self.material(&surface).bounds_body() {
-                if ray.dir.dot(surface.ng) < 0.0 {
-                    entered.push(surface.material);
-                } else if let Some(i) = entered.iter().rposition(|&m| m == surface.material) {
-                    entered.remove(i);
-                } else {
-                    around.push(surface.material);
+                let enters = ray.dir.dot(surface.ng) < 0.0;
+                pass(surface.material, enters);
+                if let Some(other) = self.touching(&mut surface) {
+                    pass(other, !enters);
                 }
             }
             ray = surface.spawn(ray.dir);
         }
         around
+    }
+
+    /// Material of a body that touches the body of this surface here: it begins where the other ends, since a face of each lies
+    /// in the same plane up to rounding. A ray that leaves the surface then keeps clear of both.
+    #[inline]
+    pub fn touching(&self, surface: &mut Surface) -> Option<u32> {
+        if self.has_touching {
+            self.find_touching(surface)
+        } else {
+            None
+        }
+    }
+
+    #[cold]
+    fn find_touching(&self, surface: &mut Surface) -> Option<u32> {
+        let corners = self.geometry.triangle(surface.triangle);
+        let largest = corners.map(|p| p.abs().max_element());
+        // Four corners that were rounded lie in two planes.
+        let apart = surface.error + 2.0 * f32::EPSILON * largest.into_iter().fold(0.0, f32::max);
+        let materials = &self.parts.materials;
+        let opposite = |triangle: u32| {
+            let material = self.geometry.triangle_material(triangle);
+            materials[material as usize].bounds_body()
+                && self.geometry.triangle_normal(triangle).dot(surface.ng) < -0.99
+                && self.geometry.height(triangle, surface.position).abs() <= apart.into()
+        };
+        // Long enough for the error of distances along rays.
+        let reach = 8.0 * apart;
+        let mut ray = Ray::new(surface.position + reach * surface.ng, -surface.ng);
+        ray.t_max = 2.0 * reach;
+        let hit = self.geometry.closest_of(&ray, opposite)?;
+        surface.error = surface.error.max(2.0 * apart);
+        Some(self.geometry.triangle_material(hit.triangle))
+    }
+
+    /// True if bodies touch at one of the probes.
+    pub(super) fn finds_touching(&self) -> bool {
+        (self.probes().into_par_iter())
+            .any(|triangle| self.find_touching(&mut self.probe(triangle)).is_some())
     }
 
     /// For each material, true if all its meshes are closed, facing outwards, and no light reaches into the box around any of them: a ray
@@ -141,27 +187,36 @@ impl Scene {
     /// True if the outside of some body, just before its surface, lies in another body; looked for at some triangles of
     /// each mesh.
     pub(super) fn find_overlaps(&self) -> bool {
+        self.probes().into_par_iter().any(|triangle| {
+            let surface = self.probe(triangle);
+            !self.bodies_around(&surface.spawn(surface.ng)).is_empty()
+        })
+    }
+
+    /// Some triangles of each mesh that bounds a body.
+    fn probes(&self) -> Vec<u32> {
         let bounds: Vec<bool> = (self.parts.materials.iter())
             .map(|m| m.bounds_body())
             .collect();
         if !bounds.contains(&true) {
-            return false;
+            return Vec::new();
         }
-        let probes: Vec<u32> = (self.geometry.ranges().into_iter())
+        (self.geometry.ranges().into_iter())
             .filter(|of_mesh| bounds[self.geometry.triangle_material(of_mesh.start) as usize])
             .flat_map(|of_mesh| {
                 let step = of_mesh.len().div_ceil(PROBES);
                 of_mesh.step_by(step)
             })
-            .collect();
-        probes.into_par_iter().any(|triangle| {
-            let surface = self.surface(&Hit {
-                t: 0.0,
-                triangle,
-                u: 0.3,
-                v: 0.35,
-            });
-            !self.bodies_around(&surface.spawn(surface.ng)).is_empty()
+            .collect()
+    }
+
+    /// A point of a triangle.
+    fn probe(&self, triangle: u32) -> Surface {
+        self.surface(&Hit {
+            t: 0.0,
+            triangle,
+            u: 0.3,
+            v: 0.35,
         })
     }
 }

@@ -287,6 +287,12 @@ impl Geometry {
         normal(a, b, c).normalize().as_vec3()
     }
 
+    /// Signed distance of a point from the plane of a triangle.
+    pub(super) fn height(&self, i: u32, point: Vec3) -> f64 {
+        let [a, b, c] = self.triangle(i);
+        (point.as_dvec3() - a.as_dvec3()).dot(normal(a, b, c).normalize())
+    }
+
     /// True if opacity may remove a hit.
     #[inline]
     pub fn has_opacity(&self) -> bool {
@@ -324,6 +330,15 @@ impl Geometry {
         let single = (self.accel).closest_where(ray, |hit| self.remains(parts, ray, hit));
         let keep = |of: &Shared, hit: &Hit| !of.vanishes || self.present_at(parts, ray, hit);
         self.shared().improve::<false>(ray, single, keep)
+    }
+
+    /// Closest hit on one of the triangles that `keep` accepts.
+    pub(super) fn closest_of(&self, ray: &Ray, keep: impl Fn(u32) -> bool) -> Option<Hit> {
+        let single = (self.accel).closest_where(ray, |hit| keep(hit.triangle));
+        match &self.instances {
+            None => single,
+            Some(instances) => instances.improve::<false>(ray, single, |_, hit| keep(hit.triangle)),
+        }
     }
 
     /// Any hit before the ray's end.

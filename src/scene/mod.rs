@@ -103,6 +103,7 @@ pub struct Scene {
     has_absorption: bool,
     has_dispersion: bool,
     has_overlaps: bool,
+    has_touching: bool,
     /// Rank of each material where bodies overlap.
     ranks: Vec<u32>,
     has_lobes: bool,
@@ -118,7 +119,8 @@ impl Scene {
         let mut scene = Self::build(parts, true);
         let priorities =
             (scene.parts.materials.iter()).any(|m| m.bounds_body() && m.priority != 0.0);
-        scene.has_overlaps = priorities || scene.find_overlaps();
+        scene.has_touching = scene.finds_touching();
+        scene.has_overlaps = priorities || scene.has_touching || scene.find_overlaps();
         scene
     }
 
@@ -145,6 +147,7 @@ impl Scene {
             has_absorption,
             has_dispersion,
             has_overlaps: false,
+            has_touching: false,
             has_lobes,
             dark_inside: OnceLock::new(),
             warnings,
@@ -173,7 +176,7 @@ impl Scene {
         self.has_dispersion
     }
 
-    /// True if bodies overlap or have priorities: what a boundary is depends on the bodies around it.
+    /// True if bodies overlap, touch or have priorities: what a boundary is depends on the bodies around it.
     #[inline]
     pub fn has_overlaps(&self) -> bool {
         self.has_overlaps

@@ -171,6 +171,58 @@ fn analytic_transmittance_of_liquid_in_glass() {
     }
 }
 
+/// Liquid and glass that end in the same plane, their corners the same; the pose and the triangles' diagonals vary.
+#[test]
+fn analytic_transmittance_of_touching_bodies() {
+    let ((glass, a), (liquid, b)) = (GLASS, LIQUID);
+    let slab =
+        |low: f32, high: f32| cuboid(Vec3::new(-10.0, -10.0, low), Vec3::new(10.0, 10.0, high));
+    let body =
+        |(ior, sigma): (f64, f64)| tinted_glass("body", ior as f32, 0.0, Rgb::splat(sigma as f32));
+    for (lower, upper) in [(LIQUID, GLASS), (GLASS, LIQUID), (GLASS, GLASS)] {
+        let (ior, sigma) = if lower == upper {
+            (glass, a)
+        } else {
+            (liquid, b)
+        };
+        let (expected, _) = stack(&[
+            Layer::Face(1.0, glass),
+            Layer::Slab(a, 1.0),
+            Layer::Face(glass, ior),
+            Layer::Slab(sigma, 1.0),
+            Layer::Face(ior, 1.0),
+        ]);
+        for turn in [0.0, 0.6f32] {
+            let there = glam::Quat::from_rotation_x(turn);
+            let turned = |mut mesh: opsr::scene::Mesh| {
+                mesh.positions.iter_mut().for_each(|p| *p = there * *p);
+                mesh
+            };
+            for camera in [-3.0, 3.0] {
+                let mut parts = SceneParts::default();
+                parts.add(body(upper), [turned(slab(0.0, 1.0))]);
+                parts.add(body(lower), [turned(slab(-1.0, 0.0))]);
+                let lamp = match camera < 0.0 {
+                    true => quad(Vec3::new(-5.0, -5.0, 4.0), Vec3::Y * 10.0, Vec3::X * 10.0),
+                    false => quad(Vec3::new(-5.0, -5.0, -4.0), Vec3::X * 10.0, Vec3::Y * 10.0),
+                };
+                parts.add(emitter("lamp", Rgb::ONE), [turned(lamp)]);
+                // Off the diagonals.
+                let from = there * Vec3::new(0.3, 0.1, camera);
+                let to = there * Vec3::new(0.3, 0.1, 0.0);
+                parts.add_camera(from.to_array(), to.to_array(), 0.5);
+                let scene = scene(parts);
+                assert!(scene.has_overlaps());
+                for estimator in [PATH, Estimator::Bdpt] {
+                    let film = film_with(&scene, &deep(estimator), 12, 512);
+                    let what = format!("{lower:?} {upper:?} {turn} {camera} {estimator:?}");
+                    assert_mean(&film, expected, &what);
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn analytic_radiance_at_a_camera_inside_an_overlap() {
     let ((glass, a), (liquid, b)) = (GLASS, LIQUID);

@@ -389,7 +389,9 @@ fn blame(error: TrainError) -> anyhow::Error {
     let code = match &error {
         TrainError::Memory(_) => Exit::Memory,
         TrainError::Dataset(DatasetError::File(e)) if e.is_shortage() => Exit::Memory,
-        TrainError::Checkpoint(e) if e.is_write() => Exit::Output,
+        TrainError::Checkpoint(e) | TrainError::Dataset(DatasetError::File(e)) if e.is_write() => {
+            Exit::Output
+        }
         TrainError::State(_) | TrainError::NotFinite { .. } => Exit::Failed,
         _ => Exit::Input,
     };

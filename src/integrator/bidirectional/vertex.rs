@@ -141,17 +141,18 @@ impl Vertex {
 
     /// The bodies around a ray from here along `out`.
     #[inline]
-    pub(super) fn bodies_towards(&self, out: Vec3) -> EnclosingBodies {
+    pub(super) fn bodies_towards(&self, scene: &Scene, out: Vec3) -> EnclosingBodies {
         let outside = self.back.dot(self.surface.ng) > 0.0;
         let crosses = self.bsdf.is_solid() && (out.dot(self.surface.ng) > 0.0) != outside;
-        (self.bodies).across(crosses, outside, self.surface.material)
+        (self.bodies).across(scene, crosses, outside, &self.surface)
     }
 
     /// Transmittance from here along a ray over a distance; `None` if something stands between.
     #[inline]
     pub(super) fn unblocked(&self, scene: &Scene, ray: &Ray, distance: f32) -> Option<Rgb> {
         if scene.tracks_bodies() {
-            self.bodies_towards(ray.dir).unblocked(scene, ray, distance)
+            let bodies = self.bodies_towards(scene, ray.dir);
+            bodies.unblocked(scene, ray, distance)
         } else {
             (!scene.occluded(ray)).then_some(Rgb::ONE)
         }

@@ -74,7 +74,7 @@ impl<'a> Walk<'a> {
             Origin::Light => self.throughput / cos,
         };
         let mut bsdf = self.scene.bsdf(&mut surface, u);
-        (self.bodies).interface(self.scene, &surface, self.ray.dir, &mut bsdf);
+        (self.bodies).interface(self.scene, &mut surface, self.ray.dir, &mut bsdf);
         let frame = surface.frame_for(back);
         Vertex {
             n,
@@ -157,7 +157,7 @@ impl<'a> Walk<'a> {
                 self.roulette_scale *= vertex.bsdf.refraction_scale(vertex.local);
             }
             if self.scene.tracks_bodies() {
-                self.bodies = vertex.bodies_towards(out);
+                self.bodies = vertex.bodies_towards(self.scene, out);
             }
         }
         self.parallel = false;

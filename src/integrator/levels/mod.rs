@@ -1,7 +1,7 @@
 //! The path-tracing loop at several levels of roughening on the same paths.
 //!
-//! Level 0 is plain path tracing, bit-identical with independent samples; level k roughens the last vertex by the factors of
-//! a rule of its own. All levels share prefix, throughput, roulette and continuation, since regularised next-event
+//! Level 0 is plain path tracing, bit-identical with independent samples; level k roughens the last vertex by a multiple of a
+//! rule (`strength`). All levels share prefix, throughput, roulette and continuation, since regularised next-event
 //! estimation leaves the path alone: only the last lobe is evaluated again. At a vertex that some level roughens
 //!
 //! 1. one light sample and one shadow ray are evaluated at the roughness of every level;
@@ -13,6 +13,7 @@
 //! Light without area at the end of a Dirac lobe is beyond plain path tracing. The levels below the first that finds it
 //! take it from there, so that it does not count as bias.
 
+mod strength;
 mod tiles;
 mod vertex;
 
@@ -22,14 +23,13 @@ use super::walk::observer::PathObserver;
 use super::walk::pending_emission::PendingEmission;
 use super::walk::roulette;
 use super::walk::shading_point::ShadingPoint;
-use crate::bsdf::{DELTA_ALPHA, Lobe};
+use crate::bsdf::Lobe;
 use crate::image::level_film::MAX_LEVELS;
 use crate::math::{Ray, Rgb};
-use crate::regularise::{
-    Accumulated, AttenuationTable, ConstantGamma, Factors, PathRoughness, Rule,
-};
+use crate::regularise::{Accumulated, Rule, Scattered};
 use crate::sampler::Sampler;
 use crate::scene::Scene;
+use strength::{LevelMemory, Strength};
 use vertex::{PendingLevels, Vertex};
 
 /// Scales of five levels: plain path tracing, and the factors from 0.128 to 16 times as large. A sixth level does not make
@@ -52,8 +52,8 @@ pub fn scales(levels: usize) -> Option<Vec<f32>> {
 /// Settings that cannot have several levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LevelError {
-    /// The levels of plain path tracing are equal, and other rules roughen the continuation.
-    #[error("several levels need a table or a constant factor")]
+    /// The levels of plain path tracing are equal, and other rules have no number to scale.
+    #[error("several levels need a table, a constant factor, filter-glossy or roughness-clamp")]
     Rule,
     /// A path that continues with the roughened lobe belongs to one level.
     #[error("the reuse mode continues a path with the roughened lobe: it has one level only")]
@@ -74,8 +74,7 @@ pub enum LevelError {
 pub(super) struct LevelTracer {
     max_vertices: u32,
     roulette_start: u32,
-    /// Factors of the levels from 1 on.
-    factors: Vec<Factors>,
+    strength: Strength,
 }
 
 /// Roughness from which light at a vertex is blurred by its surroundings there, not by those of its mirror image.
@@ -98,45 +97,37 @@ struct PathSums {
 }
 
 impl LevelTracer {
-    /// Tracer of levels at these scales of a rule's factors.
+    /// Tracer of levels at these scales of a rule.
     pub(super) fn new(
         rule: &Rule,
         scales: &[f32],
         max_vertices: u32,
         roulette_start: u32,
     ) -> Result<Self, LevelError> {
-        let Rule::Accumulated(Accumulated { factors, lambda }) = rule else {
-            return Err(LevelError::Rule);
-        };
-        if *lambda != 0.0 {
+        if matches!(rule, Rule::Accumulated(Accumulated { lambda, .. }) if *lambda != 0.0) {
             return Err(LevelError::Consistent);
         }
+        let strength = Strength::new(rule, scales.get(1..).unwrap_or(&[]));
+        let strength = strength.ok_or(LevelError::Rule)?;
         let finite = scales.iter().all(|s| s.is_finite());
         let ascending = scales.is_sorted_by(|a, b| a < b);
         if !(2..=MAX_LEVELS).contains(&scales.len()) || scales[0] != 0.0 || !ascending || !finite {
             return Err(LevelError::Scales);
         }
-        let scaled = |&scale: &f32| match factors {
-            Factors::Constant(gamma) => Factors::Constant((gamma * scale).min(1.0)),
-            Factors::Table(table) => Factors::Table(AttenuationTable {
-                scale: table.scale * scale,
-                ..table.clone()
-            }),
-        };
         Ok(Self {
             max_vertices,
             roulette_start,
-            factors: scales[1..].iter().map(scaled).collect(),
+            strength,
         })
     }
 
     /// Number of levels.
     pub(super) fn levels(&self) -> usize {
-        self.factors.len() + 1
+        self.strength.levels()
     }
 
-    /// Radiance that arrives along a camera ray. `turn` chooses among the lobes that directions are drawn from: any
-    /// number, uniform over samples.
+    /// Radiance that arrives along a camera ray. `turn` says whether a second lobe is drawn from: any number, odd in
+    /// half of the samples.
     fn radiance<S: Sampler, O: PathObserver>(
         &self,
         scene: &Scene,
@@ -208,7 +199,7 @@ impl LevelTracer {
             // ── the vertex
             let u = sampler.vertex();
             let mut bsdf = channel.bsdf(scene, &mut surface, u.material, &mut throughput);
-            bodies.interface(scene, &surface, ray.dir, &mut bsdf);
+            bodies.interface(scene, &mut surface, ray.dir, &mut bsdf);
             let alpha = bsdf.alpha();
             let frame = surface.frame_for(-ray.dir);
             let point = ShadingPoint {
@@ -234,12 +225,12 @@ impl LevelTracer {
             let mut alphas = [alpha; MAX_LEVELS];
             let roughened = alpha < 1.0
                 && !bsdf.is_delta_at(1.0)
-                && memory.roughen(&self.factors, alpha, &mut alphas);
+                && memory.roughen(&self.strength, alpha, &mut alphas);
             let continuation = point.sample(alpha, u.lobe);
             pending = None;
             if roughened {
                 let drawn = continuation.as_ref().map(|next| &next.sample);
-                let vertex = Vertex::new(&point, &alphas[..levels], drawn);
+                let vertex = Vertex::new(&point, &alphas, levels, drawn);
                 sums.unseen += vertex.direct_light(u.light, &mut sums.levels[..levels]);
                 vertex.lobe_light(turn.wrapping_add(n), u.lobe, &mut sums.levels[..levels]);
                 pending = Some(vertex.pending(drawn));
@@ -254,7 +245,12 @@ impl LevelTracer {
             } else {
                 alpha
             };
-            memory.push(&self.factors, own);
+            let pdf_w = if next.sample.delta {
+                f32::INFINITY
+            } else {
+                next.sample.pdf_w
+            };
+            memory.push(&self.strength, Scattered { alpha: own, pdf_w });
             if next.sample.lobe == Lobe::Transmission {
                 eta_scale *= point.bsdf.refraction_scale(point.wo);
                 if scene.tracks_bodies() {
@@ -316,55 +312,3 @@ impl PathSums {
         }
     }
 }
-
-/// Path roughness at every level from 1 on. Levels have one path in common until it folds, since only the value that five
-/// vertices fold to depends on the factors.
-#[derive(Clone, Copy, Default)]
-struct LevelMemory {
-    common: PathRoughness,
-    folded: Option<[PathRoughness; MAX_LEVELS]>,
-}
-
-impl LevelMemory {
-    fn path(&self, k: usize) -> &PathRoughness {
-        self.folded.as_ref().map_or(&self.common, |paths| &paths[k])
-    }
-
-    /// Fills in α′ of the levels from 1 on; true if one of them is above α. A lobe that stays below the Dirac bound keeps
-    /// its own roughness.
-    #[inline]
-    fn roughen(&self, factors: &[Factors], alpha: f32, alphas: &mut [f32]) -> bool {
-        if self.common.values().is_empty() && self.folded.is_none() {
-            return false;
-        }
-        let mut any = false;
-        for (k, (factors, out)) in factors.iter().zip(&mut alphas[1..]).enumerate() {
-            let roughened = self.path(k).accumulate(alpha, factors, 1.0);
-            if roughened >= DELTA_ALPHA {
-                *out = roughened;
-                any |= roughened > alpha;
-            }
-        }
-        any
-    }
-
-    #[inline]
-    fn push(&mut self, factors: &[Factors], alpha: f32) {
-        if let Some(paths) = &mut self.folded {
-            for (path, factors) in paths.iter_mut().zip(factors) {
-                path.push(alpha, factors, 1.0);
-            }
-        } else if self.common.is_full() {
-            let mut paths = [self.common; MAX_LEVELS];
-            for (path, factors) in paths.iter_mut().zip(factors) {
-                path.push(alpha, factors, 1.0);
-            }
-            self.folded = Some(paths);
-        } else {
-            self.common.push(alpha, &NO_FACTOR, 1.0);
-        }
-    }
-}
-
-/// Factor of a push that does not fold.
-const NO_FACTOR: ConstantGamma = ConstantGamma(0.0);

@@ -35,7 +35,8 @@ impl LevelTracer {
             for index in 0..film.pixels.len() {
                 let pixel = film.pixel(index);
                 let number = u64::from(pixel.y) << 32 | u64::from(pixel.x) << 2;
-                // Lobes take turns within a batch, from a random one on: batches stay independent of one another.
+                // A second lobe is drawn in every other sample of a batch, from a random one on: batches stay independent of
+                // one another.
                 let turns: [u32; BATCHES] = std::array::from_fn(|batch| {
                     seed.derive(Domain::Levels, number | batch as u64).0 as u32
                 });

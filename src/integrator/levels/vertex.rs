@@ -33,9 +33,9 @@ impl LevelLobe {
         self.alphas[k] > self.alphas[0]
     }
 
-    /// f·|cos θi| at every level that roughens the vertex, and p₀ per steradian.
+    /// f·|cos θi| at every level that roughens the vertex, and p₀ per steradian; `own_pdf` is the density at α.
     #[inline]
-    fn evaluate(&self, query: &LobeQuery) -> (Values, f32) {
+    fn evaluate(&self, query: &LobeQuery, own_pdf: f32) -> (Values, f32) {
         let mut values = [Rgb::ZERO; MAX_LEVELS];
         let mut dg1 = 0.0;
         for k in 1..self.levels {
@@ -51,13 +51,13 @@ impl LevelLobe {
             values[k] = query.base + query.scale * shape.dg2;
             dg1 += self.shares[k] * shape.dg1;
         }
-        (values, query.pdf(self.alphas[0]) + query.pdf_scale * dg1)
+        (values, own_pdf + query.pdf_scale * dg1)
     }
 
     /// Values in the mixture form for radiance that the light sample finds with density `pdf_light`.
     #[inline]
     fn contribution(&self, query: &LobeQuery, radiance: Rgb, pdf_light: f32) -> Values {
-        let (mut values, p0) = self.evaluate(query);
+        let (mut values, p0) = self.evaluate(query, query.pdf(self.alphas[0]));
         let weight = 1.0 / (pdf_light + p0);
         for value in &mut values[1..self.levels] {
             *value = radiance * *value * weight;
@@ -79,19 +79,19 @@ pub(super) struct Vertex<'a> {
 }
 
 impl<'a> Vertex<'a> {
-    /// Vertex of these α′, α at level 0, from which the path continues by the draw `next`.
+    /// Vertex of these α′, α at level 0 and beyond the last level, from which the path continues by the draw `next`.
     #[inline]
     pub(super) fn new(
         point: &'a ShadingPoint<'a>,
-        alphas: &[f32],
+        alphas: &[f32; MAX_LEVELS],
+        levels: usize,
         next: Option<&BsdfSample>,
     ) -> Self {
         let mut lobe = LevelLobe {
-            alphas: [0.0; MAX_LEVELS],
-            levels: alphas.len(),
+            alphas: *alphas,
+            levels,
             shares: [0.0; MAX_LEVELS],
         };
-        lobe.alphas[..alphas.len()].copy_from_slice(alphas);
         let mut proposals = [0; MAX_LEVELS];
         let (mut len, mut above) = (0, f32::INFINITY);
         // The continuation is a draw at α, unless that is a delta.
@@ -100,7 +100,7 @@ impl<'a> Vertex<'a> {
         } else {
             alphas[0] * SPACING
         };
-        for k in (1..alphas.len()).rev() {
+        for k in (1..levels).rev() {
             // Of levels that meet, the first is evaluated.
             if alphas[k] == alphas[k - 1] {
                 continue;
@@ -113,11 +113,8 @@ impl<'a> Vertex<'a> {
         }
         if let [others @ .., sharpest] = &proposals[..len] {
             lobe.shares[usize::from(*sharpest)] = 1.0;
-            for k in others {
-                lobe.shares[usize::from(*k)] = 0.5 / others.len() as f32;
-            }
             if let Some(k) = others.last() {
-                lobe.shares[usize::from(*k)] += 0.5;
+                lobe.shares[usize::from(*k)] = 0.5;
             }
         }
         Self {
@@ -148,7 +145,7 @@ impl<'a> Vertex<'a> {
             return Rgb::ZERO;
         };
         let plain = query.at(point.alpha);
-        let (values, p0) = self.lobe.evaluate(query);
+        let (values, p0) = self.lobe.evaluate(query, plain.pdf_w);
         let dark = plain.value == Rgb::ZERO && values.iter().all(|v| *v == Rgb::ZERO);
         if dark {
             return Rgb::ZERO;
@@ -193,12 +190,7 @@ impl<'a> Vertex<'a> {
         if self.diffuse {
             return;
         }
-        let turn = turn as usize;
-        let second = if turn.is_multiple_of(2) {
-            others.last()
-        } else {
-            others.get(turn / 2 % others.len().max(1))
-        };
+        let second = others.last().filter(|_| turn.is_multiple_of(2));
         let drawn = std::iter::once(sharpest).chain(second);
         for (i, &k) in drawn.enumerate() {
             let steps = (i + usize::from(self.continues)) as f32;

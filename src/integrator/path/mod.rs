@@ -115,7 +115,7 @@ impl<R: Roughening> PathTracer<R> {
             // ── the vertex
             let u = sampler.vertex();
             let mut bsdf = channel.bsdf(scene, &mut surface, u.material, &mut throughput);
-            bodies.interface(scene, &surface, ray.dir, &mut bsdf);
+            bodies.interface(scene, &mut surface, ray.dir, &mut bsdf);
             let alpha = bsdf.alpha();
             let frame = surface.frame_for(-ray.dir);
             let point = ShadingPoint {

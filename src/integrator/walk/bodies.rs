@@ -77,22 +77,33 @@ impl EnclosingBodies {
         }
     }
 
-    /// The bodies on the other side of a boundary of `material` if a ray `crosses` it, from its `outside` or inside; else
-    /// these.
+    /// The bodies on the other side of a boundary if a ray `crosses` it, from its `outside` or inside; else these.
     #[inline]
     pub(in crate::integrator) fn across(
         &self,
+        scene: &Scene,
         crosses: bool,
         outside: bool,
-        material: u32,
+        surface: &Surface,
     ) -> Self {
         let mut bodies = *self;
-        match (crosses, outside) {
-            (true, true) => bodies.enter(material),
-            (true, false) => bodies.leave(material),
-            (false, _) => {}
+        if crosses {
+            let touching = scene.touching(&mut { *surface });
+            bodies.cross(outside, surface.material, touching);
         }
         bodies
+    }
+
+    /// Enters a body through its surface, or leaves it; one that touches it there is left or entered.
+    #[inline]
+    fn cross(&mut self, enters: bool, material: u32, touching: Option<u32>) {
+        if enters {
+            touching.into_iter().for_each(|other| self.leave(other));
+            self.enter(material);
+        } else {
+            self.leave(material);
+            touching.into_iter().for_each(|other| self.enter(other));
+        }
     }
 
     /// The material of the body that is there: the innermost, or where bodies overlap the one of the highest rank.
@@ -124,11 +135,17 @@ impl EnclosingBodies {
     /// Index of refraction on the outside of a body's boundary that a ray meets along `dir`; `None` where that boundary
     /// does not exist, since inside and outside are one body, of a higher rank or of the same index and without colour.
     #[cold]
-    fn boundary(&self, scene: &Scene, surface: &Surface, dir: Vec3) -> Option<f32> {
+    fn boundary(
+        &self,
+        scene: &Scene,
+        surface: &Surface,
+        touching: Option<u32>,
+        dir: Vec3,
+    ) -> Option<f32> {
         let material = scene.material(surface);
         let mut others = *self;
         if dir.dot(surface.ng) > 0.0 {
-            others.leave(surface.material);
+            others.cross(false, surface.material, touching);
         }
         let around = others.present(scene);
         let index = around.map_or(1.0, |other| scene.parts().materials[other as usize].ior);
@@ -139,7 +156,10 @@ impl EnclosingBodies {
         let inside =
             |other| other == surface.material || scene.rank(other) > scene.rank(surface.material);
         let invisible = is_matched(material.ior / index) && material.is_clear();
-        (!around.is_some_and(inside) && !invisible).then_some(index)
+        // One that touches the body ends where that begins.
+        let ends = |other| touching == Some(other) && other != surface.material;
+        let hidden = around.is_some_and(|other| inside(other) && !ends(other));
+        (!hidden && !invisible).then_some(index)
     }
 
     /// Makes the BSDF of a surface that a ray met along `dir` one against the body outside of it.
@@ -147,14 +167,16 @@ impl EnclosingBodies {
     pub(in crate::integrator) fn interface(
         &self,
         scene: &Scene,
-        surface: &Surface,
+        surface: &mut Surface,
         dir: Vec3,
         bsdf: &mut Bsdf,
     ) {
         if scene.has_overlaps()
             && let Some(dielectric) = bsdf.dielectric_mut()
         {
-            dielectric.eta /= self.boundary(scene, surface, dir).unwrap_or(1.0);
+            let touching = scene.touching(surface);
+            let index = self.boundary(scene, surface, touching, dir);
+            dielectric.eta /= index.unwrap_or(1.0);
         }
     }
 
@@ -184,9 +206,12 @@ impl EnclosingBodies {
             let Some(hit) = scene.intersect(&rest) else {
                 return way;
             };
-            let surface = scene.surface(&hit);
-            let hidden = scene.material(&surface).bounds_body()
-                && self.boundary(scene, &surface, ray.dir).is_none();
+            let mut surface = scene.surface(&hit);
+            let mut touching = None;
+            let hidden = scene.material(&surface).bounds_body() && {
+                touching = scene.touching(&mut surface);
+                (self.boundary(scene, &surface, touching, ray.dir)).is_none()
+            };
             if !hidden {
                 way.hit = Some(Hit {
                     t: way.start + hit.t,
@@ -197,11 +222,7 @@ impl EnclosingBodies {
             let transmittance = self.transmittance(scene, hit.t);
             way.passed = Some(way.passed.unwrap_or(Rgb::ONE) * transmittance);
             way.start += hit.t;
-            if ray.dir.dot(surface.ng) < 0.0 {
-                self.enter(surface.material);
-            } else {
-                self.leave(surface.material);
-            }
+            self.cross(ray.dir.dot(surface.ng) < 0.0, surface.material, touching);
             rest = surface.spawn(ray.dir);
             rest.t_max = ray.t_max - way.start;
         }

@@ -131,7 +131,7 @@ impl ShadingPoint<'_> {
     pub(in crate::integrator) fn bodies_towards(&self, wi: Vec3) -> EnclosingBodies {
         let outside = self.wo.z > 0.0;
         let crosses = self.bsdf.is_solid() && (wi.dot(self.surface.ng) > 0.0) != outside;
-        (self.bodies).across(crosses, outside, self.surface.material)
+        (self.bodies).across(self.scene, crosses, outside, self.surface)
     }
 
     /// Transmittance from here to a light sample; `None` if something stands between.

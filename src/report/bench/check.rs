@@ -163,10 +163,11 @@ fn method(method: &MethodSpec) -> Result<(), String> {
         estimator: Estimator::Path {
             reuse: method.reuse,
         },
-        rule: if accumulated {
-            Rule::Accumulated(Accumulated { factors, lambda })
-        } else {
-            Rule::Pbrt
+        rule: match method.method {
+            Kind::FilterGlossy => Rule::FilterGlossy(1.0),
+            Kind::RoughnessClamp => Rule::RoughnessClamp,
+            _ if accumulated => Rule::Accumulated(Accumulated { factors, lambda }),
+            _ => Rule::Pbrt,
         },
         levels: method.levels.clone(),
         ..Settings::default()

@@ -73,6 +73,9 @@ pub struct Run {
     pub key: String,
     /// The errors as samples and time grew, in that order.
     pub points: Vec<Point>,
+    /// CPU time of pilots in seconds, over all threads: a part of the time of every point.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub pilot: f64,
     /// Paths traced in all.
     pub paths: u64,
     /// Samples that were refused as not finite.
@@ -81,6 +84,10 @@ pub struct Run {
     pub regularised: f64,
     /// Memory of the process at the end of the run, in MiB, where the system tells.
     pub memory: Option<f64>,
+}
+
+fn is_zero(x: &f64) -> bool {
+    *x == 0.0
 }
 
 /// State of a run at a look.

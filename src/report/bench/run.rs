@@ -342,6 +342,7 @@ impl Bench<'_> {
             }
             (now.wall, now.cpu) = watch.seconds();
         }
+        let pilot = now.cpu;
         let settings = &settings;
         let mut integrator = settings.integrator();
         let mut picture = Picture {
@@ -393,6 +394,7 @@ impl Bench<'_> {
             seed,
             key: key.to_owned(),
             points,
+            pilot,
             ..Run::default()
         };
         Ok(Some(Measured::new(run, &picture.film, shown)))

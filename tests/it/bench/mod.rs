@@ -248,6 +248,12 @@ fn bench_measures_levels_pilots_and_environments() {
     assert!(levels.errors["error map rank"].abs() <= 1.0);
     assert!(!plain.errors.contains_key("error map ratio"));
     assert!(pilot.errors != plain.errors);
+    // A pilot's time is in every point; who has none pays for none.
+    let [piloted, alone] = ["pilot", "plain"].map(|m| results.runs("box", m)[0]);
+    assert!(piloted.pilot > 0.0 && alone.pilot == 0.0);
+    assert!(piloted.points.iter().all(|p| p.cpu > 0.999 * piloted.pilot));
+    let text = serde_json::to_string(alone).unwrap();
+    assert!(!text.contains("\"pilot\":"), "{text}");
     let text = summary::text(&results);
     assert!(text.contains("error map"), "{text}");
     // Another sky, another scene: everything is measured anew.

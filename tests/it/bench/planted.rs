@@ -127,6 +127,7 @@ fn cell(m: &Planted, seed: u64, salt: u64) -> Run {
         ],
         paths: (4.0 / cost * 1024.0) as u64,
         rejected: 0,
+        pilot: 0.0,
         regularised: 0.125,
         memory: Some(100.0),
     }

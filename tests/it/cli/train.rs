@@ -374,6 +374,14 @@ fn recordings_of_several_processes_give_the_same_tables() {
     place.write("shards/003-b.recording", &bytes);
     refused(3, &["shards/003-b.recording", "belongs to no crop"]);
 
+    #[cfg(unix)]
+    {
+        let args = "record --set manifest=list.toml --set spp=2 --recordings full --progress none";
+        let ended = place.opsr_on_a_full_disk(4096, args);
+        assert_eq!(ended.code, Some(4), "{}", ended.err);
+        assert!(ended.err.contains("full/00"), "{}", ended.err);
+        assert!(place.files_in("full").is_empty());
+    }
     for (args, words) in [
         (
             "--recordings shards --crops 2..4",
