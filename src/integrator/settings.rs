@@ -93,7 +93,6 @@ impl Settings {
                 let tracer = self.level_tracer().expect("levels that were checked");
                 return Box::new(LevelIntegrator {
                     tracer,
-                    seed: Seed(self.seed),
                     source: self.source(),
                 });
             }
@@ -266,23 +265,18 @@ impl Settings {
 /// A path tracer at several levels and its numbers.
 struct LevelIntegrator {
     tracer: LevelTracer,
-    seed: Seed,
     source: CameraSource,
 }
 
 impl Integrator for LevelIntegrator {
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
-        let Self {
-            tracer,
-            seed,
-            source,
-        } = self;
+        let Self { tracer, source } = self;
         let Picture { film, aovs, levels } = picture;
         let levels =
             levels.get_or_insert_with(|| LevelFilm::new(film.size, film.window, tracer.levels()));
         match aovs {
-            Some(aovs) => tracer.estimate(view, *seed, source, samples, film, levels, aovs),
-            None => tracer.estimate(view, *seed, source, samples, film, levels, &mut ()),
+            Some(aovs) => tracer.estimate(view, source, samples, film, levels, aovs),
+            None => tracer.estimate(view, source, samples, film, levels, &mut ()),
         }
     }
 }

@@ -234,7 +234,7 @@ pub struct CameraSource {
 }
 
 impl CameraSource {
-    /// Numbers of a kind whose samples n, n + `batches`, n + 2 `batches`, … are independent of all others.
+    /// Numbers of a render with this seed, of a kind whose samples n, n + `batches`, n + 2 `batches`, … are independent of all others.
     pub fn new(kind: SamplerKind, seed: Seed, batches: u32) -> Self {
         let independent = Independent {
             seed: seed.derive(Domain::Camera, 0),
@@ -248,6 +248,11 @@ impl CameraSource {
             sequences,
             seed: seed.derive(Domain::Sobol, 0),
         }
+    }
+
+    /// Seed of the render.
+    pub fn seed(&self) -> Seed {
+        self.independent.seed
     }
 }
 

@@ -1,8 +1,8 @@
 //! The path-tracing loop at several levels of roughening on the same paths.
 //!
-//! Level 0 is plain path tracing, bit for bit; level k roughens the last vertex by a multiple of a rule (`strength`). All
-//! levels share prefix, throughput, roulette and continuation, since regularised next-event estimation leaves the path
-//! alone: only the last lobe is evaluated again. At a vertex that some level roughens
+//! Level 0 is plain path tracing, bit-identical with independent samples; level k roughens the last vertex by a multiple of a
+//! rule (`strength`). All levels share prefix, throughput, roulette and continuation, since regularised next-event
+//! estimation leaves the path alone: only the last lobe is evaluated again. At a vertex that some level roughens
 //!
 //! 1. one light sample and one shadow ray are evaluated at the roughness of every level;
 //! 2. directions are drawn from the lobes of some levels (`vertex`), and emission at their ends is evaluated at every

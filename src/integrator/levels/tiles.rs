@@ -6,7 +6,7 @@ use crate::image::level_film::{BATCHES, LevelFilm, PathLevels};
 use crate::integrator::View;
 use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::integrator::walk::observer::Recorder;
-use crate::sampler::{CameraSource, Domain, SampleSource, Sampler, Seed};
+use crate::sampler::{CameraSource, Domain, SampleSource, Sampler};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -19,7 +19,6 @@ impl LevelTracer {
     pub(in crate::integrator) fn estimate<O: Recorder>(
         &self,
         view: &View<'_>,
-        seed: Seed,
         source: &CameraSource,
         samples: Range<u32>,
         film: &mut Film,
@@ -37,6 +36,7 @@ impl LevelTracer {
                 let number = u64::from(pixel.y) << 32 | u64::from(pixel.x) << 2;
                 // A second lobe is drawn in every other sample of a batch, from a random one on: batches stay independent of
                 // one another.
+                let seed = source.seed();
                 let turns: [u32; BATCHES] = std::array::from_fn(|batch| {
                     seed.derive(Domain::Levels, number | batch as u64).0 as u32
                 });
