@@ -163,11 +163,6 @@ const CASES: &[(i32, &str, &str)] = &[
     ),
     (
         2,
-        "render scene.glb --guide --film a.part",
-        "--film is without --guide",
-    ),
-    (
-        2,
         "render scene.glb --integrator bdpt --strategy 1",
         "expected S,T with S from 0 and T from 1",
     ),
