@@ -51,6 +51,8 @@
 //! - `[UPS]` Hachisuka, Pantaleoni, Jensen: *A Path Space Extension for Robust Light Transport Simulation*, SIGGRAPH Asia 2012.
 //! - `[Kelemen02]` Kelemen, Szirmay-Kalos, Antal, Csonka: *A Simple and Robust Mutation Strategy for the Metropolis Light Transport Algorithm*, EG 2002.
 //! - `[Hoberock10]` Hoberock, Hart: *Arbitrary Importance Functions for Metropolis Light Transport*, CGF 29(6), 2010.
+//! - `[Müller17]` Müller, Gross, Novák: *Practical Path Guiding for Efficient Light-Transport Simulation*, EGSR 2017.
+//! - `[Müller19]` Müller: *"Practical Path Guiding" in Production*, in: Path Guiding in Production, SIGGRAPH 2019 courses.
 //! - `[Duff17]` Duff et al.: *Building an Orthonormal Basis, Revisited*, JCGT 2017.
 //! - `[Woop13]` Woop, Benthin, Wald: *Watertight Ray/Triangle Intersection*, JCGT 2013.
 //! - `[Ylitie17]` Ylitie, Karras, Laine: *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*, HPG 2017.

@@ -15,7 +15,10 @@ pub(super) fn splits_light(args: &RenderArgs) -> bool {
 pub(super) fn check(args: &RenderArgs, settings: &Settings) -> anyhow::Result<()> {
     let wants = |aov| args.aov.contains(&aov);
     let light = splits_light(args);
-    let path = matches!(settings.estimator, Estimator::Path { .. }) && settings.levels.is_empty();
+    let path = matches!(
+        settings.estimator,
+        Estimator::Path { .. } | Estimator::Guided { .. }
+    ) && settings.levels.is_empty();
     let what = if light && !path {
         "--aov emission, direct and indirect are of the path tracer with one level"
     } else if wants(Aov::Level) && settings.levels.is_empty() {

@@ -29,7 +29,8 @@ A suite:
   method = \"plain\"          # constant (gamma), table (table: a file or beta-0.001, table_scale, table_contrast, lookup,
                             # pilot = true), pbrt, filter-glossy (filter), roughness-clamp, mollifier; constant and table
                             # take reuse, lambda; these, filter-glossy and roughness-clamp take
-                            # levels = [0, 0.128, 0.64, 3.2, 16] and then robust = true, sigma; all take denoise = true";
+                            # levels = [0, 0.128, 0.64, 3.2, 16] and then robust = true, sigma; plain, constant and table
+                            # take guide = \"picture\" or \"unbiased\"; all take denoise = true";
 
 /// Options of `opsr bench`.
 #[derive(Args, Debug)]

@@ -38,6 +38,8 @@ pub(super) fn check(args: &RenderArgs) -> anyhow::Result<()> {
         "--film keeps no --aov position, id and time"
     } else if args.table_scale == Some(job::Scale::Auto) {
         "--film needs a number for --table-scale: a pilot would choose one for each part"
+    } else if args.method.guide.is_some() {
+        "--film is without --guide: a guide learns from all samples before"
     } else if args.method.integrator == IntegratorKind::Auto {
         "--integrator auto chooses by a pilot, for each --film anew: name one"
     } else {

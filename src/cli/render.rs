@@ -19,7 +19,7 @@ use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
 use opsr::integrator::layers::Layers;
 use opsr::integrator::method::IntegratorKind;
-use opsr::integrator::{Picture, Settings, View};
+use opsr::integrator::{Estimator, Picture, Settings, View, guided};
 use opsr::math::UVec2;
 use opsr::memory;
 use opsr::report::compare::Named;
@@ -279,6 +279,9 @@ impl RenderJob<'_> {
         let mut bytes = Picture::bytes(window, levels, aovs::recorded(args));
         if args.resolve.level_layers {
             bytes += (window.len() * levels) as u64 * LEVEL_LAYER_BYTES;
+        }
+        if matches!(self.settings.estimator, Estimator::Guided { .. }) {
+            bytes += guided::bytes(window.len());
         }
         let pixels = format!("{}x{} pixels", window.w, window.h);
         let with_levels = format!("{pixels} of {levels} levels");

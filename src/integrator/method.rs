@@ -102,11 +102,16 @@ pub struct MethodSpec {
     #[arg(long, value_enum)]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub connections: Option<Connections>,
+    /// Draw directions from a guide too, which learns while rendering where light comes from; path only. With a table or
+    /// gamma the picture is roughened and the guide learns from it; `unbiased` roughens for the guide alone.
+    #[arg(long, value_enum, value_name = "FOR", num_args = 0..=1, default_missing_value = "picture")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub guide: Option<Guide>,
     /// Mutations per pixel of one sample of mlt; 16 if not given.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mlt_pass: Option<u32>,
-    /// Random numbers of camera paths of --integrator path; independent in a suite that does not say.
+    /// Random numbers of camera paths of --integrator path; independent in a suite that does not say, and with --guide.
     #[arg(long, value_enum, value_name = "KIND", default_value_t = SamplerKind::Sobol)]
     #[serde(default, skip_serializing_if = "SamplerKind::is_independent")]
     pub sampler: SamplerKind,
@@ -120,6 +125,16 @@ pub enum Connections {
     All,
     /// Light samples only: cheaper, and as good where photons find the rest.
     Nee,
+}
+
+/// The paths from which a guide learns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Guide {
+    /// Those of the picture.
+    Picture,
+    /// Roughened ones, beside those of the picture, which are not.
+    Unbiased,
 }
 
 /// Integrators by name.
@@ -223,6 +238,23 @@ pub struct Method {
 impl MethodSpec {
     /// The first option that the integrator cannot take.
     pub fn refused(&self) -> Result<(), String> {
+        use IntegratorKind::{Bdpt, Mlt, Path, Vcm};
+        let modes = !matches!(
+            self.method,
+            Kind::Default | Kind::Plain | Kind::Constant | Kind::Table
+        );
+        let accumulates = self.gamma.is_some() || self.table.is_some();
+        if self.guide.is_some() && (modes || self.reuse || self.integrator != Path) {
+            return Err("a guide is for integrator path without mode or reuse".into());
+        }
+        if self.guide.is_some() && !self.levels.is_empty() {
+            return Err("a guide has one level".into());
+        }
+        if self.guide == Some(Guide::Unbiased) && !accumulates {
+            return Err(
+                "an unbiased guide needs a table or gamma, which roughens for it alone".into(),
+            );
+        }
         if self.integrator == IntegratorKind::Auto {
             let others = [Kind::Pbrt, Kind::FilterGlossy, Kind::RoughnessClamp];
             return match others.contains(&self.method) {
@@ -233,15 +265,9 @@ impl MethodSpec {
                 false => Ok(()),
             };
         }
-        use IntegratorKind::{Bdpt, Mlt, Path, Vcm};
         let name = self.integrator.name();
-        let accumulates = self.gamma.is_some() || self.table.is_some();
         let mollifies = matches!(self.integrator, Bdpt | Mlt);
         let mollified = mollifies && self.method == Kind::Mollifier;
-        let modes = !matches!(
-            self.method,
-            Kind::Default | Kind::Plain | Kind::Constant | Kind::Table
-        );
         match self.integrator {
             Path => {}
             Bdpt | Vcm | Mlt if self.reuse || modes && !mollified => {
@@ -287,8 +313,11 @@ impl MethodSpec {
             value.map_or(String::new(), |value| value.get_name().to_owned())
         };
         let gamma = self.gamma.map(|gamma| ("gamma", gamma.to_string()));
-        let sampler = (integrator.is_path() && !self.sampler.is_independent())
+        let sampled = integrator.is_path() && self.guide.is_none();
+        let sampler = (sampled && !self.sampler.is_independent())
             .then(|| ("sampler", name(self.sampler.to_possible_value())));
+        let guide = self.guide.and_then(|guide| guide.to_possible_value());
+        let guide = guide.map(|guide| ("guide", guide.get_name().to_owned()));
         let pilot =
             (integrator != self.integrator).then(|| ("integrator_chosen_by", "pilot".to_owned()));
         [
@@ -299,6 +328,7 @@ impl MethodSpec {
         .chain(pilot)
         .chain(gamma)
         .chain(sampler)
+        .chain(guide)
     }
 
     /// The methods among which [`IntegratorKind::Auto`] chooses: this one by each integrator, the path tracer first. An
@@ -370,7 +400,12 @@ impl MethodSpec {
             alpha: self.radius_alpha.unwrap_or(Radius::default().alpha),
         };
         let estimator = match self.integrator.estimator(radius) {
-            Estimator::Path { .. } => Estimator::Path { reuse },
+            Estimator::Path { .. } => match self.guide {
+                Some(guide) => Estimator::Guided {
+                    unbiased: guide == Guide::Unbiased,
+                },
+                None => Estimator::Path { reuse },
+            },
             Estimator::Vcm(radius) if self.connections == Some(Connections::Nee) => {
                 Estimator::VcmNee(radius)
             }

@@ -2,14 +2,15 @@
 //!
 //! [`Settings`] name an [`Estimator`] and a [rule](crate::regularise::Rule); [`Settings::integrator`] makes an
 //! [`Integrator`] of them, the one place with dynamic dispatch (one call a pass). Everything below is monomorphised: plain
-//! path tracing compiles to a loop without a table. [`levels`] traces several amounts of roughening at once. What
-//! estimators share is in [`walk`] as steps; each keeps its own loop.
+//! path tracing compiles to a loop without a table. [`levels`] traces several amounts of roughening at once, [`guided`] learns
+//! where light comes from. What estimators share is in [`walk`] as steps; each keeps its own loop.
 
 pub mod aov;
 pub mod bidirectional;
 pub mod census;
 pub mod checkpoint;
 pub mod drive;
+pub mod guided;
 pub mod layers;
 pub mod levels;
 pub mod method;

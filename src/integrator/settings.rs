@@ -1,6 +1,7 @@
 //! Settings of a render, and the integrator they stand for.
 
 use super::bidirectional::{Bidirectional, Part, Radius, Strategies};
+use super::guided::Guided;
 use super::levels::{LevelError, LevelTracer};
 use super::metropolis::Metropolis;
 use super::path::PathTracer;
@@ -20,6 +21,11 @@ pub enum Estimator {
         /// Continue paths with the roughened lobe ("reuse" of `[OPSR §5.1]`): as fast as plain path tracing,
         /// slightly more bias. Rules that [always do](Rule::roughens_continuation) ignore it.
         reuse: bool,
+    },
+    /// The same with directions drawn from the BSDF or from a [guide](super::guided) that is learned while rendering.
+    Guided {
+        /// The rule shapes the guide alone: the picture is that of plain path tracing.
+        unbiased: bool,
     },
     /// Light tracing: light paths connected to the camera, and lights that the camera sees, directly or by way of Dirac
     /// lobes.
@@ -102,6 +108,10 @@ impl Settings {
                     source: self.source(),
                 });
             }
+            Estimator::Guided { unbiased } => {
+                let lengths = (self.max_vertices, self.roulette_start);
+                return Box::new(Guided::new(self.rule.clone(), unbiased, lengths, self.seed));
+            }
             Estimator::Light => (Strategies::Light, None),
             Estimator::Bdpt => (self.shown(), None),
             Estimator::Vcm(radius) => (self.shown(), Some(radius)),
@@ -165,7 +175,7 @@ impl Settings {
     /// An error if the estimator cannot show what the scene or the camera asks for.
     pub fn check_scene(&self, scene: &Scene, camera: &Camera) -> Result<(), &'static str> {
         match self.estimator {
-            Estimator::Path { .. } => Ok(()),
+            Estimator::Path { .. } | Estimator::Guided { .. } => Ok(()),
             _ if camera.lens.is_some() => {
                 Err("only --integrator path has a lens: leave it out with --aperture 0")
             }

@@ -23,9 +23,10 @@ fn regularised() -> Settings {
     }
 }
 
-/// Settings of the estimators that walk paths from the lights too.
-fn from_both_ends() -> [Settings; 5] {
+/// Settings of the other estimators.
+fn others() -> [Settings; 6] {
     [
+        Estimator::Guided { unbiased: false },
         Estimator::Light,
         Estimator::Bdpt,
         Estimator::Vcm(Radius::default()),
@@ -187,7 +188,7 @@ pub fn leak(open: bool) -> Finding {
     };
     let settings = [plain(), regularised(), reuse].into_iter();
     let films = settings
-        .chain(from_both_ends())
+        .chain(others())
         .map(|s| render(dark(open), &s, 24, 16));
     Finding::new(
         "light inside a closed sphere, random shading normals",
@@ -213,7 +214,7 @@ pub fn divided() -> Finding {
     };
     let turns = [[0.3, 0.7, 0.2], [1.1, 0.1, 2.3]];
     let films = turns.into_iter().flat_map(|turn| {
-        let settings = std::iter::once(plain()).chain(from_both_ends());
+        let settings = std::iter::once(plain()).chain(others());
         settings.map(move |s| render(inside(turn), &s, 24, 16))
     });
     Finding::new(
@@ -247,7 +248,7 @@ pub fn covered(closed: bool) -> Finding {
     let films = [1e-3, 1.0, 37.0, 1e6].into_iter().flat_map(|scale| {
         let settings = [plain(), regularised()].into_iter();
         settings
-            .chain(from_both_ends())
+            .chain(others())
             .map(move |s| render(scaled(lamp(closed), scale), &s, 12, 16))
     });
     Finding::new(
@@ -278,7 +279,7 @@ pub(super) fn scales() -> Vec<Finding> {
         };
         [-10, 20].map(|e| same(picture(2f32.powi(e))))
     };
-    let settings = std::iter::once(regularised()).chain(from_both_ends());
+    let settings = std::iter::once(regularised()).chain(others());
     let powers: Vec<f64> = settings.flat_map(|s| apart(&s)).collect();
     let balls = balls(0.01, Distribution::Beckmann);
     let mean = |scale| {
@@ -364,7 +365,7 @@ pub(super) fn empty_scenes() -> Vec<Finding> {
     let mut black = empty();
     black.environment = Some(Environment::constant(Rgb::ZERO));
     black.add(glass("ball", 1.5, 0.0), [sphere(Vec3::ZERO, 1.0, 2)]);
-    let settings = std::iter::once(regularised()).chain(from_both_ends());
+    let settings = std::iter::once(regularised()).chain(others());
     let scenes = [empty(), unlit, broken, black];
     let values = settings.flat_map(|s| {
         let scenes = scenes.iter().cloned();

@@ -13,7 +13,14 @@ const ROOMS: &[&str] = &[
 const INNER: &[(&str, &[&str])] = &[
     (
         "integrator",
-        &["walk", "path", "levels", "bidirectional", "metropolis"],
+        &[
+            "walk",
+            "path",
+            "guided",
+            "levels",
+            "bidirectional",
+            "metropolis",
+        ],
     ),
     ("train", &["record", "evaluate", "learn", "study"]),
 ];

@@ -18,6 +18,7 @@ mod exr;
 mod film;
 mod fuzz;
 mod geometry;
+mod guided;
 mod instances;
 mod lens;
 mod levels;

@@ -59,7 +59,7 @@ pub enum LevelError {
     #[error("the reuse mode continues a path with the roughened lobe: it has one level only")]
     Reuse,
     /// Other estimators have no rule.
-    #[error("several levels are for the path tracer only")]
+    #[error("several levels are for the path tracer without a guide")]
     Estimator,
     /// The levels are chosen afterwards, so that their bias vanishes anyhow.
     #[error("the consistent variant has one level only")]

@@ -89,6 +89,18 @@ impl ShadingPoint<'_> {
         u: LightU,
         observer: &mut O,
     ) -> Rgb {
+        self.direct_light_among(u, observer, |_, pdf_w| pdf_w)
+    }
+
+    /// The same, weighed against the density `pdf` of the next direction instead of that of the BSDF, from which with the
+    /// world direction it follows.
+    #[inline]
+    pub(in crate::integrator) fn direct_light_among<O: PathObserver>(
+        &self,
+        u: LightU,
+        observer: &mut O,
+        pdf: impl FnOnce(Vec3, f32) -> f32,
+    ) -> Rgb {
         if self.bsdf.is_delta_at(self.alpha_reg) {
             return Rgb::ZERO;
         }
@@ -122,7 +134,7 @@ impl ShadingPoint<'_> {
                 ..self.event(query, radiance, Technique::Light)
             });
         }
-        let weight = light.density.mis_weight(eval.pdf_w);
+        let weight = light.density.mis_weight(pdf(light.wi, eval.pdf_w));
         radiance * eval.value * (weight / light.density.value())
     }
 

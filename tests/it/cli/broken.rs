@@ -143,6 +143,26 @@ const CASES: &[(i32, &str, &str)] = &[
     ),
     (
         2,
+        "render scene.glb --integrator bdpt --guide",
+        "a guide is for integrator path without mode or reuse",
+    ),
+    (
+        2,
+        "render scene.glb --guide --mode pbrt",
+        "a guide is for integrator path without mode or reuse",
+    ),
+    (
+        2,
+        "render scene.glb --guide unbiased",
+        "an unbiased guide needs a table or gamma",
+    ),
+    (
+        2,
+        "render scene.glb --guide --gamma 0.1 --levels 3",
+        "without a guide",
+    ),
+    (
+        2,
         "render scene.glb --integrator bdpt --strategy 1",
         "expected S,T with S from 0 and T from 1",
     ),

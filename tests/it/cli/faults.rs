@@ -185,7 +185,7 @@ mod training {
             assert_eq!(ended.code, Some(4), "{bytes}: {}", ended.err);
             let mut now = state();
             // The log begins anew with the training, and its curves: whole ones, if short ones.
-            for log in ["metrics.jsonl", "metrics.csv"] {
+            for log in ["metrics.jsonl", "metrics.csv", "events.out.tfevents.opsr"] {
                 now.1.insert(log.into(), before.1[log].clone());
             }
             assert!(now == before, "{bytes} bytes changed files");

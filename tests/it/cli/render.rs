@@ -644,6 +644,29 @@ fn resume_equals_an_uninterrupted_render() {
     assert!(!ended.err.contains("inf"), "{}", ended.err);
 }
 
+/// A resumed render learns its guide again. Its picture is another than that of the path tracer, and the file names it.
+#[test]
+fn resume_of_a_guided_render_equals_an_uninterrupted_one() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::caustic_box());
+    let render = |spp: u32, args: &str| place.render(&format!("--spp {spp} {args}")).done();
+    render(12, "-o path.exr");
+    for guide in ["--guide --gamma 0.2", "--guide unbiased --gamma 0.2"] {
+        let _ = std::fs::remove_file(place.path().join("a.ckpt"));
+        render(12, &format!("{guide} -o whole.exr"));
+        let part = "-o part.exr --checkpoint a.ckpt";
+        render(5, &format!("{guide} {part}"));
+        render(12, &format!("{guide} {part} --resume"));
+        let [whole, part, path] = ["whole.exr", "part.exr", "path.exr"].map(|file| {
+            let layers = exr::read_layers(&place.path().join(file)).unwrap();
+            let guide = layers.metadata.get("guide").cloned();
+            (layers.channel("R").unwrap().to_vec(), guide)
+        });
+        assert!(whole == part && whole.0 != path.0, "{guide}");
+        assert!(whole.1.is_some() && path.1.is_none());
+    }
+}
+
 #[test]
 fn resume_refuses_the_checkpoint_of_another_render() {
     let place = Place::new();

@@ -90,6 +90,7 @@ pub(crate) fn gltf() -> Target {
             settings.integrator().pass(&view, 0..1, &mut picture);
             // One of the other estimators, which depends on the file alone.
             let others = [
+                Estimator::Guided { unbiased: false },
                 Estimator::Light,
                 Estimator::Bdpt,
                 Estimator::Vcm(Radius::default()),

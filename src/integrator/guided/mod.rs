@@ -1,0 +1,261 @@
+//! Path tracing that learns where light comes from: the guide of `[Müller17]`, with filters and learned shares of
+//! `[Müller19]`.
+//!
+//! Iterations have 1, 2, 4, … samples per pixel. The paths of an iteration draw directions from a mixture of the BSDF and
+//! the guide that the iterations before it made, and what they find makes the next guide. Given the guide, every sample
+//! is unbiased (its numbers are independent of those before), so the picture is the mean of all samples: no iteration is thrown away, and none is weighed by what it
+//! found.
+//!
+//! The guide depends on the samples before it, not on the passes or threads that made them: a sample is complete before the
+//! next one begins, and records are added in the order of tiles and pixels. A resumed render learns anew from the samples
+//! of the iterations, without counting them again.
+
+mod field;
+mod path;
+pub mod quadtree;
+
+use super::walk::bodies::EnclosingBodies;
+use super::walk::observer::Recorder;
+use super::{Integrator, Picture, View};
+use crate::image::film::{Film, Window};
+use crate::math::UVec2;
+use crate::regularise::{Roughening, Rule, Unregularised};
+use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
+use field::Field;
+use path::{GuidedTracer, Lessons};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Samples of the iterations: 1 + 2 + 4 + … The guide stays as it is after them.
+pub const LEARNING: u32 = 255;
+
+/// Pixels a side of the tiles that threads take.
+const TILE: u32 = 16;
+
+/// Tiles whose records are kept at a time.
+const BATCH: usize = 256;
+
+/// Bytes of the records of a batch for each of its pixels: five vertices; measured.
+const RECORD_BYTES: u64 = 200;
+
+/// A guided path tracer and its seed.
+#[derive(Debug)]
+pub(super) struct Guided {
+    tracer: GuidedTracer<Rule>,
+    seed: u64,
+    state: Option<State>,
+}
+
+/// A guide and what it has learned from.
+#[derive(Debug)]
+struct State {
+    frame: UVec2,
+    window: Window,
+    /// Samples that were taken.
+    samples: u32,
+    field: Field,
+}
+
+/// Bytes that a guide may take beside the film of a picture with so many pixels.
+pub fn bytes(pixels: usize) -> u64 {
+    let batch = pixels.min(BATCH * (TILE * TILE) as usize) as u64;
+    Field::MOST_BYTES + batch * RECORD_BYTES
+}
+
+impl Guided {
+    pub(super) fn new(
+        rule: Rule,
+        unbiased: bool,
+        (max_vertices, roulette_start): (u32, u32),
+        seed: u64,
+    ) -> Self {
+        let tracer = GuidedTracer {
+            max_vertices,
+            roulette_start,
+            rule,
+            unbiased,
+        };
+        Self {
+            tracer,
+            seed,
+            state: None,
+        }
+    }
+}
+
+impl Integrator for Guided {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
+        let Picture { film, aovs, .. } = picture;
+        let place = (view.sensor.frame, view.window);
+        let state = self.state.take();
+        let known = state.filter(|s| (s.frame, s.window) == place && s.samples <= samples.start);
+        let mut state = known.unwrap_or_else(|| State {
+            frame: place.0,
+            window: place.1,
+            samples: 0,
+            field: Field::new(view.scene.geometry().bounds()),
+        });
+        let source = Independent {
+            seed: Seed(self.seed).derive(Domain::Camera, 0),
+        };
+        match (aovs, &self.tracer.rule) {
+            (Some(aovs), _) => state.pass(&self.tracer, view, &source, samples, film, aovs),
+            (None, rule) if *rule == Rule::Plain || !view.scene.has_lobes() => {
+                let tracer = self.tracer.with(Unregularised);
+                state.pass(&tracer, view, &source, samples, film, &mut ())
+            }
+            (None, Rule::Accumulated(rule)) => {
+                let tracer = self.tracer.with(rule);
+                state.pass(&tracer, view, &source, samples, film, &mut ())
+            }
+            (None, _) => state.pass(&self.tracer, view, &source, samples, film, &mut ()),
+        }
+        self.state = Some(state);
+    }
+
+    fn notes(&self, view: &View<'_>) -> Option<String> {
+        let megabytes = bytes(view.window.len()) / 1_000_000;
+        Some(format!(
+            "the guide learns from the first {LEARNING} samples per pixel and takes up to {megabytes} MB"
+        ))
+    }
+}
+
+impl State {
+    /// Adds the samples with these numbers to the film, and those before them that the guide does not know to the guide.
+    fn pass<R: Roughening, O: Recorder>(
+        &mut self,
+        tracer: &GuidedTracer<R>,
+        view: &View<'_>,
+        source: &Independent,
+        samples: Range<u32>,
+        film: &mut Film,
+        recorder: &mut O,
+    ) {
+        while self.samples < samples.end.min(LEARNING) {
+            let sample = self.samples;
+            if samples.contains(&sample) {
+                self.learn(tracer, view, source, sample, film, recorder);
+            } else {
+                let mut unused = film.clone();
+                self.learn(tracer, view, source, sample, &mut unused, &mut ());
+            }
+            self.samples += 1;
+            if (self.samples + 1).is_power_of_two() {
+                self.field.next();
+            }
+        }
+        let rest = samples.start.max(LEARNING)..samples.end;
+        if !rest.is_empty() {
+            let field = &self.field;
+            let tiles = film.tiles(TILE).into_par_iter().map(|window| {
+                let mut tile = film.cut(window);
+                let mut observer = recorder.fork();
+                tracer.tile(
+                    view,
+                    source,
+                    rest.clone(),
+                    (field, None),
+                    &mut tile,
+                    &mut observer,
+                );
+                (tile, observer)
+            });
+            for (tile, observer) in tiles.collect::<Vec<_>>() {
+                film.paste(&tile);
+                recorder.join(observer);
+            }
+            self.samples = samples.end;
+        }
+    }
+
+    /// Adds one sample to the film, and what it found to the guide.
+    fn learn<R: Roughening, O: Recorder>(
+        &mut self,
+        tracer: &GuidedTracer<R>,
+        view: &View<'_>,
+        source: &Independent,
+        sample: u32,
+        film: &mut Film,
+        recorder: &mut O,
+    ) {
+        let samples = sample..sample + 1;
+        let mut records = Vec::new();
+        for batch in film.tiles(TILE).chunks(BATCH) {
+            let field = &self.field;
+            let tiles = batch.par_iter().map(|&window| {
+                let mut tile = film.cut(window);
+                let mut observer = recorder.fork();
+                let mut lessons = Lessons::default();
+                let guide = (field, Some(&mut lessons));
+                tracer.tile(
+                    view,
+                    source,
+                    samples.clone(),
+                    guide,
+                    &mut tile,
+                    &mut observer,
+                );
+                (tile, observer, lessons.records)
+            });
+            records.clear();
+            for (tile, observer, found) in tiles.collect::<Vec<_>>() {
+                film.paste(&tile);
+                recorder.join(observer);
+                records.extend(found);
+            }
+            self.field.add(&records);
+        }
+    }
+}
+
+impl<R> GuidedTracer<R> {
+    /// The same with another rule.
+    fn with<Q>(&self, rule: Q) -> GuidedTracer<Q> {
+        GuidedTracer {
+            max_vertices: self.max_vertices,
+            roulette_start: self.roulette_start,
+            rule,
+            unbiased: self.unbiased,
+        }
+    }
+}
+
+impl<R: Roughening> GuidedTracer<R> {
+    fn tile<O: Recorder>(
+        &self,
+        view: &View<'_>,
+        source: &Independent,
+        samples: Range<u32>,
+        (field, mut lessons): (&Field, Option<&mut Lessons>),
+        tile: &mut Film,
+        observer: &mut O,
+    ) {
+        let around = EnclosingBodies::around_camera(view);
+        for index in 0..tile.pixels.len() {
+            let pixel = tile.pixel(index);
+            for sample in samples.clone() {
+                if observer.stopped() {
+                    return;
+                }
+                let mut stream = source.stream(pixel, sample);
+                let place = pixel.as_vec2() + stream.film();
+                let ray = (view.sensor).sample_ray(place, || stream.lens());
+                observer.begin(pixel, sample);
+                let bodies = around.unwrap_or_else(|| EnclosingBodies::around(view.scene, &ray));
+                let lessons = lessons.as_deref_mut();
+                let value = self.radiance(
+                    view.scene,
+                    ray,
+                    bodies,
+                    sample,
+                    field,
+                    lessons,
+                    &mut stream,
+                    observer,
+                );
+                tile.push(index, value, sample);
+            }
+        }
+    }
+}
