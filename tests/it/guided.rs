@@ -31,7 +31,7 @@ fn learned() -> (Quadtree, Sums) {
             );
             sums.add(Vec2::new(u(), u()), 0.3 * u() + 0.01);
         }
-        density = sums.next();
+        density = sums.finish();
     }
     (density, sums)
 }

@@ -127,7 +127,7 @@ impl Leaf {
 
     /// Ends an iteration: what was filled becomes what is sampled, unless nothing was found.
     fn next(&mut self) {
-        let density = self.filling.next();
+        let density = self.filling.finish();
         if !density.is_empty() {
             self.tree = density;
         }

@@ -200,7 +200,7 @@ impl Sums {
     }
 
     /// The density of these sums, which become those of the next iteration: empty, and fine where the density is high.
-    pub fn next(&mut self) -> Quadtree {
+    pub fn finish(&mut self) -> Quadtree {
         let nodes = &mut self.tree.nodes;
         for at in (0..nodes.len()).rev() {
             for quarter in 0..4 {
@@ -253,16 +253,16 @@ impl Sums {
         let mut open = vec![(density.nodes[0].mass, Some(&density.nodes[0]), 1)];
         let mut at = 0;
         while let Some(&(mass, old, depth)) = open.get(at) {
-            for quarter in 0..4 {
+            for (quarter, &mass) in mass.iter().enumerate() {
                 let full = fine.tree.nodes.len() >= MOST_NODES || depth >= MOST_DEPTH;
-                if full || mass[quarter] <= most {
+                if full || mass <= most {
                     continue;
                 }
                 let below = old
                     .map(|old| old.child[quarter])
                     .filter(|child| *child != 0);
                 let below = below.map(|child| &density.nodes[child as usize]);
-                let masses = below.map_or([0.25 * mass[quarter]; 4], |node| node.mass);
+                let masses = below.map_or([0.25 * mass; 4], |node| node.mass);
                 fine.tree.nodes[at].child[quarter] = fine.tree.nodes.len() as u32;
                 fine.tree.nodes.push(Node::default());
                 fine.squares.push([0.0; 4]);
