@@ -131,7 +131,7 @@ pub enum Connections {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Guide {
-    /// Those of the picture.
+    /// The paths of the picture.
     Picture,
     /// Roughened ones, beside those of the picture, which are not.
     Unbiased,

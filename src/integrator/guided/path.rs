@@ -110,7 +110,7 @@ struct OpenRecord {
     found: Rgb,
 }
 
-/// What the paths of a tile teach.
+/// Records of the paths of a tile, for the guide.
 #[derive(Default)]
 pub(super) struct Lessons {
     pub(super) records: Vec<Record>,
