@@ -208,7 +208,7 @@ def test_render_after_fork(box):
         ({"integrator": "bdpt", "gamma": 0.5, "reuse": True}, ValueError, "integrator bdpt roughens the last vertex only"),
         ({"integrator": "light", "table": "beta-0.05"}, ValueError, "integrator light does not regularise"),
         ({"integrator": "light", "rule": "pbrt"}, ValueError, "integrator light does not regularise"),
-        ({"levels": 3}, ValueError, "levels: several levels need a table or a constant factor"),
+        ({"levels": 3}, ValueError, "levels: several levels need a table, a constant factor, filter-glossy or roughness-clamp"),
         ({"levels": 9, "gamma": 0.5}, ValueError, "levels: expected 1 to 8 levels"),
         ({"levels": -1, "gamma": 0.5}, ValueError, "levels: expected 1 to 8 levels"),
         ({"levels": [0, float("nan")], "gamma": 0.5}, ValueError, "levels: expected 2 to 8 scales"),
