@@ -161,13 +161,6 @@ impl Anisotropic {
 
     #[cold]
     #[inline(never)]
-    pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
-        let (wi, lobe) = self.direction_of(alpha, wo, u)?;
-        self.complete(alpha, wo, wi, lobe)
-    }
-
-    #[cold]
-    #[inline(never)]
     pub(super) fn complete(
         &self,
         alpha: f32,

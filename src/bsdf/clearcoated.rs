@@ -118,13 +118,6 @@ impl Clearcoated {
 
     #[cold]
     #[inline(never)]
-    pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
-        let (wi, lobe) = self.direction(alpha, wo, u)?;
-        self.complete(alpha, wo, wi, lobe)
-    }
-
-    #[cold]
-    #[inline(never)]
     pub(super) fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
         self.base().direction(alpha, wo, u)
     }

@@ -210,12 +210,6 @@ impl Glossy {
         Some(query)
     }
 
-    #[inline(never)]
-    pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
-        let (wi, lobe) = self.direction(alpha, wo, u)?;
-        self.complete(alpha, wo, wi, lobe)
-    }
-
     /// Value and density of a direction that was drawn.
     #[inline]
     pub(super) fn complete(
@@ -307,12 +301,6 @@ impl Dielectric {
         })
     }
 
-    #[inline(never)]
-    pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
-        let (wi, lobe) = self.direction(alpha, wo, u)?;
-        self.complete(alpha, wo, wi, lobe)
-    }
-
     /// Value and density of a direction that was drawn.
     #[inline]
     pub(super) fn complete(
@@ -399,12 +387,6 @@ impl ThinDielectric {
         };
         query.pdf_scale *= if through { 1.0 - p } else { p };
         Some(query)
-    }
-
-    #[inline(never)]
-    pub(super) fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
-        let (wi, lobe) = self.direction(alpha, wo, u)?;
-        self.complete(alpha, wo, wi, lobe)
     }
 
     /// Value and density of a direction that was drawn.

@@ -251,12 +251,14 @@ impl Bsdf {
         match self {
             // Most vertices are diffuse: in place, their numbers stay in registers.
             Self::Diffuse(l) => l.sample(wo, u),
-            Self::Glossy(l) => l.sample(alpha, wo, u),
-            Self::Dielectric(l) => l.sample(alpha, wo, u),
-            Self::Thin(l) => l.sample(alpha, wo, u),
-            Self::Clearcoated(l) => l.sample(alpha, wo, u),
-            Self::Anisotropic(l) => l.sample(alpha, wo, u),
+            _ => self.sample_microfacet(alpha, wo, u),
         }
+    }
+
+    #[inline(never)]
+    fn sample_microfacet(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
+        let (wi, lobe) = self.direction(alpha, wo, u)?;
+        self.complete(alpha, wo, wi, lobe)
     }
 
     /// Direction and lobe of [`Bsdf::sample`] without the work for value and density. It may lie where `eval` is zero.

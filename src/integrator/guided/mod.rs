@@ -3,8 +3,8 @@
 //!
 //! Iterations have 1, 2, 4, … samples per pixel. The paths of an iteration draw directions from a mixture of the BSDF and
 //! the guide that the iterations before it made, and what they find makes the next guide. Given the guide, every sample
-//! is unbiased (its numbers are independent of those before), so the picture is the mean of all samples: no iteration is thrown away, and none is weighed by what it
-//! found.
+//! is unbiased (its numbers are independent of those before), so the picture is the mean of all samples: no iteration is
+//! thrown away, and none is weighed by what it found.
 //!
 //! The guide depends on the samples before it, not on the passes or threads that made them: a sample is complete before the
 //! next one begins, and records are added in the order of tiles and pixels. A resumed render learns anew from the samples
@@ -14,15 +14,15 @@ mod field;
 mod path;
 pub mod quadtree;
 
-use super::walk::bodies::EnclosingBodies;
 use super::walk::observer::Recorder;
+use super::walk::tile::trace_tile;
 use super::{Integrator, Picture, View};
 use crate::image::film::{Film, Window};
 use crate::math::UVec2;
 use crate::regularise::{Roughening, Rule, Unregularised};
-use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
+use crate::sampler::{Domain, Independent, IndependentStream, Seed};
 use field::Field;
-use path::{GuidedTracer, Lessons};
+use path::{GuidedTracer, TrainingSamples};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -186,8 +186,8 @@ impl State {
             let tiles = batch.par_iter().map(|&window| {
                 let mut tile = film.cut(window);
                 let mut observer = recorder.fork();
-                let mut lessons = Lessons::default();
-                let guide = (field, Some(&mut lessons));
+                let mut training = TrainingSamples::default();
+                let guide = (field, Some(&mut training));
                 tracer.tile(
                     view,
                     source,
@@ -196,7 +196,7 @@ impl State {
                     &mut tile,
                     &mut observer,
                 );
-                (tile, observer, lessons.records)
+                (tile, observer, training.records)
             });
             records.clear();
             for (tile, observer, found) in tiles.collect::<Vec<_>>() {
@@ -227,35 +227,16 @@ impl<R: Roughening> GuidedTracer<R> {
         view: &View<'_>,
         source: &Independent,
         samples: Range<u32>,
-        (field, mut lessons): (&Field, Option<&mut Lessons>),
+        (field, mut training): (&Field, Option<&mut TrainingSamples>),
         tile: &mut Film,
         observer: &mut O,
     ) {
-        let around = EnclosingBodies::around_camera(view);
-        for index in 0..tile.pixels.len() {
-            let pixel = tile.pixel(index);
-            for sample in samples.clone() {
-                if observer.stopped() {
-                    return;
-                }
-                let mut stream = source.stream(pixel, sample);
-                let place = pixel.as_vec2() + stream.film();
-                let ray = (view.sensor).sample_ray(place, || stream.lens());
-                observer.begin(pixel, sample);
-                let bodies = around.unwrap_or_else(|| EnclosingBodies::around(view.scene, &ray));
-                let lessons = lessons.as_deref_mut();
-                let value = self.radiance(
-                    view.scene,
-                    ray,
-                    bodies,
-                    sample,
-                    field,
-                    lessons,
-                    &mut stream,
-                    observer,
-                );
-                tile.push(index, value, sample);
-            }
-        }
+        let radiance = |ray, bodies, sample, stream: &mut IndependentStream, observer: &mut O| {
+            let training = training.as_deref_mut();
+            self.radiance(
+                view.scene, ray, bodies, sample, field, training, stream, observer,
+            )
+        };
+        trace_tile(view, source, samples, tile, observer, radiance);
     }
 }

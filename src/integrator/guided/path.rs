@@ -110,14 +110,14 @@ struct OpenRecord {
     found: Rgb,
 }
 
-/// Records of the paths of a tile, for the guide.
+/// Training samples of the guide from the paths of a tile.
 #[derive(Default)]
-pub(super) struct Lessons {
+pub(super) struct TrainingSamples {
     pub(super) records: Vec<Record>,
     path: Vec<OpenRecord>,
 }
 
-impl Lessons {
+impl TrainingSamples {
     /// Adds a contribution to all open records.
     fn found(&mut self, value: Rgb) {
         if let Some(last) = self.path.last_mut() {
@@ -160,10 +160,10 @@ pub(super) struct GuidedTracer<R> {
 
 impl<R: Roughening> GuidedTracer<R> {
     /// Radiance that arrives along a camera ray, as [`PathTracer::radiance`](crate::integrator::PathTracer::radiance); the
-    /// path is recorded where there are lessons.
+    /// path is recorded where there are training samples.
     #[expect(
         clippy::too_many_arguments,
-        reason = "a path tracer's, the guide and its lessons"
+        reason = "a path tracer's, the guide and its training samples"
     )]
     pub(super) fn radiance<S: Sampler, O: PathObserver>(
         &self,
@@ -172,7 +172,7 @@ impl<R: Roughening> GuidedTracer<R> {
         mut bodies: EnclosingBodies,
         sample: u32,
         field: &Field,
-        mut lessons: Option<&mut Lessons>,
+        mut training: Option<&mut TrainingSamples>,
         sampler: &mut S,
         observer: &mut O,
     ) -> Rgb {
@@ -182,8 +182,8 @@ impl<R: Roughening> GuidedTracer<R> {
         let mut eta_scale = 1.0f32;
         let mut memory = self.rule.start(sample);
         let mut emission = PendingEmission::full(Rgb::ONE);
-        // False where a roughened lobe has taught what the current ray would teach.
-        let mut teaches = true;
+        // False where the emission that the current ray meets is recorded already, by a roughened lobe.
+        let mut records_emission = true;
         for n in 1..=self.max_vertices + 1 {
             let way = bodies.follow(scene, &ray);
             if let Some(passed) = way.passed {
@@ -200,8 +200,8 @@ impl<R: Roughening> GuidedTracer<R> {
                     );
                     observer.light(n - 1, found);
                     total += found;
-                    if let Some(lessons) = lessons.as_deref_mut().filter(|_| teaches) {
-                        lessons.found(found);
+                    if let Some(training) = training.as_deref_mut().filter(|_| records_emission) {
+                        training.found(found);
                     }
                 }
                 break;
@@ -223,8 +223,8 @@ impl<R: Roughening> GuidedTracer<R> {
                 );
                 observer.light(n - 1, found);
                 total += found;
-                if let Some(lessons) = lessons.as_deref_mut().filter(|_| teaches) {
-                    lessons.found(found);
+                if let Some(training) = training.as_deref_mut().filter(|_| records_emission) {
+                    training.found(found);
                 }
             }
             if n > self.max_vertices {
@@ -261,19 +261,19 @@ impl<R: Roughening> GuidedTracer<R> {
             let region = field.region(leaf);
             let class = u8::from(!bsdf.is_diffuse());
             let share = region.shares[usize::from(class)];
-            // A tree that no direction is drawn from is asked for its density by lessons alone.
-            let asked = guided && (share < 1.0 || lessons.is_some());
+            // A tree that no direction is drawn from is asked for its density by training samples alone.
+            let asked = guided && (share < 1.0 || training.is_some());
             let mixture = Mixture {
                 region: (asked && !region.tree.is_empty()).then_some(region),
                 share,
             };
 
             // ── light of the roughened vertex that only the guide learns from
-            let taught = R::ACTIVE && self.unbiased && alpha_reg > alpha;
-            if taught && let Some(lessons) = lessons.as_deref_mut() {
+            let roughened_training = R::ACTIVE && self.unbiased && alpha_reg > alpha;
+            if roughened_training && let Some(training) = training.as_deref_mut() {
                 let rough = ShadingPoint { alpha_reg, ..point };
-                lessons.found(rough.direct_light(u.light, &mut ()));
-                lessons.found(rough.roughened_emission(u.lobe, &mut ()));
+                training.found(rough.direct_light(u.light, &mut ()));
+                training.found(rough.roughened_emission(u.lobe, &mut ()));
             }
 
             // ── next-event estimation
@@ -290,8 +290,8 @@ impl<R: Roughening> GuidedTracer<R> {
                 direct += found;
             }
             total += direct;
-            if let Some(lessons) = lessons.as_deref_mut().filter(|_| !taught) {
-                lessons.found(direct);
+            if let Some(training) = training.as_deref_mut().filter(|_| !roughened_training) {
+                training.found(direct);
             }
 
             // ── the continuation, and emission found by it
@@ -303,7 +303,7 @@ impl<R: Roughening> GuidedTracer<R> {
             } else {
                 point.shared_emission::<O>(&next.sample, false, false)
             };
-            teaches = !taught;
+            records_emission = !roughened_training;
             throughput *= next.sample.weight;
             remember(&self.rule, &mut memory, &point, &next.sample, observer);
             if next.sample.lobe == Lobe::Transmission {
@@ -326,14 +326,14 @@ impl<R: Roughening> GuidedTracer<R> {
                 throughput /= survival;
                 emission.scale(Rgb::splat(1.0 / survival));
             }
-            if let Some(lessons) = lessons
+            if let Some(training) = training
                 .as_deref_mut()
                 .filter(|_| guided && !next.sample.delta)
             {
                 let jitter = Vec3::from_array(std::array::from_fn(|_| sampler.next_1d() - 0.5));
                 let turn = Vec2::new(sampler.next_1d() - 0.5, sampler.next_1d() - 0.5);
                 let (leaf, at) = field.blurred(surface.position, edges * jitter, next.wi, turn);
-                lessons.path.push(OpenRecord {
+                training.path.push(OpenRecord {
                     record: Record {
                         leaf,
                         at,
@@ -350,8 +350,8 @@ impl<R: Roughening> GuidedTracer<R> {
             }
             ray = surface.spawn(next.wi);
         }
-        if let Some(lessons) = lessons {
-            lessons.finish();
+        if let Some(training) = training {
+            training.finish();
         }
         observer.finish(total);
         total

@@ -3,10 +3,10 @@
 use super::PathTracer;
 use crate::image::film::Film;
 use crate::integrator::View;
-use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::integrator::walk::observer::{PathObserver, Recorder};
+use crate::integrator::walk::tile::trace_tile;
 use crate::regularise::Roughening;
-use crate::sampler::{SampleSource, Sampler};
+use crate::sampler::SampleSource;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -52,21 +52,9 @@ impl<R: Roughening> PathTracer<R> {
         tile: &mut Film,
         observer: &mut O,
     ) {
-        let around = EnclosingBodies::around_camera(view);
-        for index in 0..tile.pixels.len() {
-            let pixel = tile.pixel(index);
-            for sample in samples.clone() {
-                if observer.stopped() {
-                    return;
-                }
-                let mut stream = source.stream(pixel, sample);
-                let place = pixel.as_vec2() + stream.film();
-                let ray = (view.sensor).sample_ray(place, || stream.lens());
-                observer.begin(pixel, sample);
-                let bodies = around.unwrap_or_else(|| EnclosingBodies::around(view.scene, &ray));
-                let value = self.radiance(view.scene, ray, bodies, sample, &mut stream, observer);
-                tile.push(index, value, sample);
-            }
-        }
+        let radiance = |ray, bodies, sample, stream: &mut Q::Stream, observer: &mut O| {
+            self.radiance(view.scene, ray, bodies, sample, stream, observer)
+        };
+        trace_tile(view, source, samples, tile, observer, radiance);
     }
 }

@@ -8,6 +8,7 @@
 //! | `bodies` | bodies around the path, and what they absorb |
 //! | `dispersion` | the colour channel of a path that met a dispersive interface |
 //! | `roulette` | Russian roulette |
+//! | `tile` | camera rays of all pixels of a tile |
 //! | `cone` | a Dirac lobe spread over a cone |
 //! | [`observer`] | callbacks for layers, statistics and training |
 
@@ -19,3 +20,4 @@ pub(super) mod pending_emission;
 pub mod roughening;
 pub(super) mod roulette;
 pub mod shading_point;
+pub(super) mod tile;
