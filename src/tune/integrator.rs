@@ -95,6 +95,13 @@ impl fmt::Display for Choice {
             return write!(out, "integrator path: there is nothing to choose");
         };
         let (name, error) = (chosen.kind.name(), chosen.error);
+        if !self.trials.iter().any(|trial| trial.sure) {
+            write!(
+                out,
+                "integrator {name}: the pilot met too few bright samples to tell; {name} finds light from both ends"
+            )?;
+            return write!(out, " (pilot: {:.2} CPU-seconds)", self.seconds);
+        }
         let least = |trial: &Trial| if trial.sure { "" } else { "at least " };
         write!(
             out,
@@ -102,7 +109,7 @@ impl fmt::Display for Choice {
             least(&chosen)
         )?;
         for trial in self.trials.iter().filter(|t| t.kind != chosen.kind) {
-            let (name, ratio) = (trial.kind.name(), trial.error / error);
+            let (name, ratio) = (trial.kind.name(), trial.error / error.max(1e-30));
             write!(out, "; {name} {}{ratio:.1} times that", least(trial))?;
             if trial.missed >= MISSED {
                 write!(
@@ -111,12 +118,6 @@ impl fmt::Display for Choice {
                     100.0 * trial.missed
                 )?;
             }
-        }
-        if !self.trials.iter().any(|trial| trial.sure) {
-            write!(
-                out,
-                "; too few bright samples for a pilot to tell, {name} finds light from both ends"
-            )?;
         }
         if self.trials.len() == 1 {
             write!(out, "; nothing else is worth a try in this scene")?;

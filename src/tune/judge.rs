@@ -103,12 +103,15 @@ impl Draft {
         matches!(self.kind, IntegratorKind::Vcm | IntegratorKind::Sppm)
     }
 
-    /// Mean of some pixels, and the variance of that mean.
-    fn tile(&self, pixels: &[usize]) -> (f64, f64) {
+    /// Mean of some pixels, and the variance of that mean; of so few samples it is often zero by chance, so that a sample of
+    /// a pixel counts as having no less than `usual`.
+    fn tile(&self, pixels: &[usize], usual: &[f64]) -> (f64, f64) {
         let count = pixels.len() as f64;
-        let sum = |values: &[f64]| pixels.iter().map(|&p| values[p]).sum::<f64>();
-        let variance = sum(&self.variance) / (count * count * self.samples);
-        (sum(&self.mean) / count, variance)
+        let mean: f64 = pixels.iter().map(|&p| self.mean[p]).sum();
+        let variance: f64 = (pixels.iter())
+            .map(|&p| self.variance[p].max(usual[p]))
+            .sum();
+        (mean / count, variance / (count * count * self.samples))
     }
 }
 
@@ -122,22 +125,29 @@ fn is_part(kind: IntegratorKind, other: IntegratorKind) -> bool {
     }
 }
 
-/// 1 / (radiance² + ε) of every pixel: the radiance is the median of the contenders that find all light, so that a bright
-/// sample of one of them does not hide its own error.
+/// Median of some contenders in every pixel: a bright sample of one of them does not change it.
+fn median(drafts: &[&Draft], values: impl Fn(&Draft) -> &[f64]) -> Vec<f64> {
+    let pixels = drafts.first().map_or(0, |draft| draft.mean.len());
+    let of_pixel = |pixel: usize| {
+        let mut sorted: Vec<f64> = drafts.iter().map(|d| values(d)[pixel]).collect();
+        sorted.sort_by(f64::total_cmp);
+        let (low, high) = ((sorted.len() - 1) / 2, sorted.len() / 2);
+        0.5 * (sorted[low] + sorted[high])
+    };
+    (0..pixels).map(of_pixel).collect()
+}
+
+/// 1 / (radiance² + ε) of every pixel, the radiance from the contenders that find all light.
 fn weights(drafts: &[Draft], punctual: bool) -> Vec<f64> {
     let mut seeing: Vec<&Draft> = drafts.iter().filter(|d| !d.is_blind(punctual)).collect();
     if seeing.is_empty() {
         seeing = drafts.iter().collect();
     }
-    let pixels = seeing.first().map_or(0, |draft| draft.mean.len());
-    let weight = |pixel: usize| {
-        let mut values: Vec<f64> = seeing.iter().map(|d| d.mean[pixel]).collect();
-        values.sort_by(f64::total_cmp);
-        let (low, high) = ((values.len() - 1) / 2, values.len() / 2);
-        let median = 0.5 * (values[low] + values[high]);
-        1.0 / (median * median + EPSILON)
-    };
-    (0..pixels).map(weight).collect()
+    let weight = |radiance: f64| 1.0 / (radiance * radiance + EPSILON);
+    median(&seeing, |d| &d.mean)
+        .into_iter()
+        .map(weight)
+        .collect()
 }
 
 /// Share of the sum of some values that the largest [`FEW`] of them have; `None` if there is nothing.
@@ -156,8 +166,14 @@ pub(super) fn judged(drafts: &[Draft], window: Window, time: f64, punctual: bool
     let tiles: Vec<Vec<usize>> = (window.tiles(TILE).iter())
         .map(|tile| super::candidate::inside(tile, &window).collect())
         .collect();
+    let usual = median(&drafts.iter().collect::<Vec<_>>(), |d| &d.variance);
     let means: Vec<Vec<(f64, f64)>> = (drafts.iter())
-        .map(|draft| tiles.iter().map(|pixels| draft.tile(pixels)).collect())
+        .map(|draft| {
+            tiles
+                .iter()
+                .map(|pixels| draft.tile(pixels, &usual))
+                .collect()
+        })
         .collect();
     let relative = |draft: &Draft| -> Vec<f64> {
         let pairs = draft.variance.iter().zip(&weights);
