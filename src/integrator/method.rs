@@ -339,7 +339,6 @@ impl MethodSpec {
             IntegratorKind::Bdpt,
             IntegratorKind::Vcm,
             IntegratorKind::Sppm,
-            IntegratorKind::Light,
         ]
         .map(|integrator| {
             let mut spec = Self {

@@ -15,6 +15,7 @@
 
 mod candidate;
 pub mod integrator;
+mod judge;
 pub mod resolve;
 pub mod stopwatch;
 
