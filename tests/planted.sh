@@ -4,11 +4,13 @@
 # two cores, nearly all of it builds.
 #
 #     tests/planted.sh [PART OF A NAME]
+#     tests/planted.sh --check                # builds nothing: can every fault still be planted?
 #
 # A copy of the working tree and its builds are kept in target/planted.
 set -u
 cd "$(dirname "$0")/.."
-only=${1:-}
+only=${1:-} check=
+[ "$only" != --check ] || { only= check=yes; }
 tree=$PWD/target/planted/tree
 export CARGO_TARGET_DIR=$PWD/target/planted/build CARGO_INCREMENTAL=1
 rm -rf "$tree"
@@ -18,21 +20,25 @@ git ls-files -z | tar --null --create --files-from=- | tar --extract --directory
 
 missed=0
 tried=0
-# plant NAME FILE SUBSTITUTION TEST: a Perl substitution over the whole file.
+# plant NAME FILE SUBSTITUTION TEST: a Perl substitution over the whole file; a test of the library is lib::its::name.
 plant() {
     local name=$1 file=$2 change=$3 test=$4
     case $name in *"$only"*) ;; *) return ;; esac
     tried=$((tried + 1))
     local features=--no-default-features
     case $test in stability_train::*) features= ;; esac
+    local target="--test it"
+    case $test in lib::*) target=--lib test=${test#lib::} ;; esac
     cp "$tree/$file" "$tree/../original"
     perl -0pi -e "$change" "$tree/$file"
     local verdict
     if cmp -s "$tree/$file" "$tree/../original"; then
         verdict="NOT PLANTED: $file has changed"
         missed=$((missed + 1))
+    elif [ "$check" ]; then
+        verdict="can be planted"
     else
-        (cd "$tree" && cargo test --release $features --test it "$test" -- --exact) >"$tree/../log" 2>&1
+        (cd "$tree" && cargo test --release $features $target "$test" -- --exact) >"$tree/../log" 2>&1
         if grep -q "^test $test .*FAILED" "$tree/../log"; then
             verdict="found by $test"
         else
@@ -49,7 +55,7 @@ plant "1 smooth below the Dirac bound" src/bsdf/lobes.rs \
     's/alpha < DELTA_ALPHA/alpha < 0.95 * DELTA_ALPHA/g' stability::case_1_the_dirac_bound
 plant "1 the path remembers the roughened lobe" src/integrator/walk/roughening.rs \
     's/point\.alpha\n/point.alpha_reg\n/' stability::case_1_delta_lobes_keep_their_roughness_in_the_path
-plant "2 quantiles of 0 and 1" src/bsdf/distribution.rs \
+plant "2 quantiles of 0 and 1" src/bsdf/slope.rs \
     's/u\.clamp\(3e-8, 1\.0 - 6e-8\)/u/' stability::case_2_sampling_at_extreme_random_numbers
 plant "3 the printed form" src/regularise/roughness.rs \
     's/\(last \+ \(1\.0 - last\) \* q \* shrink\)/(1.0 - (1.0 - last) * (1.0 - q * shrink))/' \
@@ -71,7 +77,7 @@ plant "9 sides by the shading normal" src/integrator/walk/shading_point.rs \
     's/light\.wi\.dot\(self\.surface\.ng\) \* wi\.z <= 0\.0/false/' \
     stability::cases_9_and_10_light_leaks
 plant "10 rays that start on the surface" src/scene/geometry.rs \
-    's/error: rounding \+ 1e-13 \* extent/error: 0.0 * (rounding + 1e-13 * extent)/' \
+    's/placing\.error\(rounding \+ 1e-13 \* extent\)/0.0 * (rounding + 1e-13 * extent)/' \
     stability::case_10_scale_invariance
 plant "11 paths that carry nothing go on" src/integrator/path/mod.rs \
     's/throughput == Rgb::ZERO && emission\.is_nothing\(\)/false \&\& emission.is_nothing()/' \
@@ -86,7 +92,7 @@ plant "13 pixels that are no numbers" src/image/metric/mod.rs \
 plant "14 corners that are no numbers" src/scene/load/mesh.rs \
     's/!p\.iter\(\)\.all\(\|x\| x\.is_finite\(\)\)/p.is_empty()/' load::broken::load_refuses_broken_bytes
 plant "14 triangles without area" src/scene/geometry.rs \
-    's/ && area > 0\.0/ \&\& area >= 0.0/' geometry::degenerate_triangles_are_dropped_and_counted
+    's/\.length\(\) > 0\.0/.length() >= 0.0/' geometry::degenerate_triangles_are_dropped_and_counted
 plant "15 steps with a gradient of no numbers" src/train/learn/outer_loop.rs \
     's/if loss\.is_finite\(\) && gradient\.iter\(\)\.all\(\|g\| g\.abs\(\) < MAX_DERIVATIVE\)/if gradient.len() < usize::MAX/' \
     stability_train::case_15_nan_gradients_leave_table_and_optimiser_unchanged
@@ -94,6 +100,22 @@ plant "15 a best loss of no number" src/train/learn/outer_loop.rs \
     's/score\.filter\(\|s\| s\.is_finite\(\)\)/score/' stability_train::case_15_nan_loss_is_never_the_best
 plant "a clear coat dims its base by one side" src/bsdf/clearcoated.rs \
     's/wo\.z\.abs\(\)\.min\(wi\.z\.abs\(\)\)/wo.z.abs()/' clearcoat::reciprocity_and_value_of_clearcoat_over_base
+plant "a brushed lobe without its change of measure" src/bsdf/anisotropic.rs \
+    's/query\.pdf_scale \*= factor;//' anisotropy::anisotropic_value_and_pdf_are_those_of_two_roughnesses
+plant "slopes of the isotropic Gaussian" src/bsdf/slope.rs \
+    's/\(w \+ sum\.dot\(along\)\)/w/' bsdf::chi_square_of_sample_against_pdf
+
+plant "Sobol points that are not scrambled" src/sampler/sobol.rs \
+    's/scramble\(digits\[d\], seeds\[d\]\)/digits[d]/' lib::sampler::sobol::tests::chi_square_of_one_sample_over_sequences
+plant "one order for all sets of a path" src/sampler/sobol.rs \
+    's/u64::from\(set\)\.wrapping_mul/0u64.wrapping_mul/' sampler::agreement_of_sobol_and_independent_samples
+plant "a guided direction weighed by its BSDF alone" src/integrator/guided/path.rs \
+    's/self\.share \* pdf_w \+ \(1\.0 - self\.share\) \* region\.tree\.pdf\(wi\)/pdf_w/' \
+    guided::agreement_of_guided_paths_with_path
+plant "a Dirac lobe beside a guide without its probability" src/integrator/guided/path.rs \
+    's/sample\.weight \/= self\.share;//' guided::agreement_of_guided_paths_with_path
+plant "blurred noise is weighed by the bright side of an edge" src/tune/resolve.rs \
+    's/w\.max\(DARK \* \*dark\)/*w/' lib::tune::resolve::tests::blur_leaves_dark_pixels_beside_noise_dark
 
 plant "light flux without the square of the index" src/integrator/bidirectional/walk.rs \
     's/refraction_scale \* cosines\.abs\(\)/cosines.abs()/' \

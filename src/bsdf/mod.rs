@@ -188,7 +188,7 @@ impl LobeQuery {
 impl Bsdf {
     /// Original roughness of the glossy lobe; 1 for a purely diffuse BSDF. The geometric mean of the two of an anisotropic
     /// lobe.
-    #[inline]
+    #[inline(always)]
     pub fn alpha(&self) -> f32 {
         match self {
             Self::Diffuse(_) => 1.0,

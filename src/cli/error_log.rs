@@ -2,7 +2,7 @@
 
 use super::Blame;
 use anyhow::anyhow;
-use opsr::files;
+use opsr::files::{self, FileError};
 use opsr::report::tensorboard::Scalars;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
@@ -16,6 +16,12 @@ enum Form {
     Csv,
     TensorBoard,
 }
+
+/// Longest log that is read; a day of lines needs less.
+const MAX_BYTES: u64 = 1 << 26;
+
+/// Names of the columns.
+const HEADER: &str = "samples,seconds,estimated_error,true_error\n";
 
 /// One line of a log.
 #[derive(Clone, Copy)]
@@ -41,13 +47,15 @@ impl Line {
 pub(super) struct ErrorLog {
     path: PathBuf,
     form: Form,
+    /// The file as the render was resumed, up to the samples of its checkpoint.
+    earlier: Vec<u8>,
     lines: Vec<Line>,
     latest: Option<Instant>,
 }
 
 impl ErrorLog {
-    /// A log at this place; its name says the form.
-    pub(super) fn new(path: &Path) -> anyhow::Result<Self> {
+    /// A log at this place; its name says the form. A render that is resumed after `start` samples keeps the lines up to there.
+    pub(super) fn open(path: &Path, start: u32) -> anyhow::Result<Self> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let form = if name.contains("tfevents") {
             Form::TensorBoard
@@ -57,9 +65,20 @@ impl ErrorLog {
             let what = "ends in .csv, or contains tfevents for TensorBoard";
             return Err(anyhow!("--log {}: its name {what}", path.display())).usage();
         };
+        let old = if start > 0 && path.is_file() {
+            files::read(path, MAX_BYTES).input()?
+        } else {
+            Vec::new()
+        };
+        let earlier = match form {
+            Form::Csv => rows_until(&old, start),
+            Form::TensorBoard => Scalars::until(&old, start.into()),
+        };
+        let damaged = || FileError::content(path, "not a log of opsr render");
         Ok(Self {
             path: path.to_owned(),
             form,
+            earlier: earlier.ok_or_else(damaged).input()?,
             lines: Vec::new(),
             latest: None,
         })
@@ -79,28 +98,30 @@ impl ErrorLog {
 
     fn bytes(&self) -> Vec<u8> {
         match self.form {
-            Form::Csv => self.csv().into_bytes(),
+            Form::Csv => self.csv(),
             Form::TensorBoard => self.events(),
         }
     }
 
-    fn csv(&self) -> String {
-        let row = |line: &Line| {
-            let cell = |e: Option<f64>| e.map_or(String::new(), |e| e.to_string());
+    fn csv(&self) -> Vec<u8> {
+        let mut csv = self.earlier.clone();
+        if csv.is_empty() {
+            csv.extend(HEADER.as_bytes());
+        }
+        let cell = |e: Option<f64>| e.map_or(String::new(), |e| e.to_string());
+        for line in &self.lines {
             let [estimated, known] = [line.estimated(), line.true_error].map(cell);
-            format!("{},{:.3},{estimated},{known}\n", line.samples, line.seconds)
-        };
-        let rows = self.lines.iter().map(row);
-        std::iter::once("samples,seconds,estimated_error,true_error\n".to_owned())
-            .chain(rows)
-            .collect()
+            let (samples, seconds) = (line.samples, line.seconds);
+            csv.extend(format!("{samples},{seconds:.3},{estimated},{known}\n").into_bytes());
+        }
+        csv
     }
 
     fn events(&self) -> Vec<u8> {
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
         let last = self.lines.last().map_or(0.0, |line| line.seconds);
         let began = now.map_or(0.0, |now| now.as_secs_f64()) - last;
-        let mut scalars = Scalars::new(began);
+        let mut scalars = Scalars::after(self.earlier.clone(), began);
         for line in &self.lines {
             let estimated = line.estimated().map(|e| ("error/estimated", e));
             let known = line.true_error.map(|e| ("error/true", e));
@@ -109,4 +130,19 @@ impl ErrorLog {
         }
         scalars.bytes().to_vec()
     }
+}
+
+/// The header and the rows of at most this many samples; `None` if the file is not a log.
+fn rows_until(csv: &[u8], samples: u32) -> Option<Vec<u8>> {
+    if csv.is_empty() {
+        return Some(Vec::new());
+    }
+    let rows = std::str::from_utf8(csv).ok()?.strip_prefix(HEADER)?;
+    let mut kept = HEADER.to_owned();
+    for row in rows.split_inclusive('\n') {
+        if row.split(',').next()?.parse::<u32>().ok()? <= samples {
+            kept += row;
+        }
+    }
+    Some(kept.into_bytes())
 }

@@ -185,7 +185,10 @@ impl RenderJob<'_> {
             let layers = layers.of(picture);
             (self.outputs).write(picture, layers, Some(camera.world_to_camera()), &metadata)
         };
-        let mut log = args.log.as_deref().map(ErrorLog::new).transpose()?;
+        let mut log = match &args.log {
+            Some(path) => Some(ErrorLog::open(path, start)?),
+            None => None,
+        };
         let line = |progress: &RenderProgress, picture: &Picture, known: Option<f64>| Line {
             samples: progress.samples,
             seconds: spent + progress.elapsed.as_secs_f64(),

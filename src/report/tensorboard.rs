@@ -21,6 +21,32 @@ impl Scalars {
         scalars
     }
 
+    /// Scalars that continue a file.
+    pub fn after(file: Vec<u8>, time: f64) -> Self {
+        if file.is_empty() {
+            Self::new(time)
+        } else {
+            Self(file)
+        }
+    }
+
+    /// A file without its events after this step. `None` if it is damaged, or was not written by `Scalars`.
+    pub fn until(mut file: &[u8], step: u64) -> Option<Vec<u8>> {
+        let mut kept = Vec::new();
+        while !file.is_empty() {
+            let (length, rest) = checked(file, 8)?;
+            let length = u64::from_le_bytes(length.try_into().ok()?);
+            let (event, rest) = checked(rest, length.try_into().ok()?)?;
+            // The time, then the step, or the version.
+            let (key, number) = event.get(9..)?.split_first()?;
+            if *key != (2 << 3 | VARINT) || leading_varint(number)? <= step {
+                kept.extend(&file[..file.len() - rest.len()]);
+            }
+            file = rest;
+        }
+        Some(kept)
+    }
+
     /// Adds values by tag at a step; `time` in seconds since 1970.
     pub fn add<'a>(
         &mut self,
@@ -84,6 +110,20 @@ fn varint(to: &mut Vec<u8>, mut number: u64) {
         number >>= 7;
     }
     to.push(number as u8);
+}
+
+/// The number at the beginning.
+fn leading_varint(bytes: &[u8]) -> Option<u64> {
+    let groups = bytes.iter().take(10).position(|byte| byte & 0x80 == 0)?;
+    let group = |number, &byte: &u8| number << 7 | u64::from(byte & 0x7f);
+    Some(bytes[..=groups].iter().rev().fold(0, group))
+}
+
+/// So many bytes, whose checksum follows and must hold, and the rest of the file.
+fn checked(file: &[u8], length: usize) -> Option<(&[u8], &[u8])> {
+    let (bytes, rest) = file.split_at_checked(length)?;
+    let (sum, rest) = rest.split_first_chunk()?;
+    (u32::from_le_bytes(*sum) == masked(bytes)).then_some((bytes, rest))
 }
 
 /// CRC-32C, masked: a checksum of data that contain checksums is no good.

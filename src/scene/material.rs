@@ -171,6 +171,14 @@ impl Material {
         })
     }
 
+    /// The BSDF, if it is the same everywhere and for every `u`.
+    pub(super) fn constant_bsdf(&self) -> Option<Bsdf> {
+        let transmission = self.transmission * (1.0 - self.metallic);
+        let is_drawn = transmission > 0.0 && transmission < 1.0;
+        let varies = self.is_textured() || self.finish.is_some() || is_drawn;
+        (!varies).then(|| self.bsdf(&[], Vec2::ZERO, 0.0))
+    }
+
     /// Emitted radiance at texture coordinates `uv`.
     #[inline]
     pub fn emission_at(&self, textures: &[Texture], uv: Vec2) -> Rgb {

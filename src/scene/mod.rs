@@ -100,6 +100,8 @@ pub struct Scene {
     parts: SceneParts,
     geometry: Geometry,
     lights: Lights,
+    /// The BSDF of each material that has the same everywhere.
+    constant_bsdfs: Vec<Option<Bsdf>>,
     has_absorption: bool,
     has_dispersion: bool,
     has_overlaps: bool,
@@ -139,7 +141,9 @@ impl Scene {
             (parts.materials.iter()).any(|m| m.dispersion > 0.0 && m.bounds_body());
         let shown = |m: &Mesh| parts.materials.get(m.material as usize);
         let has_lobes = (parts.all_meshes()).any(|m| !shown(m).is_some_and(Material::is_rough));
+        let constant_bsdfs = (parts.materials.iter()).map(Material::constant_bsdf);
         Self {
+            constant_bsdfs: constant_bsdfs.collect(),
             ranks: bodies::ranks(&parts),
             parts,
             geometry,
@@ -271,8 +275,17 @@ impl Scene {
 
     /// The BSDF at a surface point; `u` in [0, 1) chooses between the two BSDFs of a partly transmissive material, and
     /// between a clear coat and its base. Where that has a normal of its own the surface gets it.
-    #[inline]
+    #[inline(always)]
     pub fn bsdf(&self, surface: &mut Surface, u: f32) -> Bsdf {
+        // A copy of what was just computed would wait for its stores.
+        match self.constant_bsdfs[surface.material as usize] {
+            Some(bsdf) => bsdf,
+            None => self.varying_bsdf(surface, u),
+        }
+    }
+
+    #[inline(never)]
+    fn varying_bsdf(&self, surface: &mut Surface, u: f32) -> Bsdf {
         let material = self.material(surface);
         match &material.finish {
             None => material.bsdf(&self.parts.textures, surface.uv, u),

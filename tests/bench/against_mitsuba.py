@@ -25,8 +25,12 @@ import sys
 import tempfile
 import time
 
-import mitsuba as mi
 import numpy as np
+
+try:
+    import mitsuba as mi
+except ImportError:
+    mi = None  # peers.py has the boxes from here.
 
 SIZE, VERTICES = 128, 12
 FOV_Y = math.radians(39)
@@ -259,6 +263,8 @@ def hold_to_avx2():
 def main():
     program = sys.argv[1] if len(sys.argv) > 1 else "target/release/opsr"
     spp = int(os.environ.get("SPP", 256))
+    if mi is None:
+        sys.exit("pip install mitsuba")
     mi.set_variant("llvm_ad_rgb")
     if os.environ.get("LANES") == "8":
         hold_to_avx2()

@@ -1,14 +1,16 @@
 //! Path guiding: the distributions of directions, and pictures against the path tracer's.
 
 use crate::support::render::{film_with, mean, scene};
+use opsr::gallery::materials::{coated, diffuse, emitter};
+use opsr::gallery::shapes::quad;
 use opsr::gallery::{builtin, caustic_box, cornell_box};
 use opsr::image::film::Film;
 use opsr::integrator::guided::quadtree::{Quadtree, Sums, direction, square};
 use opsr::integrator::{Estimator, Picture, Settings, View};
-use opsr::math::{UVec2, Vec2, Vec3};
+use opsr::math::{Rgb, UVec2, Vec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
-use opsr::scene::{Scene, SceneParts};
+use opsr::scene::{Material, Scene, SceneParts};
 use opsr::stats::agreement::agree;
 use opsr::verify::chi_square::p_value;
 
@@ -138,9 +140,26 @@ fn pool() -> SceneParts {
     builtin("swimming_pool").expect("a training scene")
 }
 
+/// A floor beside a long low lamp: light samples and directions find it about equally well, and a guide knows it.
+fn floor_beside_a_lamp(floor: Material) -> SceneParts {
+    let mut parts = SceneParts::default();
+    let ground = quad(Vec3::new(-1.0, 0.0, 2.0), 2.0 * Vec3::X, -4.0 * Vec3::Z);
+    parts.add(floor, [ground]);
+    let lamp = quad(Vec3::new(1.0, 0.0, 2.0), 0.5 * Vec3::Y, -4.0 * Vec3::Z);
+    parts.add(emitter("lamp", Rgb::ONE), [lamp]);
+    parts.add_camera([-0.9, 0.4, 0.0], [1.0, 0.0, 0.0], 40.0);
+    parts
+}
+
 #[test]
 fn agreement_of_guided_paths_with_path() {
     let plain = || [Rule::Plain, Rule::Plain];
+    let white = Rgb::splat(0.8);
+    for floor in [diffuse("matt", white), coated("polished", white, 0.0)] {
+        let name = floor.name.clone();
+        let parts = floor_beside_a_lamp(floor);
+        assert_agreement(&name, parts, plain(), GUIDED, 1024);
+    }
     assert_agreement("box", cornell_box(), plain(), GUIDED, 256);
     assert_agreement("caustics", caustic_box(), plain(), GUIDED, 512);
     assert_agreement("pool", pool(), plain(), GUIDED, 512);

@@ -118,4 +118,19 @@ fn tensorboard_scalars_are_read_back() {
         })
         .collect();
     assert_eq!(events(written.bytes()), expected);
+    // Without the events after a step, and continued.
+    let file = written.bytes();
+    let kept = Scalars::until(file, 128).unwrap();
+    assert_eq!(events(&kept), expected[..3]);
+    let mut continued = Scalars::after(kept, 0.0);
+    continued.add(1 << 40, 1.5e9 + 3.0, [("loss/training", f64::INFINITY)]);
+    assert_eq!(continued.bytes(), file);
+    assert_eq!(Scalars::until(&[], 9), Some(vec![]));
+    // Damaged: cut, or another byte.
+    for at in [7, 11, 30, file.len() - 1] {
+        assert_eq!(Scalars::until(&file[..at], 9), None, "cut at {at}");
+        let mut other = file.to_vec();
+        other[at] ^= 4;
+        assert_eq!(Scalars::until(&other, 9), None, "byte {at}");
+    }
 }

@@ -26,14 +26,6 @@ pub(crate) fn huge_list<T>(capacity: usize) -> Vec<T> {
     Vec::with_capacity(capacity)
 }
 
-/// Moves a list to huge pages.
-#[cfg(target_arch = "x86_64")]
-fn in_huge_pages<T: Copy>(list: Vec<T>) -> Vec<T> {
-    let mut moved = huge_list(list.len());
-    moved.extend_from_slice(&list);
-    moved
-}
-
 /// Asks the memory for an item of a list that will soon be read.
 #[inline(always)]
 pub(crate) fn fetch<T>(list: &[T], index: u32) {
@@ -63,15 +55,8 @@ impl Accel {
 
     /// The same, over so many triangles that a function gives: a list of them would add to the memory that building takes.
     pub(crate) fn over(count: usize, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Self {
-        #[allow(unused_mut, reason = "only some targets have huge pages")]
-        let mut tree = Wide::new(count, corners);
-        #[cfg(target_arch = "x86_64")]
-        {
-            tree.nodes = in_huge_pages(tree.nodes);
-            tree.blocks = in_huge_pages(tree.blocks);
-        }
         Self {
-            tree,
+            tree: Wide::new(count, corners),
             #[cfg(target_arch = "x86_64")]
             simd: avx2::Avx2::detect(),
         }

@@ -3,11 +3,13 @@
 //!
 //! The fold minimises the surface-area cost exactly, by dynamic programming over the binary tree `[Ylitie17 §3.1]`.
 
+use super::huge_list;
 use crate::math::Vec3;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams, aabb::Aabb};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 /// Children of a node.
@@ -93,6 +95,10 @@ impl Block {
     };
 }
 
+/// Number of primitives from which on a tree is built in half of the time: its surface-area cost is 1 % higher, rays take as
+/// long within 1 %. Smaller trees take no time that anyone would notice.
+const MANY: usize = 1 << 17;
+
 /// Bounds of nothing.
 const NOWHERE: (Vec3, Vec3) = (Vec3::ZERO, Vec3::ZERO);
 
@@ -148,19 +154,22 @@ impl Boundable for Bounded {
 impl Wide<Block> {
     /// Builds over so many triangles. Those with a coordinate that is not usable keep their index and are never hit.
     pub(super) fn new(count: usize, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Self {
+        let bounded = |i: u32| {
+            let triangle @ [a, b, c] = corners(i);
+            usable(&triangle).then(|| Bounded::new(a.min(b).min(c), a.max(b).max(c)))
+        };
         let all = 0..count as u32;
-        let bad = |&i: &u32| !usable(&corners(i));
+        let boxes: Option<Vec<_>> = all.clone().into_par_iter().map(bounded).collect();
         // Indices of the primitives; none if all triangles are.
-        let ids: Option<Vec<u32>> = (all.clone().into_par_iter().any(|i| bad(&i)))
-            .then(|| all.clone().filter(|i| !bad(i)).collect());
+        let (ids, boxes): (Option<Vec<u32>>, _) = match boxes {
+            Some(boxes) => (None, boxes),
+            None => {
+                let some = all.filter_map(|i| Some((i, bounded(i)?)));
+                let (ids, boxes) = some.unzip();
+                (Some(ids), boxes)
+            }
+        };
         let id = |i: u32| ids.as_ref().map_or(i, |ids| ids[i as usize]);
-        let boxes = (0..ids.as_ref().map_or(count, Vec::len) as u32)
-            .into_par_iter()
-            .map(|i| {
-                let [a, b, c] = corners(id(i));
-                Bounded::new(a.min(b).min(c), a.max(b).max(c))
-            })
-            .collect();
         Self::build(boxes, &TRIANGLES, |primitives, blocks| {
             for group in primitives.chunks(LANES) {
                 let mut block = Block::EMPTY;
@@ -222,9 +231,15 @@ impl<B> Wide<B> {
         if boxes.is_empty() {
             return Self::empty();
         }
+        let (preset, second_pass) = match boxes.len() < MANY {
+            true => (BvhBuildParams::medium_build(), 2.0),
+            false => (BvhBuildParams::fast_build(), 0.0),
+        };
         let params = BvhBuildParams {
             max_prims_per_leaf: 1,
-            ..BvhBuildParams::medium_build()
+            reinsertion_batch_ratio: 0.05,
+            post_collapse_reinsertion_batch_ratio_multiplier: second_pass,
+            ..preset
         };
         let mut binary = build_bvh2(&boxes, params, &mut Duration::default());
         drop(boxes);
@@ -235,101 +250,96 @@ impl<B> Wide<B> {
     }
 }
 
-/// The least cost of representing a binary subtree by a forest of at most `i + 1` wide roots.
-#[derive(Clone, Copy)]
-struct Plan {
-    cost: [f32; WIDTH - 1],
-    /// Number of the `i + 2` roots (last: of the eight children) that go to the left child; 0: fewer roots are no worse.
-    left: [u8; WIDTH - 1],
-    /// Primitives below, at most 255.
+/// Least costs of representing a binary subtree by a forest of at most `i + 1` wide roots, and its number of primitives (at
+/// most 255).
+struct Costs {
+    forest: [f32; WIDTH - 1],
     count: u8,
 }
 
-impl Plan {
-    const NONE: Self = Self {
-        cost: [0.0; WIDTH - 1],
-        left: [0; WIDTH - 1],
-        count: 0,
-    };
+/// The way to the least costs of an inner node: for `i + 2` roots (last: for the eight children) the number of those that go to
+/// the left child, in three bits. 0: fewer roots are no worse; last: the subtree is best as a leaf.
+struct Plan(AtomicU32);
 
-    /// Marks a subtree that is best as a leaf, in place of a number of roots: eight children have at least one each.
-    const LEAF: u8 = 0;
+impl Plan {
+    const BITS: u32 = 3;
+
+    fn left(&self, roots: usize) -> usize {
+        let at = (roots - 2) as u32 * Self::BITS;
+        (self.0.load(Ordering::Relaxed) >> at) as usize & ((1 << Self::BITS) - 1)
+    }
 }
 
 struct Fold<'a> {
     binary: &'a Bvh2,
     leaves: &'a Leaves,
-    /// Place of each inner node among `plans`.
-    places: Vec<u32>,
+    /// Plans of the inner nodes, in the order of the pairs of children.
     plans: Vec<Plan>,
 }
 
 impl<'a> Fold<'a> {
+    /// Levels at which both children are done at the same time.
+    const FORKS: u32 = 8;
+
     fn new(binary: &'a Bvh2, leaves: &'a Leaves) -> Self {
-        // Inner nodes, parents before children: level after level.
-        let mut order = Vec::with_capacity(binary.nodes.len() / 2);
-        let mut places = vec![0; binary.nodes.len()];
-        let is_inner = |n: u32| !binary.nodes[n as usize].is_leaf();
-        order.extend(is_inner(0).then_some(0u32));
-        let mut levels = vec![0];
-        while levels.last() != Some(&order.len()) {
-            let start = levels[levels.len() - 1];
-            levels.push(order.len());
-            for at in start..order.len() {
-                places[order[at] as usize] = at as u32;
-                let first = binary.nodes[order[at] as usize].first_index;
-                order.extend([first, first + 1].into_iter().filter(|&n| is_inner(n)));
-            }
-        }
-        let mut fold = Self {
+        let plans = || Plan(AtomicU32::new(0));
+        let fold = Self {
             binary,
             leaves,
-            places,
-            plans: vec![Plan::NONE; order.len()],
+            plans: std::iter::repeat_with(plans)
+                .take(binary.nodes.len() / 2)
+                .collect(),
         };
-        let mut plans = std::mem::take(&mut fold.plans);
-        for level in levels.windows(2).rev() {
-            let (above, below) = plans.split_at_mut(level[1]);
-            let of = |n: u32| fold.plan_of(n, below, level[1]);
-            (above[level[0]..].par_iter_mut().with_min_len(1024))
-                .zip(&order[level[0]..level[1]])
-                .for_each(|(plan, &n)| *plan = fold.plan(n, of));
-        }
-        fold.plans = plans;
+        fold.solve(0, Self::FORKS);
         fold
     }
 
-    /// Plan of a binary subtree, from a list of plans that begins at this place.
-    fn plan_of(&self, n: u32, plans: &[Plan], start: usize) -> Plan {
-        let node = &self.binary.nodes[n as usize];
-        if !node.is_leaf() {
-            return plans[self.places[n as usize] as usize - start];
-        }
-        Plan {
-            cost: [node.aabb().half_area() * self.leaves.cost; WIDTH - 1],
-            count: node.prim_count.min(255) as u8,
-            ..Plan::NONE
-        }
+    /// Plan of an inner node: pairs of children begin at odd places.
+    fn plan(&self, n: u32) -> &Plan {
+        &self.plans[self.binary.nodes[n as usize].first_index as usize / 2]
     }
 
-    fn whole(&self, n: u32) -> Plan {
-        self.plan_of(n, &self.plans, 0)
+    /// Plans a subtree, and gives its costs.
+    fn solve(&self, n: u32, forks: u32) -> Costs {
+        let node = |n: u32| &self.binary.nodes[n as usize];
+        if forks > 0 && !node(n).is_leaf() {
+            let first = node(n).first_index;
+            let side = |n| move || self.solve(n, forks - 1);
+            let (left, right) = rayon::join(side(first), side(first + 1));
+            return self.choose(n, &left, &right);
+        }
+        /// Marks a node whose children are done.
+        const READY: u32 = 1 << 31;
+        let (mut todo, mut done) = (vec![n], Vec::new());
+        while let Some(n) = todo.pop() {
+            if n & READY != 0 {
+                let (right, left) = (done.pop(), done.pop());
+                let (left, right) = left.zip(right).expect("both children are done");
+                done.push(self.choose(n & !READY, &left, &right));
+            } else if node(n).is_leaf() {
+                done.push(Costs {
+                    forest: [node(n).aabb().half_area() * self.leaves.cost; WIDTH - 1],
+                    count: node(n).prim_count.min(255) as u8,
+                });
+            } else {
+                let first = node(n).first_index;
+                todo.extend([n | READY, first + 1, first]);
+            }
+        }
+        done.pop().expect("the subtree is done")
     }
 
-    /// Plan of an inner node, from those of its children.
-    fn plan(&self, n: u32, of: impl Fn(u32) -> Plan) -> Plan {
-        let node = &self.binary.nodes[n as usize];
-        let area = node.aabb().half_area();
-        let (l, r) = (of(node.first_index), of(node.first_index + 1));
-        let mut left = [0u8; WIDTH];
+    /// Plans an inner node by the costs of its children.
+    fn choose(&self, n: u32, l: &Costs, r: &Costs) -> Costs {
+        let area = self.binary.nodes[n as usize].aabb().half_area();
+        let mut left = [0u32; WIDTH];
         let mut cost = [f32::INFINITY; WIDTH];
         for roots in 2..=WIDTH {
             for k in 1..roots {
-                let c = l.cost[k - 1] + r.cost[roots - k - 1];
-                if c < cost[roots - 1] {
-                    cost[roots - 1] = c;
-                    left[roots - 1] = k as u8;
-                }
+                let c = l.forest[k - 1] + r.forest[roots - k - 1];
+                let better = c < cost[roots - 1];
+                cost[roots - 1] = if better { c } else { cost[roots - 1] };
+                left[roots - 1] = if better { k as u32 } else { left[roots - 1] };
             }
         }
         let count = l.count.saturating_add(r.count);
@@ -348,26 +358,26 @@ impl<'a> Fold<'a> {
             }
         }
         if leaf_cost <= inner {
-            left[WIDTH - 1] = Plan::LEAF;
+            left[WIDTH - 1] = 0;
         }
-        let mut plan = Plan {
-            count,
-            ..Plan::NONE
-        };
-        plan.cost.copy_from_slice(&cost[..WIDTH - 1]);
-        plan.left.copy_from_slice(&left[1..]);
-        plan
+        let packed = (left[1..].iter().rev()).fold(0, |bits, &k| bits << Plan::BITS | k);
+        self.plan(n).0.store(packed, Ordering::Relaxed);
+        let mut forest = [0.0; WIDTH - 1];
+        forest.copy_from_slice(&cost[..WIDTH - 1]);
+        Costs { forest, count }
     }
 
     /// True if a binary subtree is best as a leaf.
     fn is_leaf(&self, n: u32) -> bool {
-        self.whole(n).left[WIDTH - 2] == Plan::LEAF
+        self.binary.nodes[n as usize].is_leaf() || self.plan(n).left(WIDTH) == 0
     }
 
     /// The roots that represent subtree `n` when at most `roots` may be used.
     fn roots(&self, n: u32, mut roots: usize, out: &mut Vec<u32>) {
-        let plan = self.whole(n);
-        while roots > 1 && plan.left[roots - 2] == 0 {
+        if self.binary.nodes[n as usize].is_leaf() {
+            roots = 1;
+        }
+        while roots > 1 && self.plan(n).left(roots) == 0 {
             roots -= 1;
         }
         if roots == 1 {
@@ -379,19 +389,26 @@ impl<'a> Fold<'a> {
 
     fn split(&self, n: u32, roots: usize, out: &mut Vec<u32>) {
         let first = self.binary.nodes[n as usize].first_index;
-        let left = usize::from(self.whole(n).left[roots - 2]);
+        let left = self.plan(n).left(roots);
         self.roots(first, left, out);
         self.roots(first + 1, roots - left, out);
     }
 
     fn run<B>(&self, mut fill: impl FnMut(&[u32], &mut Vec<B>)) -> Wide<B> {
-        let mut nodes = vec![Node::EMPTY];
-        let mut blocks = Vec::new();
+        // Twice the blocks that full ones would be, and a node for every eight: enough but for odd scenes. Memory that is not
+        // written is not taken, and lists that grow would copy.
+        let most = 2 * self
+            .binary
+            .primitive_indices
+            .len()
+            .div_ceil(self.leaves.lanes);
+        let (mut nodes, mut blocks) = (huge_list(most.div_ceil(WIDTH)), huge_list(most));
+        nodes.push(Node::EMPTY);
         let mut depth = 1;
         // (binary subtree, its wide node, depth)
         let mut todo = vec![(0u32, 0usize, 1usize)];
         let mut roots = Vec::with_capacity(WIDTH);
-        let mut primitives = Vec::new();
+        let (mut primitives, mut inner) = (Vec::new(), Vec::new());
         while let Some((n, target, at)) = todo.pop() {
             depth = depth.max(at);
             roots.clear();
@@ -404,7 +421,7 @@ impl<'a> Fold<'a> {
                 nodes[target].set_box(slot, self.binary.nodes[child as usize].aabb());
                 nodes[target].children[slot] = if self.is_leaf(child) {
                     let first = blocks.len();
-                    self.primitives(child, &mut primitives);
+                    self.primitives(child, &mut inner, &mut primitives);
                     fill(&primitives, &mut blocks);
                     LEAF | (first as u32) << COUNT_BITS | (blocks.len() - first - 1) as u32
                 } else {
@@ -423,10 +440,10 @@ impl<'a> Fold<'a> {
         }
     }
 
-    /// The primitives of a binary subtree, left to right.
-    fn primitives(&self, n: u32, out: &mut Vec<u32>) {
+    /// The primitives of a binary subtree, left to right; `todo` is memory to work in.
+    fn primitives(&self, n: u32, todo: &mut Vec<u32>, out: &mut Vec<u32>) {
         out.clear();
-        let mut todo = vec![n];
+        todo.push(n);
         while let Some(n) = todo.pop() {
             let node = &self.binary.nodes[n as usize];
             if !node.is_leaf() {

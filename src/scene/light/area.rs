@@ -40,10 +40,12 @@ pub(super) struct AreaLights {
     pdf_a: Vec<f32>,
     /// Place in `triangles` of each triangle of the scene; empty where power alone decides.
     places: Vec<u32>,
-    /// Tree over the emissive triangles alone.
-    tree: Option<Accel>,
+    /// Tree over the emissive triangles alone, and a ball around them.
+    tree: Option<(Ball, Accel)>,
     /// The scene's materials, in its order.
     materials: Vec<Material>,
+    /// True for each of them that emits: few, while the densities of all triangles may be far away in memory.
+    emits: Vec<bool>,
     textures: Vec<Texture>,
 }
 
@@ -66,6 +68,32 @@ struct EmissiveTriangle {
     triangle: u32,
     /// Index of the material.
     material: u32,
+}
+
+/// A ball with emissive triangles inside, to refuse at once most rays that meet none.
+struct Ball {
+    centre: Vec3,
+    radius: f32,
+}
+
+impl Ball {
+    fn around((low, high): (Vec3, Vec3)) -> Self {
+        Self {
+            centre: 0.5 * (low + high),
+            radius: 0.5 * low.distance(high),
+        }
+    }
+
+    /// False only if a ray passes by; rounding errors count as meeting the ball.
+    #[inline]
+    fn may_meet(&self, ray: &Ray) -> bool {
+        let to = self.centre - ray.origin;
+        // Of the squares below, and of the differences above.
+        let slack = 1e-5 * (to.length_squared() + self.centre.length_squared());
+        let far = to.length_squared() - self.radius * self.radius - slack;
+        let along = to.dot(ray.dir);
+        !(far > 0.0 && (along < 0.0 || far > along * along))
+    }
 }
 
 impl AreaLights {
@@ -102,10 +130,14 @@ impl AreaLights {
         }
         let emissive = &lights.triangles;
         let corners = |k: u32| geometry.triangle(emissive[k as usize].triangle);
-        let tree = (geometry.has_tree()).then(|| Accel::over(emissive.len(), corners));
+        let tree = (geometry.has_tree()).then(|| {
+            let tree = Accel::over(emissive.len(), corners);
+            (Ball::around(tree.bounds()), tree)
+        });
         Self {
             pdf_a: vec![0.0; geometry.single()],
             tree,
+            emits: averages.iter().map(|&average| average > 0.0).collect(),
             materials: parts.materials.clone(),
             textures: parts.textures.clone(),
             ..lights
@@ -260,6 +292,13 @@ impl AreaLights {
     /// Radiance emitted by a surface point towards `wo` (world).
     #[inline]
     pub(super) fn emitted(&self, surface: &Surface, wo: Vec3) -> Rgb {
+        if self.emits.get(surface.material as usize) != Some(&true) {
+            return Rgb::ZERO;
+        }
+        self.emitted_by(surface, wo)
+    }
+
+    fn emitted_by(&self, surface: &Surface, wo: Vec3) -> Rgb {
         match self.pdf_a.get(surface.triangle as usize) {
             Some(&pdf_a) if pdf_a > 0.0 => {}
             _ => return Rgb::ZERO,
@@ -274,10 +313,38 @@ impl AreaLights {
     /// The closest emissive triangle along a ray.
     #[inline]
     pub(super) fn closest(&self, ray: &Ray) -> Option<Hit> {
-        let hit = self.tree.as_ref()?.closest(ray)?;
+        let (_, tree) = (self.tree.as_ref()).filter(|(ball, _)| ball.may_meet(ray))?;
+        let hit = tree.closest(ray)?;
         Some(Hit {
             triangle: self.triangles[hit.triangle as usize].triangle,
             ..hit
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ball_is_met_by_every_ray_to_a_point_of_it() {
+        let mut refused = 0;
+        for k in 0..20_000u32 {
+            let u = |m: u32| 2.0 * (k.wrapping_mul(m) >> 8) as f32 / 16_777_216.0 - 1.0;
+            let v = |m: u32| Vec3::new(u(m), u(m.rotate_left(7) | 1), u(m.rotate_left(13) | 1));
+            let size = 10f32.powf(6.0 * u(2_654_435_761));
+            let (centre, radius) = (v(2_246_822_519), 0.5 * (1.0 + u(3_266_489_917)));
+            let ball = Ball {
+                centre: size * centre,
+                radius: size * radius,
+            };
+            let origin = 10.0 * size * v(668_265_263);
+            let point = ball.centre + ball.radius * v(374_761_393).normalize();
+            let ray = Ray::new(origin, (point - origin).normalize());
+            assert!(ball.may_meet(&ray), "{k}: {ray:?}");
+            let back = Ray::new(origin, -ray.dir);
+            refused += u32::from(!ball.may_meet(&back));
+        }
+        assert!(refused > 15_000, "{refused}");
     }
 }

@@ -214,6 +214,36 @@ fn solid_glass_turns_closed_thin_walls_into_bodies() {
     }
 }
 
+/// Tables are for Beckmann lobes, and for scenes of several kinds.
+#[test]
+fn table_warns_of_ggx_lobes_and_of_one_training_scene() {
+    let place = Place::new();
+    let shipped = std::fs::read(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/params/beta-0.001.json"
+    ));
+    let mut table: serde_json::Value = serde_json::from_slice(&shipped.unwrap()).unwrap();
+    let scenes = table["training"]["scenes"].as_array_mut().unwrap();
+    assert!(scenes.len() > 1);
+    scenes.truncate(1);
+    place.write("one.json", table.to_string());
+    for (options, of_ggx, of_one_scene) in [
+        ("--opsr-table beta-0.001", false, false),
+        ("--opsr-table beta-0.001 --distribution ggx", true, false),
+        ("--opsr-table one.json", false, true),
+        ("--gamma 0.1 --distribution ggx", false, false),
+        ("--distribution ggx", false, false),
+    ] {
+        let ended = place.opsr(&format!("render scene.glb --size 8x8 --spp 1 {options}"));
+        let err = ended.done().err;
+        let warns = [
+            err.contains("--distribution ggx:"),
+            err.contains("a table of one scene"),
+        ];
+        assert_eq!(warns, [of_ggx, of_one_scene], "{options}: {err}");
+    }
+}
+
 /// The shipped tables are known by name where no file has it.
 #[test]
 fn table_by_name_is_the_shipped_file() {
@@ -642,6 +672,41 @@ fn resume_equals_an_uninterrupted_render() {
     assert!(place.read("part.exr") == place.read("whole.exr"));
     assert!(ended.err.contains("no new samples"), "{}", ended.err);
     assert!(!ended.err.contains("inf"), "{}", ended.err);
+}
+
+/// The lines of the log after the checkpoint belong to samples that are lost.
+#[test]
+fn resume_continues_the_log() {
+    let place = Place::new();
+    let render = |options: &str, log: &str| {
+        place.render(&format!(
+            "{options} -o out.exr --checkpoint {log}.ckpt --log {log}"
+        ))
+    };
+    render("--spp 3", "log.csv").done();
+    let early = String::from_utf8(place.read("log.csv")).unwrap();
+    place.write("log.csv", early.clone() + "4,9.0,0.5,\n");
+    render("--spp 5 --resume", "log.csv").done();
+    let rows = String::from_utf8(place.read("log.csv")).unwrap();
+    let later = rows.strip_prefix(&early).expect("the earlier rows");
+    assert!(later.lines().last().unwrap().starts_with("5,"), "{rows}");
+    assert!(!later.contains("4,9"), "{rows}");
+    // The same for TensorBoard.
+    render("--spp 3", "log.tfevents").done();
+    render("--spp 5 --resume", "log.tfevents").done();
+    let events = crate::tensorboard::events(&place.read("log.tfevents"));
+    let steps: Vec<u64> = events.iter().map(|event| event.step).collect();
+    assert!(steps.is_sorted_by(|a, b| a < b), "{steps:?}");
+    assert!(steps.contains(&3) && steps.ends_with(&[5]), "{steps:?}");
+    assert!(events.is_sorted_by(|a, b| a.time <= b.time));
+    // Another file is not replaced.
+    for name in ["log.csv", "log.tfevents"] {
+        place.write(name, "date,price\n");
+        let ended = render("--spp 7 --resume", name);
+        assert_eq!(ended.code, Some(3), "{}", ended.err);
+        assert!(ended.err.contains(name), "{}", ended.err);
+        assert_eq!(place.read(name), b"date,price\n");
+    }
 }
 
 /// A resumed render learns its guide again. Its picture is another than that of the path tracer, and the file names it.

@@ -1,0 +1,262 @@
+#!/usr/bin/env python3
+"""Camera paths that a CPU-second buys in opsr and in every other renderer that is installed, in turns, in one run; then rays
+of opsr beside Embree's.
+
+    pip install numpy mitsuba bpy pyluxcore embreex
+    cargo build --release
+    python3 tests/bench/peers.py target/release/opsr
+
+What is missing is named and left out. SPP and TURNS are taken from the environment (64, 5). The boxes are those of
+against_mitsuba.py, with the same triangles, depth and lights everywhere; Cycles and LuxCore have no Beckmann distribution and
+take theirs. Each render is a process of its own; the CPU time of one with a sample less than two is taken off, so that
+loading, compiling and writing do not count. Mean radiances stand beside, to see that the work was the same. Not part of the
+automatic tests: it needs minutes.
+"""
+
+import glob
+import importlib.util
+import math
+import os
+import platform
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy as np
+
+import against_mitsuba as boxes
+from against_mitsuba import CAMERA_Z, FOV_Y, IOR, RADIANCE, SCENES, SIZE, VERTICES
+
+NAMES = ["diffuse", "glass and metal"]
+
+
+def opsr(program, folder, parts, spp, seed, *options):
+    gltf = boxes.write_gltf(folder, parts)
+    subprocess.run(
+        [program, "render", gltf, "--spp", str(spp), "--size", f"{SIZE}x{SIZE}", "--max-depth", str(VERTICES), "--seed",
+         str(seed), "--progress", "none", "-o", os.path.join(folder, "opsr.exr"), *options], check=True)
+
+
+def mitsuba(folder, parts, spp, seed, lanes):
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_rgb")
+    if lanes == 8:
+        boxes.hold_to_avx2()
+    scene = boxes.mitsuba_scene(folder, parts)
+    return np.array(mi.render(scene, spp=spp, seed=seed))[..., :3].mean()
+
+
+def cycles(folder, parts, spp, seed):
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    render, options = scene.render, scene.cycles
+    render.engine = "CYCLES"
+    render.resolution_x = render.resolution_y = SIZE
+    render.filepath = os.path.join(folder, "cycles.exr")
+    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
+    options.samples, options.seed, options.pixel_filter_type = spp, seed, "BOX"
+    options.use_adaptive_sampling = options.use_denoising = False
+    options.sample_clamp_indirect, options.blur_glossy = 0, 0
+    for bounces in ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces"):
+        setattr(options, bounces, VERTICES)
+
+    def shader(kind, name):
+        material = bpy.data.materials.new(name)
+        material.use_nodes = True
+        nodes, link = material.node_tree.nodes, material.node_tree.links.new
+        nodes.clear()
+        out = nodes.new("ShaderNodeOutputMaterial").inputs["Surface"]
+        if kind == "light":
+            # From the front alone.
+            node, mix = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeMixShader")
+            node.inputs["Strength"].default_value = RADIANCE
+            link(nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"], mix.inputs["Fac"])
+            link(node.outputs[0], mix.inputs[1])
+            link(mix.outputs[0], out)
+            material.cycles.emission_sampling = "FRONT"
+            return material
+        types = {"glass": "ShaderNodeBsdfGlass", "metal": "ShaderNodeBsdfAnisotropic"}
+        node = nodes.new(types.get(kind[0], "ShaderNodeBsdfDiffuse"))
+        if kind[0] in types:
+            node.inputs["Color"].default_value = (1, 1, 1, 1)
+            node.inputs["Roughness"].default_value = math.sqrt(kind[1])
+            if kind[0] == "glass":
+                node.inputs["IOR"].default_value = IOR
+        else:
+            node.inputs["Color"].default_value = (*kind, 1)
+        link(node.outputs[0], out)
+        return material
+
+    for name, kind, (p, _, index) in parts:
+        mesh = bpy.data.meshes.new(name)
+        mesh.from_pydata(p.tolist(), [], index.tolist())
+        mesh.shade_smooth()
+        mesh.materials.append(shader(kind, name))
+        scene.collection.objects.link(bpy.data.objects.new(name, mesh))
+    camera = bpy.data.cameras.new("camera")
+    camera.sensor_fit, camera.angle = "VERTICAL", FOV_Y
+    scene.camera = bpy.data.objects.new("camera", camera)
+    scene.camera.location = (0, 0, CAMERA_Z)
+    scene.collection.objects.link(scene.camera)
+    bpy.ops.render.render(write_still=True)
+    pixels = np.array(bpy.data.images.load(render.filepath).pixels).reshape(-1, 4)
+    return pixels[:, :3].mean()
+
+
+def luxcore(folder, parts, spp, seed, engine):
+    import pyluxcore as lux
+
+    lux.Init(lambda message: None)
+
+    def properties(values):
+        out = lux.Properties()
+        for key, value in values.items():
+            out.Set(lux.Property(key, value))
+        return out
+
+    scene = lux.Scene()
+    white = [1.0, 1.0, 1.0]
+    scene.Parse(properties({
+        "scene.camera.type": "perspective",
+        "scene.camera.lookat.orig": [0.0, 0.0, CAMERA_Z],
+        "scene.camera.lookat.target": [0.0, 0.0, 0.0],
+        "scene.camera.up": [0.0, 1.0, 0.0],
+        "scene.camera.fieldofview": math.degrees(FOV_Y),
+    }))
+    for name, kind, (p, n, index) in parts:
+        material = f"scene.materials.{name}."
+        if kind == "light":
+            values = {"type": "matte", "kd": [0.0] * 3, "emission": white, "emission.gain": [RADIANCE] * 3}
+        elif kind[0] == "glass":
+            values = {"type": "roughglass", "kr": white, "kt": white, "interiorior": IOR, "uroughness": kind[1],
+                      "vroughness": kind[1]}
+        elif kind[0] == "metal":
+            values = {"type": "metal2", "fresnel": f"{name}-fresnel", "uroughness": kind[1], "vroughness": kind[1]}
+            scene.Parse(properties({f"scene.textures.{name}-fresnel.type": "fresnelcolor",
+                                    f"scene.textures.{name}-fresnel.kr": white}))
+        else:
+            values = {"type": "matte", "kd": list(kind)}
+        scene.Parse(properties({material + key: value for key, value in values.items()}))
+        corners, faces, normals = ([tuple(row) for row in rows.tolist()] for rows in (p, index, n))
+        scene.DefineMesh(name, corners, faces, normals, None, None, None)
+        scene.Parse(properties({f"scene.objects.{name}.shape": name, f"scene.objects.{name}.material": name}))
+    depth = VERTICES + 1
+    config = lux.RenderConfig(properties({
+        "renderengine.type": engine, "renderengine.seed": seed + 1, "sampler.type": "SOBOL",
+        "sampler.sobol.adaptive.strength": 0.0, "path.pathdepth.total": depth, "path.pathdepth.diffuse": depth,
+        "path.pathdepth.glossy": depth, "path.pathdepth.specular": depth, "light.maxdepth": depth, "path.maxdepth": depth,
+        "film.width": SIZE, "film.height": SIZE, "film.filter.type": "NONE", "film.imagepipelines.0.0.type": "NOP",
+        "batch.haltspp": spp,
+    }), scene)
+    session = lux.RenderSession(config)
+    session.Start()
+    while not session.HasDone():
+        time.sleep(0.02)
+        session.UpdateStats()
+    session.Stop()
+    pixels = np.zeros((SIZE, SIZE, 3), np.float32)
+    session.GetFilm().GetOutputFloat(lux.FilmOutputType.RGB_IMAGEPIPELINE, pixels, 0)
+    return pixels.mean()
+
+
+# Name: package, what renders.
+PEERS = {
+    "Mitsuba, 16 lanes": ("mitsuba", lambda *args: mitsuba(*args, 16)),
+    "Mitsuba, 8 lanes": ("mitsuba", lambda *args: mitsuba(*args, 8)),
+    "Cycles": ("bpy", cycles),
+    "LuxCore PATHCPU": ("pyluxcore", lambda *args: luxcore(*args, "PATHCPU")),
+    "LuxCore BIDIRCPU": ("pyluxcore", lambda *args: luxcore(*args, "BIDIRCPU")),
+}
+OURS = {
+    "opsr": [],
+    "opsr, beta-0.001, one level": ["--opsr-table", "beta-0.001", "--levels", "1"],
+}
+
+
+def run(program, who, name, spp, seed):
+    """CPU seconds of a render, and its mean radiance where the peer gives one."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if who in OURS:
+        with tempfile.TemporaryDirectory() as folder:
+            opsr(program, folder, SCENES[name], spp, seed, *OURS[who])
+        mean = None
+    else:
+        child = [sys.executable, __file__, "--render", who, name, str(spp), str(seed)]
+        made = subprocess.run(child, check=True, capture_output=True, text=True)
+        mean = float(made.stdout.split()[-1])
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, mean
+
+
+def processor():
+    try:
+        lines = open("/proc/cpuinfo").read().split("\n")
+    except OSError:
+        return platform.processor()
+    field = lambda key: next((line.split(":")[1].strip() for line in lines if line.startswith(key)), "")
+    vector = "AVX-512" if "avx512f" in field("flags") else "AVX2" if "avx2" in field("flags") else "neither AVX2 nor AVX-512"
+    return f"{field('model name')}, family {field('cpu family')}, model {field('model')}, {vector}"
+
+
+def embree():
+    """Rays of this crate beside Embree's, by the bench in Rust."""
+    found = importlib.util.find_spec("embreex")
+    pattern = os.path.join(os.path.dirname(found.origin) + ".libs", "libembree4*") if found else None
+    library = os.environ.get("OPSR_EMBREE") or next(iter(glob.glob(pattern)) if pattern else iter([]), None)
+    if library is None:
+        print("missing: Embree (pip install embreex, or its path in OPSR_EMBREE)")
+        return
+    paths = [os.path.dirname(library), os.environ.get("LD_LIBRARY_PATH", "")]
+    environment = dict(os.environ, OPSR_EMBREE=library, LD_LIBRARY_PATH=":".join(filter(None, paths)))
+    subprocess.run(["cargo", "bench", "--bench", "traversal"], check=True, env=environment,
+                   cwd=os.path.join(os.path.dirname(os.path.abspath(__file__)), "../.."))
+
+
+def main():
+    if sys.argv[1:2] == ["--render"]:
+        who, name, spp, seed = sys.argv[2:]
+        with tempfile.TemporaryDirectory() as folder:
+            print("\n", PEERS[who][1](folder, SCENES[name], int(spp), int(seed)), flush=True)
+        # Some packages crash when the interpreter takes them apart.
+        os._exit(0)
+    program = os.path.abspath(sys.argv[1] if len(sys.argv) > 1 else "target/release/opsr")
+    spp, turns = int(os.environ.get("SPP", 64)), int(os.environ.get("TURNS", 5))
+    print(processor())
+    there = list(OURS)
+    for who, (package, _) in PEERS.items():
+        if importlib.util.find_spec(package) is None:
+            print(f"missing: {who} (pip install {package})")
+        else:
+            there.append(who)
+    for name in NAMES:
+        start = {}
+        for who in list(there):
+            try:
+                start[who] = min(run(program, who, name, 1, 0)[0] for _ in range(2))
+            except subprocess.CalledProcessError as error:
+                print(f"left out, it fails: {who}: {(error.stderr or '').strip().splitlines()[-1:]}")
+                there.remove(who)
+        seconds, means = {who: [] for who in there}, {who: [] for who in there}
+        for turn in range(turns):
+            for who in there:
+                cost, mean = run(program, who, name, spp, turn)
+                seconds[who].append(cost - start[who])
+                means[who].append(mean)
+        print(f"{name}, {SIZE} x {SIZE}, {spp} samples, medians of {turns} turns")
+        for who in there:
+            ratios = [a / b for a, b in zip(seconds[who], seconds["opsr"])]
+            rate = (spp - 1) * SIZE * SIZE / 1e6 / statistics.median(seconds[who])
+            mean = "" if means[who][0] is None else f", mean {statistics.mean(means[who]):.4f}"
+            print(f"  {who}: {rate:.3f} million paths per CPU-second, opsr {statistics.median(ratios):.2f} "
+                  f"({min(ratios):.2f} to {max(ratios):.2f}) times as fast{mean}", flush=True)
+    embree()
+
+
+if __name__ == "__main__":
+    main()
