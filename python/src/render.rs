@@ -75,8 +75,8 @@ impl From<RenderProgress> for Progress {
 /// consistent: exponent between 0 and 0.5 with which the bias vanishes: sample n roughens by n**-consistent of the full
 ///     amount; needs a table or gamma.
 /// integrator: "path", "light", "bdpt", "vcm", "sppm" or "mlt"; "light" and "sppm" take no table or gamma, and only "bdpt" and
-///     "mlt" a rule, the mollifier. "auto" takes the one of the first five with the least expected error, by a pilot of a few
-///     per cent of the render; `Film.metadata` says which.
+///     "mlt" a rule, the mollifier. "auto" takes the one of path, bdpt, vcm and sppm with the least expected error, by a pilot
+///     of a few per cent of the render; `Film.metadata` says which.
 /// radius, radius_alpha: first radius within which the photons of "vcm" and "sppm" count, in scene units, above 0, by default
 ///     twice a pixel's footprint; and its shrinking, above 0 and at most 1, by default 2/3.
 /// connections: "all" or "nee" (light samples only) of "vcm".

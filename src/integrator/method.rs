@@ -157,7 +157,7 @@ pub enum IntegratorKind {
     /// Metropolis light transport over bdpt: light through keyholes and around corners, chains of glossy reflections. A
     /// sample is 16 mutations per pixel.
     Mlt,
-    /// The one of the others with the least expected error, by a pilot of a few per cent of the render.
+    /// The one of path, bdpt, vcm and sppm with the least expected error, by a pilot of a few per cent of the render.
     Auto,
 }
 

@@ -137,17 +137,13 @@ fn median(drafts: &[&Draft], values: impl Fn(&Draft) -> &[f64]) -> Vec<f64> {
     (0..pixels).map(of_pixel).collect()
 }
 
-/// 1 / (radiance² + ε) of every pixel, the radiance from the contenders that find all light.
-fn weights(drafts: &[Draft], punctual: bool) -> Vec<f64> {
+/// Radiance of every pixel, from the contenders that find all light.
+fn radiance(drafts: &[Draft], punctual: bool) -> Vec<f64> {
     let mut seeing: Vec<&Draft> = drafts.iter().filter(|d| !d.is_blind(punctual)).collect();
     if seeing.is_empty() {
         seeing = drafts.iter().collect();
     }
-    let weight = |radiance: f64| 1.0 / (radiance * radiance + EPSILON);
     median(&seeing, |d| &d.mean)
-        .into_iter()
-        .map(weight)
-        .collect()
 }
 
 /// Share of the sum of some values that the largest [`FEW`] of them have; `None` if there is nothing.
@@ -162,7 +158,8 @@ fn concentration(values: &[f64]) -> Option<f64> {
 /// The contenders' small pictures of a window against each other, for a render of this time per pixel; `punctual` if there
 /// are lights without area.
 pub(super) fn judged(drafts: &[Draft], window: Window, time: f64, punctual: bool) -> Vec<Trial> {
-    let weights = weights(drafts, punctual);
+    let radiance = radiance(drafts, punctual);
+    let weight = |radiance: f64| 1.0 / (radiance * radiance + EPSILON);
     let tiles: Vec<Vec<usize>> = (window.tiles(TILE).iter())
         .map(|tile| super::candidate::inside(tile, &window).collect())
         .collect();
@@ -176,8 +173,8 @@ pub(super) fn judged(drafts: &[Draft], window: Window, time: f64, punctual: bool
         })
         .collect();
     let relative = |draft: &Draft| -> Vec<f64> {
-        let pairs = draft.variance.iter().zip(&weights);
-        pairs.map(|(variance, weight)| variance * weight).collect()
+        let pairs = draft.variance.iter().zip(&radiance);
+        pairs.map(|(v, radiance)| v * weight(*radiance)).collect()
     };
     let shares: Vec<Option<f64>> = (drafts.iter())
         .map(|draft| concentration(&relative(draft)))
@@ -209,8 +206,10 @@ pub(super) fn judged(drafts: &[Draft], window: Window, time: f64, punctual: bool
             dark += beyond / tiles.len() as f64;
             let found = draft.samples * pixels.len() as f64;
             let least = squared * if blind { samples } else { samples.min(found) };
+            // A lamp in a tile must not count as light that is missing from the dark pixels beside it.
+            let shown = pixels.iter().map(|&p| radiance[p]).sum::<f64>() / pixels.len() as f64;
             for &pixel in pixels {
-                values[pixel] = values[pixel].max(least * weights[pixel]);
+                values[pixel] = values[pixel].max(least * weight(shown));
             }
         }
         let whole = mine.iter().map(|(mean, _)| mean).sum::<f64>() / tiles.len().max(1) as f64;
@@ -384,7 +383,7 @@ mod tests {
 
     /// The bright sample of one contender must not make its own pixel look bright, and its error small.
     #[test]
-    fn pilot_weights_are_those_of_most_contenders() {
+    fn pilot_takes_the_radiance_that_most_contenders_show() {
         let mut bright = draft(Path, 1.0, 1.0, 1.0);
         bright.mean[5] = 1e3;
         let drafts = [
@@ -392,6 +391,6 @@ mod tests {
             draft(Bdpt, 1.0, 1.0, 1.0),
             draft(Vcm, 1.0, 1.0, 1.0),
         ];
-        assert!((weights(&drafts, AREA)[5] - 1.0 / 1.01).abs() < 1e-12);
+        assert_eq!(radiance(&drafts, AREA)[5], 1.0);
     }
 }
