@@ -236,8 +236,8 @@ impl PhotonMap {
         let first = if path == 0 { 0 } else { ends[path - 1] };
         vertices.clear();
         trails.clear();
-        for i in first as usize..ends[path] as usize {
-            let photon = &photons[i];
+        let range = first as usize..ends[path] as usize;
+        for (i, photon) in range.clone().zip(&photons[range]) {
             if photon.n > most {
                 break;
             }
