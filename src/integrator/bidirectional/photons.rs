@@ -36,6 +36,9 @@ const LEAST_COS: f32 = 0.9;
 /// Greatest distance of a photon from the plane of the vertex that it merges with, over the radius.
 const MOST_HEIGHT: f32 = 0.25;
 
+/// Photons near a vertex that are looked up together.
+const NEAR: usize = 32;
+
 impl Photon {
     fn new(vertex: &Vertex) -> Self {
         Self {
@@ -117,8 +120,8 @@ impl LightVertices {
 
     /// Bytes that a path takes on average, the grid over them included.
     pub(super) fn bytes_per_path(&self) -> usize {
-        // While they are sorted there are two of all; then two indices, a key, and up to two buckets of four bytes.
-        let vertex = 2 * (size_of::<Photon>() + size_of::<Place>()) + 12 + 8;
+        // Two of all, by place and by path; an index, a key, and up to two buckets of four bytes.
+        let vertex = 2 * (size_of::<Photon>() + size_of::<Place>()) + 8 + 8;
         let trails = 2 * self.trails.len() * size_of::<Trail>();
         (self.photons.len() * vertex + trails) / self.ends.len().max(1) + 4
     }
@@ -137,10 +140,8 @@ pub(super) struct PhotonMap {
     photons: Vec<Photon>,
     /// One a photon, or none.
     trails: Vec<Trail>,
-    /// Place of each photon in the order of the light paths.
-    order: Vec<u32>,
-    /// First photon in that order of each path but the first.
-    ends: Vec<u32>,
+    /// The same in the order of the light paths, in which camera paths ask for them.
+    by_path: LightVertices,
 }
 
 /// Position of a photon, and its geometric normal in units of 1/127 with 1 if the photon arrives on its side, else 0.
@@ -180,8 +181,7 @@ impl PhotonMap {
             places: Vec::new(),
             photons: Vec::new(),
             trails: Vec::new(),
-            order: vec![0; vertices.photons.len()],
-            ends: vertices.ends,
+            by_path: LightVertices::default(),
         };
         let cell = |p: &Place| {
             let place = map.place(p.position).floor();
@@ -201,7 +201,6 @@ impl PhotonMap {
         for (i, &key) in keys.iter().enumerate() {
             let at = &mut map.buckets[key as usize];
             sorted[*at as usize] = i as u32;
-            map.order[i] = *at;
             *at += 1;
         }
         map.buckets.rotate_right(1);
@@ -211,6 +210,10 @@ impl PhotonMap {
         if !vertices.trails.is_empty() {
             map.trails = gathered(&vertices.trails, &sorted);
         }
+        map.by_path = LightVertices {
+            places: Vec::new(),
+            ..vertices
+        };
         map
     }
 
@@ -224,16 +227,22 @@ impl PhotonMap {
         trails: &mut Vec<Trail>,
     ) {
         let path = path as usize;
-        let first = if path == 0 { 0 } else { self.ends[path - 1] };
+        let LightVertices {
+            photons,
+            trails: known,
+            ends,
+            ..
+        } = &self.by_path;
+        let first = if path == 0 { 0 } else { ends[path - 1] };
         vertices.clear();
         trails.clear();
-        for &i in &self.order[first as usize..self.ends[path] as usize] {
-            let photon = &self.photons[i as usize];
+        let range = first as usize..ends[path] as usize;
+        for (i, photon) in range.clone().zip(&photons[range]) {
             if photon.n > most {
                 break;
             }
             vertices.push(photon.vertex(scene));
-            trails.push(self.trail(i).copied().unwrap_or(Trail::START));
+            trails.push(known.get(i).copied().unwrap_or(Trail::START));
         }
     }
 
@@ -260,6 +269,7 @@ impl PhotonMap {
         });
         // All at once: none waits for the photons of another.
         let ranges = buckets.map(|key| self.buckets[key as usize]..self.buckets[key as usize + 1]);
+        let (mut near, mut count) = ([0; NEAR], 0);
         for (i, range) in ranges.into_iter().enumerate() {
             if buckets[..i].contains(&buckets[i]) {
                 continue;
@@ -271,13 +281,29 @@ impl PhotonMap {
                     && to.dot(ng).abs() <= MOST_HEIGHT * self.radius
                     && place.ng().dot(ng) > LEAST_COS
                 {
-                    let photon = &self.photons[index as usize];
-                    // One that grazes a neighbouring facet from outside may come from below this one.
-                    if (photon.back.dot(ng) > 0.0) == (place.ng[3] == 1) {
-                        visit(photon, self.trail(index));
+                    near[count] = index;
+                    count += 1;
+                    if count == NEAR {
+                        self.visit(&near, ng, &mut visit);
+                        count = 0;
                     }
                 }
             }
+        }
+        self.visit(&near[..count], ng, &mut visit);
+    }
+
+    /// Visits those of these photons that lie on the surface of this normal.
+    fn visit(&self, near: &[u32], ng: Vec3, visit: &mut impl FnMut(&Photon, Option<&Trail>)) {
+        // In a loop of its own, so that no photon waits for the memory of another.
+        let mut there = [false; NEAR];
+        for (there, &index) in there.iter_mut().zip(near) {
+            let outside = self.places[index as usize].ng[3] == 1;
+            // One that grazes a neighbouring facet from outside may come from below this one.
+            *there = (self.photons[index as usize].back.dot(ng) > 0.0) == outside;
+        }
+        for (&index, _) in near.iter().zip(there).filter(|(_, there)| *there) {
+            visit(&self.photons[index as usize], self.trail(index));
         }
     }
 }
