@@ -151,8 +151,18 @@ pub(super) struct Means {
     /// b: estimate that belongs to the pass, and from whose samples the chains start. It enters linearly: its noise is no
     /// bias.
     pub(super) pass: f64,
-    /// b₀: a constant above 0, best near b. It only balances chains and large steps.
+    /// b₀: a constant above 0, best near b. It only balances chains and fresh paths.
     pub(super) constant: f64,
+    /// Fresh paths over mutations: large steps and the bootstrap.
+    pub(super) fresh: f64,
+}
+
+impl Means {
+    /// Density of a state of this target over all ways to find it: what the values of one that was found count less.
+    #[inline]
+    pub(super) fn density(&self, target: f64) -> f64 {
+        target / self.constant + self.fresh
+    }
 }
 
 /// Random numbers of a chain.
@@ -167,7 +177,8 @@ pub(super) struct Sources {
 ///
 /// With the first state as in [`Sources`], E over bootstrap and chain of a sum of values is exactly their integral: a
 /// proposal is drawn with density I/b by the chain and, with probability p, uniformly by a large step. Both are weighed by
-/// the balance heuristic, with b₀ in place of b (after Kelemen et al. 2002, (9)).
+/// the balance heuristic, with b₀ in place of b (after Kelemen et al. 2002, (9)), and with the bootstrap as so many more
+/// large steps, whose values the caller adds.
 pub(super) fn run(
     target: &mut impl Target,
     sources: Sources,
@@ -193,7 +204,6 @@ pub(super) fn run(
         factor: 0.0,
     };
     let ratio = means.pass / means.constant;
-    let density = |target: f64| target / means.constant + LARGE;
     let mut spare = Vec::new();
     for _ in 0..mutations {
         let large = f64::from(choices.next_1d()) < LARGE;
@@ -218,8 +228,8 @@ pub(super) fn run(
             1.0
         };
         let one = f64::from(u8::from(large));
-        next.factor = (acceptance * ratio + one) / density(next.target);
-        state.factor += (1.0 - acceptance) * ratio / density(state.target);
+        next.factor = (acceptance * ratio + one) / means.density(next.target);
+        state.factor += (1.0 - acceptance) * ratio / means.density(state.target);
         let left = if f64::from(choices.next_1d()) < acceptance {
             light.accept();
             camera.accept();

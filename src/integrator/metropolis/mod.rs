@@ -3,8 +3,8 @@
 //! The state of a chain is the random numbers of a pair of paths, one from the camera and one from a light, with all their
 //! connections. Chains seek out what carries light: after a way through a keyhole is found, its neighbours are tried.
 //!
-//! One sample of the picture is a *pass*, an independent estimate: a bootstrap of fresh pairs, from which all chains of the
-//! pass start in proportion to their light, and so many mutations per pixel. No chain outlives its pass. So the expectation
+//! One sample of the picture is a *pass*, an independent estimate: a bootstrap of fresh pairs, which count like large steps
+//! and from which all chains of the pass start in proportion to their light, and so many mutations per pixel. No chain outlives its pass. So the expectation
 //! of a pass is exact, whatever the chains' length (`chain`); resuming, splitting and threads change no bit; variance
 //! layers are honest; and a chain that is stuck ends with the pass.
 //!
@@ -21,19 +21,19 @@ use crate::integrator::path::PathTracer;
 use crate::math::{UVec2, luminance};
 use crate::regularise::Unregularised;
 use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Sampler, Seed};
-use chain::{Means, Numbers, Sources, Target};
+use chain::{LARGE, Means, Numbers, Sources, Target};
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// Mutations per pixel of a pass where nobody says otherwise.
 pub const MUTATIONS: u32 = 16;
 
-/// Mutations for every sample of the bootstrap, and bounds of their number.
-const PER_BOOTSTRAP: u64 = 16;
-const BOOTSTRAP: (u64, u64) = (1 << 10, 1 << 16);
+/// Mutations for every sample of the bootstrap, and bounds of their number: all pixels of a pass share the noise of its mean.
+const PER_BOOTSTRAP: u64 = 4;
+const BOOTSTRAP: (u64, u64) = (1 << 10, 1 << 18);
 
 /// Samples of the bootstrap for every chain.
-const PER_CHAIN: u32 = 64;
+const PER_CHAIN: u32 = 256;
 
 /// Chains that run before their values are joined.
 const BATCH: u32 = 32;
@@ -183,7 +183,7 @@ impl Metropolis {
             weights: vec![1.0; count],
             mean: 1.0,
         };
-        let samples = self.counts(frame).1;
+        let samples = (self.counts(frame).1 / 4).max(BOOTSTRAP.0 as u32);
         let found: Vec<Vec<Splat>> = {
             let pass = Pass {
                 settings: self,
@@ -256,19 +256,32 @@ impl Pass<'_> {
     /// Adds one estimate of every pixel of the frame to the layer; returns the refused states.
     fn run(&self, layer: &mut SplatLayer) -> (u64, Option<(UVec2, Cause)>) {
         let (mutations, samples, chains) = self.settings.counts(self.guide.frame);
-        let weights = self.bootstrap(samples, |target, _| target);
-        let total: f64 = weights.iter().sum();
-        let means = Means {
-            pass: total / f64::from(samples),
+        let scale = 1.0 / mutations as f64;
+        let mut means = Means {
+            pass: 0.0,
             constant: self.guide.mean,
+            fresh: LARGE + f64::from(samples) * scale,
         };
+        let found = self.bootstrap(samples, |target, splats| {
+            let factor = (scale / means.density(target)) as f32;
+            let counted = |splat: &Splat| Splat {
+                value: splat.value * factor,
+                ..*splat
+            };
+            (target, splats.iter().map(counted).collect::<Vec<_>>())
+        });
+        let weights: Vec<f64> = found.iter().map(|(target, _)| *target).collect();
+        let total: f64 = weights.iter().sum();
+        means.pass = total / f64::from(samples);
+        for (_, splats) in found {
+            layer.add_in_order(&splats);
+        }
         let starts = starts(
             &weights,
             total,
             chains,
             self.stream(0, Use::Starts).next_1d(),
         );
-        let scale = 1.0 / mutations as f64;
         let mut refused = (0, None);
         for first in (0..chains).step_by(BATCH as usize) {
             let batch: Vec<_> = (first..(first + BATCH).min(chains))

@@ -138,3 +138,16 @@ fn agreement_of_mollified_mlt_with_bdpt() {
     let (more, less) = (over(&of(&b), 0, 0).0, over(&of(&plain), 0, 0).0);
     assert!(more > 1.02 * less, "{more} {less}");
 }
+
+/// All pixels of a pass share the noise of its bootstrap, which is a quarter of the mutations, not a sixteenth.
+#[test]
+fn metropolis_normalisation_has_little_noise_at_one_pass() {
+    let (_, parts, _) = scenes::all().swap_remove(0);
+    let mlt = Estimator::Mlt { mutations: 32 };
+    let passes = pictures(&scene(parts), &settings(mlt, Rule::Plain, 3), 64, 1);
+    let passes: Vec<_> = passes.iter().map(|film| tiles(film, SIZE)).collect();
+    let (mean, error) = over(&passes, 0, 0);
+    let deviation = error * 8.0 / mean;
+    println!("relative deviation {deviation:.4}");
+    assert!(deviation < 0.18, "{deviation}");
+}

@@ -44,10 +44,13 @@ fn passes(constant: f64) -> [(f64, f64); 16] {
     let mut sums = [[0.0; 2]; 16];
     for pass in 0..PASSES {
         let start = |i: u32| [stream(i, 0, pass), stream(i, 1, pass)];
+        let (mut splats, mut bootstrap) = (Vec::new(), Vec::new());
         let weights: Vec<f64> = (0..BOOTSTRAP)
             .map(|i| {
                 let [light, camera] = start(i).map(Numbers::new);
-                Bins.evaluate(&mut { light }, &mut { camera }, &mut Vec::new())
+                let target = Bins.evaluate(&mut { light }, &mut { camera }, &mut splats);
+                bootstrap.extend(splats.iter().map(|splat| (*splat, target)));
+                target
             })
             .collect();
         let total: f64 = weights.iter().sum();
@@ -63,15 +66,14 @@ fn passes(constant: f64) -> [(f64, f64); 16] {
         let means = Means {
             pass: total / f64::from(BOOTSTRAP),
             constant,
+            fresh: LARGE + f64::from(BOOTSTRAP) / f64::from(MUTATIONS),
         };
+        let scale = 1.0 / f64::from(MUTATIONS);
         let mut bins = [0.0; 16];
-        for splat in run(
-            &mut Bins,
-            sources,
-            MUTATIONS,
-            means,
-            1.0 / f64::from(MUTATIONS),
-        ) {
+        for (splat, target) in bootstrap {
+            bins[splat.index as usize] += f64::from(splat.value.x) * scale / means.density(target);
+        }
+        for splat in run(&mut Bins, sources, MUTATIONS, means, scale) {
             bins[splat.index as usize] += f64::from(splat.value.x);
         }
         for (sum, bin) in sums.iter_mut().zip(bins) {
