@@ -41,6 +41,17 @@ const BATCH: u32 = 32;
 /// Samples of the bootstrap that a thread takes at a time.
 const CHUNK: u32 = 256;
 
+/// Samples of the bootstrap that wait for their values to be joined: a bound of their memory.
+const BLOCK: u32 = 1 << 14;
+
+/// Number of refused states, and the first.
+type Refused = (u64, Option<(UVec2, Cause)>);
+
+/// The refused states of two runs, of which the first comes first.
+fn joined((count, first): Refused, (more, later): Refused) -> Refused {
+    (count + more, first.or(later))
+}
+
 /// Cells a side of the neighbourhoods, at most.
 const CELLS: u32 = 32;
 
@@ -118,7 +129,7 @@ struct PairTarget<'a> {
     pairs: Pairs<'a>,
     guide: &'a Guide,
     /// Pixel of the first state that is not a number or infinite, and how many there were.
-    refused: (u64, Option<(UVec2, Cause)>),
+    refused: Refused,
 }
 
 impl Target for PairTarget<'_> {
@@ -192,7 +203,7 @@ impl Metropolis {
                 number: 0,
                 source: self.source(1),
             };
-            pass.bootstrap(samples, |_, splats| splats.to_vec())
+            pass.bootstrap(0..samples, |_, splats| splats.to_vec()).0
         };
         let mut sums = vec![0.0; count];
         for splat in found.iter().flatten() {
@@ -233,28 +244,35 @@ impl Pass<'_> {
     /// Results of fresh pairs, in order: a function of their target and values.
     fn bootstrap<T: Send>(
         &self,
-        samples: u32,
+        samples: Range<u32>,
         result: impl Fn(f64, &[Splat]) -> T + Sync,
-    ) -> Vec<T> {
-        let chunks: Vec<Vec<T>> = (0..samples.div_ceil(CHUNK))
+    ) -> (Vec<T>, Refused) {
+        let chunk = |first: u32| {
+            let mut target = self.target();
+            let mut splats = Vec::new();
+            let results: Vec<T> = (first..(first + CHUNK).min(samples.end))
+                .map(|i| {
+                    let [mut light, mut camera] = self.start(i).map(Numbers::new);
+                    let value = target.evaluate(&mut light, &mut camera, &mut splats);
+                    result(value, &splats)
+                })
+                .collect();
+            (results, target.refused)
+        };
+        let chunks: Vec<_> = (0..samples.len().div_ceil(CHUNK as usize) as u32)
             .into_par_iter()
-            .map(|chunk| {
-                let mut target = self.target();
-                let mut splats = Vec::new();
-                (chunk * CHUNK..(chunk * CHUNK + CHUNK).min(samples))
-                    .map(|i| {
-                        let [mut light, mut camera] = self.start(i).map(Numbers::new);
-                        let value = target.evaluate(&mut light, &mut camera, &mut splats);
-                        result(value, &splats)
-                    })
-                    .collect()
-            })
+            .map(|n| chunk(samples.start + n * CHUNK))
             .collect();
-        chunks.into_iter().flatten().collect()
+        let (mut all, mut refused) = (Vec::new(), (0, None));
+        for (results, more) in chunks {
+            all.extend(results);
+            refused = joined(refused, more);
+        }
+        (all, refused)
     }
 
     /// Adds one estimate of every pixel of the frame to the layer; returns the refused states.
-    fn run(&self, layer: &mut SplatLayer) -> (u64, Option<(UVec2, Cause)>) {
+    fn run(&self, layer: &mut SplatLayer) -> Refused {
         let (mutations, samples, chains) = self.settings.counts(self.guide.frame);
         let scale = 1.0 / mutations as f64;
         let mut means = Means {
@@ -262,27 +280,31 @@ impl Pass<'_> {
             constant: self.guide.mean,
             fresh: LARGE + f64::from(samples) * scale,
         };
-        let found = self.bootstrap(samples, |target, splats| {
-            let factor = (scale / means.density(target)) as f32;
-            let counted = |splat: &Splat| Splat {
-                value: splat.value * factor,
-                ..*splat
-            };
-            (target, splats.iter().map(counted).collect::<Vec<_>>())
-        });
-        let weights: Vec<f64> = found.iter().map(|(target, _)| *target).collect();
+        let (mut weights, mut refused) = (Vec::new(), (0, None));
+        for first in (0..samples).step_by(BLOCK as usize) {
+            let block = first..(first + BLOCK).min(samples);
+            let (found, more) = self.bootstrap(block, |target, splats| {
+                let factor = (scale / means.density(target)) as f32;
+                let counted = |splat: &Splat| Splat {
+                    value: splat.value * factor,
+                    ..*splat
+                };
+                (target, splats.iter().map(counted).collect::<Vec<_>>())
+            });
+            refused = joined(refused, more);
+            for (target, splats) in found {
+                weights.push(target);
+                layer.add_in_order(&splats);
+            }
+        }
         let total: f64 = weights.iter().sum();
         means.pass = total / f64::from(samples);
-        for (_, splats) in found {
-            layer.add_in_order(&splats);
-        }
         let starts = starts(
             &weights,
             total,
             chains,
             self.stream(0, Use::Starts).next_1d(),
         );
-        let mut refused = (0, None);
         for first in (0..chains).step_by(BATCH as usize) {
             let batch: Vec<_> = (first..(first + BATCH).min(chains))
                 .into_par_iter()
@@ -301,9 +323,9 @@ impl Pass<'_> {
                     (splats, target.refused)
                 })
                 .collect();
-            for (splats, (count, first)) in batch {
+            for (splats, more) in batch {
                 layer.add_in_order(&splats);
-                refused = (refused.0 + count, refused.1.or(first));
+                refused = joined(refused, more);
             }
         }
         refused
