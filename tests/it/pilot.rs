@@ -148,7 +148,7 @@ fn pilot_chooses_the_integrator_of_the_suite_scenes() {
     let mut wrong = Vec::new();
     for (name, best) in expected {
         let scene = scene(builtin(name).unwrap());
-        for seed in 1..=3 {
+        for seed in 1..=6 {
             let contender = |kind: IntegratorKind| Contender {
                 kind,
                 settings: Settings {
