@@ -27,7 +27,7 @@ use crate::regularise::Rule;
 const TILE: u32 = 8;
 
 /// Standard errors by which a tile must be darker than with another integrator to miss light.
-const DARKER: f64 = 2.5;
+const DARKER: f64 = 2.0;
 
 /// Share of the pixels, those of the largest errors, that are left out: what single bright samples bring is chance.
 const TRIMMED: f64 = 0.002;
@@ -337,7 +337,7 @@ mod tests {
         let long = |punctual| trials(&drafts, 1e7, punctual)[0].error;
         assert!(long(AREA) < 0.01 && long(POINT) > 0.5);
         // A picture that lacks light is no bargain.
-        let drafts = [draft(Path, 1.0, 0.7, 1e-3), draft(Vcm, 8.0, 1.0, 5.0)];
+        let drafts = [draft(Path, 1.0, 0.7, 1e-3), draft(Vcm, 8.0, 1.0, 10.0)];
         let found = trials(&drafts, 16.0, POINT);
         assert!(found[0].missed > 0.01);
         assert_eq!(winner(&found), Vcm);
