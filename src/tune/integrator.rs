@@ -156,9 +156,9 @@ pub fn advise(scene: &Scene) -> Advice {
             advice(IntegratorKind::Path, "there is no light")
         }
         (false, false) => advice(IntegratorKind::Path, "all light comes from the environment"),
-        _ if glass && scene.has_overlaps() => advice(
+        _ if (glass || mirror) && scene.has_overlaps() => advice(
             IntegratorKind::Bdpt,
-            "caustics of smooth glass, whose bodies overlap: that vcm does not know",
+            "caustics, and bodies that overlap, which vcm does not know",
         ),
         (true, _) if glass => advice(
             IntegratorKind::Vcm,
@@ -174,8 +174,8 @@ pub fn advise(scene: &Scene) -> Advice {
             "lamps and smooth glass: caustics, also seen through the glass",
         ),
         (false, true) if mirror => advice(
-            IntegratorKind::Bdpt,
-            "lamps and sharp metal: caustics, which light paths find",
+            IntegratorKind::Vcm,
+            "lamps and sharp metal: caustics, also seen by way of the metal",
         ),
         _ => advice(
             IntegratorKind::Path,

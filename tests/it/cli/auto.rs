@@ -122,7 +122,7 @@ fn info_names_the_integrator_that_a_scene_calls_for() {
         ("sun-pool", "vcm"),
         ("caustic-box", "vcm"),
         ("cornell-box", "path"),
-        ("glossy_corridor", "bdpt"),
+        ("glossy_corridor", "vcm"),
     ] {
         let place = place(scene);
         let text = place.opsr("info scene.glb").done().out;
