@@ -291,9 +291,10 @@ pub fn choose_integrator(
         let least = (racing().filter(|(_, t)| fit(t)))
             .map(|(_, t)| t.error)
             .fold(f64::INFINITY, f64::min);
-        let stays = |t: &Trial| least.is_infinite() || t.error < BEHIND * least;
+        let stays =
+            |t: &Trial| least.is_infinite() || t.error < BEHIND * least && t.missed < MISSED;
         let stay: Vec<bool> = (runners.iter().zip(&trials))
-            .map(|(r, t)| r.races && stays(t) && (t.missed < MISSED || least.is_infinite()))
+            .map(|(runner, trial)| runner.races && stays(trial))
             .collect();
         let spent = |all: bool| -> f64 {
             let each = runners.iter().zip(&costs).zip(&stay);

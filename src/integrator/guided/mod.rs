@@ -132,13 +132,15 @@ impl State {
         film: &mut Film,
         recorder: &mut O,
     ) {
+        // For samples of an earlier run, which are in the film already.
+        let mut unused = None;
         while self.samples < samples.end.min(LEARNING) {
             let sample = self.samples;
             if samples.contains(&sample) {
                 self.learn(tracer, view, source, sample, film, recorder);
             } else {
-                let mut unused = film.clone();
-                self.learn(tracer, view, source, sample, &mut unused, &mut ());
+                let unused = unused.get_or_insert_with(|| film.clone());
+                self.learn(tracer, view, source, sample, unused, &mut ());
             }
             self.samples += 1;
             if (self.samples + 1).is_power_of_two() {

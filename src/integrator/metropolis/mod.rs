@@ -194,6 +194,7 @@ impl Metropolis {
             weights: vec![1.0; count],
             mean: 1.0,
         };
+        // It decides how samples are weighed, not what they add up to: a quarter is enough.
         let samples = (self.counts(frame).1 / 4).max(BOOTSTRAP.0 as u32);
         let found: Vec<Vec<Splat>> = {
             let pass = Pass {
