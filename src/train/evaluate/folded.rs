@@ -30,8 +30,11 @@ struct FoldedEvent {
 pub(in crate::train) struct Folded {
     /// Lists of the events, all of them long.
     lists: RoughnessLists,
-    /// Number of samples and events, by pixel.
-    pixels: Vec<(f64, Vec<FoldedEvent>)>,
+    /// The events, pixel by pixel: in one list, since small ones of every pixel scatter over the memory that recordings
+    /// leave again.
+    events: Vec<FoldedEvent>,
+    /// Number of samples and range of the events, by pixel.
+    pixels: Vec<(f64, Range<usize>)>,
     /// Table of the tangent.
     anchor: Option<AttenuationTable>,
     /// Moments at the anchor.
@@ -115,31 +118,34 @@ impl Folded {
         for (code, of_all) in (0u32..).zip(all) {
             place[of_all as usize] = Some(code);
         }
+        let code_of = |event: &StoredEvent| place[event.code as usize];
+        let count = (recording.events.iter()).filter(|event| code_of(event).is_some());
+        let mut events = Vec::with_capacity(count.count());
         let pixels = (recording.pixels.iter())
             .map(|pixel| {
-                let mut folded = Vec::new();
+                let start = events.len();
                 for path in &pixel.paths {
                     for &(mut event) in recording.events_of(path) {
-                        if let Some(code) = place[event.code as usize] {
+                        if let Some(code) = code_of(&event) {
                             event.code = code;
                             let constant = path.constant;
-                            folded.push(FoldedEvent { constant, event });
+                            events.push(FoldedEvent { constant, event });
                         }
                     }
                 }
-                (f64::from(pixel.samples.max(1)), folded)
+                (f64::from(pixel.samples.max(1)), start..events.len())
             })
             .collect();
         Self {
             lists,
+            events,
             pixels,
             ..Self::default()
         }
     }
 
     pub(in crate::train) fn bytes(&self) -> usize {
-        let events: usize = self.pixels.iter().map(|p| p.1.len()).sum();
-        events * size_of::<FoldedEvent>() + self.jacobian.len() * size_of::<(u32, [u16; 4])>()
+        size_of_val(self.events.as_slice()) + self.jacobian.len() * size_of::<(u32, [u16; 4])>()
     }
 
     /// Number of derivatives.
@@ -155,7 +161,7 @@ impl Folded {
     }
 
     fn is_empty(&self) -> bool {
-        self.pixels.iter().all(|p| p.1.is_empty())
+        self.events.is_empty()
     }
 
     /// Evaluates all events and their derivatives at `table`.
@@ -165,7 +171,8 @@ impl Folded {
         }
         let alphas = self.lists.alphas_with_gradient(table);
         let evaluated: Vec<FoldedPixel> = (self.pixels.par_iter())
-            .map_init(Scratch::default, |scratch, (samples, events)| {
+            .map_init(Scratch::default, |scratch, (samples, range)| {
+                let events = &self.events[range.clone()];
                 let mut sum = [0.0; 4];
                 let mut buffer = std::mem::take(&mut scratch.buffer);
                 alphas.prefetch(events.iter().map(|e| e.event.code), &mut buffer);
@@ -252,7 +259,8 @@ impl Folded {
         }
         let alphas = self.lists.alphas(table);
         let sums: Vec<[f64; 4]> = (self.pixels.par_iter())
-            .map_init(Vec::new, |of_events, (samples, events)| {
+            .map_init(Vec::new, |of_events, (samples, range)| {
+                let events = &self.events[range.clone()];
                 let mut sum = [0.0; 4];
                 // In a loop of its own for the same reason as `ListAlphas::prefetch`.
                 of_events.clear();

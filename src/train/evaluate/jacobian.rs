@@ -120,6 +120,14 @@ impl Jacobian {
         }
     }
 
+    /// No elements, with memory for `count`.
+    pub(in crate::train) fn with_capacity(count: usize) -> Self {
+        Self {
+            pixels: Vec::with_capacity(count),
+            values: Vec::with_capacity(count),
+        }
+    }
+
     /// Appends a zero element for a pixel.
     pub(in crate::train) fn push(&mut self, pixel: u32) {
         self.pixels.push(pixel);
