@@ -12,7 +12,7 @@
 //! roughnesses in proportion, and nothing outside this file knows of two.
 
 use super::lobes::{above, finish, mirror};
-use super::{Bsdf, BsdfSample, DELTA_ALPHA, Distribution, Glossy, Lobe, LobeQuery};
+use super::{Bsdf, BsdfSample, DELTA_ALPHA, Distribution, Glossy, Lobe, LobeNumbers, LobeQuery};
 use crate::math::frame::tan2_theta;
 use crate::math::{Rgb, Vec2, Vec3};
 
@@ -177,9 +177,14 @@ impl Anisotropic {
     /// Direction and lobe of a sample.
     #[cold]
     #[inline(never)]
-    pub(super) fn direction_of(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
+    pub(super) fn direction_of(
+        &self,
+        alpha: f32,
+        wo: Vec3,
+        u: impl LobeNumbers,
+    ) -> Option<(Vec3, Lobe)> {
         let lobe = self.isotropic();
-        if alpha < DELTA_ALPHA || u[0] >= lobe.glossy_probability(wo.z.abs()) {
+        if alpha < DELTA_ALPHA || u.uniform()[0] >= lobe.glossy_probability(wo.z.abs()) {
             return lobe.direction(alpha, wo, u);
         }
         let side = wo.z;
@@ -191,7 +196,7 @@ impl Anisotropic {
         let turned = Self::turned(direction, wo);
         // Normals that w̃ sees in the isotropic distribution are, stretched, those that w sees in this one.
         let wide = Vec3::new(turned.x * x, turned.y * y, turned.z);
-        let h = (self.distribution).sample_visible(alpha, wide, [u[1], u[2]]);
+        let h = (self.distribution).sample_visible(alpha, wide, u);
         let back = Vec2::new(direction.x, -direction.y);
         let h = Self::turned(back, Vec3::new(h.x * x, h.y * y, h.z));
         let wi = mirror(wo, h);

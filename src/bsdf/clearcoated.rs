@@ -14,7 +14,9 @@
 
 use super::fresnel::schlick;
 use super::{Anisotropic, ThinDielectric};
-use super::{Bsdf, BsdfSample, Dielectric, Diffuse, Distribution, Glossy, Lobe, LobeQuery};
+use super::{
+    Bsdf, BsdfSample, Dielectric, Diffuse, Distribution, Glossy, Lobe, LobeNumbers, LobeQuery,
+};
 use crate::math::{Rgb, Vec3};
 
 /// Reflectance of the coat at normal incidence: that of index 1.5.
@@ -118,7 +120,12 @@ impl Clearcoated {
 
     #[cold]
     #[inline(never)]
-    pub(super) fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
+    pub(super) fn direction(
+        &self,
+        alpha: f32,
+        wo: Vec3,
+        u: impl LobeNumbers,
+    ) -> Option<(Vec3, Lobe)> {
         self.base().direction(alpha, wo, u)
     }
 

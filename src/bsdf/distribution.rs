@@ -3,9 +3,10 @@
 //! All formulas use microfacet slopes and tangents of angles. They keep their digits in single precision from α = 1e-3
 //! to 1 and up to grazing angles, where formulas with `1 − cos²` lose every digit.
 
-use super::slope::{open, visible_slope};
+use super::LobeNumbers;
+use super::slope::visible_slope;
 use crate::math::Vec3;
-use crate::math::real::{Dual, Real, SQRT_PI, erf_f64, erf_inverse, scaled_erfc};
+use crate::math::real::{Dual, Real, SQRT_PI, erf_f64, scaled_erfc};
 use std::f32::consts::PI;
 
 /// Distribution of microfacet slopes of a glossy lobe.
@@ -124,25 +125,27 @@ impl Distribution {
     }
 
     /// Samples a normal visible from `wo`, `wo.z` > 0, with density D(h) G1(wo) max(0, wo·h) / cos θ_o per steradian
-    /// `[HeitzDEon14 (2)]`; `u` is uniform in [0, 1)². The result has `z` = 1 in place of unit length, so that small
+    /// `[HeitzDEon14 (2)]`; `u` is uniform in [0, 1)³, of which the last two count. The result has `z` = 1 in place of unit length, so that small
     /// slopes keep their digits.
     #[inline]
-    pub fn sample_visible(self, alpha: f32, wo: Vec3, u: [f32; 2]) -> Vec3 {
+    pub fn sample_visible(self, alpha: f32, wo: Vec3, u: impl LobeNumbers) -> Vec3 {
         let stretched = Vec3::new(alpha * wo.x, alpha * wo.y, wo.z);
+        let quantiles = match self {
+            Self::Beckmann => u.quantiles(),
+            Self::Ggx => {
+                let [_, u, v] = u.uniform();
+                return ggx_normal(stretched, alpha, [u, v]);
+            }
+        };
         let sin = stretched.truncate().length();
         let (cos_phi, sin_phi) = if sin > 0.0 {
             (stretched.x / sin, stretched.y / sin)
         } else {
             (1.0, 0.0)
         };
-        let tan = sin / stretched.z;
-        let (x, y) = match self {
-            Self::Beckmann => (
-                visible_slope(tan, u[0]),
-                erf_inverse(2.0 * open(u[1]) - 1.0),
-            ),
-            Self::Ggx => return ggx_normal(stretched, alpha, u),
-        };
+        // The slope in the plane of incidence, and the one across it.
+        let x = visible_slope(sin / stretched.z, &quantiles);
+        let y = quantiles.across;
         // Slopes of the normal are minus its tangent coordinates.
         let (sx, sy) = (cos_phi * x - sin_phi * y, sin_phi * x + cos_phi * y);
         Vec3::new(-alpha * sx, -alpha * sy, 1.0)
@@ -196,7 +199,7 @@ mod tests {
                 Vec3::new(1.0, 0.0, 1e-6),
             ] {
                 for u in ends.iter().flat_map(|&u| ends.map(|v| [u, v])) {
-                    let h = distribution.sample_visible(0.5, wo.normalize(), u);
+                    let h = distribution.sample_visible(0.5, wo.normalize(), [0.5, u[0], u[1]]);
                     assert!(h.is_finite(), "{distribution:?} {wo} {u:?}: {h}");
                 }
             }

@@ -1,7 +1,7 @@
 //! Lobes of the BSDFs. Local directions, `z` up; opaque BSDFs scatter on both sides.
 
 use super::fresnel::{dielectric, schlick, schlick_average};
-use super::{BsdfSample, DELTA_ALPHA, Distribution, Lobe, LobeQuery};
+use super::{BsdfSample, DELTA_ALPHA, Distribution, Lobe, LobeNumbers, LobeQuery};
 use crate::math::frame::tan2_theta;
 use crate::math::{Rgb, Vec2, Vec3, luminance, warp};
 use std::f32::consts::FRAC_1_PI;
@@ -229,23 +229,26 @@ impl Glossy {
 
     /// Direction and lobe of a sample.
     #[inline]
-    pub(super) fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
+    pub(super) fn direction(
+        &self,
+        alpha: f32,
+        wo: Vec3,
+        u: impl LobeNumbers,
+    ) -> Option<(Vec3, Lobe)> {
+        let [choice, x, y] = u.uniform();
         let side = wo.z;
         let wo = above(side, wo);
         if wo.z <= 0.0 {
             return None;
         }
-        if u[0] >= self.glossy_probability(wo.z) {
-            let wi = warp::cosine_hemisphere(Vec2::new(u[1], u[2]));
+        if choice >= self.glossy_probability(wo.z) {
+            let wi = warp::cosine_hemisphere(Vec2::new(x, y));
             return Some((above(side, wi), Lobe::Diffuse));
         }
         let wi = if alpha < DELTA_ALPHA {
             Vec3::new(-wo.x, -wo.y, wo.z)
         } else {
-            mirror(
-                wo,
-                self.distribution.sample_visible(alpha, wo, [u[1], u[2]]),
-            )
+            mirror(wo, self.distribution.sample_visible(alpha, wo, u))
         };
         (wi.z > 0.0).then(|| (above(side, wi), Lobe::Reflection))
     }
@@ -326,7 +329,13 @@ impl Dielectric {
 
     /// Direction and lobe of a sample.
     #[inline]
-    pub(super) fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
+    pub(super) fn direction(
+        &self,
+        alpha: f32,
+        wo: Vec3,
+        u: impl LobeNumbers,
+    ) -> Option<(Vec3, Lobe)> {
+        let [choice, ..] = u.uniform();
         if self.is_matched() {
             return Some((-wo, Lobe::Transmission));
         }
@@ -340,7 +349,7 @@ impl Dielectric {
         let h = if smooth {
             Vec3::Z
         } else {
-            self.distribution.sample_visible(alpha, wo, [u[1], u[2]])
+            self.distribution.sample_visible(alpha, wo, u)
         };
         let h = h.normalize();
         let cos = wo.dot(h);
@@ -348,7 +357,7 @@ impl Dielectric {
             return None;
         }
         let f = dielectric(cos.min(1.0), eta);
-        if u[0] < f {
+        if choice < f {
             let wi = if smooth {
                 Vec3::new(-wo.x, -wo.y, wo.z)
             } else {
@@ -412,7 +421,13 @@ impl ThinDielectric {
 
     /// Direction and lobe of a sample.
     #[inline]
-    pub(super) fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
+    pub(super) fn direction(
+        &self,
+        alpha: f32,
+        wo: Vec3,
+        u: impl LobeNumbers,
+    ) -> Option<(Vec3, Lobe)> {
+        let [choice, ..] = u.uniform();
         let side = wo.z;
         let wo = above(side, wo);
         if wo.z <= 0.0 {
@@ -422,7 +437,7 @@ impl ThinDielectric {
         let h = if smooth {
             Vec3::Z
         } else {
-            self.distribution.sample_visible(alpha, wo, [u[1], u[2]])
+            self.distribution.sample_visible(alpha, wo, u)
         };
         let wi = if smooth {
             Vec3::new(-wo.x, -wo.y, wo.z)
@@ -433,7 +448,7 @@ impl ThinDielectric {
             return None;
         }
         let f = schlick(self.f0, self.f90, (0.5 * (wo + wi).length()).min(1.0));
-        Some(if u[0] < luminance(f) {
+        Some(if choice < luminance(f) {
             (above(side, wi), Lobe::Reflection)
         } else {
             (

@@ -22,12 +22,15 @@ pub mod clearcoated;
 pub mod distribution;
 pub mod fresnel;
 pub mod lobes;
+mod numbers;
 mod slope;
 
 pub use anisotropic::{Anisotropic, anisotropic};
 pub use clearcoated::{Clearcoated, clearcoated};
 pub use distribution::{Distribution, LobeReal};
 pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric, is_matched};
+pub use numbers::{LobeNumbers, SharedNumbers};
+pub use slope::Quantiles;
 
 /// Roughness below which a lobe is a Dirac delta: single precision cannot evaluate a sharper one at grazing angles.
 pub const DELTA_ALPHA: f32 = 1e-3;
@@ -247,25 +250,25 @@ impl Bsdf {
     ///
     /// `None` if the sampled direction lies below the horizon, where `eval` is zero: the estimate stays unbiased.
     #[inline(always)]
-    pub fn sample(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
+    pub fn sample(&self, alpha: f32, wo: Vec3, u: impl LobeNumbers) -> Option<BsdfSample> {
         match self {
             // Most vertices are diffuse: in place, their numbers stay in registers.
-            Self::Diffuse(l) => l.sample(wo, u),
+            Self::Diffuse(l) => l.sample(wo, u.uniform()),
             _ => self.sample_microfacet(alpha, wo, u),
         }
     }
 
     #[inline(never)]
-    fn sample_microfacet(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<BsdfSample> {
+    fn sample_microfacet(&self, alpha: f32, wo: Vec3, u: impl LobeNumbers) -> Option<BsdfSample> {
         let (wi, lobe) = self.direction(alpha, wo, u)?;
         self.complete(alpha, wo, wi, lobe)
     }
 
     /// Direction and lobe of [`Bsdf::sample`] without the work for value and density. It may lie where `eval` is zero.
     #[inline]
-    pub fn direction(&self, alpha: f32, wo: Vec3, u: [f32; 3]) -> Option<(Vec3, Lobe)> {
+    pub fn direction(&self, alpha: f32, wo: Vec3, u: impl LobeNumbers) -> Option<(Vec3, Lobe)> {
         match self {
-            Self::Diffuse(l) => l.sample(wo, u).map(|s| (s.wi, s.lobe)),
+            Self::Diffuse(l) => l.sample(wo, u.uniform()).map(|s| (s.wi, s.lobe)),
             Self::Glossy(l) => l.direction(alpha, wo, u),
             Self::Dielectric(l) => l.direction(alpha, wo, u),
             Self::Thin(l) => l.direction(alpha, wo, u),

@@ -29,27 +29,58 @@ static SPLINE: LazyLock<Box<Coefficients>> = LazyLock::new(fitted);
 
 /// Clamps a uniform number to the open interval (0, 1): quantiles of the Gaussian are infinite at its ends.
 #[inline]
-pub(super) fn open(u: f32) -> f32 {
+fn open(u: f32) -> f32 {
     u.clamp(3e-8, 1.0 - 6e-8)
 }
 
-/// Samples the slope for tan θ = `tan` ≥ 0 with the uniform number `u`.
+/// Quantile w, erf w = 2u − 1, of a uniform number u.
 #[inline]
-pub(super) fn visible_slope(tan: f32, u: f32) -> f32 {
-    let w = erf_inverse(2.0 * open(u) - 1.0);
+fn quantile(u: f32) -> f32 {
+    erf_inverse(2.0 * open(u) - 1.0)
+}
+
+/// What the draw of a visible slope needs of its two uniform numbers, whatever direction and roughness.
+#[derive(Clone, Copy, Debug)]
+pub struct Quantiles {
+    /// Weights of the four coefficients of the spline from `column` on.
+    along: Vec4,
+    column: u32,
+    /// Quantile of the first number: the slope along the plane of incidence at normal incidence.
+    w: f32,
+    /// Quantile of the second: the slope across it, at unit roughness.
+    pub(super) across: f32,
+}
+
+impl Quantiles {
+    /// Those of numbers in [0, 1].
+    #[inline]
+    pub(super) fn of(u: [f32; 2]) -> Self {
+        let [w, across] = u.map(quantile);
+        let place = (w + WIDEST as f32) * ((COLUMNS - 1) as f32 / (2.0 * WIDEST as f32));
+        let column = (place as u32).min(COLUMNS as u32 - 2);
+        Self {
+            along: weights(place - column as f32),
+            column,
+            w,
+            across,
+        }
+    }
+}
+
+/// Samples the slope for tan θ = `tan` ≥ 0.
+#[inline]
+pub(super) fn visible_slope(tan: f32, quantiles: &Quantiles) -> f32 {
     let s = 1.0 - 1.0 / (1.0 + tan);
     let row = s * (ROWS - 1) as f32;
-    let column = (w + WIDEST as f32) * ((COLUMNS - 1) as f32 / (2.0 * WIDEST as f32));
     let i = (row as usize).min(ROWS - 2);
-    let j = (column as usize).min(COLUMNS - 2);
-    let along = weights(column - j as f32);
+    let j = quantiles.column as usize;
     let across = weights(row - i as f32).to_array();
     let spline = &**SPLINE;
     let mut sum = Vec4::ZERO;
     for (k, weight) in across.into_iter().enumerate() {
         sum += weight * Vec4::from_slice(&spline[i + k][j..j + 4]);
     }
-    (w + sum.dot(along)).min(1.0 / tan)
+    (quantiles.w + sum.dot(quantiles.along)).min(1.0 / tan)
 }
 
 /// Values of the four cubic B-splines at this fraction of a cell.
@@ -165,7 +196,7 @@ mod tests {
                 // Evenly spaced, and denser towards both ends.
                 let t = i as f32 / 2000.0;
                 for u in [t, 1e-4 * t, 1.0 - 1e-4 * t] {
-                    let x = visible_slope(tan, u);
+                    let x = visible_slope(tan, &Quantiles::of([u, 0.5]));
                     assert!(x <= 1.0 / tan, "{tan} {u}: {x} is not visible");
                     let error = integral(x.into(), tan.into()) / whole - f64::from(open(u));
                     worst = worst.max(error.abs());
@@ -181,9 +212,10 @@ mod tests {
     fn visible_slope_at_normal_and_at_grazing_incidence() {
         for u in [0.001, 0.01, 0.3, 0.5, 0.9, 0.999] {
             let normal = erf_inverse(2.0 * u - 1.0);
-            assert!((visible_slope(0.0, u) - normal).abs() < 1e-6);
+            let quantiles = Quantiles::of([u, 0.5]);
+            assert!((visible_slope(0.0, &quantiles) - normal).abs() < 1e-6);
             let grazing = -(-u.ln()).sqrt();
-            let far = (visible_slope(f32::INFINITY, u) - grazing).abs();
+            let far = (visible_slope(f32::INFINITY, &quantiles) - grazing).abs();
             assert!(far < 1e-4, "{u}: {far}");
         }
     }

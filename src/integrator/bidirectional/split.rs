@@ -20,7 +20,7 @@
 
 use super::Iteration;
 use super::vertex::Vertex;
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, SharedNumbers};
 use crate::integrator::walk::roughening::roughen;
 use crate::integrator::walk::shading_point::ShadingPoint;
 use crate::math::{Rgb, Vec3, luminance};
@@ -322,6 +322,7 @@ impl<'a> Iteration<'a> {
             throughput: vertex.throughput * h,
             bodies: &vertex.bodies,
         };
-        point.direct_light(u.light, &mut ()) + point.roughened_emission(u.lobe, &mut ())
+        let lobe = SharedNumbers::new(u.lobe);
+        point.direct_light(u.light, &mut ()) + point.roughened_emission(&lobe, &mut ())
     }
 }

@@ -1,7 +1,7 @@
 //! The guided path: the loop of the path tracer, with directions drawn from the BSDF or the guide.
 
 use super::field::{Field, Leaf, Record};
-use crate::bsdf::{BsdfSample, Lobe};
+use crate::bsdf::{BsdfSample, Lobe, SharedNumbers};
 use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::integrator::walk::dispersion::Channel;
 use crate::integrator::walk::observer::PathObserver;
@@ -44,7 +44,7 @@ impl Mixture<'_> {
     fn sample(
         &self,
         point: &ShadingPoint<'_>,
-        lobe: [f32; 3],
+        lobe: &SharedNumbers,
         u: [f32; 4],
     ) -> Option<(Continuation, [f32; 2])> {
         let Some(region) = self.region else {
@@ -233,6 +233,7 @@ impl<R: Roughening> GuidedTracer<R> {
 
             // ── the vertex
             let u = sampler.vertex();
+            let lobe = SharedNumbers::new(u.lobe);
             let v: [f32; 4] = std::array::from_fn(|_| sampler.next_1d());
             let mut bsdf = channel.bsdf(scene, &mut surface, u.material, &mut throughput);
             bodies.interface(scene, &mut surface, ray.dir, &mut bsdf);
@@ -273,7 +274,7 @@ impl<R: Roughening> GuidedTracer<R> {
             if roughened_training && let Some(training) = training.as_deref_mut() {
                 let rough = ShadingPoint { alpha_reg, ..point };
                 training.found(rough.direct_light(u.light, &mut ()));
-                training.found(rough.roughened_emission(u.lobe, &mut ()));
+                training.found(rough.roughened_emission(&lobe, &mut ()));
             }
 
             // ── next-event estimation
@@ -285,7 +286,7 @@ impl<R: Roughening> GuidedTracer<R> {
             };
             observer.light(n, direct);
             if roughened {
-                let found = point.roughened_emission(u.lobe, observer);
+                let found = point.roughened_emission(&lobe, observer);
                 observer.light(n, found);
                 direct += found;
             }
@@ -295,7 +296,7 @@ impl<R: Roughening> GuidedTracer<R> {
             }
 
             // ── the continuation, and emission found by it
-            let Some((next, pdfs)) = mixture.sample(&point, u.lobe, v) else {
+            let Some((next, pdfs)) = mixture.sample(&point, &lobe, v) else {
                 break;
             };
             emission = if roughened {

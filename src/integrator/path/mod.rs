@@ -17,7 +17,7 @@ use super::walk::pending_emission::PendingEmission;
 use super::walk::roughening::{remember, roughen};
 use super::walk::roulette;
 use super::walk::shading_point::ShadingPoint;
-use crate::bsdf::Lobe;
+use crate::bsdf::{Lobe, SharedNumbers};
 use crate::math::{Ray, Rgb};
 use crate::regularise::Roughening;
 use crate::sampler::Sampler;
@@ -139,11 +139,12 @@ impl<R: Roughening> PathTracer<R> {
             // ── the continuation, and emission found by the BSDF at α′
             let roughened = R::ACTIVE && point.is_roughened();
             let reused = roughened && self.reuse;
-            let next = point.sample(if reused { point.alpha_reg } else { alpha }, u.lobe);
+            let lobe = SharedNumbers::new(u.lobe);
+            let next = point.sample(if reused { point.alpha_reg } else { alpha }, &lobe);
             let diffuse = (next.as_ref()).is_some_and(|next| next.sample.lobe == Lobe::Diffuse);
             let shared = !roughened || reused || diffuse;
             if !shared {
-                let found = point.roughened_emission(u.lobe, observer);
+                let found = point.roughened_emission(&lobe, observer);
                 observer.light(n, found);
                 total += found;
             }

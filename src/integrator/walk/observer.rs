@@ -5,7 +5,7 @@
 //! [`Event`]s.
 
 use super::shading_point::ShadingPoint;
-use crate::bsdf::{Lobe, LobeQuery};
+use crate::bsdf::{Lobe, LobeQuery, SharedNumbers};
 use crate::math::{Rgb, UVec2};
 
 /// The technique that found an emitter.
@@ -64,7 +64,7 @@ pub trait PathObserver {
     /// A roughened lobe was sampled, with these numbers, by a ray of its own; an observer may draw from it
     /// [again](ShadingPoint::lobe_event).
     #[inline]
-    fn roughened(&mut self, _point: &ShadingPoint<'_>, _u: [f32; 3]) {}
+    fn roughened(&mut self, _point: &ShadingPoint<'_>, _u: &SharedNumbers) {}
     /// The path continues by this lobe.
     #[inline]
     fn sampled(&mut self, _lobe: Lobe) {}

@@ -3,7 +3,7 @@
 use super::bodies::EnclosingBodies;
 use super::observer::{Event, PathObserver, Technique};
 use super::pending_emission::PendingEmission;
-use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, LobeQuery};
+use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, LobeNumbers, LobeQuery, SharedNumbers};
 use crate::math::measure::balance;
 use crate::math::{Frame, Rgb, Vec3};
 use crate::sampler::LightU;
@@ -179,7 +179,11 @@ impl ShadingPoint<'_> {
 
     /// Step 3: a direction drawn from the BSDF at roughness `alpha`; `None` where the path ends.
     #[inline(always)]
-    pub(in crate::integrator) fn sample(&self, alpha: f32, u: [f32; 3]) -> Option<Continuation> {
+    pub(in crate::integrator) fn sample(
+        &self,
+        alpha: f32,
+        u: impl LobeNumbers,
+    ) -> Option<Continuation> {
         let sample = self.bsdf.sample(alpha, self.wo, u)?;
         let wi = self.world(sample.wi)?;
         Some(Continuation { wi, sample })
@@ -231,7 +235,7 @@ impl ShadingPoint<'_> {
     #[inline]
     pub(in crate::integrator) fn roughened_emission<O: PathObserver>(
         &self,
-        u: [f32; 3],
+        u: &SharedNumbers,
         observer: &mut O,
     ) -> Rgb {
         let found = self.find_emission(self.alpha_reg, u);
@@ -256,7 +260,7 @@ impl ShadingPoint<'_> {
 
     /// Emission at the end of a direction that is drawn from the lobe at roughness `alpha`, found with a ray of its own.
     #[inline]
-    fn find_emission(&self, alpha: f32, u: [f32; 3]) -> Option<FoundEmission> {
+    fn find_emission(&self, alpha: f32, u: &SharedNumbers) -> Option<FoundEmission> {
         let (local, lobe) = self.bsdf.direction(alpha, self.wo, u)?;
         let wi = self.world(local).filter(|wi| !self.is_dark(*wi))?;
         let (emission, transmittance) = self.emission_towards(wi)?;
@@ -281,7 +285,7 @@ impl ShadingPoint<'_> {
     /// Draws a direction from the lobe at roughness `alpha` with the numbers `u`: the event at the end of its ray, if that
     /// meets an emitter. The picture does not count it.
     #[inline]
-    pub fn lobe_event(&self, alpha: f32, u: [f32; 3]) -> Option<Event> {
+    pub fn lobe_event(&self, alpha: f32, u: &SharedNumbers) -> Option<Event> {
         self.found_event(&self.find_emission(alpha, u)?)
     }
 }

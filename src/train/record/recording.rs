@@ -1,5 +1,6 @@
 //! Recordings: for every path of a crop a constant and the events that depend on the table.
 
+use crate::bsdf::SharedNumbers;
 use crate::image::film::Window;
 use crate::integrator::{Event, PathObserver, Recorder, ShadingPoint, Technique};
 use crate::math::{Rgb, UVec2};
@@ -246,7 +247,7 @@ impl PathObserver for Tape {
         }
     }
 
-    fn roughened(&mut self, point: &ShadingPoint<'_>, u: [f32; 3]) {
+    fn roughened(&mut self, point: &ShadingPoint<'_>, u: &SharedNumbers) {
         if self.drawn.is_none() {
             return;
         }
