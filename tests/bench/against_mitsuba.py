@@ -149,7 +149,7 @@ def write_ply(path, p, n, index):
     open(path, "wb").write(header.encode() + np.hstack([p, n]).astype("<f4").tobytes() + faces)
 
 
-def mitsuba_scene(folder, parts):
+def mitsuba_scene(folder, parts, sampler="independent"):
     rgb = lambda v: {"type": "rgb", "value": v}
     to_world = mi.ScalarTransform4f().look_at(origin=[0, 0, CAMERA_Z], target=[0, 0, 0], up=[0, 1, 0])
     scene = {
@@ -157,6 +157,7 @@ def mitsuba_scene(folder, parts):
         "integrator": {"type": "path", "max_depth": VERTICES + 1, "rr_depth": 5},
         "sensor": {
             "type": "perspective", "fov": math.degrees(FOV_Y), "fov_axis": "y", "to_world": to_world,
+            "sampler": {"type": sampler},
             "film": {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"},
                      "component_format": "float32"},
         },

@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
-"""Camera paths that a CPU-second buys in opsr and in every other renderer that is installed, in turns, in one run; then rays
-of opsr beside Embree's.
+"""Camera paths that a CPU-second buys in opsr and in every other renderer that is installed, in turns, in one run, and CPU time
+to the same noise; then rays of opsr beside Embree's.
 
-    pip install numpy mitsuba bpy pyluxcore embreex
+    pip install numpy OpenEXR mitsuba bpy pyluxcore embreex
     cargo build --release
     python3 tests/bench/peers.py target/release/opsr
 
 What is missing is named and left out. SPP and TURNS are taken from the environment (64, 5). The boxes are those of
 against_mitsuba.py, with the same triangles, depth and lights everywhere; Cycles and LuxCore have no Beckmann distribution and
 take theirs. Each render is a process of its own; the CPU time of one with a sample less than two is taken off, so that
-loading, compiling and writing do not count. Mean radiances stand beside, to see that the work was the same. Not part of the
-automatic tests: it needs minutes.
+loading, compiling and writing do not count. Noise is the variance between the turns over the squared mean picture plus 0.01,
+mean over channels and pixels but the worst 0.1 %. Mean radiances stand beside, to see that the work was the same. Not part of
+the automatic tests: it needs minutes.
 """
 
 import glob
@@ -40,14 +41,22 @@ def opsr(program, folder, parts, spp, seed, *options):
          str(seed), "--progress", "none", "-o", os.path.join(folder, "opsr.exr"), *options], check=True)
 
 
-def mitsuba(folder, parts, spp, seed, lanes):
+def read(path):
+    import OpenEXR
+
+    with OpenEXR.File(path, separate_channels=True) as file:
+        channels = file.channels()
+        return np.stack([channels[name].pixels.astype(float) for name in "RGB"], -1)
+
+
+def mitsuba(folder, parts, spp, seed, lanes, sampler="independent"):
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
     if lanes == 8:
         boxes.hold_to_avx2()
-    scene = boxes.mitsuba_scene(folder, parts)
-    return np.array(mi.render(scene, spp=spp, seed=seed))[..., :3].mean()
+    scene = boxes.mitsuba_scene(folder, parts, sampler)
+    return np.array(mi.render(scene, spp=spp, seed=seed))[..., :3]
 
 
 def cycles(folder, parts, spp, seed):
@@ -105,8 +114,8 @@ def cycles(folder, parts, spp, seed):
     scene.camera.location = (0, 0, CAMERA_Z)
     scene.collection.objects.link(scene.camera)
     bpy.ops.render.render(write_still=True)
-    pixels = np.array(bpy.data.images.load(render.filepath).pixels).reshape(-1, 4)
-    return pixels[:, :3].mean()
+    pixels = np.array(bpy.data.images.load(render.filepath).pixels)
+    return pixels.reshape(SIZE, SIZE, 4)[..., :3]
 
 
 def luxcore(folder, parts, spp, seed, engine):
@@ -162,13 +171,14 @@ def luxcore(folder, parts, spp, seed, engine):
     session.Stop()
     pixels = np.zeros((SIZE, SIZE, 3), np.float32)
     session.GetFilm().GetOutputFloat(lux.FilmOutputType.RGB_IMAGEPIPELINE, pixels, 0)
-    return pixels.mean()
+    return pixels
 
 
 # Name: package, what renders.
 PEERS = {
     "Mitsuba, 16 lanes": ("mitsuba", lambda *args: mitsuba(*args, 16)),
     "Mitsuba, 8 lanes": ("mitsuba", lambda *args: mitsuba(*args, 8)),
+    "Mitsuba, 16 lanes, multijitter": ("mitsuba", lambda *args: mitsuba(*args, 16, "multijitter")),
     "Cycles": ("bpy", cycles),
     "LuxCore PATHCPU": ("pyluxcore", lambda *args: luxcore(*args, "PATHCPU")),
     "LuxCore BIDIRCPU": ("pyluxcore", lambda *args: luxcore(*args, "BIDIRCPU")),
@@ -180,18 +190,26 @@ OURS = {
 
 
 def run(program, who, name, spp, seed):
-    """CPU seconds of a render, and its mean radiance where the peer gives one."""
+    """CPU seconds of a render, and its picture."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    if who in OURS:
-        with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder:
+        if who in OURS:
             opsr(program, folder, SCENES[name], spp, seed, *OURS[who])
-        mean = None
-    else:
-        child = [sys.executable, __file__, "--render", who, name, str(spp), str(seed)]
-        made = subprocess.run(child, check=True, capture_output=True, text=True)
-        mean = float(made.stdout.split()[-1])
+            picture = read(os.path.join(folder, "opsr.exr"))
+        else:
+            file = os.path.join(folder, "picture.npy")
+            child = [sys.executable, __file__, "--render", who, name, str(spp), str(seed), file]
+            subprocess.run(child, check=True, capture_output=True, text=True)
+            picture = np.load(file)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, mean
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, picture
+
+
+def noise(pictures):
+    """Relative variance of renders that differ in the seed, without the worst pixels."""
+    pictures = np.array(pictures, float)
+    relative = pictures.var(0, ddof=1) / (pictures.mean(0) ** 2 + 0.01)
+    return np.sort(relative.mean(-1), None)[:-max(1, SIZE * SIZE // 1000)].mean()
 
 
 def processor():
@@ -220,9 +238,9 @@ def embree():
 
 def main():
     if sys.argv[1:2] == ["--render"]:
-        who, name, spp, seed = sys.argv[2:]
+        who, name, spp, seed, file = sys.argv[2:]
         with tempfile.TemporaryDirectory() as folder:
-            print("\n", PEERS[who][1](folder, SCENES[name], int(spp), int(seed)), flush=True)
+            np.save(file, PEERS[who][1](folder, SCENES[name], int(spp), int(seed)))
         # Some packages crash when the interpreter takes them apart.
         os._exit(0)
     program = os.path.abspath(sys.argv[1] if len(sys.argv) > 1 else "target/release/opsr")
@@ -242,19 +260,21 @@ def main():
             except subprocess.CalledProcessError as error:
                 print(f"left out, it fails: {who}: {(error.stderr or '').strip().splitlines()[-1:]}")
                 there.remove(who)
-        seconds, means = {who: [] for who in there}, {who: [] for who in there}
+        seconds, pictures = {who: [] for who in there}, {who: [] for who in there}
         for turn in range(turns):
             for who in there:
-                cost, mean = run(program, who, name, spp, turn)
+                cost, picture = run(program, who, name, spp, turn)
                 seconds[who].append(cost - start[who])
-                means[who].append(mean)
+                pictures[who].append(picture)
+        # CPU seconds for a noise of 1.
+        to_noise = {who: noise(pictures[who]) * statistics.median(seconds[who]) for who in there}
         print(f"{name}, {SIZE} x {SIZE}, {spp} samples, medians of {turns} turns")
         for who in there:
             ratios = [a / b for a, b in zip(seconds[who], seconds["opsr"])]
             rate = (spp - 1) * SIZE * SIZE / 1e6 / statistics.median(seconds[who])
-            mean = "" if means[who][0] is None else f", mean {statistics.mean(means[who]):.4f}"
             print(f"  {who}: {rate:.3f} million paths per CPU-second, opsr {statistics.median(ratios):.2f} "
-                  f"({min(ratios):.2f} to {max(ratios):.2f}) times as fast{mean}", flush=True)
+                  f"({min(ratios):.2f} to {max(ratios):.2f}) times as fast; to the same noise "
+                  f"{to_noise[who] / to_noise['opsr']:.2f}; mean {np.mean(pictures[who]):.4f}", flush=True)
     embree()
 
 
