@@ -103,7 +103,7 @@ plant "a clear coat dims its base by one side" src/bsdf/clearcoated.rs \
 plant "a brushed lobe without its change of measure" src/bsdf/anisotropic.rs \
     's/query\.pdf_scale \*= factor;//' anisotropy::anisotropic_value_and_pdf_are_those_of_two_roughnesses
 plant "slopes of the isotropic Gaussian" src/bsdf/slope.rs \
-    's/\(w \+ sum\.dot\(along\)\)/w/' bsdf::chi_square_of_sample_against_pdf
+    's/\(quantiles\.w \+ sum\.dot\(quantiles\.along\)\)/quantiles.w/' bsdf::chi_square_of_sample_against_pdf
 
 plant "Sobol points that are not scrambled" src/sampler/sobol.rs \
     's/scramble\(digits\[d\], seeds\[d\]\)/digits[d]/' lib::sampler::sobol::tests::chi_square_of_one_sample_over_sequences
