@@ -2,7 +2,9 @@
 
 use crate::geometry::rng;
 use crate::support::{assert_likely, holds};
-use opsr::bsdf::{Bsdf, BsdfSample, DELTA_ALPHA, Diffuse, Distribution, Glossy, Lobe};
+use opsr::bsdf::{
+    Bsdf, BsdfSample, DELTA_ALPHA, Diffuse, Distribution, Glossy, Lobe, SharedNumbers,
+};
 use opsr::math::{DVec3, Rgb, Vec3};
 use opsr::verify::bsdfs::{DISTRIBUTIONS, at, extremes, kinds, metal};
 use opsr::verify::density::DensityTest;
@@ -185,6 +187,12 @@ fn sample_is_direction_and_completion_with_the_value_of_eval() {
                     let u = numbers(&mut rng);
                     let sample = bsdf.sample(alpha, wo, u);
                     let drawn = bsdf.direction(alpha, wo, u);
+                    // Draws that share their numbers, of another roughness first.
+                    let shared = SharedNumbers::new(u);
+                    for alpha in [0.3, alpha] {
+                        let alone = bsdf.direction(alpha, wo, u);
+                        assert_eq!(bsdf.direction(alpha, wo, &shared), alone, "{name}");
+                    }
                     let again = drawn.and_then(|(wi, lobe)| bsdf.complete(alpha, wo, wi, lobe));
                     assert_eq!(format!("{sample:?}"), format!("{again:?}"), "{name}");
                     let Some(s) = sample.filter(|s| !s.delta) else {
