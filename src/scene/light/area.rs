@@ -40,8 +40,8 @@ pub(super) struct AreaLights {
     pdf_a: Vec<f32>,
     /// Place in `triangles` of each triangle of the scene; empty where power alone decides.
     places: Vec<u32>,
-    /// Tree over the emissive triangles alone, and a ball around them.
-    tree: Option<(Ball, Accel)>,
+    /// Tree over the emissive triangles alone, and what is around them.
+    tree: Option<(Around, Accel)>,
     /// The scene's materials, in its order.
     materials: Vec<Material>,
     /// True for each of them that emits: few, while the densities of all triangles may be far away in memory.
@@ -70,29 +70,52 @@ struct EmissiveTriangle {
     material: u32,
 }
 
-/// A ball with emissive triangles inside, to refuse at once most rays that meet none.
-struct Ball {
+/// A ball and a box with emissive triangles inside, to refuse at once most rays that meet none: the ball those that pass far
+/// away, and the box, which is flat around a flat lamp, most of the others.
+struct Around {
     centre: Vec3,
     radius: f32,
+    low: Vec3,
+    high: Vec3,
 }
 
-impl Ball {
-    fn around((low, high): (Vec3, Vec3)) -> Self {
+impl Around {
+    fn new((low, high): (Vec3, Vec3)) -> Self {
         Self {
             centre: 0.5 * (low + high),
             radius: 0.5 * low.distance(high),
+            low,
+            high,
         }
     }
 
-    /// False only if a ray passes by; rounding errors count as meeting the ball.
+    /// False only if a ray passes by; rounding errors count as a meeting.
     #[inline]
     fn may_meet(&self, ray: &Ray) -> bool {
+        self.may_meet_ball(ray) && self.may_meet_box(ray)
+    }
+
+    #[inline]
+    fn may_meet_ball(&self, ray: &Ray) -> bool {
         let to = self.centre - ray.origin;
         // Of the squares below, and of the differences above.
         let slack = 1e-5 * (to.length_squared() + self.centre.length_squared());
         let far = to.length_squared() - self.radius * self.radius - slack;
         let along = to.dot(ray.dir);
         !(far > 0.0 && (along < 0.0 || far > along * along))
+    }
+
+    #[inline]
+    fn may_meet_box(&self, ray: &Ray) -> bool {
+        let inv = ray.dir.recip();
+        let (a, b) = (
+            (self.low - ray.origin) * inv,
+            (self.high - ray.origin) * inv,
+        );
+        // Three roundings and one to spare. NaN, of a ray in the plane of a side, is no bound.
+        let enter = a.min(b).max_element() * (1.0 - 2.0 * f32::EPSILON);
+        let leave = a.max(b).min_element() * (1.0 + 2.0 * f32::EPSILON);
+        !(enter > leave || leave < 0.0)
     }
 }
 
@@ -132,7 +155,7 @@ impl AreaLights {
         let corners = |k: u32| geometry.triangle(emissive[k as usize].triangle);
         let tree = (geometry.has_tree()).then(|| {
             let tree = Accel::over(emissive.len(), corners);
-            (Ball::around(tree.bounds()), tree)
+            (Around::new(tree.bounds()), tree)
         });
         Self {
             pdf_a: vec![0.0; geometry.single()],
@@ -313,7 +336,7 @@ impl AreaLights {
     /// The closest emissive triangle along a ray.
     #[inline]
     pub(super) fn closest(&self, ray: &Ray) -> Option<Hit> {
-        let (_, tree) = (self.tree.as_ref()).filter(|(ball, _)| ball.may_meet(ray))?;
+        let (_, tree) = (self.tree.as_ref()).filter(|(around, _)| around.may_meet(ray))?;
         let hit = tree.closest(ray)?;
         Some(Hit {
             triangle: self.triangles[hit.triangle as usize].triangle,
@@ -327,24 +350,36 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ball_is_met_by_every_ray_to_a_point_of_it() {
-        let mut refused = 0;
+    fn bounds_are_met_by_every_ray_to_a_point_of_them() {
+        let (mut backwards, mut flat) = (0, 0);
         for k in 0..20_000u32 {
             let u = |m: u32| 2.0 * (k.wrapping_mul(m) >> 8) as f32 / 16_777_216.0 - 1.0;
             let v = |m: u32| Vec3::new(u(m), u(m.rotate_left(7) | 1), u(m.rotate_left(13) | 1));
             let size = 10f32.powf(6.0 * u(2_654_435_761));
-            let (centre, radius) = (v(2_246_822_519), 0.5 * (1.0 + u(3_266_489_917)));
-            let ball = Ball {
-                centre: size * centre,
-                radius: size * radius,
-            };
+            let (p, mut q) = (size * v(2_246_822_519), size * v(3_266_489_917));
+            // Every other one is as flat as a lamp.
+            let axis = k as usize / 2 % 3;
+            if k % 2 == 0 {
+                q[axis] = p[axis];
+            }
+            let around = Around::new((p.min(q), p.max(q)));
             let origin = 10.0 * size * v(668_265_263);
-            let point = ball.centre + ball.radius * v(374_761_393).normalize();
-            let ray = Ray::new(origin, (point - origin).normalize());
-            assert!(ball.may_meet(&ray), "{k}: {ray:?}");
-            let back = Ray::new(origin, -ray.dir);
-            refused += u32::from(!ball.may_meet(&back));
+            let to = |point: Vec3| Ray::new(origin, (point - origin).normalize());
+            let on_ball = to(around.centre + around.radius * v(374_761_393).normalize());
+            assert!(around.may_meet_ball(&on_ball), "{k}: {on_ball:?}");
+            let at = 0.5 + 0.499 * v(374_761_393);
+            let in_box = to(around.low + at * (around.high - around.low));
+            assert!(around.may_meet(&in_box), "{k}: {in_box:?}");
+            // In the plane of a side, where a bound is 0 · ∞.
+            let mut along = v(1_013_904_223);
+            along[axis] = 0.0;
+            let inside = around.low + at * (around.high - around.low);
+            let along = Ray::new(inside, along.normalize());
+            assert!(around.may_meet(&along), "{k}: {along:?}");
+            backwards += u32::from(!around.may_meet(&Ray::new(origin, -in_box.dir)));
+            flat += u32::from(around.may_meet_ball(&on_ball) && !around.may_meet(&on_ball));
         }
-        assert!(refused > 15_000, "{refused}");
+        assert!(backwards > 15_000, "{backwards}");
+        assert!(flat > 10_000, "{flat}");
     }
 }
