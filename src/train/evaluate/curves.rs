@@ -105,8 +105,8 @@ impl GridStep {
 /// Mean per channel and second moment at a node, then their derivatives by the coordinate.
 type Knot = [f32; 8];
 
-/// A knot over the scales of its curve, which are its largest numbers: rounding them to half precision moves a curve by
-/// 0.03 % at most, and halves the memory of a training.
+/// A knot over the scales of its curve, which are its largest numbers: rounding to half precision moves a curve by 0.03 % of
+/// them at most, and takes half of the memory.
 type StoredKnot = [f16; 8];
 
 /// The curves of all pixels that depend on one effective factor.
