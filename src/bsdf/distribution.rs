@@ -3,8 +3,8 @@
 //! All formulas use microfacet slopes and tangents of angles. They keep their digits in single precision from α = 1e-3
 //! to 1 and up to grazing angles, where formulas with `1 − cos²` lose every digit.
 
-use super::LobeNumbers;
 use super::slope::visible_slope;
+use super::{DELTA_ALPHA, LobeNumbers};
 use crate::math::Vec3;
 use crate::math::real::{Dual, Real, SQRT_PI, erf_f64, scaled_erfc};
 use std::f32::consts::PI;
@@ -125,10 +125,13 @@ impl Distribution {
     }
 
     /// Samples a normal visible from `wo`, `wo.z` > 0, with density D(h) G1(wo) max(0, wo·h) / cos θ_o per steradian
-    /// `[HeitzDEon14 (2)]`; `u` is uniform in [0, 1)³, of which the last two count. The result has `z` = 1 in place of unit length, so that small
-    /// slopes keep their digits.
+    /// `[HeitzDEon14 (2)]`; that of the surface for a Dirac lobe. `u` is uniform in [0, 1)³, of which the last two count. The
+    /// result has `z` = 1 in place of unit length, so that small slopes keep their digits.
     #[inline]
     pub fn sample_visible(self, alpha: f32, wo: Vec3, u: impl LobeNumbers) -> Vec3 {
+        if alpha < DELTA_ALPHA {
+            return Vec3::Z;
+        }
         let stretched = Vec3::new(alpha * wo.x, alpha * wo.y, wo.z);
         let quantiles = match self {
             Self::Beckmann => u.quantiles(),

@@ -245,11 +245,7 @@ impl Glossy {
             let wi = warp::cosine_hemisphere(Vec2::new(x, y));
             return Some((above(side, wi), Lobe::Diffuse));
         }
-        let wi = if alpha < DELTA_ALPHA {
-            Vec3::new(-wo.x, -wo.y, wo.z)
-        } else {
-            mirror(wo, self.distribution.sample_visible(alpha, wo, u))
-        };
+        let wi = mirror(wo, self.distribution.sample_visible(alpha, wo, u));
         (wi.z > 0.0).then(|| (above(side, wi), Lobe::Reflection))
     }
 }
@@ -345,24 +341,14 @@ impl Dielectric {
         if wo.z <= 0.0 {
             return None;
         }
-        let smooth = alpha < DELTA_ALPHA;
-        let h = if smooth {
-            Vec3::Z
-        } else {
-            self.distribution.sample_visible(alpha, wo, u)
-        };
-        let h = h.normalize();
+        let h = (self.distribution.sample_visible(alpha, wo, u)).normalize();
         let cos = wo.dot(h);
         if cos <= 0.0 {
             return None;
         }
         let f = dielectric(cos.min(1.0), eta);
         if choice < f {
-            let wi = if smooth {
-                Vec3::new(-wo.x, -wo.y, wo.z)
-            } else {
-                mirror(wo, h)
-            };
+            let wi = mirror(wo, h);
             return (wi.z > 0.0).then(|| (above(side, wi), Lobe::Reflection));
         }
         // Snell's law for vectors; the root is real because F < 1.
@@ -433,17 +419,7 @@ impl ThinDielectric {
         if wo.z <= 0.0 {
             return None;
         }
-        let smooth = alpha < DELTA_ALPHA;
-        let h = if smooth {
-            Vec3::Z
-        } else {
-            self.distribution.sample_visible(alpha, wo, u)
-        };
-        let wi = if smooth {
-            Vec3::new(-wo.x, -wo.y, wo.z)
-        } else {
-            mirror(wo, h)
-        };
+        let wi = mirror(wo, self.distribution.sample_visible(alpha, wo, u));
         if wi.z <= 0.0 {
             return None;
         }
