@@ -9,7 +9,7 @@ pub trait LobeNumbers: Copy {
     /// Choice of the lobe, and the two of the direction.
     fn uniform(self) -> [f32; 3];
 
-    /// Gaussian quantiles of those of the direction.
+    /// Gaussian quantiles of the two of the direction.
     fn quantiles(self) -> Quantiles;
 }
 

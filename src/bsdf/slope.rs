@@ -39,7 +39,7 @@ fn quantile(u: f32) -> f32 {
     erf_inverse(2.0 * open(u) - 1.0)
 }
 
-/// What the draw of a visible slope needs of its two uniform numbers, whatever direction and roughness.
+/// Gaussian quantiles of the two uniform numbers of a draw, which do not depend on direction or roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct Quantiles {
     /// Weights of the four coefficients of the spline from `column` on.
@@ -52,7 +52,7 @@ pub struct Quantiles {
 }
 
 impl Quantiles {
-    /// Those of numbers in [0, 1].
+    /// Quantiles of numbers in [0, 1].
     #[inline]
     pub(super) fn of(u: [f32; 2]) -> Self {
         let [w, across] = u.map(quantile);

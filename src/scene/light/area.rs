@@ -40,8 +40,8 @@ pub(super) struct AreaLights {
     pdf_a: Vec<f32>,
     /// Place in `triangles` of each triangle of the scene; empty where power alone decides.
     places: Vec<u32>,
-    /// Tree over the emissive triangles alone, and what is around them.
-    tree: Option<(Around, Accel)>,
+    /// Tree over the emissive triangles alone, and their bounds.
+    tree: Option<(Bounds, Accel)>,
     /// The scene's materials, in its order.
     materials: Vec<Material>,
     /// True for each of them that emits: few, while the densities of all triangles may be far away in memory.
@@ -72,14 +72,14 @@ struct EmissiveTriangle {
 
 /// A ball and a box with emissive triangles inside, to refuse at once most rays that meet none: the ball those that pass far
 /// away, and the box, which is flat around a flat lamp, most of the others.
-struct Around {
+struct Bounds {
     centre: Vec3,
     radius: f32,
     low: Vec3,
     high: Vec3,
 }
 
-impl Around {
+impl Bounds {
     fn new((low, high): (Vec3, Vec3)) -> Self {
         Self {
             centre: 0.5 * (low + high),
@@ -155,7 +155,7 @@ impl AreaLights {
         let corners = |k: u32| geometry.triangle(emissive[k as usize].triangle);
         let tree = (geometry.has_tree()).then(|| {
             let tree = Accel::over(emissive.len(), corners);
-            (Around::new(tree.bounds()), tree)
+            (Bounds::new(tree.bounds()), tree)
         });
         Self {
             pdf_a: vec![0.0; geometry.single()],
@@ -336,7 +336,7 @@ impl AreaLights {
     /// The closest emissive triangle along a ray.
     #[inline]
     pub(super) fn closest(&self, ray: &Ray) -> Option<Hit> {
-        let (_, tree) = (self.tree.as_ref()).filter(|(around, _)| around.may_meet(ray))?;
+        let (_, tree) = (self.tree.as_ref()).filter(|(bounds, _)| bounds.may_meet(ray))?;
         let hit = tree.closest(ray)?;
         Some(Hit {
             triangle: self.triangles[hit.triangle as usize].triangle,
@@ -362,22 +362,22 @@ mod tests {
             if k % 2 == 0 {
                 q[axis] = p[axis];
             }
-            let around = Around::new((p.min(q), p.max(q)));
+            let bounds = Bounds::new((p.min(q), p.max(q)));
             let origin = 10.0 * size * v(668_265_263);
             let to = |point: Vec3| Ray::new(origin, (point - origin).normalize());
-            let on_ball = to(around.centre + around.radius * v(374_761_393).normalize());
-            assert!(around.may_meet_ball(&on_ball), "{k}: {on_ball:?}");
+            let on_ball = to(bounds.centre + bounds.radius * v(374_761_393).normalize());
+            assert!(bounds.may_meet_ball(&on_ball), "{k}: {on_ball:?}");
             let at = 0.5 + 0.499 * v(374_761_393);
-            let in_box = to(around.low + at * (around.high - around.low));
-            assert!(around.may_meet(&in_box), "{k}: {in_box:?}");
+            let in_box = to(bounds.low + at * (bounds.high - bounds.low));
+            assert!(bounds.may_meet(&in_box), "{k}: {in_box:?}");
             // In the plane of a side, where a bound is 0 · ∞.
             let mut along = v(1_013_904_223);
             along[axis] = 0.0;
-            let inside = around.low + at * (around.high - around.low);
+            let inside = bounds.low + at * (bounds.high - bounds.low);
             let along = Ray::new(inside, along.normalize());
-            assert!(around.may_meet(&along), "{k}: {along:?}");
-            backwards += u32::from(!around.may_meet(&Ray::new(origin, -in_box.dir)));
-            flat += u32::from(around.may_meet_ball(&on_ball) && !around.may_meet(&on_ball));
+            assert!(bounds.may_meet(&along), "{k}: {along:?}");
+            backwards += u32::from(!bounds.may_meet(&Ray::new(origin, -in_box.dir)));
+            flat += u32::from(bounds.may_meet_ball(&on_ball) && !bounds.may_meet(&on_ball));
         }
         assert!(backwards > 15_000, "{backwards}");
         assert!(flat > 10_000, "{flat}");

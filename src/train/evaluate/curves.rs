@@ -121,8 +121,7 @@ struct FactorCurves {
 
 /// The knots of all curves.
 struct Knots {
-    /// Factor by factor, node by node, pixel by pixel: in one list, since small ones scatter over the memory that recordings
-    /// leave again.
+    /// Factor by factor, node by node, pixel by pixel.
     stored: Vec<StoredKnot>,
     /// Scale of mean per channel and second moment, curve by curve as in the Jacobian.
     scales: Vec<PixelMoments>,

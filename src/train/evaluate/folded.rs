@@ -30,8 +30,7 @@ struct FoldedEvent {
 pub(in crate::train) struct Folded {
     /// Lists of the events, all of them long.
     lists: RoughnessLists,
-    /// The events, pixel by pixel: in one list, since small ones of every pixel scatter over the memory that recordings
-    /// leave again.
+    /// The events, pixel by pixel, in one list of the right size: one for each pixel would grow to half as much again.
     events: Vec<FoldedEvent>,
     /// Number of samples and range of the events, by pixel.
     pixels: Vec<(f64, Range<usize>)>,
