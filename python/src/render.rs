@@ -84,8 +84,9 @@ impl From<RenderProgress> for Progress {
 /// aperture, focus: radius of the camera's lens, 0 for none, and distance that is in focus, in scene units; by default those
 ///     of the file.
 /// levels: several amounts of roughening on the same paths, of which every pixel gets the best: their number from 1 to 8, or
-///     the scales of the table's, the constant factor or the filter's value, ascending from 0. One by default, where the program
-///     has five.
+///     the scales of the table's, the constant factor or the filter's value, ascending from 0; 1 takes the table or the
+///     constant as it is. By default five where there can be levels, as in the program: "path" with a table or a constant,
+///     without reuse, consistent, table_scale="auto" and the layers emission, direct and indirect.
 /// max_vertices: scattering vertices of the longest path, from 1 to 65536.
 /// sampler: random numbers of camera paths of "path": "sobol", or "independent", whose variances are unbiased.
 /// threads: their number; all cores by default.
@@ -178,18 +179,25 @@ pub(crate) fn render(
     }
     spec.mlt_pass = mlt_pass;
     spec.refused().map_err(PyValueError::new_err)?;
-    let scales = levels.map(scales).transpose()?.unwrap_or_default();
+    let scales = levels.map(scales).transpose()?;
     let aovs = aov.map(layers).transpose()?.unwrap_or_default();
+    let [_, splits_light, _] = Aov::recorded(&aovs);
+    let auto = spec.integrator == IntegratorKind::Auto;
     let settings = |spec: MethodSpec| -> PyResult<Settings> {
-        let mut settings = settings(spec.clone(), table.as_ref(), scale)?;
+        let kind = spec.integrator;
+        let mut settings = settings(spec, table.as_ref(), scale)?;
         (settings.max_vertices, settings.seed) = (max_vertices, seed);
-        if spec.integrator.is_path() || spec.integrator == IntegratorKind::Auto {
-            settings.levels.clone_from(&scales);
-        }
+        settings.levels = match &scales {
+            // Candidates without levels stay in the race.
+            Some(_) if auto && !kind.is_path() && kind != IntegratorKind::Auto => Vec::new(),
+            Some(scales) => scales.clone(),
+            None if tuned || splits_light => Vec::new(),
+            None => (settings.usual_levels(scene.world.has_lobes())).unwrap_or_default(),
+        };
         Ok(settings)
     };
     let mut contenders = Vec::new();
-    if spec.integrator == IntegratorKind::Auto {
+    if auto {
         if tuned {
             let what = "auto chooses for itself: no table_scale=\"auto\"";
             return Err(argument("integrator", what));

@@ -78,10 +78,10 @@ def test_errors_name_the_argument(box, options, words):
 @pytest.mark.parametrize(
     "words, options",
     [
-        ("--gamma 0.4 --levels 1 --consistent 0.2", {"gamma": 0.4, "consistent": 0.2}),
-        ("--opsr-table beta-0.05 --levels 1 --consistent 0.2", {"table": "beta-0.05", "consistent": 0.2}),
+        ("--gamma 0.4 --consistent 0.2", {"gamma": 0.4, "consistent": 0.2}),
+        ("--opsr-table beta-0.05 --consistent 0.2", {"table": "beta-0.05", "consistent": 0.2}),
         ("--mode filter-glossy --filter 2", {"rule": "filter-glossy", "filter": 2}),
-        ("--opsr-table beta-0.05 --table-scale 3 --levels 5", {"table": "beta-0.05", "table_scale": 3, "levels": 5}),
+        ("--opsr-table beta-0.05 --table-scale 3", {"table": "beta-0.05", "table_scale": 3}),
         ("--opsr-table beta-0.05 --table-scale auto", {"table": "beta-0.05", "table_scale": "auto"}),
         (
             "--opsr-table beta-0.05 --table-scale auto --table-energy 0.01",
@@ -94,7 +94,7 @@ def test_errors_name_the_argument(box, options, words):
         ("--integrator mlt --mlt-pass 4", {"integrator": "mlt", "mlt_pass": 4}),
         ("--aperture 0.05 --focus 2", {"aperture": 0.05, "focus": 2}),
         ("--integrator auto --levels 1", {"integrator": "auto"}),
-        ("--integrator auto --opsr-table beta-0.05", {"integrator": "auto", "table": "beta-0.05", "levels": 5}),
+        ("--integrator auto --opsr-table beta-0.05", {"integrator": "auto", "table": "beta-0.05"}),
         ("--aov alpha,position,id,emission,indirect", {"aov": ["alpha", "position", "id", "emission", "indirect"]}),
     ],
 )

@@ -32,13 +32,14 @@ def test_render_arrays_have_shape_and_type(box):
 
 
 def test_render_determinism_over_threads_passes_and_crops(box):
-    whole = opsr.render(box, **SMALL, table="beta-0.05", seed=3).picture
+    settings = {**SMALL, "table": "beta-0.05", "levels": 1}
+    whole = opsr.render(box, **settings, seed=3).picture
     for threads in (1, 3):
-        again = opsr.render(box, **SMALL, table=opsr.Table.load("beta-0.05"), seed=3, threads=threads)
+        again = opsr.render(box, **{**settings, "table": opsr.Table.load("beta-0.05")}, seed=3, threads=threads)
         np.testing.assert_array_equal(again.picture, whole)
-    crop = opsr.render(box, **SMALL, crop=(5, 4, 10, 7), table="beta-0.05", seed=3).picture
+    crop = opsr.render(box, **settings, crop=(5, 4, 10, 7), seed=3).picture
     np.testing.assert_array_equal(crop, whole[4:11, 5:15])
-    assert not np.array_equal(opsr.render(box, **SMALL, table="beta-0.05", seed=4).picture, whole)
+    assert not np.array_equal(opsr.render(box, **settings, seed=4).picture, whole)
 
 
 @pytest.mark.parametrize(
@@ -46,11 +47,15 @@ def test_render_determinism_over_threads_passes_and_crops(box):
     [
         ([], {}),
         (["--aov", "--seed", "9", "--crop", "3,2,12,8"], {"aov": True, "seed": 9, "crop": (3, 2, 12, 8)}),
-        (["--opsr-table", "beta-0.001", "--levels", "1"], {"table": "beta-0.001"}),
-        (["--gamma", "0.4", "--levels", "1", "--mode", "reuse"], {"gamma": 0.4, "reuse": True}),
-        (["--opsr-table", "beta-0.05", "--levels", "5"], {"table": "beta-0.05", "levels": 5}),
+        (["--opsr-table", "beta-0.001"], {"table": "beta-0.001"}),
+        (["--opsr-table", "beta-0.001", "--levels", "1"], {"table": "beta-0.001", "levels": 1}),
+        (["--gamma", "0.4", "--mode", "reuse"], {"gamma": 0.4, "reuse": True}),
+        (["--gamma", "0.4"], {"gamma": 0.4}),
+        (["--opsr-table", "beta-0.05"], {"table": "beta-0.05", "levels": 5}),
         (["--gamma", "0.5", "--levels", "0,0.25,1"], {"gamma": 0.5, "levels": [0, 0.25, 1]}),
         (["--mode", "pbrt"], {"rule": "pbrt"}),
+        (["--mode", "filter-glossy"], {"rule": "filter-glossy"}),
+        (["--mode", "filter-glossy", "--levels", "3"], {"rule": "filter-glossy", "levels": 3}),
         (["--integrator", "bdpt", "--mode", "mollifier"], {"integrator": "bdpt", "rule": "mollifier"}),
         (["--integrator", "vcm"], {"integrator": "vcm"}),
         (["--integrator", "bdpt", "--opsr-table", "beta-0.001"], {"integrator": "bdpt", "table": "beta-0.001"}),
@@ -69,6 +74,13 @@ def test_render_determinism_gives_the_picture_of_the_program(program, tmp_path, 
     again = film.picture.copy()
     again[0, 0, 0] = np.nextafter(again[0, 0, 0], np.float32(np.inf))
     assert opsr.compare(again, theirs)["MSE"] > 0
+
+
+def test_levels_are_five_where_there_can_be_levels(box):
+    assert opsr.render(box, **SMALL, table="beta-0.05").levels.shape == (5, 16, 24, 3)
+    assert opsr.render(box, **SMALL, gamma=0.5).levels.shape[0] == 5
+    for options in ({"reuse": True}, {"consistent": 0.2}, {"aov": "direct"}, {"levels": 1}, {"integrator": "bdpt"}):
+        assert opsr.render(box, **SMALL, gamma=0.5, **options).levels is None
 
 
 def test_levels_resolve(box):
@@ -208,6 +220,7 @@ def test_render_after_fork(box):
         ({"integrator": "bdpt", "gamma": 0.5, "reuse": True}, ValueError, "integrator bdpt roughens the last vertex only"),
         ({"integrator": "light", "table": "beta-0.05"}, ValueError, "integrator light does not regularise"),
         ({"integrator": "light", "rule": "pbrt"}, ValueError, "integrator light does not regularise"),
+        ({"levels": 3, "gamma": 0.5, "integrator": "bdpt"}, ValueError, "levels: "),
         ({"levels": 3}, ValueError, "levels: several levels need a table, a constant factor, filter-glossy or roughness-clamp"),
         ({"levels": 9, "gamma": 0.5}, ValueError, "levels: expected 1 to 8 levels"),
         ({"levels": -1, "gamma": 0.5}, ValueError, "levels: expected 1 to 8 levels"),

@@ -7,10 +7,9 @@ use opsr::image::film::Window;
 use opsr::image::level_film::MAX_LEVELS;
 use opsr::integrator::Settings;
 use opsr::integrator::bidirectional::Part;
-use opsr::integrator::levels::{SCALES, scales};
+use opsr::integrator::levels::scales;
 use opsr::integrator::method::{IntegratorKind, Kind, Method, MethodSpec};
 use opsr::math::UVec2;
-use opsr::regularise::Rule;
 
 /// Size of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -187,35 +186,29 @@ pub(super) fn level_scales(text: &str) -> Result<Levels, String> {
     Ok(Levels(scales))
 }
 
-/// Scales of the levels of a render. Those that were asked for and that the settings cannot have are refused; where
-/// nothing was asked for and there is something to roughen, there are several wherever the settings can have them.
+/// Scales of the levels of a render. Those that were asked for and that the settings cannot have are refused; where nothing
+/// was asked for, there are the usual ones.
 pub(super) fn levels(
     args: &RenderArgs,
     settings: &Settings,
     has_lobes: bool,
 ) -> anyhow::Result<Vec<f32>> {
-    let with = |levels: Vec<f32>| Settings {
-        levels,
-        ..settings.clone()
-    };
     if let Some(Levels(levels)) = args.levels.clone() {
-        let settings = with(levels);
+        let settings = Settings {
+            levels,
+            ..settings.clone()
+        };
         settings.check_levels().context("--levels").usage()?;
         return Ok(settings.levels);
     }
-    let nothing = [Rule::Plain, Rule::constant(0.0)].contains(&settings.rule) || !has_lobes;
     let single = args.trace_pixel.is_some() || super::aovs::splits_light(args);
-    // Unless asked for, the rules of other renderers are as there.
-    let foreign = settings.rule.roughens_continuation();
-    if nothing || single || foreign || args.table_scale == Some(Scale::Auto) {
+    if single || args.table_scale == Some(Scale::Auto) {
         return Ok(Vec::new());
     }
-    let settings = with(SCALES.to_vec());
-    if let Err(why) = settings.check_levels() {
+    Ok(settings.usual_levels(has_lobes).unwrap_or_else(|why| {
         tracing::info!("one level: {why}");
-        return Ok(Vec::new());
-    }
-    Ok(settings.levels)
+        Vec::new()
+    }))
 }
 
 /// Resolves the options that choose a method.

@@ -2,7 +2,7 @@
 
 use super::bidirectional::{Bidirectional, Part, Radius, Strategies};
 use super::guided::Guided;
-use super::levels::{LevelError, LevelTracer};
+use super::levels::{LevelError, LevelTracer, SCALES};
 use super::metropolis::Metropolis;
 use super::path::PathTracer;
 use super::{Integrator, Picture, View};
@@ -170,6 +170,21 @@ impl Settings {
             return Ok(());
         }
         self.level_tracer().map(|_| ())
+    }
+
+    /// Scales of the levels of a render that names none: five where a rule has something to roughen, none in plain path tracing,
+    /// in scenes without lobes, and for rules of other renderers, which are as they are there. An error where the
+    /// estimator or the rule can have no levels.
+    pub fn usual_levels(&self, has_lobes: bool) -> Result<Vec<f32>, LevelError> {
+        let nothing = [Rule::Plain, Rule::constant(0.0)].contains(&self.rule) || !has_lobes;
+        if nothing || self.rule.roughens_continuation() {
+            return Ok(Vec::new());
+        }
+        let several = Self {
+            levels: SCALES.to_vec(),
+            ..self.clone()
+        };
+        several.check_levels().map(|()| several.levels)
     }
 
     /// An error if the estimator cannot show what the scene or the camera asks for.
