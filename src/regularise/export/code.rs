@@ -15,12 +15,13 @@ pub(super) fn fill(template: &str, file: &TableFile, suffix: &str) -> String {
     let table = &file.table;
     let [edge1, edge2, edge3] = BIN_EDGES.map(|edge| format!("{edge:?}"));
     select(template, table.lookup)
-        .replace("@ABOUT@", &about(file))
         .replace("@SCALE@", &format!("{:?}", table.scale))
         .replace("@EDGE1@", &edge1)
         .replace("@EDGE2@", &edge2)
         .replace("@EDGE3@", &edge3)
         .replace("@GAMMAS@", &rows(table.gammas.as_slice(), suffix))
+        // Last: text of the file may look like a placeholder.
+        .replace("@ABOUT@", &about(file))
 }
 
 /// Removes the parts of the other look-up from a template.
@@ -98,6 +99,8 @@ fn rows(numbers: &[f32], suffix: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::regularise::LEN;
+    use std::path::Path;
 
     #[test]
     fn text_of_a_table_file_stays_in_its_comment() {
@@ -117,6 +120,21 @@ mod tests {
             let bad = ["\\", "??/", "\u{2028}", "\u{202e}"];
             assert!(!bad.iter().any(|b| line.contains(b)), "{line:?}");
         }
+    }
+
+    #[test]
+    fn placeholders_in_a_table_file_stay_as_they_are() {
+        let name = Path::new("beta-0.001");
+        let mut file = TableFile::load(name).expect("a built-in table");
+        let provenance = file.provenance.as_mut().expect("it was learned");
+        provenance.loss = "see @GAMMAS@, @SCALE@ and @ABOUT@".into();
+        let code = fill("@ABOUT@\nfactors: @GAMMAS@;\n", &file, "f");
+        let numbers = |line: &str| line.matches("f,").count();
+        let comments = code.lines().filter(|line| line.starts_with("//"));
+        assert!(comments.clone().any(|line| line.contains("see @GAMMAS@")));
+        assert_eq!(comments.map(numbers).sum::<usize>(), 0);
+        // The last number has no comma.
+        assert_eq!(code.lines().map(numbers).sum::<usize>(), LEN - 1);
     }
 
     #[test]

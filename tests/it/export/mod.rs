@@ -39,7 +39,7 @@ fn table(lookup: Lookup, scale: f32) -> TableFile {
     }
 }
 
-/// Runs a tool; prints a message and gives `None` if the machine does not have it.
+/// Runs a tool; prints a message and gives `None` if the machine does not have it. Where there is cargo, there is rustc.
 fn tool(folder: &Path, name: &str, arguments: &[&str]) -> Option<Output> {
     let run = Command::new(name)
         .args(arguments)
@@ -47,7 +47,7 @@ fn tool(folder: &Path, name: &str, arguments: &[&str]) -> Option<Output> {
         .output();
     match run {
         Ok(output) => Some(output),
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound && name != "rustc" => {
             eprintln!("skipped: this machine has no `{name}`");
             None
         }
