@@ -5,7 +5,7 @@ use crate::table::{Table, json};
 use crate::work::{Hear, Link, watched};
 use opsr::files::create_folder;
 use opsr::regularise::file::TableFile;
-use opsr::train::config::{Config, ConfigError};
+use opsr::train::config::{Config, ConfigError, Preset};
 use opsr::train::record::crop::DatasetError;
 use opsr::train::study::{HeldOut, families as families_of, hold_out};
 use opsr::train::{RecordingControl, Recordings, Session, TrainError};
@@ -33,9 +33,9 @@ type Event = (f32, u32, f32, Option<serde_json::Result<String>>);
 
 /// Learns a table for each beta of a configuration: those that `opsr train` writes for it.
 ///
-/// config: settings as a dict, such as `{"scenes": ["cornell_caustics"], "spp": 256, "steps": 150, "optimiser": "log",
-///     "start": 0.0}`, or a TOML file of them. docs/training.md lists keys and defaults; "manifest" names the file that lists
-///     the scenes, by default training_scenes/manifest.toml in the working directory.
+/// config: settings as a dict, such as `{"preset": "smoke", "seed": 1}`, or a TOML file of them, on top of those of a preset:
+///     "full" by default, as in the program, "published", "fast" or "smoke". docs/training.md lists presets and keys;
+///     "manifest" names the file that lists the scenes, by default training_scenes/manifest.toml in the working directory.
 /// on_step: called with a Step at every step; False ends the training.
 /// recordings: a folder that `record` filled with the same settings: all of its recordings are there, and no others.
 /// threads: their number; all cores by default. The tables do not depend on it.
@@ -54,7 +54,7 @@ pub(crate) fn train(
     recordings: Option<PathBuf>,
     threads: Option<u16>,
 ) -> PyResult<Vec<Table>> {
-    let config = config.map(settings).transpose()?.unwrap_or_default();
+    let config = settings(config)?;
     let mut hear = on_step.map(|call| {
         move |py: Python<'_>, (beta, step, loss, log): Event| {
             let log = log.map(|log| json(py, log)).transpose()?;
@@ -120,7 +120,7 @@ pub(crate) fn record<'py>(
     crops: Option<(usize, usize)>,
     threads: Option<u16>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let config = config.map(settings).transpose()?.unwrap_or_default();
+    let config = settings(config)?;
     let crops = watched::<(), _>(py, threads, None, |link| {
         let recordings = Recordings::open(config).map_err(failed)?;
         let names = recordings.names();
@@ -161,7 +161,7 @@ pub(crate) fn study<'py>(
     recordings: Option<PathBuf>,
     threads: Option<u16>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let config = config.map(settings).transpose()?.unwrap_or_default();
+    let config = settings(config)?;
     let scores = watched::<(), _>(py, threads, None, |link| {
         let mut session = Session::open(config, &control(recordings, link)).map_err(failed)?;
         let known = families_of(&session);
@@ -190,24 +190,33 @@ fn shortest(beta: f32) -> f64 {
     beta.to_string().parse().unwrap_or(f64::from(beta))
 }
 
-/// The settings of a dict or a file.
-fn settings(config: &Bound<'_, PyAny>) -> PyResult<Config> {
-    let default = Config::default();
-    if !config.is_instance_of::<PyDict>() {
+/// The settings of a dict or a file, on top of those of a preset.
+fn settings(config: Option<&Bound<'_, PyAny>>) -> PyResult<Config> {
+    let Some(config) = config else {
+        return Ok(Preset::default().into());
+    };
+    let Ok(settings) = config.cast::<PyDict>() else {
         let path: PathBuf = config.extract()?;
-        return default.with_file(&path).map_err(|e| failed(e.into()));
-    }
+        let preset = Config::from(Preset::default());
+        return preset.with_file(&path).map_err(|e| failed(e.into()));
+    };
     let py = config.py();
     let words = PyDict::new(py);
     words.set_item("allow_nan", false)?;
     words.set_item("default", py.import("os")?.getattr("fspath")?)?;
     let text = py.import("json")?;
     let text: String = text
-        .call_method("dumps", (config,), Some(&words))?
+        .call_method("dumps", (settings,), Some(&words))?
         .extract()?;
-    let table: toml::Table = serde_json::from_str(&text).map_err(|e| argument("config", e))?;
+    let mut table: toml::Table = serde_json::from_str(&text).map_err(|e| argument("config", e))?;
+    let preset = table.remove("preset").map(toml::Value::try_into::<Preset>);
+    let preset = preset
+        .transpose()
+        .map_err(|e| argument("config", format!("preset: {}", e.to_string().trim())))?;
     let text = toml::to_string(&table).map_err(|e| argument("config", e))?;
-    (default.with_text(&text, "config")).map_err(|e| failed(e.into()))
+    Config::from(preset.unwrap_or_default())
+        .with_text(&text, "config")
+        .map_err(|e| failed(e.into()))
 }
 
 fn failed(error: TrainError) -> PyErr {

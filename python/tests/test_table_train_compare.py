@@ -117,12 +117,30 @@ def test_train_determinism_gives_the_table_of_the_program(program, tmp_path):
     text = [f'manifest = "{TINY["manifest"]}"', 'scenes = ["cornell_caustics"]', 'optimiser = "log"']
     text += [f"{key} = {TINY[key]}" for key in ("spp", "steps", "start", "validate_every")]
     settings.write_text("\n".join(text))
-    command = [program, "train", "--preset", "published", "--config", settings, "--out", tmp_path, "--run"]
+    command = [program, "train", "--config", settings, "--out", tmp_path, "--run"]
     subprocess.run([*command, tmp_path / "run"], check=True, capture_output=True)
-    (theirs,) = tmp_path.glob("published-*.json")
+    (theirs,) = tmp_path.glob("beta-*.json")
     assert (tmp_path / "ours.json").read_bytes() == theirs.read_bytes()
     (again,) = opsr.train(settings, threads=1)
     assert again.sha256 == table.sha256
+
+
+def test_train_presets_are_those_of_the_program(program, tmp_path):
+    small = {"manifest": TINY["manifest"], "scenes": ["cornell_caustics"], "spp": 4, "steps": 2}
+    words = [f"--set=manifest='{TINY['manifest']}'", "--set=scenes=['cornell_caustics']", "--spp=4", "--steps=2"]
+    found = set()
+    for preset in ("full", "published", "fast", "smoke"):
+        (table,) = opsr.train({**small, "preset": preset})
+        command = [program, "train", "--preset", preset, *words, "--out", tmp_path, "--run", tmp_path / preset]
+        subprocess.run(command, check=True, capture_output=True)
+        name = "beta-0.001.json" if preset == "full" else f"{preset}-beta-0.001.json"
+        table.save(tmp_path / "ours.json")
+        assert (tmp_path / "ours.json").read_bytes() == (tmp_path / name).read_bytes(), preset
+        found.add(table.sha256)
+    # Fast and smoke differ in what is set here only.
+    assert len(found) == 3
+    (default,) = opsr.train(small)
+    assert default.sha256 == opsr.train({**small, "preset": "full"})[0].sha256
 
 
 def test_train_stops_at_false_errors_and_ctrl_c():
@@ -142,6 +160,8 @@ def test_train_stops_at_false_errors_and_ctrl_c():
     "config, error, message",
     [
         ({"none": 1}, ValueError, "config: unknown field `none`"),
+        ({"preset": "quick"}, ValueError, "config: preset: unknown variant `quick`"),
+        ({"preset": 3}, ValueError, "config: preset: "),
         ({"spp": 1}, ValueError, "spp: expected 2 to 1048576 samples"),
         ({"spp": "many"}, ValueError, "config: "),
         ({"start": float("nan")}, ValueError, ""),

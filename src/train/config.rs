@@ -58,7 +58,22 @@ pub enum Optimiser {
     Log,
 }
 
-/// All settings that a training depends on.
+/// Settings to start from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Preset {
+    /// All scenes, 1024 samples, ten thousand steps of Adam, from the best constant.
+    #[default]
+    Full,
+    /// The same from 0.5, as published.
+    Published,
+    /// The same with 150 steps on the logarithm from the best constant: minutes.
+    Fast,
+    /// One scene, 256 samples, 150 steps on the logarithm.
+    Smoke,
+}
+
+/// All settings that a training depends on. The default is [`Preset::Published`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
@@ -153,6 +168,45 @@ pub enum ConfigError {
         /// The range.
         problem: String,
     },
+}
+
+impl Preset {
+    /// Its name, as `--preset` takes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::Published => "published",
+            Self::Fast => "fast",
+            Self::Smoke => "smoke",
+        }
+    }
+}
+
+impl From<Preset> for Config {
+    fn from(preset: Preset) -> Self {
+        // From 0.5 ten thousand steps on the training scenes end in a far worse minimum than from the best constant.
+        let full = Self {
+            start: 0.0,
+            ..Self::default()
+        };
+        let fast = Self {
+            steps: 150,
+            optimiser: Optimiser::Log,
+            validate_every: 25,
+            checkpoint_every: 50,
+            ..full.clone()
+        };
+        match preset {
+            Preset::Published => Self::default(),
+            Preset::Full => full,
+            Preset::Fast => fast,
+            Preset::Smoke => Self {
+                scenes: vec!["cornell_caustics".into()],
+                spp: 256,
+                ..fast
+            },
+        }
+    }
 }
 
 impl Config {

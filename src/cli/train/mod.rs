@@ -16,13 +16,13 @@ use opsr::files;
 use opsr::regularise::file::TableFile;
 use opsr::regularise::{AttenuationTable, Lookup};
 use opsr::report::training::{CropScores, LearnedTable, Report};
-use opsr::train::config::{Config, Model};
+use opsr::train::config::{Config, Model, Preset};
 use opsr::train::learn::outer_loop::Outcome;
 use opsr::train::learn::recordings::recordings_in;
 use opsr::train::record::crop::DatasetError;
 use opsr::train::record::visits::LIVE;
 use opsr::train::{RecordingControl, Session, TrainError, study};
-use settings::{Preset, SettingArgs};
+use settings::SettingArgs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -52,7 +52,7 @@ pub(super) struct TrainArgs {
     #[arg(long)]
     study: bool,
     /// Number of threads; all cores by default. The tables do not depend on it.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
     /// Display of progress.
     #[arg(long, value_enum, default_value_t)]

@@ -1,9 +1,9 @@
 //! Settings of a training from the command line, for `opsr train` and `opsr record`.
 
 use super::super::Blame;
-use anyhow::Context;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use opsr::train::Config;
+use opsr::train::config::Preset;
 use std::path::PathBuf;
 
 /// Options that make the settings.
@@ -48,62 +48,10 @@ pub(super) struct SettingArgs {
     hold_out: Option<String>,
 }
 
-/// Settings to start from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum Preset {
-    /// All scenes, 1024 samples, ten thousand steps of Adam, from the best constant.
-    #[default]
-    Full,
-    /// The same from 0.5, as published.
-    Published,
-    /// The same with 150 steps on the logarithm from the best constant: minutes.
-    Fast,
-    /// One scene, 256 samples, 150 steps on the logarithm.
-    Smoke,
-}
-
-impl Preset {
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Full => "full",
-            Self::Published => "published",
-            Self::Fast => "fast",
-            Self::Smoke => "smoke",
-        }
-    }
-}
-
-/// From 0.5 ten thousand steps on the training scenes end in a far worse minimum than the best constant.
-const FULL: &str = "start = 0.0";
-
-/// Few large steps.
-const FAST: &str = r#"
-steps = 150
-optimiser = "log"
-start = 0.0
-validate_every = 25
-checkpoint_every = 50
-"#;
-
-/// One scene and few samples, on top of [`FAST`].
-const SMOKE: &str = r#"
-scenes = ["cornell_caustics"]
-spp = 256
-"#;
-
 impl SettingArgs {
     /// Resolves the settings; later ones override earlier ones: preset, file, options, --set.
     pub(super) fn resolve(&self) -> anyhow::Result<Config> {
-        let mut config = Config::default();
-        let preset: &[&str] = match self.preset {
-            Preset::Full => &[FULL],
-            Preset::Published => &[],
-            Preset::Fast => &[FAST],
-            Preset::Smoke => &[FAST, SMOKE],
-        };
-        for text in preset {
-            config = config.with_text(text, "the preset").context("the preset")?;
-        }
+        let mut config = Config::from(self.preset);
         if let Some(path) = &self.config {
             config = config.with_file(path).input()?;
         }
