@@ -22,15 +22,17 @@ A suite:
   file = \"box.glb\"          # or builtin = \"caustic-box\"
   size = [256, 256]
   reference_spp = 65536     # or reference = \"box.exr\"
-  # crop = [x, y, w, h], inset = [x, y, w, h], camera, max_depth, exposure, group, methods = [names],
-  # distribution, light_scale, roughness_scale, environment = \"sky.hdr\"
+  # crop = [x, y, w, h], inset = [x, y, w, h], camera, max_vertices, exposure, group, methods = [names],
+  # distribution, light_scale, roughness_scale, environment = \"sky.hdr\", reference_integrator = \"bdpt\"
   [[method]]
   name = \"plain\"
   method = \"plain\"          # constant (gamma), table (table: a file or beta-0.001, table_scale, table_contrast, lookup,
                             # pilot = true), pbrt, filter-glossy (filter), roughness-clamp, mollifier; constant and table
                             # take reuse, lambda; these, filter-glossy and roughness-clamp take
                             # levels = [0, 0.128, 0.64, 3.2, 16] and then robust = true, sigma; plain, constant and table
-                            # take guide = \"picture\" or \"unbiased\"; all take denoise = true";
+                            # take guide = \"picture\" or \"unbiased\"; all take denoise = true
+  # integrator = \"path\"     # of a method: path, light, bdpt, vcm (connections), sppm, mlt (mlt_pass), auto; vcm and sppm take
+                            # radius, radius_alpha; path takes sampler = \"sobol\"";
 
 /// Options of `opsr bench`.
 #[derive(Args, Debug)]

@@ -401,7 +401,7 @@ fn examples_of_the_readme_run() {
         name = "box"
         builtin = "cornell-box"
         size = [16, 16]
-        max_depth = 4
+        max_vertices = 4
         reference_spp = 4
         [[method]]
         name = "plain"

@@ -96,8 +96,8 @@ fn scene(scene: &SceneSpec) -> Result<(), String> {
         format!("exposure: from -{MAX_STOPS} to {MAX_STOPS} stops"),
     )?;
     ensure(
-        scene.max_depth > 0 && scene.reference_spp != Some(0),
-        "max_depth and reference_spp: at least 1",
+        scene.max_vertices > 0 && scene.reference_spp != Some(0),
+        "max_vertices and reference_spp: at least 1",
     )
 }
 
@@ -134,8 +134,8 @@ fn method(method: &MethodSpec) -> Result<(), String> {
         (0.0..0.5).contains(&lambda),
         "lambda: expected from 0 to below 0.5",
     )?;
-    let scale = method.table_scale.is_none_or(|s| s >= 0.0 && s.is_finite());
-    ensure(scale, "table_scale: expected 0 or more")?;
+    let scale = method.table_scale.is_none_or(|s| s > 0.0 && s.is_finite());
+    ensure(scale, "table_scale: expected a number above 0")?;
     let filter = method.filter.is_none_or(|f| f > 0.0 && f.is_finite());
     ensure(filter, "filter: expected a number above 0")?;
     ensure(

@@ -162,7 +162,7 @@ impl Prepared {
         }
         let settings = Settings {
             estimator: spec.reference_integrator.estimator(Radius::default()),
-            max_vertices: spec.max_depth,
+            max_vertices: spec.max_vertices,
             seed: REFERENCE_SEED,
             ..Settings::default()
         };
@@ -203,7 +203,7 @@ impl Prepared {
             spec.size,
             spec.crop,
             spec.camera,
-            spec.max_depth,
+            spec.max_vertices,
             spp,
         ]);
         if !spec.reference_integrator.is_path()

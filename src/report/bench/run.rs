@@ -225,7 +225,7 @@ impl Bench<'_> {
                     rule: method.method.rule.clone(),
                     levels: method.spec.levels.clone(),
                     sampler: method.spec.sampler,
-                    max_vertices: spec.max_depth,
+                    max_vertices: spec.max_vertices,
                     seed,
                     ..Settings::default()
                 };

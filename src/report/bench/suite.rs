@@ -116,8 +116,8 @@ pub struct SceneSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<String>,
     /// Scattering vertices of the longest path.
-    #[serde(default = "sixteen")]
-    pub max_depth: u32,
+    #[serde(default = "sixteen", alias = "max_depth")]
+    pub max_vertices: u32,
     /// The converged picture (.exr); or
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<PathBuf>,

@@ -115,6 +115,16 @@ fn bench_suite_errors_name_the_entry() {
             format!("times = [1]\n{scene}[[method]]\nname = 'm'\nmethod = 'constant'\n"),
             "gamma",
         ),
+        (
+            format!(
+                "times = [1]\n{scene}[[method]]\nname = 'm'\nmethod = 'table'\ntable = 'beta-0.001'\ntable_scale = 0\n"
+            ),
+            "table_scale: expected a number above 0",
+        ),
+        (
+            format!("times = [1]\n{scene}max_vertices = 0\n{method}"),
+            "max_vertices",
+        ),
     ];
     for (text, word) in faults {
         let error = Suite::parse(&text).unwrap_err();
@@ -387,7 +397,7 @@ fn bench_committed_suites_name_existing_files() {
                 scene.name
             );
             assert_eq!(
-                (scene.size, scene.max_depth),
+                (scene.size, scene.max_vertices),
                 (example.frame, example.max_vertices)
             );
         }

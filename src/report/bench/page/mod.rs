@@ -90,7 +90,7 @@ fn section(results: &Results, scene: &SceneSummary, index: usize) -> Markup {
                 @if let Some(spec) = spec {
                     @let window = spec.window();
                     (window.w) "×" (window.h) " pixels of " (spec.size[0]) "×" (spec.size[1])
-                    ", paths of at most " (spec.max_depth) " vertices"
+                    ", paths of at most " (spec.max_vertices) " vertices"
                     @if let Some(group) = &spec.group { ", " (group) }
                     ". "
                 }
