@@ -182,7 +182,7 @@ class Path(mi.SamplingIntegrator):
         table, gamma = props.get("table", ""), props.get("gamma", -1.0)
         if table and gamma >= 0:
             raise ValueError("opsr: gamma: a table has factors of its own")
-        if not table and gamma > 1:
+        if not table and gamma != -1 and not 0 <= gamma <= 1:
             raise ValueError("opsr: gamma: expected a number from 0 to 1")
         self.max_depth, self.rr_depth = props.get("max_depth", -1), props.get("rr_depth", 5)
         self.hide = props.get("hide_emitters", False)

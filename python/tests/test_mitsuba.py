@@ -54,6 +54,7 @@ for options in ({}, {"gamma": 0.3}, {"table": "beta-0.001"}):
 
 for wrong, words in (
     ({"gamma": 2.0}, "gamma: expected"),
+    ({"gamma": -0.3}, "gamma: expected"),
     ({"gamma": 0.3, "table": "beta-0.05"}, "factors of its own"),
     ({"table": "none.json"}, "none.json"),
 ):
