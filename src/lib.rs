@@ -6,7 +6,7 @@
 //!
 //! # The map
 //!
-//! Arrows point up this page only; a third-party crate is named in one file or folder.
+//! Arrows point up this page only (`tests/it/architecture.rs`).
 //!
 //! | layer | room | contents |
 //! |---|---|---|

@@ -1,6 +1,6 @@
 //! The command line: options become calls of the library, errors become messages and exit codes in one place.
 //!
-//! Only this folder uses clap, anyhow and the terminal.
+//! Only this folder uses anyhow and the terminal. Types that are options derive clap's traits where they are defined.
 
 use anyhow::Context;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};

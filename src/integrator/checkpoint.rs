@@ -48,7 +48,8 @@ impl Fingerprint {
     }
 }
 
-/// Header of the file. Payload: the numbers of the film, then those of the AOVs if there are any.
+/// Header of the file. Payload, little endian: the numbers of the film (f64), the levels if there are any ([`LevelFilm::write`]),
+/// the numbers of the AOVs (f64) if there are any.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {

@@ -9,7 +9,7 @@ pub fn area_to_solid_angle(pdf_a: f32, from: Vec3, to: Vec3, cos: f32) -> f32 {
     pdf_a * from.distance_squared(to) / cos
 }
 
-/// Balance heuristic p / (p + q) `[Veach97 (9.9)]`: weight in [0, 1] of a technique with density `p` against one with
+/// Balance heuristic p / (p + q) `[Veach97 (9.8)]`: weight in [0, 1] of a technique with density `p` against one with
 /// density `q` in the same measure.
 ///
 /// In ratio form, so that densities from 1e-38 to 1e38 give finite weights; `p = 0` gives 0.
