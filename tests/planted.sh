@@ -54,7 +54,7 @@ plant() {
 plant "1 smooth below the Dirac bound" src/bsdf/lobes.rs \
     's/alpha < DELTA_ALPHA/alpha < 0.95 * DELTA_ALPHA/g' stability::case_1_the_dirac_bound
 plant "1 the path remembers the roughened lobe" src/integrator/walk/roughening.rs \
-    's/point\.alpha\n/point.alpha_reg\n/' stability::case_1_delta_lobes_keep_their_roughness_in_the_path
+    's/scattered\(point\.alpha,/scattered(point.alpha_reg,/' stability::case_1_delta_lobes_keep_their_roughness_in_the_path
 plant "2 quantiles of 0 and 1" src/bsdf/slope.rs \
     's/u\.clamp\(3e-8, 1\.0 - 6e-8\)/u/' stability::case_2_sampling_at_extreme_random_numbers
 plant "3 the printed form" src/regularise/roughness.rs \
@@ -77,7 +77,7 @@ plant "9 sides by the shading normal" src/integrator/walk/shading_point.rs \
     's/light\.wi\.dot\(self\.surface\.ng\) \* wi\.z <= 0\.0/false/' \
     stability::cases_9_and_10_light_leaks
 plant "10 rays that start on the surface" src/scene/geometry.rs \
-    's/placing\.error\(rounding \+ 1e-13 \* extent\)/0.0 * (rounding + 1e-13 * extent)/' \
+    's/to_world\.error\(rounding \+ 1e-13 \* extent\)/0.0 * (rounding + 1e-13 * extent)/' \
     stability::case_10_scale_invariance
 plant "11 paths that carry nothing go on" src/integrator/path/mod.rs \
     's/throughput == Rgb::ZERO && emission\.is_nothing\(\)/false \&\& emission.is_nothing()/' \

@@ -17,9 +17,9 @@ use crate::math::frame::tan2_theta;
 use crate::math::{Rgb, Vec2, Vec3};
 
 /// Smallest ratio of the roughnesses.
-const LEAST_RATIO: f32 = 1e-3;
+const MIN_RATIO: f32 = 1e-3;
 /// Its fourth root, rounded up.
-const LEAST_ROOT: f32 = 0.177_828;
+const MIN_ROOT: f32 = 0.177_828;
 /// Steps of the direction, half a turn together.
 const DIRECTIONS: u32 = 1 << 13;
 /// Largest code of the ratio, that of 1.
@@ -64,8 +64,8 @@ fn encode(direction: Vec2, ratio: f32) -> [u8; 3] {
     // A point of the diamond |x| + |y| = 1 up to its sign.
     let y = direction.y.copysign(direction.x * direction.y) / direction.abs().element_sum();
     let turn = (0.5 * (y + 1.0) * DIRECTIONS as f32).round() as u32 % DIRECTIONS;
-    let root = ratio.max(LEAST_RATIO).sqrt().sqrt();
-    let below = (1.0 - root) / (1.0 - LEAST_ROOT) * RATIOS as f32;
+    let root = ratio.max(MIN_RATIO).sqrt().sqrt();
+    let below = (1.0 - root) / (1.0 - MIN_ROOT) * RATIOS as f32;
     let [a, b, c, _] = (turn * (RATIOS + 1) + below.round() as u32).to_le_bytes();
     [a, b, c]
 }
@@ -123,7 +123,7 @@ impl Anisotropic {
     /// Factors (sₓ, s_y) that take α to the roughnesses along and across.
     fn scales(&self) -> [f32; 2] {
         let below = (self.number() % (RATIOS + 1)) as f32 / RATIOS as f32;
-        let root = 1.0 - (1.0 - LEAST_ROOT) * below;
+        let root = 1.0 - (1.0 - MIN_ROOT) * below;
         let half = root * root;
         [1.0 / half, half]
     }

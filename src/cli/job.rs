@@ -6,7 +6,7 @@ use anyhow::{Context, anyhow};
 use opsr::image::film::Window;
 use opsr::image::level_film::MAX_LEVELS;
 use opsr::integrator::Settings;
-use opsr::integrator::bidirectional::Part;
+use opsr::integrator::bidirectional::Strategy;
 use opsr::integrator::levels::scales;
 use opsr::integrator::method::{IntegratorKind, Kind, Method, MethodSpec};
 use opsr::math::UVec2;
@@ -50,13 +50,15 @@ fn share(text: &str) -> Option<f64> {
 }
 
 /// A strategy such as `2,3`, or `merges`.
-pub(super) fn strategy(text: &str) -> Result<Part, String> {
+pub(super) fn strategy(text: &str) -> Result<Strategy, String> {
     if text == "merges" {
-        return Ok(Part::Merges);
+        return Ok(Strategy::Merges);
     }
     let numbers = text.split_once(',').map(|(s, t)| (s.parse(), t.parse()));
     match numbers {
-        Some((Ok(s), Ok(t @ 1..=65538))) if s <= 65537 && s + t > 1 => Ok(Part::Edge { s, t }),
+        Some((Ok(s), Ok(t @ 1..=65538))) if s <= 65537 && s + t > 1 => {
+            Ok(Strategy::Connection { s, t })
+        }
         _ => {
             Err("expected S,T with S from 0 and T from 1, two vertices or more, or `merges`".into())
         }
@@ -64,8 +66,8 @@ pub(super) fn strategy(text: &str) -> Result<Part, String> {
 }
 
 /// Refuses to show a strategy of what has none.
-fn check_strategy(part: Part, spec: &MethodSpec) -> Result<(), &'static str> {
-    let merges = part == Part::Merges;
+fn check_strategy(strategy: Strategy, spec: &MethodSpec) -> Result<(), &'static str> {
+    let merges = strategy == Strategy::Merges;
     match spec.integrator {
         IntegratorKind::Vcm => {}
         IntegratorKind::Bdpt if !merges => {}
@@ -217,8 +219,8 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
     let factors = spec.table.is_some() || spec.gamma.is_some();
     let consistent = spec.lambda.is_some();
     spec.refused().map_err(anyhow::Error::msg).usage()?;
-    if let Some(part) = args.strategy {
-        let checked = check_strategy(part, &spec).map_err(anyhow::Error::msg);
+    if let Some(strategy) = args.strategy {
+        let checked = check_strategy(strategy, &spec).map_err(anyhow::Error::msg);
         checked.context("--strategy").usage()?;
     }
     let accumulates = matches!(spec.method, Kind::Default | Kind::Reuse);
@@ -250,10 +252,7 @@ pub(super) fn resolve(args: &RenderArgs, mut spec: MethodSpec) -> anyhow::Result
 /// Options that choose the picture, by name; the integrator may be a pilot's choice.
 pub(super) fn words(args: &RenderArgs, integrator: IntegratorKind) -> Vec<(&'static str, String)> {
     let vertices = ("max_vertices", args.max_vertices.to_string());
-    let strategy = args.strategy.map(|part| match part {
-        Part::Edge { s, t } => ("strategy", format!("{s},{t}")),
-        Part::Merges => ("strategy", "merges".into()),
-    });
+    let strategy = (args.strategy).map(|strategy| ("strategy", strategy.to_string()));
     let words = args.method.words(integrator);
     words.chain([vertices]).chain(strategy).collect()
 }
@@ -271,7 +270,7 @@ pub(super) fn settings(args: &RenderArgs, method: &Method) -> Settings {
     Settings {
         estimator: method.estimator,
         rule: method.rule.clone(),
-        part: args.strategy,
+        strategy: args.strategy,
         sampler: args.method.sampler,
         max_vertices: args.max_vertices,
         seed: args.seed,

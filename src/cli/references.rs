@@ -2,10 +2,11 @@
 
 use super::output::print;
 use super::stop::Stop;
-use super::{Blame, Exit, Failure, scene};
+use super::{Blame, Exit, Failure};
 use anyhow::anyhow;
 use opsr::gallery::manifest::{Manifest, SceneEntry};
 use opsr::gallery::reference::{Reference, SEED};
+use opsr::integrator::method::positive;
 use opsr::scene::Scene;
 use opsr::scene::load::{LoadOptions, load};
 use std::io::IsTerminal;
@@ -30,7 +31,7 @@ pub(super) struct ReferenceArgs {
     spp: Option<u32>,
     /// Finish a crop when its noise (mean relative standard error of its pixels) is below this [default without --spp and
     /// --time: 0.01].
-    #[arg(long, value_name = "X", value_parser = scene::positive)]
+    #[arg(long, value_name = "X", value_parser = positive)]
     target_noise: Option<f32>,
     /// Stop after this total time, such as 10min.
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]

@@ -4,11 +4,11 @@ use super::bar::Style;
 use super::job;
 use super::output::{FileArgs, ResolveArgs};
 use super::part;
-use super::scene::{self, LensArgs, SceneArgs};
+use super::scene::{LensArgs, SceneArgs};
 use clap::Args;
-use opsr::integrator::bidirectional::Part;
+use opsr::integrator::bidirectional::Strategy;
 use opsr::integrator::layers::Aov;
-use opsr::integrator::method::{MethodSpec, unit};
+use opsr::integrator::method::{MethodSpec, positive, unit};
 use std::ops::Range;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -37,7 +37,7 @@ pub(super) struct RenderArgs {
     pub(super) time: Option<Duration>,
     /// Stop when the estimated relative error of the picture (root of its relMSE; of several levels that of the best of
     /// every pixel) is below this.
-    #[arg(long, value_name = "X", value_parser = scene::positive)]
+    #[arg(long, value_name = "X", value_parser = positive)]
     pub(super) target_error: Option<f32>,
 
     /// Size of the picture, or a share such as 50% or 1/2 of the size without this option: 512 rows, as wide as the camera
@@ -77,7 +77,7 @@ pub(super) struct RenderArgs {
     /// included, such as 0,3 (a light that the camera meets), 1,2 (light sampling) or 3,1 (light tracing); or `merges` of
     /// vcm. The pictures of all strategies add up to the whole.
     #[arg(long, value_name = "S,T|merges", value_parser = job::strategy)]
-    pub(super) strategy: Option<Part>,
+    pub(super) strategy: Option<Strategy>,
 
     /// Scattering vertices of the longest path.
     #[arg(long, alias = "max-depth", value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=65536))]

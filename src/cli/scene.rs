@@ -5,6 +5,7 @@ use anyhow::anyhow;
 use clap::Args;
 use opsr::bsdf::Distribution;
 use opsr::files::hex;
+use opsr::integrator::method::{at_least_zero, positive};
 use opsr::scene::load::{Animation, LoadOptions, load};
 use opsr::scene::{Camera, Environment, Lens, Scene, SceneParts};
 use sha2::{Digest, Sha256};
@@ -53,22 +54,6 @@ enum Lobes {
     #[default]
     Beckmann,
     Ggx,
-}
-
-/// A number above zero.
-pub(super) fn positive(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(x) if x > 0.0 && x.is_finite() => Ok(x),
-        _ => Err("expected a number above 0".into()),
-    }
-}
-
-/// A number not below zero.
-fn at_least_zero(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(x) if x >= 0.0 && x.is_finite() => Ok(x),
-        _ => Err("expected a number, at least 0".into()),
-    }
 }
 
 /// A finite number.

@@ -95,9 +95,9 @@ fn excerpt(text: &str, at: usize) -> (String, String) {
 
 /// The text of an error, cut where it quotes too much of a file.
 pub(crate) fn briefly(error: impl std::fmt::Display) -> String {
-    const MOST: usize = 600;
+    const MAX_CHARS: usize = 600;
     let words = error.to_string();
-    match words.char_indices().nth(MOST) {
+    match words.char_indices().nth(MAX_CHARS) {
         Some((end, _)) => format!("{}…", &words[..end]),
         None => words,
     }

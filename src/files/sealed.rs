@@ -118,7 +118,7 @@ impl Sealed {
         let long = u64::from_le_bytes(words);
         let fixed = (line.len() + words.len() + CHECKSUM) as u64;
         let left = length.checked_sub(fixed).and_then(|l| l.checked_sub(long));
-        let left = left.filter(|_| long <= MOST_HEADER);
+        let left = left.filter(|_| long <= MAX_HEADER);
         let left = left.ok_or_else(|| self.damaged("the header ends nowhere"))?;
         let mut header = Vec::new();
         let read = (&mut file).take(long).read_to_end(&mut header);
@@ -154,7 +154,7 @@ impl Sealed {
 }
 
 /// Longest header that is read before the rest of a file.
-const MOST_HEADER: u64 = 1 << 20;
+const MAX_HEADER: u64 = 1 << 20;
 
 /// Payload of a sealed file that is read piece by piece.
 pub(crate) struct Payload {

@@ -9,6 +9,7 @@
 
 use crate::image::Buffer;
 use crate::image::exr::MAX_PIXELS;
+use crate::image::metric::pixel::EPSILON;
 use crate::math::moments::Moments;
 use crate::math::{DVec3, Rgb, UVec2};
 
@@ -221,9 +222,6 @@ pub struct Film {
 }
 
 impl Film {
-    /// ε below the squared mean in [`Film::relative_error`]; the same as relMSE's.
-    pub const RELATIVE_EPSILON: f64 = 0.01;
-
     /// An empty film of the whole frame.
     ///
     /// ```
@@ -414,7 +412,7 @@ impl Film {
         if self.pixels.iter().any(|m| m.n < 2) {
             return f64::INFINITY;
         }
-        let epsilon = DVec3::splat(Self::RELATIVE_EPSILON);
+        let epsilon = DVec3::splat(EPSILON);
         let sum: f64 = self
             .pixels
             .iter()

@@ -1,4 +1,4 @@
-//! Sums of several levels of roughening of the same paths, in batches, of the light that they share, and of guides for
+//! Sums of several levels of roughening of the same paths, in batches, of the light that they share, and of features for
 //! their blur.
 //!
 //! Sample number n belongs to batch n mod [`BATCHES`]: so batches are equally long, up to one sample, wherever a render
@@ -6,7 +6,7 @@
 //! at all levels, so that they stay averages over the same paths; the film of level 0 reports it.
 //!
 //! Sums are single precision: 12 bytes a level and batch, and as much for the shared light, 320 bytes a pixel for five
-//! levels with counts and guides. The film of level 0 beside them has double precision.
+//! levels with counts and features. The film of level 0 beside them has double precision.
 
 use super::Buffer;
 use super::film::Window;
@@ -29,7 +29,7 @@ pub struct PathLevels<'a> {
     /// Radiance that no level roughens.
     pub shared: Rgb,
     /// Normal of the first rough vertex and the path's length to it.
-    pub guide: [f32; 4],
+    pub features: [f32; 4],
 }
 
 /// Sums over the samples of every pixel in a window of the frame, by batch and level.
@@ -40,8 +40,8 @@ pub struct LevelFilm {
     levels: usize,
     /// Samples by pixel and batch.
     counts: Vec<[u32; BATCHES]>,
-    /// Sums of the guides by pixel.
-    guides: Vec<[f32; 4]>,
+    /// Sums of the features by pixel.
+    features: Vec<[f32; 4]>,
     /// Sums by pixel, batch and level, levels fastest, the shared light after the last.
     sums: Vec<Rgb>,
 }
@@ -54,7 +54,7 @@ impl LevelFilm {
             window,
             levels,
             counts: vec![[0; BATCHES]; window.len()],
-            guides: vec![[0.0; 4]; window.len()],
+            features: vec![[0.0; 4]; window.len()],
             sums: vec![Rgb::ZERO; window.len() * BATCHES * (levels + 1)],
         }
     }
@@ -75,18 +75,18 @@ impl LevelFilm {
         3 * (levels + 1) + 4
     }
 
-    /// Numbers of a sample in a film that has no other, by pixel: levels, shared light and guide. Not numbers where it was
+    /// Numbers of a sample in a film that has no other, by pixel: levels, shared light and features. Not numbers where it was
     /// left out.
     pub fn sample(&self, sample: u32) -> impl Iterator<Item = f32> + '_ {
         let batch = sample as usize % BATCHES;
         let each = self.levels + 1;
         let pixels = self.sums.chunks_exact(BATCHES * each);
-        let pixels = pixels.zip(&self.counts).zip(&self.guides);
-        pixels.flat_map(move |((sums, counts), guide)| {
+        let pixels = pixels.zip(&self.counts).zip(&self.features);
+        pixels.flat_map(move |((sums, counts), features)| {
             let missing = counts[batch] == 0;
             let own = sums[batch * each..(batch + 1) * each].iter();
             own.flat_map(move |v| if missing { Rgb::NAN } else { *v }.to_array())
-                .chain(*guide)
+                .chain(*features)
         })
     }
 
@@ -113,7 +113,7 @@ impl LevelFilm {
             *sum += *value;
         }
         self.sums[at + self.levels] += path.shared;
-        for (sum, value) in self.guides[index].iter_mut().zip(path.guide) {
+        for (sum, value) in self.features[index].iter_mut().zip(path.features) {
             *sum += value;
         }
     }
@@ -148,9 +148,9 @@ impl LevelFilm {
         }
     }
 
-    /// Means of the guides: normal and length.
-    pub fn guides(&self) -> Vec<[f32; 4]> {
-        let pairs = self.guides.iter().zip(&self.counts);
+    /// Means of the features: normal and length.
+    pub fn features(&self) -> Vec<[f32; 4]> {
+        let pairs = self.features.iter().zip(&self.counts);
         let mean = |(sum, counts): (&[f32; 4], &[u32; BATCHES])| {
             let n = counts.iter().sum::<u32>().max(1) as f32;
             sum.map(|s| s / n)
@@ -172,7 +172,7 @@ impl LevelFilm {
         for row in 0..tile.h {
             let (mine, theirs, w) = self.row(&tile, row);
             cut.counts[theirs..theirs + w].copy_from_slice(&self.counts[mine..mine + w]);
-            cut.guides[theirs..theirs + w].copy_from_slice(&self.guides[mine..mine + w]);
+            cut.features[theirs..theirs + w].copy_from_slice(&self.features[mine..mine + w]);
             cut.sums[theirs * stride..(theirs + w) * stride]
                 .copy_from_slice(&self.sums[mine * stride..(mine + w) * stride]);
         }
@@ -185,7 +185,7 @@ impl LevelFilm {
         for row in 0..tile.window.h {
             let (mine, theirs, w) = self.row(&tile.window, row);
             self.counts[mine..mine + w].copy_from_slice(&tile.counts[theirs..theirs + w]);
-            self.guides[mine..mine + w].copy_from_slice(&tile.guides[theirs..theirs + w]);
+            self.features[mine..mine + w].copy_from_slice(&tile.features[theirs..theirs + w]);
             self.sums[mine * stride..(mine + w) * stride]
                 .copy_from_slice(&tile.sums[theirs * stride..(theirs + w) * stride]);
         }
@@ -207,18 +207,18 @@ impl LevelFilm {
 
     /// Writes the sums; frame and window are those of the film of level 0.
     ///
-    /// Little endian: the magic word, the number of levels, then by pixel four counts, four guides and the sums, batch
+    /// Little endian: the magic word, the number of levels, then by pixel four counts, four features and the sums, batch
     /// by batch.
     pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
         out.write_all(MAGIC)?;
         out.write_all(&(self.levels as u32).to_le_bytes())?;
         let sums = self.sums.chunks_exact(BATCHES * (self.levels + 1));
-        for ((counts, guides), sums) in self.counts.iter().zip(&self.guides).zip(sums) {
+        for ((counts, features), sums) in self.counts.iter().zip(&self.features).zip(sums) {
             for count in counts {
                 out.write_all(&count.to_le_bytes())?;
             }
             let sums = sums.iter().flat_map(|sum| sum.to_array());
-            for x in guides.iter().copied().chain(sums) {
+            for x in features.iter().copied().chain(sums) {
                 out.write_all(&x.to_le_bytes())?;
             }
         }
@@ -246,9 +246,9 @@ impl LevelFilm {
         for (index, pixel) in each.enumerate() {
             let (words, _) = pixel.as_chunks::<4>();
             let (counts, rest) = words.split_at(BATCHES);
-            let (guides, sums) = rest.split_at(4);
-            for (guide, word) in film.guides[index].iter_mut().zip(guides) {
-                *guide = f32::from_le_bytes(*word);
+            let (features, sums) = rest.split_at(4);
+            for (feature, word) in film.features[index].iter_mut().zip(features) {
+                *feature = f32::from_le_bytes(*word);
             }
             for (count, word) in film.counts[index].iter_mut().zip(counts) {
                 *count = u32::from_le_bytes(*word);

@@ -34,6 +34,9 @@ pub struct SplatLayer {
 }
 
 impl SplatLayer {
+    /// Bytes of a pixel.
+    pub(crate) const PIXEL_BYTES: u64 = size_of::<DVec3>() as u64;
+
     /// An empty layer of a window.
     pub fn new(window: &Window) -> Self {
         Self {

@@ -443,8 +443,14 @@ fn shrinking(text: &str) -> Result<f32, String> {
     number(text, |x| x > 0.0 && x <= 1.0, "above 0 and at most 1")
 }
 
-fn positive(text: &str) -> Result<f32, String> {
+/// A number above 0.
+pub fn positive(text: &str) -> Result<f32, String> {
     number(text, |x| x > 0.0 && x.is_finite(), "above 0")
+}
+
+/// A number not below 0.
+pub fn at_least_zero(text: &str) -> Result<f32, String> {
+    number(text, |x| x >= 0.0 && x.is_finite(), "of at least 0")
 }
 
 fn number(text: &str, allowed: fn(f32) -> bool, range: &str) -> Result<f32, String> {

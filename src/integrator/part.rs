@@ -334,7 +334,7 @@ impl Coverage {
     /// No samples yet. An error for parts outside of the window.
     fn new(parts: &[(&Path, Part)], window: Window) -> Result<Self, MergeError> {
         /// Crops of one render share their edges.
-        const MOST_CELLS: usize = 1 << 26;
+        const MAX_CELLS: usize = 1 << 26;
         let mut edges = [
             vec![window.x, window.x + window.w],
             vec![window.y, window.y + window.h],
@@ -353,7 +353,7 @@ impl Coverage {
             edges.dedup();
         }
         let cells = (edges[0].len() - 1) * (edges[1].len() - 1);
-        if cells > MOST_CELLS {
+        if cells > MAX_CELLS {
             let what = "too many parts of different pixels";
             return Err(MergeError::Samples(what.into()));
         }
@@ -511,7 +511,7 @@ impl Whole {
                 let path = PathLevels {
                     levels: &values,
                     shared: rgb(),
-                    guide: std::array::from_fn(|_| next()),
+                    features: std::array::from_fn(|_| next()),
                 };
                 let at = index_in(&levels.window(), window.pixel(index));
                 levels.push(at, sample, &path);

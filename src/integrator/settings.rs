@@ -1,13 +1,15 @@
 //! Settings of a render, and the integrator they stand for.
 
-use super::bidirectional::{Bidirectional, Part, Radius, Strategies};
-use super::guided::Guided;
+use super::bidirectional::{Bidirectional, Radius, Strategies, Strategy};
+use super::guided::{self, Guided};
 use super::levels::{LevelError, LevelTracer, SCALES};
-use super::metropolis::Metropolis;
+use super::metropolis::{self, Metropolis};
 use super::path::PathTracer;
 use super::{Integrator, Picture, View};
 use crate::image::exr::Metadata;
+use crate::image::film::Window;
 use crate::image::level_film::{BATCHES, LevelFilm};
+use crate::math::UVec2;
 use crate::regularise::{Rule, TableTuning, Unregularised};
 use crate::sampler::{CameraSource, SamplerKind, Seed};
 use crate::scene::{Camera, Scene};
@@ -62,7 +64,7 @@ pub struct Settings {
     /// tracing; empty for a render at the rule's own factors alone.
     pub levels: Vec<f32>,
     /// The only part of the strategies of `bdpt` or `vcm` that the picture shows, with its weights; without a rule.
-    pub part: Option<Part>,
+    pub strategy: Option<Strategy>,
     /// Random numbers of camera paths, of path tracing only: other estimators have independent ones. Independent by
     /// default, so that variances of a film are unbiased estimates; of Sobol points they are upper bounds.
     pub sampler: SamplerKind,
@@ -80,7 +82,7 @@ impl Default for Settings {
             estimator: Estimator::default(),
             rule: Rule::Plain,
             levels: Vec::new(),
-            part: None,
+            strategy: None,
             sampler: SamplerKind::default(),
             max_vertices: 16,
             roulette_start: 5,
@@ -136,7 +138,7 @@ impl Settings {
 
     /// The strategies of `bdpt` and `vcm` that the picture shows.
     fn shown(&self) -> Strategies {
-        self.part.map_or(Strategies::All, Strategies::Part)
+        self.strategy.map_or(Strategies::All, Strategies::One)
     }
 
     /// The bidirectional path tracer of these settings with these strategies, without merging; of the rules it has the
@@ -162,6 +164,16 @@ impl Settings {
             roulette_start: self.roulette_start,
             seed: self.seed,
         }
+    }
+
+    /// Bytes that a picture of a window of the frame takes with these settings, and what an integrator holds beside it.
+    pub fn bytes(&self, frame: UVec2, window: Window, recorded: [bool; 3]) -> u64 {
+        let beside = match self.estimator {
+            Estimator::Guided { .. } => guided::bytes(window.len()),
+            Estimator::Mlt { .. } => metropolis::bytes(frame),
+            _ => 0,
+        };
+        Picture::bytes(window, self.levels.len(), recorded) + beside
     }
 
     /// An error unless the settings have one level, or the levels of an estimator and a rule that can have several.
@@ -192,14 +204,14 @@ impl Settings {
         match self.estimator {
             Estimator::Path { .. } | Estimator::Guided { .. } => Ok(()),
             _ if camera.lens.is_some() => {
-                Err("only --integrator path has a lens: leave it out with --aperture 0")
+                Err("a lens needs the integrator path; aperture 0 leaves it out")
             }
             _ if scene.has_dispersion() => {
-                Err("only --integrator path has dispersion (KHR_materials_dispersion)")
+                Err("dispersion (KHR_materials_dispersion) needs the integrator path")
             }
             // A photon does not remember the bodies around it.
             Estimator::Vcm(_) | Estimator::VcmNee(_) if scene.has_overlaps() => {
-                Err("--integrator vcm knows no bodies that overlap; bdpt and sppm do")
+                Err("the integrator vcm knows no bodies that overlap; bdpt and sppm do")
             }
             _ => Ok(()),
         }
@@ -265,7 +277,7 @@ impl Settings {
             estimator,
             rule,
             levels,
-            part,
+            strategy,
             sampler,
             max_vertices,
             roulette_start,
@@ -275,8 +287,8 @@ impl Settings {
         if !levels.is_empty() {
             rule += &format!(" at levels {levels:?}");
         }
-        if let Some(part) = part {
-            rule += &format!(", {part:?} alone");
+        if let Some(strategy) = strategy {
+            rule += &format!(", strategy {strategy} alone");
         }
         if !sampler.is_independent() && matches!(estimator, Estimator::Path { .. }) {
             rule += &format!(", {sampler:?}");

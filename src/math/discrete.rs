@@ -93,7 +93,7 @@ impl AliasTable {
 }
 
 /// Largest double-precision number below 1.
-const ALMOST_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
+pub(crate) const ALMOST_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 
 /// Probabilities of the cells of a grid: the marginal of the rows, then a row's conditional, each by inversion of its
 /// cumulative sums.

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 
 /// Surfaces at which the search for the bodies around a point gives up.
-pub const MOST_SURFACES: usize = 10_000;
+pub const MAX_SURFACES: usize = 10_000;
 
 /// Triangles of a mesh at which overlaps are looked for.
 const PROBES: usize = 256;
@@ -78,7 +78,7 @@ impl Scene {
                 around.push(material);
             }
         };
-        for _ in 0..MOST_SURFACES {
+        for _ in 0..MAX_SURFACES {
             let Some(hit) = self.intersect(&ray) else {
                 break;
             };

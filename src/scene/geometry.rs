@@ -24,12 +24,12 @@ pub struct Geometry {
     /// True for triangles whose hits opacity may remove; empty if there are none.
     cutouts: Vec<bool>,
     instances: Option<Instances>,
-    walk: Walk,
+    traversal: Traversal,
 }
 
-/// The way a ray asks a scene, the cheapest that the scene allows.
+/// Traversal of the scene by a ray: the cheapest that the scene allows.
 #[derive(Clone, Copy)]
-enum Walk {
+enum Traversal {
     /// One tree, in which every hit counts.
     Plain,
     /// One tree, hits of which opacity may remove.
@@ -162,10 +162,10 @@ impl Geometry {
             }
         }
         let instances = Instances::new(parts, triangles.len() as u32, warnings);
-        let walk = match (&instances, cutouts.is_empty()) {
-            (Some(_), _) => Walk::Instances,
-            (None, false) => Walk::Cutouts,
-            (None, true) => Walk::Plain,
+        let traversal = match (&instances, cutouts.is_empty()) {
+            (Some(_), _) => Traversal::Instances,
+            (None, false) => Traversal::Cutouts,
+            (None, true) => Traversal::Plain,
         };
         Self {
             accel,
@@ -174,7 +174,7 @@ impl Geometry {
             meshes: parts.meshes.len() as u32,
             cutouts,
             instances,
-            walk,
+            traversal,
         }
     }
 
@@ -314,14 +314,16 @@ impl Geometry {
     /// Closest hit; parts that opacity removes are skipped.
     #[inline]
     pub fn intersect(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
-        match self.walk {
+        match self.traversal {
             // The surface of the closest hit is asked for next: its triangle arrives while the walk goes on.
-            Walk::Plain => self.accel.closest_where(ray, |hit| {
+            Traversal::Plain => self.accel.closest_where(ray, |hit| {
                 accel::fetch(&self.triangles, hit.triangle);
                 true
             }),
-            Walk::Cutouts => (self.accel).closest_where(ray, |hit| self.present(parts, ray, hit)),
-            Walk::Instances => self.intersect_instances(parts, ray),
+            Traversal::Cutouts => {
+                (self.accel).closest_where(ray, |hit| self.present(parts, ray, hit))
+            }
+            Traversal::Instances => self.intersect_instances(parts, ray),
         }
     }
 
@@ -344,10 +346,10 @@ impl Geometry {
     /// Any hit before the ray's end.
     #[inline]
     pub fn occluded(&self, parts: &SceneParts, ray: &Ray) -> bool {
-        match self.walk {
-            Walk::Plain => self.accel.any(ray),
-            Walk::Cutouts => (self.accel).any_where(ray, |hit| self.present(parts, ray, hit)),
-            Walk::Instances => self.occluded_instances(parts, ray),
+        match self.traversal {
+            Traversal::Plain => self.accel.any(ray),
+            Traversal::Cutouts => (self.accel).any_where(ray, |hit| self.present(parts, ray, hit)),
+            Traversal::Instances => self.occluded_instances(parts, ray),
         }
     }
 
@@ -374,10 +376,10 @@ impl Geometry {
         surface: &Surface,
         map: Option<(&TextureRef, f32)>,
     ) -> Vec3 {
-        self.at(surface.triangle, |triangle, placing| {
-            let spot = triangle.spot(parts, surface.position, placing);
-            let (ns, flipped) = triangle.smooth_normal(&spot.weights, surface.ng, placing);
-            let mapped = map.and_then(|(map, scale)| spot.mapped(parts, map, scale, ns));
+        self.at(surface.triangle, |triangle, to_world| {
+            let point = triangle.point_at(parts, surface.position, to_world);
+            let (ns, flipped) = triangle.smooth_normal(&point.weights, surface.ng, to_world);
+            let mapped = map.and_then(|(map, scale)| point.mapped(parts, map, scale, ns));
             let ns = mapped.unwrap_or(ns);
             lifted(if flipped { -ns } else { ns }, surface.ng)
         })
@@ -395,17 +397,17 @@ impl Geometry {
             texture: 0,
             transform: glam::Affine2::IDENTITY,
         };
-        self.at(surface.triangle, |triangle, placing| {
-            let spot = triangle.spot(parts, surface.position, placing);
-            let (ns, _) = triangle.smooth_normal(&spot.weights, surface.ng, placing);
-            let (tangent, hand) = spot.tangent(map.unwrap_or(&plain), ns)?;
+        self.at(surface.triangle, |triangle, to_world| {
+            let point = triangle.point_at(parts, surface.position, to_world);
+            let (ns, _) = triangle.smooth_normal(&point.weights, surface.ng, to_world);
+            let (tangent, hand) = point.tangent(map.unwrap_or(&plain), ns)?;
             let t = (tangent - ns * ns.dot(tangent)).try_normalize()?;
             Some([t, hand * ns.cross(t)])
         })
     }
 
     /// Asks a triangle and its way into the world.
-    fn at<T>(&self, triangle: u32, ask: impl FnOnce(&Triangle, &dyn Placing) -> T) -> T {
+    fn at<T>(&self, triangle: u32, ask: impl FnOnce(&Triangle, &dyn ToWorld) -> T) -> T {
         match self.triangles.get(triangle as usize) {
             Some(triangle) => ask(triangle, &InWorld),
             None => {
@@ -444,8 +446,8 @@ fn weights(hit: &Hit) -> [f32; 3] {
     [(1.0 - hit.u - hit.v).max(0.0), hit.u, hit.v]
 }
 
-/// The way of a mesh into the world.
-pub(super) trait Placing {
+/// Transform from a mesh's space to the world.
+pub(super) trait ToWorld {
     /// The mesh of this index.
     fn mesh<'a>(&self, parts: &'a SceneParts, index: u32) -> &'a Mesh;
     /// A point.
@@ -462,10 +464,10 @@ pub(super) trait Placing {
     fn error(&self, error: f32) -> f32;
 }
 
-/// The way of a mesh that is in the world.
+/// Identity, of a mesh that is in the world.
 struct InWorld;
 
-impl Placing for InWorld {
+impl ToWorld for InWorld {
     #[inline(always)]
     fn mesh<'a>(&self, parts: &'a SceneParts, index: u32) -> &'a Mesh {
         &parts.meshes[index as usize]
@@ -505,31 +507,36 @@ impl Placing for InWorld {
 impl Triangle {
     /// Interpolates the surface at a hit.
     #[inline(always)]
-    pub(super) fn surface(&self, parts: &SceneParts, hit: &Hit, placing: &impl Placing) -> Surface {
+    pub(super) fn surface(
+        &self,
+        parts: &SceneParts,
+        hit: &Hit,
+        to_world: &impl ToWorld,
+    ) -> Surface {
         let [a, b, c] = self.corners;
         let weights = weights(hit);
         let local = a.as_dvec3();
-        let e = placing.edge(b.as_dvec3() - local);
-        let f = placing.edge(c.as_dvec3() - local);
-        let ng = placing.geometric(self.ng, e, f);
+        let e = to_world.edge(b.as_dvec3() - local);
+        let f = to_world.edge(c.as_dvec3() - local);
+        let ng = to_world.geometric(self.ng, e, f);
         // Exact up to the rounding to single precision.
-        let position = (placing.point(a) + f64::from(hit.u) * e + f64::from(hit.v) * f).as_vec3();
+        let position = (to_world.point(a) + f64::from(hit.u) * e + f64::from(hit.v) * f).as_vec3();
         // A spawned origin is off by that rounding and by its own, half a unit in the last place each; the intersection
         // test knows the side of the plane exactly. [PBRT4 §6.8] has to allow for γ₇ of the corners' size.
         let rounding = 3.0 * HALF_ULP * position.abs().dot(ng.abs());
         let extent = e.abs().max(f.abs()).max_element() as f32;
-        let (mut ns, flipped) = self.smooth_normal(&weights, ng, placing);
+        let (mut ns, flipped) = self.smooth_normal(&weights, ng, to_world);
         let mut uv = Vec2::ZERO;
         if self.material & TEXTURED != 0 {
-            let mesh = placing.mesh(parts, self.mesh);
-            let spot = Spot {
+            let mesh = to_world.mesh(parts, self.mesh);
+            let point = TrianglePoint {
                 mesh,
                 indices: self.indices(mesh),
                 weights,
                 edges: [e.as_vec3(), f.as_vec3()],
-                placing,
+                to_world,
             };
-            (uv, ns) = self.textured(parts, &spot, ns);
+            (uv, ns) = self.textured(parts, &point, ns);
         }
         if flipped {
             ns = -ns;
@@ -541,7 +548,7 @@ impl Triangle {
             uv,
             triangle: hit.triangle,
             material: self.material(),
-            error: placing.error(rounding + 1e-13 * extent),
+            error: to_world.error(rounding + 1e-13 * extent),
         }
     }
 
@@ -551,64 +558,64 @@ impl Triangle {
         &self,
         weights: &[f32; 3],
         ng: Vec3,
-        placing: &(impl Placing + ?Sized),
+        to_world: &(impl ToWorld + ?Sized),
     ) -> (Vec3, bool) {
-        let ns = mix(weights, self.normals.map(|n| placing.normal(n)))
+        let ns = mix(weights, self.normals.map(|n| to_world.normal(n)))
             .try_normalize()
             .unwrap_or(ng);
         (ns, ns.dot(ng) < 0.0)
     }
 
     /// Texture coordinates, and the shading normal with the normal map applied.
-    fn textured<P: Placing>(
+    fn textured<P: ToWorld>(
         &self,
         parts: &SceneParts,
-        spot: &Spot<'_, P>,
+        point: &TrianglePoint<'_, P>,
         ns: Vec3,
     ) -> (Vec2, Vec3) {
         let material = &parts.materials[self.material() as usize];
         let mapped = (material.normal_texture.as_ref())
-            .and_then(|map| spot.mapped(parts, map, material.normal_scale, ns));
-        (spot.uv(), mapped.unwrap_or(ns))
+            .and_then(|map| point.mapped(parts, map, material.normal_scale, ns));
+        (point.uv(), mapped.unwrap_or(ns))
     }
 
-    /// The place of a point of the triangle.
-    fn spot<'a, P: Placing + ?Sized>(
+    /// The point of the triangle at a position in the world.
+    fn point_at<'a, P: ToWorld + ?Sized>(
         &'a self,
         parts: &'a SceneParts,
         position: Vec3,
-        placing: &'a P,
-    ) -> Spot<'a, P> {
-        let mesh = placing.mesh(parts, self.mesh);
+        to_world: &'a P,
+    ) -> TrianglePoint<'a, P> {
+        let mesh = to_world.mesh(parts, self.mesh);
         let [a, b, c] = self.corners;
         let local = a.as_dvec3();
-        let e = placing.edge(b.as_dvec3() - local);
-        let f = placing.edge(c.as_dvec3() - local);
-        let d = position.as_dvec3() - placing.point(a);
+        let e = to_world.edge(b.as_dvec3() - local);
+        let f = to_world.edge(c.as_dvec3() - local);
+        let d = position.as_dvec3() - to_world.point(a);
         let (ee, ef, ff) = (e.dot(e), e.dot(f), f.dot(f));
         let (de, df) = (d.dot(e), d.dot(f));
         let part = |x: f64| (x / (ee * ff - ef * ef)).clamp(0.0, 1.0) as f32;
         let (u, v) = (part(de * ff - df * ef), part(df * ee - de * ef));
-        Spot {
+        TrianglePoint {
             mesh,
             indices: self.indices(mesh),
             weights: [(1.0 - u - v).max(0.0), u, v],
             edges: [e.as_vec3(), f.as_vec3()],
-            placing,
+            to_world,
         }
     }
 }
 
-/// A point of a triangle of a mesh, and its way into the world.
-struct Spot<'a, P: ?Sized> {
+/// A point of a triangle of a mesh, and the transform to the world.
+struct TrianglePoint<'a, P: ?Sized> {
     mesh: &'a Mesh,
     indices: &'a [u32; 3],
     weights: [f32; 3],
     edges: [Vec3; 2],
-    placing: &'a P,
+    to_world: &'a P,
 }
 
-impl<P: Placing + ?Sized> Spot<'_, P> {
+impl<P: ToWorld + ?Sized> TrianglePoint<'_, P> {
     fn uvs(&self) -> Option<[Vec2; 3]> {
         attribute(&self.mesh.uvs, self.indices)
     }
@@ -620,7 +627,7 @@ impl<P: Placing + ?Sized> Spot<'_, P> {
     /// Tangent and handedness for the coordinates of a map, about the normal `ns`.
     fn tangent(&self, map: &TextureRef, ns: Vec3) -> Option<(Vec3, f32)> {
         let own = attribute(&self.mesh.tangents, self.indices)
-            .map(|t| t.map(|t| self.placing.tangent(t)));
+            .map(|t| t.map(|t| self.to_world.tangent(t)));
         tangent(own, self.uvs(), &self.weights, self.edges, map, ns)
     }
 

@@ -5,7 +5,7 @@
 //! be walked a little faster, but only by scenes that share meshes; so the others' tree stays as it is.
 
 use super::accel::{Accel, BoxTree, LocalRay};
-use super::geometry::{Placing, Triangle, add_faces, corners};
+use super::geometry::{ToWorld, Triangle, add_faces, corners};
 use super::material::may_vanish;
 use super::mesh::{Mesh, SharedMesh, cofactors, unit};
 use super::{Hit, SceneParts, Surface};
@@ -224,22 +224,22 @@ impl Instances {
 
     /// See [`super::Geometry::surface`].
     pub(super) fn surface(&self, parts: &SceneParts, hit: &Hit) -> Surface {
-        let (triangle, placing) = self.place(hit.triangle);
-        triangle.surface(parts, hit, &placing)
+        let (triangle, to_world) = self.place(hit.triangle);
+        triangle.surface(parts, hit, &to_world)
     }
 
     /// A triangle in its mesh's space, and its way into the world.
-    pub(super) fn place(&self, triangle: u32) -> (&Triangle, impl Placing + use<'_>) {
+    pub(super) fn place(&self, triangle: u32) -> (&Triangle, impl ToWorld + use<'_>) {
         let (i, local) = self.find(triangle);
         let instance = &self.list[i];
-        let placing = Placed {
+        let to_world = InstanceTransform {
             instance,
             normals: cofactors(&instance.pose.matrix3),
             sign: if instance.is_mirrored() { -1.0 } else { 1.0 },
         };
         (
             &self.meshes[instance.mesh as usize].triangles[local],
-            placing,
+            to_world,
         )
     }
 }
@@ -269,14 +269,14 @@ impl Instance {
 }
 
 /// An instance, with what its normals are transformed by.
-struct Placed<'a> {
+struct InstanceTransform<'a> {
     instance: &'a Instance,
     normals: DMat3,
     /// −1 for a mirroring pose, which reverses the winding: the front stays the front `[glTF §3.7.4]`.
     sign: f64,
 }
 
-impl Placing for Placed<'_> {
+impl ToWorld for InstanceTransform<'_> {
     fn mesh<'a>(&self, parts: &'a SceneParts, index: u32) -> &'a Mesh {
         &parts.shared[index as usize].mesh
     }

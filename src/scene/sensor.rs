@@ -28,6 +28,15 @@ pub struct Sighting {
     pub parallel: bool,
 }
 
+/// Density of a camera ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayDensity {
+    /// Per steradian for a pinhole, per area across the ray if `parallel`.
+    pub pdf: f32,
+    /// True if the camera's rays are parallel.
+    pub parallel: bool,
+}
+
 impl Sighting {
     /// Density per area, on a surface whose absolute cosine with `wo` is `cos`, with which the rays of the pixel meet
     /// it. A pixel's response integrates to 1, so this is also the factor that turns radiance into pixel values.
@@ -62,20 +71,25 @@ impl Sensor<'_> {
         }
     }
 
-    /// Density of a ray along `dir` among the rays through one pixel, whose integral over the pixel is 1: per steradian
-    /// for a pinhole, per area across the ray for a parallel camera (then also true).
+    /// Density of a ray along `dir` among the rays through one pixel, whose integral over the pixel is 1.
     #[inline]
-    pub fn pdf(&self, dir: Vec3) -> (f32, bool) {
+    pub fn pdf(&self, dir: Vec3) -> RayDensity {
         let rows = self.frame.y as f32;
         match self.camera.projection {
             Projection::Perspective { tan_half_y } => {
                 let edge = 2.0 * tan_half_y / rows;
                 let cos = -dir.dot(self.camera.frame.n);
-                (1.0 / (edge * edge * cos * cos * cos), false)
+                RayDensity {
+                    pdf: 1.0 / (edge * edge * cos * cos * cos),
+                    parallel: false,
+                }
             }
             Projection::Orthographic { half_height } => {
                 let edge = 2.0 * half_height / rows;
-                (1.0 / (edge * edge), true)
+                RayDensity {
+                    pdf: 1.0 / (edge * edge),
+                    parallel: true,
+                }
             }
         }
     }
@@ -88,7 +102,7 @@ impl Sensor<'_> {
         let (film, wo, distance) = self.camera.project(point, size.x / size.y)?;
         let place = (film * size).floor();
         let inside = place.cmpge(Vec2::ZERO).all() && place.cmplt(size).all();
-        let (pdf, parallel) = self.pdf(-wo);
+        let RayDensity { pdf, parallel } = self.pdf(-wo);
         (inside && pdf.is_finite()).then(|| Sighting {
             pixel: place.as_uvec2(),
             wo,

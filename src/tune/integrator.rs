@@ -10,7 +10,7 @@ use super::judge::{Draft, best, judged};
 use super::pilot_window;
 use super::stopwatch::Stopwatch;
 use crate::image::film::{Film, FilmError};
-use crate::integrator::bidirectional::{MOST_PATHS, Radius};
+use crate::integrator::bidirectional::{MAX_LIGHT_PATHS, Radius};
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Estimator, Integrator, Picture, Settings, View};
 use crate::math::UVec2;
@@ -377,7 +377,8 @@ impl Runner {
 /// An estimator for the small picture of a view: its light paths are fewer, so the radius grows until as many photons
 /// merge as in the view. The automatic radius has bounds, and would not.
 fn as_many_photons(estimator: Estimator, view: &View<'_>, small: &View<'_>) -> Estimator {
-    let paths = |frame: UVec2| (f64::from(frame.x) * f64::from(frame.y)).min(MOST_PATHS.into());
+    let paths =
+        |frame: UVec2| (f64::from(frame.x) * f64::from(frame.y)).min(MAX_LIGHT_PATHS.into());
     let factor = (paths(view.sensor.frame) / paths(small.sensor.frame)).sqrt() as f32;
     let larger = |radius: Radius| Radius {
         first: Some(radius.first(view) * factor),

@@ -32,9 +32,9 @@ const DARKER: f64 = 2.0;
 /// Share of the pixels, those of the largest errors, that are left out: what single bright samples bring is chance.
 const TRIMMED: f64 = 0.002;
 
-/// Share of the pixels that may carry [`MOST`] of the variance before it counts as that of single samples, and is left out.
+/// Share of the pixels that may carry [`MAX_CONCENTRATION`] of the variance before it counts as that of single samples, and is left out.
 const FEW: f64 = 0.01;
-const MOST: f64 = 0.7;
+const MAX_CONCENTRATION: f64 = 0.7;
 
 /// Factor on errors that are lower bounds.
 const UNSURE: f64 = 10.0;
@@ -186,7 +186,7 @@ pub(super) fn judged(drafts: &[Draft], window: Window, time: f64, punctual: bool
     // Where nobody has variance there is nothing to be unsure of.
     let nothing = shares.iter().all(Option::is_none);
     let sure: Vec<bool> = (shares.iter())
-        .map(|share| share.map_or(nothing, |share| share <= MOST))
+        .map(|share| share.map_or(nothing, |share| share <= MAX_CONCENTRATION))
         .collect();
     let mut light = 0.0f64;
     let (mut of_sample, mut missed) = (Vec::new(), Vec::new());

@@ -143,10 +143,10 @@ struct Blur {
 }
 
 impl Blur {
-    /// Weights of this standard deviation in pixels. A guide is a normal and a length.
-    fn new((width, height): Size, sigma: f32, guides: &[[f32; 4]]) -> Self {
+    /// Weights of this standard deviation in pixels. Features are a normal and a length.
+    fn new((width, height): Size, sigma: f32, features: &[[f32; 4]]) -> Self {
         let radius = blur_radius(sigma);
-        let length = |x: usize, y: usize| guides[y * width + x][3];
+        let length = |x: usize, y: usize| features[y * width + x][3];
         let change = |x: usize, y: usize| {
             let across = (length((x + 1).min(width - 1), y) - length(x.saturating_sub(1), y)).abs();
             let along = (length(x, (y + 1).min(height - 1)) - length(x, y.saturating_sub(1))).abs();
@@ -154,7 +154,7 @@ impl Blur {
         };
         let around = |i: usize| {
             let (x, y) = (i % width, i / width);
-            let [nx, ny, nz, z] = guides[i];
+            let [nx, ny, nz, z] = features[i];
             let change = change(x, y);
             let weight = move |dx: usize, dy: usize| {
                 let (u, v) = (x + dx, y + dy);
@@ -162,7 +162,7 @@ impl Blur {
                 if !inside.contains(&u) || !(radius..height + radius).contains(&v) {
                     return 0.0;
                 }
-                let [mx, my, mz, length] = guides[(v - radius) * width + u - radius];
+                let [mx, my, mz, length] = features[(v - radius) * width + u - radius];
                 let d2 = (dx.abs_diff(radius).pow(2) + dy.abs_diff(radius).pow(2)) as f32;
                 let turn = (nx - mx).powi(2) + (ny - my).powi(2) + (nz - mz).powi(2);
                 let step = (length - z) / (0.02 * z + 0.5 * change * d2.sqrt() + f32::MIN_POSITIVE);
@@ -175,7 +175,7 @@ impl Blur {
         Self {
             size: (width, height),
             radius,
-            weights: (0..guides.len()).flat_map(around).collect(),
+            weights: (0..features.len()).flat_map(around).collect(),
         }
     }
 
@@ -425,7 +425,7 @@ fn choose(film: &LevelFilm, gain: f32, settings: Resolve) -> Choice {
         weights(gain, &smooth),
         weights(gain, &darkest(size, roughest)),
     ];
-    let blur = (settings.sigma > 0.0).then(|| Blur::new(size, settings.sigma, &film.guides()));
+    let blur = (settings.sigma > 0.0).then(|| Blur::new(size, settings.sigma, &film.features()));
     let candidates = candidates(levels, &shared, blur.as_ref());
     let noise: Vec<Vec<Vec3A>> = candidates.iter().map(|c| noise(size, &c.means)).collect();
     let [light, dark] = &weights;
@@ -743,7 +743,7 @@ mod tests {
                 let path = PathLevels {
                     levels: &levels,
                     shared: shared(i),
-                    guide: [0.0; 4],
+                    features: [0.0; 4],
                 };
                 film.push(i, b as u32, &path);
             }
@@ -956,10 +956,10 @@ mod tests {
             );
         }
         let one = |i: usize| if i == 60 { Vec3A::ONE } else { Vec3A::ZERO };
-        let spread = |guide: &dyn Fn(usize) -> [f32; 4]| {
-            let guides: Vec<[f32; 4]> = (0..121).map(guide).collect();
+        let spread = |features: &dyn Fn(usize) -> [f32; 4]| {
+            let features: Vec<[f32; 4]> = (0..121).map(features).collect();
             let point: Vec<Vec3A> = (0..121).map(one).collect();
-            let [blurred] = Blur::new((11, 11), 1.0, &guides).apply(&[point]);
+            let [blurred] = Blur::new((11, 11), 1.0, &features).apply(&[point]);
             blurred
         };
         let flat = spread(&|_| [0.0, 0.0, 1.0, 5.0]);
@@ -1028,7 +1028,7 @@ mod tests {
         );
     }
 
-    /// Any light, noise and guides: a tile knows as much of its surroundings as its pixels depend on.
+    /// Any light, noise and features: a tile knows as much of its surroundings as its pixels depend on.
     #[test]
     fn resolve_in_tiles_has_the_bytes_of_the_whole() {
         let frame = crate::math::UVec2::new(61, 38);
@@ -1050,7 +1050,7 @@ mod tests {
                 let path = PathLevels {
                     levels: &levels,
                     shared,
-                    guide: [next(), 0.1 * next(), 0.9, 3.0 + 0.2 * next()],
+                    features: [next(), 0.1 * next(), 0.9, 3.0 + 0.2 * next()],
                 };
                 film.push(index, sample, &path);
             }
@@ -1071,7 +1071,7 @@ mod tests {
             PathLevels {
                 levels,
                 shared: Rgb::ZERO,
-                guide: [0.0; 4],
+                features: [0.0; 4],
             }
         }
         let size = crate::math::UVec2::new(2, 1);

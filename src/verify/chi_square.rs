@@ -3,7 +3,7 @@
 use super::Finding;
 
 /// Least expected count of a cell; rarer cells are pooled, since the statistic is chi-square distributed only above.
-const LEAST: f64 = 10.0;
+const MIN_EXPECTED: f64 = 10.0;
 
 /// Probability that a chi-square variable with `freedom` degrees of freedom exceeds `x`: the regularised upper incomplete
 /// gamma function Q(freedom/2, x/2), by Q(a + 1, y) = Q(a, y) + yᵃ e^(−y) / Γ(a + 1). `freedom` is at least 1.
@@ -41,7 +41,7 @@ pub fn p_value(observed: &[u32], expected: &[f64]) -> f64 {
     for &i in &order {
         o += f64::from(observed[i]);
         e += expected[i];
-        if e >= LEAST {
+        if e >= MIN_EXPECTED {
             statistic += (o - e) * (o - e) / e;
             cells += 1;
             (o, e) = (0.0, 0.0);

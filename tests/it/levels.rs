@@ -279,7 +279,7 @@ fn shared_light_is_a_part_of_every_level() {
         }
         assert_eq!(more == 0, all, "{more}");
     }
-    for [x, y, z, length] in gray.guides() {
+    for [x, y, z, length] in gray.features() {
         // The mean of normals is no longer than one.
         let normal = Vec3::new(x, y, z).length();
         assert!(

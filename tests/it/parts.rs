@@ -185,7 +185,7 @@ impl Integrator for Faulty {
                     let values = PathLevels {
                         levels: &[value, value * other],
                         shared: 0.5 * value,
-                        guide: [0.0, 0.6, 0.8, hash as f32],
+                        features: [0.0, 0.6, 0.8, hash as f32],
                     };
                     levels.push(index, sample, &values);
                 }

@@ -1,7 +1,7 @@
 //! Bidirectional transport: every light path is connected to the camera and to every vertex of a camera path, or merges
 //! with the camera paths that come near it.
 //!
-//! One iteration is one sample a pixel. It walks one light path per pixel of the *full* frame, at most [`MOST_PATHS`],
+//! One iteration is one sample a pixel. It walks one light path per pixel of the *full* frame, at most [`MAX_LIGHT_PATHS`],
 //! and connects the camera path of pixel p to light path p mod N. Light paths depend on the seed, their number and the
 //! iteration only: any thread count, split into passes, and crop give bit-identical pixels. Without merging a light path
 //! and the camera paths that it serves are walked together, so that no light vertex outlives them; with merging all
@@ -42,6 +42,7 @@ use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::math::{Rgb, UVec2};
 use crate::regularise::Accumulated;
 use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Sampler, Seed};
+use crate::scene::sensor::RayDensity;
 pub(super) use pair::Pairs;
 use photons::{LightVertices, PhotonMap};
 use psr::{Chain, Ends};
@@ -49,13 +50,14 @@ pub use radius::Radius;
 use rayon::prelude::*;
 use split::Trail;
 use std::f32::consts::PI;
+use std::fmt;
 use std::ops::Range;
 use vertex::{Origin, Vertex};
 use walk::Walk;
 use weights::{Merging, Partial};
 
 /// Most light paths of an iteration.
-pub const MOST_PATHS: u32 = 1 << 20;
+pub const MAX_LIGHT_PATHS: u32 = 1 << 20;
 
 /// Paths that a thread takes at a time.
 const CHUNK: u32 = 1024;
@@ -68,7 +70,7 @@ const EARLIER: u32 = 3;
 
 /// Share of what a camera path has found so far below which a connection is left to chance: most shadow rays would find
 /// hardly any light.
-const LEAST_SHARE: f32 = 0.1;
+const MIN_SHARE: f32 = 0.1;
 
 /// The strategies that count, and their weights. Strategy (s, t) takes s vertices of a path from the light walk and t
 /// from the camera walk.
@@ -80,8 +82,8 @@ pub enum Strategies {
     Light,
     /// Photon density: merges at the first rough lobe of a camera walk, and lights met before it; weight 1.
     Density,
-    /// A part of all, with the weights that it has there: the pictures of all parts add up to the whole.
-    Part(Part),
+    /// One of all, with the weights that it has there: the pictures of all add up to the whole.
+    One(Strategy),
     /// One strategy with weight 1, for tests.
     Only {
         /// Vertices of the light walk, the light's own included.
@@ -91,11 +93,11 @@ pub enum Strategies {
     },
 }
 
-/// A part of the strategies.
+/// A strategy, or all merges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum Strategy {
     /// Strategy (s, t).
-    Edge {
+    Connection {
         /// Vertices of the light walk, the light's own included.
         s: u32,
         /// Vertices of the camera walk, the camera's own included.
@@ -105,7 +107,17 @@ pub enum Part {
     Merges,
 }
 
-/// A bidirectional path tracer, or one of its parts.
+impl fmt::Display for Strategy {
+    /// As `--strategy` takes it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Connection { s, t } => write!(f, "{s},{t}"),
+            Self::Merges => f.write_str("merges"),
+        }
+    }
+}
+
+/// A bidirectional path tracer, or one of its strategies.
 #[derive(Clone, Debug)]
 pub struct Bidirectional {
     /// The strategies that count.
@@ -141,7 +153,7 @@ impl Strategies {
     #[inline]
     fn weight(self, s: u32, t: u32, balance: impl FnOnce() -> f32) -> f32 {
         match self {
-            Self::All | Self::Part(_) => balance(),
+            Self::All | Self::One(_) => balance(),
             Self::Light => f32::from(u8::from(t == 1 || s == 0)),
             Self::Density => f32::from(u8::from(s == 0)),
             Self::Only { s: s1, t: t1 } => f32::from(u8::from((s, t) == (s1, t1))),
@@ -150,14 +162,14 @@ impl Strategies {
 
     /// True if camera walks are closed by light sampling and connections.
     fn connects(self) -> bool {
-        matches!(self, Self::All | Self::Part(_) | Self::Only { .. })
+        matches!(self, Self::All | Self::One(_) | Self::Only { .. })
     }
 
     /// True if the picture shows this part of what is computed.
     #[inline]
-    fn shows(self, part: Part) -> bool {
+    fn shows(self, strategy: Strategy) -> bool {
         match self {
-            Self::Part(shown) => shown == part,
+            Self::One(shown) => shown == strategy,
             _ => true,
         }
     }
@@ -224,14 +236,14 @@ impl Total {
     }
 
     #[inline]
-    fn add(&mut self, part: Part, value: Rgb) {
+    fn add(&mut self, strategy: Strategy, value: Rgb) {
         self.all += value;
-        if self.strategies.shows(part) {
+        if self.strategies.shows(strategy) {
             self.shown += value;
         }
     }
 
-    /// Adds what belongs to no part.
+    /// Adds what belongs to no strategy.
     #[inline]
     fn show(&mut self, value: Rgb) {
         self.all += value;
@@ -239,7 +251,7 @@ impl Total {
     }
 }
 
-/// Work of one thread on one iteration.
+/// What all paths of one iteration have in common, shared by the threads.
 #[derive(Clone, Copy)]
 struct Iteration<'a> {
     settings: &'a Bidirectional,
@@ -274,13 +286,13 @@ impl Bidirectional {
     ) -> Iteration<'a> {
         let frame = view.sensor.frame;
         let pixels = u64::from(frame.x) * u64::from(frame.y);
-        let paths = pixels.min(u64::from(MOST_PATHS)) as u32;
+        let paths = pixels.min(u64::from(MAX_LIGHT_PATHS)) as u32;
         let source = |domain| Independent {
             seed: Seed(self.seed).derive(domain, 0),
         };
         let radius = (self.merging.zip(first)).map_or(0.0, |(r, first)| r.at(first, sample));
         let merging = match self.strategies {
-            Strategies::All | Strategies::Part(_) if radius > 0.0 => {
+            Strategies::All | Strategies::One(_) if radius > 0.0 => {
                 Merging::new(PI * radius * radius * paths as f32)
             }
             _ => Merging::none(),
@@ -510,7 +522,7 @@ impl Iteration<'_> {
             if strategies != Strategies::Density
                 && !self.settings.light_sampling_only
                 && !vertex.is_delta()
-                && strategies.shows(Part::Edge { s: n + 1, t: 1 })
+                && strategies.shows(Strategy::Connection { s: n + 1, t: 1 })
                 && let Some(splat) = self.connect_to_camera(&vertex, &trail)
             {
                 splats.push(splat);
@@ -550,7 +562,7 @@ impl Iteration<'_> {
     fn camera_walk(&self, pixel: UVec2, stream: &mut impl Sampler) -> Walk<'_> {
         let View { scene, sensor, .. } = *self.view;
         let ray = sensor.ray(pixel.as_vec2() + stream.film());
-        let (pdf, parallel) = sensor.pdf(ray.dir);
+        let RayDensity { pdf, parallel } = sensor.pdf(ray.dir);
         Walk {
             scene,
             origin: Origin::Camera,
@@ -582,7 +594,7 @@ impl Iteration<'_> {
         let mut total = Total::of(strategies);
         observer.begin(pixel, self.sample);
         for n in 1..=self.settings.max_vertices + 1 {
-            let edge = |s| Part::Edge { s, t: n + 1 };
+            let edge = |s| Strategy::Connection { s, t: n + 1 };
             let Some(hit) = walk.arrive() else {
                 total.add(edge(0), prefix.met * self.environment(&walk, n));
                 break;
@@ -599,7 +611,7 @@ impl Iteration<'_> {
             let share = prefix.share(&vertex);
             if strategies.connects() && !vertex.is_delta() {
                 total.add(edge(1), self.sampled_light(&vertex, u.light, share));
-                let least = LEAST_SHARE * total.all.max_element();
+                let least = MIN_SHARE * total.all.max_element();
                 for (other, trail) in light.vertices.iter().zip(&light.trails) {
                     if n + other.n > self.settings.max_vertices {
                         break;
@@ -612,7 +624,7 @@ impl Iteration<'_> {
                     }
                 }
                 if let Some(map) = map {
-                    total.add(Part::Merges, self.merges(&vertex, &prefix, map));
+                    total.add(Strategy::Merges, self.merges(&vertex, &prefix, map));
                 }
             }
             if strategies == Strategies::All {

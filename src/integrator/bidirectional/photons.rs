@@ -31,10 +31,10 @@ pub(super) struct Photon {
 const _: () = assert!(size_of::<Photon>() == 56);
 
 /// Least cosine of the normals of a photon and of the vertex that it merges with.
-const LEAST_COS: f32 = 0.9;
+const MIN_COS: f32 = 0.9;
 
 /// Greatest distance of a photon from the plane of the vertex that it merges with, over the radius.
-const MOST_HEIGHT: f32 = 0.25;
+const MAX_HEIGHT: f32 = 0.25;
 
 /// Photons near a vertex that are looked up together.
 const NEAR: usize = 32;
@@ -278,8 +278,8 @@ impl PhotonMap {
                 let place = &self.places[index as usize];
                 let to = place.position - p;
                 if to.length_squared() <= self.radius * self.radius
-                    && to.dot(ng).abs() <= MOST_HEIGHT * self.radius
-                    && place.ng().dot(ng) > LEAST_COS
+                    && to.dot(ng).abs() <= MAX_HEIGHT * self.radius
+                    && place.ng().dot(ng) > MIN_COS
                 {
                     near[count] = index;
                     count += 1;

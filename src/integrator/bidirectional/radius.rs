@@ -3,6 +3,7 @@
 use crate::integrator::View;
 use crate::math::{Rgb, UVec2, Vec2};
 use crate::scene::Scene;
+use crate::scene::sensor::RayDensity;
 
 /// A radius that shrinks from iteration to iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +28,7 @@ impl Default for Radius {
 const LATTICE: u32 = 64;
 
 /// Dirac lobes that a ray of the lattice follows.
-const MOST_DIRAC: u32 = 16;
+const MAX_DIRAC: u32 = 16;
 
 /// Bounds of an automatic radius over the scene's own.
 const BOUNDS: [f32; 2] = [1e-5, 1e-2];
@@ -67,9 +68,9 @@ impl Radius {
 fn footprint(view: &View<'_>, film: Vec2) -> Option<f32> {
     let scene: &Scene = view.scene;
     let mut ray = view.sensor.ray(film);
-    let (pdf, parallel) = view.sensor.pdf(ray.dir);
+    let RayDensity { pdf, parallel } = view.sensor.pdf(ray.dir);
     let mut distance = 0.0;
-    for _ in 0..MOST_DIRAC {
+    for _ in 0..MAX_DIRAC {
         let hit = scene.intersect(&ray)?;
         distance += hit.t;
         let mut surface = scene.surface(&hit);

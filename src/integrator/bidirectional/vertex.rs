@@ -40,13 +40,13 @@ pub(super) struct Vertex {
 }
 
 /// Roughness from which walks of photon density estimation merge at a glossy lobe instead of following it.
-const LEAST_MERGED: f32 = 0.25;
+const MIN_MERGED: f32 = 0.25;
 
 impl Vertex {
     /// True if photon density estimation merges at the glossy lobe too, and not at the base alone.
     #[inline]
     pub(super) fn merges_gloss(&self) -> bool {
-        self.alpha >= LEAST_MERGED
+        self.alpha >= MIN_MERGED
     }
 
     /// True if only a Dirac lobe scatters here, to which nothing can be connected.
@@ -143,8 +143,7 @@ impl Vertex {
     #[inline]
     pub(super) fn bodies_towards(&self, scene: &Scene, out: Vec3) -> EnclosingBodies {
         let outside = self.back.dot(self.surface.ng) > 0.0;
-        let crosses = self.bsdf.is_solid() && (out.dot(self.surface.ng) > 0.0) != outside;
-        (self.bodies).across(scene, crosses, outside, &self.surface)
+        (self.bodies).towards(scene, &self.surface, &self.bsdf, outside, out)
     }
 
     /// Transmittance from here along a ray over a distance; `None` if something stands between.

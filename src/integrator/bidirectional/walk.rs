@@ -51,11 +51,11 @@ impl<'a> Walk<'a> {
     /// The surface at which the current edge ends, at its distance `t`, and the distance of the last boundary passed.
     #[inline]
     pub(super) fn arrive(&mut self) -> Option<(Hit, f32)> {
-        let way = self.bodies.follow(self.scene, &self.ray);
-        if let Some(passed) = way.passed {
+        let segment = self.bodies.follow(self.scene, &self.ray);
+        if let Some(passed) = segment.passed {
             self.throughput *= passed;
         }
-        Some((way.hit?, way.start))
+        Some((segment.hit?, segment.start))
     }
 
     /// The walk's `n`th vertex, where it has [arrived](Walk::arrive); `u` chooses between the BSDFs of its material.

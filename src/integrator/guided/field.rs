@@ -3,7 +3,7 @@
 //! A binary tree halves the cube around the scene, axis by axis; each leaf has the quadtree that paths sample and one that
 //! is being filled `[Müller17 §3.1]`. Records are added in their own order within a leaf, whatever the threads.
 
-use super::quadtree::{MOST_BYTES, Quadtree, Sums, square};
+use super::quadtree::{MAX_TREE_BYTES, Quadtree, Sums, square};
 use crate::math::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 const DIVIDED_ABOVE: f64 = 800.0;
 
 /// Leaves of the tree: a bound of its memory.
-const MOST_LEAVES: usize = 8192;
+const MAX_LEAVES: usize = 8192;
 
 /// Probabilities of drawing from the BSDF, of which a leaf takes the one whose mixture is nearest to what paths found: the
 /// largest Σ w log p, with w the light that a direction brought over its density (least Kullback-Leibler divergence, as
@@ -20,7 +20,7 @@ const MOST_LEAVES: usize = 8192;
 const SHARES: [f32; 5] = [0.5, 0.65, 0.8, 0.9, 1.0];
 
 /// Least gain of the mean of log p over the BSDF alone for which directions are drawn from a tree.
-const LEAST_GAIN: f64 = 0.05;
+const MIN_GAIN: f64 = 0.05;
 
 /// Radiance that arrived at a vertex from a direction, as far as the path knows.
 #[derive(Clone, Copy, Debug)]
@@ -77,7 +77,7 @@ struct Fit {
 impl Fit {
     /// The best share; that of the BSDF alone unless another is clearly better.
     fn best(&self) -> f32 {
-        let alone = self.logs[SHARES.len() - 1] + LEAST_GAIN * self.weight;
+        let alone = self.logs[SHARES.len() - 1] + MIN_GAIN * self.weight;
         let best = (SHARES.iter().zip(self.logs)).max_by(|a, b| a.1.total_cmp(&b.1));
         best.filter(|(_, log)| *log > alone)
             .map_or(1.0, |(share, _)| *share)
@@ -152,7 +152,7 @@ impl Field {
     }
 
     /// Most bytes that a guide takes.
-    pub(super) const MOST_BYTES: u64 = (MOST_LEAVES * (MOST_BYTES + size_of::<Leaf>())) as u64;
+    pub(super) const MAX_BYTES: u64 = (MAX_LEAVES * (MAX_TREE_BYTES + size_of::<Leaf>())) as u64;
 
     /// The leaf of a position, and the edges of its box.
     #[inline]
@@ -237,7 +237,7 @@ impl Field {
             let Halves { children, leaf } = self.nodes[at];
             if children[0] == 0
                 && self.leaves[leaf as usize].count as f64 > most
-                && self.leaves.len() < MOST_LEAVES
+                && self.leaves.len() < MAX_LEAVES
             {
                 let region = &mut self.leaves[leaf as usize];
                 region.count /= 2;

@@ -59,7 +59,7 @@ struct State {
 /// Bytes that a guide may take beside the film of a picture with so many pixels.
 pub fn bytes(pixels: usize) -> u64 {
     let batch = pixels.min(BATCH * (TILE * TILE) as usize) as u64;
-    Field::MOST_BYTES + batch * RECORD_BYTES
+    Field::MAX_BYTES + batch * RECORD_BYTES
 }
 
 impl Guided {

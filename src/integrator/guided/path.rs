@@ -185,12 +185,12 @@ impl<R: Roughening> GuidedTracer<R> {
         // False where the emission that the current ray meets is recorded already, by a roughened lobe.
         let mut records_emission = true;
         for n in 1..=self.max_vertices + 1 {
-            let way = bodies.follow(scene, &ray);
-            if let Some(passed) = way.passed {
+            let segment = bodies.follow(scene, &ray);
+            if let Some(passed) = segment.passed {
                 throughput *= passed;
                 emission.scale(passed);
             }
-            let Some(hit) = &way.hit else {
+            let Some(hit) = &segment.hit else {
                 if scene.parts().environment.is_some() {
                     emission.scale(bodies.transmittance(scene, f32::INFINITY));
                     let found = emission.contribution(
@@ -208,7 +208,7 @@ impl<R: Roughening> GuidedTracer<R> {
             };
             let mut surface = scene.surface(hit);
             if !bodies.is_empty() {
-                let transmittance = bodies.transmittance(scene, hit.t - way.start);
+                let transmittance = bodies.transmittance(scene, hit.t - segment.start);
                 throughput *= transmittance;
                 emission.scale(transmittance);
             }

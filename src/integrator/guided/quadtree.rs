@@ -8,16 +8,17 @@ use crate::math::{Vec2, Vec3};
 use std::f32::consts::TAU;
 
 /// Quarters with a larger share of the whole are divided `[Müller17 §3.2]`.
-const MOST_SHARE: f32 = 0.01;
+const MAX_SHARE: f32 = 0.01;
 
 /// Nodes on the way to the smallest quarter: single precision has no finer ones.
-const MOST_DEPTH: u32 = 20;
+const MAX_DEPTH: u32 = 20;
 
 /// Nodes of a tree: with a share of 1 % hardly any tree comes near.
-const MOST_NODES: usize = 256;
+const MAX_NODES: usize = 256;
 
 /// Most bytes of a density and the sums for the next.
-pub(super) const MOST_BYTES: usize = MOST_NODES * (2 * size_of::<Node>() + size_of::<[f64; 4]>());
+pub(super) const MAX_TREE_BYTES: usize =
+    MAX_NODES * (2 * size_of::<Node>() + size_of::<[f64; 4]>());
 
 /// Records that every quarter of a node has beside those that were found, with their mean value: so many directions that
 /// nothing is known of keep a chance.
@@ -248,13 +249,13 @@ impl Sums {
     /// Empty sums whose leaves have no more than 1 % of the density each, where that is known.
     fn refined(density: &Quadtree) -> Self {
         let mut fine = Self::default();
-        let most = MOST_SHARE * density.nodes[0].total();
+        let most = MAX_SHARE * density.nodes[0].total();
         // Masses of a node's quarters, its node in the density if there is one, its depth.
         let mut open = vec![(density.nodes[0].mass, Some(&density.nodes[0]), 1)];
         let mut at = 0;
         while let Some(&(mass, old, depth)) = open.get(at) {
             for (quarter, &mass) in mass.iter().enumerate() {
-                let full = fine.tree.nodes.len() >= MOST_NODES || depth >= MOST_DEPTH;
+                let full = fine.tree.nodes.len() >= MAX_NODES || depth >= MAX_DEPTH;
                 if full || mass <= most {
                     continue;
                 }

@@ -21,12 +21,13 @@ use super::walk::bodies::EnclosingBodies;
 use super::walk::dispersion::Channel;
 use super::walk::observer::PathObserver;
 use super::walk::pending_emission::PendingEmission;
+use super::walk::roughening::scattered;
 use super::walk::roulette;
 use super::walk::shading_point::ShadingPoint;
 use crate::bsdf::Lobe;
 use crate::image::level_film::MAX_LEVELS;
 use crate::math::{Ray, Rgb};
-use crate::regularise::{Accumulated, Rule, Scattered};
+use crate::regularise::{Accumulated, Rule};
 use crate::sampler::Sampler;
 use crate::scene::Scene;
 use strength::{LevelMemory, Strength};
@@ -91,7 +92,7 @@ struct PathSums {
     /// Light that no level roughens: the same at all levels.
     shared: Rgb,
     /// Normal of the first rough vertex and the path's length to it; of the last vertex where none is rough.
-    guide: [f32; 4],
+    features: [f32; 4],
     /// What plain path tracing cannot find, at the least roughened level that can.
     unseen: Rgb,
 }
@@ -139,7 +140,7 @@ impl LevelTracer {
     ) -> PathSums {
         let levels = self.levels();
         let mut sums = PathSums::default();
-        let mut guided = false;
+        let mut has_features = false;
         let mut throughput = Rgb::ONE;
         let mut channel = Channel::default();
         let mut eta_scale = 1.0f32;
@@ -148,15 +149,15 @@ impl LevelTracer {
         // Emission at the levels that roughened the vertex before.
         let mut pending: Option<PendingLevels> = None;
         for n in 1..=self.max_vertices + 1 {
-            let way = bodies.follow(scene, &ray);
-            if let Some(passed) = way.passed {
+            let segment = bodies.follow(scene, &ray);
+            if let Some(passed) = segment.passed {
                 throughput *= passed;
                 emission.scale(passed);
                 if let Some(pending) = &mut pending {
                     pending.scale(passed);
                 }
             }
-            let Some(hit) = &way.hit else {
+            let Some(hit) = &segment.hit else {
                 if scene.parts().environment.is_some() {
                     let transmittance = bodies.transmittance(scene, f32::INFINITY);
                     emission.scale(transmittance);
@@ -171,7 +172,7 @@ impl LevelTracer {
             };
             let mut surface = scene.surface(hit);
             if !bodies.is_empty() {
-                let transmittance = bodies.transmittance(scene, hit.t - way.start);
+                let transmittance = bodies.transmittance(scene, hit.t - segment.start);
                 throughput *= transmittance;
                 emission.scale(transmittance);
                 if let Some(pending) = &mut pending {
@@ -214,10 +215,10 @@ impl LevelTracer {
                 bodies: &bodies,
             };
             observer.vertex(n, hit.t, &point);
-            if !guided {
+            if !has_features {
                 let [x, y, z] = frame.n.to_array();
-                sums.guide = [x, y, z, sums.guide[3] + hit.t];
-                guided = alpha >= ROUGH;
+                sums.features = [x, y, z, sums.features[3] + hit.t];
+                has_features = alpha >= ROUGH;
             }
 
             // ── next-event estimation, emission found by roughened lobes, and the continuation
@@ -240,17 +241,7 @@ impl LevelTracer {
             let Some(next) = continuation else { break };
             emission = point.shared_emission::<()>(&next.sample, false, false);
             throughput *= next.sample.weight;
-            let own = if next.sample.lobe == Lobe::Diffuse {
-                1.0
-            } else {
-                alpha
-            };
-            let pdf_w = if next.sample.delta {
-                f32::INFINITY
-            } else {
-                next.sample.pdf_w
-            };
-            memory.push(&self.strength, Scattered { alpha: own, pdf_w });
+            memory.push(&self.strength, scattered(alpha, &next.sample));
             if next.sample.lobe == Lobe::Transmission {
                 eta_scale *= point.bsdf.refraction_scale(point.wo);
                 if scene.tracks_bodies() {

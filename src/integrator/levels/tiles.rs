@@ -56,7 +56,7 @@ impl LevelTracer {
                     let values = PathLevels {
                         levels: &path.levels[..self.levels()],
                         shared: path.shared,
-                        guide: path.guide,
+                        features: path.features,
                     };
                     levels.push(index, sample, &values);
                 }

@@ -65,13 +65,13 @@ pub struct Metropolis {
     pub base: Bidirectional,
     /// Mutations per pixel of a pass, at least 1.
     pub mutations: u32,
-    /// What the first bootstrap says, once it is needed.
-    guide: Option<Guide>,
+    /// Target function, once the first bootstrap has found it.
+    target: Option<TargetFunction>,
 }
 
-/// What the chains of all passes have in common.
+/// Target function of the chains of all passes: luminance over that of the pixel's cell `[Hoberock10]`.
 #[derive(Clone, Debug)]
-struct Guide {
+struct TargetFunction {
     /// Frame that it is for.
     frame: UVec2,
     /// Cells a side.
@@ -82,7 +82,7 @@ struct Guide {
     mean: f64,
 }
 
-impl Guide {
+impl TargetFunction {
     /// The cell of a pixel of the frame by its index.
     fn cell(&self, index: u32) -> usize {
         let (x, y) = (index % self.frame.x, index / self.frame.x);
@@ -96,7 +96,8 @@ impl Guide {
         (y * self.cells.x + x) as usize
     }
 
-    fn target(&self, splats: &[Splat]) -> f64 {
+    /// Its value for the splats of a path.
+    fn of(&self, splats: &[Splat]) -> f64 {
         splats
             .iter()
             .map(|s| f64::from(luminance(s.value)) * self.weights[self.cell(s.index)])
@@ -118,7 +119,7 @@ enum Use {
 /// A pass.
 struct Pass<'a> {
     settings: &'a Metropolis,
-    guide: &'a Guide,
+    target: &'a TargetFunction,
     view: &'a View<'a>,
     number: u32,
     source: Independent,
@@ -127,7 +128,7 @@ struct Pass<'a> {
 /// Pairs of paths as the target of a chain.
 struct PairTarget<'a> {
     pairs: Pairs<'a>,
-    guide: &'a Guide,
+    target: &'a TargetFunction,
     /// Pixel of the first state that is not a number or infinite, and how many there were.
     refused: Refused,
 }
@@ -139,10 +140,10 @@ impl Target for PairTarget<'_> {
         camera: &mut Numbers,
         splats: &mut Vec<Splat>,
     ) -> f64 {
-        let pixel = camera.pixel(self.guide.frame);
+        let pixel = camera.pixel(self.target.frame);
         splats.clear();
         splats.extend_from_slice(self.pairs.trace(light, camera, pixel));
-        let target = self.guide.target(splats);
+        let target = self.target.of(splats);
         if target.is_finite() {
             return target;
         }
@@ -164,7 +165,7 @@ impl Metropolis {
         Self {
             base,
             mutations,
-            guide: None,
+            target: None,
         }
     }
 
@@ -184,11 +185,11 @@ impl Metropolis {
     }
 
     /// Luminance of neighbourhoods from a bootstrap of its own, and the mean of the target that follows.
-    fn first_bootstrap(&self, view: &View<'_>) -> Guide {
+    fn first_bootstrap(&self, view: &View<'_>) -> TargetFunction {
         let frame = view.sensor.frame;
         let cells = frame.min(UVec2::splat(CELLS));
         let count = (cells.x * cells.y) as usize;
-        let mut guide = Guide {
+        let mut target = TargetFunction {
             frame,
             cells,
             weights: vec![1.0; count],
@@ -199,7 +200,7 @@ impl Metropolis {
         let found: Vec<Vec<Splat>> = {
             let pass = Pass {
                 settings: self,
-                guide: &guide,
+                target: &target,
                 view,
                 number: 0,
                 source: self.source(1),
@@ -208,7 +209,7 @@ impl Metropolis {
         };
         let mut sums = vec![0.0; count];
         for splat in found.iter().flatten() {
-            sums[guide.cell(splat.index)] += f64::from(luminance(splat.value));
+            sums[target.cell(splat.index)] += f64::from(luminance(splat.value));
         }
         let total: f64 = sums.iter().sum();
         if total > 0.0 {
@@ -216,11 +217,11 @@ impl Metropolis {
             let mean = total / count as f64;
             let (least, most) = CONTRAST;
             let weight = |sum: &f64| mean / sum.clamp(least * mean, most * mean);
-            guide.weights = sums.iter().map(weight).collect();
-            let target: f64 = found.iter().map(|splats| guide.target(splats)).sum();
-            guide.mean = target / f64::from(samples);
+            target.weights = sums.iter().map(weight).collect();
+            let sum: f64 = found.iter().map(|splats| target.of(splats)).sum();
+            target.mean = sum / f64::from(samples);
         }
-        guide
+        target
     }
 }
 
@@ -233,7 +234,7 @@ impl Pass<'_> {
     fn target(&self) -> PairTarget<'_> {
         PairTarget {
             pairs: Pairs::new(&self.settings.base, self.view, self.number),
-            guide: self.guide,
+            target: self.target,
             refused: (0, None),
         }
     }
@@ -274,11 +275,11 @@ impl Pass<'_> {
 
     /// Adds one estimate of every pixel of the frame to the layer; returns the refused states.
     fn run(&self, layer: &mut SplatLayer) -> Refused {
-        let (mutations, samples, chains) = self.settings.counts(self.guide.frame);
+        let (mutations, samples, chains) = self.settings.counts(self.target.frame);
         let scale = 1.0 / mutations as f64;
         let mut means = Means {
             pass: 0.0,
-            constant: self.guide.mean,
+            constant: self.target.mean,
             fresh: LARGE + f64::from(samples) * scale,
         };
         let (mut weights, mut refused) = (Vec::new(), (0, None));
@@ -349,19 +350,24 @@ fn starts(weights: &[f64], total: f64, chains: u32, u: f32) -> Vec<u32> {
     starts
 }
 
+/// Bytes that a pass takes beside the film: chains move over the whole frame, whatever the window.
+pub(super) fn bytes(frame: UVec2) -> u64 {
+    u64::from(frame.x) * u64::from(frame.y) * SplatLayer::PIXEL_BYTES
+}
+
 impl Integrator for Metropolis {
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
         let frame = view.sensor.frame;
         let whole = View::new(view.scene, view.sensor.camera, frame, Window::full(frame));
-        let guide = match self.guide.take().filter(|guide| guide.frame == frame) {
-            Some(guide) => guide,
+        let target = match self.target.take().filter(|target| target.frame == frame) {
+            Some(target) => target,
             None => self.first_bootstrap(&whole),
         };
         for number in samples.clone() {
             let mut layer = SplatLayer::new(&whole.window);
             let (refused, first) = Pass {
                 settings: self,
-                guide: &guide,
+                target: &target,
                 view: &whole,
                 number,
                 source: self.source(0),
@@ -383,7 +389,7 @@ impl Integrator for Metropolis {
                 }
             }
         }
-        self.guide = Some(guide);
+        self.target = Some(target);
         // Chains have no first surface of their own.
         if let Some(aovs) = &mut picture.aovs {
             let tracer = PathTracer {

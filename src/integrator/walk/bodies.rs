@@ -3,20 +3,20 @@
 use crate::bsdf::{Bsdf, is_matched};
 use crate::integrator::View;
 use crate::math::{Ray, Rgb, Vec3};
-use crate::scene::bodies::MOST_SURFACES;
+use crate::scene::bodies::MAX_SURFACES;
 use crate::scene::camera::Projection;
 use crate::scene::{Hit, Scene, Surface};
 
 /// Bodies that are remembered around a vertex.
-const MOST: usize = 16;
+const MAX_BODIES: usize = 16;
 
 /// The bodies that enclose the current vertex of a path, innermost last; empty in scenes that need not know them.
 ///
-/// Remembers the `MOST` innermost. Where a path needs one that was forgotten, its transmittance is not a number: the film
+/// Remembers the `MAX_BODIES` innermost. Where a path needs one that was forgotten, its transmittance is not a number: the film
 /// refuses the sample, counts and names it.
 #[derive(Clone, Copy, Default)]
 pub struct EnclosingBodies {
-    materials: [u32; MOST],
+    materials: [u32; MAX_BODIES],
     len: u32,
     /// Bodies outside of the remembered ones.
     forgotten: u32,
@@ -56,7 +56,7 @@ impl EnclosingBodies {
     /// Enters a body of this material.
     #[inline]
     pub(in crate::integrator) fn enter(&mut self, material: u32) {
-        if self.len as usize == MOST {
+        if self.len as usize == MAX_BODIES {
             self.materials.copy_within(1.., 0);
             self.len -= 1;
             self.forgotten += 1;
@@ -92,6 +92,20 @@ impl EnclosingBodies {
             bodies.cross(outside, surface.material, touching);
         }
         bodies
+    }
+
+    /// The bodies around a ray along `dir` from a surface of this BSDF, which the path met from `outside` or inside.
+    #[inline]
+    pub(in crate::integrator) fn towards(
+        &self,
+        scene: &Scene,
+        surface: &Surface,
+        bsdf: &Bsdf,
+        outside: bool,
+        dir: Vec3,
+    ) -> Self {
+        let crosses = bsdf.is_solid() && (dir.dot(surface.ng) > 0.0) != outside;
+        self.across(scene, crosses, outside, surface)
     }
 
     /// Enters a body through its surface, or leaves it; one that touches it there is left or entered.
@@ -182,11 +196,11 @@ impl EnclosingBodies {
 
     /// Follows a ray to the surface that ends it, through boundaries that do not exist, and enters and leaves their bodies.
     #[inline]
-    pub(in crate::integrator) fn follow(&mut self, scene: &Scene, ray: &Ray) -> Way {
+    pub(in crate::integrator) fn follow(&mut self, scene: &Scene, ray: &Ray) -> Segment {
         if scene.has_overlaps() {
             return self.follow_through(scene, ray);
         }
-        Way {
+        Segment {
             hit: scene.intersect(ray),
             start: 0.0,
             passed: None,
@@ -195,16 +209,16 @@ impl EnclosingBodies {
 
     #[cold]
     #[inline(never)]
-    fn follow_through(&mut self, scene: &Scene, ray: &Ray) -> Way {
+    fn follow_through(&mut self, scene: &Scene, ray: &Ray) -> Segment {
         let mut rest = *ray;
-        let mut way = Way {
+        let mut segment = Segment {
             hit: None,
             start: 0.0,
             passed: None,
         };
-        for _ in 0..MOST_SURFACES {
+        for _ in 0..MAX_SURFACES {
             let Some(hit) = scene.intersect(&rest) else {
-                return way;
+                return segment;
             };
             let mut surface = scene.surface(&hit);
             let mut touching = None;
@@ -213,20 +227,20 @@ impl EnclosingBodies {
                 (self.boundary(scene, &surface, touching, ray.dir)).is_none()
             };
             if !hidden {
-                way.hit = Some(Hit {
-                    t: way.start + hit.t,
+                segment.hit = Some(Hit {
+                    t: segment.start + hit.t,
                     ..hit
                 });
-                return way;
+                return segment;
             }
             let transmittance = self.transmittance(scene, hit.t);
-            way.passed = Some(way.passed.unwrap_or(Rgb::ONE) * transmittance);
-            way.start += hit.t;
+            segment.passed = Some(segment.passed.unwrap_or(Rgb::ONE) * transmittance);
+            segment.start += hit.t;
             self.cross(ray.dir.dot(surface.ng) < 0.0, surface.material, touching);
             rest = surface.spawn(ray.dir);
-            rest.t_max = ray.t_max - way.start;
+            rest.t_max = ray.t_max - segment.start;
         }
-        way
+        segment
     }
 
     /// Transmittance along a ray over a distance; `None` if something stands between its origin and its `t_max`.
@@ -240,17 +254,17 @@ impl EnclosingBodies {
         if !scene.has_overlaps() {
             return (!scene.occluded(ray)).then(|| self.transmittance(scene, distance));
         }
-        let way = self.follow_through(scene, ray);
-        if way.hit.is_some() {
+        let segment = self.follow_through(scene, ray);
+        if segment.hit.is_some() {
             return None;
         }
-        let last = self.transmittance(scene, distance - way.start);
-        Some(way.passed.unwrap_or(Rgb::ONE) * last)
+        let last = self.transmittance(scene, distance - segment.start);
+        Some(segment.passed.unwrap_or(Rgb::ONE) * last)
     }
 }
 
-/// The way from a point to the surface that ends it.
-pub(in crate::integrator) struct Way {
+/// Segment of a path: from a point to the surface that ends it, and what it passed.
+pub(in crate::integrator) struct Segment {
     /// The surface, at its distance from the point; `None` if there is none.
     pub(in crate::integrator) hit: Option<Hit>,
     /// Distance of the last boundary that was passed.
@@ -279,7 +293,7 @@ mod tests {
 
     #[test]
     fn nested_bodies_are_left_in_the_order_of_entering() {
-        for depth in [1, 4, 5, MOST as u32] {
+        for depth in [1, 4, 5, MAX_BODIES as u32] {
             let mut bodies = EnclosingBodies::default();
             (1..=depth).for_each(|m| bodies.enter(m));
             for m in (1..=depth).rev() {
@@ -292,7 +306,7 @@ mod tests {
 
     #[test]
     fn bodies_forgotten_make_the_transmittance_nan_and_not_wrong() {
-        let most = MOST as u32;
+        let most = MAX_BODIES as u32;
         let mut bodies = EnclosingBodies::default();
         (1..=most + 2).for_each(|m| bodies.enter(m));
         for m in (3..=most + 2).rev() {

@@ -19,6 +19,23 @@ pub(in crate::integrator) fn roughen<R: Roughening>(rule: &R, memory: &R::Path, 
     }
 }
 
+/// The lobe from which a path continues, of own roughness `alpha`, as rules remember it.
+#[inline]
+pub(in crate::integrator) fn scattered(alpha: f32, sample: &BsdfSample) -> Scattered {
+    Scattered {
+        alpha: if sample.lobe == Lobe::Diffuse {
+            1.0
+        } else {
+            alpha
+        },
+        pdf_w: if sample.delta {
+            f32::INFINITY
+        } else {
+            sample.pdf_w
+        },
+    }
+}
+
 /// Appends the lobe from which a path continues to the memory, and reports it to the observer.
 #[inline]
 pub(in crate::integrator) fn remember<R: Roughening, O: PathObserver>(
@@ -28,19 +45,10 @@ pub(in crate::integrator) fn remember<R: Roughening, O: PathObserver>(
     sample: &BsdfSample,
     observer: &mut O,
 ) {
-    let alpha = if sample.lobe == Lobe::Diffuse {
-        1.0
-    } else {
-        point.alpha
-    };
+    let scattered = scattered(point.alpha, sample);
     if R::ACTIVE {
-        let pdf_w = if sample.delta {
-            f32::INFINITY
-        } else {
-            sample.pdf_w
-        };
-        rule.scatter(memory, Scattered { alpha, pdf_w });
+        rule.scatter(memory, scattered);
     }
     observer.sampled(sample.lobe);
-    observer.scattered(alpha);
+    observer.scattered(scattered.alpha);
 }

@@ -1,7 +1,7 @@
 //! Russian roulette `[Veach97 §10.4.1]`.
 
 use crate::math::Rgb;
-use crate::sampler::LEAST_CHANCE;
+use crate::sampler::MIN_CHANCE;
 
 /// The largest probability of survival: chains that lose no light must end some time.
 const LARGEST: f32 = 0.95;
@@ -16,7 +16,7 @@ pub(in crate::integrator) fn survival(throughput: Rgb, eta_scale: f32, u: f32) -
     let survival = (throughput * eta_scale).max_element().min(LARGEST);
     // The bits of `u` decide no smaller chance; a path without throughput ends.
     let survival = if survival > 0.0 {
-        survival.max(LEAST_CHANCE)
+        survival.max(MIN_CHANCE)
     } else {
         survival
     };

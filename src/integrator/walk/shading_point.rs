@@ -142,8 +142,7 @@ impl ShadingPoint<'_> {
     #[inline]
     pub(in crate::integrator) fn bodies_towards(&self, wi: Vec3) -> EnclosingBodies {
         let outside = self.wo.z > 0.0;
-        let crosses = self.bsdf.is_solid() && (wi.dot(self.surface.ng) > 0.0) != outside;
-        (self.bodies).across(self.scene, crosses, outside, self.surface)
+        (self.bodies).towards(self.scene, self.surface, self.bsdf, outside, wi)
     }
 
     /// Transmittance from here to a light sample; `None` if something stands between.
@@ -171,10 +170,10 @@ impl ShadingPoint<'_> {
             let transmittance = bodies.transmittance(self.scene, emission.distance);
             return Some((emission, transmittance));
         }
-        let way = bodies.follow(self.scene, &ray);
-        let emission = self.scene.emission_at(&ray, way.hit)?;
-        let last = bodies.transmittance(self.scene, emission.distance - way.start);
-        Some((emission, way.passed.unwrap_or(Rgb::ONE) * last))
+        let segment = bodies.follow(self.scene, &ray);
+        let emission = self.scene.emission_at(&ray, segment.hit)?;
+        let last = bodies.transmittance(self.scene, emission.distance - segment.start);
+        Some((emission, segment.passed.unwrap_or(Rgb::ONE) * last))
     }
 
     /// Step 3: a direction drawn from the BSDF at roughness `alpha`; `None` where the path ends.

@@ -2,6 +2,7 @@
 //! faces `[ContyKulla18]`, `[PBRT4 §12.6.3]`.
 
 use crate::math::Vec3;
+use crate::math::discrete::ALMOST_ONE;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Bounds of some lights: place, directions, strength.
@@ -104,8 +105,6 @@ const BUCKETS: usize = 12;
 const PARALLEL: usize = 4096;
 /// Radians by which cones of facing are widened, so that rounding never excludes a light.
 const SLACK: f32 = 1e-3;
-/// Largest double-precision number below 1.
-const ALMOST_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
 
 impl Item {
     /// An item of one light.

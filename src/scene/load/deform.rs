@@ -2,7 +2,7 @@
 
 use super::accessors::Data;
 use super::error::{Result, Warnings, fault, place};
-use super::nodes::Placed;
+use super::nodes::PlacedNode;
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 use std::collections::HashMap;
 
@@ -12,7 +12,7 @@ pub(super) struct Skins(Vec<Option<Vec<DAffine3>>>);
 impl Skins {
     pub(super) fn new(
         data: &Data<'_>,
-        nodes: &[Placed<'_>],
+        nodes: &[PlacedNode<'_>],
         warnings: &mut Warnings,
     ) -> Result<Self> {
         let mut skins = vec![None; data.root.skins.len()];

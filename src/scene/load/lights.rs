@@ -1,7 +1,7 @@
 //! Cameras and lights without area.
 
 use super::error::{Result, Warnings, fault, place};
-use super::nodes::Placed;
+use super::nodes::PlacedNode;
 use crate::math::{Frame, Rgb, Vec3};
 use crate::scene::camera::Projection;
 use crate::scene::{Camera, Lens, PunctualLight};
@@ -14,7 +14,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 /// The cameras of the nodes, in the order of the file's cameras.
 pub(super) fn cameras(
     root: &Root,
-    nodes: &[Placed<'_>],
+    nodes: &[PlacedNode<'_>],
     warnings: &mut Warnings,
 ) -> Result<Vec<Camera>> {
     let mut cameras = Vec::new();
@@ -122,7 +122,7 @@ fn lens(camera: &gltf::json::Camera, at: &str, warnings: &mut Warnings) -> Optio
 }
 
 /// The axes of a node's pose without scale and mirroring `[glTF §3.10.1]`; `None` if the pose is singular.
-fn upright(placed: &Placed<'_>) -> Option<Frame> {
+fn upright(placed: &PlacedNode<'_>) -> Option<Frame> {
     let m = placed.pose.matrix3;
     let n = m.z_axis.try_normalize()?;
     let s = m.y_axis.cross(n).try_normalize()?;
@@ -136,7 +136,7 @@ fn upright(placed: &Placed<'_>) -> Option<Frame> {
 /// The lights of the nodes.
 pub(super) fn lights(
     root: &Root,
-    nodes: &[Placed<'_>],
+    nodes: &[PlacedNode<'_>],
     warnings: &mut Warnings,
 ) -> Result<Vec<PunctualLight>> {
     let all = (root.extensions.as_ref()).and_then(|e| e.khr_lights_punctual.as_ref());

@@ -3,7 +3,7 @@
 use super::accessors::Data;
 use super::deform::{Influences, Skins, blended};
 use super::error::{Result, Warnings, fault, place};
-use super::nodes::Placed;
+use super::nodes::PlacedNode;
 use crate::math::{Vec2, Vec3};
 use crate::memory;
 use crate::scene::mesh::{cofactors, unit};
@@ -25,10 +25,10 @@ const MAX_SHOWN: u64 = 1 << 31;
 const MAX_MESHES: usize = 1 << 20;
 
 /// Bytes of copies above which meshes are shared. Rays meet copies faster, so small scenes keep them.
-const MOST_COPIES: u64 = 256 << 20;
+const MAX_COPIES: u64 = 256 << 20;
 
 /// Least triangles of a mesh that is shared: an instance takes as much memory as a copy of few.
-const LEAST_SHARED: u64 = 16;
+const MIN_SHARED: u64 = 16;
 
 /// A material as far as meshes depend on it.
 #[derive(Clone, Copy)]
@@ -82,7 +82,7 @@ impl Instance<'_> {
 /// one entry per material of the file and, last, the default material's.
 pub(super) fn meshes(
     data: &Data<'_>,
-    nodes: &[Placed<'_>],
+    nodes: &[PlacedNode<'_>],
     slots: &[Slot],
     warnings: &mut Warnings,
 ) -> Result<(Vec<Mesh>, Vec<SharedMesh>)> {
@@ -159,7 +159,7 @@ fn shared(data: &Data<'_>, instances: &[Instance<'_>]) -> HashSet<(usize, usize)
     let mut copies = 0u64;
     for instance in instances.iter().filter(|instance| instance.may_share()) {
         let (vertices, triangles) = size(data, instance.primitive);
-        if triangles < LEAST_SHARED {
+        if triangles < MIN_SHARED {
             continue;
         }
         let used = uses.entry(instance.source).or_default();
@@ -171,7 +171,7 @@ fn shared(data: &Data<'_>, instances: &[Instance<'_>]) -> HashSet<(usize, usize)
     }
     let shared = uses
         .into_iter()
-        .filter(|&(_, used)| used > 1 && copies > MOST_COPIES);
+        .filter(|&(_, used)| used > 1 && copies > MAX_COPIES);
     shared.map(|(source, _)| source).collect()
 }
 
@@ -228,7 +228,7 @@ fn bytes_of(primitive: &Primitive, vertices: u64, triangles: u64, emits: bool) -
 }
 
 /// The poses at which a node shows its mesh: its own, or one for each instance of EXT_mesh_gpu_instancing.
-fn poses(data: &Data<'_>, placed: &Placed<'_>) -> Result<Vec<DAffine3>> {
+fn poses(data: &Data<'_>, placed: &PlacedNode<'_>) -> Result<Vec<DAffine3>> {
     let extension = (placed.node.extensions.as_ref())
         .and_then(|e| e.others.get("EXT_mesh_gpu_instancing"))
         .and_then(|e| e.get("attributes"));

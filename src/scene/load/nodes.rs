@@ -5,7 +5,7 @@ use glam::{DAffine3, DMat4, DQuat, DVec3};
 use gltf::json::{Node, Root};
 
 /// A node of the scene with its pose in the world.
-pub(super) struct Placed<'a> {
+pub(super) struct PlacedNode<'a> {
     pub(super) node: &'a Node,
     /// Its number in the file.
     pub(super) index: usize,
@@ -15,7 +15,7 @@ pub(super) struct Placed<'a> {
 }
 
 /// All nodes of the file's scene, parents before children, in file order; `nodes` are those of the file at some moment.
-pub(super) fn placed<'a>(root: &Root, nodes: &'a [Node]) -> Result<Vec<Placed<'a>>> {
+pub(super) fn placed<'a>(root: &Root, nodes: &'a [Node]) -> Result<Vec<PlacedNode<'a>>> {
     let mut seen = vec![false; nodes.len()];
     let mut stack: Vec<(usize, DAffine3)> = roots(root)?
         .into_iter()
@@ -38,7 +38,7 @@ pub(super) fn placed<'a>(root: &Root, nodes: &'a [Node]) -> Result<Vec<Placed<'a
         }
         let children = node.children.iter().flatten().rev();
         stack.extend(children.map(|child| (child.value(), pose)));
-        out.push(Placed {
+        out.push(PlacedNode {
             node,
             index: i,
             pose,

@@ -13,7 +13,7 @@
 
 use crate::math::UVec2;
 use crate::sampler::{
-    Domain, Independent, IndependentStream, LEAST_CHANCE, SampleSource, Sampler, Seed,
+    Domain, Independent, IndependentStream, MIN_CHANCE, SampleSource, Sampler, Seed,
 };
 use crate::train::record::crop::{EPSILON, Target};
 
@@ -58,7 +58,7 @@ impl EventRoulette {
         if size >= threshold {
             return Some(1.0);
         }
-        let kept = (size / threshold).max(LEAST_CHANCE);
+        let kept = (size / threshold).max(MIN_CHANCE);
         (stream.next_1d() < kept && size > 0.0).then(|| 1.0 / kept)
     }
 }

@@ -337,7 +337,7 @@ fn camera_sees_the_points_of_its_rays_in_their_pixels() {
             );
             assert!((sight.wo + ray.dir).length() < 1e-5);
             assert!((sight.distance / distance - 1.0).abs() < 1e-4);
-            near(sight.pdf, sensor.pdf(ray.dir).0);
+            near(sight.pdf, sensor.pdf(ray.dir).pdf);
             assert_eq!(sensor.see(ray.at(-distance)), None, "behind the camera");
         }
         let beside = sensor.ray(Vec2::new(30.01, 10.0));

@@ -5,7 +5,7 @@ use super::scenes::{lit, point_lit, with_sphere};
 use crate::support::render::{film_with, scene};
 use opsr::gallery::materials::{coated, diffuse, metal};
 use opsr::image::Film;
-use opsr::integrator::bidirectional::{Part, Radius, Strategies};
+use opsr::integrator::bidirectional::{Radius, Strategies, Strategy};
 use opsr::integrator::{EnclosingBodies, Estimator, Integrator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr::regularise::Unregularised;
@@ -129,10 +129,10 @@ fn weighted_strategies_add_up_to_the_whole() {
         alpha: 1.0,
     });
     for estimator in [Estimator::Bdpt, vcm] {
-        let film = |part| {
+        let film = |strategy| {
             let settings = Settings {
                 estimator,
-                part,
+                strategy,
                 max_vertices: 4,
                 seed: 3,
                 ..Settings::default()
@@ -141,9 +141,9 @@ fn weighted_strategies_add_up_to_the_whole() {
         };
         let whole = film(None);
         let mut sum = vec![Rgb::ZERO; whole.pixels.len()];
-        let edges = (2..=6).flat_map(|all| (0..all).map(move |s| Part::Edge { s, t: all - s }));
-        for part in edges.chain([Part::Merges]) {
-            let mean = film(Some(part)).mean();
+        let of = |all| (0..all).map(move |s| Strategy::Connection { s, t: all - s });
+        for strategy in (2..=6).flat_map(of).chain([Strategy::Merges]) {
+            let mean = film(Some(strategy)).mean();
             for (sum, value) in sum.iter_mut().zip(&mean.pixels) {
                 *sum += *value;
             }
