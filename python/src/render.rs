@@ -281,7 +281,7 @@ impl Job<'_> {
     fn check_memory(&self, settings: &Settings) -> PyResult<()> {
         let window = self.window;
         Moments::check(self.frame, window).map_err(|e| argument(self.name, e))?;
-        let bytes = Picture::bytes(window, settings.levels.len(), Aov::recorded(&self.aovs));
+        let bytes = settings.bytes(self.frame, window, Aov::recorded(&self.aovs));
         memory::check(format!("{}x{} pixels", window.w, window.h), bytes)
             .map_err(|e| PyMemoryError::new_err(e.to_string()))
     }

@@ -3,7 +3,7 @@
 use super::aovs;
 use super::bar::Bar;
 use super::output::{FileArgs, Outputs, ResolveArgs};
-use super::render::{DEFAULT_SPP, RenderJob};
+use super::render::{DEFAULT_SPP, RenderJob, check_memory};
 use super::render_args::RenderArgs;
 use super::{Blame, Exit, job};
 use anyhow::anyhow;
@@ -56,7 +56,7 @@ impl RenderJob<'_> {
         Film::check(size, window)
             .map_err(|e| anyhow!("{}: {e}", job::window_option(args)))
             .usage()?;
-        self.check_memory(window)?;
+        check_memory(args, &self.settings, size, window)?;
         let samples = args.samples.clone();
         let samples = samples.unwrap_or(0..args.spp.unwrap_or(DEFAULT_SPP));
         let view = View::new(&self.opened.scene, camera, size, window);

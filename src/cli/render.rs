@@ -19,7 +19,7 @@ use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
 use opsr::integrator::layers::Layers;
 use opsr::integrator::method::IntegratorKind;
-use opsr::integrator::{Estimator, Picture, Settings, View, guided};
+use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
 use opsr::report::compare::Named;
@@ -113,6 +113,33 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         pilot,
     }
     .run()
+}
+
+/// Refuses a picture of a window that needs more memory than there is.
+pub(super) fn check_memory(
+    args: &RenderArgs,
+    settings: &Settings,
+    frame: UVec2,
+    window: Window,
+) -> anyhow::Result<()> {
+    let levels = settings.levels.len();
+    let mut bytes = settings.bytes(frame, window, aovs::recorded(args));
+    if args.resolve.level_layers {
+        bytes += (window.len() * levels) as u64 * LEVEL_LAYER_BYTES;
+    }
+    // Chains move over the whole frame.
+    let (size, hint) = match settings.estimator {
+        Estimator::Mlt { .. } => (frame, "--size makes the picture smaller"),
+        _ => (
+            UVec2::new(window.w, window.h),
+            "--crop renders a part of a picture",
+        ),
+    };
+    let pixels = format!("{}x{} pixels", size.x, size.y);
+    let with_levels = format!("{pixels} of {levels} levels");
+    memory::check(if levels > 0 { with_levels } else { pixels }, bytes)
+        .map_err(|e| anyhow!("{e}; {hint}"))
+        .blame(Exit::Memory)
 }
 
 /// Bytes that a layer of its own adds for each pixel of a level.
@@ -275,24 +302,6 @@ impl RenderJob<'_> {
         })
     }
 
-    /// Refuses a picture that needs more memory than there is.
-    pub(super) fn check_memory(&self, window: Window) -> anyhow::Result<()> {
-        let args = self.args;
-        let levels = self.settings.levels.len();
-        let mut bytes = Picture::bytes(window, levels, aovs::recorded(args));
-        if args.resolve.level_layers {
-            bytes += (window.len() * levels) as u64 * LEVEL_LAYER_BYTES;
-        }
-        if matches!(self.settings.estimator, Estimator::Guided { .. }) {
-            bytes += guided::bytes(window.len());
-        }
-        let pixels = format!("{}x{} pixels", window.w, window.h);
-        let with_levels = format!("{pixels} of {levels} levels");
-        memory::check(if levels > 0 { with_levels } else { pixels }, bytes)
-            .map_err(|e| anyhow!("{e}; --crop renders a part of a picture"))
-            .blame(Exit::Memory)
-    }
-
     fn budget(&self) -> Budget {
         let RenderArgs {
             spp,
@@ -324,7 +333,7 @@ impl RenderJob<'_> {
         Film::check(size, window)
             .context(job::window_option(args))
             .usage()?;
-        self.check_memory(window)?;
+        check_memory(args, &self.settings, size, window)?;
         if let Some(path) = &args.checkpoint {
             if args.resume {
                 let old = Checkpoint::load(path, ours).input()?;

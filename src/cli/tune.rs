@@ -1,7 +1,7 @@
 //! `--table-scale auto`: scale and contrast of a table from a pilot before the render.
 
 use super::job::Size;
-use super::render::DEFAULT_SPP;
+use super::render::{DEFAULT_SPP, check_memory};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
@@ -26,6 +26,8 @@ pub(super) fn tune(
         aspect,
     )?)?;
     let window = job::window(args, size);
+    // Before samples are counted: that takes a picture too.
+    check_memory(args, settings, size, window)?;
     let view = View::new(&opened.scene, &camera, size, window);
     let samples = match (args.spp, args.time) {
         (Some(spp), _) => spp,

@@ -86,12 +86,25 @@ fn memory_of_a_large_picture_is_refused_before_it_is_taken() {
             "--size 2048x2048 --gamma 0.1 --levels 4",
             "2048x2048 pixels of 4 levels need about 3.14 GB",
         ),
+        // Mutations move over the whole frame.
+        (
+            "--size 16384x16384 --crop 5,5,8,8 --integrator mlt",
+            "16384x16384 pixels need about 6.44 GB",
+        ),
     ] {
         let ended = render(options);
         assert_eq!(ended.code, Some(7), "{options}: {}", ended.err);
         assert!(ended.err.contains(words), "{options}: {}", ended.err);
-        assert!(ended.err.contains("--crop renders a part"), "{}", ended.err);
+        let hint = match options.contains("--crop") {
+            true => "--size makes the picture smaller",
+            false => "--crop renders a part",
+        };
+        assert!(ended.err.contains(hint), "{}", ended.err);
     }
+    // A pilot that counts samples takes a picture before the render does.
+    let timed = "render scene.glb --time 1s --opsr-table beta-0.001 --table-scale auto --size 16384x16384 -o out.exr";
+    let ended = place.opsr_in_memory(1_500_000, timed);
+    assert_eq!(ended.code, Some(7), "{}", ended.err);
     // What the estimate allows does fit: 0.86 GB of the 1.5.
     render("--size 2048x2048").done();
     render("--size 16384x16384 --crop 5,5,8,8").done();
