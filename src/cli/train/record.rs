@@ -29,7 +29,7 @@ pub(in crate::cli) struct RecordArgs {
     #[command(flatten)]
     settings: SettingArgs,
     /// Number of threads; all cores by default. The recordings do not depend on it.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
     /// Display of progress.
     #[arg(long, value_enum, default_value_t)]
