@@ -304,7 +304,8 @@ impl MethodSpec {
         Ok(())
     }
 
-    /// Integrator, mode and constant factor by name, for the file of a picture; the integrator may be a pilot's choice.
+    /// Integrator, mode and what else was given for them, by name, for the file of a picture; the integrator may be a pilot's
+    /// choice.
     pub fn words(
         &self,
         integrator: IntegratorKind,
@@ -320,6 +321,19 @@ impl MethodSpec {
         let guide = guide.map(|guide| ("guide", guide.get_name().to_owned()));
         let pilot =
             (integrator != self.integrator).then(|| ("integrator_chosen_by", "pilot".to_owned()));
+        let consistent = self.lambda.map(|x| ("consistent", x.to_string()));
+        let filter = self.filter.map(|x| ("filter", x.to_string()));
+        let lookup = self.lookup.and_then(|lookup| lookup.to_possible_value());
+        let lookup = lookup.map(|lookup| ("lookup", lookup.get_name().to_owned()));
+        // A pilot may have chosen an integrator without a radius.
+        let merges = integrator.merges();
+        let radius = self.radius.filter(|_| merges);
+        let radius = radius.map(|x| ("radius", x.to_string()));
+        let radius_alpha = self.radius_alpha.filter(|_| merges);
+        let radius_alpha = radius_alpha.map(|x| ("radius_alpha", x.to_string()));
+        let connections = self.connections.and_then(|kind| kind.to_possible_value());
+        let connections = connections.map(|kind| ("connections", kind.get_name().to_owned()));
+        let mlt_pass = self.mlt_pass.map(|n| ("mlt_pass", n.to_string()));
         [
             ("integrator", name(integrator.to_possible_value())),
             ("mode", name(self.method.to_possible_value())),
@@ -327,8 +341,14 @@ impl MethodSpec {
         .into_iter()
         .chain(pilot)
         .chain(gamma)
+        .chain([consistent, filter, lookup].into_iter().flatten())
         .chain(sampler)
         .chain(guide)
+        .chain(
+            [radius, radius_alpha, connections, mlt_pass]
+                .into_iter()
+                .flatten(),
+        )
     }
 
     /// The methods among which [`IntegratorKind::Auto`] chooses: this one by each integrator, the path tracer first. An

@@ -268,6 +268,9 @@ impl Settings {
         if !self.levels.is_empty() {
             set("levels", format!("{:?}", self.levels));
         }
+        if let Some(strategy) = self.strategy {
+            set("strategy", strategy.to_string());
+        }
         metadata
     }
 

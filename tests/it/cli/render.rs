@@ -59,7 +59,7 @@ fn aperture_and_focus_change_the_picture() {
         ("--aperture -1 --focus 2", "--aperture"),
         (
             "--integrator bdpt --aperture 0.1 --focus 2",
-            "only --integrator path has a lens",
+            "a lens needs the integrator path",
         ),
     ] {
         let ended = place.render(&format!("--spp 1 {options} -o no.exr"));
@@ -530,6 +530,45 @@ fn completions_and_manual_pages_know_every_command() {
     }
     let page = String::from_utf8(place.read("pages/opsr-render.1")).unwrap();
     assert!(page.contains("exposure") && page.contains("EXAMPLES") || page.contains("Examples"));
+}
+
+/// Options that change the picture, by the keys of its metadata.
+#[test]
+fn exr_metadata_name_the_options_that_change_the_picture() {
+    let place = Place::new();
+    for (args, entries) in [
+        (
+            "--gamma 0.3 --consistent 0.25",
+            &[("consistent", "0.25")][..],
+        ),
+        ("--mode filter-glossy --filter 2", &[("filter", "2")]),
+        (
+            "--opsr-table beta-0.001 --lookup nearest",
+            &[("lookup", "nearest")],
+        ),
+        ("--integrator bdpt --strategy 3,1", &[("strategy", "3,1")]),
+        (
+            "--integrator vcm --strategy merges --connections nee --radius 0.5 --radius-alpha 0.75",
+            &[
+                ("strategy", "merges"),
+                ("connections", "nee"),
+                ("radius", "0.5"),
+                ("radius_alpha", "0.75"),
+            ],
+        ),
+        ("--integrator mlt --mlt-pass 4", &[("mlt_pass", "4")]),
+    ] {
+        let common = "--spp 1 -o out.exr";
+        place.render(&format!("{common} {args}")).done();
+        let named = exr::read_layers(&place.path().join("out.exr")).unwrap();
+        place.render(common).done();
+        let plain = exr::read_layers(&place.path().join("out.exr")).unwrap();
+        for (key, value) in entries {
+            let found = named.metadata.get(*key).map(String::as_str);
+            assert_eq!(found, Some(*value), "{args}: {key}");
+            assert!(!plain.metadata.contains_key(*key), "{key}");
+        }
+    }
 }
 
 /// Half floats and every coding hold the same picture, and metadata say how it was made.
