@@ -23,8 +23,8 @@ pub struct MethodSpec {
     #[arg(long, value_enum, default_value_t)]
     #[serde(default, skip_serializing_if = "IntegratorKind::is_path")]
     pub integrator: IntegratorKind,
-    /// Kind of regularisation.
-    #[arg(long = "mode", value_enum, default_value_t)]
+    /// Rule of regularisation.
+    #[arg(long = "mode", value_name = "RULE", value_enum, default_value_t)]
     pub method: Kind,
     /// One attenuation factor in [0, 1] for all paths, instead of a table; 0 is plain path tracing.
     #[arg(long, value_name = "X", value_parser = unit)]
