@@ -1,10 +1,10 @@
 //! `--integrator auto`: a pilot before the render chooses the integrator, or the checkpoint says which it was.
 
-use super::render::{DEFAULT_SPP, fingerprint};
+use super::render::{DEFAULT_SPP, fingerprint, frame_and_camera};
 use super::render_args::RenderArgs;
-use super::scene::{self, Opened};
+use super::scene::Opened;
 use super::stop::Stop;
-use super::{Blame, aovs, job, tune};
+use super::{Blame, aovs, job};
 use anyhow::{Context, anyhow};
 use opsr::integrator::View;
 use opsr::integrator::checkpoint::Checkpoint;
@@ -28,7 +28,7 @@ pub(super) fn choose(
         return Err(anyhow!(what)).usage();
     }
     let mut entries = entries(args, opened)?;
-    let size = tune::size(args, opened)?;
+    let (size, camera) = frame_and_camera(args, opened)?;
     if args.resume
         && let Some(path) = &args.checkpoint
     {
@@ -39,9 +39,6 @@ pub(super) fn choose(
         let place = entries.iter().position(ours).unwrap_or(0);
         return Ok(Some(entries.swap_remove(place)));
     }
-    let aspect = size.x as f32 / size.y as f32;
-    let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
-    let camera = args.lens.on(camera)?;
     let view = View::new(&opened.scene, &camera, size, job::window(args, size));
     let threads = rayon::current_num_threads() as f64;
     let horizon = match (args.spp, args.time) {

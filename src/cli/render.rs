@@ -115,6 +115,17 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     .run()
 }
 
+/// Size of the whole picture, and the camera with its lens.
+pub(super) fn frame_and_camera(
+    args: &RenderArgs,
+    opened: &Opened,
+) -> anyhow::Result<(UVec2, Camera)> {
+    let size = tune::size(args, opened)?;
+    let aspect = size.x as f32 / size.y as f32;
+    let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
+    Ok((size, args.lens.on(camera)?))
+}
+
 /// Refuses a picture of a window that needs more memory than there is.
 pub(super) fn check_memory(
     args: &RenderArgs,
@@ -160,10 +171,7 @@ pub(super) struct RenderJob<'a> {
 impl RenderJob<'_> {
     fn run(&self) -> anyhow::Result<Exit> {
         let args = self.args;
-        let size = tune::size(args, &self.opened)?;
-        let aspect = size.x as f32 / size.y as f32;
-        let camera = scene::camera(&self.opened.scene, args.camera.as_deref(), aspect)?;
-        let camera = args.lens.on(camera)?;
+        let (size, camera) = frame_and_camera(args, &self.opened)?;
         let checked = self.settings.check_scene(&self.opened.scene, &camera);
         checked.map_err(|what| anyhow!(what)).usage()?;
         if let Some(pixel) = args.trace_pixel {

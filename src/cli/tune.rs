@@ -1,7 +1,7 @@
 //! `--table-scale auto`: scale and contrast of a table from a pilot before the render.
 
 use super::job::Size;
-use super::render::{DEFAULT_SPP, check_memory};
+use super::render::{DEFAULT_SPP, check_memory, frame_and_camera};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
@@ -18,13 +18,7 @@ pub(super) fn tune(
     settings: &mut Settings,
     stop: &Stop,
 ) -> anyhow::Result<bool> {
-    let size = size(args, opened)?;
-    let aspect = size.x as f32 / size.y as f32;
-    let camera = args.lens.on(scene::camera(
-        &opened.scene,
-        args.camera.as_deref(),
-        aspect,
-    )?)?;
+    let (size, camera) = frame_and_camera(args, opened)?;
     let window = job::window(args, size);
     // Before samples are counted: that takes a picture too.
     check_memory(args, settings, size, window)?;
