@@ -20,6 +20,7 @@ mod compare;
 mod error_log;
 mod info;
 mod job;
+mod listener;
 mod live;
 mod output;
 mod part;

@@ -1,9 +1,8 @@
 //! `opsr render`: a glTF scene in, a picture out.
 
 use super::aovs;
-use super::bar::{Bar, Style};
-use super::error_log::{ErrorLog, Line};
-use super::live::Live;
+use super::bar::Style;
+use super::listener::{Listener, Run};
 use super::output::{Outputs, Provenance, can_write};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
@@ -11,28 +10,18 @@ use super::stop::Stop;
 use super::{Blame, Exit, auto, job, part, trace, tune};
 use anyhow::{Context, anyhow};
 use opsr::files;
-use opsr::image::Buffer;
 use opsr::image::film::{Film, Window};
 use opsr::image::level_film::LevelFilm;
-use opsr::image::metric::relmse;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
-use opsr::integrator::layers::Layers;
 use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
-use opsr::report::compare::Named;
 use opsr::scene::Camera;
 use opsr::tune::integrator::left_after;
 use opsr::tune::resolve::{relative_error, unseen_share};
-use std::cell::Cell;
-use std::ops::ControlFlow;
-use std::path::Path;
 use std::time::{Duration, Instant};
-
-/// Interval of checkpoints unless another is asked for.
-const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 /// Samples of a render whose budget is not given.
 pub(super) const DEFAULT_SPP: u32 = 128;
@@ -159,7 +148,7 @@ const LEVEL_LAYER_BYTES: u64 = 36;
 /// Everything a render needs.
 pub(super) struct RenderJob<'a> {
     pub(super) args: &'a RenderArgs,
-    outputs: Outputs,
+    pub(super) outputs: Outputs,
     pub(super) opened: Opened,
     pub(super) settings: Settings,
     pub(super) provenance: Provenance,
@@ -184,107 +173,23 @@ impl RenderJob<'_> {
         }
         let fingerprint = self.fingerprint(size, args.crop.map(|crop| crop.of(size)));
         let (mut picture, start, spent) = self.start(size, &fingerprint)?;
-        let live = match &args.tev {
-            Some(address) => Some(Live::open(address, "opsr", &picture.film.mean())?),
-            None => None,
-        };
-        let budget = self.budget();
-        let bar = Bar::new(args.progress);
-        let checkpoint = |progress: &RenderProgress, picture: &Picture| -> anyhow::Result<()> {
-            let Some(path) = &args.checkpoint else {
-                return Ok(());
-            };
-            let (fingerprint, picture) = (fingerprint.clone(), picture.clone());
-            let seconds = spent + progress.elapsed.as_secs_f64();
-            Checkpoint {
-                fingerprint,
-                samples: progress.samples,
-                seconds,
-                levels: self.settings.levels.clone(),
-                picture,
-            }
-            .save(path)
-            .output()
-        };
         let view = View::of(&self.opened.scene, &camera, &picture.film);
-        let layers = Layers::new(&args.aov, &view);
-        let truth = match &args.reference {
-            Some(path) => Some(Truth::load(path, &picture.film)?),
-            None => None,
+        let run = Run {
+            camera: &camera,
+            fingerprint,
+            start,
+            spent,
         };
-        let write = |picture: &Picture, progress: &RenderProgress| {
-            let seconds = spent + progress.elapsed.as_secs_f64();
-            let refused = picture.film.rejected.total();
-            let threads = rayon::current_num_threads();
-            let metadata = (self.provenance).metadata(progress.samples, refused, seconds, threads);
-            let layers = layers.of(picture);
-            (self.outputs).write(picture, layers, Some(camera.world_to_camera()), &metadata)
-        };
-        let mut log = match &args.log {
-            Some(path) => Some(ErrorLog::open(path, start)?),
-            None => None,
-        };
-        let line = |progress: &RenderProgress, picture: &Picture, known: Option<f64>| Line {
-            samples: progress.samples,
-            seconds: spent + progress.elapsed.as_secs_f64(),
-            estimated: relative_error(picture),
-            true_error: known,
-        };
-        let mut saved = Instant::now();
-        let mut trouble = None;
-        let mut listener = |progress: &RenderProgress, picture: &Picture| {
-            let shown = || args.resolve.shown(picture);
-            let known = truth.as_ref();
-            let known = known.and_then(|truth| truth.now_and_then(shown));
-            bar.show(progress, known);
-            if let Some(log) = &mut log
-                && let Err(error) = log.add(false, || line(progress, picture, known))
-            {
-                trouble = Some(error);
-                return ControlFlow::Break(());
-            }
-            if let Some(view) = &live {
-                view.show(args.resolve.shown(picture));
-            }
-            let every = args
-                .save_every
-                .or(args.checkpoint.as_ref().map(|_| CHECKPOINT_EVERY));
-            if every.is_some_and(|every| saved.elapsed() >= every) {
-                saved = Instant::now();
-                let partial = match args.save_every {
-                    Some(_) => write(picture, progress).map(|_| ()),
-                    None => Ok(()),
-                };
-                if let Err(error) = partial.and_then(|()| checkpoint(progress, picture)) {
-                    trouble = Some(error);
-                    return ControlFlow::Break(());
-                }
-            }
-            self.stop.flow()
-        };
+        let mut listener = Listener::open(self, run, &picture, &view)?;
         let mut integrator = self.settings.integrator();
         if let Some(notes) = integrator.notes(&view) {
             tracing::info!("{notes}");
         }
-        let (progress, reason) = drive(
-            &mut *integrator,
-            &view,
-            &budget,
-            start,
-            &mut picture,
-            &mut listener,
-        );
-        bar.finish();
-        if let Some(error) = trouble {
-            return Err(error.context("could not save the render so far"));
-        }
-        // If one of the two cannot be saved, the other still is.
-        let kept = checkpoint(&progress, &picture);
-        let written = write(&picture, &progress)?;
-        kept?;
-        if let Some(view) = live {
-            view.finish();
-        }
+        let hear =
+            &mut |progress: &RenderProgress, picture: &Picture| listener.hear(progress, picture);
+        let budget = self.budget();
+        let (progress, reason) = drive(&mut *integrator, &view, &budget, start, &mut picture, hear);
+        let (written, true_error) = listener.close(&progress, &picture)?;
         let ended = Ended {
             film: &picture.film,
             progress: &progress,
@@ -293,11 +198,8 @@ impl RenderJob<'_> {
             exposure: written.exposure,
             error: written.error,
             unseen: unseen_share(&picture),
-            true_error: truth.and_then(|truth| truth.error(&written.shown)),
+            true_error,
         };
-        if let Some(log) = &mut log {
-            log.add(true, || line(&progress, &picture, ended.true_error))?;
-        }
         if let Some(path) = &args.stats {
             let text = format!("{:#}\n", self.statistics(&ended, spent));
             files::write_bytes(path, text).output()?;
@@ -507,46 +409,5 @@ impl Ended<'_> {
     /// Paths of this run.
     fn paths(&self) -> u64 {
         u64::from(self.progress.samples - self.start) * self.film.pixels.len() as u64
-    }
-}
-
-/// The picture that a render should come to.
-struct Truth {
-    reference: Buffer,
-    /// The latest error, and when it was computed.
-    latest: Cell<Option<(Instant, f64)>>,
-}
-
-/// Interval at which the true error is computed while rendering.
-const TRUTH_EVERY: Duration = Duration::from_secs(1);
-
-impl Truth {
-    fn load(path: &Path, film: &Film) -> anyhow::Result<Self> {
-        let (name, window) = (path.display(), film.window);
-        let reference = Named::load(path).input()?.showing(film.size, window);
-        let wrong = || anyhow!("--reference {name}: does not show the {window} of this render");
-        let reference = reference.ok_or_else(wrong).usage()?;
-        relmse(&reference, &reference)
-            .with_context(|| name.to_string())
-            .input()?;
-        let latest = Cell::new(None);
-        Ok(Self { reference, latest })
-    }
-
-    /// Root of the relMSE.
-    fn error(&self, picture: &Buffer) -> Option<f64> {
-        Some(relmse(picture, &self.reference).ok()?.value.sqrt())
-    }
-
-    /// The error of the picture so far, seldom computed.
-    fn now_and_then(&self, shown: impl FnOnce() -> Buffer) -> Option<f64> {
-        if let Some((at, error)) = self.latest.get()
-            && at.elapsed() < TRUTH_EVERY
-        {
-            return Some(error);
-        }
-        let error = self.error(&shown())?;
-        self.latest.set(Some((Instant::now(), error)));
-        Some(error)
     }
 }

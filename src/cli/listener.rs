@@ -1,0 +1,236 @@
+//! What goes on beside a render: progress, the true error, files so far, checkpoints, the log, and tev.
+
+use super::Blame;
+use super::bar::Bar;
+use super::error_log::{ErrorLog, Line};
+use super::live::Live;
+use super::output::Written;
+use super::render::RenderJob;
+use anyhow::{Context, anyhow};
+use opsr::image::Buffer;
+use opsr::image::film::Film;
+use opsr::image::metric::relmse;
+use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
+use opsr::integrator::drive::RenderProgress;
+use opsr::integrator::layers::Layers;
+use opsr::integrator::{Picture, View};
+use opsr::report::compare::Named;
+use opsr::scene::Camera;
+use opsr::tune::resolve::relative_error;
+use std::cell::Cell;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Interval of checkpoints unless another is asked for.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
+
+/// A run of a render, of which there may have been earlier ones.
+pub(super) struct Run<'a> {
+    pub(super) camera: &'a Camera,
+    /// Identity of the render.
+    pub(super) fingerprint: Fingerprint,
+    /// Samples of earlier runs.
+    pub(super) start: u32,
+    /// Seconds of earlier runs.
+    pub(super) spent: f64,
+}
+
+/// Hears of every pass of a run.
+pub(super) struct Listener<'a> {
+    job: &'a RenderJob<'a>,
+    run: Run<'a>,
+    layers: Layers<'a>,
+    bar: Bar,
+    live: Option<Live>,
+    truth: Option<Truth>,
+    log: Option<ErrorLog>,
+    /// When files and checkpoint were written last.
+    saved: Instant,
+    /// What ended the render, if it was not the user.
+    trouble: Option<anyhow::Error>,
+}
+
+impl<'a> Listener<'a> {
+    /// Opens the log and the connection to tev, and reads the reference.
+    pub(super) fn open(
+        job: &'a RenderJob<'a>,
+        run: Run<'a>,
+        picture: &Picture,
+        view: &View<'_>,
+    ) -> anyhow::Result<Self> {
+        let args = job.args;
+        let live = match &args.tev {
+            Some(address) => Some(Live::open(address, "opsr", &picture.film.mean())?),
+            None => None,
+        };
+        let truth = match &args.reference {
+            Some(path) => Some(Truth::load(path, &picture.film)?),
+            None => None,
+        };
+        let log = match &args.log {
+            Some(path) => Some(ErrorLog::open(path, run.start)?),
+            None => None,
+        };
+        Ok(Self {
+            job,
+            run,
+            layers: Layers::new(&args.aov, view),
+            bar: Bar::new(args.progress),
+            live,
+            truth,
+            log,
+            saved: Instant::now(),
+            trouble: None,
+        })
+    }
+
+    /// Hears of a pass; breaks where the user asked for it or something could not be written.
+    pub(super) fn hear(&mut self, progress: &RenderProgress, picture: &Picture) -> ControlFlow<()> {
+        let shown = || self.job.args.resolve.shown(picture);
+        let known = (self.truth.as_ref()).and_then(|truth| truth.now_and_then(shown));
+        self.bar.show(progress, known);
+        if let Some(live) = &self.live {
+            live.show(shown());
+        }
+        let logged = self.log(false, progress, picture, known);
+        match logged.and_then(|()| self.save_now_and_then(progress, picture)) {
+            Ok(()) => self.job.stop.flow(),
+            Err(error) => {
+                self.trouble = Some(error);
+                ControlFlow::Break(())
+            }
+        }
+    }
+
+    /// Saves what has come out: the files that were written, and the root of the true relMSE where there is a reference.
+    pub(super) fn close(
+        mut self,
+        progress: &RenderProgress,
+        picture: &Picture,
+    ) -> anyhow::Result<(Written, Option<f64>)> {
+        self.bar.finish();
+        if let Some(error) = self.trouble.take() {
+            return Err(error.context("could not save the render so far"));
+        }
+        // If one of the two cannot be saved, the other still is.
+        let kept = self.checkpoint(progress, picture);
+        let written = self.write(picture, progress)?;
+        kept?;
+        if let Some(live) = self.live.take() {
+            live.finish();
+        }
+        let true_error = (self.truth.as_ref()).and_then(|truth| truth.error(&written.shown));
+        self.log(true, progress, picture, true_error)?;
+        Ok((written, true_error))
+    }
+
+    /// Seconds of this run and earlier ones.
+    fn seconds(&self, progress: &RenderProgress) -> f64 {
+        self.run.spent + progress.elapsed.as_secs_f64()
+    }
+
+    fn log(
+        &mut self,
+        last: bool,
+        progress: &RenderProgress,
+        picture: &Picture,
+        true_error: Option<f64>,
+    ) -> anyhow::Result<()> {
+        let seconds = self.seconds(progress);
+        let Some(log) = &mut self.log else {
+            return Ok(());
+        };
+        log.add(last, || Line {
+            samples: progress.samples,
+            seconds,
+            estimated: relative_error(picture),
+            true_error,
+        })
+    }
+
+    /// Writes files and checkpoint, if it is time to.
+    fn save_now_and_then(
+        &mut self,
+        progress: &RenderProgress,
+        picture: &Picture,
+    ) -> anyhow::Result<()> {
+        let args = self.job.args;
+        let checkpoints = args.checkpoint.as_ref().map(|_| CHECKPOINT_EVERY);
+        let every = args.save_every.or(checkpoints);
+        if every.is_none_or(|every| self.saved.elapsed() < every) {
+            return Ok(());
+        }
+        self.saved = Instant::now();
+        if args.save_every.is_some() {
+            self.write(picture, progress)?;
+        }
+        self.checkpoint(progress, picture)
+    }
+
+    fn write(&self, picture: &Picture, progress: &RenderProgress) -> anyhow::Result<Written> {
+        let (refused, threads) = (picture.film.rejected.total(), rayon::current_num_threads());
+        let seconds = self.seconds(progress);
+        let provenance = &self.job.provenance;
+        let metadata = provenance.metadata(progress.samples, refused, seconds, threads);
+        let pose = self.run.camera.world_to_camera();
+        let layers = self.layers.of(picture);
+        (self.job.outputs).write(picture, layers, Some(pose), &metadata)
+    }
+
+    fn checkpoint(&self, progress: &RenderProgress, picture: &Picture) -> anyhow::Result<()> {
+        let Some(path) = &self.job.args.checkpoint else {
+            return Ok(());
+        };
+        Checkpoint {
+            fingerprint: self.run.fingerprint.clone(),
+            samples: progress.samples,
+            seconds: self.seconds(progress),
+            levels: self.job.settings.levels.clone(),
+            picture: picture.clone(),
+        }
+        .save(path)
+        .output()
+    }
+}
+
+/// The picture that a render should come to.
+struct Truth {
+    reference: Buffer,
+    /// The latest error, and when it was computed.
+    latest: Cell<Option<(Instant, f64)>>,
+}
+
+/// Interval at which the true error is computed while rendering.
+const TRUTH_EVERY: Duration = Duration::from_secs(1);
+
+impl Truth {
+    fn load(path: &Path, film: &Film) -> anyhow::Result<Self> {
+        let (name, window) = (path.display(), film.window);
+        let reference = Named::load(path).input()?.showing(film.size, window);
+        let wrong = || anyhow!("--reference {name}: does not show the {window} of this render");
+        let reference = reference.ok_or_else(wrong).usage()?;
+        relmse(&reference, &reference)
+            .with_context(|| name.to_string())
+            .input()?;
+        let latest = Cell::new(None);
+        Ok(Self { reference, latest })
+    }
+
+    /// Root of the relMSE.
+    fn error(&self, picture: &Buffer) -> Option<f64> {
+        Some(relmse(picture, &self.reference).ok()?.value.sqrt())
+    }
+
+    /// The error of the picture so far, seldom computed.
+    fn now_and_then(&self, shown: impl FnOnce() -> Buffer) -> Option<f64> {
+        if let Some((at, error)) = self.latest.get()
+            && at.elapsed() < TRUTH_EVERY
+        {
+            return Some(error);
+        }
+        let error = self.error(&shown())?;
+        self.latest.set(Some((Instant::now(), error)));
+        Some(error)
+    }
+}
