@@ -225,7 +225,15 @@ impl Material {
         self.solid && self.transmission > 0.0 && self.metallic < 1.0
     }
 
-    /// True if the surface does nothing to light but reflect and refract it.
+    /// True if [`Scene::bsdf`](crate::scene::Scene::bsdf) chooses between two BSDFs somewhere on the surface.
+    pub fn chooses_bsdf(&self) -> bool {
+        let transmits = self.transmission > 0.0 && self.metallic < 1.0;
+        let always =
+            self.transmission == 1.0 && self.transmission_texture.is_none() && self.metallic == 0.0;
+        transmits && !always || self.clearcoat().is_some()
+    }
+
+    /// True if the surface does nothing to light but reflect and refract it, all colours alike.
     pub fn is_clear(&self) -> bool {
         self.transmission == 1.0
             && self.transmission_texture.is_none()

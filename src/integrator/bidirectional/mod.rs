@@ -542,7 +542,10 @@ impl Iteration<'_> {
                 (&mut chain, ends, splats),
             );
             let merges = self.settings.merging.is_some();
-            if (merges || more && strategies.connects()) && !vertex.is_delta() {
+            // The camera walk that merges draws one of two BSDFs on its own: that of the light walk does not matter.
+            let merged = merges && (!vertex.is_delta() || vertex.chooses_bsdf(scene));
+            let connected = more && strategies.connects() && !vertex.is_delta();
+            if merged || connected {
                 keep(vertex, trail);
             }
             if let Some(smooth) = drawn {
@@ -615,6 +618,10 @@ impl Iteration<'_> {
                 for (other, trail) in light.vertices.iter().zip(&light.trails) {
                     if n + other.n > self.settings.max_vertices {
                         break;
+                    }
+                    // Kept for merges alone.
+                    if other.is_delta() {
+                        continue;
                     }
                     let part = prefix.connected(&vertex, other, trail);
                     if part != Rgb::ZERO {

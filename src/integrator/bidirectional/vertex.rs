@@ -133,6 +133,11 @@ impl Vertex {
         (self.back.dot(self.surface.ng) * back.z > 0.0).then(|| (frame.to_local(out), back))
     }
 
+    /// True if another walk may draw another BSDF here.
+    pub(super) fn chooses_bsdf(&self, scene: &Scene) -> bool {
+        scene.material(&self.surface).chooses_bsdf()
+    }
+
     /// Absolute geometric cosine with a direction, clamped as in all weights.
     #[inline]
     pub(super) fn cos(&self, w: Vec3) -> f32 {

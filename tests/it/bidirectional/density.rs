@@ -6,7 +6,8 @@ use opsr::image::Film;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings, View};
 use opsr::math::UVec2;
-use opsr::scene::Camera;
+use opsr::scene::finish::{Clearcoat, Finish};
+use opsr::scene::{Camera, Material};
 
 /// The plane under a point light, at whose foot all pixels look.
 fn foot(radius: f32, iterations: u32) -> (f64, f64) {
@@ -73,4 +74,51 @@ fn first_radius_follows_the_footprint() {
     let expected = 2.0 * 2.0 * 2.0 * 5f32.to_radians().tan() / 128.0;
     assert!((first(128) / expected - 1.0).abs() < 0.02, "{}", first(128));
     assert!((first(256) / first(128) - 0.5).abs() < 0.01);
+}
+
+/// A material that chooses between two BSDFs is drawn by both walks of a merge, but its chance counts once.
+#[test]
+fn photons_where_the_light_walk_drew_a_smooth_bsdf_are_kept() {
+    let coat = Clearcoat {
+        weight: 1.0,
+        ..Clearcoat::default()
+    };
+    let coated = Finish {
+        clearcoat: Some(coat),
+        ..Finish::default()
+    };
+    let half = |material: &mut Material| (material.transmission, material.alpha) = (0.5, 0.0);
+    let coat = |material: &mut Material| material.finish = Some(Box::new(coated.clone()));
+    let radius = Radius {
+        first: Some(0.2),
+        alpha: 1.0,
+    };
+    for (name, change) in [
+        ("coat", &coat as &dyn Fn(&mut Material)),
+        ("partial transmission", &half),
+    ] {
+        let mut parts = point_light_over_plane();
+        change(&mut parts.materials[0]);
+        let scene = scene(parts);
+        let found = |estimator, spp| {
+            let settings = Settings {
+                estimator,
+                max_vertices: 1,
+                ..Settings::default()
+            };
+            mean(&film_with(&scene, &settings, 16, spp))
+        };
+        let (expected, its_error) = found(Estimator::Path { reuse: false }, 1000);
+        for estimator in [
+            Estimator::Sppm(radius),
+            Estimator::Vcm(radius),
+            Estimator::VcmNee(radius),
+        ] {
+            let (mean, error) = found(estimator, 2000);
+            println!(
+                "{name}, {estimator:?}: {mean:.4} ± {error:.4} for {expected:.4} ± {its_error:.4}"
+            );
+            assert!((mean / expected - 1.0).abs() < 0.03, "{name} {estimator:?}");
+        }
+    }
 }
