@@ -236,6 +236,7 @@ impl Material {
     /// True if the surface does nothing to light but reflect and refract it, all colours alike.
     pub fn is_clear(&self) -> bool {
         self.transmission == 1.0
+            && self.dispersion == 0.0
             && self.transmission_texture.is_none()
             && self.base_color == Rgb::ONE
             && self.base_color_texture.is_none()
