@@ -14,7 +14,7 @@ use opsr::report::compare::{Comparison, Named, Options, compare, cut_to_common};
 use opsr::report::page;
 use opsr::stats::agreement;
 
-use super::output::print;
+use super::output::{check_distinct, print};
 use super::{Blame, Exit};
 
 /// Compare pictures with a reference: MSE, relMSE, MAPE, FLIP and HDR-FLIP.
@@ -78,6 +78,13 @@ fn bound(text: &str) -> Result<(String, f64), String> {
 
 /// Runs the command: the table goes to standard output.
 pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Exit> {
+    let outputs: Vec<&Path> = [&args.page, &args.json]
+        .into_iter()
+        .flatten()
+        .map(PathBuf::as_path)
+        .collect();
+    let inputs: Vec<&Path> = args.files.iter().map(PathBuf::as_path).collect();
+    check_distinct(&outputs, &inputs)?;
     let layer = args.layer.as_deref();
     let mut pictures = args
         .files

@@ -36,6 +36,15 @@ pub(super) struct Run<'a> {
     pub(super) spent: f64,
 }
 
+/// What a run came to.
+pub(super) struct Closed {
+    pub(super) written: Written,
+    /// Root of the true relMSE, where there is a reference.
+    pub(super) true_error: Option<f64>,
+    /// Why something is not saved.
+    pub(super) failed: Option<anyhow::Error>,
+}
+
 /// Hears of every pass of a run.
 pub(super) struct Listener<'a> {
     job: &'a RenderJob<'a>,
@@ -45,10 +54,10 @@ pub(super) struct Listener<'a> {
     live: Option<Live>,
     truth: Option<Truth>,
     log: Option<ErrorLog>,
-    /// When files and checkpoint were written last.
+    /// When files and checkpoint were written last, or could not be.
     saved: Instant,
-    /// What ended the render, if it was not the user.
-    trouble: Option<anyhow::Error>,
+    /// Why the log is not whole.
+    unlogged: Option<anyhow::Error>,
 }
 
 impl<'a> Listener<'a> {
@@ -81,11 +90,11 @@ impl<'a> Listener<'a> {
             truth,
             log,
             saved: Instant::now(),
-            trouble: None,
+            unlogged: None,
         })
     }
 
-    /// Hears of a pass; breaks where the user asked for it or something could not be written.
+    /// Hears of a pass; breaks where the user asked for it. What cannot be saved now may be later: the render goes on.
     pub(super) fn hear(&mut self, progress: &RenderProgress, picture: &Picture) -> ControlFlow<()> {
         let shown = || self.job.args.resolve.shown(picture);
         let known = (self.truth.as_ref()).and_then(|truth| truth.now_and_then(shown));
@@ -93,36 +102,36 @@ impl<'a> Listener<'a> {
         if let Some(live) = &self.live {
             live.show(shown());
         }
-        let logged = self.log(false, progress, picture, known);
-        match logged.and_then(|()| self.save_now_and_then(progress, picture)) {
-            Ok(()) => self.job.stop.flow(),
-            Err(error) => {
-                self.trouble = Some(error);
-                ControlFlow::Break(())
-            }
+        if let Err(error) = self.log(false, progress, picture, known) {
+            tracing::warn!("{error:#}; the log ends here");
+            (self.log, self.unlogged) = (None, Some(error));
         }
+        if let Err(error) = self.save_now_and_then(progress, picture) {
+            tracing::warn!("{error:#}; the render goes on and tries again");
+        }
+        self.job.stop.flow()
     }
 
-    /// Saves what has come out: the files that were written, and the root of the true relMSE where there is a reference.
+    /// Saves what has come out, all of it that can be saved.
     pub(super) fn close(
         mut self,
         progress: &RenderProgress,
         picture: &Picture,
-    ) -> anyhow::Result<(Written, Option<f64>)> {
+    ) -> anyhow::Result<Closed> {
         self.bar.finish();
-        if let Some(error) = self.trouble.take() {
-            return Err(error.context("could not save the render so far"));
-        }
-        // If one of the two cannot be saved, the other still is.
         let kept = self.checkpoint(progress, picture);
-        let written = self.write(picture, progress)?;
-        kept?;
+        let (written, unwritten) = self.write(picture, progress)?;
         if let Some(live) = self.live.take() {
             live.finish();
         }
         let true_error = (self.truth.as_ref()).and_then(|truth| truth.error(&written.shown));
-        self.log(true, progress, picture, true_error)?;
-        Ok((written, true_error))
+        let logged = self.log(true, progress, picture, true_error);
+        let failed = unwritten.or(kept.err()).or(self.unlogged).or(logged.err());
+        Ok(Closed {
+            written,
+            true_error,
+            failed,
+        })
     }
 
     /// Seconds of this run and earlier ones.
@@ -162,20 +171,27 @@ impl<'a> Listener<'a> {
             return Ok(());
         }
         self.saved = Instant::now();
-        if args.save_every.is_some() {
-            self.write(picture, progress)?;
-        }
-        self.checkpoint(progress, picture)
+        let unwritten = match args.save_every {
+            Some(_) => self.write(picture, progress)?.1,
+            None => None,
+        };
+        self.checkpoint(progress, picture)?;
+        unwritten.map_or(Ok(()), Err)
     }
 
-    fn write(&self, picture: &Picture, progress: &RenderProgress) -> anyhow::Result<Written> {
+    /// Writes the files of the picture, and returns the first failure beside.
+    fn write(
+        &self,
+        picture: &Picture,
+        progress: &RenderProgress,
+    ) -> anyhow::Result<(Written, Option<anyhow::Error>)> {
         let (refused, threads) = (picture.film.rejected.total(), rayon::current_num_threads());
         let seconds = self.seconds(progress);
         let provenance = &self.job.provenance;
         let metadata = provenance.metadata(progress.samples, refused, seconds, threads);
         let pose = self.run.camera.world_to_camera();
         let layers = self.layers.of(picture);
-        (self.job.outputs).write(picture, layers, Some(pose), &metadata)
+        (self.job.outputs).try_write(picture, layers, Some(pose), &metadata)
     }
 
     fn checkpoint(&self, progress: &RenderProgress, picture: &Picture) -> anyhow::Result<()> {

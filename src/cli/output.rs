@@ -8,6 +8,7 @@ use opsr::image::display::{Display, ViewTransform, auto_exposure};
 use opsr::image::exr::{self, Compression, Header, Layer, Metadata, Storage};
 use opsr::image::{Buffer, png};
 use opsr::integrator::Picture;
+use opsr::math::Rgb;
 use opsr::tune::resolve::{MAX_SIGMA, Resolve, resolve_film};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -177,18 +178,30 @@ impl Outputs {
         names.collect::<Vec<_>>().join(", ")
     }
 
-    /// Writes every file, each whole or not at all.
+    /// Writes every file, each whole or not at all; fails with the first failure, after the other files are written.
+    pub(super) fn write(
+        &self,
+        picture: &Picture,
+        layers: Vec<Layer>,
+        world_to_camera: Option<[f32; 16]>,
+        metadata: &Metadata,
+    ) -> anyhow::Result<Written> {
+        let (written, failed) = self.try_write(picture, layers, world_to_camera, metadata)?;
+        failed.map_or(Ok(written), Err)
+    }
+
+    /// Writes every file, each whole or not at all, and returns the first failure beside the rest.
     ///
     /// EXR files get the layers, and the place of the camera if it is known. Of several levels the one of every pixel is
     /// chosen; EXR files then have the layers `level`, `bias2`, `variance` and `error` in place of the statistics of the
     /// film, as does a denoised picture.
-    pub(super) fn write(
+    pub(super) fn try_write(
         &self,
         picture: &Picture,
         mut layers: Vec<Layer>,
         world_to_camera: Option<[f32; 16]>,
         metadata: &Metadata,
-    ) -> anyhow::Result<Written> {
+    ) -> anyhow::Result<(Written, Option<anyhow::Error>)> {
         let args = self.resolve;
         let resolved =
             (picture.levels.as_ref()).map(|film| (film, resolve_film(film, args.settings())));
@@ -200,7 +213,12 @@ impl Outputs {
             let first = picture.aovs.as_ref().and_then(|a| a.first.as_ref());
             let first = first.context("--denoise needs a render with --aov albedo,normal");
             let first = first.usage()?;
-            let clean = denoiser.denoise(&shown, &first.albedo(), &first.normal())?;
+            // A filter makes something of nothing.
+            let black = shown.pixels.iter().all(|p| *p == Rgb::ZERO);
+            let clean = match black {
+                true => shown.clone(),
+                false => denoiser.denoise(&shown, &first.albedo(), &first.normal())?,
+            };
             layers.push(Layer::rgb("noisy", &shown));
             shown = clean;
         }
@@ -222,25 +240,30 @@ impl Outputs {
         };
         let is_png = |file: &PathBuf| file.extension().is_some_and(|e| e == "png");
         let display = (self.files.iter().any(is_png)).then(|| self.args.display(&shown));
+        let (film, whole) = (&picture.film, resolved.is_some() || args.denoise);
+        let mut failed = None;
         for file in &self.files {
-            let (film, whole) = (&picture.film, resolved.is_some() || args.denoise);
-            if let Some(display) = display.filter(|_| is_png(file)) {
-                png::write(file, &shown, display).output()?;
+            let done = if let Some(display) = display.filter(|_| is_png(file)) {
+                png::write(file, &shown, display).output()
             } else if whole {
                 let part = (film.size, film.window);
-                exr::write_layers(file, part, &shown, &layers, header).output()?;
+                exr::write_layers(file, part, &shown, &layers, header).output()
             } else {
-                exr::write_film(file, film, &layers, header).output()?;
+                exr::write_film(file, film, &layers, header).output()
+            };
+            if let Err(error) = done {
+                failed = failed.or(Some(error));
             }
         }
-        Ok(Written {
+        let written = Written {
             exposure: display.map(|display| display.exposure),
             error: match &resolved {
                 Some((_, resolved)) => resolved.relative_error(),
                 None => picture.film.relative_error(),
             },
             shown,
-        })
+        };
+        Ok((written, failed))
     }
 }
 
@@ -266,6 +289,37 @@ pub(super) fn can_write(file: &Path) -> anyhow::Result<()> {
     // The same kind of file that a result is before it takes its name; it goes away at once.
     tempfile::NamedTempFile::new_in(folder).with_context(|| file.display().to_string())?;
     Ok(())
+}
+
+/// Refuses outputs of which two are one file, or one is a file that is read.
+pub(super) fn check_distinct(outputs: &[&Path], inputs: &[&Path]) -> anyhow::Result<()> {
+    let mut seen: Vec<PathBuf> = Vec::new();
+    let inputs: Vec<PathBuf> = inputs.iter().filter_map(|path| identity(path)).collect();
+    for path in outputs {
+        let Some(file) = identity(path) else { continue };
+        let (path, problem) = (path.display(), "give the output another name");
+        if inputs.contains(&file) {
+            return Err(anyhow!(
+                "{path}: would replace a file that is read: {problem}"
+            ))
+            .usage();
+        }
+        if seen.contains(&file) {
+            return Err(anyhow!("{path}: is the name of two outputs: {problem}")).usage();
+        }
+        seen.push(file);
+    }
+    Ok(())
+}
+
+/// The file that a path leads to, whether it exists or not; `None` for pipes and devices.
+fn identity(path: &Path) -> Option<PathBuf> {
+    if let Ok(file) = path.canonicalize() {
+        return file.is_file().then_some(file);
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new(".")).canonicalize().ok()?;
+    Some(folder.join(path.file_name()?))
 }
 
 /// Writes to standard output. A pipe that is closed early is no error: its reader has seen enough.

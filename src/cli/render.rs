@@ -2,8 +2,8 @@
 
 use super::aovs;
 use super::bar::Style;
-use super::listener::{Listener, Run};
-use super::output::{Outputs, Provenance, can_write};
+use super::listener::{Closed, Listener, Run};
+use super::output::{Outputs, Provenance, can_write, check_distinct};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
@@ -16,11 +16,12 @@ use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
 use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{Estimator, Picture, Settings, View};
-use opsr::math::UVec2;
+use opsr::math::{Rgb, UVec2};
 use opsr::memory;
 use opsr::scene::Camera;
 use opsr::tune::integrator::left_after;
 use opsr::tune::resolve::{relative_error, unseen_share};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Samples of a render whose budget is not given.
@@ -41,6 +42,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     {
         can_write(path).output()?;
     }
+    check_files(args)?;
     super::set_threads(args.threads)?;
     if args.film.is_some() {
         part::check(args)?;
@@ -61,7 +63,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     let mut kind = args.method.integrator;
     let settings = if kind == IntegratorKind::Auto {
         let Some((contender, its_method)) = auto::choose(args, &opened, &stop)? else {
-            return Ok(Exit::Stopped);
+            return Ok(stopped_in_pilot());
         };
         (kind, method) = (contender.kind, its_method);
         contender.settings
@@ -70,7 +72,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         if args.table_scale == Some(job::Scale::Auto)
             && !tune::tune(args, &opened, &mut settings, &stop)?
         {
-            return Ok(Exit::Stopped);
+            return Ok(stopped_in_pilot());
         }
         settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;
         settings
@@ -142,6 +144,28 @@ pub(super) fn check_memory(
         .blame(Exit::Memory)
 }
 
+/// Says that there is nothing to save.
+fn stopped_in_pilot() -> Exit {
+    eprintln!("opsr: stopped before the first sample; nothing was written");
+    Exit::Stopped
+}
+
+/// Refuses outputs of which two are one file, or one is a file that is read.
+fn check_files(args: &RenderArgs) -> anyhow::Result<()> {
+    let others = [&args.checkpoint, &args.stats, &args.log, &args.film];
+    let outputs = args.output.iter().chain(others.into_iter().flatten());
+    let inputs = [
+        args.scene.environment(),
+        args.reference.as_ref(),
+        args.method.table.as_ref(),
+    ];
+    let inputs = inputs.into_iter().flatten().chain([&args.scene.scene]);
+    check_distinct(
+        &outputs.map(PathBuf::as_path).collect::<Vec<_>>(),
+        &inputs.map(PathBuf::as_path).collect::<Vec<_>>(),
+    )
+}
+
 /// Bytes that a layer of its own adds for each pixel of a level.
 const LEVEL_LAYER_BYTES: u64 = 36;
 
@@ -189,7 +213,11 @@ impl RenderJob<'_> {
             &mut |progress: &RenderProgress, picture: &Picture| listener.hear(progress, picture);
         let budget = self.budget();
         let (progress, reason) = drive(&mut *integrator, &view, &budget, start, &mut picture, hear);
-        let (written, true_error) = listener.close(&progress, &picture)?;
+        let Closed {
+            written,
+            true_error,
+            failed,
+        } = listener.close(&progress, &picture)?;
         let ended = Ended {
             film: &picture.film,
             progress: &progress,
@@ -198,11 +226,15 @@ impl RenderJob<'_> {
             exposure: written.exposure,
             error: written.error,
             unseen: unseen_share(&picture),
+            black: written.shown.pixels.iter().all(|p| *p == Rgb::ZERO),
             true_error,
         };
         if let Some(path) = &args.stats {
             let text = format!("{:#}\n", self.statistics(&ended, spent));
             files::write_bytes(path, text).output()?;
+        }
+        if let Some(error) = failed {
+            return Err(error);
         }
         self.report(&ended);
         Ok(if reason == Reason::Stopped {
@@ -308,6 +340,12 @@ impl RenderJob<'_> {
                 f32::MAX
             );
         }
+        if ended.black && !self.opened.scene.lights().is_empty() {
+            tracing::warn!(
+                "the picture is black: no path has found light; `opsr info` names an integrator for the scene's lights and \
+                 materials"
+            );
+        }
         let rejected = &film.rejected;
         if rejected.total() > 0 {
             let first = rejected.first.iter().map(|r| {
@@ -402,6 +440,8 @@ struct Ended<'a> {
     error: f64,
     /// Share of the light that roughened lobes alone found.
     unseen: f64,
+    /// True if the picture has no light at all.
+    black: bool,
     true_error: Option<f64>,
 }
 

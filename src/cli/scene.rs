@@ -85,6 +85,11 @@ pub(super) struct Opened {
 }
 
 impl SceneArgs {
+    /// The environment map.
+    pub(super) fn environment(&self) -> Option<&PathBuf> {
+        self.env.as_ref()
+    }
+
     /// Opens the scene.
     pub(super) fn open(&self) -> anyhow::Result<Opened> {
         self.open_as(Scene::new)

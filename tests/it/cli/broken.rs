@@ -296,7 +296,7 @@ const CASES: &[(i32, &str, &str)] = &[
         "render required.gltf",
         "required.gltf: extensionsRequired: EXT_dream, EXT_sleep are not supported",
     ),
-    (3, "render old.png", "old.png: not a glTF file"),
+    (3, "render old.png -o new.exr", "old.png: not a glTF file"),
     (3, "info none.glb", "none.glb"),
     (3, "info --json text.gltf", "text.gltf: JSON"),
     (3, "render scene.glb --camera none", "no camera `none`"),

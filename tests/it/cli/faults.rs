@@ -4,8 +4,10 @@
 use super::shut::Shut;
 use super::{Ended, Place};
 use crate::fuzz::seeds;
+use crate::support::gltf::File;
 use opsr::image::{Buffer, exr};
 use opsr::math::Rgb;
+use serde_json::json;
 
 const SUITE: &str = "seeds = 1\nsamples = [1]\n[[scene]]\nname = 'box'\nbuiltin = 'caustic-box'\nsize = [32, 32]\n\
                      reference_spp = 1\n[[method]]\nname = 'plain'\nmethod = 'plain'\n";
@@ -216,4 +218,101 @@ mod training {
         command.stdout(full.expect("/dev/full"));
         super::super::Ended::of(command.output().expect("an end")).done();
     }
+}
+
+/// What cannot be saved now may be later: a render goes on, and its picture is written.
+#[test]
+#[cfg(unix)]
+fn a_checkpoint_that_cannot_be_saved_ends_no_render() {
+    let place = Place::new();
+    let render = "render scene.glb --size 16x16 --spp 64 --threads 1 --progress none";
+    place.opsr(&format!("{render} -o whole.png")).done();
+    let ended = place.opsr_on_a_full_disk(
+        4096,
+        &format!("{render} --save-every 1ms --checkpoint a.ckpt -o out.png"),
+    );
+    assert_eq!(ended.code, Some(4), "{}", ended.err);
+    for words in ["the render goes on and tries again", "a.ckpt"] {
+        assert!(ended.err.contains(words), "{}", ended.err);
+    }
+    assert!(place.read("out.png") == place.read("whole.png"));
+    assert!(!place.path().join("a.ckpt").exists());
+}
+
+/// One file that cannot be written costs no other.
+#[test]
+#[cfg(unix)]
+fn files_that_can_be_written_are() {
+    let place = Place::new();
+    let args = "render scene.glb --size 32x32 --spp 2 --progress none --exr-compression none -o out.exr -o out.png --stats out.json";
+    let ended = place.opsr_on_a_full_disk(16384, args);
+    assert_eq!(ended.code, Some(4), "{}", ended.err);
+    assert!(ended.err.contains("out.exr"), "{}", ended.err);
+    let files: Vec<String> = place.files().into_keys().collect();
+    assert_eq!(files, ["out.json", "out.png", "scene.glb"]);
+}
+
+/// No output takes the place of a file that is read, or of another output.
+#[test]
+fn outputs_have_names_of_their_own() {
+    let place = Place::new();
+    place.write("table.json", &seeds::tables()[1]);
+    place.render("--spp 1 -o a.exr").done();
+    std::fs::create_dir(place.path().join("folder")).expect("a folder");
+    let before = place.files();
+    let read = "would replace a file that is read";
+    let twice = "is the name of two outputs";
+    let render = "render scene.glb --size 8x8 --spp 1 --progress none";
+    for (args, words) in [
+        (format!("{render} -o o.exr --stats scene.glb"), read),
+        (
+            format!("{render} -o o.exr --stats folder/../scene.glb"),
+            read,
+        ),
+        (format!("{render} --film scene.glb"), read),
+        (format!("{render} -o o.exr --log scene.glb"), read),
+        (
+            format!("{render} -o o.exr --opsr-table table.json --stats table.json"),
+            read,
+        ),
+        (format!("{render} -o a.exr --env a.exr"), read),
+        (format!("{render} -o a.exr --reference a.exr"), read),
+        (format!("{render} -o o.exr --stats o.exr"), twice),
+        (
+            format!("{render} -o o.exr --checkpoint folder/../o.exr"),
+            twice,
+        ),
+        (format!("{render} -o o.exr -o o.exr"), twice),
+        ("compare a.exr a.exr --page a.exr".into(), read),
+        (
+            "compare a.exr a.exr --page p.html --json p.html".into(),
+            twice,
+        ),
+    ] {
+        let ended = place.opsr(&args);
+        assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
+        assert!(ended.err.contains(words), "{args}: {}", ended.err);
+        assert!(place.files() == before, "{args}");
+    }
+    // Devices are no files.
+    #[cfg(unix)]
+    place
+        .opsr(&format!("{render} -o o.exr --stats /dev/null"))
+        .done();
+}
+
+#[test]
+fn a_black_picture_of_a_lit_scene_is_named() {
+    let place = Place::new();
+    let mut file = File::triangle();
+    file.json["extensionsUsed"] = json!(["KHR_lights_punctual"]);
+    file.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [{ "type": "point" }] } });
+    file.push("nodes", json!({ "translation": [0, 0, 2], "extensions": { "KHR_lights_punctual": { "light": 0 } } }));
+    place.write("lit.glb", file.glb());
+    let render = |crop: &str| {
+        let args = format!("render lit.glb --size 16x16 --spp 4 --progress none -o out.png {crop}");
+        place.opsr(&args).done().err
+    };
+    assert!(render("--crop 0,0,1,1").contains("the picture is black"));
+    assert!(!render("").contains("the picture is black"));
 }
