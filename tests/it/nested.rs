@@ -48,6 +48,24 @@ fn block(bodies: impl IntoIterator<Item = (Material, Vec3, f32)>) -> SceneParts 
     parts
 }
 
+/// A ball of the index around it at the middle wavelength alone.
+#[test]
+fn dispersive_body_in_a_body_of_its_index_is_seen() {
+    let picture = |dispersion| {
+        let ball = Material {
+            dispersion,
+            ..glass("ball", 1.5, 0.0)
+        };
+        let parts = block([(ball, Vec3::new(0.0, -0.6, 0.8), 0.4)]);
+        film_with(&scene(parts), &Settings::default(), 24, 16).mean()
+    };
+    let (with, without) = (picture(8.0), picture(0.0));
+    let pairs = with.pixels.iter().zip(&without.pixels);
+    let differing = pairs.filter(|(a, b)| (**a - **b).length() > 0.05 * b.length());
+    let share = differing.count() as f64 / with.pixels.len() as f64;
+    assert!(share > 0.05, "{share}");
+}
+
 #[test]
 fn body_of_the_index_around_it_is_invisible() {
     let methods = [
