@@ -1,4 +1,4 @@
-//! What goes on beside a render: progress, the true error, files so far, checkpoints, the log, and tev.
+//! Listener of a render: shows progress and the true error, saves files so far and checkpoints, feeds the log and tev.
 
 use super::Blame;
 use super::bar::Bar;
@@ -36,7 +36,7 @@ pub(super) struct Run<'a> {
     pub(super) spent: f64,
 }
 
-/// What a run came to.
+/// Results of a run.
 pub(super) struct Closed {
     pub(super) written: Written,
     /// Root of the true relMSE, where there is a reference.

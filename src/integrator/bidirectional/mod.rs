@@ -251,7 +251,7 @@ impl Total {
     }
 }
 
-/// What all paths of one iteration have in common, shared by the threads.
+/// Scene, settings and radius of one iteration, shared by the threads.
 #[derive(Clone, Copy)]
 struct Iteration<'a> {
     settings: &'a Bidirectional,
