@@ -4,6 +4,18 @@
 //! on the roughness of the path so far, and a trainer that learns how much. A small, known bias buys a large
 //! drop in noise: caustics, glossy chains, light seen through glass.
 //!
+//! ```
+//! let scene = opsr::Scene::open("training_scenes/cornell_caustics.glb")?;
+//! let picture = opsr::Render::new(&scene).size(64, 64).spp(16).table("beta-0.001")?.run()?;
+//! # let folder = tempfile::tempdir()?;
+//! # std::env::set_current_dir(&folder)?;
+//! picture.save("out.exr")?;
+//! # assert!(folder.path().join("out.exr").exists());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! `examples/` has more of them.
+//!
 //! # The map
 //!
 //! Arrows point up this page only (`tests/it/architecture.rs`).
@@ -18,13 +30,16 @@
 //! | 2 | [`bsdf`] | BSDFs that are evaluated *at* a roughness |
 //! | 3 | [`image`] | films of running moments, EXR and PNG, error metrics |
 //! | 3 | [`scene`] | glTF, meshes, the tree, materials, lights, cameras |
-//! | 4 | [`stats`] | Student's distribution, agreement of pictures, ratios with intervals |
+//! | 4 | `stats` | Student's distribution, agreement of pictures, ratios with intervals (feature `bench`) |
 //! | 4 | [`integrator`] | estimators and the steps they share; budgets, checkpoints |
-//! | 5 | [`tune`] | pilots without a reference: scale and contrast of a table, the integrator; levels chosen per pixel |
+//! | 5 | [`resolve`] | the level of every pixel, chosen without a reference, and its error |
+//! | 5 | [`pilot`] | the integrator of a scene, chosen by small renders |
+//! | 5 | [`tune`] | scale and contrast of a table, chosen by small renders |
+//! | 5 | [`Render`] | a render from a program of one's own, in a few lines |
 //! | 5 | [`gallery`] | the scenes of this project, manifest, references, glb writer |
 //! | 6 | `train` | record, evaluate, learn (feature `train`) |
-//! | 6 | [`report`] | comparisons, benches and their pages |
-//! | 6 | [`verify`] | hard numerical cases, tried on the current machine |
+//! | 6 | `report` | comparisons, benches and their pages (feature `bench`) |
+//! | 6 | `verify` | hard numerical cases, tried on the current machine (feature `cli`) |
 //!
 //! # Notation
 //!
@@ -65,19 +80,34 @@
 //! - `[OkabeIto08]` Okabe, Ito: *Color Universal Design: How to Make Figures and Presentations That Are Friendly to Colorblind People*, 2008.
 //! - `[glTF]` Khronos: *glTF 2.0 Specification* and its ratified material extensions.
 
+// Scenes that integration tests share with those of the library name it.
+#[cfg(test)]
+extern crate self as opsr;
+
 pub mod bsdf;
+mod facade;
 pub mod files;
 pub mod gallery;
 pub mod image;
 pub mod integrator;
 pub mod math;
 pub mod memory;
+pub mod pilot;
 pub mod regularise;
+#[cfg(feature = "bench")]
 pub mod report;
+pub mod resolve;
 pub mod sampler;
 pub mod scene;
+#[cfg(feature = "bench")]
 pub mod stats;
 #[cfg(feature = "train")]
 pub mod train;
 pub mod tune;
+#[cfg(feature = "cli")]
 pub mod verify;
+
+pub use facade::{Render, RenderError, Rendered};
+pub use integrator::layers::Aov;
+pub use regularise::AttenuationTable;
+pub use scene::Scene;

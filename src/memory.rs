@@ -3,6 +3,9 @@
 //! A failed allocation ends the program at once; on most systems one that the machine cannot back succeeds, and the program
 //! is killed when it writes. So whatever grows with the input is estimated before it is allocated. Estimates are made of
 //! measured bytes per triangle, pixel or path; what they do not count is small beside what they do.
+//!
+//! The crate `sysinfo` knows the free memory of the machine and the limit of one control group, but not the limit on the address
+//! space nor the groups around it, and counts pages of files as taken: a render would be refused, or killed, where it is not here.
 
 use std::fmt::{Display, Formatter, Result as Written};
 use std::path::Path;
@@ -46,7 +49,7 @@ pub fn check(what: impl Into<String>, needed: u64) -> Result<(), Shortage> {
 
 /// Bytes that this process can still take: the least of what the machine has free, with swap, the limit on its address
 /// space (`ulimit -v`), and the limits of its control groups. `None` where the system does not say (other than Linux).
-pub fn available() -> Option<u64> {
+pub(crate) fn available() -> Option<u64> {
     let text = |path: &str| std::fs::read_to_string(path).ok();
     let machine = text("/proc/meminfo").and_then(|t| free(&t));
     let limits = text("/proc/self/limits").and_then(|t| address_space(&t));
@@ -71,7 +74,9 @@ fn free(meminfo: &str) -> Option<u64> {
 
 /// Soft limit of the address space in `/proc/self/limits`; `None` for none.
 fn address_space(limits: &str) -> Option<u64> {
-    let line = (limits.lines()).find_map(|line| line.strip_prefix("Max address space"))?;
+    let line = limits
+        .lines()
+        .find_map(|line| line.strip_prefix("Max address space"))?;
     line.split_whitespace().next()?.parse().ok()
 }
 

@@ -25,7 +25,7 @@ plant() {
     local name=$1 file=$2 change=$3 test=$4
     case $name in *"$only"*) ;; *) return ;; esac
     tried=$((tried + 1))
-    local features=--no-default-features
+    local features="--no-default-features --features cli"
     case $test in stability_train::*) features= ;; esac
     local target="--test it"
     case $test in lib::*) target=--lib test=${test#lib::} ;; esac
@@ -57,14 +57,14 @@ plant "1 the path remembers the roughened lobe" src/integrator/walk/roughening.r
     's/scattered\(point\.alpha,/scattered(point.alpha_reg,/' stability::case_1_delta_lobes_keep_their_roughness_in_the_path
 plant "2 quantiles of 0 and 1" src/bsdf/slope.rs \
     's/u\.clamp\(3e-8, 1\.0 - 6e-8\)/u/' stability::case_2_sampling_at_extreme_random_numbers
-plant "3 the printed form" src/regularise/roughness.rs \
+plant "3 the printed form" table/src/roughness.rs \
     's/\(last \+ \(1\.0 - last\) \* q \* shrink\)/(1.0 - (1.0 - last) * (1.0 - q * shrink))/' \
     stability::cases_3_to_5_path_roughness
-plant "4 an edge off by a bit" src/regularise/roughness.rs \
+plant "4 an edge off by a bit" table/src/roughness.rs \
     's/0\.069_187_1/0.069_187_2/' stability::cases_3_to_5_path_roughness
 plant "4 a roughness that is no number" src/scene/load/materials.rs \
     's/!x\.is_finite\(\) \|\| x < 0\.0/false/' load::broken::load_refuses_every_invalid_value_by_place
-plant "5 long paths forget" src/regularise/roughness.rs \
+plant "5 long paths forget" table/src/roughness.rs \
     's/self\.append\(folded\)/self.append(alpha + 0.0 * folded)/' stability::cases_3_to_5_path_roughness
 plant "6 weights as quotients of densities" src/math/measure.rs \
     's/1\.0 \/ \(1\.0 \+ q \/ p\)/p \/ (p + q)/' stability::case_6_mis_weights_of_extreme_densities
@@ -79,11 +79,11 @@ plant "9 sides by the shading normal" src/integrator/walk/shading_point.rs \
 plant "10 rays that start on the surface" src/scene/geometry.rs \
     's/to_world\.error\(rounding \+ 1e-13 \* extent\)/0.0 * (rounding + 1e-13 * extent)/' \
     stability::case_10_scale_invariance
-plant "11 paths that carry nothing go on" src/integrator/path/mod.rs \
-    's/throughput == Rgb::ZERO && emission\.is_nothing\(\)/false \&\& emission.is_nothing()/' \
+plant "11 paths that carry nothing go on" src/integrator/walk/mod.rs \
+    's/self\.throughput == Rgb::ZERO && carried\.is_nothing\(\)/false \&\& carried.is_nothing()/' \
     stability::case_11_zero_throughput_ends_the_path
-plant "11 survivors weigh as before" src/integrator/path/mod.rs \
-    's/throughput \/= survival;//' stability::case_11_russian_roulette_is_unbiased
+plant "11 survivors weigh as before" src/integrator/walk/mod.rs \
+    's/self\.throughput \/= survival;//' stability::case_11_russian_roulette_is_unbiased
 plant "12 moments in single precision" src/math/moments.rs \
     's/self\.mean \+= delta \/ f64::from\(self\.n\);/self.mean = (self.mean + delta \/ f64::from(self.n)).as_vec3().as_dvec3();/' \
     stability::case_12_welford_variance
@@ -109,30 +109,63 @@ plant "Sobol points that are not scrambled" src/sampler/sobol.rs \
     's/scramble\(digits\[d\], seeds\[d\]\)/digits[d]/' lib::sampler::sobol::tests::chi_square_of_one_sample_over_sequences
 plant "one order for all sets of a path" src/sampler/sobol.rs \
     's/u64::from\(set\)\.wrapping_mul/0u64.wrapping_mul/' sampler::agreement_of_sobol_and_independent_samples
-plant "a guided direction weighed by its BSDF alone" src/integrator/guided/path.rs \
+plant "a guided direction weighed by its BSDF alone" src/integrator/guided/directions.rs \
     's/self\.share \* pdf_w \+ \(1\.0 - self\.share\) \* region\.tree\.pdf\(wi\)/pdf_w/' \
     guided::agreement_of_guided_paths_with_path
-plant "a Dirac lobe beside a guide without its probability" src/integrator/guided/path.rs \
+plant "a Dirac lobe beside a guide without its probability" src/integrator/guided/directions.rs \
     's/sample\.weight \/= self\.share;//' guided::agreement_of_guided_paths_with_path
-plant "blurred noise is weighed by the bright side of an edge" src/tune/resolve.rs \
-    's/w\.max\(DARK \* \*dark\)/*w/' lib::tune::resolve::tests::blur_leaves_dark_pixels_beside_noise_dark
+plant "blurred noise is weighed by the bright side of an edge" src/resolve/mod.rs \
+    's/w\.max\(DARK \* \*dark\)/*w/' lib::resolve::tests::blur_leaves_dark_pixels_beside_noise_dark
+plant "what was not met is free of noise" src/resolve/coarse.rs \
+    's/self\.variance \* \(-self\.expected \* times\)\.exp\(\)/self.variance * 0.0/' \
+    lib::resolve::tests::light_that_a_level_has_not_met_is_not_dark
+plant "darkness is never believed" src/resolve/coarse.rs \
+    's/self\.variance \* \(-self\.expected \* times\)\.exp\(\)/self.variance/' \
+    lib::resolve::tests::darkness_is_believed_where_hits_are_expected
+plant "variance over a pixel's own noisy mean" src/resolve/statement.rs \
+    's/self\.variance <= .*length_squared\(\)/true/' statement::stated_error_of_rare_hits_is_the_true_one
 
+plant "21 sheets are bodies" src/scene/shells.rs \
+    's/const MAX_ASTRAY: f64 = 0.1/const MAX_ASTRAY: f64 = 1.0/' boundaries::pane_with_a_thickness_is_a_thin_wall
+plant "21 turned triangles make overlaps" src/scene/bodies.rs \
+    's/any\(\|material\| !turned\.contains\(material\)\)/next().is_some()/' \
+    boundaries::turned_triangles_are_named_and_are_no_overlap
+plant "22 photons divide by the whole disk" src/integrator/bidirectional/merge.rs \
+    's/if scene\.inside_triangle\(&vertex\.surface, self\.radius\)/if true/' \
+    bidirectional::photons::photons_do_not_darken_thin_parts
+plant "22 photons count what surfaces lie below" src/integrator/bidirectional/merge.rs \
+    's/sum \+= 1\.0 \/ cos/sum += 0.9/' bidirectional::photons::photons_on_a_strip_have_the_density_of_a_plane
+plant "23 no light samples at sharp lobes" src/integrator/bidirectional/merge.rs \
+    's/total \+= self\.light_at_sharp_lobe/let _ = self.light_at_sharp_lobe/' \
+    bidirectional::photons::photon_density_shows_lights_without_area_in_sharp_lobes
+plant "23 lamps at sharp lobes count twice" src/integrator/bidirectional/merge.rs \
+    's/_ => balance\(pdf_w, of_light\)/_ => 1.0 + 0.0 * balance(pdf_w, of_light)/' \
+    bidirectional::photons::photon_density_counts_lamps_in_sharp_lobes_once
 plant "light flux without the square of the index" src/integrator/bidirectional/walk.rs \
     's/refraction_scale \* cosines\.abs\(\)/cosines.abs()/' \
-    bidirectional::audit::audit_of_mis_weights_and_values_under_water
+    lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_under_water
 plant "light flux with geometric cosines at a bent normal" src/integrator/bidirectional/walk.rs \
     's/vertex\.back\.dot\(frame\.n\), out\.dot\(frame\.n\)/vertex.back.dot(vertex.surface.ng), out.dot(vertex.surface.ng)/' \
-    bidirectional::audit::audit_of_mis_weights_and_values_under_water
+    lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_under_water
 plant "reverse density is the forward one" src/integrator/bidirectional/walk.rs \
     's/vertex\.pdf_back\(out\)/vertex.pdf_on(out)/' \
-    bidirectional::audit::audit_of_mis_weights_and_values_of_materials
+    lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_and_values_of_materials
+plant "aimed light without its density" src/scene/light/aim.rs \
+    's/self\.uniform \* uniform \+ self\.targets\.iter\(\)\.map\(part\)\.sum::<f32>\(\)/self.uniform * uniform/' \
+    bidirectional::ends::chi_square_of_aimed_points
+plant "light samples weighed as if emission chose them" src/scene/light/emission.rs \
+    's/pdf \* \(self\.emission_pmf\(k\) \/ light\.pmf\)/pdf/' \
+    lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_among_many_lights
+plant "emission behind a pane counts in full" src/integrator/path/mod.rs \
+    's/emission\.scale\(next\.sample\.weight\);/emission = PendingEmission::full(point.throughput * next.sample.weight);/' \
+    panes::naive_tracer_agrees_on_panes_with_path_tracing
 plant "photons of a shared bucket count twice" src/integrator/bidirectional/photons.rs \
     's/if buckets\[\.\.i\]\.contains\(&buckets\[i\]\)/if buckets[i] == u32::MAX/' \
-    bidirectional::density::photon_density_of_an_analytic_disk
+    lib::integrator::bidirectional::photons::tests::cells_that_share_a_bucket_count_no_photon_twice
 plant "weights of connections ignore merges" src/integrator/bidirectional/weights.rs \
     's/merging\.m \+ cut \+/cut +/' bidirectional::weights::mis_weights_equal_enumeration_in_double_precision
 plant "every strategy roughens a part of its own" src/integrator/bidirectional/split.rs \
-    's/reach\.join\(&there\.reach\)/there.reach.best/' bidirectional::audit::audit_of_the_split
+    's/reach\.join\(&there\.reach\)/there.reach.best/' lib::integrator::bidirectional::audit::cases::audit_of_the_split
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

@@ -28,6 +28,8 @@ export OPSR_FUZZ_EXECUTIONS=${OPSR_FUZZ_EXECUTIONS:-100000}
 step "chi-square, furnaces and invariants" "$program" verify --thorough
 step "renders against the simple path tracer" "$program" verify render --thorough
 step "planted faults of renders" "$program" verify render --plant all
+# Two cores: five minutes of CPU time.
+step "chaos" "$program" verify chaos --time 150s --seed "${OPSR_CHAOS_SEED:-1000000}"
 step "fuzzing" cargo test --release fuzz_long -- --ignored
 step "slopes of errors" cargo test --release slopes_long -- --ignored
 step "faults planted in the source" tests/planted.sh

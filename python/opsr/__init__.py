@@ -28,7 +28,6 @@ from ._opsr import (
     record,
     render,
     resolve,
-    study,
     train,
 )
 
@@ -46,6 +45,5 @@ __all__ = [
     "record",
     "render",
     "resolve",
-    "study",
     "train",
 ]

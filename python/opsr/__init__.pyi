@@ -191,13 +191,6 @@ def record(
     crops: tuple[int, int] | None = None,
     threads: int | None = None,
 ) -> list[dict[str, Any]]: ...
-def study(
-    config: dict[str, Any] | Path | None = None,
-    *,
-    families: Sequence[str] | None = None,
-    recordings: Path | None = None,
-    threads: int | None = None,
-) -> list[dict[str, Any]]: ...
 def bench(
     suite: Path,
     output: Path,

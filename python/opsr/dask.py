@@ -26,10 +26,9 @@ from . import Scene, Table, merge
 from . import bench as _bench
 from . import record as _record
 from . import render as _render
-from . import study as _study
 from . import train as _train
 
-__all__ = ["QUIET", "bench", "record", "render", "study", "train"]
+__all__ = ["QUIET", "bench", "record", "render", "train"]
 
 QUIET = {
     "distributed.worker.profile.enabled": False,
@@ -177,27 +176,6 @@ def train(client, configs, *, recordings=None, retries=3):
     """
     jobs = [(config, recordings and os.fspath(recordings)) for config in configs]
     return [[_unpacked(data) for data in tables] for tables in _done(client, _learn, jobs, retries)]
-
-
-def _family(job):
-    config, recordings, family = job
-    return _study(config, families=[family], recordings=recordings, threads=_threads())
-
-
-def study(client, config, recordings, *, retries=3):
-    """Scores tables on families of scenes that they were not learned from: the result of `opsr.study`, bit by bit.
-
-    Crops are recorded first, one task each; then each family is a task, which reads all recordings.
-
-    recordings: folder for the workers to write and read, as of `record`.
-    """
-    crops = record(client, config, recordings, retries=retries)
-    families = dict.fromkeys(crop["family"] for crop in crops if crop["training"])
-    jobs = [(config, os.fspath(recordings), family) for family in families]
-    scores = [score for scores in _done(client, _family, jobs, retries) for score in scores]
-    # Beta by beta, as a single study. Sorting keeps the order of the families.
-    betas = list(dict.fromkeys(score["beta"] for score in scores))
-    return sorted(scores, key=lambda score: betas.index(score["beta"]))
 
 
 def _measure(job):

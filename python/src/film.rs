@@ -8,7 +8,7 @@ use opsr::image::display::{Display, ViewTransform, auto_exposure};
 use opsr::image::exr::{self, Header, Layer, Metadata, Storage};
 use opsr::image::png;
 use opsr::integrator::Picture;
-use opsr::tune::resolve::{MAX_SIGMA, Resolve, Resolved as Choice, resolve_film};
+use opsr::resolve::{MAX_SIGMA, Resolve, Resolved as Choice, film_error, resolve_film};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -102,7 +102,7 @@ impl Film {
     fn relative_error(&self) -> f64 {
         match &self.choice {
             Some(choice) => choice.relative_error(),
-            None => self.made.film.relative_error(),
+            None => film_error(&self.made.film).error,
         }
     }
 
@@ -170,11 +170,7 @@ impl Film {
         let Some(choice) = &self.choice else {
             return exr::write_film(path, film, &layers, header);
         };
-        let level = choice.level.iter().map(|&k| f32::from(k)).collect();
-        layers.push(Layer::scalar("level", level));
-        layers.push(Layer::scalar("bias2", choice.bias2.clone()));
-        layers.push(Layer::scalar("variance", choice.variance.clone()));
-        layers.push(Layer::scalar("error", choice.error()));
+        layers.extend(choice.layers());
         let part = (film.size, film.window);
         exr::write_layers(path, part, &choice.picture, &layers, header)
     }

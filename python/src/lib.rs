@@ -30,7 +30,7 @@ mod _opsr {
     #[pymodule_export]
     use super::table::Table;
     #[pymodule_export]
-    use super::train::{Step, record, study, train};
+    use super::train::{Step, record, train};
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

@@ -18,11 +18,11 @@ use opsr::integrator::part::{self, MergeError, Merged, Part};
 use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
+use opsr::pilot::{Contender, Horizon, choose_integrator, left_after};
 use opsr::regularise::{Factors, Rule};
+use opsr::resolve::{Resolve, resolve_film, stopping_error};
 use opsr::scene::{Camera, Lens};
 use opsr::tune;
-use opsr::tune::integrator::{Contender, Horizon, choose_integrator, left_after};
-use opsr::tune::resolve::{Resolve, relative_error, resolve_film};
 use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyInt, PyString};
@@ -495,7 +495,7 @@ fn budget(spp: Option<u32>, time: Option<f64>, error: Option<f64>) -> PyResult<B
         time,
         error: error.map(|bound| ErrorBound {
             bound,
-            estimate: relative_error,
+            estimate: stopping_error,
         }),
     })
 }

@@ -4,14 +4,15 @@ use crate::errors::{argument, file};
 use crate::work::detached;
 use opsr::bsdf::Distribution;
 use opsr::files::{FileError, hex};
+use opsr::scene::light::sky::Sky;
 use opsr::scene::load::{LoadOptions, load};
-use opsr::scene::{Camera, Environment, Scene as World};
+use opsr::scene::{Backdrop, Camera, Scene as World};
 use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
 use pyo3::types::{PyInt, PyString};
 use sha2::{Digest, Sha256};
 use std::ffi::CString;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// A glTF scene, loaded and ready to render. It never changes; several threads may render it.
 #[pyclass(frozen, module = "opsr")]
@@ -35,7 +36,8 @@ impl Scene {
     /// Loads a glTF 2.0 file (.gltf or .glb). Each of its warnings is issued as a UserWarning.
     ///
     /// path: the file.
-    /// env: an equirectangular map (.hdr or .exr) that surrounds the scene.
+    /// env: what surrounds the scene: an equirectangular map (.hdr or .exr), "studio", "sky" or "none"; by default the studio
+    ///     for a scene that has no light.
     /// env_intensity: factor on the map's radiance, above 0.
     /// env_rotation: rotation of the map about the vertical axis, in degrees.
     /// distribution: "beckmann" (that of the tables) or "ggx" (glTF's own).
@@ -70,7 +72,8 @@ impl Scene {
         let words = format!(
             "env {env_intensity} {env_rotation}, {distribution:?}, solid glass {solid_glass}"
         );
-        let env = env.map(|env| (env, env_intensity, env_rotation.to_radians()));
+        let env = Backdrop::named(env.as_deref(), Sky::default());
+        let env = (env, env_intensity, env_rotation.to_radians());
         let scene = detached(py, || open(path, env, &options, words))?.map_err(file)?;
         for warning in &scene.warnings {
             let text = format!("{}: {warning}", scene.path.display()).replace('\0', " ");
@@ -96,10 +99,10 @@ impl Scene {
     }
 }
 
-/// The scene of a file, within an environment of this map, intensity and rotation in radians.
+/// The scene of a file within its surroundings, of this intensity and rotation in radians.
 fn open(
     path: PathBuf,
-    env: Option<(PathBuf, f32, f32)>,
+    (env, intensity, rotation): (Backdrop, f32, f32),
     options: &LoadOptions,
     words: String,
 ) -> Result<Scene, FileError> {
@@ -107,11 +110,8 @@ fn open(
     let (mut parts, mut warnings) = (loaded.parts, loaded.warnings);
     let mut digest = Sha256::new();
     digest.update(loaded.digest);
-    if let Some((map, intensity, rotation)) = env {
-        let map: &Path = &map;
-        parts.environment = Some(Environment::load(map, intensity, rotation)?);
-        Environment::bytes(map, |bytes| digest.update(bytes))?;
-    }
+    let take = |bytes: &[u8]| digest.update(bytes);
+    env.surround(&mut parts, loaded.lit, intensity, rotation, take)?;
     let world = World::new(parts);
     warnings.extend_from_slice(world.warnings());
     Ok(Scene {

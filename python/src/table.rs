@@ -3,7 +3,7 @@
 use crate::array;
 use crate::errors::{argument, file};
 use opsr::files::hex;
-use opsr::regularise::file::TableFile;
+use opsr::regularise::file::{TableFile, save as save_table};
 use opsr::regularise::{Attenuation, AttenuationTable, LEN, Lookup, PathRoughness, TableTuning};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -51,7 +51,7 @@ impl Table {
     /// Raises FileNotFoundError, OSError, or ValueError for a file that is no table.
     #[staticmethod]
     pub(crate) fn load(path: PathBuf) -> PyResult<Self> {
-        let file = TableFile::load(&path).map_err(file)?;
+        let file = TableFile::load(&path).map_err(|e| file(e.into()))?;
         Ok(Self { file })
     }
 
@@ -64,7 +64,7 @@ impl Table {
 
     /// Writes the table file, whole or not at all.
     fn save(&self, path: PathBuf) -> PyResult<()> {
-        self.file.save(&path).map_err(file)
+        save_table(&self.file, &path).map_err(file)
     }
 
     /// The attenuation factor of paths, scale included.

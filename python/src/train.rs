@@ -7,7 +7,6 @@ use opsr::files::create_folder;
 use opsr::regularise::file::TableFile;
 use opsr::train::config::{Config, ConfigError, Preset};
 use opsr::train::record::crop::DatasetError;
-use opsr::train::study::{HeldOut, families as families_of, hold_out};
 use opsr::train::{RecordingControl, Recordings, Session, TrainError};
 use pyo3::exceptions::{PyFileNotFoundError, PyMemoryError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -102,7 +101,7 @@ fn control<E>(folder: Option<PathBuf>, link: &Link<E>) -> RecordingControl<'stat
 /// Traces the paths of a training before it, for instance each crop on another machine, into files for
 /// `train(..., recordings=...)`. Those that are there whole are kept.
 ///
-/// config: settings as of `train`; beta, optimiser, model and steps do not matter.
+/// config: settings as of `train`; beta, optimiser and steps do not matter.
 /// folder: the folder of the recordings.
 /// crops: (first, last + 1) of the crops to record; all by default.
 /// threads: their number; all cores by default. The recordings do not depend on it.
@@ -141,48 +140,6 @@ pub(crate) fn record<'py>(
         Ok(crops.collect::<Vec<_>>())
     })??;
     json(py, serde_json::to_string(&crops))
-}
-
-/// Scores tables on families of scenes that they were not learned from, as `opsr train --study` does.
-///
-/// config: settings as of `train`.
-/// families: names of the families to hold out; by default each in turn. What one scores does not depend on the others.
-/// recordings, threads: as of `train`.
-///
-/// Returns a list of {"beta": β, "family": name, "scores": [{"name", "value", "loss", "energy"}, ...]}.
-///
-/// Ctrl-C ends it within a second or at the next step, and raises KeyboardInterrupt. Raises what `train` raises.
-#[pyfunction]
-#[pyo3(signature = (config=None, *, families=None, recordings=None, threads=None))]
-pub(crate) fn study<'py>(
-    py: Python<'py>,
-    config: Option<&Bound<'py, PyAny>>,
-    families: Option<Vec<String>>,
-    recordings: Option<PathBuf>,
-    threads: Option<u16>,
-) -> PyResult<Bound<'py, PyAny>> {
-    let config = settings(config)?;
-    let scores = watched::<(), _>(py, threads, None, |link| {
-        let mut session = Session::open(config, &control(recordings, link)).map_err(failed)?;
-        let known = families_of(&session);
-        let families = families.unwrap_or_else(|| known.clone());
-        if let Some(family) = families.iter().find(|family| !known.contains(family)) {
-            let what = format!("no family `{family}`: there are {}", known.join(", "));
-            return Err(argument("families", what));
-        }
-        let mut scores = Vec::new();
-        for beta in session.config.beta.clone() {
-            for family in &families {
-                let held_out = hold_out(&mut session, beta, family, &|| link.tell(|| ()));
-                if let Some(HeldOut { family, scores: of }) = held_out.map_err(failed)? {
-                    let beta = shortest(beta);
-                    scores.push(json!({ "beta": beta, "family": family, "scores": of }));
-                }
-            }
-        }
-        Ok(scores)
-    })??;
-    json(py, serde_json::to_string(&scores))
 }
 
 /// The shortest number, not the nearest double of the single.

@@ -103,14 +103,12 @@ def test_train_resumes_where_a_worker_is_killed(client, tmp_path):
     assert [t.sha256 for t in sum(again, [])] == [t.sha256 for t in sum(tables, [])]
 
 
-def test_study_resumes_where_a_worker_is_killed(client, two_families, tmp_path):
+def test_record_resumes_where_a_worker_is_killed(client, two_families, tmp_path):
     import opsr.dask
 
     config = {**two_families, "spp": 8}
     with killing(client):
-        scores = opsr.dask.study(client, config, tmp_path / "paths")
-    assert scores == opsr.study(config)
-    assert [score["family"] for score in scores] == ["box", "rings"]
+        opsr.dask.record(client, config, tmp_path / "paths")
     files = {file.name: file.read_bytes() for file in (tmp_path / "paths").iterdir()}
     crops = opsr.record(config, tmp_path / "single")
     assert [crop["file"] for crop in crops] == sorted(files)

@@ -168,6 +168,7 @@ def test_train_stops_at_false_errors_and_ctrl_c():
         ({"beta": None}, ValueError, "config"),
         ({"beta": object()}, TypeError, ""),
         ({"scenes": ["none"]}, ValueError, "no training scene `none`"),
+        ({"replicates": 2}, ValueError, "`replicates` is no longer a setting"),
         ({"manifest": "none.toml"}, FileNotFoundError, "none.toml"),
         (3, TypeError, ""),
         ("none.toml", FileNotFoundError, "none.toml: cannot be read"),
@@ -181,7 +182,7 @@ def test_wrong_configurations_are_exceptions(config, error, message):
 
 
 def test_train_from_recordings_gives_the_same_table(tmp_path):
-    config = {**TINY, "replicates": 2}
+    config = TINY
     (whole,) = opsr.train(config)
     crops = opsr.record(config, tmp_path / "paths", crops=(0, 0))
     assert crops[0]["scene"] == "cornell_caustics" and crops[0]["training"] and not crops[-1]["training"]
@@ -199,15 +200,6 @@ def test_train_from_recordings_gives_the_same_table(tmp_path):
         opsr.train({**config, "seed": 1}, recordings=tmp_path / "paths")
     with pytest.raises(ValueError, match="crops: expected"):
         opsr.record(config, tmp_path / "paths", crops=(0, 99))
-
-
-def test_study_of_a_family_does_not_depend_on_the_others(two_families):
-    both = opsr.study(two_families)
-    assert [(score["beta"], score["family"]) for score in both] == [(0.001, "box"), (0.001, "rings")]
-    assert opsr.study(two_families, families=["rings"]) == both[1:]
-    assert both[0]["scores"][0]["name"] == "best constant of these crops"
-    with pytest.raises(ValueError, match="no family `none`: there are box, rings"):
-        opsr.study(two_families, families=["none"])
 
 
 def test_bench_measures_and_keeps(tmp_path):

@@ -196,7 +196,7 @@ impl Anisotropic {
         let turned = Self::turned(direction, wo);
         // Normals that w̃ sees in the isotropic distribution are, stretched, those that w sees in this one.
         let wide = Vec3::new(turned.x * x, turned.y * y, turned.z);
-        let h = (self.distribution).sample_visible(alpha, wide, u);
+        let h = self.distribution.sample_visible(alpha, wide, u);
         let back = Vec2::new(direction.x, -direction.y);
         let h = Self::turned(back, Vec3::new(h.x * x, h.y * y, h.z));
         let wi = mirror(wo, h);

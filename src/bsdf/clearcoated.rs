@@ -1,4 +1,4 @@
-//! Base of a surface under a clear coat `[KHR_materials_clearcoat]`.
+//! Base of a surface under a clear coat `[KHR_materials_clearcoat]`, sheen `[KHR_materials_sheen]`, or both.
 //!
 //! A surface with a clear coat draws one of two BSDFs at every hit, as a partly transmissive one does: the coat, which is
 //! a [`Glossy`] of its own roughness, or its base, which is one of these. So each has one roughness, which rules roughen
@@ -11,9 +11,13 @@
 //! The extension takes F(cos θo) for the base, which is not reciprocal. The larger of both reflectances is, never keeps
 //! more light, and with a smooth coat over a mirror the sum is exactly 1: what is lost is light that the coat returns to
 //! a base that scatters widely.
+//!
+//! Sheen lies between coat and base, is drawn likewise, and dims its base by its reflectance E as the extension does, but by
+//! the larger of both directions': 1 − max(colour) max(E(cos θo), E(cos θi)).
 
 use super::fresnel::schlick;
-use super::{Anisotropic, ThinDielectric};
+use super::sheen::{Sheen, sheen_albedo};
+use super::{Anisotropic, Iridescent, ThinDielectric};
 use super::{
     Bsdf, BsdfSample, Dielectric, Diffuse, Distribution, Glossy, Lobe, LobeNumbers, LobeQuery,
 };
@@ -25,12 +29,17 @@ const F0: f32 = 0.04;
 /// Probability that the coat is drawn, per weight of the coat. It carries little light, but that of lamps.
 const CHANCE: f32 = 0.25;
 
-/// Base under a clear coat, drawn with the probability 1 − c/4.
+/// Probability that the sheen is drawn where the coat is not, per largest channel of its colour.
+const SHEEN_CHANCE: f32 = 0.3;
+
+/// Base under a clear coat, drawn with the probability 1 − c/4, under sheen, or both.
 #[derive(Clone, Copy, Debug)]
 pub struct Clearcoated {
     base: Base,
     /// Weight c of the coat in [0, 1].
     coat: f32,
+    /// Largest channel and roughness of the sheen on the base.
+    sheen: [f32; 2],
 }
 
 /// Any BSDF without a clear coat.
@@ -41,6 +50,21 @@ enum Base {
     Dielectric(Dielectric),
     Thin(ThinDielectric),
     Anisotropic(Anisotropic),
+    Iridescent(Iridescent),
+    Sheen(Sheen),
+}
+
+/// What covers a base.
+#[derive(Clone, Copy, Debug)]
+pub struct Covers {
+    /// Weight of the clear coat in [0, 1].
+    pub coat: f32,
+    /// Roughness of the coat.
+    pub alpha: f32,
+    /// Slope distribution of the coat.
+    pub distribution: Distribution,
+    /// Sheen below the coat; black for none.
+    pub sheen: Sheen,
 }
 
 /// The BSDF of a surface with a clear coat of weight `coat` in [0, 1] and roughness `alpha`: the coat or the base, with
@@ -53,6 +77,28 @@ pub fn clearcoated(
     u: f32,
     base: impl FnOnce(f32) -> Bsdf,
 ) -> Bsdf {
+    let covers = Covers {
+        coat,
+        alpha,
+        distribution,
+        sheen: Sheen::NONE,
+    };
+    covered(&covers, u, base)
+}
+
+/// A uniform number that is at least `chance`, as a uniform number again.
+fn rest(u: f32, chance: f32) -> f32 {
+    ((u - chance) / (1.0 - chance)).min(1.0 - f32::EPSILON / 2.0)
+}
+
+/// The BSDF of a covered surface: coat, sheen or base, as [`clearcoated`].
+pub fn covered(covers: &Covers, u: f32, base: impl FnOnce(f32) -> Bsdf) -> Bsdf {
+    let Covers {
+        coat,
+        alpha,
+        distribution,
+        sheen,
+    } = *covers;
     let chance = CHANCE * coat;
     if u < chance {
         return Bsdf::Glossy(Glossy {
@@ -63,23 +109,43 @@ pub fn clearcoated(
             distribution,
         });
     }
-    let rest = ((u - chance) / (1.0 - chance)).min(1.0 - f32::EPSILON / 2.0);
-    let base = match base(rest) {
-        Bsdf::Diffuse(l) => Base::Diffuse(l),
-        Bsdf::Glossy(l) => Base::Glossy(l),
-        Bsdf::Dielectric(l) => Base::Dielectric(l),
-        Bsdf::Thin(l) => Base::Thin(l),
-        Bsdf::Anisotropic(l) => Base::Anisotropic(l),
-        Bsdf::Clearcoated(l) => l.base,
-    };
-    Bsdf::Clearcoated(Clearcoated { base, coat })
+    let u = rest(u, chance);
+    let most = sheen.color.max_element();
+    if most == 0.0 {
+        return Clearcoated::under(base(u), coat, [0.0; 2]);
+    }
+    let chance = SHEEN_CHANCE * most;
+    if u >= chance {
+        return Clearcoated::under(base(rest(u, chance)), coat, [most, sheen.alpha]);
+    }
+    let drawn = Bsdf::Sheen(Sheen {
+        color: sheen.color / chance,
+        ..sheen
+    });
+    match coat {
+        0.0 => drawn,
+        _ => Clearcoated::under(drawn, coat, [0.0; 2]),
+    }
 }
 
 impl Clearcoated {
     /// Another base under the same coat.
     pub(super) fn over(&self, base: Bsdf) -> Bsdf {
-        // The base is drawn by the largest number.
-        clearcoated(self.coat, 0.0, Distribution::Beckmann, 1.0, |_| base)
+        Self::under(base, self.coat, self.sheen)
+    }
+
+    fn under(base: Bsdf, coat: f32, sheen: [f32; 2]) -> Bsdf {
+        let base = match base {
+            Bsdf::Diffuse(l) => Base::Diffuse(l),
+            Bsdf::Glossy(l) => Base::Glossy(l),
+            Bsdf::Dielectric(l) => Base::Dielectric(l),
+            Bsdf::Thin(l) => Base::Thin(l),
+            Bsdf::Anisotropic(l) => Base::Anisotropic(l),
+            Bsdf::Iridescent(l) => Base::Iridescent(l),
+            Bsdf::Sheen(l) => Base::Sheen(l),
+            Bsdf::Clearcoated(l) => l.base,
+        };
+        Bsdf::Clearcoated(Self { base, coat, sheen })
     }
 
     /// The base without its coat.
@@ -90,6 +156,8 @@ impl Clearcoated {
             Base::Dielectric(l) => Bsdf::Dielectric(l),
             Base::Thin(l) => Bsdf::Thin(l),
             Base::Anisotropic(l) => Bsdf::Anisotropic(l),
+            Base::Iridescent(l) => Bsdf::Iridescent(l),
+            Base::Sheen(l) => Bsdf::Sheen(l),
         }
     }
 
@@ -97,6 +165,7 @@ impl Clearcoated {
     pub fn dielectric_mut(&mut self) -> Option<&mut Dielectric> {
         match &mut self.base {
             Base::Dielectric(l) => Some(l),
+            Base::Iridescent(l) => l.dielectric_mut(),
             _ => None,
         }
     }
@@ -105,7 +174,15 @@ impl Clearcoated {
     pub fn through(&self, wo: Vec3, wi: Vec3) -> f32 {
         let cos = wo.z.abs().min(wi.z.abs());
         let reflected = schlick(Rgb::splat(F0), 1.0, cos).x;
-        (1.0 - self.coat * reflected) / (1.0 - CHANCE * self.coat)
+        let through = (1.0 - self.coat * reflected) / (1.0 - CHANCE * self.coat);
+        match self.sheen {
+            [0.0, _] => through,
+            [most, alpha] => {
+                let albedo = |w: Vec3| sheen_albedo(alpha, w.z.abs());
+                let kept = 1.0 - most * albedo(wo).max(albedo(wi));
+                through * kept / (1.0 - SHEEN_CHANCE * most)
+            }
+        }
     }
 
     #[cold]

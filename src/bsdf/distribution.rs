@@ -6,7 +6,7 @@
 use super::slope::visible_slope;
 use super::{DELTA_ALPHA, LobeNumbers};
 use crate::math::Vec3;
-use crate::math::real::{Dual, Real, SQRT_PI, erf_f64, scaled_erfc};
+use crate::math::real::{Dual, Real, SQRT_PI, scaled_erfc};
 use std::f32::consts::PI;
 
 /// Distribution of microfacet slopes of a glossy lobe.
@@ -50,7 +50,7 @@ impl LobeReal for f64 {
         if self > LAMBDA_END {
             return 0.0;
         }
-        0.5 * (erf_f64(self) - 1.0) + (-self * self).exp() / (2.0 * self * SQRT_PI)
+        -0.5 * libm::erfc(self) + (-self * self).exp() / (2.0 * self * SQRT_PI)
     }
 }
 
@@ -128,7 +128,7 @@ impl Distribution {
     /// `[HeitzDEon14 (2)]`; that of the surface for a Dirac lobe. `u` is uniform in [0, 1)³, of which the last two count. The
     /// result has `z` = 1 in place of unit length, so that small slopes keep their digits.
     #[inline]
-    pub fn sample_visible(self, alpha: f32, wo: Vec3, u: impl LobeNumbers) -> Vec3 {
+    pub(crate) fn sample_visible(self, alpha: f32, wo: Vec3, u: impl LobeNumbers) -> Vec3 {
         if alpha < DELTA_ALPHA {
             return Vec3::Z;
         }

@@ -23,7 +23,7 @@ pub fn dielectric(cos: f32, eta: f32) -> f32 {
 /// Schlick's approximation f0 + (f90 − f0)(1 − cos)⁵ of the reflectance, with `f0` at normal and `f90` at grazing
 /// incidence.
 #[inline]
-pub fn schlick(f0: Rgb, f90: f32, cos: f32) -> Rgb {
+pub(crate) fn schlick(f0: Rgb, f90: f32, cos: f32) -> Rgb {
     let m = (1.0 - cos).clamp(0.0, 1.0);
     let m2 = m * m;
     f0 + (Rgb::splat(f90) - f0) * (m2 * m2 * m)
@@ -31,7 +31,7 @@ pub fn schlick(f0: Rgb, f90: f32, cos: f32) -> Rgb {
 
 /// Cosine-weighted mean of [`schlick`] over the hemisphere: 2 ∫₀¹ F(c) c dc = f0 + (f90 − f0)/21.
 #[inline]
-pub fn schlick_average(f0: Rgb, f90: f32) -> Rgb {
+pub(crate) fn schlick_average(f0: Rgb, f90: f32) -> Rgb {
     f0 + (Rgb::splat(f90) - f0) * (1.0 / 21.0)
 }
 

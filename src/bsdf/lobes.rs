@@ -341,7 +341,7 @@ impl Dielectric {
         if wo.z <= 0.0 {
             return None;
         }
-        let h = (self.distribution.sample_visible(alpha, wo, u)).normalize();
+        let h = self.distribution.sample_visible(alpha, wo, u).normalize();
         let cos = wo.dot(h);
         if cos <= 0.0 {
             return None;
@@ -362,6 +362,12 @@ impl Dielectric {
 }
 
 impl ThinDielectric {
+    /// Share of light that a smooth wall lets straight through at this cosine.
+    #[inline]
+    pub fn straight(&self, cos: f32) -> Rgb {
+        (Rgb::ONE - schlick(self.f0, self.f90, cos.abs().min(1.0))) * self.tint
+    }
+
     #[inline]
     pub(super) fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
         let (wo, wi) = (above(wo.z, wo), above(wo.z, wi));
@@ -399,7 +405,7 @@ impl ThinDielectric {
         let f = schlick(self.f0, self.f90, wo.z.abs().min(1.0));
         let p = luminance(f);
         let weight = match lobe {
-            Lobe::Transmission => (Rgb::ONE - f) * self.tint / (1.0 - p),
+            Lobe::Transmission => self.straight(wo.z) / (1.0 - p),
             _ => f / p,
         };
         delta(wi, weight, lobe)

@@ -20,16 +20,20 @@ use crate::math::{Rgb, Vec3};
 pub mod anisotropic;
 pub mod clearcoated;
 pub mod distribution;
+pub mod film;
 pub mod fresnel;
 pub mod lobes;
 mod numbers;
+pub mod sheen;
 mod slope;
 
 pub use anisotropic::{Anisotropic, anisotropic};
-pub use clearcoated::{Clearcoated, clearcoated};
+pub use clearcoated::{Clearcoated, Covers, clearcoated, covered};
 pub use distribution::{Distribution, LobeReal};
+pub use film::{Film, Iridescent, iridescent};
 pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric, is_matched};
 pub use numbers::{LobeNumbers, SharedNumbers};
+pub use sheen::Sheen;
 pub use slope::Quantiles;
 
 /// Roughness below which a lobe is a Dirac delta: single precision cannot evaluate a sharper one at grazing angles.
@@ -111,10 +115,14 @@ pub enum Bsdf {
     Dielectric(Dielectric),
     /// Thin wall: microfacet reflection, and transmission without refraction.
     Thin(ThinDielectric),
-    /// Base under a clear coat.
+    /// Base under a clear coat, or sheen.
     Clearcoated(Clearcoated),
     /// [`Glossy`] with a lobe of two roughnesses.
     Anisotropic(Anisotropic),
+    /// [`Glossy`], [`Dielectric`] or [`ThinDielectric`] under a thin film.
+    Iridescent(Iridescent),
+    /// Fibres that stand on a surface.
+    Sheen(Sheen),
 }
 
 /// Factors of a [`LobeQuery`] that depend on the roughness, at one roughness.
@@ -200,6 +208,8 @@ impl Bsdf {
             Self::Thin(l) => l.alpha,
             Self::Clearcoated(l) => l.base().alpha(),
             Self::Anisotropic(l) => l.isotropic().alpha,
+            Self::Iridescent(l) => l.base().alpha(),
+            Self::Sheen(_) => 1.0,
         }
     }
 
@@ -214,6 +224,8 @@ impl Bsdf {
             Self::Thin(l) => l.query(wo, wi),
             Self::Clearcoated(l) => l.query(wo, wi),
             Self::Anisotropic(l) => l.query(wo, wi),
+            Self::Iridescent(l) => l.query(wo, wi),
+            Self::Sheen(l) => l.query(wo, wi),
         }
     }
 
@@ -232,7 +244,9 @@ impl Bsdf {
     #[inline(never)]
     fn eval_microfacet(&self, alpha: f32, wo: Vec3, wi: Vec3) -> BsdfEval {
         let query = self.query(wo, wi);
-        (query.as_ref()).map_or(BsdfEval::default(), |query| query.at(alpha))
+        query
+            .as_ref()
+            .map_or(BsdfEval::default(), |query| query.at(alpha))
     }
 
     /// Density per steradian with which `sample(alpha, from, ..)` samples `to`: smooth lobes only, with the selection
@@ -274,6 +288,8 @@ impl Bsdf {
             Self::Thin(l) => l.direction(alpha, wo, u),
             Self::Clearcoated(l) => l.direction(alpha, wo, u),
             Self::Anisotropic(l) => l.direction_of(alpha, wo, u),
+            Self::Iridescent(l) => l.direction(alpha, wo, u),
+            Self::Sheen(l) => l.direction(wo, u.uniform()),
         }
     }
 
@@ -287,6 +303,8 @@ impl Bsdf {
             Self::Thin(l) => l.complete(alpha, wo, wi, lobe),
             Self::Clearcoated(l) => l.complete(alpha, wo, wi, lobe),
             Self::Anisotropic(l) => l.complete(alpha, wo, wi, lobe),
+            Self::Iridescent(l) => l.complete(alpha, wo, wi, lobe),
+            Self::Sheen(l) => l.complete(wo, wi),
         }
     }
 
@@ -294,29 +312,30 @@ impl Bsdf {
     #[inline]
     pub fn is_delta_at(&self, alpha: f32) -> bool {
         let has_base = match self {
-            Self::Diffuse(_) => true,
+            Self::Diffuse(_) | Self::Sheen(_) => true,
             Self::Glossy(glossy) => glossy.albedo != Rgb::ZERO,
             // An interface between equal indices passes light straight on at any roughness.
             Self::Dielectric(l) if l.is_matched() => return true,
             Self::Dielectric(_) | Self::Thin(_) => false,
             Self::Clearcoated(l) => return l.base().is_delta_at(alpha),
             Self::Anisotropic(l) => l.isotropic().albedo != Rgb::ZERO,
+            Self::Iridescent(l) => return l.base().is_delta_at(alpha),
         };
         alpha < DELTA_ALPHA && !has_base
     }
 
-    /// True for a Lambertian surface, under a clear coat or not.
+    /// True for a Lambertian surface or fibres, under a clear coat or not.
     #[inline]
-    pub fn is_diffuse(&self) -> bool {
+    pub(crate) fn is_diffuse(&self) -> bool {
         match self {
-            Self::Diffuse(_) => true,
+            Self::Diffuse(_) | Self::Sheen(_) => true,
             Self::Clearcoated(l) => l.base().is_diffuse(),
             _ => false,
         }
     }
 
     /// The BSDF without its diffuse lobe; a Lambertian one stays as it is.
-    pub fn without_diffuse(&self) -> Self {
+    pub(crate) fn without_diffuse(&self) -> Self {
         match *self {
             Self::Glossy(l) => Self::Glossy(Glossy {
                 albedo: Rgb::ZERO,
@@ -324,16 +343,18 @@ impl Bsdf {
             }),
             Self::Clearcoated(l) => l.over(l.base().without_diffuse()),
             Self::Anisotropic(l) => Self::Anisotropic(l.without_diffuse()),
+            Self::Iridescent(l) => Self::Iridescent(l.without_diffuse()),
             other => other,
         }
     }
 
     /// True if the surface bounds a solid body that light can enter.
     #[inline]
-    pub fn is_solid(&self) -> bool {
+    pub(crate) fn is_solid(&self) -> bool {
         match self {
             Self::Dielectric(_) => true,
             Self::Clearcoated(l) => l.base().is_solid(),
+            Self::Iridescent(l) => l.base().is_solid(),
             _ => false,
         }
     }
@@ -344,6 +365,7 @@ impl Bsdf {
         match self {
             Self::Dielectric(l) => Some(l),
             Self::Clearcoated(l) => l.dielectric_mut(),
+            Self::Iridescent(l) => l.dielectric_mut(),
             _ => None,
         }
     }
@@ -356,6 +378,7 @@ impl Bsdf {
             Self::Dielectric(d) if wo.z > 0.0 => d.eta * d.eta,
             Self::Dielectric(d) => 1.0 / (d.eta * d.eta),
             Self::Clearcoated(l) => l.base().refraction_scale(wo),
+            Self::Iridescent(l) => l.base().refraction_scale(wo),
             _ => 1.0,
         }
     }

@@ -52,6 +52,6 @@ impl LobeNumbers for &SharedNumbers {
 
     #[inline(always)]
     fn quantiles(self) -> Quantiles {
-        *(self.quantiles).get_or_init(|| self.uniform.quantiles())
+        *self.quantiles.get_or_init(|| self.uniform.quantiles())
     }
 }

@@ -1,6 +1,7 @@
 //! `--aov`: layers of EXR files beside the picture.
 
 use super::Blame;
+use super::output;
 use super::render_args::RenderArgs;
 use anyhow::anyhow;
 use opsr::integrator::layers::Aov;
@@ -29,6 +30,22 @@ pub(super) fn check(args: &RenderArgs, settings: &Settings) -> anyhow::Result<()
         return Ok(());
     };
     Err(anyhow!(what)).usage()
+}
+
+/// An error for layers that no file would hold. A part of a picture keeps them for the file that is made of it.
+pub(super) fn check_files(args: &RenderArgs) -> anyhow::Result<()> {
+    if args.film.is_some() || output::holds_layers(&args.output) {
+        return Ok(());
+    }
+    let asked = match (args.aov.is_empty(), args.resolve.level_layers) {
+        (false, _) => "--aov",
+        (true, true) => "--level-layers",
+        (true, false) => return Ok(()),
+    };
+    Err(anyhow!(
+        "{asked} adds layers to EXR files: add -o with a name that ends in .exr"
+    ))
+    .usage()
 }
 
 /// Parts of the AOVs that are recorded along paths: the first surface, light, time.

@@ -9,8 +9,8 @@ use anyhow::{Context, anyhow};
 use opsr::integrator::View;
 use opsr::integrator::checkpoint::Checkpoint;
 use opsr::integrator::method::Method;
+use opsr::pilot::{Contender, Horizon, choose_integrator};
 use opsr::tune::SPP_OF_TARGET;
-use opsr::tune::integrator::{Contender, Horizon, choose_integrator};
 
 /// A contender, and the method that its settings come from.
 type Entry = (Contender, Method);

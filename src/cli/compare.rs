@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
 use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
 
-use opsr::files;
+use opsr::files::{self, FileError};
 use opsr::image::metric::Metric;
 use opsr::image::metric::flip::DEFAULT_PPD;
 use opsr::image::{exr, png};
-use opsr::report::compare::{Comparison, Named, Options, compare, cut_to_common};
+use opsr::report::compare::{Comparison, Named, Options, compare_with, cut_to_common};
 use opsr::report::page;
 use opsr::stats::agreement;
 
@@ -99,7 +100,17 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Exit> {
         exposure: args.exposure,
         seeds: args.seeds,
     };
-    let mut comparison = compare(&pictures, &reference, &options).input()?;
+    // Shown on a terminal only.
+    let bar = ProgressBar::new(pictures.len() as u64);
+    let style = ProgressStyle::with_template("comparing {msg}, {pos} of {len}")?;
+    bar.set_style(style);
+    let begin = |picture: &Named| {
+        bar.inc(1);
+        bar.set_message(picture.name.clone());
+    };
+    let compared = compare_with(&pictures, &reference, &options, begin);
+    bar.finish_and_clear();
+    let mut comparison = compared.input()?;
     if let Some(window) = common {
         (comparison.notes).push(format!("compared: the {window} that all pictures show"));
     }
@@ -157,9 +168,14 @@ fn print_agreement(files: &[PathBuf]) -> anyhow::Result<bool> {
     let Some((reference, pictures)) = files.split_last() else {
         return Ok(same);
     };
-    let wanted = exr::read_film(reference).input()?;
+    let read = |path: &Path| {
+        let layers = exr::read_layers(path)?;
+        let integrator = layers.metadata.get("integrator").cloned();
+        Ok::<_, FileError>((layers.film(path)?, integrator))
+    };
+    let (wanted, its_integrator) = read(reference).input()?;
     for path in pictures {
-        let mut film = exr::read_film(path).input()?;
+        let (mut film, integrator) = read(path).input()?;
         let mut wanted = Cow::Borrowed(&wanted);
         let common = film.window.intersection(&wanted.window);
         if let Some(common) = common.filter(|_| film.size == wanted.size) {
@@ -169,8 +185,15 @@ fn print_agreement(files: &[PathBuf]) -> anyhow::Result<bool> {
         let agreement = agreement::agree(&film, &wanted)
             .with_context(|| format!("{} against {}", path.display(), reference.display()))
             .input()?;
+        let sharing = (integrator.iter().chain(&its_integrator)).find(|name| *name != "path");
+        let agreement = agreement.sharing(sharing.is_some());
         let names = format!("{} against {}", path.display(), reference.display());
         print(format!("\n{names}\n{agreement}\n"))?;
+        if let Some(name) = sharing {
+            print(format!(
+                "pixels of {name} share light paths: only the test of single pixels is judged\n"
+            ))?;
+        }
         same &= agreement.passed();
     }
     Ok(same)

@@ -8,10 +8,11 @@ use clap::Args;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::View;
 use opsr::integrator::aov::centre;
+use opsr::pilot::advise;
 use opsr::regularise::{GammaIndex, LEN, Rule, bin};
-use opsr::scene::{Material, PunctualLight, Scene};
-use opsr::tune::integrator::advise;
-use serde_json::Value;
+use opsr::scene::{Environment, Material, PunctualLight, Scene, SceneParts};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
 /// Options of `opsr info`.
 #[derive(Args, Debug)]
@@ -77,13 +78,13 @@ fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyh
     facts["mesh"] = (scene.geometry().triangle_mesh(surface.triangle) + 1).into();
     facts["material"] = format!("{} ({})", of.name, surface.material + 1).into();
     facts["kind"] = material(of)["kind"].clone();
-    facts["alpha"] = serde_json::json!(alpha);
+    facts["alpha"] = short(alpha);
     facts["bin"] = bin(alpha).into();
-    facts["distance"] = serde_json::json!(hit.t);
-    facts["position"] = serde_json::json!(surface.position.to_array());
-    facts["normal"] = serde_json::json!(surface.ns.to_array());
-    facts["geometric_normal"] = serde_json::json!(surface.ng.to_array());
-    facts["uv"] = serde_json::json!(scene.geometry().uv(scene.parts(), &hit).to_array());
+    facts["distance"] = short(hit.t);
+    facts["position"] = shorts(surface.position.to_array());
+    facts["normal"] = shorts(surface.ns.to_array());
+    facts["geometric_normal"] = shorts(surface.ng.to_array());
+    facts["uv"] = shorts(scene.geometry().uv(scene.parts(), &hit).to_array());
     Ok(facts)
 }
 
@@ -111,9 +112,11 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
             "instances": scene.geometry().instances(),
             "triangles_in_memory": scene.geometry().stored(),
         },
-        "bounds": [low.to_array(), high.to_array()],
+        "bounds": [shorts(low.to_array()), shorts(high.to_array())],
         "materials": materials,
         "textures": parts.textures.len(),
+        "texture_sizes": texture_sizes(parts),
+        "memory_mb": memory(scene).div_ceil(1_000_000),
         "lights": {
             "emissive_triangles": scene.lights().emissive_triangles(),
             "point": count(|l| matches!(l, PunctualLight::Point { .. })),
@@ -129,6 +132,56 @@ fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
     })
 }
 
+/// A number with the digits that single precision has, and no others.
+fn short(x: f32) -> Value {
+    x.to_string()
+        .parse::<f64>()
+        .map_or(Value::Null, Value::from)
+}
+
+fn shorts<const N: usize>(numbers: [f32; N]) -> Value {
+    numbers.into_iter().map(short).collect()
+}
+
+/// Sizes of the images, largest first, each with the number of images that have it.
+fn texture_sizes(parts: &SceneParts) -> Value {
+    let mut images: Vec<(*const [u8; 4], [u32; 2])> = (parts.textures.iter())
+        .map(|t| (t.texels.as_ptr(), [t.width, t.height]))
+        .collect();
+    // Textures share the texels of their image.
+    images.sort_by_key(|(texels, _)| texels.addr());
+    images.dedup_by_key(|(texels, _)| texels.addr());
+    let mut counts = BTreeMap::<[u32; 2], u32>::new();
+    images
+        .iter()
+        .for_each(|(_, size)| *counts.entry(*size).or_default() += 1);
+    let entry = |([w, h], n): (&[u32; 2], &u32)| json!({ "width": w, "height": h, "images": n });
+    counts.iter().rev().map(entry).collect()
+}
+
+/// Bytes that the scene takes at most while it is rendered, pictures left out: triangles with their trees, vertices, texels, map.
+fn memory(scene: &Scene) -> u64 {
+    /// Bytes of a triangle with its part of the tree, while that is built; of one that emits, more; and of a vertex, measured.
+    const BYTES: [u64; 3] = [270, 290, 60];
+    let parts = scene.parts();
+    let vertices: usize = parts.all_meshes().map(|mesh| mesh.positions.len()).sum();
+    let texels: u64 = (texture_sizes(parts).as_array().into_iter().flatten())
+        .map(|t| ["width", "height", "images"].map(|key| t[key].as_u64().unwrap_or(0)))
+        .map(|[w, h, n]| 4 * w * h * n)
+        .sum();
+    let [triangle, emitter, vertex] = BYTES;
+    let lamps = scene.lights().emissive_triangles() as u64;
+    let map = parts
+        .environment
+        .as_ref()
+        .map_or(0, Environment::bytes_in_memory);
+    scene.geometry().stored() as u64 * triangle
+        + lamps * emitter
+        + vertices as u64 * vertex
+        + texels
+        + map
+}
+
 fn material(m: &Material) -> serde_json::Value {
     let kind = match (m.transmission > 0.0, m.solid) {
         (true, true) => "solid transmission",
@@ -141,12 +194,12 @@ fn material(m: &Material) -> serde_json::Value {
     serde_json::json!({
         "name": m.name,
         "kind": kind,
-        "alpha": alpha,
+        "alpha": short(alpha),
         "textured_roughness": m.metallic_roughness_texture.is_some(),
         "bin": bin(alpha),
-        "anisotropy": m.anisotropy().map(|a| a.strength),
-        "clearcoat": m.clearcoat().map(|coat| coat.weight),
-        "clearcoat_alpha": m.clearcoat().map(|coat| coat.alpha),
+        "anisotropy": m.anisotropy().map(|a| short(a.strength)),
+        "clearcoat": m.clearcoat().map(|coat| short(coat.weight)),
+        "clearcoat_alpha": m.clearcoat().map(|coat| short(coat.alpha)),
         // The former name of "bin".
         "level": bin(alpha),
         "emits": m.emission != opsr::math::Rgb::ZERO,
@@ -197,6 +250,21 @@ pub(super) fn unused(scene: &Scene, rule: &Rule) -> Vec<String> {
         .collect()
 }
 
+/// Number and sizes of the textures.
+fn textures(facts: &Value) -> String {
+    let size = |t: &Value| match t["images"].as_u64() {
+        Some(1) => format!("{} x {}", t["width"], t["height"]),
+        _ => format!("{} of {} x {}", t["images"], t["width"], t["height"]),
+    };
+    let sizes: Vec<String> = (facts["texture_sizes"].as_array().into_iter().flatten())
+        .map(size)
+        .collect();
+    match sizes.is_empty() {
+        true => "0".into(),
+        false => format!("{}, images {}", facts["textures"], sizes.join(", ")),
+    }
+}
+
 /// The content as text.
 fn described(facts: &serde_json::Value) -> String {
     let mut lines = vec![
@@ -205,7 +273,11 @@ fn described(facts: &serde_json::Value) -> String {
             facts["triangles"], facts["meshes"]
         ),
         format!("bounds      {}", facts["bounds"]),
-        format!("textures    {}", facts["textures"]),
+        format!("textures    {}", textures(facts)),
+        format!(
+            "memory      about {} MB, and the picture",
+            facts["memory_mb"]
+        ),
         format!("lights      {}", facts["lights"]),
         format!("cameras     {}", facts["cameras"]),
         format!(

@@ -15,8 +15,8 @@ use opsr::integrator::drive::RenderProgress;
 use opsr::integrator::layers::Layers;
 use opsr::integrator::{Picture, View};
 use opsr::report::compare::Named;
+use opsr::resolve::stated_error;
 use opsr::scene::Camera;
-use opsr::tune::resolve::relative_error;
 use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -147,13 +147,14 @@ impl<'a> Listener<'a> {
         true_error: Option<f64>,
     ) -> anyhow::Result<()> {
         let seconds = self.seconds(progress);
+        let settings = self.job.args.resolve.settings();
         let Some(log) = &mut self.log else {
             return Ok(());
         };
         log.add(last, || Line {
             samples: progress.samples,
             seconds,
-            estimated: relative_error(picture),
+            estimated: stated_error(picture, settings).error,
             true_error,
         })
     }

@@ -9,7 +9,7 @@ use opsr::image::exr::{self, Compression, Header, Layer, Metadata, Storage};
 use opsr::image::{Buffer, png};
 use opsr::integrator::Picture;
 use opsr::math::Rgb;
-use opsr::tune::resolve::{MAX_SIGMA, Resolve, resolve_film};
+use opsr::resolve::{MAX_SIGMA, Resolve, film_error, resolve_film};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -42,7 +42,7 @@ fn sigma(text: &str) -> Result<f32, String> {
 
 impl ResolveArgs {
     /// Settings of the choice. A denoiser does its own blur.
-    fn settings(self) -> Resolve {
+    pub(super) fn settings(self) -> Resolve {
         let sigma = (self.sigma).unwrap_or(if self.denoise {
             0.0
         } else {
@@ -72,7 +72,8 @@ impl ResolveArgs {
 /// Options of the files.
 #[derive(clap::Args, Clone, Copy, Debug)]
 pub(super) struct FileArgs {
-    /// Brightness of PNG files in stops; `auto` puts the 95th percentile of the luminance at 80 % of white, `none` is 0.
+    /// Brightness of PNG files in stops; `auto` puts the 95th percentile of the luminance at 80 % of white, and brightens nothing
+    /// in the built-in studio; `none` is 0.
     #[arg(
         long,
         value_name = "STOPS|auto|none",
@@ -118,9 +119,10 @@ impl FileArgs {
         }
     }
 
-    fn display(self, picture: &Buffer) -> Display {
+    /// Exposure and view; a picture is brightened by at most `most` stops unless the user says so.
+    fn display(self, picture: &Buffer, most: f32) -> Display {
         let exposure = match self.exposure {
-            Exposure::Auto => auto_exposure(picture),
+            Exposure::Auto => auto_exposure(picture).min(most),
             Exposure::Stops(stops) => stops,
         };
         let view = self.view;
@@ -144,6 +146,32 @@ pub(super) struct Outputs {
     args: FileArgs,
     resolve: ResolveArgs,
     denoiser: Option<Denoiser>,
+    /// Stops that automatic exposure brightens by at most.
+    most: f32,
+}
+
+/// Format of a picture's file.
+#[derive(Clone, Copy, PartialEq)]
+enum Format {
+    Exr,
+    Png,
+}
+
+/// The format that a name ends in, in capitals or not.
+fn format(file: &Path) -> Option<Format> {
+    let ending = file.extension()?.to_str()?;
+    if ending.eq_ignore_ascii_case("exr") {
+        Some(Format::Exr)
+    } else if ending.eq_ignore_ascii_case("png") {
+        Some(Format::Png)
+    } else {
+        None
+    }
+}
+
+/// True if one of the files can hold layers.
+pub(super) fn holds_layers(files: &[PathBuf]) -> bool {
+    files.iter().any(|file| format(file) == Some(Format::Exr))
 }
 
 impl Outputs {
@@ -154,13 +182,10 @@ impl Outputs {
         resolve: ResolveArgs,
     ) -> anyhow::Result<Self> {
         for file in files {
-            match file.extension().and_then(|e| e.to_str()) {
-                Some("exr" | "png") => {}
-                _ => {
-                    let file = file.display();
-                    let what = anyhow!("{file}: expected a name that ends in .exr or .png");
-                    return Err(what).usage();
-                }
+            if format(file).is_none() {
+                let file = file.display();
+                let what = anyhow!("{file}: expected a name that ends in .exr or .png");
+                return Err(what).usage();
             }
             can_write(file).output()?;
         }
@@ -169,7 +194,13 @@ impl Outputs {
             args,
             resolve,
             denoiser: resolve.denoiser()?,
+            most: f32::INFINITY,
         })
+    }
+
+    /// Lets automatic exposure darken pictures only: in a light that has the right brightness, what is dark stays dark.
+    pub(super) fn never_brighten(&mut self) {
+        self.most = 0.0;
     }
 
     /// The files, for people.
@@ -223,11 +254,7 @@ impl Outputs {
             shown = clean;
         }
         if let Some((film, resolved)) = &resolved {
-            let level = resolved.level.iter().map(|&k| f32::from(k)).collect();
-            layers.push(Layer::scalar("level", level));
-            layers.push(Layer::scalar("bias2", resolved.bias2.clone()));
-            layers.push(Layer::scalar("variance", resolved.variance.clone()));
-            layers.push(Layer::scalar("error", resolved.error()));
+            layers.extend(resolved.layers());
             if args.level_layers {
                 let level = |k| Layer::rgb(&format!("level{k}"), &film.mean(k));
                 layers.extend((0..film.levels()).map(level));
@@ -238,8 +265,8 @@ impl Outputs {
             storage: self.args.storage(),
             world_to_camera,
         };
-        let is_png = |file: &PathBuf| file.extension().is_some_and(|e| e == "png");
-        let display = (self.files.iter().any(is_png)).then(|| self.args.display(&shown));
+        let is_png = |file: &PathBuf| format(file) == Some(Format::Png);
+        let display = (self.files.iter().any(is_png)).then(|| self.args.display(&shown, self.most));
         let (film, whole) = (&picture.film, resolved.is_some() || args.denoise);
         let mut failed = None;
         for file in &self.files {
@@ -259,7 +286,7 @@ impl Outputs {
             exposure: display.map(|display| display.exposure),
             error: match &resolved {
                 Some((_, resolved)) => resolved.relative_error(),
-                None => picture.film.relative_error(),
+                None => film_error(&picture.film).error,
             },
             shown,
         };

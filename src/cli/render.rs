@@ -18,9 +18,9 @@ use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr::memory;
+use opsr::pilot::left_after;
+use opsr::resolve::{stopping_error, unseen_share};
 use opsr::scene::Camera;
-use opsr::tune::integrator::left_after;
-use opsr::tune::resolve::{relative_error, unseen_share};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -35,7 +35,8 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     } else {
         &args.output[..]
     };
-    let outputs = Outputs::new(pictures, args.files, args.resolve)?;
+    let mut outputs = Outputs::new(pictures, args.files, args.resolve)?;
+    aovs::check_files(args)?;
     for path in [&args.checkpoint, &args.stats, &args.log, &args.film]
         .into_iter()
         .flatten()
@@ -58,6 +59,14 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         tracing::warn!("--distribution ggx: tables are learned for Beckmann lobes");
     }
     let opened = args.scene.open()?;
+    if opened.scene.lights().is_empty() {
+        let what = "nothing lights the scene: --env studio, --env sky or a map would";
+        let scene = args.scene.scene.display();
+        return Err(anyhow!("{scene}: {what}")).input();
+    }
+    if opened.in_studio {
+        outputs.never_brighten();
+    }
     stop.begin();
     let pilot = Instant::now();
     let mut kind = args.method.integrator;
@@ -154,8 +163,9 @@ fn stopped_in_pilot() -> Exit {
 fn check_files(args: &RenderArgs) -> anyhow::Result<()> {
     let others = [&args.checkpoint, &args.stats, &args.log, &args.film];
     let outputs = args.output.iter().chain(others.into_iter().flatten());
+    let environment = args.scene.environment();
     let inputs = [
-        args.scene.environment(),
+        environment.as_ref(),
         args.reference.as_ref(),
         args.method.table.as_ref(),
     ];
@@ -258,7 +268,7 @@ impl RenderJob<'_> {
             time: time.map(|time| left_after(time, self.pilot)),
             error: target_error.map(|bound| ErrorBound {
                 bound: bound.into(),
-                estimate: relative_error,
+                estimate: stopping_error,
             }),
         }
     }
@@ -309,6 +319,10 @@ impl RenderJob<'_> {
             true => format!(", {}, since the file has no camera", ended.camera.name),
             false => String::new(),
         };
+        let studio = match self.opened.in_studio {
+            true => ", lit by the built-in studio, since the file has no light",
+            false => "",
+        };
         let mut error = match ended.error {
             error if error.is_finite() => format!(", estimated relative error {error:.4}"),
             _ => String::new(),
@@ -319,7 +333,7 @@ impl RenderJob<'_> {
         }
         let truth = (ended.true_error).map_or(String::new(), |e| format!(", true error {e:.4}"));
         let summary = format!(
-            "{}: {}x{}{exposure}{camera}, {} spp in {seconds:.2} s, {rate}{error}{truth}",
+            "{}: {}x{}{exposure}{camera}{studio}, {} spp in {seconds:.2} s, {rate}{error}{truth}",
             self.outputs.names(),
             film.window.w,
             film.window.h,

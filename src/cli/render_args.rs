@@ -66,8 +66,7 @@ pub(super) struct RenderArgs {
     /// Levels of roughening on the same paths, of which every pixel gets the best: their number, or the scales of the
     /// table or constant, such as 0,0.25,1. Level 0 is plain path tracing; 1 renders the table or constant as it is.
     /// Without it five where a table or a constant can have them: not with --mode, --consistent, --table-scale auto or
-    /// another integrator. --mode filter-glossy scales its filter value, roughness-clamp the roughness it remembers; of
-    /// several levels the path itself is not roughened.
+    /// another integrator.
     #[arg(long, value_name = "N|SCALES", value_parser = job::level_scales)]
     pub(super) levels: Option<job::Levels>,
     #[command(flatten)]

@@ -6,8 +6,9 @@ use clap::Args;
 use opsr::bsdf::Distribution;
 use opsr::files::hex;
 use opsr::integrator::method::{at_least_zero, positive};
+use opsr::scene::light::sky::Sky;
 use opsr::scene::load::{Animation, LoadOptions, load};
-use opsr::scene::{Camera, Environment, Lens, Scene, SceneParts};
+use opsr::scene::{Backdrop, Camera, Lens, Scene, SceneParts};
 use sha2::{Digest, Sha256};
 use std::path::PathBuf;
 
@@ -16,9 +17,16 @@ use std::path::PathBuf;
 pub(super) struct SceneArgs {
     /// The scene: a glTF 2.0 file (.gltf or .glb).
     pub(super) scene: PathBuf,
-    /// Environment: an equirectangular map (.hdr or .exr).
-    #[arg(long, value_name = "FILE")]
+    /// What surrounds the scene: an equirectangular map (.hdr or .exr); `studio`, grey walls with soft lamps; `sky`, a clear
+    /// sky with its sun; or `none`. Without it `studio` for a scene that has no light, else `none`.
+    #[arg(long, value_name = "FILE|NAME")]
     env: Option<PathBuf>,
+    /// Where the sun of `--env sky` stands, in degrees: its height, and how far to the right of the front.
+    #[arg(long, value_name = "HEIGHT,ANGLE", allow_hyphen_values = true, value_parser = sun)]
+    sun: Option<[f32; 2]>,
+    /// Haze of `--env sky`: 2 is a very clear sky, 10 a hazy one.
+    #[arg(long, value_name = "X", value_parser = turbidity)]
+    turbidity: Option<f32>,
     /// Factor on the radiance of the environment.
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = positive)]
     env_intensity: f32,
@@ -37,6 +45,12 @@ pub(super) struct SceneArgs {
     /// Make solid bodies of closed meshes that transmit without a thickness, such as glass from Blender.
     #[arg(long)]
     solid_glass: bool,
+    /// Leave such meshes thin walls also in files from Blender, where they are bodies without this option.
+    #[arg(long, conflicts_with = "solid_glass")]
+    thin_glass: bool,
+    /// Variant of the materials, by name or number (from 0).
+    #[arg(long, value_name = "NAME")]
+    variant: Option<String>,
     /// Frame of the animations to show, from 0 at their start. Without it the scene is at rest.
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = moment)]
     frame: Option<f64>,
@@ -64,6 +78,23 @@ pub(super) fn finite(text: &str) -> Result<f32, String> {
     }
 }
 
+/// Height and angle of the sun in degrees.
+fn sun(text: &str) -> Result<[f32; 2], String> {
+    let (height, angle) = text.split_once(',').unwrap_or((text, "-40"));
+    let [height, angle] = [finite(height)?, finite(angle)?];
+    match (0.0..=90.0).contains(&height) {
+        true => Ok([height, angle]),
+        false => Err("expected a height from 0 to 90, and an angle".into()),
+    }
+}
+
+/// A turbidity that the model of the sky knows.
+fn turbidity(text: &str) -> Result<f32, String> {
+    let known = |x: &f32| (1.8..=10.0).contains(x);
+    let wrong = "expected a number from 1.8 to 10";
+    finite(text).ok().filter(known).ok_or(wrong.into())
+}
+
 /// A finite number of frames or seconds.
 fn moment(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
@@ -82,12 +113,29 @@ pub(super) struct Opened {
     pub(super) warnings: Vec<String>,
     /// Animations of the file.
     pub(super) animations: Vec<Animation>,
+    /// True if the studio lights the scene, since nothing else does.
+    pub(super) in_studio: bool,
 }
 
 impl SceneArgs {
     /// The environment map.
-    pub(super) fn environment(&self) -> Option<&PathBuf> {
-        self.env.as_ref()
+    pub(super) fn environment(&self) -> Option<PathBuf> {
+        self.backdrop().ok()?.file().cloned()
+    }
+
+    /// What surrounds the scene.
+    fn backdrop(&self) -> anyhow::Result<Backdrop> {
+        let mut sky = Sky::default();
+        if let Some([height, angle]) = self.sun {
+            (sky.elevation, sky.azimuth) = (height.to_radians(), angle.to_radians());
+        }
+        sky.turbidity = self.turbidity.unwrap_or(sky.turbidity);
+        let around = Backdrop::named(self.env.as_deref(), sky);
+        let of_sky = self.sun.is_some() || self.turbidity.is_some();
+        if of_sky && !matches!(around, Backdrop::Sky(_)) {
+            return Err(anyhow!("--sun and --turbidity need --env sky")).usage();
+        }
+        Ok(around)
     }
 
     /// Opens the scene.
@@ -113,18 +161,20 @@ impl SceneArgs {
         let options = LoadOptions {
             distribution,
             solid_glass: self.solid_glass,
+            thin_glass: self.thin_glass,
             time: self.time(),
+            variant: self.variant.clone(),
         };
+        let backdrop = self.backdrop()?;
         let loaded = load(&self.scene, &options).input()?;
         let (mut parts, mut warnings) = (loaded.parts, loaded.warnings);
         let mut digest = Sha256::new();
         digest.update(loaded.digest);
-        if let Some(path) = &self.env {
-            let rotation = self.env_rotation.to_radians();
-            let environment = Environment::load(path, self.env_intensity, rotation).input()?;
-            parts.environment = Some(environment);
-            Environment::bytes(path, |bytes| digest.update(bytes)).input()?;
-        }
+        let rotation = self.env_rotation.to_radians();
+        let take = |bytes: &[u8]| digest.update(bytes);
+        let in_studio = backdrop
+            .surround(&mut parts, loaded.lit, self.env_intensity, rotation, take)
+            .input()?;
         let scene = build(parts);
         warnings.extend_from_slice(scene.warnings());
         for warning in &warnings {
@@ -135,6 +185,7 @@ impl SceneArgs {
             hash: hex(&digest.finalize()),
             warnings,
             animations: loaded.animations,
+            in_studio,
         })
     }
 
@@ -151,11 +202,18 @@ impl SceneArgs {
             env_rotation,
             distribution,
             solid_glass,
+            thin_glass,
+            variant,
             ..
         } = self;
-        let glass = if *solid_glass { ", solid glass" } else { "" };
+        let glass = match (solid_glass, thin_glass) {
+            (true, _) => ", solid glass",
+            (false, true) => ", thin glass",
+            (false, false) => "",
+        };
         let time = self.time().map_or(String::new(), |t| format!(", at {t} s"));
-        format!("env {env_intensity} {env_rotation}, {distribution:?}{glass}{time}")
+        let variant = (variant.as_ref()).map_or(String::new(), |v| format!(", variant {v}"));
+        format!("env {env_intensity} {env_rotation}, {distribution:?}{glass}{time}{variant}")
     }
 }
 

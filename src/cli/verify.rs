@@ -5,9 +5,10 @@ use super::output::print;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand};
 use opsr::verify::simple::Fault;
-use opsr::verify::{Finding, NUMERIC, Size, images, repeat, soak};
+use opsr::verify::{Finding, NUMERIC, Size, chaos, images, repeat, soak};
 use serde_json::json;
-use std::time::Duration;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
 
 /// Options of `opsr verify`.
 #[derive(Args, Debug)]
@@ -53,6 +54,19 @@ enum What {
         #[arg(long, value_name = "DURATION", value_parser = humantime::parse_duration)]
         time: Option<Duration>,
     },
+    /// Random options on random small scenes: threads, passes, checkpoints and parts bit-identical, integrators within their
+    /// noise. What disagrees is printed with its seed.
+    Chaos {
+        /// Duration [default: 20s, with --thorough 1h, without --count].
+        #[arg(long, value_name = "DURATION", value_parser = humantime::parse_duration)]
+        time: Option<Duration>,
+        /// Number of combinations.
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+        count: Option<u64>,
+        /// Seed of the first combination; each has the next.
+        #[arg(long, value_name = "N", default_value_t = 0)]
+        seed: u64,
+    },
 }
 
 fn faults() -> PossibleValuesParser {
@@ -91,6 +105,19 @@ pub(super) fn run(args: &VerifyArgs) -> anyhow::Result<Exit> {
             let time = time.unwrap_or(Duration::from_secs(seconds));
             report.add("soak", soak::run(time))?;
         }
+        What::Chaos { time, count, seed } => {
+            let seconds = match count {
+                Some(_) => u64::MAX,
+                None => size.of(0, 20, 3600),
+            };
+            let time = time.unwrap_or(Duration::from_secs(seconds));
+            let clock = Instant::now();
+            let goes_on = |tried| match clock.elapsed() < time && count.is_none_or(|n| tried < n) {
+                true => ControlFlow::Continue(()),
+                false => ControlFlow::Break(()),
+            };
+            report.add("chaos", chaos::run(seed, goes_on))?;
+        }
     }
     report.finish()
 }
@@ -115,7 +142,11 @@ impl Report {
     }
 
     /// Adds findings that must hold.
-    fn add(&mut self, case: &str, findings: Vec<Finding>) -> anyhow::Result<()> {
+    fn add(
+        &mut self,
+        case: &str,
+        findings: impl IntoIterator<Item = Finding>,
+    ) -> anyhow::Result<()> {
         for finding in findings {
             self.wrong += u32::from(!finding.holds());
             let mark = if finding.holds() { "" } else { "VIOLATED" };

@@ -58,7 +58,9 @@ pub fn to_glb(parts: &SceneParts) -> Result<Vec<u8>, SaveError> {
         file.nodes
             .push(json!({ "camera": i, "name": camera.name, "matrix": pose }));
     }
-    let materials: Vec<Value> = (parts.materials.iter())
+    let materials: Vec<Value> = parts
+        .materials
+        .iter()
         .map(|m| material(m, &mut file.used))
         .collect();
     let cameras: Vec<Value> = parts.cameras.iter().map(camera).collect();
@@ -86,7 +88,7 @@ fn matrix(frame: &Frame, position: Vec3) -> Value {
         (frame.n, 0.0),
         (position, 1.0),
     ];
-    numbers((columns.iter()).flat_map(|(c, w)| [c.x, c.y, c.z, *w]))
+    numbers(columns.iter().flat_map(|(c, w)| [c.x, c.y, c.z, *w]))
 }
 
 /// A colour in [0, 1] and its factor.
@@ -289,7 +291,9 @@ struct Writer {
 impl Writer {
     fn mesh(&mut self, mesh: &Mesh) {
         let mut attributes = Map::new();
-        let (low, high) = (mesh.positions.iter())
+        let (low, high) = mesh
+            .positions
+            .iter()
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| {
                 (lo.min(*p), hi.max(*p))
             });

@@ -1,10 +1,11 @@
 //! Scenes that are hard for one estimator and easy for another.
 
 use super::materials::{GOLD, SILVER, coated, diffuse, emitter, glass, metal};
-use super::shapes::{cuboid, quad, room, sphere};
+use super::shapes::{cuboid, disc, quad, room, sphere};
 use super::{caustic_box, open_box, v3};
 use crate::math::{Rgb, Vec3};
 use crate::scene::{Environment, Mesh, PunctualLight, SceneParts};
+use std::f32::consts::PI;
 
 /// The caustic box with a small light, behind a pane of smooth glass: its caustics are seen through a Dirac lobe, and
 /// their light comes by way of another.
@@ -47,9 +48,44 @@ pub(super) fn filament() -> SceneParts {
 /// Edges a side of the water's surface.
 const WAVES: u32 = 64;
 
-/// A tiled pool under the sun and a dim sky, seen through the smooth surface of its water: every sunny path passes it
-/// twice.
+/// Where the sun of the pools shines to, and its irradiance.
+const SUNSHINE: (Vec3, Rgb) = (v3(0.35, -1.0, -0.2), v3(4.0, 3.8, 3.4));
+
+/// The pool under a sun without extent, which plain path tracing cannot find through the water.
 pub(super) fn sun_pool() -> SceneParts {
+    let mut parts = pool();
+    parts.lights.push(PunctualLight::Directional {
+        direction: SUNSHINE.0.normalize(),
+        irradiance: SUNSHINE.1,
+    });
+    parts
+}
+
+/// Distance and angular radius of the sun that is a disc.
+const FAR: f32 = 60.0;
+const HALF_ANGLE: f32 = 0.75 * PI / 180.0;
+
+/// The pool under a disc of 1.5 degrees, which plain path tracing finds by chance alone: one path in thousands.
+pub(super) fn pool_in_the_sun() -> SceneParts {
+    let mut parts = pool();
+    let towards = -SUNSHINE.0.normalize();
+    let turned = |v: Vec3| {
+        // The rotation that brings the axis of the disc to the direction that it shines to.
+        let axis = Vec3::Y.cross(-towards);
+        v + axis.cross(v) + axis.cross(axis.cross(v)) / (1.0 - Vec3::Y.dot(towards))
+    };
+    let mut sun = disc(FAR * HALF_ANGLE.tan(), 32);
+    let positions = sun.positions.iter_mut();
+    positions.for_each(|p| *p = turned(*p) + FAR * towards);
+    sun.normals.iter_mut().for_each(|n| *n = turned(*n));
+    sun.tangents.clear();
+    let radiance = SUNSHINE.1 / (PI * HALF_ANGLE.sin().powi(2));
+    parts.add(emitter("sun", radiance), [sun]);
+    parts
+}
+
+/// A tiled pool under a dim sky, seen through the smooth surface of its water: every sunny path passes it twice.
+fn pool() -> SceneParts {
     let mut parts = SceneParts::default();
     let (low, high) = (v3(-1.0, 0.0, -1.0), v3(1.0, 0.8, 1.0));
     let [left, right, floor, _, back, front] = room(low + 0.01, high - v3(0.01, -0.1, 0.01));
@@ -62,10 +98,6 @@ pub(super) fn sun_pool() -> SceneParts {
     let ball = sphere(v3(0.3, 0.26, -0.2), 0.25, 4);
     parts.add(diffuse("ball", v3(0.8, 0.35, 0.2)), [ball]);
     parts.environment = Some(Environment::constant(v3(0.1, 0.13, 0.2)));
-    parts.lights.push(PunctualLight::Directional {
-        direction: v3(0.35, -1.0, -0.2).normalize(),
-        irradiance: v3(1.0, 0.95, 0.85) * 4.0,
-    });
     parts.add_camera([0.0, 2.3, 2.0], [0.0, 0.3, 0.0], 42.0);
     parts
 }

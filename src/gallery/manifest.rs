@@ -6,7 +6,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// Edge of a crop in pixels.
-pub const CROP: u32 = 32;
+pub(crate) const CROP: u32 = 32;
 
 /// Most bytes of a manifest.
 const MAX_BYTES: u64 = 1 << 22;
@@ -38,7 +38,7 @@ pub struct SceneEntry {
     pub camera: usize,
     /// Size of the whole picture, in pixels.
     pub frame: [u32; 2],
-    /// Upper left corners of the crops, each [`CROP`] pixels wide and high.
+    /// Upper left corners of the crops, each `CROP` pixels wide and high.
     pub crops: Vec<[u32; 2]>,
     /// Scattering vertices of the longest path.
     pub max_vertices: u32,
@@ -125,7 +125,9 @@ impl SceneEntry {
         let outside = |&&[x, y]: &&[u32; 2]| {
             x.checked_add(CROP).is_none_or(|x| x > w) || y.checked_add(CROP).is_none_or(|y| y > h)
         };
-        (self.crops.iter().find(outside))
+        self.crops
+            .iter()
+            .find(outside)
             .map(|[x, y]| format!("crop [{x}, {y}] leaves the frame of {w}×{h} pixels"))
     }
 }

@@ -7,13 +7,13 @@ use crate::scene::finish::{Anisotropy, Clearcoat};
 /// Reflectance of gold at normal incidence, linear.
 pub const GOLD: Rgb = Rgb::new(1.0, 0.78, 0.34);
 /// Reflectance of copper.
-pub const COPPER: Rgb = Rgb::new(0.95, 0.64, 0.54);
+pub(crate) const COPPER: Rgb = Rgb::new(0.95, 0.64, 0.54);
 /// Reflectance of silver.
-pub const SILVER: Rgb = Rgb::new(0.96, 0.96, 0.96);
+pub(crate) const SILVER: Rgb = Rgb::new(0.96, 0.96, 0.96);
 /// Reflectance of aluminium.
-pub const ALUMINIUM: Rgb = Rgb::new(0.91, 0.92, 0.92);
+pub(crate) const ALUMINIUM: Rgb = Rgb::new(0.91, 0.92, 0.92);
 /// Reflectance of iron, near enough.
-pub const IRON: Rgb = Rgb::new(0.56, 0.57, 0.58);
+pub(crate) const IRON: Rgb = Rgb::new(0.56, 0.57, 0.58);
 
 fn base(name: &str, base_color: Rgb, alpha: f32) -> Material {
     Material {

@@ -8,9 +8,12 @@
 //! ```
 
 pub mod glb;
+mod hidden;
 mod light;
+#[cfg(any(feature = "bench", feature = "train"))]
 pub mod manifest;
 pub mod materials;
+#[cfg(any(feature = "bench", feature = "train"))]
 pub mod reference;
 pub mod shapes;
 pub mod training;
@@ -18,28 +21,42 @@ pub mod training;
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::scene::{Camera, Material, Mesh, PunctualLight, SceneParts};
 use materials::{COPPER, diffuse, emitter, glass, metal};
-use shapes::{cuboid, quad, ring, sphere};
-use std::f32::consts::PI;
+use shapes::{cuboid, cylinder, quad, ring, sphere, torus};
+use std::f32::consts::{FRAC_PI_2, PI};
 
 /// A scene's name and its builder.
 type Builder = (&'static str, fn() -> SceneParts);
 
 /// Small scenes by name, for suites.
-const SMALL: [Builder; 9] = [
+const SMALL: [Builder; 20] = [
+    ("ball-on-4-m", || hidden::ball_on_floor(2.0)),
+    ("ball-on-40-m", || hidden::ball_on_floor(20.0)),
+    ("ball-on-400-m", || hidden::ball_on_floor(200.0)),
     ("caustic-behind-glass", light::caustic_behind_glass),
     ("caustic-box", caustic_box),
     ("cornell-box", cornell_box),
     ("door-ajar", light::door_ajar),
     ("filament", light::filament),
     ("furnace", || furnace_sphere(0.5)),
+    ("glass-in-field", hidden::glass_in_field),
+    ("lamp-in-glass", hidden::lamp_in_glass),
     ("plane", area_light_over_plane),
+    ("plate-under-mesh-sky", hidden::plate_under_mesh_sky),
+    ("pool-in-the-sun", light::pool_in_the_sun),
+    ("ring-under-lamp", hidden::ring_under_lamp),
+    ("street-lamp", hidden::street_lamp),
     ("sun-pool", light::sun_pool),
+    ("sun-through-pane", hidden::sun_through_pane),
+    ("thin-parts", thin_parts),
     ("three-boxes", light::three_boxes),
 ];
 
 /// Names of the builtin scenes.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    (SMALL.iter().chain(&training::BUILDERS)).map(|(name, _)| *name)
+    SMALL
+        .iter()
+        .chain(&training::BUILDERS)
+        .map(|(name, _)| *name)
 }
 
 /// Builds the builtin scene of a name.
@@ -146,6 +163,26 @@ pub fn caustic_box() -> SceneParts {
         metal("copper", COPPER, 0.01),
         [ring(0.34, 0.03, 0.26, 48).moved(v3(-0.45, 0.0, 0.3))],
     );
+    parts
+}
+
+/// Legs, an arm, a rim and a sheet, all but a few pixels wide, under a lamp that is not seen: all that a picture shows is
+/// near an edge.
+pub fn thin_parts() -> SceneParts {
+    let mut parts = SceneParts::default();
+    let legs = (0..4u8).map(|i| {
+        let x = -0.9 + 0.35 * f32::from(i);
+        let half = 0.012 * f32::from(i + 1);
+        cuboid(v3(x - half, 0.0, -half), v3(x + half, 1.0, half))
+    });
+    let arm = cylinder(0.03, 1.2, 24).placed([0.0, 0.0, -FRAC_PI_2], v3(-0.6, 1.15, 0.0));
+    let rim = torus(0.3, 0.02, 64, 16).placed([FRAC_PI_2, 0.0, 0.0], v3(0.75, 0.4, 0.0));
+    let sheet = quad(v3(0.7, 0.85, 0.0), v3(0.05, 0.0, 0.0), v3(0.1, 0.5, 0.0));
+    let material = diffuse("parts", Rgb::splat(0.6));
+    parts.add(material, legs.chain([arm, rim, sheet]));
+    let lamp = quad(v3(-1.0, 0.0, 3.6), v3(0.0, 1.5, 0.0), v3(2.0, 0.0, 0.0));
+    parts.add(emitter("lamp", Rgb::splat(4.0)), [lamp]);
+    parts.add_camera([0.0, 0.7, 3.2], [0.0, 0.65, 0.0], 36.0);
     parts
 }
 

@@ -46,7 +46,7 @@ pub struct Noise {
 }
 
 impl Reference {
-    /// The reference of an entry's crop with the samples of its file, or an empty one; `digest` is that of the scene's file.
+    /// Opens the reference of an entry's crop with the samples of its file, or an empty one; `digest` is the hash of the scene's file.
     ///
     /// A file of another scene, crop, seed or path length is refused.
     pub fn open(
@@ -97,7 +97,9 @@ impl Reference {
     pub fn extend(&mut self, scene: &Scene, camera: &Camera, samples: u32) {
         let end = self.next.saturating_add(samples);
         let view = View::of(scene, camera, &self.picture.film);
-        (self.settings.integrator()).pass(&view, self.next..end, &mut self.picture);
+        self.settings
+            .integrator()
+            .pass(&view, self.next..end, &mut self.picture);
         self.next = end;
     }
 
@@ -140,7 +142,8 @@ impl Reference {
         let count = pixels.len() as f64;
         let crop = pixels.iter().map(|p| grey(p.mean)).sum::<f64>() / count;
         let floor = (DARKEST * crop).max(f64::MIN_POSITIVE);
-        let mut relative: Vec<f64> = (pixels.iter())
+        let mut relative: Vec<f64> = pixels
+            .iter()
             .map(|p| grey(p.variance_of_mean().map(f64::sqrt)) / (grey(p.mean) + floor))
             .collect();
         relative.sort_by(f64::total_cmp);

@@ -42,7 +42,8 @@ pub fn cuboid(min: Vec3, max: Vec3) -> Mesh {
     ];
     Mesh {
         positions,
-        indices: (sides.iter())
+        indices: sides
+            .iter()
             .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
             .collect(),
         ..Mesh::default()
@@ -73,7 +74,8 @@ pub fn prism(polygon: &[Vec2], depth: f32) -> Mesh {
 pub fn sphere(centre: Vec3, radius: f32, divisions: u32) -> Mesh {
     let (directions, indices) = icosphere(divisions);
     Mesh {
-        positions: (directions.iter())
+        positions: directions
+            .iter()
             .map(|d| centre + (f64::from(radius) * *d).as_vec3())
             .collect(),
         normals: directions.iter().map(|d| d.as_vec3()).collect(),
@@ -86,7 +88,8 @@ pub fn sphere(centre: Vec3, radius: f32, divisions: u32) -> Mesh {
 pub fn blob(divisions: u32, radius: impl Fn(DVec3) -> f64) -> Mesh {
     let (directions, indices) = icosphere(divisions);
     let mut mesh = Mesh {
-        positions: (directions.iter())
+        positions: directions
+            .iter()
             .map(|&d| (radius(d) * d).as_vec3())
             .collect(),
         indices,
@@ -119,7 +122,8 @@ fn icosphere(divisions: u32) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9],
         [4, 9, 5], [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1],
     ];
-    let mut points: Vec<DVec3> = (corners.iter())
+    let mut points: Vec<DVec3> = corners
+        .iter()
         .map(|&(x, y, z)| DVec3::new(x, y, z).normalize())
         .collect();
     for _ in 0..divisions {
@@ -150,7 +154,8 @@ pub(super) fn smooth(mesh: &mut Mesh) {
             sums[i as usize] += n;
         }
     }
-    mesh.normals = (sums.iter())
+    mesh.normals = sums
+        .iter()
         .map(|n| n.normalize_or(DVec3::Y).as_vec3())
         .collect();
 }

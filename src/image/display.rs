@@ -2,15 +2,20 @@
 
 use super::Buffer;
 use crate::math::{DVec3, Rgb, luminance};
+use glam::DMat3;
 
 /// Curve from exposed radiance to linear display values in [0, 1], before the sRGB encoding.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum ViewTransform {
     /// Values above 1 are cut.
     #[default]
     Srgb,
     /// Highlights roll off: the fit to the ACES curve by Narkowicz, *ACES Filmic Tone Mapping Curve*, 2015, per channel.
     Filmic,
+    /// Blender's: strong colours turn white as they get brighter. AgX by Sobotka, in the fit by Wrensch, *Minimal AgX
+    /// Implementation*, 2023.
+    Agx,
 }
 
 /// Radiance to display values.
@@ -39,6 +44,7 @@ impl Display {
         let shown = match self.view {
             ViewTransform::Srgb => exposed,
             ViewTransform::Filmic => aces(exposed.as_dvec3()).as_vec3(),
+            ViewTransform::Agx => agx(exposed.as_dvec3()).as_vec3(),
         };
         shown.clamp(Rgb::ZERO, Rgb::ONE)
     }
@@ -50,14 +56,47 @@ const SHARE: f64 = 0.95;
 /// Exposed luminance of the pixel at [`SHARE`].
 const BRIGHT: f32 = 0.8;
 
-/// Exposure in stops that puts the 95th percentile of luminance, over the pixels that are not black, at 80 % of white.
+/// Tiles along the shorter side of a picture.
+const TILES: usize = 32;
+
+/// One over the part of a tile's pixels that must be lit, for the tile to count.
+const LIT: usize = 8;
+
+/// Median luminances of the lit pixels of tiles, without tiles that are nearly black: a few pixels that are far too bright decide
+/// nothing.
+fn tiles(picture: &Buffer, lit: impl Fn(&f32) -> bool) -> Vec<f32> {
+    let edge = (picture.width.min(picture.height) / TILES).max(1);
+    let starts = |length: usize| (0..length).step_by(edge);
+    let median = |(x0, y0): (usize, usize)| {
+        let (columns, rows) = (
+            x0..(x0 + edge).min(picture.width),
+            y0..(y0 + edge).min(picture.height),
+        );
+        let pixels = columns.len() * rows.len();
+        let at = |y: usize| columns.clone().map(move |x| luminance(picture.get(x, y)));
+        let mut seen: Vec<f32> = rows.flat_map(at).filter(&lit).collect();
+        if LIT * seen.len() < pixels || seen.is_empty() {
+            return None;
+        }
+        let middle = seen.len() / 2;
+        Some(*seen.select_nth_unstable_by(middle, f32::total_cmp).1)
+    };
+    (starts(picture.height).flat_map(|y| starts(picture.width).map(move |x| (x, y))))
+        .filter_map(median)
+        .collect()
+}
+
+/// Exposure in stops that puts the 95th percentile of luminance at 80 % of white: of the medians of tiles, nearly black ones left
+/// out, or where all are of the pixels that are not black.
 ///
 /// In steps of a tenth, so that the number in a message makes the same picture again. Zero for a black picture.
 pub fn auto_exposure(picture: &Buffer) -> f32 {
-    let lit = |l: &f32| *l > 0.0 && l.is_finite();
-    let mut lit: Vec<f32> = (picture.pixels.iter().map(|&p| luminance(p)))
-        .filter(lit)
-        .collect();
+    let is_lit = |l: &f32| *l > 0.0 && l.is_finite();
+    let mut lit = tiles(picture, is_lit);
+    if lit.is_empty() {
+        let all = picture.pixels.iter().map(|&p| luminance(p));
+        lit = all.filter(is_lit).collect();
+    }
     if lit.is_empty() {
         return 0.0;
     }
@@ -89,9 +128,86 @@ pub(super) fn aces(rgb: DVec3) -> DVec3 {
     DVec3::select(x.cmplt(DVec3::splat(1e100)), curve, DVec3::ONE)
 }
 
+/// Linear display values of AgX: mixed towards grey, on a curve over the logarithm of each channel, and back.
+fn agx(rgb: DVec3) -> DVec3 {
+    let inset = DMat3::from_cols_array(&[
+        0.842_479_06,
+        0.042_328_24,
+        0.042_375_65,
+        0.078_433_60,
+        0.878_468_64,
+        0.078_433_60,
+        0.079_223_75,
+        0.079_166_13,
+        0.879_142_97,
+    ]);
+    /// Stops about 1 that the curve covers.
+    const STOPS: [f64; 2] = [-12.473_93, 4.026_069];
+    /// The curve's polynomial, from the sixth power down.
+    const CURVE: [f64; 7] = [15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232];
+    let curve = |x: f64| {
+        let stops = x.max(1e-30).log2().clamp(STOPS[0], STOPS[1]);
+        let t = (stops - STOPS[0]) / (STOPS[1] - STOPS[0]);
+        CURVE.iter().fold(0.0, |sum, k| sum * t + k)
+    };
+    let light = rgb.clamp(DVec3::ZERO, DVec3::splat(1e30));
+    let shown = inset.inverse() * (inset * light).map(curve);
+    shown.max(DVec3::ZERO).powf(2.2)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Ten fireflies in a picture most of which is black: they were 95 % of the light, and everything else black.
+    #[test]
+    fn auto_exposure_is_not_blinded_by_fireflies() {
+        let face = |x: usize, y: usize| (40..60).contains(&x) && (40..60).contains(&y);
+        let clean = Buffer::from_fn(200, 200, |x, y| match face(x, y) {
+            true => Rgb::splat(0.5),
+            false => Rgb::ZERO,
+        });
+        let expected = auto_exposure(&clean);
+        assert!(
+            (expected - (BRIGHT / 0.5).log2()).abs() < 0.06,
+            "{expected}"
+        );
+        let mut specks = clean.clone();
+        for k in 0..100 {
+            specks.pixels[(37 + 397 * k) % 40_000] = Rgb::splat(1e5);
+        }
+        assert_eq!(auto_exposure(&specks), expected);
+        // With nothing else they are the picture.
+        let mut alone = Buffer::filled(200, 200, Rgb::ZERO);
+        alone.pixels[77] = Rgb::splat(4.0);
+        assert!((auto_exposure(&alone) - (BRIGHT / 4.0).log2()).abs() < 0.06);
+    }
+
+    #[test]
+    fn agx_view_keeps_grey_and_whitens_bright_colours() {
+        let show = |c: Rgb| {
+            let display = Display {
+                exposure: 0.0,
+                view: ViewTransform::Agx,
+            };
+            display.linear(c)
+        };
+        let greys: Vec<Rgb> = (0..300)
+            .map(|i| show(Rgb::splat((0.05 * i as f32 - 11.0).exp2())))
+            .collect();
+        for pair in greys.windows(2) {
+            assert!(pair[1].x >= pair[0].x - 1e-4, "{pair:?}");
+            assert!((pair[0].x - pair[0].y).abs() < 1e-3 && (pair[0].x - pair[0].z).abs() < 1e-3);
+        }
+        // Middle grey stays near itself.
+        assert!((0.15..0.25).contains(&show(Rgb::splat(0.18)).x));
+        let red = |stops: f32| show(Rgb::new(1.0, 0.02, 0.02) * stops.exp2());
+        let purity = |c: Rgb| c.y / c.x;
+        assert!(purity(red(-2.0)) < 0.25 && purity(red(4.0)) > 2.0 * purity(red(-2.0)));
+        for bad in [f32::MAX, 0.0, -1.0] {
+            assert!(show(Rgb::splat(bad)).is_finite());
+        }
+    }
 
     #[test]
     fn auto_exposure_scales_with_radiance_and_ignores_black_and_non_finite_pixels() {

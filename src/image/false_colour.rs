@@ -12,7 +12,7 @@ use crate::math::Rgb;
 /// Linear RGB of a value in [0, 1]; below and above are clamped.
 ///
 /// In CIELAB: L = 4 + 93 t, chroma 62 sin^0.8(π t) and hue 290° + 160° t.
-pub fn false_colour(t: f32) -> Rgb {
+pub(crate) fn false_colour(t: f32) -> Rgb {
     if t.is_nan() {
         return Rgb::NAN;
     }

@@ -9,7 +9,6 @@
 
 use crate::image::Buffer;
 use crate::image::exr::MAX_PIXELS;
-use crate::image::metric::pixel::EPSILON;
 use crate::math::moments::Moments;
 use crate::math::{DVec3, Rgb, UVec2};
 
@@ -138,13 +137,13 @@ pub struct Rejected {
     pub nan: u64,
     /// Samples with an infinite channel.
     pub infinite: u64,
-    /// The first [`Rejected::REMEMBERED`] of them.
+    /// The first `Rejected::REMEMBERED` of them.
     pub first: Vec<RejectedSample>,
 }
 
 impl Rejected {
     /// Number of refused samples that are remembered by pixel and sample.
-    pub const REMEMBERED: usize = 8;
+    pub(crate) const REMEMBERED: usize = 8;
 
     /// All refused samples.
     pub fn total(&self) -> u64 {
@@ -181,7 +180,7 @@ pub enum FilmError {
         /// The window that it must lie in.
         outer: Window,
     },
-    /// A window of more than [`MAX_PIXELS`].
+    /// A window of more than `MAX_PIXELS`.
     #[error("{}x{} pixels are more than {MAX_PIXELS}", window.w, window.h)]
     TooLarge {
         /// The window asked for.
@@ -195,7 +194,7 @@ pub enum FilmError {
         /// Frame and window of the second.
         b: (UVec2, Window),
     },
-    /// Stored numbers that are not [`Film::NUMBERS`] for each pixel of the window.
+    /// Stored numbers that are not `Film::NUMBERS` for each pixel of the window.
     #[error("{numbers} numbers for the {}x{} pixels of a film", window.w, window.h)]
     Numbers {
         /// Their number.
@@ -292,7 +291,7 @@ impl Film {
     }
 
     /// An error unless both films show the same window of the same frame.
-    pub fn same_place(&self, other: &Self) -> Result<(), FilmError> {
+    pub(crate) fn same_place(&self, other: &Self) -> Result<(), FilmError> {
         if self.size != other.size || self.window != other.window {
             return Err(FilmError::Differ {
                 a: (self.size, self.window),
@@ -348,7 +347,7 @@ impl Film {
     // ── checkpoints ──
 
     /// Numbers of a pixel in [`Film::numbers`].
-    pub const NUMBERS: usize = 7;
+    pub(crate) const NUMBERS: usize = 7;
 
     /// The pixels as numbers, for a checkpoint: count, mean, sum of squared deviations. Refusals are not part of them.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
@@ -404,20 +403,5 @@ impl Film {
             height: self.window.h as usize,
             pixels: self.pixels.iter().map(|m| f(m).as_vec3()).collect(),
         }
-    }
-
-    /// Estimated noise of the picture, √ mean over pixels and channels of Var(mean) / (mean² + ε): the root of
-    /// the relMSE to be expected from noise alone. Infinite while a pixel has fewer than two samples.
-    pub fn relative_error(&self) -> f64 {
-        if self.pixels.iter().any(|m| m.n < 2) {
-            return f64::INFINITY;
-        }
-        let epsilon = DVec3::splat(EPSILON);
-        let sum: f64 = self
-            .pixels
-            .iter()
-            .map(|m| (m.variance_of_mean() / (m.mean * m.mean + epsilon)).element_sum())
-            .sum();
-        (sum / (3.0 * self.pixels.len() as f64)).sqrt()
     }
 }

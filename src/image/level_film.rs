@@ -6,7 +6,9 @@
 //! at all levels, so that they stay averages over the same paths; the film of level 0 reports it.
 //!
 //! Sums are single precision: 12 bytes a level and batch, and as much for the shared light, 320 bytes a pixel for five
-//! levels with counts and features. The film of level 0 beside them has double precision.
+//! levels with counts and features. A sum of more than `CARRY` samples is a pair of numbers, the second of which is what
+//! rounding took from the first: 0.7 added a million times to one number is off by 1 %. So a film takes nearly twice the
+//! memory from sample [`BATCHES`] · `CARRY` on. The film of level 0 beside it has double precision.
 
 use super::Buffer;
 use super::film::Window;
@@ -19,7 +21,14 @@ pub const BATCHES: usize = 4;
 /// Most levels of a film.
 pub const MAX_LEVELS: usize = 8;
 
+/// Samples of a batch after which its sums are carried over, so that a sum of single numbers is off by 0.05 % at most, and
+/// a sum of features over all batches by 0.2 %.
+const CARRY: u32 = 1 << 14;
+
 const MAGIC: &[u8; 8] = b"opsrlvl2";
+
+/// Magic word of a film with sums that are carried over.
+const MAGIC_CARRIED: &[u8; 8] = b"opsrlvl3";
 
 /// Values of one path.
 #[derive(Clone, Copy, Debug)]
@@ -44,6 +53,39 @@ pub struct LevelFilm {
     features: Vec<[f32; 4]>,
     /// Sums by pixel, batch and level, levels fastest, the shared light after the last.
     sums: Vec<Rgb>,
+    /// What was carried over from both, once there is any.
+    carried: Option<Carried>,
+}
+
+/// Sums over the samples up to the last that was carried over: those of the film are added to them.
+#[derive(Clone, Debug, PartialEq)]
+struct Carried {
+    features: Vec<[f32; 4]>,
+    sums: Vec<Rgb>,
+}
+
+/// Adds `low` to `high`; `low` keeps what rounding takes, so that the pair has the same sum as before (Knuth's two-sum).
+fn carry(high: &mut f32, low: &mut f32) {
+    let sum = *high + *low;
+    let added = sum - *high;
+    *low = (*high - (sum - added)) + (*low - added);
+    *high = sum;
+}
+
+impl Carried {
+    fn new(pixels: usize, levels: usize) -> Self {
+        Self {
+            features: vec![[0.0; 4]; pixels],
+            sums: vec![Rgb::ZERO; pixels * BATCHES * (levels + 1)],
+        }
+    }
+
+    /// Copies `count` pixels of `from`, with `stride` sums each.
+    fn copy(&mut self, to: usize, from: &Self, at: usize, count: usize, stride: usize) {
+        self.features[to..to + count].copy_from_slice(&from.features[at..at + count]);
+        self.sums[to * stride..(to + count) * stride]
+            .copy_from_slice(&from.sums[at * stride..(at + count) * stride]);
+    }
 }
 
 impl LevelFilm {
@@ -56,10 +98,19 @@ impl LevelFilm {
             counts: vec![[0; BATCHES]; window.len()],
             features: vec![[0.0; 4]; window.len()],
             sums: vec![Rgb::ZERO; window.len() * BATCHES * (levels + 1)],
+            carried: None,
         }
     }
 
-    /// Bytes that a film of so many pixels takes, beside the film of level 0.
+    /// Bytes that a film with these samples of each pixel, from 0 on, takes, beside the film of level 0.
+    pub fn bytes_with(pixels: usize, levels: usize, samples: u32) -> u64 {
+        let carried = samples > BATCHES as u32 * (CARRY - 1);
+        let counts = (pixels * size_of::<[u32; BATCHES]>()) as u64;
+        let plain = Self::bytes(pixels, levels);
+        plain + if carried { plain - counts } else { 0 }
+    }
+
+    /// Bytes that a film of so many pixels takes, beside the film of level 0, before sums are carried over.
     pub fn bytes(pixels: usize, levels: usize) -> u64 {
         let each = size_of::<[u32; BATCHES]>()
             + size_of::<[f32; 4]>()
@@ -68,10 +119,10 @@ impl LevelFilm {
     }
 
     /// Bytes before the pixels in [`LevelFilm::write`].
-    pub const HEAD: u64 = 12;
+    pub(crate) const HEAD: u64 = 12;
 
     /// Numbers of a pixel in [`LevelFilm::sample`].
-    pub fn sample_numbers(levels: usize) -> usize {
+    pub(crate) fn sample_numbers(levels: usize) -> usize {
         3 * (levels + 1) + 4
     }
 
@@ -103,10 +154,14 @@ impl LevelFilm {
     /// Adds the path of `sample` to the pixel with this index.
     #[inline]
     pub fn push(&mut self, index: usize, sample: u32, path: &PathLevels<'_>) {
+        let batch = sample as usize % BATCHES;
+        // By the number of the sample, not by the count: so it depends on the samples alone whether a film carries.
+        if (sample / BATCHES as u32 + 1).is_multiple_of(CARRY) {
+            self.carry(index, batch);
+        }
         if !path.levels.iter().all(|v| v.is_finite()) || !path.shared.is_finite() {
             return;
         }
-        let batch = sample as usize % BATCHES;
         let at = (index * BATCHES + batch) * (self.levels + 1);
         self.counts[index][batch] += 1;
         for (sum, value) in self.sums[at..at + self.levels].iter_mut().zip(path.levels) {
@@ -118,13 +173,39 @@ impl LevelFilm {
         }
     }
 
+    /// Carries the sums of a pixel's batch over, and with the first batch those of the features.
+    #[cold]
+    fn carry(&mut self, index: usize, batch: usize) {
+        let (pixels, levels) = (self.window.len(), self.levels);
+        let carried = self
+            .carried
+            .get_or_insert_with(|| Carried::new(pixels, levels));
+        let at = (index * BATCHES + batch) * (levels + 1);
+        let range = at..at + levels + 1;
+        for (high, low) in (carried.sums[range.clone()].iter_mut()).zip(&mut self.sums[range]) {
+            carry(&mut high.x, &mut low.x);
+            carry(&mut high.y, &mut low.y);
+            carry(&mut high.z, &mut low.z);
+        }
+        if batch == 0 {
+            let pairs = carried.features[index].iter_mut();
+            for (high, low) in pairs.zip(&mut self.features[index]) {
+                carry(high, low);
+            }
+        }
+    }
+
+    /// Sum of a level, or of the shared light by the number of levels, in a batch of a pixel.
+    fn sum(&self, index: usize, batch: usize, level: usize) -> Rgb {
+        let at = (index * BATCHES + batch) * (self.levels + 1) + level;
+        let carried = self.carried.as_ref().map_or(Rgb::ZERO, |c| c.sums[at]);
+        carried + self.sums[at]
+    }
+
     /// Means by batch of a level, or of the shared light by the number of levels; black where a batch has no sample.
     pub fn batch_means(&self, level: usize) -> [Buffer; BATCHES] {
         std::array::from_fn(|batch| {
-            let pixel = |index: usize| {
-                let n = self.counts[index][batch].max(1) as f32;
-                self.sums[(index * BATCHES + batch) * (self.levels + 1) + level] / n
-            };
+            let pixel = |index: usize| self.batch_mean(index, batch, level);
             Buffer {
                 width: self.window.w as usize,
                 height: self.window.h as usize,
@@ -133,12 +214,19 @@ impl LevelFilm {
         })
     }
 
+    /// Mean of a batch at the pixel with this index of a level, or of the shared light by the number of levels; black where the
+    /// batch has no sample.
+    #[inline]
+    pub fn batch_mean(&self, index: usize, batch: usize, level: usize) -> Rgb {
+        let n = self.counts[index][batch].max(1) as f32;
+        self.sum(index, batch, level) / n
+    }
+
     /// Mean over all samples of a level, or of the shared light by the number of levels; black where there is none.
     pub fn mean(&self, level: usize) -> Buffer {
         let pixel = |index: usize| {
             let n: u32 = self.counts[index].iter().sum();
-            let at = |b: usize| (index * BATCHES + b) * (self.levels + 1) + level;
-            let sums = (0..BATCHES).map(|b| self.sums[at(b)]);
+            let sums = (0..BATCHES).map(|batch| self.sum(index, batch, level));
             sums.sum::<Rgb>() / n.max(1) as f32
         };
         Buffer {
@@ -150,12 +238,12 @@ impl LevelFilm {
 
     /// Means of the features: normal and length.
     pub fn features(&self) -> Vec<[f32; 4]> {
-        let pairs = self.features.iter().zip(&self.counts);
-        let mean = |(sum, counts): (&[f32; 4], &[u32; BATCHES])| {
-            let n = counts.iter().sum::<u32>().max(1) as f32;
-            sum.map(|s| s / n)
+        let mean = |index: usize| {
+            let n = self.counts[index].iter().sum::<u32>().max(1) as f32;
+            let carried = (self.carried.as_ref()).map_or([0.0; 4], |c| c.features[index]);
+            std::array::from_fn(|i| (carried[i] + self.features[index][i]) / n)
         };
-        pairs.map(mean).collect()
+        (0..self.window.len()).map(mean).collect()
     }
 
     /// The fewest samples that a batch of a pixel has.
@@ -175,6 +263,11 @@ impl LevelFilm {
             cut.features[theirs..theirs + w].copy_from_slice(&self.features[mine..mine + w]);
             cut.sums[theirs * stride..(theirs + w) * stride]
                 .copy_from_slice(&self.sums[mine * stride..(mine + w) * stride]);
+            if let Some(all) = &self.carried {
+                let blank = || Carried::new(tile.len(), self.levels);
+                let part = cut.carried.get_or_insert_with(blank);
+                part.copy(theirs, all, mine, w, stride);
+            }
         }
         cut
     }
@@ -188,6 +281,12 @@ impl LevelFilm {
             self.features[mine..mine + w].copy_from_slice(&tile.features[theirs..theirs + w]);
             self.sums[mine * stride..(mine + w) * stride]
                 .copy_from_slice(&tile.sums[theirs * stride..(theirs + w) * stride]);
+            if let Some(part) = &tile.carried {
+                let (pixels, levels) = (self.window.len(), self.levels);
+                let blank = || Carried::new(pixels, levels);
+                let all = self.carried.get_or_insert_with(blank);
+                all.copy(mine, part, theirs, w, stride);
+            }
         }
     }
 
@@ -208,18 +307,23 @@ impl LevelFilm {
     /// Writes the sums; frame and window are those of the film of level 0.
     ///
     /// Little endian: the magic word, the number of levels, then by pixel four counts, four features and the sums, batch
-    /// by batch.
+    /// by batch. Where sums were carried over, another magic word, and then by pixel four features and the sums that they
+    /// were carried to.
     pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
-        out.write_all(MAGIC)?;
+        let carried = self.carried.as_ref();
+        out.write_all(carried.map_or(MAGIC, |_| MAGIC_CARRIED))?;
         out.write_all(&(self.levels as u32).to_le_bytes())?;
         let sums = self.sums.chunks_exact(BATCHES * (self.levels + 1));
         for ((counts, features), sums) in self.counts.iter().zip(&self.features).zip(sums) {
             for count in counts {
                 out.write_all(&count.to_le_bytes())?;
             }
-            let sums = sums.iter().flat_map(|sum| sum.to_array());
-            for x in features.iter().copied().chain(sums) {
-                out.write_all(&x.to_le_bytes())?;
+            write_sums(features, sums, out)?;
+        }
+        if let Some(Carried { features, sums }) = carried {
+            let sums = sums.chunks_exact(BATCHES * (self.levels + 1));
+            for (features, sums) in features.iter().zip(sums) {
+                write_sums(features, sums, out)?;
             }
         }
         Ok(())
@@ -229,7 +333,8 @@ impl LevelFilm {
     pub fn read(size: UVec2, window: Window, bytes: &mut &[u8]) -> Result<Self, &'static str> {
         let cut = || "the levels are cut short";
         let (magic, rest) = bytes.split_first_chunk::<8>().ok_or_else(cut)?;
-        if magic != MAGIC {
+        let is_carried = magic == MAGIC_CARRIED;
+        if magic != MAGIC && !is_carried {
             return Err("no levels, or of another version");
         }
         let (levels, rest) = rest.split_first_chunk::<4>().ok_or_else(cut)?;
@@ -239,26 +344,141 @@ impl LevelFilm {
         }
         // Compared before memory is taken.
         let length = usize::try_from(Self::bytes(window.len(), levels)).map_err(|_| cut())?;
-        let (pixels, rest) = rest.split_at_checked(length).ok_or_else(cut)?;
-        let mut film = Self::new(size, window, levels);
+        let (pixels, mut rest) = rest.split_at_checked(length).ok_or_else(cut)?;
         let stride = BATCHES * (levels + 1);
+        let mut carried_pixels: &[u8] = &[];
+        if is_carried {
+            let length = length - window.len() * size_of::<[u32; BATCHES]>();
+            (carried_pixels, rest) = rest.split_at_checked(length).ok_or_else(cut)?;
+        }
+        let mut film = Self::new(size, window, levels);
+        film.carried = is_carried.then(|| Carried::new(window.len(), levels));
+        if let Some(Carried { features, sums }) = &mut film.carried {
+            let each = carried_pixels.chunks_exact(4 * (4 + 3 * stride));
+            let pairs = features.iter_mut().zip(sums.chunks_exact_mut(stride));
+            for ((features, sums), pixel) in pairs.zip(each) {
+                read_sums(pixel.as_chunks::<4>().0, features, sums);
+            }
+        }
         let each = pixels.chunks_exact(4 * (BATCHES + 4 + 3 * stride));
         for (index, pixel) in each.enumerate() {
             let (words, _) = pixel.as_chunks::<4>();
             let (counts, rest) = words.split_at(BATCHES);
-            let (features, sums) = rest.split_at(4);
-            for (feature, word) in film.features[index].iter_mut().zip(features) {
-                *feature = f32::from_le_bytes(*word);
-            }
+            let sums = &mut film.sums[index * stride..(index + 1) * stride];
+            read_sums(rest, &mut film.features[index], sums);
             for (count, word) in film.counts[index].iter_mut().zip(counts) {
                 *count = u32::from_le_bytes(*word);
-            }
-            let (sums, _) = sums.as_chunks::<3>();
-            for (sum, rgb) in film.sums[index * stride..].iter_mut().zip(sums) {
-                *sum = Rgb::from_array(rgb.map(f32::from_le_bytes));
             }
         }
         *bytes = rest;
         Ok(film)
+    }
+}
+
+/// Writes features and sums of a pixel.
+fn write_sums(features: &[f32; 4], sums: &[Rgb], out: &mut impl Write) -> io::Result<()> {
+    let sums = sums.iter().flat_map(|sum| sum.to_array());
+    for x in features.iter().copied().chain(sums) {
+        out.write_all(&x.to_le_bytes())?;
+    }
+    Ok(())
+}
+
+/// Reads what [`write_sums`] wrote.
+fn read_sums(words: &[[u8; 4]], features: &mut [f32; 4], sums: &mut [Rgb]) {
+    let (first, rest) = words.split_at(4);
+    for (feature, word) in features.iter_mut().zip(first) {
+        *feature = f32::from_le_bytes(*word);
+    }
+    let (rest, _) = rest.as_chunks::<3>();
+    for (sum, rgb) in sums.iter_mut().zip(rest) {
+        *sum = Rgb::from_array(rgb.map(f32::from_le_bytes));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: UVec2 = UVec2::new(3, 2);
+
+    fn blank() -> LevelFilm {
+        LevelFilm::new(SIZE, Window::full(SIZE), 2)
+    }
+
+    /// Adds samples with constant values to the pixel with this index.
+    fn push(film: &mut LevelFilm, index: usize, samples: std::ops::Range<u32>) {
+        let levels = [Rgb::new(0.7, 1.3, 1e-3), Rgb::splat(0.1)];
+        let path = PathLevels {
+            levels: &levels,
+            shared: Rgb::splat(0.3),
+            features: [0.6, -0.8, 0.0, 7.3],
+        };
+        samples.for_each(|sample| film.push(index, sample, &path));
+    }
+
+    /// In single precision 0.7 added a million times is off by up to 1 %.
+    #[test]
+    fn means_of_millions_of_samples_are_those_of_few() {
+        let mut film = blank();
+        push(&mut film, 1, 0..4_000_003);
+        let close = |found: f32, expected: f32, tolerance: f32| {
+            assert!(
+                (found / expected - 1.0).abs() < tolerance,
+                "{found} {expected}"
+            );
+        };
+        for (level, expected) in [[0.7, 1.3, 1e-3], [0.1; 3], [0.3; 3]]
+            .into_iter()
+            .enumerate()
+        {
+            let batches = film.batch_means(level);
+            for buffer in batches.iter().chain([&film.mean(level)]) {
+                let found = buffer.pixels[1].to_array();
+                (0..3).for_each(|c| close(found[c], expected[c], 5e-4));
+            }
+        }
+        let features = film.features()[1];
+        assert_eq!(features[2], 0.0);
+        close(features[0], 0.6, 2e-3);
+        close(features[1], -0.8, 2e-3);
+        close(features[3], 7.3, 2e-3);
+    }
+
+    #[test]
+    fn carried_sums_go_with_tiles_and_files() {
+        let last = BATCHES as u32 * (CARRY - 1);
+        for (end, magic) in [
+            (last, MAGIC),
+            (last + 1, MAGIC_CARRIED),
+            (last + 7, MAGIC_CARRIED),
+        ] {
+            let (mut whole, mut film) = (blank(), blank());
+            for index in 0..SIZE.element_product() as usize {
+                push(&mut whole, index, 0..end + 9);
+            }
+            // In tiles, and by way of a file.
+            for tile in Window::full(SIZE).tiles(2) {
+                let mut part = film.cut(tile);
+                (0..tile.len()).for_each(|index| push(&mut part, index, 0..end));
+                film.paste(&part);
+            }
+            let mut bytes = Vec::new();
+            film.write(&mut bytes).unwrap();
+            assert_eq!(&bytes[..8], magic);
+            let length = bytes.len() as u64;
+            assert_eq!(length, LevelFilm::HEAD + LevelFilm::bytes_with(6, 2, end));
+            let read = |bytes: &mut &[u8]| LevelFilm::read(SIZE, Window::full(SIZE), bytes);
+            let mut rest = &bytes[..];
+            let mut again = read(&mut rest).unwrap();
+            assert!(again == film && rest.is_empty());
+            assert!(read(&mut &bytes[..bytes.len() - 1]).is_err());
+            for tile in Window::full(SIZE).tiles(1) {
+                let mut part = again.cut(tile);
+                push(&mut part, 0, end..end + 9);
+                again.paste(&part);
+            }
+            assert_eq!(again, whole);
+        }
     }
 }

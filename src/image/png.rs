@@ -37,7 +37,10 @@ pub fn display(value: Rgb, display: Display) -> [u8; 3] {
     if !value.is_finite() {
         return [255, 0, 255];
     }
-    (display.linear(value).to_array()).map(|c| (srgb_encode(c) * 255.0).round() as u8)
+    display
+        .linear(value)
+        .to_array()
+        .map(|c| (srgb_encode(c) * 255.0).round() as u8)
 }
 
 /// A PNG file in memory. A number for the display is an exposure in stops.
@@ -46,7 +49,9 @@ pub fn encode(
     display: impl Into<Display>,
 ) -> Result<Vec<u8>, ::image::ImageError> {
     let shown = display.into();
-    let bytes = (picture.pixels.iter())
+    let bytes = picture
+        .pixels
+        .iter()
         .flat_map(|&p| self::display(p, shown))
         .collect();
     let rgb = RgbImage::from_raw(picture.width as u32, picture.height as u32, bytes);

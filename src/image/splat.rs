@@ -45,7 +45,7 @@ impl SplatLayer {
     }
 
     /// Adds splats in their order.
-    pub fn add_in_order(&mut self, splats: &[Splat]) {
+    pub(crate) fn add_in_order(&mut self, splats: &[Splat]) {
         for splat in splats {
             self.sums[splat.index as usize] += splat.value.as_dvec3();
         }
@@ -53,6 +53,8 @@ impl SplatLayer {
 
     /// The sums, row by row; the layer is empty again.
     pub fn take(&mut self) -> impl Iterator<Item = Rgb> + '_ {
-        (self.sums.iter_mut()).map(|sum| std::mem::take(sum).as_vec3())
+        self.sums
+            .iter_mut()
+            .map(|sum| std::mem::take(sum).as_vec3())
     }
 }

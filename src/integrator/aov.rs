@@ -267,6 +267,8 @@ fn albedo(bsdf: &Bsdf) -> Rgb {
         Bsdf::Anisotropic(a) => albedo(&Bsdf::Glossy(a.isotropic())),
         Bsdf::Dielectric(d) => d.tint,
         Bsdf::Thin(t) => t.tint,
+        Bsdf::Iridescent(l) => albedo(&l.base()),
+        Bsdf::Sheen(s) => s.color,
         Bsdf::Clearcoated(c) => albedo(&c.base()) * c.through(Vec3::Z, Vec3::Z),
     }
 }
@@ -475,7 +477,7 @@ impl Recorder for PixelTime {
 /// The surface that the ray through the centre of a pixel meets.
 pub fn centre(view: &View<'_>, pixel: UVec2) -> Option<(Hit, Surface)> {
     let ray = view.sensor.ray(pixel.as_vec2() + Vec2::splat(0.5));
-    let hit = view.scene.intersect(&ray)?;
+    let hit = view.scene.intersect_seen(&ray)?;
     Some((hit, view.scene.surface(&hit)))
 }
 

@@ -20,7 +20,7 @@ pub struct Budget {
 pub struct ErrorBound {
     /// The render stops at this error.
     pub bound: f64,
-    /// Estimate of a picture's error, such as [`Film::relative_error`](crate::image::Film::relative_error) of its film.
+    /// Estimate of a picture's error, of which some doubt is part.
     pub estimate: fn(&Picture) -> f64,
 }
 

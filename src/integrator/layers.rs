@@ -5,10 +5,10 @@ use super::{Picture, View};
 use crate::image::Buffer;
 use crate::image::exr::Layer;
 use crate::image::film::Window;
-use clap::ValueEnum;
 
 /// A layer, or channels, that a render can add to its EXR files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Aov {
     /// Mean reflectance of the first surface.
     Albedo,
@@ -35,17 +35,31 @@ pub enum Aov {
 }
 
 impl Aov {
+    /// All of them.
+    pub const ALL: [Self; 11] = [
+        Self::Albedo,
+        Self::Normal,
+        Self::Depth,
+        Self::Alpha,
+        Self::Position,
+        Self::Id,
+        Self::Emission,
+        Self::Direct,
+        Self::Indirect,
+        Self::Level,
+        Self::Time,
+    ];
+
     /// Its name in options.
     pub fn name(self) -> String {
-        let value = self.to_possible_value();
-        value.map_or(String::new(), |value| value.get_name().to_owned())
+        format!("{self:?}").to_lowercase()
     }
 
     /// The layer with this name; an error that lists all.
     pub fn named(name: &str) -> Result<Self, String> {
-        Self::from_str(name, false).map_err(|_| {
-            let known = Self::value_variants().iter().map(|aov| aov.name());
-            let known = known.collect::<Vec<_>>().join(", ");
+        let found = Self::ALL.into_iter().find(|aov| aov.name() == name);
+        found.ok_or_else(|| {
+            let known = Self::ALL.map(Self::name).join(", ");
             format!("no layer `{name}`: there are {known}")
         })
     }

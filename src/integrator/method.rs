@@ -8,117 +8,124 @@ use crate::regularise::file::TableFile;
 use crate::regularise::rules::MOLLIFIER_RADIUS;
 use crate::regularise::{Accumulated, Factors, Lookup, Rule, TableTuning};
 use crate::sampler::SamplerKind;
-use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// A method and its constants.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(deny_unknown_fields)]
 pub struct MethodSpec {
     /// Its name in the results of a bench.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub name: String,
     /// The algorithm that estimates the picture.
-    #[arg(long, value_enum, default_value_t)]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     #[serde(default, skip_serializing_if = "IntegratorKind::is_path")]
     pub integrator: IntegratorKind,
     /// Rule of regularisation.
-    #[arg(long = "mode", value_name = "RULE", value_enum, default_value_t)]
+    #[cfg_attr(
+        feature = "cli",
+        arg(long = "mode", value_name = "RULE", value_enum, default_value_t)
+    )]
     pub method: Kind,
     /// One attenuation factor in [0, 1] for all paths, instead of a table; 0 is plain path tracing.
-    #[arg(long, value_name = "X", value_parser = unit)]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "X", value_parser = unit))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gamma: Option<f32>,
     /// Learned attenuation factors: a table's file, or beta-0.001 or beta-0.05, which the program contains.
-    #[arg(
-        id = "opsr_table",
-        long = "opsr-table",
-        value_name = "TABLE",
-        conflicts_with = "gamma"
+    #[cfg_attr(
+        feature = "cli",
+        arg(
+            id = "opsr_table",
+            long = "opsr-table",
+            value_name = "TABLE",
+            conflicts_with = "gamma"
+        )
     )]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub table: Option<PathBuf>,
     /// Scale of the table instead of its own.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub table_scale: Option<f32>,
     /// Share of the table's pattern that is kept, from 0, one factor for all paths, to 1.
-    #[arg(long, value_name = "X", default_value_t = 1.0, requires = "opsr_table", value_parser = unit)]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "X", default_value_t = 1.0, requires = "opsr_table", value_parser = unit))]
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub table_contrast: f32,
     /// Choose scale and contrast of the table by a pilot, for the most samples of the suite.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub pilot: bool,
     /// Scales of several levels on the same paths, of which every pixel gets the best; empty for one level.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub levels: Vec<f32>,
     /// Mean of every level: halfway between its mean and the median of its batches.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub robust: bool,
     /// Standard deviation in pixels of the blur of roughened light, instead of the default; 0 for none.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma: Option<f32>,
     /// Denoise the picture.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub denoise: bool,
     /// Look-up of the factors, instead of the one that the table was learned for.
-    #[arg(long, value_enum, requires = "opsr_table")]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, requires = "opsr_table"))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lookup: Option<Lookup>,
     /// Continue paths with the roughened lobe.
-    #[arg(skip)]
+    #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(default)]
     pub reuse: bool,
     /// Let the bias vanish: sample n roughens by n^-LAMBDA of the full amount, LAMBDA in (0, 0.5).
-    #[arg(
+    #[cfg_attr(feature = "cli", arg(
         long = "consistent",
         value_name = "LAMBDA",
         num_args = 0..=1,
         default_missing_value = "0.16666667",
         value_parser = exponent
-    )]
+    ))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lambda: Option<f32>,
     /// Filter value of filter-glossy; 1 if not given.
-    #[arg(long, value_name = "X", value_parser = positive)]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "X", value_parser = positive))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub filter: Option<f32>,
     /// First radius within which the photons of vcm and sppm count, in the scene's units; twice a pixel's footprint if
     /// not given.
-    #[arg(long, value_name = "R", value_parser = positive)]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "R", value_parser = positive))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius: Option<f32>,
     /// Shrinking of that radius: in sample n it is n^((A − 1)/2) of the first, A in (0, 1]; 2/3 if not given.
-    #[arg(long, value_name = "A", value_parser = shrinking)]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "A", value_parser = shrinking))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radius_alpha: Option<f32>,
     /// Connections of vcm; all if not given.
-    #[arg(long, value_enum)]
+    #[cfg_attr(feature = "cli", arg(long, value_enum))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub connections: Option<Connections>,
     /// Draw directions from a guide too, which learns while rendering where light comes from; path only. With a table or
     /// gamma the picture is roughened and the guide learns from it; `unbiased` roughens for the guide alone.
-    #[arg(long, value_enum, value_name = "FOR", num_args = 0..=1, default_missing_value = "picture")]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "FOR", num_args = 0..=1, default_missing_value = "picture"))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub guide: Option<Guide>,
     /// Mutations per pixel of one sample of mlt; 16 if not given.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65536)))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mlt_pass: Option<u32>,
     /// Random numbers of camera paths of --integrator path; independent in a suite that does not say, and with --guide.
-    #[arg(long, value_enum, value_name = "KIND", default_value_t = SamplerKind::Sobol)]
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "KIND", default_value_t = SamplerKind::Sobol))]
     #[serde(default, skip_serializing_if = "SamplerKind::is_independent")]
     pub sampler: SamplerKind,
 }
 
 /// Connections of `vcm`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Connections {
     /// Every vertex of a light path to the camera and to every vertex of a camera path.
@@ -128,7 +135,8 @@ pub enum Connections {
 }
 
 /// The paths from which a guide learns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Guide {
     /// The paths of the picture.
@@ -138,7 +146,8 @@ pub enum Guide {
 }
 
 /// Integrators by name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum IntegratorKind {
     /// Path tracing from the camera.
@@ -149,7 +158,7 @@ pub enum IntegratorKind {
     /// Bidirectional path tracing: lamps behind glass, caustics, indirect light.
     Bdpt,
     /// Bidirectional path tracing and photon density in one: caustics seen through glass, water or mirrors too.
-    #[value(alias = "ups")]
+    #[cfg_attr(feature = "cli", value(alias = "ups"))]
     #[serde(alias = "ups")]
     Vcm,
     /// Photon density with a shrinking radius.
@@ -193,7 +202,8 @@ impl IntegratorKind {
 }
 
 /// Kinds of methods.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
     /// At next-event estimation only; the path continues with the original lobe.
@@ -204,13 +214,13 @@ pub enum Kind {
     #[serde(skip)]
     Reuse,
     /// No regularisation.
-    #[value(skip)]
+    #[cfg_attr(feature = "cli", value(skip))]
     Plain,
     /// One attenuation factor.
-    #[value(skip)]
+    #[cfg_attr(feature = "cli", value(skip))]
     Constant,
     /// Learned attenuation factors.
-    #[value(skip)]
+    #[cfg_attr(feature = "cli", value(skip))]
     Table,
     /// pbrt-v4's rule, for comparison.
     Pbrt,
@@ -310,33 +320,27 @@ impl MethodSpec {
         &self,
         integrator: IntegratorKind,
     ) -> impl Iterator<Item = (&'static str, String)> + use<> {
-        let name = |value: Option<clap::builder::PossibleValue>| {
-            value.map_or(String::new(), |value| value.get_name().to_owned())
-        };
         let gamma = self.gamma.map(|gamma| ("gamma", gamma.to_string()));
         let sampled = integrator.is_path() && self.guide.is_none();
-        let sampler = (sampled && !self.sampler.is_independent())
-            .then(|| ("sampler", name(self.sampler.to_possible_value())));
-        let guide = self.guide.and_then(|guide| guide.to_possible_value());
-        let guide = guide.map(|guide| ("guide", guide.get_name().to_owned()));
+        let sampler =
+            (sampled && !self.sampler.is_independent()).then(|| ("sampler", word(&self.sampler)));
+        let guide = self.guide.map(|guide| ("guide", word(&guide)));
         let pilot =
             (integrator != self.integrator).then(|| ("integrator_chosen_by", "pilot".to_owned()));
         let consistent = self.lambda.map(|x| ("consistent", x.to_string()));
         let filter = self.filter.map(|x| ("filter", x.to_string()));
-        let lookup = self.lookup.and_then(|lookup| lookup.to_possible_value());
-        let lookup = lookup.map(|lookup| ("lookup", lookup.get_name().to_owned()));
+        let lookup = self.lookup.map(|lookup| ("lookup", word(&lookup)));
         // A pilot may have chosen an integrator without a radius.
         let merges = integrator.merges();
         let radius = self.radius.filter(|_| merges);
         let radius = radius.map(|x| ("radius", x.to_string()));
         let radius_alpha = self.radius_alpha.filter(|_| merges);
         let radius_alpha = radius_alpha.map(|x| ("radius_alpha", x.to_string()));
-        let connections = self.connections.and_then(|kind| kind.to_possible_value());
-        let connections = connections.map(|kind| ("connections", kind.get_name().to_owned()));
+        let connections = self.connections.map(|kind| ("connections", word(&kind)));
         let mlt_pass = self.mlt_pass.map(|n| ("mlt_pass", n.to_string()));
         [
-            ("integrator", name(integrator.to_possible_value())),
-            ("mode", name(self.method.to_possible_value())),
+            ("integrator", word(&integrator)),
+            ("mode", word(&self.method)),
         ]
         .into_iter()
         .chain(pilot)
@@ -450,15 +454,29 @@ fn is_one(x: &f32) -> bool {
     *x == 1.0
 }
 
+/// A choice by the name that options have for it: that of its variant in kebab case.
+fn word(choice: &impl std::fmt::Debug) -> String {
+    let mut word = String::new();
+    for c in format!("{choice:?}").chars() {
+        if c.is_uppercase() && !word.is_empty() {
+            word.push('-');
+        }
+        word.extend(c.to_lowercase());
+    }
+    word
+}
+
 /// A number from 0 to 1.
 pub fn unit(text: &str) -> Result<f32, String> {
     number(text, |x| (0.0..=1.0).contains(&x), "from 0 to 1")
 }
 
+#[cfg(feature = "cli")]
 fn exponent(text: &str) -> Result<f32, String> {
     number(text, |x| x > 0.0 && x < 0.5, "between 0 and 0.5")
 }
 
+#[cfg(feature = "cli")]
 fn shrinking(text: &str) -> Result<f32, String> {
     number(text, |x| x > 0.0 && x <= 1.0, "above 0 and at most 1")
 }
@@ -476,4 +494,28 @@ pub fn at_least_zero(text: &str) -> Result<f32, String> {
 fn number(text: &str, allowed: fn(f32) -> bool, range: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|&x| allowed(x));
     number.ok_or_else(|| format!("expected a number {range}"))
+}
+
+#[cfg(all(test, feature = "cli"))]
+mod tests {
+    use super::*;
+    use clap::ValueEnum;
+
+    /// Metadata name a choice as its option does.
+    #[test]
+    fn words_are_the_names_of_options() {
+        fn check<T: ValueEnum + std::fmt::Debug>() {
+            for choice in T::value_variants() {
+                let name = choice.to_possible_value();
+                assert!(name.is_none_or(|name| name.get_name() == word(choice)));
+            }
+        }
+        check::<Kind>();
+        check::<IntegratorKind>();
+        check::<Guide>();
+        check::<Connections>();
+        check::<SamplerKind>();
+        check::<Lookup>();
+        assert_eq!(word(&Kind::Default), "default");
+    }
 }

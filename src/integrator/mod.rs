@@ -3,7 +3,7 @@
 //! [`Settings`] name an [`Estimator`] and a [rule](crate::regularise::Rule); [`Settings::integrator`] makes an
 //! [`Integrator`] of them, the one place with dynamic dispatch (one call a pass). Everything below is monomorphised: plain
 //! path tracing compiles to a loop without a table. [`levels`] traces several amounts of roughening at once, [`guided`] learns
-//! where light comes from. What estimators share is in [`walk`] as steps; each keeps its own loop.
+//! where light comes from. All walk by one [`walk`]: a loop holds its estimator and nothing else.
 
 pub mod aov;
 pub mod bidirectional;
@@ -32,7 +32,7 @@ pub use metropolis::Metropolis;
 pub use path::PathTracer;
 pub use settings::{Estimator, Settings};
 use std::ops::Range;
-pub use walk::bodies::EnclosingBodies;
+pub use walk::Walk;
 pub use walk::observer::{Event, PathObserver, Recorder, Technique};
 pub use walk::shading_point::ShadingPoint;
 

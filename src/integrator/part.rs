@@ -187,7 +187,7 @@ impl Part {
         if start == 0 {
             let film = pixels as u64 * 8 * (Film::NUMBERS + aovs) as u64;
             let head = if levels > 0 { LevelFilm::HEAD } else { 0 };
-            film + head + LevelFilm::bytes(pixels, levels) * u64::from(levels > 0)
+            film + head + LevelFilm::bytes_with(pixels, levels, end) * u64::from(levels > 0)
         } else {
             let of_levels = match levels {
                 0 => 0,
@@ -299,7 +299,8 @@ pub fn merge(
 
     let [a, b] = first.aov_numbers();
     let each = size_of::<[f64; 7]>() as u64 + 8 * (a + b) as u64;
-    let levels = LevelFilm::bytes(window.len(), first.levels.len());
+    let most = parts.iter().map(|(_, part)| part.samples[1]).max();
+    let levels = LevelFilm::bytes_with(window.len(), first.levels.len(), most.unwrap_or(0));
     let largest = parts.iter().filter(|(_, part)| part.samples[0] == 0);
     let largest = largest.map(|(_, part)| 2 * part.payload_bytes()).max();
     let bytes = window.len() as u64 * each + levels + largest.unwrap_or(0);

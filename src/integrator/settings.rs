@@ -1,6 +1,6 @@
 //! Settings of a render, and the integrator they stand for.
 
-use super::bidirectional::{Bidirectional, Radius, Strategies, Strategy};
+use super::bidirectional::{Aimed, Bidirectional, Radius, Strategies, Strategy};
 use super::guided::{self, Guided};
 use super::levels::{LevelError, LevelTracer, SCALES};
 use super::metropolis::{self, Metropolis};
@@ -163,6 +163,7 @@ impl Settings {
             max_vertices: self.max_vertices,
             roulette_start: self.roulette_start,
             seed: self.seed,
+            aimed: Aimed::default(),
         }
     }
 

@@ -113,6 +113,8 @@ impl PathObserver for Tracer<'_> {
                 Bsdf::Thin(_) => "thin wall",
                 Bsdf::Clearcoated(_) => "under a clear coat",
                 Bsdf::Anisotropic(_) => "anisotropic",
+                Bsdf::Iridescent(_) => "iridescent",
+                Bsdf::Sheen(_) => "sheen",
             },
             throughput: point.throughput,
             alpha: point.alpha,

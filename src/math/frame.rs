@@ -3,7 +3,7 @@
 use super::Vec3;
 
 /// An orthonormal basis (`s`, `t`, `n`); local `z` is `n`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
     /// First tangent.
     pub s: Vec3,
@@ -42,6 +42,6 @@ impl Frame {
 
 /// tan² θ of a local direction of any length, from its tangential part: no cancellation near the pole.
 #[inline]
-pub fn tan2_theta(w: Vec3) -> f32 {
+pub(crate) fn tan2_theta(w: Vec3) -> f32 {
     (w.x * w.x + w.y * w.y) / (w.z * w.z)
 }

@@ -40,14 +40,8 @@ impl Ray {
     }
 }
 
-/// x².
-#[inline]
-pub fn sqr(x: f32) -> f32 {
-    x * x
-}
-
 /// Rec. 709 luminance of linear RGB.
 #[inline]
-pub fn luminance(c: Rgb) -> f32 {
+pub(crate) fn luminance(c: Rgb) -> f32 {
     0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z
 }

@@ -21,12 +21,12 @@ pub fn disk(u: Vec2) -> Vec2 {
 
 /// Cosine-weighted direction of the upper hemisphere, density cos θ / π per steradian.
 #[inline]
-pub fn cosine_hemisphere(u: Vec2) -> Vec3 {
+pub(crate) fn cosine_hemisphere(u: Vec2) -> Vec3 {
     let d = disk(u);
     Vec3::new(d.x, d.y, (1.0 - d.length_squared()).max(0.0).sqrt())
 }
 
-/// Density of [`cosine_hemisphere`], per steradian.
+/// Density of `cosine_hemisphere`, per steradian.
 #[inline]
 pub fn cosine_hemisphere_pdf(cos: f32) -> f32 {
     cos.max(0.0) * FRAC_1_PI
@@ -48,5 +48,14 @@ pub fn sphere(u: Vec2) -> Vec3 {
     Vec3::new(r * phi.cos(), r * phi.sin(), z)
 }
 
+/// Uniform direction of the cone about +z whose half angle has 1 − cos = `width`, density 1/(2π `width`) per steradian.
+#[inline]
+pub fn cone(u: Vec2, width: f32) -> Vec3 {
+    let z = 1.0 - u.x * width;
+    let r = (u.x * width * (2.0 - u.x * width)).max(0.0).sqrt();
+    let (sin, cos) = (2.0 * PI * u.y).sin_cos();
+    Vec3::new(r * cos, r * sin, z)
+}
+
 /// Density of [`sphere`], per steradian.
-pub const SPHERE_PDF: f32 = 0.25 * FRAC_1_PI;
+pub(crate) const SPHERE_PDF: f32 = 0.25 * FRAC_1_PI;

@@ -5,36 +5,17 @@
 //! [`PathRoughness`] and [`Factors`] (a learned table, or one constant γ). [`Rule`] is the policy a user chooses,
 //! rules of other renderers among them; estimators see any of them as a [`Roughening`].
 //!
-//! Nothing here depends on scenes, lights or the trainer.
+//! Path roughness, tables, their files and their export are the crate `opsr-table`, which other renderers use without this
+//! one; the rules are here. Nothing here depends on scenes, lights or the trainer.
 
-pub mod export;
 pub mod file;
-mod roughness;
 pub mod rules;
-mod table;
 
-pub use roughness::{
-    BIN_EDGES, BINS, GammaIndex, MAX_VERTICES, PathRoughness, bin, bin_coordinate,
+pub use opsr_table::{
+    Attenuation, AttenuationTable, BIN_EDGES, BINS, ConstantGamma, GammaIndex, LEN, Lookup,
+    MAX_VERTICES, PathRoughness, TableTuning, bin, bin_coordinate, export,
 };
 pub use rules::Rule;
-pub use table::{AttenuationTable, LEN, Lookup, TableTuning};
-
-/// A source of the attenuation factor γ in [0, 1] of a path.
-pub trait Attenuation: Sync {
-    /// γ for a path with this prefix whose last vertex has roughness `last`; the prefix is not empty.
-    fn gamma(&self, prefix: &PathRoughness, last: f32) -> f32;
-}
-
-/// One γ for every path: the paper's naive variant.
-#[derive(Clone, Copy, Debug)]
-pub struct ConstantGamma(pub f32);
-
-impl Attenuation for ConstantGamma {
-    #[inline]
-    fn gamma(&self, _: &PathRoughness, _: f32) -> f32 {
-        self.0
-    }
-}
 
 /// Attenuation factors of [`Accumulated`].
 #[derive(Clone, Debug, PartialEq)]

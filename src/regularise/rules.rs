@@ -105,7 +105,7 @@ impl Rule {
 
 /// α′ of [`Rule::FilterGlossy`] after this smallest density.
 #[inline]
-pub(crate) fn filter_glossy(filter: f32, least_pdf_w: f32, alpha: f32) -> f32 {
+fn filter_glossy(filter: f32, least_pdf_w: f32, alpha: f32) -> f32 {
     let b = least_pdf_w / filter;
     if b < 1.0 {
         alpha.max(0.5 * (1.0 - b).sqrt())

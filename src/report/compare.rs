@@ -189,6 +189,16 @@ pub fn compare(
     reference: &Named,
     options: &Options,
 ) -> Result<Comparison, CompareError> {
+    compare_with(pictures, reference, options, |_| ())
+}
+
+/// Compares each picture with the reference, and calls `begin` with each before it does so: large pictures take seconds.
+pub fn compare_with(
+    pictures: &[Named],
+    reference: &Named,
+    options: &Options,
+    mut begin: impl FnMut(&Named),
+) -> Result<Comparison, CompareError> {
     let failed = |picture: &str, reason| CompareError {
         picture: picture.to_owned(),
         reference: reference.name.clone(),
@@ -210,6 +220,7 @@ pub fn compare(
         };
     let mut entries = Vec::new();
     for p in pictures {
+        begin(p);
         entries.push(entry(p, &reference.picture, options, hdr).map_err(|e| failed(&p.name, e))?);
     }
     let seeds = if options.seeds {

@@ -52,7 +52,7 @@ impl<'a> Axis<'a> {
 pub(super) struct Line<'a> {
     pub(super) name: &'a str,
     pub(super) colour: &'a str,
-    /// As SVG's `stroke-dasharray`; empty for a solid line.
+    /// Value of SVG's `stroke-dasharray`; empty for a solid line.
     pub(super) dashes: &'a str,
     pub(super) points: Vec<(f64, f64)>,
     pub(super) band: Vec<(f64, f64, f64)>,

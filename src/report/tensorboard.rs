@@ -119,7 +119,7 @@ fn leading_varint(bytes: &[u8]) -> Option<u64> {
     Some(bytes[..=groups].iter().rev().fold(0, group))
 }
 
-/// So many bytes, whose checksum follows and must hold, and the rest of the file.
+/// Splits `length` bytes off a file; their checksum, which follows, must hold. Returns the bytes and the rest of the file.
 fn checked(file: &[u8], length: usize) -> Option<(&[u8], &[u8])> {
     let (bytes, rest) = file.split_at_checked(length)?;
     let (sum, rest) = rest.split_first_chunk()?;

@@ -9,7 +9,7 @@ use crate::train::config::ConfigError;
 use crate::train::learn::crop_set::CropSet;
 use crate::train::learn::loss::CropLoss;
 use crate::train::record::visits::{LIVE, Visits};
-use crate::train::study::{HeldOut, Score};
+use crate::train::score::Score;
 use crate::train::{Config, Session};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use maud::{Markup, html};
@@ -52,8 +52,6 @@ pub struct LearnedTable {
     pub training: Vec<Score>,
     /// Scores on the validation crops.
     pub validation: Vec<Score>,
-    /// Scores on each family, learned from the others; empty without a study.
-    pub held_out: Vec<HeldOut>,
     /// Losses of the training crops.
     pub crops: CropScores,
     /// Losses of the validation crops.
@@ -66,11 +64,11 @@ pub struct LearnedTable {
 /// Losses and images of every crop of a set.
 #[derive(Debug, Default, Serialize)]
 pub struct CropScores {
-    /// Without roughening: all factors 0.
+    /// Losses without roughening: all factors are 0.
     pub plain: Vec<CropLoss>,
-    /// At the start of the training.
+    /// Losses at the start of the training.
     pub before: Vec<CropLoss>,
-    /// With the learned table.
+    /// Losses with the learned table.
     pub after: Vec<CropLoss>,
     /// Mean relative standard error of the references.
     pub reference_noise: Vec<f64>,
@@ -172,10 +170,6 @@ impl Report {
                 h3 { "Validation crops: scenes that nothing was learned from" }
                 (scores(&l.validation))
             }
-            @if !l.held_out.is_empty() {
-                h3 { "Families held out: learned from the others, scored on this one" }
-                (held_out(&l.held_out))
-            }
             h3 { "Crop by crop" }
             (crops(&self.names, &l.crops, l.beta))
             @if !l.validation.is_empty() { (crops(&self.validation_names, &l.validation_crops, l.beta)) }
@@ -266,10 +260,6 @@ fn legend() -> Markup {
         ),
         ("scale", "A number that multiplies all factors of a table."),
         (
-            "contrast",
-            "How much of a table's pattern is left: 1 all of it, 0 one constant, their geometric mean.",
-        ),
-        (
             "live class",
             "A class of paths whose last surface can be roughened; classes never visited inherit the factor of a \
              visited one.",
@@ -325,41 +315,6 @@ fn scores(all: &[Score]) -> Markup {
                     td { (format!("{:.4}", s.loss)) }
                     td { (format!("{:.3}", s.loss / best_constant)) }
                     td { (format!("{:.3}", s.energy)) }
-                }
-            }
-        } }
-    }
-}
-
-/// Scores of held-out families, as ratios to the first.
-fn held_out(all: &[HeldOut]) -> Markup {
-    let names: Vec<&str> = all.first().map_or(Vec::new(), |h| {
-        h.scores.iter().map(|s| s.name.as_str()).collect()
-    });
-    // Black crops have no loss to compare with.
-    let ratio = |h: &HeldOut, i: usize| {
-        let ratio = h.scores[i].loss / h.scores[0].loss;
-        (ratio > 0.0 && ratio.is_finite()).then_some(ratio)
-    };
-    let mean = |i: usize| {
-        let logs: Vec<f32> = all.iter().filter_map(|h| Some(ratio(h, i)?.ln())).collect();
-        (!logs.is_empty()).then(|| (logs.iter().sum::<f32>() / logs.len() as f32).exp())
-    };
-    let shown = |x: Option<f32>| x.map_or("–".to_owned(), |x| format!("{x:.3}"));
-    html! {
-        p {
-            "Loss / loss of the best constant of the held-out crops themselves, which a user cannot know; below 1 the table is \
-             better. Energy in brackets."
-        }
-        .scroll { table.named {
-            tr { th { "table" } @for h in all { th { (h.family) } } th { "geometric mean" } }
-            @for (i, name) in names.iter().enumerate() {
-                tr {
-                    td { (name) }
-                    @for h in all {
-                        td { (shown(ratio(h, i))) br; "(" (format!("{:.3}", h.scores[i].energy)) ")" }
-                    }
-                    td { (shown(mean(i))) }
                 }
             }
         } }

@@ -6,7 +6,7 @@
 //! and scrambled on its own `[Burley20]`. Pairs that cover an area, such as
 //! the point on a light, are its first two dimensions, of which every aligned run of 2^m samples has one point in every
 //! elementary interval of area 2^-m. Every number alone is uniform, so that each sample is an unbiased estimate; samples of
-//! one sequence are correlated, and the variance of their mean is at most that of independent ones, about.
+//! one sequence are correlated, and the variance of their mean is about that of independent samples at most.
 
 use super::{LightU, VertexU, mix, unit};
 use crate::math::Vec2;
@@ -21,7 +21,7 @@ pub(super) struct Sequence {
     key: u64,
     /// Number of the point.
     index: u32,
-    /// The same with its bits reversed.
+    /// Number of the point with its bits reversed.
     reversed: u32,
 }
 

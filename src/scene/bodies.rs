@@ -3,14 +3,14 @@
 //! Overlapping bodies are nested dielectrics (Schmidt, Budge: *Simple Nested Dielectrics in Ray Traced Images*, Journal of
 //! Graphics Tools 7(2), 2002): the one of the highest rank is there, and the others' boundaries inside of it do not exist.
 
+use super::shells::Shell;
 use super::{Hit, Material, Mesh, PunctualLight, Scene, SceneParts, SharedMesh, Surface};
-use crate::math::{DVec3, Ray, Rgb, Vec3};
+use crate::math::{Ray, Rgb, Vec3};
 use glam::DAffine3;
 use rayon::prelude::*;
-use std::collections::{BTreeMap, HashMap};
 
 /// Surfaces at which the search for the bodies around a point gives up.
-pub const MAX_SURFACES: usize = 10_000;
+pub(crate) const MAX_SURFACES: usize = 10_000;
 
 /// Triangles of a mesh at which overlaps are looked for.
 const PROBES: usize = 256;
@@ -98,7 +98,7 @@ impl Scene {
     /// Material of a body that touches the body of this surface here: it begins where the other ends, since a face of each lies
     /// in the same plane up to rounding. A ray that leaves the surface then keeps clear of both.
     #[inline]
-    pub fn touching(&self, surface: &mut Surface) -> Option<u32> {
+    pub(crate) fn touching(&self, surface: &mut Surface) -> Option<u32> {
         if self.has_touching {
             self.find_touching(surface)
         } else {
@@ -177,7 +177,8 @@ impl Scene {
         };
         for mesh in meshes {
             let m = material(mesh);
-            if dark.get(m) == Some(&true) && (lit(around(mesh)) || !all_outwards(mesh)) {
+            if dark.get(m) == Some(&true) && (lit(around(mesh)) || !Shell::of(mesh).all_outwards())
+            {
                 dark[m] = false;
             }
         }
@@ -185,11 +186,13 @@ impl Scene {
     }
 
     /// True if the outside of some body, just before its surface, lies in another body; looked for at some triangles of
-    /// each mesh.
-    pub(super) fn find_overlaps(&self) -> bool {
+    /// each mesh. Bodies of the materials `turned` do not count: behind a triangle whose normal points inwards everything
+    /// looks as if it lay in them.
+    pub(super) fn find_overlaps(&self, turned: &[u32]) -> bool {
         self.probes().into_par_iter().any(|triangle| {
             let surface = self.probe(triangle);
-            !self.bodies_around(&surface.spawn(surface.ng)).is_empty()
+            let around = self.bodies_around(&surface.spawn(surface.ng));
+            around.iter().any(|material| !turned.contains(material))
         })
     }
 
@@ -221,109 +224,11 @@ impl Scene {
     }
 }
 
-/// True for a mesh that bounds a volume from outside: its surface is closed, and the normals point outwards.
-pub(super) fn is_closed(mesh: &Mesh) -> bool {
-    volumes(mesh).is_some_and(|parts| parts.iter().sum::<f64>() > 0.0)
-}
-
-/// True for a closed mesh without a part whose normals point inwards, even in a cavity of another.
-fn all_outwards(mesh: &Mesh) -> bool {
-    volumes(mesh).is_some_and(|parts| parts.iter().all(|&volume| volume > 0.0))
-}
-
-/// Six times the signed volume of each connected part of a closed mesh, above 0 where normals point outwards; `None` for an
-/// open mesh. Every edge of a closed mesh is met once in each direction for every two triangles. Vertices at the same place
-/// count as one, since exporters split them at seams.
-fn volumes(mesh: &Mesh) -> Option<Vec<f64>> {
-    // Zero has two signs.
-    let bits = |p: Vec3| (p + Vec3::ZERO).to_array().map(f32::to_bits);
-    let mut numbers = HashMap::new();
-    let welded: Vec<u32> = (mesh.positions.iter())
-        .map(|&p| {
-            let next = numbers.len() as u32;
-            *numbers.entry(bits(p)).or_insert(next)
-        })
-        .collect();
-    let mut edges = Vec::with_capacity(3 * mesh.indices.len());
-    let mut parts = Parts((0..numbers.len() as u32).collect());
-    let origin = mesh.positions.first()?;
-    for face in &mesh.indices {
-        // An index may point nowhere: such a triangle is not part of the scene.
-        let corner = |i: usize| welded.get(face[i] as usize).copied();
-        let (a, b, c) = (corner(0)?, corner(1)?, corner(2)?);
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            match from.cmp(&to) {
-                std::cmp::Ordering::Less => edges.push((from, to, 1i32)),
-                std::cmp::Ordering::Greater => edges.push((to, from, -1)),
-                // A triangle without area, as at the poles of a sphere.
-                std::cmp::Ordering::Equal => {}
-            }
-            parts.join(from, to);
-        }
-    }
-    edges.sort_unstable();
-    let mut same = edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1));
-    if same.any(|edge| edge.iter().map(|(.., turn)| turn).sum::<i32>() != 0) {
-        return None;
-    }
-    let mut volumes: BTreeMap<u32, f64> = BTreeMap::new();
-    for face in &mesh.indices {
-        let [a, b, c] = face.map(|v| (mesh.positions[v as usize] - origin).as_dvec3());
-        let part = parts.find(welded[face[0] as usize]);
-        *volumes.entry(part).or_default() += DVec3::dot(a, b.cross(c));
-    }
-    Some(volumes.into_values().collect())
-}
-
-/// Connected parts of a mesh: for every vertex another of its part, itself for one of each part.
-struct Parts(Vec<u32>);
-
-impl Parts {
-    fn find(&mut self, mut vertex: u32) -> u32 {
-        while self.0[vertex as usize] != vertex {
-            let next = self.0[vertex as usize];
-            self.0[vertex as usize] = self.0[next as usize];
-            vertex = next;
-        }
-        vertex
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.find(a), self.find(b));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::gallery::shapes;
     use crate::scene::Material;
-
-    #[test]
-    fn closed_meshes_are_found_across_seams_and_open_ones_are_not() {
-        let ball = shapes::sphere(Vec3::ONE, 0.5, 3);
-        // A mesh without shared vertices, as exporters write hard edges.
-        let apart = Mesh {
-            positions: (ball.indices.iter().flatten())
-                .map(|&v| ball.positions[v as usize])
-                .collect(),
-            indices: (0..ball.indices.len() as u32)
-                .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
-                .collect(),
-            ..Mesh::default()
-        };
-        let mut inside_out = ball.clone();
-        inside_out.indices.iter_mut().for_each(|f| f.reverse());
-        let mut holed = ball.clone();
-        holed.indices.pop();
-        let pane = shapes::quad(Vec3::ZERO, Vec3::X, Vec3::Y);
-        assert!(is_closed(&ball) && is_closed(&apart));
-        assert!(is_closed(&shapes::cuboid(Vec3::ZERO, Vec3::ONE)));
-        for open in [inside_out, holed, pane, Mesh::default()] {
-            assert!(!is_closed(&open));
-        }
-    }
 
     /// A ball of glass, changed by `change`, and a lamp.
     fn is_dark(lamp: Vec3, change: impl Fn(&mut SceneParts)) -> bool {
@@ -347,7 +252,9 @@ mod tests {
             ..SceneParts::default()
         };
         change(&mut parts);
-        Scene::new(parts).is_dark_inside(0)
+        let scene = Scene::new(parts);
+        // A mesh that bounds no body is shown with a material of its own.
+        scene.is_dark_inside(scene.parts().meshes[0].material)
     }
 
     #[test]

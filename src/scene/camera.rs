@@ -6,7 +6,7 @@ use crate::math::{DVec3, Frame, Ray, UVec2, Vec2, Vec3, warp};
 const LARGE: f64 = 1e30;
 
 /// A camera. Film coordinates are in [0, 1]², `(0, 0)` at the top left.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// Name in the file, for messages and `--camera`.
     pub name: String,
@@ -32,7 +32,7 @@ pub struct Lens {
 }
 
 /// Projection of a camera.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
     /// Pinhole with this vertical field of view.
     Perspective {
@@ -46,20 +46,8 @@ pub enum Projection {
     },
 }
 
-/// Three-quarter views: a side, a little from its right or left, and from above.
-const VIEWS: [(DVec3, &str); 8] = [
-    (DVec3::new(0.6, 0.45, 1.0), "front right (+z +x)"),
-    (DVec3::new(-0.6, 0.45, 1.0), "front left (+z -x)"),
-    (DVec3::new(1.0, 0.45, 0.6), "right front (+x +z)"),
-    (DVec3::new(-1.0, 0.45, 0.6), "left front (-x +z)"),
-    (DVec3::new(1.0, 0.45, -0.6), "right back (+x -z)"),
-    (DVec3::new(-1.0, 0.45, -0.6), "left back (-x -z)"),
-    (DVec3::new(0.6, 0.45, -1.0), "back right (-z +x)"),
-    (DVec3::new(-0.6, 0.45, -1.0), "back left (-z -x)"),
-];
-
-/// Least sine of the angle between light and the vertical at which it has a side.
-const SLANT: f32 = 0.1;
+/// Direction of the three-quarter view: glTF's front is +Z; a little from the right, and from above.
+const VIEW: DVec3 = DVec3::new(0.6, 0.45, 1.0);
 
 impl Camera {
     /// The ray through a film position, for a picture of the given width over height.
@@ -160,22 +148,6 @@ impl Camera {
     /// height. A box that is empty, a point or not finite is replaced by the unit cube around its centre, or around the
     /// origin.
     pub fn framing(bounds: (Vec3, Vec3), aspect: f32) -> Self {
-        Self::framing_lit(bounds, Vec3::ZERO, aspect)
-    }
-
-    /// [`Camera::framing`] from the corner on the side of the light, which comes from the direction `light`. Light from
-    /// above, or from nowhere, leaves it where it is.
-    pub fn framing_lit(bounds: (Vec3, Vec3), light: Vec3, aspect: f32) -> Self {
-        let mut from = VIEWS[0];
-        if light.with_y(0.0).length() > SLANT * light.length() {
-            let lit = |&(view, _): &(DVec3, &str)| view.with_y(0.0).dot(light.as_dvec3());
-            for view in VIEWS {
-                if lit(&view) > lit(&from) {
-                    from = view;
-                }
-            }
-        }
-        let (n, name) = from;
         let (low, high) = (bounds.0.as_dvec3(), bounds.1.as_dvec3());
         let mut centre = 0.5 * (low + high);
         let mut half = 0.5 * (high - low);
@@ -191,7 +163,7 @@ impl Camera {
         } else {
             1.0
         };
-        let n = n.normalize();
+        let n = VIEW.normalize();
         let s = DVec3::Y.cross(n).normalize();
         let t = n.cross(s);
         let fov_y = 40f64.to_radians();
@@ -212,7 +184,7 @@ impl Camera {
                 t: t.as_vec3(),
                 n: n.as_vec3(),
             },
-            name: format!("three-quarter view from the {name}"),
+            name: "three-quarter view from the front".into(),
             projection: Projection::Perspective {
                 tan_half_y: tan_y as f32,
             },
@@ -266,26 +238,13 @@ mod tests {
         }
     }
 
+    /// glTF's fronts face +Z, its up is +Y `[glTF §3.4]`.
     #[test]
-    fn camera_framing_stands_on_the_lit_side() {
-        let bounds = (-Vec3::ONE, Vec3::ONE);
-        let plain = Camera::framing(bounds, 1.0);
-        for above in [Vec3::Y, Vec3::new(0.05, 1.0, -0.05), Vec3::ZERO] {
-            let camera = Camera::framing_lit(bounds, above, 1.0);
-            assert_eq!(camera.position, plain.position, "{above}");
-        }
-        for i in 0..16 {
-            let (sin, cos) = (i as f32 * std::f32::consts::FRAC_PI_8).sin_cos();
-            let light = Vec3::new(sin, 0.5, cos);
-            let camera = Camera::framing_lit(bounds, light, 1.0);
-            let from = camera.position.with_y(0.0).normalize();
-            assert!(
-                from.dot(light.with_y(0.0)) > 0.85,
-                "{light} {}",
-                camera.name
-            );
-            assert_eq!(camera.position.y, plain.position.y);
-        }
+    fn camera_framing_stands_in_front() {
+        let camera = Camera::framing((-Vec3::ONE, Vec3::ONE), 1.0);
+        let Vec3 { x, y, z } = camera.position;
+        assert!(z > x && x > 0.0 && y > 0.0 && y < z, "{}", camera.position);
+        assert!(camera.frame.t.y > 0.8 && camera.frame.s.x > 0.8);
     }
 
     #[test]

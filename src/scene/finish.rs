@@ -1,9 +1,10 @@
-//! Finish of a material: clear coat and brushing. Few materials have one, so that it stays out of the way of the others.
+//! Finish of a material: clear coat, sheen, film, brushing, and whatever else few materials have, so that it stays out of the way
+//! of the others.
 
-use super::material::{Material, TextureRef};
+use super::material::{Coordinates, Look, Material, TextureRef};
 use super::{Scene, SceneParts, Surface, Texture};
-use crate::bsdf::{Bsdf, Glossy, anisotropic, clearcoated};
-use crate::math::{Frame, Vec2};
+use crate::bsdf::{Bsdf, Covers, Film, Glossy, Sheen, anisotropic, covered, iridescent};
+use crate::math::{Frame, Rgb, Vec2};
 
 /// Rare parts of a material, which are not read at every hit.
 #[derive(Clone, Debug, Default)]
@@ -12,6 +13,55 @@ pub struct Finish {
     pub clearcoat: Option<Clearcoat>,
     /// Brushing of the glossy lobe; transmitting surfaces ignore it.
     pub anisotropy: Option<Anisotropy>,
+    /// Fibres on the surface.
+    pub sheen: Option<SheenCover>,
+    /// Thin film on the surface.
+    pub film: Option<FilmCover>,
+    /// Textures of the reflectance of a dielectric.
+    pub specular: SpecularMaps,
+    /// True if meshes of the material have colours, which multiply its own.
+    pub has_colors: bool,
+    /// True if a texture takes the second pair of coordinates.
+    pub has_second_uvs: bool,
+}
+
+/// Textures of `KHR_materials_specular`, and of its forerunner `KHR_materials_pbrSpecularGlossiness`.
+#[derive(Clone, Debug, Default)]
+pub struct SpecularMaps {
+    /// Factor of the weight in alpha.
+    pub weight: Option<TextureRef>,
+    /// Factor of the colour (sRGB).
+    pub color: Option<TextureRef>,
+    /// One minus the perceptual roughness in alpha, times this factor: the roughness of the material does not count.
+    pub gloss: Option<(TextureRef, f32)>,
+}
+
+/// Sheen of a material `[KHR_materials_sheen]`.
+#[derive(Clone, Debug, Default)]
+pub struct SheenCover {
+    /// Colour in [0, 1].
+    pub color: Rgb,
+    /// Roughness in [0, 1].
+    pub alpha: f32,
+    /// Colour (sRGB).
+    pub color_texture: Option<TextureRef>,
+    /// Perceptual roughness in alpha.
+    pub roughness_texture: Option<TextureRef>,
+}
+
+/// Thin film on a material `[KHR_materials_iridescence]`.
+#[derive(Clone, Debug, Default)]
+pub struct FilmCover {
+    /// Weight in [0, 1].
+    pub weight: f32,
+    /// Index of refraction.
+    pub ior: f32,
+    /// Thickness in nanometres where the texture is 0 and where it is 1, which it is without one.
+    pub thickness: [f32; 2],
+    /// Weight in red.
+    pub texture: Option<TextureRef>,
+    /// Thickness in green.
+    pub thickness_texture: Option<TextureRef>,
 }
 
 /// Clear coat of a material.
@@ -50,11 +100,11 @@ impl Anisotropy {
     }
 
     /// The BSDF for that of the surface without brushing.
-    fn brushed(&self, scene: &Scene, surface: &Surface, lobe: Glossy) -> Bsdf {
+    fn brushed(&self, scene: &Scene, surface: &Surface, uv: [Vec2; 2], lobe: Glossy) -> Bsdf {
         let parts = scene.parts();
         let (mut strength, mut direction) = (self.strength, Vec2::X);
         if let Some(map) = &self.texture {
-            let [x, y, b, _] = map.sample(&parts.textures, surface.uv);
+            let [x, y, b, _] = map.sample(&parts.textures, uv);
             strength *= b;
             direction = 2.0 * Vec2::new(x, y) - 1.0;
         }
@@ -77,6 +127,12 @@ impl Material {
     #[inline]
     pub fn clearcoat(&self) -> Option<&Clearcoat> {
         self.finish.as_ref()?.clearcoat.as_ref()
+    }
+
+    /// True under a clear coat or sheen.
+    pub(super) fn is_covered(&self) -> bool {
+        let covered = |finish: &Finish| finish.clearcoat.is_some() || finish.sheen.is_some();
+        self.finish.as_deref().is_some_and(covered)
     }
 
     /// The brushing.
@@ -108,13 +164,68 @@ impl Finish {
             .as_ref()
             .map(|coat| [&coat.texture, &coat.roughness_texture, &coat.normal_texture]);
         let brushing = self.anisotropy.as_ref().map(|a| &a.texture);
-        (coat.into_iter().flatten().chain(brushing)).flatten()
+        let sheen = (self.sheen.as_ref()).map(|s| [&s.color_texture, &s.roughness_texture]);
+        let film = (self.film.as_ref()).map(|f| [&f.texture, &f.thickness_texture]);
+        let specular = [&self.specular.weight, &self.specular.color];
+        let pairs = sheen.into_iter().chain(film).chain([specular]).flatten();
+        let gloss = self.specular.gloss.as_ref().map(|(map, _)| map);
+        let known = coat.into_iter().flatten().chain(brushing).chain(pairs);
+        known.flatten().chain(gloss)
+    }
+
+    /// True if a point needs more of its mesh than one pair of texture coordinates.
+    pub(super) fn needs_attributes(&self) -> bool {
+        self.has_colors || self.has_second_uvs
+    }
+
+    /// Applies the textures of the dielectric's reflectance.
+    fn reflect(&self, look: &mut Look, textures: &[Texture], uv: [Vec2; 2]) {
+        if let Some(map) = &self.specular.weight {
+            look.specular *= map.sample(textures, uv)[3];
+        }
+        if let Some(map) = &self.specular.color {
+            let [r, g, b, _] = map.sample(textures, uv);
+            look.specular_color *= Rgb::new(r, g, b);
+        }
+        if let Some((map, factor)) = &self.specular.gloss {
+            let roughness = 1.0 - factor * map.sample(textures, uv)[3];
+            look.alpha = roughness * roughness;
+        }
+    }
+}
+
+impl SheenCover {
+    fn at(&self, textures: &[Texture], uv: [Vec2; 2]) -> Sheen {
+        let (mut color, mut alpha) = (self.color, self.alpha);
+        if let Some(map) = &self.color_texture {
+            let [r, g, b, _] = map.sample(textures, uv);
+            color *= Rgb::new(r, g, b);
+        }
+        if let Some(map) = &self.roughness_texture {
+            let roughness = map.sample(textures, uv)[3];
+            alpha *= roughness * roughness;
+        }
+        Sheen { color, alpha }
+    }
+}
+
+impl FilmCover {
+    fn at(&self, textures: &[Texture], uv: [Vec2; 2]) -> Film {
+        let [least, most] = self.thickness;
+        let sample = |map: &Option<TextureRef>, channel: usize| {
+            (map.as_ref()).map_or(1.0, |map| map.sample(textures, uv)[channel])
+        };
+        Film {
+            weight: self.weight * sample(&self.texture, 0),
+            ior: self.ior,
+            thickness: least + (most - least) * sample(&self.thickness_texture, 1),
+        }
     }
 }
 
 impl Clearcoat {
     /// Weight and roughness at texture coordinates.
-    fn at(&self, textures: &[Texture], uv: Vec2) -> [f32; 2] {
+    fn at(&self, textures: &[Texture], uv: impl Coordinates) -> [f32; 2] {
         let (mut weight, mut alpha) = (self.weight, self.alpha);
         if let Some(map) = &self.texture {
             weight *= map.sample(textures, uv)[0];
@@ -146,17 +257,44 @@ impl Scene {
             ..
         } = self.parts();
         let material = &materials[surface.material as usize];
+        let (mut uv, mut painted) = ([surface.uv; 2], None);
+        if finish.needs_attributes() {
+            let (second, color) = (self.geometry()).further_attributes(self.parts(), surface);
+            (uv[1], painted) = (second, finish.has_colors.then(|| color.truncate()));
+        }
+        let mut look = material.look(textures, uv);
+        look.color *= painted.unwrap_or(Rgb::ONE);
+        finish.reflect(&mut look, textures, uv);
+        let film = finish.film.as_ref().map(|film| film.at(textures, uv));
         let at: &Surface = surface;
-        let base = |u| match (material.bsdf(textures, at.uv, u), &finish.anisotropy) {
-            (Bsdf::Glossy(lobe), Some(anisotropy)) => anisotropy.brushed(self, at, lobe),
-            (base, _) => base,
+        let base = |u| match (material.bsdf_of(&look, u), &finish.anisotropy, film) {
+            (base, _, Some(film)) if film.weight > 0.0 => iridescent(base, film),
+            (Bsdf::Glossy(lobe), Some(anisotropy), _) => anisotropy.brushed(self, at, uv, lobe),
+            (base, ..) => base,
         };
+        let sheen = finish.sheen.as_ref();
+        let sheen = sheen.map_or(Sheen::NONE, |sheen| sheen.at(textures, uv));
         let Some(coat) = &finish.clearcoat else {
-            return base(u);
+            if sheen.color == Rgb::ZERO {
+                return base(u);
+            }
+            let covers = Covers {
+                coat: 0.0,
+                alpha: 0.0,
+                distribution: material.distribution,
+                sheen,
+            };
+            return covered(&covers, u, base);
         };
-        let [weight, alpha] = coat.at(textures, surface.uv);
-        let bsdf = clearcoated(weight, alpha, material.distribution, u, base);
-        if !matches!(bsdf, Bsdf::Clearcoated(_)) {
+        let [weight, alpha] = coat.at(textures, uv);
+        let covers = Covers {
+            coat: weight,
+            alpha,
+            distribution: material.distribution,
+            sheen,
+        };
+        let bsdf = covered(&covers, u, base);
+        if matches!(bsdf, Bsdf::Glossy(_)) {
             coat.turn(self, material, surface);
         }
         bsdf

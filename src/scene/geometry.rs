@@ -47,7 +47,7 @@ pub(super) struct Triangle {
     ng: Vec3,
     /// Shading normals of the corners; zero where the mesh has none.
     normals: [Vec3; 3],
-    /// Index of the material; [`TEXTURED`] if it needs texture coordinates.
+    /// Index of the material; [`TEXTURED`] if it needs texture coordinates, [`ONE_SIDED`] if only its front is seen.
     material: u32,
     /// Index of the mesh.
     mesh: u32,
@@ -58,11 +58,14 @@ pub(super) struct Triangle {
 /// Bit of [`Triangle::material`].
 const TEXTURED: u32 = 1 << 31;
 
+/// Bit of [`Triangle::material`]: the camera does not see the back.
+const ONE_SIDED: u32 = 1 << 30;
+
 impl Triangle {
     /// Index of the material.
     #[inline]
     fn material(&self) -> u32 {
-        self.material & !TEXTURED
+        self.material & !(TEXTURED | ONE_SIDED)
     }
 
     /// Corners' indices in the triangle's mesh.
@@ -78,13 +81,15 @@ pub(super) type Face = [u32; 2];
 impl Triangle {
     pub(super) fn new(mesh: &Mesh, [m, face]: Face, parts: &SceneParts) -> Self {
         let corners @ [a, b, c] = corners(mesh, face);
-        let textured = parts.materials[mesh.material as usize].is_textured();
+        let material = &parts.materials[mesh.material as usize];
+        let bit = |set: bool, bit: u32| if set { bit } else { 0 };
+        let bits = bit(material.is_textured(), TEXTURED) | bit(material.hides_back(), ONE_SIDED);
         Self {
             corners,
             ng: normal(a, b, c).normalize().as_vec3(),
             normals: attribute(&mesh.normals, &mesh.indices[face as usize])
                 .unwrap_or([Vec3::ZERO; 3]),
-            material: mesh.material | if textured { TEXTURED } else { 0 },
+            material: mesh.material | bits,
             mesh: m,
             face,
         }
@@ -97,13 +102,40 @@ pub(super) fn corners(mesh: &Mesh, face: u32) -> [Vec3; 3] {
     mesh.indices[face as usize].map(|i| mesh.positions[i as usize])
 }
 
-/// Adds the faces of the `m`-th mesh, those that are no triangles left out; what is dropped is named in a warning.
+/// Triangles that were dropped, of meshes by name.
+#[derive(Default)]
+pub(super) struct Dropped {
+    names: Vec<String>,
+    dropped: usize,
+    of: usize,
+}
+
+impl Dropped {
+    /// Adds a warning of them all.
+    pub(super) fn say(self, warnings: &mut Vec<String>) {
+        /// Names that the warning lists.
+        const NAMES: usize = 3;
+        let Self { names, dropped, of } = self;
+        let who = match names.len() {
+            0 => return,
+            1 => names[0].clone(),
+            n @ ..=NAMES => format!("{n} meshes ({})", names.join(", ")),
+            n => format!("{n} meshes ({} …)", names[..NAMES].join(", ")),
+        };
+        warnings.push(format!(
+            "{who}: dropped {dropped} of {of} triangles (no area, not finite, or missing corners)"
+        ));
+    }
+}
+
+/// Adds the faces of the `m`-th mesh, those that are no triangles left out and counted; a mesh without a material is named in a
+/// warning.
 pub(super) fn add_faces(
     out: &mut Vec<Face>,
-    m: usize,
-    mesh: &Mesh,
+    (m, mesh): (usize, &Mesh),
     parts: &SceneParts,
     name: &str,
+    all: &mut Dropped,
     warnings: &mut Vec<String>,
 ) {
     if mesh.material as usize >= parts.materials.len() {
@@ -123,10 +155,9 @@ pub(super) fn add_faces(
     );
     let dropped = mesh.indices.len() - (out.len() - before);
     if dropped > 0 {
-        warnings.push(format!(
-            "{name}: dropped {dropped} of {} triangles (no area, not finite, or missing corners)",
-            mesh.indices.len()
-        ));
+        all.names.push(name.to_owned());
+        all.dropped += dropped;
+        all.of += mesh.indices.len();
     }
 }
 
@@ -140,9 +171,12 @@ impl Geometry {
     pub(super) fn build(parts: &SceneParts, tree: bool, warnings: &mut Vec<String>) -> Self {
         let most = parts.meshes.iter().map(|mesh| mesh.indices.len()).sum();
         let mut faces: Vec<Face> = Vec::with_capacity(most);
+        let mut dropped = Dropped::default();
         for (m, mesh) in parts.meshes.iter().enumerate() {
-            add_faces(&mut faces, m, mesh, parts, &format!("mesh {m}"), warnings);
+            let name = format!("mesh {m}");
+            add_faces(&mut faces, (m, mesh), parts, &name, &mut dropped, warnings);
         }
+        dropped.say(warnings);
         // The tree first: while it is built the triangles are not there yet.
         let of = |&[m, face]: &Face| corners(&parts.meshes[m as usize], face);
         let accel = match tree {
@@ -243,7 +277,7 @@ impl Geometry {
     }
 
     /// The triangles of each mesh and instance that has any, in scene order.
-    pub fn ranges(&self) -> Vec<Range<u32>> {
+    pub(crate) fn ranges(&self) -> Vec<Range<u32>> {
         let mut ranges = Vec::new();
         let mut start = 0;
         for mesh in self.triangles.chunk_by(|a, b| a.mesh == b.mesh) {
@@ -343,6 +377,18 @@ impl Geometry {
         }
     }
 
+    /// True where a ray along `dir` meets the back of a triangle that shows the camera its front alone.
+    #[inline]
+    pub(super) fn hides_back(&self, triangle: u32, dir: Vec3) -> bool {
+        match self.triangles.get(triangle as usize) {
+            Some(t) => t.material & ONE_SIDED != 0 && dir.dot(t.ng) > 0.0,
+            None => {
+                let (t, _) = self.shared().place(triangle);
+                t.material & ONE_SIDED != 0 && dir.dot(self.triangle_normal(triangle)) > 0.0
+            }
+        }
+    }
+
     /// Any hit before the ray's end.
     #[inline]
     pub fn occluded(&self, parts: &SceneParts, ray: &Ray) -> bool {
@@ -396,6 +442,7 @@ impl Geometry {
         let plain = TextureRef {
             texture: 0,
             transform: glam::Affine2::IDENTITY,
+            second: false,
         };
         self.at(surface.triangle, |triangle, to_world| {
             let point = triangle.point_at(parts, surface.position, to_world);
@@ -403,6 +450,14 @@ impl Geometry {
             let (tangent, hand) = point.tangent(map.unwrap_or(&plain), ns)?;
             let t = (tangent - ns * ns.dot(tangent)).try_normalize()?;
             Some([t, hand * ns.cross(t)])
+        })
+    }
+
+    /// The second pair of texture coordinates, and the colour with its opacity, at a surface point.
+    pub(super) fn further_attributes(&self, parts: &SceneParts, surface: &Surface) -> (Vec2, Vec4) {
+        self.at(surface.triangle, |triangle, to_world| {
+            let point = triangle.point_at(parts, surface.position, to_world);
+            (point.second_uv(), point.color())
         })
     }
 
@@ -431,8 +486,26 @@ impl Geometry {
     fn present_at(&self, parts: &SceneParts, ray: &Ray, hit: &Hit) -> bool {
         let material = &parts.materials[self.triangle_material(hit.triangle) as usize];
         let uvs = self.triangle_uvs(parts, hit.triangle);
-        let uv = mix(&[1.0 - hit.u - hit.v, hit.u, hit.v], uvs);
-        match material.presence(&parts.textures, uv) {
+        let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+        let uv = mix(&weights, uvs);
+        let presence = match &material.finish {
+            Some(finish) if finish.needs_attributes() => {
+                self.at(hit.triangle, |triangle, to_world| {
+                    let mesh = to_world.mesh(parts, triangle.mesh);
+                    let point = TrianglePoint {
+                        mesh,
+                        indices: triangle.indices(mesh),
+                        weights,
+                        edges: [Vec3::ZERO; 2],
+                        to_world,
+                    };
+                    let (uvs, own) = ([uv, point.second_uv()], point.color().w);
+                    material.presence_of(&parts.textures, uvs, own)
+                })
+            }
+            _ => material.presence(&parts.textures, uv),
+        };
+        match presence {
             0.0 => false,
             1.0 => true,
             part => chance(ray, hit.triangle) < part,
@@ -616,25 +689,45 @@ struct TrianglePoint<'a, P: ?Sized> {
 }
 
 impl<P: ToWorld + ?Sized> TrianglePoint<'_, P> {
-    fn uvs(&self) -> Option<[Vec2; 3]> {
-        attribute(&self.mesh.uvs, self.indices)
+    /// Coordinates of the corners that a map takes.
+    fn uvs(&self, map: &TextureRef) -> Option<[Vec2; 3]> {
+        let all = if map.second {
+            &self.mesh.second_uvs
+        } else {
+            &self.mesh.uvs
+        };
+        attribute(all, self.indices)
     }
 
     fn uv(&self) -> Vec2 {
-        self.uvs().map_or(Vec2::ZERO, |uvs| mix(&self.weights, uvs))
+        attribute(&self.mesh.uvs, self.indices).map_or(Vec2::ZERO, |uvs| mix(&self.weights, uvs))
+    }
+
+    fn second_uv(&self) -> Vec2 {
+        let uvs = attribute(&self.mesh.second_uvs, self.indices);
+        uvs.map_or(Vec2::ZERO, |uvs| mix(&self.weights, uvs))
+    }
+
+    /// Colour and opacity.
+    fn color(&self) -> Vec4 {
+        let colors = attribute(&self.mesh.colors, self.indices);
+        colors.map_or(Vec4::ONE, |colors| mix(&self.weights, colors))
     }
 
     /// Tangent and handedness for the coordinates of a map, about the normal `ns`.
     fn tangent(&self, map: &TextureRef, ns: Vec3) -> Option<(Vec3, f32)> {
         let own = attribute(&self.mesh.tangents, self.indices)
             .map(|t| t.map(|t| self.to_world.tangent(t)));
-        tangent(own, self.uvs(), &self.weights, self.edges, map, ns)
+        tangent(own, self.uvs(map), &self.weights, self.edges, map, ns)
     }
 
     /// The normal `ns` with a normal map applied; `None` without tangents.
     fn mapped(&self, parts: &SceneParts, map: &TextureRef, scale: f32, ns: Vec3) -> Option<Vec3> {
         let (tangent, hand) = self.tangent(map, ns)?;
-        let local = normal_texel(&parts.textures, map, self.uv(), scale);
+        let uv = self
+            .uvs(map)
+            .map_or(Vec2::ZERO, |uvs| mix(&self.weights, uvs));
+        let local = normal_texel(&parts.textures, map, uv, scale);
         Some(perturbed(ns, tangent, hand, local))
     }
 }

@@ -5,7 +5,7 @@
 //! be walked a little faster, but only by scenes that share meshes; so the others' tree stays as it is.
 
 use super::accel::{Accel, BoxTree, LocalRay};
-use super::geometry::{ToWorld, Triangle, add_faces, corners};
+use super::geometry::{Dropped, ToWorld, Triangle, add_faces, corners};
 use super::material::may_vanish;
 use super::mesh::{Mesh, SharedMesh, cofactors, unit};
 use super::{Hit, SceneParts, Surface};
@@ -58,7 +58,9 @@ impl Instances {
         for (m, SharedMesh { mesh, poses }) in parts.shared.iter().enumerate() {
             let mut faces = Vec::with_capacity(mesh.indices.len());
             let name = format!("shared mesh {m}");
-            add_faces(&mut faces, m, mesh, parts, &name, warnings);
+            let mut dropped = Dropped::default();
+            add_faces(&mut faces, (m, mesh), parts, &name, &mut dropped, warnings);
+            dropped.say(warnings);
             let accel = Accel::over(faces.len(), |i| corners(mesh, faces[i as usize][1]));
             let triangles: Vec<Triangle> = (faces.into_iter())
                 .map(|face| Triangle::new(mesh, face, parts))

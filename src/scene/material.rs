@@ -2,7 +2,7 @@
 
 use super::Texture;
 use super::finish::Finish;
-use crate::bsdf::{Bsdf, Dielectric, Diffuse, Distribution, Glossy, ThinDielectric};
+use crate::bsdf::{Bsdf, DELTA_ALPHA, Dielectric, Diffuse, Distribution, Glossy, ThinDielectric};
 use crate::math::{Rgb, Vec2};
 
 /// A metallic-roughness material with the extensions we model. Factors multiply textures.
@@ -22,7 +22,7 @@ pub struct Material {
     pub alpha: f32,
     /// Emitted radiance (strength included).
     pub emission: Rgb,
-    /// True if the back side emits too.
+    /// True if the back side emits too, and is seen by the camera.
     pub double_sided: bool,
     /// Share of the light that is transmitted instead of scattered diffusely, in [0, 1].
     pub transmission: f32,
@@ -55,7 +55,9 @@ pub struct Material {
     pub emissive_texture: Option<TextureRef>,
     /// Transmission in red.
     pub transmission_texture: Option<TextureRef>,
-    /// Clear coat and brushing; apart, since few materials have one and all are read at every hit.
+    /// True if a body has the base colour's square root for its tint, since light passes two of its interfaces.
+    pub root_tint: bool,
+    /// Clear coat, brushing and other rare parts; apart, since few materials have one and all are read at every hit.
     pub finish: Option<Box<Finish>>,
 }
 
@@ -78,6 +80,40 @@ pub struct TextureRef {
     pub texture: u32,
     /// `KHR_texture_transform` as an affine map of (u, v, 1).
     pub transform: glam::Affine2,
+    /// True if it takes the mesh's second pair of coordinates.
+    pub second: bool,
+}
+
+/// Texture coordinates of a point.
+pub trait Coordinates: Copy {
+    /// Those that a texture takes.
+    fn of(self, map: &TextureRef) -> Vec2;
+}
+
+/// The first pair, of materials whose textures all take it.
+impl Coordinates for Vec2 {
+    #[inline(always)]
+    fn of(self, _: &TextureRef) -> Vec2 {
+        self
+    }
+}
+
+/// Both pairs.
+impl Coordinates for [Vec2; 2] {
+    #[inline(always)]
+    fn of(self, map: &TextureRef) -> Vec2 {
+        self[usize::from(map.second)]
+    }
+}
+
+/// Factors times textures of a material at a point.
+pub(super) struct Look {
+    pub(super) color: Rgb,
+    pub(super) metallic: f32,
+    pub(super) alpha: f32,
+    pub(super) transmission: f32,
+    pub(super) specular: f32,
+    pub(super) specular_color: Rgb,
 }
 
 impl Default for Material {
@@ -106,6 +142,7 @@ impl Default for Material {
             normal_scale: 1.0,
             emissive_texture: None,
             transmission_texture: None,
+            root_tint: false,
             finish: None,
         }
     }
@@ -119,6 +156,12 @@ impl Material {
     /// with its weight is unbiased and keeps every BSDF small.
     #[inline]
     pub fn bsdf(&self, textures: &[Texture], uv: Vec2, u: f32) -> Bsdf {
+        self.bsdf_of(&self.look(textures, uv), u)
+    }
+
+    /// Factors times textures.
+    #[inline(always)]
+    pub(super) fn look(&self, textures: &[Texture], uv: impl Coordinates) -> Look {
         let mut color = self.base_color;
         if let Some(map) = &self.base_color_texture {
             let [r, g, b, _] = map.sample(textures, uv);
@@ -135,16 +178,38 @@ impl Material {
         if let Some(map) = &self.transmission_texture {
             transmission *= map.sample(textures, uv)[0];
         }
+        Look {
+            color,
+            metallic,
+            alpha,
+            transmission,
+            specular: self.specular,
+            specular_color: self.specular_color,
+        }
+    }
+
+    /// The BSDF where the material looks so; see [`Material::bsdf`].
+    #[inline(always)]
+    pub(super) fn bsdf_of(&self, look: &Look, u: f32) -> Bsdf {
+        let &Look {
+            color,
+            metallic,
+            alpha,
+            transmission,
+            specular,
+            specular_color,
+        } = look;
         let distribution = self.distribution;
         let r0 = (self.ior - 1.0) / (self.ior + 1.0);
         // F = specularFactor · Schlick(min(r0² · specularColorFactor, 1), 1) [KHR_materials_specular].
-        let f0 = (self.specular_color * (r0 * r0)).min(Rgb::ONE) * self.specular;
-        let f90 = self.specular;
+        let f0 = (specular_color * (r0 * r0)).min(Rgb::ONE) * specular;
+        let f90 = specular;
         if u < transmission * (1.0 - metallic) {
             return if self.solid {
+                let root = || color.map(f32::sqrt);
                 Bsdf::Dielectric(Dielectric {
                     eta: self.ior,
-                    tint: color,
+                    tint: if self.root_tint { root() } else { color },
                     alpha,
                     distribution,
                 })
@@ -181,7 +246,7 @@ impl Material {
 
     /// Emitted radiance at texture coordinates `uv`.
     #[inline]
-    pub fn emission_at(&self, textures: &[Texture], uv: Vec2) -> Rgb {
+    pub(crate) fn emission_at(&self, textures: &[Texture], uv: Vec2) -> Rgb {
         match &self.emissive_texture {
             None => self.emission,
             Some(map) => {
@@ -192,7 +257,7 @@ impl Material {
     }
 
     /// Mean emitted radiance over the whole emissive texture, to weigh lights.
-    pub fn average_emission(&self, textures: &[Texture]) -> Rgb {
+    pub(crate) fn average_emission(&self, textures: &[Texture]) -> Rgb {
         match &self.emissive_texture {
             None => self.emission,
             Some(map) => {
@@ -203,10 +268,15 @@ impl Material {
     }
 
     /// Probability in [0, 1] that a ray meets the surface at texture coordinates `uv`.
-    pub fn presence(&self, textures: &[Texture], uv: Vec2) -> f32 {
+    pub(crate) fn presence(&self, textures: &[Texture], uv: Vec2) -> f32 {
+        self.presence_of(textures, uv, 1.0)
+    }
+
+    /// [`Material::presence`] of a surface with an opacity of its own.
+    pub(super) fn presence_of(&self, textures: &[Texture], uv: impl Coordinates, own: f32) -> f32 {
         let opacity = || {
             let texel = (self.base_color_texture.as_ref()).map(|map| map.sample(textures, uv)[3]);
-            self.opacity * texel.unwrap_or(1.0)
+            self.opacity * texel.unwrap_or(1.0) * own
         };
         match self.alpha_mode {
             AlphaMode::Opaque => 1.0,
@@ -220,28 +290,53 @@ impl Material {
         self.metallic < 1.0 && self.transmission < 1.0
     }
 
+    /// True if the surface is a pane: a smooth thin wall, which lets light straight through and is dark itself.
+    pub fn is_pane(&self) -> bool {
+        !self.solid
+            && self.transmission > 0.0
+            && self.metallic < 1.0
+            && self.alpha < DELTA_ALPHA
+            && self.emission == Rgb::ZERO
+            && self.finish.is_none()
+    }
+
+    /// Probability with which [`Material::bsdf`] chooses the transmissive one of two BSDFs.
+    pub fn transmitted(&self, textures: &[Texture], uv: Vec2) -> f32 {
+        let sample = |map: &Option<TextureRef>, channel: usize| {
+            map.as_ref()
+                .map_or(1.0, |map| map.sample(textures, uv)[channel])
+        };
+        let metallic = self.metallic * sample(&self.metallic_roughness_texture, 2);
+        self.transmission * sample(&self.transmission_texture, 0) * (1.0 - metallic)
+    }
+
+    /// True if a camera does not see the back `[glTF §3.9.6]`; a camera in a body sees its boundary.
+    pub(crate) fn hides_back(&self) -> bool {
+        !self.double_sided && !self.bounds_body()
+    }
+
     /// True if the surface bounds a body that light enters and leaves.
-    pub fn bounds_body(&self) -> bool {
+    pub(crate) fn bounds_body(&self) -> bool {
         self.solid && self.transmission > 0.0 && self.metallic < 1.0
     }
 
     /// True if [`Scene::bsdf`](crate::scene::Scene::bsdf) chooses between two BSDFs somewhere on the surface.
-    pub fn chooses_bsdf(&self) -> bool {
+    pub(crate) fn chooses_bsdf(&self) -> bool {
         let transmits = self.transmission > 0.0 && self.metallic < 1.0;
         let always =
             self.transmission == 1.0 && self.transmission_texture.is_none() && self.metallic == 0.0;
-        transmits && !always || self.clearcoat().is_some()
+        transmits && !always || self.is_covered()
     }
 
     /// True if the surface does nothing to light but reflect and refract it, all colours alike.
-    pub fn is_clear(&self) -> bool {
+    pub(crate) fn is_clear(&self) -> bool {
         self.transmission == 1.0
             && self.dispersion == 0.0
             && self.transmission_texture.is_none()
             && self.base_color == Rgb::ONE
             && self.base_color_texture.is_none()
             && self.metallic == 0.0
-            && self.clearcoat().is_none()
+            && self.finish.is_none()
     }
 
     /// True if the coat of the dielectric reflects anything.
@@ -249,12 +344,18 @@ impl Material {
         self.specular != 0.0 && self.ior != 1.0
     }
 
+    /// True for a surface that only emits, from both sides, as [`KHR_materials_unlit`](super::load) is shown.
+    pub(super) fn is_unlit(&self) -> bool {
+        self.emission != Rgb::ZERO
+            && self.double_sided
+            && self.base_color == Rgb::ZERO
+            && self.specular == 0.0
+            && self.metallic == 0.0
+    }
+
     /// True for a Lambertian material: a dielectric whose coat reflects nothing.
     pub fn is_lambert(&self) -> bool {
-        self.metallic == 0.0
-            && self.transmission == 0.0
-            && !self.has_coat()
-            && self.clearcoat().is_none()
+        self.metallic == 0.0 && self.transmission == 0.0 && !self.has_coat() && !self.is_covered()
     }
 
     /// Indices of refraction of red, green and blue: Cauchy's formula by the Abbe number V,
@@ -268,7 +369,7 @@ impl Material {
     }
 
     /// True if any texture varies over the surface.
-    pub fn is_textured(&self) -> bool {
+    pub(crate) fn is_textured(&self) -> bool {
         let maps = [
             &self.base_color_texture,
             &self.metallic_roughness_texture,
@@ -282,7 +383,7 @@ impl Material {
     }
 
     /// True if no lobe of the material can be roughened.
-    pub fn is_rough(&self) -> bool {
+    pub(crate) fn is_rough(&self) -> bool {
         self.is_lambert()
             || (self.alpha >= 1.0
                 && self.metallic_roughness_texture.is_none()
@@ -293,14 +394,15 @@ impl Material {
 impl TextureRef {
     /// Linear values at texture coordinates `uv`.
     #[inline]
-    pub fn sample(&self, textures: &[Texture], uv: Vec2) -> [f32; 4] {
-        textures[self.texture as usize].sample(self.transform.transform_point2(uv))
+    pub fn sample(&self, textures: &[Texture], uv: impl Coordinates) -> [f32; 4] {
+        textures[self.texture as usize].sample(self.transform.transform_point2(uv.of(self)))
     }
 }
 
 /// True if opacity may remove a hit on the material.
 pub(super) fn may_vanish(material: &Material) -> bool {
-    let textured = material.base_color_texture.is_some();
+    let painted = (material.finish.as_ref()).is_some_and(|finish| finish.has_colors);
+    let textured = material.base_color_texture.is_some() || painted;
     match material.alpha_mode {
         AlphaMode::Opaque => false,
         AlphaMode::Mask(cutoff) => textured || material.opacity < cutoff,

@@ -14,12 +14,18 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// Texture coordinates, or empty (then all zero).
     pub uvs: Vec<Vec2>,
+    /// A second pair of texture coordinates, or empty (then all zero).
+    pub second_uvs: Vec<Vec2>,
+    /// Linear colours and opacities that multiply the material's, or empty (then all one).
+    pub colors: Vec<Vec4>,
     /// Tangents with handedness in `w`, or empty (then derived where a normal map needs them).
     pub tangents: Vec<Vec4>,
     /// Corners of each triangle, counter-clockwise seen from the front.
     pub indices: Vec<[u32; 3]>,
     /// Index into `SceneParts::materials`.
     pub material: u32,
+    /// Place in its file, for messages; may be empty.
+    pub name: String,
 }
 
 impl Mesh {
@@ -63,7 +69,7 @@ pub struct SharedMesh {
 impl SharedMesh {
     /// Condition number of a pose, an upper bound; `None` for a pose that no instance may have: it is singular, flattens or
     /// shears by more than a factor of 1000, or scales by more than a million either way.
-    pub fn condition(pose: &DAffine3) -> Option<f64> {
+    pub(crate) fn condition(pose: &DAffine3) -> Option<f64> {
         const SCALE: f64 = 1e6;
         const SKEW: f64 = 1e3;
         let norm = |m: &DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>().sqrt();

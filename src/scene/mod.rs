@@ -4,11 +4,12 @@
 //! their field names; nothing holds references.
 
 use crate::bsdf::Bsdf;
-use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, luminance};
-use crate::sampler::LightU;
+use crate::math::{Frame, Ray, Rgb, Vec2, Vec3};
+use std::collections::HashMap;
 use std::sync::OnceLock;
 
 pub mod accel;
+pub mod backdrop;
 pub mod bodies;
 pub mod camera;
 pub mod finish;
@@ -21,18 +22,22 @@ pub mod mesh;
 mod normals;
 
 pub mod sensor;
+mod shells;
+
 pub mod texture;
 
+pub use backdrop::Backdrop;
 pub use camera::{Camera, Lens};
 pub use geometry::Geometry;
 pub use light::{
-    Emission, EmissionDensity, EmissionSample, Environment, LightDensity, LightSample, Lights,
-    PunctualLight,
+    Aim, Beam, Emission, EmissionDensity, EmissionSample, Environment, LightDensity, LightSample,
+    Lights, PunctualLight, Target,
 };
 pub use material::Material;
 pub use mesh::{Mesh, SharedMesh};
 
 pub use sensor::{Sensor, Sighting};
+
 pub use texture::Texture;
 
 /// Everything a scene is made of, as plain data.
@@ -60,6 +65,24 @@ impl SceneParts {
     pub fn all_meshes(&self) -> impl Iterator<Item = &Mesh> {
         let shared = self.shared.iter().map(|shared| &shared.mesh);
         self.meshes.iter().chain(shared)
+    }
+
+    /// Gives these meshes, by their place among all, materials without a thickness.
+    fn make_thin(&mut self, thin: &[usize]) {
+        let mut copies = HashMap::new();
+        let shared = self.shared.iter_mut().map(|shared| &mut shared.mesh);
+        for (_, mesh) in (self.meshes.iter_mut().chain(shared).enumerate())
+            .filter(|(i, _)| thin.binary_search(i).is_ok())
+        {
+            mesh.material = *copies.entry(mesh.material).or_insert_with_key(|&of| {
+                let copy = Material {
+                    solid: false,
+                    ..self.materials[of as usize].clone()
+                };
+                self.materials.push(copy);
+                self.materials.len() as u32 - 1
+            });
+        }
     }
 }
 
@@ -109,6 +132,9 @@ pub struct Scene {
     /// Rank of each material where bodies overlap.
     ranks: Vec<u32>,
     has_lobes: bool,
+    /// True for each material that is a [pane](Material::is_pane); empty if no surface is one.
+    panes: Vec<bool>,
+    has_hidden_backs: bool,
     /// For each material, true if no light can reach its bodies' surfaces from inside of them; found when first asked for,
     /// since smooth bodies never ask.
     dark_inside: OnceLock<Vec<bool>>,
@@ -116,13 +142,23 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Builds the tree and the light distributions. Degenerate input is dropped and listed in [`Scene::warnings`].
+    /// Builds the tree and the light distributions. Degenerate input is dropped and listed in [`Scene::warnings`], and so are
+    /// meshes that bound no body though their material should: they become thin walls.
     pub fn new(parts: SceneParts) -> Self {
         let mut scene = Self::build(parts, true);
+        let suspects = shells::suspects(&scene.parts);
+        let verdict = scene.judge(&suspects);
+        if !verdict.thin.is_empty() {
+            let mut parts = scene.parts;
+            parts.make_thin(&verdict.thin);
+            scene = Self::build(parts, true);
+        }
+        scene.warnings.extend(verdict.warnings);
         let priorities =
             (scene.parts.materials.iter()).any(|m| m.bounds_body() && m.priority != 0.0);
         scene.has_touching = scene.finds_touching();
-        scene.has_overlaps = priorities || scene.has_touching || scene.find_overlaps();
+        scene.has_overlaps =
+            priorities || scene.has_touching || scene.find_overlaps(&verdict.turned);
         scene
     }
 
@@ -141,6 +177,11 @@ impl Scene {
             (parts.materials.iter()).any(|m| m.dispersion > 0.0 && m.bounds_body());
         let shown = |m: &Mesh| parts.materials.get(m.material as usize);
         let has_lobes = (parts.all_meshes()).any(|m| !shown(m).is_some_and(Material::is_rough));
+        let panes: Vec<bool> = parts.materials.iter().map(Material::is_pane).collect();
+        let is_pane = |m: &Mesh| panes.get(m.material as usize) == Some(&true);
+        let has_panes = panes.contains(&true) && parts.all_meshes().any(is_pane);
+        let has_hidden_backs =
+            (parts.all_meshes()).any(|m| shown(m).is_some_and(Material::hides_back));
         let constant_bsdfs = (parts.materials.iter()).map(Material::constant_bsdf);
         Self {
             constant_bsdfs: constant_bsdfs.collect(),
@@ -153,6 +194,8 @@ impl Scene {
             has_overlaps: false,
             has_touching: false,
             has_lobes,
+            panes: if has_panes { panes } else { Vec::new() },
+            has_hidden_backs,
             dark_inside: OnceLock::new(),
             warnings,
         }
@@ -188,7 +231,7 @@ impl Scene {
 
     /// True if a path must know the bodies around it.
     #[inline]
-    pub fn tracks_bodies(&self) -> bool {
+    pub(crate) fn tracks_bodies(&self) -> bool {
         self.has_absorption || self.has_overlaps
     }
 
@@ -200,7 +243,7 @@ impl Scene {
 
     /// True if a ray that starts on a surface of this material towards its inside can meet no light before that body ends.
     #[inline]
-    pub fn is_dark_inside(&self, material: u32) -> bool {
+    pub(crate) fn is_dark_inside(&self, material: u32) -> bool {
         self.dark_inside.get_or_init(|| self.find_dark_insides())[material as usize]
     }
 
@@ -220,33 +263,9 @@ impl Scene {
         &self.lights
     }
 
-    /// Camera for a file that has none: all of the scene, from the side that the lights shine on.
+    /// Camera for a file that has none: all of the scene, in three-quarter view from the front.
     pub fn framing_camera(&self, aspect: f32) -> Camera {
-        let (low, high) = self.geometry.bounds();
-        let light = self.light_direction(0.5 * (low + high));
-        Camera::framing_lit((low, high), light, aspect)
-    }
-
-    /// Direction from a point towards the lights, weighted by the irradiance that each would send there if nothing stood
-    /// between; zero without lights.
-    fn light_direction(&self, from: Vec3) -> Vec3 {
-        /// Enough to find a side.
-        const SAMPLES: u32 = 1024;
-        // A sequence of low discrepancy: multiples of powers of the root of x⁴ = x + 1.
-        let at = |i: u32, step: f64| (f64::from(i) * step).fract();
-        let one = |i: u32| {
-            let u = LightU {
-                pick: at(i, 0.819_172_513_396_164_4),
-                at: Vec2::new(
-                    at(i, 0.671_043_606_703_789_2) as f32,
-                    at(i, 0.549_700_477_901_97) as f32,
-                ),
-            };
-            let light = self.lights.sample(from, u)?;
-            let towards = light.wi * (luminance(light.radiance) / light.density.value());
-            towards.is_finite().then_some(towards)
-        };
-        (1..=SAMPLES).filter_map(one).sum::<Vec3>() / SAMPLES as f32
+        Camera::framing(self.geometry.bounds(), aspect)
     }
 
     /// Closest hit in front of the ray's origin; parts that opacity removes are skipped.
@@ -255,10 +274,125 @@ impl Scene {
         self.geometry.intersect(&self.parts, ray)
     }
 
+    /// The distance at which a ray first meets a surface whose normal is within acos(`least`) of `normal`, and the cosine
+    /// between the two. Opacity counts as full.
+    pub(crate) fn closest_facing(&self, ray: &Ray, normal: Vec3, least: f32) -> Option<(f32, f32)> {
+        let cos = |triangle| self.geometry.triangle_normal(triangle).dot(normal);
+        let hit = (self.geometry).closest_of(ray, |triangle| cos(triangle) > least)?;
+        Some((hit.t, cos(hit.triangle)))
+    }
+
+    /// True if the disk of a radius around a surface point lies in its triangle.
+    #[inline]
+    pub(crate) fn inside_triangle(&self, surface: &Surface, radius: f32) -> bool {
+        let [a, b, c] = self.geometry.triangle(surface.triangle);
+        let across = (b - a).cross(c - a).normalize();
+        let within = |from: Vec3, to: Vec3| {
+            let inwards = across.cross(to - from);
+            (surface.position - from).dot(inwards) >= radius * inwards.length()
+        };
+        within(a, b) && within(b, c) && within(c, a)
+    }
+
+    /// True where a camera's ray along `dir` passes through what it met: the back of a surface that shows its front alone.
+    /// All other rays meet both sides, so that light is the same with and without.
+    #[inline]
+    pub fn hides_back(&self, hit: &Hit, dir: Vec3) -> bool {
+        self.geometry.hides_back(hit.triangle, dir)
+    }
+
+    /// True if any surface shows its front alone to the camera.
+    #[inline]
+    pub fn has_hidden_backs(&self) -> bool {
+        self.has_hidden_backs
+    }
+
+    /// [`Scene::hides_back`] at a surface point.
+    #[inline]
+    pub fn hides_surface(&self, surface: &Surface, dir: Vec3) -> bool {
+        self.geometry.hides_back(surface.triangle, dir)
+    }
+
+    /// [`Scene::intersect`] for a ray of the camera.
+    pub fn intersect_seen(&self, ray: &Ray) -> Option<Hit> {
+        let (mut rest, mut before) = (*ray, 0.0);
+        for _ in 0..bodies::MAX_SURFACES {
+            let hit = self.intersect(&rest)?;
+            let t = before + hit.t;
+            if !self.hides_back(&hit, ray.dir) {
+                return Some(Hit { t, ..hit });
+            }
+            (rest, before) = (self.surface(&hit).spawn(ray.dir), t);
+            rest.t_max = ray.t_max - before;
+        }
+        None
+    }
+
     /// True if anything stands between the ray's origin and its `t_max`.
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
         self.geometry.occluded(&self.parts, ray)
+    }
+
+    /// True if some surface is a [pane](Material::is_pane).
+    #[inline]
+    pub fn has_panes(&self) -> bool {
+        !self.panes.is_empty()
+    }
+
+    /// True for a smooth thin wall. Light samples pass it straight, so that its transmission is no scattering: emission
+    /// behind it belongs to the vertex before it.
+    #[inline]
+    pub fn is_pane(&self, surface: &Surface) -> bool {
+        self.has_panes() && self.panes[surface.material as usize]
+    }
+
+    /// Transmittance of a pane straight along `dir`, which leads away from the camera; `None` for other surfaces, and where
+    /// nothing is transmitted.
+    pub(crate) fn straight(&self, surface: &Surface, dir: Vec3) -> Option<Rgb> {
+        if !self.is_pane(surface) {
+            return None;
+        }
+        let mut surface = *surface;
+        let Bsdf::Thin(wall) = self.bsdf(&mut surface, 0.0) else {
+            return None;
+        };
+        let cos = surface.frame_for(-dir).n.dot(dir);
+        let share = self
+            .material(&surface)
+            .transmitted(&self.parts.textures, surface.uv);
+        Some(share * wall.straight(cos))
+    }
+
+    /// What comes through between the ray's origin and its `t_max`: all, or what at most `most` panes let through; `None` if
+    /// anything else stands there.
+    #[inline]
+    pub fn unblocked(&self, ray: &Ray, most: u32) -> Option<Rgb> {
+        if !self.occluded(ray) {
+            return Some(Rgb::ONE);
+        }
+        if self.has_panes() {
+            self.through_panes(ray, most)
+        } else {
+            None
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn through_panes(&self, ray: &Ray, most: u32) -> Option<Rgb> {
+        let (mut rest, mut passed) = (*ray, Rgb::ONE);
+        for _ in 0..=most {
+            let Some(hit) = self.intersect(&rest) else {
+                return Some(passed);
+            };
+            let surface = self.surface(&hit);
+            passed *= self.straight(&surface, ray.dir)?;
+            let t_max = rest.t_max - hit.t;
+            rest = surface.spawn(ray.dir);
+            rest.t_max = t_max;
+        }
+        None
     }
 
     /// Interpolates the surface at a hit.
@@ -327,7 +461,7 @@ impl Scene {
 
 impl Scene {
     /// The emission of what a ray met first: a surface, or without one the environment.
-    pub fn emission_at(&self, ray: &Ray, hit: Option<Hit>) -> Option<Emission> {
+    pub(crate) fn emission_at(&self, ray: &Ray, hit: Option<Hit>) -> Option<Emission> {
         let lights = &self.lights;
         let emission = match hit {
             None => Emission {
@@ -361,7 +495,7 @@ impl Surface {
 
     /// [`Surface::frame_for`] `w`, bit for bit: hardly ever another than a frame for another direction, which is `known`.
     #[inline]
-    pub fn frame_near(&self, known: &Frame, w: Vec3) -> Frame {
+    pub(crate) fn frame_near(&self, known: &Frame, w: Vec3) -> Frame {
         let n = normals::bent(self.ns, self.ng, w);
         if n == known.n {
             *known
@@ -384,7 +518,7 @@ impl Surface {
     /// The segment from this surface along `dir` to just before another surface at this distance, whose absolute cosine
     /// with `dir` is `cos`.
     #[inline]
-    pub fn spawn_to(&self, other: &Self, dir: Vec3, distance: f32, cos: f32) -> Ray {
+    pub(crate) fn spawn_to(&self, other: &Self, dir: Vec3, distance: f32, cos: f32) -> Ray {
         let mut ray = self.spawn(dir);
         let slack = (self.error + other.error + 2.0 * f32::EPSILON * distance) / cos;
         ray.t_max = (distance - slack).max(0.5 * distance);

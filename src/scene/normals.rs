@@ -93,6 +93,7 @@ mod tests {
     fn normal_map_red_points_along_u_and_green_against_v() {
         let map = TextureRef {
             texture: 0,
+            second: false,
             transform: glam::Affine2::IDENTITY,
         };
         for (u, v) in [
@@ -126,6 +127,7 @@ mod tests {
         let own = Some([Vec4::new(0.0, 1.0, 0.0, -1.0); 3]);
         let map = TextureRef {
             texture: 0,
+            second: false,
             transform: glam::Affine2::IDENTITY,
         };
         let (t, hand) =

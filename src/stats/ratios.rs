@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 use super::student;
 
 /// Confidence of all intervals.
-pub const CONFIDENCE: f64 = 0.95;
+pub(crate) const CONFIDENCE: f64 = 0.95;
 
 /// Fewer seeds get no verdict.
-pub const MIN_SEEDS: usize = 5;
+pub(crate) const MIN_SEEDS: usize = 5;
 
 /// Resamples of a bootstrap: the ends of an interval over five seeds rest on ten of them each.
 const RESAMPLES: usize = 10_000;
@@ -21,7 +21,7 @@ const RESAMPLES: usize = 10_000;
 /// Seed of all bootstraps: the same data give the same interval.
 const BOOTSTRAP_SEED: u64 = 0x0b5e_55ed;
 
-/// An estimate and its [`CONFIDENCE`] interval.
+/// An estimate and its `CONFIDENCE` interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
     /// The estimate.
@@ -49,7 +49,7 @@ pub enum Verdict {
     Worse,
     /// The interval holds 1.
     Tie,
-    /// Fewer than [`MIN_SEEDS`] seeds.
+    /// Fewer than `MIN_SEEDS` seeds.
     TooFewSeeds,
 }
 
@@ -81,7 +81,7 @@ impl Verdict {
 /// The geometric mean of `ours[i] / baseline[i]` with its bootstrap interval.
 ///
 /// `None` without pairs, or where a ratio is not a positive number; two zeros are equal.
-pub fn paired_ratio(ours: &[f64], baseline: &[f64]) -> Option<Interval> {
+pub(crate) fn paired_ratio(ours: &[f64], baseline: &[f64]) -> Option<Interval> {
     if ours.len() != baseline.len() {
         return None;
     }
@@ -102,7 +102,7 @@ pub fn paired_ratio(ours: &[f64], baseline: &[f64]) -> Option<Interval> {
 ///
 /// Percentiles of few values are too narrow; taking them at Φ(−√(n/(n−1)) t) instead of Φ(−z) makes up for
 /// it, exactly so for the normal distribution and many resamples. [Hesterberg15 §5]
-pub fn bootstrap_mean(values: &[f64]) -> Option<Interval> {
+pub(crate) fn bootstrap_mean(values: &[f64]) -> Option<Interval> {
     let n = values.len();
     let value = mean(values)?;
     if n < 2 || values.iter().all(|v| *v == values[0]) {
@@ -134,7 +134,7 @@ pub fn bootstrap_mean(values: &[f64]) -> Option<Interval> {
 }
 
 /// The mean with Student's interval.
-pub fn mean_interval(values: &[f64]) -> Option<Interval> {
+pub(crate) fn mean_interval(values: &[f64]) -> Option<Interval> {
     let value = mean(values)?;
     let n = values.len() as f64;
     if values.len() < 2 {
@@ -192,7 +192,7 @@ pub fn mean(values: &[f64]) -> Option<f64> {
 }
 
 /// The geometric mean of positive numbers.
-pub fn geometric_mean(values: &[f64]) -> Option<f64> {
+pub(crate) fn geometric_mean(values: &[f64]) -> Option<f64> {
     let logs: Vec<f64> = values.iter().map(|v| v.ln()).collect();
     mean(&logs).map(f64::exp).filter(|v| v.is_finite())
 }

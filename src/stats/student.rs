@@ -2,70 +2,29 @@
 //!
 //! Degrees of freedom may be any positive number, infinity included.
 
-use libm::lgamma;
+use statrs::distribution::{ContinuousCDF, StudentsT};
+use statrs::function::beta::checked_beta_reg;
+
+/// Degrees of freedom that are told apart. Beyond the larger the distribution is the normal one to five digits.
+const LEAST: f64 = 0.5;
+const MOST: f64 = 1e5;
 
 /// Probability of a |t| at least this large with `degrees` > 0 of freedom.
 ///
 /// P = I_x(ν/2, ½) with x = ν / (ν + t²), the regularised incomplete beta function.
 pub(crate) fn two_sided(t: f64, degrees: f64) -> f64 {
-    // Beyond, the distribution is the normal one to five digits, and the continued fraction gets long.
-    let nu = degrees.clamp(0.5, 1e5);
+    let nu = degrees.clamp(LEAST, MOST);
     if !t.is_finite() {
         return 0.0;
     }
     let t2 = t * t;
-    let (a, b) = (0.5 * nu, 0.5);
-    let (x, y) = (nu / (nu + t2), t2 / (nu + t2));
-    if y == 0.0 {
-        return 1.0;
-    }
-    let front = (a * x.ln() + b * y.ln() + lgamma(a + b) - lgamma(a) - lgamma(b)).exp();
-    if x < (a + 1.0) / (a + b + 2.0) {
-        front * fraction(a, b, x) / a
-    } else {
-        1.0 - front * fraction(b, a, y) / b
-    }
+    checked_beta_reg(0.5 * nu, 0.5, nu / (nu + t2)).unwrap_or(f64::NAN)
 }
 
 /// The t > 0 that |t| exceeds with this `probability`.
 pub(crate) fn quantile(probability: f64, degrees: f64) -> f64 {
-    let (mut low, mut high) = (0.0, 1.0);
-    while two_sided(high, degrees) > probability && high < 1e12 {
-        high *= 2.0;
-    }
-    for _ in 0..80 {
-        let middle = 0.5 * (low + high);
-        if two_sided(middle, degrees) > probability {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    0.5 * (low + high)
-}
-
-/// Continued fraction of the incomplete beta function, by Lentz's method.
-fn fraction(a: f64, b: f64, x: f64) -> f64 {
-    let safe = |v: f64| if v.abs() < 1e-300 { 1e-300 } else { v };
-    let mut c = 1.0;
-    let mut d = safe(1.0 - (a + b) * x / (a + 1.0)).recip();
-    let mut value = d;
-    for m in 1..2000 {
-        let m = f64::from(m);
-        let even = m * (b - m) * x / ((a + 2.0 * m - 1.0) * (a + 2.0 * m));
-        let odd = -(a + m) * (a + b + m) * x / ((a + 2.0 * m) * (a + 2.0 * m + 1.0));
-        let mut step = 1.0;
-        for term in [even, odd] {
-            d = safe(1.0 + term * d).recip();
-            c = safe(1.0 + term / c);
-            step = c * d;
-            value *= step;
-        }
-        if (step - 1.0).abs() < 1e-14 {
-            break;
-        }
-    }
-    value
+    let nu = degrees.clamp(LEAST, MOST);
+    StudentsT::new(0.0, 1.0, nu).map_or(f64::NAN, |t| -t.inverse_cdf(0.5 * probability))
 }
 
 #[cfg(test)]

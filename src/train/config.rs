@@ -11,40 +11,26 @@ const MAX_BYTES: u64 = 1 << 20;
 /// Maximum number of factors with which the lobes of a recording are sampled.
 const MAX_RECORD_GAMMAS: usize = 16;
 
+/// Settings that are gone, and what does their work now. Measurements of them are in `docs/lab/training_left_out.md`.
+const GONE: [(&str, &str); 4] = [
+    ("replicates", "a larger `spp` records more paths"),
+    ("model", "a table always has its 1360 factors"),
+    ("loss", "the loss is always that of `spp` samples"),
+    (
+        "patience",
+        "best.json is the table of the lowest validation loss",
+    ),
+];
+
 /// Evaluation of the loss and its gradient (`docs/method.md` section 7).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Evaluation {
-    /// Paths are traced anew at every step.
-    Fresh,
     /// Paths are traced once; their events are evaluated at every step.
     Replay,
     /// Paths are traced once; their events are baked into curves over the factor.
     #[default]
     Tabulated,
-}
-
-/// The image whose error the loss measures (`docs/method.md` section 6).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Loss {
-    /// The realised mean of `spp` samples, noise included.
-    #[default]
-    Published,
-    /// The mean of all `replicates × spp` samples, so that the loss hardly depends on the number of samples.
-    NoiseFree,
-}
-
-/// Parameters that are learned.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Model {
-    /// The 1360 factors themselves.
-    #[default]
-    Full,
-    /// 24 numbers: ln γ is the sum of one number for each (position before the last vertex, bin) and one for each
-    /// length of the path.
-    Additive,
 }
 
 /// Parameter space in which Adam steps.
@@ -59,7 +45,8 @@ pub enum Optimiser {
 }
 
 /// Settings to start from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Preset {
     /// All scenes, 1024 samples, ten thousand steps of Adam, from the best constant.
@@ -87,22 +74,16 @@ pub struct Config {
     pub beta: Vec<f32>,
     /// Samples per pixel that the table is learned for, at least 2.
     pub spp: u32,
-    /// Independent recordings of `spp` samples, from 1 to 64; their losses are averaged.
-    pub replicates: u32,
     /// Optimiser steps.
     pub steps: u32,
     /// Step size of Adam; 0 for the optimiser's default (5e-4 on γ, 0.05 on ln γ).
     pub learning_rate: f64,
     /// Parameter space in which Adam steps.
     pub optimiser: Optimiser,
-    /// Parameters that are learned.
-    pub model: Model,
     /// Look-up of factors, see `docs/method.md` section 8.
     pub lookup: Lookup,
     /// Evaluation of the loss and its gradient.
     pub method: Evaluation,
-    /// The image whose error the loss measures.
-    pub loss: Loss,
     /// Initial value of all factors; 0 for the best constant of the training crops.
     pub start: f32,
     /// Constant factors with which the lobes of a recording are sampled, 1 to 16 numbers in (0, 1].
@@ -113,8 +94,6 @@ pub struct Config {
     pub seed: u64,
     /// Steps between two lines of the log, each with a validation.
     pub validate_every: u32,
-    /// Number of validations in a row without an improvement after which training stops; 0 for never.
-    pub patience: u32,
     /// Steps between two checkpoints.
     pub checkpoint_every: u32,
 }
@@ -127,20 +106,16 @@ impl Default for Config {
             hold_out: String::new(),
             beta: vec![0.001],
             spp: 1024,
-            replicates: 1,
             steps: 10_000,
             learning_rate: 0.0,
             optimiser: Optimiser::Adam,
-            model: Model::Full,
             lookup: Lookup::Nearest,
             method: Evaluation::Tabulated,
-            loss: Loss::Published,
             start: 0.5,
             record_gammas: vec![0.002, 0.007, 0.025, 0.09, 0.3, 1.0],
             roulette: 0.3,
             seed: 0,
             validate_every: 500,
-            patience: 0,
             checkpoint_every: 500,
         }
     }
@@ -171,7 +146,7 @@ pub enum ConfigError {
 }
 
 impl Preset {
-    /// Its name, as `--preset` takes it.
+    /// Name, as `--preset` takes it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Full => "full",
@@ -216,28 +191,34 @@ impl Config {
     }
 
     /// Step size of Adam.
-    pub fn step_size(&self) -> f64 {
+    pub(crate) fn step_size(&self) -> f64 {
         match self.optimiser {
             _ if self.learning_rate > 0.0 => self.learning_rate,
-            // The additive model steps in ln γ with either optimiser.
-            Optimiser::Adam if self.model == Model::Full => 5e-4,
-            _ => 0.05,
+            Optimiser::Adam => 5e-4,
+            Optimiser::Log => 0.05,
         }
     }
 
-    /// Returns these settings, overridden by those of a TOML file.
+    /// Returns these settings, overridden by the settings of a TOML file.
     pub fn with_file(&self, path: &Path) -> Result<Self, ConfigError> {
         let text = files::read_text(path, MAX_BYTES)?;
         self.with_text(&text, &path.display().to_string())
     }
 
-    /// Returns these settings, overridden by those of a TOML text; messages name `place`.
+    /// Returns these settings, overridden by the settings of a TOML text; messages name `place`.
     pub fn with_text(&self, text: &str, place: &str) -> Result<Self, ConfigError> {
         let syntax = |problem| ConfigError::Syntax {
             place: place.into(),
             problem,
         };
         let new: toml::Table = files::toml(text).map_err(syntax)?;
+        if let Some((key, instead)) = GONE.iter().find(|(key, _)| new.contains_key(*key)) {
+            return Err(syntax(format!("`{key}` is no longer a setting: {instead}")));
+        }
+        if new.get("method").and_then(toml::Value::as_str) == Some("fresh") {
+            let what = "`method = \"fresh\"` is no longer an evaluation: `replay` is exact for its recording";
+            return Err(syntax(what.into()));
+        }
         let mut all = toml::Table::try_from(self).map_err(|e| ConfigError::Value {
             key: "configuration",
             problem: e.to_string(),
@@ -271,11 +252,6 @@ impl Config {
                 "spp",
                 (2..=1 << 20).contains(&self.spp),
                 "expected 2 to 1048576 samples",
-            ),
-            (
-                "replicates",
-                (1..=64).contains(&self.replicates),
-                "expected 1 to 64",
             ),
             ("steps", self.steps > 0, "expected at least 1"),
             (

@@ -16,7 +16,11 @@ pub type Dependence = Vec<(GammaIndex, f32)>;
 ///
 /// accumulated without a division as q′ ← q′ (1 − γ αᵢ) + αᵢ (1 − q), so that γ = αᵢ = 1 is no special case. The chain
 /// rule carries the derivatives of a folded value α′₅ on; the *bin* of the folded value is taken as constant.
-pub fn accumulate_with_gradient(alphas: &[f32], table: &AttenuationTable) -> (f32, Dependence) {
+#[cfg(test)]
+pub(crate) fn accumulate_with_gradient(
+    alphas: &[f32],
+    table: &AttenuationTable,
+) -> (f32, Dependence) {
     let Some((&last, before)) = alphas.split_last() else {
         return (0.0, Dependence::new());
     };
@@ -74,7 +78,7 @@ impl Differentiated {
 }
 
 /// α′ of a path of at most five vertices with the attenuation factor `gamma`, and dα′/dγ.
-pub fn accumulate_at(alphas: &[f32], gamma: f32) -> (f32, f32) {
+pub(crate) fn accumulate_at(alphas: &[f32], gamma: f32) -> (f32, f32) {
     debug_assert!(alphas.len() <= MAX_VERTICES);
     let Some((&last, before)) = alphas.split_last() else {
         return (0.0, 0.0);
@@ -100,7 +104,7 @@ fn surplus_derivative(prefix: &PathRoughness, gamma: f32) -> f32 {
     dq
 }
 
-/// Appends the derivatives of `prefix.accumulate(last)` to `to`; `folded` holds those of the prefix's first value.
+/// Appends the derivatives of `prefix.accumulate(last)` to `to`; `folded` holds the derivatives of the prefix's first value.
 fn gradient(
     prefix: &PathRoughness,
     last: f32,
@@ -237,7 +241,9 @@ mod tests {
                     let differences = lookup == Lookup::Nearest || n <= 5;
                     // Directional derivative over all entries: a missing entry shows.
                     let moved = |h: f64| {
-                        let g: Vec<f64> = (gammas.iter().enumerate())
+                        let g: Vec<f64> = gammas
+                            .iter()
+                            .enumerate()
                             .map(|(i, g)| g + h * direction(i))
                             .collect();
                         definition(&alphas, &g, lookup)

@@ -8,8 +8,8 @@
 //! 3. [`learn`] sums loss and gradient over the crops and lets Adam change the table. burn holds the parameters,
 //!    differentiates the loss and steps; it never sees a ray.
 //!
-//! [`config`] has the settings of all three. [`study`], on top, scores tables beside constants and on scenes that they
-//! were not learned from.
+//! [`config`] has the settings of all three. [`score`], on top, puts tables beside constants; `examples/study.rs` does so on
+//! scenes that they were not learned from.
 //!
 //! A derivative travels from a lobe to its factor through `record/event.rs` (dx/dα′), `record/lists.rs` (dα′/dγ),
 //! `evaluate/curves.rs` (the pixel's curve), `learn/loss.rs` (dL/dmoments), `learn/crop_set.rs` (the sum over crops),
@@ -20,7 +20,7 @@ pub mod derivative;
 pub mod evaluate;
 pub mod learn;
 pub mod record;
-pub mod study;
+pub mod score;
 
 pub use config::Config;
 pub use learn::outer_loop::TrainError;

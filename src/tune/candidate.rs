@@ -2,13 +2,11 @@
 
 use crate::image::film::{Film, FilmError, Window};
 use crate::integrator::{Integrator, Picture, Settings, View};
+use crate::pilot::window::{TILE, inside};
 use std::ops::Range;
 
 /// Independent batches.
 pub(super) const BATCHES: usize = 4;
-
-/// Edge in pixels of the tiles that bias is measured on.
-pub(super) const TILE: u32 = 4;
 
 /// Tiles of a candidate: mean radiance by batch, and variance of one sample.
 pub(super) struct Tiles {
@@ -79,11 +77,4 @@ impl CandidatePictures {
         }
         Tiles { means, variance }
     }
-}
-
-/// Indices of a tile's pixels in the film of a window.
-pub(super) fn inside(w: &Window, outer: &Window) -> impl Iterator<Item = usize> {
-    let (x, y, width) = (w.x - outer.x, w.y - outer.y, outer.w);
-    let (w, h) = (w.w, w.h);
-    (y..y + h).flat_map(move |y| (x..x + w).map(move |x| (y * width + x) as usize))
 }

@@ -1,4 +1,4 @@
-//! Scale and contrast of a table for a scene, chosen by a pilot without a reference; so is the [integrator].
+//! Scale and contrast of a table for a scene, chosen by a pilot without a reference.
 //!
 //! The blur that a scene tolerates is not part of a path's class. A table therefore serves scenes unlike its training
 //! scenes only at a scale of their own, and where a scene is unlike all of them, one factor for all paths is better
@@ -14,17 +14,13 @@
 //! them the rest.
 
 mod candidate;
-pub mod integrator;
-mod judge;
-pub mod resolve;
-pub mod stopwatch;
 
-use crate::image::film::{Film, FilmError, Window};
+use crate::image::film::{Film, FilmError};
 use crate::integrator::{Estimator, Picture, Settings, View};
-use crate::math::UVec2;
+use crate::pilot::window::pilot_window;
 use crate::regularise::{Rule, TableTuning};
 use crate::sampler::{Domain, SamplerKind, Seed};
-use candidate::{BATCHES, CandidatePictures, TILE, Tiles};
+use candidate::{BATCHES, CandidatePictures, Tiles};
 use std::time::{Duration, Instant};
 
 /// Contrasts of the candidates: all of the table's pattern, half of it, and none.
@@ -235,32 +231,6 @@ fn survivors(candidates: &[Candidate]) -> Vec<usize> {
     (0..candidates.len())
         .filter(|i| best.contains(i) || candidates[*i].tuning == TableTuning::NONE)
         .collect()
-}
-
-/// Size of the pilot's whole picture, and its window of about so many pixels: whole tiles.
-fn pilot_window(frame: UVec2, window: Window, pixels: f32) -> (UVec2, Window) {
-    let scale = (pixels / window.len().max(1) as f32).sqrt();
-    let side = |x: u32| ((x as f32 * scale / TILE as f32).round() as u32).clamp(2, 256) * TILE;
-    let start = |x: u32| (x as f32 * scale).round() as u32;
-    let pilot = Window {
-        x: start(window.x),
-        y: start(window.y),
-        w: side(window.w),
-        h: side(window.h),
-    };
-    // A window of the whole frame stays one.
-    let edge = |frame: u32, from: u32, length: u32, end: u32| {
-        if from + length == frame {
-            end
-        } else {
-            ((frame as f32 * scale).round() as u32).max(end)
-        }
-    };
-    let frame = UVec2::new(
-        edge(frame.x, window.x, window.w, pilot.x + pilot.w),
-        edge(frame.y, window.y, window.h, pilot.y + pilot.h),
-    );
-    (frame, pilot)
 }
 
 /// 1 / (radiance² + ε) of every tile, at a brightness of 0.3.

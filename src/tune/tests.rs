@@ -16,46 +16,6 @@ fn noisy(rng: &mut Pcg32, mean: f64, noise: f64, tiles: usize) -> Tiles {
 }
 
 #[test]
-fn pilot_view_covers_the_window_of_the_render() {
-    let frame = UVec2::new(160, 90);
-    let pilot_of = |window| pilot_window(frame, window, PIXELS);
-    let whole = Window::full(frame);
-    let crop = Window {
-        x: 94,
-        y: 30,
-        w: 32,
-        h: 32,
-    };
-    let corner = Window {
-        x: 159,
-        y: 89,
-        w: 1,
-        h: 1,
-    };
-    for window in [whole, crop, corner] {
-        let (size, pilot) = pilot_of(window);
-        assert!(
-            pilot.inside(&Window::full(size)),
-            "{window:?}: {pilot:?} of {size}"
-        );
-        assert!(pilot.w % TILE == 0 && pilot.h % TILE == 0);
-        // Edges are where they were, to a tile.
-        for (a, b, outer, inner) in [
-            (window.x, window.w, frame.x, (pilot.x, pilot.w, size.x)),
-            (window.y, window.h, frame.y, (pilot.y, pilot.h, size.y)),
-        ] {
-            let place = |x: u32| f64::from(x) / f64::from(outer);
-            let found = |x: u32| f64::from(x) / f64::from(inner.2);
-            let slack = 2.0 * f64::from(TILE) / f64::from(inner.2);
-            assert!((place(a) - found(inner.0)).abs() < slack);
-            assert!((place(a + b) - found(inner.0 + inner.1)).abs() < slack);
-        }
-    }
-    let (size, pilot) = pilot_of(whole);
-    assert_eq!(pilot, Window::full(size));
-}
-
-#[test]
 fn bias2_estimate_is_unbiased() {
     let mut rng = Pcg32::seed_from_u64(3);
     let tiles = 40_000;

@@ -1,7 +1,8 @@
 //! BSDFs that the checks take.
 
 use crate::bsdf::{
-    Bsdf, Dielectric, Diffuse, Distribution, Glossy, ThinDielectric, anisotropic, clearcoated,
+    Bsdf, Covers, Dielectric, Diffuse, Distribution, Film, Glossy, Sheen, ThinDielectric,
+    anisotropic, clearcoated, covered, iridescent,
 };
 use crate::math::{Rgb, Vec2, Vec3};
 
@@ -64,12 +65,12 @@ pub fn pane(alpha: f32, distribution: Distribution) -> Bsdf {
 }
 
 /// BSDF of this base under a clear coat of weight 1.
-pub fn under_clearcoat(base: Bsdf) -> Bsdf {
+pub(crate) fn under_clearcoat(base: Bsdf) -> Bsdf {
     clearcoated(1.0, 0.0, Distribution::Ggx, 0.9, |_| base)
 }
 
 /// The lobe of a BSDF brushed along a direction off both tangents, its roughnesses in the proportion `ratio`, and their
-/// geometric mean that of the lobe.
+/// geometric mean the roughness of the lobe.
 pub fn brushed(bsdf: Bsdf, ratio: f32) -> Bsdf {
     let Bsdf::Glossy(lobe) = bsdf else {
         return bsdf;
@@ -78,8 +79,40 @@ pub fn brushed(bsdf: Bsdf, ratio: f32) -> Bsdf {
     anisotropic(lobe, along, along * ratio, Vec2::new(0.3, -0.8))
 }
 
+/// Blue fibres.
+pub fn fibres(alpha: f32) -> Sheen {
+    Sheen {
+        color: Rgb::new(0.4, 0.6, 1.0),
+        alpha,
+    }
+}
+
+/// BSDF of this base under white fibres.
+pub fn under_sheen(base: Bsdf, alpha: f32) -> Bsdf {
+    let covers = Covers {
+        coat: 0.0,
+        alpha: 0.0,
+        distribution: Distribution::Ggx,
+        sheen: Sheen {
+            color: Rgb::ONE,
+            alpha,
+        },
+    };
+    covered(&covers, 0.9, |_| base)
+}
+
+/// BSDF of this base under a film.
+pub fn under_film(base: Bsdf) -> Bsdf {
+    let film = Film {
+        weight: 0.9,
+        ior: 1.7,
+        thickness: 380.0,
+    };
+    iridescent(base, film)
+}
+
 /// BSDF of every kind at one roughness, with its name.
-pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 7] {
+pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 12] {
     [
         ("metal", metal(alpha, distribution)),
         ("plastic", plastic(alpha, distribution)),
@@ -94,13 +127,32 @@ pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 7
             "brushed plastic",
             brushed(plastic(alpha, distribution), 0.1),
         ),
+        ("fibres", Bsdf::Sheen(fibres(alpha))),
+        (
+            "plastic under fibres",
+            under_sheen(plastic(alpha, distribution), 0.3),
+        ),
+        (
+            "plastic under a film",
+            under_film(plastic(alpha, distribution)),
+        ),
+        (
+            "glass under a film",
+            under_film(glass(1.5, alpha, distribution)),
+        ),
+        ("pane under a film", under_film(pane(alpha, distribution))),
     ]
 }
 
 /// BSDFs with all that a scene may contain: perfect, matched, weak and strong interfaces.
-pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 17] {
+pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 22] {
     let glass = |eta| glass(eta, alpha, distribution);
     [
+        Bsdf::Sheen(fibres(alpha)),
+        under_sheen(plastic(alpha, distribution), alpha),
+        under_film(plastic(alpha, distribution)),
+        under_film(super::bsdfs::glass(1.5, alpha, distribution)),
+        under_film(pane(alpha, distribution)),
         metal(alpha, distribution),
         plastic(alpha, distribution),
         pane(alpha, distribution),

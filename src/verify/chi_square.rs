@@ -1,35 +1,18 @@
 //! Pearson's chi-square test of counts, and quadrature of densities for the expected counts.
 
 use super::Finding;
+use statrs::function::gamma::gamma_ur;
 
 /// Least expected count of a cell; rarer cells are pooled, since the statistic is chi-square distributed only above.
 const MIN_EXPECTED: f64 = 10.0;
 
 /// Probability that a chi-square variable with `freedom` degrees of freedom exceeds `x`: the regularised upper incomplete
-/// gamma function Q(freedom/2, x/2), by Q(a + 1, y) = Q(a, y) + yᵃ e^(−y) / Γ(a + 1). `freedom` is at least 1.
-pub fn upper_tail(x: f64, freedom: usize) -> f64 {
-    let y = 0.5 * x;
-    if y <= 0.0 {
-        return 1.0;
+/// gamma function Q(freedom/2, x/2). `freedom` is at least 1.
+pub(crate) fn upper_tail(x: f64, freedom: usize) -> f64 {
+    match x > 0.0 {
+        true => gamma_ur(0.5 * freedom as f64, 0.5 * x),
+        false => 1.0,
     }
-    let odd = freedom % 2 == 1;
-    // Q, a and ln Γ(a + 1) at the start of the recurrence: a = ½ or 1.
-    let half_pi_root = 0.5 * std::f64::consts::PI.sqrt();
-    let (mut q, mut a, mut ln_gamma) = if odd {
-        (
-            1.0 - crate::math::real::erf_f64(y.sqrt()),
-            0.5,
-            half_pi_root.ln(),
-        )
-    } else {
-        ((-y).exp(), 1.0, 0.0)
-    };
-    while a + 0.5 < 0.5 * freedom as f64 {
-        q += (a * y.ln() - y - ln_gamma).exp();
-        a += 1.0;
-        ln_gamma += a.ln();
-    }
-    q.clamp(0.0, 1.0)
 }
 
 /// Probability of counts at least as far from `expected` as `observed`; both have the same sum up to rounding.
@@ -53,7 +36,7 @@ pub fn p_value(observed: &[u32], expected: &[f64]) -> f64 {
     upper_tail(statistic, cells - 1)
 }
 
-/// Largest −log₁₀ of named p-values. Its bound is that of 0.01 over their number (Bonferroni's correction).
+/// Largest −log₁₀ of named p-values. Its bound is −log₁₀ of 0.01 over their number (Bonferroni's correction).
 pub fn finding(tried: &str, p_values: &[(f64, String)]) -> Finding {
     // A p-value that underflows to 0 stays a number.
     let negative_log = |p: f64| -p.max(1e-300).log10();
@@ -96,7 +79,9 @@ fn refine(
     if depth == 0 || (!edge && (fine - coarse).abs() < tolerance) {
         return fine;
     }
-    (parts.into_iter().zip(values))
+    parts
+        .into_iter()
+        .zip(values)
         .map(|(part, value)| refine(f, part, value.0, 0.5 * tolerance, depth - 1))
         .sum()
 }

@@ -1,4 +1,4 @@
-//! Renders of the program against those of the [simple path tracer](super::simple).
+//! Renders of the program against renders of the [simple path tracer](super::simple).
 
 use super::simple::{Fault, Simple};
 use super::{Finding, Size};

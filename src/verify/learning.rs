@@ -8,7 +8,7 @@ use crate::math::UVec2;
 use crate::regularise::{AttenuationTable, LEN, Lookup};
 use crate::sampler::Seed;
 use crate::scene::{Scene, SceneParts};
-use crate::train::config::{Evaluation, Model, Optimiser};
+use crate::train::config::{Evaluation, Optimiser};
 use crate::train::evaluate::replay::Replay;
 use crate::train::evaluate::{Adjoint, MomentSource, Moments};
 use crate::train::learn::outer_loop::Outcome;
@@ -152,7 +152,7 @@ fn apart(a: &AttenuationTable, b: &AttenuationTable) -> f64 {
     pairs.filter(|(a, b)| a.to_bits() != b.to_bits()).count() as f64
 }
 
-const METHODS: [Evaluation; 3] = [Evaluation::Fresh, Evaluation::Replay, Evaluation::Tabulated];
+const METHODS: [Evaluation; 2] = [Evaluation::Replay, Evaluation::Tabulated];
 
 /// Tables at 1, 2, 3 and 8 threads.
 pub fn threads(crop: &Crop) -> Result<Finding, TrainError> {
@@ -176,16 +176,14 @@ pub fn threads(crop: &Crop) -> Result<Finding, TrainError> {
 /// threads.
 pub fn resumed(crop: &Crop, stops: usize) -> Result<Finding, Box<dyn Error>> {
     let mut differ = Vec::new();
-    for (method, model, optimiser) in [
-        (Evaluation::Fresh, Model::Full, Optimiser::Adam),
-        (Evaluation::Tabulated, Model::Full, Optimiser::Log),
-        (Evaluation::Replay, Model::Additive, Optimiser::Log),
+    for (method, optimiser) in [
+        (Evaluation::Tabulated, Optimiser::Log),
+        (Evaluation::Replay, Optimiser::Adam),
     ] {
         let steps = 2 * stops as u32;
         let config = Config {
             spp: 8,
             steps,
-            model,
             optimiser,
             ..quick(method)
         };

@@ -6,6 +6,7 @@
 //! faulty one and require that it is found. The cases are listed in `docs/numerics.md`.
 
 pub mod bsdfs;
+pub mod chaos;
 pub mod chi_square;
 pub mod density;
 pub mod images;

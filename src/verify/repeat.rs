@@ -137,7 +137,7 @@ fn picture(
 }
 
 /// Pixels of two films that are not bit-identical; all of them if more than the pixels differs.
-fn apart(a: &Picture, b: &Picture) -> f64 {
+pub(super) fn apart(a: &Picture, b: &Picture) -> f64 {
     if a == b {
         return 0.0;
     }
@@ -150,13 +150,13 @@ fn apart(a: &Picture, b: &Picture) -> f64 {
     }
 }
 
-/// Bit-identity at 1, 2, 3 and 8 threads, in several splits into passes, and of a crop where nothing is learned.
-pub fn determinism(size: Size) -> Vec<Finding> {
+/// Bit-identity at 1, 2, 3 and 8 threads, in several splits into passes, and of a crop where nothing is learned. Each
+/// finding is made when it is asked for.
+pub fn determinism(size: Size) -> impl Iterator<Item = Finding> {
     let unit = size.of(1, 4, 128);
     let scene = scene();
     let full = Window::full(FRAME);
-    let mut all = Vec::new();
-    for (name, settings) in ways() {
+    ways().into_iter().flat_map(move |(name, settings)| {
         let render = |window, threads, passes: &[u32]| {
             let passes: Vec<u32> = passes.iter().map(|n| n * unit).collect();
             picture(&scene, &settings, window, threads, &passes)
@@ -166,10 +166,10 @@ pub fn determinism(size: Size) -> Vec<Finding> {
         let splits = splits.map(|(threads, passes)| apart(&whole, &render(full, threads, passes)));
         let samples = 6 * unit;
         let tried = format!("{name}, {samples} samples: pixels that differ by threads, passes");
-        all.push(Finding::new(tried, 0.0, splits));
+        let mut all = vec![Finding::new(tried, 0.0, splits)];
         // A guide learns from the pixels that are rendered.
         if matches!(settings.estimator, Estimator::Guided { .. }) {
-            continue;
+            return all;
         }
         let part = render(CROP, 2, &[6]).film;
         let expected = whole.film.cut(CROP);
@@ -177,24 +177,22 @@ pub fn determinism(size: Size) -> Vec<Finding> {
         let differ = pixels.filter(|(a, b)| a != b).count();
         let tried = format!("{name}: pixels of a crop that differ");
         all.push(Finding::new(tried, 0.0, [differ as f64]));
-    }
-    all
+        all
+    })
 }
 
 /// Bit-identity of renders that are stopped at many places, each time saved to a file, loaded and continued at another
-/// number of threads.
-pub fn resume(size: Size) -> Vec<Finding> {
+/// number of threads. Each finding is made when it is asked for.
+pub fn resume(size: Size) -> impl Iterator<Item = Finding> {
     let (stops, samples) = size.of((5, 24), (50, 120), (500, 4000));
     let scene = scene();
-    let mut all = Vec::new();
-    for (name, settings) in ways() {
+    ways().into_iter().map(move |(name, settings)| {
         let tried = format!("{name}: pixels that differ after {stops} stops");
-        all.push(match resumed(&scene, &settings, stops, samples) {
+        match resumed(&scene, &settings, stops, samples) {
             Ok(differ) => Finding::new(tried, 0.0, [differ]),
             Err(error) => Finding::failed(error),
-        });
-    }
-    all
+        }
+    })
 }
 
 fn fingerprint(settings: &Settings) -> Fingerprint {
@@ -215,6 +213,18 @@ fn resumed(
     let whole = picture(scene, settings, CROP, 2, &[samples]);
     let mut ends = Numbers::new(60).places(samples, stops);
     ends.push(samples);
+    let resumed = resumed_at(scene, settings, &ends, blank(settings, CROP))?;
+    Ok(apart(&resumed, &whole))
+}
+
+/// A picture by passes that end at these samples, each at another number of threads, and saved to a file and loaded after
+/// each.
+pub(super) fn resumed_at(
+    scene: &Scene,
+    settings: &Settings,
+    ends: &[u32],
+    blank: Picture,
+) -> Result<Picture, Box<dyn Error>> {
     let ours = fingerprint(settings);
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("a.ckpt");
@@ -224,7 +234,7 @@ fn resumed(
         samples: 0,
         seconds: 0.0,
         levels: settings.levels.clone(),
-        picture: blank(settings, CROP),
+        picture: blank,
     };
     for (i, &end) in ends.iter().enumerate() {
         let samples = checkpoint.samples..end;
@@ -238,7 +248,7 @@ fn resumed(
         // Only the content of the file continues.
         checkpoint = Checkpoint::load(&path, &ours)?;
     }
-    Ok(apart(&checkpoint.picture, &whole))
+    Ok(checkpoint.picture)
 }
 
 /// Numbers of the films of every way to render, each read back from its checkpoint, and of a learned table.

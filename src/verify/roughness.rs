@@ -162,7 +162,9 @@ fn definition(alphas: &[f32], table: &AttenuationTable) -> f32 {
     match GammaIndex::from_bins(&bins) {
         Some(class) if last < 1.0 => {
             let gamma = table.gammas[class.index()];
-            let q = (before.iter()).fold(0.0f32, |q, &a| q + gamma * a * (1.0 - q));
+            let q = before
+                .iter()
+                .fold(0.0f32, |q, &a| q + gamma * a * (1.0 - q));
             (last + (1.0 - last) * q).min(1.0)
         }
         _ => last,

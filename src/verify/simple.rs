@@ -105,7 +105,11 @@ impl Simple {
                 Some(Fault::LightTwice) if n > 2 => 2.0,
                 _ => 1.0,
             };
-            let Some(hit) = scene.intersect(&ray) else {
+            let met = match n {
+                1 => scene.intersect_seen(&ray),
+                _ => scene.intersect(&ray),
+            };
+            let Some(hit) = met else {
                 return total + throughput * times * scene.lights().environment(ray.dir);
             };
             let mut surface = scene.surface(&hit);

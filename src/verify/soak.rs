@@ -13,7 +13,7 @@ fn resident() -> Option<f64> {
     Some(1024.0 * kilobytes)
 }
 
-/// Growth of memory in per cent: the least of the last third against that of the second; the first third fills pools.
+/// Growth of memory in per cent: the least memory of the last third against the least of the second. The first third fills pools.
 pub fn growth(resident: &[f64]) -> f64 {
     let third = resident.len() / 3;
     let least = |part: &[f64]| part.iter().copied().fold(f64::INFINITY, f64::min);

@@ -169,7 +169,12 @@ fn dark(open: bool) -> SceneParts {
         ball.indices.truncate(ball.indices.len() - 200);
     }
     let mut parts = SceneParts::default();
-    parts.add(coated("shell", Rgb::splat(0.9), 0.01), [ball]);
+    // The camera sees the inside.
+    let shell = crate::scene::Material {
+        double_sided: true,
+        ..coated("shell", Rgb::splat(0.9), 0.01)
+    };
+    parts.add(shell, [ball]);
     parts.environment = Some(Environment::constant(Rgb::splat(1e5)));
     parts.lights.push(PunctualLight::Point {
         position: Vec3::new(0.0, 1.001, 0.0),
@@ -203,7 +208,7 @@ pub(super) fn leaks() -> Vec<Finding> {
 
 /// Largest value seen inside a closed box of flat walls, turned so that the triangles of a wall share a plane only up to
 /// rounding, with all light outside.
-pub fn divided() -> Finding {
+pub(crate) fn divided() -> Finding {
     let inside = |turn: [f32; 3]| {
         let mut parts = SceneParts::default();
         let walls = room(Vec3::splat(-1.0), Vec3::ONE).map(|wall| wall.placed(turn, Vec3::ONE));

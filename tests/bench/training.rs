@@ -1,7 +1,7 @@
-//! Seconds of one optimiser step and of the recording, and the memory, of every evaluation of the loss.
+//! Seconds of one optimiser step and of the recording, and the memory, of both evaluations of the loss.
 //!
-//! `cargo bench --bench training [-- SPP [SCENE ...]]`; by default 64 samples of `cornell_caustics`. The three evaluations
-//! take turns, so that a drifting clock of the machine favours none.
+//! `cargo bench --bench training [-- SPP [SCENE ...]]`; by default 64 samples of `cornell_caustics`. The two
+//! evaluations take turns, so that a drifting clock of the machine favours none.
 
 use opsr::train::config::{Config, Evaluation, Optimiser};
 use opsr::train::{RecordingControl, Session};
@@ -34,7 +34,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         rayon::current_num_threads()
     );
     let evaluations = [
-        ("fresh", Evaluation::Fresh),
         ("replay", Evaluation::Replay),
         ("tabulated", Evaluation::Tabulated),
     ];
@@ -79,11 +78,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let medians: Vec<f64> = sessions.iter_mut().map(|s| median(&mut s.2)).collect();
     for ((name, _, times), step) in sessions.iter().zip(&medians) {
         println!(
-            "{name}: a step takes {:.2} ms (quartiles {:.2} to {:.2}), 1/{:.0} of a fresh one",
+            "{name}: a step takes {:.2} ms (quartiles {:.2} to {:.2}), {:.2} of a replayed one",
             step * 1e3,
             times[times.len() / 4] * 1e3,
             times[times.len() * 3 / 4] * 1e3,
-            medians[0] / step
+            step / medians[0]
         );
     }
     Ok(())

@@ -1,11 +1,16 @@
 //! The three-scale test of two pictures: planted errors are found, equal distributions pass.
 
+use opsr::gallery::cornell_box;
 use opsr::image::Buffer;
 use opsr::image::film::Film;
+use opsr::integrator::bidirectional::Radius;
+use opsr::integrator::{Estimator, Settings};
+use opsr::math::moments::Moments;
 use opsr::math::{Rgb, UVec2};
 use opsr::stats::agreement::{Agreement, agree, agree_with_exact};
 
 use crate::film::noise;
+use crate::support::render::{film_with, scene};
 
 const EDGE: u32 = 32;
 
@@ -167,4 +172,50 @@ fn agreement_with_heavy_tails_at_few_samples() {
     }
     // 1.4 are expected of 144, and more than five in 0.4 %.
     assert!(alarms <= 5, "{alarms} of {pairs}");
+}
+
+/// Photons of a large radius count for many pixels: each of them is as noisy as it says, their mean is noisier.
+#[test]
+fn pixels_that_share_light_paths_raise_no_false_alarm() {
+    let scene = scene(cornell_box());
+    let picture = |seed| {
+        let radius = Radius {
+            first: Some(0.3),
+            alpha: 1.0,
+        };
+        let settings = Settings {
+            estimator: Estimator::Sppm(radius),
+            seed,
+            ..Settings::default()
+        };
+        film_with(&scene, &settings, 24, 8)
+    };
+    let pictures: Vec<Film> = (0..40).map(picture).collect();
+    let (mut alarms, mut judged) = (0, 0);
+    for pair in pictures.chunks_exact(2) {
+        let agreement = agree(&pair[0], &pair[1]).unwrap();
+        alarms += u32::from(!agreement.passed());
+        judged += u32::from(!agreement.sharing(true).passed());
+    }
+    println!("{alarms} of 20 at all scales, {judged} at that of pixels");
+    assert!(alarms > 0, "then nothing needs to be left out");
+    assert_eq!(judged, 0);
+    // By pixels the error is right: over seeds it is what each says.
+    let pixels = 0..pictures[0].pixels.len();
+    let sums = pixels.map(|i| {
+        let mut over_seeds = Moments::default();
+        let mut stated = 0.0;
+        for film in &pictures {
+            over_seeds.push(film.pixels[i].mean);
+            stated += film.pixels[i].variance_of_mean().y / pictures.len() as f64;
+        }
+        (over_seeds.sample_variance().y, stated)
+    });
+    let (found, stated) = sums.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    println!("variance of a pixel over what it says: {}", found / stated);
+    assert!(
+        (0.85..1.15).contains(&(found / stated)),
+        "{}",
+        found / stated
+    );
 }

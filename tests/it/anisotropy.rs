@@ -254,6 +254,7 @@ fn anisotropy_follows_tangents_rotation_and_texture() {
         let mut material = steel(1.0, 0.0);
         let anisotropy = material.finish_mut().anisotropy.as_mut().expect("brushed");
         anisotropy.texture = Some(TextureRef {
+            second: false,
             texture: 0,
             transform: glam::Affine2::IDENTITY,
         });
@@ -369,6 +370,7 @@ fn clearcoat_normal_is_apart_from_that_of_the_base() {
     };
     let map = |texture| {
         Some(TextureRef {
+            second: false,
             texture,
             transform: glam::Affine2::IDENTITY,
         })

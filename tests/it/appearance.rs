@@ -29,7 +29,11 @@ fn row(texels: &[[u8; 4]]) -> Texture {
 
 fn map(texture: u32) -> Option<TextureRef> {
     let transform = Affine2::IDENTITY;
-    Some(TextureRef { texture, transform })
+    Some(TextureRef {
+        texture,
+        transform,
+        second: false,
+    })
 }
 
 /// A quad whose texture coordinates run from 0 to 1 along its edges.

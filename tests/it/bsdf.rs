@@ -48,7 +48,8 @@ fn chi_square_of_the_reverse_draw() {
                         let wo = at(50.0) * side;
                         let sample = (0..100)
                             .filter_map(|_| bsdf.sample(alpha, wo, numbers(&mut rng)))
-                            .find(|s| s.lobe == lobe);
+                            // Cells of half vectors are too coarse for a density that jumps at the horizon.
+                            .find(|s| s.lobe == lobe && s.wi.z.abs() > 0.1);
                         let Some(BsdfSample { wi, .. }) = sample else {
                             continue;
                         };
@@ -131,7 +132,8 @@ fn pdf_integrates_to_at_most_one() {
                     let narrow = alpha == 0.1 && degrees == 0.0 && !name.starts_with("brushed");
                     let nearly_all = narrow || name == "diffuse";
                     assert!(!nearly_all || integral > 0.99, "{}", say());
-                    let base = name.contains("plastic") || name == "diffuse";
+                    // Fibres have no Dirac lobe at any roughness.
+                    let base = name.contains("plastic") || ["diffuse", "fibres"].contains(&name);
                     let all_delta = alpha == 0.0 && !base;
                     assert!(!all_delta || integral == 0.0, "{}", say());
                 }

@@ -116,6 +116,7 @@ fn clearcoat_textures_scale_weight_and_roughness() {
     let textures = [texel([51, 0, 0, 255]), texel([0, 128, 0, 255])];
     let map = |texture| {
         Some(TextureRef {
+            second: false,
             texture,
             transform: glam::Affine2::IDENTITY,
         })

@@ -11,12 +11,12 @@ mod parts;
 mod render;
 #[cfg(unix)]
 mod shut;
-#[cfg(feature = "train")]
-mod study;
 #[cfg(unix)]
 mod targets;
 #[cfg(feature = "train")]
 mod train;
+#[cfg(feature = "train")]
+mod training_report;
 mod verify;
 
 use opsr::gallery::{self, glb};

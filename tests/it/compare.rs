@@ -3,7 +3,7 @@
 use opsr::image::exr::{self, Metadata};
 use opsr::image::{Buffer, png};
 use opsr::math::{Rgb, UVec2};
-use opsr::report::compare::{Comparison, Named, Options, compare};
+use opsr::report::compare::{Comparison, Named, Options, compare, compare_with};
 use opsr::report::page;
 
 use crate::film::noise;
@@ -72,6 +72,20 @@ fn comparison_ranks_the_better_picture_first() {
     assert_eq!(json["entries"][1]["metrics"][2]["name"], "relMSE");
     assert_eq!(json["entries"][1]["metrics"][2]["constants"]["ε"], 0.01);
     assert!(json["entries"][0]["worst"]["x"].is_u64());
+}
+
+/// Large pictures take seconds each, so that a user is told which one is at work.
+#[test]
+fn comparison_names_each_picture_before_it_begins() {
+    let pictures = [noisy("a.exr", 1, 0.2), noisy("b.exr", 2, 1.0)];
+    let reference = named("reference.exr", shade);
+    let mut begun = Vec::new();
+    let options = Options::default();
+    let c = compare_with(&pictures, &reference, &options, |p| {
+        begun.push(p.name.clone())
+    });
+    let done: Vec<_> = c.unwrap().entries.into_iter().map(|e| e.name).collect();
+    assert_eq!(begun, done);
 }
 
 #[test]

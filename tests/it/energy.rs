@@ -3,7 +3,6 @@
 use crate::bsdf::numbers;
 use crate::geometry::{direction, rng};
 use opsr::bsdf::{Bsdf, Distribution, Glossy, Lobe, ThinDielectric};
-use opsr::math::real::erf_f64;
 use opsr::math::{DVec3, Rgb, Vec3};
 use opsr::verify::bsdfs::{DISTRIBUTIONS, at, glass, metal, pane, plastic};
 use opsr::verify::lobes::polarisations;
@@ -30,9 +29,7 @@ impl Textbook {
     fn lambda(&self, cos: f64) -> f64 {
         let a = cos.abs() / (self.alpha * (1.0 - cos * cos).sqrt());
         match self.distribution {
-            Distribution::Beckmann => {
-                0.5 * (erf_f64(a) - 1.0) + (-a * a).exp() / (2.0 * a * PI.sqrt())
-            }
+            Distribution::Beckmann => -0.5 * libm::erfc(a) + (-a * a).exp() / (2.0 * a * PI.sqrt()),
             Distribution::Ggx => 0.5 * ((1.0 + 1.0 / (a * a)).sqrt() - 1.0),
         }
     }

@@ -107,6 +107,7 @@ fn texture(rng: &mut Pcg32) -> Texture {
 fn crowd(size: f32, instances: usize) -> SceneParts {
     let mut rng = rng(3);
     let map = Some(TextureRef {
+        second: false,
         texture: 0,
         transform: Affine2::IDENTITY,
     });

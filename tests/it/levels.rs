@@ -12,10 +12,9 @@ use opsr::integrator::{Estimator, FirstHit, Picture, Settings, View};
 use opsr::math::moments::Moments;
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{Accumulated, AttenuationTable, Factors, GammaIndex, Rule};
-use opsr::sampler::{Independent, Seed};
+use opsr::resolve::{Resolve, resolve_film, unseen_share};
 use opsr::scene::{PunctualLight, Scene, SceneParts};
 use opsr::stats::agreement::agree;
-use opsr::tune::resolve::{Resolve, resolve_film, unseen_share};
 
 /// A table with a pattern.
 fn table() -> Rule {
@@ -153,41 +152,6 @@ fn levels_agree_with_renders_of_their_own() {
             let agreement = agree(&all[k], &own).expect("one frame");
             assert!(agreement.passed(), "level {k}: {agreement:?}");
         }
-    }
-}
-
-/// Rules of other renderers whose path goes on with its own roughness.
-#[test]
-fn levels_of_filter_glossy_and_roughness_clamp_agree_with_the_path_tracer() {
-    let scene = scene(metal_room());
-    let (size, passes, each) = (UVec2::splat(16), 64, 16);
-    let own = |rule: Rule| {
-        let mut film = Film::new(size);
-        let view = View::of(&scene, &scene.parts().cameras[0], &film);
-        let tracer = settings(Rule::Plain, &[], 0).tracer(rule);
-        let source = Independent { seed: Seed(2) };
-        for pass in 0..passes {
-            let mut one = Film::new(size);
-            let samples = pass * each..(pass + 1) * each;
-            tracer.estimate(&view, &source, samples, &mut one, &mut ());
-            let pairs = film.pixels.iter_mut().zip(&one.pixels);
-            pairs.for_each(|(pixel, m)| pixel.push(m.mean));
-        }
-        film
-    };
-    let filter = settings(Rule::FilterGlossy(0.5), &[0.0, 0.2, 1.0, 8.0], 1);
-    let clamp = settings(Rule::RoughnessClamp, &[0.0, 1.0], 1);
-    let filtered = level_films(&scene, &filter, 16, passes, each);
-    let clamped = level_films(&scene, &clamp, 16, passes, each);
-    for (level, rule) in [
-        (&filtered[0], Rule::Plain),
-        (&filtered[1], Rule::FilterGlossy(0.1)),
-        (&filtered[2], Rule::FilterGlossy(0.5)),
-        (&filtered[3], Rule::FilterGlossy(4.0)),
-        (&clamped[1], Rule::RoughnessClamp),
-    ] {
-        let agreement = agree(level, &own(rule.clone())).expect("one frame");
-        assert!(agreement.passed(), "{rule:?}: {agreement:?}");
     }
 }
 
@@ -340,8 +304,17 @@ fn determinism_of_levels_over_splits_threads_and_crops() {
 #[test]
 fn levels_of_other_rules_are_refused_by_name() {
     let refused = |settings: Settings| settings.check_levels().expect_err("refused");
-    assert_eq!(refused(settings(Rule::Plain, &SCALES, 0)), LevelError::Rule);
-    assert_eq!(refused(settings(Rule::Pbrt, &SCALES, 0)), LevelError::Rule);
+    // Rules of other renderers roughen the path itself, and have no factors to scale.
+    for rule in [
+        Rule::Plain,
+        Rule::Pbrt,
+        Rule::FilterGlossy(0.5),
+        Rule::RoughnessClamp,
+    ] {
+        assert_eq!(refused(settings(rule, &SCALES, 0)), LevelError::Rule);
+    }
+    let why = LevelError::Rule.to_string();
+    assert!(why.contains("a table or a constant"), "{why}");
     let consistent = Rule::Accumulated(Accumulated {
         factors: Factors::Constant(0.5),
         lambda: 0.1,

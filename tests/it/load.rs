@@ -3,6 +3,7 @@
 pub(crate) mod broken;
 mod extensions;
 pub(crate) mod hostile;
+mod looks;
 mod materials;
 mod meshes;
 mod motion;
@@ -192,13 +193,19 @@ fn load_scenes_and_instances() {
 #[test]
 fn load_warns_once_of_each_ignored_feature() {
     let mut file = File::triangle();
-    file.json["extensionsUsed"] = json!(["KHR_materials_sheen", "EXT_dream", "KHR_materials_ior"]);
+    file.json["extensionsUsed"] = json!(["EXT_sleep", "EXT_dream", "KHR_materials_ior"]);
     file.json["animations"] = json!([]);
-    let colours = file.floats("VEC3", &[1.0; 9]);
-    file.primitive()["attributes"]["COLOR_0"] = json!(colours);
-    file.push("nodes", json!({ "mesh": 0 }));
+    file.push(
+        "meshes",
+        json!({ "primitives": [{ "mode": 0, "attributes": { "POSITION": 0 } }] }),
+    );
+    file.push("nodes", json!({ "mesh": 1 }));
+    file.push("nodes", json!({ "mesh": 1 }));
     let warnings = file.loaded().warnings;
-    let about = ["KHR_materials_sheen", "EXT_dream", "vertex colours"];
+    let about = [
+        "2 extensions: not supported and ignored: EXT_sleep, EXT_dream",
+        "points and lines",
+    ];
     assert_eq!(warnings.len(), about.len(), "{warnings:?}");
     for word in about {
         assert_eq!(

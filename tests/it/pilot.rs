@@ -7,9 +7,9 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::method::IntegratorKind::{self, Bdpt, Path, Sppm, Vcm};
 use opsr::integrator::{Picture, Settings, View};
 use opsr::math::UVec2;
+use opsr::pilot::{Contender, Horizon, choose_integrator};
 use opsr::regularise::{AttenuationTable, GammaIndex, LEN, Rule, TableTuning};
 use opsr::scene::Scene;
-use opsr::tune::integrator::{Contender, Horizon, choose_integrator};
 use opsr::tune::{CONTRASTS, Candidate, SCALES, choose};
 
 fn settings(gamma: f32) -> Settings {
@@ -132,7 +132,7 @@ fn pilot_keeps_energy_within_the_limit() {
 }
 
 /// The suite's scenes at two CPU-seconds, the integrator within a tenth of the least error of each. By a longer chain of
-/// renders: docs/results.md, "Which scene needs which integrator".
+/// renders: docs/lab/integrators.md, "Which scene needs which integrator".
 #[test]
 fn pilot_chooses_the_integrator_of_the_suite_scenes() {
     let expected = [

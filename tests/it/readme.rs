@@ -45,6 +45,9 @@ const OUTPUTS: [&str; 12] = [
     "--film",
 ];
 
+/// Pages of what was measured, at the commits that they name.
+const LAB: &str = "docs/lab";
+
 const SUBCOMMANDS: [&[&str]; 17] = [
     &["completions"],
     &["man"],
@@ -185,12 +188,28 @@ fn cargo_faults(arguments: &[String]) -> Option<String> {
             return Some(format!("no {option} {name} in Cargo.toml"));
         }
     }
-    let filter = own.iter().skip(1).rfind(|a| !a.starts_with('-'));
+    let example = |name: &String| root().join(format!("examples/{name}.rs")).exists();
+    if let Some(name) = value("--example").filter(|name| !example(name)) {
+        return Some(format!("no examples/{name}.rs"));
+    }
+    if let Some(name) =
+        value("--features").filter(|name| !manifest.contains(&format!("\n{name} = [")))
+    {
+        return Some(format!("no feature {name} in Cargo.toml"));
+    }
+    let is_value = |word: &&String| {
+        ["-p", "--example", "--features"]
+            .iter()
+            .any(|o| value(o) == Some(*word))
+    };
+    let mut words = own.iter().skip(1).filter(|word| !is_value(word));
+    let filter = words.rfind(|a| !a.starts_with('-'));
     match (own.first()?.as_str(), filter) {
         ("test", Some(filter)) if value("--test") != Some(filter) => (!tests()
             .contains(filter.as_str()))
         .then(|| format!("no test has `{filter}` in its name")),
         ("test" | "build" | "bench" | "fmt" | "clippy", _) => None,
+        ("run", _) if value("--example").is_some() => None,
         (other, _) => Some(format!("cargo {other} is not known here")),
     }
 }
@@ -225,7 +244,8 @@ fn command_faults(line: &[String]) -> Option<String> {
 
 /// Options that some subcommand's help defines, and those of cargo that documents name.
 fn known_options() -> BTreeSet<String> {
-    let mut known = BTreeSet::from(["--no-default-features".to_owned(), "--help".to_owned()]);
+    let mut known =
+        BTreeSet::from(["--no-default-features", "--features", "--help"].map(str::to_owned));
     for subcommand in SUBCOMMANDS {
         let help = opsr(&[subcommand, &["--help"]].concat(), root());
         let help = String::from_utf8(help.stdout).expect("UTF-8");
@@ -269,8 +289,8 @@ fn link_fault(document: &Path, target: &str) -> Option<String> {
         .then(|| format!("{target}: no such heading"))
 }
 
-/// Faults of a document.
-fn faults(document: &str, text: &str) -> Vec<String> {
+/// Faults of the commands and options of a document.
+fn code_faults(document: &str, text: &str) -> Vec<String> {
     let mut faults = Vec::new();
     let (lines, spans) = code(text);
     let is_command = |span: &Vec<String>| span.len() > 1 && ["opsr", "cargo"].contains(&&*span[0]);
@@ -288,6 +308,16 @@ fn faults(document: &str, text: &str) -> Vec<String> {
         let unknown = options.filter(|option| !known.contains(*option));
         faults.extend(unknown.map(|option| format!("{option}: no command has this option")));
     }
+    faults
+}
+
+/// Faults of a document. Commands and options of the laboratory are those of the commits at which it measured.
+fn faults(document: &str, text: &str) -> Vec<String> {
+    let mut faults = if document.starts_with(LAB) {
+        Vec::new()
+    } else {
+        code_faults(document, text)
+    };
     for link in text.split("](").skip(1) {
         let target = link.split(')').next().unwrap_or_default();
         faults.extend(link_fault(Path::new(document), target));
@@ -295,22 +325,64 @@ fn faults(document: &str, text: &str) -> Vec<String> {
     faults
 }
 
+/// Pages of a folder of documents, sorted.
+fn pages(folder: &str) -> Vec<String> {
+    let entries = std::fs::read_dir(root().join(folder)).unwrap();
+    let names = entries.map(|entry| entry.unwrap().file_name().into_string().expect("UTF-8"));
+    let mut pages: Vec<String> = (names.filter(|name| name.ends_with(".md")))
+        .map(|name| format!("{folder}/{name}"))
+        .collect();
+    pages.sort();
+    pages
+}
+
 #[test]
 fn documents_have_valid_commands_options_and_links() {
     let mut documents: Vec<String> = DOCUMENTS.map(str::to_owned).to_vec();
-    for entry in std::fs::read_dir(root().join("docs")).unwrap() {
-        let name = entry.unwrap().file_name().into_string().expect("UTF-8");
-        if name.ends_with(".md") {
-            documents.push(format!("docs/{name}"));
-        }
-    }
-    documents.sort();
+    documents.extend(pages("docs"));
+    documents.extend(pages(LAB));
     let mut all = Vec::new();
     for document in &documents {
         let found = faults(document, &read(document));
         all.extend(found.iter().map(|fault| format!("{document}: {fault}")));
     }
     assert!(all.is_empty(), "{}", all.join("\n"));
+}
+
+/// Whether a text names a commit, as code or as "the commit that" did something, and a date.
+fn has_commit_and_date(text: &str) -> bool {
+    let is_commit = |s: &str| s.len() >= 7 && s.chars().all(|c| c.is_ascii_hexdigit());
+    let commit =
+        text.contains("the commit that") || text.split('`').skip(1).step_by(2).any(is_commit);
+    let is_date = |word: &str| {
+        let parts: Vec<&str> = word.split('-').collect();
+        let digits = |s: &str| s.chars().all(|c| c.is_ascii_digit());
+        matches!(parts[..], [y, m, d] if y.len() == 4 && m.len() == 2 && d.len() == 2 && [y, m, d].into_iter().all(digits))
+    };
+    let mut words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '-');
+    commit && words.any(is_date)
+}
+
+/// What is measured without saying when cannot be compared later.
+#[test]
+fn pages_of_the_laboratory_name_commits_and_dates_and_are_in_its_index() {
+    assert!(has_commit_and_date("*Measured at `e298150`, 2026-11-23.*"));
+    assert!(!has_commit_and_date("*Measured at `e298150`.*") && !has_commit_and_date("2026-11-23"));
+    let index = format!("{LAB}/README.md");
+    let listed = read(&index);
+    let all = pages(LAB);
+    assert!(all.len() > 10, "{all:?}");
+    for page in all.iter().filter(|page| **page != index) {
+        let name = page.rsplit('/').next().unwrap_or_default();
+        assert!(
+            listed.contains(&format!("]({name})")),
+            "{index} does not link {name}"
+        );
+        assert!(
+            has_commit_and_date(&read(page)),
+            "{page}: no commit or no date"
+        );
+    }
 }
 
 #[test]
@@ -331,6 +403,11 @@ fn planted_faults_in_a_document_are_found() {
             "no test has",
         ),
         ("```sh\ncargo bench --bench none\n```", "none in Cargo.toml"),
+        (
+            "```sh\ncargo run --release --example none\n```",
+            "no examples/none.rs",
+        ),
+        ("```sh\ncargo build --features none\n```", "no feature none"),
         ("```sh\ntests/none.sh\n```", "tests/none.sh does not exist"),
         ("```sh\nmake\n```", "not a command"),
         ("see `opsr render --rays 3`", "--rays"),

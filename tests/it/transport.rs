@@ -335,6 +335,7 @@ fn has_lobes_follows_the_materials_in_use() {
         .last_mut()
         .unwrap()
         .metallic_roughness_texture = Some(TextureRef {
+        second: false,
         texture: parts.textures.len() as u32 - 1,
         transform: Default::default(),
     });

@@ -13,15 +13,15 @@ use clap::Args;
 use display::ProgressDisplay;
 use log::MetricsLog;
 use opsr::files;
-use opsr::regularise::file::TableFile;
+use opsr::regularise::file::{TableFile, save as save_table_file};
 use opsr::regularise::{AttenuationTable, Lookup};
 use opsr::report::training::{CropScores, LearnedTable, Report};
-use opsr::train::config::{Config, Model, Preset};
+use opsr::train::config::{Config, Preset};
 use opsr::train::learn::outer_loop::Outcome;
 use opsr::train::learn::recordings::recordings_in;
 use opsr::train::record::crop::DatasetError;
 use opsr::train::record::visits::LIVE;
-use opsr::train::{RecordingControl, Session, TrainError, study};
+use opsr::train::{RecordingControl, Session, TrainError, score};
 use settings::SettingArgs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -48,8 +48,8 @@ pub(super) struct TrainArgs {
     /// Replace tables and a run that are there already; without it the program ends with exit code 2.
     #[arg(long)]
     force: bool,
-    /// Then hold every family of scenes out once, and report the scores of tables on scenes unlike the training scenes.
-    #[arg(long)]
+    /// Gone; a message says what does its work.
+    #[arg(long, hide = true)]
     study: bool,
     /// Number of threads; all cores by default. The tables do not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
@@ -64,7 +64,6 @@ Examples:
   opsr train --beta 0.001,0.05 --out mine  ten thousand steps each from one recording: the shipped tables, in mine/
   opsr train --preset fast --beta 0.001    150 large steps: minutes, and nearly as good; params/fast-beta-0.001.json
   opsr train --preset published            from 0.5, as published
-  opsr train --preset fast --study         scores of tables on families of scenes that they were not learned from
   opsr train --preset smoke                one scene, a minute or two; params/smoke-beta-0.001.json
   opsr train --optimiser log --set steps=500 --set 'scenes=[\"rings\", \"basins\"]'
   opsr train --beta 0.001 --out mine --resume   continue after Ctrl-C
@@ -127,15 +126,11 @@ impl TrainArgs {
             Preset::Full => String::new(),
             other => format!("{}-", other.name()),
         };
-        let model = match config.model {
-            Model::Full => "",
-            Model::Additive => "-additive",
-        };
         let lookup = match config.lookup {
             Lookup::Nearest => "",
             Lookup::Linear => "-linear",
         };
-        format!("{preset}beta-{beta}{model}{lookup}")
+        format!("{preset}beta-{beta}{lookup}")
     }
 }
 
@@ -162,6 +157,10 @@ fn holds_a_run(run: &Path) -> bool {
 
 /// Runs the command.
 pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
+    if args.study {
+        let what = "--study is no longer an option; cargo run --release --example study holds families of scenes out";
+        return Err(anyhow!(what)).usage();
+    }
     let config = args.settings.resolve()?;
     let run = args.run_folder();
     args.check_places(&config, &run)?;
@@ -225,31 +224,6 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
         };
         report.tables.push(learned);
     }
-    if args.study {
-        for (&beta, learned) in config.beta.iter().zip(&mut report.tables) {
-            for family in study::families(&session) {
-                if stop.asked() {
-                    break;
-                }
-                progress.say(&format!("beta {beta}: learning without {family}"));
-                let held_out = study::hold_out(&mut session, beta, &family, &|| stop.flow());
-                learned.held_out.extend(held_out.map_err(blame)?);
-            }
-            if !session.validation.is_empty() && !stop.asked() {
-                progress.say(&format!(
-                    "beta {beta}: running a pilot for every validation crop"
-                ));
-                let scores = study::piloted(
-                    &mut session.validation,
-                    beta,
-                    "learned table, pilot's scale and contrast",
-                    &learned.table,
-                    config.spp,
-                );
-                learned.validation.extend(scores.map_err(blame)?);
-            }
-        }
-    }
     save(
         &run.join("report.json"),
         &format!("{:#}\n", serde_json::to_value(&report)?),
@@ -309,7 +283,7 @@ fn learn(
     let save_table = |path: &Path, table: &AttenuationTable, steps| {
         let provenance = Some(session.provenance(beta, outcome.start, steps));
         let table = table.clone();
-        TableFile { table, provenance }.save(path).output()
+        save_table_file(&TableFile { table, provenance }, path).output()
     };
     save_table(&folder.join("table.json"), &outcome.table, outcome.steps)?;
     if let Some((step, table)) = &outcome.best {
@@ -335,11 +309,17 @@ fn learn(
         path.display(),
         outcome.steps
     ));
-    Ok(Some(score(session, beta, outcome, log.entries(), seconds)))
+    Ok(Some(score_table(
+        session,
+        beta,
+        outcome,
+        log.entries(),
+        seconds,
+    )))
 }
 
 /// Scores a table for the report.
-fn score(
+fn score_table(
     session: &mut Session,
     beta: f32,
     outcome: Outcome,
@@ -355,7 +335,7 @@ fn score(
     if let Some((_, best)) = &outcome.best {
         tables.push(("table of the lowest validation loss", best));
     }
-    let training = study::scores(
+    let training = score::scores(
         &mut session.training,
         beta,
         constant,
@@ -367,7 +347,7 @@ fn score(
         Vec::new()
     } else {
         let own = session.validation.best_constant(beta, lookup);
-        study::scores(&mut session.validation, beta, own, constant, &tables, true)
+        score::scores(&mut session.validation, beta, own, constant, &tables, true)
     };
     let start = session.config.constant(outcome.start);
     LearnedTable {
@@ -377,7 +357,6 @@ fn score(
         log,
         training,
         validation,
-        held_out: Vec::new(),
         crops: CropScores::new(&mut session.training, &start, &outcome.table),
         validation_crops: CropScores::new(&mut session.validation, &start, &outcome.table),
         table: outcome.table,

@@ -22,14 +22,14 @@ pub(super) struct SettingArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     settings: Vec<String>,
 
-    /// Evaluation of the loss: tabulated (fast), replay (exact for the recording) or fresh (traces every step).
+    /// Evaluation of the loss: tabulated (fast) or replay (exact for the recording).
     #[arg(long, value_name = "NAME")]
     method: Option<String>,
     /// adam (published) or log (Adam on the logarithm of the factors: hundreds of steps instead of thousands).
     #[arg(long, value_name = "NAME")]
     optimiser: Option<String>,
-    /// full (1360 free factors, published) or additive (24 numbers that make the factors).
-    #[arg(long, value_name = "NAME")]
+    /// Gone; a message says what does its work.
+    #[arg(long, value_name = "NAME", hide = true)]
     model: Option<String>,
     /// Look-up of factors: nearest or linear.
     #[arg(long, value_name = "NAME")]

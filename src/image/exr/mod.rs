@@ -19,7 +19,7 @@ pub use read::{read_film, read_layers, read_rgb};
 pub use write::{write_film, write_layers, write_rgb};
 
 /// Pictures above this number of pixels are refused before memory is taken for them.
-pub const MAX_PIXELS: usize = 1 << 28;
+pub(crate) const MAX_PIXELS: usize = 1 << 28;
 
 /// Name of the attribute that holds the metadata.
 const METADATA: &str = "opsr";
@@ -34,7 +34,8 @@ const MAIN: [&str; 3] = ["Combined", "RGBA", "beauty"];
 pub type Metadata = BTreeMap<String, String>;
 
 /// Lossless codings of pixels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Compression {
     /// Pixels as they are.
     None,
@@ -204,9 +205,11 @@ impl Layers {
         let (names, keys) = (self.names(), self.channels.keys().map(String::as_str));
         let of_one = keys.filter(|key| !names.contains(key));
         let all: Vec<&str> = names.iter().copied().chain(of_one).collect();
-        let mut found: Vec<&str> = (all.iter().copied()).filter(|n| *n == name).collect();
+        let mut found: Vec<&str> = all.iter().copied().filter(|n| *n == name).collect();
         if found.is_empty() {
-            found = (all.iter().copied())
+            found = all
+                .iter()
+                .copied()
                 .filter(|n| n.ends_with(&suffix))
                 .collect();
         }
@@ -249,7 +252,9 @@ impl Layers {
     }
 
     fn has(&self, layer: &str, channels: [&str; 3]) -> bool {
-        (channels.iter()).all(|channel| self.channels.contains_key(&join(layer, channel)))
+        channels
+            .iter()
+            .all(|channel| self.channels.contains_key(&join(layer, channel)))
     }
 
     fn vector(&self, layer: &str, channels: [&str; 3]) -> Result<Buffer, Problem> {

@@ -23,8 +23,14 @@ pub fn read_rgb(path: &Path) -> Result<Buffer, FileError> {
 /// Reads a film that [`write_film`](super::write_film) wrote, in the single precision of the file and without its
 /// refusals.
 pub fn read_film(path: &Path) -> Result<Film, FileError> {
-    let layers = read_layers(path)?;
-    film_of(&layers).map_err(|e| e.at(path))
+    read_layers(path)?.film(path)
+}
+
+impl Layers {
+    /// The film of a file that was read from `path`, as [`read_film`] gives it.
+    pub fn film(&self, path: &Path) -> Result<Film, FileError> {
+        film_of(self).map_err(|e| e.at(path))
+    }
 }
 
 fn film_of(layers: &Layers) -> Result<Film, Problem> {

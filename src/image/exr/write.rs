@@ -135,7 +135,10 @@ const HALF_MAX: f32 = 65504.0;
 
 /// Layers that lose only precision as half floats.
 fn fits_half(layer: &Layer) -> bool {
-    let level = (layer.name.strip_prefix("level")).is_some_and(|k| k.parse::<u32>().is_ok());
+    let level = layer
+        .name
+        .strip_prefix("level")
+        .is_some_and(|k| k.parse::<u32>().is_ok());
     ["", "albedo", "normal", "emission", "direct", "indirect"].contains(&layer.name.as_str())
         || level
 }

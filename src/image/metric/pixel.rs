@@ -10,7 +10,7 @@ use crate::image::Buffer;
 pub const EPSILON: f64 = 0.01;
 
 /// The part of the pixels that [`relmse_trimmed`] leaves out.
-pub const TRIMMED: f64 = 0.001;
+pub(crate) const TRIMMED: f64 = 0.001;
 
 /// Per-pixel errors, averaged over channels.
 fn errors(

@@ -4,7 +4,7 @@
 use super::Iteration;
 use super::split::Trail;
 use super::vertex::Vertex;
-use super::walk::Walk;
+use super::walk::WeightedWalk;
 use super::weights::{self, End};
 use crate::image::splat::Splat;
 use crate::math::{Rgb, Vec3};
@@ -29,48 +29,56 @@ impl Vertex {
 }
 
 impl Iteration<'_> {
+    /// Vertices that a path of so many has left: the most panes on its closing edge.
+    #[inline]
+    pub(super) fn left(&self, vertices: u32) -> u32 {
+        self.settings.max_vertices.saturating_sub(vertices)
+    }
+
     /// s = 0: the surface that the camera walk met as this vertex emits.
     #[inline]
-    pub(super) fn emitter(&self, vertex: &Vertex) -> Rgb {
+    pub(super) fn emitter(&self, walk: &WeightedWalk<'_>, vertex: &Vertex) -> Rgb {
         let lights = self.view.scene.lights();
         let radiance = lights.emitted(&vertex.surface, vertex.back);
         if radiance == Rgb::ZERO {
             return Rgb::ZERO;
         }
         let weight = self.strategies.weight(0, vertex.n + 1, || {
-            if vertex.n == 1 {
+            if vertex.first {
                 return 1.0;
             }
-            let pdf = lights.pdf_emission(&vertex.surface, vertex.back);
-            weights::hit(&vertex.partial, pdf.position, pdf.direction, false)
+            let pdf = lights.pdf_emission(self.aim, &vertex.surface, vertex.back);
+            let sampled = lights.pdf_a_emitter(walk.base.from, &vertex.surface);
+            weights::hit(&vertex.partial, sampled, pdf.position * pdf.direction)
         });
         vertex.throughput * radiance * weight
     }
 
     /// s = 0: the camera walk left the scene instead of meeting its vertex `n`.
     #[inline]
-    pub(super) fn environment(&self, walk: &Walk<'_>, n: u32) -> Rgb {
+    pub(super) fn environment(&self, walk: &WeightedWalk<'_>, n: u32) -> Rgb {
         let scene = self.view.scene;
-        let radiance = scene.lights().environment(walk.ray.dir);
+        let radiance = scene.lights().environment(walk.dir());
         if radiance == Rgb::ZERO {
             return Rgb::ZERO;
         }
         let weight = self.strategies.weight(0, n + 1, || {
-            if n == 1 {
+            if walk.first {
                 return 1.0;
             }
-            let pdf = scene.lights().pdf_emission_environment(walk.ray.dir);
-            weights::hit(&walk.partial, pdf.position, pdf.direction, true)
+            let lights = scene.lights();
+            let pdf = lights.pdf_emission_environment(self.aim, &walk.base.ray);
+            let sampled = lights.pdf_environment(walk.base.from, walk.dir());
+            weights::hit(&walk.partial, sampled, pdf.position * pdf.direction)
         });
-        let transmittance = walk.bodies.transmittance(scene, f32::INFINITY);
-        walk.throughput * transmittance * radiance * weight
+        walk.base.throughput * radiance * weight
     }
 
     /// s = 1: a light sampled from a vertex of the camera walk, without the share `h` of its glossy lobe.
     #[inline]
     pub(super) fn sampled_light(&self, vertex: &Vertex, u: LightU, h: f32) -> Rgb {
         let scene = self.view.scene;
-        let Some(light) = scene.lights().sample_by_power(vertex.surface.position, u) else {
+        let Some(light) = scene.lights().sample(vertex.surface.position, u) else {
             return Rgb::ZERO;
         };
         let Some(eval) = vertex.towards_light(light.wi) else {
@@ -89,7 +97,9 @@ impl Iteration<'_> {
             } else {
                 eval.pdf_w / light.density.value()
             };
-            let pdf_area = per_area(light.emission_pdf, cos, distance2);
+            let from = vertex.surface.position;
+            let emitted = (scene.lights()).emission_over_sampling(self.aim, &light, from);
+            let pdf_area = per_area(emitted, cos, distance2);
             let end = vertex.end(pdf_area, vertex.pdf_back(light.wi));
             weights::light_sample(pdf_hit, &end, &self.merging)
         });
@@ -98,7 +108,9 @@ impl Iteration<'_> {
             return Rgb::ZERO;
         }
         let ray = vertex.surface.spawn_to_light(&light);
-        let Some(transmittance) = vertex.unblocked(scene, &ray, light.distance) else {
+        let Some(transmittance) =
+            vertex.unblocked(scene, &ray, light.distance, self.left(vertex.n))
+        else {
             return Rgb::ZERO;
         };
         part * vertex.throughput
@@ -169,7 +181,8 @@ impl Iteration<'_> {
             value /= chance;
         }
         let ray = (vertex.surface).spawn_to(&light.surface, dir, distance, cos_there);
-        let Some(transmittance) = vertex.unblocked(scene, &ray, distance) else {
+        let panes = self.left(vertex.n + light.n);
+        let Some(transmittance) = vertex.unblocked(scene, &ray, distance, panes) else {
             return Rgb::ZERO;
         };
         value * transmittance
@@ -181,7 +194,8 @@ impl Iteration<'_> {
         let scene = self.view.scene;
         let sight = self.view.sensor.see(vertex.surface.position)?;
         let splat = Splat::new(&self.view.window, sight.pixel, Rgb::ZERO)?;
-        if !vertex.scatters_to(sight.wo) {
+        let hidden = scene.hides_surface(&vertex.surface, -sight.wo);
+        if hidden || !vertex.scatters_to(sight.wo) {
             return None;
         }
         let eval = vertex.towards_camera(sight.wo)?;
@@ -196,7 +210,8 @@ impl Iteration<'_> {
         if weight == 0.0 || part == Rgb::ZERO {
             return None;
         }
-        let transmittance = vertex.unblocked(scene, &ray, sight.distance)?;
+        let panes = self.left(vertex.n);
+        let transmittance = vertex.unblocked_to_camera(scene, &ray, sight.distance, panes)?;
         let value =
             part * vertex.throughput * eval.value * transmittance * (weight * pdf_area / paths);
         Some(Splat { value, ..splat })

@@ -1,21 +1,38 @@
 //! Paths closed by a merge: light vertices within the radius of a camera walk's vertex.
 
-use super::photons::PhotonMap;
+use super::photons::{MAX_HEIGHT, MIN_COS, PhotonMap};
 use super::split::Prefix;
 use super::vertex::Vertex;
+use super::walk::Sharp;
 use super::{Iteration, point, weights};
 use crate::integrator::walk::observer::PathObserver;
-use crate::math::{Rgb, UVec2};
-use crate::sampler::Sampler;
+use crate::math::measure::balance;
+use crate::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3, warp};
+use crate::sampler::{IndependentStream, LightU, SampleSource, Sampler};
 use std::f32::consts::PI;
+
+/// Rows and columns of the probes of a disk.
+const PROBES: u32 = 2;
+
+/// Rounds of probes after which a series is cut.
+const MAX_ROUNDS: u32 = 32;
+
+/// Size of a term of the series below which roulette ends it.
+const ROULETTE: f32 = 0.25;
 
 impl Iteration<'_> {
     /// Merges with all photons around a vertex of the camera walk, weighed against all other strategies.
-    pub(super) fn merges(&self, vertex: &Vertex, prefix: &Prefix<'_>, map: &PhotonMap) -> Rgb {
+    pub(super) fn merges(
+        &self,
+        vertex: &Vertex,
+        prefix: &Prefix<'_>,
+        map: &PhotonMap,
+        probes: &mut impl Sampler,
+    ) -> Rgb {
         let mut sum = Rgb::ZERO;
         map.around(vertex, |photon, trail| {
             // The path has the merged vertex once.
-            if vertex.n + photon.n - 1 > self.settings.max_vertices {
+            if vertex.n + photon.n() - 1 > self.settings.max_vertices {
                 return;
             }
             let Some(eval) = vertex.towards_light(photon.back) else {
@@ -29,16 +46,21 @@ impl Iteration<'_> {
                 &self.merging,
             );
             let part = match trail {
-                Some(trail) => prefix.merged(vertex, photon.n, photon.back, trail),
+                Some(trail) => prefix.merged(vertex, photon.first(), photon.back, trail),
                 None => Rgb::ONE,
             };
             sum += part * eval.value * photon.flux * weight;
         });
-        self.density(vertex, sum)
+        self.density(vertex, sum, probes)
     }
 
-    /// Walks a camera path of photon density estimation: it goes on along sharp lobes, merges at rough ones, and counts
-    /// the lights that it meets in full.
+    /// Random numbers of the probes of a camera path. A stream of their own: probes are thrown where photons are found.
+    pub(super) fn probe_stream(&self, pixel: UVec2) -> IndependentStream {
+        self.probes.stream(pixel, self.sample)
+    }
+
+    /// Walks a camera path of photon density estimation: it goes on along sharp lobes and merges at rough ones. Where it
+    /// goes on along a lobe that is no Dirac delta, lights are sampled too.
     pub(super) fn density_path<O: PathObserver>(
         &self,
         pixel: UVec2,
@@ -48,36 +70,55 @@ impl Iteration<'_> {
         let settings = &self.settings;
         let mut stream = self.camera_stream(pixel);
         let mut walk = self.camera_walk(pixel, &mut stream);
+        let mut probes = self.probe_stream(pixel);
         let mut total = Rgb::ZERO;
+        let lights = self.view.scene.lights();
+        // Where the current ray was drawn, and its density: 0 for a Dirac lobe and from the camera.
+        let (mut from, mut pdf_w) = (Vec3::ZERO, 0.0);
+        let weight = |pdf_w: f32, of_light: f32| match pdf_w {
+            0.0 => 1.0,
+            _ => balance(pdf_w, of_light),
+        };
         observer.begin(pixel, self.sample);
         for n in 1..=settings.max_vertices + 1 {
-            let Some(hit) = walk.arrive() else {
-                total += self.environment(&walk, n);
+            let Some(arrival) = walk.arrive() else {
+                let radiance = self.environment(&walk, n);
+                if radiance != Rgb::ZERO {
+                    total += radiance * weight(pdf_w, lights.pdf_environment(from, walk.dir()));
+                }
                 break;
             };
             let u = stream.vertex();
-            let vertex = walk.vertex(n, &hit, u.material);
-            total += self.emitter(&vertex);
+            let vertex = walk.vertex(n, &arrival, u.material);
+            let radiance = self.emitter(&walk, &vertex);
+            if radiance != Rgb::ZERO {
+                total += radiance * weight(pdf_w, lights.pdf_emitter(from, &vertex.surface));
+            }
             if n > settings.max_vertices {
                 break;
             }
             if n == 1 {
-                observer.vertex(n, hit.0.t, &point(&walk, &vertex));
+                observer.vertex(n, arrival.hit.t, &point(&walk, &vertex));
             }
             if !vertex.is_delta() {
                 let mut sum = Rgb::ZERO;
                 map.around(&vertex, |photon, _| {
-                    if n + photon.n - 1 <= settings.max_vertices
+                    if n + photon.n() - 1 <= settings.max_vertices
                         && let Some(value) = vertex.merged_value(photon.back)
                     {
                         sum += value * photon.flux;
                     }
                 });
-                total += self.density(&vertex, sum);
+                total += self.density(&vertex, sum, &mut probes);
+                total += self.light_at_sharp_lobe(&vertex, u.light);
             }
-            if walk.follow_sharp(&vertex, u.lobe).is_none()
-                || (n >= settings.roulette_start && walk.survive(u.roulette).is_none())
-            {
+            match walk.follow_sharp(&vertex, u.lobe) {
+                Some(Sharp::Drawn(drawn)) => (from, pdf_w) = (vertex.surface.position, drawn),
+                // Light samples pass panes too: the weight is that of the draw before.
+                Some(Sharp::Straight) => {}
+                None => break,
+            }
+            if n >= settings.roulette_start && walk.survive(u.roulette).is_none() {
                 break;
             }
         }
@@ -85,9 +126,35 @@ impl Iteration<'_> {
         total
     }
 
+    /// A light sampled from the lobe that a walk of photon density estimation follows from this vertex, weighed against the
+    /// walk. Photons do not merge there, and no walk meets a light without area.
+    fn light_at_sharp_lobe(&self, vertex: &Vertex, u: LightU) -> Rgb {
+        if vertex.merges_gloss() {
+            return Rgb::ZERO;
+        }
+        let scene = self.view.scene;
+        let Some(light) = scene.lights().sample(vertex.surface.position, u) else {
+            return Rgb::ZERO;
+        };
+        let Some(eval) = vertex.sharp(light.wi) else {
+            return Rgb::ZERO;
+        };
+        let ray = vertex.surface.spawn_to_light(&light);
+        let panes = self.left(vertex.n);
+        let Some(transmittance) = vertex.unblocked(scene, &ray, light.distance, panes) else {
+            return Rgb::ZERO;
+        };
+        let weight = light.density.mis_weight(eval.pdf_w);
+        vertex.throughput
+            * eval.value
+            * light.radiance
+            * transmittance
+            * (weight / light.density.value())
+    }
+
     /// A sum over photons within the radius as a contribution. Opacity lets both walks find a vertex by chance, which a
     /// path counts once.
-    fn density(&self, vertex: &Vertex, sum: Rgb) -> Rgb {
+    fn density(&self, vertex: &Vertex, sum: Rgb, probes: &mut impl Sampler) -> Rgb {
         if sum == Rgb::ZERO {
             return Rgb::ZERO;
         }
@@ -95,6 +162,60 @@ impl Iteration<'_> {
         let material = scene.material(&vertex.surface);
         let presence = material.presence(&scene.parts().textures, vertex.surface.uv);
         let disk = PI * self.radius * self.radius;
-        vertex.throughput * sum / (disk * presence * self.paths as f32)
+        let scale = self.disk_over_surface(vertex, probes) / (disk * presence * self.paths as f32);
+        vertex.throughput * sum * scale
+    }
+
+    /// Unbiased estimate of πr² over the area on which photons merge with a vertex: 1 inside of a plane, more near its
+    /// edge.
+    ///
+    /// With a the area over πr² and q = 1 − a it is 1 + q + q² + …, whose powers are products of independent estimates of
+    /// q. They end where one is 0, as all are inside of a plane, or by roulette.
+    fn disk_over_surface(&self, vertex: &Vertex, probes: &mut impl Sampler) -> f32 {
+        let scene = self.view.scene;
+        if scene.inside_triangle(&vertex.surface, self.radius) {
+            return 1.0;
+        }
+        let (mut sum, mut term) = (1.0, 1.0f32);
+        for _ in 0..MAX_ROUNDS {
+            term *= 1.0 - self.surface_over_disk(vertex, probes);
+            if term == 0.0 {
+                break;
+            }
+            let survival = term.abs() / ROULETTE;
+            if survival < 1.0 {
+                if probes.next_1d() >= survival {
+                    break;
+                }
+                term = ROULETTE.copysign(term);
+            }
+            sum += term;
+        }
+        sum
+    }
+
+    /// Unbiased estimate of the area on which photons merge with a vertex over πr²: points of the disk, one in each of four
+    /// parts, projected to the nearest surface on the walk's side.
+    fn surface_over_disk(&self, vertex: &Vertex, probes: &mut impl Sampler) -> f32 {
+        let scene = self.view.scene;
+        let (p, ng) = (vertex.surface.position, vertex.surface.ng);
+        let side = vertex.back.dot(ng).signum();
+        let frame = Frame::from_normal(ng);
+        let height = (MAX_HEIGHT * self.radius).max(2.0 * vertex.surface.error);
+        let mut sum = 0.0;
+        for cell in 0..PROBES * PROBES {
+            let cell = Vec2::new((cell % PROBES) as f32, (cell / PROBES) as f32);
+            let u = (cell + Vec2::new(probes.next_1d(), probes.next_1d())) / PROBES as f32;
+            let across = frame.to_world((self.radius * warp::disk(u)).extend(0.0));
+            let mut ray = Ray::new(p + across + side * height * ng, -side * ng);
+            ray.t_max = 2.0 * height;
+            if let Some((t, cos)) = scene.closest_facing(&ray, ng, MIN_COS) {
+                let up = height - t;
+                if across.length_squared() + up * up <= self.radius * self.radius {
+                    sum += 1.0 / cos;
+                }
+            }
+        }
+        sum / (PROBES * PROBES) as f32
     }
 }

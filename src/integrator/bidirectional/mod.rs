@@ -10,6 +10,7 @@
 //!
 //! | file | contents |
 //! |---|---|
+//! | `aim` | where light paths are sent: at what throws caustics, and at what the camera sees |
 //! | [`weights`] | multiple importance sampling over all strategies: pure recursions |
 //! | `vertex` | a scattering vertex: its value, and the densities of both walks |
 //! | `walk` | one walk from either end: edges, draws, running numbers |
@@ -20,9 +21,11 @@
 //! | `radius` | the radius of merges |
 //! | `psr` | paths that no strategy can sample, regularised |
 //! | `split` | learned roughening where no strategy is good |
-//! | [`audit`] | contributions of real paths against the definition |
 
-pub mod audit;
+mod aim;
+#[cfg(test)]
+#[path = "../../../tests/unit/audit/mod.rs"]
+mod audit;
 mod connect;
 mod merge;
 mod pair;
@@ -34,15 +37,17 @@ mod vertex;
 mod walk;
 pub mod weights;
 
+use super::walk::camera::CameraWalks;
 use super::walk::observer::{PathObserver, Recorder};
 use super::walk::shading_point::ShadingPoint;
 use super::{Integrator, Picture, View};
 use crate::image::splat::{Splat, SplatLayer};
-use crate::integrator::walk::bodies::EnclosingBodies;
 use crate::math::{Rgb, UVec2};
 use crate::regularise::Accumulated;
 use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Sampler, Seed};
+use crate::scene::Aim;
 use crate::scene::sensor::RayDensity;
+pub use aim::Aimed;
 pub(super) use pair::Pairs;
 use photons::{LightVertices, PhotonMap};
 use psr::{Chain, Ends};
@@ -52,8 +57,8 @@ use split::Trail;
 use std::f32::consts::PI;
 use std::fmt;
 use std::ops::Range;
-use vertex::{Origin, Vertex};
-use walk::Walk;
+use vertex::Vertex;
+use walk::{Onward, WeightedWalk};
 use weights::{Merging, Partial};
 
 /// Most light paths of an iteration.
@@ -138,6 +143,8 @@ pub struct Bidirectional {
     pub roulette_start: u32,
     /// Seed of all random numbers.
     pub seed: u64,
+    /// Where light was aimed in the last view.
+    pub aimed: Aimed,
 }
 
 /// Results of a chunk of light paths.
@@ -179,8 +186,9 @@ impl Integrator for Bidirectional {
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
         let mut layer = SplatLayer::new(&view.window);
         let first = self.merging.map(|radius| radius.first(view));
+        let aim = self.aim(view);
         for sample in samples {
-            let iteration = self.iteration(view, sample, first);
+            let iteration = self.iteration(view, &aim, sample, first);
             match &mut picture.aovs {
                 Some(aovs) => iteration.run(&mut layer, aovs),
                 None => iteration.run(&mut layer, &mut ()),
@@ -193,7 +201,8 @@ impl Integrator for Bidirectional {
 
     fn notes(&self, view: &View<'_>) -> Option<String> {
         let first = self.merging?.first(view);
-        let iteration = self.iteration(view, 0, Some(first));
+        let aim = self.aim(view);
+        let iteration = self.iteration(view, &aim, 0, Some(first));
         let some = iteration.light_chunk(0..iteration.paths.min(CHUNK));
         let bytes = some.vertices.bytes_per_path() * iteration.paths as usize;
         Some(format!(
@@ -257,6 +266,8 @@ struct Iteration<'a> {
     settings: &'a Bidirectional,
     strategies: Strategies,
     view: &'a View<'a>,
+    /// Where light is aimed.
+    aim: &'a Aim,
     /// Number of the iteration.
     sample: u32,
     /// Number of light paths.
@@ -272,8 +283,8 @@ struct Iteration<'a> {
     rule: Option<&'a Accumulated>,
     light: Independent,
     camera: Independent,
-    /// Bodies around the camera, if they are the same for all its rays.
-    around_camera: Option<EnclosingBodies>,
+    camera_walks: CameraWalks<'a>,
+    probes: Independent,
 }
 
 impl Bidirectional {
@@ -281,6 +292,7 @@ impl Bidirectional {
     fn iteration<'a>(
         &'a self,
         view: &'a View<'a>,
+        aim: &'a Aim,
         sample: u32,
         first: Option<f32>,
     ) -> Iteration<'a> {
@@ -311,6 +323,7 @@ impl Bidirectional {
             settings: self,
             strategies: self.strategies,
             view,
+            aim,
             sample,
             paths,
             radius,
@@ -320,7 +333,8 @@ impl Bidirectional {
             rule: self.split.as_ref().filter(|_| view.scene.has_lobes()),
             light: source(Domain::Light),
             camera: source(Domain::Camera),
-            around_camera: EnclosingBodies::around_camera(view),
+            camera_walks: CameraWalks::of(view),
+            probes: source(Domain::Probes),
         }
     }
 }
@@ -504,21 +518,21 @@ impl Iteration<'_> {
             stream.next_pick(),
             std::array::from_fn(|_| stream.next_1d()),
         );
-        let Some(start) = scene.sample_emission(pick, u) else {
+        let Some(start) = scene.sample_emission(self.aim, pick, u) else {
             return;
         };
-        let mut walk = Walk::light(scene, &start, self.light_merging);
+        let mut walk = WeightedWalk::light(scene, &start, self.light_merging);
         let mut chain = Chain::default();
         let mut trail = Trail::START;
         for n in 1..=self.settings.max_vertices {
-            let Some(hit) = walk.arrive() else {
+            let Some(arrival) = walk.arrive() else {
                 return;
             };
-            if n == 1 {
-                walk.throughput *= start.window(hit.0.t);
+            if walk.first {
+                walk.base.throughput *= walk.window(&start, arrival.hit.t);
             }
             let u = stream.vertex();
-            let vertex = walk.vertex(n, &hit, u.material);
+            let vertex = walk.vertex(n, &arrival, u.material);
             if strategies != Strategies::Density
                 && !self.settings.light_sampling_only
                 && !vertex.is_delta()
@@ -537,7 +551,7 @@ impl Iteration<'_> {
                 &start,
                 &walk,
                 &vertex,
-                hit.0.t,
+                walk.length,
                 drawn,
                 (&mut chain, ends, splats),
             );
@@ -548,8 +562,8 @@ impl Iteration<'_> {
             if merged || connected {
                 keep(vertex, trail);
             }
-            if let Some(smooth) = drawn {
-                trail = self.trail(trail, &vertex, walk.ray.dir, smooth);
+            if let Some(smooth) = drawn.and_then(Onward::smooth) {
+                trail = self.trail(trail, &vertex, walk.dir(), smooth);
             }
             let goes_on = more && drawn.is_some();
             if !goes_on
@@ -562,22 +576,20 @@ impl Iteration<'_> {
     }
 
     /// A camera walk through a pixel.
-    fn camera_walk(&self, pixel: UVec2, stream: &mut impl Sampler) -> Walk<'_> {
-        let View { scene, sensor, .. } = *self.view;
-        let ray = sensor.ray(pixel.as_vec2() + stream.film());
-        let RayDensity { pdf, parallel } = sensor.pdf(ray.dir);
-        Walk {
-            scene,
-            origin: Origin::Camera,
-            ray,
-            throughput: Rgb::ONE,
-            partial: Partial::camera(pdf, self.paths as f32),
+    fn camera_walk(&self, pixel: UVec2, stream: &mut impl Sampler) -> WeightedWalk<'_> {
+        let base = self.camera_walks.start(pixel, stream);
+        let RayDensity { pdf, parallel } = self.view.sensor.pdf(base.ray.dir);
+        let partial = Partial::camera(pdf, self.paths as f32);
+        WeightedWalk {
+            base,
+            partial,
             merging: self.merging,
             parallel,
-            roulette_scale: 1.0,
-            bodies: self
-                .around_camera
-                .unwrap_or_else(|| EnclosingBodies::around(scene, &ray)),
+            light: None,
+            first: true,
+            travelled: 0.0,
+            length: 0.0,
+            start: partial,
         }
     }
 
@@ -594,22 +606,23 @@ impl Iteration<'_> {
         let mut walk = self.camera_walk(pixel, stream);
         let mut chain = Chain::default();
         let mut prefix = self.prefix();
+        let mut probes = self.probe_stream(pixel);
         let mut total = Total::of(strategies);
         observer.begin(pixel, self.sample);
         for n in 1..=self.settings.max_vertices + 1 {
             let edge = |s| Strategy::Connection { s, t: n + 1 };
-            let Some(hit) = walk.arrive() else {
+            let Some(arrival) = walk.arrive() else {
                 total.add(edge(0), prefix.met * self.environment(&walk, n));
                 break;
             };
             let u = stream.vertex();
-            let vertex = walk.vertex(n, &hit, u.material);
-            total.add(edge(0), prefix.met * self.emitter(&vertex));
+            let vertex = walk.vertex(n, &arrival, u.material);
+            total.add(edge(0), prefix.met * self.emitter(&walk, &vertex));
             if n > self.settings.max_vertices {
                 break;
             }
             if n == 1 {
-                observer.vertex(n, hit.0.t, &point(&walk, &vertex));
+                observer.vertex(n, arrival.hit.t, &point(&walk, &vertex));
             }
             let share = prefix.share(&vertex);
             if strategies.connects() && !vertex.is_delta() {
@@ -631,21 +644,22 @@ impl Iteration<'_> {
                     }
                 }
                 if let Some(map) = map {
-                    total.add(Strategy::Merges, self.merges(&vertex, &prefix, map));
+                    let value = self.merges(&vertex, &prefix, map, &mut probes);
+                    total.add(Strategy::Merges, value);
                 }
             }
             if strategies == Strategies::All {
                 total.show(self.hard_part(&prefix, &vertex, share, &u));
             }
             let drawn = walk.scatter(&vertex, u.lobe);
-            if let Some(smooth) = drawn {
-                prefix.scatter(&vertex, walk.ray.dir, smooth, share);
+            if let Some(smooth) = drawn.and_then(Onward::smooth) {
+                prefix.scatter(&vertex, walk.dir(), smooth, share);
             }
-            let ends = (&mut chain, &light.ends);
-            let value = self.regularised(&walk, &vertex, hit.0.t, drawn, u.light, ends);
+            let (ends, length) = ((&mut chain, &light.ends), walk.length);
+            let value = self.regularised(&walk, &vertex, length, drawn, u.light, ends);
             total.show(value);
             match drawn {
-                Some(smooth) if strategies.connects() || !smooth => {}
+                Some(drawn) if strategies.connects() || drawn != Onward::Smooth => {}
                 _ => break,
             }
             if n >= self.settings.roulette_start && walk.survive(u.roulette).is_none() {
@@ -656,10 +670,11 @@ impl Iteration<'_> {
         total.shown
     }
 }
+
 /// The first vertex of a camera walk as observers see it.
-fn point<'a>(walk: &Walk<'a>, vertex: &'a Vertex) -> ShadingPoint<'a> {
+fn point<'a>(walk: &WeightedWalk<'a>, vertex: &'a Vertex) -> ShadingPoint<'a> {
     ShadingPoint {
-        scene: walk.scene,
+        scene: walk.base.scene,
         surface: &vertex.surface,
         frame: vertex.frame,
         bsdf: &vertex.bsdf,
@@ -667,6 +682,7 @@ fn point<'a>(walk: &Walk<'a>, vertex: &'a Vertex) -> ShadingPoint<'a> {
         alpha: vertex.alpha,
         alpha_reg: vertex.alpha,
         throughput: vertex.throughput,
-        bodies: &vertex.bodies,
+        around: &vertex.around,
+        panes: 0,
     }
 }

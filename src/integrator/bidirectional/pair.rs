@@ -5,6 +5,7 @@ use crate::image::splat::Splat;
 use crate::integrator::View;
 use crate::math::UVec2;
 use crate::sampler::Sampler;
+use crate::scene::Aim;
 
 /// Pairs of paths of one iteration. The mean of a pair's values over all random numbers, the pixel of the camera path
 /// included, is the picture.
@@ -19,10 +20,11 @@ impl<'a> Pairs<'a> {
     pub(in crate::integrator) fn new(
         settings: &'a Bidirectional,
         view: &'a View<'a>,
+        aim: &'a Aim,
         sample: u32,
     ) -> Self {
         Self {
-            iteration: settings.iteration(view, sample, None),
+            iteration: settings.iteration(view, aim, sample, None),
             light: LightPath::default(),
             splats: Vec::new(),
         }

@@ -7,7 +7,7 @@
 use super::split::Trail;
 use super::vertex::Vertex;
 use super::weights::Partial;
-use crate::integrator::walk::bodies::EnclosingBodies;
+use crate::integrator::walk::Surroundings;
 use crate::math::{Rgb, Vec3};
 use crate::scene::{Hit, Scene};
 use glam::DVec3;
@@ -21,8 +21,8 @@ pub(super) struct Photon {
     /// World direction towards the previous vertex.
     pub(super) back: Vec3,
     pub(super) partial: Partial<f32>,
-    /// Number of the vertex in its walk, from 1.
-    pub(super) n: u32,
+    /// Number of the vertex in its walk, twice; one more if the walk has come straight from the light.
+    number: u32,
     triangle: u32,
     at: [f32; 2],
     choice: f32,
@@ -31,10 +31,10 @@ pub(super) struct Photon {
 const _: () = assert!(size_of::<Photon>() == 56);
 
 /// Least cosine of the normals of a photon and of the vertex that it merges with.
-const MIN_COS: f32 = 0.9;
+pub(super) const MIN_COS: f32 = 0.9;
 
 /// Greatest distance of a photon from the plane of the vertex that it merges with, over the radius.
-const MAX_HEIGHT: f32 = 0.25;
+pub(super) const MAX_HEIGHT: f32 = 0.25;
 
 /// Photons near a vertex that are looked up together.
 const NEAR: usize = 32;
@@ -45,14 +45,26 @@ impl Photon {
             flux: vertex.throughput,
             back: vertex.back,
             partial: vertex.partial,
-            n: vertex.n,
+            number: 2 * vertex.n + u32::from(vertex.first),
             triangle: vertex.hit.triangle,
             at: [vertex.hit.u, vertex.hit.v],
             choice: vertex.choice,
         }
     }
 
-    /// The vertex again, without the bodies around it.
+    /// Number of the vertex in its walk, from 1.
+    #[inline]
+    pub(super) fn n(&self) -> u32 {
+        self.number / 2
+    }
+
+    /// True if the walk has come straight from the light.
+    #[inline]
+    pub(super) fn first(&self) -> bool {
+        self.number % 2 == 1
+    }
+
+    /// The vertex again, without what is around it.
     fn vertex(&self, scene: &Scene) -> Vertex {
         let hit = Hit {
             t: 0.0,
@@ -64,7 +76,8 @@ impl Photon {
         let bsdf = scene.bsdf(&mut surface, self.choice);
         let frame = surface.frame_for(self.back);
         Vertex {
-            n: self.n,
+            n: self.n(),
+            first: self.first(),
             hit,
             choice: self.choice,
             surface,
@@ -75,7 +88,7 @@ impl Photon {
             local: frame.to_local(self.back),
             throughput: self.flux,
             partial: self.partial,
-            bodies: EnclosingBodies::default(),
+            around: Surroundings::default(),
         }
     }
 }
@@ -238,7 +251,7 @@ impl PhotonMap {
         trails.clear();
         let range = first as usize..ends[path] as usize;
         for (i, photon) in range.clone().zip(&photons[range]) {
-            if photon.n > most {
+            if photon.n() > most {
                 break;
             }
             vertices.push(photon.vertex(scene));
@@ -311,4 +324,60 @@ impl PhotonMap {
 /// Items in this order.
 fn gathered<T: Copy + Send + Sync>(items: &[T], order: &[u32]) -> Vec<T> {
     order.par_iter().map(|&i| items[i as usize]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gallery::point_light_over_plane;
+    use crate::integrator::bidirectional::weights::Partial;
+    use crate::sampler::{Independent, SampleSource, Sampler, Seed};
+
+    /// A single photon has one bucket, which all eight cells of a query share, and few have few buckets.
+    #[test]
+    fn cells_that_share_a_bucket_count_no_photon_twice() {
+        let scene = Scene::new(point_light_over_plane());
+        let vertex = |at: [f32; 2]| {
+            let photon = Photon {
+                flux: Rgb::ONE,
+                back: Vec3::Y,
+                partial: Partial::default(),
+                number: 2,
+                triangle: 0,
+                at,
+                choice: 0.5,
+            };
+            photon.vertex(&scene)
+        };
+        let edge = vertex([0.5, 0.0]).surface.position - vertex([0.0, 0.0]).surface.position;
+        let radius = 0.2 * edge.length();
+        let mut stream = Independent { seed: Seed(17) }.stream(crate::math::UVec2::ZERO, 0);
+        let mut place = || [(); 2].map(|()| 0.5 * stream.next_1d());
+        let mut found = 0;
+        for photons in 1..=64 {
+            let mut vertices = LightVertices::default();
+            let places: Vec<Vertex> = (0..photons).map(|_| vertex(place())).collect();
+            places.iter().for_each(|v| vertices.push(v, None));
+            vertices.end();
+            let low = places.iter().map(|v| v.surface.position);
+            let low = low.reduce(Vec3::min).expect("a photon");
+            let map = PhotonMap::new(vertices, low, radius);
+            for _ in 0..16 {
+                let query = vertex(place());
+                let near = |v: &&Vertex| {
+                    let to = v.surface.position - query.surface.position;
+                    to.length_squared() <= radius * radius
+                };
+                let mut count = 0;
+                map.around(&query, |_, _| count += 1);
+                assert_eq!(
+                    count,
+                    places.iter().filter(near).count(),
+                    "{photons} photons"
+                );
+                found += count;
+            }
+        }
+        assert!(found > 1000, "{found}");
+    }
 }

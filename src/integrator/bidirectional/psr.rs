@@ -8,9 +8,9 @@
 
 use super::Iteration;
 use super::vertex::Vertex;
-use super::walk::Walk;
+use super::walk::{Onward, WeightedWalk};
 use crate::image::splat::Splat;
-use crate::integrator::walk::bodies::EnclosingBodies;
+use crate::integrator::walk::Surroundings;
 use crate::integrator::walk::cone::Cone;
 use crate::math::{Rgb, Vec3};
 use crate::sampler::LightU;
@@ -64,8 +64,8 @@ struct DiracEnd {
     /// Ideal direction, and the walk's throughput along it.
     dir: Vec3,
     throughput: Rgb,
-    /// Bodies around that direction.
-    bodies: EnclosingBodies,
+    /// What is around that direction.
+    around: Surroundings,
 }
 
 /// Ends of a light walk for edges with one Dirac end.
@@ -76,13 +76,13 @@ pub(super) struct Ends {
 }
 
 impl DiracEnd {
-    fn new(vertex: &Vertex, walk: &Walk<'_>) -> Self {
+    fn new(vertex: &Vertex, walk: &WeightedWalk<'_>) -> Self {
         Self {
             n: vertex.n,
             surface: vertex.surface,
-            dir: walk.ray.dir,
-            throughput: walk.throughput,
-            bodies: walk.bodies,
+            dir: walk.dir(),
+            throughput: walk.base.throughput,
+            around: *walk.base.around(),
         }
     }
 
@@ -109,15 +109,15 @@ impl Iteration<'_> {
         low.distance(high)
     }
 
-    /// Notes a vertex of a light walk that came along an edge of this length, before roulette; `smooth` tells the draw.
-    /// Connects it to the camera if that is the path's longest edge.
+    /// Notes a vertex of a light walk that came along an edge of this length, before roulette; `drawn` tells how it goes
+    /// on. Connects it to the camera if that is the path's longest edge.
     pub(super) fn note_light(
         &self,
         start: &EmissionSample,
-        walk: &Walk<'_>,
+        walk: &WeightedWalk<'_>,
         vertex: &Vertex,
         distance: f32,
-        smooth: Option<bool>,
+        drawn: Option<Onward>,
         (chain, ends, splats): (&mut Chain, &mut Ends, &mut Vec<Splat>),
     ) {
         let Some(radius) = self
@@ -126,7 +126,7 @@ impl Iteration<'_> {
         else {
             return;
         };
-        let edge = if vertex.n == 1 && start.pdf.infinite {
+        let edge = if vertex.first && start.pdf.infinite {
             self.far()
         } else {
             distance
@@ -134,7 +134,7 @@ impl Iteration<'_> {
         if !vertex.is_delta() {
             ends.smooth.push((*vertex, chain.with(false, edge)));
         }
-        let Some(smooth) = smooth else {
+        let Some(smooth) = drawn.and_then(Onward::smooth) else {
             return;
         };
         *chain = chain.with(!smooth, edge);
@@ -150,25 +150,27 @@ impl Iteration<'_> {
         let scene = self.view.scene;
         let sight = self.view.sensor.see(end.surface.position)?;
         let splat = Splat::new(&self.view.window, sight.pixel, Rgb::ZERO)?;
-        if !Chain::END.closes(chain, sight.distance) {
+        let hidden = scene.hides_surface(&end.surface, -sight.wo);
+        if hidden || !Chain::END.closes(chain, sight.distance) {
             return None;
         }
         let throughput = end.spread(radius, sight.wo, sight.distance)?;
         let mut ray = end.surface.spawn(sight.wo);
         ray.t_max = sight.distance;
-        let transmittance = end.bodies.unblocked(scene, &ray, sight.distance)?;
+        let panes = self.left(end.n);
+        let transmittance = (end.around).unblocked_to_camera(scene, &ray, sight.distance, panes)?;
         // The cosine of the surface is in the throughput.
         let value = throughput * transmittance * (sight.pdf_area(1.0) / self.paths as f32);
         Some(Splat { value, ..splat })
     }
 
-    /// Closes paths at a vertex of the camera walk, before roulette; `smooth` tells the draw.
+    /// Closes paths at a vertex of the camera walk, before roulette; `drawn` tells how it goes on.
     pub(super) fn regularised(
         &self,
-        walk: &Walk<'_>,
+        walk: &WeightedWalk<'_>,
         vertex: &Vertex,
         distance: f32,
-        smooth: Option<bool>,
+        drawn: Option<Onward>,
         u: LightU,
         (chain, light): (&mut Chain, &Ends),
     ) -> Rgb {
@@ -183,7 +185,7 @@ impl Iteration<'_> {
                     self.smooth_to_dirac(vertex, end, radius, |length| here.closes(there, length));
             }
         }
-        let Some(smooth) = smooth else {
+        let Some(smooth) = drawn.and_then(Onward::smooth) else {
             return total;
         };
         *chain = chain.with(!smooth, distance);
@@ -201,7 +203,7 @@ impl Iteration<'_> {
 
     fn dirac_to_light(&self, end: &DiracEnd, chain: &Chain, radius: f32, u: LightU) -> Rgb {
         let scene = self.view.scene;
-        let sampled = scene.lights().sample_by_power(end.surface.position, u);
+        let sampled = scene.lights().sample(end.surface.position, u);
         let Some(light) = sampled.filter(|light| light.density.is_delta()) else {
             return Rgb::ZERO;
         };
@@ -213,7 +215,8 @@ impl Iteration<'_> {
             return Rgb::ZERO;
         };
         let ray = end.surface.spawn_to_light(&light);
-        let Some(transmittance) = end.bodies.unblocked(scene, &ray, light.distance) else {
+        let panes = self.left(end.n);
+        let Some(transmittance) = end.around.unblocked(scene, &ray, light.distance, panes) else {
             return Rgb::ZERO;
         };
         throughput * light.radiance * transmittance / light.density.value()
@@ -242,7 +245,8 @@ impl Iteration<'_> {
         };
         let cos = light.cos(dir);
         let segment = end.surface.spawn_to(&light.surface, dir, distance, cos);
-        let Some(transmittance) = end.bodies.unblocked(scene, &segment, distance) else {
+        let panes = self.left(end.n + light.n);
+        let Some(transmittance) = end.around.unblocked(scene, &segment, distance, panes) else {
             return Rgb::ZERO;
         };
         throughput * transmittance * there.value * light.throughput * (cos / (distance * distance))
@@ -271,7 +275,8 @@ impl Iteration<'_> {
         };
         let cos = super::weights::clamped(end.surface.ng.dot(dir));
         let segment = vertex.surface.spawn_to(&end.surface, dir, distance, cos);
-        let Some(transmittance) = vertex.unblocked(scene, &segment, distance) else {
+        let panes = self.left(vertex.n + end.n);
+        let Some(transmittance) = vertex.unblocked(scene, &segment, distance, panes) else {
             return Rgb::ZERO;
         };
         vertex.throughput * here.value * transmittance * throughput / (distance * distance)

@@ -62,9 +62,13 @@ impl Event {
         let base = match bsdf {
             // The coat dims both lobes of its base alike.
             Bsdf::Clearcoated(coated) => return Self::between(&coated.base(), alpha, directions),
-            Bsdf::Diffuse(_) => return BASE,
+            Bsdf::Diffuse(_) | Bsdf::Sheen(_) => return BASE,
             Bsdf::Glossy(lobe) => lobe.albedo,
             Bsdf::Anisotropic(lobe) => lobe.isotropic().albedo,
+            Bsdf::Iridescent(lobe) => match lobe.base() {
+                Bsdf::Glossy(lobe) => lobe.albedo,
+                _ => Rgb::ZERO,
+            },
             _ => Rgb::ZERO,
         };
         if base == Rgb::ZERO {
@@ -168,7 +172,7 @@ impl Trail {
     /// The trail after a vertex with these lobes.
     #[inline]
     fn with(self, vertex: &Vertex, event: Event, merges: bool) -> Self {
-        if vertex.n == 1 {
+        if vertex.first {
             // The path's last vertex: of its glossy lobe alone, whatever the direction to the light.
             Self {
                 reach: self.reach.with(vertex.alpha, merges),
@@ -220,13 +224,13 @@ impl Prefix<'_> {
         Rgb::ONE - there.gloss * share(reach.join(&there.reach))
     }
 
-    /// Easy part of a merge at this vertex with vertex `n` of a light walk that came along `back`.
+    /// Easy part of a merge at this vertex with a light walk that came along `back`, straight from its light or not.
     #[inline]
-    pub(super) fn merged(&self, vertex: &Vertex, n: u32, back: Vec3, trail: &Trail) -> Rgb {
+    pub(super) fn merged(&self, vertex: &Vertex, first: bool, back: Vec3, trail: &Trail) -> Rgb {
         if self.rule.is_none() || self.reach.best.max(trail.reach.best) >= ROUGH {
             return Rgb::ONE;
         }
-        if n == 1 {
+        if first {
             return vertex.easy_part(back, self.share(vertex));
         }
         let event = vertex.event_to_light(back);
@@ -292,7 +296,7 @@ impl<'a> Iteration<'a> {
     #[inline]
     pub(super) fn seen_part(&self, vertex: &Vertex, trail: &Trail, out: Vec3) -> Rgb {
         // One vertex has no prefix.
-        if self.rule.is_none() || vertex.n == 1 || trail.reach.best >= ROUGH {
+        if self.rule.is_none() || vertex.first || trail.reach.best >= ROUGH {
             return Rgb::ONE;
         }
         let there = trail.with(vertex, vertex.event_to_camera(out), self.radius > 0.0);
@@ -320,7 +324,8 @@ impl<'a> Iteration<'a> {
             alpha: vertex.alpha,
             alpha_reg: roughen(rule, &prefix.memory, vertex.alpha),
             throughput: vertex.throughput * h,
-            bodies: &vertex.bodies,
+            around: &vertex.around,
+            panes: self.left(vertex.n),
         };
         let lobe = SharedNumbers::new(u.lobe);
         point.direct_light(u.light, &mut ()) + point.roughened_emission(&lobe, &mut ())

@@ -6,22 +6,17 @@
 
 use super::weights::{Partial, clamped};
 use crate::bsdf::{Bsdf, BsdfEval, LobeQuery};
-use crate::integrator::walk::bodies::EnclosingBodies;
+use crate::integrator::walk::{Interaction, Surroundings};
 use crate::math::{Frame, Ray, Rgb, Vec3};
 use crate::scene::{Hit, Scene, Surface};
-
-/// The end of a path to which a walk's previous vertices lead.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Origin {
-    Camera,
-    Light,
-}
 
 /// A scattering vertex of a walk.
 #[derive(Clone, Copy)]
 pub(super) struct Vertex {
     /// Number of the vertex in its walk, from 1.
     pub(super) n: u32,
+    /// True if the walk has come straight from its end, panes left out.
+    pub(super) first: bool,
     /// The surface and BSDF follow from these two.
     pub(super) hit: Hit,
     pub(super) choice: f32,
@@ -36,7 +31,8 @@ pub(super) struct Vertex {
     /// Throughput before the vertex; in a light walk over |ng · back|: flux per area and cosine.
     pub(super) throughput: Rgb,
     pub(super) partial: Partial<f32>,
-    pub(super) bodies: EnclosingBodies,
+    /// What is around the previous edge.
+    pub(super) around: Surroundings,
 }
 
 /// Roughness from which walks of photon density estimation merge at a glossy lobe instead of following it.
@@ -83,6 +79,18 @@ impl Vertex {
         } else {
             query.base
         })
+    }
+
+    /// At a vertex of a camera walk of photon density estimation: the value for light from `out` of the lobe that the walk
+    /// follows, and the density with which it does; `None` where it follows none but Dirac lobes.
+    #[inline]
+    pub(super) fn sharp(&self, out: Vec3) -> Option<BsdfEval> {
+        if self.merges_gloss() {
+            return None;
+        }
+        // Of the glossy lobe alone: the base merges.
+        let eval = self.query_light(out)?.gloss().at(self.alpha);
+        (eval.value != Rgb::ZERO).then_some(eval)
     }
 
     #[inline]
@@ -144,21 +152,39 @@ impl Vertex {
         clamped(self.surface.ng.dot(w))
     }
 
-    /// The bodies around a ray from here along `out`.
+    /// This vertex as the walk sees it.
     #[inline]
-    pub(super) fn bodies_towards(&self, scene: &Scene, out: Vec3) -> EnclosingBodies {
-        let outside = self.back.dot(self.surface.ng) > 0.0;
-        (self.bodies).towards(scene, &self.surface, &self.bsdf, outside, out)
+    pub(super) fn interaction(&self) -> Interaction<'_> {
+        Interaction {
+            surface: &self.surface,
+            bsdf: &self.bsdf,
+            frame: self.frame,
+            wo: self.local,
+            alpha: self.alpha,
+        }
     }
 
-    /// Transmittance from here along a ray over a distance; `None` if something stands between.
+    /// [`Vertex::unblocked`] towards the camera, past backs that it does not see.
+    pub(super) fn unblocked_to_camera(
+        &self,
+        scene: &Scene,
+        ray: &Ray,
+        distance: f32,
+        panes: u32,
+    ) -> Option<Rgb> {
+        (self.interaction()).unblocked_to_camera(scene, &self.around, ray, distance, panes)
+    }
+
+    /// Transmittance from here along a ray over a distance, by way of at most so many panes; `None` if something else stands
+    /// between.
     #[inline]
-    pub(super) fn unblocked(&self, scene: &Scene, ray: &Ray, distance: f32) -> Option<Rgb> {
-        if scene.tracks_bodies() {
-            let bodies = self.bodies_towards(scene, ray.dir);
-            bodies.unblocked(scene, ray, distance)
-        } else {
-            (!scene.occluded(ray)).then_some(Rgb::ONE)
-        }
+    pub(super) fn unblocked(
+        &self,
+        scene: &Scene,
+        ray: &Ray,
+        distance: f32,
+        panes: u32,
+    ) -> Option<Rgb> {
+        (self.interaction()).unblocked(scene, &self.around, ray, distance, panes)
     }
 }

@@ -1,29 +1,65 @@
-//! One walk, from the camera or from a light: edges, vertices, draws, and the running numbers of the weights.
+//! A walk from the camera or from a light with the running numbers of its weights.
 
-use super::vertex::{Origin, Vertex};
+use super::vertex::Vertex;
 use super::weights::{Merging, Partial, Step, clamped};
-use crate::bsdf::{BsdfSample, Lobe};
-use crate::integrator::walk::bodies::EnclosingBodies;
-use crate::integrator::walk::roulette;
-use crate::math::{Ray, Rgb, Vec3};
-use crate::scene::{EmissionDensity, EmissionSample, Hit, Scene};
+use crate::bsdf::{Bsdf, BsdfSample, Lobe};
+use crate::integrator::walk::shading_point::Continuation;
+use crate::integrator::walk::{Arrival, Interaction, Origin, Walk};
+use crate::math::{Rgb, Vec3};
+use crate::scene::{EmissionDensity, EmissionSample, Scene};
 
-/// A walk on its way to its next vertex.
-pub(super) struct Walk<'a> {
-    pub(super) scene: &'a Scene,
-    pub(super) origin: Origin,
-    pub(super) ray: Ray,
-    pub(super) throughput: Rgb,
+/// The way in which a walk goes on from a vertex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Onward {
+    /// By a draw from a smooth lobe.
+    Smooth,
+    /// By a Dirac lobe.
+    Dirac,
+    /// Straight through a pane: the edge goes on behind it, since closing edges pass panes too.
+    Straight,
+}
+
+impl Onward {
+    /// True for a smooth draw; `None` where the edge goes on.
+    #[inline]
+    pub(super) fn smooth(self) -> Option<bool> {
+        match self {
+            Self::Smooth => Some(true),
+            Self::Dirac => Some(false),
+            Self::Straight => None,
+        }
+    }
+}
+
+/// The way in which a walk of photon density estimation goes on from a vertex.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Sharp {
+    /// Along a direction of this density per steradian: 0 for a Dirac lobe.
+    Drawn(f32),
+    /// Straight through a pane.
+    Straight,
+}
+
+/// A walk and what its weights need.
+#[derive(Clone, Copy)]
+pub(super) struct WeightedWalk<'a> {
+    pub(super) base: Walk<'a>,
     pub(super) partial: Partial<f32>,
     pub(super) merging: Merging<f32>,
     /// True on an edge whose length changes no density: the first from a light at infinity or of a parallel camera.
     pub(super) parallel: bool,
-    /// Factor that undoes all scaling that is no loss of light, for roulette.
-    pub(super) roulette_scale: f32,
-    pub(super) bodies: EnclosingBodies,
+    /// The light of a light walk on its first edge.
+    pub(super) light: Option<u32>,
+    /// True on the first edge.
+    pub(super) first: bool,
+    /// Length of the edge up to the last pane that it passed, and up to the last surface.
+    pub(super) travelled: f32,
+    pub(super) length: f32,
+    /// Running numbers at the start of the edge.
+    pub(super) start: Partial<f32>,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> WeightedWalk<'a> {
     /// A walk along a ray that a light sends out.
     pub(super) fn light(scene: &'a Scene, start: &EmissionSample, merging: Merging<f32>) -> Self {
         let EmissionDensity {
@@ -31,74 +67,92 @@ impl<'a> Walk<'a> {
             direction,
             infinite,
         } = start.pdf;
+        let partial = Partial::light(position, direction, infinite, start.cos, &merging);
         Self {
-            scene,
-            origin: Origin::Light,
-            ray: start.ray,
-            throughput: start.throughput,
-            partial: Partial::light(position, direction, infinite, start.cos, &merging),
+            base: Walk::light(scene, start.ray, start.throughput, infinite),
+            partial,
             merging,
             parallel: infinite,
-            roulette_scale: 1.0 / start.throughput.max_element(),
-            bodies: if scene.tracks_bodies() && !infinite {
-                EnclosingBodies::around(scene, &start.ray)
-            } else {
-                EnclosingBodies::default()
-            },
+            light: Some(start.light),
+            first: true,
+            travelled: 0.0,
+            length: 0.0,
+            start: partial,
         }
     }
 
-    /// The surface at which the current edge ends, at its distance `t`, and the distance of the last boundary passed.
-    #[inline]
-    pub(super) fn arrive(&mut self) -> Option<(Hit, f32)> {
-        let segment = self.bodies.follow(self.scene, &self.ray);
-        if let Some(passed) = segment.passed {
-            self.throughput *= passed;
-        }
-        Some((segment.hit?, segment.start))
+    /// World direction of the current edge.
+    pub(super) fn dir(&self) -> Vec3 {
+        self.base.ray.dir
     }
 
-    /// The walk's `n`th vertex, where it has [arrived](Walk::arrive); `u` chooses between the BSDFs of its material.
+    /// Factor of the throughput where the first edge of a light walk meets a surface at this distance from its origin or its
+    /// last pane: the window of a light of limited range.
     #[inline]
-    pub(super) fn vertex(&mut self, n: u32, (hit, start): &(Hit, f32), u: f32) -> Vertex {
-        let mut surface = self.scene.surface(hit);
-        if !self.bodies.is_empty() {
-            self.throughput *= self.bodies.transmittance(self.scene, hit.t - start);
-        }
-        let back = -self.ray.dir;
+    pub(super) fn window(&self, start: &EmissionSample, t: f32) -> f32 {
+        start.window(self.travelled + t) / start.window(self.travelled)
+    }
+
+    /// The surface at which the current edge ends.
+    #[inline]
+    pub(super) fn arrive(&mut self) -> Option<Arrival> {
+        self.base.arrive(&mut ())
+    }
+
+    /// The walk's `n`th vertex, where it has [arrived](WeightedWalk::arrive); `u` chooses between the BSDFs of its material.
+    #[inline]
+    pub(super) fn vertex(&mut self, n: u32, arrival: &Arrival, u: f32) -> Vertex {
+        let Arrival { hit, mut surface } = *arrival;
+        let back = -self.dir();
         let cos = clamped(surface.ng.dot(back));
-        let distance2 = (!self.parallel).then_some(hit.t * hit.t);
+        self.length = self.travelled + hit.t;
+        let distance2 = (!self.parallel).then_some(self.length * self.length);
+        self.start = self.partial;
         self.partial.arrive(distance2, cos);
-        let throughput = match self.origin {
-            Origin::Camera => self.throughput,
-            Origin::Light => self.throughput / cos,
+        if let Some(light) = self.light {
+            let lights = self.base.scene.lights();
+            let ratio = lights.sampling_over_emission(light, surface.position);
+            self.partial.sampled(ratio);
+        }
+        let throughput = match self.base.origin {
+            Origin::Camera => self.base.throughput,
+            Origin::Light => self.base.throughput / cos,
         };
-        let mut bsdf = self.scene.bsdf(&mut surface, u);
-        (self.bodies).interface(self.scene, &mut surface, self.ray.dir, &mut bsdf);
-        let frame = surface.frame_for(back);
+        let bsdf = self.base.bsdf(&mut surface, u);
+        let Interaction {
+            frame, wo, alpha, ..
+        } = self.base.interaction(&surface, &bsdf);
         Vertex {
             n,
-            hit: *hit,
+            first: self.first,
+            hit,
             choice: u,
             surface,
             bsdf,
-            alpha: bsdf.alpha(),
+            alpha,
             back,
             frame,
-            local: frame.to_local(back),
+            local: wo,
             throughput,
             partial: self.partial,
-            bodies: self.bodies,
+            around: *self.base.around(),
         }
     }
 
-    /// Draws the next direction at a vertex. True if a smooth lobe was drawn, `None` where the walk ends.
+    /// Draws the next direction at a vertex; `None` where the walk ends.
     #[inline]
-    pub(super) fn scatter(&mut self, vertex: &Vertex, u: [f32; 3]) -> Option<bool> {
+    pub(super) fn scatter(&mut self, vertex: &Vertex, u: [f32; 3]) -> Option<Onward> {
         let sample = vertex.bsdf.sample(vertex.alpha, vertex.local, u)?;
         let out = vertex.frame.to_world(sample.wi);
         if out.dot(vertex.surface.ng) * sample.wi.z <= 0.0 {
             return None;
+        }
+        if sample.delta && self.is_straight(vertex, sample.lobe) {
+            let next = Continuation { wi: out, sample };
+            self.base.pass(&vertex.surface, &next);
+            self.partial = self.start;
+            self.travelled = self.length;
+            return (self.base.throughput != Rgb::ZERO).then_some(Onward::Straight);
         }
         if sample.delta {
             self.dirac(vertex, &sample, out)?;
@@ -106,14 +160,14 @@ impl<'a> Walk<'a> {
             let cos_out = vertex.cos(out);
             // The density of the draw itself: rounding must not change it.
             let pdf = sample.pdf_w;
-            let pdf_reverse = match self.origin {
+            let pdf_reverse = match self.base.origin {
                 Origin::Camera => {
-                    self.throughput *= sample.weight;
+                    self.base.throughput *= sample.weight;
                     vertex.pdf_back(out)
                 }
                 Origin::Light => {
                     let eval = vertex.towards_camera(out)?;
-                    self.throughput = vertex.throughput * eval.value * (cos_out / pdf);
+                    self.base.throughput = vertex.throughput * eval.value * (cos_out / pdf);
                     eval.pdf_w
                 }
             };
@@ -125,43 +179,56 @@ impl<'a> Walk<'a> {
             self.partial.scatter(&step, &self.merging);
         }
         self.leave(vertex, sample.lobe, out);
-        (self.throughput != Rgb::ZERO).then_some(!sample.delta)
+        let onward = if sample.delta {
+            Onward::Dirac
+        } else {
+            Onward::Smooth
+        };
+        (self.base.throughput != Rgb::ZERO).then_some(onward)
     }
 
-    /// Draws the next direction of a camera walk that merges at all rough lobes and is weighed against nothing: `None`
-    /// where a rough lobe was drawn, or the walk ends.
-    pub(super) fn follow_sharp(&mut self, vertex: &Vertex, u: [f32; 3]) -> Option<()> {
+    /// True if a walk goes straight through a pane by this Dirac lobe.
+    #[inline]
+    fn is_straight(&self, vertex: &Vertex, lobe: Lobe) -> bool {
+        lobe == Lobe::Transmission
+            && self.base.scene.is_pane(&vertex.surface)
+            && matches!(vertex.bsdf, Bsdf::Thin(_))
+    }
+
+    /// Draws the next direction of a camera walk that merges at all rough lobes: `None` where a rough lobe was drawn, or the
+    /// walk ends.
+    pub(super) fn follow_sharp(&mut self, vertex: &Vertex, u: [f32; 3]) -> Option<Sharp> {
         let sample = vertex.bsdf.sample(vertex.alpha, vertex.local, u)?;
         let out = vertex.frame.to_world(sample.wi);
         let rough = !sample.delta && (sample.lobe == Lobe::Diffuse || vertex.merges_gloss());
         if rough || out.dot(vertex.surface.ng) * sample.wi.z <= 0.0 {
             return None;
         }
-        self.throughput *= if sample.delta {
+        if sample.delta && self.is_straight(vertex, sample.lobe) {
+            let next = Continuation { wi: out, sample };
+            self.base.pass(&vertex.surface, &next);
+            return (self.base.throughput != Rgb::ZERO).then_some(Sharp::Straight);
+        }
+        let mut pdf_w = 0.0;
+        self.base.throughput *= if sample.delta {
             sample.weight
         } else {
-            // Of the glossy lobe alone: the base has merged.
-            let gloss = vertex.bsdf.query(vertex.local, sample.wi)?.gloss();
-            let eval = gloss.at(vertex.alpha);
+            let eval = vertex.sharp(out)?;
+            pdf_w = eval.pdf_w;
             eval.value / eval.pdf_w
         };
         self.leave(vertex, sample.lobe, out);
-        (self.throughput != Rgb::ZERO).then_some(())
+        (self.base.throughput != Rgb::ZERO).then_some(Sharp::Drawn(pdf_w))
     }
 
     /// Sets out from a vertex along `out`.
     #[inline]
     fn leave(&mut self, vertex: &Vertex, lobe: Lobe, out: Vec3) {
-        if lobe == Lobe::Transmission {
-            if self.origin == Origin::Camera {
-                self.roulette_scale *= vertex.bsdf.refraction_scale(vertex.local);
-            }
-            if self.scene.tracks_bodies() {
-                self.bodies = vertex.bodies_towards(self.scene, out);
-            }
-        }
         self.parallel = false;
-        self.ray = vertex.surface.spawn(out);
+        self.first = false;
+        self.travelled = 0.0;
+        self.light = None;
+        self.base.leave(&vertex.interaction(), lobe, out);
     }
 
     /// Goes on along a Dirac lobe. The light walk's weight follows from the ratio of the two measures: with
@@ -175,8 +242,8 @@ impl<'a> Walk<'a> {
         } else {
             1.0
         };
-        self.throughput *= sample.weight;
-        if self.origin == Origin::Light {
+        self.base.throughput *= sample.weight;
+        if self.base.origin == Origin::Light {
             // Shading cosines in the frame for the camera's side, like the value.
             let frame = vertex.surface.frame_for(out);
             let (wi, wo) = (vertex.back.dot(frame.n), out.dot(frame.n));
@@ -185,7 +252,7 @@ impl<'a> Walk<'a> {
             }
             let ng = vertex.surface.ng;
             let cosines = (wi * out.dot(ng)) / (wo * vertex.back.dot(ng));
-            self.throughput *= refraction_scale * cosines.abs();
+            self.base.throughput *= refraction_scale * cosines.abs();
         }
         self.partial
             .dirac(vertex.cos(vertex.back), 1.0 / refraction_scale);
@@ -195,8 +262,6 @@ impl<'a> Walk<'a> {
     /// Russian roulette; `None` for a walk that ends.
     #[inline]
     pub(super) fn survive(&mut self, u: f32) -> Option<()> {
-        let survival = roulette::survival(self.throughput, self.roulette_scale, u)?;
-        self.throughput /= survival;
-        Some(())
+        self.base.survive(Some(u), &mut ()).then_some(())
     }
 }

@@ -13,11 +13,13 @@
 //! ```text
 //! arrive          vcm *= d²  (not on the first edge from a light at infinity or of a parallel camera)
 //!                 vcm, vc, vm /= c_in
+//!                 vcm *= p_s / p_e  (on the first edge from a light)
 //! smooth scatter  vc  <- (c_out / p_f) (p_r vc + vcm + M)
 //!                 vm  <- (c_out / p_f) (p_r vm + vcm / M + 1)      vcm <- 1 / p_f
 //! Dirac scatter   vc, vm *= c_in (n_in / n_out)²                   vcm <- 0
 //! ```
 //!
+//! p_s is the density with which light sampling at the first vertex draws the light's point, p_e that of emission.
 //! c_in, c_out are the absolute cosines of the *geometric* normal with the directions to the previous and the next
 //! vertex; p_f is the density per steradian with which this walk draws the next direction; p_r that with which the
 //! other walk, coming from there, would draw the direction back to the previous vertex; n_in, n_out are the refractive
@@ -175,6 +177,13 @@ impl<T: Real> Partial<T> {
         self.vm = self.vm / cos_in;
     }
 
+    /// The walk from a light meets its first vertex, from which light sampling draws the light's point with `ratio` times the
+    /// density of emission samples: they are two techniques, of which only the first knows the vertex.
+    #[inline]
+    pub fn sampled(&mut self, ratio: T) {
+        self.vcm = self.vcm * ratio;
+    }
+
     /// The walk goes on along a smooth lobe.
     #[inline]
     pub fn scatter(&mut self, step: &Step<T>, merging: &Merging<T>) {
@@ -204,18 +213,19 @@ impl<T: Real> End<T> {
     }
 }
 
-/// Weight of a light met by the camera walk, whose densities of position and direction are given. For an area light
-/// `partial` is taken after arrival, for the environment before. A light that the camera's own ray meets has weight 1:
-/// no other strategy finds it.
+/// Weight of a light met by the camera walk: `sampled` is the density with which light sampling from the walk's last vertex
+/// draws it, per area for an area light and per steradian for the environment; `emitted` the density of emission samples
+/// there, of position times direction. For an area light `partial` is taken after arrival, for the environment before. A
+/// light that the camera's own ray meets has weight 1: no other strategy finds it.
 #[inline]
-pub fn hit<T: Real>(partial: &Partial<T>, position: T, direction: T, infinite: bool) -> T {
+pub fn hit<T: Real>(partial: &Partial<T>, sampled: T, emitted: T) -> T {
     let one = T::from(1.0);
-    let first = if infinite { direction } else { position };
-    one / (one + first * partial.vcm + position * direction * partial.vc)
+    one / (one + sampled * partial.vcm + emitted * partial.vc)
 }
 
 /// Weight of a light sample, with the camera walk's merging. `pdf_hit` is the density of the camera walk's direction over that of the light sample, 0 for
-/// lights without area; `camera` the shading point, met by emission samples.
+/// lights without area; `camera` the shading point, met by emission samples, with their density over that of the light
+/// sample.
 #[inline]
 pub fn light_sample<T: Real>(pdf_hit: T, camera: &End<T>, merging: &Merging<T>) -> T {
     let one = T::from(1.0);

@@ -10,19 +10,20 @@
 //! next one begins, and records are added in the order of tiles and pixels. A resumed render learns anew from the samples
 //! of the iterations, without counting them again.
 
+mod directions;
 mod field;
-mod path;
 pub mod quadtree;
 
+use super::walk::Walk;
+use super::walk::camera::trace_tile;
 use super::walk::observer::Recorder;
-use super::walk::tile::trace_tile;
-use super::{Integrator, Picture, View};
+use super::{Integrator, PathTracer, Picture, View};
 use crate::image::film::{Film, Window};
 use crate::math::UVec2;
 use crate::regularise::{Roughening, Rule, Unregularised};
 use crate::sampler::{Domain, Independent, IndependentStream, Seed};
+use directions::{Guide, TrainingSamples};
 use field::Field;
-use path::{GuidedTracer, TrainingSamples};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -41,7 +42,9 @@ const RECORD_BYTES: u64 = 200;
 /// A guided path tracer and its seed.
 #[derive(Debug)]
 pub(super) struct Guided {
-    tracer: GuidedTracer<Rule>,
+    tracer: PathTracer<Rule>,
+    /// The guide alone learns from roughened vertices: the picture is plain.
+    unbiased: bool,
     seed: u64,
     state: Option<State>,
 }
@@ -69,14 +72,15 @@ impl Guided {
         (max_vertices, roulette_start): (u32, u32),
         seed: u64,
     ) -> Self {
-        let tracer = GuidedTracer {
+        let tracer = PathTracer {
             max_vertices,
             roulette_start,
+            reuse: false,
             rule,
-            unbiased,
         };
         Self {
             tracer,
+            unbiased,
             seed,
             state: None,
         }
@@ -98,17 +102,24 @@ impl Integrator for Guided {
         let source = Independent {
             seed: Seed(self.seed).derive(Domain::Camera, 0),
         };
+        let learning = (self.unbiased && view.scene.has_lobes()).then_some(&self.tracer.rule);
+        let paths = GuidedPaths {
+            view,
+            source,
+            learning,
+        };
+        let plain = self.tracer.with(Unregularised);
         match (aovs, &self.tracer.rule) {
-            (Some(aovs), _) => state.pass(&self.tracer, view, &source, samples, film, aovs),
-            (None, rule) if *rule == Rule::Plain || !view.scene.has_lobes() => {
-                let tracer = self.tracer.with(Unregularised);
-                state.pass(&tracer, view, &source, samples, film, &mut ())
+            (Some(aovs), _) if self.unbiased => state.pass(&plain, &paths, samples, film, aovs),
+            (Some(aovs), _) => state.pass(&self.tracer, &paths, samples, film, aovs),
+            (None, rule) if self.unbiased || *rule == Rule::Plain || !view.scene.has_lobes() => {
+                state.pass(&plain, &paths, samples, film, &mut ())
             }
             (None, Rule::Accumulated(rule)) => {
                 let tracer = self.tracer.with(rule);
-                state.pass(&tracer, view, &source, samples, film, &mut ())
+                state.pass(&tracer, &paths, samples, film, &mut ())
             }
-            (None, _) => state.pass(&self.tracer, view, &source, samples, film, &mut ()),
+            (None, _) => state.pass(&self.tracer, &paths, samples, film, &mut ()),
         }
         self.state = Some(state);
     }
@@ -121,13 +132,39 @@ impl Integrator for Guided {
     }
 }
 
+/// What all paths of a pass share, beside tracer and guide.
+struct GuidedPaths<'a> {
+    view: &'a View<'a>,
+    source: Independent,
+    /// The rule that the guide alone learns with.
+    learning: Option<&'a Rule>,
+}
+
+impl GuidedPaths<'_> {
+    /// Adds the samples with these numbers to a tile.
+    fn trace<R: Roughening, O: Recorder>(
+        &self,
+        tracer: &PathTracer<R>,
+        (field, mut training): (&Field, Option<&mut TrainingSamples>),
+        samples: Range<u32>,
+        tile: &mut Film,
+        observer: &mut O,
+    ) {
+        let radiance =
+            |walk: Walk<'_>, sample, stream: &mut IndependentStream, observer: &mut O| {
+                let mut guide = Guide::new(field, training.as_deref_mut(), self.learning, sample);
+                tracer.radiance_by(&mut guide, walk, sample, stream, observer)
+            };
+        trace_tile(self.view, &self.source, samples, tile, observer, radiance);
+    }
+}
+
 impl State {
     /// Adds the samples with these numbers to the film, and those before them that the guide does not know to the guide.
     fn pass<R: Roughening, O: Recorder>(
         &mut self,
-        tracer: &GuidedTracer<R>,
-        view: &View<'_>,
-        source: &Independent,
+        tracer: &PathTracer<R>,
+        paths: &GuidedPaths<'_>,
         samples: Range<u32>,
         film: &mut Film,
         recorder: &mut O,
@@ -137,10 +174,10 @@ impl State {
         while self.samples < samples.end.min(LEARNING) {
             let sample = self.samples;
             if samples.contains(&sample) {
-                self.learn(tracer, view, source, sample, film, recorder);
+                self.learn(tracer, paths, sample, film, recorder);
             } else {
                 let unused = unused.get_or_insert_with(|| film.clone());
-                self.learn(tracer, view, source, sample, unused, &mut ());
+                self.learn(tracer, paths, sample, unused, &mut ());
             }
             self.samples += 1;
             if (self.samples + 1).is_power_of_two() {
@@ -153,14 +190,8 @@ impl State {
             let tiles = film.tiles(TILE).into_par_iter().map(|window| {
                 let mut tile = film.cut(window);
                 let mut observer = recorder.fork();
-                tracer.tile(
-                    view,
-                    source,
-                    rest.clone(),
-                    (field, None),
-                    &mut tile,
-                    &mut observer,
-                );
+                let guide = (field, None);
+                paths.trace(tracer, guide, rest.clone(), &mut tile, &mut observer);
                 (tile, observer)
             });
             for (tile, observer) in tiles.collect::<Vec<_>>() {
@@ -174,9 +205,8 @@ impl State {
     /// Adds one sample to the film, and what it found to the guide.
     fn learn<R: Roughening, O: Recorder>(
         &mut self,
-        tracer: &GuidedTracer<R>,
-        view: &View<'_>,
-        source: &Independent,
+        tracer: &PathTracer<R>,
+        paths: &GuidedPaths<'_>,
         sample: u32,
         film: &mut Film,
         recorder: &mut O,
@@ -190,14 +220,7 @@ impl State {
                 let mut observer = recorder.fork();
                 let mut training = TrainingSamples::default();
                 let guide = (field, Some(&mut training));
-                tracer.tile(
-                    view,
-                    source,
-                    samples.clone(),
-                    guide,
-                    &mut tile,
-                    &mut observer,
-                );
+                paths.trace(tracer, guide, samples.clone(), &mut tile, &mut observer);
                 (tile, observer, training.records)
             });
             records.clear();
@@ -208,37 +231,5 @@ impl State {
             }
             self.field.add(&records);
         }
-    }
-}
-
-impl<R> GuidedTracer<R> {
-    /// The same with another rule.
-    fn with<Q>(&self, rule: Q) -> GuidedTracer<Q> {
-        GuidedTracer {
-            max_vertices: self.max_vertices,
-            roulette_start: self.roulette_start,
-            rule,
-            unbiased: self.unbiased,
-        }
-    }
-}
-
-impl<R: Roughening> GuidedTracer<R> {
-    fn tile<O: Recorder>(
-        &self,
-        view: &View<'_>,
-        source: &Independent,
-        samples: Range<u32>,
-        (field, mut training): (&Field, Option<&mut TrainingSamples>),
-        tile: &mut Film,
-        observer: &mut O,
-    ) {
-        let radiance = |ray, bodies, sample, stream: &mut IndependentStream, observer: &mut O| {
-            let training = training.as_deref_mut();
-            self.radiance(
-                view.scene, ray, bodies, sample, field, training, stream, observer,
-            )
-        };
-        trace_tile(view, source, samples, tile, observer, radiance);
     }
 }

@@ -1,7 +1,7 @@
 //! The path-tracing loop at several levels of roughening on the same paths.
 //!
 //! Level 0 is plain path tracing, bit-identical with independent samples; level k roughens the last vertex by a multiple of a
-//! rule (`strength`). All levels share prefix, throughput, roulette and continuation, since regularised next-event
+//! rule's (`factors`). All levels share prefix, throughput, roulette and continuation, since regularised next-event
 //! estimation leaves the path alone: only the last lobe is evaluated again. At a vertex that some level roughens
 //!
 //! 1. one light sample and one shadow ray are evaluated at the roughness of every level;
@@ -13,25 +13,19 @@
 //! Light without area at the end of a Dirac lobe is beyond plain path tracing. The levels below the first that finds it
 //! take it from there, so that it does not count as bias.
 
-mod strength;
+mod factors;
 mod tiles;
 mod vertex;
 
-use super::walk::bodies::EnclosingBodies;
-use super::walk::dispersion::Channel;
 use super::walk::observer::PathObserver;
-use super::walk::pending_emission::PendingEmission;
 use super::walk::roughening::scattered;
-use super::walk::roulette;
-use super::walk::shading_point::ShadingPoint;
-use crate::bsdf::Lobe;
+use super::walk::{Arrival, Carried, Interaction, MetEmission, Walk};
 use crate::image::level_film::MAX_LEVELS;
-use crate::math::{Ray, Rgb};
+use crate::math::Rgb;
 use crate::regularise::{Accumulated, Rule};
 use crate::sampler::Sampler;
-use crate::scene::Scene;
-use strength::{LevelMemory, Strength};
-use vertex::{PendingLevels, Vertex};
+use factors::{LevelMemory, ScaledFactors};
+use vertex::{PendingLevels, RoughenedVertex};
 
 /// Scales of five levels: plain path tracing, and the factors from 0.128 to 16 times as large. A sixth level does not make
 /// better pictures, and scales below a tenth are rarely chosen at 64 samples.
@@ -53,8 +47,8 @@ pub fn scales(levels: usize) -> Option<Vec<f32>> {
 /// Settings that cannot have several levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LevelError {
-    /// The levels of plain path tracing are equal, and other rules have no number to scale.
-    #[error("several levels need a table, a constant factor, filter-glossy or roughness-clamp")]
+    /// The levels of plain path tracing are equal, and rules of other renderers roughen the path itself.
+    #[error("several levels scale the factors of a table or a constant, and this rule has none")]
     Rule,
     /// A path that continues with the roughened lobe belongs to one level.
     #[error("the reuse mode continues a path with the roughened lobe: it has one level only")]
@@ -75,7 +69,7 @@ pub enum LevelError {
 pub(super) struct LevelTracer {
     max_vertices: u32,
     roulette_start: u32,
-    strength: Strength,
+    factors: ScaledFactors,
 }
 
 /// Roughness from which light at a vertex is blurred by its surroundings there, not by those of its mirror image.
@@ -93,6 +87,8 @@ struct PathSums {
     shared: Rgb,
     /// Normal of the first rough vertex and the path's length to it; of the last vertex where none is rough.
     features: [f32; 4],
+    /// True if they are those of a rough vertex.
+    has_features: bool,
     /// What plain path tracing cannot find, at the least roughened level that can.
     unseen: Rgb,
 }
@@ -108,8 +104,8 @@ impl LevelTracer {
         if matches!(rule, Rule::Accumulated(Accumulated { lambda, .. }) if *lambda != 0.0) {
             return Err(LevelError::Consistent);
         }
-        let strength = Strength::new(rule, scales.get(1..).unwrap_or(&[]));
-        let strength = strength.ok_or(LevelError::Rule)?;
+        let factors = ScaledFactors::new(rule, scales.get(1..).unwrap_or(&[]));
+        let factors = factors.ok_or(LevelError::Rule)?;
         let finite = scales.iter().all(|s| s.is_finite());
         let ascending = scales.is_sorted_by(|a, b| a < b);
         if !(2..=MAX_LEVELS).contains(&scales.len()) || scales[0] != 0.0 || !ascending || !finite {
@@ -118,156 +114,91 @@ impl LevelTracer {
         Ok(Self {
             max_vertices,
             roulette_start,
-            strength,
+            factors,
         })
     }
 
     /// Number of levels.
     pub(super) fn levels(&self) -> usize {
-        self.strength.levels()
+        self.factors.levels()
     }
 
-    /// Radiance that arrives along a camera ray. `turn` says whether a second lobe is drawn from: any number, odd in
+    /// Radiance that arrives along a camera walk. `turn` says whether a second lobe is drawn from: any number, odd in
     /// half of the samples.
     fn radiance<S: Sampler, O: PathObserver>(
         &self,
-        scene: &Scene,
-        mut ray: Ray,
-        mut bodies: EnclosingBodies,
+        mut walk: Walk<'_>,
         turn: u32,
         sampler: &mut S,
         observer: &mut O,
     ) -> PathSums {
         let levels = self.levels();
         let mut sums = PathSums::default();
-        let mut has_features = false;
-        let mut throughput = Rgb::ONE;
-        let mut channel = Channel::default();
-        let mut eta_scale = 1.0f32;
         let mut memory = LevelMemory::default();
-        let mut emission = PendingEmission::full(Rgb::ONE);
-        // Emission at the levels that roughened the vertex before.
-        let mut pending: Option<PendingLevels> = None;
+        let mut emission = PendingLevels::full();
         for n in 1..=self.max_vertices + 1 {
-            let segment = bodies.follow(scene, &ray);
-            if let Some(passed) = segment.passed {
-                throughput *= passed;
-                emission.scale(passed);
-                if let Some(pending) = &mut pending {
-                    pending.scale(passed);
-                }
-            }
-            let Some(hit) = &segment.hit else {
-                if scene.parts().environment.is_some() {
-                    let transmittance = bodies.transmittance(scene, f32::INFINITY);
-                    emission.scale(transmittance);
-                    let radiance = scene.lights().environment(ray.dir);
-                    let pdf_light = || scene.lights().pdf_environment(ray.origin, ray.dir);
-                    let plain = emission.contribution(radiance, pdf_light, &mut ());
-                    sums.add(plain, pending.as_ref(), |p| {
-                        p.contribution(radiance * transmittance, pdf_light())
-                    });
-                }
-                break;
-            };
-            let mut surface = scene.surface(hit);
-            if !bodies.is_empty() {
-                let transmittance = bodies.transmittance(scene, hit.t - segment.start);
-                throughput *= transmittance;
-                emission.scale(transmittance);
-                if let Some(pending) = &mut pending {
-                    pending.scale(transmittance);
-                }
-            }
+            let mut arrival = walk.arrive(&mut emission);
 
             // ── emission met by the ray
-            let radiance = scene.lights().emitted(&surface, -ray.dir);
-            if radiance != Rgb::ZERO && (emission.throughput != Rgb::ZERO || pending.is_some()) {
-                let pdf_light = || scene.lights().pdf_emitter(ray.origin, &surface);
-                let plain = if emission.throughput == Rgb::ZERO {
-                    Rgb::ZERO
-                } else {
-                    emission.contribution(radiance, pdf_light, &mut ())
-                };
-                sums.add(plain, pending.as_ref(), |p| {
-                    p.contribution(radiance, pdf_light())
-                });
+            if !emission.is_nothing()
+                && let Some(met) = walk.emission(arrival.as_ref())
+            {
+                sums.add(&emission, &met);
             }
+            let Some(Arrival { hit, surface }) = &mut arrival else {
+                break;
+            };
             if n > self.max_vertices {
                 break;
             }
 
             // ── the vertex
             let u = sampler.vertex();
-            let mut bsdf = channel.bsdf(scene, &mut surface, u.material, &mut throughput);
-            bodies.interface(scene, &mut surface, ray.dir, &mut bsdf);
-            let alpha = bsdf.alpha();
-            let frame = surface.frame_for(-ray.dir);
-            let point = ShadingPoint {
-                scene,
-                surface: &surface,
-                frame,
-                bsdf: &bsdf,
-                wo: frame.to_local(-ray.dir),
-                alpha,
-                alpha_reg: alpha,
-                throughput,
-                bodies: &bodies,
-            };
+            let bsdf = walk.bsdf(surface, u.material);
+            let vertex = walk.interaction(surface, &bsdf);
+            let alpha = vertex.alpha;
+            let point = walk.shading_point(&vertex, alpha, self.max_vertices - n);
             observer.vertex(n, hit.t, &point);
-            if !has_features {
-                let [x, y, z] = frame.n.to_array();
-                sums.features = [x, y, z, sums.features[3] + hit.t];
-                has_features = alpha >= ROUGH;
-            }
+            sums.add_features(&vertex, hit.t);
 
             // ── next-event estimation, emission found by roughened lobes, and the continuation
             // An interface between equal indices is a delta at any roughness.
             let mut alphas = [alpha; MAX_LEVELS];
             let roughened = alpha < 1.0
                 && !bsdf.is_delta_at(1.0)
-                && memory.roughen(&self.strength, alpha, &mut alphas);
-            let continuation = point.sample(alpha, u.lobe);
-            pending = None;
+                && memory.roughen(&self.factors, alpha, &mut alphas);
+            let next = point.sample(alpha, u.lobe);
+            let straight = (next.as_ref()).is_some_and(|next| point.goes_straight(&next.sample));
+            if !straight {
+                emission.roughened = None;
+            }
             if roughened {
-                let drawn = continuation.as_ref().map(|next| &next.sample);
-                let vertex = Vertex::new(&point, &alphas, levels, drawn);
-                sums.unseen += vertex.direct_light(u.light, &mut sums.levels[..levels]);
-                vertex.lobe_light(turn.wrapping_add(n), u.lobe, &mut sums.levels[..levels]);
-                pending = Some(vertex.pending(drawn));
+                let drawn = next.as_ref().map(|next| &next.sample);
+                let lobes = RoughenedVertex::new(&point, &alphas, levels, drawn);
+                sums.unseen += lobes.direct_light(u.light, &mut sums.levels[..levels]);
+                lobes.lobe_light(turn.wrapping_add(n), u.lobe, &mut sums.levels[..levels]);
+                if !straight {
+                    emission.roughened = Some(lobes.pending(drawn));
+                }
             } else {
                 sums.add_shared(point.direct_light(u.light, &mut ()));
             }
-            let Some(next) = continuation else { break };
-            emission = point.shared_emission::<()>(&next.sample, false, false);
-            throughput *= next.sample.weight;
-            memory.push(&self.strength, scattered(alpha, &next.sample));
-            if next.sample.lobe == Lobe::Transmission {
-                eta_scale *= point.bsdf.refraction_scale(point.wo);
-                if scene.tracks_bodies() {
-                    bodies = point.bodies_towards(next.wi);
-                }
+            let Some(next) = next else { break };
+            if straight {
+                emission.scale(next.sample.weight);
+            } else {
+                emission.plain = point.shared_emission::<()>(&next.sample, false, false);
             }
-
-            // ── the end of a path that carries nothing
-            let nothing = pending.as_ref().is_none_or(PendingLevels::is_nothing);
-            if throughput == Rgb::ZERO && emission.is_nothing() && nothing {
+            memory.push(&self.factors, scattered(alpha, &next.sample).alpha);
+            if straight {
+                walk.pass(vertex.surface, &next);
+            } else {
+                walk.scatter(&vertex, &next);
+            }
+            let roulette = (n >= self.roulette_start).then_some(u.roulette);
+            if !walk.survive(roulette, &mut emission) {
                 break;
             }
-
-            // ── Russian roulette
-            if n >= self.roulette_start {
-                let Some(survival) = roulette::survival(throughput, eta_scale, u.roulette) else {
-                    break;
-                };
-                throughput /= survival;
-                let scale = Rgb::splat(1.0 / survival);
-                emission.scale(scale);
-                if let Some(pending) = &mut pending {
-                    pending.scale(scale);
-                }
-            }
-            ray = surface.spawn(next.wi);
         }
         observer.finish(sums.levels[0]);
         sums
@@ -284,22 +215,32 @@ impl PathSums {
 
     /// Adds emission at the end of a ray: plain path tracing's, or that of the levels that roughened the vertex before.
     #[inline]
-    fn add(
-        &mut self,
-        plain: Rgb,
-        pending: Option<&PendingLevels>,
-        roughened: impl FnOnce(&PendingLevels) -> Values,
-    ) {
-        let Some(pending) = pending else {
+    fn add(&mut self, emission: &PendingLevels, met: &MetEmission<'_>) {
+        let plain = if emission.plain.is_nothing() {
+            Rgb::ZERO
+        } else {
+            emission.plain.contribution(met, &mut ())
+        };
+        let Some(roughened) = &emission.roughened else {
             return self.add_shared(plain);
         };
-        let values = roughened(pending);
+        let values = roughened.contribution(met.radiance, met.pdf_light());
         for (k, t) in self.levels.iter_mut().enumerate() {
-            *t += if pending.roughens(k) {
+            *t += if roughened.roughens(k) {
                 values[k]
             } else {
                 plain
             };
+        }
+    }
+
+    /// Notes the path's `distance` to a vertex and the normal there, up to the first rough one.
+    #[inline]
+    fn add_features(&mut self, vertex: &Interaction<'_>, distance: f32) {
+        if !self.has_features {
+            let [x, y, z] = vertex.frame.n.to_array();
+            self.features = [x, y, z, self.features[3] + distance];
+            self.has_features = vertex.alpha >= ROUGH;
         }
     }
 }

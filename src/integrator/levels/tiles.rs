@@ -4,9 +4,9 @@ use super::LevelTracer;
 use crate::image::film::{Film, Window};
 use crate::image::level_film::{BATCHES, LevelFilm, PathLevels};
 use crate::integrator::View;
-use crate::integrator::walk::bodies::EnclosingBodies;
+use crate::integrator::walk::camera::CameraWalks;
 use crate::integrator::walk::observer::Recorder;
-use crate::sampler::{CameraSource, Domain, SampleSource, Sampler};
+use crate::sampler::{CameraSource, Domain, SampleSource};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -26,7 +26,7 @@ impl LevelTracer {
         recorder: &mut O,
     ) {
         debug_assert_eq!(levels.levels(), self.levels());
-        let around = EnclosingBodies::around_camera(view);
+        let walks = CameraWalks::of(view);
         let tile = |window: Window| {
             let mut film = film.cut(window);
             let mut levels = levels.cut(window);
@@ -42,15 +42,11 @@ impl LevelTracer {
                 });
                 for sample in samples.clone() {
                     let mut stream = source.stream(pixel, sample);
-                    let place = pixel.as_vec2() + stream.film();
-                    let ray = (view.sensor).sample_ray(place, || stream.lens());
+                    let walk = walks.start(pixel, &mut stream);
                     observer.begin(pixel, sample);
-                    let bodies =
-                        around.unwrap_or_else(|| EnclosingBodies::around(view.scene, &ray));
                     let turn = turns[sample as usize % BATCHES];
                     let turn = (turn >> 1).wrapping_add(sample / BATCHES as u32);
-                    let mut path =
-                        self.radiance(view.scene, ray, bodies, turn, &mut stream, &mut observer);
+                    let mut path = self.radiance(walk, turn, &mut stream, &mut observer);
                     film.push(index, path.levels[0], sample);
                     path.levels[0] += path.unseen;
                     let values = PathLevels {

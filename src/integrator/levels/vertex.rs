@@ -7,6 +7,8 @@
 use super::Values;
 use crate::bsdf::{Bsdf, BsdfSample, DELTA_ALPHA, Lobe, LobeQuery};
 use crate::image::level_film::MAX_LEVELS;
+use crate::integrator::walk::Carried;
+use crate::integrator::walk::pending_emission::PendingEmission;
 use crate::integrator::walk::shading_point::ShadingPoint;
 use crate::math::{Rgb, Vec3};
 use crate::sampler::LightU;
@@ -67,7 +69,7 @@ impl LevelLobe {
 }
 
 /// A vertex that some level roughens.
-pub(super) struct Vertex<'a> {
+pub(super) struct RoughenedVertex<'a> {
     point: &'a ShadingPoint<'a>,
     lobe: LevelLobe,
     /// Levels whose lobes are drawn from, the roughest first.
@@ -78,7 +80,7 @@ pub(super) struct Vertex<'a> {
     continues: bool,
 }
 
-impl<'a> Vertex<'a> {
+impl<'a> RoughenedVertex<'a> {
     /// Vertex of these α′, α at level 0 and beyond the last level, from which the path continues by the draw `next`.
     #[inline]
     pub(super) fn new(
@@ -137,7 +139,10 @@ impl<'a> Vertex<'a> {
             return Rgb::ZERO;
         };
         let wi = point.frame.to_local(light.wi);
-        if light.wi.dot(point.surface.ng) * wi.z <= 0.0 || point.is_dark(light.wi) {
+        if light.wi.dot(point.surface.ng) * wi.z <= 0.0
+            || point.is_dark(light.wi)
+            || point.passes(wi)
+        {
             return Rgb::ZERO;
         }
         let query = point.bsdf.query(point.wo, wi);
@@ -204,6 +209,9 @@ impl<'a> Vertex<'a> {
             if lobe == Lobe::Diffuse {
                 return;
             }
+            if point.passes(local) {
+                continue;
+            }
             let Some(wi) = point.world(local).filter(|wi| !point.is_dark(*wi)) else {
                 continue;
             };
@@ -224,9 +232,9 @@ impl<'a> Vertex<'a> {
     /// Emission at the end of the continuation at the levels that roughen the vertex. A path that continues by a Dirac
     /// lobe finds none.
     #[inline]
-    pub(super) fn pending(&self, next: Option<&BsdfSample>) -> PendingLevels {
+    pub(super) fn pending(&self, next: Option<&BsdfSample>) -> RoughenedEmission {
         let next = next.filter(|_| self.continues);
-        PendingLevels {
+        RoughenedEmission {
             lobe: self.lobe,
             towards: next.map(|sample| (*self.point.bsdf, self.point.wo, sample.wi)),
             throughput: self.point.throughput,
@@ -234,8 +242,42 @@ impl<'a> Vertex<'a> {
     }
 }
 
-/// Weight of emission at the end of the current ray at the levels that roughened the vertex before.
+/// Weights of emission at the end of the current ray at all levels.
 pub(super) struct PendingLevels {
+    /// That of plain path tracing, for the levels that left the vertex before alone.
+    pub(super) plain: PendingEmission,
+    /// Those of the levels that roughened it, if any did.
+    pub(super) roughened: Option<RoughenedEmission>,
+}
+
+impl PendingLevels {
+    /// Emission that counts in full at all levels.
+    pub(super) fn full() -> Self {
+        Self {
+            plain: PendingEmission::full(Rgb::ONE),
+            roughened: None,
+        }
+    }
+}
+
+impl Carried for PendingLevels {
+    #[inline]
+    fn scale(&mut self, factor: Rgb) {
+        self.plain.scale(factor);
+        if let Some(roughened) = &mut self.roughened {
+            roughened.throughput *= factor;
+        }
+    }
+
+    #[inline]
+    fn is_nothing(&self) -> bool {
+        let roughened = self.roughened.as_ref();
+        self.plain.is_nothing() && roughened.is_none_or(|r| r.towards.is_none())
+    }
+}
+
+/// Weight of emission at the end of the current ray at the levels that roughened the vertex before.
+pub(super) struct RoughenedEmission {
     lobe: LevelLobe,
     /// BSDF, wo and wi of the continuation; `None` where nothing counts. Few rays meet a light and need the query.
     towards: Option<(Bsdf, Vec3, Vec3)>,
@@ -243,31 +285,23 @@ pub(super) struct PendingLevels {
     throughput: Rgb,
 }
 
-impl PendingLevels {
+impl RoughenedEmission {
     /// True if the vertex was roughened at a level.
     #[inline]
     pub(super) fn roughens(&self, k: usize) -> bool {
         self.lobe.roughens(k)
     }
 
-    /// True if no emission counts.
-    #[inline]
-    pub(super) fn is_nothing(&self) -> bool {
-        self.towards.is_none()
-    }
-
-    /// Multiplies the emission's throughput.
-    #[inline]
-    pub(super) fn scale(&mut self, factor: Rgb) {
-        self.throughput *= factor;
-    }
-
     /// Values of this emitted radiance, which light sampling would have found with density `pdf_light`.
     #[inline]
     pub(super) fn contribution(&self, radiance: Rgb, pdf_light: f32) -> Values {
-        let query = (self.towards.as_ref()).and_then(|(bsdf, wo, wi)| bsdf.query(*wo, *wi));
+        let query = self
+            .towards
+            .as_ref()
+            .and_then(|(bsdf, wo, wi)| bsdf.query(*wo, *wi));
         query.map_or([Rgb::ZERO; MAX_LEVELS], |query| {
-            (self.lobe).contribution(&query, self.throughput * radiance, pdf_light)
+            self.lobe
+                .contribution(&query, self.throughput * radiance, pdf_light)
         })
     }
 }

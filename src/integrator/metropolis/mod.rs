@@ -21,6 +21,7 @@ use crate::integrator::path::PathTracer;
 use crate::math::{UVec2, luminance};
 use crate::regularise::Unregularised;
 use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Sampler, Seed};
+use crate::scene::Aim;
 use chain::{LARGE, Means, Numbers, Sources, Target};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -121,6 +122,7 @@ struct Pass<'a> {
     settings: &'a Metropolis,
     target: &'a TargetFunction,
     view: &'a View<'a>,
+    aim: &'a Aim,
     number: u32,
     source: Independent,
 }
@@ -185,7 +187,7 @@ impl Metropolis {
     }
 
     /// Luminance of neighbourhoods from a bootstrap of its own, and the mean of the target that follows.
-    fn first_bootstrap(&self, view: &View<'_>) -> TargetFunction {
+    fn first_bootstrap(&self, view: &View<'_>, aim: &Aim) -> TargetFunction {
         let frame = view.sensor.frame;
         let cells = frame.min(UVec2::splat(CELLS));
         let count = (cells.x * cells.y) as usize;
@@ -202,6 +204,7 @@ impl Metropolis {
                 settings: self,
                 target: &target,
                 view,
+                aim,
                 number: 0,
                 source: self.source(1),
             };
@@ -233,7 +236,7 @@ impl Pass<'_> {
 
     fn target(&self) -> PairTarget<'_> {
         PairTarget {
-            pairs: Pairs::new(&self.settings.base, self.view, self.number),
+            pairs: Pairs::new(&self.settings.base, self.view, self.aim, self.number),
             target: self.target,
             refused: (0, None),
         }
@@ -359,9 +362,10 @@ impl Integrator for Metropolis {
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
         let frame = view.sensor.frame;
         let whole = View::new(view.scene, view.sensor.camera, frame, Window::full(frame));
+        let aim = self.base.aim(&whole);
         let target = match self.target.take().filter(|target| target.frame == frame) {
             Some(target) => target,
-            None => self.first_bootstrap(&whole),
+            None => self.first_bootstrap(&whole, &aim),
         };
         for number in samples.clone() {
             let mut layer = SplatLayer::new(&whole.window);
@@ -369,6 +373,7 @@ impl Integrator for Metropolis {
                 settings: self,
                 target: &target,
                 view: &whole,
+                aim: &aim,
                 number,
                 source: self.source(0),
             }

@@ -10,19 +10,18 @@
 //! are one ray. Both draws use the same random numbers: (2) and (3) estimate disjoint sets of paths, so their
 //! correlation is harmless, and a table of zeros makes the bytes of plain path tracing.
 
-use super::walk::bodies::EnclosingBodies;
-use super::walk::dispersion::Channel;
 use super::walk::observer::PathObserver;
 use super::walk::pending_emission::PendingEmission;
 use super::walk::roughening::{remember, roughen};
-use super::walk::roulette;
-use super::walk::shading_point::ShadingPoint;
+use super::walk::shading_point::Continuation;
+use super::walk::{Arrival, Carried, Walk};
 use crate::bsdf::{Lobe, SharedNumbers};
-use crate::math::{Ray, Rgb};
+use crate::math::Rgb;
 use crate::regularise::Roughening;
 use crate::sampler::Sampler;
-use crate::scene::Scene;
+use directions::{BsdfAlone, Directions};
 
+pub(super) mod directions;
 mod mollify;
 mod tiles;
 
@@ -52,140 +51,113 @@ impl<R> PathTracer<R> {
 }
 
 impl<R: Roughening> PathTracer<R> {
-    /// Radiance that arrives along a camera ray: one independent estimate. `bodies` are those around the camera.
+    /// Radiance that arrives along a camera walk: one independent estimate.
     ///
     /// `sample` is the number of the sample in its pixel, for rules whose bias vanishes.
     pub fn radiance<S: Sampler, O: PathObserver>(
         &self,
-        scene: &Scene,
-        mut ray: Ray,
-        mut bodies: EnclosingBodies,
+        walk: Walk<'_>,
+        sample: u32,
+        sampler: &mut S,
+        observer: &mut O,
+    ) -> Rgb {
+        self.radiance_by(&mut BsdfAlone, walk, sample, sampler, observer)
+    }
+
+    /// The same with the directions of a policy.
+    #[inline(always)]
+    pub(super) fn radiance_by<D: Directions, S: Sampler, O: PathObserver>(
+        &self,
+        directions: &mut D,
+        mut walk: Walk<'_>,
         sample: u32,
         sampler: &mut S,
         observer: &mut O,
     ) -> Rgb {
         let mut total = Rgb::ZERO;
-        let mut throughput = Rgb::ONE;
-        let mut channel = Channel::default();
-        // Refraction scales radiance by 1/η²; roulette must not mistake that for lost light.
-        let mut eta_scale = 1.0f32;
         let mut memory = self.rule.start(sample);
         let mut emission = PendingEmission::full(Rgb::ONE);
         for n in 1..=self.max_vertices + 1 {
-            let segment = bodies.follow(scene, &ray);
-            if let Some(passed) = segment.passed {
-                throughput *= passed;
-                emission.scale(passed);
-            }
-            let Some(hit) = &segment.hit else {
-                if scene.parts().environment.is_some() {
-                    emission.scale(bodies.transmittance(scene, f32::INFINITY));
-                    let found = emission.contribution(
-                        scene.lights().environment(ray.dir),
-                        || scene.lights().pdf_environment(ray.origin, ray.dir),
-                        observer,
-                    );
-                    observer.light(n - 1, found);
-                    total += found;
-                }
-                break;
-            };
-            let mut surface = scene.surface(hit);
-            if !bodies.is_empty() {
-                let transmittance = bodies.transmittance(scene, hit.t - segment.start);
-                throughput *= transmittance;
-                emission.scale(transmittance);
-            }
+            let mut arrival = walk.arrive(&mut emission);
 
             // ── emission met by the ray
-            let radiance = scene.lights().emitted(&surface, -ray.dir);
-            if radiance != Rgb::ZERO && emission.throughput != Rgb::ZERO {
-                let found = emission.contribution(
-                    radiance,
-                    || scene.lights().pdf_emitter(ray.origin, &surface),
-                    observer,
-                );
+            if !emission.is_nothing()
+                && let Some(met) = walk.emission(arrival.as_ref())
+            {
+                let found = emission.contribution(&met, observer);
                 observer.light(n - 1, found);
+                directions.met(found);
                 total += found;
             }
-            if n > self.max_vertices {
+            let Some(Arrival { hit, surface }) =
+                arrival.as_mut().filter(|_| n <= self.max_vertices)
+            else {
                 break;
-            }
+            };
 
             // ── the vertex
             let u = sampler.vertex();
-            let mut bsdf = channel.bsdf(scene, &mut surface, u.material, &mut throughput);
-            bodies.interface(scene, &mut surface, ray.dir, &mut bsdf);
-            let alpha = bsdf.alpha();
-            let frame = surface.frame_for(-ray.dir);
-            let point = ShadingPoint {
-                scene,
-                surface: &surface,
-                frame,
-                bsdf: &bsdf,
-                wo: frame.to_local(-ray.dir),
-                alpha,
-                alpha_reg: roughen(&self.rule, &memory, alpha),
-                throughput,
-                bodies: &bodies,
-            };
+            let bsdf = walk.bsdf(surface, u.material);
+            let vertex = walk.interaction(surface, &bsdf);
+            let alpha_reg = roughen(&self.rule, &memory, vertex.alpha);
+            let point = walk.shading_point(&vertex, alpha_reg, self.max_vertices - n);
             observer.vertex(n, hit.t, &point);
+            directions.arrive(&point, &u, sampler);
 
             // ── next-event estimation at α′
-            let direct = point.direct_light(u.light, observer);
-            observer.light(n, direct);
-            total += direct;
+            let roughened = R::ACTIVE && point.is_roughened();
+            let pdf = |wi, pdf_w| match roughened {
+                true => pdf_w,
+                false => directions.pdf(wi, pdf_w),
+            };
+            let found = point.direct_light_among(u.light, observer, pdf);
+            observer.light(n, found);
+            directions.found(found);
+            total += found;
 
             // ── the continuation, and emission found by the BSDF at α′
-            let roughened = R::ACTIVE && point.is_roughened();
-            let reused = roughened && self.reuse;
+            let reused = roughened && self.reuse && !point.is_pane();
             let lobe = SharedNumbers::new(u.lobe);
-            let next = point.sample(if reused { point.alpha_reg } else { alpha }, &lobe);
-            let diffuse = (next.as_ref()).is_some_and(|next| next.sample.lobe == Lobe::Diffuse);
-            let shared = !roughened || reused || diffuse;
+            let drawn_at = if reused { alpha_reg } else { vertex.alpha };
+            let next = directions.sample(&point, drawn_at, &lobe);
+            let diffuse = |next: &Continuation| !D::GUIDED && next.sample.lobe == Lobe::Diffuse;
+            let shared = !roughened || reused || next.as_ref().is_some_and(diffuse);
             if !shared {
                 let found = point.roughened_emission(&lobe, observer);
                 observer.light(n, found);
+                directions.found(found);
                 total += found;
             }
             let Some(next) = next else { break };
-            emission = if shared {
-                point.shared_emission::<O>(&next.sample, roughened, reused)
+            let straight = point.goes_straight(&next.sample);
+            if straight {
+                emission.scale(next.sample.weight);
+            } else if shared {
+                emission = point.shared_emission::<O>(&next.sample, roughened, reused);
             } else {
-                PendingEmission::COUNTED
-            };
+                emission = PendingEmission::COUNTED;
+            }
             if next.sample.delta
-                && !scene.parts().lights.is_empty()
+                && !straight
                 && let Some(radius) = self.rule.mollifier_radius(&memory)
             {
                 let found = point.mollified(&next, radius, u.light);
                 observer.light(n, found);
                 total += found;
             }
-            throughput *= next.sample.weight;
             remember(&self.rule, &mut memory, &point, &next.sample, observer);
-            if next.sample.lobe == Lobe::Transmission {
-                eta_scale *= point.bsdf.refraction_scale(point.wo);
-                if scene.tracks_bodies() {
-                    bodies = point.bodies_towards(next.wi);
-                }
+            if straight {
+                walk.pass(vertex.surface, &next);
+            } else {
+                walk.scatter(&vertex, &next);
             }
-
-            // ── the end of a path that carries nothing
-            if throughput == Rgb::ZERO && emission.is_nothing() {
+            let roulette = (n >= self.roulette_start).then_some(u.roulette);
+            if !walk.survive(roulette, &mut emission) {
                 break;
             }
-
-            // ── Russian roulette
-            if n >= self.roulette_start {
-                let Some(survival) = roulette::survival(throughput, eta_scale, u.roulette) else {
-                    break;
-                };
-                throughput /= survival;
-                emission.scale(Rgb::splat(1.0 / survival));
-            }
-            ray = surface.spawn(next.wi);
+            directions.leave(&vertex, &next, walk.throughput, sampler);
         }
+        directions.finish();
         observer.finish(total);
         total
     }

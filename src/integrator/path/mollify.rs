@@ -11,6 +11,9 @@ impl ShadingPoint<'_> {
     ///
     /// `radius` is the kernel's at the light, over half the diagonal of the scene.
     pub(super) fn mollified(&self, next: &Continuation, radius: f32, u: LightU) -> Rgb {
+        if self.scene.parts().lights.is_empty() {
+            return Rgb::ZERO;
+        }
         let Some(light) = self.scene.lights().sample(self.surface.position, u) else {
             return Rgb::ZERO;
         };

@@ -3,8 +3,9 @@
 use super::PathTracer;
 use crate::image::film::Film;
 use crate::integrator::View;
+use crate::integrator::walk::Walk;
+use crate::integrator::walk::camera::trace_tile;
 use crate::integrator::walk::observer::{PathObserver, Recorder};
-use crate::integrator::walk::tile::trace_tile;
 use crate::regularise::Roughening;
 use crate::sampler::SampleSource;
 use rayon::prelude::*;
@@ -52,8 +53,8 @@ impl<R: Roughening> PathTracer<R> {
         tile: &mut Film,
         observer: &mut O,
     ) {
-        let radiance = |ray, bodies, sample, stream: &mut Q::Stream, observer: &mut O| {
-            self.radiance(view.scene, ray, bodies, sample, stream, observer)
+        let radiance = |walk: Walk<'_>, sample, stream: &mut Q::Stream, observer: &mut O| {
+            self.radiance(walk, sample, stream, observer)
         };
         trace_tile(view, source, samples, tile, observer, radiance);
     }

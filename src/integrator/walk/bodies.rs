@@ -15,7 +15,7 @@ const MAX_BODIES: usize = 16;
 /// Remembers the `MAX_BODIES` innermost. Where a path needs one that was forgotten, its transmittance is not a number: the film
 /// refuses the sample, counts and names it.
 #[derive(Clone, Copy, Default)]
-pub struct EnclosingBodies {
+pub(in crate::integrator) struct EnclosingBodies {
     materials: [u32; MAX_BODIES],
     len: u32,
     /// Bodies outside of the remembered ones.
@@ -30,6 +30,15 @@ impl EnclosingBodies {
             bodies.enter(material);
         }
         bodies
+    }
+
+    /// The bodies around the origin of a ray that a light sends out; none for a light that is not in the scene.
+    pub(super) fn of_light(scene: &Scene, ray: &Ray, infinite: bool) -> Self {
+        if scene.tracks_bodies() && !infinite {
+            Self::around(scene, ray)
+        } else {
+            Self::default()
+        }
     }
 
     /// The bodies around the camera, if they are the same for all its rays.
@@ -207,6 +216,86 @@ impl EnclosingBodies {
         }
     }
 
+    /// [`EnclosingBodies::follow`] for a ray that the camera sends out if `from_camera`: it passes the backs of surfaces that show
+    /// their front alone.
+    #[inline]
+    pub(in crate::integrator) fn follow_seen(
+        &mut self,
+        scene: &Scene,
+        ray: &Ray,
+        from_camera: bool,
+    ) -> Segment {
+        let segment = self.follow(scene, ray);
+        match &segment.hit {
+            Some(hit) if from_camera && scene.hides_back(hit, ray.dir) => {
+                self.follow_past(scene, ray, segment)
+            }
+            _ => segment,
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn follow_past(&mut self, scene: &Scene, ray: &Ray, mut segment: Segment) -> Segment {
+        for _ in 0..MAX_SURFACES {
+            let Some(hit) = segment.hit.filter(|hit| scene.hides_back(hit, ray.dir)) else {
+                return segment;
+            };
+            let mut rest = scene.surface(&hit).spawn(ray.dir);
+            rest.t_max = ray.t_max - hit.t;
+            let before = segment.passed.unwrap_or(Rgb::ONE)
+                * self.transmittance(scene, hit.t - segment.start);
+            let next = self.follow(scene, &rest);
+            segment = Segment {
+                hit: next.hit.map(|h| Hit {
+                    t: hit.t + h.t,
+                    ..h
+                }),
+                start: hit.t + next.start,
+                passed: Some(before * next.passed.unwrap_or(Rgb::ONE)),
+            };
+        }
+        segment.hit = None;
+        segment
+    }
+
+    /// [`EnclosingBodies::unblocked`] for a ray towards the camera, whose own passes the backs of surfaces that show their front
+    /// alone, up to the first surface that it meets. They are no vertices, and do not count as panes.
+    pub(in crate::integrator) fn unblocked_to_camera(
+        mut self,
+        scene: &Scene,
+        ray: &Ray,
+        distance: f32,
+        panes: u32,
+    ) -> Option<Rgb> {
+        let (mut rest, mut before) = (*ray, 0.0);
+        // What comes through if the camera's ray meets all surfaces so far, and if it does not see the last of them.
+        let (mut met, mut seen) = (Some(Rgb::ONE), Some(Rgb::ONE));
+        for n in 0..MAX_SURFACES {
+            let segment = self.follow(scene, &rest);
+            let through = segment.passed.unwrap_or(Rgb::ONE);
+            let end = (segment.hit.as_ref()).map_or(distance - before, |hit| hit.t);
+            let through = through * self.transmittance(scene, end - segment.start);
+            (met, seen) = (met.map(|m| m * through), seen.map(|s| s * through));
+            let Some(hit) = segment.hit else {
+                return seen;
+            };
+            let surface = scene.surface(&hit);
+            met = met
+                .filter(|_| n < panes as usize)
+                .and_then(|met| Some(met * scene.straight(&surface, ray.dir)?));
+            if !scene.hides_back(&hit, -ray.dir) {
+                seen = met;
+            }
+            // Blocked either way.
+            met.or(seen)?;
+            before += hit.t;
+            rest = surface.spawn(ray.dir);
+            rest.t_max = ray.t_max - before;
+        }
+        None
+    }
+
     #[cold]
     #[inline(never)]
     fn follow_through(&mut self, scene: &Scene, ray: &Ray) -> Segment {
@@ -243,23 +332,49 @@ impl EnclosingBodies {
         segment
     }
 
-    /// Transmittance along a ray over a distance; `None` if something stands between its origin and its `t_max`.
+    /// Transmittance along a ray over a distance, by way of at most so many panes; `None` if something else stands between
+    /// its origin and its `t_max`.
     #[inline]
     pub(in crate::integrator) fn unblocked(
+        self,
+        scene: &Scene,
+        ray: &Ray,
+        distance: f32,
+        panes: u32,
+    ) -> Option<Rgb> {
+        if scene.has_overlaps() {
+            return self.unblocked_through(scene, ray, distance, panes);
+        }
+        let passed = scene.unblocked(ray, panes)?;
+        Some(passed * self.transmittance(scene, distance))
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn unblocked_through(
         mut self,
         scene: &Scene,
         ray: &Ray,
         distance: f32,
+        panes: u32,
     ) -> Option<Rgb> {
-        if !scene.has_overlaps() {
-            return (!scene.occluded(ray)).then(|| self.transmittance(scene, distance));
+        let (mut rest, mut passed, mut distance) = (*ray, Rgb::ONE, distance);
+        for _ in 0..=panes {
+            let segment = self.follow_through(scene, &rest);
+            passed *= segment.passed.unwrap_or(Rgb::ONE);
+            let end = segment.hit.as_ref().map_or(distance, |hit| hit.t);
+            passed *= self.transmittance(scene, end - segment.start);
+            let Some(hit) = &segment.hit else {
+                return Some(passed);
+            };
+            let surface = scene.surface(hit);
+            passed *= scene.straight(&surface, ray.dir)?;
+            let t_max = rest.t_max - hit.t;
+            distance -= hit.t;
+            rest = surface.spawn(ray.dir);
+            rest.t_max = t_max;
         }
-        let segment = self.follow_through(scene, ray);
-        if segment.hit.is_some() {
-            return None;
-        }
-        let last = self.transmittance(scene, distance - segment.start);
-        Some(segment.passed.unwrap_or(Rgb::ONE) * last)
+        None
     }
 }
 

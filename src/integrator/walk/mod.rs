@@ -1,23 +1,347 @@
-//! Steps that every estimator borrows; each estimator keeps its own loop.
+//! One walk for camera paths and light paths, and the steps that estimators borrow.
+//!
+//! A [`Walk`] arrives at a surface, has a vertex there, leaves it along a direction that its estimator has drawn, and
+//! survives or ends. What is between two vertices or changes along a path (nested bodies, absorption, dispersion, the
+//! scaling of refracted radiance, roulette) is the walk's affair: the loop of an estimator holds its estimator alone.
 //!
 //! | file | step |
 //! |---|---|
 //! | [`shading_point`] | light sampled from a vertex, emission found by a roughened lobe, the continuation |
 //! | [`roughening`] | roughness at next-event estimation, and the memory of a rule |
 //! | `pending_emission` | the weight of emission at the end of the current ray |
+//! | `camera` | walks from the camera, and those of all pixels of a tile |
 //! | `bodies` | bodies around the path, and what they absorb |
 //! | `dispersion` | the colour channel of a path that met a dispersive interface |
 //! | `roulette` | Russian roulette |
-//! | `tile` | camera rays of all pixels of a tile |
 //! | `cone` | a Dirac lobe spread over a cone |
 //! | [`observer`] | callbacks for layers, statistics and training |
 
-pub(super) mod bodies;
+mod bodies;
+pub(super) mod camera;
 pub(super) mod cone;
-pub(super) mod dispersion;
+mod dispersion;
 pub mod observer;
 pub(super) mod pending_emission;
 pub mod roughening;
-pub(super) mod roulette;
+mod roulette;
 pub mod shading_point;
-pub(super) mod tile;
+
+use crate::bsdf::{Bsdf, Lobe};
+use crate::math::{Frame, Ray, Rgb, Vec3};
+use crate::scene::{Hit, Lights, Scene, Surface};
+/// What is around a point of a path, and dims light on its way from there.
+pub(super) use bodies::EnclosingBodies as Surroundings;
+use dispersion::Channel;
+use shading_point::{Continuation, ShadingPoint};
+
+/// The end of a path at which a walk began.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Origin {
+    Camera,
+    Light,
+}
+
+/// A walk on its way to its next vertex, from the camera or from a light.
+#[derive(Clone, Copy)]
+pub struct Walk<'a> {
+    pub(super) scene: &'a Scene,
+    /// The end at which it began.
+    pub(super) origin: Origin,
+    /// The ray to the next vertex.
+    pub(super) ray: Ray,
+    /// Start of the edge: the vertex whose light samples find emission at the end of the ray too. Panes are passed straight.
+    pub(super) from: Vec3,
+    /// Share of the light that scattering and absorption so far have left.
+    pub(super) throughput: Rgb,
+    /// Factor that undoes all scaling that is no loss of light, for roulette: refraction scales radiance by 1/η².
+    roulette_scale: f32,
+    channel: Channel,
+    around: Surroundings,
+    /// True on the edge that a camera sees.
+    from_camera: bool,
+}
+
+/// Weights of emission at the end of the current edge of a walk, which shrink with its throughput.
+pub(super) trait Carried {
+    /// Multiplies the weights.
+    fn scale(&mut self, factor: Rgb);
+    /// True if no emission at the end of the edge would count.
+    fn is_nothing(&self) -> bool;
+}
+
+/// Nothing beside the throughput.
+impl Carried for () {
+    #[inline]
+    fn scale(&mut self, _: Rgb) {}
+
+    #[inline]
+    fn is_nothing(&self) -> bool {
+        true
+    }
+}
+
+/// The surface at which an edge of a walk ends.
+#[derive(Clone, Copy)]
+pub(super) struct Arrival {
+    pub(super) hit: Hit,
+    pub(super) surface: Surface,
+}
+
+/// A surface point that scatters a walk.
+#[derive(Clone, Copy)]
+pub(super) struct Interaction<'v> {
+    pub(super) surface: &'v Surface,
+    pub(super) bsdf: &'v Bsdf,
+    /// Shading frame for the direction towards the previous vertex, and that direction in it.
+    pub(super) frame: Frame,
+    pub(super) wo: Vec3,
+    /// Own roughness.
+    pub(super) alpha: f32,
+}
+
+impl Interaction<'_> {
+    /// What is around a ray from here along the world direction `dir`, where this is what was around the previous edge.
+    #[inline]
+    pub(super) fn around(&self, scene: &Scene, around: &Surroundings, dir: Vec3) -> Surroundings {
+        around.towards(scene, self.surface, self.bsdf, self.wo.z > 0.0, dir)
+    }
+
+    /// Transmittance from here along a ray over a distance, by way of at most so many panes; `None` if something else stands
+    /// between. `around` is what was around the previous edge.
+    #[inline]
+    pub(super) fn unblocked(
+        &self,
+        scene: &Scene,
+        around: &Surroundings,
+        ray: &Ray,
+        distance: f32,
+        panes: u32,
+    ) -> Option<Rgb> {
+        if scene.tracks_bodies() {
+            let around = self.around(scene, around, ray.dir);
+            around.unblocked(scene, ray, distance, panes)
+        } else {
+            scene.unblocked(ray, panes)
+        }
+    }
+
+    /// The same towards the camera, past backs that it does not see.
+    pub(super) fn unblocked_to_camera(
+        &self,
+        scene: &Scene,
+        around: &Surroundings,
+        ray: &Ray,
+        distance: f32,
+        panes: u32,
+    ) -> Option<Rgb> {
+        let seen = self.unblocked(scene, around, ray, distance, panes);
+        // A pane may be seen from its back, which passes all light.
+        if scene.has_hidden_backs() && (seen.is_none() || scene.has_panes()) {
+            let around = match scene.tracks_bodies() {
+                true => self.around(scene, around, ray.dir),
+                false => Surroundings::default(),
+            };
+            around.unblocked_to_camera(scene, ray, distance, panes)
+        } else {
+            seen
+        }
+    }
+}
+
+/// Emission that a walk has met at the end of its edge.
+pub(super) struct MetEmission<'a> {
+    /// Radiance towards the walk.
+    pub(super) radiance: Rgb,
+    lights: &'a Lights,
+    from: Vec3,
+    dir: Vec3,
+    /// The surface that emits; `None` for the environment.
+    surface: Option<&'a Surface>,
+}
+
+impl MetEmission<'_> {
+    /// Density per steradian with which light sampling at the previous vertex draws the direction.
+    #[inline]
+    pub(super) fn pdf_light(&self) -> f32 {
+        match self.surface {
+            Some(surface) => self.lights.pdf_emitter(self.from, surface),
+            None => self.lights.pdf_environment(self.from, self.dir),
+        }
+    }
+}
+
+impl<'a> Walk<'a> {
+    /// A walk along a camera ray from outside of all bodies.
+    pub fn outside(scene: &'a Scene, ray: Ray) -> Self {
+        Self::camera(scene, ray, Surroundings::default())
+    }
+
+    /// A walk along a camera ray.
+    #[inline]
+    fn camera(scene: &'a Scene, ray: Ray, around: Surroundings) -> Self {
+        Self {
+            scene,
+            origin: Origin::Camera,
+            from: ray.origin,
+            ray,
+            throughput: Rgb::ONE,
+            roulette_scale: 1.0,
+            channel: Channel::default(),
+            around,
+            from_camera: true,
+        }
+    }
+
+    /// A walk along a ray with this throughput from a light; `infinite` if that is not in the scene.
+    pub(super) fn light(scene: &'a Scene, ray: Ray, throughput: Rgb, infinite: bool) -> Self {
+        Self {
+            origin: Origin::Light,
+            from_camera: false,
+            throughput,
+            roulette_scale: 1.0 / throughput.max_element(),
+            ..Self::camera(scene, ray, Surroundings::of_light(scene, &ray, infinite))
+        }
+    }
+
+    /// What is around the origin of the current ray.
+    #[inline]
+    pub(super) fn around(&self) -> &Surroundings {
+        &self.around
+    }
+
+    /// The end of the current edge; `None` where the walk has left the scene. What is on the way dims the walk.
+    #[inline(always)]
+    pub(super) fn arrive(&mut self, carried: &mut impl Carried) -> Option<Arrival> {
+        let segment = (self.around).follow_seen(self.scene, &self.ray, self.from_camera);
+        if let Some(passed) = segment.passed {
+            self.throughput *= passed;
+            carried.scale(passed);
+        }
+        if !self.around.is_empty() {
+            let end = segment.hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
+            let transmittance = self.around.transmittance(self.scene, end - segment.start);
+            self.throughput *= transmittance;
+            carried.scale(transmittance);
+        }
+        let hit = segment.hit?;
+        Some(Arrival {
+            surface: self.scene.surface(&hit),
+            hit,
+        })
+    }
+
+    /// Emission at the end of the current edge; `None` for none.
+    #[inline(always)]
+    pub(super) fn emission<'b>(&'b self, arrival: Option<&'b Arrival>) -> Option<MetEmission<'b>> {
+        let lights = self.scene.lights();
+        let surface = arrival.map(|arrival| &arrival.surface);
+        let radiance = match surface {
+            Some(surface) => lights.emitted(surface, -self.ray.dir),
+            None => lights.environment(self.ray.dir),
+        };
+        (radiance != Rgb::ZERO).then_some(MetEmission {
+            radiance,
+            lights,
+            from: self.from,
+            dir: self.ray.dir,
+            surface,
+        })
+    }
+
+    /// The BSDF of the surface at which the walk has arrived; `u`, uniform in [0, 1), chooses between those of its
+    /// material.
+    #[inline(always)]
+    pub(super) fn bsdf(&mut self, surface: &mut Surface, u: f32) -> Bsdf {
+        let mut bsdf = self
+            .channel
+            .bsdf(self.scene, surface, u, &mut self.throughput);
+        self.around
+            .interface(self.scene, surface, self.ray.dir, &mut bsdf);
+        bsdf
+    }
+
+    /// The vertex at the surface at which the walk has arrived.
+    #[inline(always)]
+    pub(super) fn interaction<'v>(&self, surface: &'v Surface, bsdf: &'v Bsdf) -> Interaction<'v> {
+        let back = -self.ray.dir;
+        let frame = surface.frame_for(back);
+        Interaction {
+            surface,
+            bsdf,
+            frame,
+            wo: frame.to_local(back),
+            alpha: bsdf.alpha(),
+        }
+    }
+
+    /// A vertex as steps of an estimator need it, with the roughness `alpha_reg` at next-event estimation, from which light
+    /// samples pass at most so many panes.
+    #[inline(always)]
+    pub(super) fn shading_point<'v>(
+        &'v self,
+        at: &Interaction<'v>,
+        alpha_reg: f32,
+        panes: u32,
+    ) -> ShadingPoint<'v> {
+        ShadingPoint {
+            scene: self.scene,
+            surface: at.surface,
+            frame: at.frame,
+            bsdf: at.bsdf,
+            wo: at.wo,
+            alpha: at.alpha,
+            alpha_reg,
+            throughput: self.throughput,
+            around: &self.around,
+            panes,
+        }
+    }
+
+    /// Goes on straight through a pane: emission beyond it is weighed at the vertex before.
+    pub(super) fn pass(&mut self, surface: &Surface, next: &Continuation) {
+        self.throughput *= next.sample.weight;
+        self.ray = surface.spawn(next.wi);
+        self.from_camera = false;
+    }
+
+    /// Leaves a vertex along a continuation.
+    #[inline(always)]
+    pub(super) fn scatter(&mut self, at: &Interaction<'_>, next: &Continuation) {
+        self.throughput *= next.sample.weight;
+        self.leave(at, next.sample.lobe, next.wi);
+    }
+
+    /// Leaves a vertex along the world direction `wi`, which was drawn from this lobe.
+    #[inline(always)]
+    pub(super) fn leave(&mut self, at: &Interaction<'_>, lobe: Lobe, wi: Vec3) {
+        if lobe == Lobe::Transmission {
+            if self.origin == Origin::Camera {
+                self.roulette_scale *= at.bsdf.refraction_scale(at.wo);
+            }
+            if self.scene.tracks_bodies() {
+                self.around = at.around(self.scene, &self.around, wi);
+            }
+        }
+        self.ray = at.surface.spawn(wi);
+        self.from = self.ray.origin;
+        self.from_camera = false;
+    }
+
+    /// True unless the walk ends, because it carries nothing or by Russian roulette; `u` in [0, 1) is roulette's, `None`
+    /// for none.
+    #[inline(always)]
+    pub(super) fn survive(&mut self, u: Option<f32>, carried: &mut impl Carried) -> bool {
+        if self.throughput == Rgb::ZERO && carried.is_nothing() {
+            return false;
+        }
+        let Some(u) = u else {
+            return true;
+        };
+        let Some(survival) = roulette::survival(self.throughput, self.roulette_scale, u) else {
+            return false;
+        };
+        self.throughput /= survival;
+        carried.scale(Rgb::splat(1.0 / survival));
+        true
+    }
+}

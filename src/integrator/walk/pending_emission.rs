@@ -1,6 +1,7 @@
 //! The weight of emission at the end of a ray.
 
 use super::observer::{Event, PathObserver};
+use super::{Carried, MetEmission};
 use crate::math::Rgb;
 use crate::math::measure::balance;
 
@@ -15,6 +16,21 @@ pub(in crate::integrator) struct PendingEmission {
     pub(in crate::integrator) pdf_w: Option<f32>,
     /// The event to report if the ray meets an emitter, without its light.
     pub(in crate::integrator) event: Option<Event>,
+}
+
+impl Carried for PendingEmission {
+    #[inline]
+    fn scale(&mut self, factor: Rgb) {
+        self.throughput *= factor;
+        if let Some(event) = &mut self.event {
+            event.radiance *= factor;
+        }
+    }
+
+    #[inline]
+    fn is_nothing(&self) -> bool {
+        self.throughput == Rgb::ZERO && self.event.is_none()
+    }
 }
 
 impl PendingEmission {
@@ -34,34 +50,18 @@ impl PendingEmission {
         }
     }
 
-    /// True if no emission at the end of the ray would count, at any roughness.
-    #[inline]
-    pub(in crate::integrator) fn is_nothing(&self) -> bool {
-        self.throughput == Rgb::ZERO && self.event.is_none()
-    }
-
-    /// Multiplies the emission's throughput.
-    #[inline]
-    pub(in crate::integrator) fn scale(&mut self, factor: Rgb) {
-        self.throughput *= factor;
-        if let Some(event) = &mut self.event {
-            event.radiance *= factor;
-        }
-    }
-
-    /// The contribution of this emitted radiance, which light sampling would have found with density `pdf_light`; an
-    /// event is reported.
+    /// The contribution of emission; an event is reported.
     #[inline]
     pub(in crate::integrator) fn contribution<O: PathObserver>(
         &self,
-        radiance: Rgb,
-        pdf_light: impl FnOnce() -> f32,
+        met: &MetEmission<'_>,
         observer: &mut O,
     ) -> Rgb {
+        let radiance = met.radiance;
         let Some(pdf_w) = self.pdf_w else {
             return self.throughput * radiance;
         };
-        let pdf_light = pdf_light();
+        let pdf_light = met.pdf_light();
         if O::EVENTS
             && let Some(event) = self.event
         {

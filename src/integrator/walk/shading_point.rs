@@ -1,11 +1,11 @@
 //! One vertex of a path: light sampled from it, emission that its roughened lobe finds, and the continuation.
 
-use super::bodies::EnclosingBodies;
+use super::Surroundings;
 use super::observer::{Event, PathObserver, Technique};
 use super::pending_emission::PendingEmission;
-use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, LobeNumbers, LobeQuery, SharedNumbers};
+use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Lobe, LobeNumbers, LobeQuery, SharedNumbers};
 use crate::math::measure::balance;
-use crate::math::{Frame, Rgb, Vec3};
+use crate::math::{Frame, Ray, Rgb, Vec3};
 use crate::sampler::LightU;
 use crate::scene::{Emission, LightSample, Scene, Surface};
 
@@ -27,8 +27,10 @@ pub struct ShadingPoint<'a> {
     pub alpha_reg: f32,
     /// Throughput of the path before this vertex.
     pub throughput: Rgb,
-    /// The bodies around the previous edge.
-    pub(in crate::integrator) bodies: &'a EnclosingBodies,
+    /// What is around the previous edge.
+    pub(in crate::integrator) around: &'a Surroundings,
+    /// Vertices that the path has left: the most panes between here and a light.
+    pub(in crate::integrator) panes: u32,
 }
 
 /// The ray on which a path continues.
@@ -66,6 +68,24 @@ impl ShadingPoint<'_> {
         self.bsdf.is_solid()
             && wi.dot(self.surface.ng) < 0.0
             && self.scene.is_dark_inside(self.surface.material)
+    }
+
+    /// True at a pane, whose transmission belongs to the vertex before: only what it reflects is light of this one.
+    #[inline]
+    pub(in crate::integrator) fn is_pane(&self) -> bool {
+        self.scene.is_pane(self.surface) && matches!(self.bsdf, Bsdf::Thin(_))
+    }
+
+    /// True if light through here is that of the vertex before.
+    #[inline]
+    pub(in crate::integrator) fn passes(&self, wi: Vec3) -> bool {
+        self.wo.z * wi.z < 0.0 && self.is_pane()
+    }
+
+    /// True if a path goes on straight through a pane.
+    #[inline]
+    pub(in crate::integrator) fn goes_straight(&self, sample: &BsdfSample) -> bool {
+        sample.delta && sample.lobe == Lobe::Transmission && self.is_pane()
     }
 
     /// An event of this vertex towards a light with area; `radiance` is a factor that the light's radiance multiplies.
@@ -110,7 +130,8 @@ impl ShadingPoint<'_> {
             return Rgb::ZERO;
         };
         let wi = self.frame.to_local(light.wi);
-        if light.wi.dot(self.surface.ng) * wi.z <= 0.0 || self.is_dark(light.wi) {
+        if light.wi.dot(self.surface.ng) * wi.z <= 0.0 || self.is_dark(light.wi) || self.passes(wi)
+        {
             return Rgb::ZERO;
         }
         let eval = self.bsdf.eval(self.alpha_reg, self.wo, wi);
@@ -140,9 +161,10 @@ impl ShadingPoint<'_> {
 
     /// The bodies around a ray from here along the world direction `wi`.
     #[inline]
-    pub(in crate::integrator) fn bodies_towards(&self, wi: Vec3) -> EnclosingBodies {
+    fn bodies_towards(&self, wi: Vec3) -> Surroundings {
         let outside = self.wo.z > 0.0;
-        (self.bodies).towards(self.scene, self.surface, self.bsdf, outside, wi)
+        self.around
+            .towards(self.scene, self.surface, self.bsdf, outside, wi)
     }
 
     /// Transmittance from here to a light sample; `None` if something stands between.
@@ -151,9 +173,9 @@ impl ShadingPoint<'_> {
         let ray = self.surface.spawn_to_light(light);
         if self.scene.tracks_bodies() {
             let bodies = self.bodies_towards(light.wi);
-            bodies.unblocked(self.scene, &ray, light.distance)
+            bodies.unblocked(self.scene, &ray, light.distance, self.panes)
         } else {
-            (!self.scene.occluded(&ray)).then_some(Rgb::ONE)
+            self.scene.unblocked(&ray, self.panes)
         }
     }
 
@@ -161,6 +183,9 @@ impl ShadingPoint<'_> {
     #[inline]
     pub(in crate::integrator) fn emission_towards(&self, wi: Vec3) -> Option<(Emission, Rgb)> {
         let ray = self.surface.spawn(wi);
+        if self.scene.has_panes() {
+            return self.emission_through_panes(&ray);
+        }
         if !self.scene.tracks_bodies() {
             return Some((self.scene.emission_along(&ray)?, Rgb::ONE));
         }
@@ -174,6 +199,34 @@ impl ShadingPoint<'_> {
         let emission = self.scene.emission_at(&ray, segment.hit)?;
         let last = bodies.transmittance(self.scene, emission.distance - segment.start);
         Some((emission, segment.passed.unwrap_or(Rgb::ONE) * last))
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn emission_through_panes(&self, ray: &Ray) -> Option<(Emission, Rgb)> {
+        let mut bodies = if self.scene.tracks_bodies() {
+            self.bodies_towards(ray.dir)
+        } else {
+            Surroundings::default()
+        };
+        let (mut rest, mut passed) = (*ray, Rgb::ONE);
+        for _ in 0..=self.panes {
+            let segment = bodies.follow(self.scene, &rest);
+            passed *= segment.passed.unwrap_or(Rgb::ONE);
+            let end = segment.hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
+            passed *= bodies.transmittance(self.scene, end - segment.start);
+            let straight = (segment.hit.as_ref()).and_then(|hit| {
+                let surface = self.scene.surface(hit);
+                Some((surface, self.scene.straight(&surface, ray.dir)?))
+            });
+            let Some((surface, transmittance)) = straight else {
+                // As light sampling from here sees it.
+                return Some((self.scene.emission_at(ray, segment.hit)?, passed));
+            };
+            passed *= transmittance;
+            rest = surface.spawn(ray.dir);
+        }
+        None
     }
 
     /// Step 3: a direction drawn from the BSDF at roughness `alpha`; `None` where the path ends.
@@ -261,6 +314,9 @@ impl ShadingPoint<'_> {
     #[inline]
     fn find_emission(&self, alpha: f32, u: &SharedNumbers) -> Option<FoundEmission> {
         let (local, lobe) = self.bsdf.direction(alpha, self.wo, u)?;
+        if self.passes(local) {
+            return None;
+        }
         let wi = self.world(local).filter(|wi| !self.is_dark(*wi))?;
         let (emission, transmittance) = self.emission_towards(wi)?;
         // Few rays meet a light: only they need value and density.

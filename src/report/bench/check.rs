@@ -7,7 +7,7 @@ use crate::image::film::Window;
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Estimator, Settings};
 use crate::regularise::{Accumulated, Factors, Rule};
-use crate::tune::resolve::MAX_SIGMA;
+use crate::resolve::MAX_SIGMA;
 
 /// The most seeds of a suite: comparisons go through all of them again and again.
 const MAX_SEEDS: u32 = 1000;

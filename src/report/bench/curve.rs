@@ -53,9 +53,9 @@ pub fn at_samples(run: &Run, metric: &str, samples: u32) -> Option<f64> {
 pub enum Crossing {
     /// The method is never better: the baseline is ahead from the first time point on.
     Never,
-    /// At this second, within what was measured.
+    /// The curves cross at this second, within what was measured.
     Measured(f64),
-    /// At about this second, if the baseline's error keeps falling as 1/t and the method's stays at its bias.
+    /// The curves cross at about this second, if the baseline's error keeps falling as 1/t and the method's stays at its bias.
     Extrapolated(f64),
     /// No bias was found that the baseline could get below.
     NotInSight,

@@ -6,7 +6,7 @@ use crate::image::Buffer;
 use crate::image::film::Window;
 use crate::image::metric::{self, MetricError, flip, pixel::EPSILON};
 use crate::math::{Rgb, UVec2};
-use crate::tune::resolve::Resolved;
+use crate::resolve::Resolved;
 
 /// All errors of a picture by name.
 pub fn errors(

@@ -19,7 +19,7 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// This machine.
+    /// Describes the machine that this program runs on.
     pub fn this() -> Self {
         let cpu = fs::read_to_string("/proc/cpuinfo")
             .ok()

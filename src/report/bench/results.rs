@@ -47,7 +47,7 @@ pub struct Results {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneFacts {
-    /// Its name in the suite.
+    /// Name in the suite.
     pub name: String,
     /// Number of triangles.
     pub triangles: usize,
@@ -84,6 +84,9 @@ pub struct Run {
     pub regularised: f64,
     /// Memory of the process at the end of the run, in MiB, where the system tells.
     pub memory: Option<f64>,
+    /// Why the scene refuses the method; nothing was measured then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refused: Option<String>,
 }
 
 fn is_zero(x: &f64) -> bool {
@@ -139,7 +142,7 @@ pub struct Inset {
 }
 
 impl Point {
-    /// The same with errors, rounded to seven digits: measurements have no more.
+    /// This point with errors, which are rounded to seven digits: measurements have no more.
     pub(super) fn with(&self, errors: BTreeMap<String, f64>) -> Self {
         let rounded = |x: f64| format!("{x:.6e}").parse().unwrap_or(x);
         Self {
@@ -227,14 +230,25 @@ impl Results {
         })
     }
 
-    /// The runs of a method on a scene, in the suite's order of seeds.
+    /// The runs of a method on a scene, in the suite's order of seeds; none where the scene refuses the method.
     pub fn runs(&self, scene: &str, method: &str) -> Vec<&Run> {
         let of = |seed: u64| {
             self.cells
                 .iter()
                 .find(|c| c.scene == scene && c.method == method && c.seed == seed)
+                .filter(|c| c.refused.is_none())
         };
         self.suite.seeds().filter_map(of).collect()
+    }
+
+    /// Methods that a scene refuses, each with the reason.
+    pub fn refused(&self, scene: &str) -> Vec<(&str, &str)> {
+        let of_scene = self.cells.iter().filter(|c| c.scene == scene);
+        let mut refused: Vec<(&str, &str)> = of_scene
+            .filter_map(|c| Some((c.method.as_str(), c.refused.as_deref()?)))
+            .collect();
+        refused.dedup();
+        refused
     }
 
     /// Squared bias material of a method on a scene.

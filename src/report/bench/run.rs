@@ -23,10 +23,10 @@ use crate::image::metric::MetricError;
 use crate::image::{Buffer, exr};
 use crate::integrator::method::{IntegratorKind, Method};
 use crate::integrator::{Census, FirstHit, Picture, Settings, View};
+use crate::pilot::stopwatch::Stopwatch;
+use crate::pilot::{Contender, Horizon, choose_integrator};
+use crate::resolve::{Resolve, Resolved, resolve_film};
 use crate::tune::choose;
-use crate::tune::integrator::{Contender, Horizon, choose_integrator};
-use crate::tune::resolve::{Resolve, Resolved, resolve_film};
-use crate::tune::stopwatch::Stopwatch;
 
 /// Samples per pixel for counting regularised vertices.
 const CENSUS: u32 = 2;
@@ -39,9 +39,9 @@ const PILOT_SAMPLES: u32 = 64;
 pub struct Status {
     /// Current work.
     pub what: String,
-    /// Runs that are done, those of earlier times included.
+    /// Number of runs that are done, earlier ones included.
     pub done: usize,
-    /// All runs.
+    /// Number of all runs.
     pub total: usize,
 }
 
@@ -54,7 +54,7 @@ pub enum Outcome {
     Stopped,
 }
 
-/// Hears of every pass, outside of the time that is measured, and can stop the bench.
+/// Function that is called after every pass, outside of the time that is measured. It can stop the bench.
 pub type Listener<'a> = &'a mut dyn FnMut(&Status) -> ControlFlow<()>;
 
 /// Measures the runs of `suite` that are not yet in the file at `path`.
@@ -252,7 +252,15 @@ impl Bench<'_> {
                     }
                 }
                 let key = short_hash(&serde_json::json!([base, name, words]));
-                if !self.results.cells.iter().any(|c| c.key == key) {
+                let (world, camera) = (&scene.scene, &scene.camera);
+                let refusal = match auto {
+                    // It chooses among those that show the scene.
+                    true => None,
+                    false => settings.check_scene(world, camera).err(),
+                };
+                if let Some(why) = refusal {
+                    self.refuse(spec, name, seed, &key, why)?;
+                } else if !self.results.cells.iter().any(|c| c.key == key) {
                     let Some(measured) = self.measure(spec, scene, method.spec, settings, &key)?
                     else {
                         return Ok(Outcome::Stopped);
@@ -400,6 +408,27 @@ impl Bench<'_> {
         Ok(Some(Measured::new(run, &picture.film, shown)))
     }
 
+    /// Notes that the scene refuses the method.
+    fn refuse(
+        &mut self,
+        spec: &SceneSpec,
+        method: &str,
+        seed: u64,
+        key: &str,
+        why: &str,
+    ) -> Result<(), BenchError> {
+        tracing::warn!("{}: {method} is left out: {why}", spec.name);
+        let run = Run {
+            scene: spec.name.clone(),
+            method: method.to_owned(),
+            seed,
+            key: key.to_owned(),
+            refused: Some(why.to_owned()),
+            ..Run::default()
+        };
+        self.take(run)
+    }
+
     /// Takes a run into the results and writes them.
     fn keep(&mut self, spec: &SceneSpec, measured: Measured, show: bool) -> Result<(), BenchError> {
         let Measured { run, picture } = measured;
@@ -415,6 +444,11 @@ impl Bench<'_> {
                 ..inset
             });
         }
+        self.take(run)
+    }
+
+    /// Puts a run in the place of an older one, and writes the results.
+    fn take(&mut self, run: Run) -> Result<(), BenchError> {
         self.results
             .cells
             .retain(|c| (&c.scene, &c.method, c.seed) != (&run.scene, &run.method, run.seed));
@@ -441,6 +475,9 @@ impl Bench<'_> {
     ) -> Result<(), BenchError> {
         let runs = self.results.runs(&spec.name, method);
         let keys: Vec<String> = runs.iter().map(|c| c.key.clone()).collect();
+        if keys.is_empty() {
+            return Ok(());
+        }
         if self
             .results
             .products(&spec.name, method)
@@ -473,7 +510,7 @@ impl Bench<'_> {
     }
 }
 
-/// The integrators among which a method chooses, for a render like that of these settings.
+/// The integrators among which a method chooses, for a render with these settings.
 fn contenders(method: &MethodSpec, settings: &Settings) -> Result<Vec<Contender>, BenchError> {
     let contender = |spec: MethodSpec| {
         let Method {

@@ -54,7 +54,7 @@ pub struct Suite {
     /// Samples per pixel after which the errors are recorded, ascending.
     #[serde(default)]
     pub samples: Vec<u32>,
-    /// By which clock.
+    /// Clock that measures times.
     #[serde(default)]
     pub clock: Clock,
     /// The scenes.
@@ -84,7 +84,7 @@ pub enum Clock {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneSpec {
-    /// Its name in the results.
+    /// Name in the results.
     pub name: String,
     /// Scenes of one group are summed up together in reports.
     #[serde(default, skip_serializing_if = "Option::is_none")]

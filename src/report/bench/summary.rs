@@ -319,6 +319,9 @@ pub fn text(results: &Results) -> String {
             ]);
         }
         text.push_str(&aligned(&rows));
+        for (method, why) in results.refused(&scene.name) {
+            let _ = writeln!(text, "{method} is left out: {why}");
+        }
         text.push('\n');
     }
     text

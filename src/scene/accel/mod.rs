@@ -81,7 +81,7 @@ impl Accel {
     }
 
     /// True if the tree can hold the triangle: all coordinates finite and not beyond 1e17.
-    pub fn accepts(triangle: &[Vec3; 3]) -> bool {
+    pub(crate) fn accepts(triangle: &[Vec3; 3]) -> bool {
         wide::usable(triangle)
     }
 
@@ -99,13 +99,13 @@ impl Accel {
 
     /// The closest of the hits that `keep` accepts.
     #[inline]
-    pub fn closest_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
+    pub(crate) fn closest_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
         self.walk::<false>(ray, keep)
     }
 
     /// True if there is a hit that `keep` accepts.
     #[inline]
-    pub fn any_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> bool {
+    pub(crate) fn any_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> bool {
         self.walk::<true>(ray, keep).is_some()
     }
 

@@ -1,5 +1,6 @@
 //! Area lights: the emissive triangles of a scene.
 
+use super::aim::{Beam, Source};
 use super::tree::{Item, LightBounds};
 use super::{LightDensity, LightSample};
 use crate::math::measure::area_to_solid_angle;
@@ -8,6 +9,7 @@ use crate::scene::accel::Accel;
 use crate::scene::material::AlphaMode;
 use crate::scene::{Geometry, Hit, Material, SceneParts, Surface, Texture};
 use std::f32::consts::{FRAC_1_PI, PI};
+use std::sync::OnceLock;
 
 /// Density per steradian with which an emission sample leaves a triangle at this cosine: |cos θ|/π, halved if both
 /// sides emit.
@@ -38,8 +40,8 @@ pub(super) struct AreaLights {
     /// Density per area with which each triangle that is not shared is drawn by power, 0 for dark ones; empty without area
     /// lights.
     pdf_a: Vec<f32>,
-    /// Place in `triangles` of each triangle of the scene; empty where power alone decides.
-    places: Vec<u32>,
+    /// Place in `triangles` of each triangle of the scene, where there are many lights or aimed ones.
+    places: OnceLock<Vec<u32>>,
     /// Tree over the emissive triangles alone, and their bounds.
     tree: Option<(Bounds, Accel)>,
     /// The scene's materials, in its order.
@@ -212,17 +214,20 @@ impl AreaLights {
     }
 
     /// Prepares [`AreaLights::place`].
-    pub(super) fn index(&mut self) {
-        self.places = vec![u32::MAX; self.pdf_a.len()];
-        for (k, t) in self.triangles.iter().enumerate() {
-            self.places[t.triangle as usize] = k as u32;
-        }
+    pub(super) fn index(&self) {
+        self.places.get_or_init(|| {
+            let mut places = vec![u32::MAX; self.pdf_a.len()];
+            for (k, t) in self.triangles.iter().enumerate() {
+                places[t.triangle as usize] = k as u32;
+            }
+            places
+        });
     }
 
     /// Number of a triangle of the scene among the emissive ones; `None` for dark ones. Needs [`AreaLights::index`].
     #[inline]
     pub(super) fn place(&self, triangle: u32) -> Option<usize> {
-        let k = *self.places.get(triangle as usize)?;
+        let k = *self.places.get()?.get(triangle as usize)?;
         (k != u32::MAX).then_some(k as usize)
     }
 
@@ -266,7 +271,8 @@ impl AreaLights {
             density: LightDensity::SolidAngle(pdf_w),
             cos: cos.abs(),
             error,
-            emission_pdf: emission_pdf(light.double_sided, cos),
+            light: k as u32,
+            pmf,
         })
     }
 
@@ -303,13 +309,41 @@ impl AreaLights {
         (radiance * presence, material.double_sided)
     }
 
-    /// Density per area with which an emissive triangle's point is drawn, and density per steradian with which an
-    /// emission sample leaves it along `wo` (world).
-    pub(super) fn emission_density(&self, surface: &Surface, wo: Vec3) -> (f32, f32) {
-        let pdf_a = self.pdf_a.get(surface.triangle as usize);
-        let material = &self.materials[surface.material as usize];
-        let pdf_w = emission_pdf(material.double_sided, wo.dot(surface.ng));
-        (pdf_a.copied().unwrap_or(0.0), pdf_w)
+    /// Density per steradian with which an emission sample leaves a surface point along `wo` (world).
+    pub(super) fn pdf_emission(&self, beam: Option<&Beam>, surface: &Surface, wo: Vec3) -> f32 {
+        let double_sided = self.materials[surface.material as usize].double_sided;
+        let uniform = emission_pdf(double_sided, wo.dot(surface.ng));
+        beam.map_or(uniform, |beam| {
+            let source = Source {
+                position: surface.position,
+                facing: (!double_sided).then_some(surface.ng),
+            };
+            beam.pdf_towards(&source, wo, uniform)
+        })
+    }
+
+    /// Density per steradian of uniform emission from the `k`-th emissive triangle at this cosine.
+    pub(super) fn pdf_uniform(&self, k: usize, cos: f32) -> f32 {
+        emission_pdf(self.triangles[k].double_sided, cos)
+    }
+
+    /// The same from the point of a light sample back along it, whose cosine it knows.
+    #[inline]
+    pub(super) fn pdf_emission_to(
+        &self,
+        beam: Option<&Beam>,
+        light: &LightSample,
+        from: Vec3,
+    ) -> f32 {
+        let triangle = &self.triangles[light.light as usize];
+        let uniform = emission_pdf(triangle.double_sided, light.cos);
+        beam.map_or(uniform, |beam| {
+            let source = Source {
+                position: from + light.distance * light.wi,
+                facing: (!triangle.double_sided).then_some(triangle.normal),
+            };
+            beam.pdf_towards(&source, -light.wi, uniform)
+        })
     }
 
     /// Radiance emitted by a surface point towards `wo` (world).

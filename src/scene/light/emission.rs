@@ -1,10 +1,12 @@
 //! Light paths: rays on which the lights shine, each beside the densities it is drawn with.
 //!
-//! A light is drawn from the distribution of light sampling, so that the probability of the choice is the same in both.
+//! A light is drawn by power: no point that it lights is known yet. Its point and direction are drawn uniformly in its
+//! own measure, or aimed at targets (`aim`).
 
-use super::{Lights, punctual};
+use super::aim::{Aim, Beam, Source, Target};
+use super::{LightSample, Lights, punctual};
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, warp};
-use crate::scene::{Scene, Surface};
+use crate::scene::{Geometry, Scene, Surface};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Densities of an emission sample, choice of the light included.
@@ -32,6 +34,18 @@ pub struct EmissionSample {
     pub cos: f32,
     /// Cutoff distance of a point or spot light, infinity for none.
     pub range: f32,
+    /// Index of the light, as in [`Lights::pmf`].
+    pub light: u32,
+}
+
+/// Uniform numbers in [0, 1) of an emission sample, after the choice of the light.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Numbers {
+    pub point: Vec2,
+    pub direction: Vec2,
+    pub side: f32,
+    /// What the choice of the light left over: chooses a target.
+    pub rest: f64,
 }
 
 impl EmissionSample {
@@ -57,15 +71,24 @@ impl Sphere {
         }
     }
 
+    pub(super) fn radius(&self) -> f32 {
+        self.radius
+    }
+
     /// Density per area of a point of the sphere's disk across a direction.
     #[inline]
     pub(super) fn pdf(&self) -> f32 {
         1.0 / (PI * self.radius * self.radius)
     }
 
-    /// A ray along `dir` from before the scene, through a uniform point of the disk across it.
-    pub(super) fn ray(&self, dir: Vec3, u: Vec2) -> Ray {
-        let p = self.radius * warp::disk(u);
+    /// A ray along `dir` from before the scene, through a point of the disk across it: a uniform one, or one of a target.
+    pub(super) fn ray(&self, dir: Vec3, beam: Option<&Beam>, u: &Numbers) -> Ray {
+        if let Some(point) = beam.and_then(|beam| beam.point_across(dir, u.rest, u.point)) {
+            let across = point - self.centre;
+            let across = across - (across.dot(dir) + self.radius) * dir;
+            return Ray::new(self.centre + across, dir);
+        }
+        let p = self.radius * warp::disk(u.point);
         let across = Frame::from_normal(dir).to_world(Vec3::new(p.x, p.y, -self.radius));
         Ray::new(self.centre + across, dir)
     }
@@ -74,91 +97,224 @@ impl Sphere {
 impl Lights {
     /// Densities with which an emission sample starts at that emitting point and leaves along `wo` (world).
     #[inline]
-    pub fn pdf_emission(&self, surface: &Surface, wo: Vec3) -> EmissionDensity {
-        let (position, direction) = self.area.emission_density(surface, wo);
+    pub fn pdf_emission(&self, aim: &Aim, surface: &Surface, wo: Vec3) -> EmissionDensity {
+        let beam = if aim.is_uniform() {
+            None
+        } else {
+            (self.area.place(surface.triangle)).and_then(|k| aim.beam(k))
+        };
         EmissionDensity {
-            position,
-            direction,
+            position: self.area.pdf_by_power(surface.triangle),
+            direction: self.area.pdf_emission(beam, surface, wo),
             infinite: false,
         }
     }
 
-    /// Densities with which an emission sample comes from the environment seen along `dir`.
+    /// Densities with which an emission sample comes from the environment seen along a ray.
     #[inline]
-    pub fn pdf_emission_environment(&self, dir: Vec3) -> EmissionDensity {
+    pub fn pdf_emission_environment(&self, aim: &Aim, ray: &Ray) -> EmissionDensity {
+        let beam = aim.beam(self.area.len() + self.punctual.len());
         EmissionDensity {
-            position: self.sphere.pdf(),
+            position: self.pdf_across(beam, ray),
             direction: (self.environment.as_ref())
-                .map_or(0.0, |e| e.pdf(dir) * self.environment_pmf),
+                .map_or(0.0, |e| e.pdf(ray.dir) * self.environment_pmf),
             infinite: true,
+        }
+    }
+
+    /// Density per area across a ray of emission samples from infinity.
+    #[inline]
+    fn pdf_across(&self, beam: Option<&Beam>, ray: &Ray) -> f32 {
+        let uniform = self.sphere.pdf();
+        beam.map_or(uniform, |beam| beam.pdf_across(ray, uniform))
+    }
+
+    /// Density with which an emission sample starts at the point of a light sample and comes to the point `from` that it
+    /// was drawn for, over the density with which light sampling draws that point: per steradian, or for a light at
+    /// infinity per area across.
+    #[inline]
+    pub fn emission_over_sampling(&self, aim: &Aim, light: &LightSample, from: Vec3) -> f32 {
+        let k = light.light as usize;
+        let beam = aim.beam(k);
+        let pdf = match k.checked_sub(self.area.len()) {
+            None => self.area.pdf_emission_to(beam, light, from),
+            Some(rest) => match self.punctual.get(rest) {
+                Some(punctual) => {
+                    let start = if light.distance.is_finite() {
+                        from + light.distance * light.wi
+                    } else {
+                        from
+                    };
+                    punctual.pdf_ray(&self.sphere, beam, &Ray::new(start, -light.wi))
+                }
+                None => self.pdf_across(beam, &Ray::new(from, light.wi)),
+            },
+        };
+        match self.many {
+            None => pdf,
+            Some(_) => pdf * (self.emission_pmf(k) / light.pmf),
+        }
+    }
+
+    /// Densities of an emission sample's ray, of the position across for light at infinity and of the direction otherwise: of
+    /// uniform emission, and of each target.
+    pub fn pdf_parts(&self, start: &EmissionSample, targets: &[Target]) -> (f32, Vec<f32>) {
+        let k = start.light as usize;
+        if start.pdf.infinite {
+            let part = |target: &Target| target.pdf_across(&start.ray);
+            return (self.sphere.pdf(), targets.iter().map(part).collect());
+        }
+        let source = Source {
+            position: start.ray.origin,
+            facing: None,
+        };
+        let uniform = match k.checked_sub(self.area.len()) {
+            None => self.area.pdf_uniform(k, start.cos),
+            Some(rest) => self.punctual[rest].pdf_ray(&self.sphere, None, &start.ray),
+        };
+        let part = |target: &Target| {
+            target
+                .pdf_towards(&source, start.ray.dir)
+                .unwrap_or(uniform)
+        };
+        (uniform, targets.iter().map(part).collect())
+    }
+
+    /// Groups of lights that may share a beam, at most `most` of at least 3: area lights by mesh, each light without area, the
+    /// environment. Group of each light.
+    pub fn groups(&self, geometry: &Geometry, most: u8) -> Vec<u8> {
+        let mut groups = Vec::with_capacity(self.len());
+        let (mut group, mut last) = (0, None);
+        let next = |group: u8, limit: u8| (group + 1).min(limit - 1);
+        for k in 0..self.area.len() {
+            let mesh = geometry.triangle_mesh(self.area.point(k, Vec2::ZERO).triangle);
+            if last.is_some_and(|last| last != mesh) {
+                group = next(group, most / 2);
+            }
+            last = Some(mesh);
+            groups.push(group);
+        }
+        let mut any = last.is_some();
+        for _ in self.area.len()..self.len() {
+            if any {
+                group = next(group, most);
+            }
+            any = true;
+            groups.push(group);
+        }
+        groups
+    }
+
+    /// Probability with which light sampling from `from` draws a light, over that of emission sampling.
+    #[inline]
+    pub fn sampling_over_emission(&self, light: u32, from: Vec3) -> f32 {
+        match &self.many {
+            None => 1.0,
+            Some(many) => many.pmf(light as usize, from) / self.emission_pmf(light as usize),
         }
     }
 }
 
 impl Scene {
-    /// Draws a light by power with `pick`, then a point of it and a direction with five more uniform numbers in [0, 1). `None` where nothing
-    /// shines: without lights, and for a draw that carries no light.
-    pub fn sample_emission(&self, pick: f64, u: [f32; 5]) -> Option<EmissionSample> {
+    /// Draws a light by power with `pick`, then a point of it and a direction with five more uniform numbers in [0, 1), aimed
+    /// or not. `None` where nothing shines: without lights, and for a draw that carries no light.
+    pub fn sample_emission(&self, aim: &Aim, pick: f64, u: [f32; 5]) -> Option<EmissionSample> {
         let lights = &self.lights;
-        let (k, _) = lights.choice.sample(pick)?;
-        let (point, direction) = (Vec2::new(u[0], u[1]), Vec2::new(u[2], u[3]));
+        let (k, rest) = lights.choice.sample(pick)?;
+        let u = Numbers {
+            point: Vec2::new(u[0], u[1]),
+            direction: Vec2::new(u[2], u[3]),
+            side: u[4],
+            rest,
+        };
+        let (beam, pmf) = (aim.beam(k), lights.choice.pmf(k));
         let sample = match k.checked_sub(lights.area.len()) {
-            None => self.emission_of_triangle(k, point, direction, u[4])?,
-            Some(rest) => {
-                let pmf = lights.choice.pmf(k);
-                match lights.punctual.get(rest) {
-                    Some(light) => light.emit(pmf, &lights.sphere, point, direction)?,
-                    None => {
-                        let environment = lights.environment.as_ref()?;
-                        let (towards, radiance, pdf_w) =
-                            environment.sample(direction.as_dvec2())?;
-                        let pdf = EmissionDensity {
-                            position: lights.sphere.pdf(),
-                            direction: pmf * pdf_w,
-                            infinite: true,
-                        };
-                        EmissionSample {
-                            ray: lights.sphere.ray(-towards, point),
-                            throughput: radiance / (pdf.position * pdf.direction),
-                            pdf,
-                            cos: 1.0,
-                            range: f32::INFINITY,
-                        }
-                    }
-                }
-            }
+            None => self.emission_of_triangle(k, beam, &u)?,
+            Some(rest) => match lights.punctual.get(rest) {
+                Some(light) => light.emit(pmf, &lights.sphere, beam, &u)?,
+                None => self.emission_of_environment(pmf, beam, &u)?,
+            },
+        };
+        let sample = EmissionSample {
+            light: k as u32,
+            ..sample
         };
         (sample.throughput != Rgb::ZERO && sample.pdf.position.is_finite()).then_some(sample)
+    }
+
+    fn emission_of_environment(
+        &self,
+        pmf: f32,
+        beam: Option<&Beam>,
+        u: &Numbers,
+    ) -> Option<EmissionSample> {
+        let lights = &self.lights;
+        let environment = lights.environment.as_ref()?;
+        let (towards, radiance, pdf_w) = environment.sample(u.direction.as_dvec2())?;
+        let ray = lights.sphere.ray(-towards, beam, u);
+        let pdf = EmissionDensity {
+            position: lights.pdf_across(beam, &ray),
+            direction: pmf * pdf_w,
+            infinite: true,
+        };
+        Some(EmissionSample {
+            ray,
+            throughput: radiance / (pdf.position * pdf.direction),
+            pdf,
+            cos: 1.0,
+            range: f32::INFINITY,
+            light: 0,
+        })
     }
 
     fn emission_of_triangle(
         &self,
         k: usize,
-        point: Vec2,
-        direction: Vec2,
-        side: f32,
+        beam: Option<&Beam>,
+        u: &Numbers,
     ) -> Option<EmissionSample> {
         let area = &self.lights.area;
-        let surface = self.surface(&area.point(k, point));
+        let surface = self.surface(&area.point(k, u.point));
         let (radiance, double_sided) = area.exitance(&surface);
-        let mut local = warp::cosine_hemisphere(direction);
-        let cos = local.z;
-        if double_sided && side < 0.5 {
-            local.z = -local.z;
-        }
-        let dir = Frame::from_normal(surface.ng).to_world(local);
-        let sides = if double_sided { 2.0 } else { 1.0 };
-        let pdf = EmissionDensity {
-            position: area.emission_density(&surface, dir).0,
-            direction: cos * FRAC_1_PI / sides,
-            infinite: false,
+        let source = Source {
+            position: surface.position,
+            facing: (!double_sided).then_some(surface.ng),
         };
-        (cos > 0.0).then(|| EmissionSample {
+        let aimed = beam.and_then(|beam| beam.direction(&source, u.rest, u.direction));
+        let (dir, cos) = match aimed {
+            Some(dir) => (dir, dir.dot(surface.ng)),
+            None => {
+                let mut local = warp::cosine_hemisphere(u.direction);
+                let cos = local.z;
+                if double_sided && u.side < 0.5 {
+                    local.z = -local.z;
+                }
+                (Frame::from_normal(surface.ng).to_world(local), cos)
+            }
+        };
+        let dark = cos <= 0.0 && !(double_sided && cos < 0.0);
+        let position = area.pdf_by_power(surface.triangle);
+        let sides = if double_sided { 2.0 } else { 1.0 };
+        let cos = cos.abs();
+        let direction = match beam {
+            None => cos * FRAC_1_PI / sides,
+            Some(_) => area.pdf_emission(beam, &surface, dir),
+        };
+        let scale = match beam {
+            None => PI * sides / position,
+            Some(_) => cos / (position * direction),
+        };
+        (!dark).then(|| EmissionSample {
             ray: surface.spawn(dir),
-            throughput: radiance * (PI * sides / pdf.position),
-            pdf,
+            throughput: radiance * scale,
+            pdf: EmissionDensity {
+                position,
+                direction,
+                infinite: false,
+            },
             cos,
             range: f32::INFINITY,
+            light: 0,
         })
     }
 }

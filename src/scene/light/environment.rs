@@ -90,6 +90,12 @@ impl Environment {
         files::stream(path, MAX_BYTES, take)
     }
 
+    /// Bytes of the map and of what samples it.
+    pub fn bytes_in_memory(&self) -> u64 {
+        // A colour, and a running sum.
+        self.map.pixels.len() as u64 * 20
+    }
+
     /// Radiance seen when looking along `dir`.
     #[inline]
     pub fn radiance(&self, dir: Vec3) -> Rgb {

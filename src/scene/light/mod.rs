@@ -4,13 +4,16 @@
 //! [`Lights`] owns copies of what it samples (emissive triangles, their materials, lights without area, the
 //! environment; texels and maps are shared), so that light sampling never asks the scene back.
 
+pub mod aim;
 mod area;
 pub mod emission;
 mod environment;
 mod many;
 mod punctual;
+pub mod sky;
 mod tree;
 
+pub use aim::{Aim, Beam, Target};
 pub use emission::{EmissionDensity, EmissionSample};
 pub use environment::Environment;
 pub use punctual::PunctualLight;
@@ -40,9 +43,10 @@ pub struct LightSample {
     pub cos: f32,
     /// Bound of the rounding error of the light's surface along its normal; 0 for lights at infinity.
     pub error: f32,
-    /// Density with which an emission sample that starts there goes to the point: per steradian, or for a light at
-    /// infinity per area across the direction. See [`EmissionDensity`].
-    pub emission_pdf: f32,
+    /// Index of the light, as in [`Lights::pmf`].
+    pub light: u32,
+    /// Probability of the choice of the light.
+    pub pmf: f32,
 }
 
 /// Density of a [`LightSample`], in the measure of its light.
@@ -144,6 +148,26 @@ impl Lights {
         }
     }
 
+    /// Prepares the densities of lights that are [aimed](Aim).
+    pub fn index(&self) {
+        self.area.index();
+    }
+
+    /// Index of an emissive triangle among the lights, once they are [indexed](Lights::index).
+    pub fn light_of(&self, surface: &Surface) -> Option<usize> {
+        self.area.place(surface.triangle)
+    }
+
+    /// Number of lights: emissive triangles first, then lights without area, then the environment.
+    pub fn len(&self) -> usize {
+        self.area.len() + self.punctual.len() + usize::from(self.environment.is_some())
+    }
+
+    /// Radius of the sphere round the scene, through which light from infinity enters.
+    pub fn reach(&self) -> f32 {
+        self.sphere.radius()
+    }
+
     /// True if nothing emits.
     pub fn is_empty(&self) -> bool {
         self.choice.is_empty()
@@ -160,14 +184,6 @@ impl Lights {
     pub fn sample(&self, from: Vec3, u: LightU) -> Option<LightSample> {
         let (k, pmf, rest) = self.choose(from, u.pick)?;
         self.sample_one(k, pmf, from, u.at, rest)
-    }
-
-    /// As [`Lights::sample`], but the light is always drawn by power, as emission sampling draws it: the probability of
-    /// the choice does not depend on the point, which bidirectional MIS weights rely on.
-    #[inline]
-    pub fn sample_by_power(&self, from: Vec3, u: LightU) -> Option<LightSample> {
-        let (k, rest) = self.choice.sample(u.pick)?;
-        self.sample_one(k, self.choice.pmf(k), from, u.at, rest)
     }
 
     /// Draws the light that [`Lights::sample`] draws: its index as in [`Lights::pmf`], the probability of the choice,
@@ -197,7 +213,7 @@ impl Lights {
             return self.area.sample(k, pmf, from, at);
         };
         if let Some(light) = self.punctual.get(rest) {
-            return light.illuminate(from, pmf, self.sphere.pdf());
+            return light.illuminate(k, from, pmf);
         }
         let at = refined(at, further);
         let (wi, radiance, pdf_w) = self.environment.as_ref()?.sample(at)?;
@@ -208,7 +224,8 @@ impl Lights {
             density: LightDensity::SolidAngle(pdf_w * pmf),
             cos: 1.0,
             error: 0.0,
-            emission_pdf: self.sphere.pdf(),
+            light: k as u32,
+            pmf,
         })
     }
 
@@ -221,12 +238,17 @@ impl Lights {
     /// Density per steradian with which [`Lights::sample`] from `from` draws the direction to that emitting point.
     #[inline]
     pub fn pdf_emitter(&self, from: Vec3, surface: &Surface) -> f32 {
-        let pdf_a = match &self.many {
+        AreaLights::pdf(self.pdf_a_emitter(from, surface), from, surface)
+    }
+
+    /// The same density per area.
+    #[inline]
+    pub fn pdf_a_emitter(&self, from: Vec3, surface: &Surface) -> f32 {
+        match &self.many {
             None => self.area.pdf_by_power(surface.triangle),
             Some(many) => (self.area.place(surface.triangle))
                 .map_or(0.0, |k| many.pmf(k, from) * self.area.pdf_point(k)),
-        };
-        AreaLights::pdf(pdf_a, from, surface)
+        }
     }
 
     /// Radiance seen from the scene when looking along `dir` past all surfaces.

@@ -1,9 +1,10 @@
 //! Lights without area: point, spot and directional lights.
 
-use super::emission::{EmissionDensity, EmissionSample, Sphere};
+use super::aim::{Beam, Source};
+use super::emission::{EmissionDensity, EmissionSample, Numbers, Sphere};
 use super::{LightDensity, LightSample};
 use crate::math::warp::{self, SPHERE_PDF};
-use crate::math::{Frame, Ray, Rgb, Vec2, Vec3, luminance};
+use crate::math::{Frame, Ray, Rgb, Vec3, luminance};
 use std::f32::consts::{PI, TAU};
 
 /// A light without area (`KHR_lights_punctual`), in world space.
@@ -61,22 +62,21 @@ impl PunctualLight {
         }
     }
 
-    /// Light that arrives at a point; `pmf` is the probability with which this light was chosen, `disk_pdf` the density
-    /// per area with which its emission sample starts if the light is at infinity.
+    /// Light that arrives at a point from this light, the `k`-th of the scene, which was chosen with probability `pmf`.
     #[inline]
-    pub(super) fn illuminate(&self, from: Vec3, pmf: f32, disk_pdf: f32) -> Option<LightSample> {
-        let (wi, distance, radiance, emission_pdf) = match *self {
+    pub(super) fn illuminate(&self, k: usize, from: Vec3, pmf: f32) -> Option<LightSample> {
+        let (wi, distance, radiance) = match *self {
             Self::Directional {
                 direction,
                 irradiance,
-            } => (-direction, f32::INFINITY, irradiance, disk_pdf),
+            } => (-direction, f32::INFINITY, irradiance),
             Self::Point {
                 position,
                 intensity,
                 range,
             } => {
                 let (wi, distance, falloff) = attenuate(from, position, range)?;
-                (wi, distance, intensity * falloff, SPHERE_PDF)
+                (wi, distance, intensity * falloff)
             }
             Self::Spot {
                 position,
@@ -88,8 +88,7 @@ impl PunctualLight {
             } => {
                 let (wi, distance, falloff) = attenuate(from, position, range)?;
                 let ramp = ramp(-wi.dot(direction), cos_inner, cos_outer);
-                let radiance = intensity * (falloff * ramp * ramp);
-                (wi, distance, radiance, cone_pdf(cos_outer))
+                (wi, distance, intensity * (falloff * ramp * ramp))
             }
         };
         (radiance != Rgb::ZERO).then_some(LightSample {
@@ -104,8 +103,28 @@ impl PunctualLight {
             } else {
                 0.0
             },
-            emission_pdf,
+            light: k as u32,
+            pmf,
         })
+    }
+
+    /// Density with which an emission sample of this light has a ray on which the light shines: per steradian, or for a
+    /// light at infinity per area across.
+    #[inline]
+    pub(super) fn pdf_ray(&self, sphere: &Sphere, beam: Option<&Beam>, ray: &Ray) -> f32 {
+        let uniform = match *self {
+            Self::Directional { .. } => {
+                let uniform = sphere.pdf();
+                return beam.map_or(uniform, |beam| beam.pdf_across(ray, uniform));
+            }
+            Self::Point { .. } => SPHERE_PDF,
+            Self::Spot { cos_outer, .. } => cone_pdf(cos_outer),
+        };
+        let source = Source {
+            position: ray.origin,
+            facing: None,
+        };
+        beam.map_or(uniform, |beam| beam.pdf_towards(&source, ray.dir, uniform))
     }
 
     /// A ray on which this light shines, and the densities it is drawn with; `pmf` is the probability with which the
@@ -114,32 +133,37 @@ impl PunctualLight {
         &self,
         pmf: f32,
         sphere: &Sphere,
-        point: Vec2,
-        direction: Vec2,
+        beam: Option<&Beam>,
+        u: &Numbers,
     ) -> Option<EmissionSample> {
-        let finite = |position, dir, intensity: Rgb, pdf_w: f32, range| EmissionSample {
-            ray: Ray::new(position, dir),
-            throughput: intensity / (pmf * pdf_w),
-            pdf: EmissionDensity {
-                position: pmf,
-                direction: pdf_w,
-                infinite: false,
-            },
-            cos: 0.0,
-            range,
-        };
-        match *self {
+        let (position, dir, intensity, range) = match *self {
+            Self::Directional {
+                direction,
+                irradiance,
+            } => {
+                let ray = sphere.ray(direction, beam, u);
+                let pdf = EmissionDensity {
+                    position: self.pdf_ray(sphere, beam, &ray),
+                    direction: pmf,
+                    infinite: true,
+                };
+                return Some(EmissionSample {
+                    ray,
+                    throughput: irradiance / (pmf * pdf.position),
+                    pdf,
+                    cos: 0.0,
+                    range: f32::INFINITY,
+                    light: 0,
+                });
+            }
             Self::Point {
                 position,
                 intensity,
                 range,
-            } => Some(finite(
-                position,
-                warp::sphere(direction),
-                intensity,
-                SPHERE_PDF,
-                range,
-            )),
+            } => {
+                let dir = aimed(beam, position, u).unwrap_or_else(|| warp::sphere(u.direction));
+                (position, dir, intensity, range)
+            }
             Self::Spot {
                 position,
                 direction: axis,
@@ -149,34 +173,45 @@ impl PunctualLight {
                 cos_outer,
             } => {
                 let width = 1.0 - cos_outer;
-                let z = 1.0 - direction.x * width;
-                let r = (direction.x * width * (2.0 - direction.x * width))
-                    .max(0.0)
-                    .sqrt();
-                let (sin, cos) = (TAU * direction.y).sin_cos();
-                let dir = Frame::from_normal(axis).to_world(Vec3::new(r * cos, r * sin, z));
-                let ramp = ramp(z, cos_inner, cos_outer);
-                (width > 0.0).then(|| {
-                    let intensity = intensity * (ramp * ramp);
-                    finite(position, dir, intensity, cone_pdf(cos_outer), range)
-                })
+                let (dir, cos) = match aimed(beam, position, u) {
+                    Some(dir) => (dir, dir.dot(axis)),
+                    None => {
+                        let local = warp::cone(u.direction, width);
+                        (Frame::from_normal(axis).to_world(local), local.z)
+                    }
+                };
+                let ramp = ramp(cos, cos_inner, cos_outer);
+                let sends = width > 0.0;
+                if !sends {
+                    return None;
+                }
+                (position, dir, intensity * (ramp * ramp), range)
             }
-            Self::Directional {
-                direction,
-                irradiance,
-            } => Some(EmissionSample {
-                ray: sphere.ray(direction, point),
-                throughput: irradiance / (pmf * sphere.pdf()),
-                pdf: EmissionDensity {
-                    position: sphere.pdf(),
-                    direction: pmf,
-                    infinite: true,
-                },
-                cos: 0.0,
-                range: f32::INFINITY,
-            }),
-        }
+        };
+        let ray = Ray::new(position, dir);
+        let pdf_w = self.pdf_ray(sphere, beam, &ray);
+        Some(EmissionSample {
+            ray,
+            throughput: intensity / (pmf * pdf_w),
+            pdf: EmissionDensity {
+                position: pmf,
+                direction: pdf_w,
+                infinite: false,
+            },
+            cos: 0.0,
+            range,
+            light: 0,
+        })
     }
+}
+
+/// A direction from a point towards a target, where one is chosen.
+fn aimed(beam: Option<&Beam>, position: Vec3, u: &Numbers) -> Option<Vec3> {
+    let source = Source {
+        position,
+        facing: None,
+    };
+    beam?.direction(&source, u.rest, u.direction)
 }
 
 /// Recommended fall-off of [glTF] KHR_lights_punctual before it is squared: a ramp between the two angles.

@@ -104,6 +104,15 @@ impl Data<'_> {
         layout.numbers()
     }
 
+    /// Number of components of an accessor's vectors; 4 for what is no vector of 3.
+    pub(super) fn components(&self, index: usize) -> Result<usize> {
+        Ok(if self.layout(index)?.kind == Type::Vec3 {
+            3
+        } else {
+            4
+        })
+    }
+
     /// Matrices of floats, in columns.
     pub(super) fn matrices(&self, index: usize) -> Result<Vec<[f32; 16]>> {
         let layout = self.layout_of(index, Type::Mat4)?;

@@ -1,18 +1,32 @@
 //! Closed meshes that transmit without a thickness: glass as modelling programs export it, most of it meant as bodies.
 
 use super::error::{Warnings, place};
-use crate::scene::bodies::is_closed;
+use crate::scene::shells::Shell;
 use crate::scene::{Material, Mesh};
 
-/// Warns of the closed meshes among those whose material transmits and says nothing of its thickness, or, with `solid`,
-/// makes bodies of them. `thickness_known` holds one entry per material of the file, the default material last.
+/// What closed meshes that transmit without a thickness are.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Glass {
+    /// Bodies, as the user says.
+    Solid,
+    /// Thin walls, as the user says.
+    Thin,
+    /// Bodies, since the file is Blender's.
+    OfBlender,
+    /// Thin walls, as glTF says.
+    Unknown,
+}
+
+/// Makes bodies of the closed meshes among those whose material transmits and says nothing of its thickness, or leaves them thin
+/// walls; warns of what the user did not say. `thickness_known` holds one entry per material of the file, the default material last.
 ///
-/// A material that open meshes have too stays theirs; the closed ones get a solid copy.
+/// A material that open meshes have too stays theirs; the closed ones get a solid copy. Such bodies have the square root of the
+/// base colour for the tint of an interface: a wall tints light once, a body where it enters and where it leaves.
 pub(super) fn bodies(
     meshes: &mut [&mut Mesh],
     materials: &mut Vec<Material>,
     thickness_known: &[bool],
-    solid: bool,
+    glass: Glass,
     warnings: &mut Warnings,
 ) {
     let number = materials.len();
@@ -23,22 +37,32 @@ pub(super) fn bodies(
         let (closed, open): (Vec<&mut Mesh>, Vec<&mut Mesh>) = (meshes.iter_mut())
             .map(|mesh| &mut **mesh)
             .filter(|mesh| mesh.material as usize == i)
-            .partition(|mesh| is_closed(mesh));
+            .partition(|mesh| Shell::of(mesh).is_closed());
         if closed.is_empty() {
             continue;
         }
-        if !solid {
-            let name = Some(&materials[i].name);
-            warnings.say(format!(
-                "{}: transmits without a thickness (KHR_materials_volume) on closed meshes: shown as thin walls, which do \
-                 not refract; --solid-glass makes bodies of them",
-                place("materials", i, name)
-            ));
-        } else if open.is_empty() {
-            materials[i].solid = true;
+        let at = place("materials", i, Some(&materials[i].name));
+        match glass {
+            Glass::Solid => {}
+            Glass::Thin => continue,
+            Glass::OfBlender => {
+                let what = "transmit without a thickness (KHR_materials_volume) on closed meshes, shown as solid bodies, since the \
+                            file comes from Blender; --thin-glass makes thin walls of them";
+                warnings.group("materials", at, what);
+            }
+            Glass::Unknown => {
+                let what = "transmit without a thickness (KHR_materials_volume) on closed meshes, shown as thin walls, which do \
+                            not refract; --solid-glass makes bodies of them";
+                warnings.group("materials", at, what);
+                continue;
+            }
+        }
+        if open.is_empty() {
+            (materials[i].solid, materials[i].root_tint) = (true, true);
         } else {
             let copy = Material {
                 solid: true,
+                root_tint: true,
                 ..materials[i].clone()
             };
             (closed.into_iter()).for_each(|mesh| mesh.material = materials.len() as u32);

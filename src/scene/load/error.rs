@@ -41,22 +41,53 @@ pub(super) fn place(list: &str, i: usize, name: Option<&String>) -> String {
     }
 }
 
-/// Warnings for the user, each said once.
+/// Warnings for the user, each said once; what is the same of many elements is one line.
 #[derive(Debug, Default)]
 pub(super) struct Warnings {
-    lines: Vec<String>,
+    lines: Vec<Line>,
     said: std::collections::HashSet<String>,
 }
+
+#[derive(Debug)]
+enum Line {
+    Plain(String),
+    /// Names of the elements of this kind, and what is the matter with them.
+    Group(&'static str, Vec<String>, String),
+}
+
+/// Names that a line lists.
+const NAMES: usize = 3;
 
 impl Warnings {
     pub(super) fn say(&mut self, line: impl Into<String>) {
         let line = line.into();
         if self.said.insert(line.clone()) {
-            self.lines.push(line);
+            self.lines.push(Line::Plain(line));
+        }
+    }
+
+    /// Warns of one element of a kind, in the plural such as `materials`: elements with the same trouble share a line.
+    pub(super) fn group(&mut self, kind: &'static str, name: impl Into<String>, what: &str) {
+        let name = name.into();
+        let same =
+            |line: &&mut Line| matches!(line, Line::Group(k, _, w) if *k == kind && w == what);
+        match self.lines.iter_mut().find(same) {
+            Some(Line::Group(_, names, _)) if names.contains(&name) => {}
+            Some(Line::Group(_, names, _)) => names.push(name),
+            _ => (self.lines).push(Line::Group(kind, vec![name], what.into())),
         }
     }
 
     pub(super) fn into_lines(self) -> Vec<String> {
-        self.lines
+        let text = |line| match line {
+            Line::Plain(text) => text,
+            Line::Group(_, names, what) if names.len() == 1 => format!("{}: {what}", names[0]),
+            Line::Group(kind, names, what) => {
+                let listed = names[..names.len().min(NAMES)].join(", ");
+                let more = if names.len() > NAMES { " …" } else { "" };
+                format!("{} {kind}: {what}: {listed}{more}", names.len())
+            }
+        };
+        self.lines.into_iter().map(text).collect()
     }
 }

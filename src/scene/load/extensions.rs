@@ -1,7 +1,7 @@
 //! The extensions that this loader implements, and what to do about those that it does not.
 
 /// The extensions that this loader implements; `docs/gltf.md` says how far.
-pub const SUPPORTED: [&str; 14] = [
+pub const SUPPORTED: [&str; 18] = [
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
     "KHR_lights_punctual",
@@ -10,13 +10,24 @@ pub const SUPPORTED: [&str; 14] = [
     "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_iridescence",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];
+
+/// True for an extension without which a file is still a likeness, even if the file requires it: looks of surfaces, descriptions,
+/// and animations of what else.
+pub(super) fn is_dispensable(name: &str) -> bool {
+    let looks = name.starts_with("KHR_materials_") || name.starts_with("KHR_xmp");
+    looks || name == "KHR_animation_pointer" || name == "KHR_node_visibility"
+}
 
 /// The command that writes KTX2 textures as PNG. It decodes compressed meshes too.
 pub(super) const DECODE_TEXTURES: &str = "gltf-transform ktxdecompress in.glb out.glb";

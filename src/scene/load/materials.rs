@@ -6,7 +6,7 @@ use super::textures::Requests;
 use crate::bsdf::Distribution;
 use crate::math::Rgb;
 use crate::scene::Material;
-use crate::scene::finish::{Anisotropy, Clearcoat};
+use crate::scene::finish::{Anisotropy, Clearcoat, FilmCover, SheenCover};
 use crate::scene::material::{AlphaMode, TextureRef};
 use glam::{Affine2, Vec2};
 use gltf::json::extensions::material as ext;
@@ -36,15 +36,19 @@ pub(super) fn materials(
             at: place("materials", i, source.name.as_ref()),
             requests: &mut *requests,
             warnings: &mut *warnings,
-            uv_set: None,
+            uv_sets: [main_set(source), None],
         };
-        let material = Material {
+        let mut material = Material {
             distribution,
             ..reader.material(source)?
         };
+        let [first, second] = reader.uv_sets;
+        if second.is_some() {
+            material.finish_mut().has_second_uvs = true;
+        }
         slots.push(Slot {
             material: i as u32,
-            uv_set: reader.uv_set.unwrap_or(0),
+            uv_sets: (first.unwrap_or(0), second),
             emits: material.emission != Rgb::ZERO,
             textured: material.is_textured(),
             brushed: material.anisotropy().is_some(),
@@ -52,6 +56,89 @@ pub(super) fn materials(
         materials.push(material);
     }
     Ok((materials, slots))
+}
+
+/// The set of texture coordinates that light sampling and opacity take: the emissive texture's, else the base colour's. A second
+/// one is for other textures.
+fn main_set(m: &json::Material) -> Option<u32> {
+    let emits = m.emissive_factor.0 != [0.0; 3];
+    let unlit = (m.extensions.as_ref()).is_some_and(|e| e.unlit.is_some());
+    let emissive = m.emissive_texture.as_ref().filter(|_| emits && !unlit);
+    let info = emissive.or(m.pbr_metallic_roughness.base_color_texture.as_ref())?;
+    let transform = (info.extensions.as_ref()).and_then(|e| e.texture_transform.as_ref());
+    Some(
+        transform
+            .and_then(|t| t.tex_coord)
+            .unwrap_or(info.tex_coord),
+    )
+}
+
+/// `KHR_materials_sheen`, which the crate does not type.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct SheenExtension {
+    #[serde(rename = "sheenColorFactor")]
+    color: [f32; 3],
+    #[serde(rename = "sheenColorTexture")]
+    color_texture: Option<Info>,
+    #[serde(rename = "sheenRoughnessFactor")]
+    roughness: f32,
+    #[serde(rename = "sheenRoughnessTexture")]
+    roughness_texture: Option<Info>,
+}
+
+/// `KHR_materials_iridescence`, which the crate does not type.
+#[derive(Deserialize)]
+#[serde(default)]
+struct IridescenceExtension {
+    #[serde(rename = "iridescenceFactor")]
+    factor: f32,
+    #[serde(rename = "iridescenceTexture")]
+    texture: Option<Info>,
+    #[serde(rename = "iridescenceIor")]
+    ior: f32,
+    #[serde(rename = "iridescenceThicknessMinimum")]
+    least: f32,
+    #[serde(rename = "iridescenceThicknessMaximum")]
+    most: f32,
+    #[serde(rename = "iridescenceThicknessTexture")]
+    thickness_texture: Option<Info>,
+}
+
+impl Default for IridescenceExtension {
+    fn default() -> Self {
+        Self {
+            factor: 0.0,
+            texture: None,
+            ior: 1.3,
+            least: 100.0,
+            most: 400.0,
+            thickness_texture: None,
+        }
+    }
+}
+
+/// `KHR_materials_pbrSpecularGlossiness`, archived, which the crate types only without textures' transforms.
+#[derive(Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct GlossinessExtension {
+    diffuse_factor: [f32; 4],
+    diffuse_texture: Option<Info>,
+    specular_factor: [f32; 3],
+    glossiness_factor: f32,
+    specular_glossiness_texture: Option<Info>,
+}
+
+impl Default for GlossinessExtension {
+    fn default() -> Self {
+        Self {
+            diffuse_factor: [1.0; 4],
+            diffuse_texture: None,
+            specular_factor: [1.0; 3],
+            glossiness_factor: 1.0,
+            specular_glossiness_texture: None,
+        }
+    }
 }
 
 /// `KHR_materials_clearcoat`, which the crate does not type.
@@ -88,8 +175,8 @@ struct Reader<'a> {
     at: String,
     requests: &'a mut Requests,
     warnings: &'a mut Warnings,
-    /// Texture coordinate set of the first texture; our meshes have one set.
-    uv_set: Option<u32>,
+    /// Texture coordinate sets of the textures; our meshes have two.
+    uv_sets: [Option<u32>; 2],
 }
 
 impl Reader<'_> {
@@ -158,9 +245,13 @@ impl Reader<'_> {
             out.specular = self.fraction("specularFactor", specular.specular_factor.0)?;
             out.specular_color =
                 self.colour("specularColorFactor", specular.specular_color_factor.0)?;
-            if specular.specular_texture.is_some() || specular.specular_color_texture.is_some() {
-                self.warnings
-                    .say(format!("{}: specular textures are ignored", self.at));
+            let weight = specular.specular_texture.as_ref();
+            let color = specular.specular_color_texture.as_ref();
+            let weight = self.info("specularTexture", weight, false)?;
+            let color = self.info("specularColorTexture", color, true)?;
+            if weight.is_some() || color.is_some() {
+                let maps = &mut out.finish_mut().specular;
+                (maps.weight, maps.color) = (weight, color);
             }
         }
         if let Some(transmission) = &e.transmission {
@@ -181,6 +272,15 @@ impl Reader<'_> {
         }
         if let Some(value) = e.others.get("KHR_materials_anisotropy") {
             self.anisotropy(value, out)?;
+        }
+        if let Some(value) = e.others.get("KHR_materials_sheen") {
+            self.sheen(value, out)?;
+        }
+        if let Some(value) = e.others.get("KHR_materials_iridescence") {
+            self.iridescence(value, out)?;
+        }
+        if let Some(value) = e.others.get("KHR_materials_pbrSpecularGlossiness") {
+            self.glossiness(value, out)?;
         }
         if let Some(value) = e.others.get("KHR_materials_dispersion") {
             let dispersion = value.get("dispersion").map_or(Some(0.0), |x| x.as_f64());
@@ -207,6 +307,71 @@ impl Reader<'_> {
                 normal_texture: None,
                 ..std::mem::take(out)
             };
+        }
+        Ok(())
+    }
+
+    fn sheen(&mut self, value: &json::Value, out: &mut Material) -> Result<()> {
+        let read: SheenExtension = self.untyped("KHR_materials_sheen", value)?;
+        let roughness = self.fraction("sheenRoughnessFactor", read.roughness)?;
+        let color = self.colour("sheenColorFactor", read.color)?.min(Rgb::ONE);
+        let cover = SheenCover {
+            color,
+            alpha: roughness * roughness,
+            color_texture: self.info("sheenColorTexture", read.color_texture.as_ref(), true)?,
+            roughness_texture: self.info(
+                "sheenRoughnessTexture",
+                read.roughness_texture.as_ref(),
+                false,
+            )?,
+        };
+        if color != Rgb::ZERO {
+            out.finish_mut().sheen = Some(cover);
+        }
+        Ok(())
+    }
+
+    fn iridescence(&mut self, value: &json::Value, out: &mut Material) -> Result<()> {
+        let read: IridescenceExtension = self.untyped("KHR_materials_iridescence", value)?;
+        let ior = self.positive("iridescenceIor", read.ior)?;
+        if ior < 1.0 {
+            return Err(fault(&self.at, format!("iridescenceIor is {ior}, below 1")));
+        }
+        let least = self.positive("iridescenceThicknessMinimum", read.least)?;
+        let most = self.positive("iridescenceThicknessMaximum", read.most)?;
+        let map = read.thickness_texture.as_ref();
+        let cover = FilmCover {
+            weight: self.fraction("iridescenceFactor", read.factor)?,
+            ior,
+            thickness: [least, most],
+            texture: self.info("iridescenceTexture", read.texture.as_ref(), false)?,
+            thickness_texture: self.info("iridescenceThicknessTexture", map, false)?,
+        };
+        if cover.weight > 0.0 {
+            out.finish_mut().film = Some(cover);
+        }
+        Ok(())
+    }
+
+    /// The archived forerunner of metallic-roughness: a base and the colour of its reflectance. An index of 0 makes that colour
+    /// the reflectance at normal incidence [KHR_materials_ior].
+    fn glossiness(&mut self, value: &json::Value, out: &mut Material) -> Result<()> {
+        let name = "KHR_materials_pbrSpecularGlossiness";
+        let read: GlossinessExtension = self.untyped(name, value)?;
+        let [r, g, b, opacity] = read.diffuse_factor;
+        out.base_color = self.colour("diffuseFactor", [r, g, b])?.min(Rgb::ONE);
+        out.opacity = self.fraction("diffuseFactor", opacity)?;
+        out.base_color_texture =
+            self.info("diffuseTexture", read.diffuse_texture.as_ref(), true)?;
+        let specular = self.colour("specularFactor", read.specular_factor)?;
+        (out.specular, out.specular_color, out.ior) = (1.0, specular.min(Rgb::ONE), 0.0);
+        (out.metallic, out.metallic_roughness_texture) = (0.0, None);
+        let glossiness = self.fraction("glossinessFactor", read.glossiness_factor)?;
+        out.alpha = (1.0 - glossiness) * (1.0 - glossiness);
+        let map = read.specular_glossiness_texture.as_ref();
+        if let Some(map) = self.info("specularGlossinessTexture", map, true)? {
+            let maps = &mut out.finish_mut().specular;
+            (maps.color, maps.gloss) = (Some(map), Some((map, glossiness)));
         }
         Ok(())
     }
@@ -372,12 +537,12 @@ impl Reader<'_> {
         srgb: bool,
     ) -> Result<TextureRef> {
         let set = transform.and_then(|t| t.tex_coord).unwrap_or(set);
-        if *self.uv_set.get_or_insert(set) != set {
-            let line = format!(
-                "{}.{name}: textures of one material share its first TEXCOORD set",
-                self.at
-            );
-            self.warnings.say(line);
+        let [first, second] = &mut self.uv_sets;
+        let is_second = *first.get_or_insert(set) != set;
+        if is_second && *second.get_or_insert(set) != set {
+            let what = "a third TEXCOORD set is in use: the second is shown";
+            self.warnings
+                .group("textures", format!("{}.{name}", self.at), what);
         }
         let affine = transform.map_or(Affine2::IDENTITY, |t| {
             // Counter-clockwise with v pointing down. The extension's listing turns the other way; its prose, its test
@@ -401,6 +566,7 @@ impl Reader<'_> {
         Ok(TextureRef {
             texture,
             transform: affine,
+            second: is_second,
         })
     }
 }

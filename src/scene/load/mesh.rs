@@ -4,6 +4,7 @@ use super::accessors::Data;
 use super::deform::{Influences, Skins, blended};
 use super::error::{Result, Warnings, fault, place};
 use super::nodes::PlacedNode;
+use super::variants;
 use crate::math::{Vec2, Vec3};
 use crate::memory;
 use crate::scene::mesh::{cofactors, unit};
@@ -35,14 +36,30 @@ const MIN_SHARED: u64 = 16;
 pub(super) struct Slot {
     /// Index into `SceneParts::materials`.
     pub(super) material: u32,
-    /// Texture coordinate set of its textures.
-    pub(super) uv_set: u32,
+    /// Texture coordinate sets of its textures: the first pair, and the second if there is one.
+    pub(super) uv_sets: (u32, Option<u32>),
     /// True if it emits light.
     pub(super) emits: bool,
     /// True if it has textures, and needs their coordinates.
     pub(super) textured: bool,
     /// True if it is brushed, and needs tangents.
     pub(super) brushed: bool,
+}
+
+/// Materials as meshes see them.
+pub(super) struct Looks<'a> {
+    /// One entry per material of the file and, last, the default material's.
+    pub(super) slots: &'a [Slot],
+    /// Variant to show.
+    pub(super) variant: Option<u64>,
+}
+
+impl Looks<'_> {
+    /// Index of a primitive's material.
+    fn of(&self, primitive: &Primitive) -> usize {
+        let none = self.slots.len() - 1;
+        variants::material(primitive, self.variant).unwrap_or(none)
+    }
 }
 
 /// A primitive of a node.
@@ -78,12 +95,11 @@ impl Instance<'_> {
     }
 }
 
-/// All meshes of the nodes: one per primitive and instance, in world space, and those that instances share. `slots` holds
-/// one entry per material of the file and, last, the default material's.
+/// All meshes of the nodes: one per primitive and instance, in world space, and those that instances share.
 pub(super) fn meshes(
     data: &Data<'_>,
     nodes: &[PlacedNode<'_>],
-    slots: &[Slot],
+    looks: &Looks<'_>,
     warnings: &mut Warnings,
 ) -> Result<(Vec<Mesh>, Vec<SharedMesh>)> {
     let skins = Skins::new(data, nodes, warnings)?;
@@ -102,14 +118,14 @@ pub(super) fn meshes(
         let poses = poses(data, placed)?;
         let primitives = mesh.primitives.iter().enumerate();
         for ((k, primitive), pose) in primitives.flat_map(|p| poses.iter().map(move |q| (p, *q))) {
-            let material = primitive.material.map_or(slots.len() - 1, |m| m.value());
+            let material = looks.of(primitive);
             let instance = Instance {
                 primitive,
                 source: (index, k),
                 pose,
                 weights: weights.map_or(&[], Vec::as_slice),
                 joints: (placed.node.skin).and_then(|skin| skins.joints(skin.value())),
-                emits: slots.get(material).is_some_and(|slot| slot.emits),
+                emits: looks.slots.get(material).is_some_and(|slot| slot.emits),
                 node: &placed.place,
             };
             if instances.len() == MAX_MESHES {
@@ -126,7 +142,7 @@ pub(super) fn meshes(
     let mut shares: Vec<SharedMesh> = Vec::new();
     for instance in &instances {
         if !(shared.contains(&instance.source) && instance.may_share()) {
-            meshes.extend(mesh(data, instance, slots, warnings)?);
+            meshes.extend(mesh(data, instance, looks, warnings)?);
             continue;
         }
         let number = match numbers.get(&instance.source) {
@@ -134,7 +150,7 @@ pub(super) fn meshes(
             None => {
                 let pose = DAffine3::IDENTITY;
                 let there = Instance { pose, ..*instance };
-                let number = mesh(data, &there, slots, warnings)?.map(|mesh| {
+                let number = mesh(data, &there, looks, warnings)?.map(|mesh| {
                     shares.push(SharedMesh {
                         mesh,
                         poses: Vec::new(),
@@ -221,8 +237,9 @@ const EMITTER_BYTES: u64 = 290;
 /// Bytes that a primitive of so many vertices and triangles takes at most, in the mesh and in the scene.
 fn bytes_of(primitive: &Primitive, vertices: u64, triangles: u64, emits: bool) -> u64 {
     let has = |semantic| u64::from(accessor(primitive, semantic).is_some());
-    let uvs = has(Semantic::TexCoords(0)) | has(Semantic::TexCoords(1));
-    let vertex = 12 + 12 * has(Semantic::Normals) + 16 * has(Semantic::Tangents) + 8 * uvs;
+    let uvs = has(Semantic::TexCoords(0)) + has(Semantic::TexCoords(1));
+    let colors = 16 * has(Semantic::Colors(0));
+    let vertex = 12 + 12 * has(Semantic::Normals) + 16 * has(Semantic::Tangents) + 8 * uvs + colors;
     let triangle = 12 + TRIANGLE_BYTES + if emits { EMITTER_BYTES } else { 0 };
     vertices * vertex + triangles * triangle
 }
@@ -291,7 +308,7 @@ fn accessor(primitive: &Primitive, semantic: Semantic) -> Option<usize> {
 fn mesh(
     data: &Data<'_>,
     instance: &Instance<'_>,
-    slots: &[Slot],
+    looks: &Looks<'_>,
     warnings: &mut Warnings,
 ) -> Result<Option<Mesh>> {
     let Instance { primitive, .. } = instance;
@@ -301,22 +318,21 @@ fn mesh(
         Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)
     );
     if !triangular {
-        warnings.say(format!("{place}: points and lines are ignored"));
+        warnings.group("primitives", place, "points and lines are ignored");
         return Ok(None);
     }
-    let slot = primitive.material.map_or(slots.len() - 1, |m| m.value());
+    let slot = looks.of(primitive);
     let Some(&Slot {
         material,
-        uv_set,
+        uv_sets,
         textured,
         brushed,
         ..
-    }) = slots.get(slot)
+    }) = looks.slots.get(slot)
     else {
         return Err(fault(place, format!("materials[{slot}] does not exist")));
     };
-    note_ignored(primitive, warnings);
-    let mut mesh = attributes(data, instance, uv_set, warnings)?;
+    let mut mesh = attributes(data, instance, uv_sets, warnings)?;
     morph(data, instance, &mut mesh, warnings)?;
     let poses = skinned(data, instance, mesh.positions.len(), warnings)?;
     let corners = match primitive.indices {
@@ -330,16 +346,20 @@ fn mesh(
     }
     mesh.indices = faces(&primitive.mode, &corners, place, warnings);
     mesh.material = material;
-    if textured && mesh.uvs.is_empty() {
-        warnings.say(format!(
-            "{place}: no TEXCOORD_{uv_set}: textures show the texel at (0, 0)"
-        ));
+    mesh.name.clone_from(place);
+    let second = uv_sets.1.filter(|_| mesh.second_uvs.is_empty());
+    let first = Some(uv_sets.0).filter(|_| textured && mesh.uvs.is_empty());
+    for set in first.into_iter().chain(second) {
+        let what = format!("no TEXCOORD_{set}: textures show the texel at (0, 0)");
+        warnings.group("primitives", place, &what);
     }
     if brushed && mesh.tangents.is_empty() {
         if mesh.uvs.is_empty() {
-            warnings.say(format!(
-                "{place}: no tangents and no TEXCOORD_{uv_set}: anisotropy is ignored"
-            ));
+            let what = format!(
+                "no tangents and no TEXCOORD_{}: anisotropy is ignored",
+                uv_sets.0
+            );
+            warnings.group("primitives", place, &what);
         }
         mesh.derive_tangents();
     }
@@ -347,16 +367,28 @@ fn mesh(
     Ok(Some(mesh))
 }
 
-fn note_ignored(primitive: &Primitive, warnings: &mut Warnings) {
-    if accessor(primitive, Semantic::Colors(0)).is_some() {
-        warnings.say("vertex colours are ignored");
+/// The colours of the vertices with their opacities, or none where all are white.
+fn colors(reader: &mut Optional<'_, '_>, index: usize) -> Result<Vec<Vec4>> {
+    let all = match reader.data.components(index)? {
+        3 => {
+            let colors = reader.normalised::<3>(index, "attributes.COLOR_0")?;
+            (colors.into_iter().map(|c| Vec3::from(c).extend(1.0))).collect()
+        }
+        _ => {
+            let colors = reader.normalised::<4>(index, "attributes.COLOR_0")?;
+            (colors.into_iter().map(Vec4::from)).collect::<Vec<_>>()
+        }
+    };
+    if all.iter().all(|c| *c == Vec4::ONE) {
+        return Ok(Vec::new());
     }
+    Ok((all.into_iter().map(|c| c.clamp(Vec4::ZERO, Vec4::ONE))).collect())
 }
 
 fn attributes(
     data: &Data<'_>,
     instance: &Instance<'_>,
-    uv_set: u32,
+    (first, second): (u32, Option<u32>),
     warnings: &mut Warnings,
 ) -> Result<Mesh> {
     let Instance { primitive, .. } = instance;
@@ -392,9 +424,17 @@ fn attributes(
             mesh.tangents = tangents.into_iter().map(Vec4::from).collect();
         }
     }
-    if let Some(index) = accessor(primitive, Semantic::TexCoords(uv_set)) {
+    let mut uvs = |set: u32| -> Result<Vec<Vec2>> {
+        let Some(index) = accessor(primitive, Semantic::TexCoords(set)) else {
+            return Ok(Vec::new());
+        };
         let uvs = reader.read::<2>(index, "attributes.TEXCOORD", &all)?;
-        mesh.uvs = uvs.into_iter().map(Vec2::from).collect();
+        Ok(uvs.into_iter().map(Vec2::from).collect())
+    };
+    mesh.uvs = uvs(first)?;
+    mesh.second_uvs = second.map_or(Ok(Vec::new()), uvs)?;
+    if let Some(index) = accessor(primitive, Semantic::Colors(0)) {
+        mesh.colors = colors(&mut reader, index)?;
     }
     Ok(mesh)
 }
@@ -493,7 +533,22 @@ impl Optional<'_, '_> {
         name: &str,
         allowed: &[gltf::json::accessor::ComponentType],
     ) -> Result<Vec<[f32; N]>> {
-        let mut values = self.data.floats::<N>(index, allowed)?;
+        let values = self.data.floats::<N>(index, allowed)?;
+        self.checked(index, name, values)
+    }
+
+    /// Floats or normalised integers.
+    fn normalised<const N: usize>(&mut self, index: usize, name: &str) -> Result<Vec<[f32; N]>> {
+        let values = self.data.normalised::<N>(index)?;
+        self.checked(index, name, values)
+    }
+
+    fn checked<const N: usize>(
+        &mut self,
+        index: usize,
+        name: &str,
+        mut values: Vec<[f32; N]>,
+    ) -> Result<Vec<[f32; N]>> {
         if values.len() != self.count {
             let what = format!(
                 "{} values for {} vertices (accessors[{index}])",

@@ -12,11 +12,13 @@ mod deform;
 mod error;
 mod extensions;
 mod lights;
+mod lit;
 mod materials;
 mod mesh;
 mod nodes;
 mod textures;
 mod uris;
+mod variants;
 
 use super::{Mesh, SceneParts};
 use crate::bsdf::Distribution;
@@ -34,14 +36,19 @@ use std::path::Path;
 use uris::{Container, Files};
 
 /// Choices that a file does not contain.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct LoadOptions {
     /// Slope distribution of all glossy lobes.
     pub distribution: Distribution,
     /// Closed meshes that transmit without a thickness are solid bodies, not thin walls.
     pub solid_glass: bool,
+    /// Such meshes stay thin walls. Without either choice they are bodies in files that Blender's exporter wrote: what it exports is
+    /// glass as Cycles shows it (`docs/lab/models.md`).
+    pub thin_glass: bool,
     /// Moment of the animations, in seconds; without one the scene is shown at rest.
     pub time: Option<f64>,
+    /// Variant of the materials by name, or by number from 0; without one those that the file shows first.
+    pub variant: Option<String>,
 }
 
 impl Default for LoadOptions {
@@ -49,7 +56,9 @@ impl Default for LoadOptions {
         Self {
             distribution: Distribution::Beckmann,
             solid_glass: false,
+            thin_glass: false,
             time: None,
+            variant: None,
         }
     }
 }
@@ -61,6 +70,9 @@ pub struct Loaded {
     pub parts: SceneParts,
     /// Animations of the file.
     pub animations: Vec<Animation>,
+    /// True if the file brings light: lamps, or surfaces that are lamps. Emissive textures and unlit materials are decoration,
+    /// and so is emission of less than a hundredth of a unit on the mean of all surfaces.
+    pub lit: bool,
     /// Features of the file that are ignored, one line each.
     pub warnings: Vec<String>,
     /// SHA-256 over the file and every external buffer and image it uses, in that order.
@@ -105,7 +117,12 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
     let mut requests = textures::Requests::default();
     let (mut materials, slots) =
         materials::materials(&root, options.distribution, &mut requests, &mut warnings)?;
-    let (mut meshes, mut shared) = mesh::meshes(&data, &nodes, &slots, &mut warnings)?;
+    let variant = variants::chosen(&root, options.variant.as_deref())?;
+    let shown = mesh::Looks {
+        slots: &slots,
+        variant,
+    };
+    let (mut meshes, mut shared) = mesh::meshes(&data, &nodes, &shown, &mut warnings)?;
     let default = materials.len() - 1;
     let all = || meshes.iter().chain(shared.iter().map(|s| &s.mesh));
     if !all().any(|m| m.material as usize == default) {
@@ -115,11 +132,27 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         .map(|m| (m.extensions.as_ref()).is_some_and(|e| e.volume.is_some()))
         .chain([false])
         .collect();
-    let solid = options.solid_glass;
+    let painted = (meshes.iter()).chain(shared.iter().map(|s| &s.mesh));
+    for mesh in painted.filter(|mesh| !mesh.colors.is_empty()) {
+        let material = &mut materials[mesh.material as usize];
+        if material.is_unlit() {
+            let at = place("materials", mesh.material as usize, Some(&material.name));
+            warnings.group("materials", at, "unlit, so that vertex colours are ignored");
+        } else {
+            material.finish_mut().has_colors = true;
+        }
+    }
+    let generator = root.asset.generator.as_deref().unwrap_or_default();
+    let glass = match (options.solid_glass, options.thin_glass) {
+        (true, _) => closed::Glass::Solid,
+        (false, true) => closed::Glass::Thin,
+        (false, false) if generator.contains("Blender") => closed::Glass::OfBlender,
+        (false, false) => closed::Glass::Unknown,
+    };
     let mut all: Vec<&mut Mesh> = (meshes.iter_mut())
         .chain(shared.iter_mut().map(|s| &mut s.mesh))
         .collect();
-    closed::bodies(&mut all, &mut materials, &known, solid, &mut warnings);
+    closed::bodies(&mut all, &mut materials, &known, glass, &mut warnings);
     let parts = SceneParts {
         meshes,
         shared,
@@ -130,6 +163,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         environment: None,
     };
     Ok(Loaded {
+        lit: lit::is_lit(&parts),
         parts,
         animations: animation::list(&root),
         warnings: warnings.into_lines(),
@@ -200,16 +234,16 @@ fn head(json: &[u8], warnings: &mut Warnings) -> Result<Head> {
     }
     head.check_lists()?;
     let unknown = |e: &&String| !SUPPORTED.contains(&e.as_str());
+    let needed = |e: &&String| !extensions::is_dispensable(e);
     let required: Vec<&str> = (head.extensions_required.iter().filter(unknown))
+        .filter(needed)
         .map(String::as_str)
         .collect();
     if !required.is_empty() {
         return Err(fault("extensionsRequired", extensions::refusal(&required)));
     }
     for name in head.extensions_used.iter().filter(unknown) {
-        warnings.say(format!(
-            "extensionsUsed: {name} is not supported and is ignored"
-        ));
+        warnings.group("extensions", name, "not supported and ignored");
     }
     Ok(head)
 }

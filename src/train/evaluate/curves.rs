@@ -151,7 +151,8 @@ impl Curves {
         // Lists with the same entries share their curves.
         let mut groups: BTreeMap<Vec<(usize, u32)>, usize> = BTreeMap::new();
         let mut entries = Vec::new();
-        let group: Vec<Option<usize>> = (lists.codes())
+        let group: Vec<Option<usize>> = lists
+            .codes()
             .map(|code| {
                 if lists.is_long(code) {
                     return None;
@@ -164,21 +165,29 @@ impl Curves {
                 }))
             })
             .collect();
-        let alphas: Vec<[Dual<f32>; NODES]> = (lists.codes().into_par_iter())
+        let alphas: Vec<[Dual<f32>; NODES]> = lists
+            .codes()
+            .into_par_iter()
             .map(|code| match lists.is_long(code) {
                 true => [Dual::default(); NODES],
                 false => node_alphas(lists.list(code)),
             })
             .collect();
-        let baked: Vec<PixelCurves> = (recording.pixels.par_iter())
+        let baked: Vec<PixelCurves> = recording
+            .pixels
+            .par_iter()
             .map(|pixel| bake_pixel(recording, pixel, &group, &alphas))
             .collect();
         let samples = |p: &RecordedPixel| f64::from(p.samples.max(1));
         let constant = Moments {
-            mean: (recording.pixels.iter())
+            mean: recording
+                .pixels
+                .iter()
                 .map(|p| p.constant.map(|c| (c / samples(p)) as f32))
                 .collect(),
-            second: (recording.pixels.iter())
+            second: recording
+                .pixels
+                .iter()
                 .map(|p| (p.constant_squared / samples(p)) as f32)
                 .collect(),
         };
@@ -267,7 +276,9 @@ fn by_factor(
         scales: Vec::with_capacity(curves),
     };
     let mut jacobian = Jacobian::with_capacity(curves);
-    let factors = (entries.into_iter().zip(members))
+    let factors = entries
+        .into_iter()
+        .zip(members)
         .filter(|(_, members)| !members.is_empty())
         .map(|(entries, members)| {
             let start = jacobian.len();
@@ -344,7 +355,9 @@ impl Knots {
 impl FactorCurves {
     /// The effective factor.
     fn gamma(&self, table: &AttenuationTable) -> f32 {
-        let raw: f32 = (self.entries.iter())
+        let raw: f32 = self
+            .entries
+            .iter()
             .map(|&(class, weight)| weight * table.gammas[class.index()])
             .sum();
         (raw * table.scale).clamp(GAMMA_MIN, 1.0)
@@ -438,7 +451,7 @@ impl MomentSource for Curves {
         let mut gradient = no_gradient();
         let adjoint = by_pixel(adjoint);
         for factor in &self.factors {
-            let d = (self.jacobian).gradient(factor.range.clone(), &adjoint);
+            let d = self.jacobian.gradient(factor.range.clone(), &adjoint);
             for &(class, weight) in &factor.entries {
                 gradient[class.index()] += d * f64::from(weight);
             }

@@ -118,9 +118,14 @@ impl Folded {
             place[of_all as usize] = Some(code);
         }
         let code_of = |event: &StoredEvent| place[event.code as usize];
-        let count = (recording.events.iter()).filter(|event| code_of(event).is_some());
+        let count = recording
+            .events
+            .iter()
+            .filter(|event| code_of(event).is_some());
         let mut events = Vec::with_capacity(count.count());
-        let pixels = (recording.pixels.iter())
+        let pixels = recording
+            .pixels
+            .iter()
             .map(|pixel| {
                 let start = events.len();
                 for path in &pixel.paths {
@@ -169,7 +174,9 @@ impl Folded {
             return;
         }
         let alphas = self.lists.alphas_with_gradient(table);
-        let evaluated: Vec<FoldedPixel> = (self.pixels.par_iter())
+        let evaluated: Vec<FoldedPixel> = self
+            .pixels
+            .par_iter()
             .map_init(Scratch::default, |scratch, (samples, range)| {
                 let events = &self.events[range.clone()];
                 let mut sum = [0.0; 4];
@@ -257,7 +264,9 @@ impl Folded {
             return;
         }
         let alphas = self.lists.alphas(table);
-        let sums: Vec<[f64; 4]> = (self.pixels.par_iter())
+        let sums: Vec<[f64; 4]> = self
+            .pixels
+            .par_iter()
             .map_init(Vec::new, |of_events, (samples, range)| {
                 let events = &self.events[range.clone()];
                 let mut sum = [0.0; 4];

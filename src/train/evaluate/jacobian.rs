@@ -206,7 +206,10 @@ pub(in crate::train) fn add(pixels: &[PixelMoments], moments: &mut Moments) {
 
 /// An adjoint, pixel by pixel.
 pub(in crate::train) fn by_pixel(adjoint: &Adjoint) -> Vec<PixelMoments> {
-    (adjoint.mean.iter().zip(&adjoint.second))
+    adjoint
+        .mean
+        .iter()
+        .zip(&adjoint.second)
         .map(|(m, &second)| [m[0], m[1], m[2], second])
         .collect()
 }

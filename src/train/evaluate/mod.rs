@@ -1,12 +1,11 @@
 //! Evaluation: mean and second moment of every pixel of a crop, and their derivatives, at any table.
 //!
-//! Three sources of the same numbers (`docs/method.md` section 7): [`fresh`] traces paths anew, [`replay`] evaluates
-//! the events of a recording one by one, and [`curves`] reads tabulated curves over the factor, with `folded` for the
+//! Two sources of the same numbers (`docs/method.md` section 7): [`replay`] evaluates the events of a recording one by
+//! one, and [`curves`] reads tabulated curves over the factor, with `folded` for the
 //! paths that have none. The fast ones follow a sparse `jacobian` between exact evaluations.
 
 pub mod curves;
 mod folded;
-pub mod fresh;
 mod jacobian;
 pub mod replay;
 
@@ -56,9 +55,6 @@ pub trait MomentSource: Send + Sync {
 
     /// Adds, per class, the light in the linearised part that depends on the factor: Σ |d mean / d ln γ| at the anchor.
     fn add_weights(&self, _weights: &mut [f64]) {}
-
-    /// Puts the source into the state that it has after this many calls of [`MomentSource::moments`].
-    fn skip(&mut self, _times: u64) {}
 
     /// Cost of a step relative to other crops, in any unit.
     fn work(&self) -> usize {

@@ -121,7 +121,11 @@ fn set_alternatives(vertex: &mut [ReplayedEvent], from_lobe: [f64; 3]) {
 impl MomentSource for Replay {
     fn moments(&mut self, table: &AttenuationTable) -> Moments {
         let alphas = self.recording.lists.alphas(table);
-        let sums: Vec<_> = (self.recording.pixels.par_iter().with_min_len(CHUNK))
+        let sums: Vec<_> = self
+            .recording
+            .pixels
+            .par_iter()
+            .with_min_len(CHUNK)
             .map(|pixel| self.pixel(pixel, &alphas))
             .collect();
         Moments {
@@ -134,7 +138,11 @@ impl MomentSource for Replay {
         let lists = &self.recording.lists;
         let of_lists = lists.alphas_with_gradient(table);
         let alphas: Vec<f32> = lists.codes().map(|code| of_lists.at(code).0).collect();
-        let chunks: Vec<Vec<(u32, f64)>> = (self.recording.pixels.par_chunks(CHUNK).enumerate())
+        let chunks: Vec<Vec<(u32, f64)>> = self
+            .recording
+            .pixels
+            .par_chunks(CHUNK)
+            .enumerate()
             .map(|(i, pixels)| self.chunk(pixels, i * CHUNK, &alphas, adjoint))
             .collect();
         let mut by_code = vec![0.0; lists.len()];

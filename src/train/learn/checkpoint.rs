@@ -16,8 +16,6 @@ pub struct Checkpoint {
     pub fingerprint: String,
     /// Steps taken.
     pub step: u32,
-    /// Validations since the best one.
-    pub stale: u32,
     /// Step, loss and table of the best validation.
     pub best: Option<(u32, f32, AttenuationTable)>,
     /// Table at which paths that fold were linearised.
@@ -28,18 +26,17 @@ pub struct Checkpoint {
 
 const FILE: Sealed = Sealed {
     kind: "training checkpoint",
-    version: 2,
+    version: 3,
     most: 1 << 26,
 };
 
-/// Header of the file. Payload: the factors of the anchor, those of the best table if there is one, the parameters, the
+/// Header of the file. Payload: the factors of the anchor, the factors of the best table if there is one, the parameters, the
 /// optimiser.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {
     fingerprint: String,
     step: u32,
-    stale: u32,
     best: Option<(u32, f32)>,
     /// Bytes of the parameters.
     parameters: usize,
@@ -56,7 +53,6 @@ impl Checkpoint {
         let config = Config {
             steps: 1,
             beta: vec![beta],
-            patience: 0,
             checkpoint_every: 1,
             ..config.clone()
         };
@@ -78,7 +74,6 @@ impl Checkpoint {
         let header = Header {
             fingerprint: self.fingerprint.clone(),
             step: self.step,
-            stale: self.stale,
             best: self.best.as_ref().map(|b| (b.0, b.1)),
             parameters: self.state.parameters.len(),
         };
@@ -111,12 +106,12 @@ impl Checkpoint {
             Some((step, loss)) => Some((step, loss, table()?)),
             None => None,
         };
-        let (parameters, adam) = (rest.split_at_checked(header.parameters))
+        let (parameters, adam) = rest
+            .split_at_checked(header.parameters)
             .ok_or_else(|| damaged(path, "the parameters are cut short"))?;
         Ok(Self {
             fingerprint: header.fingerprint,
             step: header.step,
-            stale: header.stale,
             best,
             anchor,
             state: LearnerState {

@@ -24,7 +24,7 @@ pub struct CropSet {
     weights: Vec<f64>,
 }
 
-/// One replicate of a crop.
+/// A crop and what it is learned from.
 struct TrainingCrop {
     /// Place among all that were ever in the set: sums depend on the order of their terms.
     place: usize,
@@ -51,7 +51,7 @@ impl TrainingCrop {
 }
 
 impl CropSet {
-    /// Adds a replicate of a crop.
+    /// Adds a crop.
     pub fn push(
         &mut self,
         crop: Crop,
@@ -69,7 +69,7 @@ impl CropSet {
         });
     }
 
-    /// The crops; replicates count as crops of their own.
+    /// The crops.
     pub fn crops(&self) -> impl Iterator<Item = &Crop> {
         self.crops.iter().map(|c| &c.crop)
     }
@@ -120,14 +120,8 @@ impl CropSet {
         crops.map(|c| c.source.exact(table)).collect()
     }
 
-    /// Moments of every crop at a table of its own, without tangents.
-    pub fn exact_each(&mut self, tables: &[AttenuationTable]) -> Vec<Moments> {
-        let crops = self.crops.par_iter_mut().zip(tables);
-        crops.map(|(c, table)| c.source.exact(table)).collect()
-    }
-
     /// The loss of each crop with these moments.
-    pub fn losses_of(&self, moments: &[Moments]) -> Vec<CropLoss> {
+    pub(crate) fn losses_of(&self, moments: &[Moments]) -> Vec<CropLoss> {
         let pairs = self.crops.iter().zip(moments);
         pairs.map(|(c, m)| CropLoss::new(&c.target, m)).collect()
     }
@@ -144,7 +138,7 @@ impl CropSet {
     }
 
     /// The mean loss of a constant factor; `None` without crops.
-    pub fn constant_loss(&mut self, beta: f32, gamma: f32, lookup: Lookup) -> Option<f32> {
+    pub(crate) fn constant_loss(&mut self, beta: f32, gamma: f32, lookup: Lookup) -> Option<f32> {
         let crops = self.crops.par_iter_mut().with_max_len(1);
         let losses: Vec<CropLoss> = crops.map(|c| c.constant_loss(gamma, lookup)).collect();
         mean_loss(&losses, beta)
@@ -173,7 +167,9 @@ impl CropSet {
         // One by one, the longest first: a few crops have most of the work.
         let mut crops: Vec<_> = self.crops.iter_mut().enumerate().collect();
         crops.sort_by_key(|(_, crop)| std::cmp::Reverse(crop.source.work()));
-        let mut evaluated: Vec<(usize, f32, Vec<f64>)> = (crops.into_iter().par_bridge())
+        let mut evaluated: Vec<(usize, f32, Vec<f64>)> = crops
+            .into_iter()
+            .par_bridge()
             .map(|(index, crop)| {
                 let moments = crop.source.moments(table);
                 let (loss, adjoint) = objective.evaluate(index, &moments);
@@ -215,13 +211,6 @@ impl CropSet {
         self.weights = no_gradient();
         for crop in &self.crops {
             crop.source.add_weights(&mut self.weights);
-        }
-    }
-
-    /// Puts the sources into the state that they have after this many steps.
-    pub(in crate::train) fn skip(&mut self, steps: u64) {
-        for crop in &mut self.crops {
-            crop.source.skip(steps);
         }
     }
 }

@@ -36,7 +36,10 @@ fn bessel(target: &Target) -> f32 {
 /// The scaled reference, all channels in a row.
 fn scaled_reference(target: &Target) -> Vec<f32> {
     let scale = target.scale();
-    (target.reference.iter().flatten())
+    target
+        .reference
+        .iter()
+        .flatten()
         .map(|v| v * scale)
         .collect()
 }
@@ -66,8 +69,10 @@ impl CropLoss {
         let references = scaled_reference(target);
         let (mean, second) = scaled_moments(moments, target.scale());
         let mut sums = [0.0f64; 4];
-        for ((mean, references), second) in
-            (mean.chunks_exact(3).zip(references.chunks_exact(3))).zip(second)
+        for ((mean, references), second) in mean
+            .chunks_exact(3)
+            .zip(references.chunks_exact(3))
+            .zip(second)
         {
             let mut squares = 0.0;
             for (&i, &f) in mean.iter().zip(references) {
@@ -93,7 +98,7 @@ impl CropLoss {
 }
 
 /// Mean of the crops' losses; `None` without crops.
-pub fn mean_loss(losses: &[CropLoss], beta: f32) -> Option<f32> {
+pub(crate) fn mean_loss(losses: &[CropLoss], beta: f32) -> Option<f32> {
     (!losses.is_empty())
         .then(|| losses.iter().map(|l| l.total(beta)).sum::<f32>() / losses.len() as f32)
 }
@@ -138,7 +143,7 @@ struct CropObjective {
     errors: Vec<f32>,
     /// q.
     variance: f32,
-    /// With [`LossBackend::Autodiff`].
+    /// Graph of the loss for [`LossBackend::Autodiff`].
     graph: Option<LossGraph>,
 }
 
@@ -184,7 +189,8 @@ impl CropObjective {
             None => self.evaluate(mean, second),
         };
         let adjoint = Adjoint {
-            mean: (mean.chunks_exact(3))
+            mean: mean
+                .chunks_exact(3)
                 .map(|m| [m[0] * s, m[1] * s, m[2] * s])
                 .collect(),
             second: second.iter().map(|v| v * s * s).collect(),
@@ -193,7 +199,7 @@ impl CropObjective {
     }
 }
 
-/// The same share as tensors over means and second moments in a row: Σ w |x − r| + Σ x (c − q x).
+/// Share of a crop as tensors over means and second moments in a row: Σ w |x − r| + Σ x (c − q x).
 struct LossGraph {
     reference: Tensor<1>,
     /// w; 0 for second moments.
@@ -232,8 +238,9 @@ impl LossGraph {
         let mut gradients = loss.backward();
         // Removed, because burn would copy a gradient that somebody else still holds.
         let gradient = x.grad_remove(&mut gradients);
-        let mut mean: Vec<f32> =
-            (gradient.and_then(|g| g.into_data().try_into_vec().ok())).unwrap_or_default();
+        let mut mean: Vec<f32> = gradient
+            .and_then(|g| g.into_data().try_into_vec().ok())
+            .unwrap_or_default();
         let second = mean.split_off(means.min(mean.len()));
         (value, mean, second)
     }

@@ -1,7 +1,7 @@
 //! Parameters: a burn module, the factors that it makes, and Adam.
 
-use crate::regularise::{AttenuationTable, BINS, GammaIndex, LEN, Lookup, MAX_VERTICES};
-use crate::train::config::{Model, Optimiser};
+use crate::regularise::{AttenuationTable, LEN, Lookup};
+use crate::train::config::Optimiser;
 use crate::train::evaluate::GAMMA_MIN;
 use crate::train::learn::loss::{device, tensor};
 use burn::module::{Module, Param};
@@ -13,9 +13,6 @@ use burn_pack::{DType, Reader};
 /// Gradients below this are rounding noise, on which Adam would walk, since its steps do not depend on their scale.
 const NOISE: f64 = 1e-10;
 
-/// Parameters of the additive model: 5 positions times 4 bins, and 4 lengths.
-const ADDITIVE: usize = MAX_VERTICES * BINS + MAX_VERTICES - 1;
-
 #[derive(Module, Debug)]
 struct Parameters {
     values: Param<Tensor<1>>,
@@ -23,7 +20,6 @@ struct Parameters {
 
 /// Parameters and their optimiser.
 pub struct Learner {
-    model: Model,
     optimiser: Optimiser,
     learning_rate: f64,
     lookup: Lookup,
@@ -31,40 +27,20 @@ pub struct Learner {
     adam: ModuleOptimizer,
 }
 
-/// Parameters of the additive model whose sum is ln γ of a class.
-fn terms(class: usize) -> Vec<usize> {
-    let bins = GammaIndex::new(class).map_or(Vec::new(), GammaIndex::bins);
-    let length = MAX_VERTICES * BINS + bins.len().saturating_sub(2);
-    let positions = (bins.iter().rev().enumerate()).map(|(i, bin)| i * BINS + bin);
-    positions.chain([length]).collect()
-}
-
 impl Learner {
     /// Parameters of a table whose factors are all `start`.
-    pub fn new(
-        model: Model,
-        optimiser: Optimiser,
-        learning_rate: f64,
-        lookup: Lookup,
-        start: f32,
-    ) -> Self {
+    pub fn new(optimiser: Optimiser, learning_rate: f64, lookup: Lookup, start: f32) -> Self {
         let start = start.clamp(GAMMA_MIN, 1.0);
-        let values = match (model, optimiser) {
-            (Model::Full, Optimiser::Adam) => vec![start; LEN],
-            (Model::Full, Optimiser::Log) => vec![start.ln(); LEN],
-            (Model::Additive, _) => {
-                let mut values = vec![0.0; ADDITIVE];
-                values[MAX_VERTICES * BINS..].fill(start.ln());
-                values
-            }
+        let value = match optimiser {
+            Optimiser::Adam => start,
+            Optimiser::Log => start.ln(),
         };
         Self {
-            model,
             optimiser,
             learning_rate,
             lookup,
             parameters: Parameters {
-                values: Param::from_tensor(parameters(values)),
+                values: Param::from_tensor(parameters(vec![value; LEN])),
             },
             // The ε of Kingma and Ba; burn's default is 1e-5.
             adam: AdamConfig::new().with_epsilon(1e-8).init(),
@@ -82,22 +58,14 @@ impl Learner {
 
     /// The table that the parameters make.
     pub fn table(&self) -> AttenuationTable {
-        let values = self.values();
-        let gammas: Vec<f32> = (0..LEN)
-            .map(|class| {
-                let gamma = match (self.model, self.optimiser) {
-                    (Model::Full, Optimiser::Adam) => values[class],
-                    (Model::Full, Optimiser::Log) => values[class].exp(),
-                    (Model::Additive, _) => {
-                        let sum: f32 = terms(class).iter().map(|&t| values[t]).sum();
-                        sum.exp()
-                    }
-                };
-                gamma.clamp(GAMMA_MIN, 1.0)
-            })
-            .collect();
         let mut table = AttenuationTable::constant(0.0);
-        table.gammas.copy_from_slice(&gammas);
+        for (gamma, value) in table.gammas.iter_mut().zip(self.values()) {
+            let new = match self.optimiser {
+                Optimiser::Adam => value,
+                Optimiser::Log => value.exp(),
+            };
+            *gamma = new.clamp(GAMMA_MIN, 1.0);
+        }
         table.lookup = self.lookup;
         table
     }
@@ -107,11 +75,12 @@ impl Learner {
         let gradient = self.chain(gradient);
         let mut gradients = GradientsParams::new();
         gradients.register(self.parameters.values.id, tensor(gradient, &device()));
-        self.parameters = (self.adam).step(self.learning_rate, self.parameters.clone(), gradients);
-        let (low, high) = match (self.model, self.optimiser) {
-            (Model::Full, Optimiser::Adam) => (GAMMA_MIN, 1.0),
-            (Model::Full, Optimiser::Log) => (GAMMA_MIN.ln(), 0.0),
-            (Model::Additive, _) => return,
+        self.parameters = self
+            .adam
+            .step(self.learning_rate, self.parameters.clone(), gradients);
+        let (low, high) = match self.optimiser {
+            Optimiser::Adam => (GAMMA_MIN, 1.0),
+            Optimiser::Log => (GAMMA_MIN.ln(), 0.0),
         };
         let values = self.parameters.values.clone();
         // A new leaf; otherwise the parameter would stay on the graph of the step.
@@ -122,26 +91,13 @@ impl Learner {
     /// Gradient by the parameters, from dL/dγ.
     fn chain(&self, gradient: &[f64]) -> Vec<f32> {
         let quiet = |g: f64| if g.abs() < NOISE { 0.0 } else { g };
-        match (self.model, self.optimiser) {
-            (Model::Full, Optimiser::Adam) => gradient.iter().map(|&g| quiet(g) as f32).collect(),
-            (Model::Full, Optimiser::Log) => (gradient.iter().zip(self.table().gammas.iter()))
+        match self.optimiser {
+            Optimiser::Adam => gradient.iter().map(|&g| quiet(g) as f32).collect(),
+            Optimiser::Log => gradient
+                .iter()
+                .zip(self.table().gammas.iter())
                 .map(|(&g, &gamma)| (quiet(g) * f64::from(gamma)) as f32)
                 .collect(),
-            (Model::Additive, _) => {
-                let mut sums = vec![0.0; ADDITIVE];
-                for (class, (&g, &gamma)) in
-                    gradient.iter().zip(self.table().gammas.iter()).enumerate()
-                {
-                    // At a bound only a step back inside counts.
-                    let outward = (gamma <= GAMMA_MIN && g > 0.0) || (gamma >= 1.0 && g < 0.0);
-                    if !outward {
-                        for term in terms(class) {
-                            sums[term] += quiet(g) * f64::from(gamma);
-                        }
-                    }
-                }
-                sums.into_iter().map(|g| g as f32).collect()
-            }
         }
     }
 

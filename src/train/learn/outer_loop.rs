@@ -114,8 +114,6 @@ pub(super) struct OuterLoop<'a> {
     skipped: u32,
     /// Step, loss and table of the best validation.
     best: Option<(u32, f32, AttenuationTable)>,
-    /// Validations since the best one.
-    stale: u32,
     log: Vec<LogEntry>,
     clock: Instant,
 }
@@ -135,19 +133,12 @@ impl<'a> OuterLoop<'a> {
         };
         Ok(Self {
             fingerprint: Checkpoint::fingerprint(config, beta, training.crops())?,
-            learner: Learner::new(
-                config.model,
-                config.optimiser,
-                config.step_size(),
-                config.lookup,
-                start,
-            ),
+            learner: Learner::new(config.optimiser, config.step_size(), config.lookup, start),
             path: folder.map(|f| f.join("last.ckpt")),
             anchor: config.constant(start),
             step: 0,
             skipped: 0,
             best: None,
-            stale: 0,
             log: Vec::new(),
             clock: Instant::now(),
             config,
@@ -169,8 +160,9 @@ impl<'a> OuterLoop<'a> {
         Ok(Self {
             learner: checkpoint.restore(self.learner, path)?,
             step: checkpoint.step,
-            stale: checkpoint.stale,
-            best: (checkpoint.best).map(|(step, loss, table)| (step, loss, with_lookup(table))),
+            best: checkpoint
+                .best
+                .map(|(step, loss, table)| (step, loss, with_lookup(table))),
             anchor: with_lookup(checkpoint.anchor),
             ..self
         })
@@ -181,24 +173,20 @@ impl<'a> OuterLoop<'a> {
         let config = self.config;
         let backend = match config.method {
             Evaluation::Tabulated => LossBackend::Scalar,
-            Evaluation::Fresh | Evaluation::Replay => LossBackend::Autodiff,
+            Evaluation::Replay => LossBackend::Autodiff,
         };
         let objective = self.training.objective(self.beta, backend);
-        self.training.skip(u64::from(self.step));
         self.training.anchor(self.anchor.clone());
         let mut stopped = false;
-        while self.step < config.steps && !self.out_of_patience() {
+        while self.step < config.steps {
             let table = self.learner.table();
             let (loss, gradient) = self.training.gradient(&objective, &table);
             let due = self.step.is_multiple_of(config.validate_every);
-            let before = due.then(|| (self.best.clone(), self.stale));
             if due {
                 self.validate();
             }
             stopped = listen(self.step, loss, self.log.last().filter(|_| due)).is_break();
             if stopped {
-                // The resumed training validates this step itself: counted twice, it would run out of patience early.
-                (self.best, self.stale) = before.unwrap_or((self.best, self.stale));
                 break;
             }
             if loss.is_finite() && gradient.iter().all(|g| g.abs() < MAX_DERIVATIVE) {
@@ -234,10 +222,6 @@ impl<'a> OuterLoop<'a> {
         })
     }
 
-    fn out_of_patience(&self) -> bool {
-        self.config.patience > 0 && self.stale >= self.config.patience
-    }
-
     /// Appends an entry to the log, and stores the table if its validation loss is the lowest so far.
     fn validate(&mut self) {
         if self.log.last().is_some_and(|e| e.step == self.step) {
@@ -245,10 +229,7 @@ impl<'a> OuterLoop<'a> {
         }
         let table = self.learner.table();
         let filled = self.training.visits().inherit(&table);
-        let crops = match self.config.method {
-            Evaluation::Fresh => Vec::new(),
-            Evaluation::Replay | Evaluation::Tabulated => self.training.losses(&table),
-        };
+        let crops = self.training.losses(&table);
         let validation_crops = self.validation.losses(&filled);
         let score = mean_loss(&validation_crops, self.beta);
         // A loss that is not finite is never the best, and could not be read back from a checkpoint.
@@ -256,9 +237,6 @@ impl<'a> OuterLoop<'a> {
             && self.best.as_ref().is_none_or(|best| score < best.1)
         {
             self.best = Some((self.step, score, filled));
-            self.stale = 0;
-        } else {
-            self.stale += 1;
         }
         self.log.push(LogEntry {
             step: self.step,
@@ -278,10 +256,17 @@ impl<'a> OuterLoop<'a> {
         let checkpoint = Checkpoint {
             fingerprint: self.fingerprint.clone(),
             step: self.step,
-            stale: self.stale,
             best: self.best.clone(),
-            anchor: (self.training.anchor.as_ref().unwrap_or(&self.anchor)).clone(),
-            state: (self.learner.to_bytes()).map_err(|e| TrainError::State(e.to_string()))?,
+            anchor: self
+                .training
+                .anchor
+                .as_ref()
+                .unwrap_or(&self.anchor)
+                .clone(),
+            state: self
+                .learner
+                .to_bytes()
+                .map_err(|e| TrainError::State(e.to_string()))?,
         };
         Ok(checkpoint.save(path)?)
     }

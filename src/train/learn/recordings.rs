@@ -4,10 +4,9 @@ use crate::files;
 use crate::gallery::manifest::Role;
 use crate::memory;
 use crate::sampler::{Domain, Seed};
-use crate::train::config::{Config, Evaluation, Loss};
+use crate::train::config::{Config, Evaluation};
 use crate::train::evaluate::MomentSource;
 use crate::train::evaluate::curves::Curves;
-use crate::train::evaluate::fresh::Fresh;
 use crate::train::evaluate::replay::Replay;
 use crate::train::learn::outer_loop::TrainError;
 use crate::train::record::crop::{Crop, DatasetError};
@@ -21,15 +20,15 @@ use std::time::{Duration, Instant};
 
 /// Place of the recordings of a session, and the wishes of whoever waits for them.
 pub struct RecordingControl<'a> {
-    /// Folder of recordings: those in it are read, others are traced and kept there; `None` for memory alone.
+    /// Folder of recordings. What it has is read, other recordings are traced and kept there; `None` for memory alone.
     pub folder: Option<PathBuf>,
-    /// True if the folder must have them all, and no others: none is traced.
+    /// True if the folder must have all recordings and no others. Then no path is traced.
     pub complete: bool,
     /// Checkpoints that are to be resumed, with their β. One of another training is refused before anything is recorded.
     pub checkpoints: Vec<(f32, PathBuf)>,
     /// Set to end the recording with [`DatasetError::Stopped`].
     pub stop: Arc<AtomicBool>,
-    /// Hears of every crop that begins.
+    /// Function that is called when a crop begins.
     pub listen: &'a (dyn Fn(&RecordingProgress<'_>) + Sync),
 }
 
@@ -73,10 +72,13 @@ impl Recordings {
         let crops = Crop::open_all(&config.manifest, |e| {
             e.role == Role::Validation || held_out(&e.family) || chosen(&e.name)
         })?;
-        let (training, validation): (Vec<Crop>, Vec<Crop>) =
-            (crops.into_iter()).partition(|c| c.role == Role::Train && !held_out(&c.family));
-        if let Some(missing) =
-            (config.scenes.iter()).find(|name| !training.iter().any(|c| c.scene_name == **name))
+        let (training, validation): (Vec<Crop>, Vec<Crop>) = crops
+            .into_iter()
+            .partition(|c| c.role == Role::Train && !held_out(&c.family));
+        if let Some(missing) = config
+            .scenes
+            .iter()
+            .find(|name| !training.iter().any(|c| c.scene_name == **name))
         {
             return Err(TrainError::Empty(format!(
                 "{}: no training scene `{missing}`",
@@ -100,9 +102,8 @@ impl Recordings {
         let validation = validation.into_iter().map(|crop| (crop, false));
         let jobs = training
             .chain(validation)
-            .flat_map(|(crop, training)| RecordingJob::replicates(crop, training, &config))
             .enumerate()
-            .map(|(index, job)| RecordingJob { index, ..job })
+            .map(|(index, (crop, training))| RecordingJob::new(index, crop, training, &config))
             .collect();
         Ok(Self { config, jobs })
     }
@@ -117,8 +118,8 @@ impl Recordings {
         self.jobs.iter().map(|job| (&job.crop, job.training))
     }
 
-    /// Records those with these numbers into the folder. Whole files that are there are kept, those of other settings and
-    /// damaged ones refused.
+    /// Records the crops with these numbers into the folder. Whole files that are there are kept. Damaged files and files of
+    /// other settings are refused.
     ///
     /// Panics for numbers that do not exist.
     pub fn record(
@@ -203,8 +204,9 @@ impl Recordings {
 pub fn recordings_in(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let paths = entries.map(|entry| entry.path());
-    let mut paths: Vec<PathBuf> =
-        (paths.filter(|path| path.extension().is_some_and(|e| e == RECORDING))).collect();
+    let mut paths: Vec<PathBuf> = paths
+        .filter(|path| path.extension().is_some_and(|e| e == RECORDING))
+        .collect();
     paths.sort();
     paths
 }
@@ -221,7 +223,7 @@ type Recorded<T> = Result<(T, bool), DatasetError>;
 
 /// A crop to record.
 pub(super) struct RecordingJob {
-    /// Number among those of the training.
+    /// Number among the crops of the training.
     index: usize,
     pub(super) crop: Crop,
     /// True if the crop is learned from.
@@ -231,27 +233,20 @@ pub(super) struct RecordingJob {
 }
 
 impl RecordingJob {
-    /// The recordings of a crop: `replicates` of a training crop, one of a validation crop.
-    fn replicates(crop: Crop, training: bool, config: &Config) -> Vec<Self> {
-        // The noise-free loss has one image of all samples.
-        let (replicates, spp) = match config.loss {
-            Loss::Published => (config.replicates, config.spp),
-            Loss::NoiseFree => (1, config.spp.saturating_mul(config.replicates)),
-        };
-        let replicates = 0..if training { replicates } else { 1 };
+    /// The recording of a crop, the one with this number.
+    fn new(index: usize, crop: Crop, training: bool, config: &Config) -> Self {
         let domain = if training {
             Domain::Recording
         } else {
             Domain::Validation
         };
-        let job = |replicate| Self {
-            index: 0,
-            crop: crop.clone(),
+        Self {
+            index,
+            crop,
             training,
-            seed: Seed(config.seed).derive(domain, u64::from(replicate)),
-            spp,
-        };
-        replicates.map(job).collect()
+            seed: Seed(config.seed).derive(domain, 0),
+            spp: config.spp,
+        }
     }
 
     /// Records the crop, or reads its recording, and prepares the configured evaluation.
@@ -261,7 +256,6 @@ impl RecordingJob {
         place: Option<&Path>,
         stop: &Arc<AtomicBool>,
     ) -> Recorded<RecordedCrop> {
-        let Self { crop, seed, .. } = self;
         let middle = config.constant(config.record_gammas[config.record_gammas.len() / 2]);
         let kept = self.kept(config, place)?;
         let traced = kept.is_none();
@@ -282,34 +276,16 @@ impl RecordingJob {
         let mut visits = Visits::default();
         visits.count(&recording, &middle);
         let source: Box<dyn MomentSource> = match config.method {
-            Evaluation::Fresh if self.is_fresh(config) => {
-                Box::new(Fresh::new(crop.clone(), self.spp, *seed))
-            }
             Evaluation::Replay => Box::new(Replay::new(recording)),
-            Evaluation::Fresh | Evaluation::Tabulated => {
-                Box::new(Curves::bake(&recording, &middle))
-            }
+            Evaluation::Tabulated => Box::new(Curves::bake(&recording, &middle)),
         };
         Ok((RecordedCrop { source, visits }, traced))
     }
 
-    /// True if the paths are traced again at every step.
-    fn is_fresh(&self, config: &Config) -> bool {
-        config.method == Evaluation::Fresh && self.training
-    }
-
-    /// Samples per pixel of the recording, of which visits are counted with any evaluation.
-    fn recorded_spp(&self, config: &Config) -> u32 {
-        match self.is_fresh(config) {
-            true => self.spp.min(64),
-            false => self.spp,
-        }
-    }
-
     /// Fingerprint of the recording's file.
     fn fingerprint(&self, config: &Config) -> String {
-        let spp = self.recorded_spp(config);
-        (self.crop).fingerprint(&config.record_gammas, config.roulette, spp, self.seed)
+        self.crop
+            .fingerprint(&config.record_gammas, config.roulette, self.spp, self.seed)
     }
 
     /// The recording in a file, if it is there.
@@ -331,8 +307,13 @@ impl RecordingJob {
 
     /// A new recording.
     fn trace(&self, config: &Config, stop: &Arc<AtomicBool>) -> Result<Recording, DatasetError> {
-        let (spp, roulette) = (self.recorded_spp(config), config.roulette);
-        (self.crop).record_until(&config.record_gammas, roulette, spp, self.seed, stop)
+        let Config {
+            record_gammas,
+            roulette,
+            ..
+        } = config;
+        self.crop
+            .record_until(record_gammas, *roulette, self.spp, self.seed, stop)
     }
 
     /// Paths of the recording.
@@ -357,20 +338,18 @@ const MAKING: u64 = 2 * 3 * EVENT_BYTES;
 
 /// Refuses recordings that need more memory than there is.
 fn check_memory(jobs: &[RecordingJob], config: &Config) -> Result<(), TrainError> {
-    let each = |job: &RecordingJob| match config.method {
+    let each = match config.method {
         Evaluation::Replay => EVENT_BYTES,
-        // One recording at a time, made and left again.
-        Evaluation::Fresh if job.training => 0,
-        Evaluation::Fresh | Evaluation::Tabulated => CURVE_BYTES,
+        Evaluation::Tabulated => CURVE_BYTES,
     };
-    let kept: u64 = jobs.iter().map(|job| each(job) * job.paths()).sum();
+    let kept: u64 = jobs.iter().map(|job| each * job.paths()).sum();
     let making = MAKING * jobs.iter().map(RecordingJob::paths).max().unwrap_or(0);
     let what = format!("recordings of {} crops", jobs.len());
     Ok(memory::check(what, kept + making)?)
 }
 
 /// Ending of the names of recordings.
-pub const RECORDING: &str = "recording";
+pub(crate) const RECORDING: &str = "recording";
 
 /// Runs jobs, two at a time: while one thread puts a recording together, the paths of another are traced. Results are
 /// in the order of the jobs, up to the first error.
@@ -401,7 +380,10 @@ fn run_all<T: Send>(
                 of: jobs.len(),
                 left: Duration::try_from_secs_f64(clock.elapsed().as_secs_f64() * left).ok(),
             });
-            let place = (control.folder.as_ref()).map(|folder| folder.join(job.file_name()));
+            let place = control
+                .folder
+                .as_ref()
+                .map(|folder| folder.join(job.file_name()));
             let result = run(job, place.as_deref());
             done.fetch_add(1, Ordering::Relaxed);
             match &result {

@@ -2,7 +2,7 @@
 
 use crate::files::hex;
 use crate::regularise::file::Provenance;
-use crate::train::config::{Config, Loss, Optimiser};
+use crate::train::config::{Config, Optimiser};
 use crate::train::learn::checkpoint::Checkpoint;
 use crate::train::learn::crop_set::CropSet;
 use crate::train::learn::outer_loop::{Listener, Outcome, OuterLoop, TrainError};
@@ -99,20 +99,16 @@ impl Session {
                 scenes.push(scene);
             }
         }
-        let kind = match config.loss {
-            Loss::Published => "of the realised mean I of N samples",
-            Loss::NoiseFree => "of the mean I of all recorded samples",
-        };
         Provenance {
             opsr: env!("CARGO_PKG_VERSION").into(),
             loss: format!(
-                "mean |I - f| / (f + {}) {kind} + beta mean N/(N-1) (M2 - M1^2), the sample variance of one path \
-                 sample; every crop scaled so that its reference has mean {}",
+                "mean |I - f| / (f + {}) of the realised mean I of N samples + beta mean N/(N-1) (M2 - M1^2), the sample \
+                 variance of one path sample; every crop scaled so that its reference has mean {}",
                 EPSILON, BRIGHTNESS
             ),
             beta: f64::from(beta),
             spp: config.spp,
-            model: format!("{:?}", config.model).to_lowercase(),
+            model: "full".into(),
             optimiser: format!(
                 "{}, rate {}, beta1 0.9, beta2 0.999, epsilon 1e-8, factors kept in [0.001, 1]",
                 match config.optimiser {
@@ -122,8 +118,8 @@ impl Session {
                 config.step_size()
             ),
             method: format!(
-                "{:?}, {} recording(s) drawn at gamma {:?}, roulette below {} of the reference",
-                config.method, config.replicates, config.record_gammas, config.roulette
+                "{:?}, 1 recording(s) drawn at gamma {:?}, roulette below {} of the reference",
+                config.method, config.record_gammas, config.roulette
             )
             .to_lowercase(),
             steps,

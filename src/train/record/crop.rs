@@ -67,9 +67,7 @@ pub struct Target {
 impl Target {
     /// Factor that scales the reference to the mean [`BRIGHTNESS`]; 1 for a black reference.
     pub fn scale(&self) -> f32 {
-        let sum: f64 = (self.reference.iter().flatten())
-            .map(|&v| f64::from(v))
-            .sum();
+        let sum: f64 = self.reference.iter().flatten().map(|&v| f64::from(v)).sum();
         let mean = sum / (3 * self.reference.len().max(1)) as f64;
         if mean > 0.0 {
             (f64::from(BRIGHTNESS) / mean) as f32
@@ -134,7 +132,7 @@ fn unrecorded(folder: &Path, missing: &[String]) -> String {
 
 impl Crop {
     /// Opens the crops of all scenes of a manifest that `wanted` accepts.
-    pub fn open_all(
+    pub(crate) fn open_all(
         manifest: &Path,
         wanted: impl Fn(&SceneEntry) -> bool,
     ) -> Result<Vec<Self>, DatasetError> {
@@ -197,7 +195,7 @@ impl Crop {
     }
 
     /// [`Crop::record`], which ends with [`DatasetError::Stopped`] as soon as `stop` is set.
-    pub fn record_until(
+    pub(crate) fn record_until(
         &self,
         gammas: &[f32],
         roulette: f32,

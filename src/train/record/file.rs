@@ -89,7 +89,7 @@ impl Recording {
         header.check(path, fingerprint)
     }
 
-    /// Reads the recording of a crop of so many pixels that was saved with this fingerprint; another one is refused.
+    /// Reads the recording of a crop of `pixels` pixels. One that was saved with another fingerprint is refused.
     pub fn load(path: &Path, fingerprint: &str, pixels: usize) -> Result<Self, FileError> {
         let (header, payload): (Header, _) = FILE.load(path)?;
         header.check(path, fingerprint)?;

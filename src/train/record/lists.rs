@@ -33,7 +33,7 @@ impl Interner {
     /// The code of the list that extends `parent` by a vertex of roughness `alpha`.
     pub(in crate::train) fn intern(&mut self, parent: Option<u32>, alpha: f32) -> u32 {
         let next = self.nodes.len() as u32;
-        *(self.index.entry(key(parent, alpha))).or_insert_with(|| {
+        *self.index.entry(key(parent, alpha)).or_insert_with(|| {
             self.nodes.push((parent, alpha));
             next
         })
@@ -135,7 +135,7 @@ impl RoughnessLists {
     }
 
     /// True if a path folds: α′ then depends on the factors of more than one class.
-    pub fn is_long(&self, code: u32) -> bool {
+    pub(crate) fn is_long(&self, code: u32) -> bool {
         self.list(code).len() > MAX_VERTICES
     }
 
@@ -170,7 +170,7 @@ impl RoughnessLists {
     }
 
     /// α′ of every list and its derivatives by the factors of `table`.
-    pub fn alphas_with_gradient(&self, table: &AttenuationTable) -> ListAlphas {
+    pub(crate) fn alphas_with_gradient(&self, table: &AttenuationTable) -> ListAlphas {
         let chunks = self.walk(
             AlphaChunk::with_room,
             |path: &mut Differentiated, alpha| path.push(alpha, table),
@@ -195,7 +195,7 @@ impl RoughnessLists {
             let mut states = vec![S::default()];
             let mut known = 0;
             for code in start..self.len().min(start + CHUNK) {
-                let (&last, before) = (self.list(code as u32).split_last()).unwrap_or((&1.0, &[]));
+                let (&last, before) = self.list(code as u32).split_last().unwrap_or((&1.0, &[]));
                 known = known.min(self.shared[code] as usize).min(before.len());
                 for (i, &alpha) in before.iter().enumerate().skip(known) {
                     if states.len() < i + 2 {
@@ -282,7 +282,9 @@ impl ListAlphas {
         buffer: &mut PrefetchBuffer,
     ) {
         buffer.entries.clear();
-        (buffer.entries).extend(codes.map(|code| (*self.entry(code), code)));
+        buffer
+            .entries
+            .extend(codes.map(|code| (*self.entry(code), code)));
     }
 
     /// α′ and derivatives of the lists in a buffer.

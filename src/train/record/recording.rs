@@ -107,7 +107,7 @@ impl From<Tape> for Recording {
 impl Recording {
     /// The events of a path, in order of depth.
     #[inline]
-    pub fn events_of(&self, path: &RecordedPath) -> &[StoredEvent] {
+    pub(crate) fn events_of(&self, path: &RecordedPath) -> &[StoredEvent] {
         &self.events[path.first as usize..][..path.count as usize]
     }
 
@@ -172,7 +172,7 @@ impl Tape {
         if self.lists.len() > known
             && let Some(drawn) = &self.drawn
         {
-            (drawn.0).alphas(&self.lists.list(code), &mut self.drawn_at);
+            drawn.0.alphas(&self.lists.list(code), &mut self.drawn_at);
             self.drawn_ends.push(self.drawn_at.len());
         }
         code
@@ -222,7 +222,10 @@ impl PathObserver for Tape {
     }
 
     fn begin(&mut self, pixel: UVec2, sample: u32) {
-        self.roulette = (self.drawn.as_ref()).map(|drawn| drawn.1.stream(pixel, sample));
+        self.roulette = self
+            .drawn
+            .as_ref()
+            .map(|drawn| drawn.1.stream(pixel, sample));
         let (x, y) = (pixel.x - self.window.x, pixel.y - self.window.y);
         self.current = y as usize * self.window.w as usize + x as usize;
         (self.before, self.left, self.here) = (None, None, None);

@@ -29,7 +29,9 @@ impl EventRoulette {
     /// A roulette whose thresholds are `share` times reference + ε.
     pub(in crate::train) fn new(target: &Target, share: f32, seed: Seed) -> Self {
         let epsilon = 3.0 * EPSILON / target.scale();
-        let thresholds = (target.reference.iter())
+        let thresholds = target
+            .reference
+            .iter()
             .map(|f| share * (f.iter().sum::<f32>() + epsilon))
             .collect();
         Self {

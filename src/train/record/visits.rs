@@ -30,8 +30,11 @@ impl Visits {
 
     /// Gives every unvisited class the factor of its longest visited suffix: the class without the vertices nearest the
     /// camera. Without one it gets the median of the visited factors.
-    pub fn inherit(&self, table: &AttenuationTable) -> AttenuationTable {
-        let mut visited: Vec<f32> = (table.gammas.iter().zip(&self.0))
+    pub(crate) fn inherit(&self, table: &AttenuationTable) -> AttenuationTable {
+        let mut visited: Vec<f32> = table
+            .gammas
+            .iter()
+            .zip(&self.0)
             .filter(|(_, visits)| **visits > 0)
             .map(|(gamma, _)| *gamma)
             .collect();
@@ -67,5 +70,5 @@ impl Visits {
 
 /// True if the last vertex of a class is below the top bin.
 fn is_live(class: GammaIndex) -> bool {
-    (class.bins().last()).is_some_and(|&bin| bin + 1 < BINS)
+    class.bins().last().is_some_and(|&bin| bin + 1 < BINS)
 }

@@ -418,3 +418,41 @@ fn table_of_a_suite_may_be_named() {
     std::fs::write(folder.path().join("beta-0.001"), "another").unwrap();
     assert_eq!(table().table, Some(folder.path().join("beta-0.001")));
 }
+
+/// Bodies overlap, which vcm does not know: it is marked, and the others are measured.
+#[test]
+fn bench_leaves_out_a_method_that_a_scene_refuses() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut parts = opsr::gallery::cornell_box();
+    for (name, x) in [("a", 0.0), ("b", 0.2)] {
+        let ball = opsr::gallery::shapes::sphere(opsr::math::Vec3::new(x, 1.4, 0.0), 0.3, 3);
+        parts.add(opsr::gallery::materials::glass(name, 1.5, 0.0), [ball]);
+    }
+    opsr::gallery::glb::save(&parts, &folder.path().join("balls.glb")).unwrap();
+    let suite = folder.path().join("suite.toml");
+    let text = "seeds = 2\nsamples = [2]\n\
+        [[scene]]\nname = 'balls'\nfile = 'balls.glb'\nsize = [16, 16]\nreference_spp = 4\n\
+        [[method]]\nname = 'merges'\nmethod = 'plain'\nintegrator = 'vcm'\n\
+        [[method]]\nname = 'plain'\nmethod = 'plain'\n";
+    std::fs::write(&suite, text).unwrap();
+    let suite = Suite::load(&suite).unwrap();
+    let path = folder.path().join("results.json");
+    let mut heard = |_: &opsr::report::bench::Status| ControlFlow::Continue(());
+    let (results, outcome) = run(&suite, &path, "opsr bench", &mut heard).unwrap();
+    assert_eq!(outcome, Outcome::Done);
+    assert_eq!(results.runs("balls", "plain").len(), 2);
+    assert_eq!(results.runs("balls", "merges").len(), 0);
+    let [("merges", why)] = results.refused("balls")[..] else {
+        panic!("{:?}", results.refused("balls"));
+    };
+    assert!(why.contains("overlap"), "{why}");
+    // In the file, the table and the page.
+    let results = Results::load(&path).unwrap();
+    let text = summary::text(&results);
+    assert!(
+        text.contains("merges is left out: the integrator vcm"),
+        "{text}"
+    );
+    let page = opsr::report::bench::page::page(&results);
+    assert!(page.contains("is left out: the integrator vcm"), "{page}");
+}

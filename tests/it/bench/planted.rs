@@ -130,6 +130,7 @@ fn cell(m: &Planted, seed: u64, salt: u64) -> Run {
         pilot: 0.0,
         regularised: 0.125,
         memory: Some(100.0),
+        refused: None,
     }
 }
 

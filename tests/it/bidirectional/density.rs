@@ -33,8 +33,7 @@ fn foot(radius: f32, iterations: u32) -> (f64, f64) {
     (mean(&film).0, error.into())
 }
 
-/// The mean of the radiance over a disk of radius r about the foot is (2/r²)(1 − (1 + r²)^(−1/2)). With 128 photons in as
-/// many buckets the cells of a query often share one, and no photon may count twice.
+/// The mean of the radiance over a disk of radius r about the foot is (2/r²)(1 − (1 + r²)^(−1/2)).
 #[test]
 fn photon_density_of_an_analytic_disk() {
     for (r, iterations, tolerance) in [(0.5f64, 30_000, 0.002), (0.2, 20_000, 0.006)] {

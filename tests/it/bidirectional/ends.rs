@@ -5,11 +5,12 @@ use crate::support::assert_likely;
 use crate::support::render::scene;
 use opsr::gallery::materials::{diffuse, emitter};
 use opsr::image::Buffer;
-use opsr::math::{Frame, Rgb, UVec2, Vec2, Vec3};
+use opsr::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr::scene::camera::Projection;
 use opsr::scene::{
-    Camera, EmissionSample, Environment, Material, PunctualLight, Scene, SceneParts, Sensor,
+    Aim, Beam, Camera, EmissionSample, Environment, Material, PunctualLight, Scene, SceneParts,
+    Sensor, Target,
 };
 use opsr::verify::chi_square::{integrate, p_value};
 use std::f32::consts::PI;
@@ -20,11 +21,16 @@ const SAMPLES: u32 = 40_000;
 const CELLS: usize = 12;
 
 fn emission(scene: &Scene) -> Vec<EmissionSample> {
+    aimed_emission(scene, &Aim::default())
+}
+
+fn aimed_emission(scene: &Scene, aim: &Aim) -> Vec<EmissionSample> {
     let source = Independent { seed: Seed(8) };
     (0..SAMPLES)
         .filter_map(|n| {
             let mut stream = source.stream(UVec2::ZERO, n);
             scene.sample_emission(
+                aim,
                 stream.next_pick(),
                 std::array::from_fn(|_| stream.next_1d()),
             )
@@ -77,6 +83,28 @@ fn directions(
     })
 }
 
+/// p-value of directions against their own densities, which have edges that no quadrature likes: the sum of 1/p over the
+/// samples in a cell is its solid angle, within four standard errors and a half. The p-value is that of the worst cell.
+fn solid_angles(samples: &[EmissionSample], frame: Frame, low: f32) -> f64 {
+    let mut cells = vec![(0.0f64, 0.0f64); CELLS * CELLS];
+    let cell = |x: f32| ((x * CELLS as f32) as usize).min(CELLS - 1);
+    for s in samples {
+        let l = frame.to_local(s.ray.dir);
+        let phi = (l.y.atan2(l.x) / (2.0 * PI)).rem_euclid(1.0);
+        if l.z <= low {
+            continue;
+        }
+        let (sum, squares) = &mut cells[cell((l.z - low) / (1.0 - low)) * CELLS + cell(phi)];
+        let angle = 1.0 / f64::from(s.pdf.direction);
+        *sum += angle;
+        *squares += angle * angle;
+    }
+    let expected = f64::from(SAMPLES) * TAU * f64::from(1.0 - low) / (CELLS * CELLS) as f64;
+    let apart = |&(sum, squares): &(f64, f64)| (sum - expected).abs() / squares.sqrt();
+    let worst = cells.iter().map(apart).fold(0.0, f64::max);
+    println!("worst cell {worst:.2} standard errors apart");
+    if worst < 4.5 { 1.0 } else { 0.0 }
+}
 /// Points of the unit disk of equal density, as points of the unit square of equal density.
 fn disk(p: Vec2) -> Vec2 {
     Vec2::new(
@@ -111,6 +139,11 @@ fn across(scene: &Scene, samples: &[EmissionSample]) -> f64 {
     likely(points, uniform)
 }
 
+/// The way back from far beyond the first meeting.
+fn back(sample: &EmissionSample) -> Ray {
+    Ray::new(sample.ray.at(2.0), -sample.ray.dir)
+}
+
 fn near(a: f32, b: f32) {
     assert!((a / b - 1.0).abs() < 1e-3, "{a} {b}");
 }
@@ -129,15 +162,17 @@ fn chi_square_of_emission_from_triangles() {
         let samples = emission(&scene);
         assert_eq!(samples.len() as u32, SAMPLES);
         // The same panel, met by a ray.
-        let up = opsr::math::Ray::new(Vec3::new(0.1, 1.0, 0.2), Vec3::Y);
+        let up = Ray::new(Vec3::new(0.1, 1.0, 0.2), Vec3::Y);
         let surface = scene.surface(&scene.intersect(&up).expect("the panel"));
         let pdf = |w: Vec3| {
             let lit = double_sided || w.dot(surface.ng) > 0.0;
-            let pdf = scene.lights().pdf_emission(&surface, w);
+            let pdf = scene.lights().pdf_emission(&Aim::default(), &surface, w);
             if lit { pdf.direction } else { 0.0 }
         };
         for s in &samples {
-            let expected = scene.lights().pdf_emission(&surface, s.ray.dir);
+            let expected = scene
+                .lights()
+                .pdf_emission(&Aim::default(), &surface, s.ray.dir);
             near(s.pdf.direction, expected.direction);
             near(s.pdf.position, 1.0 / 0.64);
             near(s.pdf.position, expected.position);
@@ -194,7 +229,10 @@ fn chi_square_of_emission_from_lights_without_area() {
         // Density with which light sampling says that an emission sample comes to a point.
         let pdf = |w: Vec3| {
             let sample = scene.lights().sample(position + w, [0.5; 3].into());
-            sample.map_or(0.0, |s| s.emission_pdf)
+            sample.map_or(0.0, |s| {
+                let lights = scene.lights();
+                lights.emission_over_sampling(&Aim::default(), &s, position + w)
+            })
         };
         let all = samples.iter().map(|s| s.ray.dir);
         let p = match light {
@@ -240,7 +278,9 @@ fn chi_square_of_emission_from_an_environment() {
     let scene = scene(parts);
     let samples = emission(&scene);
     for s in &samples {
-        let expected = scene.lights().pdf_emission_environment(-s.ray.dir);
+        let expected = scene
+            .lights()
+            .pdf_emission_environment(&Aim::default(), &back(s));
         near(s.pdf.position, expected.position);
         near(s.pdf.direction, expected.direction);
         assert!(s.pdf.infinite && s.cos == 1.0);
@@ -259,13 +299,201 @@ fn chi_square_of_emission_from_an_environment() {
                 cos as f32,
                 (-sin * phi.cos()) as f32,
             );
-            let pdf = scene.lights().pdf_emission_environment(w).direction;
+            let ray = Ray::new(Vec3::ZERO, w);
+            let pdf = scene
+                .lights()
+                .pdf_emission_environment(&Aim::default(), &ray)
+                .direction;
             f64::from(pdf) * TAU * std::f64::consts::PI * sin
         };
         integrate(&f, x, y, 1e-5)
     });
     let points = across(&scene, &samples);
     assert_likely(&[(p, "direction".into()), (points, "point".into())]);
+}
+
+/// An aim of all lights at these targets, each with its share.
+fn aim(scene: &Scene, targets: &[(Vec3, f32, f32)]) -> Aim {
+    scene.lights().index();
+    let target = |&(centre, radius, share): &(Vec3, f32, f32)| (Target { centre, radius }, share);
+    let beam = Beam::new(targets.iter().map(target).collect());
+    Aim::new(vec![Some(beam)], vec![0; scene.lights().len()])
+}
+
+/// Two targets that overlap, seen from above, and a third that lies in the first.
+const TARGETS: [(Vec3, f32, f32); 3] = [
+    (Vec3::new(0.3, 0.2, 0.1), 0.5, 0.2),
+    (Vec3::new(-0.2, 0.1, 0.2), 0.4, 0.15),
+    (Vec3::new(0.4, 0.3, 0.1), 0.12, 0.15),
+];
+
+/// Directions of aimed emission against its density: area lights of one and two sides, some of whose points lie inside a
+/// target and before another, point and spot lights.
+#[test]
+fn chi_square_of_aimed_directions() {
+    let position = Vec3::new(0.1, 1.2, 0.0);
+    let axis = Vec3::new(0.3, -1.0, 0.2).normalize();
+    let (intensity, range) = (Rgb::splat(2.0), f32::INFINITY);
+    let point = PunctualLight::Point {
+        position,
+        intensity,
+        range,
+    };
+    let spot = PunctualLight::Spot {
+        position,
+        direction: axis,
+        intensity,
+        range,
+        cos_inner: 0.3,
+        cos_outer: 0.2,
+    };
+    let mut p_values = Vec::new();
+    for light in [point, spot] {
+        let mut parts = dark_box();
+        parts.lights.push(light);
+        let scene = scene(parts);
+        let aim = aim(&scene, &TARGETS);
+        let samples = aimed_emission(&scene, &aim);
+        let lights = scene.lights();
+        // What light sampling says of the same rays.
+        let pdf = |w: Vec3| {
+            let from = position + w;
+            let sample = lights.sample(from, [0.5; 3].into());
+            sample.map_or(0.0, |s| lights.emission_over_sampling(&aim, &s, from))
+        };
+        for s in &samples {
+            near(s.pdf.direction, pdf(s.ray.dir));
+            assert!(s.throughput.x <= 2.001 / (s.pdf.position * s.pdf.direction));
+        }
+        // Draws outside of a spot's cone are dark, and left out.
+        let low = match light {
+            PunctualLight::Spot { cos_outer, .. } => cos_outer,
+            _ => -1.0,
+        };
+        let frame = Frame::from_normal(axis);
+        p_values.push((solid_angles(&samples, frame, low), format!("{light:?}")));
+    }
+    let mut rims = 0;
+    for double_sided in [false, true] {
+        let mut parts = dark_box();
+        let material = Material {
+            double_sided,
+            ..emitter("light", Rgb::splat(3.0))
+        };
+        // So small that all its points see the same cones.
+        parts.add(material, [panel(2e-4)]);
+        let scene = scene(parts);
+        let aim = aim(
+            &scene,
+            &TARGETS.map(|(c, r, q)| (c + 0.9 * Vec3::Y * c.x.signum(), r, q)),
+        );
+        let samples = aimed_emission(&scene, &aim);
+        let up = Ray::new(Vec3::new(5e-5, 1.0, 5e-5), Vec3::Y);
+        let down = Ray::new(Vec3::new(5e-5, -1.0, 5e-5), Vec3::Y);
+        let hit = scene.intersect(&up).or_else(|| scene.intersect(&down));
+        let surface = scene.surface(&hit.expect("the panel"));
+        for s in &samples {
+            near(
+                s.throughput.x,
+                3.0 * s.cos / (s.pdf.position * s.pdf.direction),
+            );
+            // All but where the rim of a cone passes between two points of the panel.
+            let pdf = scene
+                .lights()
+                .pdf_emission(&aim, &surface, s.ray.dir)
+                .direction;
+            rims += u32::from((pdf / s.pdf.direction - 1.0).abs() > 0.01);
+        }
+        assert!(rims < 100, "{rims}");
+        let low = if double_sided { -1.0 } else { 0.0 };
+        let p = solid_angles(&samples, Frame::from_normal(surface.ng), low);
+        p_values.push((p, format!("two sides {double_sided}")));
+    }
+    assert_likely(&p_values);
+}
+
+/// Points across the rays of aimed light from infinity against their density, over the disk around the scene.
+#[test]
+fn chi_square_of_aimed_points() {
+    let axis = Vec3::new(0.3, -1.0, 0.2).normalize();
+    for sky in [false, true] {
+        let mut parts = dark_box();
+        if sky {
+            parts.environment = Some(Environment::constant(Rgb::ONE));
+        } else {
+            parts.lights.push(PunctualLight::Directional {
+                direction: axis,
+                irradiance: Rgb::ONE,
+            });
+        }
+        let scene = scene(parts);
+        let aim = aim(&scene, &TARGETS);
+        let (centre, radius) = sphere(&scene);
+        let samples = aimed_emission(&scene, &aim);
+        for s in &samples {
+            // From wherever the ray is seen.
+            let seen = scene
+                .lights()
+                .pdf_emission_environment(&aim, &back(s))
+                .position;
+            if sky {
+                near(s.pdf.position, seen);
+            }
+            let light = scene.lights().sample(s.ray.at(1.3), [0.5; 3].into());
+            if !sky {
+                let light = light.expect("the sun");
+                let lights = scene.lights();
+                near(
+                    s.pdf.position,
+                    lights.emission_over_sampling(&aim, &light, s.ray.at(1.3)),
+                );
+            }
+        }
+        // The frame of every direction is its own: distances from a target's centre, and the angle about it.
+        for (place, size, _) in TARGETS {
+            let inside = samples.iter().map(|s| {
+                let frame = Frame::from_normal(s.ray.dir);
+                let l = frame.to_local(s.ray.origin - place) / size;
+                Vec2::new(l.x, l.y)
+            });
+            let inside: Vec<(Vec2, f32)> = (inside.zip(&samples))
+                .filter(|(p, _)| p.length_squared() < 1.0)
+                .map(|(p, s)| (p, s.pdf.position))
+                .collect();
+            // Over the density, points are even: 1/p sums to the area of a part of the disk.
+            let area = |keep: &dyn Fn(Vec2) -> bool| {
+                let kept = inside.iter().filter(|(p, _)| keep(*p));
+                let (sum, squares) = kept.fold((0.0, 0.0), |(sum, squares), (_, pdf)| {
+                    let area = 1.0 / f64::from(*pdf);
+                    (sum + area, squares + area * area)
+                });
+                let n = f64::from(SAMPLES);
+                (sum / n, squares.sqrt() / n)
+            };
+            for k in 0..6 {
+                let part = |p: Vec2| {
+                    let [ring, turn] = disk(p).to_array();
+                    (ring < 0.5) == (k % 2 == 0) && (turn * 3.0) as usize == k / 2
+                };
+                let (found, error) = area(&part);
+                let expected = f64::from(PI * size * size) / 6.0;
+                let apart = (found - expected).abs() / error;
+                assert!(apart < 4.5, "sky {sky}, {k}: {found} ± {error}, {expected}");
+            }
+        }
+        let n = samples.len() as f64;
+        let everywhere: f64 = samples
+            .iter()
+            .map(|s| 1.0 / f64::from(s.pdf.position))
+            .sum();
+        let error: f64 = samples
+            .iter()
+            .map(|s| f64::from(s.pdf.position).powi(-2))
+            .sum();
+        let expected = f64::from(PI * radius * radius);
+        let apart = (everywhere - n * expected).abs() / error.sqrt();
+        assert!(apart < 4.5, "{everywhere} {expected} {centre}");
+    }
 }
 
 fn cameras() -> [Camera; 2] {

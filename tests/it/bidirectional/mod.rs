@@ -1,11 +1,12 @@
 //! Light paths and connections: densities of the ends, algebra of the weights, agreement with the path tracer.
 
 mod agreement;
-mod audit;
+mod aim;
 mod density;
 mod determinism;
 mod ends;
 mod metropolis;
+mod photons;
 mod psr;
 mod scenes;
 mod slopes;

@@ -126,6 +126,7 @@ pub(super) fn normal_map() -> SceneParts {
     });
     let material = Material {
         normal_texture: Some(TextureRef {
+            second: false,
             texture: 0,
             transform: Default::default(),
         }),
@@ -192,6 +193,106 @@ pub(super) fn under_water(alpha: f32) -> SceneParts {
     parts
 }
 
+/// The floor of a wide field with a ball of glass in the middle, which the camera sees: light of all kinds is aimed at it.
+pub(super) fn field(light: impl FnOnce(&mut SceneParts)) -> SceneParts {
+    let mut parts = SceneParts::default();
+    let floor = quad(Vec3::new(-15.0, 0.0, -15.0), Vec3::Z * 30.0, Vec3::X * 30.0);
+    parts.add(diffuse("floor", HALF), [floor]);
+    let ball = sphere(Vec3::new(0.0, 0.501, 0.0), 0.5, 3);
+    parts.add(glass("ball", 1.5, 0.0), [ball]);
+    parts.add(
+        metal("roll", HALF, 0.2),
+        [cuboid(Vec3::new(0.7, 0.0, -0.4), Vec3::new(0.9, 0.3, 0.4))],
+    );
+    light(&mut parts);
+    parts.add_camera([1.2, 2.2, 3.0], [0.3, 0.25, -0.1], 36.0);
+    parts
+}
+
+pub(super) fn sun_in_field(parts: &mut SceneParts) {
+    parts.lights.push(PunctualLight::Directional {
+        direction: Vec3::new(0.5, -1.0, -0.2).normalize(),
+        irradiance: Rgb::new(3.0, 2.8, 2.5),
+    });
+}
+
+pub(super) fn sky_in_field(parts: &mut SceneParts) {
+    let sun = |x: usize, y: usize| if (x, y) == (6, 3) { 300.0 } else { 0.3 };
+    let map = Buffer::from_fn(24, 12, |x, y| Rgb::splat(sun(x, y)));
+    parts.environment = Some(Environment::from_map(map, 0.0));
+}
+
+pub(super) fn lamps_in_field(parts: &mut SceneParts) {
+    let lamp = quad(Vec3::new(-2.0, 6.0, 1.0), Vec3::X * 0.5, Vec3::Z * 0.5);
+    parts.add(emitter("lamp", Rgb::new(60.0, 50.0, 40.0)), [lamp]);
+    let both = Material {
+        double_sided: true,
+        ..emitter("both", Rgb::new(10.0, 20.0, 30.0))
+    };
+    let lamp = quad(Vec3::new(3.0, 2.0, 3.0), Vec3::X * 0.5, Vec3::Y * 0.5);
+    parts.add(both, [lamp]);
+}
+
+pub(super) fn points_in_field(parts: &mut SceneParts) {
+    let (intensity, range) = (Rgb::new(20.0, 25.0, 30.0), 40.0);
+    parts.lights.push(PunctualLight::Point {
+        position: Vec3::new(-2.0, 4.0, 1.0),
+        intensity,
+        range,
+    });
+    parts.lights.push(PunctualLight::Spot {
+        position: Vec3::new(2.0, 5.0, 2.0),
+        direction: Vec3::new(-2.0, -4.6, -2.0).normalize(),
+        intensity: 2.0 * intensity,
+        range: f32::INFINITY,
+        cos_inner: 0.95,
+        cos_outer: 0.8,
+    });
+}
+
+/// A floor with blocks among two dozen lamps, of which each part of it is lit by few: the light tree knows which.
+pub(super) fn many_lamps() -> SceneParts {
+    let mut parts = SceneParts::default();
+    let floor = quad(Vec3::new(-3.0, 0.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0);
+    parts.add(diffuse("floor", HALF), [floor]);
+    parts.add(metal("block", HALF, 0.25), blocks());
+    parts.add(
+        glass("ball", 1.5, 0.0),
+        [sphere(Vec3::new(0.9, 0.45, 0.6), 0.4, 3)],
+    );
+    for i in 0..12u32 {
+        let (x, z) = ((i % 4) as f32 * 1.5 - 2.4, (i / 4) as f32 * 2.0 - 2.0);
+        let lamp = quad(Vec3::new(x, 0.8, z), Vec3::X * 0.2, Vec3::Z * 0.2);
+        let power = 4.0 + 8.0 * (i % 3) as f32;
+        parts.add(emitter("lamp", Rgb::new(power, 0.8 * power, 12.0)), [lamp]);
+    }
+    parts.lights.push(PunctualLight::Point {
+        position: Vec3::new(0.5, 1.2, 0.2),
+        intensity: Rgb::splat(0.3),
+        range: f32::INFINITY,
+    });
+    parts.environment = Some(Environment::constant(Rgb::splat(0.05)));
+    parts.add_camera([0.5, 2.5, 4.0], [0.0, 0.2, 0.0], 50.0);
+    parts
+}
+
+/// A room whose lamp shines through one pane, and whose camera looks through another.
+pub(super) fn panes() -> SceneParts {
+    let mut parts = lit(diffuse("walls", Rgb::new(0.7, 0.5, 0.4)), 3.0);
+    let pane = Material {
+        transmission: 1.0,
+        ..coated("pane", Rgb::new(0.9, 0.8, 0.5), 0.0)
+    };
+    let (x, y, z) = (Vec3::X * 1.8, Vec3::Y * 1.4, Vec3::Z * 1.8);
+    let all = [
+        quad(Vec3::new(-0.9, 1.5, -0.9), z, x),
+        quad(Vec3::new(-0.9, 0.0, 0.7), x, y),
+    ];
+    parts.add(pane, all);
+    parts.add(metal("block", HALF, 0.3), blocks());
+    parts
+}
+
 /// Every scene, with the samples a pixel that its comparison takes.
 pub(super) fn all() -> Vec<(&'static str, SceneParts, u32)> {
     let thin = Material {
@@ -220,6 +321,12 @@ pub(super) fn all() -> Vec<(&'static str, SceneParts, u32)> {
         ("normal map", normal_map(), 64),
         ("blend leaf", leaf(), 64),
         ("absorbing bottle", bottle(), 128),
+        ("sun in a field", field(sun_in_field), 128),
+        ("sky in a field", field(sky_in_field), 128),
+        ("lamps in a field", field(lamps_in_field), 128),
+        ("points in a field", field(points_in_field), 128),
+        ("many lamps", many_lamps(), 64),
+        ("panes", panes(), 64),
         ("under water", under_water(0.0), 64),
         ("under rough water", under_water(0.3), 64),
     ]

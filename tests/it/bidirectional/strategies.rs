@@ -6,7 +6,7 @@ use crate::support::render::{film_with, scene};
 use opsr::gallery::materials::{coated, diffuse, metal};
 use opsr::image::Film;
 use opsr::integrator::bidirectional::{Radius, Strategies, Strategy};
-use opsr::integrator::{EnclosingBodies, Estimator, Integrator, Picture, Settings, View};
+use opsr::integrator::{Estimator, Integrator, Picture, Settings, View, Walk};
 use opsr::math::{Rgb, UVec2};
 use opsr::regularise::Unregularised;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
@@ -29,14 +29,7 @@ fn exact_length(scene: &Scene, edges: u32, spp: u32) -> Film {
         .tracer(Unregularised);
         let mut stream = source.stream(pixel, sample);
         let ray = sensor.ray(pixel.as_vec2() + stream.film());
-        tracer.radiance(
-            scene,
-            ray,
-            EnclosingBodies::default(),
-            sample,
-            &mut stream,
-            &mut (),
-        )
+        tracer.radiance(Walk::outside(scene, ray), sample, &mut stream, &mut ())
     };
     for index in 0..film.pixels.len() {
         for sample in 0..spp {

@@ -28,6 +28,8 @@ struct Path {
     camera_pdf: f64,
     position: f64,
     direction: f64,
+    /// Density with which light sampling draws the light's point, over that of emission.
+    sampling: f64,
     k: usize,
     distance: Vec<f64>,
     /// Cosines towards the camera and towards the light.
@@ -60,6 +62,7 @@ impl Path {
         let ends = many(0.05, 20.0);
         let light_paths = many(1.0, 1e6)[0].round();
         let m = many(1e-3, 1e3)[0];
+        let sampling = many(0.01, 100.0)[0];
         let mut next = || f64::from(u.next_1d());
         let dirac: Vec<bool> = (0..=k).map(|i| i > 0 && i < k && next() < 0.3).collect();
         let mut index2 = vec![1.0; k + 1];
@@ -78,6 +81,7 @@ impl Path {
             camera_pdf: ends[0],
             position: ends[1],
             direction: ends[2],
+            sampling,
             k,
             distance,
             cos_c,
@@ -142,7 +146,12 @@ impl Path {
             }
             let camera: f64 = (1..t).map(|i| self.camera_density(i)).product();
             let light: f64 = (t..=self.k).map(|i| self.light_density(i)).product();
-            camera * light * if t == 1 { self.light_paths } else { 1.0 }
+            let chances = match t {
+                1 => self.light_paths,
+                t if t == self.k => self.sampling,
+                _ => 1.0,
+            };
+            camera * light * chances
         };
         let merge = |j: usize| {
             if !self.merges(j) {
@@ -206,6 +215,9 @@ impl Path {
         for i in (1..k).rev() {
             let free = i + 1 == k && self.infinite();
             walk.arrive(squared(i + 1, free), of(self.cos_l[i]));
+            if i + 1 == k {
+                walk.sampled(of(self.sampling));
+            }
             light[i] = walk;
             if self.dirac[i] {
                 walk.dirac(of(self.cos_l[i]), of(1.0 / self.index2[i]));
@@ -234,15 +246,22 @@ impl Path {
                 } else {
                     &camera[k]
                 };
-                let infinite = self.infinite();
-                hit(partial, of(self.position), of(self.direction), infinite)
+                let first = if self.infinite() {
+                    self.direction
+                } else {
+                    self.position
+                };
+                let emitted = of(self.position) * of(self.direction);
+                hit(partial, of(first * self.sampling), emitted)
             } else if t == k {
                 let pdf_light = match self.light {
                     Light::Area => self.position * d2 / self.cos_c[k],
                     Light::Environment => self.direction,
                     _ => f64::INFINITY,
                 };
-                let camera = end(camera[k - 1], self.light_density(k - 1), self.pdf_l[k - 1]);
+                let pdf_light = pdf_light * self.sampling;
+                let pdf_area = self.light_density(k - 1) / self.sampling;
+                let camera = end(camera[k - 1], pdf_area, self.pdf_l[k - 1]);
                 light_sample(of(self.pdf_c[k - 1] / pdf_light), &camera, &merging)
             } else if t == 1 {
                 {

@@ -237,8 +237,12 @@ const CASES: &[(i32, &str, &str)] = &[
     (2, "render scene.glb --threads 0", "--threads"),
     (2, "render scene.glb --seed -1", "'-1' for '--seed <N>'"),
     (2, "render scene.glb --resume", "--checkpoint"),
-    (2, "render scene.glb --levels 5", "need a table"),
-    (2, "render scene.glb --mode pbrt --levels 5", "need a table"),
+    (2, "render scene.glb --levels 5", "scale the factors"),
+    (
+        2,
+        "render scene.glb --mode pbrt --levels 5",
+        "scale the factors",
+    ),
     (
         2,
         "render scene.glb --gamma 0.1 --levels 9",

@@ -294,3 +294,91 @@ fn tev_that_never_reads_does_not_block_the_render() {
     assert_eq!(picture(&place, "out.exr").size(), (1024, 512));
     drop(listener);
 }
+
+/// The command failed with this exit code and these words.
+fn fails(ended: super::Ended, code: i32, words: &str) {
+    assert_eq!(ended.code, Some(code), "{}", ended.err);
+    assert!(ended.err.contains(words), "{}", ended.err);
+}
+
+/// Endings of names count in capitals too.
+#[test]
+fn outputs_in_capitals_are_written() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::cornell_box());
+    place.render("--spp 1 -o A.EXR -o b.Png").done();
+    exr::read_rgb(&place.path().join("A.EXR")).expect("a picture");
+    png::read(&place.path().join("b.Png")).expect("a picture");
+}
+
+/// Layers that no file would hold.
+#[test]
+fn layers_with_only_a_png_are_refused() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::cornell_box());
+    for option in ["--aov", "--gamma 0.1 --level-layers"] {
+        let ended = place.render(&format!("--spp 1 {option} -o out.png"));
+        let words = "adds layers to EXR files: add -o with a name that ends in .exr";
+        fails(ended, 2, words);
+    }
+}
+
+/// A model without light is shown in the studio, and the closing line says so; without any there is no picture.
+#[test]
+fn scenes_without_light_are_lit_or_refused() {
+    let place = Place::new();
+    let mut parts = gallery::cornell_box();
+    for material in &mut parts.materials {
+        material.emission = opsr::math::Rgb::ZERO;
+    }
+    place.save("scene.glb", &parts);
+    let render = |options: &str| {
+        let words =
+            format!("render scene.glb --size 16x16 --spp 4 {options} -o out.png -o out.exr");
+        place.opsr(&words)
+    };
+    let pixels = || {
+        exr::read_rgb(&place.path().join("out.exr"))
+            .expect("a picture")
+            .pixels
+    };
+    let ended = render("").done();
+    assert!(
+        ended.err.contains("lit by the built-in studio"),
+        "{}",
+        ended.err
+    );
+    let studio = pixels();
+    assert!(studio.iter().any(|p| p.x > 0.1));
+    let ended = render("--env studio").done();
+    assert!(
+        !ended.err.contains("since the file has no light"),
+        "{}",
+        ended.err
+    );
+    assert!(pixels() == studio);
+    render("--env sky --sun 30,10 --turbidity 4").done();
+    assert!(pixels() != studio);
+    std::fs::remove_file(place.path().join("out.png")).expect("the picture");
+    fails(
+        render("--env none"),
+        3,
+        "nothing lights the scene: --env studio, --env sky or a map would",
+    );
+    assert!(!place.path().join("out.png").exists());
+    fails(
+        render("--sun 30"),
+        2,
+        "--sun and --turbidity need --env sky",
+    );
+    fails(
+        render("--env sky --sun 120"),
+        2,
+        "expected a height from 0 to 90",
+    );
+    fails(
+        render("--variant red"),
+        3,
+        "there is no `red`: the file has none",
+    );
+}

@@ -10,15 +10,21 @@ pub(super) const TRAIN: &str = "train --set manifest=\"list.toml\" --set spp=2 -
 
 /// A folder with a list of two scenes that have references.
 pub(super) fn place() -> Place {
+    place_of(1)
+}
+
+/// The same with this many crops to learn from.
+fn place_of(crops: u32) -> Place {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
-    let entry = |name: &str, role: &str, x: u32| {
+    let entry = |name: &str, role: &str, crops: &[[u32; 2]]| {
         format!(
             "[[scene]]\nname = \"{name}\"\nfile = \"scene.glb\"\nrole = \"{role}\"\nfamily = \"{name}\"\n\
-             frame = [64, 64]\ncrops = [[{x}, 32]]\nmax_vertices = 6\nexposure = 1.0\n"
+             frame = [64, 64]\ncrops = {crops:?}\nmax_vertices = 6\nexposure = 1.0\n"
         )
     };
-    let list = entry("a", "train", 32) + &entry("b", "validation", 0);
+    let training: Vec<[u32; 2]> = (0..crops).map(|i| [32 - 4 * i, 32]).collect();
+    let list = entry("a", "train", &training) + &entry("b", "validation", &[[0, 32]]);
     place.write("list.toml", list);
     place
         .opsr("scenes reference --manifest list.toml --spp 4")
@@ -172,8 +178,8 @@ fn resume_after_an_interrupt_gives_the_same_tables() {
 #[test]
 #[cfg(unix)]
 fn resume_after_an_interrupt_of_the_recording_gives_the_same_tables() {
-    let place = place();
-    let args = "--steps 3 --set spp=300 --set replicates=4";
+    let place = place_of(4);
+    let args = "--steps 3 --set spp=300";
     let first = "run/recordings/000-a-32-32.recording";
     let ended = place.interrupted(&format!("{TRAIN} {args}"), first);
     assert_eq!(ended.code, Some(5), "{}", ended.err);
@@ -304,18 +310,18 @@ fn errors_name_the_setting_or_file() {
 
 /// `opsr record`, of the settings of `extra`.
 fn record(place: &Place, extra: &str) -> Ended {
-    let settings = "--set manifest=\"list.toml\" --set spp=2 --set start=0.1 --set replicates=2";
+    let settings = "--set manifest=\"list.toml\" --set spp=2 --set start=0.1";
     place.opsr(&format!("record {settings} {extra}"))
 }
 
 /// Tables of recordings that other processes made, in any order, are those of a training that records itself.
 #[test]
 fn recordings_of_several_processes_give_the_same_tables() {
-    let place = place();
-    let args = "--steps 5 --beta 0.001,0.05 --set replicates=2";
+    let place = place_of(2);
+    let args = "--steps 5 --beta 0.001,0.05";
     train(&place, args).done();
     let whole = place.files_in("params");
-    // Three recordings: two of the training crop, one of the validation crop. Settings of the learning do not matter.
+    // Three recordings: of two training crops and one for validation. Settings of the learning do not matter.
     record(
         &place,
         "--recordings shards --crops 1..3 --threads 1 --beta 3",
@@ -351,10 +357,10 @@ fn recordings_of_several_processes_give_the_same_tables() {
         std::fs::remove_dir_all(place.path().join(folder)).unwrap();
     }
     // Other settings, half of a file, and one that belongs to nobody.
-    let first = "shards/001-a-32-32.recording";
+    let first = "shards/001-a-28-32.recording";
     let bytes = place.read(first);
     record(&place, "--recordings more --crops 1..2 --seed 1").done();
-    place.write(first, place.read("more/001-a-32-32.recording"));
+    place.write(first, place.read("more/001-a-28-32.recording"));
     refused(3, &[first, "other settings"]);
     let ended = record(&place, "--recordings shards");
     assert!(
@@ -399,8 +405,9 @@ fn recordings_of_several_processes_give_the_same_tables() {
 #[test]
 #[cfg(unix)]
 fn record_resumes_after_an_interrupt() {
-    let place = place();
-    let args = "record --set manifest=\"list.toml\" --set spp=300 --set replicates=6 --recordings shards --progress none";
+    let place = place_of(6);
+    let args =
+        "record --set manifest=\"list.toml\" --set spp=300 --recordings shards --progress none";
     let ended = place.interrupted(args, "shards/000-a-32-32.recording");
     assert_eq!(ended.code, Some(5), "{}", ended.err);
     let kept = place.files_in("shards");

@@ -1,9 +1,10 @@
 //! Exported tables: source code is compiled and run, arrays are read back.
 
 mod code;
+mod host;
 
 use opsr::regularise::export::{Format, export};
-use opsr::regularise::file::{Provenance, TableFile};
+use opsr::regularise::file::{Provenance, TableFile, save};
 use opsr::regularise::{AttenuationTable, GammaIndex, LEN, Lookup};
 use rand::{RngExt, SeedableRng};
 use std::path::Path;
@@ -173,7 +174,7 @@ fn export_command_by_file_name_extension() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let file = table(Lookup::Nearest, 1.25);
-    file.save(&at("t.json")).unwrap();
+    save(&file, &at("t.json")).unwrap();
     for (name, format) in [
         ("t.npy", Format::Npy),
         ("t.safetensors", Format::Safetensors),
@@ -219,7 +220,7 @@ fn show_command_prints_the_table() {
     let folder = tempfile::tempdir().unwrap();
     let file = table(Lookup::Linear, 1.0);
     let visits = &file.provenance.as_ref().unwrap().visits;
-    file.save(&folder.path().join("t.json")).unwrap();
+    save(&file, &folder.path().join("t.json")).unwrap();
     let output = opsr(folder.path(), &["table", "show", "t.json", "--json"]);
     succeeded("show", &output);
     let shown: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -5,7 +5,7 @@ use super::{Target, repair};
 use opsr::regularise::{AttenuationTable, LEN, Lookup};
 use opsr::sampler::Seed;
 use opsr::train::Config;
-use opsr::train::config::{Model, Optimiser};
+use opsr::train::config::Optimiser;
 use opsr::train::evaluate::MomentSource;
 use opsr::train::evaluate::curves::Curves;
 use opsr::train::evaluate::replay::Replay;
@@ -31,21 +31,17 @@ pub(crate) fn configurations() -> Target {
             assert_eq!(again.expect("valid TOML"), config);
             let Config {
                 method,
-                model,
                 optimiser,
-                loss,
                 lookup,
                 ..
             } = config;
-            Ok(format!(
-                "{method:?} {model:?} {optimiser:?} {loss:?} {lookup:?}"
-            ))
+            Ok(format!("{method:?} {optimiser:?} {lookup:?}"))
         },
     }
 }
 
 fn learner() -> Learner {
-    Learner::new(Model::Additive, Optimiser::Log, 0.05, Lookup::Nearest, 0.5)
+    Learner::new(Optimiser::Log, 0.05, Lookup::Nearest, 0.5)
 }
 
 /// A learner with a constant parameter id. burn writes the id into its states and draws it at random, so seeds made by
@@ -63,8 +59,7 @@ fn reproducible_learner() -> Learner {
 /// Fingerprint of the training that wrote the seeds.
 const FINGERPRINT: &str = "00ff";
 
-/// Training checkpoints: an accepted one is resumed for one step. The additive model has the fewest parameters, hence
-/// the shortest files.
+/// Training checkpoints: an accepted one is resumed for one step.
 pub(crate) fn trainings() -> Target {
     let seeds = [false, true].map(|best| {
         let mut learner = reproducible_learner();
@@ -73,7 +68,6 @@ pub(crate) fn trainings() -> Target {
         let checkpoint = Checkpoint {
             fingerprint: FINGERPRINT.into(),
             step: 1,
-            stale: 2,
             best: best.then(|| (1, 0.25, AttenuationTable::constant(0.5))),
             anchor: AttenuationTable::constant(0.25),
             state: learner.to_bytes().expect("a state"),

@@ -47,9 +47,9 @@ fn determinism_of_tables_at_any_thread_count() {
 fn resume_gives_bit_identical_tables() {
     // From a given factor, and from the best constant, which is searched for again.
     for (method, start) in [
-        (Evaluation::Fresh, 0.5),
+        (Evaluation::Replay, 0.5),
         (Evaluation::Tabulated, 0.5),
-        (Evaluation::Fresh, 0.0),
+        (Evaluation::Replay, 0.0),
     ] {
         let config = || Config {
             start,
@@ -80,7 +80,7 @@ fn resume_gives_bit_identical_tables() {
 /// The search for the best constant of the second β does not depend on that of the first.
 #[test]
 fn determinism_of_a_beta_alone_and_after_another() {
-    for method in [Evaluation::Fresh, Evaluation::Tabulated] {
+    for method in [Evaluation::Replay, Evaluation::Tabulated] {
         let config = Config {
             start: 0.0,
             steps: 4,
@@ -121,7 +121,6 @@ fn learning_recovers_a_known_factor() {
         validate_every: 400,
         record_gammas: vec![TRUTH],
         roulette: 0.0,
-        replicates: 1,
         beta: vec![0.0],
         ..Config::default()
     };

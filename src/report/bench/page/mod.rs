@@ -102,6 +102,9 @@ fn section(results: &Results, scene: &SceneSummary, index: usize) -> Markup {
                     "."
                 }
             }
+            @for (method, why) in results.refused(&scene.name) {
+                p { strong { (method) } " is left out: " (why) "." }
+            }
             .plots { @for (svg, caption) in plots::curves(results, scene) { (plot(&svg, &caption)) } }
             (tables::ratios(results, scene))
             (tables::time_points(results, scene))

@@ -1,0 +1,521 @@
+//! Where light paths are sent: at what throws caustics, and at what the camera sees.
+//!
+//! Candidates are spheres around surfaces that are sharp or let light through, and around the surfaces that the camera
+//! sees where those are a small part of the scene, with what is merged into them. Some light paths with random numbers of
+//! their own tell what each candidate brings to the picture. The shares of a light are those with the least second moment,
+//! ∫ f²/p over its rays, with f their contributions over the brightness of where they arrive. Where they gain little the
+//! light stays uniform.
+//!
+//! The shares are found before the first sample and stay: samples are independent, and passes, parts and resumed renders
+//! have the same ones. They depend on seed, scene, camera and frame alone.
+
+use super::walk::{Onward, WeightedWalk};
+use super::{Bidirectional, Iteration, Vertex};
+use crate::bsdf::Bsdf;
+use crate::image::film::Window;
+use crate::integrator::View;
+use crate::math::{Ray, UVec2, Vec3, luminance};
+use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
+use crate::scene::light::aim::MIN_UNIFORM;
+use crate::scene::{Aim, Beam, Camera, EmissionSample, Material, Scene, Target};
+use rayon::prelude::*;
+use std::sync::{Arc, Mutex};
+
+/// Light paths that find the shares.
+const PATHS: u32 = 1 << 13;
+
+/// Paths that a thread takes at a time.
+const CHUNK: u32 = 256;
+
+/// Roughness below which a lobe throws caustics worth aiming at.
+const SHARP: f32 = 0.1;
+
+/// Most targets of either kind.
+const MOST_SHARP: usize = 64;
+const MOST_SEEN: usize = 8;
+
+/// Largest radius of a target of either kind, over that of the scene.
+const WIDEST_SHARP: f32 = 0.5;
+const WIDEST_SEEN: f32 = 0.1;
+
+/// Camera rays a side of the lattice that finds what the camera sees.
+const LATTICE: u32 = 32;
+
+/// Dirac lobes that such a ray follows, and sharp surfaces through which a light path's vertex is seen.
+const MAX_SHARP: u32 = 8;
+
+/// Most triangles or points that are clustered; of more, some stand for all.
+const MOST_ITEMS: usize = 1 << 16;
+
+/// Groups of lights with a beam of their own.
+const GROUPS: u8 = 64;
+
+/// Cells a side of the picture over whose brightness contributions are taken.
+const CELLS: u32 = 16;
+
+/// Part of the second moment above which aiming gains too little to be worth its cost.
+const WORTH: f64 = 0.7;
+
+/// Share below which a target is left out.
+const LEAST_SHARE: f64 = 0.005;
+
+/// Squared weight of light that other strategies find well: that which comes to its vertex by rough surfaces alone.
+const EASY: f64 = 0.05;
+
+/// The aim of the last view, kept from pass to pass.
+#[derive(Clone, Debug, Default)]
+pub struct Aimed(Arc<Mutex<Option<Kept>>>);
+
+#[derive(Debug)]
+struct Kept {
+    camera: Camera,
+    frame: UVec2,
+    aim: Arc<Aim>,
+}
+
+impl Aimed {
+    /// A given aim for the camera and frame of a view.
+    pub fn fixed(view: &View<'_>, aim: Aim) -> Self {
+        Self(Arc::new(Mutex::new(Some(Kept {
+            camera: view.sensor.camera.clone(),
+            frame: view.sensor.frame,
+            aim: Arc::new(aim),
+        }))))
+    }
+}
+
+impl Bidirectional {
+    /// Where light is aimed in a view, as [`Integrator::pass`](crate::integrator::Integrator::pass) finds it.
+    pub fn aim_of(&self, view: &View<'_>) -> Aim {
+        self.aim(view).as_ref().clone()
+    }
+
+    /// Where light is aimed in a view: the same for every window of its frame.
+    pub(in crate::integrator) fn aim(&self, view: &View<'_>) -> Arc<Aim> {
+        let View { sensor, scene, .. } = view;
+        let lock = || self.aimed.0.lock().unwrap_or_else(|e| e.into_inner());
+        let same = |kept: &&Kept| kept.frame == sensor.frame && kept.camera == *sensor.camera;
+        let found = lock().as_ref().filter(same).map(|kept| kept.aim.clone());
+        if let Some(aim) = found {
+            return aim;
+        }
+        // Without the lock: threads that wait for their light paths may come here.
+        let whole = View::new(
+            scene,
+            sensor.camera,
+            sensor.frame,
+            Window::full(sensor.frame),
+        );
+        let aim = Arc::new(self.find_aim(&whole));
+        *lock() = Some(Kept {
+            camera: sensor.camera.clone(),
+            frame: sensor.frame,
+            aim: aim.clone(),
+        });
+        aim
+    }
+
+    fn find_aim(&self, view: &View<'_>) -> Aim {
+        let scene = view.scene;
+        let lights = scene.lights();
+        if lights.is_empty() {
+            return Aim::default();
+        }
+        let targets = candidates(view, self.merging.map_or(0.0, |radius| radius.first(view)));
+        if targets.is_empty() {
+            return Aim::default();
+        }
+        lights.index();
+        let groups = lights.groups(scene.geometry(), GROUPS);
+        let count = groups.iter().max().map_or(0, |&last| usize::from(last) + 1);
+        let each = 0.5 / targets.len() as f32;
+        let even = Beam::new(targets.iter().map(|&target| (target, each)).collect());
+        let first = Aim::new(vec![Some(even); count], groups.clone());
+        let found = self.try_aim(view, &first, &targets);
+        let beams = (0..count)
+            .map(|group| {
+                let own = |arrival: &&Arrival| usize::from(groups[arrival.light as usize]) == group;
+                beam(&targets, found.iter().filter(own))
+            })
+            .collect();
+        Aim::new(beams, groups)
+    }
+
+    /// What light paths with this aim bring to the picture.
+    fn try_aim(&self, view: &View<'_>, aim: &Aim, targets: &[Target]) -> Vec<Arrival> {
+        let iteration = self.iteration(view, aim, 0, None);
+        let source = Independent {
+            seed: Seed(self.seed).derive(Domain::Aim, 0),
+        };
+        let chunks: Vec<Vec<(Arrival, Vec<Glimpse>)>> = (0..PATHS / CHUNK)
+            .into_par_iter()
+            .map(|chunk| {
+                (chunk * CHUNK..(chunk + 1) * CHUNK)
+                    .filter_map(|i| {
+                        let mut stream = source.stream(UVec2::new(i, 0), 0);
+                        iteration.tried_path(&mut stream, targets)
+                    })
+                    .collect()
+            })
+            .collect();
+        let all: Vec<_> = chunks.into_iter().flatten().collect();
+        let mut brightness = vec![0.0; (CELLS * CELLS) as usize];
+        for glimpse in all.iter().flat_map(|(_, glimpses)| glimpses) {
+            brightness[glimpse.cell] += glimpse.value;
+        }
+        let mean = brightness.iter().sum::<f64>() / brightness.len() as f64;
+        let relative = |glimpse: &Glimpse| {
+            let value = glimpse.value / brightness[glimpse.cell].max(0.1 * mean);
+            glimpse.weight * value * value
+        };
+        let squared = |(arrival, glimpses): (Arrival, Vec<Glimpse>)| Arrival {
+            squared: glimpses.iter().map(relative).sum(),
+            ..arrival
+        };
+        (all.into_iter().map(squared))
+            .filter(|arrival| arrival.squared > 0.0)
+            .collect()
+    }
+}
+
+/// A light path that came into view.
+struct Arrival {
+    light: u32,
+    /// Sum of the squares of its contributions.
+    squared: f64,
+    /// Densities of its first ray, of uniform emission and of the targets, over that with which it was drawn.
+    parts: Vec<f64>,
+}
+
+/// A vertex of a light path as the camera sees it.
+struct Glimpse {
+    cell: usize,
+    value: f64,
+    weight: f64,
+}
+
+impl Iteration<'_> {
+    /// Walks a light path; `None` if the camera sees nothing of it.
+    fn tried_path(
+        &self,
+        stream: &mut impl Sampler,
+        targets: &[Target],
+    ) -> Option<(Arrival, Vec<Glimpse>)> {
+        let scene = self.view.scene;
+        let (pick, u) = (
+            stream.next_pick(),
+            std::array::from_fn(|_| stream.next_1d()),
+        );
+        let start = scene.sample_emission(self.aim, pick, u)?;
+        let mut walk = WeightedWalk::light(scene, &start, self.light_merging);
+        let mut glimpses = Vec::new();
+        let connects = self.strategies.connects();
+        let mut caustic = false;
+        for n in 1..=self.settings.max_vertices {
+            let Some(arrival) = walk.arrive() else {
+                break;
+            };
+            if walk.first {
+                walk.base.throughput *= walk.window(&start, arrival.hit.t);
+            }
+            let u = stream.vertex();
+            let vertex = walk.vertex(n, &arrival, u.material);
+            let weight = match (connects && !caustic, vertex.first) {
+                (false, _) => 1.0,
+                // Light sampling finds it.
+                (true, true) => 0.0,
+                (true, _) => EASY,
+            };
+            if !vertex.is_delta() {
+                glimpses.extend(self.glimpse(&vertex, weight));
+            }
+            let Some(drawn) = walk.scatter(&vertex, u.lobe) else {
+                break;
+            };
+            caustic |= drawn == Onward::Dirac
+                || (drawn == Onward::Smooth
+                    && vertex.alpha < SHARP
+                    && vertex.bsdf.is_delta_at(0.0));
+            if n + super::EARLIER >= self.settings.roulette_start
+                && walk.survive(u.roulette).is_none()
+            {
+                break;
+            }
+        }
+        let arrival = (!glimpses.is_empty()).then(|| arrival(scene, &start, targets));
+        Some((arrival?, glimpses))
+    }
+
+    /// A light path's vertex as the camera sees it, if need be straight through sharp surfaces.
+    fn glimpse(&self, vertex: &Vertex, weight: f64) -> Option<Glimpse> {
+        let scene = self.view.scene;
+        let sight = self.view.sensor.see(vertex.surface.position)?;
+        let eval = vertex.towards_camera(sight.wo)?;
+        let mut ray = vertex.surface.spawn(sight.wo);
+        ray.t_max = sight.distance;
+        for passed in 0.. {
+            let Some(hit) = scene.intersect(&ray) else {
+                break;
+            };
+            let mut surface = scene.surface(&hit);
+            let bsdf = scene.bsdf(&mut surface, 0.0);
+            let clear = matches!(bsdf, Bsdf::Dielectric(_) | Bsdf::Thin(_)) && bsdf.alpha() < SHARP;
+            if !clear || passed == MAX_SHARP {
+                return None;
+            }
+            let t_max = ray.t_max - hit.t;
+            ray = surface.spawn(ray.dir);
+            ray.t_max = t_max;
+        }
+        let value = luminance(vertex.throughput * eval.value);
+        let value = f64::from(value) * f64::from(sight.pdf_area(vertex.cos(sight.wo)));
+        let frame = self.view.sensor.frame;
+        let cell = sight.pixel * CELLS / frame;
+        (value > 0.0 && value.is_finite()).then_some(Glimpse {
+            cell: (cell.y * CELLS + cell.x) as usize,
+            value,
+            weight,
+        })
+    }
+}
+
+fn arrival(scene: &Scene, start: &EmissionSample, targets: &[Target]) -> Arrival {
+    let drawn = if start.pdf.infinite {
+        start.pdf.position
+    } else {
+        start.pdf.direction
+    };
+    let (uniform, aimed) = scene.lights().pdf_parts(start, targets);
+    let over = |pdf: f32| f64::from(pdf) / f64::from(drawn);
+    Arrival {
+        light: start.light,
+        squared: 0.0,
+        parts: std::iter::once(uniform).chain(aimed).map(over).collect(),
+    }
+}
+
+/// The beam of a light with the least second moment over what came into view; `None` where it gains little.
+///
+/// ∫ f²/p is convex in the shares. Its derivative by share i is −∫ f² pᵢ/p², so that each share is multiplied by the root of
+/// that until all are alike.
+fn beam<'a>(targets: &[Target], found: impl Iterator<Item = &'a Arrival>) -> Option<Beam> {
+    let found: Vec<&Arrival> = found.collect();
+    let mut shares = vec![0.5 / targets.len() as f64; targets.len() + 1];
+    shares[0] = 0.5;
+    let density = |shares: &[f64], arrival: &Arrival| -> f64 {
+        shares.iter().zip(&arrival.parts).map(|(q, p)| q * p).sum()
+    };
+    for _ in 0..40 {
+        let mut slopes = vec![0.0; shares.len()];
+        for arrival in &found {
+            let p = density(&shares, arrival);
+            for (slope, part) in slopes.iter_mut().zip(&arrival.parts) {
+                *slope += arrival.squared * part / (p * p);
+            }
+        }
+        for (share, slope) in shares.iter_mut().zip(&slopes) {
+            *share *= slope.sqrt();
+        }
+        normalise(&mut shares);
+    }
+    for share in &mut shares[1..] {
+        if *share < LEAST_SHARE {
+            *share = 0.0;
+        }
+    }
+    normalise(&mut shares);
+    let moment = |p: &dyn Fn(&Arrival) -> f64| -> f64 {
+        found
+            .iter()
+            .map(|arrival| arrival.squared / p(arrival))
+            .sum()
+    };
+    let (aimed, uniform) = (
+        moment(&|arrival| density(&shares, arrival)),
+        moment(&|arrival| arrival.parts[0]),
+    );
+    // False too where a moment is not a number.
+    let worth = aimed < WORTH * uniform;
+    if !worth {
+        return None;
+    }
+    let kept = targets
+        .iter()
+        .zip(&shares[1..])
+        .filter(|(_, share)| **share > 0.0);
+    Some(Beam::new(
+        kept.map(|(&target, &share)| (target, share as f32))
+            .collect(),
+    ))
+}
+
+/// Makes the shares add up to 1, the first at least [`MIN_UNIFORM`].
+fn normalise(shares: &mut [f64]) {
+    let sum: f64 = shares.iter().sum();
+    if !(sum > 0.0 && sum.is_finite()) {
+        shares.fill(0.0);
+        shares[0] = 1.0;
+        return;
+    }
+    shares.iter_mut().for_each(|share| *share /= sum);
+    let least = f64::from(MIN_UNIFORM);
+    if shares[0] < least {
+        let scale = (1.0 - least) / (1.0 - shares[0]);
+        shares[1..].iter_mut().for_each(|share| *share *= scale);
+        shares[0] = least;
+    }
+}
+
+/// Spheres at which light may be aimed. Light within the `around` of what the camera sees is merged into it.
+fn candidates(view: &View<'_>, around: f32) -> Vec<Target> {
+    let scene = view.scene;
+    let reach = scene.lights().reach();
+    let mut targets = Vec::new();
+    let mut add = |clusters: Vec<Target>, around: f32, widest: f32| {
+        let extended = |target: Target| Target {
+            radius: target.radius + around,
+            ..target
+        };
+        let wide = |target: &Target| target.radius > 0.0 && target.radius < widest * reach;
+        // Rounding of starting points must not leave the geometry outside.
+        let grown = |target: Target| Target {
+            radius: 1.02 * target.radius + 4e-6 * reach,
+            ..target
+        };
+        let clusters = clusters.into_iter().map(extended);
+        targets.extend(clusters.filter(wide).map(grown));
+    };
+    add(
+        clustered(sharp_triangles(scene), MOST_SHARP, reach),
+        0.0,
+        WIDEST_SHARP,
+    );
+    add(
+        clustered(seen_points(view), MOST_SEEN, reach),
+        around,
+        WIDEST_SEEN,
+    );
+    targets
+}
+
+/// True if a surface of this material reflects sharply or lets light through somewhere.
+fn is_sharp(material: &Material) -> bool {
+    // Light passes panes straight.
+    !material.is_rough() && material.alpha < SHARP && !material.is_pane()
+}
+
+/// Corners of the triangles that throw caustics, or of some of them.
+fn sharp_triangles(scene: &Scene) -> Vec<Vec<Vec3>> {
+    let sharp: Vec<bool> = scene.parts().materials.iter().map(is_sharp).collect();
+    if !sharp.contains(&true) {
+        return Vec::new();
+    }
+    let geometry = scene.geometry();
+    let of = |i: &u32| sharp[geometry.triangle_material(*i) as usize];
+    let all: Vec<u32> = (0..geometry.len() as u32).filter(of).collect();
+    let step = all.len().div_ceil(MOST_ITEMS).max(1);
+    let corners = |&i: &u32| geometry.triangle(i).to_vec();
+    all.iter().step_by(step).map(corners).collect()
+}
+
+/// Points of the surfaces that the camera sees, if need be by way of sharp ones.
+fn seen_points(view: &View<'_>) -> Vec<Vec<Vec3>> {
+    let frame = view.sensor.frame.as_vec2();
+    let seen = |i: u32| {
+        let at = (UVec2::new(i % LATTICE, i / LATTICE).as_vec2() + 0.5) / LATTICE as f32;
+        seen_point(view.scene, view.sensor.ray(at * frame))
+    };
+    let points = (0..LATTICE * LATTICE).filter_map(seen);
+    points.map(|point| vec![point]).collect()
+}
+
+fn seen_point(scene: &Scene, mut ray: Ray) -> Option<Vec3> {
+    for _ in 0..MAX_SHARP {
+        let hit = scene.intersect(&ray)?;
+        let mut surface = scene.surface(&hit);
+        let bsdf = scene.bsdf(&mut surface, 0.5);
+        if !bsdf.is_delta_at(bsdf.alpha()) {
+            return Some(surface.position);
+        }
+        let frame = surface.frame_for(-ray.dir);
+        // The middle of the range is in the stronger lobe.
+        let sample = bsdf.sample(bsdf.alpha(), frame.to_local(-ray.dir), [0.5; 3])?;
+        ray = surface.spawn(frame.to_world(sample.wi));
+    }
+    None
+}
+
+/// A cluster of points and its two halves.
+struct Node {
+    sphere: Target,
+    halves: Option<Box<[Node; 2]>>,
+}
+
+/// At most so many spheres around all items, whose cross sections are small together.
+fn clustered(mut items: Vec<Vec<Vec3>>, most: usize, reach: f32) -> Vec<Target> {
+    if items.is_empty() {
+        return Vec::new();
+    }
+    let root = halved(&mut items, 10);
+    let mut cost = 1e-7 * reach * reach;
+    loop {
+        let mut spheres = Vec::new();
+        collect(&root, cost, &mut spheres);
+        if spheres.len() <= most {
+            return spheres;
+        }
+        cost *= 1.5;
+    }
+}
+
+/// Appends the spheres of a cluster with the least sum of squared radii and `cost` for each; returns that sum.
+fn collect(node: &Node, cost: f32, spheres: &mut Vec<Target>) -> f32 {
+    let own = node.sphere.radius * node.sphere.radius + cost;
+    if let Some(halves) = &node.halves {
+        let before = spheres.len();
+        let sum: f32 = halves.iter().map(|half| collect(half, cost, spheres)).sum();
+        if sum < own {
+            return sum;
+        }
+        spheres.truncate(before);
+    }
+    spheres.push(node.sphere);
+    own
+}
+
+fn halved(items: &mut [Vec<Vec3>], depth: u32) -> Node {
+    let points = || items.iter().flatten();
+    let low = points().fold(Vec3::INFINITY, |low, &p| low.min(p));
+    let high = points().fold(Vec3::NEG_INFINITY, |high, &p| high.max(p));
+    let centre = 0.5 * (low + high);
+    let radius = points()
+        .map(|p| p.distance_squared(centre))
+        .fold(0.0, f32::max)
+        .sqrt();
+    let sphere = Target { centre, radius };
+    if items.len() < 2 || depth == 0 || radius == 0.0 {
+        return Node {
+            sphere,
+            halves: None,
+        };
+    }
+    let extent = high - low;
+    let axis = (0..3)
+        .find(|&axis| extent[axis] == extent.max_element())
+        .unwrap_or(0);
+    let middle = |item: &Vec<Vec3>| item.iter().map(|p| p[axis]).sum::<f32>() / item.len() as f32;
+    // Cut at the middle of the box, so that clusters apart are parted; at the median where all are on one side.
+    items.sort_by(|a, b| middle(a).total_cmp(&middle(b)));
+    let cut = items.partition_point(|item| middle(item) < centre[axis]);
+    let cut = if cut == 0 || cut == items.len() {
+        items.len() / 2
+    } else {
+        cut
+    };
+    let (a, b) = items.split_at_mut(cut);
+    let halves = [halved(a, depth - 1), halved(b, depth - 1)];
+    Node {
+        sphere,
+        halves: Some(Box::new(halves)),
+    }
+}

@@ -1,0 +1,83 @@
+//! Where a path goes on: directions of the BSDF alone, or of a guide too.
+
+use crate::bsdf::SharedNumbers;
+use crate::integrator::walk::Interaction;
+use crate::integrator::walk::shading_point::{Continuation, ShadingPoint};
+use crate::math::{Rgb, Vec3};
+use crate::sampler::{Sampler, VertexU};
+
+/// A policy that draws the next directions of a path, and may learn from what the path finds.
+pub(in crate::integrator) trait Directions {
+    /// False where directions are drawn from the BSDF with the vertex's own numbers: a draw from a diffuse lobe then is one
+    /// from the roughened BSDF too.
+    const GUIDED: bool = true;
+
+    /// The path is at a vertex with these numbers; a policy may draw more.
+    fn arrive(&mut self, point: &ShadingPoint<'_>, u: &VertexU, sampler: &mut impl Sampler);
+
+    /// Density per steradian with which the world direction `wi` is drawn here; that of the BSDF is `pdf_w`.
+    fn pdf(&self, wi: Vec3, pdf_w: f32) -> f32;
+
+    /// Draws a direction, with the BSDF at roughness `alpha`; `None` where the path ends.
+    fn sample(
+        &mut self,
+        point: &ShadingPoint<'_>,
+        alpha: f32,
+        u: &SharedNumbers,
+    ) -> Option<Continuation>;
+
+    /// Light was found at the current vertex.
+    fn found(&mut self, value: Rgb);
+
+    /// Emission was met at the end of the edge from the current vertex, or of the camera ray.
+    fn met(&mut self, value: Rgb);
+
+    /// The path goes on from a vertex with this throughput.
+    fn leave(
+        &mut self,
+        vertex: &Interaction<'_>,
+        next: &Continuation,
+        throughput: Rgb,
+        sampler: &mut impl Sampler,
+    );
+
+    /// The path is complete.
+    fn finish(&mut self);
+}
+
+/// Directions of the BSDF.
+pub(in crate::integrator) struct BsdfAlone;
+
+impl Directions for BsdfAlone {
+    const GUIDED: bool = false;
+
+    #[inline]
+    fn arrive(&mut self, _: &ShadingPoint<'_>, _: &VertexU, _: &mut impl Sampler) {}
+
+    #[inline]
+    fn pdf(&self, _: Vec3, pdf_w: f32) -> f32 {
+        pdf_w
+    }
+
+    #[inline(always)]
+    fn sample(
+        &mut self,
+        point: &ShadingPoint<'_>,
+        alpha: f32,
+        u: &SharedNumbers,
+    ) -> Option<Continuation> {
+        point.sample(alpha, u)
+    }
+
+    #[inline]
+    fn found(&mut self, _: Rgb) {}
+
+    #[inline]
+    fn met(&mut self, _: Rgb) {}
+
+    #[inline]
+    fn leave(&mut self, _: &Interaction<'_>, _: &Continuation, _: Rgb, _: &mut impl Sampler) {}
+
+    #[inline]
+    fn finish(&mut self) {}
+}

@@ -1,0 +1,65 @@
+//! Walks from the camera, and those of all pixels of a tile of a film.
+
+use super::observer::PathObserver;
+use super::{Surroundings, Walk};
+use crate::image::film::Film;
+use crate::integrator::View;
+use crate::math::{Rgb, UVec2};
+use crate::sampler::{SampleSource, Sampler};
+use std::ops::Range;
+
+/// Beginnings of the walks from a view's camera.
+#[derive(Clone, Copy)]
+pub(in crate::integrator) struct CameraWalks<'a> {
+    view: View<'a>,
+    /// What is around the camera, if that is the same for all its rays.
+    around: Option<Surroundings>,
+}
+
+impl<'a> CameraWalks<'a> {
+    /// Walks from the camera of a view.
+    pub(in crate::integrator) fn of(view: &View<'a>) -> Self {
+        Self {
+            view: *view,
+            around: Surroundings::around_camera(view),
+        }
+    }
+
+    /// A walk through a pixel.
+    #[inline]
+    pub(in crate::integrator) fn start(&self, pixel: UVec2, stream: &mut impl Sampler) -> Walk<'a> {
+        let View { scene, sensor, .. } = self.view;
+        let place = pixel.as_vec2() + stream.film();
+        let ray = sensor.sample_ray(place, || stream.lens());
+        let around = self
+            .around
+            .unwrap_or_else(|| Surroundings::around(scene, &ray));
+        Walk::camera(scene, ray, around)
+    }
+}
+
+/// Adds the samples with these numbers to every pixel of a tile. `radiance` is what arrives along a walk, by the number of
+/// the sample.
+pub(in crate::integrator) fn trace_tile<'a, Q: SampleSource, O: PathObserver>(
+    view: &View<'a>,
+    source: &Q,
+    samples: Range<u32>,
+    tile: &mut Film,
+    observer: &mut O,
+    mut radiance: impl FnMut(Walk<'a>, u32, &mut Q::Stream, &mut O) -> Rgb,
+) {
+    let walks = CameraWalks::of(view);
+    for index in 0..tile.pixels.len() {
+        let pixel = tile.pixel(index);
+        for sample in samples.clone() {
+            if observer.stopped() {
+                return;
+            }
+            let mut stream = source.stream(pixel, sample);
+            let walk = walks.start(pixel, &mut stream);
+            observer.begin(pixel, sample);
+            let value = radiance(walk, sample, &mut stream, observer);
+            tile.push(index, value, sample);
+        }
+    }
+}

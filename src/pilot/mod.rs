@@ -1,0 +1,397 @@
+//! The integrator of a scene, chosen by a pilot without a reference.
+//!
+//! The contenders race: all render the scene small for about the same work, those that are far behind leave, the others
+//! double their samples, until one is left or a twentieth of the render's time is spent. The pilot's samples are no part
+//! of the picture. Its pictures are judged in `judge`.
+//!
+//! Time is CPU time, or counted paths, each at what it costs in most scenes, for a choice that is the same every time.
+
+mod judge;
+pub mod stopwatch;
+pub(crate) mod window;
+
+use crate::image::film::{Film, FilmError};
+use crate::integrator::bidirectional::{MAX_LIGHT_PATHS, Radius};
+use crate::integrator::method::IntegratorKind;
+use crate::integrator::{Estimator, Integrator, Picture, Settings, View};
+use crate::math::UVec2;
+use crate::sampler::{Domain, SamplerKind, Seed};
+use crate::scene::{Camera, Scene};
+use judge::{Draft, best, judged};
+use std::fmt;
+use std::time::Duration;
+use stopwatch::Stopwatch;
+use window::pilot_window;
+
+/// Share of the render's time after which no round of the race begins that would take more.
+const SHARE: f64 = 0.05;
+
+/// Share of the render's time that the first round should take, by what paths usually cost.
+const FIRST_SHARE: f64 = 0.02;
+
+/// Fewest and most pixels of the pilot's pictures.
+const PIXELS: (f64, f64) = (1024.0, 4096.0);
+
+/// Work of a contender's first round, in samples per pixel of the path tracer; fewest and most samples.
+const FIRST: f64 = 7.0;
+const SAMPLES: (u32, u32) = (2, 1024);
+
+/// Contenders with so many times the least error leave the race.
+const BEHIND: f64 = 4.0;
+
+/// Camera paths per CPU-second that are assumed before any is measured, and where paths are counted instead of seconds.
+const PATHS_PER_SECOND: f64 = 0.7e6;
+
+/// Share of the light that a contender may miss for good while there are others.
+pub(super) const MISSED: f64 = 0.01;
+
+/// An integrator that could render the picture.
+#[derive(Clone, Debug)]
+pub struct Contender {
+    /// Its name.
+    pub kind: IntegratorKind,
+    /// All that its picture depends on.
+    pub settings: Settings,
+}
+
+/// Length of the render.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Horizon {
+    /// The time that the path tracer takes for so many samples per pixel.
+    Samples(u32),
+    /// CPU-seconds over all threads.
+    Seconds(f64),
+}
+
+/// A contender as the pilot saw it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trial {
+    /// Its name.
+    pub kind: IntegratorKind,
+    /// Samples per pixel that it takes in the time of the render.
+    pub samples: f64,
+    /// Expected relMSE at the end of the render, as a comparison with a reference would find it.
+    pub error: f64,
+    /// Share of the picture's light that it will never find, as far as that is more than noise.
+    pub missed: f64,
+    /// False where a few pixels carry all of the variance: the pilot has met too few bright samples, and `error` is a
+    /// lower bound.
+    pub sure: bool,
+}
+
+/// Outcome of a pilot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// Place of the best contender.
+    pub best: usize,
+    /// Contenders that were tried, in their order.
+    pub trials: Vec<Trial>,
+    /// Place of the best among them.
+    pub chosen: Option<usize>,
+    /// CPU-seconds of the pilot.
+    pub seconds: f64,
+}
+
+impl fmt::Display for Choice {
+    /// What was chosen, and what the others would have cost.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Some(chosen) = self.chosen.map(|chosen| self.trials[chosen]) else {
+            return write!(out, "integrator path: there is nothing to choose");
+        };
+        let (name, error) = (chosen.kind.name(), chosen.error);
+        if !self.trials.iter().any(|trial| trial.sure) {
+            write!(
+                out,
+                "integrator {name}: the pilot met too few bright samples to tell; {name} finds light from both ends"
+            )?;
+            return write!(out, " (pilot: {:.2} CPU-seconds)", self.seconds);
+        }
+        let least = |trial: &Trial| if trial.sure { "" } else { "at least " };
+        write!(
+            out,
+            "integrator {name}: expected relMSE {}{error:.1e} in the time of this render",
+            least(&chosen)
+        )?;
+        for trial in self.trials.iter().filter(|t| t.kind != chosen.kind) {
+            let (name, ratio) = (trial.kind.name(), trial.error / error.max(1e-30));
+            write!(out, "; {name} {}{ratio:.1} times that", least(trial))?;
+            if trial.missed >= MISSED {
+                write!(
+                    out,
+                    " and misses {:.0} % of the light",
+                    100.0 * trial.missed
+                )?;
+            }
+        }
+        if self.trials.len() == 1 {
+            write!(out, "; nothing else is worth a try in this scene")?;
+        }
+        write!(out, " (pilot: {:.2} CPU-seconds)", self.seconds)
+    }
+}
+
+/// The integrator that a scene's lights and materials call for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Advice {
+    /// Its name.
+    pub kind: IntegratorKind,
+    /// The reason, in words.
+    pub why: &'static str,
+}
+
+/// Roughness below which a lobe makes caustics that no light sample finds.
+const SHARP: f32 = 0.1;
+
+/// Names the integrator that a scene's lights and materials call for. Nothing is rendered, so reflections that are out of
+/// sight count as much as others; a pilot knows better.
+pub fn advise(scene: &Scene) -> Advice {
+    let parts = scene.parts();
+    let advice = |kind, why| Advice { kind, why };
+    let (punctual, area) = (
+        !parts.lights.is_empty(),
+        scene.lights().emissive_triangles() > 0,
+    );
+    let [glass, mirror] = sharp(scene);
+    if scene.has_dispersion() {
+        return advice(IntegratorKind::Path, "nothing else has dispersion");
+    }
+    match (punctual, area) {
+        (false, false) if scene.lights().is_empty() => {
+            advice(IntegratorKind::Path, "there is no light")
+        }
+        (false, false) => advice(IntegratorKind::Path, "all light comes from the environment"),
+        _ if (glass || mirror) && scene.has_overlaps() => advice(
+            IntegratorKind::Bdpt,
+            "caustics, and bodies that overlap, which vcm does not know",
+        ),
+        (true, _) if glass => advice(
+            IntegratorKind::Vcm,
+            "lights without area and smooth glass: only photons find caustics that are seen through it",
+        ),
+        (true, _) if mirror => advice(
+            IntegratorKind::Bdpt,
+            "lights without area and mirrors: path finds nothing that they light by way of a mirror, and the light's own \
+             reflection takes --mode mollifier",
+        ),
+        (false, true) if glass => advice(
+            IntegratorKind::Vcm,
+            "lamps and smooth glass: caustics, also seen through the glass",
+        ),
+        (false, true) if mirror => advice(
+            IntegratorKind::Vcm,
+            "lamps and sharp metal: caustics, also seen by way of the metal",
+        ),
+        _ => advice(
+            IntegratorKind::Path,
+            "no caustics: no smooth glass and no sharp metal",
+        ),
+    }
+}
+
+/// True for sharp transmission, and for sharp metal, among the materials.
+fn sharp(scene: &Scene) -> [bool; 2] {
+    let mut found = [false; 2];
+    for m in &scene.parts().materials {
+        let sharp = m.alpha < SHARP || m.metallic_roughness_texture.is_some();
+        found[0] |= sharp && m.transmission > 0.0;
+        found[1] |= sharp && m.metallic > 0.5;
+    }
+    found
+}
+
+/// True if the pilot should try an integrator: it knows the scene, and the scene could call for it.
+fn is_worth_a_try(contender: &Contender, scene: &Scene, camera: &Camera) -> bool {
+    let knows = contender.settings.check_scene(scene, camera).is_ok();
+    let caustics = sharp(scene).contains(&true);
+    knows
+        && match contender.kind {
+            IntegratorKind::Path => true,
+            IntegratorKind::Bdpt => !scene.lights().is_empty(),
+            _ => caustics && !scene.lights().is_empty(),
+        }
+}
+
+/// Cost of a sample per pixel over that of the path tracer, in most scenes; light paths are as many as pixels of the full
+/// frame, `frames` times those of the picture.
+fn usual_cost(contender: &Contender, frames: f64) -> f64 {
+    match contender.kind {
+        IntegratorKind::Light => 1.3 * frames,
+        IntegratorKind::Bdpt => 1.6 + 1.2 * frames,
+        IntegratorKind::Vcm => 3.0 + 1.5 * frames,
+        IntegratorKind::Sppm => 0.5 + 1.0 * frames,
+        _ if contender.settings.levels.is_empty() => 1.0,
+        _ => 1.35,
+    }
+}
+
+/// Time of a render that is left after its pilot: enough for a pass, or there would be no picture.
+pub fn left_after(time: Duration, pilot: Duration) -> Duration {
+    time.saturating_sub(pilot).max(Duration::from_nanos(1))
+}
+
+/// Chooses an integrator for a render of a view; the first contender must be the path tracer. `counted` takes counted paths
+/// for time, so that the choice depends on the arguments alone.
+///
+/// Given up with `None` when `go_on` says no; it is asked before every small render. Fails where the window leaves the
+/// frame.
+pub fn choose_integrator(
+    contenders: &[Contender],
+    view: &View<'_>,
+    horizon: Horizon,
+    counted: bool,
+    go_on: &dyn Fn() -> bool,
+) -> Result<Option<Choice>, FilmError> {
+    let pilot = Stopwatch::start();
+    let (frame, window) = (view.sensor.frame, view.window);
+    Film::check(frame, window)?;
+    let (scene, camera) = (view.scene, view.sensor.camera);
+    let places: Vec<usize> = (0..contenders.len())
+        .filter(|&i| is_worth_a_try(&contenders[i], scene, camera))
+        .collect();
+    let pixels = window.len() as f64;
+    let frames = f64::from(frame.x) * f64::from(frame.y) / pixels;
+    let usual = |i: usize| usual_cost(&contenders[i], frames);
+    let first = |i: usize| ((FIRST / usual(i)).round() as u32).max(SAMPLES.0);
+    let paths = match horizon {
+        Horizon::Samples(samples) => f64::from(samples) * pixels,
+        Horizon::Seconds(seconds) => seconds * PATHS_PER_SECOND,
+    };
+    let round: f64 = places.iter().map(|&i| f64::from(first(i)) * usual(i)).sum();
+    let small = (FIRST_SHARE * paths / round.max(1.0)).clamp(PIXELS.0, PIXELS.1);
+    let (small_frame, small_window) = pilot_window(frame, window, small as f32);
+    let small = View::new(scene, camera, small_frame, small_window);
+    let mut runners = Vec::new();
+    for (number, &i) in (1..).zip(&places) {
+        runners.push(Runner::new(&contenders[i], view, &small, number, first(i))?);
+    }
+    let punctual = !scene.parts().lights.is_empty();
+    let trials = loop {
+        for runner in runners.iter_mut().filter(|runner| runner.races) {
+            if !go_on() {
+                return Ok(None);
+            }
+            runner.run(&small);
+        }
+        let of_pilot = small_window.len() as f64;
+        let cost = |(runner, &i): (&Runner, &usize)| match counted {
+            true => usual(i),
+            false => runner.seconds / (f64::from(runner.samples) * of_pilot),
+        };
+        let costs: Vec<f64> = runners.iter().zip(&places).map(cost).collect();
+        // Time of the render for each of its pixels.
+        let time = match horizon {
+            Horizon::Samples(samples) => f64::from(samples) * costs[0],
+            Horizon::Seconds(_) if counted => paths / pixels,
+            Horizon::Seconds(seconds) => seconds / pixels,
+        };
+        let drafts: Vec<Draft> = (runners.iter().zip(&costs))
+            .map(|(runner, &cost)| {
+                Draft::of(&runner.contender, &runner.picture, runner.samples, cost)
+            })
+            .collect();
+        let trials = judged(&drafts, small_window, time, punctual);
+        let fit = |t: &Trial| t.sure && t.missed < MISSED;
+        let racing = || runners.iter().zip(&trials).filter(|(r, _)| r.races);
+        let least = (racing().filter(|(_, t)| fit(t)))
+            .map(|(_, t)| t.error)
+            .fold(f64::INFINITY, f64::min);
+        let stays =
+            |t: &Trial| least.is_infinite() || t.error < BEHIND * least && t.missed < MISSED;
+        let stay: Vec<bool> = (runners.iter().zip(&trials))
+            .map(|(runner, trial)| runner.races && stays(trial))
+            .collect();
+        let spent = |all: bool| -> f64 {
+            let each = runners.iter().zip(&costs).zip(&stay);
+            each.filter(|(_, stays)| all || **stays)
+                .map(|((r, cost), _)| f64::from(r.samples) * cost * of_pilot)
+                .sum()
+        };
+        let enough = spent(true) + spent(false) > SHARE * time * pixels;
+        let most = runners.iter().any(|r| r.samples >= SAMPLES.1);
+        if enough || most || stay.iter().filter(|stays| **stays).count() < 2 {
+            break trials;
+        }
+        for (runner, stays) in runners.iter_mut().zip(stay) {
+            runner.races = stays;
+            runner.wanted *= 2;
+        }
+    };
+    let chosen = best(&trials);
+    Ok(Some(Choice {
+        best: chosen.map_or(0, |chosen| places[chosen]),
+        chosen,
+        trials,
+        seconds: pilot.seconds().1,
+    }))
+}
+
+/// A contender in the race.
+struct Runner {
+    /// With the settings of the pilot.
+    contender: Contender,
+    integrator: Box<dyn Integrator>,
+    picture: Picture,
+    /// Samples per pixel so far, those after the next round, and their CPU-seconds.
+    samples: u32,
+    wanted: u32,
+    seconds: f64,
+    races: bool,
+}
+
+impl Runner {
+    /// A contender before its first round of so many samples, for the small picture of a view.
+    fn new(
+        contender: &Contender,
+        view: &View<'_>,
+        small: &View<'_>,
+        number: u64,
+        first: u32,
+    ) -> Result<Self, FilmError> {
+        let Contender { kind, settings } = contender;
+        let settings = Settings {
+            estimator: as_many_photons(settings.estimator, view, small),
+            // A picture that shares paths with its pilot would favour what these paths favour.
+            seed: Seed(settings.seed).derive(Domain::Pilot, 1 + number).0,
+            // The film's variances decide.
+            sampler: SamplerKind::Independent,
+            ..settings.clone()
+        };
+        Ok(Self {
+            integrator: settings.integrator(),
+            picture: Picture::new(Film::cropped(small.sensor.frame, small.window)?),
+            contender: Contender {
+                kind: *kind,
+                settings,
+            },
+            samples: 0,
+            wanted: first,
+            seconds: 0.0,
+            races: true,
+        })
+    }
+
+    fn run(&mut self, view: &View<'_>) {
+        let watch = Stopwatch::start();
+        (self.integrator).pass(view, self.samples..self.wanted, &mut self.picture);
+        self.seconds += watch.seconds().1;
+        self.samples = self.wanted;
+    }
+}
+
+/// An estimator for the small picture of a view: its light paths are fewer, so the radius grows until as many photons
+/// merge as in the view. The automatic radius has bounds, and would not.
+fn as_many_photons(estimator: Estimator, view: &View<'_>, small: &View<'_>) -> Estimator {
+    let paths =
+        |frame: UVec2| (f64::from(frame.x) * f64::from(frame.y)).min(MAX_LIGHT_PATHS.into());
+    let factor = (paths(view.sensor.frame) / paths(small.sensor.frame)).sqrt() as f32;
+    let larger = |radius: Radius| Radius {
+        first: Some(radius.first(view) * factor),
+        ..radius
+    };
+    match estimator {
+        Estimator::Vcm(radius) => Estimator::Vcm(larger(radius)),
+        Estimator::VcmNee(radius) => Estimator::VcmNee(larger(radius)),
+        Estimator::Sppm(radius) => Estimator::Sppm(larger(radius)),
+        other => other,
+    }
+}

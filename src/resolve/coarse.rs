@@ -1,0 +1,291 @@
+//! A layer of light at a coarse scale: means over cells of 4 × 4 pixels of the whole picture, from which the size of its
+//! hits and its energy are read.
+//!
+//! Light of a level comes as rare hits. Where a window expects less than about one of them, the sample variance is zero or
+//! huge, and never right. With x the batch means of a pixel, R_j the mean of level j, R_K that of the roughest:
+//!
+//! ```text
+//! M_j = largest over two radii of tent(Σ x²) / tent(Σ x), of level j and of rougher ones    the size of a hit
+//! D_j = max(0, tent(R_K) − tent(R_j))                                                       light that level j has not met
+//! e_j = n B tent(R_K) / M_j                                                                 hits that n pixels should hold
+//! V_j + D_j M_j / (n' B) exp(−e_j)                                                          the variance
+//! ```
+//!
+//! with n' the pixels that are averaged. Where hits are expected and do not come, darkness is real and the exponential
+//! vanishes; where none is expected, their absence says nothing.
+
+use super::filter::{Size, tent};
+use super::{squared_difference, variance_of_mean};
+use crate::image::level_film::{BATCHES, LevelFilm};
+use crate::math::Vec3A;
+use rayon::prelude::*;
+
+/// Pixels a side of a cell.
+const CELL: usize = 4;
+
+/// Radii in cells at which the size of hits is taken: about 6 and 12 pixels.
+const RADII_OF_HITS: [usize; 2] = [1, 3];
+
+/// n: pixels of the window of the choice.
+const WINDOW: f32 = 12.0;
+
+/// Radius in cells at which energy is compared.
+const RADIUS: usize = 3;
+
+/// Radius in cells at which it is given back.
+const SMOOTH: usize = 1;
+
+/// Pixels that the tent of [`RADIUS`] averages: 1 / Σ w², with n = 28 and Σ w² = (2 n² + 1) / (3 n³) along each side.
+const AVERAGED: f32 = 1762.0;
+
+/// Least and largest factor by which energy is given back.
+const FACTORS: [f32; 2] = [0.5, 2.5];
+
+/// Share of the light below which differences are rounding.
+const ROUNDING: f32 = 1e-4;
+
+/// Light of some levels in cells.
+pub(super) struct Coarse {
+    pixels: Size,
+    cells: Size,
+    /// Means of the batches in every cell, by level.
+    levels: Vec<[Vec<Vec3A>; BATCHES]>,
+    /// M of every cell, by level.
+    hits: Vec<Vec<f32>>,
+}
+
+impl Coarse {
+    /// The light of roughened vertices at every level of a film.
+    pub(super) fn roughened(film: &LevelFilm) -> Self {
+        let shared = film.levels();
+        Self::of(film, shared, |pixel, batch, level| {
+            let light =
+                film.batch_mean(pixel, batch, level) - film.batch_mean(pixel, batch, shared);
+            light.max(crate::math::Rgb::ZERO).into()
+        })
+    }
+
+    /// The light that all levels of a film share, as one level.
+    pub(super) fn shared(film: &LevelFilm) -> Self {
+        Self::of(film, 1, |pixel, batch, _| {
+            film.batch_mean(pixel, batch, film.levels()).into()
+        })
+    }
+
+    /// Light by pixel, batch and level.
+    fn of(
+        film: &LevelFilm,
+        levels: usize,
+        light: impl Fn(usize, usize, usize) -> Vec3A + Sync,
+    ) -> Self {
+        let window = film.window();
+        let pixels = (window.w as usize, window.h as usize);
+        let cells = (pixels.0.div_ceil(CELL), pixels.1.div_ceil(CELL));
+        let level = |level: usize| {
+            let mut means: [Vec<Vec3A>; BATCHES] =
+                std::array::from_fn(|_| vec![Vec3A::ZERO; cells.0 * cells.1]);
+            let mut moments = [(); 2].map(|()| vec![0.0f32; cells.0 * cells.1]);
+            for cell in 0..cells.0 * cells.1 {
+                let inside = pixels_of(pixels, cells, cell);
+                let part = 1.0 / inside.clone().count() as f32;
+                for pixel in inside {
+                    for (batch, means) in means.iter_mut().enumerate() {
+                        let light = light(pixel, batch, level);
+                        means[cell] += part * light;
+                        let grey = light.element_sum() / 3.0;
+                        moments[0][cell] += part * grey;
+                        moments[1][cell] += part * grey * grey;
+                    }
+                }
+            }
+            (means, size_of_hits(cells, &moments))
+        };
+        let all: Vec<_> = (0..levels).into_par_iter().map(level).collect();
+        let (levels, mut hits): (Vec<_>, Vec<Vec<f32>>) = all.into_iter().unzip();
+        // A level that has met nothing: the same light comes in hits no smaller than a rougher level's.
+        for k in (1..hits.len()).rev() {
+            let (sharper, rougher) = hits.split_at_mut(k);
+            let pairs = sharper[k - 1].iter_mut().zip(&rougher[0]);
+            pairs.for_each(|(sharp, rough)| *sharp = sharp.max(*rough));
+        }
+        Self {
+            pixels,
+            cells,
+            levels,
+            hits,
+        }
+    }
+
+    /// What each level has not met around a pixel of the whole picture, from the light of every level there.
+    pub(super) fn missing(
+        &self,
+        pixel: (usize, usize),
+        light: impl Fn(usize) -> Vec3A,
+    ) -> impl Iterator<Item = Missing> {
+        let roughest = light(self.levels.len() - 1);
+        let corners = Corners::of(self.cells, pixel);
+        self.hits.iter().enumerate().map(move |(level, hits)| {
+            let size = corners.mean(hits);
+            let met = (roughest - light(level)).max(Vec3A::ZERO);
+            Missing {
+                variance: met * size / BATCHES as f32,
+                expected: expected(WINDOW, roughest, size),
+            }
+        })
+    }
+
+    /// Factors that bring a picture, in its own pixels, to the energy of the best level at this scale: the rule of levels,
+    /// where a level that is too dark for what it should have met is not believed.
+    pub(super) fn energy(&self, picture: impl Fn(usize) -> Vec3A) -> Energy {
+        let count = self.cells.0 * self.cells.1;
+        let smooth = |plane: &Vec<Vec3A>| {
+            let mut plane = plane.clone();
+            tent(self.cells, RADIUS, &mut plane);
+            plane
+        };
+        let levels: Vec<[Vec<Vec3A>; BATCHES]> = (self.levels.par_iter())
+            .map(|level| level.each_ref().map(smooth))
+            .collect();
+        let own = |cell: usize| {
+            let inside = pixels_of(self.pixels, self.cells, cell);
+            let count = inside.clone().count() as f32;
+            inside.map(&picture).sum::<Vec3A>() / count
+        };
+        let have = smooth(&(0..count).map(own).collect());
+        let mut factors: Vec<Vec3A> = (0..count)
+            .map(|cell| self.factor(&levels, cell, have[cell]))
+            .collect();
+        tent(self.cells, SMOOTH, &mut factors);
+        Energy {
+            cells: self.cells,
+            width: self.pixels.0,
+            factors,
+        }
+    }
+
+    /// The factor of a cell whose picture has so much light.
+    fn factor(&self, levels: &[[Vec<Vec3A>; BATCHES]], cell: usize, have: Vec3A) -> Vec3A {
+        let batches: Vec<[Vec3A; BATCHES]> = levels
+            .iter()
+            .map(|level| level.each_ref().map(|batch| batch[cell]))
+            .collect();
+        let mean = |level: usize| batches[level].iter().sum::<Vec3A>() / BATCHES as f32;
+        let grey = |light: Vec3A| light.element_sum() / 3.0;
+        let roughest = mean(levels.len() - 1);
+        let noise: Vec<f32> = (0..levels.len())
+            .map(|level| {
+                let size = self.hits[level][cell];
+                let missing = (roughest - mean(level)).max(Vec3A::ZERO) * size
+                    / (BATCHES as f32 * AVERAGED)
+                    * (-expected(AVERAGED, roughest, size)).exp();
+                grey(variance_of_mean(batches[level]) + missing)
+            })
+            .collect();
+        let error = |level: usize| {
+            let bias = (0..level).map(|anchor| {
+                let d = std::array::from_fn(|b| batches[level][b] - batches[anchor][b]);
+                grey(squared_difference(d)) - noise[anchor]
+            });
+            bias.fold(0.0, f32::max) + noise[level]
+        };
+        let best =
+            (1..levels.len()).fold(0, |best, k| if error(k) < error(best) { k } else { best });
+        let (mu, floor) = (mean(best) - have, have * ROUNDING);
+        let noise = variance_of_mean(batches[best]) + floor * floor;
+        let kept =
+            (Vec3A::ONE - noise / (mu * mu).max(Vec3A::splat(f32::MIN_POSITIVE))).max(Vec3A::ZERO);
+        let ratio = Vec3A::ONE + mu * kept / have.max(Vec3A::splat(f32::MIN_POSITIVE));
+        let [least, most] = FACTORS.map(Vec3A::splat);
+        ratio.clamp(least, most)
+    }
+}
+
+/// What a level has not met around a pixel.
+pub(super) struct Missing {
+    /// Its variance, if no hit is expected.
+    pub(super) variance: Vec3A,
+    /// Hits that are expected in the window of the choice.
+    pub(super) expected: f32,
+}
+
+impl Missing {
+    /// Variance to add where so many times the pixels are averaged.
+    pub(super) fn noise(&self, times: f32) -> Vec3A {
+        self.variance * (-self.expected * times).exp()
+    }
+}
+
+/// Factors on the light of every pixel.
+pub(super) struct Energy {
+    cells: Size,
+    width: usize,
+    factors: Vec<Vec3A>,
+}
+
+impl Energy {
+    /// The factor of a pixel, which counts row by row.
+    pub(super) fn at(&self, pixel: usize) -> Vec3A {
+        let corners = Corners::of(self.cells, (pixel % self.width, pixel / self.width));
+        corners.mean(&self.factors)
+    }
+}
+
+/// Hits expected among so many pixels of this light that comes in hits of this size.
+fn expected(pixels: f32, light: Vec3A, size: f32) -> f32 {
+    pixels * BATCHES as f32 * light.element_sum() / 3.0 / size.max(f32::MIN_POSITIVE)
+}
+
+/// M of every cell, from first and second moments of all batches.
+fn size_of_hits(cells: Size, moments: &[Vec<f32>; 2]) -> Vec<f32> {
+    let mut sizes = vec![0.0f32; cells.0 * cells.1];
+    for radius in RADII_OF_HITS {
+        let [first, second] = moments.each_ref().map(|moments| {
+            let mut moments = moments.clone();
+            tent(cells, radius, &mut moments);
+            moments
+        });
+        for ((size, first), second) in sizes.iter_mut().zip(first).zip(second) {
+            *size = size.max(second / first.max(f32::MIN_POSITIVE));
+        }
+    }
+    sizes
+}
+
+/// Pixels of a cell.
+fn pixels_of(
+    (width, height): Size,
+    (columns, _): Size,
+    cell: usize,
+) -> impl Iterator<Item = usize> + Clone {
+    let (x, y) = (cell % columns * CELL, cell / columns * CELL);
+    let (right, bottom) = ((x + CELL).min(width), (y + CELL).min(height));
+    (y..bottom).flat_map(move |y| (x..right).map(move |x| y * width + x))
+}
+
+/// The four cells around a pixel, and their shares.
+struct Corners([(usize, f32); 4]);
+
+impl Corners {
+    fn of((columns, rows): Size, (x, y): (usize, usize)) -> Self {
+        let side = |at: usize, end: usize| {
+            let at = ((at as f32 + 0.5) / CELL as f32 - 0.5).clamp(0.0, (end - 1) as f32);
+            let first = at as usize;
+            (first, (first + 1).min(end - 1), at - first as f32)
+        };
+        let (left, right, u) = side(x, columns);
+        let (above, below, v) = side(y, rows);
+        Self([
+            (above * columns + left, (1.0 - u) * (1.0 - v)),
+            (above * columns + right, u * (1.0 - v)),
+            (below * columns + left, (1.0 - u) * v),
+            (below * columns + right, u * v),
+        ])
+    }
+
+    fn mean<T: Copy + std::ops::Mul<f32, Output = T> + std::iter::Sum>(&self, plane: &[T]) -> T {
+        self.0
+            .iter()
+            .map(|&(cell, share)| plane[cell] * share)
+            .sum()
+    }
+}

@@ -1,0 +1,154 @@
+//! The error that a picture states about itself.
+//!
+//! The squared error of a pixel is its variance over its squared brightness + ε, as in relMSE. A pixel's own mean is as
+//! noisy as its variance: where light comes as rare hits both are large or both are small, and their quotient is at most
+//! about 1, whatever the hits bring. So the brightness is pooled over the smallest block of pixels, of 2, 4, 8 and so on a
+//! side, whose mean is known to half of itself. A picture that is black has an error of 1: nothing was met, which
+//! says nothing about what is there.
+
+use crate::image::film::Film;
+use crate::image::metric::pixel::EPSILON;
+use crate::math::DVec3;
+
+/// Relative standard error at which the mean of a block counts as known: that of four hits. Of the blocks and bounds tried on scenes of
+/// caustics at 32 samples these are nearest to the true error: 0.76 to 2.6 of its square.
+const KNOWN: f64 = 0.5;
+
+/// What a picture states about its error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Statement {
+    /// Relative error of the picture: root of the relMSE to be expected. Infinite where there are too few samples to tell.
+    pub error: f64,
+    /// Relative standard error of its square, 1 / √n where n pixels carry it: above about 0.3 few bright samples decide.
+    pub doubt: f64,
+}
+
+impl Statement {
+    /// Nothing is known.
+    pub(super) const UNKNOWN: Self = Self {
+        error: f64::INFINITY,
+        doubt: f64::INFINITY,
+    };
+
+    /// Nothing was met.
+    pub(super) const BLACK: Self = Self {
+        error: 1.0,
+        doubt: 1.0,
+    };
+
+    /// From squared relative errors of pixels.
+    pub(super) fn of(squares: impl Iterator<Item = f64>) -> Self {
+        let (mut sum, mut fourth, mut count) = (0.0, 0.0, 0u64);
+        for square in squares {
+            sum += square;
+            fourth += square * square;
+            count += 1;
+        }
+        Self {
+            error: (sum / count.max(1) as f64).sqrt(),
+            doubt: if sum > 0.0 { fourth.sqrt() / sum } else { 0.0 },
+        }
+    }
+
+    /// Error that is not exceeded by chance: two standard errors of its square above it.
+    pub fn bound(&self) -> f64 {
+        self.error * (1.0 + 2.0 * self.doubt).sqrt()
+    }
+}
+
+/// The statement of a film of one level.
+///
+/// ```
+/// use opsr::image::film::Film;
+/// use opsr::math::{Rgb, UVec2};
+/// use opsr::resolve::film_error;
+/// let mut film = Film::new(UVec2::new(8, 8));
+/// for sample in 0..16 {
+///     (0..64).for_each(|pixel| film.push(pixel, Rgb::ZERO, sample));
+/// }
+/// assert_eq!(film_error(&film).error, 1.0);
+/// ```
+pub fn film_error(film: &Film) -> Statement {
+    if film.pixels.iter().any(|m| m.n < 2) {
+        return Statement::UNKNOWN;
+    }
+    if film.pixels.iter().all(|m| m.mean == DVec3::ZERO) {
+        return Statement::BLACK;
+    }
+    let size = (film.window.w as usize, film.window.h as usize);
+    let pixels = film.pixels.iter().map(|m| Block {
+        pixels: 1.0,
+        sum: m.mean,
+        variance: m.variance_of_mean().element_sum(),
+    });
+    let mut pyramid = vec![Blocks {
+        size,
+        blocks: pixels.collect(),
+    }];
+    while let Some(last) = pyramid.last()
+        && last.blocks.len() > 1
+    {
+        let above = last.halved();
+        pyramid.push(above);
+    }
+    let squared = |x: usize, y: usize| {
+        let mut blocks =
+            (pyramid.iter().enumerate().skip(1)).map(|(k, blocks)| blocks.at(x >> k, y >> k));
+        let known = blocks.find(|block| block.is_known());
+        let block = known.or(pyramid[pyramid.len() - 1].blocks.first());
+        block.map_or(DVec3::ZERO, Block::square)
+    };
+    Statement::of(film.pixels.iter().enumerate().map(|(i, m)| {
+        let square = squared(i % size.0, i / size.0);
+        (m.variance_of_mean() / (square + EPSILON)).element_sum() / 3.0
+    }))
+}
+
+/// Sums over a block of pixels.
+#[derive(Clone, Copy, Default)]
+struct Block {
+    pixels: f64,
+    sum: DVec3,
+    /// Variance of the sum, the channels added up.
+    variance: f64,
+}
+
+impl Block {
+    /// The squared brightness, without what noise adds to the square of a mean.
+    fn square(&self) -> DVec3 {
+        let noise = self.variance / self.sum.length_squared().max(f64::MIN_POSITIVE);
+        let mean = self.sum / self.pixels;
+        mean * mean * (1.0 - noise).max(1.0 - KNOWN * KNOWN)
+    }
+
+    /// True if the mean is known well enough to divide by, or there is no noise.
+    fn is_known(&self) -> bool {
+        self.variance <= (KNOWN * self.sum).length_squared()
+    }
+}
+
+/// A picture in blocks.
+struct Blocks {
+    size: (usize, usize),
+    blocks: Vec<Block>,
+}
+
+impl Blocks {
+    fn at(&self, x: usize, y: usize) -> &Block {
+        &self.blocks[y * self.size.0 + x]
+    }
+
+    /// Blocks of twice the side.
+    fn halved(&self) -> Self {
+        let (width, height) = self.size;
+        let size = (width.div_ceil(2), height.div_ceil(2));
+        let mut blocks = vec![Block::default(); size.0 * size.1];
+        for (i, block) in self.blocks.iter().enumerate() {
+            let sum = &mut blocks[i / width / 2 * size.0 + i % width / 2];
+            sum.pixels += block.pixels;
+            sum.sum += block.sum;
+            sum.variance += block.variance;
+        }
+        Self { size, blocks }
+    }
+}

@@ -1,0 +1,111 @@
+//! What surrounds a scene: a map, a sky, a studio, or nothing.
+
+use super::light::sky::{self, Sky};
+use super::{Environment, SceneParts};
+use crate::files::FileError;
+use std::path::{Path, PathBuf};
+
+/// What surrounds a scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Backdrop {
+    /// The studio if nothing else lights the scene, see [`Loaded::lit`](super::load::Loaded::lit); else nothing.
+    #[default]
+    Auto,
+    /// Nothing.
+    None,
+    /// The studio.
+    Studio,
+    /// A clear sky with its sun.
+    Sky(Sky),
+    /// An equirectangular map, .hdr or .exr.
+    Map(PathBuf),
+}
+
+impl Backdrop {
+    /// The one of a name, `studio`, `sky` or `none`, or else the map of a file; without a word [`Backdrop::Auto`].
+    pub fn named(word: Option<&Path>, sky: Sky) -> Self {
+        let Some(word) = word else {
+            return Self::Auto;
+        };
+        match word.to_str() {
+            Some("studio") => Self::Studio,
+            Some("sky") => Self::Sky(sky),
+            Some("none") => Self::None,
+            _ => Self::Map(word.into()),
+        }
+    }
+
+    /// The file of a map.
+    pub fn file(&self) -> Option<&PathBuf> {
+        match self {
+            Self::Map(path) => Some(path),
+            _ => None,
+        }
+    }
+
+    /// Surrounds a scene, which is `lit` or not, with an environment of this intensity, turned by `rotation` radians; hands
+    /// over bytes that name the environment, for a hash. True if the studio was chosen because the scene is not lit.
+    pub fn surround(
+        &self,
+        parts: &mut SceneParts,
+        lit: bool,
+        intensity: f32,
+        rotation: f32,
+        mut take: impl FnMut(&[u8]),
+    ) -> Result<bool, FileError> {
+        let made = match self {
+            Self::None => return Ok(false),
+            Self::Auto if lit => return Ok(false),
+            Self::Map(path) => {
+                parts.environment = Some(Environment::load(path, intensity, rotation)?);
+                Environment::bytes(path, take)?;
+                return Ok(false);
+            }
+            Self::Auto | Self::Studio => {
+                take(b"studio 1");
+                sky::studio()
+            }
+            Self::Sky(sky) => {
+                let Sky {
+                    elevation,
+                    azimuth,
+                    turbidity,
+                } = sky;
+                take(format!("sky 1 {elevation} {azimuth} {turbidity}").as_bytes());
+                sky.map()
+            }
+        };
+        let made = made.map(|p| p * intensity);
+        parts.environment = Some(Environment::from_map(made, rotation));
+        Ok(*self == Self::Auto)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn backdrop_by_name() {
+        let named = |word| Backdrop::named(Some(Path::new(word)), Sky::default());
+        assert_eq!(named("studio"), Backdrop::Studio);
+        assert_eq!(named("sky"), Backdrop::Sky(Sky::default()));
+        assert_eq!(named("none"), Backdrop::None);
+        assert_eq!(named("a.hdr").file(), Some(&PathBuf::from("a.hdr")));
+        assert_eq!(Backdrop::named(None, Sky::default()), Backdrop::Auto);
+    }
+
+    #[test]
+    fn studio_only_where_nothing_else_lights() {
+        let auto = |lit| {
+            let mut parts = SceneParts::default();
+            let mut name = Vec::new();
+            let chosen = (Backdrop::Auto)
+                .surround(&mut parts, lit, 1.0, 0.0, |b| name.extend_from_slice(b))
+                .expect("no file");
+            (chosen, parts.environment.is_some(), !name.is_empty())
+        };
+        assert_eq!(auto(true), (false, false, false));
+        assert_eq!(auto(false), (true, true, true));
+    }
+}

@@ -1,0 +1,192 @@
+//! Targets at which emission samples are aimed: spheres around what throws caustics and around what the camera sees.
+//!
+//! Uniformly started light paths hardly ever meet a glass in a wide field. A [`Beam`] sends a share of them through
+//! spheres: p = u · p_uniform + Σ qₜ [the ray meets sphere t] / Aₜ, with Aₜ the sphere's cross section for light from
+//! infinity, and the solid angle of its cone for a lamp. The density of every ray is known in closed form, so that all
+//! MIS weights stay exact.
+
+use crate::math::{Frame, Ray, Vec2, Vec3, warp};
+use std::f32::consts::{PI, TAU};
+
+/// Least share of uniform emission: what no target covers has at most twice its variance.
+pub const MIN_UNIFORM: f32 = 0.5;
+
+/// Relative rounding error of the distance of a ray from a centre, over the centre's distance from the ray's origin.
+const SLACK: f32 = 1e-6;
+
+/// A sphere at which light is aimed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// Centre in world space.
+    pub centre: Vec3,
+    /// Radius in world units.
+    pub radius: f32,
+}
+
+/// The way in which the emission samples of a light are aimed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Beam {
+    /// Share of uniform emission.
+    uniform: f32,
+    /// Targets, with the share of each.
+    targets: Vec<(Target, f32)>,
+}
+
+/// The beams of all lights; the default aims none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Aim {
+    beams: Vec<Option<Beam>>,
+    /// Beam of each light, by its index as in [`Lights::pmf`](super::Lights::pmf); empty if no light is aimed.
+    of_light: Vec<u8>,
+}
+
+impl Aim {
+    /// Beams, and which of them each light has: fewer than 256. A light whose beam is `None` emits uniformly.
+    pub fn new(beams: Vec<Option<Beam>>, of_light: Vec<u8>) -> Self {
+        if beams.iter().all(Option::is_none) {
+            return Self::default();
+        }
+        Self { beams, of_light }
+    }
+
+    /// True if all light is emitted uniformly.
+    pub fn is_uniform(&self) -> bool {
+        self.of_light.is_empty()
+    }
+
+    /// The beam of a light, if it is aimed.
+    #[inline]
+    pub fn beam(&self, light: usize) -> Option<&Beam> {
+        let beam = *self.of_light.get(light)?;
+        self.beams[usize::from(beam)].as_ref()
+    }
+}
+
+/// Start of light at finite distance.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Source {
+    pub position: Vec3,
+    /// Normal of a surface that emits to its front alone.
+    pub facing: Option<Vec3>,
+}
+
+impl Target {
+    /// True if the whole line of a ray passes through the sphere; rounding errors count as passing, so that no ray that was
+    /// drawn is found outside.
+    #[inline]
+    fn is_met(&self, ray: &Ray) -> bool {
+        let to = self.centre - ray.origin;
+        let reach = self.radius + SLACK * to.length();
+        (to - to.dot(ray.dir) * ray.dir).length_squared() <= reach * reach
+    }
+
+    /// 1 − cos of the half angle of the cone that the sphere subtends; `None` from inside, and where all of it lies behind
+    /// a surface that emits to its front.
+    #[inline]
+    fn width(&self, from: &Source) -> Option<f32> {
+        let to = self.centre - from.position;
+        let sin2 = self.radius * self.radius / to.length_squared();
+        let behind = |normal: Vec3| to.dot(normal) <= -self.radius;
+        // Not a number at the centre of a point.
+        let outside = sin2 < 0.999;
+        if !outside || from.facing.is_some_and(behind) {
+            return None;
+        }
+        Some(sin2 / (1.0 + (1.0 - sin2).sqrt()))
+    }
+}
+
+impl Target {
+    /// Density per area across a ray of light from infinity that is sent through the sphere.
+    #[inline]
+    pub(super) fn pdf_across(&self, ray: &Ray) -> f32 {
+        if self.is_met(ray) {
+            1.0 / (PI * self.radius * self.radius)
+        } else {
+            0.0
+        }
+    }
+
+    /// Density per steradian of light from a source that is sent through the sphere; `None` where it cannot be sent.
+    #[inline]
+    pub(super) fn pdf_towards(&self, from: &Source, dir: Vec3) -> Option<f32> {
+        let width = self.width(from)?;
+        let ahead = (self.centre - from.position).dot(dir) > 0.0;
+        let met = ahead && self.is_met(&Ray::new(from.position, dir));
+        Some(if met { 1.0 / (TAU * width) } else { 0.0 })
+    }
+}
+
+impl Beam {
+    /// A beam with these shares at its targets, all together at most 1 − [`MIN_UNIFORM`].
+    pub fn new(targets: Vec<(Target, f32)>) -> Self {
+        let aimed: f32 = targets.iter().map(|(_, share)| share).sum();
+        debug_assert!(aimed <= 1.0 - MIN_UNIFORM + 1e-5);
+        Self {
+            uniform: 1.0 - aimed,
+            targets,
+        }
+    }
+
+    /// Its targets and their shares.
+    pub fn targets(&self) -> &[(Target, f32)] {
+        &self.targets
+    }
+
+    /// Density per area across a ray of light from infinity, where uniform emission has `uniform`.
+    #[inline]
+    pub(super) fn pdf_across(&self, ray: &Ray, uniform: f32) -> f32 {
+        let part = |(target, share): &(Target, f32)| share * target.pdf_across(ray);
+        self.uniform * uniform + self.targets.iter().map(part).sum::<f32>()
+    }
+
+    /// A point of the disk of a target across `dir`, chosen with `pick`; `None` where uniform emission is chosen.
+    pub(super) fn point_across(&self, dir: Vec3, pick: f64, u: Vec2) -> Option<Vec3> {
+        let shares = self.targets.iter().map(|(_, share)| *share);
+        let k = chosen(shares, self.uniform, pick)?;
+        let (target, _) = self.targets[k];
+        let p = target.radius * warp::disk(u);
+        Some(target.centre + Frame::from_normal(dir).to_world(p.extend(0.0)))
+    }
+
+    /// Density per steradian of a ray from a light at finite distance, where uniform emission has `uniform`.
+    #[inline]
+    pub(super) fn pdf_towards(&self, from: &Source, dir: Vec3, uniform: f32) -> f32 {
+        let (mut total, mut aimed) = (self.uniform, 0.0);
+        for (target, share) in &self.targets {
+            if let Some(pdf) = target.pdf_towards(from, dir) {
+                total += share;
+                aimed += share * pdf;
+            }
+        }
+        (self.uniform * uniform + aimed) / total
+    }
+
+    /// A direction from a light at finite distance towards a target, chosen with `pick`; `None` where uniform emission is
+    /// chosen.
+    pub(super) fn direction(&self, from: &Source, pick: f64, u: Vec2) -> Option<Vec3> {
+        let share = |(target, share): &(Target, f32)| target.width(from).map_or(0.0, |_| *share);
+        let k = chosen(self.targets.iter().map(share), self.uniform, pick)?;
+        let (target, _) = self.targets[k];
+        let axis = (target.centre - from.position).normalize();
+        Some(Frame::from_normal(axis).to_world(warp::cone(u, target.width(from)?)))
+    }
+}
+
+/// The share that `pick` in [0, 1) chooses, `None` for the one called `uniform`; shares need not add up to 1.
+fn chosen(shares: impl Iterator<Item = f32> + Clone, uniform: f32, pick: f64) -> Option<usize> {
+    let total = f64::from(uniform) + shares.clone().map(f64::from).sum::<f64>();
+    let mut rest = pick * total - f64::from(uniform);
+    if rest < 0.0 {
+        return None;
+    }
+    let mut last = None;
+    for (k, share) in shares.enumerate().filter(|(_, share)| *share > 0.0) {
+        last = Some(k);
+        rest -= f64::from(share);
+        if rest < 0.0 {
+            break;
+        }
+    }
+    last
+}

@@ -1,0 +1,311 @@
+//! Meshes that should bound a body and do not: open ones, and ones whose normals point inwards or both ways.
+//!
+//! Their edges tell, and are counted when the scene is built. But an open mesh may be a good boundary: the surface of a pool
+//! ends at its walls. So walks look from behind it, scattered as by white walls: behind a boundary all come back to its
+//! back. A mesh where many come out at a front, or leave the scene, is shown as thin walls.
+
+use super::{Material, Mesh, Scene, SceneParts};
+use crate::math::{Frame, Ray, UVec2, Vec2, Vec3, warp};
+use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+use std::collections::{BTreeMap, HashMap};
+
+/// Walks from behind a mesh that is looked at.
+const WALKS: u32 = 512;
+
+/// Surfaces after which a walk is given up; it then says nothing.
+const MAX_STEPS: u32 = 64;
+
+/// Share of the walks that may go astray behind a mesh that bounds a body: a crack or some turned triangles do no great harm.
+const MAX_ASTRAY: f64 = 0.1;
+
+/// Edges and volume of a mesh. Vertices at the same place count as one, since exporters split them at seams.
+#[derive(Debug, Default)]
+pub(super) struct Shell {
+    /// Edges of an odd number of triangles.
+    open: usize,
+    /// Other edges that are not met once in each direction for every two triangles.
+    turned: usize,
+    /// Six times the signed volume of each connected part, above 0 where normals point outwards; of closed meshes only.
+    volumes: Vec<f64>,
+}
+
+impl Shell {
+    /// Counts the edges of a mesh. A triangle of a vertex that does not exist is no part of the scene, nor of its mesh.
+    pub(super) fn of(mesh: &Mesh) -> Self {
+        // Zero has two signs.
+        let bits = |p: Vec3| (p + Vec3::ZERO).to_array().map(f32::to_bits);
+        let mut numbers = HashMap::new();
+        let welded: Vec<u32> = (mesh.positions.iter())
+            .map(|&p| {
+                let next = numbers.len() as u32;
+                *numbers.entry(bits(p)).or_insert(next)
+            })
+            .collect();
+        let mut edges = Vec::with_capacity(3 * mesh.indices.len());
+        let mut parts = Parts((0..numbers.len() as u32).collect());
+        let mut faces = Vec::with_capacity(mesh.indices.len());
+        for face in &mesh.indices {
+            let corner = |i: usize| welded.get(face[i] as usize).copied();
+            let (Some(a), Some(b), Some(c)) = (corner(0), corner(1), corner(2)) else {
+                continue;
+            };
+            faces.push(face);
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                match from.cmp(&to) {
+                    std::cmp::Ordering::Less => edges.push((from, to, 1i32)),
+                    std::cmp::Ordering::Greater => edges.push((to, from, -1)),
+                    // A triangle without area, as at the poles of a sphere.
+                    std::cmp::Ordering::Equal => {}
+                }
+                parts.join(from, to);
+            }
+        }
+        edges.sort_unstable();
+        let mut shell = Self::default();
+        for edge in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            if edge.len() % 2 == 1 {
+                shell.open += 1;
+            } else if edge.iter().map(|(.., turn)| turn).sum::<i32>() != 0 {
+                shell.turned += 1;
+            }
+        }
+        if shell.has_wrong_edges() {
+            return shell;
+        }
+        let origin = mesh.positions.first().copied().unwrap_or_default();
+        let mut volumes: BTreeMap<u32, f64> = BTreeMap::new();
+        for face in faces {
+            let [a, b, c] = face.map(|v| (mesh.positions[v as usize] - origin).as_dvec3());
+            let part = parts.find(welded[face[0] as usize]);
+            *volumes.entry(part).or_default() += DVec3::dot(a, b.cross(c));
+        }
+        shell.volumes = volumes.into_values().collect();
+        shell
+    }
+
+    fn has_wrong_edges(&self) -> bool {
+        self.open + self.turned > 0
+    }
+
+    /// True for a mesh that bounds a volume from outside: its surface is closed, and the normals point outwards.
+    pub(super) fn is_closed(&self) -> bool {
+        self.volumes.iter().sum::<f64>() > 0.0
+    }
+
+    /// True for a closed mesh without a part whose normals point inwards, even in a cavity of another.
+    pub(super) fn all_outwards(&self) -> bool {
+        !self.has_wrong_edges() && self.volumes.iter().all(|&volume| volume > 0.0)
+    }
+
+    /// What is wrong with the mesh of this name.
+    fn says(&self, name: &str) -> String {
+        match (self.turned, self.open) {
+            (0, 0) => format!("normals of {name} point inwards"),
+            (0, open) => format!("{name} is not closed ({open} open edges)"),
+            (turned, _) => {
+                format!("normals of {name} point both ways (at {turned} edges)")
+            }
+        }
+    }
+}
+
+/// Connected parts of a mesh: for every vertex another of its part, itself for one of each part.
+struct Parts(Vec<u32>);
+
+impl Parts {
+    fn find(&mut self, mut vertex: u32) -> u32 {
+        while self.0[vertex as usize] != vertex {
+            let next = self.0[vertex as usize];
+            self.0[vertex as usize] = self.0[next as usize];
+            vertex = next;
+        }
+        vertex
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.find(a), self.find(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+/// Meshes of bodies that are worth a look, by their place among all meshes.
+pub(super) fn suspects(parts: &SceneParts) -> Vec<(usize, Shell)> {
+    let bounds = |mesh: &Mesh| {
+        (parts.materials.get(mesh.material as usize)).is_some_and(Material::bounds_body)
+    };
+    let meshes: Vec<(usize, &Mesh)> = parts.all_meshes().enumerate().collect();
+    (meshes.into_par_iter())
+        .filter(|(_, mesh)| bounds(mesh) && !mesh.indices.is_empty())
+        .map(|(i, mesh)| (i, Shell::of(mesh)))
+        .filter(|(_, shell)| !shell.all_outwards())
+        .collect()
+}
+
+/// What the looks found.
+#[derive(Default)]
+pub(super) struct Verdict {
+    /// Meshes that bound no body, by their place among all meshes.
+    pub(super) thin: Vec<usize>,
+    /// Materials of meshes that bound bodies but for some turned triangles.
+    pub(super) turned: Vec<u32>,
+    pub(super) warnings: Vec<String>,
+}
+
+impl Scene {
+    /// Judges the meshes that are worth a look.
+    pub(super) fn judge(&self, suspects: &[(usize, Shell)]) -> Verdict {
+        let mut verdict = Verdict::default();
+        for (i, shell) in suspects {
+            let mesh = (self.parts.all_meshes().nth(*i)).expect("a suspect is one of the meshes");
+            let name = match mesh.name.is_empty() {
+                true => format!("mesh {i}"),
+                false => mesh.name.clone(),
+            };
+            let what = shell.says(&name);
+            if self.astray(*i, shell) > MAX_ASTRAY {
+                verdict.thin.push(*i);
+                verdict.warnings.push(format!(
+                    "{what}: it bounds no body, and is shown as thin walls in spite of its thickness"
+                ));
+            } else if shell.turned > 0 {
+                verdict.turned.push(mesh.material);
+                verdict.warnings.push(format!(
+                    "{what}: where they point inwards light is refracted the wrong way"
+                ));
+            }
+        }
+        verdict
+    }
+
+    /// Share of the walks from behind a mesh that do not come back to its back.
+    fn astray(&self, number: usize, shell: &Shell) -> f64 {
+        let parts = &self.parts;
+        let mesh = (parts.all_meshes().nth(number)).expect("a suspect is one of the meshes");
+        let identity = [DAffine3::IDENTITY];
+        let poses = match number.checked_sub(parts.meshes.len()) {
+            Some(shared) => parts.shared[shared].poses.as_slice(),
+            None => &identity,
+        };
+        let source = Independent {
+            seed: Seed(0).derive(Domain::Camera, 1),
+        };
+        let ends: Vec<Option<bool>> = (0..WALKS)
+            .into_par_iter()
+            .map(|i| {
+                let mut stream = source.stream(UVec2::new(i, 0), 0);
+                let start = start(mesh, poses, i, &mut stream)?;
+                match shell.has_wrong_edges() {
+                    true => self.comes_back(start, mesh.material, stream),
+                    false => Some(self.bodies_around(&start).contains(&mesh.material)),
+                }
+            })
+            .collect();
+        let known = ends.iter().flatten().count();
+        let astray = ends.iter().flatten().filter(|&&back| !back).count();
+        astray as f64 / known.max(1) as f64
+    }
+
+    /// True if a walk from behind a body's surface comes to the back of one of its surfaces, false if it comes to a front
+    /// or leaves the scene; `None` for neither.
+    fn comes_back(&self, mut ray: Ray, material: u32, mut stream: impl Sampler) -> Option<bool> {
+        let mut entered = Vec::new();
+        for _ in 0..MAX_STEPS {
+            let Some(hit) = self.intersect(&ray) else {
+                return Some(false);
+            };
+            let surface = self.surface(&hit);
+            let front = ray.dir.dot(surface.ng) < 0.0;
+            let met = self.material(&surface);
+            let mut dir = ray.dir;
+            if met.bounds_body() {
+                if surface.material == material {
+                    return Some(!front);
+                }
+                if front {
+                    entered.push(surface.material);
+                } else if let Some(i) = entered.iter().rposition(|&m| m == surface.material) {
+                    entered.remove(i);
+                } else {
+                    // Two materials bound the body together, or it lies in another.
+                    return Some(true);
+                }
+            } else if met.transmission == 0.0 || met.metallic == 1.0 {
+                let side = if front { surface.ng } else { -surface.ng };
+                let u = Vec2::new(stream.next_1d(), stream.next_1d());
+                dir = Frame::from_normal(side).to_world(warp::cosine_hemisphere(u));
+            }
+            ray = surface.spawn(dir);
+        }
+        None
+    }
+}
+
+/// A ray from behind a point of the mesh, in turn at all poses; `None` where there is no surface.
+fn start(mesh: &Mesh, poses: &[DAffine3], i: u32, stream: &mut impl Sampler) -> Option<Ray> {
+    let pose = poses.get(i as usize % poses.len())?;
+    let face = (stream.next_pick() * mesh.indices.len() as f64) as usize;
+    let corners = mesh.indices.get(face)?;
+    let at = |k: usize| mesh.positions.get(corners[k] as usize).copied();
+    let [a, b, c] = [at(0)?, at(1)?, at(2)?].map(|p| pose.transform_point3(p.as_dvec3()));
+    // A mirroring pose keeps the front the front.
+    let across = (b - a).cross(c - a) * pose.matrix3.determinant().signum();
+    let n = across.try_normalize()?;
+    let u = warp::triangle(Vec2::new(stream.next_1d(), stream.next_1d())).as_dvec2();
+    let p = a + u.x * (b - a) + u.y * (c - a);
+    // Clear of rounding, and less than any wall is thick.
+    let clear = 32.0 * f64::from(f32::EPSILON) * p.abs().max_element().max((b - a).length());
+    let u = Vec2::new(stream.next_1d(), stream.next_1d());
+    let dir = Frame::from_normal(-n.as_vec3()).to_world(warp::cosine_hemisphere(u));
+    Some(Ray::new((p - clear * n).as_vec3(), dir))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gallery::shapes;
+
+    #[test]
+    fn closed_meshes_are_found_across_seams_and_open_ones_are_not() {
+        let ball = shapes::sphere(Vec3::ONE, 0.5, 3);
+        // A mesh without shared vertices, as exporters write hard edges.
+        let apart = Mesh {
+            positions: (ball.indices.iter().flatten())
+                .map(|&v| ball.positions[v as usize])
+                .collect(),
+            indices: (0..ball.indices.len() as u32)
+                .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+                .collect(),
+            ..Mesh::default()
+        };
+        let mut inside_out = ball.clone();
+        inside_out.indices.iter_mut().for_each(|f| f.reverse());
+        let mut holed = ball.clone();
+        holed.indices.pop();
+        let pane = shapes::quad(Vec3::ZERO, Vec3::X, Vec3::Y);
+        assert!(Shell::of(&ball).is_closed() && Shell::of(&apart).is_closed());
+        assert!(Shell::of(&shapes::cuboid(Vec3::ZERO, Vec3::ONE)).is_closed());
+        for open in [inside_out, holed, pane, Mesh::default()] {
+            assert!(!Shell::of(&open).is_closed());
+        }
+    }
+
+    #[test]
+    fn open_and_turned_edges_are_counted() {
+        let ball = shapes::sphere(Vec3::ONE, 0.5, 3);
+        let edges = |change: &dyn Fn(&mut Vec<[u32; 3]>)| {
+            let mut mesh = ball.clone();
+            change(&mut mesh.indices);
+            let shell = Shell::of(&mesh);
+            (shell.open, shell.turned)
+        };
+        assert_eq!(edges(&|_| ()), (0, 0));
+        assert_eq!(edges(&|faces| faces.truncate(faces.len() - 1)), (3, 0));
+        assert_eq!(edges(&|faces| faces[7].reverse()), (0, 3));
+        assert_eq!(
+            edges(&|faces| faces.iter_mut().for_each(|f| f.reverse())),
+            (0, 0)
+        );
+    }
+}

@@ -1,0 +1,80 @@
+//! Export of tables: arrays for numerical tools, and source code for other renderers.
+//!
+//! Source code contains the whole look-up, from the roughness of a path to α′. Arrays hold the factors multiplied by the
+//! table's scale, since not every format has a place for it.
+
+mod code;
+mod data;
+
+use crate::TableFile;
+use std::path::Path;
+
+/// Format of an exported table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// NumPy array, f32 `[1360]`.
+    Npy,
+    /// Safetensors file with one tensor `gammas`, f32 `[1360]`, and metadata.
+    Safetensors,
+    /// Text with one line per class.
+    Csv,
+    /// Header for C99 and C++.
+    C,
+    /// Include file for GLSL, HLSL and Slang.
+    Shader,
+    /// Rust module that depends on `core` only.
+    Rust,
+}
+
+impl Format {
+    /// Format by the file name extension; `None` if it is unknown.
+    pub fn of(path: &Path) -> Option<Self> {
+        let extension = path.extension()?.to_str()?.to_ascii_lowercase();
+        Some(match extension.as_str() {
+            "npy" => Self::Npy,
+            "safetensors" => Self::Safetensors,
+            "csv" => Self::Csv,
+            "h" | "hh" | "hpp" | "hxx" | "c" => Self::C,
+            "glsl" | "hlsl" | "slang" | "glsli" | "hlsli" | "slangh" => Self::Shader,
+            "rs" => Self::Rust,
+            _ => return None,
+        })
+    }
+}
+
+/// Bytes of the table as a file of this format.
+pub fn export(file: &TableFile, format: Format) -> Vec<u8> {
+    match format {
+        Format::Npy => data::npy(file),
+        Format::Safetensors => data::safetensors(file),
+        Format::Csv => data::csv(file).into_bytes(),
+        Format::C => code::fill(include_str!("table.h.in"), file, "f").into_bytes(),
+        Format::Shader => code::fill(include_str!("table.glsl.in"), file, "f").into_bytes(),
+        Format::Rust => code::fill(include_str!("table.rs.in"), file, "").into_bytes(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn format_by_file_name_extension() {
+        for (names, format) in [
+            ("t.npy T.NPY", Some(Format::Npy)),
+            ("t.safetensors", Some(Format::Safetensors)),
+            ("t.csv", Some(Format::Csv)),
+            ("t.h t.hh t.hpp t.hxx t.c", Some(Format::C)),
+            (
+                "t.glsl t.hlsl t.slang t.glsli t.hlsli t.slangh",
+                Some(Format::Shader),
+            ),
+            ("t.rs", Some(Format::Rust)),
+            ("t t.json .rs t.npy.gz", None),
+        ] {
+            for name in names.split(' ') {
+                assert_eq!(Format::of(Path::new(name)), format, "{name}");
+            }
+        }
+    }
+}

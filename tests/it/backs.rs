@@ -1,0 +1,55 @@
+//! Backs of surfaces that show their front alone: the camera looks through them, light does not.
+
+use super::support::render::{film_with, mean, scene};
+use opsr::gallery::materials::{diffuse, emitter};
+use opsr::gallery::shapes::{cuboid, quad};
+use opsr::integrator::{Estimator, Settings};
+use opsr::math::{Rgb, Vec3};
+use opsr::scene::{Camera, Material, Scene, SceneParts};
+
+/// A room seen from outside: its walls face inwards, and a lamp hangs under its ceiling.
+fn room(double_sided: bool) -> Scene {
+    let mut parts = SceneParts::default();
+    let wall = Material {
+        double_sided,
+        ..diffuse("wall", Rgb::splat(0.6))
+    };
+    parts.add(wall, [cuboid(-Vec3::ONE, Vec3::ONE).inverted()]);
+    let corner = Vec3::new(-0.4, 0.9, -0.4);
+    parts.add(
+        emitter("lamp", Rgb::splat(4.0)),
+        [quad(corner, Vec3::X * 0.8, Vec3::Z * 0.8)],
+    );
+    let from = Vec3::new(0.8, 0.6, 4.5);
+    parts.cameras = vec![Camera::look_at(from, Vec3::ZERO, Vec3::Y, 0.6)];
+    scene(parts)
+}
+
+#[test]
+fn camera_looks_through_backs_of_single_sided_surfaces() {
+    let picture = |double_sided| film_with(&room(double_sided), &Settings::default(), 16, 16);
+    // Nothing lights the walls from outside.
+    assert_eq!(mean(&picture(true)).0, 0.0);
+    assert!(mean(&picture(false)).0 > 0.1);
+}
+
+/// Light is where the walls keep it, whichever end paths begin at: light tracing sees through the walls as the camera does.
+#[test]
+fn bidirectional_paths_see_through_the_same_backs() {
+    let room = room(false);
+    let of = |estimator, seed| {
+        let settings = Settings {
+            estimator,
+            seed,
+            ..Settings::default()
+        };
+        mean(&film_with(&room, &settings, 16, 256))
+    };
+    let (path, error) = of(Settings::default().estimator, 1);
+    let (both, other) = of(Estimator::Bdpt, 2);
+    let apart = (path - both).abs();
+    assert!(
+        apart < 4.0 * error.hypot(other),
+        "{path} {both} ± {error} {other}"
+    );
+}
