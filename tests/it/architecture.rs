@@ -305,3 +305,20 @@ fn architecture_check_sees_every_form_of_import() {
         );
     }
 }
+
+/// A package holds no file from outside of its folder, and links do not survive every way that a tree is copied.
+#[test]
+fn architecture_crate_of_tables_holds_copies_of_tables_and_licences() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut copies = vec!["LICENSE-APACHE".to_owned(), "LICENSE-MIT".to_owned()];
+    for file in std::fs::read_dir(root.join("table/params")).unwrap() {
+        let name = file.unwrap().file_name();
+        copies.push(format!("params/{}", name.to_str().unwrap()));
+    }
+    assert!(copies.len() >= 4, "{copies:?}");
+    for copy in copies {
+        let [original, copied] = [root.join(&copy), root.join("table").join(&copy)];
+        let same = std::fs::read(&original).unwrap() == std::fs::read(&copied).unwrap();
+        assert!(same, "copy {copy} to table/{copy}");
+    }
+}
