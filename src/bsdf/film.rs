@@ -234,14 +234,18 @@ impl Iridescent {
         }
     }
 
-    /// |wo·h| of the half vector of reflection or refraction.
+    /// |wo·h| of the half vector of reflection or refraction. In reflection both directions have the same, |wo + wi|/2: a film's
+    /// phase would show the last bits of a cosine that is not symmetric.
     fn cos(&self, wo: Vec3, wi: Vec3) -> f32 {
-        let h = match self.under {
-            Under::Thin(_) => wo + wi.with_z(wi.z.abs().copysign(wo.z)),
-            Under::Dielectric(_) if wo.z * wi.z < 0.0 => wo + self.eta(wo) * wi,
-            _ => wo + wi,
+        let cos = match self.under {
+            Under::Thin(_) => 0.5 * (wo + wi.with_z(wi.z.abs().copysign(wo.z))).length(),
+            Under::Dielectric(_) if wo.z * wi.z < 0.0 => {
+                let h = wo + self.eta(wo) * wi;
+                (wo.dot(h) / h.length()).abs()
+            }
+            _ => 0.5 * (wo + wi).length(),
         };
-        (wo.dot(h) / h.length()).abs().min(1.0)
+        cos.min(1.0)
     }
 
     #[cold]

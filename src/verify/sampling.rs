@@ -330,8 +330,7 @@ fn asymmetry(mut bsdf: Bsdf, alpha: f32, wo: Vec3, wi: Vec3) -> f64 {
             let cos = wo.z.abs().min(wi.z.abs());
             (1e-2 + 1e-4 / (alpha * cos)) / (glass.eta - 1.0).abs().min(1.0)
         }
-        // Phases of films and powers of fibres enlarge rounding; 3e-5 was seen.
-        _ => 5e-5,
+        _ => 1e-5,
     };
     (apart / (largest * rounding)).max_element().into()
 }
