@@ -3,10 +3,14 @@
 //! Sampled directions are counted by the microfacet slopes of their half vector, in which a lobe has the same shape at
 //! every roughness. A slope is divided by α and mapped by t = s/√(1 + s²): equal cells over |t| ≤ 0.98 resolve the lobe
 //! from its peak to s = 4.9. Directions beyond, and failed samples, are counted in one more cell.
+//!
+//! Fibres are drawn evenly over the hemisphere: their cells are those of height and azimuth, since half vectors would put
+//! the jump of the density at the horizon into the middle of cells.
 
 use super::chi_square;
 use crate::bsdf::Bsdf;
 use crate::math::{DVec3, Vec3};
+use std::f64::consts::PI;
 
 /// Cells along one axis.
 const N: usize = 10;
@@ -48,10 +52,19 @@ impl DensityTest {
         self.bsdf.pdf(self.alpha, self.wo, wi).into()
     }
 
+    /// True for a BSDF that is drawn evenly over the hemisphere.
+    fn is_even(&self) -> bool {
+        matches!(self.bsdf, Bsdf::Sheen(_))
+    }
+
     /// Cell of a sampled direction; the last cell for directions beyond the grid.
     fn cell(&self, wi: Vec3) -> usize {
         let wi = wi.as_dvec3().normalize() * self.side();
         let through = wi.z < 0.0;
+        if self.is_even() && !through {
+            let at = |share: f64| ((share * N as f64) as usize).min(N - 1);
+            return at(0.5 * (wi.y.atan2(wi.x) / PI + 1.0)) * N + at(wi.z);
+        }
         let h = match (through, self.eta()) {
             (false, _) => self.wo() + wi,
             (true, 0.0) => self.wo() + DVec3::new(wi.x, wi.y, -wi.z),
@@ -71,6 +84,12 @@ impl DensityTest {
 
     /// Direction for a half vector with mapped slopes (`x`, `y`), and dω_i / d(x, y).
     fn direction(&self, through: bool, x: f64, y: f64) -> Option<(DVec3, f64)> {
+        if self.is_even() {
+            let (z, (sin, cos)) = (0.5 * (x / END + 1.0), (PI * y / END).sin_cos());
+            let flat = (1.0 - z * z).max(0.0).sqrt();
+            let wi = DVec3::new(flat * cos, flat * sin, z);
+            return (!through).then_some((wi, 0.5 * PI / (END * END)));
+        }
         let alpha = f64::from(self.alpha);
         let slope = |t: f64| t / (1.0 - t * t).sqrt() * alpha;
         let m = DVec3::new(slope(x), slope(y), 1.0).normalize();
