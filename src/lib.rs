@@ -34,7 +34,6 @@
 //! | 4 | [`integrator`] | estimators and the steps they share; budgets, checkpoints |
 //! | 5 | [`resolve`] | the level of every pixel, chosen without a reference, and its error |
 //! | 5 | [`pilot`] | the integrator of a scene, chosen by small renders |
-//! | 5 | [`tune`] | scale and contrast of a table, chosen by small renders |
 //! | 5 | [`Render`] | a render from a program of one's own, in a few lines |
 //! | 5 | [`gallery`] | the scenes of this project, manifest, references, glb writer |
 //! | 6 | `train` | record, evaluate, learn (feature `train`) |
@@ -103,7 +102,6 @@ pub mod scene;
 pub mod stats;
 #[cfg(feature = "train")]
 pub mod train;
-pub mod tune;
 #[cfg(feature = "cli")]
 pub mod verify;
 

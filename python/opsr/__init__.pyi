@@ -51,7 +51,7 @@ class Table:
     def lookup(self, alphas: Sequence[float]) -> float: ...
     @overload
     def lookup(self, alphas: ArrayLike) -> float | NDArray[np.float32]: ...
-    def tuned(self, scale: float = 1.0, contrast: float = 1.0) -> Table: ...
+    def tuned(self, scale: float) -> Table: ...
     @property
     def gammas(self) -> NDArray[np.float32]: ...
     @property
@@ -133,8 +133,7 @@ class _Options(TypedDict, total=False):
     target_error: float | None
     seed: int
     table: Table | Path | None
-    table_scale: float | Literal["auto"] | None
-    table_energy: float | None
+    table_scale: float | None
     gamma: float | None
     rule: Literal["pbrt", "filter-glossy", "roughness-clamp", "mollifier"] | None
     filter: float | None

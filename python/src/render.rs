@@ -18,11 +18,10 @@ use opsr::integrator::part::{self, MergeError, Merged, Part};
 use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::memory;
-use opsr::pilot::{Contender, Horizon, choose_integrator, left_after};
+use opsr::pilot::{Contender, Horizon, SPP_OF_TARGET, choose_integrator, left_after};
 use opsr::regularise::{Factors, Rule};
 use opsr::resolve::{Resolve, resolve_film, stopping_error};
 use opsr::scene::{Camera, Lens};
-use opsr::tune;
 use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyInt, PyString};
@@ -65,8 +64,7 @@ impl From<RenderProgress> for Progress {
 ///     (the root of its relMSE), the first one reached; 128 samples by default.
 /// seed: seed of all random numbers, from 0 to 2**64 - 1.
 /// table: learned attenuation factors: a Table, a file, or "beta-0.001" or "beta-0.05".
-/// table_scale: factor on the table's factors instead of its own, or "auto": a pilot chooses it, and the contrast.
-/// table_energy: with table_scale="auto": reject what changes the mean of the picture by more than this share.
+/// table_scale: factor on the table's factors, above 0, instead of its own.
 /// gamma: one attenuation factor from 0 to 1 for all paths, instead of a table.
 /// rule: a rule of other renderers instead of both, for comparison: "pbrt", "filter-glossy", "roughness-clamp" or
 ///     "mollifier".
@@ -86,7 +84,7 @@ impl From<RenderProgress> for Progress {
 /// levels: several amounts of roughening on the same paths, of which every pixel gets the best: their number from 1 to 8, or
 ///     the scales of the table's, the constant factor or the filter's value, ascending from 0; 1 takes the table or the
 ///     constant as it is. By default five where there can be levels, as in the program: "path" with a table or a constant,
-///     without reuse, consistent, table_scale="auto" and the layers emission, direct and indirect.
+///     without reuse, consistent and the layers emission, direct and indirect.
 /// max_vertices: scattering vertices of the longest path, from 1 to 65536.
 /// sampler: random numbers of camera paths of "path": "sobol", or "independent", whose variances are unbiased.
 /// threads: their number; all cores by default.
@@ -100,7 +98,7 @@ impl From<RenderProgress> for Progress {
 #[pyfunction]
 #[pyo3(signature = (
     scene, *, camera=None, size=None, crop=None, spp=None, time=None, target_error=None, seed=0, table=None,
-    table_scale=None, table_energy=None, gamma=None, rule=None, filter=None, reuse=false, consistent=None,
+    table_scale=None, gamma=None, rule=None, filter=None, reuse=false, consistent=None,
     integrator="path", radius=None, radius_alpha=None, connections=None, mlt_pass=None, aperture=None, focus=None,
     levels=None, max_vertices=16, sampler="sobol", threads=None, aov=None, on_progress=None, part=None, samples=None
 ))]
@@ -116,8 +114,7 @@ pub(crate) fn render(
     target_error: Option<f64>,
     seed: u64,
     table: Option<&Bound<'_, PyAny>>,
-    table_scale: Option<&Bound<'_, PyAny>>,
-    table_energy: Option<f32>,
+    table_scale: Option<f32>,
     gamma: Option<f32>,
     rule: Option<&str>,
     filter: Option<f32>,
@@ -148,14 +145,11 @@ pub(crate) fn render(
         return Err(argument("max_vertices", "expected 1 to 65536"));
     }
     let table = table.map(held).transpose()?;
-    let scale = table_scale.map(scale).transpose()?;
+    let scale = table_scale
+        .map(|x| positive("table_scale", x))
+        .transpose()?;
     if scale.is_some() && table.is_none() {
         return Err(argument("table_scale", "needs a table"));
-    }
-    let energy = table_energy.map(|x| unit("table_energy", x)).transpose()?;
-    let tuned = matches!(scale, Some(Scale::Auto));
-    if energy.is_some() && !tuned {
-        return Err(argument("table_energy", "needs table_scale=\"auto\""));
     }
     let mut spec = spec(
         table.is_some(),
@@ -191,17 +185,13 @@ pub(crate) fn render(
             // Candidates without levels stay in the race.
             Some(_) if auto && !kind.is_path() && kind != IntegratorKind::Auto => Vec::new(),
             Some(scales) => scales.clone(),
-            None if tuned || splits_light => Vec::new(),
+            None if splits_light => Vec::new(),
             None => (settings.usual_levels(scene.world.has_lobes())).unwrap_or_default(),
         };
         Ok(settings)
     };
     let mut contenders = Vec::new();
     if auto {
-        if tuned {
-            let what = "auto chooses for itself: no table_scale=\"auto\"";
-            return Err(argument("integrator", what));
-        }
         for spec in spec.contenders() {
             let (kind, settings) = (spec.integrator, settings(spec)?);
             if kind.is_path() || check_layers(&aovs, &settings).is_ok() {
@@ -227,7 +217,6 @@ pub(crate) fn render(
         aovs,
         spec,
         contenders,
-        energy,
         digest,
     };
     let mut hear = on_progress.map(|call| {
@@ -240,7 +229,7 @@ pub(crate) fn render(
     job.check_memory(&settings)?;
     if let Some(path) = part {
         let samples = samples.unwrap_or((0, spp.unwrap_or(DEFAULT_SPP)));
-        job.check_part(samples, time.is_some() || target_error.is_some(), scale)?;
+        job.check_part(samples, time.is_some() || target_error.is_some())?;
         let done = watched(py, threads, hear, |link| {
             job.part(&settings, path, samples, link)
         })?;
@@ -252,9 +241,7 @@ pub(crate) fn render(
     if samples.is_some() {
         return Err(argument("samples", "needs a part to write"));
     }
-    let made = watched(py, threads, hear, |link| {
-        job.film(settings, budget, tuned, link)
-    })?;
+    let made = watched(py, threads, hear, |link| job.film(settings, budget, link))?;
     Ok(Some(made.map_err(|e| argument(name, e))?))
 }
 
@@ -270,8 +257,6 @@ struct Job<'a> {
     spec: MethodSpec,
     /// Integrators among which a pilot chooses.
     contenders: Vec<Contender>,
-    /// Share by which a pilot may change the picture's mean.
-    energy: Option<f32>,
     /// SHA-256 of the table.
     digest: Option<String>,
 }
@@ -303,7 +288,6 @@ impl Job<'_> {
         &self,
         mut settings: Settings,
         mut budget: Budget,
-        tuned: bool,
         link: &Link<RenderProgress>,
     ) -> Result<Film, FilmError> {
         let view = self.view();
@@ -315,7 +299,7 @@ impl Job<'_> {
                 (None, Some(time)) => {
                     Horizon::Seconds(time.as_secs_f64() * rayon::current_num_threads() as f64)
                 }
-                (None, None) => Horizon::Samples(tune::SPP_OF_TARGET),
+                (None, None) => Horizon::Samples(SPP_OF_TARGET),
             };
             let go_on = || !link.stopped();
             // Counted paths for time, so that the picture depends on the arguments alone.
@@ -324,19 +308,6 @@ impl Job<'_> {
             let best = &self.contenders[choice.map_or(0, |choice| choice.best)];
             (kind, settings) = (best.kind, best.settings.clone());
             budget.time = budget.time.map(|time| left_after(time, clock.elapsed()));
-        }
-        if tuned {
-            let samples = match (budget.samples, budget.time) {
-                (Some(samples), _) => samples,
-                (None, Some(time)) => tune::samples_in(time, &settings, &view)?,
-                (None, None) => tune::SPP_OF_TARGET,
-            };
-            let go_on = || !link.stopped();
-            let pilot = tune::choose_while(&settings, &view, samples, &go_on)?;
-            if let Some((table, pilot)) = settings.rule.table_mut().zip(pilot) {
-                let within = |share: f32| pilot.within(share.into());
-                *table = table.tuned(self.energy.map_or(pilot.tuning, within));
-            }
         }
         let (levels, recorded) = (settings.levels.len(), Aov::recorded(&self.aovs));
         let mut picture = Picture::blank(self.frame, self.window, levels, recorded)?;
@@ -357,7 +328,7 @@ impl Job<'_> {
     }
 
     /// An error for what a part cannot be.
-    fn check_part(&self, samples: (u32, u32), bounded: bool, scale: Option<Scale>) -> PyResult<()> {
+    fn check_part(&self, samples: (u32, u32), bounded: bool) -> PyResult<()> {
         let wants = |aov| self.aovs.contains(&aov);
         if samples.0 >= samples.1 {
             return Err(argument("samples", "expected (first, last + 1)"));
@@ -369,8 +340,8 @@ impl Job<'_> {
             let what = "auto chooses by a pilot, for each part anew: name one";
             return Err(argument("integrator", what));
         }
-        if bounded || matches!(scale, Some(Scale::Auto)) {
-            let what = "has a number of samples: no time, target_error or table_scale=\"auto\"";
+        if bounded {
+            let what = "has a number of samples: no time or target_error";
             return Err(argument("part", what));
         }
         Ok(())
@@ -500,25 +471,6 @@ fn budget(spp: Option<u32>, time: Option<f64>, error: Option<f64>) -> PyResult<B
     })
 }
 
-/// Scale of a table.
-#[derive(Clone, Copy)]
-enum Scale {
-    /// That of a pilot.
-    Auto,
-    By(f32),
-}
-
-fn scale(scale: &Bound<'_, PyAny>) -> PyResult<Scale> {
-    match scale.extract::<f32>() {
-        Ok(x) if x > 0.0 && x.is_finite() => Ok(Scale::By(x)),
-        _ if scale.eq("auto")? => Ok(Scale::Auto),
-        _ => Err(argument(
-            "table_scale",
-            "expected a number above 0, or auto",
-        )),
-    }
-}
-
 /// The lens of a camera whose file says `file`.
 fn lens(file: Option<Lens>, aperture: Option<f32>, focus: Option<f32>) -> PyResult<Option<Lens>> {
     if aperture.is_some_and(|r| !(r >= 0.0 && r.is_finite())) {
@@ -640,7 +592,7 @@ fn spec(
 fn settings(
     mut spec: MethodSpec,
     table: Option<&Bound<'_, Table>>,
-    scale: Option<Scale>,
+    scale: Option<f32>,
 ) -> PyResult<Settings> {
     let table = table.filter(|_| spec.table.is_some());
     if table.is_some() {
@@ -656,7 +608,7 @@ fn settings(
     };
     if let Some((Rule::Accumulated(rule), table)) = Some(&mut settings.rule).zip(table) {
         let mut table = table.get().file.table.clone();
-        if let Some(Scale::By(scale)) = scale {
+        if let Some(scale) = scale {
             table.scale = scale;
         }
         rule.factors = Factors::Table(table);

@@ -4,7 +4,7 @@ use crate::array;
 use crate::errors::{argument, file};
 use opsr::files::hex;
 use opsr::regularise::file::{TableFile, save as save_table};
-use opsr::regularise::{Attenuation, AttenuationTable, LEN, Lookup, PathRoughness, TableTuning};
+use opsr::regularise::{Attenuation, AttenuationTable, LEN, Lookup, PathRoughness};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -95,17 +95,10 @@ impl Table {
         array::floats(py, &shape[..1], values.chunks_exact(n).map(gamma))
     }
 
-    /// This table with its factors multiplied by `scale`, above 0, and raised to `contrast`, from 0 (all equal to their
-    /// geometric mean) to 1 (as they are), relative to that mean.
-    #[pyo3(signature = (scale=1.0, contrast=1.0))]
-    fn tuned(&self, scale: f32, contrast: f32) -> PyResult<Self> {
-        let tuning = TableTuning {
-            scale: positive("scale", scale)?,
-            contrast: unit("contrast", contrast)?,
-        };
-        let (table, provenance) = (self.file.table.tuned(tuning), self.file.provenance.clone());
-        positive("scale", table.scale)?;
-        let file = TableFile { table, provenance };
+    /// This table with its factors multiplied by `scale`, above 0.
+    fn tuned(&self, scale: f32) -> PyResult<Self> {
+        let mut file = self.file.clone();
+        file.table.scale = positive("scale", file.table.scale * positive("scale", scale)?)?;
         Ok(Self { file })
     }
 

@@ -53,7 +53,6 @@ def test_parts_merge_to_the_bytes_of_the_single_render(box, tmp_path, options):
         ({"filter": 2}, "filter: needs rule"),
         ({"filter": -1, "rule": "filter-glossy"}, "filter: expected"),
         ({"table_scale": 2}, "table_scale: needs a table"),
-        ({"table_energy": 0.1, "table": "beta-0.05"}, "table_energy: needs table_scale"),
         ({"radius": 0, "integrator": "vcm"}, "radius: expected"),
         ({"radius": 0.1}, "integrator path has no radius"),
         ({"radius_alpha": 1.5, "integrator": "sppm"}, "radius_alpha: expected"),
@@ -65,8 +64,7 @@ def test_parts_merge_to_the_bytes_of_the_single_render(box, tmp_path, options):
         ({"focus": 0.0, "aperture": 0.1}, "focus: expected"),
         ({"integrator": "auto", "part": "x"}, "integrator: auto chooses by a pilot, for each part anew"),
         ({"integrator": "auto", "mlt_pass": 4}, "does not try mlt"),
-        ({"integrator": "auto", "table": "beta-0.05", "table_scale": "auto"}, "integrator: auto chooses for itself"),
-        ({"table_scale": "much", "table": "beta-0.05"}, "table_scale: expected"),
+        ({"table_scale": 0, "table": "beta-0.05"}, "table_scale: expected"),
         ({"target_error": 0}, "target_error: expected"),
     ],
 )
@@ -82,11 +80,6 @@ def test_errors_name_the_argument(box, options, words):
         ("--opsr-table beta-0.05 --consistent 0.2", {"table": "beta-0.05", "consistent": 0.2}),
         ("--mode filter-glossy --filter 2", {"rule": "filter-glossy", "filter": 2}),
         ("--opsr-table beta-0.05 --table-scale 3", {"table": "beta-0.05", "table_scale": 3}),
-        ("--opsr-table beta-0.05 --table-scale auto", {"table": "beta-0.05", "table_scale": "auto"}),
-        (
-            "--opsr-table beta-0.05 --table-scale auto --table-energy 0.01",
-            {"table": "beta-0.05", "table_scale": "auto", "table_energy": 0.01},
-        ),
         (
             "--integrator vcm --radius 0.05 --radius-alpha 0.8 --connections nee",
             {"integrator": "vcm", "radius": 0.05, "radius_alpha": 0.8, "connections": "nee"},

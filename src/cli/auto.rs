@@ -9,8 +9,7 @@ use anyhow::{Context, anyhow};
 use opsr::integrator::View;
 use opsr::integrator::checkpoint::Checkpoint;
 use opsr::integrator::method::Method;
-use opsr::pilot::{Contender, Horizon, choose_integrator};
-use opsr::tune::SPP_OF_TARGET;
+use opsr::pilot::{Contender, Horizon, SPP_OF_TARGET, choose_integrator};
 
 /// A contender, and the method that its settings come from.
 type Entry = (Contender, Method);
@@ -22,9 +21,8 @@ pub(super) fn choose(
     opened: &Opened,
     stop: &Stop,
 ) -> anyhow::Result<Option<Entry>> {
-    let tuned = args.table_scale == Some(job::Scale::Auto);
-    if tuned || args.trace_pixel.is_some() || args.film.is_some() {
-        let what = "--integrator auto chooses for itself: not with --table-scale auto, --trace-pixel or --film";
+    if args.trace_pixel.is_some() || args.film.is_some() {
+        let what = "--integrator auto chooses for itself: not with --trace-pixel or --film";
         return Err(anyhow!(what)).usage();
     }
     let mut entries = entries(args, opened)?;
@@ -49,6 +47,7 @@ pub(super) fn choose(
     };
     let contenders: Vec<Contender> = entries.iter().map(|(c, _)| c.clone()).collect();
     let go_on = || !stop.asked();
+    tracing::info!("the pilot begins");
     let choice = choose_integrator(&contenders, &view, horizon, args.reproducible, &go_on)
         .context(job::window_option(args))
         .usage()?;
@@ -62,7 +61,7 @@ pub(super) fn choose(
 fn entries(args: &RenderArgs, opened: &Opened) -> anyhow::Result<Vec<Entry>> {
     let mut entries = Vec::new();
     for spec in args.method.contenders() {
-        let (kind, method) = (spec.integrator, job::resolve(args, spec)?);
+        let (kind, method) = (spec.integrator, spec.resolve().input()?);
         let mut settings = job::settings(args, &method);
         if kind.is_path() {
             settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;

@@ -26,8 +26,8 @@ A suite:
   # distribution, light_scale, roughness_scale, environment = \"sky.hdr\", reference_integrator = \"bdpt\"
   [[method]]
   name = \"plain\"
-  method = \"plain\"          # constant (gamma), table (table: a file or beta-0.001, table_scale, table_contrast, lookup,
-                            # pilot = true), pbrt, filter-glossy (filter), roughness-clamp, mollifier; constant and table
+  method = \"plain\"          # constant (gamma), table (table: a file or beta-0.001, table_scale, lookup), pbrt,
+                            # filter-glossy (filter), roughness-clamp, mollifier; constant and table
                             # take reuse, lambda; these, filter-glossy and roughness-clamp take
                             # levels = [0, 0.128, 0.64, 3.2, 16] and then robust = true, sigma; plain, constant and table
                             # take guide = \"picture\" or \"unbiased\"; all take denoise = true

@@ -2,7 +2,7 @@
 
 use super::output::print;
 use super::scene::{Opened, SceneArgs};
-use super::{Blame, job, tune};
+use super::{Blame, job};
 use anyhow::Context;
 use clap::Args;
 use opsr::image::film::{Film, Window};
@@ -59,7 +59,7 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
 /// The surface in the centre of a pixel as JSON; without one only the pixel.
 fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyhow::Result<Value> {
     let scene = &opened.scene;
-    let size = tune::frame(args.size, args.camera.as_deref(), opened)?;
+    let size = super::render::frame(args.size, args.camera.as_deref(), opened)?;
     let [x, y] = pixel.to_array();
     let window = Window { x, y, w: 1, h: 1 };
     Film::cropped(size, window).context("--pixel").usage()?;

@@ -153,26 +153,6 @@ pub(super) fn window(args: &RenderArgs, size: UVec2) -> Window {
     args.crop.map_or(Window::full(size), |crop| crop.of(size))
 }
 
-/// Scale of a table's factors.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Scale {
-    /// The best one of a pilot.
-    Auto,
-    /// This, instead of the table's own scale.
-    By(f32),
-}
-
-/// A scale such as `0.5` or `auto`.
-pub(super) fn scale(text: &str) -> Result<Scale, String> {
-    if text == "auto" {
-        return Ok(Scale::Auto);
-    }
-    match text.parse::<f32>() {
-        Ok(x) if x > 0.0 && x.is_finite() => Ok(Scale::By(x)),
-        _ => Err("expected a number above 0, or auto".into()),
-    }
-}
-
 /// Scales of levels; empty for one level.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Levels(Vec<f32>);
@@ -204,7 +184,7 @@ pub(super) fn levels(
         return Ok(settings.levels);
     }
     let single = args.trace_pixel.is_some() || super::aovs::splits_light(args);
-    if single || args.table_scale == Some(Scale::Auto) {
+    if single {
         return Ok(Vec::new());
     }
     Ok(settings.usual_levels(has_lobes).unwrap_or_else(|why| {
@@ -234,17 +214,6 @@ pub(super) fn method(args: &RenderArgs) -> anyhow::Result<Method> {
     }
     if spec.filter.is_some() && spec.method != Kind::FilterGlossy {
         return Err(anyhow!("--filter needs --mode filter-glossy")).usage();
-    }
-    if matches!(args.table_scale, Some(Scale::By(_))) && args.table_energy.is_some() {
-        return Err(anyhow!("--table-energy needs --table-scale auto")).usage();
-    }
-    resolve(args, spec)
-}
-
-/// The method of options that were checked.
-pub(super) fn resolve(args: &RenderArgs, mut spec: MethodSpec) -> anyhow::Result<Method> {
-    if let Some(Scale::By(scale)) = args.table_scale {
-        spec.table_scale = Some(scale);
     }
     spec.resolve().input()
 }

@@ -3,6 +3,7 @@
 //! Only this folder uses anyhow and the terminal. Types that are options derive clap's traits where they are defined.
 
 use anyhow::Context;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use opsr::files::FileError;
 use opsr::memory::Shortage;
@@ -37,7 +38,6 @@ mod table;
 mod trace;
 #[cfg(feature = "train")]
 mod train;
-mod tune;
 mod verify;
 
 /// Exit code of the program.
@@ -190,9 +190,35 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         .mut_subcommands(with_negative_numbers)
 }
 
+/// Options that are gone, and what does their work now. Measurements of them are in `docs/lab/left_out.md`.
+const GONE: [(&str, &str); 2] = [
+    (
+        "--table-energy",
+        "levels, the default, choose an amount for every pixel",
+    ),
+    (
+        "--table-contrast",
+        "--table-scale or --gamma sets one amount, and levels choose one for every pixel",
+    ),
+];
+
+/// What clap says, or for an option that is gone what replaced it.
+fn refused(error: &clap::Error) -> ! {
+    let name = match error.get(ContextKind::InvalidArg) {
+        Some(ContextValue::String(name)) if error.kind() == ErrorKind::UnknownArgument => name,
+        _ => error.exit(),
+    };
+    let Some((name, instead)) = GONE.iter().find(|(gone, _)| gone == name) else {
+        error.exit()
+    };
+    eprintln!("opsr: {name} is gone: {instead}");
+    std::process::exit(Exit::Usage as i32)
+}
+
 /// Runs the program.
 pub(crate) fn main() -> ExitCode {
-    let matches = with_negative_numbers(Args::command()).get_matches();
+    let matches = with_negative_numbers(Args::command()).try_get_matches();
+    let matches = matches.unwrap_or_else(|e| refused(&e));
     let args = Args::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     let levels = [LevelFilter::WARN, LevelFilter::INFO, LevelFilter::DEBUG];
     let level = levels[usize::from(args.verbose.min(2))];

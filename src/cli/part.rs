@@ -36,8 +36,6 @@ pub(super) fn check(args: &RenderArgs) -> anyhow::Result<()> {
     let wants = |aov| args.aov.contains(&aov);
     let what = if wants(Aov::Position) || wants(Aov::Id) || wants(Aov::Time) {
         "--film keeps no --aov position, id and time"
-    } else if args.table_scale == Some(job::Scale::Auto) {
-        "--film needs a number for --table-scale: a pilot would choose one for each part"
     } else if args.method.guide.is_some() {
         "--film is without --guide: a guide learns from all samples before"
     } else if args.method.integrator == IntegratorKind::Auto {

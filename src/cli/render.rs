@@ -2,12 +2,13 @@
 
 use super::aovs;
 use super::bar::Style;
+use super::job::Size;
 use super::listener::{Closed, Listener, Run};
 use super::output::{Outputs, Provenance, can_write, check_distinct};
 use super::render_args::RenderArgs;
 use super::scene::{self, Opened};
 use super::stop::Stop;
-use super::{Blame, Exit, auto, job, part, trace, tune};
+use super::{Blame, Exit, auto, job, part, trace};
 use anyhow::{Context, anyhow};
 use opsr::files;
 use opsr::image::film::{Film, Window};
@@ -78,11 +79,6 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         contender.settings
     } else {
         let mut settings = job::settings(args, &method);
-        if args.table_scale == Some(job::Scale::Auto)
-            && !tune::tune(args, &opened, &mut settings, &stop)?
-        {
-            return Ok(stopped_in_pilot());
-        }
         settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;
         settings
     };
@@ -120,10 +116,27 @@ pub(super) fn frame_and_camera(
     args: &RenderArgs,
     opened: &Opened,
 ) -> anyhow::Result<(UVec2, Camera)> {
-    let size = tune::size(args, opened)?;
+    let size = frame(args.size, args.camera.as_deref(), opened)?;
     let aspect = size.x as f32 / size.y as f32;
     let camera = scene::camera(&opened.scene, args.camera.as_deref(), aspect)?;
     Ok((size, args.lens.on(camera)?))
+}
+
+/// Size of the whole picture of a camera.
+pub(super) fn frame(
+    size: Option<Size>,
+    camera: Option<&str>,
+    opened: &Opened,
+) -> anyhow::Result<UVec2> {
+    let share = match size {
+        Some(Size::Pixels(size)) => return Ok(size),
+        Some(Size::Share(share)) => share,
+        None => 1.0,
+    };
+    let camera = scene::camera(&opened.scene, camera, 1.0)?;
+    let whole = camera.default_frame();
+    let scaled = |side: u32| ((share * f64::from(side)).round() as u32).clamp(1, 65536);
+    Ok(UVec2::new(scaled(whole.x), scaled(whole.y)))
 }
 
 /// Refuses a picture of a window that needs more memory than there is.

@@ -8,7 +8,7 @@ use super::scene::{LensArgs, SceneArgs};
 use clap::Args;
 use opsr::integrator::bidirectional::Strategy;
 use opsr::integrator::layers::Aov;
-use opsr::integrator::method::{MethodSpec, positive, unit};
+use opsr::integrator::method::{MethodSpec, positive};
 use std::ops::Range;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -55,18 +55,9 @@ pub(super) struct RenderArgs {
 
     #[command(flatten)]
     pub(super) method: MethodSpec,
-    /// Multiply the table's factors by this, instead of the scale that the table carries; `auto` chooses it, and the
-    /// contrast, by a pilot for the number of samples asked for: 28 small renders, the best of them longer.
-    #[arg(long, value_name = "X|auto", requires = "opsr_table", value_parser = job::scale)]
-    pub(super) table_scale: Option<job::Scale>,
-    /// With --table-scale auto: reject what changes the mean of the picture by more than this share, such as 0.03.
-    #[arg(long, value_name = "SHARE", requires = "table_scale", value_parser = unit)]
-    pub(super) table_energy: Option<f32>,
-
     /// Levels of roughening on the same paths, of which every pixel gets the best: their number, or the scales of the
     /// table or constant, such as 0,0.25,1. Level 0 is plain path tracing; 1 renders the table or constant as it is.
-    /// Without it five where a table or a constant can have them: not with --mode, --consistent, --table-scale auto or
-    /// another integrator.
+    /// Without it five where a table or a constant can have them: not with --mode, --consistent or another integrator.
     #[arg(long, value_name = "N|SCALES", value_parser = job::level_scales)]
     pub(super) levels: Option<job::Levels>,
     #[command(flatten)]

@@ -6,7 +6,7 @@ use super::metropolis::MUTATIONS;
 use crate::files::{FileError, hex};
 use crate::regularise::file::TableFile;
 use crate::regularise::rules::MOLLIFIER_RADIUS;
-use crate::regularise::{Accumulated, Factors, Lookup, Rule, TableTuning};
+use crate::regularise::{Accumulated, Factors, Lookup, Rule};
 use crate::sampler::SamplerKind;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -45,18 +45,10 @@ pub struct MethodSpec {
     )]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub table: Option<PathBuf>,
-    /// Scale of the table instead of its own.
-    #[cfg_attr(feature = "cli", arg(skip))]
+    /// Multiply the table's factors by this, instead of the scale that the table carries.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "X", requires = "opsr_table", value_parser = scale))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub table_scale: Option<f32>,
-    /// Share of the table's pattern that is kept, from 0, one factor for all paths, to 1.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "X", default_value_t = 1.0, requires = "opsr_table", value_parser = unit))]
-    #[serde(default = "one", skip_serializing_if = "is_one")]
-    pub table_contrast: f32,
-    /// Choose scale and contrast of the table by a pilot, for the most samples of the suite.
-    #[cfg_attr(feature = "cli", arg(skip))]
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub pilot: bool,
     /// Scales of several levels on the same paths, of which every pixel gets the best; empty for one level.
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -407,10 +399,7 @@ impl MethodSpec {
                 let file = TableFile::load(path)?;
                 table_sha256 = Some(hex(&file.digest()));
                 table_scenes = file.provenance.as_ref().map(|p| p.scenes.len());
-                let mut table = file.table.tuned(TableTuning {
-                    scale: 1.0,
-                    contrast: self.table_contrast,
-                });
+                let mut table = file.table;
                 table.scale = self.table_scale.unwrap_or(table.scale);
                 table.lookup = self.lookup.unwrap_or(table.lookup);
                 accumulated(Factors::Table(table))
@@ -446,14 +435,6 @@ impl MethodSpec {
     }
 }
 
-fn one() -> f32 {
-    1.0
-}
-
-fn is_one(x: &f32) -> bool {
-    *x == 1.0
-}
-
 /// A choice by the name that options have for it: that of its variant in kebab case.
 fn word(choice: &impl std::fmt::Debug) -> String {
     let mut word = String::new();
@@ -484,6 +465,16 @@ fn shrinking(text: &str) -> Result<f32, String> {
 /// A number above 0.
 pub fn positive(text: &str) -> Result<f32, String> {
     number(text, |x| x > 0.0 && x.is_finite(), "above 0")
+}
+
+#[cfg(feature = "cli")]
+fn scale(text: &str) -> Result<f32, String> {
+    positive(text).map_err(|what| match text {
+        "auto" => format!(
+            "{what}: auto is gone, and levels, the default, choose an amount for every pixel"
+        ),
+        _ => what,
+    })
 }
 
 /// A number not below 0.

@@ -10,7 +10,7 @@ use crate::image::exr::Metadata;
 use crate::image::film::Window;
 use crate::image::level_film::{BATCHES, LevelFilm};
 use crate::math::UVec2;
-use crate::regularise::{Rule, TableTuning, Unregularised};
+use crate::regularise::{Rule, Unregularised};
 use crate::sampler::{CameraSource, SamplerKind, Seed};
 use crate::scene::{Camera, Scene};
 use std::ops::Range;
@@ -262,9 +262,8 @@ impl Settings {
         if let Some(hash) = table_sha256 {
             set("table_sha256", hash.to_owned());
         }
-        if let Some(TableTuning { scale, contrast }) = self.rule.table().map(|t| t.tuning()) {
-            set("table_scale", scale.to_string());
-            set("table_contrast", contrast.to_string());
+        if let Some(table) = self.rule.table() {
+            set("table_scale", table.scale.to_string());
         }
         if !self.levels.is_empty() {
             set("levels", format!("{:?}", self.levels));

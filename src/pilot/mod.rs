@@ -42,6 +42,9 @@ const BEHIND: f64 = 4.0;
 /// Camera paths per CPU-second that are assumed before any is measured, and where paths are counted instead of seconds.
 const PATHS_PER_SECOND: f64 = 0.7e6;
 
+/// Samples per pixel that a pilot assumes for a render to a target error.
+pub const SPP_OF_TARGET: u32 = 256;
+
 /// Share of the light that a contender may miss for good while there are others.
 pub(super) const MISSED: f64 = 0.01;
 

@@ -13,7 +13,7 @@ pub mod rules;
 
 pub use opsr_table::{
     Attenuation, AttenuationTable, BIN_EDGES, BINS, ConstantGamma, GammaIndex, LEN, Lookup,
-    MAX_VERTICES, PathRoughness, TableTuning, bin, bin_coordinate, export,
+    MAX_VERTICES, PathRoughness, bin, bin_coordinate, export,
 };
 pub use rules::Rule;
 

@@ -87,7 +87,6 @@ impl Rule {
             gammas,
             lookup,
             scale,
-            contrast: _,
         } = table;
         let factors = hex(&Sha256::digest(bytemuck::cast_slice::<f32, u8>(
             &gammas[..],

@@ -30,7 +30,7 @@ pub use file::{TableError, TableFile};
 pub use roughness::{
     BIN_EDGES, BINS, GammaIndex, MAX_VERTICES, PathRoughness, bin, bin_coordinate,
 };
-pub use table::{AttenuationTable, LEN, Lookup, TableTuning};
+pub use table::{AttenuationTable, LEN, Lookup};
 
 /// A source of the attenuation factor γ in [0, 1] of a path.
 pub trait Attenuation: Sync {

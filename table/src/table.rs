@@ -18,37 +18,15 @@ pub enum Lookup {
     Linear,
 }
 
-/// Change of a table for a scene. The pattern of a table transfers between scenes better than its scale, and its scale
-/// better than nothing.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TableTuning {
-    /// Multiplier of every factor, above 0.
-    pub scale: f32,
-    /// Exponent in [0, 1] of every factor relative to the geometric mean of all: 1 keeps the pattern, 0 makes all
-    /// factors equal to the mean.
-    pub contrast: f32,
-}
-
-impl TableTuning {
-    /// Tuning that changes nothing.
-    pub const NONE: Self = Self {
-        scale: 1.0,
-        contrast: 1.0,
-    };
-}
-
 /// Attenuation factors γ in [0, 1], one for each class of path, ready to be looked up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AttenuationTable {
-    /// Factors in class order (see [`GammaIndex`]), at this contrast, before the scale.
+    /// Factors in class order (see [`GammaIndex`]), before the scale.
     pub gammas: Box<[f32; LEN]>,
     /// Map from a path to its factor.
     pub lookup: Lookup,
     /// Multiplier of every factor, above 0; the product is clamped to 1.
     pub scale: f32,
-    /// Contrast of `gammas` relative to the learned factors, a record kept by [`AttenuationTable::tuned`]; 1 for a table
-    /// as it was learned or read.
-    pub contrast: f32,
 }
 
 impl AttenuationTable {
@@ -58,37 +36,12 @@ impl AttenuationTable {
             gammas,
             lookup,
             scale,
-            contrast: 1.0,
         }
     }
 
     /// Table with the same factor for all paths.
     pub fn constant(gamma: f32) -> Self {
         Self::new(Box::new([gamma; LEN]), Lookup::Nearest, 1.0)
-    }
-
-    /// This table with its contrast and its scale multiplied by those of `tuning`. Factors are raised to the contrast
-    /// here, once, since a power at every look-up would be expensive; the geometric mean stays.
-    pub fn tuned(&self, tuning: TableTuning) -> Self {
-        let mut table = self.clone();
-        table.scale *= tuning.scale;
-        table.contrast *= tuning.contrast;
-        if tuning.contrast != 1.0 {
-            let logs = (self.gammas.iter()).map(|g| f64::from(g.max(f32::MIN_POSITIVE)).ln());
-            let mean = logs.clone().sum::<f64>() / LEN as f64;
-            for (gamma, ln) in table.gammas.iter_mut().zip(logs) {
-                *gamma = (mean + f64::from(tuning.contrast) * (ln - mean)).exp() as f32;
-            }
-        }
-        table
-    }
-
-    /// Scale and contrast in use, relative to the learned factors.
-    pub fn tuning(&self) -> TableTuning {
-        TableTuning {
-            scale: self.scale,
-            contrast: self.contrast,
-        }
     }
 
     /// Factor of a class, scale included.
@@ -197,34 +150,6 @@ mod tests {
         (2..=MAX_VERTICES)
             .flat_map(|n| (0..40).map(move |k| path(n, k)))
             .collect()
-    }
-
-    #[test]
-    fn tuning_keeps_the_geometric_mean_and_composes() {
-        let mut table = AttenuationTable::constant(0.1);
-        for (gamma, k) in table.gammas.iter_mut().zip(0i32..) {
-            *gamma *= 4f32.powi(k % 2 * 2 - 1);
-        }
-        table.scale = 3.0;
-        assert_eq!(table.tuned(TableTuning::NONE), table);
-        let tuning = |scale, contrast| TableTuning { scale, contrast };
-        for (contrast, step) in [(0.5, 2.0), (0.0, 1.0)] {
-            let weaker = table.tuned(tuning(0.5, contrast));
-            assert_eq!(weaker.tuning(), tuning(1.5, contrast));
-            assert_eq!(weaker.lookup, table.lookup);
-            for pair in weaker.gammas.chunks_exact(2) {
-                assert!((pair[0] * step - 0.1).abs() < 1e-6 && (pair[1] / step - 0.1).abs() < 1e-6);
-            }
-        }
-        let twice = table.tuned(tuning(2.0, 0.5)).tuned(tuning(2.0, 0.5));
-        let once = table.tuned(tuning(4.0, 0.25));
-        assert_eq!(twice.tuning(), once.tuning());
-        let mut pairs = twice.gammas.iter().zip(once.gammas.iter());
-        assert!(pairs.all(|(a, b)| (a / b - 1.0).abs() < 1e-6));
-        // A factor of 0 stays finite.
-        table.gammas[7] = 0.0;
-        let flat = table.tuned(tuning(1.0, 0.0));
-        assert!(flat.gammas.iter().all(|g| *g > 0.0 && *g < 0.1));
     }
 
     #[test]

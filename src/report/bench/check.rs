@@ -111,8 +111,6 @@ fn method(method: &MethodSpec) -> Result<(), String> {
         (method.table.is_some(), Kind::Table, "table"),
         (method.table_scale.is_some(), Kind::Table, "table_scale"),
         (method.lookup.is_some(), Kind::Table, "lookup"),
-        (method.table_contrast != 1.0, Kind::Table, "table_contrast"),
-        (method.pilot, Kind::Table, "pilot"),
     ] {
         let belongs = !given || method.method == kind;
         ensure(belongs, format!("`{what}` does not belong to this method"))?;
@@ -138,10 +136,6 @@ fn method(method: &MethodSpec) -> Result<(), String> {
     ensure(scale, "table_scale: expected a number above 0")?;
     let filter = method.filter.is_none_or(|f| f > 0.0 && f.is_finite());
     ensure(filter, "filter: expected a number above 0")?;
-    ensure(
-        (0.0..=1.0).contains(&method.table_contrast),
-        "table_contrast: expected from 0 to 1",
-    )?;
     let radius = method.radius.is_none_or(|r| r > 0.0 && r.is_finite());
     ensure(radius, "radius: expected a number above 0")?;
     let alpha = method.radius_alpha.is_none_or(|a| a > 0.0 && a <= 1.0);

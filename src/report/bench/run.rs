@@ -26,7 +26,6 @@ use crate::integrator::{Census, FirstHit, Picture, Settings, View};
 use crate::pilot::stopwatch::Stopwatch;
 use crate::pilot::{Contender, Horizon, choose_integrator};
 use crate::resolve::{Resolve, Resolved, resolve_film};
-use crate::tune::choose;
 
 /// Samples per pixel for counting regularised vertices.
 const CENSUS: u32 = 2;
@@ -231,7 +230,6 @@ impl Bench<'_> {
                 };
                 let mut words = settings.fingerprint();
                 let MethodSpec {
-                    pilot,
                     robust,
                     denoise,
                     sigma,
@@ -241,12 +239,7 @@ impl Bench<'_> {
                     words += &format!(", blur {sigma}");
                 }
                 let auto = method.spec.integrator == IntegratorKind::Auto;
-                for (is, word) in [
-                    (pilot, "pilot"),
-                    (robust, "robust"),
-                    (denoise, "denoised"),
-                    (auto, "auto"),
-                ] {
+                for (is, word) in [(robust, "robust"), (denoise, "denoised"), (auto, "auto")] {
                     if is {
                         words += &format!(", {word}");
                     }
@@ -341,15 +334,6 @@ impl Bench<'_> {
         }
         let known = settings.check_scene(&scene.scene, &scene.camera);
         known.map_err(|what| fault(what.into()))?;
-        if method.pilot {
-            let watch = Stopwatch::start();
-            let samples = self.suite.samples.last().copied().unwrap_or(PILOT_SAMPLES);
-            let pilot = choose(&settings, &view, samples).map_err(|e| fault(e.to_string()))?;
-            if let Some(table) = settings.rule.table_mut() {
-                *table = table.tuned(pilot.tuning);
-            }
-            (now.wall, now.cpu) = watch.seconds();
-        }
         let pilot = now.cpu;
         let settings = &settings;
         let mut integrator = settings.integrator();

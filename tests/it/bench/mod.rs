@@ -236,7 +236,7 @@ fn bench_measures_levels_pilots_and_environments() {
              [[method]]\nname = 'plain'\nmethod = 'plain'\n\
              [[method]]\nname = 'levels'\nmethod = 'constant'\ngamma = 0.3\nlevels = [0.0, 0.3, 3.0]\n\
              [[method]]\nname = 'robust'\nmethod = 'constant'\ngamma = 0.3\nlevels = [0.0, 0.3, 3.0]\nrobust = true\n\
-             [[method]]\nname = 'pilot'\nmethod = 'table'\ntable = 'table.json'\npilot = true\ntable_contrast = 0.5\n"
+             [[method]]\nname = 'pilot'\nmethod = 'table'\ntable = 'table.json'\nintegrator = 'auto'\n"
         );
         write("suite.toml", text.as_bytes());
         let suite = Suite::load(&folder.path().join("suite.toml")).unwrap();

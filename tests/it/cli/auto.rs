@@ -80,7 +80,6 @@ fn auto_resume_goes_on_with_the_same_integrator() {
 fn auto_refuses_what_it_cannot_choose_for() {
     let place = Place::new();
     for args in [
-        "--table-scale auto --opsr-table beta-0.001",
         "--mode pbrt",
         "--mlt-pass 4",
         "--trace-pixel 1,1",

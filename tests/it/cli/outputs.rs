@@ -1,4 +1,4 @@
-//! Outputs of commands that succeed: pilots, comparisons, plots, a live view.
+//! Outputs of commands that succeed: comparisons, plots, a live view.
 
 use super::Place;
 use crate::fuzz::seeds;
@@ -20,51 +20,6 @@ fn caustics() -> Place {
 
 fn picture(place: &Place, name: &str) -> Buffer {
     exr::read_rgb(&place.path().join(name)).expect("a picture")
-}
-
-/// The pilot's choice is reported, and set by hand it gives the same picture.
-#[test]
-fn pilot_scale_set_by_hand_gives_the_same_picture() {
-    let place = caustics();
-    let table = "--spp 2 --opsr-table table.json --table-scale";
-    let ended = place
-        .render(&format!("{table} auto -o auto.exr --verbose"))
-        .done();
-    let (_, told) = (ended.err.split_once("table scale ")).expect("the choice");
-    let mut words = told.split([',', ' ']).filter(|w| !w.is_empty());
-    let scale = words.next().expect("a scale").to_owned();
-    assert_eq!(words.next(), Some("contrast"), "{told}");
-    let contrast = words.next().expect("a contrast").to_owned();
-    assert!(scale.parse::<f32>().expect("a number") > 0.0);
-    // All levels were tried.
-    assert_eq!(ended.err.matches("bias²").count(), 27, "{}", ended.err);
-    place
-        .render(&format!(
-            "{table} {scale} --table-contrast {contrast} --levels 1 -o hand.exr"
-        ))
-        .done();
-    assert_eq!(picture(&place, "auto.exr"), picture(&place, "hand.exr"));
-    // The same at any number of threads, and in a time instead of a number of samples.
-    place
-        .render(&format!("{table} auto -o one.exr --threads 1"))
-        .done();
-    assert_eq!(picture(&place, "auto.exr"), picture(&place, "one.exr"));
-    let timed = "--time 10ms --opsr-table table.json --table-scale auto -o timed.exr";
-    assert!(place.render(timed).done().err.contains("table scale "));
-    // Another choice where the picture's mean may not change.
-    let kept = place
-        .render(&format!("{table} auto --table-energy 0 -o kept.exr"))
-        .done();
-    assert!(picture(&place, "kept.exr") != picture(&place, "auto.exr"));
-    let (_, told) = (kept.err.split_once("mean by ")).expect("what it does");
-    let energy = told.split(' ').next().expect("a number");
-    assert!(
-        energy.parse::<f32>().expect("a number").abs() < 0.5,
-        "{told}"
-    );
-    let by_hand = place.render(&format!("{table} 1 --table-energy 0.1 -o kept.exr"));
-    assert_eq!(by_hand.code, Some(2), "{}", by_hand.err);
-    assert!(by_hand.err.contains("--table-energy"), "{}", by_hand.err);
 }
 
 /// Without the library the render does not begin; with it the picture before it is a layer.

@@ -151,10 +151,6 @@ fn parts_of_other_renders_are_refused_by_name() {
             "--film x --aov id",
             "--film keeps no --aov position, id and time",
         ),
-        (
-            "--film x --opsr-table beta-0.001 --table-scale auto",
-            "--table-scale",
-        ),
         ("--film x --crop 0,0,99,99", "--crop"),
     ] {
         let ended = place.opsr(&format!("render scene.glb --size 8x8 {args}"));

@@ -860,13 +860,13 @@ fn exit_code_of_a_stopped_pilot() {
     use std::process::{Command, Stdio};
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
-    place.write("table.json", &seeds::tables()[1]);
-    let args = "render scene.glb --verbose --spp 100000 --opsr-table table.json --table-scale auto -o out.exr";
+    let args =
+        "render scene.glb --verbose --spp 100000 --size 1024x1024 --integrator auto -o out.exr";
     let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
     let command = command.args(args.split_whitespace()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("the program");
     let mut lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
-    let begun = lines.any(|line| line.expect("UTF-8").contains("pilot for 100000"));
+    let begun = lines.any(|line| line.expect("UTF-8").contains("the pilot begins"));
     assert!(begun, "no pilot");
     let id = child.id().to_string();
     let kill = Command::new("kill").args(["-INT", &id]).status();
@@ -875,32 +875,6 @@ fn exit_code_of_a_stopped_pilot() {
     let code = child.wait().expect("an end").code();
     assert_eq!(code, Some(5), "{}", rest.join("\n"));
     assert!(!place.path().join("out.exr").exists());
-}
-
-/// A table with less of its pattern: another picture, which says so, and which only its like goes on from.
-#[test]
-fn table_contrast_is_part_of_the_checkpoint() {
-    let place = Place::new();
-    place.save("scene.glb", &gallery::caustic_box());
-    place.write("table.json", &seeds::tables()[1]);
-    let render = |contrast: &str, more: &str| {
-        place.render(&format!(
-            "--opsr-table table.json --table-contrast {contrast} -o out.exr {more}"
-        ))
-    };
-    let picture = |contrast: &str| {
-        render(contrast, "--spp 4").done();
-        let layers = exr::read_layers(&place.path().join("out.exr")).unwrap();
-        assert_eq!(layers.metadata["table_contrast"], contrast);
-        layers.channel("R").unwrap().to_vec()
-    };
-    let whole = picture("1");
-    assert!(picture("0.5") != whole && picture("0") != whole);
-    render("0.5", "--spp 2 --checkpoint state.ckpt").done();
-    let ended = render("0.25", "--spp 4 --checkpoint state.ckpt --resume");
-    assert_eq!(ended.code, Some(3), "{}", ended.err);
-    assert!(ended.err.contains("state.ckpt"), "{}", ended.err);
-    render("0.5", "--spp 4 --checkpoint state.ckpt --resume").done();
 }
 
 /// Every pixel gets the best of its levels; the choice is made again from the checkpoint.
@@ -984,4 +958,22 @@ fn levels_are_the_default_of_tables_and_constants() {
         .next()
         .and_then(|x| x.trim().parse::<f32>().ok());
     assert!(error.is_some_and(|e| e <= 0.5), "{}", ended.err);
+}
+
+/// Options that are gone say what replaced them.
+#[test]
+fn options_that_are_gone_name_their_successor() {
+    let place = Place::new();
+    for (args, words) in [
+        ("--table-energy 0.03", "--table-energy is gone: levels"),
+        ("--table-contrast=0.5", "--table-contrast is gone: "),
+        (
+            "--opsr-table beta-0.001 --table-scale auto",
+            "auto is gone, and levels",
+        ),
+    ] {
+        let ended = place.opsr(&format!("render scene.glb {args}"));
+        assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
+        assert!(ended.err.contains(words), "{args}: {}", ended.err);
+    }
 }
