@@ -1,7 +1,8 @@
 //! Intel Open Image Denoise, found when the program runs: the one module that calls a library of another language.
 //!
 //! Nothing is linked. [`Denoiser::open`] looks for the library (version 2) in the folder that the variable `OIDN_DIR`
-//! names, in its `lib` and `bin`, and where the system's loader looks.
+//! names, in its `lib` and `bin`, where the system's loader looks, and in the Python package `pyoidn` of the active
+//! environment, of the environment that the program lies in, and of the user.
 //!
 //! # Safety
 //!
@@ -43,7 +44,8 @@ const FLOAT3: c_int = 3;
 pub enum DenoiseError {
     /// No library, or one that cannot be used.
     #[error(
-        "Open Image Denoise 2 was not found; set {VARIABLE} to its folder. Looked for: {}",
+        "Open Image Denoise 2 was not found: `pip install pyoidn` brings it, or set {VARIABLE} to the folder of a download. \
+         Looked for: {}",
         .0.join("; ")
     )]
     Missing(Vec<String>),
@@ -85,15 +87,48 @@ pub struct Denoiser {
     _library: Library,
 }
 
+/// Folder of the library in the folder of Python packages.
+const PACKAGE: &str = "pyoidn/oidn";
+
+/// Environments of Python whose packages are looked at: the active ones, that of the program, and the user's.
+fn environments() -> Vec<PathBuf> {
+    let named = |name| std::env::var_os(name).map(PathBuf::from);
+    let program = std::env::current_exe().ok();
+    let around = program.and_then(|file| Some(file.parent()?.parent()?.to_owned()));
+    let user = named("HOME").map(|home| home.join(".local"));
+    [named("VIRTUAL_ENV"), named("CONDA_PREFIX"), around, user]
+        .into_iter()
+        .flatten()
+        .collect()
+}
+
+/// Folders in which the Python package `pyoidn` of an environment would keep the library.
+fn packages(environment: &Path) -> Vec<PathBuf> {
+    let versions = std::fs::read_dir(environment.join("lib"));
+    let mut folders: Vec<PathBuf> = (versions.into_iter().flatten().flatten())
+        .filter(|entry| entry.file_name().to_string_lossy().starts_with("python"))
+        .map(|entry| entry.path())
+        .collect();
+    folders.sort();
+    folders.push(environment.join("Lib"));
+    (folders.iter())
+        .map(|folder| folder.join("site-packages").join(PACKAGE))
+        .filter(|folder| folder.is_dir())
+        .collect()
+}
+
 /// Files that may be the library, in the order of the search.
-fn candidates(folder: Option<&Path>) -> Vec<PathBuf> {
-    let mut files = Vec::new();
-    if let Some(folder) = folder {
-        for part in ["lib", "bin", ""] {
-            files.extend(NAMES.iter().map(|name| folder.join(part).join(name)));
-        }
-    }
+fn candidates(folder: Option<&Path>, environments: &[PathBuf]) -> Vec<PathBuf> {
+    let within = |folder: &Path| {
+        let parts = ["lib", "bin", ""].map(|part| folder.join(part));
+        parts
+            .into_iter()
+            .flat_map(|part| NAMES.iter().map(move |name| part.join(name)))
+    };
+    let mut files: Vec<PathBuf> = folder.into_iter().flat_map(within).collect();
     files.extend(NAMES.iter().map(PathBuf::from));
+    let packages = environments.iter().flat_map(|e| packages(e));
+    files.extend(packages.flat_map(|folder| within(&folder).collect::<Vec<_>>()));
     files
 }
 
@@ -102,7 +137,7 @@ impl Denoiser {
     pub fn open() -> Result<Self, DenoiseError> {
         let folder = std::env::var_os(VARIABLE).map(PathBuf::from);
         let mut looked = Vec::new();
-        for file in candidates(folder.as_deref()) {
+        for file in candidates(folder.as_deref(), &environments()) {
             match Self::load(&file) {
                 Ok(denoiser) => return Ok(denoiser),
                 // A file that is there and cannot be used says why.
@@ -229,10 +264,28 @@ mod tests {
 
     #[test]
     fn denoiser_is_looked_for_in_the_named_folder_first() {
-        let files = candidates(Some(Path::new("/opt/oidn")));
+        let files = candidates(Some(Path::new("/opt/oidn")), &[]);
         assert_eq!(files[0], Path::new("/opt/oidn/lib").join(NAMES[0]));
         assert_eq!(files.last(), NAMES.last().map(PathBuf::from).as_ref());
-        assert_eq!(candidates(None).len(), NAMES.len());
+        assert_eq!(candidates(None, &[]).len(), NAMES.len());
+    }
+
+    #[test]
+    fn denoiser_is_found_in_a_python_package() {
+        let environment = tempfile::tempdir().expect("a folder");
+        let none = candidates(None, &[environment.path().to_owned()]);
+        assert_eq!(none, candidates(None, &[]));
+        let package = environment.path().join("lib/python3.12/site-packages");
+        let library = package.join(PACKAGE).join("lib");
+        std::fs::create_dir_all(&library).expect("a folder");
+        let files = candidates(None, &[environment.path().to_owned()]);
+        assert_eq!(files[NAMES.len()], library.join(NAMES[0]));
+        // What the user names, and what the system has, come first.
+        let named = candidates(
+            Some(Path::new("/opt/oidn")),
+            &[environment.path().to_owned()],
+        );
+        assert!(named.ends_with(&files) && named.len() > files.len());
     }
 
     /// With the library at hand the noise of a constant goes and an edge in the albedo stays.
