@@ -10,7 +10,7 @@ use opsr::integrator::View;
 use opsr::integrator::aov::centre;
 use opsr::pilot::advise;
 use opsr::regularise::{GammaIndex, LEN, Rule, bin};
-use opsr::scene::{Environment, Material, PunctualLight, Scene, SceneParts};
+use opsr::scene::{Environment, Material, PunctualLight, Scene, SceneParts, Texture};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -143,18 +143,20 @@ fn shorts<const N: usize>(numbers: [f32; N]) -> Value {
     numbers.into_iter().map(short).collect()
 }
 
+/// A texture of each image: uses of one share its texels.
+fn images(parts: &SceneParts) -> Vec<&Texture> {
+    let mut images: Vec<&Texture> = parts.textures.iter().collect();
+    images.sort_by_key(|t| t.texels.address());
+    images.dedup_by_key(|t| t.texels.address());
+    images
+}
+
 /// Sizes of the images, largest first, each with the number of images that have it.
 fn texture_sizes(parts: &SceneParts) -> Value {
-    let mut images: Vec<(*const [u8; 4], [u32; 2])> = (parts.textures.iter())
-        .map(|t| (t.texels.as_ptr(), [t.width, t.height]))
-        .collect();
-    // Textures share the texels of their image.
-    images.sort_by_key(|(texels, _)| texels.addr());
-    images.dedup_by_key(|(texels, _)| texels.addr());
     let mut counts = BTreeMap::<[u32; 2], u32>::new();
-    images
-        .iter()
-        .for_each(|(_, size)| *counts.entry(*size).or_default() += 1);
+    for image in images(parts) {
+        *counts.entry([image.width, image.height]).or_default() += 1;
+    }
     let entry = |([w, h], n): (&[u32; 2], &u32)| json!({ "width": w, "height": h, "images": n });
     counts.iter().rev().map(entry).collect()
 }
@@ -165,10 +167,8 @@ fn memory(scene: &Scene) -> u64 {
     const BYTES: [u64; 3] = [270, 290, 60];
     let parts = scene.parts();
     let vertices: usize = parts.all_meshes().map(|mesh| mesh.positions.len()).sum();
-    let texels: u64 = (texture_sizes(parts).as_array().into_iter().flatten())
-        .map(|t| ["width", "height", "images"].map(|key| t[key].as_u64().unwrap_or(0)))
-        .map(|[w, h, n]| 4 * w * h * n)
-        .sum();
+    // Coarser images are a third.
+    let texels: u64 = images(parts).iter().map(|t| t.texels.bytes() * 4 / 3).sum();
     let [triangle, emitter, vertex] = BYTES;
     let lamps = scene.lights().emissive_triangles() as u64;
     let map = parts

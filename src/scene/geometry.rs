@@ -6,7 +6,7 @@ use super::material::TextureRef;
 use super::material::may_vanish;
 use super::mesh::{attribute, mix};
 use super::normals::{lifted, normal_texel, perturbed, tangent};
-use super::{Hit, Mesh, SceneParts, Surface};
+use super::{Footprint, Hit, Mesh, SceneParts, Surface};
 use crate::math::{DVec3, Ray, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -453,6 +453,28 @@ impl Geometry {
         })
     }
 
+    /// The footprint of a pixel in texture coordinates: half of its way across the line of sight in the surface, and half of
+    /// the way along. `None` where the mesh has no coordinates.
+    pub(super) fn uv_axes(
+        &self,
+        parts: &SceneParts,
+        surface: &Surface,
+        footprint: &Footprint,
+    ) -> Option<[Vec2; 2]> {
+        let across = (surface.ng.cross(footprint.dir)).try_normalize();
+        let across = across.unwrap_or_else(|| surface.ng.any_orthonormal_vector());
+        let cos = surface.ng.dot(footprint.dir).abs();
+        let along = surface.ng.cross(across) / cos;
+        let axes = [across, along].map(|axis| footprint.half * axis);
+        match self.triangles.get(surface.triangle as usize) {
+            Some(triangle) => triangle.uv_axes(parts, axes, &InWorld),
+            None => {
+                let (triangle, placed) = self.shared().place(surface.triangle);
+                triangle.uv_axes(parts, axes, &placed)
+            }
+        }
+    }
+
     /// The second pair of texture coordinates, and the colour with its opacity, at a surface point.
     pub(super) fn further_attributes(&self, parts: &SceneParts, surface: &Surface) -> (Vec2, Vec4) {
         self.at(surface.triangle, |triangle, to_world| {
@@ -650,6 +672,27 @@ impl Triangle {
         let mapped = (material.normal_texture.as_ref())
             .and_then(|map| point.mapped(parts, map, material.normal_scale, ns));
         (point.uv(), mapped.unwrap_or(ns))
+    }
+
+    /// Texture coordinates along two directions in its plane.
+    #[inline]
+    fn uv_axes(
+        &self,
+        parts: &SceneParts,
+        axes: [Vec3; 2],
+        to_world: &impl ToWorld,
+    ) -> Option<[Vec2; 2]> {
+        let mesh = to_world.mesh(parts, self.mesh);
+        let [a, b, c] = attribute(&mesh.uvs, self.indices(mesh))?;
+        let [p, q, r] = self.corners;
+        let e = to_world.edge((q - p).as_dvec3()).as_vec3();
+        let f = to_world.edge((r - p).as_dvec3()).as_vec3();
+        let (ee, ef, ff) = (e.dot(e), e.dot(f), f.dot(f));
+        let scale = 1.0 / (ee * ff - ef * ef);
+        Some(axes.map(|axis| {
+            let (de, df) = (scale * axis.dot(e), scale * axis.dot(f));
+            (de * ff - df * ef) * (b - a) + (df * ee - de * ef) * (c - a)
+        }))
     }
 
     /// The point of the triangle at a position in the world.

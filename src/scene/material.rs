@@ -162,9 +162,23 @@ impl Material {
     /// Factors times textures.
     #[inline(always)]
     pub(super) fn look(&self, textures: &[Texture], uv: impl Coordinates) -> Look {
+        self.look_over(textures, uv, None)
+    }
+
+    /// The same, with the colour of a footprint that these half axes in texture coordinates span, where there are any.
+    #[inline(always)]
+    pub(super) fn look_over(
+        &self,
+        textures: &[Texture],
+        uv: impl Coordinates,
+        axes: Option<[Vec2; 2]>,
+    ) -> Look {
         let mut color = self.base_color;
         if let Some(map) = &self.base_color_texture {
-            let [r, g, b, _] = map.sample(textures, uv);
+            let [r, g, b, _] = match axes {
+                None => map.sample(textures, uv),
+                Some(axes) => map.sample_over(textures, uv, axes),
+            };
             color *= Rgb::new(r, g, b);
         }
         let (mut metallic, mut alpha) = (self.metallic, self.alpha);
@@ -368,6 +382,26 @@ impl Material {
         })
     }
 
+    /// The texture whose mean over a pixel may take the place of its values there: the base colour's, where the light that a
+    /// surface scatters is linear in it and no other texture varies with it. The mean of a product is not the product of means:
+    /// what is metal, transparent or turned by a normal map is often of another colour.
+    pub(super) fn filtered(&self, textures: &[Texture]) -> Option<u32> {
+        let map = self.base_color_texture.as_ref()?;
+        let alone = self.finish.is_none()
+            && self.alpha_mode == AlphaMode::Opaque
+            && self.transmission == 0.0
+            && self.normal_texture.is_none();
+        let dielectric = |rough: &TextureRef| {
+            let texture = textures.get(rough.texture as usize);
+            self.metallic == 0.0 || texture.is_some_and(|t| t.is_black(2))
+        };
+        let linear = self
+            .metallic_roughness_texture
+            .as_ref()
+            .is_none_or(dielectric);
+        (alone && linear).then_some(map.texture)
+    }
+
     /// True if any texture varies over the surface.
     pub(crate) fn is_textured(&self) -> bool {
         let maps = [
@@ -396,6 +430,13 @@ impl TextureRef {
     #[inline]
     pub fn sample(&self, textures: &[Texture], uv: impl Coordinates) -> [f32; 4] {
         textures[self.texture as usize].sample(self.transform.transform_point2(uv.of(self)))
+    }
+
+    /// The colour over a footprint, of which these are half axes in the mesh's texture coordinates.
+    fn sample_over(&self, textures: &[Texture], uv: impl Coordinates, axes: [Vec2; 2]) -> [f32; 4] {
+        let uv = self.transform.transform_point2(uv.of(self));
+        let axes = axes.map(|axis| self.transform.transform_vector2(axis));
+        textures[self.texture as usize].sample_over(uv, axes)
     }
 }
 

@@ -20,6 +20,7 @@ pub mod load;
 pub mod material;
 pub mod mesh;
 mod normals;
+pub mod pyramid;
 
 pub mod sensor;
 mod shells;
@@ -36,7 +37,7 @@ pub use light::{
 pub use material::Material;
 pub use mesh::{Mesh, SharedMesh};
 
-pub use sensor::{Sensor, Sighting};
+pub use sensor::{Footprint, Sensor, Sighting};
 
 pub use texture::Texture;
 
@@ -65,6 +66,26 @@ impl SceneParts {
     pub fn all_meshes(&self) -> impl Iterator<Item = &Mesh> {
         let shared = self.shared.iter().map(|shared| &shared.mesh);
         self.meshes.iter().chain(shared)
+    }
+
+    /// Builds the coarser images of textures that the camera sees as means over its pixels; true for each material that has
+    /// one, empty for none.
+    fn filter_textures(&mut self) -> Vec<bool> {
+        let mut shown = vec![false; self.materials.len()];
+        for mesh in self.all_meshes() {
+            if let Some(shown) = shown.get_mut(mesh.material as usize) {
+                *shown = true;
+            }
+        }
+        let texture = |m: &Material| m.filtered(&self.textures);
+        let maps: Vec<Option<u32>> = (self.materials.iter().zip(shown))
+            .map(|(m, shown)| texture(m).filter(|_| shown))
+            .collect();
+        texture::build_mips(&mut self.textures, |i| maps.contains(&Some(i as u32)));
+        match maps.iter().any(Option::is_some) {
+            true => maps.iter().map(Option::is_some).collect(),
+            false => Vec::new(),
+        }
     }
 
     /// Gives these meshes, by their place among all, materials without a thickness.
@@ -125,6 +146,8 @@ pub struct Scene {
     lights: Lights,
     /// The BSDF of each material that has the same everywhere.
     constant_bsdfs: Vec<Option<Bsdf>>,
+    /// True for each material whose colour the camera sees as a mean over its pixels; empty if there are none.
+    filtered: Vec<bool>,
     has_absorption: bool,
     has_dispersion: bool,
     has_overlaps: bool,
@@ -168,8 +191,12 @@ impl Scene {
         Self::build(parts, false)
     }
 
-    fn build(parts: SceneParts, trees: bool) -> Self {
+    fn build(mut parts: SceneParts, trees: bool) -> Self {
         let mut warnings = Vec::new();
+        let filtered = match trees {
+            true => parts.filter_textures(),
+            false => Vec::new(),
+        };
         let geometry = Geometry::build(&parts, trees, &mut warnings);
         let lights = Lights::new(&parts, &geometry, &mut warnings);
         let has_absorption = (parts.materials.iter()).any(|m| m.absorption != Rgb::ZERO);
@@ -185,6 +212,7 @@ impl Scene {
         let constant_bsdfs = (parts.materials.iter()).map(Material::constant_bsdf);
         Self {
             constant_bsdfs: constant_bsdfs.collect(),
+            filtered,
             ranks: bodies::ranks(&parts),
             parts,
             geometry,
@@ -411,18 +439,50 @@ impl Scene {
     /// between a clear coat and its base. Where that has a normal of its own the surface gets it.
     #[inline(always)]
     pub fn bsdf(&self, surface: &mut Surface, u: f32) -> Bsdf {
+        self.bsdf_seen(surface, u, || None)
+    }
+
+    /// The same where the camera sees it, over the footprint of a pixel if there is one.
+    ///
+    /// The first surface that the camera sees, by way of panes or not, is looked up so by every integrator and every strategy,
+    /// so that their weights agree. All others are looked up at a point.
+    #[inline(always)]
+    pub(crate) fn bsdf_seen(
+        &self,
+        surface: &mut Surface,
+        u: f32,
+        footprint: impl FnOnce() -> Option<Footprint>,
+    ) -> Bsdf {
         // A copy of what was just computed would wait for its stores.
         match self.constant_bsdfs[surface.material as usize] {
             Some(bsdf) => bsdf,
-            None => self.varying_bsdf(surface, u),
+            None => self.varying_bsdf(surface, u, footprint()),
         }
     }
 
+    /// True if the camera sees the colour of a surface of this material as a mean over its pixels.
+    #[inline]
+    pub(crate) fn is_filtered(&self, material: u32) -> bool {
+        self.filtered.get(material as usize) == Some(&true)
+    }
+
+    /// True if that is so of any surface.
+    #[inline]
+    pub(crate) fn has_filtered(&self) -> bool {
+        !self.filtered.is_empty()
+    }
+
     #[inline(never)]
-    fn varying_bsdf(&self, surface: &mut Surface, u: f32) -> Bsdf {
+    fn varying_bsdf(&self, surface: &mut Surface, u: f32, footprint: Option<Footprint>) -> Bsdf {
         let material = self.material(surface);
         match &material.finish {
-            None => material.bsdf(&self.parts.textures, surface.uv, u),
+            None => {
+                let axes = footprint
+                    .filter(|_| self.is_filtered(surface.material))
+                    .and_then(|footprint| self.geometry.uv_axes(&self.parts, surface, &footprint));
+                let look = material.look_over(&self.parts.textures, surface.uv, axes);
+                material.bsdf_of(&look, u)
+            }
             Some(finish) => self.finished_bsdf(finish, surface, u),
         }
     }

@@ -28,6 +28,31 @@ pub struct Sighting {
     pub parallel: bool,
 }
 
+/// A part of a surface that a pixel covers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Footprint {
+    /// Unit direction between the point and the camera.
+    pub dir: Vec3,
+    /// Half the width of the pixel there, across that direction.
+    pub half: f32,
+}
+
+/// Half the width of a pixel along a ray through it, as it grows with the distance from the camera; 0 for no pixel.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct PixelCone {
+    width: f32,
+    spread: f32,
+}
+
+impl PixelCone {
+    /// The pixel's footprint at a point seen along `dir` at a distance; `None` without a pixel.
+    #[inline]
+    pub(crate) fn footprint(&self, dir: Vec3, distance: f32) -> Option<Footprint> {
+        let half = self.width + self.spread * distance;
+        (half > 0.0).then_some(Footprint { dir, half })
+    }
+}
+
 /// Density of a camera ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayDensity {
@@ -38,6 +63,15 @@ pub struct RayDensity {
 }
 
 impl Sighting {
+    /// The pixel's footprint at the point.
+    pub(crate) fn footprint(&self) -> Footprint {
+        let distance = if self.parallel { 1.0 } else { self.distance };
+        Footprint {
+            dir: self.wo,
+            half: 0.5 * distance / self.pdf.sqrt(),
+        }
+    }
+
     /// Density per area, on a surface whose absolute cosine with `wo` is `cos`, with which the rays of the pixel meet
     /// it. A pixel's response integrates to 1, so this is also the factor that turns radiance into pixel values.
     #[inline]
@@ -92,6 +126,14 @@ impl Sensor<'_> {
                 }
             }
         }
+    }
+
+    /// The cone of the pixel about a ray along `dir`: a square of the pixel's solid angle, or area.
+    pub(crate) fn cone(&self, dir: Vec3) -> PixelCone {
+        let RayDensity { pdf, parallel } = self.pdf(dir);
+        let half = 0.5 / pdf.sqrt();
+        let (width, spread) = if parallel { (half, 0.0) } else { (0.0, half) };
+        PixelCone { width, spread }
     }
 
     /// The pixel that sees a point, a lens left out, if nothing stands between. `None` for points outside the frame or behind the camera;

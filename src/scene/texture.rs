@@ -1,6 +1,8 @@
-//! Textures: decoded images with wrap modes, sampled bilinearly in linear values.
+//! Textures: decoded images with wrap modes, looked up bilinearly in linear values, and coarser from far away.
 
+use super::pyramid::{self, Level};
 use crate::math::Vec2;
+use rayon::prelude::*;
 use std::sync::{Arc, LazyLock};
 
 /// Continuation of a texture outside [0, 1).
@@ -15,106 +17,403 @@ pub enum Wrap {
     Clamp,
 }
 
-/// A decoded image: four bytes a texel. Clones share the texels.
+/// Channels of the texels of an image one after another, rows from the top, at the depth that its file has. Clones share
+/// them.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Texels {
+    /// Eight bits a channel.
+    Byte(Arc<[u8]>),
+    /// Sixteen bits a channel.
+    Word(Arc<[u16]>),
+}
+
+/// A decoded image.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Texture {
     /// Width in texels, at least 1.
     pub width: u32,
     /// Height in texels, at least 1.
     pub height: u32,
-    /// `width * height` texels, rows from the top.
-    pub texels: Arc<[[u8; 4]]>,
-    /// True if the colour channels are sRGB encoded; the fourth never is.
+    /// Channels of a texel: grey; grey and opacity; red, green and blue; all four.
+    pub channels: u8,
+    /// `width * height * channels` values.
+    pub texels: Texels,
+    /// True if the colour channels are sRGB encoded; opacity never is.
     pub srgb: bool,
     /// Horizontal and vertical wrap.
     pub wrap: [Wrap; 2],
+    /// Coarser and coarser images of the colour; empty where no material asks for them.
+    pub mips: Arc<[Level]>,
+}
+
+impl Default for Texels {
+    fn default() -> Self {
+        Self::Byte(Arc::default())
+    }
+}
+
+/// A channel of a texel.
+pub(super) trait Code: Copy + Send + Sync {
+    /// Linear values of the codes.
+    type Table: Copy + Sync;
+    /// Those of codes that are sRGB encoded, or not.
+    fn table(srgb: bool) -> Self::Table;
+    /// The linear value.
+    fn linear(self, table: Self::Table) -> f32;
+    /// The value in [0, 1] that it is a fraction of.
+    fn fraction(self) -> f32;
+    /// The code nearest to a linear value, if that is in [0, 1].
+    fn nearest(value: f32, srgb: bool) -> Self;
+}
+
+/// Linear value of a fraction that is sRGB encoded (IEC 61966-2-1).
+fn linear(y: f64) -> f32 {
+    let x = if y <= 0.04045 {
+        y / 12.92
+    } else {
+        ((y + 0.055) / 1.055).powf(2.4)
+    };
+    x as f32
 }
 
 /// Linear values of the 256 sRGB codes.
-static SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
-    std::array::from_fn(|i| {
-        let y = i as f64 / 255.0;
-        let x = if y <= 0.04045 {
-            y / 12.92
-        } else {
-            ((y + 0.055) / 1.055).powf(2.4)
+static SRGB: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|i| linear(i as f64 / 255.0)));
+
+/// Those of codes that are not encoded.
+static PLAIN: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|i| (i as u8).fraction()));
+
+/// Linear values of the 65,536 sRGB codes.
+static WIDE_SRGB: LazyLock<Vec<f32>> = LazyLock::new(|| {
+    (0..=65535)
+        .map(|i| linear(f64::from(i) / 65535.0))
+        .collect()
+});
+
+/// Number of linear values from which the search for the nearest of 256 codes begins: closer together than any two codes.
+const STEPS: usize = 4096;
+
+/// For each of these values and all above it up to the next, the nearest code or the one before it, and the value from
+/// which on it is the one after. Linear, and sRGB encoded.
+static NEAREST: LazyLock<[Vec<(u8, f32)>; 2]> = LazyLock::new(|| {
+    [false, true].map(|srgb| {
+        let table = u8::table(srgb);
+        let next = |code: usize| match code {
+            255 => f32::INFINITY,
+            _ => 0.5 * (table[code] + table[code + 1]),
         };
-        x as f32
+        let mut code = 0;
+        let step = |i: usize| {
+            while next(code) <= i as f32 / STEPS as f32 {
+                code += 1;
+            }
+            (code as u8, next(code))
+        };
+        (0..=STEPS).map(step).collect()
     })
 });
 
-impl Wrap {
-    /// Index of the texel at `i` in a row of `n`.
-    #[inline]
-    fn index(self, i: i64, n: i64) -> usize {
-        let wrapped = match self {
-            Self::Repeat => i.rem_euclid(n),
-            Self::Mirror => {
-                let m = i.rem_euclid(2 * n);
-                m.min(2 * n - 1 - m)
-            }
-            Self::Clamp => i.clamp(0, n - 1),
-        };
-        wrapped as usize
+impl Code for u8 {
+    type Table = &'static [f32; 256];
+
+    #[inline(always)]
+    fn table(srgb: bool) -> Self::Table {
+        if srgb { &SRGB } else { &PLAIN }
+    }
+
+    #[inline(always)]
+    fn linear(self, table: Self::Table) -> f32 {
+        table[usize::from(self)]
+    }
+
+    #[inline(always)]
+    fn fraction(self) -> f32 {
+        f32::from(self) * (1.0 / 255.0)
+    }
+
+    #[inline(always)]
+    fn nearest(value: f32, srgb: bool) -> Self {
+        let value = value.clamp(0.0, 1.0);
+        let (code, next) = NEAREST[usize::from(srgb)][(value * STEPS as f32) as usize];
+        // No branch, which nobody could guess.
+        code + Self::from(value >= next)
     }
 }
 
-impl Texture {
-    /// Four linear values at `uv`, bilinear; (0, 0) is the top left corner of the image.
-    pub fn sample(&self, uv: Vec2) -> [f32; 4] {
-        // Coordinates that are not finite become 0; `as` saturates, so huge ones are harmless.
-        let place = |x: f32, n: u32| {
-            if x.is_finite() {
-                f64::from(x) * f64::from(n) - 0.5
-            } else {
-                0.0
-            }
-        };
-        let (x, y) = (place(uv.x, self.width), place(uv.y, self.height));
-        let (x0, y0) = (x.floor() as i64, y.floor() as i64);
-        let (fx, fy) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
-        let row = |j: i64| {
-            let y = self.wrap[1].index(y0.saturating_add(j), i64::from(self.height));
-            let at = |i: i64| {
-                self.texel(
-                    self.wrap[0].index(x0.saturating_add(i), i64::from(self.width)),
-                    y,
-                )
-            };
-            lerp(at(0), at(1), fx)
-        };
-        lerp(row(0), row(1), fy)
+impl Code for u16 {
+    /// None where codes are not encoded.
+    type Table = Option<&'static [f32]>;
+
+    #[inline(always)]
+    fn table(srgb: bool) -> Self::Table {
+        srgb.then(|| &WIDE_SRGB[..])
     }
 
+    #[inline(always)]
+    fn linear(self, table: Self::Table) -> f32 {
+        table.map_or_else(|| self.fraction(), |table| table[usize::from(self)])
+    }
+
+    #[inline(always)]
+    fn fraction(self) -> f32 {
+        f32::from(self) * (1.0 / 65535.0)
+    }
+
+    fn nearest(value: f32, srgb: bool) -> Self {
+        let value = value.clamp(0.0, 1.0);
+        let fraction = match srgb {
+            false => value,
+            true if value <= 0.003_130_8 => 12.92 * value,
+            true => 1.055 * value.powf(1.0 / 2.4) - 0.055,
+        };
+        (fraction * 65535.0 + 0.5) as Self
+    }
+}
+
+/// The largest integer not above a number; without the call that `f64::floor` is on old processors.
+#[inline(always)]
+fn floor(x: f64) -> i64 {
+    let i = x as i64;
+    i - i64::from(x < i as f64)
+}
+
+impl Wrap {
+    /// The two texels of a row of `n` between whose centres a coordinate lies, and how far it is to the second.
+    #[inline(always)]
+    fn place(self, u: f32, n: u32) -> ([usize; 2], f32) {
+        let u = f64::from(u);
+        // One period, so that no division is needed. Exact, so that the copies of an image are alike.
+        let u = match self {
+            Self::Repeat => u - floor(u) as f64,
+            Self::Mirror => u - 2.0 * floor(0.5 * u) as f64,
+            Self::Clamp => u.clamp(-1.0, 2.0),
+        };
+        // Coordinates that are not finite, or so large that they have no fraction, become 0.
+        let u = if u.abs() <= 2.0 { u } else { 0.0 };
+        let x = u * f64::from(n) - 0.5;
+        let (i, n) = (floor(x), i64::from(n));
+        let part = (x - i as f64) as f32;
+        let index = |i: i64| match self {
+            Self::Repeat if i < 0 => n - 1,
+            Self::Repeat if i >= n => 0,
+            Self::Mirror if i < 0 || i >= 2 * n => 0,
+            Self::Mirror => i.min(2 * n - 1 - i),
+            _ => i.clamp(0, n - 1),
+        } as usize;
+        ([index(i), index(i + 1)], part)
+    }
+}
+
+impl Texels {
+    /// Number of channel values.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Byte(codes) => codes.len(),
+            Self::Word(codes) => codes.len(),
+        }
+    }
+
+    /// True for no texel.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Bytes in memory.
+    pub fn bytes(&self) -> u64 {
+        match self {
+            Self::Byte(codes) => codes.len() as u64,
+            Self::Word(codes) => 2 * codes.len() as u64,
+        }
+    }
+
+    /// Place in memory, equal for images that are shared.
+    pub fn address(&self) -> usize {
+        match self {
+            Self::Byte(codes) => codes.as_ptr().addr(),
+            Self::Word(codes) => codes.as_ptr().addr(),
+        }
+    }
+
+    /// Bilinear look-up of an image of these channels and this size.
     #[inline]
-    fn texel(&self, x: usize, y: usize) -> [f32; 4] {
-        let texel = self.texels[y * self.width as usize + x];
-        let plain = texel.map(|c| f32::from(c) * (1.0 / 255.0));
-        if self.srgb {
-            let decode = |c: u8| SRGB[usize::from(c)];
-            [
-                decode(texel[0]),
-                decode(texel[1]),
-                decode(texel[2]),
-                plain[3],
-            ]
-        } else {
-            plain
+    pub(super) fn sample(
+        &self,
+        channels: u8,
+        size: [u32; 2],
+        srgb: bool,
+        wrap: [Wrap; 2],
+        uv: Vec2,
+    ) -> [f32; 4] {
+        let at = [wrap[0].place(uv.x, size[0]), wrap[1].place(uv.y, size[1])];
+        match (self, channels) {
+            (Self::Byte(t), 4) => bilinear::<u8, 4>(t, size[0], at, srgb),
+            (Self::Byte(t), 3) => bilinear::<u8, 3>(t, size[0], at, srgb),
+            (Self::Byte(t), 2) => bilinear::<u8, 2>(t, size[0], at, srgb),
+            (Self::Byte(t), _) => bilinear::<u8, 1>(t, size[0], at, srgb),
+            (Self::Word(t), 4) => bilinear::<u16, 4>(t, size[0], at, srgb),
+            (Self::Word(t), 3) => bilinear::<u16, 3>(t, size[0], at, srgb),
+            (Self::Word(t), 2) => bilinear::<u16, 2>(t, size[0], at, srgb),
+            (Self::Word(t), _) => bilinear::<u16, 1>(t, size[0], at, srgb),
+        }
+    }
+}
+
+/// Linear values of a texel of `N` channels.
+#[inline(always)]
+pub(super) fn values<C: Code, const N: usize>(texel: &[C], table: C::Table) -> [f32; 4] {
+    match N {
+        1 | 2 => {
+            let grey = texel[0].linear(table);
+            let opacity = if N == 2 { texel[1].fraction() } else { 1.0 };
+            [grey, grey, grey, opacity]
+        }
+        _ => {
+            let [r, g, b] = [0, 1, 2].map(|i| texel[i].linear(table));
+            let opacity = if N == 4 { texel[3].fraction() } else { 1.0 };
+            [r, g, b, opacity]
+        }
+    }
+}
+
+#[inline(always)]
+fn bilinear<C: Code, const N: usize>(
+    texels: &[C],
+    width: u32,
+    [([x0, x1], fx), ([y0, y1], fy)]: [([usize; 2], f32); 2],
+    srgb: bool,
+) -> [f32; 4] {
+    let table = C::table(srgb);
+    let texel = |x: usize, y: usize| {
+        let at = N * (y * width as usize + x);
+        values::<C, N>(&texels[at..at + N], table)
+    };
+    let row = |y| lerp(texel(x0, y), texel(x1, y), fx);
+    lerp(row(y0), row(y1), fy)
+}
+
+impl Texture {
+    /// An image of texels of red, green, blue and opacity, rows from the top; linear, and repeated.
+    pub fn rgba(width: u32, height: u32, texels: impl IntoIterator<Item = [u8; 4]>) -> Self {
+        Self {
+            width,
+            height,
+            channels: 4,
+            texels: Texels::Byte(texels.into_iter().flatten().collect()),
+            ..Self::default()
+        }
+    }
+
+    /// Four linear values at `uv`, bilinear; (0, 0) is the top left corner of the image.
+    #[inline]
+    pub fn sample(&self, uv: Vec2) -> [f32; 4] {
+        let size = [self.width, self.height];
+        (self.texels).sample(self.channels, size, self.srgb, self.wrap, uv)
+    }
+
+    /// The colour at `uv` over a footprint, given by two of its half axes in texture coordinates: by a few look-ups along the
+    /// longer one, each from the two levels between whose texels the shorter one lies, but never from finer ones than a
+    /// sixteenth of the longer. Where the footprint is no larger than a texel, or without levels, this is
+    /// [`Texture::sample`], bit for bit.
+    ///
+    /// By the shorter axis nothing is blurred that the footprint does not cover.
+    pub fn sample_over(&self, uv: Vec2, axes: [Vec2; 2]) -> [f32; 4] {
+        /// Most ratio of the axes that is kept.
+        const SLENDER: f32 = 16.0;
+        /// Most look-ups along the longer axis; samples of the pixel do the rest.
+        const MOST: f32 = 4.0;
+        let size = Vec2::new(self.width as f32, self.height as f32);
+        let lengths = axes.map(|axis| (axis * size).length());
+        let (longer, long, short) = match lengths[0] > lengths[1] {
+            true => (axes[0], lengths[0], lengths[1]),
+            false => (axes[1], lengths[1], lengths[0]),
+        };
+        // Also for NaN.
+        if !(long > 1.0 && long.is_finite()) || self.mips.is_empty() {
+            return self.sample(uv);
+        }
+        let texels = short.max(long / SLENDER).max(1.0);
+        let lod = texels.log2();
+        let number = (long / texels).ceil().clamp(1.0, MOST);
+        let mut sum = [0.0; 4];
+        for i in 0..number as u32 {
+            let place = (2 * i + 1) as f32 / number - 1.0;
+            let value = self.at_level(uv + place * longer, lod);
+            (0..4).for_each(|c| sum[c] += value[c]);
+        }
+        sum.map(|x| x / number)
+    }
+
+    /// The colour at a level, between two if it is no whole number; 0 is the finest.
+    fn at_level(&self, uv: Vec2, lod: f32) -> [f32; 4] {
+        let lod = lod.min(self.mips.len() as f32);
+        let (k, part) = (lod as usize, lod.fract());
+        let level = |k: usize| match k.checked_sub(1) {
+            None => self.sample(uv),
+            Some(k) => self.mips[k].sample(self.srgb, self.wrap, uv),
+        };
+        match part > 0.0 {
+            true => lerp(level(k), level(k + 1), part),
+            false => level(k),
+        }
+    }
+
+    /// The linear values of the texel of a column and a row.
+    pub fn texel(&self, x: u32, y: u32) -> [f32; 4] {
+        let channels = usize::from(self.channels);
+        let at = channels * (y as usize * self.width as usize + x as usize);
+        let at = at..at + channels;
+        match &self.texels {
+            Texels::Byte(codes) => texel_of(&codes[at], self.srgb),
+            Texels::Word(codes) => texel_of(&codes[at], self.srgb),
+        }
+    }
+
+    /// True if a channel (0 to 2 for red to blue) is 0 everywhere.
+    pub(super) fn is_black(&self, channel: usize) -> bool {
+        let (n, at) = match self.channels {
+            n @ 0..3 => (usize::from(n.max(1)), 0),
+            n => (usize::from(n), channel),
+        };
+        match &self.texels {
+            Texels::Byte(codes) => codes.iter().skip(at).step_by(n).all(|&c| c == 0),
+            Texels::Word(codes) => codes.iter().skip(at).step_by(n).all(|&c| c == 0),
         }
     }
 
     /// Mean of the linear values.
     pub fn average(&self) -> [f32; 4] {
-        let mut sum = [0.0f64; 4];
-        for y in 0..self.height as usize {
-            for x in 0..self.width as usize {
+        let row = |y: u32| {
+            (0..self.width).fold([0.0f64; 4], |sum, x| {
                 let texel = self.texel(x, y);
-                sum.iter_mut()
-                    .zip(texel)
-                    .for_each(|(s, t)| *s += f64::from(t));
-            }
-        }
-        sum.map(|s| (s / (f64::from(self.width) * f64::from(self.height))) as f32)
+                std::array::from_fn(|i| sum[i] + f64::from(texel[i]))
+            })
+        };
+        let rows: Vec<_> = (0..self.height).into_par_iter().map(row).collect();
+        let number = f64::from(self.width) * f64::from(self.height);
+        std::array::from_fn(|i| (rows.iter().map(|row| row[i]).sum::<f64>() / number) as f32)
+    }
+
+    /// Builds the coarser images.
+    pub(super) fn build_mips(&mut self) {
+        self.mips = pyramid::levels(self);
+    }
+}
+
+/// Builds the coarser images of those textures that are wanted, once for uses that share them.
+pub(super) fn build_mips(textures: &mut [Texture], wanted: impl Fn(usize) -> bool + Sync) {
+    let all = textures.par_iter_mut().enumerate();
+    all.filter(|(i, texture)| wanted(*i) && texture.mips.is_empty())
+        .for_each(|(_, texture)| texture.build_mips());
+}
+
+fn texel_of<C: Code>(codes: &[C], srgb: bool) -> [f32; 4] {
+    let table = C::table(srgb);
+    match codes.len() {
+        1 => values::<C, 1>(codes, table),
+        2 => values::<C, 2>(codes, table),
+        3 => values::<C, 3>(codes, table),
+        _ => values::<C, 4>(codes, table),
     }
 }
 
@@ -134,11 +433,8 @@ mod tests {
             [250, 0, 0, 255],
         ];
         Texture {
-            width: 4,
-            height: 1,
-            texels: texels.into(),
-            srgb: false,
             wrap: [wrap; 2],
+            ..Texture::rgba(4, 1, texels)
         }
     }
 
@@ -168,15 +464,100 @@ mod tests {
     #[test]
     fn srgb_decodes_colours_but_not_opacity() {
         let t = Texture {
-            width: 1,
-            height: 1,
-            texels: [[188, 0, 255, 128]].into(),
             srgb: true,
-            ..Texture::default()
+            ..Texture::rgba(1, 1, [[188, 0, 255, 128]])
         };
         let [r, g, b, a] = t.sample(Vec2::ZERO);
         // IEC 61966-2-1: code 188 is 0.5029.
         assert!((r - 0.502_886).abs() < 1e-5 && g == 0.0 && b == 1.0);
         assert!((a - 128.0 / 255.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn texels_of_all_depths_and_channels_have_the_values_of_eight_bits_and_four() {
+        let rgba: Vec<[u8; 4]> = (0..12).map(|i| [20 * i, 255 - i, 90, 7 * i]).collect();
+        for srgb in [false, true] {
+            let whole = Texture {
+                srgb,
+                ..Texture::rgba(4, 3, rgba.iter().copied())
+            };
+            for channels in 1..=4u8 {
+                // Grey is red; what is not there is opaque.
+                let kept: &[usize] =
+                    [&[0][..], &[0, 3], &[0, 1, 2], &[0, 1, 2, 3]][usize::from(channels) - 1];
+                let codes = || rgba.iter().flat_map(|t| kept.iter().map(|&i| t[i]));
+                let wide = codes().map(|c| 257 * u16::from(c)).collect();
+                for texels in [Texels::Byte(codes().collect()), Texels::Word(wide)] {
+                    let part = Texture {
+                        channels,
+                        texels,
+                        ..whole.clone()
+                    };
+                    for k in 0..100u32 {
+                        let uv = Vec2::new(k as f32 * 0.37, k as f32 * 0.113 - 2.0);
+                        let (found, mut expected) = (part.sample(uv), whole.sample(uv));
+                        if channels < 3 {
+                            expected = [expected[0], expected[0], expected[0], expected[3]];
+                        }
+                        if channels % 2 == 1 {
+                            expected[3] = 1.0;
+                        }
+                        for (f, e) in found.iter().zip(expected) {
+                            assert!((f - e).abs() < 1e-6, "{channels}: {found:?}, {expected:?}");
+                        }
+                    }
+                    assert_eq!(part.sample(Vec2::new(0.375, 0.5)), part.texel(1, 1));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn copies_of_a_repeated_image_are_alike() {
+        for wrap in [Wrap::Repeat, Wrap::Mirror] {
+            let t = ramp(wrap);
+            for k in 0..64 {
+                let u = k as f32 / 64.0;
+                let at = |u: f32| t.sample(Vec2::new(u, 0.5));
+                assert_eq!(at(u), at(u + 2.0));
+                assert_eq!(at(u), at(u - 6.0));
+            }
+        }
+    }
+
+    #[test]
+    fn footprints_below_a_texel_change_no_bit_and_large_ones_show_the_mean() {
+        let rgba = (0..64u32).map(|i| [(i * 37 % 256) as u8, (i * 91 % 256) as u8, 40, 255]);
+        let mut t = Texture {
+            srgb: true,
+            ..Texture::rgba(8, 8, rgba)
+        };
+        t.build_mips();
+        let uv = |k: u32| Vec2::new(k as f32 * 0.21, k as f32 * 0.43);
+        for k in 0..50 {
+            let axes = [Vec2::new(0.12, 0.0), Vec2::new(0.0, 0.125)];
+            assert_eq!(
+                t.sample_over(uv(k), axes),
+                t.sample(uv(k)),
+                "no larger than a texel"
+            );
+            let huge = t.sample_over(uv(k), [Vec2::X * 9.0, Vec2::Y * 7.0]);
+            for (h, a) in huge.iter().zip(t.average()) {
+                assert!((h - a).abs() < 2e-3, "{huge:?}");
+            }
+            // A row of texels: the blur is along it alone.
+            let row = t.sample_over(uv(k), [Vec2::X * 0.5, Vec2::Y * 0.01]);
+            let at = |i: u32| t.sample(uv(k) + Vec2::X * (0.25 * i as f32 - 0.375));
+            let mean = (0..4).map(|i| at(i)[0]).sum::<f32>() / 4.0;
+            assert!((row[0] - mean).abs() < 1e-5, "{row:?}, {mean}");
+            for bad in [f32::NAN, f32::INFINITY, 1e38] {
+                let axes = [Vec2::splat(bad), Vec2::Y];
+                assert!(
+                    t.sample_over(uv(k), axes)
+                        .iter()
+                        .all(|x| (0.0..=1.0).contains(x))
+                );
+            }
+        }
     }
 }

@@ -74,7 +74,7 @@ impl Simple {
                 let pixel = film.pixel(index);
                 let mut stream = source.stream(pixel, sample);
                 let ray = sensor.ray(pixel.as_vec2() + stream.film());
-                self.exposure(pixel) * self.radiance(scene, ray, &mut stream)
+                self.exposure(pixel) * self.radiance(scene, &sensor, ray, &mut stream)
             };
             let values: Vec<Vec<Rgb>> = (0..film.pixels.len())
                 .into_par_iter()
@@ -98,7 +98,14 @@ impl Simple {
         }
     }
 
-    fn radiance(&self, scene: &Scene, mut ray: Ray, sampler: &mut impl Sampler) -> Rgb {
+    fn radiance(
+        &self,
+        scene: &Scene,
+        sensor: &Sensor<'_>,
+        mut ray: Ray,
+        sampler: &mut impl Sampler,
+    ) -> Rgb {
+        let (eye, pixel) = (ray.origin, sensor.cone(ray.dir));
         let (mut total, mut throughput) = (Rgb::ZERO, Rgb::ONE);
         for n in 1..=self.max_vertices + 1 {
             let times = match self.fault {
@@ -121,7 +128,9 @@ impl Simple {
             if self.fault == Some(Fault::LossyRoulette) && u.roulette < 0.1 {
                 break;
             }
-            let bsdf = scene.bsdf(&mut surface, u.material);
+            let (dir, distance) = (ray.dir, eye.distance(surface.position));
+            let footprint = || pixel.footprint(dir, distance).filter(|_| n == 1);
+            let bsdf = scene.bsdf_seen(&mut surface, u.material, footprint);
             let frame = surface.frame_for(-ray.dir);
             let wo = frame.to_local(-ray.dir);
             let alpha = bsdf.alpha();

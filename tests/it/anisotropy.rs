@@ -244,12 +244,7 @@ fn anisotropy_follows_tangents_rotation_and_texture() {
         assert!(cos > 0.998, "{x} {y}: {found}");
     }
     // Red and green turn it, blue takes strength away.
-    let texel = |rgba: [u8; 4]| Texture {
-        width: 1,
-        height: 1,
-        texels: vec![rgba].into(),
-        ..Texture::default()
-    };
+    let texel = |rgba: [u8; 4]| Texture::rgba(1, 1, vec![rgba]);
     let textured = |rgba| {
         let mut material = steel(1.0, 0.0);
         let anisotropy = material.finish_mut().anisotropy.as_mut().expect("brushed");
@@ -362,12 +357,7 @@ fn loaded_anisotropy_derives_smooth_tangents() {
 /// The coat has its own normal map, or none: never that of its base.
 #[test]
 fn clearcoat_normal_is_apart_from_that_of_the_base() {
-    let texel = |rgba: [u8; 4]| Texture {
-        width: 1,
-        height: 1,
-        texels: vec![rgba].into(),
-        ..Texture::default()
-    };
+    let texel = |rgba: [u8; 4]| Texture::rgba(1, 1, vec![rgba]);
     let map = |texture| {
         Some(TextureRef {
             second: false,

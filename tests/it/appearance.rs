@@ -19,11 +19,8 @@ use std::f32::consts::PI;
 /// A picture of these texels side by side.
 fn row(texels: &[[u8; 4]]) -> Texture {
     Texture {
-        width: texels.len() as u32,
-        height: 1,
-        texels: texels.into(),
-        srgb: false,
         wrap: [Wrap::Clamp; 2],
+        ..Texture::rgba(texels.len() as u32, 1, texels.iter().copied())
     }
 }
 

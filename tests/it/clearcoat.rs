@@ -107,12 +107,7 @@ fn white_furnace_of_smooth_clearcoats() {
 
 #[test]
 fn clearcoat_textures_scale_weight_and_roughness() {
-    let texel = |rgba: [u8; 4]| Texture {
-        width: 1,
-        height: 1,
-        texels: vec![rgba].into(),
-        ..Texture::default()
-    };
+    let texel = |rgba: [u8; 4]| Texture::rgba(1, 1, vec![rgba]);
     let textures = [texel([51, 0, 0, 255]), texel([0, 128, 0, 255])];
     let map = |texture| {
         Some(TextureRef {

@@ -11,7 +11,6 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::method::IntegratorKind;
 use opsr::math::{Ray, Rgb, Vec3};
 use opsr::scene::material::{AlphaMode, TextureRef};
-use opsr::scene::texture::Wrap;
 use opsr::scene::{Material, Mesh, Scene, SceneParts, SharedMesh, Texture};
 use opsr::stats::agreement::agree;
 use rand::RngExt;
@@ -94,13 +93,7 @@ fn ball(material: u32, tangents: bool) -> Mesh {
 
 fn texture(rng: &mut Pcg32) -> Texture {
     let texel = |_| [200, 90, 255, 130].map(|x: u8| x.saturating_sub(rng.random_range(0..60)));
-    Texture {
-        width: 4,
-        height: 4,
-        texels: (0..16).map(texel).collect::<Vec<_>>().into(),
-        srgb: false,
-        wrap: [Wrap::Repeat; 2],
-    }
+    Texture::rgba(4, 4, (0..16).map(texel))
 }
 
 /// Three shared meshes at poses of all kinds in a cube of this half size, among them one with holes, and a wall.

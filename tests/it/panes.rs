@@ -61,11 +61,8 @@ fn textured() -> impl FnOnce(&mut SceneParts) {
             [180; 4],
         ];
         parts.textures.push(Texture {
-            width: 2,
-            height: 2,
-            texels: texels.into(),
             srgb: true,
-            ..Texture::default()
+            ..Texture::rgba(2, 2, texels)
         });
         let map = Some(TextureRef {
             second: false,

@@ -194,6 +194,8 @@ impl Iteration<'_> {
         let scene = self.view.scene;
         let sight = self.view.sensor.see(vertex.surface.position)?;
         let splat = Splat::new(&self.view.window, sight.pixel, Rgb::ZERO)?;
+        let seen = vertex.seen_by_camera(scene, &sight);
+        let vertex = seen.as_ref().unwrap_or(vertex);
         let hidden = scene.hides_surface(&vertex.surface, -sight.wo);
         if hidden || !vertex.scatters_to(sight.wo) {
             return None;

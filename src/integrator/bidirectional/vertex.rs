@@ -8,7 +8,7 @@ use super::weights::{Partial, clamped};
 use crate::bsdf::{Bsdf, BsdfEval, LobeQuery};
 use crate::integrator::walk::{Interaction, Surroundings};
 use crate::math::{Frame, Ray, Rgb, Vec3};
-use crate::scene::{Hit, Scene, Surface};
+use crate::scene::{Hit, Scene, Sighting, Surface};
 
 /// A scattering vertex of a walk.
 #[derive(Clone, Copy)]
@@ -100,6 +100,17 @@ impl Vertex {
             return None;
         }
         self.bsdf.query(self.local, wi)
+    }
+
+    /// A vertex of a light walk as the camera's own walks see it; `None` where that is the same.
+    #[inline]
+    pub(super) fn seen_by_camera(&self, scene: &Scene, sight: &Sighting) -> Option<Self> {
+        scene.is_filtered(self.surface.material).then(|| {
+            let mut seen = *self;
+            let footprint = || Some(sight.footprint());
+            seen.bsdf = scene.bsdf_seen(&mut seen.surface, self.choice, footprint);
+            seen
+        })
     }
 
     /// At a vertex of a light walk: the value towards a camera along `out`, and the density with which a camera walk from

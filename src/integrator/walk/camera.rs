@@ -34,7 +34,11 @@ impl<'a> CameraWalks<'a> {
         let around = self
             .around
             .unwrap_or_else(|| Surroundings::around(scene, &ray));
-        Walk::camera(scene, ray, around)
+        let mut walk = Walk::camera(scene, ray, around);
+        if scene.has_filtered() {
+            walk.pixel = sensor.cone(ray.dir);
+        }
+        walk
     }
 }
 

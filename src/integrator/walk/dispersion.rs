@@ -2,7 +2,7 @@
 
 use crate::bsdf::Bsdf;
 use crate::math::Rgb;
-use crate::scene::{Material, Scene, Surface};
+use crate::scene::{Footprint, Material, Scene, Surface};
 
 /// The colour channel that a path carries, from its first dispersive interface on.
 #[derive(Clone, Copy, Default)]
@@ -20,9 +20,10 @@ impl Channel {
         scene: &Scene,
         surface: &mut Surface,
         u: f32,
+        footprint: impl FnOnce() -> Option<Footprint>,
         throughput: &mut Rgb,
     ) -> Bsdf {
-        let mut bsdf = scene.bsdf(surface, u);
+        let mut bsdf = scene.bsdf_seen(surface, u, footprint);
         if scene.has_dispersion() {
             let material = scene.material(surface);
             *throughput = self.split(&mut bsdf, material, u, *throughput);

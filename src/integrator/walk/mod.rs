@@ -28,6 +28,7 @@ pub mod shading_point;
 
 use crate::bsdf::{Bsdf, Lobe};
 use crate::math::{Frame, Ray, Rgb, Vec3};
+use crate::scene::sensor::PixelCone;
 use crate::scene::{Hit, Lights, Scene, Surface};
 /// What is around a point of a path, and dims light on its way from there.
 pub(super) use bodies::EnclosingBodies as Surroundings;
@@ -59,6 +60,8 @@ pub struct Walk<'a> {
     around: Surroundings,
     /// True on the edge that a camera sees.
     from_camera: bool,
+    /// The camera's pixel, up to the first vertex, if any texture is filtered over it.
+    pixel: PixelCone,
 }
 
 /// Weights of emission at the end of the current edge of a walk, which shrink with its throughput.
@@ -189,6 +192,7 @@ impl<'a> Walk<'a> {
             channel: Channel::default(),
             around,
             from_camera: true,
+            pixel: PixelCone::default(),
         }
     }
 
@@ -252,9 +256,9 @@ impl<'a> Walk<'a> {
     /// material.
     #[inline(always)]
     pub(super) fn bsdf(&mut self, surface: &mut Surface, u: f32) -> Bsdf {
-        let mut bsdf = self
-            .channel
-            .bsdf(self.scene, surface, u, &mut self.throughput);
+        let (pixel, dir, from, to) = (self.pixel, self.ray.dir, self.from, surface.position);
+        let footprint = || pixel.footprint(dir, from.distance(to));
+        let mut bsdf = (self.channel).bsdf(self.scene, surface, u, footprint, &mut self.throughput);
         self.around
             .interface(self.scene, surface, self.ray.dir, &mut bsdf);
         bsdf
@@ -325,6 +329,7 @@ impl<'a> Walk<'a> {
         self.ray = at.surface.spawn(wi);
         self.from = self.ray.origin;
         self.from_camera = false;
+        self.pixel = PixelCone::default();
     }
 
     /// True unless the walk ends, because it carries nothing or by Russian roulette; `u` in [0, 1) is roulette's, `None`

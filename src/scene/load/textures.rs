@@ -1,20 +1,27 @@
 //! Textures, and their images, decoded once each.
 
 use super::accessors::Data;
-use super::error::{Result, Warnings, fault, place};
+use super::error::{Fault, Result, Warnings, fault, place};
 use super::extensions::DECODE_TEXTURES;
 use super::uris::Files;
+use crate::memory;
 use crate::scene::Texture;
-use crate::scene::texture::Wrap;
+use crate::scene::texture::{Texels, Wrap};
 use gltf::json::Root;
 use gltf::json::texture::{MagFilter, WrappingMode};
 use gltf::json::validation::Checked;
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
+use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::io::Cursor;
+use std::sync::Arc;
 
-/// Most texels of one image, and of all images together: a few bytes of PNG can ask for any number.
-const MAX_TEXELS: [u64; 2] = [1 << 26, 1 << 28];
+/// Most texels that a byte of a file can hold: of a PNG of one bit a texel, squeezed to a thousandth, there are eight thousand.
+const TEXELS_PER_BYTE: u64 = 1 << 14;
+
+/// Images that are in memory as files at a time, of which each thread decodes one.
+const BATCH: usize = 8;
 
 /// Identity of a texture: uses with equal keys share one.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
@@ -67,20 +74,30 @@ impl Requests {
         }))
     }
 
-    /// Reads and decodes the requested images, in file order.
+    /// Reads the requested images in file order, and decodes them.
     pub(super) fn textures(self, data: &Data<'_>, files: &mut Files) -> Result<Vec<Texture>> {
         let mut textures = vec![Texture::default(); self.known.len()];
-        let mut left = MAX_TEXELS[1];
-        for (image, uses) in self.uses {
-            let at = place("images", image, data.root.images[image].name.as_ref());
-            let picture = decoded(data, image, files, &at, left)?;
-            left -= picture.texels.len() as u64;
-            for (texture, Key { srgb, wrap, .. }) in uses {
-                textures[texture as usize] = Texture {
-                    srgb,
-                    wrap,
-                    ..picture.clone()
-                };
+        let all: Vec<_> = self.uses.into_iter().collect();
+        for batch in all.chunks(BATCH) {
+            let mut sources = Vec::new();
+            for (image, _) in batch {
+                sources.push(Source::read(data, *image, files)?);
+            }
+            let bytes = sources.iter().map(Source::bytes_needed);
+            let bytes = bytes.sum::<Result<u64>>()?;
+            memory::check(format!("textures from {} on", sources[0].at), bytes)?;
+            let decoded: Vec<_> = (sources.into_par_iter())
+                .map(|source| source.decode())
+                .collect();
+            for (picture, (_, uses)) in decoded.into_iter().zip(batch) {
+                let picture = picture?;
+                for (texture, Key { srgb, wrap, .. }) in uses {
+                    textures[*texture as usize] = Texture {
+                        srgb: *srgb,
+                        wrap: *wrap,
+                        ..picture.clone()
+                    };
+                }
             }
         }
         Ok(textures)
@@ -105,57 +122,86 @@ fn mode(wrap: &Checked<WrappingMode>) -> Wrap {
     }
 }
 
-/// An image of at most `most` texels. The bytes decide the format, not the MIME type.
-fn decoded(
-    data: &Data<'_>,
-    index: usize,
-    files: &mut Files,
-    at: &str,
-    most: u64,
-) -> Result<Texture> {
-    let image = &data.root.images[index];
-    let owned;
-    let bytes = match (&image.uri, image.buffer_view) {
-        (Some(uri), _) => {
-            owned = files.read(uri, at)?;
-            &owned
+/// An image as its file has it.
+struct Source<'a> {
+    at: String,
+    bytes: Cow<'a, [u8]>,
+    format: ImageFormat,
+}
+
+impl<'a> Source<'a> {
+    /// The bytes decide the format, not the MIME type.
+    fn read(data: &'a Data<'_>, index: usize, files: &mut Files) -> Result<Self> {
+        let image = &data.root.images[index];
+        let at = place("images", index, image.name.as_ref());
+        let bytes = match (&image.uri, image.buffer_view) {
+            (Some(uri), _) => Cow::Owned(files.read(uri, &at)?),
+            (None, Some(view)) => Cow::Borrowed(data.view(view.value())?),
+            (None, None) => return Err(fault(at, "has neither a uri nor a bufferView")),
+        };
+        if bytes.starts_with(b"\xabKTX 20\xbb") {
+            let what = format!("KTX2 is not supported; to decode it: {DECODE_TEXTURES}");
+            return Err(fault(at, what));
         }
-        (None, Some(view)) => data.view(view.value())?,
-        (None, None) => return Err(fault(at, "has neither a uri nor a bufferView")),
-    };
-    let bad = |e: image::ImageError| fault(at, format!("cannot be decoded: {e}"));
-    let format = image::guess_format(bytes).ok();
-    if bytes.starts_with(b"\xabKTX 20\xbb") {
-        let what = format!("KTX2 is not supported; to decode it: {DECODE_TEXTURES}");
-        return Err(fault(at, what));
+        match image::guess_format(&bytes) {
+            Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => {
+                Ok(Self { at, bytes, format })
+            }
+            _ => Err(fault(at, "is neither PNG nor JPEG nor WebP")),
+        }
     }
-    if !matches!(
-        format,
-        Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)
-    ) {
-        return Err(fault(at, "is neither PNG nor JPEG nor WebP"));
+
+    fn bad(&self, error: image::ImageError) -> Fault {
+        fault(&self.at, format!("cannot be decoded: {error}"))
     }
-    let mut reader = ImageReader::new(Cursor::new(bytes));
-    if let Some(format) = format {
-        reader.set_format(format);
+
+    fn decoder(&self) -> Result<impl ImageDecoder + '_> {
+        let mut reader = ImageReader::new(Cursor::new(&self.bytes[..]));
+        reader.set_format(self.format);
+        // What there is memory for was asked before.
+        reader.no_limits();
+        reader.into_decoder().map_err(|e| self.bad(e))
     }
-    let decoder = reader.into_decoder().map_err(bad)?;
-    let (width, height) = decoder.dimensions();
-    let texels = u64::from(width) * u64::from(height);
-    if texels == 0 || texels > most.min(MAX_TEXELS[0]) {
-        return Err(fault(
-            at,
-            format!("{width} x {height} texels are none or too many"),
-        ));
+
+    /// Bytes of the image in memory, with a third for its coarser images. A few bytes of a file can ask for any number.
+    fn bytes_needed(&self) -> Result<u64> {
+        let decoder = self.decoder()?;
+        let (width, height) = decoder.dimensions();
+        let texels = u64::from(width) * u64::from(height);
+        let most = TEXELS_PER_BYTE.saturating_mul(self.bytes.len() as u64);
+        // Any number of texels of one colour is a few bytes of WebP, which has 14 bits a side.
+        if texels == 0 || (texels > most && self.format != ImageFormat::WebP) {
+            let what = format!("{width} x {height} texels are none or too many for its bytes");
+            return Err(fault(&self.at, what));
+        }
+        Ok(decoder.total_bytes().saturating_mul(4) / 3)
     }
-    let pixels = DynamicImage::from_decoder(decoder)
-        .map_err(bad)?
-        .into_rgba8();
-    let (texels, _) = pixels.as_raw().as_chunks::<4>();
-    Ok(Texture {
-        width,
-        height,
-        texels: texels.into(),
-        ..Texture::default()
-    })
+
+    fn decode(self) -> Result<Texture> {
+        let decoder = self.decoder()?;
+        let (width, height) = decoder.dimensions();
+        let length = decoder.total_bytes() as usize;
+        let kind = decoder.color_type();
+        let texels = match kind {
+            ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => {
+                let mut words: Arc<[u16]> = std::iter::repeat_n(0, length / 2).collect();
+                let room = bytemuck::cast_slice_mut(Arc::make_mut(&mut words));
+                decoder.read_image(room).map_err(|e| self.bad(e))?;
+                Texels::Word(words)
+            }
+            _ => {
+                let mut bytes: Arc<[u8]> = std::iter::repeat_n(0, length).collect();
+                let room = Arc::make_mut(&mut bytes);
+                decoder.read_image(room).map_err(|e| self.bad(e))?;
+                Texels::Byte(bytes)
+            }
+        };
+        Ok(Texture {
+            width,
+            height,
+            channels: kind.channel_count(),
+            texels,
+            ..Texture::default()
+        })
+    }
 }

@@ -118,12 +118,7 @@ pub(super) fn two_sided() -> SceneParts {
 pub(super) fn normal_map() -> SceneParts {
     let mut parts = lit(diffuse("walls", HALF), 3.0);
     let texel = |i: u8| [60 + 40 * (i % 4), 60 + 40 * (i / 4), 220, 255];
-    parts.textures.push(Texture {
-        width: 4,
-        height: 4,
-        texels: (0..16).map(texel).collect(),
-        ..Texture::default()
-    });
+    parts.textures.push(Texture::rgba(4, 4, (0..16).map(texel)));
     let material = Material {
         normal_texture: Some(TextureRef {
             second: false,
@@ -140,6 +135,52 @@ pub(super) fn normal_map() -> SceneParts {
         [0.0, 0.0].into(),
     ];
     parts.add(material, [panel]);
+    parts
+}
+
+/// A wall and a floor of coloured texels, three to a pixel, seen in part by way of a pane.
+pub(super) fn far_texels() -> SceneParts {
+    let mut parts = lit(diffuse("walls", HALF), 3.0);
+    let texel = |i: u32| {
+        let [r, g, b, _] = i.wrapping_mul(2_654_435_761).to_le_bytes();
+        [r, g, b.max(g), 255]
+    };
+    let image = Texture::rgba(96, 96, (0..96 * 96).map(texel));
+    parts.textures.push(Texture {
+        srgb: true,
+        ..image
+    });
+    let map = Some(TextureRef {
+        second: false,
+        texture: 0,
+        transform: Default::default(),
+    });
+    let textured = |of: Material| Material {
+        base_color_texture: map,
+        ..of
+    };
+    let shown = |corner, u, v| {
+        let mut panel = quad(corner, u, v);
+        panel.uvs = vec![
+            [0.0, 0.5].into(),
+            [0.5, 0.5].into(),
+            [0.5, 0.0].into(),
+            [0.0, 0.0].into(),
+        ];
+        panel
+    };
+    let wall = shown(Vec3::new(-0.9, 0.2, -0.9), Vec3::X * 1.8, Vec3::Y * 1.6);
+    let floor = shown(Vec3::new(-0.9, 0.05, -0.8), Vec3::Z * 1.7, Vec3::X * 1.8);
+    parts.add(textured(diffuse("wall", Rgb::ONE)), [wall]);
+    parts.add(textured(coated("floor", Rgb::ONE, 0.3)), [floor]);
+    let pane = Material {
+        transmission: 1.0,
+        ..coated("pane", Rgb::new(0.9, 0.8, 0.5), 0.0)
+    };
+    parts.add(
+        pane,
+        [quad(Vec3::new(0.1, 0.1, 0.9), Vec3::X * 0.8, Vec3::Y * 1.7)],
+    );
     parts
 }
 
@@ -319,6 +360,7 @@ pub(super) fn all() -> Vec<(&'static str, SceneParts, u32)> {
         ("parallel camera", parallel_camera(), 64),
         ("two-sided emitter", two_sided(), 64),
         ("normal map", normal_map(), 64),
+        ("far texels", far_texels(), 128),
         ("blend leaf", leaf(), 64),
         ("absorbing bottle", bottle(), 128),
         ("sun in a field", field(sun_in_field), 128),

@@ -364,8 +364,12 @@ pub(crate) fn textures() -> Target {
             let loaded = load(&scene, &LoadOptions::default()).map_err(error)?;
             let texture = &loaded.parts.textures[0];
             let (width, height) = (texture.width as usize, texture.height as usize);
-            assert_eq!(texture.texels.len(), width * height);
-            let opaque = texture.texels.iter().all(|t| t[3] == 255);
+            let channels = usize::from(texture.channels);
+            assert_eq!(texture.texels.len(), width * height * channels);
+            let texels = (0..texture.height).flat_map(|y| (0..texture.width).map(move |x| (x, y)));
+            let opaque = texels
+                .map(|(x, y)| texture.texel(x, y))
+                .all(|t| t[3] == 1.0);
             Ok(if opaque { "opaque" } else { "with alpha" }.into())
         },
     }

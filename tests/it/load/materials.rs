@@ -10,7 +10,7 @@ use opsr::math::{Rgb, Vec3};
 use opsr::scene::camera::Projection;
 use opsr::scene::load::LoadOptions;
 use opsr::scene::material::AlphaMode;
-use opsr::scene::texture::Wrap;
+use opsr::scene::texture::{Texels, Wrap};
 use opsr::scene::{Material, Mesh, PunctualLight, SceneParts};
 use serde_json::{Value, json};
 
@@ -293,17 +293,10 @@ fn load_textures_by_use_and_sampler() {
     assert_eq!(data.wrap, [Wrap::Repeat; 2]);
     assert_eq!(normal.wrap, [Wrap::Clamp, Wrap::Mirror]);
     assert_eq!(m.normal_scale, 0.5);
-    let expected = [
-        [255, 0, 0, 255],
-        [0, 255, 0, 255],
-        [0, 0, 255, 255],
-        [255; 4],
-    ];
+    let expected = Texels::Byte(quarters().as_bytes().into());
     assert!(
-        parts
-            .textures
-            .iter()
-            .all(|t| *t.texels == expected && (t.width, t.height) == (2, 2))
+        (parts.textures.iter())
+            .all(|t| t.texels == expected && (t.width, t.height, t.channels) == (2, 2, 3))
     );
     assert!(loaded.warnings.iter().any(|w| w.contains("nearest")));
 }
@@ -311,22 +304,24 @@ fn load_textures_by_use_and_sampler() {
 #[test]
 fn load_image_pixel_formats() {
     let alpha = RgbaImage::from_pixel(1, 1, image::Rgba([10, 20, 30, 40]));
-    let pictures: [(DynamicImage, [u8; 4]); 3] = [
-        (alpha.into(), [10, 20, 30, 40]),
-        (
-            image::GrayImage::from_pixel(1, 1, image::Luma([7])).into(),
-            [7, 7, 7, 255],
-        ),
-        (
-            image::ImageBuffer::from_pixel(1, 1, image::Rgb([0x8080u16, 0, 0xffff])).into(),
-            [0x80, 0, 255, 255],
-        ),
+    let bytes = |codes: &[u8]| Texels::Byte(codes.into());
+    let words = |codes: &[u16]| Texels::Word(codes.into());
+    let wide = image::ImageBuffer::from_pixel(1, 1, image::Rgb([0x8081u16, 0, 0xffff]));
+    let wide_grey = image::ImageBuffer::from_pixel(1, 1, image::LumaA([300u16, 60_000]));
+    let grey = image::GrayImage::from_pixel(1, 1, image::Luma([7]));
+    let pictures: [(DynamicImage, Texels); 4] = [
+        (alpha.into(), bytes(&[10, 20, 30, 40])),
+        (grey.into(), bytes(&[7])),
+        (wide.into(), words(&[0x8081, 0, 0xffff])),
+        (wide_grey.into(), words(&[300, 60_000])),
     ];
     for (picture, texel) in pictures {
         let mut file = File::triangle();
         file.texture(&picture);
         file.push("materials", json!({ "emissiveTexture": { "index": 0 } }));
-        assert_eq!(*file.loaded().parts.textures[0].texels, [texel]);
+        let texture = &file.loaded().parts.textures[0];
+        assert_eq!(usize::from(texture.channels), texel.len());
+        assert_eq!(texture.texels, texel);
     }
     // JPEG, whatever the file calls it.
     let mut out = std::io::Cursor::new(Vec::new());
@@ -341,8 +336,12 @@ fn load_image_pixel_formats() {
     );
     file.push("textures", json!({ "source": 0 }));
     file.push("materials", json!({ "emissiveTexture": { "index": 0 } }));
-    let texel = file.loaded().parts.textures[0].texels[0];
-    assert!(texel.iter().take(3).all(|c| c.abs_diff(128) < 3));
+    let texel = file.loaded().parts.textures[0].sample(opsr::math::Vec2::ZERO);
+    // IEC 61966-2-1: code 128 is 0.2159.
+    assert!(
+        (texel.iter().take(3)).all(|c| (c - 0.2159).abs() < 0.01),
+        "{texel:?}"
+    );
 }
 
 #[test]

@@ -1,0 +1,240 @@
+//! Coarser images of a texture: each has half of the columns and rows of the one before, and the same mean.
+//!
+//! Means are of linear values, weighed by the area that an old texel shares with a new one, so that sizes need not be powers of
+//! two. Rounding to codes would shift them, by half a code at worst, which in light tones is half a per cent: so what rounding
+//! takes from one texel is given to the next of its row, and at the end of a row to the row below.
+
+use super::texture::{Code, Texels, Texture, Wrap, values};
+use crate::math::Vec2;
+use std::sync::Arc;
+
+/// A coarser image of a texture's colour, sRGB encoded if that is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Level {
+    /// Width in texels.
+    pub width: u32,
+    /// Height in texels.
+    pub height: u32,
+    /// Channels of a texel: grey, or red, green and blue.
+    pub channels: u8,
+    /// `width * height * channels` values.
+    pub texels: Texels,
+}
+
+impl Level {
+    /// The colour at `uv`, bilinear.
+    #[inline]
+    pub(super) fn sample(&self, srgb: bool, wrap: [Wrap; 2], uv: Vec2) -> [f32; 4] {
+        let size = [self.width, self.height];
+        self.texels.sample(self.channels, size, srgb, wrap, uv)
+    }
+}
+
+/// The old texels that a new one covers, of which there are three at most, and their weights.
+#[derive(Clone, Copy)]
+struct Taps {
+    first: usize,
+    weights: [f32; 3],
+}
+
+impl Taps {
+    /// Those of all texels of a row of `n` made half as long.
+    fn halved(n: u32) -> Vec<Self> {
+        let m = n / 2;
+        match (m, n % 2) {
+            (0, _) => vec![Self {
+                first: 0,
+                weights: [1.0, 0.0, 0.0],
+            }],
+            (_, 0) => (0..m as usize)
+                .map(|i| Self {
+                    first: 2 * i,
+                    weights: [0.5, 0.5, 0.0],
+                })
+                .collect(),
+            // The i-th new texel covers the old ones from i n/m to (i + 1) n/m.
+            _ => (0..m)
+                .map(|i| Self {
+                    first: 2 * i as usize,
+                    weights: [m - i, m, i + 1].map(|w| (f64::from(w) / f64::from(n)) as f32),
+                })
+                .collect(),
+        }
+    }
+}
+
+/// Levels of a texture below the finest, down to a single texel.
+pub(super) fn levels(of: &Texture) -> Arc<[Level]> {
+    let mut levels: Vec<Level> = Vec::new();
+    let (mut size, mut channels) = ([of.width, of.height], of.channels);
+    while size != [1, 1] && size[0] > 0 && size[1] > 0 {
+        let texels = levels.last().map_or(&of.texels, |level| &level.texels);
+        let texels = match texels {
+            Texels::Byte(codes) => Texels::Byte(halved(codes, size, channels, of.srgb)),
+            Texels::Word(codes) => Texels::Word(halved(codes, size, channels, of.srgb)),
+        };
+        size = size.map(|n| (n / 2).max(1));
+        // Opacity is never asked for.
+        channels = if channels < 3 { 1 } else { 3 };
+        levels.push(Level {
+            width: size[0],
+            height: size[1],
+            channels,
+            texels,
+        });
+    }
+    levels.into()
+}
+
+fn halved<C: Code>(codes: &[C], size: [u32; 2], channels: u8, srgb: bool) -> Arc<[C]> {
+    match channels {
+        1 => halved_of::<C, 1, 1>(codes, size, srgb),
+        2 => halved_of::<C, 2, 1>(codes, size, srgb),
+        3 => halved_of::<C, 3, 3>(codes, size, srgb),
+        _ => halved_of::<C, 4, 3>(codes, size, srgb),
+    }
+}
+
+/// An image of `N` channels made half as wide and high, of which `M` are kept.
+fn halved_of<C: Code, const N: usize, const M: usize>(
+    codes: &[C],
+    size: [u32; 2],
+    srgb: bool,
+) -> Arc<[C]> {
+    let [columns, rows] = size.map(Taps::halved);
+    let (width, table) = (size[0] as usize, C::table(srgb));
+    let even = size.iter().all(|n| n % 2 == 0);
+    let mut out = Vec::with_capacity(columns.len() * rows.len() * M);
+    let mut rest = [0.0f32; M];
+    for row in &rows {
+        for column in &columns {
+            let texel = |i: usize, j: usize| {
+                let at = N * ((row.first + j) * width + column.first + i);
+                values::<C, N>(&codes[at..at + N], table)
+            };
+            let mean = match even {
+                true => {
+                    let [a, b, c, d] = [texel(0, 0), texel(1, 0), texel(0, 1), texel(1, 1)];
+                    std::array::from_fn(|k| 0.25 * ((a[k] + b[k]) + (c[k] + d[k])))
+                }
+                false => weighed(row, column, texel),
+            };
+            for c in 0..M {
+                let wanted = mean[c] + rest[c];
+                let code = C::nearest(wanted, srgb);
+                // A value beyond the ends would be owed for ever.
+                rest[c] = (wanted - code.linear(table)).clamp(-0.01, 0.01);
+                out.push(code);
+            }
+        }
+    }
+    out.into()
+}
+
+/// The mean of up to nine texels.
+fn weighed(row: &Taps, column: &Taps, texel: impl Fn(usize, usize) -> [f32; 4]) -> [f32; 4] {
+    let mut sum = [0.0f32; 4];
+    for j in (0..3).filter(|&j| row.weights[j] > 0.0) {
+        for i in (0..3).filter(|&i| column.weights[i] > 0.0) {
+            let (weight, texel) = (row.weights[j] * column.weights[i], texel(i, j));
+            (0..4).for_each(|c| sum[c] += weight * texel[c]);
+        }
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(size: [u32; 2], channels: u8, srgb: bool) -> Texture {
+        let code = |i: u32| (i.wrapping_mul(2_654_435_761) >> 24) as u8;
+        let number = size[0] * size[1] * u32::from(channels);
+        Texture {
+            width: size[0],
+            height: size[1],
+            channels,
+            texels: Texels::Byte((0..number).map(code).collect()),
+            srgb,
+            ..Texture::default()
+        }
+    }
+
+    /// Every level has the mean of the finest, whatever the size, to one code of one row.
+    #[test]
+    fn levels_keep_the_mean() {
+        for size in [[64, 64], [63, 17], [1, 40], [37, 1], [5, 3], [255, 2]] {
+            for (channels, srgb) in [(1, true), (2, false), (3, true), (4, false), (4, true)] {
+                let mut texture = noise(size, channels, srgb);
+                let expected = texture.average();
+                let colors = if channels < 3 { 1 } else { 3 };
+                texture.build_mips();
+                let last = texture.mips.last().expect("coarser images");
+                assert_eq!([last.width, last.height], [1, 1]);
+                for level in texture.mips.iter() {
+                    let image = Texture {
+                        width: level.width,
+                        height: level.height,
+                        channels: level.channels,
+                        texels: level.texels.clone(),
+                        ..texture.clone()
+                    };
+                    // One code owed in the end, of each level above.
+                    let bound = 0.02 / f64::from(level.width * level.height) as f32 + 2e-4;
+                    for (found, expected) in image.average().iter().zip(expected).take(colors) {
+                        let off = (found - expected).abs();
+                        assert!(
+                            off < bound,
+                            "{size:?}, {channels}: {off} at {}",
+                            level.width
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    /// An image of one colour stays it, code for code.
+    #[test]
+    fn levels_of_one_colour_have_its_code() {
+        for code in [0u8, 1, 37, 188, 254, 255] {
+            for srgb in [false, true] {
+                let mut texture = Texture {
+                    srgb,
+                    ..Texture::rgba(33, 20, vec![[code; 4]; 660])
+                };
+                texture.build_mips();
+                for level in texture.mips.iter() {
+                    assert_eq!(level.channels, 3);
+                    let Texels::Byte(codes) = &level.texels else {
+                        panic!("eight bits stay eight");
+                    };
+                    assert!(codes.iter().all(|&c| c == code), "{code}");
+                }
+            }
+        }
+    }
+
+    /// Sixteen bits a channel stay, and are the means of their four texels.
+    #[test]
+    fn levels_of_sixteen_bits_are_means() {
+        let texels: Vec<u16> = (0..64 * 64u32).map(|i| (i * 15) as u16).collect();
+        let mut texture = Texture {
+            width: 64,
+            height: 64,
+            channels: 1,
+            texels: Texels::Word(texels.clone().into()),
+            ..Texture::default()
+        };
+        texture.build_mips();
+        let Texels::Word(half) = &texture.mips[0].texels else {
+            panic!("sixteen bits stay sixteen");
+        };
+        for (i, &found) in half.iter().enumerate() {
+            let (x, y) = (2 * (i % 32), 2 * (i / 32));
+            let at = |x: usize, y: usize| u32::from(texels[64 * y + x]);
+            let mean = (at(x, y) + at(x + 1, y) + at(x, y + 1) + at(x + 1, y + 1)) / 4;
+            assert!(u32::from(found).abs_diff(mean) <= 1, "{i}: {found}, {mean}");
+        }
+    }
+}
