@@ -177,11 +177,15 @@ impl Geometry {
             add_faces(&mut faces, (m, mesh), parts, &name, &mut dropped, warnings);
         }
         dropped.say(warnings);
+        let mut instances = Instances::new(parts, faces.len() as u32, warnings);
+        let boxes = instances
+            .as_mut()
+            .map_or_else(Vec::new, Instances::take_boxes);
         // The tree first: while it is built the triangles are not there yet.
         let of = |&[m, face]: &Face| corners(&parts.meshes[m as usize], face);
         let accel = match tree {
-            true => Accel::over(faces.len(), |i| of(&faces[i as usize])),
-            false => Accel::outline(faces.iter().map(of)),
+            true => Accel::over(faces.len(), |i| of(&faces[i as usize]), &boxes),
+            false => Accel::outline(faces.iter().map(of), &boxes),
         };
         let mut triangles = accel::huge_list(faces.len());
         let triangle = |face: Face| Triangle::new(&parts.meshes[face[0] as usize], face, parts);
@@ -195,7 +199,6 @@ impl Geometry {
                 cutouts.clear();
             }
         }
-        let instances = Instances::new(parts, triangles.len() as u32, warnings);
         let traversal = match (&instances, cutouts.is_empty()) {
             (Some(_), _) => Traversal::Instances,
             (None, false) => Traversal::Cutouts,
@@ -335,14 +338,7 @@ impl Geometry {
 
     /// Lower and upper corner of the scene; both zero if it is empty.
     pub fn bounds(&self) -> (Vec3, Vec3) {
-        let Some(instances) = &self.instances else {
-            return self.accel.bounds();
-        };
-        let (low, high) = instances.bounds();
-        match (self.single(), self.accel.bounds()) {
-            (0, _) => (low, high),
-            (_, (least, most)) => (low.min(least), high.max(most)),
-        }
+        self.accel.bounds()
     }
 
     /// Closest hit; parts that opacity removes are skipped.
@@ -363,17 +359,17 @@ impl Geometry {
 
     #[inline(never)]
     fn intersect_instances(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
-        let single = (self.accel).closest_where(ray, |hit| self.remains(parts, ray, hit));
-        let keep = |of: &Shared, hit: &Hit| !of.vanishes || self.present_at(parts, ray, hit);
-        self.shared().improve::<false>(ray, single, keep)
+        self.among::<false>(parts, ray)
     }
 
     /// Closest hit on one of the triangles that `keep` accepts.
     pub(super) fn closest_of(&self, ray: &Ray, keep: impl Fn(u32) -> bool) -> Option<Hit> {
-        let single = (self.accel).closest_where(ray, |hit| keep(hit.triangle));
+        let keep = |hit: &Hit| keep(hit.triangle);
         match &self.instances {
-            None => single,
-            Some(instances) => instances.improve::<false>(ray, single, |_, hit| keep(hit.triangle)),
+            None => self.accel.closest_where(ray, keep),
+            Some(instances) => (self.accel).among::<false>(ray, keep, |i: u32, best: &Hit| {
+                instances.enter::<false>(ray, i, best, |_, hit| keep(hit))
+            }),
         }
     }
 
@@ -401,9 +397,16 @@ impl Geometry {
 
     #[inline(never)]
     fn occluded_instances(&self, parts: &SceneParts, ray: &Ray) -> bool {
+        self.among::<true>(parts, ray).is_some()
+    }
+
+    /// The closest hit on triangles and instances, or with `ANY` any; parts that opacity removes are skipped.
+    #[inline]
+    fn among<const ANY: bool>(&self, parts: &SceneParts, ray: &Ray) -> Option<Hit> {
+        let instances = self.shared();
         let keep = |of: &Shared, hit: &Hit| !of.vanishes || self.present_at(parts, ray, hit);
-        (self.accel).any_where(ray, |hit| self.remains(parts, ray, hit))
-            || self.shared().improve::<true>(ray, None, keep).is_some()
+        let enter = |i: u32, best: &Hit| instances.enter::<ANY>(ray, i, best, keep);
+        (self.accel).among::<ANY>(ray, |hit| self.remains(parts, ray, hit), enter)
     }
 
     /// Interpolates the surface at a hit. No direction enters: a path from the camera and a path from a light that meet

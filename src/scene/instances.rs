@@ -1,17 +1,14 @@
-//! Meshes that a scene shows at several poses: in memory once, each in a tree of its own in object space, below a tree over
-//! the boxes of the instances in the world.
-//!
-//! A ray asks the triangles that are not shared first, and then the instances before what it met. One tree over both would
-//! be walked a little faster, but only by scenes that share meshes; so the others' tree stays as it is.
+//! Meshes that a scene shows at several poses: in memory once, each in a tree of its own in object space, below the scene's tree,
+//! which holds the boxes of the instances in the world beside the triangles that are not shared.
 
-use super::accel::{Accel, BoxTree, LocalRay};
+use super::accel::{self, Accel, LocalRay};
 use super::geometry::{Dropped, ToWorld, Triangle, add_faces, corners};
 use super::material::may_vanish;
 use super::mesh::{Mesh, SharedMesh, cofactors, unit};
 use super::{Hit, SceneParts, Surface};
 use crate::math::{DVec3, Ray, Vec3, Vec4};
 use glam::{DAffine3, DMat3};
-use std::ops::{ControlFlow, Range};
+use std::ops::Range;
 
 /// Roundings of double precision between the exact place of an instance's surface and the one that rays meet, relative to
 /// the reach of its coordinates and to the condition of its pose.
@@ -23,7 +20,8 @@ pub(super) struct Instances {
     list: Vec<Instance>,
     /// First triangle of each instance, in scene order.
     firsts: Vec<u32>,
-    tree: BoxTree,
+    /// Lower and upper corner of each, until the tree is built.
+    boxes: Vec<(Vec3, Vec3)>,
     /// Triangles of all instances together, and one past the last of them in scene order.
     end: u32,
 }
@@ -45,6 +43,10 @@ struct Instance {
     first: u32,
     pose: DAffine3,
     inverse: DAffine3,
+    /// Transform of normals, towards the front.
+    normals: DMat3,
+    /// −1 for a mirroring pose, which reverses the winding: the front stays the front `[glTF §3.7.4]`.
+    sign: f64,
     /// Error of double precision, in the world.
     slack: f32,
 }
@@ -61,7 +63,7 @@ impl Instances {
             let mut dropped = Dropped::default();
             add_faces(&mut faces, (m, mesh), parts, &name, &mut dropped, warnings);
             dropped.say(warnings);
-            let accel = Accel::over(faces.len(), |i| corners(mesh, faces[i as usize][1]));
+            let accel = Accel::over(faces.len(), |i| corners(mesh, faces[i as usize][1]), &[]);
             let triangles: Vec<Triangle> = (faces.into_iter())
                 .map(|face| Triangle::new(mesh, face, parts))
                 .collect();
@@ -88,7 +90,14 @@ impl Instances {
                 let slack = ROUNDINGS * condition * reach.length();
                 boxes.push(bounds(accel.boxes(), pose, slack));
                 firsts.push(end);
+                let sign = if pose.matrix3.determinant() < 0.0 {
+                    -1.0
+                } else {
+                    1.0
+                };
                 list.push(Instance {
+                    normals: cofactors(&pose.matrix3) * sign,
+                    sign,
                     mesh: m as u32,
                     first: end,
                     pose: *pose,
@@ -112,8 +121,8 @@ impl Instances {
                 accel,
             });
         }
-        (!list.is_empty()).then(|| Self {
-            tree: BoxTree::new(&boxes),
+        (!list.is_empty()).then_some(Self {
+            boxes,
             meshes,
             list,
             firsts,
@@ -147,9 +156,9 @@ impl Instances {
         self.meshes.iter().any(|m| m.vanishes)
     }
 
-    /// Lower and upper corner of all instances.
-    pub(super) fn bounds(&self) -> (Vec3, Vec3) {
-        self.tree.bounds()
+    /// Lower and upper corner of each instance, handed over once.
+    pub(super) fn take_boxes(&mut self) -> Vec<(Vec3, Vec3)> {
+        std::mem::take(&mut self.boxes)
     }
 
     /// The instance of a triangle, and the triangle's index in the shared mesh.
@@ -186,42 +195,33 @@ impl Instances {
         let instance = &self.list[i];
         let corners = self.meshes[instance.mesh as usize].triangles[local].corners;
         let [a, b, c] = corners.map(|p| instance.pose.transform_point3(p.as_dvec3()).as_vec3());
-        if instance.is_mirrored() {
+        if instance.sign < 0.0 {
             [a, c, b]
         } else {
             [a, b, c]
         }
     }
 
-    /// The closest hit of an instance that `keep` accepts, if it is closer than the best one so far, else that one. With
-    /// `ANY` the first to be found.
-    pub(super) fn improve<const ANY: bool>(
+    /// A hit in an instance that `keep` accepts and that comes before the best one: the closest, or with `ANY` the first to be
+    /// found.
+    #[inline]
+    pub(super) fn enter<const ANY: bool>(
         &self,
         ray: &Ray,
-        mut best: Option<Hit>,
+        number: u32,
+        best: &Hit,
         keep: impl Fn(&Shared, &Hit) -> bool,
     ) -> Option<Hit> {
-        let t_max = best.map_or(ray.t_max, |hit| hit.t);
-        self.tree.visit::<ANY>(&Ray { t_max, ..*ray }, |i, t| {
-            let instance = &self.list[i as usize];
-            let shared = &self.meshes[instance.mesh as usize];
-            let bound = best.unwrap_or(Hit {
-                t,
-                ..Hit::default()
-            });
-            let local = instance.local(ray, bound);
-            match (shared.accel).improve::<ANY>(&local, |hit| keep(shared, hit)) {
-                None => ControlFlow::Continue(t),
-                Some(hit) => {
-                    best = Some(hit);
-                    match ANY {
-                        true => ControlFlow::Break(()),
-                        false => ControlFlow::Continue(hit.t),
-                    }
-                }
+        let instance = &self.list[number as usize];
+        let shared = &self.meshes[instance.mesh as usize];
+        let local = instance.local(ray, *best);
+        (shared.accel).improve::<ANY>(&local, |hit| {
+            if !ANY {
+                // The surface of the closest hit is asked for next.
+                accel::fetch(&shared.triangles, hit.triangle - instance.first);
             }
-        });
-        best
+            keep(shared, hit)
+        })
     }
 
     /// See [`super::Geometry::surface`].
@@ -234,23 +234,14 @@ impl Instances {
     pub(super) fn place(&self, triangle: u32) -> (&Triangle, impl ToWorld + use<'_>) {
         let (i, local) = self.find(triangle);
         let instance = &self.list[i];
-        let to_world = InstanceTransform {
-            instance,
-            normals: cofactors(&instance.pose.matrix3),
-            sign: if instance.is_mirrored() { -1.0 } else { 1.0 },
-        };
         (
             &self.meshes[instance.mesh as usize].triangles[local],
-            to_world,
+            InstanceTransform(instance),
         )
     }
 }
 
 impl Instance {
-    fn is_mirrored(&self) -> bool {
-        self.pose.matrix3.determinant() < 0.0
-    }
-
     /// A ray in the mesh's space, with the best hit so far.
     #[inline]
     fn local(&self, ray: &Ray, best: Hit) -> LocalRay {
@@ -270,13 +261,8 @@ impl Instance {
     }
 }
 
-/// An instance, with what its normals are transformed by.
-struct InstanceTransform<'a> {
-    instance: &'a Instance,
-    normals: DMat3,
-    /// −1 for a mirroring pose, which reverses the winding: the front stays the front `[glTF §3.7.4]`.
-    sign: f64,
-}
+/// The way of an instance's mesh into the world.
+struct InstanceTransform<'a>(&'a Instance);
 
 impl ToWorld for InstanceTransform<'_> {
     fn mesh<'a>(&self, parts: &'a SceneParts, index: u32) -> &'a Mesh {
@@ -284,36 +270,33 @@ impl ToWorld for InstanceTransform<'_> {
     }
 
     fn point(&self, p: Vec3) -> DVec3 {
-        self.instance.pose.transform_point3(p.as_dvec3())
+        self.0.pose.transform_point3(p.as_dvec3())
     }
 
     fn edge(&self, e: DVec3) -> DVec3 {
-        self.instance.pose.transform_vector3(e)
+        self.0.pose.transform_vector3(e)
     }
 
     fn geometric(&self, _: Vec3, e: DVec3, f: DVec3) -> Vec3 {
-        (self.sign * e.cross(f)).normalize().as_vec3()
+        (self.0.sign * e.cross(f)).normalize().as_vec3()
     }
 
     fn normal(&self, n: Vec3) -> Vec3 {
-        unit(self.normals * self.sign * n.as_dvec3())
+        unit(self.0.normals * n.as_dvec3())
     }
 
     fn tangent(&self, t: Vec4) -> Vec4 {
-        let hand = if (t.w < 0.0) == (self.sign < 0.0) {
+        let hand = if (t.w < 0.0) == (self.0.sign < 0.0) {
             1.0
         } else {
             -1.0
         };
-        let along = self
-            .instance
-            .pose
-            .transform_vector3(t.truncate().as_dvec3());
+        let along = (self.0.pose).transform_vector3(t.truncate().as_dvec3());
         unit(along).extend(hand)
     }
 
     fn error(&self, error: f32) -> f32 {
-        error + self.instance.slack
+        error + self.0.slack
     }
 }
 

@@ -10,6 +10,7 @@
 //!   the tree's depth (`Wide::stack`).
 #![allow(unsafe_code)]
 
+use super::Enter;
 use super::portable::{SLACK, closer, reciprocal};
 use super::triangle::{Probe, Shear};
 use super::wide::{Block, LANES, LEAF, Node, WIDTH, Wide, leaf_blocks};
@@ -36,9 +37,10 @@ impl Avx2 {
     #[inline]
     pub(super) fn walk<const ANY: bool>(
         self,
-        tree: &Wide<Block>,
+        tree: &Wide,
         probe: &impl Probe,
         keep: impl Fn(&Hit) -> bool,
+        enter: impl Enter,
     ) -> Option<Hit> {
         if tree.nodes.is_empty() {
             return None;
@@ -46,28 +48,12 @@ impl Avx2 {
         if tree.stack <= STACK {
             let mut stack = [MaybeUninit::uninit(); STACK];
             // SAFETY: `self` proves the features; the stack is long enough.
-            unsafe { walk::<ANY>(tree, probe, &mut stack, keep) }
+            unsafe { walk::<ANY, _>(tree, probe, &mut stack, keep, enter) }
         } else {
             let mut stack = vec![MaybeUninit::uninit(); tree.stack];
             // SAFETY: as above.
-            unsafe { walk::<ANY>(tree, probe, &mut stack, keep) }
+            unsafe { walk::<ANY, _>(tree, probe, &mut stack, keep, enter) }
         }
-    }
-
-    /// See [`super::portable::traverse`].
-    pub(super) fn traverse<const ANY: bool, B>(
-        self,
-        tree: &Wide<B>,
-        ray: &Ray,
-        t_max: f32,
-        visit: impl FnMut(&B, f32) -> ControlFlow<(), f32>,
-    ) {
-        if tree.nodes.is_empty() {
-            return;
-        }
-        let mut stack = vec![MaybeUninit::uninit(); tree.stack];
-        // SAFETY: `self` proves the features; the stack is long enough.
-        unsafe { traverse::<ANY, B>(tree, ray, t_max, &mut stack, visit) }
     }
 }
 
@@ -282,7 +268,7 @@ fn entry(near: f32, child: u32) -> u64 {
 /// Asks for the first lines of a child.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
-fn prefetch<B>(tree: &Wide<B>, child: u32) {
+fn prefetch(tree: &Wide, child: u32) {
     let (base, lines) = if child & LEAF == 0 {
         (
             tree.nodes
@@ -306,8 +292,8 @@ fn prefetch<B>(tree: &Wide<B>, child: u32) {
 /// `stack` must have room above `top` for as many as `mask` has bits.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
-unsafe fn descend<const ANY: bool, B>(
-    tree: &Wide<B>,
+unsafe fn descend<const ANY: bool>(
+    tree: &Wide,
     node: &Node,
     enter: __m256,
     mut mask: u32,
@@ -352,11 +338,12 @@ struct Row([f32; WIDTH]);
 /// # Safety
 /// The processor must have AVX2 and FMA, and `stack` must hold `tree.stack` entries.
 #[target_feature(enable = "avx2,fma")]
-unsafe fn walk<const ANY: bool>(
-    tree: &Wide<Block>,
+unsafe fn walk<const ANY: bool, E: Enter>(
+    tree: &Wide,
     probe: &impl Probe,
     stack: &mut [MaybeUninit<u64>],
     keep: impl Fn(&Hit) -> bool,
+    enter: E,
 ) -> Option<Hit> {
     let ray = probe.ray();
     let quad = Quad::new(ray);
@@ -365,6 +352,18 @@ unsafe fn walk<const ANY: bool>(
     let mut any = false;
     let mut found = Found::default();
     let visit = |block: &Block, t_max: f32| {
+        if E::SOME
+            && let Some(instance) = block.instance()
+        {
+            if let Some(hit) = enter.hit(instance, &best) {
+                best = hit;
+                any = true;
+                if ANY {
+                    return ControlFlow::Break(());
+                }
+            }
+            return ControlFlow::Continue(best.t);
+        }
         let mut mask = quad.test(block, probe, t_max, &mut found);
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize % LANES;
@@ -381,7 +380,7 @@ unsafe fn walk<const ANY: bool>(
         ControlFlow::Continue(best.t)
     };
     // SAFETY: as required of the caller.
-    unsafe { traverse::<ANY, Block>(tree, ray, start, stack, visit) };
+    unsafe { traverse::<ANY>(tree, ray, start, stack, visit) };
     any.then_some(best)
 }
 
@@ -389,12 +388,12 @@ unsafe fn walk<const ANY: bool>(
 /// The processor must have AVX2 and FMA; the tree must have nodes, and `stack` hold `tree.stack` entries.
 #[target_feature(enable = "avx2,fma")]
 #[inline]
-unsafe fn traverse<const ANY: bool, B>(
-    tree: &Wide<B>,
+unsafe fn traverse<const ANY: bool>(
+    tree: &Wide,
     ray: &Ray,
     mut t_max: f32,
     stack: &mut [MaybeUninit<u64>],
-    mut visit: impl FnMut(&B, f32) -> ControlFlow<(), f32>,
+    mut visit: impl FnMut(&Block, f32) -> ControlFlow<(), f32>,
 ) {
     debug_assert!(stack.len() >= tree.stack);
     let stack = stack.as_mut_ptr().cast::<u64>();
@@ -411,7 +410,7 @@ unsafe fn traverse<const ANY: bool, B>(
                 current = node.children[mask.trailing_zeros() as usize % WIDTH];
             } else if mask != 0 {
                 // SAFETY: the builder measured how much room the deepest path needs.
-                current = unsafe { descend::<ANY, B>(tree, node, enter, mask, stack, &mut top) };
+                current = unsafe { descend::<ANY>(tree, node, enter, mask, stack, &mut top) };
             } else {
                 miss = true;
             }

@@ -13,10 +13,9 @@ mod portable;
 mod triangle;
 mod wide;
 
-use std::ops::ControlFlow;
 pub(crate) use triangle::LocalRay;
 use triangle::Probe;
-use wide::{Block, Wide};
+use wide::Wide;
 
 /// An empty list of this capacity, in huge pages where the system has them.
 pub(crate) fn huge_list<T>(capacity: usize) -> Vec<T> {
@@ -37,9 +36,37 @@ pub(crate) fn fetch<T>(list: &[T], index: u32) {
     let _ = (list, index);
 }
 
-/// A tree over a list of triangles; indices of hits are indices of that list.
+/// The instances in a tree, for a walk.
+pub(crate) trait Enter {
+    /// True if there are any.
+    const SOME: bool;
+
+    /// A hit in an instance that comes before the best one; any of them will do for a walk that stops at the first.
+    fn hit(&self, instance: u32, best: &Hit) -> Option<Hit>;
+}
+
+/// No instances.
+impl Enter for () {
+    const SOME: bool = false;
+
+    #[inline(always)]
+    fn hit(&self, _: u32, _: &Hit) -> Option<Hit> {
+        None
+    }
+}
+
+impl<F: Fn(u32, &Hit) -> Option<Hit>> Enter for F {
+    const SOME: bool = true;
+
+    #[inline(always)]
+    fn hit(&self, instance: u32, best: &Hit) -> Option<Hit> {
+        self(instance, best)
+    }
+}
+
+/// A tree over a list of triangles, and over instances; indices of hits are indices of that list.
 pub struct Accel {
-    tree: Wide<Block>,
+    tree: Wide,
     #[cfg(target_arch = "x86_64")]
     simd: Option<avx2::Avx2>,
 }
@@ -50,13 +77,18 @@ impl Accel {
 
     /// Builds the tree. Triangles with a coordinate that is not finite or beyond 1e17 are never hit.
     pub fn new(triangles: &[[Vec3; 3]]) -> Self {
-        Self::over(triangles.len(), |i| triangles[i as usize])
+        Self::over(triangles.len(), |i| triangles[i as usize], &[])
     }
 
-    /// The same, over so many triangles that a function gives: a list of them would add to the memory that building takes.
-    pub(crate) fn over(count: usize, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Self {
+    /// The same, over so many triangles that a function gives: a list of them would add to the memory that building takes. And
+    /// over instances, of which these are lower and upper corners of boxes within 1e17.
+    pub(crate) fn over(
+        count: usize,
+        corners: impl Fn(u32) -> [Vec3; 3] + Sync,
+        instances: &[(Vec3, Vec3)],
+    ) -> Self {
         Self {
-            tree: Wide::new(count, corners),
+            tree: Wide::new(count, corners, instances),
             #[cfg(target_arch = "x86_64")]
             simd: avx2::Avx2::detect(),
         }
@@ -71,10 +103,13 @@ impl Accel {
         }
     }
 
-    /// Bounds of the triangles alone: no ray meets anything.
-    pub(crate) fn outline(triangles: impl Iterator<Item = [Vec3; 3]>) -> Self {
+    /// Bounds of triangles and instances alone: no ray meets anything.
+    pub(crate) fn outline(
+        triangles: impl Iterator<Item = [Vec3; 3]>,
+        instances: &[(Vec3, Vec3)],
+    ) -> Self {
         Self {
-            tree: Wide::outline(triangles),
+            tree: Wide::outline(triangles, instances),
             #[cfg(target_arch = "x86_64")]
             simd: None,
         }
@@ -85,7 +120,7 @@ impl Accel {
         wide::usable(triangle)
     }
 
-    /// The closest hit with 0 < t < `t_max`, from either side.
+    /// The closest hit with 0 < t < `t_max`, from either side; instances are left out.
     #[inline]
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
         self.closest_where(ray, |_| true)
@@ -100,13 +135,24 @@ impl Accel {
     /// The closest of the hits that `keep` accepts.
     #[inline]
     pub(crate) fn closest_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> Option<Hit> {
-        self.walk::<false>(ray, keep)
+        self.walk::<false>(ray, keep, ())
     }
 
     /// True if there is a hit that `keep` accepts.
     #[inline]
     pub(crate) fn any_where(&self, ray: &Ray, keep: impl Fn(&Hit) -> bool) -> bool {
-        self.walk::<true>(ray, keep).is_some()
+        self.walk::<true>(ray, keep, ()).is_some()
+    }
+
+    /// The closest hit that `keep` accepts, or that an instance finds by `enter`; with `ANY` the first to be found.
+    #[inline]
+    pub(crate) fn among<const ANY: bool>(
+        &self,
+        ray: &Ray,
+        keep: impl Fn(&Hit) -> bool,
+        enter: impl Enter,
+    ) -> Option<Hit> {
+        self.walk::<ANY>(ray, keep, enter)
     }
 
     /// A hit of a ray in the tree's own space that is closer than the best one and that `keep` accepts: the closest, or with
@@ -117,7 +163,7 @@ impl Accel {
         ray: &LocalRay,
         keep: impl Fn(&Hit) -> bool,
     ) -> Option<Hit> {
-        self.walk::<ANY>(ray, keep)
+        self.walk::<ANY>(ray, keep, ())
     }
 
     #[inline]
@@ -125,12 +171,13 @@ impl Accel {
         &self,
         probe: &impl Probe,
         keep: impl Fn(&Hit) -> bool,
+        enter: impl Enter,
     ) -> Option<Hit> {
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = self.simd {
-            return simd.walk::<ANY>(&self.tree, probe, keep);
+            return simd.walk::<ANY>(&self.tree, probe, keep, enter);
         }
-        portable::walk::<ANY>(&self.tree, probe, keep)
+        portable::walk::<ANY, _>(&self.tree, probe, keep, enter)
     }
 
     /// Lower and upper corners of boxes that together hold all triangles: those of the tree's root.
@@ -139,47 +186,8 @@ impl Accel {
         root.into_iter().flat_map(wide::Node::boxes)
     }
 
-    /// Lower and upper corner of all triangles; both zero if there are none.
+    /// Lower and upper corner of all triangles and instances; both zero if there are none.
     pub fn bounds(&self) -> (Vec3, Vec3) {
-        self.tree.bounds
-    }
-}
-
-/// A tree over boxes, whose contents are asked by whoever walks it.
-pub(crate) struct BoxTree {
-    tree: Wide<u32>,
-    #[cfg(target_arch = "x86_64")]
-    simd: Option<avx2::Avx2>,
-}
-
-impl BoxTree {
-    /// Builds the tree over boxes, given by lower and upper corners within 1e17.
-    pub(crate) fn new(boxes: &[(Vec3, Vec3)]) -> Self {
-        Self {
-            tree: Wide::over(boxes),
-            #[cfg(target_arch = "x86_64")]
-            simd: avx2::Avx2::detect(),
-        }
-    }
-
-    /// Visits the boxes that a ray meets before `t_max`, by index, roughly nearest first unless `ANY` will do. `visit` is
-    /// given the bound, and returns the next or stops.
-    #[inline]
-    pub(crate) fn visit<const ANY: bool>(
-        &self,
-        ray: &Ray,
-        mut visit: impl FnMut(u32, f32) -> ControlFlow<(), f32>,
-    ) {
-        let visit = |&index: &u32, t_max: f32| visit(index, t_max);
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = self.simd {
-            return simd.traverse::<ANY, u32>(&self.tree, ray, ray.t_max, visit);
-        }
-        portable::traverse::<ANY, u32>(&self.tree, ray, ray.t_max, visit);
-    }
-
-    /// Lower and upper corner of all boxes; both zero if there are none.
-    pub(crate) fn bounds(&self) -> (Vec3, Vec3) {
         self.tree.bounds
     }
 }
@@ -219,7 +227,7 @@ mod tests {
                 [p, p + 0.02 * Vec3::X, p + 0.02 * Vec3::Y]
             })
             .collect();
-        let tree = Wide::new(triangles.len(), |i| triangles[i as usize]);
+        let tree = Wide::new(triangles.len(), |i| triangles[i as usize], &[]);
         let mut seen = vec![0; triangles.len()];
         for node in &tree.nodes {
             for (slot, &child) in node.children.iter().enumerate() {

@@ -1,5 +1,6 @@
 //! The traversal in portable Rust: for processors without AVX2, and the reference for the AVX2 one.
 
+use super::Enter;
 use super::triangle::{Probe, Shear, intersect};
 use super::wide::{Block, LANES, LEAF, Node, WIDTH, Wide, leaf_blocks};
 use crate::math::{Ray, Vec3};
@@ -23,16 +24,30 @@ pub(super) fn reciprocal(dir: Vec3) -> Vec3 {
 }
 
 /// Traverses the tree; with `ANY` stops at the first hit. Among equally distant hits the lowest index wins, so that the
-/// result does not depend on the tree. Hits that `keep` rejects do not count.
-pub(super) fn walk<const ANY: bool>(
-    tree: &Wide<Block>,
+/// result does not depend on the tree. Hits that `keep` rejects do not count. An instance is asked by `enter` for a hit that comes
+/// before the best one.
+pub(super) fn walk<const ANY: bool, E: Enter>(
+    tree: &Wide,
     probe: &impl Probe,
     keep: impl Fn(&Hit) -> bool,
+    enter: E,
 ) -> Option<Hit> {
     let shear = Shear::new(probe.ray().dir);
     let mut best = probe.best();
     let mut found = false;
-    traverse::<ANY, _>(tree, probe.ray(), best.t, |block, _| {
+    traverse::<ANY>(tree, probe.ray(), best.t, |block, _| {
+        if E::SOME
+            && let Some(instance) = block.instance()
+        {
+            if let Some(hit) = enter.hit(instance, &best) {
+                best = hit;
+                found = true;
+            }
+            return match ANY && found {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(best.t),
+            };
+        }
         for lane in 0..LANES {
             let Some((t, u, v)) = intersect(probe, &shear, |k, a| block.corners[k][a][lane]) else {
                 continue;
@@ -58,11 +73,11 @@ pub(super) fn walk<const ANY: bool>(
 
 /// Visits the blocks of the leaves that a ray meets before `t_max`, nearest leaf first unless `ANY` will do; `visit` is
 /// given the bound, and returns the next or stops.
-pub(super) fn traverse<const ANY: bool, B>(
-    tree: &Wide<B>,
+fn traverse<const ANY: bool>(
+    tree: &Wide,
     ray: &Ray,
     mut t_max: f32,
-    mut visit: impl FnMut(&B, f32) -> ControlFlow<(), f32>,
+    mut visit: impl FnMut(&Block, f32) -> ControlFlow<(), f32>,
 ) {
     if tree.nodes.is_empty() {
         return;

@@ -1,5 +1,5 @@
 //! The 8-wide tree: the binary tree of obvhs folded into nodes of eight boxes and leaves of blocks, the layout of the SIMD
-//! traversal. A block is four triangles, or in a tree over instances one of them.
+//! traversal. A block is four triangles, or an instance.
 //!
 //! The fold minimises the surface-area cost exactly, by dynamic programming over the binary tree `[Ylitie17 §3.1]`.
 
@@ -41,7 +41,8 @@ pub(super) struct Node {
     pub(super) children: [u32; WIDTH],
 }
 
-/// Four triangles, lane by lane; a free lane holds NaN, which no test accepts.
+/// Four triangles, lane by lane; a free lane holds NaN, which no test accepts. Or an instance: no triangle, its number the first
+/// of `ids`, and [`INSTANCE`] the last.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Block {
@@ -51,10 +52,10 @@ pub(super) struct Block {
     pub(super) ids: [u32; LANES],
 }
 
-/// The tree over blocks of this type.
-pub(super) struct Wide<B> {
+/// The tree.
+pub(super) struct Wide {
     pub(super) nodes: Vec<Node>,
-    pub(super) blocks: Vec<B>,
+    pub(super) blocks: Vec<Block>,
     /// Entries that the traversal's stack must hold.
     pub(super) stack: usize,
     /// Lower and upper corner of everything.
@@ -93,7 +94,22 @@ impl Block {
         corners: [[[f32::NAN; LANES]; 3]; 3],
         ids: [0; LANES],
     };
+
+    /// The instance, if it is one.
+    #[inline(always)]
+    pub(super) fn instance(&self) -> Option<u32> {
+        (self.ids[LANES - 1] == INSTANCE).then_some(self.ids[0])
+    }
 }
+
+/// Mark of an instance among the triangles' indices, which are below it.
+const INSTANCE: u32 = u32::MAX;
+
+/// Primitives as which an instance counts: more than a leaf of several may have.
+const WEIGHT: u8 = (LANES << COUNT_BITS) as u8 + 1;
+
+/// Cost of an instance over the cost of testing the eight boxes of a node.
+const INSTANCE_COST: f32 = 4.0;
 
 /// Number of primitives from which on a tree is built in half of the time: its surface-area cost is 1 % higher, rays take as
 /// long within 1 %. Smaller trees take no time that anyone would notice.
@@ -108,27 +124,11 @@ pub(super) fn usable(triangle: &[Vec3; 3]) -> bool {
     triangle.iter().all(ok)
 }
 
-/// Leaves of a kind of tree.
-struct Leaves {
-    /// Primitives of a block.
-    lanes: usize,
-    /// Most blocks in a leaf.
-    most: usize,
-    /// Cost of a block over the cost of testing the eight boxes of a node.
-    cost: f32,
-}
+/// Most blocks in a leaf.
+const MOST: usize = 1 << COUNT_BITS;
 
-const TRIANGLES: Leaves = Leaves {
-    lanes: LANES,
-    most: 1 << COUNT_BITS,
-    cost: 0.3,
-};
-
-const INSTANCES: Leaves = Leaves {
-    lanes: 1,
-    most: 1,
-    cost: 4.0,
-};
+/// Cost of a block of triangles over the cost of testing the eight boxes of a node.
+const BLOCK_COST: f32 = 0.3;
 
 /// A primitive's box, for the builder: without the padding of its own.
 struct Bounded {
@@ -151,9 +151,14 @@ impl Boundable for Bounded {
     }
 }
 
-impl Wide<Block> {
-    /// Builds over so many triangles. Those with a coordinate that is not usable keep their index and are never hit.
-    pub(super) fn new(count: usize, corners: impl Fn(u32) -> [Vec3; 3] + Sync) -> Self {
+impl Wide {
+    /// Builds over so many triangles, and over instances with these lower and upper corners of boxes. Triangles with a
+    /// coordinate that is not usable keep their index and are never hit.
+    pub(super) fn new(
+        count: usize,
+        corners: impl Fn(u32) -> [Vec3; 3] + Sync,
+        instances: &[(Vec3, Vec3)],
+    ) -> Self {
         let bounded = |i: u32| {
             let triangle @ [a, b, c] = corners(i);
             usable(&triangle).then(|| Bounded::new(a.min(b).min(c), a.max(b).max(c)))
@@ -161,7 +166,7 @@ impl Wide<Block> {
         let all = 0..count as u32;
         let boxes: Option<Vec<_>> = all.clone().into_par_iter().map(bounded).collect();
         // Indices of the primitives; none if all triangles are.
-        let (ids, boxes): (Option<Vec<u32>>, _) = match boxes {
+        let (ids, mut boxes): (Option<Vec<u32>>, Vec<Bounded>) = match boxes {
             Some(boxes) => (None, boxes),
             None => {
                 let some = all.filter_map(|i| Some((i, bounded(i)?)));
@@ -170,7 +175,14 @@ impl Wide<Block> {
             }
         };
         let id = |i: u32| ids.as_ref().map_or(i, |ids| ids[i as usize]);
-        Self::build(boxes, &TRIANGLES, |primitives, blocks| {
+        let triangles = boxes.len() as u32;
+        boxes.extend(instances.iter().map(|&(low, high)| Bounded::new(low, high)));
+        Self::build(boxes, triangles, |primitives, blocks| {
+            let instances = primitives.extract_if(.., |i| *i >= triangles);
+            blocks.extend(instances.map(|i| Block {
+                ids: [i - triangles, 0, 0, INSTANCE],
+                ..Block::EMPTY
+            }));
             for group in primitives.chunks(LANES) {
                 let mut block = Block::EMPTY;
                 for (lane, &i) in group.iter().enumerate() {
@@ -187,11 +199,13 @@ impl Wide<Block> {
     }
 
     /// A tree of the same bounds without anything in it.
-    pub(super) fn outline(triangles: impl Iterator<Item = [Vec3; 3]>) -> Self {
+    pub(super) fn outline(
+        triangles: impl Iterator<Item = [Vec3; 3]>,
+        instances: &[(Vec3, Vec3)],
+    ) -> Self {
         let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let (low, high) = triangles
-            .filter(usable)
-            .flatten()
+        let boxes = instances.iter().flat_map(|&(low, high)| [low, high]);
+        let (low, high) = (triangles.filter(usable).flatten().chain(boxes))
             .fold(start, |(low, high), p| (low.min(p), high.max(p)));
         Self {
             bounds: if low.x <= high.x {
@@ -204,19 +218,7 @@ impl Wide<Block> {
     }
 }
 
-impl Wide<u32> {
-    /// Builds over boxes, given by their lower and upper corners; blocks are their indices.
-    pub(super) fn over(boxes: &[(Vec3, Vec3)]) -> Self {
-        let boxes = (boxes.iter())
-            .map(|&(low, high)| Bounded::new(low, high))
-            .collect();
-        Self::build(boxes, &INSTANCES, |primitives, blocks| {
-            blocks.extend_from_slice(primitives);
-        })
-    }
-}
-
-impl<B> Wide<B> {
+impl Wide {
     fn empty() -> Self {
         Self {
             nodes: Vec::new(),
@@ -226,8 +228,13 @@ impl<B> Wide<B> {
         }
     }
 
-    /// Builds over boxes; `fill` appends the blocks of a leaf's primitives.
-    fn build(boxes: Vec<Bounded>, leaves: &Leaves, fill: impl FnMut(&[u32], &mut Vec<B>)) -> Self {
+    /// Builds over boxes, of which so many are of triangles and the rest of instances; `fill` appends the blocks of a leaf's
+    /// primitives.
+    fn build(
+        boxes: Vec<Bounded>,
+        triangles: u32,
+        fill: impl FnMut(&mut Vec<u32>, &mut Vec<Block>),
+    ) -> Self {
         if boxes.is_empty() {
             return Self::empty();
         }
@@ -246,7 +253,7 @@ impl<B> Wide<B> {
         // What the fold does not read; with as many entries as there are triangles.
         binary.parents = Vec::new();
         binary.primitives_to_nodes = Vec::new();
-        Fold::new(&binary, leaves).run(fill)
+        Fold::new(&binary, triangles).run(fill)
     }
 }
 
@@ -272,7 +279,8 @@ impl Plan {
 
 struct Fold<'a> {
     binary: &'a Bvh2,
-    leaves: &'a Leaves,
+    /// Number of triangles, which come before the instances.
+    triangles: u32,
     /// Plans of the inner nodes, in the order of the pairs of children.
     plans: Vec<Plan>,
 }
@@ -281,11 +289,11 @@ impl<'a> Fold<'a> {
     /// Levels at which both children are done at the same time.
     const FORKS: u32 = 8;
 
-    fn new(binary: &'a Bvh2, leaves: &'a Leaves) -> Self {
+    fn new(binary: &'a Bvh2, triangles: u32) -> Self {
         let plans = || Plan(AtomicU32::new(0));
         let fold = Self {
             binary,
-            leaves,
+            triangles,
             plans: std::iter::repeat_with(plans)
                 .take(binary.nodes.len() / 2)
                 .collect(),
@@ -317,16 +325,27 @@ impl<'a> Fold<'a> {
                 let (left, right) = left.zip(right).expect("both children are done");
                 done.push(self.choose(n & !READY, &left, &right));
             } else if node(n).is_leaf() {
-                done.push(Costs {
-                    forest: [node(n).aabb().half_area() * self.leaves.cost; WIDTH - 1],
-                    count: node(n).prim_count.min(255) as u8,
-                });
+                done.push(self.leaf(n));
             } else {
                 let first = node(n).first_index;
                 todo.extend([n | READY, first + 1, first]);
             }
         }
         done.pop().expect("the subtree is done")
+    }
+
+    /// Costs of a leaf.
+    fn leaf(&self, n: u32) -> Costs {
+        let node = &self.binary.nodes[n as usize];
+        let first = self.binary.primitive_indices[node.first_index as usize];
+        let (cost, count) = match first < self.triangles {
+            true => (BLOCK_COST, node.prim_count.min(255) as u8),
+            false => (INSTANCE_COST, WEIGHT),
+        };
+        Costs {
+            forest: [node.aabb().half_area() * cost; WIDTH - 1],
+            count,
+        }
     }
 
     /// Plans an inner node by the costs of its children.
@@ -343,10 +362,10 @@ impl<'a> Fold<'a> {
             }
         }
         let count = l.count.saturating_add(r.count);
-        let blocks = usize::from(count).div_ceil(self.leaves.lanes);
+        let blocks = usize::from(count).div_ceil(LANES);
         let inner = cost[WIDTH - 1] + area;
-        let leaf_cost = if blocks <= self.leaves.most {
-            area * self.leaves.cost * blocks as f32
+        let leaf_cost = if blocks <= MOST {
+            area * BLOCK_COST * blocks as f32
         } else {
             f32::INFINITY
         };
@@ -394,14 +413,11 @@ impl<'a> Fold<'a> {
         self.roots(first + 1, roots - left, out);
     }
 
-    fn run<B>(&self, mut fill: impl FnMut(&[u32], &mut Vec<B>)) -> Wide<B> {
+    fn run(&self, mut fill: impl FnMut(&mut Vec<u32>, &mut Vec<Block>)) -> Wide {
         // Twice the blocks that full ones would be, and a node for every eight: enough but for odd scenes. Memory that is not
         // written is not taken, and lists that grow would copy.
-        let most = 2 * self
-            .binary
-            .primitive_indices
-            .len()
-            .div_ceil(self.leaves.lanes);
+        let instances = self.binary.primitive_indices.len() - self.triangles as usize;
+        let most = 2 * (self.triangles as usize).div_ceil(LANES) + 2 * instances;
         let (mut nodes, mut blocks) = (huge_list(most.div_ceil(WIDTH)), huge_list(most));
         nodes.push(Node::EMPTY);
         let mut depth = 1;
@@ -422,7 +438,7 @@ impl<'a> Fold<'a> {
                 nodes[target].children[slot] = if self.is_leaf(child) {
                     let first = blocks.len();
                     self.primitives(child, &mut inner, &mut primitives);
-                    fill(&primitives, &mut blocks);
+                    fill(&mut primitives, &mut blocks);
                     LEAF | (first as u32) << COUNT_BITS | (blocks.len() - first - 1) as u32
                 } else {
                     todo.push((child, nodes.len(), at + 1));

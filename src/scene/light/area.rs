@@ -156,7 +156,7 @@ impl AreaLights {
         let emissive = &lights.triangles;
         let corners = |k: u32| geometry.triangle(emissive[k as usize].triangle);
         let tree = (geometry.has_tree()).then(|| {
-            let tree = Accel::over(emissive.len(), corners);
+            let tree = Accel::over(emissive.len(), corners, &[]);
             (Bounds::new(tree.bounds()), tree)
         });
         Self {
