@@ -196,7 +196,9 @@ impl<'a> Listener<'a> {
     }
 
     fn checkpoint(&self, progress: &RenderProgress, picture: &Picture) -> anyhow::Result<()> {
-        let Some(path) = &self.job.args.checkpoint else {
+        // Tiles of a sample that was cut are no whole sample.
+        let whole = |_: &&_| progress.samples > 0;
+        let Some(path) = self.job.args.checkpoint.as_ref().filter(whole) else {
             return Ok(());
         };
         Checkpoint {

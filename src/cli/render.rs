@@ -16,7 +16,7 @@ use opsr::image::level_film::LevelFilm;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
 use opsr::integrator::method::IntegratorKind;
-use opsr::integrator::{Estimator, Picture, Settings, View};
+use opsr::integrator::{self, Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr::memory;
 use opsr::pilot::left_after;
@@ -30,6 +30,7 @@ pub(super) const DEFAULT_SPP: u32 = 128;
 
 /// Runs the command.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
+    let begun = Instant::now();
     // A part makes no picture.
     let pictures = if args.film.is_some() {
         &[]
@@ -69,7 +70,6 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         outputs.never_brighten();
     }
     stop.begin();
-    let pilot = Instant::now();
     let mut kind = args.method.integrator;
     let settings = if kind == IntegratorKind::Auto {
         let Some((contender, its_method)) = auto::choose(args, &opened, &stop)? else {
@@ -82,10 +82,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;
         settings
     };
-    let pilot = match args.method.integrator {
-        IntegratorKind::Auto => pilot.elapsed(),
-        _ => Duration::ZERO,
-    };
+    let pilot = begun.elapsed();
     aovs::check(args, &settings)?;
     let scene = args.scene.scene.display().to_string();
     let table = method.table_sha256.as_deref();
@@ -200,7 +197,7 @@ pub(super) struct RenderJob<'a> {
     pub(super) settings: Settings,
     pub(super) provenance: Provenance,
     pub(super) stop: Stop,
-    /// Time that the choice of the integrator took, which --time counts.
+    /// Time that loading and pilots took, which --time counts.
     pilot: Duration,
 }
 
@@ -220,7 +217,10 @@ impl RenderJob<'_> {
         }
         let fingerprint = self.fingerprint(size, args.crop.map(|crop| crop.of(size)));
         let (mut picture, start, spent) = self.start(size, &fingerprint)?;
-        let view = View::of(&self.opened.scene, &camera, &picture.film);
+        let asked = self.stop.flag();
+        let ends = integrator::Stop::when(&asked);
+        let film = picture.film.window;
+        let view = View::new(&self.opened.scene, &camera, size, film).until(&ends);
         let run = Run {
             camera: &camera,
             fingerprint,
@@ -236,6 +236,11 @@ impl RenderJob<'_> {
             &mut |progress: &RenderProgress, picture: &Picture| listener.hear(progress, picture);
         let budget = self.budget();
         let (progress, reason) = drive(&mut *integrator, &view, &budget, start, &mut picture, hear);
+        if progress.samples == 0 {
+            tracing::warn!(
+                "stopped within the first sample: the picture holds what was done of it, and no checkpoint is made"
+            );
+        }
         let Closed {
             written,
             true_error,
@@ -324,6 +329,7 @@ impl RenderJob<'_> {
         let Ended { film, progress, .. } = ended;
         let seconds = progress.elapsed.as_secs_f64();
         let rate = match ended.paths() {
+            0 if progress.samples == 0 => "a part of the first sample".to_owned(),
             0 => "no new samples: the checkpoint has as many as were asked for, or more".to_owned(),
             paths => format!("{:.3} million paths/s", paths as f64 / seconds / 1e6),
         };

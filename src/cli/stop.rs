@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM: the first asks for an end after the current pass, the second ends at once. While a scene is loaded
+//! Ctrl-C and SIGTERM: the first asks for an end, which integrators find between tiles or chains; the second ends at once. While a scene is loaded
 //! there is nothing to wait for, and the first ends at once.
 
 use std::ops::ControlFlow;
@@ -26,9 +26,7 @@ impl Stop {
             if asked.swap(true, Ordering::Relaxed) || idle.load(Ordering::Relaxed) {
                 std::process::exit(super::Exit::Stopped as i32);
             }
-            eprintln!(
-                "opsr: stopping after this pass, saving the results so far (again to stop at once)"
-            );
+            eprintln!("opsr: stopping, saving the results so far (again to stop at once)");
         });
         if let Err(error) = handler {
             tracing::warn!("no handler for Ctrl-C: {error}");
@@ -47,7 +45,6 @@ impl Stop {
     }
 
     /// The flag itself.
-    #[cfg(feature = "train")]
     pub(super) fn flag(&self) -> Arc<AtomicBool> {
         self.asked.clone()
     }

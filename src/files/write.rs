@@ -4,6 +4,8 @@ use super::{FileError, Problem};
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+use std::time::Duration;
 
 /// Destination of a write, links followed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -98,9 +100,23 @@ fn append(
     let mut whole = tempfile::tempfile()?;
     filled(&mut whole, fill)?;
     whole.rewind()?;
-    let mut stream = OpenOptions::new().append(true).open(path)?;
+    let mut stream = open_stream(path)?;
     io::copy(&mut whole, &mut stream)?;
     stream.flush()
+}
+
+/// Time that somebody has to read from a pipe.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Opens a stream. A pipe opens when somebody reads from it, which may be never.
+fn open_stream(path: &Path) -> io::Result<File> {
+    let (tell, told) = mpsc::channel();
+    let path = path.to_owned();
+    std::thread::spawn(move || tell.send(OpenOptions::new().append(true).open(path)));
+    told.recv_timeout(PATIENCE).unwrap_or_else(|_| {
+        let what = format!("nobody has read from the pipe for {PATIENCE:?}");
+        Err(io::Error::new(io::ErrorKind::TimedOut, what))
+    })
 }
 
 fn filled(

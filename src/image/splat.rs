@@ -51,6 +51,13 @@ impl SplatLayer {
         }
     }
 
+    /// Adds another layer of the same window, times a factor.
+    pub(crate) fn add_layer(&mut self, other: &Self, factor: f64) {
+        for (sum, more) in self.sums.iter_mut().zip(&other.sums) {
+            *sum += factor * *more;
+        }
+    }
+
     /// The sums, row by row; the layer is empty again.
     pub fn take(&mut self) -> impl Iterator<Item = Rgb> + '_ {
         self.sums

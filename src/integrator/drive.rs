@@ -1,6 +1,6 @@
 //! Passes until a budget is spent.
 
-use super::{Integrator, Picture, View};
+use super::{Integrator, Picture, Stop, View};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -64,9 +64,11 @@ const MIN_SAMPLES_FOR_ERROR: u32 = 16;
 /// Samples of the longest pass, after which the listener is called.
 const MAX_PASS: u32 = 16;
 
-/// Runs passes of an integrator from sample number `start` on until the budget is spent or the listener breaks.
+/// Runs passes of an integrator from sample number `start` on until the budget is spent, the listener breaks, or the view's
+/// render is [stopped](Stop).
 ///
-/// The listener is called after each pass with the picture so far.
+/// The listener is called after each pass with the picture so far. When time is over or an end is asked for, the pass ends early
+/// and does not count; only in the first one of all is kept what is done of it, and the samples are then 0.
 pub fn drive(
     integrator: &mut dyn Integrator,
     view: &View<'_>,
@@ -76,6 +78,10 @@ pub fn drive(
     listener: &mut dyn FnMut(&RenderProgress, &Picture) -> ControlFlow<()>,
 ) -> (RenderProgress, Reason) {
     let clock = Instant::now();
+    // A time so long that the clock does not know its end is none.
+    let deadline = budget.time.and_then(|time| clock.checked_add(time));
+    let stop = Stop::at(view.stop, deadline, start == 0);
+    let view = &view.until(&stop);
     let mut samples = start;
     let mut length = 1u32;
     let mut progress = RenderProgress {
@@ -92,9 +98,12 @@ pub fn drive(
             .saturating_add(length)
             .min(budget.samples.unwrap_or(u32::MAX));
         let pass = Instant::now();
-        integrator.pass(view, samples..end, picture);
-        let seconds = pass.elapsed().as_secs_f64() / f64::from(end - samples);
-        samples = end;
+        let added = integrator.pass(view, samples..end, picture);
+        let seconds = pass.elapsed().as_secs_f64() / f64::from(added.max(1));
+        samples += added;
+        if added > 0 {
+            stop.begun();
+        }
         let elapsed = clock.elapsed();
         let error = budget.error.map(|error| (error.estimate)(picture));
         progress = RenderProgress {
@@ -103,8 +112,11 @@ pub fn drive(
             fraction: fraction(budget, start, samples, elapsed, error),
             error,
         };
-        if listener(&progress, picture).is_break() {
+        if listener(&progress, picture).is_break() || stop.is_asked() {
             return (progress, Reason::Stopped);
+        }
+        if stop.is_cut() {
+            return (progress, reached(budget, &progress).unwrap_or(Reason::Time));
         }
         length = next_length(length, seconds, budget, elapsed);
     }

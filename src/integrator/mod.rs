@@ -18,6 +18,7 @@ pub mod metropolis;
 pub mod part;
 pub mod path;
 pub mod settings;
+pub mod stop;
 pub mod trace;
 pub mod walk;
 
@@ -32,6 +33,7 @@ pub use metropolis::Metropolis;
 pub use path::PathTracer;
 pub use settings::{Estimator, Settings};
 use std::ops::Range;
+pub use stop::Stop;
 pub use walk::Walk;
 pub use walk::observer::{Event, PathObserver, Recorder, Technique};
 pub use walk::shading_point::ShadingPoint;
@@ -45,6 +47,8 @@ pub struct View<'a> {
     pub sensor: Sensor<'a>,
     /// The part of the frame that is rendered.
     pub window: Window,
+    /// When its render ends early, if it may.
+    pub stop: Option<&'a Stop<'a>>,
 }
 
 impl<'a> View<'a> {
@@ -54,6 +58,48 @@ impl<'a> View<'a> {
             scene,
             sensor: Sensor { camera, frame },
             window,
+            stop: None,
+        }
+    }
+
+    /// The same with an end of its render.
+    pub fn until(self, stop: &'a Stop<'a>) -> Self {
+        let stop = Some(stop);
+        Self { stop, ..self }
+    }
+
+    /// True if the next tile, chain or iteration is to be left out.
+    pub(crate) fn stopped(&self) -> bool {
+        self.stop.is_some_and(Stop::now)
+    }
+
+    /// True if something was left out, so that the results of the pass do not count.
+    pub(crate) fn is_cut(&self) -> bool {
+        self.stop.is_some_and(Stop::is_cut)
+    }
+
+    /// True while there is no whole sample, so that what is whole of a pass that was cut is kept.
+    pub(crate) fn keeps_pieces(&self) -> bool {
+        self.stop.is_some_and(Stop::is_first)
+    }
+
+    /// A whole sample was added.
+    pub(crate) fn begun(&self) {
+        if let Some(stop) = self.stop {
+            stop.begun();
+        }
+    }
+
+    /// True if a pass was cut and nothing of it is kept.
+    pub(crate) fn drops_pass(&self) -> bool {
+        self.is_cut() && !self.keeps_pieces()
+    }
+
+    /// Whole samples of a pass whose tiles were joined.
+    pub(crate) fn added(&self, samples: &Range<u32>) -> u32 {
+        match self.is_cut() {
+            true => 0,
+            false => samples.end - samples.start,
         }
     }
 
@@ -119,11 +165,12 @@ impl Picture {
 
 /// An estimator that adds independent estimates to a picture.
 pub trait Integrator: Send {
-    /// Adds the samples with these numbers to every pixel of the view, and to the AOVs where the picture has them.
+    /// Adds the samples with these numbers to every pixel of the view, and to the AOVs where the picture has them. Returns how
+    /// many it has added: fewer than all, from the first on, where the view's render is [stopped](Stop).
     ///
     /// The film is that of the view: same frame, same window. Samples depend on their pixel and number only: passes in
     /// any split and at any number of threads make bit-identical films.
-    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture);
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32;
 
     /// Choices of the integrator for a view, and the memory that it takes there beside the film; `None` where there is
     /// nothing to say.

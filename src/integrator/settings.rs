@@ -309,7 +309,7 @@ struct LevelIntegrator {
 }
 
 impl Integrator for LevelIntegrator {
-    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32 {
         let Self { tracer, source } = self;
         let Picture { film, aovs, levels } = picture;
         let levels =
@@ -328,7 +328,7 @@ struct PathIntegrator {
 }
 
 impl Integrator for PathIntegrator {
-    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32 {
         let Self { tracer, source } = self;
         let Picture { film, aovs, .. } = picture;
         // The loops that are run most are compiled for their rule; the others dispatch at every vertex.

@@ -227,9 +227,9 @@ fn usual_cost(contender: &Contender, frames: f64) -> f64 {
     }
 }
 
-/// Time of a render that is left after its pilot: enough for a pass, or there would be no picture.
-pub fn left_after(time: Duration, pilot: Duration) -> Duration {
-    time.saturating_sub(pilot).max(Duration::from_nanos(1))
+/// Time of a render that is left after loading and pilot: at least a quarter, or there would be no picture.
+pub fn left_after(time: Duration, spent: Duration) -> Duration {
+    time.saturating_sub(spent).max(time / 4)
 }
 
 /// Chooses an integrator for a render of a view; the first contender must be the path tracer. `counted` takes counted paths

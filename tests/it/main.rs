@@ -44,6 +44,7 @@ mod stability;
 #[cfg(feature = "train")]
 mod stability_train;
 mod statement;
+mod stop;
 mod support;
 mod surface;
 mod table_file;

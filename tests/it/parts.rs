@@ -168,7 +168,8 @@ fn parts_of_any_split_merge_to_the_single_render() {
 struct Faulty;
 
 impl Integrator for Faulty {
-    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32 {
+        let added = samples.end - samples.start;
         for sample in samples {
             for index in 0..view.window.len() {
                 let [x, y] = view.window.pixel(index).to_array();
@@ -191,6 +192,7 @@ impl Integrator for Faulty {
                 }
             }
         }
+        added
     }
 }
 

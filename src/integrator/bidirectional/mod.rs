@@ -183,20 +183,25 @@ impl Strategies {
 }
 
 impl Integrator for Bidirectional {
-    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32 {
         let mut layer = SplatLayer::new(&view.window);
         let first = self.merging.map(|radius| radius.first(view));
         let aim = self.aim(view);
-        for sample in samples {
+        for sample in samples.clone() {
             let iteration = self.iteration(view, &aim, sample, first);
             match &mut picture.aovs {
                 Some(aovs) => iteration.run(&mut layer, aovs),
                 None => iteration.run(&mut layer, &mut ()),
             }
+            if view.is_cut() {
+                return sample - samples.start;
+            }
             for (index, value) in layer.take().enumerate() {
                 picture.film.push(index, value, sample);
             }
+            view.begun();
         }
+        samples.end - samples.start
     }
 
     fn notes(&self, view: &View<'_>) -> Option<String> {
@@ -340,10 +345,19 @@ impl Bidirectional {
 }
 
 impl Iteration<'_> {
-    /// Adds one sample of every pixel to the layer, which holds a value a pixel of the window.
+    /// True if the next chunk is to be left out. All pixels share the light paths of an iteration: it counts as a whole, and the
+    /// first one is not cut.
+    fn stopped(&self) -> bool {
+        !self.view.keeps_pieces() && self.view.stopped()
+    }
+
+    /// Adds one sample of every pixel to the layer, which holds a value a pixel of the window. Without use if it is stopped.
     fn run<O: Recorder>(&self, layer: &mut SplatLayer, recorder: &mut O) {
         if self.settings.merging.is_some() {
             let vertices = self.light_vertices(layer);
+            if self.view.is_cut() {
+                return;
+            }
             let low = self.view.scene.geometry().bounds().0;
             let map = PhotonMap::new(vertices, low, self.radius);
             self.camera_paths(&map, layer, recorder);
@@ -356,8 +370,12 @@ impl Iteration<'_> {
     fn paths_together<O: Recorder>(&self, layer: &mut SplatLayer, recorder: &mut O) {
         let chunks: Vec<Chunk<O>> = (0..self.paths.div_ceil(CHUNK))
             .into_par_iter()
+            .filter(|_| !self.stopped())
             .map(|chunk| self.chunk(self.range(chunk), recorder.fork()))
             .collect();
+        if self.view.is_cut() {
+            return;
+        }
         for chunk in chunks {
             layer.add_in_order(&chunk.camera);
             layer.add_in_order(&chunk.splats);
@@ -378,6 +396,7 @@ impl Iteration<'_> {
         for first in (0..chunks).step_by(BATCH as usize) {
             let batch: Vec<LightChunk> = (first..(first + BATCH).min(chunks))
                 .into_par_iter()
+                .filter(|_| !self.stopped())
                 .map(|chunk| self.light_chunk(self.range(chunk)))
                 .collect();
             for chunk in batch {
@@ -408,6 +427,7 @@ impl Iteration<'_> {
         let pixels = window.len() as u32;
         let chunks: Vec<(Vec<Splat>, O)> = (0..pixels.div_ceil(CHUNK))
             .into_par_iter()
+            .filter(|_| !self.stopped())
             .map(|chunk| {
                 let mut observer = recorder.fork();
                 let mut light = LightPath::default();
@@ -429,6 +449,9 @@ impl Iteration<'_> {
                 (indices.map(value).collect(), observer)
             })
             .collect();
+        if self.view.is_cut() {
+            return;
+        }
         for (values, observer) in chunks {
             layer.add_in_order(&values);
             recorder.join(observer);

@@ -88,7 +88,7 @@ impl Guided {
 }
 
 impl Integrator for Guided {
-    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32 {
         let Picture { film, aovs, .. } = picture;
         let place = (view.sensor.frame, view.window);
         let state = self.state.take();
@@ -109,7 +109,7 @@ impl Integrator for Guided {
             learning,
         };
         let plain = self.tracer.with(Unregularised);
-        match (aovs, &self.tracer.rule) {
+        let added = match (aovs, &self.tracer.rule) {
             (Some(aovs), _) if self.unbiased => state.pass(&plain, &paths, samples, film, aovs),
             (Some(aovs), _) => state.pass(&self.tracer, &paths, samples, film, aovs),
             (None, rule) if self.unbiased || *rule == Rule::Plain || !view.scene.has_lobes() => {
@@ -120,8 +120,9 @@ impl Integrator for Guided {
                 state.pass(&tracer, &paths, samples, film, &mut ())
             }
             (None, _) => state.pass(&self.tracer, &paths, samples, film, &mut ()),
-        }
+        };
         self.state = Some(state);
+        added
     }
 
     fn notes(&self, view: &View<'_>) -> Option<String> {
@@ -160,7 +161,8 @@ impl GuidedPaths<'_> {
 }
 
 impl State {
-    /// Adds the samples with these numbers to the film, and those before them that the guide does not know to the guide.
+    /// Adds the samples with these numbers to the film, and those before them that the guide does not know to the guide. Returns
+    /// how many the film got: it is stopped between samples while the guide learns, and then between tiles.
     fn pass<R: Roughening, O: Recorder>(
         &mut self,
         tracer: &PathTracer<R>,
@@ -168,11 +170,14 @@ impl State {
         samples: Range<u32>,
         film: &mut Film,
         recorder: &mut O,
-    ) {
+    ) -> u32 {
         // For samples of an earlier run, which are in the film already.
         let mut unused = None;
         while self.samples < samples.end.min(LEARNING) {
             let sample = self.samples;
+            if sample > samples.start && paths.view.stopped() {
+                return sample - samples.start;
+            }
             if samples.contains(&sample) {
                 self.learn(tracer, paths, sample, film, recorder);
             } else {
@@ -187,19 +192,25 @@ impl State {
         let rest = samples.start.max(LEARNING)..samples.end;
         if !rest.is_empty() {
             let field = &self.field;
-            let tiles = film.tiles(TILE).into_par_iter().map(|window| {
+            let tiles = film.tiles(TILE).into_par_iter();
+            let tiles = tiles.filter(|_| !paths.view.stopped()).map(|window| {
                 let mut tile = film.cut(window);
                 let mut observer = recorder.fork();
                 let guide = (field, None);
                 paths.trace(tracer, guide, rest.clone(), &mut tile, &mut observer);
                 (tile, observer)
             });
-            for (tile, observer) in tiles.collect::<Vec<_>>() {
+            let tiles: Vec<_> = tiles.collect();
+            if paths.view.is_cut() {
+                return rest.start - samples.start;
+            }
+            for (tile, observer) in tiles {
                 film.paste(&tile);
                 recorder.join(observer);
             }
             self.samples = samples.end;
         }
+        samples.end - samples.start
     }
 
     /// Adds one sample to the film, and what it found to the guide.

@@ -15,7 +15,7 @@ const TILE: u32 = 16;
 
 impl LevelTracer {
     /// Adds the samples with these numbers to every pixel: level 0 to `film`, all levels to `levels`; tiles in parallel,
-    /// joined in order.
+    /// joined in order. Returns how many were added, fewer than all where the render is stopped.
     pub(in crate::integrator) fn estimate<O: Recorder>(
         &self,
         view: &View<'_>,
@@ -24,7 +24,7 @@ impl LevelTracer {
         film: &mut Film,
         levels: &mut LevelFilm,
         recorder: &mut O,
-    ) {
+    ) -> u32 {
         debug_assert_eq!(levels.levels(), self.levels());
         let walks = CameraWalks::of(view);
         let tile = |window: Window| {
@@ -59,11 +59,16 @@ impl LevelTracer {
             }
             (film, levels, observer)
         };
-        let tiles: Vec<_> = film.tiles(TILE).into_par_iter().map(tile).collect();
+        let tiles = film.tiles(TILE).into_par_iter();
+        let tiles: Vec<_> = tiles.filter(|_| !view.stopped()).map(tile).collect();
+        if view.drops_pass() {
+            return 0;
+        }
         for (tile, tile_levels, observer) in tiles {
             film.paste(&tile);
             levels.paste(&tile_levels);
             recorder.join(observer);
         }
+        view.added(&samples)
     }
 }

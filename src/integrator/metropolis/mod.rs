@@ -39,6 +39,9 @@ const PER_CHAIN: u32 = 256;
 /// Chains that run before their values are joined.
 const BATCH: u32 = 32;
 
+/// Chains that run in the first pass, even if it is stopped: without any the picture would be dark.
+const LEAST: u32 = 8;
+
 /// Samples of the bootstrap that a thread takes at a time.
 const CHUNK: u32 = 256;
 
@@ -276,7 +279,8 @@ impl Pass<'_> {
         (all, refused)
     }
 
-    /// Adds one estimate of every pixel of the frame to the layer; returns the refused states.
+    /// Adds one estimate of every pixel of the frame to the layer; returns the refused states. Stopped between chains, where
+    /// the first pass is an estimate by fewer chains.
     fn run(&self, layer: &mut SplatLayer) -> Refused {
         let (mutations, samples, chains) = self.settings.counts(self.target.frame);
         let scale = 1.0 / mutations as f64;
@@ -287,6 +291,9 @@ impl Pass<'_> {
         };
         let (mut weights, mut refused) = (Vec::new(), (0, None));
         for first in (0..samples).step_by(BLOCK as usize) {
+            if !self.view.keeps_pieces() && self.view.stopped() {
+                return refused;
+            }
             let block = first..(first + BLOCK).min(samples);
             let (found, more) = self.bootstrap(block, |target, splats| {
                 let factor = (scale / means.density(target)) as f32;
@@ -310,9 +317,13 @@ impl Pass<'_> {
             chains,
             self.stream(0, Use::Starts).next_1d(),
         );
+        // Apart, since they are scaled by the number of chains that have run.
+        let (mut of_chains, mut ran) = (SplatLayer::new(&self.view.window), 0);
+        let least = if self.view.keeps_pieces() { LEAST } else { 0 };
         for first in (0..chains).step_by(BATCH as usize) {
             let batch: Vec<_> = (first..(first + BATCH).min(chains))
                 .into_par_iter()
+                .filter(|chain| *chain < least || !self.view.stopped())
                 .map(|chain| {
                     let mut target = self.target();
                     let sources = Sources {
@@ -329,10 +340,12 @@ impl Pass<'_> {
                 })
                 .collect();
             for (splats, more) in batch {
-                layer.add_in_order(&splats);
+                of_chains.add_in_order(&splats);
                 refused = joined(refused, more);
+                ran += 1;
             }
         }
+        layer.add_layer(&of_chains, f64::from(chains) / f64::from(ran.max(1)));
         refused
     }
 }
@@ -355,18 +368,20 @@ fn starts(weights: &[f64], total: f64, chains: u32, u: f32) -> Vec<u32> {
 
 /// Bytes that a pass takes beside the film: chains move over the whole frame, whatever the window.
 pub(super) fn bytes(frame: UVec2) -> u64 {
-    u64::from(frame.x) * u64::from(frame.y) * SplatLayer::PIXEL_BYTES
+    2 * u64::from(frame.x) * u64::from(frame.y) * SplatLayer::PIXEL_BYTES
 }
 
 impl Integrator for Metropolis {
-    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32 {
         let frame = view.sensor.frame;
-        let whole = View::new(view.scene, view.sensor.camera, frame, Window::full(frame));
+        let window = Window::full(frame);
+        let whole = View { window, ..*view };
         let aim = self.base.aim(&whole);
         let target = match self.target.take().filter(|target| target.frame == frame) {
             Some(target) => target,
             None => self.first_bootstrap(&whole, &aim),
         };
+        let mut added = 0;
         for number in samples.clone() {
             let mut layer = SplatLayer::new(&whole.window);
             let (refused, first) = Pass {
@@ -378,6 +393,9 @@ impl Integrator for Metropolis {
                 source: self.source(0),
             }
             .run(&mut layer);
+            if view.drops_pass() {
+                break;
+            }
             for (index, value) in layer.take().enumerate() {
                 let pixel = UVec2::new(index as u32 % frame.x, index as u32 / frame.x);
                 if let Some(place) = Splat::new(&view.window, pixel, value) {
@@ -393,8 +411,17 @@ impl Integrator for Metropolis {
                     });
                 }
             }
+            if view.is_cut() {
+                break;
+            }
+            view.begun();
+            added += 1;
         }
         self.target = Some(target);
+        if added == 0 {
+            return 0;
+        }
+        let samples = samples.start..samples.start + added;
         // Chains have no first surface of their own.
         if let Some(aovs) = &mut picture.aovs {
             let tracer = PathTracer {
@@ -407,8 +434,14 @@ impl Integrator for Metropolis {
                 seed: Seed(self.base.seed),
             };
             let mut unused = picture.film.clone();
+            // Samples that are in the picture have their AOVs.
+            let view = &View {
+                stop: None,
+                ..*view
+            };
             tracer.estimate(view, &source, samples, &mut unused, aovs);
         }
+        added
     }
 
     fn notes(&self, view: &View<'_>) -> Option<String> {

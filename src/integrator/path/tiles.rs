@@ -15,7 +15,8 @@ use std::ops::Range;
 const TILE: u32 = 16;
 
 impl<R: Roughening> PathTracer<R> {
-    /// Adds the samples with these numbers to every pixel of a film of the view; tiles in parallel, joined in order.
+    /// Adds the samples with these numbers to every pixel of a film of the view; tiles in parallel, joined in order. Returns how
+    /// many were added, fewer than all where the render is stopped.
     pub fn estimate<Q: SampleSource, O: Recorder>(
         &self,
         view: &View<'_>,
@@ -23,7 +24,7 @@ impl<R: Roughening> PathTracer<R> {
         samples: Range<u32>,
         film: &mut Film,
         recorder: &mut O,
-    ) {
+    ) -> u32 {
         debug_assert_eq!(
             (film.size, film.window),
             (view.sensor.frame, view.window),
@@ -32,6 +33,7 @@ impl<R: Roughening> PathTracer<R> {
         let tiles: Vec<(Film, O)> = film
             .tiles(TILE)
             .into_par_iter()
+            .filter(|_| !view.stopped())
             .map(|window| {
                 let mut tile = film.cut(window);
                 let mut observer = recorder.fork();
@@ -39,10 +41,14 @@ impl<R: Roughening> PathTracer<R> {
                 (tile, observer)
             })
             .collect();
+        if view.drops_pass() {
+            return 0;
+        }
         for (tile, observer) in tiles {
             film.paste(&tile);
             recorder.join(observer);
         }
+        view.added(&samples)
     }
 
     fn tile<Q: SampleSource, O: PathObserver>(

@@ -1,0 +1,195 @@
+//! Renders that end in the middle of a pass.
+
+use crate::support::render::{mean, scene};
+use opsr::gallery::cornell_box;
+use opsr::integrator::bidirectional::Radius;
+use opsr::integrator::drive::{Budget, Reason, drive};
+use opsr::integrator::{Estimator, Integrator, Picture, Settings, Stop, View};
+use opsr::math::UVec2;
+use opsr::regularise::Rule;
+use opsr::scene::Scene;
+use std::ops::{ControlFlow, Range};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// An integrator during one of whose passes somebody asks for an end.
+struct Interrupted<'a> {
+    own: Box<dyn Integrator>,
+    asked: &'a AtomicBool,
+    /// The first sample of that pass.
+    at: u32,
+}
+
+impl Integrator for Interrupted<'_> {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32 {
+        if samples.contains(&self.at) {
+            self.asked.store(true, Ordering::Relaxed);
+        }
+        self.own.pass(view, samples, picture)
+    }
+}
+
+fn all() -> Vec<(&'static str, Settings)> {
+    let path = Estimator::Path { reuse: false };
+    let radius = Radius {
+        first: Some(0.05),
+        ..Radius::default()
+    };
+    let of = |estimator, rule, levels: &[f32]| Settings {
+        estimator,
+        rule,
+        levels: levels.to_vec(),
+        max_vertices: 4,
+        seed: 7,
+        ..Settings::default()
+    };
+    vec![
+        ("path", of(path, Rule::Plain, &[])),
+        ("rule", of(path, Rule::constant(0.3), &[])),
+        ("levels", of(path, Rule::constant(0.3), &[0.0, 1.0])),
+        (
+            "guided",
+            of(Estimator::Guided { unbiased: false }, Rule::Plain, &[]),
+        ),
+        ("light", of(Estimator::Light, Rule::Plain, &[])),
+        ("bdpt", of(Estimator::Bdpt, Rule::Plain, &[])),
+        ("vcm", of(Estimator::Vcm(radius), Rule::Plain, &[])),
+        ("sppm", of(Estimator::Sppm(radius), Rule::Plain, &[])),
+        ("mlt", of(Estimator::Mlt { mutations: 4 }, Rule::Plain, &[])),
+    ]
+}
+
+fn blank(size: u32, settings: &Settings) -> Picture {
+    let window = opsr::image::film::Window::full(UVec2::splat(size));
+    Picture::blank(
+        UVec2::splat(size),
+        window,
+        settings.levels.len(),
+        [true, false, false],
+    )
+    .expect("a small picture")
+}
+
+fn whole(scene: &Scene, settings: &Settings, samples: u32) -> Picture {
+    let mut picture = blank(24, settings);
+    let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
+    settings.integrator().pass(&view, 0..samples, &mut picture);
+    picture
+}
+
+/// A pass that is cut leaves no trace: the picture has the bytes of the samples before it, and goes on as if nothing had
+/// happened.
+#[test]
+fn stopped_renders_hold_whole_samples_and_resume_bit_for_bit() {
+    let scene = scene(cornell_box());
+    for (name, settings) in all() {
+        let asked = AtomicBool::new(false);
+        let stop = Stop::when(&asked);
+        let mut picture = blank(24, &settings);
+        let film = picture.film.clone();
+        let view = View::of(&scene, &scene.parts().cameras[0], &film);
+        let mut integrator = Interrupted {
+            own: settings.integrator(),
+            asked: &asked,
+            at: 4,
+        };
+        let budget = Budget {
+            samples: Some(12),
+            ..Budget::default()
+        };
+        let go_on = &mut |_: &_, _: &_| ControlFlow::Continue(());
+        let (progress, reason) = drive(
+            &mut integrator,
+            &view.until(&stop),
+            &budget,
+            0,
+            &mut picture,
+            go_on,
+        );
+        assert_eq!(reason, Reason::Stopped, "{name}");
+        let n = progress.samples;
+        assert!((1..=4).contains(&n), "{name}: {n}");
+        assert_eq!(picture, whole(&scene, &settings, n), "{name} at {n}");
+        let integrator = &mut *settings.integrator();
+        let (progress, reason) = drive(integrator, &view, &budget, n, &mut picture, go_on);
+        assert_eq!((progress.samples, reason), (12, Reason::Samples), "{name}");
+        assert_eq!(picture, whole(&scene, &settings, 12), "{name}");
+    }
+}
+
+/// Of a first sample that is cut the finished tiles are kept, each as it would be in the whole one.
+#[test]
+fn stopped_first_pass_keeps_its_finished_tiles() {
+    let scene = scene(cornell_box());
+    let settings = Settings::default();
+    let (asked, mut cut) = (AtomicBool::new(false), false);
+    let mut all = blank(768, &settings);
+    let view = View::of(&scene, &scene.parts().cameras[0], &all.film);
+    settings.integrator().pass(&view, 0..1, &mut all);
+    for wait in [1, 4, 16, 64] {
+        asked.store(false, Ordering::Relaxed);
+        let stop = Stop::when(&asked);
+        let mut picture = blank(768, &settings);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                std::thread::sleep(Duration::from_millis(wait));
+                asked.store(true, Ordering::Relaxed);
+            });
+            let budget = Budget {
+                samples: Some(1),
+                ..Budget::default()
+            };
+            let go_on = &mut |_: &_, _: &_| ControlFlow::Continue(());
+            let integrator = &mut *settings.integrator();
+            let (progress, _) = drive(
+                integrator,
+                &view.until(&stop),
+                &budget,
+                0,
+                &mut picture,
+                go_on,
+            );
+            let kept = picture.film.pixels.iter().filter(|p| p.n == 1).count();
+            let number = picture.film.pixels.len();
+            assert_eq!(progress.samples, u32::from(kept == number));
+            for (of_part, of_all) in picture.film.pixels.iter().zip(&all.film.pixels) {
+                assert!(of_part.n == 0 || of_part == of_all);
+            }
+            cut |= kept > 0 && kept < number;
+        });
+    }
+    assert!(cut, "no wait was in the middle of the pass");
+}
+
+/// Chains that have run stand for all: a first pass of few has the brightness of a whole one.
+#[test]
+fn stopped_first_pass_of_chains_is_as_bright_as_a_whole_one() {
+    let scene = scene(cornell_box());
+    let settings = Settings {
+        estimator: Estimator::Mlt { mutations: 256 },
+        max_vertices: 5,
+        ..Settings::default()
+    };
+    let asked = AtomicBool::new(true);
+    let stop = Stop::when(&asked);
+    let mut picture = blank(16, &settings);
+    let film = picture.film.clone();
+    let view = View::of(&scene, &scene.parts().cameras[0], &film);
+    let go_on = &mut |_: &_, _: &_| ControlFlow::Continue(());
+    let integrator = &mut *settings.integrator();
+    let until = view.until(&stop);
+    let (progress, reason) = drive(
+        integrator,
+        &until,
+        &Budget::default(),
+        0,
+        &mut picture,
+        go_on,
+    );
+    assert_eq!((progress.samples, reason), (0, Reason::Stopped));
+    let (found, _) = mean(&picture.film);
+    let mut whole = blank(16, &settings);
+    settings.integrator().pass(&view, 0..4, &mut whole);
+    let (expected, _) = mean(&whole.film);
+    assert!((found / expected - 1.0).abs() < 0.2, "{found}, {expected}");
+}
