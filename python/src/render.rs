@@ -183,7 +183,9 @@ pub(crate) fn render(
         (settings.max_vertices, settings.seed) = (max_vertices, seed);
         settings.levels = match &scales {
             // Candidates without levels stay in the race.
-            Some(_) if auto && !kind.is_path() && kind != IntegratorKind::Auto => Vec::new(),
+            Some(_) if auto && settings.rule == Rule::Plain && kind != IntegratorKind::Auto => {
+                Vec::new()
+            }
             Some(scales) => scales.clone(),
             None if splits_light => Vec::new(),
             None => (settings.usual_levels(scene.world.has_lobes())).unwrap_or_default(),
@@ -193,7 +195,12 @@ pub(crate) fn render(
     let mut contenders = Vec::new();
     if auto {
         for spec in spec.contenders() {
+            let own_table = spec.table.is_some() && table.is_none();
             let (kind, settings) = (spec.integrator, settings(spec)?);
+            // A table that nobody asked for is for levels alone.
+            if own_table && settings.levels.is_empty() {
+                continue;
+            }
             if kind.is_path() || check_layers(&aovs, &settings).is_ok() {
                 contenders.push(Contender { kind, settings });
             }

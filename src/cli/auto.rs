@@ -10,6 +10,7 @@ use opsr::integrator::View;
 use opsr::integrator::checkpoint::Checkpoint;
 use opsr::integrator::method::Method;
 use opsr::pilot::{Contender, Horizon, SPP_OF_TARGET, choose_integrator};
+use opsr::regularise::Rule;
 
 /// A contender, and the method that its settings come from.
 type Entry = (Contender, Method);
@@ -61,11 +62,15 @@ pub(super) fn choose(
 fn entries(args: &RenderArgs, opened: &Opened) -> anyhow::Result<Vec<Entry>> {
     let mut entries = Vec::new();
     for spec in args.method.contenders() {
-        let (kind, method) = (spec.integrator, spec.resolve().input()?);
+        let (kind, own_table) = (spec.integrator, spec.table != args.method.table);
+        let method = spec.resolve().input()?;
         let mut settings = job::settings(args, &method);
-        if kind.is_path() {
+        if kind.is_path() && settings.rule != Rule::Plain {
             settings.levels = job::levels(args, &settings, opened.scene.has_lobes())?;
-        } else if aovs::check(args, &settings).is_err() {
+        }
+        // A table that nobody asked for is for levels alone.
+        let roughened = own_table && settings.rule != Rule::Plain && settings.levels.is_empty();
+        if roughened || !kind.is_path() && aovs::check(args, &settings).is_err() {
             continue;
         }
         entries.push((Contender { kind, settings }, method));

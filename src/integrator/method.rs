@@ -2,6 +2,7 @@
 
 use super::Estimator;
 use super::bidirectional::Radius;
+use super::levels::SCALES;
 use super::metropolis::MUTATIONS;
 use crate::files::{FileError, hex};
 use crate::regularise::file::TableFile;
@@ -10,6 +11,9 @@ use crate::regularise::{Accumulated, Factors, Lookup, Rule};
 use crate::sampler::SamplerKind;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+
+/// Table of the levels that [`IntegratorKind::Auto`] tries where none is given.
+const DEFAULT_TABLE: &str = "beta-0.001";
 
 /// A method and its constants.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -347,37 +351,58 @@ impl MethodSpec {
         )
     }
 
-    /// The methods among which [`IntegratorKind::Auto`] chooses: this one by each integrator, the path tracer first. An
-    /// integrator that cannot take the regularisation or the radius does without.
+    /// The methods among which [`IntegratorKind::Auto`] chooses, the plain path tracer first: the path tracer as asked for,
+    /// or with [levels](super::levels) of the table that the program contains where nothing was, and every other integrator, without
+    /// roughening. So a table adds no error to them.
     pub fn contenders(&self) -> Vec<Self> {
-        [
-            IntegratorKind::Path,
+        let plain = |integrator| {
+            let merges = IntegratorKind::merges(integrator);
+            let mollifies = self.method == Kind::Mollifier
+                && matches!(integrator, IntegratorKind::Path | IntegratorKind::Bdpt);
+            Self {
+                integrator,
+                method: if mollifies {
+                    Kind::Mollifier
+                } else {
+                    Kind::Plain
+                },
+                radius: self.radius.filter(|_| merges),
+                radius_alpha: self.radius_alpha.filter(|_| merges),
+                connections: (self.connections).filter(|_| integrator == IntegratorKind::Vcm),
+                gamma: None,
+                table: None,
+                lambda: None,
+                reuse: false,
+                levels: Vec::new(),
+                ..self.clone()
+            }
+        };
+        let path = plain(IntegratorKind::Path);
+        let mut roughened = Self {
+            radius: None,
+            radius_alpha: None,
+            connections: None,
+            integrator: IntegratorKind::Path,
+            ..self.clone()
+        };
+        let asked = self.gamma.is_some() || self.table.is_some();
+        if !asked && path.method == Kind::Plain {
+            roughened.method = Kind::Table;
+            roughened.table = Some(DEFAULT_TABLE.into());
+            roughened.levels = SCALES.to_vec();
+        }
+        let others = [
             IntegratorKind::Bdpt,
             IntegratorKind::Vcm,
             IntegratorKind::Sppm,
-        ]
-        .map(|integrator| {
-            let mut spec = Self {
-                integrator,
-                ..self.clone()
-            };
-            if !integrator.merges() {
-                (spec.radius, spec.radius_alpha) = (None, None);
-            }
-            if integrator != IntegratorKind::Vcm {
-                spec.connections = None;
-            }
-            if !integrator.is_path() {
-                spec.levels = Vec::new();
-            }
-            if spec.refused().is_err() {
-                spec.method = Kind::Plain;
-                (spec.gamma, spec.table, spec.lambda) = (None, None, None);
-                spec.reuse = false;
-            }
-            spec
-        })
-        .into()
+        ];
+        let twice = roughened.method == path.method && !asked;
+        let roughened = (!twice).then_some(roughened);
+        [path]
+            .into_iter()
+            .chain(roughened)
+            .chain(others.map(plain))
+            .collect()
     }
 
     /// The method; a table is read from its file.

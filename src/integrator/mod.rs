@@ -172,6 +172,9 @@ pub trait Integrator: Send {
     /// any split and at any number of threads make bit-identical films.
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32;
 
+    /// Does now what the first pass of a view would do once, and keeps it: no sample changes.
+    fn prepare(&self, _view: &View<'_>) {}
+
     /// Choices of the integrator for a view, and the memory that it takes there beside the film; `None` where there is
     /// nothing to say.
     fn notes(&self, _view: &View<'_>) -> Option<String> {

@@ -1,8 +1,9 @@
 //! The integrator of a scene, chosen by a pilot without a reference.
 //!
-//! The contenders race: all render the scene small for about the same work, those that are far behind leave, the others
-//! double their samples, until one is left or a twentieth of the render's time is spent. The pilot's samples are no part
-//! of the picture. Its pictures are judged in `judge`.
+//! The scene's lights and materials call for one of the contenders ([`advise`]), which is taken unless the pilot shows that another
+//! is clearly better. The contenders race: all render the scene small for about the same work, those that are far behind
+//! leave, the others double their samples, until one is left or a twentieth of the render's time is spent. The pilot's samples
+//! are no part of the picture. Its pictures are judged in `judge`.
 //!
 //! Time is CPU time, or counted paths, each at what it costs in most scenes, for a choice that is the same every time.
 
@@ -15,6 +16,7 @@ use crate::integrator::bidirectional::{MAX_LIGHT_PATHS, Radius};
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Estimator, Integrator, Picture, Settings, View};
 use crate::math::UVec2;
+use crate::regularise::Rule;
 use crate::sampler::{Domain, SamplerKind, Seed};
 use crate::scene::{Camera, Scene};
 use judge::{Draft, best, judged};
@@ -36,14 +38,17 @@ const PIXELS: (f64, f64) = (1024.0, 4096.0);
 const FIRST: f64 = 7.0;
 const SAMPLES: (u32, u32) = (2, 1024);
 
-/// Contenders with so many times the least error leave the race.
-const BEHIND: f64 = 4.0;
+/// Contenders with so many times the least error leave the race, unless the scene calls for them.
+const BEHIND: f64 = 2.0;
 
 /// Camera paths per CPU-second that are assumed before any is measured, and where paths are counted instead of seconds.
 const PATHS_PER_SECOND: f64 = 0.7e6;
 
 /// Samples per pixel that a pilot assumes for a render to a target error.
 pub const SPP_OF_TARGET: u32 = 256;
+
+/// Brightest direction of an environment over its mean from which it throws caustics as a lamp does.
+const PEAK: f32 = 100.0;
 
 /// Share of the light that a contender may miss for good while there are others.
 pub(super) const MISSED: f64 = 0.01;
@@ -55,6 +60,13 @@ pub struct Contender {
     pub kind: IntegratorKind,
     /// All that its picture depends on.
     pub settings: Settings,
+}
+
+impl Contender {
+    /// True if every pixel gets the best of several levels of roughening.
+    fn has_levels(&self) -> bool {
+        !self.settings.levels.is_empty()
+    }
 }
 
 /// Length of the render.
@@ -71,15 +83,22 @@ pub enum Horizon {
 pub struct Trial {
     /// Its name.
     pub kind: IntegratorKind,
+    /// True if every pixel gets the best of several levels of roughening.
+    pub levels: bool,
     /// Samples per pixel that it takes in the time of the render.
     pub samples: f64,
-    /// Expected relMSE at the end of the render, as a comparison with a reference would find it.
+    /// Expected relative error at the end of the render: mean over tiles of the root of their relMSE, at most 1 each.
     pub error: f64,
     /// Share of the picture's light that it will never find, as far as that is more than noise.
     pub missed: f64,
-    /// False where a few pixels carry all of the variance: the pilot has met too few bright samples, and `error` is a
-    /// lower bound.
-    pub sure: bool,
+}
+
+impl Trial {
+    /// The name of the contender.
+    fn name(&self) -> String {
+        let levels = if self.levels { " with levels" } else { "" };
+        self.kind.name() + levels
+    }
 }
 
 /// Outcome of a pilot.
@@ -91,6 +110,10 @@ pub struct Choice {
     pub trials: Vec<Trial>,
     /// Place of the best among them.
     pub chosen: Option<usize>,
+    /// Place among them of the one that the scene calls for.
+    pub first: usize,
+    /// Why the scene calls for it.
+    pub why: &'static str,
     /// CPU-seconds of the pilot.
     pub seconds: f64,
 }
@@ -98,26 +121,24 @@ pub struct Choice {
 impl fmt::Display for Choice {
     /// What was chosen, and what the others would have cost.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Some(chosen) = self.chosen.map(|chosen| self.trials[chosen]) else {
+        let Some(place) = self.chosen else {
             return write!(out, "integrator path: there is nothing to choose");
         };
+        let chosen = self.trials[place];
         let (name, error) = (chosen.kind.name(), chosen.error);
-        if !self.trials.iter().any(|trial| trial.sure) {
-            write!(
-                out,
-                "integrator {name}: the pilot met too few bright samples to tell; {name} finds light from both ends"
-            )?;
-            return write!(out, " (pilot: {:.2} CPU-seconds)", self.seconds);
+        let levels = if chosen.levels { "with levels, " } else { "" };
+        write!(out, "integrator {name}: {levels}")?;
+        match self.trials.get(self.first).filter(|_| place != self.first) {
+            Some(first) => write!(out, "better than {} in a small picture", first.name())?,
+            None => write!(out, "{}", self.why)?,
         }
-        let least = |trial: &Trial| if trial.sure { "" } else { "at least " };
         write!(
             out,
-            "integrator {name}: expected relMSE {}{error:.1e} in the time of this render",
-            least(&chosen)
+            "; expected relative error {error:.1e} in the time of this render"
         )?;
-        for trial in self.trials.iter().filter(|t| t.kind != chosen.kind) {
-            let (name, ratio) = (trial.kind.name(), trial.error / error.max(1e-30));
-            write!(out, "; {name} {}{ratio:.1} times that", least(trial))?;
+        for (_, trial) in (self.trials.iter().enumerate()).filter(|(i, _)| *i != place) {
+            let ratio = trial.error / error.max(1e-30);
+            write!(out, "; {} {ratio:.1} times that", trial.name())?;
             if trial.missed >= MISSED {
                 write!(
                     out,
@@ -162,7 +183,9 @@ pub fn advise(scene: &Scene) -> Advice {
         (false, false) if scene.lights().is_empty() => {
             advice(IntegratorKind::Path, "there is no light")
         }
-        (false, false) => advice(IntegratorKind::Path, "all light comes from the environment"),
+        (false, false) if !(glass && has_sun(scene)) => {
+            advice(IntegratorKind::Path, "all light comes from the environment")
+        }
         _ if (glass || mirror) && scene.has_overlaps() => advice(
             IntegratorKind::Bdpt,
             "caustics, and bodies that overlap, which vcm does not know",
@@ -176,13 +199,13 @@ pub fn advise(scene: &Scene) -> Advice {
             "lights without area and mirrors: path finds nothing that they light by way of a mirror, and the light's own \
              reflection takes --mode mollifier",
         ),
-        (false, true) if glass => advice(
+        (false, _) if glass => advice(
             IntegratorKind::Vcm,
-            "lamps and smooth glass: caustics, also seen through the glass",
+            "lamps or a sun, and smooth glass: caustics, also seen through the glass",
         ),
-        (false, true) if mirror => advice(
-            IntegratorKind::Vcm,
-            "lamps and sharp metal: caustics, also seen by way of the metal",
+        (false, _) if mirror => advice(
+            IntegratorKind::Path,
+            "lamps and sharp metal: reflected caustics, which --opsr-table brings out",
         ),
         _ => advice(
             IntegratorKind::Path,
@@ -191,27 +214,54 @@ pub fn advise(scene: &Scene) -> Advice {
     }
 }
 
+/// True for an environment that has a sun.
+fn has_sun(scene: &Scene) -> bool {
+    let environment = scene.parts().environment.as_ref();
+    environment.is_some_and(|map| map.peak() > PEAK)
+}
+
 /// True for sharp transmission, and for sharp metal, among the materials.
 fn sharp(scene: &Scene) -> [bool; 2] {
     let mut found = [false; 2];
     for m in &scene.parts().materials {
         let sharp = m.alpha < SHARP || m.metallic_roughness_texture.is_some();
-        found[0] |= sharp && m.transmission > 0.0;
+        // Panes let light samples through.
+        found[0] |= sharp && m.transmission > 0.0 && !m.is_pane();
         found[1] |= sharp && m.metallic > 0.5;
     }
     found
 }
 
-/// True if the pilot should try an integrator: it knows the scene, and the scene could call for it.
-fn is_worth_a_try(contender: &Contender, scene: &Scene, camera: &Camera) -> bool {
-    let knows = contender.settings.check_scene(scene, camera).is_ok();
-    let caustics = sharp(scene).contains(&true);
-    knows
-        && match contender.kind {
-            IntegratorKind::Path => true,
-            IntegratorKind::Bdpt => !scene.lights().is_empty(),
-            _ => caustics && !scene.lights().is_empty(),
-        }
+/// Places of the contenders that the pilot should try: they know the scene, and it could call for them. `sppm` is tried
+/// where `vcm`, whose merges are no worse, does not know the scene.
+fn worth_a_try(contenders: &[Contender], scene: &Scene, camera: &Camera) -> Vec<usize> {
+    let lit = !scene.lights().is_empty();
+    let caustics = lit && sharp(scene).contains(&true);
+    let knows = |c: &Contender| c.settings.check_scene(scene, camera).is_ok();
+    let merges = |c: &Contender| c.kind == IntegratorKind::Vcm && knows(c);
+    let vcm = contenders.iter().any(merges);
+    let is_worth = |c: &Contender| {
+        knows(c)
+            && match c.kind {
+                IntegratorKind::Path => c.settings.rule == Rule::Plain || scene.has_lobes(),
+                IntegratorKind::Bdpt => lit,
+                IntegratorKind::Sppm => caustics && !vcm,
+                _ => caustics,
+            }
+    };
+    let all = 0..contenders.len();
+    all.filter(|&i| is_worth(&contenders[i])).collect()
+}
+
+/// Place among some contenders of the one that a scene calls for: that of the advice, where it knows the scene; else path
+/// tracing, as roughened as the contenders are.
+fn called_for(kind: IntegratorKind, contenders: &[&Contender]) -> usize {
+    let advised = |c: &&&Contender| c.kind == kind && !kind.is_path();
+    let path = |c: &&&Contender| c.kind.is_path() && c.settings.rule != Rule::Plain;
+    let place = |wanted: &dyn Fn(&&&Contender) -> bool| {
+        (contenders.iter().enumerate()).find_map(|(i, c)| wanted(&c).then_some(i))
+    };
+    place(&advised).or_else(|| place(&path)).unwrap_or(0)
 }
 
 /// Cost of a sample per pixel over that of the path tracer, in most scenes; light paths are as many as pixels of the full
@@ -219,11 +269,11 @@ fn is_worth_a_try(contender: &Contender, scene: &Scene, camera: &Camera) -> bool
 fn usual_cost(contender: &Contender, frames: f64) -> f64 {
     match contender.kind {
         IntegratorKind::Light => 1.3 * frames,
-        IntegratorKind::Bdpt => 1.6 + 1.2 * frames,
-        IntegratorKind::Vcm => 3.0 + 1.5 * frames,
-        IntegratorKind::Sppm => 0.5 + 1.0 * frames,
-        _ if contender.settings.levels.is_empty() => 1.0,
-        _ => 1.35,
+        IntegratorKind::Bdpt => 2.0 + 1.3 * frames,
+        IntegratorKind::Vcm => 2.5 + 1.5 * frames,
+        IntegratorKind::Sppm => 0.4 + 1.0 * frames,
+        _ if contender.has_levels() => 1.2,
+        _ => 1.0,
     }
 }
 
@@ -248,9 +298,10 @@ pub fn choose_integrator(
     let (frame, window) = (view.sensor.frame, view.window);
     Film::check(frame, window)?;
     let (scene, camera) = (view.scene, view.sensor.camera);
-    let places: Vec<usize> = (0..contenders.len())
-        .filter(|&i| is_worth_a_try(&contenders[i], scene, camera))
-        .collect();
+    let places = worth_a_try(contenders, scene, camera);
+    let tried: Vec<&Contender> = places.iter().map(|&i| &contenders[i]).collect();
+    let advice = advise(scene);
+    let called = called_for(advice.kind, &tried);
     let pixels = window.len() as f64;
     let frames = f64::from(frame.x) * f64::from(frame.y) / pixels;
     let usual = |i: usize| usual_cost(&contenders[i], frames);
@@ -293,15 +344,11 @@ pub fn choose_integrator(
             })
             .collect();
         let trials = judged(&drafts, small_window, time, punctual);
-        let fit = |t: &Trial| t.sure && t.missed < MISSED;
-        let racing = || runners.iter().zip(&trials).filter(|(r, _)| r.races);
-        let least = (racing().filter(|(_, t)| fit(t)))
-            .map(|(_, t)| t.error)
-            .fold(f64::INFINITY, f64::min);
-        let stays =
-            |t: &Trial| least.is_infinite() || t.error < BEHIND * least && t.missed < MISSED;
-        let stay: Vec<bool> = (runners.iter().zip(&trials))
-            .map(|(runner, trial)| runner.races && stays(trial))
+        let seen = |t: &&Trial| t.missed < MISSED;
+        let least = (trials.iter().filter(seen)).fold(f64::INFINITY, |e, t| e.min(t.error));
+        let stays = |t: &Trial| t.missed < MISSED && t.error < BEHIND * least;
+        let stay: Vec<bool> = (runners.iter().zip(&trials).enumerate())
+            .map(|(i, (runner, trial))| runner.races && (i == called || stays(trial)))
             .collect();
         let spent = |all: bool| -> f64 {
             let each = runners.iter().zip(&costs).zip(&stay);
@@ -319,10 +366,12 @@ pub fn choose_integrator(
             runner.wanted *= 2;
         }
     };
-    let chosen = best(&trials);
+    let chosen = best(&trials, called);
     Ok(Some(Choice {
         best: chosen.map_or(0, |chosen| places[chosen]),
         chosen,
+        first: called,
+        why: advice.why,
         trials,
         seconds: pilot.seconds().1,
     }))
@@ -374,6 +423,8 @@ impl Runner {
     }
 
     fn run(&mut self, view: &View<'_>) {
+        // Once for a render: no part of what a sample costs.
+        self.integrator.prepare(view);
         let watch = Stopwatch::start();
         (self.integrator).pass(view, self.samples..self.wanted, &mut self.picture);
         self.seconds += watch.seconds().1;

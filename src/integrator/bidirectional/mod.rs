@@ -204,6 +204,10 @@ impl Integrator for Bidirectional {
         samples.end - samples.start
     }
 
+    fn prepare(&self, view: &View<'_>) {
+        self.aim(view);
+    }
+
     fn notes(&self, view: &View<'_>) -> Option<String> {
         let first = self.merging?.first(view);
         let aim = self.aim(view);

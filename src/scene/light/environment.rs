@@ -153,6 +153,14 @@ impl Environment {
         })
     }
 
+    /// Luminance of the brightest texel over the mean; 1 for a black map.
+    pub fn peak(&self) -> f32 {
+        let luminances = self.map.pixels.iter().map(|&texel| luminance(texel));
+        let mean = luminance(self.average());
+        let brightest = luminances.fold(0.0, f32::max);
+        if mean > 0.0 { brightest / mean } else { 1.0 }
+    }
+
     /// Mean radiance over the sphere.
     pub fn average(&self) -> Rgb {
         let mut sum = DVec3::ZERO;

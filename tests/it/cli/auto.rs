@@ -121,7 +121,7 @@ fn info_names_the_integrator_that_a_scene_calls_for() {
         ("sun-pool", "vcm"),
         ("caustic-box", "vcm"),
         ("cornell-box", "path"),
-        ("glossy_corridor", "vcm"),
+        ("glossy_corridor", "path"),
     ] {
         let place = place(scene);
         let text = place.opsr("info scene.glb").done().out;
