@@ -8,14 +8,16 @@ use super::output::Written;
 use super::render::RenderJob;
 use anyhow::{Context, anyhow};
 use opsr::image::Buffer;
+use opsr::image::exr::Layer;
 use opsr::image::film::Film;
 use opsr::image::metric::relmse;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::drive::RenderProgress;
 use opsr::integrator::layers::Layers;
 use opsr::integrator::{Picture, View};
+use opsr::pilot::witness::Missing;
 use opsr::report::compare::Named;
-use opsr::resolve::stated_error;
+use opsr::resolve::{film_errors, stated_error};
 use opsr::scene::Camera;
 use std::cell::Cell;
 use std::ops::ControlFlow;
@@ -58,6 +60,8 @@ pub(super) struct Listener<'a> {
     saved: Instant,
     /// Why the log is not whole.
     unlogged: Option<anyhow::Error>,
+    /// Light that the picture lacks, at the end.
+    missing: Option<&'a Missing>,
 }
 
 impl<'a> Listener<'a> {
@@ -91,6 +95,7 @@ impl<'a> Listener<'a> {
             log,
             saved: Instant::now(),
             unlogged: None,
+            missing: None,
         })
     }
 
@@ -117,7 +122,9 @@ impl<'a> Listener<'a> {
         mut self,
         progress: &RenderProgress,
         picture: &Picture,
+        missing: Option<&'a Missing>,
     ) -> anyhow::Result<Closed> {
+        self.missing = missing;
         self.bar.finish();
         let kept = self.checkpoint(progress, picture);
         let (written, unwritten) = self.write(picture, progress)?;
@@ -189,10 +196,22 @@ impl<'a> Listener<'a> {
         let (refused, threads) = (picture.film.rejected.total(), rayon::current_num_threads());
         let seconds = self.seconds(progress);
         let provenance = &self.job.provenance;
-        let metadata = provenance.metadata(progress.samples, refused, seconds, threads);
+        let mut metadata = provenance.metadata(progress.samples, refused, seconds, threads);
+        if let Some(missing) = self.missing {
+            metadata.insert("light_missing".into(), format!("{:.3}", missing.share));
+        }
         let pose = self.run.camera.world_to_camera();
-        let layers = self.layers.of(picture);
+        let mut layers = self.layers.of(picture);
+        layers.extend(self.errors(picture));
         (self.job.outputs).try_write(picture, layers, Some(pose), &metadata)
+    }
+
+    /// The layer of the expected errors of a picture that lacks light.
+    fn errors(&self, picture: &Picture) -> Option<Layer> {
+        let mut errors = film_errors(&picture.film)?;
+        let pairs = errors.iter_mut().zip(&self.missing?.squares);
+        pairs.for_each(|(error, square)| *error = (*error * *error + square).sqrt());
+        Some(Layer::scalar("error", errors))
     }
 
     fn checkpoint(&self, progress: &RenderProgress, picture: &Picture) -> anyhow::Result<()> {

@@ -9,7 +9,7 @@ use opsr::image::exr::{self, Compression, Header, Layer, Metadata, Storage};
 use opsr::image::{Buffer, png};
 use opsr::integrator::Picture;
 use opsr::math::Rgb;
-use opsr::resolve::{MAX_SIGMA, Resolve, film_error, resolve_film};
+use opsr::resolve::{MAX_SIGMA, Resolve, film_error, film_errors, resolve_film};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -225,7 +225,7 @@ impl Outputs {
     ///
     /// EXR files get the layers, and the place of the camera if it is known. Of several levels the one of every pixel is
     /// chosen; EXR files then have the layers `level`, `bias2`, `variance` and `error` in place of the statistics of the
-    /// film, as does a denoised picture.
+    /// film, as does a denoised picture. Of one level they have `error` beside them.
     pub(super) fn try_write(
         &self,
         picture: &Picture,
@@ -259,6 +259,9 @@ impl Outputs {
                 let level = |k| Layer::rgb(&format!("level{k}"), &film.mean(k));
                 layers.extend((0..film.levels()).map(level));
             }
+        } else if !layers.iter().any(|layer| layer.name == "error") {
+            let errors = film_errors(&picture.film);
+            layers.extend(errors.map(|errors| Layer::scalar("error", errors)));
         }
         let header = Header {
             metadata,

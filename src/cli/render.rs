@@ -20,6 +20,7 @@ use opsr::integrator::{self, Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr::memory;
 use opsr::pilot::left_after;
+use opsr::pilot::witness::{Missing, missing_light};
 use opsr::resolve::{stopping_error, unseen_share};
 use opsr::scene::Camera;
 use std::path::PathBuf;
@@ -241,18 +242,20 @@ impl RenderJob<'_> {
                 "stopped within the first sample: the picture holds what was done of it, and no checkpoint is made"
             );
         }
+        let missing = missing_light(&view, &self.settings, &picture, progress.samples);
         let Closed {
             written,
             true_error,
             failed,
-        } = listener.close(&progress, &picture)?;
+        } = listener.close(&progress, &picture, missing.as_ref())?;
         let ended = Ended {
             film: &picture.film,
             progress: &progress,
             start,
             camera: &camera,
             exposure: written.exposure,
-            error: written.error,
+            error: (missing.as_ref()).map_or(written.error, |m| m.error(written.error)),
+            missing: missing.as_ref(),
             unseen: unseen_share(&picture),
             black: written.shown.pixels.iter().all(|p| *p == Rgb::ZERO),
             true_error,
@@ -350,6 +353,9 @@ impl RenderJob<'_> {
             let percent = 100.0 * ended.unseen;
             error += &format!(", {percent:.1} % of the light found by roughened lobes alone");
         }
+        if let Some(missing) = ended.missing {
+            error += &format!(", {missing}");
+        }
         let truth = (ended.true_error).map_or(String::new(), |e| format!(", true error {e:.4}"));
         let summary = format!(
             "{}: {}x{}{exposure}{camera}{studio}, {} spp in {seconds:.2} s, {rate}{error}{truth}",
@@ -429,6 +435,9 @@ impl RenderJob<'_> {
             "paths": ended.paths(),
             "paths_per_second": finite(ended.paths() as f64 / seconds),
             "relative_error": finite(ended.error),
+            "light_missing": ended.missing.map(|m| {
+                serde_json::json!({ "share": m.share, "pixel": m.pixel.to_array(), "finder": m.finder.name() })
+            }),
             "true_error": ended.true_error.and_then(finite),
             "exposure": ended.exposure,
             "refused": { "nan": film.rejected.nan, "infinite": film.rejected.infinite },
@@ -471,6 +480,8 @@ struct Ended<'a> {
     exposure: Option<f32>,
     /// Estimated relative error.
     error: f64,
+    /// Light that a witness found and the picture lacks.
+    missing: Option<&'a Missing>,
     /// Share of the light that roughened lobes alone found.
     unseen: f64,
     /// True if the picture has no light at all.

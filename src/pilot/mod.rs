@@ -10,6 +10,7 @@
 mod judge;
 pub mod stopwatch;
 pub(crate) mod window;
+pub mod witness;
 
 use crate::image::film::{Film, FilmError};
 use crate::integrator::bidirectional::{MAX_LIGHT_PATHS, Radius};

@@ -45,7 +45,7 @@ use filter::{Size, tent};
 use rayon::prelude::*;
 use std::sync::Mutex;
 
-pub use statement::{Statement, film_error};
+pub use statement::{Statement, film_error, film_errors};
 
 /// r: radius in pixels at which noise and bias are smoothed.
 const RADIUS: usize = 1;

@@ -9,6 +9,7 @@
 use crate::image::film::Film;
 use crate::image::metric::pixel::EPSILON;
 use crate::math::DVec3;
+use crate::math::moments::Moments;
 
 /// Relative standard error at which the mean of a block counts as known: that of four hits. Of the blocks and bounds tried on scenes of
 /// caustics at 32 samples these are nearest to the true error: 0.76 to 2.6 of its square.
@@ -69,12 +70,42 @@ impl Statement {
 /// assert_eq!(film_error(&film).error, 1.0);
 /// ```
 pub fn film_error(film: &Film) -> Statement {
+    match state(film) {
+        State::Unknown => Statement::UNKNOWN,
+        State::Black => Statement::BLACK,
+        State::Lit => Statement::of(squares(film).into_iter()),
+    }
+}
+
+/// Expected relative error of every pixel of a film of one level, of whichever integrator: their root mean square is the
+/// [stated error](film_error). `None` where there are too few samples to tell. The bias of merges is no part of it.
+pub fn film_errors(film: &Film) -> Option<Vec<f32>> {
+    match state(film) {
+        State::Unknown => None,
+        State::Black => Some(vec![1.0; film.pixels.len()]),
+        State::Lit => Some(squares(film).iter().map(|x| x.sqrt() as f32).collect()),
+    }
+}
+
+/// Knowledge of a film about itself.
+enum State {
+    Unknown,
+    Black,
+    Lit,
+}
+
+fn state(film: &Film) -> State {
     if film.pixels.iter().any(|m| m.n < 2) {
-        return Statement::UNKNOWN;
+        State::Unknown
+    } else if film.pixels.iter().all(|m| m.mean == DVec3::ZERO) {
+        State::Black
+    } else {
+        State::Lit
     }
-    if film.pixels.iter().all(|m| m.mean == DVec3::ZERO) {
-        return Statement::BLACK;
-    }
+}
+
+/// Squared relative errors of the pixels of a film that is not black.
+fn squares(film: &Film) -> Vec<f64> {
     let size = (film.window.w as usize, film.window.h as usize);
     let pixels = film.pixels.iter().map(|m| Block {
         pixels: 1.0,
@@ -98,10 +129,11 @@ pub fn film_error(film: &Film) -> Statement {
         let block = known.or(pyramid[pyramid.len() - 1].blocks.first());
         block.map_or(DVec3::ZERO, Block::square)
     };
-    Statement::of(film.pixels.iter().enumerate().map(|(i, m)| {
+    let square = |(i, m): (usize, &Moments)| {
         let square = squared(i % size.0, i / size.0);
         (m.variance_of_mean() / (square + EPSILON)).element_sum() / 3.0
-    }))
+    };
+    film.pixels.iter().enumerate().map(square).collect()
 }
 
 /// Sums over a block of pixels.

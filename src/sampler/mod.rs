@@ -38,6 +38,8 @@ pub enum Domain {
     Aim = 12,
     /// Probes of the surface around merges.
     Probes = 13,
+    /// Roughened paths beside a picture, as a witness of light that it lacks.
+    Witness = 14,
 }
 
 /// Seed of a set of random streams.

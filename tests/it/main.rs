@@ -53,3 +53,4 @@ mod tensorboard;
 mod train;
 mod training_scenes;
 mod transport;
+mod witness;

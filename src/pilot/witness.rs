@@ -1,0 +1,282 @@
+//! A few roughened paths beside a picture, as a witness of light that the picture's integrator has not met.
+//!
+//! An estimator that has not met some light does not know of it: its noise is that of the rest. Roughened paths meet the light of
+//! caustics and of lamps behind glass soon, at nearly the right energy but not quite at the right place. So the witness speaks where the
+//! whole picture is darker than its own by more than both noises and what roughening changes, and where some part of it is darker
+//! by more than chance brings to the darkest of so many. One bright sample is one standard error: twenty are needed.
+//!
+//! Its samples have random numbers of their own and depend on seed and pixel alone, their number on that of the picture's: what
+//! it says of a picture is the same however the render was cut, and no pixel changes.
+
+use super::advise;
+use crate::image::film::{Film, Window};
+use crate::integrator::method::IntegratorKind;
+use crate::integrator::{Estimator, Picture, Settings, View};
+use crate::math::UVec2;
+use crate::regularise::Rule;
+use crate::sampler::{Domain, SamplerKind, Seed};
+use std::fmt;
+
+/// Share of the render's time that the witness takes.
+const SHARE: f64 = 0.04;
+
+/// Fewest samples of a witness, over all pixels, and most of a pixel.
+const SAMPLES: (usize, u32) = (1 << 14, 64);
+
+/// Factor that all paths are roughened by.
+const GAMMA: f32 = 0.3;
+
+/// Samples of the witness that a tile holds at least; fewest pixels a side.
+const TILE: (u32, u32) = (1024, 8);
+
+/// Probability that chance alone raises one of the tiles of a picture above the bound.
+const CHANCE: f64 = 1e-3;
+
+/// Share of the light by which the picture must be darker beyond noise, which roughening does not change, and of a part.
+const LEAST: (f64, f64) = (0.01, 0.1);
+
+/// Light that a picture lacks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Missing {
+    /// Share of the light that is missing at least.
+    pub share: f64,
+    /// Pixel of the frame around which most is missing.
+    pub pixel: UVec2,
+    /// The integrator that finds it; `path` for that with levels.
+    pub finder: IntegratorKind,
+    /// Squared darkness over the squared light of every pixel of the window, for its error: 0 where nothing is missing.
+    pub squares: Vec<f32>,
+}
+
+impl Missing {
+    /// Relative error of a picture of this stated error, with what is missing.
+    pub fn error(&self, stated: f64) -> f64 {
+        let squares: f64 = self.squares.iter().map(|&x| f64::from(x)).sum();
+        (stated * stated + squares / self.squares.len().max(1) as f64).sqrt()
+    }
+}
+
+impl fmt::Display for Missing {
+    /// The share, the place and what helps.
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let UVec2 { x, y } = self.pixel;
+        let percent = 100.0 * self.share;
+        write!(
+            out,
+            "at least {percent:.0} % of the light is missing around {x},{y}; "
+        )?;
+        if self.finder.is_path() {
+            write!(out, "--opsr-table beta-0.001 finds more of it")
+        } else {
+            write!(out, "--integrator {} finds it", self.finder.name())
+        }
+    }
+}
+
+/// Samples per pixel of the witness of a render of so many samples; 0 where it would have nothing to say: for several levels,
+/// whose roughest is one, for roughened paths, for scenes without anything glossy, and for renders that are too short.
+fn samples_beside(view: &View<'_>, settings: &Settings, samples: u32) -> u32 {
+    let roughened = !settings.levels.is_empty() || settings.rule != Rule::Plain;
+    if roughened || settings.strategy.is_some() || !view.scene.has_lobes() {
+        return 0;
+    }
+    // In samples of the path tracer.
+    let cost = match settings.estimator {
+        Estimator::Path { .. } | Estimator::Guided { .. } => 1.0,
+        Estimator::Light | Estimator::Sppm(_) => 1.4,
+        Estimator::Bdpt => 3.3,
+        Estimator::Vcm(_) | Estimator::VcmNee(_) => 4.0,
+        Estimator::Mlt { mutations } => 3.0 * f64::from(mutations),
+    };
+    let count = (SHARE * cost * f64::from(samples)).round();
+    let count = (count as u32).min(SAMPLES.1);
+    if view.window.len() * (count as usize) < SAMPLES.0 {
+        return 0;
+    }
+    count
+}
+
+/// A part of the witness's picture beside that of the render.
+#[derive(Clone, Copy, Default)]
+struct Part {
+    /// Sum of the light of the witness, and of what it has more than the picture.
+    light: f64,
+    excess: f64,
+    /// Variance of the excess.
+    variance: f64,
+}
+
+impl Part {
+    fn add(&mut self, other: &Self) {
+        self.light += other.light;
+        self.excess += other.excess;
+        self.variance += other.variance;
+    }
+
+    /// Standard errors by which the picture is darker.
+    fn darker(&self) -> f64 {
+        self.excess / self.variance.sqrt().max(f64::MIN_POSITIVE)
+    }
+}
+
+/// Looks for light that a render of a view lacks after so many samples.
+pub fn missing_light(
+    view: &View<'_>,
+    settings: &Settings,
+    picture: &Picture,
+    samples: u32,
+) -> Option<Missing> {
+    let count = samples_beside(view, settings, samples);
+    if count == 0 {
+        return None;
+    }
+    let witness = Settings {
+        estimator: Estimator::Path { reuse: false },
+        rule: Rule::constant(GAMMA),
+        sampler: SamplerKind::Independent,
+        seed: Seed(settings.seed).derive(Domain::Witness, 0).0,
+        ..settings.clone()
+    };
+    let film = &picture.film;
+    let mut shown = Picture::new(Film::cropped(film.size, film.window).ok()?);
+    witness.integrator().pass(view, 0..count, &mut shown);
+    let found = compared(&shown.film, film, count)?;
+    let kind = advise(view.scene).kind;
+    let finder = match kind.estimator(Default::default()) {
+        advised
+            if std::mem::discriminant(&advised) == std::mem::discriminant(&settings.estimator) =>
+        {
+            // What should have found it needs a table, or time.
+            IntegratorKind::Path
+        }
+        _ => kind,
+    };
+    Some(Missing { finder, ..found })
+}
+
+/// The light that a film lacks beside that of a witness with so many samples per pixel.
+fn compared(witness: &Film, film: &Film, samples: u32) -> Option<Missing> {
+    let window = film.window;
+    let edge = (f64::from(TILE.0) / f64::from(samples)).sqrt().ceil() as u32;
+    let edge = edge.max(TILE.1);
+    let tiles = window.tiles(edge);
+    let parts: Vec<Part> = tiles.iter().map(|tile| part(witness, film, tile)).collect();
+    let mut whole = Part::default();
+    parts.iter().for_each(|part| whole.add(part));
+    let share = (whole.excess - 2.0 * whole.variance.sqrt()) / whole.light;
+    if share.is_nan() || share < LEAST.0 {
+        return None;
+    }
+    // With the tiles around: what is roughened spreads.
+    let columns = window.w.div_ceil(edge) as usize;
+    let rows = tiles.len() / columns;
+    let around = |i: usize| {
+        let (x, y) = (i % columns, i / columns);
+        let mut sum = Part::default();
+        for y in y.saturating_sub(1)..(y + 2).min(rows) {
+            for x in x.saturating_sub(1)..(x + 2).min(columns) {
+                sum.add(&parts[y * columns + x]);
+            }
+        }
+        sum
+    };
+    // A bound on the normal quantile.
+    let bound = (2.0 * (tiles.len() as f64 / CHANCE).ln()).sqrt();
+    let is_dark = |part: &Part| part.darker() > bound && part.excess > LEAST.1 * part.light;
+    let surroundings: Vec<Part> = (0..tiles.len()).map(around).collect();
+    let dark = (0..tiles.len()).filter(|&i| is_dark(&surroundings[i]));
+    let darkest = dark.max_by(|&a, &b| parts[a].excess.total_cmp(&parts[b].excess))?;
+    let tile = &tiles[darkest];
+    let pixel = UVec2::new(tile.x + tile.w / 2, tile.y + tile.h / 2);
+    let mut squares = vec![0.0; window.len()];
+    for (tile, part) in tiles
+        .iter()
+        .zip(&surroundings)
+        .filter(|(_, part)| is_dark(part))
+    {
+        let square = (part.excess * part.excess - part.variance).max(0.0) / part.light.powi(2);
+        super::window::inside(tile, &window).for_each(|i| squares[i] = square as f32);
+    }
+    Some(Missing {
+        share,
+        pixel,
+        finder: IntegratorKind::Path,
+        squares,
+    })
+}
+
+/// A tile of a witness beside that of a film.
+fn part(witness: &Film, film: &Film, tile: &Window) -> Part {
+    let mut part = Part::default();
+    for i in super::window::inside(tile, &film.window) {
+        let (theirs, ours) = (&witness.pixels[i], &film.pixels[i]);
+        part.light += theirs.mean.element_sum();
+        part.excess += (theirs.mean - ours.mean).element_sum();
+        // Channels of one path rise and fall together.
+        for moments in [theirs, ours] {
+            let variance = if moments.n > 1 {
+                moments.variance_of_mean()
+            } else {
+                moments.mean * moments.mean
+            };
+            let error = variance.max(Default::default()).powf(0.5).element_sum();
+            part.variance += error * error;
+        }
+    }
+    part
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Rgb;
+    use crate::sampler::{Independent, SampleSource, Sampler};
+
+    /// A film of 64 × 64 pixels whose light comes in hits, beside which an even light shines.
+    fn film(seed: u64, samples: u32, light: impl Fn(usize) -> (f32, f32)) -> Film {
+        let mut film = Film::new(UVec2::splat(64));
+        let source = Independent { seed: Seed(seed) };
+        for pixel in 0..film.pixels.len() {
+            let (even, chance) = light(pixel);
+            for sample in 0..samples {
+                let place = film.pixel(pixel);
+                let hit = source.stream(place, sample).next_1d() < chance;
+                let rare = if hit { 1.0 / chance } else { 0.0 };
+                film.push(pixel, Rgb::splat(even + rare), sample);
+            }
+        }
+        film
+    }
+
+    #[test]
+    fn light_that_a_film_lacks_is_found_where_it_is() {
+        let corner = |pixel: usize| pixel % 64 < 16 && pixel / 64 < 16;
+        let witness = |seed| {
+            film(seed, 4, |pixel| {
+                (0.5, if corner(pixel) { 0.25 } else { 0.0 })
+            })
+        };
+        for seed in 0..20 {
+            let all = film(100 + seed, 64, |pixel| {
+                (0.5, if corner(pixel) { 0.02 } else { 0.0 })
+            });
+            assert_eq!(compared(&witness(seed), &all, 4), None);
+            let none = film(100 + seed, 64, |_| (0.5, 0.0));
+            let missing = compared(&witness(seed), &none, 4).expect("light is missing");
+            // 1/16 of 1 beside 0.5.
+            assert!((0.05..0.125).contains(&missing.share), "{missing}");
+            assert!(missing.pixel.x < 24 && missing.pixel.y < 24, "{missing}");
+            assert!(missing.squares[0] > 0.2 && missing.squares[4095] == 0.0);
+        }
+    }
+
+    #[test]
+    fn few_bright_samples_of_a_witness_are_no_proof() {
+        for seed in 0..20 {
+            // Two hits of 500 beside an even light.
+            let witness = film(seed, 4, |_| (0.5, 1.0 / 8192.0));
+            let dark = film(100 + seed, 64, |_| (0.5, 0.0));
+            assert_eq!(compared(&witness, &dark, 4), None);
+        }
+    }
+}

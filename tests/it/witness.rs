@@ -1,0 +1,107 @@
+//! The witness of light that a picture lacks.
+
+use super::support::render::scene;
+use opsr::gallery::builtin;
+use opsr::image::film::{Film, Window};
+use opsr::integrator::bidirectional::{Aimed, Radius, Strategies};
+use opsr::integrator::method::IntegratorKind::{self, Bdpt, Path, Sppm, Vcm};
+use opsr::integrator::{Bidirectional, Integrator, Picture, Settings, View};
+use opsr::math::UVec2;
+use opsr::pilot::witness::{Missing, missing_light};
+use opsr::scene::{Aim, Scene};
+
+fn view(scene: &Scene, side: u32) -> View<'_> {
+    let frame = UVec2::splat(side);
+    View::new(scene, &scene.parts().cameras[0], frame, Window::full(frame))
+}
+
+fn settings(kind: IntegratorKind, seed: u64) -> Settings {
+    Settings {
+        estimator: kind.estimator(Radius::default()),
+        max_vertices: 12,
+        seed,
+        ..Settings::default()
+    }
+}
+
+/// What a picture of so many samples lacks.
+fn missing(scene: &Scene, settings: &Settings, side: u32, samples: u32) -> Option<Missing> {
+    let view = view(scene, side);
+    let mut picture = Picture::new(Film::new(view.sensor.frame));
+    (settings.integrator()).pass(&view, 0..samples, &mut picture);
+    missing_light(&view, settings, &picture, samples)
+}
+
+/// Sunlight under water, which `path` never finds and `bdpt` half; a bulb whose filament a lamp's size hides from `path`.
+#[test]
+fn witness_finds_light_that_an_integrator_lacks() {
+    for (name, kind, samples) in [
+        ("sun-pool", Path, 400),
+        ("sun-pool", Bdpt, 128),
+        ("lamp-in-glass", Path, 400),
+    ] {
+        let scene = scene(builtin(name).expect("a scene"));
+        for seed in 1..=3 {
+            let found = missing(&scene, &settings(kind, seed), 40, samples);
+            let found = found.unwrap_or_else(|| panic!("{name}, {kind:?}, seed {seed}"));
+            assert!(found.share > 0.1 && found.finder == Vcm, "{name}: {found}");
+        }
+    }
+}
+
+/// Photons that are not aimed miss the glass ball on 400 m of floor, and its caustic is missing.
+#[test]
+fn witness_finds_the_caustic_that_photons_miss() {
+    let scene = scene(builtin("ball-on-400-m").expect("a scene"));
+    let view = view(&scene, 96);
+    let settings = settings(Vcm, 5);
+    let mut vcm = Bidirectional {
+        merging: Some(Radius::default()),
+        aimed: Aimed::fixed(&view, Aim::default()),
+        ..settings.bidirectional(Strategies::All)
+    };
+    let mut picture = Picture::new(Film::new(view.sensor.frame));
+    vcm.pass(&view, 0..128, &mut picture);
+    let found = missing_light(&view, &settings, &picture, 128).expect("light is missing");
+    println!("{found}");
+    let mut picture = Picture::new(Film::new(view.sensor.frame));
+    (settings.integrator()).pass(&view, 0..128, &mut picture);
+    assert_eq!(missing_light(&view, &settings, &picture, 128), None);
+}
+
+/// Pictures that have all light, to noise.
+const WHOLE: [(&str, IntegratorKind, u32); 8] = [
+    ("caustic-box", Vcm, 100),
+    ("three-boxes", Vcm, 100),
+    ("sun-pool", Vcm, 100),
+    ("sun-pool", Sppm, 300),
+    ("glossy_corridor", Path, 400),
+    ("sun-through-pane", Path, 400),
+    ("ring-under-lamp", Bdpt, 120),
+    ("street-lamp", Path, 400),
+];
+
+fn false_alarms(seeds: u64) -> Vec<String> {
+    let mut alarms = Vec::new();
+    for (name, kind, samples) in WHOLE {
+        let scene = scene(builtin(name).expect("a scene"));
+        for seed in 1..=seeds {
+            if let Some(found) = missing(&scene, &settings(kind, seed), 32, samples) {
+                alarms.push(format!("{name}, {kind:?}, seed {seed}: {found}"));
+            }
+        }
+    }
+    alarms
+}
+
+#[test]
+fn witness_gives_no_false_alarm() {
+    assert_eq!(false_alarms(2), [""; 0]);
+}
+
+/// Minutes: ten times the seeds.
+#[test]
+#[ignore = "minutes"]
+fn witness_gives_no_false_alarm_long() {
+    assert_eq!(false_alarms(20), [""; 0]);
+}
