@@ -8,7 +8,7 @@ use opsr::image::display::{Display, ViewTransform, auto_exposure};
 use opsr::image::exr::{self, Header, Layer, Metadata, Storage};
 use opsr::image::png;
 use opsr::integrator::Picture;
-use opsr::resolve::{MAX_SIGMA, Resolve, Resolved as Choice, film_error, resolve_film};
+use opsr::resolve::{Resolve, Resolved as Choice, film_error, resolve_film};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -185,24 +185,29 @@ pub(crate) struct Resolved {
 /// Chooses among the levels of a film again.
 ///
 /// film: a film of several levels.
-/// robust: of every level take the mean of its mean and of the median of its batches, which removes fireflies.
-/// sigma: standard deviation in pixels of the blur that the light of roughened vertices gets where that makes less error,
-///     from 0 for none to 1.5.
+/// resolve: smoothing that the picture may get, "none", "sharp", "default" or "smooth".
 ///
-/// Raises ValueError for a film of one level, and for another sigma.
+/// Raises ValueError for a film of one level, and for another word.
 #[pyfunction]
-#[pyo3(signature = (film, *, robust=false, sigma=0.7))]
-pub(crate) fn resolve(film: &Bound<'_, Film>, robust: bool, sigma: f32) -> PyResult<Resolved> {
-    if !(0.0..=MAX_SIGMA).contains(&sigma) {
-        return Err(argument("sigma", "expected from 0 to 1.5"));
-    }
+#[pyo3(signature = (film, *, resolve="default"))]
+pub(crate) fn resolve(film: &Bound<'_, Film>, resolve: &str) -> PyResult<Resolved> {
+    let settings = match resolve {
+        "none" => Resolve::None,
+        "sharp" => Resolve::Sharp,
+        "default" => Resolve::Default,
+        "smooth" => Resolve::Smooth,
+        _ => {
+            return Err(argument(
+                "resolve",
+                "expected none, sharp, default or smooth",
+            ));
+        }
+    };
     let Some(levels) = &film.get().made.levels else {
         let what = "a film of one level, there is nothing to choose";
         return Err(argument("film", what));
     };
-    let choice = detached(film.py(), || {
-        resolve_film(levels, Resolve { robust, sigma })
-    })?;
+    let choice = detached(film.py(), || resolve_film(levels, settings))?;
     Ok(Resolved { choice })
 }
 

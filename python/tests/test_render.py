@@ -92,10 +92,11 @@ def test_levels_resolve(box):
     assert resolved.level.shape == (16, 24) and resolved.level.dtype == np.uint8 and resolved.level.max() < 3
     np.testing.assert_allclose(resolved.error**2, resolved.bias2 + resolved.variance, rtol=1e-4)
     assert resolved.relative_error == film.relative_error > 0
-    assert opsr.resolve(film, robust=True).picture.shape == plain.shape
-    assert (opsr.resolve(film, sigma=0).picture != opsr.resolve(film, sigma=1.5).picture).any()
-    with pytest.raises(ValueError, match="sigma"):
-        opsr.resolve(film, sigma=9)
+    pictures = [opsr.resolve(film, resolve=word).picture for word in ("none", "sharp", "default", "smooth")]
+    assert all(picture.shape == plain.shape for picture in pictures)
+    assert (pictures[1] != pictures[2]).any()
+    with pytest.raises(ValueError, match="resolve"):
+        opsr.resolve(film, resolve="robust")
     with pytest.raises(ValueError, match="a film of one level, there is nothing to choose"):
         opsr.resolve(opsr.render(box, **SMALL))
 

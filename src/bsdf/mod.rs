@@ -197,6 +197,20 @@ impl LobeQuery {
 }
 
 impl Bsdf {
+    /// Reflectance plus transmittance, roughly: for denoisers to divide by, and for filters that stop at its edges.
+    pub fn reflectance(&self) -> Rgb {
+        match self {
+            Self::Diffuse(d) => d.albedo,
+            Self::Glossy(g) => g.f0 + g.albedo * (Rgb::ONE - g.f0),
+            Self::Anisotropic(a) => Self::Glossy(a.isotropic()).reflectance(),
+            Self::Dielectric(d) => d.tint,
+            Self::Thin(t) => t.tint,
+            Self::Iridescent(l) => l.base().reflectance(),
+            Self::Sheen(s) => s.color,
+            Self::Clearcoated(c) => c.base().reflectance() * c.through(Vec3::Z, Vec3::Z),
+        }
+    }
+
     /// Original roughness of the glossy lobe; 1 for a purely diffuse BSDF. The geometric mean of the two of an anisotropic
     /// lobe.
     #[inline(always)]

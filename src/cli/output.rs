@@ -9,20 +9,16 @@ use opsr::image::exr::{self, Compression, Header, Layer, Metadata, Storage};
 use opsr::image::{Buffer, png};
 use opsr::integrator::Picture;
 use opsr::math::Rgb;
-use opsr::resolve::{MAX_SIGMA, Resolve, film_error, film_errors, resolve_film};
+use opsr::resolve::{Resolve, film_error, film_errors, resolve_film};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Options of the choice among the levels of a film.
 #[derive(clap::Args, Clone, Copy, Debug)]
 pub(super) struct ResolveArgs {
-    /// Take every level halfway between its mean and the median of its batches: fewer fireflies at few samples.
-    #[arg(long)]
-    robust: bool,
-    /// Standard deviation in pixels of the blur that the light of roughened vertices gets where that makes less error: at
-    /// most 1.5, 0 for none. Without it 0.7, and 0 with --denoise.
-    #[arg(long, value_name = "PIXELS", value_parser = sigma)]
-    sigma: Option<f32>,
+    /// Smoothing of a picture of several levels. Without it `default`, and `sharp` with --denoise.
+    #[arg(long, value_enum)]
+    resolve: Option<Resolve>,
     /// Add every level to EXR files, as layers `level0`, `level1` and so on.
     #[arg(long)]
     pub(super) level_layers: bool,
@@ -32,26 +28,13 @@ pub(super) struct ResolveArgs {
     pub(super) denoise: bool,
 }
 
-fn sigma(text: &str) -> Result<f32, String> {
-    let sigma = super::scene::finite(text)?;
-    if (0.0..=MAX_SIGMA).contains(&sigma) {
-        return Ok(sigma);
-    }
-    Err(format!("expected from 0 to {MAX_SIGMA} pixels"))
-}
-
 impl ResolveArgs {
     /// Settings of the choice. A denoiser does its own blur.
     pub(super) fn settings(self) -> Resolve {
-        let sigma = (self.sigma).unwrap_or(if self.denoise {
-            0.0
-        } else {
-            Resolve::default().sigma
-        });
-        Resolve {
-            robust: self.robust,
-            sigma,
-        }
+        self.resolve.unwrap_or(match self.denoise {
+            true => Resolve::Sharp,
+            false => Resolve::Default,
+        })
     }
 
     /// The denoiser, if one is asked for.

@@ -113,7 +113,7 @@ pub(super) struct RenderArgs {
         value_name = "FILE",
         conflicts_with_all = [
             "output", "time", "target_error", "checkpoint", "save_every", "reference", "stats", "log", "trace_pixel", "tev",
-            "robust", "sigma", "level_layers",
+            "resolve", "level_layers",
             "denoise", "exposure", "view", "exr_half", "exr_compression"
         ]
     )]

@@ -5,7 +5,7 @@
 //! stops, and a render that is resumed goes on with the same batches. A sample with a level that is not finite is left out
 //! at all levels, so that they stay averages over the same paths; the film of level 0 reports it.
 //!
-//! Sums are single precision: 12 bytes a level and batch, and as much for the shared light, 320 bytes a pixel for five
+//! Sums are single precision: 12 bytes a level and batch, and as much for the shared light, 348 bytes a pixel for five
 //! levels with counts and features. A sum of more than `CARRY` samples is a pair of numbers, the second of which is what
 //! rounding took from the first: 0.7 added a million times to one number is off by 1 %. So a film takes nearly twice the
 //! memory from sample [`BATCHES`] · `CARRY` on. The film of level 0 beside it has double precision.
@@ -18,6 +18,13 @@ use std::io::{self, Write};
 /// Independent batches.
 pub const BATCHES: usize = 4;
 
+/// Numbers that a path tells about what it has met: normal of the first rough vertex and the path's length to it; normal of
+/// the first vertex, its distance, and its reflectance. Zero where there is none.
+pub type Features = [f32; FEATURES];
+
+/// Their number.
+pub const FEATURES: usize = 11;
+
 /// Most levels of a film.
 pub const MAX_LEVELS: usize = 8;
 
@@ -25,10 +32,10 @@ pub const MAX_LEVELS: usize = 8;
 /// a sum of features over all batches by 0.2 %.
 const CARRY: u32 = 1 << 14;
 
-const MAGIC: &[u8; 8] = b"opsrlvl2";
+const MAGIC: &[u8; 8] = b"opsrlvl4";
 
 /// Magic word of a film with sums that are carried over.
-const MAGIC_CARRIED: &[u8; 8] = b"opsrlvl3";
+const MAGIC_CARRIED: &[u8; 8] = b"opsrlvl5";
 
 /// Values of one path.
 #[derive(Clone, Copy, Debug)]
@@ -37,8 +44,8 @@ pub struct PathLevels<'a> {
     pub levels: &'a [Rgb],
     /// Radiance that no level roughens.
     pub shared: Rgb,
-    /// Normal of the first rough vertex and the path's length to it.
-    pub features: [f32; 4],
+    /// What the path has met.
+    pub features: Features,
 }
 
 /// Sums over the samples of every pixel in a window of the frame, by batch and level.
@@ -50,7 +57,7 @@ pub struct LevelFilm {
     /// Samples by pixel and batch.
     counts: Vec<[u32; BATCHES]>,
     /// Sums of the features by pixel.
-    features: Vec<[f32; 4]>,
+    features: Vec<Features>,
     /// Sums by pixel, batch and level, levels fastest, the shared light after the last.
     sums: Vec<Rgb>,
     /// What was carried over from both, once there is any.
@@ -60,7 +67,7 @@ pub struct LevelFilm {
 /// Sums over the samples up to the last that was carried over: those of the film are added to them.
 #[derive(Clone, Debug, PartialEq)]
 struct Carried {
-    features: Vec<[f32; 4]>,
+    features: Vec<Features>,
     sums: Vec<Rgb>,
 }
 
@@ -75,7 +82,7 @@ fn carry(high: &mut f32, low: &mut f32) {
 impl Carried {
     fn new(pixels: usize, levels: usize) -> Self {
         Self {
-            features: vec![[0.0; 4]; pixels],
+            features: vec![[0.0; FEATURES]; pixels],
             sums: vec![Rgb::ZERO; pixels * BATCHES * (levels + 1)],
         }
     }
@@ -96,7 +103,7 @@ impl LevelFilm {
             window,
             levels,
             counts: vec![[0; BATCHES]; window.len()],
-            features: vec![[0.0; 4]; window.len()],
+            features: vec![[0.0; FEATURES]; window.len()],
             sums: vec![Rgb::ZERO; window.len() * BATCHES * (levels + 1)],
             carried: None,
         }
@@ -113,7 +120,7 @@ impl LevelFilm {
     /// Bytes that a film of so many pixels takes, beside the film of level 0, before sums are carried over.
     pub fn bytes(pixels: usize, levels: usize) -> u64 {
         let each = size_of::<[u32; BATCHES]>()
-            + size_of::<[f32; 4]>()
+            + size_of::<Features>()
             + BATCHES * (levels + 1) * size_of::<Rgb>();
         pixels as u64 * each as u64
     }
@@ -123,7 +130,7 @@ impl LevelFilm {
 
     /// Numbers of a pixel in [`LevelFilm::sample`].
     pub(crate) fn sample_numbers(levels: usize) -> usize {
-        3 * (levels + 1) + 4
+        3 * (levels + 1) + FEATURES
     }
 
     /// Numbers of a sample in a film that has no other, by pixel: levels, shared light and features. Not numbers where it was
@@ -236,14 +243,25 @@ impl LevelFilm {
         }
     }
 
-    /// Means of the features: normal and length.
-    pub fn features(&self) -> Vec<[f32; 4]> {
+    /// Means of the features.
+    pub fn features(&self) -> Vec<Features> {
         let mean = |index: usize| {
             let n = self.counts[index].iter().sum::<u32>().max(1) as f32;
-            let carried = (self.carried.as_ref()).map_or([0.0; 4], |c| c.features[index]);
+            let carried = (self.carried.as_ref()).map_or([0.0; FEATURES], |c| c.features[index]);
             std::array::from_fn(|i| (carried[i] + self.features[index][i]) / n)
         };
         (0..self.window.len()).map(mean).collect()
+    }
+
+    /// Share of each batch in the samples of all pixels.
+    pub fn shares(&self) -> [f32; BATCHES] {
+        let mut sums = [0u64; BATCHES];
+        for counts in &self.counts {
+            let pairs = sums.iter_mut().zip(counts);
+            pairs.for_each(|(sum, count)| *sum += u64::from(*count));
+        }
+        let all = sums.iter().sum::<u64>().max(1);
+        sums.map(|sum| (sum as f64 / all as f64) as f32)
     }
 
     /// The fewest samples that a batch of a pixel has.
@@ -306,8 +324,8 @@ impl LevelFilm {
 
     /// Writes the sums; frame and window are those of the film of level 0.
     ///
-    /// Little endian: the magic word, the number of levels, then by pixel four counts, four features and the sums, batch
-    /// by batch. Where sums were carried over, another magic word, and then by pixel four features and the sums that they
+    /// Little endian: the magic word, the number of levels, then by pixel four counts, eleven features and the sums, batch
+    /// by batch. Where sums were carried over, another magic word, and then by pixel eleven features and the sums that they
     /// were carried to.
     pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
         let carried = self.carried.as_ref();
@@ -354,13 +372,13 @@ impl LevelFilm {
         let mut film = Self::new(size, window, levels);
         film.carried = is_carried.then(|| Carried::new(window.len(), levels));
         if let Some(Carried { features, sums }) = &mut film.carried {
-            let each = carried_pixels.chunks_exact(4 * (4 + 3 * stride));
+            let each = carried_pixels.chunks_exact(4 * (FEATURES + 3 * stride));
             let pairs = features.iter_mut().zip(sums.chunks_exact_mut(stride));
             for ((features, sums), pixel) in pairs.zip(each) {
                 read_sums(pixel.as_chunks::<4>().0, features, sums);
             }
         }
-        let each = pixels.chunks_exact(4 * (BATCHES + 4 + 3 * stride));
+        let each = pixels.chunks_exact(4 * (BATCHES + FEATURES + 3 * stride));
         for (index, pixel) in each.enumerate() {
             let (words, _) = pixel.as_chunks::<4>();
             let (counts, rest) = words.split_at(BATCHES);
@@ -376,7 +394,7 @@ impl LevelFilm {
 }
 
 /// Writes features and sums of a pixel.
-fn write_sums(features: &[f32; 4], sums: &[Rgb], out: &mut impl Write) -> io::Result<()> {
+fn write_sums(features: &Features, sums: &[Rgb], out: &mut impl Write) -> io::Result<()> {
     let sums = sums.iter().flat_map(|sum| sum.to_array());
     for x in features.iter().copied().chain(sums) {
         out.write_all(&x.to_le_bytes())?;
@@ -385,8 +403,8 @@ fn write_sums(features: &[f32; 4], sums: &[Rgb], out: &mut impl Write) -> io::Re
 }
 
 /// Reads what [`write_sums`] wrote.
-fn read_sums(words: &[[u8; 4]], features: &mut [f32; 4], sums: &mut [Rgb]) {
-    let (first, rest) = words.split_at(4);
+fn read_sums(words: &[[u8; 4]], features: &mut Features, sums: &mut [Rgb]) {
+    let (first, rest) = words.split_at(FEATURES);
     for (feature, word) in features.iter_mut().zip(first) {
         *feature = f32::from_le_bytes(*word);
     }
@@ -412,7 +430,7 @@ mod tests {
         let path = PathLevels {
             levels: &levels,
             shared: Rgb::splat(0.3),
-            features: [0.6, -0.8, 0.0, 7.3],
+            features: [0.6, -0.8, 0.0, 7.3, 0.0, 0.0, 1.0, 5.0, 0.5, 0.5, 0.2],
         };
         samples.for_each(|sample| film.push(index, sample, &path));
     }

@@ -3,7 +3,6 @@
 
 use super::walk::observer::{PathObserver, Recorder};
 use super::{ShadingPoint, View};
-use crate::bsdf::Bsdf;
 use crate::image::Buffer;
 use crate::image::film::{Film, Window};
 use crate::math::{DVec3, Rgb, UVec2, Vec2, Vec3};
@@ -259,20 +258,6 @@ impl FirstHit {
     }
 }
 
-/// Reflectance plus transmittance of a BSDF, roughly, for denoisers to divide by.
-fn albedo(bsdf: &Bsdf) -> Rgb {
-    match bsdf {
-        Bsdf::Diffuse(d) => d.albedo,
-        Bsdf::Glossy(g) => g.f0 + g.albedo * (Rgb::ONE - g.f0),
-        Bsdf::Anisotropic(a) => albedo(&Bsdf::Glossy(a.isotropic())),
-        Bsdf::Dielectric(d) => d.tint,
-        Bsdf::Thin(t) => t.tint,
-        Bsdf::Iridescent(l) => albedo(&l.base()),
-        Bsdf::Sheen(s) => s.color,
-        Bsdf::Clearcoated(c) => albedo(&c.base()) * c.through(Vec3::Z, Vec3::Z),
-    }
-}
-
 impl PathObserver for FirstHit {
     fn begin(&mut self, pixel: UVec2, _: u32) {
         self.log.begin(pixel);
@@ -282,7 +267,7 @@ impl PathObserver for FirstHit {
         if n == 1
             && let Some(seen) = self.log.current()
         {
-            *seen = Some((albedo(point.bsdf), point.frame.n, distance));
+            *seen = Some((point.bsdf.reflectance(), point.frame.n, distance));
         }
     }
 }

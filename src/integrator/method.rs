@@ -57,14 +57,10 @@ pub struct MethodSpec {
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub levels: Vec<f32>,
-    /// Mean of every level: halfway between its mean and the median of its batches.
-    #[cfg_attr(feature = "cli", arg(skip))]
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub robust: bool,
-    /// Standard deviation in pixels of the blur of roughened light, instead of the default; 0 for none.
+    /// Smoothing of a picture of several levels, instead of the default.
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sigma: Option<f32>,
+    pub resolve: Option<Resolve>,
     /// Denoise the picture.
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -117,6 +113,22 @@ pub struct MethodSpec {
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "KIND", default_value_t = SamplerKind::Sobol))]
     #[serde(default, skip_serializing_if = "SamplerKind::is_independent")]
     pub sampler: SamplerKind,
+}
+
+/// Smoothing that a picture of several levels may get.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum Resolve {
+    /// None: the means of all samples at level 0, plain path tracing.
+    None,
+    /// Every pixel gets the level with the least error.
+    Sharp,
+    /// Every pixel gets the level with the least error, and blurs where they make it less.
+    #[default]
+    Default,
+    /// The same, and what is smoother is believed more easily: less noise, more bias.
+    Smooth,
 }
 
 /// Connections of `vcm`.

@@ -15,7 +15,7 @@
 //! vanishes; where none is expected, their absence says nothing.
 
 use super::filter::{Size, tent};
-use super::{squared_difference, variance_of_mean};
+use super::{median, squared_difference, variance_of_mean};
 use crate::image::level_film::{BATCHES, LevelFilm};
 use crate::math::Vec3A;
 use rayon::prelude::*;
@@ -40,6 +40,12 @@ const AVERAGED: f32 = 1762.0;
 
 /// Least and largest factor by which energy is given back.
 const FACTORS: [f32; 2] = [0.5, 2.5];
+
+/// Multiple of the median of batches around that a batch has at most where it is blurred.
+const OF_MEDIAN: f32 = 10.0;
+
+/// Multiple of the mean hit around, over more pixels, that is added to it: where most batches are black, none is unusual.
+const OF_HITS: f32 = 4.0;
 
 /// Share of the light below which differences are rounding.
 const ROUNDING: f32 = 1e-4;
@@ -116,20 +122,22 @@ impl Coarse {
         }
     }
 
-    /// What each level has not met around a pixel of the whole picture, from the light of every level there.
+    /// What each level has not met around a pixel of the whole picture, from the light of every level there at two scales.
     pub(super) fn missing(
         &self,
         pixel: (usize, usize),
-        light: impl Fn(usize) -> Vec3A,
+        light: impl Fn(usize) -> [Vec3A; 2],
     ) -> impl Iterator<Item = Missing> {
         let roughest = light(self.levels.len() - 1);
         let corners = Corners::of(self.cells, pixel);
         self.hits.iter().enumerate().map(move |(level, hits)| {
             let size = corners.mean(hits);
-            let met = (roughest - light(level)).max(Vec3A::ZERO);
+            let light = light(level);
+            // Beside a hit the wider scale has light, and the narrow one has met nothing.
+            let [wide, narrow] = std::array::from_fn(|scale| roughest[scale] - light[scale]);
             Missing {
-                variance: met * size / BATCHES as f32,
-                expected: expected(WINDOW, roughest, size),
+                variance: wide.max(narrow).max(Vec3A::ZERO) * size / BATCHES as f32,
+                expected: expected(WINDOW, roughest[0], size),
             }
         })
     }
@@ -227,6 +235,60 @@ impl Energy {
     pub(super) fn at(&self, pixel: usize) -> Vec3A {
         let corners = Corners::of(self.cells, (pixel % self.width, pixel / self.width));
         corners.mean(&self.factors)
+    }
+}
+
+/// Most light of a batch that is blurred: what is above is a firefly.
+pub(super) struct Caps {
+    cells: Size,
+    most: Vec<Vec3A>,
+}
+
+impl Caps {
+    /// A multiple of the median of batches around, and one of the mean of those that are not black.
+    pub(super) fn of(film: &LevelFilm) -> Self {
+        let window = film.window();
+        let pixels = (window.w as usize, window.h as usize);
+        let cells = (pixels.0.div_ceil(CELL), pixels.1.div_ceil(CELL));
+        let mut medians = Vec::with_capacity(cells.0 * cells.1);
+        let mut means = Vec::with_capacity(cells.0 * cells.1);
+        let mut lit = Vec::with_capacity(cells.0 * cells.1);
+        for cell in 0..cells.0 * cells.1 {
+            let inside = pixels_of(pixels, cells, cell);
+            let part = 1.0 / inside.clone().count() as f32;
+            let (mut typical, mut sum, mut count) = (Vec3A::ZERO, Vec3A::ZERO, 0u32);
+            for pixel in inside {
+                let light = std::array::from_fn(|batch| {
+                    Vec3A::from(film.batch_mean(pixel, batch, film.levels()))
+                });
+                typical += part * median(light);
+                sum += light.iter().sum::<Vec3A>();
+                count += light
+                    .iter()
+                    .map(|l| u32::from(*l != Vec3A::ZERO))
+                    .sum::<u32>();
+            }
+            medians.push(typical);
+            means.push(part * sum);
+            lit.push(part * count as f32);
+        }
+        tent(cells, 1, &mut medians);
+        tent(cells, 2, &mut means);
+        tent(cells, 2, &mut lit);
+        let most = medians.iter().zip(&means).zip(&lit);
+        Self {
+            cells,
+            most: most
+                .map(|((median, mean), lit)| {
+                    *median * OF_MEDIAN + *mean * (OF_HITS / lit.max(f32::MIN_POSITIVE))
+                })
+                .collect(),
+        }
+    }
+
+    /// That of a pixel of the film.
+    pub(super) fn at(&self, pixel: (usize, usize)) -> Vec3A {
+        Corners::of(self.cells, pixel).mean(&self.most)
     }
 }
 

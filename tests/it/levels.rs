@@ -243,14 +243,21 @@ fn shared_light_is_a_part_of_every_level() {
         }
         assert_eq!(more == 0, all, "{more}");
     }
-    for [x, y, z, length] in gray.features() {
+    for features in gray.features() {
+        // The first vertex is rough everywhere but on the lamp, which is black.
+        assert_eq!(features[..4], features[4..8]);
         // The mean of normals is no longer than one.
+        let [x, y, z, length, .., r, g, b] = features;
         let normal = Vec3::new(x, y, z).length();
         assert!(
             normal <= 1.0 + 1e-5 && length > 0.1 && length < 3.0,
             "{normal} {length}"
         );
+        assert!(r == g && g == b && r < 0.6 + 1e-5, "{r} {g} {b}");
     }
+    // Behind a mirror the first rough vertex is another one than the first.
+    let differs = |f: &[f32; 11]| f[..4] != f[4..8];
+    assert!(metal.features().iter().any(differs));
 }
 
 #[test]

@@ -186,7 +186,7 @@ impl Integrator for Faulty {
                     let values = PathLevels {
                         levels: &[value, value * other],
                         shared: 0.5 * value,
-                        features: [0.0, 0.6, 0.8, hash as f32],
+                        features: std::array::from_fn(|i| hash as f32 + i as f32),
                     };
                     levels.push(index, sample, &values);
                 }

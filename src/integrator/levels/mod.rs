@@ -17,10 +17,11 @@ mod factors;
 mod tiles;
 mod vertex;
 
+use super::ShadingPoint;
 use super::walk::observer::PathObserver;
 use super::walk::roughening::scattered;
-use super::walk::{Arrival, Carried, Interaction, MetEmission, Walk};
-use crate::image::level_film::MAX_LEVELS;
+use super::walk::{Arrival, Carried, MetEmission, Walk};
+use crate::image::level_film::{Features, MAX_LEVELS};
 use crate::math::Rgb;
 use crate::regularise::{Accumulated, Rule};
 use crate::sampler::Sampler;
@@ -85,8 +86,8 @@ struct PathSums {
     levels: Values,
     /// Light that no level roughens: the same at all levels.
     shared: Rgb,
-    /// Normal of the first rough vertex and the path's length to it; of the last vertex where none is rough.
-    features: [f32; 4],
+    /// What the path has met; of the last vertex where none is rough.
+    features: Features,
     /// True if they are those of a rough vertex.
     has_features: bool,
     /// What plain path tracing cannot find, at the least roughened level that can.
@@ -159,7 +160,7 @@ impl LevelTracer {
             let alpha = vertex.alpha;
             let point = walk.shading_point(&vertex, alpha, self.max_vertices - n);
             observer.vertex(n, hit.t, &point);
-            sums.add_features(&vertex, hit.t);
+            sums.add_features(&point, hit.t);
 
             // ── next-event estimation, emission found by roughened lobes, and the continuation
             // An interface between equal indices is a delta at any roughness.
@@ -234,13 +235,19 @@ impl PathSums {
         }
     }
 
-    /// Notes the path's `distance` to a vertex and the normal there, up to the first rough one.
+    /// Notes the path's `distance` to a vertex and what it is, up to the first rough one.
     #[inline]
-    fn add_features(&mut self, vertex: &Interaction<'_>, distance: f32) {
-        if !self.has_features {
-            let [x, y, z] = vertex.frame.n.to_array();
-            self.features = [x, y, z, self.features[3] + distance];
-            self.has_features = vertex.alpha >= ROUGH;
+    fn add_features(&mut self, vertex: &ShadingPoint<'_>, distance: f32) {
+        if self.has_features {
+            return;
         }
+        let [x, y, z] = vertex.frame.n.to_array();
+        let length = self.features[3];
+        if length == 0.0 {
+            let [r, g, b] = vertex.bsdf.reflectance().to_array();
+            self.features[4..].copy_from_slice(&[x, y, z, distance, r, g, b]);
+        }
+        self.features[..4].copy_from_slice(&[x, y, z, length + distance]);
+        self.has_features = vertex.alpha >= ROUGH;
     }
 }

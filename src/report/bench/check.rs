@@ -7,7 +7,6 @@ use crate::image::film::Window;
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Estimator, Settings};
 use crate::regularise::{Accumulated, Factors, Rule};
-use crate::resolve::MAX_SIGMA;
 
 /// The most seeds of a suite: comparisons go through all of them again and again.
 const MAX_SEEDS: u32 = 1000;
@@ -143,14 +142,8 @@ fn method(method: &MethodSpec) -> Result<(), String> {
     let pass = method.mlt_pass.is_none_or(|n| (1..=65536).contains(&n));
     ensure(pass, "mlt_pass: expected from 1 to 65536")?;
     ensure(
-        !method.robust || !method.levels.is_empty(),
-        "robust: several levels have batches",
-    )?;
-    let sigma = method.sigma.is_none_or(|s| (0.0..=MAX_SIGMA).contains(&s));
-    ensure(sigma, "sigma: expected from 0 to 1.5")?;
-    ensure(
-        method.sigma.is_none() || !method.levels.is_empty(),
-        "sigma: several levels have roughened light",
+        method.resolve.is_none() || !method.levels.is_empty(),
+        "resolve: there is a choice among several levels",
     )?;
     let factors = Factors::Constant(1.0);
     let settings = Settings {

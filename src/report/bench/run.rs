@@ -139,12 +139,11 @@ fn finished(
     spec: &MethodSpec,
     denoiser: Option<&Denoiser>,
 ) -> Result<(Buffer, Option<Resolved>), DenoiseError> {
-    let default = Resolve::default();
-    let settings = Resolve {
-        robust: spec.robust,
-        // As the program does: a denoiser does its own blur.
-        sigma: (spec.sigma).unwrap_or(if spec.denoise { 0.0 } else { default.sigma }),
-    };
+    // As the program does: a denoiser does its own blur.
+    let settings = (spec.resolve).unwrap_or(match spec.denoise {
+        true => Resolve::Sharp,
+        false => Resolve::Default,
+    });
     let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, settings));
     let shown = match &resolved {
         Some(resolved) => resolved.picture.clone(),
@@ -230,16 +229,15 @@ impl Bench<'_> {
                 };
                 let mut words = settings.fingerprint();
                 let MethodSpec {
-                    robust,
                     denoise,
-                    sigma,
+                    resolve,
                     ..
                 } = *method.spec;
-                if let Some(sigma) = sigma {
-                    words += &format!(", blur {sigma}");
+                if let Some(resolve) = resolve {
+                    words += &format!(", resolve {resolve:?}");
                 }
                 let auto = method.spec.integrator == IntegratorKind::Auto;
-                for (is, word) in [(robust, "robust"), (denoise, "denoised"), (auto, "auto")] {
+                for (is, word) in [(denoise, "denoised"), (auto, "auto")] {
                     if is {
                         words += &format!(", {word}");
                     }

@@ -235,7 +235,7 @@ fn bench_measures_levels_pilots_and_environments() {
              [[scene]]\nname = 'box'\nbuiltin = 'caustic-box'\nsize = [64, 32]\nreference_spp = 16\n{scene}\n\
              [[method]]\nname = 'plain'\nmethod = 'plain'\n\
              [[method]]\nname = 'levels'\nmethod = 'constant'\ngamma = 0.3\nlevels = [0.0, 0.3, 3.0]\n\
-             [[method]]\nname = 'robust'\nmethod = 'constant'\ngamma = 0.3\nlevels = [0.0, 0.3, 3.0]\nrobust = true\n\
+             [[method]]\nname = 'sharp'\nmethod = 'constant'\ngamma = 0.3\nlevels = [0.0, 0.3, 3.0]\nresolve = 'sharp'\n\
              [[method]]\nname = 'pilot'\nmethod = 'table'\ntable = 'table.json'\nintegrator = 'auto'\n"
         );
         write("suite.toml", text.as_bytes());
@@ -249,10 +249,10 @@ fn bench_measures_levels_pilots_and_environments() {
         let run = results.runs("box", method)[0];
         run.points.last().unwrap().clone()
     };
-    let [plain, levels, robust, pilot] =
-        ["plain", "levels", "robust", "pilot"].map(|m| last(&results, m));
+    let [plain, levels, sharp, pilot] =
+        ["plain", "levels", "sharp", "pilot"].map(|m| last(&results, m));
     assert!(levels.errors["relMSE"] < plain.errors["relMSE"]);
-    assert!(levels.errors != robust.errors);
+    assert!(levels.errors != sharp.errors);
     let ratio = levels.errors["error map ratio"];
     assert!(ratio > 0.1 && ratio < 10.0, "{ratio}");
     assert!(levels.errors["error map rank"].abs() <= 1.0);

@@ -916,8 +916,10 @@ fn levels_are_rendered_and_resolved_again() {
         .opsr("resolve a.ckpt -o again.exr --level-layers")
         .done();
     assert_eq!(file("again.exr").channels, layers.channels);
-    place.opsr("resolve a.ckpt -o robust.exr --robust").done();
-    assert!(file("robust.exr").channels["R"] != layers.channels["R"]);
+    place
+        .opsr("resolve a.ckpt -o sharp.exr --resolve sharp")
+        .done();
+    assert!(file("sharp.exr").channels["R"] != layers.channels["R"]);
 }
 
 /// Several levels are the default wherever a rule can have them.

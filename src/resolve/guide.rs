@@ -1,0 +1,204 @@
+//! Gaussian filters that stop at edges of what a path has met.
+
+use super::filter::Size;
+use super::layer::Batches;
+use crate::image::level_film::{BATCHES, Features};
+use crate::math::Vec3A;
+
+/// Standard deviations that a filter reaches.
+const REACH: f32 = 2.2;
+
+/// Weight of the squared difference of normals in the exponent.
+const NORMAL: f32 = 10.0;
+
+/// Difference of reflectance that counts as one standard deviation.
+const ALBEDO: f32 = 0.05;
+
+/// Share of a length that counts as one standard deviation of lengths.
+const LENGTH: f32 = 0.02;
+
+/// The surface that stops a filter.
+#[derive(Clone, Copy)]
+pub(super) enum Surface {
+    /// That of the first vertex.
+    First,
+    /// That of the first rough vertex.
+    Rough,
+}
+
+/// Pixels that a filter of this standard deviation reaches.
+pub(super) fn reach(sigma: f32) -> usize {
+    (2.0 * sigma).ceil() as usize
+}
+
+/// What stops a filter, as planes.
+pub(super) struct Guide {
+    size: Size,
+    /// Normal and, where it counts, reflectance: their squared differences are those of the exponent.
+    planes: Vec<Vec<f32>>,
+    length: Vec<f32>,
+    /// Difference of lengths that counts as one standard deviation at a pixel, and what a plane adds to it a pixel away.
+    slope: Vec<[f32; 2]>,
+}
+
+impl Guide {
+    /// The normal of a surface and its distance along the path; of the first its reflectance, too.
+    pub(super) fn new(size: Size, surface: Surface, features: &[Features]) -> Self {
+        let (width, height) = size;
+        let (first, scales): (usize, &[f32]) = match surface {
+            Surface::Rough => (0, &[]),
+            Surface::First => (4, &[0.5f32.sqrt() / ALBEDO; 3]),
+        };
+        let plane = |at: usize, scale: f32| features.iter().map(|f| f[at] * scale).collect();
+        let normals = (first..first + 3).map(|at| plane(at, NORMAL.sqrt()));
+        let reflectance = scales.iter().enumerate();
+        let planes = normals.chain(reflectance.map(|(c, &scale)| plane(first + 4 + c, scale)));
+        let planes = planes.collect();
+        let length: Vec<f32> = plane(first + 3, 1.0);
+        let slope = |i: usize| {
+            let (x, y) = (i % width, i / width);
+            let at = |x: usize, y: usize| length[y * width + x];
+            let across = (at((x + 1).min(width - 1), y) - at(x.saturating_sub(1), y)).abs();
+            let along = (at(x, (y + 1).min(height - 1)) - at(x, y.saturating_sub(1))).abs();
+            let here = LENGTH * length[i] + f32::MIN_POSITIVE.sqrt();
+            [here, 0.25 * across.max(along)]
+        };
+        let slope = (0..length.len()).map(slope).collect();
+        Self {
+            size,
+            planes,
+            length,
+            slope,
+        }
+    }
+
+    /// Layers blurred by a Gaussian of this standard deviation in pixels, at the inner pixels.
+    pub(super) fn blur(&self, sigma: f32, inner: &Inner, layers: &[&Batches]) -> Vec<Batches> {
+        let (width, height) = self.size;
+        let radius = reach(sigma) as isize;
+        let most = (REACH * sigma).powi(2);
+        // Rows of the disk: how far each reaches.
+        let rows: Vec<(isize, isize)> = (-radius..=radius)
+            .filter_map(|dy| {
+                let half = (most - (dy * dy) as f32).max(-1.0);
+                (half >= 0.0).then(|| (dy, (half.sqrt() as isize).min(radius)))
+            })
+            .collect();
+        let side = 2 * radius as usize + 1;
+        let mut weights = vec![0.0f32; side];
+        let mut out: Vec<Batches> = layers
+            .iter()
+            .map(|_| Vec::with_capacity(inner.size.0 * inner.size.1))
+            .collect();
+        let mut sums = vec![[Vec3A::ZERO; BATCHES]; layers.len()];
+        for i in inner.pixels() {
+            let (x, y) = ((i % width) as isize, (i / width) as isize);
+            let mut all = 0.0;
+            sums.fill([Vec3A::ZERO; BATCHES]);
+            for &(dy, half) in &rows {
+                let v = y + dy;
+                if v < 0 || v >= height as isize {
+                    continue;
+                }
+                let (from, to) = ((x - half).max(0), (x + half).min(width as isize - 1));
+                let start = v as usize * width + from as usize;
+                let weights = &mut weights[..(to - from + 1) as usize];
+                self.row(sigma, i, start, (from - x, dy), weights);
+                all += weights.iter().sum::<f32>();
+                for (sum, layer) in sums.iter_mut().zip(layers) {
+                    let mut row = *sum;
+                    for (light, &weight) in layer[start..].iter().zip(weights.iter()) {
+                        for b in 0..BATCHES {
+                            row[b] += weight * light[b];
+                        }
+                    }
+                    *sum = row;
+                }
+            }
+            let share = 1.0 / all;
+            for (out, sum) in out.iter_mut().zip(&sums) {
+                out.push(sum.map(|s| s * share));
+            }
+        }
+        out
+    }
+
+    /// Weights of neighbours in one row from `start` on, for the pixel `i`, the first of which is this far off.
+    #[inline]
+    fn row(
+        &self,
+        sigma: f32,
+        i: usize,
+        start: usize,
+        (dx, dy): (isize, isize),
+        weights: &mut [f32],
+    ) {
+        let count = weights.len();
+        let scale = 0.5 / (sigma * sigma);
+        let mut distance = dx as f32;
+        for weight in weights.iter_mut() {
+            *weight = distance;
+            distance += 1.0;
+        }
+        let (length, [here, slope]) = (self.length[i], self.slope[i]);
+        let dy2 = (dy * dy) as f32;
+        for (weight, other) in weights.iter_mut().zip(&self.length[start..start + count]) {
+            let d2 = *weight * *weight + dy2;
+            let step = (other - length) / (here + slope * d2.sqrt());
+            *weight = d2 * scale + 0.5 * step * step;
+        }
+        for plane in &self.planes {
+            let own = plane[i];
+            for (weight, other) in weights.iter_mut().zip(&plane[start..start + count]) {
+                *weight += (other - own) * (other - own);
+            }
+        }
+        for weight in weights.iter_mut() {
+            *weight = negative_exponential(*weight);
+        }
+    }
+}
+
+/// exp(−x) for x ≥ 0 within 0.01 %, and 2⁻⁶⁰ from there on: no branch, and no number that is too small to be fast.
+#[inline(always)]
+fn negative_exponential(x: f32) -> f32 {
+    // 1.5 · 2²³: adding it rounds to a whole number in the lowest bits.
+    const ROUND: f32 = 12_582_912.0;
+    let power = (x * -std::f32::consts::LOG2_E).max(-60.0);
+    let whole = power + ROUND;
+    let part = power - (whole - ROUND);
+    let higher = 0.240_23 + part * (0.055_5 + part * 0.009_67);
+    let fraction = 1.0 + part * (std::f32::consts::LN_2 + part * higher);
+    f32::from_bits(fraction.to_bits().wrapping_add(whole.to_bits() << 23))
+}
+
+/// A rectangle of the pixels of a larger one.
+#[derive(Clone, Copy)]
+pub(super) struct Inner {
+    /// Its first pixel.
+    pub(super) origin: Size,
+    /// Its pixels.
+    pub(super) size: Size,
+    /// Width of the larger one.
+    pub(super) width: usize,
+}
+
+impl Inner {
+    /// Numbers of its pixels in the larger one, row by row.
+    pub(super) fn pixels(&self) -> impl Iterator<Item = usize> + Clone + use<> {
+        let Self {
+            origin,
+            size,
+            width,
+        } = *self;
+        (0..size.1).flat_map(move |y| {
+            let row = (origin.1 + y) * width + origin.0;
+            row..row + size.0
+        })
+    }
+
+    /// Its part of a plane.
+    pub(super) fn of<T: Copy>(&self, plane: &[T]) -> Vec<T> {
+        self.pixels().map(|i| plane[i]).collect()
+    }
+}

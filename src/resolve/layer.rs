@@ -1,0 +1,161 @@
+//! The rule: one candidate of a layer of light for every pixel.
+
+use super::filter::{Size, tent};
+use super::{squared_difference, variance_of_mean};
+use crate::image::level_film::BATCHES;
+use crate::math::Vec3A;
+
+/// r: radius in pixels at which noise and bias are smoothed.
+pub(super) const RADIUS: usize = 1;
+
+/// Radius in pixels of the filter of the shares of candidates.
+pub(super) const SHARE_RADIUS: usize = 1;
+
+/// Share of the weight of the darkest pixel around that the noise of a blurred layer has at least.
+const DARK: f32 = 0.5;
+
+/// Factor on the error of a blurred candidate: it must be the better one beyond doubt.
+const CAUTION: f32 = 1.5;
+
+/// Light of some pixels in batches.
+pub(super) type Batches = Vec<[Vec3A; BATCHES]>;
+
+/// What a layer may become.
+pub(super) struct Candidate {
+    /// Its level of roughening.
+    pub(super) level: u8,
+    /// The light.
+    pub(super) light: Batches,
+    /// Numbers of the candidates that it is judged against.
+    pub(super) sharper: Vec<usize>,
+    /// Variance of what it has not met, if any.
+    pub(super) missing: Option<Vec<Vec3A>>,
+    /// True if it is blurred.
+    pub(super) blurred: bool,
+    /// True if light that it takes across an edge counts as on the dark side of it, as its noise does.
+    pub(super) dark_side: bool,
+}
+
+/// w of every pixel and channel, for what is seen there, and for the darkest pixel around.
+pub(super) struct Weights {
+    pub(super) own: Vec<Vec3A>,
+    pub(super) dark: Vec<Vec3A>,
+}
+
+/// The best candidate of every pixel.
+pub(super) struct Choice {
+    /// Number of the candidate.
+    pub(super) chosen: Vec<u8>,
+    /// Its squared bias, weighted.
+    pub(super) bias2: Vec<f32>,
+    /// Its variance, weighted.
+    pub(super) variance: Vec<f32>,
+}
+
+impl Choice {
+    /// Chooses among candidates in ascending order of what they take from the picture: the first of the best.
+    pub(super) fn of(size: Size, candidates: &[Candidate], weights: &Weights, kappa: f32) -> Self {
+        let pixels = weights.own.len();
+        let mut all = Self {
+            chosen: vec![0; pixels],
+            bias2: vec![0.0; pixels],
+            variance: vec![0.0; pixels],
+        };
+        let edges: Vec<Vec3A> = (weights.own.iter().zip(&weights.dark))
+            .map(|(own, dark)| own.max(DARK * *dark))
+            .collect();
+        let mut least = vec![f32::INFINITY; pixels];
+        // Variances of those that others are judged against.
+        let mut anchors: Vec<Vec<f32>> = Vec::with_capacity(candidates.len());
+        for (k, candidate) in candidates.iter().enumerate() {
+            let noise = noise(size, candidate);
+            let variance = weighted(&noise, &weights.own);
+            let bias2 = bias(size, candidates, k, weights, &anchors, kappa);
+            let judged = candidate.blurred.then(|| weighted(&noise, &edges));
+            let judged = judged.as_ref().unwrap_or(&variance);
+            let caution = if candidate.blurred { CAUTION } else { 1.0 };
+            for i in 0..pixels {
+                let error = caution * (bias2[i] + judged[i]);
+                if error < least[i] {
+                    least[i] = error;
+                    all.chosen[i] = k as u8;
+                    all.bias2[i] = bias2[i];
+                    all.variance[i] = variance[i];
+                }
+            }
+            anchors.push(variance);
+        }
+        all
+    }
+
+    /// Means of the candidates, blended as they were chosen, without hard edges.
+    pub(super) fn blend(
+        &self,
+        size: Size,
+        candidates: &[Candidate],
+        mean: impl Fn(&[Vec3A; BATCHES]) -> Vec3A,
+    ) -> Vec<Vec3A> {
+        let mut sum = vec![Vec3A::ZERO; self.chosen.len()];
+        for (k, candidate) in candidates.iter().enumerate() {
+            let is = |&c: &u8| f32::from(u8::from(usize::from(c) == k));
+            let mut shares: Vec<f32> = self.chosen.iter().map(is).collect();
+            tent(size, SHARE_RADIUS, &mut shares);
+            for ((sum, light), &share) in sum.iter_mut().zip(&candidate.light).zip(&shares) {
+                if share > 0.0 {
+                    *sum += share * mean(light);
+                }
+            }
+        }
+        sum
+    }
+}
+
+/// V of a candidate.
+fn noise(size: Size, candidate: &Candidate) -> Vec<Vec3A> {
+    let mut noise: Vec<Vec3A> = (candidate.light.iter())
+        .map(|light| variance_of_mean(*light))
+        .collect();
+    tent(size, RADIUS, &mut noise);
+    if let Some(missing) = &candidate.missing {
+        let pairs = noise.iter_mut().zip(missing);
+        pairs.for_each(|(noise, missing)| *noise += *missing);
+    }
+    noise
+}
+
+/// b of candidate number `k`.
+fn bias(
+    size: Size,
+    candidates: &[Candidate],
+    k: usize,
+    weights: &Weights,
+    variance: &[Vec<f32>],
+    kappa: f32,
+) -> Vec<f32> {
+    let one = &candidates[k];
+    let weights = if one.dark_side {
+        &weights.dark
+    } else {
+        &weights.own
+    };
+    let mut all = vec![0.0f32; weights.len()];
+    for &anchor in &one.sharper {
+        let pairs = one.light.iter().zip(&candidates[anchor].light);
+        let square = |(ours, theirs): (&[Vec3A; BATCHES], &[Vec3A; BATCHES])| {
+            squared_difference(std::array::from_fn(|b| ours[b] - theirs[b]))
+        };
+        let mut smooth: Vec<Vec3A> = pairs.map(square).collect();
+        tent(size, RADIUS, &mut smooth);
+        let pairs = all.iter_mut().zip(weighted(&smooth, weights));
+        for ((all, bias), noise) in pairs.zip(&variance[anchor]) {
+            *all = all.max(bias - kappa * noise);
+        }
+    }
+    all
+}
+
+/// Mean over the channels of values times their weights.
+pub(super) fn weighted(values: &[Vec3A], weights: &[Vec3A]) -> Vec<f32> {
+    let pairs = values.iter().zip(weights);
+    pairs.map(|(v, w)| v.dot(*w) / 3.0).collect()
+}

@@ -1,0 +1,557 @@
+use super::coarse::{Coarse, Missing};
+use super::filter::tent;
+use super::guide::{Guide, Inner, Surface};
+use super::tiles::TILE;
+use super::*;
+use crate::image::film::Window;
+use crate::image::level_film::PathLevels;
+use crate::image::level_film::{FEATURES, Features};
+use crate::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
+
+fn stream(n: u32) -> IndependentStream {
+    Independent { seed: Seed(5) }.stream(crate::math::UVec2::ZERO, n)
+}
+
+/// A square film of one sample a batch, all of whose light is roughened.
+fn levels(size: usize, of: impl Fn(usize, usize, usize) -> Rgb, count: usize) -> LevelFilm {
+    film(size, of, count, |_| Rgb::ZERO)
+}
+
+/// A square film of one sample a batch: the light by level, batch and pixel, and what no level roughens.
+fn film(
+    size: usize,
+    of: impl Fn(usize, usize, usize) -> Rgb,
+    count: usize,
+    shared: impl Fn(usize) -> Rgb,
+) -> LevelFilm {
+    let frame = crate::math::UVec2::splat(size as u32);
+    let mut film = LevelFilm::new(frame, Window::full(frame), count);
+    for i in 0..size * size {
+        for b in 0..BATCHES {
+            let levels: Vec<Rgb> = (0..count).map(|k| of(k, b, i)).collect();
+            let path = PathLevels {
+                levels: &levels,
+                shared: shared(i),
+                features: [0.0; FEATURES],
+            };
+            film.push(i, b as u32, &path);
+        }
+    }
+    film
+}
+
+const SHARP: Resolve = Resolve::Sharp;
+
+const ALL: [Resolve; 4] = [
+    Resolve::None,
+    Resolve::Sharp,
+    Resolve::Default,
+    Resolve::Smooth,
+];
+
+/// Noise of mean 0 and variance 1 that depends on its place only.
+fn noise(k: usize, b: usize, i: usize) -> f32 {
+    let mut stream = stream((i * 64 + k * 8 + b) as u32);
+    (0..12).map(|_| stream.next_1d()).sum::<f32>() - 6.0
+}
+
+/// Heavy tails: a brightness of 1/p with probability p, whose mean is 1 whatever p.
+#[test]
+fn squared_difference_is_unbiased_under_heavy_tails() {
+    for (p, offset) in [(0.5f32, 0.0f32), (0.05, 0.0), (0.05, 2.0), (0.01, 0.5)] {
+        let (mut sum, mut squares, n) = (0.0f64, 0.0f64, 400_000);
+        let mut stream = stream(7);
+        for _ in 0..n {
+            let d = std::array::from_fn(|_| {
+                let hit = if stream.next_1d() < p { 1.0 / p } else { 0.0 };
+                Vec3A::splat(hit - 1.0 + offset)
+            });
+            let u = f64::from(squared_difference(d).x);
+            sum += u;
+            squares += u * u;
+        }
+        let mean = sum / f64::from(n);
+        let error = ((squares / f64::from(n) - mean * mean) / f64::from(n)).sqrt();
+        let expected = f64::from(offset * offset);
+        assert!(
+            (mean - expected).abs() < 4.0 * error,
+            "{p} {offset}: {mean} ± {error}"
+        );
+    }
+}
+
+#[test]
+fn noise_free_levels_resolve_to_level_0() {
+    let ramp = |k: usize, _, i: usize| Rgb::splat(1.0 + i as f32 / 64.0 + k as f32 * 0.01);
+    let levels = levels(8, ramp, 4);
+    for settings in ALL {
+        let resolved = resolve_film(&levels, settings);
+        assert!(resolved.level.iter().all(|&k| k == 0));
+        assert_eq!(resolved.picture, levels.mean(0));
+        // Hits are expected, and their absence is told from darkness by exp(−e).
+        assert!(resolved.relative_error() < 1e-6);
+    }
+}
+
+#[test]
+fn white_noise_on_a_constant_resolves_to_the_roughest_level() {
+    let value = |k: usize, b, i| Rgb::splat(1.0 + 0.2 * 0.25f32.powi(k as i32) * noise(k, b, i));
+    let resolved = resolve_film(&levels(32, value, 3), SHARP);
+    let count = |resolved: &Resolved, level| resolved.level.iter().filter(|&&k| k == level).count();
+    // The estimate of a bias is noisy itself: 88 % by these numbers.
+    let counts = [0, 1, 2].map(|k| count(&resolved, k));
+    assert!(counts[2] > 800 && counts[0] < 80, "{counts:?}");
+    // A level that adds light everywhere is not taken.
+    let bright = |k: usize, b, i| value(k, b, i) + Rgb::splat(if k == 2 { 0.5 } else { 0.0 });
+    let resolved = resolve_film(&levels(32, bright, 3), SHARP);
+    let counts = [0, 1, 2].map(|k| count(&resolved, k));
+    assert!(counts[2] == 0 && counts[1] > 850, "{counts:?}");
+}
+
+/// Light that the path finds anyhow, in a room under a sky: roughening the last vertex makes it noisier.
+#[test]
+fn noisier_levels_are_not_chosen() {
+    let value = |k: usize, b, i| Rgb::splat(1.0 + [0.05, 0.6, 0.3][k] * noise(k, b, i));
+    let resolved = resolve_film(&levels(32, value, 3), SHARP);
+    let rough = resolved.level.iter().filter(|&&k| k > 0).count();
+    assert!(rough < 20, "{rough}");
+}
+
+/// Light that a bright surface lost is not given to the shadow beside it.
+#[test]
+fn energy_correction_leaves_shadows_dark() {
+    let shadow = |i: usize| i % 8 < 4;
+    let value = |k: usize, b, i| {
+        let bright = [1.0, 0.93][k] + [0.6, 0.05][k] * noise(k, b, i);
+        Rgb::splat(bright * if shadow(i) { 0.01 } else { 1.0 })
+    };
+    let resolved = resolve_film(&levels(48, value, 2), SHARP);
+    let pixels = resolved.picture.pixels.iter().enumerate();
+    let dark: Vec<f32> = pixels
+        .filter(|(i, _)| shadow(*i))
+        .map(|(_, p)| p.x)
+        .collect();
+    let mean = dark.iter().sum::<f32>() / dark.len() as f32;
+    assert!((mean - 0.01).abs() < 0.002, "{mean}");
+}
+
+/// Equal levels keep their picture, black pixels stay black, and what a rough level loses is given back.
+#[test]
+fn energy_correction_keeps_equal_levels_and_black_pixels() {
+    let black = |i: usize| i.is_multiple_of(7);
+    let equal = |_, b, i| {
+        if black(i) {
+            Rgb::ZERO
+        } else {
+            Rgb::splat(1.0 + 0.3 * noise(0, b, i))
+        }
+    };
+    let all = levels(16, equal, 3);
+    let resolved = resolve_film(&all, SHARP);
+    for (i, (p, q)) in resolved
+        .picture
+        .pixels
+        .iter()
+        .zip(&all.mean(0).pixels)
+        .enumerate()
+    {
+        assert!((*p - *q).abs().max_element() < 1e-6, "{i}: {p} {q}");
+    }
+    let darker = |k: usize, b, i| {
+        let spread = [0.6, 0.05][k];
+        if black(i) {
+            Rgb::ZERO
+        } else {
+            Rgb::splat([1.0, 0.93][k] + spread * noise(k, b, i))
+        }
+    };
+    let all = levels(48, darker, 2);
+    let resolved = resolve_film(&all, SHARP);
+    assert!(resolved.level.iter().filter(|&&k| k == 1).count() > 2000);
+    let mean = |b: &Buffer| b.pixels.iter().map(|p| p.x).sum::<f32>() / b.pixels.len() as f32;
+    let (plain, rough) = (mean(&all.mean(0)), mean(&all.mean(1)));
+    let lost = (mean(&resolved.picture) - plain).abs();
+    assert!(lost < 0.35 * (plain - rough), "{plain} {rough} {lost}");
+    for (i, p) in resolved.picture.pixels.iter().enumerate() {
+        assert_eq!(*p == Rgb::ZERO, black(i), "{i}");
+    }
+}
+
+/// Error of noise on a smooth picture falls by blur, that of a texture does not: neither the texture of the light that
+/// all levels share nor a sharp edge of roughened light is blurred.
+#[test]
+fn blur_lowers_noise_and_keeps_texture_and_edges() {
+    let size = 32;
+    let texture = |i: usize| {
+        if (i + i / size).is_multiple_of(2) {
+            2.0
+        } else {
+            0.2
+        }
+    };
+    let edge = |i: usize| if i % size < 16 { 1.0f32 } else { 0.1 };
+    let shared = |i: usize| Rgb::splat(texture(i));
+    let value = |spread: f32| {
+        move |k: usize, b, i| {
+            let noise = 1.0 + spread * [4.0, 1.0][k] * noise(k, b, i);
+            Rgb::splat(texture(i) + edge(i) * noise)
+        }
+    };
+    let error = |resolved: &Resolved| -> f32 {
+        let pixels = resolved.picture.pixels.iter().enumerate();
+        let square = |(i, p): (usize, &Rgb)| (p.x / (texture(i) + edge(i)) - 1.0).powi(2);
+        pixels.map(square).sum()
+    };
+    for (spread, most) in [(0.2, 0.7), (0.002, 1.1)] {
+        let all = film(size, value(spread), 2, shared);
+        let sharp = error(&resolve_film(&all, SHARP));
+        let blurred = error(&resolve_film(&all, Resolve::Default));
+        assert!(blurred < most * sharp, "{spread}: {blurred} {sharp}");
+    }
+}
+
+/// Noise of one batch beside dark pixels without noise, which no difference of batches tells from bias.
+#[test]
+fn blur_leaves_dark_pixels_beside_noise_dark() {
+    let (size, bright) = (32, |i: usize| i.is_multiple_of(8));
+    let value = |k: usize, b: usize, i: usize| {
+        let lit = bright(i) && b == (i / 8) % BATCHES;
+        Rgb::splat(if lit { 8.0 - 0.1 * k as f32 } else { 0.01 })
+    };
+    let resolved = resolve_film(&levels(size, value, 3), Resolve::default());
+    let pixels = resolved.picture.pixels.iter().enumerate();
+    let dark: Vec<f32> = pixels
+        .filter(|(i, _)| !bright(*i))
+        .map(|(_, p)| p.x)
+        .collect();
+    let worst = dark.iter().fold(0.0f32, |most, p| most.max(*p));
+    // A twentieth of what is beside.
+    assert!(worst < 0.1, "{worst}");
+}
+
+#[test]
+fn gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black() {
+    let blurred = |(w, h): (usize, usize), features: &[Features], light: &dyn Fn(usize) -> f32| {
+        let light = |i: usize| [Vec3A::splat(light(i)); BATCHES];
+        let light: Vec<_> = (0..w * h).map(light).collect();
+        let inner = Inner {
+            origin: (0, 0),
+            size: (w, h),
+            width: w,
+        };
+        let guide = Guide::new((w, h), Surface::Rough, features);
+        let blurred = guide.blur(1.0, &inner, &[&light]);
+        let first = blurred[0].iter().map(|light| light[0].x);
+        first.collect::<Vec<f32>>()
+    };
+    for (w, h) in [(1, 1), (2, 9), (7, 5)] {
+        let ones = blurred((w, h), &vec![[0.0; FEATURES]; w * h], &|_| 1.0);
+        assert!(ones.iter().all(|v| (v - 1.0).abs() < 1e-6));
+    }
+    let one = |i: usize| if i == 60 { 1.0 } else { 0.0 };
+    let spread = |features: &dyn Fn(usize) -> [f32; 4]| {
+        let whole = |i: usize| {
+            let mut whole = [0.0; FEATURES];
+            whole[..4].copy_from_slice(&features(i));
+            whole
+        };
+        let features: Vec<Features> = (0..121).map(whole).collect();
+        blurred((11, 11), &features, &one)
+    };
+    let flat = spread(&|_| [0.0, 0.0, 1.0, 5.0]);
+    let (beside, far) = (flat[61] / flat[60], flat[62] / flat[60]);
+    assert!((beside - (-0.5f32).exp()).abs() < 1e-4, "{beside}");
+    assert!((far - (-2.0f32).exp()).abs() < 1e-4, "{far}");
+    // A wall that meets the floor, and a surface far behind; a tilted plane has no edge.
+    let left = |i: usize| i % 11 <= 5;
+    let corner = spread(&|i| {
+        if left(i) {
+            [0.0, 0.0, 1.0, 5.0]
+        } else {
+            [0.0, 1.0, 0.0, 5.0]
+        }
+    });
+    let behind = spread(&|i| [0.0, 0.0, 1.0, if left(i) { 5.0 } else { 9.0 }]);
+    let tilted = spread(&|i| [0.0, 0.0, 1.0, 5.0 + 0.3 * (i % 11) as f32]);
+    for (edge, expected) in [(corner, 0.0..0.01), (behind, 0.0..0.1), (tilted, 0.7..1.4)] {
+        let ratio = edge[61] / edge[59];
+        assert!(expected.contains(&ratio), "{ratio} {expected:?}");
+    }
+    let value = |k: usize, b, i: usize| {
+        let light = if i.is_multiple_of(7) { 0.0 } else { 1.0 };
+        Rgb::splat(light * (1.0 + 0.3 * noise(k, b, i)))
+    };
+    let resolved = resolve_film(&levels(16, value, 3), Resolve::Default);
+    for (i, p) in resolved.picture.pixels.iter().enumerate() {
+        assert_eq!(*p == Rgb::ZERO, i.is_multiple_of(7), "{i}");
+    }
+}
+
+#[test]
+fn tent_keeps_constants_and_shares_sum_to_one() {
+    for (w, h) in [(1, 1), (2, 9), (7, 5)] {
+        let mut ones = vec![Rgb::ONE; w * h];
+        tent((w, h), 1, &mut ones);
+        assert!(
+            ones.iter()
+                .all(|v| (*v - Rgb::ONE).abs().max_element() < 1e-6)
+        );
+    }
+    let one = |i: usize| if i == 12 { Rgb::ONE } else { Rgb::ZERO };
+    let mut spread: Vec<Rgb> = (0..25).map(one).collect();
+    tent((5, 5), 1, &mut spread);
+    assert!((spread[12].x - 1.0 / 9.0).abs() < 1e-6, "{}", spread[12]);
+    assert!(spread.iter().all(|v| v.x > 0.0));
+}
+
+/// Any light, noise and features: a tile knows as much of its surroundings as its pixels depend on.
+#[test]
+fn resolve_in_tiles_has_the_bytes_of_the_whole() {
+    let frame = crate::math::UVec2::new(61, 38);
+    let window = Window {
+        x: 3,
+        y: 5,
+        w: 53,
+        h: 31,
+    };
+    let mut film = LevelFilm::new(frame, window, 4);
+    for index in 0..window.len() {
+        for sample in 0..2 * BATCHES as u32 {
+            let mut stream = stream(index as u32 * 16 + sample);
+            let mut next = || stream.next_1d();
+            let shared = Rgb::new(next(), next(), next());
+            let bright = |k: usize, u: f32| (0.5 - 0.1 * k as f32) / (u + 0.01 + 0.2 * k as f32);
+            let levels: [Rgb; 4] = std::array::from_fn(|k| shared + bright(k, next()));
+            let path = PathLevels {
+                levels: &levels,
+                shared,
+                features: std::array::from_fn(
+                    |i| if i == 3 || i == 7 { 3.0 } else { 0.5 } + 0.1 * next(),
+                ),
+            };
+            film.push(index, sample, &path);
+        }
+    }
+    for settings in ALL {
+        let limits = Limits::of(settings);
+        let whole = resolve(&film, limits, TILE);
+        if settings == Resolve::None {
+            assert!(whole.level.iter().all(|&k| k == 0));
+            continue;
+        }
+        assert!((0..4).filter(|k| whole.level.contains(k)).count() > 1);
+        for edge in [1, 7, 32] {
+            assert_eq!(resolve(&film, limits, edge), whole, "{settings:?} {edge}");
+        }
+    }
+}
+
+/// Level 0 finds light in one of 500 batches of a pixel, level 1 a little less light everywhere: in most windows level 0
+/// has met nothing, and looks free of noise.
+#[test]
+fn light_that_a_level_has_not_met_is_not_dark() {
+    let rare = |b: usize, i: usize| {
+        let hit = stream((i * 8 + b) as u32 + 90_000).next_1d() < 0.002;
+        if hit { 500.0 } else { 0.0 }
+    };
+    for settings in [SHARP, Resolve::Default] {
+        let value = |k: usize, b, i| {
+            Rgb::splat(match k {
+                0 => rare(b, i),
+                _ => 0.95 + 0.3 * noise(k, b, i),
+            })
+        };
+        let resolved = resolve_film(&levels(64, value, 2), settings);
+        let dark = resolved.picture.pixels.iter().filter(|p| p.x < 0.3).count();
+        assert!(dark < 4096 / 50, "{settings:?}: {dark} dark pixels");
+        // No light is brought to the surroundings of a hit as a shape: the mean of every tile of 16 pixels is right.
+        for tile in 0..16 {
+            let (x, y) = (tile % 4 * 16, tile / 4 * 16);
+            let pixels = (0..256).map(|i| (y + i / 16) * 64 + x + i % 16);
+            let mut all: Vec<f32> = pixels.map(|i| resolved.picture.pixels[i].x).collect();
+            all.sort_by(f32::total_cmp);
+            assert!((0.5..1.9).contains(&all[128]), "{tile}: {}", all[128]);
+        }
+    }
+}
+
+/// A shadow that level 0 leaves dark and a rough level lights: where hits are as small as the light beside, darkness is
+/// what level 0 has seen.
+#[test]
+fn darkness_is_believed_where_hits_are_expected() {
+    let shadow = |i: usize| i % 32 < 16;
+    let value = |k: usize, b, i| {
+        let light = match (k, shadow(i)) {
+            (0, true) => 0.01,
+            (_, true) => 0.1,
+            (_, false) => 1.0,
+        };
+        Rgb::splat(light * (1.0 + 0.2 * noise(k, b, i)))
+    };
+    let resolved = resolve_film(&levels(32, value, 2), SHARP);
+    let pixels = resolved.picture.pixels.iter().enumerate();
+    // The edge itself is smoothed.
+    let inner = pixels.filter(|(i, _)| (2..14).contains(&(i % 32)));
+    let worst = inner.fold(0.0f32, |worst, (_, p)| worst.max(p.x));
+    assert!(worst < 0.03, "{worst}");
+}
+
+/// A pixel that no level has lit, in a wall whose light comes in rare hits, gets the light around it.
+#[test]
+fn black_pixels_of_a_lit_wall_are_filled() {
+    let value = |k: usize, b: usize, i: usize| {
+        let hit = stream((i * 8 + b) as u32 + 70_000).next_1d() < 0.05;
+        Rgb::splat(if hit && i != 24 * 49 {
+            20.0 - 0.1 * k as f32
+        } else {
+            0.0
+        })
+    };
+    let film = levels(48, value, 3);
+    let black = |p: &&Rgb| **p == Rgb::ZERO;
+    let plain = film.mean(0).pixels.iter().filter(black).count();
+    let resolved = resolve_film(&film, Resolve::default());
+    let left = resolved.picture.pixels.iter().filter(black).count();
+    assert!(plain > 1500 && left < plain / 4, "{plain} {left}");
+}
+
+/// Light that comes in hits of known size, and the hits that a window expects of it.
+#[test]
+fn size_of_hits_and_expected_hits_are_known_ones() {
+    let value = |k: usize, b: usize, i: usize| {
+        let (chance, size) = [(0.01, 100.0), (0.25, 4.0)][k];
+        let hit = stream((i * 8 + b) as u32 + 50_000 * k as u32).next_1d() < chance;
+        Rgb::splat(if hit { size } else { 0.0 })
+    };
+    let coarse = Coarse::roughened(&levels(64, value, 2));
+    let light = |level: usize| [Vec3A::splat([0.25, 1.0][level]); 2];
+    let missing: Vec<Missing> = coarse.missing((31, 30), light).collect();
+    // D M / B = 0.75 · 100 / 4, e = 12 · 4 · 1 / 100.
+    assert!(
+        (missing[0].variance.x - 18.75).abs() < 1e-3,
+        "{}",
+        missing[0].variance
+    );
+    assert!(
+        (missing[0].expected - 0.48).abs() < 1e-4,
+        "{}",
+        missing[0].expected
+    );
+    assert_eq!(missing[1].variance, Vec3A::ZERO);
+    assert!(
+        (missing[1].expected - 12.0).abs() < 1e-3,
+        "{}",
+        missing[1].expected
+    );
+    let [sharp, blurred] = [1.0, 1.5].map(|times| missing[0].noise(times).x);
+    assert!((sharp - 18.75 * (-0.48f32).exp()).abs() < 1e-3, "{sharp}");
+    assert!(
+        (blurred - 18.75 * (-0.72f32).exp()).abs() < 1e-3,
+        "{blurred}"
+    );
+}
+
+#[test]
+fn black_picture_states_an_error_of_1() {
+    let film = levels(8, |_, _, _| Rgb::ZERO, 2);
+    assert_eq!(
+        resolve_film(&film, Resolve::default()).relative_error(),
+        1.0
+    );
+}
+
+#[test]
+fn film_without_a_noise_estimate_shows_level_0() {
+    fn path(levels: &[Rgb]) -> PathLevels<'_> {
+        PathLevels {
+            levels,
+            shared: Rgb::ZERO,
+            features: [0.0; FEATURES],
+        }
+    }
+    let size = crate::math::UVec2::new(2, 1);
+    let mut film = LevelFilm::new(size, crate::image::film::Window::full(size), 2);
+    for sample in 0..BATCHES as u32 {
+        let resolved = resolve_film(&film, SHARP);
+        assert_eq!(resolved.picture, film.mean(0));
+        assert_eq!(resolved.relative_error(), f64::INFINITY);
+        let names: Vec<_> = (resolved.layers().into_iter()).map(|l| l.name).collect();
+        assert_eq!(names, ["level"], "an error of which nothing is known");
+        for index in 0..2 {
+            film.push(index, sample, &path(&[Rgb::ONE, Rgb::splat(0.5)]));
+        }
+    }
+    assert!(resolve_film(&film, SHARP).relative_error() < 1e-6);
+    assert_eq!(resolve_film(&film, SHARP).layers().len(), 4);
+    film.push(0, 4, &path(&[Rgb::ONE, Rgb::splat(f32::NAN)]));
+    assert_eq!(film.mean(1).pixels[0], Rgb::splat(0.5));
+}
+
+/// A square film of two levels without roughened light.
+fn shared_film(size: usize, of: impl Fn(usize, usize) -> f32) -> LevelFilm {
+    let frame = crate::math::UVec2::splat(size as u32);
+    let mut film = LevelFilm::new(frame, Window::full(frame), 2);
+    for i in 0..size * size {
+        for b in 0..BATCHES {
+            let light = Rgb::splat(of(b, i));
+            let path = PathLevels {
+                levels: &[light; 2],
+                shared: light,
+                features: [1.0; FEATURES],
+            };
+            film.push(i, b as u32, &path);
+        }
+    }
+    film
+}
+
+/// Noise of the light that all levels share falls, where its surface goes on.
+#[test]
+fn shared_light_is_blurred() {
+    let film = shared_film(48, |b, i| 1.0 + 0.3 * noise(0, b, i));
+    let square = |settings| {
+        let picture = resolve_film(&film, settings).picture;
+        let pixels = picture.pixels.iter().map(|p| (p.x - 1.0).powi(2));
+        pixels.sum::<f32>() / 2304.0
+    };
+    let [none, sharp, blurred] = [Resolve::None, SHARP, Resolve::Default].map(square);
+    assert!((none / 0.0225 - 1.0).abs() < 0.2, "{none}");
+    assert!((sharp / none - 1.0).abs() < 0.01, "{sharp} {none}");
+    assert!(blurred < 0.25 * none, "{blurred} {none}");
+}
+
+/// A firefly among even light is no blob; light that comes as hits everywhere keeps its energy.
+#[test]
+fn fireflies_are_not_blurred_and_rare_light_is() {
+    let even = shared_film(48, |b, i| {
+        1.0 + 0.3 * noise(0, b, i) + if (b, i) == (2, 24 * 49) { 4000.0 } else { 0.0 }
+    });
+    let resolved = resolve_film(&even, Resolve::Default);
+    let most = resolved
+        .picture
+        .pixels
+        .iter()
+        .fold(0.0f32, |most, p| most.max(p.x));
+    assert!(most < 10.0, "{most}");
+    let rare = shared_film(64, |b, i| {
+        let hit = stream((i * 8 + b) as u32 + 30_000).next_1d() < 0.03;
+        if hit { 40.0 } else { 0.0 }
+    });
+    let mean = |b: &Buffer| b.pixels.iter().map(|p| p.x).sum::<f32>() / 4096.0;
+    let resolved = mean(&resolve_film(&rare, Resolve::Default).picture);
+    let plain = mean(&rare.mean(0));
+    assert!((resolved / plain - 1.0).abs() < 0.1, "{resolved} {plain}");
+}
+
+/// Without any smoothing the picture is that of level 0, and states the noise of its film.
+#[test]
+fn no_smoothing_leaves_the_means_of_level_0() {
+    let value = |k: usize, b, i| Rgb::splat(1.0 + [0.4, 0.1][k] * noise(k, b, i));
+    let film = film(32, value, 2, |_| Rgb::splat(0.5));
+    let resolved = resolve_film(&film, Resolve::None);
+    assert_eq!(resolved.picture, film.mean(0));
+    assert!(resolved.level.iter().all(|&k| k == 0));
+    let truth = 0.2 / (1.0 + 0.01 / 0.09f64).sqrt();
+    let stated = resolved.relative_error();
+    assert!((stated / truth - 1.0).abs() < 0.15, "{stated} {truth}");
+}

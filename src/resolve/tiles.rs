@@ -1,0 +1,362 @@
+//! The choice in tiles, with as much around them as filters reach.
+
+use super::Limits;
+use super::coarse::{Caps, Coarse, Missing};
+use super::filter::{Size, tent};
+use super::guide::{Guide, Inner, Surface, reach};
+use super::layer::{Batches, Candidate, Choice, RADIUS, SHARE_RADIUS, Weights};
+use crate::image::film::Window;
+use crate::image::level_film::{BATCHES, Features, LevelFilm};
+use crate::math::{Rgb, Vec3A};
+use rayon::prelude::*;
+use std::sync::Mutex;
+
+/// Pixels a side of the tiles.
+pub(super) const TILE: u32 = 64;
+
+/// Radius in pixels at which light that a level has not met is looked for.
+const MISSING_RADIUS: usize = 2;
+
+/// ε of relative errors, where the mean of the picture counts as 0.3.
+const EPSILON: f32 = 0.01;
+
+/// Pixels around a tile whose candidates its choice depends on: shares of choices, which depend on noise and bias around.
+const AROUND: usize = 2 * (SHARE_RADIUS + RADIUS);
+
+/// What a film holds for all tiles.
+pub(super) struct Shared<'a> {
+    pub(super) film: &'a LevelFilm,
+    pub(super) roughened: Coarse,
+    pub(super) caps: Caps,
+    /// Factor that makes the mean of the picture 0.3.
+    pub(super) gain: f32,
+    pub(super) limits: Limits,
+}
+
+impl Shared<'_> {
+    /// Pixels around a tile that its picture depends on.
+    fn reach(&self) -> u32 {
+        let widest = |sigmas: &[f32]| sigmas.iter().map(|&s| reach(s)).max().unwrap_or(0);
+        let blur = widest(self.limits.shared).max(widest(self.limits.roughened));
+        (AROUND + blur.max(2 * MISSING_RADIUS)) as u32
+    }
+
+    /// Chooses in tiles of so many pixels a side; there is a sample in every batch.
+    pub(super) fn choose(&self, edge: u32) -> Chosen {
+        let window = self.film.window();
+        let whole = Mutex::new(Chosen::blank((window.w as usize, window.h as usize)));
+        window.tiles(edge).into_par_iter().for_each(|tile| {
+            let chosen = Part::new(self, &tile).choose();
+            let mut whole = whole.lock().expect("no thread panics");
+            whole.paste(window.w as usize, chosen);
+        });
+        whole.into_inner().expect("no thread panics")
+    }
+}
+
+/// The choice of every pixel.
+pub(super) struct Chosen {
+    /// Level of the roughened light.
+    pub(super) level: Vec<u8>,
+    /// Relative squared bias and variance, estimated.
+    pub(super) bias2: Vec<f32>,
+    pub(super) variance: Vec<f32>,
+    /// The layers: shared light, roughened light.
+    pub(super) layers: [Vec<Rgb>; 2],
+}
+
+impl Chosen {
+    fn blank((width, height): Size) -> Self {
+        let pixels = width * height;
+        Self {
+            level: vec![0; pixels],
+            bias2: vec![0.0; pixels],
+            variance: vec![0.0; pixels],
+            layers: [(); 2].map(|()| vec![Rgb::ZERO; pixels]),
+        }
+    }
+
+    /// Takes over a tile.
+    fn paste(&mut self, width: usize, tile: TileChoice) {
+        let (x, y) = tile.origin;
+        let (w, h) = tile.size;
+        for row in 0..h {
+            let to = (y + row) * width + x;
+            let (to, from) = (to..to + w, row * w..(row + 1) * w);
+            for (whole, layer) in self.layers.iter_mut().zip(&tile.layers) {
+                whole[to.clone()].copy_from_slice(&layer[from.clone()]);
+            }
+            self.bias2[to.clone()].copy_from_slice(&tile.bias2[from.clone()]);
+            self.variance[to.clone()].copy_from_slice(&tile.variance[from.clone()]);
+            self.level[to].copy_from_slice(&tile.level[from]);
+        }
+    }
+}
+
+/// The choice of a tile's pixels.
+struct TileChoice {
+    origin: Size,
+    size: Size,
+    level: Vec<u8>,
+    bias2: Vec<f32>,
+    variance: Vec<f32>,
+    layers: [Vec<Rgb>; 2],
+}
+
+/// A tile and so many pixels on each side, within the window.
+fn surroundings(tile: &Window, reach: u32, window: &Window) -> Window {
+    let range = |start: u32, length: u32, first: u32, all: u32| {
+        let from = start.saturating_sub(reach).max(first);
+        let to = start.saturating_add(length).saturating_add(reach);
+        (from, to.min(first + all) - from)
+    };
+    let (x, w) = range(tile.x, tile.w, window.x, window.w);
+    let (y, h) = range(tile.y, tile.h, window.y, window.h);
+    Window { x, y, w, h }
+}
+
+/// A tile with its surroundings. Pixels at edges that are not the film's own are wrong.
+struct Part<'a> {
+    whole: &'a Shared<'a>,
+    cut: LevelFilm,
+    size: Size,
+    /// The pixels that have candidates, of those that are cut.
+    inner: Inner,
+    /// The tile, of those.
+    tile: Inner,
+    /// First of those that have candidates in the film.
+    origin: Size,
+    /// Share of each batch in the samples.
+    shares: [f32; BATCHES],
+}
+
+impl<'a> Part<'a> {
+    fn new(whole: &'a Shared<'a>, tile: &Window) -> Self {
+        let window = whole.film.window();
+        let outer = surroundings(tile, whole.reach(), &window);
+        let inner = surroundings(tile, AROUND as u32, &window);
+        let place = |x: u32, y: u32| (x as usize, y as usize);
+        Self {
+            whole,
+            cut: whole.film.cut(outer),
+            size: place(outer.w, outer.h),
+            inner: Inner {
+                origin: place(inner.x - outer.x, inner.y - outer.y),
+                size: place(inner.w, inner.h),
+                width: outer.w as usize,
+            },
+            tile: Inner {
+                origin: place(tile.x - inner.x, tile.y - inner.y),
+                size: place(tile.w, tile.h),
+                width: inner.w as usize,
+            },
+            origin: place(inner.x - window.x, inner.y - window.y),
+            shares: whole.film.shares(),
+        }
+    }
+
+    /// Batches of the light of every pixel of a level, less the shared light, or of the shared light by the number of levels.
+    fn light(&self, level: usize) -> Batches {
+        let shared = self.cut.levels();
+        let own = |pixel: usize, batch: usize| {
+            let light = self.cut.batch_mean(pixel, batch, level);
+            if level == shared {
+                return light.into();
+            }
+            (light - self.cut.batch_mean(pixel, batch, shared)).into()
+        };
+        let pixels = 0..self.size.0 * self.size.1;
+        pixels
+            .map(|pixel| std::array::from_fn(|batch| own(pixel, batch)))
+            .collect()
+    }
+
+    fn mean(&self, light: &[Vec3A; BATCHES]) -> Vec3A {
+        let pairs = light.iter().zip(self.shares);
+        pairs.map(|(light, share)| *light * share).sum()
+    }
+
+    fn choose(&self) -> TileChoice {
+        let count = self.cut.levels();
+        let shared = self.light(count);
+        let all: Vec<Batches> = (0..count).map(|level| self.light(level)).collect();
+        let features = self.cut.features();
+        let weights = self.weights(&shared, &all[count - 1]);
+        let size = self.inner.size;
+        let limits = &self.whole.limits;
+
+        let candidates = self.of_shared(shared, &features);
+        let p = Choice::of(size, &candidates, &weights.0, limits.kappa[0]);
+        let mean = |light: &[Vec3A; BATCHES]| self.mean(light);
+        let shared = p.blend(size, &candidates, mean);
+        drop(candidates);
+
+        let candidates = self.of_roughened(&all, &features);
+        let r = Choice::of(size, &candidates, &weights.0, limits.kappa[1]);
+        let roughened = r.blend(size, &candidates, mean);
+
+        let level = |k: u8| candidates[usize::from(k)].level;
+        let sums = |a: &[f32], b: &[f32]| -> Vec<f32> {
+            let pixels = self.tile.pixels();
+            pixels.map(|i| (a[i] + b[i]) * weights.1[i]).collect()
+        };
+        TileChoice {
+            level: self.tile.pixels().map(|i| level(r.chosen[i])).collect(),
+            bias2: sums(&p.bias2, &r.bias2),
+            variance: sums(&p.variance, &r.variance),
+            layers: [shared, roughened].map(|layer| {
+                let pixels = self.tile.pixels();
+                pixels.map(|i| layer[i].into()).collect()
+            }),
+            origin: (
+                self.origin.0 + self.tile.origin.0,
+                self.origin.1 + self.tile.origin.1,
+            ),
+            size: self.tile.size,
+        }
+    }
+
+    /// The weights, and what makes numbers that are weighted by them relative as the metrics are, whatever the exposure.
+    fn weights(&self, shared: &Batches, roughest: &Batches) -> (Weights, Vec<f32>) {
+        let gain = self.whole.gain;
+        let pairs = shared.iter().zip(roughest);
+        let light: Vec<Vec3A> = pairs
+            .map(|(shared, light)| self.mean(shared) + self.mean(light))
+            .collect();
+        let mut smooth = light.clone();
+        tent(self.size, RADIUS, &mut smooth);
+        let smooth = self.inner.of(&smooth);
+        let weight = |i: &Vec3A| {
+            let i = *i * gain;
+            Vec3A::splat(gain * gain) / (i * i + EPSILON)
+        };
+        let own: Vec<Vec3A> = smooth.iter().map(weight).collect();
+        let dark = self.inner.of(&darkest(self.size, &light));
+        let grey = |v: Vec3A| v.element_sum();
+        let stated = own.iter().zip(&smooth);
+        let stated = stated.map(|(w, i)| grey((*i * *i + EPSILON).recip()) / grey(*w));
+        let stated = stated.collect();
+        let dark = dark.iter().map(weight).collect();
+        (Weights { own, dark }, stated)
+    }
+
+    /// The light that all levels share: as it is, and blurred without its fireflies.
+    fn of_shared(&self, light: Batches, features: &[Features]) -> Vec<Candidate> {
+        let candidate = |number: usize, light: Batches| Candidate {
+            level: 0,
+            light,
+            sharper: (0..number).collect(),
+            missing: None,
+            blurred: number > 0,
+            dark_side: number > 0,
+        };
+        let mut all = vec![candidate(0, self.inner.of(&light))];
+        let sigmas = self.whole.limits.shared;
+        if sigmas.is_empty() {
+            return all;
+        }
+        let outer = Inner {
+            origin: (
+                self.origin.0 - self.inner.origin.0,
+                self.origin.1 - self.inner.origin.1,
+            ),
+            ..self.inner
+        };
+        let mut capped = light;
+        for (i, light) in capped.iter_mut().enumerate() {
+            let pixel = (
+                outer.origin.0 + i % self.size.0,
+                outer.origin.1 + i / self.size.0,
+            );
+            let cap = self.whole.caps.at(pixel);
+            light.iter_mut().for_each(|light| *light = light.min(cap));
+        }
+        let guide = Guide::new(self.size, Surface::First, features);
+        for (number, &sigma) in sigmas.iter().enumerate() {
+            let blurred = guide.blur(sigma, &self.inner, &[&capped]);
+            all.extend(
+                blurred
+                    .into_iter()
+                    .map(|light| candidate(1 + number, light)),
+            );
+        }
+        all
+    }
+
+    /// The light of roughened vertices: every level, and all but level 0 blurred.
+    fn of_roughened(&self, levels: &[Batches], features: &[Features]) -> Vec<Candidate> {
+        let missing = self.missing(levels);
+        let noise = |level: usize, times: f32| {
+            let of = missing[level].iter();
+            Some(of.map(|missing| missing.noise(times)).collect())
+        };
+        let mut all: Vec<Candidate> = (levels.iter().enumerate())
+            .take(self.whole.limits.levels)
+            .map(|(level, light)| Candidate {
+                level: level as u8,
+                light: self.inner.of(light),
+                sharper: (0..level).collect(),
+                missing: noise(level, 1.0),
+                blurred: false,
+                dark_side: false,
+            })
+            .collect();
+        let sigmas = self.whole.limits.roughened;
+        if sigmas.is_empty() {
+            return all;
+        }
+        let guide = Guide::new(self.size, Surface::Rough, features);
+        let rough: Vec<&Batches> = levels.iter().skip(1).collect();
+        for &sigma in sigmas {
+            let blurred = guide.blur(sigma, &self.inner, &rough);
+            for (number, light) in blurred.into_iter().enumerate() {
+                let level = number + 1;
+                all.push(Candidate {
+                    level: level as u8,
+                    light,
+                    sharper: (0..=level).collect(),
+                    // A blur of s pixels averages about 1 + s² of them.
+                    missing: noise(level, 1.0 + sigma * sigma),
+                    blurred: true,
+                    dark_side: false,
+                });
+            }
+        }
+        all
+    }
+
+    /// What every level has not met, by level and pixel.
+    fn missing(&self, levels: &[Batches]) -> Vec<Vec<Missing>> {
+        let smooth = |level: &Batches| -> Vec<[Vec3A; 2]> {
+            let light = level.iter().map(|light| self.mean(light).max(Vec3A::ZERO));
+            let mut wide: Vec<Vec3A> = light.collect();
+            let mut narrow = wide.clone();
+            tent(self.size, MISSING_RADIUS, &mut wide);
+            tent(self.size, RADIUS, &mut narrow);
+            let pixels = self.inner.pixels();
+            pixels.map(|i| [wide[i], narrow[i]]).collect()
+        };
+        let light: Vec<Vec<[Vec3A; 2]>> = levels.iter().map(smooth).collect();
+        let mut missing: Vec<Vec<_>> = light.iter().map(|l| Vec::with_capacity(l.len())).collect();
+        let (w, h) = self.inner.size;
+        let pixels = (0..h).flat_map(|y| (0..w).map(move |x| (x, y)));
+        for (i, (x, y)) in pixels.enumerate() {
+            let pixel = (self.origin.0 + x, self.origin.1 + y);
+            let here = self.whole.roughened.missing(pixel, |level| light[level][i]);
+            let pairs = missing.iter_mut().zip(here);
+            pairs.for_each(|(all, one)| all.push(one));
+        }
+        missing
+    }
+}
+
+/// The least of a pixel and its neighbours.
+fn darkest((width, height): Size, values: &[Vec3A]) -> Vec<Vec3A> {
+    let around = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+    let least = |i: usize| {
+        let rows = around(i / width, height);
+        let near = rows.flat_map(|y| around(i % width, width).map(move |x| values[y * width + x]));
+        near.fold(values[i], Vec3A::min)
+    };
+    (0..values.len()).map(least).collect()
+}
