@@ -129,7 +129,7 @@ impl<'a> Render<'a> {
     }
 
     /// Scales of the factors at several levels, ascending from 0, of which every pixel gets the best; empty for the factors
-    /// as they are. By default five, where there is something to roughen.
+    /// as they are. By default four, where there is something to roughen.
     pub fn levels(mut self, scales: &[f32]) -> Self {
         self.levels = Some(scales.to_vec());
         self

@@ -83,7 +83,7 @@ impl From<RenderProgress> for Progress {
 ///     of the file.
 /// levels: several amounts of roughening on the same paths, of which every pixel gets the best: their number from 1 to 8, or
 ///     the scales of the table's, the constant factor or the filter's value, ascending from 0; 1 takes the table or the
-///     constant as it is. By default five where there can be levels, as in the program: "path" with a table or a constant,
+///     constant as it is. By default four where there can be levels, as in the program: "path" with a table or a constant,
 ///     without reuse, consistent and the layers emission, direct and indirect.
 /// max_vertices: scattering vertices of the longest path, from 1 to 65536.
 /// sampler: random numbers of camera paths of "path": "sobol", or "independent", whose variances are unbiased.

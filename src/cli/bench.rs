@@ -29,7 +29,7 @@ A suite:
   method = \"plain\"          # constant (gamma), table (table: a file or beta-0.001, table_scale, lookup), pbrt,
                             # filter-glossy (filter), roughness-clamp, mollifier; constant and table
                             # take reuse, lambda; these, filter-glossy and roughness-clamp take
-                            # levels = [0, 0.128, 0.64, 3.2, 16] and then resolve = \"sharp\"; plain, constant and table
+                            # levels = [0, 0.64, 3.2, 16] and then resolve = \"sharp\"; plain, constant and table
                             # take guide = \"picture\" or \"unbiased\"; all take denoise = true
   # integrator = \"path\"     # of a method: path, light, bdpt, vcm (connections), sppm, mlt (mlt_pass), auto; vcm and sppm take
                             # radius, radius_alpha; path takes sampler = \"sobol\"";

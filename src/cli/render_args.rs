@@ -57,7 +57,7 @@ pub(super) struct RenderArgs {
     pub(super) method: MethodSpec,
     /// Levels of roughening on the same paths, of which every pixel gets the best: their number, or the scales of the
     /// table or constant, such as 0,0.25,1. Level 0 is plain path tracing; 1 renders the table or constant as it is.
-    /// Without it five where a table or a constant can have them: not with --mode, --consistent or another integrator.
+    /// Without it four where a table or a constant can have them: not with --mode, --consistent or another integrator.
     #[arg(long, value_name = "N|SCALES", value_parser = job::level_scales)]
     pub(super) levels: Option<job::Levels>,
     #[command(flatten)]

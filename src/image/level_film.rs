@@ -5,7 +5,7 @@
 //! stops, and a render that is resumed goes on with the same batches. A sample with a level that is not finite is left out
 //! at all levels, so that they stay averages over the same paths; the film of level 0 reports it.
 //!
-//! Sums are single precision: 12 bytes a level and batch, and as much for the shared light, 348 bytes a pixel for five
+//! Sums are single precision: 12 bytes a level and batch, and as much for the shared light, 300 bytes a pixel for four
 //! levels with counts and features. A sum of more than `CARRY` samples is a pair of numbers, the second of which is what
 //! rounding took from the first: 0.7 added a million times to one number is off by 1 %. So a film takes nearly twice the
 //! memory from sample [`BATCHES`] · `CARRY` on. The film of level 0 beside it has double precision.

@@ -185,7 +185,7 @@ impl Settings {
         self.level_tracer().map(|_| ())
     }
 
-    /// Scales of the levels of a render that names none: five where a rule has something to roughen, none in plain path tracing,
+    /// Scales of the levels of a render that names none: four where a rule has something to roughen, none in plain path tracing,
     /// in scenes without lobes, and for rules of other renderers, which are as they are there. An error where the
     /// estimator or the rule can have no levels.
     pub fn usual_levels(&self, has_lobes: bool) -> Result<Vec<f32>, LevelError> {

@@ -28,9 +28,9 @@ use crate::sampler::Sampler;
 use factors::{LevelMemory, ScaledFactors};
 use vertex::{PendingLevels, RoughenedVertex};
 
-/// Scales of five levels: plain path tracing, and the factors from 0.128 to 16 times as large. A sixth level does not make
-/// better pictures, and scales below a tenth are rarely chosen at 64 samples.
-pub const SCALES: [f32; 5] = [0.0, 0.128, 0.64, 3.2, 16.0];
+/// Scales of four levels: plain path tracing, and the factors from 0.64 to 16 times as large. A fifth level at 0.128 does not
+/// make better pictures, and a third of them cannot be left out.
+pub const SCALES: [f32; 4] = [0.0, 0.64, 3.2, 16.0];
 
 /// Scales of so many levels: plain path tracing, and down from the roughest by factors of 5; empty for one level. `None` for
 /// none or more than [`MAX_LEVELS`].

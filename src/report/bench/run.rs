@@ -229,9 +229,7 @@ impl Bench<'_> {
                 };
                 let mut words = settings.fingerprint();
                 let MethodSpec {
-                    denoise,
-                    resolve,
-                    ..
+                    denoise, resolve, ..
                 } = *method.spec;
                 if let Some(resolve) = resolve {
                     words += &format!(", resolve {resolve:?}");

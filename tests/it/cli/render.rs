@@ -934,10 +934,10 @@ fn levels_are_the_default_of_tables_and_constants() {
         layers.metadata.get("levels").cloned()
     };
     for factors in ["--gamma 0.3", "--opsr-table table.json"] {
-        let five = levels(factors);
-        assert_eq!(five.as_deref(), Some("[0.0, 0.128, 0.64, 3.2, 16.0]"));
+        let four = levels(factors);
+        assert_eq!(four.as_deref(), Some("[0.0, 0.64, 3.2, 16.0]"));
         let file = place.read("out.exr");
-        assert_eq!(levels(&format!("{factors} --levels 5")), five);
+        assert_eq!(levels(&format!("{factors} --levels 4")), four);
         assert!(place.read("out.exr") == file);
         let settings = ["--levels 1", "--mode reuse", "--consistent", "--gamma 0"];
         for one in settings
