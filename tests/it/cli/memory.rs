@@ -89,7 +89,7 @@ fn memory_of_a_large_picture_is_refused_before_it_is_taken() {
         // Mutations move over the whole frame.
         (
             "--size 16384x16384 --crop 5,5,8,8 --integrator mlt",
-            "16384x16384 pixels need about 6.44 GB",
+            "16384x16384 pixels need about 12.88 GB",
         ),
     ] {
         let ended = render(options);
