@@ -186,6 +186,7 @@ fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
         film,
         roughened: Coarse::roughened(film),
         caps: Caps::of(film),
+        shares: film.shares(),
         gain: gain(&film.mean(film.levels() - 1)),
         limits,
     };

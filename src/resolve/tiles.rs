@@ -28,6 +28,8 @@ pub(super) struct Shared<'a> {
     pub(super) film: &'a LevelFilm,
     pub(super) roughened: Coarse,
     pub(super) caps: Caps,
+    /// Share of each batch in the samples.
+    pub(super) shares: [f32; BATCHES],
     /// Factor that makes the mean of the picture 0.3.
     pub(super) gain: f32,
     pub(super) limits: Limits,
@@ -126,8 +128,6 @@ struct Part<'a> {
     tile: Inner,
     /// First of those that have candidates in the film.
     origin: Size,
-    /// Share of each batch in the samples.
-    shares: [f32; BATCHES],
 }
 
 impl<'a> Part<'a> {
@@ -151,7 +151,6 @@ impl<'a> Part<'a> {
                 width: inner.w as usize,
             },
             origin: place(inner.x - window.x, inner.y - window.y),
-            shares: whole.film.shares(),
         }
     }
 
@@ -172,7 +171,7 @@ impl<'a> Part<'a> {
     }
 
     fn mean(&self, light: &[Vec3A; BATCHES]) -> Vec3A {
-        let pairs = light.iter().zip(self.shares);
+        let pairs = light.iter().zip(self.whole.shares);
         pairs.map(|(light, share)| *light * share).sum()
     }
 
@@ -255,19 +254,13 @@ impl<'a> Part<'a> {
         if sigmas.is_empty() {
             return all;
         }
-        let outer = Inner {
-            origin: (
-                self.origin.0 - self.inner.origin.0,
-                self.origin.1 - self.inner.origin.1,
-            ),
-            ..self.inner
-        };
+        let corner = (
+            self.origin.0 - self.inner.origin.0,
+            self.origin.1 - self.inner.origin.1,
+        );
         let mut capped = light;
         for (i, light) in capped.iter_mut().enumerate() {
-            let pixel = (
-                outer.origin.0 + i % self.size.0,
-                outer.origin.1 + i / self.size.0,
-            );
+            let pixel = (corner.0 + i % self.size.0, corner.1 + i / self.size.0);
             let cap = self.whole.caps.at(pixel);
             light.iter_mut().for_each(|light| *light = light.min(cap));
         }
