@@ -1,25 +1,22 @@
 //! A render from a program of one's own: a scene, a few choices, a picture. What it leaves out stands in
 //! [`integrator`](crate::integrator): other estimators and rules, budgets of time and error, passes and their listener, checkpoints.
 
-use crate::files::{FileError, hex};
+use crate::files::FileError;
 use crate::image::display::{Display, ViewTransform, auto_exposure};
 use crate::image::exr::{self, Header, Layer, Metadata, Storage};
-use crate::image::film::{FilmError, Window};
 use crate::image::{Buffer, png};
-use crate::integrator::drive::{Budget, drive};
+use crate::integrator::Picture;
 use crate::integrator::layers::{Aov, Layers};
-use crate::integrator::levels::LevelError;
-use crate::integrator::{Picture, Settings, View};
 use crate::math::UVec2;
-use crate::memory::{self, Shortage};
-use crate::regularise::Rule;
 use crate::regularise::file::TableFile;
-use crate::resolve::{Resolve, Resolved, resolve_film};
-use crate::sampler::SamplerKind;
+use crate::render::value::{self, Levels, Size, TableChoice};
+use crate::render::{Fault, Request, Spec, Subject, run};
+use crate::resolve::{Resolved, resolve_film};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Camera, Scene};
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::Arc;
 
 impl Scene {
     /// The scene of a glTF file (`.gltf`, `.glb`), as it is in the file: without lights it is black.
@@ -27,23 +24,6 @@ impl Scene {
         let loaded = load(path.as_ref(), &LoadOptions::default())?;
         Ok(Self::new(loaded.parts))
     }
-}
-
-/// Errors of a render.
-#[derive(Debug, thiserror::Error)]
-pub enum RenderError {
-    /// The picture is empty or too large.
-    #[error(transparent)]
-    Size(#[from] FilmError),
-    /// The picture does not fit into memory.
-    #[error(transparent)]
-    Memory(#[from] Shortage),
-    /// The levels cannot be.
-    #[error(transparent)]
-    Levels(#[from] LevelError),
-    /// A layer that several levels do not have.
-    #[error("the layers emission, direct and indirect are those of one level: ask for levels(&[])")]
-    Layers,
 }
 
 /// A render by path tracing, as `opsr render` makes it: the same choices give the same picture.
@@ -60,14 +40,7 @@ pub enum RenderError {
 pub struct Render<'a> {
     scene: &'a Scene,
     camera: Option<Camera>,
-    size: UVec2,
-    spp: u32,
-    settings: Settings,
-    /// Scales of the levels, if they were chosen.
-    levels: Option<Vec<f32>>,
-    /// SHA-256 of the table.
-    table: Option<String>,
-    aovs: Vec<Aov>,
+    spec: Spec,
 }
 
 impl<'a> Render<'a> {
@@ -77,34 +50,33 @@ impl<'a> Render<'a> {
         Self {
             scene,
             camera: None,
-            size: UVec2::new(640, 480),
-            spp: 128,
-            settings: Settings {
-                sampler: SamplerKind::Sobol,
-                ..Settings::default()
+            spec: Spec {
+                size: Some(Size::Pixels(UVec2::new(640, 480))),
+                ..Spec::default()
             },
-            levels: None,
-            table: None,
-            aovs: Vec::new(),
         }
     }
 
-    /// Width and height of the frame in pixels.
-    pub fn size(mut self, width: u32, height: u32) -> Self {
-        self.size = UVec2::new(width, height);
+    /// Every option of the program, by the names that Python and suites have for them.
+    pub fn with(mut self, change: impl FnOnce(&mut Spec)) -> Self {
+        change(&mut self.spec);
         self
+    }
+
+    /// Width and height of the frame in pixels.
+    pub fn size(self, width: u32, height: u32) -> Self {
+        let size = Size::Pixels(UVec2::new(width, height));
+        self.with(|spec| spec.size = Some(size))
     }
 
     /// Samples per pixel.
-    pub fn spp(mut self, samples: u32) -> Self {
-        self.spp = samples;
-        self
+    pub fn spp(self, samples: u32) -> Self {
+        self.with(|spec| spec.spp = Some(samples))
     }
 
     /// Seed of all random numbers.
-    pub fn seed(mut self, seed: u64) -> Self {
-        self.settings.seed = seed;
-        self
+    pub fn seed(self, seed: u64) -> Self {
+        self.with(|spec| spec.seed = Some(seed))
     }
 
     /// Another camera; those of the file are `scene.parts().cameras`.
@@ -114,75 +86,45 @@ impl<'a> Render<'a> {
     }
 
     /// The attenuation factors of a table: a file, or `beta-0.001` or `beta-0.05`, which the library contains.
-    pub fn table(mut self, table: impl AsRef<Path>) -> Result<Self, FileError> {
-        let file = TableFile::load(table.as_ref())?;
-        self.table = Some(hex(&file.digest()));
-        self.settings.rule = Rule::with_table(file.table);
-        Ok(self)
+    pub fn table(self, table: impl AsRef<Path>) -> Result<Self, FileError> {
+        let file = Arc::new(TableFile::load(table.as_ref())?);
+        Ok(self.with(|spec| (spec.table, spec.gamma) = (Some(TableChoice::Held(file)), None)))
     }
 
     /// One attenuation factor in [0, 1] for all paths; 0 is plain path tracing.
-    pub fn gamma(mut self, gamma: f32) -> Self {
-        self.settings.rule = Rule::constant(gamma);
-        self.table = None;
-        self
+    pub fn gamma(self, gamma: f32) -> Self {
+        self.with(|spec| (spec.table, spec.gamma) = (None, Some(gamma)))
     }
 
     /// Scales of the factors at several levels, ascending from 0, of which every pixel gets the best; empty for the factors
     /// as they are. By default four, where there is something to roughen.
-    pub fn levels(mut self, scales: &[f32]) -> Self {
-        self.levels = Some(scales.to_vec());
-        self
+    pub fn levels(self, scales: &[f32]) -> Self {
+        self.with(|spec| spec.levels = Some(Levels(scales.to_vec())))
     }
 
     /// Layers beside the picture, for EXR files.
-    pub fn aovs(mut self, aovs: &[Aov]) -> Self {
-        self.aovs = aovs.to_vec();
-        self
+    pub fn aovs(self, aovs: &[Aov]) -> Self {
+        self.with(|spec| spec.aov = Some(value::Layers(aovs.to_vec())))
     }
 
     /// Renders, on all threads of the current rayon pool. The picture does not depend on their number.
-    pub fn run(&self) -> Result<Rendered, RenderError> {
-        let mut settings = self.settings.clone();
-        settings.levels = match &self.levels {
-            Some(scales) => scales.clone(),
-            None => settings.usual_levels(self.scene.has_lobes())?,
+    pub fn run(&self) -> Result<Rendered, Fault> {
+        let subject = Subject {
+            scene: self.scene,
+            name: "",
+            sha256: "",
         };
-        settings.check_levels()?;
-        let recorded = Aov::recorded(&self.aovs);
-        let [_, splits_light, _] = recorded;
-        if splits_light && !settings.levels.is_empty() {
-            return Err(RenderError::Layers);
-        }
-        let (size, window) = (self.size, Window::full(self.size));
-        crate::image::Film::check(size, window)?;
-        let what = format!("{}x{} pixels", size.x, size.y);
-        memory::check(what, settings.bytes(size, window, recorded))?;
-        let aspect = size.x as f32 / size.y as f32;
-        let first = || self.scene.parts().cameras.first().cloned();
-        let camera = self.camera.clone().or_else(first);
-        let camera = camera.unwrap_or_else(|| self.scene.framing_camera(aspect));
-        let view = View::new(self.scene, &camera, size, window);
-        let mut picture = Picture::blank(size, window, settings.levels.len(), recorded)?;
-        let budget = Budget {
-            samples: Some(self.spp),
-            ..Budget::default()
-        };
-        let mut integrator = settings.integrator();
-        let listener = &mut |_: &_, _: &_| ControlFlow::Continue(());
-        drive(&mut *integrator, &view, &budget, 0, &mut picture, listener);
-        let mut metadata = settings.metadata("", "", self.table.as_deref());
-        metadata.retain(|key, _| !key.starts_with("scene"));
-        metadata.insert("spp".into(), self.spp.to_string());
+        let request = Request::new(&self.spec, subject, self.camera.clone())?;
+        let (request, output) = run(request, &mut |_, _| ControlFlow::Continue(()))?;
+        let picture = output.picture;
+        let refused = picture.film.rejected.total();
         Ok(Rendered {
-            choice: picture
-                .levels
-                .as_ref()
-                .map(|film| resolve_film(film, Resolve::default())),
-            layers: Layers::new(&self.aovs, &view).of(&picture),
-            world_to_camera: camera.world_to_camera(),
+            choice: (picture.levels.as_ref())
+                .map(|film| resolve_film(film, request.spec.resolve())),
+            layers: Layers::new(request.spec.aovs(), &request.view()).of(&picture),
+            world_to_camera: request.camera.world_to_camera(),
+            metadata: request.metadata(output.progress.samples, refused),
             picture,
-            metadata,
         })
     }
 }
@@ -237,11 +179,7 @@ impl Rendered {
             return exr::write_film(path, film, &self.layers, header);
         };
         let mut layers = self.layers.clone();
-        let level = choice.level.iter().map(|&k| f32::from(k)).collect();
-        layers.push(Layer::scalar("level", level));
-        layers.push(Layer::scalar("bias2", choice.bias2.clone()));
-        layers.push(Layer::scalar("variance", choice.variance.clone()));
-        layers.push(Layer::scalar("error", choice.error()));
+        layers.extend(choice.layers());
         let part = (film.size, film.window);
         exr::write_layers(path, part, &choice.picture, &layers, header)
     }

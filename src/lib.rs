@@ -34,11 +34,12 @@
 //! | 4 | [`integrator`] | estimators and the steps they share; budgets, checkpoints |
 //! | 5 | [`resolve`] | the level of every pixel, chosen without a reference, and its error |
 //! | 5 | [`pilot`] | the integrator of a scene, chosen by small renders |
-//! | 5 | [`Render`] | a render from a program of one's own, in a few lines |
-//! | 5 | [`gallery`] | the scenes of this project, manifest, references, glb writer |
-//! | 6 | `train` | record, evaluate, learn (feature `train`) |
-//! | 6 | `report` | comparisons, benches and their pages (feature `bench`) |
-//! | 6 | `verify` | hard numerical cases, tried on the current machine (feature `cli`) |
+//! | 6 | [`render`] | what a user chose, checked against a scene; the run; what comes out of it |
+//! | 6 | [`Render`] | a render from a program of one's own, in a few lines |
+//! | 6 | [`gallery`] | the scenes of this project, manifest, references, glb writer |
+//! | 7 | `train` | record, evaluate, learn (feature `train`) |
+//! | 7 | `report` | comparisons, benches and their pages (feature `bench`) |
+//! | 7 | `verify` | hard numerical cases, tried on the current machine (feature `cli`) |
 //!
 //! # Notation
 //!
@@ -93,6 +94,7 @@ pub mod math;
 pub mod memory;
 pub mod pilot;
 pub mod regularise;
+pub mod render;
 #[cfg(feature = "bench")]
 pub mod report;
 pub mod resolve;
@@ -105,7 +107,8 @@ pub mod train;
 #[cfg(feature = "cli")]
 pub mod verify;
 
-pub use facade::{Render, RenderError, Rendered};
+pub use facade::{Render, Rendered};
 pub use integrator::layers::Aov;
 pub use regularise::AttenuationTable;
+pub use render::Fault;
 pub use scene::Scene;

@@ -12,8 +12,12 @@ float32. Roughness is Beckmann's alpha, from 0 (Dirac) to 1 (diffuse). Work is d
 Ctrl-C stops renders and trainings. Errors have the messages of the program `opsr`.
 """
 
+import inspect as _inspect
+import json as _json
+
 import numpy as _numpy  # noqa: F401  An error here says more than one in the middle of a render.
 
+from . import _opsr
 from ._opsr import (
     Film,
     Progress,
@@ -26,10 +30,49 @@ from ._opsr import (
     compare,
     merge,
     record,
-    render,
     resolve,
     train,
 )
+
+
+def _described(function, name):
+    """Gives a function the signature and the help of the options that the library declares."""
+    options = _json.loads(_opsr._options(name))
+    lines = [f"{option['name']}: {option['help']}" for option in options]
+    function.__doc__ = function.__doc__.replace("OPTIONS\n", "\n".join(lines) + "\n")
+    keyword = _inspect.Parameter.KEYWORD_ONLY
+    declared = [_inspect.Parameter(o["name"], keyword, default=o["default"]) for o in options]
+    first = [
+        parameter
+        for parameter in _inspect.signature(function).parameters.values()
+        if parameter.kind is not _inspect.Parameter.VAR_KEYWORD
+    ]
+    positional = [p for p in first if p.kind is not keyword]
+    others = [p for p in first if p.kind is keyword]
+    function.__signature__ = _inspect.Signature([*positional, *declared, *others])
+    return function
+
+
+def render(scene, *, on_progress=None, threads=None, part=None, samples=None, **options):
+    """Renders a scene. The same settings give the same picture as the program, at any number of threads.
+
+scene: the scene.
+OPTIONS
+rule, reuse: older words for mode: a rule of other renderers, and continuing paths with the roughened lobe.
+on_progress: called with a Progress after each pass; False ends the render, which then has the samples so far.
+threads: their number; all cores by default.
+part: write this file instead, for `merge`, and return None. It is whole or not there.
+samples: (first, last + 1) of the samples of a part; by default all `spp`.
+
+Ctrl-C ends the render after the current pass and raises KeyboardInterrupt. Raises ValueError for settings that cannot
+be, MemoryError for pictures that are too large for this machine.
+"""
+    return _opsr.render(
+        scene, on_progress=on_progress, threads=threads, part=part, samples=samples, **options
+    )
+
+
+render = _described(render, "render")
 
 __all__ = [
     "Film",

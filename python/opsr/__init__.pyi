@@ -14,17 +14,24 @@ Picture = NDArray[np.float32]
 
 __version__: str
 
+class _SceneOptions(TypedDict, total=False):
+    """Options of `Scene.load` beside `env`."""
+
+    sun: tuple[float, float] | None
+    turbidity: float | None
+    env_intensity: float | None
+    env_rotation: float | None
+    distribution: Literal["beckmann", "ggx"] | None
+    solid_glass: bool | None
+    thin_glass: bool | None
+    variant: str | int | None
+    frame: float | None
+    fps: float | None
+    time_of_scene: float | None
+
 class Scene:
     @staticmethod
-    def load(
-        path: Path,
-        env: Path | None = None,
-        *,
-        env_intensity: float = 1.0,
-        env_rotation: float = 0.0,
-        distribution: Literal["beckmann", "ggx"] = "beckmann",
-        solid_glass: bool = False,
-    ) -> Scene: ...
+    def load(path: Path, env: Path | None = None, **options: Unpack[_SceneOptions]) -> Scene: ...
     @property
     def cameras(self) -> list[str]: ...
     @property
@@ -125,33 +132,38 @@ class Step:
 class _Options(TypedDict, total=False):
     """Options of `render`."""
 
+    size: tuple[int, int] | str | None
+    crop: tuple[int, int, int, int] | str | None
     camera: str | int | None
-    size: tuple[int, int] | None
-    crop: tuple[int, int, int, int] | None
+    aperture: float | None
+    focus: float | None
     spp: int | None
     time: float | None
     target_error: float | None
-    seed: int
+    integrator: Literal["path", "light", "bdpt", "vcm", "sppm", "mlt", "auto"] | None
     table: Table | Path | None
-    table_scale: float | None
     gamma: float | None
-    rule: Literal["pbrt", "filter-glossy", "roughness-clamp", "mollifier"] | None
-    filter: float | None
-    reuse: bool
+    levels: int | Sequence[float] | None
+    resolve: Literal["none", "sharp", "default", "smooth"] | None
+    table_scale: float | None
+    lookup: Literal["nearest", "linear"] | None
+    mode: Literal["default", "reuse", "pbrt", "filter-glossy", "roughness-clamp", "mollifier"] | None
     consistent: float | None
-    integrator: Literal["path", "light", "bdpt", "vcm", "sppm", "mlt", "auto"]
+    filter: float | None
+    guide: Literal["picture", "unbiased"] | None
     radius: float | None
     radius_alpha: float | None
     connections: Literal["all", "nee"] | None
     mlt_pass: int | None
-    aperture: float | None
-    focus: float | None
-    levels: int | Sequence[float] | None
-    max_vertices: int
-    sampler: Literal["sobol", "independent"]
-    threads: int | None
+    strategy: tuple[int, int] | str | None
+    sampler: Literal["independent", "sobol"] | None
+    max_vertices: int | None
+    seed: int | None
     aov: bool | str | Sequence[str] | None
+    rule: Literal["pbrt", "filter-glossy", "roughness-clamp", "mollifier"] | None
+    reuse: bool
     on_progress: Callable[[Progress], bool | None] | None
+    threads: int | None
 
 @overload
 def render(

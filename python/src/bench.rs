@@ -1,12 +1,12 @@
 //! Benches.
 
 use crate::errors::{argument, file};
+use crate::options::threads as threads_of;
 use crate::table::json;
-use crate::work::{Hear, watched};
+use crate::work::{Hear, goes_on, watched};
 use opsr::report::bench::{BenchError, Outcome, Status, Suite, run};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyBool;
 use std::path::PathBuf;
 
 /// Measures methods against each other, as `opsr bench` does.
@@ -31,7 +31,7 @@ pub(crate) fn bench<'py>(
     output: PathBuf,
     scenes: Option<Vec<String>>,
     on_progress: Option<Py<PyAny>>,
-    threads: Option<u16>,
+    threads: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let whole = Suite::load(&suite).map_err(file)?;
     let mut suite = whole.clone();
@@ -44,11 +44,11 @@ pub(crate) fn bench<'py>(
     let mut hear = on_progress.map(|call| {
         move |py: Python<'_>, (what, done, total): (String, usize, usize)| {
             let answer = call.call1(py, (what, done, total))?;
-            Ok(!answer.bind(py).is(PyBool::new(py, false)))
+            Ok(goes_on(answer.bind(py)))
         }
     });
     let hear: Hear<'_, (String, usize, usize)> = hear.as_mut().map(|hear| hear as _);
-    let results = watched(py, threads, hear, |link| {
+    let results = watched(py, threads_of(threads)?, hear, |link| {
         let listener =
             &mut |status: &Status| link.tell(|| (status.what.clone(), status.done, status.total));
         let (mut results, outcome) = run(&suite, &output, "opsr.bench", listener)?;

@@ -8,6 +8,7 @@ mod bench;
 mod compare;
 mod errors;
 mod film;
+mod options;
 mod render;
 mod scene;
 mod table;
@@ -23,6 +24,8 @@ mod _opsr {
     use super::compare::compare;
     #[pymodule_export]
     use super::film::{Film, Resolved, resolve};
+    #[pymodule_export]
+    use super::options::_options;
     #[pymodule_export]
     use super::render::{Progress, merge, render};
     #[pymodule_export]

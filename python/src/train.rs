@@ -1,8 +1,9 @@
 //! Training.
 
 use crate::errors::{argument, file};
+use crate::options::threads as threads_of;
 use crate::table::{Table, json};
-use crate::work::{Hear, Link, watched};
+use crate::work::{Hear, Link, goes_on, watched};
 use opsr::files::create_folder;
 use opsr::regularise::file::TableFile;
 use opsr::train::config::{Config, ConfigError, Preset};
@@ -10,7 +11,7 @@ use opsr::train::record::crop::DatasetError;
 use opsr::train::{RecordingControl, Recordings, Session, TrainError};
 use pyo3::exceptions::{PyFileNotFoundError, PyMemoryError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict};
+use pyo3::types::PyDict;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -51,7 +52,7 @@ pub(crate) fn train(
     config: Option<&Bound<'_, PyAny>>,
     on_step: Option<Py<PyAny>>,
     recordings: Option<PathBuf>,
-    threads: Option<u16>,
+    threads: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<Table>> {
     let config = settings(config)?;
     let mut hear = on_step.map(|call| {
@@ -64,11 +65,11 @@ pub(crate) fn train(
                 log: log.map(Bound::unbind),
             };
             let answer = call.call1(py, (step,))?;
-            Ok(!answer.bind(py).is(PyBool::new(py, false)))
+            Ok(goes_on(answer.bind(py)))
         }
     });
     let hear: Hear<'_, Event> = hear.as_mut().map(|hear| hear as _);
-    let tables = watched(py, threads, hear, |link| {
+    let tables = watched(py, threads_of(threads)?, hear, |link| {
         let mut session = Session::open(config, &control(recordings, link))?;
         let mut tables = Vec::new();
         for beta in session.config.beta.clone() {
@@ -117,10 +118,10 @@ pub(crate) fn record<'py>(
     config: Option<&Bound<'py, PyAny>>,
     folder: PathBuf,
     crops: Option<(usize, usize)>,
-    threads: Option<u16>,
+    threads: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let config = settings(config)?;
-    let crops = watched::<(), _>(py, threads, None, |link| {
+    let crops = watched::<(), _>(py, threads_of(threads)?, None, |link| {
         let recordings = Recordings::open(config).map_err(failed)?;
         let names = recordings.names();
         let (first, end) = crops.unwrap_or((0, names.len()));

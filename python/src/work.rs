@@ -47,6 +47,11 @@ impl<E> Link<E> {
     }
 }
 
+/// True unless the answer of a callback is false: Python's, or another library's such as `numpy.False_`.
+pub(crate) fn goes_on(answer: &Bound<'_, PyAny>) -> bool {
+    answer.is_none() || answer.extract::<bool>().unwrap_or(true)
+}
+
 /// Does work in a pool of this many threads, all cores by default, while this thread looks for signals and calls `hear`.
 ///
 /// The pool ends with the work: a process that was forked later has all that it needs to work itself.

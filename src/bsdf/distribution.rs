@@ -11,6 +11,7 @@ use std::f32::consts::PI;
 
 /// Distribution of microfacet slopes of a glossy lobe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[repr(u8)]
 pub enum Distribution {
     /// Gaussian slopes, the distribution that the shipped tables are learned for.

@@ -6,9 +6,9 @@ use clap::Args;
 use opsr::report::bench::{Outcome, Status, Suite, run as measure, summary};
 
 use super::bar::terminal;
+use super::exit::{Blame, Exit};
 use super::output::print;
 use super::stop::Stop;
-use super::{Blame, Exit};
 
 const EXAMPLE: &str = "\
 A suite:
@@ -51,7 +51,7 @@ pub(super) struct BenchArgs {
 /// Runs the command: a table per scene goes to standard output.
 pub(super) fn run(args: &BenchArgs) -> anyhow::Result<Exit> {
     let suite = Suite::load(&args.suite).input()?;
-    super::set_threads(args.threads)?;
+    super::threads::set_threads(args.threads)?;
     let command = std::env::args().collect::<Vec<_>>().join(" ");
     let stop = Stop::listen();
     stop.begin();

@@ -11,12 +11,13 @@ use opsr::files::{self, FileError};
 use opsr::image::metric::Metric;
 use opsr::image::metric::flip::DEFAULT_PPD;
 use opsr::image::{exr, png};
+use opsr::render::files::check_distinct;
 use opsr::report::compare::{Comparison, Named, Options, compare_with, cut_to_common};
 use opsr::report::page;
 use opsr::stats::agreement;
 
-use super::output::{check_distinct, print};
-use super::{Blame, Exit};
+use super::exit::{Blame, Exit, Told};
+use super::output::print;
 
 /// Compare pictures with a reference: MSE, relMSE, MAPE, FLIP and HDR-FLIP.
 #[derive(Args, Debug)]
@@ -42,11 +43,11 @@ pub(super) struct CompareArgs {
         value_delimiter = ',',
         default_value = "0",
         allow_hyphen_values = true,
-        value_parser = super::scene::finite
+        value_parser = super::options::finite
     )]
     exposures: Vec<f32>,
     /// Exposure of LDR-FLIP in stops
-    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_parser = super::scene::finite)]
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_parser = super::options::finite)]
     exposure: f32,
     /// Pixels per degree of sight, for FLIP
     #[arg(long, default_value_t = DEFAULT_PPD, value_parser = pixels_per_degree)]
@@ -85,7 +86,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Exit> {
         .map(PathBuf::as_path)
         .collect();
     let inputs: Vec<&Path> = args.files.iter().map(PathBuf::as_path).collect();
-    check_distinct(&outputs, &inputs)?;
+    check_distinct(outputs, inputs).told()?;
     let layer = args.layer.as_deref();
     let mut pictures = args
         .files

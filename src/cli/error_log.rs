@@ -1,6 +1,6 @@
 //! Log of a render: samples, seconds and errors over time.
 
-use super::Blame;
+use super::exit::Blame;
 use anyhow::anyhow;
 use opsr::files::{self, FileError};
 use opsr::report::tensorboard::Scalars;

@@ -1,8 +1,8 @@
 //! `opsr info`: content of a scene and the features it uses.
 
+use super::exit::{Blame, Told};
+use super::options::{Pixel, SceneOptions, pixel};
 use super::output::print;
-use super::scene::{Opened, SceneArgs};
-use super::{Blame, job};
 use anyhow::Context;
 use clap::Args;
 use opsr::image::film::{Film, Window};
@@ -10,24 +10,23 @@ use opsr::integrator::View;
 use opsr::integrator::aov::centre;
 use opsr::pilot::advise;
 use opsr::regularise::{GammaIndex, LEN, Rule, bin};
+use opsr::render::Fault;
+use opsr::render::open::Opened;
 use opsr::scene::{Environment, Material, PunctualLight, Scene, SceneParts, Texture};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 /// Options of `opsr info`.
 #[derive(Args, Debug)]
 pub(super) struct InfoArgs {
+    /// The scene: a glTF 2.0 file (.gltf or .glb).
+    scene: PathBuf,
     #[command(flatten)]
-    scene: SceneArgs,
+    options: SceneOptions,
     /// Say what the ray through the centre of this pixel meets, instead.
-    #[arg(long, value_name = "X,Y", value_parser = job::pixel)]
-    pixel: Option<job::Pixel>,
-    /// Size of the picture that --pixel is in, as for render.
-    #[arg(long, value_name = "WxH|SHARE", requires = "pixel", value_parser = job::size)]
-    size: Option<job::Size>,
-    /// Camera of --pixel by name or number (from 0).
-    #[arg(long, value_name = "NAME", requires = "pixel")]
-    camera: Option<String>,
+    #[arg(long, value_name = "X,Y", value_parser = pixel)]
+    pixel: Option<Pixel>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -35,10 +34,20 @@ pub(super) struct InfoArgs {
 
 /// Runs the command.
 pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
-    let opened = match args.pixel {
-        Some(_) => args.scene.open()?,
-        None => args.scene.open_outline()?,
+    let spec = &args.options.0;
+    for name in ["size", "camera"] {
+        if args.pixel.is_none() && spec.has(name) {
+            return Err(Fault::option(name, "needs {pixel}")).told();
+        }
+    }
+    let build = match args.pixel {
+        Some(_) => Scene::new,
+        None => Scene::outline,
     };
+    let opened = spec.open(&args.scene, build).told()?;
+    for warning in &opened.warnings {
+        tracing::warn!("{}: {warning}", args.scene.display());
+    }
     let facts = match args.pixel {
         Some(pixel) => seen(args, &opened, pixel)?,
         None => {
@@ -57,14 +66,13 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
 }
 
 /// The surface in the centre of a pixel as JSON; without one only the pixel.
-fn seen(args: &InfoArgs, opened: &Opened, job::Pixel(pixel): job::Pixel) -> anyhow::Result<Value> {
+fn seen(args: &InfoArgs, opened: &Opened, Pixel(pixel): Pixel) -> anyhow::Result<Value> {
     let scene = &opened.scene;
-    let size = super::render::frame(args.size, args.camera.as_deref(), opened)?;
+    let size = args.options.0.frame(scene).told()?;
     let [x, y] = pixel.to_array();
     let window = Window { x, y, w: 1, h: 1 };
     Film::cropped(size, window).context("--pixel").usage()?;
-    let aspect = size.x as f32 / size.y as f32;
-    let camera = super::scene::camera(scene, args.camera.as_deref(), aspect)?;
+    let camera = args.options.0.camera(scene, size).told()?;
     let view = View::new(scene, &camera, size, window);
     let mut facts = serde_json::json!({ "pixel": [x, y], "frame": size.to_array() });
     let Some((hit, mut surface)) = centre(&view, pixel) else {

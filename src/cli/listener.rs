@@ -1,24 +1,24 @@
 //! Listener of a render: shows progress and the true error, saves files so far and checkpoints, feeds the log and tev.
 
-use super::Blame;
 use super::bar::Bar;
 use super::error_log::{ErrorLog, Line};
+use super::exit::{Blame, Told, failure};
 use super::live::Live;
-use super::output::Written;
-use super::render::RenderJob;
+use super::render_args::RenderArgs;
+use super::stop::Stop;
 use anyhow::{Context, anyhow};
 use opsr::image::Buffer;
 use opsr::image::exr::Layer;
 use opsr::image::film::Film;
 use opsr::image::metric::relmse;
-use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
+use opsr::integrator::Picture;
 use opsr::integrator::drive::RenderProgress;
 use opsr::integrator::layers::Layers;
-use opsr::integrator::{Picture, View};
 use opsr::pilot::witness::Missing;
+use opsr::render::Request;
+use opsr::render::files::{Outputs, Written};
 use opsr::report::compare::Named;
 use opsr::resolve::{film_errors, stated_error};
-use opsr::scene::Camera;
 use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -29,9 +29,10 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
 /// A run of a render, of which there may have been earlier ones.
 pub(super) struct Run<'a> {
-    pub(super) camera: &'a Camera,
-    /// Identity of the render.
-    pub(super) fingerprint: Fingerprint,
+    pub(super) args: &'a RenderArgs,
+    pub(super) request: &'a Request<'a>,
+    pub(super) outputs: &'a Outputs,
+    pub(super) stop: &'a Stop,
     /// Samples of earlier runs.
     pub(super) start: u32,
     /// Seconds of earlier runs.
@@ -49,7 +50,6 @@ pub(super) struct Closed {
 
 /// Hears of every pass of a run.
 pub(super) struct Listener<'a> {
-    job: &'a RenderJob<'a>,
     run: Run<'a>,
     layers: Layers<'a>,
     bar: Bar,
@@ -61,18 +61,13 @@ pub(super) struct Listener<'a> {
     /// Why the log is not whole.
     unlogged: Option<anyhow::Error>,
     /// Light that the picture lacks, at the end.
-    missing: Option<&'a Missing>,
+    missing: Option<Missing>,
 }
 
 impl<'a> Listener<'a> {
     /// Opens the log and the connection to tev, and reads the reference.
-    pub(super) fn open(
-        job: &'a RenderJob<'a>,
-        run: Run<'a>,
-        picture: &Picture,
-        view: &View<'_>,
-    ) -> anyhow::Result<Self> {
-        let args = job.args;
+    pub(super) fn open(run: Run<'a>, picture: &Picture) -> anyhow::Result<Self> {
+        let args = run.args;
         let live = match &args.tev {
             Some(address) => Some(Live::open(address, "opsr", &picture.film.mean())?),
             None => None,
@@ -86,10 +81,9 @@ impl<'a> Listener<'a> {
             None => None,
         };
         Ok(Self {
-            job,
-            run,
-            layers: Layers::new(&args.aov, view),
+            layers: Layers::new(run.request.spec.aovs(), &run.request.view()),
             bar: Bar::new(args.progress),
+            run,
             live,
             truth,
             log,
@@ -101,7 +95,7 @@ impl<'a> Listener<'a> {
 
     /// Hears of a pass; breaks where the user asked for it. What cannot be saved now may be later: the render goes on.
     pub(super) fn hear(&mut self, progress: &RenderProgress, picture: &Picture) -> ControlFlow<()> {
-        let shown = || self.job.args.resolve.shown(picture);
+        let shown = || self.run.request.spec.shown(picture);
         let known = (self.truth.as_ref()).and_then(|truth| truth.now_and_then(shown));
         self.bar.show(progress, known);
         if let Some(live) = &self.live {
@@ -114,7 +108,7 @@ impl<'a> Listener<'a> {
         if let Err(error) = self.save_now_and_then(progress, picture) {
             tracing::warn!("{error:#}; the render goes on and tries again");
         }
-        self.job.stop.flow()
+        self.run.stop.flow()
     }
 
     /// Saves what has come out, all of it that can be saved.
@@ -122,9 +116,9 @@ impl<'a> Listener<'a> {
         mut self,
         progress: &RenderProgress,
         picture: &Picture,
-        missing: Option<&'a Missing>,
+        missing: Option<&Missing>,
     ) -> anyhow::Result<Closed> {
-        self.missing = missing;
+        self.missing = missing.cloned();
         self.bar.finish();
         let kept = self.checkpoint(progress, picture);
         let (written, unwritten) = self.write(picture, progress)?;
@@ -154,7 +148,7 @@ impl<'a> Listener<'a> {
         true_error: Option<f64>,
     ) -> anyhow::Result<()> {
         let seconds = self.seconds(progress);
-        let settings = self.job.args.resolve.settings();
+        let settings = self.run.request.spec.resolve();
         let Some(log) = &mut self.log else {
             return Ok(());
         };
@@ -172,7 +166,7 @@ impl<'a> Listener<'a> {
         progress: &RenderProgress,
         picture: &Picture,
     ) -> anyhow::Result<()> {
-        let args = self.job.args;
+        let args = self.run.args;
         let checkpoints = args.checkpoint.as_ref().map(|_| CHECKPOINT_EVERY);
         let every = args.save_every.or(checkpoints);
         if every.is_none_or(|every| self.saved.elapsed() < every) {
@@ -193,23 +187,34 @@ impl<'a> Listener<'a> {
         picture: &Picture,
         progress: &RenderProgress,
     ) -> anyhow::Result<(Written, Option<anyhow::Error>)> {
-        let (refused, threads) = (picture.film.rejected.total(), rayon::current_num_threads());
-        let seconds = self.seconds(progress);
-        let provenance = &self.job.provenance;
-        let mut metadata = provenance.metadata(progress.samples, refused, seconds, threads);
-        if let Some(missing) = self.missing {
+        let Run { request, args, .. } = &self.run;
+        let refused = picture.film.rejected.total();
+        let mut metadata = request.metadata(progress.samples, refused);
+        if !args.reproducible {
+            let command = std::env::args().collect::<Vec<_>>().join(" ");
+            metadata.insert("command".into(), command);
+            metadata.insert("seconds".into(), format!("{:.3}", self.seconds(progress)));
+            let threads = rayon::current_num_threads();
+            metadata.insert("threads".into(), threads.to_string());
+        }
+        let pose = request.camera.world_to_camera();
+        if let Some(missing) = &self.missing {
             metadata.insert("light_missing".into(), format!("{:.3}", missing.share));
         }
-        let pose = self.run.camera.world_to_camera();
         let mut layers = self.layers.of(picture);
         layers.extend(self.errors(picture));
-        (self.job.outputs).try_write(picture, layers, Some(pose), &metadata)
+        let written = self
+            .run
+            .outputs
+            .try_write(picture, layers, Some(pose), &metadata);
+        let (written, failed) = written.told()?;
+        Ok((written, failed.map(|fault| failure(&fault).into())))
     }
 
     /// The layer of the expected errors of a picture that lacks light.
     fn errors(&self, picture: &Picture) -> Option<Layer> {
         let mut errors = film_errors(&picture.film)?;
-        let pairs = errors.iter_mut().zip(&self.missing?.squares);
+        let pairs = errors.iter_mut().zip(&self.missing.as_ref()?.squares);
         pairs.for_each(|(error, square)| *error = (*error * *error + square).sqrt());
         Some(Layer::scalar("error", errors))
     }
@@ -217,18 +222,14 @@ impl<'a> Listener<'a> {
     fn checkpoint(&self, progress: &RenderProgress, picture: &Picture) -> anyhow::Result<()> {
         // Tiles of a sample that was cut are no whole sample.
         let whole = |_: &&_| progress.samples > 0;
-        let Some(path) = self.job.args.checkpoint.as_ref().filter(whole) else {
+        let Some(path) = self.run.args.checkpoint.as_ref().filter(whole) else {
             return Ok(());
         };
-        Checkpoint {
-            fingerprint: self.run.fingerprint.clone(),
-            samples: progress.samples,
-            seconds: self.seconds(progress),
-            levels: self.job.settings.levels.clone(),
-            picture: picture.clone(),
-        }
-        .save(path)
-        .output()
+        let kept = self
+            .run
+            .request
+            .checkpoint(progress, self.run.spent, picture);
+        kept.save(path).output()
     }
 }
 

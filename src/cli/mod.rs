@@ -2,27 +2,26 @@
 //!
 //! Only this folder uses anyhow and the terminal. Types that are options derive clap's traits where they are defined.
 
-use anyhow::Context;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use opsr::files::FileError;
-use opsr::memory::Shortage;
+use exit::{Exit, Failure};
+use opsr::render::spec::GONE;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::{fmt, prelude::*};
 
-mod aovs;
-mod auto;
 mod bar;
 mod bench;
 mod compare;
+mod ended;
 mod error_log;
+mod exit;
 mod info;
-mod job;
 mod listener;
 mod live;
+mod options;
 mod output;
 mod part;
 mod references;
@@ -30,103 +29,15 @@ mod render;
 mod render_args;
 mod report;
 mod resolve;
-mod scene;
 mod scenes;
 mod shell;
 mod stop;
 mod table;
+mod threads;
 mod trace;
 #[cfg(feature = "train")]
 mod train;
 mod verify;
-
-/// Exit code of the program.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-enum Exit {
-    /// Done.
-    Done = 0,
-    /// Any failure that is not one of those below.
-    Failed = 1,
-    /// Wrong usage; clap exits with the same code.
-    Usage = 2,
-    /// A scene, table, picture or configuration file is missing, damaged or not supported.
-    Input = 3,
-    /// A result could not be written.
-    Output = 4,
-    /// Stopped by the user; the results so far are saved.
-    Stopped = 5,
-    /// Pictures differ by more than they may.
-    Differ = 6,
-    /// There is not enough memory.
-    Memory = 7,
-}
-
-/// An error together with the exit code it leads to.
-#[derive(Debug)]
-struct Failure(Exit, anyhow::Error);
-
-impl std::fmt::Display for Failure {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{:#}", self.1)
-    }
-}
-
-impl std::error::Error for Failure {}
-
-/// Gives an error its exit code.
-trait Blame<T>: Sized {
-    /// The command line is at fault.
-    fn usage(self) -> anyhow::Result<T> {
-        self.blame(Exit::Usage)
-    }
-
-    /// The user's input is at fault.
-    fn input(self) -> anyhow::Result<T> {
-        self.blame(Exit::Input)
-    }
-
-    /// The place to write to is at fault.
-    fn output(self) -> anyhow::Result<T> {
-        self.blame(Exit::Output)
-    }
-
-    /// This exit code.
-    fn blame(self, exit: Exit) -> anyhow::Result<T>;
-}
-
-impl<T, E: Into<anyhow::Error>> Blame<T> for Result<T, E> {
-    fn blame(self, exit: Exit) -> anyhow::Result<T> {
-        self.map_err(|e| {
-            let error: anyhow::Error = e.into();
-            Failure(
-                if is_shortage(&error) {
-                    Exit::Memory
-                } else {
-                    exit
-                },
-                error,
-            )
-            .into()
-        })
-    }
-}
-
-/// True if memory is at fault, which has an exit code of its own.
-fn is_shortage(error: &anyhow::Error) -> bool {
-    let of_file = error.downcast_ref().is_some_and(FileError::is_shortage);
-    of_file || error.downcast_ref::<Shortage>().is_some()
-}
-
-/// Sets the number of threads; all cores without one.
-fn set_threads(threads: Option<u16>) -> anyhow::Result<()> {
-    if let Some(threads) = threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
-        pool.build_global()
-            .context("cannot start that many threads")?;
-    }
-    Ok(())
-}
 
 /// Render caustics, glossy chains and light seen through glass with learned path space regularisation.
 #[derive(Parser)]
@@ -149,12 +60,12 @@ enum Command {
     Render(Box<render_args::RenderArgs>),
     /// Learn tables of attenuation factors.
     #[cfg(feature = "train")]
-    Train(train::TrainArgs),
+    Train(Box<train::TrainArgs>),
     /// Trace the paths of a training before it, for instance on several machines.
     #[cfg(feature = "train")]
     Record(Box<train::record::RecordArgs>),
     /// Describe a scene: geometry, materials, lights, cameras, warnings.
-    Info(info::InfoArgs),
+    Info(Box<info::InfoArgs>),
     /// Compare pictures with a reference.
     Compare(Box<compare::CompareArgs>),
     /// Write the training scenes of the program, and render their references.
@@ -164,9 +75,9 @@ enum Command {
     /// Show a table of attenuation factors, or write it for another renderer.
     Table(table::TableArgs),
     /// Choose among the levels of a render again, from its checkpoint.
-    Resolve(resolve::Args),
+    Resolve(Box<resolve::Args>),
     /// Put the parts of a render together.
-    Merge(part::MergeArgs),
+    Merge(Box<part::MergeArgs>),
     /// Turn the results of a bench into one HTML file.
     Report(report::ReportArgs),
     /// Run hard numerical cases on this machine.
@@ -190,25 +101,16 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         .mut_subcommands(with_negative_numbers)
 }
 
-/// Options that are gone, and what does their work now. Measurements of them are in `docs/lab/left_out.md`.
-const GONE: [(&str, &str); 2] = [
-    (
-        "--table-energy",
-        "levels, the default, choose an amount for every pixel",
-    ),
-    (
-        "--table-contrast",
-        "--table-scale or --gamma sets one amount, and levels choose one for every pixel",
-    ),
-];
-
 /// What clap says, or for an option that is gone what replaced it.
 fn refused(error: &clap::Error) -> ! {
     let name = match error.get(ContextKind::InvalidArg) {
         Some(ContextValue::String(name)) if error.kind() == ErrorKind::UnknownArgument => name,
         _ => error.exit(),
     };
-    let Some((name, instead)) = GONE.iter().find(|(gone, _)| gone == name) else {
+    let Some((_, instead)) = GONE
+        .iter()
+        .find(|(gone, _)| *name == format!("--{}", gone.replace('_', "-")))
+    else {
         error.exit()
     };
     eprintln!("opsr: {name} is gone: {instead}");

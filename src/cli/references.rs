@@ -1,12 +1,12 @@
 //! `opsr scenes reference`: renders every crop of a manifest to a given noise.
 
+use super::exit::{Blame, Exit, Failure};
+use super::options::positive;
 use super::output::print;
 use super::stop::Stop;
-use super::{Blame, Exit, Failure};
 use anyhow::anyhow;
 use opsr::gallery::manifest::{Manifest, SceneEntry};
 use opsr::gallery::reference::{Reference, SEED};
-use opsr::integrator::method::positive;
 use opsr::scene::Scene;
 use opsr::scene::load::{LoadOptions, load};
 use std::io::IsTerminal;
@@ -84,7 +84,7 @@ impl Work<'_> {
 
 /// Runs the command.
 pub(super) fn run(args: &ReferenceArgs) -> anyhow::Result<Exit> {
-    super::set_threads(args.threads)?;
+    super::threads::set_threads(args.threads)?;
     let manifest = Manifest::load(&args.manifest).input()?;
     let (scenes, mut work) = open(args, &manifest)?;
     let free = args.spp.is_none() && args.time.is_none();

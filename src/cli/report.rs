@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 
 use opsr::files;
+use opsr::render::files::can_write;
 use opsr::report::bench::page::{overalls, page, plots};
 use opsr::report::bench::{Results, summary};
 
-use super::Blame;
-use super::output::can_write;
+use super::exit::{Blame, Told};
 
 /// Options of `opsr report`.
 #[derive(Args, Debug)]
@@ -29,7 +29,7 @@ pub(super) fn run(args: &ReportArgs) -> anyhow::Result<()> {
     let results = Results::load(&args.results).input()?;
     let html = page(&results);
     // The page is in its place only when all that goes with it is.
-    can_write(&args.output).output()?;
+    can_write(&args.output).told()?;
     if let Some(folder) = &args.plots {
         files::create_folder(folder).output()?;
         if let Some(plot) = overalls(&results).first().and_then(plots::standings) {

@@ -1,10 +1,12 @@
 //! `opsr resolve`: the choice among levels, made again from a checkpoint.
 
-use super::Blame;
-use super::output::{FileArgs, Outputs, ResolveArgs};
+use super::exit::{Blame, Told};
+use super::options::FileOptions;
 use anyhow::anyhow;
-use opsr::image::exr::Metadata;
 use opsr::integrator::checkpoint::Checkpoint;
+use opsr::integrator::method::IntegratorKind;
+use opsr::render::OPTIONS;
+use opsr::render::files::Outputs;
 use std::path::PathBuf;
 
 /// Options of `opsr resolve`.
@@ -17,14 +19,14 @@ pub(super) struct Args {
     #[arg(short, long, value_name = "FILE", default_value = "out.exr")]
     output: Vec<PathBuf>,
     #[command(flatten)]
-    resolve: ResolveArgs,
-    #[command(flatten)]
-    files: FileArgs,
+    files: FileOptions,
 }
 
 /// Runs the command.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let outputs = Outputs::new(&args.output, args.files, args.resolve)?;
+    let spec = &args.files.0;
+    let outputs = Outputs::new(&args.output, spec).told()?;
+    spec.check_layers(&args.output).told()?;
     let film = Checkpoint::open(&args.film).input()?;
     let path = args.film.display();
     let version = env!("CARGO_PKG_VERSION");
@@ -37,13 +39,15 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         let what = anyhow!("{path}: a film of one level, there is nothing to choose");
         return Err(what).input();
     }
-    let metadata = [
-        ("version", version.to_owned()),
-        ("scene_sha256", film.fingerprint.scene),
-        ("spp", film.samples.to_string()),
-        ("levels", format!("{:?}", film.levels)),
-    ];
-    let metadata: Metadata = metadata.map(|(key, value)| (key.to_owned(), value)).into();
-    outputs.write(&film.picture, Vec::new(), None, &metadata)?;
+    // The choice is made anew, everything else is the render's.
+    let mut metadata = film.metadata;
+    for option in OPTIONS.iter().filter(|option| option.of_film) {
+        metadata.remove(option.name);
+    }
+    let chosen = spec.recorded(IntegratorKind::Path);
+    metadata.extend(chosen.map(|(key, value)| (key.to_owned(), value)));
+    outputs
+        .write(&film.picture, Vec::new(), None, &metadata)
+        .told()?;
     Ok(())
 }

@@ -1,8 +1,8 @@
 //! `opsr scenes`: the training scenes that the program contains as code.
 
+use super::exit::{Blame, Exit};
 use super::output::print;
 use super::references::{self, ReferenceArgs};
-use super::{Blame, Exit};
 use opsr::gallery::training;
 use std::path::PathBuf;
 

@@ -1,7 +1,8 @@
 //! `opsr completions` and `opsr man`: what a shell and `man` want to know, made from the options themselves.
 
+use super::exit::Blame;
 use super::output::print;
-use super::{Args, Blame, with_negative_numbers};
+use super::{Args, with_negative_numbers};
 use clap::CommandFactory;
 use clap_complete::Shell;
 use opsr::files;

@@ -1,6 +1,6 @@
 //! `opsr table`: shows a table, and exports it for other programs.
 
-use super::Blame;
+use super::exit::Blame;
 use super::output::print;
 use anyhow::anyhow;
 use clap::{Args, Subcommand, ValueEnum};

@@ -1,12 +1,15 @@
 //! `opsr render --trace-pixel`: the paths of a pixel, in words.
 
+use super::exit::Blame;
+use super::options::Pixel;
 use super::output::print;
 use super::render_args::RenderArgs;
-use super::{Blame, job};
 use anyhow::{Context, anyhow};
+use opsr::image::film::Window;
 use opsr::integrator::trace::{TracedPath, trace};
-use opsr::integrator::{Estimator, Settings, View};
+use opsr::integrator::{Estimator, View};
 use opsr::math::Rgb;
+use opsr::render::Request;
 use opsr::scene::Scene;
 use std::fmt::Write;
 
@@ -14,29 +17,29 @@ use std::fmt::Write;
 const SAMPLES: u32 = 4;
 
 /// Prints the paths of the pixel.
-pub(super) fn run(
-    args: &RenderArgs,
-    settings: &Settings,
-    view: &View<'_>,
-    pixel: job::Pixel,
-) -> anyhow::Result<()> {
-    if !matches!(settings.estimator, Estimator::Path { .. }) || !settings.levels.is_empty() {
-        let what = "--trace-pixel is for the path tracer with one level";
+pub(super) fn run(args: &RenderArgs, request: &Request<'_>, pixel: Pixel) -> anyhow::Result<()> {
+    let settings = &request.settings;
+    let path = matches!(settings.estimator, Estimator::Path { .. });
+    let auto = request.spec.kind() != request.kind;
+    if auto || !path || !settings.levels.is_empty() {
+        let what = "--trace-pixel is for the path tracer with one level, not for --integrator auto";
         return Err(anyhow!(what)).usage();
     }
     let samples = match args.sample {
         Some(sample) => sample..sample.saturating_add(1),
-        None => 0..args.spp.unwrap_or(SAMPLES),
+        None => 0..request.spec.spp.unwrap_or(SAMPLES),
     };
-    let paths = trace(settings, view, pixel.0, samples)
+    let (frame, scene) = (request.frame, request.subject.scene);
+    let view = View::new(scene, &request.camera, frame, Window::full(frame));
+    let paths = trace(settings, &view, pixel.0, samples)
         .context("--trace-pixel")
         .usage()?;
     paths
         .iter()
-        .try_for_each(|path| print(described(path, view.scene, pixel)))
+        .try_for_each(|path| print(described(path, scene, pixel)))
 }
 
-fn described(path: &TracedPath, scene: &Scene, job::Pixel(pixel): job::Pixel) -> String {
+fn described(path: &TracedPath, scene: &Scene, Pixel(pixel): Pixel) -> String {
     let mut text = format!(
         "pixel {},{} sample {}: radiance {}, {} straight from emitters\n",
         pixel.x,

@@ -1,6 +1,6 @@
 //! `opsr verify`: checks that the program works on this machine.
 
-use super::Exit;
+use super::exit::Exit;
 use super::output::print;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand};

@@ -4,7 +4,7 @@
 
 use super::{Aovs, Picture};
 use crate::files::{FileError, Sealed};
-use crate::image::exr::MAX_PIXELS;
+use crate::image::exr::{MAX_PIXELS, Metadata};
 use crate::image::film::{Cause, Film, Rejected, RejectedSample, Window};
 use crate::image::level_film::LevelFilm;
 use crate::math::UVec2;
@@ -65,6 +65,8 @@ struct Header {
     first_refused: Vec<(u32, u32, u32, bool)>,
     /// Scales of the levels; empty for one level.
     levels: Vec<f32>,
+    #[serde(default)]
+    metadata: Metadata,
 }
 
 /// A stopped render.
@@ -78,6 +80,8 @@ pub struct Checkpoint {
     pub seconds: f64,
     /// Scales of the levels; empty for one level.
     pub levels: Vec<f32>,
+    /// Text for the file of the picture.
+    pub metadata: Metadata,
     /// The moments and AOVs so far.
     pub picture: Picture,
 }
@@ -97,6 +101,7 @@ impl Checkpoint {
             refused,
             first_refused,
             levels: self.levels.clone(),
+            metadata: self.metadata.clone(),
         };
         FILE.save(path, &header, |out| write(&self.picture, out))
     }
@@ -104,9 +109,14 @@ impl Checkpoint {
     /// Reads the checkpoint of this render; one of another version, scene or other settings is refused.
     pub fn load(path: &Path, ours: &Fingerprint) -> Result<Self, FileError> {
         let old = Self::open(path)?;
-        let differs = old.fingerprint.differs(ours, "checkpoint", "render");
-        differs.map_err(|what| FileError::content(path, what))?;
+        old.check(path, ours)?;
         Ok(old)
+    }
+
+    /// An error unless the checkpoint, read from this file, is of this render.
+    pub fn check(&self, path: &Path, ours: &Fingerprint) -> Result<(), FileError> {
+        let differs = self.fingerprint.differs(ours, "checkpoint", "render");
+        differs.map_err(|what| FileError::content(path, what))
     }
 
     /// Reads the checkpoint of any render by this version of the file.
@@ -122,6 +132,7 @@ impl Checkpoint {
             samples: header.samples,
             seconds: header.seconds,
             levels: header.levels,
+            metadata: header.metadata,
             picture,
         })
     }

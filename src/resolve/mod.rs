@@ -43,10 +43,26 @@ use crate::image::level_film::{BATCHES, LevelFilm, MAX_LEVELS};
 use crate::integrator::Picture;
 use crate::math::{Rgb, Vec3A};
 use coarse::{Caps, Coarse};
+use serde::{Deserialize, Serialize};
 use tiles::{Chosen, Shared, TILE};
 
-pub use crate::integrator::method::Resolve;
 pub use statement::{Statement, film_error, film_errors};
+
+/// Smoothing that a picture of several levels may get.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum Resolve {
+    /// None: the means of all samples at level 0, plain path tracing.
+    None,
+    /// Every pixel gets the level with the least error.
+    Sharp,
+    /// Every pixel gets the level with the least error, and blurs where they make it less.
+    #[default]
+    Default,
+    /// The same, and what is smoother is believed more easily: less noise, more bias.
+    Smooth,
+}
 
 /// Candidates of the choice, and how easily they are believed.
 #[derive(Clone, Copy, Debug)]

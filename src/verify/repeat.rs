@@ -234,6 +234,7 @@ pub(super) fn resumed_at(
         samples: 0,
         seconds: 0.0,
         levels: settings.levels.clone(),
+        metadata: Default::default(),
         picture: blank,
     };
     for (i, &end) in ends.iter().enumerate() {
@@ -262,6 +263,7 @@ pub(super) fn round() -> Result<Vec<u64>, Box<dyn Error>> {
             samples: 2,
             seconds: 0.0,
             levels: settings.levels.clone(),
+            metadata: Default::default(),
             picture: picture(&scene, &settings, Window::full(FRAME), 2, &[2]),
         };
         checkpoint.save(&path)?;

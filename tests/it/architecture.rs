@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 /// The rooms; each may use those before it.
 #[rustfmt::skip]
 const ROOMS: &[&str] = &[
-    "memory", "files", "math", "sampler", "regularise", "bsdf", "image", "scene", "stats", "integrator", "resolve", "pilot", "facade",
+    "memory", "files", "math", "sampler", "regularise", "bsdf", "image", "scene", "stats", "integrator", "resolve", "pilot", "render", "facade",
     "gallery", "train", "report", "verify", "cli",
 ];
 

@@ -22,7 +22,7 @@ use crate::cli::Place;
 use crate::support::quick_folder;
 use opsr::gallery;
 use opsr::image::exr;
-use opsr::{Aov, Render, RenderError, Scene};
+use opsr::{Aov, Fault, Render, Scene};
 
 /// A scene of the repository.
 fn scene(name: &str) -> String {
@@ -95,7 +95,7 @@ fn facade_renders_the_picture_of_the_program() {
     }
     // What cannot be is refused, not left out.
     let light = Render::new(&scene).gamma(0.2).aovs(&[Aov::Emission]).run();
-    assert!(matches!(light, Err(RenderError::Layers)));
+    assert!(matches!(light, Err(Fault::Option { name: "aov", .. })));
     assert!(Render::new(&scene).size(0, 4).run().is_err());
     assert!(
         Render::new(&scene)

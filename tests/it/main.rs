@@ -31,6 +31,7 @@ mod many_lights;
 mod metric;
 mod mollifier;
 mod nested;
+mod options;
 mod panes;
 mod parts;
 mod pilot;

@@ -1,6 +1,7 @@
 //! Log of a training, as JSON lines, and its curves as CSV for spreadsheets and plots, and for TensorBoard.
 
-use super::{Blame, save};
+use super::super::exit::Blame;
+use super::save;
 use opsr::files;
 use opsr::report::tensorboard::Scalars;
 use opsr::train::learn::outer_loop::LogEntry;

@@ -6,8 +6,8 @@ pub(super) mod record;
 mod settings;
 
 use super::bar::Style;
+use super::exit::{Blame, Exit};
 use super::stop::Stop;
-use super::{Blame, Exit};
 use anyhow::anyhow;
 use clap::Args;
 use display::ProgressDisplay;
@@ -165,7 +165,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     let run = args.run_folder();
     args.check_places(&config, &run)?;
     let stop = Stop::listen();
-    super::set_threads(args.threads)?;
+    super::threads::set_threads(args.threads)?;
     for dir in [&run, &args.out] {
         files::create_folder(dir).output()?;
     }
@@ -374,7 +374,7 @@ fn blame(error: TrainError) -> anyhow::Error {
         TrainError::State(_) | TrainError::NotFinite { .. } => Exit::Failed,
         _ => Exit::Input,
     };
-    super::Failure(code, error.into()).into()
+    super::exit::Failure(code, error.into()).into()
 }
 
 fn save(path: &Path, text: &str) -> anyhow::Result<()> {

@@ -1,9 +1,10 @@
 //! `opsr record`: the paths of a training, traced by any number of processes before it.
 
 use super::super::bar::Style;
-use super::super::part::range;
+use super::super::exit::{Blame, Exit};
+use super::super::options::range;
 use super::super::stop::Stop;
-use super::super::{Blame, Exit, set_threads};
+use super::super::threads::set_threads;
 use super::blame;
 use super::display::ProgressDisplay;
 use super::settings::SettingArgs;

@@ -1,6 +1,6 @@
 //! Settings of a training from the command line, for `opsr train` and `opsr record`.
 
-use super::super::Blame;
+use super::super::exit::Blame;
 use clap::Args;
 use opsr::train::Config;
 use opsr::train::config::Preset;

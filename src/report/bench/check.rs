@@ -2,11 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use super::suite::{Kind, MethodSpec, SceneSpec, Suite};
+use super::suite::{SceneSpec, Suite};
 use crate::image::film::Window;
 use crate::integrator::method::IntegratorKind;
-use crate::integrator::{Estimator, Settings};
-use crate::regularise::{Accumulated, Factors, Rule};
 
 /// The most seeds of a suite: comparisons go through all of them again and again.
 const MAX_SEEDS: u32 = 1000;
@@ -48,7 +46,8 @@ pub(super) fn suite(suite: &Suite) -> Result<(), String> {
             .map_err(|e| format!("scene `{}`: {e}", scene.name))?;
     }
     for method in &suite.methods {
-        self::method(method).map_err(|e| format!("method `{}`: {e}", method.name))?;
+        let checked = method.check();
+        checked.map_err(|e| format!("method `{}`: {e}", method.name))?;
     }
     Ok(())
 }
@@ -98,67 +97,4 @@ fn scene(scene: &SceneSpec) -> Result<(), String> {
         scene.max_vertices > 0 && scene.reference_spp != Some(0),
         "max_vertices and reference_spp: at least 1",
     )
-}
-
-/// The first fault of a method.
-fn method(method: &MethodSpec) -> Result<(), String> {
-    method.refused()?;
-    let lambda = method.lambda.unwrap_or(0.0);
-    for (given, kind, what) in [
-        (method.gamma.is_some(), Kind::Constant, "gamma"),
-        (method.filter.is_some(), Kind::FilterGlossy, "filter"),
-        (method.table.is_some(), Kind::Table, "table"),
-        (method.table_scale.is_some(), Kind::Table, "table_scale"),
-        (method.lookup.is_some(), Kind::Table, "lookup"),
-    ] {
-        let belongs = !given || method.method == kind;
-        ensure(belongs, format!("`{what}` does not belong to this method"))?;
-    }
-    let accumulated = matches!(method.method, Kind::Constant | Kind::Table);
-    ensure(
-        accumulated || !(method.reuse || lambda != 0.0),
-        "`reuse` and `lambda` belong to `constant` and `table`",
-    )?;
-    ensure(
-        method.method != Kind::Constant || method.gamma.is_some_and(|g| (0.0..=1.0).contains(&g)),
-        "gamma: expected from 0 to 1",
-    )?;
-    ensure(
-        method.method != Kind::Table || method.table.is_some(),
-        "table: expected a file",
-    )?;
-    ensure(
-        (0.0..0.5).contains(&lambda),
-        "lambda: expected from 0 to below 0.5",
-    )?;
-    let scale = method.table_scale.is_none_or(|s| s > 0.0 && s.is_finite());
-    ensure(scale, "table_scale: expected a number above 0")?;
-    let filter = method.filter.is_none_or(|f| f > 0.0 && f.is_finite());
-    ensure(filter, "filter: expected a number above 0")?;
-    let radius = method.radius.is_none_or(|r| r > 0.0 && r.is_finite());
-    ensure(radius, "radius: expected a number above 0")?;
-    let alpha = method.radius_alpha.is_none_or(|a| a > 0.0 && a <= 1.0);
-    ensure(alpha, "radius_alpha: expected above 0 and at most 1")?;
-    let pass = method.mlt_pass.is_none_or(|n| (1..=65536).contains(&n));
-    ensure(pass, "mlt_pass: expected from 1 to 65536")?;
-    ensure(
-        method.resolve.is_none() || !method.levels.is_empty(),
-        "resolve: there is a choice among several levels",
-    )?;
-    let factors = Factors::Constant(1.0);
-    let settings = Settings {
-        estimator: Estimator::Path {
-            reuse: method.reuse,
-        },
-        rule: match method.method {
-            Kind::FilterGlossy => Rule::FilterGlossy(1.0),
-            Kind::RoughnessClamp => Rule::RoughnessClamp,
-            _ if accumulated => Rule::Accumulated(Accumulated { factors, lambda }),
-            _ => Rule::Pbrt,
-        },
-        levels: method.levels.clone(),
-        ..Settings::default()
-    };
-    let levels = settings.check_levels();
-    levels.map_err(|e| format!("levels: {e}"))
 }

@@ -3,8 +3,9 @@
 //! The interval tells what other seeds would do on *these* scenes; what other scenes would do, it cannot tell.
 
 use super::results::Results;
-use super::suite::{Kind, SceneSpec, Suite};
+use super::suite::{SceneSpec, Suite};
 use super::summary::{self, MAIN, TimePoint};
+use crate::integrator::method::Mode;
 use crate::stats::ratios::{self, Interval, Verdict};
 
 /// The errors that are compared over scenes.
@@ -85,10 +86,9 @@ pub fn best_constant(results: &Results) -> Option<&str> {
         ratios::geometric_mean(&errors)
     };
     let constants = results.suite.methods.iter().filter(|m| {
-        m.method == Kind::Constant
-            && m.gamma.is_some_and(|g| g > 0.0)
-            && !m.reuse
-            && m.lambda.unwrap_or(0.0) == 0.0
+        let spec = &m.spec;
+        let plain = spec.mode.unwrap_or_default() == Mode::Default && spec.consistent.is_none();
+        spec.gamma.is_some_and(|g| g > 0.0) && plain
     });
     constants
         .filter_map(|m| Some((m.name.as_str(), level(&m.name)?)))

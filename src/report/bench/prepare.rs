@@ -16,7 +16,8 @@ use crate::integrator::bidirectional::Radius;
 use crate::integrator::drive::{Budget, Reason, drive};
 use crate::integrator::{Picture, Settings, View};
 use crate::math::DVec3;
-use crate::scene::load::{LoadOptions, load};
+use crate::render::{Heading, Spec};
+use crate::scene::load::load;
 use crate::scene::{Camera, Environment, Scene, SceneParts};
 use sha2::{Digest, Sha256};
 
@@ -52,6 +53,15 @@ pub(super) fn prepare(
         Environment::bytes(path, |bytes| digest.update(bytes))?;
         source = hex(&digest.finalize());
     }
+    let options = &spec.options.0;
+    if *options != Spec::default() {
+        let mut digest = Sha256::new_with_prefix(&source);
+        digest.update(options.words(&[Heading::Scene, Heading::Light]));
+        // A suite names its light: nothing is lit by default.
+        let dressed = options.dress(&mut parts, true, |bytes| digest.update(bytes));
+        dressed.map_err(|e| fault(spec, e))?;
+        source = hex(&digest.finalize());
+    }
     if let Some(factor) = spec.light_scale {
         scale_lights(&mut parts, factor);
     }
@@ -84,14 +94,11 @@ pub(super) fn prepare(
 
 fn parts(spec: &SceneSpec) -> Result<(SceneParts, String), BenchError> {
     if let Some(path) = &spec.file {
-        let distribution = spec.distribution.into();
-        let loaded = load(
-            path,
-            &LoadOptions {
-                distribution,
-                ..LoadOptions::default()
-            },
-        )?;
+        let mut options = spec.options.0.load_options();
+        if spec.options.0.distribution.is_none() {
+            options.distribution = spec.distribution.into();
+        }
+        let loaded = load(path, &options)?;
         return Ok((loaded.parts, hex(&loaded.digest)));
     }
     let name = spec.builtin.as_deref().unwrap_or_default();

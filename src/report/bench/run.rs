@@ -6,6 +6,8 @@
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
 
 use sha2::{Digest, Sha256};
 
@@ -21,17 +23,15 @@ use crate::image::denoise::{DenoiseError, Denoiser};
 use crate::image::film::Film;
 use crate::image::metric::MetricError;
 use crate::image::{Buffer, exr};
-use crate::integrator::method::{IntegratorKind, Method};
-use crate::integrator::{Census, FirstHit, Picture, Settings, View};
+use crate::integrator::{Census, Picture};
+use crate::math::UVec2;
 use crate::pilot::stopwatch::Stopwatch;
-use crate::pilot::{Contender, Horizon, choose_integrator};
-use crate::resolve::{Resolve, Resolved, resolve_film};
+use crate::render::value::{Crop, Size, TableChoice};
+use crate::render::{Fault, Heading, Request, Spec, Subject};
+use crate::resolve::{Resolved, resolve_film};
 
 /// Samples per pixel for counting regularised vertices.
 const CENSUS: u32 = 2;
-
-/// Samples per pixel that a pilot assumes in a suite that names none.
-const PILOT_SAMPLES: u32 = 64;
 
 /// Progress of a bench.
 #[derive(Clone, Debug)]
@@ -112,12 +112,6 @@ struct Bench<'a> {
     listener: Listener<'a>,
 }
 
-/// A method with its table.
-struct ReadyMethod<'a> {
-    spec: &'a MethodSpec,
-    method: Method,
-}
-
 /// A run and its picture.
 struct Measured {
     run: Run,
@@ -136,15 +130,10 @@ impl Measured {
 /// The picture as a user gets it, and the choice among its levels if it has several.
 fn finished(
     picture: &Picture,
-    spec: &MethodSpec,
+    spec: &Spec,
     denoiser: Option<&Denoiser>,
 ) -> Result<(Buffer, Option<Resolved>), DenoiseError> {
-    // As the program does: a denoiser does its own blur.
-    let settings = (spec.resolve).unwrap_or(match spec.denoise {
-        true => Resolve::Sharp,
-        false => Resolve::Default,
-    });
-    let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, settings));
+    let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, spec.resolve()));
     let shown = match &resolved {
         Some(resolved) => resolved.picture.clone(),
         None => picture.film.mean(),
@@ -161,20 +150,16 @@ fn finished(
 
 impl Bench<'_> {
     fn scenes(&mut self) -> Result<Outcome, BenchError> {
-        // A table that cannot be read is reported before hours of measurement, not after.
-        let methods: Vec<ReadyMethod<'_>> = self
-            .suite
-            .methods
-            .iter()
-            .map(|spec| {
-                Ok(ReadyMethod {
-                    spec,
-                    method: spec.resolve()?,
-                })
-            })
-            .collect::<Result<_, BenchError>>()?;
+        // A table that cannot be read is reported before hours of measurement, not after; and it is read once.
+        let mut methods = self.suite.methods.clone();
+        for choice in methods
+            .iter_mut()
+            .filter_map(|method| method.spec.table.as_mut())
+        {
+            *choice = TableChoice::Held(Arc::new(choice.load()?));
+        }
         // So are a library that is missing and a place that cannot be written to.
-        if let Some(spec) = self.suite.methods.iter().find(|m| m.denoise) {
+        if let Some(spec) = methods.iter().find(|m| m.spec.denoise == Some(true)) {
             let denoiser = Denoiser::open().map_err(|e| BenchError::Scene {
                 place: format!("method `{}`", spec.name),
                 reason: e.to_string(),
@@ -194,9 +179,9 @@ impl Bench<'_> {
                 return Ok(Outcome::Stopped);
             };
             self.results.scenes.push(prepared.facts.clone());
-            let methods: Vec<&ReadyMethod<'_>> = methods
+            let methods: Vec<&MethodSpec> = methods
                 .iter()
-                .filter(|e| self.suite.methods_of(scene).any(|m| m.name == e.spec.name))
+                .filter(|e| self.suite.methods_of(scene).any(|m| m.name == e.name))
                 .collect();
             if self.scene(scene, &prepared, &methods)? == Outcome::Stopped {
                 return Ok(Outcome::Stopped);
@@ -209,58 +194,54 @@ impl Bench<'_> {
         &mut self,
         spec: &SceneSpec,
         scene: &Prepared,
-        methods: &[&ReadyMethod<'_>],
+        methods: &[&MethodSpec],
     ) -> Result<Outcome, BenchError> {
         let base = self.base_key(spec, scene);
         self.show(inset(spec, None, &base, &scene.reference));
         for (round, seed) in self.suite.seeds().enumerate() {
             for turn in 0..methods.len() {
                 let method = methods[(turn + round) % methods.len()];
+                let render = method.render(spec.max_vertices, seed);
+                let render = render_of(spec, render, self.suite);
+                let subject = Subject {
+                    scene: &scene.scene,
+                    name: "",
+                    sha256: "",
+                };
+                let request = Request::new(&render, subject, Some(scene.camera.clone()));
                 // With the name: a method may be measured against itself.
-                let name = &method.spec.name;
-                let settings = Settings {
-                    estimator: method.method.estimator,
-                    rule: method.method.rule.clone(),
-                    levels: method.spec.levels.clone(),
-                    sampler: method.spec.sampler,
-                    max_vertices: spec.max_vertices,
-                    seed,
-                    ..Settings::default()
-                };
-                let mut words = settings.fingerprint();
-                let MethodSpec {
-                    denoise, resolve, ..
-                } = *method.spec;
-                if let Some(resolve) = resolve {
-                    words += &format!(", resolve {resolve:?}");
-                }
-                let auto = method.spec.integrator == IntegratorKind::Auto;
-                for (is, word) in [(denoise, "denoised"), (auto, "auto")] {
-                    if is {
-                        words += &format!(", {word}");
+                let key = |words: &str| short_hash(&serde_json::json!([base, method.name, words]));
+                match request {
+                    Ok(request) => {
+                        let key = key(&words(&request));
+                        if !self.results.cells.iter().any(|c| c.key == key) {
+                            let measured =
+                                self.measure(spec, scene, &method.name, request, &key)?;
+                            let Some(measured) = measured else {
+                                return Ok(Outcome::Stopped);
+                            };
+                            self.keep(spec, measured, round == 0)?;
+                        }
                     }
-                }
-                let key = short_hash(&serde_json::json!([base, name, words]));
-                let (world, camera) = (&scene.scene, &scene.camera);
-                let refusal = match auto {
-                    // It chooses among those that show the scene.
-                    true => None,
-                    false => settings.check_scene(world, camera).err(),
-                };
-                if let Some(why) = refusal {
-                    self.refuse(spec, name, seed, &key, why)?;
-                } else if !self.results.cells.iter().any(|c| c.key == key) {
-                    let Some(measured) = self.measure(spec, scene, method.spec, settings, &key)?
-                    else {
-                        return Ok(Outcome::Stopped);
-                    };
-                    self.keep(spec, measured, round == 0)?;
+                    Err(Fault::Option {
+                        name: "integrator",
+                        why,
+                    }) => {
+                        let key = key(&render.words(&[Heading::Method]));
+                        self.refuse(spec, &method.name, seed, &key, &why)?;
+                    }
+                    Err(fault) => {
+                        return Err(BenchError::Scene {
+                            place: format!("`{}`, method `{}`", spec.name, method.name),
+                            reason: fault.to_string(),
+                        });
+                    }
                 }
                 self.done += 1;
             }
         }
         for method in methods {
-            self.multiply(spec, scene, &method.spec.name)?;
+            self.multiply(spec, scene, &method.name)?;
         }
         self.results.save(self.path)?;
         Ok(Outcome::Done)
@@ -295,49 +276,35 @@ impl Bench<'_> {
         &mut self,
         spec: &SceneSpec,
         scene: &Prepared,
-        method: &MethodSpec,
-        mut settings: Settings,
+        name: &str,
+        mut request: Request<'_>,
         key: &str,
     ) -> Result<Option<Measured>, BenchError> {
-        let (name, seed) = (&method.name, settings.seed);
+        let seed = request.settings.seed;
         let status = status(
             self.suite,
             self.done,
             format!("{}: {name}, seed {seed}", spec.name),
         );
-        let view = View::of(&scene.scene, &scene.camera, &scene.blank);
         let fault = |reason: String| BenchError::Scene {
             place: format!("`{}`, method `{name}`", spec.name),
             reason,
         };
         let mut now = Point::default();
-        if method.integrator == IntegratorKind::Auto {
-            let watch = Stopwatch::start();
-            let horizon = match (self.suite.times.last(), self.suite.samples.last()) {
-                (Some(&seconds), _) => {
-                    Horizon::Seconds(seconds * self.results.machine.threads as f64)
-                }
-                (None, samples) => Horizon::Samples(samples.copied().unwrap_or(PILOT_SAMPLES)),
-            };
-            let contenders = contenders(method, &settings)?;
-            let choice = choose_integrator(&contenders, &view, horizon, false, &|| true);
-            let choice = choice.map_err(|e| fault(e.to_string()))?;
-            if let Some(choice) = choice {
-                tracing::info!("{}: {name}: {choice}", spec.name);
-                settings = contenders[choice.best].settings.clone();
-            }
+        let watch = Stopwatch::start();
+        let begun = request.begin(&|| true).map_err(|e| fault(e.to_string()))?;
+        let Some(begun) = begun else {
+            return Ok(None);
+        };
+        if let Some(choice) = &begun.choice {
+            tracing::info!("{}: {name}: {choice}", spec.name);
             (now.wall, now.cpu) = watch.seconds();
         }
-        let known = settings.check_scene(&scene.scene, &scene.camera);
-        known.map_err(|what| fault(what.into()))?;
         let pilot = now.cpu;
-        let settings = &settings;
+        let (view, method) = (request.view(), &request.spec);
+        let settings = &request.settings;
         let mut integrator = settings.integrator();
-        let mut picture = Picture {
-            film: scene.blank.clone(),
-            aovs: (method.denoise).then(|| FirstHit::new(scene.blank.window).into()),
-            levels: None,
-        };
+        let mut picture = begun.picture;
         let mut shown = Buffer::default();
         let mut schedule = Schedule::new(self.suite, self.results.machine.threads);
         let mut points = Vec::new();
@@ -352,25 +319,14 @@ impl Bench<'_> {
             now.cpu += cpu;
             now.samples = end;
             if schedule.crossed(&now) {
-                // Choosing levels and denoising are part of the render, but not of the passes that follow.
-                let denoiser = self.denoiser.as_ref().filter(|_| method.denoise);
-                let watch = Stopwatch::start();
-                let (last, resolved) =
-                    finished(&picture, method, denoiser).map_err(|e| fault(e.to_string()))?;
-                let (wall, cpu) = watch.seconds();
-                let mut errors = errors(&last, &scene.reference, spec.exposure)
-                    .map_err(|e: MetricError| fault(e.to_string()))?;
-                if let Some(resolved) = resolved.filter(|_| denoiser.is_none()) {
-                    // Of fewer samples than batches the estimate is infinite.
-                    let map = error_map(&resolved, &scene.reference).into_iter();
-                    errors.extend(map.filter(|(_, value)| value.is_finite()));
-                }
-                let mut point = now.clone();
-                if picture.levels.is_some() || denoiser.is_some() {
-                    point.wall += wall;
-                    point.cpu += cpu;
-                }
-                points.push(point.with(errors));
+                let denoiser = self.denoiser.as_ref();
+                let denoiser = denoiser.filter(|_| method.denoise == Some(true));
+                let looked = Look {
+                    scene: spec,
+                    reference: &scene.reference,
+                };
+                let (point, last) = looked.at(&now, &picture, method, denoiser).map_err(fault)?;
+                points.push(point);
                 shown = last;
             }
         }
@@ -378,7 +334,7 @@ impl Bench<'_> {
         let run = Run {
             regularised: census.share(),
             scene: spec.name.clone(),
-            method: name.clone(),
+            method: name.to_owned(),
             seed,
             key: key.to_owned(),
             points,
@@ -490,23 +446,63 @@ impl Bench<'_> {
     }
 }
 
-/// The integrators among which a method chooses, for a render with these settings.
-fn contenders(method: &MethodSpec, settings: &Settings) -> Result<Vec<Contender>, BenchError> {
-    let contender = |spec: MethodSpec| {
-        let Method {
-            estimator, rule, ..
-        } = spec.resolve()?;
-        Ok(Contender {
-            kind: spec.integrator,
-            settings: Settings {
-                estimator,
-                rule,
-                levels: spec.levels,
-                ..settings.clone()
-            },
-        })
-    };
-    method.contenders().into_iter().map(contender).collect()
+/// A scene and its reference, which pictures are compared with.
+struct Look<'a> {
+    scene: &'a SceneSpec,
+    reference: &'a Buffer,
+}
+
+impl Look<'_> {
+    /// The picture of a time point and its errors. Choosing levels and denoising are part of the render, but not of the
+    /// passes that follow.
+    fn at(
+        &self,
+        now: &Point,
+        picture: &Picture,
+        method: &Spec,
+        denoiser: Option<&Denoiser>,
+    ) -> Result<(Point, Buffer), String> {
+        let watch = Stopwatch::start();
+        let (shown, resolved) = finished(picture, method, denoiser).map_err(|e| e.to_string())?;
+        let (wall, cpu) = watch.seconds();
+        let mut errors = errors(&shown, self.reference, self.scene.exposure)
+            .map_err(|e: MetricError| e.to_string())?;
+        if let Some(resolved) = resolved.filter(|_| denoiser.is_none()) {
+            // Of fewer samples than batches the estimate is infinite.
+            let map = error_map(&resolved, self.reference).into_iter();
+            errors.extend(map.filter(|(_, value)| value.is_finite()));
+        }
+        let mut point = now.clone();
+        if picture.levels.is_some() || denoiser.is_some() {
+            point.wall += wall;
+            point.cpu += cpu;
+        }
+        Ok((point.with(errors), shown))
+    }
+}
+
+/// A render of a scene's view for the length of a suite, for which a pilot plans.
+fn render_of(scene: &SceneSpec, mut spec: Spec, suite: &Suite) -> Spec {
+    let [w, h] = scene.size;
+    spec.size = Some(Size::Pixels(UVec2::new(w, h)));
+    spec.crop = scene.crop.map(|[x, y, w, h]| Crop::pixels(x, y, w, h));
+    match (suite.times.last(), suite.samples.last()) {
+        (Some(&seconds), _) => spec.time = Some(Duration::from_secs_f64(seconds)),
+        (None, samples) => spec.spp = samples.copied(),
+    }
+    spec
+}
+
+/// The settings of a run in words.
+fn words(request: &Request<'_>) -> String {
+    let mut words = request.settings.fingerprint();
+    for (option, text) in request.spec.given().filter(|(option, _)| option.of_film) {
+        words += &format!(", {} {text}", option.name);
+    }
+    if request.spec.kind() != request.kind {
+        words += ", auto";
+    }
+    words
 }
 
 fn status(suite: &Suite, done: usize, what: String) -> Status {

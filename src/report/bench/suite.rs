@@ -25,14 +25,17 @@
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::bsdf::Distribution;
 use crate::files::{self, FileError};
 use crate::image::film::Window;
 use crate::integrator::method::IntegratorKind;
-pub use crate::integrator::method::{Kind, MethodSpec};
 use crate::math::UVec2;
 use crate::regularise::file::TableFile;
+use crate::render::value::{Levels, TableChoice};
+use crate::render::{Fault, Heading, Opt, Spec};
+use crate::sampler::SamplerKind;
 
 /// Larger files are not suites.
 const MAX_BYTES: u64 = 1 << 22;
@@ -63,6 +66,139 @@ pub struct Suite {
     /// The methods.
     #[serde(rename = "method")]
     pub methods: Vec<MethodSpec>,
+}
+
+/// Options of a render that make its scene, by the keys that Python has for them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Entries", into = "Entries")]
+pub struct SceneOptions(pub Spec);
+
+impl SceneOptions {
+    fn is_empty(&self) -> bool {
+        self.0 == Spec::default()
+    }
+}
+
+impl TryFrom<Entries> for SceneOptions {
+    type Error = String;
+
+    fn try_from(entries: Entries) -> Result<Self, String> {
+        let mut spec = Spec::default();
+        for (key, value) in &entries {
+            let of_scene = |option: &Opt| matches!(option.heading, Heading::Scene | Heading::Light);
+            if !Opt::named(key).is_some_and(of_scene) {
+                return Err(format!("options: `{key}` is no option of a scene"));
+            }
+            spec.set(key, value)
+                .map_err(|fault| format!("options: {fault}"))?;
+        }
+        let checked = spec.check();
+        checked.map_err(|fault| format!("options: {fault}"))?;
+        Ok(Self(spec))
+    }
+}
+
+impl From<SceneOptions> for Entries {
+    fn from(options: SceneOptions) -> Self {
+        options.0.settings()
+    }
+}
+
+/// A method: a name and the options of a render, by the keys that Python has for them. Without `levels` it has one, and
+/// independent samples without `sampler`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Entries", into = "Entries")]
+pub struct MethodSpec {
+    /// Its name in the results.
+    pub name: String,
+    /// The render.
+    pub spec: Spec,
+}
+
+/// A method as it is written.
+type Entries = serde_json::Map<String, Value>;
+
+impl TryFrom<Entries> for MethodSpec {
+    type Error = String;
+
+    fn try_from(mut entries: Entries) -> Result<Self, String> {
+        let name = entries.remove("name");
+        let name = name.as_ref().and_then(Value::as_str);
+        let name = name.ok_or("a method without a name")?.to_owned();
+        let wrong = |fault: Fault| format!("method `{name}`: {fault}");
+        let mut spec = Spec::default();
+        for (key, value) in &entries {
+            // An empty list is one level, and a bias that vanishes by 0 stays.
+            let none = match key.as_str() {
+                "levels" => value.as_array().is_some_and(Vec::is_empty),
+                "lambda" => value.as_f64() == Some(0.0),
+                _ => false,
+            };
+            if none {
+                continue;
+            }
+            spec.set(key, value).map_err(wrong)?;
+        }
+        let kind = entries.get("method").and_then(Value::as_str);
+        let wants = |what: &str| format!("method `{name}`: {what}");
+        match kind {
+            Some("constant") if spec.gamma.is_none() => {
+                return Err(wants("gamma: expected from 0 to 1"));
+            }
+            Some("table") if spec.table.is_none() => return Err(wants("table: expected a file")),
+            Some("plain") if spec.has_factors() => {
+                return Err(wants("plain has no table and no gamma"));
+            }
+            _ => {}
+        }
+        Ok(Self { name, spec })
+    }
+}
+
+impl From<MethodSpec> for Entries {
+    fn from(MethodSpec { name, spec }: MethodSpec) -> Self {
+        let mut entries = spec.settings();
+        entries.insert("name".into(), name.into());
+        entries
+    }
+}
+
+impl MethodSpec {
+    /// The render of a scene by this method with this seed: what a suite leaves out has the defaults of a measurement.
+    pub fn render(&self, max_vertices: u32, seed: u64) -> Spec {
+        let mut spec = self.spec.clone();
+        spec.levels.get_or_insert(Levels(Vec::new()));
+        if spec.kind().is_path() && spec.guide.is_none() {
+            spec.sampler.get_or_insert(SamplerKind::Independent);
+        }
+        (spec.max_vertices, spec.seed) = (Some(max_vertices), Some(seed));
+        spec
+    }
+
+    /// The first fault of the method.
+    pub(super) fn check(&self) -> Result<(), Fault> {
+        let foreign = |option: &Opt| {
+            let method = option.heading == Heading::Method || option.name == "denoise";
+            !method || ["max_vertices", "seed"].contains(&option.name)
+        };
+        if let Some((option, _)) = self.spec.given().find(|(option, _)| foreign(option)) {
+            return Err(Fault::option(
+                option.name,
+                "is no part of a method in a suite",
+            ));
+        }
+        self.spec.check()?;
+        let several = self
+            .spec
+            .levels
+            .as_ref()
+            .is_some_and(|levels| !levels.0.is_empty());
+        let one = |(option, _): &(&Opt, String)| option.of_levels && !several;
+        match self.spec.given().find(one) {
+            Some((option, _)) => Err(Fault::option(option.name, "needs several levels")),
+            None => Ok(()),
+        }
+    }
 }
 
 fn five() -> u32 {
@@ -101,6 +237,9 @@ pub struct SceneSpec {
     /// Slope distribution of the lobes of a file's materials.
     #[serde(default)]
     pub distribution: Lobes,
+    /// Options of a render for the scene and its light.
+    #[serde(default, skip_serializing_if = "SceneOptions::is_empty")]
+    pub options: SceneOptions,
     /// Edge of its lights over what it is in the file, at the same power.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light_scale: Option<f32>,
@@ -172,7 +311,13 @@ impl Suite {
             .scenes
             .iter_mut()
             .flat_map(|s| [&mut s.file, &mut s.reference, &mut s.environment]);
-        let tables = suite.methods.iter_mut().flat_map(|m| &mut m.table);
+        let tables = suite
+            .methods
+            .iter_mut()
+            .filter_map(|m| match &mut m.spec.table {
+                Some(TableChoice::File(path)) => Some(path),
+                _ => None,
+            });
         // Unless there is such a file, the name of a table that the program contains is none.
         let is_file = |t: &&mut PathBuf| !TableFile::is_built_in(t) || folder.join(&**t).exists();
         for file in scene_files.flatten().chain(tables.filter(is_file)) {

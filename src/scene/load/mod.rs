@@ -32,7 +32,7 @@ use gltf::json::mesh::Semantic;
 use gltf::json::validation::{Checked, Error as Broken, Validate};
 use serde::de::IgnoredAny;
 use std::borrow::Cow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use uris::{Container, Files};
 
 /// Choices that a file does not contain.
@@ -75,6 +75,8 @@ pub struct Loaded {
     pub lit: bool,
     /// Features of the file that are ignored, one line each.
     pub warnings: Vec<String>,
+    /// The file and every external buffer and image that it uses.
+    pub files: Vec<PathBuf>,
     /// SHA-256 over the file and every external buffer and image it uses, in that order.
     pub digest: [u8; 32],
 }
@@ -167,6 +169,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         parts,
         animations: animation::list(&root),
         warnings: warnings.into_lines(),
+        files: files.read_so_far(),
         digest: files.digest(),
     })
 }

@@ -73,6 +73,7 @@ const MAX_BESIDE: u64 = 1 << 32;
 pub(super) struct Files {
     folder: PathBuf,
     digest: Sha256,
+    read: Vec<PathBuf>,
     /// Bytes that may still be read.
     left: u64,
 }
@@ -83,8 +84,14 @@ impl Files {
         Self {
             folder: path.parent().unwrap_or(Path::new("")).to_owned(),
             digest: Sha256::new_with_prefix(bytes),
+            read: vec![path.to_owned()],
             left: MAX_BESIDE,
         }
+    }
+
+    /// Every file that was read.
+    pub(super) fn read_so_far(&self) -> Vec<PathBuf> {
+        self.read.clone()
     }
 
     /// SHA-256 of everything read.
@@ -114,6 +121,7 @@ impl Files {
         self.left = left;
         let bytes = read_file(&path).map_err(cannot)?;
         self.digest.update(&bytes);
+        self.read.push(path);
         Ok(bytes)
     }
 }

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use opsr::image::{Buffer, exr};
 use opsr::math::Rgb;
+use opsr::render::value::TableChoice;
 use opsr::report::bench::curve::Crossing;
 use opsr::report::bench::results::Results;
 use opsr::report::bench::summary::{self, MethodSummary};
@@ -109,7 +110,7 @@ fn bench_suite_errors_name_the_entry() {
         ),
         (
             format!("times = [1]\n{scene}{method}gamma = 0.1\n"),
-            "method `m`: `gamma`",
+            "method `m`: plain has no table and no gamma",
         ),
         (
             format!("times = [1]\n{scene}[[method]]\nname = 'm'\nmethod = 'constant'\n"),
@@ -412,11 +413,12 @@ fn table_of_a_suite_may_be_named() {
     let method = "[[method]]\nname = 'learned'\nmethod = 'table'\ntable = 'beta-0.001'\n";
     std::fs::write(&path, format!("{SMALL}{method}")).unwrap();
     let table = || Suite::load(&path).unwrap().methods.pop().unwrap();
-    let learned = table();
-    assert_eq!(learned.table.as_deref(), Some(Path::new("beta-0.001")));
-    assert!(learned.resolve().unwrap().table_sha256.is_some());
+    let learned = table().spec;
+    let named = |path: &Path| Some(TableChoice::File(path.to_owned()));
+    assert_eq!(learned.table, named(Path::new("beta-0.001")));
+    assert!(learned.method().unwrap().table_sha256.is_some());
     std::fs::write(folder.path().join("beta-0.001"), "another").unwrap();
-    assert_eq!(table().table, Some(folder.path().join("beta-0.001")));
+    assert_eq!(table().spec.table, named(&folder.path().join("beta-0.001")));
 }
 
 /// Bodies overlap, which vcm does not know: it is marked, and the others are measured.

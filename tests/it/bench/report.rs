@@ -4,7 +4,6 @@ use opsr::report::bench::Suite;
 use opsr::report::bench::overall::{best_constant, overall};
 use opsr::report::bench::page::page;
 use opsr::report::bench::results::Results;
-use opsr::report::bench::suite::Kind;
 use opsr::stats::ratios::Verdict;
 
 use super::planted::{Planted, planted, recorded};
@@ -94,8 +93,7 @@ fn two_scenes() -> Results {
         results.cells.push(cell);
     }
     for (method, gamma) in [(2, 0.1), (3, 0.2)] {
-        results.suite.methods[method].method = Kind::Constant;
-        results.suite.methods[method].gamma = Some(gamma);
+        results.suite.methods[method].spec.gamma = Some(gamma);
     }
     results
 }

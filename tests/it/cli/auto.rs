@@ -87,7 +87,7 @@ fn auto_refuses_what_it_cannot_choose_for() {
     ] {
         let ended = place.render(&format!("--integrator auto {args}"));
         assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
-        assert!(ended.err.contains("integrator auto"), "{}", ended.err);
+        assert!(ended.err.contains("auto"), "{}", ended.err);
     }
     // Only the path tracer has levels and a lens.
     let ended = place
@@ -103,7 +103,7 @@ fn mlt_refuses_what_it_cannot_take() {
         ("--integrator mlt --mode pbrt", "mlt"),
         ("--integrator mlt --radius 0.1", "radius"),
         ("--integrator bdpt --mlt-pass 4", "mlt-pass"),
-        ("--integrator mlt --mlt-pass 0", "1..=65536"),
+        ("--integrator mlt --mlt-pass 0", "from 1 to 65536"),
     ] {
         let ended = place.render(args);
         assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);

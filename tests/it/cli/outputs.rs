@@ -5,7 +5,9 @@ use crate::fuzz::seeds;
 use opsr::gallery;
 use opsr::image::denoise::Denoiser;
 use opsr::image::{Buffer, exr, png};
+use opsr::math::Vec3;
 use opsr::report::compare::{Named, Options, compare};
+use opsr::scene::PunctualLight;
 use serde_json::Value;
 use std::io::Read;
 use std::net::TcpListener;
@@ -321,11 +323,7 @@ fn scenes_without_light_are_lit_or_refused() {
         "nothing lights the scene: --env studio, --env sky or a map would",
     );
     assert!(!place.path().join("out.png").exists());
-    fails(
-        render("--sun 30"),
-        2,
-        "--sun and --turbidity need --env sky",
-    );
+    fails(render("--sun 30"), 2, "--sun: needs --env sky");
     fails(
         render("--env sky --sun 120"),
         2,
@@ -336,4 +334,118 @@ fn scenes_without_light_are_lit_or_refused() {
         3,
         "there is no `red`: the file has none",
     );
+}
+
+/// No output takes the place of a file that the loader has read: textures, buffers, maps.
+#[test]
+fn outputs_do_not_replace_textures_and_buffers() {
+    use crate::support::gltf::{File, png};
+    let place = Place::new();
+    let mut file = File::triangle();
+    let picture = image::RgbImage::from_pixel(2, 2, image::Rgb([200, 90, 90]));
+    place.write("tex.png", png(&picture.into()));
+    let image = file.push("images", serde_json::json!({ "uri": "tex.png" }));
+    let texture = file.push("textures", serde_json::json!({ "source": image }));
+    let colour = serde_json::json!({ "baseColorTexture": { "index": texture } });
+    let material = file.push(
+        "materials",
+        serde_json::json!({ "pbrMetallicRoughness": colour }),
+    );
+    let uv = file.floats("VEC2", &[0.5; 6]);
+    file.primitive()["material"] = serde_json::json!(material);
+    file.primitive()["attributes"]["TEXCOORD_0"] = serde_json::json!(uv);
+    place.write("sep.bin", &file.bytes);
+    file.json["buffers"] =
+        serde_json::json!([{ "byteLength": file.bytes.len(), "uri": "sep.bin" }]);
+    place.write("scene.gltf", file.gltf());
+    place.write("sky.hdr", &seeds::hdr()[0]);
+    let before = place.files();
+    for args in [
+        "-o tex.png",
+        "--film sep.bin",
+        "-o a.exr --checkpoint sep.bin",
+        "-o a.exr --stats ./tex.png",
+        "-o a.exr --env sky.hdr --stats sky.hdr",
+    ] {
+        let ended = place.opsr(&format!("render scene.gltf --size 4x4 --spp 1 {args}"));
+        assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
+        let words = "would replace a file that is read";
+        assert!(ended.err.contains(words), "{args}: {}", ended.err);
+        assert!(place.files() == before, "{args}: files have changed");
+    }
+    place
+        .opsr("render scene.gltf --size 4x4 --spp 1 -o a.exr")
+        .done();
+}
+
+/// A choice that is made again keeps what the render said about itself.
+#[test]
+fn resolve_keeps_the_metadata_of_the_render() {
+    let place = caustics();
+    let args = "--spp 8 --opsr-table table.json --seed 7 --robust";
+    place
+        .render(&format!("{args} -o first.exr --checkpoint a.ckpt"))
+        .done();
+    place.opsr("resolve a.ckpt --robust -o again.exr").done();
+    let layers = |name: &str| exr::read_layers(&place.path().join(name)).expect("a file");
+    let (first, again) = (layers("first.exr").metadata, layers("again.exr").metadata);
+    assert_eq!(first, again);
+    for key in [
+        "seed",
+        "table_sha256",
+        "integrator",
+        "max_vertices",
+        "robust",
+    ] {
+        assert!(again.contains_key(key), "{key}");
+    }
+    // The choice itself is the new one.
+    place.opsr("resolve a.ckpt --sigma 0 -o other.exr").done();
+    let other = layers("other.exr").metadata;
+    assert_eq!((other.get("robust"), other["sigma"].as_str()), (None, "0"));
+}
+
+/// The hint for a refused sample is a command, and shows the sample again.
+#[test]
+fn hint_for_a_refused_sample_is_a_command() {
+    let place = Place::new();
+    let mut parts = gallery::point_light_over_plane();
+    // Radiance below it is infinite.
+    parts.lights = vec![PunctualLight::Point {
+        position: Vec3::new(0.0, 0.05, 0.0),
+        intensity: Vec3::splat(3e38),
+        range: f32::INFINITY,
+    }];
+    place.save("a scene.glb", &parts);
+    let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
+    let args = [
+        "render",
+        "a scene.glb",
+        "--size",
+        "8x8",
+        "--spp",
+        "4",
+        "--gamma",
+        "0.3",
+        "--seed",
+        "3",
+    ];
+    let ended = command.args(args).output().expect("the program");
+    let told = String::from_utf8(ended.stderr).expect("UTF-8");
+    assert!(told.contains("samples were refused"), "{told}");
+    let (_, hint) = told.split_once("to see one again: opsr ").expect("a hint");
+    let hint = hint.lines().next().expect("a line");
+    assert!(
+        hint.contains("'a scene.glb'") && hint.contains("--gamma 0.3"),
+        "{hint}"
+    );
+    let script = format!("{} {hint}", env!("CARGO_BIN_EXE_opsr"));
+    let again = place
+        .command("sh")
+        .args(["-c", &script])
+        .output()
+        .expect("a shell");
+    let told = String::from_utf8(again.stderr).expect("UTF-8");
+    assert!(again.status.success(), "{script}: {told}");
+    assert!(told.contains("samples were refused"), "{script}: {told}");
 }

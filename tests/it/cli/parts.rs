@@ -149,7 +149,7 @@ fn parts_of_other_renders_are_refused_by_name() {
         ("--film x --checkpoint c", "--checkpoint"),
         (
             "--film x --aov id",
-            "--film keeps no --aov position, id and time",
+            "--aov: a part keeps no position, id and time",
         ),
         ("--film x --crop 0,0,99,99", "--crop"),
     ] {

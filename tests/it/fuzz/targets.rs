@@ -229,7 +229,10 @@ pub(crate) fn suites() -> Target {
                 assert!(!scene.window().is_empty());
                 suite.methods_of(scene).count();
             }
-            let methods = suite.methods.iter().map(|m| format!("{:?} ", m.method));
+            let methods = suite
+                .methods
+                .iter()
+                .map(|m| format!("{:?} ", m.spec.settings()));
             Ok(methods.collect())
         },
     }
@@ -260,6 +263,7 @@ pub(crate) fn checkpoints() -> Target {
             fingerprint: fingerprint(),
             samples: 4,
             seconds: 1.5,
+            metadata: Default::default(),
         };
         written(|path| text(checkpoint.save(path)))
     });

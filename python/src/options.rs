@@ -1,0 +1,172 @@
+//! Options of a render as keywords: read, described, and named in errors as the library declares them.
+
+use crate::errors::{argument, file};
+use crate::table::Table;
+use opsr::render::value::TableChoice;
+use opsr::render::{Fault, Heading, Names, OPTIONS, Opt, Spec};
+use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyString};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Keywords of the past that `render` takes too.
+const OLDER: [&str; 2] = ["rule", "reuse"];
+
+/// True for the options of `Scene.load`.
+pub(crate) fn of_scene(option: &Opt) -> bool {
+    matches!(option.heading, Heading::Scene | Heading::Light)
+}
+
+/// True for the options of `render`; files are written by `Film.save`.
+pub(crate) fn of_render(option: &Opt) -> bool {
+    let heading = option.heading;
+    matches!(heading, Heading::Camera | Heading::Stop | Heading::Method) || option.name == "aov"
+}
+
+/// A fault as an exception, with options by their keywords.
+pub(crate) fn raised(fault: Fault) -> PyErr {
+    match fault {
+        Fault::File(error) => file(error),
+        Fault::Memory(..) => PyMemoryError::new_err(fault.said(Names::Keys)),
+        fault => PyValueError::new_err(fault.said(Names::Keys)),
+    }
+}
+
+/// Options of a function by their keywords; None is not given.
+pub(crate) fn read(
+    function: &str,
+    keywords: Option<&Bound<'_, PyDict>>,
+    wanted: fn(&Opt) -> bool,
+) -> PyResult<Spec> {
+    let mut spec = Spec::default();
+    let Some(keywords) = keywords else {
+        return Ok(spec);
+    };
+    for (name, value) in keywords.iter() {
+        let name: String = name.extract()?;
+        let known = Opt::named(&name).is_some_and(wanted);
+        let gone = opsr::render::spec::GONE
+            .iter()
+            .any(|(gone, _)| *gone == name);
+        let older = function == "render" && OLDER.contains(&name.as_str());
+        if !known && !gone && !older {
+            let what = format!("{function}() got an unexpected keyword argument '{name}'");
+            return Err(PyTypeError::new_err(what));
+        }
+        if value.is_none() {
+            continue;
+        }
+        if let Ok(table) = value.cast::<Table>()
+            && name == "table"
+        {
+            spec.table = Some(TableChoice::Held(Arc::new(table.get().file.clone())));
+            continue;
+        }
+        let typed = Opt::named(&name).map(|option| (option.python)());
+        let words = ["str", "Path", "Literal"];
+        let text = typed.is_none_or(|typed| words.iter().any(|word| typed.contains(word)));
+        if value.is_instance_of::<PyString>() && !text {
+            return Err(wrong_type(&name));
+        }
+        let value = json_of(&value).filter(|value| !value.is_null());
+        let value = value.ok_or_else(|| wrong_type(&name))?;
+        spec.set(&name, &value).map_err(raised)?;
+    }
+    Ok(spec)
+}
+
+fn wrong_type(name: &str) -> PyErr {
+    let expected = Opt::named(name).map_or_else(String::new, |option| (option.python)());
+    PyTypeError::new_err(format!("{name}: expected {expected}"))
+}
+
+/// A Python value of plain data; `None` for others.
+fn json_of(value: &Bound<'_, PyAny>) -> Option<Value> {
+    if let Ok(truth) = value.cast::<PyBool>() {
+        return Some(truth.is_true().into());
+    }
+    if value.is_instance_of::<PyInt>() {
+        let negative = value.extract::<i64>().map(Value::from);
+        // A larger one is out of every range.
+        return value
+            .extract::<u64>()
+            .map(Value::from)
+            .or(negative)
+            .ok()
+            .or(Some("a large number".into()));
+    }
+    if let Ok(text) = value.cast::<PyString>() {
+        return text.extract::<String>().ok().map(Value::from);
+    }
+    if value.is_instance_of::<PyFloat>() {
+        let number = value.extract::<f64>().ok()?;
+        return Some(
+            serde_json::Number::from_f64(number).map_or("not finite".into(), Value::Number),
+        );
+    }
+    if let Ok(path) = value.extract::<PathBuf>() {
+        return path.to_str().map(Value::from);
+    }
+    if let Ok(list) = value.try_iter() {
+        let items = list.map(|item| item.ok().as_ref().and_then(json_of));
+        return items.collect::<Option<Vec<Value>>>().map(Value::Array);
+    }
+    // numpy's numbers and truth values.
+    if let Ok(number) = value.extract::<i64>() {
+        return Some(number.into());
+    }
+    let number = value.extract::<f64>().ok()?;
+    Some(serde_json::Number::from_f64(number).map_or("not finite".into(), Value::Number))
+}
+
+/// A whole number of an argument, from `least` on.
+pub(crate) fn count(
+    name: &str,
+    value: Option<&Bound<'_, PyAny>>,
+    least: u32,
+) -> PyResult<Option<u32>> {
+    let Some(value) = value.filter(|value| !value.is_none()) else {
+        return Ok(None);
+    };
+    let number = value
+        .extract::<u32>()
+        .ok()
+        .filter(|n| *n >= least && !value.is_instance_of::<PyBool>());
+    let what = || argument(name, format!("expected a whole number of at least {least}"));
+    number.map(Some).ok_or_else(what)
+}
+
+/// A number of threads.
+pub(crate) fn threads(value: Option<&Bound<'_, PyAny>>) -> PyResult<Option<u16>> {
+    let number = count("threads", value, 1)?;
+    let small =
+        |n: u32| u16::try_from(n).map_err(|_| argument("threads", "expected at most 65535"));
+    number.map(small).transpose()
+}
+
+/// Names, types, defaults and help of the options of a function, as JSON, for its signature and documentation.
+#[pyfunction]
+pub(crate) fn _options(function: &str) -> String {
+    let wanted = if function == "render" {
+        of_render
+    } else {
+        of_scene
+    };
+    let options = OPTIONS.iter().filter(|option| wanted(option));
+    let described = options.map(|option| {
+        let default = option.default.and_then(|text| {
+            let mut spec = Spec::default();
+            spec.set(option.name, &text.into()).ok()?;
+            spec.settings().remove(option.name)
+        });
+        json!({
+            "name": option.name,
+            "type": (option.python)(),
+            "default": default,
+            "help": option.keyword_help(),
+        })
+    });
+    Value::Array(described.collect()).to_string()
+}

@@ -1,0 +1,176 @@
+//! The end of a render: the closing line, warnings, and statistics for programs.
+
+use super::bar::Style;
+use super::info;
+use super::listener::Closed;
+use super::render_args::RenderArgs;
+use opsr::image::film::{Film, Window};
+use opsr::math::Rgb;
+use opsr::pilot::witness::Missing;
+use opsr::render::open::Opened;
+use opsr::render::{Output, Request};
+use opsr::resolve::unseen_share;
+
+/// A render that has ended.
+pub(super) struct Ended<'a> {
+    pub(super) args: &'a RenderArgs,
+    pub(super) request: &'a Request<'a>,
+    pub(super) opened: &'a Opened,
+    pub(super) output: &'a Output,
+    /// Samples of earlier runs, which took no time of this one.
+    pub(super) start: u32,
+    /// Seconds of earlier runs.
+    pub(super) spent: f64,
+    pub(super) closed: &'a Closed,
+    /// Light that a witness found and the picture lacks.
+    pub(super) missing: Option<&'a Missing>,
+}
+
+impl Ended<'_> {
+    fn film(&self) -> &Film {
+        &self.output.picture.film
+    }
+
+    /// Paths of this run.
+    fn paths(&self) -> u64 {
+        u64::from(self.output.progress.samples - self.start) * self.film().pixels.len() as u64
+    }
+
+    /// Estimated relative error.
+    fn error(&self) -> f64 {
+        let stated = self.closed.written.error;
+        self.missing.map_or(stated, |missing| missing.error(stated))
+    }
+
+    fn seconds(&self) -> f64 {
+        self.output.progress.elapsed.as_secs_f64()
+    }
+
+    /// What was written, with the statistics of the render.
+    fn summary(&self, names: &str) -> String {
+        let seconds = self.seconds();
+        let rate = match self.paths() {
+            0 if self.output.progress.samples == 0 => "a part of the first sample".to_owned(),
+            0 => "no new samples: the checkpoint has as many as were asked for, or more".to_owned(),
+            paths => format!("{:.3} million paths/s", paths as f64 / seconds / 1e6),
+        };
+        let written = &self.closed.written;
+        let exposure = (written.exposure).map_or(String::new(), |e| format!(", exposure {e:+}"));
+        let camera = match self.opened.scene.parts().cameras.is_empty() {
+            true => format!(
+                ", {}, since the file has no camera",
+                self.request.camera.name
+            ),
+            false => String::new(),
+        };
+        let studio = match self.opened.in_studio {
+            true => ", lit by the built-in studio, since the file has no light",
+            false => "",
+        };
+        let mut error = match self.error() {
+            error if error.is_finite() => format!(", estimated relative error {error:.4}"),
+            _ => String::new(),
+        };
+        let unseen = unseen_share(&self.output.picture);
+        if unseen >= 0.0005 {
+            let percent = 100.0 * unseen;
+            error += &format!(", {percent:.1} % of the light found by roughened lobes alone");
+        }
+        if let Some(missing) = self.missing {
+            error += &format!(", {missing}");
+        }
+        let truth = self.closed.true_error;
+        let truth = truth.map_or(String::new(), |e| format!(", true error {e:.4}"));
+        let Window { w, h, .. } = self.film().window;
+        let spp = self.output.progress.samples;
+        format!(
+            "{names}: {w}x{h}{exposure}{camera}{studio}, {spp} spp in {seconds:.2} s, {rate}{error}{truth}"
+        )
+    }
+
+    /// Reports what was written with the statistics of the render, and the refused samples.
+    pub(super) fn report(&self, names: &str) {
+        let summary = self.summary(names);
+        match self.args.progress {
+            Style::Auto => eprintln!("{summary}"),
+            Style::Json | Style::None => tracing::info!("{summary}"),
+        }
+        for line in info::unused(&self.opened.scene, &self.request.settings.rule) {
+            tracing::info!("{line}");
+        }
+        let clipped = self.film().clipped_variances();
+        if clipped > 0 {
+            tracing::warn!(
+                "{clipped} pixels have a variance above {:e}, which is written in its place: the light is too strong for \
+                 error estimates in single precision",
+                f32::MAX
+            );
+        }
+        let black = self
+            .closed
+            .written
+            .shown
+            .pixels
+            .iter()
+            .all(|p| *p == Rgb::ZERO);
+        if black && !self.opened.scene.lights().is_empty() {
+            tracing::warn!(
+                "the picture is black: no path has found light; `opsr info` names an integrator for the scene's lights and \
+                 materials"
+            );
+        }
+        let rejected = &self.film().rejected;
+        if rejected.total() > 0 {
+            tracing::warn!(
+                "{} samples were refused ({} not a number, {} infinite)",
+                rejected.total(),
+                rejected.nan,
+                rejected.infinite,
+            );
+            for first in &rejected.first {
+                tracing::warn!("to see one again: {}", self.request.replay(first));
+            }
+        }
+    }
+
+    /// Statistics for programs.
+    pub(super) fn statistics(&self) -> serde_json::Value {
+        let (film, seconds) = (self.film(), self.seconds());
+        let scene = &self.opened.scene;
+        let settings = self.request.choices().into_iter();
+        let settings = settings.map(|(key, value)| (key.to_owned(), value.into()));
+        let Window { x, y, w, h } = film.window;
+        let finite = |x: f64| x.is_finite().then_some(x);
+        serde_json::json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "command": std::env::args().collect::<Vec<_>>().join(" "),
+            "settings": serde_json::Map::from_iter(settings),
+            "seed": self.request.settings.seed,
+            "files": self.args.output,
+            "scene": {
+                "file": self.request.subject.name,
+                "sha256": self.opened.sha256,
+                "triangles": scene.geometry().len(),
+                "emissive_triangles": scene.lights().emissive_triangles(),
+                "materials": scene.parts().materials.len(),
+            },
+            "camera": self.request.camera.name,
+            "frame": [film.size.x, film.size.y],
+            "window": [x, y, w, h],
+            "threads": rayon::current_num_threads(),
+            "spp": self.output.progress.samples,
+            "seconds": seconds,
+            "seconds_of_earlier_runs": self.spent,
+            "paths": self.paths(),
+            "paths_per_second": finite(self.paths() as f64 / seconds),
+            "relative_error": finite(self.error()),
+            "light_missing": self.missing.map(|m| {
+                serde_json::json!({ "share": m.share, "pixel": m.pixel.to_array(), "finder": m.finder.name() })
+            }),
+            "true_error": self.closed.true_error.and_then(finite),
+            "exposure": self.closed.written.exposure,
+            "refused": { "nan": film.rejected.nan, "infinite": film.rejected.infinite },
+            "clipped_variances": film.clipped_variances(),
+        })
+    }
+}

@@ -1,0 +1,103 @@
+//! Exit codes, and the errors that lead to them.
+
+use opsr::files::FileError;
+use opsr::memory::Shortage;
+use opsr::render::{Cause, Fault, Names};
+
+/// Exit code of the program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(super) enum Exit {
+    /// Done.
+    Done = 0,
+    /// Any failure that is not one of those below.
+    Failed = 1,
+    /// Wrong usage; clap exits with the same code.
+    Usage = 2,
+    /// A scene, table, picture or configuration file is missing, damaged or not supported.
+    Input = 3,
+    /// A result could not be written.
+    Output = 4,
+    /// Stopped by the user; the results so far are saved.
+    Stopped = 5,
+    /// Pictures differ by more than they may.
+    Differ = 6,
+    /// There is not enough memory.
+    Memory = 7,
+}
+
+/// An error together with the exit code it leads to.
+#[derive(Debug)]
+pub(super) struct Failure(pub(super) Exit, pub(super) anyhow::Error);
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:#}", self.1)
+    }
+}
+
+impl std::error::Error for Failure {}
+
+/// Gives an error its exit code.
+pub(super) trait Blame<T>: Sized {
+    /// The command line is at fault.
+    fn usage(self) -> anyhow::Result<T> {
+        self.blame(Exit::Usage)
+    }
+
+    /// The user's input is at fault.
+    fn input(self) -> anyhow::Result<T> {
+        self.blame(Exit::Input)
+    }
+
+    /// The place to write to is at fault.
+    fn output(self) -> anyhow::Result<T> {
+        self.blame(Exit::Output)
+    }
+
+    /// This exit code.
+    fn blame(self, exit: Exit) -> anyhow::Result<T>;
+}
+
+impl<T, E: Into<anyhow::Error>> Blame<T> for Result<T, E> {
+    fn blame(self, exit: Exit) -> anyhow::Result<T> {
+        self.map_err(|e| {
+            let error: anyhow::Error = e.into();
+            let exit = if is_shortage(&error) {
+                Exit::Memory
+            } else {
+                exit
+            };
+            Failure(exit, error).into()
+        })
+    }
+}
+
+/// True if memory is at fault, which has an exit code of its own.
+fn is_shortage(error: &anyhow::Error) -> bool {
+    let of_file = error.downcast_ref().is_some_and(FileError::is_shortage);
+    of_file || error.downcast_ref::<Shortage>().is_some()
+}
+
+/// Tells a fault of a render with options as the command line names them.
+pub(super) trait Told<T> {
+    /// The error with the exit code of its cause.
+    fn told(self) -> anyhow::Result<T>;
+}
+
+impl<T> Told<T> for Result<T, Fault> {
+    fn told(self) -> anyhow::Result<T> {
+        self.map_err(|fault| failure(&fault).into())
+    }
+}
+
+/// The failure of a fault.
+pub(super) fn failure(fault: &Fault) -> Failure {
+    let exit = match fault.cause() {
+        Cause::Usage => Exit::Usage,
+        Cause::Input => Exit::Input,
+        Cause::Output => Exit::Output,
+        Cause::Memory => Exit::Memory,
+    };
+    Failure(exit, anyhow::Error::msg(fault.said(Names::Flags)))
+}

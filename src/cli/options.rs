@@ -1,0 +1,164 @@
+//! Options of the command line made of the declarations of `opsr::render`.
+
+use clap::builder::PossibleValuesParser;
+use clap::parser::ValueSource;
+use clap::{Arg, ArgAction, ArgMatches, Command};
+use opsr::math::UVec2;
+use opsr::render::{Fault, Heading, Names, OPTIONS, Opt, Spec};
+use serde_json::Value;
+use std::ops::Range;
+
+/// A declared option for clap.
+fn arg(option: &'static Opt) -> Arg {
+    let arg = Arg::new(option.name)
+        .long(option.flag())
+        .help(option.help())
+        .help_heading(option.heading.words())
+        .hide_short_help(!option.common);
+    if option.value.is_empty() {
+        return arg.action(ArgAction::SetTrue);
+    }
+    let mut arg = arg.value_name(option.value);
+    if option.name == "max_vertices" {
+        arg = arg.alias("max-depth");
+    }
+    if let Some(bare) = option.bare {
+        arg = arg.num_args(0..=1).default_missing_value(bare);
+    }
+    if let Some(default) = option.default {
+        arg = arg.default_value(default);
+    }
+    let choices = (option.possible)();
+    match (choices.is_empty(), option.name) {
+        (false, "aov") => arg
+            .value_parser(PossibleValuesParser::new(choices))
+            .value_delimiter(',')
+            .action(ArgAction::Append),
+        (false, _) => arg.value_parser(PossibleValuesParser::new(choices)),
+        (true, _) => arg.value_parser(move |text: &str| checked(option, text)),
+    }
+}
+
+/// The text, if the option takes it.
+fn checked(option: &'static Opt, text: &str) -> Result<String, String> {
+    let read = Spec::default().set(option.name, &Value::from(text));
+    match read {
+        Ok(()) => Ok(text.to_owned()),
+        Err(Fault::Option { why, .. }) => Err(why),
+        Err(fault) => Err(fault.said(Names::Flags)),
+    }
+}
+
+/// The given options among those that are wanted.
+fn read(matches: &ArgMatches, wanted: fn(&Opt) -> bool) -> Result<Spec, clap::Error> {
+    let mut spec = Spec::default();
+    for option in OPTIONS.iter().filter(|option| wanted(option)) {
+        let name = option.name;
+        if matches.value_source(name) != Some(ValueSource::CommandLine) {
+            continue;
+        }
+        let value = if option.value.is_empty() {
+            Value::from(matches.get_flag(name))
+        } else {
+            let values = matches.get_many::<String>(name).into_iter().flatten();
+            let words: Vec<&str> = values.map(String::as_str).collect();
+            Value::from(words.join(","))
+        };
+        let fault = |fault: Fault| {
+            clap::Error::raw(
+                clap::error::ErrorKind::InvalidValue,
+                fault.said(Names::Flags) + "\n",
+            )
+        };
+        spec.set(name, &value).map_err(fault)?;
+    }
+    Ok(spec)
+}
+
+macro_rules! groups {
+    ($($(#[doc = $doc:literal])+ $name:ident: $wanted:expr;)+) => {
+        $(
+            $(#[doc = $doc])+
+            #[derive(Clone, Debug)]
+            pub(super) struct $name(pub(super) Spec);
+
+            impl clap::Args for $name {
+                fn augment_args(command: Command) -> Command {
+                    let wanted: fn(&Opt) -> bool = $wanted;
+                    command.args(OPTIONS.iter().filter(|option| wanted(option)).map(arg))
+                }
+
+                fn augment_args_for_update(command: Command) -> Command {
+                    Self::augment_args(command)
+                }
+            }
+
+            impl clap::FromArgMatches for $name {
+                fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+                    read(matches, $wanted).map(Self)
+                }
+
+                fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+                    *self = Self::from_arg_matches(matches)?;
+                    Ok(())
+                }
+            }
+        )+
+    };
+}
+
+groups! {
+    /// All options of a render.
+    RenderOptions: |_| true;
+    /// Options of the scene, its light, and a picture of it.
+    SceneOptions: |option| {
+        matches!(option.heading, Heading::Scene | Heading::Light) || ["size", "camera"].contains(&option.name)
+    };
+    /// Options of the choice among levels and of files, which are made again from a film.
+    FileOptions: |option| option.of_film;
+    /// The part of a picture.
+    CropOption: |option| option.name == "crop";
+}
+
+/// A pixel of the frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pixel(pub(super) UVec2);
+
+/// A pixel such as `10,20`.
+pub(super) fn pixel(text: &str) -> Result<Pixel, String> {
+    let numbers = text
+        .split_once(',')
+        .map(|(x, y)| (x.trim().parse(), y.trim().parse()));
+    match numbers {
+        Some((Ok(x), Ok(y))) => Ok(Pixel(UVec2::new(x, y))),
+        _ => Err("expected X,Y in pixels from the top left".into()),
+    }
+}
+
+/// A range of numbers such as `64..128`.
+pub(super) fn range(text: &str) -> Option<Range<u32>> {
+    let (a, b) = text.split_once("..")?;
+    let range = a.parse().ok()?..b.parse().ok()?;
+    (!range.is_empty()).then_some(range)
+}
+
+/// Samples such as `64..128`.
+pub(super) fn samples(text: &str) -> Result<Range<u32>, String> {
+    let what = "expected A..B, such as 64..128: the samples from number A on (from 0), without B";
+    range(text).ok_or(what.into())
+}
+
+/// A number above 0.
+pub(super) fn positive(text: &str) -> Result<f32, String> {
+    let number = text
+        .parse()
+        .ok()
+        .filter(|x: &f32| *x > 0.0 && x.is_finite());
+    number.ok_or("expected a number above 0".into())
+}
+
+/// A finite number.
+pub(super) fn finite(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|x: &f32| x.is_finite());
+    number.ok_or("expected a number".into())
+}

@@ -1,0 +1,142 @@
+//! Refusals and failures of a render, with options by the names that its user gave them.
+
+use super::spec::Opt;
+use crate::files::FileError;
+use crate::image::denoise::DenoiseError;
+use crate::memory::Shortage;
+use std::fmt;
+
+/// Names of options in messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Names {
+    /// `--opsr-table`.
+    Flags,
+    /// `table`, as keywords of Python and keys of a suite are.
+    Keys,
+}
+
+/// The party at fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The options.
+    Usage,
+    /// A file that is read.
+    Input,
+    /// A place to write to.
+    Output,
+    /// Too little memory.
+    Memory,
+}
+
+/// A render that cannot be, or went wrong. In texts, `{name}` stands for the option of that name.
+#[derive(Debug)]
+pub enum Fault {
+    /// An option that cannot be, alone or beside others.
+    Option {
+        /// Its name.
+        name: &'static str,
+        /// The reason.
+        why: String,
+    },
+    /// Options that cannot be.
+    Usage(String),
+    /// A file.
+    File(FileError),
+    /// An input that is no file, or of a file with more to say.
+    Input(String),
+    /// A place that cannot be written to.
+    Output(String),
+    /// Too little memory, and what would take less.
+    Memory(Shortage, &'static str),
+}
+
+impl Fault {
+    /// A fault of this option.
+    pub fn option(name: &'static str, why: impl fmt::Display) -> Self {
+        let why = why.to_string();
+        Self::Option { name, why }
+    }
+
+    /// A fault of the options.
+    pub fn usage(what: impl fmt::Display) -> Self {
+        Self::Usage(what.to_string())
+    }
+
+    /// The party at fault.
+    pub fn cause(&self) -> Cause {
+        match self {
+            Self::Option { .. } | Self::Usage(_) => Cause::Usage,
+            Self::File(error) if error.is_shortage() => Cause::Memory,
+            Self::File(error) if error.is_write() => Cause::Output,
+            Self::File(_) | Self::Input(_) => Cause::Input,
+            Self::Output(_) => Cause::Output,
+            Self::Memory(..) => Cause::Memory,
+        }
+    }
+
+    /// The message with options by these names.
+    pub fn said(&self, names: Names) -> String {
+        match self {
+            Self::Option { name, why } => match names {
+                // A suite and Python name their argument first.
+                Names::Keys => format!("{name}: {}", spelt(why, names)),
+                Names::Flags => format!(
+                    "{}: {}",
+                    spelt(&format!("{{{name}}}"), names),
+                    spelt(why, names)
+                ),
+            },
+            Self::Usage(what) | Self::Input(what) | Self::Output(what) => spelt(what, names),
+            Self::File(error) => error.to_string(),
+            Self::Memory(shortage, hint) => format!("{shortage}; {}", spelt(hint, names)),
+        }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.said(Names::Keys))
+    }
+}
+
+impl std::error::Error for Fault {}
+
+impl From<FileError> for Fault {
+    fn from(error: FileError) -> Self {
+        Self::File(error)
+    }
+}
+
+impl From<DenoiseError> for Fault {
+    fn from(error: DenoiseError) -> Self {
+        Self::Input(format!("{{denoise}}: {error}"))
+    }
+}
+
+/// A text with every `{name}` of an option replaced.
+fn spelt(text: &str, names: Names) -> String {
+    let mut spelt = String::new();
+    let mut rest = text;
+    while let Some((before, after)) = rest.split_once('{') {
+        spelt += before;
+        rest = after;
+        match after.split_once('}') {
+            Some((name, after)) if is_name(name) => {
+                spelt += &match names {
+                    Names::Flags => {
+                        let flag = Opt::named(name).map(Opt::flag);
+                        format!("--{}", flag.unwrap_or_else(|| name.replace('_', "-")))
+                    }
+                    Names::Keys => name.to_owned(),
+                };
+                rest = after;
+            }
+            _ => spelt.push('{'),
+        }
+    }
+    spelt + rest
+}
+
+fn is_name(text: &str) -> bool {
+    !text.is_empty() && text.chars().all(|c| c.is_ascii_lowercase() || c == '_')
+}

@@ -1,0 +1,319 @@
+//! Estimator and rule of a render, and which options go with which.
+
+use super::fault::Fault;
+use super::spec::Spec;
+use super::value::{Levels, TableChoice, listed, word};
+use crate::files::{FileError, hex};
+use crate::integrator::bidirectional::{Radius, Strategy};
+use crate::integrator::layers::Aov;
+use crate::integrator::method::{Connections, Guide, IntegratorKind, Mode};
+use crate::integrator::{Estimator, Settings};
+use crate::regularise::rules::MOLLIFIER_RADIUS;
+use crate::regularise::{Accumulated, Factors, Rule};
+use crate::resolve::Resolve;
+use crate::sampler::SamplerKind;
+
+/// Table of the levels that [`IntegratorKind::Auto`] tries where none is given.
+const DEFAULT_TABLE: &str = "beta-0.001";
+
+/// A method whose table is read.
+#[derive(Clone, Debug)]
+pub struct Method {
+    /// The algorithm.
+    pub estimator: Estimator,
+    /// The rule.
+    pub rule: Rule,
+    /// SHA-256 of the table's file, in hexadecimal digits.
+    pub table_sha256: Option<String>,
+    /// Number of scenes that the table was learned from, if its file says so.
+    pub table_scenes: Option<usize>,
+}
+
+/// An error unless the condition holds.
+fn ensure(holds: bool, name: &'static str, why: &str) -> Result<(), Fault> {
+    match holds {
+        true => Ok(()),
+        false => Err(Fault::option(name, why)),
+    }
+}
+
+impl Spec {
+    /// The algorithm.
+    pub fn kind(&self) -> IntegratorKind {
+        self.integrator.unwrap_or_default()
+    }
+
+    /// True where a table or a factor roughens.
+    pub fn has_factors(&self) -> bool {
+        self.table.is_some() || self.gamma.is_some()
+    }
+
+    /// Settings of the choice among levels. A denoiser does its own blur.
+    pub fn resolve(&self) -> Resolve {
+        self.resolve.unwrap_or(match self.denoise {
+            Some(true) => Resolve::Sharp,
+            _ => Resolve::Default,
+        })
+    }
+
+    /// The layers that were asked for.
+    pub fn aovs(&self) -> &[Aov] {
+        self.aov.as_ref().map_or(&[], |layers| &layers.0)
+    }
+
+    /// Refuses options that cannot be together or do nothing, before any file is read.
+    pub fn check(&self) -> Result<(), Fault> {
+        let kind = self.kind();
+        for (option, value) in self.given_values() {
+            let name = option.name;
+            // A program of one's own sets fields as it likes.
+            option
+                .check(&value)
+                .map_err(|what| Fault::option(name, what))?;
+            let braces = |name: &&str| format!("{{{name}}}");
+            if !option.needs.is_empty() && !option.needs.iter().any(|n| self.has(n)) {
+                let needs: Vec<String> = option.needs.iter().map(braces).collect();
+                return Err(Fault::option(name, format!("needs {}", listed(&needs))));
+            }
+            if let Some(other) = option.excludes.iter().find(|n| self.has(n)) {
+                return Err(Fault::option(
+                    name,
+                    format!("cannot be used with {{{other}}}"),
+                ));
+            }
+            if !option.of.is_empty() && !option.of.contains(&kind) {
+                let named = option.of.iter().filter(|of| **of != IntegratorKind::Auto);
+                let of: Vec<String> = named.map(word).collect();
+                let of = listed(&of).replace(" or ", " and ");
+                let why = format!("is of {{integrator}} {of}, not of {}", word(&kind));
+                return Err(Fault::option(name, why));
+            }
+        }
+        self.check_mode()?;
+        self.check_guide()?;
+        self.check_levels()?;
+        self.check_sky()
+    }
+
+    fn check_mode(&self) -> Result<(), Fault> {
+        use IntegratorKind::{Auto, Bdpt, Light, Mlt, Path, Sppm, Vcm};
+        let mode = self.mode.unwrap_or_default();
+        let (kind, factors) = (self.kind(), self.has_factors());
+        let own = !matches!(mode, Mode::Default | Mode::Reuse);
+        if own && (factors || self.consistent.is_some()) {
+            let why = "has a rule of its own: no {table}, {gamma} or {consistent}";
+            return Err(Fault::option("mode", format!("{} {why}", word(&mode))));
+        }
+        ensure(
+            factors || mode != Mode::Reuse,
+            "mode",
+            "reuse needs {table} or {gamma}",
+        )?;
+        ensure(
+            self.filter.is_none() || mode == Mode::FilterGlossy,
+            "filter",
+            "needs {mode} filter-glossy",
+        )?;
+        let known = match kind {
+            Path => true,
+            Auto => matches!(mode, Mode::Default | Mode::Reuse | Mode::Mollifier),
+            Bdpt | Mlt => matches!(mode, Mode::Default | Mode::Mollifier),
+            Vcm | Light | Sppm => mode == Mode::Default,
+        };
+        let which = match kind {
+            Auto => "no mode but reuse and mollifier",
+            Bdpt | Mlt => "no mode but mollifier, no reuse",
+            _ => "no mode, no reuse",
+        };
+        ensure(
+            known,
+            "mode",
+            &format!("{{integrator}} {} takes {which}", word(&kind)),
+        )?;
+        let merges = self.strategy == Some(Strategy::Merges);
+        ensure(
+            !merges || kind == Vcm,
+            "strategy",
+            "only {integrator} vcm has merges",
+        )?;
+        let plain = self.strategy.is_none() || mode == Mode::Default;
+        ensure(plain, "strategy", "a strategy is shown without {mode}")
+    }
+
+    fn check_guide(&self) -> Result<(), Fault> {
+        let Some(guide) = self.guide else {
+            return Ok(());
+        };
+        let several = self
+            .levels
+            .as_ref()
+            .is_some_and(|levels| !levels.0.is_empty());
+        ensure(!several, "guide", "has one level: no {levels}")?;
+        ensure(
+            self.mode.is_none_or(|mode| mode == Mode::Default),
+            "guide",
+            "takes no {mode} and no reuse",
+        )?;
+        let why = "unbiased needs {table} or {gamma}, which roughens for it alone";
+        ensure(guide != Guide::Unbiased || self.has_factors(), "guide", why)
+    }
+
+    fn check_levels(&self) -> Result<(), Fault> {
+        let Some(levels) = &self.levels else {
+            return Ok(());
+        };
+        let several = !levels.0.is_empty();
+        ensure(
+            !several || self.has_factors() || self.kind() == IntegratorKind::Auto,
+            "levels",
+            "several levels scale the factors of {table} or {gamma}, and there are none",
+        )
+    }
+
+    fn check_sky(&self) -> Result<(), Fault> {
+        let sky = self
+            .env
+            .as_ref()
+            .is_some_and(|env| env.as_os_str() == "sky");
+        let name = if self.sun.is_some() {
+            "sun"
+        } else {
+            "turbidity"
+        };
+        let given = self.sun.is_some() || self.turbidity.is_some();
+        ensure(sky || !given, name, "needs {env} sky")
+    }
+
+    /// Refuses what several levels, or one, do not have.
+    pub(super) fn check_resolved(&self, settings: &Settings) -> Result<(), Fault> {
+        let levels = !settings.levels.is_empty();
+        let wants = |aov: &Aov| self.aovs().contains(aov);
+        let light = [Aov::Emission, Aov::Direct, Aov::Indirect]
+            .iter()
+            .any(wants);
+        let path = matches!(
+            settings.estimator,
+            Estimator::Path { .. } | Estimator::Guided { .. }
+        );
+        let why = "emission, direct and indirect are of the path tracer with one level: {levels} 1";
+        ensure(!light || path && !levels, "aov", why)?;
+        ensure(levels || !wants(&Aov::Level), "aov", "level needs {levels}")?;
+        let why = "needs several levels, and this render has one";
+        match self.given().find(|(option, _)| option.of_levels && !levels) {
+            Some((option, _)) => Err(Fault::option(option.name, why)),
+            None => Ok(()),
+        }
+    }
+
+    /// The method; a table is read from its file.
+    pub fn method(&self) -> Result<Method, FileError> {
+        let (mut table_sha256, mut table_scenes) = (None, None);
+        let accumulated = |factors| {
+            Rule::Accumulated(Accumulated {
+                factors,
+                lambda: self.consistent.unwrap_or(0.0),
+            })
+        };
+        let mode = self.mode.unwrap_or_default();
+        let rule = match (mode, self.gamma, &self.table) {
+            (Mode::Pbrt, ..) => Rule::Pbrt,
+            (Mode::FilterGlossy, ..) => Rule::FilterGlossy(self.filter.unwrap_or(1.0)),
+            (Mode::RoughnessClamp, ..) => Rule::RoughnessClamp,
+            (Mode::Mollifier, ..) => Rule::Mollifier(MOLLIFIER_RADIUS),
+            (_, Some(gamma), _) => accumulated(Factors::Constant(gamma)),
+            (_, None, Some(choice)) => {
+                let file = choice.load()?;
+                table_sha256 = Some(hex(&file.digest()));
+                table_scenes = file.provenance.as_ref().map(|p| p.scenes.len());
+                let mut table = file.table;
+                table.scale = self.table_scale.unwrap_or(table.scale);
+                table.lookup = self.lookup.unwrap_or(table.lookup);
+                accumulated(Factors::Table(table))
+            }
+            (_, None, None) => Rule::Plain,
+        };
+        Ok(Method {
+            estimator: self.estimator(mode == Mode::Reuse),
+            rule,
+            table_sha256,
+            table_scenes,
+        })
+    }
+
+    fn estimator(&self, reuse: bool) -> Estimator {
+        let radius = Radius {
+            first: self.radius,
+            alpha: self.radius_alpha.unwrap_or(Radius::default().alpha),
+        };
+        match self.kind().estimator(radius) {
+            Estimator::Path { .. } => match self.guide {
+                Some(guide) => Estimator::Guided {
+                    unbiased: guide == Guide::Unbiased,
+                },
+                None => Estimator::Path { reuse },
+            },
+            Estimator::Vcm(radius) if self.connections == Some(Connections::Nee) => {
+                Estimator::VcmNee(radius)
+            }
+            Estimator::Mlt { mutations } => Estimator::Mlt {
+                mutations: self.mlt_pass.unwrap_or(mutations),
+            },
+            other => other,
+        }
+    }
+
+    /// The settings with this method, of one level.
+    pub fn with(&self, method: &Method) -> Settings {
+        let default = Settings::default();
+        Settings {
+            estimator: method.estimator,
+            rule: method.rule.clone(),
+            strategy: self.strategy,
+            sampler: self.sampler.unwrap_or(SamplerKind::Sobol),
+            max_vertices: self.max_vertices.unwrap_or(default.max_vertices),
+            seed: self.seed.unwrap_or(default.seed),
+            ..default
+        }
+    }
+
+    /// The renders among which [`IntegratorKind::Auto`] chooses, the plain path tracer first: the path tracer as asked for,
+    /// or with levels of the table that the program contains where nothing was, and every other integrator, without roughening.
+    /// So a table adds no error to them.
+    pub fn contenders(&self) -> Vec<Self> {
+        use IntegratorKind::{Bdpt, Path, Sppm, Vcm};
+        let plain = |kind: IntegratorKind| {
+            let merges = matches!(kind, Vcm | Sppm);
+            let mollifies = self.mode == Some(Mode::Mollifier) && matches!(kind, Path | Bdpt);
+            Self {
+                integrator: Some(kind),
+                mode: mollifies.then_some(Mode::Mollifier),
+                radius: self.radius.filter(|_| merges),
+                radius_alpha: self.radius_alpha.filter(|_| merges),
+                connections: self.connections.filter(|_| kind == Vcm),
+                sampler: self.sampler.filter(|_| kind == Path),
+                gamma: None,
+                table: None,
+                table_scale: None,
+                lookup: None,
+                consistent: None,
+                levels: Some(Levels(Vec::new())),
+                ..self.clone()
+            }
+        };
+        let mut contenders = vec![plain(Path)];
+        let asked = self.has_factors();
+        if asked || self.mode.unwrap_or_default() == Mode::Default {
+            let own = || TableChoice::File(DEFAULT_TABLE.into());
+            contenders.push(Self {
+                integrator: Some(Path),
+                radius: None,
+                radius_alpha: None,
+                connections: None,
+                table: self.table.clone().or_else(|| (!asked).then(own)),
+                ..self.clone()
+            });
+        }
+        contenders.extend([Bdpt, Vcm, Sppm].map(plain));
+        contenders
+    }
+}

@@ -1,0 +1,166 @@
+//! What a render says about itself and keeps: metadata, checkpoints, parts, and the command that repeats it.
+
+use super::fault::Fault;
+use super::request::{DEFAULT_SPP, Request};
+use super::spec::{Effect, Heading, Spec};
+use super::value::word;
+use crate::image::exr::Metadata;
+use crate::image::film::RejectedSample;
+use crate::integrator::Picture;
+use crate::integrator::checkpoint::Checkpoint;
+use crate::integrator::drive::RenderProgress;
+use crate::integrator::layers::Aov;
+use crate::integrator::method::IntegratorKind;
+use crate::integrator::part::Part;
+use std::ops::{ControlFlow, Range};
+use std::path::Path;
+
+impl Request<'_> {
+    /// The choices that the picture shows, by name: integrator, mode, and every given option that changes pixels.
+    pub fn choices(&self) -> Vec<(&'static str, String)> {
+        let mut choices = vec![
+            ("integrator", word(&self.kind)),
+            ("mode", word(&self.spec.mode.unwrap_or_default())),
+            ("max_vertices", self.settings.max_vertices.to_string()),
+        ];
+        if self.kind != self.spec.kind() {
+            choices.push(("integrator_chosen_by", "pilot".to_owned()));
+        }
+        let sampled = self.kind == IntegratorKind::Path && self.spec.guide.is_none();
+        if sampled && !self.settings.sampler.is_independent() {
+            choices.push(("sampler", word(&self.settings.sampler)));
+        }
+        for (name, text) in self.spec.recorded(self.kind) {
+            if choices.iter().all(|(known, _)| *known != name) {
+                choices.push((name, text));
+            }
+        }
+        choices
+    }
+
+    /// Text for the file of the picture, alike in equal renders.
+    pub fn metadata(&self, samples: u32, refused: u64) -> Metadata {
+        let subject = self.subject;
+        let table = self.method.table_sha256.as_deref();
+        let mut metadata = self.settings.metadata(subject.name, subject.sha256, table);
+        if subject.name.is_empty() {
+            metadata.retain(|key, _| !key.starts_with("scene"));
+        }
+        for (key, value) in self.choices() {
+            metadata.entry(key.to_owned()).or_insert(value);
+        }
+        metadata.insert("spp".into(), samples.to_string());
+        metadata.insert("refused_samples".into(), refused.to_string());
+        metadata
+    }
+
+    /// The render so far, to be continued.
+    pub fn checkpoint(
+        &self,
+        progress: &RenderProgress,
+        spent: f64,
+        picture: &Picture,
+    ) -> Checkpoint {
+        let refused = picture.film.rejected.total();
+        Checkpoint {
+            fingerprint: self.fingerprint(),
+            samples: progress.samples,
+            seconds: spent + progress.elapsed.as_secs_f64(),
+            levels: self.settings.levels.clone(),
+            metadata: self.metadata(progress.samples, refused),
+            picture: picture.clone(),
+        }
+    }
+
+    /// Samples of a part that names none.
+    pub fn all_samples(&self) -> Range<u32> {
+        0..self.spec.spp.unwrap_or(DEFAULT_SPP)
+    }
+
+    /// An error for what a part cannot have or keep.
+    pub fn check_part(spec: &Spec) -> Result<(), Fault> {
+        let wants = |aov| spec.aovs().contains(&aov);
+        if wants(Aov::Position) || wants(Aov::Id) || wants(Aov::Time) {
+            let what = "a part keeps no position, id and time";
+            return Err(Fault::option("aov", what));
+        }
+        if spec.guide.is_some() {
+            let what = "a guide learns from all samples before: none for a part";
+            return Err(Fault::option("guide", what));
+        }
+        if spec.integrator == Some(IntegratorKind::Auto) {
+            let what = "auto chooses by a pilot, for each part anew: name one";
+            return Err(Fault::option("integrator", what));
+        }
+        for name in ["time", "target_error"] {
+            if spec.has(name) {
+                return Err(Fault::option(name, "a part has a number of samples"));
+            }
+        }
+        match spec.given().find(|(option, _)| option.of_film) {
+            Some((option, _)) => {
+                let why = "is for the whole picture, where its parts are merged";
+                Err(Fault::option(option.name, why))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Renders these samples into the file of a part, whole or not at all. False if the listener ended it: then there is no
+    /// file.
+    pub fn part(
+        &self,
+        path: &Path,
+        samples: Range<u32>,
+        hear: &mut dyn FnMut(&RenderProgress) -> ControlFlow<()>,
+    ) -> Result<bool, Fault> {
+        Self::check_part(&self.spec)?;
+        let view = self.view();
+        let [first, light, _] = self.spec.parts();
+        let identity = self.identity(&self.settings, false);
+        let levels = self.settings.levels.clone();
+        let mut part = Part::new(identity, &view, samples, levels, [first, light]);
+        part.layers = self.spec.aovs().iter().map(|aov| aov.name()).collect();
+        part.metadata = self.metadata(0, 0);
+        Ok(part.render(path, &mut *self.settings.integrator(), &view, hear)?)
+    }
+
+    /// The command that renders the pixel of a refused sample again, up to that sample.
+    pub fn replay(&self, refused: &RejectedSample) -> String {
+        let mut words = vec![
+            "opsr".to_owned(),
+            "render".to_owned(),
+            quoted(self.subject.name),
+        ];
+        let kept = |heading, effect| {
+            heading != Heading::Files && heading != Heading::Stop && effect != Effect::Frame
+        };
+        for (option, text) in self.spec.given() {
+            if !kept(option.heading, option.effect) || option.name == "integrator" {
+                continue;
+            }
+            words.push(format!("--{}", option.flag()));
+            if !option.value.is_empty() {
+                words.push(quoted(&text));
+            }
+        }
+        let (x, y) = (refused.pixel.x, refused.pixel.y);
+        words.push(format!(
+            "--integrator {} --size {}x{} --crop {x},{y},1,1 --spp {}",
+            word(&self.kind),
+            self.frame.x,
+            self.frame.y,
+            refused.sample.saturating_add(1)
+        ));
+        words.join(" ")
+    }
+}
+
+/// A word of a command line.
+fn quoted(text: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_.,/%+=:".contains(c);
+    match !text.is_empty() && text.chars().all(plain) {
+        true => text.to_owned(),
+        false => format!("'{}'", text.replace('\'', "'\\''")),
+    }
+}

@@ -1,0 +1,444 @@
+//! A spec that was checked against a scene, and its run.
+
+use super::fault::Fault;
+use super::method::Method;
+use super::spec::{Heading, Spec};
+use super::value::{Levels, TableChoice};
+use crate::image::film::{Film, Window};
+use crate::integrator::checkpoint::{Checkpoint, Fingerprint};
+use crate::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
+use crate::integrator::layers::Aov;
+use crate::integrator::method::IntegratorKind;
+use crate::integrator::{Estimator, Picture, Settings, Stop, View};
+use crate::math::UVec2;
+use crate::memory;
+use crate::pilot::{Choice, Contender, Horizon, SPP_OF_TARGET, choose_integrator, left_after};
+use crate::resolve::stopping_error;
+use crate::scene::{Camera, Lens, Scene};
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+/// Samples of a render whose budget is not given.
+pub const DEFAULT_SPP: u32 = 128;
+
+/// Bytes that a layer of its own adds for each pixel of a level.
+const LEVEL_LAYER_BYTES: u64 = 36;
+
+/// The scene of a render.
+#[derive(Clone, Copy)]
+pub struct Subject<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its file, for metadata; empty for a scene without one.
+    pub name: &'a str,
+    /// SHA-256 of its files.
+    pub sha256: &'a str,
+}
+
+/// A render that can be run.
+#[derive(Clone)]
+pub struct Request<'a> {
+    /// The user's choices.
+    pub spec: Spec,
+    /// The scene.
+    pub subject: Subject<'a>,
+    /// The camera with its lens.
+    pub camera: Camera,
+    /// Columns and rows of the whole picture.
+    pub frame: UVec2,
+    /// The part that is rendered.
+    pub window: Window,
+    /// All that the picture depends on; those of the path tracer until a pilot has chosen.
+    pub settings: Settings,
+    /// The integrator, by the name that users know it by.
+    pub kind: IntegratorKind,
+    /// The method of the settings.
+    pub method: Method,
+    /// Remarks on choices that were made for the user.
+    pub notes: Vec<String>,
+    /// Takes counted paths for time in a pilot, so that its choice depends on the arguments alone.
+    pub counted: bool,
+    /// Integrators among which a pilot chooses, with their methods.
+    contenders: Vec<(Contender, Method)>,
+    /// A render that this one continues.
+    old: Option<Checkpoint>,
+}
+
+/// A render before its first pass.
+pub struct Begun {
+    /// The picture to continue.
+    pub picture: Picture,
+    /// Its samples.
+    pub start: u32,
+    /// Seconds that were spent on them.
+    pub spent: f64,
+    /// Time that the pilot took, and loading where --time counts it.
+    pub pilot: Duration,
+    /// Its choice.
+    pub choice: Option<Choice>,
+}
+
+/// A render that has ended.
+pub struct Output {
+    /// The moments of every pixel, and what was recorded beside them.
+    pub picture: Picture,
+    /// State at the end.
+    pub progress: RenderProgress,
+    /// The bound that ended it.
+    pub reason: Reason,
+}
+
+/// Function that is called after each pass with the picture so far, and can end the render.
+pub type Hear<'a> = &'a mut dyn FnMut(&RenderProgress, &Picture) -> ControlFlow<()>;
+
+/// Runs a render: the pilot, if the integrator is `auto`, and all passes.
+pub fn run<'a>(mut request: Request<'a>, hear: Hear<'_>) -> Result<(Request<'a>, Output), Fault> {
+    let begun = request.begin(&|| true)?;
+    // No one has stopped it.
+    let begun = begun.ok_or_else(|| Fault::usage("stopped before the first sample"))?;
+    let output = request.render(begun, None, hear);
+    Ok((request, output))
+}
+
+/// The camera with this name or number; without one the first, or a camera that sees the whole scene.
+pub fn camera(scene: &Scene, wanted: Option<&str>, aspect: f32) -> Result<Camera, Fault> {
+    let cameras = &scene.parts().cameras;
+    let Some(wanted) = wanted else {
+        let first = cameras.first().cloned();
+        return Ok(first.unwrap_or_else(|| scene.framing_camera(aspect)));
+    };
+    let by_name = cameras.iter().find(|c| c.name == wanted);
+    let by_number = || wanted.parse::<usize>().ok().and_then(|i| cameras.get(i));
+    by_name.or_else(by_number).cloned().ok_or_else(|| {
+        let names = cameras.iter().enumerate();
+        let names = names.map(|(i, c)| format!("{i} `{}`", c.name));
+        let names = names.collect::<Vec<_>>().join(", ");
+        let has = if names.is_empty() { "none" } else { &names };
+        Fault::Input(format!("no camera `{wanted}`: the scene has {has}"))
+    })
+}
+
+impl Spec {
+    /// Reads the table, so that it is read once.
+    pub fn load_table(&mut self) -> Result<(), Fault> {
+        if let Some(choice) = &self.table {
+            self.table = Some(TableChoice::Held(Arc::new(choice.load()?)));
+        }
+        Ok(())
+    }
+
+    /// Columns and rows of the whole picture.
+    pub fn frame(&self, scene: &Scene) -> Result<UVec2, Fault> {
+        use super::value::Size;
+        if let Some(Size::Pixels(size)) = self.size {
+            return Ok(size);
+        }
+        let whole = camera(scene, self.wanted(), 1.0)?.default_frame();
+        Ok(self.size.unwrap_or(Size::Share(1.0)).of(whole))
+    }
+
+    /// Name or number of the camera that was asked for.
+    fn wanted(&self) -> Option<&str> {
+        self.camera.as_ref().map(|camera| camera.0.as_str())
+    }
+
+    /// The lens of a camera whose file says `file`.
+    fn lens(&self, file: Option<Lens>) -> Result<Option<Lens>, Fault> {
+        let radius = self.aperture.or(file.map(|l| l.radius));
+        let focus = self.focus.or(file.map(|l| l.focus));
+        match (radius, focus) {
+            (Some(0.0), _) if self.focus.is_some() => Err(Fault::option(
+                "focus",
+                "a lens of {aperture} 0 has everything in focus",
+            )),
+            (Some(0.0), _) | (None, None) => Ok(None),
+            (Some(radius), Some(focus)) => Ok(Some(Lens { radius, focus })),
+            (Some(_), None) => Err(Fault::option("aperture", "needs {focus}")),
+            (None, Some(_)) => Err(Fault::option("focus", "needs {aperture}")),
+        }
+    }
+
+    /// The camera of a frame, with its lens.
+    pub fn camera(&self, scene: &Scene, frame: UVec2) -> Result<Camera, Fault> {
+        let camera = camera(scene, self.wanted(), frame.x as f32 / frame.y as f32)?;
+        self.through(camera)
+    }
+
+    /// A camera with the lens that was asked for.
+    fn through(&self, camera: Camera) -> Result<Camera, Fault> {
+        let lens = self.lens(camera.lens)?;
+        Ok(Camera { lens, ..camera })
+    }
+
+    /// The settings of a method with the levels that were asked for, or the usual ones; and why there is one level where
+    /// more are usual.
+    fn levelled(
+        &self,
+        method: &Method,
+        has_lobes: bool,
+    ) -> Result<(Settings, Option<String>), Fault> {
+        let mut settings = self.with(method);
+        if let Some(Levels(levels)) = &self.levels {
+            settings.levels = levels.clone();
+            let checked = settings.check_levels();
+            checked.map_err(|e| Fault::option("levels", e))?;
+            return Ok((settings, None));
+        }
+        match settings.usual_levels(has_lobes) {
+            Ok(levels) => settings.levels = levels,
+            Err(why) => return Ok((settings, Some(format!("one level: {why}")))),
+        }
+        Ok((settings, None))
+    }
+
+    /// Bounds of the render, after a pilot that took this long.
+    pub fn budget(&self, pilot: Duration) -> Budget {
+        let free = self.spp.is_none() && self.time.is_none() && self.target_error.is_none();
+        Budget {
+            samples: if free { Some(DEFAULT_SPP) } else { self.spp },
+            time: self.time.map(|time| match pilot {
+                Duration::ZERO => time,
+                pilot => left_after(time, pilot),
+            }),
+            error: self.target_error.map(|bound| ErrorBound {
+                bound: bound.into(),
+                estimate: stopping_error,
+            }),
+        }
+    }
+
+    /// Length of the render that a pilot plans for.
+    fn horizon(&self) -> Horizon {
+        let threads = rayon::current_num_threads() as f64;
+        match (self.spp, self.time) {
+            (Some(spp), _) => Horizon::Samples(spp),
+            (None, Some(time)) => Horizon::Seconds(time.as_secs_f64() * threads),
+            (None, None) if self.target_error.is_some() => Horizon::Samples(SPP_OF_TARGET),
+            (None, None) => Horizon::Samples(DEFAULT_SPP),
+        }
+    }
+
+    /// Parts of the AOVs that are recorded along paths: the first surface, light, time.
+    pub fn parts(&self) -> [bool; 3] {
+        let [first, light, time] = Aov::recorded(self.aovs());
+        [first || self.denoise == Some(true), light, time]
+    }
+}
+
+impl<'a> Request<'a> {
+    /// Checks a spec against a scene. `own` is a camera to take in place of those of the scene.
+    pub fn new(spec: &Spec, subject: Subject<'a>, own: Option<Camera>) -> Result<Self, Fault> {
+        let mut spec = spec.clone();
+        spec.check()?;
+        spec.load_table()?;
+        let scene = subject.scene;
+        let frame = spec.frame(scene)?;
+        let camera = match own {
+            Some(camera) => spec.through(camera)?,
+            None => spec.camera(scene, frame)?,
+        };
+        let window = spec.crop.map_or(Window::full(frame), |crop| crop.of(frame));
+        Film::check(frame, window).map_err(|e| Fault::option(spec.window_option(), e))?;
+        let kind = spec.kind();
+        let mut contenders = Vec::new();
+        let mut notes = Vec::new();
+        let specs = match kind {
+            IntegratorKind::Auto => spec.contenders(),
+            _ => vec![spec.clone()],
+        };
+        for one in specs {
+            let method = one.method()?;
+            let (settings, note) = one.levelled(&method, scene.has_lobes())?;
+            // A table that nobody asked for is for levels alone.
+            let own_table = one.table.is_some() && spec.table.is_none();
+            if own_table && settings.levels.is_empty() {
+                continue;
+            }
+            match one.check_resolved(&settings) {
+                Err(fault) if contenders.is_empty() => return Err(fault),
+                Err(_) => continue,
+                Ok(()) => {}
+            }
+            if kind != IntegratorKind::Auto {
+                notes.extend(note);
+            }
+            let kind = one.kind();
+            contenders.push((Contender { kind, settings }, method));
+        }
+        let (first, method) = contenders[0].clone();
+        if kind != IntegratorKind::Auto {
+            contenders.clear();
+            let checked = first.settings.check_scene(scene, &camera);
+            checked.map_err(|what| Fault::option("integrator", what))?;
+        }
+        let request = Self {
+            spec,
+            subject,
+            camera,
+            frame,
+            window,
+            settings: first.settings,
+            kind: first.kind,
+            method,
+            notes,
+            counted: false,
+            contenders,
+            old: None,
+        };
+        request.check_memory()?;
+        Ok(request)
+    }
+
+    /// The part of the frame that is rendered.
+    pub fn view(&self) -> View<'_> {
+        View::new(self.subject.scene, &self.camera, self.frame, self.window)
+    }
+
+    /// Refuses a picture that needs more memory than there is.
+    fn check_memory(&self) -> Result<(), Fault> {
+        let (frame, window) = (self.frame, self.window);
+        let levels = self.settings.levels.len();
+        let mut bytes = self.settings.bytes(frame, window, self.spec.parts());
+        if self.spec.level_layers == Some(true) {
+            bytes += (window.len() * levels) as u64 * LEVEL_LAYER_BYTES;
+        }
+        // Chains move over the whole frame.
+        let (size, hint) = match self.settings.estimator {
+            Estimator::Mlt { .. } => (frame, "{size} makes the picture smaller"),
+            _ => (
+                UVec2::new(window.w, window.h),
+                "{crop} renders a part of a picture",
+            ),
+        };
+        let mut what = format!("{}x{} pixels", size.x, size.y);
+        if levels > 0 {
+            what += &format!(" of {levels} levels");
+        }
+        memory::check(what, bytes).map_err(|shortage| Fault::Memory(shortage, hint))
+    }
+
+    /// Goes on from a checkpoint; one of another scene or of other settings is refused.
+    pub fn resume(&mut self, path: &Path) -> Result<(), Fault> {
+        let old = Checkpoint::open(path)?;
+        let theirs = old.fingerprint.clone();
+        // A checkpoint of no contender is refused by the first.
+        let ours = |settings: &Settings| self.identity(settings, true) == theirs;
+        let place = self.contenders.iter().position(|(c, _)| ours(&c.settings));
+        self.take(place.unwrap_or(0));
+        old.check(path, &self.fingerprint())?;
+        self.old = Some(old);
+        Ok(())
+    }
+
+    /// Takes one of the contenders.
+    fn take(&mut self, place: usize) {
+        if let Some((contender, method)) = self.contenders.get(place).cloned() {
+            (self.kind, self.settings, self.method) = (contender.kind, contender.settings, method);
+            self.contenders.clear();
+        }
+    }
+
+    /// Chooses the integrator, if that is left to a pilot, and makes the picture ready. `None` if `go_on` said no; it is
+    /// asked before every small render.
+    pub fn begin(&mut self, go_on: &dyn Fn() -> bool) -> Result<Option<Begun>, Fault> {
+        let clock = Instant::now();
+        let mut choice = None;
+        if !self.contenders.is_empty() {
+            let contenders: Vec<Contender> =
+                self.contenders.iter().map(|(c, _)| c.clone()).collect();
+            let view = View::new(self.subject.scene, &self.camera, self.frame, self.window);
+            let chosen =
+                choose_integrator(&contenders, &view, self.spec.horizon(), self.counted, go_on);
+            let chosen = chosen.map_err(|e| Fault::option(self.spec.window_option(), e))?;
+            let Some(chosen) = chosen else {
+                return Ok(None);
+            };
+            self.take(chosen.best);
+            self.check_memory()?;
+            choice = Some(chosen);
+        }
+        let pilot = if choice.is_some() {
+            clock.elapsed()
+        } else {
+            Duration::ZERO
+        };
+        let (picture, start, spent) = match self.old.take() {
+            Some(old) => (old.picture, old.samples, old.seconds),
+            None => {
+                let levels = self.settings.levels.len();
+                let blank = Picture::blank(self.frame, self.window, levels, self.spec.parts());
+                (
+                    blank.map_err(|e| Fault::option(self.spec.window_option(), e))?,
+                    0,
+                    0.0,
+                )
+            }
+        };
+        Ok(Some(Begun {
+            picture,
+            start,
+            spent,
+            pilot,
+            choice,
+        }))
+    }
+
+    /// Renders until the budget is spent or the listener breaks.
+    ///
+    /// A flag that is set ends it between tiles or chains.
+    pub fn render(&self, begun: Begun, asked: Option<&AtomicBool>, hear: Hear<'_>) -> Output {
+        let Begun {
+            mut picture,
+            start,
+            pilot,
+            ..
+        } = begun;
+        let mut integrator = self.settings.integrator();
+        let (mut view, budget) = (self.view(), self.spec.budget(pilot));
+        let ends = asked.map(Stop::when);
+        if let Some(ends) = &ends {
+            view = view.until(ends);
+        }
+        let (progress, reason) = drive(&mut *integrator, &view, &budget, start, &mut picture, hear);
+        Output {
+            picture,
+            progress,
+            reason,
+        }
+    }
+
+    /// The identity of this render, which its checkpoints carry.
+    pub fn fingerprint(&self) -> Fingerprint {
+        self.identity(&self.settings, true)
+    }
+
+    /// The identity of a render with these settings; parts of one render differ in their crop alone.
+    pub(super) fn identity(&self, settings: &Settings, cropped: bool) -> Fingerprint {
+        let crop = self.spec.crop.filter(|_| cropped).map(|_| self.window);
+        let scene = self.spec.words(&[Heading::Scene, Heading::Light]);
+        let settings = format!(
+            "{}, {}x{}, crop {crop:?}, camera {:?} {:?}, aov {:?}{scene}",
+            settings.fingerprint(),
+            self.frame.x,
+            self.frame.y,
+            self.camera.name,
+            self.camera.lens,
+            self.spec.parts(),
+        );
+        Fingerprint {
+            version: env!("CARGO_PKG_VERSION").into(),
+            scene: self.subject.sha256.to_owned(),
+            settings,
+        }
+    }
+}
+
+impl Spec {
+    /// The option to blame for a film that cannot be.
+    fn window_option(&self) -> &'static str {
+        if self.crop.is_some() { "crop" } else { "size" }
+    }
+}

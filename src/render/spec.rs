@@ -1,0 +1,440 @@
+//! The options of a render, each declared once.
+//!
+//! A declaration is a field of [`Spec`]: its type, its help, and an [`Opt`] that says its names, range, default, heading, what
+//! it needs and excludes, and what it changes. The command line, Python's keywords and the methods of a suite are made of
+//! these declarations; what a render records about itself too ([`Spec::recorded`]).
+
+use super::fault::Fault;
+use super::value::{
+    Crop, Exposure, Field, Layers, Levels, NameOrNumber, Range, Size, Sun, TableChoice,
+};
+use crate::bsdf::Distribution;
+use crate::image::display::ViewTransform;
+use crate::image::exr::Compression;
+use crate::integrator::bidirectional::Strategy;
+use crate::integrator::method::IntegratorKind::{self, Auto, Bdpt, Mlt, Path, Sppm, Vcm};
+use crate::integrator::method::{Connections, Guide, Mode};
+use crate::regularise::Lookup;
+use crate::resolve::Resolve;
+use crate::sampler::SamplerKind;
+use serde_json::Value;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Heading of an option in a list of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Heading {
+    /// The file and what is made of it.
+    Scene,
+    /// What surrounds the scene.
+    Light,
+    /// The camera and its picture.
+    Camera,
+    /// The end of a render.
+    Stop,
+    /// Estimator, rule and levels.
+    Method,
+    /// Files of the picture.
+    Files,
+}
+
+impl Heading {
+    /// The heading in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Scene => "Scene",
+            Self::Light => "Light",
+            Self::Camera => "Camera",
+            Self::Stop => "When to stop",
+            Self::Method => "Method",
+            Self::Files => "Files",
+        }
+    }
+}
+
+/// What an option changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// Pixels: recorded by name.
+    Pixels,
+    /// Pixels: recorded by this key, which says more than the option.
+    As(&'static str),
+    /// The frame and its part, which the head of a file says.
+    Frame,
+    /// The number of samples, which is recorded.
+    Samples,
+    /// Files, not the picture in them.
+    Files,
+}
+
+/// Declaration of an option.
+#[derive(Debug)]
+pub struct Opt {
+    /// Name of the field, of Python's keyword and of a suite's key.
+    pub name: &'static str,
+    /// Name on the command line, where it is another one.
+    pub flag: Option<&'static str>,
+    /// Heading.
+    pub heading: Heading,
+    /// Placeholder of its value; empty for a switch.
+    pub value: &'static str,
+    /// Help of one paragraph.
+    pub help: &'static str,
+    /// The value that the option has where it is not given, in words.
+    pub default: Option<&'static str>,
+    /// The value of an option that is given without one.
+    pub bare: Option<&'static str>,
+    /// Range of numbers.
+    pub range: Range,
+    /// What it changes.
+    pub effect: Effect,
+    /// Options of which one must be given too.
+    pub needs: &'static [&'static str],
+    /// Options beside which it would do nothing or something else.
+    pub excludes: &'static [&'static str],
+    /// Integrators that know it; all if empty.
+    pub of: &'static [IntegratorKind],
+    /// True for what needs several levels.
+    pub of_levels: bool,
+    /// True for a choice that is made of a finished film, and can be made again.
+    pub of_film: bool,
+    /// True for one of those that most renders use.
+    pub common: bool,
+    /// Names of the choices.
+    pub names: fn() -> Vec<String>,
+    /// Type in Python's words.
+    pub python: fn() -> String,
+    /// The choices with their help.
+    #[cfg(feature = "cli")]
+    pub possible: fn() -> Vec<clap::builder::PossibleValue>,
+    /// True for a value that is read.
+    check: fn(&Value, &Range) -> Result<(), String>,
+}
+
+impl Opt {
+    const fn new<T: Field>(name: &'static str, heading: Heading, help: &'static str) -> Self {
+        Self {
+            name,
+            flag: None,
+            heading,
+            value: "",
+            help,
+            default: None,
+            bare: None,
+            range: Range::FINITE,
+            effect: Effect::Pixels,
+            needs: &[],
+            excludes: &[],
+            of: &[],
+            of_levels: false,
+            of_film: false,
+            common: false,
+            names: T::names,
+            python: T::python,
+            #[cfg(feature = "cli")]
+            possible: T::possible,
+            check: |value, range| T::read(value, range).map(|_| ()),
+        }
+    }
+
+    /// Name on the command line, without its dashes.
+    pub fn flag(&self) -> String {
+        self.flag
+            .map_or_else(|| self.name.replace('_', "-"), str::to_owned)
+    }
+
+    /// An error unless the option takes this value.
+    pub fn check(&self, value: &Value) -> Result<(), String> {
+        (self.check)(value, &self.range)
+    }
+
+    /// Help in one line of text.
+    pub fn help(&self) -> String {
+        self.help.trim().replace("\n ", " ")
+    }
+
+    /// Help in one line, with other options by their keywords.
+    pub fn keyword_help(&self) -> String {
+        let mut help = self.help();
+        let mut flags: Vec<&Self> = OPTIONS.iter().collect();
+        // The longest first: some begin with others.
+        flags.sort_by_key(|option| std::cmp::Reverse(option.flag().len()));
+        for option in flags {
+            help = help.replace(&format!("--{}", option.flag()), option.name);
+        }
+        help
+    }
+
+    /// The option with this name.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        OPTIONS.iter().find(|option| option.name == name)
+    }
+}
+
+macro_rules! options {
+    ($($(#[doc = $doc:literal])+ $name:ident: $type:ty, $heading:ident { $($key:ident: $value:expr),* $(,)? })+) => {
+        /// A render as its user chose it; what is not given has its default.
+        #[derive(Clone, Debug, Default, PartialEq)]
+        pub struct Spec {
+            $($(#[doc = $doc])+ pub $name: Option<$type>,)+
+        }
+
+        /// All options, heading by heading.
+        pub static OPTIONS: &[Opt] = &[
+            $(Opt {
+                $($key: $value,)*
+                ..Opt::new::<$type>(stringify!($name), Heading::$heading, concat!($($doc, "\n"),+))
+            }),+
+        ];
+
+        impl Spec {
+            /// Gives an option this value.
+            fn read(&mut self, option: &Opt, value: &Value) -> Result<(), String> {
+                match option.name {
+                    $(stringify!($name) => self.$name = Some(Field::read(value, &option.range)?),)+
+                    _ => {}
+                }
+                Ok(())
+            }
+
+            /// Gives another spec what is given here and not there.
+            pub fn fill(&self, other: &mut Self) {
+                $(if other.$name.is_none() {
+                    other.$name.clone_from(&self.$name);
+                })+
+            }
+
+            /// The given value of an option as text, and as a value for a file of settings.
+            fn written(&self, name: &str) -> Option<(String, Value)> {
+                match name {
+                    $(stringify!($name) => self.$name.as_ref().map(|x| (x.text(), x.value())),)+
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+options! {
+    /// What surrounds the scene: an equirectangular map (.hdr or .exr); `studio`, grey walls with soft lamps; `sky`, a clear
+    /// sky with its sun; or `none`. Without it `studio` for a scene that has no light, else `none`.
+    env: PathBuf, Light { value: "FILE|NAME", common: true }
+    /// Position of the sun of `--env sky` in degrees: its height, and how far to the right of the front.
+    sun: Sun, Light { value: "HEIGHT,ANGLE" }
+    /// Haze of `--env sky`: 2 is a very clear sky, 10 a hazy one.
+    turbidity: f32, Light { value: "X", range: Range::from(1.8, 10.0) }
+    /// Factor on the radiance of the environment.
+    env_intensity: f32, Light { value: "X", range: Range::POSITIVE, default: Some("1") }
+    /// Rotation of the environment about the vertical axis, in degrees.
+    env_rotation: f32, Light { value: "DEGREES", default: Some("0") }
+
+    /// Microfacet distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model.
+    distribution: Distribution, Scene { value: "DISTRIBUTION", default: Some("beckmann") }
+    /// Make solid bodies of closed meshes that transmit without a thickness, such as glass from Blender.
+    solid_glass: bool, Scene { excludes: &["thin_glass"] }
+    /// Leave such meshes thin walls also in files from Blender, where they are bodies without this option.
+    thin_glass: bool, Scene {}
+    /// Variant of the materials, by name or number (from 0).
+    variant: NameOrNumber, Scene { value: "NAME" }
+    /// Frame of the animations to show, from 0 at their start. Without it the scene is at rest.
+    frame: f64, Scene { value: "N", excludes: &["time_of_scene"] }
+    /// Frames per second that --frame counts.
+    fps: f32, Scene { value: "N", range: Range::POSITIVE, default: Some("24"), needs: &["frame"] }
+    /// Moment of the animations to show, in seconds from their start.
+    time_of_scene: f64, Scene { value: "SECONDS" }
+
+    /// Size of the picture, or a share such as 50% or 1/2 of the size without this option: 512 rows, as wide as the camera
+    /// asks for.
+    size: Size, Camera { value: "WxH|SHARE", effect: Effect::Frame, common: true }
+    /// Render only this part of the picture; each number in pixels, or a share of width or height such as 25% or 1/4.
+    crop: Crop, Camera { value: "X,Y,W,H", effect: Effect::Frame }
+    /// Camera by name or number (from 0).
+    camera: NameOrNumber, Camera { value: "NAME", common: true }
+    /// Radius of the camera's lens, in units of the scene: what is not in focus blurs. 0 leaves a lens of the file out.
+    aperture: f32, Camera { value: "RADIUS", range: Range::NOT_NEGATIVE }
+    /// Distance that is in focus, along the view direction, in units of the scene.
+    focus: f32, Camera { value: "DISTANCE", range: Range::POSITIVE }
+
+    /// Samples per pixel. Without --spp, --time and --target-error: 128.
+    spp: u32, Stop { value: "N", range: Range::COUNT, effect: Effect::Samples, common: true }
+    /// Stop after this long, such as 60s or 5min.
+    time: Duration, Stop { value: "TIME", effect: Effect::Samples, common: true }
+    /// Stop when the estimated relative error of the picture (root of its relMSE; of several levels that of the best of
+    /// every pixel) is below this.
+    target_error: f32, Stop { value: "X", range: Range::POSITIVE, effect: Effect::Samples, common: true }
+
+    /// The algorithm that estimates the picture.
+    integrator: IntegratorKind, Method { value: "INTEGRATOR", default: Some("path"), common: true }
+    /// Learned attenuation factors: a table's file, or beta-0.001 or beta-0.05, which the program contains.
+    table: TableChoice, Method { flag: Some("opsr-table"), value: "TABLE", effect: Effect::As("table_sha256"), excludes: &["gamma"], of: &[Path, Bdpt, Vcm, Mlt, Auto], common: true }
+    /// One attenuation factor in [0, 1] for all paths, instead of a table; 0 is plain path tracing.
+    gamma: f32, Method { value: "X", range: Range::UNIT, of: &[Path, Bdpt, Vcm, Mlt, Auto], common: true }
+    /// Levels of roughening on the same paths, of which every pixel gets the best: their number, or the scales of the
+    /// table or constant, such as 0,0.25,1. Level 0 is plain path tracing; 1 renders the table or constant as it is.
+    /// Without it four where a table or a constant can have them: not with --mode, --consistent, --guide or another
+    /// integrator.
+    levels: Levels, Method { value: "N|SCALES", effect: Effect::As("levels") }
+    /// Smoothing of a picture of several levels. Without it `default`, and `sharp` with --denoise.
+    resolve: Resolve, Method { value: "HOW", of_levels: true, of_film: true }
+    /// Multiply the table's factors by this, instead of the scale that the table carries.
+    table_scale: f32, Method { value: "X", range: Range::POSITIVE, needs: &["table"] }
+    /// Look-up of the factors, instead of the one that the table was learned for.
+    lookup: Lookup, Method { value: "LOOKUP", needs: &["table"] }
+    /// Rule of regularisation.
+    mode: Mode, Method { value: "RULE", default: Some("default") }
+    /// Let the bias vanish: sample n roughens by n^-LAMBDA of the full amount, LAMBDA in (0, 0.5).
+    consistent: f32, Method { value: "LAMBDA", bare: Some("0.16666667"), range: Range::between(0.0, 0.5), needs: &["table", "gamma"] }
+    /// Filter value of filter-glossy; 1 if not given.
+    filter: f32, Method { value: "X", range: Range::POSITIVE }
+    /// Draw directions from a guide too, which learns while rendering where light comes from; path only. With a table or
+    /// gamma the picture is roughened and the guide learns from it; `unbiased` roughens for the guide alone.
+    guide: Guide, Method { value: "FOR", bare: Some("picture"), of: &[Path] }
+    /// First radius within which the photons of vcm and sppm count, in the scene's units; twice a pixel's footprint if
+    /// not given.
+    radius: f32, Method { value: "R", range: Range::POSITIVE, of: &[Vcm, Sppm, Auto] }
+    /// Shrinking of that radius: in sample n it is n^((A − 1)/2) of the first, A in (0, 1]; 2/3 if not given.
+    radius_alpha: f32, Method { value: "A", range: Range::above(0.0, 1.0), of: &[Vcm, Sppm, Auto] }
+    /// Connections of vcm; all if not given.
+    connections: Connections, Method { value: "CONNECTIONS", of: &[Vcm, Auto] }
+    /// Mutations per pixel of one sample of mlt; 16 if not given.
+    mlt_pass: u32, Method { value: "N", range: Range::from(1.0, 65536.0), of: &[Mlt] }
+    /// Show one strategy of bdpt or vcm with its weights: S vertices from the light and T from the camera, both ends
+    /// included, such as 0,3 (a light that the camera meets), 1,2 (light sampling) or 3,1 (light tracing); or `merges` of
+    /// vcm. The pictures of all strategies add up to the whole.
+    strategy: Strategy, Method { value: "S,T|merges", excludes: &["table", "gamma"], of: &[Bdpt, Vcm] }
+    /// Random numbers of camera paths of --integrator path; independent in a suite that does not say, and with --guide.
+    sampler: SamplerKind, Method { value: "KIND", default: Some("sobol"), excludes: &["guide"], of: &[Path, Auto] }
+    /// Scattering vertices of the longest path.
+    max_vertices: u32, Method { value: "N", default: Some("16"), range: Range::from(1.0, 65536.0) }
+    /// Seed of all random numbers: the same seed gives a bit-identical picture.
+    seed: u64, Method { value: "N", default: Some("0"), common: true }
+
+    /// Add layers to EXR files; without a list albedo, normal and depth.
+    aov: Layers, Files { value: "LAYERS", bare: Some(Layers::USUAL), effect: Effect::Files }
+    /// Add every level to EXR files, as layers `level0`, `level1` and so on.
+    level_layers: bool, Files { effect: Effect::Files, of_levels: true, of_film: true }
+    /// Denoise the picture with Open Image Denoise 2, which is looked for in the folder OIDN_DIR and in the system's library
+    /// path. EXR files keep the picture before it as the layer `noisy`.
+    denoise: bool, Files { common: true, of_film: true }
+    /// Brightness of PNG files in stops; `auto` puts the 95th percentile of the luminance at 80 % of white, and brightens nothing
+    /// in the built-in studio; `none` is 0.
+    exposure: Exposure, Files { value: "STOPS|auto|none", default: Some("auto"), effect: Effect::Files, of_film: true }
+    /// View transform of PNG files.
+    view: ViewTransform, Files { value: "VIEW", default: Some("srgb"), effect: Effect::Files, of_film: true }
+    /// Write colours and normals of EXR files as half floats: half the size, three digits, at most 65504.
+    exr_half: bool, Files { effect: Effect::Files, of_film: true }
+    /// Compression of EXR files, always lossless.
+    exr_compression: Compression, Files { value: "CODING", default: Some("zip"), effect: Effect::Files, of_film: true }
+}
+
+/// Keywords and keys of the past, and the option that they are. `reuse` is a mode, and `method` of a suite may name what a
+/// table or a factor says already.
+const ALIASES: [(&str, &str); 4] = [
+    ("rule", "mode"),
+    ("method", "mode"),
+    ("lambda", "consistent"),
+    ("opsr_table", "table"),
+];
+
+/// Modes that a table or a factor says already.
+const SAID: [&str; 3] = ["plain", "constant", "table"];
+
+/// Options that are gone, and what does their work now. Measurements of them are in `docs/lab/left_out.md`.
+pub const GONE: [(&str, &str); 3] = [
+    (
+        "table_energy",
+        "levels, the default, choose an amount for every pixel",
+    ),
+    (
+        "table_contrast",
+        "a scale of the table or one factor sets an amount, and levels choose one for every pixel",
+    ),
+    ("pilot", "levels choose an amount for every pixel"),
+];
+
+impl Spec {
+    /// Gives an option this value by its name.
+    pub fn set(&mut self, name: &str, value: &Value) -> Result<(), Fault> {
+        if let Some((name, instead)) = GONE.iter().find(|(gone, _)| *gone == name) {
+            return Err(Fault::option(name, format!("is gone: {instead}")));
+        }
+        if name == "reuse" {
+            let reuse = bool::read(value, &Range::FINITE).map_err(|e| Fault::option("reuse", e))?;
+            if reuse && self.mode.is_some_and(|mode| mode != Mode::Default) {
+                return Err(Fault::option(
+                    "reuse",
+                    "is a mode, and another one is given",
+                ));
+            }
+            self.mode = reuse.then_some(Mode::Reuse).or(self.mode);
+            return Ok(());
+        }
+        if name == "method" && value.as_str().is_some_and(|mode| SAID.contains(&mode)) {
+            return Ok(());
+        }
+        let known = ALIASES.iter().find(|(alias, _)| *alias == name);
+        let option = Opt::named(known.map_or(name, |(_, name)| name));
+        let option = option.ok_or_else(|| Fault::usage(format!("there is no option `{name}`")))?;
+        // By the word that the user has for it.
+        let called = known.map_or(option.name, |(alias, _)| alias);
+        if option.name == "table_scale" && value == "auto" {
+            let what = "auto is gone: levels, the default, choose an amount for every pixel";
+            return Err(Fault::option(option.name, what));
+        }
+        let read = self.read(option, value);
+        read.map_err(|what| Fault::option(called, what))
+    }
+
+    /// Options that are given, in their order, with their values as text.
+    pub fn given(&self) -> impl Iterator<Item = (&'static Opt, String)> {
+        self.entries().map(|(option, text, _)| (option, text))
+    }
+
+    /// Options that are given, with their values.
+    pub(super) fn given_values(&self) -> impl Iterator<Item = (&'static Opt, Value)> {
+        self.entries().map(|(option, _, value)| (option, value))
+    }
+
+    fn entries(&self) -> impl Iterator<Item = (&'static Opt, String, Value)> {
+        OPTIONS.iter().filter_map(|option| {
+            let (text, value) = self.written(option.name)?;
+            // A switch that is off is not given.
+            (value != Value::Bool(false)).then_some((option, text, value))
+        })
+    }
+
+    /// True if the option is given.
+    pub fn has(&self, name: &str) -> bool {
+        self.entries().any(|(option, ..)| option.name == name)
+    }
+
+    /// The given options as a table of settings.
+    pub fn settings(&self) -> serde_json::Map<String, Value> {
+        let entries = self.entries();
+        entries
+            .map(|(option, _, value)| (option.name.to_owned(), value))
+            .collect()
+    }
+
+    /// Given options that change pixels, for a file that says what it shows; the integrator may be a pilot's choice.
+    pub fn recorded(
+        &self,
+        integrator: IntegratorKind,
+    ) -> impl Iterator<Item = (&'static str, String)> {
+        let known = move |option: &Opt| option.of.is_empty() || option.of.contains(&integrator);
+        self.given()
+            .filter(move |(option, _)| option.effect == Effect::Pixels && known(option))
+            .map(|(option, text)| (option.name, text))
+    }
+
+    /// The given options of these headings in words that two renders share only if they show the same.
+    pub fn words(&self, headings: &[Heading]) -> String {
+        let words = self
+            .given()
+            .filter(|(option, _)| headings.contains(&option.heading));
+        let words = words.filter(|(option, _)| option.effect == Effect::Pixels);
+        words
+            .map(|(option, text)| format!(", {} {text}", option.name))
+            .collect()
+    }
+}
