@@ -144,22 +144,22 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         2,
         "render scene.glb --integrator bdpt --guide",
-        "a guide is for integrator path without mode or reuse",
+        "--guide: is of --integrator path, not of bdpt",
     ),
     (
         2,
         "render scene.glb --guide --mode pbrt",
-        "a guide is for integrator path without mode or reuse",
+        "--guide: takes no --mode and no reuse",
     ),
     (
         2,
         "render scene.glb --guide unbiased",
-        "an unbiased guide needs a table or gamma",
+        "--guide: unbiased needs --opsr-table or --gamma",
     ),
     (
         2,
         "render scene.glb --guide --gamma 0.1 --levels 3",
-        "without a guide",
+        "--guide: has one level: no --levels",
     ),
     (
         2,
@@ -179,22 +179,22 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         2,
         "render scene.glb --strategy 1,2",
-        "only --integrator bdpt and vcm have strategies",
+        "--strategy: is of --integrator bdpt and vcm, not of path",
     ),
     (
         2,
         "render scene.glb --integrator bdpt --gamma 0.1 --strategy 1,2",
-        "without --mode, --opsr-table and --gamma",
+        "--strategy: cannot be used with --gamma",
     ),
     (
         2,
         "render scene.glb --integrator bdpt --radius 0.1",
-        "integrator bdpt has no radius",
+        "--radius: is of --integrator vcm and sppm, not of bdpt",
     ),
     (
         2,
         "render scene.glb --integrator bdpt --connections nee",
-        "integrator bdpt has no choice of connections",
+        "--connections: is of --integrator vcm, not of bdpt",
     ),
     (2, "render scene.glb --integrator vcm --radius 0", "above 0"),
     (
@@ -225,7 +225,7 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         2,
         "render scene.glb --filter 2",
-        "--filter needs --mode filter-glossy",
+        "--filter: needs --mode filter-glossy",
     ),
     (2, "render scene.glb --mode sharpen", "sharpen"),
     (2, "render scene.glb --exposure nan", "--exposure"),
