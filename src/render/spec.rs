@@ -340,7 +340,7 @@ const ALIASES: [(&str, &str); 4] = [
 const SAID: [&str; 3] = ["plain", "constant", "table"];
 
 /// Options that are gone, and what does their work now. Measurements of them are in `docs/lab/left_out.md`.
-pub const GONE: [(&str, &str); 3] = [
+pub const GONE: [(&str, &str); 5] = [
     (
         "table_energy",
         "levels, the default, choose an amount for every pixel",
@@ -350,6 +350,14 @@ pub const GONE: [(&str, &str); 3] = [
         "a scale of the table or one factor sets an amount, and levels choose one for every pixel",
     ),
     ("pilot", "levels choose an amount for every pixel"),
+    (
+        "robust",
+        "the default bounds what single samples bring; see resolve",
+    ),
+    (
+        "sigma",
+        "resolve = none, sharp, default or smooth says how far a picture may be smoothed",
+    ),
 ];
 
 impl Spec {

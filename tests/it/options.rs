@@ -53,7 +53,7 @@ const SAMPLES: &[Sample] = &[
     ("table", "beta-0.05", &[]),
     ("gamma", "0.3", &[]),
     ("levels", "0,0.5,4", &[("gamma", "0.3")]),
-    ("resolve", "sharp", &[("gamma", "0.3")]),
+    ("resolve", "none", &[("gamma", "0.3")]),
     ("table_scale", "0.3", &[("table", "beta-0.05")]),
     ("lookup", "linear", &[("table", "beta-0.05")]),
     ("mode", "reuse", &[("gamma", "0.3")]),
@@ -87,10 +87,10 @@ const MAY_DO_NOTHING: &[(&str, &str)] = &[
 const MAY_DO_NOTHING_BESIDE: &[(&str, &str)] = &[
     // The strategy has paths of one length.
     ("max_vertices", "strategy"),
+    // The picture is that of level 0.
+    ("levels", "resolve"),
     // The glass is metal there.
     ("solid_glass", "variant"),
-    // Blurs that make more error are not taken.
-    ("resolve", "env_intensity"),
 ];
 
 /// A box with caustics, an animated lamp, variants, two cameras, and a glass body without a thickness.

@@ -382,11 +382,13 @@ fn outputs_do_not_replace_textures_and_buffers() {
 #[test]
 fn resolve_keeps_the_metadata_of_the_render() {
     let place = caustics();
-    let args = "--spp 8 --opsr-table table.json --seed 7 --robust";
+    let args = "--spp 8 --opsr-table table.json --seed 7 --resolve smooth";
     place
         .render(&format!("{args} -o first.exr --checkpoint a.ckpt"))
         .done();
-    place.opsr("resolve a.ckpt --robust -o again.exr").done();
+    place
+        .opsr("resolve a.ckpt --resolve smooth -o again.exr")
+        .done();
     let layers = |name: &str| exr::read_layers(&place.path().join(name)).expect("a file");
     let (first, again) = (layers("first.exr").metadata, layers("again.exr").metadata);
     assert_eq!(first, again);
@@ -395,14 +397,16 @@ fn resolve_keeps_the_metadata_of_the_render() {
         "table_sha256",
         "integrator",
         "max_vertices",
-        "robust",
+        "resolve",
     ] {
         assert!(again.contains_key(key), "{key}");
     }
     // The choice itself is the new one.
-    place.opsr("resolve a.ckpt --sigma 0 -o other.exr").done();
+    place
+        .opsr("resolve a.ckpt --resolve sharp -o other.exr")
+        .done();
     let other = layers("other.exr").metadata;
-    assert_eq!((other.get("robust"), other["sigma"].as_str()), (None, "0"));
+    assert_eq!(other["resolve"].as_str(), "sharp");
 }
 
 /// The hint for a refused sample is a command, and shows the sample again.
