@@ -12,8 +12,10 @@ float32. Roughness is Beckmann's alpha, from 0 (Dirac) to 1 (diffuse). Work is d
 Ctrl-C stops renders and trainings. Errors have the messages of the program `opsr`.
 """
 
+import importlib.util as _importlib_util
 import inspect as _inspect
 import json as _json
+import os as _os
 
 import numpy as _numpy  # noqa: F401  An error here says more than one in the middle of a render.
 
@@ -33,6 +35,16 @@ from ._opsr import (
     resolve,
     train,
 )
+
+
+def _find_denoiser():
+    """Names the folder of Open Image Denoise in the package `pyoidn` (`opsr[denoise]`), unless OIDN_DIR names one already."""
+    package = _importlib_util.find_spec("pyoidn")
+    if package is not None and package.origin is not None:
+        _os.environ.setdefault("OIDN_DIR", _os.path.join(_os.path.dirname(package.origin), "oidn"))
+
+
+_find_denoiser()
 
 
 def _described(function, name):
