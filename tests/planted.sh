@@ -114,8 +114,8 @@ plant "a guided direction weighed by its BSDF alone" src/integrator/guided/direc
     guided::agreement_of_guided_paths_with_path
 plant "a Dirac lobe beside a guide without its probability" src/integrator/guided/directions.rs \
     's/sample\.weight \/= self\.share;//' guided::agreement_of_guided_paths_with_path
-plant "blurred noise is weighed by the bright side of an edge" src/resolve/mod.rs \
-    's/w\.max\(DARK \* \*dark\)/*w/' lib::resolve::tests::blur_leaves_dark_pixels_beside_noise_dark
+plant "blurred noise is weighed by the bright side of an edge" src/resolve/layer.rs \
+    's/own\.max\(DARK \* \*dark\)/*own/' lib::resolve::tests::blur_leaves_dark_pixels_beside_noise_dark
 plant "what was not met is free of noise" src/resolve/coarse.rs \
     's/self\.variance \* \(-self\.expected \* times\)\.exp\(\)/self.variance * 0.0/' \
     lib::resolve::tests::light_that_a_level_has_not_met_is_not_dark
