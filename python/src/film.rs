@@ -8,7 +8,7 @@ use opsr::image::display::{Display, ViewTransform, auto_exposure};
 use opsr::image::exr::{self, Header, Layer, Metadata, Storage};
 use opsr::image::png;
 use opsr::integrator::Picture;
-use opsr::resolve::{Resolve, Resolved as Choice, film_error, resolve_film};
+use opsr::resolve::{Resolve, Resolved as Choice, film_error, film_errors, resolve_film};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -168,6 +168,9 @@ impl Film {
             world_to_camera: Some(self.camera),
         };
         let Some(choice) = &self.choice else {
+            if !layers.iter().any(|layer| layer.name == "error") {
+                layers.extend(film_errors(film).map(|errors| Layer::scalar("error", errors)));
+            }
             return exr::write_film(path, film, &layers, header);
         };
         layers.extend(choice.layers());

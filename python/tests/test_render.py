@@ -52,7 +52,7 @@ def test_render_determinism_over_threads_passes_and_crops(box):
         (["--opsr-table", "beta-0.001", "--levels", "1"], {"table": "beta-0.001", "levels": 1}),
         (["--gamma", "0.4", "--mode", "reuse"], {"gamma": 0.4, "reuse": True}),
         (["--gamma", "0.4"], {"gamma": 0.4}),
-        (["--opsr-table", "beta-0.05"], {"table": "beta-0.05", "levels": 5}),
+        (["--opsr-table", "beta-0.05"], {"table": "beta-0.05", "levels": 4}),
         (["--gamma", "0.5", "--levels", "0,0.25,1"], {"gamma": 0.5, "levels": [0, 0.25, 1]}),
         (["--mode", "pbrt"], {"rule": "pbrt"}),
         (["--mode", "filter-glossy"], {"rule": "filter-glossy"}),
@@ -76,9 +76,9 @@ def test_render_determinism_gives_the_picture_of_the_program(program, tmp_path, 
     assert opsr.compare(again, theirs)["MSE"] > 0
 
 
-def test_levels_are_five_where_there_can_be_levels(box):
-    assert opsr.render(box, **SMALL, table="beta-0.05").levels.shape == (5, 16, 24, 3)
-    assert opsr.render(box, **SMALL, gamma=0.5).levels.shape[0] == 5
+def test_levels_are_four_where_there_can_be_levels(box):
+    assert opsr.render(box, **SMALL, table="beta-0.05").levels.shape == (4, 16, 24, 3)
+    assert opsr.render(box, **SMALL, gamma=0.5).levels.shape[0] == 4
     for options in ({"reuse": True}, {"consistent": 0.2}, {"aov": "direct", "levels": 1}, {"levels": 1}, {"integrator": "bdpt"}):
         assert opsr.render(box, **SMALL, gamma=0.5, **options).levels is None
 

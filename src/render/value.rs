@@ -323,7 +323,8 @@ impl Field for Duration {
     fn read(value: &Value, _: &Range) -> Result<Self, String> {
         #[cfg(feature = "cli")]
         if let Value::String(text) = value {
-            return humantime::parse_duration(text).map_err(|e| e.to_string());
+            let expected = "expected a number of seconds, or a time such as 60s or 5min";
+            return humantime::parse_duration(text).map_err(|e| format!("{expected}: {e}"));
         }
         let seconds = number(value).and_then(|s| Self::try_from_secs_f64(s).ok());
         seconds.ok_or("expected a number of seconds, not below 0".into())
