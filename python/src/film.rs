@@ -8,6 +8,7 @@ use opsr::image::display::{Display, ViewTransform, auto_exposure};
 use opsr::image::exr::{self, Header, Layer, Metadata, Storage};
 use opsr::image::png;
 use opsr::integrator::Picture;
+use opsr::render::value::{Field, Range};
 use opsr::resolve::{Resolve, Resolved as Choice, film_error, film_errors, resolve_film};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -194,18 +195,8 @@ pub(crate) struct Resolved {
 #[pyfunction]
 #[pyo3(signature = (film, *, resolve="default"))]
 pub(crate) fn resolve(film: &Bound<'_, Film>, resolve: &str) -> PyResult<Resolved> {
-    let settings = match resolve {
-        "none" => Resolve::None,
-        "sharp" => Resolve::Sharp,
-        "default" => Resolve::Default,
-        "smooth" => Resolve::Smooth,
-        _ => {
-            return Err(argument(
-                "resolve",
-                "expected none, sharp, default or smooth",
-            ));
-        }
-    };
+    let settings =
+        Resolve::read(&resolve.into(), &Range::FINITE).map_err(|why| argument("resolve", &why))?;
     let Some(levels) = &film.get().made.levels else {
         let what = "a film of one level, there is nothing to choose";
         return Err(argument("film", what));

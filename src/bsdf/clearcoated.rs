@@ -54,7 +54,7 @@ enum Base {
     Sheen(Sheen),
 }
 
-/// What covers a base.
+/// Coat and sheen over a base.
 #[derive(Clone, Copy, Debug)]
 pub struct Covers {
     /// Weight of the clear coat in [0, 1].

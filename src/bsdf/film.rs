@@ -67,10 +67,10 @@ fn schlick_of(f0: f64, cos: f64) -> f64 {
     f0 + (1.0 - f0) * (1.0 - cos).powi(5)
 }
 
-/// What light meets in a film over a base: reflectances of both interfaces, the phase shifts there, and the difference of the
+/// Optics of a film over a base: reflectances of both interfaces, the phase shifts there, and the difference of the
 /// optical paths.
 struct Interference {
-    /// Of the upper interface, and of the lower.
+    /// Reflectances of the upper interface and of the lower.
     reflectance: [f64; 2],
     shift: f64,
     path: f64,
@@ -145,7 +145,7 @@ pub struct Iridescent {
     film: Film,
 }
 
-/// What the film lies on.
+/// Surface under the film.
 #[derive(Clone, Copy, Debug)]
 enum Under {
     Glossy(Glossy),

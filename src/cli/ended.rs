@@ -46,7 +46,7 @@ impl Ended<'_> {
         self.output.progress.elapsed.as_secs_f64()
     }
 
-    /// What was written, with the statistics of the render.
+    /// Files that were written, with the statistics of the render.
     fn summary(&self, names: &str) -> String {
         let seconds = self.seconds();
         let rate = match self.paths() {

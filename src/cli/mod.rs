@@ -101,7 +101,7 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         .mut_subcommands(with_negative_numbers)
 }
 
-/// What clap says, or for an option that is gone what replaced it.
+/// Message of clap, or for an option that is gone the name of its successor.
 fn refused(error: &clap::Error) -> ! {
     let name = match error.get(ContextKind::InvalidArg) {
         Some(ContextValue::String(name)) if error.kind() == ErrorKind::UnknownArgument => name,

@@ -48,7 +48,7 @@ pub(super) fn filament() -> SceneParts {
 /// Edges a side of the water's surface.
 const WAVES: u32 = 64;
 
-/// Where the sun of the pools shines to, and its irradiance.
+/// Direction and irradiance of the sun of the pools.
 const SUNSHINE: (Vec3, Rgb) = (v3(0.35, -1.0, -0.2), v3(4.0, 3.8, 3.4));
 
 /// The pool under a sun without extent, which plain path tracing cannot find through the water.

@@ -44,7 +44,7 @@ pub struct PathLevels<'a> {
     pub levels: &'a [Rgb],
     /// Radiance that no level roughens.
     pub shared: Rgb,
-    /// What the path has met.
+    /// Guides that the path has met.
     pub features: Features,
 }
 

@@ -86,7 +86,7 @@ struct PathSums {
     levels: Values,
     /// Light that no level roughens: the same at all levels.
     shared: Rgb,
-    /// What the path has met; of the last vertex where none is rough.
+    /// Guides that the path has met; of the last vertex where none is rough.
     features: Features,
     /// True if they are those of a rough vertex.
     has_features: bool,
