@@ -319,6 +319,13 @@ pub fn choose_integrator(
     for (number, &i) in (1..).zip(&places) {
         runners.push(Runner::new(&contenders[i], view, &small, number, first(i))?);
     }
+    let race = Race {
+        usual: places.iter().map(|&i| usual(i)).collect(),
+        counted,
+        pilot: small_window.len() as f64,
+        pixels,
+        horizon,
+    };
     let punctual = !scene.parts().lights.is_empty();
     let trials = loop {
         for runner in runners.iter_mut().filter(|runner| runner.races) {
@@ -327,39 +334,16 @@ pub fn choose_integrator(
             }
             runner.run(&small);
         }
-        let of_pilot = small_window.len() as f64;
-        let cost = |(runner, &i): (&Runner, &usize)| match counted {
-            true => usual(i),
-            false => runner.seconds / (f64::from(runner.samples) * of_pilot),
-        };
-        let costs: Vec<f64> = runners.iter().zip(&places).map(cost).collect();
-        // Time of the render for each of its pixels.
-        let time = match horizon {
-            Horizon::Samples(samples) => f64::from(samples) * costs[0],
-            Horizon::Seconds(_) if counted => paths / pixels,
-            Horizon::Seconds(seconds) => seconds / pixels,
-        };
+        let costs = race.costs(&runners);
+        let time = race.time(costs[0]);
         let drafts: Vec<Draft> = (runners.iter().zip(&costs))
             .map(|(runner, &cost)| {
                 Draft::of(&runner.contender, &runner.picture, runner.samples, cost)
             })
             .collect();
         let trials = judged(&drafts, small_window, time, punctual);
-        let seen = |t: &&Trial| t.missed < MISSED;
-        let least = (trials.iter().filter(seen)).fold(f64::INFINITY, |e, t| e.min(t.error));
-        let stays = |t: &Trial| t.missed < MISSED && t.error < BEHIND * least;
-        let stay: Vec<bool> = (runners.iter().zip(&trials).enumerate())
-            .map(|(i, (runner, trial))| runner.races && (i == called || stays(trial)))
-            .collect();
-        let spent = |all: bool| -> f64 {
-            let each = runners.iter().zip(&costs).zip(&stay);
-            each.filter(|(_, stays)| all || **stays)
-                .map(|((r, cost), _)| f64::from(r.samples) * cost * of_pilot)
-                .sum()
-        };
-        let enough = spent(true) + spent(false) > SHARE * time * pixels;
-        let most = runners.iter().any(|r| r.samples >= SAMPLES.1);
-        if enough || most || stay.iter().filter(|stays| **stays).count() < 2 {
+        let stay = still_racing(&runners, &trials, called);
+        if race.is_over(&runners, &costs, &stay) {
             break trials;
         }
         for (runner, stays) in runners.iter_mut().zip(stay) {
@@ -376,6 +360,62 @@ pub fn choose_integrator(
         trials,
         seconds: pilot.seconds().1,
     }))
+}
+
+/// Contenders that are left after a round: the one that the scene calls for, and those that are not far behind the best.
+fn still_racing(runners: &[Runner], trials: &[Trial], called: usize) -> Vec<bool> {
+    let seen = |t: &&Trial| t.missed < MISSED;
+    let least = (trials.iter().filter(seen)).fold(f64::INFINITY, |e, t| e.min(t.error));
+    let stays = |t: &Trial| t.missed < MISSED && t.error < BEHIND * least;
+    (runners.iter().zip(trials).enumerate())
+        .map(|(i, (runner, trial))| runner.races && (i == called || stays(trial)))
+        .collect()
+}
+
+/// What the rounds of the pilot cost, beside the render.
+struct Race {
+    /// Cost of a sample per pixel of each contender in most scenes.
+    usual: Vec<f64>,
+    /// True if paths are counted, and not seconds.
+    counted: bool,
+    /// Pixels of the pilot's pictures.
+    pilot: f64,
+    /// Pixels of the render.
+    pixels: f64,
+    horizon: Horizon,
+}
+
+impl Race {
+    /// Cost of a sample per pixel of each contender, as measured so far or, where paths are counted, as usual.
+    fn costs(&self, runners: &[Runner]) -> Vec<f64> {
+        let cost = |(runner, &usual): (&Runner, &f64)| match self.counted {
+            true => usual,
+            false => runner.seconds / (f64::from(runner.samples) * self.pilot),
+        };
+        runners.iter().zip(&self.usual).map(cost).collect()
+    }
+
+    /// Time of the render for each of its pixels, where the path tracer's samples have this cost.
+    fn time(&self, path: f64) -> f64 {
+        match self.horizon {
+            Horizon::Samples(samples) => f64::from(samples) * path,
+            Horizon::Seconds(seconds) if self.counted => seconds * PATHS_PER_SECOND / self.pixels,
+            Horizon::Seconds(seconds) => seconds / self.pixels,
+        }
+    }
+
+    /// True if one contender is left, the next round would take too long, or would take too many samples.
+    fn is_over(&self, runners: &[Runner], costs: &[f64], stay: &[bool]) -> bool {
+        let each = || runners.iter().zip(costs).zip(stay);
+        let time = |((runner, cost), _): ((&Runner, &f64), _)| {
+            f64::from(runner.samples) * cost * self.pilot
+        };
+        let spent: f64 = each().map(time).sum();
+        let next: f64 = each().filter(|(_, stays)| **stays).map(time).sum();
+        spent + next > SHARE * self.time(costs[0]) * self.pixels
+            || runners.iter().any(|r| r.samples >= SAMPLES.1)
+            || stay.iter().filter(|stays| **stays).count() < 2
+    }
 }
 
 /// A contender in the race.
