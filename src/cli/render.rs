@@ -17,6 +17,7 @@ use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{self, Picture};
 use opsr::pilot::witness::missing_light;
 use opsr::render::files::{Outputs, can_write, check_distinct};
+use opsr::render::look::LookChoice;
 use opsr::render::open::Opened;
 use opsr::render::value::{Levels, TableChoice};
 use opsr::render::{Begun, Fault, Output, Request, Spec, Subject};
@@ -44,6 +45,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     let stop = Stop::listen();
     // While inputs are read Ctrl-C ends the program at once.
     spec.load_table().told()?;
+    spec.load_look().told()?;
     let opened = spec.open(&args.scene, Scene::new).told()?;
     for warning in &opened.warnings {
         tracing::warn!("{}: {warning}", args.scene.display());
@@ -128,7 +130,8 @@ fn check_files(args: &RenderArgs, spec: &Spec, read: &[PathBuf]) -> anyhow::Resu
         .chain(&args.reference)
         .chain([&args.scene])
         .chain(&spec.env);
-    let inputs = inputs.map(PathBuf::as_path).chain(table);
+    let look = spec.look.as_ref().and_then(LookChoice::file);
+    let inputs = inputs.map(PathBuf::as_path).chain(table).chain(look);
     check_distinct(outputs.map(PathBuf::as_path), inputs).told()
 }
 

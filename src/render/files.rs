@@ -61,6 +61,16 @@ impl Spec {
         }
     }
 
+    /// Exposure and view; a picture is brightened by at most `most` stops unless the user says so.
+    pub fn display(&self, picture: &Buffer, most: f32) -> Display {
+        let exposure = match self.exposure.unwrap_or_default() {
+            Exposure::Auto => auto_exposure(picture).min(most),
+            Exposure::Stops(stops) => stops,
+        };
+        let view = self.view.unwrap_or_default();
+        Display { exposure, view }
+    }
+
     /// Refuses choices among levels for a film of one.
     pub fn check_film(&self, picture: &Picture) -> Result<(), Fault> {
         let one = picture.levels.is_none();
@@ -117,16 +127,6 @@ impl Outputs {
         names.collect::<Vec<_>>().join(", ")
     }
 
-    /// Exposure and view; a picture is brightened by at most `most` stops unless the user says so.
-    fn display(&self, picture: &Buffer) -> Display {
-        let exposure = match self.spec.exposure.unwrap_or_default() {
-            Exposure::Auto => auto_exposure(picture).min(self.most),
-            Exposure::Stops(stops) => stops,
-        };
-        let view = self.spec.view.unwrap_or_default();
-        Display { exposure, view }
-    }
-
     /// Writes every file, each whole or not at all; fails with the first failure, after the other files are written.
     pub fn write(
         &self,
@@ -181,7 +181,7 @@ impl Outputs {
             world_to_camera,
         };
         let is_png = |file: &PathBuf| format(file) == Some(Format::Png);
-        let display = (self.files.iter().any(is_png)).then(|| self.display(&shown));
+        let display = (self.files.iter().any(is_png)).then(|| self.spec.display(&shown, self.most));
         let (film, whole) = (&picture.film, resolved.is_some() || self.denoiser.is_some());
         let mut failed = None;
         for file in &self.files {
@@ -210,7 +210,7 @@ impl Outputs {
 }
 
 /// The picture without its noise, by the first surfaces that were recorded beside it.
-fn denoised(denoiser: &Denoiser, picture: &Picture, noisy: &Buffer) -> Result<Buffer, Fault> {
+pub fn denoised(denoiser: &Denoiser, picture: &Picture, noisy: &Buffer) -> Result<Buffer, Fault> {
     let first = picture.aovs.as_ref().and_then(|a| a.first.as_ref());
     let needs = || Fault::option("denoise", "needs a render with {aov} albedo,normal");
     let first = first.ok_or_else(needs)?;

@@ -5,6 +5,7 @@
 //! | [`spec`] | every option, declared once |
 //! | [`value`] | types of options |
 //! | [`fault`] | refusals and failures, with options by the user's names for them |
+//! | [`look`] | a camera of one's own, as numbers and as a file |
 //! | `method` | estimator and rule of a spec; which options go together |
 //! | [`open`](mod@open) | the scene that a spec asks for |
 //! | [`request`] | a spec checked against a scene: frame, camera, settings, pilot; [`run`] |
@@ -16,6 +17,7 @@
 
 pub mod fault;
 pub mod files;
+pub mod look;
 mod method;
 pub mod open;
 pub mod output;

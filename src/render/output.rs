@@ -127,6 +127,13 @@ impl Request<'_> {
 
     /// The command that renders the pixel of a refused sample again, up to that sample.
     pub fn replay(&self, refused: &RejectedSample) -> String {
+        let (x, y) = (refused.pixel.x, refused.pixel.y);
+        let end = refused.sample.saturating_add(1);
+        format!("{} --crop {x},{y},1,1 --spp {end}", self.command())
+    }
+
+    /// The command that renders this picture, but for files, part and samples.
+    pub fn command(&self) -> String {
         let mut words = vec![
             "opsr".to_owned(),
             "render".to_owned(),
@@ -144,14 +151,8 @@ impl Request<'_> {
                 words.push(quoted(&text));
             }
         }
-        let (x, y) = (refused.pixel.x, refused.pixel.y);
-        words.push(format!(
-            "--integrator {} --size {}x{} --crop {x},{y},1,1 --spp {}",
-            word(&self.kind),
-            self.frame.x,
-            self.frame.y,
-            refused.sample.saturating_add(1)
-        ));
+        words.push(format!("--integrator {}", word(&self.kind)));
+        words.push(format!("--size {}x{}", self.frame.x, self.frame.y));
         words.join(" ")
     }
 }

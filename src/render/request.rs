@@ -136,7 +136,10 @@ impl Spec {
         if let Some(Size::Pixels(size)) = self.size {
             return Ok(size);
         }
-        let whole = camera(scene, self.wanted(), 1.0)?.default_frame();
+        let whole = match self.looking()?.filter(|look| look.aspect.is_some()) {
+            Some(look) => look.default_frame(),
+            None => camera(scene, self.wanted(), 1.0)?.default_frame(),
+        };
         Ok(self.size.unwrap_or(Size::Share(1.0)).of(whole))
     }
 
@@ -163,7 +166,10 @@ impl Spec {
 
     /// The camera of a frame, with its lens.
     pub fn camera(&self, scene: &Scene, frame: UVec2) -> Result<Camera, Fault> {
-        let camera = camera(scene, self.wanted(), frame.x as f32 / frame.y as f32)?;
+        let camera = match self.looking()? {
+            Some(look) => look,
+            None => camera(scene, self.wanted(), frame.x as f32 / frame.y as f32)?,
+        };
         self.through(camera)
     }
 
@@ -234,6 +240,7 @@ impl<'a> Request<'a> {
         let mut spec = spec.clone();
         spec.check()?;
         spec.load_table()?;
+        spec.load_look()?;
         let scene = subject.scene;
         let frame = spec.frame(scene)?;
         let camera = match own {

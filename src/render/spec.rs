@@ -5,6 +5,7 @@
 //! these declarations; what a render records about itself too ([`Spec::recorded`]).
 
 use super::fault::Fault;
+use super::look::LookChoice;
 use super::value::{
     Crop, Exposure, Field, Layers, Levels, NameOrNumber, Range, Size, Sun, TableChoice,
 };
@@ -250,6 +251,9 @@ options! {
     crop: Crop, Camera { value: "X,Y,W,H", effect: Effect::Frame }
     /// Camera by name or number (from 0).
     camera: NameOrNumber, Camera { value: "NAME", common: true }
+    /// Camera of one's own: a file that `opsr view` saved, or its numbers, X,Y,Z of position, target and up and the vertical
+    /// field of view in degrees.
+    look: LookChoice, Camera { value: "FILE|NUMBERS", excludes: &["camera"] }
     /// Radius of the camera's lens, in units of the scene: what is not in focus blurs. 0 leaves a lens of the file out.
     aperture: f32, Camera { value: "RADIUS", range: Range::NOT_NEGATIVE }
     /// Distance that is in focus, along the view direction, in units of the scene.

@@ -1,0 +1,286 @@
+//! A camera of one's own: the numbers that a viewer copies, and the small file that it saves.
+
+use super::fault::Fault;
+use super::spec::Spec;
+use super::value::{Field, Range};
+use crate::files::{self, FileError};
+use crate::math::Vec3;
+use crate::scene::camera::Projection;
+use crate::scene::{Camera, Lens};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// Longest file of a camera.
+const MAX_BYTES: u64 = 1 << 16;
+
+/// A camera by what a person moves: where it stands and what it looks at, in world space and units of the scene. The
+/// same numbers always make the same [`Camera`], bit for bit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Look {
+    /// Position of the camera.
+    pub position: [f32; 3],
+    /// Point that it looks at and turns around.
+    pub target: [f32; 3],
+    /// Direction that is up in the picture, not along the view.
+    pub up: [f32; 3],
+    /// Vertical field of view in degrees, between 0 and 180; `None` for parallel rays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fov: Option<f32>,
+    /// Height of the picture in units of the scene, for parallel rays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub height: Option<f32>,
+    /// Width over height of the picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aspect: Option<f32>,
+    /// Radius of the lens.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aperture: Option<f32>,
+    /// Distance in focus, along the view.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub focus: Option<f32>,
+}
+
+impl Look {
+    /// The look of a camera that turns around the point at `distance` in its view.
+    pub fn of(camera: &Camera, distance: f32) -> Self {
+        let (fov, height) = match camera.projection {
+            Projection::Perspective { tan_half_y } => {
+                (Some(2.0 * tan_half_y.atan().to_degrees()), None)
+            }
+            Projection::Orthographic { half_height } => (None, Some(2.0 * half_height)),
+        };
+        Self {
+            position: camera.position.to_array(),
+            target: (camera.position - distance * camera.frame.n).to_array(),
+            up: camera.frame.t.to_array(),
+            fov,
+            height,
+            aspect: camera.aspect,
+            aperture: camera.lens.map(|lens| lens.radius),
+            focus: camera.lens.map(|lens| lens.focus),
+        }
+    }
+
+    /// The camera. Its name is its numbers.
+    pub fn camera(&self) -> Result<Camera, String> {
+        self.check()?;
+        let [position, target, up] = [self.position, self.target, self.up].map(Vec3::from_array);
+        let fov = self.fov.unwrap_or(40.0).to_radians();
+        let mut camera = Camera::look_at(position, target, up.normalize(), fov);
+        if let Some(height) = self.height {
+            let half_height = 0.5 * height;
+            camera.projection = Projection::Orthographic { half_height };
+        }
+        camera.name = self.text();
+        camera.aspect = self.aspect;
+        camera.lens = (self.aperture.filter(|radius| *radius > 0.0))
+            .zip(self.focus)
+            .map(|(radius, focus)| Lens { radius, focus });
+        Ok(camera)
+    }
+
+    /// Distance between position and target.
+    pub fn distance(&self) -> f32 {
+        Vec3::from_array(self.position).distance(Vec3::from_array(self.target))
+    }
+
+    /// Position, target, up and field of view (after an `h` the height of parallel rays), as `--look` takes them.
+    pub fn text(&self) -> String {
+        let numbers = [self.position, self.target, self.up].concat();
+        let mut words: Vec<String> = numbers.iter().map(f32::to_string).collect();
+        words.push(match (self.height, self.fov) {
+            (Some(height), _) => format!("h{height}"),
+            (None, fov) => fov.unwrap_or(40.0).to_string(),
+        });
+        words.join(",")
+    }
+
+    /// A look from its [text](Look::text).
+    fn parse(text: &str) -> Option<Self> {
+        let words: Vec<&str> = text.split(',').map(str::trim).collect();
+        let [numbers @ .., last] = words.as_slice() else {
+            return None;
+        };
+        let numbers: Option<Vec<f32>> = numbers.iter().map(|word| word.parse().ok()).collect();
+        let (height, fov) = match last.strip_prefix('h') {
+            Some(height) => (Some(height.parse().ok()?), None),
+            None => (None, Some(last.parse().ok()?)),
+        };
+        let &[a, b, c, d, e, f, g, h, i] = numbers?.as_slice() else {
+            return None;
+        };
+        Some(Self {
+            position: [a, b, c],
+            target: [d, e, f],
+            up: [g, h, i],
+            fov,
+            height,
+            aspect: None,
+            aperture: None,
+            focus: None,
+        })
+    }
+
+    /// Reads a file that a viewer saved.
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        let text = files::read_text(path, MAX_BYTES)?;
+        let look: Self = serde_json::from_str(&text).map_err(|e| FileError::content(path, e))?;
+        match look.check() {
+            Ok(()) => Ok(look),
+            Err(what) => Err(FileError::content(path, what)),
+        }
+    }
+
+    /// The file that [`Look::load`] reads.
+    pub fn file(&self) -> String {
+        // Numbers and no maps: nothing that could fail.
+        serde_json::to_string_pretty(self).unwrap_or_default() + "\n"
+    }
+
+    /// An error for numbers that make no camera.
+    pub fn check(&self) -> Result<(), String> {
+        let [position, target, up] = [self.position, self.target, self.up].map(Vec3::from_array);
+        let along = (target - position).normalize_or_zero();
+        let across = up.normalize_or_zero().cross(along).length();
+        let above = |x: Option<f32>| x.is_none_or(|x| x > 0.0 && x.is_finite());
+        let wrong = if !(position.is_finite() && target.is_finite() && up.is_finite()) {
+            "expected finite numbers"
+        } else if along == Vec3::ZERO {
+            "position and target of the camera are one point"
+        } else if across.is_nan() || across < 1e-4 {
+            "the camera's up is along its view"
+        } else if self.fov.is_some() == self.height.is_some() {
+            "expected either `fov`, a field of view, or `height`, of parallel rays"
+        } else if !above(self.fov) || self.fov.is_some_and(|fov| fov >= 179.9) {
+            "expected a field of view between 0 and 179.9 degrees"
+        } else if !above(self.height) || !above(self.aspect) || !above(self.focus) {
+            "height, aspect and focus must be above 0"
+        } else if self.aperture.is_some_and(|x| !(x >= 0.0 && x.is_finite())) {
+            "aperture must not be below 0"
+        } else {
+            return Ok(());
+        };
+        Err(wrong.into())
+    }
+}
+
+/// A look: a file, or numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LookChoice {
+    /// A file that a viewer saved.
+    File(PathBuf),
+    /// Numbers, or a file that was read.
+    Held(Box<Look>),
+}
+
+impl LookChoice {
+    /// The look.
+    pub fn load(&self) -> Result<Look, FileError> {
+        match self {
+            Self::File(path) => Look::load(path),
+            Self::Held(look) => Ok(**look),
+        }
+    }
+
+    /// The file that is read.
+    pub fn file(&self) -> Option<&Path> {
+        match self {
+            Self::File(path) => Some(path),
+            Self::Held(_) => None,
+        }
+    }
+}
+
+impl Field for LookChoice {
+    fn read(value: &Value, range: &Range) -> Result<Self, String> {
+        if let Some(look) = value.as_str().and_then(Look::parse) {
+            return look.check().map(|()| Self::Held(Box::new(look)));
+        }
+        let commas = value.as_str().is_some_and(|text| text.contains(','));
+        let path = PathBuf::read(value, range)?;
+        match commas && !path.exists() {
+            true => Err(
+                "expected a file, or ten numbers: position, target, up, field of view in degrees"
+                    .into(),
+            ),
+            false => Ok(Self::File(path)),
+        }
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Self::File(path) => path.display().to_string(),
+            Self::Held(look) => look.text(),
+        }
+    }
+
+    fn python() -> String {
+        "Path".into()
+    }
+}
+
+impl Spec {
+    /// Reads the look, so that it is read once; its lens is that of the options unless they name one.
+    pub fn load_look(&mut self) -> Result<(), Fault> {
+        if let Some(choice) = &self.look {
+            let look = choice.load()?;
+            self.aperture = self.aperture.or(look.aperture);
+            let lens = self.aperture.is_some_and(|radius| radius > 0.0);
+            self.focus = self.focus.or(look.focus.filter(|_| lens));
+            self.look = Some(LookChoice::Held(Box::new(look)));
+        }
+        Ok(())
+    }
+
+    /// The camera of the look.
+    pub(super) fn looking(&self) -> Result<Option<Camera>, Fault> {
+        let Some(choice) = &self.look else {
+            return Ok(None);
+        };
+        let camera = choice.load()?.camera();
+        camera.map(Some).map_err(|e| Fault::option("look", e))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn look_is_read_back_bit_for_bit_from_text_and_file() {
+        let camera = Camera::framing((Vec3::splat(-1.3), Vec3::new(0.1, 7.0, 2.0)), 1.5);
+        let look = Look::of(&camera, 3.3);
+        let parsed = Look::parse(&look.text()).unwrap();
+        assert_eq!((parsed, parsed.camera()), (look, look.camera()));
+        let held: Look = serde_json::from_str(&look.file()).unwrap();
+        assert_eq!(held, look);
+        let again = look.camera().unwrap();
+        let near = |a: Vec3, b: Vec3| a.distance(b) < 1e-5;
+        assert!(near(again.frame.n, camera.frame.n) && near(again.frame.t, camera.frame.t));
+        let parallel = Look {
+            fov: None,
+            height: Some(2.5),
+            ..look
+        };
+        assert_eq!(Look::parse(&parallel.text()), Some(parallel));
+    }
+
+    #[test]
+    fn look_that_makes_no_camera_is_refused() {
+        let read = |text: &str| LookChoice::read(&text.into(), &Range::FINITE);
+        assert!(read("0,0,1,0,0,0,0,1,0,40").is_ok());
+        for bad in [
+            "0,0,0,0,0,0,0,1,0,40",
+            "0,0,1,0,0,0,0,0,1,40",
+            "0,0,1,0,0,0,0,1,0,0",
+            "0,0,1,0,0,0,0,1,0,180",
+            "0,0,1,0,0,0,0,1,0,h-1",
+            "0,0,nan,0,0,0,0,1,0,40",
+            "0,0,1",
+        ] {
+            assert!(read(bad).is_err(), "{bad}");
+        }
+    }
+}
