@@ -37,6 +37,7 @@
 //! | 6 | [`render`] | what a user chose, checked against a scene; the run; what comes out of it |
 //! | 6 | [`Render`] | a render from a program of one's own, in a few lines |
 //! | 6 | [`gallery`] | the scenes of this project, manifest, references, glb writer |
+//! | 7 | `view` | a scene in the browser, refined while one looks at it (feature `view`) |
 //! | 7 | `train` | record, evaluate, learn (feature `train`) |
 //! | 7 | `report` | comparisons, benches and their pages (feature `bench`) |
 //! | 7 | `verify` | hard numerical cases, tried on the current machine (feature `cli`) |
@@ -106,6 +107,8 @@ pub mod stats;
 pub mod train;
 #[cfg(feature = "cli")]
 pub mod verify;
+#[cfg(feature = "view")]
+pub mod view;
 
 pub use facade::{Render, Rendered};
 pub use integrator::layers::Aov;

@@ -38,6 +38,8 @@ mod trace;
 #[cfg(feature = "train")]
 mod train;
 mod verify;
+#[cfg(feature = "view")]
+mod view;
 
 /// Render caustics, glossy chains and light seen through glass with learned path space regularisation.
 #[derive(Parser)]
@@ -58,6 +60,9 @@ than `opsr compare` was told to allow; 7 there is not enough memory, which is fo
 enum Command {
     /// Render a glTF scene.
     Render(Box<render_args::RenderArgs>),
+    /// Look at a glTF scene in the browser while it is rendered.
+    #[cfg(feature = "view")]
+    View(Box<view::ViewArgs>),
     /// Learn tables of attenuation factors.
     #[cfg(feature = "train")]
     Train(Box<train::TrainArgs>),
@@ -136,6 +141,8 @@ pub(crate) fn main() -> ExitCode {
         .init();
     let result = match args.command {
         Command::Render(args) => render::run(&args),
+        #[cfg(feature = "view")]
+        Command::View(args) => view::run(&args),
         #[cfg(feature = "train")]
         Command::Train(args) => train::run(&args),
         #[cfg(feature = "train")]

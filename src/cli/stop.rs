@@ -57,3 +57,19 @@ impl Stop {
         }
     }
 }
+
+/// The flag that Ctrl-C sets where it is the usual end of a command; again, it ends the program at once.
+#[cfg(feature = "view")]
+pub(super) fn ended() -> Arc<AtomicBool> {
+    let ended = Arc::new(AtomicBool::new(false));
+    let flag = ended.clone();
+    let handler = ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(super::Exit::Stopped as i32);
+        }
+    });
+    if let Err(error) = handler {
+        tracing::warn!("no handler for Ctrl-C: {error}");
+    }
+    ended
+}

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 #[rustfmt::skip]
 const ROOMS: &[&str] = &[
     "memory", "files", "math", "sampler", "regularise", "bsdf", "image", "scene", "stats", "integrator", "resolve", "pilot", "render", "facade",
-    "gallery", "train", "report", "verify", "cli",
+    "view", "gallery", "train", "report", "verify", "cli",
 ];
 
 /// Rooms inside a room, in the same order.

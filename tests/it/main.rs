@@ -54,4 +54,6 @@ mod tensorboard;
 mod train;
 mod training_scenes;
 mod transport;
+#[cfg(feature = "view")]
+mod view;
 mod witness;

@@ -1,0 +1,283 @@
+//! As much of HTTP/1.1 as a page on this machine needs, with a bound on everything that a client can make large or slow.
+
+use std::io::{self, Read, Write};
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
+
+/// Longest head of a request, and longest body.
+const MAX_HEAD: usize = 1 << 13;
+const MAX_BODY: usize = 1 << 16;
+
+/// Most headers.
+const MAX_HEADERS: usize = 64;
+
+/// Time that a connection may be silent, a request may take to arrive, and an answer to be read.
+const SILENCE: Duration = Duration::from_secs(30);
+const ARRIVAL: Duration = Duration::from_secs(5);
+const READING: Duration = Duration::from_secs(20);
+
+/// Bytes that are sent at once: a client that stalls is noticed between two of them.
+const PIECE: usize = 1 << 16;
+
+/// A request.
+#[derive(Debug, Default)]
+pub(super) struct Request {
+    pub(super) method: String,
+    /// Path without the query.
+    pub(super) path: String,
+    query: String,
+    pub(super) host: Option<String>,
+    pub(super) origin: Option<String>,
+    pub(super) content_type: Option<String>,
+    pub(super) body: Vec<u8>,
+}
+
+impl Request {
+    /// The value of a key of the query.
+    pub(super) fn asks(&self, key: &str) -> Option<&str> {
+        let pairs = self
+            .query
+            .split('&')
+            .filter_map(|pair| pair.split_once('='));
+        pairs.into_iter().find(|(k, _)| *k == key).map(|(_, v)| v)
+    }
+}
+
+/// An answer.
+#[derive(Debug)]
+pub(super) struct Answer {
+    pub(super) status: u16,
+    pub(super) kind: &'static str,
+    /// Name under which a browser saves the body.
+    pub(super) file: Option<String>,
+    pub(super) parts: Vec<std::sync::Arc<[u8]>>,
+}
+
+impl Answer {
+    pub(super) fn new(status: u16, kind: &'static str, body: impl Into<Vec<u8>>) -> Self {
+        Self {
+            status,
+            kind,
+            file: None,
+            parts: vec![body.into().into()],
+        }
+    }
+
+    pub(super) fn text(status: u16, text: impl Into<String>) -> Self {
+        Self::new(status, "text/plain; charset=utf-8", text.into())
+    }
+
+    pub(super) fn json(status: u16, value: &serde_json::Value) -> Self {
+        Self::new(status, "application/json", value.to_string())
+    }
+
+    fn head(&self, stays: bool) -> String {
+        let words = match self.status {
+            200 => "OK",
+            400 => "Bad Request",
+            403 => "Forbidden",
+            404 => "Not Found",
+            405 => "Method Not Allowed",
+            408 => "Request Timeout",
+            411 => "Length Required",
+            413 => "Content Too Large",
+            415 => "Unsupported Media Type",
+            431 => "Request Header Fields Too Large",
+            503 => "Service Unavailable",
+            _ => "Error",
+        };
+        let length: usize = self.parts.iter().map(|part| part.len()).sum();
+        let mut head = format!(
+            "HTTP/1.1 {} {words}\r\nContent-Type: {}\r\nContent-Length: {length}\r\n{HEADERS}",
+            self.status, self.kind
+        );
+        if let Some(file) = &self.file {
+            head += &format!("Content-Disposition: attachment; filename=\"{file}\"\r\n");
+        }
+        head += match stays {
+            true => "Connection: keep-alive\r\n\r\n",
+            false => "Connection: close\r\n\r\n",
+        };
+        head
+    }
+}
+
+/// Headers of every answer. Nothing from outside is loaded; pages of this machine may hold the page in a frame, as
+/// notebooks do, if they know its address.
+const HEADERS: &str = "Content-Security-Policy: default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' \
+blob: data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'self' http://localhost:* \
+http://127.0.0.1:* vscode-webview:\r\n\
+X-Content-Type-Options: nosniff\r\n\
+Referrer-Policy: no-referrer\r\n\
+Cross-Origin-Resource-Policy: same-origin\r\n\
+Cross-Origin-Opener-Policy: same-origin\r\n\
+Cache-Control: no-store\r\n";
+
+/// Reason for which a connection ends.
+pub(super) enum End {
+    /// The client left, or said nothing for long.
+    Gone,
+    /// The client is told why.
+    Refused(Answer),
+}
+
+impl From<io::Error> for End {
+    fn from(_: io::Error) -> Self {
+        Self::Gone
+    }
+}
+
+fn refused(status: u16, why: &str) -> End {
+    End::Refused(Answer::text(status, why))
+}
+
+/// A connection of a client.
+pub(super) struct Connection {
+    stream: TcpStream,
+    /// Bytes of the next request.
+    ahead: Vec<u8>,
+}
+
+impl Connection {
+    pub(super) fn new(stream: TcpStream) -> io::Result<Self> {
+        stream.set_nodelay(true)?;
+        Ok(Self {
+            stream,
+            ahead: Vec::new(),
+        })
+    }
+
+    /// The next request.
+    pub(super) fn next(&mut self) -> Result<Request, End> {
+        let mut deadline = Instant::now() + SILENCE;
+        if !self.ahead.is_empty() {
+            deadline = Instant::now() + ARRIVAL;
+        }
+        loop {
+            if let Some((request, head, body)) = parsed(&self.ahead)? {
+                return self.with_body(request, head, body);
+            }
+            if self.ahead.len() >= MAX_HEAD {
+                return Err(refused(431, "the head of the request is too long"));
+            }
+            let first = self.ahead.is_empty();
+            self.more(deadline, MAX_HEAD)?;
+            if first {
+                deadline = Instant::now() + ARRIVAL;
+            }
+        }
+    }
+
+    fn with_body(
+        &mut self,
+        mut request: Request,
+        head: usize,
+        body: usize,
+    ) -> Result<Request, End> {
+        if body > MAX_BODY {
+            return Err(refused(413, "the message is too long"));
+        }
+        let deadline = Instant::now() + ARRIVAL;
+        while self.ahead.len() < head + body {
+            self.more(deadline, head + body)?;
+        }
+        request.body = self.ahead[head..head + body].to_vec();
+        self.ahead.drain(..head + body);
+        Ok(request)
+    }
+
+    /// Reads until there are `most` bytes at most.
+    fn more(&mut self, deadline: Instant, most: usize) -> Result<(), End> {
+        let left = deadline.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Err(End::Gone);
+        }
+        self.stream.set_read_timeout(Some(left))?;
+        let mut piece = [0; 4096];
+        let room = (most - self.ahead.len().min(most)).clamp(1, piece.len());
+        match self.stream.read(&mut piece[..room])? {
+            0 => Err(End::Gone),
+            read => {
+                self.ahead.extend_from_slice(&piece[..read]);
+                Ok(())
+            }
+        }
+    }
+
+    /// Sends an answer; `stays` if the connection does.
+    pub(super) fn send(&mut self, answer: &Answer, stays: bool) -> io::Result<()> {
+        let deadline = Instant::now() + READING;
+        self.send_bytes(answer.head(stays).as_bytes(), deadline)?;
+        (answer.parts.iter()).try_for_each(|part| self.send_bytes(part, deadline))
+    }
+
+    fn send_bytes(&mut self, bytes: &[u8], deadline: Instant) -> io::Result<()> {
+        for piece in bytes.chunks(PIECE) {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(io::ErrorKind::TimedOut.into());
+            }
+            self.stream.set_write_timeout(Some(left))?;
+            self.stream.write_all(piece)?;
+        }
+        Ok(())
+    }
+
+    /// Ends the connection after a refusal: what the client still sends is read for a moment, so that it reads the reason.
+    pub(super) fn close(mut self) {
+        let _ = self.stream.shutdown(std::net::Shutdown::Write);
+        let deadline = Instant::now() + Duration::from_millis(500);
+        let mut piece = [0; 4096];
+        while Instant::now() < deadline {
+            let _ = self
+                .stream
+                .set_read_timeout(Some(Duration::from_millis(100)));
+            if !matches!(self.stream.read(&mut piece), Ok(1..)) {
+                break;
+            }
+        }
+    }
+}
+
+/// A request whose head is whole, with the lengths of head and body.
+fn parsed(bytes: &[u8]) -> Result<Option<(Request, usize, usize)>, End> {
+    let mut headers = [httparse::EMPTY_HEADER; MAX_HEADERS];
+    let mut parsed = httparse::Request::new(&mut headers);
+    let head = match parsed.parse(bytes) {
+        Ok(httparse::Status::Complete(head)) => head,
+        Ok(httparse::Status::Partial) => return Ok(None),
+        Err(httparse::Error::TooManyHeaders) => return Err(refused(431, "too many headers")),
+        Err(_) => return Err(refused(400, "not a request of HTTP")),
+    };
+    let target = parsed.path.unwrap_or_default();
+    let (path, query) = target.split_once('?').unwrap_or((target, ""));
+    let mut request = Request {
+        method: parsed.method.unwrap_or_default().to_owned(),
+        path: path.to_owned(),
+        query: query.to_owned(),
+        ..Request::default()
+    };
+    let mut length = None;
+    for header in parsed.headers {
+        let value = String::from_utf8_lossy(header.value).into_owned();
+        let once = |slot: &mut Option<String>| match slot.replace(value.clone()) {
+            None => Ok(()),
+            Some(_) => Err(refused(400, "a header that is there twice")),
+        };
+        match header.name.to_ascii_lowercase().as_str() {
+            "host" => once(&mut request.host)?,
+            "origin" => once(&mut request.origin)?,
+            "content-type" => once(&mut request.content_type)?,
+            "content-length" => once(&mut length)?,
+            "transfer-encoding" => return Err(refused(411, "a message needs its length")),
+            _ => {}
+        }
+    }
+    let body = match length {
+        None => 0,
+        Some(text) => text
+            .parse()
+            .map_err(|_| refused(400, "a length that is no number"))?,
+    };
+    Ok(Some((request, head, body)))
+}

@@ -1,0 +1,751 @@
+// The page of `opsr view`: shows the newest frame that the server has, and sends what is wished.
+"use strict";
+
+const $ = (id) => document.getElementById(id);
+const stage = $("stage"), sheet = $("sheet"), canvases = [$("picture"), $("other")];
+
+let state = null;      // words of the server
+let head = null;       // of the last frame
+let facts = null;
+let look = null;       // camera as this page has it
+let touched = 0;       // when this page moved it last
+let zoom = 1, pan = [0, 0];
+let split = 0.5;
+let picking = false;
+let marked = null;     // pixel whose paths are shown
+
+// ── talk ──
+
+function toast(text) {
+  const line = $("toast");
+  line.textContent = text;
+  line.classList.add("seen");
+  clearTimeout(toast.timer);
+  toast.timer = setTimeout(() => line.classList.remove("seen"), 2600);
+}
+
+async function post(path, message) {
+  let answer;
+  try {
+    answer = await fetch(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(message) });
+  } catch {
+    return null;
+  }
+  if (!answer.ok) {
+    toast(await answer.text());
+    if (state) adopt();
+    return null;
+  }
+  return answer.json();
+}
+
+const set = (message) => post("set", message);
+const option = (name, value) => set({ options: { [name]: value === "" ? null : value } });
+
+// A message at a time; of those that wait only the newest is sent.
+function latest(send) {
+  let waiting = null, busy = false;
+  return async function offer(value) {
+    waiting = { value };
+    if (busy) return;
+    busy = true;
+    while (waiting) {
+      const { value } = waiting;
+      waiting = null;
+      await send(value);
+    }
+    busy = false;
+  };
+}
+
+const sendLook = latest(() => set({ look: look }));
+const sendOption = latest(([name, value]) => option(name, value));
+
+async function poll() {
+  let frame = 0, words = 0;
+  for (;;) {
+    if (document.hidden) {
+      await new Promise((seen) => document.addEventListener("visibilitychange", seen, { once: true }));
+    }
+    try {
+      const answer = await fetch(`poll?frame=${frame}&words=${words}`);
+      if (!answer.ok) throw new Error(await answer.text());
+      const bytes = await answer.arrayBuffer();
+      const length = new DataView(bytes).getUint32(0, true);
+      const news = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
+      [frame, words] = [news.frame, news.words];
+      state = news.state;
+      if (news.picture) draw(news.picture, news.images, bytes, 4 + length);
+      if (!facts || (facts.bounds === null && state.phase !== "loading")) await learn();
+      adopt();
+    } catch (error) {
+      $("phase").textContent = "gone";
+      $("phase").className = "gone";
+      fault("The viewer does not answer: it was ended, or this page is of an older one.");
+      await new Promise((done) => setTimeout(done, 1000));
+    }
+  }
+}
+
+// ── pictures ──
+
+function draw(picture, images, bytes, at) {
+  head = picture;
+  images.forEach(([width, height], i) => {
+    const canvas = canvases[i], count = 4 * width * height;
+    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+    const pixels = new Uint8ClampedArray(bytes, at, count);
+    canvas.getContext("2d").putImageData(new ImageData(pixels, width, height), 0, 0);
+    at += count;
+  });
+  const two = images.length > 1;
+  canvases[1].hidden = $("divider").hidden = !two;
+  $("side-a").hidden = $("side-b").hidden = !two;
+  $("veil").hidden = true;
+  stage.dataset.frames = 1 + Number(stage.dataset.frames || 0);
+  stage.dataset.samples = picture.samples;
+  stage.dataset.preview = picture.preview;
+  legend(picture.legend);
+  place();
+}
+
+function legend(scale) {
+  $("legend").hidden = !scale;
+  if (!scale) return;
+  $("legend-low").textContent = short(scale.low);
+  $("legend-high").textContent = short(scale.high);
+  $("legend-what").textContent = scale.what;
+}
+
+// Rectangle of the whole frame in the stage, in CSS pixels.
+function fitted() {
+  const [w, h] = head ? head.frame : [16, 9];
+  const { clientWidth: W, clientHeight: H } = stage;
+  const fit = Math.min(W / w, H / h);
+  const scale = fit * zoom;
+  const clamp = (room, size, at) => (size <= room ? (room - size) / 2 : Math.min(0, Math.max(room - size, at)));
+  const x = clamp(W, w * scale, pan[0] + (W - w * scale) / 2);
+  const y = clamp(H, h * scale, pan[1] + (H - h * scale) / 2);
+  return { x, y, w: w * scale, h: h * scale, scale };
+}
+
+function place() {
+  const at = fitted();
+  sheet.style.transform = `translate(${at.x}px, ${at.y}px)`;
+  sheet.style.width = `${at.w}px`;
+  sheet.style.height = `${at.h}px`;
+  const full = head && canvases[0].width === head.frame[0];
+  sheet.classList.toggle("sharp", Boolean(full && at.scale * devicePixelRatio > 1.5));
+  const edge = at.x + split * at.w;
+  $("divider").style.left = `${edge}px`;
+  $("divider").setAttribute("aria-valuenow", Math.round(100 * split));
+  canvases[1].style.clipPath = `inset(0 0 0 ${100 * split}%)`;
+  const mark = $("mark");
+  mark.hidden = !marked;
+  if (marked) {
+    mark.style.left = `${marked[0] * at.scale - 1}px`;
+    mark.style.top = `${marked[1] * at.scale - 1}px`;
+    mark.style.width = mark.style.height = `${at.scale + 2}px`;
+  }
+}
+
+// Pixel of the frame under a point of the window; null outside.
+function pixelAt(event) {
+  if (!head) return null;
+  const box = stage.getBoundingClientRect(), at = fitted();
+  const x = Math.floor((event.clientX - box.left - at.x) / at.scale);
+  const y = Math.floor((event.clientY - box.top - at.y) / at.scale);
+  const [w, h] = head.frame;
+  return x >= 0 && y >= 0 && x < w && y < h ? [x, y] : null;
+}
+
+function zoomTo(factor, event) {
+  const before = fitted(), box = stage.getBoundingClientRect();
+  const point = event ? [event.clientX - box.left, event.clientY - box.top] : [stage.clientWidth / 2, stage.clientHeight / 2];
+  const share = [(point[0] - before.x) / before.w, (point[1] - before.y) / before.h];
+  zoom = factor;
+  const after = fitted();
+  pan = [
+    point[0] - share[0] * after.w - (stage.clientWidth - after.w) / 2,
+    point[1] - share[1] * after.h - (stage.clientHeight - after.h) / 2,
+  ];
+  place();
+}
+
+// ── vectors ──
+
+const add = (a, b, k = 1) => a.map((x, i) => x + k * b[i]);
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const length = (a) => Math.hypot(...a);
+const unit = (a) => a.map((x) => x / (length(a) || 1));
+// Rodrigues' rotation about a unit axis.
+function turn(v, axis, angle) {
+  const [c, s] = [Math.cos(angle), Math.sin(angle)];
+  return add(add(v.map((x) => x * c), cross(axis, v), s), axis, dot(axis, v) * (1 - c));
+}
+
+// ── camera ──
+
+function moved() {
+  touched = performance.now();
+  sendLook();
+}
+
+function orbit(dx, dy) {
+  if (!look) return;
+  let offset = add(look.position, look.target, -1), up = unit(look.up);
+  const axis = [0, 1, 0];
+  offset = turn(offset, axis, -dx);
+  up = turn(up, axis, -dx);
+  const right = unit(cross(up, offset));
+  const pitched = turn(offset, right, -dy);
+  // Not over the poles.
+  const high = Math.abs(dot(unit(pitched), axis));
+  if (high < 0.999 || high < Math.abs(dot(unit(offset), axis))) {
+    offset = pitched;
+    up = turn(up, right, -dy);
+  }
+  // Up stays across the view, for a camera without roll above the horizon.
+  const back = unit(offset);
+  up = unit(add(up, back, -dot(up, back)));
+  look = { ...look, position: add(look.target, offset), up };
+  moved();
+}
+
+function shift(dx, dy) {
+  if (!look || !head) return;
+  const offset = add(look.position, look.target, -1), back = unit(offset);
+  const right = unit(cross(look.up, back)), up = cross(back, right);
+  const height = look.height ?? 2 * length(offset) * Math.tan(((look.fov ?? 40) * Math.PI) / 360);
+  const step = height / fitted().h;
+  const by = add(right.map((x) => -dx * step * x), up, dy * step);
+  look = { ...look, position: add(look.position, by), target: add(look.target, by) };
+  moved();
+}
+
+function dolly(amount) {
+  if (!look) return;
+  const offset = add(look.position, look.target, -1), factor = Math.exp(amount);
+  const least = facts?.bounds ? 1e-4 * length(add(facts.bounds[1], facts.bounds[0], -1)) : 1e-6;
+  if (length(offset) * factor < least) return;
+  look = { ...look, position: add(look.target, offset, factor) };
+  if (look.height) look.height *= factor;
+  moved();
+}
+
+// ── pointer ──
+
+const fingers = new Map();
+let gesture = null;
+
+stage.addEventListener("pointerdown", (event) => {
+  if (event.target.id === "divider") return;
+  stage.focus({ preventScroll: true });
+  stage.setPointerCapture(event.pointerId);
+  fingers.set(event.pointerId, event);
+  const both = [...fingers.values()];
+  gesture = {
+    pans: event.button === 1 || event.button === 2 || event.shiftKey,
+    still: fingers.size === 1 && event.button === 0,
+    from: [event.clientX, event.clientY],
+    apart: both.length > 1 ? apart(both) : 0,
+  };
+});
+
+const apart = ([a, b]) => Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
+
+stage.addEventListener("pointermove", (event) => {
+  if (!fingers.has(event.pointerId)) {
+    if (event.pointerType === "mouse") ask(pixelAt(event));
+    return;
+  }
+  const before = fingers.get(event.pointerId);
+  const [dx, dy] = [event.clientX - before.clientX, event.clientY - before.clientY];
+  if (Math.hypot(event.clientX - gesture.from[0], event.clientY - gesture.from[1]) > 4) gesture.still = false;
+  if (gesture.still) return;
+  fingers.set(event.pointerId, event);
+  const both = [...fingers.values()];
+  if (both.length > 1) {
+    const now = apart(both);
+    if (gesture.apart) dolly(Math.log(gesture.apart / Math.max(now, 1)));
+    gesture.apart = now;
+    shift(dx / 2, dy / 2);
+  } else if (event.altKey) {
+    pan = add(pan, [dx, dy]);
+    place();
+  } else if (gesture.pans) {
+    shift(dx, dy);
+  } else {
+    orbit((dx * Math.PI) / stage.clientWidth * 1.5, (dy * Math.PI) / stage.clientHeight);
+  }
+});
+
+function released(event) {
+  const clicked = gesture?.still && fingers.size === 1 && event.type === "pointerup";
+  fingers.delete(event.pointerId);
+  if (!clicked) return;
+  const pixel = pixelAt(event);
+  if (!pixel) return;
+  if (picking) {
+    focusBy(false);
+    post("pick", { x: pixel[0], y: pixel[1], what: "focus" }).then((to) => to && toast(`In focus at ${short(to.depth)}`));
+    return;
+  }
+  ask(pixel);
+  why(pixel);
+}
+stage.addEventListener("pointerup", released);
+stage.addEventListener("pointercancel", released);
+stage.addEventListener("contextmenu", (event) => event.preventDefault());
+stage.addEventListener("dblclick", (event) => {
+  const pixel = pixelAt(event);
+  if (!pixel || event.target.id === "divider") return;
+  touched = 0;
+  post("pick", { x: pixel[0], y: pixel[1], what: "target" }).then((to) => to && toast("The camera turns around this point"));
+});
+stage.addEventListener("wheel", (event) => {
+  event.preventDefault();
+  if (event.ctrlKey || event.altKey) {
+    zoomTo(Math.min(32, Math.max(1, zoom * Math.exp(-0.01 * event.deltaY))), event);
+  } else {
+    dolly(0.0012 * Math.max(-200, Math.min(200, event.deltaY)));
+  }
+}, { passive: false });
+
+function dragSplit(event) {
+  const box = stage.getBoundingClientRect(), at = fitted();
+  split = Math.min(1, Math.max(0, (event.clientX - box.left - at.x) / at.w));
+  place();
+}
+$("divider").addEventListener("pointerdown", (event) => {
+  event.stopPropagation();
+  $("divider").setPointerCapture(event.pointerId);
+  $("divider").onpointermove = dragSplit;
+});
+$("divider").addEventListener("pointerup", () => { $("divider").onpointermove = null; });
+$("divider").addEventListener("keydown", (event) => {
+  const by = { ArrowLeft: -0.02, ArrowRight: 0.02 }[event.key];
+  if (!by) return;
+  event.preventDefault();
+  event.stopPropagation();
+  split = Math.min(1, Math.max(0, split + by));
+  place();
+});
+
+// ── values ──
+
+function short(x) {
+  if (x === null || x === undefined) return "–";
+  if (!Number.isFinite(x)) return String(x);
+  const size = Math.abs(x);
+  if (size !== 0 && (size >= 1e5 || size < 1e-3)) return x.toExponential(2);
+  return String(Number(x.toPrecision(3)));
+}
+const three = (v) => (v ? v.map(short).join(" ") : "–");
+
+const ask = latest(async (pixel) => {
+  if (!pixel) return;
+  let value;
+  try {
+    const answer = await fetch(`pixel?x=${pixel[0]}&y=${pixel[1]}`);
+    if (!answer.ok) return;
+    value = await answer.json();
+  } catch {
+    return;
+  }
+  if (!value) return;
+  const of = value.surface;
+  const rows = [["pixel", value.pixel.join(", ")], ["radiance", three(value.radiance)]];
+  if (value.other) rows.push(["other", three(value.other)]);
+  if (value.reference) rows.push(["reference", three(value.reference)]);
+  if (value.error !== null) rows.push(["error", short(value.error)]);
+  if (value.bias !== null) rows.push(["bias", short(value.bias)]);
+  if (value.level !== null) rows.push(["level", value.level]);
+  if (of) rows.push(["material", of.material || "unnamed"], ["roughness α", short(of.alpha)], ["depth", short(of.depth)], ["normal", three(of.normal)]);
+  else rows.push(["surface", "none"]);
+  const list = $("pointer");
+  list.replaceChildren(...rows.map(([name, text]) => {
+    const row = document.createElement("div");
+    row.append(element("dt", name), element("dd", String(text)));
+    return row;
+  }));
+});
+
+function element(name, text, kind) {
+  const made = document.createElement(name);
+  if (text !== undefined) made.textContent = text;
+  if (kind) made.className = kind;
+  return made;
+}
+
+// ── paths ──
+
+const swatch = (rgb) => {
+  const shown = element("span", undefined, "swatch");
+  const gain = 2 ** (head?.exposure ?? 0);
+  const code = (x) => Math.round(255 * Math.min(1, Math.max(0, x * gain)) ** (1 / 2.2));
+  shown.style.background = `rgb(${rgb.map(code).join()})`;
+  return shown;
+};
+
+async function why(pixel) {
+  marked = pixel;
+  place();
+  const box = $("why");
+  const answer = await fetch(`paths?x=${pixel[0]}&y=${pixel[1]}`).catch(() => null);
+  if (!answer || !answer.ok) return;
+  const found = await answer.json();
+  if (marked !== pixel || !found) return;
+  box.dataset.pixel = pixel.join();
+  const list = element("ol");
+  for (const path of found.paths) list.append(described(path));
+  const text = `Pixel ${pixel.join(", ")}: ${found.lit} of ${found.samples} paths of the path tracer find light, mean ${three(found.mean)}. The brightest:`;
+  box.replaceChildren(element("p", text, "quiet"), list);
+}
+
+function described(path) {
+  const item = element("li"), more = element("details"), line = element("summary");
+  const steps = path.vertices.map((v) => v.bsdf).join(" → ") || "nothing";
+  line.append(swatch(path.radiance), element("span", `${three(path.radiance)}`), element("span", steps, "quiet"));
+  more.append(line);
+  const table = element("table"), body = element("tbody");
+  const row = (...cells) => {
+    const made = element("tr");
+    cells.forEach((cell, i) => made.append(element(i ? "td" : "th", cell)));
+    body.append(made);
+  };
+  row("sample", `${path.sample}; ${three(path.emission)} straight from emitters`);
+  path.vertices.forEach((v, i) => {
+    const roughened = v.alpha_reg > v.alpha ? `α ${short(v.alpha)} → ${short(v.alpha_reg)}` : `α ${short(v.alpha)}`;
+    const lobe = v.lobe ? `goes on by ${v.lobe}` : "ends";
+    const kind = v.class === null ? "" : `, class ${v.class}`;
+    row(`${i + 1} ${v.bsdf}`, `${v.material || "unnamed"} (mesh ${v.mesh}), ${roughened}${kind}, throughput ${three(v.throughput)}, light ${three(v.light)}, ${lobe}, ${short(v.distance)} from the last`);
+  });
+  table.append(body);
+  more.append(table);
+  item.append(more);
+  return item;
+}
+
+// ── curve ──
+
+// Error ~ a t^b by least squares over the later half of the points, with b between -1 and 0.
+function trend(points) {
+  const late = points.slice(Math.floor(points.length / 2)).map(([t, , e]) => [Math.log(t), Math.log(e)]);
+  if (late.length < 3) return null;
+  const mean = (i) => late.reduce((sum, p) => sum + p[i], 0) / late.length;
+  const [mx, my] = [mean(0), mean(1)];
+  const xx = late.reduce((sum, p) => sum + (p[0] - mx) ** 2, 0);
+  if (xx < 0.02) return { slope: -0.5, at: my + 0.5 * mx };
+  const xy = late.reduce((sum, p) => sum + (p[0] - mx) * (p[1] - my), 0);
+  const slope = Math.min(-0.05, Math.max(-1, xy / xx));
+  return { slope, at: my - slope * mx };
+}
+
+const clock = (s) => (s < 90 ? `${Math.max(1, Math.round(s))} s` : s < 5400 ? `${Math.round(s / 60)} min` : s < 172800 ? `${Math.round(s / 3600)} h` : `${Math.round(s / 86400)} days`);
+
+function curve() {
+  const sides = [state.course, state.other_course].map((c) => c.curve.filter(([t, , e]) => t > 0 && e > 0));
+  const all = sides.flat(), svg = $("curve"), goal = state.options.target_error;
+  const fit = trend(sides[0]);
+  if (all.length < 2) {
+    svg.replaceChildren();
+    $("forecast").textContent = state.error ? `Expected error ${short(state.error)}.` : "No estimate yet.";
+    return;
+  }
+  const times = all.map((p) => p[0]), errors = all.map((p) => p[2]).concat(goal || []);
+  let [t0, t1] = [Math.min(...times), Math.max(...times) * 2];
+  let [e0, e1] = [Math.min(...errors) * 0.8, Math.max(...errors) * 1.25];
+  const x = (t) => 34 + (258 * Math.log(t / t0)) / Math.log(t1 / t0);
+  const y = (e) => 8 + (100 * Math.log(e1 / e)) / Math.log(e1 / e0);
+  const made = [];
+  const draw = (name, of, text) => {
+    const node = document.createElementNS("http://www.w3.org/2000/svg", name);
+    for (const key in of) node.setAttribute(key, of[key]);
+    if (text !== undefined) node.textContent = text;
+    made.push(node);
+  };
+  const ticks = (low, high, of) => {
+    let found = [];
+    for (let k = Math.floor(Math.log10(low)); k <= Math.ceil(Math.log10(high)); k++) {
+      for (const m of of) found.push(m * 10 ** k);
+    }
+    return found.filter((v) => v >= low && v <= high);
+  };
+  const thin = (low, high) => (high / low > 60 ? [1] : high / low > 8 ? [1, 3] : [1, 2, 3, 5, 7]);
+  for (const e of ticks(e0, e1, thin(e0, e1))) {
+    draw("line", { class: "grid", x1: 34, x2: 292, y1: y(e), y2: y(e) });
+    draw("text", { x: 30, y: y(e) + 3, "text-anchor": "end" }, short(e));
+  }
+  for (const t of ticks(t0, t1, thin(t0, t1))) {
+    draw("line", { class: "grid", x1: x(t), x2: x(t), y1: 8, y2: 108 });
+    draw("text", { x: x(t), y: 121, "text-anchor": "middle" }, `${short(t)} s`);
+  }
+  sides.forEach((points, side) => {
+    const line = points.map(([t, , e]) => `${x(t).toFixed(1)},${y(e).toFixed(1)}`).join(" ");
+    if (points.length) draw("polyline", { class: side ? "b" : "a", points: line });
+  });
+  if (goal) draw("line", { class: "goal", x1: 34, x2: 292, y1: y(goal), y2: y(goal) });
+  if (fit) {
+    const last = sides[0].at(-1), end = Math.exp(fit.at + fit.slope * Math.log(t1));
+    draw("line", { class: "ahead", x1: x(last[0]), y1: y(last[2]), x2: x(t1), y2: Math.min(108, y(end)) });
+  }
+  svg.replaceChildren(...made);
+  $("forecast").textContent = forecast(fit, goal);
+}
+
+function forecast(fit, goal) {
+  const { seconds } = state.course;
+  const now = state.error ? `Expected error ${short(state.error)}` : "";
+  const until = (error) => Math.exp((Math.log(error) - fit.at) / fit.slope) - seconds;
+  if (!fit || !state.error) return now ? `${now}.` : "No estimate yet.";
+  if (goal && state.error <= goal) return `${now}: the target is reached.`;
+  const aim = goal || state.error / 2;
+  return `${now}. ${short(aim)} is expected in about ${clock(until(aim))}.`;
+}
+
+// ── controls ──
+
+function fault(text) {
+  $("fault").hidden = !text;
+  $("fault").textContent = text || "";
+}
+
+const scales = { exp2: [(x) => 2 ** x, Math.log2] };
+
+// Shows in the controls what the server has.
+function adopt() {
+  const phase = $("phase");
+  phase.textContent = state.phase;
+  phase.className = state.phase;
+  stage.dataset.phase = state.phase;
+  const { samples, seconds } = state.course;
+  const error = state.error ? `, expected error ${(100 * state.error).toPrecision(2)} %` : "";
+  const flip = state.flip !== null ? `, FLIP ${short(state.flip)}` : "";
+  $("numbers").textContent = samples ? `${samples} samples, ${seconds.toFixed(1)} s${error}${flip}` : "";
+  fault(state.fault);
+  if (state.fault && !head) $("veil").textContent = state.fault;
+  if (state.look && performance.now() - touched > 400) look = state.look;
+  $("pause").setAttribute("aria-pressed", state.paused);
+  $("pause").textContent = state.paused ? "Go on" : "Pause";
+  $("command").textContent = state.command;
+  $("notes").replaceChildren(...[...(state.warnings || []), ...state.notes].map((note) => element("li", note)));
+  const options = state.options;
+  for (const input of document.querySelectorAll("[data-option]")) {
+    if (input === document.activeElement && input.type !== "checkbox" && input.tagName !== "SELECT") continue;
+    const value = options[input.dataset.option];
+    if (input.type === "checkbox") input.checked = Boolean(value);
+    else if (input.type === "range") {
+      const scale = scales[input.dataset.scale];
+      input.value = value === undefined ? 0 : scale ? scale[1](value) : value;
+      showRange(input);
+    } else input.value = value ?? (input.tagName === "SELECT" ? input.options[0]?.value ?? "" : "");
+  }
+  const constant = options.gamma !== undefined;
+  known($("roughening"), options.table);
+  $("roughening").value = constant ? "gamma" : options.table ?? "";
+  $("gamma-row").hidden = !constant;
+  if (constant && document.activeElement !== $("gamma")) {
+    $("gamma").value = options.gamma;
+    $("gamma").nextElementSibling.value = options.gamma;
+  }
+  $("levels").checked = options.levels !== 1;
+  $("levels").disabled = !constant && options.table === undefined;
+  const automatic = options.exposure === undefined || options.exposure === "auto";
+  $("auto").checked = automatic;
+  if (document.activeElement !== $("exposure")) {
+    const stops = automatic ? head?.exposure ?? 0 : Number(options.exposure) || 0;
+    $("exposure").value = stops;
+    $("exposure").nextElementSibling.value = short(Math.round(10 * stops) / 10);
+  }
+  for (const button of document.querySelectorAll("#overlays button")) {
+    button.setAttribute("aria-checked", button.value === state.overlay);
+  }
+  const other = state.other;
+  $("compare").value = other === null ? "" : typeof other === "string" ? other : other.integrator;
+  if (other !== null) {
+    const named = typeof other === "string" ? { reference: "reference", plain: "plain paths" }[other] : other.integrator;
+    const side = (name, course) => `${name}${course.samples ? `, ${course.samples} samples` : ""}`;
+    $("side-a").textContent = side(state.integrator || "this", state.course);
+    $("side-b").textContent = side(named, state.other_course);
+  }
+  curve();
+}
+
+// A choice that is there, so that it can be shown.
+function known(select, value) {
+  if (value === undefined || value === null || [...select.options].some((o) => o.value === String(value))) return;
+  select.append(new Option(String(value), String(value)));
+}
+
+function showRange(input) {
+  const scale = scales[input.dataset.scale];
+  if (input.nextElementSibling) input.nextElementSibling.value = short(scale ? scale[0](Number(input.value)) : Number(input.value));
+}
+
+async function learn() {
+  const answer = await fetch("facts");
+  if (!answer.ok) return;
+  facts = await answer.json();
+  $("title").textContent = facts.title;
+  document.title = `${facts.title}, opsr`;
+  for (const { name, choices, help, default: usual } of facts.options) {
+    const input = document.querySelector(`[data-option="${name}"]`);
+    if (!input) continue;
+    input.title = help;
+    if (input.tagName === "SELECT" && choices.length && input.options.length === 0) {
+      choices.forEach((choice) => input.add(new Option(choice, choice === usual ? "" : choice)));
+    }
+  }
+  const cameras = $("camera");
+  cameras.replaceChildren(new Option("first", ""), ...facts.cameras.map((name) => new Option(name, name)));
+  known(cameras, state.options.camera);
+  known($("env"), state.options.env);
+  $("denoise-row").hidden = !facts.denoiser;
+  const compare = $("compare"), kinds = facts.options.find((o) => o.name === "integrator").choices;
+  compare.replaceChildren(new Option("nothing", ""), new Option("plain path tracing", "plain"));
+  if (facts.reference) compare.add(new Option("the reference", "reference"));
+  kinds.filter((kind) => kind !== "auto").forEach((kind) => compare.add(new Option(kind, kind)));
+  const box = document.querySelector("#overlays .choices");
+  box.replaceChildren(...facts.overlays.map((name, i) => {
+    const button = element("button", name);
+    button.type = "button";
+    button.value = name;
+    button.title = `Key ${i + 1}`;
+    button.setAttribute("role", "radio");
+    button.onclick = () => overlay(name);
+    return button;
+  }));
+}
+
+function overlay(name) {
+  const lacks = { noise: "levels", bias: "levels", level: "levels", flip: "a picture to compare with" }[name];
+  if (lacks === "levels" && !$("levels").disabled === false) toast("This is known of several levels: choose a table or a constant.");
+  if (name === "flip" && state.other === null) toast("FLIP needs a picture to compare with.");
+  set({ overlay: name });
+}
+
+for (const input of document.querySelectorAll("[data-option]")) {
+  const name = input.dataset.option;
+  const value = () => {
+    if (input.type === "checkbox") return input.checked || null;
+    if (input.type === "range") {
+      const scale = scales[input.dataset.scale];
+      const x = Number(input.value);
+      return x === 0 ? null : scale ? scale[0](x) : x;
+    }
+    if (input.type === "number") return input.value === "" ? null : Number(input.value);
+    return input.value === "" ? null : input.value;
+  };
+  input.addEventListener("input", () => {
+    if (input.type !== "range") return;
+    showRange(input);
+    sendOption([name, value()]);
+  });
+  input.addEventListener("change", () => input.type !== "range" && option(name, value()));
+}
+
+$("roughening").onchange = (event) => {
+  const value = event.target.value;
+  const gamma = Number($("gamma").value);
+  set({ options: value === "gamma" ? { gamma } : value ? { table: value } : { table: null, gamma: null } });
+};
+$("gamma").oninput = (event) => {
+  event.target.nextElementSibling.value = event.target.value;
+  sendOption(["gamma", Number(event.target.value)]);
+};
+$("levels").onchange = (event) => option("levels", event.target.checked ? null : 1);
+$("auto").onchange = (event) => option("exposure", event.target.checked ? null : Number($("exposure").value));
+const expose = (stops) => {
+  $("exposure").value = stops;
+  $("exposure").nextElementSibling.value = short(stops);
+  $("auto").checked = false;
+  sendOption(["exposure", stops]);
+};
+$("exposure").oninput = (event) => expose(Number(event.target.value));
+$("compare").onchange = (event) => {
+  const value = event.target.value;
+  set({ other: value === "" ? null : ["plain", "reference"].includes(value) ? value : { integrator: value } });
+};
+$("pause").onclick = () => set({ paused: !state.paused });
+$("home").onclick = () => { touched = 0; set({ home: true }); };
+function focusBy(on) {
+  picking = on;
+  stage.classList.toggle("picking", on);
+  $("pick-focus").setAttribute("aria-pressed", on);
+}
+$("pick-focus").onclick = () => {
+  focusBy(!picking);
+  if (picking) toast("Click what is to be in focus");
+};
+
+async function copy(text, what) {
+  try {
+    await navigator.clipboard.writeText(text);
+    toast(`Copied ${what}`);
+  } catch {
+    $("command").textContent = text;
+    toast("Not allowed to copy: the text is below Save");
+  }
+}
+const numbers = () => [...look.position, ...look.target, ...look.up, look.height ? `h${look.height}` : look.fov].join();
+$("copy-look").onclick = () => state?.look && copy(`--look ${numbers()}`, "the camera");
+$("copy-command").onclick = () => state && copy(`${state.command} --spp ${Math.max(1, state.course.samples)} -o out.exr`, "the command");
+
+// ── keys ──
+
+const step = Math.PI / 36;
+const keys = {
+  ArrowLeft: ["Turn the camera", () => orbit(-step, 0), () => shift(30, 0)],
+  ArrowRight: ["", () => orbit(step, 0), () => shift(-30, 0)],
+  ArrowUp: ["", () => orbit(0, -step), () => shift(0, 30)],
+  ArrowDown: ["", () => orbit(0, step), () => shift(0, -30)],
+  "+": ["Near", () => dolly(-0.1)],
+  "-": ["Far", () => dolly(0.1)],
+  "[": ["Darker", () => expose(Math.round(10 * Number($("exposure").value) - 5) / 10)],
+  "]": ["Brighter", () => expose(Math.round(10 * Number($("exposure").value) + 5) / 10)],
+  " ": ["Pause or go on", () => $("pause").click()],
+  h: ["Camera of the file", () => $("home").click()],
+  z: ["Larger pixels, and back", () => zoomTo(zoom >= 16 ? 1 : zoom * 4, null)],
+  f: ["The next click sets the focus", () => $("pick-focus").click()],
+  c: ["Copy numbers of the camera", () => $("copy-look").click()],
+  k: ["Copy the command", () => $("copy-command").click()],
+  s: ["Save a PNG file", () => $("save-png").click()],
+  e: ["Save an EXR file", () => $("save-exr").click()],
+  v: ["Save the view", () => $("save-look").click()],
+  "?": ["This list", () => $("help").showModal()],
+};
+
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || $("help").open) return;
+  const typing = event.target.matches("input, select, textarea");
+  const pressing = event.key === " " && event.target.matches("button, a, summary");
+  const arrows = event.key.startsWith("Arrow") && event.target !== stage && event.target !== document.body;
+  if (typing || pressing || arrows) return;
+  if (event.key === "Escape") return focusBy(false);
+  const at = Number(event.key);
+  if (at >= 1 && facts && at <= facts.overlays.length) return overlay(facts.overlays[at - 1]);
+  const key = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key] ?? (event.key === "=" ? keys["+"] : null);
+  if (!key) return;
+  event.preventDefault();
+  (event.shiftKey && key[2] ? key[2] : key[1])();
+});
+
+function fillKeys() {
+  const rows = Object.entries(keys).filter(([, [what]]) => what).map(([key, [what]]) => [{ ArrowLeft: "← → ↑ ↓", " ": "space" }[key] ?? key, what]);
+  rows.push(["Shift + arrows", "Move the camera"], ["1 … 9", "Picture, and what is known of it"]);
+  rows.push(["drag", "Turn; with Shift or the right button move"], ["wheel", "Near and far; with Ctrl larger pixels"]);
+  rows.push(["double click", "Turn around this point"], ["click", "Value and paths of a pixel"]);
+  $("keys").replaceChildren(...rows.map(([key, what]) => {
+    const row = element("tr"), cell = element("td");
+    cell.append(element("kbd", key));
+    row.append(cell, element("td", what));
+    return row;
+  }));
+}
+
+$("help-button").onclick = () => $("help").showModal();
+new ResizeObserver(place).observe(stage);
+fillKeys();
+poll();
