@@ -27,6 +27,7 @@ from ._opsr import (
     Scene,
     Step,
     Table,
+    View,
     __version__,
     bench,
     compare,
@@ -86,6 +87,24 @@ be, MemoryError for pictures that are too large for this machine.
 
 render = _described(render, "render")
 
+
+def view(scene, *, port=0, height=640, reference=None, **options):
+    """Shows a scene on a page while it is rendered: in a notebook in the cell, else at the `address` of what is returned.
+
+scene: a path, or a Scene, of which path and options are taken.
+OPTIONS
+port: port of the page on this machine; 0 takes one that is free.
+height: rows of the cell in pixels.
+reference: an EXR file to show beside the scene's picture.
+
+The page is open until `close()` is called or nothing holds the View any more. What is wrong with the scene is said on the
+page. Raises ValueError for settings that cannot be, OSError for a port that is taken.
+"""
+    return _opsr.view(scene, port=port, height=height, reference=reference, **options)
+
+
+view = _described(view, "view")
+
 __all__ = [
     "Film",
     "Progress",
@@ -93,6 +112,7 @@ __all__ = [
     "Scene",
     "Step",
     "Table",
+    "View",
     "__version__",
     "bench",
     "compare",
@@ -101,4 +121,5 @@ __all__ = [
     "render",
     "resolve",
     "train",
+    "view",
 ]

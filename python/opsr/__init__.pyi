@@ -104,6 +104,7 @@ class Film:
     @property
     def metadata(self) -> dict[str, str]: ...
     def save(self, path: Path, *, exposure: float | None = None) -> None: ...
+    def _repr_png_(self) -> bytes: ...
 
 class Resolved:
     @property
@@ -118,6 +119,13 @@ class Resolved:
     def error(self) -> NDArray[np.float32]: ...
     @property
     def relative_error(self) -> float: ...
+    def _repr_png_(self) -> bytes: ...
+
+class View:
+    @property
+    def address(self) -> str: ...
+    def close(self) -> None: ...
+    def _repr_html_(self) -> str: ...
 
 class Step:
     @property
@@ -135,6 +143,7 @@ class _Options(TypedDict, total=False):
     size: tuple[int, int] | str | None
     crop: tuple[int, int, int, int] | str | None
     camera: str | int | None
+    look: Path | None
     aperture: float | None
     focus: float | None
     spp: int | None
@@ -165,6 +174,16 @@ class _Options(TypedDict, total=False):
     on_progress: Callable[[Progress], bool | None] | None
     threads: int | None
 
+class _ViewOptions(_Options, total=False):
+    """Options of `view`: those of `render` and of `Scene.load`, and what is shown."""
+
+    env: Path | None
+    env_intensity: float | None
+    env_rotation: float | None
+    denoise: bool
+    exposure: float | str | None
+    view: Literal["srgb", "filmic", "agx"] | None
+
 @overload
 def render(
     scene: Scene, *, part: None = None, samples: None = None, **options: Unpack[_Options]
@@ -181,6 +200,14 @@ def merge(
     parts: Sequence[Path], *, spp: int | None = None, crop: tuple[int, int, int, int] | None = None
 ) -> Film: ...
 def resolve(film: Film, *, resolve: Literal["none", "sharp", "default", "smooth"] = "default") -> Resolved: ...
+def view(
+    scene: Scene | Path,
+    *,
+    port: int = 0,
+    height: int = 640,
+    reference: Path | None = None,
+    **options: Unpack[_ViewOptions],
+) -> View: ...
 def compare(
     picture: Film | Picture | Path,
     reference: Film | Picture | Path,

@@ -10,8 +10,9 @@ use opsr::image::png;
 use opsr::integrator::Picture;
 use opsr::render::value::{Field, Range};
 use opsr::resolve::{Resolve, Resolved as Choice, film_error, film_errors, resolve_film};
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 use std::path::PathBuf;
 
 /// The result of a render. Arrays are new ones at every access; rows run from the top.
@@ -144,6 +145,11 @@ impl Film {
         saved.map_err(file)
     }
 
+    /// The picture as a PNG file in memory, which notebooks show.
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        shown(py, &self.shown())
+    }
+
     fn __repr__(&self) -> String {
         let window = self.made.film.window;
         let (w, h, spp) = (window.w, window.h, self.spp);
@@ -178,6 +184,13 @@ impl Film {
         let part = (film.size, film.window);
         exr::write_layers(path, part, &choice.picture, &layers, header)
     }
+}
+
+/// A PNG file at the exposure that suits the picture.
+fn shown<'py>(py: Python<'py>, picture: &Buffer) -> PyResult<Bound<'py, PyBytes>> {
+    let bytes = detached(py, || png::encode(picture, auto_exposure(picture)))?;
+    let bytes = bytes.map_err(|e| PyRuntimeError::new_err(e.to_string()))?;
+    Ok(PyBytes::new(py, &bytes))
 }
 
 /// The level of roughening chosen for every pixel of a film, without a reference.
@@ -243,6 +256,11 @@ impl Resolved {
     #[getter]
     fn relative_error(&self) -> f64 {
         self.choice.relative_error()
+    }
+
+    /// The picture as a PNG file in memory, which notebooks show.
+    fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        shown(py, &self.choice.picture)
     }
 }
 

@@ -13,6 +13,7 @@ mod render;
 mod scene;
 mod table;
 mod train;
+mod view;
 mod work;
 
 /// Rust part of the package; `opsr/__init__.py` names what is public.
@@ -34,6 +35,8 @@ mod _opsr {
     use super::table::Table;
     #[pymodule_export]
     use super::train::{Step, record, train};
+    #[pymodule_export]
+    use super::view::{View, view};
     #[pymodule_export]
     #[allow(non_upper_case_globals)]
     const __version__: &str = env!("CARGO_PKG_VERSION");

@@ -25,6 +25,13 @@ pub(crate) fn of_render(option: &Opt) -> bool {
     matches!(heading, Heading::Camera | Heading::Stop | Heading::Method) || option.name == "aov"
 }
 
+/// True for the options of `view`: a part of a picture and what is in files alone are not shown.
+pub(crate) fn of_view(option: &Opt) -> bool {
+    let shown = ["denoise", "exposure", "view"].contains(&option.name);
+    let files = option.heading == Heading::Files;
+    option.name != "crop" && (shown || !files)
+}
+
 /// A fault as an exception, with options by their keywords.
 pub(crate) fn raised(fault: Fault) -> PyErr {
     match fault {
@@ -149,10 +156,10 @@ pub(crate) fn threads(value: Option<&Bound<'_, PyAny>>) -> PyResult<Option<u16>>
 /// Names, types, defaults and help of the options of a function, as JSON, for its signature and documentation.
 #[pyfunction]
 pub(crate) fn _options(function: &str) -> String {
-    let wanted = if function == "render" {
-        of_render
-    } else {
-        of_scene
+    let wanted = match function {
+        "render" => of_render,
+        "view" => of_view,
+        _ => of_scene,
     };
     let options = OPTIONS.iter().filter(|option| wanted(option));
     let described = options.map(|option| {

@@ -8,7 +8,8 @@ use crate::image::Buffer;
 use crate::image::denoise::Denoiser;
 use crate::image::film::Film;
 use crate::image::metric::flip;
-use crate::integrator::Picture;
+use crate::integrator::{Picture, Settings};
+use crate::pilot::witness::missing_light;
 use crate::render::files::denoised;
 use crate::render::{Fault, Names, Spec};
 use crate::resolve::{Resolved, film_errors, resolve_film};
@@ -20,6 +21,7 @@ pub(super) struct Job {
     pub(super) side: usize,
     pub(super) run: u64,
     pub(super) shot: Arc<Shot>,
+    pub(super) settings: Settings,
     pub(super) picture: Picture,
     pub(super) samples: u32,
     pub(super) seconds: f64,
@@ -79,6 +81,7 @@ impl Slot {
 
 /// Finishes films until the viewer ends.
 pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
+    let mut witness = Witness::default();
     while !hub.ended() {
         let Some(job) = slot.take() else { continue };
         let clock = Instant::now();
@@ -93,6 +96,10 @@ pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
         drop(state);
         if job.run == current {
             let side = job.side;
+            if side == 0 && witness.is_due(&job) {
+                let missing = pool.install(|| witness.look(&job));
+                hub.change(|state| state.missing = missing.filter(|_| state.run == job.run));
+            }
             match pool.install(|| finished(job, &spec, against.as_ref())) {
                 Ok(snapshot) => hub.show(side, snapshot),
                 Err(fault) => hub.change(|state| {
@@ -102,6 +109,32 @@ pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
             }
         }
         slot.done(clock.elapsed().as_secs_f64());
+    }
+}
+
+/// The next look for light that a render has not met: at every doubling of its samples.
+#[derive(Default)]
+struct Witness {
+    run: u64,
+    samples: u32,
+}
+
+impl Witness {
+    fn is_due(&self, job: &Job) -> bool {
+        const FIRST: u32 = 32;
+        let next = if self.run == job.run {
+            2 * self.samples
+        } else {
+            FIRST
+        };
+        job.samples >= next.max(FIRST)
+    }
+
+    fn look(&mut self, job: &Job) -> Option<String> {
+        (self.run, self.samples) = (job.run, job.samples);
+        let view = job.shot.view(job.shot.frame);
+        let missing = missing_light(&view, &job.settings, &job.picture, job.samples);
+        missing.map(|missing| missing.to_string())
     }
 }
 

@@ -111,6 +111,8 @@ pub(super) struct State {
     pub(super) phase: &'static str,
     pub(super) integrator: String,
     pub(super) notes: Vec<String>,
+    /// Light that the picture lacks, in words.
+    pub(super) missing: Option<String>,
     pub(super) fault: Option<String>,
     pub(super) command: String,
     pub(super) saves: Vec<SyncSender<Kept>>,
@@ -145,6 +147,7 @@ impl Hub {
                 phase: "loading",
                 integrator: String::new(),
                 notes: Vec::new(),
+                missing: None,
                 fault: None,
                 command: String::new(),
                 saves: Vec::new(),
@@ -212,6 +215,8 @@ impl Hub {
         self.change(|state| {
             state.fault = Some(fault.said(Names::Flags));
             state.phase = "stopped";
+            // Nothing will come.
+            state.saves.clear();
             state.words_number += 1;
         });
     }
@@ -241,7 +246,7 @@ impl Hub {
     pub(super) fn keep(&self) -> Option<Kept> {
         let (send, receive) = std::sync::mpsc::sync_channel(1);
         let room = self.change(|state| {
-            let room = state.saves.len() < MAX_SAVES && state.run > 0;
+            let room = state.saves.len() < MAX_SAVES && state.run > 0 && state.phase != "stopped";
             if room {
                 state.saves.push(send);
             }
@@ -257,7 +262,8 @@ impl State {
         let wish = &self.wish;
         let shown = self.shown.as_ref();
         let flip = shown.and_then(|s| s.flip.as_ref()).map(|(mean, _)| *mean);
-        let notes = [wish.left_out.as_slice(), self.notes.as_slice()].concat();
+        let missing = self.missing.as_slice();
+        let notes = [missing, wish.left_out.as_slice(), self.notes.as_slice()].concat();
         let warnings = self.stage.as_ref().map(|stage| &stage.opened.warnings);
         json!({
             "phase": self.phase,

@@ -2,7 +2,7 @@
 //! checked here, before a thread of the renderer sees it.
 
 use crate::render::look::{Look, LookChoice};
-use crate::render::value::word;
+use crate::render::value::{Field, TableChoice, word};
 use crate::render::{Fault, Names, Spec};
 use serde::Deserialize;
 use serde_json::{Map, Value};
@@ -136,6 +136,8 @@ pub(super) struct Wish {
     asked: Map<String, Value>,
     /// Files that may be named.
     known: [Option<Value>; 2],
+    /// The table of the start.
+    held: Option<TableChoice>,
     /// Those of them that go together.
     pub(super) spec: Spec,
     /// Options that were left out, and why.
@@ -164,6 +166,7 @@ impl Wish {
         Ok(Self {
             asked,
             known,
+            held: spec.table.clone(),
             spec,
             left_out: Vec::new(),
             look,
@@ -182,16 +185,17 @@ impl Wish {
                 next.ask(name, value)?;
             }
             let changed: Vec<&str> = message.options.keys().map(String::as_str).collect();
-            (next.spec, next.left_out) = fitted(&next.asked, &changed)?;
+            (next.spec, next.left_out) = self.fitted(&next.asked, &changed)?;
         }
         if let Some(look) = message.look {
             look.check().map_err(|what| Fault::option("look", what))?;
-            let lensless = Look {
-                aperture: None,
-                focus: None,
+            // The lens is that of the camera that was moved, and of the options.
+            next.look = Some(Look {
+                aspect: None,
+                aperture: self.look.and_then(|look| look.aperture),
+                focus: self.look.and_then(|look| look.focus),
                 ..look
-            };
-            next.look = Some(lensless);
+            });
         }
         if message.home || message.options.contains_key("camera") {
             next.look = None;
@@ -258,7 +262,24 @@ impl Wish {
                 "integrator"
             }
         };
-        fitted(&asked, &[changed]).map(|(spec, _)| Some(spec))
+        self.fitted(&asked, &[changed]).map(|(spec, _)| Some(spec))
+    }
+
+    /// The options that go together, of those that are asked for, and what was left out for the sake of others. What
+    /// `changed` is never left out.
+    fn fitted(
+        &self,
+        asked: &Map<String, Value>,
+        changed: &[&str],
+    ) -> Result<(Spec, Vec<String>), Fault> {
+        let mut spec = remade(asked, self.held.as_ref())?;
+        let mut left_out = Vec::new();
+        while let Err(fault) = spec.check() {
+            let (without, why) = leave_out(&spec, fault, changed)?;
+            spec = without;
+            left_out.push(why);
+        }
+        Ok((spec, left_out))
     }
 
     /// Text that two wishes share only if they are renders of the same scene.
@@ -275,20 +296,16 @@ impl Wish {
     }
 }
 
-/// The options that go together, of those that are asked for, and what was left out for the sake of others. What `changed`
-/// is never left out.
-fn fitted(asked: &Map<String, Value>, changed: &[&str]) -> Result<(Spec, Vec<String>), Fault> {
+/// A spec of these settings; a table in memory has no name to be read by.
+fn remade(settings: &Map<String, Value>, held: Option<&TableChoice>) -> Result<Spec, Fault> {
     let mut spec = Spec::default();
-    for (name, value) in asked {
-        spec.set(name, value)?;
+    for (name, value) in settings {
+        match held.filter(|held| name == "table" && *value == held.value()) {
+            Some(held) => spec.table = Some(held.clone()),
+            None => spec.set(name, value)?,
+        }
     }
-    let mut left_out = Vec::new();
-    while let Err(fault) = spec.check() {
-        let (without, why) = leave_out(&spec, fault, changed)?;
-        spec = without;
-        left_out.push(why);
-    }
-    Ok((spec, left_out))
+    Ok(spec)
 }
 
 /// The spec without the option at fault, and why; the fault if it may not go.
@@ -304,10 +321,7 @@ pub(super) fn leave_out(
     if !MAY_GO.contains(name) || changed.contains(name) || settings.remove(*name).is_none() {
         return Err(fault);
     }
-    let mut without = Spec::default();
-    for (name, value) in &settings {
-        without.set(name, value)?;
-    }
+    let mut without = remade(&settings, spec.table.as_ref())?;
     without.look = spec.look.clone();
     Ok((without, format!("left out {}", fault.said(Names::Flags))))
 }

@@ -33,6 +33,9 @@ const COARSEST: u32 = 16;
 /// Share of one thread's time that finishing films may take of all.
 const FINISHING: f64 = 0.06;
 
+/// Wait for something that may never come.
+const LONG: Duration = Duration::from_secs(3600);
+
 /// Least time between two finished pictures.
 const OFTEN: f64 = 0.2;
 
@@ -73,7 +76,7 @@ impl Renderer<'_> {
             if let Err(fault) = self.fulfil(&wish) {
                 tracing_line(&fault);
                 hub.fail(&fault);
-                drop(hub.wait(Duration::MAX, |state| state.wish_number != number));
+                drop(hub.wait(LONG, |state| state.wish_number != number));
             }
         }
     }
@@ -104,9 +107,12 @@ impl Renderer<'_> {
         let run = hub.change(|state| {
             state.run += 1;
             state.courses = Default::default();
-            state.wish.look.get_or_insert(look);
+            // A wish that came meanwhile has a camera of its own.
+            if state.wish.render_key() == wish.render_key() {
+                state.wish.look = Some(look);
+            }
             state.notes = [left_out.clone(), request.notes.clone()].concat();
-            state.fault = None;
+            (state.fault, state.missing) = (None, None);
             state.phase = "preview";
             state.integrator = word(&request.kind);
             state.command = command(&request, &wish.spec);
@@ -228,7 +234,9 @@ impl Renderer<'_> {
         }
         let mut showing = showing(&hub.lock());
         while !hub.disturbed.load(Ordering::Relaxed) {
-            self.save(&runs[0], shot);
+            if runs[0].samples > 0 {
+                self.save(&runs[0], shot);
+            }
             let (paused, now) = {
                 let state = hub.lock();
                 (state.wish.paused, self::showing(&state))
@@ -245,7 +253,9 @@ impl Renderer<'_> {
                     .and_then(|s| s.maps.stated)
             };
             let next = (0..runs.len())
-                .filter(|&side| !paused && !runs[side].done(stated(side, &hub.lock())))
+                // What is saved has a sample.
+                .filter(|&side| !paused || runs[side].samples == 0)
+                .filter(|&side| !runs[side].done(stated(side, &hub.lock())))
                 .min_by(|&a, &b| runs[a].seconds.total_cmp(&runs[b].seconds));
             let Some(side) = next else {
                 self.rest(&mut runs, shot, run, paused);
@@ -304,6 +314,7 @@ impl Renderer<'_> {
             side,
             run: number,
             shot: shot.clone(),
+            settings: run.request.settings.clone(),
             picture: run.picture.clone(),
             samples: run.samples,
             seconds: run.seconds,

@@ -17,7 +17,7 @@ const DOCUMENTS: [&str; 4] = [
 ];
 
 /// Input files that a reader brings along.
-const STAND_INS: [&str; 9] = [
+const STAND_INS: [&str; 10] = [
     "pool.ckpt",
     "left.part",
     "right.part",
@@ -26,6 +26,7 @@ const STAND_INS: [&str; 9] = [
     "b.exr",
     "reference.exr",
     "results.json",
+    "view.json",
     "my_scenes/manifest.toml",
 ];
 
@@ -48,12 +49,13 @@ const OUTPUTS: [&str; 12] = [
 /// Pages of what was measured, at the commits that they name.
 const LAB: &str = "docs/lab";
 
-const SUBCOMMANDS: [&[&str]; 17] = [
+const SUBCOMMANDS: [&[&str]; 18] = [
     &["completions"],
     &["man"],
     &["resolve"],
     &["merge"],
     &["render"],
+    &["view"],
     &["train"],
     &["info"],
     &["compare"],

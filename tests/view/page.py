@@ -1,0 +1,201 @@
+"""Drives the page of `opsr view` in a browser as a person would, and compares pictures.
+
+    python tests/view/page.py target/release/opsr /usr/bin/chromium [FOLDER FOR SCREENSHOTS]
+
+Needs the packages playwright (without its browsers), numpy and pillow. Works on a scene of this repository, without a network.
+"""
+
+import io
+import json
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+import numpy
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+SPP = 32
+
+
+def picture(page):
+    """The pixels that the page shows, height x width x 3."""
+    size, values = page.evaluate(
+        """() => {
+            const canvas = document.getElementById("picture");
+            const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+            return [[canvas.height, canvas.width], Array.from(data.data)];
+        }"""
+    )
+    return numpy.array(values, numpy.uint8).reshape(*size, 4)[:, :, :3]
+
+
+def done(page):
+    """Waits until the render has its samples and all of them are shown."""
+    page.wait_for_function(
+        """spp => {
+            const of = document.getElementById("stage").dataset;
+            return of.phase === "done" && Number(of.samples) === spp && head.run === state.run;
+        }""",
+        arg=SPP,
+        timeout=30_000,
+    )
+
+
+def another(page, act):
+    """Does something that begins a new render, and waits for its end."""
+    run = page.evaluate("state.run")
+    act()
+    page.wait_for_function("run => state.run > run", arg=run, timeout=10_000)
+    done(page)
+
+
+def brightness(pixels):
+    return float(pixels.astype(float).mean())
+
+
+def drive(page, opsr, scene, folder):
+    done(page)
+    first = picture(page)
+    assert first.std() > 10, "the picture is one colour"
+
+    # Turn by mouse, by keys, and back.
+    box = page.locator("#stage").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def drag():
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 40, y + 10, steps=6)
+        page.mouse.up()
+        page.wait_for_timeout(600)
+
+    another(page, drag)
+    turned = picture(page)
+    assert numpy.abs(turned.astype(int) - first).mean() > 3, "the camera does not turn"
+    page.locator("#stage").focus()
+    another(page, lambda: page.keyboard.press("ArrowLeft"))
+    assert (picture(page) != turned).any(), "keys do not turn the camera"
+    another(page, lambda: page.keyboard.press("h"))
+    assert (picture(page) == first).all(), "the camera of the file makes another picture"
+    another(page, lambda: page.keyboard.press("ArrowRight"))
+
+    # Another integrator shows the same light.
+    before = brightness(picture(page))
+    another(page, lambda: page.select_option("#integrator", "bdpt"))
+    assert page.evaluate("state.integrator") == "bdpt"
+    assert abs(brightness(picture(page)) / before - 1) < 0.1, "the integrators disagree"
+    another(page, lambda: page.select_option("#integrator", ""))
+    another(page, lambda: page.select_option("#roughening", "beta-0.05"))
+
+    # An overlay, and back.
+    plain = picture(page)
+    page.locator("#stage").focus()
+    page.keyboard.press("2")
+    page.wait_for_function("head.legend && head.legend.what.includes('error')", timeout=10_000)
+    assert page.locator("#legend").is_visible()
+    assert (picture(page) != plain).any()
+    page.keyboard.press("1")
+    page.wait_for_function("head.legend === null", timeout=10_000)
+    assert (picture(page) == plain).all()
+
+    # A pixel: value and paths, the brightest first.
+    page.mouse.click(x, y + 40)
+    page.wait_for_selector("#why li", state="attached", timeout=10_000)
+    assert "radiance" in page.locator("#pointer").inner_text()
+    page.locator("#why-box > summary").click()
+    page.locator("#why li summary").first.click()
+    assert "throughput" in page.locator("#why li table").first.inner_text()
+
+    # Save: the file is what is shown, and so is a render of the saved view.
+    with page.expect_download() as download:
+        page.locator("#save-png").click()
+    saved = numpy.asarray(Image.open(download.value.path()).convert("RGB"))
+    assert (saved == plain).all(), "the saved picture is another one"
+    with page.expect_download() as download:
+        page.locator("#save-look").click()
+    look = folder / "view.json"
+    download.value.save_as(look)
+    assert len(json.loads(look.read_text())["position"]) == 3
+    out = folder / "out.png"
+    options = ["--size", "320x240", "--spp", str(SPP), "--opsr-table", "beta-0.05"]
+    command = [opsr, "render", scene, "--look", look, *options, "-o", out]
+    subprocess.run(command, check=True, capture_output=True)
+    rendered = numpy.asarray(Image.open(out).convert("RGB"))
+    assert (rendered == plain).all(), "a render of the saved view is another picture"
+
+    # Two pictures beside each other.
+    page.select_option("#compare", "plain")
+    page.wait_for_function("!document.getElementById('other').hidden", timeout=20_000)
+    assert page.locator("#divider").is_visible()
+    page.select_option("#compare", "")
+    page.wait_for_function("document.getElementById('other').hidden", timeout=20_000)
+
+    # A refusal is a message, not an end.
+    page.evaluate("set({ options: { integrator: 'magic' } })")
+    page.wait_for_function("document.getElementById('toast').textContent.includes('expected')")
+    page.keyboard.press("?")
+    assert page.locator("#help").is_visible()
+    page.keyboard.press("Escape")
+
+
+def looks(page, name, width, shots):
+    """Nothing is wider than the page, and every control has a name."""
+    over = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+    assert over <= 0, f"{name}: {over} pixels too wide"
+    unnamed = page.evaluate(
+        """() => [...document.querySelectorAll("button, input, select, a")]
+            .filter(e => !(e.labels?.[0]?.textContent || e.getAttribute("aria-label") || e.textContent || e.title).trim())
+            .map(e => e.outerHTML)"""
+    )
+    assert not unnamed, f"{name}: {unnamed}"
+    if shots:
+        page.screenshot(path=shots / f"{name}.png", full_page=width < 700)
+
+
+def main():
+    opsr, chromium = sys.argv[1:3]
+    shots = pathlib.Path(sys.argv[3]) if len(sys.argv) > 3 else None
+    scene = ROOT / "training_scenes/cornell_caustics.glb"
+    command = [opsr, "view", scene, "--no-open", "--size", "320x240", "--spp", str(SPP)]
+    viewer = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        address = viewer.stdout.readline().strip()
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[0-9a-f]{32}/", address), address
+        with sync_playwright() as play, tempfile.TemporaryDirectory() as folder:
+            browser = play.chromium.launch(executable_path=chromium, args=FLAGS)
+            troubles = []
+            for name, width, height, scheme in [
+                ("wide-light", 1280, 800, "light"),
+                ("wide-dark", 1280, 800, "dark"),
+                ("phone-light", 390, 844, "light"),
+                ("phone-dark", 390, 844, "dark"),
+            ]:
+                size = {"width": width, "height": height}
+                context = browser.new_context(viewport=size, color_scheme=scheme)
+                page = context.new_page()
+                page.on("console", lambda m: m.type == "error" and "400" not in m.text and troubles.append(m.text))
+                page.on("pageerror", lambda e: troubles.append(str(e)))
+                page.on("request", lambda r: r.url.startswith((address, "blob:", "data:")) or troubles.append(r.url))
+                page.goto(address)
+                page.wait_for_function("typeof head !== 'undefined' && head !== null", timeout=30_000)
+                if name == "wide-light":
+                    drive(page, opsr, scene, pathlib.Path(folder))
+                done(page)
+                looks(page, name, width, shots)
+                context.close()
+            browser.close()
+            assert not troubles, troubles
+        viewer.send_signal(2)
+        assert viewer.wait(10) == 0, "Ctrl-C does not end the viewer"
+    finally:
+        viewer.kill()
+    print("1 passed: the page of opsr view")
+
+
+if __name__ == "__main__":
+    main()
