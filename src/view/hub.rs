@@ -262,8 +262,7 @@ impl State {
         let wish = &self.wish;
         let shown = self.shown.as_ref();
         let flip = shown.and_then(|s| s.flip.as_ref()).map(|(mean, _)| *mean);
-        let missing = self.missing.as_slice();
-        let notes = [missing, wish.left_out.as_slice(), self.notes.as_slice()].concat();
+        let notes = [wish.left_out.as_slice(), self.notes.as_slice()].concat();
         let warnings = self.stage.as_ref().map(|stage| &stage.opened.warnings);
         json!({
             "phase": self.phase,
@@ -282,6 +281,7 @@ impl State {
             "paused": wish.paused,
             "integrator": self.integrator,
             "notes": notes,
+            "missing": self.missing,
             "warnings": warnings,
             "fault": self.fault,
             "command": self.command,

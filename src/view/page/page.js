@@ -521,7 +521,7 @@ function adopt() {
   phase.className = state.phase;
   stage.dataset.phase = state.phase;
   const { samples, seconds } = state.course;
-  const error = state.error ? `, expected error ${(100 * state.error).toPrecision(2)} %` : "";
+  const error = state.error ? `, error ${Number((100 * state.error).toPrecision(2))} %` : "";
   const flip = state.flip !== null ? `, FLIP ${short(state.flip)}` : "";
   $("numbers").textContent = samples ? `${samples} samples, ${seconds.toFixed(1)} s${error}${flip}` : "";
   fault(state.fault);
@@ -530,6 +530,8 @@ function adopt() {
   $("pause").setAttribute("aria-pressed", state.paused);
   $("pause").textContent = state.paused ? "Go on" : "Pause";
   $("command").textContent = state.command;
+  $("missing").hidden = !state.missing;
+  $("missing").textContent = state.missing ?? "";
   $("notes").replaceChildren(...[...(state.warnings || []), ...state.notes].map((note) => element("li", note)));
   const options = state.options;
   for (const input of document.querySelectorAll("[data-option]")) {
