@@ -581,15 +581,18 @@ fn view_shows_what_is_asked_for() {
     let (head, _) = viewer.until(|head| head["state"]["integrator"] == "path");
     assert_eq!(head["state"]["options"]["gamma"], 0.3);
 
-    // A point is looked at, and put in focus.
+    // A point is put in focus, and looked at.
+    let run = head["state"]["run"].clone();
     let answer = viewer.post("pick", &json!({ "x": 12, "y": 12, "what": "focus" }));
     assert_eq!(answer.status, 200, "{}", answer.text());
+    viewer.until(|h| h["state"]["run"] != run);
     let (head, _) = viewer.done();
     assert!(
         head["state"]["options"]["focus"].as_f64() > Some(0.0),
         "{head}"
     );
-    viewer.post("pick", &json!({ "x": 3, "y": 14, "what": "target" }));
+    let answer = viewer.post("pick", &json!({ "x": 9, "y": 12, "what": "target" }));
+    assert_eq!(answer.status, 200, "{}", answer.text());
     let (turned, _) = viewer.until(|h| h["state"]["run"] != head["state"]["run"]);
     assert_ne!(
         turned["state"]["look"]["target"],
