@@ -19,7 +19,7 @@ from playwright.sync_api import sync_playwright
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-SPP = 32
+SPP = 16
 
 
 def picture(page):
@@ -42,7 +42,7 @@ def done(page):
             return of.phase === "done" && Number(of.samples) === spp && head.run === state.run;
         }""",
         arg=SPP,
-        timeout=30_000,
+        timeout=60_000,
     )
 
 
@@ -122,7 +122,7 @@ def drive(page, opsr, scene, folder):
     download.value.save_as(look)
     assert len(json.loads(look.read_text())["position"]) == 3
     out = folder / "out.png"
-    options = ["--size", "320x240", "--spp", str(SPP), "--opsr-table", "beta-0.05"]
+    options = ["--size", "160x120", "--spp", str(SPP), "--opsr-table", "beta-0.05"]
     command = [opsr, "render", scene, "--look", look, *options, "-o", out]
     subprocess.run(command, check=True, capture_output=True)
     rendered = numpy.asarray(Image.open(out).convert("RGB"))
@@ -161,7 +161,7 @@ def main():
     opsr, chromium = sys.argv[1:3]
     shots = pathlib.Path(sys.argv[3]) if len(sys.argv) > 3 else None
     scene = ROOT / "training_scenes/cornell_caustics.glb"
-    command = [opsr, "view", scene, "--no-open", "--size", "320x240", "--spp", str(SPP)]
+    command = [opsr, "view", scene, "--no-open", "--size", "160x120", "--spp", str(SPP)]
     viewer = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         address = viewer.stdout.readline().strip()

@@ -8,7 +8,7 @@ let state = null;      // words of the server
 let head = null;       // of the last frame
 let facts = null;
 let look = null;       // camera as this page has it
-let touched = 0;       // when this page moved it last
+let touched = -1e9;    // when this page moved it last
 let zoom = 1, pan = [0, 0];
 let split = 0.5;
 let picking = false;
@@ -301,7 +301,7 @@ stage.addEventListener("contextmenu", (event) => event.preventDefault());
 stage.addEventListener("dblclick", (event) => {
   const pixel = pixelAt(event);
   if (!pixel || event.target.id === "divider") return;
-  touched = 0;
+  touched = -1e9;
   post("pick", { x: pixel[0], y: pixel[1], what: "target" }).then((to) => to && toast("The camera turns around this point"));
 });
 stage.addEventListener("wheel", (event) => {
@@ -671,7 +671,7 @@ $("compare").onchange = (event) => {
   set({ other: value === "" ? null : ["plain", "reference"].includes(value) ? value : { integrator: value } });
 };
 $("pause").onclick = () => set({ paused: !state.paused });
-$("home").onclick = () => { touched = 0; set({ home: true }); };
+$("home").onclick = () => { touched = -1e9; set({ home: true }); };
 function focusBy(on) {
   picking = on;
   stage.classList.toggle("picking", on);
