@@ -96,11 +96,11 @@ def drive(page, opsr, scene, folder):
     plain = picture(page)
     page.locator("#stage").focus()
     page.keyboard.press("2")
-    page.wait_for_function("head.legend && head.legend.what.includes('error')", timeout=10_000)
+    page.wait_for_function("() => head.legend && head.legend.what.includes('error')", timeout=10_000)
     assert page.locator("#legend").is_visible()
     assert (picture(page) != plain).any()
     page.keyboard.press("1")
-    page.wait_for_function("head.legend === null", timeout=10_000)
+    page.wait_for_function("() => head.legend === null", timeout=10_000)
     assert (picture(page) == plain).all()
 
     # A pixel: value and paths, the brightest first.
@@ -129,15 +129,16 @@ def drive(page, opsr, scene, folder):
     assert (rendered == plain).all(), "a render of the saved view is another picture"
 
     # Two pictures beside each other.
+    page.locator("summary", has_text="Compare").click()
     page.select_option("#compare", "plain")
-    page.wait_for_function("!document.getElementById('other').hidden", timeout=20_000)
+    page.wait_for_function("() => !document.getElementById('other').hidden", timeout=20_000)
     assert page.locator("#divider").is_visible()
     page.select_option("#compare", "")
-    page.wait_for_function("document.getElementById('other').hidden", timeout=20_000)
+    page.wait_for_function("() => document.getElementById('other').hidden", timeout=20_000)
 
     # A refusal is a message, not an end.
     page.evaluate("set({ options: { integrator: 'magic' } })")
-    page.wait_for_function("document.getElementById('toast').textContent.includes('expected')")
+    page.wait_for_function("() => document.getElementById('toast').textContent.includes('expected')")
     page.keyboard.press("?")
     assert page.locator("#help").is_visible()
     page.keyboard.press("Escape")
@@ -182,7 +183,8 @@ def main():
                 page.on("pageerror", lambda e: troubles.append(str(e)))
                 page.on("request", lambda r: r.url.startswith((address, "blob:", "data:")) or troubles.append(r.url))
                 page.goto(address)
-                page.wait_for_function("typeof head !== 'undefined' && head !== null", timeout=30_000)
+                page.wait_for_timeout(500)
+                page.wait_for_function("() => typeof head !== 'undefined' && head !== null", timeout=30_000)
                 if name == "wide-light":
                     drive(page, opsr, scene, pathlib.Path(folder))
                 done(page)
