@@ -273,6 +273,9 @@ impl Renderer<'_> {
             });
             self.offer(&mut runs[side], side, shot, run, false);
         }
+        // Large films are given back beside the next picture, not before it.
+        let films: Vec<Picture> = runs.into_iter().map(|run| run.picture).collect();
+        std::thread::spawn(move || drop(films));
         Ok(())
     }
 
@@ -306,7 +309,8 @@ impl Renderer<'_> {
         let due = run
             .offered
             .is_none_or(|at| at.elapsed().as_secs_f64() >= every);
-        if run.shown == run.samples || !(due || last) {
+        let wanted = !self.hub.disturbed.load(Ordering::Relaxed);
+        if run.shown == run.samples || !(due || last) || !wanted {
             return;
         }
         (run.offered, run.shown) = (Some(Instant::now()), run.samples);
