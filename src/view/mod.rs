@@ -103,29 +103,32 @@ impl Viewer {
             file,
         } = self;
         let (finishing, painting) = (one_thread()?, one_thread()?);
-        let (hub, slot) = (server.hub.clone(), Slot::default());
+        let (hub, slot) = (server.hub.clone(), Arc::new(Slot::default()));
         let port = server.port;
-        std::thread::scope(|threads| {
-            threads.spawn(|| server.listen(&listener));
-            threads.spawn(|| finish::run(&hub, &slot, &finishing));
-            threads.spawn(|| paint::run(&hub, &painting));
-            threads.spawn(|| {
-                let mut renderer = Renderer {
-                    hub: &hub,
-                    slot: &slot,
-                    file: &file,
-                    key: None,
-                    cost: 1e-6,
-                };
-                renderer.run();
-            });
-            while !stop.load(Ordering::Relaxed) {
-                std::thread::sleep(Duration::from_millis(50));
-            }
-            hub.end();
-            // Wakes the server, which sees that the viewer has ended.
-            drop(TcpStream::connect((Ipv4Addr::LOCALHOST, port)));
+        let serving = std::thread::spawn(move || server.listen(&listener));
+        let shared = (hub.clone(), slot.clone());
+        std::thread::spawn(move || finish::run(&shared.0, &shared.1, &finishing));
+        let shared = hub.clone();
+        std::thread::spawn(move || paint::run(&shared, &painting));
+        let shared = hub.clone();
+        std::thread::spawn(move || {
+            let mut renderer = Renderer {
+                hub: &shared,
+                slot: &slot,
+                file: &file,
+                key: None,
+                cost: 1e-6,
+            };
+            renderer.run();
         });
+        while !stop.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        hub.end();
+        // Wakes the server, which sees that the viewer has ended. The other threads end when they have done what they are at:
+        // nobody waits for that.
+        drop(TcpStream::connect((Ipv4Addr::LOCALHOST, port)));
+        let _ = serving.join();
         Ok(())
     }
 }
