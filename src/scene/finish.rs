@@ -1,6 +1,7 @@
 //! Finish of a material: clear coat, sheen, film, brushing, and whatever else few materials have, so that it stays out of the way
 //! of the others.
 
+use super::lamp::Lamp;
 use super::material::{Coordinates, Look, Material, TextureRef};
 use super::{Scene, SceneParts, Surface, Texture};
 use crate::bsdf::{Bsdf, Covers, Film, Glossy, Sheen, anisotropic, covered, iridescent};
@@ -19,6 +20,8 @@ pub struct Finish {
     pub film: Option<FilmCover>,
     /// Textures of the reflectance of a dielectric.
     pub specular: SpecularMaps,
+    /// What it has of a lamp.
+    pub lamp: Option<Lamp>,
     /// True if meshes of the material have colours, which multiply its own.
     pub has_colors: bool,
     /// True if a texture takes the second pair of coordinates.

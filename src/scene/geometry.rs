@@ -47,7 +47,8 @@ pub(super) struct Triangle {
     ng: Vec3,
     /// Shading normals of the corners; zero where the mesh has none.
     normals: [Vec3; 3],
-    /// Index of the material; [`TEXTURED`] if it needs texture coordinates, [`ONE_SIDED`] if only its front is seen.
+    /// Index of the material; [`TEXTURED`] if it needs texture coordinates, [`ONE_SIDED`] if only its front is seen, [`HIDDEN`]
+    /// if it is not seen at all.
     material: u32,
     /// Index of the mesh.
     mesh: u32,
@@ -60,12 +61,13 @@ const TEXTURED: u32 = 1 << 31;
 
 /// Bit of [`Triangle::material`]: the camera does not see the back.
 const ONE_SIDED: u32 = 1 << 30;
+const HIDDEN: u32 = 1 << 29;
 
 impl Triangle {
     /// Index of the material.
     #[inline]
     fn material(&self) -> u32 {
-        self.material & !(TEXTURED | ONE_SIDED)
+        self.material & !(TEXTURED | ONE_SIDED | HIDDEN)
     }
 
     /// Corners' indices in the triangle's mesh.
@@ -79,11 +81,19 @@ impl Triangle {
 pub(super) type Face = [u32; 2];
 
 impl Triangle {
+    /// True if the camera is not shown a side, which is the back if that is so.
+    #[inline]
+    fn hides_side(&self, is_back: impl Fn() -> bool) -> bool {
+        self.material & (ONE_SIDED | HIDDEN) != 0 && (self.material & HIDDEN != 0 || is_back())
+    }
+
     pub(super) fn new(mesh: &Mesh, [m, face]: Face, parts: &SceneParts) -> Self {
         let corners @ [a, b, c] = corners(mesh, face);
         let material = &parts.materials[mesh.material as usize];
         let bit = |set: bool, bit: u32| if set { bit } else { 0 };
-        let bits = bit(material.is_textured(), TEXTURED) | bit(material.hides_back(), ONE_SIDED);
+        let bits = bit(material.is_textured(), TEXTURED)
+            | bit(material.hides_back(), ONE_SIDED)
+            | bit(material.is_hidden(), HIDDEN);
         Self {
             corners,
             ng: normal(a, b, c).normalize().as_vec3(),
@@ -373,14 +383,14 @@ impl Geometry {
         }
     }
 
-    /// True where a ray along `dir` meets the back of a triangle that shows the camera its front alone.
+    /// True where a ray along `dir` meets a side of a triangle that the camera is not shown.
     #[inline]
     pub(super) fn hides_back(&self, triangle: u32, dir: Vec3) -> bool {
         match self.triangles.get(triangle as usize) {
-            Some(t) => t.material & ONE_SIDED != 0 && dir.dot(t.ng) > 0.0,
+            Some(t) => t.hides_side(|| dir.dot(t.ng) > 0.0),
             None => {
                 let (t, _) = self.shared().place(triangle);
-                t.material & ONE_SIDED != 0 && dir.dot(self.triangle_normal(triangle)) > 0.0
+                t.hides_side(|| dir.dot(self.triangle_normal(triangle)) > 0.0)
             }
         }
     }

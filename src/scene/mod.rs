@@ -15,6 +15,7 @@ pub mod camera;
 pub mod finish;
 pub mod geometry;
 mod instances;
+pub mod lamp;
 pub mod light;
 pub mod load;
 pub mod material;
@@ -208,7 +209,7 @@ impl Scene {
         let is_pane = |m: &Mesh| panes.get(m.material as usize) == Some(&true);
         let has_panes = panes.contains(&true) && parts.all_meshes().any(is_pane);
         let has_hidden_backs =
-            (parts.all_meshes()).any(|m| shown(m).is_some_and(Material::hides_back));
+            (parts.all_meshes()).any(|m| shown(m).is_some_and(|m| m.hides_back() || m.is_hidden()));
         let constant_bsdfs = (parts.materials.iter()).map(Material::constant_bsdf);
         Self {
             constant_bsdfs: constant_bsdfs.collect(),
@@ -322,7 +323,8 @@ impl Scene {
         within(a, b) && within(b, c) && within(c, a)
     }
 
-    /// True where a camera's ray along `dir` passes through what it met: the back of a surface that shows its front alone.
+    /// True where a camera's ray along `dir` passes through what it met: the back of a surface that shows its front alone, or
+    /// a lamp that shows neither.
     /// All other rays meet both sides, so that light is the same with and without.
     #[inline]
     pub fn hides_back(&self, hit: &Hit, dir: Vec3) -> bool {

@@ -29,6 +29,12 @@ fn power(area: f32, radiance: f32, sides: f32) -> f64 {
     f64::from(PI) * f64::from(area) * f64::from(radiance) * f64::from(sides)
 }
 
+/// Share of its radiance that a material sends along `dir`.
+#[inline]
+fn share(material: &Material, dir: Vec3) -> f32 {
+    material.cone().map_or(1.0, |cone| cone.share(dir))
+}
+
 /// All emissive triangles and their materials.
 #[derive(Default)]
 pub(super) struct AreaLights {
@@ -64,7 +70,7 @@ struct EmissiveTriangle {
     /// Radiance where it does not vary.
     radiance: Rgb,
     double_sided: bool,
-    /// True if texture or opacity make the radiance vary.
+    /// True if texture, opacity or a cone make the radiance vary.
     varies: bool,
     /// Index of the triangle, in scene order.
     triangle: u32,
@@ -145,7 +151,9 @@ impl AreaLights {
                 reach: (a.abs() + edges[0].abs() + edges[1].abs()).dot(normal.abs()),
                 radiance: of.emission,
                 double_sided: of.double_sided,
-                varies: of.emissive_texture.is_some() || of.alpha_mode != AlphaMode::Opaque,
+                varies: of.emissive_texture.is_some()
+                    || of.alpha_mode != AlphaMode::Opaque
+                    || of.cone().is_some(),
                 triangle,
                 material,
             });
@@ -258,7 +266,8 @@ impl AreaLights {
             let [ua, ub, uc] = self.uvs[k];
             let uv = ua + weights.x * (ub - ua) + weights.y * (uc - ua);
             // The shadow ray ends before the light: a hole in the light itself is counted here.
-            material.emission_at(&self.textures, uv) * material.presence(&self.textures, uv)
+            let presence = material.presence(&self.textures, uv) * share(material, -wi);
+            material.emission_at(&self.textures, uv) * presence
         } else {
             light.radiance
         };
@@ -299,6 +308,11 @@ impl AreaLights {
             u: weights.x,
             v: weights.y,
         }
+    }
+
+    /// Share of its radiance that a surface point sends along `dir`.
+    pub(super) fn share(&self, surface: &Surface, dir: Vec3) -> f32 {
+        share(&self.materials[surface.material as usize], dir)
     }
 
     /// Radiance on the emitting sides of a surface point times its presence, and true if both sides emit.
@@ -364,7 +378,7 @@ impl AreaLights {
         if !(material.double_sided || wo.dot(surface.ng) > 0.0) {
             return Rgb::ZERO;
         }
-        material.emission_at(&self.textures, surface.uv)
+        material.emission_at(&self.textures, surface.uv) * share(material, wo)
     }
 
     /// The closest emissive triangle along a ray.

@@ -306,7 +306,7 @@ impl Scene {
         };
         (!dark).then(|| EmissionSample {
             ray: surface.spawn(dir),
-            throughput: radiance * scale,
+            throughput: radiance * (scale * area.share(&surface, dir)),
             pdf: EmissionDensity {
                 position,
                 direction,

@@ -220,6 +220,9 @@ impl Reader<'_> {
             self.extensions(extensions, &mut out)?;
         }
         out.priority = self.priority(m);
+        if let Some(lamp) = super::lamp::lamp(m, &self.at, self.warnings) {
+            out.finish_mut().lamp = Some(lamp);
+        }
         Ok(out)
     }
 

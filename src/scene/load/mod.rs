@@ -11,6 +11,7 @@ mod closed;
 mod deform;
 mod error;
 mod extensions;
+mod lamp;
 mod lights;
 mod lit;
 mod materials;

@@ -1,0 +1,51 @@
+//! Surfaces as lamps of modelling programs: unseen by the camera, and shining into a cone.
+
+use super::material::Material;
+use crate::math::Vec3;
+
+/// What a lamp's surface has that others do not.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lamp {
+    /// True if the camera looks through it, from either side. All other rays meet it.
+    pub hidden: bool,
+    /// Cone into which it shines; without one it shines everywhere.
+    pub cone: Option<Cone>,
+}
+
+/// A cone of directions with a soft edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cone {
+    /// Unit axis in world space, away from the lamp.
+    pub direction: Vec3,
+    /// Cosine of the angle at which the fall-off begins.
+    pub cos_inner: f32,
+    /// Cosine of the angle at which it ends, below that of its begin.
+    pub cos_outer: f32,
+}
+
+impl Cone {
+    /// Share of the radiance in [0, 1] that leaves along the unit vector `dir`: a smooth step in the cosine, as Blender's spots
+    /// have it.
+    pub fn share(&self, dir: Vec3) -> f32 {
+        let width = self.cos_inner - self.cos_outer;
+        let x = ((dir.dot(self.direction) - self.cos_outer) / width).clamp(0.0, 1.0);
+        x * x * (3.0 - 2.0 * x)
+    }
+}
+
+impl Material {
+    /// What it has of a lamp.
+    pub fn lamp(&self) -> Option<&Lamp> {
+        self.finish.as_ref()?.lamp.as_ref()
+    }
+
+    /// The cone into which it shines.
+    pub(super) fn cone(&self) -> Option<&Cone> {
+        self.lamp()?.cone.as_ref()
+    }
+
+    /// True if the camera looks through it.
+    pub(crate) fn is_hidden(&self) -> bool {
+        self.lamp().is_some_and(|lamp| lamp.hidden)
+    }
+}
