@@ -217,7 +217,7 @@ def render(engine, folder, spp):
         cycles.pixel_filter_type, cycles.sample_clamp_indirect, cycles.blur_glossy = "BOX", 0, 0
         cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = 15
     else:
-        scene.opsr.spp, scene.opsr.table, scene.opsr.more = spp, "", "--distribution ggx"
+        scene.opsr.spp, scene.opsr.table = spp, ""
     settings = scene.render.image_settings
     settings.file_format, settings.color_depth, settings.exr_codec = "OPEN_EXR", "32", "ZIP"
     scene.render.filepath = str(folder / f"{engine}.exr")
