@@ -4,6 +4,8 @@ import importlib
 import math
 import pathlib
 import sys
+import time
+import types
 import zipfile
 
 import numpy as np
@@ -87,7 +89,10 @@ def test_animations_show_their_frames(scene, tmp_path):
 
 
 def test_passes_come_along(scene, tmp_path):
-    scene.render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
+    settings = scene.render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type, settings.use_exr_interleave = "MULTI_LAYER_IMAGE", True
+    settings.file_format = "OPEN_EXR_MULTILAYER"
     scene.render.filepath = str(tmp_path / "layers.exr")
     bpy.ops.render.render(write_still=True)
     layers = exr.read(scene.render.filepath)
@@ -171,6 +176,27 @@ def test_errors_are_the_first_line_of_the_program(scene, monkeypatch):
     monkeypatch.setenv("OPSR", "/none/opsr")
     with pytest.raises(RuntimeError, match="/none/opsr: no such program"):
         bpy.ops.render.render()
+
+
+def test_viewports_show_what_f12_shows(scene, tmp_path):
+    viewport = pytest.importorskip("opsr_blender.viewport", reason="no module gpu")
+    scene.opsr.view_spp = 16
+    shown = viewport.Viewport()
+    projection = scene.camera.calc_matrix_camera(bpy.context.evaluated_depsgraph_get(), x=32, y=24)
+    pose = scene.camera.matrix_world.inverted()
+    seen = types.SimpleNamespace(view_matrix=pose, window_matrix=projection, view_perspective="CAMERA")
+    context = types.SimpleNamespace(region=types.SimpleNamespace(width=32, height=24), region_data=seen, scene=scene)
+    shown.refiner.quiet = 0.0
+    shown.refiner.changed()
+    shown.refiner.look(viewport.view_of(context))
+    begun = time.monotonic()
+    while (shown.refiner.running or shown.refiner.pending) and time.monotonic() < begun + 30:
+        shown.refiner.tick()
+        time.sleep(0.02)
+    # The same seed and view make the same picture, rows from the bottom.
+    np.testing.assert_allclose(shown.refiner.picture[::-1, :, :3], picture(scene, tmp_path), rtol=1e-3)
+    shown.close()
+    assert not shown.folder.exists()
 
 
 def test_the_folder_installs_as_an_extension(tmp_path):

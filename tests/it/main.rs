@@ -24,6 +24,7 @@ mod fuzz;
 mod geometry;
 mod guided;
 mod instances;
+mod lamps;
 mod lens;
 mod levels;
 mod load;

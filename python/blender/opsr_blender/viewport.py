@@ -24,11 +24,10 @@ INTERVAL = 0.1
 class Viewport:
     """What an engine keeps of its viewport."""
 
-    def __init__(self, engine):
+    def __init__(self):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="opsr-view-", dir=bpy.app.tempdir))
         self.refiner = Refiner(self.export, self.start, lambda running: of_engine.combined(exr.read(running.output)))
         self.texture, self.drawn, self.exporting = None, None, False
-        weakref.finalize(engine, self.close)
 
     def close(self):
         """Ends the render."""
@@ -79,7 +78,8 @@ def tick(engine):
 def of(engine):
     """The viewport of an engine."""
     if getattr(engine, "viewport", None) is None:
-        engine.viewport = Viewport(engine)
+        engine.viewport = Viewport()
+        weakref.finalize(engine, engine.viewport.close)
         bpy.app.timers.register(lambda engine=weakref.ref(engine): tick(engine), first_interval=INTERVAL)
     return engine.viewport
 
