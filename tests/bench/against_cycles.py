@@ -25,12 +25,15 @@ import opsr_blender
 from opsr_blender import exr
 
 SIZE = (160, 120)
+# Microfacets of Cycles: those of one bounce, which opsr has too, or Blender's default.
+DISTRIBUTION = "GGX"
 
 
 def principled(name, **values):
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     node = material.node_tree.nodes["Principled BSDF"]
+    node.distribution = DISTRIBUTION
     for key, value in values.items():
         socket = node.inputs[key.replace("_", " ")]
         socket.default_value = (*value, 1) if isinstance(value, tuple) else value
@@ -130,6 +133,7 @@ def glass(folder):
     mix = next(node for node in tree.nodes if node.type == "MIX_SHADER")
     for place, colour in ((1, (0.8, 0.1, 0.1, 1)), (2, (0.1, 0.1, 0.8, 1))):
         part = tree.nodes.new("ShaderNodeBsdfPrincipled")
+        part.distribution = DISTRIBUTION
         part.inputs["Base Color"].default_value, part.inputs["Roughness"].default_value = colour, 0.6
         tree.links.new(part.outputs[0], mix.inputs[place])
     shown(mixed, smooth=False)
@@ -258,7 +262,11 @@ def main():
     parser.add_argument("--opsr", default="target/release/opsr")
     parser.add_argument("--out", default="compared", type=pathlib.Path)
     parser.add_argument("--spp", default=256, type=int)
+    parser.add_argument("--defaults", action="store_true", help="with the microfacets that Blender has by default, of many bounces")
     args = parser.parse_args()
+    if args.defaults:
+        global DISTRIBUTION
+        DISTRIBUTION = "MULTI_GGX"
     os.environ["OPSR"] = str(pathlib.Path(args.opsr).absolute())
     args.out.mkdir(parents=True, exist_ok=True)
     opsr_blender.register()

@@ -34,7 +34,7 @@ def program():
 def settings(scene):
     """Options of `opsr render` by the panel."""
     chosen = scene.opsr
-    words = ["--integrator", chosen.integrator]
+    words = ["--integrator", chosen.integrator, "--distribution", chosen.distribution]
     if chosen.table:
         words += ["--opsr-table", chosen.table if chosen.table.startswith("beta-") else bpy.path.abspath(chosen.table)]
     return words + ["--denoise"] * chosen.denoise + shlex.split(chosen.more)
@@ -132,6 +132,8 @@ class OpsrEngine(bpy.types.RenderEngine):
             raise
         if failed is not None:
             raise RuntimeError(failed)
+        # The panel says what microfacets the tables were learned for.
+        warned = [line for line in warned if not line.startswith("--distribution")]
         for line in [*exported.notes, *warned]:
             self.report({"WARNING"}, line)
         self.show(running, depsgraph, size)

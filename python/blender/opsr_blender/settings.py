@@ -24,6 +24,10 @@ class OpsrSettings(bpy.types.PropertyGroup):
     spp: IntProperty(name="Samples", default=128, min=1, description="Samples per pixel")
     view_spp: IntProperty(name="Viewport Samples", default=64, min=1, description="Samples per pixel of the viewport")
     integrator: EnumProperty(name="Integrator", items=[(name, name, "") for name in INTEGRATORS])
+    distribution: EnumProperty(
+        name="Microfacets",
+        items=[("ggx", "GGX", "As in Cycles"), ("beckmann", "Beckmann", "For which the tables were learned: shorter tails")],
+    )
     denoise: BoolProperty(name="Denoise", description="By Open Image Denoise, which the program must find")
     more: StringProperty(name="More Options", description="Further options of opsr render, such as --seed 3")
 
