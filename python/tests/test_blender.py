@@ -162,11 +162,43 @@ def test_lens_and_shift_go_along(scene, tmp_path):
     data.dof.use_dof, data.dof.focus_distance, data.dof.aperture_fstop, data.lens = True, 2.5, 2.0, 80
     data.shift_x, data.shift_y = 0.25, -0.125
     out = export.scene(bpy.context.evaluated_depsgraph_get(), tmp_path)
-    words = export.camera(out, scene.camera, (32, 24), out.notes)
+    words = export.camera(out, scene.camera, (32, 24), (0, 0, 32, 24), out.notes)
     assert words == ["--camera", "above", "--size", "48x32", "--crop", "16,8,32,24"]
     (made,) = out.glb.json["cameras"]
     assert made["extras"] == pytest.approx({"apertureRadius": 0.02, "focusDistance": 2.5})
     assert made["perspective"]["yfov"] == pytest.approx(2 * math.atan(32 / 32 * 36 / 80 / 2), rel=1e-5)
+
+
+def test_a_region_is_a_part_of_the_picture(scene, tmp_path):
+    whole = picture(scene, tmp_path)
+    render = scene.render
+    render.use_border, render.use_crop_to_border = True, True
+    render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 0.75, 0.5, 1.0
+    render.filepath = str(tmp_path / "part.exr")
+    bpy.ops.render.render(write_still=True)
+    part = exr.layer(exr.read(render.filepath), "", "RGB")
+    np.testing.assert_array_equal(part, whole[:12, 8:24])
+    render.use_crop_to_border = False
+    bpy.ops.render.render(write_still=True)
+    framed = exr.layer(exr.read(render.filepath), "", "RGB")
+    np.testing.assert_array_equal(framed[:12, 8:24], whole[:12, 8:24])
+    assert framed.shape == whole.shape and framed[13:].max() == 0
+
+
+def test_a_scene_of_nothing_and_another_scene(scene, tmp_path):
+    other = bpy.data.scenes.new("other")
+    other.camera = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
+    other.collection.objects.link(other.camera)
+    other.world = bpy.data.worlds.new("grey")
+    other.world.use_nodes = False
+    other.world.color = (0.25, 0.25, 0.25)
+    other.render.engine, other.opsr.spp, other.opsr.table = "OPSR", 2, ""
+    for name in ("resolution_x", "resolution_y", "resolution_percentage"):
+        setattr(other.render, name, getattr(scene.render, name))
+    other.render.image_settings.file_format, other.render.image_settings.color_depth = "OPEN_EXR", "32"
+    other.render.filepath = str(tmp_path / "other.exr")
+    bpy.ops.render.render(write_still=True, scene="other")
+    assert exr.layer(exr.read(other.render.filepath), "", "RGB") == pytest.approx(0.25, abs=1e-3)
 
 
 def test_errors_are_the_first_line_of_the_program(scene, monkeypatch):

@@ -112,13 +112,18 @@ class OpsrEngine(bpy.types.RenderEngine):
 
     def render_in(self, folder, depsgraph):
         scene = depsgraph.scene
-        size = (self.resolution_x, self.resolution_y)
+        share = scene.render.resolution_percentage / 100
+        size = (int(scene.render.resolution_x * share), int(scene.render.resolution_y * share))
+        part = export.region(scene.render, size)
         found = program()
         self.update_stats("", "opsr: exports")
 
         def prepare():
+            if not bpy.app.background:
+                # The exporter looks at the window's scene, which may be at another frame than the render.
+                bpy.data.scenes[scene.name].frame_set(scene.frame_current, subframe=scene.frame_subframe)
             exported = export.scene(depsgraph, folder)
-            exported.options += export.camera(exported, camera_of(self, scene), size, exported.notes)
+            exported.options += export.camera(exported, camera_of(self, scene), size, part, exported.notes)
             exported.glb.save(exported.scene)
             return exported
 
@@ -126,7 +131,7 @@ class OpsrEngine(bpy.types.RenderEngine):
         words = [found, "render", exported.scene, *exported.options, "--spp", scene.opsr.spp, *settings(scene), "--aov"]
         running = Render(words, folder / "picture.exr", save_every="2s")
         try:
-            failed, warned = self.watch(running, depsgraph, size)
+            failed, warned = self.watch(running, depsgraph, part[2:])
         except BaseException:
             running.kill()
             raise
@@ -136,7 +141,7 @@ class OpsrEngine(bpy.types.RenderEngine):
         warned = [line for line in warned if not line.startswith("--distribution")]
         for line in [*exported.notes, *warned]:
             self.report({"WARNING"}, line)
-        self.show(running, depsgraph, size)
+        self.show(running, depsgraph, part[2:])
 
     def watch(self, running, depsgraph, size):
         """Waits for the end of a render and shows how far it is; returns what went wrong, and warnings."""

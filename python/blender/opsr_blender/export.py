@@ -20,21 +20,25 @@ class Exported:
 
 def scene(depsgraph, folder):
     """Exports a scene without camera."""
+    if not hasattr(bpy.types, "EXPORT_SCENE_OT_gltf"):
+        raise RuntimeError("Blender's add-on glTF 2.0, which exports scenes, is not enabled")
     folder = pathlib.Path(folder)
     path = folder / "exported.glb"
     # Cameras and lamps follow below: the exporter leaves out what they have of a lens, a size or an angle.
-    bpy.ops.export_scene.gltf(
-        filepath=str(path),
-        export_format="GLB",
-        use_active_scene=True,
-        use_renderable=True,
-        export_cameras=False,
-        export_lights=False,
-        export_extras=True,
-        export_apply=True,
-        export_animations=False,
-        export_current_frame=True,
-    )
+    shown = bpy.data.scenes[depsgraph.scene.name]
+    with bpy.context.temp_override(scene=shown, view_layer=shown.view_layers[depsgraph.view_layer.name]):
+        bpy.ops.export_scene.gltf(
+            filepath=str(path),
+            export_format="GLB",
+            use_active_scene=True,
+            use_renderable=True,
+            export_cameras=False,
+            export_lights=False,
+            export_extras=True,
+            export_apply=True,
+            export_animations=False,
+            export_current_frame=True,
+        )
     out = Exported(Glb(path), folder)
     suns = []
     for lamp, is_shown in lamps_of(depsgraph, out.notes):
@@ -141,8 +145,18 @@ def objects_left_out(depsgraph):
     return sorted(notes)
 
 
-def camera(exported, shown, size, notes):
-    """Adds a camera object; returns options that name it."""
+def region(render, size):
+    """The part of a picture that is rendered: its left edge, its top edge, width and height."""
+    width, height = size
+    if not render.use_border:
+        return 0, 0, width, height
+    left, right = (int(share * width) for share in (render.border_min_x, render.border_max_x))
+    low, high = (int(share * height) for share in (render.border_min_y, render.border_max_y))
+    return left, height - high, right - left, high - low
+
+
+def camera(exported, shown, size, part, notes):
+    """Adds a camera object, which shows a part of its picture; returns options that name it."""
     data = shown.data
     if data.type == "PANO":
         raise RuntimeError(f"camera {shown.name}: opsr has no panoramic cameras")
@@ -152,7 +166,7 @@ def camera(exported, shown, size, notes):
     lens = None
     if data.dof.use_dof:
         lens = lens_of(data, np.array(shown.matrix_world), notes)
-    return view(exported.glb, np.array(shown.matrix_world), matrix, size, lens, shown.name)
+    return view(exported.glb, (np.array(shown.matrix_world), matrix), size, part, lens, shown.name)
 
 
 def lens_of(data, matrix, notes):
@@ -169,11 +183,12 @@ def lens_of(data, matrix, notes):
     return (length / (2 * max(dof.aperture_fstop, 1e-3)), focus)
 
 
-def view(glb, pose, projection, size, lens, name):
-    """Adds a camera of this pose and this projection (as OpenGL has it); returns its options.
+def view(glb, matrices, size, part, lens, name):
+    """Adds a camera by its pose and its projection, as OpenGL has it; returns its options.
 
     Where the axis is not in the middle of the picture, the picture is a crop of a larger one.
     """
+    pose, projection = matrices
     (width, height), across, up = size, *offsets(projection)
     beside, above = round(across * width / 2), round(up * height / 2)
     frame = (width + 2 * abs(beside), height + 2 * abs(above))
@@ -187,8 +202,9 @@ def view(glb, pose, projection, size, lens, name):
         kind["extras"] = {"apertureRadius": lens[0], "focusDistance": lens[1]}
     glb.camera(name, pose, kind)
     words = ["--camera", name, "--size", f"{frame[0]}x{frame[1]}"]
-    if beside or above:
-        words += ["--crop", f"{abs(beside) + beside},{abs(above) - above},{width},{height}"]
+    left, top, *seen = part
+    if beside or above or (width, height) != tuple(seen):
+        words += ["--crop", f"{abs(beside) + beside + left},{abs(above) - above + top},{seen[0]},{seen[1]}"]
     return words
 
 

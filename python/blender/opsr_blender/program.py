@@ -43,7 +43,7 @@ class Render:
         self.output = pathlib.Path(output)
         self.output.unlink(missing_ok=True)
         self.spp, self.fraction, self.error, self.left = 0, 0.0, None, None
-        self.seen, self.rest, self.heard = None, b"", 0
+        self.seen, self.rest, self.heard, self.stopped = None, b"", 0, False
         self.said = open(self.output.with_suffix(".txt"), "w+", encoding="utf-8", errors="replace")
         self.told = open(self.output.with_suffix(".json"), "wb")
         words = [*words, "-o", self.output, "--save-every", save_every, "--progress", "json", "--exr-compression", "none"]
@@ -91,8 +91,9 @@ class Render:
         return is_new
 
     def stop(self):
-        """Asks for the picture so far."""
-        if self.process.poll() is None:
+        """Asks for the picture so far, once: asked twice the program ends without it."""
+        if not self.stopped and self.process.poll() is None:
+            self.stopped = True
             self.process.send_signal(1 if os.name == "nt" else 2)
 
     def kill(self):

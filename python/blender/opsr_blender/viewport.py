@@ -47,7 +47,7 @@ class Viewport:
         glb = copy.copy(exported.glb)
         glb.json, glb.bytes = copy.deepcopy(exported.glb.json), bytearray(exported.glb.bytes)
         shaped = (np.array(pose).reshape(4, 4), np.array(projection).reshape(4, 4))
-        words = [*exported.options, *export.view(glb, *shaped, size, lens, "viewport")]
+        words = [*exported.options, *export.view(glb, shaped, size, (0, 0, *size), lens, "viewport")]
         glb.save(exported.scene)
         scene = bpy.context.scene
         spp = ["--spp", scene.opsr.view_spp]
