@@ -190,8 +190,9 @@ def test_a_scene_of_nothing_and_another_scene(scene, tmp_path):
     other.camera = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
     other.collection.objects.link(other.camera)
     other.world = bpy.data.worlds.new("grey")
-    other.world.use_nodes = False
-    other.world.color = (0.25, 0.25, 0.25)
+    other.world.use_nodes = True
+    background = other.world.node_tree.nodes["Background"].inputs
+    background["Color"].default_value, background["Strength"].default_value = (0.5, 0.5, 0.5, 1), 0.5
     other.render.engine, other.opsr.spp, other.opsr.table = "OPSR", 2, ""
     for name in ("resolution_x", "resolution_y", "resolution_percentage"):
         setattr(other.render, name, getattr(scene.render, name))

@@ -277,6 +277,7 @@ def main():
         for region, ratio in ratios.items():
             print(f"| {name} | {region} | {ratio:.3f} |")
         print(f"| {name} | seconds, Cycles and opsr | {seconds[0]:.1f}, {seconds[1]:.1f} |", flush=True)
+    opsr_blender.unregister()
 
 
 if __name__ == "__main__":
