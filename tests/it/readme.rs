@@ -226,8 +226,19 @@ fn command_faults(line: &[String]) -> Option<String> {
     }
     match line {
         [cargo, arguments @ ..] if cargo == "cargo" => cargo_faults(arguments),
+        [python, m, zipfile, .., folder]
+            if [python, m, zipfile] == ["python3", "-m", "zipfile"] =>
+        {
+            (!is_there(folder)).then(|| format!("{folder} does not exist"))
+        }
         [python, script, ..] if python == "python3" => {
             (!is_there(script)).then(|| format!("{script} does not exist"))
+        }
+        // A file from elsewhere.
+        [pip, install, wheel]
+            if [pip, install] == ["pip", "install"] && wheel.ends_with(".whl") =>
+        {
+            None
         }
         [pip, install, package] if pip == "pip" && install == "install" => {
             let folder = package.split('[').next().unwrap_or(package);
