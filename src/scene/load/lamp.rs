@@ -42,8 +42,9 @@ fn checked(read: LampExtras) -> Result<Lamp, String> {
         let direction = Vec3::from(cone.direction).try_normalize();
         let direction = direction.ok_or("cone.direction has no length")?;
         let [outer, inner] = [cone.cos_outer, cone.cos_inner];
-        // Not a number is in no order.
-        if !(-1.0 <= outer && outer < inner && inner <= 1.0) {
+        // Not a number is in no range.
+        let ordered = (-1.0..inner).contains(&outer) && inner <= 1.0;
+        if !ordered {
             return Err("cosOuter and cosInner are not -1 ≤ cosOuter < cosInner ≤ 1");
         }
         Ok(Cone {
