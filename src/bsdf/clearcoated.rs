@@ -17,7 +17,7 @@
 
 use super::fresnel::schlick;
 use super::sheen::{Sheen, sheen_albedo};
-use super::{Anisotropic, Iridescent, ThinDielectric};
+use super::{Anisotropic, Exact, Iridescent, ThinDielectric};
 use super::{
     Bsdf, BsdfSample, Dielectric, Diffuse, Distribution, Glossy, Lobe, LobeNumbers, LobeQuery,
 };
@@ -52,6 +52,7 @@ enum Base {
     Anisotropic(Anisotropic),
     Iridescent(Iridescent),
     Sheen(Sheen),
+    Exact(Exact),
 }
 
 /// Coat and sheen over a base.
@@ -143,6 +144,7 @@ impl Clearcoated {
             Bsdf::Anisotropic(l) => Base::Anisotropic(l),
             Bsdf::Iridescent(l) => Base::Iridescent(l),
             Bsdf::Sheen(l) => Base::Sheen(l),
+            Bsdf::Exact(l) => Base::Exact(l),
             Bsdf::Clearcoated(l) => l.base,
         };
         Bsdf::Clearcoated(Self { base, coat, sheen })
@@ -158,6 +160,7 @@ impl Clearcoated {
             Base::Anisotropic(l) => Bsdf::Anisotropic(l),
             Base::Iridescent(l) => Bsdf::Iridescent(l),
             Base::Sheen(l) => Bsdf::Sheen(l),
+            Base::Exact(l) => Bsdf::Exact(l),
         }
     }
 

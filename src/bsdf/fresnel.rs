@@ -20,6 +20,43 @@ pub fn dielectric(cos: f32, eta: f32) -> f32 {
     (0.5 * a * a * (1.0 + b * b)).min(1.0)
 }
 
+/// Reflectance in [0, 1] of a smooth metal of index `eta` + i `k`, over that of this side, for unpolarised light: Fresnel's
+/// equations for a complex index `[PBRT4 §9.3.6]`, in real numbers (Born, Wolf: *Principles of Optics*, §14.2). Exact also for
+/// `k` = 0, where it is [`dielectric`].
+pub fn conductor(cos: f32, eta: f32, k: f32) -> f32 {
+    let cos2 = cos * cos;
+    let sin2 = (1.0 - cos2).max(0.0);
+    let (eta2, k2) = (eta * eta, k * k);
+    // a + ib is the root of (η + ik)² − sin²θ.
+    let real = eta2 - k2 - sin2;
+    let modulus = (real * real + 4.0 * eta2 * k2).sqrt();
+    let a = (0.5 * (modulus + real)).max(0.0).sqrt();
+    let (t1, t2) = (modulus + cos2, 2.0 * cos * a);
+    let s = (t1 - t2) / (t1 + t2);
+    let (t3, t4) = (cos2 * modulus + sin2 * sin2, t2 * sin2);
+    let p = s * (t3 - t4) / (t3 + t4);
+    let mean = 0.5 * (s + p);
+    // 0/0 for the index of the outside itself.
+    if mean.is_nan() {
+        0.0
+    } else {
+        mean.clamp(0.0, 1.0)
+    }
+}
+
+/// Cosine-weighted mean of [`dielectric`] over the hemisphere, 2 ∫₀¹ F(c) c dc, by Gauss's rule in pieces.
+pub fn dielectric_average(eta: f32) -> f32 {
+    const PIECES: u32 = 256;
+    let mut sum = 0.0;
+    for i in 0..PIECES {
+        for offset in [0.211_324_865_4, 0.788_675_134_6] {
+            let c = (f64::from(i) + offset) / f64::from(PIECES);
+            sum += c * f64::from(dielectric(c as f32, eta));
+        }
+    }
+    (sum / f64::from(PIECES)) as f32
+}
+
 /// Schlick's approximation f0 + (f90 − f0)(1 − cos)⁵ of the reflectance, with `f0` at normal and `f90` at grazing
 /// incidence.
 #[inline]
@@ -69,5 +106,62 @@ mod tests {
             })
             .sum();
         assert!((sum - f64::from(schlick_average(Rgb::splat(0.2), 0.7).x)).abs() < 1e-6);
+    }
+
+    /// Against the equations in complex numbers: r_s = (cos θ − w)/(cos θ + w), r_p = (n² cos θ − w)/(n² cos θ + w) with
+    /// w² = n² − sin² θ.
+    #[test]
+    fn conductor_is_fresnel_of_a_complex_index() {
+        type Complex = (f64, f64);
+        let mul = |a: Complex, b: Complex| (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0);
+        let norm = |a: Complex| a.0 * a.0 + a.1 * a.1;
+        let root = |a: Complex| {
+            let (r, phi) = (norm(a).sqrt().sqrt(), 0.5 * a.1.atan2(a.0));
+            (r * phi.cos(), r * phi.sin())
+        };
+        let mut seen = 0;
+        for (eta, k) in [
+            (0.2, 3.91),
+            (1.1, 2.14),
+            (1.5, 0.0),
+            (2.74, 3.79),
+            (0.04, 0.1),
+        ] {
+            for i in 0..=50 {
+                let cos = f64::from(i) / 50.0;
+                let n2 = mul((eta, k), (eta, k));
+                let w = root((n2.0 - (1.0 - cos * cos), n2.1));
+                let ratio =
+                    |a: Complex| norm((a.0 - w.0, a.1 - w.1)) / norm((a.0 + w.0, a.1 + w.1));
+                let expected = 0.5 * (ratio((cos, 0.0)) + ratio((n2.0 * cos, n2.1 * cos)));
+                let found = f64::from(conductor(cos as f32, eta as f32, k as f32));
+                assert!(
+                    (found - expected).abs() < 2e-5,
+                    "{eta} {k} {cos}: {found} {expected}"
+                );
+                if k == 0.0 {
+                    let plain = f64::from(dielectric(cos as f32, eta as f32));
+                    assert!((found - plain).abs() < 2e-5, "{cos}");
+                }
+                seen += 1;
+            }
+        }
+        assert_eq!(seen, 255);
+        assert_eq!(conductor(0.5, 1.0, 0.0), 0.0);
+    }
+
+    /// Against the closed form of the mean (Duntley 1942, as in d'Eon's and Irving's *A Quantized-Diffusion Model*, 2011).
+    #[test]
+    fn dielectric_average_matches_known_values() {
+        for (eta, known) in [(1.0f32, 0.0), (1.5, 0.091_8), (1.333, 0.065_9)] {
+            let found = f64::from(dielectric_average(eta));
+            assert!((found - known).abs() < 2e-3, "{eta}: {found}");
+        }
+        // From inside: 1 − (1 − F)/η².
+        let (out, inside) = (dielectric_average(1.5), dielectric_average(1.0 / 1.5));
+        assert!(
+            (inside - (1.0 - (1.0 - out) / 2.25)).abs() < 1e-3,
+            "{inside}"
+        );
     }
 }

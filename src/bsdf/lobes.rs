@@ -49,6 +49,9 @@ pub struct ThinDielectric {
     pub f0: Rgb,
     /// Reflectance at grazing incidence in [0, 1], not below a channel of `f0`; 1 unless a file says otherwise.
     pub f90: f32,
+    /// Index of refraction of a pane with both its faces and all that goes to and fro between them; 0 for Schlick's
+    /// approximation of one face. `f0` is then a factor of the reflectance.
+    pub eta: f32,
     /// Factor of the transmitted light in [0, 1].
     pub tint: Rgb,
     /// Original roughness in [0, 1].
@@ -82,7 +85,11 @@ pub(super) fn mirror(w: Vec3, h: Vec3) -> Vec3 {
 /// Query of a microfacet reflection without its Fresnel term, and the cosine wo·h at the half vector. Both directions
 /// above the surface.
 #[inline]
-fn reflection(wo: Vec3, wi: Vec3, distribution: Distribution) -> Option<(LobeQuery, f32)> {
+pub(super) fn reflection(
+    wo: Vec3,
+    wi: Vec3,
+    distribution: Distribution,
+) -> Option<(LobeQuery, f32)> {
     if wo.z <= 0.0 || wi.z <= 0.0 {
         return None;
     }
@@ -124,7 +131,7 @@ pub(super) fn finish(
 }
 
 /// Sample of a Dirac lobe.
-fn delta(wi: Vec3, weight: Rgb, lobe: Lobe) -> Option<BsdfSample> {
+pub(super) fn delta(wi: Vec3, weight: Rgb, lobe: Lobe) -> Option<BsdfSample> {
     Some(BsdfSample {
         wi,
         value: Rgb::ZERO,
@@ -365,7 +372,18 @@ impl ThinDielectric {
     /// Share of light that a smooth wall lets straight through at this cosine.
     #[inline]
     pub fn straight(&self, cos: f32) -> Rgb {
-        (Rgb::ONE - schlick(self.f0, self.f90, cos.abs().min(1.0))) * self.tint
+        (Rgb::ONE - self.fresnel(cos.abs().min(1.0))) * self.tint
+    }
+
+    /// Reflectance at this cosine in [0, 1]. With the reflectance r of a face both faces have r + (1 − r)² r + … =
+    /// 2r/(1 + r).
+    #[inline]
+    fn fresnel(&self, cos: f32) -> Rgb {
+        if self.eta == 0.0 {
+            return schlick(self.f0, self.f90, cos);
+        }
+        let face = dielectric(cos, self.eta);
+        self.f0 * (2.0 * face / (1.0 + face))
     }
 
     #[inline]
@@ -379,7 +397,7 @@ impl ThinDielectric {
             wi
         };
         let (mut query, cos_h) = reflection(wo, wi, self.distribution)?;
-        let f = schlick(self.f0, self.f90, cos_h);
+        let f = self.fresnel(cos_h);
         let p = luminance(f);
         query.scale *= if through {
             (Rgb::ONE - f) * self.tint
@@ -402,7 +420,7 @@ impl ThinDielectric {
         if alpha >= DELTA_ALPHA {
             return finish(self.query(wo, wi), alpha, wi, lobe);
         }
-        let f = schlick(self.f0, self.f90, wo.z.abs().min(1.0));
+        let f = self.fresnel(wo.z.abs().min(1.0));
         let p = luminance(f);
         let weight = match lobe {
             Lobe::Transmission => self.straight(wo.z) / (1.0 - p),
@@ -429,7 +447,7 @@ impl ThinDielectric {
         if wi.z <= 0.0 {
             return None;
         }
-        let f = schlick(self.f0, self.f90, (0.5 * (wo + wi).length()).min(1.0));
+        let f = self.fresnel((0.5 * (wo + wi).length()).min(1.0));
         Some(if choice < luminance(f) {
             (above(side, wi), Lobe::Reflection)
         } else {

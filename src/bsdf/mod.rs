@@ -20,6 +20,7 @@ use crate::math::{Rgb, Vec3};
 pub mod anisotropic;
 pub mod clearcoated;
 pub mod distribution;
+pub mod exact;
 pub mod film;
 pub mod fresnel;
 pub mod lobes;
@@ -30,6 +31,7 @@ mod slope;
 pub use anisotropic::{Anisotropic, anisotropic};
 pub use clearcoated::{Clearcoated, Covers, clearcoated, covered};
 pub use distribution::{Distribution, LobeReal};
+pub use exact::{Exact, Interface};
 pub use film::{Film, Iridescent, iridescent};
 pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric, is_matched};
 pub use numbers::{LobeNumbers, SharedNumbers};
@@ -123,6 +125,8 @@ pub enum Bsdf {
     Iridescent(Iridescent),
     /// Fibres that stand on a surface.
     Sheen(Sheen),
+    /// [`Glossy`] with Fresnel's equations in place of Schlick's approximation.
+    Exact(Exact),
 }
 
 /// Factors of a [`LobeQuery`] that depend on the roughness, at one roughness.
@@ -207,6 +211,7 @@ impl Bsdf {
             Self::Thin(t) => t.tint,
             Self::Iridescent(l) => l.base().reflectance(),
             Self::Sheen(s) => s.color,
+            Self::Exact(e) => e.reflectance(),
             Self::Clearcoated(c) => c.base().reflectance() * c.through(Vec3::Z, Vec3::Z),
         }
     }
@@ -224,6 +229,7 @@ impl Bsdf {
             Self::Anisotropic(l) => l.isotropic().alpha,
             Self::Iridescent(l) => l.base().alpha(),
             Self::Sheen(_) => 1.0,
+            Self::Exact(l) => l.alpha,
         }
     }
 
@@ -240,6 +246,7 @@ impl Bsdf {
             Self::Anisotropic(l) => l.query(wo, wi),
             Self::Iridescent(l) => l.query(wo, wi),
             Self::Sheen(l) => l.query(wo, wi),
+            Self::Exact(l) => l.query(wo, wi),
         }
     }
 
@@ -304,6 +311,7 @@ impl Bsdf {
             Self::Anisotropic(l) => l.direction_of(alpha, wo, u),
             Self::Iridescent(l) => l.direction(alpha, wo, u),
             Self::Sheen(l) => l.direction(wo, u.uniform()),
+            Self::Exact(l) => l.direction(alpha, wo, u),
         }
     }
 
@@ -319,6 +327,7 @@ impl Bsdf {
             Self::Anisotropic(l) => l.complete(alpha, wo, wi, lobe),
             Self::Iridescent(l) => l.complete(alpha, wo, wi, lobe),
             Self::Sheen(l) => l.complete(wo, wi),
+            Self::Exact(l) => l.complete(alpha, wo, wi, lobe),
         }
     }
 
@@ -334,6 +343,7 @@ impl Bsdf {
             Self::Clearcoated(l) => return l.base().is_delta_at(alpha),
             Self::Anisotropic(l) => l.isotropic().albedo != Rgb::ZERO,
             Self::Iridescent(l) => return l.base().is_delta_at(alpha),
+            Self::Exact(l) => l.albedo() != Rgb::ZERO,
         };
         alpha < DELTA_ALPHA && !has_base
     }
@@ -358,6 +368,7 @@ impl Bsdf {
             Self::Clearcoated(l) => l.over(l.base().without_diffuse()),
             Self::Anisotropic(l) => Self::Anisotropic(l.without_diffuse()),
             Self::Iridescent(l) => Self::Iridescent(l.without_diffuse()),
+            Self::Exact(l) => Self::Exact(l.without_diffuse()),
             other => other,
         }
     }
@@ -428,6 +439,7 @@ mod tests {
             Bsdf::Thin(ThinDielectric {
                 f0,
                 f90: 1.0,
+                eta: 0.0,
                 tint,
                 alpha,
                 distribution,

@@ -123,6 +123,7 @@ fn punctual(light: &PunctualLight) -> (Value, Value) {
             range,
             cos_inner,
             cos_outer,
+            falloff: _,
         } => {
             let mut value = body("spot", intensity, range);
             value["spot"] = json!({

@@ -115,6 +115,7 @@ impl PathObserver for Tracer<'_> {
                 Bsdf::Anisotropic(_) => "anisotropic",
                 Bsdf::Iridescent(_) => "iridescent",
                 Bsdf::Sheen(_) => "sheen",
+                Bsdf::Exact(_) => "glossy, exact",
             },
             throughput: point.throughput,
             alpha: point.alpha,

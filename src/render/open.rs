@@ -47,7 +47,8 @@ impl Spec {
     /// Choices that the file does not contain.
     pub fn load_options(&self) -> LoadOptions {
         LoadOptions {
-            distribution: self.distribution.unwrap_or_default(),
+            distribution: self.distribution,
+            skip_unsupported: self.skip_unsupported.unwrap_or_default(),
             solid_glass: self.solid_glass.unwrap_or_default(),
             thin_glass: self.thin_glass.unwrap_or_default(),
             time: self.moment(),

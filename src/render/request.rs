@@ -3,7 +3,7 @@
 use super::fault::Fault;
 use super::method::Method;
 use super::spec::{Heading, Spec};
-use super::value::{Levels, TableChoice};
+use super::value::{Crop, Levels, TableChoice};
 use crate::image::film::{Film, Window};
 use crate::integrator::checkpoint::{Checkpoint, Fingerprint};
 use crate::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
@@ -247,6 +247,12 @@ impl<'a> Request<'a> {
             Some(camera) => spec.through(camera)?,
             None => spec.camera(scene, frame)?,
         };
+        let own = camera
+            .film
+            .and_then(|film| film.crop)
+            .filter(|_| spec.size.is_none());
+        let own = own.map(|[x, y, w, h]| Crop::pixels(x, y, w, h));
+        spec.crop = spec.crop.or(own);
         let window = spec.crop.map_or(Window::full(frame), |crop| crop.of(frame));
         Film::check(frame, window).map_err(|e| Fault::option(spec.window_option(), e))?;
         let kind = spec.kind();

@@ -230,7 +230,9 @@ options! {
     env_rotation: f32, Light { value: "DEGREES", default: Some("0") }
 
     /// Microfacet distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model.
-    distribution: Distribution, Scene { value: "DISTRIBUTION", default: Some("beckmann") }
+    distribution: Distribution, Scene { value: "DISTRIBUTION", default: Some("beckmann, or what a pbrt or Mitsuba scene says") }
+    /// Go on without the parts of a pbrt or Mitsuba scene that are not supported, and list them; else they are an error.
+    skip_unsupported: bool, Scene {}
     /// Make solid bodies of closed meshes that transmit without a thickness, such as glass from Blender.
     solid_glass: bool, Scene { excludes: &["thin_glass"] }
     /// Leave such meshes thin walls also in files from Blender, where they are bodies without this option.

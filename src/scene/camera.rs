@@ -20,6 +20,17 @@ pub struct Camera {
     pub aspect: Option<f32>,
     /// Lens; a camera without one sees everything sharply.
     pub lens: Option<Lens>,
+    /// Size of the picture, if the file gives one.
+    pub film: Option<FilmSize>,
+}
+
+/// Size of the picture that a file asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FilmSize {
+    /// Columns and rows.
+    pub size: UVec2,
+    /// Left, top, width and height of the part that is rendered.
+    pub crop: Option<[u32; 4]>,
 }
 
 /// A thin lens.
@@ -120,6 +131,9 @@ impl Camera {
     /// Columns and rows of a picture of no particular size: 512 rows, as wide as the camera asks for.
     pub fn default_frame(&self) -> UVec2 {
         const ROWS: u32 = 512;
+        if let Some(film) = self.film {
+            return film.size;
+        }
         let columns = (ROWS as f32 * self.aspect.unwrap_or(1.0)).round();
         UVec2::new((columns as u32).clamp(1, 16 * ROWS), ROWS)
     }
@@ -141,6 +155,7 @@ impl Camera {
             },
             aspect: None,
             lens: None,
+            film: None,
         }
     }
 
@@ -190,6 +205,7 @@ impl Camera {
             },
             aspect: None,
             lens: None,
+            film: None,
         }
     }
 }

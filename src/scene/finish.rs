@@ -4,7 +4,10 @@
 use super::lamp::Lamp;
 use super::material::{Coordinates, Look, Material, TextureRef};
 use super::{Scene, SceneParts, Surface, Texture};
-use crate::bsdf::{Bsdf, Covers, Film, Glossy, Sheen, anisotropic, covered, iridescent};
+use crate::bsdf::fresnel::{conductor, dielectric_average};
+use crate::bsdf::{
+    Bsdf, Covers, Exact, Film, Glossy, Interface, Sheen, anisotropic, covered, iridescent,
+};
 use crate::math::{Frame, Rgb, Vec2};
 
 /// Rare parts of a material, which are not read at every hit.
@@ -18,6 +21,10 @@ pub struct Finish {
     pub sheen: Option<SheenCover>,
     /// Thin film on the surface.
     pub film: Option<FilmCover>,
+    /// Reflection by Fresnel's equations.
+    pub exact: Option<ExactCover>,
+    /// Another material that takes the place of this one on a share of the surface.
+    pub mix: Option<Mix>,
     /// Textures of the reflectance of a dielectric.
     pub specular: SpecularMaps,
     /// What it has of a lamp.
@@ -65,6 +72,47 @@ pub struct FilmCover {
     pub texture: Option<TextureRef>,
     /// Thickness in green.
     pub thickness_texture: Option<TextureRef>,
+}
+
+/// Reflection by Fresnel's equations; the base colour is that of the base, or the factor of a metal's reflectance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ExactCover {
+    /// A metal of index `eta` + i `k` over that of the outside.
+    Metal {
+        /// Real part.
+        eta: Rgb,
+        /// Extinction coefficient.
+        k: Rgb,
+    },
+    /// A clear layer of the material's index over a Lambertian base.
+    Coat {
+        /// Mean reflectance of the layer over the cosine-weighted hemisphere, from outside and, where what it reflects back to
+        /// the base takes on the base's colour, from inside; else 0.
+        averages: [f32; 2],
+    },
+}
+
+impl ExactCover {
+    /// A layer of an index; with `saturates` light between base and layer takes on the base's colour again and again.
+    pub fn coat(eta: f32, saturates: bool) -> Self {
+        let outside = dielectric_average(eta);
+        let inside = 1.0 - (1.0 - outside) / (eta * eta);
+        let inside = if saturates { inside } else { 0.0 };
+        Self::Coat {
+            averages: [outside, inside],
+        }
+    }
+}
+
+/// A second material on a share of the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mix {
+    /// Index of the other material, which is no mixture itself.
+    pub other: u32,
+    /// Its share in [0, 1].
+    pub weight: f32,
+    /// Factor of that share in red.
+    pub texture: Option<TextureRef>,
 }
 
 /// Clear coat of a material.
@@ -134,7 +182,9 @@ impl Material {
 
     /// True under a clear coat or sheen.
     pub(super) fn is_covered(&self) -> bool {
-        let covered = |finish: &Finish| finish.clearcoat.is_some() || finish.sheen.is_some();
+        let covered = |finish: &Finish| {
+            finish.clearcoat.is_some() || finish.sheen.is_some() || finish.mix.is_some()
+        };
         self.finish.as_deref().is_some_and(covered)
     }
 
@@ -172,13 +222,49 @@ impl Finish {
         let specular = [&self.specular.weight, &self.specular.color];
         let pairs = sheen.into_iter().chain(film).chain([specular]).flatten();
         let gloss = self.specular.gloss.as_ref().map(|(map, _)| map);
+        let mix = self.mix.as_ref().and_then(|mix| mix.texture.as_ref());
         let known = coat.into_iter().flatten().chain(brushing).chain(pairs);
-        known.flatten().chain(gloss)
+        known.flatten().chain(gloss).chain(mix)
     }
 
     /// True if a point needs more of its mesh than one pair of texture coordinates.
     pub(super) fn needs_attributes(&self) -> bool {
         self.has_colors || self.has_second_uvs
+    }
+
+    /// A BSDF by Fresnel's equations in place of Schlick's approximation, where the material has them. A brushed metal keeps
+    /// the approximation, from its reflectance at normal incidence.
+    fn exactly(&self, material: &Material, base: Bsdf) -> Bsdf {
+        let (tint, lobe) = match (&self.exact, base) {
+            (Some(_), Bsdf::Glossy(lobe)) => (material.specular_color, lobe),
+            _ => return base,
+        };
+        let interface = match self.exact {
+            Some(ExactCover::Metal { eta, k }) if self.anisotropy.is_some() => {
+                let of = |c: usize| conductor(1.0, eta[c], k[c]);
+                let f0 = lobe.f0 * Rgb::new(of(0), of(1), of(2));
+                return Bsdf::Glossy(Glossy { f0, ..lobe });
+            }
+            Some(ExactCover::Metal { eta, k }) => Interface::Metal { eta, k },
+            Some(ExactCover::Coat {
+                averages: [average, inside],
+            }) => Interface::Coat {
+                eta: material.ior,
+                // What comes back from the layer is scattered again: a + a² r + … over its share without colour.
+                albedo: lobe.albedo * (1.0 - inside) / (Rgb::ONE - lobe.albedo * inside),
+                average,
+            },
+            None => return base,
+        };
+        Bsdf::Exact(Exact {
+            tint: match interface {
+                Interface::Metal { .. } => lobe.f0,
+                Interface::Coat { .. } => tint,
+            },
+            interface,
+            alpha: lobe.alpha,
+            distribution: lobe.distribution,
+        })
     }
 
     /// Applies the textures of the dielectric's reflectance.
@@ -259,7 +345,23 @@ impl Scene {
             textures,
             ..
         } = self.parts();
-        let material = &materials[surface.material as usize];
+        let mut u = u;
+        let mut material = &materials[surface.material as usize];
+        if let Some(mix) = &finish.mix {
+            let share =
+                (mix.texture.as_ref()).map_or(1.0, |map| map.sample(textures, [surface.uv; 2])[0]);
+            let share = (mix.weight * share).clamp(0.0, 1.0);
+            if u < share {
+                u = (u / share).min(1.0 - 0.5 * f32::EPSILON);
+                material = &materials[mix.other as usize];
+            } else {
+                u = ((u - share) / (1.0 - share)).min(1.0 - 0.5 * f32::EPSILON);
+            }
+        }
+        let finish = match &material.finish {
+            Some(finish) => finish,
+            None => return material.bsdf(textures, surface.uv, u),
+        };
         let (mut uv, mut painted) = ([surface.uv; 2], None);
         if finish.needs_attributes() {
             let (second, color) = (self.geometry()).further_attributes(self.parts(), surface);
@@ -272,8 +374,11 @@ impl Scene {
         let at: &Surface = surface;
         let base = |u| match (material.bsdf_of(&look, u), &finish.anisotropy, film) {
             (base, _, Some(film)) if film.weight > 0.0 => iridescent(base, film),
-            (Bsdf::Glossy(lobe), Some(anisotropy), _) => anisotropy.brushed(self, at, uv, lobe),
-            (base, ..) => base,
+            (base, Some(anisotropy), _) => match finish.exactly(material, base) {
+                Bsdf::Glossy(lobe) => anisotropy.brushed(self, at, uv, lobe),
+                base => base,
+            },
+            (base, ..) => finish.exactly(material, base),
         };
         let sheen = finish.sheen.as_ref();
         let sheen = sheen.map_or(Sheen::NONE, |sheen| sheen.at(textures, uv));

@@ -24,6 +24,10 @@ pub struct Material {
     pub emission: Rgb,
     /// True if the back side emits too, and is seen by the camera.
     pub double_sided: bool,
+    /// True if the camera sees the back, whether or not it emits.
+    pub shows_back: bool,
+    /// True for a thin wall whose two faces reflect by Fresnel's equations, by the index of refraction.
+    pub exact_wall: bool,
     /// Share of the light that is transmitted instead of scattered diffusely, in [0, 1].
     pub transmission: f32,
     /// Index of refraction, at the wavelength of the line d where it disperses.
@@ -127,6 +131,8 @@ impl Default for Material {
             alpha: 1.0,
             emission: Rgb::ZERO,
             double_sided: false,
+            shows_back: false,
+            exact_wall: false,
             transmission: 0.0,
             ior: 1.5,
             dispersion: 0.0,
@@ -229,8 +235,9 @@ impl Material {
                 })
             } else {
                 Bsdf::Thin(ThinDielectric {
-                    f0,
+                    f0: if self.exact_wall { specular_color } else { f0 },
                     f90,
+                    eta: if self.exact_wall { self.ior } else { 0.0 },
                     tint: color,
                     alpha,
                     distribution,
@@ -326,7 +333,7 @@ impl Material {
 
     /// True if a camera does not see the back `[glTF §3.9.6]`; a camera in a body sees its boundary.
     pub(crate) fn hides_back(&self) -> bool {
-        !self.double_sided && !self.bounds_body()
+        !self.double_sided && !self.shows_back && !self.bounds_body()
     }
 
     /// True if the surface bounds a body that light enters and leaves.
@@ -421,7 +428,8 @@ impl Material {
         self.is_lambert()
             || (self.alpha >= 1.0
                 && self.metallic_roughness_texture.is_none()
-                && self.clearcoat().is_none())
+                && self.clearcoat().is_none()
+                && (self.finish.as_ref()).is_none_or(|finish| finish.mix.is_none()))
     }
 }
 

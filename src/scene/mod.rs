@@ -11,6 +11,7 @@ use std::sync::OnceLock;
 pub mod accel;
 pub mod backdrop;
 pub mod bodies;
+pub mod build;
 pub mod camera;
 pub mod finish;
 pub mod geometry;
@@ -29,11 +30,11 @@ mod shells;
 pub mod texture;
 
 pub use backdrop::Backdrop;
-pub use camera::{Camera, Lens};
+pub use camera::{Camera, FilmSize, Lens};
 pub use geometry::Geometry;
 pub use light::{
-    Aim, Beam, Emission, EmissionDensity, EmissionSample, Environment, LightDensity, LightSample,
-    Lights, PunctualLight, Target,
+    Aim, Beam, Emission, EmissionDensity, EmissionSample, Environment, Falloff, LightDensity,
+    LightSample, Lights, PunctualLight, Target,
 };
 pub use material::Material;
 pub use mesh::{Mesh, SharedMesh};
@@ -60,6 +61,9 @@ pub struct SceneParts {
     pub environment: Option<Environment>,
     /// Cameras, in file order.
     pub cameras: Vec<Camera>,
+    /// True if each boundary of a body knows both its sides: it refracts by its own index, whatever it bounds and whatever
+    /// bodies are around. Scenes of other renderers are made so.
+    pub own_boundaries: bool,
 }
 
 impl SceneParts {
@@ -170,6 +174,9 @@ impl Scene {
     /// meshes that bound no body though their material should: they become thin walls.
     pub fn new(parts: SceneParts) -> Self {
         let mut scene = Self::build(parts, true);
+        if scene.parts.own_boundaries {
+            return scene;
+        }
         let suspects = shells::suspects(&scene.parts);
         let verdict = scene.judge(&suspects);
         if !verdict.thin.is_empty() {

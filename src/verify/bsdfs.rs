@@ -4,6 +4,7 @@ use crate::bsdf::{
     Bsdf, Covers, Dielectric, Diffuse, Distribution, Film, Glossy, Sheen, ThinDielectric,
     anisotropic, clearcoated, covered, iridescent,
 };
+use crate::bsdf::{Exact, Interface};
 use crate::math::{Rgb, Vec2, Vec3};
 
 /// All distributions.
@@ -58,6 +59,7 @@ pub fn pane(alpha: f32, distribution: Distribution) -> Bsdf {
     Bsdf::Thin(ThinDielectric {
         f0: Rgb::new(0.04, 0.2, 0.5),
         f90: 1.0,
+        eta: 0.0,
         tint: Rgb::new(1.0, 0.9, 0.8),
         alpha,
         distribution,
@@ -101,6 +103,29 @@ pub fn under_sheen(base: Bsdf, alpha: f32) -> Bsdf {
     covered(&covers, 0.9, |_| base)
 }
 
+/// Copper by its complex indices.
+pub fn exact_metal(alpha: f32, distribution: Distribution) -> Bsdf {
+    Bsdf::Exact(Exact {
+        interface: Interface::Metal {
+            eta: Rgb::new(0.2, 0.92, 1.1),
+            k: Rgb::new(3.91, 2.45, 2.14),
+        },
+        tint: Rgb::ONE,
+        alpha,
+        distribution,
+    })
+}
+
+/// A coloured base under an interface of index 1.5.
+pub fn exact_plastic(alpha: f32, distribution: Distribution) -> Bsdf {
+    Bsdf::Exact(Exact {
+        interface: Interface::coat(1.5, Rgb::new(0.9, 0.5, 0.1)),
+        tint: Rgb::ONE,
+        alpha,
+        distribution,
+    })
+}
+
 /// BSDF of this base under a film.
 pub fn under_film(base: Bsdf) -> Bsdf {
     let film = Film {
@@ -112,7 +137,7 @@ pub fn under_film(base: Bsdf) -> Bsdf {
 }
 
 /// BSDF of every kind at one roughness, with its name.
-pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 12] {
+pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 14] {
     [
         ("metal", metal(alpha, distribution)),
         ("plastic", plastic(alpha, distribution)),
@@ -141,11 +166,13 @@ pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 1
             under_film(glass(1.5, alpha, distribution)),
         ),
         ("pane under a film", under_film(pane(alpha, distribution))),
+        ("exact metal", exact_metal(alpha, distribution)),
+        ("exact plastic", exact_plastic(alpha, distribution)),
     ]
 }
 
 /// BSDFs with all that a scene may contain: perfect, matched, weak and strong interfaces.
-pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 22] {
+pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 25] {
     let glass = |eta| glass(eta, alpha, distribution);
     [
         Bsdf::Sheen(fibres(alpha)),
@@ -167,6 +194,7 @@ pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 22] {
         Bsdf::Thin(ThinDielectric {
             f0: Rgb::ONE,
             f90: 1.0,
+            eta: 0.0,
             tint: Rgb::ONE,
             alpha,
             distribution,
@@ -182,5 +210,8 @@ pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 22] {
         under_clearcoat(glass(1.5)),
         brushed(metal(alpha, distribution), 0.02),
         under_clearcoat(brushed(plastic(alpha, distribution), 0.3)),
+        exact_metal(alpha, distribution),
+        exact_plastic(alpha, distribution),
+        under_clearcoat(exact_plastic(alpha, distribution)),
     ]
 }

@@ -16,6 +16,7 @@ fn bsdfs(alpha: f32, distribution: Distribution) -> [Bsdf; 5] {
         Bsdf::Thin(ThinDielectric {
             f0: Rgb::splat(0.1),
             f90: 1.0,
+            eta: 0.0,
             tint: Rgb::ONE,
             alpha,
             distribution,

@@ -173,6 +173,7 @@ fn spot_light_falloff_and_range() {
                 range,
                 cos_inner: inner.cos(),
                 cos_outer: outer.cos(),
+                falloff: Default::default(),
             });
             let ramp = (angle.cos() - outer.cos()) / (inner.cos() - outer.cos());
             let distance = 1.0 / angle.cos();
@@ -199,6 +200,7 @@ fn light_selection_among_several_lights() {
         range: f32::INFINITY,
         cos_inner,
         cos_outer,
+        falloff: Default::default(),
     };
     parts.lights = vec![sun, spot(0.9, 0.8), spot(0.999, 0.99)];
     let expected = f64::from(0.5 / PI) + 2.0;

@@ -263,6 +263,7 @@ fn white_furnace_of_roughened_lobes() {
         let thin = Bsdf::Thin(ThinDielectric {
             f0: Rgb::splat(0.04),
             f90: 1.0,
+            eta: 0.0,
             tint: Rgb::ONE,
             alpha: 0.0,
             distribution: beckmann,

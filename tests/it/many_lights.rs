@@ -214,6 +214,7 @@ fn zoo() -> SceneParts {
                 range,
                 cos_inner: 0.95,
                 cos_outer: [0.1, 0.7, 0.94][i % 3],
+                falloff: Default::default(),
             }
         });
     }

@@ -65,6 +65,7 @@ impl Event {
             Bsdf::Diffuse(_) | Bsdf::Sheen(_) => return BASE,
             Bsdf::Glossy(lobe) => lobe.albedo,
             Bsdf::Anisotropic(lobe) => lobe.isotropic().albedo,
+            Bsdf::Exact(lobe) => lobe.albedo(),
             Bsdf::Iridescent(lobe) => match lobe.base() {
                 Bsdf::Glossy(lobe) => lobe.albedo,
                 _ => Rgb::ZERO,

@@ -56,7 +56,7 @@ impl Vertex {
         let ng = self.surface.ng;
         let opaque = matches!(
             self.bsdf,
-            Bsdf::Diffuse(_) | Bsdf::Glossy(_) | Bsdf::Anisotropic(_)
+            Bsdf::Diffuse(_) | Bsdf::Glossy(_) | Bsdf::Anisotropic(_) | Bsdf::Exact(_)
         );
         !opaque || self.back.dot(ng) * out.dot(ng) > 0.0
     }

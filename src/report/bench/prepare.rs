@@ -96,7 +96,7 @@ fn parts(spec: &SceneSpec) -> Result<(SceneParts, String), BenchError> {
     if let Some(path) = &spec.file {
         let mut options = spec.options.0.load_options();
         if spec.options.0.distribution.is_none() {
-            options.distribution = spec.distribution.into();
+            options.distribution = Some(spec.distribution.into());
         }
         let loaded = load(path, &options)?;
         return Ok((loaded.parts, hex(&loaded.digest)));

@@ -180,7 +180,7 @@ fn solid_angle(map: &Buffer, y: usize) -> f64 {
 }
 
 /// Reads a Radiance RGBE file.
-fn read_hdr(path: &Path) -> Result<Buffer, FileError> {
+pub(in crate::scene) fn read_hdr(path: &Path) -> Result<Buffer, FileError> {
     let mut reader = image::ImageReader::open(path).map_err(|e| Problem::Read(e).at(path))?;
     reader.set_format(image::ImageFormat::Hdr);
     let mut limits = image::Limits::default();

@@ -16,7 +16,8 @@ mod tree;
 pub use aim::{Aim, Beam, Target};
 pub use emission::{EmissionDensity, EmissionSample};
 pub use environment::Environment;
-pub use punctual::PunctualLight;
+pub(in crate::scene) use environment::read_hdr;
+pub use punctual::{Falloff, PunctualLight};
 
 use super::{Geometry, Hit, SceneParts, Surface};
 use crate::math::discrete::AliasTable;

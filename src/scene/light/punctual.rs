@@ -7,6 +7,35 @@ use crate::math::warp::{self, SPHERE_PDF};
 use crate::math::{Frame, Ray, Rgb, Vec3, luminance};
 use std::f32::consts::{PI, TAU};
 
+/// Fall-off of a spot light between its two angles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Falloff {
+    /// The square of a ramp in the cosine, which glTF recommends.
+    #[default]
+    Squared,
+    /// A cubic in the cosine, smooth at both ends `[PBRT4 §12.2.1]`.
+    Smooth,
+    /// A ramp in the angle.
+    Linear,
+}
+
+impl Falloff {
+    /// Factor of the intensity at this cosine with the axis, in [0, 1].
+    #[inline]
+    fn at(self, cos: f32, cos_inner: f32, cos_outer: f32) -> f32 {
+        let ramp = ramp(cos, cos_inner, cos_outer);
+        match self {
+            Self::Squared => ramp * ramp,
+            Self::Smooth => ramp * ramp * (3.0 - 2.0 * ramp),
+            Self::Linear => {
+                let angle = |cos: f32| cos.clamp(-1.0, 1.0).acos();
+                let (inner, outer) = (angle(cos_inner), angle(cos_outer));
+                ((outer - angle(cos)) / (outer - inner).max(1e-4)).clamp(0.0, 1.0)
+            }
+        }
+    }
+}
+
 /// A light without area (`KHR_lights_punctual`), in world space.
 #[derive(Clone, Copy, Debug)]
 pub enum PunctualLight {
@@ -33,6 +62,8 @@ pub enum PunctualLight {
         cos_inner: f32,
         /// Cosine of the angle at which the fall-off ends.
         cos_outer: f32,
+        /// Fall-off between the two.
+        falloff: Falloff,
     },
     /// Shines along one direction from infinity.
     Directional {
@@ -85,10 +116,11 @@ impl PunctualLight {
                 range,
                 cos_inner,
                 cos_outer,
+                falloff: shape,
             } => {
                 let (wi, distance, falloff) = attenuate(from, position, range)?;
-                let ramp = ramp(-wi.dot(direction), cos_inner, cos_outer);
-                (wi, distance, intensity * (falloff * ramp * ramp))
+                let ramp = shape.at(-wi.dot(direction), cos_inner, cos_outer);
+                (wi, distance, intensity * (falloff * ramp))
             }
         };
         (radiance != Rgb::ZERO).then_some(LightSample {
@@ -171,6 +203,7 @@ impl PunctualLight {
                 range,
                 cos_inner,
                 cos_outer,
+                falloff,
             } => {
                 let width = 1.0 - cos_outer;
                 let (dir, cos) = match aimed(beam, position, u) {
@@ -180,12 +213,12 @@ impl PunctualLight {
                         (Frame::from_normal(axis).to_world(local), local.z)
                     }
                 };
-                let ramp = ramp(cos, cos_inner, cos_outer);
+                let share = falloff.at(cos, cos_inner, cos_outer);
                 let sends = width > 0.0;
                 if !sends {
                     return None;
                 }
-                (position, dir, intensity * (ramp * ramp), range)
+                (position, dir, intensity * share, range)
             }
         };
         let ray = Ray::new(position, dir);
@@ -214,7 +247,7 @@ fn aimed(beam: Option<&Beam>, position: Vec3, u: &Numbers) -> Option<Vec3> {
     beam?.direction(&source, u.rest, u.direction)
 }
 
-/// Recommended fall-off of [glTF] KHR_lights_punctual before it is squared: a ramp between the two angles.
+/// A ramp in the cosine between the two angles.
 #[inline]
 fn ramp(cos: f32, cos_inner: f32, cos_outer: f32) -> f32 {
     let ramp = (cos - cos_outer) / (cos_inner - cos_outer).max(1e-4);

@@ -47,6 +47,7 @@ pub(super) fn cameras(
                 projection,
                 aspect,
                 lens: lens(camera, &at, warnings),
+                film: None,
             },
         ));
     }
@@ -215,6 +216,7 @@ fn punctual(light: &Light, position: Vec3, direction: Vec3, at: &str) -> Result<
                 range,
                 cos_inner: inner.cos(),
                 cos_outer: outer.cos(),
+                falloff: Default::default(),
             })
         }
         Checked::Invalid => Err(fault(at, "unknown type")),

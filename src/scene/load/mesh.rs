@@ -7,6 +7,10 @@ use super::nodes::PlacedNode;
 use super::variants;
 use crate::math::{Vec2, Vec3};
 use crate::memory;
+use crate::scene::build::{
+    EMITTER_BYTES, INSTANCE_BYTES, MAX_COPIES, MAX_ELEMENTS, MAX_MESHES, MAX_SHOWN, MIN_SHARED,
+    TRIANGLE_BYTES,
+};
 use crate::scene::mesh::{cofactors, unit};
 use crate::scene::{Mesh, SharedMesh};
 use glam::{DAffine3, DQuat, DVec3, Vec4};
@@ -14,22 +18,6 @@ use gltf::json::accessor::ComponentType::{F32, I8, I16, U8, U16};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use std::collections::{HashMap, HashSet};
-
-/// Most vertices, and most triangles, of a scene in memory. Instances and shared accessors let a small file ask for any
-/// number.
-const MAX_ELEMENTS: u64 = 1 << 26;
-
-/// Most triangles of a scene, those of every instance counted: their indices have 32 bits.
-const MAX_SHOWN: u64 = 1 << 31;
-
-/// Most meshes, one per primitive and instance.
-const MAX_MESHES: usize = 1 << 20;
-
-/// Bytes of copies above which meshes are shared. Rays meet copies faster, so small scenes keep them.
-const MAX_COPIES: u64 = 256 << 20;
-
-/// Least triangles of a mesh that is shared: an instance takes as much memory as a copy of few.
-const MIN_SHARED: u64 = 16;
 
 /// A material as far as meshes depend on it.
 #[derive(Clone, Copy)]
@@ -224,15 +212,6 @@ fn check(
     };
     Ok(memory::check(what, bytes)?)
 }
-
-/// Bytes of an instance of a shared mesh: its poses, and the tree over all while it is built. Measured: 550.
-const INSTANCE_BYTES: u64 = 600;
-
-/// Bytes of a triangle beside its mesh: its record, and the tree while it is built. Measured: 240.
-const TRIANGLE_BYTES: u64 = 260;
-
-/// Bytes of a triangle that emits, beside those: trees of its own. Measured: 265.
-const EMITTER_BYTES: u64 = 290;
 
 /// Bytes that a primitive of so many vertices and triangles takes at most, in the mesh and in the scene.
 fn bytes_of(primitive: &Primitive, vertices: u64, triangles: u64, emits: bool) -> u64 {

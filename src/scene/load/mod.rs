@@ -11,6 +11,8 @@ mod closed;
 mod deform;
 mod error;
 mod extensions;
+#[cfg(feature = "scenes")]
+mod foreign;
 mod lamp;
 mod lights;
 mod lit;
@@ -39,8 +41,8 @@ use uris::{Container, Files};
 /// Choices that a file does not contain.
 #[derive(Clone, Debug)]
 pub struct LoadOptions {
-    /// Slope distribution of all glossy lobes.
-    pub distribution: Distribution,
+    /// Slope distribution of all glossy lobes; without one Beckmann's, and where a file says it the file's own.
+    pub distribution: Option<Distribution>,
     /// Closed meshes that transmit without a thickness are solid bodies, not thin walls.
     pub solid_glass: bool,
     /// Such meshes stay thin walls. Without either choice they are bodies in files that Blender's exporter wrote: what it exports is
@@ -48,6 +50,8 @@ pub struct LoadOptions {
     pub thin_glass: bool,
     /// Moment of the animations, in seconds; without one the scene is shown at rest.
     pub time: Option<f64>,
+    /// Parts of pbrt and Mitsuba scenes that are not supported are left out or replaced, and warned of.
+    pub skip_unsupported: bool,
     /// Variant of the materials by name, or by number from 0; without one those that the file shows first.
     pub variant: Option<String>,
 }
@@ -55,7 +59,8 @@ pub struct LoadOptions {
 impl Default for LoadOptions {
     fn default() -> Self {
         Self {
-            distribution: Distribution::Beckmann,
+            distribution: None,
+            skip_unsupported: false,
             solid_glass: false,
             thin_glass: false,
             time: None,
@@ -85,6 +90,10 @@ pub struct Loaded {
 /// Reads a scene. No file makes it panic or allocate without bound.
 pub fn load(path: &Path, options: &LoadOptions) -> std::result::Result<Loaded, FileError> {
     let bytes = uris::read_file(path).map_err(|e| Problem::Read(e).at(path))?;
+    #[cfg(feature = "scenes")]
+    if let Some(kind) = foreign::Kind::of(path) {
+        return foreign::load(kind, path, &bytes, options);
+    }
     scene(path, &bytes, options).map_err(|fault| fault.of(path))
 }
 
@@ -118,8 +127,12 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
     }
     let nodes = nodes::placed(&root, &nodes)?;
     let mut requests = textures::Requests::default();
-    let (mut materials, slots) =
-        materials::materials(&root, options.distribution, &mut requests, &mut warnings)?;
+    let (mut materials, slots) = materials::materials(
+        &root,
+        options.distribution.unwrap_or_default(),
+        &mut requests,
+        &mut warnings,
+    )?;
     let variant = variants::chosen(&root, options.variant.as_deref())?;
     let shown = mesh::Looks {
         slots: &slots,
@@ -164,6 +177,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         cameras: lights::cameras(&root, &nodes, &mut warnings)?,
         textures: requests.textures(&data, &mut files)?,
         environment: None,
+        own_boundaries: false,
     };
     Ok(Loaded {
         lit: lit::is_lit(&parts),

@@ -123,7 +123,7 @@ fn mode(wrap: &Checked<WrappingMode>) -> Wrap {
 }
 
 /// An image as its file has it.
-struct Source<'a> {
+pub(super) struct Source<'a> {
     at: String,
     bytes: Cow<'a, [u8]>,
     format: ImageFormat,
@@ -139,14 +139,21 @@ impl<'a> Source<'a> {
             (None, Some(view)) => Cow::Borrowed(data.view(view.value())?),
             (None, None) => return Err(fault(at, "has neither a uri nor a bufferView")),
         };
+        Self::new(
+            at,
+            bytes,
+            &[ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP],
+        )
+    }
+
+    /// The bytes of an image in one of these formats; the bytes decide which.
+    pub(super) fn new(at: String, bytes: Cow<'a, [u8]>, formats: &[ImageFormat]) -> Result<Self> {
         if bytes.starts_with(b"\xabKTX 20\xbb") {
             let what = format!("KTX2 is not supported; to decode it: {DECODE_TEXTURES}");
             return Err(fault(at, what));
         }
         match image::guess_format(&bytes) {
-            Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => {
-                Ok(Self { at, bytes, format })
-            }
+            Ok(format) if formats.contains(&format) => Ok(Self { at, bytes, format }),
             _ => Err(fault(at, "is neither PNG nor JPEG nor WebP")),
         }
     }
@@ -164,7 +171,7 @@ impl<'a> Source<'a> {
     }
 
     /// Bytes of the image in memory, with a third for its coarser images. A few bytes of a file can ask for any number.
-    fn bytes_needed(&self) -> Result<u64> {
+    pub(super) fn bytes_needed(&self) -> Result<u64> {
         let decoder = self.decoder()?;
         let (width, height) = decoder.dimensions();
         let texels = u64::from(width) * u64::from(height);
@@ -177,7 +184,7 @@ impl<'a> Source<'a> {
         Ok(decoder.total_bytes().saturating_mul(4) / 3)
     }
 
-    fn decode(self) -> Result<Texture> {
+    pub(super) fn decode(self) -> Result<Texture> {
         let decoder = self.decoder()?;
         let (width, height) = decoder.dimensions();
         let length = decoder.total_bytes() as usize;

@@ -108,7 +108,12 @@ impl Files {
             return data(&uri[5..], place);
         }
         let name = percent_decoded(uri, place)?;
-        let path = self.folder.join(inside(&name, place)?);
+        self.open(&name, place).map(|(_, bytes)| bytes)
+    }
+
+    /// The path and the bytes of a file in the scene's folder or below.
+    pub(super) fn open(&mut self, name: &str, place: &str) -> Result<(PathBuf, Vec<u8>)> {
+        let path = self.folder.join(inside(name, place)?);
         let cannot = |e| fault(place, format!("cannot read {}: {e}", path.display()));
         let size = std::fs::metadata(&path).map_err(cannot)?.len();
         let Some(left) = self.left.checked_sub(size) else {
@@ -121,8 +126,8 @@ impl Files {
         self.left = left;
         let bytes = read_file(&path).map_err(cannot)?;
         self.digest.update(&bytes);
-        self.read.push(path);
-        Ok(bytes)
+        self.read.push(path.clone());
+        Ok((path, bytes))
     }
 }
 

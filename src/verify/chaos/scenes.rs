@@ -179,6 +179,7 @@ fn light(numbers: &mut Numbers) -> PunctualLight {
             range: f32::INFINITY,
             cos_inner: 0.9,
             cos_outer: 0.6,
+            falloff: Default::default(),
         },
         _ => PunctualLight::Directional {
             direction: Vec3::new(down.x, down.y, -0.5).normalize(),

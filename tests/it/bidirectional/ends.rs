@@ -214,6 +214,7 @@ fn chi_square_of_emission_from_lights_without_area() {
             range,
             cos_inner: 0.7,
             cos_outer: 0.699,
+            falloff: Default::default(),
         },
         PunctualLight::Directional {
             direction: axis,
@@ -346,6 +347,7 @@ fn chi_square_of_aimed_directions() {
         range,
         cos_inner: 0.3,
         cos_outer: 0.2,
+        falloff: Default::default(),
     };
     let mut p_values = Vec::new();
     for light in [point, spot] {

@@ -62,6 +62,7 @@ fn photon_density_shows_lights_without_area_in_sharp_lobes() {
                 range: f32::INFINITY,
                 cos_inner: 0.97,
                 cos_outer: 0.9,
+                falloff: Default::default(),
             },
         ),
         (

@@ -65,6 +65,7 @@ pub(super) fn spot() -> SceneParts {
         range: f32::INFINITY,
         cos_inner: 0.95,
         cos_outer: 0.8,
+        falloff: Default::default(),
     });
     parts
 }
@@ -288,6 +289,7 @@ pub(super) fn points_in_field(parts: &mut SceneParts) {
         range: f32::INFINITY,
         cos_inner: 0.95,
         cos_outer: 0.8,
+        falloff: Default::default(),
     });
 }
 

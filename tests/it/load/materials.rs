@@ -427,7 +427,7 @@ fn load_punctual_lights() {
     );
     // A mirrored node turns its light round: the direction is its own -z.
     assert!(
-        matches!(lights[1], PunctualLight::Spot { position, direction, intensity, range, cos_inner, cos_outer }
+        matches!(lights[1], PunctualLight::Spot { position, direction, intensity, range, cos_inner, cos_outer, .. }
         if position == at && close(direction, Vec3::NEG_Y) && intensity == Rgb::ONE && range.is_infinite()
         && cos_inner == 1.0 && (cos_outer - h as f32).abs() < 1e-6)
     );

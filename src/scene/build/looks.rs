@@ -1,0 +1,284 @@
+//! Materials in the words of other renderers: diffuse, metal, glass, wall, coated; with textures where files have them.
+
+use super::super::finish::{ExactCover, Mix};
+use super::super::material::{AlphaMode, TextureRef};
+use super::super::texture::{Texels, Texture};
+use super::super::{Material, SceneParts};
+use crate::math::{Rgb, Vec2};
+use glam::Affine2;
+
+/// A colour, or a texture times a factor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Paint {
+    /// Colour, or factor.
+    pub factor: Rgb,
+    /// Texture.
+    pub map: Option<TextureRef>,
+}
+
+impl Paint {
+    /// One colour.
+    pub const fn plain(colour: Rgb) -> Self {
+        Self {
+            factor: colour,
+            map: None,
+        }
+    }
+}
+
+impl From<f32> for Paint {
+    fn from(grey: f32) -> Self {
+        Self::plain(Rgb::splat(grey))
+    }
+}
+
+/// What all of them have in common: both sides are seen, and light scatters on both.
+fn surface(paint: Paint) -> Material {
+    Material {
+        base_color: paint.factor,
+        base_color_texture: paint.map,
+        metallic: 0.0,
+        specular: 0.0,
+        shows_back: true,
+        ..Material::default()
+    }
+}
+
+/// A Lambertian surface.
+pub fn diffuse(reflectance: Paint) -> Material {
+    surface(reflectance)
+}
+
+/// A metal of index `eta` + i `k` over that of the outside, reflectance times `tint`, of roughness `alpha`.
+pub fn metal(eta: Rgb, k: Rgb, tint: Paint, alpha: f32) -> Material {
+    let mut material = Material {
+        metallic: 1.0,
+        specular: 1.0,
+        alpha,
+        ..surface(tint)
+    };
+    material.finish_mut().exact = Some(ExactCover::Metal { eta, k });
+    material
+}
+
+/// The boundary of a body of this index over that of the outside; light that passes is multiplied by `tint`.
+pub fn glass(eta: f32, tint: Paint, alpha: f32) -> Material {
+    Material {
+        transmission: 1.0,
+        solid: true,
+        ior: eta,
+        specular: 1.0,
+        alpha,
+        ..surface(tint)
+    }
+}
+
+/// A thin pane of this index.
+pub fn wall(eta: f32, tint: Paint, reflected: Rgb) -> Material {
+    Material {
+        transmission: 1.0,
+        exact_wall: true,
+        ior: eta,
+        specular: 1.0,
+        specular_color: reflected,
+        alpha: 0.0,
+        ..surface(tint)
+    }
+}
+
+/// A base under a clear layer of this index and roughness. With `saturates` what the layer returns to the base takes on its
+/// colour again.
+pub fn coated(eta: f32, base: Paint, reflected: Rgb, alpha: f32, saturates: bool) -> Material {
+    let mut material = Material {
+        ior: eta,
+        specular: 1.0,
+        specular_color: reflected,
+        alpha,
+        ..surface(base)
+    };
+    material.finish_mut().exact = Some(ExactCover::coat(eta, saturates));
+    material
+}
+
+/// A surface that only emits, from its front.
+pub fn lamp(radiance: Rgb) -> Material {
+    Material {
+        emission: radiance,
+        ..diffuse(Paint::plain(Rgb::ZERO))
+    }
+}
+
+/// A surface that nothing meets.
+pub fn nothing() -> Material {
+    Material {
+        alpha_mode: AlphaMode::Mask(0.5),
+        opacity: 0.0,
+        ..diffuse(Paint::plain(Rgb::ZERO))
+    }
+}
+
+/// Most texels of a side of a texture that is made of others.
+const MOST: u32 = 8192;
+
+impl SceneParts {
+    /// Adds a texture.
+    pub fn add_texture(&mut self, texture: Texture) -> u32 {
+        self.textures.push(texture);
+        self.textures.len() as u32 - 1
+    }
+
+    /// A texture of sixteen bits that `colour` makes of the place in [0, 1]².
+    fn baked(
+        &mut self,
+        size: [u32; 2],
+        channels: u8,
+        colour: impl Fn(Vec2) -> [f32; 4],
+    ) -> Texture {
+        let [width, height] = size;
+        let mut words = Vec::with_capacity((width * height) as usize * usize::from(channels));
+        for y in 0..height {
+            for x in 0..width {
+                let uv = Vec2::new(x as f32 + 0.5, y as f32 + 0.5)
+                    / Vec2::new(width as f32, height as f32);
+                let texel = colour(uv);
+                let code = |x: &f32| (x.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16;
+                words.extend(texel[..usize::from(channels)].iter().map(code));
+            }
+        }
+        Texture {
+            width,
+            height,
+            channels,
+            texels: Texels::Word(words.into()),
+            ..Texture::default()
+        }
+    }
+
+    /// A texture whose green is the root of what `alpha` makes of the mean of a map's channels, blue one: roughness as
+    /// materials take it.
+    pub fn roughness_map(&mut self, map: TextureRef, alpha: impl Fn(f32) -> f32) -> TextureRef {
+        let source = self.textures[map.texture as usize].clone();
+        let size = [source.width.min(MOST), source.height.min(MOST)];
+        let texture = self.baked(size, 3, |uv| {
+            let [r, g, b, _] = source.sample(uv);
+            let root = alpha((r + g + b) / 3.0).max(0.0).sqrt();
+            [1.0, root, 1.0, 1.0]
+        });
+        let texture = Texture {
+            wrap: source.wrap,
+            ..texture
+        };
+        TextureRef {
+            texture: self.add_texture(texture),
+            ..map
+        }
+    }
+
+    /// Gives a material an opacity, of a number or a map. A map must have the coordinates of the base colour's.
+    pub fn set_opacity(
+        &mut self,
+        material: &mut Material,
+        opacity: Paint,
+    ) -> Result<(), &'static str> {
+        material.alpha_mode = AlphaMode::Blend;
+        let mean = |c: Rgb| (c.x + c.y + c.z) / 3.0;
+        let Some(map) = opacity.map else {
+            material.opacity = mean(opacity.factor).clamp(0.0, 1.0);
+            return Ok(());
+        };
+        let holes = self.textures[map.texture as usize].clone();
+        let base = match material.base_color_texture {
+            Some(base) if base.transform != map.transform => {
+                return Err("an opacity map with other coordinates than the colour's");
+            }
+            Some(base) => Some(self.textures[base.texture as usize].clone()),
+            None => None,
+        };
+        let size = |of: fn(&Texture) -> u32| {
+            let other = base.as_ref().map_or(1, of);
+            of(&holes).max(other).min(MOST)
+        };
+        let size = [size(|t| t.width), size(|t| t.height)];
+        let texture = self.baked(size, 4, |uv| {
+            let [r, g, b, _] = base.as_ref().map_or([1.0; 4], |base| base.sample(uv));
+            let [x, y, z, a] = holes.sample(uv);
+            let opacity_there = mean(Rgb::new(x, y, z) * opacity.factor) * a;
+            [r, g, b, opacity_there]
+        });
+        let texture = Texture {
+            wrap: holes.wrap,
+            ..texture
+        };
+        material.base_color_texture = Some(TextureRef {
+            texture: self.add_texture(texture),
+            ..map
+        });
+        Ok(())
+    }
+
+    /// A normal map of heights, where a step of one in a texture coordinate is this long on the surface. `heights` has its
+    /// own factor in red.
+    pub fn bump_map(&mut self, heights: Paint, step: [f32; 2]) -> Option<TextureRef> {
+        let map = heights.map?;
+        let source = self.textures[map.texture as usize].clone();
+        let (w, h) = (source.width.min(MOST), source.height.min(MOST));
+        let height = |uv: Vec2| {
+            let [r, g, b, _] = source.sample(uv);
+            (Rgb::new(r, g, b) * heights.factor).element_sum() / 3.0
+        };
+        let texel = Vec2::new(1.0 / w as f32, 1.0 / h as f32);
+        let turn = map.transform.matrix2;
+        let texture = self.baked([w, h], 3, |uv| {
+            let (dx, dy) = (texel.with_y(0.0), texel.with_x(0.0));
+            let by = |d: Vec2, l: f32| (height(uv + d) - height(uv - d)) / (2.0 * l);
+            // By the texture's own coordinates, then by the mesh's, then by length.
+            let slope = turn.transpose() * Vec2::new(by(dx, texel.x), by(dy, texel.y));
+            let n = Rgb::new(-slope.x / step[0], -slope.y / step[1], 1.0).normalize();
+            let [x, y, z] = (0.5 * n + 0.5).to_array();
+            [x, y, z, 1.0]
+        });
+        let texture = Texture {
+            wrap: source.wrap,
+            ..texture
+        };
+        Some(TextureRef {
+            texture: self.add_texture(texture),
+            ..map
+        })
+    }
+
+    /// A chessboard of two colours with two fields a side, the first at the origin.
+    pub fn chessboard(&mut self, colours: [Rgb; 2], transform: Affine2) -> TextureRef {
+        // Fine enough that interpolation between texels hardly shows at the edges.
+        const SIDE: u32 = 512;
+        let texture = self.baked([SIDE; 2], 3, |uv| {
+            let odd = (uv.x < 0.5) != (uv.y < 0.5);
+            colours[usize::from(odd)].extend(1.0).to_array()
+        });
+        TextureRef {
+            texture: self.add_texture(texture),
+            transform,
+            second: false,
+        }
+    }
+
+    /// Makes `other`, a material of the scene, take the share `weight` of another's surface.
+    pub fn mix(&mut self, material: &mut Material, other: u32, weight: Paint) {
+        let textured = self.materials[other as usize].is_textured();
+        let mut texture = weight.map;
+        if texture.is_none() && textured {
+            // A texture of its own says that the surface has coordinates.
+            let white = self.add_texture(Texture::rgba(1, 1, [[255; 4]]));
+            texture = Some(TextureRef {
+                texture: white,
+                transform: Affine2::IDENTITY,
+                second: false,
+            });
+        }
+        material.finish_mut().mix = Some(Mix {
+            other,
+            weight: weight.factor.element_sum() / 3.0,
+            texture,
+        });
+    }
+}

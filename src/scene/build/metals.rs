@@ -1,0 +1,150 @@
+//! Indices of refraction by name.
+//!
+//! Metals: complex indices over the visible spectrum as Mitsuba 3 and pbrt name them (Palik: *Handbook of Optical Constants of
+//! Solids*, 1985, and the SOPRA database, both by refractiveindex.info), weighted by the CIE 1931 observer under D65 and taken to
+//! linear Rec. 709, which is what Mitsuba's RGB variants render; channels outside of the gamut are 0. Glasses: indices at the
+//! line d, of Mitsuba's list and of the manufacturers.
+
+use crate::math::Rgb;
+
+/// A metal's name, and red, green and blue of its index and of its extinction coefficient.
+type Row = (&'static str, [f32; 3], [f32; 3]);
+
+#[rustfmt::skip]
+const METALS: &[Row] = &[
+    ("a-C", [2.944, 2.2271, 1.9682], [0.88746, 0.7993, 0.81529]),
+    ("Ag", [0.15528, 0.11673, 0.13839], [4.8284, 3.1222, 2.1469]),
+    ("Al", [1.6575, 0.8804, 0.52124], [9.2238, 6.2695, 4.837]),
+    ("Au", [0.14304, 0.37531, 1.442], [3.983, 2.3856, 1.6034]),
+    ("Be", [4.185, 3.185, 2.7841], [3.8355, 3.0101, 2.869]),
+    ("Cr", [4.3697, 2.9165, 1.6549], [5.2065, 4.2313, 3.7547]),
+    ("CsI", [2.1449, 1.7023, 1.6624], [0.0, 0.0, 0.0]),
+    ("Cu", [0.20101, 0.92375, 1.1022], [3.9133, 2.453, 2.1421]),
+    ("Cu2O", [3.5518, 2.9499, 2.7519], [0.11421, 0.1939, 0.60613]),
+    ("CuO", [3.2475, 2.4478, 2.2102], [0.52109, 0.57003, 0.72218]),
+    ("d-C", [2.7087, 2.3188, 2.2289], [0.0, 0.0, 0.0]),
+    ("Hg", [2.3989, 1.44, 0.90957], [6.3276, 4.3719, 3.4218]),
+    ("HgTe", [4.779, 3.2312, 2.6599], [1.6316, 1.5808, 1.7293]),
+    ("Ir", [3.0863, 2.0822, 1.6179], [5.5922, 4.0671, 3.2673]),
+    ("K", [0.064043, 0.04641, 0.038185], [2.1042, 1.3489, 0.91313]),
+    ("Li", [0.26579, 0.19562, 0.22095], [3.5402, 2.3111, 1.6686]),
+    ("Mo", [4.484, 3.5251, 2.7763], [4.1114, 3.4208, 3.1506]),
+    ("Na_palik", [0.060269, 0.056141, 0.061988], [3.1793, 2.1125, 1.579]),
+    ("Nb", [3.4201, 2.7901, 2.3956], [3.4414, 2.7377, 2.5797]),
+    ("Ni_palik", [2.3673, 1.6634, 1.4671], [4.4988, 3.0502, 2.3454]),
+    ("Rh", [2.5858, 1.8602, 1.5543], [6.7823, 4.703, 3.9761]),
+    ("Se", [4.0583, 2.8429, 2.8209], [0.75405, 0.63844, 0.52181]),
+    ("SnTe", [4.5242, 1.9816, 1.2816], [0.0, 0.0, 0.0]),
+    ("Ta", [2.0627, 2.3929, 2.6279], [2.4084, 1.7415, 1.947]),
+    ("Te", [7.3902, 4.4821, 2.6371], [3.256, 3.5271, 3.2921]),
+    ("ThF4", [1.8307, 1.4422, 1.3876], [0.0, 0.0, 0.0]),
+    ("TiC", [3.7005, 2.8374, 2.5823], [3.2656, 2.3516, 2.1728]),
+    ("TiN", [1.6484, 1.1505, 1.3798], [3.3683, 1.9435, 1.1021]),
+    ("VC", [3.6576, 2.7527, 2.5327], [3.0683, 2.1987, 1.9632]),
+    ("V_palik", [4.2776, 3.5129, 2.7611], [3.4913, 2.8895, 3.1115]),
+    ("VN", [2.8656, 2.1192, 1.9401], [3.0322, 2.0561, 1.6163]),
+    ("W", [4.3708, 3.3002, 2.9984], [3.5006, 2.6049, 2.2732]),
+];
+
+/// Other names of these metals: those of pbrt, and short ones of Mitsuba.
+const ALIASES: &[(&str, &str)] = &[
+    ("metal-Ag", "Ag"),
+    ("metal-Al", "Al"),
+    ("metal-Au", "Au"),
+    ("metal-Cu", "Cu"),
+    ("metal-MgO", "MgO"),
+    ("metal-TiO2", "TiO2"),
+    ("Ag_palik", "Ag"),
+    ("Al_palik", "Al"),
+    ("Au_palik", "Au"),
+    ("Cu_palik", "Cu"),
+    ("W_palik", "W"),
+    ("Na", "Na_palik"),
+    ("V", "V_palik"),
+    ("Ni", "Ni_palik"),
+];
+
+/// Dielectrics and their indices.
+const GLASSES: &[(&str, f32)] = &[
+    ("vacuum", 1.0),
+    ("helium", 1.000_036),
+    ("hydrogen", 1.000_132),
+    ("air", 1.000_277),
+    ("carbon dioxide", 1.000_45),
+    ("water", 1.333),
+    ("acetone", 1.36),
+    ("ethanol", 1.361),
+    ("carbon tetrachloride", 1.461),
+    ("glycerol", 1.4729),
+    ("benzene", 1.501),
+    ("silicone oil", 1.520_45),
+    ("bromine", 1.661),
+    ("water ice", 1.31),
+    ("fused quartz", 1.458),
+    ("pyrex", 1.47),
+    ("acrylic glass", 1.49),
+    ("polypropylene", 1.49),
+    ("bk7", 1.5046),
+    ("sodium chloride", 1.544),
+    ("amber", 1.55),
+    ("pet", 1.575),
+    ("diamond", 2.419),
+    ("glass-BK7", 1.5168),
+    ("glass-BAF10", 1.67),
+    ("glass-LASF9", 1.850_25),
+    ("glass-F5", 1.6034),
+    ("glass-F10", 1.6231),
+    ("glass-F11", 1.6206),
+    ("glass-SF5", 1.6727),
+    ("glass-SF10", 1.728_25),
+    ("glass-SF11", 1.784_72),
+    ("glass-FK51A", 1.486_56),
+];
+
+/// Index and extinction coefficient of a metal; names are case-sensitive, as in the files.
+pub fn metal(name: &str) -> Option<(Rgb, Rgb)> {
+    let alias = ALIASES.iter().find(|(alias, _)| *alias == name);
+    let name = alias.map_or(name, |(_, name)| name);
+    let (_, eta, k) = METALS.iter().find(|(known, ..)| *known == name)?;
+    Some((Rgb::from_array(*eta), Rgb::from_array(*k)))
+}
+
+/// Index of refraction of a dielectric.
+pub fn glass(name: &str) -> Option<f32> {
+    let found = GLASSES
+        .iter()
+        .find(|(known, _)| known.eq_ignore_ascii_case(name));
+    found.map(|(_, eta)| *eta)
+}
+
+/// Names of all metals.
+pub fn metals() -> impl Iterator<Item = &'static str> {
+    METALS.iter().map(|(name, ..)| *name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metals_of_both_programs_have_plausible_reflectances() {
+        for (name, [red, blue]) in [
+            ("metal-Au", [0.97, 0.32]),
+            ("Ag", [0.97, 0.91]),
+            ("metal-Cu", [0.95, 0.55]),
+        ] {
+            let (eta, k) = metal(name).unwrap();
+            let f = |c: usize| crate::bsdf::fresnel::conductor(1.0, eta[c], k[c]);
+            assert!(
+                (f(0) - red).abs() < 0.04 && (f(2) - blue).abs() < 0.08,
+                "{name}: {} {}",
+                f(0),
+                f(2)
+            );
+        }
+        assert_eq!((glass("BK7"), glass("nothing")), (Some(1.5046), None));
+        for (_, name) in ALIASES {
+            assert!(metal(name).is_some(), "{name}");
+        }
+    }
+}

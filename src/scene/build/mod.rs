@@ -1,0 +1,276 @@
+//! Scenes put together piece by piece: shapes at poses, looks, lights. Readers of other renderers' files and Python build theirs
+//! so; [`Builder::finish`] makes plain [`SceneParts`] of them, which is what the reader of glTF makes too.
+
+pub mod colour;
+pub mod looks;
+pub mod metals;
+pub mod shapes;
+pub mod sky;
+
+use super::mesh::{Mesh, SharedMesh, cofactors, unit};
+use super::{Material, SceneParts};
+use crate::math::{Rgb, Vec3};
+use crate::memory::{self, Shortage};
+use glam::DAffine3;
+use std::collections::HashMap;
+
+/// Most vertices, and most triangles, of a scene in memory. Instances and shared accessors let a small file ask for any
+/// number.
+pub(crate) const MAX_ELEMENTS: u64 = 1 << 26;
+
+/// Most triangles of a scene, those of every instance counted: their indices have 32 bits.
+pub(crate) const MAX_SHOWN: u64 = 1 << 31;
+
+/// Most meshes, one per primitive and instance.
+pub(crate) const MAX_MESHES: usize = 1 << 20;
+
+/// Bytes of copies above which meshes are shared. Rays meet copies faster, so small scenes keep them.
+pub(crate) const MAX_COPIES: u64 = 256 << 20;
+
+/// Least triangles of a mesh that is shared: an instance takes as much memory as a copy of few.
+pub(crate) const MIN_SHARED: u64 = 16;
+
+/// Bytes of an instance of a shared mesh: its poses, and the tree over all while it is built. Measured: 550.
+pub(crate) const INSTANCE_BYTES: u64 = 600;
+
+/// Bytes of a triangle beside its mesh: its record, and the tree while it is built. Measured: 240.
+pub(crate) const TRIANGLE_BYTES: u64 = 260;
+
+/// Bytes of a triangle that emits, beside those: trees of its own. Measured: 265.
+pub(crate) const EMITTER_BYTES: u64 = 290;
+
+/// Why a scene cannot be built.
+#[derive(Debug, thiserror::Error)]
+pub enum BuildError {
+    /// More meshes, vertices or triangles than a scene may have.
+    #[error("more than {0}, copies of meshes counted")]
+    TooMany(String),
+    /// More memory than there is.
+    #[error("{0}")]
+    Memory(Shortage),
+}
+
+/// A mesh at a pose.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed {
+    /// Index of the mesh, as [`Builder::mesh`] gave it.
+    pub mesh: u32,
+    /// Index of the material.
+    pub material: u32,
+    /// The way from the mesh's space to the world. A mirroring one keeps the front the front.
+    pub pose: DAffine3,
+}
+
+/// A scene in progress.
+#[derive(Clone, Debug, Default)]
+pub struct Builder {
+    /// Materials, textures, lights, cameras and environment so far. Its meshes are those of [`Builder::place`], later.
+    pub parts: SceneParts,
+    meshes: Vec<Mesh>,
+    placed: Vec<Placed>,
+}
+
+impl Builder {
+    /// Adds a mesh in a space of its own, of which any number of copies may be placed.
+    pub fn mesh(&mut self, mesh: Mesh) -> u32 {
+        self.meshes.push(mesh);
+        self.meshes.len() as u32 - 1
+    }
+
+    /// A mesh that was added.
+    pub fn mesh_mut(&mut self, mesh: u32) -> &mut Mesh {
+        &mut self.meshes[mesh as usize]
+    }
+
+    /// Adds a material.
+    pub fn material(&mut self, material: Material) -> u32 {
+        self.parts.materials.push(material);
+        self.parts.materials.len() as u32 - 1
+    }
+
+    /// Shows a mesh.
+    pub fn place(&mut self, placed: Placed) -> Result<(), BuildError> {
+        if self.placed.len() == MAX_MESHES {
+            return Err(BuildError::TooMany(format!("{MAX_MESHES} meshes")));
+        }
+        self.placed.push(placed);
+        Ok(())
+    }
+
+    fn emits(&self, material: u32) -> bool {
+        let material = self.parts.materials.get(material as usize);
+        material.is_some_and(|m| m.emission != Rgb::ZERO)
+    }
+
+    fn may_share(&self, placed: &Placed) -> bool {
+        !self.emits(placed.material) && SharedMesh::condition(&placed.pose).is_some()
+    }
+
+    fn bytes(mesh: &Mesh, emits: bool) -> u64 {
+        let all = |n: usize, size: u64| n as u64 * size;
+        all(mesh.positions.len() + mesh.normals.len(), 12)
+            + all(mesh.uvs.len() + mesh.second_uvs.len(), 8)
+            + all(mesh.tangents.len() + mesh.colors.len(), 16)
+            + all(mesh.indices.len(), 12 + TRIANGLE_BYTES)
+            + all(mesh.indices.len(), if emits { EMITTER_BYTES } else { 0 })
+    }
+
+    /// The parts of the scene. Meshes that are shown more than once are shared, but for the smallest, if copies of them would
+    /// take much memory.
+    pub fn finish(mut self) -> Result<SceneParts, BuildError> {
+        let mut uses: HashMap<(u32, u32), u64> = HashMap::new();
+        let mut copies = 0;
+        for placed in self.placed.iter().filter(|placed| self.may_share(placed)) {
+            let mesh = &self.meshes[placed.mesh as usize];
+            if (mesh.indices.len() as u64) < MIN_SHARED {
+                continue;
+            }
+            let used = uses.entry((placed.mesh, placed.material)).or_default();
+            *used += 1;
+            if *used > 1 {
+                copies += Self::bytes(mesh, false);
+            }
+        }
+        uses.retain(|_, used| *used > 1 && copies > MAX_COPIES);
+        let shares = |b: &Self, placed: &Placed| {
+            uses.contains_key(&(placed.mesh, placed.material)) && b.may_share(placed)
+        };
+        let (mut stored, mut shown, mut bytes) = (0u64, 0u64, 0u64);
+        for placed in &self.placed {
+            let mesh = &self.meshes[placed.mesh as usize];
+            let triangles = mesh.indices.len() as u64;
+            shown += triangles;
+            if shares(&self, placed) {
+                bytes += INSTANCE_BYTES;
+                continue;
+            }
+            stored += triangles.max(mesh.positions.len() as u64);
+            bytes += Self::bytes(mesh, self.emits(placed.material));
+        }
+        if stored > MAX_ELEMENTS || shown > MAX_SHOWN {
+            let most = format!("{MAX_ELEMENTS} vertices or triangles");
+            return Err(BuildError::TooMany(most));
+        }
+        memory::check(format!("{shown} triangles, instances counted,"), bytes)
+            .map_err(BuildError::Memory)?;
+        let mut numbers: HashMap<(u32, u32), usize> = HashMap::new();
+        for placed in std::mem::take(&mut self.placed) {
+            let mesh = &self.meshes[placed.mesh as usize];
+            let material = placed.material;
+            if !shares(&self, &placed) {
+                let mesh = moved(mesh, &placed.pose);
+                self.parts.meshes.push(Mesh { material, ..mesh });
+                continue;
+            }
+            let shared = &mut self.parts.shared;
+            let number = *numbers.entry((placed.mesh, material)).or_insert_with(|| {
+                let mesh = mesh.clone();
+                shared.push(SharedMesh {
+                    mesh: Mesh { material, ..mesh },
+                    poses: Vec::new(),
+                });
+                shared.len() - 1
+            });
+            shared[number].poses.push(placed.pose);
+        }
+        Ok(self.parts)
+    }
+}
+
+/// A mesh at a pose. A mirroring one keeps the front the front.
+pub(crate) fn moved(mesh: &Mesh, pose: &DAffine3) -> Mesh {
+    let mirrors = pose.matrix3.determinant() < 0.0;
+    let sign = if mirrors { -1.0 } else { 1.0 };
+    let normals = cofactors(&pose.matrix3) * sign;
+    let point = |p: &Vec3| pose.transform_point3(p.as_dvec3()).as_vec3();
+    let indices = |&[a, b, c]: &[u32; 3]| if mirrors { [a, c, b] } else { [a, b, c] };
+    Mesh {
+        positions: mesh.positions.iter().map(point).collect(),
+        normals: (mesh.normals.iter())
+            .map(|n| unit(normals * n.as_dvec3()))
+            .collect(),
+        tangents: (mesh.tangents.iter())
+            .map(|t| {
+                let along = pose.transform_vector3(t.truncate().as_dvec3());
+                unit(along).extend(t.w)
+            })
+            .collect(),
+        indices: mesh.indices.iter().map(indices).collect(),
+        ..mesh.clone()
+    }
+}
+
+/// Turns the front of a mesh round.
+pub fn flip(mesh: &mut Mesh) {
+    mesh.indices.iter_mut().for_each(|face| face.swap(1, 2));
+    mesh.normals.iter_mut().for_each(|n| *n = -*n);
+}
+
+/// Turns each triangle so that its front is where its vertices' normals point.
+pub fn face_normals_outwards(mesh: &mut Mesh) {
+    if mesh.normals.len() != mesh.positions.len() {
+        return;
+    }
+    for face in &mut mesh.indices {
+        let at = |i: u32| mesh.positions.get(i as usize).copied();
+        let (Some(a), Some(b), Some(c)) = (at(face[0]), at(face[1]), at(face[2])) else {
+            continue;
+        };
+        let normals: Vec3 = face.iter().map(|&i| mesh.normals[i as usize]).sum();
+        if (b - a).cross(c - a).dot(normals) < 0.0 {
+            face.swap(1, 2);
+        }
+    }
+}
+
+/// Gives a mesh tangents along u that make a right-handed frame with the bitangent, as the normal maps of pbrt and Mitsuba are
+/// meant.
+pub fn right_handed_tangents(mesh: &mut Mesh) {
+    mesh.derive_tangents();
+    mesh.tangents.iter_mut().for_each(|t| t.w = 1.0);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DMat3, DVec3};
+
+    /// The front of a sphere is outside whatever the pose, mirroring ones among them.
+    #[test]
+    fn builder_keeps_fronts_and_shares_what_is_large() {
+        let mut builder = Builder::default();
+        let ball = builder.mesh(shapes::sphere(Vec3::ZERO, 1.0));
+        let material = builder.material(Material::default());
+        let mirror = DAffine3::from_mat3(DMat3::from_diagonal(DVec3::new(-2.0, 1.0, 1.0)));
+        let away = DAffine3::from_translation(DVec3::new(0.0, 9.0, 0.0));
+        for pose in [mirror, away] {
+            let placed = Placed {
+                mesh: ball,
+                material,
+                pose,
+            };
+            builder.place(placed).unwrap();
+        }
+        let few = builder.clone().finish().unwrap();
+        assert_eq!((few.meshes.len(), few.shared.len()), (2, 0));
+        for (mesh, centre) in few.meshes.iter().zip([Vec3::ZERO, 9.0 * Vec3::Y]) {
+            for face in &mesh.indices {
+                let [a, b, c] = face.map(|i| mesh.positions[i as usize]);
+                let across = (b - a).cross(c - a);
+                assert!(across.dot(a + b + c - 3.0 * centre) >= -1e-6);
+                assert!(across.dot(mesh.normals[face[1] as usize]) >= -1e-6);
+            }
+        }
+        let bytes = Builder::bytes(&builder.meshes[0], false);
+        for _ in 0..=MAX_COPIES / bytes {
+            let placed = Placed {
+                mesh: ball,
+                material,
+                pose: away,
+            };
+            builder.place(placed).unwrap();
+        }
+        let many = builder.finish().unwrap();
+        assert_eq!((many.meshes.len(), many.shared.len()), (0, 1));
+    }
+}

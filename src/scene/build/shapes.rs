@@ -1,0 +1,186 @@
+//! Shapes as meshes: curved ones fine enough that their outlines are round in any picture, with the exact normals.
+
+use super::super::mesh::Mesh;
+use crate::math::{Vec2, Vec3};
+use std::f32::consts::{PI, TAU};
+
+/// Segments of a full turn.
+const SEGMENTS: u32 = 256;
+
+/// A grid of points over (u, v) in [0, 1]², counter-clockwise seen from where ∂/∂u × ∂/∂v points.
+pub fn grid(columns: u32, rows: u32, point: impl Fn(Vec2) -> (Vec3, Vec3)) -> Mesh {
+    let mut mesh = Mesh::default();
+    for j in 0..=rows {
+        for i in 0..=columns {
+            let uv = Vec2::new(i as f32 / columns as f32, j as f32 / rows as f32);
+            let (position, normal) = point(uv);
+            mesh.positions.push(position);
+            mesh.normals.push(normal);
+            mesh.uvs.push(uv);
+        }
+    }
+    for j in 0..rows {
+        for i in 0..columns {
+            let a = j * (columns + 1) + i;
+            let (b, c) = (a + columns + 1, a + columns + 2);
+            mesh.indices.extend([[a, a + 1, c], [a, c, b]]);
+        }
+    }
+    mesh
+}
+
+/// The square [−1, 1]² of the plane z = 0, front at +z.
+pub fn rectangle() -> Mesh {
+    grid(1, 1, |uv| ((2.0 * uv - 1.0).extend(0.0), Vec3::Z))
+}
+
+/// Axes of the texture coordinates of the faces of [`cube`], as Mitsuba's cube has them: normal, u, v.
+const FACES: [[Vec3; 3]; 6] = [
+    [Vec3::X, Vec3::Y, Vec3::NEG_Z],
+    [Vec3::NEG_X, Vec3::Y, Vec3::Z],
+    [Vec3::Y, Vec3::NEG_X, Vec3::NEG_Z],
+    [Vec3::NEG_Y, Vec3::Z, Vec3::X],
+    [Vec3::Z, Vec3::Y, Vec3::X],
+    [Vec3::NEG_Z, Vec3::NEG_Y, Vec3::X],
+];
+
+/// The cube [−1, 1]³, front outside.
+pub fn cube() -> Mesh {
+    let mut mesh = Mesh::default();
+    for [normal, u, v] in FACES {
+        let face = grid(1, 1, |uv| {
+            let p = 2.0 * uv - 1.0;
+            (normal + p.x * u + p.y * v, normal)
+        });
+        append(&mut mesh, &face);
+    }
+    super::face_normals_outwards(&mut mesh);
+    mesh
+}
+
+/// Adds a mesh of the same attributes to another.
+pub fn append(mesh: &mut Mesh, other: &Mesh) {
+    let first = mesh.positions.len() as u32;
+    mesh.positions.extend(&other.positions);
+    mesh.normals.extend(&other.normals);
+    mesh.uvs.extend(&other.uvs);
+    let moved = other.indices.iter().map(|face| face.map(|i| i + first));
+    mesh.indices.extend(moved);
+}
+
+/// A sphere, poles at ±z, front outside; u by the azimuth from +x, v from the pole at +z. Its triangles lie as much outside of
+/// the sphere as inside.
+pub fn sphere(centre: Vec3, radius: f32) -> Mesh {
+    part_of_sphere(centre, radius, [0.0, PI], TAU)
+}
+
+/// The part of a sphere between two angles from +z, up to an azimuth; (u, v) as [`sphere`].
+pub fn part_of_sphere(centre: Vec3, radius: f32, [from, to]: [f32; 2], phi: f32) -> Mesh {
+    let columns = ((SEGMENTS as f32 * phi / TAU).ceil() as u32).max(3);
+    let rows = ((SEGMENTS as f32 * (to - from) / TAU).ceil() as u32).max(2);
+    // Chords lie inside: what is lost by them is given back, half of the largest distance in either direction.
+    let swell = 1.0 / (1.0 - (PI / SEGMENTS as f32).powi(2) / 3.0);
+    grid(columns, rows, |uv| {
+        let (theta, phi) = (from + uv.y * (to - from), uv.x * phi);
+        let n = Vec3::new(
+            theta.sin() * phi.cos(),
+            theta.sin() * phi.sin(),
+            theta.cos(),
+        );
+        (centre + radius * swell * n, n)
+    })
+    .turned()
+}
+
+impl Mesh {
+    /// The same with the other winding, normals kept.
+    fn turned(mut self) -> Self {
+        self.indices.iter_mut().for_each(|face| face.swap(1, 2));
+        self
+    }
+}
+
+/// A disk, or ring, in the plane z = `height`, front at +z; u by the radius over the largest, v by the azimuth.
+pub fn disk(height: f32, radius: f32, inner: f32, phi: f32) -> Mesh {
+    // As large as the circle.
+    let swell = (TAU / SEGMENTS as f32 / (TAU / SEGMENTS as f32).sin()).sqrt();
+    let rows = ((SEGMENTS as f32 * phi / TAU).ceil() as u32).max(3);
+    let mut mesh = grid(1, rows, |uv| {
+        let r = (inner + (radius - inner) * uv.x) * swell;
+        let (sin, cos) = (uv.y * phi).sin_cos();
+        (Vec3::new(r * cos, r * sin, height), Vec3::Z)
+    });
+    let least = inner / radius;
+    mesh.uvs
+        .iter_mut()
+        .for_each(|uv| uv.x = least + (1.0 - least) * uv.x);
+    mesh
+}
+
+/// The mantle of a cylinder about z, front outside.
+pub fn cylinder(radius: f32, [low, high]: [f32; 2], phi: f32) -> Mesh {
+    let swell = (TAU / SEGMENTS as f32 / (TAU / SEGMENTS as f32).sin()).sqrt();
+    let columns = ((SEGMENTS as f32 * phi / TAU).ceil() as u32).max(3);
+    grid(columns, 1, |uv| {
+        let (sin, cos) = (uv.x * phi).sin_cos();
+        let n = Vec3::new(cos, sin, 0.0);
+        (
+            radius * swell * n + (low + uv.y * (high - low)) * Vec3::Z,
+            n,
+        )
+    })
+}
+
+/// A bilinear patch with corners at (u, v) = (0, 0), (1, 0), (0, 1) and (1, 1), and the texture coordinates there.
+pub fn patch(corners: [Vec3; 4], uvs: [Vec2; 4]) -> Mesh {
+    let [a, b, c, d] = corners;
+    let flat = (b - a).cross(c - a).normalize_or_zero();
+    let size = (d - a).length().max((c - b).length());
+    let planar = (d - a).dot(flat).abs() <= 1e-5 * size;
+    let n = if planar { 1 } else { 16 };
+    let mut mesh = grid(n, n, |uv| {
+        let (low, high) = (a.lerp(b, uv.x), c.lerp(d, uv.x));
+        let along = (b - a).lerp(d - c, uv.y);
+        let normal = along.cross(high - low).normalize_or_zero();
+        (low.lerp(high, uv.y), normal)
+    });
+    let at = |uv: &Vec2| (uvs[0].lerp(uvs[1], uv.x)).lerp(uvs[2].lerp(uvs[3], uv.x), uv.y);
+    mesh.uvs = mesh.uvs.iter().map(at).collect();
+    mesh
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Area by the triangles, and true if fronts are where normals point.
+    fn area(mesh: &Mesh) -> f64 {
+        let of = |face: &[u32; 3]| {
+            let [a, b, c] = face.map(|i| mesh.positions[i as usize]);
+            let across = (b - a).cross(c - a);
+            for &i in face {
+                assert!(across.dot(mesh.normals[i as usize]) >= -1e-6, "{face:?}");
+            }
+            0.5 * f64::from(across.length())
+        };
+        mesh.indices.iter().map(of).sum()
+    }
+
+    #[test]
+    fn shapes_have_their_areas_and_face_outwards() {
+        let pi = std::f64::consts::PI;
+        let close = |mesh: &Mesh, expected: f64| {
+            let found = area(mesh);
+            assert!((found / expected - 1.0).abs() < 1e-4, "{found} {expected}");
+        };
+        close(&rectangle(), 4.0);
+        close(&cube(), 24.0);
+        close(&sphere(Vec3::ONE, 2.0), 16.0 * pi);
+        close(&disk(0.5, 2.0, 1.0, TAU), 3.0 * pi);
+        close(&cylinder(2.0, [-1.0, 2.0], PI), 6.0 * pi);
+        let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let uvs = [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE];
+        close(&patch([a, b, c, b + c], uvs), 1.0);
+        assert!(patch([a, b, c, b + c + Vec3::Z], uvs).indices.len() > 100);
+    }
+}

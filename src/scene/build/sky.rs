@@ -1,0 +1,161 @@
+//! Environment maps of other renderers, as our own: another projection, another way up, other places of the texels.
+
+use super::super::Environment;
+use crate::image::Buffer;
+use crate::math::{Rgb, Vec3};
+use glam::DMat3;
+use rayon::prelude::*;
+use std::f64::consts::{FRAC_PI_4, PI, TAU};
+
+/// Projection of a map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Projection {
+    /// Mitsuba's: latitude and longitude, the top row at +y and the bottom row at −y, the left edge at −z, bilinear.
+    LatLong,
+    /// pbrt's: equal areas on an octahedron, each texel of one colour.
+    EqualArea,
+}
+
+/// Most rows of a map that is made.
+const MOST: usize = 4096;
+
+/// Samples of each texel along a side.
+const SAMPLES: usize = 3;
+
+/// The environment of a map whose own directions `to_world` takes to the world, multiplied by `factor`.
+pub fn resampled(
+    map: &Buffer,
+    projection: Projection,
+    to_world: DMat3,
+    factor: Rgb,
+) -> Environment {
+    let rows = match projection {
+        // Turned texels must keep small suns small.
+        Projection::LatLong => (2 * map.height).clamp(64, MOST),
+        Projection::EqualArea => (2 * map.height).clamp(64, MOST),
+    };
+    let columns = 2 * rows;
+    let back = to_world.inverse();
+    let pixels = (0..rows * columns).into_par_iter().map(|i| {
+        let mut sum = Vec3::ZERO;
+        for s in 0..SAMPLES * SAMPLES {
+            let at = |k: usize, cell: usize| cell as f64 + (k as f64 + 0.5) / SAMPLES as f64;
+            let (x, y) = (at(s % SAMPLES, i % columns), at(s / SAMPLES, i / columns));
+            let (theta, phi) = (y / rows as f64 * PI, x / columns as f64 * TAU - PI);
+            let (sin, cos) = theta.sin_cos();
+            let dir = glam::DVec3::new(sin * phi.sin(), cos, -sin * phi.cos());
+            let own = (back * dir).normalize_or(glam::DVec3::Y);
+            sum += match projection {
+                Projection::LatLong => lat_long(map, own),
+                Projection::EqualArea => equal_area(map, own),
+            };
+        }
+        sum * factor / (SAMPLES * SAMPLES) as f32
+    });
+    let made = Buffer {
+        width: columns,
+        height: rows,
+        pixels: pixels.collect(),
+    };
+    Environment::from_map(made, 0.0)
+}
+
+fn lat_long(map: &Buffer, dir: glam::DVec3) -> Rgb {
+    let u = (dir.x.atan2(-dir.z) / TAU).rem_euclid(1.0);
+    let v = dir.x.hypot(dir.z).atan2(dir.y) / PI;
+    let (w, h) = (map.width, map.height);
+    let x = u * w as f64 - 0.5;
+    let y = v * (h - 1) as f64;
+    let (fx, fy) = ((x - x.floor()) as f32, y.fract() as f32);
+    let column = |k: i64| (x.floor() as i64 + k).rem_euclid(w as i64) as usize;
+    let row = |k: usize| (y as usize + k).min(h - 1);
+    let at = |i: i64, j: usize| map.pixels[row(j) * w + column(i)];
+    let line = |j| at(0, j).lerp(at(1, j), fx);
+    line(0).lerp(line(1), fy)
+}
+
+/// The square of a direction, [0, 1]² (Clarberg: *Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD*, 2008; `[PBRT4 §3.8.3]`).
+fn square(dir: glam::DVec3) -> [f64; 2] {
+    let (x, y, z) = (dir.x.abs(), dir.y.abs(), dir.z.abs());
+    let r = (1.0 - z).max(0.0).sqrt();
+    let phi = if x == 0.0 && y == 0.0 {
+        0.0
+    } else {
+        y.atan2(x) / (2.0 * FRAC_PI_4)
+    };
+    let (mut v, mut u) = (phi * r, r - phi * r);
+    if dir.z < 0.0 {
+        (u, v) = (1.0 - v, 1.0 - u);
+    }
+    [
+        0.5 * (u.copysign(dir.x) + 1.0),
+        0.5 * (v.copysign(dir.y) + 1.0),
+    ]
+}
+
+fn equal_area(map: &Buffer, dir: glam::DVec3) -> Rgb {
+    let [u, v] = square(dir);
+    let place = |x: f64, n: usize| ((x * n as f64) as usize).min(n - 1);
+    map.pixels[place(v, map.height) * map.width + place(u, map.width)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    /// The mapping keeps areas: directions that are uniform on the sphere are uniform in the square.
+    #[test]
+    fn sky_square_is_of_equal_areas_and_its_middle_is_up() {
+        assert!(square(DVec3::Z).iter().all(|x| (x - 0.5).abs() < 1e-9));
+        assert!(
+            square(DVec3::X)
+                .iter()
+                .zip([1.0, 0.5])
+                .all(|(a, b)| (a - b).abs() < 1e-9)
+        );
+        const CELLS: usize = 8;
+        let n = 200_000;
+        let mut counts = [0u32; CELLS * CELLS];
+        for i in 0..n {
+            let at = |step: f64| ((f64::from(i) + 0.5) * step).fract();
+            let (z, phi) = (
+                2.0 * at(0.754_877_666_246_69) - 1.0,
+                TAU * at(0.569_840_290_998_05),
+            );
+            let r = (1.0 - z * z).sqrt();
+            let [u, v] = square(DVec3::new(r * phi.cos(), r * phi.sin(), z));
+            let cell = |x: f64| ((x * CELLS as f64) as usize).min(CELLS - 1);
+            counts[cell(v) * CELLS + cell(u)] += 1;
+        }
+        let expected = f64::from(n) / counts.len() as f64;
+        for count in counts {
+            assert!(
+                (f64::from(count) / expected - 1.0).abs() < 0.02,
+                "{counts:?}"
+            );
+        }
+    }
+
+    /// A map of one bright texel shines from where it should, with its energy.
+    #[test]
+    fn sky_texels_go_where_they_belong() {
+        let map = Buffer::from_fn(32, 16, |x, y| {
+            Rgb::splat(f32::from(u8::from(x == 0 && y == 8)))
+        });
+        let sky = resampled(&map, Projection::LatLong, DMat3::IDENTITY, Rgb::ONE);
+        // The left edge is −z, and u grows towards +x.
+        let bright = |sky: &Environment, dir: Vec3| sky.radiance(dir.normalize()).x;
+        assert!(bright(&sky, Vec3::new(0.1, -0.1, -1.0)) > 0.5);
+        assert!(bright(&sky, Vec3::new(-0.3, -0.1, -1.0)) < 0.1);
+        let turned = resampled(
+            &map,
+            Projection::LatLong,
+            DMat3::from_rotation_x(0.5 * PI),
+            Rgb::ONE,
+        );
+        assert!(bright(&turned, Vec3::new(0.1, 1.0, -0.1)) > 0.5);
+        let (a, b) = (sky.average().x, turned.average().x);
+        assert!((a / b - 1.0).abs() < 0.02, "{a} {b}");
+    }
+}

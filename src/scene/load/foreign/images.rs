@@ -1,0 +1,244 @@
+//! Images of other renderers' scenes: textures, and maps of radiance.
+
+use super::super::error::{Result, fault};
+use super::super::textures::Source;
+use super::Context;
+use crate::image::{Buffer, exr};
+use crate::math::Rgb;
+use crate::memory;
+use crate::scene::build::looks::Paint;
+use crate::scene::material::TextureRef;
+use crate::scene::texture::{Texels, Texture, Wrap};
+use glam::Affine2;
+use image::ImageFormat;
+use std::borrow::Cow;
+
+/// What a texture is known by: file, whether it is encoded (`None`: if its values have eight bits), wrap, and sharp edges.
+pub(super) type Key = (String, Option<bool>, [Wrap; 2], bool, bool);
+
+/// A texture, and the factor of its values.
+pub(super) type Known = (u32, f32);
+
+/// Formats that are read. Those without marks of their own go by their names.
+const FORMATS: [ImageFormat; 4] = [
+    ImageFormat::Png,
+    ImageFormat::Jpeg,
+    ImageFormat::WebP,
+    ImageFormat::Hdr,
+];
+
+/// How a scene uses an image.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Use {
+    /// True if the values are sRGB encoded; `None` if they are just when they have eight bits.
+    pub(super) srgb: Option<bool>,
+    pub(super) wrap: [Wrap; 2],
+    /// True if texels have edges.
+    pub(super) nearest: bool,
+    /// True if one minus the values is meant.
+    pub(super) invert: bool,
+    /// From the mesh's coordinates to those of the image, whose origin is the top left.
+    pub(super) transform: Affine2,
+}
+
+impl Context {
+    /// A texture of a file.
+    pub(super) fn texture(&mut self, name: &str, how: Use, place: &str) -> Result<Paint> {
+        let key = (name.to_owned(), how.srgb, how.wrap, how.nearest, how.invert);
+        let known = match self.images.get(&key) {
+            Some(&known) => known,
+            None => {
+                let known = self.read_texture(name, how, place)?;
+                self.images.insert(key, known);
+                known
+            }
+        };
+        let map = TextureRef {
+            texture: known.0,
+            transform: how.transform,
+            second: false,
+        };
+        Ok(Paint {
+            factor: Rgb::splat(known.1),
+            map: Some(map),
+        })
+    }
+
+    fn read_texture(&mut self, name: &str, how: Use, place: &str) -> Result<Known> {
+        let lower = name.to_ascii_lowercase();
+        let (texture, factor) =
+            if lower.ends_with(".exr") || lower.ends_with(".hdr") || lower.ends_with(".pfm") {
+                let map = self.radiance_map(name, place)?;
+                words(&map, place)?
+            } else {
+                let (_, bytes) = self.files.open(name, place)?;
+                let at = format!("{place}: {name}");
+                let source = Source::new(at.clone(), Cow::Owned(bytes), &FORMATS)?;
+                memory::check(&at, source.bytes_needed()?)?;
+                let texture = source.decode()?;
+                let eight = matches!(texture.texels, Texels::Byte(_));
+                let srgb = how.srgb.unwrap_or(eight);
+                (Texture { srgb, ..texture }, 1.0)
+            };
+        let texture = if how.nearest {
+            enlarged(texture)
+        } else {
+            texture
+        };
+        let texture = if how.invert {
+            inverted(&texture)
+        } else {
+            texture
+        };
+        let texture = Texture {
+            wrap: how.wrap,
+            ..texture
+        };
+        Ok((self.parts().add_texture(texture), factor))
+    }
+
+    /// A map of linear values of a file.
+    pub(super) fn radiance_map(&mut self, name: &str, place: &str) -> Result<Buffer> {
+        let (path, bytes) = self.files.open(name, place)?;
+        let lower = name.to_ascii_lowercase();
+        let at = format!("{place}: {name}");
+        let map = if lower.ends_with(".exr") {
+            exr::read_rgb(&path).map_err(|e| fault(place, e.to_string()))?
+        } else if lower.ends_with(".hdr") {
+            crate::scene::light::read_hdr(&path).map_err(|e| fault(place, e.to_string()))?
+        } else if lower.ends_with(".pfm") {
+            pfm(&bytes, &at)?
+        } else {
+            let source = Source::new(at.clone(), Cow::Owned(bytes), &FORMATS)?;
+            memory::check(&at, 4 * source.bytes_needed()?)?;
+            let texture = Texture {
+                srgb: true,
+                ..source.decode()?
+            };
+            let colour = |x: usize, y: usize| {
+                let [r, g, b, _] = texture.texel(x as u32, y as u32);
+                Rgb::new(r, g, b)
+            };
+            Buffer::from_fn(texture.width as usize, texture.height as usize, colour)
+        };
+        if map.pixels.is_empty() {
+            return Err(fault(at, "an image without texels"));
+        }
+        let good = |p: &Rgb| p.is_finite();
+        match map.pixels.iter().all(good) {
+            true => Ok(map.map(|p| p.max(Rgb::ZERO))),
+            false => Err(fault(at, "has values that are not finite")),
+        }
+    }
+}
+
+/// A texture of linear values, and the factor of its texels, which are at most 1.
+fn words(map: &Buffer, place: &str) -> Result<(Texture, f32)> {
+    memory::check(place, 6 * map.pixels.len() as u64)?;
+    let most = map
+        .pixels
+        .iter()
+        .map(|p| p.max_element())
+        .fold(1.0, f32::max);
+    let code = |x: f32| (x / most * 65535.0 + 0.5) as u16;
+    let words: Vec<u16> = (map.pixels.iter())
+        .flat_map(|p| p.to_array().map(code))
+        .collect();
+    let texture = Texture {
+        width: map.width as u32,
+        height: map.height as u32,
+        channels: 3,
+        texels: Texels::Word(words.into()),
+        ..Texture::default()
+    };
+    Ok((texture, most))
+}
+
+/// A small image with its texels larger, so that interpolation leaves them their edges.
+fn enlarged(texture: Texture) -> Texture {
+    let times = (1024 / texture.width.max(texture.height).max(1)).clamp(1, 64);
+    if times == 1 {
+        return texture;
+    }
+    let channels = usize::from(texture.channels);
+    let (w, h) = (texture.width as usize, texture.height as usize);
+    let times = times as usize;
+    fn grow<T: Copy>(codes: &[T], w: usize, h: usize, n: usize, times: usize) -> Vec<T> {
+        let mut out = Vec::with_capacity(codes.len() * times * times);
+        for y in 0..h * times {
+            for x in 0..w * times {
+                let at = n * ((y / times) * w + x / times);
+                out.extend_from_slice(&codes[at..at + n]);
+            }
+        }
+        out
+    }
+    let texels = match &texture.texels {
+        Texels::Byte(codes) => Texels::Byte(grow(codes, w, h, channels, times).into()),
+        Texels::Word(codes) => Texels::Word(grow(codes, w, h, channels, times).into()),
+    };
+    Texture {
+        width: (w * times) as u32,
+        height: (h * times) as u32,
+        texels,
+        ..texture
+    }
+}
+
+/// One minus the linear values.
+fn inverted(texture: &Texture) -> Texture {
+    let map = Buffer::from_fn(texture.width as usize, texture.height as usize, |x, y| {
+        let [r, g, b, _] = texture.texel(x as u32, y as u32);
+        Rgb::ONE - Rgb::new(r, g, b)
+    });
+    words(&map, "").map_or_else(|_| texture.clone(), |(made, _)| made)
+}
+
+/// A portable float map.
+fn pfm(bytes: &[u8], place: &str) -> Result<Buffer> {
+    let bad = || fault(place, "is no PFM file");
+    let mut at = 0;
+    let mut word = || {
+        while bytes.get(at).is_some_and(u8::is_ascii_whitespace) {
+            at += 1;
+        }
+        let start = at;
+        while bytes.get(at).is_some_and(|b| !b.is_ascii_whitespace()) {
+            at += 1;
+        }
+        let word = std::str::from_utf8(bytes.get(start..at)?).ok();
+        at += 1;
+        word.map(|word| (word, at))
+    };
+    let (kind, _) = word().ok_or_else(bad)?;
+    let channels = match kind {
+        "PF" => 3,
+        "Pf" => 1,
+        _ => return Err(bad()),
+    };
+    let mut number = || word().and_then(|(w, at)| Some((w.parse::<f32>().ok()?, at)));
+    let (w, _) = number().ok_or_else(bad)?;
+    let (h, _) = number().ok_or_else(bad)?;
+    let (scale, data) = number().ok_or_else(bad)?;
+    let (w, h) = (w as usize, h as usize);
+    let values = bytes.get(data..).ok_or_else(bad)?;
+    let needed = w.checked_mul(h).and_then(|n| n.checked_mul(4 * channels));
+    if needed.is_none_or(|n| n > values.len() || n == 0) {
+        return Err(fault(place, "holds fewer values than its size says"));
+    }
+    let value = |i: usize| {
+        let four = [0, 1, 2, 3].map(|k| values[4 * i + k]);
+        match scale < 0.0 {
+            true => f32::from_le_bytes(four),
+            false => f32::from_be_bytes(four),
+        }
+    };
+    // Rows from the bottom.
+    Ok(Buffer::from_fn(w, h, |x, y| {
+        let i = channels * ((h - 1 - y) * w + x);
+        match channels {
+            3 => Rgb::new(value(i), value(i + 1), value(i + 2)),
+            _ => Rgb::splat(value(i)),
+        }
+    }))
+}

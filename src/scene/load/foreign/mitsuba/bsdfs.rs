@@ -1,0 +1,347 @@
+//! Materials of Mitsuba.
+
+use super::super::super::error::{Result, fault};
+use super::values::Meant;
+use super::xml::{Object, Value};
+use super::{Look, Scene};
+use crate::bsdf::Distribution;
+use crate::math::Rgb;
+use crate::scene::Material;
+use crate::scene::build::looks::{self, Paint};
+use crate::scene::build::metals;
+use crate::scene::finish::Anisotropy;
+
+/// Least roughness of a rough material: below it Mitsuba's are mirrors too.
+const LEAST_ALPHA: f64 = 1e-4;
+
+impl From<Material> for Look {
+    fn from(material: Material) -> Self {
+        Self {
+            material,
+            bump: None,
+        }
+    }
+}
+
+impl Scene<'_> {
+    /// The material of an object.
+    pub(super) fn look(&mut self, bsdf: &Object) -> Result<Look> {
+        let address = std::ptr::from_ref(bsdf).addr();
+        if let Some(look) = self.looks.get(&address) {
+            return Ok(look.clone());
+        }
+        let mut look = self.within(bsdf, |scene| scene.read_look(bsdf))?;
+        look.material.name = bsdf.id.clone();
+        self.looks.insert(address, look.clone());
+        Ok(look)
+    }
+
+    fn read_look(&mut self, bsdf: &Object) -> Result<Look> {
+        let place = &bsdf.place;
+        let material = match bsdf.plugin.as_str() {
+            "diffuse" | "lambertian" | "roughdiffuse" => {
+                if bsdf.plugin == "roughdiffuse" {
+                    self.context
+                        .approximate(place, "Oren and Nayar's model is shown as diffuse");
+                }
+                let names = ["reflectance", "diffuse_reflectance"];
+                looks::diffuse(self.paint(bsdf, &names, Paint::from(0.5))?)
+            }
+            "conductor" | "roughconductor" => self.conductor(bsdf)?,
+            "dielectric" | "roughdielectric" => self.dielectric(bsdf)?,
+            "thindielectric" => {
+                let eta = self.eta(bsdf, "bk7", "air")?;
+                let tint = self.paint(bsdf, &["specular_transmittance"], Paint::from(1.0))?;
+                let reflected =
+                    self.colour(bsdf, &["specular_reflectance"], Rgb::ONE, Meant::Reflected)?;
+                looks::wall(eta, tint, reflected)
+            }
+            "plastic" | "roughplastic" => self.plastic(bsdf)?,
+            "principled" => self.principled(bsdf)?,
+            "null" => looks::nothing(),
+            "twosided" => return self.twosided(bsdf),
+            "mask" => return self.mask(bsdf),
+            "bumpmap" | "bump" | "normalmap" => return self.mapped(bsdf),
+            "blendbsdf" | "mixturebsdf" => return self.blend(bsdf),
+            other => {
+                self.context.unsupported(place, format!("bsdf `{other}`"))?;
+                looks::diffuse(Paint::from(0.5))
+            }
+        };
+        Ok(material.into())
+    }
+
+    /// The one BSDF in another.
+    fn nested(&mut self, bsdf: &Object) -> Result<Vec<Look>> {
+        let inner = self.children(bsdf, &["bsdf"])?;
+        inner.iter().map(|(_, inner)| self.look(inner)).collect()
+    }
+
+    fn only(&mut self, bsdf: &Object) -> Result<Look> {
+        let inner = self.nested(bsdf)?.into_iter().next();
+        inner.ok_or_else(|| fault(&bsdf.place, "has no BSDF in it"))
+    }
+
+    fn twosided(&mut self, bsdf: &Object) -> Result<Look> {
+        let inner = self.nested(bsdf)?;
+        if inner.len() > 1 {
+            self.context
+                .unsupported(&bsdf.place, "another BSDF on the back")?;
+        }
+        let first = inner.into_iter().next();
+        first.ok_or_else(|| fault(&bsdf.place, "has no BSDF in it"))
+    }
+
+    fn mask(&mut self, bsdf: &Object) -> Result<Look> {
+        let mut look = self.only(bsdf)?;
+        let opacity = self.paint(bsdf, &["opacity"], Paint::from(0.5))?;
+        let done = self
+            .context
+            .parts()
+            .set_opacity(&mut look.material, opacity);
+        if let Err(what) = done {
+            self.context.unsupported(&bsdf.place, what)?;
+        }
+        Ok(look)
+    }
+
+    fn mapped(&mut self, bsdf: &Object) -> Result<Look> {
+        let mut look = self.only(bsdf)?;
+        if let Some(map) = self.any_texture(bsdf)? {
+            if bsdf.plugin == "normalmap" {
+                look.material.normal_texture = map.map;
+                look.material.normal_scale = 1.0;
+            } else {
+                let scale = bsdf.number("scale", 1.0)? as f32;
+                look.bump = Some(Paint {
+                    factor: map.factor * scale,
+                    ..map
+                });
+            }
+        }
+        Ok(look)
+    }
+
+    fn blend(&mut self, bsdf: &Object) -> Result<Look> {
+        let place = &bsdf.place;
+        let mut all = self.nested(bsdf)?.into_iter();
+        let (Some(mut first), Some(second), None) = (all.next(), all.next(), all.next()) else {
+            self.context
+                .unsupported(place, "a mixture of other than two BSDFs")?;
+            let look = self.nested(bsdf)?.into_iter().next();
+            return look.ok_or_else(|| fault(place, "has no BSDF in it"));
+        };
+        let weight = match bsdf.property("weights").map(|p| &p.value) {
+            Some(Value::Text(text)) => {
+                let weights = super::xml::numbers(text).unwrap_or_default();
+                Paint::from(weights.get(1).copied().unwrap_or(0.5) as f32)
+            }
+            _ => self.paint(bsdf, &["weight"], Paint::from(0.5))?,
+        };
+        let mixed = |look: &Look| {
+            look.material
+                .finish
+                .as_ref()
+                .is_some_and(|f| f.mix.is_some())
+        };
+        if mixed(&first) || mixed(&second) {
+            self.context.unsupported(place, "a mixture in a mixture")?;
+            return Ok(first);
+        }
+        let other = self.context.builder.material(second.material);
+        (self.context.parts()).mix(&mut first.material, other, weight);
+        Ok(first)
+    }
+
+    /// Index of a property that is a number or a name.
+    fn index(&mut self, bsdf: &Object, name: &str, or: &str) -> Result<f32> {
+        let text = match bsdf.property(name).map(|p| &p.value) {
+            Some(Value::Text(text)) => text.clone(),
+            Some(_) => return Ok(bsdf.number(name, 1.0)? as f32),
+            None => or.to_owned(),
+        };
+        let found = metals::glass(&text).or_else(|| text.trim().parse().ok());
+        found.ok_or_else(|| fault(&bsdf.place, format!("no material `{text}`")))
+    }
+
+    fn eta(&mut self, bsdf: &Object, inside: &str, outside: &str) -> Result<f32> {
+        let eta = match bsdf.property("eta") {
+            Some(_) => bsdf.number("eta", 1.0)? as f32,
+            None => self.index(bsdf, "int_ior", inside)? / self.index(bsdf, "ext_ior", outside)?,
+        };
+        match eta.is_finite() && eta > 0.0 {
+            true => Ok(eta),
+            false => Err(fault(&bsdf.place, format!("index of refraction {eta}"))),
+        }
+    }
+
+    /// Roughness and distribution; the roughness of a map is put into the material.
+    fn rough(&mut self, bsdf: &Object, material: &mut Material) -> Result<()> {
+        if !bsdf.plugin.starts_with("rough") {
+            return Ok(());
+        }
+        let own = match bsdf.text("distribution")?.unwrap_or("beckmann") {
+            "ggx" => Distribution::Ggx,
+            "beckmann" => Distribution::Beckmann,
+            other => {
+                self.context.approximate(
+                    &bsdf.place,
+                    &format!("distribution `{other}` is shown as Beckmann's"),
+                );
+                Distribution::Beckmann
+            }
+        };
+        material.distribution = self.context.distribution(own);
+        let alpha = self.paint(bsdf, &["alpha"], Paint::from(0.1))?;
+        if let Some(map) = alpha.map {
+            let factor = alpha.factor.x;
+            let map = (self.context.parts()).roughness_map(map, |x| (factor * x).min(1.0));
+            (material.alpha, material.metallic_roughness_texture) = (1.0, Some(map));
+            return Ok(());
+        }
+        let alpha = f64::from(alpha.factor.x);
+        let [u, v] = [
+            bsdf.number("alpha_u", alpha)?,
+            bsdf.number("alpha_v", alpha)?,
+        ];
+        if u.min(v) < 0.0 {
+            return Err(fault(&bsdf.place, "a roughness below 0"));
+        }
+        let [u, v] = [u, v].map(|a| a.clamp(LEAST_ALPHA, 1.0));
+        material.alpha = u.min(v) as f32;
+        if u != v {
+            let mean = (u * v).sqrt() as f32;
+            if material.metallic == 1.0 {
+                // Strength s gives α + (1 − α) s² along.
+                let least = u.min(v);
+                material.finish_mut().anisotropy = Some(Anisotropy {
+                    strength: ((u.max(v) - least) / (1.0 - least)).sqrt() as f32,
+                    rotation: if u > v {
+                        0.0
+                    } else {
+                        std::f32::consts::FRAC_PI_2
+                    },
+                    texture: None,
+                });
+                self.context.approximate(
+                    &bsdf.place,
+                    "a brushed metal reflects by Schlick's approximation",
+                );
+            } else {
+                material.alpha = mean;
+                self.context.approximate(
+                    &bsdf.place,
+                    "two roughnesses are shown as their geometric mean",
+                );
+            }
+        }
+        Ok(())
+    }
+
+    fn conductor(&mut self, bsdf: &Object) -> Result<Material> {
+        let tint = self.paint(bsdf, &["specular_reflectance"], Paint::from(1.0))?;
+        let outside = match bsdf.property("ext_eta") {
+            Some(_) => self.index(bsdf, "ext_eta", "air")?,
+            None => 1.0,
+        };
+        let name = bsdf.text("material")?;
+        let given = bsdf.property("eta").is_some() || bsdf.property("k").is_some();
+        let mut material = match name {
+            Some("none") => looks::metal(Rgb::ZERO, Rgb::ONE, tint, 0.0),
+            None if given || !self.children(bsdf, &["spectrum"])?.is_empty() => {
+                let eta = self.colour(bsdf, &["eta"], Rgb::ZERO, Meant::Reflected)?;
+                let k = self.colour(bsdf, &["k"], Rgb::ONE, Meant::Reflected)?;
+                looks::metal(eta / outside, k / outside, tint, 0.0)
+            }
+            name => {
+                // Mitsuba 3 has no metal by default: a perfect mirror; its predecessor had copper.
+                let Some(name) = name else {
+                    let mut mirror = looks::metal(Rgb::ZERO, Rgb::ONE, tint, 0.0);
+                    self.rough(bsdf, &mut mirror)?;
+                    return Ok(mirror);
+                };
+                let (eta, k) = match metals::metal(name) {
+                    Some(found) => found,
+                    None => {
+                        self.context
+                            .unsupported(&bsdf.place, format!("metal `{name}`"))?;
+                        (Rgb::ZERO, Rgb::ONE)
+                    }
+                };
+                looks::metal(eta / outside, k / outside, tint, 0.0)
+            }
+        };
+        self.rough(bsdf, &mut material)?;
+        Ok(material)
+    }
+
+    fn dielectric(&mut self, bsdf: &Object) -> Result<Material> {
+        let eta = self.eta(bsdf, "bk7", "air")?;
+        let tint = self.paint(bsdf, &["specular_transmittance"], Paint::from(1.0))?;
+        let reflected = self.colour(bsdf, &["specular_reflectance"], Rgb::ONE, Meant::Reflected)?;
+        if reflected != Rgb::ONE {
+            self.context.approximate(
+                &bsdf.place,
+                "specular_reflectance of a dielectric is taken for 1",
+            );
+        }
+        let mut material = looks::glass(eta, tint, 0.0);
+        self.rough(bsdf, &mut material)?;
+        Ok(material)
+    }
+
+    fn plastic(&mut self, bsdf: &Object) -> Result<Material> {
+        let eta = self.eta(bsdf, "polypropylene", "air")?;
+        let base = self.paint(bsdf, &["diffuse_reflectance"], Paint::from(0.5))?;
+        let reflected = self.colour(bsdf, &["specular_reflectance"], Rgb::ONE, Meant::Reflected)?;
+        let saturates = bsdf.flag("nonlinear", false)?;
+        let mut material = looks::coated(eta, base, reflected, 0.0, saturates);
+        self.rough(bsdf, &mut material)?;
+        Ok(material)
+    }
+
+    /// Disney's model by that of glTF, which has most of its parts.
+    fn principled(&mut self, bsdf: &Object) -> Result<Material> {
+        self.context
+            .approximate(&bsdf.place, "`principled` is shown by glTF's model");
+        let base = self.paint(bsdf, &["base_color"], Paint::from(0.5))?;
+        let rough = self.paint(bsdf, &["roughness"], Paint::from(0.5))?;
+        let of = |name: &str, or: f64| bsdf.number(name, or).map(|x| x as f32);
+        let specular = of("specular", 0.5)?;
+        let ior = match bsdf.property("eta") {
+            Some(_) => of("eta", 1.5)?,
+            // F0 = 0.08 specular.
+            None => {
+                let root = (0.08 * specular.clamp(0.0, 1.0)).sqrt();
+                (1.0 + root) / (1.0 - root)
+            }
+        };
+        let mut material = Material {
+            metallic: of("metallic", 0.0)?.clamp(0.0, 1.0),
+            transmission: of("spec_trans", 0.0)?.clamp(0.0, 1.0),
+            specular: 1.0,
+            ior: ior.max(1.0),
+            distribution: self.context.distribution(Distribution::Ggx),
+            ..looks::diffuse(base)
+        };
+        material.solid = material.transmission > 0.0;
+        match rough.map {
+            Some(map) => {
+                let factor = rough.factor.x;
+                let map = self
+                    .context
+                    .parts()
+                    .roughness_map(map, |x| (factor * x).powi(2).min(1.0));
+                (material.alpha, material.metallic_roughness_texture) = (1.0, Some(map));
+            }
+            None => material.alpha = rough.factor.x.clamp(0.0, 1.0).powi(2),
+        }
+        let clearcoat = of("clearcoat", 0.0)?.clamp(0.0, 1.0);
+        if clearcoat > 0.0 {
+            let gloss = of("clearcoat_gloss", 0.0)?;
+            let coat = material.finish_mut().clearcoat.get_or_insert_default();
+            (coat.weight, coat.alpha) = (clearcoat, 0.1 + (0.001 - 0.1) * gloss);
+        }
+        Ok(material)
+    }
+}

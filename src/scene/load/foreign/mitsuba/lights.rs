@@ -1,0 +1,232 @@
+//! Emitters and sensors of Mitsuba.
+
+use super::super::super::error::{Result, fault};
+use super::Scene;
+use super::values::Meant;
+use super::xml::{Object, Value};
+use crate::math::{Frame, Rgb, UVec2, Vec3};
+use crate::scene::build::sky;
+use crate::scene::camera::Projection;
+use crate::scene::light::Falloff;
+use crate::scene::{Camera, Environment, FilmSize, Lens, PunctualLight};
+use glam::{DAffine3, DVec3};
+
+impl Scene<'_> {
+    pub(super) fn emitter(&mut self, emitter: &Object) -> Result<()> {
+        let place = &emitter.place;
+        let pose = emitter.pose("to_world")?;
+        let axis = || {
+            let axis = pose.transform_vector3(DVec3::Z).try_normalize();
+            axis.ok_or_else(|| fault(place, "has no direction"))
+        };
+        match emitter.plugin.as_str() {
+            "point" => {
+                let position = emitter.vector("position", pose.translation)?.as_vec3();
+                let intensity = self.colour(emitter, &["intensity"], Rgb::ONE, Meant::Emitted)?;
+                self.context.parts().lights.push(PunctualLight::Point {
+                    position,
+                    intensity,
+                    range: f32::INFINITY,
+                });
+            }
+            "spot" => {
+                let intensity = self.colour(emitter, &["intensity"], Rgb::ONE, Meant::Emitted)?;
+                if !self.children(emitter, &["texture"])?.is_empty() {
+                    self.context
+                        .unsupported(place, "the texture of a spot light")?;
+                }
+                let cutoff = emitter.number("cutoff_angle", 20.0)?;
+                let beam = emitter.number("beam_width", 0.75 * cutoff)?;
+                if !(0.0 < cutoff && cutoff < 180.0 && 0.0 <= beam && beam <= cutoff) {
+                    return Err(fault(
+                        place,
+                        "its angles are not 0 ≤ beam_width ≤ cutoff_angle",
+                    ));
+                }
+                let direction = axis()?.as_vec3();
+                self.context.parts().lights.push(PunctualLight::Spot {
+                    position: pose.translation.as_vec3(),
+                    direction,
+                    intensity,
+                    range: f32::INFINITY,
+                    cos_inner: beam.to_radians().cos() as f32,
+                    cos_outer: cutoff.to_radians().cos() as f32,
+                    falloff: Falloff::Linear,
+                });
+            }
+            "directional" | "distant" => {
+                let irradiance = self.colour(
+                    emitter,
+                    &["irradiance", "radiance"],
+                    Rgb::ONE,
+                    Meant::Emitted,
+                )?;
+                let direction = match emitter.property("direction") {
+                    Some(_) => emitter.vector("direction", DVec3::Z)?.try_normalize(),
+                    None => Some(axis()?),
+                };
+                let direction = direction.ok_or_else(|| fault(place, "has no direction"))?;
+                self.context
+                    .parts()
+                    .lights
+                    .push(PunctualLight::Directional {
+                        direction: direction.as_vec3(),
+                        irradiance,
+                    });
+            }
+            "constant" => {
+                let radiance = self.colour(emitter, &["radiance"], Rgb::ONE, Meant::Emitted)?;
+                self.surround(Environment::constant(radiance), place)?;
+            }
+            "envmap" => {
+                let name = emitter.text("filename")?;
+                let name = name.ok_or_else(|| fault(place, "has no filename"))?;
+                let map = self.context.radiance_map(name, place)?;
+                let scale = Rgb::splat(emitter.number("scale", 1.0)? as f32);
+                let turn = pose.matrix3;
+                let made = sky::resampled(&map, sky::Projection::LatLong, turn, scale);
+                self.surround(made, place)?;
+            }
+            other => self
+                .context
+                .unsupported(place, format!("emitter `{other}`"))?,
+        }
+        Ok(())
+    }
+
+    fn surround(&mut self, environment: Environment, place: &str) -> Result<()> {
+        if self.context.parts().environment.is_some() {
+            return Err(fault(place, "a second environment"));
+        }
+        self.context.parts().environment = Some(environment);
+        Ok(())
+    }
+
+    pub(super) fn sensor(&mut self, sensor: &Object) -> Result<()> {
+        let place = &sensor.place;
+        let matrix = sensor.matrix("to_world")?;
+        let pose = super::affine(&matrix, place)?;
+        let film = match self.children(sensor, &["film"])?.first() {
+            Some((_, film)) => self.film(&film.clone())?,
+            None => FilmSize {
+                size: UVec2::new(768, 576),
+                crop: None,
+            },
+        };
+        let aspect = film.size.x as f32 / film.size.y as f32;
+        for name in ["principal_point_offset_x", "principal_point_offset_y"] {
+            if sensor.number(name, 0.0)? != 0.0 {
+                self.context.unsupported(place, format!("`{name}`"))?;
+            }
+        }
+        let (projection, lens) = match sensor.plugin.as_str() {
+            "perspective" | "thinlens" => {
+                let tan_half_y = self.fov(sensor, aspect)?;
+                let lens = (sensor.plugin == "thinlens").then_some(());
+                let lens = match lens {
+                    None => None,
+                    Some(()) => Some(Lens {
+                        radius: sensor.number("aperture_radius", 0.0)? as f32,
+                        focus: sensor.number("focus_distance", 10_000.0)? as f32,
+                    }),
+                };
+                (Projection::Perspective { tan_half_y }, lens)
+            }
+            "orthographic" => {
+                let half_height = pose.matrix3.y_axis.length() as f32 / aspect;
+                (Projection::Orthographic { half_height }, None)
+            }
+            other => {
+                return self.context.unsupported(place, format!("sensor `{other}`"));
+            }
+        };
+        let frame = frame(&pose).ok_or_else(|| fault(place, "has no direction"))?;
+        let name = match sensor.id.is_empty() {
+            true => format!("camera {}", self.context.parts().cameras.len()),
+            false => sensor.id.clone(),
+        };
+        self.context.parts().cameras.push(Camera {
+            name,
+            position: pose.translation.as_vec3(),
+            frame,
+            projection,
+            aspect: Some(aspect),
+            lens: lens.filter(|lens| lens.radius > 0.0 && lens.focus > 0.0),
+            film: Some(film),
+        });
+        Ok(())
+    }
+
+    fn film(&mut self, film: &Object) -> Result<FilmSize> {
+        let place = &film.place;
+        let side = |name: &str, or: f64| -> Result<u32> {
+            let n = film.number(name, or)?;
+            match (1.0..=65536.0).contains(&n) {
+                true => Ok(n as u32),
+                false => Err(fault(place, format!("{name} {n}"))),
+            }
+        };
+        let size = UVec2::new(side("width", 768.0)?, side("height", 576.0)?);
+        let at = |name: &str, or: u32| film.number(name, or.into()).map(|n| n.max(0.0) as u32);
+        let crop = [
+            at("crop_offset_x", 0)?,
+            at("crop_offset_y", 0)?,
+            at("crop_width", size.x)?,
+            at("crop_height", size.y)?,
+        ];
+        let inside =
+            |at: u32, n: u32, side: u32| n > 0 && at.checked_add(n).is_some_and(|end| end <= side);
+        if !inside(crop[0], crop[2], size.x) || !inside(crop[1], crop[3], size.y) {
+            return Err(fault(place, "the crop is not within the film"));
+        }
+        let whole = crop == [0, 0, size.x, size.y];
+        Ok(FilmSize {
+            size,
+            crop: (!whole).then_some(crop),
+        })
+    }
+
+    /// Tangent of half the vertical field of view.
+    fn fov(&mut self, sensor: &Object, aspect: f32) -> Result<f32> {
+        let place = &sensor.place;
+        let aspect = f64::from(aspect);
+        if let Some(Value::Text(focal)) = sensor.property("focal_length").map(|p| &p.value) {
+            let number: Option<f64> = focal.trim().trim_end_matches("mm").trim().parse().ok();
+            let focal = number
+                .filter(|f| *f > 0.0)
+                .ok_or_else(|| fault(place, "focal_length is no length"))?;
+            // The diagonal of a film of 36 by 24 mm.
+            let half_diagonal = 0.5 * 36f64.hypot(24.0) / focal;
+            return Ok((half_diagonal / aspect.hypot(1.0)) as f32);
+        }
+        if sensor.property("fov").is_none() {
+            return Err(fault(place, "has neither fov nor focal_length"));
+        }
+        let fov = sensor.number("fov", 0.0)?;
+        if !(0.0 < fov && fov < 180.0) {
+            return Err(fault(place, format!("fov is {fov}, not between 0 and 180")));
+        }
+        let tan = (0.5 * fov.to_radians()).tan();
+        let by = |axis: &str| match axis {
+            "x" => Some(tan / aspect),
+            "y" => Some(tan),
+            "diagonal" => Some(tan / aspect.hypot(1.0)),
+            "smaller" => Some(if aspect > 1.0 { tan } else { tan / aspect }),
+            "larger" => Some(if aspect > 1.0 { tan / aspect } else { tan }),
+            _ => None,
+        };
+        let axis = sensor.text("fov_axis")?.unwrap_or("x");
+        let found = by(axis).ok_or_else(|| fault(place, format!("fov_axis `{axis}`")))?;
+        Ok(found as f32)
+    }
+}
+
+/// The frame of a sensor that looks along +z with +x to its left. A mirroring pose mirrors the picture.
+fn frame(pose: &DAffine3) -> Option<Frame> {
+    let m = pose.matrix3;
+    let n = -m.z_axis.try_normalize()?;
+    let t = (m.y_axis - n * n.dot(m.y_axis)).try_normalize()?;
+    let s = t.cross(n) * if m.determinant() < 0.0 { -1.0 } else { 1.0 };
+    let [s, t, n]: [Vec3; 3] = [s, t, n].map(|v| v.as_vec3());
+    Some(Frame { s, t, n })
+}

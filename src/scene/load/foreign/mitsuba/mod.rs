@@ -1,0 +1,126 @@
+//! Scenes of Mitsuba 3 (`.xml`), and of Mitsuba 0.5 and 0.6, which it upgrades.
+
+mod bsdfs;
+mod lights;
+mod shapes;
+mod values;
+mod xml;
+
+use super::super::error::{Result, fault};
+use super::Context;
+use crate::math::Vec3;
+use crate::scene::Material;
+use crate::scene::build::looks::Paint;
+use glam::{DAffine3, DMat4};
+use std::collections::HashMap;
+use std::rc::Rc;
+use xml::{Child, Ids, Link, Object, Reader};
+
+/// A material that is read once: its index, and what depends on the meshes that have it.
+#[derive(Clone)]
+struct Look {
+    material: Material,
+    /// Heights of a bump map.
+    bump: Option<Paint>,
+}
+
+/// A scene in progress.
+struct Scene<'a> {
+    context: &'a mut Context,
+    ids: Ids,
+    /// Looks by the address of their object.
+    looks: HashMap<usize, Look>,
+    /// Materials by that, emission, and whether they are bumped by a mesh of this number.
+    materials: HashMap<String, u32>,
+    /// Objects that are being read: a reference to one of them is a cycle.
+    open: Vec<usize>,
+    /// Groups of shapes by address.
+    groups: HashMap<usize, Rc<Vec<(u32, u32, DAffine3)>>>,
+}
+
+/// Reads a scene from the text of its file.
+pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
+    let mut reader = Reader::new(context);
+    let root = reader.file(text, "", 0)?;
+    let ids = std::mem::take(&mut reader.ids);
+    let mut scene = Scene {
+        context,
+        ids,
+        looks: HashMap::new(),
+        materials: HashMap::new(),
+        open: Vec::new(),
+        groups: HashMap::new(),
+    };
+    for child in &root.children {
+        scene.member(child)?;
+    }
+    Ok(())
+}
+
+impl Scene<'_> {
+    fn member(&mut self, child: &Child) -> Result<()> {
+        let object = self.resolved(child)?;
+        match object.tag.as_str() {
+            "sensor" | "camera" => self.sensor(&object),
+            "shape" => self.shape(&object),
+            "emitter" | "luminaire" => self.emitter(&object),
+            "medium" | "volume" | "subsurface" => self.context.unsupported(
+                &object.place,
+                format!("<{} type=\"{}\">", object.tag, object.plugin),
+            ),
+            // Materials and textures count where they are used; samplers, integrators and films are the render's.
+            _ => Ok(()),
+        }
+    }
+
+    fn resolved(&self, child: &Child) -> Result<Rc<Object>> {
+        match &child.what {
+            Link::Object(object) => Ok(object.clone()),
+            Link::Id(id) => {
+                (self.ids.get(id)).ok_or_else(|| fault(&child.place, format!("no object `{id}`")))
+            }
+        }
+    }
+
+    /// Children of a tag, with their names.
+    fn children(&self, object: &Object, tags: &[&str]) -> Result<Vec<(String, Rc<Object>)>> {
+        let mut out = Vec::new();
+        for child in &object.children {
+            let found = self.resolved(child)?;
+            if tags.contains(&found.tag.as_str()) {
+                out.push((child.name.clone(), found));
+            }
+        }
+        Ok(out)
+    }
+
+    /// Does something with an object that may not be in itself.
+    fn within<T>(
+        &mut self,
+        object: &Object,
+        act: impl FnOnce(&mut Self) -> Result<T>,
+    ) -> Result<T> {
+        let address = std::ptr::from_ref(object).addr();
+        if self.open.contains(&address) || self.open.len() > 64 {
+            return Err(fault(&object.place, "refers to itself"));
+        }
+        self.open.push(address);
+        let done = act(self);
+        self.open.pop();
+        done
+    }
+}
+
+/// A transform without a projective part.
+fn affine(matrix: &DMat4, place: &str) -> Result<DAffine3> {
+    let below = matrix.row(3);
+    if below.truncate().abs().max_element() > 1e-6 || (below.w - 1.0).abs() > 1e-6 {
+        return Err(fault(place, "the last row of its matrix is not 0 0 0 1"));
+    }
+    let pose = DAffine3::from_mat4(*matrix);
+    let here: Vec3 = pose.translation.as_vec3();
+    match pose.is_finite() && here.is_finite() {
+        true => Ok(pose),
+        false => Err(fault(place, "its transform is not finite")),
+    }
+}

@@ -1,0 +1,246 @@
+//! Shapes of Mitsuba.
+
+use super::super::super::error::{Result, fault};
+use super::super::{obj, ply, serialized, uv_steps};
+use super::values::Meant;
+use super::xml::Object;
+use super::{Look, Scene};
+use crate::math::{Rgb, Vec3};
+use crate::scene::build::looks::{self, Paint};
+use crate::scene::build::{Placed, face_normals_outwards, flip, right_handed_tangents, shapes};
+use crate::scene::mesh::Mesh;
+use glam::{DAffine3, DVec3};
+use std::f32::consts::TAU;
+use std::rc::Rc;
+
+/// Most members of a group, the groups in it counted.
+const MOST_MEMBERS: usize = 1 << 20;
+
+impl Scene<'_> {
+    /// Shows a shape, or keeps a group for its instances.
+    pub(super) fn shape(&mut self, shape: &Object) -> Result<()> {
+        match shape.plugin.as_str() {
+            "shapegroup" => Ok(()),
+            "instance" => {
+                let pose = shape.pose("to_world")?;
+                for (_, group) in self.children(shape, &["shape"])? {
+                    let members = self.group(&group)?;
+                    for &(mesh, material, inner) in members.iter() {
+                        self.place(mesh, material, pose * inner, &shape.place)?;
+                    }
+                }
+                Ok(())
+            }
+            _ => {
+                if let Some((mesh, material, pose)) = self.one(shape)? {
+                    self.place(mesh, material, pose, &shape.place)?;
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn place(&mut self, mesh: u32, material: u32, pose: DAffine3, place: &str) -> Result<()> {
+        let placed = Placed {
+            mesh,
+            material,
+            pose,
+        };
+        (self.context.builder.place(placed)).map_err(|e| fault(place, e.to_string()))
+    }
+
+    /// The members of a group.
+    fn group(&mut self, group: &Rc<Object>) -> Result<Rc<Vec<(u32, u32, DAffine3)>>> {
+        let address = Rc::as_ptr(group).addr();
+        if let Some(known) = self.groups.get(&address) {
+            return Ok(known.clone());
+        }
+        let members = self.within(group, |scene| {
+            let mut members = Vec::new();
+            for (_, shape) in scene.children(group, &["shape"])? {
+                if shape.plugin == "instance" {
+                    let pose = shape.pose("to_world")?;
+                    for (_, inner) in scene.children(&shape, &["shape"])? {
+                        let inner = scene.group(&inner)?;
+                        members.extend(inner.iter().map(|&(m, l, p)| (m, l, pose * p)));
+                    }
+                } else {
+                    members.extend(scene.one(&shape)?);
+                }
+                if members.len() > MOST_MEMBERS {
+                    return Err(fault(&shape.place, "a group of too many shapes"));
+                }
+            }
+            Ok(Rc::new(members))
+        })?;
+        self.groups.insert(address, members.clone());
+        Ok(members)
+    }
+
+    /// Mesh, material and pose of a shape.
+    fn one(&mut self, shape: &Object) -> Result<Option<(u32, u32, DAffine3)>> {
+        for (name, medium) in self.children(shape, &["medium", "subsurface"])? {
+            self.context
+                .unsupported(&medium.place, format!("medium `{name}`"))?;
+        }
+        let pose = shape.pose("to_world")?;
+        let flipped = shape.flag("flip_normals", false)?;
+        let Some((mesh, pose)) = self.mesh(shape, pose, flipped)? else {
+            return Ok(None);
+        };
+        let (material, mesh) = self.dressed(shape, mesh, &pose)?;
+        Ok(Some((mesh, material, pose)))
+    }
+
+    fn analytic(&mut self, key: &str, flipped: bool, make: impl FnOnce() -> Mesh) -> u32 {
+        let key = format!("{flipped} {key}");
+        if let Some(&mesh) = self.context.meshes.get(&key) {
+            return mesh;
+        }
+        let mut mesh = make();
+        if flipped {
+            flip(&mut mesh);
+        }
+        let mesh = self.context.builder.mesh(mesh);
+        self.context.meshes.insert(key, mesh);
+        mesh
+    }
+
+    fn mesh(
+        &mut self,
+        shape: &Object,
+        pose: DAffine3,
+        flipped: bool,
+    ) -> Result<Option<(u32, DAffine3)>> {
+        let place = &shape.place;
+        Ok(Some(match shape.plugin.as_str() {
+            "rectangle" => (self.analytic("rectangle", flipped, shapes::rectangle), pose),
+            "cube" => (self.analytic("cube", flipped, shapes::cube), pose),
+            "disk" => {
+                let make = || shapes::disk(0.0, 1.0, 0.0, TAU);
+                (self.analytic("disk", flipped, make), pose)
+            }
+            "sphere" => {
+                let centre = shape.vector("center", DVec3::ZERO)?;
+                let radius = shape.number("radius", 1.0)?;
+                let own =
+                    DAffine3::from_translation(centre) * DAffine3::from_scale(DVec3::splat(radius));
+                let make = || shapes::sphere(Vec3::ZERO, 1.0);
+                (self.analytic("sphere", flipped, make), pose * own)
+            }
+            "cylinder" => {
+                let (from, to) = (
+                    shape.vector("p0", DVec3::ZERO)?,
+                    shape.vector("p1", DVec3::Z)?,
+                );
+                let radius = shape.number("radius", 1.0)?;
+                let length = (to - from).length();
+                let axis = (to - from)
+                    .try_normalize()
+                    .ok_or_else(|| fault(place, "has no length"))?;
+                let turn = glam::DQuat::from_rotation_arc(DVec3::Z, axis);
+                let scale = DVec3::new(radius, radius, length);
+                let own = DAffine3::from_scale_rotation_translation(scale, turn, from);
+                let make = || shapes::cylinder(1.0, [0.0, 1.0], TAU);
+                (self.analytic("cylinder", flipped, make), pose * own)
+            }
+            "obj" | "ply" | "serialized" => (self.file(shape, &pose, flipped)?, pose),
+            other => {
+                self.context
+                    .unsupported(place, format!("shape `{other}`"))?;
+                return Ok(None);
+            }
+        }))
+    }
+
+    fn file(&mut self, shape: &Object, pose: &DAffine3, flipped: bool) -> Result<u32> {
+        let place = &shape.place;
+        let name = shape.text("filename")?;
+        let name = name.ok_or_else(|| fault(place, "has no filename"))?;
+        let flat = shape.flag("face_normals", false)?;
+        let plugin = shape.plugin.clone();
+        let index = shape.number("shape_index", 0.0)?.max(0.0) as usize;
+        let upside = shape.flag("flip_tex_coords", plugin == "obj")?;
+        // A mirrored mesh without normals has its front on the other side in Mitsuba, which takes it from the winding.
+        let mirrored = pose.matrix3.determinant() < 0.0;
+        let choice = format!("{plugin} {index} {upside} {flat} {flipped} {mirrored}");
+        self.context.file_mesh(name, &choice, place, |bytes, at| {
+            let mut mesh = match plugin.as_str() {
+                "obj" => obj::read(bytes, at, upside)?,
+                "ply" => ply::read(bytes, at)?,
+                _ => serialized::read(bytes, at, index)?,
+            };
+            if plugin == "ply" && upside {
+                mesh.uvs.iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);
+            }
+            mesh.colors.clear();
+            if flat {
+                mesh.normals.clear();
+            }
+            if mesh.normals.is_empty() {
+                if mirrored {
+                    flip(&mut mesh);
+                }
+            } else {
+                face_normals_outwards(&mut mesh);
+            }
+            if flipped {
+                flip(&mut mesh);
+            }
+            Ok(mesh)
+        })
+    }
+
+    /// Material and mesh of a shape: its own emission and bump map, and the tangents of a normal map.
+    fn dressed(&mut self, shape: &Object, mesh: u32, pose: &DAffine3) -> Result<(u32, u32)> {
+        let bsdf = self.children(shape, &["bsdf"])?.into_iter().next();
+        let mut look = match &bsdf {
+            Some((_, bsdf)) => self.look(bsdf)?,
+            None => Look::from(looks::diffuse(Paint::from(0.5))),
+        };
+        let mut key = bsdf
+            .map_or(0, |(_, bsdf)| Rc::as_ptr(&bsdf).addr())
+            .to_string();
+        for (_, emitter) in self.children(shape, &["emitter", "luminaire"])? {
+            if emitter.plugin != "area" {
+                let what = format!("emitter `{}` on a shape", emitter.plugin);
+                self.context.unsupported(&emitter.place, what)?;
+                continue;
+            }
+            let names = ["radiance", "intensity"];
+            let paint = self.paint_of(&emitter, &names, Paint::plain(Rgb::ONE), Meant::Emitted)?;
+            look.material.emission = paint.factor;
+            look.material.emissive_texture = paint.map;
+            key += &format!(" emits {}", Rc::as_ptr(&emitter).addr());
+        }
+        let mut mesh = mesh;
+        if look.bump.is_some() || look.material.normal_texture.is_some() {
+            // The mesh gets tangents, and is then another one.
+            let tangents = format!("tangents {mesh}");
+            mesh = match self.context.meshes.get(&tangents) {
+                Some(&known) => known,
+                None => {
+                    let mut copy = self.context.builder.mesh_mut(mesh).clone();
+                    right_handed_tangents(&mut copy);
+                    let copy = self.context.builder.mesh(copy);
+                    self.context.meshes.insert(tangents, copy);
+                    copy
+                }
+            };
+            if let Some(heights) = look.bump {
+                let scale = pose.matrix3.determinant().abs().cbrt() as f32;
+                let steps = uv_steps(self.context.builder.mesh_mut(mesh), scale);
+                key += &format!(" bump {mesh} {scale}");
+                if !self.materials.contains_key(&key) {
+                    self.context.bump(&mut look.material, heights, &[steps]);
+                }
+            }
+        }
+        if let Some(&known) = self.materials.get(&key) {
+            return Ok((known, mesh));
+        }
+        let material = self.context.builder.material(look.material);
+        self.materials.insert(key, material);
+        Ok((material, mesh))
+    }
+}

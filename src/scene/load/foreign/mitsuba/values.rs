@@ -1,0 +1,318 @@
+//! Properties of Mitsuba's objects: numbers, colours, textures.
+
+use super::super::super::error::{Result, fault};
+use super::super::images::Use;
+use super::Scene;
+use super::xml::{Object, Property, Value, numbers};
+use crate::math::Rgb;
+use crate::scene::build::colour::{Spectrum, black_body};
+use crate::scene::build::looks::Paint;
+use crate::scene::texture::Wrap;
+use glam::{Affine2, DAffine3, DMat4, DVec3, Mat2, Vec2};
+
+impl Object {
+    pub(super) fn property(&self, name: &str) -> Option<&Property> {
+        self.properties.iter().find(|p| p.name == name)
+    }
+
+    pub(super) fn number(&self, name: &str, or: f64) -> Result<f64> {
+        match self.property(name).map(|p| (&p.value, &p.place)) {
+            None => Ok(or),
+            Some((Value::Number(x), _)) => Ok(*x),
+            Some((Value::Text(text), place)) => {
+                let number = text.trim().parse().ok();
+                number.ok_or_else(|| fault(place, format!("`{name}` is no number")))
+            }
+            Some((Value::Rgb([x, y, z]), _)) if x == y && y == z => Ok(f64::from(*x)),
+            Some((Value::Spectrum(text), place)) => match numbers(text).as_deref() {
+                Some([x]) => Ok(*x),
+                _ => Err(fault(place, format!("`{name}` is no number"))),
+            },
+            Some((_, place)) => Err(fault(place, format!("`{name}` is no number"))),
+        }
+    }
+
+    pub(super) fn flag(&self, name: &str, or: bool) -> Result<bool> {
+        match self.property(name).map(|p| (&p.value, &p.place)) {
+            None => Ok(or),
+            Some((Value::Bool(x), _)) => Ok(*x),
+            Some((_, place)) => Err(fault(place, format!("`{name}` is neither true nor false"))),
+        }
+    }
+
+    pub(super) fn text(&self, name: &str) -> Result<Option<&str>> {
+        match self.property(name).map(|p| (&p.value, &p.place)) {
+            None => Ok(None),
+            Some((Value::Text(x), _)) => Ok(Some(x)),
+            Some((_, place)) => Err(fault(place, format!("`{name}` is no string"))),
+        }
+    }
+
+    pub(super) fn vector(&self, name: &str, or: DVec3) -> Result<DVec3> {
+        match self.property(name).map(|p| (&p.value, &p.place)) {
+            None => Ok(or),
+            Some((Value::Vector(x), _)) => Ok(*x),
+            Some((_, place)) => Err(fault(place, format!("`{name}` is no point"))),
+        }
+    }
+
+    pub(super) fn matrix(&self, name: &str) -> Result<DMat4> {
+        match self.property(name).map(|p| (&p.value, &p.place)) {
+            None => Ok(DMat4::IDENTITY),
+            Some((Value::Transform(x), _)) => Ok(*x),
+            Some((_, place)) => Err(fault(place, format!("`{name}` is no transform"))),
+        }
+    }
+
+    pub(super) fn pose(&self, name: &str) -> Result<DAffine3> {
+        super::affine(&self.matrix(name)?, &self.place)
+    }
+}
+
+/// What a colour is of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Meant {
+    /// Surface, or index.
+    Reflected,
+    /// Lamp.
+    Emitted,
+}
+
+impl Scene<'_> {
+    /// A spectrum of a file of wavelengths and values.
+    fn spectrum_file(&mut self, name: &str, place: &str) -> Result<Spectrum> {
+        let (_, bytes) = self.context.files.open(name, place)?;
+        let text = String::from_utf8_lossy(&bytes);
+        let lines = text
+            .lines()
+            .map(|line| line.split('#').next().unwrap_or_default());
+        let pairs: Option<Vec<(f64, f64)>> = (lines.filter(|line| !line.trim().is_empty()))
+            .map(|line| match numbers(line)?.as_slice() {
+                [w, v, ..] => Some((*w, *v)),
+                _ => None,
+            })
+            .collect();
+        let spectrum = pairs.and_then(Spectrum::new);
+        spectrum.ok_or_else(|| {
+            fault(
+                place,
+                format!("{name}: no list of rising wavelengths and values"),
+            )
+        })
+    }
+
+    /// The spectrum that a text such as `400:0.1, 500:0.2` gives.
+    fn spectrum(text: &str, place: &str) -> Result<Spectrum> {
+        let words = text.split([',', ' ', '\t', '\n']).filter(|w| !w.is_empty());
+        let pairs: Option<Vec<(f64, f64)>> = words
+            .map(|word| {
+                let (w, v) = word.split_once(':')?;
+                Some((w.trim().parse().ok()?, v.trim().parse().ok()?))
+            })
+            .collect();
+        let spectrum = pairs.and_then(Spectrum::new);
+        spectrum.ok_or_else(|| fault(place, format!("`{text}` is no spectrum")))
+    }
+
+    fn colour_of(&mut self, value: &Value, meant: Meant, place: &str) -> Result<Rgb> {
+        let of = |spectrum: Spectrum| match meant {
+            Meant::Reflected => spectrum.reflected(),
+            Meant::Emitted => spectrum.emitted(),
+        };
+        let colour = match value {
+            Value::Number(x) => Rgb::splat(*x as f32),
+            Value::Rgb(rgb) => Rgb::from_array(*rgb),
+            Value::Spectrum(text) => match numbers(text).as_deref() {
+                Some([x]) if meant == Meant::Reflected => Rgb::splat(*x as f32),
+                Some([x]) => Spectrum::new(vec![(300.0, *x), (900.0, *x)]).map_or(Rgb::ZERO, of),
+                Some([r, g, b]) => Rgb::new(*r as f32, *g as f32, *b as f32),
+                _ => of(Self::spectrum(text, place)?),
+            },
+            Value::SpectrumFile(name) => of(self.spectrum_file(name, place)?),
+            Value::BlackBody { kelvin, scale } => {
+                self.context
+                    .approximate(place, "a black body has a luminance of its scale");
+                black_body(*kelvin as f32) * *scale as f32
+            }
+            _ => return Err(fault(place, "is no colour")),
+        };
+        match colour.is_finite() {
+            true => Ok(colour.max(Rgb::ZERO)),
+            false => Err(fault(place, "a colour that is not finite")),
+        }
+    }
+
+    /// A colour, which may not be a texture.
+    pub(super) fn colour(
+        &mut self,
+        object: &Object,
+        names: &[&str],
+        or: Rgb,
+        meant: Meant,
+    ) -> Result<Rgb> {
+        let paint = self.paint_of(object, names, Paint::plain(or), meant)?;
+        if let Some(map) = paint.map {
+            self.context
+                .unsupported(&object.place, format!("a texture as `{}`", names[0]))?;
+            let [r, g, b, _] = self.context.parts().textures[map.texture as usize].average();
+            return Ok(paint.factor * Rgb::new(r, g, b));
+        }
+        Ok(paint.factor)
+    }
+
+    /// A colour or a texture of a surface.
+    pub(super) fn paint(&mut self, object: &Object, names: &[&str], or: Paint) -> Result<Paint> {
+        self.paint_of(object, names, or, Meant::Reflected)
+    }
+
+    pub(super) fn paint_of(
+        &mut self,
+        object: &Object,
+        names: &[&str],
+        or: Paint,
+        meant: Meant,
+    ) -> Result<Paint> {
+        for name in names {
+            if let Some(property) = object.property(name) {
+                let colour = self.colour_of(&property.value, meant, &property.place)?;
+                return Ok(Paint::plain(colour));
+            }
+            let all = self.children(object, &["texture", "spectrum"])?;
+            if let Some((_, texture)) = all.iter().find(|(n, _)| n == name) {
+                let texture = texture.clone();
+                return self.within(&texture.clone(), |scene| scene.texture(&texture, meant));
+            }
+        }
+        Ok(or)
+    }
+
+    /// The first texture of an object, whatever its name.
+    pub(super) fn any_texture(&mut self, object: &Object) -> Result<Option<Paint>> {
+        let all = self.children(object, &["texture"])?;
+        let Some((_, texture)) = all.into_iter().next() else {
+            return Ok(None);
+        };
+        self.within(&texture.clone(), |scene| {
+            scene.texture(&texture, Meant::Reflected)
+        })
+        .map(Some)
+    }
+
+    fn texture(&mut self, texture: &Object, meant: Meant) -> Result<Paint> {
+        let place = &texture.place;
+        match texture.plugin.as_str() {
+            "bitmap" => self.bitmap(texture),
+            "checkerboard" => {
+                let first = self.colour(texture, &["color0"], Rgb::splat(0.4), meant)?;
+                let second = self.colour(texture, &["color1"], Rgb::splat(0.2), meant)?;
+                let most = first.max(second).max_element().max(1.0);
+                let transform = uv_transform(texture)?;
+                let map =
+                    (self.context.parts()).chessboard([first / most, second / most], transform);
+                Ok(Paint {
+                    factor: Rgb::splat(most),
+                    map: Some(map),
+                })
+            }
+            "uniform" => Ok(Paint::from(texture.number("value", 1.0)? as f32)),
+            "srgb" | "rgb" => Ok(Paint::plain(self.colour(
+                texture,
+                &["color", "value"],
+                Rgb::ONE,
+                meant,
+            )?)),
+            "d65" => {
+                let colour = self.colour(texture, &["color", "value"], Rgb::ONE, meant)?;
+                Ok(Paint::plain(colour * texture.number("scale", 1.0)? as f32))
+            }
+            "blackbody" => {
+                let scale = texture.number("scale", 1.0)?;
+                let kelvin = texture.number("temperature", 5000.0)?;
+                let value = Value::BlackBody { kelvin, scale };
+                Ok(Paint::plain(self.colour_of(&value, meant, place)?))
+            }
+            "regular" | "irregular" => self.sampled_spectrum(texture, meant),
+            "scale" => {
+                let inner = self.any_texture(texture)?.unwrap_or(Paint::from(1.0));
+                let factor = self.colour(texture, &["scale"], Rgb::ONE, meant)?;
+                Ok(Paint {
+                    factor: inner.factor * factor,
+                    ..inner
+                })
+            }
+            other => {
+                self.context
+                    .unsupported(place, format!("texture `{other}`"))?;
+                Ok(Paint::from(0.5))
+            }
+        }
+    }
+
+    fn sampled_spectrum(&mut self, texture: &Object, meant: Meant) -> Result<Paint> {
+        let place = &texture.place;
+        let list = |name: &str| -> Result<Vec<f64>> {
+            Ok(texture.text(name)?.and_then(numbers).unwrap_or_default())
+        };
+        let values = list("values")?;
+        let at: Vec<f64> = match texture.plugin.as_str() {
+            "irregular" => list("wavelengths")?,
+            _ => {
+                let low = texture.number("wavelength_min", 360.0)?;
+                let high = texture.number("wavelength_max", 830.0)?;
+                let step = (high - low) / values.len().saturating_sub(1).max(1) as f64;
+                (0..values.len()).map(|i| low + i as f64 * step).collect()
+            }
+        };
+        let pairs = at.into_iter().zip(values).collect();
+        let spectrum = Spectrum::new(pairs).ok_or_else(|| fault(place, "is no spectrum"))?;
+        Ok(Paint::plain(match meant {
+            Meant::Reflected => spectrum.reflected(),
+            Meant::Emitted => spectrum.emitted(),
+        }))
+    }
+
+    fn bitmap(&mut self, texture: &Object) -> Result<Paint> {
+        let place = &texture.place;
+        let name = texture.text("filename")?;
+        let name = name.ok_or_else(|| fault(place, "a bitmap without a filename"))?;
+        let wrap = match texture.text("wrap_mode")?.unwrap_or("repeat") {
+            "repeat" => Wrap::Repeat,
+            "mirror" => Wrap::Mirror,
+            "clamp" => Wrap::Clamp,
+            other => {
+                self.context
+                    .unsupported(place, format!("wrap mode `{other}`"))?;
+                Wrap::Clamp
+            }
+        };
+        let gamma = texture.number("gamma", 0.0)?;
+        let raw = texture.flag("raw", gamma == 1.0)?;
+        let how = Use {
+            srgb: if raw { Some(false) } else { None },
+            wrap: [wrap; 2],
+            nearest: texture.text("filter_type")? == Some("nearest"),
+            invert: false,
+            transform: uv_transform(texture)?,
+        };
+        self.context.texture(name, how, place)
+    }
+}
+
+/// The way from a mesh's texture coordinates to a texture's.
+fn uv_transform(texture: &Object) -> Result<Affine2> {
+    let m = texture.matrix("to_uv")?;
+    let own = Affine2::from_mat2_translation(
+        Mat2::from_cols(
+            Vec2::new(m.x_axis.x as f32, m.x_axis.y as f32),
+            Vec2::new(m.y_axis.x as f32, m.y_axis.y as f32),
+        ),
+        // A 2D transform has its shift in the third column, one of three dimensions in the fourth.
+        Vec2::new(m.w_axis.x as f32, m.w_axis.y as f32),
+    );
+    // Mitsuba 0.6.
+    let of = |name: &str, or: f64| texture.number(name, or).map(|x| x as f32);
+    let all = of("uvscale", 1.0)?;
+    let scale = Vec2::new(of("uscale", all.into())?, of("vscale", all.into())?);
+    let offset = Vec2::new(of("uoffset", 0.0)?, of("voffset", 0.0)?);
+    Ok(Affine2::from_scale_angle_translation(scale, 0.0, offset) * own)
+}

@@ -1,0 +1,237 @@
+//! Scenes of other renderers: Mitsuba 3 (and its predecessor) and pbrt-v4. Each reader names what it finds in the words of
+//! [`build`](crate::scene::build); what their files share, meshes and images, is read here.
+
+mod images;
+mod mitsuba;
+mod obj;
+mod pbrt;
+mod ply;
+mod serialized;
+
+use super::error::{Fault, Result, Warnings, fault};
+use super::lit::is_lit;
+use super::uris::Files;
+use super::{LoadOptions, Loaded};
+use crate::bsdf::Distribution;
+use crate::files::FileError;
+use crate::scene::build::looks::Paint;
+use crate::scene::build::{BuildError, Builder};
+use crate::scene::mesh::Mesh;
+use crate::scene::{Material, SceneParts};
+use std::collections::HashMap;
+use std::io::Read;
+use std::path::Path;
+
+/// Most bytes of a text or mesh that a compressed file may become.
+const MOST_BYTES: u64 = 1 << 32;
+
+/// Most files that a scene may include, and most includes one in another.
+const MOST_INCLUDES: usize = 4096;
+
+/// The kind of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Mitsuba,
+    Pbrt,
+}
+
+impl Kind {
+    /// By the name of the file; `None` for all others.
+    pub(super) fn of(path: &Path) -> Option<Self> {
+        let name = path.file_name()?.to_str()?.to_ascii_lowercase();
+        let name = name.strip_suffix(".gz").unwrap_or(&name);
+        match name.rsplit_once('.')?.1 {
+            "xml" => Some(Self::Mitsuba),
+            "pbrt" => Some(Self::Pbrt),
+            _ => None,
+        }
+    }
+}
+
+/// Reads a scene.
+pub(super) fn load(
+    kind: Kind,
+    path: &Path,
+    bytes: &[u8],
+    options: &LoadOptions,
+) -> std::result::Result<Loaded, FileError> {
+    let mut context = Context {
+        files: Files::new(path, bytes),
+        builder: Builder::default(),
+        distribution: options.distribution,
+        skip: options.skip_unsupported,
+        warnings: Warnings::default(),
+        images: HashMap::new(),
+        meshes: HashMap::new(),
+        includes: 0,
+    };
+    context.builder.parts.own_boundaries = true;
+    let read = unpacked(bytes, "file").and_then(|text| match kind {
+        Kind::Mitsuba => mitsuba::read(&mut context, text),
+        Kind::Pbrt => pbrt::read(&mut context, text),
+    });
+    let done = read.and_then(|()| context.finish());
+    done.map_err(|fault| fault.of(path))
+}
+
+/// The bytes of a file, unpacked if they are gzip's.
+fn unpacked(bytes: &[u8], place: &str) -> Result<Vec<u8>> {
+    if !bytes.starts_with(&[0x1f, 0x8b]) {
+        return Ok(bytes.to_vec());
+    }
+    inflated(flate2::read::MultiGzDecoder::new(bytes), place)
+}
+
+/// All that a stream holds, within bounds.
+fn inflated(stream: impl Read, place: &str) -> Result<Vec<u8>> {
+    let mut out = Vec::new();
+    let mut stream = stream.take(MOST_BYTES + 1);
+    let mut piece = vec![0; 1 << 20];
+    loop {
+        let n = (stream.read(&mut piece))
+            .map_err(|e| fault(place, format!("cannot be unpacked: {e}")))?;
+        if n == 0 {
+            return Ok(out);
+        }
+        out.extend_from_slice(&piece[..n]);
+        if out.len() as u64 > MOST_BYTES {
+            return Err(fault(
+                place,
+                format!("more than {MOST_BYTES} bytes unpacked"),
+            ));
+        }
+        if out.len() % (256 << 20) < n {
+            crate::memory::check(format!("{place}, unpacked,"), 2 * out.len() as u64)?;
+        }
+    }
+}
+
+/// What both readers build on.
+struct Context {
+    files: Files,
+    builder: Builder,
+    /// Slope distribution that the user wants in place of the file's.
+    distribution: Option<Distribution>,
+    /// True if what is not supported is left out.
+    skip: bool,
+    warnings: Warnings,
+    /// Textures by file, encoding and wrap.
+    images: HashMap<images::Key, images::Known>,
+    /// Meshes by file and choice.
+    meshes: HashMap<String, u32>,
+    includes: usize,
+}
+
+impl Context {
+    fn finish(self) -> Result<Loaded> {
+        let parts = self.builder.finish().map_err(|e| match e {
+            BuildError::Memory(shortage) => Fault::from(shortage),
+            other => fault("scene", other.to_string()),
+        })?;
+        Ok(Loaded {
+            lit: parts.environment.is_some() || is_lit(&parts),
+            parts,
+            animations: Vec::new(),
+            warnings: self.warnings.into_lines(),
+            files: self.files.read_so_far(),
+            digest: self.files.digest(),
+        })
+    }
+
+    fn parts(&mut self) -> &mut SceneParts {
+        &mut self.builder.parts
+    }
+
+    /// Something that is not supported: an error, or a warning if the user goes on without it.
+    fn unsupported(&mut self, place: &str, what: impl std::fmt::Display) -> Result<()> {
+        if self.skip {
+            (self.warnings).group("elements", place, &format!("{what} is not supported"));
+            return Ok(());
+        }
+        let what = format!("{what} is not supported; --skip-unsupported goes on without it");
+        Err(fault(place, what))
+    }
+
+    /// Something that is read but shown in a simpler way.
+    fn approximate(&mut self, place: &str, what: &str) {
+        self.warnings.group("elements", place, what);
+    }
+
+    fn distribution(&self, own: Distribution) -> Distribution {
+        self.distribution.unwrap_or(own)
+    }
+
+    /// One include more.
+    fn include(&mut self, depth: usize, place: &str) -> Result<()> {
+        self.includes += 1;
+        match depth > 32 || self.includes > MOST_INCLUDES {
+            true => Err(fault(place, "includes itself, or too many files")),
+            false => Ok(()),
+        }
+    }
+
+    /// The mesh of a file, read once for each choice.
+    fn file_mesh(
+        &mut self,
+        name: &str,
+        choice: &str,
+        place: &str,
+        read: impl FnOnce(&[u8], &str) -> Result<Mesh>,
+    ) -> Result<u32> {
+        let key = format!("{choice} {name}");
+        if let Some(&mesh) = self.meshes.get(&key) {
+            return Ok(mesh);
+        }
+        let (_, bytes) = self.files.open(name, place)?;
+        let inside = format!("{place}: {name}");
+        let bytes = unpacked(&bytes, &inside)?;
+        let mesh = read(&bytes, &inside)?;
+        let mesh = self.builder.mesh(Mesh {
+            name: name.to_owned(),
+            ..mesh
+        });
+        self.meshes.insert(key, mesh);
+        Ok(mesh)
+    }
+
+    /// Gives a material a bump map, by the mean scale of texture coordinates on these meshes.
+    fn bump(&mut self, material: &mut Material, heights: Paint, steps: &[[f32; 2]]) {
+        let n = steps.len().max(1) as f32;
+        let mean = |c: usize| {
+            let sum: f32 = steps.iter().map(|s| s[c]).sum();
+            if sum > 0.0 { sum / n } else { 1.0 }
+        };
+        let step = [mean(0), mean(1)];
+        material.normal_texture = self.parts().bump_map(heights, step);
+        material.normal_scale = 1.0;
+    }
+}
+
+/// How long a step of one in u and in v is on a mesh at a scale: means over its area.
+fn uv_steps(mesh: &Mesh, scale: f32) -> [f32; 2] {
+    let mut sums = [0.0f64; 3];
+    for face in &mesh.indices {
+        let corner = |k: usize| mesh.positions.get(face[k] as usize).copied();
+        let uv = |k: usize| mesh.uvs.get(face[k] as usize).copied();
+        let (Some(a), Some(b), Some(c)) = (corner(0), corner(1), corner(2)) else {
+            continue;
+        };
+        let (Some(ua), Some(ub), Some(uc)) = (uv(0), uv(1), uv(2)) else {
+            continue;
+        };
+        let (e, f, d, g) = (b - a, c - a, ub - ua, uc - ua);
+        let det = d.perp_dot(g);
+        if det == 0.0 {
+            continue;
+        }
+        let (along_u, along_v) = ((e * g.y - f * d.y) / det, (f * d.x - e * g.x) / det);
+        let area = f64::from(e.cross(f).length());
+        sums[0] += area * f64::from(along_u.length());
+        sums[1] += area * f64::from(along_v.length());
+        sums[2] += area;
+    }
+    if sums[2] == 0.0 {
+        return [0.0; 2];
+    }
+    [0, 1].map(|i| (sums[i] / sums[2]) as f32 * scale)
+}

@@ -1,0 +1,94 @@
+//! Wavefront OBJ meshes: positions, texture coordinates, normals and polygons; materials and groups are ignored, as Mitsuba does.
+
+use super::super::error::{Result, fault};
+use crate::math::{Vec2, Vec3};
+use crate::scene::mesh::Mesh;
+use std::collections::HashMap;
+
+/// Most vertices or triangles.
+const MOST: usize = 1 << 26;
+
+/// The corner of a face: position, texture coordinates and normal, from 1; 0 for none.
+type Corner = [u32; 3];
+
+/// Reads a mesh. Texture coordinates have v upwards in the file; with `flip` it grows downwards, as in images.
+pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Mesh> {
+    let text = String::from_utf8_lossy(bytes);
+    let (mut positions, mut uvs, mut normals) = (Vec::new(), Vec::new(), Vec::new());
+    let mut corners: Vec<Corner> = Vec::new();
+    let mut numbers: HashMap<Corner, u32> = HashMap::new();
+    let mut mesh = Mesh::default();
+    for (n, line) in text.lines().enumerate() {
+        let bad = |what: &str| fault(format!("{place}:{}", n + 1), what);
+        let mut words = line.split_whitespace();
+        let vector = |words: &mut dyn Iterator<Item = &str>, least: usize| {
+            let mut v = [0.0f32; 3];
+            for (i, x) in v.iter_mut().enumerate() {
+                match words.next().map(str::parse) {
+                    Some(Ok(value)) => *x = value,
+                    None if i >= least => {}
+                    _ => return Err(bad("a word that is no number, or too few")),
+                }
+            }
+            match Vec3::from(v).is_finite() {
+                true => Ok(Vec3::from(v)),
+                false => Err(bad("not finite")),
+            }
+        };
+        match words.next() {
+            Some("v") => positions.push(vector(&mut words, 3)?),
+            Some("vn") => normals.push(vector(&mut words, 3)?.normalize_or_zero()),
+            Some("vt") => {
+                let uv = vector(&mut words, 1)?;
+                let v = if flip { 1.0 - uv.y } else { uv.y };
+                uvs.push(Vec2::new(uv.x, v));
+            }
+            Some("f") => {
+                let counts = [positions.len(), uvs.len(), normals.len()];
+                let mut face = Vec::new();
+                for word in words {
+                    let corner =
+                        corner(word, counts).ok_or_else(|| bad("a corner that does not exist"))?;
+                    let next = corners.len() as u32;
+                    let number = *numbers.entry(corner).or_insert(next);
+                    if number == next {
+                        corners.push(corner);
+                    }
+                    face.push(number);
+                }
+                for pair in face.get(1..).unwrap_or_default().windows(2) {
+                    mesh.indices.push([face[0], pair[0], pair[1]]);
+                }
+            }
+            _ => {}
+        }
+        if corners.len().max(mesh.indices.len()).max(positions.len()) > MOST {
+            return Err(bad("too many vertices or triangles"));
+        }
+    }
+    let at = |i: u32| i as usize - 1;
+    mesh.positions = corners.iter().map(|c| positions[at(c[0])]).collect();
+    if corners.iter().all(|c| c[1] > 0) {
+        mesh.uvs = corners.iter().map(|c| uvs[at(c[1])]).collect();
+    }
+    if corners.iter().all(|c| c[2] > 0) {
+        mesh.normals = corners.iter().map(|c| normals[at(c[2])]).collect();
+    }
+    Ok(mesh)
+}
+
+/// The corner of a word such as `1/2/3`; negative numbers count from the end.
+fn corner(word: &str, counts: [usize; 3]) -> Option<Corner> {
+    let mut out = [0; 3];
+    for (i, part) in word.split('/').enumerate() {
+        let slot = out.get_mut(i)?;
+        if part.is_empty() && i > 0 {
+            continue;
+        }
+        let n: i64 = part.parse().ok()?;
+        let count = counts[i] as i64;
+        let n = if n < 0 { count + 1 + n } else { n };
+        *slot = (1..=count).contains(&n).then_some(n as u32)?;
+    }
+    Some(out)
+}
