@@ -1,9 +1,407 @@
-//! Scenes of pbrt-v4.
+//! Scenes of pbrt-v4 (`.pbrt`).
+
+mod lights;
+mod materials;
+mod shapes;
+mod tokens;
+mod values;
 
 use super::super::error::{Result, fault};
-use super::Context;
+use super::{Context, unpacked};
+use crate::scene::build::looks::Paint;
+use glam::{DAffine3, DMat4, DVec3, DVec4};
+use std::collections::HashMap;
+use std::rc::Rc;
+use tokens::{Parameters, Token, Tokens, Values};
 
-/// Reads a scene.
-pub(super) fn read(_: &mut Context, _: Vec<u8>) -> Result<()> {
-    Err(fault("pbrt", "later"))
+/// Most attributes within one another.
+const MOST_DEPTH: usize = 1024;
+
+/// What directives set for what follows.
+#[derive(Clone)]
+struct State {
+    pose: DMat4,
+    material: Option<Rc<Declared>>,
+    /// Kind and parameters of the area light.
+    area_light: Option<Rc<Parameters>>,
+    reversed: bool,
+    /// Parameters of `Attribute`, by what they are for.
+    defaults: Vec<(String, Rc<Parameters>)>,
+}
+
+/// A declared material.
+struct Declared {
+    kind: String,
+    parameters: Parameters,
+}
+
+/// A material of a shape as it was made.
+#[derive(Clone)]
+struct Look {
+    material: crate::scene::Material,
+    /// Heights of a bump map.
+    bump: Option<Paint>,
+}
+
+/// A scene in progress.
+struct Scene<'a> {
+    context: &'a mut Context,
+    state: State,
+    stack: Vec<(State, char)>,
+    coordinates: HashMap<String, DMat4>,
+    materials: HashMap<String, Rc<Declared>>,
+    textures: HashMap<String, Paint>,
+    spectrum_textures: HashMap<String, Paint>,
+    /// Shapes of objects by name: mesh, material, pose.
+    objects: HashMap<String, Rc<Vec<(u32, u32, DAffine3)>>>,
+    object: Option<(String, Vec<(u32, u32, DAffine3)>)>,
+    looks: HashMap<usize, Look>,
+    /// Declarations and lights that looks are known by: their addresses must stay theirs.
+    kept: Vec<Rc<Declared>>,
+    lights_kept: Vec<Rc<Parameters>>,
+    dressed: HashMap<String, u32>,
+    /// Film's parameters, and those of the camera with its pose.
+    film: Option<Parameters>,
+    camera: Option<(String, Parameters, DMat4)>,
+    in_world: bool,
+}
+
+/// Reads a scene from the text of its file.
+pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
+    let mut scene = Scene {
+        context,
+        state: State {
+            pose: DMat4::IDENTITY,
+            material: None,
+            area_light: None,
+            reversed: false,
+            defaults: Vec::new(),
+        },
+        stack: Vec::new(),
+        coordinates: HashMap::new(),
+        materials: HashMap::new(),
+        textures: HashMap::new(),
+        spectrum_textures: HashMap::new(),
+        objects: HashMap::new(),
+        object: None,
+        looks: HashMap::new(),
+        kept: Vec::new(),
+        lights_kept: Vec::new(),
+        dressed: HashMap::new(),
+        film: None,
+        camera: None,
+        in_world: false,
+    };
+    scene.file(&mut Tokens::new(text, ""), 0)?;
+    scene.add_camera()
+}
+
+/// A matrix in pbrt's order, column by column.
+fn matrix(n: [f64; 16]) -> DMat4 {
+    DMat4::from_cols_array(&n)
+}
+
+impl Scene<'_> {
+    fn file(&mut self, tokens: &mut Tokens, depth: usize) -> Result<()> {
+        loop {
+            tokens.peek()?;
+            let place = tokens.place();
+            match tokens.next()? {
+                None => return Ok(()),
+                Some(Token::Word(word)) => self.directive(&word, tokens, place, depth)?,
+                Some(_) => return Err(fault(place, "a directive should stand here")),
+            }
+        }
+    }
+
+    fn directive(
+        &mut self,
+        word: &str,
+        tokens: &mut Tokens,
+        place: String,
+        depth: usize,
+    ) -> Result<()> {
+        match word {
+            "Include" | "Import" => {
+                let name = tokens.quoted()?;
+                self.context.include(depth, &place)?;
+                let (_, bytes) = self.context.files.open(&name, &place)?;
+                let text = unpacked(&bytes, &place)?;
+                self.file(&mut Tokens::new(text, &name), depth + 1)
+            }
+            "AttributeBegin" | "TransformBegin" => {
+                self.push(if word == "AttributeBegin" { 'a' } else { 't' }, &place)
+            }
+            "AttributeEnd" | "TransformEnd" => {
+                self.pop(if word == "AttributeEnd" { 'a' } else { 't' }, &place)
+            }
+            "ObjectBegin" => {
+                let name = tokens.quoted()?;
+                if self.object.is_some() {
+                    return Err(fault(place, "an object in an object"));
+                }
+                self.push('o', &place)?;
+                self.object = Some((name, Vec::new()));
+                Ok(())
+            }
+            "ObjectEnd" => {
+                let (name, members) = self
+                    .object
+                    .take()
+                    .ok_or_else(|| fault(&place, "no object has begun"))?;
+                self.objects.insert(name, Rc::new(members));
+                self.pop('o', &place)
+            }
+            "ObjectInstance" => {
+                let name = tokens.quoted()?;
+                self.instance(&name, &place)
+            }
+            "WorldBegin" => {
+                self.in_world = true;
+                self.state.pose = DMat4::IDENTITY;
+                self.coordinates.insert("world".into(), DMat4::IDENTITY);
+                Ok(())
+            }
+            "WorldEnd" => Ok(()),
+            "ReverseOrientation" => {
+                self.state.reversed = !self.state.reversed;
+                Ok(())
+            }
+            "Attribute" => {
+                let target = tokens.quoted()?;
+                let parameters = Parameters::read(tokens, place)?;
+                self.state.defaults.push((target, Rc::new(parameters)));
+                Ok(())
+            }
+            "Identity" | "Translate" | "Scale" | "Rotate" | "LookAt" | "Transform"
+            | "ConcatTransform" | "CoordinateSystem" | "CoordSysTransform" | "ActiveTransform"
+            | "TransformTimes" => self.transform(word, tokens, &place),
+            _ => self.declaration(word, tokens, place),
+        }
+    }
+
+    fn push(&mut self, kind: char, place: &str) -> Result<()> {
+        if self.stack.len() >= MOST_DEPTH {
+            return Err(fault(place, "attributes are nested too deep"));
+        }
+        self.stack.push((self.state.clone(), kind));
+        Ok(())
+    }
+
+    fn pop(&mut self, kind: char, place: &str) -> Result<()> {
+        match self.stack.pop() {
+            Some((state, begun)) if begun == kind => {
+                match kind {
+                    't' => self.state.pose = state.pose,
+                    _ => self.state = state,
+                }
+                Ok(())
+            }
+            _ => Err(fault(place, "an end without its begin")),
+        }
+    }
+
+    fn transform(&mut self, word: &str, tokens: &mut Tokens, place: &str) -> Result<()> {
+        let pose = &mut self.state.pose;
+        match word {
+            "Identity" => *pose = DMat4::IDENTITY,
+            "Translate" => *pose *= DMat4::from_translation(DVec3::from(tokens.numbers::<3>()?)),
+            "Scale" => *pose *= DMat4::from_scale(DVec3::from(tokens.numbers::<3>()?)),
+            "Rotate" => {
+                let [angle, x, y, z] = tokens.numbers()?;
+                let axis = DVec3::new(x, y, z).try_normalize();
+                let axis = axis.ok_or_else(|| fault(place, "the axis has no direction"))?;
+                *pose *= DMat4::from_axis_angle(axis, angle.to_radians());
+            }
+            "LookAt" => {
+                let n: [f64; 9] = tokens.numbers()?;
+                let at = |i: usize| DVec3::new(n[i], n[i + 1], n[i + 2]);
+                let camera =
+                    look_at(at(0), at(3), at(6)).ok_or_else(|| fault(place, "looks nowhere"))?;
+                *pose *= camera.inverse();
+            }
+            "Transform" => *pose = matrix(tokens.numbers()?),
+            "ConcatTransform" => *pose *= matrix(tokens.numbers()?),
+            "CoordinateSystem" => {
+                let name = tokens.quoted()?;
+                self.coordinates.insert(name, *pose);
+            }
+            "CoordSysTransform" => {
+                let name = tokens.quoted()?;
+                match self.coordinates.get(&name) {
+                    Some(known) => *pose = *known,
+                    None => return Err(fault(place, format!("no coordinate system `{name}`"))),
+                }
+            }
+            "ActiveTransform" => {
+                tokens.next()?;
+                self.context
+                    .unsupported(place, "motion blur (`ActiveTransform`)")?;
+            }
+            _ => {
+                tokens.numbers::<2>()?;
+            }
+        }
+        match self.state.pose.is_finite() {
+            true => Ok(()),
+            false => Err(fault(place, "the transform is not finite")),
+        }
+    }
+
+    fn declaration(&mut self, word: &str, tokens: &mut Tokens, place: String) -> Result<()> {
+        let known = [
+            "Shape",
+            "Material",
+            "MakeNamedMaterial",
+            "NamedMaterial",
+            "Texture",
+            "LightSource",
+            "AreaLightSource",
+            "Camera",
+            "Film",
+            "Sampler",
+            "Integrator",
+            "PixelFilter",
+            "Accelerator",
+            "ColorSpace",
+            "Option",
+            "MediumInterface",
+            "MakeNamedMedium",
+        ];
+        if !known.contains(&word) {
+            return Err(fault(place, format!("`{word}` is no directive of pbrt-v4")));
+        }
+        if word == "Option" {
+            Parameters::read(tokens, place)?;
+            return Ok(());
+        }
+        let name = tokens.quoted()?;
+        match word {
+            "NamedMaterial" => {
+                let known = self.materials.get(&name).cloned();
+                self.state.material =
+                    Some(known.ok_or_else(|| fault(place, format!("no material `{name}`")))?);
+                return Ok(());
+            }
+            "Texture" => {
+                let (kind, class) = (tokens.quoted()?, tokens.quoted()?);
+                let parameters = self.with_defaults("texture", Parameters::read(tokens, place)?);
+                return self.texture(name, &kind, &class, &parameters);
+            }
+            "MediumInterface" => {
+                // One name or two.
+                if let Some(Token::Quoted(_)) = tokens.peek()? {
+                    tokens.next()?;
+                }
+                return self.context.unsupported(&place, "a medium");
+            }
+            _ => {}
+        }
+        let parameters = Parameters::read(tokens, place.clone())?;
+        match word {
+            "Shape" => {
+                let parameters = self.with_defaults("shape", parameters);
+                self.shape(&name, &parameters)
+            }
+            "Material" | "MakeNamedMaterial" => {
+                let parameters = self.with_defaults("material", parameters);
+                let kind = match word {
+                    "Material" => name.clone(),
+                    _ => parameters.text("type")?.unwrap_or_default().to_owned(),
+                };
+                let declared = Rc::new(Declared { kind, parameters });
+                match word {
+                    "Material" => self.state.material = Some(declared),
+                    _ => {
+                        self.materials.insert(name, declared);
+                    }
+                }
+                Ok(())
+            }
+            "LightSource" => {
+                let parameters = self.with_defaults("light", parameters);
+                self.light(&name, &parameters)
+            }
+            "AreaLightSource" => {
+                if name != "diffuse" {
+                    return self
+                        .context
+                        .unsupported(&place, format!("area light `{name}`"));
+                }
+                let parameters = self.with_defaults("light", parameters);
+                self.state.area_light = Some(Rc::new(parameters));
+                Ok(())
+            }
+            "Camera" => {
+                // The current transform takes the world to the camera.
+                self.coordinates
+                    .insert("camera".into(), self.state.pose.inverse());
+                self.camera = Some((name, parameters, self.state.pose.inverse()));
+                Ok(())
+            }
+            "Film" => {
+                self.film = Some(parameters);
+                Ok(())
+            }
+            "ColorSpace" if name != "srgb" => self
+                .context
+                .unsupported(&place, format!("colour space `{name}`")),
+            "MakeNamedMedium" => self.context.unsupported(&place, "a medium"),
+            // Samplers, filters, integrators and accelerators are the render's.
+            _ => Ok(()),
+        }
+    }
+
+    /// Parameters with those that `Attribute` set for this kind of thing.
+    fn with_defaults(&self, target: &str, mut parameters: Parameters) -> Parameters {
+        for (kind, defaults) in self.state.defaults.iter().rev() {
+            if kind == target {
+                let missing = defaults
+                    .list
+                    .iter()
+                    .filter(|p| parameters.get(&p.name).is_none());
+                let missing: Vec<_> = missing.cloned().collect();
+                parameters.list.extend(missing);
+            }
+        }
+        parameters
+    }
+
+    /// The current pose, without a projective part.
+    fn pose(&self, place: &str) -> Result<DAffine3> {
+        affine(&self.state.pose, place)
+    }
+
+    /// The first text of a parameter, if it names one.
+    fn named<'p>(parameters: &'p Parameters, name: &str) -> Option<(&'p str, &'p str)> {
+        let parameter = parameters.get(name)?;
+        match &parameter.values {
+            Values::Texts(all) => Some((&parameter.kind, all.first()?)),
+            _ => None,
+        }
+    }
+}
+
+fn affine(matrix: &DMat4, place: &str) -> Result<DAffine3> {
+    let below = matrix.row(3);
+    let straight = (below - DVec4::W).abs().max_element() < 1e-6;
+    let pose = DAffine3::from_mat4(*matrix);
+    match straight && pose.is_finite() && pose.translation.as_vec3().is_finite() {
+        true => Ok(pose),
+        false => Err(fault(place, "its transform is not finite or not affine")),
+    }
+}
+
+/// The pose of pbrt's camera: +x to the right, +y up, looking along +z.
+fn look_at(eye: DVec3, target: DVec3, up: DVec3) -> Option<DMat4> {
+    let dir = (target - eye).try_normalize()?;
+    let right = up.try_normalize()?.cross(dir).try_normalize()?;
+    let up = dir.cross(right);
+    let column = |v: DVec3| v.extend(0.0);
+    Some(DMat4::from_cols(
+        column(right),
+        column(up),
+        column(dir),
+        eye.extend(1.0),
+    ))
 }

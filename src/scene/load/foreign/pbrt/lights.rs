@@ -1,0 +1,240 @@
+//! Lights, cameras and films of pbrt.
+
+use super::super::super::error::{Result, fault};
+use super::tokens::Parameters;
+use super::values::Meant;
+use super::{Scene, affine};
+use crate::math::{Frame, Rgb, UVec2, luminance};
+use crate::scene::build::sky;
+use crate::scene::camera::Projection;
+use crate::scene::light::Falloff;
+use crate::scene::{Camera, Environment, FilmSize, Lens, PunctualLight};
+use glam::DVec3;
+use std::f64::consts::PI;
+
+impl Scene<'_> {
+    pub(super) fn light(&mut self, kind: &str, parameters: &Parameters) -> Result<()> {
+        let place = &parameters.place;
+        let pose = self.pose(place)?;
+        let scale = parameters.number("scale", 1.0)? as f32;
+        let power = parameters.number("power", -1.0)?;
+        let vector = |name: &str, or: [f64; 3]| parameters.vector(name, or).map(DVec3::from);
+        let axis = |from: DVec3, to: DVec3| {
+            let axis = pose.transform_vector3(to - from).try_normalize();
+            axis.ok_or_else(|| fault(place, "has no direction"))
+        };
+        match kind {
+            "point" => {
+                let mut intensity = self.colour(parameters, "I", Rgb::ONE, Meant::Emitted)? * scale;
+                if power > 0.0 {
+                    intensity *= (power / (4.0 * PI * f64::from(luminance(intensity)))) as f32;
+                }
+                let position = pose.transform_point3(vector("from", [0.0; 3])?);
+                self.context.parts().lights.push(PunctualLight::Point {
+                    position: position.as_vec3(),
+                    intensity,
+                    range: f32::INFINITY,
+                });
+            }
+            "spot" => {
+                let mut intensity = self.colour(parameters, "I", Rgb::ONE, Meant::Emitted)? * scale;
+                let cone = parameters.number("coneangle", 30.0)?;
+                let delta = parameters.number("conedeltaangle", 5.0)?;
+                if !(0.0 < cone && cone < 180.0 && 0.0 <= delta && delta <= cone) {
+                    return Err(fault(
+                        place,
+                        "its angles are not 0 ≤ conedeltaangle ≤ coneangle",
+                    ));
+                }
+                let (inner, outer) = ((cone - delta).to_radians().cos(), cone.to_radians().cos());
+                if power > 0.0 {
+                    let solid = 2.0 * PI * ((1.0 - inner) + 0.5 * (inner - outer));
+                    intensity *= (power / (solid * f64::from(luminance(intensity)))) as f32;
+                }
+                let (from, to) = (vector("from", [0.0; 3])?, vector("to", [0.0, 0.0, 1.0])?);
+                let direction = axis(from, to)?.as_vec3();
+                self.context.parts().lights.push(PunctualLight::Spot {
+                    position: pose.transform_point3(from).as_vec3(),
+                    direction,
+                    intensity,
+                    range: f32::INFINITY,
+                    cos_inner: inner as f32,
+                    cos_outer: outer as f32,
+                    falloff: Falloff::Smooth,
+                });
+            }
+            "distant" => {
+                let mut irradiance =
+                    self.colour(parameters, "L", Rgb::ONE, Meant::Emitted)? * scale;
+                let wanted = parameters.number("illuminance", -1.0)?;
+                if wanted > 0.0 {
+                    irradiance *= wanted as f32 / luminance(irradiance);
+                }
+                let (from, to) = (vector("from", [0.0; 3])?, vector("to", [0.0, 0.0, 1.0])?);
+                let direction = axis(from, to)?.as_vec3();
+                self.context
+                    .parts()
+                    .lights
+                    .push(PunctualLight::Directional {
+                        direction,
+                        irradiance,
+                    });
+            }
+            "infinite" => return self.infinite(parameters, scale),
+            other => return self.context.unsupported(place, format!("light `{other}`")),
+        }
+        Ok(())
+    }
+
+    fn infinite(&mut self, parameters: &Parameters, scale: f32) -> Result<()> {
+        let place = &parameters.place;
+        let pose = self.pose(place)?;
+        if parameters.get("portal").is_some() {
+            self.context
+                .approximate(place, "a portal only guides samples and is left out");
+        }
+        let wanted = parameters.number("illuminance", -1.0)?;
+        let file = parameters.text("filename")?.map(str::to_owned);
+        let environment = match file {
+            Some(name) => {
+                let map = self.context.radiance_map(&name, place)?;
+                let projection = match map.width == map.height {
+                    true => sky::Projection::EqualArea,
+                    false => {
+                        self.context
+                            .unsupported(place, "a map that is not square (of equal areas)")?;
+                        sky::Projection::LatLong
+                    }
+                };
+                sky::resampled(&map, projection, pose.matrix3, Rgb::splat(scale))
+            }
+            None => {
+                let mut radiance = self.colour(parameters, "L", Rgb::ONE, Meant::Emitted)? * scale;
+                if wanted > 0.0 {
+                    // A sky of one colour gives π of it.
+                    radiance *= wanted as f32 / (std::f32::consts::PI * luminance(radiance));
+                }
+                Environment::constant(radiance)
+            }
+        };
+        if self.context.parts().environment.is_some() {
+            self.context.unsupported(place, "a second infinite light")?;
+            return Ok(());
+        }
+        self.context.parts().environment = Some(environment);
+        Ok(())
+    }
+
+    /// The camera, with its film.
+    pub(super) fn add_camera(&mut self) -> Result<()> {
+        let Some((kind, parameters, matrix)) = self.camera.take() else {
+            return Ok(());
+        };
+        let place = &parameters.place;
+        let film = self.film_size()?;
+        let pose = affine(&matrix, place)?;
+        let own = f64::from(film.size.x) / f64::from(film.size.y);
+        let aspect = parameters.number("frameaspectratio", own)?;
+        // The shorter axis has [−1, 1].
+        let default = match aspect > 1.0 {
+            true => [-aspect, aspect, -1.0, 1.0],
+            false => [-1.0, 1.0, -1.0 / aspect, 1.0 / aspect],
+        };
+        let window = match parameters.numbers("screenwindow")? {
+            None => default,
+            Some([a, b, c, d]) => [*a, *b, *c, *d],
+            Some(_) => return Err(fault(place, "screenwindow is not four numbers")),
+        };
+        let [x0, x1, y0, y1] = window;
+        if !(x0 < x1 && y0 < y1) || !aspect.is_finite() || aspect <= 0.0 {
+            return Err(fault(place, "a screen window without area"));
+        }
+        if (x0 + x1).abs() > 1e-4 * (x1 - x0) || (y0 + y1).abs() > 1e-4 * (y1 - y0) {
+            self.context
+                .unsupported(place, "a screen window off the centre")?;
+        }
+        let (half_x, half_y) = (0.5 * (x1 - x0), 0.5 * (y1 - y0));
+        if (half_x / half_y / own - 1.0).abs() > 1e-3 {
+            self.context
+                .unsupported(place, "pixels that are not square")?;
+        }
+        let projection = match kind.as_str() {
+            "perspective" => {
+                let fov = parameters.number("fov", 90.0)?;
+                if !(0.0 < fov && fov < 180.0) {
+                    return Err(fault(place, format!("fov is {fov}, not between 0 and 180")));
+                }
+                let tan_half_y = ((0.5 * fov.to_radians()).tan() * half_y) as f32;
+                Projection::Perspective { tan_half_y }
+            }
+            "orthographic" => {
+                let half_height = (half_y * pose.matrix3.y_axis.length()) as f32;
+                Projection::Orthographic { half_height }
+            }
+            other => return self.context.unsupported(place, format!("camera `{other}`")),
+        };
+        let radius = parameters.number("lensradius", 0.0)? as f32;
+        let focus = parameters.number("focaldistance", 1e6)? as f32;
+        let m = pose.matrix3;
+        let axis = |v: DVec3| {
+            v.try_normalize()
+                .ok_or_else(|| fault(place, "has no direction"))
+        };
+        let n = -axis(m.z_axis)?;
+        let t = axis(m.y_axis - n * n.dot(m.y_axis))?;
+        // +x is to the right, whatever hand the pose has.
+        let s = t.cross(n);
+        let s = s * s.dot(m.x_axis).signum();
+        self.context.parts().cameras.push(Camera {
+            name: "camera".into(),
+            position: pose.translation.as_vec3(),
+            frame: Frame {
+                s: s.as_vec3(),
+                t: t.as_vec3(),
+                n: n.as_vec3(),
+            },
+            projection,
+            aspect: Some(own as f32),
+            lens: (radius > 0.0 && focus > 0.0).then_some(Lens { radius, focus }),
+            film: Some(film),
+        });
+        Ok(())
+    }
+
+    fn film_size(&mut self) -> Result<FilmSize> {
+        let Some(film) = self.film.take() else {
+            return Ok(FilmSize {
+                size: UVec2::new(1280, 720),
+                crop: None,
+            });
+        };
+        let place = &film.place;
+        let side = |name: &str, or: f64| -> Result<u32> {
+            let n = film.number(name, or)?;
+            match (1.0..=65536.0).contains(&n) {
+                true => Ok(n as u32),
+                false => Err(fault(place, format!("{name} {n}"))),
+            }
+        };
+        let size = UVec2::new(side("xresolution", 1280.0)?, side("yresolution", 720.0)?);
+        let [w, h] = [f64::from(size.x), f64::from(size.y)];
+        let part = match (film.numbers("cropwindow")?, film.numbers("pixelbounds")?) {
+            (Some([a, b, c, d]), _) => Some([a * w, b * w, c * h, d * h].map(f64::ceil)),
+            (_, Some([a, b, c, d])) => Some([*a, *b, *c, *d]),
+            (None, None) => None,
+            _ => return Err(fault(place, "the crop is not four numbers")),
+        };
+        let crop = match part {
+            None => None,
+            Some([x0, x1, y0, y1]) => {
+                let inside = 0.0 <= x0 && x0 < x1 && x1 <= w && 0.0 <= y0 && y0 < y1 && y1 <= h;
+                if !inside {
+                    return Err(fault(place, "the crop is not within the film"));
+                }
+                let whole = [x0, x1, y0, y1] == [0.0, w, 0.0, h];
+                (!whole).then_some([x0, y0, x1 - x0, y1 - y0].map(|n| n as u32))
+            }
+        };
+        Ok(FilmSize { size, crop })
+    }
+}

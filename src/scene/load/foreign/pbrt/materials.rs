@@ -1,0 +1,260 @@
+//! Materials of pbrt.
+
+use super::super::super::error::{Result, fault};
+use super::tokens::{Parameters, Values};
+use super::values::Meant;
+use super::{Declared, Look, Scene};
+use crate::bsdf::Distribution;
+use crate::math::Rgb;
+use crate::scene::Material;
+use crate::scene::build::looks::{self, Paint};
+use crate::scene::build::metals;
+use crate::scene::finish::Anisotropy;
+use std::rc::Rc;
+
+/// Roughness below which pbrt's microfacets are a mirror.
+const SMOOTH: f32 = 1e-3;
+
+/// Roughness of pbrt's own scale, if `remaproughness` asks for it: √r in version 4.
+fn remapped(roughness: f32, remap: bool) -> f32 {
+    match remap {
+        true => roughness.max(0.0).sqrt(),
+        false => roughness,
+    }
+}
+
+impl Scene<'_> {
+    /// The look of a declared material.
+    pub(super) fn look(&mut self, declared: &Rc<Declared>, depth: usize) -> Result<Look> {
+        let address = Rc::as_ptr(declared).addr();
+        if let Some(look) = self.looks.get(&address) {
+            return Ok(look.clone());
+        }
+        let parameters = &declared.parameters;
+        if depth > 16 {
+            return Err(fault(&parameters.place, "a mixture that holds itself"));
+        }
+        let mut look = Look {
+            material: self.material(&declared.kind, parameters, depth)?,
+            bump: None,
+        };
+        if parameters.get("displacement").is_some() {
+            let heights = self.paint(parameters, "displacement", Paint::from(0.0))?;
+            look.bump = heights.map.map(|_| heights);
+        }
+        if let Some(name) = parameters.text("normalmap")? {
+            let how = super::super::images::Use {
+                srgb: Some(false),
+                wrap: [crate::scene::texture::Wrap::Repeat; 2],
+                nearest: false,
+                invert: false,
+                transform: glam::Affine2::from_mat2_translation(
+                    glam::Mat2::from_diagonal(glam::Vec2::new(1.0, -1.0)),
+                    glam::Vec2::Y,
+                ),
+            };
+            let name = name.to_owned();
+            look.material.normal_texture = self.context.texture(&name, how, &parameters.place)?.map;
+        }
+        // The address stays that of this declaration.
+        self.kept.push(declared.clone());
+        self.looks.insert(address, look.clone());
+        Ok(look)
+    }
+
+    fn material(&mut self, kind: &str, parameters: &Parameters, depth: usize) -> Result<Material> {
+        let place = &parameters.place;
+        Ok(match kind {
+            "diffuse" | "matte" => {
+                let name = if parameters.get("Kd").is_some() {
+                    "Kd"
+                } else {
+                    "reflectance"
+                };
+                looks::diffuse(self.paint(parameters, name, Paint::from(0.5))?)
+            }
+            "conductor" | "metal" => self.conductor(parameters, "")?,
+            "dielectric" => {
+                let eta = self.eta(parameters, "eta", 1.5)?;
+                let mut material = looks::glass(eta, Paint::from(1.0), 0.0);
+                self.rough(parameters, "", 0.0, &mut material)?;
+                material
+            }
+            "thindielectric" => {
+                let eta = self.eta(parameters, "eta", 1.5)?;
+                looks::wall(eta, Paint::from(1.0), Rgb::ONE)
+            }
+            "coateddiffuse" => {
+                self.layered(parameters)?;
+                let base = self.paint(parameters, "reflectance", Paint::from(0.5))?;
+                let eta = self.eta(parameters, "eta", 1.5)?;
+                let mut material = looks::coated(eta, base, Rgb::ONE, 0.0, true);
+                self.rough(parameters, "", 0.0, &mut material)?;
+                material
+            }
+            "coatedconductor" => {
+                self.layered(parameters)?;
+                self.context.approximate(
+                    place,
+                    "`coatedconductor` is shown as a metal under glTF's clear coat",
+                );
+                let mut material = self.conductor(parameters, "conductor.")?;
+                let mut coat = Material::default();
+                self.rough(parameters, "interface.", 0.0, &mut coat)?;
+                let clear = material.finish_mut().clearcoat.get_or_insert_default();
+                (clear.weight, clear.alpha) = (1.0, coat.alpha);
+                material
+            }
+            "diffusetransmission" => {
+                self.context.unsupported(place, "diffuse transmission")?;
+                looks::diffuse(self.paint(parameters, "reflectance", Paint::from(0.25))?)
+            }
+            "mix" => self.mixture(parameters, depth)?,
+            "interface" | "" | "none" => looks::nothing(),
+            other => {
+                self.context
+                    .unsupported(place, format!("material `{other}`"))?;
+                looks::diffuse(Paint::from(0.5))
+            }
+        })
+    }
+
+    /// What a layer may not have.
+    fn layered(&mut self, parameters: &Parameters) -> Result<()> {
+        let albedo = self.colour(parameters, "albedo", Rgb::ZERO, Meant::Reflected)?;
+        match albedo == Rgb::ZERO {
+            true => Ok(()),
+            false => {
+                (self.context).unsupported(&parameters.place, "a medium in a layer (`albedo`)")
+            }
+        }
+    }
+
+    /// An index of refraction: a number, the name of a glass, or a spectrum.
+    fn eta(&mut self, parameters: &Parameters, name: &str, or: f32) -> Result<f32> {
+        let eta = match parameters.get(name).map(|p| &p.values) {
+            None => or,
+            Some(Values::Texts(names))
+                if names.len() == 1 && metals::glass(&names[0]).is_some() =>
+            {
+                self.context
+                    .approximate(&parameters.place, "dispersion of a named glass is left out");
+                metals::glass(&names[0]).unwrap_or(or)
+            }
+            Some(_) => {
+                let colour = self.colour(parameters, name, Rgb::splat(or), Meant::Reflected)?;
+                colour.element_sum() / 3.0
+            }
+        };
+        match eta.is_finite() && eta > 0.0 {
+            true => Ok(eta),
+            false => Err(fault(
+                &parameters.place,
+                format!("index of refraction {eta}"),
+            )),
+        }
+    }
+
+    fn conductor(&mut self, parameters: &Parameters, prefix: &str) -> Result<Material> {
+        let of = |name: &str| format!("{prefix}{name}");
+        let mut material = if parameters.get("reflectance").is_some() {
+            // k of this reflectance with an index of 1, as pbrt makes it.
+            let r = self.colour(parameters, "reflectance", Rgb::ONE, Meant::Reflected)?;
+            let r = r.clamp(Rgb::ZERO, Rgb::splat(0.9999));
+            let k = 2.0 * r.map(f32::sqrt) / (Rgb::ONE - r).map(f32::sqrt);
+            looks::metal(Rgb::ONE, k, Paint::from(1.0), 0.0)
+        } else {
+            let (eta, k) = metals::metal("Cu").unwrap_or((Rgb::ONE, Rgb::ONE));
+            let eta = self.colour(parameters, &of("eta"), eta, Meant::Reflected)?;
+            let k = self.colour(parameters, &of("k"), k, Meant::Reflected)?;
+            let outside = match prefix.is_empty() {
+                true => 1.0,
+                false => self.eta(parameters, "interface.eta", 1.5)?,
+            };
+            looks::metal(eta / outside, k / outside, Paint::from(1.0), 0.0)
+        };
+        self.rough(parameters, prefix, 0.0, &mut material)?;
+        Ok(material)
+    }
+
+    /// Roughness of microfacets by Trowbridge and Reitz.
+    fn rough(
+        &mut self,
+        parameters: &Parameters,
+        prefix: &str,
+        or: f32,
+        material: &mut Material,
+    ) -> Result<()> {
+        let place = &parameters.place;
+        material.distribution = self.context.distribution(Distribution::Ggx);
+        let remap = parameters.flag("remaproughness", true)?;
+        let both = self.paint(parameters, &format!("{prefix}roughness"), Paint::from(or))?;
+        let u = self.paint(parameters, &format!("{prefix}uroughness"), both)?;
+        let v = self.paint(parameters, &format!("{prefix}vroughness"), both)?;
+        if let Some(map) = u.map.or(v.map) {
+            if u != v {
+                self.context
+                    .approximate(place, "two textures of roughness: the first counts");
+            }
+            let factor = u.factor.x;
+            let map =
+                (self.context.parts()).roughness_map(map, |x| remapped(factor * x, remap).min(1.0));
+            (material.alpha, material.metallic_roughness_texture) = (1.0, Some(map));
+            return Ok(());
+        }
+        let [u, v] = [u.factor.x, v.factor.x].map(|r| remapped(r, remap).min(1.0));
+        if u.max(v) < SMOOTH {
+            material.alpha = 0.0;
+            return Ok(());
+        }
+        let [u, v] = [u, v].map(|a| a.max(SMOOTH));
+        material.alpha = u.min(v);
+        if u == v {
+            return Ok(());
+        }
+        if material.metallic == 1.0 {
+            let least = u.min(v);
+            material.finish_mut().anisotropy = Some(Anisotropy {
+                strength: ((u.max(v) - least) / (1.0 - least)).sqrt(),
+                rotation: if u > v {
+                    0.0
+                } else {
+                    std::f32::consts::FRAC_PI_2
+                },
+                texture: None,
+            });
+            self.context
+                .approximate(place, "a brushed metal reflects by Schlick's approximation");
+        } else {
+            material.alpha = (u * v).sqrt();
+            self.context
+                .approximate(place, "two roughnesses are shown as their geometric mean");
+        }
+        Ok(())
+    }
+
+    fn mixture(&mut self, parameters: &Parameters, depth: usize) -> Result<Material> {
+        let place = &parameters.place;
+        let names = match parameters.get("materials").map(|p| &p.values) {
+            Some(Values::Texts(names)) if names.len() == 2 => names.clone(),
+            _ => return Err(fault(place, "a mixture names two materials")),
+        };
+        let mut looks = Vec::new();
+        for name in &names {
+            let known = self.materials.get(name).cloned();
+            let known = known.ok_or_else(|| fault(place, format!("no material `{name}`")))?;
+            looks.push(self.look(&known, depth + 1)?.material);
+        }
+        let amount = self.paint(parameters, "amount", Paint::from(0.5))?;
+        let mixed = |m: &Material| m.finish.as_ref().is_some_and(|f| f.mix.is_some());
+        if looks.iter().any(mixed) {
+            self.context.unsupported(place, "a mixture in a mixture")?;
+            return Ok(looks.swap_remove(0));
+        }
+        let second = looks.pop().unwrap_or_default();
+        let mut first = looks.pop().unwrap_or_default();
+        let other = self.context.builder.material(second);
+        self.context.parts().mix(&mut first, other, amount);
+        Ok(first)
+    }
+}

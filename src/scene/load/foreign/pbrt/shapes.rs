@@ -1,0 +1,347 @@
+//! Shapes of pbrt.
+
+use super::super::super::error::{Result, fault};
+use super::super::{ply, uv_steps};
+use super::tokens::Parameters;
+use super::values::Meant;
+use super::{Declared, Look, Scene};
+use crate::math::{Rgb, Vec2, Vec3};
+use crate::scene::build::looks::{self, Paint};
+use crate::scene::build::{Placed, face_normals_outwards, flip, right_handed_tangents, shapes};
+use crate::scene::material::AlphaMode;
+use crate::scene::mesh::Mesh;
+use glam::DAffine3;
+use std::f32::consts::PI;
+use std::rc::Rc;
+
+impl Scene<'_> {
+    pub(super) fn shape(&mut self, kind: &str, parameters: &Parameters) -> Result<()> {
+        let place = &parameters.place;
+        let pose = self.pose(place)?;
+        let reversed = self.state.reversed;
+        let Some(mesh) = self.mesh(kind, parameters, reversed)? else {
+            return Ok(());
+        };
+        let (mesh, material) = self.dress(kind, parameters, mesh, &pose)?;
+        match &mut self.object {
+            Some((_, members)) => {
+                if members.len() >= 1 << 20 {
+                    return Err(fault(place, "an object of too many shapes"));
+                }
+                members.push((mesh, material, pose));
+                Ok(())
+            }
+            None => self.place(mesh, material, pose, place),
+        }
+    }
+
+    fn place(&mut self, mesh: u32, material: u32, pose: DAffine3, place: &str) -> Result<()> {
+        let placed = Placed {
+            mesh,
+            material,
+            pose,
+        };
+        (self.context.builder.place(placed)).map_err(|e| fault(place, e.to_string()))
+    }
+
+    pub(super) fn instance(&mut self, name: &str, place: &str) -> Result<()> {
+        let known = self.objects.get(name).cloned();
+        let members = known.ok_or_else(|| fault(place, format!("no object `{name}`")))?;
+        if self.object.is_some() {
+            return Err(fault(place, "an instance in an object"));
+        }
+        let pose = self.pose(place)?;
+        for &(mesh, material, own) in members.iter() {
+            self.place(mesh, material, pose * own, place)?;
+        }
+        Ok(())
+    }
+
+    fn mesh(&mut self, kind: &str, parameters: &Parameters, reversed: bool) -> Result<Option<u32>> {
+        let place = &parameters.place;
+        if kind == "plymesh" {
+            let name = parameters.text("filename")?;
+            let name = name
+                .ok_or_else(|| fault(place, "has no filename"))?
+                .to_owned();
+            if parameters.get("displacement").is_some() {
+                self.context.unsupported(place, "displacement of a mesh")?;
+            }
+            let choice = format!("ply {reversed}");
+            let mesh = self.context.file_mesh(&name, &choice, place, |bytes, at| {
+                let mut mesh = ply::read(bytes, at)?;
+                mesh.colors.clear();
+                turned(&mut mesh, reversed);
+                Ok(mesh)
+            });
+            return mesh.map(Some);
+        }
+        let of = |name: &str, or: f64| parameters.number(name, or).map(|x| x as f32);
+        let turn = of("phimax", 360.0)?.clamp(0.1, 360.0).to_radians();
+        let radius = of("radius", 1.0)?;
+        let mut mesh = match kind {
+            "sphere" => {
+                let (low, high) = (
+                    of("zmin", f64::from(-radius))?,
+                    of("zmax", f64::from(radius))?,
+                );
+                let angle = |z: f32| (z / radius).clamp(-1.0, 1.0).acos();
+                let span = [angle(low.max(high)), angle(low.min(high))];
+                if span[1] - span[0] < 1e-4 {
+                    return Err(fault(place, "a sphere without a surface"));
+                }
+                let mut mesh = shapes::part_of_sphere(Vec3::ZERO, radius, span, turn);
+                // pbrt's v is 0 at the lower end.
+                mesh.uvs.iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);
+                mesh
+            }
+            "disk" => {
+                let inner = of("innerradius", 0.0)?;
+                let mut mesh = shapes::disk(of("height", 0.0)?, radius, inner, turn);
+                let span = 1.0 - inner / radius;
+                let swapped = |uv: &mut Vec2| *uv = Vec2::new(uv.y, (1.0 - uv.x) / span);
+                mesh.uvs.iter_mut().for_each(swapped);
+                mesh
+            }
+            "cylinder" => shapes::cylinder(radius, [of("zmin", -1.0)?, of("zmax", 1.0)?], turn),
+            "trianglemesh" => triangles(parameters)?,
+            "bilinearmesh" => patches(parameters)?,
+            "loopsubdiv" => {
+                self.context
+                    .unsupported(place, "subdivision (its control mesh stands in)")?;
+                let mut mesh = triangles(parameters)?;
+                mesh.normals.clear();
+                mesh
+            }
+            other => {
+                self.context
+                    .unsupported(place, format!("shape `{other}`"))?;
+                return Ok(None);
+            }
+        };
+        if mesh.positions.iter().any(|p| !p.is_finite()) {
+            return Err(fault(place, "a point that is not finite"));
+        }
+        if kind == "bilinearmesh" || kind == "trianglemesh" || kind == "loopsubdiv" {
+            turned(&mut mesh, reversed);
+        } else if reversed {
+            flip(&mut mesh);
+        }
+        Ok(Some(self.context.builder.mesh(mesh)))
+    }
+
+    /// Material and mesh of a shape.
+    fn dress(
+        &mut self,
+        kind: &str,
+        parameters: &Parameters,
+        mesh: u32,
+        pose: &DAffine3,
+    ) -> Result<(u32, u32)> {
+        let declared = self.state.material.clone();
+        let mut look = match &declared {
+            Some(declared) => self.look(declared, 0)?,
+            None => Look {
+                material: looks::diffuse(Paint::from(0.5)),
+                bump: None,
+            },
+        };
+        let mut key = declared
+            .map_or(0, |d| Rc::<Declared>::as_ptr(&d).addr())
+            .to_string();
+        if let Some(light) = self.state.area_light.clone() {
+            self.emission(kind, &light, mesh, pose, &mut look)?;
+            key += &format!(
+                " emits {} {:?}",
+                Rc::as_ptr(&light).addr(),
+                look.material.emission
+            );
+            self.lights_kept.push(light);
+        }
+        if parameters.get("alpha").is_some() {
+            let opacity = self.paint(parameters, "alpha", Paint::from(1.0))?;
+            key += &format!(" alpha {opacity:?}");
+            if opacity != Paint::from(1.0) && !self.dressed.contains_key(&key) {
+                let done = self
+                    .context
+                    .parts()
+                    .set_opacity(&mut look.material, opacity);
+                if let Err(what) = done {
+                    self.context.unsupported(&parameters.place, what)?;
+                    look.material.alpha_mode = AlphaMode::Opaque;
+                }
+            }
+        }
+        let mut mesh = mesh;
+        if look.bump.is_some() || look.material.normal_texture.is_some() {
+            let mut copy = self.context.builder.mesh_mut(mesh).clone();
+            right_handed_tangents(&mut copy);
+            mesh = self.context.builder.mesh(copy);
+            if let Some(heights) = look.bump {
+                let scale = pose.matrix3.determinant().abs().cbrt() as f32;
+                let steps = uv_steps(self.context.builder.mesh_mut(mesh), scale);
+                key += &format!(" bump {steps:?}");
+                if !self.dressed.contains_key(&key) {
+                    self.context.bump(&mut look.material, heights, &[steps]);
+                }
+            }
+        }
+        if let Some(&known) = self.dressed.get(&key) {
+            return Ok((mesh, known));
+        }
+        let material = self.context.builder.material(look.material);
+        self.dressed.insert(key, material);
+        Ok((mesh, material))
+    }
+
+    fn emission(
+        &mut self,
+        kind: &str,
+        light: &Parameters,
+        mesh: u32,
+        pose: &DAffine3,
+        look: &mut Look,
+    ) -> Result<()> {
+        let place = &light.place;
+        let mut radiance = self.colour(light, "L", Rgb::ONE, Meant::Emitted)?;
+        radiance *= light.number("scale", 1.0)? as f32;
+        if let Some(name) = light.text("filename")? {
+            let name = name.to_owned();
+            let parameters = light.clone();
+            let how = super::super::images::Use {
+                srgb: None,
+                wrap: [crate::scene::texture::Wrap::Clamp; 2],
+                nearest: false,
+                invert: false,
+                transform: glam::Affine2::from_mat2_translation(
+                    glam::Mat2::from_diagonal(Vec2::new(1.0, -1.0)),
+                    Vec2::Y,
+                ),
+            };
+            let paint = self.context.texture(&name, how, &parameters.place)?;
+            radiance *= paint.factor;
+            look.material.emissive_texture = paint.map;
+        }
+        let both = light.flag("twosided", false)?;
+        let power = light.number("power", -1.0)?;
+        if power > 0.0 {
+            let round = ["sphere", "disk", "cylinder"].contains(&kind);
+            if !round {
+                self.context
+                    .approximate(place, "the power of a mesh is that of all its triangles");
+            }
+            let scene_mesh = crate::scene::build::moved(self.context.builder.mesh_mut(mesh), pose);
+            let area = area(&scene_mesh);
+            let luminance = crate::math::luminance(radiance).max(1e-30);
+            radiance *= power as f32 / (luminance * PI * area * if both { 2.0 } else { 1.0 });
+        }
+        if !radiance.is_finite() {
+            return Err(fault(place, "a light that is not finite"));
+        }
+        look.material.emission = radiance;
+        look.material.double_sided = both;
+        Ok(())
+    }
+}
+
+fn area(mesh: &Mesh) -> f32 {
+    let of = |face: &[u32; 3]| {
+        let [a, b, c] = face.map(|i| mesh.positions[i as usize].as_dvec3());
+        0.5 * (b - a).cross(c - a).length()
+    };
+    mesh.indices.iter().map(of).sum::<f64>() as f32
+}
+
+/// Puts the front where pbrt has it: where the normals point, or else by the winding.
+fn turned(mesh: &mut Mesh, reversed: bool) {
+    if mesh.normals.is_empty() {
+        if reversed {
+            flip(mesh);
+        }
+    } else {
+        face_normals_outwards(mesh);
+    }
+}
+
+/// Vectors of a parameter.
+fn vectors(parameters: &Parameters, name: &str) -> Result<Vec<Vec3>> {
+    let numbers = parameters.numbers(name)?.unwrap_or_default();
+    if numbers.len() % 3 != 0 {
+        return Err(fault(
+            &parameters.place,
+            format!("`{name}` is not of three numbers each"),
+        ));
+    }
+    let vector = |n: &[f64]| Vec3::new(n[0] as f32, n[1] as f32, n[2] as f32);
+    Ok(numbers.chunks_exact(3).map(vector).collect())
+}
+
+fn coordinates(parameters: &Parameters) -> Result<Vec<Vec2>> {
+    let uv = parameters.numbers("uv")?.or(parameters.numbers("st")?);
+    let all = uv.unwrap_or_default().chunks_exact(2);
+    Ok(all.map(|n| Vec2::new(n[0] as f32, n[1] as f32)).collect())
+}
+
+/// Indices in groups of `N`, each below `count`; without any, one group if there are just so many points.
+fn indices<const N: usize>(parameters: &Parameters, count: usize) -> Result<Vec<[u32; N]>> {
+    let place = &parameters.place;
+    let Some(numbers) = parameters.numbers("indices")? else {
+        return match count == N {
+            true => Ok(vec![std::array::from_fn(|i| i as u32)]),
+            false => Err(fault(place, "has no indices")),
+        };
+    };
+    if numbers.len() % N != 0 {
+        return Err(fault(place, format!("indices are not in groups of {N}")));
+    }
+    if numbers.iter().any(|&i| i < 0.0 || i >= count as f64) {
+        return Err(fault(
+            place,
+            format!("an index is not below the {count} points"),
+        ));
+    }
+    let group = |n: &[f64]| std::array::from_fn(|k| n[k] as u32);
+    Ok(numbers.chunks_exact(N).map(group).collect())
+}
+
+fn triangles(parameters: &Parameters) -> Result<Mesh> {
+    let positions = vectors(parameters, "P")?;
+    let count = positions.len();
+    let fitting = |n: usize, what: &str| match n == 0 || n == count {
+        true => Ok(()),
+        false => Err(fault(
+            &parameters.place,
+            format!("{n} {what} for {count} points"),
+        )),
+    };
+    let normals: Vec<Vec3> = (vectors(parameters, "N")?.into_iter())
+        .map(Vec3::normalize_or_zero)
+        .collect();
+    let uvs = coordinates(parameters)?;
+    fitting(normals.len(), "normals")?;
+    fitting(uvs.len(), "coordinates")?;
+    Ok(Mesh {
+        indices: indices::<3>(parameters, count)?,
+        positions,
+        normals,
+        uvs,
+        ..Mesh::default()
+    })
+}
+
+fn patches(parameters: &Parameters) -> Result<Mesh> {
+    let positions = vectors(parameters, "P")?;
+    let uvs = coordinates(parameters)?;
+    let unit = [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE];
+    let mut mesh = Mesh::default();
+    for patch in indices::<4>(parameters, positions.len())? {
+        let corners = patch.map(|i| positions[i as usize]);
+        let own = patch.map(|i| uvs.get(i as usize).copied());
+        let uv = std::array::from_fn(|k| own[k].unwrap_or(unit[k]));
+        shapes::append(&mut mesh, &shapes::patch(corners, uv));
+        if mesh.indices.len() > 1 << 26 {
+            return Err(fault(&parameters.place, "too many patches"));
+        }
+    }
+    Ok(mesh)
+}

@@ -1,0 +1,283 @@
+//! Colours and textures of pbrt.
+
+use super::super::super::error::{Result, fault};
+use super::super::images::Use;
+use super::Scene;
+use super::tokens::{Parameter, Parameters, Values};
+use crate::math::Rgb;
+use crate::scene::build::colour::{Spectrum, black_body};
+use crate::scene::build::looks::Paint;
+use crate::scene::build::metals;
+use crate::scene::texture::Wrap;
+use glam::{Affine2, Mat2, Vec2};
+
+/// What a colour is of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Meant {
+    Reflected,
+    /// A lamp, whose spectra pbrt takes to a luminance of 1.
+    Emitted,
+}
+
+impl Scene<'_> {
+    /// A spectrum of a file of wavelengths and values.
+    fn spectrum_file(&mut self, name: &str, place: &str) -> Result<Spectrum> {
+        let (_, bytes) = self.context.files.open(name, place)?;
+        let text = String::from_utf8_lossy(&bytes);
+        let words = text.lines().flat_map(|line| {
+            line.split('#')
+                .next()
+                .unwrap_or_default()
+                .split_whitespace()
+        });
+        let numbers: Option<Vec<f64>> = words.map(|w| w.parse().ok()).collect();
+        let pairs = numbers.map(|n| n.chunks_exact(2).map(|p| (p[0], p[1])).collect());
+        let spectrum = pairs.and_then(Spectrum::new);
+        spectrum.ok_or_else(|| {
+            fault(
+                place,
+                format!("{name}: no list of rising wavelengths and values"),
+            )
+        })
+    }
+
+    fn of_spectrum(spectrum: &Spectrum, meant: Meant) -> Rgb {
+        match meant {
+            Meant::Reflected => spectrum.reflected(),
+            Meant::Emitted => spectrum.chromaticity(),
+        }
+    }
+
+    /// The colour of a parameter.
+    fn colour_of(&mut self, parameter: &Parameter, meant: Meant, place: &str) -> Result<Rgb> {
+        let bad = || fault(place, format!("`{}` is no colour", parameter.name));
+        let colour = match (parameter.kind.as_str(), &parameter.values) {
+            ("rgb" | "color", Values::Numbers(n)) => match n.as_slice() {
+                [r, g, b] => Rgb::new(*r as f32, *g as f32, *b as f32),
+                [x] => Rgb::splat(*x as f32),
+                _ => return Err(bad()),
+            },
+            ("float", Values::Numbers(n)) if n.len() == 1 => Rgb::splat(n[0] as f32),
+            ("blackbody", Values::Numbers(n)) if !n.is_empty() => black_body(n[0] as f32),
+            ("spectrum", Values::Numbers(n)) => {
+                let pairs = n.chunks_exact(2).map(|p| (p[0], p[1])).collect();
+                Self::of_spectrum(&Spectrum::new(pairs).ok_or_else(bad)?, meant)
+            }
+            ("spectrum", Values::Texts(names)) if names.len() == 1 => {
+                self.named_spectrum(&names[0], meant, place)?
+            }
+            _ => return Err(bad()),
+        };
+        match colour.is_finite() {
+            true => Ok(colour.max(Rgb::ZERO)),
+            false => Err(bad()),
+        }
+    }
+
+    fn named_spectrum(&mut self, name: &str, meant: Meant, place: &str) -> Result<Rgb> {
+        if let Some(eta) = metals::glass(name) {
+            return Ok(Rgb::splat(eta));
+        }
+        if let Some((metal, part)) = name.rsplit_once('-')
+            && let Some((eta, k)) = metals::metal(metal)
+        {
+            return Ok(if part == "k" { k } else { eta });
+        }
+        if name.starts_with("stdillum-D65") {
+            return Ok(Rgb::ONE);
+        }
+        if name.contains('.') {
+            let spectrum = self.spectrum_file(name, place)?;
+            return Ok(Self::of_spectrum(&spectrum, meant));
+        }
+        self.context
+            .unsupported(place, format!("spectrum `{name}`"))?;
+        Ok(Rgb::ONE)
+    }
+
+    /// A colour, which may not be a texture.
+    pub(super) fn colour(
+        &mut self,
+        parameters: &Parameters,
+        name: &str,
+        or: Rgb,
+        meant: Meant,
+    ) -> Result<Rgb> {
+        let paint = self.paint_of(parameters, name, Paint::plain(or), meant)?;
+        let Some(map) = paint.map else {
+            return Ok(paint.factor);
+        };
+        self.context
+            .unsupported(&parameters.place, format!("a texture as `{name}`"))?;
+        let [r, g, b, _] = self.context.parts().textures[map.texture as usize].average();
+        Ok(paint.factor * Rgb::new(r, g, b))
+    }
+
+    pub(super) fn paint(
+        &mut self,
+        parameters: &Parameters,
+        name: &str,
+        or: Paint,
+    ) -> Result<Paint> {
+        self.paint_of(parameters, name, or, Meant::Reflected)
+    }
+
+    fn paint_of(
+        &mut self,
+        parameters: &Parameters,
+        name: &str,
+        or: Paint,
+        meant: Meant,
+    ) -> Result<Paint> {
+        let place = &parameters.place;
+        let Some(parameter) = parameters.get(name) else {
+            return Ok(or);
+        };
+        if parameter.kind != "texture" {
+            return Ok(Paint::plain(self.colour_of(parameter, meant, place)?));
+        }
+        let Some((_, texture)) = Self::named(parameters, name) else {
+            return Err(fault(place, format!("`{name}` names no texture")));
+        };
+        let found = (self.spectrum_textures.get(texture)).or_else(|| self.textures.get(texture));
+        let found = found.copied();
+        found.ok_or_else(|| fault(place, format!("no texture `{texture}`")))
+    }
+
+    /// `Texture`.
+    pub(super) fn texture(
+        &mut self,
+        name: String,
+        kind: &str,
+        class: &str,
+        parameters: &Parameters,
+    ) -> Result<()> {
+        let place = &parameters.place;
+        let paint = match class {
+            "constant" => self.paint(parameters, "value", Paint::from(1.0))?,
+            "imagemap" => self.image(parameters)?,
+            "checkerboard" => self.checkerboard(parameters)?,
+            "scale" => {
+                let tex = match parameters.get("tex1") {
+                    // pbrt-v3's names.
+                    Some(_) => ["tex1", "tex2"],
+                    None => ["tex", "scale"],
+                };
+                let [a, b] = [
+                    self.paint(parameters, tex[0], Paint::from(1.0))?,
+                    self.paint(parameters, tex[1], Paint::from(1.0))?,
+                ];
+                if a.map.is_some() && b.map.is_some() {
+                    self.context
+                        .unsupported(place, "the product of two images")?;
+                }
+                Paint {
+                    factor: a.factor * b.factor,
+                    map: a.map.or(b.map),
+                }
+            }
+            "mix" => {
+                let [a, b] = [
+                    self.paint(parameters, "tex1", Paint::from(0.0))?,
+                    self.paint(parameters, "tex2", Paint::from(1.0))?,
+                ];
+                let amount =
+                    self.colour(parameters, "amount", Rgb::splat(0.5), Meant::Reflected)?;
+                if a.map.is_some() || b.map.is_some() {
+                    self.context.unsupported(place, "a mixture of images")?;
+                }
+                Paint {
+                    factor: a.factor + (b.factor - a.factor) * amount,
+                    map: a.map,
+                }
+            }
+            other => {
+                self.context
+                    .unsupported(place, format!("texture `{other}`"))?;
+                Paint::from(0.5)
+            }
+        };
+        match kind {
+            "float" => self.textures.insert(name, paint),
+            _ => self.spectrum_textures.insert(name, paint),
+        };
+        Ok(())
+    }
+
+    fn image(&mut self, parameters: &Parameters) -> Result<Paint> {
+        let place = &parameters.place;
+        let name = parameters.text("filename")?;
+        let name = name.ok_or_else(|| fault(place, "an image without a filename"))?;
+        let wrap = match parameters.text("wrap")?.unwrap_or("repeat") {
+            "repeat" => Wrap::Repeat,
+            "clamp" => Wrap::Clamp,
+            other => {
+                self.context.unsupported(place, format!("wrap `{other}`"))?;
+                Wrap::Clamp
+            }
+        };
+        let srgb = match parameters.text("encoding")?.unwrap_or("sRGB") {
+            "sRGB" => None,
+            "linear" => Some(false),
+            other => {
+                self.context
+                    .approximate(place, &format!("encoding `{other}` is taken for sRGB"));
+                None
+            }
+        };
+        let how = Use {
+            srgb,
+            wrap: [wrap; 2],
+            nearest: parameters.text("filter")? == Some("point"),
+            invert: parameters.flag("invert", false)?,
+            transform: self.mapping(parameters)?,
+        };
+        let paint = self.context.texture(name, how, place)?;
+        Ok(Paint {
+            factor: paint.factor * parameters.number("scale", 1.0)? as f32,
+            ..paint
+        })
+    }
+
+    fn checkerboard(&mut self, parameters: &Parameters) -> Result<Paint> {
+        let place = &parameters.place;
+        if parameters.number("dimension", 2.0)? != 2.0 {
+            self.context
+                .unsupported(place, "a checkerboard of three dimensions")?;
+        }
+        let first = self.colour(parameters, "tex1", Rgb::ONE, Meant::Reflected)?;
+        let second = self.colour(parameters, "tex2", Rgb::ZERO, Meant::Reflected)?;
+        let most = first.max(second).max_element().max(1.0);
+        // Ours has two fields a side, pbrt's one for each unit; both begin with the first at the origin, v upwards.
+        let transform = Affine2::from_scale(Vec2::splat(0.5)) * self.upward(parameters)?;
+        let map = self
+            .context
+            .parts()
+            .chessboard([first / most, second / most], transform);
+        Ok(Paint {
+            factor: Rgb::splat(most),
+            map: Some(map),
+        })
+    }
+
+    /// The (u, v) mapping.
+    fn upward(&mut self, parameters: &Parameters) -> Result<Affine2> {
+        let place = &parameters.place;
+        let mapping = parameters.text("mapping")?.unwrap_or("uv");
+        if mapping != "uv" {
+            self.context
+                .unsupported(place, format!("mapping `{mapping}`"))?;
+        }
+        let of = |name: &str, or: f64| parameters.number(name, or).map(|x| x as f32);
+        let scale = Vec2::new(of("uscale", 1.0)?, of("vscale", 1.0)?);
+        let shift = Vec2::new(of("udelta", 0.0)?, of("vdelta", 0.0)?);
+        Ok(Affine2::from_scale_angle_translation(scale, 0.0, shift))
+    }
+
+    /// The same for images, whose v is 0 at the bottom.
+    fn mapping(&mut self, parameters: &Parameters) -> Result<Affine2> {
+        let down =
+            Affine2::from_mat2_translation(Mat2::from_diagonal(Vec2::new(1.0, -1.0)), Vec2::Y);
+        Ok(down * self.upward(parameters)?)
+    }
+}
