@@ -16,6 +16,8 @@ import importlib.util as _importlib_util
 import inspect as _inspect
 import json as _json
 import os as _os
+import copyreg as _copyreg
+import tempfile as _tempfile
 
 import numpy as _numpy  # noqa: F401  An error here says more than one in the middle of a render.
 
@@ -46,6 +48,31 @@ def _find_denoiser():
 
 
 _find_denoiser()
+
+
+def _remade(method, arguments, keywords):
+    """A scene from its pickle."""
+    return getattr(Scene, method)(*arguments, **keywords)
+
+
+def _read_table(text):
+    """A table from its pickle."""
+    with _tempfile.TemporaryDirectory() as folder:
+        path = _os.path.join(folder, "table.json")
+        with open(path, "wb") as file:
+            file.write(text)
+        return Table.load(path)
+
+
+def _pickled_table(table):
+    with _tempfile.TemporaryDirectory() as folder:
+        path = _os.path.join(folder, "table.json")
+        table.save(path)
+        with open(path, "rb") as file:
+            return _read_table, (file.read(),)
+
+
+_copyreg.pickle(Table, _pickled_table)
 
 
 def _described(function, name):

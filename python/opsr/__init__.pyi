@@ -1,7 +1,7 @@
 """Types of the package. The docstrings of the functions say shapes, units, ranges and errors: `help(opsr.render)`."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Literal, TypedDict, overload
 
 import numpy as np
@@ -22,6 +22,7 @@ class _SceneOptions(TypedDict, total=False):
     env_intensity: float | None
     env_rotation: float | None
     distribution: Literal["beckmann", "ggx"] | None
+    skip_unsupported: bool | None
     solid_glass: bool | None
     thin_glass: bool | None
     variant: str | int | None
@@ -32,8 +33,26 @@ class _SceneOptions(TypedDict, total=False):
 class Scene:
     @staticmethod
     def load(path: Path, env: Path | None = None, **options: Unpack[_SceneOptions]) -> Scene: ...
+    @staticmethod
+    def build(
+        meshes: Iterable[dict[str, Any]],
+        *,
+        lights: Iterable[dict[str, Any]] | None = None,
+        cameras: Iterable[dict[str, Any]] | None = None,
+        environment: ArrayLike | None = None,
+    ) -> Scene: ...
+    def changed(
+        self,
+        *,
+        cameras: Iterable[dict[str, Any]] | None = None,
+        lights: Iterable[dict[str, Any]] | None = None,
+        materials: dict[str | int, dict[str, Any]] | None = None,
+        environment: ArrayLike | None = None,
+    ) -> Scene: ...
     @property
     def cameras(self) -> list[str]: ...
+    @property
+    def materials(self) -> list[str]: ...
     @property
     def path(self) -> os.PathLike[str]: ...
     @property

@@ -5,6 +5,7 @@
 
 mod array;
 mod bench;
+mod build;
 mod compare;
 mod errors;
 mod film;

@@ -33,6 +33,28 @@ def maps():
     sky = np.stack([0.2 + 0.02 * x, 0.3 + 0.02 * y, 0.6 - 0.01 * x], -1).astype(np.float32)
     sky[3:5, 6:8] = [9, 8, 6]
     mi.Bitmap(sky).write(str(FOLDER / "sky.exr"))
+    mi.Bitmap(octahedron(sky)).write(str(FOLDER / "sky_square.exr"))
+
+
+def octahedron(sky, n=256):
+    """A map of Mitsuba's as pbrt has it: equal areas on an octahedron (Clarberg 2008)."""
+    y, x = (np.mgrid[0:n, 0:n] + 0.5) / n * 2 - 1
+    u, v = np.abs(x), np.abs(y)
+    d = 1 - (u + v)
+    r = 1 - np.abs(d)
+    phi = np.where(r == 0, 1, (v - u) / np.where(r == 0, 1, r) + 1) * np.pi / 4
+    z = np.copysign(1 - r * r, d)
+    flat = r * np.sqrt(np.maximum(0, 2 - r * r))
+    w = np.stack([np.copysign(np.cos(phi), x) * flat, np.copysign(np.sin(phi), y) * flat, z], -1)
+    # Looked up as Mitsuba does.
+    h, k = sky.shape[:2]
+    across = (np.arctan2(w[..., 0], -w[..., 2]) / (2 * np.pi)) % 1 * k - 0.5
+    down = np.arccos(np.clip(w[..., 1], -1, 1)) / np.pi * (h - 1)
+    i, j = np.floor(across).astype(int), np.minimum(np.floor(down).astype(int), h - 2)
+    a, b = (across - i)[..., None], (down - j)[..., None]
+    at = lambda i, j: sky[j, i % k]
+    rows = [at(i, j + s) * (1 - a) + at(i + 1, j + s) * a for s in (0, 1)]
+    return (rows[0] * (1 - b) + rows[1] * b).astype(np.float32)
 
 
 def tiles(picture):

@@ -65,6 +65,8 @@ fn env_number(name: &str, default: u64) -> u64 {
 fn selected() -> Vec<Target> {
     let names = std::env::var("OPSR_FUZZ_TARGETS").unwrap_or_default();
     let mut targets = targets::all();
+    #[cfg(feature = "scenes")]
+    targets.extend(targets::foreign());
     targets.retain(|target| names.is_empty() || names.split(',').any(|name| name == target.name));
     targets
 }
@@ -126,6 +128,19 @@ fn fuzz_seeds_are_reproducible() {
 #[test]
 fn fuzz_gltf() {
     short(&targets::gltf(), 1500);
+}
+
+#[test]
+#[cfg(feature = "scenes")]
+fn fuzz_foreign() {
+    for target in targets::foreign() {
+        let accepted = fuzz(&target, 0, 500);
+        assert!(
+            accepted > 0.01 && accepted < 0.99,
+            "{}: {accepted}",
+            target.name
+        );
+    }
 }
 
 #[test]

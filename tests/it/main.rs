@@ -20,6 +20,8 @@ mod examples;
 mod export;
 mod exr;
 mod film;
+#[cfg(feature = "scenes")]
+mod foreign;
 mod fuzz;
 mod geometry;
 mod guided;

@@ -216,7 +216,8 @@ impl SceneParts {
         Ok(())
     }
 
-    /// A normal map of heights, where a step of one in a texture coordinate is this long on the surface. `heights` has its
+    /// A normal map of heights, where a step of one in a texture coordinate is this long on the surface, negative for a v
+    /// against the bitangent. `heights` has its
     /// own factor in red.
     pub fn bump_map(&mut self, heights: Paint, step: [f32; 2]) -> Option<TextureRef> {
         let map = heights.map?;

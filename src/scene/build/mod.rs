@@ -39,6 +39,14 @@ pub(crate) const TRIANGLE_BYTES: u64 = 260;
 /// Bytes of a triangle that emits, beside those: trees of its own. Measured: 265.
 pub(crate) const EMITTER_BYTES: u64 = 290;
 
+/// The way from a mesh's space to the world.
+pub type Pose = DAffine3;
+
+/// A pose by the columns of its matrix, the last of which is the shift.
+pub fn pose_of([x, y, z, shift]: [[f64; 3]; 4]) -> Pose {
+    Pose::from_cols(x.into(), y.into(), z.into(), shift.into())
+}
+
 /// Why a scene cannot be built.
 #[derive(Debug, thiserror::Error)]
 pub enum BuildError {
@@ -58,7 +66,7 @@ pub struct Placed {
     /// Index of the material.
     pub material: u32,
     /// The way from the mesh's space to the world. A mirroring one keeps the front the front.
-    pub pose: DAffine3,
+    pub pose: Pose,
 }
 
 /// A scene in progress.
@@ -198,6 +206,42 @@ pub(crate) fn moved(mesh: &Mesh, pose: &DAffine3) -> Mesh {
         indices: mesh.indices.iter().map(indices).collect(),
         ..mesh.clone()
     }
+}
+
+/// SHA-256 over the contents of a scene that has no file, in hexadecimal digits.
+pub fn fingerprint(parts: &SceneParts) -> String {
+    use sha2::{Digest, Sha256};
+    let mut digest = Sha256::new();
+    for mesh in parts.all_meshes() {
+        digest.update(bytemuck::cast_slice(&mesh.positions));
+        digest.update(bytemuck::cast_slice(&mesh.normals));
+        digest.update(bytemuck::cast_slice(&mesh.uvs));
+        digest.update(bytemuck::cast_slice(&mesh.indices));
+        digest.update(mesh.material.to_le_bytes());
+    }
+    for texture in &parts.textures {
+        digest.update(format!(
+            "{} {} {:?}",
+            texture.width,
+            texture.height,
+            texture.average()
+        ));
+    }
+    let poses = parts.shared.iter().map(|shared| &shared.poses);
+    poses.for_each(|poses| digest.update(format!("{poses:?}")));
+    let rest = (
+        &parts.materials,
+        &parts.lights,
+        &parts.cameras,
+        parts.own_boundaries,
+    );
+    digest.update(format!("{rest:?}"));
+    let sky = parts
+        .environment
+        .as_ref()
+        .map(|sky| (sky.average(), sky.peak()));
+    digest.update(format!("{sky:?}"));
+    crate::files::hex(&digest.finalize())
 }
 
 /// Turns the front of a mesh round.

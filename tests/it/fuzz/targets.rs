@@ -56,6 +56,136 @@ pub(super) fn written(save: impl FnOnce(&Path) -> Result<(), String>) -> Vec<u8>
     std::fs::read(&path).expect("a file")
 }
 
+/// Scenes of other renderers, and their meshes.
+#[cfg(feature = "scenes")]
+pub(crate) fn foreign() -> Vec<Target> {
+    let file = |name: &str| {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/scenes");
+        std::fs::read(folder.join(name)).expect("a scene")
+    };
+    fn rendered(path: &Path) -> Result<String, String> {
+        let options = LoadOptions {
+            skip_unsupported: true,
+            ..LoadOptions::default()
+        };
+        let parts = text(load(path, &options))?.parts;
+        let (meshes, lights) = (parts.meshes.len(), parts.lights.len());
+        let own = parts.cameras.first().cloned();
+        let scene = Scene::new(parts);
+        let camera = own.unwrap_or_else(|| Camera::framing(scene.geometry().bounds(), 1.0));
+        let mut picture = Picture {
+            film: opsr::image::Film::new(UVec2::splat(2)),
+            aovs: None,
+            levels: None,
+        };
+        let settings = Settings {
+            max_vertices: 4,
+            ..Settings::default()
+        };
+        let view = View::of(&scene, &camera, &picture.film);
+        settings.integrator().pass(&view, 0..1, &mut picture);
+        let mean = picture.film.mean();
+        assert!(mean.pixels.iter().all(|p| p.is_finite()), "{path:?}");
+        Ok(format!("{meshes} meshes, {lights} lights"))
+    }
+    /// A mesh, by a scene beside it.
+    fn mesh(path: &Path) -> Result<String, String> {
+        let name = path
+            .file_name()
+            .and_then(|name| name.to_str())
+            .unwrap_or_default();
+        let (scene, words) = match name.ends_with(".ply") {
+            true => (
+                "a.pbrt",
+                format!("Shape \"plymesh\" \"string filename\" \"{name}\""),
+            ),
+            false => {
+                let kind = if name.ends_with("obj") {
+                    "obj"
+                } else {
+                    "serialized"
+                };
+                let shape = format!(
+                    "<shape type=\"{kind}\"><string name=\"filename\" value=\"{name}\"/></shape>"
+                );
+                ("a.xml", format!("<scene version=\"3.0.0\">{shape}</scene>"))
+            }
+        };
+        let scene = path.with_file_name(scene);
+        std::fs::write(&scene, words).expect("a file");
+        rendered(&scene)
+    }
+    let target = |name, file_name, seeds, read| Target {
+        name,
+        file_name,
+        seeds,
+        repair: |bytes| bytes,
+        read,
+    };
+    vec![
+        target(
+            "mitsuba",
+            "fuzz.xml",
+            vec![file("glass.xml"), file("pool.xml")],
+            rendered,
+        ),
+        target(
+            "pbrt",
+            "fuzz.pbrt",
+            vec![file("glass.pbrt"), file("lamps.pbrt")],
+            rendered,
+        ),
+        target(
+            "ply",
+            "fuzz.ply",
+            vec![file("tetra.ply"), binary_ply()],
+            mesh,
+        ),
+        target("obj", "fuzz.obj", vec![file("tetra.obj")], mesh),
+        target("serialized", "fuzz.serialized", vec![serialized()], mesh),
+    ]
+}
+
+/// A triangle of bytes.
+#[cfg(feature = "scenes")]
+fn binary_ply() -> Vec<u8> {
+    let mut bytes = b"ply\nformat binary_big_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nproperty float u\nproperty float v\nelement face 1\n\
+        property list uchar int vertex_indices\nend_header\n"
+        .to_vec();
+    for x in [
+        0f32, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0,
+    ] {
+        bytes.extend(x.to_be_bytes());
+    }
+    bytes.push(3);
+    for i in 0..3i32 {
+        bytes.extend(i.to_be_bytes());
+    }
+    bytes
+}
+
+/// A triangle of Mitsuba's own format.
+#[cfg(feature = "scenes")]
+fn serialized() -> Vec<u8> {
+    use std::io::Write;
+    let mut body = 0x1000u32.to_le_bytes().to_vec();
+    body.push(0);
+    body.extend(3u64.to_le_bytes());
+    body.extend(1u64.to_le_bytes());
+    for x in [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0] {
+        body.extend(x.to_le_bytes());
+    }
+    (0..3u32).for_each(|i| body.extend(i.to_le_bytes()));
+    let mut packer =
+        flate2::write::ZlibEncoder::new(vec![0x1c, 4, 4, 0], flate2::Compression::none());
+    packer.write_all(&body).expect("packed");
+    let mut bytes = packer.finish().expect("packed");
+    bytes.extend(0u64.to_le_bytes());
+    bytes.extend(1u32.to_le_bytes());
+    bytes
+}
+
 /// Scenes: loads the file, builds the scene and renders one sample of a 2×2 picture.
 pub(crate) fn gltf() -> Target {
     Target {

@@ -199,7 +199,7 @@ impl Context {
         let n = steps.len().max(1) as f32;
         let mean = |c: usize| {
             let sum: f32 = steps.iter().map(|s| s[c]).sum();
-            if sum > 0.0 { sum / n } else { 1.0 }
+            if sum != 0.0 { sum / n } else { 1.0 }
         };
         let step = [mean(0), mean(1)];
         material.normal_texture = self.parts().bump_map(heights, step);
@@ -207,7 +207,8 @@ impl Context {
     }
 }
 
-/// How long a step of one in u and in v is on a mesh at a scale: means over its area.
+/// How long a step of one in u and in v is on a mesh at a scale: means over its area. That in v is negative where u and v make a
+/// left-handed frame with the normal.
 fn uv_steps(mesh: &Mesh, scale: f32) -> [f32; 2] {
     let mut sums = [0.0f64; 3];
     for face in &mesh.indices {
@@ -227,7 +228,7 @@ fn uv_steps(mesh: &Mesh, scale: f32) -> [f32; 2] {
         let (along_u, along_v) = ((e * g.y - f * d.y) / det, (f * d.x - e * g.x) / det);
         let area = f64::from(e.cross(f).length());
         sums[0] += area * f64::from(along_u.length());
-        sums[1] += area * f64::from(along_v.length());
+        sums[1] += area * f64::from(along_v.length()).copysign(det.into());
         sums[2] += area;
     }
     if sums[2] == 0.0 {

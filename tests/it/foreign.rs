@@ -1,0 +1,304 @@
+//! Scenes of Mitsuba and pbrt: pictures against references by Mitsuba 3 (`tests/bench/scenes_by_mitsuba.py`), conventions,
+//! messages, broken files.
+
+use opsr::Render;
+use opsr::files::FileError;
+use opsr::image::Buffer;
+use opsr::math::{DVec3, Vec3};
+use opsr::render::value::Levels;
+use opsr::scene::load::{LoadOptions, Loaded, load};
+use opsr::scene::{PunctualLight, Scene};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Side of a tile in pixels.
+const TILE: usize = 8;
+
+#[derive(Deserialize)]
+struct Reference {
+    size: [usize; 2],
+    tiles: Vec<[f64; 3]>,
+    errors: Vec<[f64; 3]>,
+}
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/scenes")
+}
+
+fn references() -> BTreeMap<String, Reference> {
+    let text = std::fs::read_to_string(folder().join("references.json")).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+/// Means and standard errors of the tiles of a picture.
+fn tiles(mean: &Buffer, variance: &Buffer) -> Vec<(DVec3, DVec3)> {
+    let mut out = Vec::new();
+    for y in 0..mean.height / TILE {
+        for x in 0..mean.width / TILE {
+            let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);
+            for i in 0..TILE * TILE {
+                let at = (y * TILE + i / TILE) * mean.width + x * TILE + i % TILE;
+                sum += mean.pixels[at].as_dvec3();
+                squares += variance.pixels[at].as_dvec3();
+            }
+            let n = (TILE * TILE) as f64;
+            out.push((sum / n, squares.map(f64::sqrt) / n));
+        }
+    }
+    out
+}
+
+/// Root mean square and largest of the z-scores of a file's tiles.
+fn scores(file: &str, reference: &Reference, options: &LoadOptions, spp: u32) -> (f64, f64) {
+    let loaded = load(&folder().join(file), options).unwrap();
+    let scene = Scene::new(loaded.parts);
+    let render = Render::new(&scene).with(|spec| {
+        (spec.size, spec.spp, spec.levels) = (None, Some(spp), Some(Levels(Vec::new())));
+    });
+    let rendered = render.run().unwrap();
+    let film = &rendered.picture.film;
+    let mean = film.mean();
+    assert_eq!([mean.width, mean.height], reference.size, "{file}");
+    let (mut sum, mut most, mut count) = (0.0, 0.0f64, 0.0);
+    let (mut ours, mut theirs) = (DVec3::ZERO, DVec3::ZERO);
+    for ((tile, error), (expected, other)) in (tiles(&mean, &film.variance_of_mean()).into_iter())
+        .zip(reference.tiles.iter().zip(&reference.errors))
+    {
+        ours += tile;
+        theirs += DVec3::from(*expected);
+        for c in 0..3 {
+            // Interpolated texels and a curve of facets are allowed half a percent.
+            let slack = 0.005 * expected[c];
+            let error = (error[c].powi(2) + other[c].powi(2) + slack * slack)
+                .sqrt()
+                .max(1e-6);
+            let z = (tile[c] - expected[c]) / error;
+            if std::env::var_os("OPSR_SCORES").is_some() {
+                eprintln!(
+                    "{file} {} {c}: {:.4} {:.4} z {z:.1}",
+                    count as u32 / 3,
+                    tile[c],
+                    expected[c]
+                );
+            }
+            (sum, most, count) = (sum + z * z, most.max(z.abs()), count + 1.0);
+        }
+    }
+    eprintln!(
+        "{file}: mean {:.4} over {:.4}, rms z {:.2}, largest {most:.2}",
+        ours / count * 3.0,
+        theirs / count * 3.0,
+        (sum / count).sqrt()
+    );
+    ((sum / count).sqrt(), most)
+}
+
+/// Six scenes, in both formats.
+#[test]
+fn foreign_scenes_agree_with_mitsuba() {
+    let references = references();
+    assert_eq!(references.len(), 6);
+    let mut wrong = Vec::new();
+    for (name, reference) in &references {
+        for kind in ["xml", "pbrt"] {
+            let options = LoadOptions {
+                distribution: (name == "pool" && kind == "pbrt")
+                    .then_some(opsr::bsdf::Distribution::Beckmann),
+                ..LoadOptions::default()
+            };
+            let file = format!("{name}.{kind}");
+            let (rms, most) = scores(&file, reference, &options, 192);
+            if !(rms < 1.4 && most < 5.0) {
+                wrong.push(format!("{file}: rms {rms:.2}, largest {most:.2}"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+/// Loads a file of this text.
+fn read(name: &str, text: &str, skip: bool) -> Result<Loaded, FileError> {
+    let folder = crate::support::quick_folder();
+    let path = folder.path().join(name);
+    std::fs::write(&path, text).unwrap();
+    let options = LoadOptions {
+        skip_unsupported: skip,
+        ..LoadOptions::default()
+    };
+    load(&path, &options)
+}
+
+fn message(name: &str, text: &str) -> String {
+    read(name, text, false).unwrap_err().to_string()
+}
+
+/// What is not supported is an error with its line, or with `--skip-unsupported` a warning.
+#[test]
+fn foreign_unsupported_parts_are_named_with_their_line() {
+    let xml = "<scene version=\"3.0.0\">\n  <shape type=\"sphere\">\n    <bsdf type=\"hair\"/>\n  </shape>\n</scene>";
+    let text = message("a.xml", xml);
+    assert!(
+        text.contains("line 3: bsdf `hair` is not supported; --skip-unsupported"),
+        "{text}"
+    );
+    let loaded = read("a.xml", xml, true).unwrap();
+    assert_eq!(loaded.warnings, ["line 3: bsdf `hair` is not supported"]);
+    assert_eq!(loaded.parts.meshes.len(), 1);
+    let pbrt = "WorldBegin\n# A comment\nMaterial \"hair\"\nShape \"sphere\"\n";
+    let text = message("a.pbrt", pbrt);
+    assert!(
+        text.contains("line 3: material `hair` is not supported"),
+        "{text}"
+    );
+    let loaded = read("a.pbrt", pbrt, true).unwrap();
+    assert_eq!(
+        loaded.warnings,
+        ["line 3: material `hair` is not supported"]
+    );
+}
+
+/// Broken files: a message that names file and line.
+#[test]
+fn foreign_broken_files_are_named_with_their_line() {
+    let scene = |inner: &str| format!("<scene version=\"3.0.0\">\n{inner}\n</scene>");
+    for (inner, expected) in [
+        (
+            "<shape type=\"sphere\"><float name=\"radius\" value=\"x\"/></shape>",
+            "line 2: `x` is no float",
+        ),
+        (
+            "<shape type=\"sphere\"><ref id=\"q\"/></shape>",
+            "line 2: no object `q`",
+        ),
+        (
+            "<shape type=\"obj\"><string name=\"filename\" value=\"../a.obj\"/></shape>",
+            "leaves the scene's folder",
+        ),
+        (
+            "<shape type=\"ply\"><string name=\"filename\" value=\"none.ply\"/></shape>",
+            "line 2: cannot read",
+        ),
+        ("<include filename=\"a.xml\"/>", "includes itself"),
+        ("<float name=\"a\" value=\"$b\"/>", "`$b` has no <default>"),
+        (
+            "<shape type=\"sphere\"><transform name=\"to_world\"><scale value=\"nan\"/></transform></shape>",
+            "is no vector",
+        ),
+        (
+            "<bsdf type=\"twosided\" id=\"a\"><ref id=\"a\"/></bsdf><shape type=\"sphere\"><ref id=\"a\"/></shape>",
+            "line 2: refers to itself",
+        ),
+        ("<wrong/>", "line 2: <wrong> is no element of Mitsuba"),
+        (
+            "<sensor type=\"perspective\"/>",
+            "line 2: has neither fov nor focal_length",
+        ),
+    ] {
+        let text = message("a.xml", &scene(inner));
+        assert!(
+            text.contains(expected) && text.contains("a.xml"),
+            "{inner}: {text}"
+        );
+    }
+    assert!(message("a.xml", "<scene>\n<shape>").contains("a.xml: XML line 2"));
+    for (text, expected) in [
+        (
+            "Shape \"sphere\" \"float radius\" [ 1",
+            "line 1: a bracket without its end",
+        ),
+        (
+            "\nShape \"trianglemesh\" \"point3 P\" [ 0 0 0 ] \"integer indices\" [ 0 1 2 ]",
+            "line 2: an index is not below",
+        ),
+        ("AttributeEnd", "line 1: an end without its begin"),
+        ("\n\nWrong", "line 3: `Wrong` is no directive"),
+        ("Include \"a.pbrt\"", "includes itself"),
+        ("NamedMaterial \"a\"", "line 1: no material `a`"),
+        ("Translate 1 2", "line 1: 3 numbers should follow"),
+        (
+            "Scale 1e300 1 1 Scale 1e300 1 1",
+            "line 1: the transform is not finite",
+        ),
+        (
+            "Shape \"plymesh\" \"string filename\" \"/etc/passwd\"",
+            "leaves the scene's folder",
+        ),
+        (
+            "Film \"rgb\" \"integer xresolution\" 1e9\nCamera \"perspective\"",
+            "line 1: xresolution",
+        ),
+        ("Shape \"sphere", "line 1: a string without its end"),
+    ] {
+        let found = message("a.pbrt", text);
+        assert!(
+            found.contains(expected) && found.contains("a.pbrt"),
+            "{text}: {found}"
+        );
+    }
+}
+
+/// The same camera in both formats: pbrt's is left-handed.
+#[test]
+fn foreign_cameras_see_the_right_side() {
+    let xml = "<scene version=\"3.0.0\"><sensor type=\"perspective\"><float name=\"fov\" value=\"90\"/>
+        <transform name=\"to_world\"><lookat origin=\"0,0,0\" target=\"0,0,1\" up=\"0,1,0\"/></transform>
+        <film type=\"hdrfilm\"><integer name=\"width\" value=\"200\"/><integer name=\"height\" value=\"100\"/></film>
+        </sensor></scene>";
+    let mitsuba = &read("a.xml", xml, false).unwrap().parts.cameras[0];
+    let film = "Film \"rgb\" \"integer xresolution\" 200 \"integer yresolution\" 100\n";
+    let pbrt = format!(
+        "LookAt 0 0 0  0 0 1  0 1 0\nCamera \"perspective\" \"float fov\" 90\n{film}WorldBegin"
+    );
+    let pbrt = &read("a.pbrt", &pbrt, false).unwrap().parts.cameras[0];
+    let right = |camera: &opsr::scene::Camera| camera.ray(opsr::math::Vec2::new(1.0, 0.5), 2.0).dir;
+    // Mitsuba's fov is that of the width; +x is to the left there, and to the right in pbrt.
+    assert!((right(mitsuba) - Vec3::new(-1.0, 0.0, 1.0).normalize()).length() < 1e-5);
+    // pbrt's is that of the shorter side.
+    assert!((right(pbrt) - Vec3::new(2.0, 0.0, 1.0).normalize()).length() < 1e-5);
+    assert_eq!(mitsuba.default_frame().to_array(), [200, 100]);
+    assert_eq!(pbrt.default_frame().to_array(), [200, 100]);
+}
+
+/// Names of Mitsuba 0.5, and numbers of pbrt that are not ours.
+#[test]
+fn foreign_conventions_are_converted() {
+    let xml = "<scene version=\"0.5.0\"><shape type=\"sphere\"><bsdf type=\"dielectric\"><float name=\"intIOR\" value=\"1.6\"/>
+        <string name=\"extIOR\" value=\"vacuum\"/></bsdf><transform name=\"toWorld\"><translate x=\"3\"/></transform></shape>
+        </scene>";
+    let loaded = read("a.xml", xml, false).unwrap();
+    assert!(loaded.parts.own_boundaries);
+    assert_eq!(loaded.parts.materials[0].ior, 1.6);
+    assert!(loaded.parts.meshes[0].positions.iter().all(|p| p.x > 1.9));
+    let rough = |line: &str| {
+        let text = format!("WorldBegin\nMaterial \"conductor\" {line}\nShape \"sphere\"");
+        read("a.pbrt", &text, false).unwrap().parts.materials[0].alpha
+    };
+    assert_eq!(rough("\"float roughness\" 0.25"), 0.5);
+    assert_eq!(
+        rough("\"float roughness\" 0.25 \"bool remaproughness\" false"),
+        0.25
+    );
+    assert_eq!(rough(""), 0.0);
+    let text = "WorldBegin\nLightSource \"point\" \"blackbody I\" 6500 \"float power\" 100";
+    let lights = read("a.pbrt", text, false).unwrap().parts.lights;
+    let PunctualLight::Point { intensity, .. } = lights[0] else {
+        panic!("{lights:?}");
+    };
+    let luminance = 0.2126 * intensity.x + 0.7152 * intensity.y + 0.0722 * intensity.z;
+    assert!((luminance * 4.0 * std::f32::consts::PI - 100.0).abs() < 0.1);
+}
+
+/// A scene that is packed by gzip is the same.
+#[test]
+fn foreign_packed_files_are_unpacked() {
+    use std::io::Write;
+    let folder = crate::support::quick_folder();
+    let path = folder.path().join("a.pbrt.gz");
+    let file = std::fs::File::create(&path).unwrap();
+    let mut packer = flate2::write::GzEncoder::new(file, flate2::Compression::fast());
+    packer.write_all(b"WorldBegin Shape \"disk\"").unwrap();
+    packer.finish().unwrap();
+    let loaded = load(&path, &LoadOptions::default()).unwrap();
+    assert_eq!(loaded.parts.meshes.len(), 1);
+}
