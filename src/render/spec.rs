@@ -229,8 +229,9 @@ options! {
     /// Rotation of the environment about the vertical axis, in degrees.
     env_rotation: f32, Light { value: "DEGREES", default: Some("0") }
 
-    /// Microfacet distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model.
-    distribution: Distribution, Scene { value: "DISTRIBUTION", default: Some("beckmann, or what a pbrt or Mitsuba scene says") }
+    /// Microfacet distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model. Without it
+    /// `beckmann`, or what a pbrt or Mitsuba scene says.
+    distribution: Distribution, Scene { value: "DISTRIBUTION" }
     /// Go on without the parts of a pbrt or Mitsuba scene that are not supported, and list them; else they are an error.
     skip_unsupported: bool, Scene {}
     /// Make solid bodies of closed meshes that transmit without a thickness, such as glass from Blender.

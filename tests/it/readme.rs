@@ -17,11 +17,13 @@ const DOCUMENTS: [&str; 4] = [
 ];
 
 /// Input files that a reader brings along.
-const STAND_INS: [&str; 10] = [
+const STAND_INS: [&str; 12] = [
     "pool.ckpt",
     "left.part",
     "right.part",
     "scene.glb",
+    "scene.pbrt",
+    "scene.xml",
     "a.exr",
     "b.exr",
     "reference.exr",

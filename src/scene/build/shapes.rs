@@ -80,16 +80,23 @@ pub fn part_of_sphere(centre: Vec3, radius: f32, [from, to]: [f32; 2], phi: f32)
     let rows = ((SEGMENTS as f32 * (to - from) / TAU).ceil() as u32).max(2);
     // Chords lie inside: what is lost by them is given back, half of the largest distance in either direction.
     let swell = 1.0 / (1.0 - (PI / SEGMENTS as f32).powi(2) / 3.0);
-    grid(columns, rows, |uv| {
+    let mut mesh = grid(columns, rows, |uv| {
         let (theta, phi) = (from + uv.y * (to - from), uv.x * phi);
-        let n = Vec3::new(
-            theta.sin() * phi.cos(),
-            theta.sin() * phi.sin(),
-            theta.cos(),
-        );
+        // At the poles all points of a row are one.
+        let pole = theta < 1e-6 || theta > PI - 1e-6;
+        let sin = if pole { 0.0 } else { theta.sin() };
+        let n = Vec3::new(sin * phi.cos(), sin * phi.sin(), theta.cos());
         (centre + radius * swell * n, n)
     })
-    .turned()
+    .turned();
+    let Mesh {
+        positions, indices, ..
+    } = &mut mesh;
+    indices.retain(|face| {
+        let [a, b, c] = face.map(|i| positions[i as usize]);
+        a != b && b != c && c != a
+    });
+    mesh
 }
 
 impl Mesh {

@@ -194,14 +194,19 @@ impl Scene<'_> {
     /// Material and mesh of a shape: its own emission and bump map, and the tangents of a normal map.
     fn dressed(&mut self, shape: &Object, mesh: u32, pose: &DAffine3) -> Result<(u32, u32)> {
         let bsdf = self.children(shape, &["bsdf"])?.into_iter().next();
+        let emitters = self.children(shape, &["emitter", "luminaire"])?;
         let mut look = match &bsdf {
             Some((_, bsdf)) => self.look(bsdf)?,
-            None => Look::from(looks::diffuse(Paint::from(0.5))),
+            // Mitsuba's own: half of the light is reflected, none by a lamp.
+            None if emitters.is_empty() => Look::from(looks::diffuse(Paint::from(0.5))),
+            None => Look::from(looks::diffuse(Paint::from(0.0))),
         };
         let mut key = bsdf
-            .map_or(0, |(_, bsdf)| Rc::as_ptr(&bsdf).addr())
+            .map_or(usize::from(emitters.is_empty()), |(_, bsdf)| {
+                Rc::as_ptr(&bsdf).addr()
+            })
             .to_string();
-        for (_, emitter) in self.children(shape, &["emitter", "luminaire"])? {
+        for (_, emitter) in emitters {
             if emitter.plugin != "area" {
                 let what = format!("emitter `{}` on a shape", emitter.plugin);
                 self.context.unsupported(&emitter.place, what)?;

@@ -254,12 +254,9 @@ fn area(mesh: &Mesh) -> f32 {
 
 /// Puts the front where pbrt has it: where the normals point, or else by the winding.
 fn turned(mesh: &mut Mesh, reversed: bool) {
-    if mesh.normals.is_empty() {
-        if reversed {
-            flip(mesh);
-        }
-    } else {
-        face_normals_outwards(mesh);
+    face_normals_outwards(mesh);
+    if reversed {
+        flip(mesh);
     }
 }
 
