@@ -19,7 +19,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 impl Scene {
-    /// The scene of a glTF file (`.gltf`, `.glb`), as it is in the file: without lights it is black.
+    /// The scene of a glTF file (`.gltf`, `.glb`), or with the feature `scenes` of a pbrt (`.pbrt`) or Mitsuba (`.xml`) file, as it
+    /// is in the file: without lights it is black.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, FileError> {
         let loaded = load(path.as_ref(), &LoadOptions::default())?;
         Ok(Self::new(loaded.parts))

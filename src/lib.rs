@@ -29,7 +29,7 @@
 //! | 1 | [`regularise`] | the paper: path roughness, classes, attenuation tables, look-ups, comparison rules; `export` writes tables for other renderers |
 //! | 2 | [`bsdf`] | BSDFs that are evaluated *at* a roughness |
 //! | 3 | [`image`] | films of running moments, EXR and PNG, error metrics |
-//! | 3 | [`scene`] | glTF, meshes, the tree, materials, lights, cameras |
+//! | 3 | [`scene`] | glTF, pbrt and Mitsuba files, meshes, the tree, materials, lights, cameras |
 //! | 4 | `stats` | Student's distribution, agreement of pictures, ratios with intervals (feature `bench`) |
 //! | 4 | [`integrator`] | estimators and the steps they share; budgets, checkpoints |
 //! | 5 | [`resolve`] | the level of every pixel, chosen without a reference, and its error |

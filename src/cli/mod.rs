@@ -15,6 +15,7 @@ use tracing_subscriber::{fmt, prelude::*};
 mod bar;
 mod bench;
 mod compare;
+mod convert;
 mod ended;
 mod error_log;
 mod exit;
@@ -58,7 +59,7 @@ than `opsr compare` was told to allow; 7 there is not enough memory, which is fo
 
 #[derive(Subcommand)]
 enum Command {
-    /// Render a glTF scene.
+    /// Render a scene: glTF, pbrt or Mitsuba.
     Render(Box<render_args::RenderArgs>),
     /// Look at a glTF scene in the browser while it is rendered.
     #[cfg(feature = "view")]
@@ -71,6 +72,8 @@ enum Command {
     Record(Box<train::record::RecordArgs>),
     /// Describe a scene: geometry, materials, lights, cameras, warnings.
     Info(Box<info::InfoArgs>),
+    /// Write a scene as one binary glTF file.
+    Convert(Box<convert::Args>),
     /// Compare pictures with a reference.
     Compare(Box<compare::CompareArgs>),
     /// Write the training scenes of the program, and render their references.
@@ -152,6 +155,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Scenes(args) => scenes::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Table(args) => table::run(&args).map(|()| Exit::Done),
+        Command::Convert(args) => convert::run(&args).map(|()| Exit::Done),
         Command::Resolve(args) => resolve::run(&args).map(|()| Exit::Done),
         Command::Merge(args) => part::run(&args).map(|()| Exit::Done),
         Command::Report(args) => report::run(&args).map(|()| Exit::Done),

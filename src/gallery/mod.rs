@@ -10,6 +10,7 @@
 pub mod glb;
 mod hidden;
 mod light;
+pub mod lowered;
 #[cfg(any(feature = "bench", feature = "train"))]
 pub mod manifest;
 pub mod materials;

@@ -35,6 +35,7 @@ const SAMPLES: &[Sample] = &[
     ("env_intensity", "2", &[("env", "studio")]),
     ("env_rotation", "70", &[("env", "studio")]),
     ("distribution", "ggx", &[]),
+    ("skip_unsupported", "true", &[]),
     ("solid_glass", "true", &[]),
     ("thin_glass", "true", &[]),
     ("variant", "night", &[]),
@@ -81,6 +82,10 @@ const SAMPLES: &[Sample] = &[
 /// Options that may be taken and change nothing in this scene, and the reason.
 const MAY_DO_NOTHING: &[(&str, &str)] = &[
     ("thin_glass", "only files from Blender have other walls"),
+    (
+        "skip_unsupported",
+        "only scenes of pbrt and Mitsuba have such parts",
+    ),
     ("denoise", "the library may not be there"),
 ];
 

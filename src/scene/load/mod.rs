@@ -1,5 +1,5 @@
-//! Loads glTF files (`.gltf`, `.glb`) into scene parts. The only user of the crate gltf, and the only place that knows
-//! perceptual roughness.
+//! Loads glTF files (`.gltf`, `.glb`) into scene parts, and by `foreign` those of pbrt and Mitsuba. The only user of the crate
+//! gltf, and the only place that knows perceptual roughness.
 //!
 //! The crate parses the JSON and checks indices; lengths, types and numbers are checked here, before anything is read or
 //! allocated by them. Meshes come out in world space, one per primitive and instance, or shared by the instances where copies

@@ -1,0 +1,61 @@
+//! `opsr convert`: a scene as one binary glTF file.
+
+use super::exit::Blame;
+use anyhow::anyhow;
+use opsr::gallery::{glb, lowered};
+use opsr::render::Spec;
+use std::path::PathBuf;
+
+/// Options of `opsr convert`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// The scene: glTF (.gltf or .glb), pbrt-v4 (.pbrt) or Mitsuba (.xml).
+    scene: PathBuf,
+    /// File to write (.glb).
+    #[arg(short, long, value_name = "FILE", default_value = "out.glb")]
+    output: PathBuf,
+    /// Leave out what is not supported, or what glTF cannot hold, and list it; else it is an error.
+    #[arg(long)]
+    skip_unsupported: bool,
+}
+
+/// Runs the command.
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let path = args.scene.display();
+    if args.output.extension().is_none_or(|e| e != "glb") {
+        let what = anyhow!(
+            "{}: expected a name that ends in .glb",
+            args.output.display()
+        );
+        return Err(what).usage();
+    }
+    let spec = Spec {
+        skip_unsupported: Some(args.skip_unsupported),
+        ..Spec::default()
+    };
+    let loaded = opsr::scene::load::load(&args.scene, &spec.load_options()).input()?;
+    if loaded.files.contains(&args.output) {
+        return Err(anyhow!(
+            "{}: is read and would be replaced",
+            args.output.display()
+        ))
+        .usage();
+    }
+    let made = lowered::lowered(loaded.parts);
+    if !made.lost.is_empty() && !args.skip_unsupported {
+        let what = made.lost.join(", ");
+        let what = anyhow!(
+            "{path}: glTF files of this program cannot hold {what}; --skip-unsupported leaves them out"
+        );
+        return Err(what).input();
+    }
+    for line in loaded.warnings.iter().chain(&made.changed) {
+        tracing::warn!("{path}: {line}");
+    }
+    for line in &made.lost {
+        tracing::warn!("{path}: left out: {line}");
+    }
+    glb::save(&made.parts, &args.output)
+        .map_err(|e| anyhow!("{e}"))
+        .output()
+}
