@@ -2,10 +2,21 @@
 
 use anyhow::Context;
 
+/// Threads per core, and in any case, that are taken at most: more take minutes to find their work, and add nothing.
+const MOST: (usize, usize) = (4, 64);
+
 /// Sets the number of threads; all cores without one.
 pub(super) fn set_threads(threads: Option<u16>) -> anyhow::Result<()> {
     if let Some(threads) = threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let most = MOST.1.max(MOST.0 * cores);
+        let threads = usize::from(threads);
+        if threads > most {
+            tracing::warn!(
+                "--threads {threads}: there are {cores} cores; {most} threads are taken"
+            );
+        }
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.min(most));
         pool.build_global()
             .context("cannot start that many threads")?;
     }

@@ -7,6 +7,7 @@ use crate::scene::light::sky::Sky;
 use crate::scene::load::{Animation, LoadOptions, load};
 use crate::scene::{Backdrop, Scene, SceneParts};
 use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// An opened scene.
@@ -23,6 +24,38 @@ pub struct Opened {
     pub animations: Vec<Animation>,
     /// True if the studio lights the scene, since nothing else does.
     pub in_studio: bool,
+}
+
+/// Warnings of one kind that are told in full; of more only their number.
+const TOLD: usize = 3;
+
+/// Characters at the end of a warning that tell its kind: names stand in front.
+const KIND: usize = 32;
+
+/// Warnings with those of one kind, which differ in names and numbers alone, cut short: a file can give a hundred for one cause.
+fn gathered(warnings: Vec<String>) -> Vec<String> {
+    let kind = |warning: &str| -> String {
+        let back = warning.chars().rev().filter(|c| !c.is_ascii_digit());
+        back.take(KIND).collect()
+    };
+    let mut kinds = BTreeMap::<String, usize>::new();
+    for warning in &warnings {
+        *kinds.entry(kind(warning)).or_default() += 1;
+    }
+    let mut seen = BTreeMap::<String, usize>::new();
+    let mut told = Vec::new();
+    for warning in warnings {
+        let kind = kind(&warning);
+        let all = kinds.get(&kind).copied().unwrap_or(1);
+        let number = seen.entry(kind).or_default();
+        *number += 1;
+        match *number {
+            n if n <= TOLD || all == TOLD + 1 => told.push(warning),
+            n if n == TOLD + 1 => told.push(format!("{} more warnings like the last", all - TOLD)),
+            _ => {}
+        }
+    }
+    told
 }
 
 impl Spec {
@@ -96,9 +129,34 @@ impl Spec {
             scene,
             sha256: hex(&digest.finalize()),
             files,
-            warnings,
+            warnings: gathered(warnings),
             animations: loaded.animations,
             in_studio,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn warnings_of_one_kind_are_cut_short() {
+        let mut warnings: Vec<String> = (0..98)
+            .map(|i| {
+                let name = ["leaf", "twig"][i % 2];
+                format!("{name} {i} is not closed ({i} open edges): it is shown as thin walls")
+            })
+            .collect();
+        warnings.insert(50, "no light".into());
+        let told = gathered(warnings);
+        assert_eq!(told.len(), 5, "{told:?}");
+        assert!(told[2].contains("leaf 2 is"));
+        assert_eq!(told[3], "95 more warnings like the last");
+        assert_eq!(told[4], "no light");
+        let four: Vec<String> = (0..4)
+            .map(|i| format!("mesh {i}: all its faces were dropped"))
+            .collect();
+        assert_eq!(gathered(four.clone()), four);
     }
 }

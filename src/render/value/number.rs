@@ -151,6 +151,10 @@ impl Field for Duration {
     fn read(value: &Value, _: &Range) -> Result<Self, String> {
         #[cfg(feature = "cli")]
         if let Value::String(text) = value {
+            let seconds = text.parse().ok().map(Self::try_from_secs_f64);
+            if let Some(Ok(seconds)) = seconds {
+                return Ok(seconds);
+            }
             let expected = "expected a number of seconds, or a time such as 60s or 5min";
             return humantime::parse_duration(text).map_err(|e| format!("{expected}: {e}"));
         }
