@@ -7,7 +7,7 @@ use anyhow::{Context, anyhow};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use opsr::files::{self, FileError};
+use opsr::files;
 use opsr::image::metric::Metric;
 use opsr::image::metric::flip::DEFAULT_PPD;
 use opsr::image::{exr, png};
@@ -169,31 +169,29 @@ fn print_agreement(files: &[PathBuf]) -> anyhow::Result<bool> {
     let Some((reference, pictures)) = files.split_last() else {
         return Ok(same);
     };
-    let read = |path: &Path| {
-        let layers = exr::read_layers(path)?;
-        let integrator = layers.metadata.get("integrator").cloned();
-        Ok::<_, FileError>((layers.film(path)?, integrator))
-    };
-    let (wanted, its_integrator) = read(reference).input()?;
+    let wanted = exr::read_film(reference).input()?;
     for path in pictures {
-        let (mut film, integrator) = read(path).input()?;
+        let mut film = exr::read_film(path).input()?;
         let mut wanted = Cow::Borrowed(&wanted);
         let common = film.window.intersection(&wanted.window);
-        if let Some(common) = common.filter(|_| film.size == wanted.size) {
+        let differ = film.window != wanted.window && film.size == wanted.size;
+        if let Some(common) = common.filter(|_| differ) {
             film = film.cut(common);
             wanted = Cow::Owned(wanted.cut(common));
         }
         let agreement = agreement::agree(&film, &wanted)
             .with_context(|| format!("{} against {}", path.display(), reference.display()))
             .input()?;
-        let sharing = (integrator.iter().chain(&its_integrator)).find(|name| *name != "path");
-        let agreement = agreement.sharing(sharing.is_some());
         let names = format!("{} against {}", path.display(), reference.display());
         print(format!("\n{names}\n{agreement}\n"))?;
-        if let Some(name) = sharing {
-            print(format!(
-                "pixels of {name} share light paths: only the test of single pixels is judged\n"
-            ))?;
+        if agreement.shared {
+            let judged = match agreement.mean_known {
+                true => {
+                    "tiles are not judged, the image by the error that the files state for its mean"
+                }
+                false => "only the test of single pixels is judged",
+            };
+            print(format!("pixels share light paths: {judged}\n"))?;
         }
         same &= agreement.passed();
     }

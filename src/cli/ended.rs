@@ -42,6 +42,13 @@ impl Ended<'_> {
         self.missing.map_or(stated, |missing| missing.error(stated))
     }
 
+    /// Relative standard error of the mean of a picture of one level.
+    fn mean_error(&self) -> Option<f64> {
+        let picture = &self.output.picture;
+        let of_film = || picture.film.relative_mean_error();
+        picture.levels.is_none().then(of_film).flatten()
+    }
+
     fn seconds(&self) -> f64 {
         self.output.progress.elapsed.as_secs_f64()
     }
@@ -71,6 +78,9 @@ impl Ended<'_> {
             error if error.is_finite() => format!(", estimated relative error {error:.4}"),
             _ => String::new(),
         };
+        if let Some(mean) = self.mean_error() {
+            error += &format!(", mean ± {:.2} %", 100.0 * mean);
+        }
         let unseen = unseen_share(&self.output.picture);
         if unseen >= 0.0005 {
             let percent = 100.0 * unseen;
@@ -164,6 +174,7 @@ impl Ended<'_> {
             "paths": self.paths(),
             "paths_per_second": finite(self.paths() as f64 / seconds),
             "relative_error": finite(self.error()),
+            "mean_error": self.mean_error().and_then(finite),
             "light_missing": self.missing.map(|m| {
                 serde_json::json!({ "share": m.share, "pixel": m.pixel.to_array(), "finder": m.finder.name() })
             }),

@@ -58,6 +58,20 @@ impl Sealed {
         self.open(path).map_err(|problem| problem.at(path))
     }
 
+    /// The same of a file whose header says how long its payload is at most: a longer one is refused before it is read.
+    pub(crate) fn load_of<H: DeserializeOwned>(
+        &self,
+        path: &Path,
+        most: impl FnOnce(&H) -> u64,
+    ) -> Result<(H, Vec<u8>), FileError> {
+        let begun = self.stream::<H>(path).map_err(|problem| problem.at(path))?;
+        let (header, payload) = begun;
+        if payload.left() > most(&header) {
+            return Err(self.damaged("longer than its header says").at(path));
+        }
+        self.load(path)
+    }
+
     fn open<H: DeserializeOwned>(&self, path: &Path) -> Result<(H, Vec<u8>), Problem> {
         let line = self.first_line();
         let file = File::open(path).map_err(Problem::Read)?;

@@ -8,6 +8,7 @@
 //! A sample that is not finite is never turned black: it is refused, counted by cause and remembered.
 
 use crate::image::Buffer;
+use crate::image::batches::Sharing;
 use crate::image::exr::MAX_PIXELS;
 use crate::math::moments::Moments;
 use crate::math::{DVec3, Rgb, UVec2};
@@ -218,6 +219,8 @@ pub struct Film {
     pub pixels: Vec<Moments>,
     /// Samples that were refused.
     pub rejected: Rejected,
+    /// Noise that pixels share.
+    pub sharing: Sharing,
 }
 
 impl Film {
@@ -259,6 +262,7 @@ impl Film {
             window,
             pixels: vec![Moments::default(); window.len()],
             rejected: Rejected::default(),
+            sharing: Sharing::None,
         }
     }
 
@@ -280,6 +284,46 @@ impl Film {
         }
     }
 
+    /// The same for an estimator whose pixels share light paths: the whole is known by its samples, too.
+    #[inline]
+    pub fn push_shared(&mut self, index: usize, value: Rgb, sample: u32) {
+        if let Sharing::None = self.sharing {
+            self.sharing = Sharing::Batches(Box::default());
+        }
+        if let Sharing::Batches(batches) = &mut self.sharing
+            && value.is_finite()
+        {
+            batches.add(value, sample);
+        }
+        self.push(index, value, sample);
+    }
+
+    /// Standard error of the mean of all pixels by channel: from the variances of independent pixels, and from the sums of whole
+    /// samples where pixels share light paths. `None` where there are too few samples to tell, or none is known of what is shared.
+    pub fn mean_error(&self) -> Option<DVec3> {
+        match &self.sharing {
+            Sharing::None if self.pixels.iter().all(|m| m.n > 1) => {
+                let variance: DVec3 = self.pixels.iter().map(Moments::variance_of_mean).sum();
+                Some(variance.powf(0.5) / self.pixels.len() as f64)
+            }
+            Sharing::Batches(batches) => {
+                let known = self.pixels.iter().map(|m| u64::from(m.n)).sum::<u64>();
+                batches.error().filter(|_| batches.count() == known)
+            }
+            Sharing::Stated(error) => Some(*error),
+            _ => None,
+        }
+    }
+
+    /// [`Film::mean_error`] over the mean, the channels added up: 0.01 for a picture whose light is known to 1 %.
+    pub fn relative_mean_error(&self) -> Option<f64> {
+        let sum: DVec3 = self.pixels.iter().map(|m| m.mean).sum();
+        let mean = sum.length() / self.pixels.len() as f64;
+        (self.mean_error())
+            .filter(|_| mean > 0.0)
+            .map(|error| error.length() / mean)
+    }
+
     /// Adds all samples of `other`, which must show the same window.
     pub fn merge(&mut self, other: &Self) -> Result<(), FilmError> {
         self.same_place(other)?;
@@ -287,6 +331,7 @@ impl Film {
             a.merge(b);
         }
         self.rejected.append(&other.rejected);
+        self.sharing.merge(&other.sharing);
         Ok(())
     }
 
@@ -308,9 +353,13 @@ impl Film {
         self.window.tiles(edge)
     }
 
-    /// A film of `tile` with this film's moments so far and no refusals. Panics if the tile leaves the window.
+    /// A film of `tile` with this film's moments so far and no refusals; of what its pixels share nothing is known. Panics if
+    /// the tile leaves the window.
     pub fn cut(&self, tile: Window) -> Self {
         let mut cut = Self::empty(self.size, tile);
+        if self.sharing != Sharing::None {
+            cut.sharing = Sharing::Unknown;
+        }
         for row in 0..tile.h {
             let (mine, theirs) = self.row_ranges(&tile, row);
             cut.pixels[theirs].copy_from_slice(&self.pixels[mine]);
@@ -318,7 +367,7 @@ impl Film {
         cut
     }
 
-    /// Puts a tile made by [`Film::cut`] back: replaces its pixels, adds its refusals.
+    /// Puts a tile made by [`Film::cut`] back: replaces its pixels, adds its refusals. Pixels of tiles share nothing.
     pub fn paste(&mut self, tile: &Self) {
         for row in 0..tile.window.h {
             let (mine, theirs) = self.row_ranges(&tile.window, row);

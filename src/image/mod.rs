@@ -1,5 +1,6 @@
 //! Pictures: films of running moments, files, and the metrics that compare them.
 
+pub mod batches;
 pub mod buffer;
 pub mod denoise;
 pub mod display;

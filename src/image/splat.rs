@@ -58,6 +58,11 @@ impl SplatLayer {
         }
     }
 
+    /// Multiplies all sums by a factor.
+    pub(crate) fn scale(&mut self, factor: f64) {
+        self.sums.iter_mut().for_each(|sum| *sum *= factor);
+    }
+
     /// The sums, row by row; the layer is empty again.
     pub fn take(&mut self) -> impl Iterator<Item = Rgb> + '_ {
         self.sums

@@ -68,6 +68,9 @@ impl From<FirstHit> for Aovs {
 }
 
 impl Aovs {
+    /// Numbers of a pixel in [`Aovs::numbers`] of the first surface, of light, and of time.
+    pub(crate) const NUMBERS: [usize; 3] = [9, 7, 1];
+
     /// AOVs as numbers, for a checkpoint: those of the first surface, of light, and of time.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
         let first = self.first.iter().flat_map(FirstHit::numbers);

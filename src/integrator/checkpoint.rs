@@ -4,9 +4,10 @@
 
 use super::{Aovs, Picture};
 use crate::files::{FileError, Sealed};
+use crate::image::batches::{Batches, Sharing};
 use crate::image::exr::{MAX_PIXELS, Metadata};
 use crate::image::film::{Cause, Film, Rejected, RejectedSample, Window};
-use crate::image::level_film::LevelFilm;
+use crate::image::level_film::{LevelFilm, MAX_LEVELS};
 use crate::math::UVec2;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
@@ -40,12 +41,33 @@ impl Fingerprint {
             ("other settings", &self.settings, &ours.settings),
         ] {
             if theirs != ours {
+                let (theirs, ours) = difference(theirs, ours);
                 let differs = format!("it has `{theirs}`, this {other} `{ours}`");
                 return Err(format!("this {file} belongs to {what}: {differs}"));
             }
         }
         Ok(())
     }
+}
+
+/// Two texts without the parts, between commas, with which both begin or end.
+fn difference(a: &str, b: &str) -> (String, String) {
+    let [a, b] = [a, b].map(|text| text.split(", ").collect::<Vec<_>>());
+    let pairs = || a.iter().zip(&b);
+    let mut begin = pairs().take_while(|(x, y)| x == y).count();
+    let shorter = a.len().min(b.len());
+    let pairs_back = a.iter().rev().zip(b.iter().rev());
+    let mut end = pairs_back.take_while(|(x, y)| x == y).count();
+    end = end.min(shorter - begin);
+    if begin + end == shorter && a.len() != b.len() {
+        // Something is there in one alone: with what stands beside it.
+        match begin {
+            0 => end = end.saturating_sub(1),
+            _ => begin -= 1,
+        }
+    }
+    let middle = |parts: &[&str]| parts[begin..parts.len() - end].join(", ");
+    (middle(&a), middle(&b))
 }
 
 /// Header of the file. Payload, little endian: the numbers of the film (f64), the levels if there are any ([`LevelFilm::write`]),
@@ -67,6 +89,20 @@ struct Header {
     levels: Vec<f32>,
     #[serde(default)]
     metadata: Metadata,
+    /// Sums of all pixels in batches, where pixels share light paths.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    shared: Vec<u64>,
+}
+
+impl Header {
+    /// Most bytes of the payload of these pixels.
+    fn payload_bytes(&self) -> u64 {
+        let [_, _, w, h] = self.window.map(u64::from);
+        let pixels = w.saturating_mul(h).min(MAX_PIXELS as u64);
+        let levels = LevelFilm::bytes_with(1, self.levels.len().min(MAX_LEVELS), u32::MAX);
+        let aovs = 8 * Aovs::NUMBERS.iter().sum::<usize>();
+        LevelFilm::HEAD + pixels * ((8 * Film::NUMBERS + aovs) as u64 + levels)
+    }
 }
 
 /// A stopped render.
@@ -102,6 +138,7 @@ impl Checkpoint {
             first_refused,
             levels: self.levels.clone(),
             metadata: self.metadata.clone(),
+            shared: shared(&film.sharing),
         };
         FILE.save(path, &header, |out| write(&self.picture, out))
     }
@@ -121,12 +158,14 @@ impl Checkpoint {
 
     /// Reads the checkpoint of any render by this version of the file.
     pub fn open(path: &Path) -> Result<Self, FileError> {
-        let (header, payload): (Header, _) = FILE.load(path)?;
+        let promised = |header: &Header| header.payload_bytes();
+        let (header, payload): (Header, _) = FILE.load_of(path, promised)?;
         let [x, y, w, h] = header.window;
         let (size, window) = (UVec2::from_array(header.size), Window { x, y, w, h });
         let picture = read(size, window, header.levels.len(), &payload);
         let mut picture = picture.map_err(|e| FileError::content(path, e))?;
         picture.film.rejected = rejected(header.refused, &header.first_refused);
+        picture.film.sharing = sharing(&header.shared);
         Ok(Self {
             fingerprint: header.fingerprint,
             samples: header.samples,
@@ -135,6 +174,23 @@ impl Checkpoint {
             metadata: header.metadata,
             picture,
         })
+    }
+}
+
+/// Sums of all pixels as a header has them: none where pixels share nothing.
+pub(super) fn shared(sharing: &Sharing) -> Vec<u64> {
+    match sharing {
+        Sharing::Batches(batches) => batches.numbers(),
+        _ => Vec::new(),
+    }
+}
+
+/// The inverse of [`shared`].
+pub(super) fn sharing(numbers: &[u64]) -> Sharing {
+    match Batches::from_numbers(numbers) {
+        Some(batches) => Sharing::Batches(Box::new(batches)),
+        None if numbers.is_empty() => Sharing::None,
+        None => Sharing::Unknown,
     }
 }
 

@@ -73,6 +73,14 @@ impl<'a> View<'a> {
         self.stop.is_some_and(Stop::now)
     }
 
+    /// The same for what all else of the first sample rests on: half of the time is for that.
+    pub(crate) fn stopped_at_half(&self) -> bool {
+        match self.keeps_pieces() {
+            true => self.stop.is_some_and(Stop::at_half),
+            false => self.stopped(),
+        }
+    }
+
     /// True if something was left out, so that the results of the pass do not count.
     pub(crate) fn is_cut(&self) -> bool {
         self.stop.is_some_and(Stop::is_cut)
@@ -171,6 +179,11 @@ pub trait Integrator: Send {
     /// The film is that of the view: same frame, same window. Samples depend on their pixel and number only: passes in
     /// any split and at any number of threads make bit-identical films.
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32;
+
+    /// True if pixels share light paths, so that their noise is not independent.
+    fn shares_light(&self) -> bool {
+        false
+    }
 
     /// Does now what the first pass of a view would do once, and keeps it: no sample changes.
     fn prepare(&self, _view: &View<'_>) {}

@@ -11,6 +11,7 @@ use super::checkpoint::{self, Fingerprint};
 use super::drive::{Budget, RenderProgress, drive};
 use super::{Aovs, Integrator, Picture, View};
 use crate::files::{FileError, Payload, Problem, Sealed};
+use crate::image::batches::Sharing;
 use crate::image::film::{Cause, Film, Window};
 use crate::image::level_film::{LevelFilm, MAX_LEVELS, PathLevels};
 use crate::math::{Rgb, UVec2};
@@ -28,9 +29,6 @@ const FILE: Sealed = Sealed {
     // Parts are read piece by piece.
     most: 0,
 };
-
-/// Numbers of a pixel in [`Aovs::numbers`] of the first surface, and of light.
-const AOV_NUMBERS: [usize; 2] = [9, 7];
 
 /// A part of a render without its pixels: the header of its file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,6 +55,10 @@ pub struct Part {
     /// Refused samples that were not a number, and that were infinite, where the payload does not say it.
     refused: [u64; 2],
     first_refused: Vec<(u32, u32, u32, bool)>,
+    /// True if pixels share light paths.
+    shares: bool,
+    /// Sums of all pixels in batches, for a part that has sums.
+    shared: Vec<u64>,
 }
 
 impl Part {
@@ -81,6 +83,8 @@ impl Part {
             camera: view.sensor.camera.world_to_camera(),
             refused: [0; 2],
             first_refused: Vec::new(),
+            shares: false,
+            shared: Vec::new(),
         }
     }
 
@@ -100,7 +104,7 @@ impl Part {
 
     /// AOVs of a pixel as numbers.
     fn aov_numbers(&self) -> [usize; 2] {
-        std::array::from_fn(|k| AOV_NUMBERS[k] * usize::from(self.aovs[k]))
+        std::array::from_fn(|k| Aovs::NUMBERS[k] * usize::from(self.aovs[k]))
     }
 
     /// Renders the part and writes its file, whole or not at all. False if the listener, which is called after each pass,
@@ -116,6 +120,7 @@ impl Part {
     ) -> Result<bool, FileError> {
         let blank = self.blank(view.window);
         let [start, end] = self.samples;
+        self.shares = integrator.shares_light();
         if start == 0 {
             let mut picture = blank;
             let samples = Some(end);
@@ -129,6 +134,7 @@ impl Part {
                 return Ok(false);
             }
             (self.refused, self.first_refused) = checkpoint::refusals(&picture.film.rejected);
+            self.shared = checkpoint::shared(&picture.film.sharing);
             FILE.save(path, &self, |out| checkpoint::write(&picture, out))?;
             return Ok(true);
         }
@@ -311,6 +317,9 @@ pub fn merge(
         aovs: [a, b].map(|n| vec![0.0; n * window.len()]),
     };
     whole.picture.aovs = None;
+    if first.shares {
+        whole.picture.film.sharing = Sharing::Batches(Box::default());
+    }
     for (path, part) in &parts {
         let added = whole.add(path, part);
         added.map_err(|problem| MergeError::File(problem.at(path)))?;
@@ -486,6 +495,8 @@ impl Whole {
         let mut read = read.map_err(Problem::content)?;
         read.film.rejected = checkpoint::rejected(part.refused, &part.first_refused);
         self.picture.film.paste(&read.film);
+        let sharing = checkpoint::sharing(&part.shared);
+        self.picture.film.sharing.merge(&sharing);
         if let Some((all, own)) = self.picture.levels.as_mut().zip(read.levels) {
             all.paste(&own);
         }
@@ -502,7 +513,10 @@ impl Whole {
         for index in 0..window.len() {
             let value = Rgb::from_array(std::array::from_fn(|_| next()));
             let at = index_in(&self.picture.film.window, window.pixel(index));
-            self.picture.film.push(at, value, sample);
+            match part.shares {
+                true => self.picture.film.push_shared(at, value, sample),
+                false => self.picture.film.push(at, value, sample),
+            }
         }
         if let Some(levels) = &mut self.picture.levels {
             let mut values = vec![Rgb::ZERO; levels.levels()];

@@ -2,7 +2,8 @@
 //!
 //! Integrators ask `View::stopped` before every tile, chain or iteration. What a pass that ends early
 //! has done is left out: a picture holds whole samples only, so that it can be resumed and merged bit for bit. The first pass
-//! is the exception, since there is no other picture: its finished tiles or chains are kept, and no checkpoint is made of it.
+//! is the exception, since there is no other picture: its finished tiles or chains are kept, and no checkpoint is made of it. What
+//! others of its steps rest on, such as the light paths that all pixels share, ends at half of its time.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -17,10 +18,14 @@ pub struct Stop<'a> {
     asked: Option<&'a AtomicBool>,
     /// Time that the render may take.
     deadline: Option<Instant>,
+    /// Half of it.
+    half: Option<Instant>,
     /// True while there is no whole sample.
     first: AtomicBool,
     /// True once an integrator has left work out.
     cut: AtomicBool,
+    /// True once it has left out some of what its other work rests on.
+    short: AtomicBool,
 }
 
 impl<'a> Stop<'a> {
@@ -35,13 +40,16 @@ impl<'a> Stop<'a> {
     /// The same request, and an end at this time; `first` if there is no whole sample.
     pub(super) fn at(other: Option<&Stop<'a>>, deadline: Option<Instant>, first: bool) -> Self {
         // Of a small picture the first sample is whole, whatever the time.
-        let least = Instant::now() + FIRST;
+        let begin = Instant::now();
+        let least = begin + FIRST;
         let deadline = deadline.map(|deadline| if first { deadline.max(least) } else { deadline });
         Self {
             asked: other.and_then(|other| other.asked),
             deadline,
+            half: deadline.map(|end| begin + end.saturating_duration_since(begin) / 2),
             first: first.into(),
             cut: false.into(),
+            short: false.into(),
         }
     }
 
@@ -53,20 +61,27 @@ impl<'a> Stop<'a> {
 
     /// True if the next tile, chain or iteration is to be left out; remembers it.
     pub(super) fn now(&self) -> bool {
-        let late = || {
-            self.deadline
-                .is_some_and(|deadline| Instant::now() >= deadline)
-        };
-        let now = self.cut.load(Ordering::Relaxed) || self.is_asked() || late();
-        if now {
-            self.cut.store(true, Ordering::Relaxed);
+        self.is_over(self.deadline, &self.cut)
+    }
+
+    /// The same for what other work of the first sample rests on.
+    pub(super) fn at_half(&self) -> bool {
+        self.is_over(self.half, &self.short)
+    }
+
+    /// True if a user has asked for an end or this time is over; remembers it in the flag.
+    fn is_over(&self, end: Option<Instant>, flag: &AtomicBool) -> bool {
+        let late = || end.is_some_and(|end| Instant::now() >= end);
+        let over = flag.load(Ordering::Relaxed) || self.is_asked() || late();
+        if over {
+            flag.store(true, Ordering::Relaxed);
         }
-        now
+        over
     }
 
     /// True if anything was left out.
     pub(super) fn is_cut(&self) -> bool {
-        self.cut.load(Ordering::Relaxed)
+        self.cut.load(Ordering::Relaxed) || self.short.load(Ordering::Relaxed)
     }
 
     /// True while there is no whole sample.

@@ -1,6 +1,7 @@
 //! Mathematics without physics: vectors, frames, measures, warps, distributions, dual numbers. Depends on glam only.
 
 pub mod discrete;
+pub mod exact;
 pub mod frame;
 pub mod measure;
 pub mod moments;

@@ -17,14 +17,17 @@
 //! 10 % too bright failed in 21, 95 and 100 % of the pairs; one 2 % too bright in none. Rare hits against films of the same
 //! mean without them failed in every pair with Welch's test alone.
 
+//!
 //! Pixels that share light paths, as those of bidirectional estimators do, are each as noisy as their variance says, but
 //! their sums are noisier: the standard error of the image mean is 1.4 to 2.5 times what pixels say, and more for photons of a large
-//! radius. A film does not hold what would tell, so that [`Agreement::sharing`] leaves only pixels to be judged.
+//! radius. Such a film states it from its samples as a whole ([`Film::mean_error`]), by which the image is then judged; what
+//! tiles share is not known, they are not judged.
 
 use std::fmt;
 
 use super::student;
 use crate::image::Buffer;
+use crate::image::batches::{BATCHES, Sharing};
 use crate::image::film::{Film, FilmError, Window};
 use crate::math::moments::Moments;
 use crate::math::{DVec3, UVec2};
@@ -84,42 +87,37 @@ pub struct Agreement {
     pub image: Scale,
     /// Pixels left out of all three, having fewer than two samples in one of the films.
     pub untested: usize,
-    /// True if pixels of one of the films share light paths. Tiles and image then have more noise than their pixels say, and
-    /// prove nothing.
+    /// True if pixels of one of the films share light paths: tiles have more noise than their pixels say, and prove nothing.
     pub shared: bool,
+    /// True if the error of both means is known, so that the image is judged.
+    pub mean_known: bool,
 }
 
 impl Agreement {
     /// True if the films agree at every scale, with at least half of the pixels tested.
     pub fn passed(&self) -> bool {
         let tested = self.pixels.tests / 3;
-        let judged = if self.shared { 1 } else { 3 };
-        tested >= self.untested && self.scales()[..judged].iter().all(|(_, s)| s.passed())
+        let judged = |(_, scale, judged): (&str, &Scale, bool)| !judged || scale.passed();
+        tested >= self.untested && self.scales().into_iter().all(judged)
     }
 
-    /// The same for films of which one has pixels that share light paths, or not.
-    pub fn sharing(self, shared: bool) -> Self {
-        Self { shared, ..self }
-    }
-
-    fn scales(&self) -> [(&'static str, &Scale); 3] {
+    /// Scales by name, and whether they are judged.
+    fn scales(&self) -> [(&'static str, &Scale, bool); 3] {
         [
-            ("pixels", &self.pixels),
-            ("tiles", &self.tiles),
-            ("image", &self.image),
+            ("pixels", &self.pixels, true),
+            ("tiles", &self.tiles, !self.shared),
+            ("image", &self.image, self.mean_known),
         ]
     }
 }
 
 impl fmt::Display for Agreement {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, (name, scale)) in self.scales().into_iter().enumerate() {
+        for (name, scale, judged) in self.scales() {
             let verdict = match scale.passed() {
                 true => "agree",
-                false if self.shared && i > 0 => {
-                    "differ by more than independent pixels would, not judged"
-                }
-                false => "DIFFER",
+                false if judged => "DIFFER",
+                false => "differ by more than independent pixels would, not judged",
             };
             write!(out, "{name}: {verdict} in {} tests", scale.tests)?;
             if let Some(w) = scale.worst {
@@ -159,7 +157,9 @@ impl fmt::Display for Agreement {
 /// ```
 pub fn agree(a: &Film, b: &Film) -> Result<Agreement, FilmError> {
     a.same_place(b)?;
-    Ok(compare(a.size, a.window, |i| (a.pixels[i], b.pixels[i])))
+    let means = [a, b].map(Known::of);
+    let pair = |i| (a.pixels[i], b.pixels[i]);
+    Ok(compare(a.size, a.window, pair, means))
 }
 
 /// Compares a film with a picture that is known exactly, such as a furnace.
@@ -173,9 +173,43 @@ pub fn agree_with_exact(film: &Film, exact: &Buffer) -> Result<Agreement, FilmEr
     }
     // Any number of samples without spread.
     let known = |i: usize| Moments::from_parts(1 << 30, exact.pixels[i].as_dvec3(), DVec3::ZERO);
-    Ok(compare(film.size, film.window, |i| {
-        (film.pixels[i], known(i))
-    }))
+    let means = [Known::of(film), Known::Pixels];
+    let pair = |i| (film.pixels[i], known(i));
+    Ok(compare(film.size, film.window, pair, means))
+}
+
+/// What is known of the noise of a film's mean.
+#[derive(Clone, Copy)]
+enum Known {
+    /// It is that of independent pixels.
+    Pixels,
+    /// The squared standard error, and its degrees of freedom.
+    Whole(DVec3, f64),
+    /// Nothing.
+    Nothing,
+}
+
+impl Known {
+    fn of(film: &Film) -> Self {
+        if film.sharing == Sharing::None {
+            return Self::Pixels;
+        }
+        let samples = film.pixels.iter().map(|m| m.n as usize).max();
+        let batches = samples.unwrap_or(0).min(BATCHES);
+        match film.mean_error() {
+            Some(error) if batches > 1 => Self::Whole(error * error, (batches - 1) as f64),
+            _ => Self::Nothing,
+        }
+    }
+
+    /// Puts this noise in place of that which pixels say.
+    fn apply(self, sum: &mut Estimate, pixels: usize) {
+        if let Self::Whole(square, degrees) = self {
+            let pixels = pixels as f64;
+            sum.variance = square * (pixels * pixels);
+            sum.spread = sum.variance * sum.variance / degrees;
+        }
+    }
 }
 
 /// Sum of the means of one film's pixels at a place, and its error.
@@ -310,7 +344,12 @@ impl Estimates {
     }
 }
 
-fn compare(size: UVec2, window: Window, pair: impl Fn(usize) -> (Moments, Moments)) -> Agreement {
+fn compare(
+    size: UVec2,
+    window: Window,
+    pair: impl Fn(usize) -> (Moments, Moments),
+    means: [Known; 2],
+) -> Agreement {
     let mut pixels: Vec<(Window, Estimates, Estimates)> = Vec::new();
     let mut tiles = Vec::new();
     let mut image = Estimates::default();
@@ -345,6 +384,13 @@ fn compare(size: UVec2, window: Window, pair: impl Fn(usize) -> (Moments, Moment
         }
     }
     let untested = window.len() - pixels.len();
+    let shared = !means.iter().all(|known| matches!(known, Known::Pixels));
+    means[0].apply(&mut image.a, image.pixels);
+    means[1].apply(&mut image.b, image.pixels);
+    if shared {
+        // Pixels that rise and fall together have no signs of their own.
+        image.squares = DVec3::ZERO;
+    }
     let whole = if image.pixels > 0 {
         vec![(window, image, image)]
     } else {
@@ -355,7 +401,8 @@ fn compare(size: UVec2, window: Window, pair: impl Fn(usize) -> (Moments, Moment
         tiles: scale(&tiles),
         image: scale(&whole),
         untested,
-        shared: false,
+        shared,
+        mean_known: !means.iter().any(|known| matches!(known, Known::Nothing)),
     }
 }
 

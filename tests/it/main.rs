@@ -31,6 +31,7 @@ mod lens;
 mod levels;
 mod load;
 mod many_lights;
+mod mean_error;
 mod metric;
 mod mollifier;
 mod nested;

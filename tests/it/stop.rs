@@ -193,3 +193,61 @@ fn stopped_first_pass_of_chains_is_as_bright_as_a_whole_one() {
     let (expected, _) = mean(&whole.film);
     assert!((found / expected - 1.0).abs() < 0.2, "{found}, {expected}");
 }
+
+/// Of a first sample that is cut some light paths stand for all: what there is of the picture is as bright as it should be, and
+/// the render ends soon. As many pixels would take ten seconds on two cores.
+#[test]
+fn first_sample_by_shared_light_paths_ends_in_time_and_is_as_bright_as_a_whole_one() {
+    const SIDE: usize = 1400;
+    const CELL: usize = 20;
+    let scene = scene(cornell_box());
+    let of = |estimator| Settings {
+        estimator,
+        max_vertices: 5,
+        ..Settings::default()
+    };
+    let expected = {
+        let mut picture = blank((SIDE / CELL) as u32, &of(Estimator::Path { reuse: false }));
+        let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
+        let settings = of(Estimator::Path { reuse: false });
+        settings.integrator().pass(&view, 0..64, &mut picture);
+        picture.film
+    };
+    let radius = Radius {
+        first: Some(0.02),
+        ..Radius::default()
+    };
+    for estimator in [
+        Estimator::Bdpt,
+        Estimator::Vcm(radius),
+        Estimator::Sppm(radius),
+    ] {
+        let settings = of(estimator);
+        let mut picture = Picture::new(opsr::image::Film::new(UVec2::splat(SIDE as u32)));
+        let film = picture.film.clone();
+        let view = View::of(&scene, &scene.parts().cameras[0], &film);
+        let budget = Budget {
+            time: Some(Duration::from_millis(1)),
+            ..Budget::default()
+        };
+        let go_on = &mut |_: &_, _: &_| ControlFlow::Continue(());
+        let integrator = &mut *settings.integrator();
+        let (progress, _) = drive(integrator, &view, &budget, 0, &mut picture, go_on);
+        assert!(progress.elapsed < Duration::from_secs(4), "{progress:?}");
+        let (mut found, mut right, mut kept) = (0.0, 0.0, 0);
+        for (i, pixel) in picture.film.pixels.iter().enumerate() {
+            if pixel.n > 0 {
+                let cell = i / SIDE / CELL * (SIDE / CELL) + i % SIDE / CELL;
+                found += pixel.mean.element_sum();
+                right += expected.pixels[cell].mean.element_sum();
+                kept += 1;
+            }
+        }
+        println!("{estimator:?}: {kept} pixels, {:.4}", found / right);
+        assert!(kept > 1000, "{estimator:?}: {kept}");
+        assert!(
+            (found / right - 1.0).abs() < 0.05,
+            "{estimator:?}: {found} {right}"
+        );
+    }
+}

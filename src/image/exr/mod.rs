@@ -24,6 +24,9 @@ pub(crate) const MAX_PIXELS: usize = 1 << 28;
 /// Name of the attribute that holds the metadata.
 const METADATA: &str = "opsr";
 
+/// Key of the standard error of the mean by channel, where pixels share light paths.
+const MEAN_ERROR: &str = "mean_error";
+
 /// Channels of a colour.
 const RGB: [&str; 3] = ["R", "G", "B"];
 

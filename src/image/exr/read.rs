@@ -8,9 +8,12 @@ use std::path::Path;
 use ::exr::prelude as exrs;
 use exrs::{ReadChannels, ReadLayers};
 
-use super::{Layers, MAX_PIXELS, METADATA, Metadata, invalid, join, problem, unsupported};
+use super::{
+    Layers, MAX_PIXELS, MEAN_ERROR, METADATA, Metadata, invalid, join, problem, unsupported,
+};
 use crate::files::{FileError, Problem};
 use crate::image::Buffer;
+use crate::image::batches::Sharing;
 use crate::image::film::{Film, Window};
 use crate::math::moments::Moments;
 use crate::math::{DVec3, UVec2};
@@ -56,7 +59,23 @@ fn film_of(layers: &Layers) -> Result<Film, Problem> {
         let m2: DVec3 = variance.pixels[i].as_dvec3() * degrees;
         *m = Moments::from_parts(n, mean.pixels[i].as_dvec3(), m2);
     }
+    film.sharing = sharing(&layers.metadata);
     Ok(film)
+}
+
+/// Noise that pixels share, by the integrator and what it has stated. Files without an integrator have pixels of their own.
+fn sharing(metadata: &Metadata) -> Sharing {
+    let number = |word: &str| word.parse().ok().filter(|x: &f64| *x >= 0.0);
+    let stated = metadata.get(MEAN_ERROR).and_then(|text| {
+        let numbers: Option<Vec<f64>> = text.split(' ').map(number).collect();
+        let numbers: [f64; 3] = numbers?.try_into().ok()?;
+        Some(DVec3::from_array(numbers))
+    });
+    match (stated, metadata.get("integrator")) {
+        (Some(error), _) => Sharing::Stated(error),
+        (None, Some(name)) if name != "path" => Sharing::Unknown,
+        _ => Sharing::None,
+    }
 }
 
 /// Reads every channel. Channels of a named part get the part's name as prefix.

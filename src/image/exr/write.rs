@@ -7,13 +7,17 @@ use ::exr::meta::attribute::Chromaticities;
 use ::exr::prelude as exrs;
 use exrs::WritableImage;
 
-use super::{Compression, Header, Layer, METADATA, Metadata, join, problem, unsupported};
+use super::{
+    Compression, Header, Layer, MEAN_ERROR, METADATA, Metadata, join, problem, unsupported,
+};
 use crate::files::{self, FileError, Problem};
 use crate::image::Buffer;
+use crate::image::batches::Sharing;
 use crate::image::film::{Film, Window};
 use crate::math::UVec2;
 
-/// Writes a film: the picture, `sample_variance`, `variance_of_mean`, `spp`, and the layers given.
+/// Writes a film: the picture, `sample_variance`, `variance_of_mean`, `spp`, and the layers given; in its metadata the
+/// standard error of its mean, where pixels share light paths.
 pub fn write_film<'a>(
     path: &Path,
     film: &Film,
@@ -27,7 +31,18 @@ pub fn write_film<'a>(
     ];
     all.extend_from_slice(layers);
     let part = (film.size, film.window);
-    let bytes = encoded(part, &film.mean(), &all, header.into()).map_err(|e| e.at(path))?;
+    let mut header = header.into();
+    let mut metadata = header.metadata.clone();
+    if film.sharing != Sharing::None
+        && let Some(error) = film.mean_error()
+    {
+        metadata.insert(
+            MEAN_ERROR.into(),
+            error.as_vec3().to_array().map(|x| x.to_string()).join(" "),
+        );
+        header.metadata = &metadata;
+    }
+    let bytes = encoded(part, &film.mean(), &all, header).map_err(|e| e.at(path))?;
     files::write_bytes(path, bytes)
 }
 

@@ -51,7 +51,7 @@ impl Iteration<'_> {
             };
             sum += part * eval.value * photon.flux * weight;
         });
-        self.density(vertex, sum, probes)
+        self.density(vertex, sum, map.paths(), probes)
     }
 
     /// Random numbers of the probes of a camera path. A stream of their own: probes are thrown where photons are found.
@@ -109,7 +109,7 @@ impl Iteration<'_> {
                         sum += value * photon.flux;
                     }
                 });
-                total += self.density(&vertex, sum, &mut probes);
+                total += self.density(&vertex, sum, map.paths(), &mut probes);
                 total += self.light_at_sharp_lobe(&vertex, u.light);
             }
             match walk.follow_sharp(&vertex, u.lobe) {
@@ -152,9 +152,9 @@ impl Iteration<'_> {
             * (weight / light.density.value())
     }
 
-    /// A sum over photons within the radius as a contribution. Opacity lets both walks find a vertex by chance, which a
+    /// A sum over photons of so many light paths within the radius as a contribution. Opacity lets both walks find a vertex by chance, which a
     /// path counts once.
-    fn density(&self, vertex: &Vertex, sum: Rgb, probes: &mut impl Sampler) -> Rgb {
+    fn density(&self, vertex: &Vertex, sum: Rgb, paths: u32, probes: &mut impl Sampler) -> Rgb {
         if sum == Rgb::ZERO {
             return Rgb::ZERO;
         }
@@ -162,7 +162,7 @@ impl Iteration<'_> {
         let material = scene.material(&vertex.surface);
         let presence = material.presence(&scene.parts().textures, vertex.surface.uv);
         let disk = PI * self.radius * self.radius;
-        let scale = self.disk_over_surface(vertex, probes) / (disk * presence * self.paths as f32);
+        let scale = self.disk_over_surface(vertex, probes) / (disk * presence * paths as f32);
         vertex.throughput * sum * scale
     }
 

@@ -189,15 +189,20 @@ impl Integrator for Bidirectional {
         let aim = self.aim(view);
         for sample in samples.clone() {
             let iteration = self.iteration(view, &aim, sample, first);
-            match &mut picture.aovs {
+            let done = match &mut picture.aovs {
                 Some(aovs) => iteration.run(&mut layer, aovs),
                 None => iteration.run(&mut layer, &mut ()),
-            }
-            if view.is_cut() {
+            };
+            if view.drops_pass() {
                 return sample - samples.start;
             }
             for (index, value) in layer.take().enumerate() {
-                picture.film.push(index, value, sample);
+                if done.as_ref().is_none_or(|done| done[index]) {
+                    picture.film.push_shared(index, value, sample);
+                }
+            }
+            if view.is_cut() {
+                return sample - samples.start;
             }
             view.begun();
         }
@@ -206,6 +211,10 @@ impl Integrator for Bidirectional {
 
     fn prepare(&self, view: &View<'_>) {
         self.aim(view);
+    }
+
+    fn shares_light(&self) -> bool {
+        true
     }
 
     fn notes(&self, view: &View<'_>) -> Option<String> {
@@ -349,42 +358,72 @@ impl Bidirectional {
 }
 
 impl Iteration<'_> {
-    /// True if the next chunk is to be left out. All pixels share the light paths of an iteration: it counts as a whole, and the
-    /// first one is not cut.
-    fn stopped(&self) -> bool {
-        !self.view.keeps_pieces() && self.view.stopped()
-    }
-
-    /// Adds one sample of every pixel to the layer, which holds a value a pixel of the window. Without use if it is stopped.
-    fn run<O: Recorder>(&self, layer: &mut SplatLayer, recorder: &mut O) {
+    /// Adds one sample of every pixel to the layer, which holds a value a pixel of the window. Without use if it is stopped, but for
+    /// the first sample of all: then the pixels that have one, where not all do.
+    ///
+    /// All pixels share the light paths. Those that were walked before the end stand for all: their splats and photons count
+    /// more, and a pixel has a sample if its camera path was walked. So what there is of it is right in the mean.
+    fn run<O: Recorder>(&self, layer: &mut SplatLayer, recorder: &mut O) -> Option<Vec<bool>> {
         if self.settings.merging.is_some() {
             let vertices = self.light_vertices(layer);
-            if self.view.is_cut() {
-                return;
+            let walked = vertices.paths();
+            if self.view.drops_pass() || walked == 0 {
+                return Some(vec![false; self.view.window.len()]);
             }
+            self.scale_splats(layer, walked);
             let low = self.view.scene.geometry().bounds().0;
             let map = PhotonMap::new(vertices, low, self.radius);
-            self.camera_paths(&map, layer, recorder);
+            self.camera_paths(&map, layer, recorder)
         } else {
-            self.paths_together(layer, recorder);
+            self.paths_together(layer, recorder)
         }
     }
 
-    /// Light paths and camera paths, chunk by chunk.
-    fn paths_together<O: Recorder>(&self, layer: &mut SplatLayer, recorder: &mut O) {
-        let chunks: Vec<Chunk<O>> = (0..self.paths.div_ceil(CHUNK))
-            .into_par_iter()
-            .filter(|_| !self.stopped())
-            .map(|chunk| self.chunk(self.range(chunk), recorder.fork()))
-            .collect();
-        if self.view.is_cut() {
-            return;
+    /// Lets the splats of so many light paths stand for those of all.
+    fn scale_splats(&self, layer: &mut SplatLayer, walked: u32) {
+        if walked > 0 && walked < self.paths {
+            layer.scale(f64::from(self.paths) / f64::from(walked));
         }
-        for chunk in chunks {
-            layer.add_in_order(&chunk.camera);
+    }
+
+    /// Light paths and camera paths, chunk by chunk; the pixels that have a sample, where not all do.
+    fn paths_together<O: Recorder>(
+        &self,
+        layer: &mut SplatLayer,
+        recorder: &mut O,
+    ) -> Option<Vec<bool>> {
+        let chunks: Vec<(u32, Chunk<O>)> = (0..self.paths.div_ceil(CHUNK))
+            .into_par_iter()
+            .filter(|_| !self.view.stopped())
+            .map(|chunk| {
+                let range = self.range(chunk);
+                (range.len() as u32, self.chunk(range, recorder.fork()))
+            })
+            .collect();
+        if self.view.drops_pass() {
+            return None;
+        }
+        let walked = chunks.iter().map(|(paths, _)| paths).sum();
+        if walked == self.paths {
+            for (_, chunk) in chunks {
+                layer.add_in_order(&chunk.camera);
+                layer.add_in_order(&chunk.splats);
+                recorder.join(chunk.observer);
+            }
+            return None;
+        }
+        let mut done = vec![false; self.view.window.len()];
+        for (_, chunk) in &chunks {
             layer.add_in_order(&chunk.splats);
+        }
+        self.scale_splats(layer, walked);
+        for (_, chunk) in chunks {
+            layer.add_in_order(&chunk.camera);
+            let pixels = chunk.camera.iter().map(|splat| splat.index as usize);
+            pixels.for_each(|index| done[index] = true);
             recorder.join(chunk.observer);
         }
+        Some(done)
     }
 
     /// Light paths of a chunk.
@@ -400,7 +439,7 @@ impl Iteration<'_> {
         for first in (0..chunks).step_by(BATCH as usize) {
             let batch: Vec<LightChunk> = (first..(first + BATCH).min(chunks))
                 .into_par_iter()
-                .filter(|_| !self.stopped())
+                .filter(|_| !self.view.stopped_at_half())
                 .map(|chunk| self.light_chunk(self.range(chunk)))
                 .collect();
             for chunk in batch {
@@ -425,13 +464,18 @@ impl Iteration<'_> {
         chunk
     }
 
-    /// All camera paths of the window.
-    fn camera_paths<O: Recorder>(&self, map: &PhotonMap, layer: &mut SplatLayer, recorder: &mut O) {
+    /// All camera paths of the window; the pixels that have one, where not all do.
+    fn camera_paths<O: Recorder>(
+        &self,
+        map: &PhotonMap,
+        layer: &mut SplatLayer,
+        recorder: &mut O,
+    ) -> Option<Vec<bool>> {
         let window = self.view.window;
         let pixels = window.len() as u32;
         let chunks: Vec<(Vec<Splat>, O)> = (0..pixels.div_ceil(CHUNK))
             .into_par_iter()
-            .filter(|_| !self.stopped())
+            .filter(|_| !self.view.stopped())
             .map(|chunk| {
                 let mut observer = recorder.fork();
                 let mut light = LightPath::default();
@@ -453,20 +497,27 @@ impl Iteration<'_> {
                 (indices.map(value).collect(), observer)
             })
             .collect();
-        if self.view.is_cut() {
-            return;
+        if self.view.drops_pass() {
+            return None;
         }
+        let all = chunks.iter().map(|(values, _)| values.len()).sum::<usize>() == window.len();
+        let mut done = (!all).then(|| vec![false; window.len()]);
         for (values, observer) in chunks {
             layer.add_in_order(&values);
+            let pixels = values.iter().map(|splat| splat.index as usize);
+            if let Some(done) = &mut done {
+                pixels.for_each(|index| done[index] = true);
+            }
             recorder.join(observer);
         }
+        done
     }
 
     /// The light path to which the camera path of a pixel is connected, from those that are kept.
     fn fetch(&self, pixel: UVec2, map: &PhotonMap, light: &mut LightPath) {
         let columns = u64::from(self.view.sensor.frame.x);
         let number = u64::from(pixel.y) * columns + u64::from(pixel.x);
-        let path = (number % u64::from(self.paths)) as u32;
+        let path = (number % u64::from(map.paths())) as u32;
         let most = self.settings.max_vertices - 1;
         let LightPath {
             vertices, trails, ..

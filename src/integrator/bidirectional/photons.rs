@@ -122,6 +122,11 @@ impl LightVertices {
         self.ends.push(self.photons.len() as u32);
     }
 
+    /// Number of paths.
+    pub(super) fn paths(&self) -> u32 {
+        self.ends.len() as u32
+    }
+
     /// Appends the paths of another list.
     pub(super) fn append(&mut self, other: Self) {
         let first = self.photons.len() as u32;
@@ -228,6 +233,11 @@ impl PhotonMap {
             ..vertices
         };
         map
+    }
+
+    /// Number of light paths whose photons these are.
+    pub(super) fn paths(&self) -> u32 {
+        self.by_path.paths()
     }
 
     /// Vertices of a path with fewer than `most` before them, built again.

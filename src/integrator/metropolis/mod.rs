@@ -291,8 +291,10 @@ impl Pass<'_> {
         };
         let (mut weights, mut refused) = (Vec::new(), (0, None));
         for first in (0..samples).step_by(BLOCK as usize) {
-            if !self.view.keeps_pieces() && self.view.stopped() {
-                return refused;
+            // The first block runs in the first pass, even if it is stopped.
+            let least = self.view.keeps_pieces() && first == 0;
+            if !least && self.view.stopped_at_half() {
+                break;
             }
             let block = first..(first + BLOCK).min(samples);
             let (found, more) = self.bootstrap(block, |target, splats| {
@@ -309,8 +311,16 @@ impl Pass<'_> {
                 layer.add_in_order(&splats);
             }
         }
+        if self.view.drops_pass() {
+            return refused;
+        }
+        // Of a bootstrap that was cut, what there is stands for all.
+        let found = weights.len() as f64;
+        if weights.len() < samples as usize {
+            layer.scale(f64::from(samples) / found);
+        }
         let total: f64 = weights.iter().sum();
-        means.pass = total / f64::from(samples);
+        means.pass = total / found;
         let starts = starts(
             &weights,
             total,
@@ -399,7 +409,8 @@ impl Integrator for Metropolis {
             for (index, value) in layer.take().enumerate() {
                 let pixel = UVec2::new(index as u32 % frame.x, index as u32 / frame.x);
                 if let Some(place) = Splat::new(&view.window, pixel, value) {
-                    picture.film.push(place.index as usize, value, number);
+                    let film = &mut picture.film;
+                    film.push_shared(place.index as usize, value, number);
                 }
             }
             if let Some((pixel, cause)) = first {
@@ -442,6 +453,10 @@ impl Integrator for Metropolis {
             tracer.estimate(view, &source, samples, &mut unused, aovs);
         }
         added
+    }
+
+    fn shares_light(&self) -> bool {
+        true
     }
 
     fn notes(&self, view: &View<'_>) -> Option<String> {

@@ -709,6 +709,56 @@ fn resume_equals_an_uninterrupted_render() {
     assert!(!ended.err.contains("inf"), "{}", ended.err);
 }
 
+/// A checkpoint of another seed is refused, with the difference alone, and one that is far longer than its pixels is not read.
+#[test]
+fn resume_refuses_checkpoints_that_do_not_fit() {
+    let place = Place::new();
+    place.save("scene.glb", &gallery::caustic_box());
+    place
+        .render("--spp 2 -o out.exr --checkpoint a.ckpt")
+        .done();
+    let resume = |options: &str| {
+        let ended = place.render(&format!(
+            "--spp 4 -o out.exr --checkpoint a.ckpt --resume {options}"
+        ));
+        assert_eq!(ended.code, Some(3), "{}", ended.err);
+        ended.err
+    };
+    let said = resume("--seed 3");
+    let expected = "other settings: it has `seed 0`, this render `seed 3`";
+    assert!(said.contains(expected), "{said}");
+    // Sparse: it takes no room.
+    let file = std::fs::File::options()
+        .write(true)
+        .open(place.path().join("a.ckpt"))
+        .expect("the checkpoint");
+    file.set_len(1 << 40).expect("a sparse file");
+    let said = resume("");
+    assert!(said.contains("longer than its header says"), "{said}");
+}
+
+#[test]
+fn time_is_a_number_of_seconds_or_has_a_unit() {
+    let place = Place::new();
+    for time in ["0.1", "100ms"] {
+        place.render(&format!("--time {time} -o out.exr")).done();
+    }
+    for time in ["-1", "soon", "1e99"] {
+        let ended = place.render(&format!("--time={time} -o out.exr"));
+        assert_eq!(ended.code, Some(2), "{}", ended.err);
+    }
+}
+
+/// Thousands of threads take minutes to find the work of a moment.
+#[test]
+fn threads_are_few_beside_the_cores() {
+    let place = Place::new();
+    let clock = std::time::Instant::now();
+    let ended = place.render("--spp 1 --threads 65535 -o out.exr").done();
+    assert!(ended.err.contains("threads are taken"), "{}", ended.err);
+    assert!(clock.elapsed().as_secs() < 20);
+}
+
 /// The lines of the log after the checkpoint belong to samples that are lost.
 #[test]
 fn resume_continues_the_log() {

@@ -1,0 +1,126 @@
+//! What films state about the error of their mean.
+
+use super::support::render::scene;
+use opsr::gallery::{builtin, cornell_box};
+use opsr::image::film::{Film, Window};
+use opsr::integrator::bidirectional::Radius;
+use opsr::integrator::{Estimator, Picture, Settings, View};
+use opsr::math::moments::Moments;
+use opsr::math::{DVec3, UVec2};
+use opsr::scene::Scene;
+
+/// Estimators whose pixels share light paths, and one whose pixels do not.
+const ESTIMATORS: [Estimator; 6] = [
+    Estimator::Light,
+    Estimator::Bdpt,
+    Estimator::Vcm(Radius {
+        first: None,
+        alpha: 1.0,
+    }),
+    Estimator::Sppm(Radius {
+        first: Some(0.2),
+        alpha: 1.0,
+    }),
+    Estimator::Mlt { mutations: 4 },
+    Estimator::Path { reuse: false },
+];
+
+fn film(scene: &Scene, estimator: Estimator, (size, samples): (u32, u32), seed: u64) -> Film {
+    let settings = Settings {
+        estimator,
+        max_vertices: 6,
+        seed,
+        ..Settings::default()
+    };
+    let mut picture = Picture::new(Film::new(UVec2::splat(size)));
+    let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
+    settings.integrator().pass(&view, 0..samples, &mut picture);
+    picture.film
+}
+
+/// Means of pictures over seeds, and the squared errors that the pictures state for them.
+fn over_seeds(scene: &Scene, estimator: Estimator, size: (u32, u32)) -> (DVec3, DVec3, DVec3) {
+    const SEEDS: u64 = 64;
+    let (mut means, mut stated, mut by_pixels) = (Moments::default(), DVec3::ZERO, DVec3::ZERO);
+    for seed in 0..SEEDS {
+        let mut film = film(scene, estimator, size, seed);
+        let sum: DVec3 = film.pixels.iter().map(|m| m.mean).sum();
+        means.push(sum / film.pixels.len() as f64);
+        let square = |film: &Film| {
+            let error = film.mean_error().expect("enough samples");
+            error * error / SEEDS as f64
+        };
+        stated += square(&film);
+        film.sharing = Default::default();
+        by_pixels += square(&film);
+    }
+    (means.sample_variance(), stated, by_pixels)
+}
+
+/// 17 samples fill one batch of 16 twice.
+#[test]
+fn stated_error_of_the_mean_is_the_true_one() {
+    for (name, parts, samples) in [
+        ("box", cornell_box(), 17),
+        ("caustics", builtin("cornell_caustics").expect("a scene"), 9),
+    ] {
+        let scene = scene(parts);
+        for estimator in ESTIMATORS {
+            let (found, stated, by_pixels) = over_seeds(&scene, estimator, (12, samples));
+            let ratio = |of: DVec3| (of.element_sum() / found.element_sum()).sqrt();
+            let (whole, pixels) = (ratio(stated), ratio(by_pixels));
+            println!("{name}, {estimator:?}: stated over true {whole:.2}, by pixels {pixels:.2}");
+            assert!(
+                (0.8..1.25).contains(&whole),
+                "{name}, {estimator:?}: {whole}"
+            );
+        }
+    }
+}
+
+/// Photons of a large radius count for many pixels, which make half of the error that there is.
+#[test]
+fn stated_error_of_the_mean_knows_photons_that_pixels_share() {
+    let scene = scene(cornell_box());
+    let radius = Radius {
+        first: Some(0.3),
+        alpha: 1.0,
+    };
+    let (found, stated, by_pixels) = over_seeds(&scene, Estimator::Sppm(radius), (24, 8));
+    let ratio = |of: DVec3| (of.element_sum() / found.element_sum()).sqrt();
+    let (whole, pixels) = (ratio(stated), ratio(by_pixels));
+    println!("stated over true {whole:.2}, by pixels {pixels:.2}");
+    assert!((0.8..1.25).contains(&whole), "{whole}");
+    assert!(pixels < 0.75, "{pixels}: nothing is shared");
+}
+
+/// The sums are exact: crops that are put together have those of the whole.
+#[test]
+fn mean_error_of_crops_is_that_of_the_whole() {
+    let scene = scene(cornell_box());
+    let settings = Settings {
+        estimator: Estimator::Bdpt,
+        ..Settings::default()
+    };
+    let frame = UVec2::new(9, 7);
+    let render = |window: Window| {
+        let film = Film::cropped(frame, window).expect("a part of the frame");
+        let mut picture = Picture::new(film);
+        let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
+        settings.integrator().pass(&view, 0..5, &mut picture);
+        picture.film
+    };
+    let whole = render(Window::full(frame));
+    let mut joined = Film::new(frame);
+    for (i, tile) in joined.tiles(4).into_iter().enumerate() {
+        let part = render(tile);
+        joined.paste(&part);
+        match i {
+            0 => joined.sharing = part.sharing,
+            _ => joined.sharing.merge(&part.sharing),
+        }
+    }
+    assert_eq!(joined, whole);
+    assert!(whole.mean_error().is_some());
+    assert_eq!(whole.cut(Window::full(frame)).mean_error(), None);
+}
