@@ -8,6 +8,7 @@ use crate::image::{Buffer, png};
 use crate::integrator::Picture;
 use crate::integrator::layers::{Aov, Layers};
 use crate::math::UVec2;
+use crate::pilot::witness::Missing;
 use crate::regularise::file::TableFile;
 use crate::render::value::{self, Levels, Size, TableChoice};
 use crate::render::{Fault, Request, Spec, Subject, run};
@@ -119,13 +120,18 @@ impl<'a> Render<'a> {
         let (request, output) = run(request, &mut |_, _| ControlFlow::Continue(()))?;
         let picture = output.picture;
         let refused = picture.film.rejected.total();
+        let mut metadata = request.metadata(output.progress.samples, refused);
+        if let Some(missing) = &output.missing {
+            missing.note(&mut metadata);
+        }
         Ok(Rendered {
             choice: (picture.levels.as_ref())
                 .map(|film| resolve_film(film, request.spec.resolve())),
             layers: Layers::new(request.spec.aovs(), &request.view()).of(&picture),
             world_to_camera: request.camera.world_to_camera(),
-            metadata: request.metadata(output.progress.samples, refused),
+            metadata,
             picture,
+            missing: output.missing,
         })
     }
 }
@@ -138,6 +144,8 @@ pub struct Rendered {
     pub choice: Option<Resolved>,
     /// The layers that were asked for.
     pub layers: Vec<Layer>,
+    /// Light that a witness has found and the picture lacks.
+    pub missing: Option<Missing>,
     metadata: Metadata,
     world_to_camera: [f32; 16],
 }

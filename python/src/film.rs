@@ -8,6 +8,7 @@ use opsr::image::display::{Display, ViewTransform, auto_exposure};
 use opsr::image::exr::{self, Header, Layer, Metadata, Storage};
 use opsr::image::png;
 use opsr::integrator::Picture;
+use opsr::pilot::witness::Missing;
 use opsr::render::value::{Field, Range};
 use opsr::resolve::{Resolve, Resolved as Choice, film_error, film_errors, resolve_film};
 use pyo3::exceptions::PyRuntimeError;
@@ -22,6 +23,8 @@ pub(crate) struct Film {
     /// The choice among several levels.
     pub(crate) choice: Option<Choice>,
     pub(crate) layers: Vec<Layer>,
+    /// Light that a witness has found and the picture lacks.
+    pub(crate) missing: Option<Missing>,
     /// World to camera.
     pub(crate) camera: [f32; 16],
     /// Text in the file of the picture: a dict of settings by name.
@@ -102,10 +105,26 @@ impl Film {
     /// Infinity where there are too few samples.
     #[getter]
     fn relative_error(&self) -> f64 {
-        match &self.choice {
+        let stated = match &self.choice {
             Some(choice) => choice.relative_error(),
             None => film_error(&self.made.film).error,
-        }
+        };
+        (self.missing.as_ref()).map_or(stated, |missing| missing.error(stated))
+    }
+
+    /// Standard error of the mean of all pixels by channel: (red, green, blue). None for several levels, and where there are too few
+    /// samples to tell. Unlike `variance` it knows what pixels share by light paths.
+    #[getter]
+    fn mean_error(&self) -> Option<(f64, f64, f64)> {
+        let of_film = || self.made.film.mean_error().map(Into::into);
+        self.choice.is_none().then(of_film).flatten()
+    }
+
+    /// Share of the light that the picture lacks at least, as a few roughened paths have found; 0 where they found none, and for
+    /// films of several levels and of merged parts, which have no such witness.
+    #[getter]
+    fn light_missing(&self) -> f64 {
+        self.missing.as_ref().map_or(0.0, |missing| missing.share)
     }
 
     /// (width, height) of the whole frame in pixels.
@@ -176,7 +195,11 @@ impl Film {
         };
         let Some(choice) = &self.choice else {
             if !layers.iter().any(|layer| layer.name == "error") {
-                layers.extend(film_errors(film).map(|errors| Layer::scalar("error", errors)));
+                let errors = match &self.missing {
+                    Some(missing) => missing.errors(film),
+                    None => film_errors(film),
+                };
+                layers.extend(errors.map(|errors| Layer::scalar("error", errors)));
             }
             return exr::write_film(path, film, &layers, header);
         };

@@ -106,15 +106,23 @@ pub(crate) fn render(
 /// The film of a render that has ended.
 fn film(request: &Request<'_>, output: Output) -> Film {
     let Output {
-        picture, progress, ..
+        picture,
+        progress,
+        missing,
+        ..
     } = output;
     let refused = picture.film.rejected.total();
+    let mut metadata = request.metadata(progress.samples, refused);
+    if let Some(missing) = &missing {
+        missing.note(&mut metadata);
+    }
     Film {
         choice: (picture.levels.as_ref()).map(|film| resolve_film(film, request.spec.resolve())),
         layers: Layers::new(request.spec.aovs(), &request.view()).of(&picture),
         camera: request.camera.world_to_camera(),
         made: picture,
-        metadata: request.metadata(progress.samples, refused),
+        metadata,
+        missing,
         spp: progress.samples,
         seconds: progress.elapsed.as_secs_f64(),
     }
@@ -180,6 +188,8 @@ pub(crate) fn merge(
         camera: first.camera,
         made: picture,
         metadata,
+        // The scene is not here, and the witness needs it.
+        missing: None,
         spp: samples,
         seconds: 0.0,
     })

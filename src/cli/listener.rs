@@ -18,7 +18,7 @@ use opsr::pilot::witness::Missing;
 use opsr::render::Request;
 use opsr::render::files::{Outputs, Written};
 use opsr::report::compare::Named;
-use opsr::resolve::{film_errors, stated_error};
+use opsr::resolve::stated_error;
 use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -199,7 +199,7 @@ impl<'a> Listener<'a> {
         }
         let pose = request.camera.world_to_camera();
         if let Some(missing) = &self.missing {
-            metadata.insert("light_missing".into(), format!("{:.3}", missing.share));
+            missing.note(&mut metadata);
         }
         let mut layers = self.layers.of(picture);
         layers.extend(self.errors(picture));
@@ -213,9 +213,7 @@ impl<'a> Listener<'a> {
 
     /// The layer of the expected errors of a picture that lacks light.
     fn errors(&self, picture: &Picture) -> Option<Layer> {
-        let mut errors = film_errors(&picture.film)?;
-        let pairs = errors.iter_mut().zip(&self.missing.as_ref()?.squares);
-        pairs.for_each(|(error, square)| *error = (*error * *error + square).sqrt());
+        let errors = self.missing.as_ref()?.errors(&picture.film)?;
         Some(Layer::scalar("error", errors))
     }
 

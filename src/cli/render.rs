@@ -11,11 +11,10 @@ use anyhow::anyhow;
 use opsr::bsdf::Distribution;
 use opsr::files;
 use opsr::image::level_film::LevelFilm;
+use opsr::integrator::Picture;
 use opsr::integrator::drive::{Reason, RenderProgress};
 use opsr::integrator::layers::Aov;
 use opsr::integrator::method::IntegratorKind;
-use opsr::integrator::{self, Picture};
-use opsr::pilot::witness::missing_light;
 use opsr::render::files::{Outputs, can_write, check_distinct};
 use opsr::render::look::LookChoice;
 use opsr::render::open::Opened;
@@ -185,15 +184,17 @@ impl RenderJob<'_> {
         let asked = self.stop.flag();
         let output = request.render(begun, Some(&asked), hear);
         let samples = output.progress.samples;
+        if samples == 0 && output.picture.film.pixels.iter().all(|m| m.n == 0) {
+            eprintln!("opsr: stopped before any of the first sample was done; nothing was written");
+            return Ok(Exit::Stopped);
+        }
         if samples == 0 {
             tracing::warn!(
                 "stopped within the first sample: the picture holds what was done of it, and no checkpoint is made"
             );
         }
-        let ends = integrator::Stop::when(&asked);
-        let view = request.view().until(&ends);
-        let missing = missing_light(&view, &request.settings, &output.picture, samples);
-        let closed = listener.close(&output.progress, &output.picture, missing.as_ref())?;
+        let missing = output.missing.as_ref();
+        let closed = listener.close(&output.progress, &output.picture, missing)?;
         let ended = Ended {
             args,
             request: &request,
@@ -202,7 +203,7 @@ impl RenderJob<'_> {
             start,
             spent,
             closed: &closed,
-            missing: missing.as_ref(),
+            missing,
         };
         if let Some(path) = &args.stats {
             let text = format!("{:#}\n", ended.statistics());

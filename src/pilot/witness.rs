@@ -9,11 +9,13 @@
 //! it says of a picture is the same however the render was cut, and no pixel changes.
 
 use super::advise;
+use crate::image::exr::Metadata;
 use crate::image::film::{Film, Window};
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Estimator, Picture, Settings, View};
 use crate::math::UVec2;
 use crate::regularise::Rule;
+use crate::resolve::film_errors;
 use crate::sampler::{Domain, SamplerKind, Seed};
 use std::fmt;
 
@@ -53,6 +55,19 @@ impl Missing {
     pub fn error(&self, stated: f64) -> f64 {
         let squares: f64 = self.squares.iter().map(|&x| f64::from(x)).sum();
         (stated * stated + squares / self.squares.len().max(1) as f64).sqrt()
+    }
+
+    /// Expected errors of the pixels of a film, with what is missing; none where the film cannot tell its own.
+    pub fn errors(&self, film: &Film) -> Option<Vec<f32>> {
+        let mut errors = film_errors(film)?;
+        let pairs = errors.iter_mut().zip(&self.squares);
+        pairs.for_each(|(error, square)| *error = (*error * *error + square).sqrt());
+        Some(errors)
+    }
+
+    /// Says so in the metadata of a picture.
+    pub fn note(&self, metadata: &mut Metadata) {
+        metadata.insert("light_missing".into(), format!("{:.3}", self.share));
     }
 }
 

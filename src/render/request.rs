@@ -12,6 +12,7 @@ use crate::integrator::method::IntegratorKind;
 use crate::integrator::{Estimator, Picture, Settings, Stop, View};
 use crate::math::UVec2;
 use crate::memory;
+use crate::pilot::witness::{Missing, missing_light};
 use crate::pilot::{Choice, Contender, Horizon, SPP_OF_TARGET, choose_integrator, left_after};
 use crate::resolve::stopping_error;
 use crate::scene::{Camera, Lens, Scene};
@@ -89,6 +90,8 @@ pub struct Output {
     pub progress: RenderProgress,
     /// The bound that ended it.
     pub reason: Reason,
+    /// Light that a witness has found and the picture lacks.
+    pub missing: Option<Missing>,
 }
 
 /// Function that is called after each pass with the picture so far, and can end the render.
@@ -416,10 +419,12 @@ impl<'a> Request<'a> {
             view = view.until(ends);
         }
         let (progress, reason) = drive(&mut *integrator, &view, &budget, start, &mut picture, hear);
+        let missing = missing_light(&view, &self.settings, &picture, progress.samples);
         Output {
             picture,
             progress,
             reason,
+            missing,
         }
     }
 

@@ -1,6 +1,7 @@
 //! The witness of light that a picture lacks.
 
 use super::support::render::scene;
+use opsr::Render;
 use opsr::gallery::builtin;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::bidirectional::Radius;
@@ -43,6 +44,25 @@ fn witness_finds_light_that_an_integrator_lacks() {
             assert!(found.share > 0.1 && found.finder == Vcm, "{name}: {found}");
         }
     }
+}
+
+/// A program's own render says so too, and the file of its picture.
+#[test]
+fn render_of_a_program_has_the_witness() {
+    let scene = scene(builtin("sun-pool").expect("a scene"));
+    let rendered = Render::new(&scene)
+        .size(40, 40)
+        .spp(400)
+        .run()
+        .expect("a picture");
+    let missing = rendered.missing.as_ref().expect("light is missing");
+    assert!(missing.share > 0.1, "{missing}");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("out.exr");
+    rendered.save(&path).expect("written");
+    let file = opsr::image::exr::read_layers(&path).expect("a file");
+    let said = file.metadata.get("light_missing").map(String::as_str);
+    assert_eq!(said, Some(&*format!("{:.3}", missing.share)));
 }
 
 /// Pictures that have all light, to noise.
