@@ -141,10 +141,16 @@ fn bias(
     let mut all = vec![0.0f32; weights.len()];
     for &anchor in &one.sharper {
         let pairs = one.light.iter().zip(&candidates[anchor].light);
-        let square = |(ours, theirs): (&[Vec3A; BATCHES], &[Vec3A; BATCHES])| {
-            squared_difference(std::array::from_fn(|b| ours[b] - theirs[b]))
+        let difference = |(ours, theirs): (&[Vec3A; BATCHES], &[Vec3A; BATCHES])| {
+            std::array::from_fn(|b| ours[b] - theirs[b])
         };
-        let mut smooth: Vec<Vec3A> = pairs.map(square).collect();
+        let differences = pairs.map(difference);
+        // Only light of rare hits has no other sign of a coincidence.
+        let mut smooth = if one.missing.is_some() {
+            seen_again(size, &differences.collect::<Batches>())
+        } else {
+            differences.map(squared_difference).collect()
+        };
         tent(size, RADIUS, &mut smooth);
         let pairs = all.iter_mut().zip(weighted(&smooth, weights));
         for ((all, bias), noise) in pairs.zip(&variance[anchor]) {
@@ -152,6 +158,44 @@ fn bias(
         }
     }
     all
+}
+
+/// Squared differences that something confirms: one of the pixels around shows as much, or the batches of the pixel do without
+/// the one that differs most. Hits of several batches that meet in one pixel by chance would be a bias that no noise explains.
+fn seen_again((width, height): Size, differences: &Batches) -> Vec<Vec3A> {
+    let squares: Vec<Vec3A> = differences.iter().map(|d| squared_difference(*d)).collect();
+    let around = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+    let confirmed = |i: usize| {
+        let mut most = without_largest(&differences[i]);
+        for y in around(i / width, height) {
+            for x in around(i % width, width) {
+                let near = y * width + x;
+                if near != i {
+                    most = most.max(squares[near]);
+                }
+            }
+        }
+        squares[i].min(most.max(Vec3A::ZERO))
+    };
+    (0..squares.len()).map(confirmed).collect()
+}
+
+/// The squared difference of the batches but the one that has most of it, by channel.
+fn without_largest(differences: &[Vec3A; BATCHES]) -> Vec3A {
+    let channel = |c: usize| {
+        let d = differences.map(|d| d[c]);
+        let sign = if d.iter().sum::<f32>() > 0.0 {
+            1.0
+        } else {
+            -1.0
+        };
+        let most = d.iter().fold(f32::NEG_INFINITY, |m, d| m.max(d * sign));
+        let largest = d.iter().position(|d| d * sign == most).unwrap_or(0);
+        let rest = d.iter().enumerate().filter(|(b, _)| *b != largest);
+        let (sum, squares) = rest.fold((0.0, 0.0), |(s, q), (_, d)| (s + d, q + d * d));
+        (sum * sum - squares) / ((BATCHES - 1) * (BATCHES - 2)) as f32
+    };
+    Vec3A::new(channel(0), channel(1), channel(2))
 }
 
 /// Mean over the channels of values times their weights.

@@ -12,6 +12,9 @@
 //! k*   = argmin b_k + w V_k
 //! ```
 //!
+//! Of roughened light U counts as far as something confirms it: a pixel beside shows as much, or the pixel's own batches
+//! without the one that differs most.
+//!
 //! Rougher levels are not always less noisy: the variances are taken as they are.
 //!
 //! The picture is the sum of two layers, each of which is chosen by itself (`layer.rs`): the light that all levels share,

@@ -375,6 +375,43 @@ fn light_that_a_level_has_not_met_is_not_dark() {
     }
 }
 
+/// Hits of three batches that meet in one pixel by chance are not light that rougher levels lack; what every batch of a pixel
+/// shows is, though no pixel beside has it.
+#[test]
+fn coincidences_are_not_taken_for_light() {
+    let (size, centre) = (32, 16 * 32 + 16);
+    let value = |meets: [f32; BATCHES]| {
+        move |k: usize, b: usize, i: usize| {
+            let rare = stream((i * 8 + b) as u32 + 90_000).next_1d() < 0.1;
+            let sharp = if i == centre {
+                meets[b]
+            } else if rare {
+                10.0
+            } else {
+                0.0
+            };
+            Rgb::splat(if k == 0 {
+                sharp
+            } else {
+                1.0 + 0.1 * noise(k, b, i)
+            })
+        }
+    };
+    let picture = |meets| resolve_film(&levels(size, value(meets), 2), SHARP).picture;
+    let chance = picture([30.0, 0.0, 10.0, 0.0]);
+    let around =
+        (-2i32..=2).flat_map(|y| (-2i32..=2).map(move |x| (centre as i32 + 32 * y + x) as usize));
+    for i in around {
+        assert!(
+            (0.6..1.5).contains(&chance.pixels[i].x),
+            "{}",
+            chance.pixels[i].x
+        );
+    }
+    let light = picture([30.0, 31.0, 29.0, 30.0]).pixels[centre].x;
+    assert!(light > 15.0, "{light}");
+}
+
 /// A shadow that level 0 leaves dark and a rough level lights: where hits are as small as the light beside, darkness is
 /// what level 0 has seen.
 #[test]

@@ -20,8 +20,9 @@ const MISSING_RADIUS: usize = 2;
 /// ε of relative errors, where the mean of the picture counts as 0.3.
 const EPSILON: f32 = 0.01;
 
-/// Pixels around a tile whose candidates its choice depends on: shares of choices, which depend on noise and bias around.
-const AROUND: usize = 2 * (SHARE_RADIUS + RADIUS);
+/// Pixels around a tile whose candidates its choice depends on: shares of choices, which depend on noise and bias around, and
+/// these on one pixel more.
+const AROUND: usize = 2 * (SHARE_RADIUS + RADIUS) + 1;
 
 /// What a film holds for all tiles.
 pub(super) struct Shared<'a> {
