@@ -11,14 +11,14 @@ use crate::image::exr::{self, Header, Layer, Metadata, Storage};
 use crate::image::{Buffer, png};
 use crate::integrator::Picture;
 use crate::math::Rgb;
-use crate::resolve::{film_error, film_errors, resolve_film};
+use crate::resolve::{Resolve, Resolved, denoise_film, film_error, film_errors, resolve_film};
 use std::path::{Path, PathBuf};
 
 /// Picture that was written.
 pub struct Written {
     /// Exposure of the PNG files, if there are any.
     pub exposure: Option<f32>,
-    /// Estimated relative error of the picture, before it was denoised.
+    /// Estimated relative error of the picture; of one level that before it was denoised.
     pub error: f64,
     /// The picture.
     pub shown: Buffer,
@@ -151,20 +151,17 @@ impl Outputs {
         world_to_camera: Option<[f32; 16]>,
         metadata: &Metadata,
     ) -> Result<(Written, Option<Fault>), Fault> {
-        let resolved =
-            (picture.levels.as_ref()).map(|film| (film, resolve_film(film, self.spec.resolve())));
-        let mut shown = match &resolved {
-            Some((_, resolved)) => resolved.picture.clone(),
-            None => picture.film.mean(),
-        };
-        if let Some(denoiser) = &self.denoiser {
-            let clean = denoised(denoiser, picture, &shown)?;
-            layers.push(Layer::rgb("noisy", &shown));
-            shown = clean;
-        }
-        if let Some((film, resolved)) = &resolved {
+        let Finished {
+            shown,
+            noisy,
+            resolved,
+        } = finish(picture, &self.spec, self.denoiser.as_ref())?;
+        layers.extend(noisy.map(|noisy| Layer::rgb("noisy", &noisy)));
+        if let Some(resolved) = &resolved {
             layers.extend(resolved.layers());
-            if self.spec.level_layers == Some(true) {
+            if let Some(film) = &picture.levels
+                && self.spec.level_layers == Some(true)
+            {
                 let level = |k| Layer::rgb(&format!("level{k}"), &film.mean(k));
                 layers.extend((0..film.levels()).map(level));
             }
@@ -200,7 +197,7 @@ impl Outputs {
         let written = Written {
             exposure: display.map(|display| display.exposure),
             error: match &resolved {
-                Some((_, resolved)) => resolved.relative_error(),
+                Some(resolved) => resolved.relative_error(),
                 None => film_error(film).error,
             },
             shown,
@@ -209,16 +206,59 @@ impl Outputs {
     }
 }
 
-/// The picture without its noise, by the first surfaces that were recorded beside it.
-pub fn denoised(denoiser: &Denoiser, picture: &Picture, noisy: &Buffer) -> Result<Buffer, Fault> {
+/// A picture as a user gets it.
+pub struct Finished {
+    /// The picture.
+    pub shown: Buffer,
+    /// What it was before it was denoised.
+    pub noisy: Option<Buffer>,
+    /// The choice, of several levels; its error is that of the picture.
+    pub resolved: Option<Resolved>,
+}
+
+/// Chooses among the levels of a picture, and denoises it. Of several levels the denoiser is fed with one of them, and the
+/// choice and its picture are mixed by their errors, unless level 0 is asked for.
+pub fn finish(
+    picture: &Picture,
+    spec: &Spec,
+    denoiser: Option<&Denoiser>,
+) -> Result<Finished, Fault> {
+    let how = spec.resolve();
+    let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, how));
+    let noisy = match &resolved {
+        Some(resolved) => resolved.picture.clone(),
+        None => picture.film.mean(),
+    };
+    let Some(denoiser) = denoiser else {
+        return Ok(Finished {
+            shown: noisy,
+            noisy: None,
+            resolved,
+        });
+    };
     let first = picture.aovs.as_ref().and_then(|a| a.first.as_ref());
     let needs = || Fault::option("denoise", "needs a render with {aov} albedo,normal");
     let first = first.ok_or_else(needs)?;
-    // A filter makes something of nothing.
-    if noisy.pixels.iter().all(|p| *p == Rgb::ZERO) {
-        return Ok(noisy.clone());
-    }
-    Ok(denoiser.denoise(noisy, &first.albedo(), &first.normal())?)
+    let (albedo, normal) = (first.albedo(), first.normal());
+    let clean = |noisy: &Buffer| {
+        // A filter makes something of nothing.
+        if noisy.pixels.iter().all(|p| *p == Rgb::ZERO) {
+            return Ok(noisy.clone());
+        }
+        denoiser.denoise(noisy, &albedo, &normal)
+    };
+    let (shown, resolved) = match (&picture.levels, resolved) {
+        (Some(film), Some(resolved)) if how != Resolve::None => {
+            let denoised = denoise_film(film, resolved, clean)?;
+            (denoised.resolved.picture.clone(), Some(denoised.resolved))
+        }
+        (_, resolved) => (clean(&noisy)?, resolved),
+    };
+    Ok(Finished {
+        shown,
+        noisy: Some(noisy),
+        resolved,
+    })
 }
 
 /// Fails if a file cannot be made or replaced here, as far as one can tell without touching it: better known before

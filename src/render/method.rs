@@ -48,12 +48,9 @@ impl Spec {
         self.table.is_some() || self.gamma.is_some()
     }
 
-    /// Settings of the choice among levels. A denoiser does its own blur.
+    /// Settings of the choice among levels.
     pub fn resolve(&self) -> Resolve {
-        self.resolve.unwrap_or(match self.denoise {
-            Some(true) => Resolve::Sharp,
-            _ => Resolve::Default,
-        })
+        self.resolve.unwrap_or_default()
     }
 
     /// The layers that were asked for.

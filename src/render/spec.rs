@@ -281,8 +281,8 @@ options! {
     /// Without it four where a table or a constant can have them: not with --mode, --consistent, --guide or another
     /// integrator.
     levels: Levels, Method { value: "N|SCALES", effect: Effect::As("levels") }
-    /// Smoothing of a picture of several levels. Without it `default`, and `sharp` with --denoise.
-    resolve: Resolve, Method { value: "HOW", of_levels: true, of_film: true }
+    /// Smoothing of a picture of several levels.
+    resolve: Resolve, Method { value: "HOW", default: Some("default"), of_levels: true, of_film: true }
     /// Multiply the table's factors by this, instead of the scale that the table carries.
     table_scale: f32, Method { value: "X", range: Range::POSITIVE, needs: &["table"] }
     /// Look-up of the factors, instead of the one that the table was learned for.
@@ -321,7 +321,8 @@ options! {
     /// Add every level to EXR files, as layers `level0`, `level1` and so on.
     level_layers: bool, Files { effect: Effect::Files, of_levels: true, of_film: true }
     /// Denoise the picture with Open Image Denoise 2, which is looked for in the folder OIDN_DIR and in the system's library
-    /// path. EXR files keep the picture before it as the layer `noisy`.
+    /// path. Of several levels the one that suits it is denoised, and mixed with the picture of every pixel's level by the errors
+    /// of both. EXR files keep the picture before it as the layer `noisy`.
     denoise: bool, Files { common: true, of_film: true }
     /// Brightness of PNG files in stops; `auto` puts the 95th percentile of the luminance at 80 % of white, and brightens nothing
     /// in the built-in studio; `none` is 0.

@@ -17,7 +17,7 @@
 use super::filter::{Size, tent};
 use super::{median, squared_difference, variance_of_mean};
 use crate::image::level_film::{BATCHES, LevelFilm};
-use crate::math::Vec3A;
+use crate::math::{Rgb, Vec3A};
 use rayon::prelude::*;
 
 /// Pixels a side of a cell.
@@ -67,7 +67,7 @@ impl Coarse {
         Self::of(film, shared, |pixel, batch, level| {
             let light =
                 film.batch_mean(pixel, batch, level) - film.batch_mean(pixel, batch, shared);
-            light.max(crate::math::Rgb::ZERO).into()
+            light.max(Rgb::ZERO).into()
         })
     }
 
@@ -231,6 +231,35 @@ pub(super) struct Energy {
 }
 
 impl Energy {
+    /// Factors that bring a picture to the energy of another.
+    pub(super) fn between(pixels: Size, have: &[Rgb], want: &[Rgb]) -> Self {
+        let cells = (pixels.0.div_ceil(CELL), pixels.1.div_ceil(CELL));
+        let [have, want] = [have, want].map(|picture| {
+            let cell = |cell: usize| {
+                let inside = pixels_of(pixels, cells, cell);
+                let count = inside.clone().count() as f32;
+                inside.map(|i| Vec3A::from(picture[i])).sum::<Vec3A>() / count
+            };
+            let mut light: Vec<Vec3A> = (0..cells.0 * cells.1).map(cell).collect();
+            tent(cells, RADIUS, &mut light);
+            light
+        });
+        let [least, most] = FACTORS.map(Vec3A::splat);
+        let ratio = |(have, want): (&Vec3A, &Vec3A)| {
+            let floor = Vec3A::splat(f32::MIN_POSITIVE);
+            // Without any light there is nothing to bring.
+            let ratio = want.max(floor) / have.max(floor);
+            ratio.clamp(least, most)
+        };
+        let mut factors: Vec<Vec3A> = have.iter().zip(&want).map(ratio).collect();
+        tent(cells, SMOOTH, &mut factors);
+        Self {
+            cells,
+            width: pixels.0,
+            factors,
+        }
+    }
+
     /// The factor of a pixel, which counts row by row.
     pub(super) fn at(&self, pixel: usize) -> Vec3A {
         let corners = Corners::of(self.cells, (pixel % self.width, pixel / self.width));

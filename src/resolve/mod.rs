@@ -32,6 +32,7 @@
 //! on cells of whole pictures: a film takes little memory beside its own.
 
 mod coarse;
+mod denoised;
 mod filter;
 mod guide;
 mod layer;
@@ -49,6 +50,7 @@ use coarse::{Caps, Coarse};
 use serde::{Deserialize, Serialize};
 use tiles::{Chosen, Shared, TILE};
 
+pub use denoised::{Denoised, denoise_film};
 pub use statement::{Statement, film_error, film_errors};
 
 /// Smoothing that a picture of several levels may get.

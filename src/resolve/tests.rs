@@ -592,3 +592,108 @@ fn no_smoothing_leaves_the_means_of_level_0() {
     let stated = resolved.relative_error();
     assert!((stated / truth - 1.0).abs() < 0.15, "{stated} {truth}");
 }
+
+/// White noise of each level on a ramp, and the ramp.
+fn ramp(spread: [f32; 3], bright: [f32; 3]) -> (LevelFilm, Buffer) {
+    let size = 48;
+    let truth = move |i: usize| 0.5 + (i % size) as f32 / 48.0;
+    let value = move |k: usize, b, i| Rgb::splat(truth(i) * bright[k] + spread[k] * noise(k, b, i));
+    let truth = Buffer::from_fn(size, size, |x, _| Rgb::splat(truth(x)));
+    (levels(size, value, 3), truth)
+}
+
+fn mean(picture: &Buffer) -> f32 {
+    let pixels = picture.pixels.iter();
+    pixels.map(|p| p.x).sum::<f32>() / picture.pixels.len() as f32
+}
+
+/// Mean squared error.
+fn squared_error(picture: &Buffer, truth: &Buffer) -> f32 {
+    let pairs = picture.pixels.iter().zip(&truth.pixels);
+    mean(&Buffer {
+        pixels: pairs.map(|(p, t)| (*p - *t) * (*p - *t)).collect(),
+        ..*picture
+    })
+}
+
+/// A choice mixed with a stand-in for a denoiser, and the level that it was fed with.
+fn mixed(film: &LevelFilm, filter: impl Fn(&Buffer) -> Buffer) -> Denoised {
+    let filter = |picture: &Buffer| Ok::<_, ()>(filter(picture));
+    denoise_film(film, resolve_film(film, Resolve::Default), filter).expect("no failure")
+}
+
+/// What is judged is the error to the mean of the level that judges, without the noise of either.
+#[test]
+fn filters_are_judged_by_independent_batches() {
+    let (film, truth) = ramp([0.4, 0.3, 0.3], [1.0; 3]);
+    for off in [0.0, 0.1, 0.4] {
+        let filter = |_: &Buffer| truth.map(|p| p + Rgb::splat(off));
+        let found = denoised::judged(&film, filter);
+        let weight = |p: &Rgb| {
+            let light = 0.3 / mean(&truth) * p.x;
+            (0.3 / mean(&truth)).powi(2) / (light * light + 0.01)
+        };
+        let weights: f32 = truth.pixels.iter().map(weight).sum::<f32>() / 2304.0;
+        let expected = off * off * weights;
+        // Two estimates a pixel, each of a product of noises of 0.3.
+        let error = 3.0 * 0.09 * weights * (1.0 / (3.0 * 2.0 * 2304.0f32)).sqrt()
+            + 0.2 * off * 0.3 * weights / 48.0;
+        assert!(
+            (found as f32 - expected).abs() < 5.0 * error,
+            "{off}: {found} {expected} {error}"
+        );
+    }
+}
+
+/// The identity is as noisy as what it is fed with, and a level that adds light is off by it.
+#[test]
+fn the_level_of_the_least_error_is_fed() {
+    let identity = |picture: &Buffer| picture.clone();
+    let (film, _) = ramp([0.5, 0.2, 0.05], [1.0; 3]);
+    assert_eq!(mixed(&film, identity).fed, 2);
+    let (film, _) = ramp([0.5, 0.2, 0.05], [1.0, 1.0, 1.5]);
+    assert_eq!(mixed(&film, identity).fed, 0);
+    let (film, _) = ramp([0.05, 0.4, 0.4], [1.0; 3]);
+    assert_eq!(mixed(&film, identity).fed, 0);
+}
+
+/// A filter that knows the truth helps where there is noise, one that is wrong does little harm where there is none, and
+/// the light that either takes is given back.
+#[test]
+fn a_filter_is_believed_as_far_as_it_is_right() {
+    for (spread, right) in [(0.4, true), (0.01, false)] {
+        let (film, truth) = ramp([spread; 3], [1.0; 3]);
+        let resolved = resolve_film(&film, Resolve::Default);
+        let wrong = Buffer::from_fn(48, 48, |x, y| {
+            Rgb::splat(if (x / 6 + y / 6) % 2 == 0 { 0.3 } else { 1.8 })
+        });
+        for share in [1.0, 0.6] {
+            let filter = |_: &Buffer| if right { &truth } else { &wrong }.map(|p| p * share);
+            let mixed = mixed(&film, filter).resolved;
+            let errors = [&mixed, &resolved].map(|r| squared_error(&r.picture, &truth));
+            // Even a right filter is off by what it takes.
+            let most = match (right, share < 1.0) {
+                (true, false) => 0.6,
+                (true, true) => 3.0,
+                (false, _) => 1.3,
+            };
+            assert!(errors[0] < most * errors[1], "{right} {share}: {errors:?}");
+            let energy = mean(&mixed.picture) / mean(&resolved.picture);
+            assert!((energy - 1.0).abs() < 0.01, "{energy}");
+            // What is stated follows.
+            let stated = [&mixed, &resolved].map(Resolved::relative_error);
+            assert!(!right || share < 1.0 || stated[0] < stated[1], "{stated:?}");
+        }
+    }
+}
+
+#[test]
+fn failures_of_a_filter_are_handed_on_and_few_samples_are_filtered_as_they_are() {
+    let (film, _) = ramp([0.1; 3], [1.0; 3]);
+    let resolved = resolve_film(&film, Resolve::Default);
+    assert_eq!(denoise_film(&film, resolved, |_| Err("no")), Err("no"));
+    let frame = crate::math::UVec2::splat(2);
+    let empty = LevelFilm::new(frame, Window::full(frame), 3);
+    let resolved = mixed(&empty, |picture| picture.map(|p| p + Rgb::ONE)).resolved;
+    assert!(resolved.picture.pixels.iter().all(|p| *p == Rgb::ONE));
+}

@@ -10,9 +10,9 @@ use crate::image::film::Film;
 use crate::image::metric::flip;
 use crate::integrator::{Picture, Settings};
 use crate::pilot::witness::missing_light;
-use crate::render::files::denoised;
+use crate::render::files::finish;
 use crate::render::{Fault, Names, Spec};
-use crate::resolve::{Resolved, film_errors, resolve_film};
+use crate::resolve::{Resolved, film_errors};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -153,13 +153,16 @@ pub(super) struct Maps {
 
 /// The picture of a film, by the code that writes its files.
 fn finished(job: Job, spec: &Spec, against: Option<&Buffer>) -> Result<Snapshot, Fault> {
-    let (mut picture, maps) = match &job.picture.levels {
-        Some(levels) => of_levels(resolve_film(levels, spec.resolve())),
+    let denoiser = match spec.denoise == Some(true) {
+        true => Some(Denoiser::open()?),
+        false => None,
+    };
+    let finished = finish(&job.picture, spec, denoiser.as_ref())?;
+    let maps = match finished.resolved {
+        Some(resolved) => of_levels(resolved),
         None => of_film(&job.picture.film),
     };
-    if spec.denoise == Some(true) {
-        picture = denoised(&Denoiser::open()?, &job.picture, &picture)?;
-    }
+    let picture = finished.shown;
     let flip = against.and_then(|against| flip::hdr(&picture, against, flip::DEFAULT_PPD).ok());
     Ok(Snapshot {
         shot: job.shot,
@@ -174,33 +177,31 @@ fn finished(job: Job, spec: &Spec, against: Option<&Buffer>) -> Result<Snapshot,
     })
 }
 
-fn of_levels(resolved: Resolved) -> (Buffer, Maps) {
+fn of_levels(resolved: Resolved) -> Maps {
     if !resolved.variance.iter().all(|v| v.is_finite()) {
-        return (resolved.picture, Maps::default());
+        return Maps::default();
     }
     let root = |squares: &[f32]| Some(squares.iter().map(|x| x.sqrt()).collect());
-    let maps = Maps {
+    Maps {
         error: Some(resolved.error()),
         noise: root(&resolved.variance),
         bias: root(&resolved.bias2),
         stated: Some(resolved.relative_error()),
         level: Some(resolved.level),
-    };
-    (resolved.picture, maps)
+    }
 }
 
-fn of_film(film: &Film) -> (Buffer, Maps) {
+fn of_film(film: &Film) -> Maps {
     let error = film_errors(film);
     // What a film of one level states is the root mean square of its pixels.
     let stated = error.as_ref().map(|errors| {
         let squares = errors.iter().map(|&e| f64::from(e) * f64::from(e));
         (squares.sum::<f64>() / errors.len().max(1) as f64).sqrt()
     });
-    let maps = Maps {
+    Maps {
         noise: error.clone(),
         error,
         stated,
         ..Maps::default()
-    };
-    (film.mean(), maps)
+    }
 }

@@ -19,16 +19,16 @@ use super::results::{Inset, Point, Products, Results, Run, VERSION};
 use super::schedule::Schedule;
 use super::suite::{MethodSpec, SceneSpec, Suite};
 use crate::files::{self, Problem, hex};
-use crate::image::denoise::{DenoiseError, Denoiser};
+use crate::image::denoise::Denoiser;
 use crate::image::film::Film;
 use crate::image::metric::MetricError;
 use crate::image::{Buffer, exr};
 use crate::integrator::{Census, Picture};
 use crate::math::UVec2;
 use crate::pilot::stopwatch::Stopwatch;
+use crate::render::files::{Finished, finish};
 use crate::render::value::{Crop, Size, TableChoice};
 use crate::render::{Fault, Heading, Request, Spec, Subject};
-use crate::resolve::{Resolved, resolve_film};
 
 /// Samples per pixel for counting regularised vertices.
 const CENSUS: u32 = 2;
@@ -125,27 +125,6 @@ impl Measured {
         run.memory = machine::memory();
         Self { run, picture }
     }
-}
-
-/// The picture as a user gets it, and the choice among its levels if it has several.
-fn finished(
-    picture: &Picture,
-    spec: &Spec,
-    denoiser: Option<&Denoiser>,
-) -> Result<(Buffer, Option<Resolved>), DenoiseError> {
-    let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, spec.resolve()));
-    let shown = match &resolved {
-        Some(resolved) => resolved.picture.clone(),
-        None => picture.film.mean(),
-    };
-    let first = picture.aovs.as_ref().and_then(|aovs| aovs.first.as_ref());
-    let shown = match (denoiser, first) {
-        (Some(denoiser), Some(first)) => {
-            denoiser.denoise(&shown, &first.albedo(), &first.normal())?
-        }
-        _ => shown,
-    };
-    Ok((shown, resolved))
 }
 
 impl Bench<'_> {
@@ -463,11 +442,13 @@ impl Look<'_> {
         denoiser: Option<&Denoiser>,
     ) -> Result<(Point, Buffer), String> {
         let watch = Stopwatch::start();
-        let (shown, resolved) = finished(picture, method, denoiser).map_err(|e| e.to_string())?;
+        let Finished {
+            shown, resolved, ..
+        } = finish(picture, method, denoiser).map_err(|e| e.to_string())?;
         let (wall, cpu) = watch.seconds();
         let mut errors = errors(&shown, self.reference, self.scene.exposure)
             .map_err(|e: MetricError| e.to_string())?;
-        if let Some(resolved) = resolved.filter(|_| denoiser.is_none()) {
+        if let Some(resolved) = resolved.filter(|r| r.picture == shown) {
             // Of fewer samples than batches the estimate is infinite.
             let map = error_map(&resolved, self.reference).into_iter();
             errors.extend(map.filter(|(_, value)| value.is_finite()));
