@@ -43,7 +43,8 @@ enum Action {
     #[command(
         after_help = "Examples:\n  opsr table export params/beta-0.001.json -o opsr_table.h\n  \
         opsr table export beta-0.05 -o shaders/opsr.glsl\n  \
-        opsr table export params/beta-0.001.json --format csv -o -"
+        opsr table export params/beta-0.001.json --format csv -o -\n  \
+        opsr table export beta-0.001 --format resolve -o resolve.h"
     )]
     Export {
         /// The table: a file, or beta-0.001 or beta-0.05, which the program contains.
@@ -72,6 +73,8 @@ enum Form {
     Glsl,
     /// Rust module that depends on `core` only.
     Rust,
+    /// Header for C99 and C++ of the choice among levels, the same for every table.
+    Resolve,
 }
 
 impl From<Form> for Format {
@@ -83,6 +86,7 @@ impl From<Form> for Format {
             Form::C => Self::C,
             Form::Glsl => Self::Shader,
             Form::Rust => Self::Rust,
+            Form::Resolve => Self::Resolve,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Export of tables: arrays for numerical tools, and source code for other renderers.
 //!
 //! Source code contains the whole look-up, from the roughness of a path to α′. Arrays hold the factors multiplied by the
-//! table's scale, since not every format has a place for it.
+//! table's scale, since not every format has a place for it. One header has the choice among levels of roughening.
 
 mod code;
 mod data;
@@ -24,6 +24,8 @@ pub enum Format {
     Shader,
     /// Rust module that depends on `core` only.
     Rust,
+    /// Header for C99 and C++ of the choice among levels, the same for every table.
+    Resolve,
 }
 
 impl Format {
@@ -50,6 +52,7 @@ pub fn export(file: &TableFile, format: Format) -> Vec<u8> {
         Format::Csv => data::csv(file).into_bytes(),
         Format::C => code::fill(include_str!("table.h.in"), file, "f").into_bytes(),
         Format::Shader => code::fill(include_str!("table.glsl.in"), file, "f").into_bytes(),
+        Format::Resolve => include_bytes!("resolve.h").to_vec(),
         Format::Rust => code::fill(include_str!("table.rs.in"), file, "").into_bytes(),
     }
 }

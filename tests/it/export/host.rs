@@ -116,14 +116,14 @@ int main(void)
 }
 "#;
 
-/// Listings in C of the page for renderer engineers, the loop before and the loop after.
-fn listings() -> [String; 2] {
+/// Listings in C of the page for renderer engineers: the loop before and the loop after, and the choice among levels.
+pub(super) fn listings() -> [String; 3] {
     let page = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/renderers.md");
     let text = std::fs::read_to_string(page).expect("the page");
     let blocks: Vec<String> = (text.split("```").skip(1).step_by(2))
         .filter_map(|block| block.strip_prefix("c\n").map(str::to_owned))
         .collect();
-    blocks.try_into().expect("two listings in C")
+    blocks.try_into().expect("three listings in C")
 }
 
 /// Density of a lobe of roughness `alpha` at the distance `d` of two directions on the circle.

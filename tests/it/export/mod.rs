@@ -2,6 +2,7 @@
 
 mod code;
 mod host;
+mod resolve;
 
 use opsr::regularise::export::{Format, export};
 use opsr::regularise::file::{Provenance, TableFile, save};

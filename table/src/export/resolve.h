@@ -1,0 +1,692 @@
+/* Choice among levels of roughening, per pixel and without a reference: what `opsr` does with a film of several levels.
+ *
+ * C99, no dependencies. One function, `opsr_resolve`, on the means of four batches of samples. The recipe of the levels:
+ *
+ *   one path carries K levels; level k multiplies the factors of the table by opsr_scales[k] (at most 1), level 0 is the
+ *   path tracer as it is. Sample number n belongs to batch n % 4.
+ *   At a vertex of roughness alpha a light sample is evaluated at the roughness of every level, with one shadow ray; where
+ *   no level roughens, the light goes to all levels and to the sum of what they share, P.
+ *   Features of a path, for blurs that stop at edges, zero where there is no surface: normal of the first vertex of
+ *   roughness 0.05 or more, and the length of the path to it (of the last vertex where none is); normal of the first
+ *   vertex, its distance, its reflectance. Eleven numbers, averaged over all samples.
+ *
+ * Formulas: docs/method.md, "Levels". Everything is linear radiance; a factor on all light changes nothing but the error.
+ * Memory: about 1 kB a pixel while it runs; a large picture may be cut into tiles with 40 pixels around them.
+ */
+#ifndef OPSR_RESOLVE_H
+#define OPSR_RESOLVE_H
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define OPSR_BATCHES 4
+#define OPSR_FEATURES 11
+#define OPSR_MAX_LEVELS 8
+
+/* Scales of four levels. */
+static const float opsr_scales[4] = {0.0f, 0.64f, 3.2f, 16.0f};
+
+/* Smoothing: levels alone, blurs too, or blurs that are believed more easily. */
+enum { OPSR_SHARP, OPSR_DEFAULT, OPSR_SMOOTH };
+
+typedef struct {
+    int width, height, levels; /* 2 to OPSR_MAX_LEVELS levels */
+    /* Means of the batches, rows from the top: light[((level * 4 + batch) * height * width + pixel) * 3 + channel]; after
+     * the last level the light that all of them share. */
+    const float *light;
+    const float *features;      /* features[pixel * 11 + i] */
+    float shares[OPSR_BATCHES]; /* share of each batch in the samples: 0.25 where they are equally long */
+    int smoothing;
+} opsr_film;
+
+typedef struct {
+    float *picture;       /* 3 a pixel */
+    unsigned char *level; /* chosen level of roughening */
+    float *bias2;         /* squared bias and variance over the squared picture + 0.01: their sum is the squared */
+    float *variance;      /* relative error that is to be expected */
+} opsr_resolved;
+
+/* Light of a pixel in batches. */
+typedef struct {
+    float v[OPSR_BATCHES][3];
+} opsr_light;
+
+typedef struct {
+    int level, sharper, blurred, dark_side;
+    opsr_light *light;
+    float *missing; /* 3 a pixel, or none */
+} opsr_candidate;
+
+/* ---- means over the pixels around ---- */
+
+/* Mean over the square of this radius, of c numbers a pixel; `row` has room for a column or a row of them. */
+static void opsr_box(float *a, int w, int h, int c, int radius, float *line) {
+    for (int axis = 0; axis < 2; axis++) {
+        int n = axis ? h : w, lines = axis ? w : h;
+        size_t step = (size_t)(axis ? w : 1) * c, next = (size_t)(axis ? 1 : w) * c;
+        for (int l = 0; l < lines; l++) {
+            float *start = a + (size_t)l * next;
+            for (int i = 0; i < n; i++) memcpy(line + (size_t)i * c, start + i * step, c * sizeof(float));
+            for (int i = 0; i < n; i++) {
+                int from = i > radius ? i - radius : 0, to = i + radius + 1 < n ? i + radius + 1 : n;
+                for (int k = 0; k < c; k++) {
+                    float sum = 0.0f;
+                    for (int j = from; j < to; j++) sum += line[(size_t)j * c + k];
+                    start[i * step + k] = sum / (float)(to - from);
+                }
+            }
+        }
+    }
+}
+
+static int opsr_tent(float *a, int w, int h, int c, int radius) {
+    float *line = (float *)malloc((size_t)(w > h ? w : h) * c * sizeof(float));
+    if (!line) return -1;
+    opsr_box(a, w, h, c, radius, line);
+    opsr_box(a, w, h, c, radius, line);
+    free(line);
+    return 0;
+}
+
+/* ---- batches ---- */
+
+/* Unbiased for the squared mean of independent numbers of one mean. */
+static float opsr_squared(const float d[OPSR_BATCHES]) {
+    float sum = 0.0f, squares = 0.0f;
+    for (int b = 0; b < OPSR_BATCHES; b++) { sum += d[b]; squares += d[b] * d[b]; }
+    return (sum * sum - squares) / (OPSR_BATCHES * (OPSR_BATCHES - 1));
+}
+
+static float opsr_variance(const float x[OPSR_BATCHES]) {
+    float mean = (x[0] + x[1] + x[2] + x[3]) / OPSR_BATCHES, squares = 0.0f;
+    for (int b = 0; b < OPSR_BATCHES; b++) squares += (x[b] - mean) * (x[b] - mean);
+    return squares / (OPSR_BATCHES * (OPSR_BATCHES - 1));
+}
+
+static float opsr_median(const float x[OPSR_BATCHES]) {
+    float low = fmaxf(fminf(x[0], x[1]), fminf(x[2], x[3])), high = fminf(fmaxf(x[0], x[1]), fmaxf(x[2], x[3]));
+    return 0.5f * (low + high); /* the middle two */
+}
+
+static void opsr_channel(const opsr_light *l, int c, float x[OPSR_BATCHES]) {
+    for (int b = 0; b < OPSR_BATCHES; b++) x[b] = l->v[b][c];
+}
+
+static float opsr_mean(const opsr_film *f, const opsr_light *l, int c) {
+    float sum = 0.0f;
+    for (int b = 0; b < OPSR_BATCHES; b++) sum += l->v[b][c] * f->shares[b];
+    return sum;
+}
+
+/* Light of a level less the shared light, or the shared light. */
+static opsr_light opsr_at(const opsr_film *f, int level, size_t pixel) {
+    size_t n = (size_t)f->width * f->height;
+    opsr_light out;
+    for (int b = 0; b < OPSR_BATCHES; b++)
+        for (int c = 0; c < 3; c++) {
+            float shared = f->light[(((size_t)f->levels * 4 + b) * n + pixel) * 3 + c];
+            out.v[b][c] = level == f->levels ? shared : f->light[(((size_t)level * 4 + b) * n + pixel) * 3 + c] - shared;
+        }
+    return out;
+}
+
+/* ---- cells of 4 x 4 pixels ---- */
+
+#define OPSR_CELL 4
+
+typedef struct {
+    int w, h, columns, rows;
+} opsr_grid;
+
+static opsr_grid opsr_cells(const opsr_film *f) {
+    opsr_grid g = {f->width, f->height, (f->width + 3) / OPSR_CELL, (f->height + 3) / OPSR_CELL};
+    return g;
+}
+
+/* First and last pixels of a cell. */
+static void opsr_inside(opsr_grid g, int cell, int r[4]) {
+    int x = cell % g.columns * OPSR_CELL, y = cell / g.columns * OPSR_CELL;
+    r[0] = x; r[1] = x + OPSR_CELL < g.w ? x + OPSR_CELL : g.w;
+    r[2] = y; r[3] = y + OPSR_CELL < g.h ? y + OPSR_CELL : g.h;
+}
+
+/* A plane of c numbers a cell at a pixel, bilinearly. */
+static float opsr_corners(opsr_grid g, const float *plane, int c, int k, int pixel) {
+    float x = fminf(fmaxf((pixel % g.w + 0.5f) / OPSR_CELL - 0.5f, 0.0f), (float)(g.columns - 1));
+    float y = fminf(fmaxf((pixel / g.w + 0.5f) / OPSR_CELL - 0.5f, 0.0f), (float)(g.rows - 1));
+    int x0 = (int)x, y0 = (int)y, x1 = x0 + 1 < g.columns ? x0 + 1 : x0, y1 = y0 + 1 < g.rows ? y0 + 1 : y0;
+    float u = x - x0, v = y - y0;
+    return plane[((size_t)y0 * g.columns + x0) * c + k] * (1 - u) * (1 - v) + plane[((size_t)y0 * g.columns + x1) * c + k] * u * (1 - v)
+         + plane[((size_t)y1 * g.columns + x0) * c + k] * (1 - u) * v + plane[((size_t)y1 * g.columns + x1) * c + k] * u * v;
+}
+
+static float opsr_expected(float pixels, float grey, float size) {
+    return pixels * OPSR_BATCHES * grey / fmaxf(size, FLT_MIN);
+}
+
+/* A layer in cells: means[level][cell][batch][channel], and the size of its hits[level][cell]. */
+typedef struct {
+    int levels;
+    float *means, *hits;
+} opsr_coarse;
+
+static int opsr_coarse_of(const opsr_film *f, int shared, opsr_coarse *out) {
+    opsr_grid g = opsr_cells(f);
+    size_t cells = (size_t)g.columns * g.rows;
+    out->levels = shared ? 1 : f->levels;
+    out->means = (float *)calloc(cells * out->levels * 12, sizeof(float));
+    out->hits = (float *)calloc(cells * out->levels, sizeof(float));
+    float *moments = (float *)malloc(cells * 2 * sizeof(float));
+    if (!out->means || !out->hits || !moments) { free(moments); return -1; }
+    for (int k = 0; k < out->levels; k++) {
+        for (int turn = 0; turn < 2; turn++) {
+            memset(moments, 0, cells * 2 * sizeof(float));
+            for (size_t cell = 0; cell < cells; cell++) {
+                int r[4];
+                opsr_inside(g, (int)cell, r);
+                float part = 1.0f / ((r[1] - r[0]) * (r[3] - r[2]));
+                for (int y = r[2]; y < r[3]; y++)
+                    for (int x = r[0]; x < r[1]; x++) {
+                        opsr_light l = opsr_at(f, shared ? f->levels : k, (size_t)y * g.w + x);
+                        for (int b = 0; b < OPSR_BATCHES; b++) {
+                            float grey = 0.0f;
+                            for (int c = 0; c < 3; c++) {
+                                float v = shared ? l.v[b][c] : fmaxf(l.v[b][c], 0.0f);
+                                if (!turn) out->means[((k * cells + cell) * 4 + b) * 3 + c] += part * v;
+                                grey += v / 3.0f;
+                            }
+                            moments[cell * 2] += part * grey;
+                            moments[cell * 2 + 1] += part * grey * grey;
+                        }
+                    }
+            }
+            if (opsr_tent(moments, g.columns, g.rows, 2, turn ? 3 : 1)) { free(moments); return -1; }
+            for (size_t cell = 0; cell < cells; cell++) {
+                float size = moments[cell * 2 + 1] / fmaxf(moments[cell * 2], FLT_MIN), *hits = out->hits + k * cells + cell;
+                *hits = fmaxf(*hits, size);
+            }
+        }
+    }
+    /* A level that has met nothing: the same light comes in hits no smaller than a rougher level's. */
+    for (int k = out->levels - 1; k > 0; k--)
+        for (size_t cell = 0; cell < cells; cell++)
+            out->hits[(k - 1) * cells + cell] = fmaxf(out->hits[(k - 1) * cells + cell], out->hits[k * cells + cell]);
+    free(moments);
+    return 0;
+}
+
+/* Factors on a layer of the picture, 3 a cell. */
+static int opsr_energy(const opsr_film *f, const opsr_coarse *of, const float *layer, float *factors) {
+    opsr_grid g = opsr_cells(f);
+    size_t cells = (size_t)g.columns * g.rows;
+    float *smooth = (float *)malloc(cells * of->levels * 12 * sizeof(float)), *have = (float *)calloc(cells * 3, sizeof(float));
+    int failed = !smooth || !have;
+    if (!failed) {
+        memcpy(smooth, of->means, cells * of->levels * 12 * sizeof(float));
+        for (int k = 0; k < of->levels; k++) failed |= opsr_tent(smooth + k * cells * 12, g.columns, g.rows, 12, 3);
+        for (size_t cell = 0; cell < cells; cell++) {
+            int r[4];
+            opsr_inside(g, (int)cell, r);
+            for (int y = r[2]; y < r[3]; y++)
+                for (int x = r[0]; x < r[1]; x++)
+                    for (int c = 0; c < 3; c++)
+                        have[cell * 3 + c] += layer[((size_t)y * g.w + x) * 3 + c] / ((r[1] - r[0]) * (r[3] - r[2]));
+        }
+        failed |= opsr_tent(have, g.columns, g.rows, 3, 3);
+    }
+    for (size_t cell = 0; !failed && cell < cells; cell++) {
+        float mean[OPSR_MAX_LEVELS][3], noise[OPSR_MAX_LEVELS], grey = 0.0f, least = FLT_MAX;
+        int rough = of->levels - 1, best = 0;
+        for (int k = 0; k < of->levels; k++)
+            for (int c = 0; c < 3; c++) {
+                mean[k][c] = 0.0f;
+                for (int b = 0; b < OPSR_BATCHES; b++) mean[k][c] += smooth[((k * cells + cell) * 4 + b) * 3 + c] / OPSR_BATCHES;
+            }
+        for (int c = 0; c < 3; c++) grey += mean[rough][c] / 3.0f;
+        for (int k = 0; k < of->levels; k++) {
+            float size = of->hits[k * cells + cell], away = expf(-opsr_expected(1762.0f, grey, size));
+            noise[k] = 0.0f;
+            for (int c = 0; c < 3; c++) {
+                float x[OPSR_BATCHES];
+                for (int b = 0; b < OPSR_BATCHES; b++) x[b] = smooth[((k * cells + cell) * 4 + b) * 3 + c];
+                noise[k] += (opsr_variance(x) + fmaxf(mean[rough][c] - mean[k][c], 0.0f) * size / (OPSR_BATCHES * 1762.0f) * away) / 3.0f;
+            }
+            float bias = 0.0f;
+            for (int j = 0; j < k; j++) {
+                float u = 0.0f;
+                for (int c = 0; c < 3; c++) {
+                    float d[OPSR_BATCHES];
+                    for (int b = 0; b < OPSR_BATCHES; b++)
+                        d[b] = smooth[((k * cells + cell) * 4 + b) * 3 + c] - smooth[((j * cells + cell) * 4 + b) * 3 + c];
+                    u += opsr_squared(d) / 3.0f;
+                }
+                bias = fmaxf(bias, u - noise[j]);
+            }
+            if (bias + noise[k] < least) { least = bias + noise[k]; best = k; }
+        }
+        for (int c = 0; c < 3; c++) {
+            float x[OPSR_BATCHES], h = have[cell * 3 + c], m = mean[best][c] - h, floor = h * 1e-4f;
+            for (int b = 0; b < OPSR_BATCHES; b++) x[b] = smooth[((best * cells + cell) * 4 + b) * 3 + c];
+            float kept = fmaxf(1.0f - (opsr_variance(x) + floor * floor) / fmaxf(m * m, FLT_MIN), 0.0f);
+            factors[cell * 3 + c] = fminf(fmaxf(1.0f + m * kept / fmaxf(h, FLT_MIN), 0.5f), 2.5f);
+        }
+    }
+    if (!failed) failed = opsr_tent(factors, g.columns, g.rows, 3, 1);
+    free(smooth);
+    free(have);
+    return failed ? -1 : 0;
+}
+
+/* Most light of a batch of P that is blurred, 3 a cell: what is above is a firefly. */
+static int opsr_caps(const opsr_film *f, float *most) {
+    opsr_grid g = opsr_cells(f);
+    size_t cells = (size_t)g.columns * g.rows;
+    float *hits = (float *)calloc(cells * 4, sizeof(float));
+    if (!hits) return -1;
+    memset(most, 0, cells * 3 * sizeof(float));
+    for (size_t cell = 0; cell < cells; cell++) {
+        int r[4];
+        opsr_inside(g, (int)cell, r);
+        float part = 1.0f / ((r[1] - r[0]) * (r[3] - r[2]));
+        for (int y = r[2]; y < r[3]; y++)
+            for (int x = r[0]; x < r[1]; x++) {
+                opsr_light l = opsr_at(f, f->levels, (size_t)y * g.w + x);
+                for (int c = 0; c < 3; c++) {
+                    float v[OPSR_BATCHES];
+                    opsr_channel(&l, c, v);
+                    most[cell * 3 + c] += part * opsr_median(v);
+                    hits[cell * 4 + c] += part * (v[0] + v[1] + v[2] + v[3]);
+                }
+                for (int b = 0; b < OPSR_BATCHES; b++)
+                    hits[cell * 4 + 3] += part * (l.v[b][0] != 0.0f || l.v[b][1] != 0.0f || l.v[b][2] != 0.0f);
+            }
+    }
+    int failed = opsr_tent(most, g.columns, g.rows, 3, 1) | opsr_tent(hits, g.columns, g.rows, 4, 2);
+    for (size_t cell = 0; cell < cells; cell++)
+        for (int c = 0; c < 3; c++)
+            most[cell * 3 + c] = 10.0f * most[cell * 3 + c] + hits[cell * 4 + c] * (4.0f / fmaxf(hits[cell * 4 + 3], FLT_MIN));
+    free(hits);
+    return failed;
+}
+
+/* ---- blurs that stop at edges ---- */
+
+/* `first`: along the first surface, by its reflectance too; otherwise along the first rough one. */
+static void opsr_blur(const opsr_film *f, int first, float sigma, const opsr_light *in, opsr_light *out) {
+    int w = f->width, h = f->height, radius = (int)ceilf(2.0f * sigma), at = first ? 4 : 0;
+    float most = 2.2f * sigma * 2.2f * sigma;
+#define OPSR_F(x, y, i) f->features[((size_t)(y) * w + (x)) * OPSR_FEATURES + (i)]
+    for (int y = 0; y < h; y++)
+        for (int x = 0; x < w; x++) {
+            float length = OPSR_F(x, y, at + 3), all = 0.0f;
+            float across = fabsf(OPSR_F(x + 1 < w ? x + 1 : x, y, at + 3) - OPSR_F(x > 0 ? x - 1 : 0, y, at + 3));
+            float along = fabsf(OPSR_F(x, y + 1 < h ? y + 1 : y, at + 3) - OPSR_F(x, y > 0 ? y - 1 : 0, at + 3));
+            float here = 0.02f * length + sqrtf(FLT_MIN), slope = 0.25f * fmaxf(across, along);
+            opsr_light sum;
+            memset(&sum, 0, sizeof sum);
+            for (int dy = -radius; dy <= radius; dy++) {
+                float left = most - (float)(dy * dy);
+                if (left < 0.0f || y + dy < 0 || y + dy >= h) continue;
+                int half = (int)sqrtf(left) < radius ? (int)sqrtf(left) : radius;
+                for (int dx = -half; dx <= half; dx++) {
+                    if (x + dx < 0 || x + dx >= w) continue;
+                    float d2 = (float)(dx * dx + dy * dy), e = 0.5f * d2 / (sigma * sigma);
+                    float step = (OPSR_F(x + dx, y + dy, at + 3) - length) / (here + slope * sqrtf(d2));
+                    e += 0.5f * step * step;
+                    for (int i = 0; i < 3; i++) {
+                        float d = OPSR_F(x + dx, y + dy, at + i) - OPSR_F(x, y, at + i);
+                        e += 10.0f * d * d;
+                        if (first) {
+                            d = (OPSR_F(x + dx, y + dy, 8 + i) - OPSR_F(x, y, 8 + i)) / 0.05f;
+                            e += 0.5f * d * d;
+                        }
+                    }
+                    float weight = expf(-fminf(e, 41.5888f)); /* at least 2^-60 */
+                    const opsr_light *l = in + (size_t)(y + dy) * w + x + dx;
+                    all += weight;
+                    for (int b = 0; b < OPSR_BATCHES; b++)
+                        for (int c = 0; c < 3; c++) sum.v[b][c] += weight * l->v[b][c];
+                }
+            }
+            for (int b = 0; b < OPSR_BATCHES; b++)
+                for (int c = 0; c < 3; c++) out[(size_t)y * w + x].v[b][c] = sum.v[b][c] / all;
+        }
+#undef OPSR_F
+}
+
+/* ---- the rule ---- */
+
+/* Squared difference that is confirmed without the batch that has most of it. */
+static float opsr_without_largest(const float d[OPSR_BATCHES]) {
+    float sign = d[0] + d[1] + d[2] + d[3] > 0.0f ? 1.0f : -1.0f, sum = 0.0f, squares = 0.0f;
+    int largest = 0;
+    for (int b = 1; b < OPSR_BATCHES; b++)
+        if (d[b] * sign > d[largest] * sign) largest = b;
+    for (int b = 0; b < OPSR_BATCHES; b++)
+        if (b != largest) { sum += d[b]; squares += d[b] * d[b]; }
+    return (sum * sum - squares) / ((OPSR_BATCHES - 1) * (OPSR_BATCHES - 2));
+}
+
+/* Squared differences as far as a pixel beside shows as much, or those of `least`: hits that meet in one pixel by chance are
+ * no bias. `old` has room for the plane. */
+static void opsr_seen_again(int w, int h, float *square, const float *least, float *old) {
+    memcpy(old, square, (size_t)w * h * 3 * sizeof(float));
+    for (int y = 0; y < h; y++)
+        for (int x = 0; x < w; x++)
+            for (int c = 0; c < 3; c++) {
+                size_t i = ((size_t)y * w + x) * 3 + c;
+                float most = fmaxf(least[i], 0.0f);
+                for (int v = y > 0 ? y - 1 : 0; v < h && v <= y + 1; v++)
+                    for (int u = x > 0 ? x - 1 : 0; u < w && u <= x + 1; u++)
+                        if (u != x || v != y) most = fmaxf(most, old[((size_t)v * w + u) * 3 + c]);
+                square[i] = fminf(old[i], most);
+            }
+}
+
+/* Chooses among candidates, each judged against the `sharper` first of them; blends their means into `layer` and adds to
+ * bias2 and variance. `weights`: own and dark, 3 a pixel each. */
+static int opsr_choose(const opsr_film *f, const opsr_candidate *all, int count, const float *own, const float *dark, float kappa,
+                       float *layer, unsigned char *level, float *bias2, float *variance) {
+    size_t n = (size_t)f->width * f->height;
+    float *noise = (float *)malloc(n * 3 * sizeof(float)), *square = (float *)malloc(n * 3 * sizeof(float));
+    float *least_square = (float *)malloc(n * 3 * sizeof(float)), *old = (float *)malloc(n * 3 * sizeof(float));
+    float *anchors = (float *)malloc(n * count * sizeof(float)), *bias = (float *)malloc(n * sizeof(float));
+    float *least = (float *)malloc(n * sizeof(float)), *found = (float *)malloc(n * 2 * sizeof(float));
+    unsigned char *chosen = (unsigned char *)calloc(n, 1);
+    int failed = !noise || !square || !least_square || !old || !anchors || !bias || !least || !found || !chosen;
+    for (size_t i = 0; !failed && i < n; i++) least[i] = INFINITY;
+    for (int k = 0; !failed && k < count; k++) {
+        for (size_t i = 0; i < n; i++)
+            for (int c = 0; c < 3; c++) {
+                float x[OPSR_BATCHES];
+                opsr_channel(all[k].light + i, c, x);
+                noise[i * 3 + c] = opsr_variance(x);
+            }
+        failed = opsr_tent(noise, f->width, f->height, 3, 1);
+        memset(bias, 0, n * sizeof(float));
+        for (int j = 0; !failed && j < all[k].sharper; j++) {
+            for (size_t i = 0; i < n; i++)
+                for (int c = 0; c < 3; c++) {
+                    float d[OPSR_BATCHES];
+                    for (int b = 0; b < OPSR_BATCHES; b++) d[b] = all[k].light[i].v[b][c] - all[j].light[i].v[b][c];
+                    square[i * 3 + c] = opsr_squared(d);
+                    least_square[i * 3 + c] = opsr_without_largest(d);
+                }
+            if (all[k].missing) opsr_seen_again(f->width, f->height, square, least_square, old);
+            failed = opsr_tent(square, f->width, f->height, 3, 1);
+            const float *weights = all[k].dark_side ? dark : own;
+            for (size_t i = 0; i < n; i++) {
+                float u = 0.0f;
+                for (int c = 0; c < 3; c++) u += square[i * 3 + c] * weights[i * 3 + c] / 3.0f;
+                bias[i] = fmaxf(bias[i], u - kappa * anchors[j * n + i]);
+            }
+        }
+        for (size_t i = 0; !failed && i < n; i++) {
+            float v = 0.0f, edge = 0.0f;
+            for (int c = 0; c < 3; c++) {
+                float x = noise[i * 3 + c] + (all[k].missing ? all[k].missing[i * 3 + c] : 0.0f);
+                v += x * own[i * 3 + c] / 3.0f;
+                edge += x * fmaxf(own[i * 3 + c], 0.5f * dark[i * 3 + c]) / 3.0f;
+            }
+            anchors[k * n + i] = v;
+            float error = all[k].blurred ? 1.5f * (bias[i] + edge) : bias[i] + v;
+            if (error < least[i]) {
+                least[i] = error;
+                chosen[i] = (unsigned char)k;
+                found[i * 2] = bias[i];
+                found[i * 2 + 1] = v;
+            }
+        }
+    }
+    if (!failed) memset(layer, 0, n * 3 * sizeof(float));
+    for (int k = 0; !failed && k < count; k++) {
+        for (size_t i = 0; i < n; i++) bias[i] = chosen[i] == k;
+        failed = opsr_tent(bias, f->width, f->height, 1, 1);
+        for (size_t i = 0; i < n; i++)
+            for (int c = 0; bias[i] > 0.0f && c < 3; c++) layer[i * 3 + c] += bias[i] * opsr_mean(f, all[k].light + i, c);
+    }
+    for (size_t i = 0; !failed && i < n; i++) {
+        if (level) level[i] = (unsigned char)all[chosen[i]].level;
+        bias2[i] += found[i * 2];
+        variance[i] += found[i * 2 + 1];
+    }
+    free(noise); free(square); free(least_square); free(old); free(anchors); free(bias); free(least); free(found); free(chosen);
+    return failed ? -1 : 0;
+}
+
+/* Adds a candidate with room for its light. */
+static opsr_candidate *opsr_add(opsr_candidate *all, int *count, size_t n, int level, int sharper, int blurred, int missing) {
+    opsr_candidate *new_one = all + (*count)++;
+    opsr_candidate value = {level, sharper, blurred, 0, NULL, NULL};
+    *new_one = value;
+    new_one->light = (opsr_light *)malloc(n * sizeof(opsr_light));
+    if (missing) new_one->missing = (float *)malloc(n * 3 * sizeof(float));
+    return new_one->light && (!missing || new_one->missing) ? new_one : NULL;
+}
+
+static const float opsr_blurs_of_shared[2] = {1.0f, 2.0f}, opsr_blurs[3] = {0.7f, 1.5f, 3.0f};
+
+/* P as it is, and blurred without its fireflies. */
+static int opsr_of_shared(const opsr_film *f, opsr_candidate *all, int *count) {
+    size_t n = (size_t)f->width * f->height;
+    opsr_grid g = opsr_cells(f);
+    opsr_candidate *one = opsr_add(all, count, n, 0, 0, 0, 0);
+    if (!one) return -1;
+    for (size_t i = 0; i < n; i++) one->light[i] = opsr_at(f, f->levels, i);
+    if (f->smoothing == OPSR_SHARP) return 0;
+    float *caps = (float *)malloc((size_t)g.columns * g.rows * 3 * sizeof(float));
+    opsr_light *capped = (opsr_light *)malloc(n * sizeof(opsr_light));
+    int failed = !caps || !capped || opsr_caps(f, caps);
+    for (size_t i = 0; !failed && i < n; i++)
+        for (int c = 0; c < 3; c++) {
+            float cap = opsr_corners(g, caps, 3, c, (int)i);
+            for (int b = 0; b < OPSR_BATCHES; b++) capped[i].v[b][c] = fminf(all[0].light[i].v[b][c], cap);
+        }
+    for (int s = 0; !failed && s < 2; s++) {
+        one = opsr_add(all, count, n, 0, s + 1, 1, 0);
+        failed = !one;
+        if (one) {
+            one->dark_side = 1;
+            opsr_blur(f, 1, opsr_blurs_of_shared[s], capped, one->light);
+        }
+    }
+    free(caps);
+    free(capped);
+    return failed ? -1 : 0;
+}
+
+/* What a level has not met at every pixel: its variance, 3 a pixel, and the hits that are expected. */
+static int opsr_missing(const opsr_film *f, const opsr_coarse *coarse, int level, float *variance, float *expected) {
+    size_t n = (size_t)f->width * f->height, cells;
+    opsr_grid g = opsr_cells(f);
+    cells = (size_t)g.columns * g.rows;
+    float *planes = (float *)malloc(n * 12 * sizeof(float)); /* roughest, own; wide, narrow */
+    int failed = !planes;
+    for (int p = 0; !failed && p < 4; p++) {
+        float *plane = planes + p * n * 3;
+        for (size_t i = 0; i < n; i++) {
+            opsr_light l = opsr_at(f, p < 2 ? f->levels - 1 : level, i);
+            for (int c = 0; c < 3; c++) plane[i * 3 + c] = fmaxf(opsr_mean(f, &l, c), 0.0f);
+        }
+        failed = opsr_tent(plane, f->width, f->height, 3, p % 2 ? 1 : 2);
+    }
+    for (size_t i = 0; !failed && i < n; i++) {
+        float size = opsr_corners(g, coarse->hits + level * cells, 1, 0, (int)i), grey = 0.0f;
+        for (int c = 0; c < 3; c++) {
+            float wide = planes[i * 3 + c] - planes[(2 * n + i) * 3 + c], narrow = planes[(n + i) * 3 + c] - planes[(3 * n + i) * 3 + c];
+            variance[i * 3 + c] = fmaxf(fmaxf(wide, narrow), 0.0f) * size / OPSR_BATCHES;
+            grey += planes[i * 3 + c] / 3.0f;
+        }
+        expected[i] = opsr_expected(12.0f, grey, size);
+    }
+    free(planes);
+    return failed ? -1 : 0;
+}
+
+/* R at every level, and all but level 0 blurred. */
+static int opsr_of_roughened(const opsr_film *f, const opsr_coarse *coarse, opsr_candidate *all, int *count) {
+    size_t n = (size_t)f->width * f->height;
+    float *variance = (float *)malloc(n * 3 * f->levels * sizeof(float)), *expected = (float *)malloc(n * f->levels * sizeof(float));
+    int failed = !variance || !expected, blurs = f->smoothing == OPSR_SHARP ? 0 : 3;
+    for (int k = 0; !failed && k < f->levels; k++)
+        failed = opsr_missing(f, coarse, k, variance + k * n * 3, expected + k * n);
+    for (int s = -1; !failed && s < blurs; s++)
+        for (int k = s < 0 ? 0 : 1; !failed && k < f->levels; k++) {
+            opsr_candidate *one = opsr_add(all, count, n, k, s < 0 ? k : k + 1, s >= 0, 1);
+            failed = !one;
+            if (!one) break;
+            float times = s < 0 ? 1.0f : 1.0f + opsr_blurs[s] * opsr_blurs[s];
+            if (s < 0)
+                for (size_t i = 0; i < n; i++) one->light[i] = opsr_at(f, k, i);
+            else
+                opsr_blur(f, 0, opsr_blurs[s], all[k].light, one->light);
+            for (size_t i = 0; i < n; i++)
+                for (int c = 0; c < 3; c++)
+                    one->missing[i * 3 + c] = variance[(k * n + i) * 3 + c] * expf(-expected[k * n + i] * times);
+        }
+    free(variance);
+    free(expected);
+    return failed ? -1 : 0;
+}
+
+/* Weights, own and for the darkest pixel around, 3 a pixel each, and what makes errors relative whatever the exposure. */
+static int opsr_weights(const opsr_film *f, float *own, float *dark, float *stated) {
+    int w = f->width, h = f->height;
+    size_t n = (size_t)w * h;
+    float *light = (float *)malloc(n * 3 * sizeof(float));
+    if (!light) return -1;
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        opsr_light p = opsr_at(f, f->levels, i), r = opsr_at(f, f->levels - 1, i);
+        for (int c = 0; c < 3; c++) sum += light[i * 3 + c] = opsr_mean(f, &p, c) + opsr_mean(f, &r, c);
+    }
+    float gain = sum > 0.0 ? (float)(0.3 * 3.0 * (double)n / sum) : 1.0f;
+    for (int y = 0; y < h; y++)
+        for (int x = 0; x < w; x++)
+            for (int c = 0; c < 3; c++) {
+                float least = FLT_MAX;
+                for (int v = y > 0 ? y - 1 : 0; v < h && v <= y + 1; v++)
+                    for (int u = x > 0 ? x - 1 : 0; u < w && u <= x + 1; u++) least = fminf(least, light[((size_t)v * w + u) * 3 + c]);
+                dark[((size_t)y * w + x) * 3 + c] = gain * gain / (least * gain * least * gain + 0.01f);
+            }
+    int failed = opsr_tent(light, w, h, 3, 1);
+    for (size_t i = 0; i < n; i++) {
+        float grey = 0.0f, raw = 0.0f;
+        for (int c = 0; c < 3; c++) {
+            float l = light[i * 3 + c];
+            own[i * 3 + c] = gain * gain / (l * gain * l * gain + 0.01f);
+            grey += own[i * 3 + c];
+            raw += 1.0f / (l * l + 0.01f);
+        }
+        stated[i] = raw / grey;
+    }
+    free(light);
+    return failed;
+}
+
+/* Chooses. 0, or -1 where there is not enough memory. */
+static int opsr_resolve(const opsr_film *f, const opsr_resolved *out) {
+    size_t n = (size_t)f->width * f->height;
+    opsr_grid g = opsr_cells(f);
+    size_t cells = (size_t)g.columns * g.rows;
+    opsr_candidate all[3 + 4 * OPSR_MAX_LEVELS];
+    opsr_coarse coarse[2] = {{0, NULL, NULL}, {0, NULL, NULL}};
+    float *own = (float *)malloc(n * 3 * sizeof(float)), *dark = (float *)malloc(n * 3 * sizeof(float));
+    float *stated = (float *)malloc(n * sizeof(float)), *layer = (float *)malloc(n * 3 * sizeof(float));
+    float *factors = (float *)malloc(cells * 3 * sizeof(float));
+    int failed = !own || !dark || !stated || !layer || !factors || opsr_weights(f, own, dark, stated);
+    memset(out->picture, 0, n * 3 * sizeof(float));
+    memset(out->bias2, 0, n * sizeof(float));
+    memset(out->variance, 0, n * sizeof(float));
+    for (int rough = 0; !failed && rough < 2; rough++) {
+        int count = 0;
+        float kappa = rough ? (f->smoothing == OPSR_SMOOTH ? 1.0f : 0.25f) : (f->smoothing == OPSR_SMOOTH ? 0.25f : 0.0f);
+        failed = opsr_coarse_of(f, !rough, coarse + rough);
+        if (!failed) failed = rough ? opsr_of_roughened(f, coarse + 1, all, &count) : opsr_of_shared(f, all, &count);
+        if (!failed) failed = opsr_choose(f, all, count, own, dark, kappa, layer, rough ? out->level : NULL, out->bias2, out->variance);
+        if (!failed) failed = opsr_energy(f, coarse + rough, layer, factors);
+        for (size_t i = 0; !failed && i < n; i++)
+            for (int c = 0; c < 3; c++) out->picture[i * 3 + c] += layer[i * 3 + c] * opsr_corners(g, factors, 3, c, (int)i);
+        for (int k = 0; k < count; k++) {
+            free(all[k].light);
+            free(all[k].missing);
+        }
+        free(coarse[rough].means);
+        free(coarse[rough].hits);
+    }
+    for (size_t i = 0; !failed && i < n; i++) {
+        out->bias2[i] *= stated[i];
+        out->variance[i] *= stated[i];
+    }
+    free(own); free(dark); free(stated); free(layer); free(factors);
+    return failed ? -1 : 0;
+}
+
+#ifdef OPSR_RESOLVE_TEST
+/* ---- a test picture, for ports: a floor and a wall, light in rare hits at level 0, even at the roughest ---- */
+
+enum { OPSR_TEST_WIDTH = 24, OPSR_TEST_HEIGHT = 16, OPSR_TEST_LEVELS = 3, OPSR_TEST_PIXELS = 24 * 16 };
+
+/* Xorshift in 32 bits, as a number in [0, 1). */
+static float opsr_test_next(unsigned *state) {
+    *state = (*state ^ *state << 13) & 0xffffffffu;
+    *state ^= *state >> 17;
+    *state = (*state ^ *state << 5) & 0xffffffffu;
+    return (float)(*state >> 8) / 16777216.0f;
+}
+
+/* light[(OPSR_TEST_LEVELS + 1) * 4 * OPSR_TEST_PIXELS * 3], features[OPSR_TEST_PIXELS * 11]. */
+static void opsr_test_film(float *light, float *features) {
+    unsigned state = 2463534242u;
+    for (int i = 0; i < OPSR_TEST_PIXELS; i++) {
+        int wall = i % OPSR_TEST_WIDTH >= 15;
+        float surface[OPSR_FEATURES] = {0, 0, 1, 5, 0, (float)wall, (float)!wall, 4, wall ? 0.8f : 0.5f, 0.5f, 0.5f};
+        memcpy(features + (size_t)i * OPSR_FEATURES, surface, sizeof surface);
+        for (int b = 0; b < OPSR_BATCHES; b++) {
+            float shared = 0.2f + 0.1f * opsr_test_next(&state), lit = wall ? 0.25f : 1.0f, rough[OPSR_TEST_LEVELS];
+            rough[0] = opsr_test_next(&state) < 0.03f ? 6.0f * lit : 0.0f;
+            rough[1] = lit * (0.05f + 0.3f * opsr_test_next(&state));
+            rough[2] = lit * (0.19f + 0.04f * opsr_test_next(&state));
+            for (int k = 0; k <= OPSR_TEST_LEVELS; k++)
+                for (int c = 0; c < 3; c++)
+                    light[((size_t)(k * 4 + b) * OPSR_TEST_PIXELS + i) * 3 + c] =
+                        shared + (k < OPSR_TEST_LEVELS ? rough[k] * (1.0f - 0.1f * c) : 0.0f);
+        }
+    }
+}
+
+/* Red, green, blue and relative squared error of every 41st pixel of the choice with OPSR_DEFAULT. */
+static const float opsr_test_expected[10][4] = {
+    {0.452545f, 0.432231f, 0.411916f, 0.0003701f},
+    {0.3005f, 0.295327f, 0.290154f, 0.00135396f},
+    {0.457214f, 0.436592f, 0.415971f, 6.72423e-05f},
+    {0.451736f, 0.431661f, 0.411585f, 3.12053e-05f},
+    {0.305696f, 0.300479f, 0.295263f, 0.000957066f},
+    {0.44948f, 0.42923f, 0.408981f, 0.000173823f},
+    {0.453306f, 0.43297f, 0.412633f, 0.000107053f},
+    {0.30842f, 0.30326f, 0.298101f, 0.00213268f},
+    {0.303982f, 0.29843f, 0.292879f, 0.00015992f},
+    {0.478239f, 0.45561f, 0.432981f, 0.000900796f},
+};
+
+/* 0 if the choice on this machine is the expected one. */
+static int opsr_resolve_test(void) {
+    static float light[(OPSR_TEST_LEVELS + 1) * 4 * OPSR_TEST_PIXELS * 3], features[OPSR_TEST_PIXELS * OPSR_FEATURES];
+    static float picture[OPSR_TEST_PIXELS * 3], bias2[OPSR_TEST_PIXELS], variance[OPSR_TEST_PIXELS];
+    static unsigned char level[OPSR_TEST_PIXELS];
+    opsr_film film = {OPSR_TEST_WIDTH, OPSR_TEST_HEIGHT, OPSR_TEST_LEVELS, light, features, {0.25f, 0.25f, 0.25f, 0.25f}, OPSR_DEFAULT};
+    opsr_resolved out = {picture, level, bias2, variance};
+    opsr_test_film(light, features);
+    if (opsr_resolve(&film, &out)) return -1;
+    for (int i = 0; i < 10; i++)
+        for (int c = 0; c < 4; c++) {
+            float found = c < 3 ? picture[i * 41 * 3 + c] : bias2[i * 41] + variance[i * 41], expected = opsr_test_expected[i][c];
+            if (!(fabsf(found - expected) <= 2e-3f * fabsf(expected) + 1e-7f)) return 1 + i;
+        }
+    return 0;
+}
+#endif
+
+#endif
