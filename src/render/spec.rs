@@ -281,8 +281,8 @@ options! {
     /// Without it four where a table or a constant can have them: not with --mode, --consistent, --guide or another
     /// integrator.
     levels: Levels, Method { value: "N|SCALES", effect: Effect::As("levels") }
-    /// Smoothing of a picture of several levels.
-    resolve: Resolve, Method { value: "HOW", default: Some("default"), of_levels: true, of_film: true }
+    /// Smoothing of a picture of several levels. Without it `default`.
+    resolve: Resolve, Method { value: "HOW", of_levels: true, of_film: true }
     /// Multiply the table's factors by this, instead of the scale that the table carries.
     table_scale: f32, Method { value: "X", range: Range::POSITIVE, needs: &["table"] }
     /// Look-up of the factors, instead of the one that the table was learned for.

@@ -166,7 +166,7 @@ fn seen_again((width, height): Size, differences: &Batches) -> Vec<Vec3A> {
     let squares: Vec<Vec3A> = differences.iter().map(|d| squared_difference(*d)).collect();
     let around = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
     let confirmed = |i: usize| {
-        let mut most = without_largest(&differences[i]);
+        let mut most = Vec3A::ZERO;
         for y in around(i / width, height) {
             for x in around(i % width, width) {
                 let near = y * width + x;
@@ -175,7 +175,10 @@ fn seen_again((width, height): Size, differences: &Batches) -> Vec<Vec3A> {
                 }
             }
         }
-        squares[i].min(most.max(Vec3A::ZERO))
+        if squares[i].cmple(most).all() {
+            return squares[i];
+        }
+        squares[i].min(most.max(without_largest(&differences[i])))
     };
     (0..squares.len()).map(confirmed).collect()
 }
