@@ -83,7 +83,7 @@ pub fn part_of_sphere(centre: Vec3, radius: f32, [from, to]: [f32; 2], phi: f32)
     let mut mesh = grid(columns, rows, |uv| {
         let (theta, phi) = (from + uv.y * (to - from), uv.x * phi);
         // At the poles all points of a row are one.
-        let pole = theta < 1e-6 || theta > PI - 1e-6;
+        let pole = !(1e-6..=PI - 1e-6).contains(&theta);
         let sin = if pole { 0.0 } else { theta.sin() };
         let n = Vec3::new(sin * phi.cos(), sin * phi.sin(), theta.cos());
         (centre + radius * swell * n, n)

@@ -39,7 +39,7 @@ use std::path::{Path, PathBuf};
 use uris::{Container, Files};
 
 /// Choices that a file does not contain.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
     /// Slope distribution of all glossy lobes; without one Beckmann's, and where a file says it the file's own.
     pub distribution: Option<Distribution>,
@@ -54,19 +54,6 @@ pub struct LoadOptions {
     pub skip_unsupported: bool,
     /// Variant of the materials by name, or by number from 0; without one those that the file shows first.
     pub variant: Option<String>,
-}
-
-impl Default for LoadOptions {
-    fn default() -> Self {
-        Self {
-            distribution: None,
-            skip_unsupported: false,
-            solid_glass: false,
-            thin_glass: false,
-            time: None,
-            variant: None,
-        }
-    }
 }
 
 /// A file's scene.

@@ -18,6 +18,7 @@ use crate::scene::build::looks::Paint;
 use crate::scene::build::{BuildError, Builder};
 use crate::scene::mesh::Mesh;
 use crate::scene::{Material, SceneParts};
+use glam::DAffine3;
 use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
@@ -105,6 +106,9 @@ fn inflated(stream: impl Read, place: &str) -> Result<Vec<u8>> {
         }
     }
 }
+
+/// A copy of a shape: numbers of its mesh and its material, and where it stands.
+type Member = (u32, u32, DAffine3);
 
 /// What both readers build on.
 struct Context {

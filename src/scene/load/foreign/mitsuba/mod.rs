@@ -7,7 +7,7 @@ mod values;
 mod xml;
 
 use super::super::error::{Result, fault};
-use super::Context;
+use super::{Context, Member};
 use crate::math::Vec3;
 use crate::scene::Material;
 use crate::scene::build::looks::Paint;
@@ -35,7 +35,7 @@ struct Scene<'a> {
     /// Objects that are being read: a reference to one of them is a cycle.
     open: Vec<usize>,
     /// Groups of shapes by address.
-    groups: HashMap<usize, Rc<Vec<(u32, u32, DAffine3)>>>,
+    groups: HashMap<usize, Rc<Vec<Member>>>,
 }
 
 /// Reads a scene from the text of its file.

@@ -1,7 +1,7 @@
 //! Shapes of Mitsuba.
 
 use super::super::super::error::{Result, fault};
-use super::super::{obj, ply, serialized, uv_steps};
+use super::super::{Member, obj, ply, serialized, uv_steps};
 use super::values::Meant;
 use super::xml::Object;
 use super::{Look, Scene};
@@ -50,7 +50,7 @@ impl Scene<'_> {
     }
 
     /// The members of a group.
-    fn group(&mut self, group: &Rc<Object>) -> Result<Rc<Vec<(u32, u32, DAffine3)>>> {
+    fn group(&mut self, group: &Rc<Object>) -> Result<Rc<Vec<Member>>> {
         let address = Rc::as_ptr(group).addr();
         if let Some(known) = self.groups.get(&address) {
             return Ok(known.clone());
@@ -78,7 +78,7 @@ impl Scene<'_> {
     }
 
     /// Mesh, material and pose of a shape.
-    fn one(&mut self, shape: &Object) -> Result<Option<(u32, u32, DAffine3)>> {
+    fn one(&mut self, shape: &Object) -> Result<Option<Member>> {
         for (name, medium) in self.children(shape, &["medium", "subsurface"])? {
             self.context
                 .unsupported(&medium.place, format!("medium `{name}`"))?;

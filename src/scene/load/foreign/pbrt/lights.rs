@@ -146,7 +146,8 @@ impl Scene<'_> {
             Some(_) => return Err(fault(place, "screenwindow is not four numbers")),
         };
         let [x0, x1, y0, y1] = window;
-        if !(x0 < x1 && y0 < y1) || !aspect.is_finite() || aspect <= 0.0 {
+        let is_sized = x0 < x1 && y0 < y1 && aspect > 0.0 && aspect.is_finite();
+        if !is_sized {
             return Err(fault(place, "a screen window without area"));
         }
         if (x0 + x1).abs() > 1e-4 * (x1 - x0) || (y0 + y1).abs() > 1e-4 * (y1 - y0) {

@@ -7,7 +7,7 @@ mod tokens;
 mod values;
 
 use super::super::error::{Result, fault};
-use super::{Context, unpacked};
+use super::{Context, Member, unpacked};
 use crate::scene::build::looks::Paint;
 use glam::{DAffine3, DMat4, DVec3, DVec4};
 use std::collections::HashMap;
@@ -53,8 +53,8 @@ struct Scene<'a> {
     textures: HashMap<String, Paint>,
     spectrum_textures: HashMap<String, Paint>,
     /// Shapes of objects by name: mesh, material, pose.
-    objects: HashMap<String, Rc<Vec<(u32, u32, DAffine3)>>>,
-    object: Option<(String, Vec<(u32, u32, DAffine3)>)>,
+    objects: HashMap<String, Rc<Vec<Member>>>,
+    object: Option<(String, Vec<Member>)>,
     looks: HashMap<usize, Look>,
     /// Declarations and lights that looks are known by: their addresses must stay theirs.
     kept: Vec<Rc<Declared>>,
