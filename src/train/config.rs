@@ -84,6 +84,8 @@ pub struct Config {
     pub lookup: Lookup,
     /// Evaluation of the loss and its gradient.
     pub method: Evaluation,
+    /// Strength of the prior that the factor of a class is near that of its suffix; 0 for none.
+    pub prior: f64,
     /// Initial value of all factors; 0 for the best constant of the training crops.
     pub start: f32,
     /// Constant factors with which the lobes of a recording are sampled, 1 to 16 numbers in (0, 1].
@@ -111,6 +113,7 @@ impl Default for Config {
             optimiser: Optimiser::Adam,
             lookup: Lookup::Nearest,
             method: Evaluation::Tabulated,
+            prior: 0.0,
             start: 0.5,
             record_gammas: vec![0.002, 0.007, 0.025, 0.09, 0.3, 1.0],
             roulette: 0.3,
@@ -162,6 +165,8 @@ impl From<Preset> for Config {
         // From 0.5 ten thousand steps on the training scenes end in a far worse minimum than from the best constant.
         let full = Self {
             start: 0.0,
+            // The least loss on paths that were not learned from, in `docs/lab/training.md`.
+            prior: 0.003,
             ..Self::default()
         };
         let fast = Self {
@@ -268,6 +273,11 @@ impl Config {
                 "roulette",
                 (0.0..=10.0).contains(&self.roulette),
                 "expected a number from 0 to 10",
+            ),
+            (
+                "prior",
+                (0.0..1e3).contains(&self.prior),
+                "expected a number from 0 to 1000",
             ),
             (
                 "start",

@@ -8,6 +8,7 @@ use crate::train::learn::checkpoint::Checkpoint;
 use crate::train::learn::crop_set::CropSet;
 use crate::train::learn::loss::{CropLoss, LossBackend, mean_loss};
 use crate::train::learn::model::Learner;
+use crate::train::learn::prior::Prior;
 use crate::train::record::crop::DatasetError;
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -176,11 +177,13 @@ impl<'a> OuterLoop<'a> {
             Evaluation::Replay => LossBackend::Autodiff,
         };
         let objective = self.training.objective(self.beta, backend);
+        let prior = Prior::new(config.prior, &self.training.visits());
         self.training.anchor(self.anchor.clone());
         let mut stopped = false;
         while self.step < config.steps {
             let table = self.learner.table();
-            let (loss, gradient) = self.training.gradient(&objective, &table);
+            let (loss, mut gradient) = self.training.gradient(&objective, &table);
+            prior.add(&table.gammas, &mut gradient);
             let due = self.step.is_multiple_of(config.validate_every);
             if due {
                 self.validate();

@@ -103,8 +103,16 @@ impl Session {
             opsr: env!("CARGO_PKG_VERSION").into(),
             loss: format!(
                 "mean |I - f| / (f + {}) of the realised mean I of N samples + beta mean N/(N-1) (M2 - M1^2), the sample \
-                 variance of one path sample; every crop scaled so that its reference has mean {}",
-                EPSILON, BRIGHTNESS
+                 variance of one path sample; every crop scaled so that its reference has mean {}{}",
+                EPSILON,
+                BRIGHTNESS,
+                match config.prior > 0.0 {
+                    true => format!(
+                        "; + {} mean (ln gamma - ln gamma of the suffix)^2",
+                        config.prior
+                    ),
+                    false => String::new(),
+                }
             ),
             beta: f64::from(beta),
             spp: config.spp,

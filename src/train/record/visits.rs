@@ -28,6 +28,22 @@ impl Visits {
         }
     }
 
+    /// True for a class with events.
+    pub(crate) fn has(&self, class: GammaIndex) -> bool {
+        self.0[class.index()] > 0
+    }
+
+    /// The longest suffix of a class that has events.
+    pub(crate) fn suffix(&self, class: GammaIndex) -> Option<GammaIndex> {
+        let mut suffix = class.suffix();
+        while let Some(s) = suffix
+            && !self.has(s)
+        {
+            suffix = s.suffix();
+        }
+        suffix
+    }
+
     /// Gives every unvisited class the factor of its longest visited suffix: the class without the vertices nearest the
     /// camera. Without one it gets the median of the visited factors.
     pub(crate) fn inherit(&self, table: &AttenuationTable) -> AttenuationTable {
@@ -42,16 +58,11 @@ impl Visits {
         let median = visited.get(visited.len() / 2).copied();
         let mut filled = table.clone();
         for class in (0..LEN).filter_map(GammaIndex::new) {
-            if self.0[class.index()] > 0 {
+            if self.has(class) {
                 continue;
             }
-            let mut suffix = class.suffix();
-            while let Some(s) = suffix
-                && self.0[s.index()] == 0
-            {
-                suffix = s.suffix();
-            }
-            let gamma = suffix.map(|s| table.gammas[s.index()]).or(median);
+            let gamma = (self.suffix(class)).map(|s| table.gammas[s.index()]);
+            let gamma = gamma.or(median);
             if let Some(gamma) = gamma {
                 filled.gammas[class.index()] = gamma;
             }

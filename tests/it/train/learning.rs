@@ -3,13 +3,14 @@
 use super::crop;
 use opsr::regularise::AttenuationTable;
 use opsr::sampler::{Domain, Seed};
-use opsr::train::config::{Evaluation, Optimiser};
+use opsr::train::config::{Evaluation, Optimiser, Preset};
 use opsr::train::evaluate::MomentSource;
 use opsr::train::evaluate::replay::Replay;
 use opsr::train::learn::outer_loop::Outcome;
 use opsr::train::{Config, RecordingControl, Session};
 use opsr::verify::learning::{self, TRUTH, quick};
 use std::ops::ControlFlow;
+use std::path::Path;
 
 fn learn(config: Config, folder: Option<&std::path::Path>, resume: bool, stop_at: u32) -> Outcome {
     let beta = config.beta[0];
@@ -104,6 +105,36 @@ fn determinism_of_a_beta_alone_and_after_another() {
         let (alone, after) = (learn(&[0.05]), learn(&[0.001, 0.05]));
         assert_eq!(alone.start, after.start, "{method:?}");
         assert_eq!(alone.table, after.table, "{method:?}");
+    }
+}
+
+/// A training of a second on a shipped scene gives the very table that it gave when those of `params/` were learned. Where it does
+/// not, they are no longer what this program learns: learn them anew, and this one.
+#[test]
+fn shipped_tables_are_those_of_this_program() {
+    let config = Config {
+        spp: 8,
+        steps: 12,
+        ..Config::from(Preset::Smoke)
+    };
+    let mut session = Session::open(config, &RecordingControl::default()).unwrap();
+    let learned = session
+        .learn(0.001, None, false, &mut |_, _, _| ControlFlow::Continue(()))
+        .unwrap();
+    let known = Path::new("tests/data/small_table.json");
+    let text = std::fs::read_to_string(known).unwrap_or_default();
+    let factors: Vec<f32> = serde_json::from_str(&text).unwrap_or_default();
+    if factors != learned.table.gammas.as_slice() {
+        let new = Path::new(env!("CARGO_TARGET_TMPDIR")).join("small_table.json");
+        let text = serde_json::to_string(learned.table.gammas.as_slice()).unwrap();
+        std::fs::write(&new, text + "\n").unwrap();
+        let differ = (factors.iter().zip(learned.table.gammas.iter())).filter(|(a, b)| a != b);
+        panic!(
+            "{} factors differ from those of {}. Learn the tables of params/ anew (docs/training.md), and copy {} there.",
+            differ.count(),
+            known.display(),
+            new.display()
+        );
     }
 }
 
