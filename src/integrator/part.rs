@@ -25,7 +25,7 @@ use std::time::Instant;
 
 const FILE: Sealed = Sealed {
     kind: "part of a render",
-    version: 1,
+    version: 2,
     // Parts are read piece by piece.
     most: 0,
 };

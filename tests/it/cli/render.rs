@@ -130,7 +130,10 @@ fn summary_line_names_files_samples_time_and_error() {
     let (_, error) = line
         .split_once("estimated relative error ")
         .expect("an error");
+    let (error, mean) = error.split_once(", mean ± ").expect("an error of the mean");
     assert!(error.parse::<f64>().is_ok_and(|e| e >= 0.0), "{line}");
+    let percent = mean.strip_suffix(" %").map(str::parse::<f64>);
+    assert!(percent.is_some_and(|p| p.is_ok_and(|p| p > 0.0)), "{line}");
     assert!(line.contains(" million paths/s, "), "{line}");
     // A pipe gets no colours, even from the log.
     assert!(
