@@ -93,7 +93,7 @@ def _described(function, name):
     return function
 
 
-def render(scene, *, on_progress=None, threads=None, part=None, samples=None, **options):
+def render(scene, *, on_progress=None, threads=None, part=None, samples=None, begun=None, **options):
     """Renders a scene. The same settings give the same picture as the program, at any number of threads.
 
 scene: the scene.
@@ -103,12 +103,13 @@ on_progress: called with a Progress after each pass; False ends the render, whic
 threads: their number; all cores by default.
 part: write this file instead, for `merge`, and return None. It is whole or not there.
 samples: (first, last + 1) of the samples of a part; by default all `spp`.
+begun: a part of the first of these samples, of the same pixels, to go on with; both begin with sample 0.
 
 Ctrl-C ends the render after the current pass and raises KeyboardInterrupt. Raises ValueError for settings that cannot
 be, MemoryError for pictures that are too large for this machine.
 """
     return _opsr.render(
-        scene, on_progress=on_progress, threads=threads, part=part, samples=samples, **options
+        scene, on_progress=on_progress, threads=threads, part=part, samples=samples, begun=begun, **options
     )
 
 

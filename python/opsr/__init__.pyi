@@ -32,7 +32,7 @@ class _SceneOptions(TypedDict, total=False):
 
 class Scene:
     @staticmethod
-    def load(path: Path, env: Path | None = None, **options: Unpack[_SceneOptions]) -> Scene: ...
+    def load(path: Path, env: Path | None = None, *, name: Path | None = None, **options: Unpack[_SceneOptions]) -> Scene: ...
     @staticmethod
     def build(
         meshes: Iterable[dict[str, Any]],
@@ -112,6 +112,8 @@ class Film:
     def rejected(self) -> int: ...
     @property
     def relative_error(self) -> float: ...
+    @property
+    def error_bound(self) -> float: ...
     @property
     def mean_error(self) -> tuple[float, float, float] | None: ...
     @property
@@ -209,7 +211,7 @@ class _ViewOptions(_Options, total=False):
 
 @overload
 def render(
-    scene: Scene, *, part: None = None, samples: None = None, **options: Unpack[_Options]
+    scene: Scene, *, part: None = None, samples: None = None, begun: None = None, **options: Unpack[_Options]
 ) -> Film: ...
 @overload
 def render(
@@ -217,10 +219,15 @@ def render(
     *,
     part: Path,
     samples: tuple[int, int] | None = None,
+    begun: Path | None = None,
     **options: Unpack[_Options],
 ) -> None: ...
 def merge(
-    parts: Sequence[Path], *, spp: int | None = None, crop: tuple[int, int, int, int] | None = None
+    parts: Sequence[Path],
+    *,
+    spp: int | None = None,
+    crop: tuple[int, int, int, int] | None = None,
+    partial: bool = False,
 ) -> Film: ...
 def resolve(film: Film, *, resolve: Literal["none", "sharp", "default", "smooth"] = "default") -> Resolved: ...
 def view(

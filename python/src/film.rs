@@ -2,6 +2,7 @@
 
 use crate::array;
 use crate::errors::{argument, file};
+use crate::pickle;
 use crate::work::detached;
 use opsr::image::Buffer;
 use opsr::image::display::{Display, ViewTransform, auto_exposure};
@@ -10,7 +11,9 @@ use opsr::image::png;
 use opsr::integrator::Picture;
 use opsr::pilot::witness::Missing;
 use opsr::render::value::{Field, Range};
-use opsr::resolve::{Resolve, Resolved as Choice, film_error, film_errors, resolve_film};
+use opsr::resolve::{
+    Resolve, Resolved as Choice, film_error, film_errors, resolve_film, stopping_error,
+};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -22,6 +25,8 @@ pub(crate) struct Film {
     pub(crate) made: Picture,
     /// The choice among several levels.
     pub(crate) choice: Option<Choice>,
+    /// How it was chosen.
+    pub(crate) resolve: Resolve,
     pub(crate) layers: Vec<Layer>,
     /// Light that a witness has found and the picture lacks.
     pub(crate) missing: Option<Missing>,
@@ -112,6 +117,12 @@ impl Film {
         (self.missing.as_ref()).map_or(stated, |missing| missing.error(stated))
     }
 
+    /// The error that `target_error` bounds: the relative error with some doubt, which is larger where samples are few.
+    #[getter]
+    fn error_bound(&self, py: Python<'_>) -> PyResult<f64> {
+        detached(py, || stopping_error(&self.made))
+    }
+
     /// Standard error of the mean of all pixels by channel: (red, green, blue). None for several levels, and where there are too few
     /// samples to tell. Unlike `variance` it knows what pixels share by light paths.
     #[getter]
@@ -167,6 +178,10 @@ impl Film {
     /// The picture as a PNG file in memory, which notebooks show.
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         shown(py, &self.shown())
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        pickle::reduce(slf)
     }
 
     fn __repr__(&self) -> String {

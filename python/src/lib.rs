@@ -10,6 +10,7 @@ mod compare;
 mod errors;
 mod film;
 mod options;
+mod pickle;
 mod render;
 mod scene;
 mod table;
@@ -28,6 +29,8 @@ mod _opsr {
     use super::film::{Film, Resolved, resolve};
     #[pymodule_export]
     use super::options::_options;
+    #[pymodule_export]
+    use super::pickle::_film;
     #[pymodule_export]
     use super::render::{Progress, merge, render};
     #[pymodule_export]

@@ -41,13 +41,14 @@ impl From<RenderProgress> for Progress {
 
 /// Renders a scene; `opsr/__init__.py` says more.
 #[pyfunction]
-#[pyo3(signature = (scene, *, on_progress=None, threads=None, part=None, samples=None, **options))]
+#[pyo3(signature = (scene, *, on_progress=None, threads=None, part=None, samples=None, begun=None, **options))]
 pub(crate) fn render(
     scene: &Bound<'_, Scene>,
     on_progress: Option<Py<PyAny>>,
     threads: Option<&Bound<'_, PyAny>>,
     part: Option<PathBuf>,
     samples: Option<&Bound<'_, PyAny>>,
+    begun: Option<PathBuf>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Option<Film>> {
     let py = scene.py();
@@ -80,15 +81,17 @@ pub(crate) fn render(
         let samples = samples.unwrap_or(request.all_samples());
         let done = watched(py, threads, hear, |link| {
             let listen = &mut |progress: &RenderProgress| link.tell(|| *progress);
-            request.part(&path, samples, listen)
+            request.part(&path, samples, begun.as_deref(), listen)
         })?;
         return match done.map_err(raised)? {
             true => Ok(None),
             false => Err(argument("part", "not written, since on_progress ended it")),
         };
     }
-    if samples.is_some() {
-        return Err(argument("samples", "needs a part to write"));
+    for (name, given) in [("samples", samples.is_some()), ("begun", begun.is_some())] {
+        if given {
+            return Err(argument(name, "needs a part to write"));
+        }
     }
     let made = watched(py, threads, hear, |link| {
         let begun = request.begin(&|| !link.stopped())?;
@@ -117,6 +120,7 @@ fn film(request: &Request<'_>, output: Output) -> Film {
         missing.note(&mut metadata);
     }
     Film {
+        resolve: request.spec.resolve(),
         choice: (picture.levels.as_ref()).map(|film| resolve_film(film, request.spec.resolve())),
         layers: Layers::new(request.spec.aovs(), &request.view()).of(&picture),
         camera: request.camera.world_to_camera(),
@@ -148,16 +152,18 @@ fn stamp(metadata: &mut Metadata, samples: u32, picture: &Picture) {
 /// parts: files that `render(..., part=...)` or the program wrote.
 /// spp: samples per pixel that the parts shall make; by default the most that a pixel has.
 /// crop: (x, y, width, height) of the pixels that the parts shall make; by default the whole frame.
+/// partial: True for the picture so far: pixels may lack samples, and are black without any.
 ///
 /// Raises ValueError for parts of different renders, for samples that are missing or there twice, each by name, and for
 /// damaged files; OSError for those that cannot be read.
 #[pyfunction]
-#[pyo3(signature = (parts, *, spp=None, crop=None))]
+#[pyo3(signature = (parts, *, spp=None, crop=None, partial=false))]
 pub(crate) fn merge(
     py: Python<'_>,
     parts: Vec<PathBuf>,
     spp: Option<&Bound<'_, PyAny>>,
     crop: Option<&Bound<'_, PyAny>>,
+    partial: bool,
 ) -> PyResult<Film> {
     let spp = count("spp", spp, 1)?;
     let crop = crop.map(|crop| {
@@ -167,7 +173,10 @@ pub(crate) fn merge(
     });
     let crop = crop.transpose()?.and_then(|spec: Spec| spec.crop);
     let window = |size| crop.map_or(Window::full(size), |crop| crop.of(size));
-    let merged = watched::<(), _>(py, None, None, |_| part::merge(&parts, window, spp))?;
+    let merged = watched::<(), _>(py, None, None, |_| match partial {
+        true => part::merge_so_far(&parts, window),
+        false => part::merge(&parts, window, spp),
+    })?;
     let Merged {
         first,
         samples,
@@ -183,6 +192,7 @@ pub(crate) fn merge(
     let mut metadata = first.metadata;
     stamp(&mut metadata, samples, &picture);
     Ok(Film {
+        resolve: Resolve::default(),
         choice: (picture.levels.as_ref()).map(|film| resolve_film(film, Resolve::default())),
         layers: Layers::recorded(&wanted).of(&picture),
         camera: first.camera,

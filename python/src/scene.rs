@@ -17,7 +17,7 @@ use std::path::PathBuf;
 #[pyclass(frozen, module = "opsr")]
 pub(crate) struct Scene {
     pub(crate) world: World,
-    /// The path that it was loaded from.
+    /// The path that it was loaded from, or its name.
     #[pyo3(get)]
     pub(crate) path: PathBuf,
     /// SHA-256 of the scene's files, in hexadecimal digits.
@@ -37,14 +37,17 @@ impl Scene {
     /// Loads a glTF 2.0 file (.gltf or .glb), or a scene of pbrt-v4 (.pbrt) or Mitsuba (.xml). Each of its warnings is issued as a UserWarning. Keywords are the options of
     /// `opsr render` for the scene and its light; `help(opsr)` lists them.
     ///
+    /// name: what the scene goes by in `path` and in metadata, for a copy of a file from elsewhere; by default the path.
+    ///
     /// Raises FileNotFoundError or OSError for a file that cannot be read, ValueError for one that is damaged or not
     /// supported.
     #[staticmethod]
-    #[pyo3(signature = (path, env=None, **options))]
+    #[pyo3(signature = (path, env=None, *, name=None, **options))]
     fn load(
         py: Python<'_>,
         path: PathBuf,
         env: Option<&Bound<'_, PyAny>>,
+        name: Option<PathBuf>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let keywords = match options {
@@ -54,11 +57,9 @@ impl Scene {
         if let Some(env) = env {
             keywords.set_item("env", env)?;
         }
-        let recipe = (
-            "load",
-            PyTuple::new(py, [&path])?.unbind(),
-            keywords.copy()?.unbind(),
-        );
+        let again = keywords.copy()?;
+        again.set_item("name", &name)?;
+        let recipe = ("load", PyTuple::new(py, [&path])?.unbind(), again.unbind());
         let spec = read("Scene.load", Some(&keywords), of_scene)?;
         let opened = detached(py, || spec.open(&path, World::new))?.map_err(raised)?;
         for warning in &opened.warnings {
@@ -68,7 +69,7 @@ impl Scene {
         }
         Ok(Self {
             world: opened.scene,
-            path,
+            path: name.unwrap_or(path),
             sha256: opened.sha256,
             spec,
             warnings: opened.warnings,

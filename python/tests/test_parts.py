@@ -1,5 +1,6 @@
 """Renders in parts, and what the program has that `render` has too."""
 
+import pickle
 import subprocess
 
 import numpy as np
@@ -117,3 +118,44 @@ def test_auto_names_the_integrator_that_a_pilot_chose(box):
     np.testing.assert_array_equal(film.picture, single.picture)
     timed = opsr.render(box, size=(24, 16), time=0.2, integrator="auto", gamma=0.1, levels=3, aov=True)
     assert timed.spp > 0 and timed.seconds < 5
+
+
+@pytest.mark.parametrize("options", [{"aov": True}, {"gamma": 0.3, "levels": 3}, {"integrator": "bdpt"}], ids=["path", "levels", "bdpt"])
+def test_part_that_is_gone_on_with_is_that_of_one_render(box, tmp_path, options):
+    settings = {**SMALL, **options}
+    opsr.render(box, part=tmp_path / "a", samples=(0, 2), **settings)
+    opsr.render(box, part=tmp_path / "b", samples=(0, 6), begun=tmp_path / "a", **settings)
+    opsr.render(box, part=tmp_path / "c", samples=(0, 6), **settings)
+    assert (tmp_path / "b").read_bytes() == (tmp_path / "c").read_bytes()
+    with pytest.raises(ValueError, match=r"samples 0\.\.6 of 24x16 .* cannot become samples 0\.\.2"):
+        opsr.render(box, part=tmp_path / "d", samples=(0, 2), begun=tmp_path / "c", **settings)
+    with pytest.raises(ValueError, match="belongs to other settings"):
+        opsr.render(box, part=tmp_path / "d", begun=tmp_path / "a", seed=4, **settings)
+    with pytest.raises(ValueError, match="begun: needs a part"):
+        opsr.render(box, begun=tmp_path / "a", **settings)
+    assert not (tmp_path / "d").exists()
+
+
+def test_partial_merge_is_black_where_nothing_is(box, tmp_path):
+    opsr.render(box, part=tmp_path / "a", crop=(0, 0, 24, 5), **SMALL)
+    opsr.render(box, part=tmp_path / "b", crop=(0, 10, 24, 6), samples=(2, 6), **SMALL)
+    film = opsr.merge([tmp_path / "a", tmp_path / "b"], partial=True)
+    single = opsr.render(box, **SMALL)
+    assert (film.picture[:5] == single.picture[:5]).all()
+    assert (film.samples[5:10] == 0).all() and (film.picture[5:10] == 0).all()
+    assert (film.samples[10:] == 4).all() and film.picture[10:].any()
+
+
+@pytest.mark.parametrize(
+    "options", [{"aov": ["id", "depth", "alpha"]}, {"levels": 3, "gamma": 0.3, "resolve": "sharp"}, {"integrator": "bdpt", "crop": (3, 2, 9, 9)}], ids=["path", "levels", "bdpt"]
+)
+def test_pickled_film_is_the_film(box, tmp_path, options):
+    film = opsr.render(box, **SMALL, **options)
+    again = pickle.loads(pickle.dumps(film))
+    film.save(tmp_path / "a.exr")
+    again.save(tmp_path / "b.exr")
+    assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
+    for name in ("size", "crop", "spp", "seconds", "metadata", "rejected", "relative_error", "error_bound", "mean_error", "light_missing"):
+        assert getattr(film, name) == getattr(again, name), name
+    assert film.aovs.keys() == again.aovs.keys()
+    assert (film.picture == again.picture).all() and (film.variance == again.variance).all()

@@ -28,7 +28,7 @@ pub(super) fn render(
         bar.show(progress, None);
         stop.flow()
     };
-    let done = request.part(path, samples, hear);
+    let done = request.part(path, samples, None, hear);
     bar.finish();
     if done.told()? {
         return Ok(Exit::Done);

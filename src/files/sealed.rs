@@ -192,6 +192,14 @@ impl Payload {
         Ok(())
     }
 
+    /// All bytes that have not been read, as many as the file has; an error unless the checksum is right.
+    pub(crate) fn rest(mut self) -> Result<Vec<u8>, Problem> {
+        let mut bytes = vec![0; self.left as usize];
+        self.read(&mut bytes)?;
+        self.finish()?;
+        Ok(bytes)
+    }
+
     /// An error unless all has been read and the checksum is right.
     pub(crate) fn finish(mut self) -> Result<(), Problem> {
         let mut checksum = [0; CHECKSUM];

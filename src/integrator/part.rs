@@ -112,7 +112,20 @@ impl Part {
     ///
     /// Panics for a window outside of the frame.
     pub fn render(
+        self,
+        path: &Path,
+        integrator: &mut dyn Integrator,
+        view: &View<'_>,
+        listen: &mut dyn FnMut(&RenderProgress) -> ControlFlow<()>,
+    ) -> Result<bool, FileError> {
+        self.render_on(None, path, integrator, view, listen)
+    }
+
+    /// The same, after the samples of `begun`: a part of the same pixels that begins with sample 0, as this one does. The file
+    /// has the bytes of a part that was rendered at once.
+    pub fn render_on(
         mut self,
+        begun: Option<&Path>,
         path: &Path,
         integrator: &mut dyn Integrator,
         view: &View<'_>,
@@ -121,15 +134,16 @@ impl Part {
         let blank = self.blank(view.window);
         let [start, end] = self.samples;
         self.shares = integrator.shares_light();
+        let begun = begun.map(|begun| self.begun(begun)).transpose()?;
         if start == 0 {
-            let mut picture = blank;
+            let (mut picture, done) = begun.unwrap_or((blank, 0));
             let samples = Some(end);
             let budget = Budget {
                 samples,
                 ..Budget::default()
             };
             let heard = &mut |progress: &RenderProgress, _: &Picture| listen(progress);
-            let (progress, _) = drive(integrator, view, &budget, 0, &mut picture, heard);
+            let (progress, _) = drive(integrator, view, &budget, done, &mut picture, heard);
             if progress.samples < end {
                 return Ok(false);
             }
@@ -163,6 +177,48 @@ impl Part {
             Err(_) if stopped => Ok(false),
             saved => saved.map(|()| true),
         }
+    }
+
+    /// Picture and number of samples of a part that this one goes on with.
+    fn begun(&self, path: &Path) -> Result<(Picture, u32), FileError> {
+        let read = || {
+            let (old, payload) = Self::open(path)?;
+            self.same_render(&old, None).map_err(Problem::content)?;
+            let [start, end] = old.samples;
+            let fits = old.window == self.window && start == 0 && self.samples[0] == 0;
+            if !fits || end > self.samples[1] {
+                let (old, own) = (old.words(), self.words());
+                return Err(Problem::content(format!("{old} cannot become {own}")));
+            }
+            Ok((old.sums(&payload.rest()?)?, end))
+        };
+        read().map_err(|problem: Problem| problem.at(path))
+    }
+
+    /// An error unless a part belongs to the render of this one, whose file this is if it has one.
+    fn same_render(&self, part: &Self, file: Option<&Path>) -> Result<(), String> {
+        let file = file.map(|file| file.display().to_string());
+        let render = (file.as_ref()).map_or("render".to_owned(), |file| format!("render ({file})"));
+        part.fingerprint
+            .differs(&self.fingerprint, "part", &render)?;
+        let same = part.size == self.size && part.levels == self.levels;
+        match same && part.aovs == self.aovs && part.camera == self.camera {
+            true => Ok(()),
+            false => Err(format!(
+                "other settings than {}",
+                file.as_deref().unwrap_or("this render")
+            )),
+        }
+    }
+
+    /// The picture of a part that has sums, from its payload.
+    fn sums(&self, payload: &[u8]) -> Result<Picture, Problem> {
+        let (size, window) = (UVec2::from_array(self.size), self.window());
+        let read = checkpoint::read(size, window, self.levels.len(), payload);
+        let mut read = read.map_err(Problem::content)?;
+        read.film.rejected = checkpoint::rejected(self.refused, &self.first_refused);
+        read.film.sharing = checkpoint::sharing(&self.shared);
+        Ok(read)
     }
 
     /// The header of a file and its payload; the header is checked, the payload not.
@@ -271,6 +327,23 @@ pub fn merge(
     window: impl FnOnce(UVec2) -> Window,
     samples: Option<u32>,
 ) -> Result<Merged, MergeError> {
+    merge_all(paths, window, samples, true)
+}
+
+/// The picture of the parts that there are: pixels may lack samples, and are black without any.
+pub fn merge_so_far(
+    paths: &[PathBuf],
+    window: impl FnOnce(UVec2) -> Window,
+) -> Result<Merged, MergeError> {
+    merge_all(paths, window, None, false)
+}
+
+fn merge_all(
+    paths: &[PathBuf],
+    window: impl FnOnce(UVec2) -> Window,
+    samples: Option<u32>,
+    complete: bool,
+) -> Result<Merged, MergeError> {
     let mut parts = Vec::new();
     for path in paths {
         let (part, _) = Part::open(path).map_err(|e| MergeError::File(e.at(path)))?;
@@ -285,23 +358,13 @@ pub fn merge(
         return Err(MergeError::Samples("no parts".into()));
     };
     for (path, part) in &parts[1..] {
-        let render = format!("render ({})", first_path.display());
-        let differs = part
-            .fingerprint
-            .differs(&first.fingerprint, "part", &render);
-        let differs = differs.and_then(|()| {
-            let same = part.size == first.size && part.levels == first.levels;
-            match same && part.aovs == first.aovs && part.camera == first.camera {
-                true => Ok(()),
-                false => Err(format!("other settings than {}", first_path.display())),
-            }
-        });
+        let differs = first.same_render(part, Some(first_path));
         differs.map_err(|what| MergeError::File(FileError::content(path, what)))?;
     }
     let size = UVec2::from_array(first.size);
     let window = window(size);
     Film::check(size, window).map_err(|e| MergeError::Samples(e.to_string()))?;
-    let samples = Coverage::new(&parts, window)?.check(&parts, samples)?;
+    let samples = Coverage::new(&parts, window)?.check(&parts, samples, complete)?;
 
     let [a, b] = first.aov_numbers();
     let each = size_of::<[f64; 7]>() as u64 + 8 * (a + b) as u64;
@@ -394,8 +457,14 @@ impl Coverage {
             })
     }
 
-    /// The number of samples that all pixels have; an error with everything that is missing or there twice.
-    fn check(mut self, parts: &[(&Path, Part)], samples: Option<u32>) -> Result<u32, MergeError> {
+    /// The number of samples that all pixels have, or of the one that has most; an error with everything that is there twice, or
+    /// missing from what shall be complete.
+    fn check(
+        mut self,
+        parts: &[(&Path, Part)],
+        samples: Option<u32>,
+        complete: bool,
+    ) -> Result<u32, MergeError> {
         /// Gaps that are named.
         const NAMED: usize = 8;
         let mut missing: BTreeMap<[u32; 2], Window> = BTreeMap::new();
@@ -442,7 +511,7 @@ impl Coverage {
                 miss([next, wanted], cell);
             }
         }
-        if missing.is_empty() {
+        if missing.is_empty() || !complete {
             return Ok(wanted);
         }
         let named = missing.iter().take(NAMED);
@@ -474,11 +543,7 @@ impl Whole {
         }
         let [start, end] = part.samples;
         if start == 0 {
-            // As long as the file, which was checked.
-            let mut bytes = vec![0; payload.left() as usize];
-            payload.read(&mut bytes)?;
-            payload.finish()?;
-            return self.add_sums(part, &bytes);
+            return self.add_sums(part, &payload.rest()?);
         }
         let length = payload.left() / u64::from(end - start);
         let mut bytes = vec![0; length as usize];
@@ -490,13 +555,9 @@ impl Whole {
     }
 
     fn add_sums(&mut self, part: &Part, bytes: &[u8]) -> Result<(), Problem> {
-        let (size, window) = (UVec2::from_array(part.size), part.window());
-        let read = checkpoint::read(size, window, part.levels.len(), bytes);
-        let mut read = read.map_err(Problem::content)?;
-        read.film.rejected = checkpoint::rejected(part.refused, &part.first_refused);
+        let read = part.sums(bytes)?;
         self.picture.film.paste(&read.film);
-        let sharing = checkpoint::sharing(&part.shared);
-        self.picture.film.sharing.merge(&sharing);
+        self.picture.film.sharing.merge(&read.film.sharing);
         if let Some((all, own)) = self.picture.levels.as_mut().zip(read.levels) {
             all.paste(&own);
         }

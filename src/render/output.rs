@@ -106,12 +106,13 @@ impl Request<'_> {
         }
     }
 
-    /// Renders these samples into the file of a part, whole or not at all. False if the listener ended it: then there is no
-    /// file.
+    /// Renders these samples into the file of a part, whole or not at all; after those of `begun`, a part of the same pixels, if
+    /// there is one. False if the listener ended it: then there is no file.
     pub fn part(
         &self,
         path: &Path,
         samples: Range<u32>,
+        begun: Option<&Path>,
         hear: &mut dyn FnMut(&RenderProgress) -> ControlFlow<()>,
     ) -> Result<bool, Fault> {
         Self::check_part(&self.spec)?;
@@ -122,7 +123,8 @@ impl Request<'_> {
         let mut part = Part::new(identity, &view, samples, levels, [first, light]);
         part.layers = self.spec.aovs().iter().map(|aov| aov.name()).collect();
         part.metadata = self.metadata(0, 0);
-        Ok(part.render(path, &mut *self.settings.integrator(), &view, hear)?)
+        let integrator = &mut *self.settings.integrator();
+        Ok(part.render_on(begun, path, integrator, &view, hear)?)
     }
 
     /// The command that renders the pixel of a refused sample again, up to that sample.
