@@ -126,6 +126,18 @@ pub fn exact_plastic(alpha: f32, distribution: Distribution) -> Bsdf {
     })
 }
 
+/// Clear thin wall by Fresnel's equations, with all reflections between its faces.
+pub fn exact_pane(alpha: f32, distribution: Distribution) -> Bsdf {
+    Bsdf::Thin(ThinDielectric {
+        f0: Rgb::ONE,
+        f90: 1.0,
+        eta: 1.5,
+        tint: Rgb::ONE,
+        alpha,
+        distribution,
+    })
+}
+
 /// BSDF of this base under a film.
 pub fn under_film(base: Bsdf) -> Bsdf {
     let film = Film {
@@ -137,7 +149,7 @@ pub fn under_film(base: Bsdf) -> Bsdf {
 }
 
 /// BSDF of every kind at one roughness, with its name.
-pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 14] {
+pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 17] {
     [
         ("metal", metal(alpha, distribution)),
         ("plastic", plastic(alpha, distribution)),
@@ -168,11 +180,20 @@ pub fn kinds(alpha: f32, distribution: Distribution) -> [(&'static str, Bsdf); 1
         ("pane under a film", under_film(pane(alpha, distribution))),
         ("exact metal", exact_metal(alpha, distribution)),
         ("exact plastic", exact_plastic(alpha, distribution)),
+        ("exact pane", exact_pane(alpha, distribution)),
+        (
+            "exact metal under clear coat",
+            under_clearcoat(exact_metal(alpha, distribution)),
+        ),
+        (
+            "exact plastic under fibres",
+            under_sheen(exact_plastic(alpha, distribution), 0.3),
+        ),
     ]
 }
 
 /// BSDFs with all that a scene may contain: perfect, matched, weak and strong interfaces.
-pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 25] {
+pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 26] {
     let glass = |eta| glass(eta, alpha, distribution);
     [
         Bsdf::Sheen(fibres(alpha)),
@@ -212,6 +233,7 @@ pub fn extremes(alpha: f32, distribution: Distribution) -> [Bsdf; 25] {
         under_clearcoat(brushed(plastic(alpha, distribution), 0.3)),
         exact_metal(alpha, distribution),
         exact_plastic(alpha, distribution),
+        exact_pane(alpha, distribution),
         under_clearcoat(exact_plastic(alpha, distribution)),
     ]
 }
