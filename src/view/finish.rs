@@ -2,17 +2,19 @@
 //! its own, so that a camera that turns never waits for it; of the films that wait only the newest is kept.
 
 use super::hub::{Hub, Snapshot};
+use super::likeness::likeness;
 use super::stage::Shot;
 use super::wish::{Other, Overlay};
 use crate::image::Buffer;
 use crate::image::denoise::Denoiser;
 use crate::image::film::Film;
 use crate::image::metric::flip;
-use crate::integrator::{Picture, Settings};
-use crate::pilot::witness::missing_light;
+use crate::integrator::{Picture, Settings, Stop};
+use crate::pilot::witness::{Missing, missing_light};
 use crate::render::files::finish;
 use crate::render::{Fault, Names, Spec};
 use crate::resolve::{Resolved, film_errors};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -25,6 +27,8 @@ pub(super) struct Job {
     pub(super) picture: Picture,
     pub(super) samples: u32,
     pub(super) seconds: f64,
+    /// Set once its render has ended.
+    pub(super) over: Arc<AtomicBool>,
 }
 
 /// The film that waits, one for each side.
@@ -85,38 +89,96 @@ pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
     while !hub.ended() {
         let Some(job) = slot.take() else { continue };
         let clock = Instant::now();
-        let state = hub.lock();
-        let (spec, current) = (state.wish.spec.clone(), state.run);
-        let wanted = state.wish.overlay == Overlay::Flip && job.side == 0;
-        let against = match state.wish.other {
-            Some(Other::Reference) if job.side == 0 => hub.reference.clone(),
-            Some(_) if wanted => state.other.as_ref().map(|s| s.picture.clone()),
-            _ => None,
+        let against = Against::of(hub, &job);
+        let Some((spec, against)) = against else {
+            slot.done(clock.elapsed().as_secs_f64());
+            continue;
         };
-        drop(state);
-        if job.run == current {
-            let side = job.side;
-            if side == 0 && witness.is_due(&job) {
-                let missing = pool.install(|| witness.look(&job));
-                hub.change(|state| state.missing = missing.filter(|_| state.run == job.run));
-            }
-            match pool.install(|| finished(job, &spec, against.as_ref())) {
-                Ok(snapshot) => hub.show(side, snapshot),
-                Err(fault) => hub.change(|state| {
-                    state.notes = vec![fault.said(Names::Flags)];
+        let (side, run) = (job.side, job.run);
+        let due = side == 0 && witness.is_due(&job);
+        let missing = (side == 0).then(|| witness.of(run)).flatten();
+        let made = pool.install(|| finished(&job, &spec, &against, missing));
+        match made {
+            Ok(snapshot) => hub.show(side, snapshot),
+            Err(fault) => hub.change(|state| {
+                state.notes = vec![fault.said(Names::Flags)];
+                state.words_number += 1;
+            }),
+        }
+        // The witness has time of its own: it looks after the picture is shown.
+        let cost = clock.elapsed().as_secs_f64();
+        if due && pool.install(|| witness.look(&job)) {
+            let words = witness.of(run).map(ToString::to_string);
+            hub.change(|state| {
+                if state.run == run {
+                    state.missing = words;
                     state.words_number += 1;
-                }),
+                }
+            });
+            // What is missing belongs to the error and to its map.
+            if let Some(missing) = witness.of(run)
+                && let Ok(snapshot) =
+                    pool.install(|| finished(&job, &spec, &against, Some(missing)))
+            {
+                hub.show(side, snapshot);
             }
         }
-        slot.done(clock.elapsed().as_secs_f64());
+        slot.done(cost);
     }
 }
 
-/// The next look for light that a render has not met: at every doubling of its samples.
+/// The other picture of a film, and how it is held against it.
+struct Against {
+    picture: Option<Arc<Snapshot>>,
+    /// The picture of the reference in its place.
+    reference: Option<Arc<Buffer>>,
+    /// FLIP of every pixel is shown.
+    shown: bool,
+}
+
+impl Against {
+    /// The other picture of a job, with the options of its picture; `None` if its render is no longer the one that is shown.
+    fn of(hub: &Hub, job: &Job) -> Option<(Spec, Self)> {
+        let state = hub.lock();
+        if job.run != state.run {
+            return None;
+        }
+        let side = match job.side {
+            0 => &state.other,
+            _ => &state.shown,
+        };
+        let whole = |picture: &&Arc<Snapshot>| picture.run == job.run && !picture.preview;
+        let reference = state.wish.other == Some(Other::Reference);
+        let against = Self {
+            picture: side.as_ref().filter(whole).cloned(),
+            reference: hub.reference.clone().filter(|_| reference),
+            shown: state.wish.overlay == Overlay::Flip,
+        };
+        Some((state.wish.spec.clone(), against))
+    }
+
+    /// Mean FLIP, and that of every pixel where it is shown.
+    fn flip(&self, side: usize, picture: &Buffer) -> (Option<f64>, Option<Vec<f32>>) {
+        let of_other = self.picture.as_ref().map(|shown| &shown.picture);
+        let Some(other) = self.reference.as_deref().or(of_other) else {
+            return (None, None);
+        };
+        match (self.shown, side) {
+            (true, 0) => flip::hdr(picture, other, flip::DEFAULT_PPD)
+                .map_or((None, None), |(map, _)| (Some(map.mean), Some(map.values))),
+            (true, _) => (None, None),
+            (false, 0) => (likeness(picture, other), None),
+            (false, _) => (likeness(other, picture), None),
+        }
+    }
+}
+
+/// What is known of light that a render has not met; the next look is at every doubling of its samples.
 #[derive(Default)]
 struct Witness {
     run: u64,
     samples: u32,
+    found: Option<Missing>,
 }
 
 impl Witness {
@@ -130,11 +192,21 @@ impl Witness {
         job.samples >= next.max(FIRST)
     }
 
-    fn look(&mut self, job: &Job) -> Option<String> {
-        (self.run, self.samples) = (job.run, job.samples);
-        let view = job.shot.view(job.shot.frame);
-        let missing = missing_light(&view, &job.settings, &job.picture, job.samples);
-        missing.map(|missing| missing.to_string())
+    /// What is missing in this render, as far as is known.
+    fn of(&self, run: u64) -> Option<&Missing> {
+        self.found.as_ref().filter(|_| self.run == run)
+    }
+
+    /// Looks at a film; false if its render ended meanwhile.
+    fn look(&mut self, job: &Job) -> bool {
+        let stop = Stop::when(&job.over);
+        let view = job.shot.view(job.shot.frame).until(&stop);
+        let found = missing_light(&view, &job.settings, &job.picture, job.samples);
+        if job.over.load(Ordering::Relaxed) {
+            return false;
+        }
+        (self.run, self.samples, self.found) = (job.run, job.samples, found);
+        true
     }
 }
 
@@ -147,25 +219,35 @@ pub(super) struct Maps {
     pub(super) bias: Option<Vec<f32>>,
     /// Chosen level.
     pub(super) level: Option<Vec<u8>>,
+    /// Share of the light that is missing at least.
+    pub(super) missing: Option<Vec<f32>>,
+    /// FLIP against the other picture.
+    pub(super) flip: Option<Vec<f32>>,
     /// Stated error of the whole.
     pub(super) stated: Option<f64>,
 }
 
 /// The picture of a film, by the code that writes its files.
-fn finished(job: Job, spec: &Spec, against: Option<&Buffer>) -> Result<Snapshot, Fault> {
+fn finished(
+    job: &Job,
+    spec: &Spec,
+    against: &Against,
+    missing: Option<&Missing>,
+) -> Result<Snapshot, Fault> {
     let denoiser = match spec.denoise == Some(true) {
         true => Some(Denoiser::open()?),
         false => None,
     };
     let finished = finish(&job.picture, spec, denoiser.as_ref())?;
-    let maps = match finished.resolved {
+    let mut maps = match finished.resolved {
         Some(resolved) => of_levels(resolved),
-        None => of_film(&job.picture.film),
+        None => of_film(&job.picture.film, missing),
     };
     let picture = finished.shown;
-    let flip = against.and_then(|against| flip::hdr(&picture, against, flip::DEFAULT_PPD).ok());
+    let (flip, values) = against.flip(job.side, &picture);
+    maps.flip = values;
     Ok(Snapshot {
-        shot: job.shot,
+        shot: job.shot.clone(),
         run: job.run,
         preview: false,
         samples: job.samples,
@@ -173,7 +255,7 @@ fn finished(job: Job, spec: &Spec, against: Option<&Buffer>) -> Result<Snapshot,
         size: job.picture.film.size,
         picture,
         maps,
-        flip: flip.map(|(map, _)| (map.mean, map.values)),
+        flip,
     })
 }
 
@@ -188,20 +270,26 @@ fn of_levels(resolved: Resolved) -> Maps {
         bias: root(&resolved.bias2),
         stated: Some(resolved.relative_error()),
         level: Some(resolved.level),
+        ..Maps::default()
     }
 }
 
-fn of_film(film: &Film) -> Maps {
-    let error = film_errors(film);
+fn of_film(film: &Film, missing: Option<&Missing>) -> Maps {
+    let noise = film_errors(film);
+    let error = match missing {
+        Some(missing) => missing.errors(film),
+        None => noise.clone(),
+    };
     // What a film of one level states is the root mean square of its pixels.
     let stated = error.as_ref().map(|errors| {
         let squares = errors.iter().map(|&e| f64::from(e) * f64::from(e));
         (squares.sum::<f64>() / errors.len().max(1) as f64).sqrt()
     });
     Maps {
-        noise: error.clone(),
+        noise,
         error,
         stated,
+        missing: missing.map(|m| m.squares.iter().map(|x| x.sqrt()).collect()),
         ..Maps::default()
     }
 }

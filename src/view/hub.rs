@@ -31,8 +31,8 @@ pub(super) struct Snapshot {
     pub(super) size: UVec2,
     pub(super) picture: Buffer,
     pub(super) maps: Maps,
-    /// FLIP against the other picture, and its mean.
-    pub(super) flip: Option<(f64, Vec<f32>)>,
+    /// Mean FLIP against the other picture.
+    pub(super) flip: Option<f64>,
 }
 
 /// Pixels for a page: rows from the top, four bytes each.
@@ -113,6 +113,8 @@ pub(super) struct State {
     pub(super) notes: Vec<String>,
     /// Light that the picture lacks, in words.
     pub(super) missing: Option<String>,
+    /// Mean FLIP of the two pictures.
+    pub(super) flip: Option<f64>,
     pub(super) fault: Option<String>,
     pub(super) command: String,
     pub(super) saves: Vec<SyncSender<Kept>>,
@@ -126,7 +128,7 @@ pub(super) struct Hub {
     pub(super) disturbed: AtomicBool,
     ended: AtomicBool,
     /// Buffer of the reference.
-    pub(super) reference: Option<Buffer>,
+    pub(super) reference: Option<Arc<Buffer>>,
 }
 
 impl Hub {
@@ -148,6 +150,7 @@ impl Hub {
                 integrator: String::new(),
                 notes: Vec::new(),
                 missing: None,
+                flip: None,
                 fault: None,
                 command: String::new(),
                 saves: Vec::new(),
@@ -155,7 +158,7 @@ impl Hub {
             changed: Condvar::new(),
             disturbed: AtomicBool::new(false),
             ended: AtomicBool::new(false),
-            reference,
+            reference: reference.map(Arc::new),
         }
     }
 
@@ -232,6 +235,7 @@ impl Hub {
                 let stated = snapshot.maps.stated.unwrap_or(f64::INFINITY);
                 course.add(snapshot.seconds, snapshot.samples, stated);
             }
+            state.flip = snapshot.flip.or(state.flip);
             let place = match side {
                 0 => &mut state.shown,
                 _ => &mut state.other,
@@ -261,7 +265,6 @@ impl State {
     pub(super) fn words(&self) -> Value {
         let wish = &self.wish;
         let shown = self.shown.as_ref();
-        let flip = shown.and_then(|s| s.flip.as_ref()).map(|(mean, _)| *mean);
         let notes = [wish.left_out.as_slice(), self.notes.as_slice()].concat();
         let warnings = self.stage.as_ref().map(|stage| &stage.opened.warnings);
         json!({
@@ -288,7 +291,7 @@ impl State {
             "course": self.courses[0].json(),
             "other_course": self.courses[1].json(),
             "error": shown.filter(|s| !s.preview).and_then(|s| s.maps.stated).filter(|e| e.is_finite()),
-            "flip": flip,
+            "flip": self.flip,
         })
     }
 }

@@ -4,10 +4,12 @@
 //! |---|---|
 //! | `http` | requests and answers, bounded in size and time |
 //! | `serve` | who may ask, and what is answered |
+//! | `guests` | places of open connections |
 //! | `wish` | what pages ask for, checked |
 //! | `hub` | the newest of everything, shared by all threads |
 //! | `work` | the thread that renders |
 //! | `finish` | the thread that makes pictures of films |
+//! | `likeness` | FLIP of some pixels, while a picture changes |
 //! | `paint` | the thread that makes pixels of pictures |
 //! | `stage` | values, surfaces and paths under the pointer |
 //! | `save` | files |
@@ -18,8 +20,10 @@
 //! stalls holds up nothing but itself.
 
 mod finish;
+mod guests;
 mod http;
 mod hub;
+mod likeness;
 mod paint;
 mod save;
 mod serve;
@@ -36,7 +40,7 @@ use serve::Server;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 use wish::Wish;
 use work::Renderer;
@@ -81,6 +85,7 @@ impl Viewer {
             port,
             title: name.unwrap_or_default(),
             pool: one_thread()?,
+            waiting: AtomicUsize::new(0),
         });
         Ok(Self {
             listener,

@@ -119,7 +119,9 @@ fn overlaid(picture: &Snapshot, overlay: Overlay, display: Display) -> (Painted,
         Overlay::Error => errors(&picture.maps.error, "expected relative error"),
         Overlay::Noise => errors(&picture.maps.noise, "noise, relative"),
         Overlay::Bias => errors(&picture.maps.bias, "bias, relative"),
-        Overlay::Flip => (picture.flip.as_ref()).map(|(_, values)| linear(picture, values)),
+        Overlay::Flip => (picture.maps.flip.as_ref()).map(|map| linear(picture, map, "FLIP")),
+        Overlay::Missing => (picture.maps.missing.as_ref())
+            .map(|map| linear(picture, map, "light missing at least")),
         Overlay::Level => picture
             .maps
             .level
@@ -131,10 +133,10 @@ fn overlaid(picture: &Snapshot, overlay: Overlay, display: Display) -> (Painted,
 }
 
 /// Values in [0, 1].
-fn linear(picture: &Snapshot, values: &[f32]) -> (Painted, Value) {
+fn linear(picture: &Snapshot, values: &[f32], what: &str) -> (Painted, Value) {
     let size = picture.size;
     let shown = false_colour::map(size.x as usize, size.y as usize, values);
-    let legend = json!({ "low": 0, "high": 1, "what": "FLIP", "log": false });
+    let legend = json!({ "low": 0, "high": 1, "what": what, "log": false });
     (painted_picture(&shown, 0.0.into()), legend)
 }
 
@@ -143,7 +145,7 @@ fn levelled(picture: &Snapshot, levels: &[u8]) -> (Painted, Value) {
     let values: Vec<f32> = (levels.iter())
         .map(|&level| 0.08 + 0.84 * f32::from(level) / most)
         .collect();
-    let (painted, _) = linear(picture, &values);
+    let (painted, _) = linear(picture, &values, "");
     let legend = json!({ "low": 0, "high": most, "what": "level of roughening", "log": false });
     (painted, legend)
 }
@@ -173,7 +175,7 @@ fn first(picture: &Snapshot, overlay: Overlay) -> Option<(Painted, Value)> {
                 }
             };
             let shades: Vec<f32> = values.iter().map(near).collect();
-            let (painted, _) = linear(picture, &shades);
+            let (painted, _) = linear(picture, &shades, "");
             let legend = json!({ "low": high, "high": low, "what": "distance", "log": false });
             (painted, legend)
         }

@@ -3,6 +3,7 @@
 //! It listens on the loopback interface only. Every address begins with a token that nobody can guess; the host must be this
 //! server's, so that a name of another site that leads here gets nothing, and so must the origin, where a browser names one.
 
+use super::guests::{Guests, Place};
 use super::http::{Answer, Connection, End, Request};
 use super::hub::{Frame, Hub};
 use super::save;
@@ -19,11 +20,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-/// Most connections at a time.
-const MAX_CONNECTIONS: usize = 48;
-
-/// Longest wait for something new.
+/// Longest wait for something new, and most clients that may wait: a browser opens six connections to a server, and pages in
+/// many windows share them. Others are answered at once, and ask again after a while.
 const POLL: Duration = Duration::from_secs(5);
+const MAX_WAITING: usize = 3;
 
 const PAGE: &str = include_str!("page/index.html");
 const STYLE: &str = include_str!("page/page.css");
@@ -38,6 +38,8 @@ pub(super) struct Server {
     pub(super) title: String,
     /// Threads for what pages ask about pixels.
     pub(super) pool: rayon::ThreadPool,
+    /// Clients that wait for something new.
+    pub(super) waiting: AtomicUsize,
 }
 
 /// A pixel in a message.
@@ -53,47 +55,53 @@ struct Pick {
 impl Server {
     /// Answers clients until the viewer ends.
     pub(super) fn listen(self: &Arc<Self>, listener: &TcpListener) {
-        let open = Arc::new(AtomicUsize::new(0));
+        let guests = Arc::new(Guests::default());
         for stream in listener.incoming() {
             if self.hub.ended() {
                 return;
             }
-            let Ok(stream) = stream else { continue };
-            let (server, open) = (self.clone(), open.clone());
-            let many = open.fetch_add(1, Ordering::SeqCst) >= MAX_CONNECTIONS;
-            let serve = move || {
-                server.serve(stream, many);
-                open.fetch_sub(1, Ordering::SeqCst);
+            let Ok(stream) = stream else {
+                // No more files may be open: some will be closed.
+                std::thread::sleep(Duration::from_millis(20));
+                continue;
             };
-            // Where there are no more threads the connection is closed.
+            let Some(place) = Guests::admit(&guests, &stream) else {
+                if let Ok(mut connection) = Connection::new(stream) {
+                    let full = Answer::text(503, "too many connections");
+                    let _ = connection.send(&full, false);
+                }
+                continue;
+            };
+            let server = self.clone();
+            // Where there are no more threads the connection is closed, and its place is free.
             let thread = std::thread::Builder::new().stack_size(1 << 20);
-            let _ = thread.spawn(serve);
+            let _ = thread.spawn(move || server.serve(stream, &place));
         }
     }
 
-    fn serve(&self, stream: TcpStream, many: bool) {
+    fn serve(&self, stream: TcpStream, place: &Place) {
         let Ok(mut connection) = Connection::new(stream) else {
             return;
         };
-        if many {
-            let full = Answer::text(503, "too many connections");
-            let _ = connection.send(&full, false);
-            return;
-        }
         while !self.hub.ended() {
-            match connection.next() {
-                Ok(request) => {
-                    let answer = self.answer(&request).unwrap_or_else(|refusal| refusal);
-                    if connection.send(&answer, true).is_err() {
-                        return;
+            let refusal = match connection.next() {
+                Ok(request) => match self.permitted(&request) {
+                    Ok(path) => {
+                        place.keep();
+                        let answer = self.answer(path, &request);
+                        let answer = answer.unwrap_or_else(|refusal| refusal);
+                        if connection.send(&answer, true).is_err() {
+                            return;
+                        }
+                        continue;
                     }
-                }
-                Err(End::Refused(answer)) => {
-                    let _ = connection.send(&answer, false);
-                    return connection.close();
-                }
+                    Err(refusal) => refusal,
+                },
+                Err(End::Refused(refusal)) => refusal,
                 Err(End::Gone) => return,
-            }
+            };
+            let _ = connection.send(&refusal, false);
+            return connection.close();
         }
     }
 
@@ -118,8 +126,7 @@ impl Server {
         }
     }
 
-    fn answer(&self, request: &Request) -> Result<Answer, Answer> {
-        let path = self.permitted(request)?;
+    fn answer(&self, path: &str, request: &Request) -> Result<Answer, Answer> {
         let get = [
             "",
             "page.css",
@@ -342,14 +349,18 @@ impl Server {
 
     /// The newest frame and words, once one of them is newer than what the client has.
     fn poll(&self, frame: u64, words: u64) -> Answer {
-        let state = self.hub.wait(POLL, |state| {
+        let crowded = self.waiting.fetch_add(1, Ordering::SeqCst) >= MAX_WAITING;
+        let most = if crowded { Duration::ZERO } else { POLL };
+        let state = self.hub.wait(most, |state| {
             state.frame_number != frame || state.words_number != words
         });
+        self.waiting.fetch_sub(1, Ordering::SeqCst);
         let new = state.frame.clone().filter(|_| state.frame_number != frame);
         let mut head = json!({
             "frame": state.frame_number,
             "words": state.words_number,
             "state": state.words(),
+            "crowded": crowded,
         });
         drop(state);
         let images = new.as_deref().map(images).unwrap_or_default();

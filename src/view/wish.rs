@@ -76,10 +76,12 @@ pub(super) enum Overlay {
     Depth,
     /// FLIP against the other picture.
     Flip,
+    /// Light that a witness has found and the picture lacks.
+    Missing,
 }
 
 impl Overlay {
-    pub(super) const ALL: [Self; 9] = [
+    pub(super) const ALL: [Self; 10] = [
         Self::Picture,
         Self::Error,
         Self::Noise,
@@ -89,6 +91,7 @@ impl Overlay {
         Self::Albedo,
         Self::Depth,
         Self::Flip,
+        Self::Missing,
     ];
 
     pub(super) fn name(self) -> String {

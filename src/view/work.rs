@@ -16,12 +16,13 @@ use crate::resolve::Resolve;
 use crate::scene::Scene;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Seconds that the first picture after a change may take, and a pass of a whole frame where one sample takes less.
+/// Seconds that the first picture after a change may take, and a pass of a whole frame where one sample takes less: at first,
+/// and later. Many samples of a pixel in a pass take less time than one; a pass is broken off where it is no longer wanted.
 const FIRST: f64 = 0.05;
-const PASS: f64 = 0.25;
+const PASS: [f64; 2] = [0.25, 1.0];
 
 /// Most samples of a pass, and of a render that has no end of its own.
 const MAX_PASS: u32 = 16;
@@ -62,6 +63,8 @@ struct Run<'a> {
     offered: Option<Instant>,
     /// Samples that were offered last.
     shown: u32,
+    /// Set when this render ends.
+    over: Arc<AtomicBool>,
 }
 
 impl Renderer<'_> {
@@ -112,7 +115,7 @@ impl Renderer<'_> {
                 state.wish.look = Some(look);
             }
             state.notes = [left_out.clone(), request.notes.clone()].concat();
-            (state.fault, state.missing) = (None, None);
+            (state.fault, state.missing, state.flip) = (None, None, None);
             state.phase = "preview";
             state.integrator = word(&request.kind);
             state.command = command(&request, &wish.spec);
@@ -206,6 +209,7 @@ impl Renderer<'_> {
     ) -> Result<(), Fault> {
         let hub = self.hub;
         let mut runs = Vec::new();
+        let over = Arc::new(AtomicBool::new(false));
         for mut request in [Some(request), other].into_iter().flatten() {
             hub.change(|state| {
                 state.phase = "rendering";
@@ -230,6 +234,7 @@ impl Renderer<'_> {
                 length: 1,
                 offered: None,
                 shown: 0,
+                over: over.clone(),
             });
         }
         let mut showing = showing(&hub.lock());
@@ -273,6 +278,7 @@ impl Renderer<'_> {
             });
             self.offer(&mut runs[side], side, shot, run, false);
         }
+        over.store(true, Ordering::Relaxed);
         // Large films are given back beside the next picture, not before it.
         let films: Vec<Picture> = runs.into_iter().map(|run| run.picture).collect();
         std::thread::spawn(move || drop(films));
@@ -322,6 +328,7 @@ impl Renderer<'_> {
             picture: run.picture.clone(),
             samples: run.samples,
             seconds: run.seconds,
+            over: run.over.clone(),
         });
     }
 
@@ -367,7 +374,8 @@ impl Run<'_> {
         self.samples += added;
         self.seconds += seconds;
         let each = seconds / f64::from(added.max(1));
-        let room = (PASS / each.max(1e-9)).clamp(1.0, f64::from(MAX_PASS)) as u32;
+        let pass = (0.1 * self.seconds).clamp(PASS[0], PASS[1]);
+        let room = (pass / each.max(1e-9)).clamp(1.0, f64::from(MAX_PASS)) as u32;
         self.length = (2 * self.length).min(room);
         added > 0
     }

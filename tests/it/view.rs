@@ -220,6 +220,9 @@ fn view_refuses_whoever_may_not_ask() {
         "null",
         "http://127.0.0.1:1",
         "https://127.0.0.1",
+        &format!("http://127.0.0.1:{port}.evil.example"),
+        &format!("https://127.0.0.1:{port}"),
+        &format!("http://localhost:{port}/"),
     ] {
         let header = format!("Origin: {origin}\r\nContent-Type: application/json\r\n");
         for (method, path) in [("GET", "facts"), ("POST", "set")] {
@@ -232,6 +235,12 @@ fn view_refuses_whoever_may_not_ask() {
         format!("evil.example:{port}"),
         "127.0.0.1".into(),
         format!("127.0.0.1:{}", port ^ 1),
+        format!("127.0.0.1:{port}.evil.example"),
+        format!("evil.example@127.0.0.1:{port}"),
+        format!("localhost.:{port}"),
+        format!("0.0.0.0:{port}"),
+        format!("[::1]:{port}"),
+        format!("127.1:{port}"),
     ] {
         let text = format!("GET /{token}/ HTTP/1.1\r\nHost: {host}\r\n\r\n");
         assert_eq!(viewer.raw(text.as_bytes()).status, 403, "{host}");
@@ -256,6 +265,13 @@ fn view_refuses_whoever_may_not_ask() {
         &format!("/{wrong}/"),
         &format!("/{}/", &token[..16]),
         &format!("/{token}"),
+        &format!("//{token}/"),
+        &format!("/./{token}/"),
+        &format!("/x/../{token}/"),
+        &format!("/?{token}/"),
+        &format!("http://127.0.0.1:{port}/{token}/"),
+        &format!("/%{:02x}{}/", token.as_bytes()[0], &token[1..]),
+        "*",
     ] {
         let text = format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n");
         assert_eq!(viewer.raw(text.as_bytes()).status, 404, "{path}");
@@ -268,6 +284,13 @@ fn view_refuses_whoever_may_not_ask() {
         "./page.js",
         "box.glb",
         "page.css%00",
+        "..\\box.glb",
+        "//page.js",
+        "page.js;x",
+        "%70age.js",
+        "PAGE.JS",
+        "page.js#",
+        "../facts",
     ] {
         assert_eq!(viewer.get(path).status, 404, "{path}");
     }
@@ -309,6 +332,18 @@ fn view_refuses_messages_that_are_too_long_or_wrong() {
             .status,
         411
     );
+    // A second request hidden in the first, and a host that is named twice.
+    let (token, port) = (&viewer.token, viewer.port);
+    let host = format!("Host: 127.0.0.1:{port}\r\n");
+    for head in [
+        format!("{host}Host: evil.example\r\n"),
+        format!("{host}Content-Length: 0\r\nContent-Length: 50\r\n"),
+        format!("{host}Content-Length: -1\r\n"),
+        format!("{host}Content-Length: 0x10\r\n"),
+    ] {
+        let text = format!("POST /{token}/set HTTP/1.1\r\n{head}\r\n");
+        assert_eq!(viewer.raw(text.as_bytes()).status, 400, "{head}");
+    }
     assert_eq!(
         viewer
             .raw(b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03 what is this\r\n\r\n")
@@ -489,6 +524,109 @@ fn view_is_held_up_by_no_client() {
     drop(stalled);
 }
 
+/// Strangers who hold connections open keep no page out, and one who sends a byte now and then is not heard for long.
+#[test]
+fn view_has_room_beside_strangers() {
+    let viewer = Running::new(&[]);
+    let (token, port) = (&viewer.token, viewer.port);
+    let mut slow = viewer.connect();
+    slow.set_nodelay(true).expect("no delay");
+    let strangers: Vec<TcpStream> = (0..100)
+        .map(|i| {
+            let mut stream = viewer.connect();
+            let _ = stream.write_all(if i % 2 == 0 { b"GET /" } else { b"" });
+            stream
+        })
+        .collect();
+    assert_eq!(viewer.get("facts").status, 200);
+    // Who is refused has to come again.
+    let mut refused = viewer.connect();
+    let text = format!("GET /{token}/ HTTP/1.1\r\nHost: evil.example:{port}\r\n\r\n");
+    refused.write_all(text.as_bytes()).expect("sent");
+    assert_eq!(read(&mut refused).status, 403);
+    assert!(!matches!(refused.read(&mut [0]), Ok(1..)));
+    drop(strangers);
+    // All places are taken by those who know the token; once they leave there is room.
+    let known: Vec<TcpStream> = (0..48)
+        .map_while(|_| {
+            let mut stream = viewer.connect();
+            let text = format!("GET /{token}/page.css HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n");
+            stream.write_all(text.as_bytes()).expect("sent");
+            (read(&mut stream).status == 200).then_some(stream)
+        })
+        .collect();
+    assert!(known.len() > 40, "{}", known.len());
+    assert_eq!(viewer.get("facts").status, 503);
+    drop(known);
+    let end = Instant::now() + Duration::from_secs(10);
+    while viewer.get("facts").status != 200 {
+        assert!(Instant::now() < end, "places do not come back");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    // Shut when its place was needed, or when its time was over.
+    let clock = Instant::now();
+    while slow.write_all(b"G").is_ok() {
+        assert!(clock.elapsed() < Duration::from_secs(8), "a slow head");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+/// A head that comes a byte at a time is heard for five seconds.
+#[test]
+fn view_does_not_wait_for_a_slow_head() {
+    let viewer = Running::new(&[]);
+    let mut stream = viewer.connect();
+    let clock = Instant::now();
+    let mut text = b"GET /".iter().chain(std::iter::repeat(&b'a'));
+    while text
+        .next()
+        .is_some_and(|byte| stream.write_all(&[*byte]).is_ok())
+    {
+        assert!(clock.elapsed() < Duration::from_secs(8), "still heard");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+/// Pages that wait leave connections of their browser to others: the fourth is answered at once.
+#[test]
+fn view_answers_many_pages() {
+    let viewer = Running::new(&[("spp", json!(1))]);
+    let (head, _) = viewer.done();
+    let path = format!("poll?frame={}&words={}", head["frame"], head["words"]);
+    std::thread::scope(|scope| {
+        let polls: Vec<_> = (0..6)
+            .map(|_| scope.spawn(|| viewer.get(&path).body))
+            .collect();
+        let crowded = polls.into_iter().map(|poll| {
+            let body = poll.join().expect("an answer");
+            let length = u32::from_le_bytes(body[..4].try_into().expect("a length")) as usize;
+            let head: Value = serde_json::from_slice(&body[4..4 + length]).expect("JSON");
+            head["crowded"] == true
+        });
+        assert_eq!(crowded.filter(|crowded| *crowded).count(), 3);
+    });
+}
+
+/// Light that a witness has found and the picture lacks is said, is part of the error, and has a map.
+#[test]
+fn view_shows_missing_light() {
+    let pool = glb::to_glb(&gallery::builtin("sun-pool").expect("a scene")).expect("a file");
+    let viewer = Running::of(&pool, &[("size", json!("40x40")), ("spp", json!(400))]);
+    viewer.post("set", &json!({ "overlay": "missing" }));
+    let (head, shown) = viewer.until(|head| {
+        let legend = head["picture"]["legend"]["what"].to_string();
+        head["state"]["phase"] == "done" && legend.contains("missing")
+    });
+    let said = head["state"]["missing"].as_str().expect("words");
+    assert!(said.contains("% of the light is missing"), "{said}");
+    assert!(head["state"]["error"].as_f64() > Some(0.1), "{head}");
+    let dark = shown
+        .chunks_exact(4)
+        .filter(|p| p[..3] == shown[..3])
+        .count();
+    assert!(dark < 1600, "the map is one colour");
+}
+
 impl Running {
     /// The picture of a render that is paused, once it has come to rest.
     fn done_paused(&self) -> (Value, Vec<u8>) {
@@ -567,6 +705,13 @@ fn view_shows_what_is_asked_for() {
         head["images"].as_array().is_some_and(|i| i.len() == 2) && *samples == json!(16)
     });
     assert_eq!(both.len(), 2 * 24 * 16 * 4);
+    // FLIP is said whatever is shown.
+    let (head, _) = match head["state"]["flip"].is_number() {
+        true => (head, both),
+        false => viewer.until(|head| head["state"]["flip"].is_number()),
+    };
+    let flip = head["state"]["flip"].as_f64();
+    assert!(flip > Some(0.0) && flip < Some(1.0), "{head}");
     assert_ne!(head["state"]["course"], head["state"]["other_course"]);
     viewer.post(
         "set",

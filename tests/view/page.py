@@ -12,6 +12,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 
 import numpy
 from PIL import Image
@@ -144,6 +145,48 @@ def drive(page, opsr, scene, folder):
     page.keyboard.press("Escape")
 
 
+def many(browser, address):
+    """More pages than a browser opens connections: each shows the picture, and the last is heard at once."""
+    context = browser.new_context(viewport={"width": 600, "height": 400})
+    pages = [context.new_page() for _ in range(9)]
+    for page in pages:
+        page.goto(address)
+    for page in pages:
+        done(page)
+    clock = time.monotonic()
+    pages[-1].evaluate("set({ options: { exposure: 1.5 } })")
+    for page in pages:
+        page.wait_for_function("() => Number(state.options.exposure) === 1.5", timeout=10_000)
+    assert time.monotonic() - clock < 5, "pages wait for each other"
+    pages[-1].evaluate("set({ options: { exposure: null } })")
+    # Options that exclude each other: the one that was there before is left out, and the page says so.
+    pages[0].evaluate("set({ options: { gamma: 0.3 } })")
+    pages[0].evaluate("set({ options: { integrator: 'sppm' } })")
+    pages[0].wait_for_function("() => document.getElementById('notes').textContent.includes('--gamma')", timeout=10_000)
+    pages[0].evaluate("set({ options: { integrator: null, gamma: null } })")
+    context.close()
+
+
+def broken(browser, opsr, folder, shots):
+    """A scene that cannot be read is a message on the page, in both widths."""
+    scene = folder / "broken.glb"
+    scene.write_bytes(b"glTF nothing")
+    viewer = subprocess.Popen([opsr, "view", scene, "--no-open"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        address = viewer.stdout.readline().strip()
+        for width in [390, 1280]:
+            page = browser.new_page(viewport={"width": width, "height": 700})
+            page.goto(address)
+            page.wait_for_selector("#fault:not([hidden])", timeout=10_000)
+            assert "broken.glb" in page.locator("#fault").inner_text()
+            if shots:
+                page.screenshot(path=shots / f"broken-{width}.png")
+            page.close()
+    finally:
+        viewer.send_signal(2)
+        assert viewer.wait(10) == 0
+
+
 def looks(page, name, width, shots):
     """Nothing is wider than the page, and every control has a name."""
     over = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
@@ -190,6 +233,8 @@ def main():
                 done(page)
                 looks(page, name, width, shots)
                 context.close()
+            many(browser, address)
+            broken(browser, opsr, pathlib.Path(folder), shots)
             browser.close()
             assert not troubles, troubles
         viewer.send_signal(2)

@@ -16,12 +16,12 @@ let marked = null;     // pixel whose paths are shown
 
 // ── talk ──
 
-function toast(text) {
+function toast(text, time = 2600) {
   const line = $("toast");
   line.textContent = text;
   line.classList.add("seen");
   clearTimeout(toast.timer);
-  toast.timer = setTimeout(() => line.classList.remove("seen"), 2600);
+  toast.timer = setTimeout(() => line.classList.remove("seen"), time);
 }
 
 async function post(path, message) {
@@ -32,7 +32,7 @@ async function post(path, message) {
     return null;
   }
   if (!answer.ok) {
-    toast(await answer.text());
+    toast(await answer.text(), 8000);
     if (state) adopt();
     return null;
   }
@@ -61,6 +61,10 @@ function latest(send) {
 const sendLook = latest(() => set({ look: look }));
 const sendOption = latest(([name, value]) => option(name, value));
 
+// A page that is not seen leaves its connection to others: browsers open six to a server.
+let asking = new AbortController();
+document.addEventListener("visibilitychange", () => document.hidden && asking.abort());
+
 async function poll() {
   let frame = 0, words = 0;
   for (;;) {
@@ -68,7 +72,8 @@ async function poll() {
       await new Promise((seen) => document.addEventListener("visibilitychange", seen, { once: true }));
     }
     try {
-      const answer = await fetch(`poll?frame=${frame}&words=${words}`);
+      asking = new AbortController();
+      const answer = await fetch(`poll?frame=${frame}&words=${words}`, { signal: asking.signal });
       if (!answer.ok) throw new Error(await answer.text());
       const bytes = await answer.arrayBuffer();
       const length = new DataView(bytes).getUint32(0, true);
@@ -78,7 +83,10 @@ async function poll() {
       if (news.picture) draw(news.picture, news.images, bytes, 4 + length);
       if (!facts || (facts.bounds === null && state.phase !== "loading")) await learn();
       adopt();
+      // Many pages are open.
+      if (news.crowded) await new Promise((done) => setTimeout(done, 200));
     } catch (error) {
+      if (error.name === "AbortError") continue;
       $("phase").textContent = "gone";
       $("phase").className = "gone";
       fault("The viewer does not answer: it was ended, or this page is of an older one.");
@@ -523,6 +531,7 @@ function adopt() {
   const { samples, seconds } = state.course;
   const error = state.error ? `, error ${Number((100 * state.error).toPrecision(2))} %` : "";
   const flip = state.flip !== null ? `, FLIP ${short(state.flip)}` : "";
+  $("compared").textContent = `${state.flip !== null ? `FLIP ${short(state.flip)}. ` : ""}The other picture gets the same time. Drag the border.`;
   $("numbers").textContent = samples ? `${samples} samples, ${seconds.toFixed(1)} s${error}${flip}` : "";
   fault(state.fault);
   if (state.fault && !head) $("veil").textContent = state.fault;
@@ -614,7 +623,7 @@ async function learn() {
     const button = element("button", name);
     button.type = "button";
     button.value = name;
-    button.title = `Key ${i + 1}`;
+    button.title = `Key ${(i + 1) % 10}`;
     button.setAttribute("role", "radio");
     button.onclick = () => overlay(name);
     return button;
@@ -623,7 +632,8 @@ async function learn() {
 
 function overlay(name) {
   const lacks = { noise: "levels", bias: "levels", level: "levels", flip: "a picture to compare with" }[name];
-  if (lacks === "levels" && !$("levels").disabled === false) toast("This is known of several levels: choose a table or a constant.");
+  if (lacks === "levels" && $("levels").disabled) toast("This is known of several levels: choose a table or a constant.");
+  if (name === "missing" && !state.missing) toast("No light is known to be missing. A witness looks from 32 samples on, beside renders of one level without roughening.", 6000);
   if (name === "flip" && state.other === null) toast("FLIP needs a picture to compare with.");
   set({ overlay: name });
 }
@@ -726,8 +736,8 @@ document.addEventListener("keydown", (event) => {
   const arrows = event.key.startsWith("Arrow") && event.target !== stage && event.target !== document.body;
   if (typing || pressing || arrows) return;
   if (event.key === "Escape") return focusBy(false);
-  const at = Number(event.key);
-  if (at >= 1 && facts && at <= facts.overlays.length) return overlay(facts.overlays[at - 1]);
+  const at = /^[0-9]$/.test(event.key) ? Number(event.key) || 10 : 0;
+  if (at && facts && at <= facts.overlays.length) return overlay(facts.overlays[at - 1]);
   const key = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key] ?? (event.key === "=" ? keys["+"] : null);
   if (!key) return;
   event.preventDefault();
@@ -736,7 +746,7 @@ document.addEventListener("keydown", (event) => {
 
 function fillKeys() {
   const rows = Object.entries(keys).filter(([, [what]]) => what).map(([key, [what]]) => [{ ArrowLeft: "← → ↑ ↓", " ": "space" }[key] ?? key, what]);
-  rows.push(["Shift + arrows", "Move the camera"], ["1 … 9", "Picture, and what is known of it"]);
+  rows.push(["Shift + arrows", "Move the camera"], ["1 … 9, 0", "Picture, and what is known of it"]);
   rows.push(["drag", "Turn; with Shift or the right button move"], ["wheel", "Near and far; with Ctrl larger pixels"]);
   rows.push(["double click", "Turn around this point"], ["click", "Value and paths of a pixel"]);
   $("keys").replaceChildren(...rows.map(([key, what]) => {
