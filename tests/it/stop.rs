@@ -195,7 +195,7 @@ fn stopped_first_pass_of_chains_is_as_bright_as_a_whole_one() {
 }
 
 /// Of a first sample that is cut some light paths stand for all: what there is of the picture is as bright as it should be, and
-/// the render ends soon. As many pixels would take ten seconds on two cores.
+/// the render ends before it has met all pixels, whatever else the machine does.
 #[test]
 fn first_sample_by_shared_light_paths_ends_in_time_and_is_as_bright_as_a_whole_one() {
     const SIDE: usize = 1400;
@@ -233,7 +233,7 @@ fn first_sample_by_shared_light_paths_ends_in_time_and_is_as_bright_as_a_whole_o
         let go_on = &mut |_: &_, _: &_| ControlFlow::Continue(());
         let integrator = &mut *settings.integrator();
         let (progress, _) = drive(integrator, &view, &budget, 0, &mut picture, go_on);
-        assert!(progress.elapsed < Duration::from_secs(4), "{progress:?}");
+        assert!(progress.elapsed < Duration::from_secs(60), "{progress:?}");
         let (mut found, mut right, mut kept) = (0.0, 0.0, 0);
         for (i, pixel) in picture.film.pixels.iter().enumerate() {
             if pixel.n > 0 {
@@ -245,6 +245,7 @@ fn first_sample_by_shared_light_paths_ends_in_time_and_is_as_bright_as_a_whole_o
         }
         println!("{estimator:?}: {kept} pixels, {:.4}", found / right);
         assert!(kept > 1000, "{estimator:?}: {kept}");
+        assert!(kept < SIDE * SIDE, "{estimator:?} was not cut");
         assert!(
             (found / right - 1.0).abs() < 0.05,
             "{estimator:?}: {found} {right}"
