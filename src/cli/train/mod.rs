@@ -120,6 +120,16 @@ impl TrainArgs {
         Ok(())
     }
 
+    /// The folder that recordings are kept in; made where it is the run's own.
+    fn kept(&self, run: &Path) -> anyhow::Result<PathBuf> {
+        if let Some(folder) = &self.recordings {
+            return Ok(folder.clone());
+        }
+        let kept = run.join(RECORDINGS);
+        files::create_folder(&kept).output()?;
+        Ok(kept)
+    }
+
     /// File name of a table without its extension.
     fn stem(&self, config: &Config, beta: f32) -> String {
         let preset = match self.settings.preset {
@@ -176,14 +186,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
         // Those of a run that --force replaces.
         remove_recordings(&run);
     }
-    let kept = match &args.recordings {
-        Some(folder) => folder.clone(),
-        None => {
-            let kept = run.join(RECORDINGS);
-            files::create_folder(&kept).output()?;
-            kept
-        }
-    };
+    let kept = args.kept(&run)?;
     let control = RecordingControl {
         folder: Some(kept.clone()),
         complete: args.recordings.is_some(),

@@ -237,39 +237,7 @@ impl Reader<'_> {
                 ));
             }
         }
-        if let Some(ior) = &e.ior {
-            out.ior = ior.ior.0;
-            if !(out.ior.is_finite() && (out.ior == 0.0 || out.ior >= 1.0)) {
-                let what = format!("ior is {}, neither 0 nor at least 1", out.ior);
-                return Err(fault(&self.at, what));
-            }
-        }
-        if let Some(specular) = &e.specular {
-            out.specular = self.fraction("specularFactor", specular.specular_factor.0)?;
-            out.specular_color =
-                self.colour("specularColorFactor", specular.specular_color_factor.0)?;
-            let weight = specular.specular_texture.as_ref();
-            let color = specular.specular_color_texture.as_ref();
-            let weight = self.info("specularTexture", weight, false)?;
-            let color = self.info("specularColorTexture", color, true)?;
-            if weight.is_some() || color.is_some() {
-                let maps = &mut out.finish_mut().specular;
-                (maps.weight, maps.color) = (weight, color);
-            }
-        }
-        if let Some(transmission) = &e.transmission {
-            out.transmission =
-                self.fraction("transmissionFactor", transmission.transmission_factor.0)?;
-            out.transmission_texture = self.info(
-                "transmissionTexture",
-                transmission.transmission_texture.as_ref(),
-                false,
-            )?;
-        }
-        if let Some(volume) = &e.volume {
-            out.solid = self.positive("thicknessFactor", volume.thickness_factor.0)? > 0.0;
-            out.absorption = self.absorption(volume)?;
-        }
+        self.interface(e, out)?;
         if let Some(value) = e.others.get("KHR_materials_clearcoat") {
             self.clearcoat(value, out)?;
         }
@@ -310,6 +278,44 @@ impl Reader<'_> {
                 normal_texture: None,
                 ..std::mem::take(out)
             };
+        }
+        Ok(())
+    }
+
+    /// Index of refraction, reflectance, transmission and the inside of a body.
+    fn interface(&mut self, e: &ext::Material, out: &mut Material) -> Result<()> {
+        if let Some(ior) = &e.ior {
+            out.ior = ior.ior.0;
+            if !(out.ior.is_finite() && (out.ior == 0.0 || out.ior >= 1.0)) {
+                let what = format!("ior is {}, neither 0 nor at least 1", out.ior);
+                return Err(fault(&self.at, what));
+            }
+        }
+        if let Some(specular) = &e.specular {
+            out.specular = self.fraction("specularFactor", specular.specular_factor.0)?;
+            out.specular_color =
+                self.colour("specularColorFactor", specular.specular_color_factor.0)?;
+            let weight = specular.specular_texture.as_ref();
+            let color = specular.specular_color_texture.as_ref();
+            let weight = self.info("specularTexture", weight, false)?;
+            let color = self.info("specularColorTexture", color, true)?;
+            if weight.is_some() || color.is_some() {
+                let maps = &mut out.finish_mut().specular;
+                (maps.weight, maps.color) = (weight, color);
+            }
+        }
+        if let Some(transmission) = &e.transmission {
+            out.transmission =
+                self.fraction("transmissionFactor", transmission.transmission_factor.0)?;
+            out.transmission_texture = self.info(
+                "transmissionTexture",
+                transmission.transmission_texture.as_ref(),
+                false,
+            )?;
+        }
+        if let Some(volume) = &e.volume {
+            out.solid = self.positive("thicknessFactor", volume.thickness_factor.0)? > 0.0;
+            out.absorption = self.absorption(volume)?;
         }
         Ok(())
     }

@@ -23,7 +23,7 @@ mod textures;
 mod uris;
 mod variants;
 
-use super::{Mesh, SceneParts};
+use super::{Material, Mesh, SceneParts};
 use crate::bsdf::Distribution;
 use crate::files::{self, FileError, Problem};
 use accessors::Data;
@@ -105,13 +105,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         Some(seconds) => Cow::Owned(animation::nodes(&data, seconds, &mut warnings)?),
         None => Cow::Borrowed(root.nodes.as_slice()),
     };
-    match (root.animations.is_empty(), options.time) {
-        (false, None) => warnings.say(
-            "animations: the scene is shown at rest; --frame or --time-of-scene shows a moment",
-        ),
-        (true, Some(_)) => warnings.say("there are no animations: every moment is the same"),
-        _ => {}
-    }
+    warn_of_time(&root, options.time, &mut warnings);
     let nodes = nodes::placed(&root, &nodes)?;
     let mut requests = textures::Requests::default();
     let (mut materials, slots) = materials::materials(
@@ -135,23 +129,8 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         .map(|m| (m.extensions.as_ref()).is_some_and(|e| e.volume.is_some()))
         .chain([false])
         .collect();
-    let painted = (meshes.iter()).chain(shared.iter().map(|s| &s.mesh));
-    for mesh in painted.filter(|mesh| !mesh.colors.is_empty()) {
-        let material = &mut materials[mesh.material as usize];
-        if material.is_unlit() {
-            let at = place("materials", mesh.material as usize, Some(&material.name));
-            warnings.group("materials", at, "unlit, so that vertex colours are ignored");
-        } else {
-            material.finish_mut().has_colors = true;
-        }
-    }
-    let generator = root.asset.generator.as_deref().unwrap_or_default();
-    let glass = match (options.solid_glass, options.thin_glass) {
-        (true, _) => closed::Glass::Solid,
-        (false, true) => closed::Glass::Thin,
-        (false, false) if generator.contains("Blender") => closed::Glass::OfBlender,
-        (false, false) => closed::Glass::Unknown,
-    };
+    paint(all(), &mut materials, &mut warnings);
+    let glass = glass(&root, options);
     let mut all: Vec<&mut Mesh> = (meshes.iter_mut())
         .chain(shared.iter_mut().map(|s| &mut s.mesh))
         .collect();
@@ -174,6 +153,45 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         files: files.read_so_far(),
         digest: files.digest(),
     })
+}
+
+/// Says where a file's animations and the moment that is asked for do not fit.
+fn warn_of_time(root: &Root, time: Option<f64>, warnings: &mut Warnings) {
+    match (root.animations.is_empty(), time) {
+        (false, None) => warnings.say(
+            "animations: the scene is shown at rest; --frame or --time-of-scene shows a moment",
+        ),
+        (true, Some(_)) => warnings.say("there are no animations: every moment is the same"),
+        _ => {}
+    }
+}
+
+/// Tells the materials of meshes with vertex colours so.
+fn paint<'a>(
+    meshes: impl Iterator<Item = &'a Mesh>,
+    materials: &mut [Material],
+    warnings: &mut Warnings,
+) {
+    for mesh in meshes.filter(|mesh| !mesh.colors.is_empty()) {
+        let material = &mut materials[mesh.material as usize];
+        if material.is_unlit() {
+            let at = place("materials", mesh.material as usize, Some(&material.name));
+            warnings.group("materials", at, "unlit, so that vertex colours are ignored");
+        } else {
+            material.finish_mut().has_colors = true;
+        }
+    }
+}
+
+/// What closed glass without a thickness is taken for.
+fn glass(root: &Root, options: &LoadOptions) -> closed::Glass {
+    let generator = root.asset.generator.as_deref().unwrap_or_default();
+    match (options.solid_glass, options.thin_glass) {
+        (true, _) => closed::Glass::Solid,
+        (false, true) => closed::Glass::Thin,
+        (false, false) if generator.contains("Blender") => closed::Glass::OfBlender,
+        (false, false) => closed::Glass::Unknown,
+    }
 }
 
 /// The part of a file that decides if the rest can be read.
