@@ -1,6 +1,7 @@
 //! `opsr info`: content of a scene and the features it uses.
 
 use super::exit::{Blame, Told};
+use super::expected;
 use super::options::{Pixel, SceneOptions, pixel};
 use super::output::print;
 use anyhow::Context;
@@ -10,7 +11,6 @@ use opsr::integrator::View;
 use opsr::integrator::aov::centre;
 use opsr::pilot::advise;
 use opsr::regularise::{GammaIndex, LEN, Rule, bin};
-use opsr::render::Fault;
 use opsr::render::open::Opened;
 use opsr::scene::{Environment, Material, PunctualLight, Scene, SceneParts, Texture};
 use serde_json::{Value, json};
@@ -35,14 +35,9 @@ pub(super) struct InfoArgs {
 /// Runs the command.
 pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
     let spec = &args.options.0;
-    for name in ["size", "camera"] {
-        if args.pixel.is_none() && spec.has(name) {
-            return Err(Fault::option(name, "needs {pixel}")).told();
-        }
-    }
     let build = match args.pixel {
         Some(_) => Scene::new,
-        None => Scene::outline,
+        None => expected::built,
     };
     let opened = spec.open(&args.scene, build).told()?;
     for warning in &opened.warnings {
@@ -55,6 +50,7 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
             facts["animations"] = (opened.animations.iter())
                 .map(|a| serde_json::json!({ "name": a.name, "seconds": a.seconds }))
                 .collect();
+            facts["time"] = expected::expected(spec, &opened)?;
             facts
         }
     };
@@ -286,6 +282,7 @@ fn described(facts: &serde_json::Value) -> String {
             "memory      about {} MB, and the picture",
             facts["memory_mb"]
         ),
+        expected::described(&facts["time"]),
         format!("lights      {}", facts["lights"]),
         format!("cameras     {}", facts["cameras"]),
         format!(

@@ -19,6 +19,7 @@ mod convert;
 mod ended;
 mod error_log;
 mod exit;
+mod expected;
 mod info;
 mod listener;
 mod live;

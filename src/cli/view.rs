@@ -6,7 +6,7 @@ use super::output::print;
 use super::stop;
 use super::threads::set_threads;
 use clap::Args;
-use opsr::render::Fault;
+use opsr::render::open::expect_scene;
 use opsr::view::Viewer;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -45,10 +45,7 @@ Examples:
 
 /// Runs the command.
 pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Exit> {
-    if let Err(error) = std::fs::metadata(&args.scene) {
-        let path = args.scene.display();
-        return Err(Fault::Input(format!("{path}: {error}"))).told();
-    }
+    expect_scene(&args.scene).told()?;
     set_threads(args.threads)?;
     let ended = stop::ended();
     let viewer = Viewer::open(

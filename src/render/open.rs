@@ -116,6 +116,7 @@ impl Spec {
     /// Opens the scene of a file; `build` is [`Scene::new`], or [`Scene::outline`] for a scene that is described only.
     pub fn open(&self, path: &Path, build: fn(SceneParts) -> Scene) -> Result<Opened, Fault> {
         self.check()?;
+        expect_scene(path)?;
         let loaded = load(path, &self.load_options())?;
         let (mut parts, mut warnings) = (loaded.parts, loaded.warnings);
         let mut digest = Sha256::new();
@@ -136,9 +137,94 @@ impl Spec {
     }
 }
 
+/// Endings of files of other programs, which no room of this one reads.
+const OTHERS: [&str; 13] = [
+    "3ds", "abc", "blend", "c4d", "dae", "fbx", "obj", "ply", "stl", "usd", "usda", "usdc", "usdz",
+];
+
+/// Says what to do where a path is that of a folder, or of a file of another program.
+///
+/// Fails for these, and for a path that leads nowhere; a file with a strange name may be a scene.
+pub fn expect_scene(path: &Path) -> Result<(), Fault> {
+    let wrong = |what: String| Err(Fault::Input(format!("{}: {what}", path.display())));
+    match std::fs::metadata(path) {
+        Err(error) => return wrong(format!("cannot be read: {error}")),
+        Ok(found) if found.is_dir() => {
+            let scenes = scenes_in(path);
+            let within = match scenes.as_slice() {
+                [] => String::new(),
+                some => format!("; it holds {}", some.join(", ")),
+            };
+            return wrong(format!(
+                "a folder; expected a scene, a file .glb or .gltf{within}"
+            ));
+        }
+        Ok(_) => {}
+    }
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    let ending = ending.to_string_lossy();
+    match &*ending {
+        "blend" => wrong(
+            "a file of Blender: export it with File > Export > glTF 2.0, or render in Blender with the add-on of opsr \
+             (docs/blender.md)"
+                .into(),
+        ),
+        other if OTHERS.contains(&other) => wrong(format!(
+            "files .{other} are not read: import it in Blender, export it with File > Export > glTF 2.0, and render the .glb"
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Names of a few scenes in a folder.
+fn scenes_in(folder: &Path) -> Vec<String> {
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<String> = files
+        .map(|file| file.path())
+        .filter(|file| {
+            let ending = file.extension().unwrap_or_default();
+            ["glb", "gltf", "pbrt", "xml"]
+                .iter()
+                .any(|e| ending.eq_ignore_ascii_case(e))
+        })
+        .map(|file| file.display().to_string())
+        .collect();
+    names.sort();
+    names.truncate(3);
+    names
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_no_scene_says_what_to_do() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let of = |name: &str| {
+            let path = folder.path().join(name);
+            if !name.is_empty() && name != "none.glb" {
+                std::fs::write(&path, "x").expect("a file");
+            }
+            expect_scene(&path).err().map(|fault| fault.to_string())
+        };
+        for (name, words) in [
+            ("none.glb", "cannot be read"),
+            ("a.blend", "File > Export > glTF 2.0"),
+            ("a.OBJ", "import it in Blender"),
+            ("a.usdz", "files .usdz are not read"),
+            ("a.fbx", "files .fbx are not read"),
+        ] {
+            let said = of(name).expect("a fault");
+            assert!(said.contains(words) && said.contains(name), "{said}");
+        }
+        for name in ["a.glb", "b.gltf", "c.pbrt", "d.xml", "e"] {
+            assert_eq!(of(name), None);
+        }
+        let said = of("").expect("a fault");
+        let (first, last) = (said.contains("a folder"), said.contains("a.glb"));
+        assert!(first && last && !said.contains("a.OBJ"), "{said}");
+    }
 
     #[test]
     fn warnings_of_one_kind_are_cut_short() {

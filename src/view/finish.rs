@@ -95,7 +95,7 @@ pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
             continue;
         };
         let (side, run) = (job.side, job.run);
-        let due = side == 0 && witness.is_due(&job);
+        let due = side == 0 && witness.is_due(&job, &spec);
         let missing = (side == 0).then(|| witness.of(run)).flatten();
         let made = pool.install(|| finished(&job, &spec, &against, missing));
         match made {
@@ -173,7 +173,7 @@ impl Against {
     }
 }
 
-/// What is known of light that a render has not met; the next look is at every doubling of its samples.
+/// What is known of light that a render has not met; the next look is at every doubling of its samples, and at its end.
 #[derive(Default)]
 struct Witness {
     run: u64,
@@ -182,8 +182,12 @@ struct Witness {
 }
 
 impl Witness {
-    fn is_due(&self, job: &Job) -> bool {
+    fn is_due(&self, job: &Job, spec: &Spec) -> bool {
         const FIRST: u32 = 32;
+        let new = self.run != job.run || self.samples < job.samples;
+        if new && job.samples >= FIRST && spec.spp == Some(job.samples) {
+            return true;
+        }
         let next = if self.run == job.run {
             2 * self.samples
         } else {
@@ -291,5 +295,72 @@ fn of_film(film: &Film, missing: Option<&Missing>) -> Maps {
         stated,
         missing: missing.map(|m| m.squares.iter().map(|x| x.sqrt()).collect()),
         ..Maps::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gallery::builtin;
+    use crate::integrator::View;
+    use crate::math::UVec2;
+    use crate::render::open::Opened;
+    use crate::scene::Scene;
+    use crate::view::stage::Stage;
+
+    /// The sun on a pool, of which the path tracer finds a quarter: the witness speaks of this render and of no other, and
+    /// what is missing is part of the error and has a map.
+    #[test]
+    fn missing_light_is_shown() {
+        let scene = Scene::new(builtin("sun-pool").expect("a scene"));
+        let camera = scene.parts().cameras[0].clone();
+        let opened = Opened {
+            scene,
+            sha256: String::new(),
+            files: Vec::new(),
+            warnings: Vec::new(),
+            animations: Vec::new(),
+            in_studio: false,
+        };
+        let (size, samples, settings) = (UVec2::splat(40), 400, Settings::default());
+        let stage = Arc::new(Stage { opened });
+        let shot = Arc::new(Shot::new(stage, camera, size, &settings));
+        let view: View<'_> = shot.view(size);
+        let mut picture = Picture::blank(size, view.window, 0, [false; 3]).expect("a film");
+        settings.integrator().pass(&view, 0..samples, &mut picture);
+        let job = Job {
+            side: 0,
+            run: 3,
+            shot: shot.clone(),
+            settings,
+            picture,
+            samples,
+            seconds: 1.0,
+            over: Arc::default(),
+        };
+        let mut witness = Witness::default();
+        let spec = Spec::default();
+        assert!(witness.is_due(&job, &spec) && witness.look(&job));
+        assert!(!witness.is_due(&job, &spec));
+        assert!(witness.of(2).is_none());
+        let missing = witness.of(3).expect("light is missing");
+        let alone = Against {
+            picture: None,
+            reference: None,
+            shown: false,
+        };
+        let made = |missing| {
+            finished(&job, &spec, &alone, missing)
+                .expect("a picture")
+                .maps
+        };
+        let (with, without) = (made(Some(missing)), made(None));
+        assert!(without.missing.is_none() && with.stated > without.stated);
+        let map = with.missing.expect("a map");
+        let lacking = map.iter().filter(|&&share| share > 0.1).count();
+        assert!(lacking > 100 && map.iter().all(|&share| (0.0..=1.0).contains(&share)));
+        // A render that has ended is not looked at.
+        job.over.store(true, Ordering::Relaxed);
+        assert!(!witness.look(&job));
     }
 }

@@ -607,26 +607,6 @@ fn view_answers_many_pages() {
     });
 }
 
-/// Light that a witness has found and the picture lacks is said, is part of the error, and has a map.
-#[test]
-fn view_shows_missing_light() {
-    let pool = glb::to_glb(&gallery::builtin("sun-pool").expect("a scene")).expect("a file");
-    let viewer = Running::of(&pool, &[("size", json!("40x40")), ("spp", json!(400))]);
-    viewer.post("set", &json!({ "overlay": "missing" }));
-    let (head, shown) = viewer.until(|head| {
-        let legend = head["picture"]["legend"]["what"].to_string();
-        head["state"]["phase"] == "done" && legend.contains("missing")
-    });
-    let said = head["state"]["missing"].as_str().expect("words");
-    assert!(said.contains("% of the light is missing"), "{said}");
-    assert!(head["state"]["error"].as_f64() > Some(0.1), "{head}");
-    let dark = shown
-        .chunks_exact(4)
-        .filter(|p| p[..3] == shown[..3])
-        .count();
-    assert!(dark < 1600, "the map is one colour");
-}
-
 impl Running {
     /// The picture of a render that is paused, once it has come to rest.
     fn done_paused(&self) -> (Value, Vec<u8>) {

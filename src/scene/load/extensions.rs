@@ -52,5 +52,7 @@ pub(super) fn refusal(unsupported: &[&str]) -> String {
         (true, true) => return refused,
     };
     let removed = [meshes, textures].concat().join(", ");
-    format!("{refused}; to decode {removed}: {command}")
+    format!(
+        "{refused}; to decode {removed}: {command} (npm install -g @gltf-transform/cli), or export without it"
+    )
 }
