@@ -5,7 +5,8 @@ use crate::math::Rgb;
 use crate::scene::build::moved;
 use crate::scene::finish::ExactCover;
 use crate::scene::light::Falloff;
-use crate::scene::{Material, Mesh, PunctualLight, SceneParts};
+use crate::scene::material::TextureRef;
+use crate::scene::{Material, Mesh, PunctualLight, SceneParts, Texture};
 
 /// Scene parts that [`glb`](super::glb) writes, and what is different in them.
 #[derive(Clone, Debug)]
@@ -30,8 +31,12 @@ pub fn lowered(mut parts: SceneParts) -> Lowered {
         let meshes = shared.poses.iter().map(|pose| moved(&shared.mesh, pose));
         parts.meshes.extend(meshes);
     }
-    count(&mut lost, parts.textures.len(), "textures");
-    parts.textures.clear();
+    count(
+        &mut lost,
+        parts.textures.len(),
+        "textures: the mean of a colour is kept",
+    );
+    let textures = std::mem::take(&mut parts.textures);
     let sky = parts.environment.take().is_some();
     count(&mut lost, usize::from(sky), "environment");
     let lenses = parts.cameras.iter().filter(|c| c.lens.is_some()).count();
@@ -63,7 +68,7 @@ pub fn lowered(mut parts: SceneParts) -> Lowered {
         }
     }
     for material in &mut parts.materials {
-        *material = plain(material);
+        *material = plain(material, &textures);
     }
     for mesh in &mut parts.meshes {
         *mesh = Mesh {
@@ -78,9 +83,18 @@ pub fn lowered(mut parts: SceneParts) -> Lowered {
     }
 }
 
-/// A material without what glTF has no words for.
-fn plain(material: &Material) -> Material {
+/// A material without what glTF has no words for, and without its textures.
+fn plain(material: &Material, textures: &[Texture]) -> Material {
+    let mean = |map: &Option<TextureRef>| {
+        let texture = (map.as_ref()).and_then(|map| textures.get(map.texture as usize));
+        texture.map_or(Rgb::ONE, |texture| {
+            let [r, g, b, _] = texture.average();
+            Rgb::new(r, g, b)
+        })
+    };
     let mut out = Material {
+        base_color: material.base_color * mean(&material.base_color_texture),
+        emission: material.emission * mean(&material.emissive_texture),
         base_color_texture: None,
         metallic_roughness_texture: None,
         normal_texture: None,
@@ -97,9 +111,13 @@ fn plain(material: &Material) -> Material {
     let Some(finish) = &material.finish else {
         return out;
     };
-    if let Some(ExactCover::Metal { eta, k }) = finish.exact {
-        let f0 = |c: usize| conductor(1.0, eta[c], k[c]);
-        out.base_color *= Rgb::new(f0(0), f0(1), f0(2));
+    match finish.exact {
+        Some(ExactCover::Metal { eta, k }) => {
+            let f0 = |c: usize| conductor(1.0, eta[c], k[c]);
+            out.base_color *= Rgb::new(f0(0), f0(1), f0(2));
+        }
+        Some(cover) => out.base_color = cover.seen(out.base_color),
+        None => {}
     }
     let coat = finish.clearcoat.clone().map(|mut coat| {
         (coat.texture, coat.roughness_texture, coat.normal_texture) = (None, None, None);

@@ -102,6 +102,17 @@ impl ExactCover {
             averages: [outside, inside],
         }
     }
+
+    /// Reflectance of a base of this one under the cover, of what the cover lets through: what comes back from the layer is
+    /// scattered again, a + a² r + … over its share without colour. That of a metal is as it was.
+    pub(crate) fn seen(&self, albedo: Rgb) -> Rgb {
+        match *self {
+            Self::Metal { .. } => albedo,
+            Self::Coat {
+                averages: [_, inside],
+            } => albedo * (1.0 - inside) / (Rgb::ONE - albedo * inside),
+        }
+    }
 }
 
 /// A second material on a share of the surface.
@@ -246,12 +257,13 @@ impl Finish {
                 return Bsdf::Glossy(Glossy { f0, ..lobe });
             }
             Some(ExactCover::Metal { eta, k }) => Interface::Metal { eta, k },
-            Some(ExactCover::Coat {
-                averages: [average, inside],
-            }) => Interface::Coat {
+            Some(
+                cover @ ExactCover::Coat {
+                    averages: [average, _],
+                },
+            ) => Interface::Coat {
                 eta: material.ior,
-                // What comes back from the layer is scattered again: a + a² r + … over its share without colour.
-                albedo: lobe.albedo * (1.0 - inside) / (Rgb::ONE - lobe.albedo * inside),
+                albedo: cover.seen(lobe.albedo),
                 average,
             },
             None => return base,

@@ -4,7 +4,7 @@
 use opsr::Render;
 use opsr::files::FileError;
 use opsr::image::Buffer;
-use opsr::math::{DVec3, Vec3};
+use opsr::math::{DVec3, Rgb, Vec3};
 use opsr::render::value::Levels;
 use opsr::scene::load::{LoadOptions, Loaded, load};
 use opsr::scene::{PunctualLight, Scene};
@@ -338,5 +338,52 @@ fn foreign_scenes_are_written_as_gltf() {
             .sum::<f32>()
     };
     let (before, after) = (mean(parts("room.pbrt")), mean(again));
+    assert!((before / after - 1.0).abs() < 0.02, "{before} {after}");
+    // Colours of textures that are left out are their means: the picture is as bright.
+    let lamps = lowered::lowered(parts("lamps.pbrt"));
+    let (before, after) = (mean(parts("lamps.pbrt")), mean(lamps.parts));
     assert!((before / after - 1.0).abs() < 0.1, "{before} {after}");
+}
+
+/// What light a layer of plastic returns to the base, which takes on its colour again, is written into the colour.
+#[test]
+fn foreign_plastic_as_gltf_reflects_as_much() {
+    use opsr::gallery::lowered;
+    let folder = crate::support::quick_folder();
+    let path = folder.path().join("ball.xml");
+    let text = r#"<scene version="3.0.0"><emitter type="constant"/><shape type="sphere"><bsdf type="plastic">
+        <rgb name="diffuse_reflectance" value="0.2, 0.5, 0.8"/><float name="int_ior" value="1.6"/>
+        <boolean name="nonlinear" value="true"/></bsdf></shape><sensor type="perspective"><float name="fov" value="10"/>
+        <transform name="to_world"><lookat origin="0, 0, 5" target="0, 0, 0" up="0, 1, 0"/></transform></sensor></scene>"#;
+    std::fs::write(&path, text).unwrap();
+    let exact = load(&path, &LoadOptions::default()).unwrap().parts;
+    let mut close = lowered::lowered(exact.clone()).parts;
+    close.environment = exact.environment.clone();
+    let [exact, close] = [exact, close].map(|parts| {
+        let scene = Scene::new(parts);
+        let picture = Render::new(&scene).size(8, 8).spp(256).run().unwrap();
+        let radiance = picture.radiance();
+        radiance.pixels.iter().copied().sum::<Rgb>() / radiance.pixels.len() as f32
+    });
+    let ratio = exact / close;
+    assert!(
+        (ratio - Rgb::ONE).abs().max_element() < 0.02,
+        "{exact} {close}"
+    );
+}
+
+/// Names of no medium are none; a disk has no triangles without area.
+#[test]
+fn foreign_empty_medium_and_disk_say_nothing() {
+    let folder = crate::support::quick_folder();
+    let path = folder.path().join("disk.pbrt");
+    std::fs::write(
+        &path,
+        r#"WorldBegin LightSource "distant" MediumInterface "" "" MediumInterface "" Shape "disk""#,
+    )
+    .unwrap();
+    let loaded = load(&path, &LoadOptions::default()).unwrap();
+    assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+    let scene = Scene::new(loaded.parts);
+    assert!(scene.warnings().is_empty(), "{:?}", scene.warnings());
 }

@@ -289,11 +289,15 @@ impl Scene<'_> {
                 return self.texture(name, &kind, &class, &parameters);
             }
             "MediumInterface" => {
-                // One name or two.
+                // One name or two; an empty one is none.
+                let mut named = !name.is_empty();
                 if let Some(Token::Quoted(_)) = tokens.peek()? {
-                    tokens.next()?;
+                    named |= !tokens.quoted()?.is_empty();
                 }
-                return self.context.unsupported(&place, "a medium");
+                return match named {
+                    true => self.context.unsupported(&place, "a medium"),
+                    false => Ok(()),
+                };
             }
             _ => {}
         }
