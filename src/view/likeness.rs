@@ -41,7 +41,11 @@ mod tests {
     #[test]
     fn tiles_tell_what_the_whole_tells() {
         let shade = |x: usize, y: usize| {
-            let step = if (x / 60) % 2 == 0 { 0.6 } else { 0.15 };
+            let step = if (x / 60).is_multiple_of(2) {
+                0.6
+            } else {
+                0.15
+            };
             step + 0.4 * y as f32 / 300.0
         };
         let noise = |x: usize, y: usize, amount: f32| {
