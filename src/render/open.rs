@@ -2,7 +2,7 @@
 
 use super::fault::Fault;
 use super::spec::Spec;
-use crate::files::hex;
+use crate::files::{Problem, hex};
 use crate::scene::light::sky::Sky;
 use crate::scene::load::{Animation, LoadOptions, load};
 use crate::scene::{Backdrop, Scene, SceneParts};
@@ -148,7 +148,7 @@ const OTHERS: [&str; 13] = [
 pub fn expect_scene(path: &Path) -> Result<(), Fault> {
     let wrong = |what: String| Err(Fault::Input(format!("{}: {what}", path.display())));
     match std::fs::metadata(path) {
-        Err(error) => return wrong(format!("cannot be read: {error}")),
+        Err(error) => return Err(Fault::File(Problem::Read(error).at(path))),
         Ok(found) if found.is_dir() => {
             let scenes = scenes_in(path);
             let within = match scenes.as_slice() {
