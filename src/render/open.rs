@@ -8,6 +8,7 @@ use crate::scene::load::{Animation, LoadOptions, load};
 use crate::scene::{Backdrop, Scene, SceneParts};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// An opened scene.
@@ -155,9 +156,9 @@ pub fn expect_scene(path: &Path) -> Result<(), Fault> {
                 [] => String::new(),
                 some => format!("; it holds {}", some.join(", ")),
             };
-            return wrong(format!(
-                "a folder; expected a scene, a file .glb or .gltf{within}"
-            ));
+            let what = format!("a folder; expected a scene, a file .glb or .gltf{within}");
+            let error = io::Error::new(io::ErrorKind::IsADirectory, what);
+            return Err(Fault::File(Problem::Read(error).at(path)));
         }
         Ok(_) => {}
     }
