@@ -3,6 +3,7 @@
 use super::fault::Fault;
 use super::spec::Spec;
 use crate::files::{Problem, hex};
+use crate::math::{Ray, Vec3};
 use crate::scene::light::sky::Sky;
 use crate::scene::load::{Animation, LoadOptions, load};
 use crate::scene::{Backdrop, Scene, SceneParts};
@@ -57,6 +58,34 @@ fn gathered(warnings: Vec<String>) -> Vec<String> {
         }
     }
     told
+}
+
+/// Triangles of metal and glass that are asked what they reflect.
+const ASKED: usize = 64;
+
+/// True if lights without area are all that a scene has, and most of its sharp metal and glass faces nothing: it shows black.
+fn reflects_nothing(scene: &Scene) -> bool {
+    let (lights, geometry, parts) = (scene.lights(), scene.geometry(), scene.parts());
+    if lights.is_empty() || lights.emissive_triangles() > 0 || parts.environment.is_some() {
+        return false;
+    }
+    let sharp = |i: &u32| {
+        let material = &parts.materials[geometry.triangle_material(*i) as usize];
+        material.alpha < 0.1 && material.metallic.max(material.transmission) > 0.5
+    };
+    let sharp: Vec<u32> = (0..geometry.len() as u32).filter(sharp).collect();
+    let asked = sharp.iter().step_by(sharp.len().div_ceil(ASKED).max(1));
+    let (low, high) = geometry.bounds();
+    let beyond = 2.0 * low.distance(high);
+    let faces_nothing = |i: &&u32| {
+        let [a, b, c] = geometry.triangle(**i);
+        let (middle, out) = ((a + b + c) / 3.0, geometry.triangle_normal(**i));
+        // A scene that is only described has no tree, and no ray meets its surfaces.
+        let meets = |from: Vec3, dir: Vec3| scene.intersect(&Ray::new(from, dir)).is_some();
+        !meets(middle + 1e-4 * beyond * out, out) && meets(middle + beyond * out, -out)
+    };
+    let count = asked.clone().count();
+    2 * asked.filter(faces_nothing).count() > count
 }
 
 impl Spec {
@@ -125,6 +154,13 @@ impl Spec {
         let in_studio = self.dress(&mut parts, loaded.lit, |bytes| digest.update(bytes))?;
         let scene = build(parts);
         warnings.extend_from_slice(scene.warnings());
+        if self.env.is_none() && reflects_nothing(&scene) {
+            warnings.push(
+                "suns and point lights alone, and nothing around: sharp metal and glass reflect black; --env studio, sky or a map \
+                 surrounds the scene"
+                    .into(),
+            );
+        }
         let mut files = loaded.files;
         files.extend(self.backdrop().file().cloned());
         Ok(Opened {
@@ -198,6 +234,9 @@ fn scenes_in(folder: &Path) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gallery::{materials, shapes};
+    use crate::math::Rgb;
+    use crate::scene::PunctualLight;
 
     #[test]
     fn what_is_no_scene_says_what_to_do() {
@@ -225,6 +264,35 @@ mod tests {
         let said = of("").expect("a fault");
         let (first, last) = (said.contains("a folder"), said.contains("a.glb"));
         assert!(first && last && !said.contains("a.OBJ"), "{said}");
+    }
+
+    #[test]
+    fn metal_that_reflects_nothing_is_named() {
+        let ball = |around: bool, under: fn(&mut SceneParts)| {
+            let mut parts = SceneParts::default();
+            let metal = materials::metal("mirror", Rgb::splat(0.9), 0.01);
+            parts.add(metal, [shapes::sphere(Vec3::ZERO, 1.0, 3)]);
+            if around {
+                let mut wall = shapes::sphere(Vec3::ZERO, 4.0, 2);
+                wall.indices
+                    .iter_mut()
+                    .for_each(|corners| corners.swap(0, 1));
+                parts.add(materials::diffuse("wall", Rgb::splat(0.5)), [wall]);
+            }
+            under(&mut parts);
+            parts
+        };
+        let sun = |parts: &mut SceneParts| {
+            parts.lights.push(PunctualLight::Directional {
+                direction: Vec3::NEG_Y,
+                irradiance: Rgb::ONE,
+            });
+        };
+        let nothing = |_: &mut SceneParts| {};
+        assert!(reflects_nothing(&Scene::new(ball(false, sun))));
+        assert!(!reflects_nothing(&Scene::new(ball(true, sun))));
+        assert!(!reflects_nothing(&Scene::new(ball(false, nothing))));
+        assert!(!reflects_nothing(&Scene::outline(ball(false, sun))));
     }
 
     #[test]
