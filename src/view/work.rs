@@ -208,35 +208,10 @@ impl Renderer<'_> {
         run: u64,
     ) -> Result<(), Fault> {
         let hub = self.hub;
-        let mut runs = Vec::new();
         let over = Arc::new(AtomicBool::new(false));
-        for mut request in [Some(request), other].into_iter().flatten() {
-            hub.change(|state| {
-                state.phase = "rendering";
-                state.words_number += 1;
-            });
-            let go_on = || !hub.disturbed.load(Ordering::Relaxed);
-            let Some(begun) = request.begin(&go_on)? else {
-                return Ok(());
-            };
-            hub.change(|state| {
-                if runs.is_empty() {
-                    state.integrator = word(&request.kind);
-                }
-                state.words_number += 1;
-            });
-            runs.push(Run {
-                integrator: request.settings.integrator(),
-                picture: begun.picture,
-                request,
-                samples: 0,
-                seconds: 0.0,
-                length: 1,
-                offered: None,
-                shown: 0,
-                over: over.clone(),
-            });
-        }
+        let Some(mut runs) = self.begin(request, other, &over)? else {
+            return Ok(());
+        };
         let mut showing = showing(&hub.lock());
         while !hub.disturbed.load(Ordering::Relaxed) {
             if runs[0].samples > 0 {
@@ -283,6 +258,45 @@ impl Renderer<'_> {
         let films: Vec<Picture> = runs.into_iter().map(|run| run.picture).collect();
         std::thread::spawn(move || drop(films));
         Ok(())
+    }
+
+    /// Runs of one request or of two, with no sample yet; `None` if something changed meanwhile.
+    fn begin<'r>(
+        &self,
+        request: Request<'r>,
+        other: Option<Request<'r>>,
+        over: &Arc<AtomicBool>,
+    ) -> Result<Option<Vec<Run<'r>>>, Fault> {
+        let hub = self.hub;
+        let mut runs = Vec::new();
+        for mut request in [Some(request), other].into_iter().flatten() {
+            hub.change(|state| {
+                state.phase = "rendering";
+                state.words_number += 1;
+            });
+            let go_on = || !hub.disturbed.load(Ordering::Relaxed);
+            let Some(begun) = request.begin(&go_on)? else {
+                return Ok(None);
+            };
+            hub.change(|state| {
+                if runs.is_empty() {
+                    state.integrator = word(&request.kind);
+                }
+                state.words_number += 1;
+            });
+            runs.push(Run {
+                integrator: request.settings.integrator(),
+                picture: begun.picture,
+                request,
+                samples: 0,
+                seconds: 0.0,
+                length: 1,
+                offered: None,
+                shown: 0,
+                over: over.clone(),
+            });
+        }
+        Ok(Some(runs))
     }
 
     /// Shows what is not shown yet, and waits for a change.

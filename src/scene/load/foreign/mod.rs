@@ -14,8 +14,9 @@ use super::uris::Files;
 use super::{LoadOptions, Loaded};
 use crate::bsdf::Distribution;
 use crate::files::FileError;
+use crate::scene::build::colour::Spectrum;
 use crate::scene::build::looks::Paint;
-use crate::scene::build::{BuildError, Builder};
+use crate::scene::build::{BuildError, Builder, right_handed_tangents};
 use crate::scene::mesh::Mesh;
 use crate::scene::{Material, SceneParts};
 use glam::DAffine3;
@@ -64,6 +65,7 @@ pub(super) fn load(
         warnings: Warnings::default(),
         images: HashMap::new(),
         meshes: HashMap::new(),
+        materials: HashMap::new(),
         includes: 0,
     };
     context.builder.parts.own_boundaries = true;
@@ -110,6 +112,32 @@ fn inflated(stream: impl Read, place: &str) -> Result<Vec<u8>> {
 /// A copy of a shape: numbers of its mesh and its material, and where it stands.
 type Member = (u32, u32, DAffine3);
 
+/// What a colour is of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Meant {
+    /// A surface, or an index of refraction.
+    Reflected,
+    /// A lamp.
+    Emitted,
+}
+
+/// A material that is read once, and what depends on the meshes that have it.
+#[derive(Clone)]
+struct Look {
+    material: Material,
+    /// Heights of a bump map.
+    bump: Option<Paint>,
+}
+
+impl From<Material> for Look {
+    fn from(material: Material) -> Self {
+        Self {
+            material,
+            bump: None,
+        }
+    }
+}
+
 /// What both readers build on.
 struct Context {
     files: Files,
@@ -123,6 +151,8 @@ struct Context {
     images: HashMap<images::Key, images::Known>,
     /// Meshes by file and choice.
     meshes: HashMap<String, u32>,
+    /// Materials by declaration, emission, and the scale of their bump map.
+    materials: HashMap<String, u32>,
     includes: usize,
 }
 
@@ -198,6 +228,64 @@ impl Context {
         Ok(mesh)
     }
 
+    /// A spectrum of a file of wavelengths and values.
+    fn spectrum_file(&mut self, name: &str, place: &str) -> Result<Spectrum> {
+        let (_, bytes) = self.files.open(name, place)?;
+        let text = String::from_utf8_lossy(&bytes);
+        let lines = (text.lines()).map(|line| line.split('#').next().unwrap_or_default());
+        let words = lines.flat_map(|line| line.split([',', ' ', '\t']));
+        let numbers: Option<Vec<f64>> = (words.filter(|word| !word.is_empty()))
+            .map(|word| word.parse().ok())
+            .collect();
+        let pairs = numbers.filter(|n| n.len() % 2 == 0).and_then(|n| {
+            Spectrum::new(n.chunks_exact(2).map(|pair| (pair[0], pair[1])).collect())
+        });
+        pairs.ok_or_else(|| {
+            let what = format!("{name}: no list of rising wavelengths and values");
+            fault(place, what)
+        })
+    }
+
+    /// Material and mesh of a shape that looks so; shapes of one `key` have one material. A mesh under a normal map or a bump map
+    /// has tangents, and is then another one.
+    fn dressed(
+        &mut self,
+        mut look: Look,
+        mut key: String,
+        mut mesh: u32,
+        pose: &DAffine3,
+    ) -> (u32, u32) {
+        if look.bump.is_some() || look.material.normal_texture.is_some() {
+            mesh = self.with_tangents(mesh);
+            if let Some(heights) = look.bump {
+                let scale = pose.matrix3.determinant().abs().cbrt() as f32;
+                let steps = uv_steps(self.builder.mesh_mut(mesh), scale);
+                key += &format!(" bump {steps:?}");
+                if !self.materials.contains_key(&key) {
+                    self.bump(&mut look.material, heights, &[steps]);
+                }
+            }
+        }
+        let Self {
+            builder, materials, ..
+        } = self;
+        let material = (materials.entry(key)).or_insert_with(|| builder.material(look.material));
+        (*material, mesh)
+    }
+
+    /// A mesh with tangents, made once.
+    fn with_tangents(&mut self, mesh: u32) -> u32 {
+        let key = format!("tangents {mesh}");
+        if let Some(&known) = self.meshes.get(&key) {
+            return known;
+        }
+        let mut copy = self.builder.mesh_mut(mesh).clone();
+        right_handed_tangents(&mut copy);
+        let copy = self.builder.mesh(copy);
+        self.meshes.insert(key, copy);
+        copy
+    }
+
     /// Gives a material a bump map, by the mean scale of texture coordinates on these meshes.
     fn bump(&mut self, material: &mut Material, heights: Paint, steps: &[[f32; 2]]) {
         let n = steps.len().max(1) as f32;
@@ -208,6 +296,14 @@ impl Context {
         let step = [mean(0), mean(1)];
         material.normal_texture = self.parts().bump_map(heights, step);
         material.normal_scale = 1.0;
+    }
+}
+
+/// A side of the film in pixels.
+fn film_side(name: &str, n: f64, place: &str) -> Result<u32> {
+    match (1.0..=65536.0).contains(&n) {
+        true => Ok(n as u32),
+        false => Err(fault(place, format!("{name} {n}"))),
     }
 }
 

@@ -1,9 +1,9 @@
 //! Materials of Mitsuba.
 
 use super::super::super::error::{Result, fault};
-use super::values::Meant;
+use super::super::{Look, Meant};
+use super::Scene;
 use super::xml::{Object, Value};
-use super::{Look, Scene};
 use crate::bsdf::Distribution;
 use crate::math::Rgb;
 use crate::scene::Material;
@@ -13,15 +13,6 @@ use crate::scene::finish::Anisotropy;
 
 /// Least roughness of a rough material: below it Mitsuba's are mirrors too.
 const LEAST_ALPHA: f64 = 1e-4;
-
-impl From<Material> for Look {
-    fn from(material: Material) -> Self {
-        Self {
-            material,
-            bump: None,
-        }
-    }
-}
 
 impl Scene<'_> {
     /// The material of an object.

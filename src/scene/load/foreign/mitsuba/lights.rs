@@ -1,8 +1,8 @@
 //! Emitters and sensors of Mitsuba.
 
 use super::super::super::error::{Result, fault};
+use super::super::{Meant, film_side};
 use super::Scene;
-use super::values::Meant;
 use super::xml::{Object, Value};
 use crate::math::{Frame, Rgb, UVec2, Vec3};
 use crate::scene::build::sky;
@@ -30,29 +30,8 @@ impl Scene<'_> {
                 });
             }
             "spot" => {
-                let intensity = self.colour(emitter, &["intensity"], Rgb::ONE, Meant::Emitted)?;
-                if !self.children(emitter, &["texture"])?.is_empty() {
-                    self.context
-                        .unsupported(place, "the texture of a spot light")?;
-                }
-                let cutoff = emitter.number("cutoff_angle", 20.0)?;
-                let beam = emitter.number("beam_width", 0.75 * cutoff)?;
-                if !(0.0 < cutoff && cutoff < 180.0 && 0.0 <= beam && beam <= cutoff) {
-                    return Err(fault(
-                        place,
-                        "its angles are not 0 ≤ beam_width ≤ cutoff_angle",
-                    ));
-                }
-                let direction = axis()?.as_vec3();
-                self.context.parts().lights.push(PunctualLight::Spot {
-                    position: pose.translation.as_vec3(),
-                    direction,
-                    intensity,
-                    range: f32::INFINITY,
-                    cos_inner: beam.to_radians().cos() as f32,
-                    cos_outer: cutoff.to_radians().cos() as f32,
-                    falloff: Falloff::Linear,
-                });
+                let spot = self.spot(emitter, pose.translation, axis()?)?;
+                self.context.parts().lights.push(spot);
             }
             "directional" | "distant" => {
                 let irradiance = self.colour(
@@ -92,6 +71,35 @@ impl Scene<'_> {
                 .unsupported(place, format!("emitter `{other}`"))?,
         }
         Ok(())
+    }
+
+    fn spot(
+        &mut self,
+        emitter: &Object,
+        position: DVec3,
+        direction: DVec3,
+    ) -> Result<PunctualLight> {
+        let place = &emitter.place;
+        let intensity = self.colour(emitter, &["intensity"], Rgb::ONE, Meant::Emitted)?;
+        if !self.children(emitter, &["texture"])?.is_empty() {
+            self.context
+                .unsupported(place, "the texture of a spot light")?;
+        }
+        let cutoff = emitter.number("cutoff_angle", 20.0)?;
+        let beam = emitter.number("beam_width", 0.75 * cutoff)?;
+        if !(0.0 < cutoff && cutoff < 180.0 && 0.0 <= beam && beam <= cutoff) {
+            let what = "its angles are not 0 ≤ beam_width ≤ cutoff_angle";
+            return Err(fault(place, what));
+        }
+        Ok(PunctualLight::Spot {
+            position: position.as_vec3(),
+            direction: direction.as_vec3(),
+            intensity,
+            range: f32::INFINITY,
+            cos_inner: beam.to_radians().cos() as f32,
+            cos_outer: cutoff.to_radians().cos() as f32,
+            falloff: Falloff::Linear,
+        })
     }
 
     fn surround(&mut self, environment: Environment, place: &str) -> Result<()> {
@@ -159,13 +167,7 @@ impl Scene<'_> {
 
     fn film(&mut self, film: &Object) -> Result<FilmSize> {
         let place = &film.place;
-        let side = |name: &str, or: f64| -> Result<u32> {
-            let n = film.number(name, or)?;
-            match (1.0..=65536.0).contains(&n) {
-                true => Ok(n as u32),
-                false => Err(fault(place, format!("{name} {n}"))),
-            }
-        };
+        let side = |name: &str, or: f64| film_side(name, film.number(name, or)?, place);
         let size = UVec2::new(side("width", 768.0)?, side("height", 576.0)?);
         let at = |name: &str, or: u32| film.number(name, or.into()).map(|n| n.max(0.0) as u32);
         let crop = [

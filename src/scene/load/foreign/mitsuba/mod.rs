@@ -7,22 +7,12 @@ mod values;
 mod xml;
 
 use super::super::error::{Result, fault};
-use super::{Context, Member};
+use super::{Context, Look, Member};
 use crate::math::Vec3;
-use crate::scene::Material;
-use crate::scene::build::looks::Paint;
 use glam::{DAffine3, DMat4};
 use std::collections::HashMap;
 use std::rc::Rc;
 use xml::{Child, Ids, Link, Object, Reader};
-
-/// A material that is read once: its index, and what depends on the meshes that have it.
-#[derive(Clone)]
-struct Look {
-    material: Material,
-    /// Heights of a bump map.
-    bump: Option<Paint>,
-}
 
 /// A scene in progress.
 struct Scene<'a> {
@@ -30,8 +20,6 @@ struct Scene<'a> {
     ids: Ids,
     /// Looks by the address of their object.
     looks: HashMap<usize, Look>,
-    /// Materials by that, emission, and whether they are bumped by a mesh of this number.
-    materials: HashMap<String, u32>,
     /// Objects that are being read: a reference to one of them is a cycle.
     open: Vec<usize>,
     /// Groups of shapes by address.
@@ -47,7 +35,6 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         context,
         ids,
         looks: HashMap::new(),
-        materials: HashMap::new(),
         open: Vec::new(),
         groups: HashMap::new(),
     };

@@ -1,13 +1,12 @@
 //! Shapes of Mitsuba.
 
 use super::super::super::error::{Result, fault};
-use super::super::{Member, obj, ply, serialized, uv_steps};
-use super::values::Meant;
+use super::super::{Look, Meant, Member, obj, ply, serialized};
+use super::Scene;
 use super::xml::Object;
-use super::{Look, Scene};
 use crate::math::{Rgb, Vec3};
 use crate::scene::build::looks::{self, Paint};
-use crate::scene::build::{Placed, face_normals_outwards, flip, right_handed_tangents, shapes};
+use crate::scene::build::{Placed, face_normals_outwards, flip, shapes};
 use crate::scene::mesh::Mesh;
 use glam::{DAffine3, DVec3};
 use std::f32::consts::TAU;
@@ -218,34 +217,6 @@ impl Scene<'_> {
             look.material.emissive_texture = paint.map;
             key += &format!(" emits {}", Rc::as_ptr(&emitter).addr());
         }
-        let mut mesh = mesh;
-        if look.bump.is_some() || look.material.normal_texture.is_some() {
-            // The mesh gets tangents, and is then another one.
-            let tangents = format!("tangents {mesh}");
-            mesh = match self.context.meshes.get(&tangents) {
-                Some(&known) => known,
-                None => {
-                    let mut copy = self.context.builder.mesh_mut(mesh).clone();
-                    right_handed_tangents(&mut copy);
-                    let copy = self.context.builder.mesh(copy);
-                    self.context.meshes.insert(tangents, copy);
-                    copy
-                }
-            };
-            if let Some(heights) = look.bump {
-                let scale = pose.matrix3.determinant().abs().cbrt() as f32;
-                let steps = uv_steps(self.context.builder.mesh_mut(mesh), scale);
-                key += &format!(" bump {mesh} {scale}");
-                if !self.materials.contains_key(&key) {
-                    self.context.bump(&mut look.material, heights, &[steps]);
-                }
-            }
-        }
-        if let Some(&known) = self.materials.get(&key) {
-            return Ok((known, mesh));
-        }
-        let material = self.context.builder.material(look.material);
-        self.materials.insert(key, material);
-        Ok((material, mesh))
+        Ok(self.context.dressed(look, key, mesh, pose))
     }
 }

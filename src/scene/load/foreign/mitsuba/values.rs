@@ -1,6 +1,7 @@
 //! Properties of Mitsuba's objects: numbers, colours, textures.
 
 use super::super::super::error::{Result, fault};
+use super::super::Meant;
 use super::super::images::Use;
 use super::Scene;
 use super::xml::{Object, Property, Value, numbers};
@@ -69,38 +70,7 @@ impl Object {
     }
 }
 
-/// What a colour is of.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Meant {
-    /// Surface, or index.
-    Reflected,
-    /// Lamp.
-    Emitted,
-}
-
 impl Scene<'_> {
-    /// A spectrum of a file of wavelengths and values.
-    fn spectrum_file(&mut self, name: &str, place: &str) -> Result<Spectrum> {
-        let (_, bytes) = self.context.files.open(name, place)?;
-        let text = String::from_utf8_lossy(&bytes);
-        let lines = text
-            .lines()
-            .map(|line| line.split('#').next().unwrap_or_default());
-        let pairs: Option<Vec<(f64, f64)>> = (lines.filter(|line| !line.trim().is_empty()))
-            .map(|line| match numbers(line)?.as_slice() {
-                [w, v, ..] => Some((*w, *v)),
-                _ => None,
-            })
-            .collect();
-        let spectrum = pairs.and_then(Spectrum::new);
-        spectrum.ok_or_else(|| {
-            fault(
-                place,
-                format!("{name}: no list of rising wavelengths and values"),
-            )
-        })
-    }
-
     /// The spectrum that a text such as `400:0.1, 500:0.2` gives.
     fn spectrum(text: &str, place: &str) -> Result<Spectrum> {
         let words = text.split([',', ' ', '\t', '\n']).filter(|w| !w.is_empty());
@@ -128,7 +98,7 @@ impl Scene<'_> {
                 Some([r, g, b]) => Rgb::new(*r as f32, *g as f32, *b as f32),
                 _ => of(Self::spectrum(text, place)?),
             },
-            Value::SpectrumFile(name) => of(self.spectrum_file(name, place)?),
+            Value::SpectrumFile(name) => of(self.context.spectrum_file(name, place)?),
             Value::BlackBody { kelvin, scale } => {
                 self.context
                     .approximate(place, "a black body has a luminance of its scale");

@@ -1,8 +1,8 @@
 //! Lights, cameras and films of pbrt.
 
 use super::super::super::error::{Result, fault};
+use super::super::{Meant, film_side};
 use super::tokens::Parameters;
-use super::values::Meant;
 use super::{Scene, affine};
 use crate::math::{Frame, Rgb, UVec2, luminance};
 use crate::scene::build::sky;
@@ -210,13 +210,7 @@ impl Scene<'_> {
             });
         };
         let place = &film.place;
-        let side = |name: &str, or: f64| -> Result<u32> {
-            let n = film.number(name, or)?;
-            match (1.0..=65536.0).contains(&n) {
-                true => Ok(n as u32),
-                false => Err(fault(place, format!("{name} {n}"))),
-            }
-        };
+        let side = |name: &str, or: f64| film_side(name, film.number(name, or)?, place);
         let size = UVec2::new(side("xresolution", 1280.0)?, side("yresolution", 720.0)?);
         let [w, h] = [f64::from(size.x), f64::from(size.y)];
         let part = match (film.numbers("cropwindow")?, film.numbers("pixelbounds")?) {

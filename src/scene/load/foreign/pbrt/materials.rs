@@ -1,9 +1,9 @@
 //! Materials of pbrt.
 
 use super::super::super::error::{Result, fault};
+use super::super::{Look, Meant};
 use super::tokens::{Parameters, Values};
-use super::values::Meant;
-use super::{Declared, Look, Scene};
+use super::{Declared, Scene};
 use crate::bsdf::Distribution;
 use crate::math::Rgb;
 use crate::scene::Material;

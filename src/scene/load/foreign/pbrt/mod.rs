@@ -7,7 +7,7 @@ mod tokens;
 mod values;
 
 use super::super::error::{Result, fault};
-use super::{Context, Member, unpacked};
+use super::{Context, Look, Member, unpacked};
 use crate::scene::build::looks::Paint;
 use glam::{DAffine3, DMat4, DVec3, DVec4};
 use std::collections::HashMap;
@@ -16,6 +16,13 @@ use tokens::{Parameters, Token, Tokens, Values};
 
 /// Most attributes within one another.
 const MOST_DEPTH: usize = 1024;
+
+/// Directives that are neither of the state nor transforms.
+#[rustfmt::skip]
+const DECLARATIONS: [&str; 17] = [
+    "Shape", "Material", "MakeNamedMaterial", "NamedMaterial", "Texture", "LightSource", "AreaLightSource", "Camera", "Film", "Sampler",
+    "Integrator", "PixelFilter", "Accelerator", "ColorSpace", "Option", "MediumInterface", "MakeNamedMedium",
+];
 
 /// What directives set for what follows.
 #[derive(Clone)]
@@ -35,14 +42,6 @@ struct Declared {
     parameters: Parameters,
 }
 
-/// A material of a shape as it was made.
-#[derive(Clone)]
-struct Look {
-    material: crate::scene::Material,
-    /// Heights of a bump map.
-    bump: Option<Paint>,
-}
-
 /// A scene in progress.
 struct Scene<'a> {
     context: &'a mut Context,
@@ -59,7 +58,6 @@ struct Scene<'a> {
     /// Declarations and lights that looks are known by: their addresses must stay theirs.
     kept: Vec<Rc<Declared>>,
     lights_kept: Vec<Rc<Parameters>>,
-    dressed: HashMap<String, u32>,
     /// Film's parameters, and those of the camera with its pose.
     film: Option<Parameters>,
     camera: Option<(String, Parameters, DMat4)>,
@@ -87,7 +85,6 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         looks: HashMap::new(),
         kept: Vec::new(),
         lights_kept: Vec::new(),
-        dressed: HashMap::new(),
         film: None,
         camera: None,
         in_world: false,
@@ -249,26 +246,7 @@ impl Scene<'_> {
     }
 
     fn declaration(&mut self, word: &str, tokens: &mut Tokens, place: String) -> Result<()> {
-        let known = [
-            "Shape",
-            "Material",
-            "MakeNamedMaterial",
-            "NamedMaterial",
-            "Texture",
-            "LightSource",
-            "AreaLightSource",
-            "Camera",
-            "Film",
-            "Sampler",
-            "Integrator",
-            "PixelFilter",
-            "Accelerator",
-            "ColorSpace",
-            "Option",
-            "MediumInterface",
-            "MakeNamedMedium",
-        ];
-        if !known.contains(&word) {
+        if !DECLARATIONS.contains(&word) {
             return Err(fault(place, format!("`{word}` is no directive of pbrt-v4")));
         }
         if word == "Option" {
@@ -302,6 +280,17 @@ impl Scene<'_> {
             _ => {}
         }
         let parameters = Parameters::read(tokens, place.clone())?;
+        self.declare(word, name, parameters, &place)
+    }
+
+    /// A declaration of a name and parameters.
+    fn declare(
+        &mut self,
+        word: &str,
+        name: String,
+        parameters: Parameters,
+        place: &str,
+    ) -> Result<()> {
         match word {
             "Shape" => {
                 let parameters = self.with_defaults("shape", parameters);
@@ -330,7 +319,7 @@ impl Scene<'_> {
                 if name != "diffuse" {
                     return self
                         .context
-                        .unsupported(&place, format!("area light `{name}`"));
+                        .unsupported(place, format!("area light `{name}`"));
                 }
                 let parameters = self.with_defaults("light", parameters);
                 self.state.area_light = Some(Rc::new(parameters));
@@ -349,8 +338,8 @@ impl Scene<'_> {
             }
             "ColorSpace" if name != "srgb" => self
                 .context
-                .unsupported(&place, format!("colour space `{name}`")),
-            "MakeNamedMedium" => self.context.unsupported(&place, "a medium"),
+                .unsupported(place, format!("colour space `{name}`")),
+            "MakeNamedMedium" => self.context.unsupported(place, "a medium"),
             // Samplers, filters, integrators and accelerators are the render's.
             _ => Ok(()),
         }

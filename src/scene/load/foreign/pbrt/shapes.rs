@@ -1,13 +1,12 @@
 //! Shapes of pbrt.
 
 use super::super::super::error::{Result, fault};
-use super::super::{ply, uv_steps};
+use super::super::{Look, Meant, ply};
 use super::tokens::Parameters;
-use super::values::Meant;
-use super::{Declared, Look, Scene};
+use super::{Declared, Scene};
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::scene::build::looks::{self, Paint};
-use crate::scene::build::{Placed, face_normals_outwards, flip, right_handed_tangents, shapes};
+use crate::scene::build::{Placed, face_normals_outwards, flip, shapes};
 use crate::scene::material::AlphaMode;
 use crate::scene::mesh::Mesh;
 use glam::DAffine3;
@@ -22,7 +21,7 @@ impl Scene<'_> {
         let Some(mesh) = self.mesh(kind, parameters, reversed)? else {
             return Ok(());
         };
-        let (mesh, material) = self.dress(kind, parameters, mesh, &pose)?;
+        let (material, mesh) = self.dress(kind, parameters, mesh, &pose)?;
         match &mut self.object {
             Some((_, members)) => {
                 if members.len() >= 1 << 20 {
@@ -141,10 +140,7 @@ impl Scene<'_> {
         let declared = self.state.material.clone();
         let mut look = match &declared {
             Some(declared) => self.look(declared, 0)?,
-            None => Look {
-                material: looks::diffuse(Paint::from(0.5)),
-                bump: None,
-            },
+            None => Look::from(looks::diffuse(Paint::from(0.5))),
         };
         let mut key = declared
             .map_or(0, |d| Rc::<Declared>::as_ptr(&d).addr())
@@ -161,7 +157,7 @@ impl Scene<'_> {
         if parameters.get("alpha").is_some() {
             let opacity = self.paint(parameters, "alpha", Paint::from(1.0))?;
             key += &format!(" alpha {opacity:?}");
-            if opacity != Paint::from(1.0) && !self.dressed.contains_key(&key) {
+            if opacity != Paint::from(1.0) && !self.context.materials.contains_key(&key) {
                 let done = self
                     .context
                     .parts()
@@ -172,26 +168,7 @@ impl Scene<'_> {
                 }
             }
         }
-        let mut mesh = mesh;
-        if look.bump.is_some() || look.material.normal_texture.is_some() {
-            let mut copy = self.context.builder.mesh_mut(mesh).clone();
-            right_handed_tangents(&mut copy);
-            mesh = self.context.builder.mesh(copy);
-            if let Some(heights) = look.bump {
-                let scale = pose.matrix3.determinant().abs().cbrt() as f32;
-                let steps = uv_steps(self.context.builder.mesh_mut(mesh), scale);
-                key += &format!(" bump {steps:?}");
-                if !self.dressed.contains_key(&key) {
-                    self.context.bump(&mut look.material, heights, &[steps]);
-                }
-            }
-        }
-        if let Some(&known) = self.dressed.get(&key) {
-            return Ok((mesh, known));
-        }
-        let material = self.context.builder.material(look.material);
-        self.dressed.insert(key, material);
-        Ok((mesh, material))
+        Ok(self.context.dressed(look, key, mesh, pose))
     }
 
     fn emission(

@@ -1,6 +1,7 @@
 //! Colours and textures of pbrt.
 
 use super::super::super::error::{Result, fault};
+use super::super::Meant;
 use super::super::images::Use;
 use super::Scene;
 use super::tokens::{Parameter, Parameters, Values};
@@ -11,36 +12,8 @@ use crate::scene::build::metals;
 use crate::scene::texture::Wrap;
 use glam::{Affine2, Mat2, Vec2};
 
-/// What a colour is of.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Meant {
-    Reflected,
-    /// A lamp, whose spectra pbrt takes to a luminance of 1.
-    Emitted,
-}
-
 impl Scene<'_> {
-    /// A spectrum of a file of wavelengths and values.
-    fn spectrum_file(&mut self, name: &str, place: &str) -> Result<Spectrum> {
-        let (_, bytes) = self.context.files.open(name, place)?;
-        let text = String::from_utf8_lossy(&bytes);
-        let words = text.lines().flat_map(|line| {
-            line.split('#')
-                .next()
-                .unwrap_or_default()
-                .split_whitespace()
-        });
-        let numbers: Option<Vec<f64>> = words.map(|w| w.parse().ok()).collect();
-        let pairs = numbers.map(|n| n.chunks_exact(2).map(|p| (p[0], p[1])).collect());
-        let spectrum = pairs.and_then(Spectrum::new);
-        spectrum.ok_or_else(|| {
-            fault(
-                place,
-                format!("{name}: no list of rising wavelengths and values"),
-            )
-        })
-    }
-
+    /// The colour of a spectrum; pbrt takes those of lamps to a luminance of 1.
     fn of_spectrum(spectrum: &Spectrum, meant: Meant) -> Rgb {
         match meant {
             Meant::Reflected => spectrum.reflected(),
@@ -87,7 +60,7 @@ impl Scene<'_> {
             return Ok(Rgb::ONE);
         }
         if name.contains('.') {
-            let spectrum = self.spectrum_file(name, place)?;
+            let spectrum = self.context.spectrum_file(name, place)?;
             return Ok(Self::of_spectrum(&spectrum, meant));
         }
         self.context
