@@ -36,9 +36,35 @@ pub(super) struct Guide {
     size: Size,
     /// Normal and, where it counts, reflectance: their squared differences are those of the exponent.
     planes: Vec<Vec<f32>>,
+    /// Variance of the normals in a pixel on an edge, in the exponent.
+    spread: Vec<f32>,
     length: Vec<f32>,
     /// Difference of lengths that counts as one standard deviation at a pixel, and what a plane adds to it a pixel away.
     slope: Vec<[f32; 2]>,
+}
+
+/// Variance of the normals in pixels on an edge between surfaces, times [`NORMAL`]: of unit normals it is 1 − |mean|². What
+/// two pixels on opposite sides have, too, is no edge but gloss, or light that leaves the scene.
+fn spread((width, height): Size, features: &[Features], first: usize) -> Vec<f32> {
+    let length2 = |x: usize, y: usize| -> f32 {
+        let normal = &features[y * width + x][first..first + 3];
+        normal.iter().map(|n| n * n).sum()
+    };
+    let of = |i: usize| {
+        let (x, y) = (i % width, i / width);
+        if x == 0 || y == 0 || x + 1 == width || y + 1 == height {
+            return 0.0;
+        }
+        let around = [
+            length2(x - 1, y).min(length2(x + 1, y)),
+            length2(x, y - 1).min(length2(x, y + 1)),
+            length2(x - 1, y - 1).min(length2(x + 1, y + 1)),
+            length2(x - 1, y + 1).min(length2(x + 1, y - 1)),
+        ];
+        let most = around.into_iter().fold(0.0, f32::max);
+        NORMAL * (most - length2(x, y)).max(0.0)
+    };
+    (0..features.len()).map(of).collect()
 }
 
 impl Guide {
@@ -67,6 +93,7 @@ impl Guide {
         Self {
             size,
             planes,
+            spread: spread(size, features, first),
             length,
             slope,
         }
@@ -135,24 +162,25 @@ impl Guide {
     ) {
         let count = weights.len();
         let scale = 0.5 / (sigma * sigma);
-        let mut distance = dx as f32;
-        for weight in weights.iter_mut() {
-            *weight = distance;
-            distance += 1.0;
-        }
-        let (length, [here, slope]) = (self.length[i], self.slope[i]);
-        let dy2 = (dy * dy) as f32;
-        for (weight, other) in weights.iter_mut().zip(&self.length[start..start + count]) {
-            let d2 = *weight * *weight + dy2;
-            let step = (other - length) / (here + slope * d2.sqrt());
-            *weight = d2 * scale + 0.5 * step * step;
-        }
-        for plane in &self.planes {
+        let add = |weights: &mut [f32], plane: &[f32]| {
             let own = plane[i];
             for (weight, other) in weights.iter_mut().zip(&plane[start..start + count]) {
                 *weight += (other - own) * (other - own);
             }
+        };
+        let (normals, others) = self.planes.split_at(3);
+        weights.fill(0.0);
+        normals.iter().for_each(|plane| add(weights, plane));
+        let (length, [here, slope]) = (self.length[i], self.slope[i]);
+        let (mut distance, dy2, spread) = (dx as f32, (dy * dy) as f32, self.spread[i]);
+        for (weight, other) in weights.iter_mut().zip(&self.length[start..start + count]) {
+            let d2 = distance * distance + dy2;
+            let step = (other - length) / (here + slope * d2.sqrt());
+            // A pixel that shows several surfaces takes light of each.
+            *weight = (*weight - spread).max(0.0) + d2 * scale + 0.5 * step * step;
+            distance += 1.0;
         }
+        others.iter().for_each(|plane| add(weights, plane));
         for weight in weights.iter_mut() {
             *weight = negative_exponential(*weight);
         }

@@ -271,6 +271,30 @@ fn gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black() {
             [0.0, 1.0, 0.0, 5.0]
         }
     });
+    // The pixel on the edge between them, a little more of it wall, takes light of both, more of the wall's; gloss that spreads the normals
+    // of a whole region as much is no edge.
+    let mixed = [0.0, 0.45, 0.55, 5.0];
+    let edge = |x: usize| match x {
+        0..5 => [0.0, 0.0, 1.0, 5.0],
+        5 => mixed,
+        _ => [0.0, 1.0, 0.0, 5.0],
+    };
+    let from = |x: usize, of: &dyn Fn(usize) -> [f32; 4]| {
+        let whole = |i: usize| {
+            let mut whole = [0.0; FEATURES];
+            whole[..4].copy_from_slice(&of(i % 11));
+            whole
+        };
+        let features: Vec<Features> = (0..121).map(whole).collect();
+        blurred((11, 11), &features, &|i| f32::from(u8::from(i % 11 == x)))[60]
+    };
+    let (wall, floor) = (from(4, &edge), from(6, &edge));
+    let gloss = from(6, &|x| if x < 6 { mixed } else { [0.0, 1.0, 0.0, 5.0] });
+    assert!(
+        wall > 0.2 && (0.03..0.7 * wall).contains(&floor),
+        "{wall} {floor}"
+    );
+    assert!(gloss < 0.01, "{gloss}");
     let behind = spread(&|i| [0.0, 0.0, 1.0, if left(i) { 5.0 } else { 9.0 }]);
     let tilted = spread(&|i| [0.0, 0.0, 1.0, 5.0 + 0.3 * (i % 11) as f32]);
     for (edge, expected) in [(corner, 0.0..0.01), (behind, 0.0..0.1), (tilted, 0.7..1.4)] {

@@ -313,6 +313,24 @@ static int opsr_caps(const opsr_film *f, float *most) {
 
 /* ---- blurs that stop at edges ---- */
 
+/* Squared length of the mean normal in a pixel: 1 less the variance of its normals. */
+static float opsr_length2(const opsr_film *f, int at, int x, int y) {
+    const float *n = f->features + ((size_t)y * f->width + x) * OPSR_FEATURES + at;
+    return n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+}
+
+/* Variance of the normals in a pixel on an edge between surfaces. What two pixels on opposite sides have, too, is no edge. */
+static float opsr_spread(const opsr_film *f, int at, int x, int y) {
+    static const int sides[4][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
+    float most = 0.0f;
+    if (x == 0 || y == 0 || x + 1 == f->width || y + 1 == f->height) return 0.0f;
+    for (int i = 0; i < 4; i++) {
+        int dx = sides[i][0], dy = sides[i][1];
+        most = fmaxf(most, fminf(opsr_length2(f, at, x - dx, y - dy), opsr_length2(f, at, x + dx, y + dy)));
+    }
+    return fmaxf(most - opsr_length2(f, at, x, y), 0.0f);
+}
+
 /* `first`: along the first surface, by its reflectance too; otherwise along the first rough one. */
 static void opsr_blur(const opsr_film *f, int first, float sigma, const opsr_light *in, opsr_light *out) {
     int w = f->width, h = f->height, radius = (int)ceilf(2.0f * sigma), at = first ? 4 : 0;
@@ -323,7 +341,7 @@ static void opsr_blur(const opsr_film *f, int first, float sigma, const opsr_lig
             float length = OPSR_F(x, y, at + 3), all = 0.0f;
             float across = fabsf(OPSR_F(x + 1 < w ? x + 1 : x, y, at + 3) - OPSR_F(x > 0 ? x - 1 : 0, y, at + 3));
             float along = fabsf(OPSR_F(x, y + 1 < h ? y + 1 : y, at + 3) - OPSR_F(x, y > 0 ? y - 1 : 0, at + 3));
-            float here = 0.02f * length + sqrtf(FLT_MIN), slope = 0.25f * fmaxf(across, along);
+            float here = 0.02f * length + sqrtf(FLT_MIN), slope = 0.25f * fmaxf(across, along), spread = opsr_spread(f, at, x, y);
             opsr_light sum;
             memset(&sum, 0, sizeof sum);
             for (int dy = -radius; dy <= radius; dy++) {
@@ -332,17 +350,18 @@ static void opsr_blur(const opsr_film *f, int first, float sigma, const opsr_lig
                 int half = (int)sqrtf(left) < radius ? (int)sqrtf(left) : radius;
                 for (int dx = -half; dx <= half; dx++) {
                     if (x + dx < 0 || x + dx >= w) continue;
-                    float d2 = (float)(dx * dx + dy * dy), e = 0.5f * d2 / (sigma * sigma);
+                    float d2 = (float)(dx * dx + dy * dy), e = 0.5f * d2 / (sigma * sigma), normals = 0.0f;
                     float step = (OPSR_F(x + dx, y + dy, at + 3) - length) / (here + slope * sqrtf(d2));
                     e += 0.5f * step * step;
                     for (int i = 0; i < 3; i++) {
                         float d = OPSR_F(x + dx, y + dy, at + i) - OPSR_F(x, y, at + i);
-                        e += 10.0f * d * d;
+                        normals += d * d;
                         if (first) {
                             d = (OPSR_F(x + dx, y + dy, 8 + i) - OPSR_F(x, y, 8 + i)) / 0.05f;
                             e += 0.5f * d * d;
                         }
                     }
+                    e += 10.0f * fmaxf(normals - spread, 0.0f); /* a pixel that shows several surfaces takes light of each */
                     float weight = expf(-fminf(e, 41.5888f)); /* at least 2^-60 */
                     const opsr_light *l = in + (size_t)(y + dy) * w + x + dx;
                     all += weight;

@@ -81,7 +81,7 @@ impl Arrays {
         film
     }
 
-    /// Two surfaces, light in rare hits at sharp levels, and noise.
+    /// Two surfaces, a column of pixels that show both, light in rare hits at sharp levels, and noise.
     fn random(seed: u64) -> Self {
         let (size, levels) = ([37, 29], 4);
         let pixels = size[0] * size[1];
@@ -90,7 +90,11 @@ impl Arrays {
         let mut features = Vec::new();
         for pixel in 0..pixels {
             let wall = pixel % size[0] > 20;
-            let [n, m] = if wall { [1.0, 0.0] } else { [0.0, 1.0] };
+            let [n, m] = match pixel % size[0] {
+                20 => [0.4, 0.6],
+                _ if wall => [1.0, 0.0],
+                _ => [0.0, 1.0],
+            };
             let depth = 4.0 + 0.1 * (pixel / size[0]) as f32;
             features.extend([n, m, 0.0, depth, n, m, 0.0, depth, 0.5 * n, 0.3, 0.7]);
             for batch in 0..BATCHES {
