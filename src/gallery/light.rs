@@ -67,7 +67,18 @@ const HALF_ANGLE: f32 = 0.75 * PI / 180.0;
 
 /// The pool under a disc of 1.5 degrees, which plain path tracing finds by chance alone: one path in thousands.
 pub(super) fn pool_in_the_sun() -> SceneParts {
-    let mut parts = pool();
+    under_disc(pool())
+}
+
+/// The same with water of another depth, seen from above.
+pub(super) fn pool_of(depth: f32) -> SceneParts {
+    let mut parts = water_of(depth);
+    parts.add_camera([0.0, 3.6, 1.2], [0.0, LEVEL - 0.5 * depth, 0.0], 40.0);
+    under_disc(parts)
+}
+
+/// A scene under a disc of 1.5 degrees.
+fn under_disc(mut parts: SceneParts) -> SceneParts {
     let towards = -SUNSHINE.0.normalize();
     let turned = |v: Vec3| {
         // The rotation that brings the axis of the disc to the direction that it shines to.
@@ -86,8 +97,18 @@ pub(super) fn pool_in_the_sun() -> SceneParts {
 
 /// A tiled pool under a dim sky, seen through the smooth surface of its water: every sunny path passes it twice.
 fn pool() -> SceneParts {
+    let mut parts = water_of(LEVEL);
+    parts.add_camera([0.0, 2.3, 2.0], [0.0, 0.3, 0.0], 42.0);
+    parts
+}
+
+/// Height of the surface of the water.
+const LEVEL: f32 = 0.8;
+
+/// The pool with water of this depth, without a camera.
+fn water_of(depth: f32) -> SceneParts {
     let mut parts = SceneParts::default();
-    let (low, high) = (v3(-1.0, 0.0, -1.0), v3(1.0, 0.8, 1.0));
+    let (low, high) = (v3(-1.0, LEVEL - depth, -1.0), v3(1.0, LEVEL, 1.0));
     let [left, right, floor, _, back, front] = room(low + 0.01, high - v3(0.01, -0.1, 0.01));
     let tiles = diffuse("tiles", v3(0.5, 0.7, 0.75));
     parts.add(tiles, [left, right, floor, back, front]);
@@ -95,10 +116,10 @@ fn pool() -> SceneParts {
     // Its upper side.
     body.indices.drain(6..8);
     parts.add(glass("water", 1.33, 0.0), [body, waves(low, high)]);
-    let ball = sphere(v3(0.3, 0.26, -0.2), 0.25, 4);
+    let radius = f32::min(0.25, 0.35 * depth);
+    let ball = sphere(v3(0.3, low.y + 0.01 + radius, -0.2), radius, 4);
     parts.add(diffuse("ball", v3(0.8, 0.35, 0.2)), [ball]);
     parts.environment = Some(Environment::constant(v3(0.1, 0.13, 0.2)));
-    parts.add_camera([0.0, 2.3, 2.0], [0.0, 0.3, 0.0], 42.0);
     parts
 }
 

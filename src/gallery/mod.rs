@@ -29,7 +29,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 type Builder = (&'static str, fn() -> SceneParts);
 
 /// Small scenes by name, for suites.
-const SMALL: [Builder; 20] = [
+const SMALL: [Builder; 25] = [
     ("ball-on-4-m", || hidden::ball_on_floor(2.0)),
     ("ball-on-40-m", || hidden::ball_on_floor(20.0)),
     ("ball-on-400-m", || hidden::ball_on_floor(200.0)),
@@ -43,6 +43,11 @@ const SMALL: [Builder; 20] = [
     ("lamp-in-glass", hidden::lamp_in_glass),
     ("plane", area_light_over_plane),
     ("plate-under-mesh-sky", hidden::plate_under_mesh_sky),
+    ("pool-0.2-m", || light::pool_of(0.2)),
+    ("pool-0.4-m", || light::pool_of(0.4)),
+    ("pool-0.8-m", || light::pool_of(0.8)),
+    ("pool-1.6-m", || light::pool_of(1.6)),
+    ("pool-3.2-m", || light::pool_of(3.2)),
     ("pool-in-the-sun", light::pool_in_the_sun),
     ("ring-under-lamp", hidden::ring_under_lamp),
     ("street-lamp", hidden::street_lamp),
