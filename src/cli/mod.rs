@@ -77,7 +77,7 @@ enum Command {
     Convert(Box<convert::Args>),
     /// Compare pictures with a reference.
     Compare(Box<compare::CompareArgs>),
-    /// Write the training scenes of the program, and render their references.
+    /// Write scenes of the program, and render references of those of the training.
     Scenes(scenes::ScenesArgs),
     /// Measure methods against each other on scenes with references.
     Bench(bench::BenchArgs),

@@ -1,9 +1,11 @@
-//! `opsr scenes`: the training scenes that the program contains as code.
+//! `opsr scenes`: the scenes that the program contains as code.
 
 use super::exit::{Blame, Exit};
 use super::output::print;
 use super::references::{self, ReferenceArgs};
-use opsr::gallery::training;
+use anyhow::Context as _;
+use clap::builder::PossibleValuesParser;
+use opsr::gallery::{self, training};
 use std::path::PathBuf;
 
 /// Options of `opsr scenes`.
@@ -15,8 +17,11 @@ pub(super) struct ScenesArgs {
 
 #[derive(Clone, Debug, clap::Subcommand)]
 enum Action {
-    /// Write the training and validation scenes and their manifest into a folder.
+    /// Write the training and validation scenes and their manifest into a folder, or the scenes that are named.
     Write {
+        /// Scenes to write in place of them, without a manifest; a scene with a sky cannot be written.
+        #[arg(value_name = "NAME", value_parser = PossibleValuesParser::new(gallery::names()))]
+        names: Vec<String>,
         /// The folder; created if it does not exist, files of the same names are replaced.
         #[arg(long, value_name = "DIR", default_value = "training_scenes")]
         out: PathBuf,
@@ -30,8 +35,16 @@ enum Action {
 /// Runs the command.
 pub(super) fn run(args: &ScenesArgs) -> anyhow::Result<Exit> {
     match &args.action {
-        Action::Write { out } => {
-            for path in training::write(out).output()? {
+        Action::Write { names, out } => {
+            let written = if names.is_empty() {
+                training::write(out).output()?
+            } else {
+                let one =
+                    |name: &String| gallery::write([name.as_str()], out).context(name.clone());
+                let files: anyhow::Result<Vec<_>> = names.iter().map(one).collect();
+                files.output()?.concat()
+            };
+            for path in written {
                 print(format!("{}\n", path.display()))?;
             }
             Ok(Exit::Done)

@@ -7,6 +7,7 @@
 //! assert!(parts.materials.iter().any(|m| m.solid));
 //! ```
 
+mod figures;
 pub mod glb;
 mod hidden;
 mod light;
@@ -19,17 +20,21 @@ pub mod reference;
 pub mod shapes;
 pub mod training;
 
+use crate::files;
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::scene::{Camera, Material, Mesh, PunctualLight, SceneParts};
+use figures::Led;
+use glb::SaveError;
 use materials::{COPPER, diffuse, emitter, glass, metal};
 use shapes::{cuboid, cylinder, quad, ring, sphere, torus};
 use std::f32::consts::{FRAC_PI_2, PI};
+use std::path::{Path, PathBuf};
 
 /// A scene's name and its builder.
 type Builder = (&'static str, fn() -> SceneParts);
 
 /// Small scenes by name, for suites.
-const SMALL: [Builder; 25] = [
+const SMALL: [Builder; 30] = [
     ("ball-on-4-m", || hidden::ball_on_floor(2.0)),
     ("ball-on-40-m", || hidden::ball_on_floor(20.0)),
     ("ball-on-400-m", || hidden::ball_on_floor(200.0)),
@@ -41,6 +46,14 @@ const SMALL: [Builder; 25] = [
     ("furnace", || furnace_sphere(0.5)),
     ("glass-in-field", hidden::glass_in_field),
     ("lamp-in-glass", hidden::lamp_in_glass),
+    ("panel-in-mirror", || figures::panel_in_mirror(Led::Point)),
+    ("panel-in-mirror-balls", || {
+        figures::panel_in_mirror(Led::Ball)
+    }),
+    ("panel-over-water", || figures::panel_over_water(Led::Point)),
+    ("panel-over-water-balls", || {
+        figures::panel_over_water(Led::Ball)
+    }),
     ("plane", area_light_over_plane),
     ("plate-under-mesh-sky", hidden::plate_under_mesh_sky),
     ("pool-0.2-m", || light::pool_of(0.2)),
@@ -55,6 +68,7 @@ const SMALL: [Builder; 25] = [
     ("sun-through-pane", hidden::sun_through_pane),
     ("thin-parts", thin_parts),
     ("three-boxes", light::three_boxes),
+    ("torus-in-glass", figures::torus_in_glass),
 ];
 
 /// Names of the builtin scenes.
@@ -71,6 +85,23 @@ pub fn builtin(name: &str) -> Option<SceneParts> {
     scenes
         .find(|(other, _)| *other == name)
         .map(|(_, build)| build())
+}
+
+/// Writes builtin scenes as `NAME.glb` into a folder, which is created if it does not exist; returns the files. Names of no
+/// scene are left out. A scene with an environment or with textures is an error.
+pub fn write<'a>(
+    names: impl IntoIterator<Item = &'a str>,
+    folder: &Path,
+) -> Result<Vec<PathBuf>, SaveError> {
+    files::create_folder(folder)?;
+    let mut written = Vec::new();
+    for name in names {
+        let Some(parts) = builtin(name) else { continue };
+        let path = folder.join(format!("{name}.glb"));
+        glb::save(&parts, &path)?;
+        written.push(path);
+    }
+    Ok(written)
 }
 
 impl SceneParts {

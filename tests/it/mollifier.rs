@@ -3,7 +3,7 @@
 use super::support::render::{film_with, mean, scene};
 use opsr::gallery::materials::{diffuse, metal};
 use opsr::gallery::shapes::quad;
-use opsr::gallery::{caustic_box, point_light_over_plane};
+use opsr::gallery::{builtin, caustic_box, point_light_over_plane};
 use opsr::integrator::Settings;
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
@@ -58,4 +58,22 @@ fn mollifier_leaves_findable_light_bit_identical() {
         let render = |rule| film_with(&scene, &settings(rule), 16, 8);
         assert_eq!(render(Rule::Mollifier(0.1)), render(Rule::Plain));
     }
+}
+
+/// The image that water makes of thousands of point lights has the energy of that of small balls, which path tracing finds.
+#[test]
+fn mollifier_shows_a_panel_of_lights_over_water() {
+    let of = |name: &str| scene(builtin(name).expect("a scene"));
+    let (points, balls) = (of("panel-over-water"), of("panel-over-water-balls"));
+    assert_eq!(points.parts().lights.len(), 4194);
+    let render = |scene, rule, spp| mean(&film_with(scene, &settings(rule), 24, spp));
+    let (plain, _) = render(&points, Rule::Plain, 16);
+    let (mollified, noise) = render(&points, Rule::Mollifier(0.1), 512);
+    let (reference, error) = render(&balls, Rule::Plain, 256);
+    assert!(plain < 0.5 * reference, "{plain} of {reference}");
+    let ratio = mollified / reference;
+    let uncertainty = (noise / mollified).hypot(error / reference);
+    assert!(uncertainty < 0.03, "too noisy: {noise}, {error}");
+    // So wide a kernel is less noisy, and its bias is some hundredths.
+    assert!((ratio - 1.0).abs() < 0.15, "{ratio} ± {uncertainty}");
 }

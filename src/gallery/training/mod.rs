@@ -14,7 +14,7 @@ mod water;
 
 use super::Builder;
 use crate::files;
-use crate::gallery::glb::{SaveError, save};
+use crate::gallery::glb::SaveError;
 use std::path::{Path, PathBuf};
 
 /// The text of `training_scenes/manifest.toml`.
@@ -38,13 +38,7 @@ pub(super) const BUILDERS: [Builder; 12] = [
 
 /// Writes all scenes and their manifest into a folder, which is created if it does not exist; returns the files.
 pub fn write(folder: &Path) -> Result<Vec<PathBuf>, SaveError> {
-    files::create_folder(folder)?;
-    let mut written = Vec::new();
-    for (name, build) in BUILDERS {
-        let path = folder.join(format!("{name}.glb"));
-        save(&build(), &path)?;
-        written.push(path);
-    }
+    let mut written = super::write(BUILDERS.map(|(name, _)| name), folder)?;
     let path = folder.join("manifest.toml");
     files::write_bytes(&path, MANIFEST)?;
     written.push(path);

@@ -268,6 +268,22 @@ fn outputs_in_capitals_are_written() {
     png::read(&place.path().join("b.Png")).expect("a picture");
 }
 
+/// A scene of the gallery as a file; one that a file cannot hold is named.
+#[test]
+fn scenes_that_are_named_are_written() {
+    let place = Place::new();
+    let written = place.opsr("scenes write torus-in-glass").done().out;
+    assert_eq!(written.trim(), "training_scenes/torus-in-glass.glb");
+    let parts = gallery::builtin("torus-in-glass").expect("a scene");
+    let expected = opsr::gallery::glb::to_glb(&parts).expect("a file");
+    let found = std::fs::read(place.path().join(written.trim())).expect("the file");
+    assert!(found == expected);
+    assert!(!place.path().join("training_scenes/manifest.toml").exists());
+    let sky = place.opsr("scenes write sun-pool --out pools");
+    fails(sky, 4, "sun-pool: an environment cannot be written");
+    fails(place.opsr("scenes write torus"), 2, "torus-in-glass");
+}
+
 /// Layers that no file would hold.
 #[test]
 fn layers_with_only_a_png_are_refused() {
