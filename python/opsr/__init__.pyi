@@ -185,6 +185,7 @@ class _Options(TypedDict, total=False):
     consistent: float | None
     filter: float | None
     guide: Literal["picture", "unbiased"] | None
+    manifold: int | None
     radius: float | None
     radius_alpha: float | None
     connections: Literal["all", "nee"] | None

@@ -270,6 +270,11 @@ impl Dielectric {
         if wo.z > 0.0 { self.eta } else { 1.0 / self.eta }
     }
 
+    /// Reflectance where the interface is smooth.
+    pub(super) fn reflectance(&self, wo: Vec3) -> f32 {
+        dielectric(wo.z.abs().min(1.0), self.relative(wo))
+    }
+
     #[inline]
     pub(super) fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
         if wo.z == 0.0 || self.is_matched() {

@@ -293,6 +293,27 @@ impl Bsdf {
         }
     }
 
+    /// The Dirac lobe of smooth metal or glass that reflects or transmits light from `wo`, its weight not divided by the
+    /// probability with which it is drawn; `None` where there is none, as of a refraction beyond the critical angle.
+    pub(crate) fn dirac(&self, wo: Vec3, lobe: Lobe) -> Option<BsdfSample> {
+        let chance = match (self, lobe) {
+            (Self::Dielectric(glass), Lobe::Reflection) => glass.reflectance(wo),
+            (Self::Dielectric(glass), Lobe::Transmission) => 1.0 - glass.reflectance(wo),
+            (Self::Glossy(_) | Self::Exact(_), Lobe::Reflection) => 1.0,
+            _ => return None,
+        };
+        let choice = if lobe == Lobe::Reflection {
+            0.0
+        } else {
+            1.0 - f32::EPSILON
+        };
+        let sample = self.sample(0.0, wo, [choice, 0.5, 0.5])?;
+        (sample.delta && sample.lobe == lobe).then_some(BsdfSample {
+            weight: sample.weight * chance,
+            ..sample
+        })
+    }
+
     #[inline(never)]
     fn sample_microfacet(&self, alpha: f32, wo: Vec3, u: impl LobeNumbers) -> Option<BsdfSample> {
         let (wi, lobe) = self.direction(alpha, wo, u)?;

@@ -5,6 +5,7 @@ use super::guided::{self, Guided};
 use super::levels::{LevelError, LevelTracer, SCALES};
 use super::metropolis::{self, Metropolis};
 use super::path::PathTracer;
+use super::path::manifold::Manifold;
 use super::{Integrator, Picture, View};
 use crate::image::exr::Metadata;
 use crate::image::film::Window;
@@ -28,6 +29,11 @@ pub enum Estimator {
     Guided {
         /// The rule shapes the guide alone: the picture is that of plain path tracing.
         unbiased: bool,
+    },
+    /// The same, with lights sought by way of smooth interfaces too: specular manifold sampling `[SMS]`.
+    Manifold {
+        /// Trials for a point on a lamp, each solution counted once; 0 for as many as an unbiased estimate takes.
+        trials: u32,
     },
     /// Light tracing: light paths connected to the camera, and lights that the camera sees, directly or by way of Dirac
     /// lobes.
@@ -113,6 +119,13 @@ impl Settings {
             Estimator::Guided { unbiased } => {
                 let lengths = (self.max_vertices, self.roulette_start);
                 return Box::new(Guided::new(self.rule.clone(), unbiased, lengths, self.seed));
+            }
+            Estimator::Manifold { trials } => {
+                return Box::new(ManifoldIntegrator {
+                    tracer: self.tracer(Unregularised),
+                    source: self.source(),
+                    trials,
+                });
             }
             Estimator::Light => (Strategies::Light, None),
             Estimator::Bdpt => (self.shown(), None),
@@ -204,6 +217,13 @@ impl Settings {
     pub fn check_scene(&self, scene: &Scene, camera: &Camera) -> Result<(), &'static str> {
         match self.estimator {
             Estimator::Path { .. } | Estimator::Guided { .. } => Ok(()),
+            Estimator::Manifold { .. } if scene.has_dispersion() => {
+                Err("manifold sampling knows no dispersion (KHR_materials_dispersion)")
+            }
+            Estimator::Manifold { .. } if scene.has_overlaps() => {
+                Err("manifold sampling knows no bodies that overlap")
+            }
+            Estimator::Manifold { .. } => Ok(()),
             _ if camera.lens.is_some() => {
                 Err("a lens needs the integrator path; aperture 0 leaves it out")
             }
@@ -293,7 +313,11 @@ impl Settings {
         if let Some(strategy) = strategy {
             rule += &format!(", strategy {strategy} alone");
         }
-        if !sampler.is_independent() && matches!(estimator, Estimator::Path { .. }) {
+        let sampled = matches!(
+            estimator,
+            Estimator::Path { .. } | Estimator::Manifold { .. }
+        );
+        if !sampler.is_independent() && sampled {
             rule += &format!(", {sampler:?}");
         }
         format!(
@@ -317,6 +341,26 @@ impl Integrator for LevelIntegrator {
         match aovs {
             Some(aovs) => tracer.estimate(view, source, samples, film, levels, aovs),
             None => tracer.estimate(view, source, samples, film, levels, &mut ()),
+        }
+    }
+}
+
+/// A path tracer with manifold sampling.
+struct ManifoldIntegrator {
+    tracer: PathTracer<Unregularised>,
+    source: CameraSource,
+    trials: u32,
+}
+
+impl Integrator for ManifoldIntegrator {
+    fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32 {
+        let Self { tracer, source, .. } = self;
+        let manifold = Manifold::of(view.scene, self.trials);
+        let Picture { film, aovs, .. } = picture;
+        let seeking = || manifold.seeking();
+        match aovs {
+            Some(aovs) => tracer.estimate_by(seeking, view, source, samples, film, aovs),
+            None => tracer.estimate_by(seeking, view, source, samples, film, &mut ()),
         }
     }
 }

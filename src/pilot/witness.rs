@@ -98,6 +98,7 @@ fn samples_beside(view: &View<'_>, settings: &Settings, samples: u32) -> u32 {
     // In samples of the path tracer.
     let cost = match settings.estimator {
         Estimator::Path { .. } | Estimator::Guided { .. } => 1.0,
+        Estimator::Manifold { trials } => 5.0 + f64::from(trials),
         Estimator::Light | Estimator::Sppm(_) => 1.4,
         Estimator::Bdpt => 3.3,
         Estimator::Vcm(_) | Estimator::VcmNee(_) => 4.0,

@@ -190,7 +190,7 @@ impl Spec {
             .any(wants);
         let path = matches!(
             settings.estimator,
-            Estimator::Path { .. } | Estimator::Guided { .. }
+            Estimator::Path { .. } | Estimator::Guided { .. } | Estimator::Manifold { .. }
         );
         let why = "emission, direct and indirect are of the path tracer with one level: {levels} 1";
         ensure(!light || path && !levels, "aov", why)?;
@@ -243,11 +243,12 @@ impl Spec {
             alpha: self.radius_alpha.unwrap_or(Radius::default().alpha),
         };
         match self.kind().estimator(radius) {
-            Estimator::Path { .. } => match self.guide {
-                Some(guide) => Estimator::Guided {
+            Estimator::Path { .. } => match (self.guide, self.manifold) {
+                (Some(guide), _) => Estimator::Guided {
                     unbiased: guide == Guide::Unbiased,
                 },
-                None => Estimator::Path { reuse },
+                (None, Some(trials)) => Estimator::Manifold { trials },
+                (None, None) => Estimator::Path { reuse },
             },
             Estimator::Vcm(radius) if self.connections == Some(Connections::Nee) => {
                 Estimator::VcmNee(radius)

@@ -40,6 +40,8 @@ pub enum Domain {
     Probes = 13,
     /// Roughened paths beside a picture, as a witness of light that it lacks.
     Witness = 14,
+    /// Lamps and casters of manifold sampling.
+    Manifold = 15,
 }
 
 /// Seed of a set of random streams.

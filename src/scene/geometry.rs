@@ -320,6 +320,14 @@ impl Geometry {
         mix(&weights(hit), self.triangle_uvs(parts, hit.triangle))
     }
 
+    /// Corners of a triangle and the shading normals at them, which a point between interpolates.
+    pub(crate) fn smooth_triangle(&self, i: u32) -> ([Vec3; 3], [Vec3; 3]) {
+        let normals = self.at(i, |triangle, to_world| {
+            triangle.normals.map(|n| to_world.normal(n))
+        });
+        (self.triangle(i), normals)
+    }
+
     /// Area of a triangle.
     #[inline]
     pub fn triangle_area(&self, i: u32) -> f32 {

@@ -469,6 +469,11 @@ impl Scene {
         }
     }
 
+    /// The BSDF of a material that has the same everywhere.
+    pub(crate) fn constant_bsdf(&self, material: u32) -> Option<Bsdf> {
+        self.constant_bsdfs[material as usize]
+    }
+
     /// True if the camera sees the colour of a surface of this material as a mean over its pixels.
     #[inline]
     pub(crate) fn is_filtered(&self, material: u32) -> bool {

@@ -30,6 +30,7 @@ mod lamps;
 mod lens;
 mod levels;
 mod load;
+mod manifold;
 mod many_lights;
 mod mean_error;
 mod metric;

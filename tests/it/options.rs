@@ -62,6 +62,7 @@ const SAMPLES: &[Sample] = &[
     ("consistent", "0.2", &[("gamma", "0.3")]),
     ("filter", "4", &[("mode", "filter-glossy")]),
     ("guide", "picture", &[]),
+    ("manifold", "4", &[]),
     ("radius", "0.4", &[("integrator", "vcm")]),
     ("radius_alpha", "0.9", &[("integrator", "vcm")]),
     ("connections", "nee", &[("integrator", "vcm")]),

@@ -1,8 +1,8 @@
 //! Where a path goes on: directions of the BSDF alone, or of a guide too.
 
 use crate::bsdf::SharedNumbers;
-use crate::integrator::walk::Interaction;
 use crate::integrator::walk::shading_point::{Continuation, ShadingPoint};
+use crate::integrator::walk::{Arrival, Interaction, Walk};
 use crate::math::{Rgb, Vec3};
 use crate::sampler::{Sampler, VertexU};
 
@@ -43,6 +43,24 @@ pub(in crate::integrator) trait Directions {
 
     /// The path is complete.
     fn finish(&mut self);
+
+    /// True if emission at the end of the edge belongs to the path, and not to [`Directions::beyond`] of a vertex before.
+    #[inline(always)]
+    fn counts(&self, _arrival: Option<&Arrival>) -> bool {
+        true
+    }
+
+    /// Light that a policy finds at a vertex by means of its own.
+    #[inline(always)]
+    fn beyond(
+        &mut self,
+        _walk: &Walk<'_>,
+        _vertex: &Interaction<'_>,
+        _point: &ShadingPoint<'_>,
+        _u: &VertexU,
+    ) -> Rgb {
+        Rgb::ZERO
+    }
 }
 
 /// Directions of the BSDF.

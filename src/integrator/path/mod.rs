@@ -22,6 +22,7 @@ use crate::sampler::Sampler;
 use directions::{BsdfAlone, Directions};
 
 pub(super) mod directions;
+pub(super) mod manifold;
 mod mollify;
 mod tiles;
 
@@ -82,6 +83,7 @@ impl<R: Roughening> PathTracer<R> {
 
             // ── emission met by the ray
             if !emission.is_nothing()
+                && directions.counts(arrival.as_ref())
                 && let Some(met) = walk.emission(arrival.as_ref())
             {
                 let found = emission.contribution(&met, observer);
@@ -114,6 +116,11 @@ impl<R: Roughening> PathTracer<R> {
             observer.light(n, found);
             directions.found(found);
             total += found;
+            let beyond = directions.beyond(&walk, &vertex, &point, &u);
+            if beyond != Rgb::ZERO {
+                observer.light(n, beyond);
+                total += beyond;
+            }
 
             // ── the continuation, and emission found by the BSDF at α′
             let reused = roughened && self.reuse && !point.is_pane();

@@ -1,11 +1,12 @@
 //! All paths of a film, tile by tile.
 
 use super::PathTracer;
+use super::directions::{BsdfAlone, Directions};
 use crate::image::film::Film;
 use crate::integrator::View;
 use crate::integrator::walk::Walk;
 use crate::integrator::walk::camera::trace_tile;
-use crate::integrator::walk::observer::{PathObserver, Recorder};
+use crate::integrator::walk::observer::Recorder;
 use crate::regularise::Roughening;
 use crate::sampler::SampleSource;
 use rayon::prelude::*;
@@ -30,6 +31,19 @@ impl<R: Roughening> PathTracer<R> {
             (view.sensor.frame, view.window),
             "the film of another view"
         );
+        self.estimate_by(|| BsdfAlone, view, source, samples, film, recorder)
+    }
+
+    /// The same with the directions of a policy, which is made anew for each path.
+    pub(in crate::integrator) fn estimate_by<D: Directions, Q: SampleSource, O: Recorder>(
+        &self,
+        directions: impl Fn() -> D + Sync,
+        view: &View<'_>,
+        source: &Q,
+        samples: Range<u32>,
+        film: &mut Film,
+        recorder: &mut O,
+    ) -> u32 {
         let tiles: Vec<(Film, O)> = film
             .tiles(TILE)
             .into_par_iter()
@@ -37,7 +51,12 @@ impl<R: Roughening> PathTracer<R> {
             .map(|window| {
                 let mut tile = film.cut(window);
                 let mut observer = recorder.fork();
-                self.tile(view, source, samples.clone(), &mut tile, &mut observer);
+                let radiance =
+                    |walk: Walk<'_>, sample, stream: &mut Q::Stream, observer: &mut O| {
+                        self.radiance_by(&mut directions(), walk, sample, stream, observer)
+                    };
+                let samples = samples.clone();
+                trace_tile(view, source, samples, &mut tile, &mut observer, radiance);
                 (tile, observer)
             })
             .collect();
@@ -49,19 +68,5 @@ impl<R: Roughening> PathTracer<R> {
             recorder.join(observer);
         }
         view.added(&samples)
-    }
-
-    fn tile<Q: SampleSource, O: PathObserver>(
-        &self,
-        view: &View<'_>,
-        source: &Q,
-        samples: Range<u32>,
-        tile: &mut Film,
-        observer: &mut O,
-    ) {
-        let radiance = |walk: Walk<'_>, sample, stream: &mut Q::Stream, observer: &mut O| {
-            self.radiance(walk, sample, stream, observer)
-        };
-        trace_tile(view, source, samples, tile, observer, radiance);
     }
 }

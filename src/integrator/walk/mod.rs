@@ -301,6 +301,14 @@ impl<'a> Walk<'a> {
         }
     }
 
+    /// The same walk with a throughput of 1, for a path of an estimator's own.
+    pub(super) fn afresh(&self) -> Self {
+        Self {
+            throughput: Rgb::ONE,
+            ..*self
+        }
+    }
+
     /// Goes on straight through a pane: emission beyond it is weighed at the vertex before.
     pub(super) fn pass(&mut self, surface: &Surface, next: &Continuation) {
         self.throughput *= next.sample.weight;

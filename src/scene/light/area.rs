@@ -245,6 +245,13 @@ impl AreaLights {
         1.0 / self.triangles[k].area
     }
 
+    /// World position of the point of the `k`-th emissive triangle that [`AreaLights::sample`] draws.
+    pub(super) fn position(&self, k: usize, u: Vec2) -> Vec3 {
+        let light = &self.triangles[k];
+        let weights = warp::triangle(u);
+        light.corner + weights.x * light.edges[0] + weights.y * light.edges[1]
+    }
+
     /// Draws a uniform point of the `k`-th emissive triangle, which was chosen with this probability.
     #[inline]
     pub(super) fn sample(&self, k: usize, pmf: f32, from: Vec3, u: Vec2) -> Option<LightSample> {

@@ -87,6 +87,25 @@ impl LightDensity {
     }
 }
 
+/// A point of a light, or the direction of one at infinity, drawn for chains that end there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LightEnd {
+    light: usize,
+    pmf: f32,
+    at: Vec2,
+    /// Where it is.
+    pub(crate) place: Place,
+}
+
+/// Place of a [`LightEnd`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Place {
+    /// World position.
+    Point(Vec3),
+    /// Unit direction towards it, from everywhere.
+    Direction(Vec3),
+}
+
 /// Emission found at the end of a ray.
 #[derive(Clone, Copy, Debug)]
 pub struct Emission {
@@ -229,6 +248,26 @@ impl Lights {
             light: k as u32,
             pmf,
         })
+    }
+
+    /// Draws a light by power with `pick` and a point on it; `None` for the environment.
+    pub(crate) fn end(&self, pick: f64, at: Vec2) -> Option<LightEnd> {
+        let (light, _) = self.choice.sample(pick)?;
+        let place = match light.checked_sub(self.area.len()) {
+            None => Place::Point(self.area.position(light, at)),
+            Some(rest) => self.punctual.get(rest)?.place(),
+        };
+        Some(LightEnd {
+            light,
+            pmf: self.choice.pmf(light),
+            at,
+            place,
+        })
+    }
+
+    /// The light sample from `from` that ends there; `None` where it does not shine to. Visibility is not tested.
+    pub(crate) fn sample_end(&self, from: Vec3, end: &LightEnd) -> Option<LightSample> {
+        self.sample_one(end.light, end.pmf, from, end.at, 0.0)
     }
 
     /// Radiance emitted by a surface point towards `wo` (world); zero for most surfaces and for unlit sides.

@@ -2,7 +2,7 @@
 
 use super::aim::{Beam, Source};
 use super::emission::{EmissionDensity, EmissionSample, Numbers, Sphere};
-use super::{LightDensity, LightSample};
+use super::{LightDensity, LightSample, Place};
 use crate::math::warp::{self, SPHERE_PDF};
 use crate::math::{Frame, Ray, Rgb, Vec3, luminance};
 use std::f32::consts::{PI, TAU};
@@ -90,6 +90,14 @@ impl PunctualLight {
                 power(intensity) * 2.0 * f64::from(PI) * (1.0 - cos).max(1e-6)
             }
             Self::Directional { irradiance, .. } => power(irradiance) * disk,
+        }
+    }
+
+    /// Where it is.
+    pub(super) fn place(&self) -> Place {
+        match *self {
+            Self::Point { position, .. } | Self::Spot { position, .. } => Place::Point(position),
+            Self::Directional { direction, .. } => Place::Direction(-direction),
         }
     }
 
