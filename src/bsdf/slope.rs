@@ -33,10 +33,10 @@ fn open(u: f32) -> f32 {
     u.clamp(3e-8, 1.0 - 6e-8)
 }
 
-/// Quantile w, erf w = 2u − 1, of a uniform number u.
+/// Quantiles w, erf w = 2u − 1, of two uniform numbers u.
 #[inline]
-fn quantile(u: f32) -> f32 {
-    erf_inverse(2.0 * open(u) - 1.0)
+fn quantiles([u, v]: [f32; 2]) -> [f32; 2] {
+    erf_inverse([2.0 * open(u) - 1.0, 2.0 * open(v) - 1.0])
 }
 
 /// Gaussian quantiles of the two uniform numbers of a draw, which do not depend on direction or roughness.
@@ -55,7 +55,7 @@ impl Quantiles {
     /// Quantiles of numbers in [0, 1].
     #[inline]
     pub(super) fn of(u: [f32; 2]) -> Self {
-        let [w, across] = u.map(quantile);
+        let [w, across] = quantiles(u);
         let place = (w + WIDEST as f32) * ((COLUMNS - 1) as f32 / (2.0 * WIDEST as f32));
         let column = (place as u32).min(COLUMNS as u32 - 2);
         Self {
@@ -211,7 +211,7 @@ mod tests {
     #[test]
     fn visible_slope_at_normal_and_at_grazing_incidence() {
         for u in [0.001, 0.01, 0.3, 0.5, 0.9, 0.999] {
-            let normal = erf_inverse(2.0 * u - 1.0);
+            let [normal, _] = erf_inverse([2.0 * u - 1.0, 0.0]);
             let quantiles = Quantiles::of([u, 0.5]);
             assert!((visible_slope(0.0, &quantiles) - normal).abs() < 1e-6);
             let grazing = -(-u.ln()).sqrt();
