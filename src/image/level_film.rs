@@ -71,6 +71,22 @@ struct Carried {
     sums: Vec<Rgb>,
 }
 
+/// True if all numbers are finite. By their exponents, so that it takes several at once.
+#[inline]
+fn are_finite(values: &[f32]) -> bool {
+    const EXPONENT: u32 = 0x7f80_0000;
+    let infinite = |x: &f32| u32::from(x.to_bits() & EXPONENT == EXPONENT);
+    values.iter().map(infinite).fold(0, |any, one| any | one) == 0
+}
+
+/// Adds values to sums.
+#[inline]
+fn add(sums: &mut [f32], values: &[f32]) {
+    for (sum, value) in sums.iter_mut().zip(values) {
+        *sum += value;
+    }
+}
+
 /// Adds `low` to `high`; `low` keeps what rounding takes, so that the pair has the same sum as before (Knuth's two-sum).
 fn carry(high: &mut f32, low: &mut f32) {
     let sum = *high + *low;
@@ -166,18 +182,18 @@ impl LevelFilm {
         if (sample / BATCHES as u32 + 1).is_multiple_of(CARRY) {
             self.carry(index, batch);
         }
-        if !path.levels.iter().all(|v| v.is_finite()) || !path.shared.is_finite() {
+        let levels: &[f32] = bytemuck::cast_slice(path.levels);
+        if !are_finite(levels) || !path.shared.is_finite() {
             return;
         }
         let at = (index * BATCHES + batch) * (self.levels + 1);
         self.counts[index][batch] += 1;
-        for (sum, value) in self.sums[at..at + self.levels].iter_mut().zip(path.levels) {
-            *sum += *value;
-        }
+        add(
+            bytemuck::cast_slice_mut(&mut self.sums[at..at + self.levels]),
+            levels,
+        );
         self.sums[at + self.levels] += path.shared;
-        for (sum, value) in self.features[index].iter_mut().zip(path.features) {
-            *sum += value;
-        }
+        add(&mut self.features[index], &path.features);
     }
 
     /// Carries the sums of a pixel's batch over, and with the first batch those of the features.
