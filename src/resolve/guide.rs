@@ -111,76 +111,93 @@ impl Guide {
                 (half >= 0.0).then(|| (dy, (half.sqrt() as isize).min(radius)))
             })
             .collect();
-        let side = 2 * radius as usize + 1;
-        let mut weights = vec![0.0f32; side];
-        let mut out: Vec<Batches> = layers
-            .iter()
-            .map(|_| Vec::with_capacity(inner.size.0 * inner.size.1))
-            .collect();
-        let mut sums = vec![[Vec3A::ZERO; BATCHES]; layers.len()];
-        for i in inner.pixels() {
-            let (x, y) = ((i % width) as isize, (i / width) as isize);
-            let mut all = 0.0;
-            sums.fill([Vec3A::ZERO; BATCHES]);
+        let (w, h) = inner.size;
+        let mut out: Vec<Batches> = layers.iter().map(|_| Vec::with_capacity(w * h)).collect();
+        // Weights of the neighbours in a row of the disks around a row of pixels, those at one step after another: long
+        // loops, however short the rows are.
+        let mut weights = vec![0.0f32; (2 * radius as usize + 1) * w];
+        let mut row_sums = vec![0.0f32; w];
+        let mut all = vec![0.0f32; w];
+        let mut light = vec![[Vec3A::ZERO; BATCHES]; layers.len() * w];
+        for y in inner.origin.1..inner.origin.1 + h {
+            all.fill(0.0);
+            light.fill([Vec3A::ZERO; BATCHES]);
             for &(dy, half) in &rows {
-                let v = y + dy;
+                let v = y as isize + dy;
                 if v < 0 || v >= height as isize {
                     continue;
                 }
-                let (from, to) = ((x - half).max(0), (x + half).min(width as isize - 1));
-                let start = v as usize * width + from as usize;
-                let weights = &mut weights[..(to - from + 1) as usize];
-                self.row(sigma, i, start, (from - x, dy), weights);
-                all += weights.iter().sum::<f32>();
-                for (sum, layer) in sums.iter_mut().zip(layers) {
-                    let mut row = *sum;
-                    for (light, &weight) in layer[start..].iter().zip(weights.iter()) {
-                        for b in 0..BATCHES {
-                            row[b] += weight * light[b];
+                row_sums.fill(0.0);
+                for (dx, weights) in (-half..=half).zip(weights.chunks_exact_mut(w)) {
+                    let Some((skipped, count)) = inside(inner, dx) else {
+                        continue;
+                    };
+                    let pixels = y * width + inner.origin.0 + skipped;
+                    let weights = &mut weights[skipped..skipped + count];
+                    let others = (v * width as isize) as usize;
+                    let others = others + (inner.origin.0 + skipped).wrapping_add_signed(dx);
+                    self.weights(sigma, (dx * dx + dy * dy) as f32, pixels, others, weights);
+                    let sums = &mut row_sums[skipped..skipped + count];
+                    sums.iter_mut().zip(weights).for_each(|(sum, w)| *sum += *w);
+                }
+                all.iter_mut().zip(&row_sums).for_each(|(a, s)| *a += *s);
+                for x in 0..w {
+                    let at = (inner.origin.0 + x) as isize;
+                    let (from, to) = ((at - half).max(0), (at + half).min(width as isize - 1));
+                    let start = v as usize * width + from as usize;
+                    let first = (from - (at - half)) as usize;
+                    let weights = weights[first * w + x..].iter().step_by(w);
+                    let count = (to - from + 1) as usize;
+                    for (sum, layer) in light[x * layers.len()..].iter_mut().zip(layers) {
+                        let mut row = *sum;
+                        let neighbours = &layer[start..start + count];
+                        for (light, &weight) in neighbours.iter().zip(weights.clone()) {
+                            for b in 0..BATCHES {
+                                row[b] += weight * light[b];
+                            }
                         }
+                        *sum = row;
                     }
-                    *sum = row;
                 }
             }
-            let share = 1.0 / all;
-            for (out, sum) in out.iter_mut().zip(&sums) {
-                out.push(sum.map(|s| s * share));
+            for (sums, all) in light.chunks_exact(layers.len().max(1)).zip(&all) {
+                let share = 1.0 / all;
+                for (out, sum) in out.iter_mut().zip(sums) {
+                    out.push(sum.map(|s| s * share));
+                }
             }
         }
         out
     }
 
-    /// Weights of neighbours in one row from `start` on, for the pixel `i`, the first of which is this far off.
+    /// Weights of neighbours at one step from pixels beside one another, of which the squared length is `d2`; `pixels` and
+    /// `others` are the first of both.
     #[inline]
-    fn row(
-        &self,
-        sigma: f32,
-        i: usize,
-        start: usize,
-        (dx, dy): (isize, isize),
-        weights: &mut [f32],
-    ) {
+    fn weights(&self, sigma: f32, d2: f32, pixels: usize, others: usize, weights: &mut [f32]) {
         let count = weights.len();
-        let scale = 0.5 / (sigma * sigma);
+        let (scale, distance) = (0.5 / (sigma * sigma), d2.sqrt());
         let add = |weights: &mut [f32], plane: &[f32]| {
-            let own = plane[i];
-            for (weight, other) in weights.iter_mut().zip(&plane[start..start + count]) {
+            let pairs = plane[pixels..pixels + count].iter();
+            let pairs = pairs.zip(&plane[others..others + count]);
+            for (weight, (own, other)) in weights.iter_mut().zip(pairs) {
                 *weight += (other - own) * (other - own);
             }
         };
-        let (normals, others) = self.planes.split_at(3);
+        let (normals, reflectance) = self.planes.split_at(3);
         weights.fill(0.0);
         normals.iter().for_each(|plane| add(weights, plane));
-        let (length, [here, slope]) = (self.length[i], self.slope[i]);
-        let (mut distance, dy2, spread) = (dx as f32, (dy * dy) as f32, self.spread[i]);
-        for (weight, other) in weights.iter_mut().zip(&self.length[start..start + count]) {
-            let d2 = distance * distance + dy2;
-            let step = (other - length) / (here + slope * d2.sqrt());
+        let lengths = self.length[pixels..pixels + count].iter();
+        let lengths = lengths.zip(&self.length[others..others + count]);
+        let slopes = self.slope[pixels..pixels + count].iter();
+        let slopes = slopes.zip(&self.spread[pixels..pixels + count]);
+        for (weight, ((own, other), ([here, slope], spread))) in
+            weights.iter_mut().zip(lengths.zip(slopes))
+        {
+            let step = (other - own) / (here + slope * distance);
             // A pixel that shows several surfaces takes light of each.
             *weight = (*weight - spread).max(0.0) + d2 * scale + 0.5 * step * step;
-            distance += 1.0;
         }
-        others.iter().for_each(|plane| add(weights, plane));
+        reflectance.iter().for_each(|plane| add(weights, plane));
         for weight in weights.iter_mut() {
             *weight = negative_exponential(*weight);
         }
@@ -198,6 +215,14 @@ fn negative_exponential(x: f32) -> f32 {
     let higher = 0.240_23 + part * (0.055_5 + part * 0.009_67);
     let fraction = 1.0 + part * (std::f32::consts::LN_2 + part * higher);
     f32::from_bits(fraction.to_bits().wrapping_add(whole.to_bits() << 23))
+}
+
+/// Pixels of a row that have a neighbour so many pixels to the right: how many are skipped, and how many follow.
+fn inside(inner: &Inner, dx: isize) -> Option<(usize, usize)> {
+    let (origin, w) = (inner.origin.0 as isize, inner.size.0 as isize);
+    let from = (-dx - origin).clamp(0, w);
+    let to = (inner.width as isize - dx - origin).clamp(0, w);
+    (to > from).then_some((from as usize, (to - from) as usize))
 }
 
 /// A rectangle of the pixels of a larger one.
