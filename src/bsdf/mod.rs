@@ -201,6 +201,9 @@ impl LobeQuery {
 }
 
 impl Bsdf {
+    /// A surface without light.
+    pub(crate) const BLACK: Self = Self::Diffuse(Diffuse { albedo: Rgb::ZERO });
+
     /// Reflectance plus transmittance, roughly: for denoisers to divide by, and for filters that stop at its edges.
     pub fn reflectance(&self) -> Rgb {
         match self {

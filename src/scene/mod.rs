@@ -451,6 +451,13 @@ impl Scene {
         self.bsdf_seen(surface, u, || None)
     }
 
+    /// The BSDF of a material that has the same everywhere. By reference: a copy is written in parts and read whole, which
+    /// waits for the parts.
+    #[inline]
+    pub(crate) fn constant_bsdf(&self, material: u32) -> Option<&Bsdf> {
+        self.constant_bsdfs[material as usize].as_ref()
+    }
+
     /// The same where the camera sees it, over the footprint of a pixel if there is one.
     ///
     /// The first surface that the camera sees, by way of panes or not, is looked up so by every integrator and every strategy,
@@ -467,11 +474,6 @@ impl Scene {
             Some(bsdf) => bsdf,
             None => self.varying_bsdf(surface, u, footprint()),
         }
-    }
-
-    /// The BSDF of a material that has the same everywhere.
-    pub(crate) fn constant_bsdf(&self, material: u32) -> Option<Bsdf> {
-        self.constant_bsdfs[material as usize]
     }
 
     /// True if the camera sees the colour of a surface of this material as a mean over its pixels.

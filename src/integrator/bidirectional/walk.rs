@@ -118,7 +118,8 @@ impl<'a> WeightedWalk<'a> {
             Origin::Camera => self.base.throughput,
             Origin::Light => self.base.throughput / cos,
         };
-        let bsdf = self.base.bsdf(&mut surface, u);
+        let mut made = Bsdf::BLACK;
+        let bsdf = *self.base.bsdf(&mut surface, u, &mut made);
         let Interaction {
             frame, wo, alpha, ..
         } = self.base.interaction(&surface, &bsdf);

@@ -21,6 +21,7 @@ use super::ShadingPoint;
 use super::walk::observer::PathObserver;
 use super::walk::roughening::scattered;
 use super::walk::{Arrival, Carried, MetEmission, Walk};
+use crate::bsdf::Bsdf;
 use crate::image::level_film::{Features, MAX_LEVELS};
 use crate::math::Rgb;
 use crate::regularise::{Accumulated, Rule};
@@ -137,6 +138,7 @@ impl LevelTracer {
         let mut sums = PathSums::default();
         let mut memory = LevelMemory::default();
         let mut emission = PendingLevels::full();
+        let mut made = Bsdf::BLACK;
         for n in 1..=self.max_vertices + 1 {
             let mut arrival = walk.arrive(&mut emission);
 
@@ -155,8 +157,8 @@ impl LevelTracer {
 
             // ── the vertex
             let u = sampler.vertex();
-            let bsdf = walk.bsdf(surface, u.material);
-            let vertex = walk.interaction(surface, &bsdf);
+            let bsdf = walk.bsdf(surface, u.material, &mut made);
+            let vertex = walk.interaction(surface, bsdf);
             let alpha = vertex.alpha;
             let point = walk.shading_point(&vertex, alpha, self.max_vertices - n);
             observer.vertex(n, hit.t, &point);

@@ -15,7 +15,7 @@ use super::walk::pending_emission::PendingEmission;
 use super::walk::roughening::{remember, roughen};
 use super::walk::shading_point::Continuation;
 use super::walk::{Arrival, Carried, Walk};
-use crate::bsdf::{Lobe, SharedNumbers};
+use crate::bsdf::{Bsdf, Lobe, SharedNumbers};
 use crate::math::Rgb;
 use crate::regularise::Roughening;
 use crate::sampler::Sampler;
@@ -78,6 +78,7 @@ impl<R: Roughening> PathTracer<R> {
         let mut total = Rgb::ZERO;
         let mut memory = self.rule.start(sample);
         let mut emission = PendingEmission::full(Rgb::ONE);
+        let mut made = Bsdf::BLACK;
         for n in 1..=self.max_vertices + 1 {
             let mut arrival = walk.arrive(&mut emission);
 
@@ -99,8 +100,8 @@ impl<R: Roughening> PathTracer<R> {
 
             // ── the vertex
             let u = sampler.vertex();
-            let bsdf = walk.bsdf(surface, u.material);
-            let vertex = walk.interaction(surface, &bsdf);
+            let bsdf = walk.bsdf(surface, u.material, &mut made);
+            let vertex = walk.interaction(surface, bsdf);
             let alpha_reg = roughen(&self.rule, &memory, vertex.alpha);
             let point = walk.shading_point(&vertex, alpha_reg, self.max_vertices - n);
             observer.vertex(n, hit.t, &point);

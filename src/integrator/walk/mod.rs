@@ -253,15 +253,24 @@ impl<'a> Walk<'a> {
     }
 
     /// The BSDF of the surface at which the walk has arrived; `u`, uniform in [0, 1), chooses between those of its
-    /// material.
+    /// material. One that is not the scene's own is left in `made`.
     #[inline(always)]
-    pub(super) fn bsdf(&mut self, surface: &mut Surface, u: f32) -> Bsdf {
+    pub(super) fn bsdf<'b>(&mut self, surface: &mut Surface, u: f32, made: &'b mut Bsdf) -> &'b Bsdf
+    where
+        'a: 'b,
+    {
+        let scene = self.scene;
+        if !scene.has_dispersion()
+            && !scene.has_overlaps()
+            && let Some(bsdf) = scene.constant_bsdf(surface.material)
+        {
+            return bsdf;
+        }
         let (pixel, dir, from, to) = (self.pixel, self.ray.dir, self.from, surface.position);
         let footprint = || pixel.footprint(dir, from.distance(to));
-        let mut bsdf = (self.channel).bsdf(self.scene, surface, u, footprint, &mut self.throughput);
-        self.around
-            .interface(self.scene, surface, self.ray.dir, &mut bsdf);
-        bsdf
+        *made = (self.channel).bsdf(scene, surface, u, footprint, &mut self.throughput);
+        self.around.interface(scene, surface, self.ray.dir, made);
+        made
     }
 
     /// The vertex at the surface at which the walk has arrived.

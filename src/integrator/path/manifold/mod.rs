@@ -23,7 +23,7 @@ mod casters;
 mod constraint;
 
 use super::directions::Directions;
-use crate::bsdf::{Lobe, SharedNumbers, fresnel};
+use crate::bsdf::{Bsdf, Lobe, SharedNumbers, fresnel};
 use crate::integrator::walk::shading_point::{Continuation, ShadingPoint};
 use crate::integrator::walk::{Arrival, Interaction, Walk};
 use crate::math::{DVec3, Ray, Rgb, UVec2, Vec2, Vec3, warp};
@@ -408,13 +408,14 @@ impl Search<'_, '_> {
         };
         walk.leave(self.vertex, side, dir);
         let (steps, mut before) = (kind.steps(), self.from);
+        let mut made = Bsdf::BLACK;
         let mut vertices: Vec<ChainVertex> = Vec::with_capacity(steps.len());
         for &step in steps {
             let mut arrival = walk.arrive(&mut ())?;
             vertices.push(self.chain_vertex(&arrival.surface, before, step)?);
-            let bsdf = walk.bsdf(&mut arrival.surface, 0.0);
+            let bsdf = walk.bsdf(&mut arrival.surface, 0.0, &mut made);
             let surface = arrival.surface;
-            let vertex = walk.interaction(&surface, &bsdf);
+            let vertex = walk.interaction(&surface, bsdf);
             let lobe = match step {
                 Step::Mirror => Lobe::Reflection,
                 Step::Enter | Step::Leave => Lobe::Transmission,
