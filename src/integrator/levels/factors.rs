@@ -1,7 +1,6 @@
 //! Factors at the scales of the levels, and what the levels remember of a path.
 
 use crate::bsdf::DELTA_ALPHA;
-use crate::image::level_film::MAX_LEVELS;
 use crate::regularise::{Accumulated, Attenuation, ConstantGamma, Factors, PathRoughness, Rule};
 
 /// A table or a constant factor, and the multipliers of the levels from 1 on.
@@ -45,13 +44,13 @@ impl Attenuation for Scaled<'_> {
 
 /// Memory of a path.
 #[derive(Clone, Copy, Default)]
-pub(super) struct LevelMemory {
+pub(super) struct LevelMemory<const N: usize> {
     /// Path roughness of all levels until it folds, since only the value that five vertices fold to depends on the factors.
     common: PathRoughness,
-    folded: Option<[PathRoughness; MAX_LEVELS]>,
+    folded: Option<[PathRoughness; N]>,
 }
 
-impl LevelMemory {
+impl<const N: usize> LevelMemory<N> {
     /// Fills in α′ of the levels from 1 on; true if one of them is above α.
     #[inline]
     pub(super) fn roughen(&self, scaled: &ScaledFactors, alpha: f32, alphas: &mut [f32]) -> bool {
@@ -81,7 +80,7 @@ impl LevelMemory {
             return;
         }
         let ScaledFactors { factors, scales } = scaled;
-        let paths = self.folded.get_or_insert([self.common; MAX_LEVELS]);
+        let paths = self.folded.get_or_insert([self.common; N]);
         for (path, &scale) in paths.iter_mut().zip(scales) {
             path.push(alpha, &Scaled { factors, scale }, 1.0);
         }

@@ -77,14 +77,13 @@ pub(super) struct LevelTracer {
 /// Roughness from which light at a vertex is blurred by its surroundings there, not by those of its mirror image.
 const ROUGH: f32 = 0.05;
 
-/// Values of the levels of one path.
-pub(super) type Values = [Rgb; MAX_LEVELS];
+/// Values of the levels of one path, of which there are `N` at most.
+type Values<const N: usize> = [Rgb; N];
 
 /// Radiance of one path.
-#[derive(Default)]
-struct PathSums {
+struct PathSums<const N: usize> {
     /// An independent estimate at every level.
-    levels: Values,
+    levels: Values<N>,
     /// Light that no level roughens: the same at all levels.
     shared: Rgb,
     /// Guides that the path has met; of the last vertex where none is rough.
@@ -127,16 +126,15 @@ impl LevelTracer {
 
     /// Radiance that arrives along a camera walk. `turn` says whether a second lobe is drawn from: any number, odd in
     /// half of the samples.
-    fn radiance<S: Sampler, O: PathObserver>(
+    fn radiance<const N: usize, S: Sampler, O: PathObserver>(
         &self,
         mut walk: Walk<'_>,
         turn: u32,
         sampler: &mut S,
         observer: &mut O,
-    ) -> PathSums {
-        let levels = self.levels();
-        let mut sums = PathSums::default();
-        let mut memory = LevelMemory::default();
+    ) -> PathSums<N> {
+        let mut sums = PathSums::new();
+        let mut memory = LevelMemory::<N>::default();
         let mut emission = PendingLevels::full();
         let mut made = Bsdf::BLACK;
         for n in 1..=self.max_vertices + 1 {
@@ -166,22 +164,22 @@ impl LevelTracer {
 
             // ── next-event estimation, emission found by roughened lobes, and the continuation
             // An interface between equal indices is a delta at any roughness.
-            let mut alphas = [alpha; MAX_LEVELS];
+            let mut alphas = [alpha; N];
             let roughened = alpha < 1.0
                 && !bsdf.is_delta_at(1.0)
                 && memory.roughen(&self.factors, alpha, &mut alphas);
             let next = point.sample(alpha, u.lobe);
             let straight = (next.as_ref()).is_some_and(|next| point.goes_straight(&next.sample));
             if !straight {
-                emission.roughened = None;
+                emission.is_roughened = false;
             }
             if roughened {
                 let drawn = next.as_ref().map(|next| &next.sample);
-                let lobes = RoughenedVertex::new(&point, &alphas, levels, drawn);
-                sums.unseen += lobes.direct_light(u.light, &mut sums.levels[..levels]);
-                lobes.lobe_light(turn.wrapping_add(n), u.lobe, &mut sums.levels[..levels]);
+                let lobes = RoughenedVertex::new(&point, &alphas, drawn);
+                sums.unseen += lobes.direct_light(u.light, &mut sums.levels);
+                lobes.lobe_light(turn.wrapping_add(n), u.lobe, &mut sums.levels);
                 if !straight {
-                    emission.roughened = Some(lobes.pending(drawn));
+                    lobes.leave(drawn, &mut emission);
                 }
             } else {
                 sums.add_shared(point.direct_light(u.light, &mut ()));
@@ -190,7 +188,7 @@ impl LevelTracer {
             if straight {
                 emission.scale(next.sample.weight);
             } else {
-                emission.plain = point.shared_emission::<()>(&next.sample, false, false);
+                emission.plain = point.own_emission(&next.sample);
             }
             memory.push(&self.factors, scattered(alpha, &next.sample).alpha);
             if straight {
@@ -208,7 +206,17 @@ impl LevelTracer {
     }
 }
 
-impl PathSums {
+impl<const N: usize> PathSums<N> {
+    fn new() -> Self {
+        Self {
+            levels: [Rgb::ZERO; N],
+            shared: Rgb::ZERO,
+            features: Features::default(),
+            has_features: false,
+            unseen: Rgb::ZERO,
+        }
+    }
+
     /// Adds light of a vertex that no level roughens.
     #[inline]
     fn add_shared(&mut self, value: Rgb) {
@@ -218,13 +226,13 @@ impl PathSums {
 
     /// Adds emission at the end of a ray: plain path tracing's, or that of the levels that roughened the vertex before.
     #[inline]
-    fn add(&mut self, emission: &PendingLevels, met: &MetEmission<'_>) {
+    fn add(&mut self, emission: &PendingLevels<N>, met: &MetEmission<'_>) {
         let plain = if emission.plain.is_nothing() {
             Rgb::ZERO
         } else {
-            emission.plain.contribution(met, &mut ())
+            emission.plain.contribution(met)
         };
-        let Some(roughened) = &emission.roughened else {
+        let Some(roughened) = emission.roughened() else {
             return self.add_shared(plain);
         };
         let values = roughened.contribution(met.radiance, met.pdf_light());

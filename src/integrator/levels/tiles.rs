@@ -1,8 +1,8 @@
 //! All paths of a film at several levels, tile by tile.
 
-use super::LevelTracer;
+use super::{LevelTracer, SCALES};
 use crate::image::film::{Film, Window};
-use crate::image::level_film::{BATCHES, LevelFilm, PathLevels};
+use crate::image::level_film::{BATCHES, LevelFilm, MAX_LEVELS, PathLevels};
 use crate::integrator::View;
 use crate::integrator::walk::camera::CameraWalks;
 use crate::integrator::walk::observer::Recorder;
@@ -17,6 +17,23 @@ impl LevelTracer {
     /// Adds the samples with these numbers to every pixel: level 0 to `film`, all levels to `levels`; tiles in parallel,
     /// joined in order. Returns how many were added, fewer than all where the render is stopped.
     pub(in crate::integrator) fn estimate<O: Recorder>(
+        &self,
+        view: &View<'_>,
+        source: &CameraSource,
+        samples: Range<u32>,
+        film: &mut Film,
+        levels: &mut LevelFilm,
+        recorder: &mut O,
+    ) -> u32 {
+        if self.levels() <= SCALES.len() {
+            self.estimate_in::<{ SCALES.len() }, O>(view, source, samples, film, levels, recorder)
+        } else {
+            self.estimate_in::<MAX_LEVELS, O>(view, source, samples, film, levels, recorder)
+        }
+    }
+
+    /// The same with room for `N` levels: what is usual takes half the room of what is possible.
+    fn estimate_in<const N: usize, O: Recorder>(
         &self,
         view: &View<'_>,
         source: &CameraSource,
@@ -46,7 +63,7 @@ impl LevelTracer {
                     observer.begin(pixel, sample);
                     let turn = turns[sample as usize % BATCHES];
                     let turn = (turn >> 1).wrapping_add(sample / BATCHES as u32);
-                    let mut path = self.radiance(walk, turn, &mut stream, &mut observer);
+                    let mut path = self.radiance::<N, _, _>(walk, turn, &mut stream, &mut observer);
                     film.push(index, path.levels[0], sample);
                     path.levels[0] += path.unseen;
                     let values = PathLevels {

@@ -6,9 +6,8 @@
 
 use super::Values;
 use crate::bsdf::{Bsdf, BsdfSample, DELTA_ALPHA, Lobe, LobeQuery};
-use crate::image::level_film::MAX_LEVELS;
 use crate::integrator::walk::Carried;
-use crate::integrator::walk::pending_emission::PendingEmission;
+use crate::integrator::walk::pending_emission::EmissionWeight;
 use crate::integrator::walk::shading_point::ShadingPoint;
 use crate::math::{Rgb, Vec3};
 use crate::sampler::LightU;
@@ -19,17 +18,16 @@ const SPACING: f32 = 1.7;
 /// Steps of the R2 sequence, by which further draws rotate the random numbers of the first.
 const ROTATION: [f32; 2] = [0.754_877_7, 0.569_840_3];
 
-/// The lobe of a vertex at all levels.
+/// The lobe of a vertex at all levels, `N` at most.
 #[derive(Clone, Copy)]
-struct LevelLobe {
+struct LevelLobe<const N: usize> {
     /// α′ of every level; α at level 0 and at levels that leave the vertex alone.
-    alphas: [f32; MAX_LEVELS],
-    levels: usize,
+    alphas: [f32; N],
     /// Expected number of draws from the lobe of every level.
-    shares: [f32; MAX_LEVELS],
+    shares: [f32; N],
 }
 
-impl LevelLobe {
+impl<const N: usize> LevelLobe<N> {
     #[inline]
     fn roughens(&self, k: usize) -> bool {
         self.alphas[k] > self.alphas[0]
@@ -37,10 +35,10 @@ impl LevelLobe {
 
     /// f·|cos θi| at every level that roughens the vertex, and p₀ per steradian; `own_pdf` is the density at α.
     #[inline]
-    fn evaluate(&self, query: &LobeQuery, own_pdf: f32) -> (Values, f32) {
-        let mut values = [Rgb::ZERO; MAX_LEVELS];
+    fn evaluate(&self, query: &LobeQuery, own_pdf: f32) -> (Values<N>, f32) {
+        let mut values = [Rgb::ZERO; N];
         let mut dg1 = 0.0;
-        for k in 1..self.levels {
+        for k in 1..N {
             if !self.roughens(k) {
                 continue;
             }
@@ -58,10 +56,10 @@ impl LevelLobe {
 
     /// Values in the mixture form for radiance that the light sample finds with density `pdf_light`.
     #[inline]
-    fn contribution(&self, query: &LobeQuery, radiance: Rgb, pdf_light: f32) -> Values {
+    fn contribution(&self, query: &LobeQuery, radiance: Rgb, pdf_light: f32) -> Values<N> {
         let (mut values, p0) = self.evaluate(query, query.pdf(self.alphas[0]));
         let weight = 1.0 / (pdf_light + p0);
-        for value in &mut values[1..self.levels] {
+        for value in &mut values[1..] {
             *value = radiance * *value * weight;
         }
         values
@@ -69,32 +67,30 @@ impl LevelLobe {
 }
 
 /// A vertex that some level roughens.
-pub(super) struct RoughenedVertex<'a> {
+pub(super) struct RoughenedVertex<'a, const N: usize> {
     point: &'a ShadingPoint<'a>,
-    lobe: LevelLobe,
+    lobe: LevelLobe<N>,
     /// Levels whose lobes are drawn from, the roughest first.
-    proposals: [u8; MAX_LEVELS],
+    proposals: [u8; N],
     len: usize,
     /// True where the diffuse lobe was drawn: its direction is the continuation's, and no draw is left.
     diffuse: bool,
     continues: bool,
 }
 
-impl<'a> RoughenedVertex<'a> {
+impl<'a, const N: usize> RoughenedVertex<'a, N> {
     /// Vertex of these α′, α at level 0 and beyond the last level, from which the path continues by the draw `next`.
     #[inline]
     pub(super) fn new(
         point: &'a ShadingPoint<'a>,
-        alphas: &[f32; MAX_LEVELS],
-        levels: usize,
+        alphas: &[f32; N],
         next: Option<&BsdfSample>,
     ) -> Self {
         let mut lobe = LevelLobe {
             alphas: *alphas,
-            levels,
-            shares: [0.0; MAX_LEVELS],
+            shares: [0.0; N],
         };
-        let mut proposals = [0; MAX_LEVELS];
+        let mut proposals = [0; N];
         let (mut len, mut above) = (0, f32::INFINITY);
         // The continuation is a draw at α, unless that is a delta.
         let floor = if alphas[0] < DELTA_ALPHA {
@@ -102,7 +98,7 @@ impl<'a> RoughenedVertex<'a> {
         } else {
             alphas[0] * SPACING
         };
-        for k in (1..levels).rev() {
+        for k in (1..N).rev() {
             // Of levels that meet, the first is evaluated.
             if alphas[k] == alphas[k - 1] {
                 continue;
@@ -132,7 +128,7 @@ impl<'a> RoughenedVertex<'a> {
     /// Adds what one light sample finds at every level. Returns what plain path tracing cannot find, at the least
     /// roughened level that can.
     #[inline]
-    pub(super) fn direct_light(&self, u: LightU, total: &mut [Rgb]) -> Rgb {
+    pub(super) fn direct_light(&self, u: LightU, total: &mut Values<N>) -> Rgb {
         let point = self.point;
         let light = point.scene.lights().sample(point.surface.position, u);
         let Some(light) = &light else {
@@ -166,7 +162,7 @@ impl<'a> RoughenedVertex<'a> {
         let plain = radiance * smooth * (weight / density);
         let (weight, unseen) = if light.density.is_delta() {
             // No path of plain path tracing reaches a light without area by a Dirac lobe.
-            let first = (1..total.len()).find(|&k| self.lobe.roughens(k));
+            let first = (1..N).find(|&k| self.lobe.roughens(k));
             let found = first.filter(|_| point.alpha < DELTA_ALPHA);
             let unseen = found.map_or(Rgb::ZERO, |k| radiance * (values[k] - smooth) / density);
             (1.0 / density, unseen)
@@ -187,7 +183,7 @@ impl<'a> RoughenedVertex<'a> {
 
     /// Adds the emission that draws from the lobes find with rays of their own at the levels that roughen the vertex.
     #[inline]
-    pub(super) fn lobe_light(&self, turn: u32, u: [f32; 3], total: &mut [Rgb]) {
+    pub(super) fn lobe_light(&self, turn: u32, u: [f32; 3], total: &mut Values<N>) {
         let point = self.point;
         let [others @ .., sharpest] = &self.proposals[..self.len] else {
             return;
@@ -199,7 +195,9 @@ impl<'a> RoughenedVertex<'a> {
         let drawn = std::iter::once(sharpest).chain(second);
         for (i, &k) in drawn.enumerate() {
             let steps = (i + usize::from(self.continues)) as f32;
-            let rotate = |u: f32, step: f32| (u + steps * step).fract();
+            // The fraction of a number from 0 to 4; that of the standard library is a call.
+            let fraction = |x: f32| x - (x as i32) as f32;
+            let rotate = |u: f32, step: f32| fraction(u + steps * step);
             let u = [u[0], rotate(u[1], ROTATION[0]), rotate(u[2], ROTATION[1])];
             let alpha = self.lobe.alphas[usize::from(k)];
             let Some((local, lobe)) = point.bsdf.direction(alpha, point.wo, u) else {
@@ -229,63 +227,88 @@ impl<'a> RoughenedVertex<'a> {
         }
     }
 
-    /// Emission at the end of the continuation at the levels that roughen the vertex. A path that continues by a Dirac
-    /// lobe finds none.
-    #[inline]
-    pub(super) fn pending(&self, next: Option<&BsdfSample>) -> RoughenedEmission {
-        let next = next.filter(|_| self.continues);
-        RoughenedEmission {
-            lobe: self.lobe,
-            towards: next.map(|sample| (*self.point.bsdf, self.point.wo, sample.wi)),
-            throughput: self.point.throughput,
+    /// Leaves the emission at the end of the continuation pending at the levels that roughen the vertex. A path that
+    /// continues by a Dirac lobe finds none.
+    #[inline(always)]
+    pub(super) fn leave(&self, next: Option<&BsdfSample>, pending: &mut PendingLevels<N>) {
+        pending.is_roughened = true;
+        let roughened = &mut pending.roughened;
+        roughened.lobe = self.lobe;
+        roughened.throughput = self.point.throughput;
+        roughened.counts = false;
+        if let Some(sample) = next.filter(|_| self.continues) {
+            roughened.counts = true;
+            roughened.bsdf = *self.point.bsdf;
+            roughened.wo = self.point.wo;
+            roughened.wi = sample.wi;
         }
     }
 }
 
 /// Weights of emission at the end of the current ray at all levels.
-pub(super) struct PendingLevels {
+pub(super) struct PendingLevels<const N: usize> {
     /// That of plain path tracing, for the levels that left the vertex before alone.
-    pub(super) plain: PendingEmission,
-    /// Those of the levels that roughened it, if any did.
-    pub(super) roughened: Option<RoughenedEmission>,
+    pub(super) plain: EmissionWeight,
+    /// True if some level roughened the vertex before.
+    pub(super) is_roughened: bool,
+    /// The weights of those that did. In place: it is large, and few rays meet a light.
+    roughened: RoughenedEmission<N>,
 }
 
-impl PendingLevels {
+impl<const N: usize> PendingLevels<N> {
     /// Emission that counts in full at all levels.
     pub(super) fn full() -> Self {
         Self {
-            plain: PendingEmission::full(Rgb::ONE),
-            roughened: None,
+            plain: EmissionWeight::full(Rgb::ONE),
+            is_roughened: false,
+            roughened: RoughenedEmission {
+                lobe: LevelLobe {
+                    alphas: [0.0; N],
+                    shares: [0.0; N],
+                },
+                counts: false,
+                bsdf: Bsdf::BLACK,
+                wo: Vec3::Z,
+                wi: Vec3::Z,
+                throughput: Rgb::ZERO,
+            },
         }
+    }
+
+    /// The weights at the levels that roughened the vertex before, if any did.
+    #[inline]
+    pub(super) fn roughened(&self) -> Option<&RoughenedEmission<N>> {
+        self.is_roughened.then_some(&self.roughened)
     }
 }
 
-impl Carried for PendingLevels {
+impl<const N: usize> Carried for PendingLevels<N> {
     #[inline]
     fn scale(&mut self, factor: Rgb) {
         self.plain.scale(factor);
-        if let Some(roughened) = &mut self.roughened {
-            roughened.throughput *= factor;
-        }
+        self.roughened.throughput *= factor;
     }
 
     #[inline]
     fn is_nothing(&self) -> bool {
-        let roughened = self.roughened.as_ref();
-        self.plain.is_nothing() && roughened.is_none_or(|r| r.towards.is_none())
+        self.plain.is_nothing() && !(self.is_roughened && self.roughened.counts)
     }
 }
 
 /// Weight of emission at the end of the current ray at the levels that roughened the vertex before.
-pub(super) struct RoughenedEmission {
-    lobe: LevelLobe,
-    /// BSDF, wo and wi of the continuation; `None` where nothing counts. Few rays meet a light and need the query.
-    towards: Option<(Bsdf, Vec3, Vec3)>,
+pub(super) struct RoughenedEmission<const N: usize> {
+    lobe: LevelLobe<N>,
+    /// False where nothing counts: what follows is then that of an earlier vertex.
+    counts: bool,
+    /// BSDF, wo and wi of the continuation. Few rays meet a light and need the query.
+    bsdf: Bsdf,
+    wo: Vec3,
+    wi: Vec3,
     /// Throughput before the vertex.
     throughput: Rgb,
 }
 
-impl RoughenedEmission {
+impl<const N: usize> RoughenedEmission<N> {
     /// True if the vertex was roughened at a level.
     #[inline]
     pub(super) fn roughens(&self, k: usize) -> bool {
@@ -294,12 +317,9 @@ impl RoughenedEmission {
 
     /// Values of this emitted radiance, which light sampling would have found with density `pdf_light`.
     #[inline]
-    pub(super) fn contribution(&self, radiance: Rgb, pdf_light: f32) -> Values {
-        let query = self
-            .towards
-            .as_ref()
-            .and_then(|(bsdf, wo, wi)| bsdf.query(*wo, *wi));
-        query.map_or([Rgb::ZERO; MAX_LEVELS], |query| {
+    pub(super) fn contribution(&self, radiance: Rgb, pdf_light: f32) -> Values<N> {
+        let query = self.counts.then(|| self.bsdf.query(self.wo, self.wi));
+        query.flatten().map_or([Rgb::ZERO; N], |query| {
             self.lobe
                 .contribution(&query, self.throughput * radiance, pdf_light)
         })

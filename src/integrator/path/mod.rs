@@ -11,7 +11,7 @@
 //! correlation is harmless, and a table of zeros makes the bytes of plain path tracing.
 
 use super::walk::observer::PathObserver;
-use super::walk::pending_emission::PendingEmission;
+use super::walk::pending_emission::{EmissionWeight, PendingEmission};
 use super::walk::roughening::{remember, roughen};
 use super::walk::shading_point::Continuation;
 use super::walk::{Arrival, Carried, Walk};
@@ -77,7 +77,7 @@ impl<R: Roughening> PathTracer<R> {
     ) -> Rgb {
         let mut total = Rgb::ZERO;
         let mut memory = self.rule.start(sample);
-        let mut emission = PendingEmission::full(Rgb::ONE);
+        let mut emission = PendingEmission::of(EmissionWeight::full(Rgb::ONE));
         let mut made = Bsdf::BLACK;
         for n in 1..=self.max_vertices + 1 {
             let mut arrival = walk.arrive(&mut emission);

@@ -7,13 +7,51 @@ use crate::math::measure::balance;
 
 /// Weight of the emission at the end of the current ray.
 #[derive(Clone, Copy)]
-pub(in crate::integrator) struct PendingEmission {
+pub(in crate::integrator) struct EmissionWeight {
     /// Throughput for the emission: that of the path, unless the BSDF at α′ differs from the one at α. Zero where a
     /// roughened lobe has counted the emission already.
     pub(in crate::integrator) throughput: Rgb,
     /// Density of the direction in the BSDF at α′, to weigh it against light sampling; `None` for camera rays and
     /// Dirac lobes, which count in full.
     pub(in crate::integrator) pdf_w: Option<f32>,
+}
+
+impl Carried for EmissionWeight {
+    #[inline]
+    fn scale(&mut self, factor: Rgb) {
+        self.throughput *= factor;
+    }
+
+    #[inline]
+    fn is_nothing(&self) -> bool {
+        self.throughput == Rgb::ZERO
+    }
+}
+
+impl EmissionWeight {
+    /// Emission that counts in full.
+    #[inline]
+    pub(in crate::integrator) fn full(throughput: Rgb) -> Self {
+        Self {
+            throughput,
+            pdf_w: None,
+        }
+    }
+
+    /// The contribution of emission.
+    #[inline]
+    pub(in crate::integrator) fn contribution(&self, met: &MetEmission<'_>) -> Rgb {
+        match self.pdf_w {
+            Some(pdf_w) => self.throughput * met.radiance * balance(pdf_w, met.pdf_light()),
+            None => self.throughput * met.radiance,
+        }
+    }
+}
+
+/// The same with an event to report.
+#[derive(Clone, Copy)]
+pub(in crate::integrator) struct PendingEmission {
+    pub(in crate::integrator) weight: EmissionWeight,
     /// The event to report if the ray meets an emitter, without its light.
     pub(in crate::integrator) event: Option<Event>,
 }
@@ -21,7 +59,7 @@ pub(in crate::integrator) struct PendingEmission {
 impl Carried for PendingEmission {
     #[inline]
     fn scale(&mut self, factor: Rgb) {
-        self.throughput *= factor;
+        self.weight.scale(factor);
         if let Some(event) = &mut self.event {
             event.radiance *= factor;
         }
@@ -29,24 +67,26 @@ impl Carried for PendingEmission {
 
     #[inline]
     fn is_nothing(&self) -> bool {
-        self.throughput == Rgb::ZERO && self.event.is_none()
+        self.weight.is_nothing() && self.event.is_none()
     }
 }
 
 impl PendingEmission {
     /// Emission that was counted already.
     pub(in crate::integrator) const COUNTED: Self = Self {
-        throughput: Rgb::ZERO,
-        pdf_w: None,
+        weight: EmissionWeight {
+            throughput: Rgb::ZERO,
+            pdf_w: None,
+        },
         event: None,
     };
 
-    /// Emission that counts in full.
+    /// Emission without an event.
     #[inline]
-    pub(in crate::integrator) fn full(throughput: Rgb) -> Self {
+    pub(in crate::integrator) fn of(weight: EmissionWeight) -> Self {
         Self {
-            throughput,
-            ..Self::COUNTED
+            weight,
+            event: None,
         }
     }
 
@@ -57,20 +97,15 @@ impl PendingEmission {
         met: &MetEmission<'_>,
         observer: &mut O,
     ) -> Rgb {
-        let radiance = met.radiance;
-        let Some(pdf_w) = self.pdf_w else {
-            return self.throughput * radiance;
-        };
-        let pdf_light = met.pdf_light();
         if O::EVENTS
             && let Some(event) = self.event
         {
             observer.event(&Event {
-                radiance: event.radiance * radiance,
-                pdf_light,
+                radiance: event.radiance * met.radiance,
+                pdf_light: met.pdf_light(),
                 ..event
             });
         }
-        self.throughput * radiance * balance(pdf_w, pdf_light)
+        self.weight.contribution(met)
     }
 }

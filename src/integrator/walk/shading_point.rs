@@ -2,7 +2,7 @@
 
 use super::Surroundings;
 use super::observer::{Event, PathObserver, Technique};
-use super::pending_emission::PendingEmission;
+use super::pending_emission::{EmissionWeight, PendingEmission};
 use crate::bsdf::{Bsdf, BsdfEval, BsdfSample, Lobe, LobeNumbers, LobeQuery, SharedNumbers};
 use crate::math::measure::balance;
 use crate::math::{Frame, Ray, Rgb, Vec3};
@@ -241,6 +241,15 @@ impl ShadingPoint<'_> {
         Some(Continuation { wi, sample })
     }
 
+    /// Weight of emission at the end of a continuation of a vertex that is not roughened.
+    #[inline(always)]
+    pub(in crate::integrator) fn own_emission(&self, sample: &BsdfSample) -> EmissionWeight {
+        EmissionWeight {
+            throughput: self.throughput * sample.weight,
+            pdf_w: (!sample.delta).then_some(sample.pdf_w),
+        }
+    }
+
     /// Weight of emission at the end of a continuation that step 2 shares: its direction is a draw from the BSDF at α′
     /// as much as from the one at which the path continues. `reused` if the path continues at α′ itself.
     #[inline(always)]
@@ -250,15 +259,8 @@ impl ShadingPoint<'_> {
         roughened: bool,
         reused: bool,
     ) -> PendingEmission {
-        if sample.delta {
-            return PendingEmission::full(self.throughput * sample.weight);
-        }
-        if !roughened {
-            return PendingEmission {
-                throughput: self.throughput * sample.weight,
-                pdf_w: Some(sample.pdf_w),
-                event: None,
-            };
+        if sample.delta || !roughened {
+            return PendingEmission::of(self.own_emission(sample));
         }
         let query = if O::EVENTS {
             self.bsdf.query(self.wo, sample.wi)
@@ -277,8 +279,10 @@ impl ShadingPoint<'_> {
             return PendingEmission::COUNTED;
         }
         PendingEmission {
-            throughput: self.throughput * value / pdf_w,
-            pdf_w: Some(pdf_w),
+            weight: EmissionWeight {
+                throughput: self.throughput * value / pdf_w,
+                pdf_w: Some(pdf_w),
+            },
             event: query.map(|query| self.event(query, self.throughput, Technique::Continuation)),
         }
     }
