@@ -155,20 +155,22 @@ impl<'a> Part<'a> {
         }
     }
 
-    /// Batches of the light of every pixel of a level, less the shared light, or of the shared light by the number of levels.
+    /// Batches of the light of every pixel of a level, or of the shared light by the number of levels.
     fn light(&self, level: usize) -> Batches {
-        let shared = self.cut.levels();
-        let own = |pixel: usize, batch: usize| {
-            let light = self.cut.batch_mean(pixel, batch, level);
-            if level == shared {
-                return light.into();
-            }
-            (light - self.cut.batch_mean(pixel, batch, shared)).into()
-        };
+        let own = |pixel, batch| self.cut.batch_mean(pixel, batch, level).into();
         let pixels = 0..self.size.0 * self.size.1;
         pixels
             .map(|pixel| std::array::from_fn(|batch| own(pixel, batch)))
             .collect()
+    }
+
+    /// Batches of the light of every pixel of a level, less the shared light.
+    fn roughened(&self, level: usize, shared: &Batches) -> Batches {
+        let mut light = self.light(level);
+        for (light, shared) in light.iter_mut().zip(shared) {
+            light.iter_mut().zip(shared).for_each(|(l, s)| *l -= *s);
+        }
+        light
     }
 
     fn mean(&self, light: &[Vec3A; BATCHES]) -> Vec3A {
@@ -179,7 +181,8 @@ impl<'a> Part<'a> {
     fn choose(&self) -> TileChoice {
         let count = self.cut.levels();
         let shared = self.light(count);
-        let all: Vec<Batches> = (0..count).map(|level| self.light(level)).collect();
+        let level = |level| self.roughened(level, &shared);
+        let all: Vec<Batches> = (0..count).map(level).collect();
         let features = self.cut.features();
         let weights = self.weights(&shared, &all[count - 1]);
         let size = self.inner.size;
