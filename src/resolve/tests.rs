@@ -329,6 +329,55 @@ fn tent_keeps_constants_and_shares_sum_to_one() {
 }
 
 /// Any light, noise and features: a tile knows as much of its surroundings as its pixels depend on.
+/// Radii 1 and 2 have loops of their own.
+#[test]
+fn tent_is_the_mean_of_means_at_any_radius() {
+    for (w, h) in [(1, 9), (9, 1), (2, 3), (3, 3), (4, 5), (5, 5), (13, 8)] {
+        for radius in 1..4 {
+            let mut values: Vec<f32> = (0..w * h).map(|i| noise(0, 0, i)).collect();
+            let mut expected = values.clone();
+            tent((w, h), radius, &mut values);
+            let mean = |values: &[f32], step: usize, at: usize, end: usize, first: usize| {
+                let near = at.saturating_sub(radius)..(at + radius + 1).min(end);
+                let count = near.len() as f32;
+                near.fold(0.0, |sum, i| sum + values[first + i * step]) / count
+            };
+            for _ in 0..2 {
+                let across = |i: usize| mean(&expected, 1, i % w, w, i / w * w);
+                let across: Vec<f32> = (0..w * h).map(across).collect();
+                let along = |i: usize| mean(&across, w, i / w, h, i % w);
+                expected = (0..w * h).map(along).collect();
+            }
+            assert_eq!(values, expected, "{w} {h} {radius}");
+        }
+    }
+}
+
+/// A row of pixels is blurred at once, each as it is alone.
+#[test]
+fn blur_of_a_pixel_does_not_depend_on_those_blurred_with_it() {
+    let (w, h) = (11, 7);
+    let random = |i: usize, k: usize| noise(k, 1, i).abs().min(1.0);
+    let features: Vec<Features> = (0..w * h)
+        .map(|i| std::array::from_fn(|k| 1.0 + 0.1 * random(i, k)))
+        .collect();
+    let light = |i: usize| std::array::from_fn(|b| Vec3A::splat(random(i, b)));
+    let light: Vec<[Vec3A; BATCHES]> = (0..w * h).map(light).collect();
+    for (surface, sigma) in [(Surface::First, 2.0), (Surface::Rough, 0.7)] {
+        let guide = Guide::new((w, h), surface, &features);
+        let part = |origin, size| Inner {
+            origin,
+            size,
+            width: w,
+        };
+        let whole = guide.blur(sigma, &part((0, 0), (w, h)), &[&light, &light]);
+        for (i, (first, second)) in whole[0].iter().zip(&whole[1]).enumerate() {
+            let one = guide.blur(sigma, &part((i % w, i / w), (1, 1)), &[&light]);
+            assert!(one[0][0] == *first && first == second, "{i}");
+        }
+    }
+}
+
 #[test]
 fn resolve_in_tiles_has_the_bytes_of_the_whole() {
     let frame = crate::math::UVec2::new(61, 38);
