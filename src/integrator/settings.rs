@@ -1,6 +1,6 @@
 //! Settings of a render, and the integrator they stand for.
 
-use super::bidirectional::{Aimed, Bidirectional, Radius, Strategies, Strategy};
+use super::bidirectional::{Aimed, Bidirectional, RADII, Radius, Strategies, Strategy};
 use super::guided::{self, Guided};
 use super::levels::{LevelError, LevelTracer, SCALES};
 use super::metropolis::{self, Metropolis};
@@ -9,7 +9,7 @@ use super::path::manifold::Manifold;
 use super::{Integrator, Picture, View};
 use crate::image::exr::Metadata;
 use crate::image::film::Window;
-use crate::image::level_film::{BATCHES, LevelFilm};
+use crate::image::level_film::{BATCHES, LevelFilm, MAX_LEVELS};
 use crate::math::UVec2;
 use crate::regularise::{Rule, Unregularised};
 use crate::sampler::{CameraSource, SamplerKind, Seed};
@@ -67,7 +67,7 @@ pub struct Settings {
     /// The rule that roughens the last vertex of a path.
     pub rule: Rule,
     /// Scales of the rule's factors at the [levels](super::levels) of a render, ascending from 0, which is plain path
-    /// tracing; empty for a render at the rule's own factors alone.
+    /// tracing; of [`Estimator::Sppm`] factors on the radius, ascending from 1; empty for a render at the rule's own factors alone.
     pub levels: Vec<f32>,
     /// The only part of the strategies of `bdpt` or `vcm` that the picture shows, with its weights; without a rule.
     pub strategy: Option<Strategy>,
@@ -137,8 +137,13 @@ impl Settings {
                 return Box::new(Metropolis::new(base, mutations));
             }
         };
+        let radii = match self.estimator {
+            Estimator::Sppm(_) => self.levels.clone(),
+            _ => Vec::new(),
+        };
         Box::new(Bidirectional {
             merging,
+            radii,
             ..self.bidirectional(strategies)
         })
     }
@@ -160,6 +165,7 @@ impl Settings {
         Bidirectional {
             strategies,
             merging: None,
+            radii: Vec::new(),
             light_sampling_only: matches!(self.estimator, Estimator::VcmNee(_)),
             mollifier: match self.rule {
                 Rule::Mollifier(radius)
@@ -195,13 +201,25 @@ impl Settings {
         if self.levels.is_empty() {
             return Ok(());
         }
+        if let Estimator::Sppm(_) = self.estimator {
+            let finite = self.levels.iter().all(|s| s.is_finite());
+            let ascending = self.levels.is_sorted_by(|a, b| a < b) && self.levels[0] == 1.0;
+            let some = (2..=MAX_LEVELS).contains(&self.levels.len());
+            return match finite && ascending && some {
+                true => Ok(()),
+                false => Err(LevelError::Radii),
+            };
+        }
         self.level_tracer().map(|_| ())
     }
 
-    /// Scales of the levels of a render that names none: four where a rule has something to roughen, none in plain path tracing,
+    /// Scales of the levels of a render that names none: the three radii of photon density; four where a rule has something to roughen, none in plain path tracing,
     /// in scenes without lobes, and for rules of other renderers, which are as they are there. An error where the
     /// estimator or the rule can have no levels.
     pub fn usual_levels(&self, has_lobes: bool) -> Result<Vec<f32>, LevelError> {
+        if let Estimator::Sppm(_) = self.estimator {
+            return Ok(RADII.to_vec());
+        }
         let nothing = [Rule::Plain, Rule::constant(0.0)].contains(&self.rule) || !has_lobes;
         if nothing || self.rule.roughens_continuation() {
             return Ok(Vec::new());

@@ -161,7 +161,9 @@ impl Spec {
         };
         let several = !levels.0.is_empty();
         ensure(
-            !several || self.has_factors() || self.kind() == IntegratorKind::Auto,
+            !several
+                || self.has_factors()
+                || matches!(self.kind(), IntegratorKind::Auto | IntegratorKind::Sppm),
             "levels",
             "several levels scale the factors of {table} or {gamma}, and there are none",
         )

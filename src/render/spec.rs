@@ -279,7 +279,7 @@ options! {
     /// Levels of roughening on the same paths, of which every pixel gets the best: their number, or the scales of the
     /// table or constant, such as 0,0.25,1. Level 0 is plain path tracing; 1 renders the table or constant as it is.
     /// Without it four where a table or a constant can have them: not with --mode, --consistent, --guide or another
-    /// integrator.
+    /// integrator. Of sppm factors on its radius, 1,2,4 if not given; 1 is the radius alone.
     levels: Levels, Method { value: "N|SCALES", effect: Effect::As("levels") }
     /// Smoothing of a picture of several levels. Without it `default`.
     resolve: Resolve, Method { value: "HOW", of_levels: true, of_film: true }

@@ -1,14 +1,16 @@
 //! Paths closed by a merge: light vertices within the radius of a camera walk's vertex.
 
-use super::photons::{MAX_HEIGHT, MIN_COS, PhotonMap};
+use super::photons::{MAX_HEIGHT, MIN_COS, PhotonMap, is_within};
 use super::split::Prefix;
 use super::vertex::Vertex;
 use super::walk::Sharp;
 use super::{Iteration, point, weights};
+use crate::image::level_film::{Features, MAX_LEVELS};
+use crate::integrator::walk::features::PathFeatures;
 use crate::integrator::walk::observer::PathObserver;
 use crate::math::measure::balance;
 use crate::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3, warp};
-use crate::sampler::{IndependentStream, LightU, SampleSource, Sampler};
+use crate::sampler::{Domain, Independent, IndependentStream, LightU, SampleSource, Sampler, Seed};
 use std::f32::consts::PI;
 
 /// Rows and columns of the probes of a disk.
@@ -19,6 +21,24 @@ const MAX_ROUNDS: u32 = 32;
 
 /// Size of a term of the series below which roulette ends it.
 const ROULETTE: f32 = 0.25;
+
+/// Light of a camera path of photon density estimation at several radii.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Densities {
+    /// All light, by radius.
+    pub(super) levels: [Rgb; MAX_LEVELS],
+    /// Light that no photon has brought: the same at all radii.
+    pub(super) shared: Rgb,
+    /// Guides that the path has met.
+    pub(super) features: Features,
+}
+
+impl Densities {
+    fn add_shared(&mut self, value: Rgb) {
+        self.shared += value;
+        self.levels.iter_mut().for_each(|light| *light += value);
+    }
+}
 
 impl Iteration<'_> {
     /// Merges with all photons around a vertex of the camera walk, weighed against all other strategies.
@@ -51,12 +71,23 @@ impl Iteration<'_> {
             };
             sum += part * eval.value * photon.flux * weight;
         });
-        self.density(vertex, sum, map.paths(), probes)
+        self.density(vertex, (sum, self.radius), map.paths(), probes)
     }
 
     /// Random numbers of the probes of a camera path. A stream of their own: probes are thrown where photons are found.
     pub(super) fn probe_stream(&self, pixel: UVec2) -> IndependentStream {
         self.probes.stream(pixel, self.sample)
+    }
+
+    /// Random numbers of the probes of a radius of a camera path: those of the first are the path's own.
+    fn probe_stream_at(&self, level: usize, pixel: UVec2) -> IndependentStream {
+        match level {
+            0 => self.probe_stream(pixel),
+            level => {
+                let seed = Seed(self.settings.seed).derive(Domain::Probes, level as u64);
+                Independent { seed }.stream(pixel, self.sample)
+            }
+        }
     }
 
     /// Walks a camera path of photon density estimation: it goes on along sharp lobes and merges at rough ones. Where it
@@ -67,11 +98,25 @@ impl Iteration<'_> {
         map: &PhotonMap,
         observer: &mut O,
     ) -> Rgb {
+        self.density_paths(pixel, map, &[self.radius], observer)
+            .levels[0]
+    }
+
+    /// The same with densities at several radii, ascending, of the same photons: those within the largest are those of the map.
+    pub(super) fn density_paths<O: PathObserver>(
+        &self,
+        pixel: UVec2,
+        map: &PhotonMap,
+        radii: &[f32],
+        observer: &mut O,
+    ) -> Densities {
         let settings = &self.settings;
         let mut stream = self.camera_stream(pixel);
         let mut walk = self.camera_walk(pixel, &mut stream);
-        let mut probes = self.probe_stream(pixel);
-        let mut total = Rgb::ZERO;
+        let mut probes: [IndependentStream; MAX_LEVELS] =
+            std::array::from_fn(|level| self.probe_stream_at(level, pixel));
+        let mut total = Densities::default();
+        let mut features = PathFeatures::default();
         let lights = self.view.scene.lights();
         // Where the current ray was drawn, and its density: 0 for a Dirac lobe and from the camera.
         let (mut from, mut pdf_w) = (Vec3::ZERO, 0.0);
@@ -84,7 +129,8 @@ impl Iteration<'_> {
             let Some(arrival) = walk.arrive() else {
                 let radiance = self.environment(&walk, n);
                 if radiance != Rgb::ZERO {
-                    total += radiance * weight(pdf_w, lights.pdf_environment(from, walk.dir()));
+                    let of_light = lights.pdf_environment(from, walk.dir());
+                    total.add_shared(radiance * weight(pdf_w, of_light));
                 }
                 break;
             };
@@ -92,7 +138,8 @@ impl Iteration<'_> {
             let vertex = walk.vertex(n, &arrival, u.material);
             let radiance = self.emitter(&walk, &vertex);
             if radiance != Rgb::ZERO {
-                total += radiance * weight(pdf_w, lights.pdf_emitter(from, &vertex.surface));
+                let of_light = lights.pdf_emitter(from, &vertex.surface);
+                total.add_shared(radiance * weight(pdf_w, of_light));
             }
             if n > settings.max_vertices {
                 break;
@@ -100,17 +147,31 @@ impl Iteration<'_> {
             if n == 1 {
                 observer.vertex(n, arrival.hit.t, &point(&walk, &vertex));
             }
+            if radii.len() > 1 {
+                features.add(&point(&walk, &vertex), arrival.hit.t);
+            }
             if !vertex.is_delta() {
-                let mut sum = Rgb::ZERO;
-                map.around(&vertex, |photon, _| {
+                // By the least radius that reaches them.
+                let mut sums = [Rgb::ZERO; MAX_LEVELS];
+                map.around_from(&vertex, |photon, _, to| {
                     if n + photon.n() - 1 <= settings.max_vertices
                         && let Some(value) = vertex.merged_value(photon.back)
                     {
-                        sum += value * photon.flux;
+                        let ng = vertex.surface.ng;
+                        let inner = radii.iter().rev().skip(1);
+                        let within = inner.take_while(|r| is_within(to, ng, **r)).count();
+                        sums[radii.len() - 1 - within] += value * photon.flux;
                     }
                 });
-                total += self.density(&vertex, sum, map.paths(), &mut probes);
-                total += self.light_at_sharp_lobe(&vertex, u.light);
+                let mut sum = Rgb::ZERO;
+                for (level, &radius) in radii.iter().enumerate() {
+                    sum += sums[level];
+                    let probes = &mut probes[level];
+                    total.levels[level] +=
+                        self.density(&vertex, (sum, radius), map.paths(), probes);
+                }
+                let light = self.light_at_sharp_lobe(&vertex, u.light);
+                total.add_shared(light);
             }
             match walk.follow_sharp(&vertex, u.lobe) {
                 Some(Sharp::Drawn(drawn)) => (from, pdf_w) = (vertex.surface.position, drawn),
@@ -122,7 +183,8 @@ impl Iteration<'_> {
                 break;
             }
         }
-        observer.finish(total);
+        total.features = features.values();
+        observer.finish(total.levels[0]);
         total
     }
 
@@ -154,15 +216,22 @@ impl Iteration<'_> {
 
     /// A sum over photons of so many light paths within the radius as a contribution. Opacity lets both walks find a vertex by chance, which a
     /// path counts once.
-    fn density(&self, vertex: &Vertex, sum: Rgb, paths: u32, probes: &mut impl Sampler) -> Rgb {
+    fn density(
+        &self,
+        vertex: &Vertex,
+        (sum, radius): (Rgb, f32),
+        paths: u32,
+        probes: &mut impl Sampler,
+    ) -> Rgb {
         if sum == Rgb::ZERO {
             return Rgb::ZERO;
         }
         let scene = self.view.scene;
         let material = scene.material(&vertex.surface);
         let presence = material.presence(&scene.parts().textures, vertex.surface.uv);
-        let disk = PI * self.radius * self.radius;
-        let scale = self.disk_over_surface(vertex, probes) / (disk * presence * paths as f32);
+        let disk = PI * radius * radius;
+        let scale =
+            self.disk_over_surface(vertex, radius, probes) / (disk * presence * paths as f32);
         vertex.throughput * sum * scale
     }
 
@@ -171,14 +240,14 @@ impl Iteration<'_> {
     ///
     /// With a the area over πr² and q = 1 − a it is 1 + q + q² + …, whose powers are products of independent estimates of
     /// q. They end where one is 0, as all are inside of a plane, or by roulette.
-    fn disk_over_surface(&self, vertex: &Vertex, probes: &mut impl Sampler) -> f32 {
+    fn disk_over_surface(&self, vertex: &Vertex, radius: f32, probes: &mut impl Sampler) -> f32 {
         let scene = self.view.scene;
-        if scene.inside_triangle(&vertex.surface, self.radius) {
+        if scene.inside_triangle(&vertex.surface, radius) {
             return 1.0;
         }
         let (mut sum, mut term) = (1.0, 1.0f32);
         for _ in 0..MAX_ROUNDS {
-            term *= 1.0 - self.surface_over_disk(vertex, probes);
+            term *= 1.0 - self.surface_over_disk(vertex, radius, probes);
             if term == 0.0 {
                 break;
             }
@@ -196,22 +265,22 @@ impl Iteration<'_> {
 
     /// Unbiased estimate of the area on which photons merge with a vertex over πr²: points of the disk, one in each of four
     /// parts, projected to the nearest surface on the walk's side.
-    fn surface_over_disk(&self, vertex: &Vertex, probes: &mut impl Sampler) -> f32 {
+    fn surface_over_disk(&self, vertex: &Vertex, radius: f32, probes: &mut impl Sampler) -> f32 {
         let scene = self.view.scene;
         let (p, ng) = (vertex.surface.position, vertex.surface.ng);
         let side = vertex.back.dot(ng).signum();
         let frame = Frame::from_normal(ng);
-        let height = (MAX_HEIGHT * self.radius).max(2.0 * vertex.surface.error);
+        let height = (MAX_HEIGHT * radius).max(2.0 * vertex.surface.error);
         let mut sum = 0.0;
         for cell in 0..PROBES * PROBES {
             let cell = Vec2::new((cell % PROBES) as f32, (cell / PROBES) as f32);
             let u = (cell + Vec2::new(probes.next_1d(), probes.next_1d())) / PROBES as f32;
-            let across = frame.to_world((self.radius * warp::disk(u)).extend(0.0));
+            let across = frame.to_world((radius * warp::disk(u)).extend(0.0));
             let mut ray = Ray::new(p + across + side * height * ng, -side * ng);
             ray.t_max = 2.0 * height;
             if let Some((t, cos)) = scene.closest_facing(&ray, ng, MIN_COS) {
                 let up = height - t;
-                if across.length_squared() + up * up <= self.radius * self.radius {
+                if across.length_squared() + up * up <= radius * radius {
                     sum += 1.0 / cos;
                 }
             }

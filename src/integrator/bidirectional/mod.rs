@@ -41,6 +41,8 @@ use super::walk::camera::CameraWalks;
 use super::walk::observer::{PathObserver, Recorder};
 use super::walk::shading_point::ShadingPoint;
 use super::{Integrator, Picture, View};
+use crate::image::film::{Film, Window};
+use crate::image::level_film::{LevelFilm, PathLevels};
 use crate::image::splat::{Splat, SplatLayer};
 use crate::math::{Rgb, UVec2};
 use crate::regularise::Accumulated;
@@ -48,10 +50,11 @@ use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Sampl
 use crate::scene::Aim;
 use crate::scene::sensor::RayDensity;
 pub use aim::Aimed;
+use merge::Densities;
 pub(super) use pair::Pairs;
 use photons::{LightVertices, PhotonMap};
 use psr::{Chain, Ends};
-pub use radius::Radius;
+pub use radius::{RADII, Radius};
 use rayon::prelude::*;
 use split::Trail;
 use std::f32::consts::PI;
@@ -129,6 +132,9 @@ pub struct Bidirectional {
     pub strategies: Strategies,
     /// The radius of merges; `None` for connections only.
     pub merging: Option<Radius>,
+    /// Factors on that radius at which [`Strategies::Density`] counts the same photons, ascending from 1; empty for the radius
+    /// alone.
+    pub radii: Vec<f32>,
     /// No connections but light samples, beside merges.
     pub light_sampling_only: bool,
     /// Radius of the kernel for paths that no strategy can sample, over half the diagonal of the scene: that of sample 1,
@@ -189,6 +195,14 @@ impl Integrator for Bidirectional {
         let aim = self.aim(view);
         for sample in samples.clone() {
             let iteration = self.iteration(view, &aim, sample, first);
+            if !self.radii.is_empty() {
+                iteration.add_radii(&self.radii, picture);
+                if view.is_cut() {
+                    return sample - samples.start;
+                }
+                view.begun();
+                continue;
+            }
             let done = match &mut picture.aovs {
                 Some(aovs) => iteration.run(&mut layer, aovs),
                 None => iteration.run(&mut layer, &mut ()),
@@ -511,6 +525,69 @@ impl Iteration<'_> {
             recorder.join(observer);
         }
         done
+    }
+
+    /// Adds one sample of every pixel of photon density at several radii: the first to the film, all to its levels. Of the first
+    /// sample of all, if it is stopped, the pixels that have one; else nothing.
+    fn add_radii(&self, factors: &[f32], picture: &mut Picture) {
+        let Picture { film, aovs, levels } = picture;
+        let levels =
+            levels.get_or_insert_with(|| LevelFilm::new(film.size, film.window, factors.len()));
+        let vertices = self.light_vertices(&mut SplatLayer::new(&Window {
+            w: 0,
+            ..film.window
+        }));
+        if self.view.drops_pass() || vertices.paths() == 0 {
+            return;
+        }
+        let radii: Vec<f32> = factors.iter().map(|factor| self.radius * factor).collect();
+        let low = self.view.scene.geometry().bounds().0;
+        let map = PhotonMap::new(vertices, low, radii[radii.len() - 1]);
+        match aovs {
+            Some(aovs) => self.density_at(&map, &radii, (film, levels), aovs),
+            None => self.density_at(&map, &radii, (film, levels), &mut ()),
+        }
+    }
+
+    /// The camera paths of [`Iteration::add_radii`].
+    fn density_at<O: Recorder>(
+        &self,
+        map: &PhotonMap,
+        radii: &[f32],
+        (film, levels): (&mut Film, &mut LevelFilm),
+        recorder: &mut O,
+    ) {
+        let window = self.view.window;
+        let pixels = window.len() as u32;
+        let chunks: Vec<(u32, Vec<Densities>, O)> = (0..pixels.div_ceil(CHUNK))
+            .into_par_iter()
+            .filter(|_| !self.view.stopped())
+            .map(|chunk| {
+                let mut observer = recorder.fork();
+                let first = chunk * CHUNK;
+                let indices = first..(first + CHUNK).min(pixels);
+                let path = |index: u32| {
+                    let pixel = window.pixel(index as usize);
+                    self.density_paths(pixel, map, radii, &mut observer)
+                };
+                (first, indices.map(path).collect(), observer)
+            })
+            .collect();
+        if self.view.drops_pass() {
+            return;
+        }
+        for (first, paths, observer) in chunks {
+            for (index, path) in (first as usize..).zip(&paths) {
+                film.push_shared(index, path.levels[0], self.sample);
+                let values = PathLevels {
+                    levels: &path.levels[..radii.len()],
+                    shared: path.shared,
+                    features: path.features,
+                };
+                levels.push(index, self.sample, &values);
+            }
+            recorder.join(observer);
+        }
     }
 
     /// The light path to which the camera path of a pixel is connected, from those that are kept.

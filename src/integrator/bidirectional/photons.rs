@@ -283,6 +283,16 @@ impl PhotonMap {
     /// Visits the photons within the radius of a vertex that lie on its surface.
     #[inline]
     pub(super) fn around(&self, vertex: &Vertex, mut visit: impl FnMut(&Photon, Option<&Trail>)) {
+        self.around_from(vertex, |photon, trail, _| visit(photon, trail));
+    }
+
+    /// The same with the way from the vertex to each photon.
+    #[inline]
+    pub(super) fn around_from(
+        &self,
+        vertex: &Vertex,
+        mut visit: impl FnMut(&Photon, Option<&Trail>, Vec3),
+    ) {
         let (p, ng) = (vertex.surface.position, vertex.surface.ng);
         let [x, y, z] = (self.place(p) - 0.5).floor().to_array().map(|x| x as i64);
         let mask = self.buckets.len() as u32 - 2;
@@ -300,24 +310,26 @@ impl PhotonMap {
             for index in range {
                 let place = &self.places[index as usize];
                 let to = place.position - p;
-                if to.length_squared() <= self.radius * self.radius
-                    && to.dot(ng).abs() <= MAX_HEIGHT * self.radius
-                    && place.ng().dot(ng) > MIN_COS
-                {
+                if is_within(to, ng, self.radius) && place.ng().dot(ng) > MIN_COS {
                     near[count] = index;
                     count += 1;
                     if count == NEAR {
-                        self.visit(&near, ng, &mut visit);
+                        self.visit(&near, (p, ng), &mut visit);
                         count = 0;
                     }
                 }
             }
         }
-        self.visit(&near[..count], ng, &mut visit);
+        self.visit(&near[..count], (p, ng), &mut visit);
     }
 
-    /// Visits those of these photons that lie on the surface of this normal.
-    fn visit(&self, near: &[u32], ng: Vec3, visit: &mut impl FnMut(&Photon, Option<&Trail>)) {
+    /// Visits those of these photons that lie on the surface of this point and normal.
+    fn visit(
+        &self,
+        near: &[u32],
+        (p, ng): (Vec3, Vec3),
+        visit: &mut impl FnMut(&Photon, Option<&Trail>, Vec3),
+    ) {
         // In a loop of its own, so that no photon waits for the memory of another.
         let mut there = [false; NEAR];
         for (there, &index) in there.iter_mut().zip(near) {
@@ -326,9 +338,16 @@ impl PhotonMap {
             *there = (self.photons[index as usize].back.dot(ng) > 0.0) == outside;
         }
         for (&index, _) in near.iter().zip(there).filter(|(_, there)| *there) {
-            visit(&self.photons[index as usize], self.trail(index));
+            let to = self.places[index as usize].position - p;
+            visit(&self.photons[index as usize], self.trail(index), to);
         }
     }
+}
+
+/// True if a photon that is so far from a vertex of this normal lies within the radius, near its plane.
+#[inline]
+pub(super) fn is_within(to: Vec3, ng: Vec3, radius: f32) -> bool {
+    to.length_squared() <= radius * radius && to.dot(ng).abs() <= MAX_HEIGHT * radius
 }
 
 /// Items in this order.

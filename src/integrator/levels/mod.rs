@@ -17,12 +17,12 @@ mod factors;
 mod tiles;
 mod vertex;
 
-use super::ShadingPoint;
+use super::walk::features::PathFeatures;
 use super::walk::observer::PathObserver;
 use super::walk::roughening::scattered;
 use super::walk::{Arrival, Carried, MetEmission, Walk};
 use crate::bsdf::Bsdf;
-use crate::image::level_film::{Features, MAX_LEVELS};
+use crate::image::level_film::MAX_LEVELS;
 use crate::math::Rgb;
 use crate::regularise::{Accumulated, Rule};
 use crate::sampler::Sampler;
@@ -55,12 +55,17 @@ pub enum LevelError {
     /// A path that continues with the roughened lobe belongs to one level.
     #[error("the reuse mode continues a path with the roughened lobe: it has one level only")]
     Reuse,
-    /// Other estimators have no rule.
-    #[error("several levels are for the path tracer without a guide")]
+    /// Other estimators have no rule, and one radius.
+    #[error("several levels are for the path tracer without a guide, and for sppm")]
     Estimator,
     /// The levels are chosen afterwards, so that their bias vanishes anyhow.
     #[error("the consistent variant has one level only")]
     Consistent,
+    /// Wrong factors on the radius of photon density.
+    #[error(
+        "levels of sppm are 2 to {MAX_LEVELS} factors on its radius, ascending from 1, such as 1,2,4"
+    )]
+    Radii,
     /// Wrong scales.
     #[error("expected 2 to {MAX_LEVELS} scales of levels, ascending from 0")]
     Scales,
@@ -74,9 +79,6 @@ pub(super) struct LevelTracer {
     factors: ScaledFactors,
 }
 
-/// Roughness from which light at a vertex is blurred by its surroundings there, not by those of its mirror image.
-const ROUGH: f32 = 0.05;
-
 /// Values of the levels of one path, of which there are `N` at most.
 type Values<const N: usize> = [Rgb; N];
 
@@ -86,10 +88,8 @@ struct PathSums<const N: usize> {
     levels: Values<N>,
     /// Light that no level roughens: the same at all levels.
     shared: Rgb,
-    /// Guides that the path has met; of the last vertex where none is rough.
-    features: Features,
-    /// True if they are those of a rough vertex.
-    has_features: bool,
+    /// Guides that the path has met.
+    features: PathFeatures,
     /// What plain path tracing cannot find, at the least roughened level that can.
     unseen: Rgb,
 }
@@ -160,7 +160,7 @@ impl LevelTracer {
             let alpha = vertex.alpha;
             let point = walk.shading_point(&vertex, alpha, self.max_vertices - n);
             observer.vertex(n, hit.t, &point);
-            sums.add_features(&point, hit.t);
+            sums.features.add(&point, hit.t);
 
             // ── next-event estimation, emission found by roughened lobes, and the continuation
             // An interface between equal indices is a delta at any roughness.
@@ -211,8 +211,7 @@ impl<const N: usize> PathSums<N> {
         Self {
             levels: [Rgb::ZERO; N],
             shared: Rgb::ZERO,
-            features: Features::default(),
-            has_features: false,
+            features: PathFeatures::default(),
             unseen: Rgb::ZERO,
         }
     }
@@ -243,21 +242,5 @@ impl<const N: usize> PathSums<N> {
                 plain
             };
         }
-    }
-
-    /// Notes the path's `distance` to a vertex and what it is, up to the first rough one.
-    #[inline]
-    fn add_features(&mut self, vertex: &ShadingPoint<'_>, distance: f32) {
-        if self.has_features {
-            return;
-        }
-        let [x, y, z] = vertex.frame.n.to_array();
-        let length = self.features[3];
-        if length == 0.0 {
-            let [r, g, b] = vertex.bsdf.reflectance().to_array();
-            self.features[4..].copy_from_slice(&[x, y, z, distance, r, g, b]);
-        }
-        self.features[..4].copy_from_slice(&[x, y, z, length + distance]);
-        self.has_features = vertex.alpha >= ROUGH;
     }
 }

@@ -69,7 +69,7 @@ impl LevelTracer {
                     let values = PathLevels {
                         levels: &path.levels[..self.levels()],
                         shared: path.shared,
-                        features: path.features,
+                        features: path.features.values(),
                     };
                     levels.push(index, sample, &values);
                 }

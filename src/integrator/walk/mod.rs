@@ -20,6 +20,7 @@ mod bodies;
 pub(super) mod camera;
 pub(super) mod cone;
 mod dispersion;
+pub(super) mod features;
 pub mod observer;
 pub(super) mod pending_emission;
 pub mod roughening;

@@ -8,6 +8,7 @@ mod ends;
 mod metropolis;
 mod photons;
 mod psr;
+mod radii;
 mod scenes;
 mod slopes;
 mod split;

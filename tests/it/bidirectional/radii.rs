@@ -1,0 +1,169 @@
+//! Photon density at several radii of the same photons.
+
+use crate::support::render::scene;
+use opsr::gallery::{builtin, caustic_box};
+use opsr::image::Buffer;
+use opsr::image::film::{Film, Window};
+use opsr::image::level_film::LevelFilm;
+use opsr::image::metric::{energy_ratio, mape};
+use opsr::integrator::bidirectional::{RADII, Radius};
+use opsr::integrator::levels::LevelError;
+use opsr::integrator::{Estimator, Picture, Settings, View};
+use opsr::math::UVec2;
+use opsr::pilot::witness::missing_light;
+use opsr::resolve::{Resolve, resolve_film};
+use opsr::scene::Scene;
+use std::ops::Range;
+
+const SIZE: UVec2 = UVec2::new(48, 36);
+
+fn settings(estimator: Estimator, radii: &[f32], seed: u64) -> Settings {
+    Settings {
+        estimator,
+        levels: radii.to_vec(),
+        max_vertices: 8,
+        seed,
+        ..Settings::default()
+    }
+}
+
+fn add(scene: &Scene, settings: &Settings, samples: Range<u32>, picture: &mut Picture) {
+    let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
+    settings.integrator().pass(&view, samples, picture);
+    assert_eq!(picture.film.rejected.total(), 0);
+}
+
+fn render(scene: &Scene, settings: &Settings, spp: u32) -> Picture {
+    let mut picture = Picture::new(Film::new(SIZE));
+    add(scene, settings, 0..spp, &mut picture);
+    picture
+}
+
+fn levels(picture: &Picture) -> &LevelFilm {
+    picture.levels.as_ref().expect("levels")
+}
+
+fn first(scene: &Scene) -> f32 {
+    let view = View::new(scene, &scene.parts().cameras[0], SIZE, Window::full(SIZE));
+    Radius::default().first(&view)
+}
+
+fn at(radius: f32) -> Estimator {
+    Estimator::Sppm(Radius {
+        first: Some(radius),
+        ..Radius::default()
+    })
+}
+
+/// Level 0 is the picture of one radius up to rounding, since only the order of photons differs; the others have the light of
+/// renders at their radii, whose probes at edges are other ones.
+#[test]
+fn levels_are_pictures_at_their_radii() {
+    let scene = scene(caustic_box());
+    let radius = first(&scene);
+    let all = render(&scene, &settings(at(radius), &RADII, 3), 8);
+    for (level, factor) in RADII.iter().enumerate() {
+        let one = render(&scene, &settings(at(radius * factor), &[], 3), 8);
+        assert!(one.levels.is_none());
+        let (ours, theirs) = (levels(&all).mean(level), one.film.mean());
+        let error = mape(&ours, &theirs).expect("one size").value;
+        println!("{factor}: {error:e}");
+        assert!(
+            error < if level == 0 { 1e-5 } else { 0.02 },
+            "{factor}: {error}"
+        );
+    }
+    let error = mape(&all.film.mean(), &levels(&all).mean(0)).expect("one size");
+    assert!(error.value < 1e-5, "{}", error.value);
+}
+
+#[test]
+fn determinism_of_radii_at_any_thread_count_and_split() {
+    let scene = scene(caustic_box());
+    let settings = settings(Estimator::Sppm(Radius::default()), &RADII, 1);
+    let whole = render(&scene, &settings, 6);
+    for threads in [1, 2] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        let split = pool.build().expect("threads").install(|| {
+            let mut picture = render(&scene, &settings, 2);
+            add(&scene, &settings, 2..6, &mut picture);
+            picture
+        });
+        assert_eq!(split, whole, "{threads} threads");
+    }
+}
+
+#[test]
+fn refused_factors_on_the_radius() {
+    let sppm = Estimator::Sppm(Radius::default());
+    let check = |radii: &[f32]| settings(sppm, radii, 0).check_levels();
+    assert_eq!(check(&RADII), Ok(()));
+    assert_eq!(check(&[]), Ok(()));
+    for radii in [
+        &[1.0][..],
+        &[0.0, 1.0],
+        &[2.0, 4.0],
+        &[1.0, 1.0],
+        &[1.0, f32::NAN],
+    ] {
+        assert_eq!(check(radii), Err(LevelError::Radii), "{radii:?}");
+    }
+    assert_eq!(
+        settings(sppm, &[], 0).usual_levels(false),
+        Ok(RADII.to_vec())
+    );
+    let vcm = Estimator::Vcm(Radius::default());
+    assert_eq!(
+        settings(vcm, &RADII, 0).check_levels(),
+        Err(LevelError::Estimator)
+    );
+}
+
+/// Less error than one radius has, with and without caustics, and about the light that the radius itself has.
+#[test]
+fn chosen_radii_have_less_error_and_keep_the_light() {
+    for (name, most) in [
+        ("ball-on-4-m", 0.6),
+        ("caustic-box", 0.5),
+        ("cornell-box", 0.5),
+        ("thin-parts", 0.7),
+    ] {
+        let scene = Scene::new(builtin(name).expect("a scene"));
+        let small = Radius {
+            first: Some(0.5 * first(&scene)),
+            ..Radius::default()
+        };
+        let reference = render(&scene, &settings(Estimator::Vcm(small), &[], 100), 150);
+        let reference = reference.film.mean();
+        let error = |picture: &Buffer| mape(picture, &reference).expect("one size").value;
+        let (mut raw, mut chosen, mut energy) = (0.0, 0.0, 0.0);
+        for seed in 0..3 {
+            let picture = render(
+                &scene,
+                &settings(Estimator::Sppm(Radius::default()), &RADII, seed),
+                16,
+            );
+            let resolved = resolve_film(levels(&picture), Resolve::Default).picture;
+            let own = picture.film.mean();
+            raw += error(&own) / 3.0;
+            chosen += error(&resolved) / 3.0;
+            energy += energy_ratio(&resolved, &own).expect("one size").value / 3.0;
+        }
+        println!("{name}: {raw:.3}, {chosen:.3}, {energy:.3}");
+        assert!(chosen < most * raw, "{name}: {chosen} {raw}");
+        // Of thin parts single pixels decide.
+        let most = if name == "thin-parts" { 0.1 } else { 0.03 };
+        assert!((energy - 1.0).abs() < most, "{name}: {energy}");
+    }
+}
+
+/// A witness is a path tracer of one level, whatever the levels of the picture are.
+#[test]
+fn witness_beside_radii_has_one_level() {
+    let scene = scene(caustic_box());
+    let picture = render(&scene, &settings(at(first(&scene)), &RADII, 1), 32);
+    let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
+    let settings = settings(at(first(&scene)), &RADII, 1);
+    let missing = missing_light(&view, &settings, &picture, 4000);
+    assert!(missing.is_none(), "light is missing");
+}
