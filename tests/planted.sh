@@ -116,6 +116,13 @@ plant "a Dirac lobe beside a guide without its probability" src/integrator/guide
     's/sample\.weight \/= self\.share;//' guided::agreement_of_guided_paths_with_path
 plant "blurred noise is weighed by the bright side of an edge" src/resolve/layer.rs \
     's/own\.max\(DARK \* \*dark\)/*own/' lib::resolve::tests::blur_leaves_dark_pixels_beside_noise_dark
+plant "a pixel on an edge is like neither surface" src/resolve/guide.rs \
+    's/\(\*weight - spread\)\.max\(0\.0\)/*weight/' \
+    lib::resolve::tests::gaussian_filter_keeps_constants_and_a_pixel_without_light_stays_black
+plant "photons count at the radius that first reaches them alone" src/integrator/bidirectional/merge.rs \
+    's/sum \+= sums\[level\]/sum = sums[level]/' bidirectional::radii::levels_are_pictures_at_their_radii
+plant "light by way of casters counts twice" src/integrator/path/mod.rs \
+    's/\&\& directions\.counts\(arrival\.as_ref\(\)\)//' manifold::manifold_sampling_has_the_picture_of_path_tracing
 plant "what was not met is free of noise" src/resolve/coarse.rs \
     's/self\.variance \* \(-self\.expected \* times\)\.exp\(\)/self.variance * 0.0/' \
     lib::resolve::tests::light_that_a_level_has_not_met_is_not_dark
@@ -131,12 +138,12 @@ plant "21 turned triangles make overlaps" src/scene/bodies.rs \
     's/any\(\|material\| !turned\.contains\(material\)\)/next().is_some()/' \
     boundaries::turned_triangles_are_named_and_are_no_overlap
 plant "22 photons divide by the whole disk" src/integrator/bidirectional/merge.rs \
-    's/if scene\.inside_triangle\(&vertex\.surface, self\.radius\)/if true/' \
+    's/if scene\.inside_triangle\(&vertex\.surface, radius\)/if true/' \
     bidirectional::photons::photons_do_not_darken_thin_parts
 plant "22 photons count what surfaces lie below" src/integrator/bidirectional/merge.rs \
     's/sum \+= 1\.0 \/ cos/sum += 0.9/' bidirectional::photons::photons_on_a_strip_have_the_density_of_a_plane
 plant "23 no light samples at sharp lobes" src/integrator/bidirectional/merge.rs \
-    's/total \+= self\.light_at_sharp_lobe/let _ = self.light_at_sharp_lobe/' \
+    's/total\.add_shared\(light\)/let _ = light/' \
     bidirectional::photons::photon_density_shows_lights_without_area_in_sharp_lobes
 plant "23 lamps at sharp lobes count twice" src/integrator/bidirectional/merge.rs \
     's/_ => balance\(pdf_w, of_light\)/_ => 1.0 + 0.0 * balance(pdf_w, of_light)/' \
