@@ -57,7 +57,7 @@ fn leds(at: Vec3, width: f32) -> Vec<Vec3> {
         .collect()
 }
 
-/// What the lights of a panel are.
+/// Kind of the lights of a panel.
 #[derive(Clone, Copy)]
 pub(super) enum Led {
     /// Points, whose mirror image no path finds.

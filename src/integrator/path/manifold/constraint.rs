@@ -43,7 +43,7 @@ pub(super) struct ChainVertex {
     pub(super) indices: [f64; 2],
 }
 
-/// Where a chain ends.
+/// End of a chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum End {
     Point(DVec3),
@@ -258,7 +258,7 @@ mod tests {
         }
     }
 
-    /// Where a ray meets the plane of a patch.
+    /// Point at which a ray meets the plane of a patch.
     fn meet(patch: &Patch, from: DVec3, dir: DVec3) -> DVec3 {
         let at = patch.at(from).expect("area");
         from + dir * ((at.position - from).dot(at.facet) / dir.dot(at.facet))

@@ -94,7 +94,7 @@ enum Kind {
     Through,
 }
 
-/// What light does at a vertex of a chain, seen from the receiver.
+/// Scattering at a vertex of a chain, seen from the receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
     Mirror,

@@ -112,7 +112,7 @@ fn inflated(stream: impl Read, place: &str) -> Result<Vec<u8>> {
 /// A copy of a shape: numbers of its mesh and its material, and where it stands.
 type Member = (u32, u32, DAffine3);
 
-/// What a colour is of.
+/// Use of a colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Meant {
     /// A surface, or an index of refraction.
