@@ -125,6 +125,7 @@ impl Settings {
                     tracer: self.tracer(Unregularised),
                     source: self.source(),
                     trials,
+                    manifold: None,
                 });
             }
             Estimator::Light => (Strategies::Light, None),
@@ -213,9 +214,9 @@ impl Settings {
         self.level_tracer().map(|_| ())
     }
 
-    /// Scales of the levels of a render that names none: the three radii of photon density; four where a rule has something to roughen, none in plain path tracing,
-    /// in scenes without lobes, and for rules of other renderers, which are as they are there. An error where the
-    /// estimator or the rule can have no levels.
+    /// Scales of the levels of a render that names none: the three radii of photon density; four where a rule has something to
+    /// roughen, none in plain path tracing, in scenes without lobes, and for rules of other renderers, which are as they are
+    /// there. An error where the estimator or the rule can have no levels.
     pub fn usual_levels(&self, has_lobes: bool) -> Result<Vec<f32>, LevelError> {
         if let Estimator::Sppm(_) = self.estimator {
             return Ok(RADII.to_vec());
@@ -368,12 +369,19 @@ struct ManifoldIntegrator {
     tracer: PathTracer<Unregularised>,
     source: CameraSource,
     trials: u32,
+    /// Casters of the scene, from the first pass on.
+    manifold: Option<Manifold>,
 }
 
 impl Integrator for ManifoldIntegrator {
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32 {
-        let Self { tracer, source, .. } = self;
-        let manifold = Manifold::of(view.scene, self.trials);
+        let Self {
+            tracer,
+            source,
+            trials,
+            manifold,
+        } = self;
+        let manifold = &*manifold.get_or_insert_with(|| Manifold::of(view.scene, *trials));
         let Picture { film, aovs, .. } = picture;
         let seeking = || manifold.seeking();
         match aovs {

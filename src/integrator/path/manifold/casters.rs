@@ -17,7 +17,7 @@ pub(super) struct Casters {
 }
 
 impl Casters {
-    /// Those of a scene; `None` where there are none.
+    /// Casters of a scene; `None` where there are none.
     pub(super) fn of(scene: &Scene) -> Option<Self> {
         let eta = |(i, material): (usize, &Material)| {
             let bsdf = scene.constant_bsdf(i as u32)?;
