@@ -81,6 +81,24 @@ impl<'a> View<'a> {
         }
     }
 
+    /// True if a piece of the first sample is to be left out for lack of time: never the first of its pieces, since a picture without
+    /// a pixel is of no use.
+    pub(crate) fn leaves_out(&self, piece: u32) -> bool {
+        self.stopped() && !(piece == 0 && self.keeps_pieces())
+    }
+
+    /// The same for pieces of what all else of the first sample rests on: half of the time is for that.
+    pub(crate) fn leaves_out_shared(&self, piece: u32) -> bool {
+        self.stopped_at_half() && !(piece == 0 && self.keeps_pieces())
+    }
+
+    /// What all else of the first sample rests on is there; what rests on it gets at least as long as that took.
+    pub(crate) fn shared_work_is_done(&self) {
+        if let Some(stop) = self.stop {
+            stop.at_least_as_long();
+        }
+    }
+
     /// True if something was left out, so that the results of the pass do not count.
     pub(crate) fn is_cut(&self) -> bool {
         self.stop.is_some_and(Stop::is_cut)

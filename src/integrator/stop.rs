@@ -3,9 +3,10 @@
 //! Integrators ask `View::stopped` before every tile, chain or iteration. What a pass that ends early
 //! has done is left out: a picture holds whole samples only, so that it can be resumed and merged bit for bit. The first pass
 //! is the exception, since there is no other picture: its finished tiles or chains are kept, and no checkpoint is made of it. What
-//! others of its steps rest on, such as the light paths that all pixels share, ends at half of its time.
+//! others of its steps rest on, such as the light paths that all pixels share, ends at half of its time; the steps that rest on it
+//! get at least as long as it took.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 /// Time that the first sample may take at least.
@@ -17,15 +18,30 @@ pub struct Stop<'a> {
     /// Flag that a user sets.
     asked: Option<&'a AtomicBool>,
     /// Time that the render may take.
-    deadline: Option<Instant>,
-    /// Half of it.
-    half: Option<Instant>,
+    limit: Option<Limit>,
     /// True while there is no whole sample.
     first: AtomicBool,
     /// True once an integrator has left work out.
     cut: AtomicBool,
     /// True once it has left out some of what its other work rests on.
     short: AtomicBool,
+}
+
+/// A limit of time.
+#[derive(Debug)]
+struct Limit {
+    /// The time from which it counts.
+    begin: Instant,
+    /// Length, in nanoseconds.
+    length: AtomicU64,
+}
+
+impl Limit {
+    /// True if this part of the time is over.
+    fn is_over(&self, part: f64) -> bool {
+        let length = Duration::from_nanos(self.length.load(Ordering::Relaxed));
+        self.begin.elapsed() >= length.mul_f64(part)
+    }
 }
 
 impl<'a> Stop<'a> {
@@ -39,14 +55,17 @@ impl<'a> Stop<'a> {
 
     /// The same request, and an end at this time; `first` if there is no whole sample.
     pub(super) fn at(other: Option<&Stop<'a>>, deadline: Option<Instant>, first: bool) -> Self {
-        // Of a small picture the first sample is whole, whatever the time.
         let begin = Instant::now();
-        let least = begin + FIRST;
-        let deadline = deadline.map(|deadline| if first { deadline.max(least) } else { deadline });
+        let limit = deadline.map(|end| {
+            let length = end.saturating_duration_since(begin);
+            // Of a small picture the first sample is whole, whatever the time.
+            let length = if first { length.max(FIRST) } else { length };
+            let length = AtomicU64::new(length.as_nanos().try_into().unwrap_or(u64::MAX));
+            Limit { begin, length }
+        });
         Self {
             asked: other.and_then(|other| other.asked),
-            deadline,
-            half: deadline.map(|end| begin + end.saturating_duration_since(begin) / 2),
+            limit,
             first: first.into(),
             cut: false.into(),
             short: false.into(),
@@ -61,17 +80,26 @@ impl<'a> Stop<'a> {
 
     /// True if the next tile, chain or iteration is to be left out; remembers it.
     pub(super) fn now(&self) -> bool {
-        self.is_over(self.deadline, &self.cut)
+        self.is_over(1.0, &self.cut)
     }
 
     /// The same for what other work of the first sample rests on.
     pub(super) fn at_half(&self) -> bool {
-        self.is_over(self.half, &self.short)
+        self.is_over(0.5, &self.short)
     }
 
-    /// True if a user has asked for an end or this time is over; remembers it in the flag.
-    fn is_over(&self, end: Option<Instant>, flag: &AtomicBool) -> bool {
-        let late = || end.is_some_and(|end| Instant::now() >= end);
+    /// What other work of the first sample rests on is there: that work gets at least as long as this took.
+    pub(super) fn at_least_as_long(&self) {
+        if let (true, Some(limit)) = (self.is_first(), &self.limit) {
+            let twice = 2 * limit.begin.elapsed();
+            let twice = twice.as_nanos().try_into().unwrap_or(u64::MAX);
+            limit.length.fetch_max(twice, Ordering::Relaxed);
+        }
+    }
+
+    /// True if a user has asked for an end or this part of the time is over; remembers it in the flag.
+    fn is_over(&self, part: f64, flag: &AtomicBool) -> bool {
+        let late = || self.limit.as_ref().is_some_and(|limit| limit.is_over(part));
         let over = flag.load(Ordering::Relaxed) || self.is_asked() || late();
         if over {
             flag.store(true, Ordering::Relaxed);

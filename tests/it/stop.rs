@@ -246,9 +246,10 @@ fn first_sample_by_shared_light_paths_ends_in_time_and_is_as_bright_as_a_whole_o
         println!("{estimator:?}: {kept} pixels, {:.4}", found / right);
         assert!(kept > 1000, "{estimator:?}: {kept}");
         assert!(kept < SIDE * SIDE, "{estimator:?} was not cut");
-        // A busy machine has few light paths by then; those that were cut, counted as of all, would be a hundredth of this.
+        // A busy machine has few light paths by then; those that were cut, counted as of all, would be a hundredth of this. Of a
+        // machine that got to the first pixels alone nothing can be said.
         assert!(
-            (found / right - 1.0).abs() < 0.35,
+            kept < 10_000 || (found / right - 1.0).abs() < 0.35,
             "{estimator:?}: {found} {right}"
         );
     }
