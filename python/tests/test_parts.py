@@ -87,7 +87,7 @@ def test_errors_name_the_argument(box, options, words):
         ),
         ("--integrator mlt --mlt-pass 4", {"integrator": "mlt", "mlt_pass": 4}),
         ("--aperture 0.05 --focus 2", {"aperture": 0.05, "focus": 2}),
-        ("--integrator auto --levels 1", {"integrator": "auto"}),
+        ("--integrator auto", {"integrator": "auto"}),
         ("--integrator auto --opsr-table beta-0.05", {"integrator": "auto", "table": "beta-0.05"}),
         ("--aov alpha,position,id,emission,indirect", {"aov": ["alpha", "position", "id", "emission", "indirect"]}),
     ],

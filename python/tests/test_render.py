@@ -79,8 +79,10 @@ def test_render_determinism_gives_the_picture_of_the_program(program, tmp_path, 
 def test_levels_are_four_where_there_can_be_levels(box):
     assert opsr.render(box, **SMALL, table="beta-0.05").levels.shape == (4, 16, 24, 3)
     assert opsr.render(box, **SMALL, gamma=0.5).levels.shape[0] == 4
-    for options in ({"reuse": True}, {"consistent": 0.2}, {"aov": "direct", "levels": 1}, {"levels": 1}, {"integrator": "bdpt"}):
+    for options in ({"reuse": True}, {"consistent": 0.2}, {"aov": "direct", "levels": 1}, {"levels": 1}, {"integrator": "bdpt", "levels": 1}):
         assert opsr.render(box, **SMALL, gamma=0.5, **options).levels is None
+    # One level, which may be blurred.
+    assert opsr.render(box, **SMALL, integrator="bdpt").levels.shape[0] == 1
 
 
 def test_levels_resolve(box):

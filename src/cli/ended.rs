@@ -42,11 +42,14 @@ impl Ended<'_> {
         self.missing.map_or(stated, |missing| missing.error(stated))
     }
 
-    /// Relative standard error of the mean of a picture of one level.
+    /// Relative standard error of the mean of a picture of one level, which no blur changes.
     fn mean_error(&self) -> Option<f64> {
         let picture = &self.output.picture;
-        let of_film = || picture.film.relative_mean_error();
-        picture.levels.is_none().then(of_film).flatten()
+        let one = picture
+            .levels
+            .as_ref()
+            .is_none_or(|film| film.levels() == 1);
+        one.then(|| picture.film.relative_mean_error()).flatten()
     }
 
     fn seconds(&self) -> f64 {

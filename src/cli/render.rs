@@ -163,7 +163,7 @@ impl RenderJob<'_> {
         begun.pilot = self.began.elapsed();
         let Begun { start, spent, .. } = begun;
         let levels = request.settings.levels.len();
-        if levels > 0 && start == 0 {
+        if levels > 1 && start == 0 {
             let bytes = LevelFilm::bytes(request.window.len(), levels);
             tracing::info!("{levels} levels take {} MB", bytes / 1_000_000);
         }

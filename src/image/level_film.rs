@@ -373,7 +373,7 @@ impl LevelFilm {
         }
         let (levels, rest) = rest.split_first_chunk::<4>().ok_or_else(cut)?;
         let levels = u32::from_le_bytes(*levels) as usize;
-        if !(2..=MAX_LEVELS).contains(&levels) {
+        if !(1..=MAX_LEVELS).contains(&levels) {
             return Err("a level is missing, or there are too many");
         }
         // Compared before memory is taken.

@@ -230,10 +230,8 @@ impl Part {
         if start >= end {
             return Err(Problem::content(format!("no samples: {start}..{end}")));
         }
-        if part.levels.len() == 1 || part.levels.len() > MAX_LEVELS {
-            return Err(Problem::content(
-                "a level is missing, or there are too many",
-            ));
+        if part.levels.len() > MAX_LEVELS {
+            return Err(Problem::content("too many levels"));
         }
         if payload.left() != part.payload_bytes() {
             return Err(Problem::content("its length is not that of its samples"));

@@ -59,6 +59,9 @@ impl Default for Estimator {
     }
 }
 
+/// The one level of an estimator whose picture may be blurred.
+pub const BLURRED: [f32; 1] = [1.0];
+
 /// All that a picture depends on, apart from the view and the number of samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -67,7 +70,8 @@ pub struct Settings {
     /// The rule that roughens the last vertex of a path.
     pub rule: Rule,
     /// Scales of the rule's factors at the [levels](super::levels) of a render, ascending from 0, which is plain path
-    /// tracing; of [`Estimator::Sppm`] factors on the radius, ascending from 1; empty for a render at the rule's own factors alone.
+    /// tracing; of [`Estimator::Sppm`] factors on the radius, ascending from 1; of `bdpt` and `vcm` [`BLURRED`], the light as it is with
+    /// all that its blur needs; empty for a render at the rule's own factors alone.
     pub levels: Vec<f32>,
     /// The only part of the strategies of `bdpt` or `vcm` that the picture shows, with its weights; without a rule.
     pub strategy: Option<Strategy>,
@@ -145,6 +149,7 @@ impl Settings {
         Box::new(Bidirectional {
             merging,
             radii,
+            guided: self.connects() && !self.levels.is_empty(),
             ..self.bidirectional(strategies)
         })
     }
@@ -167,6 +172,7 @@ impl Settings {
             strategies,
             merging: None,
             radii: Vec::new(),
+            guided: false,
             light_sampling_only: matches!(self.estimator, Estimator::VcmNee(_)),
             mollifier: match self.rule {
                 Rule::Mollifier(radius)
@@ -211,15 +217,32 @@ impl Settings {
                 false => Err(LevelError::Radii),
             };
         }
+        if self.connects() {
+            return match self.levels == BLURRED && self.strategy.is_none() {
+                true => Ok(()),
+                false => Err(LevelError::Estimator),
+            };
+        }
         self.level_tracer().map(|_| ())
     }
 
-    /// Scales of the levels of a render that names none: the three radii of photon density; four where a rule has something to
-    /// roughen, none in plain path tracing, in scenes without lobes, and for rules of other renderers, which are as they are
+    /// True for bidirectional estimators whose camera paths are connected to light paths.
+    fn connects(&self) -> bool {
+        matches!(
+            self.estimator,
+            Estimator::Bdpt | Estimator::Vcm(_) | Estimator::VcmNee(_)
+        )
+    }
+
+    /// Scales of the levels of a render that names none: the three radii of photon density; the one level of `bdpt` and `vcm`,
+    /// unless a strategy is shown alone; four where a rule has something to roughen, none in plain path tracing, in scenes without lobes, and for rules of other renderers, which are as they are
     /// there. An error where the estimator or the rule can have no levels.
     pub fn usual_levels(&self, has_lobes: bool) -> Result<Vec<f32>, LevelError> {
         if let Estimator::Sppm(_) = self.estimator {
             return Ok(RADII.to_vec());
+        }
+        if self.connects() && self.strategy.is_none() {
+            return Ok(BLURRED.to_vec());
         }
         let nothing = [Rule::Plain, Rule::constant(0.0)].contains(&self.rule) || !has_lobes;
         if nothing || self.rule.roughens_continuation() {

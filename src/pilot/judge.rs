@@ -61,7 +61,7 @@ impl Draft {
             buffer.pixels.iter().map(each).collect::<Vec<f64>>()
         };
         let (mean, variance) = match &picture.levels {
-            Some(levels) => {
+            Some(levels) if contender.has_levels() => {
                 let resolved = resolve_film(levels, Resolve::default());
                 let absolute = |(m, e): (&Rgb, f32)| {
                     let squared = m.as_dvec3().length_squared() / 3.0 + EPSILON;
@@ -71,7 +71,7 @@ impl Draft {
                 let variance = pixels.map(absolute).collect();
                 (grey(&resolved.picture), variance)
             }
-            None => {
+            _ => {
                 let film = &picture.film;
                 (grey(&film.mean()), grey(&film.sample_variance()))
             }

@@ -91,9 +91,7 @@ impl fmt::Display for Missing {
 /// Samples per pixel of the witness of a render of so many samples; 0 where it would have nothing to say: for several levels,
 /// whose roughest is one, for roughened paths, for scenes without anything glossy, and for renders that are too short.
 fn samples_beside(view: &View<'_>, settings: &Settings, samples: u32) -> u32 {
-    // Levels of photon density are radii: none is roughened.
-    let radii = matches!(settings.estimator, Estimator::Sppm(_));
-    let roughened = (!settings.levels.is_empty() && !radii) || settings.rule != Rule::Plain;
+    let roughened = settings.rule != Rule::Plain;
     if roughened || settings.strategy.is_some() || !view.scene.has_lobes() {
         return 0;
     }

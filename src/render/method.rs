@@ -156,14 +156,13 @@ impl Spec {
     }
 
     fn check_levels(&self) -> Result<(), Fault> {
+        use IntegratorKind::{Auto, Bdpt, Sppm, Vcm};
         let Some(levels) = &self.levels else {
             return Ok(());
         };
         let several = !levels.0.is_empty();
         ensure(
-            !several
-                || self.has_factors()
-                || matches!(self.kind(), IntegratorKind::Auto | IntegratorKind::Sppm),
+            !several || self.has_factors() || matches!(self.kind(), Auto | Bdpt | Sppm | Vcm),
             "levels",
             "several levels scale the factors of {table} or {gamma}, and there are none",
         )
@@ -296,7 +295,11 @@ impl Spec {
                 table_scale: None,
                 lookup: None,
                 consistent: None,
-                levels: Some(Levels(Vec::new())),
+                // Those of the path tracer are not theirs.
+                levels: match kind {
+                    Path => Some(Levels(Vec::new())),
+                    _ => self.levels.clone().filter(|levels| levels.0.is_empty()),
+                },
                 ..self.clone()
             }
         };

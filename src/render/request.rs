@@ -330,7 +330,7 @@ impl<'a> Request<'a> {
             ),
         };
         let mut what = format!("{}x{} pixels", size.x, size.y);
-        if levels > 0 {
+        if levels > 1 {
             what += &format!(" of {levels} levels");
         }
         memory::check(what, bytes).map_err(|shortage| Fault::Memory(shortage, hint))

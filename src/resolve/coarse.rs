@@ -274,8 +274,9 @@ pub(super) struct Caps {
 }
 
 impl Caps {
-    /// A multiple of the median of batches around, and one of the mean of those that are not black.
-    pub(super) fn of(film: &LevelFilm) -> Self {
+    /// Of light by pixel and batch: a multiple of the median of batches around, and one of the mean of those that are not
+    /// black.
+    pub(super) fn of(film: &LevelFilm, light: impl Fn(usize, usize) -> Vec3A) -> Self {
         let window = film.window();
         let pixels = (window.w as usize, window.h as usize);
         let cells = (pixels.0.div_ceil(CELL), pixels.1.div_ceil(CELL));
@@ -287,9 +288,7 @@ impl Caps {
             let part = 1.0 / inside.clone().count() as f32;
             let (mut typical, mut sum, mut count) = (Vec3A::ZERO, Vec3A::ZERO, 0u32);
             for pixel in inside {
-                let light = std::array::from_fn(|batch| {
-                    Vec3A::from(film.batch_mean(pixel, batch, film.levels()))
-                });
+                let light = std::array::from_fn(|batch| light(pixel, batch));
                 typical += part * median(light);
                 sum += light.iter().sum::<Vec3A>();
                 count += light

@@ -80,6 +80,9 @@ struct Limits {
     roughened: &'static [f32],
     /// κ of both layers: share of the noise of a sharper candidate that a difference must exceed.
     kappa: [f32; 2],
+    /// κ of the second layer where there is one level: its blurs are of all light, edges of shadows and textures too, and no
+    /// other level shows what is noise. Below 0 noise counts as bias.
+    kappa_of_one: f32,
 }
 
 impl Limits {
@@ -97,6 +100,10 @@ impl Limits {
             kappa: match settings {
                 Resolve::Smooth => [0.25, 1.0],
                 _ => [0.0, 0.25],
+            },
+            kappa_of_one: match settings {
+                Resolve::Smooth => 0.25,
+                _ => -0.25,
             },
         }
     }
@@ -203,10 +210,17 @@ pub fn unseen_share(picture: &Picture) -> f64 {
 /// Chooses in tiles of so many pixels a side; there is a sample in every batch.
 fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
     let shared = Coarse::shared(film);
+    let shared_light = |pixel, batch| Vec3A::from(film.batch_mean(pixel, batch, film.levels()));
     let whole = Shared {
         film,
         roughened: Coarse::roughened(film),
-        caps: Caps::of(film),
+        caps: Caps::of(film, shared_light),
+        caps_of_one: (film.levels() == 1).then(|| {
+            let all = |pixel, batch| Vec3A::from(film.batch_mean(pixel, batch, 0));
+            let rough =
+                |pixel, batch| (all(pixel, batch) - shared_light(pixel, batch)).max(Vec3A::ZERO);
+            Caps::of(film, rough)
+        }),
         shares: film.shares(),
         gain: gain(&film.mean(film.levels() - 1)),
         limits,

@@ -29,6 +29,8 @@ pub(super) struct Shared<'a> {
     pub(super) film: &'a LevelFilm,
     pub(super) roughened: Coarse,
     pub(super) caps: Caps,
+    /// The same of the light of roughened vertices, where there is one level: no other knows its fireflies.
+    pub(super) caps_of_one: Option<Caps>,
     /// Share of each batch in the samples.
     pub(super) shares: [f32; BATCHES],
     /// Factor that makes the mean of the picture 0.3.
@@ -195,7 +197,11 @@ impl<'a> Part<'a> {
         drop(candidates);
 
         let candidates = self.of_roughened(&all, &features);
-        let r = Choice::of(size, &candidates, &weights.0, limits.kappa[1]);
+        let kappa = match count {
+            1 => limits.kappa_of_one,
+            _ => limits.kappa[1],
+        };
+        let r = Choice::of(size, &candidates, &weights.0, kappa);
         let roughened = r.blend(size, &candidates, mean);
 
         let level = |k: u8| candidates[usize::from(k)].level;
@@ -254,20 +260,17 @@ impl<'a> Part<'a> {
             dark_side: number > 0,
         };
         let mut all = vec![candidate(0, self.inner.of(&light))];
-        let sigmas = self.whole.limits.shared;
+        // With one level the shared light is what is seen directly or by way of mirrors and glass: a blur would make discs of
+        // its glints.
+        let sigmas = match self.cut.levels() {
+            1 => &[],
+            _ => self.whole.limits.shared,
+        };
         if sigmas.is_empty() {
             return all;
         }
-        let corner = (
-            self.origin.0 - self.inner.origin.0,
-            self.origin.1 - self.inner.origin.1,
-        );
         let mut capped = light;
-        for (i, light) in capped.iter_mut().enumerate() {
-            let pixel = (corner.0 + i % self.size.0, corner.1 + i / self.size.0);
-            let cap = self.whole.caps.at(pixel);
-            light.iter_mut().for_each(|light| *light = light.min(cap));
-        }
+        self.cap(&mut capped, &self.whole.caps);
         let guide = Guide::new(self.size, Surface::First, features);
         for (number, &sigma) in sigmas.iter().enumerate() {
             let blurred = guide.blur(sigma, &self.inner, &[&capped]);
@@ -280,7 +283,20 @@ impl<'a> Part<'a> {
         all
     }
 
-    /// The light of roughened vertices: every level, and all but level 0 blurred.
+    /// Cuts what is above the caps.
+    fn cap(&self, light: &mut Batches, caps: &Caps) {
+        let corner = (
+            self.origin.0 - self.inner.origin.0,
+            self.origin.1 - self.inner.origin.1,
+        );
+        for (i, light) in light.iter_mut().enumerate() {
+            let pixel = (corner.0 + i % self.size.0, corner.1 + i / self.size.0);
+            let cap = caps.at(pixel);
+            light.iter_mut().for_each(|light| *light = light.min(cap));
+        }
+    }
+
+    /// The light of roughened vertices: every level, and all but the first of several blurred.
     fn of_roughened(&self, levels: &[Batches], features: &[Features]) -> Vec<Candidate> {
         let missing = self.missing(levels);
         let noise = |level: usize, times: f32| {
@@ -303,11 +319,21 @@ impl<'a> Part<'a> {
             return all;
         }
         let guide = Guide::new(self.size, Surface::Rough, features);
-        let rough: Vec<&Batches> = levels.iter().skip(1).collect();
+        // The first of several levels is too noisy for a blur.
+        let first = usize::from(levels.len() > 1);
+        let capped = self.whole.caps_of_one.as_ref().map(|caps| {
+            let mut light = levels[0].clone();
+            self.cap(&mut light, caps);
+            light
+        });
+        let rough: Vec<&Batches> = match &capped {
+            Some(capped) => vec![capped],
+            None => levels.iter().skip(first).collect(),
+        };
         for &sigma in sigmas {
             let blurred = guide.blur(sigma, &self.inner, &rough);
             for (number, light) in blurred.into_iter().enumerate() {
-                let level = number + 1;
+                let level = number + first;
                 all.push(Candidate {
                     level: level as u8,
                     light,

@@ -27,6 +27,7 @@ mod aim;
 #[path = "../../../tests/unit/audit/mod.rs"]
 mod audit;
 mod connect;
+mod guides;
 mod merge;
 mod pair;
 mod photons;
@@ -50,6 +51,7 @@ use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Sampl
 use crate::scene::Aim;
 use crate::scene::sensor::RayDensity;
 pub use aim::Aimed;
+use guides::Guides;
 use merge::Densities;
 pub(super) use pair::Pairs;
 use photons::{LightVertices, PhotonMap};
@@ -135,6 +137,8 @@ pub struct Bidirectional {
     /// Factors on that radius at which [`Strategies::Density`] counts the same photons, ascending from 1; empty for the radius
     /// alone.
     pub radii: Vec<f32>,
+    /// True if the picture is kept in batches, with guides for its blur.
+    pub guided: bool,
     /// No connections but light samples, beside merges.
     pub light_sampling_only: bool,
     /// Radius of the kernel for paths that no strategy can sample, over half the diagonal of the scene: that of sample 1,
@@ -203,17 +207,28 @@ impl Integrator for Bidirectional {
                 view.begun();
                 continue;
             }
-            let done = match &mut picture.aovs {
-                Some(aovs) => iteration.run(&mut layer, aovs),
-                None => iteration.run(&mut layer, &mut ()),
+            let mut guides = (self.guided).then(|| Guides::new(view.window, picture.aovs.take()));
+            let done = match (&mut guides, &mut picture.aovs) {
+                (Some(guides), _) => iteration.run(&mut layer, guides),
+                (None, Some(aovs)) => iteration.run(&mut layer, aovs),
+                (None, None) => iteration.run(&mut layer, &mut ()),
             };
             if view.drops_pass() {
+                if let Some(guides) = guides {
+                    picture.aovs = guides.aovs();
+                }
                 return sample - samples.start;
             }
-            for (index, value) in layer.take().enumerate() {
+            let Picture { film, aovs, levels } = picture;
+            let values: Vec<Rgb> = layer.take().collect();
+            for (index, value) in values.iter().enumerate() {
                 if done.as_ref().is_none_or(|done| done[index]) {
-                    picture.film.push_shared(index, value, sample);
+                    film.push_shared(index, *value, sample);
                 }
+            }
+            if let Some(guides) = guides {
+                let blank = || LevelFilm::new(film.size, film.window, 1);
+                *aovs = guides.push(sample, &values, levels.get_or_insert_with(blank));
             }
             if view.is_cut() {
                 return sample - samples.start;
@@ -387,6 +402,7 @@ impl Iteration<'_> {
             self.scale_splats(layer, walked);
             let low = self.view.scene.geometry().bounds().0;
             let map = PhotonMap::new(vertices, low, self.radius);
+            self.view.shared_work_is_done();
             self.camera_paths(&map, layer, recorder)
         } else {
             self.paths_together(layer, recorder)
@@ -408,7 +424,7 @@ impl Iteration<'_> {
     ) -> Option<Vec<bool>> {
         let chunks: Vec<(u32, Chunk<O>)> = (0..self.paths.div_ceil(CHUNK))
             .into_par_iter()
-            .filter(|_| !self.view.stopped())
+            .filter(|chunk| !self.view.leaves_out(*chunk))
             .map(|chunk| {
                 let range = self.range(chunk);
                 (range.len() as u32, self.chunk(range, recorder.fork()))
@@ -453,7 +469,7 @@ impl Iteration<'_> {
         for first in (0..chunks).step_by(BATCH as usize) {
             let batch: Vec<LightChunk> = (first..(first + BATCH).min(chunks))
                 .into_par_iter()
-                .filter(|_| !self.view.stopped_at_half())
+                .filter(|chunk| !self.view.leaves_out_shared(*chunk))
                 .map(|chunk| self.light_chunk(self.range(chunk)))
                 .collect();
             for chunk in batch {
@@ -489,7 +505,7 @@ impl Iteration<'_> {
         let pixels = window.len() as u32;
         let chunks: Vec<(Vec<Splat>, O)> = (0..pixels.div_ceil(CHUNK))
             .into_par_iter()
-            .filter(|_| !self.view.stopped())
+            .filter(|chunk| !self.view.leaves_out(*chunk))
             .map(|chunk| {
                 let mut observer = recorder.fork();
                 let mut light = LightPath::default();
@@ -543,6 +559,7 @@ impl Iteration<'_> {
         let radii: Vec<f32> = factors.iter().map(|factor| self.radius * factor).collect();
         let low = self.view.scene.geometry().bounds().0;
         let map = PhotonMap::new(vertices, low, radii[radii.len() - 1]);
+        self.view.shared_work_is_done();
         match aovs {
             Some(aovs) => self.density_at(&map, &radii, (film, levels), aovs),
             None => self.density_at(&map, &radii, (film, levels), &mut ()),
@@ -561,7 +578,7 @@ impl Iteration<'_> {
         let pixels = window.len() as u32;
         let chunks: Vec<(u32, Vec<Densities>, O)> = (0..pixels.div_ceil(CHUNK))
             .into_par_iter()
-            .filter(|_| !self.view.stopped())
+            .filter(|chunk| !self.view.leaves_out(*chunk))
             .map(|chunk| {
                 let mut observer = recorder.fork();
                 let first = chunk * CHUNK;
@@ -763,22 +780,30 @@ impl Iteration<'_> {
         let mut prefix = self.prefix();
         let mut probes = self.probe_stream(pixel);
         let mut total = Total::of(strategies);
+        // True up to the first draw from a smooth lobe.
+        let mut is_seen = true;
         observer.begin(pixel, self.sample);
         for n in 1..=self.settings.max_vertices + 1 {
             let edge = |s| Strategy::Connection { s, t: n + 1 };
             let Some(arrival) = walk.arrive() else {
-                total.add(edge(0), prefix.met * self.environment(&walk, n));
+                let met = prefix.met * self.environment(&walk, n);
+                total.add(edge(0), met);
+                if is_seen && strategies.shows(edge(0)) {
+                    observer.seen(met);
+                }
                 break;
             };
             let u = stream.vertex();
             let vertex = walk.vertex(n, &arrival, u.material);
-            total.add(edge(0), prefix.met * self.emitter(&walk, &vertex));
+            let met = prefix.met * self.emitter(&walk, &vertex);
+            total.add(edge(0), met);
+            if is_seen && strategies.shows(edge(0)) {
+                observer.seen(met);
+            }
             if n > self.settings.max_vertices {
                 break;
             }
-            if n == 1 {
-                observer.vertex(n, arrival.hit.t, &point(&walk, &vertex));
-            }
+            observer.vertex(n, arrival.hit.t, &point(&walk, &vertex));
             let share = prefix.share(&vertex);
             if strategies.connects() && !vertex.is_delta() {
                 total.add(edge(1), self.sampled_light(&vertex, u.light, share));
@@ -808,6 +833,7 @@ impl Iteration<'_> {
             }
             let drawn = walk.scatter(&vertex, u.lobe);
             if let Some(smooth) = drawn.and_then(Onward::smooth) {
+                is_seen &= !smooth;
                 prefix.scatter(&vertex, walk.dir(), smooth, share);
             }
             let (ends, length) = ((&mut chain, &light.ends), walk.length);

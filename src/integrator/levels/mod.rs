@@ -56,7 +56,9 @@ pub enum LevelError {
     #[error("the reuse mode continues a path with the roughened lobe: it has one level only")]
     Reuse,
     /// Other estimators have no rule, and one radius.
-    #[error("several levels are for the path tracer without a guide, and for sppm")]
+    #[error(
+        "several levels are for the path tracer without a guide, and for sppm; bdpt and vcm have one"
+    )]
     Estimator,
     /// The levels are chosen afterwards, so that their bias vanishes anyhow.
     #[error("the consistent variant has one level only")]

@@ -2,6 +2,7 @@
 
 mod agreement;
 mod aim;
+mod blurred;
 mod density;
 mod determinism;
 mod ends;

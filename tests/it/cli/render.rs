@@ -998,8 +998,18 @@ fn levels_are_the_default_of_tables_and_constants() {
             assert_eq!(levels(&format!("{factors} {one}")), None, "{one}");
         }
     }
-    for one in ["", "--gamma 0", "--mode pbrt", "--integrator bdpt"] {
+    for one in [
+        "",
+        "--gamma 0",
+        "--mode pbrt",
+        "--integrator bdpt --levels 1",
+    ] {
         assert_eq!(levels(one), None, "{one}");
+    }
+    // One level, which may be blurred.
+    for one in ["bdpt", "vcm", "vcm --connections nee"] {
+        let of = levels(&format!("--integrator {one}"));
+        assert_eq!(of.as_deref(), Some("[1.0]"), "{one}");
     }
     // The bound of an error counts the bias that is left, too.
     let ended = place

@@ -1,0 +1,98 @@
+//! Guides of camera paths, by which a picture that light paths share may be blurred.
+
+use crate::image::film::Window;
+use crate::image::level_film::{Features, LevelFilm, PathLevels};
+use crate::integrator::Aovs;
+use crate::integrator::walk::features::PathFeatures;
+use crate::integrator::walk::observer::{PathObserver, Recorder};
+use crate::integrator::walk::shading_point::ShadingPoint;
+use crate::math::{Rgb, UVec2};
+
+/// Guides of the camera paths of a sample, beside the AOVs of its render.
+pub(super) struct Guides {
+    aovs: Option<Aovs>,
+    window: Window,
+    paths: Vec<Guide>,
+}
+
+/// What a camera path tells.
+#[derive(Clone, Copy, Default)]
+struct Guide {
+    /// Index of its pixel.
+    index: u32,
+    /// Light that it has met before its first draw from a smooth lobe.
+    seen: Rgb,
+    features: PathFeatures,
+}
+
+impl Guides {
+    pub(super) fn new(window: Window, aovs: Option<Aovs>) -> Self {
+        Self {
+            aovs,
+            window,
+            paths: Vec::new(),
+        }
+    }
+
+    /// Adds the sample with these values of the pixels to a film of one level, where a camera path was walked; the AOVs.
+    pub(super) fn push(self, sample: u32, values: &[Rgb], film: &mut LevelFilm) -> Option<Aovs> {
+        for path in self.paths {
+            let index = path.index as usize;
+            let features: Features = path.features.values();
+            let path = PathLevels {
+                levels: &values[index..=index],
+                shared: path.seen,
+                features,
+            };
+            film.push(index, sample, &path);
+        }
+        self.aovs
+    }
+
+    /// The AOVs.
+    pub(super) fn aovs(self) -> Option<Aovs> {
+        self.aovs
+    }
+}
+
+impl PathObserver for Guides {
+    fn begin(&mut self, pixel: UVec2, sample: u32) {
+        self.aovs.iter_mut().for_each(|o| o.begin(pixel, sample));
+        let (x, y) = (pixel.x - self.window.x, pixel.y - self.window.y);
+        self.paths.push(Guide {
+            index: y * self.window.w + x,
+            ..Guide::default()
+        });
+    }
+
+    fn vertex(&mut self, n: u32, distance: f32, point: &ShadingPoint<'_>) {
+        let aovs = self.aovs.iter_mut();
+        aovs.for_each(|o| o.vertex(n, distance, point));
+        if let Some(path) = self.paths.last_mut() {
+            path.features.add(point, distance);
+        }
+    }
+
+    fn seen(&mut self, value: Rgb) {
+        if let Some(path) = self.paths.last_mut() {
+            path.seen += value;
+        }
+    }
+
+    fn finish(&mut self, radiance: Rgb) {
+        self.aovs.iter_mut().for_each(|o| o.finish(radiance));
+    }
+}
+
+impl Recorder for Guides {
+    fn fork(&self) -> Self {
+        Self::new(self.window, self.aovs.as_ref().map(Recorder::fork))
+    }
+
+    fn join(&mut self, tile: Self) {
+        if let (Some(aovs), Some(tile)) = (&mut self.aovs, tile.aovs) {
+            aovs.join(tile);
+        }
+        self.paths.extend(tile.paths);
+    }
+}

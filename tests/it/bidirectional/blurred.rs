@@ -1,0 +1,146 @@
+//! Blurs of pictures by light paths: kept in batches, with guides of the camera paths.
+
+use crate::support::render::scene;
+use opsr::gallery::{builtin, caustic_box};
+use opsr::image::Buffer;
+use opsr::image::film::Film;
+use opsr::image::level_film::LevelFilm;
+use opsr::image::metric::{energy_ratio, mape};
+use opsr::integrator::aov::{Aovs, FirstHit};
+use opsr::integrator::bidirectional::{RADII, Radius};
+use opsr::integrator::levels::LevelError;
+use opsr::integrator::settings::BLURRED;
+use opsr::integrator::{Estimator, Picture, Settings, View};
+use opsr::math::UVec2;
+use opsr::resolve::{Resolve, resolve_film};
+use opsr::scene::Scene;
+use std::ops::Range;
+
+const SIZE: UVec2 = UVec2::new(48, 36);
+
+const RADIUS: Radius = Radius {
+    first: None,
+    alpha: 2.0 / 3.0,
+};
+
+const ESTIMATORS: [Estimator; 3] = [
+    Estimator::Bdpt,
+    Estimator::Vcm(RADIUS),
+    Estimator::VcmNee(RADIUS),
+];
+
+fn settings(estimator: Estimator, levels: &[f32], seed: u64) -> Settings {
+    Settings {
+        estimator,
+        levels: levels.to_vec(),
+        max_vertices: 8,
+        seed,
+        ..Settings::default()
+    }
+}
+
+fn add(scene: &Scene, settings: &Settings, samples: Range<u32>, picture: &mut Picture) {
+    let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
+    settings.integrator().pass(&view, samples, picture);
+    assert_eq!(picture.film.rejected.total(), 0);
+}
+
+fn render(scene: &Scene, settings: &Settings, spp: u32) -> Picture {
+    let mut picture = Picture::new(Film::new(SIZE));
+    add(scene, settings, 0..spp, &mut picture);
+    picture
+}
+
+fn levels(picture: &Picture) -> &LevelFilm {
+    picture.levels.as_ref().expect("levels")
+}
+
+/// The film is that of a render without guides bit for bit, and so are its AOVs; its batches have the same light.
+#[test]
+fn guides_change_no_sample() {
+    let scene = scene(caustic_box());
+    for estimator in ESTIMATORS {
+        let [plain, guided] = [&[][..], &BLURRED].map(|levels| {
+            let mut picture = Picture::new(Film::new(SIZE));
+            let first = FirstHit::new(picture.film.window);
+            picture.aovs = Some(Aovs::from(first));
+            add(&scene, &settings(estimator, levels, 5), 0..6, &mut picture);
+            picture
+        });
+        assert!(plain.levels.is_none());
+        assert_eq!(guided.film, plain.film, "{estimator:?}");
+        assert_eq!(guided.aovs, plain.aovs, "{estimator:?}");
+        let film = levels(&guided);
+        let error = mape(&film.mean(0), &plain.film.mean()).expect("one size");
+        assert!(error.value < 1e-5, "{estimator:?}: {}", error.value);
+        // The lamp is seen directly, and nothing else is.
+        let (seen, all) = (film.mean(1), film.mean(0));
+        let lit = seen.pixels.iter().zip(&all.pixels);
+        assert!(lit.clone().any(|(seen, _)| seen.max_element() > 1.0));
+        assert!(
+            lit.clone()
+                .all(|(seen, all)| (*all - *seen).min_element() > -1e-4)
+        );
+        // A lamp's pixels have its light and hardly more.
+        let share = seen.pixels.iter().filter(|p| p.max_element() > 0.0).count();
+        assert!(share * 5 < seen.pixels.len(), "{share} pixels see a light");
+    }
+}
+
+#[test]
+fn determinism_of_guides_at_any_thread_count_and_split() {
+    let scene = scene(caustic_box());
+    for estimator in ESTIMATORS {
+        let settings = settings(estimator, &BLURRED, 1);
+        let whole = render(&scene, &settings, 6);
+        for threads in [1, 2] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let split = pool.build().expect("threads").install(|| {
+                let mut picture = render(&scene, &settings, 2);
+                add(&scene, &settings, 2..6, &mut picture);
+                picture
+            });
+            assert_eq!(split, whole, "{estimator:?}, {threads} threads");
+        }
+    }
+}
+
+#[test]
+fn usual_level_of_connected_paths_and_refused_ones() {
+    for estimator in ESTIMATORS {
+        let of = |levels: &[f32]| settings(estimator, levels, 0);
+        assert_eq!(of(&[]).usual_levels(false), Ok(BLURRED.to_vec()));
+        assert_eq!(of(&BLURRED).check_levels(), Ok(()));
+        for levels in [&RADII[..], &[0.0], &[0.0, 1.0]] {
+            assert_eq!(of(levels).check_levels(), Err(LevelError::Estimator));
+        }
+    }
+}
+
+/// Less error than the raw picture, with and without caustics and with textures, at few samples and many, and its light.
+#[test]
+fn blurs_have_less_error_and_keep_the_light() {
+    for (name, spp, most) in [
+        ("caustic-box", 16, 0.75),
+        ("cornell-box", 16, 0.75),
+        ("cornell-box", 128, 0.95),
+        ("plate-under-mesh-sky", 16, 0.8),
+        ("lamp-in-glass", 16, 0.75),
+    ] {
+        let scene = Scene::new(builtin(name).expect("a scene"));
+        let reference = render(&scene, &settings(Estimator::Vcm(RADIUS), &[], 100), 512);
+        let reference = reference.film.mean();
+        let error = |picture: &Buffer| mape(picture, &reference).expect("one size").value;
+        for estimator in [Estimator::Bdpt, Estimator::Vcm(RADIUS)] {
+            let picture = render(&scene, &settings(estimator, &BLURRED, 1), spp);
+            let resolved = resolve_film(levels(&picture), Resolve::Default).picture;
+            let own = picture.film.mean();
+            let ratio = error(&resolved) / error(&own);
+            let energy = energy_ratio(&resolved, &own).expect("one size").value;
+            println!("{name}, {spp}, {estimator:?}: {ratio:.3}, {energy:.3}");
+            assert!(ratio < most, "{name}, {estimator:?}: {ratio}");
+            // Fireflies of the raw picture are given back in part.
+            assert!((energy - 1.0).abs() < 0.04, "{name}: {energy}");
+        }
+    }
+}
