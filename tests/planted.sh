@@ -170,7 +170,7 @@ plant "light samples weighed as if emission chose them" src/scene/light/emission
     's/pdf \* \(self\.emission_pmf\(k\) \/ light\.pmf\)/pdf/' \
     lib::integrator::bidirectional::audit::cases::audit_of_mis_weights_among_many_lights
 plant "emission behind a pane counts in full" src/integrator/path/mod.rs \
-    's/emission\.scale\(next\.sample\.weight\);/emission = PendingEmission::full(point.throughput * next.sample.weight);/' \
+    's/emission\.scale\(next\.sample\.weight\);/emission = PendingEmission::of(EmissionWeight::full(point.throughput * next.sample.weight));/' \
     panes::naive_tracer_agrees_on_panes_with_path_tracing
 plant "photons of a shared bucket count twice" src/integrator/bidirectional/photons.rs \
     's/if buckets\[\.\.i\]\.contains\(&buckets\[i\]\)/if buckets[i] == u32::MAX/' \
