@@ -146,6 +146,8 @@ impl Clearcoated {
             Bsdf::Sheen(l) => Base::Sheen(l),
             Bsdf::Exact(l) => Base::Exact(l),
             Bsdf::Clearcoated(l) => l.base,
+            // No surface, which could have a coat.
+            Bsdf::Phase(_) => return base,
         };
         Bsdf::Clearcoated(Self { base, coat, sheen })
     }

@@ -19,6 +19,9 @@ pub enum Distribution {
     Beckmann,
     /// Trowbridge-Reitz, the distribution of glTF.
     Ggx,
+    /// Not of slopes: Henyey and Greenstein's [phase function](super::Phase) of mean cosine ±(1 − α).
+    #[cfg_attr(feature = "cli", value(skip))]
+    HenyeyGreenstein,
 }
 
 /// Largest exponent x of e^(−x) in Beckmann's D: beyond it D is below 1e-34, set to 0, and its derivative in α would
@@ -79,7 +82,8 @@ impl<F: Real> LobeReal for Dual<F> {
 
 impl Distribution {
     /// Density of microfacet normals D(θ_h) per steradian, for α > 0 and `tan2_h` = tan² θ_h
-    /// `[Walter07 (25), (33)]`. Finite and at least 0 for every tangent, 0 at the horizon.
+    /// `[Walter07 (25), (33)]`. Finite and at least 0 for every tangent, 0 at the horizon. Of a phase function its value at
+    /// twice the angle.
     #[inline]
     pub fn d<T: Real>(self, alpha: T, tan2_h: f32) -> T {
         let t = T::constant(tan2_h);
@@ -99,6 +103,13 @@ impl Distribution {
                 b * b / (T::constant(PI) * a2)
             }
             Self::Ggx => T::constant(0.0),
+            Self::HenyeyGreenstein => {
+                // (1 − g²) / (4π (1 + g² − 2 g cos θ)^(3/2)) by α = 1 − g and 1 − cos θ.
+                let off = T::constant(2.0 / (1.0 + 1.0 / tan2_h));
+                let two = T::constant(2.0);
+                let b = a2 + two * (one - alpha) * off;
+                alpha * (two - alpha) / (T::constant(4.0 * PI) * b * b.sqrt())
+            }
         }
     }
 
@@ -122,6 +133,8 @@ impl Distribution {
                 let one = T::constant(1.0);
                 x / (T::constant(2.0) * (one + (one + x).sqrt()))
             }
+            // Nothing masks a point.
+            Self::HenyeyGreenstein => T::constant(0.0),
         }
     }
 
@@ -140,6 +153,7 @@ impl Distribution {
                 let [_, u, v] = u.uniform();
                 return ggx_normal(stretched, alpha, [u, v]);
             }
+            Self::HenyeyGreenstein => return Vec3::Z,
         };
         let sin = stretched.truncate().length();
         let (cos_phi, sin_phi) = if sin > 0.0 {

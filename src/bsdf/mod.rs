@@ -25,6 +25,7 @@ pub mod film;
 pub mod fresnel;
 pub mod lobes;
 mod numbers;
+pub mod phase;
 pub mod sheen;
 mod slope;
 
@@ -35,6 +36,7 @@ pub use exact::{Exact, Interface};
 pub use film::{Film, Iridescent, iridescent};
 pub use lobes::{Dielectric, Diffuse, Glossy, ThinDielectric, is_matched};
 pub use numbers::{LobeNumbers, SharedNumbers};
+pub use phase::Phase;
 pub use sheen::Sheen;
 pub use slope::Quantiles;
 
@@ -58,7 +60,7 @@ pub struct LobeQuery {
     /// Factor of D·G1(wo) in the density per steradian, selection probability included.
     pub pdf_scale: f32,
     /// tan² of the angle between half vector and normal; as the two below, of stretched directions of an
-    /// [anisotropic](Anisotropic) lobe.
+    /// [anisotropic](Anisotropic) lobe. Of a [phase function](Phase) tan² of half the angle to its peak.
     pub tan2_h: f32,
     /// tan² of the angle between `wo` and normal.
     pub tan2_o: f32,
@@ -127,6 +129,8 @@ pub enum Bsdf {
     Sheen(Sheen),
     /// [`Glossy`] with Fresnel's equations in place of Schlick's approximation.
     Exact(Exact),
+    /// A point of a medium: no surface, and no cosine in its value.
+    Phase(Phase),
 }
 
 /// Factors of a [`LobeQuery`] that depend on the roughness, at one roughness.
@@ -215,6 +219,7 @@ impl Bsdf {
             Self::Iridescent(l) => l.base().reflectance(),
             Self::Sheen(s) => s.color,
             Self::Exact(e) => e.reflectance(),
+            Self::Phase(_) => Rgb::ONE,
             Self::Clearcoated(c) => c.base().reflectance() * c.through(Vec3::Z, Vec3::Z),
         }
     }
@@ -233,6 +238,7 @@ impl Bsdf {
             Self::Iridescent(l) => l.base().alpha(),
             Self::Sheen(_) => 1.0,
             Self::Exact(l) => l.alpha,
+            Self::Phase(l) => l.alpha(),
         }
     }
 
@@ -250,6 +256,7 @@ impl Bsdf {
             Self::Iridescent(l) => l.query(wo, wi),
             Self::Sheen(l) => l.query(wo, wi),
             Self::Exact(l) => l.query(wo, wi),
+            Self::Phase(l) => l.query(wo, wi),
         }
     }
 
@@ -336,6 +343,7 @@ impl Bsdf {
             Self::Iridescent(l) => l.direction(alpha, wo, u),
             Self::Sheen(l) => l.direction(wo, u.uniform()),
             Self::Exact(l) => l.direction(alpha, wo, u),
+            Self::Phase(l) => Some(l.direction(alpha, wo, u)),
         }
     }
 
@@ -352,6 +360,7 @@ impl Bsdf {
             Self::Iridescent(l) => l.complete(alpha, wo, wi, lobe),
             Self::Sheen(l) => l.complete(wo, wi),
             Self::Exact(l) => l.complete(alpha, wo, wi, lobe),
+            Self::Phase(l) => l.complete(alpha, wo, wi, lobe),
         }
     }
 
@@ -368,6 +377,7 @@ impl Bsdf {
             Self::Anisotropic(l) => l.isotropic().albedo != Rgb::ZERO,
             Self::Iridescent(l) => return l.base().is_delta_at(alpha),
             Self::Exact(l) => l.albedo() != Rgb::ZERO,
+            Self::Phase(_) => false,
         };
         alpha < DELTA_ALPHA && !has_base
     }

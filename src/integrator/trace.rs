@@ -116,6 +116,7 @@ impl PathObserver for Tracer<'_> {
                 Bsdf::Iridescent(_) => "iridescent",
                 Bsdf::Sheen(_) => "sheen",
                 Bsdf::Exact(_) => "glossy, exact",
+                Bsdf::Phase(_) => "medium",
             },
             throughput: point.throughput,
             alpha: point.alpha,

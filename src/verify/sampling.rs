@@ -123,7 +123,7 @@ pub fn furnace(size: Size) -> Vec<Finding> {
             let drawn = albedo(&bsdf, alpha, wo, strata, &mut numbers);
             // Densities that no value exceeds by much: slopes of GGX have the longer tails.
             let other_alpha = match distribution {
-                Distribution::Beckmann => alpha,
+                Distribution::Beckmann | Distribution::HenyeyGreenstein => alpha,
                 Distribution::Ggx if alpha < 0.5 => 1.4 * alpha,
                 Distribution::Ggx => 0.75 * alpha,
             };

@@ -52,6 +52,7 @@ impl Exact {
         let shape = match self.distribution {
             Distribution::Beckmann => (-e).exp(),
             Distribution::Ggx => 1.0 / ((1.0 + e) * (1.0 + e)),
+            Distribution::HenyeyGreenstein => unreachable!("no slopes"),
         };
         shape / (PI * x * y * h.z.powi(4))
     }
@@ -64,6 +65,7 @@ impl Exact {
         match self.distribution {
             Distribution::Beckmann => a.beckmann_lambda(),
             Distribution::Ggx => 0.5 * ((1.0 + 1.0 / (a * a)).sqrt() - 1.0),
+            Distribution::HenyeyGreenstein => unreachable!("no slopes"),
         }
     }
 }

@@ -23,6 +23,7 @@ impl Textbook {
         match self.distribution {
             Distribution::Beckmann => (-tan2 / a2).exp() / (PI * a2 * cos.powi(4)),
             Distribution::Ggx => a2 / (PI * (cos * cos * (a2 - 1.0) + 1.0).powi(2)),
+            Distribution::HenyeyGreenstein => unreachable!("no slopes"),
         }
     }
 
@@ -31,6 +32,7 @@ impl Textbook {
         match self.distribution {
             Distribution::Beckmann => -0.5 * libm::erfc(a) + (-a * a).exp() / (2.0 * a * PI.sqrt()),
             Distribution::Ggx => 0.5 * ((1.0 + 1.0 / (a * a)).sqrt() - 1.0),
+            Distribution::HenyeyGreenstein => unreachable!("no slopes"),
         }
     }
 

@@ -151,7 +151,11 @@ impl StoredEvent {
     /// The event as little-endian numbers: 13 of single precision, the code, and a byte of flags.
     pub(in crate::train) fn to_bytes(self) -> [u8; Self::BYTES] {
         let ggx = self.distribution == Distribution::Ggx;
-        let flags = u8::from(ggx) | u8::from(self.delta_light) << 1 | u8::from(self.from_lobe) << 2;
+        let phase = self.distribution == Distribution::HenyeyGreenstein;
+        let flags = u8::from(ggx)
+            | u8::from(self.delta_light) << 1
+            | u8::from(self.from_lobe) << 2
+            | u8::from(phase) << 3;
         let mut bytes = [flags; Self::BYTES];
         let numbers = [
             self.base[0],
@@ -193,10 +197,10 @@ impl StoredEvent {
             pdf_light: number(11),
             weight: number(12),
             code: word(13),
-            distribution: if flag(0) {
-                Distribution::Ggx
-            } else {
-                Distribution::Beckmann
+            distribution: match (flag(0), flag(3)) {
+                (_, true) => Distribution::HenyeyGreenstein,
+                (true, _) => Distribution::Ggx,
+                _ => Distribution::Beckmann,
             },
             delta_light: flag(1),
             from_lobe: flag(2),

@@ -1,0 +1,203 @@
+//! Phase function of Henyey and Greenstein: *Diffuse radiation in the galaxy*, Astrophysical Journal 93, 1941.
+//!
+//! A point of a medium scatters like a surface point without a cosine: `eval` is the phase function itself, which is normalised over
+//! the sphere, so that value and density are equal and the weight of a draw is 1.
+//!
+//! **Roughness.** α = 1 − |g|, with g the mean cosine of the deflection: 1 for isotropic scattering, 0 for none. The median
+//! deflection of a sharp lobe is √3 (1 − |g|), and that of a Beckmann reflection of roughness α at normal incidence
+//! 2 √(ln 2) α: 4 % less at equal α. `[OPSR §4.1]` names the mean cosine as a measure of roughness and leaves the scale
+//! open.
+
+use super::{BsdfSample, DELTA_ALPHA, Distribution, Lobe, LobeNumbers, LobeQuery};
+use crate::math::{Frame, Rgb, Vec3};
+use std::f32::consts::TAU;
+
+/// Greatest absolute mean cosine: beyond it the lobe is a Dirac delta in single precision.
+pub const MAX_MEAN_COSINE: f32 = 1.0 - DELTA_ALPHA;
+
+/// Phase function of a medium.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Phase {
+    /// Mean cosine g of the deflection in [−[`MAX_MEAN_COSINE`], [`MAX_MEAN_COSINE`]]: above 0 light goes on forwards.
+    pub mean_cosine: f32,
+}
+
+impl Phase {
+    /// Roughness of the lobe, 1 − |g|.
+    #[inline]
+    pub fn alpha(&self) -> f32 {
+        1.0 - self.mean_cosine.abs()
+    }
+
+    /// Direction of the lobe's peak.
+    #[inline]
+    fn peak(&self, wo: Vec3) -> Vec3 {
+        if self.mean_cosine < 0.0 { wo } else { -wo }
+    }
+
+    #[inline]
+    pub(super) fn query(&self, wo: Vec3, wi: Vec3) -> Option<LobeQuery> {
+        let peak = self.peak(wo);
+        // tan² of half the angle to the peak: no digits are lost around it.
+        let tan2 = (wi - peak).length_squared() / (wi + peak).length_squared();
+        Some(LobeQuery {
+            base: Rgb::ZERO,
+            base_pdf: 0.0,
+            scale: Rgb::ONE,
+            pdf_scale: 1.0,
+            tan2_h: tan2.min(1e30),
+            tan2_o: 0.0,
+            tan2_i: 0.0,
+            distribution: Distribution::HenyeyGreenstein,
+        })
+    }
+
+    /// A direction at roughness `alpha`: the inverse of the distribution function, written without a division by g.
+    pub(super) fn direction(&self, alpha: f32, wo: Vec3, u: impl LobeNumbers) -> (Vec3, Lobe) {
+        let [_, u, v] = u.uniform();
+        let g = 1.0 - alpha;
+        let s = alpha + 2.0 * g * u;
+        // 1 − cos θ in [0, 2].
+        let off = (2.0 * alpha * alpha * (1.0 - u) * (1.0 + g * u) / (s * s)).min(2.0);
+        let sin = (off * (2.0 - off)).max(0.0).sqrt();
+        let (turn_sin, turn_cos) = (TAU * v).sin_cos();
+        let frame = Frame::from_normal(self.peak(wo));
+        let wi = frame.to_world(Vec3::new(sin * turn_cos, sin * turn_sin, 1.0 - off));
+        let lobe = if alpha < 1.0 {
+            Lobe::Reflection
+        } else {
+            Lobe::Diffuse
+        };
+        (wi.normalize(), lobe)
+    }
+
+    pub(super) fn complete(
+        &self,
+        alpha: f32,
+        wo: Vec3,
+        wi: Vec3,
+        lobe: Lobe,
+    ) -> Option<BsdfSample> {
+        let eval = self.query(wo, wi)?.at(alpha);
+        (eval.pdf_w > 0.0).then_some(BsdfSample {
+            wi,
+            value: eval.value,
+            weight: Rgb::ONE,
+            pdf_w: eval.pdf_w,
+            lobe,
+            delta: false,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bsdf::Bsdf;
+    use crate::sampler::{Independent, SampleSource, Sampler, Seed};
+    use crate::verify::chi_square;
+    use glam::UVec2;
+
+    const COSINES: [f32; 8] = [-0.95, -0.5, 0.0, 0.1, 0.5, 0.8, 0.95, 0.995];
+    const WO: Vec3 = Vec3::new(0.48, -0.6, 0.64);
+
+    fn bsdf(mean_cosine: f32) -> Bsdf {
+        Bsdf::Phase(Phase { mean_cosine })
+    }
+
+    /// Share of directions whose cosine with the way of the light is below `cos`, in double precision.
+    fn below(g: f64, cos: f64) -> f64 {
+        if g.abs() < 1e-6 {
+            return 0.5 * (1.0 + cos);
+        }
+        let root = (1.0 + g * g - 2.0 * g * cos).sqrt();
+        (1.0 - g * g) / (2.0 * g) * (1.0 / root - 1.0 / (1.0 + g))
+    }
+
+    #[test]
+    fn phase_chi_square() {
+        const CELLS: usize = 200;
+        for (i, g) in COSINES.into_iter().enumerate() {
+            // At its own roughness and at a greater one.
+            for alpha in [1.0 - g.abs(), (1.5 * (1.0 - g.abs())).min(1.0)] {
+                let at = f64::from((1.0 - alpha) * g.signum());
+                let source = Independent {
+                    seed: Seed(i as u64),
+                };
+                let mut stream = source.stream(UVec2::new(alpha.to_bits(), 0), 0);
+                let n = 200_000;
+                let mut counts = vec![0u32; CELLS];
+                let frame = Frame::from_normal(-WO);
+                for _ in 0..n {
+                    let u = std::array::from_fn(|_| stream.next_1d());
+                    let sample = bsdf(g).sample(alpha, WO, u).unwrap();
+                    assert!((sample.wi.length() - 1.0).abs() < 1e-5);
+                    let local = frame.to_local(sample.wi).as_dvec3();
+                    let rank = below(at, local.z.clamp(-1.0, 1.0)).clamp(0.0, 0.999_999);
+                    let turn = 0.5 + local.y.atan2(local.x) / f64::from(2.0 * TAU) * 2.0;
+                    let turn = turn.clamp(0.0, 0.999_999);
+                    counts[(rank * 20.0) as usize * 10 + (turn * 10.0) as usize] += 1;
+                }
+                let expected = vec![f64::from(n) / CELLS as f64; CELLS];
+                let p = chi_square::p_value(&counts, &expected);
+                assert!(p > 1e-4, "g {g}, alpha {alpha}: p = {p}");
+            }
+        }
+    }
+
+    /// The density integrates to 1, its mean cosine is g, and it is the derivative of the distribution function.
+    #[test]
+    fn phase_normalisation_and_mean_cosine() {
+        for g in COSINES {
+            let alpha = 1.0 - g.abs();
+            let side = WO.any_orthonormal_vector().as_dvec3();
+            let way = -WO.as_dvec3();
+            let n = 4000;
+            let (mut sum, mut mean) = (0.0, 0.0);
+            for i in 0..n {
+                // Even in rank, so that peaks are resolved.
+                let rank = (f64::from(i) + 0.5) / f64::from(n);
+                let (mut low, mut high) = (-1.0f64, 1.0f64);
+                for _ in 0..60 {
+                    let middle = 0.5 * (low + high);
+                    if below(f64::from(g), middle) < rank {
+                        low = middle;
+                    } else {
+                        high = middle;
+                    }
+                }
+                let cos = 0.5 * (low + high);
+                let wi = way * cos + side * (1.0 - cos * cos).max(0.0).sqrt();
+                let pdf = bsdf(g).pdf(alpha, WO, wi.as_vec3());
+                let g = f64::from(g);
+                let slope = (1.0 - g * g) / (1.0 + g * g - 2.0 * g * cos).powf(1.5) / 2.0;
+                sum += f64::from(pdf) * f64::from(TAU) / slope / f64::from(n);
+                mean += cos / f64::from(n);
+            }
+            assert!((sum - 1.0).abs() < 2e-3, "g {g}: {sum}");
+            assert!((mean - f64::from(g)).abs() < 1e-2, "g {g}: {mean}");
+        }
+    }
+
+    #[test]
+    fn phase_reciprocity_and_weight() {
+        for g in COSINES {
+            for wi in [
+                Vec3::new(0.6, 0.0, 0.8),
+                -WO,
+                WO,
+                Vec3::new(0.0, -0.8, -0.6),
+            ] {
+                for alpha in [1.0 - g.abs(), 0.5, 1.0] {
+                    let there = bsdf(g).eval(alpha, WO, wi);
+                    let back = bsdf(g).eval(alpha, wi, WO);
+                    assert_eq!(there, back, "{g} {wi}");
+                    assert_eq!(there.value, Rgb::splat(there.pdf_w));
+                    assert!(there.pdf_w.is_finite() && there.pdf_w > 0.0);
+                }
+            }
+            let sample = bsdf(g).sample(1.0 - g.abs(), WO, [0.3, 0.6, 0.2]).unwrap();
+            assert_eq!(sample.weight, Rgb::ONE);
+        }
+    }
+}
