@@ -67,7 +67,7 @@ fn described(path: &TracedPath, scene: &Scene, Pixel(pixel): Pixel) -> String {
             "  {}  {} `{name}` (mesh {}) at {}, distance {}\n     alpha {} -> {}{class}, throughput {}, light {}, {end}",
             i + 1,
             v.bsdf,
-            v.mesh + 1,
+            v.mesh.wrapping_add(1),
             rgb(v.position),
             v.distance,
             v.alpha,

@@ -257,6 +257,9 @@ impl Settings {
 
     /// An error if the estimator cannot show what the scene or the camera asks for.
     pub fn check_scene(&self, scene: &Scene, camera: &Camera) -> Result<(), &'static str> {
+        if let Some(why) = self.lacks_media(scene) {
+            return Err(why);
+        }
         match self.estimator {
             Estimator::Path { .. } | Estimator::Guided { .. } => Ok(()),
             Estimator::Manifold { .. } if scene.has_dispersion() => {
@@ -277,6 +280,27 @@ impl Settings {
                 Err("the integrator vcm knows no bodies that overlap; bdpt and sppm do")
             }
             _ => Ok(()),
+        }
+    }
+
+    /// What the estimator lacks for the media of a scene, if anything.
+    fn lacks_media(&self, scene: &Scene) -> Option<&'static str> {
+        let scatters = scene.scatters();
+        match self.estimator {
+            Estimator::Path { .. } => None,
+            Estimator::Manifold { .. } => {
+                (scene.media().is_some()).then_some("manifold sampling knows no media")
+            }
+            Estimator::Bdpt => None,
+            Estimator::Guided { .. } => scatters.then_some("a guide knows no media that scatter"),
+            Estimator::Light => scatters
+                .then_some("the integrator light knows no media that scatter; path and bdpt do"),
+            Estimator::Vcm(_) | Estimator::VcmNee(_) => scatters
+                .then_some("the integrator vcm knows no media that scatter; path and bdpt do"),
+            Estimator::Sppm(_) => scatters
+                .then_some("the integrator sppm knows no media that scatter; path and bdpt do"),
+            Estimator::Mlt { .. } => scatters
+                .then_some("the integrator mlt knows no media that scatter; path and bdpt do"),
         }
     }
 

@@ -180,6 +180,12 @@ pub fn advise(scene: &Scene) -> Advice {
     if scene.has_dispersion() {
         return advice(IntegratorKind::Path, "nothing else has dispersion");
     }
+    if scene.scatters() && (glass || mirror) && (punctual || area) {
+        return advice(
+            IntegratorKind::Bdpt,
+            "caustics, and media that scatter, which path and bdpt know",
+        );
+    }
     match (punctual, area) {
         (false, false) if scene.lights().is_empty() => {
             advice(IntegratorKind::Path, "there is no light")

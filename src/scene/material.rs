@@ -1,8 +1,10 @@
 //! glTF materials, and their BSDF at a surface point.
 
-use super::Texture;
 use super::finish::Finish;
-use crate::bsdf::{Bsdf, DELTA_ALPHA, Dielectric, Diffuse, Distribution, Glossy, ThinDielectric};
+use super::{Medium, Texture};
+use crate::bsdf::{
+    Bsdf, DELTA_ALPHA, Dielectric, Diffuse, Distribution, Glossy, Phase, ThinDielectric, is_matched,
+};
 use crate::math::{Rgb, Vec2};
 
 /// A metallic-roughness material with the extensions we model. Factors multiply textures.
@@ -61,6 +63,11 @@ pub struct Material {
     pub transmission_texture: Option<TextureRef>,
     /// True if a body has the base colour's square root for its tint, since light passes two of its interfaces.
     pub root_tint: bool,
+    /// What fills the body in place of its absorption; `None` for nothing but that, or for what is around it where
+    /// [boundaries know both their sides](super::SceneParts::own_boundaries).
+    pub medium: Option<Box<Medium>>,
+    /// Phase function; `None` for all materials but those that a scene adds for its media.
+    pub phase: Option<Phase>,
     /// Clear coat, brushing and other rare parts; apart, since few materials have one and all are read at every hit.
     pub finish: Option<Box<Finish>>,
 }
@@ -149,6 +156,8 @@ impl Default for Material {
             emissive_texture: None,
             transmission_texture: None,
             root_tint: false,
+            medium: None,
+            phase: None,
             finish: None,
         }
     }
@@ -259,6 +268,9 @@ impl Material {
 
     /// The BSDF, if it is the same everywhere and for every `u`.
     pub(super) fn constant_bsdf(&self) -> Option<Bsdf> {
+        if self.phase.is_some() {
+            return self.phase_bsdf();
+        }
         let transmission = self.transmission * (1.0 - self.metallic);
         let is_drawn = transmission > 0.0 && transmission < 1.0;
         let varies = self.is_textured() || self.finish.is_some() || is_drawn;
@@ -339,6 +351,11 @@ impl Material {
     /// True if the surface bounds a body that light enters and leaves.
     pub(crate) fn bounds_body(&self) -> bool {
         self.solid && self.transmission > 0.0 && self.metallic < 1.0
+    }
+
+    /// True if the surface bounds a body and does nothing else, where its index is that against what is outside.
+    pub(crate) fn is_null(&self) -> bool {
+        self.bounds_body() && is_matched(self.ior) && self.is_clear() && self.emission == Rgb::ZERO
     }
 
     /// True if [`Scene::bsdf`](crate::scene::Scene::bsdf) chooses between two BSDFs somewhere on the surface.

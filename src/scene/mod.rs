@@ -5,6 +5,7 @@
 
 use crate::bsdf::Bsdf;
 use crate::math::{Frame, Ray, Rgb, Vec2, Vec3};
+use medium::Media;
 use std::collections::HashMap;
 use std::sync::OnceLock;
 
@@ -20,6 +21,7 @@ pub mod lamp;
 pub mod light;
 pub mod load;
 pub mod material;
+pub mod medium;
 pub mod mesh;
 mod normals;
 pub mod pyramid;
@@ -37,6 +39,7 @@ pub use light::{
     LightSample, Lights, PunctualLight, Target,
 };
 pub use material::Material;
+pub use medium::Medium;
 pub use mesh::{Mesh, SharedMesh};
 
 pub use sensor::{Footprint, Sensor, Sighting};
@@ -59,6 +62,8 @@ pub struct SceneParts {
     pub lights: Vec<PunctualLight>,
     /// Radiance from infinity.
     pub environment: Option<Environment>,
+    /// What is outside of all bodies; `None` for nothing.
+    pub medium: Option<Medium>,
     /// Cameras, in file order.
     pub cameras: Vec<Camera>,
     /// True if each boundary of a body knows both its sides: it refracts by its own index, whatever it bounds and whatever
@@ -154,6 +159,7 @@ pub struct Scene {
     /// True for each material whose colour the camera sees as a mean over its pixels; empty if there are none.
     filtered: Vec<bool>,
     has_absorption: bool,
+    media: Option<Box<Media>>,
     has_dispersion: bool,
     has_overlaps: bool,
     has_touching: bool,
@@ -174,7 +180,9 @@ impl Scene {
     /// meshes that bound no body though their material should: they become thin walls.
     pub fn new(parts: SceneParts) -> Self {
         let mut scene = Self::build(parts, true);
+        let passes = scene.media.is_some() && scene.parts.materials.iter().any(Material::is_null);
         if scene.parts.own_boundaries {
+            scene.has_overlaps = passes;
             return scene;
         }
         let suspects = shells::suspects(&scene.parts);
@@ -189,7 +197,7 @@ impl Scene {
             (scene.parts.materials.iter()).any(|m| m.bounds_body() && m.priority != 0.0);
         scene.has_touching = scene.finds_touching();
         scene.has_overlaps =
-            priorities || scene.has_touching || scene.find_overlaps(&verdict.turned);
+            passes || priorities || scene.has_touching || scene.find_overlaps(&verdict.turned);
         scene
     }
 
@@ -205,13 +213,16 @@ impl Scene {
             true => parts.filter_textures(),
             false => Vec::new(),
         };
+        let media = Media::of(&mut parts);
         let geometry = Geometry::build(&parts, trees, &mut warnings);
         let lights = Lights::new(&parts, &geometry, &mut warnings);
         let has_absorption = (parts.materials.iter()).any(|m| m.absorption != Rgb::ZERO);
         let has_dispersion =
             (parts.materials.iter()).any(|m| m.dispersion > 0.0 && m.bounds_body());
         let shown = |m: &Mesh| parts.materials.get(m.material as usize);
-        let has_lobes = (parts.all_meshes()).any(|m| !shown(m).is_some_and(Material::is_rough));
+        let sharp = |m: &Material| m.phase.is_some_and(|phase| phase.alpha() < 1.0);
+        let has_lobes = parts.materials.iter().any(sharp)
+            || (parts.all_meshes()).any(|m| !shown(m).is_some_and(Material::is_rough));
         let panes: Vec<bool> = parts.materials.iter().map(Material::is_pane).collect();
         let is_pane = |m: &Mesh| panes.get(m.material as usize) == Some(&true);
         let has_panes = panes.contains(&true) && parts.all_meshes().any(is_pane);
@@ -226,6 +237,7 @@ impl Scene {
             geometry,
             lights,
             has_absorption,
+            media: media.map(Box::new),
             has_dispersion,
             has_overlaps: false,
             has_touching: false,
@@ -253,6 +265,17 @@ impl Scene {
         self.has_absorption
     }
 
+    /// The media of the scene; `None` where no path must know of any but what bodies absorb.
+    #[inline]
+    pub(crate) fn media(&self) -> Option<&Media> {
+        self.media.as_deref()
+    }
+
+    /// True if any medium scatters light.
+    pub fn scatters(&self) -> bool {
+        self.media().is_some_and(Media::scatters)
+    }
+
     /// True if any body refracts each colour channel by an index of its own.
     #[inline]
     pub fn has_dispersion(&self) -> bool {
@@ -268,7 +291,7 @@ impl Scene {
     /// True if a path must know the bodies around it.
     #[inline]
     pub(crate) fn tracks_bodies(&self) -> bool {
-        self.has_absorption || self.has_overlaps
+        self.has_absorption || self.has_overlaps || self.media.is_some()
     }
 
     /// Rank of a material where bodies overlap: that of the highest is there.
@@ -347,7 +370,7 @@ impl Scene {
     /// [`Scene::hides_back`] at a surface point.
     #[inline]
     pub fn hides_surface(&self, surface: &Surface, dir: Vec3) -> bool {
-        self.geometry.hides_back(surface.triangle, dir)
+        !surface.is_in_medium() && self.geometry.hides_back(surface.triangle, dir)
     }
 
     /// [`Scene::intersect`] for a ray of the camera.

@@ -33,6 +33,7 @@ mod load;
 mod manifold;
 mod many_lights;
 mod mean_error;
+mod media;
 mod metric;
 mod mollifier;
 mod nested;

@@ -212,7 +212,7 @@ impl Iteration<'_> {
         let connects = self.strategies.connects();
         let mut caustic = false;
         for n in 1..=self.settings.max_vertices {
-            let Some(arrival) = walk.arrive() else {
+            let Some(arrival) = walk.arrive(stream) else {
                 break;
             };
             if walk.first {

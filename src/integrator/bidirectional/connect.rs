@@ -7,8 +7,9 @@ use super::vertex::Vertex;
 use super::walk::WeightedWalk;
 use super::weights::{self, End};
 use crate::image::splat::Splat;
-use crate::math::{Rgb, Vec3};
+use crate::math::Rgb;
 use crate::sampler::LightU;
+use crate::scene::Surface;
 
 /// Density per area with which a direction of density `pdf_w` meets a vertex.
 #[inline]
@@ -136,12 +137,10 @@ impl Iteration<'_> {
         let dir = to / distance;
         // A triangle sees neither itself nor others in its plane: rounding would connect their two sides.
         let error = vertex.surface.error + light.surface.error;
-        let in_plane = |ng: Vec3| to.dot(ng).abs() <= error;
-        if !dir.is_finite()
-            || light.hit.triangle == vertex.hit.triangle
-            || in_plane(vertex.surface.ng)
-            || in_plane(light.surface.ng)
-        {
+        let in_plane =
+            |surface: &Surface| !surface.is_in_medium() && to.dot(surface.ng).abs() <= error;
+        let same = light.hit.triangle == vertex.hit.triangle && !vertex.surface.is_in_medium();
+        if !dir.is_finite() || same || in_plane(&vertex.surface) || in_plane(&light.surface) {
             return Rgb::ZERO;
         }
         // Most pairs see each other from behind.

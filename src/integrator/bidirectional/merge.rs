@@ -126,7 +126,7 @@ impl Iteration<'_> {
         };
         observer.begin(pixel, self.sample);
         for n in 1..=settings.max_vertices + 1 {
-            let Some(arrival) = walk.arrive() else {
+            let Some(arrival) = walk.arrive(&mut stream) else {
                 let radiance = self.environment(&walk, n);
                 if radiance != Rgb::ZERO {
                     let of_light = lights.pdf_environment(from, walk.dir());

@@ -697,7 +697,7 @@ impl Iteration<'_> {
         let mut chain = Chain::default();
         let mut trail = Trail::START;
         for n in 1..=self.settings.max_vertices {
-            let Some(arrival) = walk.arrive() else {
+            let Some(arrival) = walk.arrive(stream) else {
                 return;
             };
             if walk.first {
@@ -785,7 +785,7 @@ impl Iteration<'_> {
         observer.begin(pixel, self.sample);
         for n in 1..=self.settings.max_vertices + 1 {
             let edge = |s| Strategy::Connection { s, t: n + 1 };
-            let Some(arrival) = walk.arrive() else {
+            let Some(arrival) = walk.arrive(stream) else {
                 let met = prefix.met * self.environment(&walk, n);
                 total.add(edge(0), met);
                 if is_seen && strategies.shows(edge(0)) {

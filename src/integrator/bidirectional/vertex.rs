@@ -157,9 +157,13 @@ impl Vertex {
         scene.material(&self.surface).chooses_bsdf()
     }
 
-    /// Absolute geometric cosine with a direction, clamped as in all weights.
+    /// Absolute geometric cosine with a direction, clamped as in all weights; 1 at a point of a medium, whose densities are
+    /// per volume.
     #[inline]
     pub(super) fn cos(&self, w: Vec3) -> f32 {
+        if self.surface.is_in_medium() {
+            return 1.0;
+        }
         clamped(self.surface.ng.dot(w))
     }
 

@@ -6,6 +6,7 @@ use crate::bsdf::{Bsdf, BsdfSample, Lobe};
 use crate::integrator::walk::shading_point::Continuation;
 use crate::integrator::walk::{Arrival, Interaction, Origin, Walk};
 use crate::math::{Rgb, Vec3};
+use crate::sampler::Sampler;
 use crate::scene::{EmissionDensity, EmissionSample, Scene};
 
 /// The way in which a walk goes on from a vertex.
@@ -93,10 +94,10 @@ impl<'a> WeightedWalk<'a> {
         start.window(self.travelled + t) / start.window(self.travelled)
     }
 
-    /// The surface at which the current edge ends.
+    /// The end of the current edge.
     #[inline]
-    pub(super) fn arrive(&mut self) -> Option<Arrival> {
-        self.base.arrive(&mut ())
+    pub(super) fn arrive(&mut self, numbers: &mut impl Sampler) -> Option<Arrival> {
+        self.base.arrive(&mut (), numbers)
     }
 
     /// The walk's `n`th vertex, where it has [arrived](WeightedWalk::arrive); `u` chooses between the BSDFs of its material.

@@ -140,7 +140,7 @@ impl LevelTracer {
         let mut emission = PendingLevels::full();
         let mut made = Bsdf::BLACK;
         for n in 1..=self.max_vertices + 1 {
-            let mut arrival = walk.arrive(&mut emission);
+            let mut arrival = walk.arrive(&mut emission, sampler);
 
             // ── emission met by the ray
             if !emission.is_nothing()

@@ -80,7 +80,7 @@ impl<R: Roughening> PathTracer<R> {
         let mut emission = PendingEmission::of(EmissionWeight::full(Rgb::ONE));
         let mut made = Bsdf::BLACK;
         for n in 1..=self.max_vertices + 1 {
-            let mut arrival = walk.arrive(&mut emission);
+            let mut arrival = walk.arrive(&mut emission, sampler);
 
             // ── emission met by the ray
             if !emission.is_nothing()

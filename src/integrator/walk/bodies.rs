@@ -5,6 +5,7 @@ use crate::integrator::View;
 use crate::math::{Ray, Rgb, Vec3};
 use crate::scene::bodies::MAX_SURFACES;
 use crate::scene::camera::Projection;
+use crate::scene::medium::{Filling, Media};
 use crate::scene::{Hit, Scene, Surface};
 
 /// Bodies that are remembered around a vertex.
@@ -143,6 +144,9 @@ impl EnclosingBodies {
     /// Transmittance over a distance inside the body that is there (Beer-Lambert).
     #[inline]
     pub(in crate::integrator) fn transmittance(&self, scene: &Scene, distance: f32) -> Rgb {
+        if let Some(media) = scene.media() {
+            return self.transmittance_in(scene, media, distance);
+        }
         // A forgotten body may outrank those that are remembered.
         if self.forgotten > 0 && (self.len == 0 || scene.has_overlaps()) {
             return Rgb::NAN;
@@ -153,6 +157,40 @@ impl EnclosingBodies {
         let sigma = scene.parts().materials[material as usize].absorption;
         // Without absorption 0 · ∞ must be 0.
         sigma.map(|s| if s > 0.0 { (-s * distance).exp() } else { 1.0 })
+    }
+
+    #[cold]
+    fn transmittance_in(&self, scene: &Scene, media: &Media, distance: f32) -> Rgb {
+        (self.filling(scene, media)).map_or(Rgb::NAN, |filling| filling.transmittance(distance))
+    }
+
+    /// What fills the place; `None` where a body was forgotten that may be there.
+    pub(super) fn filling<'m>(&self, scene: &Scene, media: &'m Media) -> Option<&'m Filling> {
+        let ranked = scene.has_overlaps() && !scene.parts().own_boundaries;
+        let remembered = self.materials[..self.len as usize].iter();
+        let mut filled = remembered.filter_map(|&m| Some((m, media.of_body(m)?)));
+        let there = match ranked {
+            true => filled.max_by_key(|&(m, _)| scene.rank(m)),
+            false => filled.next_back(),
+        };
+        match there {
+            Some((_, filling)) if self.forgotten == 0 || !ranked => Some(filling),
+            None if self.forgotten == 0 => Some(media.outside()),
+            _ => None,
+        }
+    }
+
+    /// Enters or leaves a body whose boundary does not exist for a ray along `dir`; false at all other surfaces.
+    pub(super) fn passes(&mut self, scene: &Scene, surface: &mut Surface, dir: Vec3) -> bool {
+        if !scene.has_overlaps() || !scene.material(surface).bounds_body() {
+            return false;
+        }
+        let touching = scene.touching(surface);
+        let hidden = self.boundary(scene, surface, touching, dir).is_none();
+        if hidden {
+            self.cross(dir.dot(surface.ng) < 0.0, surface.material, touching);
+        }
+        hidden
     }
 
     /// Index of refraction on the outside of a body's boundary that a ray meets along `dir`; `None` where that boundary
@@ -166,6 +204,9 @@ impl EnclosingBodies {
         dir: Vec3,
     ) -> Option<f32> {
         let material = scene.material(surface);
+        if scene.parts().own_boundaries {
+            return (!material.is_null()).then_some(1.0);
+        }
         let mut others = *self;
         if dir.dot(surface.ng) > 0.0 {
             others.cross(false, surface.material, touching);
@@ -310,22 +351,17 @@ impl EnclosingBodies {
                 return segment;
             };
             let mut surface = scene.surface(&hit);
-            let mut touching = None;
-            let hidden = scene.material(&surface).bounds_body() && {
-                touching = scene.touching(&mut surface);
-                (self.boundary(scene, &surface, touching, ray.dir)).is_none()
-            };
-            if !hidden {
+            let before = *self;
+            if !self.passes(scene, &mut surface, ray.dir) {
                 segment.hit = Some(Hit {
                     t: segment.start + hit.t,
                     ..hit
                 });
                 return segment;
             }
-            let transmittance = self.transmittance(scene, hit.t);
+            let transmittance = before.transmittance(scene, hit.t);
             segment.passed = Some(segment.passed.unwrap_or(Rgb::ONE) * transmittance);
             segment.start += hit.t;
-            self.cross(ray.dir.dot(surface.ng) < 0.0, surface.material, touching);
             rest = surface.spawn(ray.dir);
             rest.t_max = ray.t_max - segment.start;
         }

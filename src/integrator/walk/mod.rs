@@ -11,6 +11,7 @@
 //! | `pending_emission` | the weight of emission at the end of the current ray |
 //! | `camera` | walks from the camera, and those of all pixels of a tile |
 //! | `bodies` | bodies around the path, and what they absorb |
+//! | `media` | free flight through media that scatter, and the point where it ends |
 //! | `dispersion` | the colour channel of a path that met a dispersive interface |
 //! | `roulette` | Russian roulette |
 //! | `cone` | a Dirac lobe spread over a cone |
@@ -21,6 +22,7 @@ pub(super) mod camera;
 pub(super) mod cone;
 mod dispersion;
 pub(super) mod features;
+mod media;
 pub mod observer;
 pub(super) mod pending_emission;
 pub mod roughening;
@@ -29,6 +31,7 @@ pub mod shading_point;
 
 use crate::bsdf::{Bsdf, Lobe};
 use crate::math::{Frame, Ray, Rgb, Vec3};
+use crate::sampler::Sampler;
 use crate::scene::sensor::PixelCone;
 use crate::scene::{Hit, Lights, Scene, Surface};
 /// What is around a point of a path, and dims light on its way from there.
@@ -199,10 +202,14 @@ impl<'a> Walk<'a> {
 
     /// A walk along a ray with this throughput from a light; `infinite` if that is not in the scene.
     pub(super) fn light(scene: &'a Scene, ray: Ray, throughput: Rgb, infinite: bool) -> Self {
+        let dimmed = match scene.media() {
+            Some(media) if infinite => media.outside().transmittance(f32::INFINITY),
+            _ => Rgb::ONE,
+        };
         Self {
             origin: Origin::Light,
             from_camera: false,
-            throughput,
+            throughput: throughput * dimmed,
             roulette_scale: 1.0 / throughput.max_element(),
             ..Self::camera(scene, ray, Surroundings::of_light(scene, &ray, infinite))
         }
@@ -214,9 +221,23 @@ impl<'a> Walk<'a> {
         &self.around
     }
 
-    /// The end of the current edge; `None` where the walk has left the scene. What is on the way dims the walk.
+    /// The end of the current edge: a surface, or a point of a medium; `None` where the walk has left the scene. What is on the
+    /// way dims the walk. Only media need `numbers`.
     #[inline(always)]
-    pub(super) fn arrive(&mut self, carried: &mut impl Carried) -> Option<Arrival> {
+    pub(super) fn arrive(
+        &mut self,
+        carried: &mut impl Carried,
+        numbers: &mut impl Sampler,
+    ) -> Option<Arrival> {
+        if let Some(media) = self.scene.media() {
+            return self.arrive_in(media, carried, numbers);
+        }
+        self.arrive_without_media(carried)
+    }
+
+    /// The same in a scene without [media](Scene::media).
+    #[inline(always)]
+    pub(super) fn arrive_without_media(&mut self, carried: &mut impl Carried) -> Option<Arrival> {
         let segment = (self.around).follow_seen(self.scene, &self.ray, self.from_camera);
         if let Some(passed) = segment.passed {
             self.throughput *= passed;

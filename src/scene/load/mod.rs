@@ -143,6 +143,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         cameras: lights::cameras(&root, &nodes, &mut warnings)?,
         textures: requests.textures(&data, &mut files)?,
         environment: None,
+        medium: None,
         own_boundaries: false,
     };
     Ok(Loaded {

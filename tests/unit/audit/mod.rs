@@ -362,7 +362,7 @@ impl Iteration<'_> {
         if let Some(start) = &start {
             let mut walk = super::WeightedWalk::light(scene, start, self.merging);
             for n in 1..=self.settings.max_vertices {
-                let Some(arrival) = walk.arrive() else {
+                let Some(arrival) = walk.arrive(&mut stream) else {
                     break;
                 };
                 if walk.first {
@@ -437,7 +437,7 @@ impl Iteration<'_> {
         let mut nodes: Vec<Node> = Vec::new();
         let mut prefix = self.prefix();
         for n in 1..=self.settings.max_vertices + 1 {
-            let Some(arrival) = walk.arrive() else {
+            let Some(arrival) = walk.arrive(&mut stream) else {
                 let pdf = lights.pdf_emission_environment(self.aim, &walk.base.ray);
                 let end = LightEnd {
                     place: walk.dir(),

@@ -411,7 +411,7 @@ impl Search<'_, '_> {
         let mut made = Bsdf::BLACK;
         let mut vertices: Vec<ChainVertex> = Vec::with_capacity(steps.len());
         for &step in steps {
-            let mut arrival = walk.arrive(&mut ())?;
+            let mut arrival = walk.arrive_without_media(&mut ())?;
             vertices.push(self.chain_vertex(&arrival.surface, before, step)?);
             let bsdf = walk.bsdf(&mut arrival.surface, 0.0, &mut made);
             let surface = arrival.surface;

@@ -1,0 +1,106 @@
+//! Free flight through media that scatter.
+//!
+//! The distance to the next scattering is drawn for one colour channel, which is chosen by the walk's throughput, and weighed
+//! by the density of all channels together: one-sample MIS. With pᵢ the chance of channel i, σ its extinction and T
+//! its transmittance,
+//!
+//! ```text
+//! scattered after t      weight σs T(t) / Σ pᵢ σᵢ Tᵢ(t)
+//! a surface after d      weight    T(d) / Σ pᵢ    Tᵢ(d)
+//! ```
+//!
+//! Each weight is at most 1/pᵢ in channel i, whatever the media, so that the throughput of no channel grows beyond the sum of all.
+//!
+//! Media are no part of MIS weights, neither of light samples nor of connections: every way to find a path has the factor σs
+//! of each of its points and, but for one edge, the transmittance of each of its edges. The weights without them add up to 1
+//! just the same.
+
+use super::{Arrival, Carried, Walk};
+use crate::math::Rgb;
+use crate::sampler::Sampler;
+use crate::scene::Hit;
+use crate::scene::bodies::MAX_SURFACES;
+use crate::scene::medium::{Filling, Media};
+
+/// Share of the chance of a channel that does not depend on the throughput: emission at the end of an edge may have colours that
+/// the walk lacks.
+const EVEN: f32 = 0.1;
+
+/// Chances of the channels.
+fn chances(throughput: Rgb) -> Rgb {
+    let mean = throughput.element_sum() / 3.0;
+    if !(mean > 0.0 && mean.is_finite()) {
+        return Rgb::splat(1.0 / 3.0);
+    }
+    (throughput * ((1.0 - EVEN) / mean) + Rgb::splat(EVEN)) / 3.0
+}
+
+/// Distance to the next scattering in a medium, for a channel that one number chooses; the other one is the share of light that
+/// is scattered before.
+fn distance(filling: &Filling, chances: Rgb, [choice, share]: [f32; 2]) -> f32 {
+    let channel = if choice < chances.x {
+        0
+    } else {
+        1 + usize::from(choice >= chances.x + chances.y)
+    };
+    let extinction = filling.extinction[channel];
+    match extinction > 0.0 {
+        true => -(-share).ln_1p() / extinction,
+        false => f32::INFINITY,
+    }
+}
+
+impl Walk<'_> {
+    /// [`Walk::arrive`] in a scene with media.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn arrive_in(
+        &mut self,
+        media: &Media,
+        carried: &mut impl Carried,
+        numbers: &mut impl Sampler,
+    ) -> Option<Arrival> {
+        let scene = self.scene;
+        let (mut rest, mut before) = (self.ray, 0.0);
+        for _ in 0..MAX_SURFACES {
+            let hit = scene.intersect(&rest);
+            let end = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
+            let Some(filling) = self.around.filling(scene, media) else {
+                self.throughput = Rgb::NAN;
+                return None;
+            };
+            let mut transmittance = filling.transmittance(end);
+            if filling.scattering != Rgb::ZERO {
+                let chances = chances(self.throughput);
+                let t = distance(filling, chances, [numbers.next_1d(), numbers.next_1d()]);
+                if t < end {
+                    let transmittance = filling.transmittance(t);
+                    let density = chances.dot(filling.extinction * transmittance);
+                    self.throughput *= filling.scattering * transmittance / density;
+                    return Some(Arrival {
+                        surface: filling.point(&rest, t),
+                        hit: Hit {
+                            t: before + t,
+                            ..Hit::IN_MEDIUM
+                        },
+                    });
+                }
+                transmittance /= chances.dot(transmittance);
+            }
+            self.throughput *= transmittance;
+            carried.scale(transmittance);
+            let hit = hit?;
+            let mut surface = scene.surface(&hit);
+            before += hit.t;
+            let unseen = self.from_camera && scene.hides_back(&hit, rest.dir);
+            if !unseen && !self.around.passes(scene, &mut surface, rest.dir) {
+                return Some(Arrival {
+                    surface,
+                    hit: Hit { t: before, ..hit },
+                });
+            }
+            rest = surface.spawn(rest.dir);
+        }
+        None
+    }
+}

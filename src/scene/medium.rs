@@ -1,0 +1,181 @@
+//! Homogeneous media that absorb and scatter light.
+
+use super::{Hit, Material, SceneParts, Surface};
+use crate::bsdf::phase::MAX_MEAN_COSINE;
+use crate::bsdf::{Bsdf, Phase};
+use crate::math::{Ray, Rgb, Vec2};
+
+/// Number in place of a triangle's for a point of a medium.
+const NO_TRIANGLE: u32 = u32::MAX;
+
+/// A homogeneous medium, with the phase function of Henyey and Greenstein.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Medium {
+    /// Absorption coefficient σa ≥ 0 per unit length, linear Rec. 709.
+    pub absorption: Rgb,
+    /// Scattering coefficient σs ≥ 0 per unit length.
+    pub scattering: Rgb,
+    /// Mean cosine g of the deflection in (−1, 1); taken for ±0.999 beyond that.
+    pub mean_cosine: f32,
+}
+
+impl Medium {
+    /// True if nothing is there.
+    pub fn is_vacuum(&self) -> bool {
+        self.absorption == Rgb::ZERO && self.scattering == Rgb::ZERO
+    }
+
+    /// True if the medium scatters.
+    pub fn scatters(&self) -> bool {
+        self.scattering != Rgb::ZERO
+    }
+
+    /// The phase function.
+    pub fn phase(&self) -> Phase {
+        Phase {
+            mean_cosine: (self.mean_cosine).clamp(-MAX_MEAN_COSINE, MAX_MEAN_COSINE),
+        }
+    }
+}
+
+/// A medium as paths see it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Filling {
+    /// Extinction coefficient σa + σs.
+    pub(crate) extinction: Rgb,
+    /// Scattering coefficient σs.
+    pub(crate) scattering: Rgb,
+    /// The material whose constant BSDF is the phase function.
+    phase: u32,
+}
+
+impl Filling {
+    /// Transmittance over a distance, which may be infinite (Beer-Lambert).
+    #[inline]
+    pub(crate) fn transmittance(&self, distance: f32) -> Rgb {
+        // Without extinction 0 · ∞ must be 0.
+        let of = |s: f32| if s > 0.0 { (-s * distance).exp() } else { 1.0 };
+        self.extinction.map(of)
+    }
+
+    /// The point at which light that came along a ray is scattered: a surface across the ray whose BSDF is the phase function.
+    pub(crate) fn point(&self, ray: &Ray, distance: f32) -> Surface {
+        Surface {
+            position: ray.origin + distance * ray.dir,
+            ng: -ray.dir,
+            ns: -ray.dir,
+            uv: Vec2::ZERO,
+            triangle: NO_TRIANGLE,
+            material: self.phase,
+            error: 0.0,
+        }
+    }
+}
+
+impl Hit {
+    /// A point of a medium.
+    pub(crate) const IN_MEDIUM: Self = Self {
+        t: 0.0,
+        triangle: NO_TRIANGLE,
+        u: 0.0,
+        v: 0.0,
+    };
+}
+
+impl Surface {
+    /// True for a point of a medium.
+    #[inline]
+    pub(crate) fn is_in_medium(&self) -> bool {
+        self.triangle == NO_TRIANGLE
+    }
+}
+
+/// The media of a scene.
+#[derive(Clone, Debug)]
+pub(crate) struct Media {
+    /// What fills the bodies of each material; `None` for one that leaves the medium around it as it is.
+    bodies: Vec<Option<Filling>>,
+    /// What is outside of all bodies.
+    outside: Filling,
+    scatters: bool,
+}
+
+impl Media {
+    /// The media of the bodies, and of the whole scene; `None` where no path must know of any. Appends a material for each that
+    /// scatters.
+    pub(super) fn of(parts: &mut SceneParts) -> Option<Self> {
+        let own = |m: &Material| m.medium.as_deref().filter(|_| m.bounds_body()).copied();
+        let whole = parts.medium.filter(|medium| !medium.is_vacuum());
+        if whole.is_none() && !parts.materials.iter().any(|m| own(m).is_some()) {
+            return None;
+        }
+        // A body of a file that says of each boundary what is on its sides holds what is around it, unless that says else.
+        let inherits = parts.own_boundaries;
+        let media: Vec<Option<Medium>> = (parts.materials.iter())
+            .map(|m| {
+                let plain = || Medium {
+                    absorption: m.absorption,
+                    ..Medium::default()
+                };
+                let keeps = inherits && m.absorption == Rgb::ZERO;
+                own(m).or_else(|| (m.bounds_body() && !keeps).then(plain))
+            })
+            .collect();
+        let mut fill = |medium: Medium| Filling {
+            extinction: medium.absorption + medium.scattering,
+            scattering: medium.scattering,
+            phase: match medium.scatters() {
+                true => phase_material(&mut parts.materials, medium.phase()),
+                false => 0,
+            },
+        };
+        let bodies: Vec<_> = media.into_iter().map(|m| m.map(&mut fill)).collect();
+        let outside = fill(whole.unwrap_or_default());
+        let scatters = (bodies.iter().flatten())
+            .chain([&outside])
+            .any(|filling| filling.scattering != Rgb::ZERO);
+        Some(Self {
+            bodies,
+            outside,
+            scatters,
+        })
+    }
+
+    /// What fills the bodies of a material; `None` for one that leaves the medium around it as it is.
+    #[inline]
+    pub(crate) fn of_body(&self, material: u32) -> Option<&Filling> {
+        self.bodies.get(material as usize)?.as_ref()
+    }
+
+    /// What is outside of all bodies.
+    #[inline]
+    pub(crate) fn outside(&self) -> &Filling {
+        &self.outside
+    }
+
+    /// True if any of them scatters.
+    pub(crate) fn scatters(&self) -> bool {
+        self.scatters
+    }
+}
+
+/// Number of the material of a phase function.
+fn phase_material(materials: &mut Vec<Material>, phase: Phase) -> u32 {
+    let known = (materials.iter()).position(|m| m.phase == Some(phase));
+    let place = known.unwrap_or_else(|| {
+        materials.push(Material {
+            name: "medium".into(),
+            phase: Some(phase),
+            ..Material::default()
+        });
+        materials.len() - 1
+    });
+    place as u32
+}
+
+impl Material {
+    /// The phase function, of the material of a medium.
+    pub(super) fn phase_bsdf(&self) -> Option<Bsdf> {
+        self.phase.map(Bsdf::Phase)
+    }
+}
