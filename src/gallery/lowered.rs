@@ -59,6 +59,8 @@ pub fn lowered(mut parts: SceneParts) -> Lowered {
         has(exact),
         "materials by Schlick's approximation",
     );
+    let filled = has(|m| m.medium.is_some()) + usize::from(parts.medium.take().is_some());
+    count(&mut lost, filled, "media");
     for light in &mut parts.lights {
         if let PunctualLight::Spot { falloff, .. } = light
             && *falloff != Falloff::Squared

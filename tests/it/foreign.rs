@@ -7,7 +7,7 @@ use opsr::image::Buffer;
 use opsr::math::{DVec3, Rgb, Vec3};
 use opsr::render::value::Levels;
 use opsr::scene::load::{LoadOptions, Loaded, load};
-use opsr::scene::{PunctualLight, Scene};
+use opsr::scene::{Medium, PunctualLight, Scene};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -94,11 +94,11 @@ fn scores(file: &str, reference: &Reference, options: &LoadOptions, spp: u32) ->
     ((sum / count).sqrt(), most)
 }
 
-/// Six scenes, in both formats.
+/// Seven scenes, in both formats.
 #[test]
 fn foreign_scenes_agree_with_mitsuba() {
     let references = references();
-    assert_eq!(references.len(), 6);
+    assert_eq!(references.len(), 7);
     let mut wrong = Vec::new();
     for (name, reference) in &references {
         for kind in ["xml", "pbrt"] {
@@ -370,6 +370,92 @@ fn foreign_plastic_as_gltf_reflects_as_much() {
         (ratio - Rgb::ONE).abs().max_element() < 0.02,
         "{exact} {close}"
     );
+}
+
+/// Media of both formats, and what of them is not supported.
+#[test]
+fn foreign_media_are_read_or_named_with_their_line() {
+    let pbrt = "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [ 1 2 3 ]\n\
+        \"rgb sigma_s\" [ 0 1 0.5 ] \"float scale\" 2 \"float g\" -0.3\n\
+        MediumInterface \"fog\" Camera \"perspective\"\nWorldBegin\n\
+        MediumInterface \"\" \"fog\" Material \"interface\" Shape \"sphere\"\n\
+        MediumInterface \"fog\" Material \"dielectric\" Shape \"sphere\"\n";
+    let parts = read("a.pbrt", pbrt, false).unwrap().parts;
+    let fog = Medium {
+        absorption: Rgb::new(2.0, 4.0, 6.0),
+        scattering: Rgb::new(0.0, 2.0, 1.0),
+        mean_cosine: -0.3,
+    };
+    assert_eq!(parts.medium, Some(fog));
+    let own: Vec<_> = (parts.materials.iter())
+        .map(|m| m.medium.as_deref().copied())
+        .collect();
+    // A bubble, and glass that fog goes through.
+    assert_eq!(own, [Some(Medium::default()), None]);
+    let bubble = &parts.materials[0];
+    assert_eq!((bubble.ior, bubble.transmission), (1.0, 1.0));
+
+    let xml = "<scene version=\"3.0.0\">\n<shape type=\"sphere\"><bsdf type=\"null\"/>\n\
+        <medium name=\"interior\" type=\"homogeneous\"><float name=\"sigma_t\" value=\"4\"/>\
+        <rgb name=\"albedo\" value=\"0.5, 0.25, 1\"/><float name=\"scale\" value=\"0.5\"/>\n\
+        <phase type=\"hg\"><float name=\"g\" value=\"0.7\"/></phase></medium></shape></scene>";
+    let parts = read("a.xml", xml, false).unwrap().parts;
+    let cloud = Medium {
+        absorption: Rgb::new(1.0, 1.5, 0.0),
+        scattering: Rgb::new(1.0, 0.5, 2.0),
+        mean_cosine: 0.7,
+    };
+    assert_eq!(parts.materials[0].medium.as_deref(), Some(&cloud));
+    assert_eq!(parts.medium, None);
+
+    for (name, text, expected) in [
+        (
+            "a.pbrt",
+            pbrt.replace("homogeneous", "uniformgrid"),
+            "line 1: a medium of type `uniformgrid` is not",
+        ),
+        (
+            "a.pbrt",
+            pbrt.replace("MediumInterface \"\" \"fog\"", "MediumInterface \"mist\""),
+            "line 5: no medium `mist`",
+        ),
+        (
+            "a.pbrt",
+            pbrt.replace("-0.3", "1"),
+            "line 1: scale 2 or g 1 of a medium",
+        ),
+        (
+            "a.pbrt",
+            pbrt.replace("float scale\" 2", "rgb Le\" [ 1 1 1 ]"),
+            "line 1: a medium that shines",
+        ),
+        (
+            "a.pbrt",
+            pbrt.replace("interface", "thindielectric"),
+            "line 5: a medium behind a thin wall",
+        ),
+        (
+            "a.pbrt",
+            pbrt.replace(
+                "WorldBegin\nMediumInterface \"\" \"fog\"",
+                "WorldBegin MakeNamedMedium \"mist\" \"string type\" \"homogeneous\"\nMediumInterface \"mist\" \"\"",
+            ),
+            "line 5: another medium outside of all bodies than elsewhere",
+        ),
+        (
+            "a.xml",
+            xml.replace("homogeneous", "heterogeneous"),
+            "line 3: a medium of type `heterogeneous` is not",
+        ),
+        (
+            "a.xml",
+            xml.replace("\"hg\"", "\"rayleigh\""),
+            "line 4: phase function `rayleigh` is not",
+        ),
+    ] {
+        let text = message(name, &text);
+        assert!(text.contains(expected), "{expected}: {text}");
+    }
 }
 
 /// Names of no medium are none; a disk has no triangles without area.

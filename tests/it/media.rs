@@ -531,3 +531,43 @@ fn phase_energy_conservation() {
     let eval = phase.eval(phase.alpha(), Vec3::Z, Vec3::new(0.6, 0.0, -0.8));
     assert_eq!(eval.value.x, eval.pdf_w);
 }
+
+/// The draft KHR_materials_volume_scatter: attenuation is extinction, and its share that is scattered follows from the colour of light
+/// that was scattered many times.
+#[test]
+fn gltf_bodies_scatter() {
+    let load = |scatter: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.gltf");
+        let text = format!(
+            r#"{{"asset": {{"version": "2.0"}}, "extensionsUsed": ["KHR_materials_transmission", "KHR_materials_volume",
+            "KHR_materials_volume_scatter"], "materials": [{{"extensions": {{"KHR_materials_transmission": {{"transmissionFactor": 1}},
+            "KHR_materials_volume": {{"thicknessFactor": 1, "attenuationDistance": 0.5, "attenuationColor": [0.5, 0.25, 1]}},
+            "KHR_materials_volume_scatter": {scatter}}}}}]}}"#
+        );
+        std::fs::write(&path, text).unwrap();
+        opsr::scene::load::load(&path, &Default::default())
+    };
+    let loaded = load(r#"{"multiscatterColor": [1, 0.5, 0.5], "scatterAnisotropy": 0.4}"#).unwrap();
+    let own = loaded.parts.materials[0].medium.as_deref().unwrap();
+    assert_eq!(own.mean_cosine, 0.4);
+    let extinction = [2.0f32.ln() * 2.0, 4.0f32.ln() * 2.0, 0.0];
+    for c in 0..3 {
+        let sum = own.absorption[c] + own.scattering[c];
+        assert!((sum - extinction[c]).abs() < 1e-5 * sum.max(1.0));
+    }
+    // White scatters all; half is that of s = 0.3 or so.
+    assert!(own.absorption.x < 1e-3, "{own:?}");
+    let s = 4.09712f32 + 4.20863 * 0.5 - (9.59217f32 + 41.6808 * 0.5 + 17.7126 * 0.25).sqrt();
+    let albedo = (1.0 - s * s) / (1.0 - 0.4 * s * s);
+    assert!(
+        (own.scattering.y / extinction[1] - albedo).abs() < 1e-5,
+        "{own:?}"
+    );
+    let none = load("{}").unwrap();
+    assert_eq!(none.parts.materials[0].medium, None);
+    let wrong = load(r#"{"scatterAnisotropy": -1}"#)
+        .unwrap_err()
+        .to_string();
+    assert!(wrong.contains("scatterAnisotropy is -1"), "{wrong}");
+}

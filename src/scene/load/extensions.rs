@@ -1,7 +1,7 @@
 //! The extensions that this loader implements, and what to do about those that it does not.
 
 /// The extensions that this loader implements; `docs/gltf.md` says how far.
-pub const SUPPORTED: [&str; 18] = [
+pub const SUPPORTED: [&str; 19] = [
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
     "KHR_lights_punctual",
@@ -18,6 +18,7 @@ pub const SUPPORTED: [&str; 18] = [
     "KHR_materials_unlit",
     "KHR_materials_variants",
     "KHR_materials_volume",
+    "KHR_materials_volume_scatter",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];

@@ -2,6 +2,7 @@
 //! [`build`](crate::scene::build); what their files share, meshes and images, is read here.
 
 mod images;
+mod media;
 mod mitsuba;
 mod obj;
 mod pbrt;
@@ -18,7 +19,7 @@ use crate::scene::build::colour::Spectrum;
 use crate::scene::build::looks::Paint;
 use crate::scene::build::{BuildError, Builder, right_handed_tangents};
 use crate::scene::mesh::Mesh;
-use crate::scene::{Material, SceneParts};
+use crate::scene::{Material, Medium, SceneParts};
 use glam::DAffine3;
 use std::collections::HashMap;
 use std::io::Read;
@@ -66,6 +67,7 @@ pub(super) fn load(
         images: HashMap::new(),
         meshes: HashMap::new(),
         materials: HashMap::new(),
+        media: media::Media::default(),
         includes: 0,
     };
     context.builder.parts.own_boundaries = true;
@@ -153,11 +155,13 @@ struct Context {
     meshes: HashMap<String, u32>,
     /// Materials by declaration, emission, and the scale of their bump map.
     materials: HashMap<String, u32>,
+    media: media::Media,
     includes: usize,
 }
 
 impl Context {
-    fn finish(self) -> Result<Loaded> {
+    fn finish(mut self) -> Result<Loaded> {
+        self.fill_scene()?;
         let parts = self.builder.finish().map_err(|e| match e {
             BuildError::Memory(shortage) => Fault::from(shortage),
             other => fault("scene", other.to_string()),

@@ -148,6 +148,8 @@ impl Scene<'_> {
                 return self.context.unsupported(place, format!("sensor `{other}`"));
             }
         };
+        let [inside, around] = self.sides(sensor)?;
+        self.context.camera_in(around.or(inside), place);
         let frame = frame(&pose).ok_or_else(|| fault(place, "has no direction"))?;
         let name = match sensor.id.is_empty() {
             true => format!("camera {}", self.context.parts().cameras.len()),

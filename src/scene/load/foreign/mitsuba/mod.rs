@@ -2,11 +2,13 @@
 
 mod bsdfs;
 mod lights;
+mod media;
 mod shapes;
 mod values;
 mod xml;
 
 use super::super::error::{Result, fault};
+use super::media::Named;
 use super::{Context, Look, Member};
 use crate::math::Vec3;
 use glam::{DAffine3, DMat4};
@@ -20,6 +22,8 @@ struct Scene<'a> {
     ids: Ids,
     /// Looks by the address of their object.
     looks: HashMap<usize, Look>,
+    /// Media by the address of their object.
+    media: HashMap<usize, Named>,
     /// Objects that are being read: a reference to one of them is a cycle.
     open: Vec<usize>,
     /// Groups of shapes by address.
@@ -35,6 +39,7 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         context,
         ids,
         looks: HashMap::new(),
+        media: HashMap::new(),
         open: Vec::new(),
         groups: HashMap::new(),
     };
@@ -51,7 +56,8 @@ impl Scene<'_> {
             "sensor" | "camera" => self.sensor(&object),
             "shape" => self.shape(&object),
             "emitter" | "luminaire" => self.emitter(&object),
-            "medium" | "volume" | "subsurface" => self.context.unsupported(
+            // A medium counts where it is used.
+            "volume" | "subsurface" => self.context.unsupported(
                 &object.place,
                 format!("<{} type=\"{}\">", object.tag, object.plugin),
             ),

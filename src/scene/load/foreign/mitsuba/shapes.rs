@@ -78,9 +78,9 @@ impl Scene<'_> {
 
     /// Mesh, material and pose of a shape.
     fn one(&mut self, shape: &Object) -> Result<Option<Member>> {
-        for (name, medium) in self.children(shape, &["medium", "subsurface"])? {
+        for (_, subsurface) in self.children(shape, &["subsurface"])? {
             self.context
-                .unsupported(&medium.place, format!("medium `{name}`"))?;
+                .unsupported(&subsurface.place, "subsurface scattering")?;
         }
         let pose = shape.pose("to_world")?;
         let flipped = shape.flag("flip_normals", false)?;
@@ -217,6 +217,9 @@ impl Scene<'_> {
             look.material.emissive_texture = paint.map;
             key += &format!(" emits {}", Rc::as_ptr(&emitter).addr());
         }
+        let sides = self.sides(shape)?;
+        key += &format!(" between {sides:?}");
+        (self.context).bound(&mut look.material, sides, &shape.place)?;
         Ok(self.context.dressed(look, key, mesh, pose))
     }
 }

@@ -2,11 +2,13 @@
 
 mod lights;
 mod materials;
+mod media;
 mod shapes;
 mod tokens;
 mod values;
 
 use super::super::error::{Result, fault};
+use super::media::Named;
 use super::{Context, Look, Member, unpacked};
 use crate::scene::build::looks::Paint;
 use glam::{DAffine3, DMat4, DVec3, DVec4};
@@ -32,6 +34,8 @@ struct State {
     /// Kind and parameters of the area light.
     area_light: Option<Rc<Parameters>>,
     reversed: bool,
+    /// Media inside and outside.
+    sides: [Named; 2],
     /// Parameters of `Attribute`, by what they are for.
     defaults: Vec<(String, Rc<Parameters>)>,
 }
@@ -51,6 +55,7 @@ struct Scene<'a> {
     materials: HashMap<String, Rc<Declared>>,
     textures: HashMap<String, Paint>,
     spectrum_textures: HashMap<String, Paint>,
+    media: HashMap<String, Named>,
     /// Shapes of objects by name: mesh, material, pose.
     objects: HashMap<String, Rc<Vec<Member>>>,
     object: Option<(String, Vec<Member>)>,
@@ -73,6 +78,7 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
             material: None,
             area_light: None,
             reversed: false,
+            sides: [None; 2],
             defaults: Vec::new(),
         },
         stack: Vec::new(),
@@ -80,6 +86,7 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         materials: HashMap::new(),
         textures: HashMap::new(),
         spectrum_textures: HashMap::new(),
+        media: HashMap::new(),
         objects: HashMap::new(),
         object: None,
         looks: HashMap::new(),
@@ -267,15 +274,14 @@ impl Scene<'_> {
                 return self.texture(name, &kind, &class, &parameters);
             }
             "MediumInterface" => {
-                // One name or two; an empty one is none.
-                let mut named = !name.is_empty();
-                if let Some(Token::Quoted(_)) = tokens.peek()? {
-                    named |= !tokens.quoted()?.is_empty();
-                }
-                return match named {
-                    true => self.context.unsupported(&place, "a medium"),
-                    false => Ok(()),
+                // One name for both sides, or two.
+                let outside = match tokens.peek()? {
+                    Some(Token::Quoted(_)) => tokens.quoted()?,
+                    _ => name.clone(),
                 };
+                let inside = self.named_medium(&name, &place)?;
+                self.state.sides = [inside, self.named_medium(&outside, &place)?];
+                return Ok(());
             }
             _ => {}
         }
@@ -329,6 +335,8 @@ impl Scene<'_> {
                 // The current transform takes the world to the camera.
                 self.coordinates
                     .insert("camera".into(), self.state.pose.inverse());
+                let [_, around] = self.state.sides;
+                self.context.camera_in(around, place);
                 self.camera = Some((name, parameters, self.state.pose.inverse()));
                 Ok(())
             }
@@ -339,7 +347,10 @@ impl Scene<'_> {
             "ColorSpace" if name != "srgb" => self
                 .context
                 .unsupported(place, format!("colour space `{name}`")),
-            "MakeNamedMedium" => self.context.unsupported(place, "a medium"),
+            "MakeNamedMedium" => {
+                let parameters = self.with_defaults("medium", parameters);
+                self.medium(name, &parameters)
+            }
             // Samplers, filters, integrators and accelerators are the render's.
             _ => Ok(()),
         }

@@ -168,6 +168,9 @@ impl Scene<'_> {
                 }
             }
         }
+        let sides = self.state.sides;
+        key += &format!(" between {sides:?}");
+        (self.context).bound(&mut look.material, sides, &parameters.place)?;
         Ok(self.context.dressed(look, key, mesh, pose))
     }
 

@@ -1,0 +1,82 @@
+//! Media of other renderers: what is on the two sides of a boundary.
+//!
+//! A shape names the medium inside and the one outside of it. Where the two are one, or none is named, the boundary means nothing to
+//! media: what is around it goes on in it. A path knows the bodies around it, so that the medium outside of a shape follows
+//! from those; only that of the whole scene must be found: it is the one outside of a shape or around the camera that is
+//! inside of none.
+
+use super::super::error::Result;
+use super::{Context, Material, Medium};
+use crate::scene::build::looks;
+
+/// A medium of a file by its number; `None` for nothing.
+pub(super) type Named = Option<usize>;
+
+/// Media of a file, and the sides of its boundaries so far.
+#[derive(Default)]
+pub(super) struct Media {
+    all: Vec<Medium>,
+    inside: Vec<Named>,
+    /// Media outside of shapes and around cameras, and where the file says so.
+    outside: Vec<(Named, String)>,
+}
+
+impl Media {
+    /// Adds a medium.
+    pub(super) fn add(&mut self, medium: Medium) -> usize {
+        self.all.push(medium);
+        self.all.len() - 1
+    }
+}
+
+impl Context {
+    /// Notes the medium around a camera.
+    pub(super) fn camera_in(&mut self, medium: Named, place: &str) {
+        self.media.outside.push((medium, place.to_owned()));
+    }
+
+    /// Makes a material the boundary between media inside and outside of it.
+    pub(super) fn bound(
+        &mut self,
+        material: &mut Material,
+        [inside, outside]: [Named; 2],
+        place: &str,
+    ) -> Result<()> {
+        if inside == outside {
+            return Ok(());
+        }
+        if material.opacity == 0.0 && material.emission == crate::math::Rgb::ZERO {
+            *material = looks::glass(1.0, looks::Paint::from(1.0), 0.0);
+        }
+        if !material.bounds_body() {
+            // Nothing of a medium is seen behind what is opaque.
+            return match material.transmission > 0.0 {
+                true => self.unsupported(place, "a medium behind a thin wall"),
+                false => Ok(()),
+            };
+        }
+        self.media.inside.push(inside);
+        self.media.outside.push((outside, place.to_owned()));
+        let medium = inside.map_or_else(Medium::default, |i| self.media.all[i]);
+        material.medium = Some(Box::new(medium));
+        Ok(())
+    }
+
+    /// Finds the medium of the whole scene.
+    pub(super) fn fill_scene(&mut self) -> Result<()> {
+        let Media {
+            all,
+            inside,
+            outside,
+        } = std::mem::take(&mut self.media);
+        let mut outer = outside.iter().filter(|(named, _)| !inside.contains(named));
+        let Some((first, _)) = outer.next() else {
+            return Ok(());
+        };
+        if let Some((_, place)) = outer.find(|(named, _)| named != first) {
+            self.unsupported(place, "another medium outside of all bodies than elsewhere")?;
+        }
+        self.parts().medium = first.map(|i| all[i]);
+        Ok(())
+    }
+}

@@ -1,0 +1,83 @@
+//! Media of Mitsuba.
+
+use super::super::super::error::{Result, fault};
+use super::super::Meant;
+use super::super::media::Named;
+use super::Scene;
+use super::xml::Object;
+use crate::math::Rgb;
+use crate::scene::Medium;
+use std::rc::Rc;
+
+impl Scene<'_> {
+    /// Media inside and outside of a shape, or around a sensor.
+    pub(super) fn sides(&mut self, object: &Object) -> Result<[Named; 2]> {
+        let mut sides = [None; 2];
+        for (name, medium) in self.children(object, &["medium"])? {
+            let side = usize::from(name != "interior");
+            sides[side] = self.medium(&medium)?;
+        }
+        Ok(sides)
+    }
+
+    fn medium(&mut self, object: &Rc<Object>) -> Result<Named> {
+        let address = Rc::as_ptr(object).addr();
+        if let Some(&known) = self.media.get(&address) {
+            return Ok(known);
+        }
+        let read = self.read_medium(object)?;
+        let named = read.map(|medium| self.context.media.add(medium));
+        self.media.insert(address, named);
+        Ok(named)
+    }
+
+    fn read_medium(&mut self, object: &Object) -> Result<Option<Medium>> {
+        let place = &object.place;
+        if object.plugin != "homogeneous" {
+            let what = format!("a medium of type `{}`", object.plugin);
+            self.context.unsupported(place, what)?;
+            return Ok(None);
+        }
+        if object.property("material").is_some() {
+            self.context
+                .unsupported(place, "a named material of a medium")?;
+        }
+        if let Some((name, _)) = self.children(object, &["volume", "texture"])?.first() {
+            let what = format!("a volume as `{name}` of a medium");
+            self.context.unsupported(place, what)?;
+            return Ok(None);
+        }
+        let colour = |scene: &mut Self, name: &str, or: f32| {
+            scene.colour(object, &[name], Rgb::splat(or), Meant::Reflected)
+        };
+        let [mut absorption, mut scattering] =
+            [colour(self, "sigma_a", 0.0)?, colour(self, "sigma_s", 0.0)?];
+        let parts = ["sigma_a", "sigma_s"];
+        if !parts.iter().any(|name| object.property(name).is_some()) {
+            let extinction = colour(self, "sigma_t", 1.0)?;
+            let albedo = colour(self, "albedo", 0.75)?.min(Rgb::ONE);
+            (absorption, scattering) = (extinction * (Rgb::ONE - albedo), extinction * albedo);
+        }
+        let scale = object.number("scale", 1.0)? as f32;
+        let mut mean_cosine = 0.0;
+        for (_, phase) in self.children(object, &["phase"])? {
+            match phase.plugin.as_str() {
+                "isotropic" => {}
+                "hg" => mean_cosine = phase.number("g", 0.8)? as f32,
+                other => {
+                    let what = format!("phase function `{other}`");
+                    self.context.unsupported(&phase.place, what)?;
+                }
+            }
+        }
+        if !(scale >= 0.0 && scale.is_finite() && mean_cosine.abs() < 1.0) {
+            let what = format!("scale {scale} or g {mean_cosine} of a medium");
+            return Err(fault(place, what));
+        }
+        Ok(Some(Medium {
+            absorption: scale * absorption,
+            scattering: scale * scattering,
+            mean_cosine,
+        }))
+    }
+}
