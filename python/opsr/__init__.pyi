@@ -40,6 +40,7 @@ class Scene:
         lights: Iterable[dict[str, Any]] | None = None,
         cameras: Iterable[dict[str, Any]] | None = None,
         environment: ArrayLike | None = None,
+        medium: dict[str, Any] | None = None,
     ) -> Scene: ...
     def changed(
         self,

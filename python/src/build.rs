@@ -7,7 +7,7 @@ use opsr::math::{Rgb, Vec2, Vec3};
 use opsr::scene::build::looks::{self, Paint};
 use opsr::scene::build::{Builder, Placed, flip, metals, shapes};
 use opsr::scene::light::Falloff;
-use opsr::scene::{Camera, Environment, Lens, Material, Mesh, PunctualLight, SceneParts};
+use opsr::scene::{Camera, Environment, Lens, Material, Medium, Mesh, PunctualLight, SceneParts};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -124,8 +124,23 @@ const MATERIAL: &[&str] = &[
     "opacity",
     "double_sided",
     "distribution",
+    "medium",
     "name",
 ];
+
+/// A medium of a dict.
+fn medium(item: &Bound<'_, PyAny>, place: String) -> PyResult<Medium> {
+    let given = Given::new(item, place, &["absorption", "scattering", "g"])?;
+    let mean_cosine = given.number("g", 0.0)?;
+    if mean_cosine.abs() >= 1.0 {
+        return Err(argument(&given.name("g"), "is not between -1 and 1"));
+    }
+    Ok(Medium {
+        absorption: given.colour("absorption", 0.0)?,
+        scattering: given.colour("scattering", 0.0)?,
+        mean_cosine,
+    })
+}
 
 /// A material of a dict.
 pub(crate) fn material(item: &Bound<'_, PyAny>, place: String) -> PyResult<Material> {
@@ -182,6 +197,13 @@ pub(crate) fn material(item: &Bound<'_, PyAny>, place: String) -> PyResult<Mater
     if opacity != 1.0 {
         let done = SceneParts::default().set_opacity(&mut made, Paint::from(opacity));
         done.map_err(|what| argument(&given.name("opacity"), what))?;
+    }
+    if let Some(inside) = given.get("medium")? {
+        let place = given.name("medium");
+        if !made.solid {
+            return Err(argument(&place, "only glass has a medium inside"));
+        }
+        made.medium = Some(Box::new(medium(&inside, place)?));
     }
     made.name = given.text("name", "")?;
     Ok(made)
@@ -406,6 +428,7 @@ pub(crate) fn parts(
     lights: Option<&Bound<'_, PyAny>>,
     cameras: Option<&Bound<'_, PyAny>>,
     sky: Option<&Bound<'_, PyAny>>,
+    whole: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<SceneParts> {
     let mut builder = Builder::default();
     builder.parts.own_boundaries = true;
@@ -427,6 +450,9 @@ pub(crate) fn parts(
     }
     for (item, place) in items(cameras, "cameras")? {
         builder.parts.cameras.push(camera(&item, place)?);
+    }
+    if let Some(whole) = whole {
+        builder.parts.medium = Some(medium(whole, "medium".into())?);
     }
     if let Some(sky) = sky {
         builder.parts.environment = Some(environment(sky)?);

@@ -84,29 +84,34 @@ impl Scene {
     /// sizes; of a "material"; and perhaps of "to_world", a 4 x 4 matrix, "flip" to turn the front round, and "name".
     /// A material is a dict of its "type", "diffuse", "metal", "glass", "wall" (a thin pane) or "coated" (diffuse under a clear
     /// layer); "color", the reflectance or tint; "alpha", the roughness; "ior"; "metal", a name such as "Cu", or "eta" and "k";
-    /// "emission", the radiance of the front; "opacity", "double_sided", "distribution" and "name".
+    /// "emission", the radiance of the front; "opacity", "double_sided", "distribution" and "name". Glass may have a "medium" inside,
+    /// a dict of "absorption" and "scattering", per unit length, and "g", the mean cosine of the deflection; with an "ior" of 1 it has
+    /// no surface.
     /// lights: dicts of a "type", "point", "spot" or "directional"; "position", "direction", "intensity" or "irradiance", and
     /// of a spot the angles "inner" and "outer" in degrees.
     /// cameras: dicts of "position" and "target", and perhaps "up", "fov" (vertical, degrees), "aspect", "aperture", "focus"
     /// and "name".
     /// environment: radiance from everywhere, one number or three.
+    /// medium: a dict as those of glass, what is outside of all bodies.
     ///
     /// Boundaries of glass refract by their own index, as in Mitsuba: nested bodies need the ratio of both sides. Colours are
     /// linear Rec. 709. Raises ValueError or TypeError for what no scene can be made of.
     #[staticmethod]
-    #[pyo3(signature = (meshes, *, lights=None, cameras=None, environment=None))]
+    #[pyo3(signature = (meshes, *, lights=None, cameras=None, environment=None, medium=None))]
     fn build(
         py: Python<'_>,
         meshes: &Bound<'_, PyAny>,
         lights: Option<&Bound<'_, PyAny>>,
         cameras: Option<&Bound<'_, PyAny>>,
         environment: Option<&Bound<'_, PyAny>>,
+        medium: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let parts = build::parts(meshes, lights, cameras, environment)?;
+        let parts = build::parts(meshes, lights, cameras, environment, medium)?;
         let keywords = PyDict::new(py);
         keywords.set_item("lights", lights)?;
         keywords.set_item("cameras", cameras)?;
         keywords.set_item("environment", environment)?;
+        keywords.set_item("medium", medium)?;
         let arguments = PyTuple::new(py, [meshes])?;
         Self::of(
             py,

@@ -117,3 +117,20 @@ def test_example_of_a_caustic_runs(tmp_path, monkeypatch):
     example = pathlib.Path(__file__).parents[1] / "examples" / "caustic.py"
     exec(compile(example.read_text(), example.name, "exec"), {})
     assert (tmp_path / "caustic.png").exists()
+
+
+def test_media_dim_what_is_behind_them_and_keep_what_they_scatter():
+    sigma = np.array([0.1, 0.5, 2.0])
+    wall = QUAD | {"material": {"color": 0, "emission": 1}}
+    dimmed = opsr.Scene.build([wall], cameras=[CAMERA | {"fov": 0.5}], medium={"absorption": sigma})
+    np.testing.assert_allclose(mean(dimmed), np.exp(-sigma), rtol=1e-3)
+    cloud = {"type": "glass", "ior": 1, "medium": {"scattering": [1, 2, 4], "g": 0.6}}
+    ball = {"shape": "sphere", "material": cloud}
+    camera = {"position": [0, 0, 4], "target": [0, 0, 0], "fov": 20}
+    furnace = opsr.Scene.build([ball], cameras=[camera], environment=1)
+    picture = opsr.render(furnace, spp=256, size=(8, 8), max_vertices=200).picture
+    np.testing.assert_allclose(picture.mean((0, 1)), 1, rtol=0.03)
+    with pytest.raises(ValueError, match="medium"):
+        opsr.Scene.build([QUAD | {"material": {"medium": {"scattering": 1}}}])
+    with pytest.raises(ValueError, match="guide"):
+        opsr.render(furnace, spp=1, size=(8, 8), guide="picture")

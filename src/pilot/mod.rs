@@ -232,8 +232,8 @@ fn sharp(scene: &Scene) -> [bool; 2] {
     let mut found = [false; 2];
     for m in &scene.parts().materials {
         let sharp = m.alpha < SHARP || m.metallic_roughness_texture.is_some();
-        // Panes let light samples through.
-        found[0] |= sharp && m.transmission > 0.0 && !m.is_pane();
+        // Panes and boundaries of clouds let light samples through.
+        found[0] |= sharp && m.transmission > 0.0 && !m.is_pane() && !m.is_null();
         found[1] |= sharp && m.metallic > 0.5;
     }
     found

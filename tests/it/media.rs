@@ -552,9 +552,9 @@ fn gltf_bodies_scatter() {
     let own = loaded.parts.materials[0].medium.as_deref().unwrap();
     assert_eq!(own.mean_cosine, 0.4);
     let extinction = [2.0f32.ln() * 2.0, 4.0f32.ln() * 2.0, 0.0];
-    for c in 0..3 {
+    for (c, extinction) in extinction.into_iter().enumerate() {
         let sum = own.absorption[c] + own.scattering[c];
-        assert!((sum - extinction[c]).abs() < 1e-5 * sum.max(1.0));
+        assert!((sum - extinction).abs() < 1e-5 * sum.max(1.0));
     }
     // White scatters all; half is that of s = 0.3 or so.
     assert!(own.absorption.x < 1e-3, "{own:?}");

@@ -65,12 +65,10 @@ impl Walk<'_> {
         for _ in 0..MAX_SURFACES {
             let hit = scene.intersect(&rest);
             let end = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
-            let Some(filling) = self.around.filling(scene, media) else {
-                self.throughput = Rgb::NAN;
-                return None;
-            };
-            let mut transmittance = filling.transmittance(end);
-            if filling.scattering != Rgb::ZERO {
+            let filling = self.around.filling(scene, media);
+            // As where light is sampled, a body that was forgotten makes the sample no number.
+            let mut transmittance = filling.map_or(Rgb::NAN, |f| f.transmittance(end));
+            if let Some(filling) = filling.filter(|f| f.scattering != Rgb::ZERO) {
                 let chances = chances(self.throughput);
                 let t = distance(filling, chances, [numbers.next_1d(), numbers.next_1d()]);
                 if t < end {

@@ -368,7 +368,7 @@ impl Reader<'_> {
         let read: ScatterExtension = self.untyped("KHR_materials_volume_scatter", value)?;
         let colour = self.colour("multiscatterColor", read.multiscatter_color)?;
         let g = read.scatter_anisotropy;
-        if !(g.abs() < 1.0) {
+        if g.is_nan() || g.abs() >= 1.0 {
             let what = format!("scatterAnisotropy is {g}, not between −1 and 1");
             return Err(fault(&self.at, what));
         }

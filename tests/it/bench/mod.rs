@@ -373,9 +373,9 @@ fn bench_scene_variants() {
 #[test]
 fn bench_committed_suites_name_existing_files() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    for name in ["quick", "full", "frames", "denoised"] {
+    for name in ["quick", "full", "frames", "denoised", "media"] {
         let suite = Suite::load(&root.join(format!("suites/{name}.toml"))).unwrap();
-        let short = ["frames", "denoised"].contains(&name);
+        let short = ["frames", "denoised", "media"].contains(&name);
         assert!(suite.seeds >= 5 || short, "{name}: no verdicts");
         for scene in &suite.scenes {
             for file in [&scene.file, &scene.reference].into_iter().flatten() {
