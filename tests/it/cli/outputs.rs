@@ -133,6 +133,7 @@ fn compare_exit_code_of_pictures_that_differ() {
         ("a.exr", ""),
         ("b.exr", "--seed 1"),
         ("bright.exr", "--max-vertices 1"),
+        ("blurred.exr", "--integrator bdpt"),
     ] {
         place.render(&format!("--spp 64 {args} -o {name}")).done();
     }
@@ -150,6 +151,7 @@ fn compare_exit_code_of_pictures_that_differ() {
             "no metric `noise` among MSE",
         ),
         (2, "--fail-above relMSE a.exr", "METRIC=X"),
+        (3, "--agree blurred.exr", "`--levels 1` keeps them"),
     ] {
         let ended = compare(args);
         assert_eq!(ended.code, Some(code), "{args}: {}{}", ended.out, ended.err);
