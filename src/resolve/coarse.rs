@@ -274,7 +274,7 @@ pub(super) struct Caps {
 }
 
 impl Caps {
-    /// Of light by pixel and batch: a multiple of the median of batches around, and one of the mean of those that are not
+    /// Caps of light by pixel and batch: a multiple of the median of batches around, and one of the mean of those that are not
     /// black.
     pub(super) fn of(film: &LevelFilm, light: impl Fn(usize, usize) -> Vec3A) -> Self {
         let window = film.window();

@@ -63,7 +63,7 @@ pub struct Material {
     pub transmission_texture: Option<TextureRef>,
     /// True if a body has the base colour's square root for its tint, since light passes two of its interfaces.
     pub root_tint: bool,
-    /// What fills the body in place of its absorption; `None` for nothing but that, or for what is around it where
+    /// Medium that fills the body in place of its absorption; `None` for nothing but that, or for what is around it where
     /// [boundaries know both their sides](super::SceneParts::own_boundaries).
     pub medium: Option<Box<Medium>>,
     /// Phase function; `None` for all materials but those that a scene adds for its media.

@@ -93,7 +93,7 @@ impl Surface {
 /// The media of a scene.
 #[derive(Clone, Debug)]
 pub(crate) struct Media {
-    /// What fills the bodies of each material; `None` for one that leaves the medium around it as it is.
+    /// Media that fill the bodies of each material; `None` for one that leaves the medium around it as it is.
     bodies: Vec<Option<Filling>>,
     /// What is outside of all bodies.
     outside: Filling,

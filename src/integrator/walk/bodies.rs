@@ -164,7 +164,7 @@ impl EnclosingBodies {
         (self.filling(scene, media)).map_or(Rgb::NAN, |filling| filling.transmittance(distance))
     }
 
-    /// What fills the place; `None` where a body was forgotten that may be there.
+    /// Medium that fills the place; `None` where a body was forgotten that may be there.
     pub(super) fn filling<'m>(&self, scene: &Scene, media: &'m Media) -> Option<&'m Filling> {
         let ranked = scene.has_overlaps() && !scene.parts().own_boundaries;
         let remembered = self.materials[..self.len as usize].iter();
