@@ -78,16 +78,27 @@ struct Limits {
     shared: &'static [f32],
     /// The same of the light of roughened vertices.
     roughened: &'static [f32],
-    /// κ of both layers: share of the noise of a sharper candidate that a difference must exceed.
+    /// κ of both layers: share of the noise of a sharper candidate that a difference must exceed; below 0 noise counts as bias.
     kappa: [f32; 2],
-    /// κ of the second layer where there is one level: its blurs are of all light, edges of shadows and textures too, and no
-    /// other level shows what is noise. Below 0 noise counts as bias.
-    kappa_of_one: f32,
 }
 
 impl Limits {
-    /// Those of a setting. Measured in docs/lab/resolve.md.
-    fn of(settings: Resolve) -> Self {
+    /// Limits of a setting for a film of so many levels. Measured in docs/lab/resolve.md, of one level in docs/lab/photons.md.
+    fn of(settings: Resolve, levels: usize) -> Self {
+        let all = Self::of_levels(settings);
+        match levels {
+            // Shared light is what is seen directly or by way of mirrors and glass: blurs would make discs of its glints. The rest has
+            // edges of shadows and textures, and no other level shows what is noise.
+            1 => Self {
+                shared: &[],
+                kappa: all.kappa.map(|kappa| kappa - 0.5),
+                ..all
+            },
+            _ => all,
+        }
+    }
+
+    fn of_levels(settings: Resolve) -> Self {
         let (levels, shared, roughened): (usize, &[f32], &[f32]) = match settings {
             Resolve::None => (1, &[], &[]),
             Resolve::Sharp => (MAX_LEVELS, &[], &[]),
@@ -100,10 +111,6 @@ impl Limits {
             kappa: match settings {
                 Resolve::Smooth => [0.25, 1.0],
                 _ => [0.0, 0.25],
-            },
-            kappa_of_one: match settings {
-                Resolve::Smooth => 0.25,
-                _ => -0.25,
             },
         }
     }
@@ -172,7 +179,7 @@ pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
             variance: vec![f32::INFINITY; pixels],
         };
     }
-    let mut resolved = resolve(film, Limits::of(settings), TILE);
+    let mut resolved = resolve(film, Limits::of(settings, film.levels()), TILE);
     if settings == Resolve::None {
         resolved.picture = film.mean(0);
     }
@@ -210,17 +217,20 @@ pub fn unseen_share(picture: &Picture) -> f64 {
 /// Chooses in tiles of so many pixels a side; there is a sample in every batch.
 fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
     let shared = Coarse::shared(film);
-    let shared_light = |pixel, batch| Vec3A::from(film.batch_mean(pixel, batch, film.levels()));
+    // The layer that is blurred with all its fireflies: where there are several levels others know those of the second one.
+    let blurred = |pixel, batch| -> Vec3A {
+        let shared = film.batch_mean(pixel, batch, film.levels());
+        match film.levels() {
+            1 => (film.batch_mean(pixel, batch, 0) - shared)
+                .max(Rgb::ZERO)
+                .into(),
+            _ => shared.into(),
+        }
+    };
     let whole = Shared {
         film,
         roughened: Coarse::roughened(film),
-        caps: Caps::of(film, shared_light),
-        caps_of_one: (film.levels() == 1).then(|| {
-            let all = |pixel, batch| Vec3A::from(film.batch_mean(pixel, batch, 0));
-            let rough =
-                |pixel, batch| (all(pixel, batch) - shared_light(pixel, batch)).max(Vec3A::ZERO);
-            Caps::of(film, rough)
-        }),
+        caps: Caps::of(film, blurred),
         shares: film.shares(),
         gain: gain(&film.mean(film.levels() - 1)),
         limits,

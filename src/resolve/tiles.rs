@@ -29,8 +29,6 @@ pub(super) struct Shared<'a> {
     pub(super) film: &'a LevelFilm,
     pub(super) roughened: Coarse,
     pub(super) caps: Caps,
-    /// The same of the light of roughened vertices, where there is one level: no other knows its fireflies.
-    pub(super) caps_of_one: Option<Caps>,
     /// Share of each batch in the samples.
     pub(super) shares: [f32; BATCHES],
     /// Factor that makes the mean of the picture 0.3.
@@ -197,11 +195,7 @@ impl<'a> Part<'a> {
         drop(candidates);
 
         let candidates = self.of_roughened(&all, &features);
-        let kappa = match count {
-            1 => limits.kappa_of_one,
-            _ => limits.kappa[1],
-        };
-        let r = Choice::of(size, &candidates, &weights.0, kappa);
+        let r = Choice::of(size, &candidates, &weights.0, limits.kappa[1]);
         let roughened = r.blend(size, &candidates, mean);
 
         let level = |k: u8| candidates[usize::from(k)].level;
@@ -260,17 +254,12 @@ impl<'a> Part<'a> {
             dark_side: number > 0,
         };
         let mut all = vec![candidate(0, self.inner.of(&light))];
-        // With one level the shared light is what is seen directly or by way of mirrors and glass: a blur would make discs of
-        // its glints.
-        let sigmas = match self.cut.levels() {
-            1 => &[],
-            _ => self.whole.limits.shared,
-        };
+        let sigmas = self.whole.limits.shared;
         if sigmas.is_empty() {
             return all;
         }
         let mut capped = light;
-        self.cap(&mut capped, &self.whole.caps);
+        self.cap(&mut capped);
         let guide = Guide::new(self.size, Surface::First, features);
         for (number, &sigma) in sigmas.iter().enumerate() {
             let blurred = guide.blur(sigma, &self.inner, &[&capped]);
@@ -283,15 +272,15 @@ impl<'a> Part<'a> {
         all
     }
 
-    /// Cuts what is above the caps.
-    fn cap(&self, light: &mut Batches, caps: &Caps) {
+    /// Cuts fireflies, what is above the caps.
+    fn cap(&self, light: &mut Batches) {
         let corner = (
             self.origin.0 - self.inner.origin.0,
             self.origin.1 - self.inner.origin.1,
         );
         for (i, light) in light.iter_mut().enumerate() {
             let pixel = (corner.0 + i % self.size.0, corner.1 + i / self.size.0);
-            let cap = caps.at(pixel);
+            let cap = self.whole.caps.at(pixel);
             light.iter_mut().for_each(|light| *light = light.min(cap));
         }
     }
@@ -319,16 +308,15 @@ impl<'a> Part<'a> {
             return all;
         }
         let guide = Guide::new(self.size, Surface::Rough, features);
-        // The first of several levels is too noisy for a blur.
-        let first = usize::from(levels.len() > 1);
-        let capped = self.whole.caps_of_one.as_ref().map(|caps| {
-            let mut light = levels[0].clone();
-            self.cap(&mut light, caps);
-            light
-        });
-        let rough: Vec<&Batches> = match &capped {
-            Some(capped) => vec![capped],
-            None => levels.iter().skip(first).collect(),
+        // The first of several levels is too noisy for a blur; of the only one fireflies are.
+        let mut only = Batches::new();
+        let (first, rough): (_, Vec<&Batches>) = match levels {
+            [one] => {
+                only.clone_from(one);
+                self.cap(&mut only);
+                (0, vec![&only])
+            }
+            _ => (1, levels.iter().skip(1).collect()),
         };
         for &sigma in sigmas {
             let blurred = guide.blur(sigma, &self.inner, &rough);
