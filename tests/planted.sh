@@ -149,7 +149,7 @@ plant "23 lamps at sharp lobes count twice" src/integrator/bidirectional/merge.r
     's/_ => balance\(pdf_w, of_light\)/_ => 1.0 + 0.0 * balance(pdf_w, of_light)/' \
     bidirectional::photons::photon_density_counts_lamps_in_sharp_lobes_once
 plant "24 the mean of shared light paths by pixels alone" src/integrator/bidirectional/mod.rs \
-    's/push_shared\(index, \*value, sample\)/push(index, *value, sample)/' \
+    's/push_shared\(index, value, sample\)/push(index, value, sample)/' \
     mean_error::stated_error_of_the_mean_knows_photons_that_pixels_share
 plant "24 photons of light paths that were cut count as of all" src/integrator/bidirectional/merge.rs \
     's/presence \* paths as f32/presence * self.paths as f32/' \

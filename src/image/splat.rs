@@ -63,6 +63,11 @@ impl SplatLayer {
         self.sums.iter_mut().for_each(|sum| *sum *= factor);
     }
 
+    /// Sum of the pixel with this index.
+    pub(crate) fn value(&self, index: usize) -> Rgb {
+        self.sums[index].as_vec3()
+    }
+
     /// The sums, row by row; the layer is empty again.
     pub fn take(&mut self) -> impl Iterator<Item = Rgb> + '_ {
         self.sums

@@ -149,7 +149,7 @@ impl Settings {
         Box::new(Bidirectional {
             merging,
             radii,
-            guided: self.connects() && !self.levels.is_empty(),
+            batched: self.connects() && !self.levels.is_empty(),
             ..self.bidirectional(strategies)
         })
     }
@@ -172,7 +172,7 @@ impl Settings {
             strategies,
             merging: None,
             radii: Vec::new(),
-            guided: false,
+            batched: false,
             light_sampling_only: matches!(self.estimator, Estimator::VcmNee(_)),
             mollifier: match self.rule {
                 Rule::Mollifier(radius)

@@ -1,7 +1,8 @@
 //! Guides of camera paths, by which a picture that light paths share may be blurred.
 
 use crate::image::film::Window;
-use crate::image::level_film::{Features, LevelFilm, PathLevels};
+use crate::image::level_film::{LevelFilm, PathLevels};
+use crate::image::splat::SplatLayer;
 use crate::integrator::Aovs;
 use crate::integrator::walk::features::PathFeatures;
 use crate::integrator::walk::observer::{PathObserver, Recorder};
@@ -15,7 +16,7 @@ pub(super) struct Guides {
     paths: Vec<Guide>,
 }
 
-/// What a camera path tells.
+/// Guide of one camera path, and the light that its blurs leave as it is.
 #[derive(Clone, Copy, Default)]
 struct Guide {
     /// Index of its pixel.
@@ -34,22 +35,20 @@ impl Guides {
         }
     }
 
-    /// Adds the sample with these values of the pixels to a film of one level, where a camera path was walked; the AOVs.
-    pub(super) fn push(self, sample: u32, values: &[Rgb], film: &mut LevelFilm) -> Option<Aovs> {
-        for path in self.paths {
+    /// Adds the sample of a layer to a film of one level, where a camera path was walked.
+    pub(super) fn push(&self, sample: u32, layer: &SplatLayer, film: &mut LevelFilm) {
+        for path in &self.paths {
             let index = path.index as usize;
-            let features: Features = path.features.values();
-            let path = PathLevels {
-                levels: &values[index..=index],
+            let values = PathLevels {
+                levels: &[layer.value(index)],
                 shared: path.seen,
-                features,
+                features: path.features.values(),
             };
-            film.push(index, sample, &path);
+            film.push(index, sample, &values);
         }
-        self.aovs
     }
 
-    /// The AOVs.
+    /// AOVs of the render.
     pub(super) fn aovs(self) -> Option<Aovs> {
         self.aovs
     }

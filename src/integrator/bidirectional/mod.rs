@@ -14,6 +14,7 @@
 //! | [`weights`] | multiple importance sampling over all strategies: pure recursions |
 //! | `vertex` | a scattering vertex: its value, and the densities of both walks |
 //! | `walk` | one walk from either end: edges, draws, running numbers |
+//! | `guides` | what a camera path tells for blurs of the picture |
 //! | `connect` | the ways to close a path by an edge: value, then weight, then shadow ray |
 //! | `photons` | light vertices that are kept, and the grid over them |
 //! | `pair` | one light path and one camera path alone, for Markov chains |
@@ -138,7 +139,7 @@ pub struct Bidirectional {
     /// alone.
     pub radii: Vec<f32>,
     /// True if the picture is kept in batches, with guides for its blur.
-    pub guided: bool,
+    pub batched: bool,
     /// No connections but light samples, beside merges.
     pub light_sampling_only: bool,
     /// Radius of the kernel for paths that no strategy can sample, over half the diagonal of the scene: that of sample 1,
@@ -207,28 +208,28 @@ impl Integrator for Bidirectional {
                 view.begun();
                 continue;
             }
-            let mut guides = (self.guided).then(|| Guides::new(view.window, picture.aovs.take()));
-            let done = match (&mut guides, &mut picture.aovs) {
-                (Some(guides), _) => iteration.run(&mut layer, guides),
-                (None, Some(aovs)) => iteration.run(&mut layer, aovs),
-                (None, None) => iteration.run(&mut layer, &mut ()),
+            let Picture { film, aovs, levels } = &mut *picture;
+            let done = if self.batched {
+                let mut guides = Guides::new(view.window, aovs.take());
+                let done = iteration.run(&mut layer, &mut guides);
+                if !view.drops_pass() {
+                    let blank = || LevelFilm::new(film.size, film.window, 1);
+                    guides.push(sample, &layer, levels.get_or_insert_with(blank));
+                }
+                *aovs = guides.aovs();
+                done
+            } else if let Some(aovs) = aovs {
+                iteration.run(&mut layer, aovs)
+            } else {
+                iteration.run(&mut layer, &mut ())
             };
             if view.drops_pass() {
-                if let Some(guides) = guides {
-                    picture.aovs = guides.aovs();
-                }
                 return sample - samples.start;
             }
-            let Picture { film, aovs, levels } = picture;
-            let values: Vec<Rgb> = layer.take().collect();
-            for (index, value) in values.iter().enumerate() {
+            for (index, value) in layer.take().enumerate() {
                 if done.as_ref().is_none_or(|done| done[index]) {
-                    film.push_shared(index, *value, sample);
+                    film.push_shared(index, value, sample);
                 }
-            }
-            if let Some(guides) = guides {
-                let blank = || LevelFilm::new(film.size, film.window, 1);
-                *aovs = guides.push(sample, &values, levels.get_or_insert_with(blank));
             }
             if view.is_cut() {
                 return sample - samples.start;
@@ -788,7 +789,7 @@ impl Iteration<'_> {
             let Some(arrival) = walk.arrive(stream) else {
                 let met = prefix.met * self.environment(&walk, n);
                 total.add(edge(0), met);
-                if is_seen && strategies.shows(edge(0)) {
+                if is_seen {
                     observer.seen(met);
                 }
                 break;
@@ -797,7 +798,7 @@ impl Iteration<'_> {
             let vertex = walk.vertex(n, &arrival, u.material);
             let met = prefix.met * self.emitter(&walk, &vertex);
             total.add(edge(0), met);
-            if is_seen && strategies.shows(edge(0)) {
+            if is_seen {
                 observer.seen(met);
             }
             if n > self.settings.max_vertices {
