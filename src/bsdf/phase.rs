@@ -8,6 +8,7 @@
 //! 2 √(ln 2) α: 4 % less at equal α. `[OPSR §4.1]` names the mean cosine as a measure of roughness and leaves the scale
 //! open.
 
+use super::lobes::finish;
 use super::{BsdfSample, DELTA_ALPHA, Distribution, Lobe, LobeNumbers, LobeQuery};
 use crate::math::{Frame, Rgb, Vec3};
 use std::f32::consts::TAU;
@@ -78,15 +79,7 @@ impl Phase {
         wi: Vec3,
         lobe: Lobe,
     ) -> Option<BsdfSample> {
-        let eval = self.query(wo, wi)?.at(alpha);
-        (eval.pdf_w > 0.0).then_some(BsdfSample {
-            wi,
-            value: eval.value,
-            weight: Rgb::ONE,
-            pdf_w: eval.pdf_w,
-            lobe,
-            delta: false,
-        })
+        finish(self.query(wo, wi), alpha, wi, lobe)
     }
 }
 

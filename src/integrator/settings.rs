@@ -235,8 +235,8 @@ impl Settings {
     }
 
     /// Scales of the levels of a render that names none: the three radii of photon density; the one level of `bdpt` and `vcm`,
-    /// unless a strategy is shown alone; four where a rule has something to roughen, none in plain path tracing, in scenes without lobes, and for rules of other renderers, which are as they are
-    /// there. An error where the estimator or the rule can have no levels.
+    /// unless a strategy is shown alone; four where a rule has something to roughen, none in plain path tracing, in scenes without
+    /// lobes, and for rules of other renderers, which are as they are there. An error where the estimator or the rule can have no levels.
     pub fn usual_levels(&self, has_lobes: bool) -> Result<Vec<f32>, LevelError> {
         if let Estimator::Sppm(_) = self.estimator {
             return Ok(RADII.to_vec());
@@ -276,31 +276,23 @@ impl Settings {
                 Err("dispersion (KHR_materials_dispersion) needs the integrator path")
             }
             // A photon does not remember the bodies around it.
-            Estimator::Vcm(_) | Estimator::VcmNee(_) if scene.has_overlaps() => {
-                Err("the integrator vcm knows no bodies that overlap; bdpt and sppm do")
-            }
+            Estimator::Vcm(_) | Estimator::VcmNee(_) if scene.has_overlaps() => Err(
+                "the integrator vcm knows no bodies that overlap and no boundaries without a surface; bdpt and sppm do",
+            ),
             _ => Ok(()),
         }
     }
 
-    /// What the estimator lacks for the media of a scene, if anything.
+    /// Reason for which the estimator cannot show the media of a scene, if any.
     fn lacks_media(&self, scene: &Scene) -> Option<&'static str> {
         let scatters = scene.scatters();
         match self.estimator {
-            Estimator::Path { .. } => None,
+            Estimator::Path { .. } | Estimator::Bdpt => None,
             Estimator::Manifold { .. } => {
                 (scene.media().is_some()).then_some("manifold sampling knows no media")
             }
-            Estimator::Bdpt => None,
             Estimator::Guided { .. } => scatters.then_some("a guide knows no media that scatter"),
-            Estimator::Light => scatters
-                .then_some("the integrator light knows no media that scatter; path and bdpt do"),
-            Estimator::Vcm(_) | Estimator::VcmNee(_) => scatters
-                .then_some("the integrator vcm knows no media that scatter; path and bdpt do"),
-            Estimator::Sppm(_) => scatters
-                .then_some("the integrator sppm knows no media that scatter; path and bdpt do"),
-            Estimator::Mlt { .. } => scatters
-                .then_some("the integrator mlt knows no media that scatter; path and bdpt do"),
+            _ => scatters.then_some("only path and bdpt know media that scatter"),
         }
     }
 

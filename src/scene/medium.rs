@@ -95,7 +95,7 @@ impl Surface {
 pub(crate) struct Media {
     /// Media that fill the bodies of each material; `None` for one that leaves the medium around it as it is.
     bodies: Vec<Option<Filling>>,
-    /// What is outside of all bodies.
+    /// Medium outside of all bodies.
     outside: Filling,
     scatters: bool,
 }
@@ -141,13 +141,13 @@ impl Media {
         })
     }
 
-    /// What fills the bodies of a material; `None` for one that leaves the medium around it as it is.
+    /// Medium that fills the bodies of a material; `None` for one that leaves the medium around it as it is.
     #[inline]
     pub(crate) fn of_body(&self, material: u32) -> Option<&Filling> {
         self.bodies.get(material as usize)?.as_ref()
     }
 
-    /// What is outside of all bodies.
+    /// Medium outside of all bodies.
     #[inline]
     pub(crate) fn outside(&self) -> &Filling {
         &self.outside

@@ -62,7 +62,7 @@ pub struct SceneParts {
     pub lights: Vec<PunctualLight>,
     /// Radiance from infinity.
     pub environment: Option<Environment>,
-    /// What is outside of all bodies; `None` for nothing.
+    /// Medium outside of all bodies; `None` for nothing.
     pub medium: Option<Medium>,
     /// Cameras, in file order.
     pub cameras: Vec<Camera>,

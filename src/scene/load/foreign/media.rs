@@ -5,7 +5,7 @@
 //! from those; only that of the whole scene must be found: it is the one outside of a shape or around the camera that is
 //! inside of none.
 
-use super::super::error::Result;
+use super::super::error::{Result, fault};
 use super::{Context, Material, Medium};
 use crate::scene::build::looks;
 
@@ -22,10 +22,18 @@ pub(super) struct Media {
 }
 
 impl Media {
-    /// Adds a medium.
-    pub(super) fn add(&mut self, medium: Medium) -> usize {
-        self.all.push(medium);
-        self.all.len() - 1
+    /// Adds a medium whose coefficients are scaled by a factor; its number.
+    pub(super) fn add(&mut self, medium: Medium, scale: f64, place: &str) -> Result<usize> {
+        let (scale, g) = (scale as f32, medium.mean_cosine);
+        if !(scale >= 0.0 && scale.is_finite() && g.abs() < 1.0) {
+            return Err(fault(place, format!("scale {scale} or g {g} of a medium")));
+        }
+        self.all.push(Medium {
+            absorption: scale * medium.absorption,
+            scattering: scale * medium.scattering,
+            ..medium
+        });
+        Ok(self.all.len() - 1)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Media of Mitsuba.
 
-use super::super::super::error::{Result, fault};
+use super::super::super::error::Result;
 use super::super::Meant;
 use super::super::media::Named;
 use super::Scene;
@@ -25,8 +25,13 @@ impl Scene<'_> {
         if let Some(&known) = self.media.get(&address) {
             return Ok(known);
         }
-        let read = self.read_medium(object)?;
-        let named = read.map(|medium| self.context.media.add(medium));
+        let named = match self.read_medium(object)? {
+            Some(medium) => {
+                let scale = object.number("scale", 1.0)?;
+                Some((self.context.media).add(medium, scale, &object.place)?)
+            }
+            None => None,
+        };
         self.media.insert(address, named);
         Ok(named)
     }
@@ -58,7 +63,6 @@ impl Scene<'_> {
             let albedo = colour(self, "albedo", 0.75)?.min(Rgb::ONE);
             (absorption, scattering) = (extinction * (Rgb::ONE - albedo), extinction * albedo);
         }
-        let scale = object.number("scale", 1.0)? as f32;
         let mut mean_cosine = 0.0;
         for (_, phase) in self.children(object, &["phase"])? {
             match phase.plugin.as_str() {
@@ -70,13 +74,9 @@ impl Scene<'_> {
                 }
             }
         }
-        if !(scale >= 0.0 && scale.is_finite() && mean_cosine.abs() < 1.0) {
-            let what = format!("scale {scale} or g {mean_cosine} of a medium");
-            return Err(fault(place, what));
-        }
         Ok(Some(Medium {
-            absorption: scale * absorption,
-            scattering: scale * scattering,
+            absorption,
+            scattering,
             mean_cosine,
         }))
     }

@@ -30,18 +30,13 @@ impl Scene<'_> {
         // Those of pbrt without a preset, per millimetre of some material.
         let absorption = Rgb::new(0.0011, 0.0024, 0.014);
         let scattering = Rgb::new(2.55, 3.21, 3.77);
-        let scale = parameters.number("scale", 1.0)? as f32;
-        let mean_cosine = parameters.number("g", 0.0)? as f32;
-        if !(scale >= 0.0 && scale.is_finite() && mean_cosine.abs() < 1.0) {
-            let what = format!("scale {scale} or g {mean_cosine} of a medium");
-            return Err(fault(place, what));
-        }
         let medium = Medium {
-            absorption: scale * self.colour(parameters, "sigma_a", absorption, Meant::Reflected)?,
-            scattering: scale * self.colour(parameters, "sigma_s", scattering, Meant::Reflected)?,
-            mean_cosine,
+            absorption: self.colour(parameters, "sigma_a", absorption, Meant::Reflected)?,
+            scattering: self.colour(parameters, "sigma_s", scattering, Meant::Reflected)?,
+            mean_cosine: parameters.number("g", 0.0)? as f32,
         };
-        let number = self.context.media.add(medium);
+        let scale = parameters.number("scale", 1.0)?;
+        let number = self.context.media.add(medium, scale, place)?;
         self.media.insert(name, Some(number));
         Ok(())
     }
