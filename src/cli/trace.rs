@@ -61,13 +61,13 @@ fn described(path: &TracedPath, scene: &Scene, Pixel(pixel): Pixel) -> String {
         let end = v.lobe.map_or("ends".to_owned(), |lobe| {
             format!("continues by {lobe:?}").to_lowercase()
         });
+        let mesh = (v.mesh).map_or(String::new(), |mesh| format!(" (mesh {})", mesh + 1));
         // Writing to a string does not fail.
         let _ = writeln!(
             text,
-            "  {}  {} `{name}` (mesh {}) at {}, distance {}\n     alpha {} -> {}{class}, throughput {}, light {}, {end}",
+            "  {}  {} `{name}`{mesh} at {}, distance {}\n     alpha {} -> {}{class}, throughput {}, light {}, {end}",
             i + 1,
             v.bsdf,
-            v.mesh.wrapping_add(1),
             rgb(v.position),
             v.distance,
             v.alpha,

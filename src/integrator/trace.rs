@@ -28,8 +28,8 @@ pub struct TracedVertex {
     pub position: Vec3,
     /// Distance from the vertex before.
     pub distance: f32,
-    /// Index of the mesh; `u32::MAX` in a medium.
-    pub mesh: u32,
+    /// Index of the mesh; `None` in a medium.
+    pub mesh: Option<u32>,
     /// Index of the material.
     pub material: u32,
     /// BSDF that was drawn there.
@@ -104,10 +104,8 @@ impl PathObserver for Tracer<'_> {
         let vertex = TracedVertex {
             position: point.surface.position,
             distance,
-            mesh: match point.surface.is_in_medium() {
-                true => u32::MAX,
-                false => (point.scene.geometry()).triangle_mesh(point.surface.triangle),
-            },
+            mesh: (!point.surface.is_in_medium())
+                .then(|| (point.scene.geometry()).triangle_mesh(point.surface.triangle)),
             material: point.surface.material,
             bsdf: match point.bsdf {
                 Bsdf::Diffuse(_) => "diffuse",

@@ -147,7 +147,7 @@ impl Shot {
             json!({
                 "bsdf": v.bsdf,
                 "material": materials[v.material as usize].name,
-                "mesh": v.mesh.wrapping_add(1),
+                "mesh": v.mesh.map(|mesh| mesh + 1),
                 "position": v.position.to_array(),
                 "distance": v.distance,
                 "alpha": v.alpha,

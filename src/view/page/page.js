@@ -428,7 +428,7 @@ function described(path) {
     const roughened = v.alpha_reg > v.alpha ? `α ${short(v.alpha)} → ${short(v.alpha_reg)}` : `α ${short(v.alpha)}`;
     const lobe = v.lobe ? `goes on by ${v.lobe}` : "ends";
     const kind = v.class === null ? "" : `, class ${v.class}`;
-    row(`${i + 1} ${v.bsdf}`, `${v.material || "unnamed"} (mesh ${v.mesh}), ${roughened}${kind}, throughput ${three(v.throughput)}, light ${three(v.light)}, ${lobe}, ${short(v.distance)} from the last`);
+    row(`${i + 1} ${v.bsdf}`, `${v.material || "unnamed"}${v.mesh ? ` (mesh ${v.mesh})` : ""}, ${roughened}${kind}, throughput ${three(v.throughput)}, light ${three(v.light)}, ${lobe}, ${short(v.distance)} from the last`);
   });
   table.append(body);
   more.append(table);
