@@ -92,7 +92,7 @@ impl<'a> View<'a> {
         self.stopped_at_half() && !(piece == 0 && self.keeps_pieces())
     }
 
-    /// What all else of the first sample rests on is there; what rests on it gets at least as long as that took.
+    /// Lengthens the first sample where what all else of it rests on took long: the rest gets at least that time.
     pub(crate) fn shared_work_is_done(&self) {
         if let Some(stop) = self.stop {
             stop.at_least_as_long();

@@ -88,7 +88,7 @@ impl<'a> Stop<'a> {
         self.is_over(0.5, &self.short)
     }
 
-    /// What other work of the first sample rests on is there: that work gets at least as long as this took.
+    /// Lengthens the first sample to twice the time so far, if that is more.
     pub(super) fn at_least_as_long(&self) {
         if let (true, Some(limit)) = (self.is_first(), &self.limit) {
             let twice = 2 * limit.begin.elapsed();

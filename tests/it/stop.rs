@@ -254,3 +254,49 @@ fn first_sample_by_shared_light_paths_ends_in_time_and_is_as_bright_as_a_whole_o
         );
     }
 }
+
+/// However early a first sample is cut, its first piece of pixels is there, and with a choice of blurs the film of batches has the
+/// same pixels.
+#[test]
+fn first_sample_that_is_cut_at_once_has_its_first_pixels() {
+    let scene = scene(cornell_box());
+    let radius = Radius::default();
+    for estimator in [
+        Estimator::Bdpt,
+        Estimator::Vcm(radius),
+        Estimator::Sppm(radius),
+    ] {
+        for guided in [false, true] {
+            let mut settings = Settings {
+                estimator,
+                max_vertices: 4,
+                ..Settings::default()
+            };
+            if guided {
+                settings.levels = settings.usual_levels(true).expect("levels");
+            }
+            let asked = AtomicBool::new(true);
+            let stop = Stop::when(&asked);
+            let mut picture = blank(64, &settings);
+            let film = picture.film.clone();
+            let view = View::of(&scene, &scene.parts().cameras[0], &film);
+            let go_on = &mut |_: &_, _: &_| ControlFlow::Continue(());
+            let (integrator, budget) = (&mut *settings.integrator(), Budget::default());
+            let view = &view.until(&stop);
+            let (progress, _) = drive(integrator, view, &budget, 0, &mut picture, go_on);
+            assert_eq!(progress.samples, 0);
+            let met = picture.film.pixels.iter().map(|pixel| pixel.n > 0);
+            let met: Vec<bool> = met.collect();
+            let count = met.iter().filter(|met| **met).count();
+            assert_eq!(count, 1024, "{estimator:?}");
+            if let Some(levels) = &picture.levels {
+                let batch = &levels.batch_means(0)[0].pixels;
+                let dark = batch
+                    .iter()
+                    .zip(&met)
+                    .filter(|(light, met)| !**met && **light != opsr::math::Rgb::ZERO);
+                assert_eq!(dark.count(), 0, "{estimator:?}");
+            }
+        }
+    }
+}

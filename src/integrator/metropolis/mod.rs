@@ -292,8 +292,7 @@ impl Pass<'_> {
         let (mut weights, mut refused) = (Vec::new(), (0, None));
         for first in (0..samples).step_by(BLOCK as usize) {
             // The first block runs in the first pass, even if it is stopped.
-            let least = self.view.keeps_pieces() && first == 0;
-            if !least && self.view.stopped_at_half() {
+            if self.view.leaves_out_shared(first) {
                 break;
             }
             let block = first..(first + BLOCK).min(samples);
