@@ -208,6 +208,11 @@ fn foreign_broken_files_are_named_with_their_line() {
             "Shape \"sphere\" \"float radius\" [ 1",
             "line 1: a bracket without its end",
         ),
+        // A form feed is white space, of which the reader once made words without an end.
+        (
+            "Shape \"sphere\" \"float radius\" [ 1 a\u{c}0 ]",
+            "line 1: values that are not of one kind",
+        ),
         (
             "\nShape \"trianglemesh\" \"point3 P\" [ 0 0 0 ] \"integer indices\" [ 0 1 2 ]",
             "line 2: an index is not below",

@@ -68,7 +68,8 @@ impl Tokens {
                     self.line += 1;
                     self.at += 1;
                 }
-                b' ' | b'\t' | b'\r' => self.at += 1,
+                // Form feeds, too: they end a word, so that nothing would be left of one that begins there.
+                _ if byte.is_ascii_whitespace() => self.at += 1,
                 b'#' => {
                     let rest = &self.text[self.at..];
                     self.at += rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
