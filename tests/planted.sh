@@ -179,6 +179,12 @@ plant "weights of connections ignore merges" src/integrator/bidirectional/weight
     's/merging\.m \+ cut \+/cut +/' bidirectional::weights::mis_weights_equal_enumeration_in_double_precision
 plant "every strategy roughens a part of its own" src/integrator/bidirectional/split.rs \
     's/reach\.join\(&there\.reach\)/there.reach.best/' lib::integrator::bidirectional::audit::cases::audit_of_the_split
+plant "a first sample that is cut at once has no pixels" src/integrator/mod.rs \
+    's/ && !\(piece == 0 && self\.keeps_pieces\(\)\)//' stop::first_sample_that_is_cut_at_once_has_its_first_pixels
+plant "one level: discs of fireflies" src/resolve/tiles.rs \
+    's/self\.cap\(&mut only\);//' lib::resolve::tests::one_level_makes_no_discs_of_glints_and_fireflies
+plant "one level: discs of glints" src/resolve/mod.rs \
+    's/shared: &\[\],\n/shared: all.shared,\n/' lib::resolve::tests::one_level_makes_no_discs_of_glints_and_fireflies
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

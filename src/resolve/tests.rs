@@ -14,15 +14,15 @@ fn stream(n: u32) -> IndependentStream {
 
 /// A square film of one sample a batch, all of whose light is roughened.
 fn levels(size: usize, of: impl Fn(usize, usize, usize) -> Rgb, count: usize) -> LevelFilm {
-    film(size, of, count, |_| Rgb::ZERO)
+    film(size, of, count, |_, _| Rgb::ZERO)
 }
 
-/// A square film of one sample a batch: the light by level, batch and pixel, and what no level roughens.
+/// A square film of one sample a batch: the light by level, batch and pixel, and what no level roughens by batch and pixel.
 fn film(
     size: usize,
     of: impl Fn(usize, usize, usize) -> Rgb,
     count: usize,
-    shared: impl Fn(usize) -> Rgb,
+    shared: impl Fn(usize, usize) -> Rgb,
 ) -> LevelFilm {
     let frame = crate::math::UVec2::splat(size as u32);
     let mut film = LevelFilm::new(frame, Window::full(frame), count);
@@ -31,7 +31,7 @@ fn film(
             let levels: Vec<Rgb> = (0..count).map(|k| of(k, b, i)).collect();
             let path = PathLevels {
                 levels: &levels,
-                shared: shared(i),
+                shared: shared(b, i),
                 features: [0.0; FEATURES],
             };
             film.push(i, b as u32, &path);
@@ -190,7 +190,7 @@ fn blur_lowers_noise_and_keeps_texture_and_edges() {
         }
     };
     let edge = |i: usize| if i % size < 16 { 1.0f32 } else { 0.1 };
-    let shared = |i: usize| Rgb::splat(texture(i));
+    let shared = |_, i: usize| Rgb::splat(texture(i));
     let value = |spread: f32| {
         move |k: usize, b, i| {
             let noise = 1.0 + spread * [4.0, 1.0][k] * noise(k, b, i);
@@ -657,7 +657,7 @@ fn fireflies_are_not_blurred_and_rare_light_is() {
 #[test]
 fn no_smoothing_leaves_the_means_of_level_0() {
     let value = |k: usize, b, i| Rgb::splat(1.0 + [0.4, 0.1][k] * noise(k, b, i));
-    let film = film(32, value, 2, |_| Rgb::splat(0.5));
+    let film = film(32, value, 2, |_, _| Rgb::splat(0.5));
     let resolved = resolve_film(&film, Resolve::None);
     assert_eq!(resolved.picture, film.mean(0));
     assert!(resolved.level.iter().all(|&k| k == 0));
@@ -796,29 +796,14 @@ fn one_level_makes_no_discs_of_glints_and_fireflies() {
     };
     assert!(noise_of(&plain) < 0.07, "{}", noise_of(&plain));
     // Met by one of the batches only, as by chance: 80 in the mean.
-    let mut glint = LevelFilm::new(
-        crate::math::UVec2::splat(SIZE as u32),
-        Window::full(crate::math::UVec2::splat(SIZE as u32)),
-        1,
-    );
-    for i in 0..SIZE * SIZE {
-        for b in 0..BATCHES {
-            let seen = Rgb::splat(if i == middle && b == 1 { 320.0 } else { 0.0 });
-            let path = PathLevels {
-                levels: &[even(b, i) + seen],
-                shared: seen,
-                features: [0.0; FEATURES],
-            };
-            glint.push(i, b as u32, &path);
-        }
-    }
+    let bright = |b, i| Rgb::splat(if i == middle && b == 1 { 320.0 } else { 0.0 });
+    let with_bright = |_, b, i| even(b, i) + bright(b, i);
+    let glint = film(SIZE, with_bright, 1, bright);
     let shown = resolve_film(&glint, Resolve::Default).picture;
     let (near, at) = (around_the_middle(&shown), shown.pixels[middle].x);
     assert!((near - around_the_middle(&plain)).abs() < 0.02, "{near}");
     assert!((at - 81.0).abs() < 2.0, "{at}");
-    let firefly =
-        |_, b, i| even(b, i) + Rgb::splat(if i == middle && b == 1 { 320.0 } else { 0.0 });
-    let shown = resolve_film(&levels(SIZE, firefly, 1), Resolve::Default).picture;
+    let shown = resolve_film(&levels(SIZE, with_bright, 1), Resolve::Default).picture;
     let near = around_the_middle(&shown);
     assert!(near < 1.6, "{near}");
 }

@@ -70,6 +70,21 @@ fn blank(size: u32, settings: &Settings) -> Picture {
     .expect("a small picture")
 }
 
+/// A square picture of a render that is stopped before it begins, without a whole sample; why it ended.
+fn stopped_at_once(scene: &Scene, settings: &Settings, size: u32) -> (Picture, Reason) {
+    let asked = AtomicBool::new(true);
+    let stop = Stop::when(&asked);
+    let mut picture = blank(size, settings);
+    let film = picture.film.clone();
+    let view = View::of(scene, &scene.parts().cameras[0], &film);
+    let view = &view.until(&stop);
+    let go_on = &mut |_: &_, _: &_| ControlFlow::Continue(());
+    let (integrator, budget) = (&mut *settings.integrator(), Budget::default());
+    let (progress, reason) = drive(integrator, view, &budget, 0, &mut picture, go_on);
+    assert_eq!(progress.samples, 0);
+    (picture, reason)
+}
+
 fn whole(scene: &Scene, settings: &Settings, samples: u32) -> Picture {
     let mut picture = blank(24, settings);
     let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
@@ -170,25 +185,11 @@ fn stopped_first_pass_of_chains_is_as_bright_as_a_whole_one() {
         max_vertices: 5,
         ..Settings::default()
     };
-    let asked = AtomicBool::new(true);
-    let stop = Stop::when(&asked);
-    let mut picture = blank(16, &settings);
-    let film = picture.film.clone();
-    let view = View::of(&scene, &scene.parts().cameras[0], &film);
-    let go_on = &mut |_: &_, _: &_| ControlFlow::Continue(());
-    let integrator = &mut *settings.integrator();
-    let until = view.until(&stop);
-    let (progress, reason) = drive(
-        integrator,
-        &until,
-        &Budget::default(),
-        0,
-        &mut picture,
-        go_on,
-    );
-    assert_eq!((progress.samples, reason), (0, Reason::Stopped));
+    let (picture, reason) = stopped_at_once(&scene, &settings, 16);
+    assert_eq!(reason, Reason::Stopped);
     let (found, _) = mean(&picture.film);
     let mut whole = blank(16, &settings);
+    let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
     settings.integrator().pass(&view, 0..4, &mut whole);
     let (expected, _) = mean(&whole.film);
     assert!((found / expected - 1.0).abs() < 0.2, "{found}, {expected}");
@@ -266,28 +267,20 @@ fn first_sample_that_is_cut_at_once_has_its_first_pixels() {
         Estimator::Vcm(radius),
         Estimator::Sppm(radius),
     ] {
-        for guided in [false, true] {
+        for batched in [false, true] {
             let mut settings = Settings {
                 estimator,
                 max_vertices: 4,
                 ..Settings::default()
             };
-            if guided {
+            if batched {
                 settings.levels = settings.usual_levels(true).expect("levels");
             }
-            let asked = AtomicBool::new(true);
-            let stop = Stop::when(&asked);
-            let mut picture = blank(64, &settings);
-            let film = picture.film.clone();
-            let view = View::of(&scene, &scene.parts().cameras[0], &film);
-            let go_on = &mut |_: &_, _: &_| ControlFlow::Continue(());
-            let (integrator, budget) = (&mut *settings.integrator(), Budget::default());
-            let view = &view.until(&stop);
-            let (progress, _) = drive(integrator, view, &budget, 0, &mut picture, go_on);
-            assert_eq!(progress.samples, 0);
+            let (picture, _) = stopped_at_once(&scene, &settings, 64);
             let met = picture.film.pixels.iter().map(|pixel| pixel.n > 0);
             let met: Vec<bool> = met.collect();
             let count = met.iter().filter(|met| **met).count();
+            // One of four pieces.
             assert_eq!(count, 1024, "{estimator:?}");
             if let Some(levels) = &picture.levels {
                 let batch = &levels.batch_means(0)[0].pixels;

@@ -68,7 +68,7 @@ impl Tokens {
                     self.line += 1;
                     self.at += 1;
                 }
-                // Form feeds, too: they end a word, so that nothing would be left of one that begins there.
+                // All that ends a word, form feeds too: a word that began there would be empty, and so would all after it.
                 _ if byte.is_ascii_whitespace() => self.at += 1,
                 b'#' => {
                     let rest = &self.text[self.at..];
