@@ -50,7 +50,7 @@ impl Ended {
 
     /// Fails unless the program did what it was asked.
     pub(crate) fn done(self) -> Self {
-        assert_eq!(self.code, Some(0), "{}", self.err);
+        assert_eq!(self.code, Some(0), "{}{}", self.out, self.err);
         self
     }
 }
