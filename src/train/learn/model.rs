@@ -4,7 +4,7 @@ use crate::regularise::{AttenuationTable, LEN, Lookup};
 use crate::train::config::Optimiser;
 use crate::train::evaluate::GAMMA_MIN;
 use crate::train::learn::loss::{device, tensor};
-use burn::module::{Module, Param};
+use burn::module::{Module, Param, ParamId};
 use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::store::{ModuleRecord, RecordError};
 use burn::tensor::{Bytes, Tensor};
@@ -40,7 +40,11 @@ impl Learner {
             learning_rate,
             lookup,
             parameters: Parameters {
-                values: Param::from_tensor(parameters(vec![value; LEN])),
+                // They require no gradient: until a backward pass burn would keep a node of every leaf, 2.4 kB a step.
+                values: Param::initialized(
+                    ParamId::new(),
+                    tensor(vec![value; LEN], &device().autodiff()),
+                ),
             },
             // The ε of Kingma and Ba; burn's default is 1e-5.
             adam: AdamConfig::new().with_epsilon(1e-8).init(),
@@ -83,9 +87,8 @@ impl Learner {
             Optimiser::Log => (GAMMA_MIN.ln(), 0.0),
         };
         let values = self.parameters.values.clone();
-        // A new leaf; otherwise the parameter would stay on the graph of the step.
-        self.parameters.values =
-            values.map(|t| Tensor::from_inner(t.inner().clamp(low, high)).require_grad());
+        // Without a gradient, see `new`.
+        self.parameters.values = values.map(|t| Tensor::from_inner(t.inner().clamp(low, high)));
     }
 
     /// Gradient by the parameters, from dL/dγ.
@@ -169,9 +172,4 @@ pub struct LearnerState {
     pub parameters: Vec<u8>,
     /// Adam's moments and step count.
     pub adam: Vec<u8>,
-}
-
-/// Parameters as a leaf of burn's graph.
-fn parameters(values: Vec<f32>) -> Tensor<1> {
-    tensor(values, &device().autodiff()).require_grad()
 }
