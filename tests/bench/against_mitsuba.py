@@ -169,6 +169,10 @@ def mitsuba_scene(folder, parts, sampler="independent"):
         if kind == "light":
             shape["emitter"] = {"type": "area", "radiance": rgb([RADIANCE] * 3)}
             shape["bsdf"] = {"type": "diffuse", "reflectance": rgb([0.0] * 3)}
+        elif kind == ("glass", 0):
+            shape["bsdf"] = {"type": "dielectric", "int_ior": IOR, "ext_ior": 1.0}
+        elif kind == ("metal", 0):
+            shape["bsdf"] = {"type": "conductor", "material": "none"}
         elif kind[0] == "glass":
             shape["bsdf"] = {"type": "roughdielectric", "distribution": "beckmann", "alpha": kind[1],
                              "int_ior": IOR, "ext_ior": 1.0}

@@ -59,7 +59,8 @@ def mitsuba(folder, parts, spp, seed, lanes, sampler="independent"):
     return np.array(mi.render(scene, spp=spp, seed=seed))[..., :3]
 
 
-def cycles(folder, parts, spp, seed):
+def cycles(folder, parts, spp, seed, *features):
+    """With features of its own: "denoise", "guide", "caustics" (manifolds from surfaces to lamps through glass)."""
     import bpy
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -70,7 +71,9 @@ def cycles(folder, parts, spp, seed):
     render.filepath = os.path.join(folder, "cycles.exr")
     render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
     options.samples, options.seed, options.pixel_filter_type = spp, seed, "BOX"
-    options.use_adaptive_sampling = options.use_denoising = False
+    options.use_adaptive_sampling = False
+    options.use_denoising, options.denoiser = "denoise" in features, "OPENIMAGEDENOISE"
+    options.use_guiding = "guide" in features
     options.sample_clamp_indirect, options.blur_glossy = 0, 0
     for bounces in ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces"):
         setattr(options, bounces, VERTICES)
@@ -103,11 +106,29 @@ def cycles(folder, parts, spp, seed):
         return material
 
     for name, kind, (p, _, index) in parts:
+        if kind == "light" and "caustics" in features:
+            # Manifolds end on lamps, which a camera does not see; the mesh is seen by nothing else.
+            sides = (p[1] - p[0], p[3] - p[0])
+            lamp = bpy.data.lights.new(name, "AREA")
+            lamp.shape = "RECTANGLE"
+            lamp.size, lamp.size_y = (float(np.linalg.norm(side)) for side in sides)
+            lamp.energy = math.pi * RADIANCE * lamp.size * lamp.size_y
+            lamp.cycles.is_caustics_light = True
+            made = bpy.data.objects.new(name, lamp)
+            made.location = p.mean(0).tolist()
+            # A lamp shines along its -z.
+            made.rotation_euler = (-math.pi / 2, 0, 0)
+            scene.collection.objects.link(made)
         mesh = bpy.data.meshes.new(name)
         mesh.from_pydata(p.tolist(), [], index.tolist())
         mesh.shade_smooth()
         mesh.materials.append(shader(kind, name))
-        scene.collection.objects.link(bpy.data.objects.new(name, mesh))
+        made = bpy.data.objects.new(name, mesh)
+        if kind == "light" and "caustics" in features:
+            made.visible_diffuse = made.visible_glossy = made.visible_transmission = made.visible_shadow = False
+        made.cycles.is_caustics_caster = kind[0] == "glass"
+        made.cycles.is_caustics_receiver = kind[0] not in ("glass", "metal")
+        scene.collection.objects.link(made)
     camera = bpy.data.cameras.new("camera")
     camera.sensor_fit, camera.angle = "VERTICAL", FOV_Y
     scene.camera = bpy.data.objects.new("camera", camera)
@@ -115,10 +136,19 @@ def cycles(folder, parts, spp, seed):
     scene.collection.objects.link(scene.camera)
     bpy.ops.render.render(write_still=True)
     pixels = np.array(bpy.data.images.load(render.filepath).pixels)
-    return pixels.reshape(SIZE, SIZE, 4)[..., :3]
+    # Rows from below.
+    return pixels.reshape(SIZE, SIZE, 4)[::-1, :, :3]
 
 
-def luxcore(folder, parts, spp, seed, engine):
+# Properties of LuxCore: light paths for what is seen by way of smooth glass and metal, and its caustics from photons.
+HYBRID = {"path.hybridbackforward.enable": True, "path.hybridbackforward.partition": 0.8,
+          "path.hybridbackforward.glossinessthreshold": 0.05}
+PHOTON_GI = {"path.photongi.caustic.enabled": True, "path.photongi.photon.maxcount": 2_000_000,
+             "path.photongi.photon.maxdepth": VERTICES, "path.photongi.caustic.maxsize": 200_000,
+             "path.photongi.caustic.updatespp": 8}
+
+
+def luxcore(folder, parts, spp, seed, engine, **options):
     import pyluxcore as lux
 
     lux.Init(lambda message: None)
@@ -142,6 +172,10 @@ def luxcore(folder, parts, spp, seed, engine):
         material = f"scene.materials.{name}."
         if kind == "light":
             values = {"type": "matte", "kd": [0.0] * 3, "emission": white, "emission.gain": [RADIANCE] * 3}
+        elif kind == ("glass", 0):
+            values = {"type": "glass", "kr": white, "kt": white, "interiorior": IOR}
+        elif kind == ("metal", 0):
+            values = {"type": "mirror", "kr": white}
         elif kind[0] == "glass":
             values = {"type": "roughglass", "kr": white, "kt": white, "interiorior": IOR, "uroughness": kind[1],
                       "vroughness": kind[1]}
@@ -161,7 +195,7 @@ def luxcore(folder, parts, spp, seed, engine):
         "sampler.sobol.adaptive.strength": 0.0, "path.pathdepth.total": depth, "path.pathdepth.diffuse": depth,
         "path.pathdepth.glossy": depth, "path.pathdepth.specular": depth, "light.maxdepth": depth, "path.maxdepth": depth,
         "film.width": SIZE, "film.height": SIZE, "film.filter.type": "NONE", "film.imagepipelines.0.0.type": "NOP",
-        "batch.haltspp": spp,
+        "batch.haltspp": spp, **options,
     }), scene)
     session = lux.RenderSession(config)
     session.Start()
@@ -171,7 +205,8 @@ def luxcore(folder, parts, spp, seed, engine):
     session.Stop()
     pixels = np.zeros((SIZE, SIZE, 3), np.float32)
     session.GetFilm().GetOutputFloat(lux.FilmOutputType.RGB_IMAGEPIPELINE, pixels, 0)
-    return pixels
+    # Rows from below.
+    return pixels[::-1]
 
 
 # Name: package, what renders.
