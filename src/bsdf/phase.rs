@@ -24,10 +24,10 @@ pub struct Phase {
 }
 
 impl Phase {
-    /// Roughness of the lobe, 1 − |g|.
+    /// Roughness of the lobe, 1 − |g|; rounding makes it no Dirac delta.
     #[inline]
     pub fn alpha(&self) -> f32 {
-        1.0 - self.mean_cosine.abs()
+        (1.0 - self.mean_cosine.abs()).max(DELTA_ALPHA)
     }
 
     /// Direction of the lobe's peak.
@@ -64,7 +64,8 @@ impl Phase {
         let (turn_sin, turn_cos) = (TAU * v).sin_cos();
         let frame = Frame::from_normal(self.peak(wo));
         let wi = frame.to_world(Vec3::new(sin * turn_cos, sin * turn_sin, 1.0 - off));
-        let lobe = if alpha < 1.0 {
+        // By the roughness of its own: the lobe is the same one however it is roughened.
+        let lobe = if self.alpha() < 1.0 {
             Lobe::Reflection
         } else {
             Lobe::Diffuse
@@ -169,6 +170,17 @@ mod tests {
             }
             assert!((sum - 1.0).abs() < 2e-3, "g {g}: {sum}");
             assert!((mean - f64::from(g)).abs() < 1e-2, "g {g}: {mean}");
+        }
+    }
+
+    /// The sharpest lobe scatters all light still: rounding leaves 1 − g below the bound of Dirac deltas.
+    #[test]
+    fn phase_of_the_greatest_mean_cosine_scatters() {
+        for g in [MAX_MEAN_COSINE, -MAX_MEAN_COSINE] {
+            let alpha = Phase { mean_cosine: g }.alpha();
+            let sample = bsdf(g).sample(alpha, WO, [0.3, 0.6, 0.2]).unwrap();
+            assert!(!sample.delta && sample.pdf_w > 0.0, "{sample:?}");
+            assert!(bsdf(g).eval(alpha, WO, sample.wi).pdf_w > 0.0);
         }
     }
 

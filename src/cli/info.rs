@@ -190,6 +190,7 @@ fn material(m: &Material) -> serde_json::Value {
     let kind = match (m.transmission > 0.0, m.solid) {
         (true, true) => "solid transmission",
         (true, false) => "thin-walled transmission",
+        _ if m.phase.is_some() => "phase function",
         _ if m.metallic >= 1.0 => "metal",
         _ if m.is_lambert() => "lambert",
         _ => "glossy over lambert",

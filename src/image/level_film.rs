@@ -13,6 +13,7 @@
 use super::Buffer;
 use super::film::Window;
 use crate::math::{Rgb, UVec2};
+use std::borrow::Cow;
 use std::io::{self, Write};
 
 /// Independent batches.
@@ -280,9 +281,31 @@ impl LevelFilm {
         sums.map(|sum| (sum as f64 / all as f64) as f32)
     }
 
-    /// The fewest samples that a batch of a pixel has.
-    pub fn least_samples(&self) -> u32 {
-        self.counts.iter().flatten().copied().min().unwrap_or(0)
+    /// The film with a sample in every batch: where one has none, since all were refused, it has the mean of the pixel's others.
+    /// `None` if more than a hundredth of the pixels lack one, as those of all films of less than four samples do.
+    pub fn complete(&self) -> Option<Cow<'_, Self>> {
+        let lacks = |index: &usize| self.counts[*index].contains(&0);
+        let lacking: Vec<usize> = (0..self.counts.len()).filter(lacks).collect();
+        if lacking.is_empty() {
+            return Some(Cow::Borrowed(self));
+        }
+        if 100 * lacking.len() > self.counts.len() {
+            return None;
+        }
+        let mut film = self.clone();
+        let stride = self.levels + 1;
+        for index in lacking {
+            let n: u32 = self.counts[index].iter().sum();
+            for batch in (0..BATCHES).filter(|&batch| self.counts[index][batch] == 0) {
+                film.counts[index][batch] = 1;
+                for level in 0..stride {
+                    let sums = (0..BATCHES).map(|batch| self.sum(index, batch, level));
+                    film.sums[(index * BATCHES + batch) * stride + level] =
+                        sums.sum::<Rgb>() / n.max(1) as f32;
+                }
+            }
+        }
+        Some(Cow::Owned(film))
     }
 
     // ── tiles ──
@@ -449,6 +472,36 @@ mod tests {
             features: [0.6, -0.8, 0.0, 7.3, 0.0, 0.0, 1.0, 5.0, 0.5, 0.5, 0.2],
         };
         samples.for_each(|sample| film.push(index, sample, &path));
+    }
+
+    #[test]
+    fn complete_film_lends_an_empty_batch_the_others_mean() {
+        let size = UVec2::new(20, 10);
+        let mut film = LevelFilm::new(size, Window::full(size), 2);
+        (0..200).for_each(|index| push(&mut film, index, 0..8));
+        assert!(matches!(film.complete(), Some(Cow::Borrowed(_))));
+        let whole = film.clone();
+        let mut film = LevelFilm::new(size, Window::full(size), 2);
+        for index in 0..200 {
+            // Two pixels of two hundred lack a batch.
+            (0..8u32)
+                .filter(|sample| index > 1 || sample % 4 != 2)
+                .for_each(|sample| push(&mut film, index, sample..sample + 1));
+        }
+        let complete = film.complete().expect("a film");
+        for level in 0..=2 {
+            let (found, expected) = (complete.batch_means(level), whole.batch_means(level));
+            for (a, b) in found.iter().zip(&expected) {
+                let pairs = a.pixels.iter().zip(&b.pixels);
+                assert!(
+                    pairs
+                        .map(|(a, b)| (*a - *b).abs().max_element())
+                        .all(|d| d < 1e-6)
+                );
+            }
+        }
+        film.counts[2][1] = 0;
+        assert_eq!(film.complete(), None);
     }
 
     /// In single precision 0.7 added a million times is off by up to 1 %.

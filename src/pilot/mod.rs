@@ -180,7 +180,7 @@ pub fn advise(scene: &Scene) -> Advice {
     if scene.has_dispersion() {
         return advice(IntegratorKind::Path, "nothing else has dispersion");
     }
-    if scene.scatters() && (glass || mirror) && (punctual || area) {
+    if scene.scatters() && (glass || mirror) && (punctual || area || has_sun(scene)) {
         return advice(
             IntegratorKind::Bdpt,
             "caustics, and media that scatter, which path and bdpt know",

@@ -17,6 +17,7 @@ use crate::math::UVec2;
 use crate::regularise::Rule;
 use crate::resolve::film_errors;
 use crate::sampler::{Domain, SamplerKind, Seed};
+use crate::scene::medium::Media;
 use std::fmt;
 
 /// Share of the render's time that the witness takes.
@@ -92,7 +93,9 @@ impl fmt::Display for Missing {
 /// whose roughest is one, for roughened paths, for scenes without anything glossy, and for renders that are too short.
 fn samples_beside(view: &View<'_>, settings: &Settings, samples: u32) -> u32 {
     let roughened = settings.rule != Rule::Plain;
-    if roughened || settings.strategy.is_some() || !view.scene.has_lobes() {
+    // Roughened phase functions do not keep the light of a picture.
+    let uneven = (view.scene.media()).is_some_and(Media::has_lobes);
+    if roughened || uneven || settings.strategy.is_some() || !view.scene.has_lobes() {
         return 0;
     }
     // In samples of the path tracer.
@@ -263,6 +266,24 @@ mod tests {
             }
         }
         film
+    }
+
+    /// Roughened phase functions change the light of a picture, so that nothing could be said of it.
+    #[test]
+    fn fog_that_scatters_unevenly_has_no_witness() {
+        for (mean_cosine, expected) in [(0.0, true), (-0.9, false)] {
+            let mut parts = crate::gallery::caustic_box();
+            parts.medium = Some(crate::scene::Medium {
+                scattering: Rgb::splat(0.1),
+                mean_cosine,
+                ..Default::default()
+            });
+            let scene = crate::scene::Scene::new(parts);
+            let film = Film::new(UVec2::splat(64));
+            let view = View::of(&scene, &scene.parts().cameras[0], &film);
+            let samples = samples_beside(&view, &Settings::default(), 256);
+            assert_eq!(samples > 0, expected, "{mean_cosine}");
+        }
     }
 
     #[test]

@@ -53,16 +53,17 @@ pub struct Denoised {
 }
 
 /// Mixes the choice among the levels of a film with the picture of a denoiser, any function of a picture; fails where that
-/// does. A film without a sample in every batch has no noise to judge by: it is denoised as it is.
+/// does. A film that cannot be made [complete](LevelFilm::complete) has no noise to judge by: it is denoised as it is.
 pub fn denoise_film<E>(
     film: &LevelFilm,
     mut resolved: Resolved,
     denoise: impl Fn(&Buffer) -> Result<Buffer, E>,
 ) -> Result<Denoised, E> {
-    if film.least_samples() == 0 {
+    let Some(film) = film.complete() else {
         resolved.picture = denoise(&resolved.picture)?;
         return Ok(Denoised { resolved, fed: 0 });
-    }
+    };
+    let film = film.as_ref();
     let judge = Judge::new(film);
     let mut best: Option<(f64, usize, Halves)> = None;
     // Those between gain nothing.

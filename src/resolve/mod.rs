@@ -58,7 +58,7 @@ pub use statement::{Statement, film_error, film_errors};
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Resolve {
-    /// None: the means of all samples at level 0, plain path tracing.
+    /// None: the means of all samples as they are, of several levels those of level 0, plain path tracing.
     None,
     /// Every pixel gets the level with the least error.
     Sharp,
@@ -166,10 +166,10 @@ impl Resolved {
     }
 }
 
-/// Chooses for every pixel of a film. A film without a sample in every batch has no noise estimate: its picture
-/// is level 0, its error infinite.
+/// Chooses for every pixel of a film. A film that cannot be made [complete](LevelFilm::complete) has no noise estimate: its
+/// picture is level 0, its error infinite.
 pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
-    if film.least_samples() == 0 {
+    let Some(complete) = film.complete() else {
         let picture = film.mean(0);
         let pixels = picture.pixels.len();
         return Resolved {
@@ -178,8 +178,8 @@ pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
             bias2: vec![0.0; pixels],
             variance: vec![f32::INFINITY; pixels],
         };
-    }
-    let mut resolved = resolve(film, Limits::of(settings, film.levels()), TILE);
+    };
+    let mut resolved = resolve(&complete, Limits::of(settings, film.levels()), TILE);
     if settings == Resolve::None {
         resolved.picture = film.mean(0);
     }

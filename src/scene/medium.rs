@@ -98,6 +98,7 @@ pub(crate) struct Media {
     /// Medium outside of all bodies.
     outside: Filling,
     scatters: bool,
+    has_lobes: bool,
 }
 
 impl Media {
@@ -138,6 +139,7 @@ impl Media {
             bodies,
             outside,
             scatters,
+            has_lobes: (parts.materials.iter()).any(|m| m.phase.is_some_and(|p| p.alpha() < 1.0)),
         })
     }
 
@@ -156,6 +158,11 @@ impl Media {
     /// True if any of them scatters.
     pub(crate) fn scatters(&self) -> bool {
         self.scatters
+    }
+
+    /// True if any of them scatters more light in some directions than in others.
+    pub(crate) fn has_lobes(&self) -> bool {
+        self.has_lobes
     }
 }
 

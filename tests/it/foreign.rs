@@ -427,7 +427,20 @@ fn foreign_media_are_read_or_named_with_their_line() {
         (
             "a.pbrt",
             pbrt.replace("-0.3", "1"),
-            "line 1: scale 2 or g 1 of a medium",
+            "line 1: g of a medium is 1, not between -1 and 1",
+        ),
+        (
+            "a.pbrt",
+            pbrt.replace("float scale\" 2", "float scale\" 1e38"),
+            "line 1: coefficients of a medium, times its scale, are not",
+        ),
+        (
+            "a.pbrt",
+            pbrt.replace(
+                "\"interface\" Shape",
+                "\"interface\" AreaLightSource \"diffuse\" Shape",
+            ),
+            "line 5: light from a boundary of a medium that is not seen is not",
         ),
         (
             "a.pbrt",
@@ -461,6 +474,19 @@ fn foreign_media_are_read_or_named_with_their_line() {
         let text = message(name, &text);
         assert!(text.contains(expected), "{expected}: {text}");
     }
+}
+
+/// A dim lamp over wide ground lights a scene all the same, other than a model, whose dials may shine.
+#[test]
+fn foreign_scenes_with_any_light_are_lit() {
+    let ground = "WorldBegin\nShape \"disk\" \"float radius\" 1000\n";
+    let lamp = "AreaLightSource \"diffuse\" \"float scale\" 0.1 Shape \"sphere\"";
+    assert!(!read("a.pbrt", ground, false).unwrap().lit);
+    assert!(
+        read("a.pbrt", &format!("{ground}{lamp}"), false)
+            .unwrap()
+            .lit
+    );
 }
 
 /// Names of no medium are none; a disk has no triangles without area.

@@ -469,6 +469,74 @@ fn levels_in_a_medium_begin_with_plain_path_tracing() {
     assert_eq!(picture.film.rejected.total(), 0);
 }
 
+/// Levels that roughen a phase function to 1 have the light of one level that does.
+#[test]
+fn levels_of_isotropic_phase_functions_lose_nothing() {
+    let mut parts = SceneParts {
+        environment: Some(Environment::constant(Rgb::ONE)),
+        ..SceneParts::default()
+    };
+    let cloud = filled(1.0, medium([0.0; 3], [0.5, 1.0, 2.0], 0.8));
+    parts.add(cloud, [sphere(Vec3::ZERO, 1.0, 3)]);
+    let white = diffuse("white", Rgb::ONE);
+    parts.add(white, [sphere(Vec3::ZERO, 0.6, 3)]);
+    parts.add_camera([0.0, 0.4, 4.0], [0.0, 0.0, 0.0], 28.0);
+    let scene = scene(parts);
+    let size = UVec2::splat(16);
+    let settings = |levels| Settings {
+        rule: Rule::constant(1.0),
+        levels,
+        ..deep(PATH, 64, 5)
+    };
+    let one = film_with(&scene, &settings(Vec::new()), 16, 256);
+    let settings = settings(vec![0.0, 1.0]);
+    let full = opsr::image::film::Window::full(size);
+    let mut picture = Picture::blank(size, full, 2, [false; 3]).unwrap();
+    let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
+    settings.integrator().pass(&view, 0..256, &mut picture);
+    let rough = picture.levels.expect("levels").mean(1);
+    let rough = rough
+        .pixels
+        .iter()
+        .map(|p| f64::from(p.element_sum()))
+        .sum::<f64>()
+        / 768.0;
+    let (one, error) = mean(&one);
+    assert!(
+        (rough - one).abs() < 6.0 * error + 2e-3,
+        "{rough} {one} ± {error}"
+    );
+}
+
+/// A camera in the plane that two clouds share is inside of one of them, as one beside it is.
+#[test]
+fn camera_on_a_plane_of_two_media_knows_where_it_is() {
+    let light = |x: f32| {
+        let mut parts = SceneParts {
+            own_boundaries: true,
+            ..SceneParts::default()
+        };
+        let half = |low: f32, high: f32, name: &str| {
+            let own = medium([1.0, 0.1, 0.1], [0.2, 0.2, 0.2], 0.0);
+            let mut material = filled(1.0, own);
+            material.name = name.into();
+            (
+                material,
+                cuboid(Vec3::new(low, -2.0, -2.0), Vec3::new(high, 2.0, 2.0)),
+            )
+        };
+        for (material, body) in [half(-2.0, 0.0, "left"), half(0.0, 2.0, "right")] {
+            parts.add(material, [body]);
+        }
+        let wall = quad(Vec3::new(-4.0, -4.0, -3.0), Vec3::X * 8.0, Vec3::Y * 8.0);
+        parts.add(emitter("wall", Rgb::ONE), [wall]);
+        parts.add_camera([x, 0.0, 0.0], [x, 0.0, -1.0], 30.0);
+        mean(&film_with(&scene(parts), &deep(PATH, 8, 6), 16, 64)).0
+    };
+    let (on, beside) = (light(0.0), light(1e-3));
+    assert!((on / beside - 1.0).abs() < 0.05, "{on} {beside}");
+}
+
 #[test]
 fn determinism_of_media_over_threads() {
     let fog = medium([0.05, 0.1, 0.1], [0.5, 0.3, 0.8], 0.5);

@@ -83,7 +83,11 @@ impl Walk<'_> {
                         },
                     });
                 }
-                transmittance /= chances.dot(transmittance);
+                // A ray without an end may come through by rounding alone.
+                let density = chances.dot(transmittance);
+                if density > 0.0 {
+                    transmittance /= density;
+                }
             }
             self.throughput *= transmittance;
             carried.scale(transmittance);

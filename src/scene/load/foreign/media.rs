@@ -7,6 +7,7 @@
 
 use super::super::error::{Result, fault};
 use super::{Context, Material, Medium};
+use crate::math::Rgb;
 use crate::scene::build::looks;
 
 /// A medium of a file by its number; `None` for nothing.
@@ -24,15 +25,23 @@ pub(super) struct Media {
 impl Media {
     /// Adds a medium whose coefficients are scaled by a factor; its number.
     pub(super) fn add(&mut self, medium: Medium, scale: f64, place: &str) -> Result<usize> {
-        let (scale, g) = (scale as f32, medium.mean_cosine);
-        if !(scale >= 0.0 && scale.is_finite() && g.abs() < 1.0) {
-            return Err(fault(place, format!("scale {scale} or g {g} of a medium")));
+        let g = medium.mean_cosine;
+        if g.is_nan() || g.abs() >= 1.0 {
+            let what = format!("g of a medium is {g}, not between -1 and 1");
+            return Err(fault(place, what));
         }
-        self.all.push(Medium {
-            absorption: scale * medium.absorption,
-            scattering: scale * medium.scattering,
+        let scaled = Medium {
+            absorption: scale as f32 * medium.absorption,
+            scattering: scale as f32 * medium.scattering,
             ..medium
-        });
+        };
+        let least = scaled.absorption.min(scaled.scattering).min_element();
+        let extinction = scaled.absorption + scaled.scattering;
+        if !(least >= 0.0 && extinction.is_finite()) {
+            let what = "coefficients of a medium, times its scale, are not numbers from 0 on";
+            return Err(fault(place, what));
+        }
+        self.all.push(scaled);
         Ok(self.all.len() - 1)
     }
 }
@@ -53,7 +62,10 @@ impl Context {
         if inside == outside {
             return Ok(());
         }
-        if material.opacity == 0.0 && material.emission == crate::math::Rgb::ZERO {
+        if material.opacity == 0.0 {
+            if material.emission != Rgb::ZERO {
+                self.unsupported(place, "light from a boundary of a medium that is not seen")?;
+            }
             *material = looks::glass(1.0, looks::Paint::from(1.0), 0.0);
         }
         if !material.bounds_body() {

@@ -10,7 +10,7 @@ mod ply;
 mod serialized;
 
 use super::error::{Fault, Result, Warnings, fault};
-use super::lit::is_lit;
+use super::lit::shines;
 use super::uris::Files;
 use super::{LoadOptions, Loaded};
 use crate::bsdf::Distribution;
@@ -167,7 +167,7 @@ impl Context {
             other => fault("scene", other.to_string()),
         })?;
         Ok(Loaded {
-            lit: parts.environment.is_some() || is_lit(&parts),
+            lit: shines(&parts),
             parts,
             animations: Vec::new(),
             warnings: self.warnings.into_lines(),
