@@ -80,6 +80,11 @@ impl Window {
         UVec2::new(self.x + (index % w) as u32, self.y + (index / w) as u32)
     }
 
+    /// Index of a full-frame pixel that is in the window: the inverse of [`Window::pixel`].
+    pub fn index(&self, pixel: UVec2) -> usize {
+        (pixel.y - self.y) as usize * self.w as usize + (pixel.x - self.x) as usize
+    }
+
     /// Cuts the window into tiles of at most `edge` pixels a side, row by row.
     pub fn tiles(&self, edge: u32) -> Vec<Self> {
         let edge = edge.max(1);
@@ -205,6 +210,49 @@ pub enum FilmError {
     },
 }
 
+/// Adds a value to a pixel's moments, or refuses it if it is not finite.
+#[inline]
+fn push(
+    moments: &mut Moments,
+    rejected: &mut Rejected,
+    value: Rgb,
+    sample: u32,
+    pixel: impl FnOnce() -> UVec2,
+) {
+    match Cause::of(value) {
+        None => moments.push(value.as_dvec3()),
+        Some(cause) => rejected.add(RejectedSample {
+            pixel: pixel(),
+            sample,
+            cause,
+        }),
+    }
+}
+
+/// Rows of a film, to which a thread adds samples while others add to the rest.
+pub(crate) struct FilmBand<'a> {
+    /// The rows.
+    pub(crate) window: Window,
+    pixels: &'a mut [Moments],
+    /// Samples that were refused.
+    pub(crate) rejected: Rejected,
+}
+
+impl FilmBand<'_> {
+    /// The same as [`Film::push`], by the index in the band.
+    #[inline]
+    pub(crate) fn push(&mut self, index: usize, value: Rgb, sample: u32) {
+        let pixel = || self.window.pixel(index);
+        push(
+            &mut self.pixels[index],
+            &mut self.rejected,
+            value,
+            sample,
+            pixel,
+        );
+    }
+}
+
 /// Largest single-precision number: the bound of what a picture can hold.
 const LARGEST: DVec3 = DVec3::splat(f32::MAX as f64);
 
@@ -274,14 +322,14 @@ impl Film {
     /// Adds the value of `sample` to `pixels[index]`, or refuses it if it is not finite.
     #[inline]
     pub fn push(&mut self, index: usize, value: Rgb, sample: u32) {
-        match Cause::of(value) {
-            None => self.pixels[index].push(value.as_dvec3()),
-            Some(cause) => self.rejected.add(RejectedSample {
-                pixel: self.window.pixel(index),
-                sample,
-                cause,
-            }),
-        }
+        let pixel = || self.window.pixel(index);
+        push(
+            &mut self.pixels[index],
+            &mut self.rejected,
+            value,
+            sample,
+            pixel,
+        );
     }
 
     /// The same for an estimator whose pixels share light paths: the whole is known by its samples, too.
@@ -391,6 +439,27 @@ impl Film {
         let y = (tile.y - self.window.y + row) as usize;
         let start = y * self.window.w as usize + (tile.x - self.window.x) as usize;
         (start..start + w, row as usize * w..(row as usize + 1) * w)
+    }
+
+    /// The film in bands of so many rows, the last of which may have fewer. What they refuse is theirs: [`Film::refuse`] adds it.
+    pub(crate) fn bands(&mut self, rows: u32) -> impl Iterator<Item = FilmBand<'_>> {
+        let all = self.window;
+        let pixels = self.pixels.chunks_mut((all.w * rows) as usize);
+        let first = (0..all.h).step_by(rows as usize);
+        pixels.zip(first).map(move |(pixels, row)| FilmBand {
+            window: Window {
+                y: all.y + row,
+                h: rows.min(all.h - row),
+                ..all
+            },
+            pixels,
+            rejected: Rejected::default(),
+        })
+    }
+
+    /// Adds the refusals of a band.
+    pub(crate) fn refuse(&mut self, refused: &Rejected) {
+        self.rejected.append(refused);
     }
 
     // ── checkpoints ──

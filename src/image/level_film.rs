@@ -15,6 +15,7 @@ use super::film::Window;
 use crate::math::{Rgb, UVec2};
 use std::borrow::Cow;
 use std::io::{self, Write};
+use std::ops::Range;
 
 /// Independent batches.
 pub const BATCHES: usize = 4;
@@ -94,6 +95,70 @@ fn carry(high: &mut f32, low: &mut f32) {
     let added = sum - *high;
     *low = (*high - (sum - added)) + (*low - added);
     *high = sum;
+}
+
+/// True if the sums of a batch are carried over before this sample is added. By the number of the sample, not by the count: so
+/// it depends on the samples alone whether a film carries.
+fn carries(sample: u32) -> bool {
+    (sample / BATCHES as u32 + 1).is_multiple_of(CARRY)
+}
+
+/// Rows of a film, to which a thread adds samples while others add to the rest.
+pub(crate) struct LevelBand<'a> {
+    levels: usize,
+    counts: &'a mut [[u32; BATCHES]],
+    features: &'a mut [Features],
+    sums: &'a mut [Rgb],
+    carried: Option<(&'a mut [Features], &'a mut [Rgb])>,
+}
+
+impl LevelBand<'_> {
+    /// Number of levels.
+    pub(crate) fn levels(&self) -> usize {
+        self.levels
+    }
+
+    /// The same as [`LevelFilm::push`], by the index in the band.
+    #[inline]
+    pub(crate) fn push(&mut self, index: usize, sample: u32, path: &PathLevels<'_>) {
+        let batch = sample as usize % BATCHES;
+        if carries(sample) {
+            self.carry(index, batch);
+        }
+        let levels: &[f32] = bytemuck::cast_slice(path.levels);
+        if !are_finite(levels) || !path.shared.is_finite() {
+            return;
+        }
+        let at = (index * BATCHES + batch) * (self.levels + 1);
+        self.counts[index][batch] += 1;
+        add(
+            bytemuck::cast_slice_mut(&mut self.sums[at..at + self.levels]),
+            levels,
+        );
+        self.sums[at + self.levels] += path.shared;
+        add(&mut self.features[index], &path.features);
+    }
+
+    /// Carries the sums of a pixel's batch over, and with the first batch those of the features.
+    #[cold]
+    fn carry(&mut self, index: usize, batch: usize) {
+        let Some((features, sums)) = &mut self.carried else {
+            return;
+        };
+        let at = (index * BATCHES + batch) * (self.levels + 1);
+        let range = at..at + self.levels + 1;
+        for (high, low) in (sums[range.clone()].iter_mut()).zip(&mut self.sums[range]) {
+            carry(&mut high.x, &mut low.x);
+            carry(&mut high.y, &mut low.y);
+            carry(&mut high.z, &mut low.z);
+        }
+        if batch == 0 {
+            let pairs = features[index].iter_mut();
+            for (high, low) in pairs.zip(&mut self.features[index]) {
+                carry(high, low);
+            }
+        }
+    }
 }
 
 impl Carried {
@@ -178,45 +243,48 @@ impl LevelFilm {
     /// Adds the path of `sample` to the pixel with this index.
     #[inline]
     pub fn push(&mut self, index: usize, sample: u32, path: &PathLevels<'_>) {
-        let batch = sample as usize % BATCHES;
-        // By the number of the sample, not by the count: so it depends on the samples alone whether a film carries.
-        if (sample / BATCHES as u32 + 1).is_multiple_of(CARRY) {
-            self.carry(index, batch);
+        if carries(sample) {
+            self.begin_to_carry();
         }
-        let levels: &[f32] = bytemuck::cast_slice(path.levels);
-        if !are_finite(levels) || !path.shared.is_finite() {
-            return;
+        LevelBand {
+            levels: self.levels,
+            counts: &mut self.counts,
+            features: &mut self.features,
+            sums: &mut self.sums,
+            carried: (self.carried.as_mut()).map(|c| (&mut c.features[..], &mut c.sums[..])),
         }
-        let at = (index * BATCHES + batch) * (self.levels + 1);
-        self.counts[index][batch] += 1;
-        add(
-            bytemuck::cast_slice_mut(&mut self.sums[at..at + self.levels]),
-            levels,
-        );
-        self.sums[at + self.levels] += path.shared;
-        add(&mut self.features[index], &path.features);
+        .push(index, sample, path);
     }
 
-    /// Carries the sums of a pixel's batch over, and with the first batch those of the features.
     #[cold]
-    fn carry(&mut self, index: usize, batch: usize) {
+    fn begin_to_carry(&mut self) {
         let (pixels, levels) = (self.window.len(), self.levels);
-        let carried = self
-            .carried
-            .get_or_insert_with(|| Carried::new(pixels, levels));
-        let at = (index * BATCHES + batch) * (levels + 1);
-        let range = at..at + levels + 1;
-        for (high, low) in (carried.sums[range.clone()].iter_mut()).zip(&mut self.sums[range]) {
-            carry(&mut high.x, &mut low.x);
-            carry(&mut high.y, &mut low.y);
-            carry(&mut high.z, &mut low.z);
+        (self.carried).get_or_insert_with(|| Carried::new(pixels, levels));
+    }
+
+    /// The film in bands of so many rows, the last of which may have fewer, for these samples.
+    pub(crate) fn bands(&mut self, rows: u32, samples: &Range<u32>) -> Vec<LevelBand<'_>> {
+        if samples.clone().any(carries) {
+            self.begin_to_carry();
         }
-        if batch == 0 {
-            let pairs = carried.features[index].iter_mut();
-            for (high, low) in pairs.zip(&mut self.features[index]) {
-                carry(high, low);
-            }
-        }
+        let levels = self.levels;
+        let pixels = (self.window.w * rows) as usize;
+        let stride = BATCHES * (levels + 1);
+        let counts = self.counts.chunks_mut(pixels);
+        let features = self.features.chunks_mut(pixels);
+        let sums = self.sums.chunks_mut(pixels * stride);
+        let mut carried = self.carried.as_mut().map(|carried| {
+            let features = carried.features.chunks_mut(pixels);
+            features.zip(carried.sums.chunks_mut(pixels * stride))
+        });
+        let band = |((counts, features), sums)| LevelBand {
+            levels,
+            counts,
+            features,
+            sums,
+            carried: carried.as_mut().and_then(Iterator::next),
+        };
+        counts.zip(features).zip(sums).map(band).collect()
     }
 
     /// Sum of a level, or of the shared light by the number of levels, in a batch of a pixel.

@@ -170,11 +170,10 @@ impl Picture {
     pub fn bytes(window: Window, levels: usize, recorded: [bool; 3]) -> u64 {
         let records = recorded.iter().filter(|r| **r).count() as u64;
         let pixels = window.len();
-        // Sums and their copy in tiles; choosing takes less.
-        let sums = if levels > 0 {
-            2 * LevelFilm::bytes(pixels, levels)
-        } else {
-            0
+        // Sums, and the samples of a pass; choosing takes less.
+        let sums = match levels {
+            0 => 0,
+            _ => LevelFilm::bytes(pixels, levels) + pixels as u64 * levels::pass_bytes(levels),
         };
         pixels as u64 * (Self::FILM_BYTES + Self::AOV_BYTES * records) + sums
     }

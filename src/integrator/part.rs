@@ -571,7 +571,7 @@ impl Whole {
         let window = part.window();
         for index in 0..window.len() {
             let value = Rgb::from_array(std::array::from_fn(|_| next()));
-            let at = index_in(&self.picture.film.window, window.pixel(index));
+            let at = self.picture.film.window.index(window.pixel(index));
             match part.shares {
                 true => self.picture.film.push_shared(at, value, sample),
                 false => self.picture.film.push(at, value, sample),
@@ -587,7 +587,7 @@ impl Whole {
                     shared: rgb(),
                     features: std::array::from_fn(|_| next()),
                 };
-                let at = index_in(&levels.window(), window.pixel(index));
+                let at = levels.window().index(window.pixel(index));
                 levels.push(at, sample, &path);
             }
         }
@@ -602,7 +602,7 @@ impl Whole {
                 continue;
             }
             for index in 0..own.len() {
-                let at = each * index_in(&all, own.pixel(index));
+                let at = each * all.index(own.pixel(index));
                 for (sum, number) in sums[at..at + each].iter_mut().zip(&mut *numbers) {
                     *sum += number;
                 }
@@ -617,9 +617,4 @@ impl Whole {
             ..self.picture
         }
     }
-}
-
-/// Index of a pixel in a window that has it.
-fn index_in(window: &Window, pixel: UVec2) -> usize {
-    (pixel.y - window.y) as usize * window.w as usize + (pixel.x - window.x) as usize
 }

@@ -14,6 +14,7 @@
 //! take it from there, so that it does not count as bias.
 
 mod factors;
+mod kept;
 mod tiles;
 mod vertex;
 
@@ -27,6 +28,7 @@ use crate::math::Rgb;
 use crate::regularise::{Accumulated, Rule};
 use crate::sampler::Sampler;
 use factors::{LevelMemory, ScaledFactors};
+pub(super) use tiles::pass_bytes;
 use vertex::{PendingLevels, RoughenedVertex};
 
 /// Scales of four levels: plain path tracing, and the factors from 0.64 to 16 times as large. A fifth level at 0.128 does not

@@ -1,8 +1,9 @@
 //! All paths of a film at several levels, tile by tile.
 
+use super::kept::{Path, most_words, put, take};
 use super::{LevelTracer, SCALES};
-use crate::image::film::{Film, Window};
-use crate::image::level_film::{BATCHES, LevelFilm, MAX_LEVELS, PathLevels};
+use crate::image::film::{Film, FilmBand, Window};
+use crate::image::level_film::{BATCHES, LevelBand, LevelFilm, MAX_LEVELS};
 use crate::integrator::View;
 use crate::integrator::walk::camera::CameraWalks;
 use crate::integrator::walk::observer::Recorder;
@@ -12,6 +13,15 @@ use std::ops::Range;
 
 /// Pixels a side of the tiles that threads take.
 const TILE: u32 = 16;
+
+/// Words that several samples of all pixels may take until they are added; one sample of a large picture takes more. So
+/// passes of small pictures stay long, and threads busy.
+const KEPT: usize = 1 << 24;
+
+/// Bytes that a pixel of so many levels takes until a pass is added to its film, at most.
+pub(in crate::integrator) const fn pass_bytes(levels: usize) -> u64 {
+    (size_of::<u32>() * most_words(levels)) as u64
+}
 
 impl LevelTracer {
     /// Adds the samples with these numbers to every pixel: level 0 to `film`, all levels to `levels`; tiles in parallel,
@@ -25,15 +35,28 @@ impl LevelTracer {
         levels: &mut LevelFilm,
         recorder: &mut O,
     ) -> u32 {
-        if self.levels() <= SCALES.len() {
-            self.estimate_in::<{ SCALES.len() }, O>(view, source, samples, film, levels, recorder)
-        } else {
-            self.estimate_in::<MAX_LEVELS, O>(view, source, samples, film, levels, recorder)
+        debug_assert_eq!(levels.levels(), self.levels());
+        let most = KEPT / (film.window.len() * most_words(self.levels())).max(1);
+        let mut next = samples.start;
+        while next < samples.end {
+            let some = next..next.saturating_add(most.max(1) as u32).min(samples.end);
+            let run = if self.levels() <= SCALES.len() {
+                Self::run::<{ SCALES.len() }, O>
+            } else {
+                Self::run::<MAX_LEVELS, O>
+            };
+            next += run(self, view, source, some, film, levels, recorder);
+            if view.is_cut() {
+                break;
+            }
+            view.begun();
         }
+        next - samples.start
     }
 
-    /// The same with room for `N` levels: what is usual takes half the room of what is possible.
-    fn estimate_in<const N: usize, O: Recorder>(
+    /// The same of samples that are added together, with room for `N` levels: what is usual takes half the room of what is
+    /// possible.
+    fn run<const N: usize, O: Recorder>(
         &self,
         view: &View<'_>,
         source: &CameraSource,
@@ -42,14 +65,16 @@ impl LevelTracer {
         levels: &mut LevelFilm,
         recorder: &mut O,
     ) -> u32 {
-        debug_assert_eq!(levels.levels(), self.levels());
         let walks = CameraWalks::of(view);
-        let tile = |window: Window| {
-            let mut film = film.cut(window);
-            let mut levels = levels.cut(window);
+        let trace = |tile: &mut Tile<'_>| {
+            if view.stopped() {
+                return None;
+            }
+            tile.is_whole = true;
             let mut observer = recorder.fork();
-            for index in 0..film.pixels.len() {
-                let pixel = film.pixel(index);
+            let (mut words, mut values) = (&mut *tile.words, Path::NONE);
+            for index in 0..tile.window.len() {
+                let pixel = tile.window.pixel(index);
                 let number = u64::from(pixel.y) << 32 | u64::from(pixel.x) << 2;
                 // A second lobe is drawn in every other sample of a batch, from a random one on: batches stay independent of
                 // one another.
@@ -63,29 +88,78 @@ impl LevelTracer {
                     observer.begin(pixel, sample);
                     let turn = turns[sample as usize % BATCHES];
                     let turn = (turn >> 1).wrapping_add(sample / BATCHES as u32);
-                    let mut path = self.radiance::<N, _, _>(walk, turn, &mut stream, &mut observer);
-                    film.push(index, path.levels[0], sample);
-                    path.levels[0] += path.unseen;
-                    let values = PathLevels {
-                        levels: &path.levels[..self.levels()],
-                        shared: path.shared,
-                        features: path.features.values(),
-                    };
-                    levels.push(index, sample, &values);
+                    values.set(&self.radiance::<N, _, _>(walk, turn, &mut stream, &mut observer));
+                    put(&mut values, self.levels(), &mut words);
                 }
             }
-            (film, levels, observer)
+            Some(observer)
         };
-        let tiles = film.tiles(TILE).into_par_iter();
-        let tiles: Vec<_> = tiles.filter(|_| !view.stopped()).map(tile).collect();
+
+        let windows = film.tiles(TILE);
+        let each = most_words(self.levels()) * samples.len();
+        // Zeroed memory is the system's until it is written to: what no path needs is not taken.
+        let mut words = vec![0; film.window.len() * each];
+        let mut tiles = split(&mut words, &windows, each);
+        let observers: Vec<Option<O>> = tiles.par_iter_mut().map(trace).collect();
         if view.drops_pass() {
             return 0;
         }
-        for (tile, tile_levels, observer) in tiles {
-            film.paste(&tile);
-            levels.paste(&tile_levels);
+        for observer in observers.into_iter().flatten() {
             recorder.join(observer);
         }
+
+        let columns = film.window.w.div_ceil(TILE) as usize;
+        let bands: Vec<_> = (film.bands(TILE))
+            .zip(levels.bands(TILE, &samples))
+            .zip(tiles.chunks(columns))
+            .collect();
+        let refused: Vec<_> = (bands.into_par_iter())
+            .map(|((mut film, mut levels), tiles)| {
+                for tile in tiles.iter().filter(|tile| tile.is_whole) {
+                    tile.add(&samples, &mut film, &mut levels);
+                }
+                film.rejected
+            })
+            .collect();
+        refused.iter().for_each(|refused| film.refuse(refused));
         view.added(&samples)
+    }
+}
+
+/// Cuts words into those of the tiles, so many a pixel.
+fn split<'a>(mut all: &'a mut [u32], windows: &[Window], each: usize) -> Vec<Tile<'a>> {
+    let mut tiles = Vec::with_capacity(windows.len());
+    for &window in windows {
+        let (words, rest) = std::mem::take(&mut all).split_at_mut(window.len() * each);
+        all = rest;
+        tiles.push(Tile {
+            window,
+            words,
+            is_whole: false,
+        });
+    }
+    tiles
+}
+
+/// Pixels that a thread traces.
+struct Tile<'a> {
+    window: Window,
+    /// Paths by pixel and sample, samples fastest.
+    words: &'a mut [u32],
+    /// True if they are there.
+    is_whole: bool,
+}
+
+impl Tile<'_> {
+    /// Adds the samples to the bands that have the tile.
+    fn add(&self, samples: &Range<u32>, film: &mut FilmBand<'_>, levels: &mut LevelBand<'_>) {
+        let (mut words, mut values) = (&*self.words, Path::NONE);
+        for index in 0..self.window.len() {
+            let at = film.window.index(self.window.pixel(index));
+            for sample in samples.clone() {
+                take(&mut values, levels.levels(), &mut words);
+                values.add(at, sample, film, levels);
+            }
+        }
     }
 }

@@ -1,0 +1,152 @@
+//! Values of the samples of a pass, kept until all of them are there.
+//!
+//! A pass that is stopped leaves nothing behind, so that films stay as they are until the pass is whole. Copies of their sums would take
+//! four batches of every level. The values of a sample are fewer, and most of them repeat others: levels that leave a path
+//! alone have the same light, and the first rough surface is the first one. A value that is as foretold is not kept.
+
+use super::PathSums;
+use crate::image::film::FilmBand;
+use crate::image::level_film::{FEATURES, Features, LevelBand, MAX_LEVELS, PathLevels};
+use crate::math::Rgb;
+
+/// Values of one path.
+pub(super) struct Path {
+    levels: [Rgb; MAX_LEVELS],
+    shared: Rgb,
+    unseen: Rgb,
+    features: Features,
+}
+
+impl Path {
+    /// What is foretold: no light, and no surface.
+    pub(super) const NONE: Self = Self {
+        levels: [Rgb::ZERO; MAX_LEVELS],
+        shared: Rgb::ZERO,
+        unseen: Rgb::ZERO,
+        features: [0.0; FEATURES],
+    };
+
+    /// The same values as these.
+    pub(super) fn set<const N: usize>(&mut self, path: &PathSums<N>) {
+        self.levels[..N].copy_from_slice(&path.levels);
+        self.shared = path.shared;
+        self.unseen = path.unseen;
+        self.features = path.features.values();
+    }
+
+    /// Shows `visit` all values in groups, each after what it is foretold to be: shared light and light that plain path
+    /// tracing cannot find black, a level as the one before, the first as the shared light, the first surface as nothing,
+    /// and the rough one as the first.
+    #[inline(always)]
+    fn visit(&mut self, levels: usize, mut visit: impl FnMut(&mut [f32], &[f32])) {
+        visit(self.shared.as_mut(), &[0.0; 3]);
+        let mut before = self.shared;
+        for level in &mut self.levels[..levels] {
+            visit(level.as_mut(), before.as_ref());
+            before = *level;
+        }
+        visit(self.unseen.as_mut(), &[0.0; 3]);
+        let (rough, rest) = self.features.split_at_mut(4);
+        let (first, reflectance) = rest.split_at_mut(4);
+        visit(first, &[0.0; 4]);
+        visit(reflectance, &[0.0; 3]);
+        visit(rough, first);
+    }
+
+    /// Adds the path to the pixel with this index.
+    #[inline]
+    pub(super) fn add(
+        &self,
+        index: usize,
+        sample: u32,
+        film: &mut FilmBand<'_>,
+        levels: &mut LevelBand<'_>,
+    ) {
+        film.push(index, self.levels[0], sample);
+        let mut light = self.levels;
+        light[0] += self.unseen;
+        let path = PathLevels {
+            levels: &light[..levels.levels()],
+            shared: self.shared,
+            features: self.features,
+        };
+        levels.push(index, sample, &path);
+    }
+}
+
+/// Most words that a path of so many levels takes: all values, and one word that says which of them are there.
+pub(super) const fn most_words(levels: usize) -> usize {
+    1 + 3 * (levels + 2) + FEATURES
+}
+
+/// Writes a path to the front of `words`, which it shortens.
+#[inline]
+pub(super) fn put(path: &mut Path, levels: usize, words: &mut &mut [u32]) {
+    let all = std::mem::take(words);
+    let (mut there, mut bit, mut end) = (0u32, 1u32, 1);
+    path.visit(levels, |values, foretold| {
+        // By their bits: numbers that are none are equal too, and a zero keeps its sign.
+        let same = (values.iter().zip(foretold)).all(|(a, b)| a.to_bits() == b.to_bits());
+        if !same {
+            there |= bit;
+            all[end..end + values.len()].copy_from_slice(bytemuck::cast_slice(values));
+            end += values.len();
+        }
+        bit <<= 1;
+    });
+    all[0] = there;
+    *words = &mut all[end..];
+}
+
+/// Reads a path that [`put`] wrote from the front of `words`, which it shortens.
+#[inline]
+pub(super) fn take(path: &mut Path, levels: usize, words: &mut &[u32]) {
+    let (there, mut bit, mut end) = (words[0], 1u32, 1);
+    path.visit(levels, |values, foretold| {
+        if there & bit == 0 {
+            values.copy_from_slice(foretold);
+        } else {
+            values.copy_from_slice(bytemuck::cast_slice(&words[end..end + values.len()]));
+            end += values.len();
+        }
+        bit <<= 1;
+    });
+    *words = &words[end..];
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bits(path: &mut Path) -> Vec<u32> {
+        let mut all = Vec::new();
+        path.visit(MAX_LEVELS, |values, _| {
+            all.extend(values.iter().map(|x| x.to_bits()));
+        });
+        all
+    }
+
+    /// Every group foretold or not, and values that no comparison of numbers would keep.
+    #[test]
+    fn paths_come_back_bit_by_bit() {
+        let odd = [0.0, -0.0, f32::NAN, f32::INFINITY, 1e-45, 0.3];
+        let groups = 1u32 << (MAX_LEVELS + 5);
+        let mut words = vec![0; most_words(MAX_LEVELS)];
+        for number in 0..groups {
+            let (mut path, mut bit) = (Path::NONE, 1);
+            path.visit(MAX_LEVELS, |values, foretold| {
+                values.copy_from_slice(foretold);
+                if number & bit != 0 {
+                    let at = (number ^ bit) as usize % values.len();
+                    values[at] = odd[(number / bit) as usize % odd.len()];
+                }
+                bit <<= 1;
+            });
+            let before = bits(&mut path);
+            put(&mut path, MAX_LEVELS, &mut &mut words[..]);
+            let mut again = Path::NONE;
+            take(&mut again, MAX_LEVELS, &mut &words[..]);
+            assert_eq!(bits(&mut again), before, "{number:b}");
+        }
+    }
+}
