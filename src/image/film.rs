@@ -444,7 +444,7 @@ impl Film {
     /// The film in bands of so many rows, the last of which may have fewer. What they refuse is theirs: [`Film::refuse`] adds it.
     pub(crate) fn bands(&mut self, rows: u32) -> impl Iterator<Item = FilmBand<'_>> {
         let all = self.window;
-        let pixels = self.pixels.chunks_mut((all.w * rows) as usize);
+        let pixels = self.pixels.chunks_mut(all.w as usize * rows as usize);
         let first = (0..all.h).step_by(rows as usize);
         pixels.zip(first).map(move |(pixels, row)| FilmBand {
             window: Window {

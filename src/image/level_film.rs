@@ -256,6 +256,7 @@ impl LevelFilm {
         .push(index, sample, path);
     }
 
+    /// Makes room for sums that are carried over.
     #[cold]
     fn begin_to_carry(&mut self) {
         let (pixels, levels) = (self.window.len(), self.levels);
@@ -268,7 +269,7 @@ impl LevelFilm {
             self.begin_to_carry();
         }
         let levels = self.levels;
-        let pixels = (self.window.w * rows) as usize;
+        let pixels = self.window.w as usize * rows as usize;
         let stride = BATCHES * (levels + 1);
         let counts = self.counts.chunks_mut(pixels);
         let features = self.features.chunks_mut(pixels);
@@ -316,16 +317,20 @@ impl LevelFilm {
 
     /// Mean over all samples of a level, or of the shared light by the number of levels; black where there is none.
     pub fn mean(&self, level: usize) -> Buffer {
-        let pixel = |index: usize| {
-            let n: u32 = self.counts[index].iter().sum();
-            let sums = (0..BATCHES).map(|batch| self.sum(index, batch, level));
-            sums.sum::<Rgb>() / n.max(1) as f32
-        };
         Buffer {
             width: self.window.w as usize,
             height: self.window.h as usize,
-            pixels: (0..self.window.len()).map(pixel).collect(),
+            pixels: self.means(level).collect(),
         }
+    }
+
+    /// The pixels of [`LevelFilm::mean`], row by row.
+    pub(crate) fn means(&self, level: usize) -> impl ExactSizeIterator<Item = Rgb> {
+        (0..self.window.len()).map(move |index| {
+            let n: u32 = self.counts[index].iter().sum();
+            let sums = (0..BATCHES).map(|batch| self.sum(index, batch, level));
+            sums.sum::<Rgb>() / n.max(1) as f32
+        })
     }
 
     /// Means of the features.
@@ -531,15 +536,16 @@ mod tests {
         LevelFilm::new(SIZE, Window::full(SIZE), 2)
     }
 
-    /// Adds samples with constant values to the pixel with this index.
-    fn push(film: &mut LevelFilm, index: usize, samples: std::ops::Range<u32>) {
-        let levels = [Rgb::new(0.7, 1.3, 1e-3), Rgb::splat(0.1)];
-        let path = PathLevels {
-            levels: &levels,
-            shared: Rgb::splat(0.3),
-            features: [0.6, -0.8, 0.0, 7.3, 0.0, 0.0, 1.0, 5.0, 0.5, 0.5, 0.2],
-        };
-        samples.for_each(|sample| film.push(index, sample, &path));
+    /// Constant values.
+    const PATH: PathLevels<'_> = PathLevels {
+        levels: &[Rgb::new(0.7, 1.3, 1e-3), Rgb::splat(0.1)],
+        shared: Rgb::splat(0.3),
+        features: [0.6, -0.8, 0.0, 7.3, 0.0, 0.0, 1.0, 5.0, 0.5, 0.5, 0.2],
+    };
+
+    /// Adds samples to the pixel with this index.
+    fn push(film: &mut LevelFilm, index: usize, samples: Range<u32>) {
+        samples.for_each(|sample| film.push(index, sample, &PATH));
     }
 
     #[test]
@@ -601,7 +607,7 @@ mod tests {
     }
 
     #[test]
-    fn carried_sums_go_with_tiles_and_files() {
+    fn carried_sums_go_with_tiles_bands_and_files() {
         let last = BATCHES as u32 * (CARRY - 1);
         for (end, magic) in [
             (last, MAGIC),
@@ -618,6 +624,14 @@ mod tests {
                 (0..tile.len()).for_each(|index| push(&mut part, index, 0..end));
                 film.paste(&part);
             }
+            // In bands.
+            let mut again = blank();
+            for mut band in again.bands(1, &(0..end)) {
+                for sample in 0..end {
+                    (0..SIZE.x as usize).for_each(|index| band.push(index, sample, &PATH));
+                }
+            }
+            assert!(again == film);
             let mut bytes = Vec::new();
             film.write(&mut bytes).unwrap();
             assert_eq!(&bytes[..8], magic);

@@ -311,6 +311,30 @@ fn determinism_of_levels_over_splits_threads_and_crops() {
     }
 }
 
+/// Samples of a large picture are added in runs of three.
+#[test]
+fn determinism_of_levels_over_the_runs_of_a_pass() {
+    let scene = scene(metal_room());
+    let settings = Settings {
+        max_vertices: 1,
+        ..settings(table(), &SCALES, 5)
+    };
+    let frame = UVec2::new(421, 379);
+    let render = |passes: &[u32]| {
+        let mut picture = blank(frame, Window::full(frame));
+        let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
+        let mut integrator = settings.integrator();
+        let mut next = 0;
+        for &length in passes {
+            let added = integrator.pass(&view, next..next + length, &mut picture);
+            assert_eq!(added, length);
+            next += length;
+        }
+        picture
+    };
+    assert!(render(&[8]) == render(&[1, 2, 5]));
+}
+
 #[test]
 fn levels_of_other_rules_are_refused_by_name() {
     let refused = |settings: Settings| settings.check_levels().expect_err("refused");

@@ -10,6 +10,7 @@ use crate::integrator::walk::observer::Recorder;
 use crate::sampler::{CameraSource, Domain, SampleSource};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Mutex;
 
 /// Pixels a side of the tiles that threads take.
 const TILE: u32 = 16;
@@ -66,15 +67,20 @@ impl LevelTracer {
         recorder: &mut O,
     ) -> u32 {
         let walks = CameraWalks::of(view);
-        let trace = |tile: &mut Tile<'_>| {
+        let windows = film.tiles(TILE);
+        let most = most_words(self.levels()) * samples.len();
+        // Zeroed memory is the system's until it is written to: what no path needs is not taken.
+        let mut words = vec![0; film.window.len() * most];
+        let free = Mutex::new(&mut words[..]);
+        let trace = |window: &Window| {
             if view.stopped() {
                 return None;
             }
-            tile.is_whole = true;
             let mut observer = recorder.fork();
-            let (mut words, mut values) = (&mut *tile.words, Path::NONE);
-            for index in 0..tile.window.len() {
-                let pixel = tile.window.pixel(index);
+            let mut all = vec![0; window.len() * most];
+            let (mut rest, mut values) = (&mut all[..], Path::NONE);
+            for index in 0..window.len() {
+                let pixel = window.pixel(index);
                 let number = u64::from(pixel.y) << 32 | u64::from(pixel.x) << 2;
                 // A second lobe is drawn in every other sample of a batch, from a random one on: batches stay independent of
                 // one another.
@@ -89,23 +95,26 @@ impl LevelTracer {
                     let turn = turns[sample as usize % BATCHES];
                     let turn = (turn >> 1).wrapping_add(sample / BATCHES as u32);
                     values.set(&self.radiance::<N, _, _>(walk, turn, &mut stream, &mut observer));
-                    put(&mut values, self.levels(), &mut words);
+                    put(&mut values, self.levels(), &mut rest);
                 }
             }
-            Some(observer)
+            let left = rest.len();
+            let written = &all[..all.len() - left];
+            let kept = cut(&mut free.lock().expect("no thread panics"), written.len());
+            kept.copy_from_slice(written);
+            Some((observer, &*kept))
         };
-
-        let windows = film.tiles(TILE);
-        let each = most_words(self.levels()) * samples.len();
-        // Zeroed memory is the system's until it is written to: what no path needs is not taken.
-        let mut words = vec![0; film.window.len() * each];
-        let mut tiles = split(&mut words, &windows, each);
-        let observers: Vec<Option<O>> = tiles.par_iter_mut().map(trace).collect();
+        let traced: Vec<_> = windows.par_iter().map(trace).collect();
         if view.drops_pass() {
             return 0;
         }
-        for observer in observers.into_iter().flatten() {
-            recorder.join(observer);
+        let mut tiles = Vec::with_capacity(windows.len());
+        for (window, traced) in windows.into_iter().zip(traced) {
+            let words = traced.map(|(observer, words)| {
+                recorder.join(observer);
+                words
+            });
+            tiles.push(Tile { window, words });
         }
 
         let columns = film.window.w.div_ceil(TILE) as usize;
@@ -115,7 +124,7 @@ impl LevelTracer {
             .collect();
         let refused: Vec<_> = (bands.into_par_iter())
             .map(|((mut film, mut levels), tiles)| {
-                for tile in tiles.iter().filter(|tile| tile.is_whole) {
+                for tile in tiles {
                     tile.add(&samples, &mut film, &mut levels);
                 }
                 film.rejected
@@ -126,34 +135,25 @@ impl LevelTracer {
     }
 }
 
-/// Cuts words into those of the tiles, so many a pixel.
-fn split<'a>(mut all: &'a mut [u32], windows: &[Window], each: usize) -> Vec<Tile<'a>> {
-    let mut tiles = Vec::with_capacity(windows.len());
-    for &window in windows {
-        let (words, rest) = std::mem::take(&mut all).split_at_mut(window.len() * each);
-        all = rest;
-        tiles.push(Tile {
-            window,
-            words,
-            is_whole: false,
-        });
-    }
-    tiles
+/// Takes so many words from the front.
+fn cut<'a>(words: &mut &'a mut [u32], count: usize) -> &'a mut [u32] {
+    let (own, rest) = std::mem::take(words).split_at_mut(count);
+    *words = rest;
+    own
 }
 
-/// Pixels that a thread traces.
+/// Pixels that a thread traced.
 struct Tile<'a> {
     window: Window,
-    /// Paths by pixel and sample, samples fastest.
-    words: &'a mut [u32],
-    /// True if they are there.
-    is_whole: bool,
+    /// Paths by pixel and sample, samples fastest; none where the render was stopped before.
+    words: Option<&'a [u32]>,
 }
 
 impl Tile<'_> {
-    /// Adds the samples to the bands that have the tile.
+    /// Adds the samples, if there are any, to the bands that have the tile.
     fn add(&self, samples: &Range<u32>, film: &mut FilmBand<'_>, levels: &mut LevelBand<'_>) {
-        let (mut words, mut values) = (&*self.words, Path::NONE);
+        let Some(mut words) = self.words else { return };
+        let mut values = Path::NONE;
         for index in 0..self.window.len() {
             let at = film.window.index(self.window.pixel(index));
             for sample in samples.clone() {
