@@ -157,8 +157,13 @@ impl Outputs {
             resolved,
         } = finish(picture, &self.spec, self.denoiser.as_ref())?;
         layers.extend(noisy.map(|noisy| Layer::rgb("noisy", &noisy)));
-        if let Some(resolved) = &resolved {
-            layers.extend(resolved.layers());
+        let error = match &resolved {
+            Some(resolved) => resolved.relative_error(),
+            None => film_error(&picture.film).error,
+        };
+        let whole = resolved.is_some() || self.denoiser.is_some();
+        if let Some(resolved) = resolved {
+            layers.extend(resolved.into_layers());
             if let Some(film) = &picture.levels
                 && self.spec.level_layers == Some(true)
             {
@@ -179,7 +184,7 @@ impl Outputs {
         };
         let is_png = |file: &PathBuf| format(file) == Some(Format::Png);
         let display = (self.files.iter().any(is_png)).then(|| self.spec.display(&shown, self.most));
-        let (film, whole) = (&picture.film, resolved.is_some() || self.denoiser.is_some());
+        let film = &picture.film;
         let mut failed = None;
         for file in &self.files {
             let done = if let Some(display) = display.filter(|_| is_png(file)) {
@@ -196,10 +201,7 @@ impl Outputs {
         }
         let written = Written {
             exposure: display.map(|display| display.exposure),
-            error: match &resolved {
-                Some(resolved) => resolved.relative_error(),
-                None => film_error(film).error,
-            },
+            error,
             shown,
         };
         Ok((written, failed))

@@ -144,35 +144,31 @@ impl Coarse {
 
     /// Factors that bring a picture, in its own pixels, to the energy of the best level at this scale: the rule of levels,
     /// where a level that is too dark for what it should have met is not believed.
-    pub(super) fn energy(&self, picture: impl Fn(usize) -> Vec3A) -> Energy {
-        let count = self.cells.0 * self.cells.1;
-        let smooth = |plane: &Vec<Vec3A>| {
-            let mut plane = plane.clone();
-            tent(self.cells, RADIUS, &mut plane);
-            plane
-        };
-        let levels: Vec<[Vec<Vec3A>; BATCHES]> = (self.levels.par_iter())
-            .map(|level| level.each_ref().map(smooth))
-            .collect();
+    pub(super) fn energy(mut self, picture: impl Fn(usize) -> Vec3A) -> Energy {
+        let (pixels, cells) = (self.pixels, self.cells);
+        (self.levels.par_iter_mut().flatten()).for_each(|plane| tent(cells, RADIUS, plane));
         let own = |cell: usize| {
-            let inside = pixels_of(self.pixels, self.cells, cell);
+            let inside = pixels_of(pixels, cells, cell);
             let count = inside.clone().count() as f32;
             inside.map(&picture).sum::<Vec3A>() / count
         };
-        let have = smooth(&(0..count).map(own).collect());
-        let mut factors: Vec<Vec3A> = (0..count)
-            .map(|cell| self.factor(&levels, cell, have[cell]))
+        let mut have: Vec<Vec3A> = (0..cells.0 * cells.1).map(own).collect();
+        tent(cells, RADIUS, &mut have);
+        let factors = have.iter().enumerate();
+        let mut factors: Vec<Vec3A> = factors
+            .map(|(cell, have)| self.factor(cell, *have))
             .collect();
-        tent(self.cells, SMOOTH, &mut factors);
+        tent(cells, SMOOTH, &mut factors);
         Energy {
-            cells: self.cells,
-            width: self.pixels.0,
+            cells,
+            width: pixels.0,
             factors,
         }
     }
 
-    /// The factor of a cell whose picture has so much light.
-    fn factor(&self, levels: &[[Vec<Vec3A>; BATCHES]], cell: usize, have: Vec3A) -> Vec3A {
+    /// The factor of a cell whose picture has so much light, from smooth levels.
+    fn factor(&self, cell: usize, have: Vec3A) -> Vec3A {
+        let levels = &self.levels;
         let batches: Vec<[Vec3A; BATCHES]> = levels
             .iter()
             .map(|level| level.each_ref().map(|batch| batch[cell]))

@@ -128,7 +128,7 @@ impl<'a> Judge<'a> {
         let size = roughest.size();
         let mut light: Vec<Vec3A> = roughest.pixels.iter().map(|p| Vec3A::from(*p)).collect();
         tent(size, RADIUS, &mut light);
-        let gain = gain(&roughest);
+        let gain = gain(roughest.pixels.iter().copied());
         let weight = |light: &Vec3A| {
             let light = *light * gain;
             gain * gain * (light * light + EPSILON).recip()

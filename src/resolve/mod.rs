@@ -138,12 +138,18 @@ impl Resolved {
 
     /// Layers for EXR files: `level`; where a film had an estimate of its noise `bias2`, `variance` and `error` too.
     pub fn layers(&self) -> Vec<Layer> {
+        self.clone().into_layers()
+    }
+
+    /// The same without copies.
+    pub fn into_layers(self) -> Vec<Layer> {
         let level = self.level.iter().map(|&k| f32::from(k)).collect();
         let mut layers = vec![Layer::scalar("level", level)];
         if self.variance.iter().all(|v| v.is_finite()) {
-            layers.push(Layer::scalar("bias2", self.bias2.clone()));
-            layers.push(Layer::scalar("variance", self.variance.clone()));
-            layers.push(Layer::scalar("error", self.error()));
+            let error = self.error();
+            layers.push(Layer::scalar("bias2", self.bias2));
+            layers.push(Layer::scalar("variance", self.variance));
+            layers.push(Layer::scalar("error", error));
         }
         layers
     }
@@ -203,20 +209,19 @@ pub fn stopping_error(picture: &Picture) -> f64 {
 /// Share of the light of a picture of several levels that plain path tracing cannot find: that of lights without area at
 /// the end of Dirac lobes. 0 for one level.
 pub fn unseen_share(picture: &Picture) -> f64 {
-    let sum = |buffer: Buffer| -> f64 {
-        let pixels = buffer.pixels.iter();
+    let sum = |pixels: &mut dyn Iterator<Item = Rgb>| -> f64 {
         pixels.map(|p| f64::from(p.element_sum())).sum()
     };
     let Some(film) = &picture.levels else {
         return 0.0;
     };
-    let (all, plain) = (sum(film.mean(0)), sum(picture.film.mean()));
+    let mut plain = picture.film.pixels.iter().map(|m| m.mean.as_vec3());
+    let (all, plain) = (sum(&mut film.means(0)), sum(&mut plain));
     if all > 0.0 { 1.0 - plain / all } else { 0.0 }
 }
 
 /// Chooses in tiles of so many pixels a side; there is a sample in every batch.
 fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
-    let shared = Coarse::shared(film);
     // The layer that is blurred with all its fireflies: where there are several levels others know those of the second one.
     let blurred = |pixel, batch| -> Vec3A {
         let shared = film.batch_mean(pixel, batch, film.levels());
@@ -232,29 +237,29 @@ fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
         roughened: Coarse::roughened(film),
         caps: Caps::of(film, blurred),
         shares: film.shares(),
-        gain: gain(&film.mean(film.levels() - 1)),
+        gain: gain(film.means(film.levels() - 1)),
         limits,
     };
     let Chosen {
         level,
         bias2,
         variance,
-        layers: [p, r],
+        layers: [mut p, r],
     } = whole.choose(edge);
     let energies = [
-        shared.energy(|pixel| p[pixel].into()),
+        Coarse::shared(film).energy(|pixel| p[pixel].into()),
         whole.roughened.energy(|pixel| r[pixel].into()),
     ];
-    let light = |pixel: usize| {
+    for (pixel, (p, r)) in p.iter_mut().zip(&r).enumerate() {
         let [of_p, of_r] = energies.each_ref().map(|e| Rgb::from(e.at(pixel)));
-        p[pixel] * of_p + r[pixel] * of_r
-    };
+        *p = *p * of_p + *r * of_r;
+    }
     let window = film.window();
     Resolved {
         picture: Buffer {
             width: window.w as usize,
             height: window.h as usize,
-            pixels: (0..window.len()).map(light).collect(),
+            pixels: p,
         },
         level,
         bias2,
@@ -263,11 +268,10 @@ fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
 }
 
 /// The factor that makes the mean of a picture 0.3.
-fn gain(picture: &Buffer) -> f32 {
-    let sum: f64 = (picture.pixels.iter())
-        .map(|p| f64::from(p.element_sum()))
-        .sum();
-    let mean = sum / (3 * picture.pixels.len()).max(1) as f64;
+fn gain(picture: impl ExactSizeIterator<Item = Rgb>) -> f32 {
+    let pixels = picture.len();
+    let sum: f64 = picture.map(|p| f64::from(p.element_sum())).sum();
+    let mean = sum / (3 * pixels).max(1) as f64;
     if mean > 0.0 { (0.3 / mean) as f32 } else { 1.0 }
 }
 

@@ -3,12 +3,16 @@
 use std::io;
 use std::path::Path;
 
-use ::exr::meta::attribute::Chromaticities;
+use ::exr::block::lines::LineRefMut;
+use ::exr::image::write::samples::{SamplesWriter, WritableSamples};
+use ::exr::math::RoundingMode;
+use ::exr::meta::attribute::{Chromaticities, LevelMode};
+use ::exr::meta::header::Header as FileHeader;
 use ::exr::prelude as exrs;
 use exrs::WritableImage;
 
 use super::{
-    Compression, Header, Layer, MEAN_ERROR, METADATA, Metadata, join, problem, unsupported,
+    Compression, Header, Layer, MEAN_ERROR, METADATA, Metadata, RGB, join, problem, unsupported,
 };
 use crate::files::{self, FileError, Problem};
 use crate::image::Buffer;
@@ -24,12 +28,11 @@ pub fn write_film<'a>(
     layers: &[Layer],
     header: impl Into<Header<'a>>,
 ) -> Result<(), FileError> {
-    let mut all = vec![
+    let own = [
         Layer::rgb("sample_variance", &film.sample_variance()),
         Layer::rgb("variance_of_mean", &film.variance_of_mean()),
         Layer::scalar("spp", film.pixels.iter().map(|m| m.n as f32).collect()),
     ];
-    all.extend_from_slice(layers);
     let part = (film.size, film.window);
     let mut header = header.into();
     let mut metadata = header.metadata.clone();
@@ -42,7 +45,8 @@ pub fn write_film<'a>(
         );
         header.metadata = &metadata;
     }
-    let bytes = encoded(part, &film.mean(), &all, header).map_err(|e| e.at(path))?;
+    let all = own.iter().chain(layers);
+    let bytes = encoded(part, &film.mean(), all, header).map_err(|e| e.at(path))?;
     files::write_bytes(path, bytes)
 }
 
@@ -67,36 +71,33 @@ pub fn write_rgb(path: &Path, picture: &Buffer, metadata: &Metadata) -> Result<(
 }
 
 /// The bytes of a file; frame and window come first.
-fn encoded(
+fn encoded<'a>(
     (size, window): (UVec2, Window),
     picture: &Buffer,
-    layers: &[Layer],
+    layers: impl IntoIterator<Item = &'a Layer>,
     header: Header<'_>,
 ) -> Result<Vec<u8>, Problem> {
     let Header {
         metadata, storage, ..
     } = header;
-    let main = Layer::rgb("", picture);
+    let main = RGB.into_iter().enumerate();
+    let main = main.map(|(place, channel)| ("", channel, Values::Of(picture, place)));
+    let others = layers.into_iter().flat_map(|layer| {
+        let channels = layer.channels.iter();
+        channels.map(|(channel, values)| (&*layer.name, *channel, Values::Plane(values)))
+    });
     let mut list = Vec::new();
-    for layer in std::iter::once(&main).chain(layers) {
-        for (channel, values) in &layer.channels {
-            if values.len() != window.len() {
-                return Err(Problem::content(format!(
-                    "layer '{}' has {} values, the picture {} pixels",
-                    layer.name,
-                    values.len(),
-                    window.len()
-                )));
-            }
-            let name = text(&join(&layer.name, channel))?;
-            let samples = if storage.half && fits_half(layer) {
-                let half = |x: &f32| exrs::f16::from_f32(x.clamp(-HALF_MAX, HALF_MAX));
-                exrs::FlatSamples::F16(values.iter().map(half).collect())
-            } else {
-                exrs::FlatSamples::F32(values.clone())
-            };
-            list.push(exrs::AnyChannel::new(name, samples));
+    for (layer, channel, values) in main.chain(others) {
+        if values.len() != window.len() {
+            return Err(Problem::content(format!(
+                "layer '{layer}' has {} values, the picture {} pixels",
+                values.len(),
+                window.len()
+            )));
         }
+        let half = storage.half && fits_half(layer);
+        let name = text(&join(layer, channel))?;
+        list.push(exrs::AnyChannel::new(name, Pixels { values, half }));
     }
 
     let mut attributes = exrs::LayerAttributes {
@@ -145,17 +146,90 @@ fn encoded(
     Ok(bytes.into_inner())
 }
 
+/// Values of a channel, where they are.
+#[derive(Clone, Copy)]
+enum Values<'a> {
+    Plane(&'a [f32]),
+    /// The component of a picture with this number.
+    Of(&'a Buffer, usize),
+}
+
+impl Values<'_> {
+    fn len(self) -> usize {
+        match self {
+            Self::Plane(values) => values.len(),
+            Self::Of(picture, _) => picture.pixels.len(),
+        }
+    }
+
+    fn at(self, pixel: usize) -> f32 {
+        match self {
+            Self::Plane(values) => values[pixel],
+            Self::Of(picture, place) => picture.pixels[pixel][place],
+        }
+    }
+}
+
+/// A channel that is read line by line while it is written: a file takes no copy of the picture.
+struct Pixels<'a> {
+    values: Values<'a>,
+    half: bool,
+}
+
+impl<'a> WritableSamples<'a> for Pixels<'_> {
+    type Writer = Lines<'a>;
+
+    fn sample_type(&self) -> exrs::SampleType {
+        match self.half {
+            true => exrs::SampleType::F16,
+            false => exrs::SampleType::F32,
+        }
+    }
+
+    fn infer_level_modes(&self) -> (LevelMode, RoundingMode) {
+        (LevelMode::Singular, RoundingMode::Down)
+    }
+
+    fn create_samples_writer(&'a self, header: &FileHeader) -> Lines<'a> {
+        let Self { values, half } = *self;
+        Lines {
+            values,
+            half,
+            width: header.layer_size.width(),
+        }
+    }
+}
+
+/// Lines of a channel.
+struct Lines<'a> {
+    values: Values<'a>,
+    half: bool,
+    width: usize,
+}
+
+impl SamplesWriter for Lines<'_> {
+    fn extract_line(&self, line: LineRefMut<'_>) {
+        let position = line.location.position;
+        let first = position.y() * self.width + position.x();
+        let value = |x: usize| self.values.at(first + x);
+        let half = |x: usize| exrs::f16::from_f32(value(x).clamp(-HALF_MAX, HALF_MAX));
+        let done = match self.half {
+            true => line.write_samples(half),
+            false => line.write_samples(value),
+        };
+        done.expect("a line has room for its samples");
+    }
+}
+
 /// Largest half float.
 const HALF_MAX: f32 = 65504.0;
 
 /// Layers that lose only precision as half floats.
-fn fits_half(layer: &Layer) -> bool {
+fn fits_half(layer: &str) -> bool {
     let level = layer
-        .name
         .strip_prefix("level")
         .is_some_and(|k| k.parse::<u32>().is_ok());
-    ["", "albedo", "normal", "emission", "direct", "indirect"].contains(&layer.name.as_str())
-        || level
+    ["", "albedo", "normal", "emission", "direct", "indirect"].contains(&layer) || level
 }
 
 /// Primaries and white of our RGB.
