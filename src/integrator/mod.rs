@@ -25,6 +25,7 @@ pub mod walk;
 use crate::image::film::{Film, FilmError, Window};
 use crate::image::level_film::LevelFilm;
 use crate::math::UVec2;
+use crate::math::moments::Moments;
 use crate::scene::{Camera, Scene, Sensor};
 pub use aov::{Aovs, FirstHit};
 pub use bidirectional::Bidirectional;
@@ -147,8 +148,10 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Bytes of a pixel: moments, their copy in tiles, the layers that are written. Measured: 192.
+    /// Bytes of a pixel: moments, their copy in tiles, the layers that are written. Measured: 199.
     const FILM_BYTES: u64 = 205;
+    /// The same of the choice among levels and the layers that are written, beside the films. Measured: 75.
+    const CHOICE_BYTES: u64 = 110;
     /// The same of albedo, normal and depth; measured: 181. Light and time take less.
     const AOV_BYTES: u64 = 195;
 
@@ -169,13 +172,15 @@ impl Picture {
     /// Bytes that such a picture takes, its copies in tiles and files included.
     pub fn bytes(window: Window, levels: usize, recorded: [bool; 3]) -> u64 {
         let records = recorded.iter().filter(|r| **r).count() as u64;
-        let pixels = window.len();
-        // Sums, and the samples of a pass; choosing takes less.
-        let sums = match levels {
-            0 => 0,
-            _ => LevelFilm::bytes(pixels, levels) + pixels as u64 * levels::pass_bytes(levels),
+        let film = match levels {
+            0 => Self::FILM_BYTES,
+            _ => {
+                let sums = LevelFilm::bytes(1, levels);
+                let beside = levels::pass_bytes(levels).max(Self::CHOICE_BYTES);
+                size_of::<Moments>() as u64 + sums + beside
+            }
         };
-        pixels as u64 * (Self::FILM_BYTES + Self::AOV_BYTES * records) + sums
+        window.len() as u64 * (film + Self::AOV_BYTES * records)
     }
 
     /// A picture of one level without AOVs.

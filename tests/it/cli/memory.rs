@@ -84,7 +84,7 @@ fn memory_of_a_large_picture_is_refused_before_it_is_taken() {
         ),
         (
             "--size 2048x2048 --gamma 0.1 --levels 4",
-            "2048x2048 pixels of 4 levels need about 3.38 GB",
+            "2048x2048 pixels of 4 levels need about 2.00 GB",
         ),
         // Mutations move over the whole frame.
         (
