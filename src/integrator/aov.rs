@@ -6,7 +6,6 @@ use super::{ShadingPoint, View};
 use crate::image::Buffer;
 use crate::image::film::{Film, Window};
 use crate::math::{DVec3, Rgb, UVec2, Vec2, Vec3};
-use crate::scene::bodies::MAX_SURFACES;
 use crate::scene::{Hit, Surface};
 use rayon::prelude::*;
 use std::time::Instant;
@@ -465,19 +464,8 @@ impl Recorder for PixelTime {
 
 /// The surface that the ray through the centre of a pixel meets, behind boundaries of media, which are not seen.
 pub fn centre(view: &View<'_>, pixel: UVec2) -> Option<(Hit, Surface)> {
-    let mut ray = view.sensor.ray(pixel.as_vec2() + Vec2::splat(0.5));
-    let mut before = 0.0;
-    for _ in 0..MAX_SURFACES {
-        let hit = view.scene.intersect_seen(&ray)?;
-        let surface = view.scene.surface(&hit);
-        let t = before + hit.t;
-        if !view.scene.material(&surface).is_null() {
-            return Some((Hit { t, ..hit }, surface));
-        }
-        before = t;
-        ray = surface.spawn(ray.dir);
-    }
-    None
+    let ray = view.sensor.ray(pixel.as_vec2() + Vec2::splat(0.5));
+    view.scene.surface_seen(&ray)
 }
 
 /// AOVs that must not be blended between surfaces: those of the ray through the centre of each pixel.

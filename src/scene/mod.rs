@@ -183,6 +183,9 @@ impl Scene {
         let passes = scene.media.is_some() && scene.parts.materials.iter().any(Material::is_null);
         if scene.parts.own_boundaries {
             scene.has_overlaps = passes;
+            if scene.media.is_some() {
+                scene.warnings.extend(scene.open_media());
+            }
             return scene;
         }
         let suspects = shells::suspects(&scene.parts);
@@ -383,6 +386,21 @@ impl Scene {
                 return Some(Hit { t, ..hit });
             }
             (rest, before) = (self.surface(&hit).spawn(ray.dir), t);
+            rest.t_max = ray.t_max - before;
+        }
+        None
+    }
+
+    /// The surface that a camera ray shows: that of [`Scene::intersect_seen`], behind boundaries of media.
+    pub fn surface_seen(&self, ray: &Ray) -> Option<(Hit, Surface)> {
+        let (mut rest, mut before) = (*ray, 0.0);
+        for _ in 0..bodies::MAX_SURFACES {
+            let hit = self.intersect_seen(&rest)?;
+            let (surface, t) = (self.surface(&hit), before + hit.t);
+            if !self.material(&surface).is_null() {
+                return Some((Hit { t, ..hit }, surface));
+            }
+            (rest, before) = (surface.spawn(ray.dir), t);
             rest.t_max = ray.t_max - before;
         }
         None

@@ -143,6 +143,14 @@ pub(super) fn suspects(parts: &SceneParts) -> Vec<(usize, Shell)> {
         .collect()
 }
 
+/// Name of a mesh for messages.
+fn name(number: usize, mesh: &Mesh) -> String {
+    match mesh.name.is_empty() {
+        true => format!("mesh {number}"),
+        false => mesh.name.clone(),
+    }
+}
+
 /// What the looks found.
 #[derive(Default)]
 pub(super) struct Verdict {
@@ -158,12 +166,8 @@ impl Scene {
     pub(super) fn judge(&self, suspects: &[(usize, Shell)]) -> Verdict {
         let mut verdict = Verdict::default();
         for (i, shell) in suspects {
-            let mesh = (self.parts.all_meshes().nth(*i)).expect("a suspect is one of the meshes");
-            let name = match mesh.name.is_empty() {
-                true => format!("mesh {i}"),
-                false => mesh.name.clone(),
-            };
-            let what = shell.says(&name);
+            let mesh = self.suspect(*i);
+            let what = shell.says(&name(*i, mesh));
             if self.astray(*i, shell) > MAX_ASTRAY {
                 verdict.thin.push(*i);
                 verdict.warnings.push(format!(
@@ -179,10 +183,31 @@ impl Scene {
         verdict
     }
 
+    /// Warnings of meshes that should enclose a medium and do not, where a file says of each boundary what is on its sides.
+    pub(super) fn open_media(&self) -> Vec<String> {
+        let filled = |mesh: &Mesh| {
+            self.parts.materials[mesh.material as usize]
+                .medium
+                .is_some()
+        };
+        (suspects(&self.parts).iter())
+            .filter(|(i, shell)| filled(self.suspect(*i)) && self.astray(*i, shell) > MAX_ASTRAY)
+            .map(|(i, shell)| {
+                let what = shell.says(&name(*i, self.suspect(*i)));
+                format!("{what}: it does not enclose the medium that it bounds, which is not where it should be")
+            })
+            .collect()
+    }
+
+    fn suspect(&self, number: usize) -> &Mesh {
+        let mesh = self.parts.all_meshes().nth(number);
+        mesh.expect("a suspect is one of the meshes")
+    }
+
     /// Share of the walks from behind a mesh that do not come back to its back.
     fn astray(&self, number: usize, shell: &Shell) -> f64 {
         let parts = &self.parts;
-        let mesh = (parts.all_meshes().nth(number)).expect("a suspect is one of the meshes");
+        let mesh = self.suspect(number);
         let identity = [DAffine3::IDENTITY];
         let poses = match number.checked_sub(parts.meshes.len()) {
             Some(shared) => parts.shared[shared].poses.as_slice(),

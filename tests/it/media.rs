@@ -508,6 +508,35 @@ fn levels_of_isotropic_phase_functions_lose_nothing() {
     );
 }
 
+/// A surface that should hold a medium and does not is named; a closed one is not, nor one that walls close.
+#[test]
+fn open_boundary_of_a_medium_is_named() {
+    let warnings = |closed: bool, walls: bool| {
+        let mut parts = SceneParts {
+            own_boundaries: true,
+            ..SceneParts::default()
+        };
+        let water = filled(1.33, medium([0.1; 3], [0.1; 3], 0.0));
+        let (low, high) = (Vec3::new(-1.0, -1.0, -1.0), Vec3::new(1.0, 0.0, 1.0));
+        let surface = match closed {
+            true => cuboid(low, high),
+            false => quad(Vec3::new(-1.0, 0.0, 1.0), Vec3::X * 2.0, Vec3::Z * -2.0),
+        };
+        parts.add(water, [surface]);
+        if walls {
+            parts.add(
+                diffuse("basin", Rgb::splat(0.5)),
+                room(low, Vec3::new(1.0, 2.0, 1.0)),
+            );
+        }
+        parts.add_camera([0.0, 0.5, 0.0], [0.0, 0.0, 0.0], 40.0);
+        Scene::new(parts).warnings().join("\n")
+    };
+    assert!(warnings(false, false).contains("does not enclose the medium"));
+    assert!(!warnings(true, false).contains("enclose"));
+    assert!(!warnings(false, true).contains("enclose"));
+}
+
 /// A camera in the plane that two clouds share is inside of one of them, as one beside it is.
 #[test]
 fn camera_on_a_plane_of_two_media_knows_where_it_is() {
