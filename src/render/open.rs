@@ -6,7 +6,7 @@ use crate::files::{Problem, hex};
 use crate::math::{Ray, Vec3};
 use crate::scene::light::sky::Sky;
 use crate::scene::load::{Animation, LoadOptions, load};
-use crate::scene::{Backdrop, Scene, SceneParts};
+use crate::scene::{Backdrop, Scene, SceneParts, TriangleId};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::io;
@@ -69,23 +69,21 @@ fn reflects_nothing(scene: &Scene) -> bool {
     if lights.is_empty() || lights.emissive_triangles() > 0 || parts.environment.is_some() {
         return false;
     }
-    let sharp = |i: &u32| {
-        let material = &parts.materials[geometry.triangle_material(*i) as usize];
+    let sharp = |material: u32| {
+        let material = &parts.materials[material as usize];
         material.alpha < 0.1 && material.metallic.max(material.transmission) > 0.5
     };
-    let sharp: Vec<u32> = (0..geometry.len() as u32).filter(sharp).collect();
-    let asked = sharp.iter().step_by(sharp.len().div_ceil(ASKED).max(1));
+    let asked = geometry.some_of(ASKED, sharp);
     let (low, high) = geometry.bounds();
     let beyond = 2.0 * low.distance(high);
-    let faces_nothing = |i: &&u32| {
-        let [a, b, c] = geometry.triangle(**i);
-        let (middle, out) = ((a + b + c) / 3.0, geometry.triangle_normal(**i));
+    let faces_nothing = |i: TriangleId| {
+        let [a, b, c] = geometry.triangle(i);
+        let (middle, out) = ((a + b + c) / 3.0, geometry.triangle_normal(i));
         // A scene that is only described has no tree, and no ray meets its surfaces.
         let meets = |from: Vec3, dir: Vec3| scene.intersect(&Ray::new(from, dir)).is_some();
         !meets(middle + 1e-4 * beyond * out, out) && meets(middle + beyond * out, -out)
     };
-    let count = asked.clone().count();
-    2 * asked.filter(faces_nothing).count() > count
+    2 * asked.iter().filter(|i| faces_nothing(**i)).count() > asked.len()
 }
 
 impl Spec {

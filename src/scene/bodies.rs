@@ -4,7 +4,9 @@
 //! Graphics Tools 7(2), 2002): the one of the highest rank is there, and the others' boundaries inside of it do not exist.
 
 use super::shells::Shell;
-use super::{Hit, Material, Mesh, PunctualLight, Scene, SceneParts, SharedMesh, Surface};
+use super::{
+    Hit, Material, Mesh, PunctualLight, Scene, SceneParts, SharedMesh, Surface, TriangleId,
+};
 use crate::math::{Ray, Rgb, Vec3};
 use glam::DAffine3;
 use rayon::prelude::*;
@@ -113,7 +115,7 @@ impl Scene {
         // Four corners that were rounded lie in two planes.
         let apart = surface.error + 2.0 * f32::EPSILON * largest.into_iter().fold(0.0, f32::max);
         let materials = &self.parts.materials;
-        let opposite = |triangle: u32| {
+        let opposite = |triangle: TriangleId| {
             let material = self.geometry.triangle_material(triangle);
             materials[material as usize].bounds_body()
                 && self.geometry.triangle_normal(triangle).dot(surface.ng) < -0.99
@@ -130,8 +132,7 @@ impl Scene {
 
     /// True if bodies touch at one of the probes.
     pub(super) fn finds_touching(&self) -> bool {
-        (self.probes().into_par_iter())
-            .any(|triangle| self.find_touching(&mut self.probe(triangle)).is_some())
+        (self.probes()).any(|triangle| self.find_touching(&mut self.probe(triangle)).is_some())
     }
 
     /// For each material, true if all its meshes are closed, facing outwards, and no light reaches into the box around any of them: a ray
@@ -189,7 +190,7 @@ impl Scene {
     /// each mesh. Bodies of the materials `turned` do not count: behind a triangle whose normal points inwards everything
     /// looks as if it lay in them.
     pub(super) fn find_overlaps(&self, turned: &[u32]) -> bool {
-        self.probes().into_par_iter().any(|triangle| {
+        self.probes().any(|triangle| {
             let surface = self.probe(triangle);
             let around = self.bodies_around(&surface.spawn(surface.ng));
             around.iter().any(|material| !turned.contains(material))
@@ -197,24 +198,24 @@ impl Scene {
     }
 
     /// Some triangles of each mesh that bounds a body.
-    fn probes(&self) -> Vec<u32> {
+    fn probes(&self) -> impl ParallelIterator<Item = TriangleId> {
         let bounds: Vec<bool> = (self.parts.materials.iter())
             .map(|m| m.bounds_body())
             .collect();
-        if !bounds.contains(&true) {
-            return Vec::new();
-        }
-        (self.geometry.ranges().into_iter())
-            .filter(|of_mesh| bounds[self.geometry.triangle_material(of_mesh.start) as usize])
-            .flat_map(|of_mesh| {
-                let step = of_mesh.len().div_ceil(PROBES);
-                of_mesh.step_by(step)
+        let runs = match bounds.contains(&true) {
+            true => self.geometry.runs(),
+            false => Vec::new(),
+        };
+        (runs.into_par_iter())
+            .filter(move |run| bounds[self.geometry.triangle_material(run.first()) as usize])
+            .flat_map_iter(|run| {
+                let step = run.len().div_ceil(PROBES);
+                run.every(0, step)
             })
-            .collect()
     }
 
     /// A point of a triangle.
-    fn probe(&self, triangle: u32) -> Surface {
+    fn probe(&self, triangle: TriangleId) -> Surface {
         self.surface(&Hit {
             t: 0.0,
             triangle,

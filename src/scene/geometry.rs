@@ -6,7 +6,7 @@ use super::material::TextureRef;
 use super::material::may_vanish;
 use super::mesh::{attribute, mix};
 use super::normals::{lifted, normal_texel, perturbed, tangent};
-use super::{Footprint, Hit, Mesh, SceneParts, Surface};
+use super::{Footprint, Hit, Mesh, SceneParts, Surface, TriangleId};
 use crate::math::{DVec3, Ray, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -14,7 +14,8 @@ use std::ops::Range;
 /// Half a unit in the last place, relative.
 const HALF_ULP: f32 = 0.5 * f32::EPSILON;
 
-/// All triangles of a scene. Those of [`SceneParts::meshes`] come first in scene order, those of the instances after them.
+/// All triangles of a scene. Those of [`SceneParts::meshes`] come first in scene order, those of the instances after
+/// them.
 pub struct Geometry {
     accel: Accel,
     has_tree: bool,
@@ -232,7 +233,7 @@ impl Geometry {
 
     /// Number of triangles, those of every instance counted.
     pub fn len(&self) -> usize {
-        (self.instances.as_ref()).map_or(self.single(), |i| i.end() as usize)
+        self.single() + self.instances.as_ref().map_or(0, Instances::shown)
     }
 
     /// True if there is no triangle.
@@ -264,8 +265,8 @@ impl Geometry {
 
     /// Corners of a triangle, counter-clockwise seen from the front.
     #[inline]
-    pub fn triangle(&self, i: u32) -> [Vec3; 3] {
-        match self.triangles.get(i as usize) {
+    pub fn triangle(&self, i: TriangleId) -> [Vec3; 3] {
+        match self.triangles.get(i.index() as usize) {
             Some(triangle) => triangle.corners,
             None => self.shared().corners(i),
         }
@@ -273,8 +274,8 @@ impl Geometry {
 
     /// Index of a triangle's material.
     #[inline]
-    pub fn triangle_material(&self, i: u32) -> u32 {
-        match self.triangles.get(i as usize) {
+    pub fn triangle_material(&self, i: TriangleId) -> u32 {
+        match self.triangles.get(i.index() as usize) {
             Some(triangle) => triangle.material(),
             None => self.shared().material(i),
         }
@@ -282,30 +283,47 @@ impl Geometry {
 
     /// Index of a triangle's mesh; instances are counted after the meshes.
     #[inline]
-    pub fn triangle_mesh(&self, i: u32) -> u32 {
-        match self.triangles.get(i as usize) {
+    pub fn triangle_mesh(&self, i: TriangleId) -> u32 {
+        match self.triangles.get(i.index() as usize) {
             Some(triangle) => triangle.mesh,
-            None => self.meshes + self.shared().instance(i),
+            None => self.meshes + i.instance() - 1,
         }
     }
 
     /// The triangles of each mesh and instance that has any, in scene order.
-    pub(crate) fn ranges(&self) -> Vec<Range<u32>> {
-        let mut ranges = Vec::new();
+    pub(crate) fn runs(&self) -> Vec<Run> {
+        let mut runs = Vec::new();
         let mut start = 0;
         for mesh in self.triangles.chunk_by(|a, b| a.mesh == b.mesh) {
             let end = start + mesh.len() as u32;
-            ranges.push(start..end);
+            runs.push(Run {
+                instance: 0,
+                indices: start..end,
+            });
             start = end;
         }
-        ranges.extend(self.instances.iter().flat_map(Instances::ranges));
-        ranges
+        runs.extend(self.instances.iter().flat_map(Instances::runs));
+        runs
+    }
+
+    /// At most `most` triangles of the materials that `of` accepts, evenly spread in scene order.
+    pub(crate) fn some_of(&self, most: usize, of: impl Fn(u32) -> bool) -> Vec<TriangleId> {
+        let mut runs = self.runs();
+        runs.retain(|run| of(self.triangle_material(run.first())));
+        let step = (runs.iter().map(Run::len).sum::<usize>().div_ceil(most)).max(1);
+        let (mut before, mut some) = (0usize, Vec::new());
+        for run in runs {
+            let skip = before.next_multiple_of(step) - before;
+            before += run.len();
+            some.extend(run.every(skip, step));
+        }
+        some
     }
 
     /// Texture coordinates of a triangle's corners; zero where the mesh has none.
     #[inline]
-    pub fn triangle_uvs(&self, parts: &SceneParts, i: u32) -> [Vec2; 3] {
-        let (mesh, indices) = match self.triangles.get(i as usize) {
+    pub fn triangle_uvs(&self, parts: &SceneParts, i: TriangleId) -> [Vec2; 3] {
+        let (mesh, indices) = match self.triangles.get(i.index() as usize) {
             Some(triangle) => {
                 let mesh = &parts.meshes[triangle.mesh as usize];
                 (mesh, triangle.indices(mesh))
@@ -321,7 +339,7 @@ impl Geometry {
     }
 
     /// Corners of a triangle and the shading normals at them, which a point between interpolates.
-    pub(crate) fn smooth_triangle(&self, i: u32) -> ([Vec3; 3], [Vec3; 3]) {
+    pub(crate) fn smooth_triangle(&self, i: TriangleId) -> ([Vec3; 3], [Vec3; 3]) {
         let normals = self.at(i, |triangle, to_world| {
             triangle.normals.map(|n| to_world.normal(n))
         });
@@ -330,20 +348,20 @@ impl Geometry {
 
     /// Area of a triangle.
     #[inline]
-    pub fn triangle_area(&self, i: u32) -> f32 {
+    pub fn triangle_area(&self, i: TriangleId) -> f32 {
         let [a, b, c] = self.triangle(i);
         (0.5 * normal(a, b, c).length()) as f32
     }
 
     /// Unit normal of a triangle, towards its front.
     #[inline]
-    pub fn triangle_normal(&self, i: u32) -> Vec3 {
+    pub fn triangle_normal(&self, i: TriangleId) -> Vec3 {
         let [a, b, c] = self.triangle(i);
         normal(a, b, c).normalize().as_vec3()
     }
 
     /// Signed distance of a point from the plane of a triangle.
-    pub(super) fn height(&self, i: u32, point: Vec3) -> f64 {
+    pub(super) fn height(&self, i: TriangleId, point: Vec3) -> f64 {
         let [a, b, c] = self.triangle(i);
         (point.as_dvec3() - a.as_dvec3()).dot(normal(a, b, c).normalize())
     }
@@ -365,7 +383,7 @@ impl Geometry {
         match self.traversal {
             // The surface of the closest hit is asked for next: its triangle arrives while the walk goes on.
             Traversal::Plain => self.accel.closest_where(ray, |hit| {
-                accel::fetch(&self.triangles, hit.triangle);
+                accel::fetch(&self.triangles, hit.triangle.index());
                 true
             }),
             Traversal::Cutouts => {
@@ -381,7 +399,7 @@ impl Geometry {
     }
 
     /// Closest hit on one of the triangles that `keep` accepts.
-    pub(super) fn closest_of(&self, ray: &Ray, keep: impl Fn(u32) -> bool) -> Option<Hit> {
+    pub(super) fn closest_of(&self, ray: &Ray, keep: impl Fn(TriangleId) -> bool) -> Option<Hit> {
         let keep = |hit: &Hit| keep(hit.triangle);
         match &self.instances {
             None => self.accel.closest_where(ray, keep),
@@ -393,8 +411,8 @@ impl Geometry {
 
     /// True where a ray along `dir` meets a side of a triangle that the camera is not shown.
     #[inline]
-    pub(super) fn hides_back(&self, triangle: u32, dir: Vec3) -> bool {
-        match self.triangles.get(triangle as usize) {
+    pub(super) fn hides_back(&self, triangle: TriangleId, dir: Vec3) -> bool {
+        match self.triangles.get(triangle.index() as usize) {
             Some(t) => t.hides_side(|| dir.dot(t.ng) > 0.0),
             None => {
                 let (t, _) = self.shared().place(triangle);
@@ -430,7 +448,7 @@ impl Geometry {
     /// Interpolates the surface at a hit. No direction enters: a path from the camera and a path from a light that meet
     /// at a point see the same surface.
     pub fn surface(&self, parts: &SceneParts, hit: &Hit) -> Surface {
-        match self.triangles.get(hit.triangle as usize) {
+        match self.triangles.get(hit.triangle.index() as usize) {
             Some(triangle) => triangle.surface(parts, hit, &InWorld),
             None => self.shared().surface(parts, hit),
         }
@@ -487,7 +505,7 @@ impl Geometry {
         let cos = surface.ng.dot(footprint.dir).abs();
         let along = surface.ng.cross(across) / cos;
         let axes = [across, along].map(|axis| footprint.half * axis);
-        match self.triangles.get(surface.triangle as usize) {
+        match self.triangles.get(surface.triangle.index() as usize) {
             Some(triangle) => triangle.uv_axes(parts, axes, &InWorld),
             None => {
                 let (triangle, placed) = self.shared().place(surface.triangle);
@@ -505,8 +523,8 @@ impl Geometry {
     }
 
     /// Asks a triangle and its way into the world.
-    fn at<T>(&self, triangle: u32, ask: impl FnOnce(&Triangle, &dyn ToWorld) -> T) -> T {
-        match self.triangles.get(triangle as usize) {
+    fn at<T>(&self, triangle: TriangleId, ask: impl FnOnce(&Triangle, &dyn ToWorld) -> T) -> T {
+        match self.triangles.get(triangle.index() as usize) {
             Some(triangle) => ask(triangle, &InWorld),
             None => {
                 let (triangle, placed) = self.shared().place(triangle);
@@ -522,7 +540,7 @@ impl Geometry {
 
     /// True if opacity leaves this hit in place.
     fn present(&self, parts: &SceneParts, ray: &Ray, hit: &Hit) -> bool {
-        !self.cutouts[hit.triangle as usize] || self.present_at(parts, ray, hit)
+        !self.cutouts[hit.triangle.index() as usize] || self.present_at(parts, ray, hit)
     }
 
     /// The same, of a hit on a material whose opacity may remove it.
@@ -553,6 +571,34 @@ impl Geometry {
             1.0 => true,
             part => chance(ray, hit.triangle) < part,
         }
+    }
+}
+
+/// The triangles of a mesh or of an instance.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Run {
+    /// See [`TriangleId::instance`].
+    pub(super) instance: u32,
+    /// See [`TriangleId::index`]; not empty.
+    pub(super) indices: Range<u32>,
+}
+
+impl Run {
+    /// Number of triangles.
+    pub(crate) fn len(&self) -> usize {
+        self.indices.len()
+    }
+
+    /// The first triangle.
+    pub(crate) fn first(&self) -> TriangleId {
+        TriangleId::new(self.instance, self.indices.start)
+    }
+
+    /// Every `step`-th triangle after the first `skip`.
+    pub(crate) fn every(self, skip: usize, step: usize) -> impl Iterator<Item = TriangleId> {
+        let Self { instance, indices } = self;
+        let all = indices.skip(skip).step_by(step);
+        all.map(move |index| TriangleId::new(instance, index))
     }
 }
 
@@ -812,12 +858,52 @@ fn normal(a: Vec3, b: Vec3, c: Vec3) -> glam::DVec3 {
 }
 
 /// A hash of ray and triangle, uniform in [0, 1).
-fn chance(ray: &Ray, triangle: u32) -> f32 {
+fn chance(ray: &Ray, triangle: TriangleId) -> f32 {
     let (o, d) = (ray.origin, ray.dir);
-    let mut h = 0x9e37_79b9_7f4a_7c15u64 ^ u64::from(triangle);
+    let mut h = 0x9e37_79b9_7f4a_7c15u64 ^ triangle.bits();
     for x in [o.x, o.y, o.z, d.x, d.y, d.z] {
         h = (h ^ u64::from(x.to_bits())).wrapping_mul(0xff51_afd7_ed55_8ccd);
         h ^= h >> 32;
     }
     (h >> 40) as f32 / (1u64 << 24) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gallery::{materials, shapes};
+    use crate::scene::SharedMesh;
+    use glam::DAffine3;
+
+    #[test]
+    fn instances_and_meshes_are_sampled_evenly_in_scene_order() {
+        let mut parts = SceneParts::default();
+        let box_of = || shapes::cuboid(Vec3::ZERO, Vec3::ONE);
+        parts.add(materials::diffuse("chalk", Vec3::ONE), [box_of(), box_of()]);
+        parts.add(materials::metal("silver", Vec3::ONE, 0.0), [box_of()]);
+        let mut poses = |material, count| {
+            let mesh = Mesh {
+                material,
+                ..box_of()
+            };
+            let poses = vec![DAffine3::IDENTITY; count];
+            parts.shared.push(SharedMesh { mesh, poses });
+        };
+        poses(1, 3);
+        poses(0, 2);
+        poses(1, 4);
+        let geometry = Geometry::new(&parts, &mut Vec::new());
+        let every = |run: Run| run.every(0, 1);
+        let all: Vec<TriangleId> = geometry.runs().into_iter().flat_map(every).collect();
+        assert!(all.is_sorted() && all.len() == geometry.len());
+        let is_silver = |i: &TriangleId| geometry.triangle_material(*i) == 1;
+        let silver: Vec<_> = all.into_iter().filter(is_silver).collect();
+        assert_eq!(silver.len(), 8 * 12);
+        for most in [1, 2, 5, 7, 12, 13, 50, 95, 96, 1000] {
+            let step = silver.len().div_ceil(most);
+            let expected: Vec<_> = silver.iter().copied().step_by(step).collect();
+            assert_eq!(geometry.some_of(most, |material| material == 1), expected);
+        }
+        assert!(geometry.some_of(9, |_| false).is_empty());
+    }
 }

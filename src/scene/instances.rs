@@ -2,13 +2,12 @@
 //! which holds the boxes of the instances in the world beside the triangles that are not shared.
 
 use super::accel::{self, Accel, LocalRay};
-use super::geometry::{Dropped, ToWorld, Triangle, add_faces, corners};
+use super::geometry::{Dropped, Run, ToWorld, Triangle, add_faces, corners};
 use super::material::may_vanish;
 use super::mesh::{Mesh, SharedMesh, cofactors, unit};
-use super::{Hit, SceneParts, Surface};
+use super::{Hit, SceneParts, Surface, TriangleId};
 use crate::math::{DVec3, Ray, Vec3, Vec4};
 use glam::{DAffine3, DMat3};
-use std::ops::Range;
 
 /// Roundings of double precision between the exact place of an instance's surface and the one that rays meet, relative to
 /// the reach of its coordinates and to the condition of its pose.
@@ -18,17 +17,15 @@ const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
 pub(super) struct Instances {
     meshes: Vec<Shared>,
     list: Vec<Instance>,
-    /// First triangle of each instance, in scene order.
-    firsts: Vec<u32>,
     /// Lower and upper corner of each, until the tree is built.
     boxes: Vec<(Vec3, Vec3)>,
-    /// Triangles of all instances together, and one past the last of them in scene order.
-    end: u32,
 }
 
 /// A shared mesh.
 pub(super) struct Shared {
     triangles: Vec<Triangle>,
+    /// Index of the first of them among the triangles in memory.
+    first: u32,
     accel: Accel,
     material: u32,
     /// True if opacity may remove hits.
@@ -39,8 +36,6 @@ pub(super) struct Shared {
 struct Instance {
     /// Index into `SceneParts::shared`.
     mesh: u32,
-    /// Its first triangle, in scene order.
-    first: u32,
     pose: DAffine3,
     inverse: DAffine3,
     /// Transform of normals, towards the front.
@@ -53,10 +48,13 @@ struct Instance {
 
 impl Instances {
     /// Builds the trees; `first` is the number of triangles that are not shared. `None` if nothing is.
-    pub(super) fn new(parts: &SceneParts, first: u32, warnings: &mut Vec<String>) -> Option<Self> {
+    pub(super) fn new(
+        parts: &SceneParts,
+        mut first: u32,
+        warnings: &mut Vec<String>,
+    ) -> Option<Self> {
         let mut meshes = Vec::new();
-        let (mut list, mut firsts, mut boxes) = (Vec::new(), Vec::new(), Vec::new());
-        let mut end = first;
+        let (mut list, mut boxes) = (Vec::new(), Vec::new());
         for (m, SharedMesh { mesh, poses }) in parts.shared.iter().enumerate() {
             let mut faces = Vec::with_capacity(mesh.indices.len());
             let name = format!("shared mesh {m}");
@@ -67,7 +65,6 @@ impl Instances {
             let triangles: Vec<Triangle> = (faces.into_iter())
                 .map(|face| Triangle::new(mesh, face, parts))
                 .collect();
-            let count = triangles.len() as u32;
             let material = parts.materials.get(mesh.material as usize);
             if material.is_some_and(|m| m.emission != Vec3::ZERO) {
                 warnings.push(format!("shared mesh {m}: its emission is ignored"));
@@ -75,11 +72,8 @@ impl Instances {
             let extent =
                 (triangles.iter().flat_map(|t| &t.corners)).fold(Vec3::ZERO, |e, p| e.max(p.abs()));
             let before = list.len();
-            for pose in poses.iter().filter(|_| count > 0) {
+            for pose in poses.iter().filter(|_| !triangles.is_empty()) {
                 let Some(condition) = SharedMesh::condition(pose) else {
-                    continue;
-                };
-                let Some(next) = end.checked_add(count) else {
                     continue;
                 };
                 let reach =
@@ -89,7 +83,6 @@ impl Instances {
                 }
                 let slack = ROUNDINGS * condition * reach.length();
                 boxes.push(bounds(accel.boxes(), pose, slack));
-                firsts.push(end);
                 let sign = if pose.matrix3.determinant() < 0.0 {
                     -1.0
                 } else {
@@ -99,40 +92,40 @@ impl Instances {
                     normals: cofactors(&pose.matrix3) * sign,
                     sign,
                     mesh: m as u32,
-                    first: end,
                     pose: *pose,
                     inverse: pose.inverse(),
                     slack: slack as f32,
                 });
-                end = next;
             }
             let dropped = poses.len() - (list.len() - before);
             if dropped > 0 {
                 warnings.push(format!(
-                    "shared mesh {m}: dropped {dropped} of {} instances (no triangles, too many, or a pose that is singular \
-                     or out of range)",
+                    "shared mesh {m}: dropped {dropped} of {} instances (no triangles, or a pose that is singular or out of \
+                     range)",
                     poses.len()
                 ));
             }
+            let count = triangles.len() as u32;
             meshes.push(Shared {
+                first,
                 vanishes: material.is_some_and(may_vanish),
                 material: mesh.material,
                 triangles,
                 accel,
             });
+            first += count;
         }
         (!list.is_empty()).then_some(Self {
             boxes,
             meshes,
             list,
-            firsts,
-            end,
         })
     }
 
-    /// One past the last triangle, in scene order.
-    pub(super) fn end(&self) -> u32 {
-        self.end
+    /// Number of triangles of all instances together.
+    pub(super) fn shown(&self) -> usize {
+        let of = |i: &Instance| self.meshes[i.mesh as usize].triangles.len();
+        self.list.iter().map(of).sum()
     }
 
     /// Number of instances.
@@ -146,9 +139,12 @@ impl Instances {
     }
 
     /// The triangles of each instance, in scene order.
-    pub(super) fn ranges(&self) -> impl Iterator<Item = Range<u32>> {
-        let ends = self.firsts[1..].iter().copied().chain([self.end]);
-        self.firsts.iter().zip(ends).map(|(&first, end)| first..end)
+    pub(super) fn runs(&self) -> impl Iterator<Item = Run> {
+        (1..).zip(&self.list).map(|(instance, of)| {
+            let mesh = &self.meshes[of.mesh as usize];
+            let indices = mesh.first..mesh.first + mesh.triangles.len() as u32;
+            Run { instance, indices }
+        })
     }
 
     /// True if opacity may remove a hit.
@@ -161,40 +157,39 @@ impl Instances {
         std::mem::take(&mut self.boxes)
     }
 
-    /// The instance of a triangle, and the triangle's index in the shared mesh.
-    fn find(&self, triangle: u32) -> (usize, usize) {
-        let i = self.firsts.partition_point(|&first| first <= triangle) - 1;
-        (i, (triangle - self.firsts[i]) as usize)
-    }
-
-    /// Number of a triangle's instance.
-    pub(super) fn instance(&self, triangle: u32) -> u32 {
-        self.find(triangle).0 as u32
+    /// The instance that shows a triangle, its mesh, and the triangle in there.
+    fn find(&self, triangle: TriangleId) -> (&Instance, &Shared, &Triangle) {
+        let instance = &self.list[triangle.instance() as usize - 1];
+        let mesh = &self.meshes[instance.mesh as usize];
+        (
+            instance,
+            mesh,
+            &mesh.triangles[(triangle.index() - mesh.first) as usize],
+        )
     }
 
     /// Index of a triangle's material.
-    pub(super) fn material(&self, triangle: u32) -> u32 {
-        self.meshes[self.list[self.find(triangle).0].mesh as usize].material
+    pub(super) fn material(&self, triangle: TriangleId) -> u32 {
+        self.find(triangle).1.material
     }
 
     /// The mesh of a triangle in object space, and the corners' indices.
     pub(super) fn source<'a>(
         &self,
         parts: &'a SceneParts,
-        triangle: u32,
+        triangle: TriangleId,
     ) -> (&'a Mesh, &'a [u32; 3]) {
-        let (i, local) = self.find(triangle);
-        let m = self.list[i].mesh as usize;
-        let mesh = &parts.shared[m].mesh;
-        (mesh, self.meshes[m].triangles[local].indices(mesh))
+        let (instance, _, triangle) = self.find(triangle);
+        let mesh = &parts.shared[instance.mesh as usize].mesh;
+        (mesh, triangle.indices(mesh))
     }
 
     /// Corners of a triangle in the world, rounded; counter-clockwise seen from the front.
-    pub(super) fn corners(&self, triangle: u32) -> [Vec3; 3] {
-        let (i, local) = self.find(triangle);
-        let instance = &self.list[i];
-        let corners = self.meshes[instance.mesh as usize].triangles[local].corners;
-        let [a, b, c] = corners.map(|p| instance.pose.transform_point3(p.as_dvec3()).as_vec3());
+    pub(super) fn corners(&self, triangle: TriangleId) -> [Vec3; 3] {
+        let (instance, _, triangle) = self.find(triangle);
+        let [a, b, c] = triangle
+            .corners
+            .map(|p| instance.pose.transform_point3(p.as_dvec3()).as_vec3());
         if instance.sign < 0.0 {
             [a, c, b]
         } else {
@@ -214,11 +209,12 @@ impl Instances {
     ) -> Option<Hit> {
         let instance = &self.list[number as usize];
         let shared = &self.meshes[instance.mesh as usize];
-        let local = instance.local(ray, *best);
+        let first = TriangleId::new(number + 1, shared.first);
+        let local = instance.local(ray, first, *best);
         (shared.accel).improve::<ANY>(&local, |hit| {
             if !ANY {
                 // The surface of the closest hit is asked for next.
-                accel::fetch(&shared.triangles, hit.triangle - instance.first);
+                accel::fetch(&shared.triangles, hit.triangle.index() - shared.first);
             }
             keep(shared, hit)
         })
@@ -231,20 +227,16 @@ impl Instances {
     }
 
     /// A triangle in its mesh's space, and its way into the world.
-    pub(super) fn place(&self, triangle: u32) -> (&Triangle, impl ToWorld + use<'_>) {
-        let (i, local) = self.find(triangle);
-        let instance = &self.list[i];
-        (
-            &self.meshes[instance.mesh as usize].triangles[local],
-            InstanceTransform(instance),
-        )
+    pub(super) fn place(&self, triangle: TriangleId) -> (&Triangle, impl ToWorld + use<'_>) {
+        let (instance, _, triangle) = self.find(triangle);
+        (triangle, InstanceTransform(instance))
     }
 }
 
 impl Instance {
-    /// A ray in the mesh's space, with the best hit so far.
+    /// A ray in the mesh's space, with the mesh's first triangle and the best hit so far.
     #[inline]
-    fn local(&self, ray: &Ray, best: Hit) -> LocalRay {
+    fn local(&self, ray: &Ray, first: TriangleId, best: Hit) -> LocalRay {
         let origin = self.inverse.transform_point3(ray.origin.as_dvec3());
         let dir = self.inverse.transform_vector3(ray.dir.as_dvec3());
         LocalRay {
@@ -255,7 +247,7 @@ impl Instance {
             },
             origin,
             dir,
-            first: self.first,
+            first,
             best,
         }
     }

@@ -1,12 +1,12 @@
 //! Homogeneous media that absorb and scatter light.
 
-use super::{Hit, Material, SceneParts, Surface};
+use super::{Hit, Material, SceneParts, Surface, TriangleId};
 use crate::bsdf::phase::MAX_MEAN_COSINE;
 use crate::bsdf::{Bsdf, Phase};
 use crate::math::{Ray, Rgb, Vec2};
 
-/// Number in place of a triangle's for a point of a medium.
-const NO_TRIANGLE: u32 = u32::MAX;
+/// Stands in place of a triangle for a point of a medium.
+const NO_TRIANGLE: TriangleId = TriangleId::single(u32::MAX);
 
 /// A homogeneous medium, with the phase function of Henyey and Greenstein.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -86,7 +86,7 @@ impl Surface {
     /// True for a point of a medium.
     #[inline]
     pub(crate) fn is_in_medium(&self) -> bool {
-        self.triangle == NO_TRIANGLE
+        self.triangle.index() == NO_TRIANGLE.index()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use opsr::math::{Ray, Vec3};
 use opsr::scene::accel::Accel;
-use opsr::scene::{Geometry, Material, Mesh, SceneParts};
+use opsr::scene::{Geometry, Material, Mesh, SceneParts, TriangleId};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 
@@ -251,9 +251,16 @@ fn degenerate_triangles_are_dropped_and_counted() {
         warnings[0].contains("mesh 1: dropped 6 of 8"),
         "{warnings:?}"
     );
-    assert_eq!(geometry.triangle(3), other);
+    assert_eq!(geometry.triangle(TriangleId::single(3)), other);
     let ray = Ray::new(Vec3::new(-0.3, 0.3, -1.0), Vec3::Z);
-    assert_eq!(geometry.intersect(&parts, &ray).expect("hit").triangle, 3);
+    assert_eq!(
+        geometry
+            .intersect(&parts, &ray)
+            .expect("hit")
+            .triangle
+            .index(),
+        3
+    );
 }
 
 #[test]
@@ -263,7 +270,7 @@ fn bvh_ignores_triangles_that_are_not_finite() {
     triangles.push([Vec3::INFINITY, Vec3::ZERO, Vec3::ONE]);
     let accel = Accel::new(&triangles);
     let ray = Ray::new(Vec3::new(0.5, 0.0, 1.0), Vec3::NEG_Z);
-    assert_eq!(accel.closest(&ray).expect("hit").triangle, 3);
+    assert_eq!(accel.closest(&ray).expect("hit").triangle.index(), 3);
     assert!(!Accel::new(&triangles[..3]).any(&ray));
     let lost = Ray::new(Vec3::NAN, Vec3::Z);
     assert!(accel.closest(&lost).is_none());
@@ -279,10 +286,10 @@ fn bvh_ties_go_to_the_lowest_index() {
     let mut blocked = ray;
     blocked.t_max = 8.0;
     if !accel.any(&blocked) {
-        assert_eq!(accel.closest(&ray).expect("hit").triangle, 50);
+        assert_eq!(accel.closest(&ray).expect("hit").triangle.index(), 50);
     }
     let far = Ray::new(Vec3::new(0.1, -0.2, 1e-3), Vec3::NEG_Z);
-    assert_eq!(accel.closest(&far).expect("hit").triangle, 50);
+    assert_eq!(accel.closest(&far).expect("hit").triangle.index(), 50);
 }
 
 #[test]

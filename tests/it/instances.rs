@@ -11,7 +11,7 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::method::IntegratorKind;
 use opsr::math::{Ray, Rgb, Vec3};
 use opsr::scene::material::{AlphaMode, TextureRef};
-use opsr::scene::{Material, Mesh, Scene, SceneParts, SharedMesh, Texture};
+use opsr::scene::{Geometry, Material, Mesh, Scene, SceneParts, SharedMesh, Texture, TriangleId};
 use opsr::stats::agreement::agree;
 use rand::RngExt;
 use rand_pcg::Pcg32;
@@ -134,6 +134,18 @@ fn crowd(size: f32, instances: usize) -> SceneParts {
     parts
 }
 
+/// Place of a triangle in scene order, if all shared meshes have as many.
+fn number(geometry: &Geometry, id: TriangleId) -> usize {
+    let (index, single) = (id.index() as usize, geometry.single());
+    match id.instance() as usize {
+        0 => index,
+        instance => {
+            let of_each = (geometry.len() - single) / geometry.instances();
+            single + (instance - 1) * of_each + (index - single) % of_each
+        }
+    }
+}
+
 #[test]
 fn instances_are_met_where_their_copies_are() {
     for (size, instances) in [(3.0, 2), (20.0, 60)] {
@@ -168,7 +180,7 @@ fn instances_are_met_where_their_copies_are() {
             hits += 1;
             assert_eq!(s.material, c.material);
             assert_eq!(a.triangle_mesh(s.triangle), b.triangle_mesh(c.triangle));
-            let same = s.triangle == c.triangle;
+            let same = number(a, s.triangle) == number(b, c.triangle);
             assert!(s.position.distance(ray.at(h.t)) < 1e-5 * size, "{s:?}");
             assert!(s.position.distance(c.position) < 1e-4 * size, "{s:?} {c:?}");
             assert!(!same || s.ng.distance(c.ng) < 1e-4, "{s:?} {c:?}");
@@ -180,6 +192,114 @@ fn instances_are_met_where_their_copies_are() {
         }
         assert!(hits > 20_000, "{hits} hits test little");
         assert!(differ < 25, "{differ} rays differ");
+    }
+}
+
+/// Sheets of 2 · 181² triangles in rows above a floor, more than 32 bits count, and the corner of each.
+fn billions() -> (SceneParts, impl Fn(u32) -> DVec3) {
+    const EDGE: u32 = 181;
+    const INSTANCES: u32 = 70_000;
+    let mut parts = SceneParts::default();
+    let floor = quad(
+        Vec3::new(-1.0, -1.0, -1.0),
+        Vec3::Z * 240.0,
+        Vec3::X * 310.0,
+    );
+    parts.add(diffuse("floor", Rgb::splat(0.5)), [floor]);
+    let at = |i: u32| DVec3::new((i % 300).into(), 0.0, (i / 300).into());
+    let scale = DAffine3::from_scale(DVec3::splat(0.8));
+    let corner = |x: u32, y: u32| Vec3::new(x as f32, 0.0, y as f32) / EDGE as f32;
+    let index = |x: u32, y: u32| y * (EDGE + 1) + x;
+    let side = 0..EDGE;
+    let mut mesh = Mesh {
+        positions: (0..=EDGE)
+            .flat_map(|y| (0..=EDGE).map(move |x| corner(x, y)))
+            .collect(),
+        indices: (side.clone().flat_map(|y| side.clone().map(move |x| (x, y))))
+            .flat_map(|(x, y)| {
+                let [a, b, c, d] =
+                    [(x, y), (x, y + 1), (x + 1, y + 1), (x + 1, y)].map(|(x, y)| index(x, y));
+                [[a, b, c], [a, c, d]]
+            })
+            .collect(),
+        ..Mesh::default()
+    };
+    mesh.material = parts.add_material(metal("sheet", Rgb::splat(0.8), 0.3));
+    let poses = (0..INSTANCES).map(|i| DAffine3::from_translation(at(i)) * scale);
+    parts.shared.push(SharedMesh {
+        mesh,
+        poses: poses.collect(),
+    });
+    (parts, at)
+}
+
+#[test]
+fn instances_show_more_triangles_than_32_bits_count() {
+    let (mut parts, at) = billions();
+    let instances = parts.shared[0].poses.len() as u32;
+    let last = at(instances - 1).as_vec3();
+    let lamp = quad(last + 3.0 * Vec3::Y, Vec3::X, Vec3::Z);
+    parts.add(emitter("lamp", Rgb::splat(6.0)), [lamp]);
+    let above = last + Vec3::new(0.4, 1.5, 0.4);
+    parts.add_camera(
+        above.into(),
+        (above - Vec3::new(0.0, 1.5, 0.01)).into(),
+        15.0,
+    );
+    // The last sheet alone, and not shared.
+    let SharedMesh { mesh, poses } = &parts.shared[0];
+    let mut alone = parts.clone();
+    alone.shared.clear();
+    alone.meshes.push(copy(mesh, &poses[poses.len() - 1]));
+    let scene = built(parts);
+    let geometry = scene.geometry();
+    assert_eq!(geometry.instances(), instances as usize);
+    let of_each = geometry.len() / geometry.instances();
+    assert!(of_each * geometry.instances() > 1 << 32, "{of_each}");
+    assert!(geometry.stored() < 70_000, "{}", geometry.stored());
+    let mut rng = rng(21);
+    let meshes = scene.parts().meshes.len() as u32;
+    for k in 0..2000 {
+        let i = match k % 4 {
+            0 => rng.random_range(0..instances),
+            1 => k % 8,
+            // Past 2³² triangles.
+            _ => instances - 1 - rng.random_range(0..4000),
+        };
+        let on = Vec3::new(
+            rng.random_range(0.01..0.79),
+            0.0,
+            rng.random_range(0.01..0.79),
+        );
+        let on = at(i).as_vec3() + on;
+        let ray = Ray::new(on + 0.5 * Vec3::Y, Vec3::NEG_Y);
+        let hit = scene.intersect(&ray).expect("a sheet");
+        assert!(scene.occluded(&Ray { t_max: 0.6, ..ray }));
+        assert_eq!(hit.triangle.instance(), i + 1);
+        let surface = scene.surface(&hit);
+        assert_eq!(geometry.triangle_mesh(surface.triangle), meshes + i);
+        assert!(surface.position.distance(on) < 1e-4, "{i} {surface:?} {on}");
+        let [a, b, c] = geometry.triangle(hit.triangle);
+        let (low, high) = (a.min(b).min(c) - 1e-4, a.max(b).max(c) + 1e-4);
+        assert!(
+            low.cmple(on).all() && on.cmple(high).all(),
+            "{i} {on} {a} {b} {c}"
+        );
+    }
+    // Light of the last sheet, which sees the lamp alone; by camera paths, and by light vertices that are kept.
+    let alone = built(alone);
+    for kind in [IntegratorKind::Path, IntegratorKind::Bdpt] {
+        let film = |scene: &Scene, seed| {
+            let settings = Settings {
+                estimator: kind.estimator(Radius::default()),
+                max_vertices: 4,
+                seed,
+                ..Settings::default()
+            };
+            film_with(scene, &settings, 8, 64)
+        };
+        let agreement = agree(&film(&scene, 1), &film(&alone, 2)).unwrap();
+        assert!(agreement.passed(), "{kind:?}\n{agreement}");
     }
 }
 

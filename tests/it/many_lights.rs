@@ -9,7 +9,9 @@ use opsr::math::discrete::{AliasTable, Distribution2D};
 use opsr::math::{DVec2, Ray, Rgb, UVec2, Vec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
-use opsr::scene::{Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts};
+use opsr::scene::{
+    Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts, TriangleId,
+};
 use opsr::stats::agreement::agree;
 use opsr::verify::chi_square::p_value;
 use opsr::verify::simple::Simple;
@@ -244,7 +246,7 @@ fn points(scene: &Scene) -> Vec<Vec3> {
         points.push(scale * (2.0 * p - Vec3::ONE));
     }
     for i in [0, 7, 100] {
-        let [a, b, c] = scene.geometry().triangle(i);
+        let [a, b, c] = scene.geometry().triangle(TriangleId::single(i));
         points.push((a + b + c) / 3.0);
         points.push(a);
     }
@@ -287,9 +289,10 @@ fn every_light_that_reaches_a_point_has_a_probability() {
     for _ in 0..400 {
         let from = 8.0 * (Vec3::new(u.next_1d(), u.next_1d(), u.next_1d()) - Vec3::splat(0.5));
         for k in 0..area {
-            let [a, b, c] = scene.geometry().triangle(k as u32);
-            let normal = scene.geometry().triangle_normal(k as u32);
-            let material = scene.geometry().triangle_material(k as u32) as usize;
+            let id = TriangleId::single(k as u32);
+            let [a, b, c] = scene.geometry().triangle(id);
+            let normal = scene.geometry().triangle_normal(id);
+            let material = scene.geometry().triangle_material(id) as usize;
             let cos = [a, b, c].map(|corner| normal.dot(from - corner));
             // Clear of the rounding of the plane.
             let lit = cos.iter().any(|&c| c > 1e-4) || parts.materials[material].double_sided;
@@ -347,7 +350,10 @@ fn densities_of_light_samples_match_those_of_rays() {
                         continue;
                     };
                     // Another light may hide the one that was drawn, a coincident one included.
-                    if hit.triangle as usize != k || light.cos < 1e-2 || light.distance < 1e-2 {
+                    if hit.triangle.index() as usize != k
+                        || light.cos < 1e-2
+                        || light.distance < 1e-2
+                    {
                         continue;
                     }
                     met[2] += 1;

@@ -5,7 +5,7 @@ use crate::geometry::{
 };
 use opsr::math::{Frame, Ray, Vec2, Vec3};
 use opsr::scene::material::AlphaMode;
-use opsr::scene::{Geometry, Hit, Material, Mesh, SceneParts, Surface};
+use opsr::scene::{Geometry, Hit, Material, Mesh, SceneParts, Surface, TriangleId};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 
@@ -92,7 +92,9 @@ fn self_intersection_on_flat_ground_of_mixed_triangles() {
         let geometry = geometry_of(&parts);
         let mut rng = rng(50);
         for _ in 0..20_000 {
-            let [a, b, c] = geometry.triangle(rng.random_range(0..geometry.len() as u32));
+            let [a, b, c] = geometry.triangle(TriangleId::single(
+                rng.random_range(0..geometry.len() as u32),
+            ));
             let (u, v) = (rng.random::<f32>(), rng.random::<f32>());
             let on = a + u * (b - a) + v * (1.0 - u) * (c - a);
             let up = (b - a).cross(c - a).normalize();
@@ -125,7 +127,7 @@ fn self_intersection_between_thin_shells_at_every_scale() {
             &parts,
             &Hit {
                 t: 1.0,
-                triangle: 0,
+                triangle: TriangleId::single(0),
                 u: 0.3,
                 v: 0.3,
             },
@@ -133,22 +135,22 @@ fn self_intersection_between_thin_shells_at_every_scale() {
         let mut rng = rng(60);
         for _ in 0..20_000 {
             let d = -leaving(&mut rng, up.ng, 0.02);
-            let [a, b, c] = geometry.triangle(rng.random_range(0..2));
+            let [a, b, c] = geometry.triangle(TriangleId::single(rng.random_range(0..2)));
             let (u, v) = (rng.random_range(0.1..0.4), rng.random_range(0.1..0.4));
             let on = a + u * (b - a) + v * (c - a);
             let ray = Ray::new(on - d * scale, d);
             let (first, s) = meet(&geometry, &parts, &ray).expect("upper shell");
-            assert!(first.triangle < 2, "scale {scale}");
+            assert!(first.triangle.index() < 2, "scale {scale}");
             let (second, s) = meet(&geometry, &parts, &s.spawn(d)).expect("lower shell");
             let expected = GAP * scale / -d.dot(up.ng);
-            assert!(second.triangle >= 2, "scale {scale}: {second:?}");
+            assert!(second.triangle.index() >= 2, "scale {scale}: {second:?}");
             assert!(
                 (second.t / expected - 1.0).abs() < 0.1,
                 "{second:?} {expected}"
             );
             assert!(geometry.intersect(&parts, &s.spawn(d)).is_none());
             let (back, _) = meet(&geometry, &parts, &s.spawn(-d)).expect("upper shell again");
-            assert!(back.triangle < 2, "scale {scale}: {back:?}");
+            assert!(back.triangle.index() < 2, "scale {scale}: {back:?}");
         }
     }
 }
@@ -202,8 +204,11 @@ fn surface_interpolates_attributes() {
         let n = (0.75 * Vec3::Z + 0.25 * Vec3::new(0.6, 0.0, 0.8)).normalize();
         assert!((s.ns - n).length() < 1e-6, "{s:?} {hit:?}");
     }
-    assert_eq!(geometry.triangle_uvs(&parts, 0)[2], Vec2::ONE);
-    assert_eq!(geometry.triangle_area(0), 2.0);
+    assert_eq!(
+        geometry.triangle_uvs(&parts, TriangleId::single(0))[2],
+        Vec2::ONE
+    );
+    assert_eq!(geometry.triangle_area(TriangleId::single(0)), 2.0);
     assert_eq!(
         geometry.bounds(),
         (Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, 1.0, 0.0))
@@ -344,7 +349,7 @@ fn opacity_mask_cuts_holes() {
         let geometry = geometry_of(&parts);
         let ray = Ray::new(Vec3::new(0.4, 0.1, 2.0), Vec3::NEG_Z);
         let hit = geometry.intersect(&parts, &ray).expect("the ground");
-        assert_eq!(hit.triangle, first, "{mode:?} {opacity}");
+        assert_eq!(hit.triangle.index(), first, "{mode:?} {opacity}");
         let short = Ray { t_max: 1.5, ..ray };
         assert_eq!(
             geometry.occluded(&parts, &short),
@@ -369,8 +374,8 @@ fn opacity_blend_is_the_probability_of_a_hit() {
         let ray = Ray::new(x, Vec3::NEG_Z);
         let hit = geometry.intersect(&parts, &ray).expect("the ground");
         let short = Ray { t_max: 1.5, ..ray };
-        assert_eq!(geometry.occluded(&parts, &short), hit.triangle >= 2);
-        there += usize::from(hit.triangle >= 2);
+        assert_eq!(geometry.occluded(&parts, &short), hit.triangle.index() >= 2);
+        there += usize::from(hit.triangle.index() >= 2);
     }
     // Five standard deviations of a binomial.
     let sigma = (n as f64 * 0.3 * 0.7).sqrt();

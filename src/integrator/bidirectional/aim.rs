@@ -411,11 +411,9 @@ fn sharp_triangles(scene: &Scene) -> Vec<Vec<Vec3>> {
         return Vec::new();
     }
     let geometry = scene.geometry();
-    let of = |i: &u32| sharp[geometry.triangle_material(*i) as usize];
-    let all: Vec<u32> = (0..geometry.len() as u32).filter(of).collect();
-    let step = all.len().div_ceil(MOST_ITEMS).max(1);
-    let corners = |&i: &u32| geometry.triangle(i).to_vec();
-    all.iter().step_by(step).map(corners).collect()
+    let some = geometry.some_of(MOST_ITEMS, |material| sharp[material as usize]);
+    let corners = |i| geometry.triangle(i).to_vec();
+    some.into_iter().map(corners).collect()
 }
 
 /// Points of the surfaces that the camera sees, if need be by way of sharp ones.

@@ -9,7 +9,7 @@ use super::vertex::Vertex;
 use super::weights::Partial;
 use crate::integrator::walk::Surroundings;
 use crate::math::{Rgb, Vec3};
-use crate::scene::{Hit, Scene};
+use crate::scene::{Hit, Scene, TriangleId};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -23,7 +23,8 @@ pub(super) struct Photon {
     pub(super) partial: Partial<f32>,
     /// Number of the vertex in its walk, twice; one more if the walk has come straight from the light.
     number: u32,
-    triangle: u32,
+    /// Index of the triangle, see [`TriangleId::index`].
+    index: u32,
     at: [f32; 2],
     choice: f32,
 }
@@ -46,7 +47,7 @@ impl Photon {
             back: vertex.back,
             partial: vertex.partial,
             number: 2 * vertex.n + u32::from(vertex.first),
-            triangle: vertex.hit.triangle,
+            index: vertex.hit.triangle.index(),
             at: [vertex.hit.u, vertex.hit.v],
             choice: vertex.choice,
         }
@@ -64,11 +65,11 @@ impl Photon {
         self.number % 2 == 1
     }
 
-    /// The vertex again, without what is around it.
-    fn vertex(&self, scene: &Scene) -> Vertex {
+    /// The vertex again, in the instance of this number, without what is around it.
+    fn vertex(&self, scene: &Scene, instance: u32) -> Vertex {
         let hit = Hit {
             t: 0.0,
-            triangle: self.triangle,
+            triangle: TriangleId::new(instance, self.index),
             u: self.at[0],
             v: self.at[1],
         };
@@ -98,6 +99,8 @@ impl Photon {
 pub(super) struct LightVertices {
     photons: Vec<Photon>,
     places: Vec<Place>,
+    /// Numbers of instances: one a photon, or none where the scene has no instances.
+    instances: Vec<u32>,
     /// One a photon, or none.
     trails: Vec<Trail>,
     /// First vertex of each path but the first.
@@ -105,9 +108,10 @@ pub(super) struct LightVertices {
 }
 
 impl LightVertices {
-    /// Adds a vertex to the path that is open.
-    pub(super) fn push(&mut self, vertex: &Vertex, trail: Option<Trail>) {
+    /// Adds a vertex to the path that is open; `shares` is true if the scene has instances.
+    pub(super) fn push(&mut self, vertex: &Vertex, shares: bool, trail: Option<Trail>) {
         self.photons.push(Photon::new(vertex));
+        (self.instances).extend(shares.then_some(vertex.hit.triangle.instance()));
         let [x, y, z] = (127.0 * vertex.surface.ng).to_array();
         let outside = vertex.back.dot(vertex.surface.ng) > 0.0;
         self.places.push(Place {
@@ -132,6 +136,7 @@ impl LightVertices {
         let first = self.photons.len() as u32;
         self.photons.extend(other.photons);
         self.places.extend(other.places);
+        self.instances.extend(other.instances);
         self.trails.extend(other.trails);
         self.ends.extend(other.ends.iter().map(|end| first + end));
     }
@@ -141,7 +146,8 @@ impl LightVertices {
         // Two of all, by place and by path; an index, a key, and up to two buckets of four bytes.
         let vertex = 2 * (size_of::<Photon>() + size_of::<Place>()) + 8 + 8;
         let trails = 2 * self.trails.len() * size_of::<Trail>();
-        (self.photons.len() * vertex + trails) / self.ends.len().max(1) + 4
+        let instances = size_of_val(self.instances.as_slice());
+        (self.photons.len() * vertex + trails + instances) / self.ends.len().max(1) + 4
     }
 }
 
@@ -252,6 +258,7 @@ impl PhotonMap {
         let path = path as usize;
         let LightVertices {
             photons,
+            instances,
             trails: known,
             ends,
             ..
@@ -264,7 +271,8 @@ impl PhotonMap {
             if photon.n() > most {
                 break;
             }
-            vertices.push(photon.vertex(scene));
+            let instance = instances.get(i).copied().unwrap_or(0);
+            vertices.push(photon.vertex(scene, instance));
             trails.push(known.get(i).copied().unwrap_or(Trail::START));
         }
     }
@@ -372,11 +380,11 @@ mod tests {
                 back: Vec3::Y,
                 partial: Partial::default(),
                 number: 2,
-                triangle: 0,
+                index: 0,
                 at,
                 choice: 0.5,
             };
-            photon.vertex(&scene)
+            photon.vertex(&scene, 0)
         };
         let edge = vertex([0.5, 0.0]).surface.position - vertex([0.0, 0.0]).surface.position;
         let radius = 0.2 * edge.length();
@@ -386,7 +394,7 @@ mod tests {
         for photons in 1..=64 {
             let mut vertices = LightVertices::default();
             let places: Vec<Vertex> = (0..photons).map(|_| vertex(place())).collect();
-            places.iter().for_each(|v| vertices.push(v, None));
+            places.iter().for_each(|v| vertices.push(v, false, None));
             vertices.end();
             let low = places.iter().map(|v| v.surface.position);
             let low = low.reduce(Vec3::min).expect("a photon");

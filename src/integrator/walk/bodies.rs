@@ -283,7 +283,7 @@ impl EnclosingBodies {
 
     /// [`EnclosingBodies::follow`] for a ray that the camera sends out if `from_camera`: it passes the backs of surfaces that show
     /// their front alone.
-    #[inline]
+    #[inline(always)]
     pub(in crate::integrator) fn follow_seen(
         &mut self,
         scene: &Scene,

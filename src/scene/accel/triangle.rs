@@ -14,7 +14,7 @@
 //! triangles get that far.
 
 use crate::math::{DVec3, Ray, Vec3};
-use crate::scene::Hit;
+use crate::scene::{Hit, TriangleId};
 
 /// A ray as it asks the triangles of a tree.
 pub(super) trait Probe {
@@ -24,8 +24,8 @@ pub(super) trait Probe {
     fn exact(&self) -> (DVec3, DVec3);
     /// The best hit so far: its distance bounds the search.
     fn best(&self) -> Hit;
-    /// Index of a triangle of the tree in the scene.
-    fn triangle(&self, id: u32) -> u32;
+    /// A triangle of the tree in the scene.
+    fn triangle(&self, id: u32) -> TriangleId;
 }
 
 impl Probe for Ray {
@@ -48,8 +48,8 @@ impl Probe for Ray {
     }
 
     #[inline(always)]
-    fn triangle(&self, id: u32) -> u32 {
-        id
+    fn triangle(&self, id: u32) -> TriangleId {
+        TriangleId::single(id)
     }
 }
 
@@ -64,8 +64,8 @@ pub(crate) struct LocalRay {
     pub(crate) origin: DVec3,
     /// Its direction.
     pub(crate) dir: DVec3,
-    /// Index of the instance's first triangle in the scene.
-    pub(crate) first: u32,
+    /// First triangle of the mesh, in this instance.
+    pub(crate) first: TriangleId,
     /// The best hit so far.
     pub(crate) best: Hit,
 }
@@ -87,8 +87,8 @@ impl Probe for LocalRay {
     }
 
     #[inline(always)]
-    fn triangle(&self, id: u32) -> u32 {
-        self.first + id
+    fn triangle(&self, id: u32) -> TriangleId {
+        self.first.after(id)
     }
 }
 

@@ -18,9 +18,6 @@ use std::collections::HashMap;
 /// number.
 pub(crate) const MAX_ELEMENTS: u64 = 1 << 26;
 
-/// Most triangles of a scene, those of every instance counted: their indices have 32 bits.
-pub(crate) const MAX_SHOWN: u64 = 1 << 31;
-
 /// Most meshes, one per primitive and instance.
 pub(crate) const MAX_MESHES: usize = 1 << 20;
 
@@ -155,7 +152,7 @@ impl Builder {
             stored += triangles.max(mesh.positions.len() as u64);
             bytes += Self::bytes(mesh, self.emits(placed.material));
         }
-        if stored > MAX_ELEMENTS || shown > MAX_SHOWN {
+        if stored > MAX_ELEMENTS {
             let most = format!("{MAX_ELEMENTS} vertices or triangles");
             return Err(BuildError::TooMany(most));
         }

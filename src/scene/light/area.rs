@@ -7,7 +7,7 @@ use crate::math::measure::area_to_solid_angle;
 use crate::math::{Ray, Rgb, Vec2, Vec3, luminance, warp};
 use crate::scene::accel::Accel;
 use crate::scene::material::AlphaMode;
-use crate::scene::{Geometry, Hit, Material, SceneParts, Surface, Texture};
+use crate::scene::{Geometry, Hit, Material, SceneParts, Surface, Texture, TriangleId};
 use std::f32::consts::{FRAC_1_PI, PI};
 use std::sync::OnceLock;
 
@@ -72,8 +72,8 @@ struct EmissiveTriangle {
     double_sided: bool,
     /// True if texture, opacity or a cone make the radiance vary.
     varies: bool,
-    /// Index of the triangle, in scene order.
-    triangle: u32,
+    /// The triangle, which no instances share.
+    triangle: TriangleId,
     /// Index of the material.
     material: u32,
 }
@@ -133,8 +133,10 @@ impl AreaLights {
         let of_material = |m: &Material| luminance(m.average_emission(&parts.textures));
         let averages: Vec<f32> = parts.materials.iter().map(of_material).collect();
         let mut lights = Self::default();
-        let average = |triangle: &u32| averages[geometry.triangle_material(*triangle) as usize];
-        for triangle in (0..geometry.single() as u32).filter(|t| average(t) > 0.0) {
+        let average =
+            |triangle: &TriangleId| averages[geometry.triangle_material(*triangle) as usize];
+        let singles = (0..geometry.single() as u32).map(TriangleId::single);
+        for triangle in singles.filter(|t| average(t) > 0.0) {
             let material = geometry.triangle_material(triangle);
             let of = &parts.materials[material as usize];
             let sides = if of.double_sided { 2.0 } else { 1.0 };
@@ -190,7 +192,7 @@ impl AreaLights {
     /// Takes over the probabilities with which the emissive triangles are drawn.
     pub(super) fn set_densities(&mut self, pmf: impl Fn(usize) -> f32) {
         for (k, t) in self.triangles.iter().enumerate() {
-            self.pdf_a[t.triangle as usize] = pmf(k) / t.area;
+            self.pdf_a[t.triangle.index() as usize] = pmf(k) / t.area;
         }
     }
 
@@ -226,7 +228,7 @@ impl AreaLights {
         self.places.get_or_init(|| {
             let mut places = vec![u32::MAX; self.pdf_a.len()];
             for (k, t) in self.triangles.iter().enumerate() {
-                places[t.triangle as usize] = k as u32;
+                places[t.triangle.index() as usize] = k as u32;
             }
             places
         });
@@ -234,8 +236,8 @@ impl AreaLights {
 
     /// Number of a triangle of the scene among the emissive ones; `None` for dark ones. Needs [`AreaLights::index`].
     #[inline]
-    pub(super) fn place(&self, triangle: u32) -> Option<usize> {
-        let k = *self.places.get()?.get(triangle as usize)?;
+    pub(super) fn place(&self, triangle: TriangleId) -> Option<usize> {
+        let k = *self.places.get()?.get(triangle.index() as usize)?;
         (k != u32::MAX).then_some(k as usize)
     }
 
@@ -294,8 +296,11 @@ impl AreaLights {
 
     /// Density per area with which a triangle of the scene is drawn by power.
     #[inline]
-    pub(super) fn pdf_by_power(&self, triangle: u32) -> f32 {
-        self.pdf_a.get(triangle as usize).copied().unwrap_or(0.0)
+    pub(super) fn pdf_by_power(&self, triangle: TriangleId) -> f32 {
+        self.pdf_a
+            .get(triangle.index() as usize)
+            .copied()
+            .unwrap_or(0.0)
     }
 
     /// Density per steradian with which the direction from `from` to a surface point is drawn, from its density per
@@ -377,7 +382,7 @@ impl AreaLights {
     }
 
     fn emitted_by(&self, surface: &Surface, wo: Vec3) -> Rgb {
-        match self.pdf_a.get(surface.triangle as usize) {
+        match self.pdf_a.get(surface.triangle.index() as usize) {
             Some(&pdf_a) if pdf_a > 0.0 => {}
             _ => return Rgb::ZERO,
         }
@@ -394,7 +399,7 @@ impl AreaLights {
         let (_, tree) = (self.tree.as_ref()).filter(|(bounds, _)| bounds.may_meet(ray))?;
         let hit = tree.closest(ray)?;
         Some(Hit {
-            triangle: self.triangles[hit.triangle as usize].triangle,
+            triangle: self.triangles[hit.triangle.index() as usize].triangle,
             ..hit
         })
     }

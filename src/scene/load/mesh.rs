@@ -8,8 +8,7 @@ use super::variants;
 use crate::math::{Vec2, Vec3};
 use crate::memory;
 use crate::scene::build::{
-    EMITTER_BYTES, INSTANCE_BYTES, MAX_COPIES, MAX_ELEMENTS, MAX_MESHES, MAX_SHOWN, MIN_SHARED,
-    TRIANGLE_BYTES,
+    EMITTER_BYTES, INSTANCE_BYTES, MAX_COPIES, MAX_ELEMENTS, MAX_MESHES, MIN_SHARED, TRIANGLE_BYTES,
 };
 use crate::scene::mesh::{cofactors, unit};
 use crate::scene::{Mesh, SharedMesh};
@@ -198,11 +197,9 @@ fn check(
         }
         (vertices, stored) = (vertices.saturating_add(v), stored.saturating_add(t));
         bytes = bytes.saturating_add(bytes_of(instance.primitive, v, t, instance.emits));
-        if vertices.max(stored) > MAX_ELEMENTS || shown > MAX_SHOWN {
-            let what = format!(
-                "more than {MAX_ELEMENTS} vertices or triangles, copies of meshes counted, or {MAX_SHOWN} triangles, instances \
-                 counted"
-            );
+        if vertices.max(stored) > MAX_ELEMENTS {
+            let what =
+                format!("more than {MAX_ELEMENTS} vertices or triangles, copies of meshes counted");
             return Err(fault(instance.place(data), what));
         }
     }
