@@ -8,10 +8,14 @@ use super::mesh::{Mesh, SharedMesh, cofactors, unit};
 use super::{Hit, SceneParts, Surface, TriangleId};
 use crate::math::{DVec3, Ray, Vec3, Vec4};
 use glam::{DAffine3, DMat3};
+use rayon::prelude::*;
 
 /// Roundings of double precision between the exact place of an instance's surface and the one that rays meet, relative to
 /// the reach of its coordinates and to the condition of its pose.
 const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
+
+/// Instances that are placed at a time, in parallel: few, since they are in memory twice.
+const CHUNK: usize = 1 << 12;
 
 /// All instances of a scene.
 pub(super) struct Instances {
@@ -72,30 +76,19 @@ impl Instances {
             let extent =
                 (triangles.iter().flat_map(|t| &t.corners)).fold(Vec3::ZERO, |e, p| e.max(p.abs()));
             let before = list.len();
-            for pose in poses.iter().filter(|_| !triangles.is_empty()) {
-                let Some(condition) = SharedMesh::condition(pose) else {
-                    continue;
-                };
-                let reach =
-                    (magnitudes(&pose.matrix3) * extent.as_dvec3()) + pose.translation.abs();
-                if reach.max_element() > Accel::LIMIT.into() {
-                    continue;
+            let place = |pose: &DAffine3| {
+                let (instance, slack) = Instance::new(m as u32, pose, extent)?;
+                Some((instance, bounds(&accel, pose, slack)))
+            };
+            list.reserve_exact(poses.len());
+            boxes.reserve_exact(poses.len());
+            let shown = poses.chunks(CHUNK).filter(|_| !triangles.is_empty());
+            for poses in shown {
+                let placed: Vec<_> = poses.par_iter().filter_map(place).collect();
+                for (instance, bounds) in placed {
+                    list.push(instance);
+                    boxes.push(bounds);
                 }
-                let slack = ROUNDINGS * condition * reach.length();
-                boxes.push(bounds(accel.boxes(), pose, slack));
-                let sign = if pose.matrix3.determinant() < 0.0 {
-                    -1.0
-                } else {
-                    1.0
-                };
-                list.push(Instance {
-                    normals: cofactors(&pose.matrix3) * sign,
-                    sign,
-                    mesh: m as u32,
-                    pose: *pose,
-                    inverse: pose.inverse(),
-                    slack: slack as f32,
-                });
             }
             let dropped = poses.len() - (list.len() - before);
             if dropped > 0 {
@@ -234,6 +227,30 @@ impl Instances {
 }
 
 impl Instance {
+    /// A mesh of an extent at a pose, and the error of double precision in the world; `None` for a pose that cannot be.
+    fn new(mesh: u32, pose: &DAffine3, extent: Vec3) -> Option<(Self, f64)> {
+        let condition = SharedMesh::condition(pose)?;
+        let reach = magnitudes(&pose.matrix3) * extent.as_dvec3() + pose.translation.abs();
+        if reach.max_element() > Accel::LIMIT.into() {
+            return None;
+        }
+        let slack = ROUNDINGS * condition * reach.length();
+        let sign = if pose.matrix3.determinant() < 0.0 {
+            -1.0
+        } else {
+            1.0
+        };
+        let instance = Self {
+            normals: cofactors(&pose.matrix3) * sign,
+            sign,
+            mesh,
+            pose: *pose,
+            inverse: pose.inverse(),
+            slack: slack as f32,
+        };
+        Some((instance, slack))
+    }
+
     /// A ray in the mesh's space, with the mesh's first triangle and the best hit so far.
     #[inline]
     fn local(&self, ray: &Ray, first: TriangleId, best: Hit) -> LocalRay {
@@ -297,15 +314,13 @@ fn magnitudes(m: &DMat3) -> DMat3 {
     DMat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs())
 }
 
-/// The box in the world around boxes in object space, rounded outwards.
-fn bounds(boxes: impl Iterator<Item = (Vec3, Vec3)>, pose: &DAffine3, slack: f64) -> (Vec3, Vec3) {
-    let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let (low, high) = boxes.fold(start, |(least, most), (low, high)| {
-        let (low, high) = (low.as_dvec3(), high.as_dvec3());
-        let centre = pose.transform_point3(0.5 * (low + high));
-        let half = magnitudes(&pose.matrix3) * (0.5 * (high - low));
-        (least.min(centre - half), most.max(centre + half))
-    });
+/// The box in the world around the triangles of a tree, rounded outwards.
+fn bounds(accel: &Accel, pose: &DAffine3, slack: f64) -> (Vec3, Vec3) {
+    let reach = |sign: f64| {
+        let along = |axis: usize| sign * accel.reach(sign * pose.matrix3.row(axis));
+        pose.translation + DVec3::from_array([0, 1, 2].map(along))
+    };
+    let (low, high) = (reach(-1.0), reach(1.0));
     // The rounded ray that the triangles are asked with may pass beside the world's.
     let margin = DVec3::splat(slack) + 4.0 * f64::from(f32::EPSILON) * low.abs().max(high.abs());
     ((low - margin).as_vec3(), (high + margin).as_vec3())

@@ -5,7 +5,7 @@
 //! nor on the number of threads that built the tree.
 
 use super::Hit;
-use crate::math::{Ray, Vec3};
+use crate::math::{DVec3, Ray, Vec3};
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -180,10 +180,9 @@ impl Accel {
         portable::walk::<ANY, _>(&self.tree, probe, keep, enter)
     }
 
-    /// Lower and upper corners of boxes that together hold all triangles: those of the tree's root.
-    pub(crate) fn boxes(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
-        let root = self.tree.nodes.first();
-        root.into_iter().flat_map(wide::Node::boxes)
+    /// The greatest p · `dir` over the points p of all triangles, of which there are some, or a bound that is hardly greater.
+    pub(crate) fn reach(&self, dir: DVec3) -> f64 {
+        self.tree.reach(dir)
     }
 
     /// Lower and upper corner of all triangles and instances; both zero if there are none.
@@ -216,6 +215,32 @@ mod tests {
             hits += usize::from(short.any(&ray));
         }
         assert!(hits > 100, "{hits}");
+    }
+
+    #[test]
+    fn bvh_reaches_as_far_as_its_triangles() {
+        // A ball, whose boxes reach up to the square root of three times as far.
+        let at = |k: u32| {
+            let (z, turn) = (k as f32 / 1500.0 - 1.0, 2.4 * k as f32);
+            let r = (1.0 - z * z).max(0.0).sqrt();
+            Vec3::new(r * turn.cos(), r * turn.sin(), z)
+        };
+        let triangles: Vec<_> = (0..3000)
+            .map(|k| [at(k), 0.99 * at(k), at(k) * Vec3::new(0.99, 0.98, 0.97)])
+            .collect();
+        let tree = Accel::new(&triangles);
+        for k in 0..300 {
+            let dir = (at(10 * k) * Vec3::new(1.0, 2.0, 3.0)).as_dvec3();
+            let along = triangles.iter().flatten().map(|p| p.as_dvec3().dot(dir));
+            let exact = along.fold(f64::NEG_INFINITY, f64::max);
+            let reach = tree.reach(dir);
+            assert!(
+                reach >= exact && reach <= 1.05 * exact,
+                "{dir} {reach} {exact}"
+            );
+        }
+        let axis = tree.reach(DVec3::X);
+        assert!((axis - f64::from(tree.bounds().1.x)).abs() < 1e-12);
     }
 
     #[test]

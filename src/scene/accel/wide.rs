@@ -4,7 +4,7 @@
 //! The fold minimises the surface-area cost exactly, by dynamic programming over the binary tree `[Ylitie17 §3.1]`.
 
 use super::huge_list;
-use crate::math::Vec3;
+use crate::math::{DVec3, Vec3};
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{Boundable, BvhBuildParams, aabb::Aabb};
 use rayon::prelude::*;
@@ -71,14 +71,16 @@ impl Node {
         }
     };
 
-    /// Lower and upper corners of the children's boxes.
-    pub(super) fn boxes(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
-        let corner = |slot: usize, side: usize| {
-            Vec3::from_array([0, 1, 2].map(|axis| self.planes[2 * axis + side][slot]))
+    /// The greatest p · `dir` over the points p of each child's box, with the child.
+    fn reaches(&self, dir: DVec3) -> impl Iterator<Item = (f64, u32)> {
+        let along = move |slot: usize, axis: usize| {
+            let side = |side: usize| dir[axis] * f64::from(self.planes[2 * axis + side][slot]);
+            side(0).max(side(1))
         };
+        let reach = move |slot: usize| along(slot, 0) + along(slot, 1) + along(slot, 2);
         (0..WIDTH)
-            .map(move |slot| (corner(slot, 0), corner(slot, 1)))
-            .filter(|(low, high)| low.x <= high.x)
+            .filter(|&slot| self.planes[0][slot] <= self.planes[1][slot])
+            .map(move |slot| (reach(slot), self.children[slot]))
     }
 
     fn set_box(&mut self, slot: usize, aabb: &Aabb) {
@@ -219,6 +221,39 @@ impl Wide {
 }
 
 impl Wide {
+    /// The greatest p · `dir` over the points p of all triangles, or a bound of it that is hardly greater: the search, farthest
+    /// box first, ends after a few nodes. The tree has no instances.
+    pub(super) fn reach(&self, dir: DVec3) -> f64 {
+        /// Nodes and leaves that are looked into.
+        const MOST: usize = 24;
+        let mut todo = vec![(f64::INFINITY, 0)];
+        let mut reach = f64::NEG_INFINITY;
+        for _ in 0..MOST {
+            let farthest = (0..todo.len()).max_by(|&a, &b| todo[a].0.total_cmp(&todo[b].0));
+            let Some((bound, child)) = farthest.map(|k| todo.swap_remove(k)) else {
+                return reach;
+            };
+            if bound <= reach {
+                return reach;
+            }
+            if child & LEAF == 0 {
+                todo.extend(self.nodes[child as usize].reaches(dir));
+                continue;
+            }
+            for block in &self.blocks[leaf_blocks(child)] {
+                for [x, y, z] in block.corners {
+                    for lane in 0..LANES {
+                        let p = Vec3::new(x[lane], y[lane], z[lane]).as_dvec3();
+                        // Free lanes are NaN, which the greatest never is.
+                        reach = reach.max(p.dot(dir));
+                    }
+                }
+            }
+        }
+        todo.iter()
+            .fold(reach, |reach, (bound, _)| reach.max(*bound))
+    }
+
     fn empty() -> Self {
         Self {
             nodes: Vec::new(),
