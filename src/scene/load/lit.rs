@@ -1,23 +1,11 @@
 //! Whether a file brings its own light. Most models do not: they are shown in the light of whoever opens them.
 
-use crate::math::{Rgb, luminance};
+use crate::math::luminance;
 use crate::scene::{Mesh, SceneParts};
 
 /// Mean radiance of all surfaces below which emission is decoration. A lamp of 15 units in a box has 0.3 of it, the rear lamps
 /// of a car 0.001.
 const LAMP: f64 = 0.01;
-
-/// True if a scene of a renderer's own format brings any light: such a file is a scene, not a model.
-pub(super) fn shines(parts: &SceneParts) -> bool {
-    let shared = parts.shared.iter().map(|shared| &shared.mesh);
-    let shines = |mesh: &Mesh| {
-        let material = parts.materials.get(mesh.material as usize);
-        material.is_some_and(|m| m.emission != Rgb::ZERO)
-    };
-    parts.environment.is_some()
-        || !parts.lights.is_empty()
-        || parts.meshes.iter().chain(shared).any(shines)
-}
 
 /// True for lamps without area, or surfaces that are lamps: without an emissive texture, as screens and dials have, and bright
 /// enough to light the rest. Unlit materials are pictures, not lamps.

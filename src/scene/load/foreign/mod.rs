@@ -10,11 +10,11 @@ mod ply;
 mod serialized;
 
 use super::error::{Fault, Result, Warnings, fault};
-use super::lit::shines;
 use super::uris::Files;
 use super::{LoadOptions, Loaded};
 use crate::bsdf::Distribution;
 use crate::files::FileError;
+use crate::math::Rgb;
 use crate::scene::build::colour::Spectrum;
 use crate::scene::build::looks::Paint;
 use crate::scene::build::{BuildError, Builder, right_handed_tangents};
@@ -157,6 +157,18 @@ struct Context {
     materials: HashMap<String, u32>,
     media: media::Media,
     includes: usize,
+}
+
+/// True if a scene of a renderer's own format brings any light: such a file is a scene, not a model.
+fn shines(parts: &SceneParts) -> bool {
+    let shared = parts.shared.iter().map(|shared| &shared.mesh);
+    let shines = |mesh: &Mesh| {
+        let material = parts.materials.get(mesh.material as usize);
+        material.is_some_and(|m| m.emission != Rgb::ZERO)
+    };
+    parts.environment.is_some()
+        || !parts.lights.is_empty()
+        || parts.meshes.iter().chain(shared).any(shines)
 }
 
 impl Context {
