@@ -205,8 +205,8 @@ def luxcore(folder, parts, spp, seed, engine, **options):
     session.Stop()
     pixels = np.zeros((SIZE, SIZE, 3), np.float32)
     session.GetFilm().GetOutputFloat(lux.FilmOutputType.RGB_IMAGEPIPELINE, pixels, 0)
-    # Rows from below.
-    return pixels[::-1]
+    # Rows from below, and all of them a row too low: the last one is not known.
+    return np.roll(pixels[::-1], -1, 0)
 
 
 # Name: package, what renders.
