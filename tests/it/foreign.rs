@@ -1,9 +1,11 @@
 //! Scenes of Mitsuba and pbrt: pictures against references by Mitsuba 3 (`tests/bench/scenes_by_mitsuba.py`), conventions,
 //! messages, broken files.
 
+use super::support::render::{film_with, mean};
 use opsr::Render;
 use opsr::files::FileError;
 use opsr::image::Buffer;
+use opsr::integrator::Settings;
 use opsr::math::{DVec3, Rgb, Vec3};
 use opsr::render::value::Levels;
 use opsr::scene::load::{LoadOptions, Loaded, load};
@@ -487,6 +489,41 @@ fn foreign_scenes_with_any_light_are_lit() {
             .unwrap()
             .lit
     );
+}
+
+/// A camera before two clouds, in the plane that they share, is outside of both: a ray along the plane may enter one and leave the
+/// other.
+#[test]
+fn foreign_camera_on_a_plane_of_two_media_is_outside() {
+    let cloud = |name: &str, low: f32| {
+        let high = low + 1.0;
+        let corners = |y: f32| format!("{low} {y} -1 {high} {y} -1 {high} {y} 1 {low} {y} 1");
+        format!(
+            "AttributeBegin MediumInterface \"{name}\" \"\" Material \"interface\" Shape \"trianglemesh\" \
+             \"point3 P\" [ {} {} ] \"integer indices\" [ 0 1 2 0 2 3 4 6 5 4 7 6 0 4 5 0 5 1 1 5 6 1 6 2 2 6 7 2 7 3 \
+             3 7 4 3 4 0 ] AttributeEnd\n",
+            corners(0.2),
+            corners(1.8)
+        )
+    };
+    let light = |x: f32| {
+        let text = format!(
+            "MakeNamedMedium \"a\" \"string type\" \"homogeneous\" \"rgb sigma_s\" [ 1.5 1 0.5 ]\n\
+             MakeNamedMedium \"b\" \"string type\" \"homogeneous\" \"rgb sigma_s\" [ 0.5 1.5 3 ]\n\
+             LookAt {x} 0.6 5 {x} 0.6 0 0 1 0 Camera \"perspective\" \"float fov\" 45\nWorldBegin\n\
+             AttributeBegin AreaLightSource \"diffuse\" Translate 0 0 -3 Shape \"disk\" \"float radius\" 9 AttributeEnd\n{}{}",
+            cloud("a", -1.0),
+            cloud("b", 0.0)
+        );
+        let scene = Scene::new(read("a.pbrt", &text, false).unwrap().parts);
+        let settings = Settings {
+            max_vertices: 8,
+            ..Settings::default()
+        };
+        mean(&film_with(&scene, &settings, 16, 64)).0
+    };
+    let (on, beside) = (light(0.0), light(1e-3));
+    assert!((on / beside - 1.0).abs() < 0.05, "{on} {beside}");
 }
 
 /// Names of no medium are none; a disk has no triangles without area.

@@ -537,35 +537,6 @@ fn open_boundary_of_a_medium_is_named() {
     assert!(!warnings(false, true).contains("enclose"));
 }
 
-/// A camera in the plane that two clouds share is inside of one of them, as one beside it is.
-#[test]
-fn camera_on_a_plane_of_two_media_knows_where_it_is() {
-    let light = |x: f32| {
-        let mut parts = SceneParts {
-            own_boundaries: true,
-            ..SceneParts::default()
-        };
-        let half = |low: f32, high: f32, name: &str| {
-            let own = medium([1.0, 0.1, 0.1], [0.2, 0.2, 0.2], 0.0);
-            let mut material = filled(1.0, own);
-            material.name = name.into();
-            (
-                material,
-                cuboid(Vec3::new(low, -2.0, -2.0), Vec3::new(high, 2.0, 2.0)),
-            )
-        };
-        for (material, body) in [half(-2.0, 0.0, "left"), half(0.0, 2.0, "right")] {
-            parts.add(material, [body]);
-        }
-        let wall = quad(Vec3::new(-4.0, -4.0, -3.0), Vec3::X * 8.0, Vec3::Y * 8.0);
-        parts.add(emitter("wall", Rgb::ONE), [wall]);
-        parts.add_camera([x, 0.0, 0.0], [x, 0.0, -1.0], 30.0);
-        mean(&film_with(&scene(parts), &deep(PATH, 8, 6), 16, 64)).0
-    };
-    let (on, beside) = (light(0.0), light(1e-3));
-    assert!((on / beside - 1.0).abs() < 0.05, "{on} {beside}");
-}
-
 #[test]
 fn determinism_of_media_over_threads() {
     let fog = medium([0.05, 0.1, 0.1], [0.5, 0.3, 0.8], 0.5);
