@@ -15,7 +15,6 @@ SAMPLES (4096) iterations of vcm. PICTURES names a folder for the last pictures.
 import importlib.util
 import json
 import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -124,18 +123,7 @@ def compared(program, picture, reference):
 
 def render(program, who, name, spp, seed):
     """CPU seconds of a render, and its picture."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    with tempfile.TemporaryDirectory() as folder:
-        if who in OURS:
-            peers.opsr(program, folder, ROOMS[name], spp, seed, *OURS[who])
-            picture = peers.read(os.path.join(folder, "opsr.exr"))
-        else:
-            file = os.path.join(folder, "picture.npy")
-            child = [sys.executable, __file__, "--render", who, name, str(spp), str(seed), file]
-            subprocess.run(child, check=True, capture_output=True, text=True)
-            picture = np.load(file)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, picture
+    return peers.run(program, who, name, spp, seed, OURS, ROOMS, __file__)
 
 
 def main():

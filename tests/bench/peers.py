@@ -224,16 +224,16 @@ OURS = {
 }
 
 
-def run(program, who, name, spp, seed):
-    """CPU seconds of a render, and its picture."""
+def run(program, who, name, spp, seed, ours=OURS, scenes=SCENES, script=__file__):
+    """CPU seconds of a render, and its picture: of ours with its options, of others by this script with --render."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryDirectory() as folder:
-        if who in OURS:
-            opsr(program, folder, SCENES[name], spp, seed, *OURS[who])
+        if who in ours:
+            opsr(program, folder, scenes[name], spp, seed, *ours[who])
             picture = read(os.path.join(folder, "opsr.exr"))
         else:
             file = os.path.join(folder, "picture.npy")
-            child = [sys.executable, __file__, "--render", who, name, str(spp), str(seed), file]
+            child = [sys.executable, script, "--render", who, name, str(spp), str(seed), file]
             subprocess.run(child, check=True, capture_output=True, text=True)
             picture = np.load(file)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

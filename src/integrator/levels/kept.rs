@@ -18,7 +18,7 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// What is foretold: no light, and no surface.
+    /// A path as it is foretold: without light and surfaces.
     pub(super) const NONE: Self = Self {
         levels: [Rgb::ZERO; MAX_LEVELS],
         shared: Rgb::ZERO,
