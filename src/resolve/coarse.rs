@@ -304,7 +304,9 @@ impl Caps {
             cells,
             most: most
                 .map(|((median, mean), lit)| {
-                    *median * OF_MEDIAN + *mean * (OF_HITS / lit.max(f32::MIN_POSITIVE))
+                    // A filter's sum of nothing: without a hit around there is none to be usual.
+                    let of_hits = if *lit > 0.0 { OF_HITS / lit } else { 0.0 };
+                    *median * OF_MEDIAN + *mean * of_hits
                 })
                 .collect(),
         }

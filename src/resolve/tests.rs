@@ -1,4 +1,4 @@
-use super::coarse::{Coarse, Missing};
+use super::coarse::{Caps, Coarse, Missing};
 use super::filter::tent;
 use super::guide::{Guide, Inner, Surface};
 use super::tiles::TILE;
@@ -769,6 +769,23 @@ fn failures_of_a_filter_are_handed_on_and_few_samples_are_filtered_as_they_are()
     let empty = LevelFilm::new(frame, Window::full(frame), 3);
     let resolved = mixed(&empty, |picture| picture.map(|p| p + Rgb::ONE)).resolved;
     assert!(resolved.picture.pixels.iter().all(|p| *p == Rgb::ONE));
+}
+
+/// Far from any light there is nothing to cut, and the cap is a number: blurs of NaN were believed nowhere around.
+#[test]
+fn caps_are_finite_in_the_dark() {
+    const SIZE: usize = 64;
+    let left = |_, i| if i % SIZE < SIZE / 4 { 1.0 } else { 0.0 };
+    let film = shared_film(SIZE, left);
+    let caps = Caps::of(&film, |pixel, batch| {
+        film.batch_mean(pixel, batch, 1).into()
+    });
+    for x in 0..SIZE {
+        let cap = caps.at((x, SIZE / 2));
+        assert!(cap.is_finite(), "{cap} at {x}");
+        assert!(x < SIZE - 16 || cap == Vec3A::ZERO, "{cap} at {x}");
+        assert!(x >= SIZE / 4 || cap.min_element() >= 1.0, "{cap} at {x}");
+    }
 }
 
 /// Mean of the eight pixels around the middle of a square picture.
