@@ -38,8 +38,15 @@ const SMOOTH: usize = 1;
 /// Pixels that the tent of [`RADIUS`] averages: 1 / Σ w², with n = 28 and Σ w² = (2 n² + 1) / (3 n³) along each side.
 const AVERAGED: f32 = 1762.0;
 
-/// Least and largest factor by which energy is given back.
-const FACTORS: [f32; 2] = [0.5, 2.5];
+/// Least and largest factor by which energy is given back: where plain paths have met a sun under water by a few hits, their
+/// blur has lost most of the light.
+const FACTORS: [f32; 2] = [0.5, 16.0];
+
+/// Least and largest factor that brings a denoised picture to the energy of the choice.
+const DENOISED_FACTORS: [f32; 2] = [0.5, 2.5];
+
+/// Variances of a difference that count as noise: less would paint the light of two or three hits around them.
+const DOUBT: f32 = 2.0;
 
 /// Multiple of the median of batches around that a batch has at most where it is blurred.
 const OF_MEDIAN: f32 = 10.0;
@@ -196,8 +203,8 @@ impl Coarse {
             (1..levels.len()).fold(0, |best, k| if error(k) < error(best) { k } else { best });
         let (mu, floor) = (mean(best) - have, have * ROUNDING);
         let noise = variance_of_mean(batches[best]) + floor * floor;
-        let kept =
-            (Vec3A::ONE - noise / (mu * mu).max(Vec3A::splat(f32::MIN_POSITIVE))).max(Vec3A::ZERO);
+        let noise = DOUBT * noise / (mu * mu).max(Vec3A::splat(f32::MIN_POSITIVE));
+        let kept = (Vec3A::ONE - noise).max(Vec3A::ZERO);
         let ratio = Vec3A::ONE + mu * kept / have.max(Vec3A::splat(f32::MIN_POSITIVE));
         let [least, most] = FACTORS.map(Vec3A::splat);
         ratio.clamp(least, most)
@@ -240,7 +247,7 @@ impl Energy {
             tent(cells, RADIUS, &mut light);
             light
         });
-        let [least, most] = FACTORS.map(Vec3A::splat);
+        let [least, most] = DENOISED_FACTORS.map(Vec3A::splat);
         let ratio = |(have, want): (&Vec3A, &Vec3A)| {
             let floor = Vec3A::splat(f32::MIN_POSITIVE);
             // Without any light there is nothing to bring.

@@ -771,6 +771,42 @@ fn failures_of_a_filter_are_handed_on_and_few_samples_are_filtered_as_they_are()
     assert!(resolved.picture.pixels.iter().all(|p| *p == Rgb::ONE));
 }
 
+/// Light that a film of one level has met as few bright hits is cut as fireflies, and most of it comes back as energy.
+#[test]
+fn light_of_rare_hits_comes_back_to_one_level() {
+    const SIZE: usize = 64;
+    let hit = |b: usize, i: usize| {
+        let mut stream = stream((b * SIZE * SIZE + i) as u32 + 77);
+        f32::from(u8::from(stream.next_1d() < 1.0 / 150.0))
+    };
+    let light = |_, b, i| Rgb::splat(0.2 + 0.05 * noise(0, b, i) + 120.0 * hit(b, i));
+    let film = levels(SIZE, light, 1);
+    let (raw, shown) = (
+        mean(&film.mean(0)),
+        mean(&resolve_film(&film, Resolve::Default).picture),
+    );
+    assert!(raw > 0.7, "{raw}");
+    assert!((0.85..1.1).contains(&(shown / raw)), "{shown} of {raw}");
+}
+
+/// Three hits of which two came in one batch are no light of the region around them.
+#[test]
+fn few_hits_do_not_brighten_what_is_around() {
+    const SIZE: usize = 64;
+    let at = |x: usize, y: usize| y * SIZE + x;
+    let hits = [(1, at(30, 31)), (1, at(34, 33)), (2, at(31, 36))];
+    let even = |b, i| Rgb::splat(1.0 + 0.05 * noise(0, b, i));
+    let bright = |b, i| Rgb::splat(if hits.contains(&(b, i)) { 240.0 } else { 0.0 });
+    let [plain, shown] = [0.0, 1.0].map(|share| {
+        let film = levels(SIZE, |_, b, i| even(b, i) + bright(b, i) * share, 1);
+        resolve_film(&film, Resolve::Default).picture
+    });
+    let ring = (24..40).flat_map(|x| [at(x, 24), at(x, 40)]);
+    let painted = ring.map(|i| shown.pixels[i].x - plain.pixels[i].x);
+    let most = painted.fold(0.0, f32::max);
+    assert!(most < 0.07, "{most}");
+}
+
 /// Far from any light there is nothing to cut, and the cap is a number: blurs of NaN were believed nowhere around.
 #[test]
 fn caps_are_finite_in_the_dark() {
