@@ -48,7 +48,7 @@ def test_parts_merge_to_the_bytes_of_the_single_render(box, tmp_path, options):
         ({"part": "x", "aov": "id"}, "aov: a part keeps no"),
         ({"aov": "colour"}, "no layer `colour`: there are albedo, normal"),
         ({"aov": "direct", "gamma": 0.3, "levels": 3}, "aov: emission, direct and indirect"),
-        ({"aov": "level"}, "aov: level needs levels"),
+        ({"aov": "level", "levels": 1}, "aov: level needs levels"),
         ({"consistent": 0.2}, "consistent: needs table or gamma"),
         ({"consistent": 0.7, "gamma": 0.2}, "between 0 and 0.5"),
         ({"filter": 2}, "filter: needs mode filter-glossy"),

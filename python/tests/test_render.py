@@ -19,7 +19,7 @@ SMALL = {"size": (24, 16), "spp": 4}
 
 
 def test_render_arrays_have_shape_and_type(box):
-    film = opsr.render(box, **SMALL, aov=True)
+    film = opsr.render(box, **SMALL, levels=1, aov=True)
     assert film.picture.shape == film.variance.shape == (16, 24, 3)
     assert film.picture.dtype == film.variance.dtype == np.float32
     assert film.samples.shape == (16, 24) and (film.samples == 4).all()
@@ -82,7 +82,8 @@ def test_levels_are_four_where_there_can_be_levels(box):
     for options in ({"reuse": True}, {"consistent": 0.2}, {"aov": "direct", "levels": 1}, {"levels": 1}, {"integrator": "bdpt", "levels": 1}):
         assert opsr.render(box, **SMALL, gamma=0.5, **options).levels is None
     # One level, which may be blurred.
-    assert opsr.render(box, **SMALL, integrator="bdpt").levels.shape[0] == 1
+    for options in ({}, {"gamma": 0}, {"integrator": "bdpt"}):
+        assert opsr.render(box, **SMALL, **options).levels.shape[0] == 1
 
 
 def test_levels_resolve(box):
@@ -283,7 +284,7 @@ def test_render_after_fork(box):
         ({"levels": [0, 0.5, 0.2], "gamma": 0.5}, ValueError, "levels: expected 2 to 8 scales"),
         ({"crop": (0, -1, 4, 4)}, ValueError, "crop: expected"),
         ({"table_energy": 0.1}, ValueError, "table_energy: is gone"),
-        ({"resolve": "sharp"}, ValueError, "resolve: needs several levels"),
+        ({"resolve": "sharp", "levels": 1}, ValueError, "resolve: needs several levels"),
         ({"none": 1}, TypeError, "none"),
     ],
 )

@@ -2,7 +2,7 @@
 
 use super::bidirectional::{Aimed, Bidirectional, RADII, Radius, Strategies, Strategy};
 use super::guided::{self, Guided};
-use super::levels::{LevelError, LevelTracer, SCALES};
+use super::levels::{LevelError, LevelTracer, SCALES, estimate};
 use super::metropolis::{self, Metropolis};
 use super::path::PathTracer;
 use super::path::manifold::Manifold;
@@ -70,8 +70,8 @@ pub struct Settings {
     /// The rule that roughens the last vertex of a path.
     pub rule: Rule,
     /// Scales of the rule's factors at the [levels](super::levels) of a render, ascending from 0, which is plain path
-    /// tracing; of [`Estimator::Sppm`] factors on the radius, ascending from 1; of `bdpt` and `vcm` [`BLURRED`], the light as it is with
-    /// all that its blur needs; empty for a render at the rule's own factors alone.
+    /// tracing; of [`Estimator::Sppm`] factors on the radius, ascending from 1; of `bdpt`, `vcm` and path tracing of one level
+    /// [`BLURRED`], the light as it is with all that its blur needs; empty for a render at the rule's own factors alone.
     pub levels: Vec<f32>,
     /// The only part of the strategies of `bdpt` or `vcm` that the picture shows, with its weights; without a rule.
     pub strategy: Option<Strategy>,
@@ -107,7 +107,7 @@ impl Settings {
     /// Panics for levels that [`Settings::check_levels`] refuses.
     pub fn integrator(&self) -> Box<dyn Integrator> {
         let (strategies, merging) = match self.estimator {
-            Estimator::Path { .. } if !self.levels.is_empty() => {
+            Estimator::Path { .. } if !self.levels.is_empty() && self.levels != BLURRED => {
                 let tracer = self.level_tracer().expect("levels that were checked");
                 return Box::new(LevelIntegrator {
                     tracer,
@@ -118,6 +118,7 @@ impl Settings {
                 return Box::new(PathIntegrator {
                     tracer: self.tracer(self.rule.clone()),
                     source: self.source(),
+                    is_blurred: self.levels == BLURRED,
                 });
             }
             Estimator::Guided { unbiased } => {
@@ -223,6 +224,9 @@ impl Settings {
                 false => Err(LevelError::Estimator),
             };
         }
+        if self.estimator == (Estimator::Path { reuse: false }) && self.levels == BLURRED {
+            return Ok(());
+        }
         self.level_tracer().map(|_| ())
     }
 
@@ -235,8 +239,9 @@ impl Settings {
     }
 
     /// Scales of the levels of a render that names none: the three radii of photon density; the one level of `bdpt` and `vcm`,
-    /// unless a strategy is shown alone; four where a rule has something to roughen, none in plain path tracing, in scenes without
-    /// lobes, and for rules of other renderers, which are as they are there. An error where the estimator or the rule can have no levels.
+    /// unless a strategy is shown alone; in path tracing four where a rule has something to roughen, one in plain path tracing
+    /// and in scenes without lobes; none for rules of other renderers, which are as they are there. An error where the estimator
+    /// or the rule can have no levels.
     pub fn usual_levels(&self, has_lobes: bool) -> Result<Vec<f32>, LevelError> {
         if let Estimator::Sppm(_) = self.estimator {
             return Ok(RADII.to_vec());
@@ -244,15 +249,20 @@ impl Settings {
         if self.connects() && self.strategy.is_none() {
             return Ok(BLURRED.to_vec());
         }
-        let nothing = [Rule::Plain, Rule::constant(0.0)].contains(&self.rule) || !has_lobes;
-        if nothing || self.rule.roughens_continuation() {
+        if self.rule.roughens_continuation() {
             return Ok(Vec::new());
         }
-        let several = Self {
-            levels: SCALES.to_vec(),
+        let nothing = [Rule::Plain, Rule::constant(0.0)].contains(&self.rule) || !has_lobes;
+        let usual = match self.estimator {
+            Estimator::Path { reuse: false } if nothing => BLURRED.to_vec(),
+            _ if nothing => return Ok(Vec::new()),
+            _ => SCALES.to_vec(),
+        };
+        let levelled = Self {
+            levels: usual,
             ..self.clone()
         };
-        several.check_levels().map(|()| several.levels)
+        levelled.check_levels().map(|()| levelled.levels)
     }
 
     /// An error if the estimator cannot show what the scene or the camera asks for.
@@ -434,17 +444,33 @@ impl Integrator for ManifoldIntegrator {
 struct PathIntegrator {
     tracer: PathTracer<Rule>,
     source: CameraSource,
+    /// True if the film keeps what a blur needs.
+    is_blurred: bool,
 }
 
 impl Integrator for PathIntegrator {
     fn pass(&mut self, view: &View<'_>, samples: Range<u32>, picture: &mut Picture) -> u32 {
-        let Self { tracer, source } = self;
-        let Picture { film, aovs, .. } = picture;
+        let Self {
+            tracer,
+            source,
+            is_blurred,
+        } = self;
+        let Picture { film, aovs, levels } = picture;
+        let is_plain = tracer.rule == Rule::Plain || !view.scene.has_lobes();
+        if *is_blurred {
+            let levels = levels.get_or_insert_with(|| LevelFilm::new(film.size, film.window, 1));
+            let plain = tracer.with(Unregularised);
+            return match (aovs, is_plain) {
+                (None, true) => estimate(&plain, view, source, samples, film, levels, &mut ()),
+                (None, _) => estimate(tracer, view, source, samples, film, levels, &mut ()),
+                (Some(aovs), _) => estimate(tracer, view, source, samples, film, levels, aovs),
+            };
+        }
         // The loops that are run most are compiled for their rule; the others dispatch at every vertex.
         match (aovs, &tracer.rule) {
             (Some(aovs), _) => tracer.estimate(view, source, samples, film, aovs),
             // Nothing to roughen: a loop without memory of the path.
-            (None, rule) if *rule == Rule::Plain || !view.scene.has_lobes() => {
+            (None, _) if is_plain => {
                 let tracer = tracer.with(Unregularised);
                 tracer.estimate(view, source, samples, film, &mut ())
             }

@@ -2,7 +2,7 @@
 
 use super::fault::Fault;
 use super::spec::Spec;
-use super::value::{Levels, TableChoice, listed, word};
+use super::value::{TableChoice, listed, word};
 use crate::files::{FileError, hex};
 use crate::integrator::bidirectional::{Radius, Strategy};
 use crate::integrator::layers::Aov;
@@ -182,19 +182,22 @@ impl Spec {
         ensure(sky || !given, name, "needs {env} sky")
     }
 
+    /// True if layers are asked for that add up to the picture as it is.
+    pub(super) fn splits_light(&self) -> bool {
+        let parts = [Aov::Emission, Aov::Direct, Aov::Indirect];
+        parts.iter().any(|part| self.aovs().contains(part))
+    }
+
     /// Refuses what several levels, or one, do not have.
     pub(super) fn check_resolved(&self, settings: &Settings) -> Result<(), Fault> {
         let levels = !settings.levels.is_empty();
         let wants = |aov: &Aov| self.aovs().contains(aov);
-        let light = [Aov::Emission, Aov::Direct, Aov::Indirect]
-            .iter()
-            .any(wants);
         let path = matches!(
             settings.estimator,
             Estimator::Path { .. } | Estimator::Guided { .. } | Estimator::Manifold { .. }
         );
         let why = "emission, direct and indirect are of the path tracer with one level: {levels} 1";
-        ensure(!light || path && !levels, "aov", why)?;
+        ensure(!self.splits_light() || path && !levels, "aov", why)?;
         ensure(levels || !wants(&Aov::Level), "aov", "level needs {levels}")?;
         let why = "needs several levels, and this render has one";
         match self.given().find(|(option, _)| option.of_levels && !levels) {
@@ -296,10 +299,7 @@ impl Spec {
                 lookup: None,
                 consistent: None,
                 // Those of the path tracer are not theirs.
-                levels: match kind {
-                    Path => Some(Levels(Vec::new())),
-                    _ => self.levels.clone().filter(|levels| levels.0.is_empty()),
-                },
+                levels: self.levels.clone().filter(|levels| levels.0.is_empty()),
                 ..self.clone()
             }
         };

@@ -9,6 +9,7 @@ use crate::integrator::checkpoint::{Checkpoint, Fingerprint};
 use crate::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
 use crate::integrator::layers::Aov;
 use crate::integrator::method::IntegratorKind;
+use crate::integrator::settings::BLURRED;
 use crate::integrator::{Estimator, Picture, Settings, Stop, View};
 use crate::math::UVec2;
 use crate::memory;
@@ -197,6 +198,15 @@ impl Spec {
             return Ok((settings, None));
         }
         match settings.usual_levels(has_lobes) {
+            Ok(levels) if levels == BLURRED && self.splits_light() => {
+                return Ok((
+                    settings,
+                    Some(
+                        "no blurs: emission, direct and indirect add up to the picture without"
+                            .into(),
+                    ),
+                ));
+            }
             Ok(levels) => settings.levels = levels,
             Err(why) => return Ok((settings, Some(format!("one level: {why}")))),
         }
@@ -270,7 +280,7 @@ impl<'a> Request<'a> {
             let (settings, note) = one.levelled(&method, scene.has_lobes())?;
             // A table that nobody asked for is for levels alone.
             let own_table = one.table.is_some() && spec.table.is_none();
-            if own_table && settings.levels.is_empty() {
+            if own_table && settings.levels.len() < 2 {
                 continue;
             }
             match one.check_resolved(&settings) {

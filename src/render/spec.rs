@@ -279,10 +279,10 @@ options! {
     /// Levels of roughening on the same paths, of which every pixel gets the best: their number, or the scales of the
     /// table or constant, such as 0,0.25,1. Level 0 is plain path tracing; 1 renders the table or constant as it is.
     /// Without it four where a table or a constant can have them: not with --mode, --consistent, --guide or another
-    /// integrator. Of sppm factors on its radius, 1,2,4 if not given; 1 is the radius alone. Of bdpt and vcm 1 is the
-    /// picture as it is; without it blurs of it are kept where they make the error less.
+    /// integrator. Of sppm factors on its radius, 1,2,4 if not given; 1 is the radius alone. Of plain path tracing, bdpt and vcm
+    /// 1 is the picture as it is; without it blurs of it are kept where they make the error less.
     levels: Levels, Method { value: "N|SCALES", effect: Effect::As("levels") }
-    /// Smoothing of a picture of several levels, or of bdpt or vcm. Without it `default`.
+    /// Smoothing of a picture of several levels, or of plain path tracing, bdpt or vcm. Without it `default`.
     resolve: Resolve, Method { value: "HOW", of_levels: true, of_film: true }
     /// Multiply the table's factors by this, instead of the scale that the table carries.
     table_scale: f32, Method { value: "X", range: Range::POSITIVE, needs: &["table"] }

@@ -96,6 +96,7 @@ const MAY_DO_NOTHING_BESIDE: &[(&str, &str)] = &[
     ("max_vertices", "strategy"),
     // The picture is that of level 0.
     ("levels", "resolve"),
+    ("gamma", "resolve"),
     // The glass is metal there.
     ("solid_glass", "variant"),
 ];

@@ -15,20 +15,25 @@
 
 mod factors;
 mod kept;
+mod one;
 mod tiles;
 mod vertex;
 
+use super::View;
 use super::walk::features::PathFeatures;
-use super::walk::observer::PathObserver;
+use super::walk::observer::{PathObserver, Recorder};
 use super::walk::roughening::scattered;
 use super::walk::{Arrival, Carried, MetEmission, Walk};
 use crate::bsdf::Bsdf;
-use crate::image::level_film::MAX_LEVELS;
+use crate::image::film::Film;
+use crate::image::level_film::{LevelFilm, MAX_LEVELS};
 use crate::math::Rgb;
 use crate::regularise::{Accumulated, Rule};
-use crate::sampler::Sampler;
+use crate::sampler::{CameraSource, Sampler};
 use factors::{LevelMemory, ScaledFactors};
-pub(super) use tiles::pass_bytes;
+use std::ops::Range;
+use tiles::LevelPaths;
+pub(super) use tiles::{estimate, pass_bytes};
 use vertex::{PendingLevels, RoughenedVertex};
 
 /// Scales of four levels: plain path tracing, and the factors from 0.64 to 16 times as large. A fifth level at 0.128 does not
@@ -87,10 +92,10 @@ pub(super) struct LevelTracer {
 type Values<const N: usize> = [Rgb; N];
 
 /// Radiance of one path.
-struct PathSums<const N: usize> {
+pub(super) struct PathSums<const N: usize> {
     /// An independent estimate at every level.
     levels: Values<N>,
-    /// Light that no level roughens: the same at all levels.
+    /// Light that no level roughens: the same at all levels. Of one level, light that no blur takes.
     shared: Rgb,
     /// Guides that the path has met.
     features: PathFeatures,
@@ -126,6 +131,24 @@ impl LevelTracer {
     /// Number of levels.
     pub(super) fn levels(&self) -> usize {
         self.factors.levels()
+    }
+
+    /// Adds samples as [`estimate`] does, with room for the usual number of levels, or for all that are possible.
+    pub(super) fn estimate<O: Recorder>(
+        &self,
+        view: &View<'_>,
+        source: &CameraSource,
+        samples: Range<u32>,
+        film: &mut Film,
+        levels: &mut LevelFilm,
+        recorder: &mut O,
+    ) -> u32 {
+        let run = if self.factors.levels() <= SCALES.len() {
+            estimate::<{ SCALES.len() }, Self, O>
+        } else {
+            estimate::<MAX_LEVELS, Self, O>
+        };
+        run(self, view, source, samples, film, levels, recorder)
     }
 
     /// Radiance that arrives along a camera walk. `turn` says whether a second lobe is drawn from: any number, odd in
@@ -207,6 +230,23 @@ impl LevelTracer {
         }
         observer.finish(sums.levels[0]);
         sums
+    }
+}
+
+impl<const N: usize> LevelPaths<N> for LevelTracer {
+    fn levels(&self) -> usize {
+        self.factors.levels()
+    }
+
+    fn trace<S: Sampler, O: PathObserver>(
+        &self,
+        walk: Walk<'_>,
+        _sample: u32,
+        turn: u32,
+        sampler: &mut S,
+        observer: &mut O,
+    ) -> PathSums<N> {
+        self.radiance(walk, turn, sampler, observer)
     }
 }
 

@@ -1,13 +1,14 @@
 //! All paths of a film at several levels, tile by tile.
 
+use super::PathSums;
 use super::kept::{Path, most_words, put, take};
-use super::{LevelTracer, SCALES};
 use crate::image::film::{Film, FilmBand, Window};
-use crate::image::level_film::{BATCHES, LevelBand, LevelFilm, MAX_LEVELS};
+use crate::image::level_film::{BATCHES, LevelBand, LevelFilm};
 use crate::integrator::View;
+use crate::integrator::walk::Walk;
 use crate::integrator::walk::camera::CameraWalks;
-use crate::integrator::walk::observer::Recorder;
-use crate::sampler::{CameraSource, Domain, SampleSource};
+use crate::integrator::walk::observer::{PathObserver, Recorder};
+use crate::sampler::{CameraSource, Domain, SampleSource, Sampler};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Mutex;
@@ -24,115 +25,123 @@ pub(in crate::integrator) const fn pass_bytes(levels: usize) -> u64 {
     (size_of::<u32>() * most_words(levels)) as u64
 }
 
-impl LevelTracer {
-    /// Adds the samples with these numbers to every pixel: level 0 to `film`, all levels to `levels`; tiles in parallel,
-    /// joined in order. Returns how many were added, fewer than all where the render is stopped.
-    pub(in crate::integrator) fn estimate<O: Recorder>(
-        &self,
-        view: &View<'_>,
-        source: &CameraSource,
-        samples: Range<u32>,
-        film: &mut Film,
-        levels: &mut LevelFilm,
-        recorder: &mut O,
-    ) -> u32 {
-        debug_assert_eq!(levels.levels(), self.levels());
-        let most = KEPT / (film.window.len() * most_words(self.levels())).max(1);
-        let mut next = samples.start;
-        while next < samples.end {
-            let some = next..next.saturating_add(most.max(1) as u32).min(samples.end);
-            let run = if self.levels() <= SCALES.len() {
-                Self::run::<{ SCALES.len() }, O>
-            } else {
-                Self::run::<MAX_LEVELS, O>
-            };
-            next += run(self, view, source, some, film, levels, recorder);
-            if view.is_cut() {
-                break;
-            }
-            view.begun();
-        }
-        next - samples.start
-    }
+/// A tracer of paths at up to `N` levels.
+pub(in crate::integrator) trait LevelPaths<const N: usize>: Sync {
+    /// Number of levels.
+    fn levels(&self) -> usize;
 
-    /// The same of samples that are added together, with room for `N` levels: what is usual takes half the room of what is
-    /// possible.
-    fn run<const N: usize, O: Recorder>(
+    /// Light of a path at every level, along a camera walk; `turn` is odd in half of the samples of every batch.
+    fn trace<S: Sampler, O: PathObserver>(
         &self,
-        view: &View<'_>,
-        source: &CameraSource,
-        samples: Range<u32>,
-        film: &mut Film,
-        levels: &mut LevelFilm,
-        recorder: &mut O,
-    ) -> u32 {
-        let walks = CameraWalks::of(view);
-        let windows = film.tiles(TILE);
-        let most = most_words(self.levels()) * samples.len();
-        // Zeroed memory is the system's until it is written to: what no path needs is not taken.
-        let mut words = vec![0; film.window.len() * most];
-        let free = Mutex::new(&mut words[..]);
-        let trace = |window: &Window| {
-            if view.stopped() {
-                return None;
-            }
-            let mut observer = recorder.fork();
-            let mut all = vec![0; window.len() * most];
-            let (mut rest, mut values) = (&mut all[..], Path::NONE);
-            for index in 0..window.len() {
-                let pixel = window.pixel(index);
-                let number = u64::from(pixel.y) << 32 | u64::from(pixel.x) << 2;
-                // A second lobe is drawn in every other sample of a batch, from a random one on: batches stay independent of
-                // one another.
-                let seed = source.seed();
-                let turns: [u32; BATCHES] = std::array::from_fn(|batch| {
-                    seed.derive(Domain::Levels, number | batch as u64).0 as u32
-                });
-                for sample in samples.clone() {
-                    let mut stream = source.stream(pixel, sample);
-                    let walk = walks.start(pixel, &mut stream);
-                    observer.begin(pixel, sample);
-                    let turn = turns[sample as usize % BATCHES];
-                    let turn = (turn >> 1).wrapping_add(sample / BATCHES as u32);
-                    values.set(&self.radiance::<N, _, _>(walk, turn, &mut stream, &mut observer));
-                    put(&mut values, self.levels(), &mut rest);
-                }
-            }
-            let left = rest.len();
-            let written = &all[..all.len() - left];
-            let kept = cut(&mut free.lock().expect("no thread panics"), written.len());
-            kept.copy_from_slice(written);
-            Some((observer, &*kept))
-        };
-        let traced: Vec<_> = windows.par_iter().map(trace).collect();
-        if view.drops_pass() {
-            return 0;
+        walk: Walk<'_>,
+        sample: u32,
+        turn: u32,
+        sampler: &mut S,
+        observer: &mut O,
+    ) -> PathSums<N>;
+}
+
+/// Adds the samples with these numbers to every pixel: level 0 to `film`, all levels to `levels`; tiles in parallel, joined in
+/// order. Returns how many were added, fewer than all where the render is stopped.
+pub(in crate::integrator) fn estimate<const N: usize, T: LevelPaths<N>, O: Recorder>(
+    tracer: &T,
+    view: &View<'_>,
+    source: &CameraSource,
+    samples: Range<u32>,
+    film: &mut Film,
+    levels: &mut LevelFilm,
+    recorder: &mut O,
+) -> u32 {
+    debug_assert_eq!(levels.levels(), tracer.levels());
+    let most = KEPT / (film.window.len() * most_words(tracer.levels())).max(1);
+    let mut next = samples.start;
+    while next < samples.end {
+        let some = next..next.saturating_add(most.max(1) as u32).min(samples.end);
+        next += pass(tracer, view, source, some, film, levels, recorder);
+        if view.is_cut() {
+            break;
         }
-        let mut tiles = Vec::with_capacity(windows.len());
-        for (window, traced) in windows.into_iter().zip(traced) {
-            let words = traced.map(|(observer, words)| {
-                recorder.join(observer);
-                words
+        view.begun();
+    }
+    next - samples.start
+}
+
+/// The same of samples that are added together.
+fn pass<const N: usize, T: LevelPaths<N>, O: Recorder>(
+    tracer: &T,
+    view: &View<'_>,
+    source: &CameraSource,
+    samples: Range<u32>,
+    film: &mut Film,
+    levels: &mut LevelFilm,
+    recorder: &mut O,
+) -> u32 {
+    let walks = CameraWalks::of(view);
+    let windows = film.tiles(TILE);
+    let most = most_words(tracer.levels()) * samples.len();
+    // Zeroed memory is the system's until it is written to: what no path needs is not taken.
+    let mut words = vec![0; film.window.len() * most];
+    let free = Mutex::new(&mut words[..]);
+    let trace = |window: &Window| {
+        if view.stopped() {
+            return None;
+        }
+        let mut observer = recorder.fork();
+        let mut all = vec![0; window.len() * most];
+        let (mut rest, mut values) = (&mut all[..], Path::NONE);
+        for index in 0..window.len() {
+            let pixel = window.pixel(index);
+            let number = u64::from(pixel.y) << 32 | u64::from(pixel.x) << 2;
+            // A second lobe is drawn in every other sample of a batch, from a random one on: batches stay independent of
+            // one another.
+            let seed = source.seed();
+            let turns: [u32; BATCHES] = std::array::from_fn(|batch| {
+                seed.derive(Domain::Levels, number | batch as u64).0 as u32
             });
-            tiles.push(Tile { window, words });
+            for sample in samples.clone() {
+                let mut stream = source.stream(pixel, sample);
+                let walk = walks.start(pixel, &mut stream);
+                observer.begin(pixel, sample);
+                let turn = turns[sample as usize % BATCHES];
+                let turn = (turn >> 1).wrapping_add(sample / BATCHES as u32);
+                values.set(&tracer.trace(walk, sample, turn, &mut stream, &mut observer));
+                put(&mut values, tracer.levels(), &mut rest);
+            }
         }
-
-        let columns = film.window.w.div_ceil(TILE) as usize;
-        let bands: Vec<_> = (film.bands(TILE))
-            .zip(levels.bands(TILE, &samples))
-            .zip(tiles.chunks(columns))
-            .collect();
-        let refused: Vec<_> = (bands.into_par_iter())
-            .map(|((mut film, mut levels), tiles)| {
-                for tile in tiles {
-                    tile.add(&samples, &mut film, &mut levels);
-                }
-                film.rejected
-            })
-            .collect();
-        refused.iter().for_each(|refused| film.refuse(refused));
-        view.added(&samples)
+        let left = rest.len();
+        let written = &all[..all.len() - left];
+        let kept = cut(&mut free.lock().expect("no thread panics"), written.len());
+        kept.copy_from_slice(written);
+        Some((observer, &*kept))
+    };
+    let traced: Vec<_> = windows.par_iter().map(trace).collect();
+    if view.drops_pass() {
+        return 0;
     }
+    let mut tiles = Vec::with_capacity(windows.len());
+    for (window, traced) in windows.into_iter().zip(traced) {
+        let words = traced.map(|(observer, words)| {
+            recorder.join(observer);
+            words
+        });
+        tiles.push(Tile { window, words });
+    }
+
+    let columns = film.window.w.div_ceil(TILE) as usize;
+    let bands: Vec<_> = (film.bands(TILE))
+        .zip(levels.bands(TILE, &samples))
+        .zip(tiles.chunks(columns))
+        .collect();
+    let refused: Vec<_> = (bands.into_par_iter())
+        .map(|((mut film, mut levels), tiles)| {
+            for tile in tiles {
+                tile.add(&samples, &mut film, &mut levels);
+            }
+            film.rejected
+        })
+        .collect();
+    refused.iter().for_each(|refused| film.refuse(refused));
+    view.added(&samples)
 }
 
 /// Takes so many words from the front.

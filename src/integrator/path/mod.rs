@@ -79,6 +79,8 @@ impl<R: Roughening> PathTracer<R> {
         let mut memory = self.rule.start(sample);
         let mut emission = PendingEmission::of(EmissionWeight::full(Rgb::ONE));
         let mut made = Bsdf::BLACK;
+        // True up to the first draw from a smooth lobe.
+        let mut is_seen = true;
         for n in 1..=self.max_vertices + 1 {
             let mut arrival = walk.arrive(&mut emission, sampler);
 
@@ -89,6 +91,9 @@ impl<R: Roughening> PathTracer<R> {
             {
                 let found = emission.contribution(&met, observer);
                 observer.light(n - 1, found);
+                if is_seen {
+                    observer.seen(found);
+                }
                 directions.met(found);
                 total += found;
             }
@@ -137,6 +142,7 @@ impl<R: Roughening> PathTracer<R> {
                 total += found;
             }
             let Some(next) = next else { break };
+            is_seen &= next.sample.delta;
             let straight = point.goes_straight(&next.sample);
             if straight {
                 emission.scale(next.sample.weight);

@@ -74,7 +74,7 @@ pub trait PathObserver {
     /// Light of so many scatterings is added to the path's radiance; the path tracer alone tells.
     #[inline]
     fn light(&mut self, _scatterings: u32, _value: Rgb) {}
-    /// Light that the path has met before its first draw from a smooth lobe; bidirectional camera walks alone tell.
+    /// Light that the path has met before its first draw from a smooth lobe; the path tracer and bidirectional camera walks tell.
     #[inline]
     fn seen(&mut self, _value: Rgb) {}
     /// The path is complete; `radiance` is the sum of its contributions.

@@ -1,4 +1,4 @@
-//! Blurs of pictures by light paths: kept in batches, with guides of the camera paths.
+//! Blurs of pictures of one level: kept in batches, with guides of the camera paths.
 
 use crate::support::render::scene;
 use opsr::gallery::{builtin, caustic_box};
@@ -8,10 +8,11 @@ use opsr::image::level_film::LevelFilm;
 use opsr::image::metric::{energy_ratio, mape};
 use opsr::integrator::aov::{Aovs, FirstHit};
 use opsr::integrator::bidirectional::{RADII, Radius};
-use opsr::integrator::levels::LevelError;
+use opsr::integrator::levels::{LevelError, SCALES};
 use opsr::integrator::settings::BLURRED;
 use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::UVec2;
+use opsr::regularise::Rule;
 use opsr::resolve::{Resolve, resolve_film};
 use opsr::scene::Scene;
 use std::ops::Range;
@@ -23,7 +24,10 @@ const RADIUS: Radius = Radius {
     alpha: 2.0 / 3.0,
 };
 
-const ESTIMATORS: [Estimator; 3] = [
+const PATH: Estimator = Estimator::Path { reuse: false };
+
+const ESTIMATORS: [Estimator; 4] = [
+    PATH,
     Estimator::Bdpt,
     Estimator::Vcm(RADIUS),
     Estimator::VcmNee(RADIUS),
@@ -106,15 +110,40 @@ fn determinism_of_guides_at_any_thread_count_and_split() {
 }
 
 #[test]
-fn usual_level_of_connected_paths_and_refused_ones() {
+fn usual_level_of_estimators_with_one_and_refused_ones() {
     for estimator in ESTIMATORS {
         let of = |levels: &[f32]| settings(estimator, levels, 0);
         assert_eq!(of(&[]).usual_levels(false), Ok(BLURRED.to_vec()));
         assert_eq!(of(&BLURRED).check_levels(), Ok(()));
+        let refused = match estimator {
+            PATH => LevelError::Rule,
+            _ => LevelError::Estimator,
+        };
         for levels in [&RADII[..], &[0.0], &[0.0, 1.0]] {
-            assert_eq!(of(levels).check_levels(), Err(LevelError::Estimator));
+            assert_eq!(of(levels).check_levels(), Err(refused));
         }
     }
+    // A table has nothing to roughen in a scene without lobes; reuse roughens what it can.
+    let mut settings = settings(PATH, &[], 0);
+    settings.rule = Rule::constant(0.5);
+    assert_eq!(settings.usual_levels(false), Ok(BLURRED.to_vec()));
+    assert_eq!(settings.usual_levels(true), Ok(SCALES.to_vec()));
+    settings.estimator = Estimator::Path { reuse: true };
+    assert_eq!(settings.usual_levels(false), Ok(Vec::new()));
+    assert_eq!(settings.usual_levels(true), Err(LevelError::Reuse));
+}
+
+/// A film of one level shows the rule's own factors, whatever the scene.
+#[test]
+fn one_level_is_that_of_the_rule() {
+    let scene = scene(caustic_box());
+    let [own, kept] = [&[][..], &BLURRED].map(|levels| {
+        let mut settings = settings(PATH, levels, 5);
+        settings.rule = Rule::constant(0.5);
+        render(&scene, &settings, 6).film
+    });
+    assert_eq!(own, kept);
+    assert_ne!(own, render(&scene, &settings(PATH, &[], 5), 6).film);
 }
 
 /// Less error than the raw picture, with and without caustics and with textures, at few samples and many, and its light.
@@ -131,7 +160,7 @@ fn blurs_have_less_error_and_keep_the_light() {
         let reference = render(&scene, &settings(Estimator::Vcm(RADIUS), &[], 100), 512);
         let reference = reference.film.mean();
         let error = |picture: &Buffer| mape(picture, &reference).expect("one size").value;
-        for estimator in [Estimator::Bdpt, Estimator::Vcm(RADIUS)] {
+        for estimator in [PATH, Estimator::Bdpt, Estimator::Vcm(RADIUS)] {
             let picture = render(&scene, &settings(estimator, &BLURRED, 1), spp);
             let resolved = resolve_film(levels(&picture), Resolve::Default).picture;
             let own = picture.film.mean();
@@ -139,8 +168,9 @@ fn blurs_have_less_error_and_keep_the_light() {
             let energy = energy_ratio(&resolved, &own).expect("one size").value;
             println!("{name}, {spp}, {estimator:?}: {ratio:.3}, {energy:.3}");
             assert!(ratio < most, "{name}, {estimator:?}: {ratio}");
-            // Fireflies of the raw picture are given back in part.
-            assert!((energy - 1.0).abs() < 0.04, "{name}: {energy}");
+            // Fireflies of the raw picture are given back in part; a path tracer meets a lamp in glass by few.
+            let lost = if estimator == PATH { 0.08 } else { 0.04 };
+            assert!((energy - 1.0).abs() < lost, "{name}: {energy}");
         }
     }
 }

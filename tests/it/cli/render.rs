@@ -11,7 +11,8 @@ use serde_json::json;
 fn render_writes_its_outputs_and_nothing_else() {
     let place = Place::new();
     place.save("scene.glb", &gallery::cornell_box());
-    let ended = (place.render("--spp 4 --aov --exposure none -o out.exr -o out.png")).done();
+    let all = "--spp 4 --levels 1 --aov --exposure none -o out.exr -o out.png";
+    let ended = place.render(all).done();
     assert_eq!((ended.out.as_str(), ended.err.as_str()), ("", ""));
     assert_eq!(
         place.files().into_keys().collect::<Vec<_>>(),
@@ -34,7 +35,9 @@ fn render_writes_its_outputs_and_nothing_else() {
     }
     // An old picture is replaced.
     place.write("out.png", "old");
-    place.render("--spp 4 --exposure 0 -o out.png").done();
+    place
+        .render("--spp 4 --levels 1 --exposure 0 -o out.png")
+        .done();
     assert_eq!(png::read(&place.path().join("out.png")).unwrap(), shown);
 }
 
@@ -277,7 +280,8 @@ fn aov_layers_are_written_by_name() {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
     let layers = |args: &str| {
-        place.render(&format!("--spp 4 -o out.exr {args}")).done();
+        let args = format!("--spp 4 --levels 1 -o out.exr {args}");
+        place.render(&args).done();
         let layers = exr::read_layers(&place.path().join("out.exr")).unwrap();
         assert_eq!(layers.channel("spp").unwrap()[0], 4.0);
         layers
@@ -315,7 +319,7 @@ fn aov_layers_are_written_by_name() {
     for (args, words) in [
         ("--aov direct --integrator bdpt", "path tracer"),
         ("--aov emission --gamma 0.5 --levels 3", "one level"),
-        ("--aov level", "--levels"),
+        ("--aov level --levels 1", "--levels"),
         ("--aov time", "--reproducible"),
         ("--aov colour", "albedo"),
     ] {
@@ -620,10 +624,10 @@ fn exr_options_and_metadata() {
 fn compare_crops_and_layers() {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
-    place.render("--spp 16 --aov -o whole.exr").done();
-    place
-        .render("--spp 16 --aov --crop 4,2,8,9 -o crop.exr")
-        .done();
+    for args in ["-o whole.exr", "--crop 4,2,8,9 -o crop.exr"] {
+        let args = format!("--spp 16 --levels 1 --aov {args}");
+        place.render(&args).done();
+    }
     for args in [
         "",
         "--layer albedo",
@@ -944,7 +948,7 @@ fn levels_are_rendered_and_resolved_again() {
     let file = |name: &str| exr::read_layers(&place.path().join(name)).expect("a file");
     let plain = {
         place
-            .render("--spp 8 --sampler independent -o plain.exr")
+            .render("--spp 8 --sampler independent --levels 1 -o plain.exr")
             .done();
         file("plain.exr")
     };
@@ -990,7 +994,7 @@ fn levels_are_the_default_of_tables_and_constants() {
         let file = place.read("out.exr");
         assert_eq!(levels(&format!("{factors} --levels 4")), four);
         assert!(place.read("out.exr") == file);
-        let settings = ["--levels 1", "--mode reuse", "--consistent", "--gamma 0"];
+        let settings = ["--levels 1", "--mode reuse", "--consistent"];
         for one in settings
             .iter()
             .take(if factors.contains("gamma") { 3 } else { 2 })
@@ -999,17 +1003,25 @@ fn levels_are_the_default_of_tables_and_constants() {
         }
     }
     for one in [
-        "",
-        "--gamma 0",
+        "--levels 1",
+        "--gamma 0 --levels 1",
         "--mode pbrt",
+        "--guide",
         "--integrator bdpt --levels 1",
+        // Layers that add up to the picture as it is.
+        "--aov direct",
     ] {
         assert_eq!(levels(one), None, "{one}");
     }
     // One level, which may be blurred.
-    for one in ["bdpt", "vcm", "vcm --connections nee"] {
-        let of = levels(&format!("--integrator {one}"));
-        assert_eq!(of.as_deref(), Some("[1.0]"), "{one}");
+    for one in [
+        "",
+        "--gamma 0",
+        "--integrator bdpt",
+        "--integrator vcm",
+        "--integrator vcm --connections nee",
+    ] {
+        assert_eq!(levels(one).as_deref(), Some("[1.0]"), "{one}");
     }
     // The bound of an error counts the bias that is left, too.
     let ended = place

@@ -1,0 +1,88 @@
+//! The picture of a rule's own factors as the only level, with what a blur needs of its paths.
+
+use super::PathSums;
+use super::tiles::LevelPaths;
+use crate::bsdf::{Lobe, SharedNumbers};
+use crate::integrator::path::PathTracer;
+use crate::integrator::walk::Walk;
+use crate::integrator::walk::features::PathFeatures;
+use crate::integrator::walk::observer::{Event, PathObserver};
+use crate::integrator::walk::shading_point::ShadingPoint;
+use crate::math::Rgb;
+use crate::regularise::Roughening;
+use crate::sampler::Sampler;
+
+impl<R: Roughening> LevelPaths<1> for PathTracer<R> {
+    fn levels(&self) -> usize {
+        1
+    }
+
+    fn trace<S: Sampler, O: PathObserver>(
+        &self,
+        walk: Walk<'_>,
+        sample: u32,
+        _turn: u32,
+        sampler: &mut S,
+        observer: &mut O,
+    ) -> PathSums<1> {
+        let mut noted = Noted {
+            observer,
+            seen: Rgb::ZERO,
+            features: PathFeatures::default(),
+        };
+        let light = self.radiance(walk, sample, sampler, &mut noted);
+        PathSums {
+            levels: [light],
+            shared: noted.seen,
+            features: noted.features,
+            unseen: Rgb::ZERO,
+        }
+    }
+}
+
+/// Notes what a blur needs of a path, beside another observer.
+struct Noted<'a, O> {
+    observer: &'a mut O,
+    /// Light that the path has met before its first draw from a smooth lobe.
+    seen: Rgb,
+    features: PathFeatures,
+}
+
+impl<O: PathObserver> PathObserver for Noted<'_, O> {
+    const EVENTS: bool = O::EVENTS;
+
+    #[inline]
+    fn vertex(&mut self, n: u32, distance: f32, point: &ShadingPoint<'_>) {
+        self.features.add(point, distance);
+        self.observer.vertex(n, distance, point);
+    }
+    #[inline]
+    fn event(&mut self, event: &Event) {
+        self.observer.event(event);
+    }
+    #[inline]
+    fn roughened(&mut self, point: &ShadingPoint<'_>, u: &SharedNumbers) {
+        self.observer.roughened(point, u);
+    }
+    #[inline]
+    fn sampled(&mut self, lobe: Lobe) {
+        self.observer.sampled(lobe);
+    }
+    #[inline]
+    fn scattered(&mut self, alpha: f32) {
+        self.observer.scattered(alpha);
+    }
+    #[inline]
+    fn light(&mut self, scatterings: u32, value: Rgb) {
+        self.observer.light(scatterings, value);
+    }
+    #[inline]
+    fn seen(&mut self, value: Rgb) {
+        self.seen += value;
+        self.observer.seen(value);
+    }
+    #[inline]
+    fn finish(&mut self, radiance: Rgb) {
+        self.observer.finish(radiance);
+    }
+}
