@@ -15,13 +15,14 @@
 //! vanishes; where none is expected, their absence says nothing.
 
 use super::filter::{Size, tent};
+use super::layer::Batches;
 use super::{median, squared_difference, variance_of_mean};
 use crate::image::level_film::{BATCHES, LevelFilm};
 use crate::math::{Rgb, Vec3A};
 use rayon::prelude::*;
 
 /// Pixels a side of a cell.
-const CELL: usize = 4;
+pub(super) const CELL: usize = 4;
 
 /// Radii in cells at which the size of hits is taken: about 6 and 12 pixels.
 const RADII_OF_HITS: [usize; 2] = [1, 3];
@@ -40,7 +41,7 @@ const AVERAGED: f32 = 1762.0;
 
 /// Least and largest factor by which energy is given back: where plain paths have met a sun under water by a few hits, their
 /// blur has lost most of the light.
-const FACTORS: [f32; 2] = [0.5, 16.0];
+pub(super) const FACTORS: [f32; 2] = [0.5, 16.0];
 
 /// Least and largest factor that brings a denoised picture to the energy of the choice.
 const DENOISED_FACTORS: [f32; 2] = [0.5, 2.5];
@@ -154,12 +155,7 @@ impl Coarse {
     pub(super) fn energy(mut self, picture: impl Fn(usize) -> Vec3A) -> Energy {
         let (pixels, cells) = (self.pixels, self.cells);
         (self.levels.par_iter_mut().flatten()).for_each(|plane| tent(cells, RADIUS, plane));
-        let own = |cell: usize| {
-            let inside = pixels_of(pixels, cells, cell);
-            let count = inside.clone().count() as f32;
-            inside.map(&picture).sum::<Vec3A>() / count
-        };
-        let mut have: Vec<Vec3A> = (0..cells.0 * cells.1).map(own).collect();
+        let mut have = self.means(picture);
         tent(cells, RADIUS, &mut have);
         let factors = have.iter().enumerate();
         let mut factors: Vec<Vec3A> = factors
@@ -201,14 +197,41 @@ impl Coarse {
         };
         let best =
             (1..levels.len()).fold(0, |best, k| if error(k) < error(best) { k } else { best });
-        let (mu, floor) = (mean(best) - have, have * ROUNDING);
-        let noise = variance_of_mean(batches[best]) + floor * floor;
-        let noise = DOUBT * noise / (mu * mu).max(Vec3A::splat(f32::MIN_POSITIVE));
-        let kept = (Vec3A::ONE - noise).max(Vec3A::ZERO);
-        let ratio = Vec3A::ONE + mu * kept / have.max(Vec3A::splat(f32::MIN_POSITIVE));
-        let [least, most] = FACTORS.map(Vec3A::splat);
-        ratio.clamp(least, most)
+        brought(have, mean(best) - have, variance_of_mean(batches[best]))
     }
+
+    /// Its size in cells.
+    pub(super) fn cells(&self) -> Size {
+        self.cells
+    }
+
+    /// Batches of every cell of the first level.
+    pub(super) fn batches(&self) -> Batches {
+        let cells = 0..self.cells.0 * self.cells.1;
+        let of = |cell: usize| self.levels[0].each_ref().map(|batch| batch[cell]);
+        cells.map(of).collect()
+    }
+
+    /// Means of a picture, in its own pixels, in every cell.
+    pub(super) fn means(&self, picture: impl Fn(usize) -> Vec3A) -> Vec<Vec3A> {
+        let of = |cell: usize| {
+            let inside = pixels_of(self.pixels, self.cells, cell);
+            let count = inside.clone().count() as f32;
+            inside.map(&picture).sum::<Vec3A>() / count
+        };
+        (0..self.cells.0 * self.cells.1).map(of).collect()
+    }
+}
+
+/// The factor that brings so much light by so much more, as far as that stands out of this variance beyond doubt.
+pub(super) fn brought(have: Vec3A, more: Vec3A, variance: Vec3A) -> Vec3A {
+    let floor = have * ROUNDING;
+    let noise = DOUBT * (variance + floor * floor);
+    let square = (more * more).max(Vec3A::splat(f32::MIN_POSITIVE));
+    let kept = (Vec3A::ONE - noise / square).max(Vec3A::ZERO);
+    let ratio = Vec3A::ONE + more * kept / have.max(Vec3A::splat(f32::MIN_POSITIVE));
+    let [least, most] = FACTORS.map(Vec3A::splat);
+    ratio.clamp(least, most)
 }
 
 /// What a level has not met around a pixel.

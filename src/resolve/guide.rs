@@ -204,6 +204,49 @@ impl Guide {
     }
 }
 
+/// Cells on each side that a pixel takes values from.
+const AROUND: usize = 2;
+
+/// Standard deviation of their distances, in cells.
+const CELLS: f32 = 1.25;
+
+impl Guide {
+    /// The mean of values of the cells around a pixel that show its surface. The pixel by its place in this guide, the cells, of
+    /// `edge` pixels a side, by theirs, and where the pixel lies among them.
+    pub(super) fn of_cells(
+        &self,
+        (x, y): Size,
+        cells: &Self,
+        place: Size,
+        edge: usize,
+        values: &[Vec3A],
+    ) -> Vec3A {
+        let pixel = y * self.size.0 + x;
+        let around = |at: usize, end: usize| {
+            (at / edge).saturating_sub(AROUND)..(at / edge + AROUND + 1).min(end)
+        };
+        let centre = |cell: usize| (cell * edge) as f32 + 0.5 * (edge - 1) as f32;
+        let scale = 0.5 / (CELLS * edge as f32).powi(2);
+        let [here, slope] = self.slope[pixel];
+        let (mut sum, mut all) = (Vec3A::ZERO, 0.0);
+        for v in around(place.1, cells.size.1) {
+            for u in around(place.0, cells.size.0) {
+                let cell = v * cells.size.0 + u;
+                let (dx, dy) = (centre(u) - place.0 as f32, centre(v) - place.1 as f32);
+                let d2 = dx * dx + dy * dy;
+                let planes = self.planes.iter().zip(&cells.planes);
+                let normals: f32 = planes.map(|(a, b)| (a[pixel] - b[cell]).powi(2)).sum();
+                let step = (cells.length[cell] - self.length[pixel]) / (here + slope * d2.sqrt());
+                let surface = (normals - self.spread[pixel]).max(0.0) + 0.5 * step * step;
+                let weight = negative_exponential(surface + d2 * scale);
+                sum += weight * values[cell];
+                all += weight;
+            }
+        }
+        sum / all
+    }
+}
+
 /// exp(−x) for x ≥ 0 within 0.01 %, and 2⁻⁶⁰ from there on: no branch, and no number that is too small to be fast.
 #[inline(always)]
 fn negative_exponential(x: f32) -> f32 {

@@ -37,6 +37,7 @@ mod filter;
 mod guide;
 mod layer;
 mod statement;
+mod surfaces;
 #[cfg(test)]
 mod tests;
 mod tiles;
@@ -46,7 +47,7 @@ use crate::image::exr::Layer;
 use crate::image::level_film::{BATCHES, LevelFilm, MAX_LEVELS};
 use crate::integrator::Picture;
 use crate::math::{Rgb, Vec3A};
-use coarse::{Caps, Coarse};
+use coarse::{Caps, Coarse, FACTORS};
 use serde::{Deserialize, Serialize};
 use tiles::{Chosen, Shared, TILE};
 
@@ -223,14 +224,9 @@ pub fn unseen_share(picture: &Picture) -> f64 {
 /// Chooses in tiles of so many pixels a side; there is a sample in every batch.
 fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
     // The layer that is blurred with all its fireflies: where there are several levels others know those of the second one.
-    let blurred = |pixel, batch| -> Vec3A {
-        let shared = film.batch_mean(pixel, batch, film.levels());
-        match film.levels() {
-            1 => (film.batch_mean(pixel, batch, 0) - shared)
-                .max(Rgb::ZERO)
-                .into(),
-            _ => shared.into(),
-        }
+    let blurred = |pixel, batch| match film.levels() {
+        1 => only_light(film, pixel, batch),
+        levels => film.batch_mean(pixel, batch, levels).into(),
     };
     let whole = Shared {
         film,
@@ -244,14 +240,23 @@ fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
         level,
         bias2,
         variance,
-        layers: [mut p, r],
+        layers: [mut p, mut r],
     } = whole.choose(edge);
+    // Fireflies are cut from the only level, and its batches alone tell light from chance.
+    let surfaces = match film.levels() {
+        1 => surfaces::factors(film, &whole.roughened, &whole.caps, &r),
+        _ => Vec::new(),
+    };
+    r.iter_mut().zip(&surfaces).for_each(|(r, f)| *r *= *f);
     let energies = [
         Coarse::shared(film).energy(|pixel| p[pixel].into()),
         whole.roughened.energy(|pixel| r[pixel].into()),
     ];
     for (pixel, (p, r)) in p.iter_mut().zip(&r).enumerate() {
-        let [of_p, of_r] = energies.each_ref().map(|e| Rgb::from(e.at(pixel)));
+        let [of_p, mut of_r] = energies.each_ref().map(|e| Rgb::from(e.at(pixel)));
+        if let Some(own) = surfaces.get(pixel) {
+            of_r = of_r.min(FACTORS[1] / *own);
+        }
         *p = *p * of_p + *r * of_r;
     }
     let window = film.window();
@@ -265,6 +270,12 @@ fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
         bias2,
         variance,
     }
+}
+
+/// Light of a batch of a film of one level that its blurs take.
+fn only_light(film: &LevelFilm, pixel: usize, batch: usize) -> Vec3A {
+    let all = film.batch_mean(pixel, batch, 0) - film.batch_mean(pixel, batch, 1);
+    all.max(Rgb::ZERO).into()
 }
 
 /// The factor that makes the mean of a picture 0.3.

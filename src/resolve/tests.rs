@@ -860,3 +860,43 @@ fn one_level_makes_no_discs_of_glints_and_fireflies() {
     let near = around_the_middle(&shown);
     assert!(near < 1.6, "{near}");
 }
+
+/// A square film of one level of two surfaces side by side, with even light and rare bright hits of the left one.
+fn two_surfaces(size: usize, hits: f32) -> LevelFilm {
+    let frame = crate::math::UVec2::splat(size as u32);
+    let mut film = LevelFilm::new(frame, Window::full(frame), 1);
+    for i in 0..size * size {
+        let is_left = i % size < size / 2;
+        let mut features = [0.0; FEATURES];
+        features[if is_left { 0 } else { 1 }] = 1.0;
+        features[3] = 1.0;
+        for b in 0..BATCHES {
+            let is_hit = stream((i * 8 + b) as u32 + 110_000).next_1d() < hits;
+            let hit = if is_left && is_hit { 100.0 } else { 0.0 };
+            let path = PathLevels {
+                levels: &[Rgb::splat(1.0 + 0.1 * noise(0, b, i) + hit)],
+                shared: Rgb::ZERO,
+                features,
+            };
+            film.push(i, b as u32, &path);
+        }
+    }
+    film
+}
+
+/// Light of fireflies that a blur cuts comes back on the surface that they are on, and not beside it.
+#[test]
+fn cut_light_is_given_back_on_its_surface() {
+    const SIZE: usize = 64;
+    let film = two_surfaces(SIZE, 0.01);
+    let shown = resolve_film(&film, Resolve::Default).picture;
+    let mean = |columns: std::ops::Range<usize>| {
+        let rows = (0..SIZE).flat_map(|y| columns.clone().map(move |x| y * SIZE + x));
+        let (sum, count) = rows.fold((0.0, 0.0), |(s, n), i| (s + shown.pixels[i].x, n + 1.0));
+        sum / count
+    };
+    // Half of the light of the left is that of hits.
+    let [left, beside] = [mean(4..28), mean(34..42)];
+    assert!(left > 1.5, "{left}");
+    assert!(beside < 1.05, "{beside}");
+}
