@@ -102,7 +102,7 @@ def test_levels_resolve(box):
     with pytest.raises(ValueError, match="resolve"):
         opsr.resolve(film, resolve="robust")
     with pytest.raises(ValueError, match="a film of one level, there is nothing to choose"):
-        opsr.resolve(opsr.render(box, **SMALL))
+        opsr.resolve(opsr.render(box, **SMALL, levels=1))
 
 
 def test_save_png_and_names(box, tmp_path):
