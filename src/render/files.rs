@@ -163,7 +163,10 @@ impl Outputs {
         };
         let whole = resolved.is_some() || self.denoiser.is_some();
         if let Some(resolved) = resolved {
-            layers.extend(resolved.into_layers());
+            // A layer of errors that is there knows what a witness has found, too.
+            let told = layers.iter().any(|layer| layer.name == "error");
+            let own = resolved.into_layers().into_iter();
+            layers.extend(own.filter(|layer| !told || layer.name != "error"));
             if let Some(film) = &picture.levels
                 && self.spec.level_layers == Some(true)
             {
