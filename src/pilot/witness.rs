@@ -60,10 +60,14 @@ impl Missing {
 
     /// Expected errors of the pixels of a film, with what is missing; none where the film cannot tell its own.
     pub fn errors(&self, film: &Film) -> Option<Vec<f32>> {
-        let mut errors = film_errors(film)?;
+        film_errors(film).map(|errors| self.beside(errors))
+    }
+
+    /// Expected errors of pixels, with what is missing.
+    pub fn beside(&self, mut errors: Vec<f32>) -> Vec<f32> {
         let pairs = errors.iter_mut().zip(&self.squares);
         pairs.for_each(|(error, square)| *error = (*error * *error + square).sqrt());
-        Some(errors)
+        errors
     }
 
     /// Says so in the metadata of a picture.

@@ -245,8 +245,11 @@ fn finished(
     let finished = finish(&job.picture, spec, denoiser.as_ref())?;
     let mut maps = match finished.resolved {
         Some(resolved) => of_levels(resolved),
-        None => of_film(&job.picture.film, missing),
+        None => of_film(&job.picture.film),
     };
+    if let Some(missing) = missing {
+        maps.lack(missing);
+    }
     let picture = finished.shown;
     let (flip, values) = against.flip(job.side, &picture);
     maps.flip = values;
@@ -278,24 +281,29 @@ fn of_levels(resolved: Resolved) -> Maps {
     }
 }
 
-fn of_film(film: &Film, missing: Option<&Missing>) -> Maps {
+fn of_film(film: &Film) -> Maps {
     let noise = film_errors(film);
-    let error = match missing {
-        Some(missing) => missing.errors(film),
-        None => noise.clone(),
-    };
-    // What a film of one level states is the root mean square of its pixels.
-    let stated = error.as_ref().map(|errors| {
-        let squares = errors.iter().map(|&e| f64::from(e) * f64::from(e));
-        (squares.sum::<f64>() / errors.len().max(1) as f64).sqrt()
-    });
     Maps {
+        stated: noise.as_deref().map(root_mean_square),
+        error: noise.clone(),
         noise,
-        error,
-        stated,
-        missing: missing.map(|m| m.squares.iter().map(|x| x.sqrt()).collect()),
         ..Maps::default()
     }
+}
+
+impl Maps {
+    /// Takes over what a witness has found and the picture lacks.
+    fn lack(&mut self, missing: &Missing) {
+        self.error = self.error.take().map(|errors| missing.beside(errors));
+        self.stated = self.error.as_deref().map(root_mean_square);
+        self.missing = Some(missing.squares.iter().map(|x| x.sqrt()).collect());
+    }
+}
+
+/// Stated error of pixels with these errors.
+fn root_mean_square(errors: &[f32]) -> f64 {
+    let squares = errors.iter().map(|&e| f64::from(e) * f64::from(e));
+    (squares.sum::<f64>() / errors.len().max(1) as f64).sqrt()
 }
 
 #[cfg(test)]
@@ -303,6 +311,7 @@ mod tests {
     use super::*;
     use crate::gallery::builtin;
     use crate::integrator::View;
+    use crate::integrator::settings::BLURRED;
     use crate::math::UVec2;
     use crate::render::open::Opened;
     use crate::scene::Scene;
@@ -312,6 +321,11 @@ mod tests {
     /// what is missing is part of the error and has a map.
     #[test]
     fn missing_light_is_shown() {
+        missing_light_is_shown_at(&[]);
+        missing_light_is_shown_at(&BLURRED);
+    }
+
+    fn missing_light_is_shown_at(levels: &[f32]) {
         let scene = Scene::new(builtin("sun-pool").expect("a scene"));
         let camera = scene.parts().cameras[0].clone();
         let opened = Opened {
@@ -322,11 +336,16 @@ mod tests {
             animations: Vec::new(),
             in_studio: false,
         };
-        let (size, samples, settings) = (UVec2::splat(40), 400, Settings::default());
+        let (size, samples) = (UVec2::splat(40), 400);
+        let settings = Settings {
+            levels: levels.to_vec(),
+            ..Settings::default()
+        };
         let stage = Arc::new(Stage { opened });
         let shot = Arc::new(Shot::new(stage, camera, size, &settings));
         let view: View<'_> = shot.view(size);
-        let mut picture = Picture::blank(size, view.window, 0, [false; 3]).expect("a film");
+        let mut picture =
+            Picture::blank(size, view.window, levels.len(), [false; 3]).expect("a film");
         settings.integrator().pass(&view, 0..samples, &mut picture);
         let job = Job {
             side: 0,
