@@ -15,7 +15,7 @@ use crate::math::UVec2;
 use crate::memory;
 use crate::pilot::witness::{Missing, missing_light};
 use crate::pilot::{Choice, Contender, Horizon, SPP_OF_TARGET, choose_integrator, left_after};
-use crate::resolve::stopping_error;
+use crate::resolve::{Resolve, stopping_error, stopping_error_of_samples};
 use crate::scene::{Camera, Lens, Scene};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -224,7 +224,10 @@ impl Spec {
             }),
             error: self.target_error.map(|bound| ErrorBound {
                 bound: bound.into(),
-                estimate: stopping_error,
+                estimate: match self.resolve() {
+                    Resolve::None => stopping_error_of_samples,
+                    _ => stopping_error,
+                },
             }),
         }
     }

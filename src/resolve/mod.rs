@@ -207,6 +207,11 @@ pub fn stopping_error(picture: &Picture) -> f64 {
     stated_error(picture, Resolve::default()).bound()
 }
 
+/// The same of a picture that is shown without a choice, as the mean of its samples.
+pub fn stopping_error_of_samples(picture: &Picture) -> f64 {
+    film_error(&picture.film).bound()
+}
+
 /// Share of the light of a picture of several levels that plain path tracing cannot find: that of lights without area at
 /// the end of Dirac lobes. 0 for one level.
 pub fn unseen_share(picture: &Picture) -> f64 {
