@@ -123,12 +123,13 @@ impl Film {
         detached(py, || stopping_error(&self.made))
     }
 
-    /// Standard error of the mean of all pixels by channel: (red, green, blue). None for several levels, and where there are too few
+    /// Standard error of the mean of all pixels by channel, before any blur: (red, green, blue). None for several levels, and where there are too few
     /// samples to tell. Unlike `variance` it knows what pixels share by light paths.
     #[getter]
     fn mean_error(&self) -> Option<(f64, f64, f64)> {
         let of_film = || self.made.film.mean_error().map(Into::into);
-        self.choice.is_none().then(of_film).flatten()
+        let one = (self.made.levels.as_ref()).is_none_or(|film| film.levels() == 1);
+        one.then(of_film).flatten()
     }
 
     /// Share of the light that the picture lacks at least, as a few roughened paths have found; 0 where they found none, and for
