@@ -190,7 +190,7 @@ def opsr_render(program, gltf, spp, seed, *options):
     out = os.path.join(os.path.dirname(gltf), "opsr.exr")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run([program, "render", gltf, "--spp", str(spp), "--size", f"{SIZE}x{SIZE}", "--max-depth",
-                    str(VERTICES), "--seed", str(seed), "--progress", "none", "-o", out, *options], check=True)
+                    str(VERTICES), "--seed", str(seed), "--levels", "1", "--progress", "none", "-o", out, *options], check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     picture = mi.Bitmap(out)

@@ -26,7 +26,7 @@ FRAMES = 24
 SEED = 1000
 TABLE = ["--opsr-table", "beta-0.001"]
 METHODS = {
-    "plain": [],
+    "plain": ["--levels", "1"],
     "table, one level": [*TABLE, "--levels", "1"],
     "levels": TABLE,
     "levels, denoised": [*TABLE, "--denoise"],

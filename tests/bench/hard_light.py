@@ -93,7 +93,8 @@ PEERS = {
     "LuxCore BIDIRCPU": ("pyluxcore", lambda *args: peers.luxcore(*args, "BIDIRCPU")),
 }
 OURS = {
-    "opsr": [],
+    "opsr": ["--levels", "1"],
+    "opsr, blurred": [],
     "opsr, beta-0.001": ["--opsr-table", "beta-0.001"],
     "opsr, bdpt": ["--integrator", "bdpt"],
     "opsr, vcm": ["--integrator", "vcm"],

@@ -219,7 +219,7 @@ PEERS = {
     "LuxCore BIDIRCPU": ("pyluxcore", lambda *args: luxcore(*args, "BIDIRCPU")),
 }
 OURS = {
-    "opsr": [],
+    "opsr": ["--levels", "1"],
     "opsr, beta-0.001, one level": ["--opsr-table", "beta-0.001", "--levels", "1"],
 }
 
