@@ -123,8 +123,8 @@ impl Film {
         detached(py, || stopping_error(&self.made))
     }
 
-    /// Standard error of the mean of all pixels by channel, before any blur: (red, green, blue). None for several levels, and where there are too few
-    /// samples to tell. Unlike `variance` it knows what pixels share by light paths.
+    /// Standard error of the mean of all pixels by channel, before any blur: (red, green, blue). None for several levels, and where
+    /// there are too few samples to tell. Unlike `variance` it knows what pixels share by light paths.
     #[getter]
     fn mean_error(&self) -> Option<(f64, f64, f64)> {
         let of_film = || self.made.film.mean_error().map(Into::into);

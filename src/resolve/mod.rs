@@ -26,7 +26,8 @@
 //! (`coarse.rs`), as far as it was not to be expected.
 //!
 //! A layer is Σ_k tent_1(1[k* = k]) of its candidates, brought to the energy of the best level at a coarse
-//! scale by a smooth factor, so that what is given back has no shape of its own.
+//! scale by a smooth factor, so that what is given back has no shape of its own; light that was cut from the only level of a
+//! film comes back surface by surface first (`surfaces.rs`).
 //!
 //! Candidates are chosen in tiles with as much around them as filters reach (`tiles.rs`), sizes of hits and energy are taken
 //! on cells of whole pictures: a film takes little memory beside its own.

@@ -143,7 +143,7 @@ impl LevelTracer {
         levels: &mut LevelFilm,
         recorder: &mut O,
     ) -> u32 {
-        let run = if self.factors.levels() <= SCALES.len() {
+        let run = if self.levels() <= SCALES.len() {
             estimate::<{ SCALES.len() }, Self, O>
         } else {
             estimate::<MAX_LEVELS, Self, O>
@@ -235,7 +235,7 @@ impl LevelTracer {
 
 impl<const N: usize> LevelPaths<N> for LevelTracer {
     fn levels(&self) -> usize {
-        self.factors.levels()
+        Self::levels(self)
     }
 
     fn trace<S: Sampler, O: PathObserver>(
