@@ -36,14 +36,14 @@ enum Action {
         #[arg(long, value_name = "N")]
         top: Option<usize>,
     },
-    /// Export a table for another program, as an array or as source code with the whole look-up.
+    /// Export a table for another renderer, as source code with the whole look-up.
     ///
-    /// A comment at the head of the source code shows how a renderer calls it. Arrays hold the factors multiplied by the
-    /// table's scale.
+    /// A comment at the head of the source code shows how a renderer calls it. `opsr table show --json` prints the factors
+    /// for other programs.
     #[command(
         after_help = "Examples:\n  opsr table export params/beta-0.001.json -o opsr_table.h\n  \
         opsr table export beta-0.05 -o shaders/opsr.glsl\n  \
-        opsr table export params/beta-0.001.json --format csv -o -\n  \
+        opsr table export params/beta-0.001.json --format c -o -\n  \
         opsr table export beta-0.001 --format resolve -o resolve.h"
     )]
     Export {
@@ -61,12 +61,6 @@ enum Action {
 /// [`Format`] as a command line value.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Form {
-    /// NumPy array, f32 [1360].
-    Npy,
-    /// Tensor `gammas`, f32 [1360], with class order, look-up and training record in the metadata.
-    Safetensors,
-    /// One line per class: index, length, code, bins, gamma, visits.
-    Csv,
     /// Header for C99 and C++.
     C,
     /// Include file for GLSL, HLSL and Slang.
@@ -80,9 +74,6 @@ enum Form {
 impl From<Form> for Format {
     fn from(form: Form) -> Self {
         match form {
-            Form::Npy => Self::Npy,
-            Form::Safetensors => Self::Safetensors,
-            Form::Csv => Self::Csv,
             Form::C => Self::C,
             Form::Glsl => Self::Shader,
             Form::Rust => Self::Rust,
@@ -115,7 +106,7 @@ pub(super) fn run(args: &TableArgs) -> anyhow::Result<()> {
 fn write(file: &Path, format: Option<Format>, output: &Path) -> anyhow::Result<()> {
     let Some(format) = format.or_else(|| Format::of(output)) else {
         return Err(anyhow!(
-            "{}: no format for this extension: use .npy, .safetensors, .csv, .h, .glsl, .hlsl, .slang or .rs, or \
+            "{}: no format for this extension: use .h, .glsl, .hlsl, .slang or .rs, or \
              --format",
             output.display()
         ))

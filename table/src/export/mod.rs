@@ -1,10 +1,9 @@
-//! Export of tables: arrays for numerical tools, and source code for other renderers.
+//! Export of tables as source code for other renderers.
 //!
-//! Source code contains the whole look-up, from the roughness of a path to α′. Arrays hold the factors multiplied by the
-//! table's scale, since not every format has a place for it. One header has the choice among levels of roughening.
+//! Source code contains the whole look-up, from the roughness of a path to α′. One header has the choice among levels of
+//! roughening.
 
 mod code;
-mod data;
 
 use crate::TableFile;
 use std::path::Path;
@@ -12,12 +11,6 @@ use std::path::Path;
 /// Format of an exported table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// NumPy array, f32 `[1360]`.
-    Npy,
-    /// Safetensors file with one tensor `gammas`, f32 `[1360]`, and metadata.
-    Safetensors,
-    /// Text with one line per class.
-    Csv,
     /// Header for C99 and C++.
     C,
     /// Include file for GLSL, HLSL and Slang.
@@ -33,9 +26,6 @@ impl Format {
     pub fn of(path: &Path) -> Option<Self> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         Some(match extension.as_str() {
-            "npy" => Self::Npy,
-            "safetensors" => Self::Safetensors,
-            "csv" => Self::Csv,
             "h" | "hh" | "hpp" | "hxx" | "c" => Self::C,
             "glsl" | "hlsl" | "slang" | "glsli" | "hlsli" | "slangh" => Self::Shader,
             "rs" => Self::Rust,
@@ -47,9 +37,6 @@ impl Format {
 /// Bytes of the table as a file of this format.
 pub fn export(file: &TableFile, format: Format) -> Vec<u8> {
     match format {
-        Format::Npy => data::npy(file),
-        Format::Safetensors => data::safetensors(file),
-        Format::Csv => data::csv(file).into_bytes(),
         Format::C => code::fill(include_str!("table.h.in"), file, "f").into_bytes(),
         Format::Shader => code::fill(include_str!("table.glsl.in"), file, "f").into_bytes(),
         Format::Resolve => include_bytes!("resolve.h").to_vec(),
@@ -64,16 +51,13 @@ mod tests {
     #[test]
     fn format_by_file_name_extension() {
         for (names, format) in [
-            ("t.npy T.NPY", Some(Format::Npy)),
-            ("t.safetensors", Some(Format::Safetensors)),
-            ("t.csv", Some(Format::Csv)),
-            ("t.h t.hh t.hpp t.hxx t.c", Some(Format::C)),
+            ("t.h T.H t.hh t.hpp t.hxx t.c", Some(Format::C)),
             (
                 "t.glsl t.hlsl t.slang t.glsli t.hlsli t.slangh",
                 Some(Format::Shader),
             ),
             ("t.rs", Some(Format::Rust)),
-            ("t t.json .rs t.npy.gz", None),
+            ("t t.json .rs t.rs.gz t.npy", None),
         ] {
             for name in names.split(' ') {
                 assert_eq!(Format::of(Path::new(name)), format, "{name}");

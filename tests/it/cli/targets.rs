@@ -14,8 +14,8 @@ fn place() -> Place {
     for (link, to) in [
         ("old.exr", "far/old.exr"),
         ("new.exr", "far/new.exr"),
-        ("full.csv", "/dev/full"),
-        ("out.csv", "/dev/stdout"),
+        ("full.h", "/dev/full"),
+        ("out.h", "/dev/stdout"),
     ] {
         symlink(to, place.path().join(link)).expect("a link");
     }
@@ -40,18 +40,16 @@ fn output_links_stay_and_their_targets_are_replaced() {
 #[test]
 fn output_pipe_stays_a_pipe_and_gets_the_bytes() {
     let place = place();
-    let pipe = place.path().join("pipe.csv");
+    let pipe = place.path().join("pipe.h");
     let made = Command::new("mkfifo").arg(&pipe).status();
     assert!(made.is_ok_and(|status| status.success()));
     let export = "table export table.json -o";
-    place.opsr(&format!("{export} file.csv")).done();
+    place.opsr(&format!("{export} file.h")).done();
     // The reader gives up when nobody writes.
     let mut reader = place.command("timeout");
-    reader
-        .args(["60", "cat", "pipe.csv"])
-        .stdout(Stdio::piped());
+    reader.args(["60", "cat", "pipe.h"]).stdout(Stdio::piped());
     let reader = reader.spawn().expect("cat");
-    let writer = place.opsr(&format!("{export} pipe.csv"));
+    let writer = place.opsr(&format!("{export} pipe.h"));
     let is_pipe = pipe.symlink_metadata().unwrap().file_type().is_fifo();
     if !is_pipe {
         let _ = reader.wait_with_output();
@@ -59,7 +57,7 @@ fn output_pipe_stays_a_pipe_and_gets_the_bytes() {
     }
     writer.done();
     let read = reader.wait_with_output().expect("bytes").stdout;
-    assert!(read == place.read("file.csv"));
+    assert!(read == place.read("file.h"));
 }
 
 #[test]
@@ -67,20 +65,20 @@ fn output_pipe_stays_a_pipe_and_gets_the_bytes() {
 fn output_devices_are_written_into() {
     let place = place();
     let export = "table export table.json -o";
-    place.opsr(&format!("{export} file.csv")).done();
-    let ended = place.opsr(&format!("{export} full.csv"));
+    place.opsr(&format!("{export} file.h")).done();
+    let ended = place.opsr(&format!("{export} full.h"));
     assert_eq!(ended.code, Some(4), "{}", ended.err);
-    assert!(ended.err.contains("full.csv"), "{}", ended.err);
-    let shown = place.opsr(&format!("{export} out.csv")).done();
-    assert!(shown.out.as_bytes() == place.read("file.csv"));
+    assert!(ended.err.contains("full.h"), "{}", ended.err);
+    let shown = place.opsr(&format!("{export} out.h")).done();
+    assert!(shown.out.as_bytes() == place.read("file.h"));
     // Standard output that is a file keeps what is in it.
     let file = std::fs::File::create(place.path().join("said")).expect("a file");
     let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
-    command.args(format!("{export} out.csv").split_whitespace());
+    command.args(format!("{export} out.h").split_whitespace());
     command.stdout(file);
     Ended::of(command.output().expect("the program")).done();
-    assert!(place.read("said") == place.read("file.csv"));
-    assert!(is_link(&place, "full.csv") && is_link(&place, "out.csv"));
+    assert!(place.read("said") == place.read("file.h"));
+    assert!(is_link(&place, "full.h") && is_link(&place, "out.h"));
 }
 
 /// Ctrl-C while inputs are read: nothing has to be saved, so the program ends at once. A scene cannot be a pipe, a table

@@ -1,4 +1,4 @@
-//! Exported tables: source code is compiled and run, arrays are read back.
+//! Exported tables: source code is compiled and run.
 
 mod code;
 mod host;
@@ -68,104 +68,6 @@ fn succeeded(what: &str, output: &Output) {
     );
 }
 
-/// Factors multiplied by the scale.
-fn scaled(file: &TableFile) -> Vec<f32> {
-    let classes = (0..LEN).filter_map(GammaIndex::new);
-    classes.map(|class| file.table.factor(class)).collect()
-}
-
-fn floats(bytes: &[u8]) -> Vec<f32> {
-    let words = bytes.chunks_exact(4).map(|w| w.try_into().unwrap());
-    words.map(f32::from_le_bytes).collect()
-}
-
-#[test]
-fn npy_reads_back() {
-    let file = table(Lookup::Nearest, 1.25);
-    let bytes = export(&file, Format::Npy);
-    assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
-    let start = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
-    assert_eq!(start % 64, 0);
-    let header = std::str::from_utf8(&bytes[10..start]).unwrap();
-    let dictionary = "{'descr': '<f4', 'fortran_order': False, 'shape': (1360,), }";
-    assert_eq!(header.trim_end(), dictionary);
-    assert!(header.ends_with('\n'));
-    assert_eq!(floats(&bytes[start..]), scaled(&file));
-
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("table.npy"), &bytes).unwrap();
-    let script = "import importlib.util, sys\n\
-        if importlib.util.find_spec('numpy') is None: sys.exit(77)\n\
-        import numpy\n\
-        a = numpy.load('table.npy', allow_pickle=False)\n\
-        assert a.dtype == numpy.float32 and a.shape == (1360,)\n\
-        sys.stdout.buffer.write(a.tobytes())";
-    match tool(folder.path(), "python3", &["-c", script]) {
-        Some(output) if output.status.code() == Some(77) => {
-            eprintln!("skipped: this machine's python3 has no numpy");
-        }
-        Some(output) => {
-            succeeded("numpy", &output);
-            assert_eq!(floats(&output.stdout), scaled(&file));
-        }
-        None => {}
-    }
-}
-
-#[test]
-fn safetensors_reads_back() {
-    let file = table(Lookup::Linear, 1.25);
-    let bytes = export(&file, Format::Safetensors);
-    let (size, header) = safetensors::SafeTensors::read_metadata(&bytes).unwrap();
-    assert_eq!(size % 8, 0);
-    let metadata = header.metadata().as_ref().unwrap();
-    assert_eq!(metadata["lookup"], "linear");
-    assert_eq!(metadata["levels"], "4");
-    assert_eq!(metadata["scale_applied"], "1.25");
-    assert!(metadata["order"].starts_with("2, 3, 4, 5 vertices"));
-    assert!(metadata["loss"].starts_with("MAPE"));
-    let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
-    let gammas = tensors.tensor("gammas").unwrap();
-    assert_eq!(gammas.dtype(), safetensors::Dtype::F32);
-    assert_eq!(gammas.shape(), [LEN]);
-    assert_eq!(floats(gammas.data()), scaled(&file));
-    // The same table gives the same bytes.
-    assert_eq!(bytes, export(&file, Format::Safetensors));
-}
-
-#[test]
-fn csv_names_every_class() {
-    let file = table(Lookup::Nearest, 1.25);
-    let text = String::from_utf8(export(&file, Format::Csv)).unwrap();
-    let mut lines = text.lines();
-    assert_eq!(lines.next(), Some("index,length,code,bins,gamma,visits"));
-    let expected = scaled(&file);
-    for (index, line) in lines.clone().enumerate() {
-        let fields: Vec<&str> = line.split(',').collect();
-        assert_eq!(fields[0].parse(), Ok(index));
-        let bins: Vec<usize> = (fields[3].split(' ')).map(|l| l.parse().unwrap()).collect();
-        assert_eq!(fields[1].parse(), Ok(bins.len()));
-        assert_eq!(
-            GammaIndex::from_bins(&bins).map(GammaIndex::index),
-            Some(index)
-        );
-        let digits: String = bins.iter().map(usize::to_string).collect();
-        assert_eq!(
-            usize::from_str_radix(&digits, 4).ok(),
-            fields[2].parse().ok()
-        );
-        assert_eq!(
-            fields[4].parse::<f32>().unwrap().to_bits(),
-            expected[index].to_bits()
-        );
-        assert_eq!(
-            fields[5].parse(),
-            Ok(file.provenance.as_ref().unwrap().visits[index])
-        );
-    }
-    assert_eq!(lines.count(), LEN);
-}
-
 fn opsr(folder: &Path, arguments: &[&str]) -> Output {
     tool(folder, env!("CARGO_BIN_EXE_opsr"), arguments).unwrap()
 }
@@ -177,9 +79,6 @@ fn export_command_by_file_name_extension() {
     let file = table(Lookup::Nearest, 1.25);
     save(&file, &at("t.json")).unwrap();
     for (name, format) in [
-        ("t.npy", Format::Npy),
-        ("t.safetensors", Format::Safetensors),
-        ("t.csv", Format::Csv),
         ("t.hpp", Format::C),
         ("t.slang", Format::Shader),
         ("t.rs", Format::Rust),
