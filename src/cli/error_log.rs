@@ -3,19 +3,11 @@
 use super::exit::Blame;
 use anyhow::anyhow;
 use opsr::files::{self, FileError};
-use opsr::report::tensorboard::Scalars;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 /// Interval of the lines.
 const EVERY: Duration = Duration::from_secs(1);
-
-/// Form of a log.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Form {
-    Csv,
-    TensorBoard,
-}
 
 /// Longest log that is read; a day of lines needs less.
 const MAX_BYTES: u64 = 1 << 26;
@@ -46,7 +38,6 @@ impl Line {
 /// The log; its file is replaced as a whole, so that it is never half-written.
 pub(super) struct ErrorLog {
     path: PathBuf,
-    form: Form,
     /// The file as the render was resumed, up to the samples of its checkpoint.
     earlier: Vec<u8>,
     lines: Vec<Line>,
@@ -54,31 +45,20 @@ pub(super) struct ErrorLog {
 }
 
 impl ErrorLog {
-    /// A log at this place; its name says the form. A render that is resumed after `start` samples keeps the lines up to there.
+    /// A log at this place. A render that is resumed after `start` samples keeps the lines up to there.
     pub(super) fn open(path: &Path, start: u32) -> anyhow::Result<Self> {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let form = if name.contains("tfevents") {
-            Form::TensorBoard
-        } else if name.ends_with(".csv") {
-            Form::Csv
-        } else {
-            let what = "ends in .csv, or contains tfevents for TensorBoard";
-            return Err(anyhow!("--log {}: its name {what}", path.display())).usage();
-        };
+        if path.extension().is_none_or(|e| e != "csv") {
+            return Err(anyhow!("--log {}: its name ends in .csv", path.display())).usage();
+        }
         let old = if start > 0 && path.is_file() {
             files::read(path, MAX_BYTES).input()?
         } else {
             Vec::new()
         };
-        let earlier = match form {
-            Form::Csv => rows_until(&old, start),
-            Form::TensorBoard => Scalars::until(&old, start.into()),
-        };
         let damaged = || FileError::content(path, "not a log of opsr render");
         Ok(Self {
             path: path.to_owned(),
-            form,
-            earlier: earlier.ok_or_else(damaged).input()?,
+            earlier: rows_until(&old, start).ok_or_else(damaged).input()?,
             lines: Vec::new(),
             latest: None,
         })
@@ -93,14 +73,7 @@ impl ErrorLog {
         let line = line();
         self.lines.retain(|earlier| earlier.samples < line.samples);
         self.lines.push(line);
-        files::write_bytes(&self.path, self.bytes()).output()
-    }
-
-    fn bytes(&self) -> Vec<u8> {
-        match self.form {
-            Form::Csv => self.csv(),
-            Form::TensorBoard => self.events(),
-        }
+        files::write_bytes(&self.path, &self.csv()).output()
     }
 
     fn csv(&self) -> Vec<u8> {
@@ -115,20 +88,6 @@ impl ErrorLog {
             csv.extend(format!("{samples},{seconds:.3},{estimated},{known}\n").into_bytes());
         }
         csv
-    }
-
-    fn events(&self) -> Vec<u8> {
-        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-        let last = self.lines.last().map_or(0.0, |line| line.seconds);
-        let began = now.map_or(0.0, |now| now.as_secs_f64()) - last;
-        let mut scalars = Scalars::after(self.earlier.clone(), began);
-        for line in &self.lines {
-            let estimated = line.estimated().map(|e| ("error/estimated", e));
-            let known = line.true_error.map(|e| ("error/true", e));
-            let values = estimated.into_iter().chain(known);
-            scalars.add(line.samples.into(), began + line.seconds, values);
-        }
-        scalars.bytes().to_vec()
     }
 }
 

@@ -1,9 +1,8 @@
-//! Listener of a render: shows progress and the true error, saves files so far and checkpoints, feeds the log and tev.
+//! Listener of a render: shows progress and the true error, saves files so far and checkpoints, feeds the log.
 
 use super::bar::Bar;
 use super::error_log::{ErrorLog, Line};
 use super::exit::{Blame, Told, failure};
-use super::live::Live;
 use super::render_args::RenderArgs;
 use super::stop::Stop;
 use anyhow::{Context, anyhow};
@@ -53,7 +52,6 @@ pub(super) struct Listener<'a> {
     run: Run<'a>,
     layers: Layers<'a>,
     bar: Bar,
-    live: Option<Live>,
     truth: Option<Truth>,
     log: Option<ErrorLog>,
     /// When files and checkpoint were written last, or could not be.
@@ -65,13 +63,9 @@ pub(super) struct Listener<'a> {
 }
 
 impl<'a> Listener<'a> {
-    /// Opens the log and the connection to tev, and reads the reference.
+    /// Opens the log and reads the reference.
     pub(super) fn open(run: Run<'a>, picture: &Picture) -> anyhow::Result<Self> {
         let args = run.args;
-        let live = match &args.tev {
-            Some(address) => Some(Live::open(address, "opsr", &picture.film.mean())?),
-            None => None,
-        };
         let truth = match &args.reference {
             Some(path) => Some(Truth::load(path, &picture.film)?),
             None => None,
@@ -84,7 +78,6 @@ impl<'a> Listener<'a> {
             layers: Layers::new(run.request.spec.aovs(), &run.request.view()),
             bar: Bar::new(args.progress),
             run,
-            live,
             truth,
             log,
             saved: Instant::now(),
@@ -98,9 +91,6 @@ impl<'a> Listener<'a> {
         let shown = || self.run.request.spec.shown(picture);
         let known = (self.truth.as_ref()).and_then(|truth| truth.now_and_then(shown));
         self.bar.show(progress, known);
-        if let Some(live) = &self.live {
-            live.show(shown());
-        }
         if let Err(error) = self.log(false, progress, picture, known) {
             tracing::warn!("{error:#}; the log ends here");
             (self.log, self.unlogged) = (None, Some(error));
@@ -122,9 +112,6 @@ impl<'a> Listener<'a> {
         self.bar.finish();
         let kept = self.checkpoint(progress, picture);
         let (written, unwritten) = self.write(picture, progress)?;
-        if let Some(live) = self.live.take() {
-            live.finish();
-        }
         let true_error = (self.truth.as_ref()).and_then(|truth| truth.error(&written.shown));
         let logged = self.log(true, progress, picture, true_error);
         let failed = unwritten.or(kept.err()).or(self.unlogged).or(logged.err());

@@ -2,10 +2,8 @@
 //!
 //! Only this folder uses anyhow and the terminal. Types that are options derive clap's traits where they are defined.
 
-use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use exit::{Exit, Failure};
-use opsr::render::spec::GONE;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;
@@ -22,7 +20,6 @@ mod exit;
 mod expected;
 mod info;
 mod listener;
-mod live;
 mod options;
 mod output;
 mod part;
@@ -110,26 +107,9 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         .mut_subcommands(with_negative_numbers)
 }
 
-/// Message of clap, or for an option that is gone the name of its successor.
-fn refused(error: &clap::Error) -> ! {
-    let name = match error.get(ContextKind::InvalidArg) {
-        Some(ContextValue::String(name)) if error.kind() == ErrorKind::UnknownArgument => name,
-        _ => error.exit(),
-    };
-    let Some((_, instead)) = GONE
-        .iter()
-        .find(|(gone, _)| *name == format!("--{}", gone.replace('_', "-")))
-    else {
-        error.exit()
-    };
-    eprintln!("opsr: {name} is gone: {instead}");
-    std::process::exit(Exit::Usage as i32)
-}
-
 /// Runs the program.
 pub(crate) fn main() -> ExitCode {
-    let matches = with_negative_numbers(Args::command()).try_get_matches();
-    let matches = matches.unwrap_or_else(|e| refused(&e));
+    let matches = with_negative_numbers(Args::command()).get_matches();
     let args = Args::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     let levels = [LevelFilter::WARN, LevelFilter::INFO, LevelFilter::DEBUG];
     let level = levels[usize::from(args.verbose.min(2))];

@@ -44,7 +44,7 @@ pub(super) struct RenderArgs {
         hide_short_help = true
     )]
     pub(super) stats: Option<PathBuf>,
-    /// Log samples, seconds and errors over time to this file: .csv, or for TensorBoard a name that contains tfevents.
+    /// Log samples, seconds and errors over time to this file, a .csv.
     #[arg(
         long,
         value_name = "FILE",
@@ -69,7 +69,7 @@ pub(super) struct RenderArgs {
         help_heading = "Resume",
         hide_short_help = true,
         conflicts_with_all = [
-            "output", "time", "target_error", "checkpoint", "save_every", "reference", "stats", "log", "trace_pixel", "tev"
+            "output", "time", "target_error", "checkpoint", "save_every", "reference", "stats", "log", "trace_pixel"
         ]
     )]
     pub(super) film: Option<PathBuf>,
@@ -104,9 +104,6 @@ pub(super) struct RenderArgs {
         hide_short_help = true
     )]
     pub(super) sample: Option<u32>,
-    /// Show the picture in the viewer tev while it is made.
-    #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:14158", help_heading = "Program", hide_short_help = true)]
-    pub(super) tev: Option<String>,
 }
 
 const MORE: &str = "These are the options that most renders use; --help lists all.";

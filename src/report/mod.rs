@@ -5,6 +5,5 @@ pub mod compare;
 mod html;
 pub mod page;
 mod plot;
-pub mod tensorboard;
 #[cfg(feature = "train")]
 pub mod training;

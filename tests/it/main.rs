@@ -55,7 +55,6 @@ mod stop;
 mod support;
 mod surface;
 mod table_file;
-mod tensorboard;
 #[cfg(feature = "train")]
 mod train;
 mod training_scenes;

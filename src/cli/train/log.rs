@@ -1,13 +1,11 @@
-//! Log of a training, as JSON lines, and its curves as CSV for spreadsheets and plots, and for TensorBoard.
+//! Log of a training as JSON lines, and its curves as CSV for spreadsheets and plots.
 
 use super::super::exit::Blame;
 use super::save;
 use opsr::files;
-use opsr::report::tensorboard::Scalars;
 use opsr::train::learn::outer_loop::LogEntry;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Longest log that is read; ten thousand steps with a validation each need less.
 const MAX_BYTES: u64 = 1 << 26;
@@ -48,9 +46,7 @@ impl MetricsLog {
             .collect();
         save(&self.path, &text)?;
         let entries = self.entries();
-        save(&self.path.with_extension("csv"), &csv(&entries))?;
-        let events = self.path.with_file_name("events.out.tfevents.opsr");
-        files::write_bytes(&events, scalars(&entries).bytes()).output()
+        save(&self.path.with_extension("csv"), &csv(&entries))
     }
 
     pub(super) fn entries(&self) -> Vec<serde_json::Value> {
@@ -58,44 +54,6 @@ impl MetricsLog {
             .filter_map(|line| serde_json::from_str(line).ok())
             .collect()
     }
-}
-
-/// Losses of all entries, and the mean scores of their crops.
-fn scalars(entries: &[serde_json::Value]) -> Scalars {
-    // Seconds begin anew where a training was resumed.
-    let mut times = Vec::with_capacity(entries.len());
-    let (mut before, mut last) = (0.0, 0.0);
-    for entry in entries {
-        let seconds = entry["seconds"].as_f64().unwrap_or(last);
-        if seconds < last {
-            before += last;
-        }
-        last = seconds;
-        times.push(before + seconds);
-    }
-    let now = SystemTime::now().duration_since(UNIX_EPOCH);
-    let began = now.map_or(0.0, |now| now.as_secs_f64()) - before - last;
-    let mut scalars = Scalars::new(began);
-    for (entry, time) in entries.iter().zip(times) {
-        let mut values = Vec::new();
-        for (set, loss, crops) in [
-            ("training", "loss", "crops"),
-            ("validation", "validation", "validation_crops"),
-        ] {
-            let mean = |key: &str| {
-                let crops = entry[crops].as_array()?;
-                let scores = crops.iter().filter_map(|crop| crop[key].as_f64());
-                Some(scores.sum::<f64>() / crops.len() as f64).filter(|mean| mean.is_finite())
-            };
-            values.push((format!("loss/{set}"), entry[loss].as_f64()));
-            for key in ["mape", "variance", "energy"] {
-                values.push((format!("{key}/{set}"), mean(key)));
-            }
-        }
-        let known = (values.iter()).filter_map(|(tag, value)| Some((tag.as_str(), (*value)?)));
-        scalars.add(entry["step"].as_u64().unwrap_or(0), time, known);
-    }
-    scalars
 }
 
 /// Step, seconds and mean losses of all entries; what is not known is left empty.

@@ -48,9 +48,6 @@ pub(super) struct TrainArgs {
     /// Replace tables and a run that are there already; without it the program ends with exit code 2.
     #[arg(long)]
     force: bool,
-    /// Gone; a message says what does its work.
-    #[arg(long, hide = true)]
-    study: bool,
     /// Number of threads; all cores by default. The tables do not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
@@ -68,8 +65,7 @@ Examples:
   opsr train --optimiser log --set steps=500 --set 'scenes=[\"rings\", \"basins\"]'
   opsr train --beta 0.001 --out mine --resume   continue after Ctrl-C
 
-The run's folder gets config.toml, report.html and report.json, and for every beta metrics.jsonl, metrics.csv, an event file for
-TensorBoard (tensorboard --logdir out/train), last.ckpt, table.json and best.json (lowest validation loss). Recordings of crops are kept in it until the run is complete.";
+The run's folder gets config.toml, report.html and report.json, and for every beta metrics.jsonl, metrics.csv, last.ckpt, table.json and best.json (lowest validation loss). Recordings of crops are kept in it until the run is complete.";
 
 impl TrainArgs {
     /// Folder of the run.
@@ -167,10 +163,6 @@ fn holds_a_run(run: &Path) -> bool {
 
 /// Runs the command.
 pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
-    if args.study {
-        let what = "--study is no longer an option; cargo run --release --example study holds families of scenes out";
-        return Err(anyhow!(what)).usage();
-    }
     let config = args.settings.resolve()?;
     let run = args.run_folder();
     args.check_places(&config, &run)?;

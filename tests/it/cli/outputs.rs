@@ -9,8 +9,6 @@ use opsr::math::Vec3;
 use opsr::report::compare::{Named, Options, compare};
 use opsr::scene::PunctualLight;
 use serde_json::Value;
-use std::io::Read;
-use std::net::TcpListener;
 
 /// A box with caustics and a table.
 fn caustics() -> Place {
@@ -171,8 +169,8 @@ fn report_plots_determinism() {
     place.write(
         "suite.toml",
         "seeds = 4\nsamples = [1, 4]\n[[scene]]\nname = 'a box/1'\nbuiltin = 'caustic-box'\nsize = [16, 16]\n\
-         reference_spp = 16\n[[method]]\nname = 'plain'\nmethod = 'plain'\n[[method]]\nname = 'constant'\n\
-         method = 'constant'\ngamma = 0.3\n",
+         reference_spp = 16\n[[method]]\nname = 'plain'\n[[method]]\nname = 'constant'\n\
+         gamma = 0.3\n",
     );
     place.opsr("bench suite.toml -o results.json").done();
     place
@@ -192,67 +190,6 @@ fn report_plots_determinism() {
         .opsr("report results.json -o page.html --plots plots")
         .done();
     assert!(place.read("page.html") == page && place.files_in("plots") == plots);
-}
-
-/// A viewer that listens is shown a picture that becomes the one that is written.
-#[test]
-fn tev_live_view() {
-    let place = caustics();
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap();
-    let viewer = std::thread::spawn(move || {
-        let mut bytes = Vec::new();
-        listener
-            .accept()
-            .unwrap()
-            .0
-            .read_to_end(&mut bytes)
-            .unwrap();
-        bytes
-    });
-    place
-        .render(&format!("--spp 3 -o out.exr --tev {address}"))
-        .done();
-    let bytes = viewer.join().unwrap();
-    // Packets begin with their length.
-    let mut packets = Vec::new();
-    let mut rest = &bytes[..];
-    while let Some((length, _)) = rest.split_first_chunk::<4>() {
-        let (packet, next) = rest.split_at(u32::from_le_bytes(*length) as usize);
-        packets.push(packet);
-        rest = next;
-    }
-    assert!(packets.len() >= 2, "a new picture, and what is in it");
-    let written = picture(&place, "out.exr");
-    let shown: Vec<f32> = written.pixels.iter().flat_map(|p| p.to_array()).collect();
-    let shown: &[u8] = bytemuck::cast_slice(&shown);
-    assert!(packets.iter().all(|p| p.windows(4).any(|w| w == b"opsr")));
-    assert!(packets.last().unwrap().ends_with(shown));
-    // Without one that listens nothing is rendered.
-    let nobody = place.render(&format!("--spp 3 -o other.exr --tev {address}"));
-    assert_eq!(nobody.code, Some(1), "{}", nobody.err);
-    assert!(nobody.err.contains(&address.to_string()), "{}", nobody.err);
-    assert!(!place.path().join("other.exr").exists());
-}
-
-/// A viewer that listens and never reads holds up neither the render nor its end.
-#[test]
-#[cfg(unix)]
-fn tev_that_never_reads_does_not_block_the_render() {
-    let place = Place::new();
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap();
-    // Three pictures of six megabytes are more than the system keeps for a reader.
-    let args = format!(
-        "render scene.glb --size 1024x512 --max-vertices 1 --spp 8 --progress none -o out.exr --tev {address}"
-    );
-    let mut command = place.command("timeout");
-    let program = env!("CARGO_BIN_EXE_opsr");
-    command.args(["60", program]).args(args.split_whitespace());
-    let ended = super::Ended::of(command.output().expect("the program"));
-    assert_eq!(ended.code, Some(0), "{}", ended.err);
-    assert_eq!(picture(&place, "out.exr").size(), (1024, 512));
-    drop(listener);
 }
 
 /// The command failed with this exit code and these words.

@@ -477,18 +477,13 @@ fn reference_and_statistics_of_a_render() {
     assert_eq!((&stats["spp"], &stats["paths"]), (&4.into(), &256.into()));
     assert_eq!(stats["settings"]["integrator"], "path");
     // The log ends with the same.
-    for name in ["log.csv", "log.tfevents"] {
-        let render = format!("render scene.glb --size 16x16 {args} {crop} --log {name} -o out.exr");
-        place.opsr(&render).done();
-    }
+    let render = format!("render scene.glb --size 16x16 {args} {crop} --log log.csv -o out.exr");
+    place.opsr(&render).done();
     let csv = String::from_utf8(place.read("log.csv")).unwrap();
     let last: Vec<&str> = csv.lines().last().unwrap().split(',').collect();
     let number = |i: usize| last[i].parse::<f64>().unwrap();
     assert_eq!((last.len(), last[0], number(3)), (4, "4", error));
     assert!((number(2) - stats["relative_error"].as_f64().unwrap()).abs() < 1e-9);
-    let events = crate::tensorboard::events(&place.read("log.tfevents"));
-    let scalars = &events.last().unwrap().scalars;
-    assert_eq!(scalars["error/true"], error as f32);
     let ended = place.opsr("render scene.glb --spp 1 --log log.txt -o out.exr");
     assert_eq!(ended.code, Some(2), "{}", ended.err);
     // Shown while rendering too.
@@ -783,14 +778,6 @@ fn resume_continues_the_log() {
     let later = rows.strip_prefix(&early).expect("the earlier rows");
     assert!(later.lines().last().unwrap().starts_with("5,"), "{rows}");
     assert!(!later.contains("4,9"), "{rows}");
-    // The same for TensorBoard.
-    render("--spp 3", "log.tfevents").done();
-    render("--spp 5 --resume", "log.tfevents").done();
-    let events = crate::tensorboard::events(&place.read("log.tfevents"));
-    let steps: Vec<u64> = events.iter().map(|event| event.step).collect();
-    assert!(steps.is_sorted_by(|a, b| a < b), "{steps:?}");
-    assert!(steps.contains(&3) && steps.ends_with(&[5]), "{steps:?}");
-    assert!(events.is_sorted_by(|a, b| a.time <= b.time));
     // Another file is not replaced.
     for name in ["log.csv", "log.tfevents"] {
         place.write(name, "date,price\n");
@@ -1035,23 +1022,5 @@ fn levels_are_the_default_of_tables_and_constants() {
             .and_then(|rest| rest.split([',', '\n']).next())
             .and_then(|x| x.trim().parse::<f32>().ok());
         assert!(error.is_some_and(|e| e <= 0.25), "{options}: {}", ended.err);
-    }
-}
-
-/// Options that are gone say what replaced them.
-#[test]
-fn options_that_are_gone_name_their_successor() {
-    let place = Place::new();
-    for (args, words) in [
-        ("--table-energy 0.03", "--table-energy is gone: levels"),
-        ("--table-contrast=0.5", "--table-contrast is gone: "),
-        (
-            "--opsr-table beta-0.001 --table-scale auto",
-            "auto is gone: levels",
-        ),
-    ] {
-        let ended = place.opsr(&format!("render scene.glb {args}"));
-        assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
-        assert!(ended.err.contains(words), "{args}: {}", ended.err);
     }
 }

@@ -61,7 +61,6 @@ fn output_is_tables_a_log_and_a_report() {
     assert_eq!(names("run"), run);
     let files = [
         "best.json",
-        "events.out.tfevents.opsr",
         "last.ckpt",
         "metrics.csv",
         "metrics.jsonl",
@@ -73,19 +72,13 @@ fn output_is_tables_a_log_and_a_report() {
     let csv = String::from_utf8(place.read("run/beta-0.001/metrics.csv")).unwrap();
     let rows: Vec<&str> = csv.lines().collect();
     assert_eq!((rows.len(), rows[0]), (4, "step,seconds,loss,validation"));
-    let events = place.read("run/beta-0.001/events.out.tfevents.opsr");
-    let events = crate::tensorboard::events(&events);
-    assert_eq!(events.len(), 3);
-    for ((row, line), event) in rows[1..].iter().zip(log.lines()).zip(events) {
+    for (row, line) in rows[1..].iter().zip(log.lines()) {
         let entry: serde_json::Value = serde_json::from_str(line).unwrap();
         let cells: Vec<&str> = row.split(',').collect();
         assert_eq!((cells.len(), cells[0]), (4, &*entry["step"].to_string()));
         let loss: f64 = cells[2].parse().unwrap();
         assert_eq!(Some(loss), entry["loss"].as_f64());
-        assert_eq!(event.scalars["loss/training"], loss as f32);
-        assert_eq!(Some(event.step), entry["step"].as_u64());
-        let energy = entry["crops"][0]["energy"].as_f64().unwrap();
-        assert_eq!(event.scalars["energy/training"], energy as f32);
+        assert!(entry["crops"][0]["energy"].is_f64(), "{line}");
     }
     let tables = ["beta-0.001", "beta-0.05"].map(|name| {
         let path = place.path().join(format!("params/{name}.json"));

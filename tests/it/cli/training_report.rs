@@ -176,33 +176,6 @@ fn table_files_are_named_after_the_lookup() {
     );
 }
 
-/// Settings and options that are gone say what does their work.
-#[test]
-fn settings_that_are_gone_name_what_replaced_them() {
-    let place = scenes();
-    place.write("old.toml", "spp = 4\nreplicates = 2\n");
-    let words = "is no longer";
-    for (args, code, instead) in [
-        ("--set replicates=2", 2, "a larger `spp`"),
-        ("--config old.toml", 3, "a larger `spp`"),
-        ("--set patience=3", 2, "best.json"),
-        ("--set loss=noise-free", 2, "that of `spp` samples"),
-        ("--set model=additive", 2, "1360 factors"),
-        ("--model additive", 2, "1360 factors"),
-        ("--method fresh", 2, "`replay`"),
-        ("--study", 2, "--example study"),
-    ] {
-        let ended = place.opsr(&format!("{QUICK} --run run --out tables {args}"));
-        assert_eq!(ended.code, Some(code), "{args}: {}", ended.err);
-        assert!(
-            ended.err.contains(words) && ended.err.contains(instead),
-            "{args}: {}",
-            ended.err
-        );
-        assert!(!place.path().join("run").exists(), "{args}");
-    }
-}
-
 #[test]
 fn errors_before_training_name_the_setting_or_file() {
     let place = scenes();
