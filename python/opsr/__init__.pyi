@@ -179,7 +179,7 @@ class _Options(TypedDict, total=False):
     table: Table | Path | None
     gamma: float | None
     levels: int | Sequence[float] | None
-    resolve: Literal["none", "sharp", "default", "smooth"] | None
+    resolve: Literal["none", "sharp", "default"] | None
     table_scale: float | None
     lookup: Literal["nearest", "linear"] | None
     mode: Literal["default", "reuse", "pbrt", "filter-glossy", "roughness-clamp", "mollifier"] | None
@@ -231,7 +231,7 @@ def merge(
     crop: tuple[int, int, int, int] | None = None,
     partial: bool = False,
 ) -> Film: ...
-def resolve(film: Film, *, resolve: Literal["none", "sharp", "default", "smooth"] = "default") -> Resolved: ...
+def resolve(film: Film, *, resolve: Literal["none", "sharp", "default"] = "default") -> Resolved: ...
 def view(
     scene: Scene | Path,
     *,

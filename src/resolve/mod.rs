@@ -67,8 +67,6 @@ pub enum Resolve {
     /// Every pixel gets the level with the least error, and blurs where they make it less.
     #[default]
     Default,
-    /// The same, and what is smoother is believed more easily: less noise, more bias.
-    Smooth,
 }
 
 /// Candidates of the choice, and how easily they are believed.
@@ -104,16 +102,13 @@ impl Limits {
         let (levels, shared, roughened): (usize, &[f32], &[f32]) = match settings {
             Resolve::None => (1, &[], &[]),
             Resolve::Sharp => (MAX_LEVELS, &[], &[]),
-            Resolve::Default | Resolve::Smooth => (MAX_LEVELS, &[1.0, 2.0], &[0.7, 1.5, 3.0]),
+            Resolve::Default => (MAX_LEVELS, &[1.0, 2.0], &[0.7, 1.5, 3.0]),
         };
         Self {
             levels,
             shared,
             roughened,
-            kappa: match settings {
-                Resolve::Smooth => [0.25, 1.0],
-                _ => [0.0, 0.25],
-            },
+            kappa: [0.0, 0.25],
         }
     }
 }

@@ -42,12 +42,7 @@ fn film(
 
 const SHARP: Resolve = Resolve::Sharp;
 
-const ALL: [Resolve; 4] = [
-    Resolve::None,
-    Resolve::Sharp,
-    Resolve::Default,
-    Resolve::Smooth,
-];
+const ALL: [Resolve; 3] = [Resolve::None, Resolve::Sharp, Resolve::Default];
 
 /// Noise of mean 0 and variance 1 that depends on its place only.
 fn noise(k: usize, b: usize, i: usize) -> f32 {

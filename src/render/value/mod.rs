@@ -203,5 +203,5 @@ choices!(Guide: Picture, Unbiased);
 choices!(SamplerKind: Independent, Sobol);
 choices!(Distribution: Beckmann, Ggx);
 choices!(ViewTransform: Srgb, Filmic, Agx);
-choices!(Resolve: None, Sharp, Default, Smooth);
+choices!(Resolve: None, Sharp, Default);
 choices!(Compression: None, Rle, Zips, Zip, Piz);

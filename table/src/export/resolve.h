@@ -28,8 +28,8 @@
 /* Scales of four levels. */
 static const float opsr_scales[4] = {0.0f, 0.64f, 3.2f, 16.0f};
 
-/* Smoothing: levels alone, blurs too, or blurs that are believed more easily. */
-enum { OPSR_SHARP, OPSR_DEFAULT, OPSR_SMOOTH };
+/* Smoothing: levels alone, or blurs too. */
+enum { OPSR_SHARP, OPSR_DEFAULT };
 
 typedef struct {
     int width, height, levels; /* 2 to OPSR_MAX_LEVELS levels */
@@ -621,7 +621,7 @@ static int opsr_resolve(const opsr_film *f, const opsr_resolved *out) {
     memset(out->variance, 0, n * sizeof(float));
     for (int rough = 0; !failed && rough < 2; rough++) {
         int count = 0;
-        float kappa = rough ? (f->smoothing == OPSR_SMOOTH ? 1.0f : 0.25f) : (f->smoothing == OPSR_SMOOTH ? 0.25f : 0.0f);
+        float kappa = rough ? 0.25f : 0.0f;
         failed = opsr_coarse_of(f, !rough, coarse + rough);
         if (!failed) failed = rough ? opsr_of_roughened(f, coarse + 1, all, &count) : opsr_of_shared(f, all, &count);
         if (!failed) failed = opsr_choose(f, all, count, own, dark, kappa, layer, rough ? out->level : NULL, out->bias2, out->variance);
