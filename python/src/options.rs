@@ -11,9 +11,6 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Keywords of the past that `render` takes too.
-const OLDER: [&str; 2] = ["rule", "reuse"];
-
 /// True for the options of `Scene.load`.
 pub(crate) fn of_scene(option: &Opt) -> bool {
     matches!(option.heading, Heading::Scene | Heading::Light)
@@ -54,11 +51,7 @@ pub(crate) fn read(
     for (name, value) in keywords.iter() {
         let name: String = name.extract()?;
         let known = Opt::named(&name).is_some_and(wanted);
-        let gone = opsr::render::spec::GONE
-            .iter()
-            .any(|(gone, _)| *gone == name);
-        let older = function == "render" && OLDER.contains(&name.as_str());
-        if !known && !gone && !older {
+        if !known {
             let what = format!("{function}() got an unexpected keyword argument '{name}'");
             return Err(PyTypeError::new_err(what));
         }
@@ -73,7 +66,7 @@ pub(crate) fn read(
         }
         let typed = Opt::named(&name).map(|option| (option.python)());
         let words = ["str", "Path", "Literal"];
-        let text = typed.is_none_or(|typed| words.iter().any(|word| typed.contains(word)));
+        let text = typed.is_some_and(|typed| words.iter().any(|word| typed.contains(word)));
         if value.is_instance_of::<PyString>() && !text {
             return Err(wrong_type(&name));
         }

@@ -41,10 +41,8 @@ size = [24, 24]
 reference_spp = 64
 [[method]]
 name = "plain"
-method = "plain"
 [[method]]
 name = "table"
-method = "table"
 table = "beta-0.05"
 """
 

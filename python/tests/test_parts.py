@@ -52,7 +52,7 @@ def test_parts_merge_to_the_bytes_of_the_single_render(box, tmp_path, options):
         ({"consistent": 0.2}, "consistent: needs table or gamma"),
         ({"consistent": 0.7, "gamma": 0.2}, "between 0 and 0.5"),
         ({"filter": 2}, "filter: needs mode filter-glossy"),
-        ({"filter": -1, "rule": "filter-glossy"}, "filter: expected"),
+        ({"filter": -1, "mode": "filter-glossy"}, "filter: expected"),
         ({"table_scale": 2}, "table_scale: needs table"),
         ({"radius": 0, "integrator": "vcm"}, "radius: expected"),
         ({"radius": 0.1}, "radius: is of integrator vcm and sppm, not of path"),
@@ -79,7 +79,7 @@ def test_errors_name_the_argument(box, options, words):
     [
         ("--gamma 0.4 --consistent 0.2", {"gamma": 0.4, "consistent": 0.2}),
         ("--opsr-table beta-0.05 --consistent 0.2", {"table": "beta-0.05", "consistent": 0.2}),
-        ("--mode filter-glossy --filter 2", {"rule": "filter-glossy", "filter": 2}),
+        ("--mode filter-glossy --filter 2", {"mode": "filter-glossy", "filter": 2}),
         ("--opsr-table beta-0.05 --table-scale 3", {"table": "beta-0.05", "table_scale": 3}),
         (
             "--integrator vcm --radius 0.05 --radius-alpha 0.8 --connections nee",

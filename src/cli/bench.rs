@@ -23,14 +23,11 @@ A suite:
   size = [256, 256]
   reference_spp = 65536     # or reference = \"box.exr\"
   # crop = [x, y, w, h], inset = [x, y, w, h], camera, max_vertices, exposure, group, methods = [names],
-  # distribution, light_scale, roughness_scale, environment = \"sky.hdr\", reference_integrator = \"bdpt\"
+  # distribution, environment = \"sky.hdr\", reference_integrator = \"bdpt\"
   [[method]]
-  name = \"plain\"
-  method = \"plain\"          # constant (gamma), table (table: a file or beta-0.001, table_scale, lookup), pbrt,
-                            # filter-glossy (filter), roughness-clamp, mollifier; constant and table
-                            # take reuse, lambda; these, filter-glossy and roughness-clamp take
-                            # levels = [0, 0.64, 3.2, 16] and then resolve = \"sharp\"; plain, constant and table
-                            # take guide = \"picture\" or \"unbiased\"; all take denoise = true
+  name = \"learned\"
+  table = \"beta-0.001\"      # or gamma = 0.1; and the other options of a render, by their names with underscores:
+                            # mode, levels, resolve, integrator, denoise, ...; none is plain path tracing
   # integrator = \"path\"     # of a method: path, light, bdpt, vcm (connections), sppm, mlt (mlt_pass), auto; vcm and sppm take
                             # radius, radius_alpha; path takes sampler = \"sobol\"";
 

@@ -339,70 +339,13 @@ options! {
     exr_compression: Compression, Files { value: "CODING", default: Some("zip"), effect: Effect::Files, of_film: true }
 }
 
-/// Keywords and keys of the past, and the option that they are. `reuse` is a mode, and `method` of a suite may name what a
-/// table or a factor says already.
-const ALIASES: [(&str, &str); 4] = [
-    ("rule", "mode"),
-    ("method", "mode"),
-    ("lambda", "consistent"),
-    ("opsr_table", "table"),
-];
-
-/// Modes that a table or a factor says already.
-const SAID: [&str; 3] = ["plain", "constant", "table"];
-
-/// Options that are gone, and what does their work now. Measurements of them are in `docs/lab/left_out.md`.
-pub const GONE: [(&str, &str); 5] = [
-    (
-        "table_energy",
-        "levels, the default, choose an amount for every pixel",
-    ),
-    (
-        "table_contrast",
-        "a scale of the table or one factor sets an amount, and levels choose one for every pixel",
-    ),
-    ("pilot", "levels choose an amount for every pixel"),
-    (
-        "robust",
-        "the default bounds what single samples bring; see resolve",
-    ),
-    (
-        "sigma",
-        "resolve = none, sharp, default or smooth says how far a picture may be smoothed",
-    ),
-];
-
 impl Spec {
     /// Gives an option this value by its name.
     pub fn set(&mut self, name: &str, value: &Value) -> Result<(), Fault> {
-        if let Some((name, instead)) = GONE.iter().find(|(gone, _)| *gone == name) {
-            return Err(Fault::option(name, format!("is gone: {instead}")));
-        }
-        if name == "reuse" {
-            let reuse = bool::read(value, &Range::FINITE).map_err(|e| Fault::option("reuse", e))?;
-            if reuse && self.mode.is_some_and(|mode| mode != Mode::Default) {
-                return Err(Fault::option(
-                    "reuse",
-                    "is a mode, and another one is given",
-                ));
-            }
-            self.mode = reuse.then_some(Mode::Reuse).or(self.mode);
-            return Ok(());
-        }
-        if name == "method" && value.as_str().is_some_and(|mode| SAID.contains(&mode)) {
-            return Ok(());
-        }
-        let known = ALIASES.iter().find(|(alias, _)| *alias == name);
-        let option = Opt::named(known.map_or(name, |(_, name)| name));
+        let option = Opt::named(name);
         let option = option.ok_or_else(|| Fault::usage(format!("there is no option `{name}`")))?;
-        // By the word that the user has for it.
-        let called = known.map_or(option.name, |(alias, _)| alias);
-        if option.name == "table_scale" && value == "auto" {
-            let what = "auto is gone: levels, the default, choose an amount for every pixel";
-            return Err(Fault::option(option.name, what));
-        }
         let read = self.read(option, value);
-        read.map_err(|what| Fault::option(called, what))
+        read.map_err(|what| Fault::option(option.name, what))
     }
 
     /// Options that are given, in their order, with their values as text.

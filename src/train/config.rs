@@ -11,17 +11,6 @@ const MAX_BYTES: u64 = 1 << 20;
 /// Maximum number of factors with which the lobes of a recording are sampled.
 const MAX_RECORD_GAMMAS: usize = 16;
 
-/// Settings that are gone, and what does their work now. Measurements of them are in `docs/lab/training_left_out.md`.
-const GONE: [(&str, &str); 4] = [
-    ("replicates", "a larger `spp` records more paths"),
-    ("model", "a table always has its 1360 factors"),
-    ("loss", "the loss is always that of `spp` samples"),
-    (
-        "patience",
-        "best.json is the table of the lowest validation loss",
-    ),
-];
-
 /// Evaluation of the loss and its gradient (`docs/method.md` section 7).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -217,13 +206,6 @@ impl Config {
             problem,
         };
         let new: toml::Table = files::toml(text).map_err(syntax)?;
-        if let Some((key, instead)) = GONE.iter().find(|(key, _)| new.contains_key(*key)) {
-            return Err(syntax(format!("`{key}` is no longer a setting: {instead}")));
-        }
-        if new.get("method").and_then(toml::Value::as_str) == Some("fresh") {
-            let what = "`method = \"fresh\"` is no longer an evaluation: `replay` is exact for its recording";
-            return Err(syntax(what.into()));
-        }
         let mut all = toml::Table::try_from(self).map_err(|e| ConfigError::Value {
             key: "configuration",
             problem: e.to_string(),

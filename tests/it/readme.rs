@@ -497,7 +497,6 @@ fn examples_of_the_readme_run() {
         reference_spp = 4
         [[method]]
         name = "plain"
-        method = "plain"
     "#;
     std::fs::write(here("suite.toml"), suite).unwrap();
     let bench = ["bench", "suite.toml", "-o", "results.json"];

@@ -84,11 +84,6 @@ fn scene(scene: &SceneSpec) -> Result<(), String> {
     ensure(crop, "crop: empty or not inside the frame")?;
     let inset = scene.inset_window().inside(&scene.window());
     ensure(inset, "inset: empty or not inside the rendered part")?;
-    let mut scales = [scene.light_scale, scene.roughness_scale].into_iter();
-    ensure(
-        scales.all(|s| s.is_none_or(|s| s > 0.0 && s.is_finite())),
-        "light_scale and roughness_scale: expected numbers above 0",
-    )?;
     ensure(
         (-MAX_STOPS..=MAX_STOPS).contains(&scene.exposure),
         format!("exposure: from -{MAX_STOPS} to {MAX_STOPS} stops"),

@@ -26,7 +26,6 @@ pub mod run;
 mod schedule;
 pub mod suite;
 pub mod summary;
-mod vary;
 
 pub use results::Results;
 pub use run::{Outcome, Status, run};

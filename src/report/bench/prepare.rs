@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use super::BenchError;
 use super::results::{Inset, SceneFacts};
 use super::suite::SceneSpec;
-use super::vary::{scale_lights, scale_roughness};
 use crate::files::{self, hex};
 use crate::gallery;
 use crate::image::film::{Film, Window};
@@ -61,12 +60,6 @@ pub(super) fn prepare(
         let dressed = options.dress(&mut parts, true, |bytes| digest.update(bytes));
         dressed.map_err(|e| fault(spec, e))?;
         source = hex(&digest.finalize());
-    }
-    if let Some(factor) = spec.light_scale {
-        scale_lights(&mut parts, factor);
-    }
-    if let Some(factor) = spec.roughness_scale {
-        scale_roughness(&mut parts, factor);
     }
     let scene = Scene::new(parts);
     let camera = camera(spec, &scene)?;
@@ -205,8 +198,6 @@ impl Prepared {
             env!("CARGO_PKG_VERSION"),
             self.facts.source,
             spec.distribution,
-            spec.light_scale,
-            spec.roughness_scale,
             spec.size,
             spec.crop,
             spec.camera,

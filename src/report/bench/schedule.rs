@@ -72,7 +72,7 @@ mod tests {
         let suite = Suite::parse(&format!(
             "times = {times}\nsamples = {samples}\n\
              [[scene]]\nname = 's'\nbuiltin = 'plane'\nsize = [4, 4]\nreference_spp = 1\n\
-             [[method]]\nname = 'm'\nmethod = 'plain'\n"
+             [[method]]\nname = 'm'\n"
         ))
         .unwrap();
         let mut schedule = Schedule::new(&suite, 1);

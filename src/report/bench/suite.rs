@@ -14,11 +14,9 @@
 //!
 //! [[method]]
 //! name = "plain"
-//! method = "plain"
 //!
 //! [[method]]
 //! name = "constant 0.1"
-//! method = "constant"
 //! gamma = 0.1
 //! ```
 
@@ -131,25 +129,13 @@ impl TryFrom<Entries> for MethodSpec {
             // An empty list is one level, and a bias that vanishes by 0 stays.
             let none = match key.as_str() {
                 "levels" => value.as_array().is_some_and(Vec::is_empty),
-                "lambda" => value.as_f64() == Some(0.0),
+                "consistent" => value.as_f64() == Some(0.0),
                 _ => false,
             };
             if none {
                 continue;
             }
             spec.set(key, value).map_err(wrong)?;
-        }
-        let kind = entries.get("method").and_then(Value::as_str);
-        let wants = |what: &str| format!("method `{name}`: {what}");
-        match kind {
-            Some("constant") if spec.gamma.is_none() => {
-                return Err(wants("gamma: expected from 0 to 1"));
-            }
-            Some("table") if spec.table.is_none() => return Err(wants("table: expected a file")),
-            Some("plain") if spec.has_factors() => {
-                return Err(wants("plain has no table and no gamma"));
-            }
-            _ => {}
         }
         Ok(Self { name, spec })
     }
@@ -240,12 +226,6 @@ pub struct SceneSpec {
     /// Options of a render for the scene and its light.
     #[serde(default, skip_serializing_if = "SceneOptions::is_empty")]
     pub options: SceneOptions,
-    /// Edge of its lights over what it is in the file, at the same power.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub light_scale: Option<f32>,
-    /// Factor on the roughness of its materials.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub roughness_scale: Option<f32>,
     /// Full frame in pixels.
     pub size: [u32; 2],
     /// The part that is rendered: x, y, width, height.

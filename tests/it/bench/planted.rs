@@ -42,7 +42,7 @@ pub(crate) fn planted(name: &'static str, noise: f64, floor: f64) -> Planted {
 pub(crate) fn recorded(methods: &[Planted], seeds: u32) -> Results {
     let list: String = methods
         .iter()
-        .map(|m| format!("[[method]]\nname = '{}'\nmethod = 'plain'\n", m.name))
+        .map(|m| format!("[[method]]\nname = '{}'\n", m.name))
         .collect();
     let suite = Suite::parse(&format!(
         "seeds = {seeds}\ntimes = [0.5, 1, 2, 4]\nsamples = [1, 64]\n\

@@ -258,18 +258,15 @@ camera = "1"
 
 [[method]]
 name = "plain"
-method = "plain"
 
 [[method]]
 name = "few"
-method = "constant"
 gamma = 0.1
-reuse = true
-lambda = 0.2
+mode = "reuse"
+consistent = 0.2
 
 [[method]]
 name = "learned"
-method = "table"
 table = "t.json"
 table_scale = 0.5
 lookup = "linear"
