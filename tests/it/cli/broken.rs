@@ -469,7 +469,7 @@ fn closed_pipe_is_no_error_and_full_output_is() {
         "compare a.exr b.exr",
         "scenes write --out new",
         "table show table.json",
-        "table export table.json -o - --format csv",
+        "table export table.json -o - --format c",
         "render scene.glb --size 4x4 --spp 1 --progress json -o new.exr",
     ] {
         let run = |out: std::process::Stdio| {
