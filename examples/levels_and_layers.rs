@@ -19,7 +19,8 @@ pub(crate) fn render(scene: &str, output: &str, spp: u32) -> Result<Vec<f64>, Bo
         .run()?;
     picture.save(output)?;
     let choice = picture
-        .choice
+        .shown
+        .resolved
         .ok_or("a scene without lobes has one level")?;
     let mut shares = vec![0.0; 5];
     for &level in &choice.level {

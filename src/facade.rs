@@ -2,19 +2,14 @@
 //! [`integrator`](crate::integrator): other estimators and rules, budgets of time and error, passes and their listener, checkpoints.
 
 use crate::files::FileError;
-use crate::image::display::{Display, ViewTransform, auto_exposure};
-use crate::image::exr::{self, Header, Layer, Metadata, Storage};
-use crate::image::{Buffer, png};
-use crate::integrator::Picture;
-use crate::integrator::layers::{Aov, Layers};
+use crate::integrator::layers::Aov;
 use crate::math::UVec2;
-use crate::pilot::witness::Missing;
 use crate::regularise::file::TableFile;
 use crate::render::value::{self, Levels, Size, TableChoice};
-use crate::render::{Fault, Request, Spec, Subject, run};
-use crate::resolve::{Resolved, resolve_film};
+use crate::render::{Fault, Finished, Outcome, Request, Spec, Subject, run};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Camera, Scene};
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
@@ -35,7 +30,7 @@ impl Scene {
 ///
 /// let scene = Scene::open("training_scenes/rings.glb")?;
 /// let plain = Render::new(&scene).size(16, 12).spp(2).run()?;
-/// assert_eq!(plain.radiance().pixels.len(), 16 * 12);
+/// assert_eq!(plain.shown.picture.pixels.len(), 16 * 12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone)]
@@ -110,86 +105,18 @@ impl<'a> Render<'a> {
     }
 
     /// Renders, on all threads of the current rayon pool. The picture does not depend on their number.
-    pub fn run(&self) -> Result<Rendered, Fault> {
+    pub fn run(&self) -> Result<Finished<'static>, Fault> {
         let subject = Subject {
             scene: self.scene,
             name: "",
             sha256: "",
+            in_studio: false,
         };
+        let denoiser = self.spec.denoiser()?;
         let request = Request::new(&self.spec, subject, self.camera.clone())?;
         let (request, output) = run(request, &mut |_, _| ControlFlow::Continue(()))?;
-        let picture = output.picture;
-        let refused = picture.film.rejected.total();
-        let mut metadata = request.metadata(output.progress.samples, refused);
-        if let Some(missing) = &output.missing {
-            missing.note(&mut metadata);
-        }
-        Ok(Rendered {
-            choice: (picture.levels.as_ref())
-                .map(|film| resolve_film(film, request.spec.resolve())),
-            layers: Layers::new(request.spec.aovs(), &request.view()).of(&picture),
-            world_to_camera: request.camera.world_to_camera(),
-            metadata,
-            picture,
-            missing: output.missing,
-        })
-    }
-}
-
-/// A finished render.
-pub struct Rendered {
-    /// The moments of every pixel, and what was recorded beside them.
-    pub picture: Picture,
-    /// The level of every pixel, for a render of several.
-    pub choice: Option<Resolved>,
-    /// The layers that were asked for.
-    pub layers: Vec<Layer>,
-    /// Light that a witness has found and the picture lacks.
-    pub missing: Option<Missing>,
-    metadata: Metadata,
-    world_to_camera: [f32; 16],
-}
-
-impl Rendered {
-    /// The picture: linear radiance, Rec. 709 primaries.
-    pub fn radiance(&self) -> Buffer {
-        match &self.choice {
-            Some(choice) => choice.picture.clone(),
-            None => self.picture.film.mean(),
-        }
-    }
-
-    /// Writes an EXR file with all layers, or a PNG file at the exposure that suits it, whole or not at all.
-    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        let path = path.as_ref();
-        match path.extension().and_then(|e| e.to_str()) {
-            Some("exr") => self.save_exr(path),
-            Some("png") => {
-                let shown = self.radiance();
-                let exposure = auto_exposure(&shown);
-                let view = ViewTransform::default();
-                png::write(path, &shown, Display { exposure, view })
-            }
-            _ => Err(FileError::content(
-                path,
-                "expected a name that ends in .exr or .png",
-            )),
-        }
-    }
-
-    fn save_exr(&self, path: &Path) -> Result<(), FileError> {
-        let film = &self.picture.film;
-        let header = Header {
-            metadata: &self.metadata,
-            storage: Storage::default(),
-            world_to_camera: Some(self.world_to_camera),
-        };
-        let Some(choice) = &self.choice else {
-            return exr::write_film(path, film, &self.layers, header);
-        };
-        let mut layers = self.layers.clone();
-        layers.extend(choice.layers());
-        let part = (film.size, film.window);
-        exr::write_layers(path, part, &choice.picture, &layers, header)
+        let film = Cow::Owned(output.picture);
+        let samples = output.progress.samples;
+        Outcome::of(&request, film, samples, output.missing).finish(denoiser.as_ref())
     }
 }

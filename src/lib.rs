@@ -111,8 +111,8 @@ pub mod verify;
 #[cfg(feature = "view")]
 pub mod view;
 
-pub use facade::{Render, Rendered};
+pub use facade::Render;
 pub use integrator::layers::Aov;
 pub use regularise::AttenuationTable;
-pub use render::Fault;
+pub use render::{Fault, Finished};
 pub use scene::Scene;

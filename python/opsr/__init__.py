@@ -98,7 +98,6 @@ def render(scene, *, on_progress=None, threads=None, part=None, samples=None, be
 
 scene: the scene.
 OPTIONS
-rule, reuse: older words for mode: a rule of other renderers, and continuing paths with the roughened lobe.
 on_progress: called with a Progress after each pass; False ends the render, which then has the samples so far.
 threads: their number; all cores by default.
 part: write this file instead, for `merge`, and return None. It is whole or not there.

@@ -129,7 +129,7 @@ class Film:
     def seconds(self) -> float: ...
     @property
     def metadata(self) -> dict[str, str]: ...
-    def save(self, path: Path, *, exposure: float | None = None) -> None: ...
+    def save(self, path: Path, **options: Unpack[_SaveOptions]) -> None: ...
     def _repr_png_(self) -> bytes: ...
 
 class Resolved:
@@ -196,10 +196,18 @@ class _Options(TypedDict, total=False):
     max_vertices: int | None
     seed: int | None
     aov: bool | str | Sequence[str] | None
-    rule: Literal["pbrt", "filter-glossy", "roughness-clamp", "mollifier"] | None
-    reuse: bool
+    denoise: bool | None
     on_progress: Callable[[Progress], bool | None] | None
     threads: int | None
+
+class _SaveOptions(TypedDict, total=False):
+    """Options of `Film.save`."""
+
+    level_layers: bool | None
+    exposure: float | str | None
+    view: Literal["srgb", "filmic", "agx"] | None
+    exr_half: bool | None
+    exr_compression: Literal["none", "rle", "zips", "zip", "piz"] | None
 
 class _ViewOptions(_Options, total=False):
     """Options of `view`: those of `render` and of `Scene.load`, and what is shown."""
@@ -207,7 +215,6 @@ class _ViewOptions(_Options, total=False):
     env: Path | None
     env_intensity: float | None
     env_rotation: float | None
-    denoise: bool
     exposure: float | str | None
     view: Literal["srgb", "filmic", "agx"] | None
 

@@ -48,7 +48,7 @@ pub(crate) fn compare<'py>(
 
 fn named(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Named> {
     let picture = if let Ok(film) = value.cast::<Film>() {
-        film.get().shown()
+        film.get().shown().clone()
     } else if let Ok(path) = value.extract::<PathBuf>() {
         return detached(value.py(), || Named::load(&path))?.map_err(file);
     } else {

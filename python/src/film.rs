@@ -1,19 +1,20 @@
 //! Films: rendered pictures and their statistics.
 
 use crate::array;
-use crate::errors::{argument, file};
+use crate::errors::argument;
+use crate::options::{of_save, raised, read};
 use crate::pickle;
 use crate::work::detached;
 use opsr::image::Buffer;
-use opsr::image::display::{Display, ViewTransform, auto_exposure};
-use opsr::image::exr::{self, Header, Layer, Metadata, Storage};
+use opsr::image::display::auto_exposure;
+use opsr::image::exr::{Layer, Metadata};
+use opsr::image::film::Film as Moments;
 use opsr::image::png;
 use opsr::integrator::Picture;
 use opsr::pilot::witness::Missing;
+use opsr::render::Finished;
 use opsr::render::value::{Field, Range};
-use opsr::resolve::{
-    Resolve, Resolved as Choice, film_error, film_errors, resolve_film, stopping_error,
-};
+use opsr::resolve::{Resolve, Resolved as Choice, resolve_film, stopping_error};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -22,19 +23,7 @@ use std::path::PathBuf;
 /// The result of a render. Arrays are new ones at every access; rows run from the top.
 #[pyclass(frozen, module = "opsr")]
 pub(crate) struct Film {
-    pub(crate) made: Picture,
-    /// The choice among several levels.
-    pub(crate) choice: Option<Choice>,
-    /// How it was chosen.
-    pub(crate) resolve: Resolve,
-    pub(crate) layers: Vec<Layer>,
-    /// Light that a witness has found and the picture lacks.
-    pub(crate) missing: Option<Missing>,
-    /// World to camera.
-    pub(crate) camera: [f32; 16],
-    /// Text in the file of the picture: a dict of settings by name.
-    #[pyo3(get)]
-    pub(crate) metadata: Metadata,
+    pub(crate) done: Finished<'static>,
     /// Samples per pixel.
     #[pyo3(get)]
     pub(crate) spp: u32,
@@ -45,17 +34,24 @@ pub(crate) struct Film {
 
 #[pymethods]
 impl Film {
-    /// The picture: linear Rec. 709 radiance, shape (height, width, 3), float32. Of several levels the best of every pixel.
+    /// Text in the file of the picture: a dict of settings by name.
+    #[getter]
+    fn metadata(&self) -> Metadata {
+        self.done.outcome.metadata.clone()
+    }
+
+    /// The picture: linear Rec. 709 radiance, shape (height, width, 3), float32. Of several levels the best of every pixel,
+    /// denoised where the render was asked to.
     #[getter]
     fn picture<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array::picture(py, &self.shown())
+        array::picture(py, self.shown())
     }
 
     /// Estimated variance of the mean of every pixel, the squared error bar of the picture: radiance squared, shape
     /// (height, width, 3), float32. Of several levels that of level 0, plain path tracing.
     #[getter]
     fn variance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        array::picture(py, &self.made.film.variance_of_mean())
+        array::picture(py, &self.film().variance_of_mean())
     }
 
     /// The layers that `render` was asked for by `aov`, by name: colours and vectors of shape (height, width, 3), the mesh and
@@ -64,9 +60,9 @@ impl Film {
     #[getter]
     fn aovs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let aovs = PyDict::new(py);
-        let window = self.made.film.window;
+        let window = self.film().window;
         let (height, width) = (window.h as usize, window.w as usize);
-        for Layer { name, channels } in &self.layers {
+        for Layer { name, channels } in &self.done.outcome.aovs {
             let name = if name.is_empty() { "alpha" } else { name };
             let count = channels.len();
             let shape = [height, width, count];
@@ -81,10 +77,10 @@ impl Film {
     /// Pictures of all levels, plain path tracing first: shape (levels, height, width, 3), float32; None for one level.
     #[getter]
     fn levels<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let Some(film) = &self.made.levels else {
+        let Some(film) = &self.made().levels else {
             return Ok(None);
         };
-        let window = self.made.film.window;
+        let window = self.film().window;
         let shape = [film.levels(), window.h as usize, window.w as usize, 3];
         let values = (0..film.levels()).flat_map(|k| film.mean(k).pixels);
         let values = values.flat_map(|p| p.to_array());
@@ -94,7 +90,7 @@ impl Film {
     /// Samples of every pixel that were not refused: shape (height, width), uint32.
     #[getter]
     fn samples<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let film = &self.made.film;
+        let film = &self.film();
         let shape = [film.window.h as usize, film.window.w as usize];
         let counts = film.pixels.iter().map(|m| m.n.to_le_bytes());
         array::array(py, &shape, "<u4", counts)
@@ -103,32 +99,28 @@ impl Film {
     /// Samples that were refused because they were not finite.
     #[getter]
     fn rejected(&self) -> u64 {
-        self.made.film.rejected.total()
+        self.film().rejected.total()
     }
 
     /// Estimated relative error of the picture, the root of the relMSE to be expected; of one level that of its noise alone.
     /// Infinity where there are too few samples.
     #[getter]
     fn relative_error(&self) -> f64 {
-        let stated = match &self.choice {
-            Some(choice) => choice.relative_error(),
-            None => film_error(&self.made.film).error,
-        };
-        (self.missing.as_ref()).map_or(stated, |missing| missing.error(stated))
+        self.done.error()
     }
 
     /// The error that `target_error` bounds: the relative error with some doubt, which is larger where samples are few.
     #[getter]
     fn error_bound(&self, py: Python<'_>) -> PyResult<f64> {
-        detached(py, || stopping_error(&self.made))
+        detached(py, || stopping_error(self.made()))
     }
 
     /// Standard error of the mean of all pixels by channel, before any blur: (red, green, blue). None for several levels, and where
     /// there are too few samples to tell. Unlike `variance` it knows what pixels share by light paths.
     #[getter]
     fn mean_error(&self) -> Option<(f64, f64, f64)> {
-        let of_film = || self.made.film.mean_error().map(Into::into);
-        let one = (self.made.levels.as_ref()).is_none_or(|film| film.levels() == 1);
+        let of_film = || self.film().mean_error().map(Into::into);
+        let one = (self.made().levels.as_ref()).is_none_or(|film| film.levels() == 1);
         one.then(of_film).flatten()
     }
 
@@ -136,49 +128,49 @@ impl Film {
     /// films of several levels and of merged parts, which have no such witness.
     #[getter]
     fn light_missing(&self) -> f64 {
-        self.missing.as_ref().map_or(0.0, |missing| missing.share)
+        self.missing().as_ref().map_or(0.0, |missing| missing.share)
     }
 
     /// (width, height) of the whole frame in pixels.
     #[getter]
     fn size(&self) -> (u32, u32) {
-        self.made.film.size.into()
+        self.film().size.into()
     }
 
     /// (x, y, width, height) of the part of the frame that the arrays show, in pixels from the top left.
     #[getter]
     fn crop(&self) -> (u32, u32, u32, u32) {
-        let window = self.made.film.window;
+        let window = self.film().window;
         (window.x, window.y, window.w, window.h)
     }
 
-    /// Writes the picture, whole or not at all: .exr, with variance, AOVs and the choice among levels as layers, or .png.
+    /// Writes the picture, whole or not at all: .exr, with variance, AOVs and the choice among levels as layers, or .png. The file
+    /// has the bytes of the program's with --reproducible.
     ///
-    /// exposure: brightness of a .png in stops; by default the 95th percentile of the luminance is at 80 % of white.
-    #[pyo3(signature = (path, *, exposure=None))]
-    fn save(&self, py: Python<'_>, path: PathBuf, exposure: Option<f32>) -> PyResult<()> {
-        if !exposure.is_none_or(f32::is_finite) {
-            return Err(argument("exposure", "expected a number of stops"));
-        }
-        let saved = match path.extension().and_then(|e| e.to_str()) {
-            Some("exr") => detached(py, || self.save_exr(&path))?,
-            Some("png") => detached(py, || {
-                let shown = self.shown();
-                let exposure = exposure.unwrap_or_else(|| auto_exposure(&shown));
-                let view = ViewTransform::default();
-                png::write(&path, &shown, Display { exposure, view })
-            })?,
-            _ => {
-                let path = path.display().to_string();
-                return Err(argument(&path, "expected a name that ends in .exr or .png"));
-            }
-        };
-        saved.map_err(file)
+    /// Keywords are the options of `opsr render` for files, such as exposure=1.5 or exr_half=True; `help(opsr)` lists them.
+    #[pyo3(signature = (path, **options))]
+    fn save(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<()> {
+        let changed = options.map(|options| {
+            let mut spec = read("save", Some(options), of_save)?;
+            let mut done = self.done.clone();
+            done.outcome.spec.fill(&mut spec);
+            done.outcome.spec = spec;
+            Ok::<_, PyErr>(done)
+        });
+        let changed = changed.transpose()?;
+        let done = changed.as_ref().unwrap_or(&self.done);
+        let saved = detached(py, || done.save(&path))?;
+        saved.map_err(raised)
     }
 
     /// The picture as a PNG file in memory, which notebooks show.
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        shown(py, &self.shown())
+        shown(py, self.shown())
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
@@ -186,7 +178,7 @@ impl Film {
     }
 
     fn __repr__(&self) -> String {
-        let window = self.made.film.window;
+        let window = self.film().window;
         let (w, h, spp) = (window.w, window.h, self.spp);
         format!("<opsr.Film {w}x{h}, {spp} spp in {:.2} s>", self.seconds)
     }
@@ -194,34 +186,20 @@ impl Film {
 
 impl Film {
     /// The picture that files and comparisons show.
-    pub(crate) fn shown(&self) -> Buffer {
-        match &self.choice {
-            Some(choice) => choice.picture.clone(),
-            None => self.made.film.mean(),
-        }
+    pub(crate) fn shown(&self) -> &Buffer {
+        &self.done.shown.picture
     }
 
-    fn save_exr(&self, path: &std::path::Path) -> Result<(), opsr::files::FileError> {
-        let film = &self.made.film;
-        let mut layers = self.layers.clone();
-        let header = Header {
-            metadata: &self.metadata,
-            storage: Storage::default(),
-            world_to_camera: Some(self.camera),
-        };
-        let Some(choice) = &self.choice else {
-            if !layers.iter().any(|layer| layer.name == "error") {
-                let errors = match &self.missing {
-                    Some(missing) => missing.errors(film),
-                    None => film_errors(film),
-                };
-                layers.extend(errors.map(|errors| Layer::scalar("error", errors)));
-            }
-            return exr::write_film(path, film, &layers, header);
-        };
-        layers.extend(choice.layers());
-        let part = (film.size, film.window);
-        exr::write_layers(path, part, &choice.picture, &layers, header)
+    pub(crate) fn made(&self) -> &Picture {
+        &self.done.outcome.picture
+    }
+
+    fn film(&self) -> &Moments {
+        &self.made().film
+    }
+
+    fn missing(&self) -> &Option<Missing> {
+        &self.done.outcome.missing
     }
 }
 
@@ -241,7 +219,7 @@ pub(crate) struct Resolved {
 /// Chooses among the levels of a film again.
 ///
 /// film: a film of several levels.
-/// resolve: smoothing that the picture may get, "none", "sharp", "default" or "smooth".
+/// resolve: smoothing that the picture may get, "none", "sharp" or "default".
 ///
 /// Raises ValueError for a film of one level, and for another word.
 #[pyfunction]
@@ -249,7 +227,7 @@ pub(crate) struct Resolved {
 pub(crate) fn resolve(film: &Bound<'_, Film>, resolve: &str) -> PyResult<Resolved> {
     let settings =
         Resolve::read(&resolve.into(), &Range::FINITE).map_err(|why| argument("resolve", &why))?;
-    let Some(levels) = &film.get().made.levels else {
+    let Some(levels) = &film.get().made().levels else {
         let what = "a film of one level, there is nothing to choose";
         return Err(argument("film", what));
     };

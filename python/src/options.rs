@@ -19,7 +19,13 @@ pub(crate) fn of_scene(option: &Opt) -> bool {
 /// True for the options of `render`; files are written by `Film.save`.
 pub(crate) fn of_render(option: &Opt) -> bool {
     let heading = option.heading;
-    matches!(heading, Heading::Camera | Heading::Stop | Heading::Method) || option.name == "aov"
+    let made = matches!(heading, Heading::Camera | Heading::Stop | Heading::Method);
+    made || ["aov", "denoise"].contains(&option.name)
+}
+
+/// True for the options of `Film.save`.
+pub(crate) fn of_save(option: &Opt) -> bool {
+    option.heading == Heading::Files && !of_render(option)
 }
 
 /// True for the options of `view`: a part of a picture and what is in files alone are not shown.
@@ -152,6 +158,7 @@ pub(crate) fn _options(function: &str) -> String {
     let wanted = match function {
         "render" => of_render,
         "view" => of_view,
+        "save" => of_save,
         _ => of_scene,
     };
     let options = OPTIONS.iter().filter(|option| wanted(option));

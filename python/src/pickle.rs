@@ -2,15 +2,19 @@
 
 use crate::errors::{argument, file};
 use crate::film::Film;
+use opsr::image::Buffer;
 use opsr::image::exr::Layer;
+use opsr::integrator::Picture;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::method::IntegratorKind;
-use opsr::math::UVec2;
+use opsr::math::{Rgb, UVec2};
 use opsr::pilot::witness::Missing;
-use opsr::resolve::{Resolve, resolve_film};
+use opsr::render::{Finished, Opt, Outcome, Shown, Spec};
+use opsr::resolve::Resolved;
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Names of channels, which layers have for good.
@@ -22,8 +26,19 @@ type Channels = (String, Vec<(String, Vec<u8>)>);
 /// Share, pixel, finder and squares of missing light.
 type Lack = (f64, [u32; 2], String, Vec<u8>);
 
-/// Layers, missing light, camera, choice and wall time of a film.
-type Rest = (Vec<Channels>, Option<Lack>, [f32; 16], String, f64);
+/// Pixels of a denoised picture and of that before, and level, squared bias and variance of every pixel: the denoiser may not be
+/// where a film is read.
+type Denoised = (Vec<u8>, Vec<u8>, Option<(Vec<u8>, Vec<u8>, Vec<u8>)>);
+
+/// Layers, missing light, camera, options of the film with true for the studio, denoised picture and wall time of a film.
+type Rest = (
+    Vec<Channels>,
+    Option<Lack>,
+    Option<[f32; 16]>,
+    (String, bool),
+    Option<Denoised>,
+    f64,
+);
 
 fn bytes(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|x| x.to_le_bytes()).collect()
@@ -34,6 +49,49 @@ fn floats(bytes: &[u8]) -> Vec<f32> {
     words.iter().map(|word| f32::from_le_bytes(*word)).collect()
 }
 
+fn pixels(picture: &Buffer) -> Vec<u8> {
+    let values = picture.pixels.iter().flat_map(|p| p.to_array());
+    values.flat_map(f32::to_le_bytes).collect()
+}
+
+/// The denoised picture, if it is one.
+fn denoised(shown: &Shown) -> Option<Denoised> {
+    let choice = |r: &Resolved| (r.level.clone(), bytes(&r.bias2), bytes(&r.variance));
+    let noisy = shown.noisy.as_ref()?;
+    let choice = shown.resolved.as_ref().map(choice);
+    Some((pixels(&shown.picture), pixels(noisy), choice))
+}
+
+/// A picture of the size of another one from its pixels.
+fn picture(like: &Buffer, bytes: &[u8]) -> PyResult<Buffer> {
+    let numbers = floats(bytes);
+    let (pixels, rest) = numbers.as_chunks::<3>();
+    if pixels.len() != like.pixels.len() || !rest.is_empty() {
+        return Err(damaged("a picture of another size"));
+    }
+    Ok(Buffer {
+        pixels: pixels.iter().map(|p| Rgb::from_array(*p)).collect(),
+        ..*like
+    })
+}
+
+/// The shown picture that was denoised before.
+fn shown_again(film: &Picture, (shown, noisy, choice): Denoised) -> PyResult<Shown> {
+    let mean = film.film.mean();
+    let shown = picture(&mean, &shown)?;
+    let resolved = choice.map(|(level, bias2, variance)| Resolved {
+        picture: shown.clone(),
+        level,
+        bias2: floats(&bias2),
+        variance: floats(&variance),
+    });
+    Ok(Shown {
+        noisy: Some(picture(&mean, &noisy)?),
+        picture: shown,
+        resolved,
+    })
+}
+
 fn damaged(what: impl std::fmt::Display) -> PyErr {
     argument("a pickled film", what)
 }
@@ -41,7 +99,16 @@ fn damaged(what: impl std::fmt::Display) -> PyErr {
 /// What makes a film again.
 pub(crate) fn reduce<'py>(film: &Bound<'py, Film>) -> PyResult<Bound<'py, PyAny>> {
     let (py, film) = (film.py(), film.get());
-    let levels = film.made.levels.as_ref();
+    let Outcome {
+        picture,
+        missing,
+        aovs,
+        metadata,
+        world_to_camera,
+        spec,
+        in_studio,
+    } = &film.done.outcome;
+    let levels = picture.levels.as_ref();
     let checkpoint = Checkpoint {
         fingerprint: Fingerprint {
             version: String::new(),
@@ -51,10 +118,10 @@ pub(crate) fn reduce<'py>(film: &Bound<'py, Film>) -> PyResult<Bound<'py, PyAny>
         samples: film.spp,
         seconds: 0.0,
         levels: vec![0.0; levels.map_or(0, |levels| levels.levels())],
-        metadata: film.metadata.clone(),
-        picture: film.made.clone(),
+        metadata: metadata.clone(),
+        picture: picture.clone().into_owned(),
     };
-    let layers = film.layers.iter().map(|layer| {
+    let layers = aovs.iter().map(|layer| {
         let channels = layer.channels.iter();
         let channels = channels.map(|(name, values)| (name.to_string(), bytes(values)));
         (layer.name.clone(), channels.collect())
@@ -64,11 +131,14 @@ pub(crate) fn reduce<'py>(film: &Bound<'py, Film>) -> PyResult<Bound<'py, PyAny>
         let squares = bytes(&missing.squares);
         (missing.share, pixel, missing.finder.name(), squares)
     };
+    let mut options = spec.settings();
+    options.retain(|name, _| Opt::named(name).is_some_and(|option| option.of_film));
     let rest: Rest = (
         layers.collect(),
-        film.missing.as_ref().map(lack),
-        film.camera,
-        format!("{:?}", film.resolve).to_lowercase(),
+        missing.as_ref().map(lack),
+        *world_to_camera,
+        (serde_json::Value::from(options).to_string(), *in_studio),
+        denoised(&film.done.shown),
         film.seconds,
     );
     let tempfile = py.import("tempfile")?;
@@ -91,16 +161,13 @@ pub(crate) fn _film(py: Python<'_>, moments: &[u8], rest: Rest) -> PyResult<Film
     std::fs::write(&path, moments)?;
     let read = Checkpoint::open(&path).map_err(file)?;
     folder.call_method0("cleanup")?;
-    let (layers, lack, camera, resolve, seconds) = rest;
-    let resolve = [
-        Resolve::None,
-        Resolve::Sharp,
-        Resolve::Default,
-        Resolve::Smooth,
-    ]
-    .into_iter()
-    .find(|known| format!("{known:?}").to_lowercase() == resolve)
-    .ok_or_else(|| damaged("no such choice"))?;
+    let (layers, lack, world_to_camera, (options, in_studio), denoised, seconds) = rest;
+    let mut spec = Spec::default();
+    let options: serde_json::Map<String, serde_json::Value> =
+        serde_json::from_str(&options).map_err(damaged)?;
+    for (name, value) in &options {
+        spec.set(name, value).map_err(damaged)?;
+    }
     let channel = |(name, values): (String, Vec<u8>)| {
         let known = CHANNELS.into_iter().find(|known| *known == name);
         let name = known.ok_or_else(|| damaged(format!("no channel `{name}`")))?;
@@ -129,15 +196,24 @@ pub(crate) fn _film(py: Python<'_>, moments: &[u8], rest: Rest) -> PyResult<Film
             squares: floats(&squares),
         })
     };
-    let picture = read.picture;
-    Ok(Film {
-        choice: (picture.levels.as_ref()).map(|film| resolve_film(film, resolve)),
-        resolve,
-        layers: layers.into_iter().map(layer).collect::<PyResult<_>>()?,
+    let outcome = Outcome {
+        picture: Cow::Owned(read.picture),
         missing: lack.map(missing).transpose()?,
-        camera,
-        made: picture,
+        aovs: layers.into_iter().map(layer).collect::<PyResult<_>>()?,
         metadata: read.metadata,
+        world_to_camera,
+        spec,
+        in_studio,
+    };
+    let done = match denoised {
+        Some(denoised) => Finished {
+            shown: shown_again(&outcome.picture, denoised)?,
+            outcome,
+        },
+        None => outcome.finish(None).map_err(damaged)?,
+    };
+    Ok(Film {
+        done,
         spp: read.samples,
         seconds,
     })

@@ -5,17 +5,18 @@ use crate::film::Film;
 use crate::options::{count, of_render, raised, read, threads as threads_of};
 use crate::scene::Scene;
 use crate::work::{Hear, goes_on, watched};
+use opsr::image::denoise::Denoiser;
 use opsr::image::exr::Metadata;
 use opsr::image::film::Window;
 use opsr::integrator::Picture;
 use opsr::integrator::drive::RenderProgress;
-use opsr::integrator::layers::{Aov, Layers};
+use opsr::integrator::layers::Aov;
 use opsr::integrator::part::{self, MergeError, Merged};
-use opsr::render::{Output, Request, Spec, Subject};
-use opsr::resolve::{Resolve, resolve_film};
+use opsr::render::{Fault, Outcome, Output, Request, Spec, Subject};
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 /// State of a render after a pass.
@@ -65,8 +66,10 @@ pub(crate) fn render(
         scene: &scene.world,
         name: &name,
         sha256: &scene.sha256,
+        in_studio: scene.in_studio,
     };
     let mut request = Request::new(&spec, subject, None).map_err(raised)?;
+    let denoiser = spec.denoiser().map_err(raised)?;
     // Counted paths for time, so that the picture depends on the arguments alone.
     request.counted = spec.time.is_none();
     let mut hear = on_progress.map(|call| {
@@ -100,36 +103,22 @@ pub(crate) fn render(
         };
         let listen = &mut |progress: &RenderProgress, _: &Picture| link.tell(|| *progress);
         let output = request.render(begun, Some(&link.stop), listen);
-        Ok(Some(film(&request, output)))
+        film(&request, output, denoiser.as_ref()).map(Some)
     })?;
     // A pilot that was stopped has raised already, as Ctrl-C does.
     made.map_err(raised)
 }
 
 /// The film of a render that has ended.
-fn film(request: &Request<'_>, output: Output) -> Film {
-    let Output {
-        picture,
-        progress,
-        missing,
-        ..
-    } = output;
-    let refused = picture.film.rejected.total();
-    let mut metadata = request.metadata(progress.samples, refused);
-    if let Some(missing) = &missing {
-        missing.note(&mut metadata);
-    }
-    Film {
-        resolve: request.spec.resolve(),
-        choice: (picture.levels.as_ref()).map(|film| resolve_film(film, request.spec.resolve())),
-        layers: Layers::new(request.spec.aovs(), &request.view()).of(&picture),
-        camera: request.camera.world_to_camera(),
-        made: picture,
-        metadata,
-        missing,
-        spp: progress.samples,
-        seconds: progress.elapsed.as_secs_f64(),
-    }
+fn film(request: &Request<'_>, output: Output, denoiser: Option<&Denoiser>) -> Result<Film, Fault> {
+    let samples = output.progress.samples;
+    let picture = Cow::Owned(output.picture);
+    let outcome = Outcome::of(request, picture, samples, output.missing);
+    Ok(Film {
+        done: outcome.finish(denoiser)?,
+        spp: samples,
+        seconds: output.progress.elapsed.as_secs_f64(),
+    })
 }
 
 /// A range of samples: the first, and the one after the last.
@@ -191,15 +180,16 @@ pub(crate) fn merge(
     let wanted = wanted.map_err(|e| argument("parts", e))?;
     let mut metadata = first.metadata;
     stamp(&mut metadata, samples, &picture);
-    Ok(Film {
-        resolve: Resolve::default(),
-        choice: (picture.levels.as_ref()).map(|film| resolve_film(film, Resolve::default())),
-        layers: Layers::recorded(&wanted).of(&picture),
-        camera: first.camera,
-        made: picture,
+    // The scene is not here, and the witness needs it.
+    let outcome = Outcome::of_film(
+        &Spec::default(),
+        picture,
+        &wanted,
         metadata,
-        // The scene is not here, and the witness needs it.
-        missing: None,
+        Some(first.camera),
+    );
+    Ok(Film {
+        done: outcome.finish(None).map_err(raised)?,
         spp: samples,
         seconds: 0.0,
     })

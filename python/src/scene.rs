@@ -25,6 +25,8 @@ pub(crate) struct Scene {
     pub(crate) sha256: String,
     /// Options that it was loaded with.
     pub(crate) spec: Spec,
+    /// True if the built-in studio lights it.
+    pub(crate) in_studio: bool,
     /// Defects and features of the file that are ignored, one line each.
     #[pyo3(get)]
     warnings: Vec<String>,
@@ -72,6 +74,7 @@ impl Scene {
             path: name.unwrap_or(path),
             sha256: opened.sha256,
             spec,
+            in_studio: opened.in_studio,
             warnings: opened.warnings,
             recipe,
         })
@@ -180,6 +183,7 @@ impl Scene {
         let made = Self::of(py, parts, &scene.path.display().to_string(), recipe)?;
         Ok(Self {
             spec: scene.spec.clone(),
+            in_studio: scene.in_studio && environment.is_none(),
             ..made
         })
     }
@@ -230,6 +234,7 @@ impl Scene {
             world,
             path: PathBuf::from(name),
             spec: Spec::default(),
+            in_studio: false,
             recipe,
         })
     }

@@ -5,6 +5,7 @@ import inspect
 import json
 import multiprocessing
 import pathlib
+import pickle
 import subprocess
 import threading
 import time
@@ -74,6 +75,26 @@ def test_render_determinism_gives_the_picture_of_the_program(program, tmp_path, 
     again = film.picture.copy()
     again[0, 0, 0] = np.nextafter(again[0, 0, 0], np.float32(np.inf))
     assert opsr.compare(again, theirs)["MSE"] > 0
+
+
+def test_files_have_the_bytes_of_the_program(program, tmp_path):
+    path = SCENES / "cornell_caustics.glb"
+    cases = [([], {}, {}), (["--gamma", "0.3", "--aov", "--exposure", "1"], {"gamma": 0.3, "aov": True}, {"exposure": 1})]
+    try:
+        opsr.render(opsr.Scene.load(path), size=(4, 4), spp=1, denoise=True)
+        cases += [([*words, "--denoise"], {**options, "denoise": True}, saved) for words, options, saved in cases]
+    except ValueError as missing:
+        assert "Open Image Denoise 2 was not found" in str(missing)
+    for words, options, saved in cases:
+        films = [opsr.render(opsr.Scene.load(path), size=(24, 16), spp=8, **options)]
+        films.append(pickle.loads(pickle.dumps(films[0])))
+        for ending in ("exr", "png"):
+            theirs = tmp_path / f"theirs.{ending}"
+            command = [program, "render", path, "--size", "24x16", "--spp", "8", "--reproducible", "-o", theirs]
+            subprocess.run([*command, *words], check=True, capture_output=True)
+            for film in films:
+                film.save(tmp_path / f"ours.{ending}", **saved)
+                assert (tmp_path / f"ours.{ending}").read_bytes() == theirs.read_bytes(), (words, ending)
 
 
 def test_levels_are_four_where_there_can_be_levels(box):

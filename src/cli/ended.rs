@@ -6,7 +6,7 @@ use super::listener::Closed;
 use super::render_args::RenderArgs;
 use opsr::image::film::{Film, Window};
 use opsr::math::Rgb;
-use opsr::pilot::witness::Missing;
+use opsr::render::files::Outputs;
 use opsr::render::open::Opened;
 use opsr::render::{Output, Request};
 use opsr::resolve::unseen_share;
@@ -21,9 +21,7 @@ pub(super) struct Ended<'a> {
     pub(super) start: u32,
     /// Seconds of earlier runs.
     pub(super) spent: f64,
-    pub(super) closed: &'a Closed,
-    /// Light that a witness found and the picture lacks.
-    pub(super) missing: Option<&'a Missing>,
+    pub(super) closed: &'a Closed<'a>,
 }
 
 impl Ended<'_> {
@@ -36,36 +34,23 @@ impl Ended<'_> {
         u64::from(self.output.progress.samples - self.start) * self.film().pixels.len() as u64
     }
 
-    /// Estimated relative error.
-    fn error(&self) -> f64 {
-        let stated = self.closed.written.error;
-        self.missing.map_or(stated, |missing| missing.error(stated))
-    }
-
-    /// Relative standard error of the mean of a picture of one level, which no blur changes.
-    fn mean_error(&self) -> Option<f64> {
-        let picture = &self.output.picture;
-        let one = picture
-            .levels
-            .as_ref()
-            .is_none_or(|film| film.levels() == 1);
-        one.then(|| picture.film.relative_mean_error()).flatten()
-    }
-
     fn seconds(&self) -> f64 {
         self.output.progress.elapsed.as_secs_f64()
     }
 
     /// Files that were written, with the statistics of the render.
-    fn summary(&self, names: &str) -> String {
+    fn summary(&self, outputs: &Outputs) -> String {
+        let (finished, names) = (&self.closed.finished, outputs.names());
         let seconds = self.seconds();
         let rate = match self.paths() {
             0 if self.output.progress.samples == 0 => "a part of the first sample".to_owned(),
             0 => "no new samples: the checkpoint has as many as were asked for, or more".to_owned(),
             paths => format!("{:.3} million paths/s", paths as f64 / seconds / 1e6),
         };
-        let written = &self.closed.written;
-        let exposure = (written.exposure).map_or(String::new(), |e| format!(", exposure {e:+}"));
+        let exposure = match outputs.has_png() {
+            true => format!(", exposure {:+}", finished.display().exposure),
+            false => String::new(),
+        };
         let camera = match self.opened.scene.parts().cameras.is_empty() {
             true => format!(
                 ", {}, since the file has no camera",
@@ -77,11 +62,11 @@ impl Ended<'_> {
             true => ", lit by the built-in studio, since the file has no light",
             false => "",
         };
-        let mut error = match self.error() {
+        let mut error = match finished.error() {
             error if error.is_finite() => format!(", estimated relative error {error:.4}"),
             _ => String::new(),
         };
-        if let Some(mean) = self.mean_error() {
+        if let Some(mean) = finished.mean_error() {
             error += &format!(", mean ± {:.2} %", 100.0 * mean);
         }
         let unseen = unseen_share(&self.output.picture);
@@ -89,7 +74,7 @@ impl Ended<'_> {
             let percent = 100.0 * unseen;
             error += &format!(", {percent:.1} % of the light found by roughened lobes alone");
         }
-        if let Some(missing) = self.missing {
+        if let Some(missing) = &finished.outcome.missing {
             error += &format!(", {missing}");
         }
         let truth = self.closed.true_error;
@@ -102,8 +87,8 @@ impl Ended<'_> {
     }
 
     /// Reports what was written with the statistics of the render, and the refused samples.
-    pub(super) fn report(&self, names: &str) {
-        let summary = self.summary(names);
+    pub(super) fn report(&self, outputs: &Outputs) {
+        let summary = self.summary(outputs);
         match self.args.progress {
             Style::Auto => eprintln!("{summary}"),
             Style::Json | Style::None => tracing::info!("{summary}"),
@@ -119,13 +104,8 @@ impl Ended<'_> {
                 f32::MAX
             );
         }
-        let black = self
-            .closed
-            .written
-            .shown
-            .pixels
-            .iter()
-            .all(|p| *p == Rgb::ZERO);
+        let shown = &self.closed.finished.shown.picture;
+        let black = shown.pixels.iter().all(|p| *p == Rgb::ZERO);
         if black && !self.opened.scene.lights().is_empty() {
             tracing::warn!(
                 "the picture is black: no path has found light; `opsr info` names an integrator for the scene's lights and \
@@ -147,8 +127,9 @@ impl Ended<'_> {
     }
 
     /// Statistics for programs.
-    pub(super) fn statistics(&self) -> serde_json::Value {
+    pub(super) fn statistics(&self, outputs: &Outputs) -> serde_json::Value {
         let (film, seconds) = (self.film(), self.seconds());
+        let finished = &self.closed.finished;
         let scene = &self.opened.scene;
         let settings = self.request.choices().into_iter();
         let settings = settings.map(|(key, value)| (key.to_owned(), value.into()));
@@ -176,13 +157,13 @@ impl Ended<'_> {
             "seconds_of_earlier_runs": self.spent,
             "paths": self.paths(),
             "paths_per_second": finite(self.paths() as f64 / seconds),
-            "relative_error": finite(self.error()),
-            "mean_error": self.mean_error().and_then(finite),
-            "light_missing": self.missing.map(|m| {
+            "relative_error": finite(finished.error()),
+            "mean_error": finished.mean_error().and_then(finite),
+            "light_missing": finished.outcome.missing.as_ref().map(|m| {
                 serde_json::json!({ "share": m.share, "pixel": m.pixel.to_array(), "finder": m.finder.name() })
             }),
             "true_error": self.closed.true_error.and_then(finite),
-            "exposure": self.closed.written.exposure,
+            "exposure": outputs.has_png().then(|| finished.display().exposure),
             "refused": { "nan": film.rejected.nan, "infinite": film.rejected.infinite },
             "clipped_variances": film.clipped_variances(),
         })

@@ -7,17 +7,17 @@ use super::render_args::RenderArgs;
 use super::stop::Stop;
 use anyhow::{Context, anyhow};
 use opsr::image::Buffer;
-use opsr::image::exr::Layer;
+use opsr::image::denoise::Denoiser;
 use opsr::image::film::Film;
 use opsr::image::metric::relmse;
 use opsr::integrator::Picture;
 use opsr::integrator::drive::RenderProgress;
-use opsr::integrator::layers::Layers;
 use opsr::pilot::witness::Missing;
-use opsr::render::Request;
-use opsr::render::files::{Outputs, Written};
+use opsr::render::files::Outputs;
+use opsr::render::{Finished, Outcome, Output, Request};
 use opsr::report::compare::Named;
 use opsr::resolve::stated_error;
+use std::borrow::Cow;
 use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -31,6 +31,7 @@ pub(super) struct Run<'a> {
     pub(super) args: &'a RenderArgs,
     pub(super) request: &'a Request<'a>,
     pub(super) outputs: &'a Outputs,
+    pub(super) denoiser: Option<&'a Denoiser>,
     pub(super) stop: &'a Stop,
     /// Samples of earlier runs.
     pub(super) start: u32,
@@ -39,8 +40,8 @@ pub(super) struct Run<'a> {
 }
 
 /// Results of a run.
-pub(super) struct Closed {
-    pub(super) written: Written,
+pub(super) struct Closed<'a> {
+    pub(super) finished: Finished<'a>,
     /// Root of the true relMSE, where there is a reference.
     pub(super) true_error: Option<f64>,
     /// Why something is not saved.
@@ -50,7 +51,6 @@ pub(super) struct Closed {
 /// Hears of every pass of a run.
 pub(super) struct Listener<'a> {
     run: Run<'a>,
-    layers: Layers<'a>,
     bar: Bar,
     truth: Option<Truth>,
     log: Option<ErrorLog>,
@@ -58,8 +58,6 @@ pub(super) struct Listener<'a> {
     saved: Instant,
     /// Why the log is not whole.
     unlogged: Option<anyhow::Error>,
-    /// Light that the picture lacks, at the end.
-    missing: Option<Missing>,
 }
 
 impl<'a> Listener<'a> {
@@ -75,14 +73,12 @@ impl<'a> Listener<'a> {
             None => None,
         };
         Ok(Self {
-            layers: Layers::new(run.request.spec.aovs(), &run.request.view()),
             bar: Bar::new(args.progress),
             run,
             truth,
             log,
             saved: Instant::now(),
             unlogged: None,
-            missing: None,
         })
     }
 
@@ -101,22 +97,22 @@ impl<'a> Listener<'a> {
         self.run.stop.flow()
     }
 
-    /// Saves what has come out, all of it that can be saved.
-    pub(super) fn close(
-        mut self,
-        progress: &RenderProgress,
-        picture: &Picture,
-        missing: Option<&Missing>,
-    ) -> anyhow::Result<Closed> {
-        self.missing = missing.cloned();
+    /// Finishes the picture and saves it, the checkpoint and the log. A failure of one does not keep the others from being saved.
+    pub(super) fn close(mut self, output: &Output) -> anyhow::Result<Closed<'_>> {
+        let Output {
+            picture, progress, ..
+        } = output;
         self.bar.finish();
         let kept = self.checkpoint(progress, picture);
-        let (written, unwritten) = self.write(picture, progress)?;
-        let true_error = (self.truth.as_ref()).and_then(|truth| truth.error(&written.shown));
+        let finished = self.finished(picture, progress, output.missing.as_ref())?;
+        let written = self.run.outputs.write(&finished);
+        let unwritten = written.err().map(|fault| failure(&fault).into());
+        let shown = &finished.shown.picture;
+        let true_error = (self.truth.as_ref()).and_then(|truth| truth.error(shown));
         let logged = self.log(true, progress, picture, true_error);
         let failed = unwritten.or(kept.err()).or(self.unlogged).or(logged.err());
         Ok(Closed {
-            written,
+            finished,
             true_error,
             failed,
         })
@@ -161,47 +157,35 @@ impl<'a> Listener<'a> {
         }
         self.saved = Instant::now();
         let unwritten = match args.save_every {
-            Some(_) => self.write(picture, progress)?.1,
+            Some(_) => {
+                let finished = self.finished(picture, progress, None)?;
+                self.run.outputs.write(&finished).err()
+            }
             None => None,
         };
         self.checkpoint(progress, picture)?;
-        unwritten.map_or(Ok(()), Err)
+        unwritten.map_or(Ok(()), |fault| Err(failure(&fault).into()))
     }
 
-    /// Writes the files of the picture, and returns the first failure beside.
-    fn write(
+    /// The picture so far as its files hold it.
+    fn finished<'p>(
         &self,
-        picture: &Picture,
+        picture: &'p Picture,
         progress: &RenderProgress,
-    ) -> anyhow::Result<(Written, Option<anyhow::Error>)> {
+        missing: Option<&Missing>,
+    ) -> anyhow::Result<Finished<'p>> {
         let Run { request, args, .. } = &self.run;
-        let refused = picture.film.rejected.total();
-        let mut metadata = request.metadata(progress.samples, refused);
+        let film = Cow::Borrowed(picture);
+        let mut outcome = Outcome::of(request, film, progress.samples, missing.cloned());
         if !args.reproducible {
+            let metadata = &mut outcome.metadata;
             let command = std::env::args().collect::<Vec<_>>().join(" ");
             metadata.insert("command".into(), command);
             metadata.insert("seconds".into(), format!("{:.3}", self.seconds(progress)));
             let threads = rayon::current_num_threads();
             metadata.insert("threads".into(), threads.to_string());
         }
-        let pose = request.camera.world_to_camera();
-        if let Some(missing) = &self.missing {
-            missing.note(&mut metadata);
-        }
-        let mut layers = self.layers.of(picture);
-        layers.extend(self.errors(picture));
-        let written = self
-            .run
-            .outputs
-            .try_write(picture, layers, Some(pose), &metadata);
-        let (written, failed) = written.told()?;
-        Ok((written, failed.map(|fault| failure(&fault).into())))
-    }
-
-    /// The layer of the expected errors of a picture that lacks light.
-    fn errors(&self, picture: &Picture) -> Option<Layer> {
-        let errors = self.missing.as_ref()?.errors(&picture.film)?;
-        Some(Layer::scalar("error", errors))
+        outcome.finish(self.run.denoiser).told()
     }
 
     fn checkpoint(&self, progress: &RenderProgress, picture: &Picture) -> anyhow::Result<()> {

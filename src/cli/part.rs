@@ -8,11 +8,10 @@ use super::stop::Stop;
 use anyhow::anyhow;
 use opsr::image::film::Window;
 use opsr::integrator::drive::RenderProgress;
-use opsr::integrator::layers::{Aov, Layers};
-use opsr::integrator::method::IntegratorKind;
+use opsr::integrator::layers::Aov;
 use opsr::integrator::part::{MergeError, Merged, merge};
-use opsr::render::Request;
 use opsr::render::files::Outputs;
+use opsr::render::{Outcome, Request};
 use std::path::{Path, PathBuf};
 
 /// Renders a part into a file.
@@ -61,7 +60,8 @@ pub(super) struct MergeArgs {
 /// Runs `opsr merge`.
 pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
     let spec = &args.files.0;
-    let outputs = Outputs::new(&args.output, spec).told()?;
+    let outputs = Outputs::new(&args.output).told()?;
+    let denoiser = spec.denoiser().told()?;
     spec.check_layers(&args.output).told()?;
     let window = |size| (args.crop.0.crop).map_or(Window::full(size), |crop| crop.of(size));
     let merged = merge(&args.parts, window, args.spp).map_err(|error| match error {
@@ -75,23 +75,20 @@ pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
         samples,
         picture,
     } = merged.input()?;
-    spec.check_film(&picture).told()?;
     let mut metadata = first.metadata;
-    let chosen = spec.recorded(IntegratorKind::Path);
-    metadata.extend(chosen.map(|(key, value)| (key.to_owned(), value)));
-    metadata.insert("spp".into(), samples.to_string());
     let refused = picture.film.rejected.total();
+    metadata.insert("spp".into(), samples.to_string());
     metadata.insert("refused_samples".into(), refused.to_string());
     let wanted = first.layers.iter().map(|name| Aov::named(name));
     let wanted = wanted.collect::<Result<Vec<_>, _>>();
     let wanted = wanted.map_err(anyhow::Error::msg).input()?;
-    let layers = Layers::recorded(&wanted).of(&picture);
-    let written = outputs
-        .write(&picture, layers, Some(first.camera), &metadata)
-        .told()?;
-    let Window { w, h, .. } = picture.film.window;
+    let camera = Some(first.camera);
+    let outcome = Outcome::of_film(spec, picture, &wanted, metadata, camera);
+    let finished = outcome.finish(denoiser.as_ref()).told()?;
+    outputs.write(&finished).told()?;
+    let Window { w, h, .. } = finished.outcome.picture.film.window;
     let (names, parts) = (outputs.names(), args.parts.len());
-    let error = match written.error {
+    let error = match finished.error() {
         error if error.is_finite() => format!(", estimated relative error {error:.4}"),
         _ => String::new(),
     };

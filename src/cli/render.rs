@@ -10,6 +10,7 @@ use super::{part, trace};
 use anyhow::anyhow;
 use opsr::bsdf::Distribution;
 use opsr::files;
+use opsr::image::denoise::Denoiser;
 use opsr::image::level_film::LevelFilm;
 use opsr::integrator::Picture;
 use opsr::integrator::drive::{Reason, RenderProgress};
@@ -19,7 +20,7 @@ use opsr::render::files::{Outputs, can_write, check_distinct};
 use opsr::render::look::LookChoice;
 use opsr::render::open::Opened;
 use opsr::render::value::{Levels, TableChoice};
-use opsr::render::{Begun, Fault, Output, Request, Spec, Subject};
+use opsr::render::{Begun, Fault, Request, Spec, Subject};
 use opsr::scene::Scene;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -34,7 +35,8 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     } else {
         &args.output[..]
     };
-    let mut outputs = Outputs::new(pictures, &spec).told()?;
+    let outputs = Outputs::new(pictures).told()?;
+    let denoiser = spec.denoiser().told()?;
     let others = [&args.checkpoint, &args.stats, &args.log, &args.film];
     for path in others.into_iter().flatten() {
         can_write(path).told()?;
@@ -54,15 +56,13 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         let what = "nothing lights the scene: --env studio, --env sky or a map would";
         return Err(anyhow!("{}: {what}", args.scene.display())).input();
     }
-    if opened.in_studio {
-        outputs.never_brighten();
-    }
     stop.begin();
     let name = args.scene.display().to_string();
     let subject = Subject {
         scene: &opened.scene,
         name: &name,
         sha256: &opened.sha256,
+        in_studio: opened.in_studio,
     };
     let mut request = Request::new(&spec, subject, None).told()?;
     request.counted = args.reproducible;
@@ -77,6 +77,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     RenderJob {
         args,
         outputs,
+        denoiser,
         opened: &opened,
         stop,
         began,
@@ -138,6 +139,7 @@ fn check_files(args: &RenderArgs, spec: &Spec, read: &[PathBuf]) -> anyhow::Resu
 pub(super) struct RenderJob<'a> {
     args: &'a RenderArgs,
     outputs: Outputs,
+    denoiser: Option<Denoiser>,
     opened: &'a Opened,
     stop: Stop,
     /// Loading and pilots count for --time.
@@ -174,6 +176,7 @@ impl RenderJob<'_> {
             args,
             request: &request,
             outputs: &self.outputs,
+            denoiser: self.denoiser.as_ref(),
             stop: &self.stop,
             start,
             spent,
@@ -193,8 +196,7 @@ impl RenderJob<'_> {
                 "stopped within the first sample: the picture holds what was done of it, and no checkpoint is made"
             );
         }
-        let missing = output.missing.as_ref();
-        let closed = listener.close(&output.progress, &output.picture, missing)?;
+        let closed = listener.close(&output)?;
         let ended = Ended {
             args,
             request: &request,
@@ -203,18 +205,16 @@ impl RenderJob<'_> {
             start,
             spent,
             closed: &closed,
-            missing,
         };
         if let Some(path) = &args.stats {
-            let text = format!("{:#}\n", ended.statistics());
+            let text = format!("{:#}\n", ended.statistics(&self.outputs));
             files::write_bytes(path, text).output()?;
         }
         if let Some(error) = closed.failed {
             return Err(error);
         }
-        ended.report(&self.outputs.names());
-        let Output { reason, .. } = output;
-        Ok(if reason == Reason::Stopped {
+        ended.report(&self.outputs);
+        Ok(if output.reason == Reason::Stopped {
             Exit::Stopped
         } else {
             Exit::Done

@@ -4,8 +4,7 @@ use super::exit::{Blame, Told};
 use super::options::FileOptions;
 use anyhow::anyhow;
 use opsr::integrator::checkpoint::Checkpoint;
-use opsr::integrator::method::IntegratorKind;
-use opsr::render::OPTIONS;
+use opsr::render::Outcome;
 use opsr::render::files::Outputs;
 use std::path::PathBuf;
 
@@ -25,7 +24,8 @@ pub(super) struct Args {
 /// Runs the command.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let spec = &args.files.0;
-    let outputs = Outputs::new(&args.output, spec).told()?;
+    let outputs = Outputs::new(&args.output).told()?;
+    let denoiser = spec.denoiser().told()?;
     spec.check_layers(&args.output).told()?;
     let film = Checkpoint::open(&args.film).input()?;
     let path = args.film.display();
@@ -39,15 +39,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         let what = anyhow!("{path}: a film of one level, there is nothing to choose");
         return Err(what).input();
     }
-    // The choice is made anew, everything else is the render's.
-    let mut metadata = film.metadata;
-    for option in OPTIONS.iter().filter(|option| option.of_film) {
-        metadata.remove(option.name);
-    }
-    let chosen = spec.recorded(IntegratorKind::Path);
-    metadata.extend(chosen.map(|(key, value)| (key.to_owned(), value)));
-    outputs
-        .write(&film.picture, Vec::new(), None, &metadata)
-        .told()?;
+    let outcome = Outcome::of_film(spec, film.picture, &[], film.metadata, None);
+    let finished = outcome.finish(denoiser.as_ref()).told()?;
+    outputs.write(&finished).told()?;
     Ok(())
 }

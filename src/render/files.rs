@@ -2,53 +2,42 @@
 //! read.
 
 use super::fault::Fault;
+use super::finished::Finished;
 use super::spec::Spec;
 use super::value::Exposure;
 use crate::files::Target;
+use crate::image::Buffer;
 use crate::image::denoise::Denoiser;
 use crate::image::display::{Display, auto_exposure};
-use crate::image::exr::{self, Header, Layer, Metadata, Storage};
-use crate::image::{Buffer, png};
 use crate::integrator::Picture;
-use crate::math::Rgb;
-use crate::resolve::{Resolve, Resolved, denoise_film, film_error, film_errors, resolve_film};
+use crate::resolve::resolve_film;
 use std::path::{Path, PathBuf};
-
-/// Picture that was written.
-pub struct Written {
-    /// Exposure of the PNG files, if there are any.
-    pub exposure: Option<f32>,
-    /// Estimated relative error of the picture; of one level that before it was denoised.
-    pub error: f64,
-    /// The picture.
-    pub shown: Buffer,
-}
 
 /// The files that a picture is written to.
 pub struct Outputs {
     files: Vec<PathBuf>,
-    spec: Spec,
-    denoiser: Option<Denoiser>,
-    /// Stops that automatic exposure brightens by at most.
-    most: f32,
 }
 
 /// Format of a picture's file.
 #[derive(Clone, Copy, PartialEq)]
-enum Format {
+pub(super) enum Format {
     Exr,
     Png,
 }
 
 /// The format that a name ends in, in capitals or not.
-fn format(file: &Path) -> Option<Format> {
-    let ending = file.extension()?.to_str()?;
+pub(super) fn format(file: &Path) -> Result<Format, Fault> {
+    let ending = file
+        .extension()
+        .and_then(|e| e.to_str())
+        .unwrap_or_default();
     if ending.eq_ignore_ascii_case("exr") {
-        Some(Format::Exr)
+        Ok(Format::Exr)
     } else if ending.eq_ignore_ascii_case("png") {
-        Some(Format::Png)
+        Ok(Format::Png)
     } else {
-        None
+        let what = "expected a name that ends in .exr or .png";
+        Err(Fault::usage(format!("{}: {what}", file.display())))
     }
 }
 
@@ -61,8 +50,16 @@ impl Spec {
         }
     }
 
-    /// Exposure and view; a picture is brightened by at most `most` stops unless the user says so.
-    pub fn display(&self, picture: &Buffer, most: f32) -> Display {
+    /// The denoiser, where it is asked for; fails where it is not installed.
+    pub fn denoiser(&self) -> Result<Option<Denoiser>, Fault> {
+        let denoiser = (self.denoise == Some(true)).then(Denoiser::open);
+        Ok(denoiser.transpose()?)
+    }
+
+    /// Exposure and view. Automatic exposure never brightens a picture of the built-in studio, which has the right brightness: what
+    /// is dark in it stays dark.
+    pub fn display(&self, picture: &Buffer, in_studio: bool) -> Display {
+        let most = if in_studio { 0.0 } else { f32::INFINITY };
         let exposure = match self.exposure.unwrap_or_default() {
             Exposure::Auto => auto_exposure(picture).min(most),
             Exposure::Stops(stops) => stops,
@@ -85,7 +82,9 @@ impl Spec {
 
     /// Refuses layers that no file would hold.
     pub fn check_layers(&self, files: &[PathBuf]) -> Result<(), Fault> {
-        let exr = files.iter().any(|file| format(file) == Some(Format::Exr));
+        let exr = files
+            .iter()
+            .any(|file| format(file).is_ok_and(|f| f == Format::Exr));
         for name in ["aov", "level_layers"] {
             if self.has(name) && !exr {
                 let what = "adds layers to EXR files: add -o with a name that ends in .exr";
@@ -98,27 +97,14 @@ impl Spec {
 
 impl Outputs {
     /// Checks before anything is rendered that the files can be written at all.
-    pub fn new(files: &[PathBuf], spec: &Spec) -> Result<Self, Fault> {
+    pub fn new(files: &[PathBuf]) -> Result<Self, Fault> {
         for file in files {
-            if format(file).is_none() {
-                let what = "expected a name that ends in .exr or .png";
-                return Err(Fault::usage(format!("{}: {what}", file.display())));
-            }
+            format(file)?;
             can_write(file)?;
         }
         Ok(Self {
             files: files.to_vec(),
-            spec: spec.clone(),
-            denoiser: (spec.denoise == Some(true))
-                .then(Denoiser::open)
-                .transpose()?,
-            most: f32::INFINITY,
         })
-    }
-
-    /// Lets automatic exposure darken pictures only: in a light that has the right brightness, what is dark stays dark.
-    pub fn never_brighten(&mut self) {
-        self.most = 0.0;
     }
 
     /// The files, for people.
@@ -127,143 +113,19 @@ impl Outputs {
         names.collect::<Vec<_>>().join(", ")
     }
 
+    /// True if a PNG file is among them, which has an exposure.
+    pub fn has_png(&self) -> bool {
+        let is_png = |file: &PathBuf| format(file).is_ok_and(|f| f == Format::Png);
+        self.files.iter().any(is_png)
+    }
+
     /// Writes every file, each whole or not at all; fails with the first failure, after the other files are written.
-    pub fn write(
-        &self,
-        picture: &Picture,
-        layers: Vec<Layer>,
-        world_to_camera: Option<[f32; 16]>,
-        metadata: &Metadata,
-    ) -> Result<Written, Fault> {
-        let (written, failed) = self.try_write(picture, layers, world_to_camera, metadata)?;
-        failed.map_or(Ok(written), Err)
+    pub fn write(&self, finished: &Finished<'_>) -> Result<(), Fault> {
+        let failures = self.files.iter().map(|file| finished.save(file));
+        // All of them, not those up to the first failure.
+        let failures: Vec<_> = failures.filter_map(Result::err).collect();
+        failures.into_iter().next().map_or(Ok(()), Err)
     }
-
-    /// Writes every file, each whole or not at all, and returns the first failure beside the rest.
-    ///
-    /// EXR files get the layers, and the place of the camera if it is known. Of several levels the one of every pixel is
-    /// chosen; EXR files then have the layers `level`, `bias2`, `variance` and `error` in place of the statistics of the
-    /// film, as does a denoised picture. Of one level they have `error` beside them.
-    pub fn try_write(
-        &self,
-        picture: &Picture,
-        mut layers: Vec<Layer>,
-        world_to_camera: Option<[f32; 16]>,
-        metadata: &Metadata,
-    ) -> Result<(Written, Option<Fault>), Fault> {
-        let Finished {
-            shown,
-            noisy,
-            resolved,
-        } = finish(picture, &self.spec, self.denoiser.as_ref())?;
-        layers.extend(noisy.map(|noisy| Layer::rgb("noisy", &noisy)));
-        let error = match &resolved {
-            Some(resolved) => resolved.relative_error(),
-            None => film_error(&picture.film).error,
-        };
-        let whole = resolved.is_some() || self.denoiser.is_some();
-        if let Some(resolved) = resolved {
-            // A layer of errors that is there knows what a witness has found, too.
-            let told = layers.iter().any(|layer| layer.name == "error");
-            let own = resolved.into_layers().into_iter();
-            layers.extend(own.filter(|layer| !told || layer.name != "error"));
-            if let Some(film) = &picture.levels
-                && self.spec.level_layers == Some(true)
-            {
-                let level = |k| Layer::rgb(&format!("level{k}"), &film.mean(k));
-                layers.extend((0..film.levels()).map(level));
-            }
-        } else if !layers.iter().any(|layer| layer.name == "error") {
-            let errors = film_errors(&picture.film);
-            layers.extend(errors.map(|errors| Layer::scalar("error", errors)));
-        }
-        let header = Header {
-            metadata,
-            storage: Storage {
-                half: self.spec.exr_half.unwrap_or_default(),
-                compression: self.spec.exr_compression.unwrap_or_default(),
-            },
-            world_to_camera,
-        };
-        let is_png = |file: &PathBuf| format(file) == Some(Format::Png);
-        let display = (self.files.iter().any(is_png)).then(|| self.spec.display(&shown, self.most));
-        let film = &picture.film;
-        let mut failed = None;
-        for file in &self.files {
-            let done = if let Some(display) = display.filter(|_| is_png(file)) {
-                png::write(file, &shown, display)
-            } else if whole {
-                let part = (film.size, film.window);
-                exr::write_layers(file, part, &shown, &layers, header)
-            } else {
-                exr::write_film(file, film, &layers, header)
-            };
-            if let Err(error) = done {
-                failed = failed.or(Some(error.into()));
-            }
-        }
-        let written = Written {
-            exposure: display.map(|display| display.exposure),
-            error,
-            shown,
-        };
-        Ok((written, failed))
-    }
-}
-
-/// A picture as a user gets it.
-pub struct Finished {
-    /// The picture.
-    pub shown: Buffer,
-    /// What it was before it was denoised.
-    pub noisy: Option<Buffer>,
-    /// The choice, of several levels; its error is that of the picture.
-    pub resolved: Option<Resolved>,
-}
-
-/// Chooses among the levels of a picture, and denoises it. Of several levels the denoiser is fed with one of them, and the
-/// choice and its picture are mixed by their errors, unless level 0 is asked for.
-pub fn finish(
-    picture: &Picture,
-    spec: &Spec,
-    denoiser: Option<&Denoiser>,
-) -> Result<Finished, Fault> {
-    let how = spec.resolve();
-    let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, how));
-    let noisy = match &resolved {
-        Some(resolved) => resolved.picture.clone(),
-        None => picture.film.mean(),
-    };
-    let Some(denoiser) = denoiser else {
-        return Ok(Finished {
-            shown: noisy,
-            noisy: None,
-            resolved,
-        });
-    };
-    let first = picture.aovs.as_ref().and_then(|a| a.first.as_ref());
-    let needs = || Fault::option("denoise", "needs a render with {aov} albedo,normal");
-    let first = first.ok_or_else(needs)?;
-    let (albedo, normal) = (first.albedo(), first.normal());
-    let clean = |noisy: &Buffer| {
-        // A filter makes something of nothing.
-        if noisy.pixels.iter().all(|p| *p == Rgb::ZERO) {
-            return Ok(noisy.clone());
-        }
-        denoiser.denoise(noisy, &albedo, &normal)
-    };
-    let (shown, resolved) = match (&picture.levels, resolved) {
-        (Some(film), Some(resolved)) if how != Resolve::None => {
-            let denoised = denoise_film(film, resolved, clean)?;
-            (denoised.resolved.picture.clone(), Some(denoised.resolved))
-        }
-        (_, resolved) => (clean(&noisy)?, resolved),
-    };
-    Ok(Finished {
-        shown,
-        noisy: Some(noisy),
-        resolved,
-    })
 }
 
 /// Fails if a file cannot be made or replaced here, as far as one can tell without touching it: better known before

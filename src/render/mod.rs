@@ -10,6 +10,7 @@
 //! | [`open`](mod@open) | the scene that a spec asks for |
 //! | [`request`] | a spec checked against a scene: frame, camera, settings, pilot; [`run`] |
 //! | [`output`] | metadata, checkpoints and parts of a request |
+//! | [`finished`] | the end of a render: choice, denoiser, errors, layers |
 //! | [`files`] | the files of a picture |
 //!
 //! The command line, the Python package, benches and [`Render`](crate::Render) are made of this room: none of them has a list of
@@ -17,6 +18,7 @@
 
 pub mod fault;
 pub mod files;
+pub mod finished;
 pub mod look;
 mod method;
 pub mod open;
@@ -26,6 +28,7 @@ pub mod spec;
 pub mod value;
 
 pub use fault::{Cause, Fault, Names};
+pub use finished::{Finished, Outcome, Shown};
 pub use method::Method;
 pub use request::{Begun, Output, Request, Subject, run};
 pub use spec::{Effect, Heading, OPTIONS, Opt, Spec};

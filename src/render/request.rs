@@ -38,6 +38,8 @@ pub struct Subject<'a> {
     pub name: &'a str,
     /// SHA-256 of its files.
     pub sha256: &'a str,
+    /// True if the built-in studio lights it.
+    pub in_studio: bool,
 }
 
 /// A render that can be run.

@@ -133,20 +133,18 @@ impl Resolved {
         pairs.map(|(b, v)| (b + v).sqrt()).collect()
     }
 
-    /// Layers for EXR files: `level`; where a film had an estimate of its noise `bias2`, `variance` and `error` too.
-    pub fn layers(&self) -> Vec<Layer> {
-        self.clone().into_layers()
+    /// True if the film had an estimate of its noise.
+    pub fn is_known(&self) -> bool {
+        self.variance.iter().all(|v| v.is_finite())
     }
 
-    /// The same without copies.
-    pub fn into_layers(self) -> Vec<Layer> {
+    /// Layers for EXR files: `level`; where a film had an estimate of its noise `bias2` and `variance` too.
+    pub fn layers(&self) -> Vec<Layer> {
         let level = self.level.iter().map(|&k| f32::from(k)).collect();
         let mut layers = vec![Layer::scalar("level", level)];
-        if self.variance.iter().all(|v| v.is_finite()) {
-            let error = self.error();
-            layers.push(Layer::scalar("bias2", self.bias2));
-            layers.push(Layer::scalar("variance", self.variance));
-            layers.push(Layer::scalar("error", error));
+        if self.is_known() {
+            layers.push(Layer::scalar("bias2", self.bias2.clone()));
+            layers.push(Layer::scalar("variance", self.variance.clone()));
         }
         layers
     }

@@ -587,7 +587,7 @@ fn film_without_a_noise_estimate_shows_level_0() {
         }
     }
     assert!(resolve_film(&film, SHARP).relative_error() < 1e-6);
-    assert_eq!(resolve_film(&film, SHARP).layers().len(), 4);
+    assert_eq!(resolve_film(&film, SHARP).layers().len(), 3);
     film.push(0, 4, &path(&[Rgb::ONE, Rgb::splat(f32::NAN)]));
     assert_eq!(film.mean(1).pixels[0], Rgb::splat(0.5));
 }

@@ -6,14 +6,11 @@ use super::likeness::likeness;
 use super::stage::Shot;
 use super::wish::{Other, Overlay};
 use crate::image::Buffer;
-use crate::image::denoise::Denoiser;
 use crate::image::film::Film;
 use crate::image::metric::flip;
 use crate::integrator::{Picture, Settings, Stop};
 use crate::pilot::witness::{Missing, missing_light};
-use crate::render::files::finish;
-use crate::render::{Fault, Names, Spec};
-use crate::resolve::{Resolved, film_errors};
+use crate::render::{Fault, Names, Shown, Spec};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -238,19 +235,10 @@ fn finished(
     against: &Against,
     missing: Option<&Missing>,
 ) -> Result<Snapshot, Fault> {
-    let denoiser = match spec.denoise == Some(true) {
-        true => Some(Denoiser::open()?),
-        false => None,
-    };
-    let finished = finish(&job.picture, spec, denoiser.as_ref())?;
-    let mut maps = match finished.resolved {
-        Some(resolved) => of_levels(resolved),
-        None => of_film(&job.picture.film),
-    };
-    if let Some(missing) = missing {
-        maps.lack(missing);
-    }
-    let picture = finished.shown;
+    let denoiser = spec.denoiser()?;
+    let shown = Shown::of(&job.picture, spec, denoiser.as_ref())?;
+    let mut maps = Maps::of(&shown, &job.picture.film, missing);
+    let picture = shown.picture;
     let (flip, values) = against.flip(job.side, &picture);
     maps.flip = values;
     Ok(Snapshot {
@@ -266,44 +254,31 @@ fn finished(
     })
 }
 
-fn of_levels(resolved: Resolved) -> Maps {
-    if !resolved.variance.iter().all(|v| v.is_finite()) {
-        return Maps::default();
-    }
-    let root = |squares: &[f32]| Some(squares.iter().map(|x| x.sqrt()).collect());
-    Maps {
-        error: Some(resolved.error()),
-        noise: root(&resolved.variance),
-        bias: root(&resolved.bias2),
-        stated: Some(resolved.relative_error()),
-        level: Some(resolved.level),
-        ..Maps::default()
-    }
-}
-
-fn of_film(film: &Film) -> Maps {
-    let noise = film_errors(film);
-    Maps {
-        stated: noise.as_deref().map(root_mean_square),
-        error: noise.clone(),
-        noise,
-        ..Maps::default()
-    }
-}
-
 impl Maps {
-    /// Takes over what a witness has found and the picture lacks.
-    fn lack(&mut self, missing: &Missing) {
-        self.error = self.error.take().map(|errors| missing.beside(errors));
-        self.stated = self.error.as_deref().map(root_mean_square);
-        self.missing = Some(missing.squares.iter().map(|x| x.sqrt()).collect());
+    fn of(shown: &Shown, film: &Film, missing: Option<&Missing>) -> Self {
+        let error = shown.errors(film, missing);
+        let Some(error) = error else {
+            return Self::default();
+        };
+        let root = |squares: &[f32]| squares.iter().map(|x| x.sqrt()).collect();
+        let (noise, bias, level) = match &shown.resolved {
+            Some(resolved) => (
+                Some(root(&resolved.variance)),
+                Some(root(&resolved.bias2)),
+                Some(resolved.level.clone()),
+            ),
+            None => (shown.errors(film, None), None, None),
+        };
+        Self {
+            error: Some(error),
+            noise,
+            bias,
+            level,
+            missing: missing.map(|missing| root(&missing.squares)),
+            flip: None,
+            stated: Some(shown.error(film, missing)),
+        }
     }
-}
-
-/// Stated error of pixels with these errors.
-fn root_mean_square(errors: &[f32]) -> f64 {
-    let squares = errors.iter().map(|&e| f64::from(e) * f64::from(e));
-    (squares.sum::<f64>() / errors.len().max(1) as f64).sqrt()
 }
 
 #[cfg(test)]

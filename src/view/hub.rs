@@ -4,10 +4,8 @@ use super::finish::Maps;
 use super::stage::{Shot, Stage};
 use super::wish::Wish;
 use crate::image::Buffer;
-use crate::image::exr::{Layer, Metadata};
-use crate::integrator::Picture;
 use crate::math::UVec2;
-use crate::render::{Fault, Names, Spec};
+use crate::render::{Fault, Names, Outcome};
 use serde_json::{Value, json};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
@@ -48,16 +46,6 @@ pub(super) struct Frame {
     pub(super) head: Value,
     pub(super) picture: Painted,
     pub(super) other: Option<Painted>,
-}
-
-/// A render as it is, to be saved.
-pub(super) struct Kept {
-    pub(super) picture: Picture,
-    pub(super) layers: Vec<Layer>,
-    pub(super) metadata: Metadata,
-    pub(super) world_to_camera: [f32; 16],
-    pub(super) spec: Spec,
-    pub(super) in_studio: bool,
 }
 
 /// A render's course.
@@ -117,7 +105,7 @@ pub(super) struct State {
     pub(super) flip: Option<f64>,
     pub(super) fault: Option<String>,
     pub(super) command: String,
-    pub(super) saves: Vec<SyncSender<Kept>>,
+    pub(super) saves: Vec<SyncSender<Outcome<'static>>>,
 }
 
 /// The shared state, and the threads that wait for it.
@@ -247,7 +235,7 @@ impl Hub {
     }
 
     /// Asks for the render as it is; `None` if too many do or none comes.
-    pub(super) fn keep(&self) -> Option<Kept> {
+    pub(super) fn keep(&self) -> Option<Outcome<'static>> {
         let (send, receive) = std::sync::mpsc::sync_channel(1);
         let room = self.change(|state| {
             let room = state.saves.len() < MAX_SAVES && state.run > 0 && state.phase != "stopped";

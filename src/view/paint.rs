@@ -73,11 +73,7 @@ fn display(spec: &Spec, picture: &Snapshot, held: &mut Option<f32>) -> Display {
     if let (true, true, Some(exposure)) = (auto, picture.preview, *held) {
         return Display { exposure, view };
     }
-    let most = match picture.shot.stage.opened.in_studio {
-        true => 0.0,
-        false => f32::INFINITY,
-    };
-    let display = spec.display(&picture.picture, most);
+    let display = spec.display(&picture.picture, picture.shot.stage.opened.in_studio);
     *held = auto.then_some(display.exposure);
     display
 }

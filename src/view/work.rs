@@ -2,18 +2,18 @@
 //! wants something else.
 
 use super::finish::{Job, Maps, Slot};
-use super::hub::{Course, Hub, Kept, Snapshot, State};
+use super::hub::{Course, Hub, Snapshot, State};
 use super::stage::{Shot, Stage};
 use super::wish::{Overlay, Wish, leave_out};
 use crate::image::film::Window;
-use crate::integrator::layers::Layers;
 use crate::integrator::{Integrator, Picture, Stop, View};
 use crate::math::{UVec2, Vec2};
 use crate::render::look::{Look, LookChoice};
 use crate::render::value::word;
-use crate::render::{Fault, Request, Spec, Subject};
+use crate::render::{Fault, Outcome, Request, Spec, Subject};
 use crate::resolve::Resolve;
 use crate::scene::Scene;
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -94,6 +94,7 @@ impl Renderer<'_> {
             scene,
             name: &file,
             sha256: &stage.opened.sha256,
+            in_studio: stage.opened.in_studio,
         };
         let look = match wish.look {
             Some(look) => look,
@@ -215,7 +216,7 @@ impl Renderer<'_> {
         let mut showing = showing(&hub.lock());
         while !hub.disturbed.load(Ordering::Relaxed) {
             if runs[0].samples > 0 {
-                self.save(&runs[0], shot);
+                self.save(&runs[0]);
             }
             let (paused, now) = {
                 let state = hub.lock();
@@ -347,29 +348,19 @@ impl Renderer<'_> {
     }
 
     /// Hands the render over to those who save it.
-    fn save(&self, run: &Run<'_>, shot: &Shot) {
+    fn save(&self, run: &Run<'_>) {
         let (saves, wished) = {
             let mut state = self.hub.lock();
             (std::mem::take(&mut state.saves), state.wish.spec.clone())
         };
         for save in saves {
             let request = &run.request;
-            let refused = run.picture.film.rejected.total();
-            let mut metadata = request.metadata(run.samples, refused);
-            metadata.insert(
-                "command".into(),
-                format!("{} --spp {}", command(request, &wished), run.samples),
-            );
-            let layers = Layers::new(request.spec.aovs(), &request.view()).of(&run.picture);
+            let picture = Cow::Owned(run.picture.clone());
+            let mut outcome = Outcome::of(request, picture, run.samples, None);
+            let command = format!("{} --spp {}", command(request, &wished), run.samples);
+            outcome.metadata.insert("command".into(), command);
             // A page that has left wants nothing.
-            let _ = save.try_send(Kept {
-                picture: run.picture.clone(),
-                layers,
-                metadata,
-                world_to_camera: request.camera.world_to_camera(),
-                spec: request.spec.clone(),
-                in_studio: shot.stage.opened.in_studio,
-            });
+            let _ = save.try_send(outcome);
         }
     }
 }

@@ -21,8 +21,12 @@ mod train;
 use crate::cli::Place;
 use crate::support::quick_folder;
 use opsr::gallery;
+use opsr::image::denoise::Denoiser;
 use opsr::image::exr;
+use opsr::render::Spec;
+use opsr::scene::SceneParts;
 use opsr::{Aov, Fault, Render, Scene};
+use serde_json::json;
 
 /// A scene of the repository.
 fn scene(name: &str) -> String {
@@ -91,7 +95,7 @@ fn facade_renders_the_picture_of_the_program() {
         let read = |name: &str| exr::read_rgb(&place.path().join(name)).expect("a picture");
         let (ours, theirs) = (read("ours.exr"), read("theirs.exr"));
         assert!(ours.pixels == theirs.pixels, "{args}");
-        assert!(ours.pixels == picture.radiance().pixels, "{args}");
+        assert!(ours.pixels == picture.shown.picture.pixels, "{args}");
     }
     // What cannot be is refused, not left out.
     let light = Render::new(&scene).gamma(0.2).aovs(&[Aov::Emission]).run();
@@ -105,6 +109,59 @@ fn facade_renders_the_picture_of_the_program() {
             .is_err()
     );
     assert!(Render::new(&scene).table("none.json").is_err());
+}
+
+/// Files of the library have the bytes of the program's: every layer of an EXR file, its text but for the scene, PNG files.
+#[test]
+fn facade_writes_the_files_of_the_program() {
+    let place = Place::new();
+    // The sun alone: glTF has no environment.
+    let parts = SceneParts {
+        environment: None,
+        ..gallery::builtin("sun-pool").expect("a scene")
+    };
+    place.save("scene.glb", &parts);
+    let scene = Scene::open(place.path().join("scene.glb")).expect("a scene");
+    let mut cases = vec![
+        ("", json!({})),
+        (
+            "--levels 1 --aov --exposure 1.5 --view agx",
+            json!({"levels": 1, "aov": true, "exposure": 1.5, "view": "agx"}),
+        ),
+        (
+            "--gamma 0.3 --level-layers --exr-half",
+            json!({"gamma": 0.3, "level_layers": true, "exr_half": true}),
+        ),
+    ];
+    if Denoiser::open().is_ok() {
+        for (args, mut options) in cases.clone() {
+            options["denoise"] = true.into();
+            cases.push((format!("{args} --denoise").leak(), options));
+        }
+    }
+    let mut witnessed = 0;
+    for (args, options) in cases {
+        let mut spec = Spec::default();
+        for (name, value) in options.as_object().expect("options") {
+            spec.set(name, value).expect("an option");
+        }
+        // Enough samples for the witness.
+        let command =
+            "render scene.glb --size 32x32 --spp 400 --reproducible -o theirs.exr -o theirs.png";
+        place.opsr(&format!("{command} {args}")).done();
+        let render = Render::new(&scene).with(|own| *own = spec.clone());
+        let finished = render.size(32, 32).spp(400).run().expect("a picture");
+        witnessed += usize::from(finished.outcome.missing.is_some());
+        for name in ["ours.exr", "ours.png"] {
+            finished.save(place.path().join(name)).expect("a file");
+        }
+        assert!(place.read("ours.png") == place.read("theirs.png"), "{args}");
+        let [ours, mut theirs] = ["ours.exr", "theirs.exr"]
+            .map(|name| exr::read_layers(&place.path().join(name)).expect("a file"));
+        theirs.metadata.retain(|key, _| !key.starts_with("scene"));
+        assert!(ours == theirs, "{args}");
+    }
+    assert!(witnessed > 0, "light is missing in plain pictures");
 }
 
 /// A training of a second.

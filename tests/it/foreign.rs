@@ -59,7 +59,7 @@ fn scores(file: &str, reference: &Reference, options: &LoadOptions, spp: u32) ->
         (spec.size, spec.spp, spec.levels) = (None, Some(spp), Some(Levels(Vec::new())));
     });
     let rendered = render.run().unwrap();
-    let film = &rendered.picture.film;
+    let film = &rendered.outcome.picture.film;
     let mean = film.mean();
     assert_eq!([mean.width, mean.height], reference.size, "{file}");
     let (mut sum, mut most, mut count) = (0.0, 0.0f64, 0.0);
@@ -338,7 +338,8 @@ fn foreign_scenes_are_written_as_gltf() {
             .run()
             .unwrap();
         picture
-            .radiance()
+            .shown
+            .picture
             .pixels
             .iter()
             .map(|p| p.x + p.y + p.z)
@@ -369,7 +370,7 @@ fn foreign_plastic_as_gltf_reflects_as_much() {
     let [exact, close] = [exact, close].map(|parts| {
         let scene = Scene::new(parts);
         let picture = Render::new(&scene).size(8, 8).spp(256).run().unwrap();
-        let radiance = picture.radiance();
+        let radiance = picture.shown.picture;
         radiance.pixels.iter().copied().sum::<Rgb>() / radiance.pixels.len() as f32
     });
     let ratio = exact / close;

@@ -215,6 +215,7 @@ impl Renders {
             scene: &opened.scene,
             name: "scene.glb",
             sha256: &opened.sha256,
+            in_studio: false,
         };
         let said = |fault: Fault| fault.to_string();
         let request = Request::new(&spec, subject, None).map_err(said)?;
@@ -472,7 +473,11 @@ fn options_of_the_python_stub_are_those_of_the_library() {
     let typed = |option: &&Opt| format!("    {}: {} | None\n", option.name, (option.python)());
     let of_render = |option: &&Opt| {
         let heading = option.heading;
-        matches!(heading, Heading::Camera | Heading::Stop | Heading::Method) || option.name == "aov"
+        let made = matches!(heading, Heading::Camera | Heading::Stop | Heading::Method);
+        made || ["aov", "denoise"].contains(&option.name)
+    };
+    let of_save = |option: &&Opt| {
+        option.heading == Heading::Files && !["aov", "denoise"].contains(&option.name)
     };
     let of_scene = |option: &&Opt| {
         matches!(option.heading, Heading::Scene | Heading::Light) && option.name != "env"
@@ -485,6 +490,10 @@ fn options_of_the_python_stub_are_those_of_the_library() {
         (
             "class _SceneOptions(TypedDict, total=False):\n    \"\"\"Options of `Scene.load` beside `env`.\"\"\"\n\n",
             of_scene,
+        ),
+        (
+            "class _SaveOptions(TypedDict, total=False):\n    \"\"\"Options of `Film.save`.\"\"\"\n\n",
+            of_save,
         ),
     ] {
         let fields: String = OPTIONS.iter().filter(wanted).map(|o| typed(&o)).collect();

@@ -427,6 +427,7 @@ fn view_picture_is_that_of_a_render_with_the_saved_view() {
             scene: &opened.scene,
             name: "",
             sha256: "",
+            in_studio: false,
         };
         let request = Request::new(&asked, subject, None).expect("a request");
         assert_eq!(request.frame.to_array(), [24, 16]);

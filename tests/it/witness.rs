@@ -55,7 +55,7 @@ fn render_of_a_program_has_the_witness() {
         .spp(400)
         .run()
         .expect("a picture");
-    let missing = rendered.missing.as_ref().expect("light is missing");
+    let missing = rendered.outcome.missing.as_ref().expect("light is missing");
     assert!(missing.share > 0.1, "{missing}");
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("out.exr");

@@ -144,7 +144,7 @@ impl Layer {
 }
 
 /// All channels of a file.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Layers {
     /// Full frame: the display window.
     pub size: UVec2,

@@ -26,9 +26,8 @@ use crate::image::{Buffer, exr};
 use crate::integrator::{Census, Picture};
 use crate::math::UVec2;
 use crate::pilot::stopwatch::Stopwatch;
-use crate::render::files::{Finished, finish};
 use crate::render::value::{Crop, Size, TableChoice};
-use crate::render::{Fault, Heading, Request, Spec, Subject};
+use crate::render::{Fault, Heading, Request, Shown, Spec, Subject};
 
 /// Samples per pixel for counting regularised vertices.
 const CENSUS: u32 = 2;
@@ -186,6 +185,7 @@ impl Bench<'_> {
                     scene: &scene.scene,
                     name: "",
                     sha256: "",
+                    in_studio: false,
                 };
                 let request = Request::new(&render, subject, Some(scene.camera.clone()));
                 // With the name: a method may be measured against itself.
@@ -442,9 +442,12 @@ impl Look<'_> {
         denoiser: Option<&Denoiser>,
     ) -> Result<(Point, Buffer), String> {
         let watch = Stopwatch::start();
-        let Finished {
-            shown, resolved, ..
-        } = finish(picture, method, denoiser).map_err(|e| e.to_string())?;
+        let shown = Shown::of(picture, method, denoiser).map_err(|e| e.to_string())?;
+        let Shown {
+            picture: shown,
+            resolved,
+            ..
+        } = shown;
         let (wall, cpu) = watch.seconds();
         let mut errors = errors(&shown, self.reference, self.scene.exposure)
             .map_err(|e: MetricError| e.to_string())?;

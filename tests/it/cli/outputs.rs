@@ -338,12 +338,12 @@ fn outputs_do_not_replace_textures_and_buffers() {
 #[test]
 fn resolve_keeps_the_metadata_of_the_render() {
     let place = caustics();
-    let args = "--spp 8 --opsr-table table.json --seed 7 --resolve smooth";
+    let args = "--spp 8 --opsr-table table.json --seed 7 --resolve sharp";
     place
         .render(&format!("{args} -o first.exr --checkpoint a.ckpt"))
         .done();
     place
-        .opsr("resolve a.ckpt --resolve smooth -o again.exr")
+        .opsr("resolve a.ckpt --resolve sharp -o again.exr")
         .done();
     let layers = |name: &str| exr::read_layers(&place.path().join(name)).expect("a file");
     let (first, again) = (layers("first.exr").metadata, layers("again.exr").metadata);
@@ -359,10 +359,10 @@ fn resolve_keeps_the_metadata_of_the_render() {
     }
     // The choice itself is the new one.
     place
-        .opsr("resolve a.ckpt --resolve sharp -o other.exr")
+        .opsr("resolve a.ckpt --resolve none -o other.exr")
         .done();
     let other = layers("other.exr").metadata;
-    assert_eq!(other["resolve"].as_str(), "sharp");
+    assert_eq!(other["resolve"].as_str(), "none");
 }
 
 /// The hint for a refused sample is a command, and shows the sample again.

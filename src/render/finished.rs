@@ -1,0 +1,271 @@
+//! The end of a render: the picture as its user gets it, its stated error, and the layers and text of its files.
+//!
+//! An [`Outcome`] is what a render leaves. [`Shown`] is the picture that is made of it by the choice among levels and blurs and by the
+//! denoiser. [`Finished`] has both, and writes files.
+//! The program, the library, Python, the viewer, merged parts and benches end here.
+
+use super::fault::Fault;
+use super::files::{Format, format};
+use super::request::Request;
+use super::spec::{Effect, OPTIONS, Spec};
+use crate::image::denoise::Denoiser;
+use crate::image::display::Display;
+use crate::image::exr::{self, Header, Layer, Metadata, Storage};
+use crate::image::film::Film;
+use crate::image::{Buffer, png};
+use crate::integrator::Picture;
+use crate::integrator::layers::{Aov, Layers};
+use crate::math::Rgb;
+use crate::pilot::witness::Missing;
+use crate::resolve::{Resolve, Resolved, denoise_film, film_error, film_errors, resolve_film};
+use std::borrow::Cow;
+use std::path::Path;
+
+/// A picture as it is shown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shown {
+    /// Linear radiance, Rec. 709 primaries.
+    pub picture: Buffer,
+    /// The picture before it was denoised.
+    pub noisy: Option<Buffer>,
+    /// The choice among levels and blurs, of films that have batches. Its error is that of the picture.
+    pub resolved: Option<Resolved>,
+}
+
+impl Shown {
+    /// Chooses among the levels and blurs of a picture, and denoises it where a denoiser is given.
+    ///
+    /// The denoiser gets one of several levels; its picture and the choice are blended by their errors, unless the raw samples are
+    /// asked for. Fails where the denoiser does, or lacks albedo and normal.
+    pub fn of(picture: &Picture, spec: &Spec, denoiser: Option<&Denoiser>) -> Result<Self, Fault> {
+        let how = spec.resolve();
+        let resolved = (picture.levels.as_ref()).map(|film| resolve_film(film, how));
+        let before = match &resolved {
+            Some(resolved) => resolved.picture.clone(),
+            None => picture.film.mean(),
+        };
+        let Some(denoiser) = denoiser else {
+            return Ok(Self {
+                picture: before,
+                noisy: None,
+                resolved,
+            });
+        };
+        let first = picture.aovs.as_ref().and_then(|a| a.first.as_ref());
+        let needs = || Fault::option("denoise", "needs a render with {aov} albedo,normal");
+        let first = first.ok_or_else(needs)?;
+        let (albedo, normal) = (first.albedo(), first.normal());
+        let clean = |noisy: &Buffer| {
+            // The network invents light in a black picture.
+            if noisy.pixels.iter().all(|p| *p == Rgb::ZERO) {
+                return Ok(noisy.clone());
+            }
+            denoiser.denoise(noisy, &albedo, &normal)
+        };
+        let (shown, resolved) = match (&picture.levels, resolved) {
+            (Some(film), Some(resolved)) if how != Resolve::None => {
+                let resolved = denoise_film(film, resolved, clean)?.resolved;
+                (resolved.picture.clone(), Some(resolved))
+            }
+            (_, resolved) => (clean(&before)?, resolved),
+        };
+        Ok(Self {
+            picture: shown,
+            noisy: Some(before),
+            resolved,
+        })
+    }
+
+    /// Expected relative error of every pixel, with the light that a witness found missing. `None` where there are too few
+    /// samples to tell. A denoised picture of one level states the error before it was denoised.
+    pub fn errors(&self, film: &Film, missing: Option<&Missing>) -> Option<Vec<f32>> {
+        let own = match &self.resolved {
+            Some(resolved) => resolved.is_known().then(|| resolved.error()),
+            None => film_errors(film),
+        };
+        match missing {
+            Some(missing) => own.map(|errors| missing.beside(errors)),
+            None => own,
+        }
+    }
+
+    /// Stated relative error of the picture, the root mean square of [`errors`](Self::errors). Infinite where there are too few
+    /// samples to tell.
+    pub fn error(&self, film: &Film, missing: Option<&Missing>) -> f64 {
+        let own = match &self.resolved {
+            Some(resolved) => resolved.relative_error(),
+            None => film_error(film).error,
+        };
+        missing.map_or(own, |missing| missing.error(own))
+    }
+}
+
+/// A render at its end, or so far, before its picture is chosen and denoised.
+#[derive(Clone)]
+pub struct Outcome<'a> {
+    /// Films and AOVs.
+    pub picture: Cow<'a, Picture>,
+    /// Light that a witness found and the picture lacks.
+    pub missing: Option<Missing>,
+    /// The layers that were asked for.
+    pub aovs: Vec<Layer>,
+    /// Text of EXR files.
+    pub metadata: Metadata,
+    /// World to camera; `None` where it is not known.
+    pub world_to_camera: Option<[f32; 16]>,
+    /// Options of the choice and of files.
+    pub spec: Spec,
+    /// True if the built-in studio lights the scene: automatic exposure then never brightens.
+    pub in_studio: bool,
+}
+
+impl<'a> Outcome<'a> {
+    /// The outcome of a request after `samples` samples per pixel.
+    pub fn of(
+        request: &Request<'_>,
+        picture: Cow<'a, Picture>,
+        samples: u32,
+        missing: Option<Missing>,
+    ) -> Self {
+        let mut metadata = request.metadata(samples, picture.film.rejected.total());
+        if let Some(missing) = &missing {
+            missing.note(&mut metadata);
+        }
+        Self {
+            aovs: Layers::new(request.spec.aovs(), &request.view()).of(&picture),
+            picture,
+            missing,
+            metadata,
+            world_to_camera: Some(request.camera.world_to_camera()),
+            spec: request.spec.clone(),
+            in_studio: request.subject.in_studio,
+        }
+    }
+
+    /// The outcome of a render whose scene is not here: merged parts, or a checkpoint. `metadata` is the text of that render, in
+    /// which options of the film in `spec` replace those that it had.
+    pub fn of_film(
+        spec: &Spec,
+        picture: Picture,
+        wanted: &[Aov],
+        mut metadata: Metadata,
+        world_to_camera: Option<[f32; 16]>,
+    ) -> Self {
+        for option in OPTIONS.iter().filter(|option| option.of_film) {
+            metadata.remove(option.name);
+        }
+        let chosen = spec.given().filter(|(option, _)| option.of_film);
+        let chosen = chosen.filter(|(option, _)| option.effect == Effect::Pixels);
+        metadata.extend(chosen.map(|(option, text)| (option.name.to_owned(), text)));
+        Self {
+            aovs: Layers::recorded(wanted).of(&picture),
+            picture: Cow::Owned(picture),
+            missing: None,
+            metadata,
+            world_to_camera,
+            spec: spec.clone(),
+            in_studio: false,
+        }
+    }
+
+    /// Makes the picture. Fails for a choice that its film does not have, and where the denoiser does.
+    pub fn finish(self, denoiser: Option<&Denoiser>) -> Result<Finished<'a>, Fault> {
+        self.spec.check_film(&self.picture)?;
+        let shown = Shown::of(&self.picture, &self.spec, denoiser)?;
+        Ok(Finished {
+            outcome: self,
+            shown,
+        })
+    }
+}
+
+/// A finished render.
+#[derive(Clone)]
+pub struct Finished<'a> {
+    /// All that the render left.
+    pub outcome: Outcome<'a>,
+    /// The picture.
+    pub shown: Shown,
+}
+
+impl Finished<'_> {
+    fn film(&self) -> &Film {
+        &self.outcome.picture.film
+    }
+
+    /// Stated relative error of the picture, with the light that a witness found missing.
+    pub fn error(&self) -> f64 {
+        self.shown.error(self.film(), self.outcome.missing.as_ref())
+    }
+
+    /// Relative standard error of the mean of a picture of one level, which no blur changes.
+    pub fn mean_error(&self) -> Option<f64> {
+        let levels = self.outcome.picture.levels.as_ref();
+        let one = levels.is_none_or(|film| film.levels() == 1);
+        one.then(|| self.film().relative_mean_error()).flatten()
+    }
+
+    /// Layers of an EXR file beside the picture: those that were asked for, the picture before it was denoised, the choice of
+    /// every pixel with its bias, variance and error, and every level where that is asked for.
+    pub fn layers(&self) -> Vec<Layer> {
+        let mut layers = self.outcome.aovs.clone();
+        let noisy = self.shown.noisy.as_ref();
+        layers.extend(noisy.map(|noisy| Layer::rgb("noisy", noisy)));
+        if let Some(resolved) = &self.shown.resolved {
+            layers.extend(resolved.layers());
+        }
+        let errors = self
+            .shown
+            .errors(self.film(), self.outcome.missing.as_ref());
+        layers.extend(errors.map(|errors| Layer::scalar("error", errors)));
+        if let Some(film) = &self.outcome.picture.levels
+            && self.outcome.spec.level_layers == Some(true)
+        {
+            let level = |k| Layer::rgb(&format!("level{k}"), &film.mean(k));
+            layers.extend((0..film.levels()).map(level));
+        }
+        layers
+    }
+
+    /// Exposure and view of PNG files.
+    pub fn display(&self) -> Display {
+        let Outcome {
+            spec, in_studio, ..
+        } = &self.outcome;
+        spec.display(&self.shown.picture, *in_studio)
+    }
+
+    /// Writes an EXR file with all layers, or a PNG file, whole or not at all; the ending of the name says which.
+    ///
+    /// An EXR file of a picture that is the mean of its samples also has the statistics of the samples.
+    pub fn save(&self, file: impl AsRef<Path>) -> Result<(), Fault> {
+        let file = file.as_ref();
+        match format(file)? {
+            Format::Png => png::write(file, &self.shown.picture, self.display())?,
+            Format::Exr => {
+                let Outcome {
+                    spec,
+                    metadata,
+                    world_to_camera,
+                    ..
+                } = &self.outcome;
+                let header = Header {
+                    metadata,
+                    storage: Storage {
+                        half: spec.exr_half.unwrap_or_default(),
+                        compression: spec.exr_compression.unwrap_or_default(),
+                    },
+                    world_to_camera: *world_to_camera,
+                };
+                let (film, layers) = (self.film(), self.layers());
+                if self.shown.resolved.is_some() || self.shown.noisy.is_some() {
+                    let part = (film.size, film.window);
+                    exr::write_layers(file, part, &self.shown.picture, &layers, header)?;
+                } else {
+                    exr::write_film(file, film, &layers, header)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
