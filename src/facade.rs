@@ -5,7 +5,7 @@ use crate::files::FileError;
 use crate::integrator::layers::Aov;
 use crate::math::UVec2;
 use crate::regularise::file::TableFile;
-use crate::render::value::{self, Levels, Size, TableChoice};
+use crate::render::value::{self, Levels, ResolveChoice, Size, TableChoice};
 use crate::render::{Fault, Finished, Outcome, Request, Spec, Subject, run};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Camera, Scene};
@@ -84,8 +84,9 @@ impl<'a> Render<'a> {
 
     /// The attenuation factors of a table: a file, or `beta-0.001` or `beta-0.05`, which the library contains.
     pub fn table(self, table: impl AsRef<Path>) -> Result<Self, FileError> {
-        let file = Arc::new(TableFile::load(table.as_ref())?);
-        Ok(self.with(|spec| (spec.table, spec.gamma) = (Some(TableChoice::Held(file)), None)))
+        let path = table.as_ref();
+        let table = TableChoice::Held(Arc::new(TableFile::load(path)?), Some(path.into()));
+        Ok(self.with(|spec| (spec.table, spec.gamma) = (Some(table), None)))
     }
 
     /// One attenuation factor in [0, 1] for all paths; 0 is plain path tracing.
@@ -93,10 +94,15 @@ impl<'a> Render<'a> {
         self.with(|spec| (spec.table, spec.gamma) = (None, Some(gamma)))
     }
 
-    /// Scales of the factors at several levels, ascending from 0, of which every pixel gets the best; empty for the factors
-    /// as they are. By default four, where there is something to roughen.
+    /// Scales of the factors at several levels, ascending from 0, of which every pixel gets the best. By default four, where
+    /// there is something to roughen.
     pub fn levels(self, scales: &[f32]) -> Self {
-        self.with(|spec| spec.levels = Some(Levels(scales.to_vec())))
+        self.with(|spec| spec.levels = Some(Levels::At(scales.to_vec())))
+    }
+
+    /// The means of all samples at the factors as they are, without levels and blurs.
+    pub fn raw(self) -> Self {
+        self.with(|spec| spec.resolve = Some(ResolveChoice::Raw))
     }
 
     /// Layers beside the picture, for EXR files.

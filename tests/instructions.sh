@@ -115,7 +115,7 @@ PYTHON
 # instructions SCENE SPP [OPTIONS]: of the whole program.
 instructions() {
     valgrind --tool=callgrind --callgrind-out-file=/dev/null "$program" render "$work/$1.gltf" --size 48x48 --spp "$2" \
-        --camera 0 --seed 1 --levels 1 --threads 1 --reproducible --progress none -o "$work/out.exr" "${@:3}" 2>&1 |
+        --camera 0 --seed 1 --resolve raw --threads 1 --reproducible --progress none -o "$work/out.exr" "${@:3}" 2>&1 |
         awk '/Collected/ { print $NF } /opsr:/ { print > "/dev/stderr" }'
 }
 

@@ -67,7 +67,7 @@ pub(crate) fn read(
         if let Ok(table) = value.cast::<Table>()
             && name == "table"
         {
-            spec.table = Some(TableChoice::Held(Arc::new(table.get().file.clone())));
+            spec.table = Some(TableChoice::Held(Arc::new(table.get().file.clone()), None));
             continue;
         }
         let typed = Opt::named(&name).map(|option| (option.python)());

@@ -4,7 +4,9 @@ use crate::errors::{argument, file};
 use crate::film::Film;
 use opsr::image::Buffer;
 use opsr::image::exr::Layer;
+use opsr::image::level_film::LevelFilm;
 use opsr::integrator::Picture;
+use opsr::integrator::amounts::{Amounts, Scales};
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::method::IntegratorKind;
 use opsr::math::{Rgb, UVec2};
@@ -108,7 +110,6 @@ pub(crate) fn reduce<'py>(film: &Bound<'py, Film>) -> PyResult<Bound<'py, PyAny>
         spec,
         in_studio,
     } = &film.done.outcome;
-    let levels = picture.levels.as_ref();
     let checkpoint = Checkpoint {
         fingerprint: Fingerprint {
             version: String::new(),
@@ -117,7 +118,11 @@ pub(crate) fn reduce<'py>(film: &Bound<'py, Film>) -> PyResult<Bound<'py, PyAny>
         },
         samples: film.spp,
         seconds: 0.0,
-        levels: vec![0.0; levels.map_or(0, |levels| levels.levels())],
+        amounts: match picture.levels.as_ref().map(LevelFilm::levels) {
+            None => Amounts::Raw,
+            Some(1) => Amounts::Blurred,
+            Some(films) => Amounts::Roughening(Scales::of_count(films).unwrap_or_default()),
+        },
         metadata: metadata.clone(),
         picture: picture.clone().into_owned(),
     };

@@ -48,7 +48,7 @@ def test_parts_merge_to_the_bytes_of_the_single_render(box, tmp_path, options):
         ({"part": "x", "aov": "id"}, "aov: a part keeps no"),
         ({"aov": "colour"}, "no layer `colour`: there are albedo, normal"),
         ({"aov": "direct", "gamma": 0.3, "levels": 3}, "aov: emission, direct and indirect"),
-        ({"aov": "level", "levels": 1}, "aov: level needs levels"),
+        ({"aov": "level", "resolve": "raw"}, "aov: level needs levels"),
         ({"consistent": 0.2}, "consistent: needs table or gamma"),
         ({"consistent": 0.7, "gamma": 0.2}, "between 0 and 0.5"),
         ({"filter": 2}, "filter: needs mode filter-glossy"),
@@ -137,7 +137,7 @@ def test_part_that_is_gone_on_with_is_that_of_one_render(box, tmp_path, options)
 
 
 def test_partial_merge_is_black_where_nothing_is(box, tmp_path):
-    raw = {**SMALL, "levels": 1}
+    raw = {**SMALL, "resolve": "raw"}
     opsr.render(box, part=tmp_path / "a", crop=(0, 0, 24, 5), **raw)
     opsr.render(box, part=tmp_path / "b", crop=(0, 10, 24, 6), samples=(2, 6), **raw)
     film = opsr.merge([tmp_path / "a", tmp_path / "b"], partial=True)

@@ -20,7 +20,7 @@ SMALL = {"size": (24, 16), "spp": 4}
 
 
 def test_render_arrays_have_shape_and_type(box):
-    film = opsr.render(box, **SMALL, levels=1, aov=True)
+    film = opsr.render(box, **SMALL, resolve="raw", aov=True)
     assert film.picture.shape == film.variance.shape == (16, 24, 3)
     assert film.picture.dtype == film.variance.dtype == np.float32
     assert film.samples.shape == (16, 24) and (film.samples == 4).all()
@@ -34,7 +34,7 @@ def test_render_arrays_have_shape_and_type(box):
 
 
 def test_render_determinism_over_threads_passes_and_crops(box):
-    settings = {**SMALL, "table": "beta-0.05", "levels": 1}
+    settings = {**SMALL, "table": "beta-0.05", "resolve": "raw"}
     whole = opsr.render(box, **settings, seed=3).picture
     for threads in (1, 3):
         again = opsr.render(box, **{**settings, "table": opsr.Table.load("beta-0.05")}, seed=3, threads=threads)
@@ -50,7 +50,7 @@ def test_render_determinism_over_threads_passes_and_crops(box):
         ([], {}),
         (["--aov", "--seed", "9", "--crop", "3,2,12,8"], {"aov": True, "seed": 9, "crop": (3, 2, 12, 8)}),
         (["--opsr-table", "beta-0.001"], {"table": "beta-0.001"}),
-        (["--opsr-table", "beta-0.001", "--levels", "1"], {"table": "beta-0.001", "levels": 1}),
+        (["--opsr-table", "beta-0.001", "--resolve", "raw"], {"table": "beta-0.001", "resolve": "raw"}),
         (["--gamma", "0.4", "--mode", "reuse"], {"gamma": 0.4, "mode": "reuse"}),
         (["--gamma", "0.4"], {"gamma": 0.4}),
         (["--opsr-table", "beta-0.05"], {"table": "beta-0.05", "levels": 4}),
@@ -100,7 +100,7 @@ def test_files_have_the_bytes_of_the_program(program, tmp_path):
 def test_levels_are_four_where_there_can_be_levels(box):
     assert opsr.render(box, **SMALL, table="beta-0.05").levels.shape == (4, 16, 24, 3)
     assert opsr.render(box, **SMALL, gamma=0.5).levels.shape[0] == 4
-    for options in ({"mode": "reuse"}, {"consistent": 0.2}, {"aov": "direct", "levels": 1}, {"levels": 1}, {"integrator": "bdpt", "levels": 1}):
+    for options in ({"mode": "reuse"}, {"consistent": 0.2}, {"aov": "direct", "resolve": "raw"}, {"resolve": "raw"}, {"integrator": "bdpt", "resolve": "raw"}):
         assert opsr.render(box, **SMALL, gamma=0.5, **options).levels is None
     # One level, which may be blurred.
     for options in ({}, {"gamma": 0}, {"integrator": "bdpt"}):
@@ -123,7 +123,7 @@ def test_levels_resolve(box):
     with pytest.raises(ValueError, match="resolve"):
         opsr.resolve(film, resolve="robust")
     with pytest.raises(ValueError, match="a film of one level, there is nothing to choose"):
-        opsr.resolve(opsr.render(box, **SMALL, levels=1))
+        opsr.resolve(opsr.render(box, **SMALL, resolve="raw"))
 
 
 def test_save_png_and_names(box, tmp_path):
@@ -304,7 +304,7 @@ def test_render_after_fork(box):
         ({"levels": [], "gamma": 0.5}, ValueError, "levels: expected"),
         ({"levels": [0, 0.5, 0.2], "gamma": 0.5}, ValueError, "levels: expected 2 to 8 scales"),
         ({"crop": (0, -1, 4, 4)}, ValueError, "crop: expected"),
-        ({"resolve": "sharp", "levels": 1}, ValueError, "resolve: needs several levels"),
+        ({"resolve": "sharp", "resolve": "raw"}, ValueError, "resolve: needs several levels"),
         ({"none": 1}, TypeError, "none"),
     ],
 )

@@ -42,11 +42,8 @@ fn arg(option: &'static Opt) -> Arg {
 /// The text, if the option takes it.
 fn checked(option: &'static Opt, text: &str) -> Result<String, String> {
     let read = Spec::default().set(option.name, &Value::from(text));
-    match read {
-        Ok(()) => Ok(text.to_owned()),
-        Err(Fault::Option { why, .. }) => Err(why),
-        Err(fault) => Err(fault.said(Names::Flags)),
-    }
+    read.map(|()| text.to_owned())
+        .map_err(|fault| fault.reason(Names::Flags))
 }
 
 /// The given options among those that are wanted.

@@ -19,7 +19,7 @@ use opsr::integrator::method::IntegratorKind;
 use opsr::render::files::{Outputs, can_write, check_distinct};
 use opsr::render::look::LookChoice;
 use opsr::render::open::Opened;
-use opsr::render::value::{Levels, TableChoice};
+use opsr::render::value::{ResolveChoice, TableChoice};
 use opsr::render::{Begun, Fault, Request, Spec, Subject};
 use opsr::scene::Scene;
 use std::path::{Path, PathBuf};
@@ -98,8 +98,8 @@ fn spec(args: &RenderArgs) -> Result<Spec, Fault> {
         let what = "time never makes the same file twice: not with {reproducible}";
         return Err(Fault::option("aov", what));
     }
-    if args.trace_pixel.is_some() {
-        spec.levels.get_or_insert(Levels(Vec::new()));
+    if args.trace_pixel.is_some() && spec.levels.is_none() {
+        spec.resolve.get_or_insert(ResolveChoice::Raw);
     }
     Ok(spec)
 }
@@ -164,7 +164,7 @@ impl RenderJob<'_> {
         }
         begun.pilot = self.began.elapsed();
         let Begun { start, spent, .. } = begun;
-        let levels = request.settings.levels.len();
+        let levels = request.settings.amounts.films();
         if levels > 1 && start == 0 {
             let bytes = LevelFilm::bytes(request.window.len(), levels);
             tracing::info!("{levels} levels take {} MB", bytes / 1_000_000);

@@ -91,7 +91,7 @@ pub(super) struct RenderArgs {
         hide_short_help = true
     )]
     pub(super) progress: Style,
-    /// Print the paths of a pixel instead of rendering, as --levels 1 renders them: those of its first samples, as many as
+    /// Print the paths of a pixel instead of rendering, as --resolve raw renders them: those of its first samples, as many as
     /// --spp says (or 4).
     #[arg(long, value_name = "X,Y", value_parser = pixel, help_heading = "Program", hide_short_help = true)]
     pub(super) trace_pixel: Option<Pixel>,

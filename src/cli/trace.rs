@@ -21,7 +21,7 @@ pub(super) fn run(args: &RenderArgs, request: &Request<'_>, pixel: Pixel) -> any
     let settings = &request.settings;
     let path = matches!(settings.estimator, Estimator::Path { .. });
     let auto = request.spec.kind() != request.kind;
-    if auto || !path || settings.levels.len() > 1 {
+    if auto || !path || settings.amounts.has_choice() {
         let what = "--trace-pixel is for the path tracer with one level, not for --integrator auto";
         return Err(anyhow!(what)).usage();
     }

@@ -2,12 +2,12 @@
 //!
 //! A sealed file whose header names the version, the scene and the settings; a file of another render is refused.
 
-use super::{Aovs, Picture};
+use super::{Amounts, Aovs, Picture};
 use crate::files::{FileError, Sealed};
 use crate::image::batches::{Batches, Sharing};
 use crate::image::exr::{MAX_PIXELS, Metadata};
 use crate::image::film::{Cause, Film, Rejected, RejectedSample, Window};
-use crate::image::level_film::{LevelFilm, MAX_LEVELS};
+use crate::image::level_film::LevelFilm;
 use crate::math::UVec2;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
@@ -15,7 +15,7 @@ use std::path::Path;
 
 const FILE: Sealed = Sealed {
     kind: "render checkpoint",
-    version: 3,
+    version: 4,
     // 56 bytes of film, 136 of AOVs and 464 of eight levels per pixel, and a header.
     most: 700 * MAX_PIXELS as u64,
 };
@@ -85,8 +85,8 @@ struct Header {
     refused: [u64; 2],
     /// The first of them: column, row, sample, and true if it was infinite.
     first_refused: Vec<(u32, u32, u32, bool)>,
-    /// Scales of the levels; empty for one level.
-    levels: Vec<f32>,
+    /// The films of the payload.
+    amounts: Amounts,
     #[serde(default)]
     metadata: Metadata,
     /// Sums of all pixels in batches, where pixels share light paths.
@@ -99,7 +99,7 @@ impl Header {
     fn payload_bytes(&self) -> u64 {
         let [_, _, w, h] = self.window.map(u64::from);
         let pixels = w.saturating_mul(h).min(MAX_PIXELS as u64);
-        let levels = LevelFilm::bytes_with(1, self.levels.len().min(MAX_LEVELS), u32::MAX);
+        let levels = LevelFilm::bytes_with(1, self.amounts.films(), u32::MAX);
         let aovs = 8 * Aovs::NUMBERS.iter().sum::<usize>();
         LevelFilm::HEAD + pixels * ((8 * Film::NUMBERS + aovs) as u64 + levels)
     }
@@ -114,8 +114,8 @@ pub struct Checkpoint {
     pub samples: u32,
     /// Wall time spent so far.
     pub seconds: f64,
-    /// Scales of the levels; empty for one level.
-    pub levels: Vec<f32>,
+    /// The films of the picture.
+    pub amounts: Amounts,
     /// Text for the file of the picture.
     pub metadata: Metadata,
     /// The moments and AOVs so far.
@@ -136,7 +136,7 @@ impl Checkpoint {
             window: [x, y, w, h],
             refused,
             first_refused,
-            levels: self.levels.clone(),
+            amounts: self.amounts.clone(),
             metadata: self.metadata.clone(),
             shared: shared(&film.sharing),
         };
@@ -162,7 +162,7 @@ impl Checkpoint {
         let (header, payload): (Header, _) = FILE.load_of(path, promised)?;
         let [x, y, w, h] = header.window;
         let (size, window) = (UVec2::from_array(header.size), Window { x, y, w, h });
-        let picture = read(size, window, header.levels.len(), &payload);
+        let picture = read(size, window, &header.amounts, &payload);
         let mut picture = picture.map_err(|e| FileError::content(path, e))?;
         picture.film.rejected = rejected(header.refused, &header.first_refused);
         picture.film.sharing = sharing(&header.shared);
@@ -170,7 +170,7 @@ impl Checkpoint {
             fingerprint: header.fingerprint,
             samples: header.samples,
             seconds: header.seconds,
-            levels: header.levels,
+            amounts: header.amounts,
             metadata: header.metadata,
             picture,
         })
@@ -250,13 +250,13 @@ pub(super) fn write(picture: &Picture, mut out: &mut dyn Write) -> io::Result<()
 pub(super) fn read(
     size: UVec2,
     window: Window,
-    levels: usize,
+    amounts: &Amounts,
     payload: &[u8],
 ) -> Result<Picture, String> {
     let end = (8 * Film::NUMBERS).saturating_mul(window.len());
     let (film, mut rest) = payload.split_at(end.min(payload.len()));
     let film = Film::from_numbers(size, window, &numbers(film)?).map_err(|e| e.to_string())?;
-    let levels = match levels {
+    let levels = match amounts.films() {
         0 => None,
         n => {
             let read = LevelFilm::read(size, window, &mut rest)?;

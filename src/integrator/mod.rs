@@ -5,6 +5,7 @@
 //! path tracing compiles to a loop without a table. [`levels`] traces several amounts of roughening at once, [`guided`] learns
 //! where light comes from. All walk by one [`walk`]: a loop holds its estimator and nothing else.
 
+pub mod amounts;
 pub mod aov;
 pub mod bidirectional;
 pub mod census;
@@ -15,6 +16,7 @@ pub mod layers;
 pub mod levels;
 pub mod method;
 pub mod metropolis;
+pub mod modes;
 pub mod part;
 pub mod path;
 pub mod settings;
@@ -27,6 +29,7 @@ use crate::image::level_film::LevelFilm;
 use crate::math::UVec2;
 use crate::math::moments::Moments;
 use crate::scene::{Camera, Scene, Sensor};
+pub use amounts::Amounts;
 pub use aov::{Aovs, FirstHit};
 pub use bidirectional::Bidirectional;
 pub use census::Census;
@@ -143,7 +146,7 @@ pub struct Picture {
     pub film: Film,
     /// AOVs, where they are wanted.
     pub aovs: Option<Aovs>,
-    /// Means of all levels in batches, for settings of several levels; `film` then holds level 0.
+    /// Means in batches of the [films](Amounts::films) that a choice is made of; `film` then holds the first.
     pub levels: Option<LevelFilm>,
 }
 
@@ -155,26 +158,27 @@ impl Picture {
     /// The same of albedo, normal and depth; measured: 181. Light and time take less.
     const AOV_BYTES: u64 = 195;
 
-    /// An empty picture of so many levels, none for one, with these [parts](layers::Aov::recorded) of AOVs.
+    /// An empty picture with the films of these amounts and with these [parts](layers::Aov::recorded) of AOVs.
     pub fn blank(
         size: UVec2,
         window: Window,
-        levels: usize,
+        amounts: &Amounts,
         recorded: [bool; 3],
     ) -> Result<Self, FilmError> {
+        let films = amounts.films();
         Ok(Self {
             film: Film::cropped(size, window)?,
             aovs: Aovs::new(window, recorded),
-            levels: (levels > 0).then(|| LevelFilm::new(size, window, levels)),
+            levels: (films > 0).then(|| LevelFilm::new(size, window, films)),
         })
     }
 
     /// Bytes that such a picture takes, its copies in tiles and files included.
-    pub fn bytes(window: Window, levels: usize, recorded: [bool; 3]) -> u64 {
+    pub fn bytes(window: Window, amounts: &Amounts, recorded: [bool; 3]) -> u64 {
         let records = recorded.iter().filter(|r| **r).count() as u64;
-        let film = match levels {
+        let film = match amounts.films() {
             0 => Self::FILM_BYTES,
-            _ => {
+            levels => {
                 let sums = LevelFilm::bytes(1, levels);
                 let beside = levels::pass_bytes(levels).max(Self::CHOICE_BYTES);
                 size_of::<Moments>() as u64 + sums + beside

@@ -9,11 +9,11 @@
 
 use super::checkpoint::{self, Fingerprint};
 use super::drive::{Budget, RenderProgress, drive};
-use super::{Aovs, Integrator, Picture, View};
+use super::{Amounts, Aovs, Integrator, Picture, View};
 use crate::files::{FileError, Payload, Problem, Sealed};
 use crate::image::batches::Sharing;
 use crate::image::film::{Cause, Film, Window};
-use crate::image::level_film::{LevelFilm, MAX_LEVELS, PathLevels};
+use crate::image::level_film::{LevelFilm, PathLevels};
 use crate::math::{Rgb, UVec2};
 use crate::memory::{self, Shortage};
 use serde::{Deserialize, Serialize};
@@ -25,7 +25,7 @@ use std::time::Instant;
 
 const FILE: Sealed = Sealed {
     kind: "part of a render",
-    version: 2,
+    version: 3,
     // Parts are read piece by piece.
     most: 0,
 };
@@ -42,8 +42,8 @@ pub struct Part {
     pub window: [u32; 4],
     /// First sample, and the one after the last.
     pub samples: [u32; 2],
-    /// Scales of the levels; empty for one level.
-    pub levels: Vec<f32>,
+    /// The films of the payload.
+    pub amounts: Amounts,
     /// True for AOVs of the first surface, and of light.
     pub aovs: [bool; 2],
     /// Layers that the file of the picture shall have, by name.
@@ -67,7 +67,7 @@ impl Part {
         fingerprint: Fingerprint,
         view: &View<'_>,
         samples: Range<u32>,
-        levels: Vec<f32>,
+        amounts: Amounts,
         aovs: [bool; 2],
     ) -> Self {
         let Window { x, y, w, h } = view.window;
@@ -76,7 +76,7 @@ impl Part {
             size: view.sensor.frame.to_array(),
             window: [x, y, w, h],
             samples: [samples.start, samples.end],
-            levels,
+            amounts,
             aovs,
             layers: Vec::new(),
             metadata: BTreeMap::new(),
@@ -97,8 +97,8 @@ impl Part {
     /// A picture of these pixels without samples.
     fn blank(&self, window: Window) -> Picture {
         let [first, light] = self.aovs;
-        let (size, levels) = (UVec2::from_array(self.size), self.levels.len());
-        let blank = Picture::blank(size, window, levels, [first, light, false]);
+        let size = UVec2::from_array(self.size);
+        let blank = Picture::blank(size, window, &self.amounts, [first, light, false]);
         blank.expect("a window that was checked")
     }
 
@@ -201,7 +201,7 @@ impl Part {
         let render = (file.as_ref()).map_or("render".to_owned(), |file| format!("render ({file})"));
         part.fingerprint
             .differs(&self.fingerprint, "part", &render)?;
-        let same = part.size == self.size && part.levels == self.levels;
+        let same = part.size == self.size && part.amounts == self.amounts;
         match same && part.aovs == self.aovs && part.camera == self.camera {
             true => Ok(()),
             false => Err(format!(
@@ -214,7 +214,7 @@ impl Part {
     /// The picture of a part that has sums, from its payload.
     fn sums(&self, payload: &[u8]) -> Result<Picture, Problem> {
         let (size, window) = (UVec2::from_array(self.size), self.window());
-        let read = checkpoint::read(size, window, self.levels.len(), payload);
+        let read = checkpoint::read(size, window, &self.amounts, payload);
         let mut read = read.map_err(Problem::content)?;
         read.film.rejected = checkpoint::rejected(self.refused, &self.first_refused);
         read.film.sharing = checkpoint::sharing(&self.shared);
@@ -230,9 +230,6 @@ impl Part {
         if start >= end {
             return Err(Problem::content(format!("no samples: {start}..{end}")));
         }
-        if part.levels.len() > MAX_LEVELS {
-            return Err(Problem::content("too many levels"));
-        }
         if payload.left() != part.payload_bytes() {
             return Err(Problem::content("its length is not that of its samples"));
         }
@@ -241,7 +238,7 @@ impl Part {
 
     /// Length of the payload.
     fn payload_bytes(&self) -> u64 {
-        let (pixels, levels) = (self.window().len(), self.levels.len());
+        let (pixels, levels) = (self.window().len(), self.amounts.films());
         let aovs: usize = self.aov_numbers().iter().sum();
         let [start, end] = self.samples;
         if start == 0 {
@@ -367,7 +364,7 @@ fn merge_all(
     let [a, b] = first.aov_numbers();
     let each = size_of::<[f64; 7]>() as u64 + 8 * (a + b) as u64;
     let most = parts.iter().map(|(_, part)| part.samples[1]).max();
-    let levels = LevelFilm::bytes_with(window.len(), first.levels.len(), most.unwrap_or(0));
+    let levels = LevelFilm::bytes_with(window.len(), first.amounts.films(), most.unwrap_or(0));
     let largest = parts.iter().filter(|(_, part)| part.samples[0] == 0);
     let largest = largest.map(|(_, part)| 2 * part.payload_bytes()).max();
     let bytes = window.len() as u64 * each + levels + largest.unwrap_or(0);

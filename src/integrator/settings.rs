@@ -1,15 +1,16 @@
 //! Settings of a render, and the integrator they stand for.
 
-use super::bidirectional::{Aimed, Bidirectional, RADII, Radius, Strategies, Strategy};
+use super::amounts::{Amounts, LevelError, RadiusFactors, Scales};
+use super::bidirectional::{Aimed, Bidirectional, Radius, Strategies, Strategy};
 use super::guided::{self, Guided};
-use super::levels::{LevelError, LevelTracer, SCALES, estimate};
+use super::levels::{LevelTracer, estimate};
 use super::metropolis::{self, Metropolis};
 use super::path::PathTracer;
 use super::path::manifold::Manifold;
 use super::{Integrator, Picture, View};
 use crate::image::exr::Metadata;
 use crate::image::film::Window;
-use crate::image::level_film::{BATCHES, LevelFilm, MAX_LEVELS};
+use crate::image::level_film::{BATCHES, LevelFilm};
 use crate::math::UVec2;
 use crate::regularise::{Rule, Unregularised};
 use crate::sampler::{CameraSource, SamplerKind, Seed};
@@ -59,9 +60,6 @@ impl Default for Estimator {
     }
 }
 
-/// The one level of an estimator whose picture may be blurred.
-pub const BLURRED: [f32; 1] = [1.0];
-
 /// All that a picture depends on, apart from the view and the number of samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -69,10 +67,8 @@ pub struct Settings {
     pub estimator: Estimator,
     /// The rule that roughens the last vertex of a path.
     pub rule: Rule,
-    /// Scales of the rule's factors at the [levels](super::levels) of a render, ascending from 0, which is plain path
-    /// tracing; of [`Estimator::Sppm`] factors on the radius, ascending from 1; of `bdpt`, `vcm` and path tracing of one level
-    /// [`BLURRED`], the light as it is with all that its blur needs; empty for a render at the rule's own factors alone.
-    pub levels: Vec<f32>,
+    /// The films that are kept. An estimator takes some of them, by its rule ([`Settings::check_amounts`]).
+    pub amounts: Amounts,
     /// The only part of the strategies of `bdpt` or `vcm` that the picture shows, with its weights; without a rule.
     pub strategy: Option<Strategy>,
     /// Random numbers of camera paths, of path tracing only: other estimators have independent ones. Independent by
@@ -91,7 +87,7 @@ impl Default for Settings {
         Self {
             estimator: Estimator::default(),
             rule: Rule::Plain,
-            levels: Vec::new(),
+            amounts: Amounts::Raw,
             strategy: None,
             sampler: SamplerKind::default(),
             max_vertices: 16,
@@ -104,21 +100,20 @@ impl Default for Settings {
 impl Settings {
     /// The integrator of these settings.
     ///
-    /// Panics for levels that [`Settings::check_levels`] refuses.
+    /// Panics for amounts that [`Settings::check_amounts`] refuses.
     pub fn integrator(&self) -> Box<dyn Integrator> {
         let (strategies, merging) = match self.estimator {
-            Estimator::Path { .. } if !self.levels.is_empty() && self.levels != BLURRED => {
-                let tracer = self.level_tracer().expect("levels that were checked");
-                return Box::new(LevelIntegrator {
-                    tracer,
-                    source: self.source(),
-                });
-            }
             Estimator::Path { .. } => {
+                let source = self.source();
+                if let Amounts::Roughening(scales) = &self.amounts {
+                    let tracer = self.level_tracer(scales);
+                    let tracer = tracer.expect("levels that were checked");
+                    return Box::new(LevelIntegrator { tracer, source });
+                }
                 return Box::new(PathIntegrator {
                     tracer: self.tracer(self.rule.clone()),
-                    source: self.source(),
-                    is_blurred: self.levels == BLURRED,
+                    source,
+                    is_blurred: self.amounts.has_batches(),
                 });
             }
             Estimator::Guided { unbiased } => {
@@ -143,21 +138,24 @@ impl Settings {
                 return Box::new(Metropolis::new(base, mutations));
             }
         };
-        let radii = match self.estimator {
-            Estimator::Sppm(_) => self.levels.clone(),
+        let radii = match &self.amounts {
+            Amounts::Radii(factors) => factors.as_slice().to_vec(),
             _ => Vec::new(),
         };
         Box::new(Bidirectional {
             merging,
             radii,
-            batched: self.connects() && !self.levels.is_empty(),
+            batched: self.connects() && self.amounts.has_batches(),
             ..self.bidirectional(strategies)
         })
     }
 
-    /// Numbers of the camera paths of path tracing: independent from batch to batch where there are several levels.
+    /// Numbers of the camera paths of path tracing: independent from batch to batch where there are batches.
     pub fn source(&self) -> CameraSource {
-        let batches = if self.levels.is_empty() { 1 } else { BATCHES };
+        let batches = match self.amounts.has_batches() {
+            true => BATCHES,
+            false => 1,
+        };
         CameraSource::new(self.sampler, Seed(self.seed), batches as u32)
     }
 
@@ -201,33 +199,42 @@ impl Settings {
             Estimator::Mlt { .. } => metropolis::bytes(frame),
             _ => 0,
         };
-        Picture::bytes(window, self.levels.len(), recorded) + beside
+        Picture::bytes(window, &self.amounts, recorded) + beside
     }
 
-    /// An error unless the settings have one level, or the levels of an estimator and a rule that can have several.
-    pub fn check_levels(&self) -> Result<(), LevelError> {
-        if self.levels.is_empty() {
-            return Ok(());
+    /// An error unless the estimator and its rule take these amounts.
+    pub fn check_amounts(&self) -> Result<(), LevelError> {
+        match (self.estimator, &self.amounts) {
+            (_, Amounts::Raw) => Ok(()),
+            (Estimator::Sppm(_), Amounts::Radii(_)) => Ok(()),
+            (Estimator::Sppm(_), _) => Err(LevelError::Radii),
+            (Estimator::Path { reuse: true }, _) => Err(LevelError::Reuse),
+            (Estimator::Path { .. }, Amounts::Blurred) => Ok(()),
+            (Estimator::Path { .. }, Amounts::Roughening(scales)) => {
+                self.level_tracer(scales).map(|_| ())
+            }
+            (_, Amounts::Blurred) if self.connects() && self.strategy.is_none() => Ok(()),
+            _ => Err(LevelError::Estimator),
         }
-        if let Estimator::Sppm(_) = self.estimator {
-            let finite = self.levels.iter().all(|s| s.is_finite());
-            let ascending = self.levels.is_sorted_by(|a, b| a < b) && self.levels[0] == 1.0;
-            let some = (2..=MAX_LEVELS).contains(&self.levels.len());
-            return match finite && ascending && some {
-                true => Ok(()),
-                false => Err(LevelError::Radii),
-            };
+    }
+
+    /// The amounts of these numbers: scales of the rule's factors in path tracing, factors on the radius of `sppm`.
+    pub fn amounts_at(&self, numbers: &[f32]) -> Result<Amounts, LevelError> {
+        if matches!(self.estimator, Estimator::Sppm(_)) {
+            return Amounts::radii(numbers);
         }
-        if self.connects() {
-            return match self.levels == BLURRED && self.strategy.is_none() {
-                true => Ok(()),
-                false => Err(LevelError::Estimator),
-            };
-        }
-        if self.estimator == (Estimator::Path { reuse: false }) && self.levels == BLURRED {
-            return Ok(());
-        }
-        self.level_tracer().map(|_| ())
+        // An estimator without levels says so, whatever the numbers.
+        self.at(Amounts::Roughening(Scales::default()))?;
+        Amounts::roughening(numbers)
+    }
+
+    /// These amounts, if the estimator and its rule take them.
+    fn at(&self, amounts: Amounts) -> Result<Amounts, LevelError> {
+        let settings = Self {
+            amounts,
+            ..self.clone()
+        };
+        settings.check_amounts().map(|()| settings.amounts)
     }
 
     /// True for bidirectional estimators whose camera paths are connected to light paths.
@@ -238,31 +245,26 @@ impl Settings {
         )
     }
 
-    /// Scales of the levels of a render that names none: the three radii of photon density; the one level of `bdpt` and `vcm`,
-    /// unless a strategy is shown alone; in path tracing four where a rule has something to roughen, one in plain path tracing
-    /// and in scenes without lobes; none for rules of other renderers, which are as they are there. An error where the estimator
-    /// or the rule can have no levels.
-    pub fn usual_levels(&self, has_lobes: bool) -> Result<Vec<f32>, LevelError> {
-        if let Estimator::Sppm(_) = self.estimator {
-            return Ok(RADII.to_vec());
+    /// Amounts of a render that names none: three radii of photon density; blurs of `bdpt` and `vcm`, unless a strategy is shown
+    /// alone; in path tracing four levels where a rule has something to roughen, blurs in plain path tracing and in scenes
+    /// without lobes; raw means for rules of other renderers, which are as they are there. An error where the estimator or the
+    /// rule takes none of them.
+    pub fn usual_amounts(&self, has_lobes: bool) -> Result<Amounts, LevelError> {
+        if matches!(self.estimator, Estimator::Sppm(_)) {
+            return Ok(Amounts::Radii(RadiusFactors::default()));
         }
         if self.connects() && self.strategy.is_none() {
-            return Ok(BLURRED.to_vec());
+            return Ok(Amounts::Blurred);
         }
         if self.rule.roughens_continuation() {
-            return Ok(Vec::new());
+            return Ok(Amounts::Raw);
         }
         let nothing = [Rule::Plain, Rule::constant(0.0)].contains(&self.rule) || !has_lobes;
-        let usual = match self.estimator {
-            Estimator::Path { reuse: false } if nothing => BLURRED.to_vec(),
-            _ if nothing => return Ok(Vec::new()),
-            _ => SCALES.to_vec(),
-        };
-        let levelled = Self {
-            levels: usual,
-            ..self.clone()
-        };
-        levelled.check_levels().map(|()| levelled.levels)
+        match self.estimator {
+            Estimator::Path { reuse: false } if nothing => Ok(Amounts::Blurred),
+            _ if nothing => Ok(Amounts::Raw),
+            _ => self.at(Amounts::Roughening(Scales::default())),
+        }
     }
 
     /// An error if the estimator cannot show what the scene or the camera asks for.
@@ -306,18 +308,8 @@ impl Settings {
         }
     }
 
-    fn level_tracer(&self) -> Result<LevelTracer, LevelError> {
-        match self.estimator {
-            Estimator::Path { reuse: false } => {}
-            Estimator::Path { reuse: true } => return Err(LevelError::Reuse),
-            _ => return Err(LevelError::Estimator),
-        }
-        LevelTracer::new(
-            &self.rule,
-            &self.levels,
-            self.max_vertices,
-            self.roulette_start,
-        )
+    fn level_tracer(&self, scales: &Scales) -> Result<LevelTracer, LevelError> {
+        LevelTracer::new(&self.rule, scales, self.max_vertices, self.roulette_start)
     }
 
     /// The path tracer of these settings with a rule of the caller's.
@@ -331,7 +323,7 @@ impl Settings {
         }
     }
 
-    /// Text for the file of a picture: version, seed, scene, table and levels.
+    /// Text for the file of a picture: version, seed, scene and table.
     pub fn metadata(
         &self,
         scene: &str,
@@ -353,9 +345,6 @@ impl Settings {
         if let Some(table) = self.rule.table() {
             set("table_scale", table.scale.to_string());
         }
-        if !self.levels.is_empty() {
-            set("levels", format!("{:?}", self.levels));
-        }
         if let Some(strategy) = self.strategy {
             set("strategy", strategy.to_string());
         }
@@ -367,7 +356,7 @@ impl Settings {
         let Self {
             estimator,
             rule,
-            levels,
+            amounts,
             strategy,
             sampler,
             max_vertices,
@@ -375,8 +364,8 @@ impl Settings {
             seed,
         } = self;
         let mut rule = rule.fingerprint();
-        if !levels.is_empty() {
-            rule += &format!(" at levels {levels:?}");
+        if amounts.has_batches() {
+            rule += &format!(", {amounts:?}");
         }
         if let Some(strategy) = strategy {
             rule += &format!(", strategy {strategy} alone");

@@ -66,7 +66,7 @@ pub struct Contender {
 impl Contender {
     /// True if every pixel gets the best of several levels of roughening.
     fn has_levels(&self) -> bool {
-        self.kind.is_path() && self.settings.levels.len() > 1
+        self.kind.is_path() && self.settings.amounts.has_choice()
     }
 }
 

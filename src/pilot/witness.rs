@@ -12,7 +12,7 @@ use super::advise;
 use crate::image::exr::Metadata;
 use crate::image::film::{Film, Window};
 use crate::integrator::method::IntegratorKind;
-use crate::integrator::{Estimator, Picture, Settings, View};
+use crate::integrator::{Amounts, Estimator, Picture, Settings, View};
 use crate::math::UVec2;
 use crate::regularise::Rule;
 use crate::resolve::film_errors;
@@ -156,7 +156,7 @@ pub fn missing_light(
     let witness = Settings {
         estimator: Estimator::Path { reuse: false },
         rule: Rule::constant(GAMMA),
-        levels: Vec::new(),
+        amounts: Amounts::Raw,
         sampler: SamplerKind::Independent,
         seed: Seed(settings.seed).derive(Domain::Witness, 0).0,
         ..settings.clone()

@@ -74,6 +74,14 @@ impl Fault {
         }
     }
 
+    /// The reason alone, of a fault of an option, with options by these names.
+    pub fn reason(&self, names: Names) -> String {
+        match self {
+            Self::Option { why, .. } => spelt(why, names),
+            _ => self.said(names),
+        }
+    }
+
     /// The message with options by these names.
     pub fn said(&self, names: Names) -> String {
         match self {

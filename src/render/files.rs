@@ -71,6 +71,10 @@ impl Spec {
     /// Refuses choices among levels for a film of one.
     pub fn check_film(&self, picture: &Picture) -> Result<(), Fault> {
         let one = picture.levels.is_none();
+        if self.is_raw() {
+            let why = "raw is chosen before a render, not of its film";
+            return Err(Fault::option("resolve", why));
+        }
         match self.given().find(|(option, _)| option.of_levels && one) {
             Some((option, _)) => Err(Fault::option(
                 option.name,

@@ -2,7 +2,7 @@
 
 use super::fault::Fault;
 use super::spec::Spec;
-use super::value::{TableChoice, listed, word};
+use super::value::{Levels, ResolveChoice, TableChoice, listed, word};
 use crate::files::{FileError, hex};
 use crate::integrator::bidirectional::{Radius, Strategy};
 use crate::integrator::layers::Aov;
@@ -48,9 +48,17 @@ impl Spec {
         self.table.is_some() || self.gamma.is_some()
     }
 
-    /// Settings of the choice among levels.
+    /// Settings of the choice among films, where there are some.
     pub fn resolve(&self) -> Resolve {
-        self.resolve.unwrap_or_default()
+        match self.resolve {
+            Some(ResolveChoice::Film(resolve)) => resolve,
+            Some(ResolveChoice::Raw) | None => Resolve::default(),
+        }
+    }
+
+    /// True for a picture of the means of all samples, of which nothing else is kept.
+    pub fn is_raw(&self) -> bool {
+        self.resolve == Some(ResolveChoice::Raw)
     }
 
     /// The layers that were asked for.
@@ -141,11 +149,8 @@ impl Spec {
         let Some(guide) = self.guide else {
             return Ok(());
         };
-        let several = self
-            .levels
-            .as_ref()
-            .is_some_and(|levels| !levels.0.is_empty());
-        ensure(!several, "guide", "has one level: no {levels}")?;
+        let why = "has one level: no {levels}";
+        ensure(self.levels.is_none(), "guide", why)?;
         ensure(
             self.mode.is_none_or(|mode| mode == Mode::Default),
             "guide",
@@ -156,13 +161,18 @@ impl Spec {
     }
 
     fn check_levels(&self) -> Result<(), Fault> {
-        use IntegratorKind::{Auto, Bdpt, Sppm, Vcm};
+        use IntegratorKind::{Auto, Bdpt, Path, Sppm, Vcm};
         let Some(levels) = &self.levels else {
             return Ok(());
         };
-        let several = !levels.0.is_empty();
+        ensure(!self.is_raw(), "levels", "{resolve} raw has no levels")?;
+        if *levels == Levels::None {
+            let path = matches!(self.kind(), Auto | Path) && self.has_factors();
+            let why = "none is of {integrator} path with {table} or {gamma}";
+            return ensure(path, "levels", why);
+        }
         ensure(
-            !several || self.has_factors() || matches!(self.kind(), Auto | Bdpt | Sppm | Vcm),
+            self.has_factors() || matches!(self.kind(), Auto | Bdpt | Sppm | Vcm),
             "levels",
             "several levels scale the factors of {table} or {gamma}, and there are none",
         )
@@ -188,19 +198,21 @@ impl Spec {
         parts.iter().any(|part| self.aovs().contains(part))
     }
 
-    /// Refuses what several levels, or one, do not have.
+    /// Refuses what films in batches, or raw means, do not have.
     pub(super) fn check_resolved(&self, settings: &Settings) -> Result<(), Fault> {
-        let levels = !settings.levels.is_empty();
+        let levels = settings.amounts.has_batches();
         let wants = |aov: &Aov| self.aovs().contains(aov);
         let path = matches!(
             settings.estimator,
             Estimator::Path { .. } | Estimator::Guided { .. } | Estimator::Manifold { .. }
         );
-        let why = "emission, direct and indirect are of the path tracer with one level: {levels} 1";
+        let why =
+            "emission, direct and indirect are of the path tracer of raw means: {resolve} raw";
         ensure(!self.splits_light() || path && !levels, "aov", why)?;
         ensure(levels || !wants(&Aov::Level), "aov", "level needs {levels}")?;
         let why = "needs several levels, and this render has one";
-        match self.given().find(|(option, _)| option.of_levels && !levels) {
+        let mut given = self.given_but_raw();
+        match given.find(|(option, _)| option.of_levels && !levels) {
             Some((option, _)) => Err(Fault::option(option.name, why)),
             None => Ok(()),
         }
@@ -264,7 +276,7 @@ impl Spec {
         }
     }
 
-    /// The settings with this method, of one level.
+    /// The settings with this method, of raw means.
     pub fn with(&self, method: &Method) -> Settings {
         let default = Settings::default();
         Settings {
@@ -299,7 +311,7 @@ impl Spec {
                 lookup: None,
                 consistent: None,
                 // Those of the path tracer are not theirs.
-                levels: self.levels.clone().filter(|levels| levels.0.is_empty()),
+                levels: None,
                 ..self.clone()
             }
         };

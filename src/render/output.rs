@@ -3,15 +3,15 @@
 use super::fault::Fault;
 use super::request::{DEFAULT_SPP, Request};
 use super::spec::{Effect, Heading, Spec};
-use super::value::word;
+use super::value::{Field, Levels, TableChoice, word};
 use crate::image::exr::Metadata;
 use crate::image::film::RejectedSample;
-use crate::integrator::Picture;
 use crate::integrator::checkpoint::Checkpoint;
 use crate::integrator::drive::RenderProgress;
 use crate::integrator::layers::Aov;
 use crate::integrator::method::IntegratorKind;
 use crate::integrator::part::Part;
+use crate::integrator::{Amounts, Estimator, Picture};
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
 
@@ -20,22 +20,41 @@ impl Request<'_> {
     pub fn choices(&self) -> Vec<(&'static str, String)> {
         let mut choices = vec![
             ("integrator", word(&self.kind)),
-            ("mode", word(&self.spec.mode.unwrap_or_default())),
+            ("mode", word(&self.own().mode.unwrap_or_default())),
             ("max_vertices", self.settings.max_vertices.to_string()),
         ];
         if self.kind != self.spec.kind() {
             choices.push(("integrator_chosen_by", "pilot".to_owned()));
         }
-        let sampled = self.kind == IntegratorKind::Path && self.spec.guide.is_none();
+        let sampled = self.kind == IntegratorKind::Path && self.own().guide.is_none();
         if sampled && !self.settings.sampler.is_independent() {
             choices.push(("sampler", word(&self.settings.sampler)));
         }
-        for (name, text) in self.spec.recorded(self.kind) {
+        choices.extend(self.amounts());
+        if let Some(table) = self.own().table.as_ref().and_then(TableChoice::name) {
+            choices.push(("table", table.display().to_string()));
+        }
+        for (name, text) in self.own().recorded(self.kind) {
             if choices.iter().all(|(known, _)| *known != name) {
                 choices.push((name, text));
             }
         }
         choices
+    }
+
+    /// The options that stand for the films of the render and for what is made of them.
+    fn amounts(&self) -> Vec<(&'static str, String)> {
+        let resolve = ("resolve", self.spec.resolve().text());
+        let path = matches!(self.settings.estimator, Estimator::Path { .. });
+        let levels = match &self.settings.amounts {
+            Amounts::Raw => return vec![("resolve", "raw".into())],
+            // The default of all others.
+            Amounts::Blurred if !(path && self.own().has_factors()) => return vec![resolve],
+            Amounts::Blurred => Levels::None,
+            Amounts::Roughening(scales) => Levels::At(scales.as_slice().to_vec()),
+            Amounts::Radii(factors) => Levels::At(factors.as_slice().to_vec()),
+        };
+        vec![("levels", levels.text()), resolve]
     }
 
     /// Text for the file of the picture, alike in equal renders.
@@ -66,7 +85,7 @@ impl Request<'_> {
             fingerprint: self.fingerprint(),
             samples: progress.samples,
             seconds: spent + progress.elapsed.as_secs_f64(),
-            levels: self.settings.levels.clone(),
+            amounts: self.settings.amounts.clone(),
             metadata: self.metadata(progress.samples, refused),
             picture: picture.clone(),
         }
@@ -97,7 +116,7 @@ impl Request<'_> {
                 return Err(Fault::option(name, "a part has a number of samples"));
             }
         }
-        match spec.given().find(|(option, _)| option.of_film) {
+        match spec.given_but_raw().find(|(option, _)| option.of_film) {
             Some((option, _)) => {
                 let why = "is for the whole picture, where its parts are merged";
                 Err(Fault::option(option.name, why))
@@ -119,8 +138,8 @@ impl Request<'_> {
         let view = self.view();
         let [first, light, _] = self.spec.parts();
         let identity = self.identity(&self.settings, false);
-        let levels = self.settings.levels.clone();
-        let mut part = Part::new(identity, &view, samples, levels, [first, light]);
+        let amounts = self.settings.amounts.clone();
+        let mut part = Part::new(identity, &view, samples, amounts, [first, light]);
         part.layers = self.spec.aovs().iter().map(|aov| aov.name()).collect();
         part.metadata = self.metadata(0, 0);
         let integrator = &mut *self.settings.integrator();
@@ -144,14 +163,18 @@ impl Request<'_> {
         let kept = |heading, effect| {
             heading != Heading::Files && heading != Heading::Stop && effect != Effect::Frame
         };
-        for (option, text) in self.spec.given() {
-            if !kept(option.heading, option.effect) || option.name == "integrator" {
+        let spelt = ["integrator", "levels", "resolve"];
+        for (option, text) in self.own().given() {
+            if !kept(option.heading, option.effect) || spelt.contains(&option.name) {
                 continue;
             }
             words.push(format!("--{}", option.flag()));
             if !option.value.is_empty() {
                 words.push(quoted(&text));
             }
+        }
+        for (name, text) in self.amounts() {
+            words.push(format!("--{name} {text}"));
         }
         words.push(format!("--integrator {}", word(&self.kind)));
         words.push(format!("--size {}x{}", self.frame.x, self.frame.y));

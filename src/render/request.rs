@@ -9,8 +9,7 @@ use crate::integrator::checkpoint::{Checkpoint, Fingerprint};
 use crate::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
 use crate::integrator::layers::Aov;
 use crate::integrator::method::IntegratorKind;
-use crate::integrator::settings::BLURRED;
-use crate::integrator::{Estimator, Picture, Settings, Stop, View};
+use crate::integrator::{Amounts, Estimator, Picture, Settings, Stop, View};
 use crate::math::UVec2;
 use crate::memory;
 use crate::pilot::witness::{Missing, missing_light};
@@ -61,12 +60,14 @@ pub struct Request<'a> {
     pub kind: IntegratorKind,
     /// The method of the settings.
     pub method: Method,
+    /// The choices that the settings are made of: the user's, or those of the contender that a pilot has chosen.
+    own: Spec,
     /// Remarks on choices that were made for the user.
     pub notes: Vec<String>,
     /// Takes counted paths for time in a pilot, so that its choice depends on the arguments alone.
     pub counted: bool,
     /// Integrators among which a pilot chooses, with their methods.
-    contenders: Vec<(Contender, Method)>,
+    contenders: Vec<(Contender, Method, Spec)>,
     /// A render that this one continues.
     old: Option<Checkpoint>,
 }
@@ -131,7 +132,8 @@ impl Spec {
     /// Reads the table, so that it is read once.
     pub fn load_table(&mut self) -> Result<(), Fault> {
         if let Some(choice) = &self.table {
-            self.table = Some(TableChoice::Held(Arc::new(choice.load()?)));
+            let name = choice.name().map(Path::to_owned);
+            self.table = Some(TableChoice::Held(Arc::new(choice.load()?), name));
         }
         Ok(())
     }
@@ -185,22 +187,31 @@ impl Spec {
         Ok(Camera { lens, ..camera })
     }
 
-    /// The settings of a method with the levels that were asked for, or the usual ones; and why there is one level where
-    /// more are usual.
+    /// The settings of a method with the amounts that were asked for, or the usual ones; and why there are raw means where
+    /// others are usual.
     fn levelled(
         &self,
         method: &Method,
         has_lobes: bool,
     ) -> Result<(Settings, Option<String>), Fault> {
         let mut settings = self.with(method);
-        if let Some(Levels(levels)) = &self.levels {
-            settings.levels = levels.clone();
-            let checked = settings.check_levels();
+        if self.is_raw() {
+            return Ok((settings, None));
+        }
+        if let Some(levels) = &self.levels {
+            let amounts = match levels {
+                Levels::None => Ok(Amounts::Blurred),
+                Levels::At(numbers) => settings.amounts_at(numbers),
+            };
+            let checked = amounts.and_then(|amounts| {
+                settings.amounts = amounts;
+                settings.check_amounts()
+            });
             checked.map_err(|e| Fault::option("levels", e))?;
             return Ok((settings, None));
         }
-        match settings.usual_levels(has_lobes) {
-            Ok(levels) if levels == BLURRED && self.splits_light() => {
+        match settings.usual_amounts(has_lobes) {
+            Ok(Amounts::Blurred) if self.splits_light() => {
                 return Ok((
                     settings,
                     Some(
@@ -209,7 +220,7 @@ impl Spec {
                     ),
                 ));
             }
-            Ok(levels) => settings.levels = levels,
+            Ok(amounts) => settings.amounts = amounts,
             Err(why) => return Ok((settings, Some(format!("one level: {why}")))),
         }
         Ok((settings, None))
@@ -285,7 +296,7 @@ impl<'a> Request<'a> {
             let (settings, note) = one.levelled(&method, scene.has_lobes())?;
             // A table that nobody asked for is for levels alone.
             let own_table = one.table.is_some() && spec.table.is_none();
-            if own_table && settings.levels.len() < 2 {
+            if own_table && !settings.amounts.has_choice() {
                 continue;
             }
             match one.check_resolved(&settings) {
@@ -297,9 +308,9 @@ impl<'a> Request<'a> {
                 notes.extend(note);
             }
             let kind = one.kind();
-            contenders.push((Contender { kind, settings }, method));
+            contenders.push((Contender { kind, settings }, method, one));
         }
-        let (first, method) = contenders[0].clone();
+        let (first, method, own) = contenders[0].clone();
         if kind != IntegratorKind::Auto {
             contenders.clear();
             let checked = first.settings.check_scene(scene, &camera);
@@ -314,6 +325,7 @@ impl<'a> Request<'a> {
             settings: first.settings,
             kind: first.kind,
             method,
+            own,
             notes,
             counted: false,
             contenders,
@@ -331,10 +343,10 @@ impl<'a> Request<'a> {
     /// Refuses a picture that needs more memory than there is.
     fn check_memory(&self) -> Result<(), Fault> {
         let (frame, window) = (self.frame, self.window);
-        let levels = self.settings.levels.len();
+        let films = self.settings.amounts.films();
         let mut bytes = self.settings.bytes(frame, window, self.spec.parts());
         if self.spec.level_layers == Some(true) {
-            bytes += (window.len() * levels) as u64 * LEVEL_LAYER_BYTES;
+            bytes += (window.len() * films) as u64 * LEVEL_LAYER_BYTES;
         }
         // Chains move over the whole frame.
         let (size, hint) = match self.settings.estimator {
@@ -345,8 +357,8 @@ impl<'a> Request<'a> {
             ),
         };
         let mut what = format!("{}x{} pixels", size.x, size.y);
-        if levels > 1 {
-            what += &format!(" of {levels} levels");
+        if films > 1 {
+            what += &format!(" of {films} levels");
         }
         memory::check(what, bytes).map_err(|shortage| Fault::Memory(shortage, hint))
     }
@@ -357,7 +369,7 @@ impl<'a> Request<'a> {
         let theirs = old.fingerprint.clone();
         // A checkpoint of no contender is refused by the first.
         let ours = |settings: &Settings| self.identity(settings, true) == theirs;
-        let place = self.contenders.iter().position(|(c, _)| ours(&c.settings));
+        let place = self.contenders.iter().position(|(c, ..)| ours(&c.settings));
         self.take(place.unwrap_or(0));
         old.check(path, &self.fingerprint())?;
         self.old = Some(old);
@@ -366,8 +378,9 @@ impl<'a> Request<'a> {
 
     /// Takes one of the contenders.
     fn take(&mut self, place: usize) {
-        if let Some((contender, method)) = self.contenders.get(place).cloned() {
-            (self.kind, self.settings, self.method) = (contender.kind, contender.settings, method);
+        if let Some((contender, method, own)) = self.contenders.get(place).cloned() {
+            (self.kind, self.settings) = (contender.kind, contender.settings);
+            (self.method, self.own) = (method, own);
             self.contenders.clear();
         }
     }
@@ -379,7 +392,7 @@ impl<'a> Request<'a> {
         let mut choice = None;
         if !self.contenders.is_empty() {
             let contenders: Vec<Contender> =
-                self.contenders.iter().map(|(c, _)| c.clone()).collect();
+                self.contenders.iter().map(|(c, ..)| c.clone()).collect();
             let view = View::new(self.subject.scene, &self.camera, self.frame, self.window);
             let chosen =
                 choose_integrator(&contenders, &view, self.spec.horizon(), self.counted, go_on);
@@ -399,8 +412,8 @@ impl<'a> Request<'a> {
         let (picture, start, spent) = match self.old.take() {
             Some(old) => (old.picture, old.samples, old.seconds),
             None => {
-                let levels = self.settings.levels.len();
-                let blank = Picture::blank(self.frame, self.window, levels, self.spec.parts());
+                let amounts = &self.settings.amounts;
+                let blank = Picture::blank(self.frame, self.window, amounts, self.spec.parts());
                 (
                     blank.map_err(|e| Fault::option(self.spec.window_option(), e))?,
                     0,
@@ -441,6 +454,11 @@ impl<'a> Request<'a> {
             reason,
             missing,
         }
+    }
+
+    /// The choices that the settings are made of: the user's, or those of the contender that a pilot has chosen.
+    pub(super) fn own(&self) -> &Spec {
+        &self.own
     }
 
     /// The identity of this render, which its checkpoints carry.

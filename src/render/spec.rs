@@ -7,7 +7,8 @@
 use super::fault::Fault;
 use super::look::LookChoice;
 use super::value::{
-    Crop, Exposure, Field, Layers, Levels, NameOrNumber, Range, Size, Sun, TableChoice,
+    Crop, Exposure, Field, Layers, Levels, NameOrNumber, Range, ResolveChoice, Size, Sun,
+    TableChoice,
 };
 use crate::bsdf::Distribution;
 use crate::image::display::ViewTransform;
@@ -16,7 +17,6 @@ use crate::integrator::bidirectional::Strategy;
 use crate::integrator::method::IntegratorKind::{self, Auto, Bdpt, Mlt, Path, Sppm, Vcm};
 use crate::integrator::method::{Connections, Guide, Mode};
 use crate::regularise::Lookup;
-use crate::resolve::Resolve;
 use crate::sampler::SamplerKind;
 use serde_json::Value;
 use std::path::PathBuf;
@@ -277,13 +277,13 @@ options! {
     /// One attenuation factor in [0, 1] for all paths, instead of a table; 0 is plain path tracing.
     gamma: f32, Method { value: "X", range: Range::UNIT, of: &[Path, Bdpt, Vcm, Mlt, Auto], common: true }
     /// Levels of roughening on the same paths, of which every pixel gets the best: their number, or the scales of the
-    /// table or constant, such as 0,0.25,1. Level 0 is plain path tracing; 1 renders the table or constant as it is.
-    /// Without it four where a table or a constant can have them: not with --mode, --consistent, --guide or another
-    /// integrator. Of sppm factors on its radius, 1,2,4 if not given; 1 is the radius alone. Of plain path tracing, bdpt and vcm
-    /// 1 is the picture as it is; without it blurs of it are kept where they make the error less.
-    levels: Levels, Method { value: "N|SCALES", effect: Effect::As("levels") }
-    /// Smoothing of a picture of several levels, or of plain path tracing, bdpt or vcm. Without it `default`.
-    resolve: Resolve, Method { value: "HOW", of_levels: true, of_film: true }
+    /// table or constant, such as 0,0.25,1. Level 0 is plain path tracing; `none` renders the table or constant as it is, with
+    /// blurs. Without it four where a table or a constant can have them: not with --mode, --consistent, --guide or another
+    /// integrator. Of sppm factors on its radius, 1,2,4 if not given.
+    levels: Levels, Method { value: "N|SCALES|none", effect: Effect::As("levels") }
+    /// Smoothing of a picture of several levels, or of plain path tracing, bdpt or vcm; `raw` renders any picture as the means of
+    /// its samples alone. Without it `default`.
+    resolve: ResolveChoice, Method { value: "HOW", of_levels: true, of_film: true }
     /// Multiply the table's factors by this, instead of the scale that the table carries.
     table_scale: f32, Method { value: "X", range: Range::POSITIVE, needs: &["table"] }
     /// Look-up of the factors, instead of the one that the table was learned for.
@@ -364,6 +364,13 @@ impl Spec {
             // A switch that is off is not given.
             (value != Value::Bool(false)).then_some((option, text, value))
         })
+    }
+
+    /// The given options without --resolve raw, which is a choice of the render and not of its film.
+    pub fn given_but_raw(&self) -> impl Iterator<Item = (&'static Opt, String)> {
+        let raw = self.is_raw();
+        self.given()
+            .filter(move |(option, _)| !(raw && option.name == "resolve"))
     }
 
     /// True if the option is given.

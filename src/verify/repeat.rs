@@ -7,12 +7,10 @@ use crate::gallery::shapes::{disc, sphere};
 use crate::image::Film;
 use crate::image::film::Window;
 use crate::image::level_film::LevelFilm;
-use crate::integrator::bidirectional::Radius;
 use crate::integrator::checkpoint::{Checkpoint, Fingerprint};
+use crate::integrator::modes::{MODES, Mode, Uniform};
 use crate::integrator::{Estimator, FirstHit, Picture, Settings, View};
 use crate::math::{Rgb, UVec2, Vec3};
-use crate::regularise::{Accumulated, AttenuationTable, Factors, Rule};
-use crate::sampler::SamplerKind;
 use crate::scene::Scene;
 use std::error::Error;
 
@@ -25,67 +23,22 @@ const CROP: Window = Window {
     h: 17,
 };
 
-/// Ways to render, with their names: every estimator; rules, reuse and levels of path tracing.
-fn ways() -> Vec<(&'static str, Settings)> {
-    let base = Settings {
-        seed: 11,
-        ..Settings::default()
-    };
-    let path = |rule, levels, reuse| Settings {
-        rule,
-        levels,
-        estimator: Estimator::Path { reuse },
-        ..base.clone()
-    };
-    let consistent = Rule::Accumulated(Accumulated {
-        factors: Factors::Table(AttenuationTable::constant(0.3)),
-        lambda: 0.2,
-    });
-    let estimator = |estimator| Settings {
-        estimator,
-        ..base.clone()
-    };
-    let rough = |settings| Settings {
-        rule: Rule::constant(0.5),
-        ..settings
-    };
-    let sobol = |settings| Settings {
-        sampler: SamplerKind::Sobol,
-        ..settings
-    };
-    let vcm = || estimator(Estimator::Vcm(Radius::default()));
-    let mlt = || estimator(Estimator::Mlt { mutations: 2 });
-    vec![
-        ("path", base.clone()),
-        ("path, consistent", path(consistent, Vec::new(), false)),
-        ("path, reuse", path(Rule::constant(0.3), Vec::new(), true)),
+/// Settings of every mode.
+fn ways() -> impl Iterator<Item = (&'static str, Settings)> {
+    let mut numbers = Numbers::new(11);
+    let drawn = move |mode: &'static Mode| {
+        let settings = mode.settings(Uniform(&mut || numbers.next()));
+        // A single vertex shows nothing of a mode.
+        let max_vertices = settings.max_vertices.max(3);
         (
-            "levels",
-            path(Rule::constant(0.3), vec![0.0, 0.5, 1.0], false),
-        ),
-        ("guided", estimator(Estimator::Guided { unbiased: false })),
-        (
-            "regularised guide",
-            rough(estimator(Estimator::Guided { unbiased: true })),
-        ),
-        ("path, Sobol", sobol(base.clone())),
-        (
-            "levels, Sobol",
-            sobol(path(Rule::constant(0.3), vec![0.0, 0.5, 1.0], false)),
-        ),
-        ("light", estimator(Estimator::Light)),
-        ("bdpt", estimator(Estimator::Bdpt)),
-        ("bdpt, regularised", rough(estimator(Estimator::Bdpt))),
-        ("vcm", vcm()),
-        ("vcm, regularised", rough(vcm())),
-        (
-            "vcm, light samples only",
-            estimator(Estimator::VcmNee(Radius::default())),
-        ),
-        ("sppm", estimator(Estimator::Sppm(Radius::default()))),
-        ("mlt", mlt()),
-        ("mlt, regularised", rough(mlt())),
-    ]
+            mode.name,
+            Settings {
+                max_vertices,
+                ..settings
+            },
+        )
+    };
+    MODES.iter().map(drawn)
 }
 
 /// The box with glass and copper, and a lacquered ball.
@@ -107,7 +60,7 @@ fn blank(settings: &Settings, window: Window) -> Picture {
     if window != Window::full(FRAME) {
         film = film.cut(window);
     }
-    let levels = settings.levels.len();
+    let levels = settings.amounts.films();
     Picture {
         levels: (levels > 0).then(|| LevelFilm::new(film.size, window, levels)),
         aovs: Some(FirstHit::new(window).into()),
@@ -156,7 +109,7 @@ pub fn determinism(size: Size) -> impl Iterator<Item = Finding> {
     let unit = size.of(1, 4, 128);
     let scene = scene();
     let full = Window::full(FRAME);
-    ways().into_iter().flat_map(move |(name, settings)| {
+    ways().flat_map(move |(name, settings)| {
         let render = |window, threads, passes: &[u32]| {
             let passes: Vec<u32> = passes.iter().map(|n| n * unit).collect();
             picture(&scene, &settings, window, threads, &passes)
@@ -186,7 +139,7 @@ pub fn determinism(size: Size) -> impl Iterator<Item = Finding> {
 pub fn resume(size: Size) -> impl Iterator<Item = Finding> {
     let (stops, samples) = size.of((5, 24), (50, 120), (500, 4000));
     let scene = scene();
-    ways().into_iter().map(move |(name, settings)| {
+    ways().map(move |(name, settings)| {
         let tried = format!("{name}: pixels that differ after {stops} stops");
         match resumed(&scene, &settings, stops, samples) {
             Ok(differ) => Finding::new(tried, 0.0, [differ]),
@@ -233,7 +186,7 @@ pub(super) fn resumed_at(
         fingerprint: ours.clone(),
         samples: 0,
         seconds: 0.0,
-        levels: settings.levels.clone(),
+        amounts: settings.amounts.clone(),
         metadata: Default::default(),
         picture: blank,
     };
@@ -262,7 +215,7 @@ pub(super) fn round() -> Result<Vec<u64>, Box<dyn Error>> {
             fingerprint: fingerprint(&settings),
             samples: 2,
             seconds: 0.0,
-            levels: settings.levels.clone(),
+            amounts: settings.amounts.clone(),
             metadata: Default::default(),
             picture: picture(&scene, &settings, Window::full(FRAME), 2, &[2]),
         };

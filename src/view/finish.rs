@@ -285,8 +285,8 @@ impl Maps {
 mod tests {
     use super::*;
     use crate::gallery::builtin;
+    use crate::integrator::Amounts;
     use crate::integrator::View;
-    use crate::integrator::settings::BLURRED;
     use crate::math::UVec2;
     use crate::render::open::Opened;
     use crate::scene::Scene;
@@ -296,11 +296,11 @@ mod tests {
     /// what is missing is part of the error and has a map.
     #[test]
     fn missing_light_is_shown() {
-        missing_light_is_shown_at(&[]);
-        missing_light_is_shown_at(&BLURRED);
+        missing_light_is_shown_at(Amounts::Raw);
+        missing_light_is_shown_at(Amounts::Blurred);
     }
 
-    fn missing_light_is_shown_at(levels: &[f32]) {
+    fn missing_light_is_shown_at(amounts: Amounts) {
         let scene = Scene::new(builtin("sun-pool").expect("a scene"));
         let camera = scene.parts().cameras[0].clone();
         let opened = Opened {
@@ -313,14 +313,14 @@ mod tests {
         };
         let (size, samples) = (UVec2::splat(40), 400);
         let settings = Settings {
-            levels: levels.to_vec(),
+            amounts,
             ..Settings::default()
         };
         let stage = Arc::new(Stage { opened });
         let shot = Arc::new(Shot::new(stage, camera, size, &settings));
         let view: View<'_> = shot.view(size);
         let mut picture =
-            Picture::blank(size, view.window, levels.len(), [false; 3]).expect("a film");
+            Picture::blank(size, view.window, &settings.amounts, [false; 3]).expect("a film");
         settings.integrator().pass(&view, 0..samples, &mut picture);
         let job = Job {
             side: 0,

@@ -4,7 +4,7 @@ use crate::image::Buffer;
 use crate::image::film::Window;
 use crate::integrator::layers::Aov;
 use crate::integrator::trace::{TracedPath, trace};
-use crate::integrator::{Estimator, Picture, Settings, View};
+use crate::integrator::{Amounts, Estimator, Picture, Settings, View};
 use crate::math::{UVec2, Vec2, Vec3, luminance};
 use crate::render::open::Opened;
 use crate::scene::{Camera, Hit, Sensor};
@@ -40,7 +40,7 @@ impl Shot {
     pub(super) fn new(stage: Arc<Stage>, camera: Camera, frame: UVec2, render: &Settings) -> Self {
         let settings = Settings {
             estimator: Estimator::Path { reuse: false },
-            levels: Vec::new(),
+            amounts: Amounts::Raw,
             strategy: None,
             ..render.clone()
         };
@@ -106,7 +106,7 @@ impl Shot {
         }
         let view = self.view(size);
         let parts = Aov::recorded(&[Aov::Albedo]);
-        let mut picture = Picture::blank(size, view.window, 0, parts).ok()?;
+        let mut picture = Picture::blank(size, view.window, &Amounts::Raw, parts).ok()?;
         let settings = Settings {
             max_vertices: 1,
             ..self.settings.clone()

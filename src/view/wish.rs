@@ -295,7 +295,8 @@ impl Wish {
     pub(super) fn render_key(&self) -> String {
         let mut asked = self.spec.settings();
         asked.retain(|name, _| !OF_SHOWING.contains(&name.as_str()));
-        format!("{asked:?} {:?} {:?}", self.look, self.other)
+        let raw = self.spec.is_raw();
+        format!("{asked:?} {raw} {:?} {:?}", self.look, self.other)
     }
 }
 

@@ -6,7 +6,7 @@ use super::hub::{Course, Hub, Snapshot, State};
 use super::stage::{Shot, Stage};
 use super::wish::{Overlay, Wish, leave_out};
 use crate::image::film::Window;
-use crate::integrator::{Integrator, Picture, Stop, View};
+use crate::integrator::{Amounts, Integrator, Picture, Stop, View};
 use crate::math::{UVec2, Vec2};
 use crate::render::look::{Look, LookChoice};
 use crate::render::value::word;
@@ -119,7 +119,7 @@ impl Renderer<'_> {
             (state.fault, state.missing, state.flip) = (None, None, None);
             state.phase = "preview";
             state.integrator = word(&request.kind);
-            state.command = command(&request, &wish.spec);
+            state.command = request.command();
             state.words_number += 1;
             state.run
         });
@@ -176,7 +176,7 @@ impl Renderer<'_> {
             if !first {
                 view = view.until(&stop);
             }
-            let Ok(mut picture) = Picture::blank(size, window, 0, [false; 3]) else {
+            let Ok(mut picture) = Picture::blank(size, window, &Amounts::Raw, [false; 3]) else {
                 return true;
             };
             let pass = Instant::now();
@@ -353,11 +353,13 @@ impl Renderer<'_> {
             let mut state = self.hub.lock();
             (std::mem::take(&mut state.saves), state.wish.spec.clone())
         };
+        // The choice is made of the film anew, after the render has begun.
+        let mut request = run.request.clone();
+        request.spec.resolve = wished.resolve;
         for save in saves {
-            let request = &run.request;
             let picture = Cow::Owned(run.picture.clone());
-            let mut outcome = Outcome::of(request, picture, run.samples, None);
-            let command = format!("{} --spp {}", command(request, &wished), run.samples);
+            let mut outcome = Outcome::of(&request, picture, run.samples, None);
+            let command = format!("{} --spp {}", request.command(), run.samples);
             outcome.metadata.insert("command".into(), command);
             // A page that has left wants nothing.
             let _ = save.try_send(outcome);
@@ -453,13 +455,6 @@ fn first_look(spec: &Spec, scene: &Scene) -> Result<Look, Fault> {
     };
     let least = 1e-3 * (high - low).length().max(f32::MIN_POSITIVE);
     Ok(Look::of(&camera, distance.max(least)))
-}
-
-/// The command that renders what a request shows, with the table by the name that its user gave it.
-fn command(request: &Request<'_>, wished: &Spec) -> String {
-    let mut named = request.clone();
-    named.spec.table.clone_from(&wished.table);
-    named.command()
 }
 
 /// A picture of few pixels.

@@ -190,7 +190,7 @@ def opsr_render(program, gltf, spp, seed, *options):
     out = os.path.join(os.path.dirname(gltf), "opsr.exr")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run([program, "render", gltf, "--spp", str(spp), "--size", f"{SIZE}x{SIZE}", "--max-depth",
-                    str(VERTICES), "--seed", str(seed), "--levels", "1", "--progress", "none", "-o", out, *options], check=True)
+                    str(VERTICES), "--seed", str(seed), "--resolve", "raw", "--progress", "none", "-o", out, *options], check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     picture = mi.Bitmap(out)
@@ -291,7 +291,7 @@ def main():
             theirs = lambda integrator: lambda spp, seed: mitsuba_render(scene, spp, seed, integrator)
             agree.append(compare(name, "opsr", ours(), "Mitsuba", theirs(None), spp, 6))
             if table is not None:
-                at = ours("--opsr-table", "beta-0.001", "--levels", "1")
+                at = ours("--opsr-table", "beta-0.001", "--resolve", "raw")
                 agree.append(compare(name + ", table", "opsr", at, "opsr.mitsuba", theirs(table), spp, 6))
                 gain(name, scene, table, plain, spp // 4, 6)
     return 0 if all(agree) else 1

@@ -26,8 +26,8 @@ FRAMES = 24
 SEED = 1000
 TABLE = ["--opsr-table", "beta-0.001"]
 METHODS = {
-    "plain": ["--levels", "1"],
-    "table, one level": [*TABLE, "--levels", "1"],
+    "plain": ["--resolve", "raw"],
+    "table, one level": [*TABLE, "--resolve", "raw"],
     "levels": TABLE,
     "levels, denoised": [*TABLE, "--denoise"],
 }

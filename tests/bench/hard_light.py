@@ -93,7 +93,7 @@ PEERS = {
     "LuxCore BIDIRCPU": ("pyluxcore", lambda *args: peers.luxcore(*args, "BIDIRCPU")),
 }
 OURS = {
-    "opsr": ["--levels", "1"],
+    "opsr": ["--resolve", "raw"],
     "opsr, blurred": [],
     "opsr, beta-0.001": ["--opsr-table", "beta-0.001"],
     "opsr, bdpt": ["--integrator", "bdpt"],

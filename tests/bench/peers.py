@@ -219,8 +219,8 @@ PEERS = {
     "LuxCore BIDIRCPU": ("pyluxcore", lambda *args: luxcore(*args, "BIDIRCPU")),
 }
 OURS = {
-    "opsr": ["--levels", "1"],
-    "opsr, beta-0.001, one level": ["--opsr-table", "beta-0.001", "--levels", "1"],
+    "opsr": ["--resolve", "raw"],
+    "opsr, beta-0.001, one level": ["--opsr-table", "beta-0.001", "--resolve", "raw"],
 }
 
 

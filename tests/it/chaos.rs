@@ -1,9 +1,11 @@
 //! Random combinations of options on random scenes.
 
 use opsr::gallery::cornell_box;
+use opsr::integrator::modes::MODES;
 use opsr::integrator::{Estimator, Settings};
 use opsr::scene::Scene;
-use opsr::verify::chaos::{agree, run, trial};
+use opsr::verify::chaos::{agree, modes, run, trial};
+use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
 /// Trials of half a minute on two cores.
@@ -21,6 +23,13 @@ fn chaos_finds_no_disagreement() {
     }
     assert!(findings.iter().all(|f| f.holds()));
     assert_eq!(findings.len(), 1);
+}
+
+#[test]
+fn chaos_draws_every_mode() {
+    let drawn = modes(0..2000).expect("scenes");
+    let all: BTreeSet<&str> = MODES.iter().map(|mode| mode.name).collect();
+    assert_eq!(drawn, all);
 }
 
 /// Longer paths are brighter; a trial's number says all of it.

@@ -3,7 +3,7 @@
 use super::support::render;
 use opsr::gallery;
 use opsr::image::Film;
-use opsr::integrator::{Estimator, Settings};
+use opsr::integrator::{Amounts, Estimator, Settings};
 use opsr::regularise::Rule;
 use opsr::scene::{Material, Scene, SceneParts};
 
@@ -92,7 +92,7 @@ fn dispersion_of_levels_is_that_of_the_path_tracer() {
     let plain = Settings::default();
     let levels = Settings {
         rule: Rule::constant(0.4),
-        levels: vec![0.0, 1.0],
+        amounts: Amounts::roughening(&[0.0, 1.0]).expect("scales"),
         seed: 9,
         ..Settings::default()
     };

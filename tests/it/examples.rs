@@ -84,8 +84,8 @@ fn facade_renders_the_picture_of_the_program() {
             Render::new(&scene).table("beta-0.001").unwrap().seed(3),
         ),
         (
-            "--gamma 0.2 --levels 1",
-            Render::new(&scene).gamma(0.2).levels(&[]),
+            "--gamma 0.2 --resolve raw",
+            Render::new(&scene).gamma(0.2).raw(),
         ),
     ] {
         let command = format!("render scene.glb --size 24x16 --spp 8 {args} -o theirs.exr");
@@ -125,7 +125,7 @@ fn facade_writes_the_files_of_the_program() {
     let mut cases = vec![
         ("", json!({})),
         (
-            "--levels 1 --aov --exposure 1.5 --view agx",
+            "--resolve raw --aov --exposure 1.5 --view agx",
             json!({"levels": 1, "aov": true, "exposure": 1.5, "view": "agx"}),
         ),
         (

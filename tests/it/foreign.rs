@@ -7,7 +7,7 @@ use opsr::files::FileError;
 use opsr::image::Buffer;
 use opsr::integrator::Settings;
 use opsr::math::{DVec3, Rgb, Vec3};
-use opsr::render::value::Levels;
+use opsr::render::value::ResolveChoice;
 use opsr::scene::load::{LoadOptions, Loaded, load};
 use opsr::scene::{Medium, PunctualLight, Scene};
 use serde::Deserialize;
@@ -56,7 +56,8 @@ fn scores(file: &str, reference: &Reference, options: &LoadOptions, spp: u32) ->
     let loaded = load(&folder().join(file), options).unwrap();
     let scene = Scene::new(loaded.parts);
     let render = Render::new(&scene).with(|spec| {
-        (spec.size, spec.spp, spec.levels) = (None, Some(spp), Some(Levels(Vec::new())));
+        (spec.size, spec.spp) = (None, Some(spp));
+        spec.resolve = Some(ResolveChoice::Raw);
     });
     let rendered = render.run().unwrap();
     let film = &rendered.outcome.picture.film;
@@ -334,7 +335,7 @@ fn foreign_scenes_are_written_as_gltf() {
         let scene = Scene::new(parts);
         let render = Render::new(&scene).size(16, 16).spp(32);
         let picture = render
-            .with(|spec| spec.levels = Some(Levels(Vec::new())))
+            .with(|spec| spec.resolve = Some(ResolveChoice::Raw))
             .run()
             .unwrap();
         picture

@@ -7,8 +7,8 @@ use opsr::gallery::{caustic_box, two_mirrors};
 use opsr::image::Film;
 use opsr::image::film::Window;
 use opsr::image::level_film::LevelFilm;
-use opsr::integrator::levels::{LevelError, SCALES};
-use opsr::integrator::{Estimator, FirstHit, Picture, Settings, View};
+use opsr::integrator::amounts::{LevelError, SCALES};
+use opsr::integrator::{Amounts, Estimator, FirstHit, Picture, Settings, View};
 use opsr::math::moments::Moments;
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{Accumulated, AttenuationTable, Factors, GammaIndex, Rule};
@@ -26,10 +26,14 @@ fn table() -> Rule {
     Rule::with_table(table)
 }
 
-fn settings(rule: Rule, levels: &[f32], seed: u64) -> Settings {
+/// Settings at these scales; the raw factors without any.
+fn settings(rule: Rule, scales: &[f32], seed: u64) -> Settings {
     Settings {
         rule,
-        levels: levels.to_vec(),
+        amounts: match scales {
+            [] => Amounts::Raw,
+            _ => Amounts::roughening(scales).expect("ascending scales"),
+        },
         seed,
         ..Settings::default()
     }
@@ -69,7 +73,7 @@ fn metal_room() -> SceneParts {
 /// A film of every level: batches of passes become samples of pixels.
 fn level_films(scene: &Scene, settings: &Settings, size: u32, passes: u32, each: u32) -> Vec<Film> {
     let frame = UVec2::splat(size);
-    let mut films = vec![Film::new(frame); settings.levels.len()];
+    let mut films = vec![Film::new(frame); settings.amounts.films()];
     let view = View::of(scene, &scene.parts().cameras[0], &films[0]);
     let mut integrator = settings.integrator();
     for pass in 0..passes {
@@ -337,7 +341,7 @@ fn determinism_of_levels_over_the_runs_of_a_pass() {
 
 #[test]
 fn levels_of_other_rules_are_refused_by_name() {
-    let refused = |settings: Settings| settings.check_levels().expect_err("refused");
+    let refused = |settings: Settings| settings.check_amounts().expect_err("refused");
     // Rules of other renderers roughen the path itself, and have no factors to scale.
     for rule in [
         Rule::Plain,
@@ -369,6 +373,6 @@ fn levels_of_other_rules_are_refused_by_name() {
         &[0.0, f32::NAN],
         &[0.0; 9],
     ] {
-        assert_eq!(refused(settings(table(), scales, 0)), LevelError::Scales);
+        assert_eq!(Amounts::roughening(scales), Err(LevelError::Scales));
     }
 }

@@ -5,7 +5,7 @@ use opsr::bsdf::{Bsdf, Phase};
 use opsr::gallery::materials::{diffuse, emitter, glass, metal};
 use opsr::gallery::shapes::{cuboid, quad, room, sphere};
 use opsr::image::Film;
-use opsr::integrator::{Estimator, Picture, Settings, View};
+use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
 use opsr::math::{Ray, Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
@@ -452,13 +452,13 @@ fn levels_in_a_medium_begin_with_plain_path_tracing() {
     let size = 16;
     let settings = Settings {
         rule: Rule::constant(0.1),
-        levels: opsr::integrator::levels::SCALES.to_vec(),
+        amounts: Amounts::Roughening(Default::default()),
         ..deep(PATH, 12, 4)
     };
     let mut picture = Picture::blank(
         UVec2::splat(size),
         opsr::image::film::Window::full(UVec2::splat(size)),
-        settings.levels.len(),
+        &settings.amounts,
         [false; 3],
     )
     .unwrap();
@@ -483,15 +483,15 @@ fn levels_of_isotropic_phase_functions_lose_nothing() {
     parts.add_camera([0.0, 0.4, 4.0], [0.0, 0.0, 0.0], 28.0);
     let scene = scene(parts);
     let size = UVec2::splat(16);
-    let settings = |levels| Settings {
+    let settings = |amounts| Settings {
         rule: Rule::constant(1.0),
-        levels,
+        amounts,
         ..deep(PATH, 64, 5)
     };
-    let one = film_with(&scene, &settings(Vec::new()), 16, 256);
-    let settings = settings(vec![0.0, 1.0]);
+    let one = film_with(&scene, &settings(Amounts::Raw), 16, 256);
+    let settings = settings(Amounts::roughening(&[0.0, 1.0]).expect("scales"));
     let full = opsr::image::film::Window::full(size);
-    let mut picture = Picture::blank(size, full, 2, [false; 3]).unwrap();
+    let mut picture = Picture::blank(size, full, &settings.amounts, [false; 3]).unwrap();
     let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
     settings.integrator().pass(&view, 0..256, &mut picture);
     let rough = picture.levels.expect("levels").mean(1);

@@ -4,7 +4,7 @@ use super::support::render::{film_with, mean, scene};
 use opsr::gallery::materials::{diffuse, emitter, glass, metal, tinted_glass};
 use opsr::gallery::shapes::{cuboid, quad, room, sphere};
 use opsr::image::Film;
-use opsr::integrator::{Estimator, Settings};
+use opsr::integrator::{Amounts, Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::{Environment, Material, SceneParts};
@@ -76,7 +76,7 @@ fn body_of_the_index_around_it_is_invisible() {
         },
         Settings {
             rule: Rule::constant(0.3),
-            levels: vec![0.0, 1.0],
+            amounts: Amounts::roughening(&[0.0, 1.0]).expect("scales"),
             ..Settings::default()
         },
         deep(Estimator::Bdpt),

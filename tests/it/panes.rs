@@ -5,7 +5,7 @@ use opsr::gallery::materials::{coated, diffuse, emitter, glass};
 use opsr::gallery::shapes::{cuboid, quad, room, sphere};
 use opsr::image::Film;
 use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::{Estimator, Picture, Settings, View};
+use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::material::TextureRef;
@@ -245,23 +245,31 @@ fn energy_conservation_of_roughened_panes() {
         .iter()
         .filter(|(name, _)| name.contains("pane") && *name != "a rough pane")
     {
-        let settings = |rule: Rule, levels: &[f32]| Settings {
+        let settings = |rule: Rule, amounts| Settings {
             rule,
-            levels: levels.to_vec(),
+            amounts,
             max_vertices: 6,
             ..Settings::default()
         };
-        let (plain, error) = mean(&film_with(scene, &settings(Rule::Plain, &[]), 16, 512));
+        let (plain, error) = mean(&film_with(
+            scene,
+            &settings(Rule::Plain, Amounts::Raw),
+            16,
+            512,
+        ));
         let close = |rough: f64| {
             println!("{name}: {plain:.5} ± {error:.5}, {rough:.5}");
             let bound = 0.02 * plain + 6.0 * error;
             assert!((plain - rough).abs() < bound, "{name}: {plain} {rough}");
         };
         let rule = || Rule::constant(0.5);
-        close(mean(&film_with(scene, &settings(rule(), &[]), 16, 512)).0);
+        close(mean(&film_with(scene, &settings(rule(), Amounts::Raw), 16, 512)).0);
         let mut picture = Picture::new(Film::new(UVec2::splat(16)));
         let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
-        let levels = settings(rule(), &[0.0, 0.5, 1.0]);
+        let levels = settings(
+            rule(),
+            Amounts::roughening(&[0.0, 0.5, 1.0]).expect("scales"),
+        );
         levels.integrator().pass(&view, 0..512, &mut picture);
         let levels = picture.levels.expect("levels");
         for k in 0..3 {

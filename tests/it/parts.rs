@@ -9,11 +9,10 @@ use opsr::image::film::Window;
 use opsr::image::level_film::{LevelFilm, PathLevels};
 use opsr::integrator::aov::LightSplit;
 use opsr::integrator::checkpoint::Fingerprint;
+use opsr::integrator::modes::{MODES, Uniform};
 use opsr::integrator::part::{MergeError, Part, merge};
-use opsr::integrator::{Aovs, Estimator, FirstHit, Integrator, Picture, Settings, View};
+use opsr::integrator::{Amounts, Aovs, Estimator, FirstHit, Integrator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
-use opsr::regularise::Rule;
-use opsr::sampler::SamplerKind;
 use std::ops::{ControlFlow, Range};
 use std::path::PathBuf;
 
@@ -87,12 +86,12 @@ fn blank(window: Window, levels: usize, [first, light]: [bool; 2]) -> Picture {
 fn check(
     name: &str,
     integrator: &dyn Fn() -> Box<dyn Integrator>,
-    levels: &[f32],
+    amounts: &Amounts,
     aovs: [bool; 2],
 ) {
     let scene = scene(caustic_box());
     let camera = &scene.parts().cameras[0];
-    let mut whole = blank(window(), levels.len(), aovs);
+    let mut whole = blank(window(), amounts.films(), aovs);
     let view = View::of(&scene, camera, &whole.film);
     integrator().pass(&view, 0..SPP, &mut whole);
     let mut rng = Rng::new(name, 0);
@@ -102,7 +101,7 @@ fn check(
         let render = |(i, (window, samples)): (usize, Piece)| {
             let path = folder.path().join(format!("{i}.part"));
             let view = View { window, ..view };
-            let part = Part::new(fingerprint(), &view, samples, levels.to_vec(), aovs);
+            let part = Part::new(fingerprint(), &view, samples, amounts.clone(), aovs);
             let mut integrator = integrator();
             let mut go_on = |_: &_| ControlFlow::Continue(());
             let done = part.render(&path, &mut *integrator, &view, &mut go_on);
@@ -125,42 +124,20 @@ fn check(
 
 #[test]
 fn parts_of_any_split_merge_to_the_single_render() {
-    let of = |estimator, rule, levels: &[f32]| Settings {
-        estimator,
-        rule,
-        levels: levels.to_vec(),
-        seed: 11,
-        ..Settings::default()
-    };
-    let path = Estimator::default();
-    for (name, settings, aovs) in [
-        ("plain", of(path, Rule::Plain, &[]), [true, true]),
-        (
-            "constant",
-            of(path, Rule::constant(0.3), &[]),
-            [false, true],
-        ),
-        (
-            "levels",
-            of(path, Rule::constant(0.3), &[0.0, 0.5, 1.0]),
-            [true, false],
-        ),
-        (
-            "levels of Sobol points",
-            Settings {
-                sampler: SamplerKind::Sobol,
-                ..of(path, Rule::constant(0.3), &[0.0, 0.5, 1.0])
-            },
-            [false, true],
-        ),
-        ("bdpt", of(Estimator::Bdpt, Rule::Plain, &[]), [true, false]),
-        (
-            "vcm",
-            of(Estimator::Vcm(Default::default()), Rule::Plain, &[]),
-            [false; 2],
-        ),
-    ] {
-        check(name, &|| settings.integrator(), &settings.levels, aovs);
+    let mut drawn = Rng::new("modes", 0);
+    for (i, mode) in MODES.iter().enumerate() {
+        let settings = mode.settings(Uniform(&mut || drawn.below(1 << 16) as f32 / 65536.0));
+        // A guide learns from all samples before: it has no parts.
+        if matches!(settings.estimator, Estimator::Guided { .. }) {
+            continue;
+        }
+        let aovs = [i % 2 == 0, i % 3 == 0];
+        check(
+            mode.name,
+            &|| settings.integrator(),
+            &settings.amounts,
+            aovs,
+        );
     }
 }
 
@@ -198,7 +175,8 @@ impl Integrator for Faulty {
 
 #[test]
 fn parts_keep_refused_samples_refused() {
-    check("faulty", &|| Box::new(Faulty), &[0.0, 1.0], [false; 2]);
+    let levels = Amounts::roughening(&[0.0, 1.0]).expect("scales");
+    check("faulty", &|| Box::new(Faulty), &levels, [false; 2]);
 }
 
 #[test]
@@ -210,7 +188,7 @@ fn parts_that_are_missing_or_there_twice_are_named() {
     let part = |name: &str, window: Window, samples: Range<u32>| {
         let path = folder.path().join(name);
         let view = View { window, ..view };
-        let part = Part::new(fingerprint(), &view, samples, Vec::new(), [false; 2]);
+        let part = Part::new(fingerprint(), &view, samples, Amounts::Raw, [false; 2]);
         let mut integrator = Settings::default().integrator();
         let mut go_on = |_: &_| ControlFlow::Continue(());
         part.render(&path, &mut *integrator, &view, &mut go_on)
@@ -295,7 +273,7 @@ fn parts_that_are_missing_or_there_twice_are_named() {
     // A part that was stopped leaves no file.
     let path = folder.path().join("stopped");
     for samples in [0..9, 3..9] {
-        let part = Part::new(fingerprint(), &view, samples, Vec::new(), [false; 2]);
+        let part = Part::new(fingerprint(), &view, samples, Amounts::Raw, [false; 2]);
         let mut integrator = Settings::default().integrator();
         let mut stop = |_: &_| ControlFlow::Break(());
         let done = part.render(&path, &mut *integrator, &view, &mut stop);

@@ -3,8 +3,8 @@
 use super::support::render::scene;
 use opsr::gallery::builtin;
 use opsr::image::film::Window;
+use opsr::integrator::Amounts;
 use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::levels::SCALES as LEVELS;
 use opsr::integrator::method::IntegratorKind::{self, Bdpt, Path, Sppm, Vcm};
 use opsr::integrator::{Settings, View};
 use opsr::math::UVec2;
@@ -50,7 +50,7 @@ fn pilot_chooses_the_integrator_of_the_suite_scenes() {
             };
             let mut levels = contender(Path);
             levels.settings.rule = Rule::with_table(AttenuationTable::constant(0.1));
-            levels.settings.levels = LEVELS.to_vec();
+            levels.settings.amounts = Amounts::Roughening(Default::default());
             let [path, bdpt, vcm, sppm] = [Path, Bdpt, Vcm, Sppm].map(contender);
             let contenders = [path, levels, bdpt, vcm, sppm];
             let horizon = Horizon::Seconds(2.0);

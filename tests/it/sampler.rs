@@ -4,7 +4,7 @@ use super::support::render::{film_with, scene};
 use opsr::gallery::{area_light_over_plane, caustic_box, cornell_box, furnace_sphere, two_mirrors};
 use opsr::image::Film;
 use opsr::image::level_film::BATCHES;
-use opsr::integrator::{Picture, Settings, View};
+use opsr::integrator::{Amounts, Picture, Settings, View};
 use opsr::math::moments::Moments;
 use opsr::math::{Rgb, UVec2};
 use opsr::regularise::Rule;
@@ -88,7 +88,7 @@ fn variance_of_sobol_samples_is_lower() {
 fn variance_between_batches_of_sobol_samples_is_honest() {
     let scene = scene(cornell_box());
     let base = Settings {
-        levels: vec![0.0, 1.0],
+        amounts: Amounts::roughening(&[0.0, 1.0]).expect("scales"),
         rule: Rule::constant(0.2),
         ..settings(SamplerKind::Sobol, 9)
     };

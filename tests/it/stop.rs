@@ -4,7 +4,7 @@ use crate::support::render::{mean, scene};
 use opsr::gallery::cornell_box;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::drive::{Budget, Reason, drive};
-use opsr::integrator::{Estimator, Integrator, Picture, Settings, Stop, View};
+use opsr::integrator::{Amounts, Estimator, Integrator, Picture, Settings, Stop, View};
 use opsr::math::UVec2;
 use opsr::regularise::Rule;
 use opsr::scene::Scene;
@@ -35,27 +35,44 @@ fn all() -> Vec<(&'static str, Settings)> {
         first: Some(0.05),
         ..Radius::default()
     };
-    let of = |estimator, rule, levels: &[f32]| Settings {
+    let of = |estimator, rule, amounts| Settings {
         estimator,
         rule,
-        levels: levels.to_vec(),
+        amounts,
         max_vertices: 4,
         seed: 7,
         ..Settings::default()
     };
     vec![
-        ("path", of(path, Rule::Plain, &[])),
-        ("rule", of(path, Rule::constant(0.3), &[])),
-        ("levels", of(path, Rule::constant(0.3), &[0.0, 1.0])),
+        ("path", of(path, Rule::Plain, Amounts::Raw)),
+        ("rule", of(path, Rule::constant(0.3), Amounts::Raw)),
+        (
+            "levels",
+            of(
+                path,
+                Rule::constant(0.3),
+                Amounts::Roughening(Default::default()),
+            ),
+        ),
         (
             "guided",
-            of(Estimator::Guided { unbiased: false }, Rule::Plain, &[]),
+            of(
+                Estimator::Guided { unbiased: false },
+                Rule::Plain,
+                Amounts::Raw,
+            ),
         ),
-        ("light", of(Estimator::Light, Rule::Plain, &[])),
-        ("bdpt", of(Estimator::Bdpt, Rule::Plain, &[])),
-        ("vcm", of(Estimator::Vcm(radius), Rule::Plain, &[])),
-        ("sppm", of(Estimator::Sppm(radius), Rule::Plain, &[])),
-        ("mlt", of(Estimator::Mlt { mutations: 4 }, Rule::Plain, &[])),
+        ("light", of(Estimator::Light, Rule::Plain, Amounts::Raw)),
+        ("bdpt", of(Estimator::Bdpt, Rule::Plain, Amounts::Raw)),
+        ("vcm", of(Estimator::Vcm(radius), Rule::Plain, Amounts::Raw)),
+        (
+            "sppm",
+            of(Estimator::Sppm(radius), Rule::Plain, Amounts::Raw),
+        ),
+        (
+            "mlt",
+            of(Estimator::Mlt { mutations: 4 }, Rule::Plain, Amounts::Raw),
+        ),
     ]
 }
 
@@ -64,7 +81,7 @@ fn blank(size: u32, settings: &Settings) -> Picture {
     Picture::blank(
         UVec2::splat(size),
         window,
-        settings.levels.len(),
+        &settings.amounts,
         [true, false, false],
     )
     .expect("a small picture")
@@ -274,7 +291,7 @@ fn first_sample_that_is_cut_at_once_has_its_first_pixels() {
                 ..Settings::default()
             };
             if batched {
-                settings.levels = settings.usual_levels(true).expect("levels");
+                settings.amounts = settings.usual_amounts(true).expect("amounts");
             }
             let (picture, _) = stopped_at_once(&scene, &settings, 64);
             let met = picture.film.pixels.iter().map(|pixel| pixel.n > 0);

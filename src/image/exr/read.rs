@@ -38,7 +38,7 @@ impl Layers {
 
 fn film_of(layers: &Layers) -> Result<Film, Problem> {
     if layers.channel("level").is_ok() && layers.channel("spp").is_err() {
-        let what = "a picture of the best levels or blurs, without the statistics of its samples; `--levels 1` keeps them";
+        let what = "a picture of the best levels or blurs, without the statistics of its samples; `--resolve raw` keeps them";
         return Err(Problem::content(what));
     }
     let mean = layers.picture(["R", "G", "B"])?;

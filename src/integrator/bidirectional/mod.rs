@@ -57,7 +57,7 @@ use merge::Densities;
 pub(super) use pair::Pairs;
 use photons::{LightVertices, PhotonMap};
 use psr::{Chain, Ends};
-pub use radius::{RADII, Radius};
+pub use radius::Radius;
 use rayon::prelude::*;
 use split::Trail;
 use std::f32::consts::PI;

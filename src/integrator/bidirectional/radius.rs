@@ -24,9 +24,6 @@ impl Default for Radius {
     }
 }
 
-/// Factors on the radius at which the same photons count, of which every pixel gets the best: the first is the radius itself.
-pub const RADII: [f32; 3] = [1.0, 2.0, 4.0];
-
 /// Camera rays a side of the lattice over which the first radius is chosen.
 const LATTICE: u32 = 64;
 

@@ -20,6 +20,7 @@ mod tiles;
 mod vertex;
 
 use super::View;
+use super::amounts::{LevelError, SCALES, Scales};
 use super::walk::features::PathFeatures;
 use super::walk::observer::{PathObserver, Recorder};
 use super::walk::roughening::scattered;
@@ -35,50 +36,6 @@ use std::ops::Range;
 use tiles::LevelPaths;
 pub(super) use tiles::{estimate, pass_bytes};
 use vertex::{PendingLevels, RoughenedVertex};
-
-/// Scales of four levels: plain path tracing, and the factors from 0.64 to 16 times as large. A fifth level at 0.128 does not
-/// make better pictures, and a third of them cannot be left out.
-pub const SCALES: [f32; 4] = [0.0, 0.64, 3.2, 16.0];
-
-/// Scales of so many levels: plain path tracing, and down from the roughest by factors of 5; empty for one level. `None` for
-/// none or more than [`MAX_LEVELS`].
-pub fn scales(levels: usize) -> Option<Vec<f32>> {
-    let roughest = SCALES[SCALES.len() - 1];
-    let scale = |k: usize| roughest * 0.2f32.powi((levels - 1 - k) as i32);
-    match levels {
-        1 => Some(Vec::new()),
-        n if n == SCALES.len() => Some(SCALES.to_vec()),
-        2..=MAX_LEVELS => Some(std::iter::once(0.0).chain((1..levels).map(scale)).collect()),
-        _ => None,
-    }
-}
-
-/// Settings that cannot have several levels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum LevelError {
-    /// The levels of plain path tracing are equal, and rules of other renderers roughen the path itself.
-    #[error("several levels scale the factors of a table or a constant, and this rule has none")]
-    Rule,
-    /// A path that continues with the roughened lobe belongs to one level.
-    #[error("the reuse mode continues a path with the roughened lobe: it has one level only")]
-    Reuse,
-    /// Other estimators have no rule, and one radius.
-    #[error(
-        "several levels are for the path tracer without a guide, and for sppm; bdpt and vcm have one"
-    )]
-    Estimator,
-    /// The levels are chosen afterwards, so that their bias vanishes anyhow.
-    #[error("the consistent variant has one level only")]
-    Consistent,
-    /// Wrong factors on the radius of photon density.
-    #[error(
-        "levels of sppm are 2 to {MAX_LEVELS} factors on its radius, ascending from 1, such as 1,2,4"
-    )]
-    Radii,
-    /// Wrong scales.
-    #[error("expected 2 to {MAX_LEVELS} scales of levels, ascending from 0")]
-    Scales,
-}
 
 /// Path tracer at several levels.
 #[derive(Clone, Debug)]
@@ -107,20 +64,15 @@ impl LevelTracer {
     /// Tracer of levels at these scales of a rule.
     pub(super) fn new(
         rule: &Rule,
-        scales: &[f32],
+        scales: &Scales,
         max_vertices: u32,
         roulette_start: u32,
     ) -> Result<Self, LevelError> {
         if matches!(rule, Rule::Accumulated(Accumulated { lambda, .. }) if *lambda != 0.0) {
             return Err(LevelError::Consistent);
         }
-        let factors = ScaledFactors::new(rule, scales.get(1..).unwrap_or(&[]));
+        let factors = ScaledFactors::new(rule, &scales.as_slice()[1..]);
         let factors = factors.ok_or(LevelError::Rule)?;
-        let finite = scales.iter().all(|s| s.is_finite());
-        let ascending = scales.is_sorted_by(|a, b| a < b);
-        if !(2..=MAX_LEVELS).contains(&scales.len()) || scales[0] != 0.0 || !ascending || !finite {
-            return Err(LevelError::Scales);
-        }
         Ok(Self {
             max_vertices,
             roulette_start,

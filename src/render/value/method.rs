@@ -3,10 +3,11 @@
 use super::number::numbers;
 use super::{Field, Range};
 use crate::image::level_film::MAX_LEVELS;
+use crate::integrator::amounts::Scales;
 use crate::integrator::bidirectional::Strategy;
 use crate::integrator::layers::Aov;
-use crate::integrator::levels::scales;
 use crate::regularise::file::TableFile;
+use crate::resolve::Resolve;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,8 +17,8 @@ use std::sync::Arc;
 pub enum TableChoice {
     /// A file, or the name of a table that the program contains.
     File(PathBuf),
-    /// A table in memory.
-    Held(Arc<TableFile>),
+    /// A table in memory, and the file or name that it was read from, if any.
+    Held(Arc<TableFile>, Option<PathBuf>),
 }
 
 impl TableChoice {
@@ -25,7 +26,15 @@ impl TableChoice {
     pub fn load(&self) -> Result<TableFile, crate::files::FileError> {
         match self {
             Self::File(path) => Ok(TableFile::load(path)?),
-            Self::Held(file) => Ok((**file).clone()),
+            Self::Held(file, _) => Ok((**file).clone()),
+        }
+    }
+
+    /// The file or name that the table was read from; `None` for one of a program's own.
+    pub fn name(&self) -> Option<&Path> {
+        match self {
+            Self::File(path) => Some(path),
+            Self::Held(_, name) => name.as_deref(),
         }
     }
 
@@ -45,8 +54,8 @@ impl Field for TableChoice {
 
     fn text(&self) -> String {
         match self {
-            Self::File(path) => path.display().to_string(),
-            Self::Held(_) => "held".into(),
+            Self::File(path) | Self::Held(_, Some(path)) => path.display().to_string(),
+            Self::Held(_, None) => "held".into(),
         }
     }
 
@@ -84,23 +93,34 @@ impl Field for Strategy {
     }
 }
 
-/// Scales of levels; empty for one level.
+/// Levels of a render.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Levels(pub Vec<f32>);
+pub enum Levels {
+    /// None: the factors as they are, with blurs.
+    None,
+    /// Several scales of the factors, or factors on the radius of `sppm`. The integrator checks them.
+    At(Vec<f32>),
+}
 
 impl Field for Levels {
     fn read(value: &Value, _: &Range) -> Result<Self, String> {
-        let wrong = || format!("expected 1 to {MAX_LEVELS} levels");
+        if value == "none" {
+            return Ok(Self::None);
+        }
         let count = match value {
-            Value::Number(number) => {
-                let count = number.as_u64().ok_or_else(wrong)?;
-                Some(usize::try_from(count).unwrap_or(usize::MAX))
-            }
-            Value::String(text) => text.trim().parse::<usize>().ok(),
+            Value::Number(number) => Some(number.as_f64()),
+            Value::String(text) => text.trim().parse().ok().map(Some),
             _ => None,
         };
-        if let Some(count) = count {
-            return scales(count).map(Self).ok_or_else(wrong);
+        if let Some(count) = count.flatten() {
+            if count == 1.0 {
+                return Err("one level is {resolve} raw, the means of all samples".into());
+            }
+            let whole = (count.fract() == 0.0 && count > 0.0).then_some(count as usize);
+            let scales = whole.and_then(Scales::of_count);
+            return scales
+                .map(|scales| Self::At(scales.into()))
+                .ok_or_else(|| format!("expected 2 to {MAX_LEVELS} levels"));
         }
         let scales = match value {
             // A text is read as single precision reads it.
@@ -112,30 +132,79 @@ impl Field for Levels {
         };
         let scales = scales.filter(|scales| !scales.is_empty());
         scales
-            .map(Self)
-            .ok_or("expected a number of levels, or scales such as 0,0.25,1".into())
+            .map(Self::At)
+            .ok_or("expected a number of levels, scales such as 0,0.25,1, or none".into())
     }
 
     fn text(&self) -> String {
-        match self.0.as_slice() {
-            [] => "1".into(),
-            scales => scales
-                .iter()
-                .map(f32::to_string)
-                .collect::<Vec<_>>()
-                .join(","),
+        match self {
+            Self::None => "none".into(),
+            Self::At(scales) => {
+                let scales: Vec<String> = scales.iter().map(f32::to_string).collect();
+                scales.join(",")
+            }
         }
     }
 
     fn value(&self) -> Value {
-        match self.0.as_slice() {
-            [] => 1.into(),
-            scales => scales.iter().map(Field::value).collect(),
+        match self {
+            Self::None => "none".into(),
+            Self::At(scales) => scales.iter().map(Field::value).collect(),
         }
     }
 
     fn python() -> String {
-        "int | Sequence[float]".into()
+        "int | str | Sequence[float]".into()
+    }
+}
+
+/// The picture that a render makes of its samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ResolveChoice {
+    /// The means of all samples, with their statistics, and no film to choose from.
+    Raw,
+    /// The result of a choice among films in batches.
+    Film(Resolve),
+}
+
+impl Field for ResolveChoice {
+    fn read(value: &Value, range: &Range) -> Result<Self, String> {
+        if value == "raw" {
+            return Ok(Self::Raw);
+        }
+        let film = Resolve::read(value, range).map(Self::Film);
+        film.map_err(|_| format!("expected {}", super::listed(&Self::names())))
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Self::Raw => "raw".into(),
+            Self::Film(resolve) => resolve.text(),
+        }
+    }
+
+    fn python() -> String {
+        let names = Self::names()
+            .iter()
+            .map(|name| format!("\"{name}\""))
+            .collect::<Vec<_>>();
+        format!("Literal[{}]", names.join(", "))
+    }
+
+    fn names() -> Vec<String> {
+        let mut names = vec!["raw".to_owned()];
+        names.extend(Resolve::names());
+        names
+    }
+
+    #[cfg(feature = "cli")]
+    fn possible() -> Vec<clap::builder::PossibleValue> {
+        let raw = clap::builder::PossibleValue::new("raw");
+        let help =
+            "The means of all samples, with their statistics; nothing to choose from is kept";
+        let mut all = vec![raw.help(help)];
+        all.extend(Resolve::possible());
+        all
     }
 }
 

@@ -16,7 +16,7 @@ mod number;
 mod range;
 
 pub use frame::{Crop, Size};
-pub use method::{Layers, Levels, TableChoice};
+pub use method::{Layers, Levels, ResolveChoice, TableChoice};
 pub use number::Sun;
 pub use range::Range;
 

@@ -134,7 +134,8 @@ impl Bench<'_> {
             .iter_mut()
             .filter_map(|method| method.spec.table.as_mut())
         {
-            *choice = TableChoice::Held(Arc::new(choice.load()?));
+            let name = choice.name().map(Path::to_owned);
+            *choice = TableChoice::Held(Arc::new(choice.load()?), name);
         }
         // So are a library that is missing and a place that cannot be written to.
         if let Some(spec) = methods.iter().find(|m| m.spec.denoise == Some(true)) {

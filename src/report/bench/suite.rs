@@ -31,7 +31,7 @@ use crate::image::film::Window;
 use crate::integrator::method::IntegratorKind;
 use crate::math::UVec2;
 use crate::regularise::file::TableFile;
-use crate::render::value::{Levels, TableChoice};
+use crate::render::value::{ResolveChoice, TableChoice};
 use crate::render::{Fault, Heading, Opt, Spec};
 use crate::sampler::SamplerKind;
 
@@ -153,7 +153,9 @@ impl MethodSpec {
     /// The render of a scene by this method with this seed: what a suite leaves out has the defaults of a measurement.
     pub fn render(&self, max_vertices: u32, seed: u64) -> Spec {
         let mut spec = self.spec.clone();
-        spec.levels.get_or_insert(Levels(Vec::new()));
+        if spec.levels.is_none() {
+            spec.resolve.get_or_insert(ResolveChoice::Raw);
+        }
         if spec.kind().is_path() && spec.guide.is_none() {
             spec.sampler.get_or_insert(SamplerKind::Independent);
         }
@@ -173,17 +175,7 @@ impl MethodSpec {
                 "is no part of a method in a suite",
             ));
         }
-        self.spec.check()?;
-        let several = self
-            .spec
-            .levels
-            .as_ref()
-            .is_some_and(|levels| !levels.0.is_empty());
-        let one = |(option, _): &(&Opt, String)| option.of_levels && !several;
-        match self.spec.given().find(one) {
-            Some((option, _)) => Err(Fault::option(option.name, "needs several levels")),
-            None => Ok(()),
-        }
+        self.spec.check()
     }
 }
 

@@ -11,21 +11,21 @@ use super::{Finding, Numbers, pool};
 use crate::gallery::glb;
 use crate::image::Film;
 use crate::image::film::Window;
-use crate::integrator::bidirectional::{Radius, Strategy};
+use crate::integrator::bidirectional::Radius;
 use crate::integrator::checkpoint::Fingerprint;
+use crate::integrator::modes::{MODES, Mode, Uniform};
 use crate::integrator::part::{self, Part};
 use crate::integrator::{Estimator, Picture, Settings, View};
 use crate::math::DVec3;
 use crate::math::moments::Moments;
 use crate::math::{UVec2, luminance};
-use crate::regularise::{Accumulated, AttenuationTable, Factors, Rule};
-use crate::sampler::SamplerKind;
 use crate::scene::Scene;
 use crate::scene::load::{LoadOptions, load};
 use crate::stats::student;
 use scenes::Kind;
+use std::collections::BTreeSet;
 use std::error::Error;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Columns and rows of all pictures.
@@ -85,8 +85,22 @@ pub fn trial(seed: u64) -> Verdict {
     })
 }
 
-fn one(seed: u64) -> Result<(), Box<dyn Error>> {
-    let numbers = &mut Numbers::new(seed);
+/// Names of the modes that trials of these numbers render, without rendering them.
+pub fn modes(seeds: Range<u64>) -> Result<BTreeSet<&'static str>, Box<dyn Error>> {
+    let mut modes = BTreeSet::new();
+    for seed in seeds {
+        let (scene, comparison, mut numbers) = drawn_scene(seed)?;
+        if comparison < 3 {
+            modes.insert(settings(&mut numbers, &scene).0.name);
+        }
+    }
+    Ok(modes)
+}
+
+/// The scene of a trial, the number of its comparison, and random numbers for the rest of it.
+fn drawn_scene(seed: u64) -> Result<(Scene, usize, Numbers), Box<dyn Error>> {
+    let mut own = Numbers::new(seed);
+    let numbers = &mut own;
     let comparison = numbers.below(4);
     let kind = match comparison {
         3 => Kind::Found {
@@ -99,11 +113,16 @@ fn one(seed: u64) -> Result<(), Box<dyn Error>> {
     glb::save(&scenes::scene(numbers, kind), &path)?;
     let mut parts = load(&path, &LoadOptions::default())?.parts;
     scenes::finish(&mut parts, numbers, kind);
-    let scene = Scene::new(parts);
+    Ok((Scene::new(parts), comparison, own))
+}
+
+fn one(seed: u64) -> Result<(), Box<dyn Error>> {
+    let (scene, comparison, mut numbers) = drawn_scene(seed)?;
+    let numbers = &mut numbers;
     if comparison == 3 {
         return integrators(&scene, numbers);
     }
-    let settings = settings(numbers, &scene);
+    let (mode, settings) = settings(numbers, &scene);
     let samples = 1 + numbers.below(12) as u32;
     let differ = match comparison {
         0 => in_pieces(&scene, &settings, samples, numbers),
@@ -113,97 +132,29 @@ fn one(seed: u64) -> Result<(), Box<dyn Error>> {
     let what = ["pieces", "resumed", "parts"][comparison];
     match differ {
         0.0 => Ok(()),
-        n => Err(format!("{what}: {n} pixels differ: {}", settings.fingerprint()).into()),
+        n => {
+            let settings = settings.fingerprint();
+            Err(format!("{what}: {n} pixels differ: {}: {settings}", mode.name).into())
+        }
     }
 }
 
-/// Settings that the scene takes.
-fn settings(numbers: &mut Numbers, scene: &Scene) -> Settings {
+/// A mode, and settings of it that the scene takes.
+fn settings(numbers: &mut Numbers, scene: &Scene) -> (&'static Mode, Settings) {
     loop {
-        let settings = any_settings(numbers);
-        let camera = &scene.parts().cameras[0];
-        if settings.check_levels().is_ok() && settings.check_scene(scene, camera).is_ok() {
-            return settings;
+        let mode = &MODES[numbers.below(MODES.len())];
+        let settings = drawn(numbers, mode);
+        if settings
+            .check_scene(scene, &scene.parts().cameras[0])
+            .is_ok()
+        {
+            return (mode, settings);
         }
     }
 }
 
-fn any_settings(numbers: &mut Numbers) -> Settings {
-    let estimator = estimator(numbers);
-    let accumulated = |numbers: &mut Numbers, lambda| {
-        let gamma = numbers.next();
-        let factors = match numbers.below(2) {
-            0 => Factors::Constant(gamma),
-            _ => Factors::Table(AttenuationTable::constant(gamma)),
-        };
-        Rule::Accumulated(Accumulated { factors, lambda })
-    };
-    let is_path = matches!(estimator, Estimator::Path { .. });
-    let rule = match estimator {
-        Estimator::Path { .. } => match numbers.below(7) {
-            0 | 1 => Rule::Plain,
-            2 => accumulated(numbers, 0.0),
-            3 => accumulated(numbers, 0.2),
-            4 => Rule::FilterGlossy(1.0 + 9.0 * numbers.next()),
-            5 => Rule::RoughnessClamp,
-            _ => [Rule::Pbrt, Rule::Mollifier(0.02)][numbers.below(2)].clone(),
-        },
-        Estimator::Guided { unbiased } if unbiased || numbers.next() < 0.5 => {
-            accumulated(numbers, 0.0)
-        }
-        Estimator::Bdpt | Estimator::Mlt { .. } if numbers.next() < 0.2 => Rule::Mollifier(0.02),
-        Estimator::Bdpt | Estimator::Mlt { .. } | Estimator::Vcm(_) if numbers.next() < 0.5 => {
-            accumulated(numbers, 0.0)
-        }
-        _ => Rule::Plain,
-    };
-    let levels = match is_path && numbers.next() < 0.3 {
-        true => vec![0.0, 0.3, 1.0, 4.0][..2 + numbers.below(3)].to_vec(),
-        false => Vec::new(),
-    };
-    let shows = matches!(estimator, Estimator::Bdpt | Estimator::Vcm(_)) && rule == Rule::Plain;
-    let strategy = (shows && numbers.next() < 0.3).then(|| match estimator {
-        Estimator::Vcm(_) if numbers.next() < 0.3 => Strategy::Merges,
-        _ => Strategy::Connection {
-            s: numbers.below(4) as u32,
-            t: 1 + numbers.below(3) as u32,
-        },
-    });
-    Settings {
-        estimator,
-        rule,
-        levels,
-        strategy,
-        sampler: match is_path && numbers.next() < 0.3 {
-            true => SamplerKind::Sobol,
-            false => SamplerKind::Independent,
-        },
-        max_vertices: 1 + numbers.below(12) as u32,
-        roulette_start: 1 + numbers.below(8) as u32,
-        seed: numbers.below(1000) as u64,
-    }
-}
-
-fn estimator(numbers: &mut Numbers) -> Estimator {
-    let radius = Radius {
-        first: (numbers.next() < 0.5).then(|| 0.01 + 0.2 * numbers.next()),
-        ..Radius::default()
-    };
-    match numbers.below(11) {
-        0..=2 => Estimator::Path {
-            reuse: numbers.next() < 0.2,
-        },
-        3 => Estimator::Guided { unbiased: false },
-        4 => Estimator::Guided { unbiased: true },
-        5 => Estimator::Light,
-        6 => Estimator::Bdpt,
-        7 => Estimator::Vcm(radius),
-        8 => Estimator::VcmNee(radius),
-        9 => Estimator::Sppm(radius),
-        _ => Estimator::Mlt {
-            mutations: 1 + numbers.below(4) as u32,
-        },
-    }
+fn drawn(numbers: &mut Numbers, mode: &Mode) -> Settings {
+    mode.settings(Uniform(&mut || numbers.next()))
 }
 
 /// A window of the frame.
@@ -217,7 +168,7 @@ fn window(numbers: &mut Numbers) -> Window {
 
 /// A picture of this window by passes that end at these samples.
 fn picture(scene: &Scene, settings: &Settings, window: Window, ends: &[u32]) -> Picture {
-    let blank = Picture::blank(FRAME, window, settings.levels.len(), [true, true, false]);
+    let blank = Picture::blank(FRAME, window, &settings.amounts, [true, true, false]);
     let mut picture = blank.expect("a window of the frame");
     let mut integrator = settings.integrator();
     let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
@@ -259,7 +210,7 @@ fn stopped(
     let blank = Picture::blank(
         FRAME,
         Window::full(FRAME),
-        settings.levels.len(),
+        &settings.amounts,
         [true, true, false],
     )?;
     let whole = picture(scene, settings, blank.film.window, &[samples]);
@@ -308,8 +259,8 @@ fn in_parts(
     let mut paths = Vec::new();
     for (i, (window, samples)) in pieces.into_iter().enumerate() {
         let view = View::new(scene, &scene.parts().cameras[0], FRAME, window);
-        let levels = settings.levels.clone();
-        let part = Part::new(fingerprint.clone(), &view, samples, levels, [true, true]);
+        let amounts = settings.amounts.clone();
+        let part = Part::new(fingerprint.clone(), &view, samples, amounts, [true, true]);
         let path = folder.path().join(format!("{i}.part"));
         let mut integrator = settings.integrator();
         part.render(&path, &mut *integrator, &view, &mut |_| {
@@ -322,16 +273,15 @@ fn in_parts(
     Ok(apart(&merged.picture, &whole))
 }
 
-/// Two integrators on a scene whose light both find.
+/// Two plain modes on a scene whose light both find.
 fn integrators(scene: &Scene, numbers: &mut Numbers) -> Result<(), Box<dyn Error>> {
     let camera = &scene.parts().cameras[0];
     let max_vertices = 2 + numbers.below(5) as u32;
     let roulette_start = 2 + numbers.below(6) as u32;
     let mut next = || loop {
-        let estimator = match estimator(numbers) {
-            Estimator::Path { .. } => Estimator::Path { reuse: false },
-            // Shows nothing by way of Dirac lobes.
-            Estimator::Light | Estimator::Guided { unbiased: true } => continue,
+        let mode = &MODES[numbers.below(MODES.len())];
+        let settings = drawn(numbers, mode);
+        let estimator = match settings.estimator {
             Estimator::Mlt { .. } => Estimator::Mlt { mutations: 16 },
             Estimator::Vcm(_) => Estimator::Vcm(Radius::default()),
             Estimator::VcmNee(_) => Estimator::VcmNee(Radius::default()),
@@ -342,9 +292,9 @@ fn integrators(scene: &Scene, numbers: &mut Numbers) -> Result<(), Box<dyn Error
             estimator,
             max_vertices,
             roulette_start,
-            ..Settings::default()
+            ..settings
         };
-        if settings.check_scene(scene, camera).is_ok() {
+        if mode.is_plain && settings.check_scene(scene, camera).is_ok() {
             return settings;
         }
     };

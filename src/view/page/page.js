@@ -561,8 +561,6 @@ function adopt() {
     $("gamma").value = options.gamma;
     $("gamma").nextElementSibling.value = options.gamma;
   }
-  $("levels").checked = options.levels !== 1;
-  $("levels").disabled = !constant && options.table === undefined;
   const automatic = options.exposure === undefined || options.exposure === "auto";
   $("auto").checked = automatic;
   if (document.activeElement !== $("exposure")) {
@@ -632,7 +630,7 @@ async function learn() {
 
 function overlay(name) {
   const lacks = { noise: "levels", bias: "levels", level: "levels", flip: "a picture to compare with" }[name];
-  if (lacks === "levels" && $("levels").disabled) toast("This is known of several levels: choose a table or a constant.");
+  if (lacks === "levels" && $("roughening").value === "") toast("This is known of several levels: choose a table or a constant.");
   if (name === "missing" && !state.missing) toast("No light is known to be missing. A witness looks from 32 samples on, beside renders of one level without roughening.", 6000);
   if (name === "flip" && state.other === null) toast("FLIP needs a picture to compare with.");
   set({ overlay: name });
@@ -667,7 +665,6 @@ $("gamma").oninput = (event) => {
   event.target.nextElementSibling.value = event.target.value;
   sendOption(["gamma", Number(event.target.value)]);
 };
-$("levels").onchange = (event) => option("levels", event.target.checked ? null : 1);
 $("auto").onchange = (event) => option("exposure", event.target.checked ? null : Number($("exposure").value));
 const expose = (stops) => {
   $("exposure").value = stops;

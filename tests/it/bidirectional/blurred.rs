@@ -6,11 +6,10 @@ use opsr::image::Buffer;
 use opsr::image::film::Film;
 use opsr::image::level_film::LevelFilm;
 use opsr::image::metric::{energy_ratio, mape};
+use opsr::integrator::amounts::LevelError;
 use opsr::integrator::aov::{Aovs, FirstHit};
-use opsr::integrator::bidirectional::{RADII, Radius};
-use opsr::integrator::levels::{LevelError, SCALES};
-use opsr::integrator::settings::BLURRED;
-use opsr::integrator::{Estimator, Picture, Settings, View};
+use opsr::integrator::bidirectional::Radius;
+use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::regularise::Rule;
 use opsr::resolve::{Resolve, resolve_film};
@@ -33,10 +32,10 @@ const ESTIMATORS: [Estimator; 4] = [
     Estimator::VcmNee(RADIUS),
 ];
 
-fn settings(estimator: Estimator, levels: &[f32], seed: u64) -> Settings {
+fn settings(estimator: Estimator, amounts: Amounts, seed: u64) -> Settings {
     Settings {
         estimator,
-        levels: levels.to_vec(),
+        amounts,
         max_vertices: 8,
         seed,
         ..Settings::default()
@@ -64,11 +63,16 @@ fn levels(picture: &Picture) -> &LevelFilm {
 fn guides_change_no_sample() {
     let scene = scene(caustic_box());
     for estimator in ESTIMATORS {
-        let [plain, guided] = [&[][..], &BLURRED].map(|levels| {
+        let [plain, guided] = [Amounts::Raw, Amounts::Blurred].map(|amounts| {
             let mut picture = Picture::new(Film::new(SIZE));
             let first = FirstHit::new(picture.film.window);
             picture.aovs = Some(Aovs::from(first));
-            add(&scene, &settings(estimator, levels, 5), 0..6, &mut picture);
+            add(
+                &scene,
+                &settings(estimator, amounts.clone(), 5),
+                0..6,
+                &mut picture,
+            );
             picture
         });
         assert!(plain.levels.is_none());
@@ -95,7 +99,7 @@ fn guides_change_no_sample() {
 fn determinism_of_guides_at_any_thread_count_and_split() {
     let scene = scene(caustic_box());
     for estimator in ESTIMATORS {
-        let settings = settings(estimator, &BLURRED, 1);
+        let settings = settings(estimator, Amounts::Blurred, 1);
         let whole = render(&scene, &settings, 6);
         for threads in [1, 2] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
@@ -112,38 +116,44 @@ fn determinism_of_guides_at_any_thread_count_and_split() {
 #[test]
 fn usual_level_of_estimators_with_one_and_refused_ones() {
     for estimator in ESTIMATORS {
-        let of = |levels: &[f32]| settings(estimator, levels, 0);
-        assert_eq!(of(&[]).usual_levels(false), Ok(BLURRED.to_vec()));
-        assert_eq!(of(&BLURRED).check_levels(), Ok(()));
+        let of = |amounts| settings(estimator, amounts, 0);
+        let usual = of(Amounts::Raw).usual_amounts(false);
+        assert_eq!(usual, Ok(Amounts::Blurred));
+        assert_eq!(of(Amounts::Blurred).check_amounts(), Ok(()));
         let refused = match estimator {
             PATH => LevelError::Rule,
             _ => LevelError::Estimator,
         };
-        for levels in [&RADII[..], &[0.0], &[0.0, 1.0]] {
-            assert_eq!(of(levels).check_levels(), Err(refused));
-        }
+        let scales = Amounts::Roughening(Default::default());
+        assert_eq!(of(scales).check_amounts(), Err(refused));
+        let radii = of(Amounts::Radii(Default::default()));
+        assert_eq!(radii.check_amounts(), Err(LevelError::Estimator));
     }
     // A table has nothing to roughen in a scene without lobes; reuse roughens what it can.
-    let mut settings = settings(PATH, &[], 0);
+    let mut settings = settings(PATH, Amounts::Raw, 0);
     settings.rule = Rule::constant(0.5);
-    assert_eq!(settings.usual_levels(false), Ok(BLURRED.to_vec()));
-    assert_eq!(settings.usual_levels(true), Ok(SCALES.to_vec()));
+    assert_eq!(settings.usual_amounts(false), Ok(Amounts::Blurred));
+    let four = Amounts::Roughening(Default::default());
+    assert_eq!(settings.usual_amounts(true), Ok(four));
     settings.estimator = Estimator::Path { reuse: true };
-    assert_eq!(settings.usual_levels(false), Ok(Vec::new()));
-    assert_eq!(settings.usual_levels(true), Err(LevelError::Reuse));
+    assert_eq!(settings.usual_amounts(false), Ok(Amounts::Raw));
+    assert_eq!(settings.usual_amounts(true), Err(LevelError::Reuse));
 }
 
 /// A film of one level shows the rule's own factors, whatever the scene.
 #[test]
 fn one_level_is_that_of_the_rule() {
     let scene = scene(caustic_box());
-    let [own, kept] = [&[][..], &BLURRED].map(|levels| {
-        let mut settings = settings(PATH, levels, 5);
+    let [own, kept] = [Amounts::Raw, Amounts::Blurred].map(|amounts| {
+        let mut settings = settings(PATH, amounts, 5);
         settings.rule = Rule::constant(0.5);
         render(&scene, &settings, 6).film
     });
     assert_eq!(own, kept);
-    assert_ne!(own, render(&scene, &settings(PATH, &[], 5), 6).film);
+    assert_ne!(
+        own,
+        render(&scene, &settings(PATH, Amounts::Raw, 5), 6).film
+    );
 }
 
 /// Less error than the raw picture, with and without caustics and with textures, at few samples and many, and its light.
@@ -157,11 +167,15 @@ fn blurs_have_less_error_and_keep_the_light() {
         ("lamp-in-glass", 16, 0.75),
     ] {
         let scene = Scene::new(builtin(name).expect("a scene"));
-        let reference = render(&scene, &settings(Estimator::Vcm(RADIUS), &[], 100), 512);
+        let reference = render(
+            &scene,
+            &settings(Estimator::Vcm(RADIUS), Amounts::Raw, 100),
+            512,
+        );
         let reference = reference.film.mean();
         let error = |picture: &Buffer| mape(picture, &reference).expect("one size").value;
         for estimator in [PATH, Estimator::Bdpt, Estimator::Vcm(RADIUS)] {
-            let picture = render(&scene, &settings(estimator, &BLURRED, 1), spp);
+            let picture = render(&scene, &settings(estimator, Amounts::Blurred, 1), spp);
             let resolved = resolve_film(levels(&picture), Resolve::Default).picture;
             let own = picture.film.mean();
             let ratio = error(&resolved) / error(&own);

@@ -6,9 +6,9 @@ use opsr::image::Buffer;
 use opsr::image::film::{Film, Window};
 use opsr::image::level_film::LevelFilm;
 use opsr::image::metric::{energy_ratio, mape};
-use opsr::integrator::bidirectional::{RADII, Radius};
-use opsr::integrator::levels::LevelError;
-use opsr::integrator::{Estimator, Picture, Settings, View};
+use opsr::integrator::amounts::{LevelError, RADII};
+use opsr::integrator::bidirectional::Radius;
+use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::pilot::witness::missing_light;
 use opsr::resolve::{Resolve, resolve_film};
@@ -17,10 +17,14 @@ use std::ops::Range;
 
 const SIZE: UVec2 = UVec2::new(48, 36);
 
+/// Settings at radii by these factors; at one radius without any.
 fn settings(estimator: Estimator, radii: &[f32], seed: u64) -> Settings {
     Settings {
         estimator,
-        levels: radii.to_vec(),
+        amounts: match radii {
+            [] => Amounts::Raw,
+            _ => Amounts::radii(radii).expect("ascending factors"),
+        },
         max_vertices: 8,
         seed,
         ..Settings::default()
@@ -96,7 +100,7 @@ fn determinism_of_radii_at_any_thread_count_and_split() {
 #[test]
 fn refused_factors_on_the_radius() {
     let sppm = Estimator::Sppm(Radius::default());
-    let check = |radii: &[f32]| settings(sppm, radii, 0).check_levels();
+    let check = |radii: &[f32]| settings(sppm, radii, 0).check_amounts();
     assert_eq!(check(&RADII), Ok(()));
     assert_eq!(check(&[]), Ok(()));
     for radii in [
@@ -106,15 +110,15 @@ fn refused_factors_on_the_radius() {
         &[1.0, 1.0],
         &[1.0, f32::NAN],
     ] {
-        assert_eq!(check(radii), Err(LevelError::Radii), "{radii:?}");
+        assert_eq!(Amounts::radii(radii), Err(LevelError::Radii), "{radii:?}");
     }
     assert_eq!(
-        settings(sppm, &[], 0).usual_levels(false),
-        Ok(RADII.to_vec())
+        settings(sppm, &[], 0).usual_amounts(false),
+        Amounts::radii(&RADII)
     );
     let vcm = Estimator::Vcm(Radius::default());
     assert_eq!(
-        settings(vcm, &RADII, 0).check_levels(),
+        settings(vcm, &RADII, 0).check_amounts(),
         Err(LevelError::Estimator)
     );
 }

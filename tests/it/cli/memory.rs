@@ -75,7 +75,7 @@ fn memory_of_a_large_picture_is_refused_before_it_is_taken() {
     };
     for (options, words) in [
         (
-            "--size 16384x16384 --levels 1",
+            "--size 16384x16384 --resolve raw",
             "16384x16384 pixels need about 55.03 GB",
         ),
         (
@@ -83,7 +83,7 @@ fn memory_of_a_large_picture_is_refused_before_it_is_taken() {
             "16384x16384 pixels need about 86.44 GB",
         ),
         (
-            "--size 4096x4096 --levels 1 --aov",
+            "--size 4096x4096 --resolve raw --aov",
             "4096x4096 pixels need about 6.71 GB",
         ),
         (
@@ -110,7 +110,7 @@ fn memory_of_a_large_picture_is_refused_before_it_is_taken() {
     let ended = place.opsr_in_memory(1_500_000, timed);
     assert_eq!(ended.code, Some(7), "{}", ended.err);
     // What the estimate allows does fit: 0.86 GB of the 1.5.
-    render("--size 2048x2048 --levels 1").done();
+    render("--size 2048x2048 --resolve raw").done();
     render("--size 1600x1600").done();
     render("--size 16384x16384 --crop 5,5,8,8").done();
 }

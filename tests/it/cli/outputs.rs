@@ -70,7 +70,7 @@ fn compare_writes_numbers_maps_and_a_page() {
         ("b.exr", "--spp 4 --seed 1"),
         ("reference.exr", "--spp 64 --seed 2"),
     ] {
-        let args = format!("--levels 1 {args} -o {name}");
+        let args = format!("--resolve raw {args} -o {name}");
         place.render(&args).done();
     }
     let ended = place
@@ -129,9 +129,9 @@ fn compare_writes_numbers_maps_and_a_page() {
 fn compare_exit_code_of_pictures_that_differ() {
     let place = caustics();
     for (name, args) in [
-        ("a.exr", "--levels 1"),
-        ("b.exr", "--levels 1 --seed 1"),
-        ("bright.exr", "--levels 1 --max-vertices 1"),
+        ("a.exr", "--resolve raw"),
+        ("b.exr", "--resolve raw --seed 1"),
+        ("bright.exr", "--resolve raw --max-vertices 1"),
         ("blurred.exr", ""),
     ] {
         place.render(&format!("--spp 64 {args} -o {name}")).done();
@@ -150,7 +150,7 @@ fn compare_exit_code_of_pictures_that_differ() {
             "no metric `noise` among MSE",
         ),
         (2, "--fail-above relMSE a.exr", "METRIC=X"),
-        (3, "--agree blurred.exr", "`--levels 1` keeps them"),
+        (3, "--agree blurred.exr", "`--resolve raw` keeps them"),
     ] {
         let ended = compare(args);
         assert_eq!(ended.code, Some(code), "{args}: {}{}", ended.out, ended.err);

@@ -11,7 +11,7 @@ use serde_json::json;
 fn render_writes_its_outputs_and_nothing_else() {
     let place = Place::new();
     place.save("scene.glb", &gallery::cornell_box());
-    let all = "--spp 4 --levels 1 --aov --exposure none -o out.exr -o out.png";
+    let all = "--spp 4 --resolve raw --aov --exposure none -o out.exr -o out.png";
     let ended = place.render(all).done();
     assert_eq!((ended.out.as_str(), ended.err.as_str()), ("", ""));
     assert_eq!(
@@ -36,7 +36,7 @@ fn render_writes_its_outputs_and_nothing_else() {
     // An old picture is replaced.
     place.write("out.png", "old");
     place
-        .render("--spp 4 --levels 1 --exposure 0 -o out.png")
+        .render("--spp 4 --resolve raw --exposure 0 -o out.png")
         .done();
     assert_eq!(png::read(&place.path().join("out.png")).unwrap(), shown);
 }
@@ -280,7 +280,7 @@ fn aov_layers_are_written_by_name() {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
     let layers = |args: &str| {
-        let args = format!("--spp 4 --levels 1 -o out.exr {args}");
+        let args = format!("--spp 4 --resolve raw -o out.exr {args}");
         place.render(&args).done();
         let layers = exr::read_layers(&place.path().join("out.exr")).unwrap();
         assert_eq!(layers.channel("spp").unwrap()[0], 4.0);
@@ -319,7 +319,7 @@ fn aov_layers_are_written_by_name() {
     for (args, words) in [
         ("--aov direct --integrator bdpt", "path tracer"),
         ("--aov emission --gamma 0.5 --levels 3", "one level"),
-        ("--aov level --levels 1", "--levels"),
+        ("--aov level --resolve raw", "--levels"),
         ("--aov time", "--reproducible"),
         ("--aov colour", "albedo"),
     ] {
@@ -620,7 +620,7 @@ fn compare_crops_and_layers() {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
     for args in ["-o whole.exr", "--crop 4,2,8,9 -o crop.exr"] {
-        let args = format!("--spp 16 --levels 1 --aov {args}");
+        let args = format!("--spp 16 --resolve raw --aov {args}");
         place.render(&args).done();
     }
     for args in [
@@ -935,7 +935,7 @@ fn levels_are_rendered_and_resolved_again() {
     let file = |name: &str| exr::read_layers(&place.path().join(name)).expect("a file");
     let plain = {
         place
-            .render("--spp 8 --sampler independent --levels 1 -o plain.exr")
+            .render("--spp 8 --sampler independent --resolve raw -o plain.exr")
             .done();
         file("plain.exr")
     };
@@ -981,7 +981,7 @@ fn levels_are_the_default_of_tables_and_constants() {
         let file = place.read("out.exr");
         assert_eq!(levels(&format!("{factors} --levels 4")), four);
         assert!(place.read("out.exr") == file);
-        let settings = ["--levels 1", "--mode reuse", "--consistent"];
+        let settings = ["--resolve raw", "--mode reuse", "--consistent"];
         for one in settings
             .iter()
             .take(if factors.contains("gamma") { 3 } else { 2 })
@@ -990,11 +990,11 @@ fn levels_are_the_default_of_tables_and_constants() {
         }
     }
     for one in [
-        "--levels 1",
-        "--gamma 0 --levels 1",
+        "--resolve raw",
+        "--gamma 0 --resolve raw",
         "--mode pbrt",
         "--guide",
-        "--integrator bdpt --levels 1",
+        "--integrator bdpt --resolve raw",
         // Layers that add up to the picture as it is.
         "--aov direct",
     ] {

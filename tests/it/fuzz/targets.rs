@@ -11,7 +11,7 @@ use opsr::image::{exr, png};
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::part::{MergeError, Part, merge};
-use opsr::integrator::{Estimator, FirstHit, Picture, Settings, View};
+use opsr::integrator::{Amounts, Estimator, FirstHit, Picture, Settings, View};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::regularise::file::TableFile;
 use opsr::report::bench::page::page;
@@ -394,7 +394,10 @@ pub(crate) fn checkpoints() -> Target {
     let levels = LevelFilm::new(film.size, film.window, 2);
     let seeds = [(None, None), (aovs, None), (None, Some(levels))].map(|(aovs, levels)| {
         let checkpoint = Checkpoint {
-            levels: levels.iter().flat_map(|_| [0.0, 1.0]).collect(),
+            amounts: match levels {
+                Some(_) => self::levels(),
+                None => Amounts::Raw,
+            },
             picture: Picture {
                 film: film.clone(),
                 aovs,
@@ -425,18 +428,23 @@ pub(crate) fn checkpoints() -> Target {
     }
 }
 
-/// A part of a render, of one level or of two.
-fn part(samples: std::ops::Range<u32>, levels: &[f32]) -> Vec<u8> {
+/// Two levels.
+fn levels() -> Amounts {
+    Amounts::roughening(&[0.0, 1.0]).expect("scales")
+}
+
+/// A part of a render.
+fn part(samples: std::ops::Range<u32>, amounts: Amounts) -> Vec<u8> {
     let scene = crate::support::render::scene(opsr::gallery::caustic_box());
     let (camera, film) = (&scene.parts().cameras[0], seeds::film());
     let view = View::of(&scene, camera, &film);
     let settings = Settings {
         rule: opsr::regularise::Rule::constant(0.3),
-        levels: levels.to_vec(),
+        amounts: amounts.clone(),
         ..Settings::default()
     };
-    let aovs = [!levels.is_empty(), false];
-    let part = Part::new(fingerprint(), &view, samples, levels.to_vec(), aovs);
+    let aovs = [amounts.has_batches(), false];
+    let part = Part::new(fingerprint(), &view, samples, amounts, aovs);
     let mut go_on = |_: &_| std::ops::ControlFlow::Continue(());
     let mut integrator = settings.integrator();
     written(|path| text(part.render(path, &mut *integrator, &view, &mut go_on)).map(drop))
@@ -448,10 +456,10 @@ pub(crate) fn parts() -> Target {
         name: "parts",
         file_name: "fuzz.part",
         seeds: vec![
-            part(0..2, &[]),
-            part(2..4, &[]),
-            part(0..2, &[0.0, 1.0]),
-            part(2..4, &[0.0, 1.0]),
+            part(0..2, Amounts::Raw),
+            part(2..4, Amounts::Raw),
+            part(0..2, levels()),
+            part(2..4, levels()),
         ],
         repair: repair::sealed,
         read: |path: &Path| {
@@ -461,9 +469,9 @@ pub(crate) fn parts() -> Target {
             let mut paths = vec![path.to_owned()];
             if !has("\"samples\":[0,") {
                 let first = if has("\"levels\":[]") {
-                    part(0..2, &[])
+                    part(0..2, Amounts::Raw)
                 } else {
-                    part(0..2, &[0.0, 1.0])
+                    part(0..2, levels())
                 };
                 paths.push(folder.path().join("first.part"));
                 text(std::fs::write(&paths[1], first))?;
