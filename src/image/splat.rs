@@ -44,10 +44,10 @@ impl SplatLayer {
         }
     }
 
-    /// Adds splats in their order.
-    pub(crate) fn add_in_order(&mut self, splats: &[Splat]) {
+    /// Adds splats in their order, times a factor.
+    pub(crate) fn add_in_order(&mut self, splats: &[Splat], factor: f64) {
         for splat in splats {
-            self.sums[splat.index as usize] += splat.value.as_dvec3();
+            self.sums[splat.index as usize] += factor * splat.value.as_dvec3();
         }
     }
 

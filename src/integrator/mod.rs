@@ -19,6 +19,7 @@ pub mod metropolis;
 pub mod modes;
 pub mod part;
 pub mod path;
+mod pieces;
 pub mod settings;
 pub mod stop;
 pub mod trace;
@@ -70,67 +71,6 @@ impl<'a> View<'a> {
     pub fn until(self, stop: &'a Stop<'a>) -> Self {
         let stop = Some(stop);
         Self { stop, ..self }
-    }
-
-    /// True if the next tile, chain or iteration is to be left out.
-    pub(crate) fn stopped(&self) -> bool {
-        self.stop.is_some_and(Stop::now)
-    }
-
-    /// The same for what all else of the first sample rests on: half of the time is for that.
-    pub(crate) fn stopped_at_half(&self) -> bool {
-        match self.keeps_pieces() {
-            true => self.stop.is_some_and(Stop::at_half),
-            false => self.stopped(),
-        }
-    }
-
-    /// True if a piece of the first sample is to be left out for lack of time: never the first of its pieces, since a picture without
-    /// a pixel is of no use.
-    pub(crate) fn leaves_out(&self, piece: u32) -> bool {
-        self.stopped() && !(piece == 0 && self.keeps_pieces())
-    }
-
-    /// The same for pieces of what all else of the first sample rests on: half of the time is for that.
-    pub(crate) fn leaves_out_shared(&self, piece: u32) -> bool {
-        self.stopped_at_half() && !(piece == 0 && self.keeps_pieces())
-    }
-
-    /// Lengthens the first sample where what all else of it rests on took long: the rest gets at least that time.
-    pub(crate) fn shared_work_is_done(&self) {
-        if let Some(stop) = self.stop {
-            stop.at_least_as_long();
-        }
-    }
-
-    /// True if something was left out, so that the results of the pass do not count.
-    pub(crate) fn is_cut(&self) -> bool {
-        self.stop.is_some_and(Stop::is_cut)
-    }
-
-    /// True while there is no whole sample, so that what is whole of a pass that was cut is kept.
-    pub(crate) fn keeps_pieces(&self) -> bool {
-        self.stop.is_some_and(Stop::is_first)
-    }
-
-    /// A whole sample was added.
-    pub(crate) fn begun(&self) {
-        if let Some(stop) = self.stop {
-            stop.begun();
-        }
-    }
-
-    /// True if a pass was cut and nothing of it is kept.
-    pub(crate) fn drops_pass(&self) -> bool {
-        self.is_cut() && !self.keeps_pieces()
-    }
-
-    /// Whole samples of a pass whose tiles were joined.
-    pub(crate) fn added(&self, samples: &Range<u32>) -> u32 {
-        match self.is_cut() {
-            true => 0,
-            false => samples.end - samples.start,
-        }
     }
 
     /// The part of the frame that a film holds.

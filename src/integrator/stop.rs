@@ -1,6 +1,6 @@
 //! The end of a render in the middle of a pass.
 //!
-//! Integrators ask `View::stopped` before every tile, chain or iteration. What a pass that ends early
+//! The driver of pieces asks before every tile, chunk of light paths, or chain. What a pass that ends early
 //! has done is left out: a picture holds whole samples only, so that it can be resumed and merged bit for bit. The first pass
 //! is the exception, since there is no other picture: its finished tiles or chains are kept, and no checkpoint is made of it. What
 //! others of its steps rest on, such as the light paths that all pixels share, ends at half of its time; the steps that rest on it

@@ -9,8 +9,11 @@
 //! The shares are found before the first sample and stay: samples are independent, and passes, parts and resumed renders
 //! have the same ones. They depend on seed, scene, camera and frame alone.
 
+use super::Bidirectional;
+use super::iteration::Iteration;
+use super::paths::EARLIER;
+use super::vertex::Vertex;
 use super::walk::{Onward, WeightedWalk};
-use super::{Bidirectional, Iteration, Vertex};
 use crate::bsdf::Bsdf;
 use crate::image::film::Window;
 use crate::integrator::View;
@@ -236,9 +239,7 @@ impl Iteration<'_> {
                 || (drawn == Onward::Smooth
                     && vertex.alpha < SHARP
                     && vertex.bsdf.is_delta_at(0.0));
-            if n + super::EARLIER >= self.settings.roulette_start
-                && walk.survive(u.roulette).is_none()
-            {
+            if n + EARLIER >= self.settings.roulette_start && walk.survive(u.roulette).is_none() {
                 break;
             }
         }

@@ -1,7 +1,7 @@
 //! The ways to close a path by an edge. Each computes the value, then the weight, then the shadow ray: most closings carry
 //! nothing, and the ray is the dearest part.
 
-use super::Iteration;
+use super::iteration::Iteration;
 use super::split::Trail;
 use super::vertex::Vertex;
 use super::walk::WeightedWalk;

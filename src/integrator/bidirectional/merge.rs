@@ -1,10 +1,12 @@
 //! Paths closed by a merge: light vertices within the radius of a camera walk's vertex.
 
+use super::iteration::Iteration;
+use super::paths::point;
 use super::photons::{MAX_HEIGHT, MIN_COS, PhotonMap, is_within};
 use super::split::Prefix;
 use super::vertex::Vertex;
 use super::walk::Sharp;
-use super::{Iteration, point, weights};
+use super::weights;
 use crate::image::level_film::{Features, MAX_LEVELS};
 use crate::integrator::walk::features::PathFeatures;
 use crate::integrator::walk::observer::PathObserver;

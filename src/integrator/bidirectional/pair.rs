@@ -1,6 +1,8 @@
-//! One light path and one camera path, connected, from random numbers that are somebody else's.
+//! One light path and one camera path, connected, from given random numbers.
 
-use super::{Bidirectional, Iteration, LightPath};
+use super::Bidirectional;
+use super::iteration::Iteration;
+use super::paths::LightPath;
 use crate::image::splat::Splat;
 use crate::integrator::View;
 use crate::math::UVec2;

@@ -6,7 +6,7 @@
 //! Dirac end would do, but have different integrands, so that there is no weight between them: the longest edge of the
 //! path is taken, which has the smallest cone and the least bias. Edges with two Dirac ends never are.
 
-use super::Iteration;
+use super::iteration::Iteration;
 use super::vertex::Vertex;
 use super::walk::{Onward, WeightedWalk};
 use crate::image::splat::Splat;

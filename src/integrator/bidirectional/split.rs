@@ -18,7 +18,7 @@
 //! the path tracer: light sampling and a ray of its own. Since each has one integrand, the sum has the expectation ∫ f*
 //! whatever the weights; roughening in every strategy would count light twice.
 
-use super::Iteration;
+use super::iteration::Iteration;
 use super::vertex::Vertex;
 use crate::bsdf::{Bsdf, SharedNumbers};
 use crate::integrator::walk::roughening::roughen;

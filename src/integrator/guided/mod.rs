@@ -14,6 +14,7 @@ mod directions;
 mod field;
 pub mod quadtree;
 
+use super::pieces::Driver;
 use super::walk::Walk;
 use super::walk::camera::trace_tile;
 use super::walk::observer::Recorder;
@@ -24,7 +25,6 @@ use crate::regularise::{Roughening, Rule, Unregularised};
 use crate::sampler::{Domain, Independent, IndependentStream, Seed};
 use directions::{Guide, TrainingSamples};
 use field::Field;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Samples of the iterations: 1 + 2 + 4 + … The guide stays as it is after them.
@@ -171,49 +171,37 @@ impl State {
         film: &mut Film,
         recorder: &mut O,
     ) -> u32 {
-        // For samples of an earlier run, which are in the film already.
-        let mut unused = None;
-        while self.samples < samples.end.min(LEARNING) {
-            let sample = self.samples;
-            if sample > samples.start && paths.view.stopped() {
-                return sample - samples.start;
-            }
-            if samples.contains(&sample) {
-                self.learn(tracer, paths, sample, film, recorder);
-            } else {
-                let unused = unused.get_or_insert_with(|| film.clone());
+        let before = samples.start.min(LEARNING);
+        if self.samples < before {
+            // These samples of an earlier run are in the film.
+            let unused = &mut film.clone();
+            for sample in self.samples..before {
                 self.learn(tracer, paths, sample, unused, &mut ());
             }
-            self.samples += 1;
-            if (self.samples + 1).is_power_of_two() {
-                self.field.next();
-            }
         }
+        let driver = paths.view.driver();
+        let learning = samples.start..samples.end.min(LEARNING);
+        let learned = driver.samples(learning.clone(), 1, |one| {
+            self.learn(tracer, paths, one.start, film, recorder);
+            Some(())
+        });
+        if learned < learning.len() as u32 {
+            return learned;
+        }
+        let tiles = film.tiles(TILE);
         let rest = samples.start.max(LEARNING)..samples.end;
-        if !rest.is_empty() {
-            let field = &self.field;
-            let tiles = film.tiles(TILE).into_par_iter();
-            let tiles = tiles.filter(|_| !paths.view.stopped()).map(|window| {
-                let mut tile = film.cut(window);
-                let mut observer = recorder.fork();
-                let guide = (field, None);
-                paths.trace(tracer, guide, rest.clone(), &mut tile, &mut observer);
-                (tile, observer)
-            });
-            let tiles: Vec<_> = tiles.collect();
-            if paths.view.is_cut() {
-                return rest.start - samples.start;
-            }
-            for (tile, observer) in tiles {
-                film.paste(&tile);
-                recorder.join(observer);
-            }
-            self.samples = samples.end;
-        }
-        samples.end - samples.start
+        learned
+            + driver.samples(rest, u32::MAX, |rest| {
+                let trace = |tile: &mut Film, observer: &mut O| {
+                    paths.trace(tracer, (&self.field, None), rest.clone(), tile, observer);
+                };
+                driver.run_tiles(&tiles, film, recorder, trace)?;
+                self.samples = rest.end;
+                Some(())
+            })
     }
 
-    /// Adds one sample to the film, and what it found to the guide.
+    /// Adds one sample to the film, and what it found to the guide. It is never stopped.
     fn learn<R: Roughening, O: Recorder>(
         &mut self,
         tracer: &PathTracer<R>,
@@ -222,25 +210,22 @@ impl State {
         film: &mut Film,
         recorder: &mut O,
     ) {
-        let samples = sample..sample + 1;
         let mut records = Vec::new();
         for batch in film.tiles(TILE).chunks(BATCH) {
-            let field = &self.field;
-            let tiles = batch.par_iter().map(|&window| {
-                let mut tile = film.cut(window);
-                let mut observer = recorder.fork();
+            let trace = |tile: &mut Film, observer: &mut O| {
                 let mut training = TrainingSamples::default();
-                let guide = (field, Some(&mut training));
-                paths.trace(tracer, guide, samples.clone(), &mut tile, &mut observer);
-                (tile, observer, training.records)
-            });
+                let guide = (&self.field, Some(&mut training));
+                paths.trace(tracer, guide, sample..sample + 1, tile, observer);
+                training.records
+            };
+            let found = Driver::default().run_tiles(batch, film, recorder, trace);
             records.clear();
-            for (tile, observer, found) in tiles.collect::<Vec<_>>() {
-                film.paste(&tile);
-                recorder.join(observer);
-                records.extend(found);
-            }
+            records.extend(found.into_iter().flatten().flatten());
             self.field.add(&records);
+        }
+        self.samples += 1;
+        if (self.samples + 1).is_power_of_two() {
+            self.field.next();
         }
     }
 }

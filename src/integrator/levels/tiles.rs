@@ -5,6 +5,7 @@ use super::kept::{Path, most_words, put, take};
 use crate::image::film::{Film, FilmBand, Window};
 use crate::image::level_film::{BATCHES, LevelBand, LevelFilm};
 use crate::integrator::View;
+use crate::integrator::pieces::Pieces;
 use crate::integrator::walk::Walk;
 use crate::integrator::walk::camera::CameraWalks;
 use crate::integrator::walk::observer::{PathObserver, Recorder};
@@ -54,20 +55,14 @@ pub(in crate::integrator) fn estimate<const N: usize, T: LevelPaths<N>, O: Recor
 ) -> u32 {
     debug_assert_eq!(levels.levels(), tracer.levels());
     let most = KEPT / (film.window.len() * most_words(tracer.levels())).max(1);
-    let mut next = samples.start;
-    while next < samples.end {
-        let some = next..next.saturating_add(most.max(1) as u32).min(samples.end);
-        next += pass(tracer, view, source, some, film, levels, recorder);
-        if view.is_cut() {
-            break;
-        }
-        view.begun();
-    }
-    next - samples.start
+    let most = most.clamp(1, u32::MAX as usize) as u32;
+    view.driver().samples(samples, most, |some| {
+        add(tracer, view, source, some, film, levels, recorder)
+    })
 }
 
-/// The same of samples that are added together.
-fn pass<const N: usize, T: LevelPaths<N>, O: Recorder>(
+/// The same of samples that are added together; `None` if the render was stopped and the films are unchanged.
+fn add<const N: usize, T: LevelPaths<N>, O: Recorder>(
     tracer: &T,
     view: &View<'_>,
     source: &CameraSource,
@@ -75,18 +70,15 @@ fn pass<const N: usize, T: LevelPaths<N>, O: Recorder>(
     film: &mut Film,
     levels: &mut LevelFilm,
     recorder: &mut O,
-) -> u32 {
+) -> Option<()> {
     let walks = CameraWalks::of(view);
     let windows = film.tiles(TILE);
     let most = most_words(tracer.levels()) * samples.len();
     // Zeroed memory is the system's until it is written to: what no path needs is not taken.
     let mut words = vec![0; film.window.len() * most];
     let free = Mutex::new(&mut words[..]);
-    let trace = |window: &Window| {
-        if view.stopped() {
-            return None;
-        }
-        let mut observer = recorder.fork();
+    let trace = |tile: Range<u32>, observer: &mut O| {
+        let window = windows[tile.start as usize];
         let mut all = vec![0; window.len() * most];
         let (mut rest, mut values) = (&mut all[..], Path::NONE);
         for index in 0..window.len() {
@@ -104,7 +96,7 @@ fn pass<const N: usize, T: LevelPaths<N>, O: Recorder>(
                 observer.begin(pixel, sample);
                 let turn = turns[sample as usize % BATCHES];
                 let turn = (turn >> 1).wrapping_add(sample / BATCHES as u32);
-                values.set(&tracer.trace(walk, sample, turn, &mut stream, &mut observer));
+                values.set(&tracer.trace(walk, sample, turn, &mut stream, observer));
                 put(&mut values, tracer.levels(), &mut rest);
             }
         }
@@ -112,19 +104,17 @@ fn pass<const N: usize, T: LevelPaths<N>, O: Recorder>(
         let written = &all[..all.len() - left];
         let kept = cut(&mut free.lock().expect("no thread panics"), written.len());
         kept.copy_from_slice(written);
-        Some((observer, &*kept))
+        &*kept
     };
-    let traced: Vec<_> = windows.par_iter().map(trace).collect();
-    if view.drops_pass() {
-        return 0;
-    }
-    let mut tiles = Vec::with_capacity(windows.len());
-    for (window, traced) in windows.into_iter().zip(traced) {
-        let words = traced.map(|(observer, words)| {
-            recorder.join(observer);
-            words
-        });
-        tiles.push(Tile { window, words });
+    let pieces = Pieces::new(windows.len() as u32, 1);
+    let traced = view.driver().run_recorded(pieces, recorder, trace)?;
+    let blank = |window| Tile {
+        window,
+        words: None,
+    };
+    let mut tiles: Vec<_> = windows.iter().copied().map(blank).collect();
+    for (tile, words) in traced.results {
+        tiles[tile.start as usize].words = Some(words);
     }
 
     let columns = film.window.w.div_ceil(TILE) as usize;
@@ -141,7 +131,7 @@ fn pass<const N: usize, T: LevelPaths<N>, O: Recorder>(
         })
         .collect();
     refused.iter().for_each(|refused| film.refuse(refused));
-    view.added(&samples)
+    Some(())
 }
 
 /// Takes so many words from the front.

@@ -15,15 +15,15 @@ mod chain;
 
 use super::bidirectional::{Bidirectional, Pairs};
 use super::{Integrator, Picture, View};
-use crate::image::film::{Cause, RejectedSample, Window};
+use crate::image::film::{Cause, Film, RejectedSample, Window};
 use crate::image::splat::{Splat, SplatLayer};
 use crate::integrator::path::PathTracer;
+use crate::integrator::pieces::{Driver, Pieces};
 use crate::math::{UVec2, luminance};
 use crate::regularise::Unregularised;
 use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Sampler, Seed};
 use crate::scene::Aim;
 use chain::{LARGE, Means, Numbers, Sources, Target};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Mutations per pixel of a pass where nobody says otherwise.
@@ -45,8 +45,9 @@ const LEAST: u32 = 8;
 /// Samples of the bootstrap that a thread takes at a time.
 const CHUNK: u32 = 256;
 
-/// Samples of the bootstrap that wait for their values to be joined: a bound of their memory.
-const BLOCK: u32 = 1 << 14;
+/// Chunks of the bootstrap whose values are joined at a time: a bound of their memory. So many run in the first pass, even if it
+/// is stopped.
+const BLOCK: u32 = 64;
 
 /// Number of refused states, and the first.
 type Refused = (u64, Option<(UVec2, Cause)>);
@@ -202,17 +203,21 @@ impl Metropolis {
         };
         // It decides how samples are weighed, not what they add up to: a quarter is enough.
         let samples = (self.counts(frame).1 / 4).max(BOOTSTRAP.0 as u32);
-        let found: Vec<Vec<Splat>> = {
-            let pass = Pass {
-                settings: self,
-                target: &target,
-                view,
-                aim,
-                number: 0,
-                source: self.source(1),
-            };
-            pass.bootstrap(0..samples, |_, splats| splats.to_vec()).0
-        };
+        let mut found: Vec<Vec<Splat>> = Vec::new();
+        Pass {
+            settings: self,
+            target: &target,
+            view,
+            aim,
+            number: 0,
+            source: self.source(1),
+        }
+        .bootstrap(
+            &Driver::default(),
+            samples,
+            |_, splats| splats.to_vec(),
+            |splats| found.push(splats),
+        );
         let mut sums = vec![0.0; count];
         for splat in found.iter().flatten() {
             sums[target.cell(splat.index)] += f64::from(luminance(splat.value));
@@ -249,39 +254,40 @@ impl Pass<'_> {
         [Use::LightStart, Use::CameraStart].map(|of| self.stream(index, of))
     }
 
-    /// Results of fresh pairs, in order: a function of their target and values.
+    /// Passes results of fresh pairs to `add` in order: a function of their target and values. Returns the refused states and
+    /// all samples over those that were finished; `None` if the pass was stopped.
     fn bootstrap<T: Send>(
         &self,
-        samples: Range<u32>,
+        driver: &Driver<'_>,
+        samples: u32,
         result: impl Fn(f64, &[Splat]) -> T + Sync,
-    ) -> (Vec<T>, Refused) {
-        let chunk = |first: u32| {
+        mut add: impl FnMut(T),
+    ) -> Option<(Refused, f64)> {
+        let chunk = |samples: Range<u32>| {
             let mut target = self.target();
             let mut splats = Vec::new();
-            let results: Vec<T> = (first..(first + CHUNK).min(samples.end))
-                .map(|i| {
-                    let [mut light, mut camera] = self.start(i).map(Numbers::new);
-                    let value = target.evaluate(&mut light, &mut camera, &mut splats);
-                    result(value, &splats)
-                })
-                .collect();
+            let one = |i| {
+                let [mut light, mut camera] = self.start(i).map(Numbers::new);
+                let value = target.evaluate(&mut light, &mut camera, &mut splats);
+                result(value, &splats)
+            };
+            let results: Vec<T> = samples.map(one).collect();
             (results, target.refused)
         };
-        let chunks: Vec<_> = (0..samples.len().div_ceil(CHUNK as usize) as u32)
-            .into_par_iter()
-            .map(|n| chunk(samples.start + n * CHUNK))
-            .collect();
-        let (mut all, mut refused) = (Vec::new(), (0, None));
-        for (results, more) in chunks {
-            all.extend(results);
+        let mut refused = (0, None);
+        let pieces = Pieces::new(samples, CHUNK)
+            .in_batches(BLOCK)
+            .at_least(BLOCK);
+        let factor = driver.run_batches(pieces, chunk, |_, (results, more)| {
+            results.into_iter().for_each(&mut add);
             refused = joined(refused, more);
-        }
-        (all, refused)
+        })?;
+        Some((refused, factor))
     }
 
-    /// Adds one estimate of every pixel of the frame to the layer; returns the refused states. Stopped between chains, where
-    /// the first pass is an estimate by fewer chains.
-    fn run(&self, layer: &mut SplatLayer) -> Refused {
+    /// Adds one estimate of every pixel of the frame to the layer; returns the refused states, or `None` if the pass was stopped.
+    /// If the first pass is stopped, it is an estimate by fewer fresh pairs and chains.
+    fn run(&self, layer: &mut SplatLayer) -> Option<Refused> {
         let (mutations, samples, chains) = self.settings.counts(self.target.frame);
         let scale = 1.0 / mutations as f64;
         let mut means = Means {
@@ -289,73 +295,69 @@ impl Pass<'_> {
             constant: self.target.mean,
             fresh: LARGE + f64::from(samples) * scale,
         };
-        let (mut weights, mut refused) = (Vec::new(), (0, None));
-        for first in (0..samples).step_by(BLOCK as usize) {
-            // The first block runs in the first pass, even if it is stopped.
-            if self.view.leaves_out_shared(first) {
-                break;
-            }
-            let block = first..(first + BLOCK).min(samples);
-            let (found, more) = self.bootstrap(block, |target, splats| {
-                let factor = (scale / means.density(target)) as f32;
-                let counted = |splat: &Splat| Splat {
-                    value: splat.value * factor,
-                    ..*splat
-                };
-                (target, splats.iter().map(counted).collect::<Vec<_>>())
-            });
-            refused = joined(refused, more);
-            for (target, splats) in found {
+        let mut weights = Vec::new();
+        let weighed = |target: f64, splats: &[Splat]| {
+            let factor = (scale / means.density(target)) as f32;
+            let counted = |splat: &Splat| Splat {
+                value: splat.value * factor,
+                ..*splat
+            };
+            (target, splats.iter().map(counted).collect::<Vec<_>>())
+        };
+        let driver = self.view.driver();
+        let (refused, factor) = driver.shared(|driver| {
+            self.bootstrap(driver, samples, weighed, |(target, splats)| {
                 weights.push(target);
-                layer.add_in_order(&splats);
-            }
-        }
-        if self.view.drops_pass() {
-            return refused;
-        }
-        // Of a bootstrap that was cut, what there is stands for all.
-        let found = weights.len() as f64;
-        if weights.len() < samples as usize {
-            layer.scale(f64::from(samples) / found);
-        }
+                layer.add_in_order(&splats, 1.0);
+            })
+        })?;
+        layer.scale(factor);
         let total: f64 = weights.iter().sum();
-        means.pass = total / found;
-        let starts = starts(
-            &weights,
-            total,
-            chains,
-            self.stream(0, Use::Starts).next_1d(),
-        );
+        means.pass = total / weights.len() as f64;
+        let more = self.run_chains(chains, mutations, (&weights, total), means, layer)?;
+        Some(joined(refused, more))
+    }
+
+    /// Adds the mutations of all chains to the layer. They start at samples of the bootstrap with these weights and this total.
+    fn run_chains(
+        &self,
+        chains: u32,
+        mutations: u64,
+        (weights, total): (&[f64], f64),
+        means: Means,
+        layer: &mut SplatLayer,
+    ) -> Option<Refused> {
+        let first = self.stream(0, Use::Starts).next_1d();
+        let starts = starts(weights, total, chains, first);
+        let run = |chain: u32| {
+            let mut target = self.target();
+            let sources = Sources {
+                start: self.start(starts[chain as usize]),
+                steps: [Use::LightSteps, Use::CameraSteps, Use::Choices]
+                    .map(|of| self.stream(chain, of)),
+            };
+            // The first chains are longer by one where the numbers do not divide.
+            let (each, rest) = (mutations / u64::from(chains), mutations % u64::from(chains));
+            let length = each + u64::from(u64::from(chain) < rest);
+            let scale = 1.0 / mutations as f64;
+            let splats = chain::run(&mut target, sources, length as u32, means, scale);
+            (splats, target.refused)
+        };
         // Apart, since they are scaled by the number of chains that have run.
-        let (mut of_chains, mut ran) = (SplatLayer::new(&self.view.window), 0);
-        let least = if self.view.keeps_pieces() { LEAST } else { 0 };
-        for first in (0..chains).step_by(BATCH as usize) {
-            let batch: Vec<_> = (first..(first + BATCH).min(chains))
-                .into_par_iter()
-                .filter(|chain| *chain < least || !self.view.stopped())
-                .map(|chain| {
-                    let mut target = self.target();
-                    let sources = Sources {
-                        start: self.start(starts[chain as usize]),
-                        steps: [Use::LightSteps, Use::CameraSteps, Use::Choices]
-                            .map(|of| self.stream(chain, of)),
-                    };
-                    // The first chains are longer by one where the numbers do not divide.
-                    let (each, rest) =
-                        (mutations / u64::from(chains), mutations % u64::from(chains));
-                    let length = each + u64::from(u64::from(chain) < rest);
-                    let splats = chain::run(&mut target, sources, length as u32, means, scale);
-                    (splats, target.refused)
-                })
-                .collect();
-            for (splats, more) in batch {
-                of_chains.add_in_order(&splats);
+        let mut of_chains = SplatLayer::new(&self.view.window);
+        let mut refused = (0, None);
+        let pieces = Pieces::new(chains, 1).in_batches(BATCH).at_least(LEAST);
+        let driver = self.view.driver();
+        let factor = driver.run_batches(
+            pieces,
+            |chain| run(chain.start),
+            |_, (splats, more)| {
+                of_chains.add_in_order(&splats, 1.0);
                 refused = joined(refused, more);
-                ran += 1;
-            }
-        }
-        layer.add_layer(&of_chains, f64::from(chains) / f64::from(ran.max(1)));
-        refused
+            },
+        )?;
+        layer.add_layer(&of_chains, factor);
+        Some(refused)
     }
 }
 
@@ -375,6 +377,27 @@ fn starts(weights: &[f64], total: f64, chains: u32, u: f32) -> Vec<u32> {
     starts
 }
 
+/// Adds a sample of the whole frame, and its refused states, to a film.
+fn push(film: &mut Film, frame: UVec2, layer: &mut SplatLayer, sample: u32, refused: Refused) {
+    let window = film.window;
+    for (index, value) in layer.take().enumerate() {
+        let pixel = UVec2::new(index as u32 % frame.x, index as u32 / frame.x);
+        if let Some(place) = Splat::new(&window, pixel, value) {
+            film.push_shared(place.index as usize, value, sample);
+        }
+    }
+    let (count, first) = refused;
+    if let Some((pixel, cause)) = first {
+        for _ in 0..count {
+            film.rejected.add(RejectedSample {
+                pixel,
+                sample,
+                cause,
+            });
+        }
+    }
+}
+
 /// Bytes that a pass takes beside the film: chains move over the whole frame, whatever the window.
 pub(super) fn bytes(frame: UVec2) -> u64 {
     2 * u64::from(frame.x) * u64::from(frame.y) * SplatLayer::PIXEL_BYTES
@@ -390,48 +413,26 @@ impl Integrator for Metropolis {
             Some(target) => target,
             None => self.first_bootstrap(&whole, &aim),
         };
-        let mut added = 0;
-        for number in samples.clone() {
+        let first = samples.start;
+        let added = view.driver().samples(samples, 1, |one| {
             let mut layer = SplatLayer::new(&whole.window);
-            let (refused, first) = Pass {
+            let refused = Pass {
                 settings: self,
                 target: &target,
                 view: &whole,
                 aim: &aim,
-                number,
+                number: one.start,
                 source: self.source(0),
             }
-            .run(&mut layer);
-            if view.drops_pass() {
-                break;
-            }
-            for (index, value) in layer.take().enumerate() {
-                let pixel = UVec2::new(index as u32 % frame.x, index as u32 / frame.x);
-                if let Some(place) = Splat::new(&view.window, pixel, value) {
-                    let film = &mut picture.film;
-                    film.push_shared(place.index as usize, value, number);
-                }
-            }
-            if let Some((pixel, cause)) = first {
-                for _ in 0..refused {
-                    picture.film.rejected.add(RejectedSample {
-                        pixel,
-                        sample: number,
-                        cause,
-                    });
-                }
-            }
-            if view.is_cut() {
-                break;
-            }
-            view.begun();
-            added += 1;
-        }
+            .run(&mut layer)?;
+            push(&mut picture.film, frame, &mut layer, one.start, refused);
+            Some(())
+        });
         self.target = Some(target);
         if added == 0 {
             return 0;
         }
-        let samples = samples.start..samples.start + added;
+        let samples = first..first + added;
         // Chains have no first surface of their own.
         if let Some(aovs) = &mut picture.aovs {
             let tracer = PathTracer {

@@ -9,15 +9,14 @@ use crate::integrator::walk::camera::trace_tile;
 use crate::integrator::walk::observer::Recorder;
 use crate::regularise::Roughening;
 use crate::sampler::SampleSource;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Pixels a side of the tiles that threads take: small enough that all cores stay busy to the end.
 const TILE: u32 = 16;
 
 impl<R: Roughening> PathTracer<R> {
-    /// Adds the samples with these numbers to every pixel of a film of the view; tiles in parallel, joined in order. Returns how
-    /// many were added, fewer than all where the render is stopped.
+    /// Adds the samples with these numbers to every pixel of a film of the view. Returns how many were added, fewer than all
+    /// where the render is stopped.
     pub fn estimate<Q: SampleSource, O: Recorder>(
         &self,
         view: &View<'_>,
@@ -44,29 +43,16 @@ impl<R: Roughening> PathTracer<R> {
         film: &mut Film,
         recorder: &mut O,
     ) -> u32 {
-        let tiles: Vec<(Film, O)> = film
-            .tiles(TILE)
-            .into_par_iter()
-            .filter(|_| !view.stopped())
-            .map(|window| {
-                let mut tile = film.cut(window);
-                let mut observer = recorder.fork();
-                let radiance =
-                    |walk: Walk<'_>, sample, stream: &mut Q::Stream, observer: &mut O| {
-                        self.radiance_by(&mut directions(), walk, sample, stream, observer)
-                    };
-                let samples = samples.clone();
-                trace_tile(view, source, samples, &mut tile, &mut observer, radiance);
-                (tile, observer)
-            })
-            .collect();
-        if view.drops_pass() {
-            return 0;
-        }
-        for (tile, observer) in tiles {
-            film.paste(&tile);
-            recorder.join(observer);
-        }
-        view.added(&samples)
+        let driver = view.driver();
+        let tiles = film.tiles(TILE);
+        let radiance = |walk: Walk<'_>, sample, stream: &mut Q::Stream, observer: &mut O| {
+            self.radiance_by(&mut directions(), walk, sample, stream, observer)
+        };
+        driver.samples(samples, u32::MAX, |samples| {
+            let trace = |tile: &mut Film, observer: &mut O| {
+                trace_tile(view, source, samples.clone(), tile, observer, radiance);
+            };
+            driver.run_tiles(&tiles, film, recorder, trace).map(|_| ())
+        })
     }
 }

@@ -12,10 +12,11 @@ mod cases;
 #[allow(dead_code)]
 mod scenes;
 
+use super::iteration::Iteration;
 use super::split::{Event, Trail, share};
 use super::vertex::Vertex;
-use super::walk::Onward;
-use super::{Bidirectional, Iteration, Strategies};
+use super::walk::{Onward, WeightedWalk};
+use super::{Bidirectional, Strategies};
 use crate::bsdf::Bsdf;
 use crate::integrator::View;
 use crate::math::{Frame, Ray, Rgb, UVec2, Vec3};
@@ -360,7 +361,7 @@ impl Iteration<'_> {
         let mut trail = Trail::START;
         let start = scene.sample_emission(self.aim, pick, u);
         if let Some(start) = &start {
-            let mut walk = super::WeightedWalk::light(scene, start, self.merging);
+            let mut walk = WeightedWalk::light(scene, start, self.merging);
             for n in 1..=self.settings.max_vertices {
                 let Some(arrival) = walk.arrive(&mut stream) else {
                     break;

@@ -1,0 +1,103 @@
+//! Scene, settings and random numbers of one iteration.
+
+use super::strategies::Strategies;
+use super::weights::Merging;
+use super::{Bidirectional, MAX_LIGHT_PATHS};
+use crate::integrator::View;
+use crate::integrator::walk::camera::CameraWalks;
+use crate::math::UVec2;
+use crate::regularise::Accumulated;
+use crate::sampler::{Domain, Independent, IndependentStream, SampleSource, Seed};
+use crate::scene::Aim;
+use std::f32::consts::PI;
+
+/// Scene, settings and radius of one iteration, shared by the threads.
+#[derive(Clone, Copy)]
+pub(super) struct Iteration<'a> {
+    pub(super) settings: &'a Bidirectional,
+    pub(super) strategies: Strategies,
+    pub(super) view: &'a View<'a>,
+    /// Where light is aimed.
+    pub(super) aim: &'a Aim,
+    /// Number of the iteration.
+    pub(super) sample: u32,
+    /// Number of light paths.
+    pub(super) paths: u32,
+    /// Radius of merges; 0 without.
+    pub(super) radius: f32,
+    /// Merging weights of camera walks, and of light walks below.
+    pub(super) merging: Merging<f32>,
+    pub(super) light_merging: Merging<f32>,
+    /// Radius of the kernel in world units; `None` where all lights can be met too.
+    pub(super) mollifier: Option<f32>,
+    /// Accumulated roughness, in scenes that have glossy lobes.
+    pub(super) rule: Option<&'a Accumulated>,
+    pub(super) light: Independent,
+    pub(super) camera: Independent,
+    pub(super) camera_walks: CameraWalks<'a>,
+    pub(super) probes: Independent,
+}
+
+impl Bidirectional {
+    /// Iteration number `sample`; `first` is the radius of merges in iteration 0.
+    pub(super) fn iteration<'a>(
+        &'a self,
+        view: &'a View<'a>,
+        aim: &'a Aim,
+        sample: u32,
+        first: Option<f32>,
+    ) -> Iteration<'a> {
+        let frame = view.sensor.frame;
+        let pixels = u64::from(frame.x) * u64::from(frame.y);
+        let paths = pixels.min(u64::from(MAX_LIGHT_PATHS)) as u32;
+        let source = |domain| Independent {
+            seed: Seed(self.seed).derive(domain, 0),
+        };
+        let radius = (self.merging.zip(first)).map_or(0.0, |(r, first)| r.at(first, sample));
+        let merging = match self.strategies {
+            Strategies::All | Strategies::One(_) if radius > 0.0 => {
+                Merging::new(PI * radius * radius * paths as f32)
+            }
+            _ => Merging::none(),
+        };
+        let [merging, light_merging] = if self.light_sampling_only {
+            merging.light_sampling_only()
+        } else {
+            [merging; 2]
+        };
+        let (low, high) = view.scene.geometry().bounds();
+        let shrink = (f64::from(sample) + 1.0).powf(-1.0 / 6.0) as f32;
+        let mollifier = (self.mollifier)
+            .filter(|_| !view.scene.parts().lights.is_empty())
+            .map(|radius| radius * 0.5 * low.distance(high) * shrink);
+        Iteration {
+            settings: self,
+            strategies: self.strategies,
+            view,
+            aim,
+            sample,
+            paths,
+            radius,
+            merging,
+            light_merging,
+            mollifier,
+            rule: self.split.as_ref().filter(|_| view.scene.has_lobes()),
+            light: source(Domain::Light),
+            camera: source(Domain::Camera),
+            camera_walks: CameraWalks::of(view),
+            probes: source(Domain::Probes),
+        }
+    }
+}
+
+impl Iteration<'_> {
+    /// Random numbers of a light path.
+    pub(super) fn light_stream(&self, path: u32) -> IndependentStream {
+        self.light.stream(UVec2::new(path, 0), self.sample)
+    }
+
+    /// Random numbers of a camera path.
+    pub(super) fn camera_stream(&self, pixel: UVec2) -> IndependentStream {
+        self.camera.stream(pixel, self.sample)
+    }
+}

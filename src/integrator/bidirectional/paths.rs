@@ -1,0 +1,258 @@
+//! Walks of light paths and camera paths, closed by all strategies.
+
+use super::iteration::Iteration;
+use super::photons::PhotonMap;
+use super::psr::{Chain, Ends};
+use super::split::Trail;
+use super::strategies::{Strategies, Strategy, Total};
+use super::vertex::Vertex;
+use super::walk::{Onward, WeightedWalk};
+use super::weights::Partial;
+use crate::image::splat::Splat;
+use crate::integrator::walk::observer::PathObserver;
+use crate::integrator::walk::shading_point::ShadingPoint;
+use crate::math::{Rgb, UVec2};
+use crate::sampler::Sampler;
+use crate::scene::sensor::RayDensity;
+
+/// Vertices by which roulette of light walks begins earlier: every vertex of theirs is connected to all of a camera walk.
+pub(super) const EARLIER: u32 = 3;
+
+/// Share of what a camera path has found so far below which a connection is left to chance: most shadow rays would find
+/// hardly any light.
+const MIN_SHARE: f32 = 0.1;
+
+/// A light path, as a camera path needs it.
+#[derive(Default)]
+pub(super) struct LightPath {
+    vertices: Vec<Vertex>,
+    trails: Vec<Trail>,
+    ends: Ends,
+}
+
+impl Iteration<'_> {
+    /// The light path to which the camera path of a pixel is connected, from those that are kept.
+    pub(super) fn fetch(&self, pixel: UVec2, map: &PhotonMap, light: &mut LightPath) {
+        let columns = u64::from(self.view.sensor.frame.x);
+        let number = u64::from(pixel.y) * columns + u64::from(pixel.x);
+        let path = (number % u64::from(map.paths())) as u32;
+        let most = self.settings.max_vertices - 1;
+        let LightPath {
+            vertices, trails, ..
+        } = light;
+        map.of_path(path, most, self.view.scene, vertices, trails);
+    }
+
+    /// Walks a light path and keeps all that one camera path needs of it.
+    pub(super) fn whole_light_path(
+        &self,
+        stream: &mut impl Sampler,
+        light: &mut LightPath,
+        splats: &mut Vec<Splat>,
+    ) {
+        let LightPath {
+            vertices,
+            trails,
+            ends,
+        } = light;
+        vertices.clear();
+        trails.clear();
+        ends.clear();
+        let keep = |v, trail| {
+            vertices.push(v);
+            trails.push(trail);
+        };
+        self.light_path(stream, keep, ends, splats);
+    }
+
+    /// Walks a light path: connects its vertices to the camera, and keeps those that a camera walk can use.
+    pub(super) fn light_path(
+        &self,
+        stream: &mut impl Sampler,
+        mut keep: impl FnMut(Vertex, Trail),
+        ends: &mut Ends,
+        splats: &mut Vec<Splat>,
+    ) {
+        let strategies = self.strategies;
+        let scene = self.view.scene;
+        let (pick, u) = (
+            stream.next_pick(),
+            std::array::from_fn(|_| stream.next_1d()),
+        );
+        let Some(start) = scene.sample_emission(self.aim, pick, u) else {
+            return;
+        };
+        let mut walk = WeightedWalk::light(scene, &start, self.light_merging);
+        let mut chain = Chain::default();
+        let mut trail = Trail::START;
+        for n in 1..=self.settings.max_vertices {
+            let Some(arrival) = walk.arrive(stream) else {
+                return;
+            };
+            if walk.first {
+                walk.base.throughput *= walk.window(&start, arrival.hit.t);
+            }
+            let u = stream.vertex();
+            let vertex = walk.vertex(n, &arrival, u.material);
+            if strategies != Strategies::Density
+                && !self.settings.light_sampling_only
+                && !vertex.is_delta()
+                && strategies.shows(Strategy::Connection { s: n + 1, t: 1 })
+                && let Some(splat) = self.connect_to_camera(&vertex, &trail)
+            {
+                splats.push(splat);
+            }
+            let more = n < self.settings.max_vertices;
+            let drawn = if more || self.mollifier.is_some() {
+                walk.scatter(&vertex, u.lobe)
+            } else {
+                None
+            };
+            self.note_light(
+                &start,
+                &walk,
+                &vertex,
+                walk.length,
+                drawn,
+                (&mut chain, ends, splats),
+            );
+            let merges = self.settings.merging.is_some();
+            // The camera walk that merges draws one of two BSDFs on its own: that of the light walk does not matter.
+            let merged = merges && (!vertex.is_delta() || vertex.chooses_bsdf(scene));
+            let connected = more && strategies.connects() && !vertex.is_delta();
+            if merged || connected {
+                keep(vertex, trail);
+            }
+            if let Some(smooth) = drawn.and_then(Onward::smooth) {
+                trail = self.trail(trail, &vertex, walk.dir(), smooth);
+            }
+            let goes_on = more && drawn.is_some();
+            if !goes_on
+                || (n + EARLIER >= self.settings.roulette_start
+                    && walk.survive(u.roulette).is_none())
+            {
+                return;
+            }
+        }
+    }
+
+    /// A camera walk through a pixel.
+    pub(super) fn camera_walk(&self, pixel: UVec2, stream: &mut impl Sampler) -> WeightedWalk<'_> {
+        let base = self.camera_walks.start(pixel, stream);
+        let RayDensity { pdf, parallel } = self.view.sensor.pdf(base.ray.dir);
+        let partial = Partial::camera(pdf, self.paths as f32);
+        WeightedWalk {
+            base,
+            partial,
+            merging: self.merging,
+            parallel,
+            light: None,
+            first: true,
+            travelled: 0.0,
+            length: 0.0,
+            start: partial,
+        }
+    }
+
+    /// Walks a camera path: the sum of all contributions that end at its vertices.
+    pub(super) fn camera_path<O: PathObserver>(
+        &self,
+        pixel: UVec2,
+        stream: &mut impl Sampler,
+        light: &LightPath,
+        map: Option<&PhotonMap>,
+        observer: &mut O,
+    ) -> Rgb {
+        let strategies = self.strategies;
+        let mut walk = self.camera_walk(pixel, stream);
+        let mut chain = Chain::default();
+        let mut prefix = self.prefix();
+        let mut probes = self.probe_stream(pixel);
+        let mut total = Total::new(strategies);
+        // True up to the first draw from a smooth lobe.
+        let mut is_seen = true;
+        observer.begin(pixel, self.sample);
+        for n in 1..=self.settings.max_vertices + 1 {
+            let edge = |s| Strategy::Connection { s, t: n + 1 };
+            let Some(arrival) = walk.arrive(stream) else {
+                let met = prefix.met * self.environment(&walk, n);
+                total.add(edge(0), met);
+                if is_seen {
+                    observer.seen(met);
+                }
+                break;
+            };
+            let u = stream.vertex();
+            let vertex = walk.vertex(n, &arrival, u.material);
+            let met = prefix.met * self.emitter(&walk, &vertex);
+            total.add(edge(0), met);
+            if is_seen {
+                observer.seen(met);
+            }
+            if n > self.settings.max_vertices {
+                break;
+            }
+            observer.vertex(n, arrival.hit.t, &point(&walk, &vertex));
+            let share = prefix.share(&vertex);
+            if strategies.connects() && !vertex.is_delta() {
+                total.add(edge(1), self.sampled_light(&vertex, u.light, share));
+                let least = MIN_SHARE * total.all.max_element();
+                for (other, trail) in light.vertices.iter().zip(&light.trails) {
+                    if n + other.n > self.settings.max_vertices {
+                        break;
+                    }
+                    // Kept for merges alone.
+                    if other.is_delta() {
+                        continue;
+                    }
+                    let part = prefix.connected(&vertex, other, trail);
+                    if part != Rgb::ZERO {
+                        let u = (u.roulette + 0.618_034 * other.n as f32).fract();
+                        let value = part * self.connection(&vertex, other, (least, u));
+                        total.add(edge(other.n + 1), value);
+                    }
+                }
+                if let Some(map) = map {
+                    let value = self.merges(&vertex, &prefix, map, &mut probes);
+                    total.add(Strategy::Merges, value);
+                }
+            }
+            if strategies == Strategies::All {
+                total.show(self.hard_part(&prefix, &vertex, share, &u));
+            }
+            let drawn = walk.scatter(&vertex, u.lobe);
+            if let Some(smooth) = drawn.and_then(Onward::smooth) {
+                is_seen &= !smooth;
+                prefix.scatter(&vertex, walk.dir(), smooth, share);
+            }
+            let (ends, length) = ((&mut chain, &light.ends), walk.length);
+            let value = self.regularised(&walk, &vertex, length, drawn, u.light, ends);
+            total.show(value);
+            match drawn {
+                Some(drawn) if strategies.connects() || drawn != Onward::Smooth => {}
+                _ => break,
+            }
+            if n >= self.settings.roulette_start && walk.survive(u.roulette).is_none() {
+                break;
+            }
+        }
+        observer.finish(total.shown);
+        total.shown
+    }
+}
+
+/// The first vertex of a camera walk as observers see it.
+pub(super) fn point<'a>(walk: &WeightedWalk<'a>, vertex: &'a Vertex) -> ShadingPoint<'a> {
+    ShadingPoint {
+        scene: walk.base.scene,
+        surface: &vertex.surface,
+        frame: vertex.frame,
+        bsdf: &vertex.bsdf,
+        wo: vertex.local,
+        alpha: vertex.alpha,
+        alpha_reg: vertex.alpha,
+        throughput: vertex.throughput,
+        around: &vertex.around,
+        panes: 0,
+    }
+}

@@ -1,0 +1,231 @@
+//! The driver of pieces: tiles of a film, chunks of light paths, chains.
+//!
+//! An estimator cuts a sample into pieces. The driver runs them on all threads and adds their results in order, so that a
+//! picture is bit-identical at any number of threads. Every piece has its own fork of the recorder, and the forks are joined in
+//! the same order.
+//!
+//! The driver also ends a render in the middle of a sample ([`Stop`]): it leaves out the pieces that have not begun and drops the
+//! results of the others. The results of the first sample are kept, and stand for those that were left out.
+
+use super::walk::observer::Recorder;
+use super::{Stop, View};
+use crate::image::film::{Film, Window};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Items such as light paths, cut into pieces that a thread takes at a time.
+#[derive(Clone, Copy)]
+pub(super) struct Pieces {
+    items: u32,
+    /// Items of a piece; the last one may have fewer.
+    size: u32,
+    /// Pieces whose results are added before the next pieces begin.
+    batch: u32,
+    /// Pieces of the first sample that run even if it is stopped.
+    least: u32,
+}
+
+impl Pieces {
+    /// Pieces of `size` items. In the first sample one runs even if it is stopped: a picture without any pixel is useless.
+    pub(super) fn new(items: u32, size: u32) -> Self {
+        Self {
+            items,
+            size,
+            batch: u32::MAX,
+            least: 1,
+        }
+    }
+
+    /// Bounds the memory of the results: they are added `batch` pieces at a time.
+    pub(super) fn in_batches(self, batch: u32) -> Self {
+        Self { batch, ..self }
+    }
+
+    /// Runs `least` pieces in the first sample even if it is stopped.
+    pub(super) fn at_least(self, least: u32) -> Self {
+        Self { least, ..self }
+    }
+
+    fn count(&self) -> u32 {
+        self.items.div_ceil(self.size)
+    }
+
+    /// The items of a piece.
+    fn items(&self, piece: u32) -> Range<u32> {
+        let first = piece * self.size;
+        first..first.saturating_add(self.size).min(self.items)
+    }
+}
+
+/// Results of the pieces that were finished, in order, each with its items.
+pub(super) struct Finished<T> {
+    pub(super) results: Vec<(Range<u32>, T)>,
+    /// All items over those that were finished: 1 unless the first sample was stopped.
+    pub(super) factor: f64,
+}
+
+/// Runs pieces until a render is stopped.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Driver<'a> {
+    stop: Option<&'a Stop<'a>>,
+    /// True for work on which the rest of a sample depends.
+    shared: bool,
+}
+
+impl<'a> View<'a> {
+    /// The driver of a pass.
+    pub(super) fn driver(&self) -> Driver<'a> {
+        Driver {
+            stop: self.stop,
+            shared: false,
+        }
+    }
+}
+
+impl Driver<'_> {
+    /// Adds samples, at most `most` at a time, until the render is stopped. Returns the number of whole samples.
+    ///
+    /// `add` returns `None` if the driver dropped its results.
+    pub(super) fn samples(
+        &self,
+        samples: Range<u32>,
+        most: u32,
+        mut add: impl FnMut(Range<u32>) -> Option<()>,
+    ) -> u32 {
+        let mut next = samples.start;
+        while next < samples.end && (next == samples.start || !self.is_over()) {
+            let end = next.saturating_add(most).min(samples.end);
+            if add(next..end).is_none() || self.is_cut() {
+                break;
+            }
+            if let Some(stop) = self.stop {
+                stop.begun();
+            }
+            next = end;
+        }
+        next - samples.start
+    }
+
+    /// Runs work on which the rest of a sample depends, such as light paths that all pixels share. Half of the time of the first
+    /// sample is for it, and the rest gets at least as long as it took.
+    pub(super) fn shared<T>(&self, work: impl FnOnce(&Self) -> T) -> T {
+        let shared = true;
+        let result = work(&Self { shared, ..*self });
+        if let Some(stop) = self.stop {
+            stop.at_least_as_long();
+        }
+        result
+    }
+
+    /// Runs pieces, and passes their results to `add` in order. Returns all items over those that were finished; `None` if the
+    /// results do not count.
+    pub(super) fn run_batches<T: Send>(
+        &self,
+        pieces: Pieces,
+        work: impl Fn(Range<u32>) -> T + Sync,
+        mut add: impl FnMut(Range<u32>, T),
+    ) -> Option<f64> {
+        let count = pieces.count();
+        let mut finished = 0;
+        for first in (0..count).step_by(pieces.batch as usize) {
+            let batch = first..first.saturating_add(pieces.batch).min(count);
+            let results: Vec<_> = batch
+                .into_par_iter()
+                .filter(|&piece| !self.leaves_out(piece, pieces.least))
+                .map(|piece| (pieces.items(piece), work(pieces.items(piece))))
+                .collect();
+            if self.drops() {
+                return None;
+            }
+            for (items, result) in results {
+                finished += items.len();
+                add(items, result);
+            }
+        }
+        Some(f64::from(pieces.items.max(1)) / finished.max(1) as f64)
+    }
+
+    /// Runs pieces; `None` if their results do not count.
+    pub(super) fn run<T: Send>(
+        &self,
+        pieces: Pieces,
+        work: impl Fn(Range<u32>) -> T + Sync,
+    ) -> Option<Finished<T>> {
+        let mut results = Vec::new();
+        let factor =
+            self.run_batches(pieces, work, |items, result| results.push((items, result)))?;
+        Some(Finished { results, factor })
+    }
+
+    /// Runs pieces, each with a fork of the recorder; `None` if their results do not count.
+    pub(super) fn run_recorded<T: Send, O: Recorder>(
+        &self,
+        pieces: Pieces,
+        recorder: &mut O,
+        work: impl Fn(Range<u32>, &mut O) -> T + Sync,
+    ) -> Option<Finished<T>> {
+        let blank = &*recorder;
+        let finished = self.run(pieces, |items| {
+            let mut observer = blank.fork();
+            (work(items, &mut observer), observer)
+        })?;
+        let results = finished.results.into_iter().map(|(items, (result, fork))| {
+            recorder.join(fork);
+            (items, result)
+        });
+        Some(Finished {
+            results: results.collect(),
+            factor: finished.factor,
+        })
+    }
+
+    /// Runs tiles of a film, each with a fork of the recorder. Returns the results of `work`; `None` if the film is unchanged.
+    pub(super) fn run_tiles<T: Send, O: Recorder>(
+        &self,
+        tiles: &[Window],
+        film: &mut Film,
+        recorder: &mut O,
+        work: impl Fn(&mut Film, &mut O) -> T + Sync,
+    ) -> Option<Vec<T>> {
+        let before = &*film;
+        let pieces = Pieces::new(tiles.len() as u32, 1);
+        let finished = self.run_recorded(pieces, recorder, |items, observer| {
+            let mut tile = before.cut(tiles[items.start as usize]);
+            let result = work(&mut tile, observer);
+            (tile, result)
+        })?;
+        let results = finished.results.into_iter().map(|(_, (tile, result))| {
+            film.paste(&tile);
+            result
+        });
+        Some(results.collect())
+    }
+
+    /// True if a piece is to be left out.
+    fn leaves_out(&self, piece: u32, least: u32) -> bool {
+        self.is_over() && !(piece < least && self.is_first())
+    }
+
+    /// True once the time of this work is over or an end is asked for.
+    fn is_over(&self) -> bool {
+        self.stop.is_some_and(|stop| match self.shared {
+            true if stop.is_first() => stop.at_half(),
+            _ => stop.now(),
+        })
+    }
+
+    /// True if pieces were left out.
+    fn is_cut(&self) -> bool {
+        self.stop.is_some_and(Stop::is_cut)
+    }
+
+    /// True if the results of the current sample do not count.
+    fn drops(&self) -> bool {
+        self.is_cut() && !self.is_first()
+    }
+
+    /// True while there is no whole sample.
+    fn is_first(&self) -> bool {
+        self.stop.is_some_and(Stop::is_first)
+    }
+}
