@@ -2,7 +2,7 @@
 
 use super::exit::Told;
 use opsr::image::film::Window;
-use opsr::integrator::{Amounts, Picture, Settings, View};
+use opsr::integrator::{Amounts, Picture, Recorded, Settings, View};
 use opsr::math::UVec2;
 use opsr::render::Spec;
 use opsr::render::open::Opened;
@@ -43,7 +43,7 @@ pub(super) fn expected(spec: &Spec, opened: &Opened) -> anyhow::Result<Value> {
     let camera = spec.camera(scene, frame).told()?;
     let window = Window::full(size);
     let view = View::new(scene, &camera, size, window);
-    let mut picture = Picture::blank(size, window, &Amounts::Raw, [false; 3])?;
+    let mut picture = Picture::blank(size, window, &Amounts::Raw, Recorded::default())?;
     let mut integrator = Settings::default().integrator();
     // The first pass fetches memory and starts threads.
     integrator.pass(&view, 0..1, &mut picture);

@@ -67,9 +67,75 @@ impl From<FirstHit> for Aovs {
     }
 }
 
+/// Parts of [`Aovs`] that are recorded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Recorded {
+    /// The first surface.
+    pub first: bool,
+    /// Light by the number of its scatterings.
+    pub light: bool,
+    /// Time.
+    pub time: bool,
+}
+
+impl Recorded {
+    /// All parts.
+    pub(crate) const ALL: Self = Self {
+        first: true,
+        light: true,
+        time: true,
+    };
+
+    /// The parts with so many numbers of a pixel in [`Aovs::numbers`]: no two sets of parts have the same.
+    pub(crate) fn with_numbers(each: usize) -> Option<Self> {
+        let mut sets = (1..8u8).map(|bits| Self {
+            first: bits & 1 != 0,
+            light: bits & 2 != 0,
+            time: bits & 4 != 0,
+        });
+        sets.find(|set| set.numbers() == each)
+    }
+
+    /// Number of parts.
+    pub(crate) fn count(self) -> u64 {
+        let parts = [self.first, self.light, self.time];
+        parts.into_iter().map(u64::from).sum()
+    }
+
+    /// Numbers of a pixel of each part in [`Aovs::numbers`]: of the first surface, of light, and of time.
+    pub(crate) fn numbers_by_part(self) -> [usize; 3] {
+        [
+            FIRST_NUMBERS * usize::from(self.first),
+            LIGHT_NUMBERS * usize::from(self.light),
+            usize::from(self.time),
+        ]
+    }
+
+    /// Numbers of a pixel in [`Aovs::numbers`].
+    pub(crate) fn numbers(self) -> usize {
+        self.numbers_by_part().iter().sum()
+    }
+}
+
 impl Aovs {
-    /// Numbers of a pixel in [`Aovs::numbers`] of the first surface, of light, and of time.
-    pub(crate) const NUMBERS: [usize; 3] = [9, 7, 1];
+    /// An empty record of these parts; `None` if there are none.
+    pub fn new(window: Window, recorded: Recorded) -> Option<Self> {
+        let Recorded { first, light, time } = recorded;
+        (first || light || time).then(|| Self {
+            first: first.then(|| FirstHit::new(window)),
+            light: light.then(|| LightSplit::new(window)),
+            time: time.then(|| PixelTime::new(window)),
+        })
+    }
+
+    /// The parts that are recorded.
+    pub fn recorded(&self) -> Recorded {
+        Recorded {
+            first: self.first.is_some(),
+            light: self.light.is_some(),
+            time: self.time.is_some(),
+        }
+    }
 
     /// AOVs as numbers, for a checkpoint: those of the first surface, of light, and of time.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
@@ -80,36 +146,23 @@ impl Aovs {
             .chain(self.time.iter().flat_map(|t| t.seconds.iter().copied()))
     }
 
-    /// The inverse of [`Aovs::numbers`], which are as many a pixel as the sum of those of every part: no two sets of parts
-    /// have the same sum. `None` for another number.
-    pub fn from_numbers(window: Window, numbers: &[f64]) -> Option<Self> {
-        let pixels = window.len().max(1);
-        let (first, light, time) = match numbers.len() / pixels {
-            9 => (true, false, false),
-            16 => (true, true, false),
-            10 => (true, false, true),
-            17 => (true, true, true),
-            7 => (false, true, false),
-            8 => (false, true, true),
-            1 => (false, false, true),
-            _ => return None,
-        };
-        let (a, rest) = numbers.split_at(if first { 9 * pixels } else { 0 });
-        let (b, c) = rest.split_at(if light { 7 * pixels } else { 0 });
-        if c.len() != if time { pixels } else { 0 } {
-            return None;
+    /// The inverse of [`Aovs::numbers`] for these parts; `None` if the number of numbers is wrong.
+    pub fn from_numbers(window: Window, recorded: Recorded, numbers: &[f64]) -> Option<Self> {
+        let ends = recorded.numbers_by_part().map(|each| each * window.len());
+        let (first, rest) = numbers.split_at_checked(ends[0])?;
+        let (light, time) = rest.split_at_checked(ends[1])?;
+        (time.len() == ends[2]).then_some(())?;
+        let mut aovs = Self::new(window, recorded)?;
+        if let Some(own) = &mut aovs.first {
+            own.read(first);
         }
-        Some(Self {
-            first: match first {
-                true => Some(FirstHit::from_numbers(window, a)?),
-                false => None,
-            },
-            light: light.then(|| LightSplit::from_numbers(window, b)),
-            time: time.then(|| PixelTime {
-                seconds: c.to_vec(),
-                ..PixelTime::new(window)
-            }),
-        })
+        if let Some(own) = &mut aovs.light {
+            own.read(light);
+        }
+        if let Some(own) = &mut aovs.time {
+            own.seconds = time.to_vec();
+        }
+        Some(aovs)
     }
 }
 
@@ -161,6 +214,9 @@ impl Recorder for Aovs {
 }
 
 // ── the first surface ──
+
+/// Numbers of a pixel in [`FirstHit::numbers`].
+const FIRST_NUMBERS: usize = 9;
 
 /// Sums over the samples of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -223,7 +279,7 @@ impl FirstHit {
         buffer(&self.log.window, &self.sums, f)
     }
 
-    /// The sums as numbers, for a checkpoint: nine a pixel.
+    /// The sums as numbers, for a checkpoint.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
         self.sums.iter().flat_map(|s| {
             let (a, n) = (s.albedo, s.normal);
@@ -241,23 +297,17 @@ impl FirstHit {
         })
     }
 
-    /// The inverse of [`FirstHit::numbers`]; `None` if their number is wrong.
-    pub fn from_numbers(window: Window, numbers: &[f64]) -> Option<Self> {
-        let (chunks, rest) = numbers.as_chunks::<9>();
-        if chunks.len() != window.len() || !rest.is_empty() {
-            return None;
-        }
-        let sums = chunks.iter().map(|c| PixelSums {
+    /// Replaces the sums by those of [`FirstHit::numbers`].
+    fn read(&mut self, numbers: &[f64]) {
+        let sums = numbers.as_chunks::<FIRST_NUMBERS>().0.iter();
+        let sums = sums.map(|c| PixelSums {
             albedo: DVec3::new(c[0], c[1], c[2]),
             normal: DVec3::new(c[3], c[4], c[5]),
             depth: c[6],
             hits: c[7] as u32,
             samples: c[8] as u32,
         });
-        Some(Self {
-            sums: sums.collect(),
-            log: Log::new(window),
-        })
+        self.sums = sums.collect();
     }
 }
 
@@ -298,6 +348,9 @@ impl Recorder for FirstHit {
 }
 
 // ── light ──
+
+/// Numbers of a pixel in [`LightSplit::numbers`].
+const LIGHT_NUMBERS: usize = 7;
 
 /// Sums over the samples of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -346,7 +399,7 @@ impl LightSplit {
         buffer(&self.log.window, &self.sums, f)
     }
 
-    /// The sums as numbers, seven a pixel.
+    /// The sums as numbers.
     fn numbers(&self) -> impl Iterator<Item = f64> {
         self.sums.iter().flat_map(|s| {
             let (e, d) = (s.emission, s.direct);
@@ -354,17 +407,15 @@ impl LightSplit {
         })
     }
 
-    fn from_numbers(window: Window, numbers: &[f64]) -> Self {
-        let (chunks, _) = numbers.as_chunks::<7>();
-        let sums = chunks.iter().map(|c| LightSums {
+    /// Replaces the sums by those of [`LightSplit::numbers`].
+    fn read(&mut self, numbers: &[f64]) {
+        let sums = numbers.as_chunks::<LIGHT_NUMBERS>().0.iter();
+        let sums = sums.map(|c| LightSums {
             emission: DVec3::new(c[0], c[1], c[2]),
             direct: DVec3::new(c[3], c[4], c[5]),
             samples: c[6] as u32,
         });
-        Self {
-            sums: sums.collect(),
-            log: Log::new(window),
-        }
+        self.sums = sums.collect();
     }
 }
 

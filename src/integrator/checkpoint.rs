@@ -2,7 +2,7 @@
 //!
 //! A sealed file whose header names the version, the scene and the settings; a file of another render is refused.
 
-use super::{Amounts, Aovs, Picture};
+use super::{Amounts, Aovs, Picture, Recorded};
 use crate::files::{FileError, Sealed};
 use crate::image::batches::{Batches, Sharing};
 use crate::image::exr::{MAX_PIXELS, Metadata};
@@ -100,7 +100,7 @@ impl Header {
         let [_, _, w, h] = self.window.map(u64::from);
         let pixels = w.saturating_mul(h).min(MAX_PIXELS as u64);
         let levels = LevelFilm::bytes_with(1, self.amounts.films(), u32::MAX);
-        let aovs = 8 * Aovs::NUMBERS.iter().sum::<usize>();
+        let aovs = 8 * Recorded::ALL.numbers();
         LevelFilm::HEAD + pixels * ((8 * Film::NUMBERS + aovs) as u64 + levels)
     }
 }
@@ -268,7 +268,11 @@ pub(super) fn read(
     };
     let aovs = match &numbers(rest)?[..] {
         [] => None,
-        aovs => Some(Aovs::from_numbers(window, aovs).ok_or("wrong number of AOVs")?),
+        aovs => {
+            let recorded = Recorded::with_numbers(aovs.len() / window.len().max(1));
+            let read = recorded.and_then(|recorded| Aovs::from_numbers(window, recorded, aovs));
+            Some(read.ok_or("wrong number of AOVs")?)
+        }
     };
     Ok(Picture { film, aovs, levels })
 }

@@ -1,10 +1,9 @@
 //! Layers that a render can add to its EXR files, by name.
 
-use super::aov::{Aovs, Centres, FirstHit, LightSplit, PixelTime};
+use super::aov::{Centres, Recorded};
 use super::{Picture, View};
 use crate::image::Buffer;
 use crate::image::exr::Layer;
-use crate::image::film::Window;
 
 /// A layer, or channels, that a render can add to its EXR files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,25 +63,14 @@ impl Aov {
         })
     }
 
-    /// Parts of the AOVs that these layers need recorded along paths: the first surface, light, time.
-    pub fn recorded(wanted: &[Self]) -> [bool; 3] {
+    /// Parts of the AOVs that these layers need.
+    pub fn recorded(wanted: &[Self]) -> Recorded {
         let any = |of: &[Self]| of.iter().any(|aov| wanted.contains(aov));
-        [
-            any(&[Self::Albedo, Self::Normal, Self::Depth, Self::Alpha]),
-            any(&[Self::Emission, Self::Direct, Self::Indirect]),
-            any(&[Self::Time]),
-        ]
-    }
-}
-
-impl Aovs {
-    /// An empty record of these parts: the first surface, light, time. `None` if there are none.
-    pub fn new(window: Window, [first, light, time]: [bool; 3]) -> Option<Self> {
-        (first || light || time).then(|| Self {
-            first: first.then(|| FirstHit::new(window)),
-            light: light.then(|| LightSplit::new(window)),
-            time: time.then(|| PixelTime::new(window)),
-        })
+        Recorded {
+            first: any(&[Self::Albedo, Self::Normal, Self::Depth, Self::Alpha]),
+            light: any(&[Self::Emission, Self::Direct, Self::Indirect]),
+            time: any(&[Self::Time]),
+        }
     }
 }
 

@@ -31,7 +31,7 @@ use crate::math::UVec2;
 use crate::math::moments::Moments;
 use crate::scene::{Camera, Scene, Sensor};
 pub use amounts::Amounts;
-pub use aov::{Aovs, FirstHit};
+pub use aov::{Aovs, FirstHit, Recorded};
 pub use bidirectional::Bidirectional;
 pub use census::Census;
 pub use metropolis::Metropolis;
@@ -103,7 +103,7 @@ impl Picture {
         size: UVec2,
         window: Window,
         amounts: &Amounts,
-        recorded: [bool; 3],
+        recorded: Recorded,
     ) -> Result<Self, FilmError> {
         let films = amounts.films();
         Ok(Self {
@@ -114,8 +114,7 @@ impl Picture {
     }
 
     /// Bytes that such a picture takes, its copies in tiles and files included.
-    pub fn bytes(window: Window, amounts: &Amounts, recorded: [bool; 3]) -> u64 {
-        let records = recorded.iter().filter(|r| **r).count() as u64;
+    pub fn bytes(window: Window, amounts: &Amounts, recorded: Recorded) -> u64 {
         let film = match amounts.films() {
             0 => Self::FILM_BYTES,
             levels => {
@@ -124,7 +123,7 @@ impl Picture {
                 size_of::<Moments>() as u64 + sums + beside
             }
         };
-        window.len() as u64 * (film + Self::AOV_BYTES * records)
+        window.len() as u64 * (film + Self::AOV_BYTES * recorded.count())
     }
 
     /// A picture of one level without AOVs.

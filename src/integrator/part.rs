@@ -9,7 +9,7 @@
 
 use super::checkpoint::{self, Fingerprint};
 use super::drive::{Budget, RenderProgress, drive};
-use super::{Amounts, Aovs, Integrator, Picture, View};
+use super::{Amounts, Aovs, Integrator, Picture, Recorded, View};
 use crate::files::{FileError, Payload, Problem, Sealed};
 use crate::image::batches::Sharing;
 use crate::image::film::{Cause, Film, Window};
@@ -45,7 +45,7 @@ pub struct Part {
     /// The films of the payload.
     pub amounts: Amounts,
     /// True for AOVs of the first surface, and of light.
-    pub aovs: [bool; 2],
+    aovs: [bool; 2],
     /// Layers that the file of the picture shall have, by name.
     pub layers: Vec<String>,
     /// Text for the file of the picture.
@@ -68,7 +68,7 @@ impl Part {
         view: &View<'_>,
         samples: Range<u32>,
         amounts: Amounts,
-        aovs: [bool; 2],
+        aovs: Recorded,
     ) -> Self {
         let Window { x, y, w, h } = view.window;
         Self {
@@ -77,7 +77,7 @@ impl Part {
             window: [x, y, w, h],
             samples: [samples.start, samples.end],
             amounts,
-            aovs,
+            aovs: [aovs.first, aovs.light],
             layers: Vec::new(),
             metadata: BTreeMap::new(),
             camera: view.sensor.camera.world_to_camera(),
@@ -94,17 +94,21 @@ impl Part {
         Window { x, y, w, h }
     }
 
-    /// A picture of these pixels without samples.
-    fn blank(&self, window: Window) -> Picture {
+    /// Parts of the AOVs: time is none of them.
+    fn recorded(&self) -> Recorded {
         let [first, light] = self.aovs;
-        let size = UVec2::from_array(self.size);
-        let blank = Picture::blank(size, window, &self.amounts, [first, light, false]);
-        blank.expect("a window that was checked")
+        Recorded {
+            first,
+            light,
+            time: false,
+        }
     }
 
-    /// AOVs of a pixel as numbers.
-    fn aov_numbers(&self) -> [usize; 2] {
-        std::array::from_fn(|k| Aovs::NUMBERS[k] * usize::from(self.aovs[k]))
+    /// A picture of these pixels without samples.
+    fn blank(&self, window: Window) -> Picture {
+        let size = UVec2::from_array(self.size);
+        let blank = Picture::blank(size, window, &self.amounts, self.recorded());
+        blank.expect("a window that was checked")
     }
 
     /// Renders the part and writes its file, whole or not at all. False if the listener, which is called after each pass,
@@ -239,7 +243,7 @@ impl Part {
     /// Length of the payload.
     fn payload_bytes(&self) -> u64 {
         let (pixels, levels) = (self.window().len(), self.amounts.films());
-        let aovs: usize = self.aov_numbers().iter().sum();
+        let aovs = self.recorded().numbers();
         let [start, end] = self.samples;
         if start == 0 {
             let film = pixels as u64 * 8 * (Film::NUMBERS + aovs) as u64;
@@ -361,8 +365,7 @@ fn merge_all(
     Film::check(size, window).map_err(|e| MergeError::Samples(e.to_string()))?;
     let samples = Coverage::new(&parts, window)?.check(&parts, samples, complete)?;
 
-    let [a, b] = first.aov_numbers();
-    let each = size_of::<[f64; 7]>() as u64 + 8 * (a + b) as u64;
+    let each = size_of::<[f64; 7]>() as u64 + 8 * first.recorded().numbers() as u64;
     let most = parts.iter().map(|(_, part)| part.samples[1]).max();
     let levels = LevelFilm::bytes_with(window.len(), first.amounts.films(), most.unwrap_or(0));
     let largest = parts.iter().filter(|(_, part)| part.samples[0] == 0);
@@ -372,7 +375,11 @@ fn merge_all(
     memory::check(pixels, bytes).map_err(MergeError::Memory)?;
     let mut whole = Whole {
         picture: first.blank(window),
-        aovs: [a, b].map(|n| vec![0.0; n * window.len()]),
+        recorded: first.recorded(),
+        aovs: first
+            .recorded()
+            .numbers_by_part()
+            .map(|n| vec![0.0; n * window.len()]),
     };
     whole.picture.aovs = None;
     if first.shares {
@@ -525,8 +532,9 @@ impl Coverage {
 /// The picture so far.
 struct Whole {
     picture: Picture,
-    /// AOVs as numbers, of the first surface and of light.
-    aovs: [Vec<f64>; 2],
+    recorded: Recorded,
+    /// AOVs as numbers, part by part.
+    aovs: [Vec<f64>; 3],
 }
 
 impl Whole {
@@ -594,7 +602,7 @@ impl Whole {
     /// Adds the numbers of AOVs; the sums so far are zero or were added alike.
     fn add_aovs(&mut self, part: &Part, numbers: &mut dyn Iterator<Item = f64>) {
         let (all, own) = (self.picture.film.window, part.window());
-        for (sums, each) in self.aovs.iter_mut().zip(part.aov_numbers()) {
+        for (sums, each) in self.aovs.iter_mut().zip(part.recorded().numbers_by_part()) {
             if each == 0 {
                 continue;
             }
@@ -610,7 +618,7 @@ impl Whole {
     fn picture(self) -> Picture {
         let aovs = self.aovs.concat();
         Picture {
-            aovs: Aovs::from_numbers(self.picture.film.window, &aovs),
+            aovs: Aovs::from_numbers(self.picture.film.window, self.recorded, &aovs),
             ..self.picture
         }
     }

@@ -7,7 +7,7 @@ use super::levels::{LevelTracer, estimate};
 use super::metropolis::{self, Metropolis};
 use super::path::PathTracer;
 use super::path::manifold::Manifold;
-use super::{Integrator, Picture, View};
+use super::{Integrator, Picture, Recorded, View};
 use crate::image::exr::Metadata;
 use crate::image::film::Window;
 use crate::image::level_film::{BATCHES, LevelFilm};
@@ -193,7 +193,7 @@ impl Settings {
     }
 
     /// Bytes that a picture of a window of the frame takes with these settings, and what an integrator holds beside it.
-    pub fn bytes(&self, frame: UVec2, window: Window, recorded: [bool; 3]) -> u64 {
+    pub fn bytes(&self, frame: UVec2, window: Window, recorded: Recorded) -> u64 {
         let beside = match self.estimator {
             Estimator::Guided { .. } => guided::bytes(window.len()),
             Estimator::Mlt { .. } => metropolis::bytes(frame),

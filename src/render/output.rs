@@ -136,10 +136,10 @@ impl Request<'_> {
     ) -> Result<bool, Fault> {
         Self::check_part(&self.spec)?;
         let view = self.view();
-        let [first, light, _] = self.spec.parts();
+        let recorded = self.spec.recorded_aovs();
         let identity = self.identity(&self.settings, false);
         let amounts = self.settings.amounts.clone();
-        let mut part = Part::new(identity, &view, samples, amounts, [first, light]);
+        let mut part = Part::new(identity, &view, samples, amounts, recorded);
         part.layers = self.spec.aovs().iter().map(|aov| aov.name()).collect();
         part.metadata = self.metadata(0, 0);
         let integrator = &mut *self.settings.integrator();

@@ -9,7 +9,7 @@ use crate::integrator::checkpoint::{Checkpoint, Fingerprint};
 use crate::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
 use crate::integrator::layers::Aov;
 use crate::integrator::method::IntegratorKind;
-use crate::integrator::{Amounts, Estimator, Picture, Settings, Stop, View};
+use crate::integrator::{Amounts, Estimator, Picture, Recorded, Settings, Stop, View};
 use crate::math::UVec2;
 use crate::memory;
 use crate::pilot::witness::{Missing, missing_light};
@@ -256,10 +256,11 @@ impl Spec {
         }
     }
 
-    /// Parts of the AOVs that are recorded along paths: the first surface, light, time.
-    pub fn parts(&self) -> [bool; 3] {
-        let [first, light, time] = Aov::recorded(self.aovs());
-        [first || self.denoise == Some(true), light, time]
+    /// Parts of the AOVs that are recorded along paths.
+    pub fn recorded_aovs(&self) -> Recorded {
+        let mut recorded = Aov::recorded(self.aovs());
+        recorded.first |= self.denoise == Some(true);
+        recorded
     }
 }
 
@@ -344,7 +345,9 @@ impl<'a> Request<'a> {
     fn check_memory(&self) -> Result<(), Fault> {
         let (frame, window) = (self.frame, self.window);
         let films = self.settings.amounts.films();
-        let mut bytes = self.settings.bytes(frame, window, self.spec.parts());
+        let mut bytes = self
+            .settings
+            .bytes(frame, window, self.spec.recorded_aovs());
         if self.spec.level_layers == Some(true) {
             bytes += (window.len() * films) as u64 * LEVEL_LAYER_BYTES;
         }
@@ -413,7 +416,8 @@ impl<'a> Request<'a> {
             Some(old) => (old.picture, old.samples, old.seconds),
             None => {
                 let amounts = &self.settings.amounts;
-                let blank = Picture::blank(self.frame, self.window, amounts, self.spec.parts());
+                let blank =
+                    Picture::blank(self.frame, self.window, amounts, self.spec.recorded_aovs());
                 (
                     blank.map_err(|e| Fault::option(self.spec.window_option(), e))?,
                     0,
@@ -470,6 +474,7 @@ impl<'a> Request<'a> {
     pub(super) fn identity(&self, settings: &Settings, cropped: bool) -> Fingerprint {
         let crop = self.spec.crop.filter(|_| cropped).map(|_| self.window);
         let scene = self.spec.words(&[Heading::Scene, Heading::Light]);
+        let Recorded { first, light, time } = self.spec.recorded_aovs();
         let settings = format!(
             "{}, {}x{}, crop {crop:?}, camera {:?} {:?}, aov {:?}{scene}",
             settings.fingerprint(),
@@ -477,7 +482,7 @@ impl<'a> Request<'a> {
             self.frame.y,
             self.camera.name,
             self.camera.lens,
-            self.spec.parts(),
+            [first, light, time],
         );
         Fingerprint {
             version: env!("CARGO_PKG_VERSION").into(),

@@ -286,7 +286,7 @@ mod tests {
     use super::*;
     use crate::gallery::builtin;
     use crate::integrator::Amounts;
-    use crate::integrator::View;
+    use crate::integrator::{Recorded, View};
     use crate::math::UVec2;
     use crate::render::open::Opened;
     use crate::scene::Scene;
@@ -319,8 +319,8 @@ mod tests {
         let stage = Arc::new(Stage { opened });
         let shot = Arc::new(Shot::new(stage, camera, size, &settings));
         let view: View<'_> = shot.view(size);
-        let mut picture =
-            Picture::blank(size, view.window, &settings.amounts, [false; 3]).expect("a film");
+        let mut picture = Picture::blank(size, view.window, &settings.amounts, Recorded::default())
+            .expect("a film");
         settings.integrator().pass(&view, 0..samples, &mut picture);
         let job = Job {
             side: 0,

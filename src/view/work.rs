@@ -6,7 +6,7 @@ use super::hub::{Course, Hub, Snapshot, State};
 use super::stage::{Shot, Stage};
 use super::wish::{Overlay, Wish, leave_out};
 use crate::image::film::Window;
-use crate::integrator::{Amounts, Integrator, Picture, Stop, View};
+use crate::integrator::{Amounts, Integrator, Picture, Recorded, Stop, View};
 use crate::math::{UVec2, Vec2};
 use crate::render::look::{Look, LookChoice};
 use crate::render::value::word;
@@ -176,7 +176,8 @@ impl Renderer<'_> {
             if !first {
                 view = view.until(&stop);
             }
-            let Ok(mut picture) = Picture::blank(size, window, &Amounts::Raw, [false; 3]) else {
+            let Ok(mut picture) = Picture::blank(size, window, &Amounts::Raw, Recorded::default())
+            else {
                 return true;
             };
             let pass = Instant::now();

@@ -5,7 +5,7 @@ use opsr::bsdf::{Bsdf, Phase};
 use opsr::gallery::materials::{diffuse, emitter, glass, metal};
 use opsr::gallery::shapes::{cuboid, quad, room, sphere};
 use opsr::image::Film;
-use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
+use opsr::integrator::{Amounts, Estimator, Picture, Recorded, Settings, View};
 use opsr::math::{Ray, Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
@@ -459,7 +459,7 @@ fn levels_in_a_medium_begin_with_plain_path_tracing() {
         UVec2::splat(size),
         opsr::image::film::Window::full(UVec2::splat(size)),
         &settings.amounts,
-        [false; 3],
+        Recorded::default(),
     )
     .unwrap();
     let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
@@ -491,7 +491,7 @@ fn levels_of_isotropic_phase_functions_lose_nothing() {
     let one = film_with(&scene, &settings(Amounts::Raw), 16, 256);
     let settings = settings(Amounts::roughening(&[0.0, 1.0]).expect("scales"));
     let full = opsr::image::film::Window::full(size);
-    let mut picture = Picture::blank(size, full, &settings.amounts, [false; 3]).unwrap();
+    let mut picture = Picture::blank(size, full, &settings.amounts, Recorded::default()).unwrap();
     let view = View::of(&scene, &scene.parts().cameras[0], &picture.film);
     settings.integrator().pass(&view, 0..256, &mut picture);
     let rough = picture.levels.expect("levels").mean(1);

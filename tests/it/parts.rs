@@ -4,14 +4,12 @@ use crate::fuzz::mutate::Rng;
 use crate::support::quick_folder;
 use crate::support::render::scene;
 use opsr::gallery::caustic_box;
-use opsr::image::Film;
 use opsr::image::film::Window;
-use opsr::image::level_film::{LevelFilm, PathLevels};
-use opsr::integrator::aov::LightSplit;
+use opsr::image::level_film::PathLevels;
 use opsr::integrator::checkpoint::Fingerprint;
 use opsr::integrator::modes::{MODES, Uniform};
 use opsr::integrator::part::{MergeError, Part, merge};
-use opsr::integrator::{Amounts, Aovs, Estimator, FirstHit, Integrator, Picture, Settings, View};
+use opsr::integrator::{Amounts, Estimator, Integrator, Picture, Recorded, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use std::ops::{ControlFlow, Range};
 use std::path::PathBuf;
@@ -70,15 +68,12 @@ fn fingerprint() -> Fingerprint {
     }
 }
 
-fn blank(window: Window, levels: usize, [first, light]: [bool; 2]) -> Picture {
-    Picture {
-        film: Film::cropped(FRAME, window).expect("inside"),
-        aovs: (first || light).then(|| Aovs {
-            first: first.then(|| FirstHit::new(window)),
-            light: light.then(|| LightSplit::new(window)),
-            time: None,
-        }),
-        levels: (levels > 0).then(|| LevelFilm::new(FRAME, window, levels)),
+/// AOVs of the first surface, and of light.
+fn recorded([first, light]: [bool; 2]) -> Recorded {
+    Recorded {
+        first,
+        light,
+        time: false,
     }
 }
 
@@ -87,11 +82,11 @@ fn check(
     name: &str,
     integrator: &dyn Fn() -> Box<dyn Integrator>,
     amounts: &Amounts,
-    aovs: [bool; 2],
+    aovs: Recorded,
 ) {
     let scene = scene(caustic_box());
     let camera = &scene.parts().cameras[0];
-    let mut whole = blank(window(), amounts.films(), aovs);
+    let mut whole = Picture::blank(FRAME, window(), amounts, aovs).expect("inside");
     let view = View::of(&scene, camera, &whole.film);
     integrator().pass(&view, 0..SPP, &mut whole);
     let mut rng = Rng::new(name, 0);
@@ -131,7 +126,11 @@ fn parts_of_any_split_merge_to_the_single_render() {
         if matches!(settings.estimator, Estimator::Guided { .. }) {
             continue;
         }
-        let aovs = [i % 2 == 0, i % 3 == 0];
+        let aovs = Recorded {
+            first: i % 2 == 0,
+            light: i % 3 == 0,
+            time: false,
+        };
         check(
             mode.name,
             &|| settings.integrator(),
@@ -176,7 +175,7 @@ impl Integrator for Faulty {
 #[test]
 fn parts_keep_refused_samples_refused() {
     let levels = Amounts::roughening(&[0.0, 1.0]).expect("scales");
-    check("faulty", &|| Box::new(Faulty), &levels, [false; 2]);
+    check("faulty", &|| Box::new(Faulty), &levels, Recorded::default());
 }
 
 #[test]
@@ -188,7 +187,13 @@ fn parts_that_are_missing_or_there_twice_are_named() {
     let part = |name: &str, window: Window, samples: Range<u32>| {
         let path = folder.path().join(name);
         let view = View { window, ..view };
-        let part = Part::new(fingerprint(), &view, samples, Amounts::Raw, [false; 2]);
+        let part = Part::new(
+            fingerprint(),
+            &view,
+            samples,
+            Amounts::Raw,
+            Recorded::default(),
+        );
         let mut integrator = Settings::default().integrator();
         let mut go_on = |_: &_| ControlFlow::Continue(());
         part.render(&path, &mut *integrator, &view, &mut go_on)
@@ -273,7 +278,13 @@ fn parts_that_are_missing_or_there_twice_are_named() {
     // A part that was stopped leaves no file.
     let path = folder.path().join("stopped");
     for samples in [0..9, 3..9] {
-        let part = Part::new(fingerprint(), &view, samples, Amounts::Raw, [false; 2]);
+        let part = Part::new(
+            fingerprint(),
+            &view,
+            samples,
+            Amounts::Raw,
+            Recorded::default(),
+        );
         let mut integrator = Settings::default().integrator();
         let mut stop = |_: &_| ControlFlow::Break(());
         let done = part.render(&path, &mut *integrator, &view, &mut stop);

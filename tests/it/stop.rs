@@ -4,7 +4,7 @@ use crate::support::render::{mean, scene};
 use opsr::gallery::cornell_box;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::drive::{Budget, Reason, drive};
-use opsr::integrator::{Amounts, Estimator, Integrator, Picture, Settings, Stop, View};
+use opsr::integrator::{Amounts, Estimator, Integrator, Picture, Recorded, Settings, Stop, View};
 use opsr::math::UVec2;
 use opsr::regularise::Rule;
 use opsr::scene::Scene;
@@ -82,7 +82,10 @@ fn blank(size: u32, settings: &Settings) -> Picture {
         UVec2::splat(size),
         window,
         &settings.amounts,
-        [true, false, false],
+        Recorded {
+            first: true,
+            ..Recorded::default()
+        },
     )
     .expect("a small picture")
 }

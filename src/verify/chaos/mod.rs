@@ -15,7 +15,7 @@ use crate::integrator::bidirectional::Radius;
 use crate::integrator::checkpoint::Fingerprint;
 use crate::integrator::modes::{MODES, Mode, Uniform};
 use crate::integrator::part::{self, Part};
-use crate::integrator::{Estimator, Picture, Settings, View};
+use crate::integrator::{Estimator, Picture, Recorded, Settings, View};
 use crate::math::DVec3;
 use crate::math::moments::Moments;
 use crate::math::{UVec2, luminance};
@@ -30,6 +30,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Columns and rows of all pictures.
 const FRAME: UVec2 = UVec2::new(16, 12);
+
+/// AOVs of all pictures.
+const RECORDED: Recorded = Recorded {
+    first: true,
+    light: true,
+    time: false,
+};
 
 /// Renders of each of two integrators whose means are compared.
 const SEEDS: u64 = 8;
@@ -168,7 +175,7 @@ fn window(numbers: &mut Numbers) -> Window {
 
 /// A picture of this window by passes that end at these samples.
 fn picture(scene: &Scene, settings: &Settings, window: Window, ends: &[u32]) -> Picture {
-    let blank = Picture::blank(FRAME, window, &settings.amounts, [true, true, false]);
+    let blank = Picture::blank(FRAME, window, &settings.amounts, RECORDED);
     let mut picture = blank.expect("a window of the frame");
     let mut integrator = settings.integrator();
     let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
@@ -207,12 +214,7 @@ fn stopped(
     samples: u32,
     numbers: &mut Numbers,
 ) -> Result<f64, Box<dyn Error>> {
-    let blank = Picture::blank(
-        FRAME,
-        Window::full(FRAME),
-        &settings.amounts,
-        [true, true, false],
-    )?;
+    let blank = Picture::blank(FRAME, Window::full(FRAME), &settings.amounts, RECORDED)?;
     let whole = picture(scene, settings, blank.film.window, &[samples]);
     let mut ends = numbers.places(samples, 3);
     ends.push(samples);
@@ -260,7 +262,7 @@ fn in_parts(
     for (i, (window, samples)) in pieces.into_iter().enumerate() {
         let view = View::new(scene, &scene.parts().cameras[0], FRAME, window);
         let amounts = settings.amounts.clone();
-        let part = Part::new(fingerprint.clone(), &view, samples, amounts, [true, true]);
+        let part = Part::new(fingerprint.clone(), &view, samples, amounts, RECORDED);
         let path = folder.path().join(format!("{i}.part"));
         let mut integrator = settings.integrator();
         part.render(&path, &mut *integrator, &view, &mut |_| {

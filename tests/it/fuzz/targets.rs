@@ -11,7 +11,7 @@ use opsr::image::{exr, png};
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
 use opsr::integrator::part::{MergeError, Part, merge};
-use opsr::integrator::{Amounts, Estimator, FirstHit, Picture, Settings, View};
+use opsr::integrator::{Amounts, Estimator, FirstHit, Picture, Recorded, Settings, View};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::regularise::file::TableFile;
 use opsr::report::bench::page::page;
@@ -443,7 +443,10 @@ fn part(samples: std::ops::Range<u32>, amounts: Amounts) -> Vec<u8> {
         amounts: amounts.clone(),
         ..Settings::default()
     };
-    let aovs = [amounts.has_batches(), false];
+    let aovs = Recorded {
+        first: amounts.has_batches(),
+        ..Recorded::default()
+    };
     let part = Part::new(fingerprint(), &view, samples, amounts, aovs);
     let mut go_on = |_: &_| std::ops::ControlFlow::Continue(());
     let mut integrator = settings.integrator();
