@@ -183,6 +183,7 @@ fn material(m: &Material, used: &mut BTreeSet<&'static str>) -> Value {
             value["alphaCutoff"] = number(cutoff);
         }
         AlphaMode::Blend => value["alphaMode"] = json!("BLEND"),
+        AlphaMode::Unseen => value["alphaMode"] = json!("MASK"),
     }
     if m.double_sided {
         value["doubleSided"] = json!(true);

@@ -5,7 +5,7 @@ use crate::math::Rgb;
 use crate::scene::build::moved;
 use crate::scene::finish::ExactCover;
 use crate::scene::light::Falloff;
-use crate::scene::material::TextureRef;
+use crate::scene::material::{AlphaMode, TextureRef};
 use crate::scene::{Material, Mesh, PunctualLight, SceneParts, Texture};
 
 /// Scene parts that [`glb`](super::glb) writes, and what is different in them.
@@ -48,6 +48,11 @@ pub fn lowered(mut parts: SceneParts) -> Lowered {
         &mut lost,
         has(mixed),
         "mixtures of materials: the first of each is kept",
+    );
+    count(
+        &mut lost,
+        has(|m| m.alpha_mode == AlphaMode::Unseen),
+        "lamps that are not seen: their light is left out",
     );
     count(
         &mut lost,

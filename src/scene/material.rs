@@ -82,6 +82,8 @@ pub enum AlphaMode {
     Mask(f32),
     /// Stochastic: opacity is the probability that a ray meets the surface.
     Blend,
+    /// No ray meets the surface, which lights the scene all the same: a lamp that is not seen.
+    Unseen,
 }
 
 /// A use of a texture by a material.
@@ -315,6 +317,15 @@ impl Material {
             AlphaMode::Opaque => 1.0,
             AlphaMode::Mask(cutoff) => f32::from(u8::from(opacity() >= cutoff)),
             AlphaMode::Blend => opacity().clamp(0.0, 1.0),
+            AlphaMode::Unseen => 0.0,
+        }
+    }
+
+    /// Share of its emission that a surface with holes has at `uv`.
+    pub(crate) fn shining(&self, textures: &[Texture], uv: Vec2) -> f32 {
+        match self.alpha_mode {
+            AlphaMode::Unseen => 1.0,
+            _ => self.presence(textures, uv),
         }
     }
 
@@ -473,5 +484,6 @@ pub(super) fn may_vanish(material: &Material) -> bool {
         AlphaMode::Opaque => false,
         AlphaMode::Mask(cutoff) => textured || material.opacity < cutoff,
         AlphaMode::Blend => textured || material.opacity < 1.0,
+        AlphaMode::Unseen => true,
     }
 }

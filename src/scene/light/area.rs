@@ -270,13 +270,17 @@ impl AreaLights {
         }
         let pdf_a = pmf / light.area;
         let pdf_w = area_to_solid_angle(pdf_a, from, point, cos.abs());
+        let mut density = LightDensity::SolidAngle(pdf_w);
         let radiance = if light.varies {
             let material = &self.materials[light.material as usize];
             let [ua, ub, uc] = self.uvs[k];
             let uv = ua + weights.x * (ub - ua) + weights.y * (uc - ua);
             // The shadow ray ends before the light: a hole in the light itself is counted here.
-            let presence = material.presence(&self.textures, uv) * share(material, -wi);
-            material.emission_at(&self.textures, uv) * presence
+            if material.alpha_mode == AlphaMode::Unseen {
+                density = LightDensity::Delta(pdf_w);
+            }
+            let shining = material.shining(&self.textures, uv) * share(material, -wi);
+            material.emission_at(&self.textures, uv) * shining
         } else {
             light.radiance
         };
@@ -286,7 +290,7 @@ impl AreaLights {
             wi,
             distance,
             radiance,
-            density: LightDensity::SolidAngle(pdf_w),
+            density,
             cos: cos.abs(),
             error,
             light: k as u32,
@@ -330,9 +334,14 @@ impl AreaLights {
     /// Radiance on the emitting sides of a surface point times its presence, and true if both sides emit.
     pub(super) fn exitance(&self, surface: &Surface) -> (Rgb, bool) {
         let material = &self.materials[surface.material as usize];
-        let presence = material.presence(&self.textures, surface.uv);
+        let shining = material.shining(&self.textures, surface.uv);
         let radiance = material.emission_at(&self.textures, surface.uv);
-        (radiance * presence, material.double_sided)
+        (radiance * shining, material.double_sided)
+    }
+
+    /// True if rays meet the surface of a light.
+    pub(super) fn is_seen(&self, surface: &Surface) -> bool {
+        self.materials[surface.material as usize].alpha_mode != AlphaMode::Unseen
     }
 
     /// Density per steradian with which an emission sample leaves a surface point along `wo` (world).
@@ -348,9 +357,16 @@ impl AreaLights {
         })
     }
 
-    /// Density per steradian of uniform emission from the `k`-th emissive triangle at this cosine.
-    pub(super) fn pdf_uniform(&self, k: usize, cos: f32) -> f32 {
-        emission_pdf(self.triangles[k].double_sided, cos)
+    /// Density per steradian of uniform emission from the `k`-th emissive triangle along `dir`. `cos` is that of the emission
+    /// sample, 0 for a lamp that is not seen.
+    pub(super) fn pdf_uniform(&self, k: usize, cos: f32, dir: Vec3) -> f32 {
+        let triangle = &self.triangles[k];
+        let cos = if cos > 0.0 {
+            cos
+        } else {
+            dir.dot(triangle.normal)
+        };
+        emission_pdf(triangle.double_sided, cos)
     }
 
     /// The same from the point of a light sample back along it, whose cosine it knows.

@@ -169,7 +169,7 @@ impl Lights {
             facing: None,
         };
         let uniform = match k.checked_sub(self.area.len()) {
-            None => self.area.pdf_uniform(k, start.cos),
+            None => self.area.pdf_uniform(k, start.cos, start.ray.dir),
             Some(rest) => self.punctual[rest].pdf_ray(&self.sphere, None, &start.ray),
         };
         let part = |target: &Target| {
@@ -312,7 +312,7 @@ impl Scene {
                 direction,
                 infinite: false,
             },
-            cos,
+            cos: if area.is_seen(&surface) { cos } else { 0.0 },
             range: f32::INFINITY,
             light: 0,
         })

@@ -56,7 +56,8 @@ pub struct LightSample {
 pub enum LightDensity {
     /// Density per steradian, for area lights and the environment.
     SolidAngle(f32),
-    /// Probability of the choice, for lights without area; no BSDF sample ever meets one.
+    /// For lights that no BSDF sample ever meets: the probability of the choice of one without area, the density per steradian
+    /// of one that is not seen.
     Delta(f32),
 }
 
@@ -70,7 +71,7 @@ impl LightDensity {
         }
     }
 
-    /// True for lights without area.
+    /// True for lights that no BSDF sample meets.
     #[inline]
     pub fn is_delta(self) -> bool {
         matches!(self, Self::Delta(_))
