@@ -42,6 +42,8 @@ pub struct Texture {
     pub srgb: bool,
     /// Horizontal and vertical wrap.
     pub wrap: [Wrap; 2],
+    /// True if texels have edges: no interpolation between them.
+    pub nearest: bool,
     /// Coarser and coarser images of the colour; empty where no material asks for them.
     pub mips: Arc<[Level]>,
 }
@@ -304,11 +306,24 @@ impl Texture {
         }
     }
 
-    /// Four linear values at `uv`, bilinear; (0, 0) is the top left corner of the image.
+    /// Four linear values at `uv`, bilinear or of the nearest texel; (0, 0) is the top left corner of the image.
     #[inline]
     pub fn sample(&self, uv: Vec2) -> [f32; 4] {
+        if self.nearest {
+            return self.nearest_to(uv);
+        }
         let size = [self.width, self.height];
         (self.texels).sample(self.channels, size, self.srgb, self.wrap, uv)
+    }
+
+    fn nearest_to(&self, uv: Vec2) -> [f32; 4] {
+        let along = |wrap: Wrap, x: f32, n: u32| {
+            let ([low, high], part) = wrap.place(x, n);
+            if part < 0.5 { low } else { high }
+        };
+        let x = along(self.wrap[0], uv.x, self.width);
+        let y = along(self.wrap[1], uv.y, self.height);
+        self.texel(x as u32, y as u32)
     }
 
     /// The colour at `uv` over a footprint, given by two of its half axes in texture coordinates: by a few look-ups along the

@@ -4,7 +4,7 @@ use super::super::finish::{ExactCover, Mix};
 use super::super::material::{AlphaMode, TextureRef};
 use super::super::texture::{Texels, Texture};
 use super::super::{Material, SceneParts};
-use crate::math::{Rgb, Vec2};
+use crate::math::{Rgb, Vec2, luminance};
 use glam::Affine2;
 
 /// A colour, or a texture times a factor.
@@ -154,6 +154,28 @@ impl SceneParts {
         }
     }
 
+    /// A texture of the luminance of a coloured one times `factor`, and the factor of its values; a grey one is itself.
+    pub fn grey(&mut self, factor: Rgb, map: TextureRef) -> (f32, u32) {
+        let source = &self.textures[map.texture as usize];
+        let most = factor.max_element();
+        if source.channels < 3 && factor == Rgb::splat(most) {
+            return (most, map.texture);
+        }
+        let source = source.clone();
+        let size = [source.width.min(MOST), source.height.min(MOST)];
+        let share = factor / most.max(f32::MIN_POSITIVE);
+        let texture = self.baked(size, 1, |uv| {
+            let [r, g, b, _] = source.sample(uv);
+            [luminance(share * Rgb::new(r, g, b)); 4]
+        });
+        let texture = Texture {
+            wrap: source.wrap,
+            nearest: source.nearest,
+            ..texture
+        };
+        (most, self.add_texture(texture))
+    }
+
     /// A texture whose green is the root of what `alpha` makes of the mean of a map's channels, blue one: roughness as
     /// materials take it.
     pub fn roughness_map(&mut self, map: TextureRef, alpha: impl Fn(f32) -> f32) -> TextureRef {
@@ -166,6 +188,7 @@ impl SceneParts {
         });
         let texture = Texture {
             wrap: source.wrap,
+            nearest: source.nearest,
             ..texture
         };
         TextureRef {
@@ -207,6 +230,7 @@ impl SceneParts {
         });
         let texture = Texture {
             wrap: holes.wrap,
+            nearest: holes.nearest,
             ..texture
         };
         material.base_color_texture = Some(TextureRef {
@@ -240,6 +264,7 @@ impl SceneParts {
         });
         let texture = Texture {
             wrap: source.wrap,
+            nearest: source.nearest,
             ..texture
         };
         Some(TextureRef {

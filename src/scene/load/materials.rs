@@ -612,9 +612,7 @@ impl Reader<'_> {
                 "KHR_texture_transform is not finite",
             ));
         }
-        let texture = self
-            .requests
-            .texture(self.root, index, srgb, self.warnings)?;
+        let texture = self.requests.texture(self.root, index, srgb)?;
         Ok(TextureRef {
             texture,
             transform: affine,

@@ -296,7 +296,10 @@ fn validate(root: &Root) -> Result<()> {
         let bounds = at.ends_with(".min") || at.ends_with(".max");
         // An extension may give the image in place of `source`; the reader of textures decides.
         let source = at.starts_with("textures[") && at.ends_with("].source");
-        let judged = error == Broken::Unsupported || (bounds || source) && error == Broken::Missing;
+        // Without a view all elements are 0.
+        let view = at.starts_with("accessors[") && at.ends_with("].bufferView");
+        let may_miss = bounds || source || view;
+        let judged = error == Broken::Unsupported || may_miss && error == Broken::Missing;
         if !judged {
             first = Some((at, error));
         }

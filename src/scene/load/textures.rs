@@ -1,7 +1,7 @@
 //! Textures, and their images, decoded once each.
 
 use super::accessors::Data;
-use super::error::{Fault, Result, Warnings, fault, place};
+use super::error::{Fault, Result, fault, place};
 use super::extensions::DECODE_TEXTURES;
 use super::uris::Files;
 use crate::memory;
@@ -29,6 +29,7 @@ struct Key {
     image: usize,
     srgb: bool,
     wrap: [Wrap; 2],
+    nearest: bool,
 }
 
 /// The textures that materials ask for.
@@ -41,13 +42,7 @@ pub(super) struct Requests {
 
 impl Requests {
     /// Requests a texture of the file; returns its index in `SceneParts::textures`.
-    pub(super) fn texture(
-        &mut self,
-        root: &Root,
-        index: usize,
-        srgb: bool,
-        warnings: &mut Warnings,
-    ) -> Result<u32> {
+    pub(super) fn texture(&mut self, root: &Root, index: usize, srgb: bool) -> Result<u32> {
         let Some(texture) = root.textures.get(index) else {
             return Err(fault(format!("textures[{index}]"), "does not exist"));
         };
@@ -56,17 +51,20 @@ impl Requests {
         if image >= root.images.len() {
             return Err(fault(format!("{at}.source"), "is missing, or no image"));
         }
-        let mut wrap = [Wrap::Repeat; 2];
+        let (mut wrap, mut nearest) = ([Wrap::Repeat; 2], false);
         if let Some(sampler) = texture.sampler {
             let Some(sampler) = root.samplers.get(sampler.value()) else {
                 return Err(fault(at, format!("samplers[{sampler}] does not exist")));
             };
             wrap = [mode(&sampler.wrap_s), mode(&sampler.wrap_t)];
-            if sampler.mag_filter == Some(Checked::Valid(MagFilter::Nearest)) {
-                warnings.say("nearest-texel filtering is not supported: textures are bilinear");
-            }
+            nearest = sampler.mag_filter == Some(Checked::Valid(MagFilter::Nearest));
         }
-        let key = Key { image, srgb, wrap };
+        let key = Key {
+            image,
+            srgb,
+            wrap,
+            nearest,
+        };
         let next = self.known.len() as u32;
         Ok(*self.known.entry(key).or_insert_with(|| {
             self.uses.entry(image).or_default().push((next, key));
@@ -91,10 +89,11 @@ impl Requests {
                 .collect();
             for (picture, (_, uses)) in decoded.into_iter().zip(batch) {
                 let picture = picture?;
-                for (texture, Key { srgb, wrap, .. }) in uses {
+                for (texture, key) in uses {
                     textures[*texture as usize] = Texture {
-                        srgb: *srgb,
-                        wrap: *wrap,
+                        srgb: key.srgb,
+                        wrap: key.wrap,
+                        nearest: key.nearest,
                         ..picture.clone()
                     };
                 }

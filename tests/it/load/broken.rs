@@ -235,7 +235,9 @@ fn load_refuses_external_files_by_name() {
         ("%2e%2e/x", "leaves the scene's folder"),
         ("file:///etc/passwd", "only relative files"),
         ("https://example.org/a.bin", "only relative files"),
-        ("%zz", "without two hexadecimal digits"),
+        // Not encoded: the name as it stands.
+        ("%zz", "%zz: No such file"),
+        ("data:,%zz", "without two hexadecimal digits"),
         ("%ff", "not UTF-8"),
         ("data:;base64,?", "bad base64"),
         ("data:;base64", "without a comma"),

@@ -2,7 +2,7 @@
 
 use super::broken::refused;
 use super::close;
-use crate::support::gltf::File;
+use crate::support::gltf::{File, load_in};
 use glam::Vec2;
 use image::{DynamicImage, RgbImage, RgbaImage};
 use opsr::gallery::{glb, shapes};
@@ -298,7 +298,7 @@ fn load_textures_by_use_and_sampler() {
         (parts.textures.iter())
             .all(|t| t.texels == expected && (t.width, t.height, t.channels) == (2, 2, 3))
     );
-    assert!(loaded.warnings.iter().any(|w| w.contains("nearest")));
+    assert!(normal.nearest && !data.nearest);
 }
 
 #[test]
@@ -469,4 +469,63 @@ fn load_cameras() {
     // To the right of one who looks along -x is -z.
     let right = turned.ray(Vec2::new(1.0, 0.5), 1.0).dir;
     assert!(right.z < -0.5 && right.y.abs() < 1e-6);
+}
+
+/// A name with a bare `%` was not encoded: it is taken as it stands.
+#[test]
+fn load_images_with_a_bare_percent_in_their_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let red = image::RgbImage::from_pixel(2, 2, image::Rgb([255, 0, 0]));
+    red.save(folder.path().join("10%.png")).unwrap();
+    let mut file = File::triangle();
+    file.push("images", json!({ "uri": "10%.png" }));
+    file.push("textures", json!({ "source": 0 }));
+    let base = json!({ "baseColorTexture": { "index": 0 } });
+    file.push("materials", json!({ "pbrMetallicRoughness": base }));
+    let uv = file.floats("VEC2", &[0.0; 6]);
+    file.primitive()["attributes"]["TEXCOORD_0"] = json!(uv);
+    file.primitive()["material"] = json!(0);
+    let parts = load_in(folder.path(), "s.gltf", &file.gltf())
+        .unwrap()
+        .parts;
+    assert_eq!(parts.textures[0].texel(1, 1), [1.0, 0.0, 0.0, 1.0]);
+}
+
+/// Texels of the filter NEAREST have edges, however large or small the image is; one of two uses of an image may have them.
+#[test]
+fn load_textures_of_the_nearest_texel() {
+    let mut file = File::triangle();
+    let checkers = image::GrayImage::from_fn(2, 2, |x, y| image::Luma([255 * ((x + y) % 2) as u8]));
+    file.texture(&checkers.into());
+    file.json["samplers"] = json!([{ "magFilter": 9728 }, { "magFilter": 9729 }]);
+    file.json["textures"] = json!([{ "source": 0, "sampler": 0 }, { "source": 0, "sampler": 1 }]);
+    for index in [0, 1] {
+        let base = json!({ "baseColorTexture": { "index": index } });
+        file.push("materials", json!({ "pbrMetallicRoughness": base }));
+    }
+    let uv = file.floats("VEC2", &[0.0; 6]);
+    file.primitive()["attributes"]["TEXCOORD_0"] = json!(uv);
+    let mut other = file.primitive().clone();
+    other["material"] = json!(1);
+    file.primitive()["material"] = json!(0);
+    let list = file.json["meshes"][0]["primitives"].as_array_mut().unwrap();
+    list.push(other);
+    let loaded = file.loaded();
+    assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+    let of = |material: usize, x: f32, y: f32| {
+        let map = loaded.parts.materials[material].base_color_texture.unwrap();
+        loaded.parts.textures[map.texture as usize].sample(Vec2::new(x, y))[0]
+    };
+    for (x, y, expected) in [
+        (0.01, 0.01, 0.0),
+        (0.49, 0.01, 0.0),
+        (0.51, 0.01, 1.0),
+        (0.99, 0.49, 1.0),
+        (0.49, 0.51, 1.0),
+        (1.01, 0.99, 1.0),
+        (-0.01, 0.99, 0.0),
+    ] {
+        assert_eq!(of(0, x, y), expected, "{x} {y}");
+    }
+    assert!((of(1, 0.5, 0.25) - 0.5).abs() < 1e-6);
 }

@@ -251,3 +251,22 @@ fn load_tangents_keep_their_handedness() {
     let bitangent = mesh.normals[0].cross(mesh.tangents[0].truncate()) * mesh.tangents[0].w;
     assert!(close(bitangent, Vec3::NEG_Y) && close(mesh.normals[0], Vec3::Z));
 }
+
+/// An accessor of neither bytes nor overrides is of zeros, as exporters write shape keys that move nothing.
+#[test]
+fn load_accessors_without_bytes_as_zeros() {
+    let mut file = File::triangle();
+    let still = file.push(
+        "accessors",
+        json!({ "componentType": 5126, "count": 3, "type": "VEC3" }),
+    );
+    let moved = file.floats("VEC3", &[0.0, 0.0, 1.0].repeat(3));
+    file.primitive()["targets"] = json!([{ "POSITION": still }, { "POSITION": moved }]);
+    file.json["meshes"][0]["weights"] = json!([1, 0.5]);
+    let mesh = &file.loaded().parts.meshes[0];
+    assert!(
+        mesh.positions.iter().all(|p| p.z == 0.5),
+        "{:?}",
+        mesh.positions
+    );
+}

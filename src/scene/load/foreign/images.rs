@@ -80,11 +80,6 @@ impl Context {
                 let srgb = how.srgb.unwrap_or(eight);
                 (Texture { srgb, ..texture }, 1.0)
             };
-        let texture = if how.nearest {
-            enlarged(texture)
-        } else {
-            texture
-        };
         let texture = if how.invert {
             inverted(&texture)
         } else {
@@ -92,6 +87,7 @@ impl Context {
         };
         let texture = Texture {
             wrap: how.wrap,
+            nearest: how.nearest,
             ..texture
         };
         Ok((self.parts().add_texture(texture), factor))
@@ -152,37 +148,6 @@ fn words(map: &Buffer, place: &str) -> Result<(Texture, f32)> {
         ..Texture::default()
     };
     Ok((texture, most))
-}
-
-/// A small image with its texels larger, so that interpolation leaves them their edges.
-fn enlarged(texture: Texture) -> Texture {
-    let times = (1024 / texture.width.max(texture.height).max(1)).clamp(1, 64);
-    if times == 1 {
-        return texture;
-    }
-    let channels = usize::from(texture.channels);
-    let (w, h) = (texture.width as usize, texture.height as usize);
-    let times = times as usize;
-    fn grow<T: Copy>(codes: &[T], w: usize, h: usize, n: usize, times: usize) -> Vec<T> {
-        let mut out = Vec::with_capacity(codes.len() * times * times);
-        for y in 0..h * times {
-            for x in 0..w * times {
-                let at = n * ((y / times) * w + x / times);
-                out.extend_from_slice(&codes[at..at + n]);
-            }
-        }
-        out
-    }
-    let texels = match &texture.texels {
-        Texels::Byte(codes) => Texels::Byte(grow(codes, w, h, channels, times).into()),
-        Texels::Word(codes) => Texels::Word(grow(codes, w, h, channels, times).into()),
-    };
-    Texture {
-        width: (w * times) as u32,
-        height: (h * times) as u32,
-        texels,
-        ..texture
-    }
 }
 
 /// One minus the linear values.
