@@ -150,10 +150,11 @@ pub fn can_write(file: &Path) -> Result<(), Fault> {
         _ => Path::new("."),
     };
     if !folder.is_dir() {
-        return Err(Fault::Output(format!(
-            "{}: no such folder",
-            folder.display()
-        )));
+        let what = match folder.exists() {
+            true => "a file, not a folder",
+            false => "no such folder",
+        };
+        return Err(Fault::Output(format!("{}: {what}", folder.display())));
     }
     // The same kind of file that a result is before it takes its name; it goes away at once.
     match tempfile::NamedTempFile::new_in(folder) {

@@ -182,10 +182,24 @@ const OTHERS: [&str; 13] = [
 /// Fails for these, and for a path that leads nowhere; a file with a strange name may be a scene.
 pub fn expect_scene(path: &Path) -> Result<(), Fault> {
     let wrong = |what: String| Err(Fault::Input(format!("{}: {what}", path.display())));
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    let ending = ending.to_string_lossy();
     match std::fs::metadata(path) {
+        // It would not be read if it were there.
+        Err(_) if OTHERS.contains(&&*ending) => {}
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            let like = scenes_like(path);
+            let beside = match like.as_slice() {
+                [] => String::new(),
+                some => format!("; beside it lie {}", some.join(", ")),
+            };
+            let error = io::Error::new(error.kind(), format!("{error}{beside}"));
+            return Err(Fault::File(Problem::Read(error).at(path)));
+        }
         Err(error) => return Err(Fault::File(Problem::Read(error).at(path))),
         Ok(found) if found.is_dir() => {
-            let scenes = scenes_in(path);
+            let mut scenes = scenes_in(path);
+            scenes.truncate(LISTED);
             let within = match scenes.as_slice() {
                 [] => String::new(),
                 some => format!("; it holds {}", some.join(", ")),
@@ -196,8 +210,6 @@ pub fn expect_scene(path: &Path) -> Result<(), Fault> {
         }
         Ok(_) => {}
     }
-    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
-    let ending = ending.to_string_lossy();
     match &*ending {
         "blend" => wrong(
             "a file of Blender: export it with File > Export > glTF 2.0, or render in Blender with the add-on of opsr \
@@ -211,7 +223,28 @@ pub fn expect_scene(path: &Path) -> Result<(), Fault> {
     }
 }
 
-/// Names of a few scenes in a folder.
+/// Scenes that a message lists.
+const LISTED: usize = 3;
+
+/// Scenes beside a path that is none, those first whose names begin alike.
+fn scenes_like(path: &Path) -> Vec<String> {
+    let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
+    let mut scenes = scenes_in(folder.unwrap_or(Path::new(".")));
+    let alike = |name: &String| {
+        let name = Path::new(name).file_name().unwrap_or_default();
+        let wanted = path.file_name().unwrap_or_default();
+        let pairs = name
+            .as_encoded_bytes()
+            .iter()
+            .zip(wanted.as_encoded_bytes());
+        pairs.take_while(|(a, b)| a.eq_ignore_ascii_case(b)).count()
+    };
+    scenes.sort_by_key(|name| std::cmp::Reverse(alike(name)));
+    scenes.truncate(LISTED);
+    scenes
+}
+
+/// Names of the scenes in a folder, sorted.
 fn scenes_in(folder: &Path) -> Vec<String> {
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut names: Vec<String> = files
@@ -225,7 +258,6 @@ fn scenes_in(folder: &Path) -> Vec<String> {
         .map(|file| file.display().to_string())
         .collect();
     names.sort();
-    names.truncate(3);
     names
 }
 
@@ -241,7 +273,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let of = |name: &str| {
             let path = folder.path().join(name);
-            if !name.is_empty() && name != "none.glb" {
+            if !name.is_empty() && !name.starts_with("none.") {
                 std::fs::write(&path, "x").expect("a file");
             }
             expect_scene(&path).err().map(|fault| fault.to_string())
@@ -252,12 +284,17 @@ mod tests {
             ("a.OBJ", "import it in Blender"),
             ("a.usdz", "files .usdz are not read"),
             ("a.fbx", "files .fbx are not read"),
+            ("none.fbx", "files .fbx are not read"),
         ] {
             let said = of(name).expect("a fault");
             assert!(said.contains(words) && said.contains(name), "{said}");
         }
         for name in ["a.glb", "b.gltf", "c.pbrt", "d.xml", "e"] {
             assert_eq!(of(name), None);
+        }
+        for (wrong, beside) in [("c.pbr", "c.pbrt, "), ("none/c.pbrt", "cannot be read")] {
+            let said = expect_scene(&folder.path().join(wrong)).expect_err("no scene");
+            assert!(said.to_string().contains(beside), "{said}");
         }
         let said = of("").expect("a fault");
         let (first, last) = (said.contains("a folder"), said.contains("a.glb"));

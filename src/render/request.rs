@@ -121,7 +121,7 @@ pub fn camera(scene: &Scene, wanted: Option<&str>, aspect: f32) -> Result<Camera
     let by_number = || wanted.parse::<usize>().ok().and_then(|i| cameras.get(i));
     by_name.or_else(by_number).cloned().ok_or_else(|| {
         let names = cameras.iter().enumerate();
-        let names = names.map(|(i, c)| format!("{i} `{}`", c.name));
+        let names = names.map(|(i, c)| format!("camera {i} (`{}`)", c.name));
         let names = names.collect::<Vec<_>>().join(", ");
         let has = if names.is_empty() { "none" } else { &names };
         Fault::Input(format!("no camera `{wanted}`: the scene has {has}"))

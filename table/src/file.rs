@@ -141,13 +141,25 @@ fn read(path: &Path) -> Result<Vec<u8>, TableError> {
     }
 }
 
+/// Adds the tables that this crate contains to the error of a file that does not exist.
+fn with_names(mut error: TableError) -> TableError {
+    if let TableProblem::Read(cause) = &mut error.problem
+        && cause.kind() == std::io::ErrorKind::NotFound
+    {
+        let names = BUILT_IN.map(|(name, _)| name).join(", ");
+        let what = format!("{cause}; tables by name are {names}");
+        *cause = std::io::Error::new(cause.kind(), what);
+    }
+    error
+}
+
 impl TableFile {
     /// Reads a table file; `beta-0.001` and `beta-0.05` are tables that this crate contains, unless there are files of
     /// these names.
     pub fn load(path: &Path) -> Result<Self, TableError> {
         match BUILT_IN.iter().find(|(name, _)| path == Path::new(name)) {
             Some((_, text)) if !path.exists() => Self::parse(text.as_bytes(), path),
-            _ => Self::parse(&read(path)?, path),
+            _ => Self::parse(&read(path).map_err(with_names)?, path),
         }
     }
 

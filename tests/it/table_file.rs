@@ -177,6 +177,8 @@ fn io_errors_of_table_files_name_the_file() {
     let path = folder.path().join("table.json");
     let message = TableFile::load(&path).unwrap_err().to_string();
     assert!(message.contains("table.json"), "{message}");
+    let names = "tables by name are beta-0.001, beta-0.05";
+    assert!(message.contains(names), "{message}");
     let long = vec![b' '; (1 << 22) + 1];
     std::fs::write(&path, long).unwrap();
     let message = TableFile::load(&path).unwrap_err().to_string();

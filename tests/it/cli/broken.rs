@@ -388,7 +388,7 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         4,
         "render scene.glb -o scene.glb/out.png",
-        "scene.glb: no such folder",
+        "scene.glb: a file, not a folder",
     ),
     (
         4,
