@@ -208,6 +208,12 @@ pub enum FilmError {
         /// The window.
         window: Window,
     },
+    /// Stored numbers that no samples give.
+    #[error("count, mean or variance of pixel {}, {} of the film are not numbers from 0 on", pixel.x, pixel.y)]
+    Absurd {
+        /// Column and row within the frame.
+        pixel: UVec2,
+    },
 }
 
 /// Adds a value to a pixel's moments, or refuses it if it is not finite.
@@ -484,7 +490,13 @@ impl Film {
             return Err(FilmError::Numbers { numbers, window });
         }
         let mut film = Self::cropped(size, window)?;
-        for (m, &[n, ax, ay, az, bx, by, bz]) in film.pixels.iter_mut().zip(pixels) {
+        for (i, (m, &parts)) in film.pixels.iter_mut().zip(pixels).enumerate() {
+            let [n, ax, ay, az, bx, by, bz] = parts;
+            let counts = n <= f64::from(u32::MAX) && n.fract() == 0.0;
+            if !counts || parts.iter().any(|x| !x.is_finite() || *x < 0.0) {
+                let pixel = window.pixel(i);
+                return Err(FilmError::Absurd { pixel });
+            }
             let (mean, m2) = (DVec3::new(ax, ay, az), DVec3::new(bx, by, bz));
             *m = Moments::from_parts(n as u32, mean, m2);
         }

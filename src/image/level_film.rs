@@ -487,7 +487,7 @@ impl LevelFilm {
             let each = carried_pixels.chunks_exact(4 * (FEATURES + 3 * stride));
             let pairs = features.iter_mut().zip(sums.chunks_exact_mut(stride));
             for ((features, sums), pixel) in pairs.zip(each) {
-                read_sums(pixel.as_chunks::<4>().0, features, sums);
+                read_sums(pixel.as_chunks::<4>().0, features, sums)?;
             }
         }
         let each = pixels.chunks_exact(4 * (BATCHES + FEATURES + 3 * stride));
@@ -495,7 +495,7 @@ impl LevelFilm {
             let (words, _) = pixel.as_chunks::<4>();
             let (counts, rest) = words.split_at(BATCHES);
             let sums = &mut film.sums[index * stride..(index + 1) * stride];
-            read_sums(rest, &mut film.features[index], sums);
+            read_sums(rest, &mut film.features[index], sums)?;
             for (count, word) in film.counts[index].iter_mut().zip(counts) {
                 *count = u32::from_le_bytes(*word);
             }
@@ -515,7 +515,11 @@ fn write_sums(features: &Features, sums: &[Rgb], out: &mut impl Write) -> io::Re
 }
 
 /// Reads what [`write_sums`] wrote.
-fn read_sums(words: &[[u8; 4]], features: &mut Features, sums: &mut [Rgb]) {
+fn read_sums(
+    words: &[[u8; 4]],
+    features: &mut Features,
+    sums: &mut [Rgb],
+) -> Result<(), &'static str> {
     let (first, rest) = words.split_at(FEATURES);
     for (feature, word) in features.iter_mut().zip(first) {
         *feature = f32::from_le_bytes(*word);
@@ -523,6 +527,10 @@ fn read_sums(words: &[[u8; 4]], features: &mut Features, sums: &mut [Rgb]) {
     let (rest, _) = rest.as_chunks::<3>();
     for (sum, rgb) in sums.iter_mut().zip(rest) {
         *sum = Rgb::from_array(rgb.map(f32::from_le_bytes));
+    }
+    match are_finite(features) && sums.iter().all(|sum| sum.is_finite()) {
+        true => Ok(()),
+        false => Err("sums of the levels are not finite"),
     }
 }
 
@@ -642,6 +650,11 @@ mod tests {
             let mut again = read(&mut rest).unwrap();
             assert!(again == film && rest.is_empty());
             assert!(read(&mut &bytes[..bytes.len() - 1]).is_err());
+            let mut absurd = bytes.clone();
+            let last = bytes.len() - 4;
+            absurd[last..].copy_from_slice(&f32::NAN.to_le_bytes());
+            let error = read(&mut &absurd[..]).unwrap_err();
+            assert_eq!(error, "sums of the levels are not finite");
             for tile in Window::full(SIZE).tiles(1) {
                 let mut part = again.cut(tile);
                 push(&mut part, 0, end..end + 9);

@@ -90,6 +90,23 @@ fn film_resume_is_bit_identical() {
     for cut in 0..numbers.len() {
         assert!(stored(&numbers[..cut]).is_err(), "cut at {cut}");
     }
+    // Numbers that no samples give, such as a half sample of the pixel in column 1.
+    for (at, absurd) in [
+        (7, 0.5),
+        (7, 1e10),
+        (8, f64::NAN),
+        (9, f64::INFINITY),
+        (10, -1.0),
+        (13, -1e-9),
+    ] {
+        let mut numbers = numbers.clone();
+        numbers[at] = absurd;
+        let error = stored(&numbers).unwrap_err().to_string();
+        assert!(
+            error.contains("pixel 1, 0 of the film"),
+            "{at} {absurd}: {error}"
+        );
+    }
 }
 
 #[test]
