@@ -138,21 +138,31 @@ impl Spectrum {
     }
 }
 
-/// Colour of a black body of this temperature in kelvin, by Planck's law, at a luminance of 1; black at 0 and below.
-pub fn black_body(kelvin: f32) -> Rgb {
-    let kelvin = f64::from(kelvin);
+/// XYZ of a black body of this temperature in kelvin, by Planck's law in W/(m² sr nm); `None` at 0 and below.
+fn planck(kelvin: f64) -> Option<DVec3> {
     if !(kelvin > 0.0 && kelvin.is_finite()) {
-        return Rgb::ZERO;
+        return None;
     }
-    // hc/k in nanometres times kelvin.
-    let planck = |nm: f64| nm.powi(-5) / ((1.438_776_877e7 / (nm * kelvin)).exp() - 1.0);
-    let seen = xyz(planck);
-    let colour = rec709(seen / seen.y);
+    // 2hc² and hc/k, of wavelengths in nanometres.
+    let radiance =
+        |nm: f64| 1.191_042_972e20 * nm.powi(-5) / ((1.438_776_877e7 / (nm * kelvin)).exp() - 1.0);
+    Some(xyz(radiance))
+}
+
+/// Colour of a black body of this temperature in kelvin at a luminance of 1; black at 0 and below.
+pub fn black_body(kelvin: f32) -> Rgb {
+    let seen = planck(kelvin.into()).filter(|seen| seen.y > 0.0);
+    let colour = seen.map_or(Rgb::ZERO, |seen| rec709(seen / seen.y));
     if colour.is_finite() {
         colour
     } else {
         Rgb::ZERO
     }
+}
+
+/// Colour of a lamp of the spectral radiance of a black body, in W/(m² sr nm) and the scale of [`Spectrum::emitted`].
+pub fn black_body_radiance(kelvin: f64) -> Rgb {
+    planck(kelvin).map_or(Rgb::ZERO, |seen| rec709(seen / xyz(|_| 1.0).y))
 }
 
 /// Linear value of an sRGB-encoded channel in [0, 1].
@@ -181,6 +191,11 @@ mod tests {
             "{warm} {cold}"
         );
         assert_eq!(black_body(-1.0), Rgb::ZERO);
+        // Radiance in a spectral renderer, of green: a hot lamp is ten thousand times as bright.
+        for (kelvin, green) in [(2000.0, 4.12), (3000.0, 350.0), (6500.0, 41_443.0)] {
+            let ratio = black_body_radiance(kelvin).y / green;
+            assert!((ratio - 1.0).abs() < 0.02, "{kelvin} K: {ratio}");
+        }
         assert!(Spectrum::new(vec![(2.0, 1.0), (1.0, 1.0)]).is_none());
     }
 }

@@ -142,16 +142,20 @@ pub fn cylinder(radius: f32, [low, high]: [f32; 2], phi: f32) -> Mesh {
 }
 
 /// A bilinear patch with corners at (u, v) = (0, 0), (1, 0), (0, 1) and (1, 1), and the texture coordinates there.
-pub fn patch(corners: [Vec3; 4], uvs: [Vec2; 4]) -> Mesh {
+pub fn patch(corners: [Vec3; 4], uvs: [Vec2; 4], normals: Option<[Vec3; 4]>) -> Mesh {
     let [a, b, c, d] = corners;
     let flat = (b - a).cross(c - a).normalize_or_zero();
     let size = (d - a).length().max((c - b).length());
     let planar = (d - a).dot(flat).abs() <= 1e-5 * size;
-    let n = if planar { 1 } else { 16 };
+    let n = if planar && normals.is_none() { 1 } else { 16 };
     let mut mesh = grid(n, n, |uv| {
         let (low, high) = (a.lerp(b, uv.x), c.lerp(d, uv.x));
         let along = (b - a).lerp(d - c, uv.y);
-        let normal = along.cross(high - low).normalize_or_zero();
+        let normal = match normals {
+            Some([a, b, c, d]) => a.lerp(b, uv.x).lerp(c.lerp(d, uv.x), uv.y),
+            None => along.cross(high - low),
+        };
+        let normal = normal.normalize_or_zero();
         (low.lerp(high, uv.y), normal)
     });
     let at = |uv: &Vec2| (uvs[0].lerp(uvs[1], uv.x)).lerp(uvs[2].lerp(uvs[3], uv.x), uv.y);
@@ -190,7 +194,7 @@ mod tests {
         close(&cylinder(2.0, [-1.0, 2.0], PI), 6.0 * pi);
         let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let uvs = [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE];
-        close(&patch([a, b, c, b + c], uvs), 1.0);
-        assert!(patch([a, b, c, b + c + Vec3::Z], uvs).indices.len() > 100);
+        close(&patch([a, b, c, b + c], uvs, None), 1.0);
+        assert!(patch([a, b, c, b + c + Vec3::Z], uvs, None).indices.len() > 100);
     }
 }

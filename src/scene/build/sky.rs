@@ -2,7 +2,7 @@
 
 use super::super::Environment;
 use crate::image::Buffer;
-use crate::math::{Rgb, Vec3};
+use crate::math::{Rgb, Vec3, luminance};
 use glam::DMat3;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
@@ -99,10 +99,54 @@ fn equal_area(map: &Buffer, dir: glam::DVec3) -> Rgb {
     map.pixels[place(v, map.height) * map.width + place(u, map.width)]
 }
 
+/// Illuminance of a map of equal areas on a patch that faces +z in the map's own directions. Equal parts of the square are equal
+/// parts of the sphere; texels of small maps are wide, and are taken by parts.
+pub fn illuminance(map: &Buffer) -> f64 {
+    /// Least parts along a side.
+    const PARTS: usize = 512;
+    let part = |side: usize| PARTS.div_ceil(side);
+    let (columns, rows) = (part(map.width), part(map.height));
+    // Distances from the middle of the square, in [0, 1].
+    let away = |i: usize, n: usize| (2.0 * (i as f64 + 0.5) / n as f64 - 1.0).abs();
+    let (w, h) = (columns * map.width, rows * map.height);
+    let mut sum = 0.0;
+    for y in 0..h {
+        for x in 0..w {
+            // The inverse of `square`: z = 1 − r² where r = |x| + |y| is at most 1, which is the upper half.
+            let r = away(x, w) + away(y, h);
+            let texel = map.pixels[y / rows * map.width + x / columns];
+            sum += f64::from(luminance(texel)) * (1.0 - r * r).max(0.0);
+        }
+    }
+    4.0 * PI * sum / (w * h) as f64
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use glam::DVec3;
+
+    /// A sky of 1 gives π, and a sun of two per cent of the sphere what its cosine says.
+    #[test]
+    fn sky_illuminance_is_that_of_a_patch_that_faces_up() {
+        for side in [1, 4, 64, 700] {
+            let white = Buffer::filled(side, side, Rgb::ONE);
+            let found = illuminance(&white);
+            assert!((found / PI - 1.0).abs() < 1e-4, "{side}: {found}");
+        }
+        let mut sun = Buffer::filled(64, 64, Rgb::ZERO);
+        let dir = DVec3::new(0.6, 0.3, 0.5).normalize();
+        let [u, v] = square(dir);
+        let at = (v * 64.0) as usize * 64 + (u * 64.0) as usize;
+        sun.pixels[at] = Rgb::splat(7.0);
+        let expected = 7.0 * 4.0 * PI / 4096.0 * dir.z;
+        assert!((illuminance(&sun) / expected - 1.0).abs() < 0.02);
+        let dark = Buffer::from_fn(64, 64, |x, y| {
+            let below = x.abs_diff(32) + y.abs_diff(32) > 34;
+            Rgb::splat(f32::from(u8::from(below)))
+        });
+        assert_eq!(illuminance(&dark), 0.0);
+    }
 
     /// The mapping keeps areas: directions that are uniform on the sphere are uniform in the square.
     #[test]

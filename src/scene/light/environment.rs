@@ -53,6 +53,11 @@ impl Environment {
         }
     }
 
+    /// The environment with its radiance multiplied by a factor.
+    pub(crate) fn brightened(&self, factor: f32) -> Self {
+        Self::from_map(self.map.map(|texel| texel * factor), self.rotation)
+    }
+
     /// Loads an `.hdr` or `.exr` map, multiplied by `intensity`, turned by `rotation` radians about +Y.
     pub fn load(path: &Path, intensity: f32, rotation: f32) -> Result<Self, FileError> {
         // A pipe is empty when it is read again, and waiting for its other end never ends.
@@ -66,7 +71,7 @@ impl Environment {
             _ => {
                 return Err(FileError::content(
                     path,
-                    "an environment map is an .hdr or .exr file",
+                    "an environment map is an .hdr or .exr file; there are studio, sky and none beside",
                 ));
             }
         };

@@ -207,6 +207,36 @@ impl Context {
         self.warnings.group("elements", place, what);
     }
 
+    /// Warns that a limit of the length of paths is not taken, and names the option that sets it.
+    fn warn_of_limit(&mut self, name: &str, value: f64, vertices: f64, place: &str) {
+        let option = match vertices >= 1.0 {
+            true => format!("; `--max-vertices {vertices}` does the same"),
+            false => String::new(),
+        };
+        self.approximate(place, &format!("`{name}` {value} is not taken{option}"));
+    }
+
+    /// Multiplies the radiance of all lights.
+    fn brighten(&mut self, factor: f64, place: &str) -> Result<()> {
+        if !(factor > 0.0 && factor.is_finite()) {
+            return Err(fault(place, format!("an exposure of {factor}")));
+        }
+        if factor == 1.0 {
+            return Ok(());
+        }
+        let (factor, parts) = (factor as f32, self.parts());
+        for material in &mut parts.materials {
+            material.emission *= factor;
+        }
+        for light in &mut parts.lights {
+            light.brighten(factor);
+        }
+        if let Some(sky) = &parts.environment {
+            parts.environment = Some(sky.brightened(factor));
+        }
+        Ok(())
+    }
+
     fn distribution(&self, own: Distribution) -> Distribution {
         self.distribution.unwrap_or(own)
     }

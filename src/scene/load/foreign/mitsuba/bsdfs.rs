@@ -85,7 +85,7 @@ impl Scene<'_> {
 
     fn mask(&mut self, bsdf: &Object) -> Result<Look> {
         let mut look = self.only(bsdf)?;
-        let opacity = self.paint(bsdf, &["opacity"], Paint::from(0.5))?;
+        let opacity = self.numbers(bsdf, "opacity", 0.5)?;
         let done = self
             .context
             .parts()
@@ -103,6 +103,7 @@ impl Scene<'_> {
                 look.material.normal_texture = map.map;
                 look.material.normal_scale = 1.0;
             } else {
+                let map = self.grey(map);
                 let scale = bsdf.number("scale", 1.0)? as f32;
                 look.bump = Some(Paint {
                     factor: map.factor * scale,
@@ -127,7 +128,7 @@ impl Scene<'_> {
                 let weights = super::xml::numbers(text).unwrap_or_default();
                 Paint::from(weights.get(1).copied().unwrap_or(0.5) as f32)
             }
-            _ => self.paint(bsdf, &["weight"], Paint::from(0.5))?,
+            _ => self.numbers(bsdf, "weight", 0.5)?,
         };
         let mixed = |look: &Look| {
             look.material
@@ -183,18 +184,27 @@ impl Scene<'_> {
             }
         };
         material.distribution = self.context.distribution(own);
-        let alpha = self.paint(bsdf, &["alpha"], Paint::from(0.1))?;
-        if let Some(map) = alpha.map {
-            let factor = alpha.factor.x;
+        let both = self.numbers(bsdf, "alpha", 0.1)?;
+        let of = |scene: &mut Self, name: &str| match scene.has(bsdf, name)? {
+            true => scene.numbers(bsdf, name, 0.1),
+            false => Ok(both),
+        };
+        let (u, v) = (of(self, "alpha_u")?, of(self, "alpha_v")?);
+        if let Some(map) = u.map.or(v.map) {
+            if u != v {
+                let what = "two textures of roughness: the first counts";
+                self.context.approximate(&bsdf.place, what);
+            }
+            let factor = if u.map.is_some() {
+                u.factor.x
+            } else {
+                v.factor.x
+            };
             let map = (self.context.parts()).roughness_map(map, |x| (factor * x).min(1.0));
             (material.alpha, material.metallic_roughness_texture) = (1.0, Some(map));
             return Ok(());
         }
-        let alpha = f64::from(alpha.factor.x);
-        let [u, v] = [
-            bsdf.number("alpha_u", alpha)?,
-            bsdf.number("alpha_v", alpha)?,
-        ];
+        let [u, v] = [u, v].map(|alpha| f64::from(alpha.factor.x));
         if u.min(v) < 0.0 {
             return Err(fault(&bsdf.place, "a roughness below 0"));
         }
@@ -296,7 +306,7 @@ impl Scene<'_> {
         self.context
             .approximate(&bsdf.place, "`principled` is shown by glTF's model");
         let base = self.paint(bsdf, &["base_color"], Paint::from(0.5))?;
-        let rough = self.paint(bsdf, &["roughness"], Paint::from(0.5))?;
+        let rough = self.numbers(bsdf, "roughness", 0.5)?;
         let of = |name: &str, or: f64| bsdf.number(name, or).map(|x| x as f32);
         let specular = of("specular", 0.5)?;
         let ior = match bsdf.property("eta") {
@@ -307,9 +317,14 @@ impl Scene<'_> {
                 (1.0 + root) / (1.0 - root)
             }
         };
+        let mut share = |name: &str| -> Result<f32> {
+            let found = self.colour(bsdf, &[name], Rgb::ZERO, Meant::Reflected)?;
+            Ok(self.grey(Paint::plain(found)).factor.x.clamp(0.0, 1.0))
+        };
+        let (metallic, transmission) = (share("metallic")?, share("spec_trans")?);
         let mut material = Material {
-            metallic: of("metallic", 0.0)?.clamp(0.0, 1.0),
-            transmission: of("spec_trans", 0.0)?.clamp(0.0, 1.0),
+            metallic,
+            transmission,
             specular: 1.0,
             ior: ior.max(1.0),
             distribution: self.context.distribution(Distribution::Ggx),

@@ -127,6 +127,11 @@ impl Scene<'_> {
                 self.context.unsupported(place, format!("`{name}`"))?;
             }
         }
+        // Mitsuba's own are 0.01 and 10,000.
+        if sensor.number("near_clip", 0.0)? > 0.01 || sensor.number("far_clip", 1e9)? < 10_000.0 {
+            let what = "`near_clip` and `far_clip` are not taken: all is seen";
+            self.context.approximate(place, what);
+        }
         let (projection, lens) = match sensor.plugin.as_str() {
             "perspective" | "thinlens" => {
                 let tan_half_y = self.fov(sensor, aspect)?;

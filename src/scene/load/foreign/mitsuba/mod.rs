@@ -22,6 +22,8 @@ struct Scene<'a> {
     ids: Ids,
     /// Looks by the address of their object.
     looks: HashMap<usize, Look>,
+    /// Grey textures of coloured ones, by texture and factor: factor and texture.
+    greys: HashMap<(u32, [u32; 3]), (f32, u32)>,
     /// Media by the address of their object.
     media: HashMap<usize, Named>,
     /// Objects that are being read: a reference to one of them is a cycle.
@@ -39,6 +41,7 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         context,
         ids,
         looks: HashMap::new(),
+        greys: HashMap::new(),
         media: HashMap::new(),
         open: Vec::new(),
         groups: HashMap::new(),
@@ -56,14 +59,31 @@ impl Scene<'_> {
             "sensor" | "camera" => self.sensor(&object),
             "shape" => self.shape(&object),
             "emitter" | "luminaire" => self.emitter(&object),
+            "integrator" => self.integrator(&object),
             // A medium counts where it is used.
             "volume" | "subsurface" => self.context.unsupported(
                 &object.place,
                 format!("<{} type=\"{}\">", object.tag, object.plugin),
             ),
-            // Materials and textures count where they are used; samplers, integrators and films are the render's.
+            // Materials and textures count where they are used; samplers and films are the render's.
             _ => Ok(()),
         }
+    }
+
+    /// Names what an integrator does to the picture that the render's own does not.
+    fn integrator(&mut self, integrator: &Object) -> Result<()> {
+        let place = &integrator.place;
+        // Edges of a path from light to camera, one more than its scattering vertices; −1 for any number.
+        let depth = integrator.number("max_depth", -1.0)?;
+        if depth >= 0.0 {
+            self.context
+                .warn_of_limit("max_depth", depth, depth - 1.0, place);
+        }
+        if integrator.flag("hide_emitters", false)? {
+            let what = "`hide_emitters` is not taken: lights are seen";
+            self.context.approximate(place, what);
+        }
+        Ok(())
     }
 
     fn resolved(&self, child: &Child) -> Result<Rc<Object>> {

@@ -5,9 +5,10 @@ use super::super::Meant;
 use super::super::images::Use;
 use super::Scene;
 use super::xml::{Object, Property, Value, numbers};
-use crate::math::Rgb;
-use crate::scene::build::colour::{Spectrum, black_body};
+use crate::math::{Rgb, luminance};
+use crate::scene::build::colour::{Spectrum, black_body_radiance};
 use crate::scene::build::looks::Paint;
+use crate::scene::material::TextureRef;
 use crate::scene::texture::Wrap;
 use glam::{Affine2, DAffine3, DMat4, DVec3, Mat2, Vec2};
 
@@ -99,11 +100,7 @@ impl Scene<'_> {
                 _ => of(Self::spectrum(text, place)?),
             },
             Value::SpectrumFile(name) => of(self.context.spectrum_file(name, place)?),
-            Value::BlackBody { kelvin, scale } => {
-                self.context
-                    .approximate(place, "a black body has a luminance of its scale");
-                black_body(*kelvin as f32) * *scale as f32
-            }
+            Value::BlackBody { kelvin, scale } => black_body_radiance(*kelvin) * *scale as f32,
             _ => return Err(fault(place, "is no colour")),
         };
         match colour.is_finite() {
@@ -133,6 +130,35 @@ impl Scene<'_> {
     /// A colour or a texture of a surface.
     pub(super) fn paint(&mut self, object: &Object, names: &[&str], or: Paint) -> Result<Paint> {
         self.paint_of(object, names, or, Meant::Reflected)
+    }
+
+    /// True if an object has a property or a texture of this name.
+    pub(super) fn has(&self, object: &Object, name: &str) -> Result<bool> {
+        let textures = self.children(object, &["texture", "spectrum"])?;
+        Ok(object.property(name).is_some() || textures.iter().any(|(n, _)| n == name))
+    }
+
+    /// A number or a texture of numbers: of colours the luminance counts.
+    pub(super) fn numbers(&mut self, object: &Object, name: &str, or: f32) -> Result<Paint> {
+        let paint = self.paint(object, &[name], Paint::from(or))?;
+        Ok(self.grey(paint))
+    }
+
+    pub(super) fn grey(&mut self, paint: Paint) -> Paint {
+        let Some(map) = paint.map else {
+            // The luminance of a grey is the grey up to rounding.
+            let Rgb { x, y, z } = paint.factor;
+            let is_grey = x == y && y == z;
+            return Paint::from(if is_grey { x } else { luminance(paint.factor) });
+        };
+        let key = (map.texture, paint.factor.to_array().map(f32::to_bits));
+        let parts = self.context.parts();
+        let (factor, texture) =
+            *(self.greys.entry(key)).or_insert_with(|| parts.grey(paint.factor, map));
+        Paint {
+            factor: Rgb::splat(factor),
+            map: Some(TextureRef { texture, ..map }),
+        }
     }
 
     pub(super) fn paint_of(

@@ -4,7 +4,7 @@ use super::super::super::error::{Result, fault};
 use super::super::{Meant, film_side};
 use super::tokens::Parameters;
 use super::{Scene, affine};
-use crate::math::{Frame, Rgb, UVec2, luminance};
+use crate::math::{Frame, Rgb, UVec2};
 use crate::scene::build::sky;
 use crate::scene::camera::Projection;
 use crate::scene::light::Falloff;
@@ -12,12 +12,19 @@ use crate::scene::{Camera, Environment, FilmSize, Lens, PunctualLight};
 use glam::DVec3;
 use std::f64::consts::PI;
 
+/// Factor that gives a light of scale 1 the power or illuminance that a parameter names; `own` is what white light of unit
+/// intensity, irradiance or radiance has. 1 without the parameter. pbrt multiplies it by `scale` and by the values of an rgb
+/// colour, while other spectra are taken to a luminance of 1 before.
+pub(super) fn wanted(parameters: &Parameters, name: &str, own: f64) -> Result<f64> {
+    let wanted = parameters.number(name, -1.0)?;
+    Ok(if wanted > 0.0 { wanted / own } else { 1.0 })
+}
+
 impl Scene<'_> {
     pub(super) fn light(&mut self, kind: &str, parameters: &Parameters) -> Result<()> {
         let place = &parameters.place;
         let pose = self.pose(place)?;
-        let scale = parameters.number("scale", 1.0)? as f32;
-        let power = parameters.number("power", -1.0)?;
+        let scale = parameters.number("scale", 1.0)?;
         let vector = |name: &str, or: [f64; 3]| parameters.vector(name, or).map(DVec3::from);
         let axis = |from: DVec3, to: DVec3| {
             let axis = pose.transform_vector3(to - from).try_normalize();
@@ -25,10 +32,8 @@ impl Scene<'_> {
         };
         match kind {
             "point" => {
-                let mut intensity = self.colour(parameters, "I", Rgb::ONE, Meant::Emitted)? * scale;
-                if power > 0.0 {
-                    intensity *= (power / (4.0 * PI * f64::from(luminance(intensity)))) as f32;
-                }
+                let scale = scale * wanted(parameters, "power", 4.0 * PI)?;
+                let intensity = self.emitted(parameters, "I", scale)?;
                 let position = pose.transform_point3(vector("from", [0.0; 3])?);
                 self.context.parts().lights.push(PunctualLight::Point {
                     position: position.as_vec3(),
@@ -37,7 +42,6 @@ impl Scene<'_> {
                 });
             }
             "spot" => {
-                let mut intensity = self.colour(parameters, "I", Rgb::ONE, Meant::Emitted)? * scale;
                 let cone = parameters.number("coneangle", 30.0)?;
                 let delta = parameters.number("conedeltaangle", 5.0)?;
                 if !(0.0 < cone && cone < 180.0 && 0.0 <= delta && delta <= cone) {
@@ -47,10 +51,9 @@ impl Scene<'_> {
                     ));
                 }
                 let (inner, outer) = ((cone - delta).to_radians().cos(), cone.to_radians().cos());
-                if power > 0.0 {
-                    let solid = 2.0 * PI * ((1.0 - inner) + 0.5 * (inner - outer));
-                    intensity *= (power / (solid * f64::from(luminance(intensity)))) as f32;
-                }
+                let solid = 2.0 * PI * ((1.0 - inner) + 0.5 * (inner - outer));
+                let scale = scale * wanted(parameters, "power", solid)?;
+                let intensity = self.emitted(parameters, "I", scale)?;
                 let (from, to) = (vector("from", [0.0; 3])?, vector("to", [0.0, 0.0, 1.0])?);
                 let direction = axis(from, to)?.as_vec3();
                 self.context.parts().lights.push(PunctualLight::Spot {
@@ -64,12 +67,8 @@ impl Scene<'_> {
                 });
             }
             "distant" => {
-                let mut irradiance =
-                    self.colour(parameters, "L", Rgb::ONE, Meant::Emitted)? * scale;
-                let wanted = parameters.number("illuminance", -1.0)?;
-                if wanted > 0.0 {
-                    irradiance *= wanted as f32 / luminance(irradiance);
-                }
+                let scale = scale * wanted(parameters, "illuminance", 1.0)?;
+                let irradiance = self.emitted(parameters, "L", scale)?;
                 let (from, to) = (vector("from", [0.0; 3])?, vector("to", [0.0, 0.0, 1.0])?);
                 let direction = axis(from, to)?.as_vec3();
                 self.context
@@ -86,16 +85,27 @@ impl Scene<'_> {
         Ok(())
     }
 
-    fn infinite(&mut self, parameters: &Parameters, scale: f32) -> Result<()> {
+    /// Colour of a light times a scale.
+    fn emitted(&mut self, parameters: &Parameters, name: &str, scale: f64) -> Result<Rgb> {
+        let colour = self.colour(parameters, name, Rgb::ONE, Meant::Emitted)? * scale as f32;
+        match colour.is_finite() {
+            true => Ok(colour),
+            false => Err(fault(&parameters.place, "a light that is not finite")),
+        }
+    }
+
+    fn infinite(&mut self, parameters: &Parameters, scale: f64) -> Result<()> {
         let place = &parameters.place;
         let pose = self.pose(place)?;
         if parameters.get("portal").is_some() {
             self.context
                 .approximate(place, "a portal only guides samples and is left out");
         }
-        let wanted = parameters.number("illuminance", -1.0)?;
         let file = parameters.text("filename")?.map(str::to_owned);
         let environment = match file {
+            Some(_) if parameters.get("L").is_some() => {
+                return Err(fault(place, "has both `L` and a map"));
+            }
             Some(name) => {
                 let map = self.context.radiance_map(&name, place)?;
                 let projection = match map.width == map.height {
@@ -106,15 +116,22 @@ impl Scene<'_> {
                         sky::Projection::LatLong
                     }
                 };
-                sky::resampled(&map, projection, pose.matrix3, Rgb::splat(scale))
+                let own = match (parameters.get("illuminance"), projection) {
+                    (None, _) => 1.0,
+                    (Some(_), sky::Projection::EqualArea) => sky::illuminance(&map),
+                    (Some(_), sky::Projection::LatLong) => 0.0,
+                };
+                if own <= 0.0 {
+                    let what = "`illuminance` of a map that is dark above, or not square";
+                    return Err(fault(place, what));
+                }
+                let scale = scale * wanted(parameters, "illuminance", own)?;
+                sky::resampled(&map, projection, pose.matrix3, Rgb::splat(scale as f32))
             }
             None => {
-                let mut radiance = self.colour(parameters, "L", Rgb::ONE, Meant::Emitted)? * scale;
-                if wanted > 0.0 {
-                    // A sky of one colour gives π of it.
-                    radiance *= wanted as f32 / (std::f32::consts::PI * luminance(radiance));
-                }
-                Environment::constant(radiance)
+                // A sky of one colour gives π of it.
+                let scale = scale * wanted(parameters, "illuminance", PI)?;
+                Environment::constant(self.emitted(parameters, "L", scale)?)
             }
         };
         if self.context.parts().environment.is_some() {
@@ -123,6 +140,34 @@ impl Scene<'_> {
         }
         self.context.parts().environment = Some(environment);
         Ok(())
+    }
+
+    /// Multiplies all light by pbrt's imaging ratio: exposure time × ISO / 100 `[PBRT4 §5.4.2]`.
+    pub(super) fn expose(&mut self) -> Result<()> {
+        let empty = Parameters::default();
+        let camera = self.camera.as_ref().map_or(&empty, |(_, camera, _)| camera);
+        let open = camera.number("shutterclose", 1.0)? - camera.number("shutteropen", 0.0)?;
+        let Some(film) = &self.film else {
+            return match open == 1.0 {
+                true => Ok(()),
+                false => self.context.brighten(open, &camera.place),
+            };
+        };
+        let place = &film.place;
+        let time = film.number("exposuretime", open)?;
+        let ratio = time * film.number("iso", 100.0)? / 100.0;
+        let sensor = film.text("sensor")?.unwrap_or("cie1931");
+        if sensor != "cie1931" {
+            let what = format!("sensor `{sensor}` is taken for the standard observer");
+            self.context.approximate(place, &what);
+        }
+        for (name, or) in [("whitebalance", 0.0), ("maxcomponentvalue", f64::INFINITY)] {
+            if film.number(name, or)? != or {
+                let what = format!("`{name}` of the film is not taken");
+                self.context.approximate(place, &what);
+            }
+        }
+        self.context.brighten(ratio, place)
     }
 
     /// The camera, with its film.

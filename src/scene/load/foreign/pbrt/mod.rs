@@ -97,6 +97,7 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         in_world: false,
     };
     scene.file(&mut Tokens::new(text, ""), 0)?;
+    scene.expose()?;
     scene.add_camera()
 }
 
@@ -270,7 +271,8 @@ impl Scene<'_> {
             }
             "Texture" => {
                 let (kind, class) = (tokens.quoted()?, tokens.quoted()?);
-                let parameters = self.with_defaults("texture", Parameters::read(tokens, place)?);
+                let parameters = Parameters::read(tokens, place)?;
+                let parameters = self.with_defaults("texture", parameters);
                 return self.texture(name, &kind, &class, &parameters);
             }
             "MediumInterface" => {
@@ -351,7 +353,14 @@ impl Scene<'_> {
                 let parameters = self.with_defaults("medium", parameters);
                 self.medium(name, &parameters)
             }
-            // Samplers, filters, integrators and accelerators are the render's.
+            "Integrator" => {
+                if parameters.get("maxdepth").is_some() {
+                    let depth = parameters.number("maxdepth", 5.0)?;
+                    self.context.warn_of_limit("maxdepth", depth, depth, place);
+                }
+                Ok(())
+            }
+            // Samplers, filters and accelerators are the render's.
             _ => Ok(()),
         }
     }

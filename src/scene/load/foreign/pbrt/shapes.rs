@@ -3,14 +3,14 @@
 use super::super::super::error::{Result, fault};
 use super::super::{Look, Meant, ply};
 use super::tokens::Parameters;
-use super::{Declared, Scene};
-use crate::math::{Rgb, Vec2, Vec3};
+use super::{Declared, Scene, lights};
+use crate::math::{Rgb, Vec2, Vec3, luminance};
 use crate::scene::build::looks::{self, Paint};
 use crate::scene::build::{Placed, face_normals_outwards, flip, shapes};
 use crate::scene::material::AlphaMode;
 use crate::scene::mesh::Mesh;
 use glam::DAffine3;
-use std::f32::consts::PI;
+use std::f64::consts::PI;
 use std::rc::Rc;
 
 impl Scene<'_> {
@@ -104,7 +104,12 @@ impl Scene<'_> {
             }
             "cylinder" => shapes::cylinder(radius, [of("zmin", -1.0)?, of("zmax", 1.0)?], turn),
             "trianglemesh" => triangles(parameters)?,
-            "bilinearmesh" => patches(parameters)?,
+            "bilinearmesh" => {
+                if parameters.get("emissionfilename").is_some() {
+                    self.context.unsupported(place, "`emissionfilename`")?;
+                }
+                patches(parameters)?
+            }
             "loopsubdiv" => {
                 self.context
                     .unsupported(place, "subdivision (its control mesh stands in)")?;
@@ -142,10 +147,20 @@ impl Scene<'_> {
             Some(declared) => self.look(declared, 0)?,
             None => Look::from(looks::diffuse(Paint::from(0.5))),
         };
-        let mut key = declared
-            .map_or(0, |d| Rc::<Declared>::as_ptr(&d).addr())
+        let mut key = (declared.as_ref())
+            .map_or(0, |d| Rc::<Declared>::as_ptr(d).addr())
             .to_string();
-        if let Some(light) = self.state.area_light.clone() {
+        let is_interface = (declared.as_ref())
+            .is_some_and(|d| ["interface", "none", ""].contains(&d.kind.as_str()));
+        let light = self.state.area_light.clone();
+        if let Some(light) = light.as_ref().filter(|_| is_interface) {
+            let what =
+                "an area light on a shape without a material (`interface`) is ignored, as in pbrt";
+            self.context.approximate(&light.place, what);
+        }
+        let light = light.filter(|_| !is_interface);
+        let shines = light.is_some();
+        if let Some(light) = light {
             self.emission(kind, &light, mesh, pose, &mut look)?;
             key += &format!(
                 " emits {} {:?}",
@@ -157,7 +172,9 @@ impl Scene<'_> {
         if parameters.get("alpha").is_some() {
             let opacity = self.paint(parameters, "alpha", Paint::from(1.0))?;
             key += &format!(" alpha {opacity:?}");
-            if opacity != Paint::from(1.0) && !self.context.materials.contains_key(&key) {
+            if shines && opacity == Paint::from(0.0) {
+                (look.material.alpha_mode, look.material.opacity) = (AlphaMode::Unseen, 0.0);
+            } else if opacity != Paint::from(1.0) && !self.context.materials.contains_key(&key) {
                 let done = self
                     .context
                     .parts()
@@ -184,10 +201,13 @@ impl Scene<'_> {
     ) -> Result<()> {
         let place = &light.place;
         let mut radiance = self.colour(light, "L", Rgb::ONE, Meant::Emitted)?;
-        radiance *= light.number("scale", 1.0)? as f32;
+        let mut scale = light.number("scale", 1.0)?;
+        let mut mean = 1.0;
         if let Some(name) = light.text("filename")? {
+            if light.get("L").is_some() {
+                return Err(fault(place, "has both `L` and an image"));
+            }
             let name = name.to_owned();
-            let parameters = light.clone();
             let how = super::super::images::Use {
                 srgb: None,
                 wrap: [crate::scene::texture::Wrap::Clamp; 2],
@@ -198,23 +218,27 @@ impl Scene<'_> {
                     Vec2::Y,
                 ),
             };
-            let paint = self.context.texture(&name, how, &parameters.place)?;
+            let paint = self.context.texture(&name, how, place)?;
             radiance *= paint.factor;
             look.material.emissive_texture = paint.map;
+            let [r, g, b, _] = paint.map.map_or([1.0; 4], |map| {
+                self.context.parts().textures[map.texture as usize].average()
+            });
+            mean = f64::from(luminance(paint.factor * Rgb::new(r, g, b)));
         }
         let both = light.flag("twosided", false)?;
-        let power = light.number("power", -1.0)?;
-        if power > 0.0 {
+        if light.number("power", -1.0)? > 0.0 {
             let round = ["sphere", "disk", "cylinder"].contains(&kind);
             if !round {
                 self.context
                     .approximate(place, "the power of a mesh is that of all its triangles");
             }
             let scene_mesh = crate::scene::build::moved(self.context.builder.mesh_mut(mesh), pose);
-            let area = area(&scene_mesh);
-            let luminance = crate::math::luminance(radiance).max(1e-30);
-            radiance *= power as f32 / (luminance * PI * area * if both { 2.0 } else { 1.0 });
+            let sides = if both { 2.0 } else { 1.0 };
+            let own = PI * area(&scene_mesh) * sides * mean;
+            scale *= lights::wanted(light, "power", own)?;
         }
+        radiance *= scale as f32;
         if !radiance.is_finite() {
             return Err(fault(place, "a light that is not finite"));
         }
@@ -224,12 +248,12 @@ impl Scene<'_> {
     }
 }
 
-fn area(mesh: &Mesh) -> f32 {
+fn area(mesh: &Mesh) -> f64 {
     let of = |face: &[u32; 3]| {
         let [a, b, c] = face.map(|i| mesh.positions[i as usize].as_dvec3());
         0.5 * (b - a).cross(c - a).length()
     };
-    mesh.indices.iter().map(of).sum::<f64>() as f32
+    mesh.indices.iter().map(of).sum()
 }
 
 /// Puts the front where pbrt has it: where the normals point, or else by the winding.
@@ -309,13 +333,19 @@ fn triangles(parameters: &Parameters) -> Result<Mesh> {
 fn patches(parameters: &Parameters) -> Result<Mesh> {
     let positions = vectors(parameters, "P")?;
     let uvs = coordinates(parameters)?;
+    let normals = vectors(parameters, "N")?;
+    if !normals.is_empty() && normals.len() != positions.len() {
+        let what = format!("{} normals for {} points", normals.len(), positions.len());
+        return Err(fault(&parameters.place, what));
+    }
     let unit = [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE];
     let mut mesh = Mesh::default();
     for patch in indices::<4>(parameters, positions.len())? {
         let corners = patch.map(|i| positions[i as usize]);
         let own = patch.map(|i| uvs.get(i as usize).copied());
         let uv = std::array::from_fn(|k| own[k].unwrap_or(unit[k]));
-        shapes::append(&mut mesh, &shapes::patch(corners, uv));
+        let normals = (!normals.is_empty()).then(|| patch.map(|i| normals[i as usize]));
+        shapes::append(&mut mesh, &shapes::patch(corners, uv, normals));
         if mesh.indices.len() > 1 << 26 {
             return Err(fault(&parameters.place, "too many patches"));
         }
