@@ -205,7 +205,7 @@ fn foreign_lamp_of_alpha_0_lights_and_is_not_seen() {
             spec.integrator = Some(integrator);
             spec.levels = (!levels).then(|| Levels(Vec::new()));
         });
-        mean(&render.run().unwrap().picture.film)
+        mean(&render.run().unwrap().outcome.picture.film)
     };
     let unseen = "\"float alpha\" 0";
     let (floor, lamp) = ("0 -1 0", "0 5 0");

@@ -4,6 +4,7 @@
 mod images;
 mod media;
 mod mitsuba;
+mod names;
 mod obj;
 mod pbrt;
 mod ply;

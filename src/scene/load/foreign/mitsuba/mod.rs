@@ -3,6 +3,7 @@
 mod bsdfs;
 mod lights;
 mod media;
+pub(super) mod names;
 mod shapes;
 mod values;
 mod xml;

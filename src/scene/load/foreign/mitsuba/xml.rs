@@ -224,6 +224,7 @@ impl<'a> Reader<'a> {
             }
             self.member(text, child, depth, &mut object)?;
         }
+        super::names::check(self.context, &object)?;
         Ok(object)
     }
 

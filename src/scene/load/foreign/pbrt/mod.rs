@@ -3,6 +3,7 @@
 mod lights;
 mod materials;
 mod media;
+pub(super) mod names;
 mod shapes;
 mod tokens;
 mod values;
@@ -272,6 +273,7 @@ impl Scene<'_> {
             "Texture" => {
                 let (kind, class) = (tokens.quoted()?, tokens.quoted()?);
                 let parameters = Parameters::read(tokens, place)?;
+                self.check_names(("Texture", &class), &parameters)?;
                 let parameters = self.with_defaults("texture", parameters);
                 return self.texture(name, &kind, &class, &parameters);
             }
@@ -291,6 +293,11 @@ impl Scene<'_> {
         self.declare(word, name, parameters, &place)
     }
 
+    /// Checks the names of an element's own parameters; those of `Attribute` need not fit.
+    fn check_names(&mut self, element: (&str, &str), parameters: &Parameters) -> Result<()> {
+        (self.context).check_names(names::NAMES, element, parameters.names())
+    }
+
     /// A declaration of a name and parameters.
     fn declare(
         &mut self,
@@ -299,6 +306,12 @@ impl Scene<'_> {
         parameters: Parameters,
         place: &str,
     ) -> Result<()> {
+        let (element, kind) = match word {
+            "MakeNamedMaterial" => ("Material", parameters.text("type")?.unwrap_or_default()),
+            "MakeNamedMedium" => (word, parameters.text("type")?.unwrap_or_default()),
+            _ => (word, name.as_str()),
+        };
+        self.check_names((element, kind), &parameters)?;
         match word {
             "Shape" => {
                 let parameters = self.with_defaults("shape", parameters);

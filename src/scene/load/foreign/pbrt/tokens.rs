@@ -158,6 +158,7 @@ pub(super) struct Parameter {
     pub(super) kind: String,
     pub(super) name: String,
     pub(super) values: Values,
+    pub(super) place: String,
 }
 
 /// The parameters of a directive.
@@ -183,9 +184,17 @@ impl Parameters {
                 kind: kind.into(),
                 name: name.into(),
                 values,
+                place: at,
             });
         }
         Ok(Self { list, place })
+    }
+
+    /// Names, each with its place.
+    pub(super) fn names(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.list
+            .iter()
+            .map(|p| (p.name.as_str(), p.place.as_str()))
     }
 
     pub(super) fn get(&self, name: &str) -> Option<&Parameter> {

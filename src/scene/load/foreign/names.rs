@@ -1,0 +1,143 @@
+//! Names of parameters that the readers know. Any other is an error, as in pbrt and Mitsuba: a misspelt one would take its default
+//! without a word.
+
+use super::super::error::{Result, fault};
+use super::Context;
+
+/// Parameters of an element such as `Material` or `bsdf`, of some kinds; names are separated by spaces.
+pub(super) struct Names {
+    pub(super) element: &'static str,
+    /// Kinds, or [`ALL`] for what every kind of the element has.
+    pub(super) kinds: &'static str,
+    /// Those that are read.
+    pub(super) read: &'static str,
+    /// Those that change nothing here: how to sample, or how to write files.
+    pub(super) idle: &'static str,
+    /// Those that change the picture and are not read: a warning names them.
+    pub(super) left: &'static str,
+}
+
+/// Stands for all kinds.
+pub(super) const ALL: &str = "*";
+
+/// A row of a table of names.
+pub(super) const fn row(
+    element: &'static str,
+    kinds: &'static str,
+    read: &'static str,
+    idle: &'static str,
+    left: &'static str,
+) -> Names {
+    Names {
+        element,
+        kinds,
+        read,
+        idle,
+        left,
+    }
+}
+
+fn has(list: &str, name: &str) -> bool {
+    list.split(' ').any(|word| word == name)
+}
+
+impl Context {
+    /// Checks the names, each with its place, of an element's parameters. Kinds that are not in the table are refused where they
+    /// are used.
+    pub(super) fn check_names<'n>(
+        &mut self,
+        table: &[Names],
+        (element, kind): (&str, &str),
+        given: impl IntoIterator<Item = (&'n str, &'n str)>,
+    ) -> Result<()> {
+        let of_element = table.iter().filter(|row| row.element == element);
+        let rows: Vec<&Names> = of_element
+            .filter(|row| row.kinds == ALL || has(row.kinds, kind))
+            .collect();
+        if rows.iter().all(|row| row.kinds == ALL) {
+            return Ok(());
+        }
+        for (name, place) in given {
+            let in_one = |list: fn(&Names) -> &'static str| {
+                // An empty list holds no empty name.
+                !name.is_empty() && rows.iter().any(|row| has(list(row), name))
+            };
+            if in_one(|row| row.read) || in_one(|row| row.idle) {
+                continue;
+            }
+            if in_one(|row| row.left) {
+                self.approximate(place, &format!("`{name}` of `{kind}` is not taken"));
+                continue;
+            }
+            let lists = rows.iter().flat_map(|row| [row.read, row.left]);
+            let known = lists.flat_map(|list| list.split(' '));
+            let known: Vec<&str> = known.filter(|name| !name.is_empty()).collect();
+            let only = match known.as_slice() {
+                [] => String::new(),
+                some => format!(", only {}", some.join(", ")),
+            };
+            let what = format!("`{kind}` has no parameter `{name}`{only}");
+            match self.skip {
+                true => self.approximate(place, &what),
+                false => {
+                    let what = format!("{what}; --skip-unsupported goes on without it");
+                    return Err(fault(place, what));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{mitsuba, pbrt};
+
+    /// Every name of a table that is said to be read is asked for by the reader, and stands in one list alone.
+    #[test]
+    fn names_are_read_as_their_tables_say() {
+        let of_pbrt = [
+            include_str!("pbrt/lights.rs"),
+            include_str!("pbrt/materials.rs"),
+            include_str!("pbrt/media.rs"),
+            include_str!("pbrt/mod.rs"),
+            include_str!("pbrt/shapes.rs"),
+            include_str!("pbrt/values.rs"),
+        ];
+        let of_mitsuba = [
+            include_str!("mitsuba/bsdfs.rs"),
+            include_str!("mitsuba/lights.rs"),
+            include_str!("mitsuba/media.rs"),
+            include_str!("mitsuba/shapes.rs"),
+            include_str!("mitsuba/values.rs"),
+        ];
+        for (table, source) in [
+            (pbrt::names::NAMES, of_pbrt.concat()),
+            (mitsuba::names::NAMES, of_mitsuba.concat()),
+        ] {
+            assert!(table.len() > 30);
+            for row in table {
+                let of = |list: &'static str| list.split(' ').filter(|name| !name.is_empty());
+                for name in of(row.read) {
+                    // The reader puts prefixes of layers before some.
+                    let last = name.rsplit('.').next().unwrap_or(name);
+                    let asked = [
+                        format!("\"{name}\""),
+                        format!("\"{last}\""),
+                        format!("}}{last}\""),
+                    ];
+                    let found = asked.iter().any(|asked| source.contains(asked));
+                    assert!(found, "{} {}: `{name}`", row.element, row.kinds);
+                }
+                let mut all: Vec<_> = [row.read, row.idle, row.left]
+                    .into_iter()
+                    .flat_map(of)
+                    .collect();
+                let count = all.len();
+                all.sort_unstable();
+                all.dedup();
+                assert_eq!(all.len(), count, "{} {}", row.element, row.kinds);
+            }
+        }
+    }
+}
