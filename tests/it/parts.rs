@@ -68,15 +68,6 @@ fn fingerprint() -> Fingerprint {
     }
 }
 
-/// AOVs of the first surface, and of light.
-fn recorded([first, light]: [bool; 2]) -> Recorded {
-    Recorded {
-        first,
-        light,
-        time: false,
-    }
-}
-
 /// Compares the single render with ten random splits of it.
 fn check(
     name: &str,

@@ -190,7 +190,7 @@ fn foreign_lamp_of_alpha_0_lights_and_is_not_seen() {
     use crate::support::render::mean;
     use opsr::Render;
     use opsr::integrator::method::IntegratorKind::{self, Bdpt, Light, Path, Sppm, Vcm};
-    use opsr::render::value::Levels;
+    use opsr::render::value::ResolveChoice;
     let scene = |alpha: &str, target: &str| {
         let text = format!(
             "LookAt 0 1 6  {target}  0 1 0 Camera \"perspective\" \"float fov\" 20 WorldBegin\n\
@@ -203,7 +203,7 @@ fn foreign_lamp_of_alpha_0_lights_and_is_not_seen() {
     let brightness = |scene: &Scene, integrator: IntegratorKind, levels: bool| {
         let render = Render::new(scene).size(8, 8).spp(256).with(|spec| {
             spec.integrator = Some(integrator);
-            spec.levels = (!levels).then(|| Levels(Vec::new()));
+            spec.resolve = (!levels).then_some(ResolveChoice::Raw);
         });
         mean(&render.run().unwrap().outcome.picture.film)
     };
