@@ -40,7 +40,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut sessions = Vec::new();
     for (name, method) in evaluations {
         let config = Config {
-            manifest: Path::new(env!("CARGO_MANIFEST_DIR")).join("training_scenes/manifest.toml"),
+            manifest: Path::new(env!("CARGO_MANIFEST_DIR"))
+                .join("../../training_scenes/manifest.toml"),
             scenes: scenes.clone(),
             spp,
             steps: STEPS,

@@ -88,7 +88,7 @@ fn paths(file: &str) -> Result<(), Box<dyn std::error::Error>> {
     const TURNS: usize = 7;
     const SPP: u32 = 8;
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("training_scenes")
+        .join("../../training_scenes")
         .join(file);
     let scene = Scene::new(load(&path, &LoadOptions::default())?.parts);
     let camera = &scene.parts().cameras[0];

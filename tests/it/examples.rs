@@ -19,7 +19,7 @@ mod study;
 mod train;
 
 use crate::cli::Place;
-use crate::support::quick_folder;
+use crate::support::{quick_folder, root};
 use opsr::gallery;
 use opsr::image::denoise::Denoiser;
 use opsr::image::exr;
@@ -30,7 +30,7 @@ use serde_json::json;
 
 /// A scene of the repository.
 fn scene(name: &str) -> String {
-    format!("{}/training_scenes/{name}.glb", env!("CARGO_MANIFEST_DIR"))
+    format!("{}/training_scenes/{name}.glb", root().display())
 }
 
 #[test]
@@ -169,8 +169,7 @@ fn facade_writes_the_files_of_the_program() {
 fn config(scenes: &[&str]) -> opsr::train::Config {
     opsr::train::Config {
         scenes: scenes.iter().map(|&name| name.into()).collect(),
-        manifest: std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("training_scenes/manifest.toml"),
+        manifest: root().join("training_scenes/manifest.toml"),
         spp: 8,
         steps: 2,
         ..Default::default()

@@ -5,6 +5,7 @@ mod lights;
 mod names;
 
 use super::support::render::{film_with, mean};
+use crate::support::root;
 use opsr::Render;
 use opsr::files::FileError;
 use opsr::image::Buffer;
@@ -15,7 +16,7 @@ use opsr::scene::load::{LoadOptions, Loaded, load};
 use opsr::scene::{Medium, PunctualLight, Scene};
 use serde::Deserialize;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Side of a tile in pixels.
 const TILE: usize = 8;
@@ -28,7 +29,7 @@ struct Reference {
 }
 
 fn folder() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/scenes")
+    root().join("tests/data/scenes")
 }
 
 fn references() -> BTreeMap<String, Reference> {

@@ -65,7 +65,6 @@ fn env_number(name: &str, default: u64) -> u64 {
 fn selected() -> Vec<Target> {
     let names = std::env::var("OPSR_FUZZ_TARGETS").unwrap_or_default();
     let mut targets = targets::all();
-    #[cfg(feature = "scenes")]
     targets.extend(targets::foreign());
     targets.retain(|target| names.is_empty() || names.split(',').any(|name| name == target.name));
     targets
@@ -131,7 +130,6 @@ fn fuzz_gltf() {
 }
 
 #[test]
-#[cfg(feature = "scenes")]
 fn fuzz_foreign() {
     for target in targets::foreign() {
         let accepted = fuzz(&target, 0, 500);

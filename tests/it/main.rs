@@ -20,7 +20,6 @@ mod examples;
 mod export;
 mod exr;
 mod film;
-#[cfg(feature = "scenes")]
 mod foreign;
 mod fuzz;
 mod geometry;
@@ -59,6 +58,5 @@ mod table_file;
 mod train;
 mod training_scenes;
 mod transport;
-#[cfg(feature = "view")]
 mod view;
 mod witness;

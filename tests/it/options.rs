@@ -3,6 +3,7 @@
 
 use crate::cli::Place;
 use crate::support::gltf::File;
+use crate::support::root;
 use opsr::gallery::{self, glb};
 use opsr::image::exr::{self, Metadata};
 use opsr::integrator::drive::RenderProgress;
@@ -13,7 +14,6 @@ use opsr::scene::Scene;
 use serde_json::json;
 use std::collections::{BTreeMap, HashMap};
 use std::ops::ControlFlow;
-use std::path::Path;
 use std::rc::Rc;
 
 /// Chosen options by name, as text.
@@ -468,7 +468,7 @@ fn line(name: &str, value: &str) -> String {
 /// Python's stub lists the keywords that the library declares.
 #[test]
 fn options_of_the_python_stub_are_those_of_the_library() {
-    let stub = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/opsr/__init__.pyi");
+    let stub = root().join("python/opsr/__init__.pyi");
     let stub = std::fs::read_to_string(stub).expect("the stub");
     let typed = |option: &&Opt| format!("    {}: {} | None\n", option.name, (option.python)());
     let of_render = |option: &&Opt| {

@@ -1,5 +1,6 @@
 //! Documents against the program: every command parses, every file and link exists, cheap examples of README run.
 
+use crate::support::root;
 use opsr::regularise::bin;
 use opsr::regularise::{AttenuationTable, PathRoughness};
 use std::collections::BTreeSet;
@@ -71,10 +72,6 @@ const SUBCOMMANDS: [&[&str]; 18] = [
     &["table", "show"],
     &["table", "export"],
 ];
-
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
 
 fn read(document: &str) -> String {
     std::fs::read_to_string(root().join(document)).unwrap_or_else(|e| panic!("{document}: {e}"))

@@ -1,5 +1,6 @@
 //! References: a resumed one equals one run, foreign files are refused, and the committed ones agree with the renderer.
 
+use crate::support::root;
 use opsr::gallery::manifest::{Manifest, SceneEntry};
 use opsr::gallery::reference::{Reference, SEED};
 use opsr::image::film::Film;
@@ -10,10 +11,8 @@ use opsr::scene::Scene;
 use opsr::scene::load::{LoadOptions, load};
 use std::path::Path;
 
-const MANIFEST: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/training_scenes/manifest.toml");
-
 fn committed() -> Manifest {
-    Manifest::load(Path::new(MANIFEST)).unwrap()
+    Manifest::load(&root().join("training_scenes/manifest.toml")).unwrap()
 }
 
 fn scene(manifest: &Manifest, entry: &SceneEntry) -> (Scene, [u8; 32]) {

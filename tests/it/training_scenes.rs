@@ -1,11 +1,12 @@
 //! The committed training scenes equal the command's output, and their manifest fits them.
 
+use crate::support::root;
 use opsr::gallery::manifest::{Manifest, Role};
 use opsr::gallery::{self, training};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-fn committed() -> &'static Path {
-    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/training_scenes"))
+fn committed() -> PathBuf {
+    root().join("training_scenes")
 }
 
 #[test]

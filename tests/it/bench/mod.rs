@@ -3,6 +3,7 @@
 pub(crate) mod planted;
 mod report;
 
+use crate::support::root;
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -354,7 +355,7 @@ fn bench_convergence_of_plain_errors_is_one_over_samples() {
 
 #[test]
 fn bench_committed_suites_name_existing_files() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = root();
     for name in ["quick", "full", "frames", "denoised", "media"] {
         let suite = Suite::load(&root.join(format!("suites/{name}.toml"))).unwrap();
         let short = ["frames", "denoised", "media"].contains(&name);

@@ -3,6 +3,7 @@
 use super::{Ended, Place};
 use crate::fuzz::seeds;
 use crate::support::gltf::File;
+use crate::support::root;
 use opsr::gallery::{self, glb};
 use opsr::image::{exr, png};
 use serde_json::json;
@@ -224,10 +225,7 @@ fn solid_glass_turns_closed_thin_walls_into_bodies() {
 #[test]
 fn table_warns_of_ggx_lobes_and_of_one_training_scene() {
     let place = Place::new();
-    let shipped = std::fs::read(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/params/beta-0.001.json"
-    ));
+    let shipped = std::fs::read(root().join("params/beta-0.001.json"));
     let mut table: serde_json::Value = serde_json::from_slice(&shipped.unwrap()).unwrap();
     let scenes = table["training"]["scenes"].as_array_mut().unwrap();
     assert!(scenes.len() > 1);
@@ -262,7 +260,7 @@ fn table_by_name_is_the_shipped_file() {
         place.read("out.exr")
     };
     for name in ["beta-0.001", "beta-0.05"] {
-        let file = format!("{}/params/{name}.json", env!("CARGO_MANIFEST_DIR"));
+        let file = format!("{}/params/{name}.json", root().display());
         assert!(picture(name) == picture(&file), "{name}");
         let shown = |table: &str| place.opsr(&format!("table show {table}")).done().out;
         assert_eq!(shown(name), shown(&file));

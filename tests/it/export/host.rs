@@ -4,6 +4,7 @@
 //! light, and every other ray meets the next of three surfaces. A lobe of roughness α is a triangle of half-width α / 2.
 
 use super::{succeeded, tool};
+use crate::support::root;
 use opsr::regularise::export::{Format, export};
 use opsr::regularise::file::TableFile;
 use opsr::regularise::{AttenuationTable, PathRoughness};
@@ -118,7 +119,7 @@ int main(void)
 
 /// Listings in C of the page for renderer engineers: the loop before and the loop after, and the choice among levels.
 pub(super) fn listings() -> [String; 3] {
-    let page = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/renderers.md");
+    let page = root().join("docs/renderers.md");
     let text = std::fs::read_to_string(page).expect("the page");
     let blocks: Vec<String> = (text.split("```").skip(1).step_by(2))
         .filter_map(|block| block.strip_prefix("c\n").map(str::to_owned))

@@ -7,7 +7,7 @@
 use super::mutate::json_in;
 use super::{Target, env_number, selected, targets};
 use crate::load::hostile::pointers;
-use crate::support::quick_folder;
+use crate::support::{quick_folder, root};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -21,7 +21,7 @@ type Outcomes = BTreeMap<u32, String>;
 const EXPECTED: &str = "expected.txt";
 
 fn folder(target: &Target) -> PathBuf {
-    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus");
+    let corpus = root().join("tests/corpus");
     corpus.join(target.name)
 }
 

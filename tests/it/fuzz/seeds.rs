@@ -1,6 +1,7 @@
 //! Small valid files of every format.
 
 use crate::support::gltf::File;
+use crate::support::root;
 use ::exr::prelude as exrs;
 use exrs::WritableImage;
 use exrs::{AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, LineOrder};
@@ -226,7 +227,7 @@ pub(crate) fn tables() -> Vec<Vec<u8>> {
 }
 
 pub(crate) fn manifests() -> Vec<Vec<u8>> {
-    let committed = concat!(env!("CARGO_MANIFEST_DIR"), "/training_scenes/manifest.toml");
+    let committed = root().join("training_scenes/manifest.toml");
     vec![std::fs::read(committed).expect("a manifest")]
 }
 

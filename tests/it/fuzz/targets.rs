@@ -4,6 +4,7 @@
 use super::trained;
 use super::{Target, repair, seeds};
 use crate::support::gltf::File;
+use crate::support::root;
 use opsr::files::FileError;
 use opsr::gallery::manifest::Manifest;
 use opsr::image::level_film::LevelFilm;
@@ -57,10 +58,9 @@ pub(super) fn written(save: impl FnOnce(&Path) -> Result<(), String>) -> Vec<u8>
 }
 
 /// Scenes of other renderers, and their meshes.
-#[cfg(feature = "scenes")]
 pub(crate) fn foreign() -> Vec<Target> {
     let file = |name: &str| {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/scenes");
+        let folder = root().join("tests/data/scenes");
         let text = std::fs::read_to_string(folder.join(name)).expect("a scene");
         // Round shapes are many triangles.
         let text = text.replace(
@@ -157,7 +157,6 @@ pub(crate) fn foreign() -> Vec<Target> {
 }
 
 /// A triangle of bytes.
-#[cfg(feature = "scenes")]
 fn binary_ply() -> Vec<u8> {
     let mut bytes = b"ply\nformat binary_big_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
         property float z\nproperty float u\nproperty float v\nelement face 1\n\
@@ -176,7 +175,6 @@ fn binary_ply() -> Vec<u8> {
 }
 
 /// A triangle of Mitsuba's own format.
-#[cfg(feature = "scenes")]
 fn serialized() -> Vec<u8> {
     use std::io::Write;
     let mut body = 0x1000u32.to_le_bytes().to_vec();

@@ -4,6 +4,13 @@ pub(crate) mod gltf;
 pub(crate) mod render;
 
 use opsr::verify::{Finding, chi_square};
+use std::path::Path;
+
+/// The root of the repository.
+pub(crate) fn root() -> &'static Path {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    package.ancestors().nth(2).expect("crates/cli")
+}
 
 /// A folder for many small files, in memory where the system has a place for that.
 pub(crate) fn quick_folder() -> tempfile::TempDir {

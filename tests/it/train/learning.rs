@@ -1,6 +1,7 @@
 //! Whole trainings of a second: learning, determinism, resumption.
 
 use super::crop;
+use crate::support::root;
 use opsr::regularise::AttenuationTable;
 use opsr::sampler::{Domain, Seed};
 use opsr::train::config::{Evaluation, Optimiser, Preset};
@@ -121,8 +122,8 @@ fn shipped_tables_are_those_of_this_program() {
     let learned = session
         .learn(0.001, None, false, &mut |_, _, _| ControlFlow::Continue(()))
         .unwrap();
-    let known = Path::new("tests/data/small_table.json");
-    let text = std::fs::read_to_string(known).unwrap_or_default();
+    let known = root().join("tests/data/small_table.json");
+    let text = std::fs::read_to_string(&known).unwrap_or_default();
     let factors: Vec<f32> = serde_json::from_str(&text).unwrap_or_default();
     if factors != learned.table.gammas.as_slice() {
         let new = Path::new(env!("CARGO_TARGET_TMPDIR")).join("small_table.json");

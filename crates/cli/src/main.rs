@@ -1,6 +1,7 @@
-//! The command line: options become calls of the library, errors become messages and exit codes in one place.
+//! The `opsr` program. The command line: options become calls of the libraries, errors become messages and exit codes in one
+//! place.
 //!
-//! Only this folder uses anyhow and the terminal. Types that are options derive clap's traits where they are defined.
+//! Only this crate uses anyhow and the terminal. Types that are options derive clap's traits where they are defined.
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use exit::{Exit, Failure};
@@ -37,7 +38,6 @@ mod trace;
 #[cfg(feature = "train")]
 mod train;
 mod verify;
-#[cfg(feature = "view")]
 mod view;
 
 /// Render caustics, glossy chains and light seen through glass with learned path space regularisation.
@@ -60,7 +60,6 @@ enum Command {
     /// Render a scene: glTF, pbrt or Mitsuba.
     Render(Box<render_args::RenderArgs>),
     /// Look at a glTF scene in the browser while it is rendered.
-    #[cfg(feature = "view")]
     View(Box<view::ViewArgs>),
     /// Learn tables of attenuation factors.
     #[cfg(feature = "train")]
@@ -107,8 +106,7 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         .mut_subcommands(with_negative_numbers)
 }
 
-/// Runs the program.
-pub(crate) fn main() -> ExitCode {
+fn main() -> ExitCode {
     let matches = with_negative_numbers(Args::command()).get_matches();
     let args = Args::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     let levels = [LevelFilter::WARN, LevelFilter::INFO, LevelFilter::DEBUG];
@@ -125,7 +123,6 @@ pub(crate) fn main() -> ExitCode {
         .init();
     let result = match args.command {
         Command::Render(args) => render::run(&args),
-        #[cfg(feature = "view")]
         Command::View(args) => view::run(&args),
         #[cfg(feature = "train")]
         Command::Train(args) => train::run(&args),

@@ -59,7 +59,6 @@ impl Stop {
 }
 
 /// The flag that Ctrl-C sets where it is the usual end of a command; again, it ends the program at once.
-#[cfg(feature = "view")]
 pub(super) fn ended() -> Arc<AtomicBool> {
     let ended = Arc::new(AtomicBool::new(false));
     let flag = ended.clone();

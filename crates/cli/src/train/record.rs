@@ -20,7 +20,7 @@ use std::path::PathBuf;
 /// Options of `opsr record`.
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
-pub(in crate::cli) struct RecordArgs {
+pub(crate) struct RecordArgs {
     /// Folder of the recordings, one file for each crop. Whole ones that are there are kept.
     #[arg(long, value_name = "DIR")]
     recordings: PathBuf,
@@ -52,7 +52,7 @@ fn crops(text: &str) -> Result<Range<u32>, String> {
 }
 
 /// Runs the command.
-pub(in crate::cli) fn run(args: &RecordArgs) -> anyhow::Result<Exit> {
+pub(crate) fn run(args: &RecordArgs) -> anyhow::Result<Exit> {
     let config = args.settings.resolve()?;
     let stop = Stop::listen();
     set_threads(args.threads)?;
