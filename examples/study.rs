@@ -8,9 +8,9 @@
 //!
 //! Arguments are settings of a training (`docs/training.md`) on top of the preset `fast`.
 
-use opsr::train::config::Preset;
-use opsr::train::score::{Score, scores};
-use opsr::train::{Config, RecordingControl, Session, TrainError};
+use opsr_train::config::Preset;
+use opsr_train::score::{Score, scores};
+use opsr_train::{Config, RecordingControl, Session, TrainError};
 use std::error::Error;
 use std::ops::ControlFlow;
 

@@ -5,8 +5,8 @@
 //! ```
 
 use opsr::AttenuationTable;
-use opsr::train::config::Preset;
-use opsr::train::{Config, RecordingControl, Session, TrainError};
+use opsr_train::config::Preset;
+use opsr_train::{Config, RecordingControl, Session, TrainError};
 use std::ops::ControlFlow;
 
 /// Learns a table from the scenes of a configuration, for its first β. Returns the table and its loss over that of plain path

@@ -89,7 +89,6 @@ extern crate self as opsr;
 pub mod bsdf;
 mod facade;
 pub mod files;
-pub mod gallery;
 pub mod image;
 pub mod integrator;
 pub mod math;
@@ -97,19 +96,9 @@ pub mod memory;
 pub mod pilot;
 pub mod regularise;
 pub mod render;
-#[cfg(feature = "bench")]
-pub mod report;
 pub mod resolve;
 pub mod sampler;
 pub mod scene;
-#[cfg(feature = "bench")]
-pub mod stats;
-#[cfg(feature = "train")]
-pub mod train;
-#[cfg(feature = "cli")]
-pub mod verify;
-#[cfg(feature = "view")]
-pub mod view;
 
 pub use facade::Render;
 pub use integrator::layers::Aov;

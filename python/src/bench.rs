@@ -4,7 +4,7 @@ use crate::errors::{argument, file};
 use crate::options::threads as threads_of;
 use crate::table::json;
 use crate::work::{Hear, goes_on, watched};
-use opsr::report::bench::{BenchError, Outcome, Status, Suite, run};
+use opsr_lab::report::bench::{BenchError, Outcome, Status, Suite, run};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::path::PathBuf;

@@ -4,7 +4,7 @@ use crate::array;
 use crate::errors::{argument, file};
 use crate::film::Film;
 use crate::work::detached;
-use opsr::report::compare::{Named, Options, compare as metrics};
+use opsr_lab::report::compare::{Named, Options, compare as metrics};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -2,7 +2,7 @@
 
 use crate::options::{of_view, raised, read};
 use crate::scene::Scene;
-use opsr::view::Viewer;
+use opsr_view::Viewer;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;

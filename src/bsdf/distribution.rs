@@ -11,7 +11,7 @@ use std::f32::consts::PI;
 
 /// Distribution of microfacet slopes of a glossy lobe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[repr(u8)]
 pub enum Distribution {
     /// Gaussian slopes, the distribution that the shipped tables are learned for.
@@ -20,7 +20,7 @@ pub enum Distribution {
     /// Trowbridge-Reitz, the distribution of glTF.
     Ggx,
     /// Not of slopes: Henyey and Greenstein's [phase function](super::Phase) of mean cosine ±(1 − α).
-    #[cfg_attr(feature = "cli", value(skip))]
+    #[cfg_attr(feature = "clap", value(skip))]
     HenyeyGreenstein,
 }
 

@@ -39,7 +39,7 @@ impl Problem {
     }
 
     /// The problem of this file.
-    pub(crate) fn at(self, path: &Path) -> FileError {
+    pub fn at(self, path: &Path) -> FileError {
         FileError {
             path: path.to_owned(),
             problem: self,

@@ -6,16 +6,15 @@
 mod error;
 mod read;
 mod sealed;
-#[cfg(any(feature = "bench", feature = "train"))]
 mod toml;
 mod write;
 
 pub use error::{FileError, Problem};
-pub(crate) use read::{briefly, stream};
+pub use read::briefly;
+pub(crate) use read::stream;
 pub use read::{read, read_text};
-pub(crate) use sealed::{Payload, Sealed};
-#[cfg(any(feature = "bench", feature = "train"))]
-pub(crate) use toml::toml;
+pub use sealed::{Payload, Sealed};
+pub use toml::toml;
 pub use write::{Target, create_folder, write, write_bytes};
 
 /// Lower-case hexadecimal digits of a hash.

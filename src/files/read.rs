@@ -55,7 +55,7 @@ fn too_long(most: u64) -> Problem {
 }
 
 /// The text of an error, cut where it quotes too much of a file.
-pub(crate) fn briefly(error: impl std::fmt::Display) -> String {
+pub fn briefly(error: impl std::fmt::Display) -> String {
     const MAX_CHARS: usize = 600;
     let words = error.to_string();
     match words.char_indices().nth(MAX_CHARS) {

@@ -14,13 +14,13 @@ use std::path::Path;
 const CHECKSUM: usize = 32;
 
 /// A kind of sealed file.
-pub(crate) struct Sealed {
+pub struct Sealed {
     /// Name of the kind, such as `render checkpoint`.
-    pub(crate) kind: &'static str,
+    pub kind: &'static str,
     /// Version of its header and payload.
-    pub(crate) version: u32,
+    pub version: u32,
     /// Longer files are refused.
-    pub(crate) most: u64,
+    pub most: u64,
 }
 
 impl Sealed {
@@ -29,7 +29,7 @@ impl Sealed {
     }
 
     /// Writes a file, whole or not at all; `payload` writes piece by piece.
-    pub(crate) fn save(
+    pub fn save(
         &self,
         path: &Path,
         header: &impl Serialize,
@@ -54,7 +54,7 @@ impl Sealed {
     }
 
     /// Header and payload of a file of this kind and version whose checksum is right.
-    pub(crate) fn load<H: DeserializeOwned>(&self, path: &Path) -> Result<(H, Vec<u8>), FileError> {
+    pub fn load<H: DeserializeOwned>(&self, path: &Path) -> Result<(H, Vec<u8>), FileError> {
         self.open(path).map_err(|problem| problem.at(path))
     }
 
@@ -113,7 +113,7 @@ impl Sealed {
 
     /// The header of a file, and its payload to read piece by piece. Neither is known to be right before
     /// [`Payload::finish`] says so.
-    pub(crate) fn stream<H: DeserializeOwned>(&self, path: &Path) -> Result<(H, Payload), Problem> {
+    pub fn stream<H: DeserializeOwned>(&self, path: &Path) -> Result<(H, Payload), Problem> {
         let file = File::open(path).map_err(Problem::Read)?;
         let length = file.metadata().map_err(Problem::Read)?.len();
         let mut file = BufReader::new(file);
@@ -171,7 +171,7 @@ impl Sealed {
 const MAX_HEADER: u64 = 1 << 20;
 
 /// Payload of a sealed file that is read piece by piece.
-pub(crate) struct Payload {
+pub struct Payload {
     kind: &'static str,
     file: BufReader<File>,
     sha256: Sha256,

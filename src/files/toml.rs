@@ -4,7 +4,7 @@ use super::briefly;
 use serde::de::DeserializeOwned;
 
 /// The value of a TOML text, or the error with line, column and an excerpt around them.
-pub(crate) fn toml<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+pub fn toml<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     ::toml::from_str(text).map_err(|e| {
         let message = briefly(e.message().replace('\n', ", "));
         e.span().map_or(message.clone(), |span| {

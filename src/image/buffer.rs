@@ -56,7 +56,7 @@ impl Buffer {
     }
 
     /// Column and row of the first pixel that is not finite.
-    pub(crate) fn first_non_finite(&self) -> Option<(usize, usize)> {
+    pub fn first_non_finite(&self) -> Option<(usize, usize)> {
         let i = self.pixels.iter().position(|p| !p.is_finite())?;
         Some((i % self.width, i / self.width))
     }

@@ -6,7 +6,7 @@ use glam::DMat3;
 
 /// Curve from exposed radiance to linear display values in [0, 1], before the sRGB encoding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum ViewTransform {
     /// Values above 1 are cut.
     #[default]

@@ -390,7 +390,7 @@ impl Film {
     }
 
     /// An error unless both films show the same window of the same frame.
-    pub(crate) fn same_place(&self, other: &Self) -> Result<(), FilmError> {
+    pub fn same_place(&self, other: &Self) -> Result<(), FilmError> {
         if self.size != other.size || self.window != other.window {
             return Err(FilmError::Differ {
                 a: (self.size, self.window),

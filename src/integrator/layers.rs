@@ -7,7 +7,7 @@ use crate::image::exr::Layer;
 
 /// A layer, or channels, that a render can add to its EXR files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Aov {
     /// Mean reflectance of the first surface.
     Albedo,

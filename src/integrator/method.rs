@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Connections of `vcm`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Connections {
     /// Every vertex of a light path to the camera and to every vertex of a camera path.
@@ -18,7 +18,7 @@ pub enum Connections {
 
 /// The paths from which a guide learns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Guide {
     /// The paths of the picture.
@@ -29,7 +29,7 @@ pub enum Guide {
 
 /// Integrators by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum IntegratorKind {
     /// Path tracing from the camera.
@@ -40,7 +40,7 @@ pub enum IntegratorKind {
     /// Bidirectional path tracing: lamps behind glass, caustics, indirect light.
     Bdpt,
     /// Bidirectional path tracing and photon density in one: caustics seen through glass, water or mirrors too.
-    #[cfg_attr(feature = "cli", value(alias = "ups"))]
+    #[cfg_attr(feature = "clap", value(alias = "ups"))]
     #[serde(alias = "ups")]
     Vcm,
     /// Photon density with a shrinking radius.
@@ -81,7 +81,7 @@ impl IntegratorKind {
 
 /// Rules of regularisation by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Mode {
     /// At next-event estimation only; the path continues with the original lobe.
     #[default]

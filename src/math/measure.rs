@@ -14,6 +14,6 @@ pub(crate) fn area_to_solid_angle(pdf_a: f32, from: Vec3, to: Vec3, cos: f32) ->
 ///
 /// The ratio form gives finite weights for densities from 1e-38 to 1e38; `p = 0` gives 0.
 #[inline]
-pub(crate) fn balance(p: f32, q: f32) -> f32 {
+pub fn balance(p: f32, q: f32) -> f32 {
     if p > 0.0 { 1.0 / (1.0 + q / p) } else { 0.0 }
 }

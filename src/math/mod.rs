@@ -43,6 +43,6 @@ impl Ray {
 
 /// Rec. 709 luminance of linear RGB.
 #[inline]
-pub(crate) fn luminance(c: Rgb) -> f32 {
+pub fn luminance(c: Rgb) -> f32 {
     0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z
 }

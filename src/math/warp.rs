@@ -21,7 +21,7 @@ pub fn disk(u: Vec2) -> Vec2 {
 
 /// Cosine-weighted direction of the upper hemisphere, density cos θ / π per steradian.
 #[inline]
-pub(crate) fn cosine_hemisphere(u: Vec2) -> Vec3 {
+pub fn cosine_hemisphere(u: Vec2) -> Vec3 {
     let d = disk(u);
     Vec3::new(d.x, d.y, (1.0 - d.length_squared()).max(0.0).sqrt())
 }

@@ -253,8 +253,9 @@ fn part(witness: &Film, film: &Film, tile: &Window) -> Part {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Rgb;
+    use crate::math::{Rgb, Vec3};
     use crate::sampler::{Independent, SampleSource, Sampler};
+    use crate::scene::procedural::{materials, shapes};
 
     /// A film of 64 × 64 pixels whose light comes in hits, beside which an even light shines.
     fn film(seed: u64, samples: u32, light: impl Fn(usize) -> (f32, f32)) -> Film {
@@ -276,7 +277,10 @@ mod tests {
     #[test]
     fn fog_that_scatters_unevenly_has_no_witness() {
         for (mean_cosine, expected) in [(0.0, true), (-0.9, false)] {
-            let mut parts = crate::gallery::caustic_box();
+            let mut parts = crate::scene::SceneParts::default();
+            let ball = shapes::sphere(Vec3::ZERO, 0.4, 3);
+            parts.add(materials::glass("glass", 1.5, 0.0), [ball]);
+            parts.add_camera([0.0, 0.0, 3.0], [0.0; 3], 38.0);
             parts.medium = Some(crate::scene::Medium {
                 scattering: Rgb::splat(0.1),
                 mean_cosine,

@@ -264,7 +264,7 @@ fn scenes_in(folder: &Path) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gallery::{materials, shapes};
+    use crate::scene::procedural::{materials, shapes};
     use crate::math::Rgb;
     use crate::scene::PunctualLight;
 

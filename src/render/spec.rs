@@ -106,7 +106,7 @@ pub struct Opt {
     /// Type in Python's words.
     pub python: fn() -> String,
     /// The choices with their help.
-    #[cfg(feature = "cli")]
+    #[cfg(feature = "clap")]
     pub possible: fn() -> Vec<clap::builder::PossibleValue>,
     /// True for a value that is read.
     check: fn(&Value, &Range) -> Result<(), String>,
@@ -132,7 +132,7 @@ impl Opt {
             common: false,
             names: T::names,
             python: T::python,
-            #[cfg(feature = "cli")]
+            #[cfg(feature = "clap")]
             possible: T::possible,
             check: |value, range| T::read(value, range).map(|_| ()),
         }

@@ -57,7 +57,7 @@ pub use statement::{Statement, film_error, film_errors};
 
 /// Smoothing that a picture of several levels may get.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Resolve {
     /// None: the means of all samples as they are, of several levels those of level 0, plain path tracing.

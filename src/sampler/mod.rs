@@ -71,7 +71,7 @@ impl Seed {
 
 /// Least probability that one number of [`Sampler::next_1d`] may decide: `u < p` holds with probability p to a relative
 /// 2⁻¹² from here on. Below, 24 bits are too few; a p of 1e-9 would be taken for 6e-8.
-pub(crate) const MIN_CHANCE: f32 = 1.0 / 4096.0;
+pub const MIN_CHANCE: f32 = 1.0 / 4096.0;
 
 /// Uniform random numbers in [0, 1) that draw a light and a point on it.
 #[derive(Clone, Copy, Debug)]
@@ -211,7 +211,7 @@ impl Sampler for IndependentStream {
 
 /// Kind of random numbers of camera paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum SamplerKind {
     /// Independent samples.

@@ -228,7 +228,7 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gallery::shapes;
+    use crate::scene::procedural::shapes;
     use crate::scene::Material;
 
     /// A ball of glass, changed by `change`, and a lamp.

@@ -105,7 +105,7 @@ impl ExactCover {
 
     /// Reflectance of a base of this one under the cover, of what the cover lets through: what comes back from the layer is
     /// scattered again, a + a² r + … over its share without colour. That of a metal is as it was.
-    pub(crate) fn seen(&self, albedo: Rgb) -> Rgb {
+    pub fn seen(&self, albedo: Rgb) -> Rgb {
         match *self {
             Self::Metal { .. } => albedo,
             Self::Coat {

@@ -871,7 +871,7 @@ fn chance(ray: &Ray, triangle: TriangleId) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gallery::{materials, shapes};
+    use crate::scene::procedural::{materials, shapes};
     use crate::scene::SharedMesh;
     use glam::DAffine3;
 

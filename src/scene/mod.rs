@@ -1,6 +1,6 @@
 //! The world: geometry, materials, lights and cameras, immutable after it is built.
 //!
-//! A [`Scene`] is made from [`SceneParts`] (plain data, filled by [`load`] or by the [gallery](crate::gallery)). Indices are typed by
+//! A [`Scene`] is made from [`SceneParts`] (plain data, filled by [`load`], [`build`] or [`procedural`]). Indices are typed by
 //! their field names; nothing holds references.
 
 use crate::bsdf::Bsdf;
@@ -24,6 +24,7 @@ pub mod material;
 pub mod medium;
 pub mod mesh;
 mod normals;
+pub mod procedural;
 pub mod pyramid;
 
 pub mod sensor;
@@ -72,6 +73,30 @@ pub struct SceneParts {
 }
 
 impl SceneParts {
+    /// Adds a material.
+    pub fn add_material(&mut self, material: Material) -> u32 {
+        self.materials.push(material);
+        self.materials.len() as u32 - 1
+    }
+
+    /// Adds meshes of one material.
+    pub fn add(&mut self, material: Material, meshes: impl IntoIterator<Item = Mesh>) -> u32 {
+        let material = self.add_material(material);
+        self.meshes
+            .extend(meshes.into_iter().map(|mesh| Mesh { material, ..mesh }));
+        material
+    }
+
+    /// Adds a pinhole camera at `from` that looks at `to`, with a vertical field of view in degrees.
+    pub fn add_camera(&mut self, from: [f32; 3], to: [f32; 3], fov_y: f32) {
+        let name = "camera".to_owned();
+        let fov_y = fov_y.to_radians();
+        self.cameras.push(Camera {
+            name,
+            ..Camera::look_at(from.into(), to.into(), Vec3::Y, fov_y)
+        });
+    }
+
     /// All meshes, the shared ones once and in their own space.
     pub fn all_meshes(&self) -> impl Iterator<Item = &Mesh> {
         let shared = self.shared.iter().map(|shared| &shared.mesh);
@@ -550,7 +575,7 @@ impl Scene {
     /// The first surface that the camera sees, by way of panes or not, is looked up so by every integrator and every strategy,
     /// so that their weights agree. All others are looked up at a point.
     #[inline(always)]
-    pub(crate) fn bsdf_seen(
+    pub fn bsdf_seen(
         &self,
         surface: &mut Surface,
         u: f32,

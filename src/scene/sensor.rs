@@ -39,7 +39,7 @@ pub struct Footprint {
 
 /// Half the width of a pixel along a ray through it, as it grows with the distance from the camera; 0 for no pixel.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct PixelCone {
+pub struct PixelCone {
     width: f32,
     spread: f32,
 }
@@ -47,7 +47,7 @@ pub(crate) struct PixelCone {
 impl PixelCone {
     /// The pixel's footprint at a point seen along `dir` at a distance; `None` without a pixel.
     #[inline]
-    pub(crate) fn footprint(&self, dir: Vec3, distance: f32) -> Option<Footprint> {
+    pub fn footprint(&self, dir: Vec3, distance: f32) -> Option<Footprint> {
         let half = self.width + self.spread * distance;
         (half > 0.0).then_some(Footprint { dir, half })
     }
@@ -129,7 +129,7 @@ impl Sensor<'_> {
     }
 
     /// The cone of the pixel about a ray along `dir`: a square of the pixel's solid angle, or area.
-    pub(crate) fn cone(&self, dir: Vec3) -> PixelCone {
+    pub fn cone(&self, dir: Vec3) -> PixelCone {
         let RayDensity { pdf, parallel } = self.pdf(dir);
         let half = 0.5 / pdf.sqrt();
         let (width, spread) = if parallel { (half, 0.0) } else { (0.0, half) };

@@ -4,8 +4,8 @@
 
 use cpu_time::ThreadTime;
 use glam::{DAffine3, DQuat, DVec3};
-use opsr::gallery::materials::{diffuse, emitter};
-use opsr::gallery::shapes::{quad, room, sphere};
+use opsr::scene::procedural::materials::{diffuse, emitter};
+use opsr::scene::procedural::shapes::{quad, room, sphere};
 use opsr::image::Film;
 use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{Picture, Settings, View};

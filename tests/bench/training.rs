@@ -3,8 +3,8 @@
 //! `cargo bench --bench training [-- SPP [SCENE ...]]`; by default 64 samples of `cornell_caustics`. The two
 //! evaluations take turns, so that a drifting clock of the machine favours none.
 
-use opsr::train::config::{Config, Evaluation, Optimiser};
-use opsr::train::{RecordingControl, Session};
+use opsr_train::config::{Config, Evaluation, Optimiser};
+use opsr_train::{RecordingControl, Session};
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -5,13 +5,13 @@ use super::support::render::{film, mean, scene};
 use crate::bsdf::numbers;
 use crate::geometry::rng;
 use opsr::bsdf::{Anisotropic, Bsdf, DELTA_ALPHA, Distribution, Glossy, anisotropic};
-use opsr::gallery::materials::{brushed, clearcoated, diffuse, emitter, metal};
-use opsr::gallery::shapes::{disc, quad};
+use opsr::scene::procedural::materials::{brushed, clearcoated, diffuse, emitter, metal};
+use opsr::scene::procedural::shapes::{disc, quad};
 use opsr::math::{DVec3, Frame, Ray, Rgb, Vec2, Vec3};
 use opsr::regularise::{ConstantGamma, PathRoughness, Rule};
 use opsr::scene::material::TextureRef;
 use opsr::scene::{Material, Mesh, Scene, SceneParts, SharedMesh, Surface, Texture};
-use opsr::verify::bsdfs::DISTRIBUTIONS;
+use opsr_lab::verify::bsdfs::DISTRIBUTIONS;
 use rand::RngExt;
 use rand_pcg::Pcg32;
 use std::f64::consts::PI;
@@ -338,7 +338,7 @@ fn loaded_anisotropy_derives_smooth_tangents() {
         (u[0] - u[1]).abs() < 0.5 && (u[1] - u[2]).abs() < 0.5 && (u[0] - u[2]).abs() < 0.5
     });
     parts.add(brushed(metal("steel", Rgb::ONE, 0.01), 0.5, 0.0), [plate]);
-    let bytes = opsr::gallery::glb::to_glb(&parts).expect("a small file");
+    let bytes = opsr_lab::gallery::glb::to_glb(&parts).expect("a small file");
     let directory = tempfile::tempdir().expect("a folder");
     let path = directory.path().join("plate.glb");
     std::fs::write(&path, bytes).expect("written");

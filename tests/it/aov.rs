@@ -1,7 +1,7 @@
 //! AOVs and traced paths against the picture they belong to.
 
 use crate::support::render;
-use opsr::gallery;
+use opsr_lab::gallery;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::aov::{Aovs, Centres, FirstHit, LightSplit, PixelTime};
 use opsr::integrator::trace::trace;

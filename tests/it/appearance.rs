@@ -4,8 +4,8 @@ use super::support::assert_likely;
 use super::support::render::{film, mean, scene};
 use glam::{Affine2, Vec2 as Uv};
 use opsr::bsdf::Bsdf;
-use opsr::gallery::materials::{diffuse, emitter};
-use opsr::gallery::shapes::quad;
+use opsr::scene::procedural::materials::{diffuse, emitter};
+use opsr::scene::procedural::shapes::quad;
 use opsr::math::{Ray, Rgb, Vec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::material::{AlphaMode, TextureRef};
@@ -13,7 +13,7 @@ use opsr::scene::texture::Wrap;
 use opsr::scene::{
     Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts, Texture,
 };
-use opsr::verify::chi_square;
+use opsr_lab::verify::chi_square;
 use std::f32::consts::PI;
 
 /// A picture of these texels side by side.

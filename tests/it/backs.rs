@@ -1,8 +1,8 @@
 //! Backs of surfaces that show their front alone: the camera looks through them, light does not.
 
 use super::support::render::{film_with, mean, scene};
-use opsr::gallery::materials::{diffuse, emitter};
-use opsr::gallery::shapes::{cuboid, quad};
+use opsr::scene::procedural::materials::{diffuse, emitter};
+use opsr::scene::procedural::shapes::{cuboid, quad};
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::{Camera, Material, Scene, SceneParts};

@@ -1,9 +1,9 @@
 //! Meshes that should bound a body and do not, and open ones that do.
 
 use super::support::render::{film_with, mean};
-use opsr::gallery::materials::{diffuse, glass};
-use opsr::gallery::shapes::{cuboid, quad, sphere};
-use opsr::gallery::{builtin, glb, names};
+use opsr::scene::procedural::materials::{diffuse, glass};
+use opsr::scene::procedural::shapes::{cuboid, quad, sphere};
+use opsr_lab::gallery::{builtin, glb, names};
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};

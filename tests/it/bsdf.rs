@@ -6,9 +6,9 @@ use opsr::bsdf::{
     Bsdf, BsdfSample, DELTA_ALPHA, Diffuse, Distribution, Glossy, Lobe, SharedNumbers,
 };
 use opsr::math::{DVec3, Rgb, Vec3};
-use opsr::verify::bsdfs::{DISTRIBUTIONS, at, extremes, kinds, metal};
-use opsr::verify::density::DensityTest;
-use opsr::verify::{Size, sampling};
+use opsr_lab::verify::bsdfs::{DISTRIBUTIONS, at, extremes, kinds, metal};
+use opsr_lab::verify::density::DensityTest;
+use opsr_lab::verify::{Size, sampling};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 use std::f64::consts::{PI, TAU};

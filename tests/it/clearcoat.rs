@@ -4,8 +4,8 @@ use super::support::render::scene;
 use crate::bsdf::numbers;
 use crate::geometry::rng;
 use opsr::bsdf::{Bsdf, Diffuse, Distribution, clearcoated};
-use opsr::gallery::materials::{self, metal};
-use opsr::gallery::shapes::quad;
+use opsr::scene::procedural::materials::{self, metal};
+use opsr::scene::procedural::shapes::quad;
 use opsr::image::Film;
 use opsr::integrator::{PathObserver, Recorder, Settings, View};
 use opsr::math::{Ray, Rgb, UVec2, Vec3};
@@ -13,7 +13,7 @@ use opsr::regularise::Rule;
 use opsr::sampler::{Independent, Seed};
 use opsr::scene::material::TextureRef;
 use opsr::scene::{Scene, SceneParts, Texture};
-use opsr::verify::bsdfs::{DISTRIBUTIONS, at, glass, metal as mirror, plastic};
+use opsr_lab::verify::bsdfs::{DISTRIBUTIONS, at, glass, metal as mirror, plastic};
 
 /// Coat and base of a surface, each with its chance.
 fn both(coat: f32, alpha: f32, distribution: Distribution, base: Bsdf) -> [(f32, Bsdf); 2] {

@@ -19,7 +19,7 @@ mod train;
 mod training_report;
 mod verify;
 
-use opsr::gallery::{self, glb};
+use opsr_lab::gallery::{self, glb};
 use opsr::scene::SceneParts;
 use std::collections::BTreeMap;
 use std::path::Path;

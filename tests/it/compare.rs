@@ -3,8 +3,8 @@
 use opsr::image::exr::{self, Metadata};
 use opsr::image::{Buffer, png};
 use opsr::math::{Rgb, UVec2};
-use opsr::report::compare::{Comparison, Named, Options, compare, compare_with};
-use opsr::report::page;
+use opsr_lab::report::compare::{Comparison, Named, Options, compare, compare_with};
+use opsr_lab::report::page;
 
 use crate::film::noise;
 

@@ -1,7 +1,7 @@
 //! Dispersion: indices of the channels, and each channel against a scene of its index.
 
 use super::support::render;
-use opsr::gallery;
+use opsr_lab::gallery;
 use opsr::image::Film;
 use opsr::integrator::{Amounts, Estimator, Settings};
 use opsr::regularise::Rule;

@@ -20,7 +20,7 @@ mod train;
 
 use crate::cli::Place;
 use crate::support::{quick_folder, root};
-use opsr::gallery;
+use opsr_lab::gallery;
 use opsr::image::denoise::Denoiser;
 use opsr::image::exr;
 use opsr::render::Spec;
@@ -166,8 +166,8 @@ fn facade_writes_the_files_of_the_program() {
 
 /// A training of a second.
 #[cfg(feature = "train")]
-fn config(scenes: &[&str]) -> opsr::train::Config {
-    opsr::train::Config {
+fn config(scenes: &[&str]) -> opsr_train::Config {
+    opsr_train::Config {
         scenes: scenes.iter().map(|&name| name.into()).collect(),
         manifest: root().join("training_scenes/manifest.toml"),
         spp: 8,
@@ -179,9 +179,9 @@ fn config(scenes: &[&str]) -> opsr::train::Config {
 #[cfg(feature = "train")]
 #[test]
 fn example_train_lowers_the_loss() {
-    let config = opsr::train::Config {
+    let config = opsr_train::Config {
         steps: 20,
-        optimiser: opsr::train::config::Optimiser::Log,
+        optimiser: opsr_train::config::Optimiser::Log,
         start: 0.0,
         ..config(&["cornell_caustics"])
     };

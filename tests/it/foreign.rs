@@ -319,7 +319,7 @@ fn foreign_packed_files_are_unpacked() {
 /// A scene of Mitsuba as glTF: what is lost is an error, what is close is not.
 #[test]
 fn foreign_scenes_are_written_as_gltf() {
-    use opsr::gallery::{glb, lowered};
+    use opsr_lab::gallery::{glb, lowered};
     let parts = |name: &str| {
         load(&folder().join(name), &LoadOptions::default())
             .unwrap()
@@ -361,7 +361,7 @@ fn foreign_scenes_are_written_as_gltf() {
 /// What light a layer of plastic returns to the base, which takes on its colour again, is written into the colour.
 #[test]
 fn foreign_plastic_as_gltf_reflects_as_much() {
-    use opsr::gallery::lowered;
+    use opsr_lab::gallery::lowered;
     let folder = crate::support::quick_folder();
     let path = folder.path().join("ball.xml");
     let text = r#"<scene version="3.0.0"><emitter type="constant"/><shape type="sphere"><bsdf type="plastic">

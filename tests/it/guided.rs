@@ -1,9 +1,9 @@
 //! Path guiding: the distributions of directions, and pictures against the path tracer's.
 
 use crate::support::render::{film_with, mean, scene};
-use opsr::gallery::materials::{coated, diffuse, emitter};
-use opsr::gallery::shapes::quad;
-use opsr::gallery::{builtin, caustic_box, cornell_box};
+use opsr::scene::procedural::materials::{coated, diffuse, emitter};
+use opsr::scene::procedural::shapes::quad;
+use opsr_lab::gallery::{builtin, caustic_box, cornell_box};
 use opsr::image::film::Film;
 use opsr::integrator::guided::quadtree::{Quadtree, Sums, direction, square};
 use opsr::integrator::{Estimator, Picture, Settings, View};
@@ -11,8 +11,8 @@ use opsr::math::{Rgb, UVec2, Vec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr::scene::{Material, Scene, SceneParts};
-use opsr::stats::agreement::agree;
-use opsr::verify::chi_square::p_value;
+use opsr_lab::stats::agreement::agree;
+use opsr_lab::verify::chi_square::p_value;
 
 /// Numbers in [0, 1).
 fn numbers(seed: u64) -> impl FnMut() -> f32 {

@@ -2,8 +2,8 @@
 
 use super::support::gltf::File;
 use super::support::render::{film_with, mean, scene};
-use opsr::gallery::materials::{diffuse, emitter};
-use opsr::gallery::shapes::{quad, sphere};
+use opsr::scene::procedural::materials::{diffuse, emitter};
+use opsr::scene::procedural::shapes::{quad, sphere};
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::lamp::{Cone, Lamp};

@@ -1,9 +1,9 @@
 //! Several levels of roughening on the same paths.
 
 use super::support::render::{film_with, scene};
-use opsr::gallery::materials::{GOLD, diffuse, emitter, glass, metal};
-use opsr::gallery::shapes::{quad, room, sphere};
-use opsr::gallery::{caustic_box, two_mirrors};
+use opsr::scene::procedural::materials::{GOLD, diffuse, emitter, glass, metal};
+use opsr::scene::procedural::shapes::{quad, room, sphere};
+use opsr_lab::gallery::{caustic_box, two_mirrors};
 use opsr::image::Film;
 use opsr::image::film::Window;
 use opsr::image::level_film::LevelFilm;
@@ -14,7 +14,7 @@ use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{Accumulated, AttenuationTable, Factors, GammaIndex, Rule};
 use opsr::resolve::{Resolve, resolve_film, unseen_share};
 use opsr::scene::{PunctualLight, Scene, SceneParts};
-use opsr::stats::agreement::agree;
+use opsr_lab::stats::agreement::agree;
 
 /// A table with a pattern.
 fn table() -> Rule {
@@ -130,7 +130,7 @@ fn levels_agree_with_renders_of_their_own() {
     let mut point = metal_room();
     point
         .lights
-        .push(opsr::gallery::point_light_over_plane().lights[0]);
+        .push(opsr_lab::gallery::point_light_over_plane().lights[0]);
     for (parts, rule) in [
         (caustic_box(), table()),
         (metal_room(), table()),

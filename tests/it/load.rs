@@ -9,8 +9,9 @@ mod meshes;
 mod motion;
 
 use super::support::gltf::{File, load_bytes, load_in};
-use opsr::gallery::glb;
-use opsr::gallery::{self, shapes};
+use opsr_lab::gallery::glb;
+use opsr::scene::procedural::shapes;
+use opsr_lab::gallery;
 use opsr::math::Vec3;
 use opsr::scene::{Mesh, SceneParts};
 use serde_json::json;

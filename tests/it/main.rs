@@ -39,6 +39,7 @@ mod nested;
 mod options;
 mod panes;
 mod parts;
+mod phase;
 mod pilot;
 #[cfg(feature = "train")]
 mod readme;

@@ -1,7 +1,7 @@
 //! Manifold sampling beside estimators that find the same light by other ways.
 
 use super::support::render;
-use opsr::gallery::{materials, shapes};
+use opsr::scene::procedural::{materials, shapes};
 use opsr::image::Film;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
@@ -191,7 +191,7 @@ fn manifold_sampling_has_less_noise() {
 /// A scene without smooth surfaces has the very picture of the path tracer.
 #[test]
 fn manifold_sampling_without_casters_changes_nothing() {
-    let scene = render::scene(opsr::gallery::cornell_box());
+    let scene = render::scene(opsr_lab::gallery::cornell_box());
     let [a, b] = [Estimator::default(), Estimator::Manifold { trials: 0 }]
         .map(|estimator| film(&scene, estimator, 4, 4).mean());
     assert_eq!(a.pixels, b.pixels);

@@ -2,8 +2,8 @@
 
 use super::support::assert_likely;
 use super::support::render::{film, film_with, mean, scene};
-use opsr::gallery::materials::{diffuse, emitter};
-use opsr::gallery::shapes::{cuboid, quad, room, sphere};
+use opsr::scene::procedural::materials::{diffuse, emitter};
+use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::integrator::Settings;
 use opsr::math::discrete::{AliasTable, Distribution2D};
 use opsr::math::{DVec2, Ray, Rgb, UVec2, Vec2, Vec3};
@@ -12,9 +12,9 @@ use opsr::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed}
 use opsr::scene::{
     Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts, TriangleId,
 };
-use opsr::stats::agreement::agree;
-use opsr::verify::chi_square::p_value;
-use opsr::verify::simple::Simple;
+use opsr_lab::stats::agreement::agree;
+use opsr_lab::verify::chi_square::p_value;
+use opsr_lab::verify::simple::Simple;
 
 fn stream(seed: u64) -> IndependentStream {
     Independent { seed: Seed(seed) }.stream(UVec2::ZERO, 0)
@@ -370,7 +370,7 @@ fn densities_of_light_samples_match_those_of_rays() {
 
 #[test]
 fn few_lights_are_chosen_by_power() {
-    let mut parts = opsr::gallery::cornell_box();
+    let mut parts = opsr_lab::gallery::cornell_box();
     parts.environment = Some(Environment::constant(Rgb::ONE));
     let scene = scene(parts);
     for k in 0..3 {

@@ -1,7 +1,7 @@
 //! What films state about the error of their mean.
 
 use super::support::render::scene;
-use opsr::gallery::{builtin, cornell_box};
+use opsr_lab::gallery::{builtin, cornell_box};
 use opsr::image::film::{Film, Window};
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Picture, Settings, View};

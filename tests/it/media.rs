@@ -2,8 +2,8 @@
 
 use super::support::render::{film_with, mean, scene};
 use opsr::bsdf::{Bsdf, Phase};
-use opsr::gallery::materials::{diffuse, emitter, glass, metal};
-use opsr::gallery::shapes::{cuboid, quad, room, sphere};
+use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal};
+use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::image::Film;
 use opsr::integrator::{Amounts, Estimator, Picture, Recorded, Settings, View};
 use opsr::math::{Ray, Rgb, UVec2, Vec3};
@@ -12,7 +12,7 @@ use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr::scene::{
     Environment, Falloff, Material, Medium, PunctualLight, Scene, SceneParts, Sensor,
 };
-use opsr::stats::agreement::agree;
+use opsr_lab::stats::agreement::agree;
 use std::f64::consts::PI;
 
 const PATH: Estimator = Estimator::Path { reuse: false };

@@ -1,9 +1,9 @@
 //! The mollifier: light that no path can find becomes visible, and nothing else changes.
 
 use super::support::render::{film_with, mean, scene};
-use opsr::gallery::materials::{diffuse, metal};
-use opsr::gallery::shapes::quad;
-use opsr::gallery::{builtin, caustic_box, point_light_over_plane};
+use opsr::scene::procedural::materials::{diffuse, metal};
+use opsr::scene::procedural::shapes::quad;
+use opsr_lab::gallery::{builtin, caustic_box, point_light_over_plane};
 use opsr::integrator::Settings;
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;

@@ -1,14 +1,14 @@
 //! Bodies that overlap: which boundaries exist, and between which indices.
 
 use super::support::render::{film_with, mean, scene};
-use opsr::gallery::materials::{diffuse, emitter, glass, metal, tinted_glass};
-use opsr::gallery::shapes::{cuboid, quad, room, sphere};
+use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal, tinted_glass};
+use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::image::Film;
 use opsr::integrator::{Amounts, Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::{Environment, Material, SceneParts};
-use opsr::stats::agreement::agree;
+use opsr_lab::stats::agreement::agree;
 
 fn assert_mean(film: &Film, expected: f64, what: &str) {
     let (mean, error) = mean(film);

@@ -4,12 +4,12 @@
 use crate::cli::Place;
 use crate::support::gltf::File;
 use crate::support::root;
-use opsr::gallery::{self, glb};
+use opsr_lab::gallery::{self, glb};
 use opsr::image::exr::{self, Metadata};
 use opsr::integrator::drive::RenderProgress;
 use opsr::render::open::Opened;
 use opsr::render::{Effect, Fault, Heading, Names, OPTIONS, Opt, Request, Spec, Subject, run};
-use opsr::report::bench::Suite;
+use opsr_lab::report::bench::Suite;
 use opsr::scene::Scene;
 use serde_json::json;
 use std::collections::{BTreeMap, HashMap};

@@ -1,8 +1,8 @@
 //! Smooth thin walls: light samples pass them straight, and paths that pass them are weighed against that.
 
 use super::support::render::{film_with, mean, scene};
-use opsr::gallery::materials::{coated, diffuse, emitter, glass};
-use opsr::gallery::shapes::{cuboid, quad, room, sphere};
+use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass};
+use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::image::Film;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
@@ -10,8 +10,8 @@ use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::material::TextureRef;
 use opsr::scene::{Environment, Material, Mesh, PunctualLight, Scene, SceneParts, Texture};
-use opsr::stats::agreement::agree;
-use opsr::verify::simple::Simple;
+use opsr_lab::stats::agreement::agree;
+use opsr_lab::verify::simple::Simple;
 
 const TINT: Rgb = Rgb::new(0.9, 0.6, 0.3);
 

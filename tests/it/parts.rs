@@ -3,7 +3,7 @@
 use crate::fuzz::mutate::Rng;
 use crate::support::quick_folder;
 use crate::support::render::scene;
-use opsr::gallery::caustic_box;
+use opsr_lab::gallery::caustic_box;
 use opsr::image::film::Window;
 use opsr::image::level_film::PathLevels;
 use opsr::integrator::checkpoint::Fingerprint;

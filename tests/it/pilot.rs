@@ -1,7 +1,7 @@
 //! The pilot that chooses the integrator.
 
 use super::support::render::scene;
-use opsr::gallery::builtin;
+use opsr_lab::gallery::builtin;
 use opsr::image::film::Window;
 use opsr::integrator::Amounts;
 use opsr::integrator::bidirectional::Radius;

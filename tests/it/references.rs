@@ -1,8 +1,8 @@
 //! References: a resumed one equals one run, foreign files are refused, and the committed ones agree with the renderer.
 
 use crate::support::root;
-use opsr::gallery::manifest::{Manifest, SceneEntry};
-use opsr::gallery::reference::{Reference, SEED};
+use opsr_train::manifest::{Manifest, SceneEntry};
+use opsr_train::reference::{Reference, SEED};
 use opsr::image::film::Film;
 use opsr::integrator::{Settings, View};
 use opsr::math::DVec3;

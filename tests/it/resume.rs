@@ -2,7 +2,7 @@
 //! after each.
 
 use crate::support::holds;
-use opsr::verify::{Size, repeat};
+use opsr_lab::verify::{Size, repeat};
 
 #[test]
 fn resume_renders_stopped_at_fifty_places() {
@@ -13,12 +13,12 @@ fn resume_renders_stopped_at_fifty_places() {
 mod training {
     use crate::support::quick_folder;
     use crate::train::crop;
-    use opsr::train::TrainError;
-    use opsr::train::config::{Evaluation, Optimiser};
-    use opsr::train::learn::outer_loop::Outcome;
-    use opsr::train::record::crop::{Crop, DatasetError};
-    use opsr::train::{Config, RecordingControl, Session};
-    use opsr::verify::learning::{self, quick};
+    use opsr_train::TrainError;
+    use opsr_train::config::{Evaluation, Optimiser};
+    use opsr_train::learn::outer_loop::Outcome;
+    use opsr_train::record::crop::{Crop, DatasetError};
+    use opsr_train::{Config, RecordingControl, Session};
+    use opsr_lab::verify::learning::{self, quick};
     use std::ops::ControlFlow;
     use std::path::{Path, PathBuf};
     use std::sync::Arc;

@@ -1,7 +1,8 @@
 //! Procedural shapes are closed and face outward; written files are well formed.
 
-use opsr::gallery::glb;
-use opsr::gallery::{self, shapes};
+use opsr_lab::gallery::glb;
+use opsr::scene::procedural::shapes;
+use opsr_lab::gallery;
 use opsr::math::{Vec2, Vec3};
 use opsr::scene::{Mesh, SceneParts};
 use std::collections::HashMap;

@@ -1,7 +1,7 @@
 //! What pictures state about their error.
 
 use super::support::render::{film, scene};
-use opsr::gallery::builtin;
+use opsr_lab::gallery::builtin;
 use opsr::image::Film;
 use opsr::math::{DVec3, Rgb, UVec2};
 use opsr::regularise::Rule;

@@ -1,7 +1,7 @@
 //! Renders that end in the middle of a pass.
 
 use crate::support::render::{mean, scene};
-use opsr::gallery::cornell_box;
+use opsr_lab::gallery::cornell_box;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::drive::{Budget, Reason, drive};
 use opsr::integrator::{Amounts, Estimator, Integrator, Picture, Recorded, Settings, Stop, View};

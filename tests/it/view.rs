@@ -1,11 +1,11 @@
 //! The viewer by its protocol: who is answered, what is refused, what stalls nothing, and that its picture is that of a render.
 
-use opsr::gallery::{self, glb};
+use opsr_lab::gallery::{self, glb};
 use opsr::image::exr;
 use opsr::render::look::LookChoice;
 use opsr::render::{Request, Spec, Subject, run};
 use opsr::scene::Scene;
-use opsr::view::Viewer;
+use opsr_view::Viewer;
 use serde_json::{Value, json};
 use std::io::{Read, Write};
 use std::net::TcpStream;

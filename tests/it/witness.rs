@@ -2,7 +2,7 @@
 
 use super::support::render::scene;
 use opsr::Render;
-use opsr::gallery::builtin;
+use opsr_lab::gallery::builtin;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::method::IntegratorKind::{self, Bdpt, Path, Sppm, Vcm};

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use opsr::report::bench::{Outcome, Status, Suite, run as measure, summary};
+use opsr_lab::report::bench::{Outcome, Status, Suite, run as measure, summary};
 
 use super::bar::terminal;
 use super::exit::{Blame, Exit};

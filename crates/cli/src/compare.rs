@@ -12,9 +12,9 @@ use opsr::image::metric::Metric;
 use opsr::image::metric::flip::DEFAULT_PPD;
 use opsr::image::{exr, png};
 use opsr::render::files::check_distinct;
-use opsr::report::compare::{Comparison, Named, Options, compare_with, cut_to_common};
-use opsr::report::page;
-use opsr::stats::agreement;
+use opsr_lab::report::compare::{Comparison, Named, Options, compare_with, cut_to_common};
+use opsr_lab::report::page;
+use opsr_lab::stats::agreement;
 
 use super::exit::{Blame, Exit, Told};
 use super::output::print;

@@ -2,7 +2,7 @@
 
 use super::exit::Blame;
 use anyhow::anyhow;
-use opsr::gallery::{glb, lowered};
+use opsr_lab::gallery::{glb, lowered};
 use opsr::render::Spec;
 use std::path::PathBuf;
 

@@ -15,7 +15,7 @@ use opsr::integrator::drive::RenderProgress;
 use opsr::pilot::witness::Missing;
 use opsr::render::files::Outputs;
 use opsr::render::{Finished, Outcome, Output, Request};
-use opsr::report::compare::Named;
+use opsr_lab::report::compare::Named;
 use opsr::resolve::stated_error;
 use std::borrow::Cow;
 use std::cell::Cell;

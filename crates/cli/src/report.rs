@@ -6,8 +6,8 @@ use clap::Args;
 
 use opsr::files;
 use opsr::render::files::can_write;
-use opsr::report::bench::page::{overalls, page, plots};
-use opsr::report::bench::{Results, summary};
+use opsr_lab::report::bench::page::{overalls, page, plots};
+use opsr_lab::report::bench::{Results, summary};
 
 use super::exit::{Blame, Told};
 

@@ -5,7 +5,7 @@ use super::output::print;
 use super::references::{self, ReferenceArgs};
 use anyhow::Context as _;
 use clap::builder::PossibleValuesParser;
-use opsr::gallery::{self, training};
+use opsr_lab::gallery::{self, training};
 use std::path::PathBuf;
 
 /// Options of `opsr scenes`.

@@ -83,6 +83,6 @@ fn described(path: &TracedPath, scene: &Scene, Pixel(pixel): Pixel) -> String {
 pub(super) fn rgb(x: Rgb) -> String {
     let [x, y, z] = x
         .to_array()
-        .map(|x| opsr::report::compare::number(x.into()));
+        .map(|x| opsr_lab::report::compare::number(x.into()));
     format!("({x} {y} {z})")
 }

@@ -4,8 +4,8 @@ use super::exit::Exit;
 use super::output::print;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Subcommand};
-use opsr::verify::simple::Fault;
-use opsr::verify::{Finding, NUMERIC, Size, chaos, images, repeat, soak};
+use opsr_lab::verify::simple::Fault;
+use opsr_lab::verify::{Finding, NUMERIC, Size, chaos, images, repeat, soak};
 use serde_json::json;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
@@ -99,7 +99,7 @@ pub(super) fn run(args: &VerifyArgs) -> anyhow::Result<Exit> {
         What::Determinism => report.add("determinism", repeat::determinism(size))?,
         What::Resume => report.add("resume", repeat::resume(size))?,
         #[cfg(feature = "train")]
-        What::Train => report.add("train", opsr::verify::learning::all(size))?,
+        What::Train => report.add("train", opsr_lab::verify::learning::all(size))?,
         What::Soak { time } => {
             let seconds = size.of(0, 20, 3600);
             let time = time.unwrap_or(Duration::from_secs(seconds));

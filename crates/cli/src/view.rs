@@ -7,7 +7,7 @@ use super::stop;
 use super::threads::set_threads;
 use clap::Args;
 use opsr::render::open::expect_scene;
-use opsr::view::Viewer;
+use opsr_view::Viewer;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 

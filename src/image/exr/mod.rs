@@ -38,7 +38,7 @@ pub type Metadata = BTreeMap<String, String>;
 
 /// Lossless codings of pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Compression {
     /// Pixels as they are.
     None,

@@ -366,14 +366,19 @@ fn gathered<T: Copy + Send + Sync>(items: &[T], order: &[u32]) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gallery::point_light_over_plane;
     use crate::integrator::bidirectional::weights::Partial;
     use crate::sampler::{Independent, SampleSource, Sampler, Seed};
+    use crate::scene::SceneParts;
+    use crate::scene::procedural::{materials, shapes};
 
     /// A single photon has one bucket, which all eight cells of a query share, and few have few buckets.
     #[test]
     fn cells_that_share_a_bucket_count_no_photon_twice() {
-        let scene = Scene::new(point_light_over_plane());
+        let mut parts = SceneParts::default();
+        let corner = Vec3::new(-20.0, 0.0, -20.0);
+        let plane = shapes::quad(corner, Vec3::Z * 40.0, Vec3::X * 40.0);
+        parts.add(materials::diffuse("plane", Rgb::splat(0.5)), [plane]);
+        let scene = Scene::new(parts);
         let vertex = |at: [f32; 2]| {
             let photon = Photon {
                 flux: Rgb::ONE,

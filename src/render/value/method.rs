@@ -197,7 +197,7 @@ impl Field for ResolveChoice {
         names
     }
 
-    #[cfg(feature = "cli")]
+    #[cfg(feature = "clap")]
     fn possible() -> Vec<clap::builder::PossibleValue> {
         let raw = clap::builder::PossibleValue::new("raw");
         let help =
@@ -247,7 +247,7 @@ impl Field for Layers {
         Aov::ALL.map(Aov::name).into()
     }
 
-    #[cfg(feature = "cli")]
+    #[cfg(feature = "clap")]
     fn possible() -> Vec<clap::builder::PossibleValue> {
         super::possible::<Aov>()
     }

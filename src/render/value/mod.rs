@@ -42,7 +42,7 @@ pub trait Field: Sized {
     }
 
     /// The choices for a command line.
-    #[cfg(feature = "cli")]
+    #[cfg(feature = "clap")]
     fn possible() -> Vec<clap::builder::PossibleValue> {
         Vec::new()
     }
@@ -120,7 +120,7 @@ impl Field for Exposure {
     }
 }
 
-#[cfg(feature = "cli")]
+#[cfg(feature = "clap")]
 fn possible<T: clap::ValueEnum>() -> Vec<clap::builder::PossibleValue> {
     let variants = T::value_variants().iter();
     variants
@@ -129,7 +129,7 @@ fn possible<T: clap::ValueEnum>() -> Vec<clap::builder::PossibleValue> {
 }
 
 /// A choice by the name that options have for it: that of its variant in kebab case.
-pub(crate) fn word(choice: &impl std::fmt::Debug) -> String {
+pub fn word(choice: &impl std::fmt::Debug) -> String {
     let mut word = String::new();
     for c in format!("{choice:?}").chars() {
         if c.is_uppercase() && !word.is_empty() {
@@ -187,7 +187,7 @@ macro_rules! choices {
                 [$(<$type>::$variant),+].iter().map(word).collect()
             }
 
-            #[cfg(feature = "cli")]
+            #[cfg(feature = "clap")]
             fn possible() -> Vec<clap::builder::PossibleValue> {
                 possible::<$type>()
             }

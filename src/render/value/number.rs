@@ -149,7 +149,7 @@ impl Field for bool {
 /// A time in seconds, or with its unit, such as `60s` or `5min`.
 impl Field for Duration {
     fn read(value: &Value, _: &Range) -> Result<Self, String> {
-        #[cfg(feature = "cli")]
+        #[cfg(feature = "clap")]
         if let Value::String(text) = value {
             let seconds = text.parse().ok().map(Self::try_from_secs_f64);
             if let Some(Ok(seconds)) = seconds {

@@ -183,7 +183,7 @@ impl Builder {
 }
 
 /// A mesh at a pose. A mirroring one keeps the front the front.
-pub(crate) fn moved(mesh: &Mesh, pose: &DAffine3) -> Mesh {
+pub fn moved(mesh: &Mesh, pose: &DAffine3) -> Mesh {
     let mirrors = pose.matrix3.determinant() < 0.0;
     let sign = if mirrors { -1.0 } else { 1.0 };
     let normals = cofactors(&pose.matrix3) * sign;

@@ -10,11 +10,11 @@ use std::path::Path;
 use opsr::image::{Buffer, exr};
 use opsr::math::Rgb;
 use opsr::render::value::TableChoice;
-use opsr::report::bench::curve::Crossing;
-use opsr::report::bench::results::Results;
-use opsr::report::bench::summary::{self, MethodSummary};
-use opsr::report::bench::{Outcome, Suite, run};
-use opsr::stats::ratios::Verdict;
+use opsr_lab::report::bench::curve::Crossing;
+use opsr_lab::report::bench::results::Results;
+use opsr_lab::report::bench::summary::{self, MethodSummary};
+use opsr_lab::report::bench::{Outcome, Suite, run};
+use opsr_lab::stats::ratios::Verdict;
 use planted::{Planted, planted, recorded};
 
 fn summary_of<'a>(all: &'a [summary::SceneSummary], name: &str) -> &'a MethodSummary {
@@ -159,7 +159,7 @@ fn bench_resume_keeps_measured_runs() {
     let path = folder.path().join("results.json");
     let suite = Suite::parse(SMALL).unwrap();
     let go = |suite: &Suite, stop_at: usize| {
-        let mut heard = |s: &opsr::report::bench::Status| {
+        let mut heard = |s: &opsr_lab::report::bench::Status| {
             if s.done >= stop_at {
                 ControlFlow::Break(())
             } else {
@@ -367,7 +367,7 @@ fn bench_committed_suites_name_existing_files() {
         }
         // The manifest may move crops and depths; the suites must follow.
         let path = root.join("training_scenes/manifest.toml");
-        let manifest = opsr::gallery::manifest::Manifest::load(&path).unwrap();
+        let manifest = opsr_train::manifest::Manifest::load(&path).unwrap();
         for scene in suite.scenes.iter().filter(|s| s.reference.is_some()) {
             let example = manifest
                 .scenes
@@ -408,12 +408,12 @@ fn table_of_a_suite_may_be_named() {
 #[test]
 fn bench_leaves_out_a_method_that_a_scene_refuses() {
     let folder = tempfile::tempdir().unwrap();
-    let mut parts = opsr::gallery::cornell_box();
+    let mut parts = opsr_lab::gallery::cornell_box();
     for (name, x) in [("a", 0.0), ("b", 0.2)] {
-        let ball = opsr::gallery::shapes::sphere(opsr::math::Vec3::new(x, 1.4, 0.0), 0.3, 3);
-        parts.add(opsr::gallery::materials::glass(name, 1.5, 0.0), [ball]);
+        let ball = opsr::scene::procedural::shapes::sphere(opsr::math::Vec3::new(x, 1.4, 0.0), 0.3, 3);
+        parts.add(opsr::scene::procedural::materials::glass(name, 1.5, 0.0), [ball]);
     }
-    opsr::gallery::glb::save(&parts, &folder.path().join("balls.glb")).unwrap();
+    opsr_lab::gallery::glb::save(&parts, &folder.path().join("balls.glb")).unwrap();
     let suite = folder.path().join("suite.toml");
     let text = "seeds = 2\nsamples = [2]\n\
         [[scene]]\nname = 'balls'\nfile = 'balls.glb'\nsize = [16, 16]\nreference_spp = 4\n\
@@ -422,7 +422,7 @@ fn bench_leaves_out_a_method_that_a_scene_refuses() {
     std::fs::write(&suite, text).unwrap();
     let suite = Suite::load(&suite).unwrap();
     let path = folder.path().join("results.json");
-    let mut heard = |_: &opsr::report::bench::Status| ControlFlow::Continue(());
+    let mut heard = |_: &opsr_lab::report::bench::Status| ControlFlow::Continue(());
     let (results, outcome) = run(&suite, &path, "opsr bench", &mut heard).unwrap();
     assert_eq!(outcome, Outcome::Done);
     assert_eq!(results.runs("balls", "plain").len(), 2);
@@ -438,6 +438,6 @@ fn bench_leaves_out_a_method_that_a_scene_refuses() {
         text.contains("merges is left out: the integrator vcm"),
         "{text}"
     );
-    let page = opsr::report::bench::page::page(&results);
+    let page = opsr_lab::report::bench::page::page(&results);
     assert!(page.contains("is left out: the integrator vcm"), "{page}");
 }

@@ -2,10 +2,10 @@
 
 use opsr::image::Buffer;
 use opsr::math::Rgb;
-use opsr::report::bench::Suite;
-use opsr::report::bench::errors::error_products;
-use opsr::report::bench::machine::Machine;
-use opsr::report::bench::results::{Inset, Point, Products, Results, Run, SceneFacts, VERSION};
+use opsr_lab::report::bench::Suite;
+use opsr_lab::report::bench::errors::error_products;
+use opsr_lab::report::bench::machine::Machine;
+use opsr_lab::report::bench::results::{Inset, Point, Products, Results, Run, SceneFacts, VERSION};
 
 /// Uniform in [−1, 1) by (seed, salt).
 fn wobble(seed: u64, salt: u64) -> f64 {

@@ -1,10 +1,10 @@
 //! The report: everything is in the page, and the page is a function of the results.
 
-use opsr::report::bench::Suite;
-use opsr::report::bench::overall::{best_constant, overall};
-use opsr::report::bench::page::page;
-use opsr::report::bench::results::Results;
-use opsr::stats::ratios::Verdict;
+use opsr_lab::report::bench::Suite;
+use opsr_lab::report::bench::overall::{best_constant, overall};
+use opsr_lab::report::bench::page::page;
+use opsr_lab::report::bench::results::Results;
+use opsr_lab::stats::ratios::Verdict;
 
 use super::planted::{Planted, planted, recorded};
 

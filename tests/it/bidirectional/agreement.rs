@@ -2,15 +2,15 @@
 
 use super::scenes;
 use crate::support::render::{film_with, mean, scene};
-use opsr::gallery::furnace_sphere;
-use opsr::gallery::materials::glass;
-use opsr::gallery::shapes::sphere;
+use opsr_lab::gallery::furnace_sphere;
+use opsr::scene::procedural::materials::glass;
+use opsr::scene::procedural::shapes::sphere;
 use opsr::image::Film;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::Vec3;
 use opsr::scene::Scene;
-use opsr::stats::agreement::agree;
+use opsr_lab::stats::agreement::agree;
 
 const SIZE: u32 = 24;
 
@@ -33,7 +33,7 @@ fn differing(
     pixels: impl Fn(&str) -> bool,
 ) -> Vec<&'static str> {
     let mut differing = Vec::new();
-    for (name, parts, spp) in scenes::all() {
+    for (name, parts, spp) in super::all_scenes() {
         if !wanted(name) {
             continue;
         }
@@ -119,7 +119,7 @@ fn agreement_of_sppm_with_path() {
         first: Some(0.05),
         alpha: 2.0 / 3.0,
     };
-    for (name, parts, spp) in scenes::all() {
+    for (name, parts, spp) in super::all_scenes() {
         if lit_from_nowhere(name) {
             continue;
         }

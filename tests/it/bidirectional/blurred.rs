@@ -1,7 +1,7 @@
 //! Blurs of pictures of one level: kept in batches, with guides of the camera paths.
 
 use crate::support::render::scene;
-use opsr::gallery::{builtin, caustic_box};
+use opsr_lab::gallery::{builtin, caustic_box};
 use opsr::image::Buffer;
 use opsr::image::film::Film;
 use opsr::image::level_film::LevelFilm;

@@ -1,7 +1,7 @@
 //! Photon density against known values, and its radius.
 
 use crate::support::render::{film_with, mean, scene};
-use opsr::gallery::point_light_over_plane;
+use opsr_lab::gallery::point_light_over_plane;
 use opsr::image::Film;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings, View};

@@ -2,12 +2,12 @@
 
 use crate::support::holds;
 use crate::support::render::film_with;
-use opsr::gallery::materials::diffuse;
+use opsr::scene::procedural::materials::diffuse;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::Rgb;
 use opsr::scene::Scene;
-use opsr::verify::{Size, repeat};
+use opsr_lab::verify::{Size, repeat};
 
 #[test]
 fn determinism_at_any_thread_count_and_split_and_of_a_crop() {

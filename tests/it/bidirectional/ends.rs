@@ -3,7 +3,7 @@
 use super::scenes::{panel, walls};
 use crate::support::assert_likely;
 use crate::support::render::scene;
-use opsr::gallery::materials::{diffuse, emitter};
+use opsr::scene::procedural::materials::{diffuse, emitter};
 use opsr::image::Buffer;
 use opsr::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
@@ -12,7 +12,7 @@ use opsr::scene::{
     Aim, Beam, Camera, EmissionSample, Environment, Material, PunctualLight, Scene, SceneParts,
     Sensor, Target,
 };
-use opsr::verify::chi_square::{integrate, p_value};
+use opsr_lab::verify::chi_square::{integrate, p_value};
 use std::f32::consts::PI;
 use std::f64::consts::TAU;
 

@@ -100,7 +100,7 @@ fn agreement_of_mlt_with_path() {
         "blend leaf",
         "absorbing bottle",
     ];
-    for (name, parts, _) in scenes::all() {
+    for (name, parts, _) in super::all_scenes() {
         if !wanted.contains(&name) {
             continue;
         }
@@ -114,8 +114,8 @@ fn agreement_of_mlt_with_path() {
 /// A point light beside a mirror, which nothing samples: the regularised target, with a radius for every pass.
 #[test]
 fn agreement_of_mollified_mlt_with_bdpt() {
-    use opsr::gallery::materials::{diffuse, metal};
-    use opsr::gallery::shapes::quad;
+    use opsr::scene::procedural::materials::{diffuse, metal};
+    use opsr::scene::procedural::shapes::quad;
     let mut parts = SceneParts::default();
     let floor = quad(Vec3::new(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0);
     parts.add(diffuse("floor", Vec3::splat(0.5)), [floor]);
@@ -142,7 +142,7 @@ fn agreement_of_mollified_mlt_with_bdpt() {
 /// All pixels of a pass share the noise of its bootstrap, which is a quarter of the mutations, not a sixteenth.
 #[test]
 fn metropolis_normalisation_has_little_noise_at_one_pass() {
-    let (_, parts, _) = scenes::all().swap_remove(0);
+    let (_, parts, _) = super::all_scenes().swap_remove(0);
     let mlt = Estimator::Mlt { mutations: 32 };
     let passes = pictures(&scene(parts), &settings(mlt, Rule::Plain, 3), 64, 1);
     let passes: Vec<_> = passes.iter().map(|film| tiles(film, SIZE)).collect();

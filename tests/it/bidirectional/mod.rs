@@ -15,3 +15,16 @@ mod slopes;
 mod split;
 mod strategies;
 mod weights;
+
+use opsr::scene::SceneParts;
+use opsr_lab::gallery::{caustic_box, cornell_box};
+
+/// The boxes of the gallery and every scene of this folder, with the samples a pixel that its comparison takes.
+fn all_scenes() -> Vec<(&'static str, SceneParts, u32)> {
+    let mut all = vec![
+        ("cornell box", cornell_box(), 64),
+        ("caustic box", caustic_box(), 256),
+    ];
+    all.extend(scenes::all());
+    all
+}

@@ -1,9 +1,9 @@
 //! Photons where they meet what they do badly: sharp lobes under lights without area, and parts thinner than their radius.
 
 use crate::support::render::{film_with, mean, scene};
-use opsr::gallery::materials::{coated, diffuse, emitter, metal};
-use opsr::gallery::shapes::{quad, sphere};
-use opsr::gallery::thin_parts;
+use opsr::scene::procedural::materials::{coated, diffuse, emitter, metal};
+use opsr::scene::procedural::shapes::{quad, sphere};
+use opsr_lab::gallery::thin_parts;
 use opsr::image::Film;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};

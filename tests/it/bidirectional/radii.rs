@@ -1,7 +1,7 @@
 //! Photon density at several radii of the same photons.
 
 use crate::support::render::scene;
-use opsr::gallery::{builtin, caustic_box};
+use opsr_lab::gallery::{builtin, caustic_box};
 use opsr::image::Buffer;
 use opsr::image::film::{Film, Window};
 use opsr::image::level_film::LevelFilm;

@@ -1,8 +1,7 @@
 //! Small scenes, each with one thing that a bidirectional estimator can get wrong.
 
-use opsr::gallery::materials::{coated, diffuse, emitter, glass, metal, tinted_glass};
-use opsr::gallery::shapes::{cuboid, quad, room, sphere};
-use opsr::gallery::{caustic_box, cornell_box};
+use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass, metal, tinted_glass};
+use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::image::Buffer;
 use opsr::math::{Frame, Rgb, Vec3};
 use opsr::scene::camera::Projection;
@@ -336,7 +335,7 @@ pub(super) fn panes() -> SceneParts {
     parts
 }
 
-/// Every scene, with the samples a pixel that its comparison takes.
+/// Scenes of every kind, with the samples a pixel that its comparison takes.
 pub(super) fn all() -> Vec<(&'static str, SceneParts, u32)> {
     let thin = Material {
         transmission: 1.0,
@@ -347,8 +346,6 @@ pub(super) fn all() -> Vec<(&'static str, SceneParts, u32)> {
         ..glass("half", 1.5, 0.2)
     };
     vec![
-        ("cornell box", cornell_box(), 64),
-        ("caustic box", caustic_box(), 256),
         ("rough glass", with_sphere(glass("glass", 1.5, 0.3)), 128),
         ("partial glass", with_sphere(half), 128),
         ("thin wall", with_sphere(thin), 64),

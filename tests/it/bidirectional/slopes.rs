@@ -5,7 +5,7 @@
 //! ```
 
 use crate::support::render::{film_with, scene};
-use opsr::gallery;
+use opsr_lab::gallery;
 use opsr::image::Film;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};

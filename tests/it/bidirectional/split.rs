@@ -2,14 +2,14 @@
 
 use super::scenes::{lit, under_water};
 use crate::support::render::{film_with, mean, scene};
-use opsr::gallery::materials::{coated, metal};
+use opsr::scene::procedural::materials::{coated, metal};
 use opsr::image::Film;
 use opsr::integrator::bidirectional::{Radius, Strategies};
 use opsr::integrator::{Estimator, Integrator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr::regularise::{AttenuationTable, Rule};
 use opsr::scene::Scene;
-use opsr::stats::agreement::agree;
+use opsr_lab::stats::agreement::agree;
 
 const PATH: Estimator = Estimator::Path { reuse: false };
 

@@ -3,7 +3,7 @@
 
 use super::scenes::{lit, point_lit, with_sphere};
 use crate::support::render::{film_with, scene};
-use opsr::gallery::materials::{coated, diffuse, metal};
+use opsr::scene::procedural::materials::{coated, diffuse, metal};
 use opsr::image::Film;
 use opsr::integrator::bidirectional::{Radius, Strategies, Strategy};
 use opsr::integrator::{Estimator, Integrator, Picture, Settings, View, Walk};
@@ -11,7 +11,7 @@ use opsr::math::{Rgb, UVec2};
 use opsr::regularise::Unregularised;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr::scene::{Material, Scene, SceneParts};
-use opsr::stats::agreement::agree;
+use opsr_lab::stats::agreement::agree;
 
 const SIZE: u32 = 16;
 

@@ -1,7 +1,7 @@
 //! `--integrator auto`: what it chooses, and that a resumed render goes on with it.
 
 use super::Place;
-use opsr::gallery;
+use opsr_lab::gallery;
 use opsr::image::exr;
 
 fn place(scene: &str) -> Place {

@@ -106,7 +106,7 @@ fn exit_code_of_a_read_only_folder() {
     let list = "[[scene]]\nname = \"a\"\nfile = \"scene.glb\"\nrole = \"train\"\nfamily = \"f\"\n\
                 frame = [32, 32]\ncrops = [[0, 0]]\nmax_vertices = 3\nexposure = 1.0\n";
     place.write("shut/list.toml", list);
-    place.save("shut/scene.glb", &opsr::gallery::caustic_box());
+    place.save("shut/scene.glb", &opsr_lab::gallery::caustic_box());
     let state = || (place.files(), place.files_in("shut"));
     let before = state();
     let Some(shut) = Shut::new(&place, "shut") else {

@@ -2,11 +2,11 @@
 
 use super::Place;
 use crate::fuzz::seeds;
-use opsr::gallery;
+use opsr_lab::gallery;
 use opsr::image::denoise::Denoiser;
 use opsr::image::{Buffer, exr, png};
 use opsr::math::Vec3;
-use opsr::report::compare::{Named, Options, compare};
+use opsr_lab::report::compare::{Named, Options, compare};
 use opsr::scene::PunctualLight;
 use serde_json::Value;
 
@@ -215,7 +215,7 @@ fn scenes_that_are_named_are_written() {
     let written = place.opsr("scenes write torus-in-glass").done().out;
     assert_eq!(written.trim(), "training_scenes/torus-in-glass.glb");
     let parts = gallery::builtin("torus-in-glass").expect("a scene");
-    let expected = opsr::gallery::glb::to_glb(&parts).expect("a file");
+    let expected = opsr_lab::gallery::glb::to_glb(&parts).expect("a file");
     let found = std::fs::read(place.path().join(written.trim())).expect("the file");
     assert!(found == expected);
     assert!(!place.path().join("training_scenes/manifest.toml").exists());

@@ -1,7 +1,7 @@
 //! `opsr render --film` and `opsr merge`.
 
 use super::Place;
-use opsr::gallery;
+use opsr_lab::gallery;
 
 /// A split by samples, by crops, and by both, in another order, and at other numbers of threads.
 #[test]

@@ -4,7 +4,7 @@ use super::{Ended, Place};
 use crate::fuzz::seeds;
 use crate::support::gltf::File;
 use crate::support::root;
-use opsr::gallery::{self, glb};
+use opsr_lab::gallery::{self, glb};
 use opsr::image::{exr, png};
 use serde_json::json;
 

@@ -1,7 +1,7 @@
 //! `opsr train` from scenes to tables: output, resumption, errors.
 
 use super::{Ended, Place};
-use opsr::gallery;
+use opsr_lab::gallery;
 use opsr::regularise::file::TableFile;
 
 /// A short training of one crop. Options after it override its own.

@@ -1,7 +1,7 @@
 //! The report of a training: names of tables, scores, settings that are refused.
 
 use super::Place;
-use opsr::gallery;
+use opsr_lab::gallery;
 use opsr::regularise::Lookup;
 use opsr::regularise::file::TableFile;
 use serde_json::Value;

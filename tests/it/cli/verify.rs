@@ -1,7 +1,7 @@
 //! `opsr verify`: every subject at the size of tests; planted faults are found, and exit codes say so.
 
 use super::{Ended, Place};
-use opsr::verify::{NUMERIC, Size, images, simple::Fault, soak};
+use opsr_lab::verify::{NUMERIC, Size, images, simple::Fault, soak};
 
 fn verify(arguments: &str) -> Ended {
     Place::new().opsr(&format!("verify --tiny {arguments}"))

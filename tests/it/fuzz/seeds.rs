@@ -6,13 +6,13 @@ use ::exr::prelude as exrs;
 use exrs::WritableImage;
 use exrs::{AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, LineOrder};
 use image::codecs::hdr::HdrEncoder;
-use opsr::gallery::{self, glb};
+use opsr_lab::gallery::{self, glb};
 use opsr::image::film::{Film, Window};
 use opsr::image::{Buffer, exr, png};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::file::{Provenance, TableFile};
 use opsr::regularise::{AttenuationTable, LEN, Lookup};
-use opsr::report::bench::results::Inset;
+use opsr_lab::report::bench::results::Inset;
 use opsr::scene::SceneParts;
 use std::path::Path;
 
@@ -28,8 +28,8 @@ pub(crate) fn gltf() -> Vec<Vec<u8>> {
     let good = crate::load::broken::good();
     let mut glass = SceneParts::default();
     glass.add(
-        gallery::materials::glass("glass", 1.5, 0.1),
-        [gallery::shapes::sphere(Vec3::ONE, 1.0, 0)],
+        opsr::scene::procedural::materials::glass("glass", 1.5, 0.1),
+        [opsr::scene::procedural::shapes::sphere(Vec3::ONE, 1.0, 0)],
     );
     let saved = [
         gallery::area_light_over_plane(),

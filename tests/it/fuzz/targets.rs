@@ -6,7 +6,7 @@ use super::{Target, repair, seeds};
 use crate::support::gltf::File;
 use crate::support::root;
 use opsr::files::FileError;
-use opsr::gallery::manifest::Manifest;
+use opsr_train::manifest::Manifest;
 use opsr::image::level_film::LevelFilm;
 use opsr::image::{exr, png};
 use opsr::integrator::bidirectional::Radius;
@@ -15,8 +15,8 @@ use opsr::integrator::part::{MergeError, Part, merge};
 use opsr::integrator::{Amounts, Estimator, FirstHit, Picture, Recorded, Settings, View};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::regularise::file::TableFile;
-use opsr::report::bench::page::page;
-use opsr::report::bench::{Results, Suite, summary};
+use opsr_lab::report::bench::page::page;
+use opsr_lab::report::bench::{Results, Suite, summary};
 use opsr::scene::load::{LoadOptions, load};
 use opsr::scene::{Camera, Environment, Scene};
 use serde_json::json;
@@ -433,7 +433,7 @@ fn levels() -> Amounts {
 
 /// A part of a render.
 fn part(samples: std::ops::Range<u32>, amounts: Amounts) -> Vec<u8> {
-    let scene = crate::support::render::scene(opsr::gallery::caustic_box());
+    let scene = crate::support::render::scene(opsr_lab::gallery::caustic_box());
     let (camera, film) = (&scene.parts().cameras[0], seeds::film());
     let view = View::of(&scene, camera, &film);
     let settings = Settings {

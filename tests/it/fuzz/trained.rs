@@ -4,14 +4,14 @@ use super::targets::{text, written};
 use super::{Target, repair};
 use opsr::regularise::{AttenuationTable, LEN, Lookup};
 use opsr::sampler::Seed;
-use opsr::train::Config;
-use opsr::train::config::Optimiser;
-use opsr::train::evaluate::MomentSource;
-use opsr::train::evaluate::curves::Curves;
-use opsr::train::evaluate::replay::Replay;
-use opsr::train::learn::checkpoint::Checkpoint;
-use opsr::train::learn::model::Learner;
-use opsr::train::record::recording::Recording;
+use opsr_train::Config;
+use opsr_train::config::Optimiser;
+use opsr_train::evaluate::MomentSource;
+use opsr_train::evaluate::curves::Curves;
+use opsr_train::evaluate::replay::Replay;
+use opsr_train::learn::checkpoint::Checkpoint;
+use opsr_train::learn::model::Learner;
+use opsr_train::record::recording::Recording;
 
 /// Configurations: an accepted one survives a round trip.
 pub(crate) fn configurations() -> Target {

@@ -2,8 +2,8 @@
 
 use super::{close, triangles};
 use crate::support::gltf::{File, floats, shorts};
-use opsr::gallery::glb;
-use opsr::gallery::shapes;
+use opsr_lab::gallery::glb;
+use opsr::scene::procedural::shapes;
 use opsr::math::Vec3;
 use opsr::scene::{Mesh, SceneParts};
 use serde_json::{Value, json};

@@ -3,7 +3,7 @@
 use super::broken::refused;
 use crate::support::gltf::{File, floats};
 use crate::support::render;
-use opsr::gallery::{self, glb};
+use opsr_lab::gallery::{self, glb};
 use opsr::math::Vec3;
 use opsr::regularise::Rule;
 use opsr::regularise::file::TableFile;

@@ -3,7 +3,7 @@
 pub(crate) mod gltf;
 pub(crate) mod render;
 
-use opsr::verify::{Finding, chi_square};
+use opsr_lab::verify::{Finding, chi_square};
 use std::path::Path;
 
 /// The root of the repository.

@@ -4,13 +4,13 @@
 use super::crop;
 use opsr::regularise::{AttenuationTable, LEN, Lookup, Rule};
 use opsr::sampler::{Domain, Seed};
-use opsr::train::evaluate::curves::Curves;
-use opsr::train::evaluate::replay::Replay;
-use opsr::train::evaluate::{Adjoint, MomentSource, Moments};
-use opsr::train::record::crop::Crop;
-use opsr::train::record::visits::Visits;
-use opsr::train::{Config, RecordingControl, Session};
-use opsr::verify::learning::{adjoint, quick, uneven};
+use opsr_train::evaluate::curves::Curves;
+use opsr_train::evaluate::replay::Replay;
+use opsr_train::evaluate::{Adjoint, MomentSource, Moments};
+use opsr_train::record::crop::Crop;
+use opsr_train::record::visits::Visits;
+use opsr_train::{Config, RecordingControl, Session};
+use opsr_lab::verify::learning::{adjoint, quick, uneven};
 use std::ops::ControlFlow;
 
 /// Traces a crop at every call.
@@ -126,7 +126,7 @@ fn learning_from_fresh_paths_lowers_the_loss() {
     let config = Config {
         spp: 128,
         steps: 40,
-        optimiser: opsr::train::config::Optimiser::Log,
+        optimiser: opsr_train::config::Optimiser::Log,
         learning_rate: 0.08,
         ..quick(Default::default())
     };

@@ -1,8 +1,8 @@
 //! The loss and its derivative: automatic differentiation, the formula, and the scalar implementation.
 
-use opsr::train::evaluate::{Adjoint, Moments};
-use opsr::train::learn::loss::{LossBackend, Objective};
-use opsr::train::record::crop::{BRIGHTNESS, EPSILON, Target};
+use opsr_train::evaluate::{Adjoint, Moments};
+use opsr_train::learn::loss::{LossBackend, Objective};
+use opsr_train::record::crop::{BRIGHTNESS, EPSILON, Target};
 use rand::{RngExt, SeedableRng};
 
 #[test]

@@ -2,8 +2,8 @@
 
 use super::super::bar::{self, Style};
 use indicatif::ProgressBar;
-use opsr::train::learn::outer_loop::LogEntry;
-use opsr::train::learn::recordings::RecordingProgress;
+use opsr_train::learn::outer_loop::LogEntry;
+use opsr_train::learn::recordings::RecordingProgress;
 use std::io::{IsTerminal, Write};
 use std::time::Instant;
 

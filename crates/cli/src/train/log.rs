@@ -3,7 +3,7 @@
 use super::super::exit::Blame;
 use super::save;
 use opsr::files;
-use opsr::train::learn::outer_loop::LogEntry;
+use opsr_train::learn::outer_loop::LogEntry;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

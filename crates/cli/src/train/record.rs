@@ -11,9 +11,9 @@ use super::settings::SettingArgs;
 use anyhow::anyhow;
 use clap::Args;
 use opsr::files;
-use opsr::train::learn::recordings::recordings_in;
-use opsr::train::record::crop::DatasetError;
-use opsr::train::{RecordingControl, Recordings, TrainError};
+use opsr_train::learn::recordings::recordings_in;
+use opsr_train::record::crop::DatasetError;
+use opsr_train::{RecordingControl, Recordings, TrainError};
 use std::ops::Range;
 use std::path::PathBuf;
 

@@ -2,8 +2,8 @@
 
 use super::super::exit::Blame;
 use clap::Args;
-use opsr::train::Config;
-use opsr::train::config::Preset;
+use opsr_train::Config;
+use opsr_train::config::Preset;
 use std::path::PathBuf;
 
 /// Options that make the settings.

@@ -117,7 +117,7 @@ pub(super) fn patch(scene: &Scene, triangle: TriangleId) -> Patch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gallery::{materials, shapes};
+    use crate::scene::procedural::{materials, shapes};
     use crate::math::Vec3;
     use crate::sampler::{Independent, SampleSource, Sampler, Seed};
     use crate::scene::{SceneParts, SharedMesh};

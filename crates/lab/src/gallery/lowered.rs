@@ -1,0 +1,139 @@
+//! What glTF can hold of a scene that came from another file.
+
+use opsr::bsdf::fresnel::conductor;
+use opsr::math::Rgb;
+use opsr::scene::build::moved;
+use opsr::scene::finish::ExactCover;
+use opsr::scene::light::Falloff;
+use opsr::scene::material::{AlphaMode, TextureRef};
+use opsr::scene::{Material, Mesh, PunctualLight, SceneParts, Texture};
+
+/// Scene parts that [`glb`](super::glb) writes, and what is different in them.
+#[derive(Clone, Debug)]
+pub struct Lowered {
+    /// The parts.
+    pub parts: SceneParts,
+    /// What is left out, one line each: the picture is another one.
+    pub lost: Vec<String>,
+    /// What is shown by glTF's models, one line each: the picture is close.
+    pub changed: Vec<String>,
+}
+
+/// Makes of scene parts what a glTF file can hold.
+pub fn lowered(mut parts: SceneParts) -> Lowered {
+    let (mut lost, mut changed) = (Vec::new(), Vec::new());
+    let count = |list: &mut Vec<String>, n: usize, what: &str| {
+        if n > 0 {
+            list.push(format!("{n} {what}"));
+        }
+    };
+    for shared in std::mem::take(&mut parts.shared) {
+        let meshes = shared.poses.iter().map(|pose| moved(&shared.mesh, pose));
+        parts.meshes.extend(meshes);
+    }
+    count(
+        &mut lost,
+        parts.textures.len(),
+        "textures: the mean of a colour is kept",
+    );
+    let textures = std::mem::take(&mut parts.textures);
+    let sky = parts.environment.take().is_some();
+    count(&mut lost, usize::from(sky), "environment");
+    let lenses = parts.cameras.iter().filter(|c| c.lens.is_some()).count();
+    count(&mut lost, lenses, "lenses");
+    let has = |test: fn(&Material) -> bool| parts.materials.iter().filter(|m| test(m)).count();
+    let mixed = |m: &Material| m.finish.as_ref().is_some_and(|f| f.mix.is_some());
+    let exact = |m: &Material| m.finish.as_ref().is_some_and(|f| f.exact.is_some()) || m.exact_wall;
+    count(
+        &mut lost,
+        has(mixed),
+        "mixtures of materials: the first of each is kept",
+    );
+    count(
+        &mut lost,
+        has(|m| m.alpha_mode == AlphaMode::Unseen),
+        "lamps that are not seen: their light is left out",
+    );
+    count(
+        &mut lost,
+        has(|m| m.ior < 1.0),
+        "indices of refraction below 1: 1 is written",
+    );
+    count(
+        &mut changed,
+        has(exact),
+        "materials by Schlick's approximation",
+    );
+    let filled = has(|m| m.medium.is_some()) + usize::from(parts.medium.take().is_some());
+    count(&mut lost, filled, "media");
+    for light in &mut parts.lights {
+        if let PunctualLight::Spot { falloff, .. } = light
+            && *falloff != Falloff::Squared
+        {
+            *falloff = Falloff::Squared;
+            changed.push("1 spot light by glTF's fall-off".into());
+        }
+    }
+    for material in &mut parts.materials {
+        *material = plain(material, &textures);
+    }
+    for mesh in &mut parts.meshes {
+        *mesh = Mesh {
+            tangents: Vec::new(),
+            ..std::mem::take(mesh)
+        };
+    }
+    Lowered {
+        parts,
+        lost,
+        changed,
+    }
+}
+
+/// A material without what glTF has no words for, and without its textures.
+fn plain(material: &Material, textures: &[Texture]) -> Material {
+    let mean = |map: &Option<TextureRef>| {
+        let texture = (map.as_ref()).and_then(|map| textures.get(map.texture as usize));
+        texture.map_or(Rgb::ONE, |texture| {
+            let [r, g, b, _] = texture.average();
+            Rgb::new(r, g, b)
+        })
+    };
+    let mut out = Material {
+        base_color: material.base_color * mean(&material.base_color_texture),
+        emission: material.emission * mean(&material.emissive_texture),
+        base_color_texture: None,
+        metallic_roughness_texture: None,
+        normal_texture: None,
+        emissive_texture: None,
+        transmission_texture: None,
+        exact_wall: false,
+        ior: material.ior.max(1.0),
+        double_sided: material.double_sided
+            || material.shows_back && material.emission == Rgb::ZERO,
+        shows_back: false,
+        finish: None,
+        ..material.clone()
+    };
+    let Some(finish) = &material.finish else {
+        return out;
+    };
+    match finish.exact {
+        Some(ExactCover::Metal { eta, k }) => {
+            let f0 = |c: usize| conductor(1.0, eta[c], k[c]);
+            out.base_color *= Rgb::new(f0(0), f0(1), f0(2));
+        }
+        Some(cover) => out.base_color = cover.seen(out.base_color),
+        None => {}
+    }
+    let coat = finish.clearcoat.clone().map(|mut coat| {
+        (coat.texture, coat.roughness_texture, coat.normal_texture) = (None, None, None);
+        coat
+    });
+    let brushing = finish.anisotropy.clone().filter(|a| a.texture.is_none());
+    if coat.is_some() || brushing.is_some() {
+        let kept = out.finish_mut();
+        (kept.clearcoat, kept.anisotropy) = (coat, brushing);
+    }
+    out
+}

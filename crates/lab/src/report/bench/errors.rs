@@ -1,0 +1,104 @@
+//! The errors of a picture by name, and the products of errors that tell bias from noise.
+
+use std::collections::BTreeMap;
+
+use opsr::image::Buffer;
+use opsr::image::film::Window;
+use opsr::image::metric::{self, MetricError, flip, pixel::EPSILON};
+use opsr::math::{Rgb, UVec2};
+use opsr::resolve::Resolved;
+
+/// All errors of a picture by name.
+pub fn errors(
+    picture: &Buffer,
+    reference: &Buffer,
+    exposure: f32,
+) -> Result<BTreeMap<String, f64>, MetricError> {
+    let mut errors: BTreeMap<String, f64> = (metric::pixel::all(picture, reference)?.iter())
+        // The root of MSE says nothing new.
+        .filter(|m| m.name != "RMSE")
+        .map(|m| (m.name.to_owned(), m.value))
+        .collect();
+    let scale = exposure.exp2();
+    let shown = |b: &Buffer| b.map(|p| p * scale);
+    let map = flip::ldr(&shown(picture), &shown(reference), flip::DEFAULT_PPD)?;
+    errors.insert("FLIP".to_owned(), map.mean);
+    Ok(errors)
+}
+
+/// Pixels a side of the tiles on which an error map is compared with the true error.
+const MAP_TILE: u32 = 32;
+
+/// The estimated error of a picture against its true one, on tiles: the geometric mean of estimated over true root mean
+/// square error, and Spearman's rank correlation of the two. Errors are relative as [`Resolved`]'s are.
+pub fn error_map(resolved: &Resolved, reference: &Buffer) -> [(String, f64); 2] {
+    let picture = &resolved.picture;
+    let mut sum = Rgb::ZERO;
+    reference.pixels.iter().for_each(|p| sum += *p);
+    let gain = 0.3 / (sum.element_sum() / (3 * reference.pixels.len()) as f32).max(1e-30);
+    let truth = |i: usize| -> f64 {
+        let (p, r) = (picture.pixels[i] * gain, reference.pixels[i] * gain);
+        let error = (p - r) * (p - r) / (r * r + 0.01);
+        f64::from(error.element_sum()) / 3.0
+    };
+    let whole = Window::full(UVec2::new(picture.width as u32, picture.height as u32));
+    let (estimates, truths): (Vec<f64>, Vec<f64>) = whole
+        .tiles(MAP_TILE)
+        .iter()
+        .map(|tile| {
+            let rows = tile.y..tile.y + tile.h;
+            let pixels = rows.flat_map(|y| {
+                (tile.x..tile.x + tile.w).map(move |x| y as usize * picture.width + x as usize)
+            });
+            pixels.fold((0.0, 0.0), |(e, t), i| {
+                let estimate = f64::from(resolved.bias2[i] + resolved.variance[i]);
+                (e + estimate, t + truth(i))
+            })
+        })
+        .unzip();
+    let pairs = || estimates.iter().zip(&truths);
+    let logs: Vec<f64> = pairs()
+        .filter(|(e, t)| **e > 0.0 && **t > 0.0)
+        .map(|(e, t)| 0.5 * (e / t).ln())
+        .collect();
+    let ratio = (logs.iter().sum::<f64>() / logs.len().max(1) as f64).exp();
+    let (a, b) = (ranks(&estimates), ranks(&truths));
+    let mean = (a.len() as f64 - 1.0) / 2.0;
+    let product: f64 = a.iter().zip(&b).map(|(x, y)| (x - mean) * (y - mean)).sum();
+    let square: f64 = a.iter().map(|x| (x - mean) * (x - mean)).sum();
+    [
+        ("error map ratio".to_owned(), ratio),
+        ("error map rank".to_owned(), product / square.max(1e-30)),
+    ]
+}
+
+/// Rank of every value, from 0.
+fn ranks(values: &[f64]) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+    let mut ranks = vec![0.0; values.len()];
+    for (rank, i) in order.into_iter().enumerate() {
+        ranks[i] = rank as f64;
+    }
+    ranks
+}
+
+/// Mean of (Iₖ − f)(Iₗ − f)/(f² + ε) over pixels and channels.
+pub fn error_products(pictures: &[Buffer], reference: &Buffer) -> Vec<Vec<f64>> {
+    let scaled = |p: &Buffer| -> Vec<f64> {
+        let pairs = p.pixels.iter().zip(&reference.pixels);
+        let channels = pairs.flat_map(|(i, f)| {
+            std::array::from_fn::<_, 3, _>(|c| (f64::from(i[c]), f64::from(f[c])))
+        });
+        channels
+            .map(|(i, f)| (i - f) / (f * f + EPSILON).sqrt())
+            .collect()
+    };
+    let errors: Vec<Vec<f64>> = pictures.iter().map(scaled).collect();
+    let product =
+        |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>() / a.len() as f64;
+    errors
+        .iter()
+        .map(|a| errors.iter().map(|b| product(a, b)).collect())
+        .collect()
+}

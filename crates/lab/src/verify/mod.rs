@@ -1,0 +1,181 @@
+//! Hard numerical cases, checked on the current machine.
+//!
+//! Regularisation works at roughness near zero, where single precision has few digits to spare and where another
+//! processor or mathematics library may round differently. A [`Case`] runs checks of one kind; each reports the worst
+//! value met beside its bound. A check takes the function that it checks as an argument, so that tests can plant a
+//! faulty one and require that it is found. The cases are listed in `docs/numerics.md`.
+
+pub mod bsdfs;
+pub mod chaos;
+pub mod chi_square;
+pub mod density;
+pub mod images;
+#[cfg(feature = "train")]
+pub mod learning;
+pub mod lights;
+pub mod lobes;
+pub mod repeat;
+pub mod roughness;
+pub mod sampling;
+pub mod simple;
+pub mod soak;
+pub mod transport;
+pub mod weights;
+
+use opsr::math::{UVec2, Vec3};
+use opsr::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
+
+/// Result of one check.
+#[derive(Clone, Debug)]
+pub struct Finding {
+    /// Quantity that was checked, with the inputs.
+    pub tried: String,
+    /// Largest value met.
+    pub worst: f64,
+    /// Largest value allowed.
+    pub bound: f64,
+}
+
+impl Finding {
+    /// Finding with the largest of these values; NaN if one of them is NaN.
+    fn new(tried: impl Into<String>, bound: f64, values: impl IntoIterator<Item = f64>) -> Self {
+        let worse = |a: f64, b: f64| if b > a || b.is_nan() { b } else { a };
+        let worst = values
+            .into_iter()
+            .fold(0.0f64, |a, b| if a.is_nan() { a } else { worse(a, b) });
+        Self {
+            tried: tried.into(),
+            worst,
+            bound,
+        }
+    }
+
+    /// Check that an error ended.
+    fn failed(error: impl std::fmt::Display) -> Self {
+        Self::new(error.to_string(), 0.0, [f64::NAN])
+    }
+
+    /// True if the bound holds; false if the largest value is NaN.
+    pub fn holds(&self) -> bool {
+        self.worst <= self.bound
+    }
+}
+
+/// Amount of work of a check.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Size {
+    /// A second, for tests of the program.
+    Tiny,
+    /// Tens of seconds for all checks together.
+    Small,
+    /// Minutes.
+    Thorough,
+}
+
+impl Size {
+    /// The value for this size.
+    pub fn of<T>(self, tiny: T, small: T, thorough: T) -> T {
+        match self {
+            Self::Tiny => tiny,
+            Self::Small => small,
+            Self::Thorough => thorough,
+        }
+    }
+}
+
+/// Checks of one kind.
+pub struct Case {
+    /// Name, as `opsr verify` prints it.
+    pub name: &'static str,
+    run: fn(Size) -> Vec<Finding>,
+}
+
+impl Case {
+    /// Runs the checks.
+    pub fn run(&self, size: Size) -> Vec<Finding> {
+        (self.run)(size)
+    }
+}
+
+const fn case(name: &'static str, run: fn(Size) -> Vec<Finding>) -> Case {
+    Case { name, run }
+}
+
+/// Numerical cases. The sizes change the last three.
+pub const NUMERIC: [Case; 14] = [
+    case("path roughness", |_| roughness::all()),
+    case("Dirac bound", |_| lobes::dirac()),
+    case("lobe sampling", |_| lobes::sampling()),
+    case("interfaces", |_| lobes::interfaces()),
+    case("MIS weights", |_| weights::balances()),
+    case("running moments", |_| weights::moments()),
+    case("lights near and far", |_| lights::all()),
+    case("closed bodies", |_| transport::leaks()),
+    case("scale of the scene", |_| transport::scales()),
+    case("Russian roulette", |_| transport::roulette()),
+    case("empty scenes", |_| transport::empty_scenes()),
+    case("chi-square", sampling::chi_square),
+    case("white furnace", sampling::furnace),
+    case("invariants", sampling::invariants),
+];
+
+/// Threads of a check's own.
+fn pool(threads: usize) -> rayon::ThreadPool {
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    builder.build().expect("threads")
+}
+
+/// Random numbers from the renderer's generator.
+struct Numbers(IndependentStream);
+
+impl Numbers {
+    fn new(seed: u64) -> Self {
+        Self(Independent { seed: Seed(seed) }.stream(UVec2::ZERO, 0))
+    }
+
+    /// Uniform number in [0, 1).
+    fn next(&mut self) -> f32 {
+        self.0.next_1d()
+    }
+
+    /// Uniform integer in 0..count.
+    fn below(&mut self, count: usize) -> usize {
+        ((self.next() * count as f32) as usize).min(count - 1)
+    }
+
+    /// Ascending integers in 1..end, all different, at most `count`.
+    fn places(&mut self, end: u32, count: usize) -> Vec<u32> {
+        let mut all: Vec<u32> = (1..end).collect();
+        while all.len() > count {
+            all.remove(self.below(all.len()));
+        }
+        all
+    }
+
+    /// Number from `low` to `high`, uniform in the logarithm.
+    fn logarithmic(&mut self, low: f64, high: f64) -> f64 {
+        low * (high / low).powf(f64::from(self.next()))
+    }
+
+    /// Three numbers in [0, 1), often at the ends of the range.
+    fn ends(&mut self) -> [f32; 3] {
+        std::array::from_fn(|_| match self.below(16) {
+            0 => 0.0,
+            1 => 1.0 - f32::EPSILON / 2.0,
+            2 => f32::EPSILON / 2.0,
+            _ => self.next(),
+        })
+    }
+
+    /// Direction above the plane z = 0; half of them logarithmic in the distance to the horizon, from 1e-5 radians on.
+    fn above(&mut self) -> Vec3 {
+        let from_horizon = if self.next() < 0.5 {
+            90.0 * self.next()
+        } else {
+            self.logarithmic(1e-3, 1.0) as f32
+        };
+        let (cos, sin) = from_horizon.to_radians().max(1e-5).sin_cos();
+        let (y, x) = (std::f32::consts::TAU * self.next()).sin_cos();
+        Vec3::new(sin * x, sin * y, cos)
+    }
+}

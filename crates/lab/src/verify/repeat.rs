@@ -1,0 +1,237 @@
+//! Pictures that must be bit-identical: at any number of threads, in any split into passes, stopped and resumed.
+
+use super::{Finding, Numbers, Size, pool};
+use crate::gallery::caustic_box;
+use opsr::scene::procedural::materials::{brushed, clearcoated, coated};
+use opsr::scene::procedural::shapes::{disc, sphere};
+use opsr::image::Film;
+use opsr::image::film::Window;
+use opsr::image::level_film::LevelFilm;
+use opsr::integrator::checkpoint::{Checkpoint, Fingerprint};
+use opsr::integrator::modes::{MODES, Mode, Uniform};
+use opsr::integrator::{Estimator, FirstHit, Picture, Settings, View};
+use opsr::math::{Rgb, UVec2, Vec3};
+use opsr::scene::Scene;
+use std::error::Error;
+
+const FRAME: UVec2 = UVec2::new(24, 20);
+
+const CROP: Window = Window {
+    x: 3,
+    y: 2,
+    w: 19,
+    h: 17,
+};
+
+/// Settings of every mode.
+fn ways() -> impl Iterator<Item = (&'static str, Settings)> {
+    let mut numbers = Numbers::new(11);
+    let drawn = move |mode: &'static Mode| {
+        let settings = mode.settings(Uniform(&mut || numbers.next()));
+        // A single vertex shows nothing of a mode.
+        let max_vertices = settings.max_vertices.max(3);
+        (
+            mode.name,
+            Settings {
+                max_vertices,
+                ..settings
+            },
+        )
+    };
+    MODES.iter().map(drawn)
+}
+
+/// The box with glass and copper, and a lacquered ball.
+fn scene() -> Scene {
+    let mut parts = caustic_box();
+    let lacquer = coated("lacquer", Rgb::splat(0.5), 0.02);
+    parts.add(
+        clearcoated(lacquer.clone(), 0.1),
+        [sphere(Vec3::new(0.0, 1.2, 0.0), 0.3, 2)],
+    );
+    let plate = disc(0.3, 16).placed([0.0, 1.3, 0.0], Vec3::new(-0.5, 1.2, -0.5));
+    parts.add(brushed(lacquer, 0.8, 0.3), [plate]);
+    Scene::new(parts)
+}
+
+/// A picture without samples, with first-hit layers.
+fn blank(settings: &Settings, window: Window) -> Picture {
+    let mut film = Film::new(FRAME);
+    if window != Window::full(FRAME) {
+        film = film.cut(window);
+    }
+    let levels = settings.amounts.films();
+    Picture {
+        levels: (levels > 0).then(|| LevelFilm::new(film.size, window, levels)),
+        aovs: Some(FirstHit::new(window).into()),
+        film,
+    }
+}
+
+/// Passes of these numbers of samples at this number of threads.
+fn picture(
+    scene: &Scene,
+    settings: &Settings,
+    window: Window,
+    threads: usize,
+    passes: &[u32],
+) -> Picture {
+    let mut picture = blank(settings, window);
+    let mut integrator = settings.integrator();
+    pool(threads).install(|| {
+        let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
+        let mut first = 0;
+        for &n in passes {
+            integrator.pass(&view, first..first + n, &mut picture);
+            first += n;
+        }
+    });
+    picture
+}
+
+/// Pixels of two films that are not bit-identical; all of them if more than the pixels differs.
+pub(super) fn apart(a: &Picture, b: &Picture) -> f64 {
+    if a == b {
+        return 0.0;
+    }
+    let pixels = a.film.pixels.iter().zip(&b.film.pixels);
+    let count = pixels.filter(|(a, b)| a != b).count();
+    if count == 0 {
+        a.film.pixels.len() as f64
+    } else {
+        count as f64
+    }
+}
+
+/// Bit-identity at 1, 2, 3 and 8 threads, in several splits into passes, and of a crop where nothing is learned. Each
+/// finding is made when it is asked for.
+pub fn determinism(size: Size) -> impl Iterator<Item = Finding> {
+    let unit = size.of(1, 4, 128);
+    let scene = scene();
+    let full = Window::full(FRAME);
+    ways().flat_map(move |(name, settings)| {
+        let render = |window, threads, passes: &[u32]| {
+            let passes: Vec<u32> = passes.iter().map(|n| n * unit).collect();
+            picture(&scene, &settings, window, threads, &passes)
+        };
+        let whole = render(full, 1, &[6]);
+        let splits = [(2, &[1, 5][..]), (8, &[6]), (3, &[2, 3, 1])];
+        let splits = splits.map(|(threads, passes)| apart(&whole, &render(full, threads, passes)));
+        let samples = 6 * unit;
+        let tried = format!("{name}, {samples} samples: pixels that differ by threads, passes");
+        let mut all = vec![Finding::new(tried, 0.0, splits)];
+        // A guide learns from the pixels that are rendered.
+        if matches!(settings.estimator, Estimator::Guided { .. }) {
+            return all;
+        }
+        let part = render(CROP, 2, &[6]).film;
+        let expected = whole.film.cut(CROP);
+        let pixels = expected.pixels.iter().zip(&part.pixels);
+        let differ = pixels.filter(|(a, b)| a != b).count();
+        let tried = format!("{name}: pixels of a crop that differ");
+        all.push(Finding::new(tried, 0.0, [differ as f64]));
+        all
+    })
+}
+
+/// Bit-identity of renders that are stopped at many places, each time saved to a file, loaded and continued at another
+/// number of threads. Each finding is made when it is asked for.
+pub fn resume(size: Size) -> impl Iterator<Item = Finding> {
+    let (stops, samples) = size.of((5, 24), (50, 120), (500, 4000));
+    let scene = scene();
+    ways().map(move |(name, settings)| {
+        let tried = format!("{name}: pixels that differ after {stops} stops");
+        match resumed(&scene, &settings, stops, samples) {
+            Ok(differ) => Finding::new(tried, 0.0, [differ]),
+            Err(error) => Finding::failed(error),
+        }
+    })
+}
+
+fn fingerprint(settings: &Settings) -> Fingerprint {
+    Fingerprint {
+        version: "1".into(),
+        scene: "box".into(),
+        settings: settings.fingerprint(),
+    }
+}
+
+/// Pixels that differ after stops at ascending random places.
+fn resumed(
+    scene: &Scene,
+    settings: &Settings,
+    stops: usize,
+    samples: u32,
+) -> Result<f64, Box<dyn Error>> {
+    let whole = picture(scene, settings, CROP, 2, &[samples]);
+    let mut ends = Numbers::new(60).places(samples, stops);
+    ends.push(samples);
+    let resumed = resumed_at(scene, settings, &ends, blank(settings, CROP))?;
+    Ok(apart(&resumed, &whole))
+}
+
+/// A picture by passes that end at these samples, each at another number of threads, and saved to a file and loaded after
+/// each.
+pub(super) fn resumed_at(
+    scene: &Scene,
+    settings: &Settings,
+    ends: &[u32],
+    blank: Picture,
+) -> Result<Picture, Box<dyn Error>> {
+    let ours = fingerprint(settings);
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("a.ckpt");
+    let pools = [1, 2, 3, 8].map(pool);
+    let mut checkpoint = Checkpoint {
+        fingerprint: ours.clone(),
+        samples: 0,
+        seconds: 0.0,
+        amounts: settings.amounts.clone(),
+        metadata: Default::default(),
+        picture: blank,
+    };
+    for (i, &end) in ends.iter().enumerate() {
+        let samples = checkpoint.samples..end;
+        let picture = &mut checkpoint.picture;
+        let view = View::of(scene, &scene.parts().cameras[0], &picture.film);
+        // As a new process would.
+        let mut integrator = settings.integrator();
+        pools[i % 4].install(|| integrator.pass(&view, samples, picture));
+        checkpoint.samples = end;
+        checkpoint.save(&path)?;
+        // Only the content of the file continues.
+        checkpoint = Checkpoint::load(&path, &ours)?;
+    }
+    Ok(checkpoint.picture)
+}
+
+/// Numbers of the films of every way to render, each read back from its checkpoint, and of a learned table.
+pub(super) fn round() -> Result<Vec<u64>, Box<dyn Error>> {
+    let (scene, folder) = (scene(), tempfile::tempdir()?);
+    let path = folder.path().join("a.ckpt");
+    let mut bits = Vec::new();
+    for (_, settings) in ways() {
+        let checkpoint = Checkpoint {
+            fingerprint: fingerprint(&settings),
+            samples: 2,
+            seconds: 0.0,
+            amounts: settings.amounts.clone(),
+            metadata: Default::default(),
+            picture: picture(&scene, &settings, Window::full(FRAME), 2, &[2]),
+        };
+        checkpoint.save(&path)?;
+        let film = Checkpoint::load(&path, &checkpoint.fingerprint)?
+            .picture
+            .film;
+        bits.extend(film.numbers().map(f64::to_bits));
+    }
+    #[cfg(feature = "train")]
+    {
+        use super::learning::{crop_of, learn, quick};
+        let crop = crop_of(caustic_box(), 2)?;
+        let config = quick(opsr_train::config::Evaluation::Tabulated);
+        let table = learn(&config, &crop, Some(folder.path()), u32::MAX)?.table;
+        bits.extend(table.gammas.iter().map(|g| u64::from(g.to_bits())));
+    }
+    Ok(bits)
+}

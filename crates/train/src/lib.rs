@@ -1,0 +1,31 @@
+//! Learning the table: differentiable rendering without a ray in the loop (`docs/method.md` sections 4 to 7).
+//!
+//! A path sample is a constant plus a few *events*, each of which can be evaluated at any roughness. So training is a
+//! story in three rooms, each of which uses the ones before:
+//!
+//! 1. [`record`] traces the paths of every crop once and keeps their events.
+//! 2. [`evaluate`] turns a recording into mean and second moment of every pixel, and their derivatives, at any table.
+//! 3. [`learn`] sums loss and gradient over the crops and lets Adam change the table. burn holds the parameters,
+//!    differentiates the loss and steps; it never sees a ray.
+//!
+//! [`manifest`] lists the scenes, and [`reference`](mod@reference) has the pictures that the loss compares with.
+//! [`config`] has the settings of all three. [`score`], on top, puts tables beside constants; `examples/study.rs` does so on
+//! scenes that they were not learned from.
+//!
+//! A derivative travels from a lobe to its factor through `record/event.rs` (dx/dα′), `record/lists.rs` (dα′/dγ),
+//! `evaluate/curves.rs` (the pixel's curve), `learn/loss.rs` (dL/dmoments), `learn/crop_set.rs` (the sum over crops),
+//! and `learn/model.rs` (the step).
+
+pub mod config;
+pub mod derivative;
+pub mod evaluate;
+pub mod learn;
+pub mod manifest;
+pub mod record;
+pub mod reference;
+pub mod score;
+
+pub use config::Config;
+pub use learn::outer_loop::TrainError;
+pub use learn::recordings::{RecordingControl, Recordings};
+pub use learn::session::Session;

@@ -1,0 +1,360 @@
+//! From a film to the picture that is shown: the choice among levels, errors, the denoiser. A thread of its own with a pool of
+//! its own, so that a camera that turns never waits for it; of the films that wait only the newest is kept.
+
+use super::hub::{Hub, Snapshot};
+use super::likeness::likeness;
+use super::stage::Shot;
+use super::wish::{Other, Overlay};
+use opsr::image::Buffer;
+use opsr::image::film::Film;
+use opsr::image::metric::flip;
+use opsr::integrator::{Picture, Settings, Stop};
+use opsr::pilot::witness::{Missing, missing_light};
+use opsr::render::{Fault, Names, Shown, Spec};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// A film to be finished.
+pub(super) struct Job {
+    pub(super) side: usize,
+    pub(super) run: u64,
+    pub(super) shot: Arc<Shot>,
+    pub(super) settings: Settings,
+    pub(super) picture: Picture,
+    pub(super) samples: u32,
+    pub(super) seconds: f64,
+    /// Set once its render has ended.
+    pub(super) over: Arc<AtomicBool>,
+}
+
+/// The film that waits, one for each side.
+#[derive(Default)]
+pub(super) struct Slot {
+    waiting: Mutex<Waiting>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct Waiting {
+    jobs: [Option<Job>; 2],
+    busy: bool,
+    /// Seconds that the last one took.
+    cost: f64,
+}
+
+impl Slot {
+    /// Takes a film in place of the one that waits.
+    pub(super) fn offer(&self, job: Job) {
+        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let side = job.side;
+        waiting.jobs[side] = Some(job);
+        drop(waiting);
+        self.changed.notify_all();
+    }
+
+    /// Seconds that the last film took; `None` while one is worked at.
+    pub(super) fn cost(&self) -> Option<f64> {
+        let waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let busy = waiting.busy || waiting.jobs.iter().any(Option::is_some);
+        (!busy).then_some(waiting.cost)
+    }
+
+    fn take(&self) -> Option<Job> {
+        let waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let (mut waiting, _) = self
+            .changed
+            .wait_timeout_while(waiting, Duration::from_millis(200), |w| {
+                w.jobs.iter().all(Option::is_none)
+            })
+            .unwrap_or_else(PoisonError::into_inner);
+        let [first, other] = &mut waiting.jobs;
+        let job = first.take().or_else(|| other.take());
+        waiting.busy = job.is_some();
+        job
+    }
+
+    fn done(&self, cost: f64) {
+        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        (waiting.busy, waiting.cost) = (false, cost);
+    }
+}
+
+/// Finishes films until the viewer ends.
+pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
+    let mut witness = Witness::default();
+    while !hub.ended() {
+        let Some(job) = slot.take() else { continue };
+        let clock = Instant::now();
+        let against = Against::of(hub, &job);
+        let Some((spec, against)) = against else {
+            slot.done(clock.elapsed().as_secs_f64());
+            continue;
+        };
+        let (side, run) = (job.side, job.run);
+        let due = side == 0 && witness.is_due(&job, &spec);
+        let missing = (side == 0).then(|| witness.of(run)).flatten();
+        let made = pool.install(|| finished(&job, &spec, &against, missing));
+        match made {
+            Ok(snapshot) => hub.show(side, snapshot),
+            Err(fault) => hub.change(|state| {
+                state.notes = vec![fault.said(Names::Flags)];
+                state.words_number += 1;
+            }),
+        }
+        // The witness has time of its own: it looks after the picture is shown.
+        let cost = clock.elapsed().as_secs_f64();
+        if due && pool.install(|| witness.look(&job)) {
+            let words = witness.of(run).map(ToString::to_string);
+            hub.change(|state| {
+                if state.run == run {
+                    state.missing = words;
+                    state.words_number += 1;
+                }
+            });
+            // What is missing belongs to the error and to its map.
+            if let Some(missing) = witness.of(run)
+                && let Ok(snapshot) =
+                    pool.install(|| finished(&job, &spec, &against, Some(missing)))
+            {
+                hub.show(side, snapshot);
+            }
+        }
+        slot.done(cost);
+    }
+}
+
+/// The other picture of a film, and how it is held against it.
+struct Against {
+    picture: Option<Arc<Snapshot>>,
+    /// The picture of the reference in its place.
+    reference: Option<Arc<Buffer>>,
+    /// FLIP of every pixel is shown.
+    shown: bool,
+}
+
+impl Against {
+    /// The other picture of a job, with the options of its picture; `None` if its render is no longer the one that is shown.
+    fn of(hub: &Hub, job: &Job) -> Option<(Spec, Self)> {
+        let state = hub.lock();
+        if job.run != state.run {
+            return None;
+        }
+        let side = match job.side {
+            0 => &state.other,
+            _ => &state.shown,
+        };
+        let whole = |picture: &&Arc<Snapshot>| picture.run == job.run && !picture.preview;
+        let reference = state.wish.other == Some(Other::Reference);
+        let against = Self {
+            picture: side.as_ref().filter(whole).cloned(),
+            reference: hub.reference.clone().filter(|_| reference),
+            shown: state.wish.overlay == Overlay::Flip,
+        };
+        Some((state.wish.spec.clone(), against))
+    }
+
+    /// Mean FLIP, and that of every pixel where it is shown.
+    fn flip(&self, side: usize, picture: &Buffer) -> (Option<f64>, Option<Vec<f32>>) {
+        let of_other = self.picture.as_ref().map(|shown| &shown.picture);
+        let Some(other) = self.reference.as_deref().or(of_other) else {
+            return (None, None);
+        };
+        match (self.shown, side) {
+            (true, 0) => flip::hdr(picture, other, flip::DEFAULT_PPD)
+                .map_or((None, None), |(map, _)| (Some(map.mean), Some(map.values))),
+            (true, _) => (None, None),
+            (false, 0) => (likeness(picture, other), None),
+            (false, _) => (likeness(other, picture), None),
+        }
+    }
+}
+
+/// What is known of light that a render has not met; the next look is at every doubling of its samples, and at its end.
+#[derive(Default)]
+struct Witness {
+    run: u64,
+    samples: u32,
+    found: Option<Missing>,
+}
+
+impl Witness {
+    fn is_due(&self, job: &Job, spec: &Spec) -> bool {
+        const FIRST: u32 = 32;
+        let new = self.run != job.run || self.samples < job.samples;
+        if new && job.samples >= FIRST && spec.spp == Some(job.samples) {
+            return true;
+        }
+        let next = if self.run == job.run {
+            2 * self.samples
+        } else {
+            FIRST
+        };
+        job.samples >= next.max(FIRST)
+    }
+
+    /// What is missing in this render, as far as is known.
+    fn of(&self, run: u64) -> Option<&Missing> {
+        self.found.as_ref().filter(|_| self.run == run)
+    }
+
+    /// Looks at a film; false if its render ended meanwhile.
+    fn look(&mut self, job: &Job) -> bool {
+        let stop = Stop::when(&job.over);
+        let view = job.shot.view(job.shot.frame).until(&stop);
+        let found = missing_light(&view, &job.settings, &job.picture, job.samples);
+        if job.over.load(Ordering::Relaxed) {
+            return false;
+        }
+        (self.run, self.samples, self.found) = (job.run, job.samples, found);
+        true
+    }
+}
+
+/// What a film says of its pixels.
+#[derive(Default)]
+pub(super) struct Maps {
+    /// Expected relative error, and of several levels its noise and bias.
+    pub(super) error: Option<Vec<f32>>,
+    pub(super) noise: Option<Vec<f32>>,
+    pub(super) bias: Option<Vec<f32>>,
+    /// Chosen level.
+    pub(super) level: Option<Vec<u8>>,
+    /// Share of the light that is missing at least.
+    pub(super) missing: Option<Vec<f32>>,
+    /// FLIP against the other picture.
+    pub(super) flip: Option<Vec<f32>>,
+    /// Stated error of the whole.
+    pub(super) stated: Option<f64>,
+}
+
+/// The picture of a film, by the code that writes its files.
+fn finished(
+    job: &Job,
+    spec: &Spec,
+    against: &Against,
+    missing: Option<&Missing>,
+) -> Result<Snapshot, Fault> {
+    let denoiser = spec.denoiser()?;
+    let shown = Shown::of(&job.picture, spec, denoiser.as_ref())?;
+    let mut maps = Maps::of(&shown, &job.picture.film, missing);
+    let picture = shown.picture;
+    let (flip, values) = against.flip(job.side, &picture);
+    maps.flip = values;
+    Ok(Snapshot {
+        shot: job.shot.clone(),
+        run: job.run,
+        preview: false,
+        samples: job.samples,
+        seconds: job.seconds,
+        size: job.picture.film.size,
+        picture,
+        maps,
+        flip,
+    })
+}
+
+impl Maps {
+    fn of(shown: &Shown, film: &Film, missing: Option<&Missing>) -> Self {
+        let error = shown.errors(film, missing);
+        let Some(error) = error else {
+            return Self::default();
+        };
+        let root = |squares: &[f32]| squares.iter().map(|x| x.sqrt()).collect();
+        let (noise, bias, level) = match &shown.resolved {
+            Some(resolved) => (
+                Some(root(&resolved.variance)),
+                Some(root(&resolved.bias2)),
+                Some(resolved.level.clone()),
+            ),
+            None => (shown.errors(film, None), None, None),
+        };
+        Self {
+            error: Some(error),
+            noise,
+            bias,
+            level,
+            missing: missing.map(|missing| root(&missing.squares)),
+            flip: None,
+            stated: Some(shown.error(film, missing)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use opsr_lab::gallery::builtin;
+    use opsr::integrator::Amounts;
+    use opsr::integrator::{Recorded, View};
+    use opsr::math::UVec2;
+    use opsr::render::open::Opened;
+    use opsr::scene::Scene;
+    use opsr::stage::Stage;
+
+    /// The sun on a pool, of which the path tracer finds a quarter: the witness speaks of this render and of no other, and
+    /// what is missing is part of the error and has a map.
+    #[test]
+    fn missing_light_is_shown() {
+        missing_light_is_shown_at(Amounts::Raw);
+        missing_light_is_shown_at(Amounts::Blurred);
+    }
+
+    fn missing_light_is_shown_at(amounts: Amounts) {
+        let scene = Scene::new(builtin("sun-pool").expect("a scene"));
+        let camera = scene.parts().cameras[0].clone();
+        let opened = Opened {
+            scene,
+            sha256: String::new(),
+            files: Vec::new(),
+            warnings: Vec::new(),
+            animations: Vec::new(),
+            in_studio: false,
+        };
+        let (size, samples) = (UVec2::splat(40), 400);
+        let settings = Settings {
+            amounts,
+            ..Settings::default()
+        };
+        let stage = Arc::new(Stage { opened });
+        let shot = Arc::new(Shot::new(stage, camera, size, &settings));
+        let view: View<'_> = shot.view(size);
+        let mut picture = Picture::blank(size, view.window, &settings.amounts, Recorded::default())
+            .expect("a film");
+        settings.integrator().pass(&view, 0..samples, &mut picture);
+        let job = Job {
+            side: 0,
+            run: 3,
+            shot: shot.clone(),
+            settings,
+            picture,
+            samples,
+            seconds: 1.0,
+            over: Arc::default(),
+        };
+        let mut witness = Witness::default();
+        let spec = Spec::default();
+        assert!(witness.is_due(&job, &spec) && witness.look(&job));
+        assert!(!witness.is_due(&job, &spec));
+        assert!(witness.of(2).is_none());
+        let missing = witness.of(3).expect("light is missing");
+        let alone = Against {
+            picture: None,
+            reference: None,
+            shown: false,
+        };
+        let made = |missing| {
+            finished(&job, &spec, &alone, missing)
+                .expect("a picture")
+                .maps
+        };
+        let (with, without) = (made(Some(missing)), made(None));
+        assert!(without.missing.is_none() && with.stated > without.stated);
+        let map = with.missing.expect("a map");
+        let lacking = map.iter().filter(|&&share| share > 0.1).count();
+        assert!(lacking > 100 && map.iter().all(|&share| (0.0..=1.0).contains(&share)));
+        // A render that has ended is not looked at.
+        job.over.store(true, Ordering::Relaxed);
+        assert!(!witness.look(&job));
+    }
+}

@@ -1,0 +1,285 @@
+//! What the threads of a viewer share: the newest of everything, and nothing that grows.
+
+use super::finish::Maps;
+use super::stage::{Shot, Stage};
+use super::wish::Wish;
+use opsr::image::Buffer;
+use opsr::math::UVec2;
+use opsr::render::{Fault, Names, Outcome};
+use serde_json::{Value, json};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::SyncSender;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// Most points of a curve, and most pages that wait for a file.
+const MAX_POINTS: usize = 256;
+const MAX_SAVES: usize = 4;
+
+/// A picture that is shown, in linear radiance, with its maps.
+pub(super) struct Snapshot {
+    pub(super) shot: Arc<Shot>,
+    /// Number of its render.
+    pub(super) run: u64,
+    /// True for one of fewer pixels than the frame, by the path tracer.
+    pub(super) preview: bool,
+    pub(super) samples: u32,
+    /// Seconds of its render.
+    pub(super) seconds: f64,
+    pub(super) size: UVec2,
+    pub(super) picture: Buffer,
+    pub(super) maps: Maps,
+    /// Mean FLIP against the other picture.
+    pub(super) flip: Option<f64>,
+}
+
+/// Pixels for a page: rows from the top, four bytes each.
+#[derive(Clone)]
+pub(super) struct Painted {
+    pub(super) size: UVec2,
+    pub(super) bytes: Arc<[u8]>,
+}
+
+/// A frame for pages.
+#[derive(Clone)]
+pub(super) struct Frame {
+    pub(super) head: Value,
+    pub(super) picture: Painted,
+    pub(super) other: Option<Painted>,
+}
+
+/// A render's course.
+#[derive(Clone, Default)]
+pub(super) struct Course {
+    pub(super) samples: u32,
+    pub(super) seconds: f64,
+    /// (seconds, samples, stated error).
+    points: Vec<(f64, u32, f64)>,
+}
+
+impl Course {
+    /// A point, which replaces a near one where there are many.
+    fn add(&mut self, seconds: f64, samples: u32, error: f64) {
+        if !error.is_finite() || samples == 0 {
+            return;
+        }
+        if self.points.len() >= MAX_POINTS {
+            let mut even = false;
+            self.points.retain(|_| {
+                even = !even;
+                even
+            });
+        }
+        self.points.push((seconds, samples, error));
+    }
+
+    fn json(&self) -> Value {
+        let points: Vec<Value> = (self.points.iter())
+            .map(|(seconds, samples, error)| json!([seconds, samples, error]))
+            .collect();
+        json!({ "samples": self.samples, "seconds": self.seconds, "curve": points })
+    }
+}
+
+/// All that is shared.
+pub(super) struct State {
+    pub(super) wish: Wish,
+    /// Numbers of the newest wish, pictures, frame and words.
+    pub(super) wish_number: u64,
+    pub(super) shown_number: u64,
+    pub(super) frame_number: u64,
+    pub(super) words_number: u64,
+    pub(super) stage: Option<Arc<Stage>>,
+    pub(super) shown: Option<Arc<Snapshot>>,
+    pub(super) other: Option<Arc<Snapshot>>,
+    pub(super) frame: Option<Arc<Frame>>,
+    pub(super) courses: [Course; 2],
+    /// Number of the render.
+    pub(super) run: u64,
+    pub(super) phase: &'static str,
+    pub(super) integrator: String,
+    pub(super) notes: Vec<String>,
+    /// Light that the picture lacks, in words.
+    pub(super) missing: Option<String>,
+    /// Mean FLIP of the two pictures.
+    pub(super) flip: Option<f64>,
+    pub(super) fault: Option<String>,
+    pub(super) command: String,
+    pub(super) saves: Vec<SyncSender<Outcome<'static>>>,
+}
+
+/// The shared state, and the threads that wait for it.
+pub(super) struct Hub {
+    state: Mutex<State>,
+    changed: Condvar,
+    /// The render on its way is no longer wanted.
+    pub(super) disturbed: AtomicBool,
+    ended: AtomicBool,
+    /// Buffer of the reference.
+    pub(super) reference: Option<Arc<Buffer>>,
+}
+
+impl Hub {
+    pub(super) fn new(wish: Wish, reference: Option<Buffer>) -> Self {
+        Self {
+            state: Mutex::new(State {
+                wish,
+                wish_number: 1,
+                shown_number: 0,
+                frame_number: 0,
+                words_number: 1,
+                stage: None,
+                shown: None,
+                other: None,
+                frame: None,
+                courses: Default::default(),
+                run: 0,
+                phase: "loading",
+                integrator: String::new(),
+                notes: Vec::new(),
+                missing: None,
+                flip: None,
+                fault: None,
+                command: String::new(),
+                saves: Vec::new(),
+            }),
+            changed: Condvar::new(),
+            disturbed: AtomicBool::new(false),
+            ended: AtomicBool::new(false),
+            reference: reference.map(Arc::new),
+        }
+    }
+
+    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Changes the state and wakes all who wait.
+    pub(super) fn change<T>(&self, change: impl FnOnce(&mut State) -> T) -> T {
+        let changed = change(&mut self.lock());
+        self.changed.notify_all();
+        changed
+    }
+
+    /// Waits until the condition holds, the viewer ends, or this long.
+    pub(super) fn wait(
+        &self,
+        most: Duration,
+        holds: impl Fn(&State) -> bool,
+    ) -> MutexGuard<'_, State> {
+        let waits = |state: &mut State| !self.ended() && !holds(state);
+        let waited = self.changed.wait_timeout_while(self.lock(), most, waits);
+        waited.unwrap_or_else(PoisonError::into_inner).0
+    }
+
+    pub(super) fn ended(&self) -> bool {
+        self.ended.load(Ordering::Relaxed)
+    }
+
+    /// Ends all threads.
+    pub(super) fn end(&self) {
+        self.ended.store(true, Ordering::Relaxed);
+        self.disturbed.store(true, Ordering::Relaxed);
+        self.change(|_| ());
+    }
+
+    /// Takes a wish in place of the one before.
+    pub(super) fn wish(
+        &self,
+        make: impl FnOnce(&Wish) -> Result<Wish, Fault>,
+    ) -> Result<(), Fault> {
+        self.change(|state| {
+            let next = make(&state.wish)?;
+            if next.render_key() != state.wish.render_key() {
+                self.disturbed.store(true, Ordering::Relaxed);
+            }
+            state.wish = next;
+            state.wish_number += 1;
+            state.words_number += 1;
+            state.fault = None;
+            Ok(())
+        })
+    }
+
+    /// Says what went wrong, in the words of the command line.
+    pub(super) fn fail(&self, fault: &Fault) {
+        self.change(|state| {
+            state.fault = Some(fault.said(Names::Flags));
+            state.phase = "stopped";
+            // Nothing will come.
+            state.saves.clear();
+            state.words_number += 1;
+        });
+    }
+
+    /// Shows a picture of render `run` of the first or the other side; one of an older render is dropped.
+    pub(super) fn show(&self, side: usize, snapshot: Snapshot) {
+        self.change(|state| {
+            if snapshot.run != state.run {
+                return;
+            }
+            if !snapshot.preview {
+                let course = &mut state.courses[side];
+                let stated = snapshot.maps.stated.unwrap_or(f64::INFINITY);
+                course.add(snapshot.seconds, snapshot.samples, stated);
+            }
+            state.flip = snapshot.flip.or(state.flip);
+            let place = match side {
+                0 => &mut state.shown,
+                _ => &mut state.other,
+            };
+            *place = Some(Arc::new(snapshot));
+            state.shown_number += 1;
+            state.words_number += 1;
+        });
+    }
+
+    /// Asks for the render as it is; `None` if too many do or none comes.
+    pub(super) fn keep(&self) -> Option<Outcome<'static>> {
+        let (send, receive) = std::sync::mpsc::sync_channel(1);
+        let room = self.change(|state| {
+            let room = state.saves.len() < MAX_SAVES && state.run > 0 && state.phase != "stopped";
+            if room {
+                state.saves.push(send);
+            }
+            room
+        });
+        room.then(|| receive.recv_timeout(Duration::from_secs(120)).ok())?
+    }
+}
+
+impl State {
+    /// Everything that a page shows beside pixels.
+    pub(super) fn words(&self) -> Value {
+        let wish = &self.wish;
+        let shown = self.shown.as_ref();
+        let notes = [wish.left_out.as_slice(), self.notes.as_slice()].concat();
+        let warnings = self.stage.as_ref().map(|stage| &stage.opened.warnings);
+        json!({
+            "phase": self.phase,
+            "run": self.run,
+            "options": wish.spec.settings(),
+            "look": wish.look,
+            "overlay": wish.overlay.name(),
+            "other": match &wish.other {
+                None => Value::Null,
+                Some(other) => match other {
+                    super::wish::Other::Reference => "reference".into(),
+                    super::wish::Other::Plain => "plain".into(),
+                    super::wish::Other::Integrator(name) => json!({ "integrator": name }),
+                },
+            },
+            "paused": wish.paused,
+            "integrator": self.integrator,
+            "notes": notes,
+            "missing": self.missing,
+            "warnings": warnings,
+            "fault": self.fault,
+            "command": self.command,
+            "course": self.courses[0].json(),
+            "other_course": self.courses[1].json(),
+            "error": shown.filter(|s| !s.preview).and_then(|s| s.maps.stated).filter(|e| e.is_finite()),
+            "flip": self.flip,
+        })
+    }
+}

@@ -1,0 +1,145 @@
+//! A viewer in the browser: a page of this machine in which a scene refines while one looks at it.
+//!
+//! | file | contents |
+//! |---|---|
+//! | `http` | requests and answers, bounded in size and time |
+//! | `serve` | who may ask, and what is answered |
+//! | `guests` | places of open connections |
+//! | `wish` | what pages ask for, checked |
+//! | `hub` | the newest of everything, shared by all threads |
+//! | `work` | the thread that renders |
+//! | `finish` | the thread that makes pictures of films |
+//! | `likeness` | FLIP of some pixels, while a picture changes |
+//! | `paint` | the thread that makes pixels of pictures |
+//! | `stage` | values, surfaces and paths under the pointer |
+//! | `save` | files |
+//! | `page` | the page, by hand and whole |
+//!
+//! Options are those of a render, by the same declarations, and the picture is that of `opsr render` with the same options, look
+//! and samples, bit for bit. Clients ask for the newest frame and wait for it: one that is slow misses frames, and one that
+//! stalls holds up nothing but itself.
+
+mod finish;
+mod guests;
+mod http;
+mod hub;
+mod likeness;
+mod paint;
+mod save;
+mod serve;
+mod stage;
+mod wish;
+mod work;
+
+use opsr::files::hex;
+use opsr::image::exr;
+use opsr::render::{Fault, Spec};
+use finish::Slot;
+use hub::Hub;
+use serve::Server;
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
+use wish::Wish;
+use work::Renderer;
+
+/// A viewer of a scene that listens and does not render yet.
+pub struct Viewer {
+    listener: TcpListener,
+    server: Arc<Server>,
+    file: PathBuf,
+}
+
+impl Viewer {
+    /// Listens on a port of the loopback interface, any that is free for 0.
+    ///
+    /// Fails for options that do not go together, a port that is taken, and a reference that cannot be read. What is wrong with
+    /// the scene is said on the page.
+    pub fn open(
+        file: &Path,
+        spec: &Spec,
+        port: u16,
+        reference: Option<&Path>,
+    ) -> Result<Self, Fault> {
+        if spec.crop.is_some() {
+            return Err(Fault::option("crop", "a viewer shows the whole frame"));
+        }
+        let reference = reference.map(exr::read_rgb).transpose()?;
+        let wish = Wish::new(spec, reference.is_some())?;
+        let hub = Arc::new(Hub::new(wish, reference));
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port));
+        let failed = |e: std::io::Error| Fault::Output(format!("port {port}: {e}"));
+        let listener = listener.map_err(failed)?;
+        let port = listener.local_addr().map_err(failed)?.port();
+        let mut token = [0; 16];
+        getrandom::fill(&mut token)
+            .map_err(|e| Fault::Output(format!("no random numbers: {e}")))?;
+        let name = file
+            .file_stem()
+            .map(|name| name.to_string_lossy().into_owned());
+        let server = Arc::new(Server {
+            hub,
+            token: hex(&token),
+            port,
+            title: name.unwrap_or_default(),
+            pool: one_thread()?,
+            waiting: AtomicUsize::new(0),
+        });
+        Ok(Self {
+            listener,
+            server,
+            file: file.to_owned(),
+        })
+    }
+
+    /// The address of the page. Who knows it can see the scene and change what is shown.
+    pub fn address(&self) -> String {
+        let Server { port, token, .. } = &*self.server;
+        format!("http://127.0.0.1:{port}/{token}/")
+    }
+
+    /// Renders and answers until `stop` is set.
+    pub fn run(self, stop: &AtomicBool) -> Result<(), Fault> {
+        let Self {
+            listener,
+            server,
+            file,
+        } = self;
+        let (finishing, painting) = (one_thread()?, one_thread()?);
+        let (hub, slot) = (server.hub.clone(), Arc::new(Slot::default()));
+        let port = server.port;
+        let serving = std::thread::spawn(move || server.listen(&listener));
+        let shared = (hub.clone(), slot.clone());
+        std::thread::spawn(move || finish::run(&shared.0, &shared.1, &finishing));
+        let shared = hub.clone();
+        std::thread::spawn(move || paint::run(&shared, &painting));
+        let shared = hub.clone();
+        std::thread::spawn(move || {
+            let mut renderer = Renderer {
+                hub: &shared,
+                slot: &slot,
+                file: &file,
+                key: None,
+                cost: 1e-6,
+            };
+            renderer.run();
+        });
+        while !stop.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        hub.end();
+        // Wakes the server, which sees that the viewer has ended. The other threads end when they have done what they are at:
+        // nobody waits for that.
+        drop(TcpStream::connect((Ipv4Addr::LOCALHOST, port)));
+        let _ = serving.join();
+        Ok(())
+    }
+}
+
+/// A pool of one thread, which shares the processor with that of the render by the system's clock and not by its queue.
+fn one_thread() -> Result<rayon::ThreadPool, Fault> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    pool.map_err(|e| Fault::Output(format!("cannot start a thread: {e}")))
+}

@@ -1,0 +1,414 @@
+//! The server: who may ask, and what is answered.
+//!
+//! It listens on the loopback interface only. Every address begins with a token that nobody can guess; the host must be this
+//! server's, so that a name of another site that leads here gets nothing, and so must the origin, where a browser names one.
+
+use super::guests::{Guests, Place};
+use super::http::{Answer, Connection, End, Request};
+use super::hub::{Frame, Hub};
+use super::save;
+use super::stage::Shot;
+use super::wish::{CONTROLS, Message, Overlay};
+use opsr::image::denoise::Denoiser;
+use opsr::math::{UVec2, Vec3};
+use opsr::render::look::Look;
+use opsr::render::{Fault, Names, OPTIONS};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::net::{TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+/// Longest wait for something new, and most clients that may wait: a browser opens six connections to a server, and pages in
+/// many windows share them. Others are answered at once, and ask again after a while.
+const POLL: Duration = Duration::from_secs(5);
+const MAX_WAITING: usize = 3;
+
+const PAGE: &str = include_str!("page/index.html");
+const STYLE: &str = include_str!("page/page.css");
+const SCRIPT: &str = include_str!("page/page.js");
+
+/// What the server answers from.
+pub(super) struct Server {
+    pub(super) hub: Arc<Hub>,
+    pub(super) token: String,
+    pub(super) port: u16,
+    /// Name of the scene.
+    pub(super) title: String,
+    /// Threads for what pages ask about pixels.
+    pub(super) pool: rayon::ThreadPool,
+    /// Clients that wait for something new.
+    pub(super) waiting: AtomicUsize,
+}
+
+/// A pixel in a message.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Pick {
+    x: u32,
+    y: u32,
+    /// `target` turns the camera to the point, `focus` puts it in focus.
+    what: String,
+}
+
+impl Server {
+    /// Answers clients until the viewer ends.
+    pub(super) fn listen(self: &Arc<Self>, listener: &TcpListener) {
+        let guests = Arc::new(Guests::default());
+        for stream in listener.incoming() {
+            if self.hub.ended() {
+                return;
+            }
+            let Ok(stream) = stream else {
+                // No more files may be open: some will be closed.
+                std::thread::sleep(Duration::from_millis(20));
+                continue;
+            };
+            let Some(place) = Guests::admit(&guests, &stream) else {
+                if let Ok(mut connection) = Connection::new(stream) {
+                    let full = Answer::text(503, "too many connections");
+                    let _ = connection.send(&full, false);
+                }
+                continue;
+            };
+            let server = self.clone();
+            // Where there are no more threads the connection is closed, and its place is free.
+            let thread = std::thread::Builder::new().stack_size(1 << 20);
+            let _ = thread.spawn(move || server.serve(stream, &place));
+        }
+    }
+
+    fn serve(&self, stream: TcpStream, place: &Place) {
+        let Ok(mut connection) = Connection::new(stream) else {
+            return;
+        };
+        while !self.hub.ended() {
+            let refusal = match connection.next() {
+                Ok(request) => match self.permitted(&request) {
+                    Ok(path) => {
+                        place.keep();
+                        let answer = self.answer(path, &request);
+                        let answer = answer.unwrap_or_else(|refusal| refusal);
+                        if connection.send(&answer, true).is_err() {
+                            return;
+                        }
+                        continue;
+                    }
+                    Err(refusal) => refusal,
+                },
+                Err(End::Refused(refusal)) => refusal,
+                Err(End::Gone) => return,
+            };
+            let _ = connection.send(&refusal, false);
+            return connection.close();
+        }
+    }
+
+    /// The path below the token, of a client that may ask.
+    fn permitted<'a>(&self, request: &'a Request) -> Result<&'a str, Answer> {
+        let port = self.port;
+        let hosts = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
+        if !(request.host.as_ref()).is_some_and(|host| hosts.contains(host)) {
+            return Err(Answer::text(403, "this server has another name"));
+        }
+        if let Some(origin) = &request.origin
+            && !hosts.iter().any(|host| *origin == format!("http://{host}"))
+        {
+            return Err(Answer::text(403, "pages of other origins get nothing here"));
+        }
+        let unknown = || Answer::text(404, "no such page; the address is printed by `opsr view`");
+        let rest = request.path.strip_prefix('/').ok_or_else(unknown)?;
+        let (token, path) = rest.split_once('/').ok_or_else(unknown)?;
+        match equal(token.as_bytes(), self.token.as_bytes()) {
+            true => Ok(path),
+            false => Err(unknown()),
+        }
+    }
+
+    fn answer(&self, path: &str, request: &Request) -> Result<Answer, Answer> {
+        let get = [
+            "",
+            "page.css",
+            "page.js",
+            "facts",
+            "poll",
+            "pixel",
+            "paths",
+            "picture.png",
+            "picture.exr",
+            "look.json",
+        ];
+        let post = ["set", "pick"];
+        match request.method.as_str() {
+            "GET" if get.contains(&path) => self.get(path, request),
+            "POST" if post.contains(&path) => self.post(path, request),
+            _ if get.contains(&path) || post.contains(&path) => {
+                Err(Answer::text(405, "not a method of this page"))
+            }
+            _ => Err(Answer::text(404, "no such page")),
+        }
+    }
+
+    fn get(&self, path: &str, request: &Request) -> Result<Answer, Answer> {
+        let number = |key| {
+            request
+                .asks(key)
+                .and_then(|text| text.parse().ok())
+                .unwrap_or(0)
+        };
+        Ok(match path {
+            "" => Answer::new(200, "text/html; charset=utf-8", PAGE),
+            "page.css" => Answer::new(200, "text/css; charset=utf-8", STYLE),
+            "page.js" => Answer::new(200, "text/javascript; charset=utf-8", SCRIPT),
+            "facts" => Answer::json(200, &self.facts()),
+            "poll" => self.poll(number("frame"), number("words")),
+            "pixel" => Answer::json(200, &self.pixel(self.asked_pixel(request)?)),
+            "paths" => {
+                let (shot, pixel) = (self.shot()?, self.asked_pixel(request)?);
+                Answer::json(200, &self.pool.install(|| shot.paths(pixel)))
+            }
+            "look.json" => {
+                let look = self.hub.lock().wish.look;
+                let text = look.map(|look| self.with_lens(look).file());
+                let text = text.ok_or_else(|| Answer::text(503, "there is no camera yet"))?;
+                Answer {
+                    file: Some("view.json".into()),
+                    ..Answer::new(200, "application/json", text)
+                }
+            }
+            name => {
+                let kept = self.hub.keep();
+                let kept = kept.ok_or_else(|| Answer::text(503, "there is no picture yet"))?;
+                let bytes = save::encoded(kept, name).map_err(|fault| told(&fault))?;
+                let kind = if name.ends_with("png") {
+                    "image/png"
+                } else {
+                    "image/x-exr"
+                };
+                Answer {
+                    file: Some(name.to_owned()),
+                    ..Answer::new(200, kind, bytes)
+                }
+            }
+        })
+    }
+
+    fn post(&self, path: &str, request: &Request) -> Result<Answer, Answer> {
+        let kind = request.content_type.as_deref().unwrap_or_default();
+        if !kind.starts_with("application/json") {
+            return Err(Answer::text(415, "a message is application/json"));
+        }
+        let bad = |e: serde_json::Error| Answer::text(400, format!("not a message: {e}"));
+        if path == "pick" {
+            let pick = serde_json::from_slice(&request.body).map_err(bad)?;
+            return self.pick(&pick);
+        }
+        let message: Message = serde_json::from_slice(&request.body).map_err(bad)?;
+        let wished = self.hub.wish(|wish| wish.after(message));
+        wished.map_err(|fault| told(&fault))?;
+        Ok(Answer::json(200, &json!({ "ok": true })))
+    }
+
+    /// Looks at the point under a pixel, or puts it in focus.
+    fn pick(&self, pick: &Pick) -> Result<Answer, Answer> {
+        let shot = self.shot()?;
+        let pixel = UVec2::new(pick.x, pick.y);
+        let inside = pixel.cmplt(shot.frame).all();
+        let hit = if inside { shot.point(pixel) } else { None };
+        let (_, point, depth) = hit.ok_or_else(|| Answer::text(400, "there is nothing"))?;
+        let message = match pick.what.as_str() {
+            "target" => {
+                let look = self.hub.lock().wish.look;
+                let look = look.ok_or_else(|| Answer::text(503, "there is no camera yet"))?;
+                json!({ "look": turned(look, point) })
+            }
+            "focus" => {
+                let held = self
+                    .hub
+                    .lock()
+                    .wish
+                    .spec
+                    .aperture
+                    .or(shot.camera.lens.map(|l| l.radius));
+                // A lens that can be seen: a hundredth of the distance.
+                let aperture = held.filter(|a| *a > 0.0).unwrap_or(0.01 * depth);
+                json!({ "options": { "aperture": aperture, "focus": depth } })
+            }
+            _ => return Err(Answer::text(400, "expected `target` or `focus`")),
+        };
+        let message =
+            serde_json::from_value(message).map_err(|e| Answer::text(400, e.to_string()))?;
+        self.hub
+            .wish(|wish| wish.after(message))
+            .map_err(|fault| told(&fault))?;
+        Ok(Answer::json(
+            200,
+            &json!({ "point": point.to_array(), "depth": depth }),
+        ))
+    }
+
+    fn shot(&self) -> Result<Arc<Shot>, Answer> {
+        let shown = self.hub.lock().shown.clone();
+        let shown = shown.ok_or_else(|| Answer::text(503, "there is no picture yet"))?;
+        Ok(shown.shot.clone())
+    }
+
+    fn asked_pixel(&self, request: &Request) -> Result<UVec2, Answer> {
+        let frame = self.shot()?.frame;
+        let number = |key| request.asks(key).and_then(|text| text.parse().ok());
+        let pixel = number("x").zip(number("y")).map(|(x, y)| UVec2::new(x, y));
+        let inside = pixel.filter(|pixel| pixel.cmplt(frame).all());
+        inside.ok_or_else(|| Answer::text(400, "expected x and y of a pixel"))
+    }
+
+    /// The look with the lens of the options.
+    fn with_lens(&self, look: Look) -> Look {
+        let state = self.hub.lock();
+        let shot = state.shown.as_ref().map(|shown| shown.shot.clone());
+        let lens = shot.as_ref().and_then(|shot| shot.camera.lens);
+        Look {
+            aspect: shot.map(|shot| shot.frame.x as f32 / shot.frame.y as f32),
+            aperture: lens.map(|lens| lens.radius),
+            focus: lens.map(|lens| lens.focus),
+            ..look
+        }
+    }
+
+    /// The value of a pixel, and what is there.
+    fn pixel(&self, pixel: UVec2) -> Value {
+        let (shown, other) = {
+            let state = self.hub.lock();
+            (state.shown.clone(), state.other.clone())
+        };
+        let Some(shown) = shown else {
+            return Value::Null;
+        };
+        let at = |size: UVec2| {
+            let place = pixel * size / shown.shot.frame;
+            (place.y * size.x + place.x) as usize
+        };
+        let index = at(shown.size);
+        let of = |map: &Option<Vec<f32>>| map.as_ref().and_then(|m| m.get(index).copied());
+        let other = other.filter(|other| other.run == shown.run);
+        json!({
+            "pixel": pixel.to_array(),
+            "radiance": shown.picture.pixels.get(index).map(|p| p.to_array()),
+            "other": other.and_then(|o| o.picture.pixels.get(at(o.size)).map(|p| p.to_array())),
+            "reference": (self.hub.reference.as_ref())
+                .filter(|r| r.pixels.len() == shown.picture.pixels.len())
+                .and_then(|r| r.pixels.get(index)).map(|p| p.to_array()),
+            "error": of(&shown.maps.error),
+            "noise": of(&shown.maps.noise),
+            "bias": of(&shown.maps.bias),
+            "level": shown.maps.level.as_ref().and_then(|l| l.get(index)),
+            "surface": shown.shot.describe(pixel),
+        })
+    }
+
+    /// What does not change while the page is open.
+    fn facts(&self) -> Value {
+        let stage = self.hub.lock().stage.clone();
+        let cameras: Vec<String> = (stage.iter())
+            .flat_map(|stage| &stage.opened.scene.parts().cameras)
+            .enumerate()
+            .map(|(i, camera)| match camera.name.as_str() {
+                "" => format!("{i}"),
+                name => name.to_owned(),
+            })
+            .collect();
+        let bounds = stage.as_ref().map(|stage| {
+            let (low, high) = stage.opened.scene.geometry().bounds();
+            [low.to_array(), high.to_array()]
+        });
+        let options = OPTIONS
+            .iter()
+            .filter(|option| CONTROLS.contains(&option.name));
+        let options: Vec<Value> = options
+            .map(|option| {
+                json!({
+                    "name": option.name,
+                    "flag": option.flag(),
+                    "help": option.help(),
+                    "choices": (option.names)(),
+                    "default": option.default,
+                })
+            })
+            .collect();
+        json!({
+            "title": self.title,
+            "version": env!("CARGO_PKG_VERSION"),
+            "options": options,
+            "overlays": Overlay::ALL.map(Overlay::name),
+            "cameras": cameras,
+            "bounds": bounds,
+            "denoiser": Denoiser::open().is_ok(),
+            "reference": self.hub.reference.is_some(),
+        })
+    }
+
+    /// The newest frame and words, once one of them is newer than what the client has.
+    fn poll(&self, frame: u64, words: u64) -> Answer {
+        let crowded = self.waiting.fetch_add(1, Ordering::SeqCst) >= MAX_WAITING;
+        let most = if crowded { Duration::ZERO } else { POLL };
+        let state = self.hub.wait(most, |state| {
+            state.frame_number != frame || state.words_number != words
+        });
+        self.waiting.fetch_sub(1, Ordering::SeqCst);
+        let new = state.frame.clone().filter(|_| state.frame_number != frame);
+        let mut head = json!({
+            "frame": state.frame_number,
+            "words": state.words_number,
+            "state": state.words(),
+            "crowded": crowded,
+        });
+        drop(state);
+        let images = new.as_deref().map(images).unwrap_or_default();
+        if let Some(frame) = &new {
+            head["picture"] = frame.head.clone();
+        }
+        head["images"] = images
+            .iter()
+            .map(|image| json!(image.0.to_array()))
+            .collect();
+        let head = head.to_string();
+        let mut parts: Vec<Arc<[u8]>> = vec![
+            (head.len() as u32).to_le_bytes().to_vec().into(),
+            head.into_bytes().into(),
+        ];
+        parts.extend(images.into_iter().map(|(_, bytes)| bytes));
+        Answer {
+            status: 200,
+            kind: "application/octet-stream",
+            file: None,
+            parts,
+        }
+    }
+}
+
+/// Pictures of a frame.
+fn images(frame: &Frame) -> Vec<(UVec2, Arc<[u8]>)> {
+    let both = [Some(&frame.picture), frame.other.as_ref()];
+    let both = both.into_iter().flatten();
+    both.map(|image| (image.size, image.bytes.clone()))
+        .collect()
+}
+
+/// A look from the same place at another point.
+fn turned(look: Look, point: Vec3) -> Look {
+    Look {
+        target: point.to_array(),
+        ..look
+    }
+}
+
+/// A refusal in the words of the command line.
+fn told(fault: &Fault) -> Answer {
+    Answer::text(400, fault.said(Names::Flags))
+}
+
+/// True for equal bytes, after a time that does not say where they differ.
+fn equal(a: &[u8], b: &[u8]) -> bool {
+    let differ = a.iter().zip(b).fold(0, |all, (x, y)| all | (x ^ y));
+    a.len() == b.len() && differ == 0
+}

@@ -1,0 +1,168 @@
+//! A scene that is open, and what a camera sees of it: values under the pointer, first surfaces, paths.
+
+use opsr::image::Buffer;
+use opsr::image::film::Window;
+use opsr::integrator::layers::Aov;
+use opsr::integrator::trace::{TracedPath, trace};
+use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
+use opsr::math::{UVec2, Vec2, Vec3, luminance};
+use opsr::render::open::Opened;
+use opsr::scene::{Camera, Hit, Sensor};
+use serde_json::{Value, json};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Samples whose paths are looked at, and paths that are shown.
+const TRACED: u32 = 256;
+const SHOWN: usize = 24;
+
+/// An open scene.
+pub(super) struct Stage {
+    pub(super) opened: Opened,
+}
+
+/// Albedo, normal and depth of the first surfaces.
+pub(super) type First = Arc<[Buffer; 3]>;
+
+/// A scene, a camera, and the settings of the path tracer there.
+pub(super) struct Shot {
+    pub(super) stage: Arc<Stage>,
+    pub(super) camera: Camera,
+    /// Size of the whole picture.
+    pub(super) frame: UVec2,
+    /// Those of the path tracer of one level, by the rule of the render.
+    pub(super) settings: Settings,
+    /// First surfaces at the last size that was asked for.
+    first: Mutex<Option<(UVec2, First)>>,
+}
+
+impl Shot {
+    /// The shot of a render.
+    pub(super) fn new(stage: Arc<Stage>, camera: Camera, frame: UVec2, render: &Settings) -> Self {
+        let settings = Settings {
+            estimator: Estimator::Path { reuse: false },
+            amounts: Amounts::Raw,
+            strategy: None,
+            ..render.clone()
+        };
+        Self {
+            stage,
+            camera,
+            frame,
+            settings,
+            first: Mutex::default(),
+        }
+    }
+
+    /// The view of a frame of this size.
+    pub(super) fn view(&self, size: UVec2) -> View<'_> {
+        View::new(
+            &self.stage.opened.scene,
+            &self.camera,
+            size,
+            Window::full(size),
+        )
+    }
+
+    /// The point at the centre of a pixel, and the distance along the view.
+    pub(super) fn point(&self, pixel: UVec2) -> Option<(Hit, Vec3, f32)> {
+        let sensor = Sensor {
+            camera: &self.camera,
+            frame: self.frame,
+        };
+        let ray = sensor.ray(pixel.as_vec2() + Vec2::splat(0.5));
+        let hit = self.stage.opened.scene.intersect_seen(&ray)?;
+        let position = ray.origin + hit.t * ray.dir;
+        let depth = (position - self.camera.position).dot(-self.camera.frame.n);
+        Some((hit, position, depth))
+    }
+
+    /// The surface at the centre of a pixel, for people.
+    pub(super) fn describe(&self, pixel: UVec2) -> Value {
+        let Some((hit, position, depth)) = self.point(pixel) else {
+            return Value::Null;
+        };
+        let scene = &self.stage.opened.scene;
+        let mut surface = scene.surface(&hit);
+        let material = surface.material;
+        let alpha = scene.bsdf(&mut surface, 0.25).alpha();
+        json!({
+            "position": position.to_array(),
+            "normal": surface.ns.to_array(),
+            "distance": hit.t,
+            "depth": depth,
+            "material": scene.parts().materials[material as usize].name,
+            "mesh": scene.geometry().triangle_mesh(surface.triangle) + 1,
+            "alpha": alpha,
+        })
+    }
+
+    /// First surfaces at this size, by one sample.
+    pub(super) fn first(&self, size: UVec2) -> Option<First> {
+        let mut held = self.first.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((known, first)) = held.as_ref()
+            && *known == size
+        {
+            return Some(first.clone());
+        }
+        let view = self.view(size);
+        let parts = Aov::recorded(&[Aov::Albedo]);
+        let mut picture = Picture::blank(size, view.window, &Amounts::Raw, parts).ok()?;
+        let settings = Settings {
+            max_vertices: 1,
+            ..self.settings.clone()
+        };
+        settings.integrator().pass(&view, 0..1, &mut picture);
+        let first = picture.aovs?.first?;
+        let made: First = Arc::new([first.albedo(), first.normal(), first.depth()]);
+        *held = Some((size, made.clone()));
+        Some(made)
+    }
+
+    /// Paths of a pixel, the brightest first.
+    pub(super) fn paths(&self, pixel: UVec2) -> Value {
+        let view = self.view(self.frame);
+        let Ok(mut paths) = trace(&self.settings, &view, pixel, 0..TRACED) else {
+            return Value::Null;
+        };
+        let sum: Vec3 = paths.iter().map(|path| path.radiance).sum();
+        let lit = paths.iter().filter(|path| luminance(path.radiance) > 0.0);
+        let lit = lit.count();
+        paths.sort_by(|a, b| luminance(b.radiance).total_cmp(&luminance(a.radiance)));
+        let shown: Vec<Value> = (paths.iter().take(SHOWN))
+            .map(|path| self.path(path))
+            .collect();
+        json!({
+            "pixel": pixel.to_array(),
+            "samples": TRACED,
+            "lit": lit,
+            "mean": (sum / TRACED as f32).to_array(),
+            "paths": shown,
+        })
+    }
+
+    fn path(&self, path: &TracedPath) -> Value {
+        let materials = &self.stage.opened.scene.parts().materials;
+        let vertices = path.vertices.iter().map(|v| {
+            let class = v.class.map(|class| class.index());
+            json!({
+                "bsdf": v.bsdf,
+                "material": materials[v.material as usize].name,
+                "mesh": v.mesh.map(|mesh| mesh + 1),
+                "position": v.position.to_array(),
+                "distance": v.distance,
+                "alpha": v.alpha,
+                "alpha_reg": v.alpha_reg,
+                "class": class,
+                "throughput": v.throughput.to_array(),
+                "light": v.light.to_array(),
+                "lobe": v.lobe.map(|lobe| format!("{lobe:?}").to_lowercase()),
+            })
+        });
+        json!({
+            "sample": path.sample,
+            "radiance": path.radiance.to_array(),
+            "emission": path.emission.to_array(),
+            "vertices": vertices.collect::<Vec<_>>(),
+        })
+    }
+}

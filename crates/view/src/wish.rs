@@ -1,0 +1,331 @@
+//! What a page asks for: options by the names of a render, a look, an overlay, a comparison. Everything that a page sends is
+//! checked here, before a thread of the renderer sees it.
+
+use opsr::render::look::{Look, LookChoice};
+use opsr::render::value::{Field, TableChoice, word};
+use opsr::render::{Fault, Names, Spec};
+use serde::Deserialize;
+use serde_json::{Map, Value};
+
+/// Options that a page can change. Files are read only if they were named at the start.
+pub(super) const CONTROLS: [&str; 19] = [
+    "integrator",
+    "table",
+    "gamma",
+    "levels",
+    "guide",
+    "resolve",
+    "max_vertices",
+    "env",
+    "env_intensity",
+    "env_rotation",
+    "sun",
+    "exposure",
+    "view",
+    "denoise",
+    "camera",
+    "aperture",
+    "focus",
+    "seed",
+    "target_error",
+];
+
+/// Options that are made of a finished film or of its picture: a change of them begins no render.
+const OF_SHOWING: [&str; 6] = [
+    "exposure",
+    "view",
+    "resolve",
+    "level_layers",
+    "exr_half",
+    "exr_compression",
+];
+
+/// Options that may be left out beside others that exclude them.
+const MAY_GO: [&str; 12] = [
+    "table",
+    "gamma",
+    "levels",
+    "guide",
+    "resolve",
+    "aperture",
+    "focus",
+    "sun",
+    "turbidity",
+    "env_intensity",
+    "env_rotation",
+    "target_error",
+];
+
+/// What is shown in place of the picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Overlay {
+    /// The picture.
+    #[default]
+    Picture,
+    /// Expected relative error.
+    Error,
+    /// Its part that is noise, and that which is bias; of several levels.
+    Noise,
+    Bias,
+    /// Chosen level of roughening.
+    Level,
+    /// The first surfaces.
+    Normal,
+    Albedo,
+    Depth,
+    /// FLIP against the other picture.
+    Flip,
+    /// Light that a witness has found and the picture lacks.
+    Missing,
+}
+
+impl Overlay {
+    pub(super) const ALL: [Self; 10] = [
+        Self::Picture,
+        Self::Error,
+        Self::Noise,
+        Self::Bias,
+        Self::Level,
+        Self::Normal,
+        Self::Albedo,
+        Self::Depth,
+        Self::Flip,
+        Self::Missing,
+    ];
+
+    pub(super) fn name(self) -> String {
+        word(&self)
+    }
+}
+
+/// The other picture.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) enum Other {
+    /// That of the reference.
+    Reference,
+    /// The same scene with another integrator.
+    Integrator(String),
+    /// The same without table, constant and levels.
+    Plain,
+}
+
+/// A message of a page: what it leaves out stays as it is.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Message {
+    options: Map<String, Value>,
+    look: Option<Look>,
+    /// Back to the camera of the file.
+    home: bool,
+    overlay: Option<Overlay>,
+    #[serde(deserialize_with = "there")]
+    other: Option<Option<Other>>,
+    paused: Option<bool>,
+}
+
+/// A value that may be `null`, which is not the same as one that is not there.
+fn there<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(
+    from: D,
+) -> Result<Option<T>, D::Error> {
+    T::deserialize(from).map(Some)
+}
+
+/// What all pages asked for.
+#[derive(Clone, Debug)]
+pub(super) struct Wish {
+    /// Options as they were asked for.
+    asked: Map<String, Value>,
+    /// Files that may be named.
+    known: [Option<Value>; 2],
+    /// The table of the start.
+    held: Option<TableChoice>,
+    /// Those of them that go together.
+    pub(super) spec: Spec,
+    /// Options that were left out, and why.
+    pub(super) left_out: Vec<String>,
+    /// The camera, once there is one.
+    pub(super) look: Option<Look>,
+    pub(super) overlay: Overlay,
+    pub(super) other: Option<Other>,
+    pub(super) paused: bool,
+    /// True if there is a reference.
+    pub(super) has_reference: bool,
+}
+
+impl Wish {
+    /// The options of a start.
+    pub(super) fn new(spec: &Spec, has_reference: bool) -> Result<Self, Fault> {
+        let mut spec = spec.clone();
+        spec.check()?;
+        spec.load_look()?;
+        let look = match spec.look.take() {
+            Some(LookChoice::Held(look)) => Some(*look),
+            _ => None,
+        };
+        let asked = spec.settings();
+        let known = ["env", "table"].map(|name| asked.get(name).cloned());
+        Ok(Self {
+            asked,
+            known,
+            held: spec.table.clone(),
+            spec,
+            left_out: Vec::new(),
+            look,
+            overlay: Overlay::Picture,
+            other: None,
+            paused: false,
+            has_reference,
+        })
+    }
+
+    /// The wish after a message; an error leaves it as it was.
+    pub(super) fn after(&self, message: Message) -> Result<Self, Fault> {
+        let mut next = self.clone();
+        if !message.options.is_empty() {
+            for (name, value) in &message.options {
+                next.ask(name, value)?;
+            }
+            let changed: Vec<&str> = message.options.keys().map(String::as_str).collect();
+            (next.spec, next.left_out) = self.fitted(&next.asked, &changed)?;
+        }
+        if let Some(look) = message.look {
+            look.check().map_err(|what| Fault::option("look", what))?;
+            // The lens is that of the camera that was moved, and of the options.
+            next.look = Some(Look {
+                aspect: None,
+                aperture: self.look.and_then(|look| look.aperture),
+                focus: self.look.and_then(|look| look.focus),
+                ..look
+            });
+        }
+        if message.home || message.options.contains_key("camera") {
+            next.look = None;
+        }
+        next.overlay = message.overlay.unwrap_or(next.overlay);
+        if let Some(other) = message.other {
+            if other == Some(Other::Reference) && !self.has_reference {
+                return Err(Fault::usage("there is no reference: --reference names one"));
+            }
+            next.other = other;
+            // Both have to go together.
+            next.other_spec()?;
+        }
+        next.paused = message.paused.unwrap_or(next.paused);
+        Ok(next)
+    }
+
+    /// Takes note of an option; `null` takes it back.
+    fn ask(&mut self, name: &str, value: &Value) -> Result<(), Fault> {
+        if !CONTROLS.contains(&name) {
+            return Err(Fault::usage(format!("a page cannot change `{name}`")));
+        }
+        let place = ["env", "table"].iter().position(|n| *n == name);
+        if let Some(place) = place
+            && let Some(text) = value.as_str()
+        {
+            let built_in = ["studio", "sky", "none", "beta-0.001", "beta-0.05"].contains(&text);
+            if !built_in && self.known[place].as_ref() != Some(value) {
+                return Err(Fault::option(
+                    ["env", "table"][place],
+                    "a page reads no file that was not named when the viewer was started",
+                ));
+            }
+        }
+        if value.is_null() || *value == Value::Bool(false) {
+            self.asked.remove(name);
+            return Ok(());
+        }
+        // Read now, so that an error names its option.
+        Spec::default().set(name, value)?;
+        for (one, another) in [("table", "gamma"), ("gamma", "table")] {
+            if name == one {
+                self.asked.remove(another);
+            }
+        }
+        self.asked.insert(name.to_owned(), value.clone());
+        Ok(())
+    }
+
+    /// Options of the other picture, if it is rendered.
+    pub(super) fn other_spec(&self) -> Result<Option<Spec>, Fault> {
+        let mut asked = self.asked.clone();
+        let changed = match &self.other {
+            None | Some(Other::Reference) => return Ok(None),
+            Some(Other::Integrator(name)) => {
+                asked.insert("integrator".into(), name.clone().into());
+                "integrator"
+            }
+            Some(Other::Plain) => {
+                for name in ["table", "gamma", "levels", "guide", "mode", "consistent"] {
+                    asked.remove(name);
+                }
+                asked.insert("integrator".into(), "path".into());
+                "integrator"
+            }
+        };
+        self.fitted(&asked, &[changed]).map(|(spec, _)| Some(spec))
+    }
+
+    /// The options that go together, of those that are asked for, and what was left out for the sake of others. What
+    /// `changed` is never left out.
+    fn fitted(
+        &self,
+        asked: &Map<String, Value>,
+        changed: &[&str],
+    ) -> Result<(Spec, Vec<String>), Fault> {
+        let mut spec = remade(asked, self.held.as_ref())?;
+        let mut left_out = Vec::new();
+        while let Err(fault) = spec.check() {
+            let (without, why) = leave_out(&spec, fault, changed)?;
+            spec = without;
+            left_out.push(why);
+        }
+        Ok((spec, left_out))
+    }
+
+    /// Text that two wishes share only if they are renders of the same scene.
+    pub(super) fn scene_key(&self) -> String {
+        use opsr::render::Heading::{Light, Scene};
+        self.spec.words(&[Scene, Light])
+    }
+
+    /// Text that two wishes share only if they are the same render.
+    pub(super) fn render_key(&self) -> String {
+        let mut asked = self.spec.settings();
+        asked.retain(|name, _| !OF_SHOWING.contains(&name.as_str()));
+        let raw = self.spec.is_raw();
+        format!("{asked:?} {raw} {:?} {:?}", self.look, self.other)
+    }
+}
+
+/// A spec of these settings; a table in memory has no name to be read by.
+fn remade(settings: &Map<String, Value>, held: Option<&TableChoice>) -> Result<Spec, Fault> {
+    let mut spec = Spec::default();
+    for (name, value) in settings {
+        match held.filter(|held| name == "table" && *value == held.value()) {
+            Some(held) => spec.table = Some(held.clone()),
+            None => spec.set(name, value)?,
+        }
+    }
+    Ok(spec)
+}
+
+/// The spec without the option at fault, and why; the fault if it may not go.
+pub(super) fn leave_out(
+    spec: &Spec,
+    fault: Fault,
+    changed: &[&str],
+) -> Result<(Spec, String), Fault> {
+    let Fault::Option { name, .. } = &fault else {
+        return Err(fault);
+    };
+    let mut settings = spec.settings();
+    if !MAY_GO.contains(name) || changed.contains(name) || settings.remove(*name).is_none() {
+        return Err(fault);
+    }
+    let mut without = remade(&settings, spec.table.as_ref())?;
+    without.look = spec.look.clone();
+    Ok((without, format!("left out {}", fault.said(Names::Flags))))
+}

@@ -1,0 +1,479 @@
+//! The thread that renders: opens the scene, shows a few pixels at once and then more, and refines the whole frame until a page
+//! wants something else.
+
+use super::finish::{Job, Maps, Slot};
+use super::hub::{Course, Hub, Snapshot, State};
+use super::stage::{Shot, Stage};
+use super::wish::{Overlay, Wish, leave_out};
+use opsr::image::film::Window;
+use opsr::integrator::{Amounts, Integrator, Picture, Recorded, Stop, View};
+use opsr::math::{UVec2, Vec2};
+use opsr::render::look::{Look, LookChoice};
+use opsr::render::value::word;
+use opsr::render::{Fault, Outcome, Request, Spec, Subject};
+use opsr::resolve::Resolve;
+use opsr::scene::Scene;
+use std::borrow::Cow;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Seconds that the first picture after a change may take, and a pass of a whole frame where one sample takes less: at first,
+/// and later. Many samples of a pixel in a pass take less time than one; a pass is broken off where it is no longer wanted.
+const FIRST: f64 = 0.05;
+const PASS: [f64; 2] = [0.25, 1.0];
+
+/// Most samples of a pass, and of a render that has no end of its own.
+const MAX_PASS: u32 = 16;
+const ENOUGH: u32 = 1 << 16;
+
+/// Most pixels of a side that become one at first.
+const COARSEST: u32 = 16;
+
+/// Share of one thread's time that finishing films may take of all.
+const FINISHING: f64 = 0.06;
+
+/// Wait for something that may never come.
+const LONG: Duration = Duration::from_secs(3600);
+
+/// Least time between two finished pictures.
+const OFTEN: f64 = 0.2;
+
+/// The renderer of a viewer.
+pub(super) struct Renderer<'a> {
+    pub(super) hub: &'a Hub,
+    pub(super) slot: &'a Slot,
+    pub(super) file: &'a Path,
+    /// Key of the open scene.
+    pub(super) key: Option<String>,
+    /// Seconds that the path tracer takes for a pixel.
+    pub(super) cost: f64,
+}
+
+/// A render on its way.
+struct Run<'a> {
+    request: Request<'a>,
+    integrator: Box<dyn Integrator>,
+    picture: Picture,
+    samples: u32,
+    seconds: f64,
+    /// Samples of the next pass.
+    length: u32,
+    offered: Option<Instant>,
+    /// Samples that were offered last.
+    shown: u32,
+    /// Set when this render ends.
+    over: Arc<AtomicBool>,
+}
+
+impl Renderer<'_> {
+    /// Renders what pages wish until the viewer ends.
+    pub(super) fn run(&mut self) {
+        let hub = self.hub;
+        while !hub.ended() {
+            let (wish, number) = hub.change(|state| {
+                hub.disturbed.store(hub.ended(), Ordering::Relaxed);
+                (state.wish.clone(), state.wish_number)
+            });
+            if let Err(fault) = self.fulfil(&wish) {
+                tracing_line(&fault);
+                hub.fail(&fault);
+                drop(hub.wait(LONG, |state| state.wish_number != number));
+            }
+        }
+    }
+
+    /// Renders a wish until it is no longer wanted.
+    fn fulfil(&mut self, wish: &Wish) -> Result<(), Fault> {
+        let hub = self.hub;
+        let stage = self.stage(wish)?;
+        let scene = &stage.opened.scene;
+        let file = self.file.display().to_string();
+        let subject = Subject {
+            scene,
+            name: &file,
+            sha256: &stage.opened.sha256,
+            in_studio: stage.opened.in_studio,
+        };
+        let look = match wish.look {
+            Some(look) => look,
+            None => first_look(&wish.spec, scene)?,
+        };
+        let (request, left_out) = prepared(&wish.spec, look, subject)?;
+        let shot = Shot::new(
+            stage.clone(),
+            request.camera.clone(),
+            request.frame,
+            &request.settings,
+        );
+        let shot = Arc::new(shot);
+        let run = hub.change(|state| {
+            state.run += 1;
+            state.courses = Default::default();
+            // A wish that came meanwhile has a camera of its own.
+            if state.wish.render_key() == wish.render_key() {
+                state.wish.look = Some(look);
+            }
+            state.notes = [left_out.clone(), request.notes.clone()].concat();
+            (state.fault, state.missing, state.flip) = (None, None, None);
+            state.phase = "preview";
+            state.integrator = word(&request.kind);
+            state.command = request.command();
+            state.words_number += 1;
+            state.run
+        });
+        if !self.previews(&shot, run) {
+            return Ok(());
+        }
+        let other = match wish.other_spec()? {
+            Some(spec) => Some(prepared(&spec, look, subject)?.0),
+            None => None,
+        };
+        self.refine(request, other, &shot, run)
+    }
+
+    /// The open scene, opened again if that is what has changed.
+    fn stage(&mut self, wish: &Wish) -> Result<Arc<Stage>, Fault> {
+        let key = wish.scene_key();
+        let open = self.hub.lock().stage.clone();
+        if let Some(stage) = open
+            && self.key.as_ref() == Some(&key)
+        {
+            return Ok(stage);
+        }
+        self.hub.change(|state| {
+            state.phase = "loading";
+            state.words_number += 1;
+        });
+        let opened = wish.spec.open(self.file, Scene::new)?;
+        if opened.scene.lights().is_empty() {
+            let what = "nothing lights the scene: {env} studio, {env} sky or a map would";
+            return Err(Fault::Input(format!("{}: {what}", self.file.display())));
+        }
+        let stage = Arc::new(Stage { opened });
+        self.key = Some(key);
+        self.hub.change(|state| state.stage = Some(stage.clone()));
+        Ok(stage)
+    }
+
+    /// Shows pictures of fewer pixels, each of a quarter of the time of the next; the first is never broken off. False if the
+    /// wish has changed.
+    fn previews(&mut self, shot: &Arc<Shot>, run: u64) -> bool {
+        let hub = self.hub;
+        let pixels = f64::from(shot.frame.x) * f64::from(shot.frame.y);
+        let mut scale = 1;
+        while scale < COARSEST && self.cost * pixels / f64::from(scale * scale) > FIRST {
+            scale += 1;
+        }
+        let clock = Instant::now();
+        let mut first = true;
+        while first || scale > 1 {
+            let size = (shot.frame / scale).max(UVec2::ONE);
+            let stop = Stop::when(&hub.disturbed);
+            let window = Window::full(size);
+            let mut view = View::new(&shot.stage.opened.scene, &shot.camera, size, window);
+            if !first {
+                view = view.until(&stop);
+            }
+            let Ok(mut picture) = Picture::blank(size, window, &Amounts::Raw, Recorded::default())
+            else {
+                return true;
+            };
+            let pass = Instant::now();
+            if shot.settings.integrator().pass(&view, 0..1, &mut picture) == 0 {
+                return false;
+            }
+            let took = pass.elapsed().as_secs_f64() / window.len() as f64;
+            // Slowly down: a corner of the scene may be empty.
+            self.cost = took.max(0.8 * self.cost);
+            let seconds = clock.elapsed().as_secs_f64();
+            hub.show(0, preview(shot, run, seconds, size, &picture));
+            if hub.disturbed.load(Ordering::Relaxed) {
+                return false;
+            }
+            first = false;
+            scale = scale.div_ceil(2).min(scale - 1);
+            if scale == 0 {
+                break;
+            }
+        }
+        true
+    }
+
+    /// Refines a render, and beside it another one for the same time.
+    fn refine(
+        &mut self,
+        request: Request<'_>,
+        other: Option<Request<'_>>,
+        shot: &Arc<Shot>,
+        run: u64,
+    ) -> Result<(), Fault> {
+        let hub = self.hub;
+        let over = Arc::new(AtomicBool::new(false));
+        let Some(mut runs) = self.begin(request, other, &over)? else {
+            return Ok(());
+        };
+        let mut showing = showing(&hub.lock());
+        while !hub.disturbed.load(Ordering::Relaxed) {
+            if runs[0].samples > 0 {
+                self.save(&runs[0]);
+            }
+            let (paused, now) = {
+                let state = hub.lock();
+                (state.wish.paused, self::showing(&state))
+            };
+            // Another choice of a finished film.
+            if now != showing {
+                showing = now;
+                runs.iter_mut().for_each(|run| run.shown = 0);
+            }
+            let stated = |side: usize, state: &State| {
+                let shown = [&state.shown, &state.other][side].as_ref();
+                shown
+                    .filter(|s| s.run == run && !s.preview)
+                    .and_then(|s| s.maps.stated)
+            };
+            let next = (0..runs.len())
+                // What is saved has a sample.
+                .filter(|&side| !paused || runs[side].samples == 0)
+                .filter(|&side| !runs[side].done(stated(side, &hub.lock())))
+                .min_by(|&a, &b| runs[a].seconds.total_cmp(&runs[b].seconds));
+            let Some(side) = next else {
+                self.rest(&mut runs, shot, run, paused);
+                continue;
+            };
+            if !runs[side].step(hub) {
+                continue;
+            }
+            hub.change(|state| {
+                let Course {
+                    samples, seconds, ..
+                } = &mut state.courses[side];
+                (*samples, *seconds) = (runs[side].samples, runs[side].seconds);
+                state.phase = "rendering";
+            });
+            self.offer(&mut runs[side], side, shot, run, false);
+        }
+        over.store(true, Ordering::Relaxed);
+        // Large films are given back beside the next picture, not before it.
+        let films: Vec<Picture> = runs.into_iter().map(|run| run.picture).collect();
+        std::thread::spawn(move || drop(films));
+        Ok(())
+    }
+
+    /// Runs of one request or of two, with no sample yet; `None` if something changed meanwhile.
+    fn begin<'r>(
+        &self,
+        request: Request<'r>,
+        other: Option<Request<'r>>,
+        over: &Arc<AtomicBool>,
+    ) -> Result<Option<Vec<Run<'r>>>, Fault> {
+        let hub = self.hub;
+        let mut runs = Vec::new();
+        for mut request in [Some(request), other].into_iter().flatten() {
+            hub.change(|state| {
+                state.phase = "rendering";
+                state.words_number += 1;
+            });
+            let go_on = || !hub.disturbed.load(Ordering::Relaxed);
+            let Some(begun) = request.begin(&go_on)? else {
+                return Ok(None);
+            };
+            hub.change(|state| {
+                if runs.is_empty() {
+                    state.integrator = word(&request.kind);
+                }
+                state.words_number += 1;
+            });
+            runs.push(Run {
+                integrator: request.settings.integrator(),
+                picture: begun.picture,
+                request,
+                samples: 0,
+                seconds: 0.0,
+                length: 1,
+                offered: None,
+                shown: 0,
+                over: over.clone(),
+            });
+        }
+        Ok(Some(runs))
+    }
+
+    /// Shows what is not shown yet, and waits for a change.
+    fn rest(&self, runs: &mut [Run<'_>], shot: &Arc<Shot>, run: u64, paused: bool) {
+        for (side, one) in runs.iter_mut().enumerate() {
+            self.offer(one, side, shot, run, true);
+        }
+        let phase = if paused { "paused" } else { "done" };
+        let number = self.hub.change(|state| {
+            if state.phase != phase {
+                state.phase = phase;
+                state.words_number += 1;
+            }
+            state.wish_number
+        });
+        let waiting = runs.iter().any(|run| run.shown != run.samples);
+        let most = Duration::from_millis(if waiting { 50 } else { 1000 });
+        drop(self.hub.wait(most, |state| {
+            state.wish_number != number || !state.saves.is_empty()
+        }));
+    }
+
+    /// Hands a film over to be finished, if it is time to.
+    fn offer(&self, run: &mut Run<'_>, side: usize, shot: &Arc<Shot>, number: u64, last: bool) {
+        let Some(cost) = self.slot.cost() else {
+            return;
+        };
+        let threads = rayon::current_num_threads() as f64;
+        let every = (cost / (threads * FINISHING)).max(OFTEN);
+        let due = run
+            .offered
+            .is_none_or(|at| at.elapsed().as_secs_f64() >= every);
+        let wanted = !self.hub.disturbed.load(Ordering::Relaxed);
+        if run.shown == run.samples || !(due || last) || !wanted {
+            return;
+        }
+        (run.offered, run.shown) = (Some(Instant::now()), run.samples);
+        self.slot.offer(Job {
+            side,
+            run: number,
+            shot: shot.clone(),
+            settings: run.request.settings.clone(),
+            picture: run.picture.clone(),
+            samples: run.samples,
+            seconds: run.seconds,
+            over: run.over.clone(),
+        });
+    }
+
+    /// Hands the render over to those who save it.
+    fn save(&self, run: &Run<'_>) {
+        let (saves, wished) = {
+            let mut state = self.hub.lock();
+            (std::mem::take(&mut state.saves), state.wish.spec.clone())
+        };
+        // The choice is made of the film anew, after the render has begun.
+        let mut request = run.request.clone();
+        request.spec.resolve = wished.resolve;
+        for save in saves {
+            let picture = Cow::Owned(run.picture.clone());
+            let mut outcome = Outcome::of(&request, picture, run.samples, None);
+            let command = format!("{} --spp {}", request.command(), run.samples);
+            outcome.metadata.insert("command".into(), command);
+            // A page that has left wants nothing.
+            let _ = save.try_send(outcome);
+        }
+    }
+}
+
+impl Run<'_> {
+    /// Adds a pass; false if it was broken off.
+    fn step(&mut self, hub: &Hub) -> bool {
+        let stop = Stop::when(&hub.disturbed);
+        let most = self.request.spec.spp.unwrap_or(ENOUGH);
+        let end = (self.samples + self.length).min(most);
+        let clock = Instant::now();
+        let view = self.request.view();
+        let added =
+            (self.integrator).pass(&view.until(&stop), self.samples..end, &mut self.picture);
+        let seconds = clock.elapsed().as_secs_f64();
+        self.samples += added;
+        self.seconds += seconds;
+        let each = seconds / f64::from(added.max(1));
+        let pass = (0.1 * self.seconds).clamp(PASS[0], PASS[1]);
+        let room = (pass / each.max(1e-9)).clamp(1.0, f64::from(MAX_PASS)) as u32;
+        self.length = (2 * self.length).min(room);
+        added > 0
+    }
+
+    /// True if the render has come to the end that its options set.
+    fn done(&self, stated: Option<f64>) -> bool {
+        let spec = &self.request.spec;
+        let enough = self.samples >= spec.spp.unwrap_or(ENOUGH);
+        let late = spec
+            .time
+            .is_some_and(|time| self.seconds >= time.as_secs_f64());
+        let good = (spec.target_error.zip(stated)).is_some_and(|(bound, e)| e <= f64::from(bound));
+        enough || late || good && self.samples >= 16
+    }
+}
+
+/// Options of a finished film: a change of them finishes it anew.
+fn showing(state: &State) -> (Resolve, bool) {
+    (
+        state.wish.spec.resolve(),
+        state.wish.overlay == Overlay::Flip,
+    )
+}
+
+/// The request of a spec seen by a look; options that this scene does not know beside others are left out.
+fn prepared<'a>(
+    spec: &Spec,
+    look: Look,
+    subject: Subject<'a>,
+) -> Result<(Request<'a>, Vec<String>), Fault> {
+    let mut spec = Spec {
+        camera: None,
+        ..spec.clone()
+    };
+    // A lens of the file stays with the look of it.
+    let frame = spec.frame(subject.scene)?;
+    let look = Look {
+        aspect: Some(frame.x as f32 / frame.y as f32),
+        ..look
+    };
+    spec.look = Some(LookChoice::Held(Box::new(look)));
+    let mut left_out = Vec::new();
+    loop {
+        match Request::new(&spec, subject, None) {
+            Ok(request) => return Ok((request, left_out)),
+            Err(fault) => {
+                let (without, why) = leave_out(&spec, fault, &[])?;
+                spec = without;
+                left_out.push(why);
+            }
+        }
+    }
+}
+
+/// The look of the camera that the options name; it turns around what is in the middle of its picture.
+fn first_look(spec: &Spec, scene: &Scene) -> Result<Look, Fault> {
+    let frame = spec.frame(scene)?;
+    let bare = Spec {
+        aperture: None,
+        focus: None,
+        ..spec.clone()
+    };
+    let camera = bare.camera(scene, frame)?;
+    let ray = camera.ray(Vec2::splat(0.5), 1.0);
+    let (low, high) = scene.geometry().bounds();
+    let middle = 0.5 * (low + high);
+    let distance = match scene.intersect_seen(&ray) {
+        Some(hit) => hit.t,
+        None => (middle - ray.origin).dot(ray.dir),
+    };
+    let least = 1e-3 * (high - low).length().max(f32::MIN_POSITIVE);
+    Ok(Look::of(&camera, distance.max(least)))
+}
+
+/// A picture of few pixels.
+fn preview(shot: &Arc<Shot>, run: u64, seconds: f64, size: UVec2, picture: &Picture) -> Snapshot {
+    Snapshot {
+        shot: shot.clone(),
+        run,
+        preview: true,
+        samples: 0,
+        seconds,
+        size,
+        picture: picture.film.mean(),
+        maps: Maps::default(),
+        flip: None,
+    }
+}
+
+/// Says on the terminal too what went wrong.
+fn tracing_line(fault: &Fault) {
+    eprintln!("opsr: {}", fault.said(opsr::render::Names::Flags));
+}

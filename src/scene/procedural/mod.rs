@@ -1,0 +1,4 @@
+//! Meshes and materials made in code.
+
+pub mod materials;
+pub mod shapes;
