@@ -178,8 +178,8 @@ class _Options(TypedDict, total=False):
     integrator: Literal["path", "light", "bdpt", "vcm", "sppm", "mlt", "auto"] | None
     table: Table | Path | None
     gamma: float | None
-    levels: int | Sequence[float] | None
-    resolve: Literal["none", "sharp", "default"] | None
+    levels: int | str | Sequence[float] | None
+    resolve: Literal["raw", "none", "sharp", "default"] | None
     table_scale: float | None
     lookup: Literal["nearest", "linear"] | None
     mode: Literal["default", "reuse", "pbrt", "filter-glossy", "roughness-clamp", "mollifier"] | None

@@ -187,7 +187,8 @@ pub(crate) fn merge(
         &wanted,
         metadata,
         Some(first.camera),
-    );
+    )
+    .map_err(raised)?;
     Ok(Film {
         done: outcome.finish(None).map_err(raised)?,
         spp: samples,

@@ -8,6 +8,7 @@ use super::fault::Fault;
 use super::files::{Format, format};
 use super::request::Request;
 use super::spec::{Effect, OPTIONS, Spec};
+use super::value::Field;
 use crate::image::denoise::Denoiser;
 use crate::image::display::Display;
 use crate::image::exr::{self, Header, Layer, Metadata, Storage};
@@ -143,21 +144,25 @@ impl<'a> Outcome<'a> {
     }
 
     /// The outcome of a render whose scene is not here: merged parts, or a checkpoint. `metadata` is the text of that render, in
-    /// which options of the film in `spec` replace those that it had.
+    /// which options of the film in `spec` replace those that it had. Fails for options that its film does not have.
     pub fn of_film(
         spec: &Spec,
         picture: Picture,
         wanted: &[Aov],
         mut metadata: Metadata,
         world_to_camera: Option<[f32; 16]>,
-    ) -> Self {
-        for option in OPTIONS.iter().filter(|option| option.of_film) {
-            metadata.remove(option.name);
+    ) -> Result<Self, Fault> {
+        spec.check_film(&picture)?;
+        if picture.levels.is_some() {
+            for option in OPTIONS.iter().filter(|option| option.of_film) {
+                metadata.remove(option.name);
+            }
+            metadata.insert("resolve".into(), spec.resolve().text());
         }
         let chosen = spec.given().filter(|(option, _)| option.of_film);
         let chosen = chosen.filter(|(option, _)| option.effect == Effect::Pixels);
         metadata.extend(chosen.map(|(option, text)| (option.name.to_owned(), text)));
-        Self {
+        Ok(Self {
             aovs: Layers::recorded(wanted).of(&picture),
             picture: Cow::Owned(picture),
             missing: None,
@@ -165,12 +170,11 @@ impl<'a> Outcome<'a> {
             world_to_camera,
             spec: spec.clone(),
             in_studio: false,
-        }
+        })
     }
 
-    /// Makes the picture. Fails for a choice that its film does not have, and where the denoiser does.
+    /// Makes the picture. Fails where the denoiser does.
     pub fn finish(self, denoiser: Option<&Denoiser>) -> Result<Finished<'a>, Fault> {
-        self.spec.check_film(&self.picture)?;
         let shown = Shown::of(&self.picture, &self.spec, denoiser)?;
         Ok(Finished {
             outcome: self,

@@ -264,9 +264,9 @@ fn scenes_in(folder: &Path) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::procedural::{materials, shapes};
     use crate::math::Rgb;
     use crate::scene::PunctualLight;
+    use crate::scene::procedural::{materials, shapes};
 
     #[test]
     fn what_is_no_scene_says_what_to_do() {

@@ -228,8 +228,8 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::procedural::shapes;
     use crate::scene::Material;
+    use crate::scene::procedural::shapes;
 
     /// A ball of glass, changed by `change`, and a lamp.
     fn is_dark(lamp: Vec3, change: impl Fn(&mut SceneParts)) -> bool {

@@ -871,8 +871,8 @@ fn chance(ray: &Ray, triangle: TriangleId) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::procedural::{materials, shapes};
     use crate::scene::SharedMesh;
+    use crate::scene::procedural::{materials, shapes};
     use glam::DAffine3;
 
     #[test]

@@ -4,12 +4,12 @@
 
 use cpu_time::ThreadTime;
 use glam::{DAffine3, DQuat, DVec3};
-use opsr::scene::procedural::materials::{diffuse, emitter};
-use opsr::scene::procedural::shapes::{quad, room, sphere};
 use opsr::image::Film;
 use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
+use opsr::scene::procedural::materials::{diffuse, emitter};
+use opsr::scene::procedural::shapes::{quad, room, sphere};
 use opsr::scene::{Mesh, Scene, SceneParts, SharedMesh};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;

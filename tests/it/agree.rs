@@ -1,6 +1,5 @@
 //! The three-scale test of two pictures: planted errors are found, equal distributions pass.
 
-use opsr_lab::gallery::cornell_box;
 use opsr::image::Buffer;
 use opsr::image::batches::Sharing;
 use opsr::image::film::Film;
@@ -8,6 +7,7 @@ use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::moments::Moments;
 use opsr::math::{Rgb, UVec2};
+use opsr_lab::gallery::cornell_box;
 use opsr_lab::stats::agreement::{Agreement, agree, agree_with_exact};
 
 use crate::film::noise;

@@ -1,7 +1,6 @@
 //! AOVs and traced paths against the picture they belong to.
 
 use crate::support::render;
-use opsr_lab::gallery;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::aov::{Aovs, Centres, FirstHit, LightSplit, PixelTime};
 use opsr::integrator::trace::trace;
@@ -9,6 +8,7 @@ use opsr::integrator::{Picture, Recorded, Settings, View};
 use opsr::math::{UVec2, Vec2};
 use opsr::regularise::{Accumulated, Factors, Rule};
 use opsr::scene::Scene;
+use opsr_lab::gallery;
 
 const SIZE: UVec2 = UVec2::new(20, 18);
 

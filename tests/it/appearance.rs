@@ -4,11 +4,11 @@ use super::support::assert_likely;
 use super::support::render::{film, mean, scene};
 use glam::{Affine2, Vec2 as Uv};
 use opsr::bsdf::Bsdf;
-use opsr::scene::procedural::materials::{diffuse, emitter};
-use opsr::scene::procedural::shapes::quad;
 use opsr::math::{Ray, Rgb, Vec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::material::{AlphaMode, TextureRef};
+use opsr::scene::procedural::materials::{diffuse, emitter};
+use opsr::scene::procedural::shapes::quad;
 use opsr::scene::texture::Wrap;
 use opsr::scene::{
     Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts, Texture,

@@ -1,10 +1,10 @@
 //! Backs of surfaces that show their front alone: the camera looks through them, light does not.
 
 use super::support::render::{film_with, mean, scene};
-use opsr::scene::procedural::materials::{diffuse, emitter};
-use opsr::scene::procedural::shapes::{cuboid, quad};
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
+use opsr::scene::procedural::materials::{diffuse, emitter};
+use opsr::scene::procedural::shapes::{cuboid, quad};
 use opsr::scene::{Camera, Material, Scene, SceneParts};
 
 /// A room seen from outside: its walls face inwards, and a lamp hangs under its ceiling.

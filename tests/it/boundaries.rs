@@ -1,14 +1,14 @@
 //! Meshes that should bound a body and do not, and open ones that do.
 
 use super::support::render::{film_with, mean};
-use opsr::scene::procedural::materials::{diffuse, glass};
-use opsr::scene::procedural::shapes::{cuboid, quad, sphere};
-use opsr_lab::gallery::{builtin, glb, names};
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::load::{LoadOptions, load};
+use opsr::scene::procedural::materials::{diffuse, glass};
+use opsr::scene::procedural::shapes::{cuboid, quad, sphere};
 use opsr::scene::{Environment, Mesh, Scene, SceneParts};
+use opsr_lab::gallery::{builtin, glb, names};
 
 /// These bodies of glass under a white sky, seen from `eye`.
 fn under_sky(bodies: impl IntoIterator<Item = Mesh>, eye: [f32; 3]) -> SceneParts {

@@ -4,14 +4,14 @@ use super::support::render::scene;
 use crate::bsdf::numbers;
 use crate::geometry::rng;
 use opsr::bsdf::{Bsdf, Diffuse, Distribution, clearcoated};
-use opsr::scene::procedural::materials::{self, metal};
-use opsr::scene::procedural::shapes::quad;
 use opsr::image::Film;
 use opsr::integrator::{PathObserver, Recorder, Settings, View};
 use opsr::math::{Ray, Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, Seed};
 use opsr::scene::material::TextureRef;
+use opsr::scene::procedural::materials::{self, metal};
+use opsr::scene::procedural::shapes::quad;
 use opsr::scene::{Scene, SceneParts, Texture};
 use opsr_lab::verify::bsdfs::{DISTRIBUTIONS, at, glass, metal as mirror, plastic};
 

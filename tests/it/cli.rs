@@ -19,8 +19,8 @@ mod train;
 mod training_report;
 mod verify;
 
-use opsr_lab::gallery::{self, glb};
 use opsr::scene::SceneParts;
+use opsr_lab::gallery::{self, glb};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

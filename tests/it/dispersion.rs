@@ -1,11 +1,11 @@
 //! Dispersion: indices of the channels, and each channel against a scene of its index.
 
 use super::support::render;
-use opsr_lab::gallery;
 use opsr::image::Film;
 use opsr::integrator::{Amounts, Estimator, Settings};
 use opsr::regularise::Rule;
 use opsr::scene::{Material, Scene, SceneParts};
+use opsr_lab::gallery;
 
 #[test]
 fn dispersion_gives_the_indices_of_a_known_glass() {

@@ -20,12 +20,12 @@ mod train;
 
 use crate::cli::Place;
 use crate::support::{quick_folder, root};
-use opsr_lab::gallery;
 use opsr::image::denoise::Denoiser;
 use opsr::image::exr;
 use opsr::render::Spec;
 use opsr::scene::SceneParts;
 use opsr::{Aov, Fault, Render, Scene};
+use opsr_lab::gallery;
 use serde_json::json;
 
 /// A scene of the repository.
@@ -126,7 +126,7 @@ fn facade_writes_the_files_of_the_program() {
         ("", json!({})),
         (
             "--resolve raw --aov --exposure 1.5 --view agx",
-            json!({"levels": 1, "aov": true, "exposure": 1.5, "view": "agx"}),
+            json!({"resolve": "raw", "aov": true, "exposure": 1.5, "view": "agx"}),
         ),
         (
             "--gamma 0.3 --level-layers --exr-half",

@@ -1,16 +1,16 @@
 //! Path guiding: the distributions of directions, and pictures against the path tracer's.
 
 use crate::support::render::{film_with, mean, scene};
-use opsr::scene::procedural::materials::{coated, diffuse, emitter};
-use opsr::scene::procedural::shapes::quad;
-use opsr_lab::gallery::{builtin, caustic_box, cornell_box};
 use opsr::image::film::Film;
 use opsr::integrator::guided::quadtree::{Quadtree, Sums, direction, square};
 use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
+use opsr::scene::procedural::materials::{coated, diffuse, emitter};
+use opsr::scene::procedural::shapes::quad;
 use opsr::scene::{Material, Scene, SceneParts};
+use opsr_lab::gallery::{builtin, caustic_box, cornell_box};
 use opsr_lab::stats::agreement::agree;
 use opsr_lab::verify::chi_square::p_value;
 

@@ -2,11 +2,11 @@
 
 use super::support::gltf::File;
 use super::support::render::{film_with, mean, scene};
-use opsr::scene::procedural::materials::{diffuse, emitter};
-use opsr::scene::procedural::shapes::{quad, sphere};
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::lamp::{Cone, Lamp};
+use opsr::scene::procedural::materials::{diffuse, emitter};
+use opsr::scene::procedural::shapes::{quad, sphere};
 use opsr::scene::{Camera, Scene, SceneParts};
 use serde_json::{Value, json};
 use std::f64::consts::PI;

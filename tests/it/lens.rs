@@ -2,11 +2,11 @@
 
 use super::support::assert_likely;
 use super::support::gltf::File;
-use opsr_lab::gallery;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr::scene::{Camera, Lens, Scene, Sensor};
+use opsr_lab::gallery;
 use opsr_lab::verify::chi_square::p_value;
 use serde_json::{Value, json};
 

@@ -1,9 +1,6 @@
 //! Several levels of roughening on the same paths.
 
 use super::support::render::{film_with, scene};
-use opsr::scene::procedural::materials::{GOLD, diffuse, emitter, glass, metal};
-use opsr::scene::procedural::shapes::{quad, room, sphere};
-use opsr_lab::gallery::{caustic_box, two_mirrors};
 use opsr::image::Film;
 use opsr::image::film::Window;
 use opsr::image::level_film::LevelFilm;
@@ -13,7 +10,10 @@ use opsr::math::moments::Moments;
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::{Accumulated, AttenuationTable, Factors, GammaIndex, Rule};
 use opsr::resolve::{Resolve, resolve_film, unseen_share};
+use opsr::scene::procedural::materials::{GOLD, diffuse, emitter, glass, metal};
+use opsr::scene::procedural::shapes::{quad, room, sphere};
 use opsr::scene::{PunctualLight, Scene, SceneParts};
+use opsr_lab::gallery::{caustic_box, two_mirrors};
 use opsr_lab::stats::agreement::agree;
 
 /// A table with a pattern.

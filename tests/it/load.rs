@@ -9,11 +9,11 @@ mod meshes;
 mod motion;
 
 use super::support::gltf::{File, load_bytes, load_in};
-use opsr_lab::gallery::glb;
-use opsr::scene::procedural::shapes;
-use opsr_lab::gallery;
 use opsr::math::Vec3;
+use opsr::scene::procedural::shapes;
 use opsr::scene::{Mesh, SceneParts};
+use opsr_lab::gallery;
+use opsr_lab::gallery::glb;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 

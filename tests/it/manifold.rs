@@ -1,10 +1,10 @@
 //! Manifold sampling beside estimators that find the same light by other ways.
 
 use super::support::render;
-use opsr::scene::procedural::{materials, shapes};
 use opsr::image::Film;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
+use opsr::scene::procedural::{materials, shapes};
 use opsr::scene::{Mesh, PunctualLight, Scene, SceneParts};
 
 fn settings(estimator: Estimator, seed: u64) -> Settings {

@@ -2,13 +2,13 @@
 
 use super::support::assert_likely;
 use super::support::render::{film, film_with, mean, scene};
-use opsr::scene::procedural::materials::{diffuse, emitter};
-use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::integrator::Settings;
 use opsr::math::discrete::{AliasTable, Distribution2D};
 use opsr::math::{DVec2, Ray, Rgb, UVec2, Vec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, IndependentStream, SampleSource, Sampler, Seed};
+use opsr::scene::procedural::materials::{diffuse, emitter};
+use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::{
     Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts, TriangleId,
 };

@@ -1,13 +1,13 @@
 //! What films state about the error of their mean.
 
 use super::support::render::scene;
-use opsr_lab::gallery::{builtin, cornell_box};
 use opsr::image::film::{Film, Window};
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::moments::Moments;
 use opsr::math::{DVec3, UVec2};
 use opsr::scene::Scene;
+use opsr_lab::gallery::{builtin, cornell_box};
 
 /// Estimators whose pixels share light paths, and one whose pixels do not.
 const ESTIMATORS: [Estimator; 6] = [

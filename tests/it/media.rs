@@ -2,13 +2,13 @@
 
 use super::support::render::{film_with, mean, scene};
 use opsr::bsdf::{Bsdf, Phase};
-use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal};
-use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::image::Film;
 use opsr::integrator::{Amounts, Estimator, Picture, Recorded, Settings, View};
 use opsr::math::{Ray, Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
+use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal};
+use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::{
     Environment, Falloff, Material, Medium, PunctualLight, Scene, SceneParts, Sensor,
 };

@@ -1,12 +1,12 @@
 //! Bodies that overlap: which boundaries exist, and between which indices.
 
 use super::support::render::{film_with, mean, scene};
-use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal, tinted_glass};
-use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::image::Film;
 use opsr::integrator::{Amounts, Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::regularise::Rule;
+use opsr::scene::procedural::materials::{diffuse, emitter, glass, metal, tinted_glass};
+use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::{Environment, Material, SceneParts};
 use opsr_lab::stats::agreement::agree;
 

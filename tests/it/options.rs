@@ -4,13 +4,13 @@
 use crate::cli::Place;
 use crate::support::gltf::File;
 use crate::support::root;
-use opsr_lab::gallery::{self, glb};
 use opsr::image::exr::{self, Metadata};
 use opsr::integrator::drive::RenderProgress;
 use opsr::render::open::Opened;
 use opsr::render::{Effect, Fault, Heading, Names, OPTIONS, Opt, Request, Spec, Subject, run};
-use opsr_lab::report::bench::Suite;
 use opsr::scene::Scene;
+use opsr_lab::gallery::{self, glb};
+use opsr_lab::report::bench::Suite;
 use serde_json::json;
 use std::collections::{BTreeMap, HashMap};
 use std::ops::ControlFlow;
@@ -433,15 +433,6 @@ fn options_of_a_suite_are_those_of_the_library() {
             let why = suite.expect_err(option.name);
             assert!(
                 why.contains("is no part of a method"),
-                "{}: {why}",
-                option.name
-            );
-            continue;
-        }
-        if option.name == "resolve" {
-            let why = suite.expect_err(option.name);
-            assert!(
-                why.contains("needs several levels"),
                 "{}: {why}",
                 option.name
             );

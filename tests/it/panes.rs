@@ -1,14 +1,14 @@
 //! Smooth thin walls: light samples pass them straight, and paths that pass them are weighed against that.
 
 use super::support::render::{film_with, mean, scene};
-use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass};
-use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::image::Film;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::material::TextureRef;
+use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass};
+use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::{Environment, Material, Mesh, PunctualLight, Scene, SceneParts, Texture};
 use opsr_lab::stats::agreement::agree;
 use opsr_lab::verify::simple::Simple;

@@ -3,7 +3,6 @@
 use crate::fuzz::mutate::Rng;
 use crate::support::quick_folder;
 use crate::support::render::scene;
-use opsr_lab::gallery::caustic_box;
 use opsr::image::film::Window;
 use opsr::image::level_film::PathLevels;
 use opsr::integrator::checkpoint::Fingerprint;
@@ -11,6 +10,7 @@ use opsr::integrator::modes::{MODES, Uniform};
 use opsr::integrator::part::{MergeError, Part, merge};
 use opsr::integrator::{Amounts, Estimator, Integrator, Picture, Recorded, Settings, View};
 use opsr::math::{Rgb, UVec2};
+use opsr_lab::gallery::caustic_box;
 use std::ops::{ControlFlow, Range};
 use std::path::PathBuf;
 

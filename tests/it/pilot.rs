@@ -1,7 +1,6 @@
 //! The pilot that chooses the integrator.
 
 use super::support::render::scene;
-use opsr_lab::gallery::builtin;
 use opsr::image::film::Window;
 use opsr::integrator::Amounts;
 use opsr::integrator::bidirectional::Radius;
@@ -11,6 +10,7 @@ use opsr::math::UVec2;
 use opsr::pilot::{Contender, Horizon, choose_integrator};
 use opsr::regularise::{AttenuationTable, Rule};
 use opsr::scene::Scene;
+use opsr_lab::gallery::builtin;
 
 fn view(scene: &Scene) -> View<'_> {
     let frame = UVec2::splat(64);

@@ -1,14 +1,14 @@
 //! References: a resumed one equals one run, foreign files are refused, and the committed ones agree with the renderer.
 
 use crate::support::root;
-use opsr_train::manifest::{Manifest, SceneEntry};
-use opsr_train::reference::{Reference, SEED};
 use opsr::image::film::Film;
 use opsr::integrator::{Settings, View};
 use opsr::math::DVec3;
 use opsr::sampler::{Independent, Seed};
 use opsr::scene::Scene;
 use opsr::scene::load::{LoadOptions, load};
+use opsr_train::manifest::{Manifest, SceneEntry};
+use opsr_train::reference::{Reference, SEED};
 use std::path::Path;
 
 fn committed() -> Manifest {

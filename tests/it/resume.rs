@@ -13,12 +13,12 @@ fn resume_renders_stopped_at_fifty_places() {
 mod training {
     use crate::support::quick_folder;
     use crate::train::crop;
+    use opsr_lab::verify::learning::{self, quick};
     use opsr_train::TrainError;
     use opsr_train::config::{Evaluation, Optimiser};
     use opsr_train::learn::outer_loop::Outcome;
     use opsr_train::record::crop::{Crop, DatasetError};
     use opsr_train::{Config, RecordingControl, Session};
-    use opsr_lab::verify::learning::{self, quick};
     use std::ops::ControlFlow;
     use std::path::{Path, PathBuf};
     use std::sync::Arc;

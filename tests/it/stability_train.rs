@@ -3,6 +3,7 @@
 use crate::train::crop;
 use opsr::regularise::{AttenuationTable, LEN};
 use opsr::sampler::Seed;
+use opsr_lab::verify::learning::quick;
 use opsr_train::config::Evaluation;
 use opsr_train::evaluate::replay::Replay;
 use opsr_train::evaluate::{Adjoint, MomentSource, Moments};
@@ -10,7 +11,6 @@ use opsr_train::learn::loss::LossBackend;
 use opsr_train::learn::outer_loop::Outcome;
 use opsr_train::record::visits::Visits;
 use opsr_train::{RecordingControl, Session, TrainError};
-use opsr_lab::verify::learning::quick;
 use std::ops::ControlFlow;
 use std::path::Path;
 

@@ -1,12 +1,12 @@
 //! What pictures state about their error.
 
 use super::support::render::{film, scene};
-use opsr_lab::gallery::builtin;
 use opsr::image::Film;
 use opsr::math::{DVec3, Rgb, UVec2};
 use opsr::regularise::Rule;
 use opsr::resolve::film_error;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
+use opsr_lab::gallery::builtin;
 
 /// Means over films of the stated squared error and of the true one, relative to the mean of all films.
 fn stated_and_true(films: &[Film], truth: Option<DVec3>) -> (f64, f64) {

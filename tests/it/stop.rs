@@ -1,13 +1,13 @@
 //! Renders that end in the middle of a pass.
 
 use crate::support::render::{mean, scene};
-use opsr_lab::gallery::cornell_box;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::drive::{Budget, Reason, drive};
 use opsr::integrator::{Amounts, Estimator, Integrator, Picture, Recorded, Settings, Stop, View};
 use opsr::math::UVec2;
 use opsr::regularise::Rule;
 use opsr::scene::Scene;
+use opsr_lab::gallery::cornell_box;
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;

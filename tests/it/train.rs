@@ -4,13 +4,14 @@ mod fresh;
 mod learning;
 mod loss;
 
-use opsr_lab::gallery::caustic_box;
-use opsr::scene::procedural::materials::coated;
 use opsr::integrator::{Picture, Settings};
 use opsr::math::Rgb;
 use opsr::math::real::Dual;
 use opsr::regularise::{AttenuationTable, Lookup, Rule};
 use opsr::sampler::Seed;
+use opsr::scene::procedural::materials::coated;
+use opsr_lab::gallery::caustic_box;
+use opsr_lab::verify::learning::{adjoint, crop_of, derivatives, uneven};
 use opsr_train::Config;
 use opsr_train::evaluate::curves::Curves;
 use opsr_train::evaluate::replay::Replay;
@@ -18,7 +19,6 @@ use opsr_train::evaluate::{MomentSource, Moments};
 use opsr_train::record::crop::{Crop, EPSILON};
 use opsr_train::record::event::MeanAndSquare;
 use opsr_train::record::recording::{Recording, Tape};
-use opsr_lab::verify::learning::{adjoint, crop_of, derivatives, uneven};
 
 /// A small crop of the box with glass and copper, with a reference at a known factor.
 pub(crate) fn crop(edge: u32) -> Crop {

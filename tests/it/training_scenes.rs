@@ -1,8 +1,8 @@
 //! The committed training scenes equal the command's output, and their manifest fits them.
 
 use crate::support::root;
-use opsr_train::manifest::{Manifest, Role};
 use opsr_lab::gallery::{self, training};
+use opsr_train::manifest::{Manifest, Role};
 use std::path::{Path, PathBuf};
 
 fn committed() -> PathBuf {

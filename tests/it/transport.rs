@@ -1,9 +1,6 @@
 //! The path tracer against analytic answers, against a naive tracer, and against itself.
 
 use super::support::render::{film, film_with, mean, scene};
-use opsr::scene::procedural::materials::{GOLD, coated, diffuse, emitter, glass, metal, tinted_glass};
-use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
-use opsr_lab::gallery::{self, caustic_box, cornell_box};
 use opsr::image::{Buffer, Film};
 use opsr::integrator::{Estimator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
@@ -11,7 +8,12 @@ use opsr::regularise::{Accumulated, AttenuationTable, Factors, Lookup, Rule};
 use opsr::sampler::{Independent, Seed};
 use opsr::scene::camera::Projection;
 use opsr::scene::material::TextureRef;
+use opsr::scene::procedural::materials::{
+    GOLD, coated, diffuse, emitter, glass, metal, tinted_glass,
+};
+use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::{Environment, Material, Scene, SceneParts, Texture};
+use opsr_lab::gallery::{self, caustic_box, cornell_box};
 use opsr_lab::stats::agreement::{agree, agree_with_exact};
 use opsr_lab::verify::simple::Simple;
 

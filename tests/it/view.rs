@@ -1,10 +1,10 @@
 //! The viewer by its protocol: who is answered, what is refused, what stalls nothing, and that its picture is that of a render.
 
-use opsr_lab::gallery::{self, glb};
 use opsr::image::exr;
 use opsr::render::look::LookChoice;
 use opsr::render::{Request, Spec, Subject, run};
 use opsr::scene::Scene;
+use opsr_lab::gallery::{self, glb};
 use opsr_view::Viewer;
 use serde_json::{Value, json};
 use std::io::{Read, Write};

@@ -2,7 +2,6 @@
 
 use super::support::render::scene;
 use opsr::Render;
-use opsr_lab::gallery::builtin;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::method::IntegratorKind::{self, Bdpt, Path, Sppm, Vcm};
@@ -10,6 +9,7 @@ use opsr::integrator::{Picture, Settings, View};
 use opsr::math::UVec2;
 use opsr::pilot::witness::{Missing, missing_light};
 use opsr::scene::Scene;
+use opsr_lab::gallery::builtin;
 
 fn view(scene: &Scene, side: u32) -> View<'_> {
     let frame = UVec2::splat(side);

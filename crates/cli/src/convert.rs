@@ -2,8 +2,8 @@
 
 use super::exit::Blame;
 use anyhow::anyhow;
-use opsr_lab::gallery::{glb, lowered};
 use opsr::render::Spec;
+use opsr_lab::gallery::{glb, lowered};
 use std::path::PathBuf;
 
 /// Options of `opsr convert`.

@@ -83,7 +83,7 @@ pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
     let wanted = wanted.collect::<Result<Vec<_>, _>>();
     let wanted = wanted.map_err(anyhow::Error::msg).input()?;
     let camera = Some(first.camera);
-    let outcome = Outcome::of_film(spec, picture, &wanted, metadata, camera);
+    let outcome = Outcome::of_film(spec, picture, &wanted, metadata, camera).told()?;
     let finished = outcome.finish(denoiser.as_ref()).told()?;
     outputs.write(&finished).told()?;
     let Window { w, h, .. } = finished.outcome.picture.film.window;

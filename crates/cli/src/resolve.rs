@@ -39,7 +39,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         let what = anyhow!("{path}: a film of one level, there is nothing to choose");
         return Err(what).input();
     }
-    let outcome = Outcome::of_film(spec, film.picture, &[], film.metadata, None);
+    let outcome = Outcome::of_film(spec, film.picture, &[], film.metadata, None).told()?;
     let finished = outcome.finish(denoiser.as_ref()).told()?;
     outputs.write(&finished).told()?;
     Ok(())

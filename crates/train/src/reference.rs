@@ -6,8 +6,8 @@
 //! rounds them to single precision, a relative error of at most 6e-8 each time a run is resumed, thousands of times less
 //! than the noise of any reference.
 
-use opsr::files::{self, FileError, hex};
 use crate::manifest::{CROP, Manifest, SceneEntry};
+use opsr::files::{self, FileError, hex};
 use opsr::image::Film;
 use opsr::image::exr::{self, Metadata};
 use opsr::image::film::Window;

@@ -1,9 +1,9 @@
 //! The worth of a table: beside constant factors, and with its scale free.
 
-use opsr::regularise::{AttenuationTable, Lookup};
 use crate::config::constant_table;
 use crate::learn::crop_set::{CropSet, minimise};
 use crate::learn::loss::mean_loss;
+use opsr::regularise::{AttenuationTable, Lookup};
 use serde::Serialize;
 
 /// Loss of a table, or of a constant factor, on some crops.

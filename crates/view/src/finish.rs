@@ -284,13 +284,13 @@ impl Maps {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use opsr_lab::gallery::builtin;
+    use crate::stage::Stage;
     use opsr::integrator::Amounts;
     use opsr::integrator::{Recorded, View};
     use opsr::math::UVec2;
     use opsr::render::open::Opened;
     use opsr::scene::Scene;
-    use opsr::stage::Stage;
+    use opsr_lab::gallery::builtin;
 
     /// The sun on a pool, of which the path tracer finds a quarter: the witness speaks of this render and of no other, and
     /// what is missing is part of the error and has a map.

@@ -31,11 +31,11 @@ mod stage;
 mod wish;
 mod work;
 
+use finish::Slot;
+use hub::Hub;
 use opsr::files::hex;
 use opsr::image::exr;
 use opsr::render::{Fault, Spec};
-use finish::Slot;
-use hub::Hub;
 use serve::Server;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};

@@ -2,14 +2,14 @@
 
 use super::scenes;
 use crate::support::render::{film_with, mean, scene};
-use opsr_lab::gallery::furnace_sphere;
-use opsr::scene::procedural::materials::glass;
-use opsr::scene::procedural::shapes::sphere;
 use opsr::image::Film;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::Vec3;
 use opsr::scene::Scene;
+use opsr::scene::procedural::materials::glass;
+use opsr::scene::procedural::shapes::sphere;
+use opsr_lab::gallery::furnace_sphere;
 use opsr_lab::stats::agreement::agree;
 
 const SIZE: u32 = 24;

@@ -5,12 +5,12 @@ use super::scenes::{
     field, lamps_in_field, many_lamps, points_in_field, sky_in_field, sun_in_field,
 };
 use crate::support::render::{film_with, mean, scene};
-use opsr_lab::gallery;
 use opsr::image::film::{Film, Window};
 use opsr::integrator::bidirectional::{Aimed, Bidirectional, Radius, Strategies};
 use opsr::integrator::{Estimator, Integrator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr::scene::{Aim, Scene, SceneParts};
+use opsr_lab::gallery;
 use opsr_lab::stats::agreement::agree;
 
 const SIZE: UVec2 = UVec2::splat(24);

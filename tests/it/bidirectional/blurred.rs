@@ -1,7 +1,6 @@
 //! Blurs of pictures of one level: kept in batches, with guides of the camera paths.
 
 use crate::support::render::scene;
-use opsr_lab::gallery::{builtin, caustic_box};
 use opsr::image::Buffer;
 use opsr::image::film::Film;
 use opsr::image::level_film::LevelFilm;
@@ -14,6 +13,7 @@ use opsr::math::UVec2;
 use opsr::regularise::Rule;
 use opsr::resolve::{Resolve, resolve_film};
 use opsr::scene::Scene;
+use opsr_lab::gallery::{builtin, caustic_box};
 use std::ops::Range;
 
 const SIZE: UVec2 = UVec2::new(48, 36);

@@ -2,11 +2,11 @@
 
 use crate::support::holds;
 use crate::support::render::film_with;
-use opsr::scene::procedural::materials::diffuse;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::Rgb;
 use opsr::scene::Scene;
+use opsr::scene::procedural::materials::diffuse;
 use opsr_lab::verify::{Size, repeat};
 
 #[test]

@@ -3,11 +3,11 @@
 use super::scenes::{panel, walls};
 use crate::support::assert_likely;
 use crate::support::render::scene;
-use opsr::scene::procedural::materials::{diffuse, emitter};
 use opsr::image::Buffer;
 use opsr::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr::scene::camera::Projection;
+use opsr::scene::procedural::materials::{diffuse, emitter};
 use opsr::scene::{
     Aim, Beam, Camera, EmissionSample, Environment, Material, PunctualLight, Scene, SceneParts,
     Sensor, Target,

@@ -1,14 +1,14 @@
 //! Photons where they meet what they do badly: sharp lobes under lights without area, and parts thinner than their radius.
 
 use crate::support::render::{film_with, mean, scene};
-use opsr::scene::procedural::materials::{coated, diffuse, emitter, metal};
-use opsr::scene::procedural::shapes::{quad, sphere};
-use opsr_lab::gallery::thin_parts;
 use opsr::image::Film;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
+use opsr::scene::procedural::materials::{coated, diffuse, emitter, metal};
+use opsr::scene::procedural::shapes::{quad, sphere};
 use opsr::scene::{Environment, Material, PunctualLight, Scene, SceneParts};
+use opsr_lab::gallery::thin_parts;
 use std::f32::consts::PI;
 
 const PATH: Estimator = Estimator::Path { reuse: false };

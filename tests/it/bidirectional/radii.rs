@@ -1,7 +1,6 @@
 //! Photon density at several radii of the same photons.
 
 use crate::support::render::scene;
-use opsr_lab::gallery::{builtin, caustic_box};
 use opsr::image::Buffer;
 use opsr::image::film::{Film, Window};
 use opsr::image::level_film::LevelFilm;
@@ -13,6 +12,7 @@ use opsr::math::UVec2;
 use opsr::pilot::witness::missing_light;
 use opsr::resolve::{Resolve, resolve_film};
 use opsr::scene::Scene;
+use opsr_lab::gallery::{builtin, caustic_box};
 use std::ops::Range;
 
 const SIZE: UVec2 = UVec2::new(48, 36);

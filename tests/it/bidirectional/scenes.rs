@@ -1,11 +1,11 @@
 //! Small scenes, each with one thing that a bidirectional estimator can get wrong.
 
-use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass, metal, tinted_glass};
-use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::image::Buffer;
 use opsr::math::{Frame, Rgb, Vec3};
 use opsr::scene::camera::Projection;
 use opsr::scene::material::{AlphaMode, TextureRef};
+use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass, metal, tinted_glass};
+use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
 use opsr::scene::{Environment, Material, PunctualLight, SceneParts, Texture};
 
 const HALF: Rgb = Rgb::splat(0.5);

@@ -5,12 +5,12 @@
 //! ```
 
 use crate::support::render::{film_with, scene};
-use opsr_lab::gallery;
 use opsr::image::Film;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Estimator, Settings};
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::Scene;
+use opsr_lab::gallery;
 
 const SIZE: u32 = 24;
 const SEEDS: u64 = 4;

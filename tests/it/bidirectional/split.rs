@@ -2,13 +2,13 @@
 
 use super::scenes::{lit, under_water};
 use crate::support::render::{film_with, mean, scene};
-use opsr::scene::procedural::materials::{coated, metal};
 use opsr::image::Film;
 use opsr::integrator::bidirectional::{Radius, Strategies};
 use opsr::integrator::{Estimator, Integrator, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2};
 use opsr::regularise::{AttenuationTable, Rule};
 use opsr::scene::Scene;
+use opsr::scene::procedural::materials::{coated, metal};
 use opsr_lab::stats::agreement::agree;
 
 const PATH: Estimator = Estimator::Path { reuse: false };

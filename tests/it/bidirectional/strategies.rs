@@ -3,13 +3,13 @@
 
 use super::scenes::{lit, point_lit, with_sphere};
 use crate::support::render::{film_with, scene};
-use opsr::scene::procedural::materials::{coated, diffuse, metal};
 use opsr::image::Film;
 use opsr::integrator::bidirectional::{Radius, Strategies, Strategy};
 use opsr::integrator::{Estimator, Integrator, Picture, Settings, View, Walk};
 use opsr::math::{Rgb, UVec2};
 use opsr::regularise::Unregularised;
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
+use opsr::scene::procedural::materials::{coated, diffuse, metal};
 use opsr::scene::{Material, Scene, SceneParts};
 use opsr_lab::stats::agreement::agree;
 

@@ -1,8 +1,8 @@
 //! `--integrator auto`: what it chooses, and that a resumed render goes on with it.
 
 use super::Place;
-use opsr_lab::gallery;
 use opsr::image::exr;
+use opsr_lab::gallery;
 
 fn place(scene: &str) -> Place {
     let place = Place::new();

@@ -246,7 +246,7 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         2,
         "render scene.glb --gamma 0.1 --levels 9",
-        "1 to 8 levels",
+        "2 to 8 levels",
     ),
     (
         2,
@@ -352,7 +352,7 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         3,
         "render scene.glb --checkpoint state.ckpt --resume",
-        "state.ckpt: not a render checkpoint of version 3: it begins with `opsrckp1",
+        "state.ckpt: not a render checkpoint of version 4: it begins with `opsrckp1",
     ),
     (
         3,

@@ -2,12 +2,12 @@
 
 use super::Place;
 use crate::fuzz::seeds;
-use opsr_lab::gallery;
 use opsr::image::denoise::Denoiser;
 use opsr::image::{Buffer, exr, png};
 use opsr::math::Vec3;
-use opsr_lab::report::compare::{Named, Options, compare};
 use opsr::scene::PunctualLight;
+use opsr_lab::gallery;
+use opsr_lab::report::compare::{Named, Options, compare};
 use serde_json::Value;
 
 /// A box with caustics and a table.

@@ -113,7 +113,7 @@ fn parts_of_other_renders_are_refused_by_name() {
         (
             3,
             "a.part text.part",
-            "text.part: not a part of a render of version 2: it begins with `nothing`",
+            "text.part: not a part of a render of version 3: it begins with `nothing`",
         ),
         (3, "a.part none.part", "none.part: cannot be read"),
         (

@@ -4,8 +4,8 @@ use super::{Ended, Place};
 use crate::fuzz::seeds;
 use crate::support::gltf::File;
 use crate::support::root;
-use opsr_lab::gallery::{self, glb};
 use opsr::image::{exr, png};
+use opsr_lab::gallery::{self, glb};
 use serde_json::json;
 
 #[test]
@@ -257,7 +257,10 @@ fn table_by_name_is_the_shipped_file() {
         place
             .render(&format!("--spp 4 -o out.exr --opsr-table {table}"))
             .done();
-        place.read("out.exr")
+        let mut layers = exr::read_layers(&place.path().join("out.exr")).expect("layers");
+        // The name by which the table was given.
+        layers.metadata.remove("table");
+        layers
     };
     for name in ["beta-0.001", "beta-0.05"] {
         let file = format!("{}/params/{name}.json", root().display());
@@ -975,7 +978,7 @@ fn levels_are_the_default_of_tables_and_constants() {
     };
     for factors in ["--gamma 0.3", "--opsr-table table.json"] {
         let four = levels(factors);
-        assert_eq!(four.as_deref(), Some("[0.0, 0.64, 3.2, 16.0]"));
+        assert_eq!(four.as_deref(), Some("0,0.64,3.2,16"));
         let file = place.read("out.exr");
         assert_eq!(levels(&format!("{factors} --levels 4")), four);
         assert!(place.read("out.exr") == file);

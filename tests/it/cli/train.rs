@@ -1,8 +1,8 @@
 //! `opsr train` from scenes to tables: output, resumption, errors.
 
 use super::{Ended, Place};
-use opsr_lab::gallery;
 use opsr::regularise::file::TableFile;
+use opsr_lab::gallery;
 
 /// A short training of one crop. Options after it override its own.
 pub(super) const TRAIN: &str = "train --set manifest=\"list.toml\" --set spp=2 --set start=0.1 --set validate_every=2 \

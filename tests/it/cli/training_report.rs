@@ -1,9 +1,9 @@
 //! The report of a training: names of tables, scores, settings that are refused.
 
 use super::Place;
-use opsr_lab::gallery;
 use opsr::regularise::Lookup;
 use opsr::regularise::file::TableFile;
+use opsr_lab::gallery;
 use serde_json::Value;
 
 /// Two families for training and one scene for validation, with one crop each.

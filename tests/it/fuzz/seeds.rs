@@ -6,14 +6,14 @@ use ::exr::prelude as exrs;
 use exrs::WritableImage;
 use exrs::{AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, LineOrder};
 use image::codecs::hdr::HdrEncoder;
-use opsr_lab::gallery::{self, glb};
 use opsr::image::film::{Film, Window};
 use opsr::image::{Buffer, exr, png};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::regularise::file::{Provenance, TableFile};
 use opsr::regularise::{AttenuationTable, LEN, Lookup};
-use opsr_lab::report::bench::results::Inset;
 use opsr::scene::SceneParts;
+use opsr_lab::gallery::{self, glb};
+use opsr_lab::report::bench::results::Inset;
 use std::path::Path;
 
 /// Bytes of the file that `write` writes under a name.

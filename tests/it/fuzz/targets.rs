@@ -6,7 +6,6 @@ use super::{Target, repair, seeds};
 use crate::support::gltf::File;
 use crate::support::root;
 use opsr::files::FileError;
-use opsr_train::manifest::Manifest;
 use opsr::image::level_film::LevelFilm;
 use opsr::image::{exr, png};
 use opsr::integrator::bidirectional::Radius;
@@ -15,10 +14,11 @@ use opsr::integrator::part::{MergeError, Part, merge};
 use opsr::integrator::{Amounts, Estimator, FirstHit, Picture, Recorded, Settings, View};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::regularise::file::TableFile;
-use opsr_lab::report::bench::page::page;
-use opsr_lab::report::bench::{Results, Suite, summary};
 use opsr::scene::load::{LoadOptions, load};
 use opsr::scene::{Camera, Environment, Scene};
+use opsr_lab::report::bench::page::page;
+use opsr_lab::report::bench::{Results, Suite, summary};
+use opsr_train::manifest::Manifest;
 use serde_json::json;
 use std::path::Path;
 
@@ -469,7 +469,7 @@ pub(crate) fn parts() -> Target {
             let folder = crate::support::quick_folder();
             let mut paths = vec![path.to_owned()];
             if !has("\"samples\":[0,") {
-                let first = if has("\"levels\":[]") {
+                let first = if has("\"amounts\":\"raw\"") {
                     part(0..2, Amounts::Raw)
                 } else {
                     part(0..2, levels())

@@ -5,14 +5,14 @@ use super::close;
 use crate::support::gltf::{File, load_in};
 use glam::Vec2;
 use image::{DynamicImage, RgbImage, RgbaImage};
-use opsr::scene::procedural::shapes;
-use opsr_lab::gallery::glb;
 use opsr::math::{Rgb, Vec3};
 use opsr::scene::camera::Projection;
 use opsr::scene::load::LoadOptions;
 use opsr::scene::material::AlphaMode;
+use opsr::scene::procedural::shapes;
 use opsr::scene::texture::{Texels, Wrap};
 use opsr::scene::{Material, Mesh, PunctualLight, SceneParts};
+use opsr_lab::gallery::glb;
 use serde_json::{Value, json};
 
 /// The material loaded from a description.

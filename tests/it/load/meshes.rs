@@ -2,10 +2,10 @@
 
 use super::{close, triangles};
 use crate::support::gltf::{File, floats, shorts};
-use opsr_lab::gallery::glb;
-use opsr::scene::procedural::shapes;
 use opsr::math::Vec3;
+use opsr::scene::procedural::shapes;
 use opsr::scene::{Mesh, SceneParts};
+use opsr_lab::gallery::glb;
 use serde_json::{Value, json};
 
 const SQUARE: [f32; 12] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0];

@@ -3,12 +3,12 @@
 use super::broken::refused;
 use crate::support::gltf::{File, floats};
 use crate::support::render;
-use opsr_lab::gallery::{self, glb};
 use opsr::math::Vec3;
 use opsr::regularise::Rule;
 use opsr::regularise::file::TableFile;
 use opsr::scene::Scene;
 use opsr::scene::load::{LoadOptions, Loaded, load};
+use opsr_lab::gallery::{self, glb};
 use serde_json::{Value, json};
 use std::path::Path;
 

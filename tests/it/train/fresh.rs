@@ -4,13 +4,13 @@
 use super::crop;
 use opsr::regularise::{AttenuationTable, LEN, Lookup, Rule};
 use opsr::sampler::{Domain, Seed};
+use opsr_lab::verify::learning::{adjoint, quick, uneven};
 use opsr_train::evaluate::curves::Curves;
 use opsr_train::evaluate::replay::Replay;
 use opsr_train::evaluate::{Adjoint, MomentSource, Moments};
 use opsr_train::record::crop::Crop;
 use opsr_train::record::visits::Visits;
 use opsr_train::{Config, RecordingControl, Session};
-use opsr_lab::verify::learning::{adjoint, quick, uneven};
 use std::ops::ControlFlow;
 
 /// Traces a crop at every call.

@@ -4,12 +4,12 @@ use super::crop;
 use crate::support::root;
 use opsr::regularise::AttenuationTable;
 use opsr::sampler::{Domain, Seed};
+use opsr_lab::verify::learning::{self, TRUTH, quick};
 use opsr_train::config::{Evaluation, Optimiser, Preset};
 use opsr_train::evaluate::MomentSource;
 use opsr_train::evaluate::replay::Replay;
 use opsr_train::learn::outer_loop::Outcome;
 use opsr_train::{Config, RecordingControl, Session};
-use opsr_lab::verify::learning::{self, TRUTH, quick};
 use std::ops::ControlFlow;
 use std::path::Path;
 

@@ -4,12 +4,12 @@ use super::scenes::{
     field, lamps_in_field, lit, many_lamps, normal_map, parallel_camera, point_lit,
     points_in_field, sky_in_field, spot, sun_in_field, sunny, two_sided, under_water, with_sphere,
 };
-use crate::scene::procedural::materials::{coated, diffuse, glass, metal};
 use crate::image::film::Window;
 use crate::integrator::bidirectional::{Bidirectional, Radius, Strategies};
 use crate::integrator::{Estimator, Settings, View};
 use crate::math::{Rgb, UVec2};
 use crate::regularise::Rule;
+use crate::scene::procedural::materials::{coated, diffuse, glass, metal};
 use crate::scene::{Scene, SceneParts};
 
 const FRAME: UVec2 = UVec2::splat(40);

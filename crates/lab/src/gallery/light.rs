@@ -1,9 +1,9 @@
 //! Scenes that are hard for one estimator and easy for another.
 
-use opsr::scene::procedural::materials::{GOLD, SILVER, coated, diffuse, emitter, glass, metal};
-use opsr::scene::procedural::shapes::{cuboid, disc, quad, room, sphere};
 use super::{caustic_box, open_box, v3};
 use opsr::math::{Rgb, Vec3};
+use opsr::scene::procedural::materials::{GOLD, SILVER, coated, diffuse, emitter, glass, metal};
+use opsr::scene::procedural::shapes::{cuboid, disc, quad, room, sphere};
 use opsr::scene::{Environment, Mesh, PunctualLight, SceneParts};
 use std::f32::consts::PI;
 

@@ -14,13 +14,13 @@ mod light;
 pub mod lowered;
 pub mod training;
 
-use opsr::files;
-use opsr::math::{Rgb, Vec2, Vec3};
-use opsr::scene::{Material, Mesh, PunctualLight, SceneParts};
 use figures::Led;
 use glb::SaveError;
+use opsr::files;
+use opsr::math::{Rgb, Vec2, Vec3};
 use opsr::scene::procedural::materials::{COPPER, diffuse, emitter, glass, metal};
 use opsr::scene::procedural::shapes::{self, cuboid, cylinder, quad, ring, sphere, torus};
+use opsr::scene::{Material, Mesh, PunctualLight, SceneParts};
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::path::{Path, PathBuf};
 

@@ -2,6 +2,8 @@
 
 use super::html;
 use super::plot::{self, Axis, Line};
+use base64::prelude::{BASE64_STANDARD, Engine as _};
+use maud::{Markup, html};
 use opsr::image::{Buffer, png};
 use opsr::math::Rgb;
 use opsr::regularise::{AttenuationTable, Lookup};
@@ -11,8 +13,6 @@ use opsr_train::learn::loss::CropLoss;
 use opsr_train::record::visits::{LIVE, Visits};
 use opsr_train::score::Score;
 use opsr_train::{Config, Session};
-use base64::prelude::{BASE64_STANDARD, Engine as _};
-use maud::{Markup, html};
 use serde::Serialize;
 
 /// All data of the report.

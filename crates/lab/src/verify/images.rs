@@ -2,15 +2,15 @@
 
 use super::simple::{Fault, Simple};
 use super::{Finding, Size};
+use crate::stats::agreement::{Agreement, agree};
+use opsr::image::Film;
+use opsr::integrator::{Estimator, Picture, Settings, View};
+use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::scene::procedural::materials::{
     GOLD, brushed, clearcoated, coated, diffuse, emitter, glass, metal,
 };
 use opsr::scene::procedural::shapes::{cuboid, disc, room, sphere};
-use opsr::image::Film;
-use opsr::integrator::{Estimator, Picture, Settings, View};
-use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::scene::{Material, Scene, SceneParts};
-use crate::stats::agreement::{Agreement, agree};
 
 /// A closed room with a lit ceiling, which a tracer without light sampling finds soon, and bodies of all materials.
 fn lit_room() -> Scene {

@@ -2,7 +2,6 @@
 
 use super::{Finding, Numbers, Size};
 use crate::gallery::caustic_box;
-use opsr_train::manifest::Role;
 use opsr::image::film::Window;
 use opsr::math::UVec2;
 use opsr::regularise::{AttenuationTable, LEN, Lookup};
@@ -12,6 +11,7 @@ use opsr_train::config::{Evaluation, Optimiser};
 use opsr_train::evaluate::replay::Replay;
 use opsr_train::evaluate::{Adjoint, MomentSource, Moments};
 use opsr_train::learn::outer_loop::Outcome;
+use opsr_train::manifest::Role;
 use opsr_train::record::crop::{Crop, DatasetError};
 use opsr_train::{Config, RecordingControl, Session, TrainError};
 use std::error::Error;

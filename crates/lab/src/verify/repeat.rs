@@ -2,8 +2,6 @@
 
 use super::{Finding, Numbers, Size, pool};
 use crate::gallery::caustic_box;
-use opsr::scene::procedural::materials::{brushed, clearcoated, coated};
-use opsr::scene::procedural::shapes::{disc, sphere};
 use opsr::image::Film;
 use opsr::image::film::Window;
 use opsr::image::level_film::LevelFilm;
@@ -12,6 +10,8 @@ use opsr::integrator::modes::{MODES, Mode, Uniform};
 use opsr::integrator::{Estimator, FirstHit, Picture, Settings, View};
 use opsr::math::{Rgb, UVec2, Vec3};
 use opsr::scene::Scene;
+use opsr::scene::procedural::materials::{brushed, clearcoated, coated};
+use opsr::scene::procedural::shapes::{disc, sphere};
 use std::error::Error;
 
 const FRAME: UVec2 = UVec2::new(24, 20);

@@ -5,8 +5,6 @@
 //! cubic Hermite polynomials. Neglected: products of two events of different factors on one path. Paths that fold
 //! couple several factors; they stay events and are linearised anew whenever the table has moved (`folded.rs`).
 
-use opsr::math::real::{Dual, Real};
-use opsr::regularise::{AttenuationTable, GammaIndex};
 use crate::derivative::accumulate_at;
 use crate::evaluate::folded::Folded;
 use crate::evaluate::jacobian::{ExactSums, Jacobian, PixelMoments, add, by_pixel};
@@ -15,6 +13,8 @@ use crate::record::event::{PathSum, StoredEvent};
 use crate::record::recording::{RecordedPixel, Recording};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
+use opsr::math::real::{Dual, Real};
+use opsr::regularise::{AttenuationTable, GammaIndex};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;

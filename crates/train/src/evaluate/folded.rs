@@ -4,13 +4,13 @@
 //! They are evaluated exactly, with derivatives, at one table, the anchor, and followed by the tangent from there until
 //! the factors have moved too far.
 
-use opsr::math::real::{Dual, Real};
-use opsr::regularise::{AttenuationTable, GammaIndex, LEN};
 use crate::evaluate::Moments;
 use crate::evaluate::jacobian::{Jacobian, PixelMoments};
 use crate::record::event::StoredEvent;
 use crate::record::lists::{PrefetchBuffer, RoughnessLists};
 use crate::record::recording::Recording;
+use opsr::math::real::{Dual, Real};
+use opsr::regularise::{AttenuationTable, GammaIndex, LEN};
 use rayon::prelude::*;
 use std::ops::Range;
 

@@ -1,7 +1,7 @@
 //! Linear model of a crop's moments: sums over the table's factors, and their sparse Jacobian.
 
-use opsr::math::Vec4;
 use crate::evaluate::{Adjoint, Moments};
+use opsr::math::Vec4;
 use std::ops::Range;
 
 /// Mean per channel and second moment of a pixel.
@@ -154,12 +154,7 @@ impl Jacobian {
     }
 
     /// Adds to the moments what they change by when the factor of `range` moves by `by`.
-    pub(crate) fn follow(
-        &self,
-        range: Range<usize>,
-        by: f32,
-        moments: &mut [PixelMoments],
-    ) {
+    pub(crate) fn follow(&self, range: Range<usize>, by: f32, moments: &mut [PixelMoments]) {
         // Late in a training two factors of five stay at a bound.
         if by == 0.0 {
             return;

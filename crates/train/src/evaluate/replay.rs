@@ -1,10 +1,10 @@
 //! Replay: every stored event is evaluated again at each table, exactly for the samples of the recording.
 
-use opsr::math::real::Dual;
-use opsr::regularise::AttenuationTable;
 use crate::evaluate::{Adjoint, MomentSource, Moments, no_gradient};
 use crate::record::event::{MeanAndSquare, PathSum};
 use crate::record::recording::{RecordedPixel, Recording};
+use opsr::math::real::Dual;
+use opsr::regularise::AttenuationTable;
 use rayon::prelude::*;
 
 /// Pixels that a thread takes at once. Gradients are summed chunk by chunk, in order.

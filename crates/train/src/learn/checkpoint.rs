@@ -1,10 +1,10 @@
 //! Checkpoints, from which a stopped training resumes bit-identically.
 
-use opsr::files::{FileError, Sealed, hex};
-use opsr::regularise::{AttenuationTable, LEN};
 use crate::config::{Config, ConfigError};
 use crate::learn::model::{Learner, LearnerState};
 use crate::record::crop::Crop;
+use opsr::files::{FileError, Sealed, hex};
+use opsr::regularise::{AttenuationTable, LEN};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::path::Path;

@@ -1,11 +1,11 @@
 //! Crops that are learned from, or scored, together.
 
-use opsr::regularise::{AttenuationTable, Lookup};
 use crate::config::constant_table;
 use crate::evaluate::{GAMMA_MIN, MomentSource, Moments, no_gradient};
 use crate::learn::loss::{CropLoss, LossBackend, Objective, mean_loss};
 use crate::record::crop::{Crop, Target};
 use crate::record::visits::Visits;
+use opsr::regularise::{AttenuationTable, Lookup};
 use rayon::prelude::*;
 
 /// Mean |Δ ln γ|, weighted by the light that depends on each factor, up to which the tangents of folded paths are used.

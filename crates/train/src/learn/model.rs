@@ -1,6 +1,5 @@
 //! Parameters: a burn module, the factors that it makes, and Adam.
 
-use opsr::regularise::{AttenuationTable, LEN, Lookup};
 use crate::config::Optimiser;
 use crate::evaluate::GAMMA_MIN;
 use crate::learn::loss::{device, tensor};
@@ -9,6 +8,7 @@ use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::store::{ModuleRecord, RecordError};
 use burn::tensor::{Bytes, Tensor};
 use burn_pack::{DType, Reader};
+use opsr::regularise::{AttenuationTable, LEN, Lookup};
 
 /// Gradients below this are rounding noise, on which Adam would walk, since its steps do not depend on their scale.
 const NOISE: f64 = 1e-10;

@@ -1,8 +1,5 @@
 //! The outer loop: learns one table for one β.
 
-use opsr::files::FileError;
-use opsr::memory::Shortage;
-use opsr::regularise::AttenuationTable;
 use crate::config::{Config, ConfigError, Evaluation};
 use crate::learn::checkpoint::Checkpoint;
 use crate::learn::crop_set::CropSet;
@@ -10,6 +7,9 @@ use crate::learn::loss::{CropLoss, LossBackend, mean_loss};
 use crate::learn::model::Learner;
 use crate::learn::prior::Prior;
 use crate::record::crop::DatasetError;
+use opsr::files::FileError;
+use opsr::memory::Shortage;
+use opsr::regularise::AttenuationTable;
 use serde::Serialize;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};

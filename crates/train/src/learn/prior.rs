@@ -7,8 +7,8 @@
 //! It is added to the loss. Most factors hardly change the loss, and without it their values are those of the noise of a
 //! recording. Where a class carries much light, the loss outweighs it.
 
-use opsr::regularise::{GammaIndex, LEN};
 use crate::record::visits::{LIVE, Visits};
+use opsr::regularise::{GammaIndex, LEN};
 
 /// The prior of the classes that a recording visits.
 pub(crate) struct Prior {

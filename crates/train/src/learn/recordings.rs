@@ -1,17 +1,17 @@
 //! The recordings that a training needs: made by it, or before it by other processes and kept in files.
 
-use opsr::files;
-use crate::manifest::Role;
-use opsr::memory;
-use opsr::sampler::{Domain, Seed};
 use crate::config::{Config, Evaluation};
 use crate::evaluate::MomentSource;
 use crate::evaluate::curves::Curves;
 use crate::evaluate::replay::Replay;
 use crate::learn::outer_loop::TrainError;
+use crate::manifest::Role;
 use crate::record::crop::{Crop, DatasetError};
 use crate::record::recording::Recording;
 use crate::record::visits::Visits;
+use opsr::files;
+use opsr::memory;
+use opsr::sampler::{Domain, Seed};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

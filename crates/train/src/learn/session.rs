@@ -1,13 +1,13 @@
 //! A session: scenes are opened and recorded once, then a table is learned for every β.
 
-use opsr::files::hex;
-use opsr::regularise::file::Provenance;
 use crate::config::{Config, Optimiser};
 use crate::learn::checkpoint::Checkpoint;
 use crate::learn::crop_set::CropSet;
 use crate::learn::outer_loop::{Listener, Outcome, OuterLoop, TrainError};
 use crate::learn::recordings::{RecordedCrop, RecordingControl, Recordings};
 use crate::record::crop::{BRIGHTNESS, Crop, EPSILON};
+use opsr::files::hex;
+use opsr::regularise::file::Provenance;
 use std::path::Path;
 use std::time::Instant;
 

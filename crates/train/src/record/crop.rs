@@ -1,8 +1,11 @@
 //! Crops of a manifest's scenes with their references, and their recordings.
 
-use opsr::files::{FileError, hex};
 use crate::manifest::{CROP, Manifest, Role, SceneEntry};
+use crate::record::proposals::Proposals;
+use crate::record::recording::{Recording, Tape};
+use crate::record::roulette::EventRoulette;
 use crate::reference::{Reference, SEED};
+use opsr::files::{FileError, hex};
 use opsr::image::Film;
 use opsr::image::film::{FilmError, Window};
 use opsr::integrator::{PathObserver, Settings, View};
@@ -11,9 +14,6 @@ use opsr::regularise::{Roughening, Rule};
 use opsr::sampler::{Independent, Seed};
 use opsr::scene::load::{LoadOptions, load};
 use opsr::scene::{Camera, Scene};
-use crate::record::proposals::Proposals;
-use crate::record::recording::{Recording, Tape};
-use crate::record::roulette::EventRoulette;
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

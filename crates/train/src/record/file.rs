@@ -1,9 +1,9 @@
 //! Files of recordings, so that a stopped training traces no path twice.
 
-use opsr::files::{FileError, Sealed};
 use crate::record::event::StoredEvent;
 use crate::record::lists::RoughnessLists;
 use crate::record::recording::{RecordedPath, RecordedPixel, Recording};
+use opsr::files::{FileError, Sealed};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -4,9 +4,9 @@
 //! so both are computed per list and looked up by its number, the *code*. While paths are traced, lists grow vertex by
 //! vertex in a tree (`Interner`); a finished recording has them sorted ([`RoughnessLists`]).
 
-use opsr::regularise::{AttenuationTable, GammaIndex, MAX_VERTICES, PathRoughness};
 use crate::derivative::{Dependence, Differentiated};
 use foldhash::fast::FixedState;
+use opsr::regularise::{AttenuationTable, GammaIndex, MAX_VERTICES, PathRoughness};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -276,11 +276,7 @@ pub(crate) struct PrefetchBuffer {
 impl ListAlphas {
     /// Copies α′ of `codes` into a buffer, in a loop that does nothing else: the processor then waits for many cache
     /// misses at a time instead of one after the other.
-    pub(crate) fn prefetch(
-        &self,
-        codes: impl Iterator<Item = u32>,
-        buffer: &mut PrefetchBuffer,
-    ) {
+    pub(crate) fn prefetch(&self, codes: impl Iterator<Item = u32>, buffer: &mut PrefetchBuffer) {
         buffer.entries.clear();
         buffer
             .entries

@@ -1,14 +1,14 @@
 //! Recordings: for every path of a crop a constant and the events that depend on the table.
 
+use crate::record::event::StoredEvent;
+use crate::record::lists::{Interner, RoughnessLists};
+use crate::record::proposals::Proposals;
+use crate::record::roulette::EventRoulette;
 use opsr::bsdf::SharedNumbers;
 use opsr::image::film::Window;
 use opsr::integrator::{Event, PathObserver, Recorder, ShadingPoint, Technique};
 use opsr::math::{Rgb, UVec2};
 use opsr::sampler::IndependentStream;
-use crate::record::event::StoredEvent;
-use crate::record::lists::{Interner, RoughnessLists};
-use crate::record::proposals::Proposals;
-use crate::record::roulette::EventRoulette;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,7 +1,7 @@
 //! Events per class, and the factors that unvisited classes inherit.
 
-use opsr::regularise::{AttenuationTable, BINS, GammaIndex, LEN};
 use crate::record::recording::Recording;
+use opsr::regularise::{AttenuationTable, BINS, GammaIndex, LEN};
 
 /// Number of live classes, those whose last vertex is below the top bin: in the top bin there is hardly anything to
 /// roughen.

@@ -117,9 +117,9 @@ pub(super) fn patch(scene: &Scene, triangle: TriangleId) -> Patch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::procedural::{materials, shapes};
     use crate::math::Vec3;
     use crate::sampler::{Independent, SampleSource, Sampler, Seed};
+    use crate::scene::procedural::{materials, shapes};
     use crate::scene::{SceneParts, SharedMesh};
     use glam::{DAffine3, DVec3};
 

@@ -13,8 +13,8 @@ mod validation;
 mod water;
 
 use super::Builder;
-use opsr::files;
 use crate::gallery::glb::SaveError;
+use opsr::files;
 use std::path::{Path, PathBuf};
 
 /// The text of `training_scenes/manifest.toml`.

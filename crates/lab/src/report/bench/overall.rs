@@ -5,8 +5,8 @@
 use super::results::Results;
 use super::suite::{SceneSpec, Suite};
 use super::summary::{self, MAIN, TimePoint};
-use opsr::integrator::method::Mode;
 use crate::stats::ratios::{self, Interval, Verdict};
+use opsr::integrator::method::Mode;
 
 /// The errors that are compared over scenes.
 pub const METRICS: [&str; 4] = [MAIN, "relMSE trimmed", "MAPE", "FLIP"];

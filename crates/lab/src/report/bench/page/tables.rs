@@ -7,12 +7,12 @@ use super::super::overall::{METRICS as OVER_SCENES, Overall};
 use super::super::results::Results;
 use super::super::summary::{MAIN, MethodSummary, SceneSummary};
 use super::plots;
-use opsr::image::Buffer;
-use opsr::image::metric::{self, flip};
-use opsr::math::Rgb;
 use crate::report::compare::definition;
 use crate::report::html::{or_dash, table};
 use crate::stats::ratios::{Interval, Verdict};
+use opsr::image::Buffer;
+use opsr::image::metric::{self, flip};
+use opsr::math::Rgb;
 
 /// Three digits.
 pub(super) fn short(x: f64) -> String {
