@@ -5,7 +5,7 @@ use super::spec::Spec;
 use crate::files::{Problem, hex};
 use crate::math::{Ray, Vec3};
 use crate::scene::light::sky::Sky;
-use crate::scene::load::{Animation, LoadOptions, load};
+use crate::scene::load::{Animation, LoadOptions, Reader, load};
 use crate::scene::{Backdrop, Scene, SceneParts, TriangleId};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -106,7 +106,7 @@ impl Spec {
     }
 
     /// Choices that the file does not contain.
-    pub fn load_options(&self) -> LoadOptions {
+    pub fn load_options(&self, readers: &'static [Reader]) -> LoadOptions {
         LoadOptions {
             distribution: self.distribution,
             skip_unsupported: self.skip_unsupported.unwrap_or_default(),
@@ -114,6 +114,7 @@ impl Spec {
             thin_glass: self.thin_glass.unwrap_or_default(),
             time: self.moment(),
             variant: self.variant.as_ref().map(|variant| variant.0.clone()),
+            readers,
         }
     }
 
@@ -141,11 +142,17 @@ impl Spec {
         Ok(in_studio)
     }
 
-    /// Opens the scene of a file; `build` is [`Scene::new`], or [`Scene::outline`] for a scene that is described only.
-    pub fn open(&self, path: &Path, build: fn(SceneParts) -> Scene) -> Result<Opened, Fault> {
+    /// Opens the scene of a file: glTF, or another format by one of the readers. `build` is [`Scene::new`], or [`Scene::outline`] for
+    /// a scene that is described only.
+    pub fn open(
+        &self,
+        path: &Path,
+        readers: &'static [Reader],
+        build: fn(SceneParts) -> Scene,
+    ) -> Result<Opened, Fault> {
         self.check()?;
         expect_scene(path)?;
-        let loaded = load(path, &self.load_options())?;
+        let loaded = load(path, &self.load_options(readers))?;
         let (mut parts, mut warnings) = (loaded.parts, loaded.warnings);
         let mut digest = Sha256::new();
         digest.update(loaded.digest);

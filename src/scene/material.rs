@@ -360,7 +360,7 @@ impl Material {
     }
 
     /// True if the surface bounds a body that light enters and leaves.
-    pub(crate) fn bounds_body(&self) -> bool {
+    pub fn bounds_body(&self) -> bool {
         self.solid && self.transmission > 0.0 && self.metallic < 1.0
     }
 

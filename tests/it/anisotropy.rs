@@ -342,7 +342,7 @@ fn loaded_anisotropy_derives_smooth_tangents() {
     let directory = tempfile::tempdir().expect("a folder");
     let path = directory.path().join("plate.glb");
     std::fs::write(&path, bytes).expect("written");
-    let options = opsr::scene::load::LoadOptions::default();
+    let options = opsr_formats::options();
     let loaded = opsr::scene::load::load(&path, &options).expect("loaded");
     let mesh = &loaded.parts.meshes[0];
     let read = loaded.parts.materials[0].anisotropy().expect("brushed");

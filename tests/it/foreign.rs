@@ -112,7 +112,7 @@ fn foreign_scenes_agree_with_mitsuba() {
             let options = LoadOptions {
                 distribution: (name == "pool" && kind == "pbrt")
                     .then_some(opsr::bsdf::Distribution::Beckmann),
-                ..LoadOptions::default()
+                ..opsr_formats::options()
             };
             let file = format!("{name}.{kind}");
             let spp = std::env::var("OPSR_SPP").map_or(192, |n| n.parse().unwrap());
@@ -132,7 +132,7 @@ pub(super) fn read(name: &str, text: &str, skip: bool) -> Result<Loaded, FileErr
     std::fs::write(&path, text).unwrap();
     let options = LoadOptions {
         skip_unsupported: skip,
-        ..LoadOptions::default()
+        ..opsr_formats::options()
     };
     load(&path, &options)
 }
@@ -312,7 +312,7 @@ fn foreign_packed_files_are_unpacked() {
     let mut packer = flate2::write::GzEncoder::new(file, flate2::Compression::fast());
     packer.write_all(b"WorldBegin Shape \"disk\"").unwrap();
     packer.finish().unwrap();
-    let loaded = load(&path, &LoadOptions::default()).unwrap();
+    let loaded = load(&path, &opsr_formats::options()).unwrap();
     assert_eq!(loaded.parts.meshes.len(), 1);
 }
 
@@ -321,7 +321,7 @@ fn foreign_packed_files_are_unpacked() {
 fn foreign_scenes_are_written_as_gltf() {
     use opsr_lab::gallery::{glb, lowered};
     let parts = |name: &str| {
-        load(&folder().join(name), &LoadOptions::default())
+        load(&folder().join(name), &opsr_formats::options())
             .unwrap()
             .parts
     };
@@ -333,7 +333,7 @@ fn foreign_scenes_are_written_as_gltf() {
     let folder = crate::support::quick_folder();
     let path = folder.path().join("room.glb");
     glb::save(&room.parts, &path).unwrap();
-    let again = load(&path, &LoadOptions::default()).unwrap().parts;
+    let again = load(&path, &opsr_formats::options()).unwrap().parts;
     assert_eq!(again.meshes.len(), room.parts.meshes.len());
     let mean = |parts| {
         let scene = Scene::new(parts);
@@ -369,7 +369,7 @@ fn foreign_plastic_as_gltf_reflects_as_much() {
         <boolean name="nonlinear" value="true"/></bsdf></shape><sensor type="perspective"><float name="fov" value="10"/>
         <transform name="to_world"><lookat origin="0, 0, 5" target="0, 0, 0" up="0, 1, 0"/></transform></sensor></scene>"#;
     std::fs::write(&path, text).unwrap();
-    let exact = load(&path, &LoadOptions::default()).unwrap().parts;
+    let exact = load(&path, &opsr_formats::options()).unwrap().parts;
     let mut close = lowered::lowered(exact.clone()).parts;
     close.environment = exact.environment.clone();
     let [exact, close] = [exact, close].map(|parts| {
@@ -534,7 +534,7 @@ fn foreign_empty_medium_and_disk_say_nothing() {
         r#"WorldBegin LightSource "distant" MediumInterface "" "" MediumInterface "" Shape "disk""#,
     )
     .unwrap();
-    let loaded = load(&path, &LoadOptions::default()).unwrap();
+    let loaded = load(&path, &opsr_formats::options()).unwrap();
     assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
     let scene = Scene::new(loaded.parts);
     assert!(scene.warnings().is_empty(), "{:?}", scene.warnings());

@@ -614,7 +614,7 @@ fn gltf_bodies_scatter() {
             "KHR_materials_volume_scatter": {scatter}}}}}]}}"#
         );
         std::fs::write(&path, text).unwrap();
-        opsr::scene::load::load(&path, &Default::default())
+        opsr::scene::load::load(&path, &opsr_formats::options())
     };
     let loaded = load(r#"{"multiscatterColor": [1, 0.5, 0.5], "scatterAnisotropy": 0.4}"#).unwrap();
     let own = loaded.parts.materials[0].medium.as_deref().unwrap();

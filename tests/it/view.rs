@@ -422,7 +422,9 @@ fn view_picture_is_that_of_a_render_with_the_saved_view() {
 
         let mut asked = spec(choices);
         asked.look = Some(LookChoice::File(saved));
-        let opened = asked.open(&viewer.scene, Scene::new).expect("a scene");
+        let opened = asked
+            .open(&viewer.scene, opsr_formats::READERS, Scene::new)
+            .expect("a scene");
         let subject = Subject {
             scene: &opened.scene,
             name: "",

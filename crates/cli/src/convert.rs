@@ -33,7 +33,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         skip_unsupported: Some(args.skip_unsupported),
         ..Spec::default()
     };
-    let loaded = opsr::scene::load::load(&args.scene, &spec.load_options()).input()?;
+    let loaded =
+        opsr::scene::load::load(&args.scene, &spec.load_options(opsr_formats::READERS)).input()?;
     if loaded.files.contains(&args.output) {
         return Err(anyhow!(
             "{}: is read and would be replaced",

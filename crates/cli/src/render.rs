@@ -22,6 +22,7 @@ use opsr::render::open::Opened;
 use opsr::render::value::{ResolveChoice, TableChoice};
 use opsr::render::{Begun, Fault, Request, Spec, Subject};
 use opsr::scene::Scene;
+use opsr_formats::READERS;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -47,7 +48,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     // While inputs are read Ctrl-C ends the program at once.
     spec.load_table().told()?;
     spec.load_look().told()?;
-    let opened = spec.open(&args.scene, Scene::new).told()?;
+    let opened = spec.open(&args.scene, READERS, Scene::new).told()?;
     for warning in &opened.warnings {
         tracing::warn!("{}: {warning}", args.scene.display());
     }

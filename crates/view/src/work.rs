@@ -13,6 +13,7 @@ use opsr::render::value::word;
 use opsr::render::{Fault, Outcome, Request, Spec, Subject};
 use opsr::resolve::Resolve;
 use opsr::scene::Scene;
+use opsr_formats::READERS;
 use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
@@ -146,7 +147,7 @@ impl Renderer<'_> {
             state.phase = "loading";
             state.words_number += 1;
         });
-        let opened = wish.spec.open(self.file, Scene::new)?;
+        let opened = wish.spec.open(self.file, READERS, Scene::new)?;
         if opened.scene.lights().is_empty() {
             let what = "nothing lights the scene: {env} studio, {env} sky or a map would";
             return Err(Fault::Input(format!("{}: {what}", self.file.display())));

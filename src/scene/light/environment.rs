@@ -54,7 +54,7 @@ impl Environment {
     }
 
     /// The environment with its radiance multiplied by a factor.
-    pub(crate) fn brightened(&self, factor: f32) -> Self {
+    pub fn brightened(&self, factor: f32) -> Self {
         Self::from_map(self.map.map(|texel| texel * factor), self.rotation)
     }
 
@@ -185,7 +185,7 @@ fn solid_angle(map: &Buffer, y: usize) -> f64 {
 }
 
 /// Reads a Radiance RGBE file.
-pub(in crate::scene) fn read_hdr(path: &Path) -> Result<Buffer, FileError> {
+pub fn read_hdr(path: &Path) -> Result<Buffer, FileError> {
     let mut reader = image::ImageReader::open(path).map_err(|e| Problem::Read(e).at(path))?;
     reader.set_format(image::ImageFormat::Hdr);
     let mut limits = image::Limits::default();

@@ -16,8 +16,7 @@ mod tree;
 pub use aim::{Aim, Beam, Target};
 pub use emission::{EmissionDensity, EmissionSample};
 pub use environment::Environment;
-#[cfg(feature = "scenes")]
-pub(in crate::scene) use environment::read_hdr;
+pub use environment::read_hdr;
 pub use punctual::{Falloff, PunctualLight};
 
 use super::{Geometry, Hit, SceneParts, Surface};

@@ -76,7 +76,7 @@ pub enum PunctualLight {
 
 impl PunctualLight {
     /// Multiplies the light by a factor.
-    pub(crate) fn brighten(&mut self, factor: f32) {
+    pub fn brighten(&mut self, factor: f32) {
         match self {
             Self::Point { intensity, .. } | Self::Spot { intensity, .. } => *intensity *= factor,
             Self::Directional { irradiance, .. } => *irradiance *= factor,

@@ -6,13 +6,13 @@ use std::path::Path;
 
 /// A fault without its file.
 #[derive(Debug)]
-pub(super) struct Fault(Problem);
+pub struct Fault(Problem);
 
 /// Result of reading one part of a file.
-pub(super) type Result<T> = std::result::Result<T, Fault>;
+pub type Result<T> = std::result::Result<T, Fault>;
 
 /// A fault at a place, such as `accessors[3]`.
-pub(super) fn fault(place: impl Into<String>, what: impl Into<String>) -> Fault {
+pub fn fault(place: impl Into<String>, what: impl Into<String>) -> Fault {
     Fault(Problem::content(format!(
         "{}: {}",
         place.into(),
@@ -28,13 +28,13 @@ impl From<Shortage> for Fault {
 
 impl Fault {
     /// The fault as an error of a file.
-    pub(super) fn of(self, path: &Path) -> FileError {
+    pub fn of(self, path: &Path) -> FileError {
         self.0.at(path)
     }
 }
 
 /// The place of the `i`-th element of a list, with its name if it has one.
-pub(super) fn place(list: &str, i: usize, name: Option<&String>) -> String {
+pub fn place(list: &str, i: usize, name: Option<&String>) -> String {
     match name {
         Some(name) if !name.is_empty() => format!("{list}[{i}] (`{name}`)"),
         _ => format!("{list}[{i}]"),
@@ -43,7 +43,7 @@ pub(super) fn place(list: &str, i: usize, name: Option<&String>) -> String {
 
 /// Warnings for the user, each said once; what is the same of many elements is one line.
 #[derive(Debug, Default)]
-pub(super) struct Warnings {
+pub struct Warnings {
     lines: Vec<Line>,
     said: std::collections::HashSet<String>,
 }
@@ -59,7 +59,8 @@ enum Line {
 const NAMES: usize = 3;
 
 impl Warnings {
-    pub(super) fn say(&mut self, line: impl Into<String>) {
+    /// Adds a warning, once.
+    pub fn say(&mut self, line: impl Into<String>) {
         let line = line.into();
         if self.said.insert(line.clone()) {
             self.lines.push(Line::Plain(line));
@@ -67,7 +68,7 @@ impl Warnings {
     }
 
     /// Warns of one element of a kind, in the plural such as `materials`: elements with the same trouble share a line.
-    pub(super) fn group(&mut self, kind: &'static str, name: impl Into<String>, what: &str) {
+    pub fn group(&mut self, kind: &'static str, name: impl Into<String>, what: &str) {
         let name = name.into();
         let same =
             |line: &&mut Line| matches!(line, Line::Group(k, _, w) if *k == kind && w == what);
@@ -78,7 +79,8 @@ impl Warnings {
         }
     }
 
-    pub(super) fn into_lines(self) -> Vec<String> {
+    /// The warnings, one line each.
+    pub fn into_lines(self) -> Vec<String> {
         let text = |line| match line {
             Line::Plain(text) => text,
             Line::Group(_, names, what) if names.len() == 1 => format!("{}: {what}", names[0]),

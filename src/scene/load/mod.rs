@@ -1,4 +1,4 @@
-//! Loads glTF files (`.gltf`, `.glb`) into scene parts, and by `foreign` those of pbrt and Mitsuba. The only user of the crate
+//! Loads glTF files (`.gltf`, `.glb`) into scene parts, and those of other formats by a [`Reader`]. The only user of the crate
 //! gltf, and the only place that knows perceptual roughness.
 //!
 //! The crate parses the JSON and checks indices; lengths, types and numbers are checked here, before anything is read or
@@ -9,18 +9,16 @@ mod accessors;
 mod animation;
 mod closed;
 mod deform;
-mod error;
+pub mod error;
 mod extensions;
-#[cfg(feature = "scenes")]
-mod foreign;
 mod lamp;
 mod lights;
 mod lit;
 mod materials;
 mod mesh;
 mod nodes;
-mod textures;
-mod uris;
+pub mod textures;
+pub mod uris;
 mod variants;
 
 use super::{Material, Mesh, SceneParts};
@@ -54,6 +52,17 @@ pub struct LoadOptions {
     pub skip_unsupported: bool,
     /// Variant of the materials by name, or by number from 0; without one those that the file shows first.
     pub variant: Option<String>,
+    /// Readers of other formats.
+    pub readers: &'static [Reader],
+}
+
+/// A reader of another format.
+#[derive(Clone, Copy, Debug)]
+pub struct Reader {
+    /// True for files of the format, by their names.
+    pub knows: fn(&Path) -> bool,
+    /// Reads a scene from the path and the bytes of its file. No file makes it panic or allocate without bound.
+    pub read: fn(&Path, &[u8], &LoadOptions) -> std::result::Result<Loaded, FileError>,
 }
 
 /// A file's scene.
@@ -77,9 +86,8 @@ pub struct Loaded {
 /// Reads a scene. No file makes it panic or allocate without bound.
 pub fn load(path: &Path, options: &LoadOptions) -> std::result::Result<Loaded, FileError> {
     let bytes = uris::read_file(path).map_err(|e| Problem::Read(e).at(path))?;
-    #[cfg(feature = "scenes")]
-    if let Some(kind) = foreign::Kind::of(path) {
-        return foreign::load(kind, path, &bytes, options);
+    if let Some(reader) = options.readers.iter().find(|reader| (reader.knows)(path)) {
+        return (reader.read)(path, &bytes, options);
     }
     scene(path, &bytes, options).map_err(|fault| fault.of(path))
 }

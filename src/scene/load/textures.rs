@@ -122,7 +122,7 @@ fn mode(wrap: &Checked<WrappingMode>) -> Wrap {
 }
 
 /// An image as its file has it.
-pub(super) struct Source<'a> {
+pub struct Source<'a> {
     at: String,
     bytes: Cow<'a, [u8]>,
     format: ImageFormat,
@@ -146,7 +146,7 @@ impl<'a> Source<'a> {
     }
 
     /// The bytes of an image in one of these formats; the bytes decide which.
-    pub(super) fn new(at: String, bytes: Cow<'a, [u8]>, formats: &[ImageFormat]) -> Result<Self> {
+    pub fn new(at: String, bytes: Cow<'a, [u8]>, formats: &[ImageFormat]) -> Result<Self> {
         if bytes.starts_with(b"\xabKTX 20\xbb") {
             let what = format!("KTX2 is not supported; to decode it: {DECODE_TEXTURES}");
             return Err(fault(at, what));
@@ -170,7 +170,7 @@ impl<'a> Source<'a> {
     }
 
     /// Bytes of the image in memory, with a third for its coarser images. A few bytes of a file can ask for any number.
-    pub(super) fn bytes_needed(&self) -> Result<u64> {
+    pub fn bytes_needed(&self) -> Result<u64> {
         let decoder = self.decoder()?;
         let (width, height) = decoder.dimensions();
         let texels = u64::from(width) * u64::from(height);
@@ -183,7 +183,8 @@ impl<'a> Source<'a> {
         Ok(decoder.total_bytes().saturating_mul(4) / 3)
     }
 
-    pub(super) fn decode(self) -> Result<Texture> {
+    /// Decodes the image.
+    pub fn decode(self) -> Result<Texture> {
         let decoder = self.decoder()?;
         let (width, height) = decoder.dimensions();
         let length = decoder.total_bytes() as usize;

@@ -70,7 +70,7 @@ impl<'a> Container<'a> {
 const MAX_BESIDE: u64 = 1 << 32;
 
 /// The files a scene is made of.
-pub(super) struct Files {
+pub struct Files {
     folder: PathBuf,
     digest: Sha256,
     read: Vec<PathBuf>,
@@ -80,7 +80,7 @@ pub(super) struct Files {
 
 impl Files {
     /// Starts with the scene file itself.
-    pub(super) fn new(path: &Path, bytes: &[u8]) -> Self {
+    pub fn new(path: &Path, bytes: &[u8]) -> Self {
         Self {
             folder: path.parent().unwrap_or(Path::new("")).to_owned(),
             digest: Sha256::new_with_prefix(bytes),
@@ -90,12 +90,12 @@ impl Files {
     }
 
     /// Every file that was read.
-    pub(super) fn read_so_far(&self) -> Vec<PathBuf> {
+    pub fn read_so_far(&self) -> Vec<PathBuf> {
         self.read.clone()
     }
 
     /// SHA-256 of everything read.
-    pub(super) fn digest(self) -> [u8; 32] {
+    pub fn digest(self) -> [u8; 32] {
         self.digest.finalize().into()
     }
 
@@ -112,7 +112,7 @@ impl Files {
     }
 
     /// The path and the bytes of a file in the scene's folder or below.
-    pub(super) fn open(&mut self, name: &str, place: &str) -> Result<(PathBuf, Vec<u8>)> {
+    pub fn open(&mut self, name: &str, place: &str) -> Result<(PathBuf, Vec<u8>)> {
         let path = self.folder.join(inside(name, place)?);
         let cannot = |e| fault(place, format!("cannot read {}: {e}", path.display()));
         let size = std::fs::metadata(&path).map_err(cannot)?.len();

@@ -1,6 +1,5 @@
 //! Agreement of bidirectional estimators with the path tracer, at three scales.
 
-use super::scenes;
 use crate::support::render::{film_with, mean, scene};
 use opsr::image::Film;
 use opsr::integrator::bidirectional::Radius;

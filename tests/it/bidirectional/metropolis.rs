@@ -1,6 +1,5 @@
 //! Metropolis light transport against path tracing and bidirectional path tracing, at three scales.
 
-use super::scenes;
 use crate::support::render::{film_with, scene};
 use opsr::image::Film;
 use opsr::integrator::{Estimator, Settings};

@@ -83,7 +83,7 @@ fn foreign_map_of_an_illuminance_is_scaled_to_it() {
         let text =
             format!("WorldBegin LightSource \"infinite\" \"string filename\" \"sky.pfm\" {more}");
         std::fs::write(&path, text).unwrap();
-        let loaded = opsr::scene::load::load(&path, &Default::default()).unwrap();
+        let loaded = opsr::scene::load::load(&path, &opsr_formats::options()).unwrap();
         loaded.parts.environment.unwrap().radiance(Vec3::X).x
     };
     assert_eq!(radiance(""), 5.0);

@@ -183,7 +183,7 @@ fn foreign_coloured_maps_are_numbers_by_their_luminance() {
         let text =
             format!("<scene version=\"3.0.0\"><shape type=\"rectangle\">{bsdf}</shape></scene>");
         std::fs::write(&path, text).unwrap();
-        opsr::scene::load::load(&path, &Default::default()).map(|loaded| loaded.parts)
+        opsr::scene::load::load(&path, &opsr_formats::options()).map(|loaded| loaded.parts)
     };
     let map = |name: &str| {
         format!(

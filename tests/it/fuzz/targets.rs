@@ -76,7 +76,7 @@ pub(crate) fn foreign() -> Vec<Target> {
     fn rendered(path: &Path) -> Result<String, String> {
         let options = LoadOptions {
             skip_unsupported: true,
-            ..LoadOptions::default()
+            ..opsr_formats::options()
         };
         let parts = text(load(path, &options))?.parts;
         let (meshes, lights) = (parts.meshes.len(), parts.lights.len());
@@ -202,7 +202,7 @@ pub(crate) fn gltf() -> Target {
         seeds: seeds::gltf(),
         repair: repair::glb,
         read: |path| {
-            let loaded = text(load(path, &LoadOptions::default()))?;
+            let loaded = text(load(path, &opsr_formats::options()))?;
             let (parts, warnings) = (loaded.parts, loaded.warnings.join("; "));
             let has = |n: usize, what: &str| (n > 0).then(|| format!(" {what}"));
             let contents = [
@@ -514,7 +514,7 @@ pub(crate) fn textures() -> Target {
                 let (ours, theirs) = (scene.display().to_string(), path.display().to_string());
                 e.to_string().replace(&ours, &theirs)
             };
-            let loaded = load(&scene, &LoadOptions::default()).map_err(error)?;
+            let loaded = load(&scene, &opsr_formats::options()).map_err(error)?;
             let texture = &loaded.parts.textures[0];
             let (width, height) = (texture.width as usize, texture.height as usize);
             let channels = usize::from(texture.channels);

@@ -1,8 +1,8 @@
 //! Names of parameters that the readers know. Any other is an error, as in pbrt and Mitsuba: a misspelt one would take its default
 //! without a word.
 
-use super::super::error::{Result, fault};
 use super::Context;
+use opsr::scene::load::error::{Result, fault};
 
 /// Parameters of an element such as `Material` or `bsdf`, of some kinds; names are separated by spaces.
 pub(super) struct Names {

@@ -1,15 +1,15 @@
 //! Materials of Mitsuba.
 
-use super::super::super::error::{Result, fault};
 use super::super::{Look, Meant};
 use super::Scene;
 use super::xml::{Object, Value};
-use crate::bsdf::Distribution;
-use crate::math::Rgb;
-use crate::scene::Material;
-use crate::scene::build::looks::{self, Paint};
-use crate::scene::build::metals;
-use crate::scene::finish::Anisotropy;
+use opsr::bsdf::Distribution;
+use opsr::math::Rgb;
+use opsr::scene::Material;
+use opsr::scene::build::looks::{self, Paint};
+use opsr::scene::build::metals;
+use opsr::scene::finish::Anisotropy;
+use opsr::scene::load::error::{Result, fault};
 
 /// Least roughness of a rough material: below it Mitsuba's are mirrors too.
 const LEAST_ALPHA: f64 = 1e-4;

@@ -1,12 +1,12 @@
 //! Media of pbrt.
 
-use super::super::super::error::{Result, fault};
 use super::super::Meant;
 use super::super::media::Named;
 use super::Scene;
 use super::tokens::Parameters;
-use crate::math::Rgb;
-use crate::scene::Medium;
+use opsr::math::Rgb;
+use opsr::scene::Medium;
+use opsr::scene::load::error::{Result, fault};
 
 impl Scene<'_> {
     /// `MakeNamedMedium`.

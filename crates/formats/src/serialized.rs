@@ -1,9 +1,9 @@
 //! Mitsuba's `.serialized` meshes: streams of zlib, one for each shape, and a list of their places at the end.
 
-use super::super::error::{Result, fault};
-use crate::math::{Vec2, Vec3};
-use crate::memory;
-use crate::scene::mesh::Mesh;
+use opsr::math::{Vec2, Vec3};
+use opsr::memory;
+use opsr::scene::load::error::{Result, fault};
+use opsr::scene::mesh::Mesh;
 
 /// Most vertices or triangles.
 const MOST: u64 = 1 << 26;

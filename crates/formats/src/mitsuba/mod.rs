@@ -8,11 +8,11 @@ mod shapes;
 mod values;
 mod xml;
 
-use super::super::error::{Result, fault};
 use super::media::Named;
 use super::{Context, Look, Member};
-use crate::math::Vec3;
 use glam::{DAffine3, DMat4};
+use opsr::math::Vec3;
+use opsr::scene::load::error::{Result, fault};
 use std::collections::HashMap;
 use std::rc::Rc;
 use xml::{Child, Ids, Link, Object, Reader};

@@ -1,16 +1,16 @@
 //! Properties of Mitsuba's objects: numbers, colours, textures.
 
-use super::super::super::error::{Result, fault};
 use super::super::Meant;
 use super::super::images::Use;
 use super::Scene;
 use super::xml::{Object, Property, Value, numbers};
-use crate::math::{Rgb, luminance};
-use crate::scene::build::colour::{Spectrum, black_body_radiance};
-use crate::scene::build::looks::Paint;
-use crate::scene::material::TextureRef;
-use crate::scene::texture::Wrap;
 use glam::{Affine2, DAffine3, DMat4, DVec3, Mat2, Vec2};
+use opsr::math::{Rgb, luminance};
+use opsr::scene::build::colour::{Spectrum, black_body_radiance};
+use opsr::scene::build::looks::Paint;
+use opsr::scene::load::error::{Result, fault};
+use opsr::scene::material::TextureRef;
+use opsr::scene::texture::Wrap;
 
 impl Object {
     pub(super) fn property(&self, name: &str) -> Option<&Property> {

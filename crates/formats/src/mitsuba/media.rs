@@ -1,12 +1,12 @@
 //! Media of Mitsuba.
 
-use super::super::super::error::Result;
 use super::super::Meant;
 use super::super::media::Named;
 use super::Scene;
 use super::xml::Object;
-use crate::math::Rgb;
-use crate::scene::Medium;
+use opsr::math::Rgb;
+use opsr::scene::Medium;
+use opsr::scene::load::error::Result;
 use std::rc::Rc;
 
 impl Scene<'_> {

@@ -1,9 +1,9 @@
 //! PLY meshes: text, and binary of either order. Polygons become fans, also the quads that are bilinear patches to pbrt.
 
-use super::super::error::{Result, fault};
-use crate::math::{Vec2, Vec3, Vec4};
-use crate::memory;
-use crate::scene::mesh::Mesh;
+use opsr::math::{Vec2, Vec3, Vec4};
+use opsr::memory;
+use opsr::scene::load::error::{Result, fault};
+use opsr::scene::mesh::Mesh;
 
 /// Most elements of a kind.
 const MOST_ELEMENTS: usize = 1 << 26;

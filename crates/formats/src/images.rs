@@ -1,16 +1,16 @@
 //! Images of other renderers' scenes: textures, and maps of radiance.
 
-use super::super::error::{Result, fault};
-use super::super::textures::Source;
 use super::Context;
-use crate::image::{Buffer, exr};
-use crate::math::Rgb;
-use crate::memory;
-use crate::scene::build::looks::Paint;
-use crate::scene::material::TextureRef;
-use crate::scene::texture::{Texels, Texture, Wrap};
 use glam::Affine2;
 use image::ImageFormat;
+use opsr::image::{Buffer, exr};
+use opsr::math::Rgb;
+use opsr::memory;
+use opsr::scene::build::looks::Paint;
+use opsr::scene::load::error::{Result, fault};
+use opsr::scene::load::textures::Source;
+use opsr::scene::material::TextureRef;
+use opsr::scene::texture::{Texels, Texture, Wrap};
 use std::borrow::Cow;
 
 /// What a texture is known by: file, whether it is encoded (`None`: if its values have eight bits), wrap, and sharp edges.
@@ -101,7 +101,7 @@ impl Context {
         let map = if lower.ends_with(".exr") {
             exr::read_rgb(&path).map_err(|e| fault(place, e.to_string()))?
         } else if lower.ends_with(".hdr") {
-            crate::scene::light::read_hdr(&path).map_err(|e| fault(place, e.to_string()))?
+            opsr::scene::light::read_hdr(&path).map_err(|e| fault(place, e.to_string()))?
         } else if lower.ends_with(".pfm") {
             pfm(&bytes, &at)?
         } else {

@@ -1,9 +1,9 @@
 //! The objects of a Mitsuba file, with `default`s, includes and aliases resolved. Names are taken as Mitsuba 3 has them: `toWorld`
 //! of files of before is `to_world`.
 
-use super::super::super::error::{Result, fault};
 use super::super::{Context, unpacked};
 use glam::{DMat4, DVec3, DVec4};
+use opsr::scene::load::error::{Result, fault};
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -448,7 +448,7 @@ pub(super) fn rgb(text: &str) -> Option<[f32; 3]> {
             .ok()
             .filter(|_| digits.len() == 6)?;
         let channel = |shift: u32| (code >> shift & 255) as f32 / 255.0;
-        return Some([16, 8, 0].map(|s| crate::scene::build::colour::linear(channel(s))));
+        return Some([16, 8, 0].map(|s| opsr::scene::build::colour::linear(channel(s))));
     }
     match numbers(text)?.as_slice() {
         [x] => Some([*x as f32; 3]),

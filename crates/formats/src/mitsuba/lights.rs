@@ -1,15 +1,15 @@
 //! Emitters and sensors of Mitsuba.
 
-use super::super::super::error::{Result, fault};
 use super::super::{Meant, film_side};
 use super::Scene;
 use super::xml::{Object, Value};
-use crate::math::{Frame, Rgb, UVec2, Vec3};
-use crate::scene::build::sky;
-use crate::scene::camera::Projection;
-use crate::scene::light::Falloff;
-use crate::scene::{Camera, Environment, FilmSize, Lens, PunctualLight};
 use glam::{DAffine3, DVec3};
+use opsr::math::{Frame, Rgb, UVec2, Vec3};
+use opsr::scene::build::sky;
+use opsr::scene::camera::Projection;
+use opsr::scene::light::Falloff;
+use opsr::scene::load::error::{Result, fault};
+use opsr::scene::{Camera, Environment, FilmSize, Lens, PunctualLight};
 
 impl Scene<'_> {
     pub(super) fn emitter(&mut self, emitter: &Object) -> Result<()> {

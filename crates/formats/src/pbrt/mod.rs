@@ -8,11 +8,11 @@ mod shapes;
 mod tokens;
 mod values;
 
-use super::super::error::{Result, fault};
 use super::media::Named;
 use super::{Context, Look, Member, unpacked};
-use crate::scene::build::looks::Paint;
 use glam::{DAffine3, DMat4, DVec3, DVec4};
+use opsr::scene::build::looks::Paint;
+use opsr::scene::load::error::{Result, fault};
 use std::collections::HashMap;
 use std::rc::Rc;
 use tokens::{Parameters, Token, Tokens, Values};

@@ -1,15 +1,15 @@
 //! Shapes of pbrt.
 
-use super::super::super::error::{Result, fault};
 use super::super::{Look, Meant, ply};
 use super::tokens::Parameters;
 use super::{Declared, Scene, lights};
-use crate::math::{Rgb, Vec2, Vec3, luminance};
-use crate::scene::build::looks::{self, Paint};
-use crate::scene::build::{Placed, face_normals_outwards, flip, shapes};
-use crate::scene::material::AlphaMode;
-use crate::scene::mesh::Mesh;
 use glam::DAffine3;
+use opsr::math::{Rgb, Vec2, Vec3, luminance};
+use opsr::scene::build::looks::{self, Paint};
+use opsr::scene::build::{Placed, face_normals_outwards, flip, shapes};
+use opsr::scene::load::error::{Result, fault};
+use opsr::scene::material::AlphaMode;
+use opsr::scene::mesh::Mesh;
 use std::f64::consts::PI;
 use std::rc::Rc;
 
@@ -210,7 +210,7 @@ impl Scene<'_> {
             let name = name.to_owned();
             let how = super::super::images::Use {
                 srgb: None,
-                wrap: [crate::scene::texture::Wrap::Clamp; 2],
+                wrap: [opsr::scene::texture::Wrap::Clamp; 2],
                 nearest: false,
                 invert: false,
                 transform: glam::Affine2::from_mat2_translation(
@@ -233,7 +233,7 @@ impl Scene<'_> {
                 self.context
                     .approximate(place, "the power of a mesh is that of all its triangles");
             }
-            let scene_mesh = crate::scene::build::moved(self.context.builder.mesh_mut(mesh), pose);
+            let scene_mesh = opsr::scene::build::moved(self.context.builder.mesh_mut(mesh), pose);
             let sides = if both { 2.0 } else { 1.0 };
             let own = PI * area(&scene_mesh) * sides * mean;
             scale *= lights::wanted(light, "power", own)?;

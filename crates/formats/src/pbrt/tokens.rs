@@ -1,6 +1,6 @@
 //! Words of a pbrt file: directives, quoted strings, numbers and brackets, each with its line.
 
-use super::super::super::error::{Result, fault};
+use opsr::scene::load::error::{Result, fault};
 
 /// A word of a file.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,5 +1,5 @@
 //! Scenes of other renderers: Mitsuba 3 (and its predecessor) and pbrt-v4. Each reader names what it finds in the words of
-//! [`build`](crate::scene::build); what their files share, meshes and images, is read here.
+//! [`build`](opsr::scene::build); what their files share, meshes and images, is read here.
 
 mod images;
 mod media;
@@ -10,18 +10,18 @@ mod pbrt;
 mod ply;
 mod serialized;
 
-use super::error::{Fault, Result, Warnings, fault};
-use super::uris::Files;
-use super::{LoadOptions, Loaded};
-use crate::bsdf::Distribution;
-use crate::files::FileError;
-use crate::math::Rgb;
-use crate::scene::build::colour::Spectrum;
-use crate::scene::build::looks::Paint;
-use crate::scene::build::{BuildError, Builder, right_handed_tangents};
-use crate::scene::mesh::Mesh;
-use crate::scene::{Material, Medium, SceneParts};
 use glam::DAffine3;
+use opsr::bsdf::Distribution;
+use opsr::files::FileError;
+use opsr::math::Rgb;
+use opsr::scene::build::colour::Spectrum;
+use opsr::scene::build::looks::Paint;
+use opsr::scene::build::{BuildError, Builder, right_handed_tangents};
+use opsr::scene::load::error::{Fault, Result, Warnings, fault};
+use opsr::scene::load::uris::Files;
+use opsr::scene::load::{LoadOptions, Loaded, Reader};
+use opsr::scene::mesh::Mesh;
+use opsr::scene::{Material, Medium, SceneParts};
 use std::collections::HashMap;
 use std::io::Read;
 use std::path::Path;
@@ -32,32 +32,41 @@ const MOST_BYTES: u64 = 1 << 32;
 /// Most files that a scene may include, and most includes one in another.
 const MOST_INCLUDES: usize = 4096;
 
-/// The kind of a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
-    Mitsuba,
-    Pbrt,
-}
+/// Readers of both formats, for [`LoadOptions::readers`].
+pub const READERS: &[Reader] = &[
+    Reader {
+        knows: |path| has_ending(path, "xml"),
+        read: |path, bytes, options| load(path, bytes, options, mitsuba::read),
+    },
+    Reader {
+        knows: |path| has_ending(path, "pbrt"),
+        read: |path, bytes, options| load(path, bytes, options, pbrt::read),
+    },
+];
 
-impl Kind {
-    /// By the name of the file; `None` for all others.
-    pub(super) fn of(path: &Path) -> Option<Self> {
-        let name = path.file_name()?.to_str()?.to_ascii_lowercase();
-        let name = name.strip_suffix(".gz").unwrap_or(&name);
-        match name.rsplit_once('.')?.1 {
-            "xml" => Some(Self::Mitsuba),
-            "pbrt" => Some(Self::Pbrt),
-            _ => None,
-        }
+/// The usual options, with [`READERS`].
+pub fn options() -> LoadOptions {
+    LoadOptions {
+        readers: READERS,
+        ..LoadOptions::default()
     }
 }
 
-/// Reads a scene.
-pub(super) fn load(
-    kind: Kind,
+/// True for a file with this ending, in capitals or not, which may be followed by `.gz`.
+fn has_ending(path: &Path, ending: &str) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str());
+    let name = name.unwrap_or_default().to_ascii_lowercase();
+    let name = name.strip_suffix(".gz").unwrap_or(&name);
+    name.rsplit_once('.')
+        .is_some_and(|(_, found)| found == ending)
+}
+
+/// Reads a scene by the text of its file.
+fn load(
     path: &Path,
     bytes: &[u8],
     options: &LoadOptions,
+    read: fn(&mut Context, Vec<u8>) -> Result<()>,
 ) -> std::result::Result<Loaded, FileError> {
     let mut context = Context {
         files: Files::new(path, bytes),
@@ -72,10 +81,7 @@ pub(super) fn load(
         includes: 0,
     };
     context.builder.parts.own_boundaries = true;
-    let read = unpacked(bytes, "file").and_then(|text| match kind {
-        Kind::Mitsuba => mitsuba::read(&mut context, text),
-        Kind::Pbrt => pbrt::read(&mut context, text),
-    });
+    let read = unpacked(bytes, "file").and_then(|text| read(&mut context, text));
     let done = read.and_then(|()| context.finish());
     done.map_err(|fault| fault.of(path))
 }
@@ -107,7 +113,7 @@ fn inflated(stream: impl Read, place: &str) -> Result<Vec<u8>> {
             ));
         }
         if out.len() % (256 << 20) < n {
-            crate::memory::check(format!("{place}, unpacked,"), 2 * out.len() as u64)?;
+            opsr::memory::check(format!("{place}, unpacked,"), 2 * out.len() as u64)?;
         }
     }
 }

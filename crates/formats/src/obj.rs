@@ -1,8 +1,8 @@
 //! Wavefront OBJ meshes: positions, texture coordinates, normals and polygons; materials and groups are ignored, as Mitsuba does.
 
-use super::super::error::{Result, fault};
-use crate::math::{Vec2, Vec3};
-use crate::scene::mesh::Mesh;
+use opsr::math::{Vec2, Vec3};
+use opsr::scene::load::error::{Result, fault};
+use opsr::scene::mesh::Mesh;
 use std::collections::HashMap;
 
 /// Most vertices or triangles.

@@ -1,15 +1,15 @@
 //! Materials of pbrt.
 
-use super::super::super::error::{Result, fault};
 use super::super::{Look, Meant};
 use super::tokens::{Parameters, Values};
 use super::{Declared, Scene};
-use crate::bsdf::Distribution;
-use crate::math::Rgb;
-use crate::scene::Material;
-use crate::scene::build::looks::{self, Paint};
-use crate::scene::build::metals;
-use crate::scene::finish::Anisotropy;
+use opsr::bsdf::Distribution;
+use opsr::math::Rgb;
+use opsr::scene::Material;
+use opsr::scene::build::looks::{self, Paint};
+use opsr::scene::build::metals;
+use opsr::scene::finish::Anisotropy;
+use opsr::scene::load::error::{Result, fault};
 use std::rc::Rc;
 
 /// Roughness below which pbrt's microfacets are a mirror.
@@ -45,7 +45,7 @@ impl Scene<'_> {
         if let Some(name) = parameters.text("normalmap")? {
             let how = super::super::images::Use {
                 srgb: Some(false),
-                wrap: [crate::scene::texture::Wrap::Repeat; 2],
+                wrap: [opsr::scene::texture::Wrap::Repeat; 2],
                 nearest: false,
                 invert: false,
                 transform: glam::Affine2::from_mat2_translation(

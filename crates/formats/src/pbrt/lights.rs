@@ -1,15 +1,15 @@
 //! Lights, cameras and films of pbrt.
 
-use super::super::super::error::{Result, fault};
 use super::super::{Meant, film_side};
 use super::tokens::Parameters;
 use super::{Scene, affine};
-use crate::math::{Frame, Rgb, UVec2};
-use crate::scene::build::sky;
-use crate::scene::camera::Projection;
-use crate::scene::light::Falloff;
-use crate::scene::{Camera, Environment, FilmSize, Lens, PunctualLight};
 use glam::DVec3;
+use opsr::math::{Frame, Rgb, UVec2};
+use opsr::scene::build::sky;
+use opsr::scene::camera::Projection;
+use opsr::scene::light::Falloff;
+use opsr::scene::load::error::{Result, fault};
+use opsr::scene::{Camera, Environment, FilmSize, Lens, PunctualLight};
 use std::f64::consts::PI;
 
 /// Factor that gives a light of scale 1 the power or illuminance that a parameter names; `own` is what white light of unit

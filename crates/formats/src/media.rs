@@ -5,10 +5,10 @@
 //! from those; only that of the whole scene must be found: it is the one outside of a shape or around the camera that is
 //! inside of none.
 
-use super::super::error::{Result, fault};
 use super::{Context, Material, Medium};
-use crate::math::Rgb;
-use crate::scene::build::looks;
+use opsr::math::Rgb;
+use opsr::scene::build::looks;
+use opsr::scene::load::error::{Result, fault};
 
 /// A medium of a file by its number; `None` for nothing.
 pub(super) type Named = Option<usize>;

@@ -1,16 +1,16 @@
 //! Colours and textures of pbrt.
 
-use super::super::super::error::{Result, fault};
 use super::super::Meant;
 use super::super::images::Use;
 use super::Scene;
 use super::tokens::{Parameter, Parameters, Values};
-use crate::math::Rgb;
-use crate::scene::build::colour::{Spectrum, black_body};
-use crate::scene::build::looks::Paint;
-use crate::scene::build::metals;
-use crate::scene::texture::Wrap;
 use glam::{Affine2, Mat2, Vec2};
+use opsr::math::Rgb;
+use opsr::scene::build::colour::{Spectrum, black_body};
+use opsr::scene::build::looks::Paint;
+use opsr::scene::build::metals;
+use opsr::scene::load::error::{Result, fault};
+use opsr::scene::texture::Wrap;
 
 impl Scene<'_> {
     /// The colour of a spectrum; pbrt takes those of lamps to a luminance of 1.
