@@ -18,29 +18,35 @@
 //!
 //! # The map
 //!
-//! Arrows point up this page only (`tests/it/architecture.rs`).
+//! This crate is the library. Data flows down the page: a room uses those above it alone (`tests/it/architecture.rs`).
 //!
 //! | layer | room | contents |
 //! |---|---|---|
 //! | 0 | [`math`] | frames, measures, warps, discrete distributions, running moments |
 //! | 0 | [`sampler`] | the random numbers of a path, keyed by (seed, pixel, sample) |
-//! | 0 | [`files`] | bounded reads, writes that are whole or not made, hashes in hex |
-//! | 0 | [`memory`] | free memory, refusal of what needs more |
-//! | 1 | [`regularise`] | the paper: path roughness, classes, attenuation tables, look-ups, comparison rules; `export` writes tables for other renderers |
+//! | 0 | [`files`] | bounded reads, writes that are whole or not made, sealed files, hashes in hex |
+//! | 0 | [`memory`] | free memory, refusal of work that needs more |
+//! | 1 | [`regularise`] | the paper: path roughness, classes, attenuation tables, look-ups, comparison rules |
 //! | 2 | [`bsdf`] | BSDFs that are evaluated *at* a roughness |
 //! | 3 | [`image`] | films of running moments, EXR and PNG, error metrics |
-//! | 3 | [`scene`] | glTF, pbrt and Mitsuba files, meshes, the tree, materials, lights, cameras |
-//! | 4 | `stats` | Student's distribution, agreement of pictures, ratios with intervals (feature `bench`) |
-//! | 4 | [`integrator`] | estimators and the steps they share; budgets, checkpoints |
-//! | 5 | [`resolve`] | the level of every pixel, chosen without a reference, and its error |
+//! | 3 | [`scene`] | glTF files, meshes, the tree, materials, lights, cameras |
+//! | 4 | [`integrator`] | estimators and the steps they share; modes, budgets, checkpoints, parts |
+//! | 5 | [`resolve`] | the level and blur of every pixel, chosen without a reference, and its error |
 //! | 5 | [`pilot`] | the integrator of a scene, chosen by small renders |
-//! | 6 | [`render`] | what a user chose, checked against a scene; the run; what comes out of it |
-//! | 6 | [`Render`] | a render from a program of one's own, in a few lines |
-//! | 6 | [`gallery`] | the scenes of this project, manifest, references, glb writer |
-//! | 7 | `view` | a scene in the browser, refined while one looks at it (feature `view`) |
-//! | 7 | `train` | record, evaluate, learn (feature `train`) |
-//! | 7 | `report` | comparisons, benches and their pages (feature `bench`) |
-//! | 7 | `verify` | hard numerical cases, tried on the current machine (feature `cli`) |
+//! | 6 | [`render`] | options, checked against a scene; the run; the finished picture and its files |
+//! | 7 | [`Render`] | a render from another program, in a few lines |
+//!
+//! Other crates stand on it:
+//!
+//! | crate | contents |
+//! |---|---|
+//! | `opsr-table` (`table/`) | below this crate: tables, look-ups, export, for renderers that need nothing else |
+//! | `opsr-formats` | readers of pbrt and Mitsuba scenes |
+//! | `opsr-train` | learning of tables: record, evaluate, learn; the manifest of training scenes and its references |
+//! | `opsr-lab` | scenes of this project, statistics, comparisons, benches and their pages, numerical checks |
+//! | `opsr-view` | the viewer in the browser |
+//! | `opsr-cli` | the program `opsr` |
+//! | `opsr-python` (`python/`) | the Python package |
 //!
 //! # Notation
 //!

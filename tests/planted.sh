@@ -25,10 +25,11 @@ plant() {
     local name=$1 file=$2 change=$3 test=$4
     case $name in *"$only"*) ;; *) return ;; esac
     tried=$((tried + 1))
-    local features="--no-default-features --features cli"
-    case $test in stability_train::*) features= ;; esac
-    local target="--test it"
-    case $test in lib::*) target=--lib test=${test#lib::} ;; esac
+    local target="-p opsr-cli --no-default-features --test it"
+    case $test in
+    stability_train::*) target="-p opsr-cli --test it" ;;
+    lib::*) target="-p opsr --lib" test=${test#lib::} ;;
+    esac
     cp "$tree/$file" "$tree/../original"
     perl -0pi -e "$change" "$tree/$file"
     local verdict
@@ -38,7 +39,7 @@ plant() {
     elif [ "$check" ]; then
         verdict="can be planted"
     else
-        (cd "$tree" && cargo test --release $features $target "$test" -- --exact) >"$tree/../log" 2>&1
+        (cd "$tree" && cargo test --release $target "$test" -- --exact) >"$tree/../log" 2>&1
         if grep -q "^test $test .*FAILED" "$tree/../log"; then
             verdict="found by $test"
         else
@@ -93,10 +94,10 @@ plant "14 corners that are no numbers" src/scene/load/mesh.rs \
     's/!p\.iter\(\)\.all\(\|x\| x\.is_finite\(\)\)/p.is_empty()/' load::broken::load_refuses_broken_bytes
 plant "14 triangles without area" src/scene/geometry.rs \
     's/\.length\(\) > 0\.0/.length() >= 0.0/' geometry::degenerate_triangles_are_dropped_and_counted
-plant "15 steps with a gradient of no numbers" src/train/learn/outer_loop.rs \
+plant "15 steps with a gradient of no numbers" crates/train/src/learn/outer_loop.rs \
     's/if loss\.is_finite\(\) && gradient\.iter\(\)\.all\(\|g\| g\.abs\(\) < MAX_DERIVATIVE\)/if gradient.len() < usize::MAX/' \
     stability_train::case_15_nan_gradients_leave_table_and_optimiser_unchanged
-plant "15 a best loss of no number" src/train/learn/outer_loop.rs \
+plant "15 a best loss of no number" crates/train/src/learn/outer_loop.rs \
     's/score\.filter\(\|s\| s\.is_finite\(\)\)/score/' stability_train::case_15_nan_loss_is_never_the_best
 plant "a clear coat dims its base by one side" src/bsdf/clearcoated.rs \
     's/wo\.z\.abs\(\)\.min\(wi\.z\.abs\(\)\)/wo.z.abs()/' clearcoat::reciprocity_and_value_of_clearcoat_over_base
@@ -148,8 +149,8 @@ plant "23 no light samples at sharp lobes" src/integrator/bidirectional/merge.rs
 plant "23 lamps at sharp lobes count twice" src/integrator/bidirectional/merge.rs \
     's/_ => balance\(pdf_w, of_light\)/_ => 1.0 + 0.0 * balance(pdf_w, of_light)/' \
     bidirectional::photons::photon_density_counts_lamps_in_sharp_lobes_once
-plant "24 the mean of shared light paths by pixels alone" src/integrator/bidirectional/mod.rs \
-    's/push_shared\(index, value, sample\)/push(index, value, sample)/' \
+plant "24 the mean of shared light paths by pixels alone" src/integrator/bidirectional/sample.rs \
+    's/push_shared/push/g' \
     mean_error::stated_error_of_the_mean_knows_photons_that_pixels_share
 plant "24 photons of light paths that were cut count as of all" src/integrator/bidirectional/merge.rs \
     's/presence \* paths as f32/presence * self.paths as f32/' \
@@ -179,8 +180,8 @@ plant "weights of connections ignore merges" src/integrator/bidirectional/weight
     's/merging\.m \+ cut \+/cut +/' bidirectional::weights::mis_weights_equal_enumeration_in_double_precision
 plant "every strategy roughens a part of its own" src/integrator/bidirectional/split.rs \
     's/reach\.join\(&there\.reach\)/there.reach.best/' lib::integrator::bidirectional::audit::cases::audit_of_the_split
-plant "a first sample that is cut at once has no pixels" src/integrator/mod.rs \
-    's/ && !\(piece == 0 && self\.keeps_pieces\(\)\)//' stop::first_sample_that_is_cut_at_once_has_its_first_pixels
+plant "a first sample that is cut at once has no pixels" src/integrator/pieces.rs \
+    's/ && !\(piece < least && self\.is_first\(\)\)//' stop::first_sample_that_is_cut_at_once_has_its_first_pixels
 plant "one level: discs of fireflies" src/resolve/tiles.rs \
     's/self\.cap\(&mut only\);//' lib::resolve::tests::one_level_makes_no_discs_of_glints_and_fireflies
 plant "one level: discs of glints" src/resolve/mod.rs \

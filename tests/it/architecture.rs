@@ -3,28 +3,29 @@
 use crate::support::root;
 use std::path::{Path, PathBuf};
 
-/// The rooms; each may use those before it.
+/// A folder of source, and its rooms from bottom to top; each may use those before it.
+type Rooms = (&'static str, &'static [&'static str]);
+
+/// Rooms of the crates. Cargo refuses circles of crates.
 #[rustfmt::skip]
-const ROOMS: &[&str] = &[
-    "memory", "files", "math", "sampler", "regularise", "bsdf", "image", "scene", "stats", "integrator", "resolve", "pilot", "render", "facade",
-    "view", "gallery", "train", "report", "verify",
+const ROOMS: &[Rooms] = &[
+    ("src", &["memory", "files", "math", "sampler", "regularise", "bsdf", "image", "scene", "integrator", "resolve", "pilot", "render", "facade"]),
+    ("crates/lab/src", &["gallery", "stats", "report", "verify"]),
+    ("crates/train/src", &["manifest", "reference", "record", "evaluate", "learn", "score"]),
 ];
 
-/// Rooms inside a room, in the same order.
-const INNER: &[(&str, &[&str])] = &[
-    (
-        "integrator",
-        &[
-            "walk",
-            "path",
-            "guided",
-            "levels",
-            "bidirectional",
-            "metropolis",
-        ],
-    ),
-    ("train", &["record", "evaluate", "learn", "score"]),
-];
+/// Rooms inside of a room, in the same order.
+const INNER: &[Rooms] = &[(
+    "integrator",
+    &[
+        "walk",
+        "path",
+        "guided",
+        "levels",
+        "bidirectional",
+        "metropolis",
+    ],
+)];
 
 /// A source text with comments and test modules blanked out, lines kept.
 fn stripped(text: &str) -> String {
@@ -80,8 +81,8 @@ fn resolved<'a>(path: &'a str, module: &[&'a str]) -> Option<Vec<&'a str>> {
     Some(base)
 }
 
-/// The uses in a file of `src/` that break the table: one line each.
-fn faults(file: &str, text: &str) -> Vec<String> {
+/// The uses in a file of a folder that break its table: one line each.
+fn faults((folder, rooms): Rooms, file: &str, text: &str) -> Vec<String> {
     let module = file.trim_end_matches(".rs").trim_end_matches("/mod");
     let module: Vec<&str> = module.split('/').collect();
     let text = stripped(text);
@@ -96,7 +97,7 @@ fn faults(file: &str, text: &str) -> Vec<String> {
         let (table, level) = inner
             .map(|(_, table)| (*table, 1))
             .next()
-            .unwrap_or((ROOMS, 0));
+            .unwrap_or((rooms, 0));
         let floor = |path: &[&str]| table.iter().position(|room| path.get(level) == Some(room));
         if let (Some(own), Some(other)) = (floor(&module), floor(&used))
             && other > own
@@ -104,7 +105,7 @@ fn faults(file: &str, text: &str) -> Vec<String> {
             let line = text[..at].matches('\n').count() + 1;
             let [own, other] = [own, other].map(|floor| table[floor]);
             faults.push(format!(
-                "src/{file}:{line}: `{own}` uses `{path}`, but `{other}` stands above it"
+                "{folder}/{file}:{line}: `{own}` uses `{path}`, but `{other}` stands above it"
             ));
         }
     };
@@ -141,33 +142,27 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 
 #[test]
 fn architecture_rooms_use_only_rooms_below_them() {
-    let src = root().join("src");
-    let mut files = Vec::new();
-    sources(&src, &mut files);
-    assert!(files.len() > 100, "only {} files", files.len());
     let mut all = Vec::new();
-    for path in files {
-        let file = path
-            .strip_prefix(&src)
-            .expect("below src")
-            .to_string_lossy();
-        all.extend(faults(
-            &file,
-            &std::fs::read_to_string(&path).expect("a source file"),
-        ));
+    for &(folder, rooms) in ROOMS {
+        let source = root().join(folder);
+        let mut files = Vec::new();
+        sources(&source, &mut files);
+        assert!(files.len() > 20, "only {} files in {folder}", files.len());
+        for path in files {
+            let file = path.strip_prefix(&source).expect("below the folder");
+            let text = std::fs::read_to_string(&path).expect("a source file");
+            all.extend(faults((folder, rooms), &file.to_string_lossy(), &text));
+        }
+        for room in rooms.iter().map(|room| source.join(room)) {
+            let there = room.is_dir() || room.with_extension("rs").is_file();
+            assert!(there, "no room {}", room.display());
+        }
     }
     assert!(
         all.is_empty(),
         "data flows one way (src/lib.rs):\n{}",
         all.join("\n")
     );
-    for room in ROOMS.iter().map(|room| src.join(room)) {
-        assert!(
-            room.is_dir() || room.with_extension("rs").is_file(),
-            "no room {}",
-            room.display()
-        );
-    }
 }
 
 /// Words of what is between the vertices of a path, or changes along it.
@@ -192,8 +187,6 @@ const ASKED: &[&str] = &["has_dispersion", "has_overlaps", "bodies", "dispersion
 /// `refraction_scale` is the BSDF's, and a light walk's flux along a Dirac lobe needs it.
 const MAY_NAME: &[(&str, &[&str])] = &[
     ("scene/", WALKED),
-    ("gallery/", WALKED),
-    ("verify/", WALKED),
     ("bsdf/", &["refraction_scale"]),
     ("integrator/walk/", WALKED),
     ("integrator/bidirectional/walk.rs", &["refraction_scale"]),
@@ -246,7 +239,7 @@ fn architecture_only_the_walk_names_bodies_and_dispersion() {
 #[test]
 fn architecture_check_sees_every_form_of_import() {
     for (file, line, wrong) in [
-        ("scene/mod.rs", "use crate::gallery::manifest;", true),
+        ("scene/mod.rs", "use crate::render::Spec;", true),
         (
             "scene/load/mesh.rs",
             "    let x = crate::integrator::drive(1);",
@@ -268,20 +261,15 @@ fn architecture_check_sees_every_form_of_import() {
             "use super::super::{drive, path};",
             true,
         ),
-        (
-            "train/record/crop.rs",
-            "use crate::train::learn::Session;",
-            true,
-        ),
         ("sampler.rs", "use crate::bsdf::Bsdf;", true),
         (
             "scene/mod.rs",
-            "use crate::math::Vec3; // not crate::gallery",
+            "use crate::math::Vec3; // not crate::render",
             false,
         ),
         (
             "scene/mod.rs",
-            "#[cfg(test)]\nmod tests {\n    use crate::gallery::quad;\n}\n",
+            "#[cfg(test)]\nmod tests {\n    use crate::render::quad;\n}\n",
             false,
         ),
         (
@@ -289,9 +277,9 @@ fn architecture_check_sees_every_form_of_import() {
             "use super::walk::observer::Vertex;",
             false,
         ),
-        ("report/page.rs", "use std::verify::cli;", false),
+        ("scene/page.rs", "use std::render::resolve;", false),
     ] {
-        let found = faults(file, &format!("//! Text.\n{line}\n"));
+        let found = faults(ROOMS[0], file, &format!("//! Text.\n{line}\n"));
         assert_eq!(!found.is_empty(), wrong, "{file}: {line}: {found:?}");
         assert!(
             found

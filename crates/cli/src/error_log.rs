@@ -73,7 +73,7 @@ impl ErrorLog {
         let line = line();
         self.lines.retain(|earlier| earlier.samples < line.samples);
         self.lines.push(line);
-        files::write_bytes(&self.path, &self.csv()).output()
+        files::write_bytes(&self.path, self.csv()).output()
     }
 
     fn csv(&self) -> Vec<u8> {
