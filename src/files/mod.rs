@@ -6,6 +6,7 @@
 mod error;
 mod read;
 mod sealed;
+#[cfg(feature = "toml")]
 mod toml;
 mod write;
 
@@ -14,6 +15,7 @@ pub use read::briefly;
 pub(crate) use read::stream;
 pub use read::{read, read_text};
 pub use sealed::{Payload, Sealed};
+#[cfg(feature = "toml")]
 pub use toml::toml;
 pub use write::{Target, create_folder, write, write_bytes};
 

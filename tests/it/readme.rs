@@ -181,7 +181,7 @@ fn cargo_faults(arguments: &[String]) -> Option<String> {
         let place = own.iter().position(|a| a == option)?;
         own.get(place + 1)
     };
-    let manifest = read("Cargo.toml");
+    let manifest = read("Cargo.toml") + &read("crates/cli/Cargo.toml");
     for option in ["--test", "--bench"] {
         if let Some(name) = value(option)
             && !manifest.contains(&format!("name = \"{name}\""))
@@ -550,7 +550,7 @@ fn sources(folder: &Path, to: &mut Vec<PathBuf>) {
 fn cited_sections_of_the_method_exist() {
     let method = read("docs/method.md");
     let mut files = Vec::new();
-    for folder in ["src", "tests/it", "tests/bench"] {
+    for folder in ["src", "crates", "tests/it", "tests/bench"] {
         sources(&root().join(folder), &mut files);
     }
     let mut cited = 0;

@@ -42,7 +42,7 @@ mod view;
 
 /// Render caustics, glossy chains and light seen through glass with learned path space regularisation.
 #[derive(Parser)]
-#[command(version, max_term_width = 100, after_help = EXIT_CODES)]
+#[command(name = "opsr", version, max_term_width = 100, after_help = EXIT_CODES)]
 struct Args {
     /// Log more (-v, -vv); RUST_LOG is honoured too.
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]

@@ -319,7 +319,7 @@ fn aov_layers_are_written_by_name() {
     assert!(timed.channel("level").is_ok() && timed.channel("albedo.R").is_err());
     for (args, words) in [
         ("--aov direct --integrator bdpt", "path tracer"),
-        ("--aov emission --gamma 0.5 --levels 3", "one level"),
+        ("--aov emission --gamma 0.5 --levels 3", "--resolve raw"),
         ("--aov level --resolve raw", "--levels"),
         ("--aov time", "--reproducible"),
         ("--aov colour", "albedo"),
@@ -954,7 +954,7 @@ fn levels_are_rendered_and_resolved_again() {
             "{name}"
         );
     }
-    assert_eq!(layers.metadata["levels"], "[0.0, 0.5, 1.0, 4.0]");
+    assert_eq!(layers.metadata["levels"], "0,0.5,1,4");
     place
         .opsr("resolve a.ckpt -o again.exr --level-layers")
         .done();
@@ -1001,7 +1001,7 @@ fn levels_are_the_default_of_tables_and_constants() {
     ] {
         assert_eq!(levels(one), None, "{one}");
     }
-    // One level, which may be blurred.
+    // One film, which may be blurred.
     for one in [
         "",
         "--gamma 0",
@@ -1009,7 +1009,9 @@ fn levels_are_the_default_of_tables_and_constants() {
         "--integrator vcm",
         "--integrator vcm --connections nee",
     ] {
-        assert_eq!(levels(one).as_deref(), Some("[1.0]"), "{one}");
+        assert_eq!(levels(one), None, "{one}");
+        let layers = exr::read_layers(&place.path().join("out.exr")).expect("layers");
+        assert_eq!(layers.metadata["resolve"], "default", "{one}");
     }
     // The bound of an error counts the bias that is left, too, and is that of the picture that is shown.
     for options in ["--gamma 0.3", "", "--resolve none"] {

@@ -116,6 +116,7 @@ fn shipped_tables_are_those_of_this_program() {
     let config = Config {
         spp: 8,
         steps: 12,
+        manifest: root().join("training_scenes/manifest.toml"),
         ..Config::from(Preset::Smoke)
     };
     let mut session = Session::open(config, &RecordingControl::default()).unwrap();
