@@ -16,7 +16,7 @@ use std::f32::consts::TAU;
 /// A dict whose keys are known by name; those that are not are refused.
 pub(crate) struct Given<'a, 'py> {
     dict: &'a Bound<'py, PyDict>,
-    /// What the dict is, such as `meshes[2]`.
+    /// Place of the dict, such as `meshes[2]`.
     place: String,
 }
 

@@ -98,7 +98,7 @@ fn damaged(what: impl std::fmt::Display) -> PyErr {
     argument("a pickled film", what)
 }
 
-/// What makes a film again.
+/// Recipe that makes a film again.
 pub(crate) fn reduce<'py>(film: &Bound<'py, Film>) -> PyResult<Bound<'py, PyAny>> {
     let (py, film) = (film.py(), film.get());
     let Outcome {

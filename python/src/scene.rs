@@ -31,7 +31,7 @@ pub(crate) struct Scene {
     /// Defects and features of the file that are ignored, one line each.
     #[pyo3(get)]
     warnings: Vec<String>,
-    /// What makes it again: a static method's name, its arguments and its keywords.
+    /// Recipe that makes it again: a static method's name, its arguments and its keywords.
     recipe: (&'static str, Py<PyTuple>, Py<PyDict>),
 }
 

@@ -7,7 +7,7 @@ use super::{BsdfSample, DELTA_ALPHA, Distribution, Lobe, LobeNumbers, LobeQuery}
 use crate::math::{Rgb, Vec2, Vec3, luminance, warp};
 use std::f32::consts::FRAC_1_PI;
 
-/// What a surface's facets are the boundary of.
+/// Optical boundary at a surface's facets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Interface {
     /// A metal of index `eta` + i `k`, over that of the outside.
@@ -42,7 +42,7 @@ impl Interface {
 /// Microfacet reflection by Fresnel's equations, over a Lambertian base or none.
 #[derive(Clone, Copy, Debug)]
 pub struct Exact {
-    /// What the facets bound.
+    /// Boundary at the facets.
     pub interface: Interface,
     /// Factor of the reflected light in [0, 1].
     pub tint: Rgb,

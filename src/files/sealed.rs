@@ -111,8 +111,8 @@ impl Sealed {
         Ok((header, bytes))
     }
 
-    /// The header of a file, and its payload to read piece by piece. Neither is known to be right before
-    /// [`Payload::finish`] says so.
+    /// Returns the header of a file, and its payload to read piece by piece. Both are unchecked until the payload is read
+    /// to its end.
     pub fn stream<H: DeserializeOwned>(&self, path: &Path) -> Result<(H, Payload), Problem> {
         let file = File::open(path).map_err(Problem::Read)?;
         let length = file.metadata().map_err(Problem::Read)?.len();

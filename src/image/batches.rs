@@ -20,7 +20,7 @@ pub struct Batches {
     sums: [[ExactSum; 3]; BATCHES],
 }
 
-/// What a film knows of noise that its pixels share.
+/// Noise that pixels of a film share.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Sharing {
     /// There is none: pixels are independent.

@@ -62,7 +62,7 @@ pub struct LevelFilm {
     features: Vec<Features>,
     /// Sums by pixel, batch and level, levels fastest, the shared light after the last.
     sums: Vec<Rgb>,
-    /// What was carried over from both, once there is any.
+    /// Light carried over from both, once there is any.
     carried: Option<Carried>,
 }
 

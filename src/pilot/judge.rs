@@ -159,12 +159,12 @@ fn radiance(drafts: &[Draft], punctual: bool) -> Vec<f64> {
 struct Lack {
     /// Its square, without what noise adds.
     squared: f64,
-    /// What is beyond noise.
+    /// Light beyond noise.
     beyond: f64,
 }
 
 impl Lack {
-    /// Of a tile's mean and its variance, against those of the others.
+    /// Compares a tile's mean and variance with those of the others.
     fn of((mean, variance): (f64, f64), others: impl Iterator<Item = (f64, f64)>) -> Self {
         let (mut squared, mut beyond) = (0.0f64, 0.0f64);
         for (other, other_variance) in others {
@@ -318,8 +318,8 @@ mod tests {
         assert_eq!(best(&found, 0), Some(1));
     }
 
-    /// What has met few of its bright samples looks free of noise. More strategies have no more variance, and the scene calls
-    /// for them.
+    /// A picture that has met few of its bright samples looks free of noise. More strategies have no more variance, and the
+    /// scene needs them.
     #[test]
     fn pilot_knows_whose_strategies_are_part_of_others() {
         let drafts = [

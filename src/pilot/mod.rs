@@ -120,7 +120,7 @@ pub struct Choice {
 }
 
 impl fmt::Display for Choice {
-    /// What was chosen, and what the others would have cost.
+    /// Names the choice, and the costs of the others.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Some(place) = self.chosen else {
             return write!(out, "integrator path: there is nothing to choose");
@@ -378,7 +378,7 @@ fn still_racing(runners: &[Runner], trials: &[Trial], called: usize) -> Vec<bool
         .collect()
 }
 
-/// What the rounds of the pilot cost, beside the render.
+/// Costs of the rounds of the pilot, beside the render.
 struct Race {
     /// Cost of a sample per pixel of each contender in most scenes.
     usual: Vec<f64>,

@@ -87,7 +87,7 @@ fn reflects_nothing(scene: &Scene) -> bool {
 }
 
 impl Spec {
-    /// What surrounds the scene.
+    /// Surroundings of the scene.
     fn backdrop(&self) -> Backdrop {
         let mut sky = Sky::default();
         if let Some(sun) = self.sun {

@@ -1,4 +1,4 @@
-//! What a render says about itself and keeps: metadata, checkpoints, parts, and the command that repeats it.
+//! Records of a render: metadata, checkpoints, parts, and the command that repeats it.
 
 use super::fault::Fault;
 use super::request::{DEFAULT_SPP, Request};

@@ -27,7 +27,7 @@ use std::time::Duration;
 pub enum Heading {
     /// The file and what is made of it.
     Scene,
-    /// What surrounds the scene.
+    /// Surroundings of the scene.
     Light,
     /// The camera and its picture.
     Camera,
@@ -53,7 +53,7 @@ impl Heading {
     }
 }
 
-/// What an option changes.
+/// Effect of an option.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
     /// Pixels: recorded by name.
@@ -87,7 +87,7 @@ pub struct Opt {
     pub bare: Option<&'static str>,
     /// Range of numbers.
     pub range: Range,
-    /// What it changes.
+    /// Its effect.
     pub effect: Effect,
     /// Options of which one must be given too.
     pub needs: &'static [&'static str],
@@ -217,7 +217,7 @@ macro_rules! options {
 }
 
 options! {
-    /// What surrounds the scene: an equirectangular map (.hdr or .exr); `studio`, grey walls with soft lamps; `sky`, a clear
+    /// Surroundings of the scene: an equirectangular map (.hdr or .exr); `studio`, grey walls with soft lamps; `sky`, a clear
     /// sky with its sun; or `none`. Without it `studio` for a scene that has no light, else `none`.
     env: PathBuf, Light { value: "FILE|NAME", common: true }
     /// Position of the sun of `--env sky` in degrees: its height, and how far to the right of the front.

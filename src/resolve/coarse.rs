@@ -130,7 +130,7 @@ impl Coarse {
         }
     }
 
-    /// What each level has not met around a pixel of the whole picture, from the light of every level there at two scales.
+    /// Light that each level has missed around a pixel of the whole picture, from the light of every level there at two scales.
     pub(super) fn missing(
         &self,
         pixel: (usize, usize),
@@ -234,7 +234,7 @@ pub(super) fn brought(have: Vec3A, more: Vec3A, variance: Vec3A) -> Vec3A {
     ratio.clamp(least, most)
 }
 
-/// What a level has not met around a pixel.
+/// Light that a level has missed around a pixel.
 pub(super) struct Missing {
     /// Its variance, if no hit is expected.
     pub(super) variance: Vec3A,

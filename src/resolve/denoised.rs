@@ -9,8 +9,8 @@
 //!
 //! whatever the filter does. Its mean over the picture says which level the filter is fed with.
 //!
-//! Of that level all batches are filtered together, D. At every pixel D and the choice among levels and blurs, S, are mixed
-//! by the errors that they have, d and e:
+//! D is all batches of that level, filtered together. Each pixel blends D with S, the choice among levels and blurs, weighted
+//! by their errors d and e:
 //!
 //! ```text
 //! b = max(0, tent₁(w (D − S)²) − 8 tent₁(w V_S))        w V_S, b_S what S states of itself
@@ -81,7 +81,7 @@ pub fn denoise_film<E>(
     Ok(Denoised { resolved, fed })
 }
 
-/// What a filter that is fed with level 0 is judged to be.
+/// Returns the error that the judge gives a filter of level 0.
 #[cfg(test)]
 pub(super) fn judged(film: &LevelFilm, filter: impl Fn(&Buffer) -> Buffer) -> f64 {
     let halves = Halves::of(film, 0, |picture| Ok::<_, ()>(filter(picture)));
@@ -113,13 +113,13 @@ impl Halves {
     }
 }
 
-/// What pictures of a film are judged by.
+/// Judges pictures of a film by its batches.
 struct Judge<'a> {
     film: &'a LevelFilm,
     size: Size,
     /// Weight of squared differences: they are relative, where the mean of the picture counts as 0.3.
     weights: Vec<Vec3A>,
-    /// What makes them relative as the numbers of [`Resolved`] are, whatever the exposure.
+    /// Scales of relative errors, as in [`Resolved`], which make them independent of the exposure.
     stated: Vec<f32>,
 }
 

@@ -31,7 +31,7 @@ pub(super) fn reach(sigma: f32) -> usize {
     (2.0 * sigma).ceil() as usize
 }
 
-/// What stops a filter, as planes.
+/// Edges that stop a filter, as planes.
 pub(super) struct Guide {
     size: Size,
     /// Normal and, where it counts, reflectance: their squared differences are those of the exponent.

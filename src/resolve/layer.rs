@@ -20,7 +20,7 @@ const CAUTION: f32 = 1.5;
 /// Light of some pixels in batches.
 pub(super) type Batches = Vec<[Vec3A; BATCHES]>;
 
-/// What a layer may become.
+/// A picture that a layer may take.
 pub(super) struct Candidate {
     /// Its level of roughening.
     pub(super) level: u8,

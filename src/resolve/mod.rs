@@ -12,7 +12,7 @@
 //! k*   = argmin b_k + w V_k
 //! ```
 //!
-//! Of roughened light U counts as far as something confirms it: a pixel beside shows as much, or the pixel's own batches
+//! U includes roughened light only if it is confirmed: a neighbouring pixel shows as much, or the pixel's own batches do
 //! without the one that differs most.
 //!
 //! Rougher levels are not always less noisy: the variances are taken as they are.
@@ -149,7 +149,7 @@ impl Resolved {
         layers
     }
 
-    /// What the picture states about its error: the root mean square of [`Resolved::error`], and 1 if it is black.
+    /// Stated error of the picture: the root mean square of [`Resolved::error`], and 1 if it is black.
     pub fn statement(&self) -> Statement {
         if self.variance.contains(&f32::INFINITY) {
             return Statement::UNKNOWN;
@@ -187,8 +187,8 @@ pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
     resolved
 }
 
-/// What a picture states about its error with these settings of the choice: of several levels that of the best of every
-/// pixel, else the noise of its film.
+/// Stated error of a picture with these settings of the choice: that of the chosen level of every pixel if there are
+/// several levels, else the noise of its film.
 pub fn stated_error(picture: &Picture, settings: Resolve) -> Statement {
     match &picture.levels {
         Some(film) if settings != Resolve::None => resolve_film(film, settings).statement(),

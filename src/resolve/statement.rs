@@ -15,7 +15,7 @@ use crate::math::moments::Moments;
 /// caustics at 32 samples these are nearest to the true error: 0.76 to 2.6 of its square.
 const KNOWN: f64 = 0.5;
 
-/// What a picture states about its error.
+/// Stated error of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Statement {
     /// Relative error of the picture: root of the relMSE to be expected. Infinite where there are too few samples to tell.

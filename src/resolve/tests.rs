@@ -690,7 +690,7 @@ fn mixed(film: &LevelFilm, filter: impl Fn(&Buffer) -> Buffer) -> Denoised {
     denoise_film(film, resolve_film(film, Resolve::Default), filter).expect("no failure")
 }
 
-/// What is judged is the error to the mean of the level that judges, without the noise of either.
+/// The judged error is that to the mean of the level that judges, without the noise of either.
 #[test]
 fn filters_are_judged_by_independent_batches() {
     let (film, truth) = ramp([0.4, 0.3, 0.3], [1.0; 3]);

@@ -24,7 +24,7 @@ const EPSILON: f32 = 0.01;
 /// these on one pixel more.
 const AROUND: usize = 2 * (SHARE_RADIUS + RADIUS) + 1;
 
-/// What a film holds for all tiles.
+/// Data of a film that all tiles share.
 pub(super) struct Shared<'a> {
     pub(super) film: &'a LevelFilm,
     pub(super) roughened: Coarse,
@@ -336,7 +336,7 @@ impl<'a> Part<'a> {
         all
     }
 
-    /// What every level has not met, by level and pixel.
+    /// Light that every level has missed, by level and pixel.
     fn missing(&self, levels: &[Batches]) -> Vec<Vec<Missing>> {
         let smooth = |level: &Batches| -> Vec<[Vec3A; 2]> {
             let light = level.iter().map(|light| self.mean(light).max(Vec3A::ZERO));

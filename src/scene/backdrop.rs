@@ -1,11 +1,11 @@
-//! What surrounds a scene: a map, a sky, a studio, or nothing.
+//! Surroundings of a scene: a map, a sky, a studio, or nothing.
 
 use super::light::sky::{self, Sky};
 use super::{Environment, SceneParts};
 use crate::files::FileError;
 use std::path::{Path, PathBuf};
 
-/// What surrounds a scene.
+/// Surroundings of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Backdrop {
     /// The studio if nothing else lights the scene, see [`Loaded::lit`](super::load::Loaded::lit); else nothing.

@@ -27,7 +27,7 @@ pub struct Finish {
     pub mix: Option<Mix>,
     /// Textures of the reflectance of a dielectric.
     pub specular: SpecularMaps,
-    /// What it has of a lamp.
+    /// Properties of a lamp, if it is one.
     pub lamp: Option<Lamp>,
     /// True if meshes of the material have colours, which multiply its own.
     pub has_colors: bool,

@@ -3,7 +3,7 @@
 use super::material::Material;
 use crate::math::Vec3;
 
-/// What a lamp's surface has that others do not.
+/// Properties that only a lamp's surface has.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lamp {
     /// True if the camera looks through it, from either side. All other rays meet it.
@@ -34,7 +34,7 @@ impl Cone {
 }
 
 impl Material {
-    /// What it has of a lamp.
+    /// Properties of a lamp, if it is one.
     pub fn lamp(&self) -> Option<&Lamp> {
         self.finish.as_ref()?.lamp.as_ref()
     }

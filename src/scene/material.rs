@@ -99,7 +99,7 @@ pub struct TextureRef {
 
 /// Texture coordinates of a point.
 pub trait Coordinates: Copy {
-    /// Those that a texture takes.
+    /// The coordinates that a texture takes.
     fn of(self, map: &TextureRef) -> Vec2;
 }
 

@@ -513,8 +513,8 @@ impl Scene {
         Some(share * wall.straight(cos))
     }
 
-    /// What comes through between the ray's origin and its `t_max`: all, or what at most `most` panes let through; `None` if
-    /// anything else stands there.
+    /// Transmittance between the ray's origin and its `t_max`: 1, or that of at most `most` panes; `None` if anything else
+    /// blocks the ray.
     #[inline]
     pub fn unblocked(&self, ray: &Ray, most: u32) -> Option<Rgb> {
         if !self.occluded(ray) {

@@ -38,7 +38,7 @@ struct Taps {
 }
 
 impl Taps {
-    /// Those of all texels of a row of `n` made half as long.
+    /// Taps of all texels of a row of `n` made half as long.
     fn halved(n: u32) -> Vec<Self> {
         let m = n / 2;
         match (m, n % 2) {

@@ -99,7 +99,7 @@ impl Shell {
         !self.has_wrong_edges() && self.volumes.iter().all(|&volume| volume > 0.0)
     }
 
-    /// What is wrong with the mesh of this name.
+    /// Describes the fault of the mesh of this name.
     fn says(&self, name: &str) -> String {
         match (self.turned, self.open) {
             (0, 0) => format!("normals of {name} point inwards"),
@@ -151,7 +151,7 @@ fn name(number: usize, mesh: &Mesh) -> String {
     }
 }
 
-/// What the looks found.
+/// Result of the looks.
 #[derive(Default)]
 pub(super) struct Verdict {
     /// Meshes that bound no body, by their place among all meshes.

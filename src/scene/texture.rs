@@ -58,7 +58,7 @@ impl Default for Texels {
 pub(super) trait Code: Copy + Send + Sync {
     /// Linear values of the codes.
     type Table: Copy + Sync;
-    /// Those of codes that are sRGB encoded, or not.
+    /// Linear values of codes that are sRGB encoded, or not.
     fn table(srgb: bool) -> Self::Table;
     /// The linear value.
     fn linear(self, table: Self::Table) -> f32;
@@ -82,7 +82,7 @@ fn linear(y: f64) -> f32 {
 static SRGB: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|i| linear(i as f64 / 255.0)));
 
-/// Those of codes that are not encoded.
+/// Linear values of the 256 codes that are not encoded.
 static PLAIN: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|i| (i as u8).fraction()));
 

@@ -90,11 +90,11 @@ struct Document {
 pub struct TableError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// Its fault.
     pub problem: TableProblem,
 }
 
-/// What is wrong with a table file.
+/// Fault of a table file.
 #[derive(Debug)]
 pub enum TableProblem {
     /// It cannot be read.

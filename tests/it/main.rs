@@ -61,3 +61,4 @@ mod training_scenes;
 mod transport;
 mod view;
 mod witness;
+mod words;

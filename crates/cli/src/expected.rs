@@ -1,4 +1,4 @@
-//! How long a render of a scene will take, by a short one.
+//! Estimates the time of a render from a short one.
 
 use super::exit::Told;
 use opsr::image::film::Window;

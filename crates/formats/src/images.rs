@@ -13,7 +13,7 @@ use opsr::scene::material::TextureRef;
 use opsr::scene::texture::{Texels, Texture, Wrap};
 use std::borrow::Cow;
 
-/// What a texture is known by: file, whether it is encoded (`None`: if its values have eight bits), wrap, and sharp edges.
+/// Key of a texture: file, whether it is encoded (`None`: if its values have eight bits), wrap, and sharp edges.
 pub(super) type Key = (String, Option<bool>, [Wrap; 2], bool, bool);
 
 /// A texture, and the factor of its values.
@@ -27,7 +27,7 @@ const FORMATS: [ImageFormat; 4] = [
     ImageFormat::Hdr,
 ];
 
-/// How a scene uses an image.
+/// Use of an image by a scene.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Use {
     /// True if the values are sRGB encoded; `None` if they are just when they have eight bits.

@@ -147,7 +147,7 @@ impl From<Material> for Look {
     }
 }
 
-/// What both readers build on.
+/// State that both readers share.
 struct Context {
     files: Files,
     builder: Builder,
@@ -360,8 +360,8 @@ fn film_side(name: &str, n: f64, place: &str) -> Result<u32> {
     }
 }
 
-/// How long a step of one in u and in v is on a mesh at a scale: means over its area. That in v is negative where u and v make a
-/// left-handed frame with the normal.
+/// Lengths of a step of one in u and in v on a mesh at a scale: means over its area. The length in v is negative if u and v make
+/// a left-handed frame with the normal.
 fn uv_steps(mesh: &Mesh, scale: f32) -> [f32; 2] {
     let mut sums = [0.0f64; 3];
     for face in &mesh.indices {

@@ -9,11 +9,11 @@ pub(super) struct Names {
     pub(super) element: &'static str,
     /// Kinds, or [`ALL`] for what every kind of the element has.
     pub(super) kinds: &'static str,
-    /// Those that are read.
+    /// Parameters that are read.
     pub(super) read: &'static str,
-    /// Those that change nothing here: how to sample, or how to write files.
+    /// Parameters without effect here: how to sample, or how to write files.
     pub(super) idle: &'static str,
-    /// Those that change the picture and are not read: a warning names them.
+    /// Parameters that change the picture and are not read: a warning names them.
     pub(super) left: &'static str,
 }
 

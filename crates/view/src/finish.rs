@@ -170,7 +170,7 @@ impl Against {
     }
 }
 
-/// What is known of light that a render has not met; the next look is at every doubling of its samples, and at its end.
+/// Light that a render has missed, as far as measured; it is measured at every doubling of the samples, and at the end.
 #[derive(Default)]
 struct Witness {
     run: u64,
@@ -193,7 +193,7 @@ impl Witness {
         job.samples >= next.max(FIRST)
     }
 
-    /// What is missing in this render, as far as is known.
+    /// Light known to be missing in this render.
     fn of(&self, run: u64) -> Option<&Missing> {
         self.found.as_ref().filter(|_| self.run == run)
     }
@@ -211,7 +211,7 @@ impl Witness {
     }
 }
 
-/// What a film says of its pixels.
+/// Maps of the pixels of a film.
 #[derive(Default)]
 pub(super) struct Maps {
     /// Expected relative error, and of several levels its noise and bias.

@@ -90,7 +90,7 @@ mod tests {
     use std::io::Read;
     use std::net::TcpListener;
 
-    /// Those who have not shown the token make way, the oldest first; those who have stay; a place that is dropped is free.
+    /// Unauthenticated connections are evicted, oldest first; authenticated ones stay; a dropped place is free.
     #[test]
     fn strangers_make_way_and_places_come_back() {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");

@@ -1,4 +1,4 @@
-//! What the threads of a viewer share: the newest of everything, and nothing that grows.
+//! State that the threads of a viewer share: the newest of everything, and nothing that grows.
 
 use super::finish::Maps;
 use super::stage::{Shot, Stage};

@@ -29,7 +29,7 @@ const PAGE: &str = include_str!("page/index.html");
 const STYLE: &str = include_str!("page/page.css");
 const SCRIPT: &str = include_str!("page/page.js");
 
-/// What the server answers from.
+/// State from which the server answers.
 pub(super) struct Server {
     pub(super) hub: Arc<Hub>,
     pub(super) token: String,
@@ -306,7 +306,7 @@ impl Server {
         })
     }
 
-    /// What does not change while the page is open.
+    /// Facts that do not change while the page is open.
     fn facts(&self) -> Value {
         let stage = self.hub.lock().stage.clone();
         let cameras: Vec<String> = (stage.iter())

@@ -29,7 +29,7 @@ pub(super) struct Shot {
     pub(super) camera: Camera,
     /// Size of the whole picture.
     pub(super) frame: UVec2,
-    /// Those of the path tracer of one level, by the rule of the render.
+    /// Settings of the path tracer of one level, by the rule of the render.
     pub(super) settings: Settings,
     /// First surfaces at the last size that was asked for.
     first: Mutex<Option<(UVec2, First)>>,

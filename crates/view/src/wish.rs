@@ -1,5 +1,5 @@
-//! What a page asks for: options by the names of a render, a look, an overlay, a comparison. Everything that a page sends is
-//! checked here, before a thread of the renderer sees it.
+//! A request of a page: options by the names of a render, a look, an overlay, a comparison. Everything that a page sends is
+//! checked here, before a thread of the renderer uses it.
 
 use opsr::render::look::{Look, LookChoice};
 use opsr::render::value::{Field, TableChoice, word};
@@ -56,7 +56,7 @@ const MAY_GO: [&str; 12] = [
     "target_error",
 ];
 
-/// What is shown in place of the picture.
+/// Picture shown in place of the rendered one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Overlay {
@@ -132,7 +132,7 @@ fn there<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(
     T::deserialize(from).map(Some)
 }
 
-/// What all pages asked for.
+/// Requests of all pages.
 #[derive(Clone, Debug)]
 pub(super) struct Wish {
     /// Options as they were asked for.
@@ -141,7 +141,7 @@ pub(super) struct Wish {
     known: [Option<Value>; 2],
     /// The table of the start.
     held: Option<TableChoice>,
-    /// Those of them that go together.
+    /// The requested options that fit together.
     pub(super) spec: Spec,
     /// Options that were left out, and why.
     pub(super) left_out: Vec<String>,

@@ -144,7 +144,7 @@ impl Bidirectional {
         Aim::new(beams, groups)
     }
 
-    /// What light paths with this aim bring to the picture.
+    /// Arrivals in the picture of light paths with this aim.
     fn try_aim(&self, view: &View<'_>, aim: &Aim, targets: &[Target]) -> Vec<Arrival> {
         let iteration = self.iteration(view, aim, 0, None);
         let source = Independent {

@@ -64,7 +64,7 @@ struct DiracEnd {
     /// Ideal direction, and the walk's throughput along it.
     dir: Vec3,
     throughput: Rgb,
-    /// What is around that direction.
+    /// Media around that direction.
     around: Surroundings,
 }
 

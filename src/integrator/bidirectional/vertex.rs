@@ -31,7 +31,7 @@ pub(super) struct Vertex {
     /// Throughput before the vertex; in a light walk over |ng · back|: flux per area and cosine.
     pub(super) throughput: Rgb,
     pub(super) partial: Partial<f32>,
-    /// What is around the previous edge.
+    /// Media around the previous edge.
     pub(super) around: Surroundings,
 }
 

@@ -133,7 +133,7 @@ impl Integrator for Guided {
     }
 }
 
-/// What all paths of a pass share, beside tracer and guide.
+/// Data that all paths of a pass share, beside tracer and guide.
 struct GuidedPaths<'a> {
     view: &'a View<'a>,
     source: Independent,

@@ -56,7 +56,7 @@ pub(super) struct PathSums<const N: usize> {
     shared: Rgb,
     /// Guides that the path has met.
     features: PathFeatures,
-    /// What plain path tracing cannot find, at the least roughened level that can.
+    /// Light that plain path tracing cannot find, at the least roughened level that can.
     unseen: Rgb,
 }
 

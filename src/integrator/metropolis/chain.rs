@@ -167,9 +167,9 @@ impl Means {
 
 /// Random numbers of a chain.
 pub(super) struct Sources {
-    /// Of the first state, whose chance must be in proportion to its target: those of a bootstrap sample.
+    /// Streams of the first state, whose chance must be in proportion to its target: those of a bootstrap sample.
     pub(super) start: [IndependentStream; 2],
-    /// Of the proposals: light walk, camera walk, choices.
+    /// Streams of the proposals: light walk, camera walk, choices.
     pub(super) steps: [IndependentStream; 3],
 }
 

@@ -66,7 +66,7 @@ const CONTRAST: (f64, f64) = (0.05, 20.0);
 /// Metropolis light transport.
 #[derive(Clone, Debug)]
 pub struct Metropolis {
-    /// What the chains run over; no merging.
+    /// Path sampler of the chains; no merging.
     pub base: Bidirectional,
     /// Mutations per pixel of a pass, at least 1.
     pub mutations: u32,

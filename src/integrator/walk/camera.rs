@@ -12,7 +12,7 @@ use std::ops::Range;
 #[derive(Clone, Copy)]
 pub(in crate::integrator) struct CameraWalks<'a> {
     view: View<'a>,
-    /// What is around the camera, if that is the same for all its rays.
+    /// Media around the camera, if they are the same for all its rays.
     around: Option<Surroundings>,
 }
 

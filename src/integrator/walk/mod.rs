@@ -34,7 +34,7 @@ use crate::math::{Frame, Ray, Rgb, Vec3};
 use crate::sampler::Sampler;
 use crate::scene::sensor::PixelCone;
 use crate::scene::{Hit, Lights, Scene, Surface};
-/// What is around a point of a path, and dims light on its way from there.
+/// Media around a point of a path, which absorb light on its way from there.
 pub(super) use bodies::EnclosingBodies as Surroundings;
 use dispersion::Channel;
 use shading_point::{Continuation, ShadingPoint};
@@ -107,7 +107,7 @@ pub(super) struct Interaction<'v> {
 }
 
 impl Interaction<'_> {
-    /// What is around a ray from here along the world direction `dir`, where this is what was around the previous edge.
+    /// Media around a ray from here along the world direction `dir`, given those around the previous edge.
     #[inline]
     pub(super) fn around(&self, scene: &Scene, around: &Surroundings, dir: Vec3) -> Surroundings {
         around.towards(scene, self.surface, self.bsdf, self.wo.z > 0.0, dir)
@@ -215,7 +215,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// What is around the origin of the current ray.
+    /// Media around the origin of the current ray.
     #[inline]
     pub(super) fn around(&self) -> &Surroundings {
         &self.around

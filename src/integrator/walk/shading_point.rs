@@ -27,7 +27,7 @@ pub struct ShadingPoint<'a> {
     pub alpha_reg: f32,
     /// Throughput of the path before this vertex.
     pub throughput: Rgb,
-    /// What is around the previous edge.
+    /// Media around the previous edge.
     pub(in crate::integrator) around: &'a Surroundings,
     /// Vertices that the path has left: the most panes between here and a light.
     pub(in crate::integrator) panes: u32,

@@ -1,4 +1,4 @@
-//! What a method is made of: tables, levels, strategies, layers.
+//! Values of a method: tables, levels, strategies, layers.
 
 use super::number::numbers;
 use super::{Field, Range};

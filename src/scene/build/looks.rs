@@ -32,7 +32,7 @@ impl From<f32> for Paint {
     }
 }
 
-/// What all of them have in common: both sides are seen, and light scatters on both.
+/// The base of all looks: both sides are seen, and light scatters on both.
 fn surface(paint: Paint) -> Material {
     Material {
         base_color: paint.factor,

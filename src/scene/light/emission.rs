@@ -44,7 +44,7 @@ pub(super) struct Numbers {
     pub point: Vec2,
     pub direction: Vec2,
     pub side: f32,
-    /// What the choice of the light left over: chooses a target.
+    /// Random number left over from the choice of the light, in [0, 1): chooses a target.
     pub rest: f64,
 }
 

@@ -4,7 +4,7 @@ use super::error::{Warnings, place};
 use crate::scene::shells::Shell;
 use crate::scene::{Material, Mesh};
 
-/// What closed meshes that transmit without a thickness are.
+/// Meaning of closed meshes that transmit without a thickness.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Glass {
     /// Bodies, as the user says.

@@ -1,4 +1,4 @@
-//! Whether a file brings its own light. Most models do not: they are shown in the light of whoever opens them.
+//! Finds out if a file has a light of its own. Most models have none: viewers add one.
 
 use crate::math::luminance;
 use crate::scene::{Mesh, SceneParts};

@@ -192,7 +192,7 @@ fn paint<'a>(
     }
 }
 
-/// What closed glass without a thickness is taken for.
+/// Meaning of closed glass without a thickness in this file.
 fn glass(root: &Root, options: &LoadOptions) -> closed::Glass {
     let generator = root.asset.generator.as_deref().unwrap_or_default();
     match (options.solid_glass, options.thin_glass) {

@@ -119,7 +119,7 @@ impl Scene<'_> {
         })
     }
 
-    /// What a layer may not have.
+    /// Refuses parameters that a layer may not have.
     fn layered(&mut self, parameters: &Parameters) -> Result<()> {
         let albedo = self.colour(parameters, "albedo", Rgb::ZERO, Meant::Reflected)?;
         match albedo == Rgb::ZERO {

@@ -27,7 +27,7 @@ const DECLARATIONS: [&str; 17] = [
     "Integrator", "PixelFilter", "Accelerator", "ColorSpace", "Option", "MediumInterface", "MakeNamedMedium",
 ];
 
-/// What directives set for what follows.
+/// Graphics state, which directives set for those that follow.
 #[derive(Clone)]
 struct State {
     pose: DMat4,

@@ -1,4 +1,4 @@
-//! What glTF can hold of a scene that came from another file.
+//! Lowers a scene of another format to the models of glTF.
 
 use opsr::bsdf::fresnel::conductor;
 use opsr::math::Rgb;
@@ -13,9 +13,9 @@ use opsr::scene::{Material, Mesh, PunctualLight, SceneParts, Texture};
 pub struct Lowered {
     /// The parts.
     pub parts: SceneParts,
-    /// What is left out, one line each: the picture is another one.
+    /// Features left out, one line each: the picture differs.
     pub lost: Vec<String>,
-    /// What is shown by glTF's models, one line each: the picture is close.
+    /// Features approximated by glTF's models, one line each: the picture is close.
     pub changed: Vec<String>,
 }
 

@@ -178,7 +178,7 @@ pub fn agree_with_exact(film: &Film, exact: &Buffer) -> Result<Agreement, FilmEr
     Ok(compare(film.size, film.window, pair, means))
 }
 
-/// What is known of the noise of a film's mean.
+/// Known noise of a film's mean.
 #[derive(Clone, Copy)]
 enum Known {
     /// It is that of independent pixels.

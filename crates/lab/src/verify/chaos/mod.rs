@@ -51,7 +51,7 @@ const ROUNDS: u32 = 3;
 /// Relative difference of means that is none: rounding, and the bias of photons.
 const TOLERANCE: [f64; 2] = [0.01, 0.1];
 
-/// What a trial found.
+/// Result of a trial; an error describes the disagreement.
 type Verdict = Result<(), String>;
 
 /// Trials from this one on, while `goes_on` says so after each: a finding for each that disagrees, as soon as it is known,

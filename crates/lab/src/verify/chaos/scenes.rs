@@ -10,7 +10,7 @@ use opsr::scene::procedural::shapes::{cuboid, cylinder, disc, quad, ring, room, 
 use opsr::scene::{Environment, Material, Mesh, PunctualLight, SceneParts};
 use std::f32::consts::TAU;
 
-/// What a scene may have.
+/// Kinds of scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Everything.
