@@ -16,16 +16,26 @@
 //! `evaluate/curves.rs` (the pixel's curve), `learn/loss.rs` (dL/dmoments), `learn/crop_set.rs` (the sum over crops),
 //! and `learn/model.rs` (the step).
 
+#[cfg(feature = "learn")]
 pub mod config;
+#[cfg(feature = "learn")]
 pub mod derivative;
+#[cfg(feature = "learn")]
 pub mod evaluate;
+#[cfg(feature = "learn")]
 pub mod learn;
 pub mod manifest;
+#[cfg(feature = "learn")]
 pub mod record;
 pub mod reference;
+#[cfg(feature = "learn")]
 pub mod score;
 
+#[cfg(feature = "learn")]
 pub use config::Config;
+#[cfg(feature = "learn")]
 pub use learn::outer_loop::TrainError;
+#[cfg(feature = "learn")]
 pub use learn::recordings::{RecordingControl, Recordings};
+#[cfg(feature = "learn")]
 pub use learn::session::Session;

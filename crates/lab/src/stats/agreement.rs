@@ -140,8 +140,8 @@ impl fmt::Display for Agreement {
 ///
 /// ```
 /// use opsr::image::Film;
-/// use opsr::stats::agreement::agree;
 /// use opsr::math::{Rgb, UVec2};
+/// use opsr_lab::stats::agreement::agree;
 /// let film = |offset: f32| {
 ///     let mut film = Film::new(UVec2::new(16, 16));
 ///     for i in 0..256 {
