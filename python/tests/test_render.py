@@ -277,7 +277,7 @@ def test_render_after_fork(box):
         ({"crop": (0, 0, 25, 4)}, ValueError, "crop: the window of 25x4 pixels at"),
         ({"crop": (0, 0, 0, 0)}, ValueError, "crop: the window"),
         ({"crop": (4294967295, 0, 4294967295, 1)}, ValueError, "crop: the window"),
-        ({"camera": "none"}, ValueError, "no camera `none`: the scene has camera 0 (`"),
+        ({"camera": "none"}, ValueError, "no camera `none`: the scene has camera 0"),
         ({"camera": 7}, ValueError, "no camera `7`"),
         ({"camera": -1}, ValueError, "camera: expected a name or a number"),
         ({"camera": 1.5}, ValueError, "camera: expected a name or a number"),

@@ -9,6 +9,7 @@ mod memory;
 mod outputs;
 mod parts;
 mod render;
+mod repeated;
 #[cfg(unix)]
 mod shut;
 #[cfg(unix)]
