@@ -146,16 +146,15 @@ impl Spec {
     }
 
     fn check_guide(&self) -> Result<(), Fault> {
+        let default = self.mode.is_none_or(|mode| mode == Mode::Default);
+        let manifold = self.manifold.is_some();
+        ensure(default || !manifold, "manifold", "takes no {mode}")?;
         let Some(guide) = self.guide else {
             return Ok(());
         };
         let why = "has one level: no {levels}";
         ensure(self.levels.is_none(), "guide", why)?;
-        ensure(
-            self.mode.is_none_or(|mode| mode == Mode::Default),
-            "guide",
-            "takes no {mode} and no reuse",
-        )?;
+        ensure(default, "guide", "takes no {mode} and no reuse")?;
         let why = "unbiased needs {table} or {gamma}, which roughens for it alone";
         ensure(guide != Guide::Unbiased || self.has_factors(), "guide", why)
     }

@@ -299,7 +299,7 @@ options! {
     guide: Guide, Method { value: "FOR", bare: Some("picture"), of: &[Path] }
     /// Seek lights by way of a smooth mirror, out of water or through a smooth body of glass too (specular manifold sampling),
     /// with so many trials for a point of a light; 0, or no number, for as many as an unbiased picture takes; path only.
-    manifold: u32, Method { value: "TRIALS", bare: Some("0"), range: Range::from(0.0, 65536.0), excludes: &["table", "gamma", "mode", "guide"], of: &[Path] }
+    manifold: u32, Method { value: "TRIALS", bare: Some("0"), range: Range::from(0.0, 65536.0), excludes: &["table", "gamma", "guide"], of: &[Path] }
     /// First radius within which the photons of vcm and sppm count, in the scene's units; twice a pixel's footprint if
     /// not given.
     radius: f32, Method { value: "R", range: Range::POSITIVE, of: &[Vcm, Sppm, Auto] }
