@@ -4,9 +4,10 @@ use super::fault::Fault;
 use super::spec::Spec;
 use crate::files::{Problem, hex};
 use crate::math::{Ray, Vec3};
-use crate::scene::light::sky::Sky;
-use crate::scene::load::{Animation, LoadOptions, Reader, load};
-use crate::scene::{Backdrop, Scene, SceneParts, TriangleId};
+use crate::scene::light::sky::{Sky, studio};
+use crate::scene::lighting::Lighting;
+use crate::scene::load::{Animation, FileLight, LoadOptions, Reader, load};
+use crate::scene::{Backdrop, Environment, Scene, SceneParts, TriangleId};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::io;
@@ -26,6 +27,30 @@ pub struct Opened {
     pub animations: Vec<Animation>,
     /// True if the studio lights the scene, since nothing else does.
     pub in_studio: bool,
+    /// Light of the file's own surfaces beside the studio's, where it decided if the studio lights the scene.
+    pub lighting: Option<Lighting>,
+}
+
+impl Opened {
+    /// The light that was chosen for the scene, why, and the options that choose another; empty where nothing was in doubt.
+    pub fn light_chosen(&self) -> String {
+        let share = |light: &Lighting| 100.0 * light.share();
+        match (&self.lighting, self.in_studio) {
+            (None, true) => "lit by the built-in studio, since the file has no light".into(),
+            (None, false) => String::new(),
+            (Some(light), true) => format!(
+                "lit by the built-in studio, beside which the file's own surfaces give {:.2} % of the light (--env none: they alone)",
+                share(light)
+            ),
+            (Some(light), false) if light.enclosed => {
+                "lit by its own lamps, in a closed room".into()
+            }
+            (Some(light), false) => format!(
+                "lit by its own lamps, {:.2} % of the light that there would be in the built-in studio (--env studio: both)",
+                share(light)
+            ),
+        }
+    }
 }
 
 /// Warnings of one kind that are told in full; of more only their number.
@@ -59,6 +84,9 @@ fn gathered(warnings: Vec<String>) -> Vec<String> {
     }
     told
 }
+
+/// Ratio of the scene's own light to that of named surroundings above which these are lost beside it.
+const FAINT: f64 = 200.0;
 
 /// Triangles of metal and glass that are asked what they reflect.
 const ASKED: usize = 64;
@@ -118,28 +146,40 @@ impl Spec {
         }
     }
 
-    /// Makes of a scene, which is `lit` or not, what the options ask for; hands over bytes that name its surroundings. True if
-    /// the studio was chosen because the scene is not lit.
-    pub fn dress(
+    /// Surroundings that the options ask for, of a scene that is `lit` or not, in place of those of the file, `own`; hands over
+    /// bytes that name them.
+    pub fn surroundings(
         &self,
-        parts: &mut SceneParts,
+        own: Option<Environment>,
         lit: bool,
         take: impl FnMut(&[u8]),
-    ) -> Result<bool, Fault> {
+    ) -> Result<Option<Environment>, Fault> {
         let rotation = self.env_rotation.unwrap_or(0.0).to_radians();
         let intensity = self.env_intensity.unwrap_or(1.0);
-        let in_studio = self
-            .backdrop()
-            .surround(parts, lit, intensity, rotation, take)?;
+        let made = (self.backdrop()).environment(lit, intensity, rotation, take)?;
         let name = match self.env_intensity {
             Some(_) => "env_intensity",
             None => "env_rotation",
         };
-        if parts.environment.is_none() && self.has(name) {
+        let all = made.or(own);
+        if all.is_none() && self.has(name) {
             let why = "nothing surrounds the scene: {env} studio, sky or a map would";
             return Err(Fault::option(name, why));
         }
-        Ok(in_studio)
+        Ok(all)
+    }
+
+    /// A warning where the light of named surroundings is lost beside that of the scene's own lamps.
+    fn faint(&self, scene: &Scene, around: &Environment) -> Option<String> {
+        self.env.as_ref()?;
+        let lighting = scene.lighting(around);
+        let ratio = lighting.own / lighting.around;
+        (lighting.around > 0.0 && ratio > FAINT).then(|| {
+            let alike = ratio * f64::from(self.env_intensity.unwrap_or(1.0));
+            format!(
+                "the surroundings are {ratio:.0} times fainter than the scene's own lamps: --env-intensity {alike:.0} makes both alike"
+            )
+        })
     }
 
     /// Opens the scene of a file: glTF, or another format by one of the readers. `build` is [`Scene::new`], or [`Scene::outline`] for
@@ -156,8 +196,33 @@ impl Spec {
         let (mut parts, mut warnings) = (loaded.parts, loaded.warnings);
         let mut digest = Sha256::new();
         digest.update(loaded.digest);
-        let in_studio = self.dress(&mut parts, loaded.lit, |bytes| digest.update(bytes))?;
-        let scene = build(parts);
+        let mut surround = |own, lit| self.surroundings(own, lit, |bytes| digest.update(bytes));
+        let auto = self.backdrop() == Backdrop::Auto;
+        let (mut in_studio, mut lighting) = (auto && loaded.light == FileLight::None, None);
+        let scene = if loaded.light == FileLight::None || parts.environment.is_some() {
+            parts.environment = surround(parts.environment.take(), !in_studio)?;
+            build(parts)
+        } else {
+            // What the file's own lamps light is measured before anything surrounds them.
+            let undecided = auto && loaded.light == FileLight::Surfaces;
+            let scene = if undecided {
+                Scene::new(parts)
+            } else {
+                build(parts)
+            };
+            if undecided {
+                let measured = scene.lighting(&Environment::from_map(studio(), 0.0));
+                in_studio = !measured.is_lit();
+                lighting = Some(measured);
+            }
+            match surround(None, !in_studio)? {
+                Some(around) => {
+                    warnings.extend(self.faint(&scene, &around));
+                    scene.surrounded(around)
+                }
+                None => scene,
+            }
+        };
         warnings.extend_from_slice(scene.warnings());
         if self.env.is_none() && reflects_nothing(&scene) {
             warnings.push(
@@ -175,6 +240,7 @@ impl Spec {
             warnings: gathered(warnings),
             animations: loaded.animations,
             in_studio,
+            lighting,
         })
     }
 }

@@ -1,14 +1,14 @@
 //! Surroundings of a scene: a map, a sky, a studio, or nothing.
 
+use super::Environment;
 use super::light::sky::{self, Sky};
-use super::{Environment, SceneParts};
 use crate::files::FileError;
 use std::path::{Path, PathBuf};
 
 /// Surroundings of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Backdrop {
-    /// The studio if nothing else lights the scene, see [`Loaded::lit`](super::load::Loaded::lit); else nothing.
+    /// The studio if nothing else lights the scene, see [`FileLight`](super::load::FileLight); else nothing.
     #[default]
     Auto,
     /// Nothing.
@@ -43,23 +43,22 @@ impl Backdrop {
         }
     }
 
-    /// Surrounds a scene, which is `lit` or not, with an environment of this intensity, turned by `rotation` radians; hands
-    /// over bytes that name the environment, for a hash. True if the studio was chosen because the scene is not lit.
-    pub fn surround(
+    /// Surroundings of a scene, which is `lit` or not, of this intensity and turned by `rotation` radians; hands over bytes
+    /// that name them, for a hash. `None` for nothing.
+    pub fn environment(
         &self,
-        parts: &mut SceneParts,
         lit: bool,
         intensity: f32,
         rotation: f32,
         mut take: impl FnMut(&[u8]),
-    ) -> Result<bool, FileError> {
+    ) -> Result<Option<Environment>, FileError> {
         let made = match self {
-            Self::None => return Ok(false),
-            Self::Auto if lit => return Ok(false),
+            Self::None => return Ok(None),
+            Self::Auto if lit => return Ok(None),
             Self::Map(path) => {
-                parts.environment = Some(Environment::load(path, intensity, rotation)?);
+                let map = Environment::load(path, intensity, rotation)?;
                 Environment::bytes(path, take)?;
-                return Ok(false);
+                return Ok(Some(map));
             }
             Self::Auto | Self::Studio => {
                 take(b"studio 1");
@@ -76,8 +75,7 @@ impl Backdrop {
             }
         };
         let made = made.map(|p| p * intensity);
-        parts.environment = Some(Environment::from_map(made, rotation));
-        Ok(*self == Self::Auto)
+        Ok(Some(Environment::from_map(made, rotation)))
     }
 }
 
@@ -98,14 +96,13 @@ mod tests {
     #[test]
     fn studio_only_where_nothing_else_lights() {
         let auto = |lit| {
-            let mut parts = SceneParts::default();
             let mut name = Vec::new();
-            let chosen = (Backdrop::Auto)
-                .surround(&mut parts, lit, 1.0, 0.0, |b| name.extend_from_slice(b))
+            let made = (Backdrop::Auto)
+                .environment(lit, 1.0, 0.0, |b| name.extend_from_slice(b))
                 .expect("no file");
-            (chosen, parts.environment.is_some(), !name.is_empty())
+            (made.is_some(), !name.is_empty())
         };
-        assert_eq!(auto(true), (false, false, false));
-        assert_eq!(auto(false), (true, true, true));
+        assert_eq!(auto(true), (false, false));
+        assert_eq!(auto(false), (true, true));
     }
 }

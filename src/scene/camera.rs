@@ -1,5 +1,6 @@
 //! Cameras: pinholes, parallel projections, and thin lenses in front of either.
 
+use super::framing::corners;
 use crate::math::{DVec3, Frame, Ray, UVec2, Vec2, Vec3, warp};
 
 /// Largest coordinate of a scene that a camera can frame.
@@ -57,8 +58,88 @@ pub enum Projection {
     },
 }
 
-/// Direction of the three-quarter view: glTF's front is +Z; a little from the right, and from above.
-const VIEW: DVec3 = DVec3::new(0.6, 0.45, 1.0);
+/// The nearest camera along a direction that sees all of some points.
+pub(super) struct Fit {
+    /// Axes of the camera.
+    axes: [DVec3; 3],
+    /// Tangents of half the angles across and up.
+    tan: [f64; 2],
+    /// Greatest value over the points, for both ends of both film axes, of the coordinate along the axis plus the tangent
+    /// times the coordinate towards the camera.
+    ends: [[f64; 2]; 2],
+    /// Greatest coordinate towards the camera.
+    nearest: f64,
+    name: &'static str,
+}
+
+impl Fit {
+    /// Direction of the three-quarter view: glTF's front is +Z; a little from the right, and from above.
+    pub(super) const VIEW: DVec3 = DVec3::new(0.6, 0.45, 1.0);
+
+    /// Part of the picture that the points fill along the tighter axis.
+    const FILLED: f64 = 1.0 / 1.05;
+
+    /// Looks from the three-quarter view, or from a side, at a picture of the given width over height.
+    pub(super) fn new(aspect: f32, side: Option<DVec3>) -> Self {
+        let aspect = match aspect.is_finite() && aspect > 0.0 {
+            true => f64::from(aspect),
+            false => 1.0,
+        };
+        let n = side.unwrap_or(Self::VIEW).normalize();
+        let s = DVec3::Y.cross(n).normalize();
+        let tan_y = (0.5 * 40f64.to_radians()).tan();
+        Self {
+            axes: [s, n.cross(s), n],
+            tan: [tan_y * aspect, tan_y],
+            ends: [[f64::NEG_INFINITY; 2]; 2],
+            nearest: f64::NEG_INFINITY,
+            name: match side {
+                Some(_) => "view through the open side",
+                None => "three-quarter view from the front",
+            },
+        }
+    }
+
+    /// Adds a point.
+    pub(super) fn add(&mut self, p: DVec3) {
+        let [s, t, n] = self.axes.map(|axis| axis.dot(p));
+        self.nearest = self.nearest.max(n);
+        for ((ends, tan), x) in self.ends.iter_mut().zip(self.tan).zip([s, t]) {
+            let towards = Self::FILLED * tan * n;
+            ends[0] = ends[0].max(towards + x);
+            ends[1] = ends[1].max(towards - x);
+        }
+    }
+
+    /// The camera; `None` for no points, for points that are one, and for those too far apart.
+    pub(super) fn camera(&self) -> Option<Camera> {
+        let [s, t, n] = self.axes;
+        // A camera at (x, y, z) in these axes sees p if |p.x - x| <= tan (z - p.z), and the same upwards.
+        let depth =
+            |k: usize| (self.ends[k][0] + self.ends[k][1]) / (2.0 * Self::FILLED * self.tan[k]);
+        let [x, y] = self.ends.map(|[a, b]| 0.5 * (a - b));
+        let z = depth(0).max(depth(1));
+        let position = s * x + t * y + n * z;
+        let apart = z - self.nearest;
+        let good = apart > 1e-6 * position.abs().max_element()
+            && position.abs().max_element() < 100.0 * LARGE;
+        good.then(|| Camera {
+            position: position.as_vec3(),
+            frame: Frame {
+                s: s.as_vec3(),
+                t: t.as_vec3(),
+                n: n.as_vec3(),
+            },
+            name: self.name.into(),
+            projection: Projection::Perspective {
+                tan_half_y: self.tan[1] as f32,
+            },
+            aspect: None,
+            lens: None,
+            film: None,
+        })
+    }
+}
 
 impl Camera {
     /// The ray through a film position, for a picture of the given width over height.
@@ -159,8 +240,8 @@ impl Camera {
         }
     }
 
-    /// A camera that sees a whole box in three-quarter view from the front right, for a picture of the given width over
-    /// height. A box that is empty, a point or not finite is replaced by the unit cube around its centre, or around the
+    /// The nearest camera that sees a whole box in three-quarter view from the front right, for a picture of the given width
+    /// over height. A box that is empty, a point or not finite is replaced by the unit cube around its centre, or around the
     /// origin.
     pub fn framing(bounds: (Vec3, Vec3), aspect: f32) -> Self {
         let (low, high) = (bounds.0.as_dvec3(), bounds.1.as_dvec3());
@@ -172,41 +253,15 @@ impl Camera {
         if !half.is_finite() || half.min_element() < 0.0 || half.max_element() == 0.0 {
             half = DVec3::splat(0.5);
         }
-        half = half.min(DVec3::splat(LARGE));
-        let aspect = if aspect.is_finite() && aspect > 0.0 {
-            f64::from(aspect)
-        } else {
-            1.0
-        };
-        let n = VIEW.normalize();
-        let s = DVec3::Y.cross(n).normalize();
-        let t = n.cross(s);
-        let fov_y = 40f64.to_radians();
-        let tan_y = (0.5 * fov_y).tan();
-        // The nearest point on the axis from which every corner is inside all four sides of the view.
-        let distance = (0..8u32)
-            .map(|corner| {
-                let sign = |bit: u32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
-                let c = half * DVec3::new(sign(0), sign(1), sign(2));
-                let across = (c.dot(s).abs() / aspect).max(c.dot(t).abs());
-                c.dot(n) + across / tan_y
-            })
-            .fold(0.0, f64::max);
-        Self {
-            position: (centre + 1.05 * distance * n).as_vec3(),
-            frame: Frame {
-                s: s.as_vec3(),
-                t: t.as_vec3(),
-                n: n.as_vec3(),
-            },
-            name: "three-quarter view from the front".into(),
-            projection: Projection::Perspective {
-                tan_half_y: tan_y as f32,
-            },
-            aspect: None,
-            lens: None,
-            film: None,
+        // Single precision tells no smaller box from its centre.
+        let least = DVec3::splat(1e-5 * centre.abs().max_element());
+        half = half.min(DVec3::splat(LARGE)).max(least);
+        let mut fit = Fit::new(aspect, None);
+        for corner in corners(centre - half, centre + half) {
+            fit.add(corner);
         }
+        fit.camera()
+            .unwrap_or_else(|| Self::look_at(Vec3::Z, Vec3::ZERO, Vec3::Y, 1.0))
     }
 }
 

@@ -393,9 +393,10 @@ impl Material {
         self.specular != 0.0 && self.ior != 1.0
     }
 
-    /// True for a surface that only emits, from both sides, as [`KHR_materials_unlit`](super::load) is shown.
+    /// True for a surface that only emits, from both sides and at most 1, as [`KHR_materials_unlit`](super::load) is shown.
     pub(super) fn is_unlit(&self) -> bool {
         self.emission != Rgb::ZERO
+            && self.emission.max_element() <= 1.0
             && self.double_sided
             && self.base_color == Rgb::ZERO
             && self.specular == 0.0

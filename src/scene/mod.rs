@@ -15,10 +15,12 @@ pub mod bodies;
 pub mod build;
 pub mod camera;
 pub mod finish;
+mod framing;
 pub mod geometry;
 mod instances;
 pub mod lamp;
 pub mod light;
+pub mod lighting;
 pub mod load;
 pub mod material;
 pub mod medium;
@@ -281,6 +283,15 @@ impl Scene {
         Self::build(parts, false)
     }
 
+    /// The scene in an environment, with the same trees.
+    pub fn surrounded(mut self, environment: Environment) -> Self {
+        self.parts.environment = Some(environment);
+        self.warnings.retain(|warning| warning != light::BLACK);
+        self.lights = Lights::new(&self.parts, &self.geometry, &mut self.warnings);
+        self.dark_inside = OnceLock::new();
+        self
+    }
+
     fn build(mut parts: SceneParts, trees: bool) -> Self {
         let mut warnings = Vec::new();
         let filtered = match trees {
@@ -394,11 +405,6 @@ impl Scene {
     #[inline]
     pub fn lights(&self) -> &Lights {
         &self.lights
-    }
-
-    /// Camera for a file that has none: all of the scene, in three-quarter view from the front.
-    pub fn framing_camera(&self, aspect: f32) -> Camera {
-        Camera::framing(self.geometry.bounds(), aspect)
     }
 
     /// Closest hit in front of the ray's origin; parts that opacity removes are skipped.

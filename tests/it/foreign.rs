@@ -12,7 +12,7 @@ use opsr::image::Buffer;
 use opsr::integrator::Settings;
 use opsr::math::{DVec3, Rgb, Vec3};
 use opsr::render::value::ResolveChoice;
-use opsr::scene::load::{LoadOptions, Loaded, load};
+use opsr::scene::load::{FileLight, LoadOptions, Loaded, load};
 use opsr::scene::{Medium, PunctualLight, Scene};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -481,12 +481,9 @@ fn foreign_media_are_read_or_named_with_their_line() {
 fn foreign_scenes_with_any_light_are_lit() {
     let ground = "WorldBegin\nShape \"disk\" \"float radius\" 1000\n";
     let lamp = "AreaLightSource \"diffuse\" \"float scale\" 0.1 Shape \"sphere\"";
-    assert!(!read("a.pbrt", ground, false).unwrap().lit);
-    assert!(
-        read("a.pbrt", &format!("{ground}{lamp}"), false)
-            .unwrap()
-            .lit
-    );
+    let light = |text: &str| read("a.pbrt", text, false).unwrap().light;
+    assert_eq!(light(ground), FileLight::None);
+    assert_eq!(light(&format!("{ground}{lamp}")), FileLight::Lamps);
 }
 
 /// A camera before two clouds, in the plane that they share, is outside of both: a ray along the plane may enter one and leave the

@@ -37,6 +37,7 @@ mod metric;
 mod mollifier;
 mod nested;
 mod options;
+mod own_light;
 mod panes;
 mod parts;
 mod phase;

@@ -58,9 +58,9 @@ impl Ended<'_> {
             ),
             false => String::new(),
         };
-        let studio = match self.opened.in_studio {
-            true => ", lit by the built-in studio, since the file has no light",
-            false => "",
+        let light = match self.opened.light_chosen() {
+            none if none.is_empty() => none,
+            light => format!(", {light}"),
         };
         let mut error = match finished.error() {
             error if error.is_finite() => format!(", estimated relative error {error:.4}"),
@@ -82,7 +82,7 @@ impl Ended<'_> {
         let Window { w, h, .. } = self.film().window;
         let spp = self.output.progress.samples;
         format!(
-            "{names}: {w}x{h}{exposure}{camera}{studio}, {spp} spp in {seconds:.2} s, {rate}{error}{truth}"
+            "{names}: {w}x{h}{exposure}{camera}{light}, {spp} spp in {seconds:.2} s, {rate}{error}{truth}"
         )
     }
 

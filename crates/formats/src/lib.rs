@@ -19,7 +19,7 @@ use opsr::scene::build::looks::Paint;
 use opsr::scene::build::{BuildError, Builder, right_handed_tangents};
 use opsr::scene::load::error::{Fault, Result, Warnings, fault};
 use opsr::scene::load::uris::Files;
-use opsr::scene::load::{LoadOptions, Loaded, Reader};
+use opsr::scene::load::{FileLight, LoadOptions, Loaded, Reader};
 use opsr::scene::mesh::Mesh;
 use opsr::scene::{Material, Medium, SceneParts};
 use std::collections::HashMap;
@@ -186,7 +186,10 @@ impl Context {
             other => fault("scene", other.to_string()),
         })?;
         Ok(Loaded {
-            lit: shines(&parts),
+            light: match shines(&parts) {
+                true => FileLight::Lamps,
+                false => FileLight::None,
+            },
             parts,
             animations: Vec::new(),
             warnings: self.warnings.into_lines(),

@@ -310,6 +310,7 @@ mod tests {
             warnings: Vec::new(),
             animations: Vec::new(),
             in_studio: false,
+            lighting: None,
         };
         let (size, samples) = (UVec2::splat(40), 400);
         let settings = Settings {

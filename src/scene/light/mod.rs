@@ -117,6 +117,9 @@ pub struct Emission {
     pub distance: f32,
 }
 
+/// Warning of a scene without light.
+pub(super) const BLACK: &str = "no light: the picture will be black";
+
 /// All lights of a scene and the distribution over them.
 pub struct Lights {
     /// Choice by power: emissive triangles first, then lights without area, then the environment.
@@ -144,7 +147,7 @@ impl Lights {
         powers.extend(parts.environment.iter().map(sky));
         let choice = AliasTable::new(&powers);
         if choice.is_empty() {
-            warnings.push("no light: the picture will be black".into());
+            warnings.push(BLACK.into());
             area = AreaLights::default();
         }
         area.set_densities(|k| choice.pmf(k));

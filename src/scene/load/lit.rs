@@ -1,44 +1,31 @@
 //! Finds out if a file has a light of its own. Most models have none: viewers add one.
 
-use crate::math::luminance;
-use crate::scene::{Mesh, SceneParts};
+use crate::math::Rgb;
+use crate::scene::{Material, Mesh, SceneParts};
 
-/// Mean radiance of all surfaces below which emission is decoration. A lamp of 15 units in a box has 0.3 of it, the rear lamps
-/// of a car 0.001.
-const LAMP: f64 = 0.01;
-
-/// True for lamps without area, or surfaces that are lamps: without an emissive texture, as screens and dials have, and bright
-/// enough to light the rest. Unlit materials are pictures, not lamps.
-pub(super) fn is_lit(parts: &SceneParts) -> bool {
-    if !parts.lights.is_empty() {
-        return true;
-    }
-    let radiance: Vec<f64> = (parts.materials.iter())
-        .map(|m| match m.emissive_texture {
-            None if !m.is_unlit() => luminance(m.emission).into(),
-            _ => 0.0,
-        })
-        .collect();
-    if radiance.iter().all(|r| *r == 0.0) {
-        return false;
-    }
-    let mut sums = [0.0; 2];
-    let mut add = |mesh: &Mesh, copies: usize| {
-        let area = area(mesh) * copies as f64;
-        sums[0] += area;
-        sums[1] += area * radiance.get(mesh.material as usize).unwrap_or(&0.0);
-    };
-    parts.meshes.iter().for_each(|mesh| add(mesh, 1));
-    // Sizes of instances are of no matter where most of the area is a guess anyway.
-    let shared = parts.shared.iter();
-    shared.for_each(|shared| add(&shared.mesh, shared.poses.len()));
-    sums[1] > LAMP * sums[0]
+/// Light that a file brings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileLight {
+    /// None. Unlit materials are pictures, not lamps.
+    None,
+    /// Surfaces that emit: lamps or decoration. What they light in the scene decides, see
+    /// [`Scene::lighting`](crate::scene::Scene::lighting).
+    Surfaces,
+    /// Lamps that someone has put there, or surroundings.
+    Lamps,
 }
 
-fn area(mesh: &Mesh) -> f64 {
-    let area = |face: &[u32; 3]| {
-        let [a, b, c] = face.map(|i| mesh.positions[i as usize].as_dvec3());
-        0.5 * (b - a).cross(c - a).length()
-    };
-    mesh.indices.iter().map(area).sum()
+impl FileLight {
+    /// Light of the parts of a model.
+    pub fn of(parts: &SceneParts) -> Self {
+        if !parts.lights.is_empty() || parts.environment.is_some() {
+            return Self::Lamps;
+        }
+        let emits = |m: &Material| m.emission != Rgb::ZERO && !m.is_unlit();
+        let shines = |mesh: &Mesh| (parts.materials.get(mesh.material as usize)).is_some_and(emits);
+        match parts.all_meshes().any(shines) {
+            true => Self::Surfaces,
+            false => Self::None,
+        }
+    }
 }

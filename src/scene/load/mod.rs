@@ -31,6 +31,7 @@ pub use extensions::SUPPORTED;
 use gltf::json::Root;
 use gltf::json::mesh::Semantic;
 use gltf::json::validation::{Checked, Error as Broken, Validate};
+pub use lit::FileLight;
 use serde::de::IgnoredAny;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -72,9 +73,8 @@ pub struct Loaded {
     pub parts: SceneParts,
     /// Animations of the file.
     pub animations: Vec<Animation>,
-    /// True if the file brings light: lamps, or surfaces that are lamps. Emissive textures and unlit materials are decoration,
-    /// and so is emission of less than a hundredth of a unit on the mean of all surfaces.
-    pub lit: bool,
+    /// Light that the file brings.
+    pub light: FileLight,
     /// Features of the file that are ignored, one line each.
     pub warnings: Vec<String>,
     /// The file and every external buffer and image that it uses.
@@ -155,7 +155,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         own_boundaries: false,
     };
     Ok(Loaded {
-        lit: lit::is_lit(&parts),
+        light: FileLight::of(&parts),
         parts,
         animations: animation::list(&root),
         warnings: warnings.into_lines(),

@@ -383,7 +383,7 @@ fn camera_of_a_file_without_one_is_named() {
         let ended = place
             .opsr("render scene.glb --size 16x16 --spp 1 -o out.exr")
             .done();
-        let words = "16x16, three-quarter view from the front";
+        let words = "16x16, view through the open side";
         assert!(ended.err.contains(words), "{}", ended.err);
         assert!(
             ended.err.contains("since the file has no camera"),

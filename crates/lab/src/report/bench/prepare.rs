@@ -57,8 +57,9 @@ pub(super) fn prepare(
         let mut digest = Sha256::new_with_prefix(&source);
         digest.update(options.words(&[Heading::Scene, Heading::Light]));
         // A suite names its light: nothing is lit by default.
-        let dressed = options.dress(&mut parts, true, |bytes| digest.update(bytes));
-        dressed.map_err(|e| fault(spec, e))?;
+        let own = parts.environment.take();
+        let surroundings = options.surroundings(own, true, |bytes| digest.update(bytes));
+        parts.environment = surroundings.map_err(|e| fault(spec, e))?;
         source = hex(&digest.finalize());
     }
     let scene = Scene::new(parts);

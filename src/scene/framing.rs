@@ -1,0 +1,242 @@
+//! The camera of a file that has none: what it frames, and from which side.
+
+use super::{Camera, Mesh, Scene, SceneParts};
+use crate::math::{DVec3, Ray, Rgb, Vec3};
+use crate::scene::camera::Fit;
+use glam::DAffine3;
+
+/// Extent of a flat mesh, over that of all smaller ones, above which it is the ground beneath them.
+const GROUND: f64 = 4.0;
+
+/// The same of a mesh around them, which is their sky.
+const SKY: f64 = 10.0;
+
+/// Height of a ground over its extent, at most.
+const FLAT: f64 = 0.1;
+
+/// Largest meshes that may be ground and sky.
+const SURROUNDINGS: usize = 3;
+
+/// Distance of a small mesh, over the extent of all others, above which the picture leaves it out.
+const FAR: f64 = 4.0;
+
+/// Directions in which walls are looked for from the middle of a room.
+const LOOKS: u32 = 256;
+
+/// Share of them that a room's walls are in, at least.
+const WALLS: f64 = 0.7;
+
+/// Cosine with a side's direction of the rays that have to be free in an open side.
+const OPEN: f32 = 0.92;
+
+/// A box of what one mesh shows.
+#[derive(Clone, Copy)]
+struct Part {
+    low: DVec3,
+    high: DVec3,
+    emits: bool,
+}
+
+impl Part {
+    const EMPTY: Self = Self {
+        low: DVec3::INFINITY,
+        high: DVec3::NEG_INFINITY,
+        emits: true,
+    };
+
+    fn of(points: impl Iterator<Item = DVec3>, emits: bool) -> Option<Self> {
+        let empty = Self {
+            emits,
+            ..Self::EMPTY
+        };
+        let part = points
+            .filter(|p| p.is_finite())
+            .fold(empty, |part, p| Self {
+                low: part.low.min(p),
+                high: part.high.max(p),
+                ..part
+            });
+        (part.low.x <= part.high.x).then_some(part)
+    }
+
+    fn with(self, other: Self) -> Self {
+        Self {
+            low: self.low.min(other.low),
+            high: self.high.max(other.high),
+            emits: self.emits && other.emits,
+        }
+    }
+
+    fn extent(&self) -> f64 {
+        (self.high - self.low).max_element()
+    }
+
+    /// True for the ground or the sky of what is smaller, which must not be lamps alone.
+    fn surrounds(&self, smaller: &Self) -> bool {
+        let size = self.high - self.low;
+        let is_flat = size.y <= FLAT * size.x.min(size.z);
+        let ratio = if is_flat { GROUND } else { SKY };
+        let inside = self.low.x <= smaller.low.x
+            && self.low.z <= smaller.low.z
+            && self.high.x >= smaller.high.x
+            && self.high.z >= smaller.high.z;
+        !smaller.emits
+            && smaller.extent() > 0.0
+            && inside
+            && self.extent() > ratio * smaller.extent()
+    }
+
+    /// True for what is small beside the others and far from them.
+    fn is_far_from(&self, others: &Self) -> bool {
+        let apart = (self.low - others.high).max(others.low - self.high);
+        let extent = others.extent();
+        !others.emits
+            && extent > 0.0
+            && self.extent() < extent
+            && apart.max_element() > FAR * extent
+    }
+}
+
+/// Points of a mesh, or of the box around each instance of a shared one.
+fn shown(parts: &SceneParts) -> Vec<(Part, Points<'_>)> {
+    let emits = |mesh: &Mesh| {
+        let material = parts.materials.get(mesh.material as usize);
+        material.is_some_and(|m| m.emission != Rgb::ZERO)
+    };
+    let mut all = Vec::new();
+    for mesh in &parts.meshes {
+        let points = Points::Mesh(mesh);
+        all.extend(Part::of(points.iter(), emits(mesh)).map(|part| (part, points)));
+    }
+    for shared in &parts.shared {
+        let own = shared.mesh.positions.iter().map(|p| p.as_dvec3());
+        let Some(own) = Part::of(own, emits(&shared.mesh)) else {
+            continue;
+        };
+        for pose in &shared.poses {
+            let points = Points::Instance(own, pose);
+            all.extend(Part::of(points.iter(), own.emits).map(|part| (part, points)));
+        }
+    }
+    all
+}
+
+/// Points that a camera frames.
+#[derive(Clone, Copy)]
+enum Points<'a> {
+    /// Vertices of a mesh.
+    Mesh(&'a Mesh),
+    /// Corners of the box of a shared mesh at a pose.
+    Instance(Part, &'a DAffine3),
+}
+
+impl Points<'_> {
+    fn iter(&self) -> impl Iterator<Item = DVec3> {
+        let (mesh, corners) = match *self {
+            Self::Mesh(mesh) => (mesh.positions.as_slice(), None),
+            Self::Instance(Part { low, high, .. }, pose) => {
+                let corners = corners(low, high).map(|p| pose.transform_point3(p));
+                (&[][..], Some(corners))
+            }
+        };
+        mesh.iter()
+            .map(|p| p.as_dvec3())
+            .chain(corners.into_iter().flatten())
+    }
+}
+
+/// Corners of a box.
+pub(super) fn corners(low: DVec3, high: DVec3) -> [DVec3; 8] {
+    std::array::from_fn(|i| {
+        let pick = |bit: usize, low: f64, high: f64| if i >> bit & 1 == 0 { low } else { high };
+        DVec3::new(
+            pick(0, low.x, high.x),
+            pick(1, low.y, high.y),
+            pick(2, low.z, high.z),
+        )
+    })
+}
+
+/// Parts without grounds, skies, and small things far away: those that a picture of the scene is of.
+fn subject(mut all: Vec<(Part, Points<'_>)>) -> Vec<(Part, Points<'_>)> {
+    all.sort_by(|(a, _), (b, _)| a.extent().total_cmp(&b.extent()));
+    let mut smaller = vec![Part::EMPTY];
+    for (part, _) in &all {
+        smaller.push(smaller[smaller.len() - 1].with(*part));
+    }
+    let surround = |k: &usize| {
+        all[*k..]
+            .iter()
+            .all(|(part, _)| part.surrounds(&smaller[*k]))
+    };
+    let least = all.len().saturating_sub(SURROUNDINGS);
+    if let Some(k) = (least..all.len()).rev().find(surround) {
+        all.truncate(k);
+    }
+    let mut larger = Part::EMPTY;
+    let mut kept = Vec::new();
+    for (i, part) in all.into_iter().enumerate().rev() {
+        let others = smaller[i].with(larger);
+        larger = larger.with(part.0);
+        if !part.0.is_far_from(&others) {
+            kept.push(part);
+        }
+    }
+    kept
+}
+
+impl Scene {
+    /// Camera for a file that has none, for a picture of the given width over height: in three-quarter view from the front, and for
+    /// a room that is open on one side through that side. It frames the vertices of the scene, without ground, sky, and
+    /// small things far away.
+    pub fn framing_camera(&self, aspect: f32) -> Camera {
+        let subject = subject(shown(&self.parts));
+        let all = subject
+            .iter()
+            .fold(Part::EMPTY, |all, (part, _)| all.with(*part));
+        if subject.is_empty() {
+            return Camera::framing(self.geometry.bounds(), aspect);
+        }
+        let side = self.open_side(0.5 * (all.low + all.high), all.extent());
+        let mut fit = Fit::new(aspect, side);
+        for (_, points) in &subject {
+            points
+                .iter()
+                .filter(|p| p.is_finite())
+                .for_each(|p| fit.add(p));
+        }
+        fit.camera()
+            .unwrap_or_else(|| Camera::framing(self.geometry.bounds(), aspect))
+    }
+
+    /// Horizontal direction of the open side of a room with this middle; `None` where walls are not all around but there.
+    fn open_side(&self, middle: DVec3, extent: f64) -> Option<DVec3> {
+        let from = middle.as_vec3();
+        let beyond = 2.0 * extent as f32;
+        let free = |dir: Vec3| {
+            let mut ray = Ray::new(from, dir);
+            ray.t_max = beyond;
+            self.intersect(&ray).is_none()
+        };
+        let golden = std::f32::consts::PI * (3.0 - 5.0f32.sqrt());
+        let dirs: Vec<Vec3> = (0..LOOKS)
+            .map(|i| {
+                let y = 1.0 - (2.0 * i as f32 + 1.0) / LOOKS as f32;
+                let (radius, angle) = ((1.0 - y * y).sqrt(), golden * i as f32);
+                Vec3::new(radius * angle.cos(), y, radius * angle.sin())
+            })
+            .collect();
+        let open: Vec<Vec3> = dirs.into_iter().filter(|dir| free(*dir)).collect();
+        if open.len() as f64 > (1.0 - WALLS) * f64::from(LOOKS) {
+            return None;
+        }
+        // The share of a cap of this cosine, in looks; a side is open if nearly all of them are free.
+        let least = 0.9 * 0.5 * (1.0 - OPEN) * LOOKS as f32;
+        [DVec3::Z, DVec3::X, DVec3::NEG_X, DVec3::NEG_Z]
+            .into_iter()
+            .find(|side| {
+                let within = open.iter().filter(|d| d.dot(side.as_vec3()) > OPEN);
+                within.count() as f32 >= least
+            })
+    }
+}

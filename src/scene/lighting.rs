@@ -1,0 +1,189 @@
+//! Light of a scene's own surfaces where its camera looks, beside that of surroundings, measured with a few hundred paths: what
+//! emits is a lamp or decoration by what it lights.
+
+use super::{Camera, Environment, LightSample, Scene, Surface};
+use crate::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3, luminance, warp};
+use crate::sampler::{Independent, LightU, SampleSource, Sampler, Seed};
+
+/// Film positions along each side of the picture at which points are looked for.
+const GRID: u32 = 16;
+
+/// Paths from each point.
+const PATHS: u32 = 4;
+
+/// Diffuse surfaces on a path.
+const BOUNCES: u32 = 6;
+
+/// Albedo of every surface: materials matter little for a ratio.
+const ALBEDO: f64 = 0.5;
+
+/// Surfaces of glass that a segment passes straight on.
+const PANES: u32 = 16;
+
+/// Share of the light above which surfaces of a radiance above 1, which a file has to ask for, are lamps.
+const FAINT: f64 = 1e-4;
+
+/// The same of surfaces of a radiance of at most 1 and without a texture.
+const GLOW: f64 = 0.01;
+
+/// The same of textures of a radiance of at most 1: screens, dials and labels give up to 0.04 of the light on what is near.
+const SCREEN: f64 = 0.25;
+
+/// Share of the points that lamps in the open reach, at least: the rear lamps of a car light little of it.
+const REACHED: f64 = 0.1;
+
+/// Share of what the camera sees that emits evenly, above which it is a picture by itself.
+const PICTURE: f64 = 0.5;
+
+/// Light of a scene's surfaces and of surroundings, at the points that its camera sees.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lighting {
+    /// Points that the camera sees and that emit nothing.
+    pub points: u32,
+    /// Points among them at which light of the scene's own surfaces arrives.
+    pub reached: u32,
+    /// Mean over the points of the radiosity by the scene's own surfaces, over π.
+    pub own: f64,
+    /// The same by the surroundings.
+    pub around: f64,
+    /// Points that the camera sees and that emit, by a material without an emissive texture.
+    pub emitting: u32,
+    /// Share of the light above which the scene's own surfaces are its lamps.
+    pub least: f64,
+    /// True if no path from any point leaves the scene.
+    pub enclosed: bool,
+}
+
+impl Lighting {
+    /// Share in [0, 1] of the light at the points that is the scene's own; 0 where none arrives.
+    pub fn share(&self) -> f64 {
+        let all = self.own + self.around;
+        if all > 0.0 { self.own / all } else { 0.0 }
+    }
+
+    /// True if the scene's own surfaces are its lamps.
+    pub fn is_lit(&self) -> bool {
+        let seen = f64::from(self.points + self.emitting);
+        let is_picture = f64::from(self.emitting) > PICTURE * seen;
+        let reaches = f64::from(self.reached) >= REACHED * f64::from(self.points);
+        is_picture || self.own > 0.0 && (self.enclosed || reaches && self.share() >= self.least)
+    }
+}
+
+impl Scene {
+    /// Measures the light of the scene's own surfaces, which has no environment, beside that of `around`, from its first camera
+    /// or [`Scene::framing_camera`]. Paths are diffuse and pass glass straight.
+    pub fn lighting(&self, around: &Environment) -> Lighting {
+        let camera =
+            (self.parts.cameras.first().cloned()).unwrap_or_else(|| self.framing_camera(1.0));
+        let emitters = (self.parts.materials.iter()).filter(|m| m.emission != Rgb::ZERO);
+        let least = emitters.map(|m| match m.emission.max_element() {
+            bright if bright > 1.0 => FAINT,
+            _ if m.emissive_texture.is_none() => GLOW,
+            _ => SCREEN,
+        });
+        let mut light = Lighting {
+            least: least.fold(1.0, f64::min),
+            enclosed: true,
+            ..Lighting::default()
+        };
+        for y in 0..GRID {
+            for x in 0..GRID {
+                self.light_at(&camera, UVec2::new(x, y), around, &mut light);
+            }
+        }
+        let points = f64::from(light.points.max(1));
+        light.enclosed &= light.points > 0;
+        (light.own, light.around) = (light.own / points, light.around / points);
+        light
+    }
+
+    /// Adds the light at what the camera sees in a cell of the grid.
+    fn light_at(&self, camera: &Camera, cell: UVec2, around: &Environment, light: &mut Lighting) {
+        let film = (cell.as_vec2() + 0.5) / GRID as f32;
+        let ray = camera.ray(film, camera.aspect.unwrap_or(1.0));
+        let Some(first) = self.opaque(&ray, true) else {
+            return;
+        };
+        if self.lights.emitted(&first, -ray.dir) != Rgb::ZERO {
+            light.emitting += u32::from(self.material(&first).emissive_texture.is_none());
+            return;
+        }
+        let source = Independent { seed: Seed(0) };
+        let mut sums = [0.0; 2];
+        for path in 0..PATHS {
+            let mut stream = source.stream(cell, path);
+            light.enclosed &= !self.walk(first, -ray.dir, around, &mut stream, &mut sums);
+        }
+        light.points += 1;
+        light.reached += u32::from(sums[0] > 0.0);
+        light.own += sums[0] / f64::from(PATHS);
+        light.around += sums[1] / f64::from(PATHS);
+    }
+
+    /// Adds the light that a path from a surface finds: of the scene's own surfaces, and of the surroundings. True if the path
+    /// leaves the scene.
+    fn walk(
+        &self,
+        mut at: Surface,
+        mut wo: Vec3,
+        around: &Environment,
+        stream: &mut impl Sampler,
+        [own, surroundings]: &mut [f64; 2],
+    ) -> bool {
+        let mut throughput = 1.0;
+        for _ in 0..BOUNCES {
+            let (u, to) = (stream.vertex(), [stream.next_1d(), stream.next_1d()]);
+            let n = if at.ng.dot(wo) >= 0.0 { at.ng } else { -at.ng };
+            *own += throughput * self.diffuse_light(&at, n, u.light);
+            let dir = Frame::from_normal(n).to_world(warp::cosine_hemisphere(Vec2::from(to)));
+            let Some(next) = self.opaque(&at.spawn(dir), false) else {
+                *surroundings += throughput * f64::from(luminance(around.radiance(dir)));
+                return true;
+            };
+            throughput *= ALBEDO;
+            (at, wo) = (next, -dir);
+        }
+        false
+    }
+
+    /// Estimate of the irradiance over π on a surface with the normal `n` by one light.
+    fn diffuse_light(&self, at: &Surface, n: Vec3, u: LightU) -> f64 {
+        let Some(sample) = self.lights.sample(at.position, u) else {
+            return 0.0;
+        };
+        let cos = sample.wi.dot(n);
+        if cos <= 0.0 || !self.passes(at, &sample) {
+            return 0.0;
+        }
+        let light = f64::from(luminance(sample.radiance)) / f64::from(sample.density.value());
+        light * f64::from(cos / std::f32::consts::PI)
+    }
+
+    /// True if nothing but glass stands between a surface and a light.
+    fn passes(&self, at: &Surface, light: &LightSample) -> bool {
+        let ray = at.spawn_to_light(light);
+        !self.occluded(&ray) || self.opaque(&ray, false).is_none()
+    }
+
+    /// The first surface along a ray that is not glass; `seen` for a ray of the camera.
+    fn opaque(&self, ray: &Ray, seen: bool) -> Option<Surface> {
+        let mut rest = *ray;
+        for _ in 0..PANES {
+            let hit = match seen {
+                true => self.intersect_seen(&rest)?,
+                false => self.intersect(&rest)?,
+            };
+            let surface = self.surface(&hit);
+            let material = self.material(&surface);
+            let share = material.transmitted(&self.parts.textures, surface.uv);
+            if share < 0.5 && !material.is_null() {
+                return Some(surface);
+            }
+            let t_max = rest.t_max - hit.t;
+            rest = surface.spawn(ray.dir);
+            rest.t_max = t_max;
+        }
+        None
+    }
+}

@@ -1,0 +1,340 @@
+//! Scenes lit by their own surfaces: the table of issue cases, and the camera of files that have none.
+
+use crate::support::gltf::File;
+use image::{DynamicImage, Rgb as Texel, RgbImage};
+use opsr::math::{Rgb, Vec2, Vec3};
+use opsr::render::Spec;
+use opsr::render::open::Opened;
+use opsr::scene::procedural::{materials, shapes};
+use opsr::scene::{Camera, Material, Mesh, PunctualLight, Scene, SceneParts};
+use opsr_lab::gallery::glb::to_glb;
+use serde_json::json;
+
+/// A light for a scene of one lamp.
+fn lamp(radiance: f32) -> Material {
+    Material {
+        emission: Rgb::splat(radiance),
+        ..materials::diffuse("lamp", Rgb::splat(0.5))
+    }
+}
+
+/// A horizontal square that faces down, at a height.
+fn square(size: f32, height: f32) -> Mesh {
+    let (half, low) = (0.5 * size, Vec3::Y * height);
+    shapes::quad(
+        low - Vec3::new(half, 0.0, half),
+        Vec3::X * size,
+        Vec3::Z * size,
+    )
+}
+
+/// A floor of this size, two boxes, and a camera.
+fn ground(size: f32) -> SceneParts {
+    let mut parts = SceneParts::default();
+    let grey = materials::diffuse("grey", Rgb::splat(0.5));
+    let half = 0.5 * size;
+    let floor = shapes::quad(Vec3::new(-half, 0.0, -half), Vec3::Z * size, Vec3::X * size);
+    let boxes = [-1.0, 1.0]
+        .map(|x| shapes::cuboid(Vec3::new(x - 0.4, 0.0, -0.4), Vec3::new(x + 0.4, 0.8, 0.4)));
+    parts.add(grey, std::iter::once(floor).chain(boxes));
+    parts.add_camera([0.0, 2.0, 5.0], [0.0, 0.6, 0.0], 45.0);
+    parts
+}
+
+/// The ground with meshes of one more material.
+fn with(size: f32, material: Material, meshes: impl IntoIterator<Item = Mesh>) -> SceneParts {
+    let mut parts = ground(size);
+    parts.add(material, meshes);
+    parts
+}
+
+/// A room of 4 m with a camera inside, closed or without its front wall, and a lamp under the ceiling.
+fn room(closed: bool, radiance: f32, inside: bool) -> SceneParts {
+    let mut parts = SceneParts::default();
+    let walls = shapes::room(Vec3::new(-2.0, 0.0, -2.0), Vec3::new(2.0, 3.0, 2.0));
+    let walls = walls.into_iter().take(if closed { 6 } else { 5 });
+    parts.add(materials::diffuse("wall", Rgb::splat(0.7)), walls);
+    parts.add(lamp(radiance), [square(0.3, 2.9)]);
+    if inside {
+        parts.add_camera([0.0, 1.5, 1.8], [0.0, 1.2, 0.0], 60.0);
+    }
+    parts
+}
+
+/// A file of scene parts, whose `textured` material emits an image of white and black squares.
+fn file(parts: &SceneParts, textured: Option<usize>) -> File {
+    let mut file = File::from_glb(&to_glb(parts).expect("a scene"));
+    if let Some(material) = textured {
+        let image = RgbImage::from_fn(8, 8, |x, y| Texel([255 * ((x + y) % 2) as u8; 3]));
+        let texture = file.texture(&DynamicImage::from(image));
+        file.json["materials"][material]["emissiveTexture"] = json!({ "index": texture });
+    }
+    file
+}
+
+fn open(file: &File, words: &[(&str, &str)]) -> Opened {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("scene.glb");
+    std::fs::write(&path, file.glb()).expect("a file");
+    let mut spec = Spec::default();
+    for (option, value) in words {
+        match *option {
+            "env" => spec.env = Some(value.into()),
+            other => panic!("{other}"),
+        }
+    }
+    spec.open(&path, &[], Scene::new).expect("a scene")
+}
+
+/// Texture coordinates of a quad.
+fn mapped(mesh: Mesh) -> Mesh {
+    let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(Vec2::from);
+    Mesh {
+        uvs: uvs.to_vec(),
+        ..mesh
+    }
+}
+
+/// A light that someone put there is the scene's light; what glows a little is decoration. Before, cases marked with * had the
+/// studio on top of their lamp, or none beside their decoration.
+#[test]
+fn lamps_light_and_decoration_does_not() {
+    let black = |radiance: f32| Material {
+        double_sided: true,
+        ..materials::emitter("lamp", Rgb::splat(radiance))
+    };
+    let bulb = |radiance, glass: bool| {
+        let centre = Vec3::new(0.0, 2.0, 0.0);
+        let mut parts = with(10.0, lamp(radiance), [shapes::sphere(centre, 0.015, 2)]);
+        if glass {
+            let globe = shapes::sphere(centre, 0.15, 3);
+            parts.add(materials::glass("globe", 1.5, 0.001), [globe]);
+        }
+        parts
+    };
+    let point = |mut parts: SceneParts| {
+        parts.lights.push(PunctualLight::Point {
+            position: Vec3::new(0.0, 2.0, 0.0),
+            intensity: Rgb::splat(1e-3),
+            range: f32::INFINITY,
+        });
+        parts
+    };
+    let screen = |radiance| {
+        let screen = shapes::quad(Vec3::new(-1.2, 0.3, 0.41), Vec3::X * 0.4, Vec3::Y * 0.3);
+        with(10.0, lamp(radiance), [mapped(screen)])
+    };
+    let shaded = || {
+        let mut parts = with(10.0, lamp(40.0), [shapes::sphere(Vec3::Y * 2.0, 0.05, 2)]);
+        let shade = shapes::cylinder(0.2, 0.4, 24).placed([0.0; 3], Vec3::Y * 2.0);
+        parts.add(materials::diffuse("shade", Rgb::splat(0.8)), [shade]);
+        parts
+    };
+    let large = |m: Material| with(10.0, m, [mapped(square(1.0, 2.5))]);
+    let grey = || materials::diffuse("grey", Rgb::splat(0.5));
+    // Name, scene, material with a texture, true if its own lamps light it.
+    let cases = [
+        (
+            "* lamp of 10 cm, radiance 50",
+            with(10.0, lamp(50.0), [square(0.1, 2.5)]),
+            None,
+            true,
+        ),
+        (
+            "* lamp of 10 cm, radiance 100",
+            with(10.0, lamp(100.0), [square(0.1, 2.5)]),
+            None,
+            true,
+        ),
+        (
+            "* lamp of 10 cm over 100 m",
+            with(100.0, lamp(5000.0), [square(0.1, 2.5)]),
+            None,
+            true,
+        ),
+        (
+            "* lamp of 30 cm, radiance 2.5",
+            with(5.0, lamp(2.5), [square(0.3, 2.5)]),
+            None,
+            true,
+        ),
+        (
+            "* lamp of 1 m without a strength",
+            large(lamp(1.0)),
+            None,
+            true,
+        ),
+        ("* black lamp of two sides", large(black(20.0)), None, true),
+        ("* lamp with a texture", large(lamp(20.0)), Some(1), true),
+        ("* filament in a globe", bulb(30.0, true), None, true),
+        ("* closed room", room(true, 2.0, true), None, true),
+        ("* bare filament", bulb(30.0, false), None, true),
+        ("* dim point light", point(ground(10.0)), None, true),
+        ("* closed room, dim", room(true, 0.05, true), None, true),
+        ("* open room", room(false, 5.0, true), None, true),
+        ("* lamp under a shade", shaded(), None, true),
+        (
+            "* closed room, textured",
+            room(true, 0.9, true),
+            Some(1),
+            true,
+        ),
+        ("no light", ground(10.0), None, false),
+        (
+            "grey thing more",
+            with(10.0, grey(), [square(1.0, 2.5)]),
+            None,
+            false,
+        ),
+        ("screen", screen(1.0), Some(1), false),
+        ("dial", screen(0.1), None, false),
+        ("picture that is unlit", large(black(0.9)), None, false),
+        (
+            "lamp that faces away",
+            with(10.0, lamp(50.0), [square(0.5, 3.0).inverted()]),
+            None,
+            false,
+        ),
+        (
+            "lamp in a box",
+            {
+                let mut parts = with(10.0, lamp(500.0), [square(0.1, 0.5).moved(Vec3::X)]);
+                parts.materials[1].double_sided = true;
+                parts
+            },
+            None,
+            false,
+        ),
+    ];
+    for (name, parts, textured, lit) in cases {
+        let opened = open(&file(&parts, textured), &[]);
+        let chosen = opened.light_chosen();
+        assert_eq!(
+            !opened.in_studio, lit,
+            "{name}: {chosen} {:?}",
+            opened.lighting
+        );
+        assert_eq!(opened.scene.parts().environment.is_some(), !lit, "{name}");
+        assert_eq!(
+            chosen.contains("built-in studio, "),
+            !lit,
+            "{name}: {chosen}"
+        );
+        assert!(
+            opened.scene.warnings().is_empty(),
+            "{name}: {:?}",
+            opened.scene.warnings()
+        );
+    }
+}
+
+/// The decision is a property of the scene: no camera of a studio, and the same on every run.
+#[test]
+fn lighting_is_the_same_every_time() {
+    let parts = with(10.0, lamp(50.0), [square(0.1, 2.5)]);
+    let measured = || {
+        open(&file(&parts, None), &[])
+            .lighting
+            .expect("a measurement")
+    };
+    let first = measured();
+    assert_eq!(first, measured());
+    assert!(
+        first.reached > first.points / 2 && !first.enclosed,
+        "{first:?}"
+    );
+}
+
+/// Surroundings that are lost beside a scene's own lamps are named with the factor that shows them.
+#[test]
+fn faint_surroundings_are_named() {
+    let sun = |irradiance: f32| {
+        let mut parts = ground(10.0);
+        parts.lights.push(PunctualLight::Directional {
+            direction: Vec3::NEG_Y,
+            irradiance: Rgb::splat(irradiance),
+        });
+        open(&file(&parts, None), &[("env", "studio")]).warnings
+    };
+    let faint = sun(6830.0);
+    assert!(
+        faint.iter().any(|w| w.contains("--env-intensity")),
+        "{faint:?}"
+    );
+    assert!(sun(3.0).is_empty());
+}
+
+/// Share of the rows and columns that some points take in a picture as wide as high, and if all of them are in it.
+fn filled(camera: &Camera, points: impl Iterator<Item = Vec3>) -> (Vec2, bool) {
+    let (mut low, mut high) = (Vec2::splat(f32::INFINITY), Vec2::splat(f32::NEG_INFINITY));
+    for p in points {
+        let (film, ..) = camera.project(p, 1.0).expect("a point in front");
+        (low, high) = (low.min(film), high.max(film));
+    }
+    let inside = low.min_element() >= 0.0 && high.max_element() <= 1.0;
+    (high - low, inside)
+}
+
+#[test]
+fn framing_fills_the_picture_with_the_subject() {
+    let ball = shapes::sphere(Vec3::new(3.0, 1.0, 0.0), 1.0, 3);
+    let grey = || materials::diffuse("grey", Rgb::splat(0.5));
+    let of = |more: Vec<Mesh>| {
+        let mut parts = SceneParts::default();
+        parts.add(grey(), std::iter::once(ball.clone()).chain(more));
+        Scene::new(parts).framing_camera(1.0)
+    };
+    let floor = |size: f32| {
+        let corner = Vec3::new(-0.5 * size, 0.0, -0.5 * size);
+        shapes::quad(corner, Vec3::Z * size, Vec3::X * size)
+    };
+    let sky = || shapes::sphere(Vec3::ZERO, 500.0, 3).inverted();
+    let far = shapes::sphere(Vec3::new(300.0, 0.0, 0.0), 0.1, 1);
+    for (name, more) in [
+        ("alone", vec![]),
+        ("on 300 m", vec![floor(300.0)]),
+        ("under a sky", vec![sky()]),
+        ("on 300 m and under a sky", vec![floor(300.0), sky()]),
+        ("beside something far away", vec![far]),
+    ] {
+        let camera = of(more);
+        let (size, inside) = filled(&camera, ball.positions.iter().copied());
+        assert!(inside && size.min_element() > 0.9, "{name}: {size}");
+    }
+    // A floor that belongs to what stands on it is in the picture.
+    let camera = of(vec![floor(6.0)]);
+    assert!(filled(&camera, floor(6.0).positions.into_iter()).1);
+    // Copies at other places are framed as their vertices are.
+    let mut parts = SceneParts::default();
+    parts.add_material(grey());
+    parts.shared.push(opsr::scene::SharedMesh {
+        mesh: shapes::cuboid(-Vec3::ONE, Vec3::ONE),
+        poses: [-4.0, 4.0]
+            .map(|x| glam::DAffine3::from_translation(glam::DVec3::X * x))
+            .to_vec(),
+    });
+    let camera = Scene::new(parts).framing_camera(1.0);
+    let ends = [-5.0, 5.0].map(|x| Vec3::new(x, 0.0, 0.0));
+    let (size, inside) = filled(&camera, ends.into_iter());
+    assert!(inside && size.x > 0.8, "{size}");
+}
+
+#[test]
+fn framing_looks_into_an_open_room() {
+    let into = |turn: f32, closed: bool| {
+        let mut parts = room(closed, 5.0, false);
+        for mesh in &mut parts.meshes {
+            *mesh = std::mem::take(mesh).placed([turn, 0.0, 0.0], Vec3::ZERO);
+        }
+        let camera = Scene::new(parts).framing_camera(1.0);
+        (-camera.frame.n, camera.name)
+    };
+    let (along, name) = into(0.0, false);
+    assert!(
+        along.z < -0.99 && name.contains("open side"),
+        "{along} {name}"
+    );
+    let (along, _) = into(std::f32::consts::FRAC_PI_2, false);
+    assert!(along.x.abs() > 0.99, "{along}");
+    assert!(into(0.0, true).1.contains("three-quarter"));
+}
