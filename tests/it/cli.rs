@@ -12,6 +12,8 @@ mod render;
 mod repeated;
 #[cfg(unix)]
 mod shut;
+#[cfg(target_os = "linux")]
+mod silenced;
 #[cfg(unix)]
 mod targets;
 #[cfg(feature = "train")]
@@ -128,6 +130,12 @@ impl Place {
     /// Runs the program until a file is there, then asks it to stop as Ctrl-C does.
     #[cfg(unix)]
     pub(crate) fn interrupted(&self, args: &str, file: &str) -> Ended {
+        self.signalled("INT", args, file)
+    }
+
+    /// Runs the program until a file is there, then sends it a signal.
+    #[cfg(unix)]
+    pub(crate) fn signalled(&self, signal: &str, args: &str, file: &str) -> Ended {
         let mut command = self.command(env!("CARGO_BIN_EXE_opsr"));
         let command = command.args(args.split_whitespace());
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -138,7 +146,7 @@ impl Place {
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
         let id = child.id().to_string();
-        let kill = Command::new("kill").args(["-INT", &id]).status();
+        let kill = Command::new("kill").args(["-s", signal, &id]).status();
         assert!(kill.expect("kill").success());
         Ended::of(child.wait_with_output().expect("an end"))
     }

@@ -17,7 +17,7 @@ use opsr_lab::report::page;
 use opsr_lab::stats::agreement;
 
 use super::exit::{Blame, Exit, Told};
-use super::output::print;
+use super::output::{note, print};
 
 /// Compare pictures with a reference: MSE, relMSE, MAPE, FLIP and HDR-FLIP.
 #[derive(Args, Debug)]
@@ -134,7 +134,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Exit> {
         files::write_bytes(path, html).output()?;
     }
     for line in above {
-        eprintln!("opsr: {line}");
+        note(format_args!("opsr: {line}"));
     }
     Ok(if same { Exit::Done } else { Exit::Differ })
 }

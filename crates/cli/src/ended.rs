@@ -3,6 +3,7 @@
 use super::bar::Style;
 use super::info;
 use super::listener::Closed;
+use super::output::note;
 use super::render_args::RenderArgs;
 use opsr::image::film::{Film, Window};
 use opsr::math::Rgb;
@@ -90,7 +91,7 @@ impl Ended<'_> {
     pub(super) fn report(&self, outputs: &Outputs) {
         let summary = self.summary(outputs);
         match self.args.progress {
-            Style::Auto => eprintln!("{summary}"),
+            Style::Auto => note(summary),
             Style::Json | Style::None => tracing::info!("{summary}"),
         }
         for line in info::unused(&self.opened.scene, &self.request.settings.rule) {

@@ -3,8 +3,12 @@
 //!
 //! Only this crate uses anyhow and the terminal. Types that are options derive clap's traits where they are defined.
 
+// These macros panic where nothing can be written: output::print and output::note do not.
+#![deny(clippy::print_stderr, clippy::print_stdout)]
+
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use exit::{Exit, Failure};
+use output::note;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;
@@ -116,6 +120,8 @@ fn main() -> ExitCode {
     let lines = fmt::layer()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
+        // A line that cannot be written is lost; by default its error is printed, which would panic.
+        .log_internal_errors(false)
         .with_target(false)
         .without_time();
     tracing_subscriber::registry()
@@ -142,7 +148,7 @@ fn main() -> ExitCode {
         Command::Man(args) => shell::man(&args).map(|()| Exit::Done),
     };
     let exit = result.unwrap_or_else(|error| {
-        eprintln!("opsr: {error:#}");
+        note(format_args!("opsr: {error:#}"));
         error
             .downcast_ref::<Failure>()
             .map_or(Exit::Failed, |failure| failure.0)

@@ -1,7 +1,8 @@
-//! Standard output.
+//! Standard output, and messages on standard error.
 
 use super::exit::Blame;
 use anyhow::Context;
+use std::fmt::Display;
 use std::io::Write;
 
 /// Writes to standard output. A pipe that is closed early is no error: its reader has seen enough.
@@ -13,4 +14,9 @@ pub(super) fn print(text: impl AsRef<[u8]>) -> anyhow::Result<()> {
         }
         _ => Ok(()),
     }
+}
+
+/// Writes a line of a message to standard error. An error of it ends no work: messages may have no reader.
+pub(super) fn note(line: impl Display) {
+    let _ = writeln!(std::io::stderr().lock(), "{line}");
 }

@@ -3,6 +3,7 @@
 use super::bar::Bar;
 use super::exit::{Blame, Exit, Told};
 use super::options::{CropOption, FileOptions};
+use super::output::note;
 use super::render_args::RenderArgs;
 use super::stop::Stop;
 use anyhow::anyhow;
@@ -33,7 +34,9 @@ pub(super) fn render(
         return Ok(Exit::Done);
     }
     let path = path.display();
-    eprintln!("opsr: {path}: not written, the part was stopped");
+    note(format_args!(
+        "opsr: {path}: not written, the part was stopped"
+    ));
     Ok(Exit::Stopped)
 }
 
@@ -92,7 +95,9 @@ pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
         error if error.is_finite() => format!(", estimated relative error {error:.4}"),
         _ => String::new(),
     };
-    eprintln!("{names}: {w}x{h}, {samples} spp from {parts} parts{error}");
+    note(format_args!(
+        "{names}: {w}x{h}, {samples} spp from {parts} parts{error}"
+    ));
     if refused > 0 {
         tracing::warn!("{refused} samples were refused");
     }

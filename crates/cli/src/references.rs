@@ -2,7 +2,7 @@
 
 use super::exit::{Blame, Exit, Failure};
 use super::options::positive;
-use super::output::print;
+use super::output::{note, print};
 use super::stop::Stop;
 use anyhow::anyhow;
 use opsr::scene::Scene;
@@ -117,7 +117,7 @@ pub(super) fn run(args: &ReferenceArgs) -> anyhow::Result<Exit> {
         next.reference.save().output()?;
         next.noise = next.reference.noise().mean;
         if std::io::stderr().is_terminal() {
-            eprintln!("{}", line(next));
+            note(line(next));
         } else {
             tracing::info!("{}", line(next));
         }

@@ -3,6 +3,7 @@
 use super::ended::Ended;
 use super::exit::{Blame, Exit, Told};
 use super::listener::{Listener, Run};
+use super::output::note;
 use super::render_args::RenderArgs;
 use super::stop::Stop;
 use super::threads::set_threads;
@@ -157,11 +158,11 @@ impl RenderJob<'_> {
             tracing::info!("the pilot begins");
         }
         let Some(mut begun) = request.begin(&|| !self.stop.asked()).told()? else {
-            eprintln!("opsr: stopped before the first sample; nothing was written");
+            note("opsr: stopped before the first sample; nothing was written");
             return Ok(Exit::Stopped);
         };
         if let Some(choice) = &begun.choice {
-            eprintln!("{choice}");
+            note(choice);
         }
         begun.pilot = self.began.elapsed();
         let Begun { start, spent, .. } = begun;
@@ -189,7 +190,7 @@ impl RenderJob<'_> {
         let output = request.render(begun, Some(&asked), hear);
         let samples = output.progress.samples;
         if samples == 0 && output.picture.film.pixels.iter().all(|m| m.n == 0) {
-            eprintln!("opsr: stopped before any of the first sample was done; nothing was written");
+            note("opsr: stopped before any of the first sample was done; nothing was written");
             return Ok(Exit::Stopped);
         }
         if samples == 0 {

@@ -1,6 +1,8 @@
-//! Ctrl-C and SIGTERM: the first asks for an end, which integrators find between tiles or chains; the second ends at once. While a scene is loaded
-//! there is nothing to wait for, and the first ends at once.
+//! Signals that end a command. The first Ctrl-C, SIGTERM or SIGHUP asks for an end, which integrators find between tiles or
+//! chains; the second ends at once. SIGUSR1 and SIGXCPU, by which batch systems announce a limit of time, ask for an end
+//! as often as they come. While a scene is loaded there is nothing to save, and each of them ends at once.
 
+use super::output::note;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,18 +23,44 @@ impl Stop {
             asked: Arc::default(),
             idle: Arc::new(AtomicBool::new(true)),
         };
+        stop.listen_to_batch_systems();
         let Self { asked, idle } = stop.clone();
         let handler = ctrlc::set_handler(move || {
             if asked.swap(true, Ordering::Relaxed) || idle.load(Ordering::Relaxed) {
                 std::process::exit(super::Exit::Stopped as i32);
             }
-            eprintln!("opsr: stopping, saving the results so far (again to stop at once)");
+            note("opsr: stopping, saving the results so far (again to stop at once)");
         });
         if let Err(error) = handler {
             tracing::warn!("no handler for Ctrl-C: {error}");
         }
         stop
     }
+
+    /// Listens to SIGUSR1 and SIGXCPU. The second SIGXCPU comes a second after the first, and must not end the program.
+    #[cfg(unix)]
+    fn listen_to_batch_systems(&self) {
+        use signal_hook::consts::{SIGUSR1, SIGXCPU};
+        use signal_hook::iterator::Signals;
+        let Self { asked, idle } = self.clone();
+        let mut signals = match Signals::new([SIGUSR1, SIGXCPU]) {
+            Ok(signals) => signals,
+            Err(error) => return tracing::warn!("no handler for SIGUSR1 and SIGXCPU: {error}"),
+        };
+        std::thread::spawn(move || {
+            for _ in signals.forever() {
+                if idle.load(Ordering::Relaxed) {
+                    std::process::exit(super::Exit::Stopped as i32);
+                }
+                if !asked.swap(true, Ordering::Relaxed) {
+                    note("opsr: stopping, saving the results so far");
+                }
+            }
+        });
+    }
+
+    #[cfg(not(unix))]
+    fn listen_to_batch_systems(&self) {}
 
     /// Work begins whose results are saved when an end is asked for.
     pub(super) fn begin(&self) {

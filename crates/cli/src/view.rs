@@ -2,7 +2,7 @@
 
 use super::exit::{Exit, Told};
 use super::options::RenderOptions;
-use super::output::print;
+use super::output::{note, print};
 use super::stop;
 use super::threads::set_threads;
 use clap::Args;
@@ -57,7 +57,7 @@ pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Exit> {
     let viewer = viewer.told()?;
     let address = viewer.address();
     print(format!("{address}\n"))?;
-    eprintln!("opsr: the page is open until Ctrl-C");
+    note("opsr: the page is open until Ctrl-C");
     if !args.no_open {
         open(&address);
     }
@@ -80,6 +80,6 @@ fn open(address: &str) {
     match command.spawn() {
         // Waited for, so that it does not stay as a zombie.
         Ok(mut child) => drop(std::thread::spawn(move || child.wait())),
-        Err(_) => eprintln!("opsr: no browser was found: open the address above"),
+        Err(_) => note("opsr: no browser was found: open the address above"),
     }
 }

@@ -15,6 +15,7 @@ use opsr::resolve::Resolve;
 use opsr::scene::Scene;
 use opsr_formats::READERS;
 use std::borrow::Cow;
+use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -476,5 +477,10 @@ fn preview(shot: &Arc<Shot>, run: u64, seconds: f64, size: UVec2, picture: &Pict
 
 /// Says on the terminal too what went wrong.
 fn tracing_line(fault: &Fault) {
-    eprintln!("opsr: {}", fault.said(opsr::render::Names::Flags));
+    // A message that cannot be written ends no work.
+    let _ = writeln!(
+        std::io::stderr(),
+        "opsr: {}",
+        fault.said(opsr::render::Names::Flags)
+    );
 }

@@ -868,16 +868,23 @@ fn resume_refuses_the_checkpoint_of_another_render() {
     );
 }
 
-/// Ctrl-C in the middle of a long render: what there is is saved, and the exit code says so.
+/// A signal in the middle of a long render: what there is is saved, and the exit code says so.
 #[test]
 #[cfg(unix)]
 fn exit_code_after_a_signal() {
+    for signal in ["INT", "TERM", "HUP", "USR1", "XCPU"] {
+        saved_at(signal);
+    }
+}
+
+#[cfg(unix)]
+fn saved_at(signal: &str) {
     let place = Place::new();
     let args = "render scene.glb --size 16x16 --time 10min --threads 1 --progress none --save-every 1ms \
                 -o out.exr --checkpoint a.ckpt --reproducible";
     // The checkpoint comes after the picture: with both there the render is under way.
-    let ended = place.interrupted(args, "a.ckpt");
-    assert_eq!(ended.code, Some(5), "{}", ended.err);
+    let ended = place.signalled(signal, args, "a.ckpt");
+    assert_eq!(ended.code, Some(5), "{signal}: {}", ended.err);
     assert_eq!(
         place.files().into_keys().collect::<Vec<_>>(),
         ["a.ckpt", "out.exr", "scene.glb"]

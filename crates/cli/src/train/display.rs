@@ -1,6 +1,7 @@
 //! Progress of a training.
 
 use super::super::bar::{self, Style};
+use crate::output::note;
 use indicatif::ProgressBar;
 use opsr_train::learn::outer_loop::LogEntry;
 use opsr_train::learn::recordings::RecordingProgress;
@@ -26,7 +27,7 @@ impl ProgressDisplay {
         match (&self.bar, self.style) {
             (Some(bar), _) => bar.println(text),
             (None, Style::None) => {}
-            (None, _) => eprintln!("{text}"),
+            (None, _) => note(text),
         }
     }
 
