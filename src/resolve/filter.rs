@@ -24,6 +24,7 @@ where
     match radius {
         1 if width.min(height) > 2 => boxed_over::<T, 3>((width, height), values),
         2 if width.min(height) > 4 => boxed_over::<T, 5>((width, height), values),
+        3 if width.min(height) > 6 => boxed_over::<T, 7>((width, height), values),
         _ => boxed_any((width, height), radius, values),
     }
 }

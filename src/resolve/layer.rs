@@ -8,6 +8,19 @@ use crate::math::Vec3A;
 /// r: radius in pixels at which noise and bias are smoothed.
 pub(super) const RADIUS: usize = 1;
 
+/// Radii in pixels at which a difference between candidates may be significant, with the sum of the squared weights of the
+/// filter along one axis.
+const SCALES: [(usize, f32); 2] = [(RADIUS, 19.0 / 81.0), (WIDE_RADIUS, 231.0 / 2401.0)];
+
+/// The larger of them.
+pub(super) const WIDE_RADIUS: usize = 3;
+
+/// Standard deviations of the smoothed U without bias from which a difference is significant.
+const SIGNIFICANT: f32 = 4.0;
+
+/// Share that counts of a difference that is not.
+const DOUBTFUL: f32 = 0.4;
+
 /// Radius in pixels of the filter of the shares of candidates.
 pub(super) const SHARE_RADIUS: usize = 1;
 
@@ -32,6 +45,8 @@ pub(super) struct Candidate {
     pub(super) missing: Option<Vec<Vec3A>>,
     /// True if it is blurred.
     pub(super) blurred: bool,
+    /// True if a difference that may be chance counts less: that of a blur. Roughening is a bias for sure.
+    pub(super) doubted: bool,
     /// True if light that it takes across an edge counts as on the dark side of it, as its noise does.
     pub(super) dark_side: bool,
 }
@@ -144,20 +159,52 @@ fn bias(
         let difference = |(ours, theirs): (&[Vec3A; BATCHES], &[Vec3A; BATCHES])| {
             std::array::from_fn(|b| ours[b] - theirs[b])
         };
-        let differences = pairs.map(difference);
+        let differences: Batches = pairs.map(difference).collect();
         // Only light of rare hits has no other sign of a coincidence.
-        let mut smooth = if one.missing.is_some() {
-            seen_again(size, &differences.collect::<Batches>())
-        } else {
-            differences.map(squared_difference).collect()
+        let mut smooth = match one.missing {
+            Some(_) => seen_again(size, &differences),
+            None => differences.iter().map(|d| squared_difference(*d)).collect(),
+        };
+        let significant = match one.doubted {
+            true => significant(size, &smooth, &differences, weights),
+            false => vec![true; smooth.len()],
         };
         tent(size, RADIUS, &mut smooth);
-        let pairs = all.iter_mut().zip(weighted(&smooth, weights));
-        for ((all, bias), noise) in pairs.zip(&variance[anchor]) {
+        let biases = weighted(&smooth, weights).into_iter().zip(significant);
+        let biases = biases.map(|(bias, significant)| match significant {
+            true => bias,
+            false => DOUBTFUL * bias,
+        });
+        for ((all, bias), noise) in all.iter_mut().zip(biases).zip(&variance[anchor]) {
             *all = all.max(bias - kappa * noise);
         }
     }
     all
+}
+
+/// True where U is no chance of few batches, at one of the [`SCALES`]. Without bias the variance of U is 2 B / (B − 1) times the
+/// square of the variance of the mean of B batches. Without this test a pixel in two hundred takes the picture as it is, by chance.
+fn significant(
+    size: Size,
+    squares: &[Vec3A],
+    differences: &Batches,
+    weights: &[Vec3A],
+) -> Vec<bool> {
+    let variances: Vec<Vec3A> = (differences.iter()).map(|d| variance_of_mean(*d)).collect();
+    let (squares, variances) = (weighted(squares, weights), weighted(&variances, weights));
+    let b = BATCHES as f32;
+    let z = SIGNIFICANT * (2.0 * b / (b - 1.0)).sqrt();
+    let mut significant = vec![false; squares.len()];
+    for (radius, norm) in SCALES {
+        let (mut square, mut variance) = (squares.clone(), variances.clone());
+        tent(size, radius, &mut square);
+        tent(size, radius, &mut variance);
+        let pairs = square.iter().zip(&variance);
+        for (all, (square, variance)) in significant.iter_mut().zip(pairs) {
+            *all |= *square > z * norm * variance;
+        }
+    }
+    significant
 }
 
 /// Squared differences that something confirms: one of the pixels around shows as much, or the batches of the pixel do without

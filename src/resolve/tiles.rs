@@ -4,7 +4,7 @@ use super::Limits;
 use super::coarse::{Caps, Coarse, Missing};
 use super::filter::{Size, tent};
 use super::guide::{Guide, Inner, Surface, reach};
-use super::layer::{Batches, Candidate, Choice, RADIUS, SHARE_RADIUS, Weights};
+use super::layer::{Batches, Candidate, Choice, RADIUS, SHARE_RADIUS, WIDE_RADIUS, Weights};
 use crate::image::film::Window;
 use crate::image::level_film::{BATCHES, Features, LevelFilm};
 use crate::math::{Rgb, Vec3A};
@@ -22,7 +22,7 @@ const EPSILON: f32 = 0.01;
 
 /// Pixels around a tile whose candidates its choice depends on: shares of choices, which depend on noise and bias around, and
 /// these on one pixel more.
-const AROUND: usize = 2 * (SHARE_RADIUS + RADIUS) + 1;
+const AROUND: usize = 2 * (SHARE_RADIUS + WIDE_RADIUS) + 1;
 
 /// Data of a film that all tiles share.
 pub(super) struct Shared<'a> {
@@ -251,6 +251,7 @@ impl<'a> Part<'a> {
             sharper: (0..number).collect(),
             missing: None,
             blurred: number > 0,
+            doubted: number > 0,
             dark_side: number > 0,
         };
         let mut all = vec![candidate(0, self.inner.of(&light))];
@@ -300,6 +301,7 @@ impl<'a> Part<'a> {
                 sharper: (0..level).collect(),
                 missing: noise(level, 1.0),
                 blurred: false,
+                doubted: false,
                 dark_side: false,
             })
             .collect();
@@ -329,6 +331,7 @@ impl<'a> Part<'a> {
                     // A blur of s pixels averages about 1 + s² of them.
                     missing: noise(level, 1.0 + sigma * sigma),
                     blurred: true,
+                    doubted: levels.len() == 1,
                     dark_side: false,
                 });
             }
