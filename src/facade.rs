@@ -23,7 +23,7 @@ impl Scene {
     }
 }
 
-/// A render by path tracing, as `opsr render` makes it: the same choices give the same picture.
+/// A render as `opsr render` makes it: the same choices give the same picture.
 ///
 /// ```
 /// use opsr::{Render, Scene};
@@ -41,8 +41,8 @@ pub struct Render<'a> {
 }
 
 impl<'a> Render<'a> {
-    /// A plain render of 640 × 480 pixels with 128 samples each and seed 0, by the scene's first camera, or by one that sees
-    /// all of it.
+    /// A render of 640 × 480 pixels with 128 samples each and seed 0, by the scene's first camera, or by one that sees
+    /// all of it, and by the integrator that suits the scene.
     pub fn new(scene: &'a Scene) -> Self {
         Self {
             scene,
@@ -82,14 +82,14 @@ impl<'a> Render<'a> {
         self
     }
 
-    /// The attenuation factors of a table: a file, or `beta-0.001` or `beta-0.05`, which the library contains.
+    /// Path tracing with the attenuation factors of a table: a file, or `beta-0.001` or `beta-0.05`, which the library contains.
     pub fn table(self, table: impl AsRef<Path>) -> Result<Self, FileError> {
         let path = table.as_ref();
         let table = TableChoice::Held(Arc::new(TableFile::load(path)?), Some(path.into()));
         Ok(self.with(|spec| (spec.table, spec.gamma) = (Some(table), None)))
     }
 
-    /// One attenuation factor in [0, 1] for all paths; 0 is plain path tracing.
+    /// Path tracing with one attenuation factor in [0, 1] for all paths; 0 is plain path tracing.
     pub fn gamma(self, gamma: f32) -> Self {
         self.with(|spec| (spec.table, spec.gamma) = (None, Some(gamma)))
     }

@@ -231,6 +231,7 @@ def render(
     begun: Path | None = None,
     **options: Unpack[_Options],
 ) -> None: ...
+def choose(scene: Scene, **options: Unpack[_Options]) -> dict[str, Any]: ...
 def merge(
     parts: Sequence[Path],
     *,

@@ -30,7 +30,7 @@ import fsspec
 from dask.distributed import get_worker
 from distributed.worker import thread_state
 
-from . import Scene, Table, __version__, merge
+from . import Scene, Table, __version__, choose, merge
 from . import bench as _bench
 from . import record as _record
 from . import render as _render
@@ -150,6 +150,24 @@ def _part(job):
         settings = {"crop": crop, "samples": samples, "threads": _threads(), "on_progress": _wanted()}
         _render(_scene(*scene), part=new, **settings, **_given(options))
         return new.read_bytes()
+
+
+def _choice(job):
+    """The options of the method that `opsr.choose` names, without those that have the caller's value."""
+    scene, options = job
+    given = _given(options)
+    chosen = choose(_scene(*scene), **given)
+    return {name: value for name, value in chosen.items() if name == "integrator" or value is not given.get(name)}
+
+
+def _method(client, scene, load, options, folder=None):
+    """The method of a render, for all of its parts: the one that the folder has begun with, or that `opsr.choose` names."""
+    if folder is not None:
+        fs, path = _place(f"{folder}/opsr.json")
+        begun = json.loads(fs.cat_file(path)) if fs.exists(path) else {}
+        if "method" in begun:
+            return begun["method"]
+    return client.submit(_choice, ((scene, load), options), pure=False).result()
 
 
 def _frame(job):
@@ -329,7 +347,7 @@ def _next_round(spp, error, target, most):
 
 
 def render(
-    client, scene, *, size, spp=None, target_error=None, crop=None, integrator=_PATH, parts=None, load=None, retries=3,
+    client, scene, *, size, spp=None, target_error=None, crop=None, integrator=None, parts=None, load=None, retries=3,
     folder=None, output=None, on_part=None, **options,
 ):
     """Renders a scene on a cluster: the Film of `opsr.render` with the same options, bit by bit.
@@ -341,6 +359,7 @@ def render(
     target_error: ends the render at this `Film.error_bound`, in rounds of at most twice the samples before. The film has the
         bytes of `opsr.render` with as many samples.
     crop: (x, y, width, height) of the part to render.
+    integrator: name; by default the one that `opsr.choose` names, chosen once, on a worker.
     parts: number of tasks, by default eight for each worker: bands of rows, and ranges of samples for integrators that trace
         light paths. These move 12 bytes for each pixel and sample, bands no more than a film of their pixels.
     load: options of `Scene.load`, as a dictionary.
@@ -362,12 +381,17 @@ def render(
     options.update(size=size, integrator=integrator)
     if folder is not None:
         folder = os.fspath(folder).rstrip("/")
+    bounds = {"spp": spp, "target_error": target_error, "crop": crop}
+    method = _method(client, scene, load, {**options, **bounds}, folder)
+    if folder is not None:
         fs, path = _place(f"{folder}/opsr.json")
         if parts is None and fs.exists(path):
             parts = json.loads(fs.cat_file(path)).get("parts")
     parts = parts or 8 * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
     if folder is not None:
-        _claim(folder, {**_work(client, scene, load, options), "crop": whole, "parts": parts})
+        _claim(folder, {**_work(client, scene, load, options), "method": method, "crop": whole, "parts": parts})
+    options.update(method)
+    integrator = method["integrator"]
     most = spp if spp is not None else math.inf
     samples = most if target_error is None else min(_FIRST, most)
     with tempfile.TemporaryDirectory() as here:
@@ -394,6 +418,8 @@ def render(
 def animate(client, scene, frames, output, *, load=None, retries=3, on_frame=None, **options):
     """Renders frames of an animation on a cluster, one task for each, into the files of `opsr.render` and `Film.save`.
 
+    A method that is not named is the one that `opsr.choose` names for the first frame.
+
     scene: path or address of the scene, for the workers to read, as of `render`.
     frames: numbers of the frames, as `Scene.load` takes one by `frame`.
     output: path or address of a frame's file, .exr or .png, with a place for its number: "s3://bucket/film/{:04}.exr". Files
@@ -411,9 +437,10 @@ def animate(client, scene, frames, output, *, load=None, retries=3, on_frame=Non
         raise ValueError("output: no place for the number of a frame, such as {:04}")
     scene, load = os.fspath(scene), load or {}
     if frames:
-        first = {**load, "frame": frames[0]}
-        work = {**_work(client, scene, first, options), "load": load}
-        _claim(os.fspath(output).rpartition("/")[0] or ".", work)
+        first, folder = {**load, "frame": frames[0]}, os.fspath(output).rpartition("/")[0] or "."
+        method = _method(client, scene, first, options, folder)
+        _claim(folder, {**_work(client, scene, first, options), "load": load, "method": method})
+        options.update(method)
     todo = [frame for frame, address in addresses.items() if not _exists(address)]
     jobs = [((scene, {**load, "frame": frame}), options, addresses[frame]) for frame in todo]
     for number, _, _ in _results(client, _frame, jobs, retries):
@@ -455,7 +482,7 @@ def _probe(job):
         return cpu / (pixels * samples), file.stat().st_size / pixels, film.error_bound, samples, memory
 
 
-def estimate(client, scene, *, size, spp=None, target_error=None, crop=None, integrator=_PATH, parts=None, load=None, **options):
+def estimate(client, scene, *, size, spp=None, target_error=None, crop=None, integrator=None, parts=None, load=None, **options):
     """What a `render` of these arguments will take, from a small one on a worker: about a second and a half beside loading.
 
     Returns a dict: "spp", with a target_error from the law that noise falls with the root of the samples; "cpu_hours"; "hours",
@@ -463,6 +490,9 @@ def estimate(client, scene, *, size, spp=None, target_error=None, crop=None, int
     from workers to here.
     """
     options = {**_checked(options, ("time", "samples", "part", "begun", "threads", "on_progress")), "integrator": integrator}
+    bounds = {"spp": spp, "target_error": target_error, "size": tuple(size)}
+    options.update(_method(client, os.fspath(scene), load or {}, {**options, **bounds}))
+    integrator = options["integrator"]
     _, _, width, height = crop or (0, 0, *size)
     pixels = width * height
     probe = client.submit(_probe, ((os.fspath(scene), load or {}), options, tuple(size)), pure=False)

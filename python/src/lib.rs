@@ -32,7 +32,7 @@ mod _opsr {
     #[pymodule_export]
     use super::pickle::_film;
     #[pymodule_export]
-    use super::render::{Progress, merge, render};
+    use super::render::{Progress, choose, merge, render};
     #[pymodule_export]
     use super::scene::Scene;
     #[pymodule_export]

@@ -12,7 +12,7 @@ use opsr::integrator::Picture;
 use opsr::integrator::drive::RenderProgress;
 use opsr::integrator::layers::Aov;
 use opsr::integrator::part::{self, MergeError, Merged};
-use opsr::render::{Fault, Outcome, Output, Request, Spec, Subject};
+use opsr::render::{Fault, Heading, Outcome, Output, Request, Spec, Subject};
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -38,6 +38,49 @@ impl From<RenderProgress> for Progress {
             fraction: progress.fraction.unwrap_or(0.0),
         }
     }
+}
+
+/// The integrator that `render` would take for these options, with the options of its method, as keywords for `render`.
+///
+/// An integrator that is not named is chosen by the scene's lights and materials and a pilot of a few per cent of the render's work,
+/// which is counted, so that every call gives the same. Parts of a render that take these keywords need no pilots of their own:
+/// `render(scene, **{**options, **choose(scene, **options)}, part=...)`.
+///
+/// options: as of `render`, with `spp` those of the whole picture.
+#[pyfunction]
+#[pyo3(signature = (scene, **options))]
+pub(crate) fn choose<'py>(
+    scene: &Bound<'py, Scene>,
+    options: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let py = scene.py();
+    let scene = scene.get();
+    let mut spec = read("choose", options, of_render)?;
+    scene.spec.fill(&mut spec);
+    let name = scene.path.display().to_string();
+    let subject = Subject {
+        scene: &scene.world,
+        name: &name,
+        sha256: &scene.sha256,
+        in_studio: scene.in_studio,
+    };
+    let mut request = Request::new(&spec, subject, None).map_err(raised)?;
+    let chosen = watched::<(), _>(py, None, None, |link| request.choose(&|| !link.stopped()))?;
+    // One that was stopped has raised already.
+    let _ = chosen.map_err(raised)?;
+    let chosen = PyDict::new(py);
+    // Those of another method are not given to this one.
+    for (option, _) in spec.given().filter(|(o, _)| o.heading == Heading::Method) {
+        chosen.set_item(option.name, py.None())?;
+    }
+    for (name, text) in request.method_options() {
+        let given = options.and_then(|options| options.get_item(name).ok().flatten());
+        match given.filter(|_| name != "integrator") {
+            Some(given) => chosen.set_item(name, given)?,
+            None => chosen.set_item(name, text)?,
+        }
+    }
+    Ok(chosen)
 }
 
 /// Renders a scene; `opsr/__init__.py` says more.
@@ -70,8 +113,6 @@ pub(crate) fn render(
     };
     let mut request = Request::new(&spec, subject, None).map_err(raised)?;
     let denoiser = spec.denoiser().map_err(raised)?;
-    // Counted paths for time, so that the picture depends on the arguments alone.
-    request.counted = spec.time.is_none();
     let mut hear = on_progress.map(|call| {
         move |py: Python<'_>, progress: RenderProgress| {
             let answer = call.call1(py, (Progress::from(progress),))?;
@@ -84,6 +125,9 @@ pub(crate) fn render(
         let samples = samples.unwrap_or(request.all_samples());
         let done = watched(py, threads, hear, |link| {
             let listen = &mut |progress: &RenderProgress| link.tell(|| *progress);
+            if request.choose(&|| !link.stopped())?.is_break() {
+                return Ok(false);
+            }
             request.part(&path, samples, begun.as_deref(), listen)
         })?;
         return match done.map_err(raised)? {

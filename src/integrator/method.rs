@@ -33,7 +33,6 @@ pub enum Guide {
 #[serde(rename_all = "kebab-case")]
 pub enum IntegratorKind {
     /// Path tracing from the camera.
-    #[default]
     Path,
     /// Light tracing: caustics seen directly; no surface that is seen by way of a mirror or smooth glass.
     Light,
@@ -48,7 +47,9 @@ pub enum IntegratorKind {
     /// Metropolis light transport over bdpt: light through keyholes and around corners, chains of glossy reflections. A
     /// sample is 16 mutations per pixel.
     Mlt,
-    /// The one of path, bdpt, vcm and sppm with the least expected error, by a pilot of a few per cent of the render.
+    /// The one of path, path with levels, bdpt, vcm and sppm with the least expected error, by the scene's lights and materials and
+    /// a pilot of a few per cent of the render.
+    #[default]
     Auto,
 }
 

@@ -2,10 +2,11 @@
 //!
 //! The scene's lights and materials call for one of the contenders ([`advise`]), which is taken unless the pilot shows that another
 //! is clearly better. The contenders race: all render the scene small for about the same work, those that are far behind
-//! leave, the others double their samples, until one is left or a twentieth of the render's time is spent. The pilot's samples
-//! are no part of the picture. Its pictures are judged in `judge`.
+//! leave, the others double their samples, until one is left or a twentieth of the render's work is spent. A render whose
+//! twentieth is less than the first round has no race. The pilot's samples are no part of the picture. Its pictures are judged
+//! in `judge`.
 //!
-//! Time is CPU time, or counted paths, each at what it costs in most scenes, for a choice that is the same every time.
+//! Work is counted in camera paths, each sample at what it costs in most scenes, so that a choice depends on its arguments alone.
 
 mod judge;
 pub mod stopwatch;
@@ -26,10 +27,13 @@ use std::time::Duration;
 use stopwatch::Stopwatch;
 use window::pilot_window;
 
-/// Share of the render's time after which no round of the race begins that would take more.
+/// Share of the render's work that the race may take.
 const SHARE: f64 = 0.05;
 
-/// Share of the render's time that the first round should take, by what paths usually cost.
+/// Work of a race at most, in camera paths: about a CPU-second, since a crop chooses as its whole frame does.
+const MOST_PATHS: f64 = (1 << 20) as f64;
+
+/// Share of the render's work that the first round should take.
 const FIRST_SHARE: f64 = 0.02;
 
 /// Fewest and most pixels of the pilot's pictures.
@@ -42,7 +46,7 @@ const SAMPLES: (u32, u32) = (2, 1024);
 /// Contenders with so many times the least error leave the race, unless the scene calls for them.
 const BEHIND: f64 = 2.0;
 
-/// Camera paths per CPU-second that are assumed before any is measured, and where paths are counted instead of seconds.
+/// Camera paths per CPU-second, by which the time of a render is work.
 const PATHS_PER_SECOND: f64 = 0.7e6;
 
 /// Samples per pixel that a pilot assumes for a render to a target error.
@@ -67,6 +71,16 @@ impl Contender {
     /// True if every pixel gets the best of several levels of roughening.
     fn has_levels(&self) -> bool {
         self.kind.is_path() && self.settings.amounts.has_choice()
+    }
+
+    /// Its name for people.
+    fn name(&self) -> String {
+        let levels = if self.has_levels() {
+            " with levels"
+        } else {
+            ""
+        };
+        self.kind.name() + levels
     }
 }
 
@@ -107,32 +121,45 @@ impl Trial {
 pub struct Choice {
     /// Place of the best contender.
     pub best: usize,
-    /// Contenders that were tried, in their order.
+    /// Its name.
+    name: String,
+    /// Contenders that were tried, in their order; none if there was no race.
     pub trials: Vec<Trial>,
     /// Place of the best among them.
     pub chosen: Option<usize>,
     /// Place among them of the one that the scene calls for.
     pub first: usize,
-    /// Why the scene calls for it.
-    pub why: &'static str,
+    /// Why the scene calls for it, and why not for another one where that does not know the scene.
+    pub why: String,
     /// CPU-seconds of the pilot.
     pub seconds: f64,
+}
+
+impl Choice {
+    /// Names the choice and the reason, in a few words.
+    pub fn summary(&self) -> String {
+        let why = match self.overruled() {
+            Some(first) => format!("better than {first} in a small picture"),
+            None => self.why.clone(),
+        };
+        format!("integrator {}: {why}", self.name)
+    }
+
+    /// Name of what the scene calls for, where another contender was better.
+    fn overruled(&self) -> Option<String> {
+        let first = self.trials.get(self.first)?;
+        (self.chosen != Some(self.first)).then(|| first.name())
+    }
 }
 
 impl fmt::Display for Choice {
     /// Names the choice, and the costs of the others.
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "{}", self.summary())?;
         let Some(place) = self.chosen else {
-            return write!(out, "integrator path: there is nothing to choose");
+            return Ok(());
         };
-        let chosen = self.trials[place];
-        let (name, error) = (chosen.kind.name(), chosen.error);
-        let levels = if chosen.levels { "with levels, " } else { "" };
-        write!(out, "integrator {name}: {levels}")?;
-        match self.trials.get(self.first).filter(|_| place != self.first) {
-            Some(first) => write!(out, "better than {} in a small picture", first.name())?,
-            None => write!(out, "{}", self.why)?,
-        }
+        let error = self.trials[place].error;
         write!(
             out,
             "; expected relative error {error:.1e} in the time of this render"
@@ -147,9 +174,6 @@ impl fmt::Display for Choice {
                     100.0 * trial.missed
                 )?;
             }
-        }
-        if self.trials.len() == 1 {
-            write!(out, "; nothing else is worth a try in this scene")?;
         }
         write!(out, " (pilot: {:.2} CPU-seconds)", self.seconds)
     }
@@ -271,6 +295,17 @@ fn called_for(kind: IntegratorKind, contenders: &[&Contender]) -> usize {
     place(&advised).or_else(|| place(&path)).unwrap_or(0)
 }
 
+/// Why the contender of the advice is left out, where it is.
+fn refusal(
+    kind: IntegratorKind,
+    contenders: &[Contender],
+    scene: &Scene,
+    camera: &Camera,
+) -> Option<&'static str> {
+    let advised = contenders.iter().find(|c| c.kind == kind)?;
+    advised.settings.check_scene(scene, camera).err()
+}
+
 /// Cost of a sample per pixel over that of the path tracer, in most scenes; light paths are as many as pixels of the full
 /// frame, `frames` times those of the picture.
 fn usual_cost(contender: &Contender, frames: f64) -> f64 {
@@ -289,8 +324,7 @@ pub fn left_after(time: Duration, spent: Duration) -> Duration {
     time.saturating_sub(spent).max(time / 4)
 }
 
-/// Chooses an integrator for a render of a view; the first contender must be the path tracer. `counted` takes counted paths
-/// for time, so that the choice depends on the arguments alone.
+/// Chooses an integrator for a render of a view; the first contender must be the path tracer.
 ///
 /// Given up with `None` when `go_on` says no; it is asked before every small render. Fails where the window leaves the
 /// frame.
@@ -298,12 +332,10 @@ pub fn choose_integrator(
     contenders: &[Contender],
     view: &View<'_>,
     horizon: Horizon,
-    counted: bool,
     go_on: &dyn Fn() -> bool,
 ) -> Result<Option<Choice>, FilmError> {
     let pilot = Stopwatch::start();
     let (frame, window) = (view.sensor.frame, view.window);
-    Film::check(frame, window)?;
     let (scene, camera) = (view.scene, view.sensor.camera);
     let places = worth_a_try(contenders, scene, camera);
     let tried: Vec<&Contender> = places.iter().map(|&i| &contenders[i]).collect();
@@ -317,52 +349,57 @@ pub fn choose_integrator(
         Horizon::Samples(samples) => f64::from(samples) * pixels,
         Horizon::Seconds(seconds) => seconds * PATHS_PER_SECOND,
     };
+    let most = (SHARE * paths).min(MOST_PATHS);
     let round: f64 = places.iter().map(|&i| f64::from(first(i)) * usual(i)).sum();
     let small = (FIRST_SHARE * paths / round.max(1.0)).clamp(PIXELS.0, PIXELS.1);
     let (small_frame, small_window) = pilot_window(frame, window, small as f32);
     let small = View::new(scene, camera, small_frame, small_window);
-    let mut runners = Vec::new();
-    for (number, &i) in (1..).zip(&places) {
-        runners.push(Runner::new(&contenders[i], view, &small, number, first(i))?);
-    }
-    let race = Race {
-        usual: places.iter().map(|&i| usual(i)).collect(),
-        counted,
-        pilot: small_window.len() as f64,
-        pixels,
-        horizon,
-    };
-    let punctual = !scene.parts().lights.is_empty();
-    let trials = loop {
-        for runner in runners.iter_mut().filter(|runner| runner.races) {
-            if !go_on() {
-                return Ok(None);
+    let small_pixels = small_window.len() as f64;
+    let (mut trials, mut chosen) = (Vec::new(), None);
+    if places.len() > 1 && round * small_pixels <= most {
+        let mut runners = Vec::new();
+        for (number, &i) in (1..).zip(&places) {
+            let cost = usual(i);
+            runners.push(Runner::new(
+                &contenders[i],
+                view,
+                &small,
+                number,
+                first(i),
+                cost,
+            )?);
+        }
+        let punctual = !scene.parts().lights.is_empty();
+        loop {
+            for runner in runners.iter_mut().filter(|runner| runner.races) {
+                if !go_on() {
+                    return Ok(None);
+                }
+                runner.run(&small);
             }
-            runner.run(&small);
+            let drafts: Vec<Draft> = runners.iter().map(Runner::draft).collect();
+            trials = judged(&drafts, small_window, paths / pixels, punctual);
+            let stay = still_racing(&runners, &trials, called);
+            if is_over(&runners, &stay, most / small_pixels) {
+                break;
+            }
+            for (runner, stays) in runners.iter_mut().zip(stay) {
+                runner.races = stays;
+                runner.wanted *= 2;
+            }
         }
-        let costs = race.costs(&runners);
-        let time = race.time(costs[0]);
-        let drafts: Vec<Draft> = (runners.iter().zip(&costs))
-            .map(|(runner, &cost)| {
-                Draft::of(&runner.contender, &runner.picture, runner.samples, cost)
-            })
-            .collect();
-        let trials = judged(&drafts, small_window, time, punctual);
-        let stay = still_racing(&runners, &trials, called);
-        if race.is_over(&runners, &costs, &stay) {
-            break trials;
-        }
-        for (runner, stays) in runners.iter_mut().zip(stay) {
-            runner.races = stays;
-            runner.wanted *= 2;
-        }
-    };
-    let chosen = best(&trials, called);
+        chosen = best(&trials, called);
+    }
+    let best = places.get(chosen.unwrap_or(called)).copied().unwrap_or(0);
     Ok(Some(Choice {
-        best: chosen.map_or(0, |chosen| places[chosen]),
+        best,
+        name: contenders[best].name(),
         chosen,
         first: called,
-        why: advice.why,
+        why: match refusal(advice.kind, contenders, scene, camera) {
+            Some(refusal) => format!("{}; {refusal}", advice.why),
+            None => advice.why.to_owned(),
+        },
         trials,
         seconds: pilot.seconds().1,
     }))
@@ -378,50 +415,15 @@ fn still_racing(runners: &[Runner], trials: &[Trial], called: usize) -> Vec<bool
         .collect()
 }
 
-/// Costs of the rounds of the pilot, beside the render.
-struct Race {
-    /// Cost of a sample per pixel of each contender in most scenes.
-    usual: Vec<f64>,
-    /// True if paths are counted, and not seconds.
-    counted: bool,
-    /// Pixels of the pilot's pictures.
-    pilot: f64,
-    /// Pixels of the render.
-    pixels: f64,
-    horizon: Horizon,
-}
-
-impl Race {
-    /// Cost of a sample per pixel of each contender, as measured so far or, where paths are counted, as usual.
-    fn costs(&self, runners: &[Runner]) -> Vec<f64> {
-        let cost = |(runner, &usual): (&Runner, &f64)| match self.counted {
-            true => usual,
-            false => runner.seconds / (f64::from(runner.samples) * self.pilot),
-        };
-        runners.iter().zip(&self.usual).map(cost).collect()
-    }
-
-    /// Time of the render for each of its pixels, where the path tracer's samples have this cost.
-    fn time(&self, path: f64) -> f64 {
-        match self.horizon {
-            Horizon::Samples(samples) => f64::from(samples) * path,
-            Horizon::Seconds(seconds) if self.counted => seconds * PATHS_PER_SECOND / self.pixels,
-            Horizon::Seconds(seconds) => seconds / self.pixels,
-        }
-    }
-
-    /// True if one contender is left, the next round would take too long, or would take too many samples.
-    fn is_over(&self, runners: &[Runner], costs: &[f64], stay: &[bool]) -> bool {
-        let each = || runners.iter().zip(costs).zip(stay);
-        let time = |((runner, cost), _): ((&Runner, &f64), _)| {
-            f64::from(runner.samples) * cost * self.pilot
-        };
-        let spent: f64 = each().map(time).sum();
-        let next: f64 = each().filter(|(_, stays)| **stays).map(time).sum();
-        spent + next > SHARE * self.time(costs[0]) * self.pixels
-            || runners.iter().any(|r| r.samples >= SAMPLES.1)
-            || stay.iter().filter(|stays| **stays).count() < 2
-    }
+/// True if one contender is left, the next round would take more work than `most`, in camera paths for each of the pilot's
+/// pixels, or would take too many samples.
+fn is_over(runners: &[Runner], stay: &[bool], most: f64) -> bool {
+    let work = |runner: &Runner| f64::from(runner.samples) * runner.cost;
+    let staying =
+        || (runners.iter().zip(stay)).filter_map(|(runner, stays)| stays.then_some(runner));
+    let spent: f64 = runners.iter().map(work).sum();
+    let next: f64 = staying().map(work).sum();
+    spent + next > most || runners.iter().any(|r| r.samples >= SAMPLES.1) || staying().count() < 2
 }
 
 /// A contender in the race.
@@ -430,10 +432,11 @@ struct Runner {
     contender: Contender,
     integrator: Box<dyn Integrator>,
     picture: Picture,
-    /// Samples per pixel so far, those after the next round, and their CPU-seconds.
+    /// Samples per pixel so far, and those after the next round.
     samples: u32,
     wanted: u32,
-    seconds: f64,
+    /// Cost of a sample per pixel over that of the path tracer.
+    cost: f64,
     races: bool,
 }
 
@@ -445,6 +448,7 @@ impl Runner {
         small: &View<'_>,
         number: u64,
         first: u32,
+        cost: f64,
     ) -> Result<Self, FilmError> {
         let Contender { kind, settings } = contender;
         let settings = Settings {
@@ -464,18 +468,20 @@ impl Runner {
             },
             samples: 0,
             wanted: first,
-            seconds: 0.0,
+            cost,
             races: true,
         })
     }
 
     fn run(&mut self, view: &View<'_>) {
-        // Once for a render: no part of what a sample costs.
         self.integrator.prepare(view);
-        let watch = Stopwatch::start();
         (self.integrator).pass(view, self.samples..self.wanted, &mut self.picture);
-        self.seconds += watch.seconds().1;
         self.samples = self.wanted;
+    }
+
+    /// The small picture so far.
+    fn draft(&self) -> Draft {
+        Draft::of(&self.contender, &self.picture, self.samples, self.cost)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Estimator and rule of a render, and which options go with which.
 
 use super::fault::Fault;
-use super::spec::Spec;
+use super::spec::{Heading, Opt, Spec};
 use super::value::{Levels, ResolveChoice, TableChoice, listed, word};
 use crate::files::{FileError, hex};
 use crate::integrator::bidirectional::{Radius, Strategy};
@@ -12,6 +12,9 @@ use crate::regularise::rules::MOLLIFIER_RADIUS;
 use crate::regularise::{Accumulated, Factors, Rule};
 use crate::resolve::Resolve;
 use crate::sampler::SamplerKind;
+
+/// Options of a method that leave the integrator open.
+const OF_EVERY_METHOD: [&str; 4] = ["integrator", "resolve", "max_vertices", "seed"];
 
 /// Table of the levels that [`IntegratorKind::Auto`] tries where none is given.
 const DEFAULT_TABLE: &str = "beta-0.001";
@@ -38,9 +41,17 @@ fn ensure(holds: bool, name: &'static str, why: &str) -> Result<(), Fault> {
 }
 
 impl Spec {
-    /// The algorithm.
+    /// The algorithm: the one that is named; else path tracing where another option of the method is given, such as a table;
+    /// else the choice of a pilot.
     pub fn kind(&self) -> IntegratorKind {
-        self.integrator.unwrap_or_default()
+        let names_paths = |(option, _): (&Opt, String)| {
+            option.heading == Heading::Method && !OF_EVERY_METHOD.contains(&option.name)
+        };
+        let unnamed = || match self.given().any(names_paths) {
+            true => IntegratorKind::Path,
+            false => IntegratorKind::Auto,
+        };
+        self.integrator.unwrap_or_else(unnamed)
     }
 
     /// True where a table or a factor roughens.
@@ -89,8 +100,14 @@ impl Spec {
             if !option.of.is_empty() && !option.of.contains(&kind) {
                 let named = option.of.iter().filter(|of| **of != IntegratorKind::Auto);
                 let of: Vec<String> = named.map(word).collect();
-                let of = listed(&of).replace(" or ", " and ");
-                let why = format!("is of {{integrator}} {of}, not of {}", word(&kind));
+                let of = listed(&of);
+                let why = match self.integrator {
+                    Some(kind) => {
+                        let of = of.replace(" or ", " and ");
+                        format!("is of {{integrator}} {of}, not of {}", word(&kind))
+                    }
+                    None => format!("needs {{integrator}} {of}"),
+                };
                 return Err(Fault::option(name, why));
             }
         }

@@ -107,10 +107,6 @@ impl Request<'_> {
             let what = "a guide learns from all samples before: none for a part";
             return Err(Fault::option("guide", what));
         }
-        if spec.integrator == Some(IntegratorKind::Auto) {
-            let what = "auto chooses by a pilot, for each part anew: name one";
-            return Err(Fault::option("integrator", what));
-        }
         for name in ["time", "target_error"] {
             if spec.has(name) {
                 return Err(Fault::option(name, "a part has a number of samples"));
@@ -127,6 +123,8 @@ impl Request<'_> {
 
     /// Renders these samples into the file of a part, whole or not at all; after those of `begun`, a part of the same pixels, if
     /// there is one. False if the listener ended it: then there is no file.
+    ///
+    /// An integrator that is left to a pilot must be chosen before ([`Request::choose`]).
     pub fn part(
         &self,
         path: &Path,

@@ -2,8 +2,8 @@
 
 use super::fault::Fault;
 use super::method::Method;
-use super::spec::{Heading, Spec};
-use super::value::{Crop, Levels, TableChoice};
+use super::spec::{Heading, Opt, Spec};
+use super::value::{Crop, Levels, TableChoice, word};
 use crate::image::film::{Film, Window};
 use crate::integrator::checkpoint::{Checkpoint, Fingerprint};
 use crate::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
@@ -64,8 +64,6 @@ pub struct Request<'a> {
     own: Spec,
     /// Remarks on choices that were made for the user.
     pub notes: Vec<String>,
-    /// Takes counted paths for time in a pilot, so that its choice depends on the arguments alone.
-    pub counted: bool,
     /// Integrators among which a pilot chooses, with their methods.
     contenders: Vec<(Contender, Method, Spec)>,
     /// A render that this one continues.
@@ -328,7 +326,6 @@ impl<'a> Request<'a> {
             method,
             own,
             notes,
-            counted: false,
             contenders,
             old: None,
         };
@@ -370,17 +367,23 @@ impl<'a> Request<'a> {
     pub fn resume(&mut self, path: &Path) -> Result<(), Fault> {
         let old = Checkpoint::open(path)?;
         let theirs = old.fingerprint.clone();
-        // A checkpoint of no contender is refused by the first.
         let ours = |settings: &Settings| self.identity(settings, true) == theirs;
         let place = self.contenders.iter().position(|(c, ..)| ours(&c.settings));
+        // A checkpoint of no contender is refused by the one that is most like it.
+        let alike = |(c, ..): &(Contender, Method, Spec)| {
+            let levels = old.amounts.has_choice() == c.settings.amounts.has_choice();
+            levels && old.metadata.get("integrator") == Some(&word(&c.kind))
+        };
+        let place = place.or_else(|| self.contenders.iter().position(alike));
         self.take(place.unwrap_or(0));
         old.check(path, &self.fingerprint())?;
         self.old = Some(old);
         Ok(())
     }
 
-    /// Takes one of the contenders.
-    fn take(&mut self, place: usize) {
+    /// Takes the contender at the place that a pilot chose for a request with the same options of scene, light and method, without
+    /// a pilot; does nothing where there is nothing to choose.
+    pub fn take(&mut self, place: usize) {
         if let Some((contender, method, own)) = self.contenders.get(place).cloned() {
             (self.kind, self.settings) = (contender.kind, contender.settings);
             (self.method, self.own) = (method, own);
@@ -388,25 +391,40 @@ impl<'a> Request<'a> {
         }
     }
 
+    /// Chooses the integrator, if that is left to a pilot, as for the whole frame, so that crops and parts choose alike; with a
+    /// limit of time as for the part that is rendered. Gives the choice, if there was one to make; breaks if `go_on` said no,
+    /// which is asked before every small render.
+    pub fn choose(
+        &mut self,
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<ControlFlow<(), Option<Choice>>, Fault> {
+        if self.contenders.is_empty() {
+            return Ok(ControlFlow::Continue(None));
+        }
+        let contenders: Vec<Contender> = self.contenders.iter().map(|(c, ..)| c.clone()).collect();
+        let horizon = self.spec.horizon();
+        let window = match horizon {
+            Horizon::Samples(_) => Window::full(self.frame),
+            Horizon::Seconds(_) => self.window,
+        };
+        let view = View::new(self.subject.scene, &self.camera, self.frame, window);
+        let chosen = choose_integrator(&contenders, &view, horizon, go_on);
+        let chosen = chosen.map_err(|e| Fault::option(self.spec.window_option(), e))?;
+        let Some(chosen) = chosen else {
+            return Ok(ControlFlow::Break(()));
+        };
+        self.take(chosen.best);
+        self.check_memory()?;
+        Ok(ControlFlow::Continue(Some(chosen)))
+    }
+
     /// Chooses the integrator, if that is left to a pilot, and makes the picture ready. `None` if `go_on` said no; it is
     /// asked before every small render.
     pub fn begin(&mut self, go_on: &dyn Fn() -> bool) -> Result<Option<Begun>, Fault> {
         let clock = Instant::now();
-        let mut choice = None;
-        if !self.contenders.is_empty() {
-            let contenders: Vec<Contender> =
-                self.contenders.iter().map(|(c, ..)| c.clone()).collect();
-            let view = View::new(self.subject.scene, &self.camera, self.frame, self.window);
-            let chosen =
-                choose_integrator(&contenders, &view, self.spec.horizon(), self.counted, go_on);
-            let chosen = chosen.map_err(|e| Fault::option(self.spec.window_option(), e))?;
-            let Some(chosen) = chosen else {
-                return Ok(None);
-            };
-            self.take(chosen.best);
-            self.check_memory()?;
-            choice = Some(chosen);
-        }
+        let ControlFlow::Continue(choice) = self.choose(go_on)? else {
+            return Ok(None);
+        };
         let pilot = if choice.is_some() {
             clock.elapsed()
         } else {
@@ -458,6 +476,16 @@ impl<'a> Request<'a> {
             reason,
             missing,
         }
+    }
+
+    /// The options that name the method of the settings, the integrator first: the user's, or a pilot's choice.
+    pub fn method_options(&self) -> Vec<(&'static str, String)> {
+        let of_method = |(option, _): &(&Opt, String)| option.heading == Heading::Method;
+        let given = self.own.given().filter(of_method);
+        let others = given.filter(|(option, _)| option.name != "integrator");
+        let mut options = vec![("integrator", word(&self.kind))];
+        options.extend(others.map(|(option, text)| (option.name, text)));
+        options
     }
 
     /// The choices that the settings are made of: the user's, or those of the contender that a pilot has chosen.

@@ -201,9 +201,11 @@ pub fn stopping_error(picture: &Picture) -> f64 {
     stated_error(picture, Resolve::default()).bound()
 }
 
-/// The same of a picture that is shown without a choice, as the mean of its samples.
+/// The same of a picture that is shown without a choice, as the mean of its samples: the larger one of what samples and batches state.
 pub fn stopping_error_of_samples(picture: &Picture) -> f64 {
-    film_error(&picture.film).bound()
+    let of_batches = |film| resolve_film(film, Resolve::None).statement().error;
+    let shown = picture.levels.as_ref().map_or(0.0, of_batches);
+    film_error(&picture.film).bound().max(shown)
 }
 
 /// Share of the light of a picture of several levels that plain path tracing cannot find: that of lights without area at

@@ -124,6 +124,7 @@ fn facade_writes_the_files_of_the_program() {
     let scene = Scene::open(place.path().join("scene.glb")).expect("a scene");
     let mut cases = vec![
         ("", json!({})),
+        ("--integrator path", json!({"integrator": "path"})),
         (
             "--resolve raw --aov --exposure 1.5 --view agx",
             json!({"resolve": "raw", "aov": true, "exposure": 1.5, "view": "agx"}),

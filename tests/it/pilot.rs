@@ -54,7 +54,7 @@ fn pilot_chooses_the_integrator_of_the_suite_scenes() {
             let [path, bdpt, vcm, sppm] = [Path, Bdpt, Vcm, Sppm].map(contender);
             let contenders = [path, levels, bdpt, vcm, sppm];
             let horizon = Horizon::Seconds(2.0);
-            let choice = choose_integrator(&contenders, &view(&scene), horizon, true, &|| true);
+            let choice = choose_integrator(&contenders, &view(&scene), horizon, &|| true);
             let choice = choice.unwrap().unwrap();
             let names = ["path", "levels", "bdpt", "vcm", "sppm"];
             if names[choice.best] != best {

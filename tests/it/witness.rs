@@ -51,6 +51,7 @@ fn witness_finds_light_that_an_integrator_lacks() {
 fn render_of_a_program_has_the_witness() {
     let scene = scene(builtin("sun-pool").expect("a scene"));
     let rendered = Render::new(&scene)
+        .with(|spec| spec.integrator = Some(Path))
         .size(40, 40)
         .spp(400)
         .run()

@@ -4,6 +4,7 @@ use super::bar::Bar;
 use super::exit::{Blame, Exit, Told};
 use super::options::{CropOption, FileOptions};
 use super::output::note;
+use super::render::remark_choice;
 use super::render_args::RenderArgs;
 use super::stop::Stop;
 use anyhow::anyhow;
@@ -13,15 +14,20 @@ use opsr::integrator::layers::Aov;
 use opsr::integrator::part::{MergeError, Merged, merge};
 use opsr::render::files::Outputs;
 use opsr::render::{Outcome, Request};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 /// Renders a part into a file.
 pub(super) fn render(
     args: &RenderArgs,
-    request: &Request<'_>,
+    request: &mut Request<'_>,
     path: &Path,
     stop: &Stop,
 ) -> anyhow::Result<Exit> {
+    // A pilot that is stopped leaves a part of no samples.
+    if let ControlFlow::Continue(Some(choice)) = request.choose(&|| !stop.asked()).told()? {
+        remark_choice(args, &choice);
+    }
     let samples = args.samples.clone().unwrap_or(request.all_samples());
     let bar = Bar::new(args.progress);
     let hear = &mut |progress: &RenderProgress| {

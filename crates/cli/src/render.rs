@@ -1,5 +1,6 @@
 //! `opsr render`: a glTF scene in, a picture out.
 
+use super::bar::Style;
 use super::ended::Ended;
 use super::exit::{Blame, Exit, Told};
 use super::listener::{Listener, Run};
@@ -17,6 +18,7 @@ use opsr::integrator::Picture;
 use opsr::integrator::drive::{Reason, RenderProgress};
 use opsr::integrator::layers::Aov;
 use opsr::integrator::method::IntegratorKind;
+use opsr::pilot::Choice;
 use opsr::render::files::{Outputs, can_write, check_distinct};
 use opsr::render::look::LookChoice;
 use opsr::render::open::Opened;
@@ -67,14 +69,13 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         in_studio: opened.in_studio,
     };
     let mut request = Request::new(&spec, subject, None).told()?;
-    request.counted = args.reproducible;
     remark(&request);
     if let Some(pixel) = args.trace_pixel {
         trace::run(args, &request, pixel)?;
         return Ok(Exit::Done);
     }
     if let Some(path) = &args.film {
-        return part::render(args, &request, path, &stop);
+        return part::render(args, &mut request, path, &stop);
     }
     RenderJob {
         args,
@@ -91,6 +92,12 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
 fn spec(args: &RenderArgs) -> Result<Spec, Fault> {
     let mut spec = args.render.0.clone();
     spec.check()?;
+    if let (Some(samples), Some(spp)) = (&args.samples, spec.spp)
+        && samples.end > spp
+    {
+        let what = format!("--samples: the whole picture has {spp} samples, by --spp");
+        return Err(Fault::usage(what));
+    }
     if args.film.is_some() {
         Request::check_part(&spec)?;
     } else {
@@ -100,8 +107,12 @@ fn spec(args: &RenderArgs) -> Result<Spec, Fault> {
         let what = "time never makes the same file twice: not with {reproducible}";
         return Err(Fault::option("aov", what));
     }
-    if args.trace_pixel.is_some() && spec.levels.is_none() {
-        spec.resolve.get_or_insert(ResolveChoice::Raw);
+    if args.trace_pixel.is_some() {
+        // Paths from the camera are what a pixel has.
+        spec.integrator.get_or_insert(IntegratorKind::Path);
+        if spec.levels.is_none() {
+            spec.resolve.get_or_insert(ResolveChoice::Raw);
+        }
     }
     Ok(spec)
 }
@@ -120,6 +131,15 @@ fn remark(request: &Request<'_>) {
     for note in &request.notes {
         tracing::info!("{note}");
     }
+}
+
+/// Says which integrator was chosen and why, and with --verbose what the pilot has found.
+pub(super) fn remark_choice(args: &RenderArgs, choice: &Choice) {
+    match args.progress {
+        Style::Auto => note(choice.summary()),
+        Style::Json | Style::None => {}
+    }
+    tracing::info!("{choice}");
 }
 
 /// Refuses outputs of which two are one file, or one is a file that is read.
@@ -162,7 +182,7 @@ impl RenderJob<'_> {
             return Ok(Exit::Stopped);
         };
         if let Some(choice) = &begun.choice {
-            note(choice);
+            remark_choice(args, choice);
         }
         begun.pilot = self.began.elapsed();
         let Begun { start, spent, .. } = begun;

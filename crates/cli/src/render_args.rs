@@ -73,10 +73,10 @@ pub(super) struct RenderArgs {
         ]
     )]
     pub(super) film: Option<PathBuf>,
-    /// With --film: only the samples from number A on (from 0), without B. Any split of the samples, of the picture by
-    /// --crop, or of both will do. A part that begins after sample 0 keeps every sample, 12 bytes for each of a pixel, 28
+    /// With --film: only the samples from number A on (from 0), without B, of those of the whole picture, which --spp says: a choice of
+    /// the integrator depends on it. Any split of the samples, of the picture by --crop, or of both will do. A part that begins after sample 0 keeps every sample, 12 bytes for each of a pixel, 28
     /// more with levels and 12 for each of them; other parts keep only sums: parts of all samples of a crop are small.
-    #[arg(long, value_name = "A..B", requires = "film", conflicts_with = "spp", value_parser = samples, help_heading = "Resume", hide_short_help = true)]
+    #[arg(long, value_name = "A..B", requires = "film", value_parser = samples, help_heading = "Resume", hide_short_help = true)]
     pub(super) samples: Option<Range<u32>>,
 
     /// Threads; without it as many as there are cores. The picture does not depend on it.
@@ -109,7 +109,8 @@ pub(super) struct RenderArgs {
 const MORE: &str = "These are the options that most renders use; --help lists all.";
 
 const EXAMPLES: &str = "Examples:
-  opsr render scene.glb --opsr-table beta-0.001 -o out.exr -o out.png
+  opsr render scene.glb -o out.exr -o out.png
+  opsr render scene.glb --opsr-table beta-0.001 --spp 256 -o out.png
   opsr render scene.glb --time 60s --size 1280x720 --env sky.hdr -o out.png
   opsr render scene.glb --spp 4096 --checkpoint night.ckpt -o out.exr
   opsr render scene.glb --spp 8192 --checkpoint night.ckpt --resume -o out.exr";

@@ -37,6 +37,7 @@ use opsr::files::hex;
 use opsr::image::exr;
 use opsr::render::{Fault, Spec};
 use serve::Server;
+use std::collections::HashMap;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -123,6 +124,7 @@ impl Viewer {
                 file: &file,
                 key: None,
                 cost: 1e-6,
+                choices: HashMap::new(),
             };
             renderer.run();
         });

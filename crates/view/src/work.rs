@@ -10,11 +10,12 @@ use opsr::integrator::{Amounts, Integrator, Picture, Recorded, Stop, View};
 use opsr::math::{UVec2, Vec2};
 use opsr::render::look::{Look, LookChoice};
 use opsr::render::value::word;
-use opsr::render::{Fault, Outcome, Request, Spec, Subject};
+use opsr::render::{Fault, Heading, Outcome, Request, Spec, Subject};
 use opsr::resolve::Resolve;
 use opsr::scene::Scene;
 use opsr_formats::READERS;
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -51,6 +52,8 @@ pub(super) struct Renderer<'a> {
     pub(super) key: Option<String>,
     /// Seconds that the path tracer takes for a pixel.
     pub(super) cost: f64,
+    /// Choices of pilots by scene and method: another look has no pilot of its own.
+    pub(super) choices: HashMap<String, usize>,
 }
 
 /// A render on its way.
@@ -266,7 +269,7 @@ impl Renderer<'_> {
 
     /// Runs of one request or of two, with no sample yet; `None` if something changed meanwhile.
     fn begin<'r>(
-        &self,
+        &mut self,
         request: Request<'r>,
         other: Option<Request<'r>>,
         over: &Arc<AtomicBool>,
@@ -279,12 +282,20 @@ impl Renderer<'_> {
                 state.words_number += 1;
             });
             let go_on = || !hub.disturbed.load(Ordering::Relaxed);
+            let key = choice_key(&request.spec);
+            if let Some(place) = self.choices.get(&key) {
+                request.take(*place);
+            }
             let Some(begun) = request.begin(&go_on)? else {
                 return Ok(None);
             };
+            if let Some(choice) = begun.choice {
+                self.choices.insert(key, choice.best);
+            }
             hub.change(|state| {
                 if runs.is_empty() {
                     state.integrator = word(&request.kind);
+                    state.command = request.command();
                 }
                 state.words_number += 1;
             });
@@ -438,6 +449,20 @@ fn prepared<'a>(
             }
         }
     }
+}
+
+/// Text that renders of the same candidates share, whatever their look and size.
+fn choice_key(spec: &Spec) -> String {
+    let given = spec.given().filter(|(option, _)| {
+        let heading = matches!(
+            option.heading,
+            Heading::Scene | Heading::Light | Heading::Method
+        );
+        heading || ["aperture", "focus", "aov"].contains(&option.name)
+    });
+    given
+        .map(|(option, text)| format!("{} {text}, ", option.name))
+        .collect()
 }
 
 /// The look of the camera that the options name; it turns around what is in the middle of its picture.

@@ -27,12 +27,11 @@ fn auto_chooses_an_integrator_that_finds_the_light() {
         ("cornell-box", ["path", "path"]),
     ] {
         let place = place(scene);
-        let ended = place.render("--integrator auto --spp 64 -o auto.exr");
-        let ended = ended.done();
+        let ended = place.render("--verbose --spp 64 -o auto.exr").done();
         let chosen = integrator(&place, "auto.exr");
         assert!(expected.contains(&chosen.as_str()), "{}", ended.err);
         let says = format!("integrator {chosen}: ");
-        let said = ended.err.lines().any(|line| line.starts_with(&says));
+        let said = ended.err.lines().any(|line| line.contains(&says));
         assert!(said, "{}", ended.err);
         let layers = exr::read_layers(&place.path().join("auto.exr")).expect("a picture");
         let by = layers.metadata.get("integrator_chosen_by");
@@ -77,21 +76,97 @@ fn auto_resume_goes_on_with_the_same_integrator() {
 #[test]
 fn auto_refuses_what_it_cannot_choose_for() {
     let place = Place::new();
-    for args in [
-        "--mode pbrt",
-        "--mlt-pass 4",
-        "--trace-pixel 1,1",
-        "--film part.film",
-    ] {
+    for args in ["--mode pbrt", "--mlt-pass 4", "--trace-pixel 1,1"] {
         let ended = place.render(&format!("--integrator auto {args}"));
         assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
         assert!(ended.err.contains("auto"), "{}", ended.err);
     }
-    // Only the path tracer has levels and a lens.
-    let ended = place
-        .render("--integrator auto --aperture 0.1 --focus 3 --spp 2 -o a.exr")
+}
+
+/// Only the path tracer has a lens: what is chosen without the others, and that they are left out, is said.
+#[test]
+fn lens_takes_candidates_away() {
+    let place = place("caustic-box");
+    let lens = "--aperture 0.1 --focus 3";
+    let said = place
+        .opsr(&format!(
+            "render scene.glb --size 16x16 --spp 2 {lens} -o a.exr"
+        ))
+        .done()
+        .err;
+    let line = said
+        .lines()
+        .find(|line| line.starts_with("integrator path with levels: "));
+    let line = line.unwrap_or_else(|| panic!("{said}"));
+    assert!(line.contains("a lens needs the integrator path"), "{line}");
+    assert_eq!(integrator(&place, "a.exr"), "path");
+}
+
+/// Without an integrator a pilot chooses, where no other option names a method.
+#[test]
+fn default_integrator_is_a_choice_unless_the_method_is_named() {
+    let place = place("caustic-box");
+    for (args, expected, by) in [
+        ("", "vcm", Some("pilot")),
+        ("--integrator auto", "vcm", Some("pilot")),
+        (
+            "--resolve raw --max-vertices 8 --seed 4",
+            "vcm",
+            Some("pilot"),
+        ),
+        ("--opsr-table beta-0.001", "path", None),
+        ("--gamma 0.3", "path", None),
+        ("--mode pbrt", "path", None),
+        ("--sampler sobol", "path", None),
+        // Layers that only the path tracer has.
+        ("--resolve raw --aov direct", "path", Some("pilot")),
+    ] {
+        place.render(&format!("--spp 4 {args} -o a.exr")).done();
+        let metadata = exr::read_layers(&place.path().join("a.exr"))
+            .expect("a picture")
+            .metadata;
+        assert_eq!(metadata["integrator"], expected, "{args}");
+        let chosen_by = metadata.get("integrator_chosen_by");
+        assert_eq!(chosen_by.map(String::as_str), by, "{args}");
+    }
+    let ended = place.render("--radius 0.1 -o b.exr");
+    assert_eq!(ended.code, Some(2));
+    assert!(
+        ended
+            .err
+            .contains("--radius: needs --integrator vcm or sppm"),
+        "{}",
+        ended.err
+    );
+}
+
+/// Crops and parts choose as the whole picture does, and are of its bits.
+#[test]
+fn crops_and_parts_of_a_choice_are_those_of_the_whole_picture() {
+    let place = place("caustic-box");
+    // Enough for a race in the whole picture and not in a crop.
+    let render = "render scene.glb --size 48x48 --spp 600 --reproducible --progress none";
+    place
+        .opsr(&format!("{render} --verbose --resolve raw -o whole.exr"))
         .done();
-    assert!(ended.err.starts_with("integrator path: "), "{}", ended.err);
+    let whole = exr::read_rgb(&place.path().join("whole.exr")).expect("a picture");
+    let said = place
+        .opsr(&format!(
+            "{render} --verbose --resolve raw --crop 8,8,4,4 -o crop.exr"
+        ))
+        .done()
+        .err;
+    assert!(said.contains("pilot: "), "{said}");
+    let crop = exr::read_rgb(&place.path().join("crop.exr")).expect("a picture");
+    for (i, pixel) in crop.pixels.iter().enumerate() {
+        assert_eq!(*pixel, whole.pixels[(8 + i / 4) * 48 + 8 + i % 4]);
+    }
+    for (i, samples) in ["0..200", "200..600"].iter().enumerate() {
+        let part = format!("{render} --resolve raw --samples {samples} --film {i}.part");
+        place.opsr(&part).done();
+    }
+    place.opsr("merge 0.part 1.part -o merged.exr").done();
+    assert!(place.read("merged.exr") == place.read("whole.exr"));
 }
 
 #[test]

@@ -179,7 +179,7 @@ const CASES: &[(i32, &str, &str)] = &[
     (
         2,
         "render scene.glb --strategy 1,2",
-        "--strategy: is of --integrator bdpt and vcm, not of path",
+        "--strategy: needs --integrator bdpt or vcm",
     ),
     (
         2,

@@ -59,7 +59,7 @@ fn parts_of_other_renders_are_refused_by_name() {
     let place = Place::new();
     place.save("other.glb", &gallery::caustic_box());
     let part = |scene: &str, args: &str, name: &str| {
-        let common = "--size 8x8 --progress none";
+        let common = "--size 8x8 --progress none --integrator path";
         place
             .opsr(&format!("render {scene} {common} {args} --film {name}"))
             .done();
@@ -143,7 +143,7 @@ fn parts_of_other_renders_are_refused_by_name() {
     for (args, words) in [
         ("--samples 0..4", "--film"),
         ("--samples 4..4 --film x", "expected A..B"),
-        ("--samples 0..4 --spp 4 --film x", "--spp"),
+        ("--samples 0..5 --spp 4 --film x", "has 4 samples, by --spp"),
         ("--film x -o y.exr", "--output"),
         ("--film x --time 3s", "--time"),
         ("--film x --checkpoint c", "--checkpoint"),

@@ -281,7 +281,7 @@ fn aov_layers_are_written_by_name() {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
     let layers = |args: &str| {
-        let args = format!("--spp 4 --resolve raw -o out.exr {args}");
+        let args = format!("--spp 4 --integrator path --resolve raw -o out.exr {args}");
         place.render(&args).done();
         let layers = exr::read_layers(&place.path().join("out.exr")).unwrap();
         assert_eq!(layers.channel("spp").unwrap()[0], 4.0);
@@ -476,7 +476,7 @@ fn reference_and_statistics_of_a_render() {
     assert!((error.powi(2) - relmse["value"].as_f64().unwrap()).abs() < 1e-9);
     assert_eq!(stats["window"], serde_json::json!([4, 4, 8, 8]));
     assert_eq!((&stats["spp"], &stats["paths"]), (&4.into(), &256.into()));
-    assert_eq!(stats["settings"]["integrator"], "path");
+    assert_eq!(stats["settings"]["integrator"], "vcm");
     // The log ends with the same.
     let render = format!("render scene.glb --size 16x16 {args} {crop} --log log.csv -o out.exr");
     place.opsr(&render).done();
@@ -668,10 +668,12 @@ fn determinism_of_reproducible_files() {
             .channels
     };
     assert!(
-        channels("--gamma 0") == channels(""),
+        channels("--gamma 0") == channels("--integrator path"),
         "γ = 0 is plain path tracing"
     );
+    let path = picture("--integrator path");
     let plain = picture("");
+    assert!(path != plain, "glass and a lamp call for vcm");
     assert!(picture("--threads 1") == plain && picture("--threads 3") == plain);
     assert!(picture("--crop 0,0,16,16") == plain);
     let others = [
@@ -681,7 +683,6 @@ fn determinism_of_reproducible_files() {
         "--mode pbrt",
         "--integrator light",
         "--integrator bdpt --aov",
-        "--integrator ups",
         "--integrator sppm --radius 0.1 --radius-alpha 1",
         "--max-depth 2",
     ];
@@ -910,8 +911,7 @@ fn exit_code_of_a_stopped_pilot() {
     use std::process::{Command, Stdio};
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
-    let args =
-        "render scene.glb --verbose --spp 100000 --size 1024x1024 --integrator auto -o out.exr";
+    let args = "render scene.glb --verbose --threads 1 --spp 100000 --size 1024x1024 -o out.exr";
     let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
     let command = command.args(args.split_whitespace()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("the program");

@@ -153,6 +153,7 @@ impl MethodSpec {
     /// The render of a scene by this method with this seed: what a suite leaves out has the defaults of a measurement.
     pub fn render(&self, max_vertices: u32, seed: u64) -> Spec {
         let mut spec = self.spec.clone();
+        spec.integrator.get_or_insert(IntegratorKind::Path);
         if spec.levels.is_none() {
             spec.resolve.get_or_insert(ResolveChoice::Raw);
         }
@@ -236,7 +237,7 @@ pub struct SceneSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_spp: Option<u32>,
     /// The algorithm that makes it: one that finds all light of the scene.
-    #[serde(default, skip_serializing_if = "IntegratorKind::is_path")]
+    #[serde(default = "path", skip_serializing_if = "IntegratorKind::is_path")]
     pub reference_integrator: IntegratorKind,
     /// The part of the picture that the report shows: x, y, width, height in the full frame; the middle if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -247,6 +248,10 @@ pub struct SceneSpec {
     /// Names of the methods for this scene; all if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub methods: Option<Vec<String>>,
+}
+
+fn path() -> IntegratorKind {
+    IntegratorKind::Path
 }
 
 fn sixteen() -> u32 {
