@@ -272,6 +272,10 @@ impl Bench<'_> {
         };
         let mut now = Point::default();
         let watch = Stopwatch::start();
+        // A pilot plans for the whole run.
+        if let Some(longest) = self.suite.times.last() {
+            request.spec.time = Duration::try_from_secs_f64(*longest).ok();
+        }
         let begun = request.begin(&|| true).map_err(|e| fault(e.to_string()))?;
         let Some(begun) = begun else {
             return Ok(None);
