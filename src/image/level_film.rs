@@ -488,6 +488,7 @@ impl LevelFilm {
             let pairs = features.iter_mut().zip(sums.chunks_exact_mut(stride));
             for ((features, sums), pixel) in pairs.zip(each) {
                 read_sums(pixel.as_chunks::<4>().0, features, sums)?;
+                check_light(sums)?;
             }
         }
         let each = pixels.chunks_exact(4 * (BATCHES + FEATURES + 3 * stride));
@@ -496,6 +497,10 @@ impl LevelFilm {
             let (counts, rest) = words.split_at(BATCHES);
             let sums = &mut film.sums[index * stride..(index + 1) * stride];
             read_sums(rest, &mut film.features[index], sums)?;
+            // Beside what is carried they are what rounding has taken, of either sign.
+            if !is_carried {
+                check_light(sums)?;
+            }
             for (count, word) in film.counts[index].iter_mut().zip(counts) {
                 *count = u32::from_le_bytes(*word);
             }
@@ -531,6 +536,14 @@ fn read_sums(
     match are_finite(features) && sums.iter().all(|sum| sum.is_finite()) {
         true => Ok(()),
         false => Err("sums of the levels are not finite"),
+    }
+}
+
+/// An error for light that is negative.
+fn check_light(sums: &[Rgb]) -> Result<(), &'static str> {
+    match sums.iter().all(|sum| sum.min_element() >= 0.0) {
+        true => Ok(()),
+        false => Err("sums of the levels are negative"),
     }
 }
 
@@ -655,6 +668,11 @@ mod tests {
             absurd[last..].copy_from_slice(&f32::NAN.to_le_bytes());
             let error = read(&mut &absurd[..]).unwrap_err();
             assert_eq!(error, "sums of the levels are not finite");
+            if film.carried.is_none() {
+                absurd[last..].copy_from_slice(&(-1.0f32).to_le_bytes());
+                let error = read(&mut &absurd[..]).unwrap_err();
+                assert_eq!(error, "sums of the levels are negative");
+            }
             for tile in Window::full(SIZE).tiles(1) {
                 let mut part = again.cut(tile);
                 push(&mut part, 0, end..end + 9);

@@ -268,6 +268,9 @@ pub(super) fn read(
     };
     let aovs = match &numbers(rest)?[..] {
         [] => None,
+        aovs if aovs.iter().any(|x| !x.is_finite()) => {
+            return Err("sums of the AOVs are not finite".into());
+        }
         aovs => {
             let recorded = Recorded::with_numbers(aovs.len() / window.len().max(1));
             let read = recorded.and_then(|recorded| Aovs::from_numbers(window, recorded, aovs));

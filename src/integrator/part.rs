@@ -552,7 +552,8 @@ impl Whole {
         let mut bytes = vec![0; length as usize];
         for sample in start..end {
             payload.read(&mut bytes)?;
-            self.add_sample(part, sample, &bytes);
+            let added = self.add_sample(part, sample, &bytes);
+            added.map_err(Problem::content)?;
         }
         payload.finish()
     }
@@ -569,13 +570,16 @@ impl Whole {
         Ok(())
     }
 
-    fn add_sample(&mut self, part: &Part, sample: u32, bytes: &[u8]) {
+    fn add_sample(&mut self, part: &Part, sample: u32, bytes: &[u8]) -> Result<(), &'static str> {
         let (words, _) = bytes.as_chunks::<4>();
         let mut numbers = words.iter().map(|word| f32::from_le_bytes(*word));
         let mut next = || numbers.next().unwrap_or(f32::NAN);
         let window = part.window();
         for index in 0..window.len() {
             let value = Rgb::from_array(std::array::from_fn(|_| next()));
+            if value.cmplt(Rgb::ZERO).any() {
+                return Err("a sample is negative");
+            }
             let at = self.picture.film.window.index(window.pixel(index));
             match part.shares {
                 true => self.picture.film.push_shared(at, value, sample),
@@ -587,6 +591,9 @@ impl Whole {
             for index in 0..window.len() {
                 let mut rgb = || Rgb::from_array(std::array::from_fn(|_| next()));
                 values.iter_mut().for_each(|value| *value = rgb());
+                if values.iter().any(|value| value.cmplt(Rgb::ZERO).any()) {
+                    return Err("a sample of a level is negative");
+                }
                 let path = PathLevels {
                     levels: &values,
                     shared: rgb(),
@@ -596,7 +603,12 @@ impl Whole {
                 levels.push(at, sample, &path);
             }
         }
-        self.add_aovs(part, &mut numbers.map(f64::from));
+        let aovs: Vec<f64> = numbers.map(f64::from).collect();
+        if aovs.iter().any(|x| !x.is_finite()) {
+            return Err("an AOV is not finite");
+        }
+        self.add_aovs(part, &mut aovs.into_iter());
+        Ok(())
     }
 
     /// Adds the numbers of AOVs; the sums so far are zero or were added alike.

@@ -8,7 +8,7 @@
 
 mod corpus;
 pub(crate) mod mutate;
-mod repair;
+pub(crate) mod repair;
 pub(crate) mod seeds;
 mod targets;
 #[cfg(feature = "train")]

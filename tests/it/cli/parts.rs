@@ -1,6 +1,7 @@
 //! `opsr render --film` and `opsr merge`.
 
 use super::Place;
+use crate::fuzz::repair::sealed;
 use opsr_lab::gallery;
 
 /// A split by samples, by crops, and by both, in another order, and at other numbers of threads.
@@ -189,4 +190,76 @@ fn parts_are_whole_or_not_there() {
     );
     assert_eq!(ended.code, Some(4), "{}", ended.err);
     assert_eq!(place.files().into_keys().collect::<Vec<_>>(), ["scene.glb"]);
+}
+
+/// Numbers that no render makes, behind a right checksum: of a part of later samples, of a checkpoint and of AOVs.
+#[test]
+fn absurd_numbers_behind_a_right_checksum_are_refused() {
+    let place = Place::new();
+    let path = "--integrator path --resolve raw";
+    for (name, samples) in [("first.part", "0..1"), ("a.part", "1..3")] {
+        place
+            .render(&format!("{path} --samples {samples} --film {name}"))
+            .done();
+    }
+    place
+        .render("--spp 4 -o a.exr --checkpoint levels.ckpt")
+        .done();
+    place
+        .render(&format!(
+            "{path} --aov direct --spp 4 -o a.exr --checkpoint aov.ckpt"
+        ))
+        .done();
+    for (file, number, command, words) in [
+        (
+            "a.part",
+            (-1.0f32).to_le_bytes().to_vec(),
+            "merge",
+            "a sample is negative",
+        ),
+        (
+            "levels.ckpt",
+            (-1.0f32).to_le_bytes().to_vec(),
+            "",
+            "sums of the levels are negative",
+        ),
+        (
+            "levels.ckpt",
+            f32::NAN.to_le_bytes().to_vec(),
+            "",
+            "sums of the levels are not finite",
+        ),
+        (
+            "levels.ckpt",
+            (-1.0f32).to_le_bytes().to_vec(),
+            "resolve",
+            "sums of the levels are negative",
+        ),
+        (
+            "aov.ckpt",
+            f64::NAN.to_le_bytes().to_vec(),
+            "aov",
+            "sums of the AOVs are not finite",
+        ),
+    ] {
+        let mut bytes = place.read(file);
+        // Before the checksum.
+        let end = bytes.len() - 32;
+        bytes[end - number.len()..end].copy_from_slice(&number);
+        place.write("absurd", sealed(bytes));
+        let resume = "--spp 6 -o b.exr --checkpoint absurd --resume";
+        let ended = match command {
+            "merge" => place.opsr("merge first.part absurd -o b.exr"),
+            "resolve" => place.opsr("resolve absurd -o b.exr"),
+            "aov" => place.render(&format!("{path} --aov direct {resume}")),
+            _ => place.render(resume),
+        };
+        assert_eq!(ended.code, Some(3), "{file}: {}", ended.err);
+        assert!(
+            ended.err.contains("absurd: ") && ended.err.contains(words),
+            "{}",
+            ended.err
+        );
+        assert!(!place.path().join("b.exr").exists());
+    }
 }
