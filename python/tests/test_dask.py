@@ -195,6 +195,7 @@ def test_estimate_is_near(client):
     import opsr.dask
 
     settings = {"size": (160, 120), "spp": 96}
+    settings["integrator"] = "path"
     guess = opsr.dask.estimate(client, SCENE, **settings)
     client.run(opsr.Scene.load, SCENE)
     before = sum(client.run(time.process_time).values())

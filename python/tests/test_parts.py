@@ -111,10 +111,16 @@ def test_target_error_ends_a_render(box):
 
 def test_auto_names_the_integrator_that_a_pilot_chose(box):
     film = opsr.render(box, size=(24, 16), spp=4, integrator="auto")
-    assert film.metadata["integrator_chosen_by"] == "pilot"
-    chosen = film.metadata["integrator"]
-    single = opsr.render(box, size=(24, 16), spp=4, integrator=chosen)
+    chosen = opsr.choose(box, size=(24, 16), spp=4)
+    assert film.metadata["integrator"] == chosen["integrator"]
+    single = opsr.render(box, size=(24, 16), spp=4, **chosen)
     np.testing.assert_array_equal(film.picture, single.picture)
+    assert film.metadata == single.metadata == opsr.render(box, size=(24, 16), spp=4).metadata
+    table = opsr.Table.load("beta-0.05")
+    named = opsr.choose(box, size=(24, 16), spp=4, table=table)
+    assert named["integrator"] == "path" and named["table"] is table
+    other = opsr.choose(box, size=(24, 16), spp=4, table=table, integrator="auto")
+    assert other["integrator"] == "path" or other["table"] is None
     timed = opsr.render(box, size=(24, 16), time=0.2, integrator="auto", gamma=0.1, levels=3, aov=True)
     assert timed.spp > 0 and timed.seconds < 5
 

@@ -23,9 +23,6 @@ impl Request<'_> {
             ("mode", word(&self.own().mode.unwrap_or_default())),
             ("max_vertices", self.settings.max_vertices.to_string()),
         ];
-        if self.kind != self.spec.kind() {
-            choices.push(("integrator_chosen_by", "pilot".to_owned()));
-        }
         let sampled = self.kind == IntegratorKind::Path && self.own().guide.is_none();
         if sampled && !self.settings.sampler.is_independent() {
             choices.push(("sampler", word(&self.settings.sampler)));
