@@ -270,9 +270,8 @@ options! {
     /// every pixel) is below this.
     target_error: f32, Stop { value: "X", range: Range::POSITIVE, effect: Effect::Samples, common: true }
 
-    /// The algorithm that estimates the picture. Without it `auto`, or `path` where another option of the method is given, such as a
-    /// table.
-    integrator: IntegratorKind, Method { value: "INTEGRATOR", common: true }
+    /// The algorithm that estimates the picture; `path` is the default beside a table or another option of a method.
+    integrator: IntegratorKind, Method { value: "INTEGRATOR", default: Some("auto"), common: true }
     /// Learned attenuation factors: a table's file, or beta-0.001 or beta-0.05, which the program contains.
     table: TableChoice, Method { flag: Some("opsr-table"), value: "TABLE", effect: Effect::As("table_sha256"), excludes: &["gamma"], of: &[Path, Bdpt, Vcm, Mlt, Auto], common: true }
     /// One attenuation factor in [0, 1] for all paths, instead of a table; 0 is plain path tracing.
