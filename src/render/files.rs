@@ -84,14 +84,28 @@ impl Spec {
         }
     }
 
-    /// Refuses layers that no file would hold.
+    /// Refuses layers that no file would hold, and choices of files that are not written.
     pub fn check_layers(&self, files: &[PathBuf]) -> Result<(), Fault> {
-        let exr = files
-            .iter()
-            .any(|file| format(file).is_ok_and(|f| f == Format::Exr));
-        for name in ["aov", "level_layers"] {
-            if self.has(name) && !exr {
-                let what = "adds layers to EXR files: add -o with a name that ends in .exr";
+        let has = |wanted| {
+            files
+                .iter()
+                .any(|file| format(file).is_ok_and(|f| f == wanted))
+        };
+        let (exr, png) = (has(Format::Exr), has(Format::Png));
+        let layers = "adds layers to EXR files: add -o with a name that ends in .exr";
+        let (of_exr, of_png) = (
+            "is of EXR files: add -o with a name that ends in .exr",
+            "is of PNG files: add -o with a name that ends in .png",
+        );
+        for (name, there, what) in [
+            ("aov", exr, layers),
+            ("level_layers", exr, layers),
+            ("exr_half", exr, of_exr),
+            ("exr_compression", exr, of_exr),
+            ("exposure", png, of_png),
+            ("view", png, of_png),
+        ] {
+            if self.has(name) && !there {
                 return Err(Fault::option(name, what));
             }
         }

@@ -158,6 +158,16 @@ impl Spec {
             "strategy",
             "only {integrator} vcm has merges",
         )?;
+        if let Some(Strategy::Connection { s, t }) = self.strategy {
+            let most = self
+                .max_vertices
+                .unwrap_or(Settings::default().max_vertices);
+            let scatterings = s.saturating_add(t).saturating_sub(2);
+            let why = format!(
+                "paths of {scatterings} scattering vertices are longer than {{max_vertices}} {most}"
+            );
+            ensure(scatterings <= most, "strategy", &why)?;
+        }
         let plain = self.strategy.is_none() || mode == Mode::Default;
         ensure(plain, "strategy", "a strategy is shown without {mode}")
     }

@@ -114,6 +114,9 @@ fn reflects_nothing(scene: &Scene) -> bool {
     2 * asked.iter().filter(|i| faces_nothing(**i)).count() > asked.len()
 }
 
+/// Most radiance of surroundings: a picture in single precision holds what they light.
+const MOST_RADIANCE: f32 = 1e30;
+
 impl Spec {
     /// Surroundings of the scene.
     fn backdrop(&self) -> Backdrop {
@@ -165,6 +168,15 @@ impl Spec {
         if all.is_none() && self.has(name) {
             let why = "nothing surrounds the scene: {env} studio, sky or a map would";
             return Err(Fault::option(name, why));
+        }
+        let brightest = |map: &Environment| map.average().max_element() * map.peak();
+        if self.env_intensity.is_some()
+            && let Some(radiance) = all.as_ref().map(brightest)
+            && !(radiance <= MOST_RADIANCE)
+        {
+            let why =
+                format!("makes surroundings of radiance {radiance:e}, above {MOST_RADIANCE:e}");
+            return Err(Fault::option("env_intensity", why));
         }
         Ok(all)
     }

@@ -154,6 +154,15 @@ impl Opt {
         self.help.trim().replace("\n ", " ")
     }
 
+    /// First sentence of the help, without its full stop.
+    pub fn short_help(&self) -> String {
+        let help = self.help();
+        let first = help
+            .split_once(". ")
+            .map_or(help.as_str(), |(first, _)| first);
+        first.trim_end_matches('.').to_owned()
+    }
+
     /// Help in one line, with other options by their keywords.
     pub fn keyword_help(&self) -> String {
         let mut help = self.help();
@@ -217,8 +226,8 @@ macro_rules! options {
 }
 
 options! {
-    /// Surroundings of the scene: an equirectangular map (.hdr or .exr); `studio`, grey walls with soft lamps; `sky`, a clear
-    /// sky with its sun; or `none`. Without it `studio` for a scene that has no light, else `none`.
+    /// Surroundings: a map (.hdr, .exr), `studio`, `sky` or `none`. Maps are equirectangular; `studio` has grey walls with soft
+    /// lamps, `sky` is a clear sky with its sun. Without it `studio` for a scene that has no light, else `none`.
     env: PathBuf, Light { value: "FILE|NAME", common: true }
     /// Position of the sun of `--env sky` in degrees: its height, and how far to the right of the front.
     sun: Sun, Light { value: "HEIGHT,ANGLE" }
@@ -247,16 +256,16 @@ options! {
     /// Moment of the animations to show, in seconds from their start.
     time_of_scene: f64, Scene { value: "SECONDS" }
 
-    /// Size of the picture, or a share such as 50% or 1/2 of the size without this option: 512 rows, as wide as the camera
-    /// asks for.
+    /// Size of the picture, such as 1280x720, 50% or 1/2. A share is of the size without this option: 512 rows, as wide as the
+    /// camera asks for.
     size: Size, Camera { value: "WxH|SHARE", effect: Effect::Frame, common: true }
     /// Render only this part of the picture; each number in pixels, or a share of width or height such as 25% or 1/4.
     crop: Crop, Camera { value: "X,Y,W,H", effect: Effect::Frame }
     /// Camera by name or number (from 0).
     camera: NameOrNumber, Camera { value: "NAME", common: true }
-    /// Camera of one's own: a file that `opsr view` saved, or its numbers, X,Y,Z of position, target and up and the vertical
+    /// Camera of one's own: a file of `opsr view`, or numbers. Those are X,Y,Z of position, target and up and the vertical
     /// field of view in degrees.
-    look: LookChoice, Camera { value: "FILE|NUMBERS", excludes: &["camera"] }
+    look: LookChoice, Camera { value: "FILE|NUMBERS", excludes: &["camera"], common: true }
     /// Radius of the camera's lens, in units of the scene: what is not in focus blurs. 0 leaves a lens of the file out.
     aperture: f32, Camera { value: "RADIUS", range: Range::NOT_NEGATIVE }
     /// Distance that is in focus, along the view direction, in units of the scene.
@@ -266,15 +275,15 @@ options! {
     spp: u32, Stop { value: "N", range: Range::COUNT, effect: Effect::Samples, common: true }
     /// Stop after this long, such as 60s or 5min.
     time: Duration, Stop { value: "TIME", effect: Effect::Samples, common: true }
-    /// Stop when the estimated relative error of the picture (root of its relMSE; of several levels that of the best of
-    /// every pixel) is below this.
+    /// Stop when the estimated relative error is below this. It is the root of the relMSE; of several levels that of the best of
+    /// every pixel.
     target_error: f32, Stop { value: "X", range: Range::POSITIVE, effect: Effect::Samples, common: true }
 
-    /// The algorithm that estimates the picture; `path` is the default beside a table or another option of a method.
+    /// The algorithm that estimates the picture. Beside a table or another option of a method `path` is the default.
     integrator: IntegratorKind, Method { value: "INTEGRATOR", default: Some("auto"), common: true }
-    /// Learned attenuation factors: a table's file, or beta-0.001 or beta-0.05, which the program contains.
+    /// Learned attenuation factors: a file, beta-0.001 or beta-0.05. The program contains these two.
     table: TableChoice, Method { flag: Some("opsr-table"), value: "TABLE", effect: Effect::As("table_sha256"), excludes: &["gamma"], of: &[Path, Bdpt, Vcm, Mlt, Auto], common: true }
-    /// One attenuation factor in [0, 1] for all paths, instead of a table; 0 is plain path tracing.
+    /// One attenuation factor in [0, 1] for all paths. It stands in place of a table; 0 is plain path tracing.
     gamma: f32, Method { value: "X", range: Range::UNIT, of: &[Path, Bdpt, Vcm, Mlt, Auto], common: true }
     /// Levels of roughening on the same paths, of which every pixel gets the best: their number, or the scales of the
     /// table or constant, such as 0,0.25,1. Level 0 is plain path tracing; `none` renders the table or constant as it is, with
@@ -317,22 +326,22 @@ options! {
     sampler: SamplerKind, Method { value: "KIND", default: Some("sobol"), excludes: &["guide"], of: &[Path, Auto] }
     /// Scattering vertices of the longest path.
     max_vertices: u32, Method { value: "N", default: Some("16"), range: Range::from(1.0, 65536.0) }
-    /// Seed of all random numbers: the same seed gives a bit-identical picture.
+    /// Seed of all random numbers. The same seed gives a bit-identical picture.
     seed: u64, Method { value: "N", default: Some("0"), common: true }
 
-    /// Add layers to EXR files; without a list albedo, normal and depth.
-    aov: Layers, Files { value: "LAYERS", bare: Some(Layers::USUAL), effect: Effect::Files }
+    /// Add layers to EXR files; without a list albedo, normal, depth.
+    aov: Layers, Files { value: "LAYERS", bare: Some(Layers::USUAL), effect: Effect::Files, common: true }
     /// Add every level to EXR files, as layers `level0`, `level1` and so on.
     level_layers: bool, Files { effect: Effect::Files, of_levels: true, of_film: true }
-    /// Denoise the picture with Open Image Denoise 2, which is looked for in the folder OIDN_DIR and in the system's library
+    /// Denoise the picture with Open Image Denoise 2. It is looked for in the folder OIDN_DIR and in the system's library
     /// path. Of several levels the one that suits it is denoised, and mixed with the picture of every pixel's level by the errors
     /// of both. EXR files keep the picture before it as the layer `noisy`.
     denoise: bool, Files { common: true, of_film: true }
-    /// Brightness of PNG files in stops; `auto` puts the 95th percentile of the luminance at 80 % of white, and brightens nothing
+    /// Brightness of PNG files in stops. `auto` puts the 95th percentile of the luminance at 80 % of white, and brightens nothing
     /// in the built-in studio; `none` is 0.
-    exposure: Exposure, Files { value: "STOPS|auto|none", default: Some("auto"), effect: Effect::Files, of_film: true }
+    exposure: Exposure, Files { value: "STOPS|auto|none", default: Some("auto"), effect: Effect::Files, of_film: true, common: true }
     /// View transform of PNG files.
-    view: ViewTransform, Files { value: "VIEW", default: Some("srgb"), effect: Effect::Files, of_film: true }
+    view: ViewTransform, Files { value: "VIEW", default: Some("srgb"), effect: Effect::Files, of_film: true, common: true }
     /// Write colours and normals of EXR files as half floats: half the size, three digits, at most 65504.
     exr_half: bool, Files { effect: Effect::Files, of_film: true }
     /// Compression of EXR files, always lossless.

@@ -45,7 +45,7 @@ const SAMPLES: &[Sample] = &[
     ("size", "10x8", &[]),
     ("crop", "1,1,6,5", &[]),
     ("camera", "1", &[]),
-    ("look", "0.4,1.1,2.2,0,0.9,0,0,1,0,45", &[]),
+    ("look", "-0.4,1.1,2.2,0,0.9,0,0,1,0,45", &[]),
     ("aperture", "0.2", &[("focus", "1.5")]),
     ("focus", "1.5", &[("aperture", "0.2")]),
     ("spp", "9", &[]),
@@ -372,7 +372,7 @@ fn options_of_the_command_line_are_those_of_the_library() {
             "--size 8x6"
         };
         let args = format!(
-            "render scene.glb {size} --spp 16 --reproducible -o out.exr {}",
+            "render scene.glb {size} --spp 16 --reproducible -o out.exr -o out.png {}",
             words.join(" ")
         );
         let ended = renders.place.opsr(&args);
@@ -401,6 +401,24 @@ fn options_of_the_command_line_are_those_of_the_library() {
         "{}",
         ended.err
     );
+}
+
+/// Help of `-h` is a few words an option, all on one screen.
+#[test]
+fn options_that_most_renders_use_have_short_help() {
+    let long = |option: &&Opt| option.short_help().split_whitespace().count() > 10;
+    let common = || OPTIONS.iter().filter(|option| option.common);
+    let long: Vec<String> = common().filter(long).map(Opt::short_help).collect();
+    assert!(long.is_empty(), "{long:#?}");
+    let place = Place::new();
+    let [short, whole] =
+        ["-h", "--help"].map(|help| place.opsr(&format!("render {help}")).done().out);
+    for option in common() {
+        let flag = format!("--{}", option.flag());
+        assert!(short.contains(&flag) && whole.contains(&flag), "{flag}");
+    }
+    assert!(short.lines().count() <= 64, "{short}");
+    assert!(whole.len() > 3 * short.len());
 }
 
 /// An option as the command line has it.

@@ -235,6 +235,9 @@ fn reachable(scene: &Scene) -> usize {
         .count()
 }
 
+/// Head of a feature that is left out.
+const NOT_USED: &str = "not used: ";
+
 /// Features that a render of this scene leaves out, because nothing in the scene asks for them.
 pub(super) fn unused(scene: &Scene, rule: &Rule) -> Vec<String> {
     let parts = scene.parts();
@@ -252,7 +255,7 @@ pub(super) fn unused(scene: &Scene, rule: &Rule) -> Vec<String> {
     ];
     off.iter()
         .filter(|(_, off)| *off)
-        .map(|(what, _)| format!("not used: {what}"))
+        .map(|(what, _)| format!("{NOT_USED}{what}"))
         .collect()
 }
 
@@ -271,6 +274,62 @@ fn textures(facts: &Value) -> String {
     }
 }
 
+/// The strings of a list.
+fn texts(list: &Value) -> Vec<String> {
+    let list = list.as_array().into_iter().flatten();
+    list.filter_map(Value::as_str).map(str::to_owned).collect()
+}
+
+/// Edges of the box around the scene, and its lowest corner.
+fn bounds(corners: &Value) -> String {
+    let at = |corner: usize, axis: usize| corners[corner][axis].as_f64().unwrap_or(0.0) as f32;
+    let edge = |axis| at(1, axis) - at(0, axis);
+    format!(
+        "{} x {} x {}, from ({} {} {})",
+        edge(0),
+        edge(1),
+        edge(2),
+        at(0, 0),
+        at(0, 1),
+        at(0, 2)
+    )
+}
+
+/// Lights by kind.
+fn lights(counts: &Value) -> String {
+    let named = |(key, one, many): (&str, &str, &str)| match counts[key].as_u64() {
+        None | Some(0) => None,
+        Some(1) => Some(format!("1 {one}")),
+        Some(n) => Some(format!("{n} {many}")),
+    };
+    let kinds = [
+        (
+            "emissive_triangles",
+            "triangle that emits",
+            "triangles that emit",
+        ),
+        ("point", "point light", "point lights"),
+        ("spot", "spot light", "spot lights"),
+        ("directional", "sun", "suns"),
+    ];
+    let mut found: Vec<String> = kinds.into_iter().filter_map(named).collect();
+    if counts["environment"] == true {
+        found.push("an environment".into());
+    }
+    match found.is_empty() {
+        true => "none".into(),
+        false => found.join(", "),
+    }
+}
+
+/// Names of the cameras.
+fn cameras(names: &Value) -> String {
+    match texts(names) {
+        names if names.is_empty() => "none: the scene is framed".into(),
+        names => names.join(", "),
+    }
+}
+
 /// The content as text.
 fn described(facts: &serde_json::Value) -> String {
     let mut lines = vec![
@@ -278,15 +337,15 @@ fn described(facts: &serde_json::Value) -> String {
             "triangles   {} in {} meshes",
             facts["triangles"], facts["meshes"]
         ),
-        format!("bounds      {}", facts["bounds"]),
+        format!("bounds      {}", bounds(&facts["bounds"])),
         format!("textures    {}", textures(facts)),
         format!(
             "memory      about {} MB, and the picture",
             facts["memory_mb"]
         ),
         expected::described(&facts["time"]),
-        format!("lights      {}", facts["lights"]),
-        format!("cameras     {}", facts["cameras"]),
+        format!("lights      {}", lights(&facts["lights"])),
+        format!("cameras     {}", cameras(&facts["cameras"])),
         format!(
             "classes     {} of {LEN} occur with these materials",
             facts["classes"]
@@ -336,11 +395,15 @@ fn described(facts: &serde_json::Value) -> String {
             m["bin"]
         ));
     }
-    for key in ["unused", "warnings"] {
-        for line in facts[key].as_array().into_iter().flatten() {
-            lines.push(line.as_str().unwrap_or_default().to_owned());
-        }
+    let unused = texts(&facts["unused"]);
+    let unused: Vec<&str> = unused
+        .iter()
+        .filter_map(|line| line.strip_prefix(NOT_USED))
+        .collect();
+    if !unused.is_empty() {
+        lines.push(format!("not used    {}", unused.join(", ")));
     }
+    lines.extend(texts(&facts["warnings"]));
     lines.push(String::new());
     lines.join("\n")
 }

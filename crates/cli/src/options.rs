@@ -12,7 +12,8 @@ use std::ops::Range;
 fn arg(option: &'static Opt) -> Arg {
     let arg = Arg::new(option.name)
         .long(option.flag())
-        .help(option.help())
+        .help(option.short_help())
+        .long_help(option.help())
         .help_heading(option.heading.words())
         .hide_short_help(!option.common);
     if option.value.is_empty() {
@@ -21,6 +22,10 @@ fn arg(option: &'static Opt) -> Arg {
     let mut arg = arg.value_name(option.value);
     if option.name == "max_vertices" {
         arg = arg.alias("max-depth");
+    }
+    // Lists of numbers, the first of which can be negative.
+    if ["look", "sun"].contains(&option.name) {
+        arg = arg.allow_hyphen_values(true);
     }
     if let Some(bare) = option.bare {
         arg = arg.num_args(0..=1).default_missing_value(bare);

@@ -16,7 +16,9 @@ pub(super) struct RenderArgs {
     #[command(flatten)]
     pub(super) render: RenderOptions,
 
-    /// File of the picture: .exr (linear, with variance and other layers) or .png; may be given several times.
+    /// File of the picture, .exr or .png; may be repeated.
+    ///
+    /// EXR files are linear and have the variance and other layers.
     #[arg(
         short,
         long,
@@ -56,10 +58,14 @@ pub(super) struct RenderArgs {
     /// Write the picture so far this often.
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration, help_heading = "Resume", hide_short_help = true)]
     pub(super) save_every: Option<Duration>,
-    /// Keep the state of the render in this file, at the end and as often as --save-every says (or every minute).
+    /// Keep the state of the render in this file.
+    ///
+    /// It is written at the end and as often as --save-every says (or every minute).
     #[arg(long, value_name = "FILE", help_heading = "Resume")]
     pub(super) checkpoint: Option<PathBuf>,
-    /// Continue from the checkpoint; one of another scene or of other settings is refused.
+    /// Continue from the checkpoint.
+    ///
+    /// One of another scene or of other settings is refused.
     #[arg(long, requires = "checkpoint", help_heading = "Resume")]
     pub(super) resume: bool,
     /// Write no picture but this part of one, for `opsr merge`. It is whole or not there at all.
@@ -106,7 +112,9 @@ pub(super) struct RenderArgs {
     pub(super) sample: Option<u32>,
 }
 
-const MORE: &str = "These are the options that most renders use; --help lists all.";
+const MORE: &str = "Example: opsr render scene.glb --time 60s -o out.png
+
+These are the options that most renders use; --help lists all.";
 
 const EXAMPLES: &str = "Examples:
   opsr render scene.glb -o out.exr -o out.png

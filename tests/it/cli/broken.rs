@@ -178,6 +178,31 @@ const CASES: &[(i32, &str, &str)] = &[
     ),
     (
         2,
+        "render scene.glb --integrator bdpt --strategy 9,9 --max-vertices 15",
+        "--strategy: paths of 16 scattering vertices are longer than --max-vertices 15",
+    ),
+    (
+        2,
+        "render scene.glb --exposure 1 -o old.exr",
+        "--exposure: is of PNG files",
+    ),
+    (
+        2,
+        "render scene.glb --view agx -o old.exr",
+        "--view: is of PNG files",
+    ),
+    (
+        2,
+        "render scene.glb --exr-half -o old.png",
+        "--exr-half: is of EXR files",
+    ),
+    (
+        2,
+        "render scene.glb --env sky --env-intensity 1e36",
+        "--env-intensity: makes surroundings of radiance",
+    ),
+    (
+        2,
         "render scene.glb --strategy 1,2",
         "--strategy: needs --integrator bdpt or vcm",
     ),
