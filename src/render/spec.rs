@@ -263,7 +263,7 @@ options! {
     crop: Crop, Camera { value: "X,Y,W,H", effect: Effect::Frame }
     /// Camera by name or number (from 0).
     camera: NameOrNumber, Camera { value: "NAME", common: true }
-    /// Camera of one's own: a file of `opsr view`, or numbers. Those are X,Y,Z of position, target and up and the vertical
+    /// Own camera: a file of `opsr view`, or numbers. Those are X,Y,Z of position, target and up and the vertical
     /// field of view in degrees.
     look: LookChoice, Camera { value: "FILE|NUMBERS", excludes: &["camera"], common: true }
     /// Radius of the camera's lens, in units of the scene: what is not in focus blurs. 0 leaves a lens of the file out.
@@ -329,7 +329,7 @@ options! {
     /// Seed of all random numbers. The same seed gives a bit-identical picture.
     seed: u64, Method { value: "N", default: Some("0"), common: true }
 
-    /// Add layers to EXR files; without a list albedo, normal, depth.
+    /// Add layers to EXR files; by default albedo, normal, depth.
     aov: Layers, Files { value: "LAYERS", bare: Some(Layers::USUAL), effect: Effect::Files, common: true }
     /// Add every level to EXR files, as layers `level0`, `level1` and so on.
     level_layers: bool, Files { effect: Effect::Files, of_levels: true, of_film: true }
