@@ -236,7 +236,7 @@ pub fn advise(scene: &Scene) -> Advice {
         ),
         (false, _) if mirror => advice(
             IntegratorKind::Path,
-            "lamps and sharp metal: reflected caustics, which --opsr-table brings out",
+            "lamps and sharp metal: reflected caustics, which roughened paths find",
         ),
         _ => advice(
             IntegratorKind::Path,

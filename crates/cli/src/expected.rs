@@ -2,8 +2,11 @@
 
 use super::exit::Told;
 use opsr::image::film::Window;
+use opsr::integrator::bidirectional::Radius;
+use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{Amounts, Picture, Recorded, Settings, View};
 use opsr::math::UVec2;
+use opsr::pilot::advise;
 use opsr::render::Spec;
 use opsr::render::open::Opened;
 use opsr::scene::{Scene, SceneParts};
@@ -29,8 +32,8 @@ pub(super) fn built(parts: SceneParts) -> Scene {
     }
 }
 
-/// The time of a render by plain path tracing, as JSON: a small picture of the same camera is rendered for a moment. `null` of
-/// a scene that is too large for that.
+/// The time of a render by the integrator that the scene calls for, as JSON: a small picture of the same camera is rendered for a
+/// moment. `null` of a scene that is too large for that.
 pub(super) fn expected(spec: &Spec, opened: &Opened) -> anyhow::Result<Value> {
     let scene = &opened.scene;
     if scene.geometry().stored() > TRIANGLES {
@@ -44,7 +47,17 @@ pub(super) fn expected(spec: &Spec, opened: &Opened) -> anyhow::Result<Value> {
     let window = Window::full(size);
     let view = View::new(scene, &camera, size, window);
     let mut picture = Picture::blank(size, window, &Amounts::Raw, Recorded::default())?;
-    let mut integrator = Settings::default().integrator();
+    let called = advise(scene).kind;
+    let by = |kind: IntegratorKind| Settings {
+        estimator: kind.estimator(Radius::default()),
+        ..Settings::default()
+    };
+    let kind = match by(called).check_scene(scene, &camera) {
+        Ok(()) => called,
+        Err(_) => IntegratorKind::Path,
+    };
+    let mut integrator = by(kind).integrator();
+    integrator.prepare(&view);
     // The first pass fetches memory and starts threads.
     integrator.pass(&view, 0..1, &mut picture);
     let clock = Instant::now();
@@ -58,7 +71,7 @@ pub(super) fn expected(spec: &Spec, opened: &Opened) -> anyhow::Result<Value> {
         "seconds": rounded(each * pixels * f64::from(SAMPLES)),
         "samples": SAMPLES,
         "frame": frame.to_array(),
-        "integrator": "path",
+        "integrator": kind.name(),
         "threads": rayon::current_num_threads(),
         "pilot_seconds": rounded(pilot),
     }))
@@ -76,8 +89,11 @@ pub(super) fn described(time: &Value) -> String {
     }
     let [w, h] = [&time["frame"][0], &time["frame"][1]];
     format!(
-        "time        about {} s for {SAMPLES} samples of {w}x{h} by path with {} threads, by a pilot of {} s",
-        time["seconds"], time["threads"], time["pilot_seconds"]
+        "time        about {} s for {SAMPLES} samples of {w}x{h} by {} with {} threads, by a pilot of {} s",
+        time["seconds"],
+        time["integrator"].as_str().unwrap_or_default(),
+        time["threads"],
+        time["pilot_seconds"]
     )
 }
 
