@@ -172,7 +172,7 @@ impl Spec {
         let brightest = |map: &Environment| map.average().max_element() * map.peak();
         if self.env_intensity.is_some()
             && let Some(radiance) = all.as_ref().map(brightest)
-            && !(radiance <= MOST_RADIANCE)
+            && (radiance.is_nan() || radiance > MOST_RADIANCE)
         {
             let why =
                 format!("makes surroundings of radiance {radiance:e}, above {MOST_RADIANCE:e}");
