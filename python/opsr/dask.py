@@ -173,8 +173,11 @@ def _method(client, scene, load, options, folder=None):
 def _frame(job):
     """Renders a frame of an animation into its file."""
     scene, options, address = job
-    film = _render(_scene(*scene), threads=_threads(), on_progress=_wanted(), **_given(options))
-    _save(film, address)
+    wanted = _wanted()
+    film = _render(_scene(*scene), threads=_threads(), on_progress=wanted, **_given(options))
+    # A task that was cancelled has the samples so far.
+    if wanted(None):
+        _save(film, address)
     return b""
 
 

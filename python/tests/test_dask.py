@@ -185,7 +185,9 @@ def test_frames_are_those_of_one_process(client, moving, tmp_path):
     assert len(there) >= 3 and there.items() <= times(tmp_path / "film").items()
     assert len({pathlib.Path(address).read_bytes() for address in addresses.values()}) == 5
     frames = [pathlib.Path(addresses[frame]).read_bytes() for frame in range(5)]
-    singles = (opsr.render(opsr.Scene.load(moving, frame=frame, fps=4.0), **settings) for frame in range(5))
+    # The method of all frames is that of the first.
+    method = opsr.choose(opsr.Scene.load(moving, frame=0, fps=4.0), **settings)
+    singles = (opsr.render(opsr.Scene.load(moving, frame=frame, fps=4.0), **settings, **method) for frame in range(5))
     assert frames == [saved(film, tmp_path / "one.exr") for film in singles]
     with pytest.raises(ValueError, match="output: no place"):
         opsr.dask.animate(client, moving, range(5), "film.exr", **settings)
@@ -195,7 +197,7 @@ def test_estimate_is_near(client):
     import opsr.dask
 
     settings = {"size": (160, 120), "spp": 96}
-    settings["integrator"] = "path"
+    settings.update(integrator="path", resolve="raw")
     guess = opsr.dask.estimate(client, SCENE, **settings)
     client.run(opsr.Scene.load, SCENE)
     before = sum(client.run(time.process_time).values())
@@ -203,7 +205,7 @@ def test_estimate_is_near(client):
     used = (sum(client.run(time.process_time).values()) - before) / 3600
     assert used / 2 < guess["cpu_hours"] < 2 * used
     assert guess["worker_bytes"] > 2e7 and 56 * 160 * 120 <= guess["moved_bytes"] < 60 * 160 * 120
-    wanted = opsr.dask.estimate(client, SCENE, size=(160, 120), target_error=0.2)
+    wanted = opsr.dask.estimate(client, SCENE, size=(160, 120), target_error=0.2, integrator="path", resolve="raw")
     assert wanted["spp"] > 16
 
 
