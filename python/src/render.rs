@@ -40,6 +40,23 @@ impl From<RenderProgress> for Progress {
     }
 }
 
+/// Options of a function, with those that the scene was loaded with.
+fn asked(function: &str, scene: &Scene, options: Option<&Bound<'_, PyDict>>) -> PyResult<Spec> {
+    let mut spec = read(function, options, of_render)?;
+    scene.spec.fill(&mut spec);
+    Ok(spec)
+}
+
+/// The scene of a render, whose file has this name.
+fn subject<'a>(scene: &'a Scene, name: &'a str) -> Subject<'a> {
+    Subject {
+        scene: &scene.world,
+        name,
+        sha256: &scene.sha256,
+        in_studio: scene.in_studio,
+    }
+}
+
 /// The integrator that `render` would take for these options, with the options of its method, as keywords for `render`.
 ///
 /// An integrator that is not named is chosen by the scene's lights and materials and a pilot of a few per cent of the render's work,
@@ -55,16 +72,9 @@ pub(crate) fn choose<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let py = scene.py();
     let scene = scene.get();
-    let mut spec = read("choose", options, of_render)?;
-    scene.spec.fill(&mut spec);
+    let spec = asked("choose", scene, options)?;
     let name = scene.path.display().to_string();
-    let subject = Subject {
-        scene: &scene.world,
-        name: &name,
-        sha256: &scene.sha256,
-        in_studio: scene.in_studio,
-    };
-    let mut request = Request::new(&spec, subject, None).map_err(raised)?;
+    let mut request = Request::new(&spec, subject(scene, &name), None).map_err(raised)?;
     let chosen = watched::<(), _>(py, None, None, |link| request.choose(&|| !link.stopped()))?;
     // One that was stopped has raised already.
     let _ = chosen.map_err(raised)?;
@@ -97,21 +107,13 @@ pub(crate) fn render(
 ) -> PyResult<Option<Film>> {
     let py = scene.py();
     let scene = scene.get();
-    let mut spec = read("render", options, of_render)?;
-    // The scene was loaded with its own.
-    scene.spec.fill(&mut spec);
+    let spec = asked("render", scene, options)?;
     let threads = threads_of(threads)?;
     if part.is_some() {
         Request::check_part(&spec).map_err(raised)?;
     }
     let name = scene.path.display().to_string();
-    let subject = Subject {
-        scene: &scene.world,
-        name: &name,
-        sha256: &scene.sha256,
-        in_studio: scene.in_studio,
-    };
-    let mut request = Request::new(&spec, subject, None).map_err(raised)?;
+    let mut request = Request::new(&spec, subject(scene, &name), None).map_err(raised)?;
     let denoiser = spec.denoiser().map_err(raised)?;
     let mut hear = on_progress.map(|call| {
         move |py: Python<'_>, progress: RenderProgress| {

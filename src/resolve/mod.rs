@@ -201,7 +201,8 @@ pub fn stopping_error(picture: &Picture) -> f64 {
     stated_error(picture, Resolve::default()).bound()
 }
 
-/// The same of a picture that is shown without a choice, as the mean of its samples: the larger one of what samples and batches state.
+/// The same of a picture that is shown without a choice, as the mean of its samples: the larger one of the errors that its samples
+/// and its batches state.
 pub fn stopping_error_of_samples(picture: &Picture) -> f64 {
     let of_batches = |film| resolve_film(film, Resolve::None).statement().error;
     let shown = picture.levels.as_ref().map_or(0.0, of_batches);
