@@ -14,7 +14,7 @@ use crate::image::level_film::{BATCHES, LevelFilm};
 use crate::math::UVec2;
 use crate::regularise::{Rule, Unregularised};
 use crate::sampler::{CameraSource, SamplerKind, Seed};
-use crate::scene::{Camera, Scene};
+use crate::scene::Scene;
 use std::ops::Range;
 
 /// The algorithm that estimates the picture.
@@ -267,8 +267,8 @@ impl Settings {
         }
     }
 
-    /// An error if the estimator cannot show what the scene or the camera asks for.
-    pub fn check_scene(&self, scene: &Scene, camera: &Camera) -> Result<(), &'static str> {
+    /// An error if the estimator cannot show what the scene asks for.
+    pub fn check_scene(&self, scene: &Scene) -> Result<(), &'static str> {
         if let Some(why) = self.lacks_media(scene) {
             return Err(why);
         }
@@ -281,9 +281,6 @@ impl Settings {
                 Err("manifold sampling knows no bodies that overlap")
             }
             Estimator::Manifold { .. } => Ok(()),
-            _ if camera.lens.is_some() => {
-                Err("a lens needs the integrator path; aperture 0 leaves it out")
-            }
             _ if scene.has_dispersion() => {
                 Err("dispersion (KHR_materials_dispersion) needs the integrator path")
             }

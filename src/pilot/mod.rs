@@ -20,7 +20,7 @@ use crate::integrator::{Estimator, Integrator, Picture, Settings, View};
 use crate::math::UVec2;
 use crate::regularise::Rule;
 use crate::sampler::{Domain, SamplerKind, Seed};
-use crate::scene::{Camera, Scene};
+use crate::scene::Scene;
 use judge::{Draft, best, judged};
 use std::fmt;
 use std::time::Duration;
@@ -265,10 +265,10 @@ fn sharp(scene: &Scene) -> [bool; 2] {
 
 /// Places of the contenders that the pilot should try: they know the scene, and it could call for them. `sppm` is tried
 /// where `vcm`, whose merges are no worse, does not know the scene.
-fn worth_a_try(contenders: &[Contender], scene: &Scene, camera: &Camera) -> Vec<usize> {
+fn worth_a_try(contenders: &[Contender], scene: &Scene) -> Vec<usize> {
     let lit = !scene.lights().is_empty();
     let caustics = lit && sharp(scene).contains(&true);
-    let knows = |c: &Contender| c.settings.check_scene(scene, camera).is_ok();
+    let knows = |c: &Contender| c.settings.check_scene(scene).is_ok();
     let merges = |c: &Contender| c.kind == IntegratorKind::Vcm && knows(c);
     let vcm = contenders.iter().any(merges);
     let is_worth = |c: &Contender| {
@@ -296,14 +296,9 @@ fn called_for(kind: IntegratorKind, contenders: &[&Contender]) -> usize {
 }
 
 /// Why the contender of the advice is left out, where it is.
-fn refusal(
-    kind: IntegratorKind,
-    contenders: &[Contender],
-    scene: &Scene,
-    camera: &Camera,
-) -> Option<&'static str> {
+fn refusal(kind: IntegratorKind, contenders: &[Contender], scene: &Scene) -> Option<&'static str> {
     let advised = contenders.iter().find(|c| c.kind == kind)?;
-    advised.settings.check_scene(scene, camera).err()
+    advised.settings.check_scene(scene).err()
 }
 
 /// Cost of a sample per pixel over that of the path tracer, in most scenes; light paths are as many as pixels of the full
@@ -337,7 +332,7 @@ pub fn choose_integrator(
     let pilot = Stopwatch::start();
     let (frame, window) = (view.sensor.frame, view.window);
     let (scene, camera) = (view.scene, view.sensor.camera);
-    let places = worth_a_try(contenders, scene, camera);
+    let places = worth_a_try(contenders, scene);
     let tried: Vec<&Contender> = places.iter().map(|&i| &contenders[i]).collect();
     let advice = advise(scene);
     let called = called_for(advice.kind, &tried);
@@ -396,7 +391,7 @@ pub fn choose_integrator(
         name: contenders[best].name(),
         chosen,
         first: called,
-        why: match refusal(advice.kind, contenders, scene, camera) {
+        why: match refusal(advice.kind, contenders, scene) {
             Some(refusal) => format!("{}; {refusal}", advice.why),
             None => advice.why.to_owned(),
         },

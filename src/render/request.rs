@@ -312,7 +312,7 @@ impl<'a> Request<'a> {
         let (first, method, own) = contenders[0].clone();
         if kind != IntegratorKind::Auto {
             contenders.clear();
-            let checked = first.settings.check_scene(scene, &camera);
+            let checked = first.settings.check_scene(scene);
             checked.map_err(|what| Fault::option("integrator", what))?;
         }
         let request = Self {

@@ -43,6 +43,15 @@ pub struct Lens {
     pub focus: f32,
 }
 
+impl Lens {
+    /// A point of the lens from its middle, to the right and up in world units: uniform over the aperture for `u` uniform
+    /// in [0, 1)².
+    #[inline]
+    pub fn point(&self, u: Vec2) -> Vec2 {
+        self.radius * warp::disk(u)
+    }
+}
+
 /// Projection of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
@@ -169,16 +178,21 @@ impl Camera {
     pub fn ray_through(&self, lens: Lens, film: Vec2, aspect: f32, u: Vec2) -> Ray {
         let chief = self.ray(film, aspect);
         let target = chief.origin + chief.dir * (lens.focus / -chief.dir.dot(self.frame.n));
-        let point = lens.radius * warp::disk(u);
+        let point = lens.point(u);
         let origin = chief.origin + self.frame.s * point.x + self.frame.t * point.y;
         Ray::new(origin, (target - origin).normalize())
     }
 
-    /// Film position of a point, world direction from the point towards the camera, and the distance to it; the inverse
-    /// of [`Camera::ray`]. `None` for points that are not in front of the camera.
+    /// Film position of a point that is seen through a [point of the lens](Lens::point), unit direction from it towards that
+    /// point in world space, and the distance along it to the lens; the inverse of [`Camera::ray_through`], and of
+    /// [`Camera::ray`] for a camera without a lens or the middle of one. `None` for points that are not in front of the camera.
     #[inline]
-    pub fn project(&self, point: Vec3, aspect: f32) -> Option<(Vec2, Vec3, f32)> {
-        let to = self.position - point;
+    pub fn project(&self, point: Vec3, aspect: f32, through: Vec2) -> Option<(Vec2, Vec3, f32)> {
+        // All rays through a film position meet in the plane of focus: those through one point of the lens are the pinhole's,
+        // sheared.
+        let slope = self.lens.map_or(Vec2::ZERO, |lens| through / lens.focus);
+        let Frame { s, t, .. } = self.frame;
+        let to = self.position + s * through.x + t * through.y - point;
         let local = self.frame.to_local(-to);
         let depth = -local.z;
         if depth <= 0.0 {
@@ -189,10 +203,14 @@ impl Camera {
                 let distance = to.length();
                 (depth * tan_half_y, to / distance, distance)
             }
-            Projection::Orthographic { half_height } => (half_height, self.frame.n, depth),
+            Projection::Orthographic { half_height } => {
+                let length = (1.0 + slope.length_squared()).sqrt();
+                let wo = self.frame.to_world(slope.extend(1.0)) / length;
+                (half_height, wo, depth * length)
+            }
         };
-        let x = local.x / (scale * aspect);
-        let film = Vec2::new(0.5 + 0.5 * x, 0.5 - 0.5 * local.y / scale);
+        let (x, y) = (local.x + depth * slope.x, local.y + depth * slope.y);
+        let film = Vec2::new(0.5 + 0.5 * x / (scale * aspect), 0.5 - 0.5 * y / scale);
         Some((film, wo, distance))
     }
 

@@ -18,13 +18,13 @@ pub struct Sensor<'a> {
 pub struct Sighting {
     /// Pixel of the full frame.
     pub pixel: UVec2,
-    /// Unit direction from the point towards the camera.
+    /// Unit direction from the point towards the camera, or the point of its lens.
     pub wo: Vec3,
     /// Distance along `wo` to the camera, or to the plane of a parallel camera.
     pub distance: f32,
     /// Density of the ray to the point among the rays of its pixel; see [`Sensor::pdf`].
     pub pdf: f32,
-    /// True if the camera's rays are parallel.
+    /// True if the camera's rays, through one point of a lens, are parallel.
     pub parallel: bool,
 }
 
@@ -58,7 +58,7 @@ impl PixelCone {
 pub struct RayDensity {
     /// Per steradian for a pinhole, per area across the ray if `parallel`.
     pub pdf: f32,
-    /// True if the camera's rays are parallel.
+    /// True if the camera's rays, through one point of a lens, are parallel.
     pub parallel: bool,
 }
 
@@ -105,7 +105,14 @@ impl Sensor<'_> {
         }
     }
 
-    /// Density of a ray along `dir` among the rays through one pixel, whose integral over the pixel is 1.
+    /// The point of the lens that `u`, uniform in [0, 1)², chooses, from its middle. A camera without a lens asks for no numbers.
+    #[inline]
+    pub fn lens_point(&self, u: impl FnOnce() -> Vec2) -> Vec2 {
+        self.camera.lens.map_or(Vec2::ZERO, |lens| lens.point(u()))
+    }
+
+    /// Density of a ray along `dir` among the rays through one pixel and, if there is a lens, one point of it. Its integral over
+    /// the pixel is 1.
     #[inline]
     pub fn pdf(&self, dir: Vec3) -> RayDensity {
         let rows = self.frame.y as f32;
@@ -120,8 +127,10 @@ impl Sensor<'_> {
             }
             Projection::Orthographic { half_height } => {
                 let edge = 2.0 * half_height / rows;
+                // Rays through one point of a lens are parallel, and slant.
+                let cos = (self.camera.lens).map_or(1.0, |_| -dir.dot(self.camera.frame.n));
                 RayDensity {
-                    pdf: 1.0 / (edge * edge),
+                    pdf: 1.0 / (edge * edge * cos),
                     parallel: true,
                 }
             }
@@ -136,12 +145,12 @@ impl Sensor<'_> {
         PixelCone { width, spread }
     }
 
-    /// The pixel that sees a point, a lens left out, if nothing stands between. `None` for points outside the frame or behind the camera;
-    /// pixels are half open.
+    /// The pixel that sees a point through a [point of the lens](Self::lens_point), if nothing stands between. `None` for points
+    /// outside the frame or behind the camera; pixels are half open.
     #[inline]
-    pub fn see(&self, point: Vec3) -> Option<Sighting> {
+    pub fn see(&self, point: Vec3, through: Vec2) -> Option<Sighting> {
         let size = self.frame.as_vec2();
-        let (film, wo, distance) = self.camera.project(point, size.x / size.y)?;
+        let (film, wo, distance) = (self.camera).project(point, size.x / size.y, through)?;
         let place = (film * size).floor();
         let inside = place.cmpge(Vec2::ZERO).all() && place.cmplt(size).all();
         let RayDensity { pdf, parallel } = self.pdf(-wo);

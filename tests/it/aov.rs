@@ -134,7 +134,11 @@ fn aov_centres_lie_on_their_surfaces() {
         }
         met += 1;
         let aspect = SIZE.x as f32 / SIZE.y as f32;
-        let (place, ..) = view.sensor.camera.project(*position, aspect).unwrap();
+        let (place, ..) = view
+            .sensor
+            .camera
+            .project(*position, aspect, Vec2::ZERO)
+            .unwrap();
         let expected = film.pixel(i).as_vec2() + Vec2::splat(0.5);
         assert!((place * SIZE.as_vec2() - expected).length() < 1e-3, "{i}");
         let [mesh, material] = [centres.ids[0][i], centres.ids[1][i]];

@@ -104,9 +104,7 @@ fn turned_triangles_are_named_and_are_no_overlap() {
     );
     assert!(scene.parts().materials[0].solid);
     assert!(!scene.has_overlaps());
-    let camera = &scene.parts().cameras[0];
-    vcm.check_scene(&scene, camera)
-        .expect("vcm renders the scene");
+    vcm.check_scene(&scene).expect("vcm renders the scene");
     // A body that overlaps is found all the same.
     let mut parts = under_sky([ball], [0.0, 0.0, 6.0]);
     let other = sphere(Vec3::new(1.0, 0.0, 0.0), 0.5, 3);

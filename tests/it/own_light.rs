@@ -268,7 +268,9 @@ fn faint_surroundings_are_named() {
 fn filled(camera: &Camera, points: impl Iterator<Item = Vec3>) -> (Vec2, bool) {
     let (mut low, mut high) = (Vec2::splat(f32::INFINITY), Vec2::splat(f32::NEG_INFINITY));
     for p in points {
-        let (film, ..) = camera.project(p, 1.0).expect("a point in front");
+        let (film, ..) = camera
+            .project(p, 1.0, Vec2::ZERO)
+            .expect("a point in front");
         (low, high) = (low.min(film), high.max(film));
     }
     let inside = low.min_element() >= 0.0 && high.max_element() <= 1.0;

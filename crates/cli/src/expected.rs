@@ -52,7 +52,7 @@ pub(super) fn expected(spec: &Spec, opened: &Opened) -> anyhow::Result<Value> {
         estimator: kind.estimator(Radius::default()),
         ..Settings::default()
     };
-    let kind = match by(called).check_scene(scene, &camera) {
+    let kind = match by(called).check_scene(scene) {
         Ok(()) => called,
         Err(_) => IntegratorKind::Path,
     };

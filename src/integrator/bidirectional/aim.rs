@@ -17,7 +17,7 @@ use super::walk::{Onward, WeightedWalk};
 use crate::bsdf::Bsdf;
 use crate::image::film::Window;
 use crate::integrator::View;
-use crate::math::{Ray, UVec2, Vec3, luminance};
+use crate::math::{Ray, UVec2, Vec2, Vec3, luminance};
 use crate::sampler::{Domain, Independent, SampleSource, Sampler, Seed};
 use crate::scene::light::aim::MIN_UNIFORM;
 use crate::scene::{Aim, Beam, Camera, EmissionSample, Material, Scene, Target};
@@ -250,7 +250,7 @@ impl Iteration<'_> {
     /// A light path's vertex as the camera sees it, if need be straight through sharp surfaces.
     fn glimpse(&self, vertex: &Vertex, weight: f64) -> Option<Glimpse> {
         let scene = self.view.scene;
-        let sight = self.view.sensor.see(vertex.surface.position)?;
+        let sight = (self.view.sensor).see(vertex.surface.position, Vec2::ZERO)?;
         let eval = vertex.towards_camera(sight.wo)?;
         let mut ray = vertex.surface.spawn(sight.wo);
         ray.t_max = sight.distance;

@@ -7,7 +7,7 @@ use super::vertex::Vertex;
 use super::walk::WeightedWalk;
 use super::weights::{self, End};
 use crate::image::splat::Splat;
-use crate::math::Rgb;
+use crate::math::{Rgb, Vec2};
 use crate::sampler::LightU;
 use crate::scene::Surface;
 
@@ -187,11 +187,17 @@ impl Iteration<'_> {
         value * transmittance
     }
 
-    /// t = 1: a vertex of the light walk connected to the camera.
+    /// t = 1: a vertex of the light walk connected to the camera, through a point of its lens if there is one. Camera walks draw
+    /// that point from the same density, which cancels with the lens's mean.
     #[inline]
-    pub(super) fn connect_to_camera(&self, vertex: &Vertex, trail: &Trail) -> Option<Splat> {
+    pub(super) fn connect_to_camera(
+        &self,
+        vertex: &Vertex,
+        trail: &Trail,
+        through: Vec2,
+    ) -> Option<Splat> {
         let scene = self.view.scene;
-        let sight = self.view.sensor.see(vertex.surface.position)?;
+        let sight = (self.view.sensor).see(vertex.surface.position, through)?;
         let splat = Splat::new(&self.view.window, sight.pixel, Rgb::ZERO)?;
         let seen = vertex.seen_by_camera(scene, &sight);
         let vertex = seen.as_ref().unwrap_or(vertex);

@@ -93,12 +93,13 @@ impl Iteration<'_> {
                 walk.base.throughput *= walk.window(&start, arrival.hit.t);
             }
             let u = stream.vertex();
+            let through = self.view.sensor.lens_point(|| stream.lens());
             let vertex = walk.vertex(n, &arrival, u.material);
             if strategies != Strategies::Density
                 && !self.settings.light_sampling_only
                 && !vertex.is_delta()
                 && strategies.shows(Strategy::Connection { s: n + 1, t: 1 })
-                && let Some(splat) = self.connect_to_camera(&vertex, &trail)
+                && let Some(splat) = self.connect_to_camera(&vertex, &trail, through)
             {
                 splats.push(splat);
             }
@@ -112,8 +113,7 @@ impl Iteration<'_> {
                 &start,
                 &walk,
                 &vertex,
-                walk.length,
-                drawn,
+                (drawn, through),
                 (&mut chain, ends, splats),
             );
             let merges = self.settings.merging.is_some();

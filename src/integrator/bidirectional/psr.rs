@@ -12,7 +12,7 @@ use super::walk::{Onward, WeightedWalk};
 use crate::image::splat::Splat;
 use crate::integrator::walk::Surroundings;
 use crate::integrator::walk::cone::Cone;
-use crate::math::{Rgb, Vec3};
+use crate::math::{Rgb, Vec2, Vec3};
 use crate::sampler::LightU;
 use crate::scene::{EmissionSample, Surface};
 
@@ -116,8 +116,7 @@ impl Iteration<'_> {
         start: &EmissionSample,
         walk: &WeightedWalk<'_>,
         vertex: &Vertex,
-        distance: f32,
-        drawn: Option<Onward>,
+        (drawn, through): (Option<Onward>, Vec2),
         (chain, ends, splats): (&mut Chain, &mut Ends, &mut Vec<Splat>),
     ) {
         let Some(radius) = self
@@ -129,7 +128,7 @@ impl Iteration<'_> {
         let edge = if vertex.first && start.pdf.infinite {
             self.far()
         } else {
-            distance
+            walk.length
         };
         if !vertex.is_delta() {
             ends.smooth.push((*vertex, chain.with(false, edge)));
@@ -142,13 +141,19 @@ impl Iteration<'_> {
             return;
         }
         let end = DiracEnd::new(vertex, walk);
-        splats.extend(self.dirac_to_camera(&end, chain, radius));
+        splats.extend(self.dirac_to_camera(&end, chain, radius, through));
         ends.dirac.push((end, *chain));
     }
 
-    fn dirac_to_camera(&self, end: &DiracEnd, chain: &Chain, radius: f32) -> Option<Splat> {
+    fn dirac_to_camera(
+        &self,
+        end: &DiracEnd,
+        chain: &Chain,
+        radius: f32,
+        through: Vec2,
+    ) -> Option<Splat> {
         let scene = self.view.scene;
-        let sight = self.view.sensor.see(end.surface.position)?;
+        let sight = (self.view.sensor).see(end.surface.position, through)?;
         let splat = Splat::new(&self.view.window, sight.pixel, Rgb::ZERO)?;
         let hidden = scene.hides_surface(&end.surface, -sight.wo);
         if hidden || !Chain::END.closes(chain, sight.distance) {

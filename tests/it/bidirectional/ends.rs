@@ -9,8 +9,8 @@ use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr::scene::camera::Projection;
 use opsr::scene::procedural::materials::{diffuse, emitter};
 use opsr::scene::{
-    Aim, Beam, Camera, EmissionSample, Environment, Material, PunctualLight, Scene, SceneParts,
-    Sensor, Target,
+    Aim, Beam, Camera, EmissionSample, Environment, Lens, Material, PunctualLight, Scene,
+    SceneParts, Sensor, Target,
 };
 use opsr_lab::verify::chi_square::{integrate, p_value};
 use std::f32::consts::PI;
@@ -498,32 +498,47 @@ fn chi_square_of_aimed_points() {
     }
 }
 
-fn cameras() -> [Camera; 2] {
+/// Cameras without and with a lens, and random numbers of a point of it.
+fn cameras() -> [(Camera, Vec2); 4] {
     let pinhole = Camera::look_at(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO, Vec3::Y, 1.4);
     let parallel = Camera {
         projection: Projection::Orthographic { half_height: 1.5 },
         ..pinhole.clone()
     };
-    [pinhole, parallel]
+    let lens = |camera: &Camera| Camera {
+        lens: Some(Lens {
+            radius: 0.6,
+            focus: 1.0,
+        }),
+        ..camera.clone()
+    };
+    let u = Vec2::new(0.9, 0.3);
+    [
+        (lens(&pinhole), u),
+        (lens(&parallel), u),
+        (pinhole, u),
+        (parallel, u),
+    ]
 }
 
 /// The rays of one pixel against the density of a sighting, over the plane at distance 1.
 #[test]
 fn chi_square_of_camera_pdf() {
     let mut p_values = Vec::new();
-    for camera in cameras() {
+    for (camera, u) in cameras() {
         // One pixel: all of the frame.
         let sensor = Sensor {
             camera: &camera,
             frame: UVec2::ONE,
         };
+        let through = sensor.lens_point(|| u);
         let mut stream = Independent { seed: Seed(1) }.stream(UVec2::ZERO, 0);
         let (half, pinhole) = match camera.projection {
             Projection::Perspective { tan_half_y } => (tan_half_y, true),
             Projection::Orthographic { half_height } => (half_height, false),
         };
         let points = (0..SAMPLES).map(|_| {
-            let ray = sensor.ray(stream.film());
+            let ray = sensor.sample_ray(stream.film(), || u);
             let l = camera.frame.to_local(ray.dir);
             let t = -1.0 / l.z;
             let p = camera.frame.to_local(ray.at(t) - camera.position) / half;
@@ -533,7 +548,7 @@ fn chi_square_of_camera_pdf() {
             let f = |x: f64, y: f64| {
                 let at = 2.0 * half * (Vec2::new(x as f32, y as f32) - 0.5);
                 let point = camera.position + camera.frame.to_world(at.extend(-1.0));
-                let sight = sensor.see(point).expect("in the frame");
+                let sight = (sensor.see(point, through)).expect("in the frame");
                 assert_eq!(sight.parallel, !pinhole);
                 // Density per area of the plane, whose normal is the camera's axis.
                 let cos = sight.wo.dot(camera.frame.n);
@@ -541,24 +556,25 @@ fn chi_square_of_camera_pdf() {
             };
             integrate(&f, x, y, 1e-5)
         });
-        p_values.push((p, format!("{:?}", camera.projection)));
+        p_values.push((p, format!("{:?} {:?}", camera.projection, camera.lens)));
     }
     assert_likely(&p_values);
 }
 
 #[test]
 fn camera_sees_the_points_of_its_rays_in_their_pixels() {
-    for camera in cameras() {
+    for (camera, u) in cameras() {
         let sensor = Sensor {
             camera: &camera,
             frame: UVec2::new(30, 20),
         };
+        let through = sensor.lens_point(|| u);
         let mut stream = Independent { seed: Seed(2) }.stream(UVec2::ZERO, 0);
         for _ in 0..1000 {
             let place = stream.film() * Vec2::new(30.0, 20.0);
-            let ray = sensor.ray(place);
+            let ray = sensor.sample_ray(place, || u);
             let distance = 0.1 + 10.0 * stream.next_1d();
-            let sight = sensor.see(ray.at(distance)).expect("in the frame");
+            let sight = (sensor.see(ray.at(distance), through)).expect("in the frame");
             // A point on the border of two pixels may fall into either.
             let inside = (place.fract() - 0.5).abs().max_element() < 0.499;
             assert!(
@@ -568,9 +584,13 @@ fn camera_sees_the_points_of_its_rays_in_their_pixels() {
             assert!((sight.wo + ray.dir).length() < 1e-5);
             assert!((sight.distance / distance - 1.0).abs() < 1e-4);
             near(sight.pdf, sensor.pdf(ray.dir).pdf);
-            assert_eq!(sensor.see(ray.at(-distance)), None, "behind the camera");
+            assert_eq!(
+                sensor.see(ray.at(-distance), through),
+                None,
+                "behind the camera"
+            );
         }
-        let beside = sensor.ray(Vec2::new(30.01, 10.0));
-        assert_eq!(sensor.see(beside.at(3.0)), None);
+        let beside = sensor.sample_ray(Vec2::new(30.01, 10.0), || u);
+        assert_eq!(sensor.see(beside.at(3.0), through), None);
     }
 }

@@ -6,7 +6,7 @@ use opsr::scene::camera::Projection;
 use opsr::scene::material::{AlphaMode, TextureRef};
 use opsr::scene::procedural::materials::{coated, diffuse, emitter, glass, metal, tinted_glass};
 use opsr::scene::procedural::shapes::{cuboid, quad, room, sphere};
-use opsr::scene::{Environment, Material, PunctualLight, SceneParts, Texture};
+use opsr::scene::{Environment, Lens, Material, PunctualLight, SceneParts, Texture};
 
 const HALF: Rgb = Rgb::splat(0.5);
 
@@ -100,6 +100,15 @@ pub(super) fn parallel_camera() -> SceneParts {
         n: Vec3::Z,
     };
     camera.projection = Projection::Orthographic { half_height: 1.2 };
+    parts
+}
+
+/// A scene whose camera has a lens: the front of its ball is in focus, its back wall and its floor are not.
+pub(super) fn through_a_lens(mut parts: SceneParts) -> SceneParts {
+    parts.cameras[0].lens = Some(Lens {
+        radius: 0.15,
+        focus: 3.0,
+    });
     parts
 }
 
@@ -357,6 +366,16 @@ pub(super) fn all() -> Vec<(&'static str, SceneParts, u32)> {
         ("point", point_lit(diffuse("walls", HALF)), 64),
         ("spot", spot(), 64),
         ("parallel camera", parallel_camera(), 64),
+        (
+            "lens",
+            through_a_lens(with_sphere(glass("glass", 1.5, 0.3))),
+            128,
+        ),
+        (
+            "lens of a parallel camera",
+            through_a_lens(parallel_camera()),
+            64,
+        ),
         ("two-sided emitter", two_sided(), 64),
         ("normal map", normal_map(), 64),
         ("far texels", far_texels(), 128),

@@ -239,7 +239,7 @@ pub(crate) fn gltf() -> Target {
                 estimator: others[scene.geometry().len() % others.len()],
                 ..settings
             };
-            if settings.check_scene(&scene, &camera).is_ok() {
+            if settings.check_scene(&scene).is_ok() {
                 let mut integrator = settings.integrator();
                 integrator.notes(&view);
                 integrator.pass(&view, 0..2, &mut picture);

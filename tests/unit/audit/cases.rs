@@ -2,7 +2,8 @@
 
 use super::scenes::{
     field, lamps_in_field, lit, many_lamps, normal_map, parallel_camera, point_lit,
-    points_in_field, sky_in_field, spot, sun_in_field, sunny, two_sided, under_water, with_sphere,
+    points_in_field, sky_in_field, spot, sun_in_field, sunny, through_a_lens, two_sided,
+    under_water, with_sphere,
 };
 use crate::image::film::Window;
 use crate::integrator::bidirectional::{Bidirectional, Radius, Strategies};
@@ -81,6 +82,10 @@ fn audit_of_mis_weights_and_values_of_ends() {
     assert_audited("environment", sunny(false), 10);
     assert_audited("sun", sunny(true), 10);
     assert_audited("parallel camera", parallel_camera(), 20);
+    let lens = through_a_lens(with_sphere(coated("coat", Rgb::splat(0.5), 0.0)));
+    assert_audited("lens", lens, 20);
+    let slanted = through_a_lens(parallel_camera());
+    assert_audited("lens of a parallel camera", slanted, 20);
     assert_audited("two-sided emitter", two_sided(), 20);
 }
 

@@ -19,7 +19,7 @@ use super::walk::{Onward, WeightedWalk};
 use super::{Bidirectional, Strategies};
 use crate::bsdf::Bsdf;
 use crate::integrator::View;
-use crate::math::{Frame, Ray, Rgb, UVec2, Vec3};
+use crate::math::{Frame, Ray, Rgb, UVec2, Vec2, Vec3};
 use crate::sampler::{LightU, SampleSource, Sampler};
 use crate::scene::Surface;
 use std::collections::BTreeMap;
@@ -40,6 +40,8 @@ struct Audit {
     value: f64,
     /// A contribution that is apart, in words.
     example: String,
+    /// Point of the lens through which the path at hand is seen.
+    through: Vec2,
 }
 
 /// A light's end of a path.
@@ -100,11 +102,11 @@ fn cos(a: Vec3, b: Vec3) -> f64 {
 impl Iteration<'_> {
     /// Camera vertices x_1 … and light vertices … x_n of a path and its light, as the definition has them. `None` for
     /// paths that the definition leaves open: with lobes that are not reversible at bent normals.
-    fn define(&self, nodes: &[Node], end: &LightEnd) -> Option<Definition> {
+    fn define(&self, nodes: &[Node], end: &LightEnd, through: Vec2) -> Option<Definition> {
         let sensor = self.view.sensor;
         let n = nodes.len();
         let first = nodes[0].surface.position;
-        let sight = sensor.see(first)?;
+        let sight = sensor.see(first, through)?;
         if self.view.scene.hides_surface(&nodes[0].surface, -sight.wo) {
             return None;
         }
@@ -290,7 +292,7 @@ impl Iteration<'_> {
         if plain == Rgb::ZERO || nodes.is_empty() {
             return;
         }
-        let Some(path) = self.define(nodes, end) else {
+        let Some(path) = self.define(nodes, end, audit.through) else {
             return;
         };
         let possible = |t: usize| match t {
@@ -358,6 +360,7 @@ impl Iteration<'_> {
             std::array::from_fn(|_| stream.next_1d()),
         );
         let mut light: Vec<(Vertex, bool, Trail)> = Vec::new();
+        let mut seen_through = Vec::new();
         let mut trail = Trail::START;
         let start = scene.sample_emission(self.aim, pick, u);
         if let Some(start) = &start {
@@ -370,11 +373,13 @@ impl Iteration<'_> {
                     walk.base.throughput *= walk.window(start, arrival.hit.t);
                 }
                 let u = stream.vertex();
+                let through = sensor.lens_point(|| stream.lens());
                 let vertex = walk.vertex(n, &arrival, u.material);
                 let drawn = walk.scatter(&vertex, u.lobe);
                 if drawn == Some(Onward::Straight) {
                     continue;
                 }
+                seen_through.push(through);
                 light.push((vertex, drawn == Some(Onward::Dirac), trail));
                 let Some(smooth) = drawn.and_then(Onward::smooth) else {
                     break;
@@ -422,8 +427,9 @@ impl Iteration<'_> {
         if let Some(end) = &emitted {
             for (j, (vertex, _, trail)) in light.iter().enumerate() {
                 if !vertex.is_delta() {
+                    audit.through = seen_through[j];
                     let sums = [*self, only(vertex.n + 1, 1)].map(|i| {
-                        i.connect_to_camera(vertex, trail)
+                        i.connect_to_camera(vertex, trail, audit.through)
                             .map_or(Rgb::ZERO, |splat| splat.value)
                     });
                     self.compare(audit, &tail(j + 1), end, 1, sums);
@@ -433,6 +439,9 @@ impl Iteration<'_> {
         // The camera walk.
         let columns = sensor.frame.x;
         let pixel = UVec2::new(path % columns, path / columns);
+        let mut stream = self.camera_stream(pixel);
+        stream.film();
+        audit.through = sensor.lens_point(|| stream.lens());
         let mut stream = self.camera_stream(pixel);
         let mut walk = self.camera_walk(pixel, &mut stream);
         let mut nodes: Vec<Node> = Vec::new();

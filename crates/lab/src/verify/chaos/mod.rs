@@ -151,10 +151,7 @@ fn settings(numbers: &mut Numbers, scene: &Scene) -> (&'static Mode, Settings) {
     loop {
         let mode = &MODES[numbers.below(MODES.len())];
         let settings = drawn(numbers, mode);
-        if settings
-            .check_scene(scene, &scene.parts().cameras[0])
-            .is_ok()
-        {
+        if settings.check_scene(scene).is_ok() {
             return (mode, settings);
         }
     }
@@ -277,7 +274,6 @@ fn in_parts(
 
 /// Two plain modes on a scene whose light both find.
 fn integrators(scene: &Scene, numbers: &mut Numbers) -> Result<(), Box<dyn Error>> {
-    let camera = &scene.parts().cameras[0];
     let max_vertices = 2 + numbers.below(5) as u32;
     let roulette_start = 2 + numbers.below(6) as u32;
     let mut next = || loop {
@@ -296,7 +292,7 @@ fn integrators(scene: &Scene, numbers: &mut Numbers) -> Result<(), Box<dyn Error
             roulette_start,
             ..settings
         };
-        if mode.is_plain && settings.check_scene(scene, camera).is_ok() {
+        if mode.is_plain && settings.check_scene(scene).is_ok() {
             return settings;
         }
     };
