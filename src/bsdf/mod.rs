@@ -429,6 +429,19 @@ impl Bsdf {
         }
     }
 
+    /// Index of refraction of the body over that outside of it; `None` for surfaces that bound no body.
+    pub(crate) fn eta(&self) -> Option<f32> {
+        { *self }.dielectric_mut().map(|interface| interface.eta)
+    }
+
+    /// Gives the interface of a body this index, if any; see [`Self::eta`].
+    #[inline]
+    pub(crate) fn refract_by(&mut self, eta: Option<f32>) {
+        if let (Some(eta), Some(interface)) = (eta, self.dielectric_mut()) {
+            interface.eta = eta;
+        }
+    }
+
     /// (ηᵢ/ηₒ)² of a refraction, with `wo` on the side of ηₒ: the factor by which refraction divides the radiance
     /// carried towards `wo` `[Walter07 (21)]`. 1 for BSDFs without refraction.
     #[inline]

@@ -273,21 +273,12 @@ impl Settings {
             return Err(why);
         }
         match self.estimator {
-            Estimator::Path { .. } | Estimator::Guided { .. } => Ok(()),
             Estimator::Manifold { .. } if scene.has_dispersion() => {
                 Err("manifold sampling knows no dispersion (KHR_materials_dispersion)")
             }
             Estimator::Manifold { .. } if scene.has_overlaps() => {
                 Err("manifold sampling knows no bodies that overlap")
             }
-            Estimator::Manifold { .. } => Ok(()),
-            _ if scene.has_dispersion() => {
-                Err("dispersion (KHR_materials_dispersion) needs the integrator path")
-            }
-            // A photon does not remember the bodies around it.
-            Estimator::Vcm(_) | Estimator::VcmNee(_) if scene.has_overlaps() => Err(
-                "the integrator vcm knows no bodies that overlap and no boundaries without a surface; bdpt and sppm do",
-            ),
             _ => Ok(()),
         }
     }

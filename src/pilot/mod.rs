@@ -129,8 +129,8 @@ pub struct Choice {
     pub chosen: Option<usize>,
     /// Place among them of the one that the scene calls for.
     pub first: usize,
-    /// Why the scene calls for it, and why not for another one where that does not know the scene.
-    pub why: String,
+    /// Why the scene calls for it.
+    pub why: &'static str,
     /// CPU-seconds of the pilot.
     pub seconds: f64,
 }
@@ -140,7 +140,7 @@ impl Choice {
     pub fn summary(&self) -> String {
         let why = match self.overruled() {
             Some(first) => format!("better than {first} in a small picture"),
-            None => self.why.clone(),
+            None => self.why.to_owned(),
         };
         format!("integrator {}: {why}", self.name)
     }
@@ -201,9 +201,6 @@ pub fn advise(scene: &Scene) -> Advice {
         scene.lights().emissive_triangles() > 0,
     );
     let [glass, mirror] = sharp(scene);
-    if scene.has_dispersion() {
-        return advice(IntegratorKind::Path, "nothing else has dispersion");
-    }
     if scene.scatters() && (glass || mirror) && (punctual || area || has_sun(scene)) {
         return advice(
             IntegratorKind::Bdpt,
@@ -217,10 +214,6 @@ pub fn advise(scene: &Scene) -> Advice {
         (false, false) if !(glass && has_sun(scene)) => {
             advice(IntegratorKind::Path, "all light comes from the environment")
         }
-        _ if (glass || mirror) && scene.has_overlaps() => advice(
-            IntegratorKind::Bdpt,
-            "caustics, and bodies that overlap, which vcm does not know",
-        ),
         (true, _) if glass => advice(
             IntegratorKind::Vcm,
             "lights without area and smooth glass: only photons find caustics that are seen through it",
@@ -263,20 +256,16 @@ fn sharp(scene: &Scene) -> [bool; 2] {
     found
 }
 
-/// Places of the contenders that the pilot should try: they know the scene, and it could call for them. `sppm` is tried
-/// where `vcm`, whose merges are no worse, does not know the scene.
+/// Places of the contenders that the pilot should try: they know the scene, and it could call for them.
 fn worth_a_try(contenders: &[Contender], scene: &Scene) -> Vec<usize> {
     let lit = !scene.lights().is_empty();
     let caustics = lit && sharp(scene).contains(&true);
     let knows = |c: &Contender| c.settings.check_scene(scene).is_ok();
-    let merges = |c: &Contender| c.kind == IntegratorKind::Vcm && knows(c);
-    let vcm = contenders.iter().any(merges);
     let is_worth = |c: &Contender| {
         knows(c)
             && match c.kind {
                 IntegratorKind::Path => c.settings.rule == Rule::Plain || scene.has_lobes(),
                 IntegratorKind::Bdpt => lit,
-                IntegratorKind::Sppm => caustics && !vcm,
                 _ => caustics,
             }
     };
@@ -293,12 +282,6 @@ fn called_for(kind: IntegratorKind, contenders: &[&Contender]) -> usize {
         (contenders.iter().enumerate()).find_map(|(i, c)| wanted(&c).then_some(i))
     };
     place(&advised).or_else(|| place(&path)).unwrap_or(0)
-}
-
-/// Why the contender of the advice is left out, where it is.
-fn refusal(kind: IntegratorKind, contenders: &[Contender], scene: &Scene) -> Option<&'static str> {
-    let advised = contenders.iter().find(|c| c.kind == kind)?;
-    advised.settings.check_scene(scene).err()
 }
 
 /// Cost of a sample per pixel over that of the path tracer, in most scenes; light paths are as many as pixels of the full
@@ -391,10 +374,7 @@ pub fn choose_integrator(
         name: contenders[best].name(),
         chosen,
         first: called,
-        why: match refusal(advice.kind, contenders, scene) {
-            Some(refusal) => format!("{}; {refusal}", advice.why),
-            None => advice.why.to_owned(),
-        },
+        why: advice.why,
         trials,
         seconds: pilot.seconds().1,
     }))

@@ -320,9 +320,9 @@ impl Spec {
     /// or with levels of the table that the program contains where nothing was, and every other integrator, without roughening.
     /// So a table adds no error to them.
     pub fn contenders(&self) -> Vec<Self> {
-        use IntegratorKind::{Bdpt, Path, Sppm, Vcm};
+        use IntegratorKind::{Bdpt, Path, Vcm};
         let plain = |kind: IntegratorKind| {
-            let merges = matches!(kind, Vcm | Sppm);
+            let merges = kind == Vcm;
             let mollifies = self.mode == Some(Mode::Mollifier) && matches!(kind, Path | Bdpt);
             Self {
                 integrator: Some(kind),
@@ -354,7 +354,7 @@ impl Spec {
                 ..self.clone()
             });
         }
-        contenders.extend([Bdpt, Vcm, Sppm].map(plain));
+        contenders.extend([Bdpt, Vcm].map(plain));
         contenders
     }
 }

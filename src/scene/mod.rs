@@ -373,6 +373,12 @@ impl Scene {
         self.has_overlaps
     }
 
+    /// True if the index of refraction at an interface depends on the path: by its colour channel, or the bodies around it.
+    #[inline]
+    pub(crate) fn has_paths_indices(&self) -> bool {
+        self.has_dispersion || self.has_overlaps
+    }
+
     /// True if a path must know the bodies around it.
     #[inline]
     pub(crate) fn tracks_bodies(&self) -> bool {

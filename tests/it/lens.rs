@@ -2,11 +2,9 @@
 
 use super::support::assert_likely;
 use super::support::gltf::File;
-use opsr::integrator::{Estimator, Settings};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
-use opsr::scene::{Camera, Lens, Scene, Sensor};
-use opsr_lab::gallery;
+use opsr::scene::{Camera, Lens, Sensor};
 use opsr_lab::verify::chi_square::p_value;
 use serde_json::{Value, json};
 
@@ -137,26 +135,5 @@ fn load_lens_from_the_extras_of_a_camera() {
         (json!({ "apertureRadius": -1, "focusDistance": 4 }), 1),
     ] {
         assert_eq!(lens(extras.clone()), (None, warnings), "{extras}");
-    }
-}
-
-#[test]
-fn bidirectional_estimators_refuse_dispersion() {
-    let mut parts = gallery::caustic_box();
-    let plain = Scene::new(parts.clone());
-    parts.materials.iter_mut().for_each(|m| m.dispersion = 1.0);
-    let dispersive = Scene::new(parts);
-    for estimator in [
-        Estimator::Light,
-        Estimator::Bdpt,
-        Estimator::Path { reuse: false },
-    ] {
-        let settings = Settings {
-            estimator,
-            ..Settings::default()
-        };
-        let refused = [&plain, &dispersive].map(|scene| settings.check_scene(scene).is_err());
-        let path = matches!(estimator, Estimator::Path { .. });
-        assert_eq!(refused, [false, !path], "{estimator:?}");
     }
 }

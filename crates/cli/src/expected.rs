@@ -47,14 +47,10 @@ pub(super) fn expected(spec: &Spec, opened: &Opened) -> anyhow::Result<Value> {
     let window = Window::full(size);
     let view = View::new(scene, &camera, size, window);
     let mut picture = Picture::blank(size, window, &Amounts::Raw, Recorded::default())?;
-    let called = advise(scene).kind;
+    let kind = advise(scene).kind;
     let by = |kind: IntegratorKind| Settings {
         estimator: kind.estimator(Radius::default()),
         ..Settings::default()
-    };
-    let kind = match by(called).check_scene(scene) {
-        Ok(()) => called,
-        Err(_) => IntegratorKind::Path,
     };
     let mut integrator = by(kind).integrator();
     integrator.prepare(&view);

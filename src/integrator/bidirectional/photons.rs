@@ -65,8 +65,8 @@ impl Photon {
         self.number % 2 == 1
     }
 
-    /// The vertex again, in the instance of this number, without what is around it.
-    fn vertex(&self, scene: &Scene, instance: u32) -> Vertex {
+    /// The vertex again, in the instance of this number and with this index of refraction, without what is around it.
+    fn vertex(&self, scene: &Scene, instance: u32, eta: Option<f32>) -> Vertex {
         let hit = Hit {
             t: 0.0,
             triangle: TriangleId::new(instance, self.index),
@@ -74,7 +74,8 @@ impl Photon {
             v: self.at[1],
         };
         let mut surface = scene.surface(&hit);
-        let bsdf = scene.bsdf(&mut surface, self.choice);
+        let mut bsdf = scene.bsdf(&mut surface, self.choice);
+        bsdf.refract_by(eta);
         let frame = surface.frame_for(self.back);
         Vertex {
             n: self.n(),
@@ -101,6 +102,8 @@ pub(super) struct LightVertices {
     places: Vec<Place>,
     /// Numbers of instances: one a photon, or none where the scene has no instances.
     instances: Vec<u32>,
+    /// Indices of refraction: one a photon, or none where that of an interface is the same for all paths.
+    etas: Vec<Option<f32>>,
     /// One a photon, or none.
     trails: Vec<Trail>,
     /// First vertex of each path but the first.
@@ -108,10 +111,12 @@ pub(super) struct LightVertices {
 }
 
 impl LightVertices {
-    /// Adds a vertex to the path that is open; `shares` is true if the scene has instances.
-    pub(super) fn push(&mut self, vertex: &Vertex, shares: bool, trail: Option<Trail>) {
+    /// Adds a vertex to the path that is open.
+    pub(super) fn push(&mut self, vertex: &Vertex, scene: &Scene, trail: Option<Trail>) {
         self.photons.push(Photon::new(vertex));
+        let shares = scene.geometry().instances() > 0;
         (self.instances).extend(shares.then_some(vertex.hit.triangle.instance()));
+        (self.etas).extend(scene.has_paths_indices().then(|| vertex.bsdf.eta()));
         let [x, y, z] = (127.0 * vertex.surface.ng).to_array();
         let outside = vertex.back.dot(vertex.surface.ng) > 0.0;
         self.places.push(Place {
@@ -137,6 +142,7 @@ impl LightVertices {
         self.photons.extend(other.photons);
         self.places.extend(other.places);
         self.instances.extend(other.instances);
+        self.etas.extend(other.etas);
         self.trails.extend(other.trails);
         self.ends.extend(other.ends.iter().map(|end| first + end));
     }
@@ -147,7 +153,8 @@ impl LightVertices {
         let vertex = 2 * (size_of::<Photon>() + size_of::<Place>()) + 8 + 8;
         let trails = 2 * self.trails.len() * size_of::<Trail>();
         let instances = size_of_val(self.instances.as_slice());
-        (self.photons.len() * vertex + trails + instances) / self.ends.len().max(1) + 4
+        let etas = size_of_val(self.etas.as_slice());
+        (self.photons.len() * vertex + trails + instances + etas) / self.ends.len().max(1) + 4
     }
 }
 
@@ -259,6 +266,7 @@ impl PhotonMap {
         let LightVertices {
             photons,
             instances,
+            etas,
             trails: known,
             ends,
             ..
@@ -272,7 +280,8 @@ impl PhotonMap {
                 break;
             }
             let instance = instances.get(i).copied().unwrap_or(0);
-            vertices.push(photon.vertex(scene, instance));
+            let eta = etas.get(i).copied().flatten();
+            vertices.push(photon.vertex(scene, instance, eta));
             trails.push(known.get(i).copied().unwrap_or(Trail::START));
         }
     }
@@ -389,7 +398,7 @@ mod tests {
                 at,
                 choice: 0.5,
             };
-            photon.vertex(&scene, 0)
+            photon.vertex(&scene, 0, None)
         };
         let edge = vertex([0.5, 0.0]).surface.position - vertex([0.0, 0.0]).surface.position;
         let radius = 0.2 * edge.length();
@@ -399,7 +408,7 @@ mod tests {
         for photons in 1..=64 {
             let mut vertices = LightVertices::default();
             let places: Vec<Vertex> = (0..photons).map(|_| vertex(place())).collect();
-            places.iter().for_each(|v| vertices.push(v, false, None));
+            places.iter().for_each(|v| vertices.push(v, &scene, None));
             vertices.end();
             let low = places.iter().map(|v| v.surface.position);
             let low = low.reduce(Vec3::min).expect("a photon");

@@ -175,9 +175,9 @@ impl Iteration<'_> {
             vertices: LightVertices::default(),
             splats: Vec::new(),
         };
-        let shares = self.view.scene.geometry().instances() > 0;
+        let scene = self.view.scene;
         for path in paths {
-            let keep = |v, trail| (chunk.vertices).push(&v, shares, self.rule.map(|_| trail));
+            let keep = |v, trail| (chunk.vertices).push(&v, scene, self.rule.map(|_| trail));
             let stream = &mut self.light_stream(path);
             self.light_path(stream, keep, &mut Ends::default(), &mut chunk.splats);
             chunk.vertices.end();

@@ -115,12 +115,13 @@ impl<'a> WeightedWalk<'a> {
             let ratio = lights.sampling_over_emission(light, surface.position);
             self.partial.sampled(ratio);
         }
+        let mut made = Bsdf::BLACK;
+        let bsdf = *self.base.bsdf(&mut surface, u, &mut made);
+        // The BSDF of a dispersive interface leaves one channel.
         let throughput = match self.base.origin {
             Origin::Camera => self.base.throughput,
             Origin::Light => self.base.throughput / cos,
         };
-        let mut made = Bsdf::BLACK;
-        let bsdf = *self.base.bsdf(&mut surface, u, &mut made);
         let Interaction {
             frame, wo, alpha, ..
         } = self.base.interaction(&surface, &bsdf);

@@ -79,9 +79,13 @@ fn auto_refuses_what_it_cannot_choose_for() {
     }
 }
 
+/// All integrators have lenses, and glass that disperses.
 #[test]
-fn lens_takes_no_candidate_away() {
-    let place = place("caustic-box");
+fn lens_and_dispersion_take_no_candidate_away() {
+    let mut parts = gallery::caustic_box();
+    parts.materials.iter_mut().for_each(|m| m.dispersion = 0.5);
+    let place = Place::new();
+    place.save("scene.glb", &parts);
     let lens = "--aperture 0.1 --focus 3";
     place
         .opsr(&format!(
