@@ -375,10 +375,64 @@ fn gathered<T: Copy + Send + Sync>(items: &[T], order: &[u32]) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::film::Window;
+    use crate::integrator::bidirectional::psr::Ends;
     use crate::integrator::bidirectional::weights::Partial;
+    use crate::integrator::bidirectional::{Radius, Strategies};
+    use crate::integrator::{Estimator, Settings, View};
+    use crate::math::UVec2;
     use crate::sampler::{Independent, SampleSource, Sampler, Seed};
-    use crate::scene::SceneParts;
     use crate::scene::procedural::{materials, shapes};
+    use crate::scene::{Aim, Material, SceneParts};
+
+    /// Rough glass that disperses, in water that overlaps it: indices follow from the path, and are kept.
+    #[test]
+    fn vertices_built_again_are_those_of_the_walk() {
+        let mut parts = SceneParts::default();
+        let side = shapes::quad(Vec3::new(-4.0, -1.0, -4.0), Vec3::Z * 8.0, Vec3::X * 8.0);
+        parts.add(materials::diffuse("floor", Rgb::splat(0.5)), [side]);
+        let lamp = shapes::quad(Vec3::new(-0.5, 3.0, -0.5), Vec3::X, Vec3::Z);
+        parts.add(materials::emitter("lamp", Rgb::ONE), [lamp]);
+        let ball = |x: f32| shapes::sphere(Vec3::new(x, 0.5, 0.0), 0.6, 3);
+        let jewel = Material {
+            dispersion: 2.0,
+            priority: 1.0,
+            ..materials::glass("jewel", 1.7, 0.2)
+        };
+        parts.add(jewel, [ball(-0.3)]);
+        parts.add(materials::glass("water", 1.33, 0.1), [ball(0.3)]);
+        parts.add_camera([0.0, 1.0, 4.0], [0.0, 0.5, 0.0], 40.0);
+        let scene = Scene::new(parts);
+        let size = UVec2::splat(32);
+        let view = View::new(&scene, &scene.parts().cameras[0], size, Window::full(size));
+        let settings = Settings {
+            estimator: Estimator::Vcm(Radius::default()),
+            ..Settings::default()
+        };
+        let bidirectional = settings.bidirectional(Strategies::All);
+        let aim = Aim::default();
+        let iteration = bidirectional.iteration(&view, &aim, 0, Some(0.1));
+        let map = PhotonMap::new(iteration.some_light_vertices(), Vec3::splat(-4.0), 0.1);
+        let (mut again, mut trails) = (Vec::new(), Vec::new());
+        let mut indices = std::collections::BTreeSet::new();
+        for path in 0..map.paths() {
+            let mut walked = Vec::new();
+            let stream = &mut iteration.light_stream(path);
+            let keep = |vertex: Vertex, _| walked.push(vertex);
+            iteration.light_path(stream, keep, &mut Ends::default(), &mut Vec::new());
+            map.of_path(path, u32::MAX, &scene, &mut again, &mut trails);
+            assert_eq!(walked.len(), again.len());
+            for (a, b) in walked.iter().zip(&again) {
+                assert_eq!(a.bsdf.eta(), b.bsdf.eta());
+                assert_eq!((a.n, a.first, a.alpha), (b.n, b.first, b.alpha));
+                assert_eq!((a.throughput, a.back), (b.throughput, b.back));
+                assert_eq!(a.surface.position, b.surface.position);
+                indices.extend(a.bsdf.eta().map(f32::to_bits));
+            }
+        }
+        // Three channels in air and in water, and water in air.
+        assert!(indices.len() >= 7, "{indices:?}");
+    }
 
     /// A single photon has one bucket, which all eight cells of a query share, and few have few buckets.
     #[test]
@@ -402,7 +456,7 @@ mod tests {
         };
         let edge = vertex([0.5, 0.0]).surface.position - vertex([0.0, 0.0]).surface.position;
         let radius = 0.2 * edge.length();
-        let mut stream = Independent { seed: Seed(17) }.stream(crate::math::UVec2::ZERO, 0);
+        let mut stream = Independent { seed: Seed(17) }.stream(UVec2::ZERO, 0);
         let mut place = || [(); 2].map(|()| 0.5 * stream.next_1d());
         let mut found = 0;
         for photons in 1..=64 {

@@ -2,12 +2,13 @@
 
 use super::Numbers;
 use opsr::math::{Rgb, Vec3};
+use opsr::scene::finish::FilmCover;
 use opsr::scene::material::AlphaMode;
 use opsr::scene::procedural::materials::{
     brushed, clearcoated, coated, diffuse, emitter, glass, metal, tinted_glass,
 };
 use opsr::scene::procedural::shapes::{cuboid, cylinder, disc, quad, ring, room, sphere, torus};
-use opsr::scene::{Environment, Material, Mesh, PunctualLight, SceneParts};
+use opsr::scene::{Environment, Lens, Material, Medium, Mesh, PunctualLight, SceneParts};
 use std::f32::consts::TAU;
 
 /// Kinds of scenes.
@@ -73,7 +74,7 @@ pub(super) fn scene(numbers: &mut Numbers, kind: Kind) -> SceneParts {
     parts
 }
 
-/// Adds what a `.glb` file cannot hold: a sky.
+/// Adds what a `.glb` file of this program does not hold: a sky, a lens, thin films and media.
 pub(super) fn finish(parts: &mut SceneParts, numbers: &mut Numbers, kind: Kind) {
     let sky = match kind {
         Kind::Any => numbers.next() < 0.4,
@@ -81,6 +82,41 @@ pub(super) fn finish(parts: &mut SceneParts, numbers: &mut Numbers, kind: Kind) 
     };
     if sky {
         parts.environment = Some(Environment::constant(colour(numbers, 0.1, 1.0)));
+    }
+    if numbers.next() < 0.3 {
+        parts.cameras[0].lens = Some(Lens {
+            radius: 0.2 * numbers.next() + 1e-3,
+            focus: 2.0 + 2.0 * numbers.next(),
+        });
+    }
+    if kind != Kind::Any {
+        return;
+    }
+    if numbers.next() < 0.1 {
+        parts.medium = Some(medium(numbers));
+    }
+    for material in &mut parts.materials {
+        match numbers.below(12) {
+            0 if material.solid => material.medium = Some(Box::new(medium(numbers))),
+            1 => {
+                let finish = material.finish.get_or_insert_default();
+                finish.film = Some(FilmCover {
+                    weight: numbers.next(),
+                    ior: 1.0 + numbers.next(),
+                    thickness: [100.0, 100.0 + 500.0 * numbers.next()],
+                    ..FilmCover::default()
+                });
+            }
+            _ => {}
+        }
+    }
+}
+
+fn medium(numbers: &mut Numbers) -> Medium {
+    Medium {
+        absorption: colour(numbers, 0.0, 0.5),
+        scattering: colour(numbers, 0.1, 1.5),
+        mean_cosine: 1.6 * numbers.next() - 0.8,
     }
 }
 
