@@ -102,14 +102,21 @@ impl Film {
         self.film().rejected.total()
     }
 
-    /// Estimated relative error of the picture, the root of the relMSE to be expected; of one level that of its noise alone.
-    /// Infinity where there are too few samples.
+    /// Average error: the mean relative error to be expected of the picture, as `opsr compare` measures it. Infinity where there
+    /// are too few samples.
     #[getter]
-    fn relative_error(&self) -> f64 {
-        self.done.error()
+    fn mean_relative_error(&self) -> f64 {
+        self.done.statement().mean
     }
 
-    /// The error that `target_error` bounds: the relative error with some doubt, which is larger where samples are few.
+    /// Root of the relMSE to be expected of the picture; of one level that of its noise alone. Infinity where there are too few
+    /// samples.
+    #[getter]
+    fn relative_error(&self) -> f64 {
+        self.done.statement().root
+    }
+
+    /// The error that `target_error` bounds: the average error with some doubt, which is larger where samples are few.
     #[getter]
     fn error_bound(&self, py: Python<'_>) -> PyResult<f64> {
         detached(py, || stopping_error(self.made()))
@@ -269,10 +276,16 @@ impl Resolved {
         array::floats(py, &self.shape(), self.choice.error())
     }
 
-    /// Estimated relative error of the picture: the root mean square of `error`.
+    /// Average error: the mean relative error to be expected of the picture.
+    #[getter]
+    fn mean_relative_error(&self) -> f64 {
+        self.choice.statement().mean
+    }
+
+    /// Root of the relMSE to be expected of the picture: the root mean square of `error`.
     #[getter]
     fn relative_error(&self) -> f64 {
-        self.choice.relative_error()
+        self.choice.statement().root
     }
 
     /// The picture as a PNG file in memory, which notebooks show.

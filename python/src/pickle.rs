@@ -28,9 +28,9 @@ type Channels = (String, Vec<(String, Vec<u8>)>);
 /// Share, pixel, finder and squares of missing light.
 type Lack = (f64, [u32; 2], String, Vec<u8>);
 
-/// Pixels of a denoised picture and of that before, and level, squared bias and variance of every pixel: the denoiser may not be
-/// where a film is read.
-type Denoised = (Vec<u8>, Vec<u8>, Option<(Vec<u8>, Vec<u8>, Vec<u8>)>);
+/// Pixels of a denoised picture and of that before, and level, squared bias, variance and noise of every pixel: the denoiser may
+/// not be where a film is read.
+type Denoised = (Vec<u8>, Vec<u8>, Option<(Vec<u8>, [Vec<u8>; 3])>);
 
 /// Layers, missing light, camera, options of the film with true for the studio, denoised picture and wall time of a film.
 type Rest = (
@@ -58,7 +58,10 @@ fn pixels(picture: &Buffer) -> Vec<u8> {
 
 /// The denoised picture, if it is one.
 fn denoised(shown: &Shown) -> Option<Denoised> {
-    let choice = |r: &Resolved| (r.level.clone(), bytes(&r.bias2), bytes(&r.variance));
+    let choice = |r: &Resolved| {
+        let maps = [&r.bias2, &r.variance, &r.noise];
+        (r.level.clone(), maps.map(|map| bytes(map)))
+    };
     let noisy = shown.noisy.as_ref()?;
     let choice = shown.resolved.as_ref().map(choice);
     Some((pixels(&shown.picture), pixels(noisy), choice))
@@ -81,11 +84,15 @@ fn picture(like: &Buffer, bytes: &[u8]) -> PyResult<Buffer> {
 fn shown_again(film: &Picture, (shown, noisy, choice): Denoised) -> PyResult<Shown> {
     let mean = film.film.mean();
     let shown = picture(&mean, &shown)?;
-    let resolved = choice.map(|(level, bias2, variance)| Resolved {
-        picture: shown.clone(),
-        level,
-        bias2: floats(&bias2),
-        variance: floats(&variance),
+    let resolved = choice.map(|(level, maps)| {
+        let [bias2, variance, noise] = maps.each_ref().map(|map| floats(map));
+        Resolved {
+            picture: shown.clone(),
+            level,
+            bias2,
+            variance,
+            noise,
+        }
     });
     Ok(Shown {
         noisy: Some(picture(&mean, &noisy)?),

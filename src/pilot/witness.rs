@@ -52,12 +52,6 @@ pub struct Missing {
 }
 
 impl Missing {
-    /// Relative error of a picture of this stated error, with what is missing.
-    pub fn error(&self, stated: f64) -> f64 {
-        let squares: f64 = self.squares.iter().map(|&x| f64::from(x)).sum();
-        (stated * stated + squares / self.squares.len().max(1) as f64).sqrt()
-    }
-
     /// Expected errors of the pixels of a film, with what is missing; none where the film cannot tell its own.
     pub fn errors(&self, film: &Film) -> Option<Vec<f32>> {
         film_errors(film).map(|errors| self.beside(errors))

@@ -18,9 +18,14 @@ use crate::integrator::Picture;
 use crate::integrator::layers::{Aov, Layers};
 use crate::math::Rgb;
 use crate::pilot::witness::Missing;
-use crate::resolve::{Resolve, Resolved, denoise_film, film_error, film_errors, resolve_film};
+use crate::resolve::{
+    Resolve, Resolved, Statement, denoise_film, film_error, film_errors, resolve_film,
+};
 use std::borrow::Cow;
 use std::path::Path;
+
+/// Key of the average error in the text of EXR files.
+const STATED: &str = "mean_relative_error";
 
 /// A picture as it is shown.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,14 +95,14 @@ impl Shown {
         }
     }
 
-    /// Stated relative error of the picture, the root mean square of [`errors`](Self::errors). Infinite where there are too few
-    /// samples to tell.
-    pub fn error(&self, film: &Film, missing: Option<&Missing>) -> f64 {
+    /// Stated error of the picture, with the light that a witness found missing; its root is the root mean square of
+    /// [`errors`](Self::errors). A denoised picture of one level states the error before it was denoised.
+    pub fn statement(&self, film: &Film, missing: Option<&Missing>) -> Statement {
         let own = match &self.resolved {
-            Some(resolved) => resolved.relative_error(),
-            None => film_error(film).error,
+            Some(resolved) => resolved.statement(),
+            None => film_error(film),
         };
-        missing.map_or(own, |missing| missing.error(own))
+        missing.map_or(own, |missing| own.with_missing(&missing.squares))
     }
 }
 
@@ -197,9 +202,9 @@ impl Finished<'_> {
         &self.outcome.picture.film
     }
 
-    /// Stated relative error of the picture, with the light that a witness found missing.
-    pub fn error(&self) -> f64 {
-        self.shown.error(self.film(), self.outcome.missing.as_ref())
+    /// Stated error of the picture, with the light that a witness found missing.
+    pub fn statement(&self) -> Statement {
+        (self.shown).statement(self.film(), self.outcome.missing.as_ref())
     }
 
     /// Relative standard error of the mean of a picture of one level, which no blur changes.
@@ -253,8 +258,13 @@ impl Finished<'_> {
                     world_to_camera,
                     ..
                 } = &self.outcome;
+                let mut metadata = metadata.clone();
+                let stated = self.statement().mean;
+                if stated.is_finite() {
+                    metadata.insert(STATED.into(), format!("{stated:.4}"));
+                }
                 let header = Header {
-                    metadata,
+                    metadata: &metadata,
                     storage: Storage {
                         half: spec.exr_half.unwrap_or_default(),
                         compression: spec.exr_compression.unwrap_or_default(),

@@ -275,8 +275,8 @@ options! {
     spp: u32, Stop { value: "N", range: Range::COUNT, effect: Effect::Samples, common: true }
     /// Stop after this long, such as 60s or 5min.
     time: Duration, Stop { value: "TIME", effect: Effect::Samples, common: true }
-    /// Stop when the estimated relative error is below this. It is the root of the relMSE; of several levels that of the best of
-    /// every pixel.
+    /// Stop when the average error is below this. 0.05 is 5 %: the mean over pixels of the absolute error over the light. It goes on
+    /// while few bright samples decide.
     target_error: f32, Stop { value: "X", range: Range::POSITIVE, effect: Effect::Samples, common: true }
 
     /// The algorithm that estimates the picture. Beside a table or another option of a method `path` is the default.

@@ -197,6 +197,9 @@ impl<'a> Judge<'a> {
             mixed.push(s + (d - s) * share);
             let blend =
                 |ours: f32, theirs: f32| (theirs + (ours - theirs) * share) * self.stated[i];
+            let halves = halves.0.each_ref().map(|half| half.pixels[i]);
+            let apart = 0.5 * (halves[0] - halves[1]).abs().element_sum();
+            resolved.noise[i] += (apart - resolved.noise[i]) * share;
             resolved.bias2[i] = blend(bias, bias2[i]);
             resolved.variance[i] = blend(spread, variance[i]);
         }

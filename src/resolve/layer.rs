@@ -103,25 +103,29 @@ impl Choice {
         all
     }
 
-    /// Means of the candidates, blended as they were chosen, without hard edges.
+    /// Means of the candidates, and their batches, blended as they were chosen, without hard edges.
     pub(super) fn blend(
         &self,
         size: Size,
         candidates: &[Candidate],
         mean: impl Fn(&[Vec3A; BATCHES]) -> Vec3A,
-    ) -> Vec<Vec3A> {
+    ) -> (Vec<Vec3A>, Batches) {
         let mut sum = vec![Vec3A::ZERO; self.chosen.len()];
+        let mut batches = vec![[Vec3A::ZERO; BATCHES]; self.chosen.len()];
         for (k, candidate) in candidates.iter().enumerate() {
             let is = |&c: &u8| f32::from(u8::from(usize::from(c) == k));
             let mut shares: Vec<f32> = self.chosen.iter().map(is).collect();
             tent(size, SHARE_RADIUS, &mut shares);
-            for ((sum, light), &share) in sum.iter_mut().zip(&candidate.light).zip(&shares) {
+            let sums = sum.iter_mut().zip(&mut batches);
+            for (((sum, batches), light), &share) in sums.zip(&candidate.light).zip(&shares) {
                 if share > 0.0 {
                     *sum += share * mean(light);
+                    let pairs = batches.iter_mut().zip(light);
+                    pairs.for_each(|(batch, light)| *batch += share * *light);
                 }
             }
         }
-        sum
+        (sum, batches)
     }
 }
 

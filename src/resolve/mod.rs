@@ -124,6 +124,8 @@ pub struct Resolved {
     pub bias2: Vec<f32>,
     /// Estimated variance of the chosen level, relative likewise.
     pub variance: Vec<f32>,
+    /// Mean absolute noise of every pixel, red, green and blue added up, in units of the picture.
+    pub noise: Vec<f32>,
 }
 
 impl Resolved {
@@ -149,7 +151,7 @@ impl Resolved {
         layers
     }
 
-    /// Stated error of the picture: the root mean square of [`Resolved::error`], and 1 if it is black.
+    /// Stated error of the picture, 1 if it is black; its root is the root mean square of [`Resolved::error`].
     pub fn statement(&self) -> Statement {
         if self.variance.contains(&f32::INFINITY) {
             return Statement::UNKNOWN;
@@ -158,12 +160,8 @@ impl Resolved {
             return Statement::BLACK;
         }
         let pairs = self.bias2.iter().zip(&self.variance);
-        Statement::of(pairs.map(|(b, v)| f64::from(b + v)))
-    }
-
-    /// [`Statement::error`] of the picture.
-    pub fn relative_error(&self) -> f64 {
-        self.statement().error
+        let squares = pairs.map(|(b, v)| f64::from(b + v));
+        Statement::of_resolved(squares, &self.picture.pixels, &self.noise)
     }
 }
 
@@ -178,6 +176,7 @@ pub fn resolve_film(film: &LevelFilm, settings: Resolve) -> Resolved {
             level: vec![0; pixels],
             bias2: vec![0.0; pixels],
             variance: vec![f32::INFINITY; pixels],
+            noise: vec![f32::INFINITY; pixels],
         };
     };
     let mut resolved = resolve(&complete, Limits::of(settings, film.levels()), TILE);
@@ -204,7 +203,7 @@ pub fn stopping_error(picture: &Picture) -> f64 {
 /// The same of a picture that is shown without a choice, as the mean of its samples: the larger one of the errors that its samples
 /// and its batches state.
 pub fn stopping_error_of_samples(picture: &Picture) -> f64 {
-    let of_batches = |film| resolve_film(film, Resolve::None).statement().error;
+    let of_batches = |film| resolve_film(film, Resolve::None).statement().mean;
     let shown = picture.levels.as_ref().map_or(0.0, of_batches);
     film_error(&picture.film).bound().max(shown)
 }
@@ -242,6 +241,7 @@ fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
         level,
         bias2,
         variance,
+        mut noise,
         layers: [mut p, mut r],
     } = whole.choose(edge);
     // Fireflies are cut from the only level, and its batches alone tell light from chance.
@@ -259,7 +259,11 @@ fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
         if let Some(own) = surfaces.get(pixel) {
             of_r = of_r.min(FACTORS[1] / *own);
         }
+        let before = (*p + *r).element_sum();
         *p = *p * of_p + *r * of_r;
+        if before > 0.0 {
+            noise[pixel] *= p.element_sum() / before;
+        }
     }
     let window = film.window();
     Resolved {
@@ -271,6 +275,7 @@ fn resolve(film: &LevelFilm, limits: Limits, edge: u32) -> Resolved {
         level,
         bias2,
         variance,
+        noise,
     }
 }
 

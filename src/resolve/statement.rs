@@ -1,25 +1,43 @@
 //! The error that a picture states about itself.
 //!
-//! The squared error of a pixel is its variance over its squared brightness + ε, as in relMSE. A pixel's own mean is as
+//! **The average error** is the mean absolute relative error, a number that samples can tell: few pixels of light that nobody has met
+//! do not decide it. Two halves of the samples, under the choice of all, differ by their noise; what both share, bias and light that
+//! neither has met, is the same share of the error nearly everywhere. So the noise times a constant is the error.
+//!
+//! **The root** of the relMSE is decided by bright samples. The squared error of a pixel is its variance over its squared
+//! brightness + ε, as in relMSE. A pixel's own mean is as
 //! noisy as its variance: where light comes as rare hits both are large or both are small, and their quotient is at most
 //! about 1, whatever the hits bring. So the brightness is pooled over the smallest block of pixels, of 2, 4, 8 and so on a
 //! side, whose mean is known to half of itself. A picture that is black has an error of 1: nothing was met, which
 //! says nothing about what is there.
 
 use crate::image::film::Film;
-use crate::image::metric::pixel::EPSILON;
-use crate::math::DVec3;
+use crate::image::metric::pixel::{EPSILON, mean_relative};
 use crate::math::moments::Moments;
+use crate::math::{DVec3, Rgb};
 
 /// Relative standard error at which the mean of a block counts as known: that of four hits. Of the blocks and bounds tried on scenes of
 /// caustics at 32 samples these are nearest to the true error: 0.76 to 2.6 of its square.
 const KNOWN: f64 = 0.5;
 
+/// Mean absolute error of a pixel over the mean absolute noise that halves of its samples show: what both halves share, bias and
+/// light that neither has met, is the same share nearly everywhere. Measured in docs/lab/average_error.md.
+const SHARED: f64 = 1.65;
+
+/// The same over the noise that the variance of raw means shows, without blurs and roughening.
+const UNMET: f64 = 1.1;
+
+/// Mean absolute value over standard deviation, of normal numbers: √(2/π).
+const ABSOLUTE: f64 = 0.797_884_560_8;
+
 /// Stated error of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Statement {
-    /// Relative error of the picture: root of the relMSE to be expected. Infinite where there are too few samples to tell.
-    pub error: f64,
+    /// Average error: the [mean relative error](crate::image::metric::mean_relative_error) to be expected, at most 1. Infinite where there are too few
+    /// samples to tell.
+    pub mean: f64,
+    /// Root of the relMSE to be expected. Infinite where there are too few samples to tell.
+    pub root: f64,
     /// Relative standard error of its square, 1 / √n where n pixels carry it: above about 0.3 few bright samples decide.
     pub doubt: f64,
 }
@@ -27,18 +45,20 @@ pub struct Statement {
 impl Statement {
     /// Nothing is known.
     pub(super) const UNKNOWN: Self = Self {
-        error: f64::INFINITY,
+        mean: f64::INFINITY,
+        root: f64::INFINITY,
         doubt: f64::INFINITY,
     };
 
     /// Nothing was met.
     pub(super) const BLACK: Self = Self {
-        error: 1.0,
+        mean: 1.0,
+        root: 1.0,
         doubt: 1.0,
     };
 
-    /// From squared relative errors of pixels.
-    pub(super) fn of(squares: impl Iterator<Item = f64>) -> Self {
+    /// From squared relative errors of pixels, and the average error.
+    fn of(squares: impl Iterator<Item = f64>, mean: f64) -> Self {
         let (mut sum, mut fourth, mut count) = (0.0, 0.0, 0u64);
         for square in squares {
             sum += square;
@@ -46,14 +66,38 @@ impl Statement {
             count += 1;
         }
         Self {
-            error: (sum / count.max(1) as f64).sqrt(),
+            mean,
+            root: (sum / count.max(1) as f64).sqrt(),
             doubt: if sum > 0.0 { fourth.sqrt() / sum } else { 0.0 },
         }
     }
 
-    /// Error that is not exceeded by chance: two standard errors of its square above it.
+    /// From squared relative errors of pixels and their mean absolute noise, see [`Resolved::noise`](super::Resolved::noise).
+    pub(super) fn of_resolved(
+        squares: impl Iterator<Item = f64>,
+        picture: &[Rgb],
+        noise: &[f32],
+    ) -> Self {
+        let noise = noise.iter().map(|&noise| SHARED * f64::from(noise));
+        let light = picture.iter().map(|p| f64::from(p.element_sum()));
+        Self::of(squares, mean_relative(light, noise))
+    }
+
+    /// Average error that is not exceeded by chance: as far above it as the root is below two standard errors of its square.
     pub fn bound(&self) -> f64 {
-        self.error * (1.0 + 2.0 * self.doubt).sqrt()
+        self.mean * (1.0 + 2.0 * self.doubt).sqrt()
+    }
+
+    /// The same with light that is missing: squared relative darkness of all pixels.
+    pub fn with_missing(self, squares: &[f32]) -> Self {
+        let count = squares.len().max(1) as f64;
+        let sum: f64 = squares.iter().map(|&x| f64::from(x)).sum();
+        let dark: f64 = squares.iter().map(|&x| f64::from(x).sqrt().min(1.0)).sum();
+        Self {
+            mean: (self.mean + dark / count).min(self.mean.max(1.0)),
+            root: (self.root * self.root + sum / count).sqrt(),
+            ..self
+        }
     }
 }
 
@@ -67,13 +111,18 @@ impl Statement {
 /// for sample in 0..16 {
 ///     (0..64).for_each(|pixel| film.push(pixel, Rgb::ZERO, sample));
 /// }
-/// assert_eq!(film_error(&film).error, 1.0);
+/// assert_eq!(film_error(&film).mean, 1.0);
 /// ```
 pub fn film_error(film: &Film) -> Statement {
     match state(film) {
         State::Unknown => Statement::UNKNOWN,
         State::Black => Statement::BLACK,
-        State::Lit => Statement::of(squares(film).into_iter()),
+        State::Lit => {
+            let light = film.pixels.iter().map(|m| m.mean.element_sum());
+            let deviation = |m: &Moments| m.variance_of_mean().map(f64::sqrt).element_sum();
+            let noise = (film.pixels.iter()).map(|m| UNMET * ABSOLUTE * deviation(m));
+            Statement::of(squares(film).into_iter(), mean_relative(light, noise))
+        }
     }
 }
 

@@ -84,7 +84,7 @@ fn noise_free_levels_resolve_to_level_0() {
         assert!(resolved.level.iter().all(|&k| k == 0));
         assert_eq!(resolved.picture, levels.mean(0));
         // Hits are expected, and their absence is told from darkness by exp(−e).
-        assert!(resolved.relative_error() < 1e-6);
+        assert!(resolved.statement().root < 1e-6);
     }
 }
 
@@ -560,7 +560,7 @@ fn size_of_hits_and_expected_hits_are_known_ones() {
 fn black_picture_states_an_error_of_1() {
     let film = levels(8, |_, _, _| Rgb::ZERO, 2);
     assert_eq!(
-        resolve_film(&film, Resolve::default()).relative_error(),
+        resolve_film(&film, Resolve::default()).statement().root,
         1.0
     );
 }
@@ -579,14 +579,14 @@ fn film_without_a_noise_estimate_shows_level_0() {
     for sample in 0..BATCHES as u32 {
         let resolved = resolve_film(&film, SHARP);
         assert_eq!(resolved.picture, film.mean(0));
-        assert_eq!(resolved.relative_error(), f64::INFINITY);
+        assert_eq!(resolved.statement().root, f64::INFINITY);
         let names: Vec<_> = (resolved.layers().into_iter()).map(|l| l.name).collect();
         assert_eq!(names, ["level"], "an error of which nothing is known");
         for index in 0..2 {
             film.push(index, sample, &path(&[Rgb::ONE, Rgb::splat(0.5)]));
         }
     }
-    assert!(resolve_film(&film, SHARP).relative_error() < 1e-6);
+    assert!(resolve_film(&film, SHARP).statement().root < 1e-6);
     assert_eq!(resolve_film(&film, SHARP).layers().len(), 3);
     film.push(0, 4, &path(&[Rgb::ONE, Rgb::splat(f32::NAN)]));
     assert_eq!(film.mean(1).pixels[0], Rgb::splat(0.5));
@@ -657,7 +657,7 @@ fn no_smoothing_leaves_the_means_of_level_0() {
     assert_eq!(resolved.picture, film.mean(0));
     assert!(resolved.level.iter().all(|&k| k == 0));
     let truth = 0.2 / (1.0 + 0.01 / 0.09f64).sqrt();
-    let stated = resolved.relative_error();
+    let stated = resolved.statement().root;
     assert!((stated / truth - 1.0).abs() < 0.15, "{stated} {truth}");
 }
 
@@ -749,7 +749,7 @@ fn a_filter_is_believed_as_far_as_it_is_right() {
             let energy = mean(&mixed.picture) / mean(&resolved.picture);
             assert!((energy - 1.0).abs() < 0.01, "{energy}");
             // What is stated follows.
-            let stated = [&mixed, &resolved].map(Resolved::relative_error);
+            let stated = [&mixed, &resolved].map(|r| r.statement().root);
             assert!(!right || share < 1.0 || stated[0] < stated[1], "{stated:?}");
         }
     }

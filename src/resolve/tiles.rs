@@ -64,6 +64,8 @@ pub(super) struct Chosen {
     /// Relative squared bias and variance, estimated.
     pub(super) bias2: Vec<f32>,
     pub(super) variance: Vec<f32>,
+    /// Mean absolute noise of both layers together, before they are brought to their energy.
+    pub(super) noise: Vec<f32>,
     /// The layers: shared light, roughened light.
     pub(super) layers: [Vec<Rgb>; 2],
 }
@@ -75,6 +77,7 @@ impl Chosen {
             level: vec![0; pixels],
             bias2: vec![0.0; pixels],
             variance: vec![0.0; pixels],
+            noise: vec![0.0; pixels],
             layers: [(); 2].map(|()| vec![Rgb::ZERO; pixels]),
         }
     }
@@ -91,6 +94,7 @@ impl Chosen {
             }
             self.bias2[to.clone()].copy_from_slice(&tile.bias2[from.clone()]);
             self.variance[to.clone()].copy_from_slice(&tile.variance[from.clone()]);
+            self.noise[to.clone()].copy_from_slice(&tile.noise[from.clone()]);
             self.level[to].copy_from_slice(&tile.level[from]);
         }
     }
@@ -103,6 +107,7 @@ struct TileChoice {
     level: Vec<u8>,
     bias2: Vec<f32>,
     variance: Vec<f32>,
+    noise: Vec<f32>,
     layers: [Vec<Rgb>; 2],
 }
 
@@ -191,12 +196,16 @@ impl<'a> Part<'a> {
         let candidates = self.of_shared(shared, &features);
         let p = Choice::of(size, &candidates, &weights.0, limits.kappa[0]);
         let mean = |light: &[Vec3A; BATCHES]| self.mean(light);
-        let shared = p.blend(size, &candidates, mean);
+        let (shared, shared_batches) = p.blend(size, &candidates, mean);
         drop(candidates);
 
         let candidates = self.of_roughened(&all, &features);
         let r = Choice::of(size, &candidates, &weights.0, limits.kappa[1]);
-        let roughened = r.blend(size, &candidates, mean);
+        let (roughened, rough_batches) = r.blend(size, &candidates, mean);
+        let noise = |i: usize| {
+            let batch = |b: usize| shared_batches[i][b] + rough_batches[i][b];
+            noise_of_halves(std::array::from_fn(batch), self.whole.shares)
+        };
 
         let level = |k: u8| candidates[usize::from(k)].level;
         let sums = |a: &[f32], b: &[f32]| -> Vec<f32> {
@@ -207,6 +216,7 @@ impl<'a> Part<'a> {
             level: self.tile.pixels().map(|i| level(r.chosen[i])).collect(),
             bias2: sums(&p.bias2, &r.bias2),
             variance: sums(&p.variance, &r.variance),
+            noise: self.tile.pixels().map(noise).collect(),
             layers: [shared, roughened].map(|layer| {
                 let pixels = self.tile.pixels();
                 pixels.map(|i| layer[i].into()).collect()
@@ -373,4 +383,20 @@ fn darkest((width, height): Size, values: &[Vec3A]) -> Vec<Vec3A> {
         near.fold(values[i], Vec3A::min)
     };
     (0..values.len()).map(least).collect()
+}
+
+/// Mean absolute noise of a picture, the channels added up, from the differences of both halves of its batches: the mean of the
+/// three ways to halve them. For samples that are normal it is that of all batches together.
+fn noise_of_halves(batches: [Vec3A; BATCHES], shares: [f32; BATCHES]) -> f32 {
+    let halved = |with: usize| {
+        let (mut light, mut share) = ([Vec3A::ZERO; 2], [0.0; 2]);
+        for batch in 0..BATCHES {
+            let half = usize::from(batch != 0 && batch != with);
+            light[half] += shares[batch] * batches[batch];
+            share[half] += shares[batch];
+        }
+        let apart = light[0] / share[0] - light[1] / share[1];
+        apart.abs().element_sum() / (1.0 / share[0] + 1.0 / share[1]).sqrt()
+    };
+    (1..BATCHES).map(halved).sum::<f32>() / (BATCHES - 1) as f32
 }

@@ -192,5 +192,5 @@ fn pictures_are_read_by_their_extension() {
     }
     let mixed = compare(&[a], &b, &Options::default()).unwrap();
     assert!(mixed.notes[0].contains("HDR-FLIP"));
-    assert_eq!(mixed.entries[0].metrics.len(), 8);
+    assert_eq!(mixed.entries[0].metrics.len(), 9);
 }

@@ -180,13 +180,13 @@ fn film_merge_equals_all_samples() {
 fn film_estimated_error_is_the_true_error() {
     // Uniform samples: mean ½, variance 1/12; the estimate must find √(1/12 / n / (¼ + ε)).
     let mut film = Film::new(UVec2::new(32, 32));
-    assert_eq!(film_error(&film).error, f64::INFINITY);
+    assert_eq!(film_error(&film).root, f64::INFINITY);
     render(&mut film, 32, 0, 64);
     let expected = (1.0 / 12.0 / 64.0 / 0.26f64).sqrt();
     assert!(
-        (film_error(&film).error / expected - 1.0).abs() < 0.02,
+        (film_error(&film).root / expected - 1.0).abs() < 0.02,
         "{}",
-        film_error(&film).error
+        film_error(&film).root
     );
     let true_error = film
         .mean()

@@ -1,10 +1,13 @@
 //! What pictures state about their error.
 
 use super::support::render::{film, scene};
-use opsr::image::Film;
+use opsr::image::film::Window;
+use opsr::image::level_film::{FEATURES, LevelFilm, PathLevels};
+use opsr::image::metric::mean_relative_error;
+use opsr::image::{Buffer, Film};
 use opsr::math::{DVec3, Rgb, UVec2};
 use opsr::regularise::Rule;
-use opsr::resolve::film_error;
+use opsr::resolve::{Resolve, film_error, resolve_film};
 use opsr::sampler::{Independent, SampleSource, Sampler, Seed};
 use opsr_lab::gallery::builtin;
 
@@ -24,7 +27,7 @@ fn stated_and_true(films: &[Film], truth: Option<DVec3>) -> (f64, f64) {
     };
     let (mut stated, mut actual) = (0.0, 0.0);
     for film in films {
-        stated += film_error(film).error.powi(2) / count;
+        stated += film_error(film).root.powi(2) / count;
         let pairs = film.pixels.iter().zip(&truths);
         let errors =
             pairs.map(|(m, f)| ((m.mean - f) * (m.mean - f) / (f * f + 0.01)).element_sum());
@@ -88,8 +91,76 @@ fn doubt_is_large_where_one_sample_decides() {
     }
     let statement = film_error(&film);
     assert!(
-        statement.doubt > 0.9 && statement.error > 0.5,
+        statement.doubt > 0.9 && statement.root > 0.5,
         "{statement:?}"
     );
-    assert!(statement.bound() > 1.5 * statement.error);
+    assert!(statement.bound() > 1.5 * statement.mean);
+}
+
+/// Levels of roughening as normal numbers around a gradient: what halves show is the noise of all samples.
+#[test]
+fn average_error_of_normal_samples_is_the_true_one_times_a_constant() {
+    let size = 48u32;
+    let truth = |i: usize| 0.2 + i as f64 / f64::from(size * size);
+    for samples in [4u32, 8, 30] {
+        let frame = UVec2::splat(size);
+        let mut film = LevelFilm::new(frame, Window::full(frame), 2);
+        let mut stream = Independent { seed: Seed(9) }.stream(UVec2::ZERO, samples);
+        for pixel in 0..(size * size) as usize {
+            for sample in 0..samples {
+                let noise = (0..12).map(|_| stream.next_1d()).sum::<f32>() - 6.0;
+                let light = Rgb::splat(truth(pixel) as f32 + 0.1 * noise);
+                let path = PathLevels {
+                    levels: &[light; 2],
+                    shared: Rgb::ZERO,
+                    features: [0.0; FEATURES],
+                };
+                film.push(pixel, sample, &path);
+            }
+        }
+        let resolved = resolve_film(&film, Resolve::Sharp);
+        let actual = resolved.picture.pixels.iter().enumerate();
+        let actual = actual.map(|(i, p)| 3.0 * (f64::from(p.x) - truth(i)).abs());
+        let stated = resolved.noise.iter().map(|&noise| f64::from(noise));
+        let (stated, actual) = (stated.sum::<f64>(), actual.sum::<f64>());
+        assert!(
+            (stated / actual - 1.0).abs() < 0.05,
+            "{samples} samples: {stated} {actual}"
+        );
+        let reference = Buffer {
+            pixels: (0..resolved.picture.pixels.len())
+                .map(|i| Rgb::splat(truth(i) as f32))
+                .collect(),
+            ..resolved.picture.clone()
+        };
+        let measured = mean_relative_error(&resolved.picture, &reference)
+            .unwrap()
+            .value;
+        let ratio = resolved.statement().mean / measured;
+        assert!((1.4..1.8).contains(&ratio), "{samples} samples: {ratio}");
+    }
+}
+
+/// The average error does not depend on the exposure, is at most 1, and 1 for a black picture.
+#[test]
+fn mean_relative_error_has_no_scale() {
+    let picture = Buffer::from_fn(16, 16, |x, y| Rgb::new(x as f32, 1.0, 0.1 * y as f32));
+    let reference = Buffer::from_fn(16, 16, |x, y| Rgb::new(8.0, y as f32, 1.0 + x as f32));
+    let error = |test: &Buffer, reference: &Buffer| {
+        mean_relative_error(test, reference)
+            .expect("one size")
+            .value
+    };
+    let plain = error(&picture, &reference);
+    let scaled = |b: &Buffer| Buffer {
+        pixels: b.pixels.iter().map(|p| *p * 1024.0).collect(),
+        ..b.clone()
+    };
+    assert!((error(&scaled(&picture), &scaled(&reference)) - plain).abs() < 1e-9);
+    assert!(plain > 0.1 && plain < 1.0, "{plain}");
+    assert_eq!(error(&reference, &reference), 0.0);
+    assert!(error(&scaled(&picture), &reference) <= 1.0);
+    let black = Buffer::from_fn(16, 16, |_, _| Rgb::ZERO);
+    assert_eq!(error(&black, &black), 0.0);
+    assert!(error(&black, &reference) > 0.9);
 }

@@ -1,5 +1,6 @@
 //! Progress: a bar on a terminal, JSON lines for programs, or nothing.
 
+use super::ended::percent;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use opsr::integrator::drive::RenderProgress;
@@ -64,8 +65,9 @@ impl Bar {
                 });
                 let error = progress
                     .error
-                    .map_or(String::new(), |e| format!(", error {e:.4}"));
-                let truth = true_error.map_or(String::new(), |e| format!(", true error {e:.4}"));
+                    .map_or(String::new(), |e| format!(", average error {}", percent(e)));
+                let truth =
+                    true_error.map_or(String::new(), |e| format!(", true error {}", percent(e)));
                 bar.set_message(format!(
                     "{} spp, {seconds:.1} s{error}{truth}{eta}",
                     progress.samples

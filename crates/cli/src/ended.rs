@@ -10,7 +10,7 @@ use opsr::math::Rgb;
 use opsr::render::files::Outputs;
 use opsr::render::open::Opened;
 use opsr::render::{Output, Request};
-use opsr::resolve::unseen_share;
+use opsr::resolve::{Statement, unseen_share};
 
 /// A render that has ended.
 pub(super) struct Ended<'a> {
@@ -63,10 +63,7 @@ impl Ended<'_> {
             none if none.is_empty() => none,
             light => format!(", {light}"),
         };
-        let mut error = match finished.error() {
-            error if error.is_finite() => format!(", estimated relative error {error:.4}"),
-            _ => String::new(),
-        };
+        let mut error = average_error(&finished.statement());
         if let Some(mean) = finished.mean_error() {
             error += &format!(", mean ± {:.2} %", 100.0 * mean);
         }
@@ -79,7 +76,7 @@ impl Ended<'_> {
             error += &format!(", {missing}");
         }
         let truth = self.closed.true_error;
-        let truth = truth.map_or(String::new(), |e| format!(", true error {e:.4}"));
+        let truth = truth.map_or(String::new(), |e| format!(", true error {}", percent(e)));
         let Window { w, h, .. } = self.film().window;
         let spp = self.output.progress.samples;
         format!(
@@ -158,7 +155,8 @@ impl Ended<'_> {
             "seconds_of_earlier_runs": self.spent,
             "paths": self.paths(),
             "paths_per_second": finite(self.paths() as f64 / seconds),
-            "relative_error": finite(finished.error()),
+            "mean_relative_error": finite(finished.statement().mean),
+            "relative_error": finite(finished.statement().root),
             "mean_error": finished.mean_error().and_then(finite),
             "light_missing": finished.outcome.missing.as_ref().map(|m| {
                 serde_json::json!({ "share": m.share, "pixel": m.pixel.to_array(), "finder": m.finder.name() })
@@ -169,4 +167,26 @@ impl Ended<'_> {
             "clipped_variances": film.clipped_variances(),
         })
     }
+}
+
+/// The average error in the words of a closing line; nothing where there are too few samples to tell.
+pub(super) fn average_error(statement: &Statement) -> String {
+    match statement.mean {
+        mean if mean.is_finite() => format!(", average error {}", percent(mean)),
+        _ => String::new(),
+    }
+}
+
+/// A share as per cent, with two digits.
+pub(super) fn percent(share: f64) -> String {
+    let percent = 100.0 * share;
+    if !percent.is_finite() {
+        return "unknown".into();
+    }
+    let digits = match percent {
+        p if p >= 10.0 => 0,
+        p if p >= 1.0 => 1,
+        _ => 2,
+    };
+    format!("{percent:.digits$} %")
 }

@@ -9,7 +9,7 @@ use anyhow::{Context, anyhow};
 use opsr::image::Buffer;
 use opsr::image::denoise::Denoiser;
 use opsr::image::film::Film;
-use opsr::image::metric::relmse;
+use opsr::image::metric::mean_relative_error;
 use opsr::integrator::Picture;
 use opsr::integrator::drive::RenderProgress;
 use opsr::pilot::witness::Missing;
@@ -138,7 +138,7 @@ impl<'a> Listener<'a> {
         log.add(last, || Line {
             samples: progress.samples,
             seconds,
-            estimated: stated_error(picture, settings).error,
+            estimated: stated_error(picture, settings).mean,
             true_error,
         })
     }
@@ -218,16 +218,16 @@ impl Truth {
         let reference = Named::load(path).input()?.showing(film.size, window);
         let wrong = || anyhow!("--reference {name}: does not show the {window} of this render");
         let reference = reference.ok_or_else(wrong).usage()?;
-        relmse(&reference, &reference)
+        mean_relative_error(&reference, &reference)
             .with_context(|| name.to_string())
             .input()?;
         let latest = Cell::new(None);
         Ok(Self { reference, latest })
     }
 
-    /// Root of the relMSE.
+    /// Mean relative error.
     fn error(&self, picture: &Buffer) -> Option<f64> {
-        Some(relmse(picture, &self.reference).ok()?.value.sqrt())
+        Some(mean_relative_error(picture, &self.reference).ok()?.value)
     }
 
     /// The error of the picture so far, seldom computed.

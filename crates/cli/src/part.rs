@@ -1,6 +1,7 @@
 //! `opsr render --film` and `opsr merge`: a render made in parts.
 
 use super::bar::Bar;
+use super::ended::average_error;
 use super::exit::{Blame, Exit, Told};
 use super::options::{CropOption, FileOptions};
 use super::output::note;
@@ -97,10 +98,7 @@ pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
     outputs.write(&finished).told()?;
     let Window { w, h, .. } = finished.outcome.picture.film.window;
     let (names, parts) = (outputs.names(), args.parts.len());
-    let error = match finished.error() {
-        error if error.is_finite() => format!(", estimated relative error {error:.4}"),
-        _ => String::new(),
-    };
+    let error = average_error(&finished.statement());
     note(format_args!(
         "{names}: {w}x{h}, {samples} spp from {parts} parts{error}"
     ));

@@ -276,7 +276,7 @@ impl Maps {
             level,
             missing: missing.map(|missing| root(&missing.squares)),
             flip: None,
-            stated: Some(shown.error(film, missing)),
+            stated: Some(shown.statement(film, missing).mean),
         }
     }
 }

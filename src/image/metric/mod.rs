@@ -19,7 +19,9 @@ use serde::Serialize;
 
 use super::Buffer;
 
-pub use pixel::{Worst, energy_ratio, mape, mse, relmse, relmse_trimmed, rmse, smape, worst};
+pub use pixel::{
+    Worst, energy_ratio, mape, mean_relative_error, mse, relmse, relmse_trimmed, rmse, smape, worst,
+};
 pub use seeds::{BiasVariance, bias_variance};
 
 /// A number, the name of its formula, the formula and its constants.

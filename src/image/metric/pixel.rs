@@ -89,6 +89,44 @@ pub fn mape(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricError> {
     ))
 }
 
+/// Mean absolute relative error, in [0, 1], what a render [states](crate::resolve::Statement::mean) of itself: the mean over pixels of
+/// Σ|I − f| / (Σf + 3ε), at most 1 each. Sums are over red, green and blue, ε is a thirtieth of the mean radiance of the reference,
+/// so that the number does not depend on the exposure.
+pub fn mean_relative_error(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricError> {
+    check(test, reference)?;
+    let light = reference.pixels.iter().map(|f| f.as_dvec3().element_sum());
+    let pairs = test.pixels.iter().zip(&reference.pixels);
+    let errors = pairs.map(|(i, f)| (i.as_dvec3() - f.as_dvec3()).abs().element_sum());
+    Ok(Metric::new(
+        "mean relative error",
+        "mean min(1, Σ|I − f| / (Σf + 3ε))",
+        &[("ε", floor(light.clone()) / 3.0)],
+        mean_relative(light, errors),
+    ))
+}
+
+/// 3ε of [`mean_relative_error`], from the light of all pixels, the channels added up.
+fn floor(light: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = light.fold((0.0, 0u64), |(s, n), x| (s + x.max(0.0), n + 1));
+    sum / (30 * count.max(1)) as f64
+}
+
+/// [`mean_relative_error`] of pixels of this light and these absolute errors, the channels of each added up.
+pub(crate) fn mean_relative(
+    light: impl Iterator<Item = f64> + Clone,
+    errors: impl Iterator<Item = f64>,
+) -> f64 {
+    let floor = floor(light.clone());
+    let of_pixel = |(light, error): (f64, f64)| match error {
+        // Without light and error the quotient is not a number.
+        0.0 => 0.0,
+        _ => (error / (light.max(0.0) + floor)).min(1.0),
+    };
+    let (sum, count) =
+        (light.zip(errors).map(of_pixel)).fold((0.0, 0u64), |(s, n), x| (s + x, n + 1));
+    sum / count.max(1) as f64
+}
+
 /// Symmetric relative error, in [0, 1].
 pub fn smape(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricError> {
     let f = |i: DVec3, f: DVec3| (i - f).abs() / (i.abs() + f.abs() + EPSILON);
@@ -117,7 +155,16 @@ pub fn energy_ratio(test: &Buffer, reference: &Buffer) -> Result<Metric, MetricE
 /// All errors of this module, in the order of reports.
 pub fn all(test: &Buffer, reference: &Buffer) -> Result<Vec<Metric>, MetricError> {
     type Measure = fn(&Buffer, &Buffer) -> Result<Metric, MetricError>;
-    const ALL: [Measure; 7] = [mse, rmse, relmse, relmse_trimmed, mape, smape, energy_ratio];
+    const ALL: [Measure; 8] = [
+        mse,
+        rmse,
+        relmse,
+        relmse_trimmed,
+        mape,
+        smape,
+        mean_relative_error,
+        energy_ratio,
+    ];
     ALL.iter().map(|measure| measure(test, reference)).collect()
 }
 

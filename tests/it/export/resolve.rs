@@ -136,6 +136,7 @@ fn compare(program: &Path, arrays: &Arrays, how: Resolve, smoothing: u32) {
         level,
         bias2,
         variance,
+        ..
     } = resolve_film(&arrays.film(), how);
     let [w, h] = arrays.size.map(|side| side as u32);
     let mut input: Vec<u8> = [w, h, arrays.levels as u32, smoothing]

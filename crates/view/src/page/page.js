@@ -451,6 +451,7 @@ function trend(points) {
   return { slope, at: my - slope * mx };
 }
 
+const percent = (share) => `${Number((100 * share).toPrecision(2))} %`;
 const clock = (s) => (s < 90 ? `${Math.max(1, Math.round(s))} s` : s < 5400 ? `${Math.round(s / 60)} min` : s < 172800 ? `${Math.round(s / 3600)} h` : `${Math.round(s / 86400)} days`);
 
 function curve() {
@@ -459,7 +460,7 @@ function curve() {
   const fit = trend(sides[0]);
   if (all.length < 2) {
     svg.replaceChildren();
-    $("forecast").textContent = state.error ? `Expected error ${short(state.error)}.` : "No estimate yet.";
+    $("forecast").textContent = state.error ? `Average error ${percent(state.error)}.` : "No estimate yet.";
     return;
   }
   const times = all.map((p) => p[0]), errors = all.map((p) => p[2]).concat(goal || []);
@@ -505,12 +506,12 @@ function curve() {
 
 function forecast(fit, goal) {
   const { seconds } = state.course;
-  const now = state.error ? `Expected error ${short(state.error)}` : "";
+  const now = state.error ? `Average error ${percent(state.error)}` : "";
   const until = (error) => Math.exp((Math.log(error) - fit.at) / fit.slope) - seconds;
   if (!fit || !state.error) return now ? `${now}.` : "No estimate yet.";
   if (goal && state.error <= goal) return `${now}: the target is reached.`;
   const aim = goal || state.error / 2;
-  return `${now}. ${short(aim)} is expected in about ${clock(until(aim))}.`;
+  return `${now}. ${percent(aim)} is expected in about ${clock(until(aim))}.`;
 }
 
 // ── controls ──
@@ -529,7 +530,7 @@ function adopt() {
   phase.className = state.phase;
   stage.dataset.phase = state.phase;
   const { samples, seconds } = state.course;
-  const error = state.error ? `, error ${Number((100 * state.error).toPrecision(2))} %` : "";
+  const error = state.error ? `, error ${percent(state.error)}` : "";
   const flip = state.flip !== null ? `, FLIP ${short(state.flip)}` : "";
   $("compared").textContent = `${state.flip !== null ? `FLIP ${short(state.flip)}. ` : ""}The other picture gets the same time. Drag the border.`;
   $("numbers").textContent = samples ? `${samples} samples, ${seconds.toFixed(1)} s${error}${flip}` : "";
