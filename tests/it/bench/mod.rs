@@ -404,7 +404,7 @@ fn table_of_a_suite_may_be_named() {
     assert_eq!(table().spec.table, named(&folder.path().join("beta-0.001")));
 }
 
-/// Bodies overlap, which vcm does not know: it is marked, and the others are measured.
+/// Bodies overlap, which manifold sampling does not know: it is marked, and the others are measured.
 #[test]
 fn bench_leaves_out_a_method_that_a_scene_refuses() {
     let folder = tempfile::tempdir().unwrap();
@@ -421,7 +421,7 @@ fn bench_leaves_out_a_method_that_a_scene_refuses() {
     let suite = folder.path().join("suite.toml");
     let text = "seeds = 2\nsamples = [2]\n\
         [[scene]]\nname = 'balls'\nfile = 'balls.glb'\nsize = [16, 16]\nreference_spp = 4\n\
-        [[method]]\nname = 'merges'\nintegrator = 'vcm'\n\
+        [[method]]\nname = 'chains'\nintegrator = 'path'\nmanifold = 1\n\
         [[method]]\nname = 'plain'\n";
     std::fs::write(&suite, text).unwrap();
     let suite = Suite::load(&suite).unwrap();
@@ -430,8 +430,8 @@ fn bench_leaves_out_a_method_that_a_scene_refuses() {
     let (results, outcome) = run(&suite, &path, "opsr bench", &mut heard).unwrap();
     assert_eq!(outcome, Outcome::Done);
     assert_eq!(results.runs("balls", "plain").len(), 2);
-    assert_eq!(results.runs("balls", "merges").len(), 0);
-    let [("merges", why)] = results.refused("balls")[..] else {
+    assert_eq!(results.runs("balls", "chains").len(), 0);
+    let [("chains", why)] = results.refused("balls")[..] else {
         panic!("{:?}", results.refused("balls"));
     };
     assert!(why.contains("overlap"), "{why}");
@@ -439,9 +439,9 @@ fn bench_leaves_out_a_method_that_a_scene_refuses() {
     let results = Results::load(&path).unwrap();
     let text = summary::text(&results);
     assert!(
-        text.contains("merges is left out: the integrator vcm"),
+        text.contains("chains is left out: manifold sampling"),
         "{text}"
     );
     let page = opsr_lab::report::bench::page::page(&results);
-    assert!(page.contains("is left out: the integrator vcm"), "{page}");
+    assert!(page.contains("is left out: manifold sampling"), "{page}");
 }

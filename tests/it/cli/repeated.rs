@@ -61,8 +61,9 @@ fn layers(path: &Path) -> Layers {
 }
 
 /// What metadata hold beside the options.
-const NO_OPTIONS: [&str; 7] = [
+const NO_OPTIONS: [&str; 8] = [
     "mean_error",
+    "mean_relative_error",
     "missing_light",
     "refused_samples",
     "scene",
