@@ -21,7 +21,7 @@ use crate::math::{DVec3, Rgb};
 const KNOWN: f64 = 0.5;
 
 /// Mean absolute error of a pixel over the mean absolute noise that halves of its samples show: what both halves share, bias and
-/// light that neither has met, is the same share nearly everywhere. Measured in docs/lab/average_error.md.
+/// light that neither has met, is the same share nearly everywhere. The inverse of the median, measured in docs/lab/average_error.md.
 const SHARED: f64 = 1.65;
 
 /// The same over the noise that the variance of raw means shows, without blurs and roughening.

@@ -1,6 +1,6 @@
 //! Progress: a bar on a terminal, JSON lines for programs, or nothing.
 
-use super::ended::percent;
+use super::output::percent;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use opsr::integrator::drive::RenderProgress;

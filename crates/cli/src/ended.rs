@@ -3,7 +3,7 @@
 use super::bar::Style;
 use super::info;
 use super::listener::Closed;
-use super::output::note;
+use super::output::{note, percent};
 use super::render_args::RenderArgs;
 use opsr::image::film::{Film, Window};
 use opsr::math::Rgb;
@@ -133,6 +133,7 @@ impl Ended<'_> {
         let settings = settings.map(|(key, value)| (key.to_owned(), value.into()));
         let Window { x, y, w, h } = film.window;
         let finite = |x: f64| x.is_finite().then_some(x);
+        let stated = finished.statement();
         serde_json::json!({
             "version": env!("CARGO_PKG_VERSION"),
             "command": std::env::args().collect::<Vec<_>>().join(" "),
@@ -155,8 +156,8 @@ impl Ended<'_> {
             "seconds_of_earlier_runs": self.spent,
             "paths": self.paths(),
             "paths_per_second": finite(self.paths() as f64 / seconds),
-            "mean_relative_error": finite(finished.statement().mean),
-            "relative_error": finite(finished.statement().root),
+            "mean_relative_error": finite(stated.mean),
+            "relative_error": finite(stated.root),
             "mean_error": finished.mean_error().and_then(finite),
             "light_missing": finished.outcome.missing.as_ref().map(|m| {
                 serde_json::json!({ "share": m.share, "pixel": m.pixel.to_array(), "finder": m.finder.name() })
@@ -175,18 +176,4 @@ pub(super) fn average_error(statement: &Statement) -> String {
         mean if mean.is_finite() => format!(", average error {}", percent(mean)),
         _ => String::new(),
     }
-}
-
-/// A share as per cent, with two digits.
-pub(super) fn percent(share: f64) -> String {
-    let percent = 100.0 * share;
-    if !percent.is_finite() {
-        return "unknown".into();
-    }
-    let digits = match percent {
-        p if p >= 10.0 => 0,
-        p if p >= 1.0 => 1,
-        _ => 2,
-    };
-    format!("{percent:.digits$} %")
 }

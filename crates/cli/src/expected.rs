@@ -3,7 +3,6 @@
 use super::exit::Told;
 use opsr::image::film::Window;
 use opsr::integrator::bidirectional::Radius;
-use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::{Amounts, Picture, Recorded, Settings, View};
 use opsr::math::UVec2;
 use opsr::pilot::advise;
@@ -48,11 +47,11 @@ pub(super) fn expected(spec: &Spec, opened: &Opened) -> anyhow::Result<Value> {
     let view = View::new(scene, &camera, size, window);
     let mut picture = Picture::blank(size, window, &Amounts::Raw, Recorded::default())?;
     let kind = advise(scene).kind;
-    let by = |kind: IntegratorKind| Settings {
+    let settings = Settings {
         estimator: kind.estimator(Radius::default()),
         ..Settings::default()
     };
-    let mut integrator = by(kind).integrator();
+    let mut integrator = settings.integrator();
     integrator.prepare(&view);
     // The first pass fetches memory and starts threads.
     integrator.pass(&view, 0..1, &mut picture);

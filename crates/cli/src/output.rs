@@ -20,3 +20,17 @@ pub(super) fn print(text: impl AsRef<[u8]>) -> anyhow::Result<()> {
 pub(super) fn note(line: impl Display) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
+
+/// A share as per cent, with two digits.
+pub(super) fn percent(share: f64) -> String {
+    let percent = 100.0 * share;
+    if !percent.is_finite() {
+        return "unknown".into();
+    }
+    let digits = match percent {
+        p if p >= 10.0 => 0,
+        p if p >= 1.0 => 1,
+        _ => 2,
+    };
+    format!("{percent:.digits$} %")
+}
