@@ -77,6 +77,12 @@ plant "8 Fresnel with a difference of squares" src/bsdf/fresnel.rs \
 plant "9 sides by the shading normal" src/integrator/walk/shading_point.rs \
     's/light\.wi\.dot\(self\.surface\.ng\) \* wi\.z <= 0\.0/false/' \
     stability::cases_9_and_10_light_leaks
+plant "9 normals bent to the mirror horizon of the view" src/scene/normals.rs \
+    's/c \* least - s \*/c * least + s */' \
+    appearance::ripples_seen_from_low_are_not_black
+plant "9 rough lobes that graze the surface" src/scene/geometry.rs \
+    's/LEAST_ROUGH\n/LEAST_SMOOTH\n/' \
+    appearance::white_furnace_of_coarse_balls_shows_no_rim
 plant "10 rays that start on the surface" src/scene/geometry.rs \
     's/to_world\.error\(rounding \+ 1e-13 \* extent\)/0.0 * (rounding + 1e-13 * extent)/' \
     stability::case_10_scale_invariance

@@ -5,8 +5,9 @@ use super::instances::{Instances, Shared};
 use super::material::TextureRef;
 use super::material::may_vanish;
 use super::mesh::{attribute, mix};
-use super::normals::{lifted, normal_texel, perturbed, tangent};
+use super::normals::{LEAST_ROUGH, LEAST_SMOOTH, lifted, normal_texel, perturbed, tangent};
 use super::{Footprint, Hit, Mesh, SceneParts, Surface, TriangleId};
+use crate::bsdf::DELTA_ALPHA;
 use crate::math::{DVec3, Ray, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -49,7 +50,7 @@ pub(super) struct Triangle {
     /// Shading normals of the corners; zero where the mesh has none.
     normals: [Vec3; 3],
     /// Index of the material; [`TEXTURED`] if it needs texture coordinates, [`ONE_SIDED`] if only its front is seen, [`HIDDEN`]
-    /// if it is not seen at all.
+    /// if it is not seen at all, [`ROUGH`] if it is opaque and rough.
     material: u32,
     /// Index of the mesh.
     mesh: u32,
@@ -63,12 +64,13 @@ const TEXTURED: u32 = 1 << 31;
 /// Bit of [`Triangle::material`]: the camera does not see the back.
 const ONE_SIDED: u32 = 1 << 30;
 const HIDDEN: u32 = 1 << 29;
+const ROUGH: u32 = 1 << 28;
 
 impl Triangle {
     /// Index of the material.
     #[inline]
     fn material(&self) -> u32 {
-        self.material & !(TEXTURED | ONE_SIDED | HIDDEN)
+        self.material & !(TEXTURED | ONE_SIDED | HIDDEN | ROUGH)
     }
 
     /// Corners' indices in the triangle's mesh.
@@ -94,7 +96,11 @@ impl Triangle {
         let bit = |set: bool, bit: u32| if set { bit } else { 0 };
         let bits = bit(material.is_textured(), TEXTURED)
             | bit(material.hides_back(), ONE_SIDED)
-            | bit(material.is_hidden(), HIDDEN);
+            | bit(material.is_hidden(), HIDDEN)
+            | bit(
+                !material.transmits() && material.alpha >= DELTA_ALPHA,
+                ROUGH,
+            );
         Self {
             corners,
             ng: normal(a, b, c).normalize().as_vec3(),
@@ -710,6 +716,11 @@ impl Triangle {
             uv,
             triangle: hit.triangle,
             material: self.material(),
+            least_reflected: if self.material & ROUGH != 0 {
+                LEAST_ROUGH
+            } else {
+                LEAST_SMOOTH
+            },
             error: to_world.error(rounding + 1e-13 * extent),
         }
     }

@@ -361,7 +361,12 @@ impl Material {
 
     /// True if the surface bounds a body that light enters and leaves.
     pub fn bounds_body(&self) -> bool {
-        self.solid && self.transmission > 0.0 && self.metallic < 1.0
+        self.solid && self.transmits()
+    }
+
+    /// True if some of the light goes through the surface.
+    pub(crate) fn transmits(&self) -> bool {
+        self.transmission > 0.0 && self.metallic < 1.0
     }
 
     /// True if the surface bounds a body and does nothing else, where its index is that against what is outside.
@@ -371,10 +376,9 @@ impl Material {
 
     /// True if [`Scene::bsdf`](crate::scene::Scene::bsdf) chooses between two BSDFs somewhere on the surface.
     pub(crate) fn chooses_bsdf(&self) -> bool {
-        let transmits = self.transmission > 0.0 && self.metallic < 1.0;
         let always =
             self.transmission == 1.0 && self.transmission_texture.is_none() && self.metallic == 0.0;
-        transmits && !always || self.is_covered()
+        self.transmits() && !always || self.is_covered()
     }
 
     /// True if the surface does nothing to light but reflect and refract it, all colours alike.

@@ -67,6 +67,7 @@ impl Filling {
             uv: Vec2::ZERO,
             triangle: NO_TRIANGLE,
             material: self.phase,
+            least_reflected: 0.0,
             error: 0.0,
         }
     }

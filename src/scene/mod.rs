@@ -218,6 +218,8 @@ pub struct Surface {
     pub triangle: TriangleId,
     /// Index of the material.
     pub material: u32,
+    /// Cosine with `ng` that the mirror image of a direction about [`Surface::frame_for`]'s normal keeps.
+    pub least_reflected: f32,
     /// Distance from `position` along ±`ng` at which a ray is clear of this surface's rounding error.
     pub error: f32,
 }
@@ -684,19 +686,24 @@ impl Scene {
 
 impl Surface {
     /// Shading frame for light that leaves or arrives along `w`: its normal is `ns`, bent towards `ng` just so far that
-    /// `w` sees the same side of both.
+    /// the mirror image of `w` about it lies on the side of `w`.
     ///
     /// A BSDF's value is a function of the frame for the direction towards the camera; the density of a walk is one of
     /// the frame for the direction the walk came from. Where neither direction bends `ns` these are equal bit for bit.
     #[inline]
     pub fn frame_for(&self, w: Vec3) -> Frame {
-        Frame::from_normal(normals::bent(self.ns, self.ng, w))
+        Frame::from_normal(self.bent_normal(w))
+    }
+
+    #[inline]
+    fn bent_normal(&self, w: Vec3) -> Vec3 {
+        normals::bent(self.ns, self.ng, w, self.least_reflected)
     }
 
     /// [`Surface::frame_for`] `w`, bit for bit: hardly ever another than a frame for another direction, which is `known`.
     #[inline]
     pub(crate) fn frame_near(&self, known: &Frame, w: Vec3) -> Frame {
-        let n = normals::bent(self.ns, self.ng, w);
+        let n = self.bent_normal(w);
         if n == known.n {
             *known
         } else {

@@ -7,14 +7,15 @@ use opsr::bsdf::Bsdf;
 use opsr::math::{Ray, Rgb, Vec2, Vec3};
 use opsr::regularise::Rule;
 use opsr::scene::material::{AlphaMode, TextureRef};
-use opsr::scene::procedural::materials::{diffuse, emitter};
-use opsr::scene::procedural::shapes::quad;
+use opsr::scene::procedural::materials::{clearcoated, coated, diffuse, emitter, metal};
+use opsr::scene::procedural::shapes::{quad, sphere};
 use opsr::scene::texture::Wrap;
 use opsr::scene::{
     Environment, LightDensity, Material, Mesh, PunctualLight, Scene, SceneParts, Texture,
 };
 use opsr_lab::verify::chi_square;
 use std::f32::consts::PI;
+use std::f64::consts::FRAC_PI_2;
 
 /// A picture of these texels side by side.
 fn row(texels: &[[u8; 4]]) -> Texture {
@@ -427,4 +428,88 @@ fn light_density_of_lights_without_area_is_a_probability() {
     });
     seen.sort_by(f32::total_cmp);
     assert!(seen.iter().all(|p| [0.25, 0.75].contains(p)), "{seen:?}");
+}
+
+/// Balls of few facets with smooth normals, and no light lost at their edges: a white surrounding shows nothing of them.
+#[test]
+fn white_furnace_of_coarse_balls_shows_no_rim() {
+    let materials = [
+        ("mirror", metal("ball", Rgb::ONE, 0.0), 0.999),
+        ("metal", metal("ball", Rgb::ONE, 0.04), 0.9),
+        ("gloss", coated("ball", Rgb::ONE, 0.01), 0.9),
+        (
+            "coat",
+            clearcoated(metal("ball", Rgb::ONE, 0.04), 0.0),
+            0.85,
+        ),
+    ];
+    for (name, material, least) in materials {
+        for divisions in [1, 2] {
+            let mut parts = SceneParts::default();
+            parts.environment = Some(Environment::constant(Rgb::ONE));
+            parts.add(material.clone(), [sphere(Vec3::ZERO, 1.0, divisions)]);
+            parts.add_camera([0.0, 0.6, 5.0], [0.0; 3], 26.0);
+            let film = film(&scene(parts), Rule::Plain, 48, 256, 7);
+            let means = film.mean();
+            let darkest = means.pixels.iter().map(|p| p.y).fold(1.0, f32::min);
+            assert!(
+                darkest > least,
+                "{name}, {} faces: {darkest}",
+                20 << (2 * divisions)
+            );
+        }
+    }
+}
+
+/// Ripples of 10 degrees by a normal map, seen from low above them: a mirror loses nothing, and water reflects by Fresnel at the
+/// normal that its mirror direction allows.
+#[test]
+fn ripples_seen_from_low_are_not_black() {
+    let slope = |i: usize| 10f64.to_radians() * (4.0 * FRAC_PI_2 * i as f64 / 256.0).sin();
+    let texel = |i: usize| {
+        let encode = |x: f64| (127.5 + 127.5 * x).round() as u8;
+        [
+            encode(slope(i).sin()),
+            encode(0.0),
+            encode(slope(i).cos()),
+            255,
+        ]
+    };
+    // Schlick's form, as in [glTF §B.2.3].
+    let normal = (0.33f64 / 2.33).powi(2);
+    let fresnel = |incidence: f64| normal + (1.0 - normal) * (1.0 - incidence.cos()).powi(5);
+    for degrees in [5.0f64, 10.0, 20.0] {
+        let elevation = degrees.to_radians();
+        let least = 0.01f64.min(0.9 * elevation.sin()).asin();
+        // A normal that leans away by t shows the mirror image at the elevation less 2t.
+        let away = |t: f64| t.min(0.5 * (elevation - least));
+        let water = (0..256)
+            .map(|i| fresnel(FRAC_PI_2 - elevation + away(slope(i))))
+            .sum::<f64>()
+            / 256.0;
+        let mut sea = coated("water", Rgb::ZERO, 0.0);
+        sea.ior = 1.33;
+        for (material, expected) in [(metal("mirror", Rgb::ONE, 0.0), 1.0), (sea, water)] {
+            let mut parts = SceneParts::default();
+            parts.textures = vec![Texture::rgba(256, 1, (0..256).map(texel))];
+            parts.environment = Some(Environment::constant(Rgb::ONE));
+            let sea = Material {
+                normal_texture: map(0),
+                double_sided: true,
+                ..material
+            };
+            let mut plane = mapped(Vec3::new(-1.0, 0.0, -1.0), 2.0 * Vec3::Z, 2.0 * Vec3::X);
+            plane.uvs.iter_mut().for_each(|uv| uv.x *= 10.0);
+            parts.add(sea, [plane]);
+            // Six ripples of the plane fill the picture from below to above.
+            let (sin, cos) = (elevation.sin() as f32, elevation.cos() as f32);
+            let high = (1.2 * sin / 1000.0).to_degrees();
+            parts.add_camera([0.0, 1000.0 * sin, 1000.0 * cos], [0.0; 3], high);
+            let (mean, _) = mean(&film(&scene(parts), Rule::Plain, 48, 64, 1));
+            assert!(
+                (mean / expected - 1.0).abs() < 0.01,
+                "{degrees}: {mean}, expected {expected}"
+            );
+        }
+    }
 }
