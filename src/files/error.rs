@@ -24,6 +24,9 @@ pub enum Problem {
     /// The file cannot be written or the folder not made.
     #[error("cannot be written: {0}")]
     Write(io::Error),
+    /// Another process works on the file.
+    #[error("another process is using it")]
+    InUse,
     /// The content needs more memory than there is.
     #[error("{0}")]
     Memory(Shortage),
@@ -55,7 +58,7 @@ impl FileError {
 
     /// True if the place to write to is at fault, rather than the input.
     pub fn is_write(&self) -> bool {
-        matches!(self.problem, Problem::Write(_))
+        matches!(self.problem, Problem::Write(_) | Problem::InUse)
     }
 
     /// True if there is not enough memory for the content.

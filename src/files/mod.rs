@@ -4,6 +4,7 @@
 //! Both `{error}` and anyhow's `{error:#}` say everything once.
 
 mod error;
+mod lock;
 mod read;
 mod sealed;
 #[cfg(feature = "toml")]
@@ -11,6 +12,7 @@ mod toml;
 mod write;
 
 pub use error::{FileError, Problem};
+pub use lock::Claim;
 pub use read::briefly;
 pub(crate) use read::stream;
 pub use read::{read, read_text};

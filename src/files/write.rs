@@ -1,11 +1,12 @@
 //! Writes that leave either the old file or the new one, never half of one.
 
 use super::{FileError, Problem};
+use std::ffi::OsString;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 /// Destination of a write, links followed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -81,15 +82,58 @@ fn replace(
         Some(p) if !p.as_os_str().is_empty() => p,
         _ => Path::new("."),
     };
+    let prefix = prefix(&path);
+    remove_abandoned(folder, &prefix);
     let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix).suffix(SUFFIX).rand_bytes(RANDOM);
     // Temporary files are private by default; a result is an ordinary file, so the umask decides.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut file = builder.tempfile_in(folder)?;
+    // The lock marks a file that is being written. Where there are no locks, none are removed either.
+    let _ = file.as_file().try_lock();
     filled(file.as_file_mut(), fill)?;
     file.as_file().sync_all()?;
     file.persist(&path).map_err(|e| e.error)?;
     Ok(())
+}
+
+/// End of a temporary file's name.
+const SUFFIX: &str = ".part";
+
+/// Number of random characters of a temporary file's name.
+const RANDOM: usize = 6;
+
+/// Age from which on a temporary file without a lock was left by a process that was killed.
+const ABANDONED: Duration = Duration::from_secs(60);
+
+/// Beginning of the names of a file's temporary files: hidden, and no longer than names can be.
+fn prefix(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let short: String = name.chars().take(50).collect();
+    format!(".{short}.")
+}
+
+/// Removes the temporary files of a name that killed processes left.
+fn remove_abandoned(folder: &Path, prefix: &str) {
+    let length = prefix.len() + RANDOM + SUFFIX.len();
+    let is_temporary = |name: &OsString| {
+        let name = name.to_string_lossy();
+        name.len() == length && name.starts_with(prefix) && name.ends_with(SUFFIX)
+    };
+    let Ok(entries) = folder.read_dir() else {
+        return;
+    };
+    for entry in entries.flatten().filter(|e| is_temporary(&e.file_name())) {
+        let age = |m: std::fs::Metadata| SystemTime::now().duration_since(m.modified().ok()?).ok();
+        let (path, metadata) = (entry.path(), entry.metadata());
+        let is_file = metadata.as_ref().is_ok_and(std::fs::Metadata::is_file);
+        let is_old = metadata.ok().and_then(age).is_some_and(|a| a > ABANDONED);
+        if is_file && is_old && File::open(&path).is_ok_and(|f| f.try_lock().is_ok()) {
+            // What cannot be removed stays.
+            let _ = std::fs::remove_file(&path);
+        }
+    }
 }
 
 /// Writes behind what a stream already got.
@@ -132,6 +176,44 @@ fn filled(
 mod tests {
     use super::*;
     use std::os::unix::fs::symlink;
+
+    #[test]
+    fn write_removes_what_killed_writes_left_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let old = SystemTime::now() - 2 * ABANDONED;
+        let make = |name: &str, modified: SystemTime| {
+            let file = File::create(at(name)).unwrap();
+            file.set_modified(modified).unwrap();
+            file
+        };
+        let kept = [
+            ".a.png.ABCDEF.par",
+            ".a.png.ABCDEFG.part",
+            ".a.png.b.ABCDEF.part",
+            ".b.png.ABCDEF.part",
+            "a.png.ABCDEF.part",
+        ];
+        for name in kept {
+            make(name, old);
+        }
+        make(".a.png.young1.part", SystemTime::now());
+        let written = make(".a.png.locked.part", old);
+        written.lock().unwrap();
+        make(".a.png.ABCDEF.part", old);
+        write_bytes(&at("a.png"), b"picture").unwrap();
+        assert!(!at(".a.png.ABCDEF.part").exists());
+        let others = kept
+            .iter()
+            .chain(&[".a.png.young1.part", ".a.png.locked.part"]);
+        for name in others {
+            assert!(at(name).exists(), "{name}");
+        }
+        assert_eq!(folder.path().read_dir().unwrap().count(), kept.len() + 3);
+        assert_eq!(std::fs::read(at("a.png")).unwrap(), b"picture");
+        // Names as long as a file system allows.
+        write_bytes(&at(&"ä".repeat(127)), b"long").unwrap();
+    }
 
     #[test]
     fn target_follows_links_and_tells_streams_from_files() {

@@ -12,10 +12,23 @@ use crate::image::display::{Display, auto_exposure};
 use crate::integrator::Picture;
 use crate::resolve::resolve_film;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::time::SystemTime;
 
 /// The files that a picture is written to.
 pub struct Outputs {
     files: Vec<PathBuf>,
+    /// What each file was when it was looked at last.
+    versions: Mutex<Vec<Option<Version>>>,
+}
+
+/// Time of the last change of a file, and its length.
+type Version = (SystemTime, u64);
+
+/// The version of a file that is there.
+fn version(file: &PathBuf) -> Option<Version> {
+    let metadata = file.metadata().ok().filter(std::fs::Metadata::is_file)?;
+    Some((metadata.modified().ok()?, metadata.len()))
 }
 
 /// Format of a picture's file.
@@ -122,6 +135,7 @@ impl Outputs {
         }
         Ok(Self {
             files: files.to_vec(),
+            versions: Mutex::new(files.iter().map(version).collect()),
         })
     }
 
@@ -137,9 +151,23 @@ impl Outputs {
         self.files.iter().any(is_png)
     }
 
+    /// The files that another program has made or changed since they were checked or written.
+    pub fn changed(&self) -> Vec<PathBuf> {
+        let versions = self.versions.lock().unwrap_or_else(|e| e.into_inner());
+        let pairs = self.files.iter().zip(versions.iter());
+        let changed = pairs.filter(|(file, known)| version(file) != **known);
+        changed.map(|(file, _)| file.clone()).collect()
+    }
+
     /// Writes every file, each whole or not at all; fails with the first failure, after the other files are written.
     pub fn write(&self, finished: &Finished<'_>) -> Result<(), Fault> {
-        let failures = self.files.iter().map(|file| finished.save(file));
+        let mut versions = self.versions.lock().unwrap_or_else(|e| e.into_inner());
+        let save = |(file, known): (&PathBuf, &mut Option<Version>)| {
+            let saved = finished.save(file);
+            *known = version(file);
+            saved
+        };
+        let failures = self.files.iter().zip(versions.iter_mut()).map(save);
         // All of them, not those up to the first failure.
         let failures: Vec<_> = failures.filter_map(Result::err).collect();
         failures.into_iter().next().map_or(Ok(()), Err)
@@ -170,8 +198,8 @@ pub fn can_write(file: &Path) -> Result<(), Fault> {
         };
         return Err(Fault::Output(format!("{}: {what}", folder.display())));
     }
-    // The same kind of file that a result is before it takes its name; it goes away at once.
-    match tempfile::NamedTempFile::new_in(folder) {
+    // A file without a name, where there are such: nothing is left of it.
+    match tempfile::tempfile_in(folder) {
         Ok(_) => Ok(()),
         Err(error) => Err(Fault::Output(format!("{}: {error}", target.display()))),
     }

@@ -136,6 +136,18 @@ impl Place {
     /// Runs the program until a file is there, then sends it a signal.
     #[cfg(unix)]
     pub(crate) fn signalled(&self, signal: &str, args: &str, file: &str) -> Ended {
+        self.meanwhile(signal, args, file, || {})
+    }
+
+    /// Runs the program until a file is there, does something beside it, then sends it a signal.
+    #[cfg(unix)]
+    pub(crate) fn meanwhile(
+        &self,
+        signal: &str,
+        args: &str,
+        file: &str,
+        beside: impl FnOnce(),
+    ) -> Ended {
         let mut command = self.command(env!("CARGO_BIN_EXE_opsr"));
         let command = command.args(args.split_whitespace());
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -145,6 +157,7 @@ impl Place {
             assert!(ended.is_none(), "it ended by itself");
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
+        beside();
         let id = child.id().to_string();
         let kill = Command::new("kill").args(["-s", signal, &id]).status();
         assert!(kill.expect("kill").success());

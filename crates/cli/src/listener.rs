@@ -13,6 +13,7 @@ use opsr::image::metric::mean_relative_error;
 use opsr::integrator::Picture;
 use opsr::integrator::drive::RenderProgress;
 use opsr::pilot::witness::Missing;
+use opsr::render::fault::Fault;
 use opsr::render::files::Outputs;
 use opsr::render::{Finished, Outcome, Output, Request};
 use opsr::resolve::stated_error;
@@ -105,7 +106,7 @@ impl<'a> Listener<'a> {
         self.bar.finish();
         let kept = self.checkpoint(progress, picture);
         let finished = self.finished(picture, progress, output.missing.as_ref())?;
-        let written = self.run.outputs.write(&finished);
+        let written = self.write(&finished);
         let unwritten = written.err().map(|fault| failure(&fault).into());
         let shown = &finished.shown.picture;
         let true_error = (self.truth.as_ref()).and_then(|truth| truth.error(shown));
@@ -159,7 +160,7 @@ impl<'a> Listener<'a> {
         let unwritten = match args.save_every {
             Some(_) => {
                 let finished = self.finished(picture, progress, None)?;
-                self.run.outputs.write(&finished).err()
+                self.write(&finished).err()
             }
             None => None,
         };
@@ -186,6 +187,15 @@ impl<'a> Listener<'a> {
             metadata.insert("threads".into(), threads.to_string());
         }
         outcome.finish(self.run.denoiser).told()
+    }
+
+    /// Writes the picture's files; a warning names those that another program changed.
+    fn write(&self, finished: &Finished<'_>) -> Result<(), Fault> {
+        for file in self.run.outputs.changed() {
+            let what = "was changed by another program during this render, and is replaced";
+            tracing::warn!("{}: {what}", file.display());
+        }
+        self.run.outputs.write(finished)
     }
 
     fn checkpoint(&self, progress: &RenderProgress, picture: &Picture) -> anyhow::Result<()> {

@@ -11,7 +11,7 @@ use super::threads::set_threads;
 use super::{part, trace};
 use anyhow::anyhow;
 use opsr::bsdf::Distribution;
-use opsr::files;
+use opsr::files::{self, Claim};
 use opsr::image::denoise::Denoiser;
 use opsr::image::level_film::LevelFilm;
 use opsr::integrator::Picture;
@@ -46,6 +46,12 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         can_write(path).told()?;
     }
     check_files(args, &spec, &[])?;
+    let _claim = args
+        .checkpoint
+        .as_deref()
+        .map(Claim::on)
+        .transpose()
+        .output()?;
     set_threads(args.threads)?;
     let stop = Stop::listen();
     // While inputs are read Ctrl-C ends the program at once.

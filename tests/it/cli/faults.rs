@@ -316,3 +316,45 @@ fn a_black_picture_of_a_lit_scene_is_named() {
     assert!(render("--crop 0,0,1,1").contains("the picture is black"));
     assert!(!render("").contains("the picture is black"));
 }
+
+/// Two renders that would save into one checkpoint are one: the second is refused, and the first is as without it.
+#[test]
+#[cfg(unix)]
+fn checkpoint_in_use_is_refused() {
+    let place = Place::new();
+    let args = "render scene.glb --size 32x32 --spp 1000000 --progress none --save-every 20ms --checkpoint a.ckpt -o out.exr";
+    let mut second = None;
+    let first = place.meanwhile("INT", args, "a.ckpt", || {
+        second = Some(place.render("--spp 1 --checkpoint a.ckpt -o second.exr"));
+    });
+    assert_eq!(first.code, Some(5), "{}", first.err);
+    let second = second.expect("a second render");
+    assert_eq!(second.code, Some(4), "{}", second.err);
+    let words = "a.ckpt: another process is using it";
+    assert!(second.err.contains(words), "{}", second.err);
+    let files: Vec<String> = place.files().into_keys().collect();
+    assert_eq!(files, ["a.ckpt", "out.exr", "scene.glb"]);
+    // It is free again.
+    let args = "render scene.glb --size 32x32 --time 10ms --checkpoint a.ckpt --resume -o out.exr";
+    place.opsr(args).done();
+}
+
+/// A picture that another program changes during a render is replaced with a warning that names it.
+#[test]
+#[cfg(unix)]
+fn picture_changed_during_a_render_is_named() {
+    let place = Place::new();
+    let args = "render scene.glb --size 32x32 --spp 1000000 --progress none --save-every 10s --log seen.csv -o out.exr -o out.png";
+    let ended = place.meanwhile("INT", args, "seen.csv", || {
+        place.write("out.png", "another picture");
+    });
+    assert_eq!(ended.code, Some(5), "{}", ended.err);
+    let words = "out.png: was changed by another program";
+    assert!(ended.err.contains(words), "{}", ended.err);
+    assert!(!ended.err.contains("out.exr: was"), "{}", ended.err);
+    // Its own saves are none.
+    let args =
+        "render scene.glb --size 16x16 --spp 400 --progress none --save-every 1ms -o out.png";
+    let ended = place.opsr(args).done();
+    assert!(!ended.err.contains("was changed"), "{}", ended.err);
+}

@@ -12,7 +12,7 @@ use anyhow::anyhow;
 use clap::Args;
 use display::ProgressDisplay;
 use log::MetricsLog;
-use opsr::files;
+use opsr::files::{self, Claim};
 use opsr::regularise::file::{TableFile, save as save_table_file};
 use opsr::regularise::{AttenuationTable, Lookup};
 use opsr_lab::report::training::{CropScores, LearnedTable, Report};
@@ -171,6 +171,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<Exit> {
     for dir in [&run, &args.out] {
         files::create_folder(dir).output()?;
     }
+    let _claim = Claim::on(&run).output()?;
     save(&run.join("config.toml"), &config.to_toml()?)?;
 
     let progress = ProgressDisplay::new(args.progress, config.steps);
