@@ -337,7 +337,7 @@ options! {
     /// path. Of several levels the one that suits it is denoised, and mixed with the picture of every pixel's level by the errors
     /// of both. EXR files keep the picture before it as the layer `noisy`.
     denoise: bool, Files { common: true, of_film: true }
-    /// Brightness of PNG files in stops. `auto` puts the 95th percentile of the luminance at 80 % of white, and brightens nothing
+    /// Brightness of PNG files in stops. `auto` puts the 90th percentile of the luminance at 65 % of white, and brightens nothing
     /// in the built-in studio; `none` is 0.
     exposure: Exposure, Files { value: "STOPS|auto|none", default: Some("auto"), effect: Effect::Files, of_film: true, common: true }
     /// View transform of PNG files.
