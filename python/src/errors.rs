@@ -11,7 +11,7 @@ pub(crate) fn file(error: FileError) -> PyErr {
     let text = error.to_string();
     match error.problem {
         _ if error.is_missing() => PyFileNotFoundError::new_err(text),
-        Problem::Read(_) | Problem::Write(_) => PyOSError::new_err(text),
+        Problem::Read(_) | Problem::Write(_) | Problem::InUse => PyOSError::new_err(text),
         Problem::Content(_) => PyValueError::new_err(text),
         Problem::Memory(_) => PyMemoryError::new_err(text),
     }

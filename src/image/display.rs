@@ -211,7 +211,7 @@ mod tests {
             let noisy = Buffer::from_fn(300, 200, |x, y| {
                 let mixed = (x as u64 * 0x9E37_79B9 + y as u64 * 0x85EB_CA77)
                     .wrapping_mul(0xBF58_476D_1CE4_E5B9);
-                let lit = (mixed >> 40) % one_of == 0;
+                let lit = (mixed >> 40).is_multiple_of(one_of);
                 Rgb::splat(room(x) * if lit { one_of as f32 } else { 0.0 })
             });
             let (a, b) = (auto_exposure(&clean), auto_exposure(&noisy));

@@ -26,7 +26,7 @@ pub struct Outputs {
 type Version = (SystemTime, u64);
 
 /// The version of a file that is there.
-fn version(file: &PathBuf) -> Option<Version> {
+fn version(file: &Path) -> Option<Version> {
     let metadata = file.metadata().ok().filter(std::fs::Metadata::is_file)?;
     Some((metadata.modified().ok()?, metadata.len()))
 }
@@ -135,7 +135,7 @@ impl Outputs {
         }
         Ok(Self {
             files: files.to_vec(),
-            versions: Mutex::new(files.iter().map(version).collect()),
+            versions: Mutex::new(files.iter().map(|file| version(file)).collect()),
         })
     }
 

@@ -430,6 +430,14 @@ fn light_density_of_lights_without_area_is_a_probability() {
     assert!(seen.iter().all(|p| [0.25, 0.75].contains(p)), "{seen:?}");
 }
 
+/// Nothing in a white surrounding.
+fn white() -> SceneParts {
+    SceneParts {
+        environment: Some(Environment::constant(Rgb::ONE)),
+        ..SceneParts::default()
+    }
+}
+
 /// Balls of few facets with smooth normals, and no light lost at their edges: a white surrounding shows nothing of them.
 #[test]
 fn white_furnace_of_coarse_balls_shows_no_rim() {
@@ -445,8 +453,7 @@ fn white_furnace_of_coarse_balls_shows_no_rim() {
     ];
     for (name, material, least) in materials {
         for divisions in [1, 2] {
-            let mut parts = SceneParts::default();
-            parts.environment = Some(Environment::constant(Rgb::ONE));
+            let mut parts = white();
             parts.add(material.clone(), [sphere(Vec3::ZERO, 1.0, divisions)]);
             parts.add_camera([0.0, 0.6, 5.0], [0.0; 3], 26.0);
             let film = film(&scene(parts), Rule::Plain, 48, 256, 7);
@@ -490,9 +497,8 @@ fn ripples_seen_from_low_are_not_black() {
         let mut sea = coated("water", Rgb::ZERO, 0.0);
         sea.ior = 1.33;
         for (material, expected) in [(metal("mirror", Rgb::ONE, 0.0), 1.0), (sea, water)] {
-            let mut parts = SceneParts::default();
+            let mut parts = white();
             parts.textures = vec![Texture::rgba(256, 1, (0..256).map(texel))];
-            parts.environment = Some(Environment::constant(Rgb::ONE));
             let sea = Material {
                 normal_texture: map(0),
                 double_sided: true,
