@@ -78,7 +78,7 @@ plant "9 sides by the shading normal" src/integrator/walk/shading_point.rs \
     's/light\.wi\.dot\(self\.surface\.ng\) \* wi\.z <= 0\.0/false/' \
     stability::cases_9_and_10_light_leaks
 plant "9 normals bent to the mirror horizon of the view" src/scene/normals.rs \
-    's/c \* least - s \*/c * least + s */' \
+    's/\(c \+ least\) \* ng/(c - least) * ng/' \
     appearance::ripples_seen_from_low_are_not_black
 plant "9 rough lobes that graze the surface" src/scene/geometry.rs \
     's/LEAST_ROUGH\n/LEAST_SMOOTH\n/' \

@@ -18,7 +18,7 @@ use std::time::SystemTime;
 /// The files that a picture is written to.
 pub struct Outputs {
     files: Vec<PathBuf>,
-    /// What each file was when it was looked at last.
+    /// Version of each file when it was checked or written last.
     versions: Mutex<Vec<Option<Version>>>,
 }
 
