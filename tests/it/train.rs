@@ -1,5 +1,6 @@
 //! The trainer: moments and gradients of its three evaluations against renders, finite differences and one another.
 
+mod adam;
 mod fresh;
 mod learning;
 mod loss;
