@@ -3,7 +3,7 @@
 use crate::errors::{argument, file};
 use crate::options::threads as threads_of;
 use crate::table::json;
-use crate::work::{Hear, goes_on, watched};
+use crate::work::{OnEvent, goes_on, watched};
 use opsr_lab::report::bench::{BenchError, Outcome, Status, Suite, run};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -41,14 +41,15 @@ pub(crate) fn bench<'py>(
         }
         suite.scenes.retain(|scene| names.contains(&scene.name));
     }
-    let mut hear = on_progress.map(|call| {
+    let mut on_event = on_progress.map(|call| {
         move |py: Python<'_>, (what, done, total): (String, usize, usize)| {
             let answer = call.call1(py, (what, done, total))?;
             Ok(goes_on(answer.bind(py)))
         }
     });
-    let hear: Hear<'_, (String, usize, usize)> = hear.as_mut().map(|hear| hear as _);
-    let results = watched(py, threads_of(threads)?, hear, |link| {
+    let on_event: OnEvent<'_, (String, usize, usize)> =
+        on_event.as_mut().map(|on_event| on_event as _);
+    let results = watched(py, threads_of(threads)?, on_event, |link| {
         let listener =
             &mut |status: &Status| link.tell(|| (status.what.clone(), status.done, status.total));
         let (mut results, outcome) = run(&suite, &output, "opsr.bench", listener)?;

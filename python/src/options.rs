@@ -39,8 +39,8 @@ pub(crate) fn of_view(option: &Opt) -> bool {
 pub(crate) fn raised(fault: Fault) -> PyErr {
     match fault {
         Fault::File(error) => file(error),
-        Fault::Memory(..) => PyMemoryError::new_err(fault.said(Names::Keys)),
-        fault => PyValueError::new_err(fault.said(Names::Keys)),
+        Fault::Memory(..) => PyMemoryError::new_err(fault.message(Names::Keys)),
+        fault => PyValueError::new_err(fault.message(Names::Keys)),
     }
 }
 

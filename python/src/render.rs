@@ -4,7 +4,7 @@ use crate::errors::{argument, file};
 use crate::film::Film;
 use crate::options::{count, of_render, raised, read, threads as threads_of};
 use crate::scene::Scene;
-use crate::work::{Hear, goes_on, watched};
+use crate::work::{OnEvent, goes_on, watched};
 use opsr::image::denoise::Denoiser;
 use opsr::image::exr::Metadata;
 use opsr::image::film::Window;
@@ -115,17 +115,17 @@ pub(crate) fn render(
     let name = scene.path.display().to_string();
     let mut request = Request::new(&spec, subject(scene, &name), None).map_err(raised)?;
     let denoiser = spec.denoiser().map_err(raised)?;
-    let mut hear = on_progress.map(|call| {
+    let mut on_event = on_progress.map(|call| {
         move |py: Python<'_>, progress: RenderProgress| {
             let answer = call.call1(py, (Progress::from(progress),))?;
             Ok(goes_on(answer.bind(py)))
         }
     });
-    let hear: Hear<'_, RenderProgress> = hear.as_mut().map(|hear| hear as _);
+    let on_event: OnEvent<'_, RenderProgress> = on_event.as_mut().map(|on_event| on_event as _);
     if let Some(path) = part {
         let samples = samples.map(range).transpose()?;
         let samples = samples.unwrap_or(request.all_samples());
-        let done = watched(py, threads, hear, |link| {
+        let done = watched(py, threads, on_event, |link| {
             let listen = &mut |progress: &RenderProgress| link.tell(|| *progress);
             if request.choose(&|| !link.stopped())?.is_break() {
                 return Ok(false);
@@ -142,7 +142,7 @@ pub(crate) fn render(
             return Err(argument(name, "needs a part to write"));
         }
     }
-    let made = watched(py, threads, hear, |link| {
+    let made = watched(py, threads, on_event, |link| {
         let begun = request.begin(&|| !link.stopped())?;
         let Some(begun) = begun else {
             return Ok(None);

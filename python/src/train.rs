@@ -3,7 +3,7 @@
 use crate::errors::{argument, file};
 use crate::options::threads as threads_of;
 use crate::table::{Table, json};
-use crate::work::{Hear, Link, goes_on, watched};
+use crate::work::{Link, OnEvent, goes_on, watched};
 use opsr::files::create_folder;
 use opsr::regularise::file::TableFile;
 use opsr_train::config::{Config, ConfigError, Preset};
@@ -55,7 +55,7 @@ pub(crate) fn train(
     threads: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Vec<Table>> {
     let config = settings(config)?;
-    let mut hear = on_step.map(|call| {
+    let mut on_event = on_step.map(|call| {
         move |py: Python<'_>, (beta, step, loss, log): Event| {
             let log = log.map(|log| json(py, log)).transpose()?;
             let step = Step {
@@ -68,8 +68,8 @@ pub(crate) fn train(
             Ok(goes_on(answer.bind(py)))
         }
     });
-    let hear: Hear<'_, Event> = hear.as_mut().map(|hear| hear as _);
-    let tables = watched(py, threads_of(threads)?, hear, |link| {
+    let on_event: OnEvent<'_, Event> = on_event.as_mut().map(|on_event| on_event as _);
+    let tables = watched(py, threads_of(threads)?, on_event, |link| {
         let mut session = Session::open(config, &control(recordings, link))?;
         let mut tables = Vec::new();
         for beta in session.config.beta.clone() {

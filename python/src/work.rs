@@ -14,14 +14,15 @@ use std::time::Duration;
 const INTERVAL: Duration = Duration::from_millis(50);
 
 /// A callback for events of type `E`: false asks the work to stop.
-pub(crate) type Hear<'a, E> = Option<&'a mut (dyn FnMut(Python<'_>, E) -> PyResult<bool> + Send)>;
+pub(crate) type OnEvent<'a, E> =
+    Option<&'a mut (dyn FnMut(Python<'_>, E) -> PyResult<bool> + Send)>;
 
 /// The end of the work at which it tells of events and learns that it shall stop.
 pub(crate) struct Link<E> {
     /// Set when the work shall stop.
     pub(crate) stop: Arc<AtomicBool>,
     /// Channels of events to a callback and of its answers.
-    heard: Option<(SyncSender<E>, Receiver<()>)>,
+    callback: Option<(SyncSender<E>, Receiver<()>)>,
     /// Open as long as the work goes on.
     _open: SyncSender<E>,
 }
@@ -34,7 +35,7 @@ impl<E> Link<E> {
 
     /// Waits for the callback, if there is one; breaks if the work shall stop.
     pub(crate) fn tell(&self, event: impl FnOnce() -> E) -> ControlFlow<()> {
-        if let Some((events, answers)) = &self.heard
+        if let Some((events, answers)) = &self.callback
             && events.send(event()).is_ok()
         {
             // Without an answer the other end is gone, which has set `stop`.
@@ -52,13 +53,13 @@ pub(crate) fn goes_on(answer: &Bound<'_, PyAny>) -> bool {
     answer.is_none() || answer.extract::<bool>().unwrap_or(true)
 }
 
-/// Does work in a pool of this many threads, all cores by default, while this thread looks for signals and calls `hear`.
+/// Does work in a pool of this many threads, all cores by default, while this thread looks for signals and calls `on_event`.
 ///
 /// The pool ends with the work: a process that was forked later has all that it needs to work itself.
 pub(crate) fn watched<E: Send, T: Send>(
     py: Python<'_>,
     threads: Option<u16>,
-    mut hear: Hear<'_, E>,
+    mut on_event: OnEvent<'_, E>,
     work: impl FnOnce(&Link<E>) -> T + Send,
 ) -> PyResult<T> {
     if threads == Some(0) {
@@ -70,11 +71,11 @@ pub(crate) fn watched<E: Send, T: Send>(
     })?;
     py.detach(|| {
         let stop = Arc::new(AtomicBool::new(false));
-        let (events, heard) = sync_channel(0);
+        let (events, received) = sync_channel(0);
         let (answer, answers) = sync_channel(1);
         let link = Link {
             stop: stop.clone(),
-            heard: hear.is_some().then(|| (events.clone(), answers)),
+            callback: on_event.is_some().then(|| (events.clone(), answers)),
             _open: events,
         };
         let (mut result, mut error) = (None, None);
@@ -84,7 +85,7 @@ pub(crate) fn watched<E: Send, T: Send>(
                 *made = Some(work(&link));
             });
             loop {
-                let event = match heard.recv_timeout(INTERVAL) {
+                let event = match received.recv_timeout(INTERVAL) {
                     Ok(event) => Some(event),
                     Err(RecvTimeoutError::Timeout) => None,
                     Err(RecvTimeoutError::Disconnected) => return,
@@ -92,8 +93,8 @@ pub(crate) fn watched<E: Send, T: Send>(
                 let waits = event.is_some();
                 let answered = Python::attach(|py| {
                     py.check_signals()?;
-                    match (event, &mut hear) {
-                        (Some(event), Some(hear)) => hear(py, event),
+                    match (event, &mut on_event) {
+                        (Some(event), Some(on_event)) => on_event(py, event),
                         _ => Ok(true),
                     }
                 });

@@ -146,8 +146,8 @@ impl Part {
                 samples,
                 ..Budget::default()
             };
-            let heard = &mut |progress: &RenderProgress, _: &Picture| listen(progress);
-            let (progress, _) = drive(integrator, view, &budget, done, &mut picture, heard);
+            let on_pass = &mut |progress: &RenderProgress, _: &Picture| listen(progress);
+            let (progress, _) = drive(integrator, view, &budget, done, &mut picture, on_pass);
             if progress.samples < end {
                 return Ok(false);
             }

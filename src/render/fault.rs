@@ -78,12 +78,12 @@ impl Fault {
     pub fn reason(&self, names: Names) -> String {
         match self {
             Self::Option { why, .. } => spelt(why, names),
-            _ => self.said(names),
+            _ => self.message(names),
         }
     }
 
     /// The message with options by these names.
-    pub fn said(&self, names: Names) -> String {
+    pub fn message(&self, names: Names) -> String {
         match self {
             Self::Option { name, why } => match names {
                 // A suite and Python name their argument first.
@@ -103,7 +103,7 @@ impl Fault {
 
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.said(Names::Keys))
+        f.write_str(&self.message(Names::Keys))
     }
 }
 

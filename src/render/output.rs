@@ -127,7 +127,7 @@ impl Request<'_> {
         path: &Path,
         samples: Range<u32>,
         begun: Option<&Path>,
-        hear: &mut dyn FnMut(&RenderProgress) -> ControlFlow<()>,
+        on_pass: &mut dyn FnMut(&RenderProgress) -> ControlFlow<()>,
     ) -> Result<bool, Fault> {
         Self::check_part(&self.spec)?;
         let view = self.view();
@@ -138,7 +138,7 @@ impl Request<'_> {
         part.layers = self.spec.aovs().iter().map(|aov| aov.name()).collect();
         part.metadata = self.metadata(0, 0);
         let integrator = &mut *self.settings.integrator();
-        Ok(part.render_on(begun, path, integrator, &view, hear)?)
+        Ok(part.render_on(begun, path, integrator, &view, on_pass)?)
     }
 
     /// The command that renders the pixel of a refused sample again, up to that sample.

@@ -97,14 +97,17 @@ pub struct Output {
 }
 
 /// Function that is called after each pass with the picture so far, and can end the render.
-pub type Hear<'a> = &'a mut dyn FnMut(&RenderProgress, &Picture) -> ControlFlow<()>;
+pub type OnPass<'a> = &'a mut dyn FnMut(&RenderProgress, &Picture) -> ControlFlow<()>;
 
 /// Runs a render: the pilot, if the integrator is `auto`, and all passes.
-pub fn run<'a>(mut request: Request<'a>, hear: Hear<'_>) -> Result<(Request<'a>, Output), Fault> {
+pub fn run<'a>(
+    mut request: Request<'a>,
+    on_pass: OnPass<'_>,
+) -> Result<(Request<'a>, Output), Fault> {
     let begun = request.begin(&|| true)?;
     // No one has stopped it.
     let begun = begun.ok_or_else(|| Fault::usage("stopped before the first sample"))?;
-    let output = request.render(begun, None, hear);
+    let output = request.render(begun, None, on_pass);
     Ok((request, output))
 }
 
@@ -455,7 +458,7 @@ impl<'a> Request<'a> {
     /// Renders until the budget is spent or the listener breaks.
     ///
     /// A flag that is set ends it between tiles or chains.
-    pub fn render(&self, begun: Begun, asked: Option<&AtomicBool>, hear: Hear<'_>) -> Output {
+    pub fn render(&self, begun: Begun, asked: Option<&AtomicBool>, on_pass: OnPass<'_>) -> Output {
         let Begun {
             mut picture,
             start,
@@ -468,7 +471,14 @@ impl<'a> Request<'a> {
         if let Some(ends) = &ends {
             view = view.until(ends);
         }
-        let (progress, reason) = drive(&mut *integrator, &view, &budget, start, &mut picture, hear);
+        let (progress, reason) = drive(
+            &mut *integrator,
+            &view,
+            &budget,
+            start,
+            &mut picture,
+            on_pass,
+        );
         let missing = missing_light(&view, &self.settings, &picture, progress.samples);
         Output {
             picture,

@@ -521,8 +521,11 @@ fn options_are_named_as_their_reader_names_them() {
     spec.set("consistent", &0.2.into()).expect("a value");
     let fault = spec.check().expect_err("no factors");
     assert_eq!(
-        fault.said(Names::Flags),
+        fault.message(Names::Flags),
         "--consistent: needs --opsr-table or --gamma"
     );
-    assert_eq!(fault.said(Names::Keys), "consistent: needs table or gamma");
+    assert_eq!(
+        fault.message(Names::Keys),
+        "consistent: needs table or gamma"
+    );
 }

@@ -16,7 +16,7 @@ use opsr_lab::report::compare::{Comparison, Named, Options, compare_with, cut_to
 use opsr_lab::report::page;
 use opsr_lab::stats::agreement;
 
-use super::exit::{Blame, Exit, Told};
+use super::exit::{Blame, Exit, IntoExit};
 use super::output::{note, print};
 
 /// Compare pictures with a reference: MSE, relMSE, MAPE, FLIP and HDR-FLIP.
@@ -86,7 +86,7 @@ pub(super) fn run(args: &CompareArgs) -> anyhow::Result<Exit> {
         .map(PathBuf::as_path)
         .collect();
     let inputs: Vec<&Path> = args.files.iter().map(PathBuf::as_path).collect();
-    check_distinct(outputs, inputs).told()?;
+    check_distinct(outputs, inputs).into_exit()?;
     let layer = args.layer.as_deref();
     let mut pictures = args
         .files

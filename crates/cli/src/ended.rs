@@ -2,7 +2,7 @@
 
 use super::bar::Style;
 use super::info;
-use super::listener::Closed;
+use super::listener::Saved;
 use super::output::{note, percent};
 use super::render_args::RenderArgs;
 use opsr::image::film::{Film, Window};
@@ -22,7 +22,7 @@ pub(super) struct Ended<'a> {
     pub(super) start: u32,
     /// Seconds of earlier runs.
     pub(super) spent: f64,
-    pub(super) closed: &'a Closed<'a>,
+    pub(super) saved: &'a Saved<'a>,
 }
 
 impl Ended<'_> {
@@ -41,7 +41,7 @@ impl Ended<'_> {
 
     /// Files that were written, with the statistics of the render.
     fn summary(&self, outputs: &Outputs) -> String {
-        let (finished, names) = (&self.closed.finished, outputs.names());
+        let (finished, names) = (&self.saved.finished, outputs.names());
         let seconds = self.seconds();
         let rate = match self.paths() {
             0 if self.output.progress.samples == 0 => "a part of the first sample".to_owned(),
@@ -75,7 +75,7 @@ impl Ended<'_> {
         if let Some(missing) = &finished.outcome.missing {
             error += &format!(", {missing}");
         }
-        let truth = self.closed.true_error;
+        let truth = self.saved.true_error;
         let truth = truth.map_or(String::new(), |e| format!(", true error {}", percent(e)));
         let Window { w, h, .. } = self.film().window;
         let spp = self.output.progress.samples;
@@ -102,7 +102,7 @@ impl Ended<'_> {
                 f32::MAX
             );
         }
-        let shown = &self.closed.finished.shown.picture;
+        let shown = &self.saved.finished.shown.picture;
         let black = shown.pixels.iter().all(|p| *p == Rgb::ZERO);
         if black && !self.opened.scene.lights().is_empty() {
             tracing::warn!(
@@ -127,7 +127,7 @@ impl Ended<'_> {
     /// Statistics for programs.
     pub(super) fn statistics(&self, outputs: &Outputs) -> serde_json::Value {
         let (film, seconds) = (self.film(), self.seconds());
-        let finished = &self.closed.finished;
+        let finished = &self.saved.finished;
         let scene = &self.opened.scene;
         let settings = self.request.choices().into_iter();
         let settings = settings.map(|(key, value)| (key.to_owned(), value.into()));
@@ -162,7 +162,7 @@ impl Ended<'_> {
             "light_missing": finished.outcome.missing.as_ref().map(|m| {
                 serde_json::json!({ "share": m.share, "pixel": m.pixel.to_array(), "finder": m.finder.name() })
             }),
-            "true_error": self.closed.true_error.and_then(finite),
+            "true_error": self.saved.true_error.and_then(finite),
             "exposure": outputs.has_png().then(|| finished.display().exposure),
             "refused": { "nan": film.rejected.nan, "infinite": film.rejected.infinite },
             "clipped_variances": film.clipped_variances(),

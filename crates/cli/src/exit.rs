@@ -80,13 +80,13 @@ fn is_shortage(error: &anyhow::Error) -> bool {
 }
 
 /// Tells a fault of a render with options as the command line names them.
-pub(super) trait Told<T> {
+pub(super) trait IntoExit<T> {
     /// The error with the exit code of its cause.
-    fn told(self) -> anyhow::Result<T>;
+    fn into_exit(self) -> anyhow::Result<T>;
 }
 
-impl<T> Told<T> for Result<T, Fault> {
-    fn told(self) -> anyhow::Result<T> {
+impl<T> IntoExit<T> for Result<T, Fault> {
+    fn into_exit(self) -> anyhow::Result<T> {
         self.map_err(|fault| failure(&fault).into())
     }
 }
@@ -99,5 +99,5 @@ pub(super) fn failure(fault: &Fault) -> Failure {
         Cause::Output => Exit::Output,
         Cause::Memory => Exit::Memory,
     };
-    Failure(exit, anyhow::Error::msg(fault.said(Names::Flags)))
+    Failure(exit, anyhow::Error::msg(fault.message(Names::Flags)))
 }

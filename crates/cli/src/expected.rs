@@ -1,6 +1,6 @@
 //! Estimates the time of a render from a short one.
 
-use super::exit::Told;
+use super::exit::IntoExit;
 use opsr::image::film::Window;
 use opsr::integrator::bidirectional::Radius;
 use opsr::integrator::{Amounts, Picture, Recorded, Settings, View};
@@ -38,11 +38,11 @@ pub(super) fn expected(spec: &Spec, opened: &Opened) -> anyhow::Result<Value> {
     if scene.geometry().stored() > TRIANGLES {
         return Ok(Value::Null);
     }
-    let frame = spec.frame(scene).told()?;
+    let frame = spec.frame(scene).into_exit()?;
     let pixels = f64::from(frame.x) * f64::from(frame.y);
     let scale = (PIXELS / pixels).sqrt().min(1.0);
     let size = (frame.as_dvec2() * scale).as_uvec2().max(UVec2::ONE);
-    let camera = spec.camera(scene, frame).told()?;
+    let camera = spec.camera(scene, frame).into_exit()?;
     let window = Window::full(size);
     let view = View::new(scene, &camera, size, window);
     let mut picture = Picture::blank(size, window, &Amounts::Raw, Recorded::default())?;

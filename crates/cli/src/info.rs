@@ -1,6 +1,6 @@
 //! `opsr info`: content of a scene and the features it uses.
 
-use super::exit::{Blame, Told};
+use super::exit::{Blame, IntoExit};
 use super::expected;
 use super::options::{Pixel, SceneOptions, pixel};
 use super::output::print;
@@ -40,7 +40,7 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
         Some(_) => Scene::new,
         None => expected::built,
     };
-    let opened = spec.open(&args.scene, READERS, build).told()?;
+    let opened = spec.open(&args.scene, READERS, build).into_exit()?;
     for warning in &opened.warnings {
         tracing::warn!("{}: {warning}", args.scene.display());
     }
@@ -65,11 +65,11 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
 /// The surface in the centre of a pixel as JSON; without one only the pixel.
 fn seen(args: &InfoArgs, opened: &Opened, Pixel(pixel): Pixel) -> anyhow::Result<Value> {
     let scene = &opened.scene;
-    let size = args.options.0.frame(scene).told()?;
+    let size = args.options.0.frame(scene).into_exit()?;
     let [x, y] = pixel.to_array();
     let window = Window { x, y, w: 1, h: 1 };
     Film::cropped(size, window).context("--pixel").usage()?;
-    let camera = args.options.0.camera(scene, size).told()?;
+    let camera = args.options.0.camera(scene, size).into_exit()?;
     let view = View::new(scene, &camera, size, window);
     let mut facts = serde_json::json!({ "pixel": [x, y], "frame": size.to_array() });
     let Some((hit, mut surface)) = centre(&view, pixel) else {

@@ -2,7 +2,7 @@
 
 use super::bar::Bar;
 use super::error_log::{ErrorLog, Line};
-use super::exit::{Blame, Told, failure};
+use super::exit::{Blame, IntoExit, failure};
 use super::render_args::RenderArgs;
 use super::stop::Stop;
 use anyhow::{Context, anyhow};
@@ -41,7 +41,7 @@ pub(super) struct Run<'a> {
 }
 
 /// Results of a run.
-pub(super) struct Closed<'a> {
+pub(super) struct Saved<'a> {
     pub(super) finished: Finished<'a>,
     /// Root of the true relMSE, where there is a reference.
     pub(super) true_error: Option<f64>,
@@ -49,7 +49,7 @@ pub(super) struct Closed<'a> {
     pub(super) failed: Option<anyhow::Error>,
 }
 
-/// Hears of every pass of a run.
+/// Called after every pass of a run.
 pub(super) struct Listener<'a> {
     run: Run<'a>,
     bar: Bar,
@@ -83,8 +83,12 @@ impl<'a> Listener<'a> {
         })
     }
 
-    /// Hears of a pass; breaks where the user asked for it. What cannot be saved now may be later: the render goes on.
-    pub(super) fn hear(&mut self, progress: &RenderProgress, picture: &Picture) -> ControlFlow<()> {
+    /// Called after every pass; breaks where the user asked for it. What cannot be saved now may be later: the render goes on.
+    pub(super) fn on_pass(
+        &mut self,
+        progress: &RenderProgress,
+        picture: &Picture,
+    ) -> ControlFlow<()> {
         let shown = || self.run.request.spec.shown(picture);
         let known = (self.truth.as_ref()).and_then(|truth| truth.now_and_then(shown));
         self.bar.show(progress, known);
@@ -99,7 +103,7 @@ impl<'a> Listener<'a> {
     }
 
     /// Finishes the picture and saves it, the checkpoint and the log. A failure of one does not keep the others from being saved.
-    pub(super) fn close(mut self, output: &Output) -> anyhow::Result<Closed<'_>> {
+    pub(super) fn close(mut self, output: &Output) -> anyhow::Result<Saved<'_>> {
         let Output {
             picture, progress, ..
         } = output;
@@ -112,7 +116,7 @@ impl<'a> Listener<'a> {
         let true_error = (self.truth.as_ref()).and_then(|truth| truth.error(shown));
         let logged = self.log(true, progress, picture, true_error);
         let failed = unwritten.or(kept.err()).or(self.unlogged).or(logged.err());
-        Ok(Closed {
+        Ok(Saved {
             finished,
             true_error,
             failed,
@@ -186,7 +190,7 @@ impl<'a> Listener<'a> {
             let threads = rayon::current_num_threads();
             metadata.insert("threads".into(), threads.to_string());
         }
-        outcome.finish(self.run.denoiser).told()
+        outcome.finish(self.run.denoiser).into_exit()
     }
 
     /// Writes the picture's files; a warning names those that another program changed.

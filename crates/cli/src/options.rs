@@ -69,7 +69,7 @@ fn read(matches: &ArgMatches, wanted: fn(&Opt) -> bool) -> Result<Spec, clap::Er
         let fault = |fault: Fault| {
             clap::Error::raw(
                 clap::error::ErrorKind::InvalidValue,
-                fault.said(Names::Flags) + "\n",
+                fault.message(Names::Flags) + "\n",
             )
         };
         spec.set(name, &value).map_err(fault)?;

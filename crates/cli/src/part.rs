@@ -2,7 +2,7 @@
 
 use super::bar::Bar;
 use super::ended::average_error;
-use super::exit::{Blame, Exit, Told};
+use super::exit::{Blame, Exit, IntoExit};
 use super::options::{CropOption, FileOptions};
 use super::output::note;
 use super::render::remark_choice;
@@ -26,18 +26,18 @@ pub(super) fn render(
     stop: &Stop,
 ) -> anyhow::Result<Exit> {
     // A pilot that is stopped leaves a part of no samples.
-    if let ControlFlow::Continue(Some(choice)) = request.choose(&|| !stop.asked()).told()? {
+    if let ControlFlow::Continue(Some(choice)) = request.choose(&|| !stop.asked()).into_exit()? {
         remark_choice(args, &choice);
     }
     let samples = args.samples.clone().unwrap_or(request.all_samples());
     let bar = Bar::new(args.progress);
-    let hear = &mut |progress: &RenderProgress| {
+    let on_pass = &mut |progress: &RenderProgress| {
         bar.show(progress, None);
         stop.flow()
     };
-    let done = request.part(path, samples, None, hear);
+    let done = request.part(path, samples, None, on_pass);
     bar.finish();
-    if done.told()? {
+    if done.into_exit()? {
         return Ok(Exit::Done);
     }
     let path = path.display();
@@ -70,9 +70,9 @@ pub(super) struct MergeArgs {
 /// Runs `opsr merge`.
 pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
     let spec = &args.files.0;
-    let outputs = Outputs::new(&args.output).told()?;
-    let denoiser = spec.denoiser().told()?;
-    spec.check_layers(&args.output).told()?;
+    let outputs = Outputs::new(&args.output).into_exit()?;
+    let denoiser = spec.denoiser().into_exit()?;
+    spec.check_layers(&args.output).into_exit()?;
     let window = |size| (args.crop.0.crop).map_or(Window::full(size), |crop| crop.of(size));
     let merged = merge(&args.parts, window, args.spp).map_err(|error| match error {
         // With the exit codes that they have elsewhere.
@@ -93,9 +93,9 @@ pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
     let wanted = wanted.collect::<Result<Vec<_>, _>>();
     let wanted = wanted.map_err(anyhow::Error::msg).input()?;
     let camera = Some(first.camera);
-    let outcome = Outcome::of_film(spec, picture, &wanted, metadata, camera).told()?;
-    let finished = outcome.finish(denoiser.as_ref()).told()?;
-    outputs.write(&finished).told()?;
+    let outcome = Outcome::of_film(spec, picture, &wanted, metadata, camera).into_exit()?;
+    let finished = outcome.finish(denoiser.as_ref()).into_exit()?;
+    outputs.write(&finished).into_exit()?;
     let Window { w, h, .. } = finished.outcome.picture.film.window;
     let (names, parts) = (outputs.names(), args.parts.len());
     let error = average_error(&finished.statement());

@@ -2,7 +2,7 @@
 
 use super::bar::Style;
 use super::ended::Ended;
-use super::exit::{Blame, Exit, Told};
+use super::exit::{Blame, Exit, IntoExit};
 use super::listener::{Listener, Run};
 use super::output::note;
 use super::render_args::RenderArgs;
@@ -32,18 +32,18 @@ use std::time::Instant;
 /// Runs the command.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     let began = Instant::now();
-    let mut spec = spec(args).told()?;
+    let mut spec = spec(args).into_exit()?;
     // A part makes no picture.
     let pictures = if args.film.is_some() {
         &[]
     } else {
         &args.output[..]
     };
-    let outputs = Outputs::new(pictures).told()?;
-    let denoiser = spec.denoiser().told()?;
+    let outputs = Outputs::new(pictures).into_exit()?;
+    let denoiser = spec.denoiser().into_exit()?;
     let others = [&args.checkpoint, &args.stats, &args.log, &args.film];
     for path in others.into_iter().flatten() {
-        can_write(path).told()?;
+        can_write(path).into_exit()?;
     }
     check_files(args, &spec, &[])?;
     let _claim = args
@@ -55,9 +55,9 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     set_threads(args.threads)?;
     let stop = Stop::listen();
     // While inputs are read Ctrl-C ends the program at once.
-    spec.load_table().told()?;
-    spec.load_look().told()?;
-    let opened = spec.open(&args.scene, READERS, Scene::new).told()?;
+    spec.load_table().into_exit()?;
+    spec.load_look().into_exit()?;
+    let opened = spec.open(&args.scene, READERS, Scene::new).into_exit()?;
     for warning in &opened.warnings {
         tracing::warn!("{}: {warning}", args.scene.display());
     }
@@ -74,7 +74,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         sha256: &opened.sha256,
         in_studio: opened.in_studio,
     };
-    let mut request = Request::new(&spec, subject, None).told()?;
+    let mut request = Request::new(&spec, subject, None).into_exit()?;
     remark(&request);
     if let Some(pixel) = args.trace_pixel {
         trace::run(args, &request, pixel)?;
@@ -160,7 +160,7 @@ fn check_files(args: &RenderArgs, spec: &Spec, read: &[PathBuf]) -> anyhow::Resu
         .chain(&spec.env);
     let look = spec.look.as_ref().and_then(LookChoice::file);
     let inputs = inputs.map(PathBuf::as_path).chain(table).chain(look);
-    check_distinct(outputs.map(PathBuf::as_path), inputs).told()
+    check_distinct(outputs.map(PathBuf::as_path), inputs).into_exit()
 }
 
 /// A render to files.
@@ -183,7 +183,7 @@ impl RenderJob<'_> {
         if request.spec.kind() == IntegratorKind::Auto {
             tracing::info!("the pilot begins");
         }
-        let Some(mut begun) = request.begin(&|| !self.stop.asked()).told()? else {
+        let Some(mut begun) = request.begin(&|| !self.stop.asked()).into_exit()? else {
             note("opsr: stopped before the first sample; nothing was written");
             return Ok(Exit::Stopped);
         };
@@ -210,10 +210,10 @@ impl RenderJob<'_> {
             spent,
         };
         let mut listener = Listener::open(run, &begun.picture)?;
-        let hear =
-            &mut |progress: &RenderProgress, picture: &Picture| listener.hear(progress, picture);
+        let on_pass =
+            &mut |progress: &RenderProgress, picture: &Picture| listener.on_pass(progress, picture);
         let asked = self.stop.flag();
-        let output = request.render(begun, Some(&asked), hear);
+        let output = request.render(begun, Some(&asked), on_pass);
         let samples = output.progress.samples;
         if samples == 0 && output.picture.film.pixels.iter().all(|m| m.n == 0) {
             note("opsr: stopped before any of the first sample was done; nothing was written");
@@ -224,7 +224,7 @@ impl RenderJob<'_> {
                 "stopped within the first sample: the picture holds what was done of it, and no checkpoint is made"
             );
         }
-        let closed = listener.close(&output)?;
+        let saved = listener.close(&output)?;
         let ended = Ended {
             args,
             request: &request,
@@ -232,13 +232,13 @@ impl RenderJob<'_> {
             output: &output,
             start,
             spent,
-            closed: &closed,
+            saved: &saved,
         };
         if let Some(path) = &args.stats {
             let text = format!("{:#}\n", ended.statistics(&self.outputs));
             files::write_bytes(path, text).output()?;
         }
-        if let Some(error) = closed.failed {
+        if let Some(error) = saved.failed {
             return Err(error);
         }
         ended.report(&self.outputs);
@@ -252,7 +252,7 @@ impl RenderJob<'_> {
     /// Goes on from the checkpoint, if that was asked for.
     fn continued(&self, request: &mut Request<'_>, path: &Path) -> anyhow::Result<()> {
         if self.args.resume {
-            return request.resume(path).told();
+            return request.resume(path).into_exit();
         }
         if path.exists() {
             let path = path.display();

@@ -9,7 +9,7 @@ use opsr::render::files::can_write;
 use opsr_lab::report::bench::page::{overalls, page, plots};
 use opsr_lab::report::bench::{Results, summary};
 
-use super::exit::{Blame, Told};
+use super::exit::{Blame, IntoExit};
 
 /// Options of `opsr report`.
 #[derive(Args, Debug)]
@@ -29,7 +29,7 @@ pub(super) fn run(args: &ReportArgs) -> anyhow::Result<()> {
     let results = Results::load(&args.results).input()?;
     let html = page(&results);
     // The page is in its place only when all that goes with it is.
-    can_write(&args.output).told()?;
+    can_write(&args.output).into_exit()?;
     if let Some(folder) = &args.plots {
         files::create_folder(folder).output()?;
         if let Some(plot) = overalls(&results).first().and_then(plots::standings) {

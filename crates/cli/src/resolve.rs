@@ -1,6 +1,6 @@
 //! `opsr resolve`: the choice among levels, made again from a checkpoint.
 
-use super::exit::{Blame, Told};
+use super::exit::{Blame, IntoExit};
 use super::options::FileOptions;
 use anyhow::anyhow;
 use opsr::integrator::checkpoint::Checkpoint;
@@ -24,9 +24,9 @@ pub(super) struct Args {
 /// Runs the command.
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let spec = &args.files.0;
-    let outputs = Outputs::new(&args.output).told()?;
-    let denoiser = spec.denoiser().told()?;
-    spec.check_layers(&args.output).told()?;
+    let outputs = Outputs::new(&args.output).into_exit()?;
+    let denoiser = spec.denoiser().into_exit()?;
+    spec.check_layers(&args.output).into_exit()?;
     let film = Checkpoint::open(&args.film).input()?;
     let path = args.film.display();
     let version = env!("CARGO_PKG_VERSION");
@@ -39,8 +39,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         let what = anyhow!("{path}: a film of one level, there is nothing to choose");
         return Err(what).input();
     }
-    let outcome = Outcome::of_film(spec, film.picture, &[], film.metadata, None).told()?;
-    let finished = outcome.finish(denoiser.as_ref()).told()?;
-    outputs.write(&finished).told()?;
+    let outcome = Outcome::of_film(spec, film.picture, &[], film.metadata, None).into_exit()?;
+    let finished = outcome.finish(denoiser.as_ref()).into_exit()?;
+    outputs.write(&finished).into_exit()?;
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `opsr view`: a scene in the browser, refined while one looks at it.
 
-use super::exit::{Exit, Told};
+use super::exit::{Exit, IntoExit};
 use super::options::RenderOptions;
 use super::output::{note, print};
 use super::stop;
@@ -45,7 +45,7 @@ Examples:
 
 /// Runs the command.
 pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Exit> {
-    expect_scene(&args.scene).told()?;
+    expect_scene(&args.scene).into_exit()?;
     set_threads(args.threads)?;
     let ended = stop::ended();
     let viewer = Viewer::open(
@@ -54,14 +54,14 @@ pub(super) fn run(args: &ViewArgs) -> anyhow::Result<Exit> {
         args.port,
         args.reference.as_deref(),
     );
-    let viewer = viewer.told()?;
+    let viewer = viewer.into_exit()?;
     let address = viewer.address();
     print(format!("{address}\n"))?;
     note("opsr: the page is open until Ctrl-C");
     if !args.no_open {
         open(&address);
     }
-    viewer.run(&ended).told()?;
+    viewer.run(&ended).into_exit()?;
     Ok(Exit::Done)
 }
 

@@ -1,4 +1,4 @@
-//! Places of open connections: a bounded number, and clients that have not shown the token keep nobody out.
+//! A bounded number of open connections: connections without the token are closed for new ones, the oldest first.
 
 use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -8,16 +8,16 @@ const MOST: usize = 48;
 
 /// Open connections, the oldest first.
 #[derive(Default)]
-pub(super) struct Guests(Mutex<Book>);
+pub(super) struct Connections(Mutex<Slots>);
 
 #[derive(Default)]
-struct Book {
+struct Slots {
     /// Number of the next connection.
     next: u64,
-    open: Vec<Guest>,
+    open: Vec<Connection>,
 }
 
-struct Guest {
+struct Connection {
     number: u64,
     /// To be shut where its place is needed.
     stream: TcpStream,
@@ -27,36 +27,35 @@ struct Guest {
 
 /// Place of a connection, which is free again when this is dropped.
 pub(super) struct Place {
-    guests: Arc<Guests>,
+    connections: Arc<Connections>,
     number: u64,
 }
 
-impl Guests {
-    /// A place for a connection. Where there is none, the oldest connection that has not shown the token makes way; `None` if
-    /// all have.
-    pub(super) fn admit(guests: &Arc<Self>, stream: &TcpStream) -> Option<Place> {
+impl Connections {
+    /// A place for a connection. If all are taken, the oldest connection without the token is closed; `None` if there is none.
+    pub(super) fn admit(connections: &Arc<Self>, stream: &TcpStream) -> Option<Place> {
         let held = stream.try_clone().ok()?;
-        let mut book = guests.lock();
-        if book.open.len() >= MOST {
-            let oldest = book.open.iter().position(|guest| !guest.known)?;
-            let left = book.open.remove(oldest);
+        let mut slots = connections.lock();
+        if slots.open.len() >= MOST {
+            let oldest = slots.open.iter().position(|connection| !connection.known)?;
+            let left = slots.open.remove(oldest);
             let _ = left.stream.shutdown(Shutdown::Both);
         }
-        let number = book.next;
-        book.next += 1;
-        book.open.push(Guest {
+        let number = slots.next;
+        slots.next += 1;
+        slots.open.push(Connection {
             number,
             stream: held,
             known: false,
         });
-        drop(book);
+        drop(slots);
         Some(Place {
-            guests: guests.clone(),
+            connections: connections.clone(),
             number,
         })
     }
 
-    fn lock(&self) -> MutexGuard<'_, Book> {
+    fn lock(&self) -> MutexGuard<'_, Slots> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -64,23 +63,23 @@ impl Guests {
 impl Place {
     /// Keeps the place: its client has shown the token.
     pub(super) fn keep(&self) {
-        let mut book = self.guests.lock();
-        let mine = book
+        let mut slots = self.connections.lock();
+        let mine = slots
             .open
             .iter_mut()
-            .find(|guest| guest.number == self.number);
-        if let Some(guest) = mine {
-            guest.known = true;
+            .find(|connection| connection.number == self.number);
+        if let Some(connection) = mine {
+            connection.known = true;
         }
     }
 }
 
 impl Drop for Place {
     fn drop(&mut self) {
-        self.guests
+        self.connections
             .lock()
             .open
-            .retain(|guest| guest.number != self.number);
+            .retain(|connection| connection.number != self.number);
     }
 }
 
@@ -95,21 +94,21 @@ mod tests {
     fn strangers_make_way_and_places_come_back() {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = listener.local_addr().expect("an address");
-        let guests = Arc::new(Guests::default());
+        let connections = Arc::new(Connections::default());
         let connect = || {
             let client = TcpStream::connect(address).expect("a connection");
             let (server, _) = listener.accept().expect("a connection");
-            (client, Guests::admit(&guests, &server))
+            (client, Connections::admit(&connections, &server))
         };
         let mut all: Vec<_> = (0..MOST).map(|_| connect()).collect();
         all[0].1.as_ref().expect("a place").keep();
         let (_, place) = connect();
         assert!(place.is_some(), "a stranger makes way");
-        assert_eq!(guests.lock().open.len(), MOST);
+        assert_eq!(connections.lock().open.len(), MOST);
         // The second was the oldest stranger: its client reads the end.
         assert_eq!(all[1].0.read(&mut [0]).expect("an end"), 0);
         drop(place);
-        assert_eq!(guests.lock().open.len(), MOST - 1);
+        assert_eq!(connections.lock().open.len(), MOST - 1);
         let (_, last) = connect();
         let last = last.expect("a place");
         last.keep();
@@ -118,6 +117,6 @@ mod tests {
         }
         assert!(connect().1.is_none(), "all are known");
         drop((all, last));
-        assert!(guests.lock().open.is_empty());
+        assert!(connections.lock().open.is_empty());
     }
 }

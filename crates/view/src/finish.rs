@@ -3,8 +3,8 @@
 
 use super::hub::{Hub, Snapshot};
 use super::likeness::likeness;
-use super::stage::Shot;
-use super::wish::{Other, Overlay};
+use super::open_scene::Viewpoint;
+use super::options::{Other, Overlay};
 use opsr::image::Buffer;
 use opsr::image::film::Film;
 use opsr::image::metric::flip;
@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 pub(super) struct Job {
     pub(super) side: usize,
     pub(super) run: u64,
-    pub(super) shot: Arc<Shot>,
+    pub(super) viewpoint: Arc<Viewpoint>,
     pub(super) settings: Settings,
     pub(super) picture: Picture,
     pub(super) samples: u32,
@@ -98,7 +98,7 @@ pub(super) fn run(hub: &Hub, slot: &Slot, pool: &rayon::ThreadPool) {
         match made {
             Ok(snapshot) => hub.show(side, snapshot),
             Err(fault) => hub.change(|state| {
-                state.notes = vec![fault.said(Names::Flags)];
+                state.notes = vec![fault.message(Names::Flags)];
                 state.words_number += 1;
             }),
         }
@@ -145,13 +145,13 @@ impl Against {
             _ => &state.shown,
         };
         let whole = |picture: &&Arc<Snapshot>| picture.run == job.run && !picture.preview;
-        let reference = state.wish.other == Some(Other::Reference);
+        let reference = state.options.other == Some(Other::Reference);
         let against = Self {
             picture: side.as_ref().filter(whole).cloned(),
             reference: hub.reference.clone().filter(|_| reference),
-            shown: state.wish.overlay == Overlay::Flip,
+            shown: state.options.overlay == Overlay::Flip,
         };
-        Some((state.wish.spec.clone(), against))
+        Some((state.options.spec.clone(), against))
     }
 
     /// Mean FLIP, and that of every pixel where it is shown.
@@ -201,7 +201,7 @@ impl Witness {
     /// Looks at a film; false if its render ended meanwhile.
     fn look(&mut self, job: &Job) -> bool {
         let stop = Stop::when(&job.over);
-        let view = job.shot.view(job.shot.frame).until(&stop);
+        let view = job.viewpoint.view(job.viewpoint.frame).until(&stop);
         let found = missing_light(&view, &job.settings, &job.picture, job.samples);
         if job.over.load(Ordering::Relaxed) {
             return false;
@@ -242,7 +242,7 @@ fn finished(
     let (flip, values) = against.flip(job.side, &picture);
     maps.flip = values;
     Ok(Snapshot {
-        shot: job.shot.clone(),
+        viewpoint: job.viewpoint.clone(),
         run: job.run,
         preview: false,
         samples: job.samples,
@@ -284,7 +284,7 @@ impl Maps {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stage::Stage;
+    use crate::open_scene::OpenScene;
     use opsr::integrator::Amounts;
     use opsr::integrator::{Recorded, View};
     use opsr::math::UVec2;
@@ -317,16 +317,16 @@ mod tests {
             amounts,
             ..Settings::default()
         };
-        let stage = Arc::new(Stage { opened });
-        let shot = Arc::new(Shot::new(stage, camera, size, &settings));
-        let view: View<'_> = shot.view(size);
+        let open_scene = Arc::new(OpenScene { opened });
+        let viewpoint = Arc::new(Viewpoint::new(open_scene, camera, size, &settings));
+        let view: View<'_> = viewpoint.view(size);
         let mut picture = Picture::blank(size, view.window, &settings.amounts, Recorded::default())
             .expect("a film");
         settings.integrator().pass(&view, 0..samples, &mut picture);
         let job = Job {
             side: 0,
             run: 3,
-            shot: shot.clone(),
+            viewpoint: viewpoint.clone(),
             settings,
             picture,
             samples,

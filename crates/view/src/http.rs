@@ -115,9 +115,9 @@ Cache-Control: no-store\r\n";
 
 /// Reason for which a connection ends.
 pub(super) enum End {
-    /// The client left, or said nothing for long.
+    /// The client closed the connection, or sent nothing for long.
     Gone,
-    /// The client is told why.
+    /// An answer says why.
     Refused(Answer),
 }
 

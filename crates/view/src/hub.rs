@@ -1,8 +1,8 @@
 //! State that the threads of a viewer share: the newest of everything, and nothing that grows.
 
 use super::finish::Maps;
-use super::stage::{Shot, Stage};
-use super::wish::Wish;
+use super::open_scene::{OpenScene, Viewpoint};
+use super::options::Options;
 use opsr::image::Buffer;
 use opsr::math::UVec2;
 use opsr::render::{Fault, Names, Outcome};
@@ -18,7 +18,7 @@ const MAX_SAVES: usize = 4;
 
 /// A picture that is shown, in linear radiance, with its maps.
 pub(super) struct Snapshot {
-    pub(super) shot: Arc<Shot>,
+    pub(super) viewpoint: Arc<Viewpoint>,
     /// Number of its render.
     pub(super) run: u64,
     /// True for one of fewer pixels than the frame, by the path tracer.
@@ -83,13 +83,13 @@ impl Course {
 
 /// All that is shared.
 pub(super) struct State {
-    pub(super) wish: Wish,
-    /// Numbers of the newest wish, pictures, frame and words.
-    pub(super) wish_number: u64,
+    pub(super) options: Options,
+    /// Numbers of the newest options, of pictures, frame and words.
+    pub(super) options_number: u64,
     pub(super) shown_number: u64,
     pub(super) frame_number: u64,
     pub(super) words_number: u64,
-    pub(super) stage: Option<Arc<Stage>>,
+    pub(super) open_scene: Option<Arc<OpenScene>>,
     pub(super) shown: Option<Arc<Snapshot>>,
     pub(super) other: Option<Arc<Snapshot>>,
     pub(super) frame: Option<Arc<Frame>>,
@@ -120,15 +120,15 @@ pub(super) struct Hub {
 }
 
 impl Hub {
-    pub(super) fn new(wish: Wish, reference: Option<Buffer>) -> Self {
+    pub(super) fn new(options: Options, reference: Option<Buffer>) -> Self {
         Self {
             state: Mutex::new(State {
-                wish,
-                wish_number: 1,
+                options,
+                options_number: 1,
                 shown_number: 0,
                 frame_number: 0,
                 words_number: 1,
-                stage: None,
+                open_scene: None,
                 shown: None,
                 other: None,
                 frame: None,
@@ -183,18 +183,18 @@ impl Hub {
         self.change(|_| ());
     }
 
-    /// Takes a wish in place of the one before.
-    pub(super) fn wish(
+    /// Replaces the options.
+    pub(super) fn update(
         &self,
-        make: impl FnOnce(&Wish) -> Result<Wish, Fault>,
+        make: impl FnOnce(&Options) -> Result<Options, Fault>,
     ) -> Result<(), Fault> {
         self.change(|state| {
-            let next = make(&state.wish)?;
-            if next.render_key() != state.wish.render_key() {
+            let next = make(&state.options)?;
+            if next.render_key() != state.options.render_key() {
                 self.disturbed.store(true, Ordering::Relaxed);
             }
-            state.wish = next;
-            state.wish_number += 1;
+            state.options = next;
+            state.options_number += 1;
             state.words_number += 1;
             state.fault = None;
             Ok(())
@@ -204,7 +204,7 @@ impl Hub {
     /// Says what went wrong, in the words of the command line.
     pub(super) fn fail(&self, fault: &Fault) {
         self.change(|state| {
-            state.fault = Some(fault.said(Names::Flags));
+            state.fault = Some(fault.message(Names::Flags));
             state.phase = "stopped";
             // Nothing will come.
             state.saves.clear();
@@ -251,25 +251,28 @@ impl Hub {
 impl State {
     /// Everything that a page shows beside pixels.
     pub(super) fn words(&self) -> Value {
-        let wish = &self.wish;
+        let options = &self.options;
         let shown = self.shown.as_ref();
-        let notes = [wish.left_out.as_slice(), self.notes.as_slice()].concat();
-        let warnings = self.stage.as_ref().map(|stage| &stage.opened.warnings);
+        let notes = [options.left_out.as_slice(), self.notes.as_slice()].concat();
+        let warnings = self
+            .open_scene
+            .as_ref()
+            .map(|open_scene| &open_scene.opened.warnings);
         json!({
             "phase": self.phase,
             "run": self.run,
-            "options": wish.spec.settings(),
-            "look": wish.look,
-            "overlay": wish.overlay.name(),
-            "other": match &wish.other {
+            "options": options.spec.settings(),
+            "look": options.look,
+            "overlay": options.overlay.name(),
+            "other": match &options.other {
                 None => Value::Null,
                 Some(other) => match other {
-                    super::wish::Other::Reference => "reference".into(),
-                    super::wish::Other::Plain => "plain".into(),
-                    super::wish::Other::Integrator(name) => json!({ "integrator": name }),
+                    super::options::Other::Reference => "reference".into(),
+                    super::options::Other::Plain => "plain".into(),
+                    super::options::Other::Integrator(name) => json!({ "integrator": name }),
                 },
             },
-            "paused": wish.paused,
+            "paused": options.paused,
             "integrator": self.integrator,
             "notes": notes,
             "missing": self.missing,

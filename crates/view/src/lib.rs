@@ -4,14 +4,14 @@
 //! |---|---|
 //! | `http` | requests and answers, bounded in size and time |
 //! | `serve` | who may ask, and what is answered |
-//! | `guests` | places of open connections |
-//! | `wish` | what pages ask for, checked |
+//! | `connections` | places of open connections |
+//! | `options` | what pages ask for, checked |
 //! | `hub` | the newest of everything, shared by all threads |
 //! | `work` | the thread that renders |
 //! | `finish` | the thread that makes pictures of films |
 //! | `likeness` | FLIP of some pixels, while a picture changes |
 //! | `paint` | the thread that makes pixels of pictures |
-//! | `stage` | values, surfaces and paths under the pointer |
+//! | `open_scene` | values, surfaces and paths under the pointer |
 //! | `save` | files |
 //! | `page` | the page, by hand and whole |
 //!
@@ -19,16 +19,16 @@
 //! and samples, bit for bit. Clients ask for the newest frame and wait for it: one that is slow misses frames, and one that
 //! stalls holds up nothing but itself.
 
+mod connections;
 mod finish;
-mod guests;
 mod http;
 mod hub;
 mod likeness;
+mod open_scene;
+mod options;
 mod paint;
 mod save;
 mod serve;
-mod stage;
-mod wish;
 mod work;
 
 use finish::Slot;
@@ -36,6 +36,7 @@ use hub::Hub;
 use opsr::files::hex;
 use opsr::image::exr;
 use opsr::render::{Fault, Spec};
+use options::Options;
 use serve::Server;
 use std::collections::HashMap;
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -43,7 +44,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
-use wish::Wish;
 use work::Renderer;
 
 /// A viewer of a scene that listens and does not render yet.
@@ -68,8 +68,8 @@ impl Viewer {
             return Err(Fault::option("crop", "a viewer shows the whole frame"));
         }
         let reference = reference.map(exr::read_rgb).transpose()?;
-        let wish = Wish::new(spec, reference.is_some())?;
-        let hub = Arc::new(Hub::new(wish, reference));
+        let options = Options::new(spec, reference.is_some())?;
+        let hub = Arc::new(Hub::new(options, reference));
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port));
         let failed = |e: std::io::Error| Fault::Output(format!("port {port}: {e}"));
         let listener = listener.map_err(failed)?;

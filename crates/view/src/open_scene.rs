@@ -16,7 +16,7 @@ const TRACED: u32 = 256;
 const SHOWN: usize = 24;
 
 /// An open scene.
-pub(super) struct Stage {
+pub(super) struct OpenScene {
     pub(super) opened: Opened,
 }
 
@@ -24,8 +24,8 @@ pub(super) struct Stage {
 pub(super) type First = Arc<[Buffer; 3]>;
 
 /// A scene, a camera, and the settings of the path tracer there.
-pub(super) struct Shot {
-    pub(super) stage: Arc<Stage>,
+pub(super) struct Viewpoint {
+    pub(super) open_scene: Arc<OpenScene>,
     pub(super) camera: Camera,
     /// Size of the whole picture.
     pub(super) frame: UVec2,
@@ -35,9 +35,14 @@ pub(super) struct Shot {
     first: Mutex<Option<(UVec2, First)>>,
 }
 
-impl Shot {
-    /// The shot of a render.
-    pub(super) fn new(stage: Arc<Stage>, camera: Camera, frame: UVec2, render: &Settings) -> Self {
+impl Viewpoint {
+    /// The viewpoint of a render.
+    pub(super) fn new(
+        open_scene: Arc<OpenScene>,
+        camera: Camera,
+        frame: UVec2,
+        render: &Settings,
+    ) -> Self {
         let settings = Settings {
             estimator: Estimator::Path { reuse: false },
             amounts: Amounts::Raw,
@@ -45,7 +50,7 @@ impl Shot {
             ..render.clone()
         };
         Self {
-            stage,
+            open_scene,
             camera,
             frame,
             settings,
@@ -56,7 +61,7 @@ impl Shot {
     /// The view of a frame of this size.
     pub(super) fn view(&self, size: UVec2) -> View<'_> {
         View::new(
-            &self.stage.opened.scene,
+            &self.open_scene.opened.scene,
             &self.camera,
             size,
             Window::full(size),
@@ -70,7 +75,7 @@ impl Shot {
             frame: self.frame,
         };
         let ray = sensor.ray(pixel.as_vec2() + Vec2::splat(0.5));
-        let hit = self.stage.opened.scene.intersect_seen(&ray)?;
+        let hit = self.open_scene.opened.scene.intersect_seen(&ray)?;
         let position = ray.origin + hit.t * ray.dir;
         let depth = (position - self.camera.position).dot(-self.camera.frame.n);
         Some((hit, position, depth))
@@ -81,7 +86,7 @@ impl Shot {
         let Some((hit, position, depth)) = self.point(pixel) else {
             return Value::Null;
         };
-        let scene = &self.stage.opened.scene;
+        let scene = &self.open_scene.opened.scene;
         let mut surface = scene.surface(&hit);
         let material = surface.material;
         let alpha = scene.bsdf(&mut surface, 0.25).alpha();
@@ -141,7 +146,7 @@ impl Shot {
     }
 
     fn path(&self, path: &TracedPath) -> Value {
-        let materials = &self.stage.opened.scene.parts().materials;
+        let materials = &self.open_scene.opened.scene.parts().materials;
         let vertices = path.vertices.iter().map(|v| {
             let class = v.class.map(|class| class.index());
             json!({

@@ -134,7 +134,7 @@ fn there<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(
 
 /// Requests of all pages.
 #[derive(Clone, Debug)]
-pub(super) struct Wish {
+pub(super) struct Options {
     /// Options as they were asked for.
     asked: Map<String, Value>,
     /// Files that may be named.
@@ -154,7 +154,7 @@ pub(super) struct Wish {
     pub(super) has_reference: bool,
 }
 
-impl Wish {
+impl Options {
     /// The options of a start.
     pub(super) fn new(spec: &Spec, has_reference: bool) -> Result<Self, Fault> {
         let mut spec = spec.clone();
@@ -180,12 +180,12 @@ impl Wish {
         })
     }
 
-    /// The wish after a message; an error leaves it as it was.
+    /// The options after a message; an error leaves them as they were.
     pub(super) fn after(&self, message: Message) -> Result<Self, Fault> {
         let mut next = self.clone();
         if !message.options.is_empty() {
             for (name, value) in &message.options {
-                next.ask(name, value)?;
+                next.set(name, value)?;
             }
             let changed: Vec<&str> = message.options.keys().map(String::as_str).collect();
             (next.spec, next.left_out) = self.fitted(&next.asked, &changed)?;
@@ -216,8 +216,8 @@ impl Wish {
         Ok(next)
     }
 
-    /// Takes note of an option; `null` takes it back.
-    fn ask(&mut self, name: &str, value: &Value) -> Result<(), Fault> {
+    /// Sets an option; `null` removes it.
+    fn set(&mut self, name: &str, value: &Value) -> Result<(), Fault> {
         if !CONTROLS.contains(&name) {
             return Err(Fault::usage(format!("a page cannot change `{name}`")));
         }
@@ -327,5 +327,5 @@ pub(super) fn leave_out(
     }
     let mut without = remade(&settings, spec.table.as_ref())?;
     without.look = spec.look.clone();
-    Ok((without, format!("left out {}", fault.said(Names::Flags))))
+    Ok((without, format!("left out {}", fault.message(Names::Flags))))
 }

@@ -2,7 +2,7 @@
 //! it changes; colours are made by the code that writes PNG files.
 
 use super::hub::{Frame, Hub, Painted, Snapshot};
-use super::wish::Overlay;
+use super::options::Overlay;
 use opsr::image::display::Display;
 use opsr::image::{Buffer, false_colour, png};
 use opsr::math::{Rgb, UVec2};
@@ -17,23 +17,26 @@ const ERRORS: [f32; 2] = [0.003, 1.0];
 
 /// Paints until the viewer ends.
 pub(super) fn run(hub: &Hub, pool: &rayon::ThreadPool) {
-    let (mut shown, mut wished) = (0, 0);
+    let (mut shown, mut updated) = (0, 0);
     let mut exposure = None;
     while !hub.ended() {
         let state = hub.wait(Duration::from_secs(1), |state| {
-            state.shown.is_some() && (state.shown_number, state.wish_number) != (shown, wished)
+            state.shown.is_some() && (state.shown_number, state.options_number) != (shown, updated)
         });
-        if (state.shown_number, state.wish_number) == (shown, wished) {
+        if (state.shown_number, state.options_number) == (shown, updated) {
             continue;
         }
         let Some(picture) = state.shown.clone() else {
             continue;
         };
-        (shown, wished) = (state.shown_number, state.wish_number);
+        (shown, updated) = (state.shown_number, state.options_number);
         let run = state.run;
-        let other = state.other.clone().filter(|_| state.wish.other.is_some());
-        let reference = state.wish.other == Some(super::wish::Other::Reference);
-        let (spec, overlay) = (state.wish.spec.clone(), state.wish.overlay);
+        let other = state
+            .other
+            .clone()
+            .filter(|_| state.options.other.is_some());
+        let reference = state.options.other == Some(super::options::Other::Reference);
+        let (spec, overlay) = (state.options.spec.clone(), state.options.overlay);
         drop(state);
         let display = display(&spec, &picture, &mut exposure);
         let size = picture.size;
@@ -49,7 +52,7 @@ pub(super) fn run(hub: &Hub, pool: &rayon::ThreadPool) {
             head: json!({
                 "run": picture.run,
                 "size": size.to_array(),
-                "frame": picture.shot.frame.to_array(),
+                "frame": picture.viewpoint.frame.to_array(),
                 "preview": picture.preview,
                 "samples": picture.samples,
                 "seconds": picture.seconds,
@@ -73,7 +76,10 @@ fn display(spec: &Spec, picture: &Snapshot, held: &mut Option<f32>) -> Display {
     if let (true, true, Some(exposure)) = (auto, picture.preview, *held) {
         return Display { exposure, view };
     }
-    let display = spec.display(&picture.picture, picture.shot.stage.opened.in_studio);
+    let display = spec.display(
+        &picture.picture,
+        picture.viewpoint.open_scene.opened.in_studio,
+    );
     *held = auto.then_some(display.exposure);
     display
 }
@@ -147,7 +153,7 @@ fn levelled(picture: &Snapshot, levels: &[u8]) -> (Painted, Value) {
 }
 
 fn first(picture: &Snapshot, overlay: Overlay) -> Option<(Painted, Value)> {
-    let first = picture.shot.first(picture.size)?;
+    let first = picture.viewpoint.first(picture.size)?;
     let [albedo, normal, depth] = &*first;
     Some(match overlay {
         Overlay::Normal => {

@@ -3,12 +3,12 @@
 //! It listens on the loopback interface only. Every address begins with a token that nobody can guess; the host must be this
 //! server's, so that a name of another site that leads here gets nothing, and so must the origin, where a browser names one.
 
-use super::guests::{Guests, Place};
+use super::connections::{Connections, Place};
 use super::http::{Answer, Connection, End, Request};
 use super::hub::{Frame, Hub};
+use super::open_scene::Viewpoint;
+use super::options::{CONTROLS, Message, Overlay};
 use super::save;
-use super::stage::Shot;
-use super::wish::{CONTROLS, Message, Overlay};
 use opsr::image::denoise::Denoiser;
 use opsr::math::{UVec2, Vec3};
 use opsr::render::look::Look;
@@ -55,7 +55,7 @@ struct Pick {
 impl Server {
     /// Answers clients until the viewer ends.
     pub(super) fn listen(self: &Arc<Self>, listener: &TcpListener) {
-        let guests = Arc::new(Guests::default());
+        let connections = Arc::new(Connections::default());
         for stream in listener.incoming() {
             if self.hub.ended() {
                 return;
@@ -65,7 +65,7 @@ impl Server {
                 std::thread::sleep(Duration::from_millis(20));
                 continue;
             };
-            let Some(place) = Guests::admit(&guests, &stream) else {
+            let Some(place) = Connections::admit(&connections, &stream) else {
                 if let Ok(mut connection) = Connection::new(stream) {
                     let full = Answer::text(503, "too many connections");
                     let _ = connection.send(&full, false);
@@ -165,11 +165,11 @@ impl Server {
             "poll" => self.poll(number("frame"), number("words")),
             "pixel" => Answer::json(200, &self.pixel(self.asked_pixel(request)?)),
             "paths" => {
-                let (shot, pixel) = (self.shot()?, self.asked_pixel(request)?);
-                Answer::json(200, &self.pool.install(|| shot.paths(pixel)))
+                let (viewpoint, pixel) = (self.viewpoint()?, self.asked_pixel(request)?);
+                Answer::json(200, &self.pool.install(|| viewpoint.paths(pixel)))
             }
             "look.json" => {
-                let look = self.hub.lock().wish.look;
+                let look = self.hub.lock().options.look;
                 let text = look.map(|look| self.with_lens(look).file());
                 let text = text.ok_or_else(|| Answer::text(503, "there is no camera yet"))?;
                 Answer {
@@ -180,7 +180,7 @@ impl Server {
             name => {
                 let kept = self.hub.keep();
                 let kept = kept.ok_or_else(|| Answer::text(503, "there is no picture yet"))?;
-                let bytes = save::encoded(kept, name).map_err(|fault| told(&fault))?;
+                let bytes = save::encoded(kept, name).map_err(|fault| refusal(&fault))?;
                 let kind = if name.ends_with("png") {
                     "image/png"
                 } else {
@@ -205,21 +205,21 @@ impl Server {
             return self.pick(&pick);
         }
         let message: Message = serde_json::from_slice(&request.body).map_err(bad)?;
-        let wished = self.hub.wish(|wish| wish.after(message));
-        wished.map_err(|fault| told(&fault))?;
+        let updated = self.hub.update(|options| options.after(message));
+        updated.map_err(|fault| refusal(&fault))?;
         Ok(Answer::json(200, &json!({ "ok": true })))
     }
 
     /// Looks at the point under a pixel, or puts it in focus.
     fn pick(&self, pick: &Pick) -> Result<Answer, Answer> {
-        let shot = self.shot()?;
+        let viewpoint = self.viewpoint()?;
         let pixel = UVec2::new(pick.x, pick.y);
-        let inside = pixel.cmplt(shot.frame).all();
-        let hit = if inside { shot.point(pixel) } else { None };
+        let inside = pixel.cmplt(viewpoint.frame).all();
+        let hit = if inside { viewpoint.point(pixel) } else { None };
         let (_, point, depth) = hit.ok_or_else(|| Answer::text(400, "there is nothing"))?;
         let message = match pick.what.as_str() {
             "target" => {
-                let look = self.hub.lock().wish.look;
+                let look = self.hub.lock().options.look;
                 let look = look.ok_or_else(|| Answer::text(503, "there is no camera yet"))?;
                 json!({ "look": turned(look, point) })
             }
@@ -227,10 +227,10 @@ impl Server {
                 let held = self
                     .hub
                     .lock()
-                    .wish
+                    .options
                     .spec
                     .aperture
-                    .or(shot.camera.lens.map(|l| l.radius));
+                    .or(viewpoint.camera.lens.map(|l| l.radius));
                 // A lens that can be seen: a hundredth of the distance.
                 let aperture = held.filter(|a| *a > 0.0).unwrap_or(0.01 * depth);
                 json!({ "options": { "aperture": aperture, "focus": depth } })
@@ -240,22 +240,22 @@ impl Server {
         let message =
             serde_json::from_value(message).map_err(|e| Answer::text(400, e.to_string()))?;
         self.hub
-            .wish(|wish| wish.after(message))
-            .map_err(|fault| told(&fault))?;
+            .update(|options| options.after(message))
+            .map_err(|fault| refusal(&fault))?;
         Ok(Answer::json(
             200,
             &json!({ "point": point.to_array(), "depth": depth }),
         ))
     }
 
-    fn shot(&self) -> Result<Arc<Shot>, Answer> {
+    fn viewpoint(&self) -> Result<Arc<Viewpoint>, Answer> {
         let shown = self.hub.lock().shown.clone();
         let shown = shown.ok_or_else(|| Answer::text(503, "there is no picture yet"))?;
-        Ok(shown.shot.clone())
+        Ok(shown.viewpoint.clone())
     }
 
     fn asked_pixel(&self, request: &Request) -> Result<UVec2, Answer> {
-        let frame = self.shot()?.frame;
+        let frame = self.viewpoint()?.frame;
         let number = |key| request.asks(key).and_then(|text| text.parse().ok());
         let pixel = number("x").zip(number("y")).map(|(x, y)| UVec2::new(x, y));
         let inside = pixel.filter(|pixel| pixel.cmplt(frame).all());
@@ -265,10 +265,12 @@ impl Server {
     /// The look with the lens of the options.
     fn with_lens(&self, look: Look) -> Look {
         let state = self.hub.lock();
-        let shot = state.shown.as_ref().map(|shown| shown.shot.clone());
-        let lens = shot.as_ref().and_then(|shot| shot.camera.lens);
+        let viewpoint = state.shown.as_ref().map(|shown| shown.viewpoint.clone());
+        let lens = viewpoint
+            .as_ref()
+            .and_then(|viewpoint| viewpoint.camera.lens);
         Look {
-            aspect: shot.map(|shot| shot.frame.x as f32 / shot.frame.y as f32),
+            aspect: viewpoint.map(|viewpoint| viewpoint.frame.x as f32 / viewpoint.frame.y as f32),
             aperture: lens.map(|lens| lens.radius),
             focus: lens.map(|lens| lens.focus),
             ..look
@@ -285,7 +287,7 @@ impl Server {
             return Value::Null;
         };
         let at = |size: UVec2| {
-            let place = pixel * size / shown.shot.frame;
+            let place = pixel * size / shown.viewpoint.frame;
             (place.y * size.x + place.x) as usize
         };
         let index = at(shown.size);
@@ -302,23 +304,23 @@ impl Server {
             "noise": of(&shown.maps.noise),
             "bias": of(&shown.maps.bias),
             "level": shown.maps.level.as_ref().and_then(|l| l.get(index)),
-            "surface": shown.shot.describe(pixel),
+            "surface": shown.viewpoint.describe(pixel),
         })
     }
 
     /// Facts that do not change while the page is open.
     fn facts(&self) -> Value {
-        let stage = self.hub.lock().stage.clone();
-        let cameras: Vec<String> = (stage.iter())
-            .flat_map(|stage| &stage.opened.scene.parts().cameras)
+        let open_scene = self.hub.lock().open_scene.clone();
+        let cameras: Vec<String> = (open_scene.iter())
+            .flat_map(|open_scene| &open_scene.opened.scene.parts().cameras)
             .enumerate()
             .map(|(i, camera)| match camera.name.as_str() {
                 "" => format!("{i}"),
                 name => name.to_owned(),
             })
             .collect();
-        let bounds = stage.as_ref().map(|stage| {
-            let (low, high) = stage.opened.scene.geometry().bounds();
+        let bounds = open_scene.as_ref().map(|open_scene| {
+            let (low, high) = open_scene.opened.scene.geometry().bounds();
             [low.to_array(), high.to_array()]
         });
         let options = OPTIONS
@@ -403,8 +405,8 @@ fn turned(look: Look, point: Vec3) -> Look {
 }
 
 /// A refusal in the words of the command line.
-fn told(fault: &Fault) -> Answer {
-    Answer::text(400, fault.said(Names::Flags))
+fn refusal(fault: &Fault) -> Answer {
+    Answer::text(400, fault.message(Names::Flags))
 }
 
 /// True for equal bytes, after a time that does not say where they differ.

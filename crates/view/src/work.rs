@@ -3,8 +3,8 @@
 
 use super::finish::{Job, Maps, Slot};
 use super::hub::{Course, Hub, Snapshot, State};
-use super::stage::{Shot, Stage};
-use super::wish::{Overlay, Wish, leave_out};
+use super::open_scene::{OpenScene, Viewpoint};
+use super::options::{Options, Overlay, leave_out};
 use opsr::image::film::Window;
 use opsr::integrator::{Amounts, Integrator, Picture, Recorded, Stop, View};
 use opsr::math::{UVec2, Vec2};
@@ -73,52 +73,52 @@ struct Run<'a> {
 }
 
 impl Renderer<'_> {
-    /// Renders what pages wish until the viewer ends.
+    /// Renders with the newest options until the viewer ends.
     pub(super) fn run(&mut self) {
         let hub = self.hub;
         while !hub.ended() {
-            let (wish, number) = hub.change(|state| {
+            let (options, number) = hub.change(|state| {
                 hub.disturbed.store(hub.ended(), Ordering::Relaxed);
-                (state.wish.clone(), state.wish_number)
+                (state.options.clone(), state.options_number)
             });
-            if let Err(fault) = self.fulfil(&wish) {
+            if let Err(fault) = self.fulfil(&options) {
                 tracing_line(&fault);
                 hub.fail(&fault);
-                drop(hub.wait(LONG, |state| state.wish_number != number));
+                drop(hub.wait(LONG, |state| state.options_number != number));
             }
         }
     }
 
-    /// Renders a wish until it is no longer wanted.
-    fn fulfil(&mut self, wish: &Wish) -> Result<(), Fault> {
+    /// Renders with these options until they change.
+    fn fulfil(&mut self, options: &Options) -> Result<(), Fault> {
         let hub = self.hub;
-        let stage = self.stage(wish)?;
-        let scene = &stage.opened.scene;
+        let open_scene = self.open_scene(options)?;
+        let scene = &open_scene.opened.scene;
         let file = self.file.display().to_string();
         let subject = Subject {
             scene,
             name: &file,
-            sha256: &stage.opened.sha256,
-            in_studio: stage.opened.in_studio,
+            sha256: &open_scene.opened.sha256,
+            in_studio: open_scene.opened.in_studio,
         };
-        let look = match wish.look {
+        let look = match options.look {
             Some(look) => look,
-            None => first_look(&wish.spec, scene)?,
+            None => first_look(&options.spec, scene)?,
         };
-        let (request, left_out) = prepared(&wish.spec, look, subject)?;
-        let shot = Shot::new(
-            stage.clone(),
+        let (request, left_out) = prepared(&options.spec, look, subject)?;
+        let viewpoint = Viewpoint::new(
+            open_scene.clone(),
             request.camera.clone(),
             request.frame,
             &request.settings,
         );
-        let shot = Arc::new(shot);
+        let viewpoint = Arc::new(viewpoint);
         let run = hub.change(|state| {
             state.run += 1;
             state.courses = Default::default();
-            // A wish that came meanwhile has a camera of its own.
-            if state.wish.render_key() == wish.render_key() {
-                state.wish.look = Some(look);
+            // Options that came meanwhile have a camera of their own.
+            if state.options.render_key() == options.render_key() {
+                state.options.look = Some(look);
             }
             state.notes = [left_out.clone(), request.notes.clone()].concat();
             (state.fault, state.missing, state.flip) = (None, None, None);
@@ -128,45 +128,46 @@ impl Renderer<'_> {
             state.words_number += 1;
             state.run
         });
-        if !self.previews(&shot, run) {
+        if !self.previews(&viewpoint, run) {
             return Ok(());
         }
-        let other = match wish.other_spec()? {
+        let other = match options.other_spec()? {
             Some(spec) => Some(prepared(&spec, look, subject)?.0),
             None => None,
         };
-        self.refine(request, other, &shot, run)
+        self.refine(request, other, &viewpoint, run)
     }
 
     /// The open scene, opened again if that is what has changed.
-    fn stage(&mut self, wish: &Wish) -> Result<Arc<Stage>, Fault> {
-        let key = wish.scene_key();
-        let open = self.hub.lock().stage.clone();
-        if let Some(stage) = open
+    fn open_scene(&mut self, options: &Options) -> Result<Arc<OpenScene>, Fault> {
+        let key = options.scene_key();
+        let open = self.hub.lock().open_scene.clone();
+        if let Some(open_scene) = open
             && self.key.as_ref() == Some(&key)
         {
-            return Ok(stage);
+            return Ok(open_scene);
         }
         self.hub.change(|state| {
             state.phase = "loading";
             state.words_number += 1;
         });
-        let opened = wish.spec.open(self.file, READERS, Scene::new)?;
+        let opened = options.spec.open(self.file, READERS, Scene::new)?;
         if opened.scene.lights().is_empty() {
             let what = "nothing lights the scene: {env} studio, {env} sky or a map would";
             return Err(Fault::Input(format!("{}: {what}", self.file.display())));
         }
-        let stage = Arc::new(Stage { opened });
+        let open_scene = Arc::new(OpenScene { opened });
         self.key = Some(key);
-        self.hub.change(|state| state.stage = Some(stage.clone()));
-        Ok(stage)
+        self.hub
+            .change(|state| state.open_scene = Some(open_scene.clone()));
+        Ok(open_scene)
     }
 
     /// Shows pictures of fewer pixels, each of a quarter of the time of the next; the first is never broken off. False if the
-    /// wish has changed.
-    fn previews(&mut self, shot: &Arc<Shot>, run: u64) -> bool {
+    /// options have changed.
+    fn previews(&mut self, viewpoint: &Arc<Viewpoint>, run: u64) -> bool {
         let hub = self.hub;
-        let pixels = f64::from(shot.frame.x) * f64::from(shot.frame.y);
+        let pixels = f64::from(viewpoint.frame.x) * f64::from(viewpoint.frame.y);
         let mut scale = 1;
         while scale < COARSEST && self.cost * pixels / f64::from(scale * scale) > FIRST {
             scale += 1;
@@ -174,10 +175,15 @@ impl Renderer<'_> {
         let clock = Instant::now();
         let mut first = true;
         while first || scale > 1 {
-            let size = (shot.frame / scale).max(UVec2::ONE);
+            let size = (viewpoint.frame / scale).max(UVec2::ONE);
             let stop = Stop::when(&hub.disturbed);
             let window = Window::full(size);
-            let mut view = View::new(&shot.stage.opened.scene, &shot.camera, size, window);
+            let mut view = View::new(
+                &viewpoint.open_scene.opened.scene,
+                &viewpoint.camera,
+                size,
+                window,
+            );
             if !first {
                 view = view.until(&stop);
             }
@@ -186,14 +192,19 @@ impl Renderer<'_> {
                 return true;
             };
             let pass = Instant::now();
-            if shot.settings.integrator().pass(&view, 0..1, &mut picture) == 0 {
+            if viewpoint
+                .settings
+                .integrator()
+                .pass(&view, 0..1, &mut picture)
+                == 0
+            {
                 return false;
             }
             let took = pass.elapsed().as_secs_f64() / window.len() as f64;
             // Slowly down: a corner of the scene may be empty.
             self.cost = took.max(0.8 * self.cost);
             let seconds = clock.elapsed().as_secs_f64();
-            hub.show(0, preview(shot, run, seconds, size, &picture));
+            hub.show(0, preview(viewpoint, run, seconds, size, &picture));
             if hub.disturbed.load(Ordering::Relaxed) {
                 return false;
             }
@@ -211,7 +222,7 @@ impl Renderer<'_> {
         &mut self,
         request: Request<'_>,
         other: Option<Request<'_>>,
-        shot: &Arc<Shot>,
+        viewpoint: &Arc<Viewpoint>,
         run: u64,
     ) -> Result<(), Fault> {
         let hub = self.hub;
@@ -226,7 +237,7 @@ impl Renderer<'_> {
             }
             let (paused, now) = {
                 let state = hub.lock();
-                (state.wish.paused, self::showing(&state))
+                (state.options.paused, self::showing(&state))
             };
             // Another choice of a finished film.
             if now != showing {
@@ -245,7 +256,7 @@ impl Renderer<'_> {
                 .filter(|&side| !runs[side].done(stated(side, &hub.lock())))
                 .min_by(|&a, &b| runs[a].seconds.total_cmp(&runs[b].seconds));
             let Some(side) = next else {
-                self.rest(&mut runs, shot, run, paused);
+                self.rest(&mut runs, viewpoint, run, paused);
                 continue;
             };
             if !runs[side].step(hub) {
@@ -258,7 +269,7 @@ impl Renderer<'_> {
                 (*samples, *seconds) = (runs[side].samples, runs[side].seconds);
                 state.phase = "rendering";
             });
-            self.offer(&mut runs[side], side, shot, run, false);
+            self.offer(&mut runs[side], side, viewpoint, run, false);
         }
         over.store(true, Ordering::Relaxed);
         // Large films are given back beside the next picture, not before it.
@@ -315,9 +326,9 @@ impl Renderer<'_> {
     }
 
     /// Shows what is not shown yet, and waits for a change.
-    fn rest(&self, runs: &mut [Run<'_>], shot: &Arc<Shot>, run: u64, paused: bool) {
+    fn rest(&self, runs: &mut [Run<'_>], viewpoint: &Arc<Viewpoint>, run: u64, paused: bool) {
         for (side, one) in runs.iter_mut().enumerate() {
-            self.offer(one, side, shot, run, true);
+            self.offer(one, side, viewpoint, run, true);
         }
         let phase = if paused { "paused" } else { "done" };
         let number = self.hub.change(|state| {
@@ -325,17 +336,24 @@ impl Renderer<'_> {
                 state.phase = phase;
                 state.words_number += 1;
             }
-            state.wish_number
+            state.options_number
         });
         let waiting = runs.iter().any(|run| run.shown != run.samples);
         let most = Duration::from_millis(if waiting { 50 } else { 1000 });
         drop(self.hub.wait(most, |state| {
-            state.wish_number != number || !state.saves.is_empty()
+            state.options_number != number || !state.saves.is_empty()
         }));
     }
 
     /// Hands a film over to be finished, if it is time to.
-    fn offer(&self, run: &mut Run<'_>, side: usize, shot: &Arc<Shot>, number: u64, last: bool) {
+    fn offer(
+        &self,
+        run: &mut Run<'_>,
+        side: usize,
+        viewpoint: &Arc<Viewpoint>,
+        number: u64,
+        last: bool,
+    ) {
         let Some(cost) = self.slot.cost() else {
             return;
         };
@@ -352,7 +370,7 @@ impl Renderer<'_> {
         self.slot.offer(Job {
             side,
             run: number,
-            shot: shot.clone(),
+            viewpoint: viewpoint.clone(),
             settings: run.request.settings.clone(),
             picture: run.picture.clone(),
             samples: run.samples,
@@ -363,13 +381,13 @@ impl Renderer<'_> {
 
     /// Hands the render over to those who save it.
     fn save(&self, run: &Run<'_>) {
-        let (saves, wished) = {
+        let (saves, updated) = {
             let mut state = self.hub.lock();
-            (std::mem::take(&mut state.saves), state.wish.spec.clone())
+            (std::mem::take(&mut state.saves), state.options.spec.clone())
         };
         // The choice is made of the film anew, after the render has begun.
         let mut request = run.request.clone();
-        request.spec.resolve = wished.resolve;
+        request.spec.resolve = updated.resolve;
         for save in saves {
             let picture = Cow::Owned(run.picture.clone());
             let mut outcome = Outcome::of(&request, picture, run.samples, None);
@@ -416,8 +434,8 @@ impl Run<'_> {
 /// Options of a finished film: a change of them finishes it anew.
 fn showing(state: &State) -> (Resolve, bool) {
     (
-        state.wish.spec.resolve(),
-        state.wish.overlay == Overlay::Flip,
+        state.options.spec.resolve(),
+        state.options.overlay == Overlay::Flip,
     )
 }
 
@@ -486,9 +504,15 @@ fn first_look(spec: &Spec, scene: &Scene) -> Result<Look, Fault> {
 }
 
 /// A picture of few pixels.
-fn preview(shot: &Arc<Shot>, run: u64, seconds: f64, size: UVec2, picture: &Picture) -> Snapshot {
+fn preview(
+    viewpoint: &Arc<Viewpoint>,
+    run: u64,
+    seconds: f64,
+    size: UVec2,
+    picture: &Picture,
+) -> Snapshot {
     Snapshot {
-        shot: shot.clone(),
+        viewpoint: viewpoint.clone(),
         run,
         preview: true,
         samples: 0,
@@ -506,6 +530,6 @@ fn tracing_line(fault: &Fault) {
     let _ = writeln!(
         std::io::stderr(),
         "opsr: {}",
-        fault.said(opsr::render::Names::Flags)
+        fault.message(opsr::render::Names::Flags)
     );
 }
