@@ -268,6 +268,8 @@ impl Renderer<'_> {
                 } = &mut state.courses[side];
                 (*samples, *seconds) = (runs[side].samples, runs[side].seconds);
                 state.phase = "rendering";
+                // Pages show the count of every pass.
+                state.words_number += 1;
             });
             self.offer(&mut runs[side], side, viewpoint, run, false);
         }
