@@ -6,8 +6,8 @@ use std::fs::{File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A claim on a file or a folder, by a lock on a file beside it that ends in `.lock`. It ends with the process, however that ends;
-/// the file beside goes away when the claim is dropped.
+/// Exclusive use of a file or a folder: a lock on a file beside it that ends in `.lock`. The lock ends with the process, also with one
+/// that is killed. The file is removed when the claim is dropped; a file without a lock is no claim.
 #[derive(Debug)]
 pub struct Claim {
     /// The locked file; `None` for streams, and where the file system has no locks.
@@ -38,7 +38,10 @@ impl Claim {
                 Err(TryLockError::WouldBlock) => {
                     return Err(Problem::InUse.at(path));
                 }
-                Err(TryLockError::Error(_)) => return Ok(Self { held: None }),
+                Err(TryLockError::Error(_)) => {
+                    let _ = std::fs::remove_file(&beside);
+                    return Ok(Self { held: None });
+                }
             }
         }
     }

@@ -273,6 +273,10 @@ fn shading_frame_bends_only_where_a_mirror_direction_would_graze() {
             assert_eq!(bits(frame), bits(Frame::from_normal(ns)), "{ns} {w}");
             level += 1;
         } else {
+            // Where the view itself grazes the surface, less is asked for.
+            if mirrored.dot(ng) < 0.9 * surface.least_reflected.min(side.dot(ng)) - 1e-6 {
+                assert_ne!(frame.n, ns, "{w} is mirrored below the surface");
+            }
             bent += usize::from(frame.n != ns);
         }
     }

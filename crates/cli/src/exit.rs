@@ -79,7 +79,7 @@ fn is_shortage(error: &anyhow::Error) -> bool {
     of_file || error.downcast_ref::<Shortage>().is_some()
 }
 
-/// Tells a fault of a render with options as the command line names them.
+/// Conversion of a fault of a render to an error with an exit code, with options as the command line names them.
 pub(super) trait IntoExit<T> {
     /// The error with the exit code of its cause.
     fn into_exit(self) -> anyhow::Result<T>;

@@ -13,9 +13,8 @@ use opsr::image::metric::mean_relative_error;
 use opsr::integrator::Picture;
 use opsr::integrator::drive::RenderProgress;
 use opsr::pilot::witness::Missing;
-use opsr::render::fault::Fault;
 use opsr::render::files::Outputs;
-use opsr::render::{Finished, Outcome, Output, Request};
+use opsr::render::{Fault, Finished, Outcome, Output, Request};
 use opsr::resolve::stated_error;
 use opsr_lab::report::compare::Named;
 use std::borrow::Cow;
@@ -43,7 +42,7 @@ pub(super) struct Run<'a> {
 /// Results of a run.
 pub(super) struct Saved<'a> {
     pub(super) finished: Finished<'a>,
-    /// Root of the true relMSE, where there is a reference.
+    /// Mean relative error beside the reference, where there is one.
     pub(super) true_error: Option<f64>,
     /// Why something is not saved.
     pub(super) failed: Option<anyhow::Error>,

@@ -91,7 +91,7 @@ mod tests {
 
     /// Unauthenticated connections are evicted, oldest first; authenticated ones stay; a dropped place is free.
     #[test]
-    fn strangers_make_way_and_places_come_back() {
+    fn connections_without_the_token_are_closed_and_places_come_back() {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = listener.local_addr().expect("an address");
         let connections = Arc::new(Connections::default());
@@ -103,9 +103,9 @@ mod tests {
         let mut all: Vec<_> = (0..MOST).map(|_| connect()).collect();
         all[0].1.as_ref().expect("a place").keep();
         let (_, place) = connect();
-        assert!(place.is_some(), "a stranger makes way");
+        assert!(place.is_some(), "the oldest is closed");
         assert_eq!(connections.lock().open.len(), MOST);
-        // The second was the oldest stranger: its client reads the end.
+        // The second was the oldest without the token: its client reads the end.
         assert_eq!(all[1].0.read(&mut [0]).expect("an end"), 0);
         drop(place);
         assert_eq!(connections.lock().open.len(), MOST - 1);
@@ -115,7 +115,7 @@ mod tests {
         for (_, place) in &all {
             place.as_ref().expect("a place").keep();
         }
-        assert!(connect().1.is_none(), "all are known");
+        assert!(connect().1.is_none(), "all have the token");
         drop((all, last));
         assert!(connections.lock().open.is_empty());
     }

@@ -285,13 +285,13 @@ impl Options {
         Ok((spec, left_out))
     }
 
-    /// Text that two wishes share only if they are renders of the same scene.
+    /// Text that two sets of options share only if they are renders of the same scene.
     pub(super) fn scene_key(&self) -> String {
         use opsr::render::Heading::{Light, Scene};
         self.spec.words(&[Scene, Light])
     }
 
-    /// Text that two wishes share only if they are the same render.
+    /// Text that two sets of options share only if they are the same render.
     pub(super) fn render_key(&self) -> String {
         let mut asked = self.spec.settings();
         asked.retain(|name, _| !OF_SHOWING.contains(&name.as_str()));

@@ -1,11 +1,9 @@
 //! The optimiser beside Algorithm 1 of Kingma and Ba, *Adam: A Method for Stochastic Optimization*, ICLR 2015, in double precision.
 
-use super::crop;
+use super::learning::learn;
 use opsr::regularise::{LEN, Lookup};
 use opsr_train::config::{Config, Optimiser};
 use opsr_train::learn::model::Learner;
-use opsr_train::{RecordingControl, Session};
-use std::ops::ControlFlow;
 
 /// Adam of one parameter with the constants of the paper, then projection to an interval.
 struct Adam {
@@ -90,16 +88,7 @@ fn default_rate_is_that_of_the_paper() {
         start: 0.5,
         ..Config::default()
     };
-    let mut session = Session::with_crops(
-        config,
-        vec![crop(6)],
-        vec![crop(6)],
-        &RecordingControl::default(),
-    )
-    .unwrap();
-    let outcome = session
-        .learn(0.001, None, false, &mut |_, _, _| ControlFlow::Continue(()))
-        .unwrap();
+    let outcome = learn(config, None, false, u32::MAX);
     let moved = |gamma: &&f32| (f64::from(**gamma) - 0.5).abs() > 1e-6;
     let gammas = outcome.table.gammas.iter().filter(moved);
     let steps: Vec<f64> = gammas.map(|&g| (f64::from(g) - 0.5).abs()).collect();

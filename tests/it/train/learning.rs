@@ -13,7 +13,12 @@ use opsr_train::{Config, RecordingControl, Session};
 use std::ops::ControlFlow;
 use std::path::Path;
 
-fn learn(config: Config, folder: Option<&std::path::Path>, resume: bool, stop_at: u32) -> Outcome {
+pub(super) fn learn(
+    config: Config,
+    folder: Option<&std::path::Path>,
+    resume: bool,
+    stop_at: u32,
+) -> Outcome {
     let beta = config.beta[0];
     let mut session = Session::with_crops(
         config,
