@@ -78,21 +78,26 @@ pub(super) const LEAST_SMOOTH: f32 = 0.01;
 /// normal maps.
 #[inline]
 pub(super) fn bent(ns: Vec3, ng: Vec3, w: Vec3, least: f32) -> Vec3 {
+    // Flat surfaces have one normal.
+    if ns == ng {
+        return ns;
+    }
     let cos = w.dot(ng);
-    let w = if cos < 0.0 { -w } else { w };
+    let side = if cos < 0.0 { -1.0 } else { 1.0 };
     let c = cos.abs();
     let least = (0.9 * c).min(least);
     let along = ns.dot(ng);
-    if 2.0 * w.dot(ns) * along >= c + least {
+    if 2.0 * side * w.dot(ns) * along >= c + least {
         return ns;
     }
-    bent_to(ns, ng, w, [c, along, least])
+    bent_to(ns, ng, side * w, least)
 }
 
 /// The normal in the plane of `ng` and `ns` whose mirror image of `w` has the cosine `least` with `ng`.
 #[inline(never)]
-fn bent_to(ns: Vec3, ng: Vec3, w: Vec3, [c, along, least]: [f32; 3]) -> Vec3 {
-    let Some(across) = (ns - along * ng).try_normalize() else {
+fn bent_to(ns: Vec3, ng: Vec3, w: Vec3, least: f32) -> Vec3 {
+    let c = w.dot(ng);
+    let Some(across) = (ns - ns.dot(ng) * ng).try_normalize() else {
         return ng;
     };
     let s = w.dot(across);
