@@ -24,7 +24,7 @@
 //! |---|---|---|
 //! | 0 | [`math`] | frames, measures, warps, discrete distributions, running moments |
 //! | 0 | [`sampler`] | the random numbers of a path, keyed by (seed, pixel, sample) |
-//! | 0 | [`files`] | bounded reads, writes that are whole or not made, sealed files, hashes in hex |
+//! | 0 | [`files`] | bounded reads, writes that are whole or not made, sealed files, locks, hashes in hex |
 //! | 0 | [`memory`] | free memory, refusal of work that needs more |
 //! | 1 | [`regularise`] | the paper: path roughness, classes, attenuation tables, look-ups, comparison rules |
 //! | 2 | [`bsdf`] | BSDFs that are evaluated *at* a roughness |

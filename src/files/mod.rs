@@ -1,4 +1,4 @@
-//! Files: bounded reads, writes that are whole or not made, sealed files, hashes in hex.
+//! Files: bounded reads, writes that are whole or not made, sealed files, locks, hashes in hex.
 //!
 //! Errors of this crate follow one convention: the text is complete, its cause included, and `source()` is `None`.
 //! Both `{error}` and anyhow's `{error:#}` say everything once.

@@ -4,8 +4,8 @@
 //! |---|---|
 //! | `http` | requests and answers, bounded in size and time |
 //! | `serve` | who may ask, and what is answered |
-//! | `connections` | places of open connections |
-//! | `options` | what pages ask for, checked |
+//! | `connections` | a bounded number of open connections |
+//! | `options` | options that pages set, checked |
 //! | `hub` | the newest of everything, shared by all threads |
 //! | `work` | the thread that renders |
 //! | `finish` | the thread that makes pictures of films |
