@@ -86,12 +86,12 @@ impl<'a> Render<'a> {
     pub fn table(self, table: impl AsRef<Path>) -> Result<Self, FileError> {
         let path = table.as_ref();
         let table = TableChoice::Held(Arc::new(TableFile::load(path)?), Some(path.into()));
-        Ok(self.with(|spec| (spec.table, spec.gamma) = (Some(table), None)))
+        Ok(self.with(|spec| spec.table = Some(table)))
     }
 
     /// Path tracing with one attenuation factor in [0, 1] for all paths; 0 is plain path tracing.
     pub fn gamma(self, gamma: f32) -> Self {
-        self.with(|spec| (spec.table, spec.gamma) = (None, Some(gamma)))
+        self.with(|spec| spec.table = Some(TableChoice::Factor(gamma)))
     }
 
     /// Scales of the factors at several levels, ascending from 0, of which every pixel gets the best. By default four, where

@@ -138,9 +138,9 @@ compare() {
 
 printf '%-52s %12d\n' "the box" "$base"
 compare "the box again" 0.5 box
-compare "--gamma 0" 0.5 box --gamma 0
+compare "--opsr-table 0" 0.5 box --opsr-table 0
 compare "unused materials, textures, meshes and cameras" 0.5 more
 compare "with a table, which a diffuse box does not need" 0.5 box --opsr-table params/beta-0.001.json
-compare "with a table, going on with roughened lobes" 0.5 box --opsr-table params/beta-0.001.json --mode reuse
+compare "with a table, going on with roughened lobes" 0.5 box --opsr-table params/beta-0.001.json --set mode=reuse
 compare "albedo, normal and depth (used, for comparison)" - box --aov
 exit "$failed"

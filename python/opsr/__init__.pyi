@@ -17,18 +17,14 @@ __version__: str
 class _SceneOptions(TypedDict, total=False):
     """Options of `Scene.load` beside `env`."""
 
-    sun: tuple[float, float] | None
-    turbidity: float | None
+    sun: Sequence[float] | str | None
     env_intensity: float | None
     env_rotation: float | None
     distribution: Literal["beckmann", "ggx"] | None
     skip_unsupported: bool | None
-    solid_glass: bool | None
-    thin_glass: bool | None
+    glass: Literal["solid", "thin"] | None
     variant: str | int | None
-    frame: float | None
-    fps: float | None
-    time_of_scene: float | None
+    at: str | None
 
 class Scene:
     @staticmethod
@@ -172,33 +168,30 @@ class _Options(TypedDict, total=False):
 
     size: tuple[int, int] | str | None
     crop: tuple[int, int, int, int] | str | None
-    camera: str | int | None
-    look: Path | None
-    aperture: float | None
-    focus: float | None
+    camera: str | int | Path | None
+    lens: tuple[float, float] | float | None
     spp: int | None
     time: float | None
     target_error: float | None
-    integrator: Literal["path", "light", "bdpt", "vcm", "sppm", "mlt", "auto"] | None
-    table: Table | Path | None
-    gamma: float | None
-    levels: int | str | Sequence[float] | None
+    integrator: Literal["path", "guided", "manifold", "light", "bdpt", "vcm", "sppm", "mlt", "auto"] | None
+    table: Table | Path | float | None
     resolve: Literal["raw", "none", "sharp", "default"] | None
+    max_vertices: int | None
+    seed: int | None
+    levels: int | str | Sequence[float] | None
     table_scale: float | None
     lookup: Literal["nearest", "linear"] | None
     mode: Literal["default", "reuse", "pbrt", "filter-glossy", "roughness-clamp", "mollifier"] | None
     consistent: float | None
     filter: float | None
-    guide: Literal["picture", "unbiased"] | None
-    manifold: int | None
+    unbiased: bool | None
+    trials: int | None
     radius: float | None
     radius_alpha: float | None
     connections: Literal["all", "nee"] | None
     mlt_pass: int | None
     strategy: tuple[int, int] | str | None
     sampler: Literal["independent", "sobol"] | None
-    max_vertices: int | None
-    seed: int | None
     aov: bool | str | Sequence[str] | None
     denoise: bool | None
     on_progress: Callable[[Progress], bool | None] | None
@@ -207,11 +200,9 @@ class _Options(TypedDict, total=False):
 class _SaveOptions(TypedDict, total=False):
     """Options of `Film.save`."""
 
-    level_layers: bool | None
     exposure: float | str | None
     view: Literal["srgb", "filmic", "agx"] | None
-    exr_half: bool | None
-    exr_compression: Literal["none", "rle", "zips", "zip", "piz"] | None
+    exr: str | None
 
 class _ViewOptions(_Options, total=False):
     """Options of `view`: those of `render` and of `Scene.load`, and what is shown."""

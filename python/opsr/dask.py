@@ -418,13 +418,14 @@ def render(
         return film
 
 
-def animate(client, scene, frames, output, *, load=None, retries=3, on_frame=None, **options):
+def animate(client, scene, frames, output, *, fps=24, load=None, retries=3, on_frame=None, **options):
     """Renders frames of an animation on a cluster, one task for each, into the files of `opsr.render` and `Film.save`.
 
     A method that is not named is the one that `opsr.choose` names for the first frame.
 
     scene: path or address of the scene, for the workers to read, as of `render`.
-    frames: numbers of the frames, as `Scene.load` takes one by `frame`.
+    frames: numbers of the frames, from 0 at the start of the animations.
+    fps: frames per second.
     output: path or address of a frame's file, .exr or .png, with a place for its number: "s3://bucket/film/{:04}.exr". Files
         that are there are left alone, so that the same call goes on after an end; opsr.json beside them says what they are of.
     load: options of `Scene.load`, as a dictionary.
@@ -440,12 +441,12 @@ def animate(client, scene, frames, output, *, load=None, retries=3, on_frame=Non
         raise ValueError("output: no place for the number of a frame, such as {:04}")
     scene, load = os.fspath(scene), load or {}
     if frames:
-        first, folder = {**load, "frame": frames[0]}, os.fspath(output).rpartition("/")[0] or "."
+        first, folder = {**load, "at": f"{frames[0]}@{fps}"}, os.fspath(output).rpartition("/")[0] or "."
         method = _method(client, scene, first, options, folder)
-        _claim(folder, {**_work(client, scene, first, options), "load": load, "method": method})
+        _claim(folder, {**_work(client, scene, first, options), "load": load, "fps": fps, "method": method})
         options.update(method)
     todo = [frame for frame, address in addresses.items() if not _exists(address)]
-    jobs = [((scene, {**load, "frame": frame}), options, addresses[frame]) for frame in todo]
+    jobs = [((scene, {**load, "at": f"{frame}@{fps}"}), options, addresses[frame]) for frame in todo]
     for number, _, _ in _results(client, _frame, jobs, retries):
         if on_frame is not None:
             on_frame(todo[number], addresses[todo[number]])

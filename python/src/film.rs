@@ -154,7 +154,7 @@ impl Film {
     /// Writes the picture, whole or not at all: .exr, with variance, AOVs and the choice among levels as layers, or .png. The file
     /// has the bytes of the program's with --reproducible.
     ///
-    /// Keywords are the options of `opsr render` for files, such as exposure=1.5 or exr_half=True; `help(opsr)` lists them.
+    /// Keywords are the options of `opsr render` for files, such as exposure=1.5 or exr="half"; `help(opsr)` lists them.
     #[pyo3(signature = (path, **options))]
     fn save(
         &self,

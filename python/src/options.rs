@@ -2,6 +2,7 @@
 
 use crate::errors::{argument, file};
 use crate::table::Table;
+use opsr::render::spec::renamed;
 use opsr::render::value::TableChoice;
 use opsr::render::{Fault, Heading, Names, OPTIONS, Opt, Spec};
 use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
@@ -19,7 +20,10 @@ pub(crate) fn of_scene(option: &Opt) -> bool {
 /// True for the options of `render`; files are written by `Film.save`.
 pub(crate) fn of_render(option: &Opt) -> bool {
     let heading = option.heading;
-    let made = matches!(heading, Heading::Camera | Heading::Stop | Heading::Method);
+    let made = matches!(
+        heading,
+        Heading::Camera | Heading::Stop | Heading::Method | Heading::Research
+    );
     made || ["aov", "denoise"].contains(&option.name)
 }
 
@@ -58,7 +62,9 @@ pub(crate) fn read(
         let name: String = name.extract()?;
         let known = Opt::named(&name).is_some_and(wanted);
         if !known {
-            let what = format!("{function}() got an unexpected keyword argument '{name}'");
+            let instead = renamed(&name).map(|new| Fault::usage(format!("; it is {new} now")));
+            let instead = instead.map_or(String::new(), |new| new.message(Names::Keys));
+            let what = format!("{function}() got an unexpected keyword argument '{name}'{instead}");
             return Err(PyTypeError::new_err(what));
         }
         if value.is_none() {
@@ -108,9 +114,7 @@ fn json_of(value: &Bound<'_, PyAny>) -> Option<Value> {
     }
     if value.is_instance_of::<PyFloat>() {
         let number = value.extract::<f64>().ok()?;
-        return Some(
-            serde_json::Number::from_f64(number).map_or("not finite".into(), Value::Number),
-        );
+        return Some(serde_json::Number::from_f64(number).map_or("NaN".into(), Value::Number));
     }
     if let Ok(path) = value.extract::<PathBuf>() {
         return path.to_str().map(Value::from);
@@ -124,7 +128,7 @@ fn json_of(value: &Bound<'_, PyAny>) -> Option<Value> {
         return Some(number.into());
     }
     let number = value.extract::<f64>().ok()?;
-    Some(serde_json::Number::from_f64(number).map_or("not finite".into(), Value::Number))
+    Some(serde_json::Number::from_f64(number).map_or("NaN".into(), Value::Number))
 }
 
 /// A whole number of an argument, from `least` on.

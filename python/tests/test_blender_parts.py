@@ -46,7 +46,7 @@ def test_exr_blocks_are_unpacked():
 def test_exr_files_of_the_program_are_read(program, tmp_path):
     scene, read = pathlib.Path(__file__).parents[2] / "training_scenes" / "rings.glb", []
     for coding in ("none", "zip", "zips"):
-        words = [program, "render", scene, "--size", "20x18", "--spp", "2", "--exr-compression", coding, "--aov"]
+        words = [program, "render", scene, "--size", "20x18", "--spp", "2", "--exr", coding, "--aov"]
         subprocess.run([*words, "-o", tmp_path / "a.exr"], check=True, capture_output=True)
         read.append(exr.read(tmp_path / "a.exr"))
     assert all((each[name] == read[0][name]).all() for each in read for name in read[0])

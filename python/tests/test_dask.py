@@ -169,7 +169,7 @@ def test_frames_are_those_of_one_process(client, moving, tmp_path):
 
     output = str(tmp_path / "film" / "{:03}.exr")
     settings = {"size": (32, 24), "spp": 4}
-    load = {"load": {"fps": 4.0}, **settings}
+    load = {"fps": 4.0, **settings}
     seen = []
 
     def stop(frame, address):
@@ -186,8 +186,8 @@ def test_frames_are_those_of_one_process(client, moving, tmp_path):
     assert len({pathlib.Path(address).read_bytes() for address in addresses.values()}) == 5
     frames = [pathlib.Path(addresses[frame]).read_bytes() for frame in range(5)]
     # The method of all frames is that of the first.
-    method = opsr.choose(opsr.Scene.load(moving, frame=0, fps=4.0), **settings)
-    singles = (opsr.render(opsr.Scene.load(moving, frame=frame, fps=4.0), **settings, **method) for frame in range(5))
+    method = opsr.choose(opsr.Scene.load(moving, at="0@4"), **settings)
+    singles = (opsr.render(opsr.Scene.load(moving, at=f"{frame}@4"), **settings, **method) for frame in range(5))
     assert frames == [saved(film, tmp_path / "one.exr") for film in singles]
     with pytest.raises(ValueError, match="output: no place"):
         opsr.dask.animate(client, moving, range(5), "film.exr", **settings)
@@ -351,8 +351,8 @@ def test_errors_of_workers_arrive(client, tmp_path):
 
     with pytest.raises(FileNotFoundError):
         opsr.dask.render(client, "none.glb", size=(8, 8), spp=2, retries=0)
-    with pytest.raises(ValueError, match="gamma"):
-        opsr.dask.render(client, SCENE, size=(8, 8), spp=2, gamma=3, retries=0)
+    with pytest.raises(ValueError, match="table"):
+        opsr.dask.render(client, SCENE, size=(8, 8), spp=2, table=3, retries=0)
     with pytest.raises(TypeError, match="threads"):
         opsr.dask.render(client, SCENE, size=(8, 8), spp=2, threads=3)
     with pytest.raises(ValueError, match="spp: expected"):

@@ -15,7 +15,7 @@ SMALL = {"size": (24, 16), "spp": 6}
 
 @pytest.mark.parametrize(
     "options",
-    [{"aov": ["alpha", "direct"]}, {"gamma": 0.3, "levels": 3, "aov": True}, {"integrator": "bdpt"}, {"integrator": "mlt"}],
+    [{"aov": ["alpha", "direct"]}, {"table": 0.3, "levels": 3, "aov": True}, {"integrator": "bdpt"}, {"integrator": "mlt"}],
     ids=["path", "levels", "bdpt", "mlt"],
 )
 def test_parts_merge_to_the_bytes_of_the_single_render(box, tmp_path, options):
@@ -47,11 +47,11 @@ def test_parts_merge_to_the_bytes_of_the_single_render(box, tmp_path, options):
         ({"part": "x", "time": 1}, "time: a part has a number of samples"),
         ({"part": "x", "aov": "id"}, "aov: a part keeps no"),
         ({"aov": "colour"}, "no layer `colour`: there are albedo, normal"),
-        ({"aov": "direct", "gamma": 0.3, "levels": 3}, "aov: emission, direct and indirect"),
-        ({"aov": "level", "resolve": "raw"}, "aov: level needs levels"),
-        ({"consistent": 0.2}, "consistent: needs table or gamma"),
-        ({"consistent": 0.7, "gamma": 0.2}, "between 0 and 0.5"),
-        ({"filter": 2}, "filter: needs mode filter-glossy"),
+        ({"aov": "direct", "table": 0.3, "levels": 3}, "aov: emission, direct and indirect"),
+        ({"aov": "level", "resolve": "raw"}, "aov: level needs several levels"),
+        ({"consistent": 0.2}, "consistent: needs table"),
+        ({"consistent": 0.7, "table": 0.2}, "between 0 and 0.5"),
+        ({"filter": 2}, "filter: needs mode=filter-glossy"),
         ({"filter": -1, "mode": "filter-glossy"}, "filter: expected"),
         ({"table_scale": 2}, "table_scale: needs table"),
         ({"radius": 0, "integrator": "vcm"}, "radius: expected"),
@@ -61,8 +61,8 @@ def test_parts_merge_to_the_bytes_of_the_single_render(box, tmp_path, options):
         ({"connections": "nee"}, "connections: needs integrator vcm"),
         ({"mlt_pass": 0, "integrator": "mlt"}, "mlt_pass: expected"),
         ({"mlt_pass": 4}, "mlt_pass: needs integrator mlt"),
-        ({"aperture": 0.1}, "aperture: needs focus"),
-        ({"focus": 0.0, "aperture": 0.1}, "focus: expected"),
+        ({"lens": 0.1}, "lens: needs a distance"),
+        ({"lens": (0.1, 0.0)}, "lens: expected"),
         ({"integrator": "auto", "mlt_pass": 4}, "mlt_pass: is of integrator mlt, not of auto"),
         ({"table_scale": 0, "table": "beta-0.05"}, "table_scale: expected"),
         ({"target_error": 0}, "target_error: expected"),
@@ -76,16 +76,16 @@ def test_errors_name_the_argument(box, options, words):
 @pytest.mark.parametrize(
     "words, options",
     [
-        ("--gamma 0.4 --consistent 0.2", {"gamma": 0.4, "consistent": 0.2}),
-        ("--opsr-table beta-0.05 --consistent 0.2", {"table": "beta-0.05", "consistent": 0.2}),
-        ("--mode filter-glossy --filter 2", {"mode": "filter-glossy", "filter": 2}),
-        ("--opsr-table beta-0.05 --table-scale 3", {"table": "beta-0.05", "table_scale": 3}),
+        ("--opsr-table 0.4 --set consistent=0.2", {"table": 0.4, "consistent": 0.2}),
+        ("--opsr-table beta-0.05 --set consistent=0.2", {"table": "beta-0.05", "consistent": 0.2}),
+        ("--set mode=filter-glossy --set filter=2", {"mode": "filter-glossy", "filter": 2}),
+        ("--opsr-table beta-0.05 --set table_scale=3", {"table": "beta-0.05", "table_scale": 3}),
         (
-            "--integrator vcm --radius 0.05 --radius-alpha 0.8 --connections nee",
+            "--integrator vcm --set radius=0.05 --set radius_alpha=0.8 --set connections=nee",
             {"integrator": "vcm", "radius": 0.05, "radius_alpha": 0.8, "connections": "nee"},
         ),
-        ("--integrator mlt --mlt-pass 4", {"integrator": "mlt", "mlt_pass": 4}),
-        ("--aperture 0.05 --focus 2", {"aperture": 0.05, "focus": 2}),
+        ("--integrator mlt --set mlt_pass=4", {"integrator": "mlt", "mlt_pass": 4}),
+        ("--lens 0.05,2", {"lens": (0.05, 2)}),
         ("--integrator auto", {"integrator": "auto"}),
         ("--integrator auto --opsr-table beta-0.05", {"integrator": "auto", "table": "beta-0.05"}),
         ("--aov alpha,position,id,emission,indirect", {"aov": ["alpha", "position", "id", "emission", "indirect"]}),
@@ -121,11 +121,11 @@ def test_auto_names_the_integrator_that_a_pilot_chose(box):
     assert named["integrator"] == "path" and named["table"] is table
     other = opsr.choose(box, size=(24, 16), spp=4, table=table, integrator="auto")
     assert other["integrator"] == "path" or other["table"] is None
-    timed = opsr.render(box, size=(24, 16), time=0.2, integrator="auto", gamma=0.1, levels=3, aov=True)
+    timed = opsr.render(box, size=(24, 16), time=0.2, integrator="auto", table=0.1, levels=3, aov=True)
     assert timed.spp > 0 and timed.seconds < 5
 
 
-@pytest.mark.parametrize("options", [{"aov": True}, {"gamma": 0.3, "levels": 3}, {"integrator": "bdpt"}], ids=["path", "levels", "bdpt"])
+@pytest.mark.parametrize("options", [{"aov": True}, {"table": 0.3, "levels": 3}, {"integrator": "bdpt"}], ids=["path", "levels", "bdpt"])
 def test_part_that_is_gone_on_with_is_that_of_one_render(box, tmp_path, options):
     settings = {**SMALL, **options}
     opsr.render(box, part=tmp_path / "a", samples=(0, 2), **settings)
@@ -153,7 +153,7 @@ def test_partial_merge_is_black_where_nothing_is(box, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "options", [{"aov": ["id", "depth", "alpha"]}, {"levels": 3, "gamma": 0.3, "resolve": "sharp"}, {"integrator": "bdpt", "crop": (3, 2, 9, 9)}], ids=["path", "levels", "bdpt"]
+    "options", [{"aov": ["id", "depth", "alpha"]}, {"levels": 3, "table": 0.3, "resolve": "sharp"}, {"integrator": "bdpt", "crop": (3, 2, 9, 9)}], ids=["path", "levels", "bdpt"]
 )
 def test_pickled_film_is_the_film(box, tmp_path, options):
     film = opsr.render(box, **SMALL, **options)

@@ -27,15 +27,17 @@ pub enum Aov {
     Direct,
     /// Light scattered more often.
     Indirect,
-    /// Level of roughening that was chosen; --levels adds it anyhow.
+    /// Level of roughening that was chosen; a render of several levels adds it anyhow.
     Level,
+    /// Every level, as layers level0, level1 and so on.
+    EachLevel,
     /// Seconds spent on the paths of the pixel.
     Time,
 }
 
 impl Aov {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Albedo,
         Self::Normal,
         Self::Depth,
@@ -46,12 +48,16 @@ impl Aov {
         Self::Direct,
         Self::Indirect,
         Self::Level,
+        Self::EachLevel,
         Self::Time,
     ];
 
     /// Its name in options.
     pub fn name(self) -> String {
-        format!("{self:?}").to_lowercase()
+        match self {
+            Self::EachLevel => "each-level".into(),
+            _ => format!("{self:?}").to_lowercase(),
+        }
     }
 
     /// The layer with this name; an error that lists all.
@@ -128,7 +134,7 @@ impl<'a> Layers<'a> {
             Aov::Direct => Layer::rgb("direct", &light?.direct()),
             Aov::Indirect => Layer::rgb("indirect", &light?.indirect(&picture.film)),
             // Written with the other results of the levels.
-            Aov::Level => return None,
+            Aov::Level | Aov::EachLevel => return None,
             Aov::Time => Layer::scalar("time", aovs?.time.as_ref()?.seconds()),
         })
     }

@@ -16,17 +16,6 @@ pub enum Connections {
     Nee,
 }
 
-/// The paths from which a guide learns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "kebab-case")]
-pub enum Guide {
-    /// The paths of the picture.
-    Picture,
-    /// Roughened ones, beside those of the picture, which are not.
-    Unbiased,
-}
-
 /// Integrators by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
@@ -34,6 +23,11 @@ pub enum Guide {
 pub enum IntegratorKind {
     /// Path tracing from the camera.
     Path,
+    /// Path tracing with directions from a guide too, which learns while rendering where light comes from.
+    Guided,
+    /// Path tracing that seeks lights by way of a smooth mirror, out of water or through a smooth body of glass too (specular
+    /// manifold sampling).
+    Manifold,
     /// Light tracing: caustics seen directly; no surface that is seen by way of a mirror or smooth glass.
     Light,
     /// Bidirectional path tracing: lamps behind glass, caustics, indirect light.
@@ -47,7 +41,7 @@ pub enum IntegratorKind {
     /// Metropolis light transport over bdpt: light through keyholes and around corners, chains of glossy reflections. A
     /// sample is 16 mutations per pixel.
     Mlt,
-    /// The one of path, path with levels, bdpt, vcm and sppm with the least expected error, by the scene's lights and materials and
+    /// The one of path, path with levels, bdpt and vcm with the least expected error, by the scene's lights and materials and
     /// a pilot of a few per cent of the render.
     #[default]
     Auto,
@@ -64,6 +58,8 @@ impl IntegratorKind {
         match self {
             // Until a pilot has chosen.
             Self::Path | Self::Auto => Estimator::Path { reuse: false },
+            Self::Guided => Estimator::Guided { unbiased: false },
+            Self::Manifold => Estimator::Manifold { trials: 0 },
             Self::Light => Estimator::Light,
             Self::Bdpt => Estimator::Bdpt,
             Self::Vcm => Estimator::Vcm(radius),

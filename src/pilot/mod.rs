@@ -221,7 +221,7 @@ pub fn advise(scene: &Scene) -> Advice {
         (true, _) if mirror => advice(
             IntegratorKind::Bdpt,
             "lights without area and mirrors: path finds nothing that they light by way of a mirror, and the light's own \
-             reflection takes --mode mollifier",
+             reflection takes --set mode=mollifier",
         ),
         (false, _) if glass => advice(
             IntegratorKind::Vcm,

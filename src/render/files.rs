@@ -10,6 +10,7 @@ use crate::image::Buffer;
 use crate::image::denoise::Denoiser;
 use crate::image::display::{Display, auto_exposure};
 use crate::integrator::Picture;
+use crate::integrator::layers::Aov;
 use crate::resolve::resolve_film;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -88,6 +89,14 @@ impl Spec {
             let why = "raw is chosen before a render, not of its film";
             return Err(Fault::option("resolve", why));
         }
+        for layer in self.aovs() {
+            let why = match layer {
+                Aov::EachLevel if one => "each-level needs several levels, and this film has one",
+                Aov::EachLevel => continue,
+                _ => "each-level is the only layer of a film: the others are recorded by a render",
+            };
+            return Err(Fault::option("aov", why));
+        }
         match self.given().find(|(option, _)| option.of_levels && one) {
             Some((option, _)) => Err(Fault::option(
                 option.name,
@@ -112,9 +121,7 @@ impl Spec {
         );
         for (name, there, what) in [
             ("aov", exr, layers),
-            ("level_layers", exr, layers),
-            ("exr_half", exr, of_exr),
-            ("exr_compression", exr, of_exr),
+            ("exr", exr, of_exr),
             ("exposure", png, of_png),
             ("view", png, of_png),
         ] {

@@ -11,7 +11,7 @@ use super::spec::{Effect, OPTIONS, Spec};
 use super::value::Field;
 use crate::image::denoise::Denoiser;
 use crate::image::display::Display;
-use crate::image::exr::{self, Header, Layer, Metadata, Storage};
+use crate::image::exr::{self, Header, Layer, Metadata};
 use crate::image::film::Film;
 use crate::image::{Buffer, png};
 use crate::integrator::Picture;
@@ -228,7 +228,7 @@ impl Finished<'_> {
             .errors(self.film(), self.outcome.missing.as_ref());
         layers.extend(errors.map(|errors| Layer::scalar("error", errors)));
         if let Some(film) = &self.outcome.picture.levels
-            && self.outcome.spec.level_layers == Some(true)
+            && self.outcome.spec.aovs().contains(&Aov::EachLevel)
         {
             let level = |k| Layer::rgb(&format!("level{k}"), &film.mean(k));
             layers.extend((0..film.levels()).map(level));
@@ -265,10 +265,7 @@ impl Finished<'_> {
                 }
                 let header = Header {
                     metadata: &metadata,
-                    storage: Storage {
-                        half: spec.exr_half.unwrap_or_default(),
-                        compression: spec.exr_compression.unwrap_or_default(),
-                    },
+                    storage: spec.exr.unwrap_or_default(),
                     world_to_camera: *world_to_camera,
                 };
                 let (film, layers) = (self.film(), self.layers());

@@ -2,7 +2,7 @@
 
 use super::fault::Fault;
 use super::spec::Spec;
-use super::value::{Field, Range};
+use super::value::{Field, LensChoice, NameOrNumber, Range};
 use crate::files::{self, FileError};
 use crate::math::Vec3;
 use crate::scene::camera::Projection;
@@ -86,7 +86,7 @@ impl Look {
         Vec3::from_array(self.position).distance(Vec3::from_array(self.target))
     }
 
-    /// Position, target, up and field of view (after an `h` the height of parallel rays), as `--look` takes them.
+    /// Position, target, up and field of view (after an `h` the height of parallel rays), as `--camera` takes them.
     pub fn text(&self) -> String {
         let numbers = [self.position, self.target, self.up].concat();
         let mut words: Vec<String> = numbers.iter().map(f32::to_string).collect();
@@ -166,21 +166,24 @@ impl Look {
     }
 }
 
-/// A look: a file, or numbers.
+/// A camera: one of the scene, or a look.
 #[derive(Clone, Debug, PartialEq)]
-pub enum LookChoice {
+pub enum CameraChoice {
+    /// Name of a camera of the scene, or its number from 0.
+    Named(String),
     /// A file that a viewer saved.
     File(PathBuf),
     /// Numbers, or a file that was read.
     Held(Box<Look>),
 }
 
-impl LookChoice {
-    /// The look.
-    pub fn load(&self) -> Result<Look, FileError> {
+impl CameraChoice {
+    /// The look, of a choice that is one.
+    pub fn look(&self) -> Result<Option<Look>, FileError> {
         match self {
-            Self::File(path) => Look::load(path),
-            Self::Held(look) => Ok(**look),
+            Self::Named(_) => Ok(None),
+            Self::File(path) => Look::load(path).map(Some),
+            Self::Held(look) => Ok(Some(**look)),
         }
     }
 
@@ -188,59 +191,73 @@ impl LookChoice {
     pub fn file(&self) -> Option<&Path> {
         match self {
             Self::File(path) => Some(path),
-            Self::Held(_) => None,
+            Self::Named(_) | Self::Held(_) => None,
         }
     }
 }
 
-impl Field for LookChoice {
+impl Field for CameraChoice {
     fn read(value: &Value, range: &Range) -> Result<Self, String> {
         if let Some(look) = value.as_str().and_then(Look::parse) {
             return look.check().map(|()| Self::Held(Box::new(look)));
         }
-        let commas = value.as_str().is_some_and(|text| text.contains(','));
-        let path = PathBuf::read(value, range)?;
-        match commas && !path.exists() {
-            true => Err(
-                "expected a file, or ten numbers: position, target, up, field of view in degrees"
-                    .into(),
-            ),
-            false => Ok(Self::File(path)),
+        let NameOrNumber(text) = NameOrNumber::read(value, range)?;
+        let is_file = Path::new(&text).extension();
+        if is_file.is_some_and(|end| end.eq_ignore_ascii_case("json")) {
+            return Ok(Self::File(text.into()));
+        }
+        // A name with a comma may be that of a camera; numbers alone are a look with too few of them.
+        let numbers = |text: &str| text.split(',').all(|x| x.trim().parse::<f32>().is_ok());
+        match text.contains(',') && numbers(&text) {
+            true => {
+                Err("expected ten numbers: position, target, up, field of view in degrees".into())
+            }
+            false => Ok(Self::Named(text)),
         }
     }
 
     fn text(&self) -> String {
         match self {
+            Self::Named(name) => name.clone(),
             Self::File(path) => path.display().to_string(),
             Self::Held(look) => look.text(),
         }
     }
 
     fn python() -> String {
-        "Path".into()
+        "str | int | Path".into()
     }
 }
 
 impl Spec {
     /// Reads the look, so that it is read once; its lens is that of the options unless they name one.
     pub fn load_look(&mut self) -> Result<(), Fault> {
-        if let Some(choice) = &self.look {
-            let look = choice.load()?;
-            self.aperture = self.aperture.or(look.aperture);
-            let lens = self.aperture.is_some_and(|radius| radius > 0.0);
-            self.focus = self.focus.or(look.focus.filter(|_| lens));
-            self.look = Some(LookChoice::Held(Box::new(look)));
-        }
+        let Some(look) = self.own_look()? else {
+            return Ok(());
+        };
+        let own = look.aperture.map(|radius| LensChoice {
+            radius,
+            focus: look.focus.filter(|_| radius > 0.0),
+        });
+        let lens = self.lens.or(own);
+        self.lens = lens.map(|lens| LensChoice {
+            focus: lens.focus.or(look.focus).filter(|_| lens.radius > 0.0),
+            ..lens
+        });
+        self.camera = Some(CameraChoice::Held(Box::new(look)));
         Ok(())
+    }
+
+    /// The camera's numbers, where they are not those of a camera of the scene.
+    fn own_look(&self) -> Result<Option<Look>, FileError> {
+        let look = self.camera.as_ref().map(CameraChoice::look);
+        look.transpose().map(Option::flatten)
     }
 
     /// The camera of the look.
     pub(super) fn looking(&self) -> Result<Option<Camera>, Fault> {
-        let Some(choice) = &self.look else {
-            return Ok(None);
-        };
-        let camera = choice.load()?.camera();
-        camera.map(Some).map_err(|e| Fault::option("look", e))
+        let camera = self.own_look()?.map(|look| look.camera());
+        camera.transpose().map_err(|e| Fault::option("camera", e))
     }
 }
 
@@ -269,7 +286,7 @@ mod tests {
 
     #[test]
     fn look_that_makes_no_camera_is_refused() {
-        let read = |text: &str| LookChoice::read(&text.into(), &Range::FINITE);
+        let read = |text: &str| CameraChoice::read(&text.into(), &Range::FINITE);
         assert!(read("0,0,1,0,0,0,0,1,0,40").is_ok());
         for bad in [
             "0,0,0,0,0,0,0,1,0,40",

@@ -6,7 +6,7 @@ use super::value::{Levels, ResolveChoice, TableChoice, listed, word};
 use crate::files::{FileError, hex};
 use crate::integrator::bidirectional::{Radius, Strategy};
 use crate::integrator::layers::Aov;
-use crate::integrator::method::{Connections, Guide, IntegratorKind, Mode};
+use crate::integrator::method::{Connections, IntegratorKind, Mode};
 use crate::integrator::{Estimator, Settings};
 use crate::regularise::rules::MOLLIFIER_RADIUS;
 use crate::regularise::{Accumulated, Factors, Rule};
@@ -45,7 +45,8 @@ impl Spec {
     /// else the choice of a pilot.
     pub fn kind(&self) -> IntegratorKind {
         let names_paths = |(option, _): (&Opt, String)| {
-            option.heading == Heading::Method && !OF_EVERY_METHOD.contains(&option.name)
+            let of_method = matches!(option.heading, Heading::Method | Heading::Research);
+            of_method && !OF_EVERY_METHOD.contains(&option.name)
         };
         let unnamed = || match self.given().any(names_paths) {
             true => IntegratorKind::Path,
@@ -56,7 +57,7 @@ impl Spec {
 
     /// True where a table or a factor roughens.
     pub fn has_factors(&self) -> bool {
-        self.table.is_some() || self.gamma.is_some()
+        self.table.is_some()
     }
 
     /// Settings of the choice among films, where there are some.
@@ -112,32 +113,33 @@ impl Spec {
             }
         }
         self.check_mode()?;
-        self.check_guide()?;
+        self.check_table()?;
         self.check_levels()?;
         self.check_sky()
     }
 
     fn check_mode(&self) -> Result<(), Fault> {
-        use IntegratorKind::{Auto, Bdpt, Light, Mlt, Path, Sppm, Vcm};
+        use IntegratorKind::{Auto, Bdpt, Guided, Light, Manifold, Mlt, Path, Sppm, Vcm};
         let mode = self.mode.unwrap_or_default();
         let (kind, factors) = (self.kind(), self.has_factors());
         let own = !matches!(mode, Mode::Default | Mode::Reuse);
         if own && (factors || self.consistent.is_some()) {
-            let why = "has a rule of its own: no {table}, {gamma} or {consistent}";
+            let why = "has a rule of its own: no {table} or {consistent}";
             return Err(Fault::option("mode", format!("{} {why}", word(&mode))));
         }
         ensure(
             factors || mode != Mode::Reuse,
             "mode",
-            "reuse needs {table} or {gamma}",
+            "reuse needs {table}",
         )?;
         ensure(
             self.filter.is_none() || mode == Mode::FilterGlossy,
             "filter",
-            "needs {mode} filter-glossy",
+            "needs {mode}=filter-glossy",
         )?;
         let known = match kind {
             Path => true,
+            Guided | Manifold => mode == Mode::Default,
             Auto => matches!(mode, Mode::Default | Mode::Reuse | Mode::Mollifier),
             Bdpt | Mlt => matches!(mode, Mode::Default | Mode::Mollifier),
             Vcm | Light | Sppm => mode == Mode::Default,
@@ -172,18 +174,16 @@ impl Spec {
         ensure(plain, "strategy", "a strategy is shown without {mode}")
     }
 
-    fn check_guide(&self) -> Result<(), Fault> {
-        let default = self.mode.is_none_or(|mode| mode == Mode::Default);
-        let manifold = self.manifold.is_some();
-        ensure(default || !manifold, "manifold", "takes no {mode}")?;
-        let Some(guide) = self.guide else {
-            return Ok(());
-        };
-        let why = "has one level: no {levels}";
-        ensure(self.levels.is_none(), "guide", why)?;
-        ensure(default, "guide", "takes no {mode} and no reuse")?;
-        let why = "unbiased needs {table} or {gamma}, which roughens for it alone";
-        ensure(guide != Guide::Unbiased || self.has_factors(), "guide", why)
+    /// Refuses details of a table beside one factor.
+    fn check_table(&self) -> Result<(), Fault> {
+        let has_classes = self.table.as_ref().is_none_or(TableChoice::has_classes);
+        let why = "is of a table, not of one factor";
+        ensure(
+            has_classes || self.table_scale.is_none(),
+            "table_scale",
+            why,
+        )?;
+        ensure(has_classes || self.lookup.is_none(), "lookup", why)
     }
 
     fn check_levels(&self) -> Result<(), Fault> {
@@ -194,13 +194,13 @@ impl Spec {
         ensure(!self.is_raw(), "levels", "{resolve} raw has no levels")?;
         if *levels == Levels::None {
             let path = matches!(self.kind(), Auto | Path) && self.has_factors();
-            let why = "none is of {integrator} path with {table} or {gamma}";
+            let why = "none is of {integrator} path with {table}";
             return ensure(path, "levels", why);
         }
         ensure(
             self.has_factors() || matches!(self.kind(), Auto | Bdpt | Sppm | Vcm),
             "levels",
-            "several levels scale the factors of {table} or {gamma}, and there are none",
+            "several levels scale the factors of {table}, and there are none",
         )
     }
 
@@ -209,13 +209,7 @@ impl Spec {
             .env
             .as_ref()
             .is_some_and(|env| env.as_os_str() == "sky");
-        let name = if self.sun.is_some() {
-            "sun"
-        } else {
-            "turbidity"
-        };
-        let given = self.sun.is_some() || self.turbidity.is_some();
-        ensure(sky || !given, name, "needs {env} sky")
+        ensure(sky || self.sun.is_none(), "sun", "needs {env} sky")
     }
 
     /// True if layers are asked for that add up to the picture as it is.
@@ -235,7 +229,13 @@ impl Spec {
         let why =
             "emission, direct and indirect are of the path tracer of raw means: {resolve} raw";
         ensure(!self.splits_light() || path && !levels, "aov", why)?;
-        ensure(levels || !wants(&Aov::Level), "aov", "level needs {levels}")?;
+        for layer in [Aov::Level, Aov::EachLevel] {
+            let why = format!(
+                "{} needs several levels, and this render has one",
+                layer.name()
+            );
+            ensure(levels || !wants(&layer), "aov", &why)?;
+        }
         let why = "needs several levels, and this render has one";
         let mut given = self.given_but_raw();
         match given.find(|(option, _)| option.of_levels && !levels) {
@@ -254,22 +254,26 @@ impl Spec {
             })
         };
         let mode = self.mode.unwrap_or_default();
-        let rule = match (mode, self.gamma, &self.table) {
+        let mut table = self.table.clone();
+        if let Some(choice) = &mut table {
+            choice.load()?;
+        }
+        let rule = match (mode, table) {
             (Mode::Pbrt, ..) => Rule::Pbrt,
             (Mode::FilterGlossy, ..) => Rule::FilterGlossy(self.filter.unwrap_or(1.0)),
             (Mode::RoughnessClamp, ..) => Rule::RoughnessClamp,
             (Mode::Mollifier, ..) => Rule::Mollifier(MOLLIFIER_RADIUS),
-            (_, Some(gamma), _) => accumulated(Factors::Constant(gamma)),
-            (_, None, Some(choice)) => {
-                let file = choice.load()?;
+            (_, Some(TableChoice::Factor(gamma))) => accumulated(Factors::Constant(gamma)),
+            (_, Some(TableChoice::Held(file, _))) => {
                 table_sha256 = Some(hex(&file.digest()));
                 table_scenes = file.provenance.as_ref().map(|p| p.scenes.len());
-                let mut table = file.table;
+                let mut table = file.table.clone();
                 table.scale = self.table_scale.unwrap_or(table.scale);
                 table.lookup = self.lookup.unwrap_or(table.lookup);
                 accumulated(Factors::Table(table))
             }
-            (_, None, None) => Rule::Plain,
+            // Without a table: one that is loaded is no file.
+            (_, None | Some(TableChoice::File(_))) => Rule::Plain,
         };
         Ok(Method {
             estimator: self.estimator(mode == Mode::Reuse),
@@ -285,12 +289,12 @@ impl Spec {
             alpha: self.radius_alpha.unwrap_or(Radius::default().alpha),
         };
         match self.kind().estimator(radius) {
-            Estimator::Path { .. } => match (self.guide, self.manifold) {
-                (Some(guide), _) => Estimator::Guided {
-                    unbiased: guide == Guide::Unbiased,
-                },
-                (None, Some(trials)) => Estimator::Manifold { trials },
-                (None, None) => Estimator::Path { reuse },
+            Estimator::Path { .. } => Estimator::Path { reuse },
+            Estimator::Guided { .. } => Estimator::Guided {
+                unbiased: self.unbiased.unwrap_or_default(),
+            },
+            Estimator::Manifold { .. } => Estimator::Manifold {
+                trials: self.trials.unwrap_or_default(),
             },
             Estimator::Vcm(radius) if self.connections == Some(Connections::Nee) => {
                 Estimator::VcmNee(radius)
@@ -331,7 +335,6 @@ impl Spec {
                 radius_alpha: self.radius_alpha.filter(|_| merges),
                 connections: self.connections.filter(|_| kind == Vcm),
                 sampler: self.sampler.filter(|_| kind == Path),
-                gamma: None,
                 table: None,
                 table_scale: None,
                 lookup: None,

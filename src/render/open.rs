@@ -2,6 +2,7 @@
 
 use super::fault::Fault;
 use super::spec::Spec;
+use super::value::{Glass, Moment};
 use crate::files::{Problem, hex};
 use crate::math::{Ray, Vec3};
 use crate::scene::light::sky::{Sky, studio};
@@ -122,18 +123,11 @@ impl Spec {
     fn backdrop(&self) -> Backdrop {
         let mut sky = Sky::default();
         if let Some(sun) = self.sun {
-            let [height, angle] = sun.0;
+            let [height, angle] = sun.position;
             (sky.elevation, sky.azimuth) = (height.to_radians(), angle.to_radians());
+            sky.turbidity = sun.haze.unwrap_or(sky.turbidity);
         }
-        sky.turbidity = self.turbidity.unwrap_or(sky.turbidity);
         Backdrop::named(self.env.as_deref(), sky)
-    }
-
-    /// Moment of the animations in seconds.
-    fn moment(&self) -> Option<f64> {
-        let fps = self.fps.unwrap_or(24.0);
-        let frame = self.frame.map(|frame| frame / f64::from(fps));
-        self.time_of_scene.or(frame)
     }
 
     /// Choices that the file does not contain.
@@ -141,9 +135,8 @@ impl Spec {
         LoadOptions {
             distribution: self.distribution,
             skip_unsupported: self.skip_unsupported.unwrap_or_default(),
-            solid_glass: self.solid_glass.unwrap_or_default(),
-            thin_glass: self.thin_glass.unwrap_or_default(),
-            time: self.moment(),
+            solid_glass: self.glass.map(|glass| glass == Glass::Solid),
+            time: self.at.map(Moment::seconds),
             variant: self.variant.as_ref().map(|variant| variant.0.clone()),
             readers,
         }

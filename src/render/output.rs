@@ -2,7 +2,7 @@
 
 use super::fault::Fault;
 use super::request::{DEFAULT_SPP, Request};
-use super::spec::{Effect, Heading, Spec};
+use super::spec::{Effect, Heading, Opt, Spec};
 use super::value::{Field, Levels, TableChoice, word};
 use crate::image::exr::Metadata;
 use crate::image::film::RejectedSample;
@@ -23,13 +23,15 @@ impl Request<'_> {
             ("mode", word(&self.own().mode.unwrap_or_default())),
             ("max_vertices", self.settings.max_vertices.to_string()),
         ];
-        let sampled = self.kind == IntegratorKind::Path && self.own().guide.is_none();
+        let sampled = matches!(self.kind, IntegratorKind::Path | IntegratorKind::Manifold);
         if sampled && !self.settings.sampler.is_independent() {
             choices.push(("sampler", word(&self.settings.sampler)));
         }
         choices.extend(self.amounts());
-        if let Some(table) = self.own().table.as_ref().and_then(TableChoice::name) {
-            choices.push(("table", table.display().to_string()));
+        match &self.own().table {
+            // A table of a program's own has no name.
+            None | Some(TableChoice::Held(_, None)) => {}
+            Some(table) => choices.push(("table", table.text())),
         }
         for (name, text) in self.own().recorded(self.kind) {
             if choices.iter().all(|(known, _)| *known != name) {
@@ -100,9 +102,13 @@ impl Request<'_> {
             let what = "a part keeps no position, id and time";
             return Err(Fault::option("aov", what));
         }
-        if spec.guide.is_some() {
+        if wants(Aov::EachLevel) {
+            let what = "each-level is for the whole picture, where its parts are merged";
+            return Err(Fault::option("aov", what));
+        }
+        if spec.kind() == IntegratorKind::Guided {
             let what = "a guide learns from all samples before: none for a part";
-            return Err(Fault::option("guide", what));
+            return Err(Fault::option("integrator", what));
         }
         for name in ["time", "target_error"] {
             if spec.has(name) {
@@ -163,13 +169,10 @@ impl Request<'_> {
             if !kept(option.heading, option.effect) || spelt.contains(&option.name) {
                 continue;
             }
-            words.push(format!("--{}", option.flag()));
-            if !option.value.is_empty() {
-                words.push(quoted(&text));
-            }
+            words.push(option.words(&quoted(&text)));
         }
         for (name, text) in self.amounts() {
-            words.push(format!("--{name} {text}"));
+            words.extend(Opt::named(name).map(|option| option.words(&text)));
         }
         words.push(format!("--integrator {}", word(&self.kind)));
         words.push(format!("--size {}x{}", self.frame.x, self.frame.y));

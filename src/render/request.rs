@@ -1,9 +1,10 @@
 //! A spec that was checked against a scene, and its run.
 
 use super::fault::Fault;
+use super::look::CameraChoice;
 use super::method::Method;
 use super::spec::{Heading, Opt, Spec};
-use super::value::{Crop, Levels, TableChoice, word};
+use super::value::{Crop, LensChoice, Levels, word};
 use crate::image::film::{Film, Window};
 use crate::integrator::checkpoint::{Checkpoint, Fingerprint};
 use crate::integrator::drive::{Budget, ErrorBound, Reason, RenderProgress, drive};
@@ -18,7 +19,6 @@ use crate::resolve::{Resolve, stopping_error, stopping_error_of_samples};
 use crate::scene::{Camera, Lens, Scene};
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
@@ -125,16 +125,17 @@ pub fn camera(scene: &Scene, wanted: Option<&str>, aspect: f32) -> Result<Camera
         let names = names.map(|(i, c)| format!("camera {i} (`{}`)", c.name));
         let names = names.collect::<Vec<_>>().join(", ");
         let has = if names.is_empty() { "none" } else { &names };
-        Fault::Input(format!("no camera `{wanted}`: the scene has {has}"))
+        Fault::Input(format!(
+            "no camera `{wanted}`: the scene has {has}; a file of a camera ends in .json"
+        ))
     })
 }
 
 impl Spec {
     /// Reads the table, so that it is read once.
     pub fn load_table(&mut self) -> Result<(), Fault> {
-        if let Some(choice) = &self.table {
-            let name = choice.name().map(Path::to_owned);
-            self.table = Some(TableChoice::Held(Arc::new(choice.load()?), name));
+        if let Some(choice) = &mut self.table {
+            choice.load()?;
         }
         Ok(())
     }
@@ -154,23 +155,25 @@ impl Spec {
 
     /// Name or number of the camera that was asked for.
     fn wanted(&self) -> Option<&str> {
-        self.camera.as_ref().map(|camera| camera.0.as_str())
+        match &self.camera {
+            Some(CameraChoice::Named(name)) => Some(name),
+            _ => None,
+        }
     }
 
     /// The lens of a camera whose file says `file`.
     fn lens(&self, file: Option<Lens>) -> Result<Option<Lens>, Fault> {
-        let radius = self.aperture.or(file.map(|l| l.radius));
-        let focus = self.focus.or(file.map(|l| l.focus));
-        match (radius, focus) {
-            (Some(0.0), _) if self.focus.is_some() => Err(Fault::option(
-                "focus",
-                "a lens of {aperture} 0 has everything in focus",
-            )),
-            (Some(0.0), _) | (None, None) => Ok(None),
-            (Some(radius), Some(focus)) => Ok(Some(Lens { radius, focus })),
-            (Some(_), None) => Err(Fault::option("aperture", "needs {focus}")),
-            (None, Some(_)) => Err(Fault::option("focus", "needs {aperture}")),
+        let Some(LensChoice { radius, focus }) = self.lens else {
+            return Ok(file);
+        };
+        if radius == 0.0 {
+            return Ok(None);
         }
+        let focus = focus.or(file.map(|lens| lens.focus));
+        let why =
+            "needs a distance in focus too, such as 0.1,2.5: the camera has no lens of its own";
+        let focus = focus.ok_or_else(|| Fault::option("lens", why))?;
+        Ok(Some(Lens { radius, focus }))
     }
 
     /// The camera of a frame, with its lens.
@@ -348,7 +351,7 @@ impl<'a> Request<'a> {
         let mut bytes = self
             .settings
             .bytes(frame, window, self.spec.recorded_aovs());
-        if self.spec.level_layers == Some(true) {
+        if self.spec.aovs().contains(&Aov::EachLevel) {
             bytes += (window.len() * films) as u64 * LEVEL_LAYER_BYTES;
         }
         // Chains move over the whole frame.
@@ -490,7 +493,9 @@ impl<'a> Request<'a> {
 
     /// The options that name the method of the settings, the integrator first: the user's, or a pilot's choice.
     pub fn method_options(&self) -> Vec<(&'static str, String)> {
-        let of_method = |(option, _): &(&Opt, String)| option.heading == Heading::Method;
+        let of_method = |(option, _): &(&Opt, String)| {
+            matches!(option.heading, Heading::Method | Heading::Research)
+        };
         let given = self.own.given().filter(of_method);
         let others = given.filter(|(option, _)| option.name != "integrator");
         let mut options = vec![("integrator", word(&self.kind))];

@@ -5,17 +5,19 @@
 //! these declarations; what a render records about itself too ([`Spec::recorded`]).
 
 use super::fault::Fault;
-use super::look::LookChoice;
+use super::look::CameraChoice;
 use super::value::{
-    Crop, Exposure, Field, Layers, Levels, NameOrNumber, Range, ResolveChoice, Size, Sun,
-    TableChoice,
+    Crop, Exposure, Field, Glass, Layers, LensChoice, Levels, Moment, NameOrNumber, Range,
+    ResolveChoice, Size, Sun, TableChoice,
 };
 use crate::bsdf::Distribution;
 use crate::image::display::ViewTransform;
-use crate::image::exr::Compression;
+use crate::image::exr::Storage;
 use crate::integrator::bidirectional::Strategy;
-use crate::integrator::method::IntegratorKind::{self, Auto, Bdpt, Mlt, Path, Sppm, Vcm};
-use crate::integrator::method::{Connections, Guide, Mode};
+use crate::integrator::method::IntegratorKind::{
+    self, Auto, Bdpt, Guided, Manifold, Mlt, Path, Sppm, Vcm,
+};
+use crate::integrator::method::{Connections, Mode};
 use crate::regularise::Lookup;
 use crate::sampler::SamplerKind;
 use serde_json::Value;
@@ -33,8 +35,10 @@ pub enum Heading {
     Camera,
     /// The end of a render.
     Stop,
-    /// Estimator, rule and levels.
+    /// Estimator and table.
     Method,
+    /// Details of a method: on the command line the keys of `--set`.
+    Research,
     /// Files of the picture.
     Files,
 }
@@ -48,6 +52,7 @@ impl Heading {
             Self::Camera => "Camera",
             Self::Stop => "When to stop",
             Self::Method => "Method",
+            Self::Research => "Research",
             Self::Files => "Files",
         }
     }
@@ -138,10 +143,28 @@ impl Opt {
         }
     }
 
-    /// Name on the command line, without its dashes.
+    /// Name on the command line, without its dashes; `set NAME` for a key of `--set`.
     pub fn flag(&self) -> String {
-        self.flag
-            .map_or_else(|| self.name.replace('_', "-"), str::to_owned)
+        match (self.heading, self.flag) {
+            (Heading::Research, _) => format!("set {}", self.name),
+            (_, Some(flag)) => flag.to_owned(),
+            (_, None) => self.name.replace('_', "-"),
+        }
+    }
+
+    /// The option with this value on a command line; `value` is quoted.
+    pub fn words(&self, value: &str) -> String {
+        let flag = self.flag();
+        match (self.heading, self.value.is_empty()) {
+            (Heading::Research, _) => format!("--{flag}={value}"),
+            (_, true) => format!("--{flag}"),
+            (_, false) => format!("--{flag} {value}"),
+        }
+    }
+
+    /// True for a detail of a method, which has no flag of its own.
+    pub fn is_research(&self) -> bool {
+        self.heading == Heading::Research
     }
 
     /// An error unless the option takes this value.
@@ -229,10 +252,9 @@ options! {
     /// Surroundings: a map (.hdr, .exr), `studio`, `sky` or `none`. Maps are equirectangular; `studio` has grey walls with soft
     /// lamps, `sky` is a clear sky with its sun. Without it `studio` for a scene that has no light, else `none`.
     env: PathBuf, Light { value: "FILE|NAME", common: true }
-    /// Position of the sun of `--env sky` in degrees: its height, and how far to the right of the front.
-    sun: Sun, Light { value: "HEIGHT,ANGLE" }
-    /// Haze of `--env sky`: 2 is a very clear sky, 10 a hazy one.
-    turbidity: f32, Light { value: "X", range: Range::from(1.8, 10.0) }
+    /// Sun of `--env sky`: its height and its angle to the right of the front, in degrees, and the haze. A haze of 2 is a very clear
+    /// sky, 3 the default, 10 a hazy one.
+    sun: Sun, Light { value: "HEIGHT,ANGLE,HAZE" }
     /// Factor on the radiance of the environment.
     env_intensity: f32, Light { value: "X", range: Range::POSITIVE, default: Some("1") }
     /// Rotation of the environment about the vertical axis, in degrees.
@@ -243,33 +265,26 @@ options! {
     distribution: Distribution, Scene { value: "DISTRIBUTION" }
     /// Go on without the parts of a pbrt or Mitsuba scene that are not supported, and list them; else they are an error.
     skip_unsupported: bool, Scene {}
-    /// Make solid bodies of closed meshes that transmit without a thickness, such as glass from Blender.
-    solid_glass: bool, Scene { excludes: &["thin_glass"] }
-    /// Leave such meshes thin walls also in files from Blender, where they are bodies without this option.
-    thin_glass: bool, Scene {}
+    /// Closed meshes that transmit without a thickness, such as glass from Blender, as solid bodies or as thin walls. Without it
+    /// they are bodies in files from Blender, else walls.
+    glass: Glass, Scene { value: "GLASS" }
     /// Variant of the materials, by name or number (from 0).
     variant: NameOrNumber, Scene { value: "NAME" }
-    /// Frame of the animations to show, from 0 at their start. Without it the scene is at rest.
-    frame: f64, Scene { value: "N", excludes: &["time_of_scene"] }
-    /// Frames per second that --frame counts.
-    fps: f32, Scene { value: "N", range: Range::POSITIVE, default: Some("24"), needs: &["frame"] }
-    /// Moment of the animations to show, in seconds from their start.
-    time_of_scene: f64, Scene { value: "SECONDS" }
+    /// Moment of the animations to show: seconds from their start, such as 0.5s, or a frame (from 0) and frames per second, such as
+    /// 12@24. Without it the scene is at rest.
+    at: Moment, Scene { value: "SECONDS|FRAME@FPS" }
 
     /// Size of the picture, such as 1280x720, 50% or 1/2. A share is of the size without this option: 512 rows, as wide as the
     /// camera asks for.
     size: Size, Camera { value: "WxH|SHARE", effect: Effect::Frame, common: true }
     /// Render only this part of the picture; each number in pixels, or a share of width or height such as 25% or 1/4.
     crop: Crop, Camera { value: "X,Y,W,H", effect: Effect::Frame }
-    /// Camera by name or number (from 0).
-    camera: NameOrNumber, Camera { value: "NAME", common: true }
-    /// Own camera: a file of `opsr view`, or numbers. Those are X,Y,Z of position, target and up and the vertical
-    /// field of view in degrees.
-    look: LookChoice, Camera { value: "FILE|NUMBERS", excludes: &["camera"], common: true }
-    /// Radius of the camera's lens, in units of the scene: what is not in focus blurs. 0 leaves a lens of the file out.
-    aperture: f32, Camera { value: "RADIUS", range: Range::NOT_NEGATIVE }
-    /// Distance that is in focus, along the view direction, in units of the scene.
-    focus: f32, Camera { value: "DISTANCE", range: Range::POSITIVE }
+    /// Camera: a name, a number, a file or numbers. Cameras of the scene count from 0. A file is one of `opsr view` (.json). The ten
+    /// numbers are X,Y,Z of position, target and up and the vertical field of view in degrees.
+    camera: CameraChoice, Camera { value: "NAME|FILE|NUMBERS", common: true }
+    /// Lens of the camera: its radius and the distance in focus along the view, in units of the scene. Without a distance it is that
+    /// of the file's lens; 0 leaves a lens of the file out.
+    lens: LensChoice, Camera { value: "RADIUS,DISTANCE" }
 
     /// Samples per pixel. Without --spp, --time and --target-error: 128.
     spp: u32, Stop { value: "N", range: Range::COUNT, effect: Effect::Samples, common: true }
@@ -279,60 +294,55 @@ options! {
     /// while few bright samples decide.
     target_error: f32, Stop { value: "X", range: Range::POSITIVE, effect: Effect::Samples, common: true }
 
-    /// The algorithm that estimates the picture. Beside a table or another option of a method `path` is the default.
+    /// The algorithm that estimates the picture. Beside a table or a detail of a method `path` is the default.
     integrator: IntegratorKind, Method { value: "INTEGRATOR", default: Some("auto"), common: true }
-    /// Learned attenuation factors: a file, beta-0.001 or beta-0.05. The program contains these two.
-    table: TableChoice, Method { flag: Some("opsr-table"), value: "TABLE", effect: Effect::As("table_sha256"), excludes: &["gamma"], of: &[Path, Bdpt, Vcm, Mlt, Auto], common: true }
-    /// One attenuation factor in [0, 1] for all paths. It stands in place of a table; 0 is plain path tracing.
-    gamma: f32, Method { value: "X", range: Range::UNIT, of: &[Path, Bdpt, Vcm, Mlt, Auto], common: true }
-    /// Levels of roughening on the same paths, of which every pixel gets the best: their number, or the scales of the
-    /// table or constant, such as 0,0.25,1. Level 0 is plain path tracing; `none` renders the table or constant as it is, with
-    /// blurs. Without it four where a table or a constant can have them: not with --mode, --consistent, --guide or another
-    /// integrator. Of sppm factors on its radius, 1,2,4 if not given.
-    levels: Levels, Method { value: "N|SCALES|none", effect: Effect::As("levels") }
+    /// Learned attenuation factors: a table, or one factor. A table is a file, or beta-0.001 or beta-0.05, which the program contains.
+    /// One factor in [0, 1] is that of all paths; 0 is plain path tracing.
+    table: TableChoice, Method { flag: Some("opsr-table"), value: "TABLE|X", effect: Effect::As("table_sha256"), of: &[Path, Guided, Bdpt, Vcm, Mlt, Auto], common: true }
     /// Smoothing of a picture of several levels, or of plain path tracing, bdpt or vcm; `raw` renders any picture as the means of
     /// its samples alone. Without it `default`.
     resolve: ResolveChoice, Method { value: "HOW", of_levels: true, of_film: true }
-    /// Multiply the table's factors by this, instead of the scale that the table carries.
-    table_scale: f32, Method { value: "X", range: Range::POSITIVE, needs: &["table"] }
-    /// Look-up of the factors, instead of the one that the table was learned for.
-    lookup: Lookup, Method { value: "LOOKUP", needs: &["table"] }
-    /// Rule of regularisation.
-    mode: Mode, Method { value: "RULE", default: Some("default") }
-    /// Let the bias vanish: sample n roughens by n^-LAMBDA of the full amount, LAMBDA in (0, 0.5).
-    consistent: f32, Method { value: "LAMBDA", bare: Some("0.16666667"), range: Range::between(0.0, 0.5), needs: &["table", "gamma"] }
-    /// Filter value of filter-glossy; 1 if not given.
-    filter: f32, Method { value: "X", range: Range::POSITIVE }
-    /// Draw directions from a guide too, which learns while rendering where light comes from; path only. With a table or
-    /// gamma the picture is roughened and the guide learns from it; `unbiased` roughens for the guide alone.
-    guide: Guide, Method { value: "FOR", bare: Some("picture"), of: &[Path] }
-    /// Seek lights by way of a smooth mirror, out of water or through a smooth body of glass too (specular manifold sampling),
-    /// with so many trials for a point of a light; 0, or no number, for as many as an unbiased picture takes; path only.
-    manifold: u32, Method { value: "TRIALS", bare: Some("0"), range: Range::from(0.0, 65536.0), excludes: &["table", "gamma", "guide"], of: &[Path] }
-    /// First radius within which the photons of vcm and sppm count, in the scene's units; twice a pixel's footprint if
-    /// not given.
-    radius: f32, Method { value: "R", range: Range::POSITIVE, of: &[Vcm, Sppm, Auto] }
-    /// Shrinking of that radius: in sample n it is n^((A − 1)/2) of the first, A in (0, 1]; 2/3 if not given.
-    radius_alpha: f32, Method { value: "A", range: Range::above(0.0, 1.0), of: &[Vcm, Sppm, Auto] }
-    /// Connections of vcm; all if not given.
-    connections: Connections, Method { value: "CONNECTIONS", of: &[Vcm, Auto] }
-    /// Mutations per pixel of one sample of mlt; 16 if not given.
-    mlt_pass: u32, Method { value: "N", range: Range::from(1.0, 65536.0), of: &[Mlt] }
-    /// Show one strategy of bdpt or vcm with its weights: S vertices from the light and T from the camera, both ends
-    /// included, such as 0,3 (a light that the camera meets), 1,2 (light sampling) or 3,1 (light tracing); or `merges` of
-    /// vcm. The pictures of all strategies add up to the whole.
-    strategy: Strategy, Method { value: "S,T|merges", excludes: &["table", "gamma"], of: &[Bdpt, Vcm] }
-    /// Random numbers of camera paths of --integrator path; independent in a suite that does not say, and with --guide.
-    sampler: SamplerKind, Method { value: "KIND", default: Some("sobol"), excludes: &["guide"], of: &[Path, Auto] }
     /// Scattering vertices of the longest path.
     max_vertices: u32, Method { value: "N", default: Some("16"), range: Range::from(1.0, 65536.0) }
     /// Seed of all random numbers. The same seed gives a bit-identical picture.
     seed: u64, Method { value: "N", default: Some("0"), common: true }
 
-    /// Add layers to EXR files; by default albedo, normal, depth.
+    /// Levels of roughening on the same paths, of which every pixel gets the best: their number, or the scales of the
+    /// table, such as 0,0.25,1. Level 0 is plain path tracing; `none` renders the table as it is, with blurs. Without it four where
+    /// a table can have them: not with mode, consistent or another integrator. Of sppm factors on its radius, 1,2,4 if not given.
+    levels: Levels, Research { value: "N|SCALES|none", effect: Effect::As("levels") }
+    /// Multiply the table's factors by this, instead of the scale that the table carries.
+    table_scale: f32, Research { value: "X", range: Range::POSITIVE, needs: &["table"] }
+    /// Look-up of the factors, instead of the one that the table was learned for.
+    lookup: Lookup, Research { value: "LOOKUP", needs: &["table"] }
+    /// Rule of regularisation.
+    mode: Mode, Research { value: "RULE", default: Some("default") }
+    /// Let the bias vanish: sample n roughens by n^-X of the full amount, X in (0, 0.5); 1/6 if no number is given.
+    consistent: f32, Research { value: "X", bare: Some("0.16666667"), range: Range::between(0.0, 0.5), needs: &["table"] }
+    /// Filter value of filter-glossy; 1 if not given.
+    filter: f32, Research { value: "X", range: Range::POSITIVE }
+    /// Roughen the paths that a guide learns from, and not those of the picture.
+    unbiased: bool, Research { needs: &["table"], of: &[Guided] }
+    /// Trials of manifold sampling for a point of a light; 0, the default, for as many as an unbiased picture takes.
+    trials: u32, Research { value: "N", range: Range::from(0.0, 65536.0), of: &[Manifold] }
+    /// First radius within which the photons of vcm and sppm count, in the scene's units; twice a pixel's footprint if
+    /// not given.
+    radius: f32, Research { value: "R", range: Range::POSITIVE, of: &[Vcm, Sppm, Auto] }
+    /// Shrinking of that radius: in sample n it is n^((A − 1)/2) of the first, A in (0, 1]; 2/3 if not given.
+    radius_alpha: f32, Research { value: "A", range: Range::above(0.0, 1.0), of: &[Vcm, Sppm, Auto] }
+    /// Connections of vcm; all if not given.
+    connections: Connections, Research { value: "CONNECTIONS", of: &[Vcm, Auto] }
+    /// Mutations per pixel of one sample of mlt; 16 if not given.
+    mlt_pass: u32, Research { value: "N", range: Range::from(1.0, 65536.0), of: &[Mlt] }
+    /// Show one strategy of bdpt or vcm with its weights: S vertices from the light and T from the camera, both ends
+    /// included, such as 0,3 (a light that the camera meets), 1,2 (light sampling) or 3,1 (light tracing); or `merges` of
+    /// vcm. The pictures of all strategies add up to the whole.
+    strategy: Strategy, Research { value: "S,T|merges", excludes: &["table"], of: &[Bdpt, Vcm] }
+    /// Random numbers of camera paths of path and manifold; independent in a suite that does not say.
+    sampler: SamplerKind, Research { value: "KIND", default: Some("sobol"), of: &[Path, Manifold, Auto] }
+
+    /// Add layers to EXR files; by default albedo, normal, depth. `each-level` adds every level as a layer `level0`, `level1` and so on.
     aov: Layers, Files { value: "LAYERS", bare: Some(Layers::USUAL), effect: Effect::Files, common: true }
-    /// Add every level to EXR files, as layers `level0`, `level1` and so on.
-    level_layers: bool, Files { effect: Effect::Files, of_levels: true, of_film: true }
     /// Denoise the picture with Open Image Denoise 2. It is looked for in the folder OIDN_DIR and in the system's library
     /// path. Of several levels the one that suits it is denoised, and mixed with the picture of every pixel's level by the errors
     /// of both. EXR files keep the picture before it as the layer `noisy`.
@@ -342,17 +352,50 @@ options! {
     exposure: Exposure, Files { value: "STOPS|auto|none", default: Some("auto"), effect: Effect::Files, of_film: true, common: true }
     /// View transform of PNG files.
     view: ViewTransform, Files { value: "VIEW", default: Some("srgb"), effect: Effect::Files, of_film: true, common: true }
-    /// Write colours and normals of EXR files as half floats: half the size, three digits, at most 65504.
-    exr_half: bool, Files { effect: Effect::Files, of_film: true }
-    /// Compression of EXR files, always lossless.
-    exr_compression: Compression, Files { value: "CODING", default: Some("zip"), effect: Effect::Files, of_film: true }
+    /// Storage of EXR files: a lossless compression (none, rle, zips, zip, piz), `half`, or both. `half` writes colours and normals
+    /// as half floats: half the size, three digits, at most 65504.
+    exr: Storage, Files { value: "STORAGE", default: Some("zip"), effect: Effect::Files, of_film: true }
+}
+
+/// Names that options had, and the options that replace them.
+const RENAMED: [(&str, &str); 14] = [
+    ("gamma", "{table} X"),
+    ("look", "{camera} FILE|NUMBERS"),
+    ("aperture", "{lens} RADIUS,DISTANCE"),
+    ("focus", "{lens} RADIUS,DISTANCE"),
+    ("turbidity", "{sun} HEIGHT,ANGLE,HAZE"),
+    ("solid_glass", "{glass} solid"),
+    ("thin_glass", "{glass} thin"),
+    ("frame", "{at} FRAME@FPS"),
+    ("fps", "{at} FRAME@FPS"),
+    ("time_of_scene", "{at} SECONDS, such as 0.5s"),
+    ("guide", "{integrator} guided"),
+    ("manifold", "{integrator} manifold"),
+    ("level_layers", "{aov} each-level"),
+    ("exr_half", "{exr} half"),
+];
+
+/// The option that replaces a name of an earlier version, in words for [`Fault`]; `None` for a name that never was one.
+pub fn renamed(name: &str) -> Option<String> {
+    let key = name.replace('-', "_");
+    if key == "exr_compression" {
+        return Some("{exr}".into());
+    }
+    let replaced = RENAMED.iter().find(|(old, _)| *old == key);
+    let moved = || Opt::named(&key).filter(|option| option.is_research());
+    replaced
+        .map(|(_, new)| (*new).to_owned())
+        .or_else(|| moved().map(|option| format!("{{{}}}={}", option.name, option.value)))
 }
 
 impl Spec {
     /// Gives an option this value by its name.
     pub fn set(&mut self, name: &str, value: &Value) -> Result<(), Fault> {
         let option = Opt::named(name);
-        let option = option.ok_or_else(|| Fault::usage(format!("there is no option `{name}`")))?;
+        let option = option.ok_or_else(|| {
+            let instead = renamed(name).map_or(String::new(), |new| format!("; it is {new} now"));
+            Fault::usage(format!("there is no option `{name}`{instead}"))
+        })?;
         let read = self.read(option, value);
         read.map_err(|what| Fault::option(option.name, what))
     }

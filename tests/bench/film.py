@@ -91,7 +91,7 @@ def main():
         pictures = []
         for frame, seed in enumerate(seeds):
             path = kept / f"{name} {frame:02}.exr"
-            common = ["--size", f"{args.size}x{args.size}", "--max-vertices", "12", "--frame", str(frame), "--seed", str(seed)]
+            common = ["--size", f"{args.size}x{args.size}", "--max-vertices", "12", "--at", f"{frame}@24", "--seed", str(seed)]
             outputs = ["--progress", "none", "-o", path, "-o", path.with_suffix(".png")]
             subprocess.run([args.program, "render", scene, *common, *options, *outputs], check=True, stderr=subprocess.DEVNULL)
             pictures.append(read(path))

@@ -84,7 +84,7 @@ fn facade_renders_the_picture_of_the_program() {
             Render::new(&scene).table("beta-0.001").unwrap().seed(3),
         ),
         (
-            "--gamma 0.2 --resolve raw",
+            "--opsr-table 0.2 --resolve raw",
             Render::new(&scene).gamma(0.2).raw(),
         ),
     ] {
@@ -130,8 +130,8 @@ fn facade_writes_the_files_of_the_program() {
             json!({"resolve": "raw", "aov": true, "exposure": 1.5, "view": "agx"}),
         ),
         (
-            "--gamma 0.3 --level-layers --exr-half",
-            json!({"gamma": 0.3, "level_layers": true, "exr_half": true}),
+            "--opsr-table 0.3 --aov each-level --exr half",
+            json!({"table": 0.3, "aov": "each-level", "exr": "half"}),
         ),
     ];
     if Denoiser::open().is_ok() {

@@ -34,7 +34,7 @@ const STAND_INS: [&str; 12] = [
 ];
 
 /// Options whose value is written, not read.
-const OUTPUTS: [&str; 12] = [
+const OUTPUTS: [&str; 11] = [
     "--log",
     "--stats",
     "-o",
@@ -46,17 +46,18 @@ const OUTPUTS: [&str; 12] = [
     "--maps",
     "--plots",
     "--checkpoint",
-    "--film",
 ];
 
 /// Pages of what was measured, at the commits that they name.
 const LAB: &str = "docs/lab";
 
-const SUBCOMMANDS: [&[&str]; 18] = [
+const SUBCOMMANDS: [&[&str]; 20] = [
     &["completions"],
     &["man"],
     &["resolve"],
+    &["part"],
     &["merge"],
+    &["trace"],
     &["render"],
     &["view"],
     &["train"],
@@ -403,8 +404,14 @@ fn planted_faults_in_a_document_are_found() {
     assert_eq!(faults("README.md", good), Vec::<String>::new());
     for (planted, expected) in [
         ("```sh\nopsr render scene.glb --rays 3\n```", "--rays"),
-        ("```sh\nopsr render scene.glb --mode reused\n```", "reused"),
-        ("```sh\nopsr render scene.glb --gamma 2\n```", "from 0 to 1"),
+        (
+            "```sh\nopsr render scene.glb --set mode=reused\n```",
+            "reused",
+        ),
+        (
+            "```sh\nopsr render scene.glb --opsr-table 2\n```",
+            "from 0 to 1",
+        ),
         (
             "```sh\nopsr render other.glb\n```",
             "other.glb does not exist",

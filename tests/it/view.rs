@@ -1,7 +1,7 @@
 //! The viewer by its protocol: who is answered, what is refused, what stalls nothing, and that its picture is that of a render.
 
 use opsr::image::exr;
-use opsr::render::look::LookChoice;
+use opsr::render::look::CameraChoice;
 use opsr::render::{Request, Spec, Subject, run};
 use opsr::scene::Scene;
 use opsr_lab::gallery::{self, glb};
@@ -356,7 +356,7 @@ fn view_refuses_messages_that_are_too_long_or_wrong() {
         (json!({ "options": { "env": "/etc/hosts" } }), "no file"),
         (json!({ "options": { "table": "other.json" } }), "no file"),
         (json!({ "options": { "size": "9x9" } }), "cannot change"),
-        (json!({ "options": { "levels": 3 } }), "--levels"),
+        (json!({ "options": { "levels": 3 } }), "--set levels"),
         (
             json!({ "look": { "position": [0, 0, 0], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40 } }),
             "one point",
@@ -399,7 +399,7 @@ fn view_refuses_messages_that_are_too_long_or_wrong() {
 fn view_picture_is_that_of_a_render_with_the_saved_view() {
     for choices in [
         &[][..],
-        &[("gamma", json!(0.3))],
+        &[("table", json!(0.3))],
         &[("integrator", json!("bdpt"))],
     ] {
         let viewer = Running::new(&[("exposure", json!(0.5))]);
@@ -421,7 +421,7 @@ fn view_picture_is_that_of_a_render_with_the_saved_view() {
         let png = viewer.get("picture.png").body;
 
         let mut asked = spec(choices);
-        asked.look = Some(LookChoice::File(saved));
+        asked.camera = Some(CameraChoice::File(saved));
         let opened = asked
             .open(&viewer.scene, opsr_formats::READERS, Scene::new)
             .expect("a scene");
@@ -465,7 +465,7 @@ fn view_picture_is_that_of_a_render_with_the_saved_view() {
             .expect("a command")
             .to_owned();
         assert!(
-            command.contains("--look 0.37,") && command.contains("--size 24x16"),
+            command.contains("--camera 0.37,") && command.contains("--size 24x16"),
             "{command}"
         );
     }
@@ -622,7 +622,7 @@ impl Running {
 
 #[test]
 fn view_shows_what_is_asked_for() {
-    let viewer = Running::new(&[("gamma", json!(0.3)), ("spp", json!(16))]);
+    let viewer = Running::new(&[("table", json!(0.3)), ("spp", json!(16))]);
     let (head, picture) = viewer.done();
     assert!(
         head["state"]["error"]
@@ -699,12 +699,12 @@ fn view_shows_what_is_asked_for() {
     );
     let (head, _) = viewer.until(|head| head["state"]["integrator"] == "sppm");
     assert!(
-        head["state"]["notes"].to_string().contains("--gamma"),
+        head["state"]["notes"].to_string().contains("--opsr-table"),
         "{head}"
     );
     viewer.post("set", &json!({ "options": { "integrator": null } }));
     let (head, _) = viewer.until(|head| head["state"]["integrator"] == "path");
-    assert_eq!(head["state"]["options"]["gamma"], 0.3);
+    assert_eq!(head["state"]["options"]["table"], 0.3);
 
     // A point is put in focus, and looked at.
     let run = head["state"]["run"].clone();
@@ -713,7 +713,9 @@ fn view_shows_what_is_asked_for() {
     viewer.until(|h| h["state"]["run"] != run);
     let (head, _) = viewer.done();
     assert!(
-        head["state"]["options"]["focus"].as_f64() > Some(0.0),
+        head["state"]["options"]["lens"]
+            .as_str()
+            .is_some_and(|lens| lens.contains(',')),
         "{head}"
     );
     let answer = viewer.post("pick", &json!({ "x": 9, "y": 12, "what": "target" }));

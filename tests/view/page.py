@@ -124,7 +124,7 @@ def drive(page, opsr, scene, folder):
     assert len(json.loads(look.read_text())["position"]) == 3
     out = folder / "out.png"
     options = ["--size", "160x120", "--spp", str(SPP), "--opsr-table", "beta-0.05"]
-    command = [opsr, "render", scene, "--look", look, *options, "-o", out]
+    command = [opsr, "render", scene, "--camera", look, *options, "-o", out]
     subprocess.run(command, check=True, capture_output=True)
     rendered = numpy.asarray(Image.open(out).convert("RGB"))
     assert (rendered == plain).all(), "a render of the saved view is another picture"
@@ -162,7 +162,7 @@ def many(browser, address):
     # Options that exclude each other: the one that was there before is left out, and the page says so.
     pages[0].evaluate("set({ options: { gamma: 0.3 } })")
     pages[0].evaluate("set({ options: { integrator: 'sppm' } })")
-    pages[0].wait_for_function("() => document.getElementById('notes').textContent.includes('--gamma')", timeout=10_000)
+    pages[0].wait_for_function("() => document.getElementById('notes').textContent.includes('--opsr-table')", timeout=10_000)
     pages[0].evaluate("set({ options: { integrator: null, gamma: null } })")
     context.close()
 

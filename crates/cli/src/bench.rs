@@ -26,7 +26,7 @@ A suite:
   # distribution, environment = \"sky.hdr\", reference_integrator = \"bdpt\"
   [[method]]
   name = \"learned\"
-  table = \"beta-0.001\"      # or gamma = 0.1; and the other options of a render, by their names with underscores:
+  table = \"beta-0.001\"      # or 0.1; and the other options of a render, by their names with underscores:
                             # mode, levels, resolve, integrator, denoise, ...; none is plain path tracing
   # integrator = \"path\"     # of a method: path, light, bdpt, vcm (connections), sppm, mlt (mlt_pass), auto; vcm and sppm take
                             # radius, radius_alpha; path takes sampler = \"sobol\"";

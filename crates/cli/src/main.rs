@@ -8,6 +8,8 @@
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use exit::{Exit, Failure};
+use opsr::render::spec::renamed;
+use opsr::render::{Fault, Names};
 use output::note;
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -63,7 +65,13 @@ than `opsr compare` was told to allow; 7 there is not enough memory, which is fo
 enum Command {
     /// Render a scene: glTF, pbrt or Mitsuba.
     Render(Box<render_args::RenderArgs>),
-    /// Look at a glTF scene in the browser while it is rendered.
+    /// Render a part of a picture, for `opsr merge`.
+    Part(Box<part::PartArgs>),
+    /// Put the parts of a render together.
+    Merge(Box<part::MergeArgs>),
+    /// Print the paths of a pixel.
+    Trace(Box<trace::TraceArgs>),
+    /// Render a scene interactively in the browser.
     View(Box<view::ViewArgs>),
     /// Learn tables of attenuation factors.
     #[cfg(feature = "train")]
@@ -85,8 +93,6 @@ enum Command {
     Table(table::TableArgs),
     /// Choose among the levels of a render again, from its checkpoint.
     Resolve(Box<resolve::Args>),
-    /// Put the parts of a render together.
-    Merge(Box<part::MergeArgs>),
     /// Turn the results of a bench into one HTML file.
     Report(report::ReportArgs),
     /// Run hard numerical cases on this machine.
@@ -110,8 +116,37 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         .mut_subcommands(with_negative_numbers)
 }
 
+/// Options that became commands.
+const COMMANDS: [(&str, &str); 4] = [
+    ("film", "`opsr part`, with -o for its file"),
+    ("samples", "an option of `opsr part`"),
+    ("trace-pixel", "`opsr trace SCENE X,Y`"),
+    ("sample", "an option of `opsr trace`"),
+];
+
+/// An error that names the new option where an old one is not known.
+fn with_new_name(error: clap::Error) -> clap::Error {
+    use clap::error::{ContextKind, ContextValue, ErrorKind};
+    let unknown = match error.get(ContextKind::InvalidArg) {
+        Some(ContextValue::String(flag)) if error.kind() == ErrorKind::UnknownArgument => flag,
+        _ => return error,
+    };
+    let name = unknown.trim_start_matches('-');
+    let command = COMMANDS.iter().find(|(old, _)| *old == name);
+    let option = || renamed(name).map(|new| Fault::usage(new).message(Names::Flags));
+    match command.map(|(_, new)| (*new).to_owned()).or_else(option) {
+        Some(new) => {
+            let what = format!("{unknown} is {new} now\n");
+            clap::Error::raw(ErrorKind::UnknownArgument, what)
+        }
+        None => error,
+    }
+}
+
 fn main() -> ExitCode {
-    let matches = with_negative_numbers(Args::command()).get_matches();
+    let command = with_negative_numbers(Args::command());
+    let matches = command.try_get_matches();
+    let matches = matches.unwrap_or_else(|e| with_new_name(e).exit());
     let args = Args::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     let levels = [LevelFilter::WARN, LevelFilter::INFO, LevelFilter::DEBUG];
     let level = levels[usize::from(args.verbose.min(2))];
@@ -129,6 +164,8 @@ fn main() -> ExitCode {
         .init();
     let result = match args.command {
         Command::Render(args) => render::run(&args),
+        Command::Part(args) => part::render(&args),
+        Command::Trace(args) => trace::run(&args).map(|()| Exit::Done),
         Command::View(args) => view::run(&args),
         #[cfg(feature = "train")]
         Command::Train(args) => train::run(&args),

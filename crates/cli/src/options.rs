@@ -23,8 +23,8 @@ fn arg(option: &'static Opt) -> Arg {
     if option.name == "max_vertices" {
         arg = arg.alias("max-depth");
     }
-    // Lists of numbers, the first of which can be negative.
-    if ["look", "sun"].contains(&option.name) {
+    // Numbers in lists or with units, which can be negative.
+    if ["camera", "sun", "at"].contains(&option.name) {
         arg = arg.allow_hyphen_values(true);
     }
     if let Some(bare) = option.bare {
@@ -51,10 +51,81 @@ fn checked(option: &'static Opt, text: &str) -> Result<String, String> {
         .map_err(|fault| fault.reason(Names::Flags))
 }
 
+/// The option `--set` with the keys that it takes.
+fn details() -> Arg {
+    let keys = OPTIONS.iter().filter(|option| option.is_research());
+    let keys = keys.map(|option| {
+        let names = (option.names)().join("|");
+        let value = match (option.value, names.as_str()) {
+            ("", _) => "true",
+            (value, "") => value,
+            (_, names) => names,
+        };
+        format!("- {}={value}: {}", option.name, option.help())
+    });
+    let keys = keys.collect::<Vec<_>>().join("\n");
+    Arg::new("set")
+        .long("set")
+        .value_name("KEY=VALUE")
+        .help("A detail of the method; --help lists the keys")
+        .long_help(format!(
+            "A detail of the method; may be given several times.\n\n{keys}"
+        ))
+        .help_heading(Heading::Research.words())
+        .action(ArgAction::Append)
+        .value_parser(|text: &str| detail(text).map(|_| text.to_owned()))
+}
+
+/// A key of `--set` and its value.
+fn detail(text: &str) -> Result<(&'static Opt, &str), String> {
+    let (key, value) = match text.split_once('=') {
+        Some((key, value)) => (key, Some(value)),
+        None => (text, None),
+    };
+    let option = Opt::named(key).filter(|option| option.is_research());
+    let option = option.ok_or_else(|| match Opt::named(key) {
+        Some(option) => format!("`{key}` is an option of its own, --{}", option.flag()),
+        None => {
+            let keys = OPTIONS.iter().filter(|option| option.is_research());
+            let keys: Vec<&str> = keys.map(|option| option.name).collect();
+            format!("no key `{key}`: there are {}", keys.join(", "))
+        }
+    })?;
+    let switch = option.value.is_empty().then_some("true");
+    let value = value.or(option.bare).or(switch);
+    let value = value.ok_or_else(|| format!("expected {key}={}", option.value))?;
+    checked(option, value).map(|_| (option, value))
+}
+
+/// The options that are given by `--set`.
+fn read_details(spec: &mut Spec, matches: &ArgMatches) -> Result<(), Fault> {
+    let given = matches.get_many::<String>("set").into_iter().flatten();
+    for (option, value) in given.filter_map(|text| detail(text).ok()) {
+        if spec.has(option.name) {
+            return Err(Fault::option(option.name, "given twice"));
+        }
+        spec.set(option.name, &Value::from(value))?;
+    }
+    Ok(())
+}
+
 /// The given options among those that are wanted.
 fn read(matches: &ArgMatches, wanted: fn(&Opt) -> bool) -> Result<Spec, clap::Error> {
     let mut spec = Spec::default();
-    for option in OPTIONS.iter().filter(|option| wanted(option)) {
+    let fault = |fault: Fault| {
+        clap::Error::raw(
+            clap::error::ErrorKind::InvalidValue,
+            fault.message(Names::Flags) + "\n",
+        )
+    };
+    if OPTIONS
+        .iter()
+        .any(|option| option.is_research() && wanted(option))
+    {
+        read_details(&mut spec, matches).map_err(fault)?;
+    }
+    let flags = OPTIONS.iter().filter(|option| !option.is_research());
+    for option in flags.filter(|option| wanted(option)) {
         let name = option.name;
         if matches.value_source(name) != Some(ValueSource::CommandLine) {
             continue;
@@ -65,12 +136,6 @@ fn read(matches: &ArgMatches, wanted: fn(&Opt) -> bool) -> Result<Spec, clap::Er
             let values = matches.get_many::<String>(name).into_iter().flatten();
             let words: Vec<&str> = values.map(String::as_str).collect();
             Value::from(words.join(","))
-        };
-        let fault = |fault: Fault| {
-            clap::Error::raw(
-                clap::error::ErrorKind::InvalidValue,
-                fault.message(Names::Flags) + "\n",
-            )
         };
         spec.set(name, &value).map_err(fault)?;
     }
@@ -87,7 +152,12 @@ macro_rules! groups {
             impl clap::Args for $name {
                 fn augment_args(command: Command) -> Command {
                     let wanted: fn(&Opt) -> bool = $wanted;
-                    command.args(OPTIONS.iter().filter(|option| wanted(option)).map(arg))
+                    let (details, flags): (Vec<_>, Vec<_>) = OPTIONS
+                        .iter()
+                        .filter(|option| wanted(option))
+                        .partition(|option| option.is_research());
+                    let command = command.args(flags.into_iter().map(arg));
+                    command.args((!details.is_empty()).then(self::details))
                 }
 
                 fn augment_args_for_update(command: Command) -> Command {
@@ -117,7 +187,7 @@ groups! {
         matches!(option.heading, Heading::Scene | Heading::Light) || ["size", "camera"].contains(&option.name)
     };
     /// Options of the choice among levels and of files, which are made again from a film.
-    FileOptions: |option| option.of_film;
+    FileOptions: |option| option.of_film || option.name == "aov";
     /// The part of a picture.
     CropOption: |option| option.name == "crop";
 }

@@ -1,33 +1,92 @@
-//! `opsr render --film` and `opsr merge`: a render made in parts.
+//! `opsr part` and `opsr merge`: a render made in parts.
 
-use super::bar::Bar;
+use super::bar::{Bar, Style};
 use super::ended::average_error;
 use super::exit::{Blame, Exit, IntoExit};
-use super::options::{CropOption, FileOptions};
+use super::options::{CropOption, FileOptions, RenderOptions, samples};
 use super::output::note;
-use super::render::remark_choice;
-use super::render_args::RenderArgs;
+use super::render::{open, remark_choice, request, spec_files};
 use super::stop::Stop;
+use super::threads::set_threads;
 use anyhow::anyhow;
 use opsr::image::film::Window;
 use opsr::integrator::drive::RenderProgress;
 use opsr::integrator::layers::Aov;
 use opsr::integrator::part::{MergeError, Merged, merge};
-use opsr::render::files::Outputs;
-use opsr::render::{Outcome, Request};
-use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use opsr::render::files::{Outputs, can_write, check_distinct};
+use opsr::render::{Fault, Outcome, Request, Spec};
+use std::ops::{ControlFlow, Range};
+use std::path::PathBuf;
 
-/// Renders a part into a file.
-pub(super) fn render(
-    args: &RenderArgs,
-    request: &mut Request<'_>,
-    path: &Path,
-    stop: &Stop,
-) -> anyhow::Result<Exit> {
+/// Options of `opsr part`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = MORE, after_long_help = EXAMPLES)]
+pub(super) struct PartArgs {
+    /// The scene: glTF 2.0 (.gltf or .glb), pbrt-v4 (.pbrt) or Mitsuba (.xml).
+    scene: PathBuf,
+    /// File of the part. It is whole or not there at all.
+    #[arg(short, long, value_name = "FILE", required = true)]
+    output: PathBuf,
+    /// Samples of the part, of those of the whole picture.
+    ///
+    /// From number A on (from 0), without B; --spp says the number of the whole picture, on which a choice of the integrator depends.
+    /// Any split of the samples, of the picture by --crop, or of both will do. A part that begins after sample 0 keeps every
+    /// sample, 12 bytes for each of a pixel, 28 more with levels and 12 for each of them; other parts keep only sums: parts of all
+    /// samples of a crop are small.
+    #[arg(long, value_name = "A..B", value_parser = samples)]
+    samples: Option<Range<u32>>,
+    #[command(flatten)]
+    render: RenderOptions,
+    /// Threads; without it as many as there are cores. The part does not depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Program", hide_short_help = true)]
+    threads: Option<u16>,
+    /// Style of the progress display.
+    #[arg(
+        long,
+        value_enum,
+        default_value_t,
+        help_heading = "Program",
+        hide_short_help = true
+    )]
+    progress: Style,
+}
+
+impl PartArgs {
+    /// The choices of the command line, checked.
+    fn spec(&self) -> Result<Spec, Fault> {
+        let spec = self.render.0.clone();
+        spec.check()?;
+        if let (Some(samples), Some(spp)) = (&self.samples, spec.spp)
+            && samples.end > spp
+        {
+            let what = format!("--samples: the whole picture has {spp} samples, by --spp");
+            return Err(Fault::usage(what));
+        }
+        Request::check_part(&spec)?;
+        Ok(spec)
+    }
+
+    fn check_file(&self, spec: &Spec, read: &[PathBuf]) -> anyhow::Result<()> {
+        let inputs = read.iter().chain([&self.scene]).map(PathBuf::as_path);
+        check_distinct([self.output.as_path()], inputs.chain(spec_files(spec))).into_exit()
+    }
+}
+
+/// Runs `opsr part`.
+pub(super) fn render(args: &PartArgs) -> anyhow::Result<Exit> {
+    let mut spec = args.spec().into_exit()?;
+    can_write(&args.output).into_exit()?;
+    args.check_file(&spec, &[])?;
+    set_threads(args.threads)?;
+    let stop = Stop::listen();
+    let opened = open(&args.scene, &mut spec)?;
+    args.check_file(&spec, &opened.files)?;
+    stop.begin();
+    let name = args.scene.display().to_string();
+    let mut request = request(&spec, &opened, &name)?;
     // A pilot that is stopped leaves a part of no samples.
     if let ControlFlow::Continue(Some(choice)) = request.choose(&|| !stop.asked()).into_exit()? {
-        remark_choice(args, &choice);
+        remark_choice(args.progress, &choice);
     }
     let samples = args.samples.clone().unwrap_or(request.all_samples());
     let bar = Bar::new(args.progress);
@@ -35,12 +94,12 @@ pub(super) fn render(
         bar.show(progress, None);
         stop.flow()
     };
-    let done = request.part(path, samples, None, on_pass);
+    let done = request.part(&args.output, samples, None, on_pass);
     bar.finish();
     if done.into_exit()? {
         return Ok(Exit::Done);
     }
-    let path = path.display();
+    let path = args.output.display();
     note(format_args!(
         "opsr: {path}: not written, the part was stopped"
     ));
@@ -51,7 +110,7 @@ pub(super) fn render(
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct MergeArgs {
-    /// Parts of one render (`opsr render --film`), in any order.
+    /// Parts of one render (`opsr part`), in any order.
     #[arg(value_name = "PART", required = true)]
     parts: Vec<PathBuf>,
     /// File of the picture: .exr or .png; may be given several times. It has the bytes of the single render with
@@ -108,7 +167,9 @@ pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
+const MORE: &str = "These are the options that most renders use; --help lists all.";
+
 const EXAMPLES: &str = "Examples:
-  opsr render scene.glb --spp 1024 --crop 0,0,1/2,100% --film left.part
-  opsr render scene.glb --spp 1024 --crop 1/2,0,1/2,100% --film right.part
+  opsr part scene.glb --spp 1024 --crop 0,0,1/2,100% -o left.part
+  opsr part scene.glb --spp 1024 --crop 1/2,0,1/2,100% -o right.part
   opsr merge left.part right.part -o out.exr";

@@ -8,7 +8,6 @@ use super::output::note;
 use super::render_args::RenderArgs;
 use super::stop::Stop;
 use super::threads::set_threads;
-use super::{part, trace};
 use anyhow::anyhow;
 use opsr::bsdf::Distribution;
 use opsr::files::{self, Claim};
@@ -20,9 +19,9 @@ use opsr::integrator::layers::Aov;
 use opsr::integrator::method::IntegratorKind;
 use opsr::pilot::Choice;
 use opsr::render::files::{Outputs, can_write, check_distinct};
-use opsr::render::look::LookChoice;
+use opsr::render::look::CameraChoice;
 use opsr::render::open::Opened;
-use opsr::render::value::{ResolveChoice, TableChoice};
+use opsr::render::value::TableChoice;
 use opsr::render::{Begun, Fault, Request, Spec, Subject};
 use opsr::scene::Scene;
 use opsr_formats::READERS;
@@ -33,15 +32,9 @@ use std::time::Instant;
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     let began = Instant::now();
     let mut spec = spec(args).into_exit()?;
-    // A part makes no picture.
-    let pictures = if args.film.is_some() {
-        &[]
-    } else {
-        &args.output[..]
-    };
-    let outputs = Outputs::new(pictures).into_exit()?;
+    let outputs = Outputs::new(&args.output).into_exit()?;
     let denoiser = spec.denoiser().into_exit()?;
-    let others = [&args.checkpoint, &args.stats, &args.log, &args.film];
+    let others = [&args.checkpoint, &args.stats, &args.log];
     for path in others.into_iter().flatten() {
         can_write(path).into_exit()?;
     }
@@ -55,34 +48,11 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     set_threads(args.threads)?;
     let stop = Stop::listen();
     // While inputs are read Ctrl-C ends the program at once.
-    spec.load_table().into_exit()?;
-    spec.load_look().into_exit()?;
-    let opened = spec.open(&args.scene, READERS, Scene::new).into_exit()?;
-    for warning in &opened.warnings {
-        tracing::warn!("{}: {warning}", args.scene.display());
-    }
+    let opened = open(&args.scene, &mut spec)?;
     check_files(args, &spec, &opened.files)?;
-    if opened.scene.lights().is_empty() {
-        let what = "nothing lights the scene: --env studio, --env sky or a map would";
-        return Err(anyhow!("{}: {what}", args.scene.display())).input();
-    }
     stop.begin();
     let name = args.scene.display().to_string();
-    let subject = Subject {
-        scene: &opened.scene,
-        name: &name,
-        sha256: &opened.sha256,
-        in_studio: opened.in_studio,
-    };
-    let mut request = Request::new(&spec, subject, None).into_exit()?;
-    remark(&request);
-    if let Some(pixel) = args.trace_pixel {
-        trace::run(args, &request, pixel)?;
-        return Ok(Exit::Done);
-    }
-    if let Some(path) = &args.film {
-        return part::render(args, &mut request, path, &stop);
-    }
+    let request = request(&spec, &opened, &name)?;
     RenderJob {
         args,
         outputs,
@@ -96,31 +66,46 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
 
 /// The choices of the command line, checked.
 fn spec(args: &RenderArgs) -> Result<Spec, Fault> {
-    let mut spec = args.render.0.clone();
+    let spec = args.render.0.clone();
     spec.check()?;
-    if let (Some(samples), Some(spp)) = (&args.samples, spec.spp)
-        && samples.end > spp
-    {
-        let what = format!("--samples: the whole picture has {spp} samples, by --spp");
-        return Err(Fault::usage(what));
-    }
-    if args.film.is_some() {
-        Request::check_part(&spec)?;
-    } else {
-        spec.check_layers(&args.output)?;
-    }
+    spec.check_layers(&args.output)?;
     if args.reproducible && spec.aovs().contains(&Aov::Time) {
         let what = "time never makes the same file twice: not with {reproducible}";
         return Err(Fault::option("aov", what));
     }
-    if args.trace_pixel.is_some() {
-        // Paths from the camera are what a pixel has.
-        spec.integrator.get_or_insert(IntegratorKind::Path);
-        if spec.levels.is_none() {
-            spec.resolve.get_or_insert(ResolveChoice::Raw);
-        }
-    }
     Ok(spec)
+}
+
+/// Reads the files of a spec and opens the scene, with its warnings; an error for a scene without light.
+pub(super) fn open(scene: &Path, spec: &mut Spec) -> anyhow::Result<Opened> {
+    spec.load_table().into_exit()?;
+    spec.load_look().into_exit()?;
+    let opened = spec.open(scene, READERS, Scene::new).into_exit()?;
+    for warning in &opened.warnings {
+        tracing::warn!("{}: {warning}", scene.display());
+    }
+    if opened.scene.lights().is_empty() {
+        let what = "nothing lights the scene: --env studio, --env sky or a map would";
+        return Err(anyhow!("{}: {what}", scene.display())).input();
+    }
+    Ok(opened)
+}
+
+/// The request of a spec for the scene of the file `name`, with remarks on it.
+pub(super) fn request<'a>(
+    spec: &Spec,
+    opened: &'a Opened,
+    name: &'a str,
+) -> anyhow::Result<Request<'a>> {
+    let subject = Subject {
+        scene: &opened.scene,
+        name,
+        sha256: &opened.sha256,
+        in_studio: opened.in_studio,
+    };
+    let request = Request::new(spec, subject, None).into_exit()?;
+    remark(&request);
+    Ok(request)
 }
 
 /// Says what was chosen for the user, and what does not fit.
@@ -140,8 +125,8 @@ fn remark(request: &Request<'_>) {
 }
 
 /// Says which integrator was chosen and why, and with --verbose what the pilot has found.
-pub(super) fn remark_choice(args: &RenderArgs, choice: &Choice) {
-    match args.progress {
+pub(super) fn remark_choice(style: Style, choice: &Choice) {
+    match style {
         Style::Auto => note(choice.summary()),
         Style::Json | Style::None => {}
     }
@@ -150,17 +135,19 @@ pub(super) fn remark_choice(args: &RenderArgs, choice: &Choice) {
 
 /// Refuses outputs of which two are one file, or one is a file that is read.
 fn check_files(args: &RenderArgs, spec: &Spec, read: &[PathBuf]) -> anyhow::Result<()> {
-    let others = [&args.checkpoint, &args.stats, &args.log, &args.film];
+    let others = [&args.checkpoint, &args.stats, &args.log];
     let outputs = args.output.iter().chain(others.into_iter().flatten());
-    let table = spec.table.as_ref().and_then(TableChoice::file);
-    let inputs = read
-        .iter()
-        .chain(&args.reference)
-        .chain([&args.scene])
-        .chain(&spec.env);
-    let look = spec.look.as_ref().and_then(LookChoice::file);
-    let inputs = inputs.map(PathBuf::as_path).chain(table).chain(look);
+    let inputs = read.iter().chain(&args.reference).chain([&args.scene]);
+    let inputs = inputs.map(PathBuf::as_path).chain(spec_files(spec));
     check_distinct(outputs.map(PathBuf::as_path), inputs).into_exit()
+}
+
+/// The files that a spec names.
+pub(super) fn spec_files(spec: &Spec) -> impl Iterator<Item = &Path> {
+    let table = spec.table.as_ref().and_then(TableChoice::file);
+    let camera = spec.camera.as_ref().and_then(CameraChoice::file);
+    let env = spec.env.as_deref();
+    env.into_iter().chain(table).chain(camera)
 }
 
 /// A render to files.
@@ -188,7 +175,7 @@ impl RenderJob<'_> {
             return Ok(Exit::Stopped);
         };
         if let Some(choice) = &begun.choice {
-            remark_choice(args, choice);
+            remark_choice(args.progress, choice);
         }
         begun.pilot = self.began.elapsed();
         let Begun { start, spent, .. } = begun;

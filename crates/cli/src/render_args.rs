@@ -1,9 +1,8 @@
 //! Options of `opsr render`: those of the render itself are declared in `opsr::render`, those of the program here.
 
 use super::bar::Style;
-use super::options::{Pixel, RenderOptions, pixel, samples};
+use super::options::RenderOptions;
 use clap::Args;
-use std::ops::Range;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -68,22 +67,6 @@ pub(super) struct RenderArgs {
     /// One of another scene or of other settings is refused.
     #[arg(long, requires = "checkpoint", help_heading = "Resume")]
     pub(super) resume: bool,
-    /// Write no picture but this part of one, for `opsr merge`. It is whole or not there at all.
-    #[arg(
-        long,
-        value_name = "FILE",
-        help_heading = "Resume",
-        hide_short_help = true,
-        conflicts_with_all = [
-            "output", "time", "target_error", "checkpoint", "save_every", "reference", "stats", "log", "trace_pixel"
-        ]
-    )]
-    pub(super) film: Option<PathBuf>,
-    /// With --film: only the samples from number A on (from 0), without B, of those of the whole picture, which --spp says: a choice of
-    /// the integrator depends on it. Any split of the samples, of the picture by --crop, or of both will do. A part that begins after sample 0 keeps every sample, 12 bytes for each of a pixel, 28
-    /// more with levels and 12 for each of them; other parts keep only sums: parts of all samples of a crop are small.
-    #[arg(long, value_name = "A..B", requires = "film", value_parser = samples, help_heading = "Resume", hide_short_help = true)]
-    pub(super) samples: Option<Range<u32>>,
 
     /// Threads; without it as many as there are cores. The picture does not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Program", hide_short_help = true)]
@@ -97,19 +80,6 @@ pub(super) struct RenderArgs {
         hide_short_help = true
     )]
     pub(super) progress: Style,
-    /// Print the paths of a pixel instead of rendering, as --resolve raw renders them: those of its first samples, as many as
-    /// --spp says (or 4).
-    #[arg(long, value_name = "X,Y", value_parser = pixel, help_heading = "Program", hide_short_help = true)]
-    pub(super) trace_pixel: Option<Pixel>,
-    /// Print the path of this sample (from 0) only.
-    #[arg(
-        long,
-        value_name = "N",
-        requires = "trace_pixel",
-        help_heading = "Program",
-        hide_short_help = true
-    )]
-    pub(super) sample: Option<u32>,
 }
 
 const MORE: &str = "Example: opsr render scene.glb --time 60s -o out.png

@@ -1,28 +1,66 @@
-//! `opsr render --trace-pixel`: the paths of a pixel, in words.
+//! `opsr trace`: the paths of a pixel, in words.
 
-use super::exit::Blame;
-use super::options::Pixel;
+use super::exit::{Blame, IntoExit};
+use super::options::{Pixel, RenderOptions, pixel};
 use super::output::print;
-use super::render_args::RenderArgs;
-use anyhow::{Context, anyhow};
+use super::render::{open, request};
+use anyhow::anyhow;
 use opsr::image::film::Window;
+use opsr::integrator::method::IntegratorKind;
 use opsr::integrator::trace::{TracedPath, trace};
 use opsr::integrator::{Estimator, View};
 use opsr::math::Rgb;
-use opsr::render::Request;
+use opsr::render::value::ResolveChoice;
 use opsr::scene::Scene;
 use std::fmt::Write;
+use std::path::PathBuf;
 
 /// Samples that are printed unless others are asked for.
 const SAMPLES: u32 = 4;
 
-/// Prints the paths of the pixel.
-pub(super) fn run(args: &RenderArgs, request: &Request<'_>, pixel: Pixel) -> anyhow::Result<()> {
+/// Options of `opsr trace`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = MORE, after_long_help = EXAMPLES)]
+pub(super) struct TraceArgs {
+    /// The scene: glTF 2.0 (.gltf or .glb), pbrt-v4 (.pbrt) or Mitsuba (.xml).
+    scene: PathBuf,
+    /// The pixel, from the top left.
+    #[arg(value_name = "X,Y", value_parser = pixel)]
+    pixel: Pixel,
+    /// Print the path of this sample (from 0) only.
+    ///
+    /// Without it those of the first samples, as many as --spp says (or 4).
+    #[arg(long, value_name = "N")]
+    sample: Option<u32>,
+    #[command(flatten)]
+    render: RenderOptions,
+}
+
+const MORE: &str = "These are the options that most renders use; --help lists all.";
+
+const EXAMPLES: &str = "The paths are those of --integrator path --resolve raw.
+
+Examples:
+  opsr trace scene.glb 200,150
+  opsr trace scene.glb 200,150 --sample 17 --opsr-table beta-0.001";
+
+/// Runs `opsr trace`.
+pub(super) fn run(args: &TraceArgs) -> anyhow::Result<()> {
+    let pixel = args.pixel;
+    let mut spec = args.render.0.clone();
+    // Paths from the camera are what a pixel has.
+    spec.integrator.get_or_insert(IntegratorKind::Path);
+    if spec.levels.is_none() {
+        spec.resolve.get_or_insert(ResolveChoice::Raw);
+    }
+    spec.check().into_exit()?;
+    let opened = open(&args.scene, &mut spec)?;
+    let name = args.scene.display().to_string();
+    let request = &request(&spec, &opened, &name)?;
     let settings = &request.settings;
     let path = matches!(settings.estimator, Estimator::Path { .. });
-    let auto = request.spec.kind() != request.kind;
-    if auto || !path || settings.amounts.has_choice() {
-        let what = "--trace-pixel is for the path tracer with one level, not for --integrator auto";
+    if request.spec.kind() != request.kind || !path || settings.amounts.has_choice() {
+        let what = "a trace shows paths of --integrator path with one level";
         return Err(anyhow!(what)).usage();
     }
     let samples = match args.sample {
@@ -31,9 +69,7 @@ pub(super) fn run(args: &RenderArgs, request: &Request<'_>, pixel: Pixel) -> any
     };
     let (frame, scene) = (request.frame, request.subject.scene);
     let view = View::new(scene, &request.camera, frame, Window::full(frame));
-    let paths = trace(settings, &view, pixel.0, samples)
-        .context("--trace-pixel")
-        .usage()?;
+    let paths = trace(settings, &view, pixel.0, samples).usage()?;
     paths
         .iter()
         .try_for_each(|path| print(described(path, scene, pixel)))

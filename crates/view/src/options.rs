@@ -1,19 +1,17 @@
 //! A request of a page: options by the names of a render, a look, an overlay, a comparison. Everything that a page sends is
 //! checked here, before a thread of the renderer uses it.
 
-use opsr::render::look::{Look, LookChoice};
+use opsr::render::look::{CameraChoice, Look};
 use opsr::render::value::{Field, TableChoice, word};
 use opsr::render::{Fault, Names, Spec};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
 /// Options that a page can change. Files are read only if they were named at the start.
-pub(super) const CONTROLS: [&str; 19] = [
+pub(super) const CONTROLS: [&str; 16] = [
     "integrator",
     "table",
-    "gamma",
     "levels",
-    "guide",
     "resolve",
     "max_vertices",
     "env",
@@ -24,33 +22,21 @@ pub(super) const CONTROLS: [&str; 19] = [
     "view",
     "denoise",
     "camera",
-    "aperture",
-    "focus",
+    "lens",
     "seed",
     "target_error",
 ];
 
 /// Options that are made of a finished film or of its picture: a change of them begins no render.
-const OF_SHOWING: [&str; 6] = [
-    "exposure",
-    "view",
-    "resolve",
-    "level_layers",
-    "exr_half",
-    "exr_compression",
-];
+const OF_SHOWING: [&str; 4] = ["exposure", "view", "resolve", "exr"];
 
 /// Options that may be left out beside others that exclude them.
-const MAY_GO: [&str; 12] = [
+const MAY_GO: [&str; 8] = [
     "table",
-    "gamma",
     "levels",
-    "guide",
     "resolve",
-    "aperture",
-    "focus",
+    "lens",
     "sun",
-    "turbidity",
     "env_intensity",
     "env_rotation",
     "target_error",
@@ -160,10 +146,11 @@ impl Options {
         let mut spec = spec.clone();
         spec.check()?;
         spec.load_look()?;
-        let look = match spec.look.take() {
-            Some(LookChoice::Held(look)) => Some(*look),
+        let look = match &spec.camera {
+            Some(CameraChoice::Held(look)) => Some(**look),
             _ => None,
         };
+        spec.camera.take_if(|_| look.is_some());
         let asked = spec.settings();
         let known = ["env", "table"].map(|name| asked.get(name).cloned());
         Ok(Self {
@@ -191,7 +178,7 @@ impl Options {
             (next.spec, next.left_out) = self.fitted(&next.asked, &changed)?;
         }
         if let Some(look) = message.look {
-            look.check().map_err(|what| Fault::option("look", what))?;
+            look.check().map_err(|what| Fault::option("camera", what))?;
             // The lens is that of the camera that was moved, and of the options.
             next.look = Some(Look {
                 aspect: None,
@@ -239,11 +226,6 @@ impl Options {
         }
         // Read now, so that an error names its option.
         Spec::default().set(name, value)?;
-        for (one, another) in [("table", "gamma"), ("gamma", "table")] {
-            if name == one {
-                self.asked.remove(another);
-            }
-        }
         self.asked.insert(name.to_owned(), value.clone());
         Ok(())
     }
@@ -258,7 +240,7 @@ impl Options {
                 "integrator"
             }
             Some(Other::Plain) => {
-                for name in ["table", "gamma", "levels", "guide", "mode", "consistent"] {
+                for name in ["table", "levels", "mode", "consistent"] {
                     asked.remove(name);
                 }
                 asked.insert("integrator".into(), "path".into());
@@ -326,6 +308,6 @@ pub(super) fn leave_out(
         return Err(fault);
     }
     let mut without = remade(&settings, spec.table.as_ref())?;
-    without.look = spec.look.clone();
+    without.camera.clone_from(&spec.camera);
     Ok((without, format!("left out {}", fault.message(Names::Flags))))
 }

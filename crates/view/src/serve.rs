@@ -12,6 +12,7 @@ use super::save;
 use opsr::image::denoise::Denoiser;
 use opsr::math::{UVec2, Vec3};
 use opsr::render::look::Look;
+use opsr::render::value::{Field, LensChoice};
 use opsr::render::{Fault, Names, OPTIONS};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -229,11 +230,13 @@ impl Server {
                     .lock()
                     .options
                     .spec
-                    .aperture
-                    .or(viewpoint.camera.lens.map(|l| l.radius));
+                    .lens
+                    .map(|lens| lens.radius)
+                    .or(viewpoint.camera.lens.map(|lens| lens.radius));
                 // A lens that can be seen: a hundredth of the distance.
-                let aperture = held.filter(|a| *a > 0.0).unwrap_or(0.01 * depth);
-                json!({ "options": { "aperture": aperture, "focus": depth } })
+                let radius = held.filter(|a| *a > 0.0).unwrap_or(0.01 * depth);
+                let focus = Some(depth);
+                json!({ "options": { "lens": LensChoice { radius, focus }.text() } })
             }
             _ => return Err(Answer::text(400, "expected `target` or `focus`")),
         };

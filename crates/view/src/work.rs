@@ -8,7 +8,7 @@ use super::options::{Options, Overlay, leave_out};
 use opsr::image::film::Window;
 use opsr::integrator::{Amounts, Integrator, Picture, Recorded, Stop, View};
 use opsr::math::{UVec2, Vec2};
-use opsr::render::look::{Look, LookChoice};
+use opsr::render::look::{CameraChoice, Look};
 use opsr::render::value::word;
 use opsr::render::{Fault, Heading, Outcome, Request, Spec, Subject};
 use opsr::resolve::Resolve;
@@ -457,7 +457,7 @@ fn prepared<'a>(
         aspect: Some(frame.x as f32 / frame.y as f32),
         ..look
     };
-    spec.look = Some(LookChoice::Held(Box::new(look)));
+    spec.camera = Some(CameraChoice::Held(Box::new(look)));
     let mut left_out = Vec::new();
     loop {
         match Request::new(&spec, subject, None) {
@@ -476,9 +476,9 @@ fn choice_key(spec: &Spec) -> String {
     let given = spec.given().filter(|(option, _)| {
         let heading = matches!(
             option.heading,
-            Heading::Scene | Heading::Light | Heading::Method
+            Heading::Scene | Heading::Light | Heading::Method | Heading::Research
         );
-        heading || ["aperture", "focus", "aov"].contains(&option.name)
+        heading || ["lens", "aov"].contains(&option.name)
     });
     given
         .map(|(option, text)| format!("{} {text}, ", option.name))
@@ -489,8 +489,7 @@ fn choice_key(spec: &Spec) -> String {
 fn first_look(spec: &Spec, scene: &Scene) -> Result<Look, Fault> {
     let frame = spec.frame(scene)?;
     let bare = Spec {
-        aperture: None,
-        focus: None,
+        lens: None,
         ..spec.clone()
     };
     let camera = bare.camera(scene, frame)?;

@@ -46,7 +46,7 @@ class Render:
         self.seen, self.rest, self.heard, self.stopped = None, b"", 0, False
         self.said = open(self.output.with_suffix(".txt"), "w+", encoding="utf-8", errors="replace")
         self.told = open(self.output.with_suffix(".json"), "wb")
-        words = [*words, "-o", self.output, "--save-every", save_every, "--progress", "json", "--exr-compression", "none"]
+        words = [*words, "-o", self.output, "--save-every", save_every, "--progress", "json", "--exr", "none"]
         group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if os.name == "nt" else {}
         self.process = subprocess.Popen([str(w) for w in words], stdout=self.told, stderr=self.said, **group)
 

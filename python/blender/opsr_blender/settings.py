@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
 
-INTEGRATORS = ["auto", "path", "bdpt", "vcm", "sppm", "light", "mlt"]
+INTEGRATORS = ["auto", "path", "guided", "manifold", "bdpt", "vcm", "sppm", "light", "mlt"]
 
 
 class OpsrPreferences(bpy.types.AddonPreferences):

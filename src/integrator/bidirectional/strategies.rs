@@ -39,7 +39,7 @@ pub enum Strategy {
 }
 
 impl fmt::Display for Strategy {
-    /// As `--strategy` takes it.
+    /// As `--set strategy` takes it.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Connection { s, t } => write!(f, "{s},{t}"),

@@ -156,6 +156,46 @@ impl Field for Crop {
     }
 }
 
+/// Lens of a camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LensChoice {
+    /// Radius in units of the scene; 0 for a camera without a lens.
+    pub radius: f32,
+    /// Distance in focus along the view, in units of the scene; `None` for that of the file's lens.
+    pub focus: Option<f32>,
+}
+
+impl Field for LensChoice {
+    fn read(value: &Value, _: &Range) -> Result<Self, String> {
+        let list = match value {
+            Value::Number(radius) => radius.as_f64().map(|radius| vec![radius]),
+            list => numbers(list),
+        };
+        let list: Vec<f32> = list.unwrap_or_default().iter().map(|x| *x as f32).collect();
+        let (radius, focus) = match *list.as_slice() {
+            [radius] => (radius, None),
+            [radius, focus] if radius > 0.0 => (radius, Some(focus)),
+            _ => (f32::NAN, None),
+        };
+        let is_lens = radius >= 0.0 && radius.is_finite();
+        let is_sharp = focus.is_none_or(|focus| focus > 0.0 && focus.is_finite());
+        (is_lens && is_sharp)
+            .then_some(Self { radius, focus })
+            .ok_or("expected RADIUS,DISTANCE above 0, RADIUS alone, or 0".into())
+    }
+
+    fn text(&self) -> String {
+        let focus = self
+            .focus
+            .map_or(String::new(), |focus| format!(",{focus}"));
+        format!("{}{focus}", self.radius)
+    }
+
+    fn python() -> String {
+        "tuple[float, float] | float".into()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -183,6 +223,17 @@ mod tests {
         );
         for bad in ["1,2,3", "a,0,1,1", "-1%,0,1,1", "1/0,0,1,1", "0,0,inf%,1"] {
             assert!(read::<Crop>(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn lens_has_a_radius_and_a_distance() {
+        let lens = |radius, focus| Ok(LensChoice { radius, focus });
+        assert_eq!(read("0.5,3"), lens(0.5, Some(3.0)));
+        assert_eq!(read("0.5"), lens(0.5, None));
+        assert_eq!(LensChoice::read(&0.into(), &Range::FINITE), lens(0.0, None));
+        for bad in ["0,3", "-1", "1,0", "1,-2", "1,2,3", "x", "1e99", ""] {
+            assert!(read::<LensChoice>(bad).is_err(), "{bad}");
         }
     }
 

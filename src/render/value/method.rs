@@ -2,6 +2,7 @@
 
 use super::number::numbers;
 use super::{Field, Range};
+use crate::files::FileError;
 use crate::image::level_film::MAX_LEVELS;
 use crate::integrator::amounts::Scales;
 use crate::integrator::bidirectional::Strategy;
@@ -19,23 +20,22 @@ pub enum TableChoice {
     File(PathBuf),
     /// A table in memory, and the file or name that it was read from, if any.
     Held(Arc<TableFile>, Option<PathBuf>),
+    /// One factor in [0, 1] for all paths.
+    Factor(f32),
 }
 
 impl TableChoice {
-    /// The table.
-    pub fn load(&self) -> Result<TableFile, crate::files::FileError> {
-        match self {
-            Self::File(path) => Ok(TableFile::load(path)?),
-            Self::Held(file, _) => Ok((**file).clone()),
+    /// The table in memory. A file is read once; one factor needs none.
+    pub fn load(&mut self) -> Result<(), FileError> {
+        if let Self::File(path) = self {
+            *self = Self::Held(Arc::new(TableFile::load(path)?), Some(path.clone()));
         }
+        Ok(())
     }
 
-    /// The file or name that the table was read from; `None` for one of a program's own.
-    pub fn name(&self) -> Option<&Path> {
-        match self {
-            Self::File(path) => Some(path),
-            Self::Held(_, name) => name.as_deref(),
-        }
+    /// True for a table of factors that are looked up, not one factor.
+    pub fn has_classes(&self) -> bool {
+        !matches!(self, Self::Factor(_))
     }
 
     /// The file that is read; none for tables in memory and those of the program.
@@ -49,18 +49,33 @@ impl TableChoice {
 
 impl Field for TableChoice {
     fn read(value: &Value, range: &Range) -> Result<Self, String> {
-        PathBuf::read(value, range).map(Self::File)
+        let text = value.as_str().and_then(|text| text.parse().ok());
+        match value.as_f64().or(text) {
+            Some(factor) if (0.0..=1.0).contains(&factor) => {
+                f32::read(value, range).map(Self::Factor)
+            }
+            Some(_) => Err("expected a table, or a factor from 0 to 1".into()),
+            None => PathBuf::read(value, range).map(Self::File),
+        }
     }
 
     fn text(&self) -> String {
         match self {
             Self::File(path) | Self::Held(_, Some(path)) => path.display().to_string(),
             Self::Held(_, None) => "held".into(),
+            Self::Factor(factor) => factor.text(),
+        }
+    }
+
+    fn value(&self) -> Value {
+        match self {
+            Self::Factor(factor) => factor.value(),
+            _ => self.text().into(),
         }
     }
 
     fn python() -> String {
-        "Table | Path".into()
+        "Table | Path | float".into()
     }
 }
 

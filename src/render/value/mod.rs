@@ -2,8 +2,8 @@
 
 use crate::bsdf::Distribution;
 use crate::image::display::ViewTransform;
-use crate::image::exr::Compression;
-use crate::integrator::method::{Connections, Guide, IntegratorKind, Mode};
+use crate::image::exr::{Compression, Storage};
+use crate::integrator::method::{Connections, IntegratorKind, Mode};
 use crate::regularise::Lookup;
 use crate::resolve::Resolve;
 use crate::sampler::SamplerKind;
@@ -15,9 +15,9 @@ mod method;
 mod number;
 mod range;
 
-pub use frame::{Crop, Size};
+pub use frame::{Crop, LensChoice, Size};
 pub use method::{Layers, Levels, ResolveChoice, TableChoice};
-pub use number::Sun;
+pub use number::{Moment, Sun};
 pub use range::Range;
 
 /// Type of an option's value.
@@ -84,6 +84,16 @@ impl Field for NameOrNumber {
     fn python() -> String {
         "str | int".into()
     }
+}
+
+/// Closed meshes that transmit without a thickness.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+pub enum Glass {
+    /// Solid bodies.
+    Solid,
+    /// Thin walls.
+    Thin,
 }
 
 /// Exposure of PNG files.
@@ -195,13 +205,48 @@ macro_rules! choices {
     };
 }
 
-choices!(IntegratorKind: Path, Light, Bdpt, Vcm, Sppm, Mlt, Auto; "ups" = Vcm);
+choices!(IntegratorKind: Path, Guided, Manifold, Light, Bdpt, Vcm, Sppm, Mlt, Auto; "ups" = Vcm);
 choices!(Mode: Default, Reuse, Pbrt, FilterGlossy, RoughnessClamp, Mollifier);
 choices!(Lookup: Nearest, Linear);
 choices!(Connections: All, Nee);
-choices!(Guide: Picture, Unbiased);
+choices!(Glass: Solid, Thin);
 choices!(SamplerKind: Independent, Sobol);
 choices!(Distribution: Beckmann, Ggx);
 choices!(ViewTransform: Srgb, Filmic, Agx);
 choices!(Resolve: None, Sharp, Default);
 choices!(Compression: None, Rle, Zips, Zip, Piz);
+
+impl Field for Storage {
+    fn read(value: &Value, range: &Range) -> Result<Self, String> {
+        let words = match value {
+            Value::Array(list) => list.iter().map(Value::as_str).collect(),
+            _ => value.as_str().map(|text| text.split(',').collect()),
+        };
+        let words: Vec<&str> = words.unwrap_or_default();
+        let (half, codings): (Vec<&str>, Vec<&str>) =
+            words.iter().partition(|word| **word == "half");
+        let coding = |word: &str| Compression::read(&word.into(), range);
+        let compression = match *codings.as_slice() {
+            [] if half.len() == 1 => Ok(Compression::default()),
+            [word] if half.len() < 2 => coding(word),
+            _ => coding(""),
+        };
+        let wrong = |what| format!("{what}, and half alone or after it");
+        Ok(Self {
+            half: !half.is_empty(),
+            compression: compression.map_err(wrong)?,
+        })
+    }
+
+    fn text(&self) -> String {
+        match (self.half, self.compression) {
+            (false, compression) => compression.text(),
+            (true, Compression::Zip) => "half".into(),
+            (true, compression) => format!("{},half", compression.text()),
+        }
+    }
+
+    fn python() -> String {
+        "str".into()
+    }
+}

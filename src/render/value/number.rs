@@ -175,32 +175,90 @@ impl Field for Duration {
     }
 }
 
-/// Height of the sun above the horizon and its angle to the right of the front, in degrees.
+/// Sun of the built-in sky.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sun(pub [f32; 2]);
+pub struct Sun {
+    /// Height above the horizon and angle to the right of the front, in degrees.
+    pub position: [f32; 2],
+    /// Turbidity of the air, if it is given.
+    pub haze: Option<f32>,
+}
 
 impl Field for Sun {
     fn read(value: &Value, _: &Range) -> Result<Self, String> {
         let list = numbers(value).or_else(|| number(value).map(|height| vec![height]));
         let sun = match list.as_deref() {
-            Some(&[height]) => Some([height, -40.0]),
-            Some(&[height, angle]) => Some([height, angle]),
+            Some(&[height]) => Some((height, -40.0, None)),
+            Some(&[height, angle]) => Some((height, angle, None)),
+            Some(&[height, angle, haze]) => Some((height, angle, Some(haze as f32))),
             _ => None,
         };
-        let known = |[height, angle]: &[f64; 2]| {
-            (0.0..=90.0).contains(height) && angle.is_finite() && (*angle as f32).is_finite()
+        let known = |(height, angle, haze): &(f64, f64, Option<f32>)| {
+            let is_sky = haze.is_none_or(|haze| (1.8..=10.0).contains(&haze));
+            (0.0..=90.0).contains(height) && (*angle as f32).is_finite() && is_sky
         };
-        let sun = sun.filter(known).map(|sun| Self(sun.map(|x| x as f32)));
-        sun.ok_or("expected a height from 0 to 90, and an angle".into())
+        let sun = sun.filter(known).map(|(height, angle, haze)| Self {
+            position: [height as f32, angle as f32],
+            haze,
+        });
+        sun.ok_or("expected a height from 0 to 90, an angle, and a haze from 1.8 to 10".into())
     }
 
     fn text(&self) -> String {
-        let [height, angle] = self.0;
-        format!("{height},{angle}")
+        let [height, angle] = self.position;
+        let haze = self.haze.map_or(String::new(), |haze| format!(",{haze}"));
+        format!("{height},{angle}{haze}")
     }
 
     fn python() -> String {
-        "tuple[float, float]".into()
+        "Sequence[float] | str".into()
+    }
+}
+
+/// Moment of the animations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Moment {
+    /// Seconds from their start.
+    Seconds(f64),
+    /// A frame, from 0, and frames per second.
+    Frame(f64, f64),
+}
+
+impl Moment {
+    /// Seconds from the start of the animations.
+    pub fn seconds(self) -> f64 {
+        match self {
+            Self::Seconds(seconds) => seconds,
+            Self::Frame(frame, fps) => frame / fps,
+        }
+    }
+}
+
+impl Field for Moment {
+    fn read(value: &Value, _: &Range) -> Result<Self, String> {
+        let real = |text: &str| text.parse().ok().filter(|x: &f64| x.is_finite());
+        let text = value.as_str().unwrap_or_default();
+        let frame = || {
+            let (frame, fps) = text.split_once('@')?;
+            let fps = real(fps).filter(|fps| *fps > 0.0)?;
+            Some(Self::Frame(real(frame)?, fps))
+        };
+        let seconds = text.strip_suffix('s').and_then(real).map(Self::Seconds);
+        seconds.or_else(frame).ok_or(
+            "expected seconds, such as 0.5s, or a frame and frames per second, such as 12@24"
+                .into(),
+        )
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Self::Seconds(seconds) => format!("{seconds}s"),
+            Self::Frame(frame, fps) => format!("{frame}@{fps}"),
+        }
+    }
+
+    fn python() -> String {
+        "str".into()
     }
 }
 
@@ -208,6 +266,23 @@ impl Field for Sun {
 mod tests {
     use super::super::Levels;
     use super::*;
+
+    #[test]
+    fn moment_is_seconds_or_a_frame() {
+        let read = |text: &str| Moment::read(&text.into(), &Range::FINITE);
+        for (text, seconds) in [
+            ("0.5s", 0.5),
+            ("-2s", -2.0),
+            ("12@24", 0.5),
+            ("1.5@30", 0.05),
+        ] {
+            let moment = read(text).unwrap();
+            assert_eq!((moment.seconds(), moment.text().as_str()), (seconds, text));
+        }
+        for bad in ["12", "0.5", "s", "12@0", "12@-1", "nans", "@24", "1@2@3"] {
+            assert!(read(bad).is_err(), "{bad}");
+        }
+    }
 
     /// Bounds that are left out, in single precision too; and no truth value is a number.
     #[test]

@@ -47,12 +47,12 @@ pub(super) fn bodies(
             Glass::Thin => continue,
             Glass::OfBlender => {
                 let what = "transmit without a thickness (KHR_materials_volume) on closed meshes, shown as solid bodies, since the \
-                            file comes from Blender; --thin-glass makes thin walls of them";
+                            file comes from Blender; --glass thin makes thin walls of them";
                 warnings.group("materials", at, what);
             }
             Glass::Unknown => {
                 let what = "transmit without a thickness (KHR_materials_volume) on closed meshes, shown as thin walls, which do \
-                            not refract; --solid-glass makes bodies of them";
+                            not refract; --glass solid makes bodies of them";
                 warnings.group("materials", at, what);
                 continue;
             }

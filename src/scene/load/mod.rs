@@ -42,11 +42,9 @@ use uris::{Container, Files};
 pub struct LoadOptions {
     /// Slope distribution of all glossy lobes; without one Beckmann's, and where a file says it the file's own.
     pub distribution: Option<Distribution>,
-    /// Closed meshes that transmit without a thickness are solid bodies, not thin walls.
-    pub solid_glass: bool,
-    /// Such meshes stay thin walls. Without either choice they are bodies in files that Blender's exporter wrote: what it exports is
-    /// glass as Cycles shows it (`docs/lab/models.md`).
-    pub thin_glass: bool,
+    /// Closed meshes that transmit without a thickness are solid bodies if true, and thin walls if false. Without a choice they are
+    /// bodies in files that Blender's exporter wrote: what it exports is glass as Cycles shows it (`docs/lab/models.md`).
+    pub solid_glass: Option<bool>,
     /// Moment of the animations, in seconds; without one the scene is shown at rest.
     pub time: Option<f64>,
     /// Parts of pbrt and Mitsuba scenes that are not supported are left out or replaced, and warned of.
@@ -167,9 +165,9 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
 /// Says where a file's animations and the moment that is asked for do not fit.
 fn warn_of_time(root: &Root, time: Option<f64>, warnings: &mut Warnings) {
     match (root.animations.is_empty(), time) {
-        (false, None) => warnings.say(
-            "animations: the scene is shown at rest; --frame or --time-of-scene shows a moment",
-        ),
+        (false, None) => {
+            warnings.say("animations: the scene is shown at rest; --at shows a moment")
+        }
         (true, Some(_)) => warnings.say("there are no animations: every moment is the same"),
         _ => {}
     }
@@ -195,11 +193,11 @@ fn paint<'a>(
 /// Meaning of closed glass without a thickness in this file.
 fn glass(root: &Root, options: &LoadOptions) -> closed::Glass {
     let generator = root.asset.generator.as_deref().unwrap_or_default();
-    match (options.solid_glass, options.thin_glass) {
-        (true, _) => closed::Glass::Solid,
-        (false, true) => closed::Glass::Thin,
-        (false, false) if generator.contains("Blender") => closed::Glass::OfBlender,
-        (false, false) => closed::Glass::Unknown,
+    match options.solid_glass {
+        Some(true) => closed::Glass::Solid,
+        Some(false) => closed::Glass::Thin,
+        None if generator.contains("Blender") => closed::Glass::OfBlender,
+        None => closed::Glass::Unknown,
     }
 }
 

@@ -110,8 +110,8 @@ fn bench_suite_errors_name_the_entry() {
             "either",
         ),
         (
-            format!("times = [1]\n{scene}{method}gamma = 2.0\n"),
-            "method `m`: gamma",
+            format!("times = [1]\n{scene}{method}table = 2.0\n"),
+            "method `m`: table",
         ),
         (
             format!("times = [1]\n{scene}{method}method = 'plain'\n"),
@@ -151,7 +151,7 @@ fn bench_suite_errors_name_the_entry() {
 const SMALL: &str = "seeds = 3\nsamples = [2, 5]\n\
     [[scene]]\nname = 'box'\nbuiltin = 'caustic-box'\nsize = [24, 16]\ncrop = [4, 0, 16, 16]\nreference_spp = 16\n\
     [[method]]\nname = 'plain'\n\
-    [[method]]\nname = 'twin'\ngamma = 0.0\n";
+    [[method]]\nname = 'twin'\ntable = 0.0\n";
 
 #[test]
 fn bench_resume_keeps_measured_runs() {
@@ -236,8 +236,8 @@ fn bench_measures_levels_pilots_and_environments() {
             "samples = [1, 8]\nseeds = 1\n\
              [[scene]]\nname = 'box'\nbuiltin = 'caustic-box'\nsize = [64, 32]\nreference_spp = 16\n{scene}\n\
              [[method]]\nname = 'plain'\n\
-             [[method]]\nname = 'levels'\ngamma = 0.3\nlevels = [0.0, 0.3, 3.0]\n\
-             [[method]]\nname = 'sharp'\ngamma = 0.3\nlevels = [0.0, 0.3, 3.0]\nresolve = 'sharp'\n\
+             [[method]]\nname = 'levels'\ntable = 0.3\nlevels = [0.0, 0.3, 3.0]\n\
+             [[method]]\nname = 'sharp'\ntable = 0.3\nlevels = [0.0, 0.3, 3.0]\nresolve = 'sharp'\n\
              [[method]]\nname = 'pilot'\ntable = 'table.json'\nintegrator = 'auto'\n"
         );
         write("suite.toml", text.as_bytes());
@@ -421,7 +421,7 @@ fn bench_leaves_out_a_method_that_a_scene_refuses() {
     let suite = folder.path().join("suite.toml");
     let text = "seeds = 2\nsamples = [2]\n\
         [[scene]]\nname = 'balls'\nfile = 'balls.glb'\nsize = [16, 16]\nreference_spp = 4\n\
-        [[method]]\nname = 'chains'\nintegrator = 'path'\nmanifold = 1\n\
+        [[method]]\nname = 'chains'\nintegrator = 'manifold'\ntrials = 1\n\
         [[method]]\nname = 'plain'\n";
     std::fs::write(&suite, text).unwrap();
     let suite = Suite::load(&suite).unwrap();

@@ -1,5 +1,6 @@
 //! The report: everything is in the page, and the page is a function of the results.
 
+use opsr::render::value::TableChoice;
 use opsr_lab::report::bench::Suite;
 use opsr_lab::report::bench::overall::{best_constant, overall};
 use opsr_lab::report::bench::page::page;
@@ -93,7 +94,7 @@ fn two_scenes() -> Results {
         results.cells.push(cell);
     }
     for (method, gamma) in [(2, 0.1), (3, 0.2)] {
-        results.suite.methods[method].spec.gamma = Some(gamma);
+        results.suite.methods[method].spec.table = Some(TableChoice::Factor(gamma));
     }
     results
 }

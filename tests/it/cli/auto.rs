@@ -72,11 +72,17 @@ fn auto_resume_goes_on_with_the_same_integrator() {
 #[test]
 fn auto_refuses_what_it_cannot_choose_for() {
     let place = Place::new();
-    for args in ["--mode pbrt", "--mlt-pass 4", "--trace-pixel 1,1"] {
+    for args in ["--set mode=pbrt", "--set mlt_pass=4", "--set trials=4"] {
         let ended = place.render(&format!("--integrator auto {args}"));
         assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
         assert!(ended.err.contains("auto"), "{}", ended.err);
     }
+    let ended = place.opsr("trace scene.glb 1,1 --integrator auto");
+    assert!(
+        ended.code == Some(2) && ended.err.contains("--integrator path"),
+        "{}",
+        ended.err
+    );
 }
 
 /// All integrators have lenses, and glass that disperses.
@@ -86,7 +92,7 @@ fn lens_and_dispersion_take_no_candidate_away() {
     parts.materials.iter_mut().for_each(|m| m.dispersion = 0.5);
     let place = Place::new();
     place.save("scene.glb", &parts);
-    let lens = "--aperture 0.1 --focus 3";
+    let lens = "--lens 0.1,3";
     place
         .opsr(&format!(
             "render scene.glb --size 16x16 --spp 2 {lens} -o a.exr"
@@ -104,9 +110,9 @@ fn default_integrator_is_a_choice_unless_the_method_is_named() {
         ("--integrator auto", "vcm"),
         ("--resolve raw --max-vertices 8 --seed 4", "vcm"),
         ("--opsr-table beta-0.001", "path"),
-        ("--gamma 0.3", "path"),
-        ("--mode pbrt", "path"),
-        ("--sampler sobol", "path"),
+        ("--opsr-table 0.3", "path"),
+        ("--set mode=pbrt", "path"),
+        ("--set sampler=sobol", "path"),
         // Layers that only the path tracer has.
         ("--resolve raw --aov direct", "path"),
     ] {
@@ -116,12 +122,12 @@ fn default_integrator_is_a_choice_unless_the_method_is_named() {
             .metadata;
         assert_eq!(metadata["integrator"], expected, "{args}");
     }
-    let ended = place.render("--radius 0.1 -o b.exr");
+    let ended = place.render("--set radius=0.1 -o b.exr");
     assert_eq!(ended.code, Some(2));
     assert!(
         ended
             .err
-            .contains("--radius: needs --integrator vcm or sppm"),
+            .contains("--set radius: needs --integrator vcm or sppm"),
         "{}",
         ended.err
     );
@@ -148,8 +154,9 @@ fn crops_and_parts_of_a_choice_are_those_of_the_whole_picture() {
     for (i, pixel) in crop.pixels.iter().enumerate() {
         assert_eq!(*pixel, whole.pixels[(8 + i / 4) * 48 + 8 + i % 4]);
     }
+    let part = "part scene.glb --size 48x48 --spp 600 --progress none";
     for (i, samples) in ["0..200", "200..600"].iter().enumerate() {
-        let part = format!("{render} --resolve raw --samples {samples} --film {i}.part");
+        let part = format!("{part} --resolve raw --samples {samples} -o {i}.part");
         place.opsr(&part).done();
     }
     place.opsr("merge 0.part 1.part -o merged.exr").done();
@@ -160,17 +167,17 @@ fn crops_and_parts_of_a_choice_are_those_of_the_whole_picture() {
 fn mlt_refuses_what_it_cannot_take() {
     let place = Place::new();
     for (args, word) in [
-        ("--integrator mlt --mode pbrt", "mlt"),
-        ("--integrator mlt --radius 0.1", "radius"),
-        ("--integrator bdpt --mlt-pass 4", "mlt-pass"),
-        ("--integrator mlt --mlt-pass 0", "from 1 to 65536"),
+        ("--integrator mlt --set mode=pbrt", "mlt"),
+        ("--integrator mlt --set radius=0.1", "radius"),
+        ("--integrator bdpt --set mlt_pass=4", "mlt_pass"),
+        ("--integrator mlt --set mlt_pass=0", "from 1 to 65536"),
     ] {
         let ended = place.render(args);
         assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
         assert!(ended.err.contains(word), "{args}: {}", ended.err);
     }
     place
-        .render("--integrator mlt --mlt-pass 2 --spp 2 --crop 4,4,8,8 --aov -o a.exr")
+        .render("--integrator mlt --set mlt_pass=2 --spp 2 --crop 4,4,8,8 --aov -o a.exr")
         .done();
     assert_eq!(integrator(&place, "a.exr"), "mlt");
 }

@@ -244,7 +244,7 @@ fn a_checkpoint_that_cannot_be_saved_ends_no_render() {
 #[cfg(unix)]
 fn files_that_can_be_written_are() {
     let place = Place::new();
-    let args = "render scene.glb --size 32x32 --spp 2 --progress none --exr-compression none -o out.exr -o out.png --stats out.json";
+    let args = "render scene.glb --size 32x32 --spp 2 --progress none --exr none -o out.exr -o out.png --stats out.json";
     let ended = place.opsr_on_a_full_disk(16384, args);
     assert_eq!(ended.code, Some(4), "{}", ended.err);
     assert!(ended.err.contains("out.exr"), "{}", ended.err);
@@ -269,7 +269,10 @@ fn outputs_have_names_of_their_own() {
             format!("{render} -o o.exr --stats folder/../scene.glb"),
             read,
         ),
-        (format!("{render} --film scene.glb"), read),
+        (
+            "part scene.glb --size 8x8 --spp 1 -o scene.glb".into(),
+            read,
+        ),
         (format!("{render} -o o.exr --log scene.glb"), read),
         (
             format!("{render} -o o.exr --opsr-table table.json --stats table.json"),

@@ -87,7 +87,7 @@ fn memory_of_a_large_picture_is_refused_before_it_is_taken() {
             "4096x4096 pixels need about 6.71 GB",
         ),
         (
-            "--size 2048x2048 --gamma 0.1 --levels 4",
+            "--size 2048x2048 --opsr-table 0.1 --set levels=4",
             "2048x2048 pixels of 4 levels need about 2.00 GB",
         ),
         // Mutations move over the whole frame.

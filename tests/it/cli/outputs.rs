@@ -55,7 +55,7 @@ fn denoised_picture_keeps_the_noisy_one_as_a_layer() {
     assert_eq!(picture(&place, "again.exr"), picture(&place, "clean.exr"));
     // A film without AOVs has nothing to guide the denoiser.
     place
-        .render("--spp 8 --gamma 0.5 -o noisy.exr --checkpoint b.ckpt")
+        .render("--spp 8 --opsr-table 0.5 -o noisy.exr --checkpoint b.ckpt")
         .done();
     let ended = place.opsr("resolve b.ckpt --denoise -o again.exr");
     assert_eq!(ended.code, Some(2), "{}", ended.err);
@@ -170,7 +170,7 @@ fn report_plots_determinism() {
         "suite.toml",
         "seeds = 4\nsamples = [1, 4]\n[[scene]]\nname = 'a box/1'\nbuiltin = 'caustic-box'\nsize = [16, 16]\n\
          reference_spp = 16\n[[method]]\nname = 'plain'\n[[method]]\nname = 'constant'\n\
-         gamma = 0.3\n",
+         table = 0.3\n",
     );
     place.opsr("bench suite.toml -o results.json").done();
     place
@@ -229,7 +229,7 @@ fn scenes_that_are_named_are_written() {
 fn layers_with_only_a_png_are_refused() {
     let place = Place::new();
     place.save("scene.glb", &gallery::cornell_box());
-    for option in ["--aov", "--gamma 0.1 --level-layers"] {
+    for option in ["--aov", "--opsr-table 0.1 --aov each-level"] {
         let ended = place.render(&format!("--spp 1 {option} -o out.png"));
         let words = "adds layers to EXR files: add -o with a name that ends in .exr";
         fails(ended, 2, words);
@@ -270,7 +270,7 @@ fn scenes_without_light_are_lit_or_refused() {
         ended.err
     );
     assert!(pixels() == studio);
-    render("--env sky --sun 30,10 --turbidity 4").done();
+    render("--env sky --sun 30,10,4").done();
     assert!(pixels() != studio);
     std::fs::remove_file(place.path().join("out.png")).expect("the picture");
     fails(
@@ -318,7 +318,6 @@ fn outputs_do_not_replace_textures_and_buffers() {
     let before = place.files();
     for args in [
         "-o tex.png",
-        "--film sep.bin",
         "-o a.exr --checkpoint sep.bin",
         "-o a.exr --stats ./tex.png",
         "-o a.exr --env sky.hdr --stats sky.hdr",
@@ -329,6 +328,9 @@ fn outputs_do_not_replace_textures_and_buffers() {
         assert!(ended.err.contains(words), "{args}: {}", ended.err);
         assert!(place.files() == before, "{args}: files have changed");
     }
+    let part = place.opsr("part scene.gltf --size 4x4 --spp 1 -o sep.bin");
+    assert_eq!(part.code, Some(2), "{}", part.err);
+    assert!(place.files() == before);
     place
         .opsr("render scene.gltf --size 4x4 --spp 1 -o a.exr")
         .done();
@@ -385,7 +387,7 @@ fn hint_for_a_refused_sample_is_a_command() {
         "8x8",
         "--spp",
         "4",
-        "--gamma",
+        "--opsr-table",
         "0.3",
         "--seed",
         "3",
@@ -396,7 +398,7 @@ fn hint_for_a_refused_sample_is_a_command() {
     let (_, hint) = told.split_once("to see one again: opsr ").expect("a hint");
     let hint = hint.lines().next().expect("a line");
     assert!(
-        hint.contains("'a scene.glb'") && hint.contains("--gamma 0.3"),
+        hint.contains("'a scene.glb'") && hint.contains("--opsr-table 0.3"),
         "{hint}"
     );
     let script = format!("{} {hint}", env!("CARGO_BIN_EXE_opsr"));

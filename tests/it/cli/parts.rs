@@ -1,4 +1,4 @@
-//! `opsr render --film` and `opsr merge`.
+//! `opsr part` and `opsr merge`.
 
 use super::Place;
 use crate::fuzz::repair::sealed;
@@ -11,8 +11,8 @@ fn parts_merge_to_the_bytes_of_the_single_render() {
     place.save("scene.glb", &gallery::caustic_box());
     for settings in [
         "--aov albedo,alpha,emission,indirect",
-        "--gamma 0.3 --aov",
-        "--gamma 0.3 --levels 0,0.5,4",
+        "--opsr-table 0.3 --aov",
+        "--opsr-table 0.3 --set levels=0,0.5,4",
         "--integrator bdpt",
         "--integrator sppm",
     ] {
@@ -31,9 +31,8 @@ fn parts_merge_to_the_bytes_of_the_single_render() {
         ] {
             let mut names = String::new();
             for (i, part) in parts.iter().enumerate() {
-                place
-                    .render(&format!("{settings} {part} --film {i}.part"))
-                    .done();
+                let part = format!("part scene.glb --size 16x16 {settings} {part} -o {i}.part");
+                place.opsr(&part).done();
                 names += &format!(" {i}.part");
             }
             let ended = place
@@ -62,7 +61,7 @@ fn parts_of_other_renders_are_refused_by_name() {
     let part = |scene: &str, args: &str, name: &str| {
         let common = "--size 8x8 --progress none --integrator path";
         place
-            .opsr(&format!("render {scene} {common} {args} --film {name}"))
+            .opsr(&format!("part {scene} {common} {args} -o {name}"))
             .done();
     };
     part("scene.glb", "--samples 0..2", "a.part");
@@ -142,19 +141,24 @@ fn parts_of_other_renders_are_refused_by_name() {
     assert!(ended.err.contains(words), "{}", ended.err);
     assert!(!place.path().join("out.exr").exists());
     for (args, words) in [
-        ("--samples 0..4", "--film"),
-        ("--samples 4..4 --film x", "expected A..B"),
-        ("--samples 0..5 --spp 4 --film x", "has 4 samples, by --spp"),
-        ("--film x -o y.exr", "--output"),
-        ("--film x --time 3s", "--time"),
-        ("--film x --checkpoint c", "--checkpoint"),
+        ("--samples 0..4", "--output"),
+        ("--samples 4..4 -o x", "expected A..B"),
+        ("--samples 0..5 --spp 4 -o x", "has 4 samples, by --spp"),
+        ("-o x -o y", "--output"),
+        ("-o x --time 3s", "--time"),
+        ("-o x --checkpoint c", "--checkpoint"),
         (
-            "--film x --aov id",
+            "-o x --aov id",
             "--aov: a part keeps no position, id and time",
         ),
-        ("--film x --crop 0,0,99,99", "--crop"),
+        (
+            "-o x --aov each-level",
+            "--aov: each-level is for the whole",
+        ),
+        ("-o x --integrator guided", "--integrator: a guide learns"),
+        ("-o x --crop 0,0,99,99", "--crop"),
     ] {
-        let ended = place.opsr(&format!("render scene.glb --size 8x8 {args}"));
+        let ended = place.opsr(&format!("part scene.glb --size 8x8 {args}"));
         assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
         assert!(ended.err.contains(words), "{args}: {}", ended.err);
     }
@@ -165,8 +169,7 @@ fn parts_of_other_renders_are_refused_by_name() {
 #[cfg(unix)]
 fn parts_are_whole_or_not_there() {
     let place = Place::new();
-    let long =
-        "render scene.glb --size 64x64 --samples 1..1000000 --film long.part --progress json";
+    let long = "part scene.glb --size 64x64 --samples 1..1000000 -o long.part --progress json";
     let mut command = place.command(env!("CARGO_BIN_EXE_opsr"));
     command
         .args(long.split(' '))
@@ -186,7 +189,7 @@ fn parts_are_whole_or_not_there() {
     assert_eq!(child.wait().expect("an end").code(), Some(5));
     let ended = place.opsr_on_a_full_disk(
         4096,
-        "render scene.glb --size 64x64 --samples 1..9 --film full.part",
+        "part scene.glb --size 64x64 --samples 1..9 -o full.part",
     );
     assert_eq!(ended.code, Some(4), "{}", ended.err);
     assert_eq!(place.files().into_keys().collect::<Vec<_>>(), ["scene.glb"]);
@@ -198,9 +201,8 @@ fn absurd_numbers_behind_a_right_checksum_are_refused() {
     let place = Place::new();
     let path = "--integrator path --resolve raw";
     for (name, samples) in [("first.part", "0..1"), ("a.part", "1..3")] {
-        place
-            .render(&format!("{path} --samples {samples} --film {name}"))
-            .done();
+        let part = format!("part scene.glb --size 16x16 {path} --samples {samples} -o {name}");
+        place.opsr(&part).done();
     }
     place
         .render("--spp 4 -o a.exr --checkpoint levels.ckpt")

@@ -44,7 +44,7 @@ fn render_writes_its_outputs_and_nothing_else() {
 
 /// A lens blurs what is not in focus, and 0 is a pinhole again; wrong uses are named.
 #[test]
-fn aperture_and_focus_change_the_picture() {
+fn lens_changes_the_picture() {
     let place = Place::new();
     place.save("scene.glb", &gallery::cornell_box());
     let picture = |options: &str| {
@@ -55,12 +55,13 @@ fn aperture_and_focus_change_the_picture() {
         exr::read_rgb(&place.path().join(file)).unwrap().pixels
     };
     let pinhole = picture("");
-    assert!(picture("--aperture 0") == pinhole);
-    assert!(picture("--aperture 0.4 --focus 1") != pinhole);
+    assert!(picture("--lens 0") == pinhole);
+    assert!(picture("--lens 0.4,1") != pinhole);
     for (options, words) in [
-        ("--aperture 0.1", "--aperture: needs --focus"),
-        ("--focus 2", "--focus: needs --aperture"),
-        ("--aperture -1 --focus 2", "--aperture"),
+        ("--lens 0.1", "--lens: needs a distance in focus too"),
+        ("--lens 0,2", "expected RADIUS,DISTANCE"),
+        ("--lens=-1,2", "expected RADIUS,DISTANCE"),
+        ("--aperture 0.1", "--aperture is --lens RADIUS,DISTANCE now"),
     ] {
         let ended = place.render(&format!("--spp 1 {options} -o no.exr"));
         assert_eq!(ended.code, Some(2), "{options}: {}", ended.err);
@@ -70,7 +71,7 @@ fn aperture_and_focus_change_the_picture() {
 
 /// A camera that flies away in one second, at frames of that flight.
 #[test]
-fn frame_and_time_of_scene_choose_a_moment() {
+fn seconds_and_frames_choose_a_moment() {
     let mut file = File::from_glb(&glb::to_glb(&gallery::cornell_box()).unwrap());
     let nodes = file.json["nodes"].as_array().unwrap();
     let camera = nodes
@@ -96,20 +97,17 @@ fn frame_and_time_of_scene_choose_a_moment() {
             .done();
         exr::read_rgb(&place.path().join("out.exr")).unwrap().pixels
     };
-    let (start, half) = (picture("--frame 0"), picture("--frame 12"));
+    let (start, half) = (picture("--at 0@24"), picture("--at 12@24"));
     assert!(start != half);
-    for same in [
-        "--time-of-scene 0.5",
-        "--frame 6 --fps 12",
-        "--frame 30 --fps 60",
-    ] {
+    for same in ["--at 0.5s", "--at 6@12", "--at 30@60"] {
         assert!(picture(same) == half, "{same}");
     }
     for options in [
-        "--frame 1 --time-of-scene 1",
-        "--fps 12",
-        "--frame x",
-        "--frame 1 --fps 0",
+        "--at 1@24 --at 1s",
+        "--at 12",
+        "--frame 12",
+        "--at x",
+        "--at 1@0",
     ] {
         let ended = place.render(&format!("--spp 1 {options} -o no.exr"));
         assert_eq!(ended.code, Some(2), "{options}: {}", ended.err);
@@ -198,9 +196,9 @@ fn solid_glass_turns_closed_thin_walls_into_bodies() {
     let warning = "transmit without a thickness";
     for (command, warns) in [
         ("render scene.glb --size 16x16 --spp 1", true),
-        ("render scene.glb --size 16x16 --spp 1 --solid-glass", false),
+        ("render scene.glb --size 16x16 --spp 1 --glass solid", false),
         ("info scene.glb", true),
-        ("info scene.glb --solid-glass", false),
+        ("info scene.glb --glass solid", false),
     ] {
         let ended = place.opsr(command).done();
         assert_eq!(ended.err.contains(warning), warns, "{command}");
@@ -211,7 +209,7 @@ fn solid_glass_turns_closed_thin_walls_into_bodies() {
                 "{}",
                 ended.out
             );
-            assert_eq!(ended.out.contains("--solid-glass"), warns);
+            assert_eq!(ended.out.contains("--glass solid"), warns);
         }
     }
 }
@@ -230,7 +228,7 @@ fn table_warns_of_ggx_lobes_and_of_one_training_scene() {
         ("--opsr-table beta-0.001", false, false),
         ("--opsr-table beta-0.001 --distribution ggx", true, false),
         ("--opsr-table one.json", false, true),
-        ("--gamma 0.1 --distribution ggx", false, false),
+        ("--opsr-table 0.1 --distribution ggx", false, false),
         ("--distribution ggx", false, false),
     ] {
         let ended = place.opsr(&format!("render scene.glb --size 8x8 --spp 1 {options}"));
@@ -301,7 +299,7 @@ fn aov_layers_are_written_by_name() {
         assert!((0.0..=8.0).contains(&id.x) && (0.0..=1.0).contains(&coverage[i]));
         assert_eq!(coverage[i] == 0.0, depth[i] == f32::INFINITY);
     }
-    let timed = "--size 16x16 --spp 4 --aov time,level --gamma 0.5 --levels 3 -o out.exr";
+    let timed = "--size 16x16 --spp 4 --aov time,level --opsr-table 0.5 --set levels=3 -o out.exr";
     place.opsr(&format!("render scene.glb {timed}")).done();
     let timed = exr::read_layers(&place.path().join("out.exr")).unwrap();
     assert!(
@@ -314,8 +312,12 @@ fn aov_layers_are_written_by_name() {
     assert!(timed.channel("level").is_ok() && timed.channel("albedo.R").is_err());
     for (args, words) in [
         ("--aov direct --integrator bdpt", "path tracer"),
-        ("--aov emission --gamma 0.5 --levels 3", "--resolve raw"),
-        ("--aov level --resolve raw", "--levels"),
+        (
+            "--aov emission --opsr-table 0.5 --set levels=3",
+            "--resolve raw",
+        ),
+        ("--aov level --resolve raw", "level needs several levels"),
+        ("--aov each-level --resolve raw", "each-level needs several"),
         ("--aov time", "--reproducible"),
         ("--aov colour", "albedo"),
     ] {
@@ -390,12 +392,12 @@ fn camera_of_a_file_without_one_is_named() {
 
 /// Paths in words add up to the pixel of the picture, and errors of usage say what is wrong.
 #[test]
-fn trace_pixel_prints_the_paths_of_the_render() {
+fn trace_prints_the_paths_of_the_render() {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
-    let common = "render scene.glb --size 16x16 --gamma 0.5";
+    let common = "--size 16x16 --opsr-table 0.5";
     let ended = place
-        .opsr(&format!("{common} --trace-pixel 9,12 --spp 3"))
+        .opsr(&format!("trace scene.glb 9,12 {common} --spp 3"))
         .done();
     let heads = ended
         .out
@@ -412,17 +414,19 @@ fn trace_pixel_prints_the_paths_of_the_render() {
         assert!(ended.out.contains(word), "{word}: {}", ended.out);
     }
     let one = place
-        .opsr(&format!("{common} --trace-pixel 9,12 --sample 2"))
+        .opsr(&format!("trace scene.glb 9,12 {common} --sample 2"))
         .done();
     assert!(ended.out.ends_with(&one.out) && one.out.lines().count() > 2);
     assert!(!place.path().join("out.exr").exists());
     for args in [
-        "--trace-pixel 16,0",
-        "--trace-pixel 1",
-        "--sample 1",
-        "--trace-pixel 1,1 --levels 3",
+        "trace scene.glb 16,0",
+        "trace scene.glb 1",
+        "trace scene.glb",
+        "trace scene.glb 1,1 --set levels=3",
+        "trace scene.glb 1,1 --integrator bdpt",
+        "render scene.glb --trace-pixel 1,1",
     ] {
-        let ended = place.opsr(&format!("{common} {args}"));
+        let ended = place.opsr(&format!("{args} {common}"));
         assert_eq!(ended.code, Some(2), "{args}: {}", ended.err);
     }
     let seen = place
@@ -517,7 +521,7 @@ fn completions_and_manual_pages_know_every_command() {
     let place = Place::new();
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let text = place.opsr(&format!("completions {shell}")).done().out;
-        for word in ["trace-pixel", "solid-glass", "compare", "completions"] {
+        for word in ["trace", "max-vertices", "compare", "completions"] {
             assert!(text.contains(word), "{shell}: {word}");
         }
     }
@@ -541,17 +545,23 @@ fn exr_metadata_name_the_options_that_change_the_picture() {
     let place = Place::new();
     for (args, entries) in [
         (
-            "--gamma 0.3 --consistent 0.25",
+            "--opsr-table 0.3 --set consistent=0.25",
             &[("consistent", "0.25")][..],
         ),
-        ("--mode filter-glossy --filter 2", &[("filter", "2")]),
         (
-            "--opsr-table beta-0.001 --lookup nearest",
+            "--set mode=filter-glossy --set filter=2",
+            &[("filter", "2")],
+        ),
+        (
+            "--opsr-table beta-0.001 --set lookup=nearest",
             &[("lookup", "nearest")],
         ),
-        ("--integrator bdpt --strategy 3,1", &[("strategy", "3,1")]),
         (
-            "--integrator vcm --strategy merges --connections nee --radius 0.5 --radius-alpha 0.75",
+            "--integrator bdpt --set strategy=3,1",
+            &[("strategy", "3,1")],
+        ),
+        (
+            "--integrator vcm --set strategy=merges --set connections=nee --set radius=0.5 --set radius_alpha=0.75",
             &[
                 ("strategy", "merges"),
                 ("connections", "nee"),
@@ -559,7 +569,7 @@ fn exr_metadata_name_the_options_that_change_the_picture() {
                 ("radius_alpha", "0.75"),
             ],
         ),
-        ("--integrator mlt --mlt-pass 4", &[("mlt_pass", "4")]),
+        ("--integrator mlt --set mlt_pass=4", &[("mlt_pass", "4")]),
     ] {
         let common = "--spp 1 -o out.exr";
         place.render(&format!("{common} {args}")).done();
@@ -579,7 +589,7 @@ fn exr_metadata_name_the_options_that_change_the_picture() {
 fn exr_options_and_metadata() {
     let place = Place::new();
     let render = |args: &str| {
-        let file = "--spp 4 --gamma 0.25 --max-vertices 5 --aov normal -o out.exr";
+        let file = "--spp 4 --opsr-table 0.25 --max-vertices 5 --aov normal -o out.exr";
         place.render(&format!("{file} {args}")).done();
         let layers = exr::read_layers(&place.path().join("out.exr")).unwrap();
         (layers, place.read("out.exr").len())
@@ -588,7 +598,7 @@ fn exr_options_and_metadata() {
     for (key, value) in [
         ("integrator", "path"),
         ("mode", "default"),
-        ("gamma", "0.25"),
+        ("table", "0.25"),
         ("max_vertices", "5"),
         ("refused_samples", "0"),
         ("spp", "4"),
@@ -598,12 +608,12 @@ fn exr_options_and_metadata() {
     }
     let mut sizes = Vec::new();
     for coding in ["none", "rle", "zips", "zip", "piz"] {
-        let (layers, size) = render(&format!("--exr-compression {coding}"));
+        let (layers, size) = render(&format!("--exr {coding}"));
         assert_eq!(layers.channels, plain.channels, "{coding}");
         sizes.push(size);
     }
     assert!(sizes[3] < sizes[0], "{sizes:?}");
-    let (half, size) = render("--exr-half --exr-compression none");
+    let (half, size) = render("--exr none,half");
     assert!(size < sizes[0]);
     for (name, values) in &half.channels {
         let exact = ["spp", "sample_variance", "variance_of_mean"]
@@ -672,7 +682,7 @@ fn determinism_of_reproducible_files() {
             .channels
     };
     assert!(
-        channels("--gamma 0") == channels("--integrator path"),
+        channels("--opsr-table 0") == channels("--integrator path"),
         "γ = 0 is plain path tracing"
     );
     let path = picture("--integrator path");
@@ -682,12 +692,12 @@ fn determinism_of_reproducible_files() {
     assert!(picture("--crop 0,0,16,16") == plain);
     let others = [
         "--seed 1",
-        "--gamma 0.5",
+        "--opsr-table 0.5",
         "--opsr-table table.json",
-        "--mode pbrt",
+        "--set mode=pbrt",
         "--integrator light",
         "--integrator bdpt --aov",
-        "--integrator sppm --radius 0.1 --radius-alpha 1",
+        "--integrator sppm --set radius=0.1 --set radius_alpha=1",
         "--max-depth 2",
     ];
     for other in others {
@@ -801,7 +811,10 @@ fn resume_of_a_guided_render_equals_an_uninterrupted_one() {
     place.save("scene.glb", &gallery::caustic_box());
     let render = |spp: u32, args: &str| place.render(&format!("--spp {spp} {args}")).done();
     render(12, "-o path.exr");
-    for guide in ["--guide --gamma 0.2", "--guide unbiased --gamma 0.2"] {
+    for guide in [
+        "--integrator guided --opsr-table 0.2",
+        "--integrator guided --set unbiased --opsr-table 0.2",
+    ] {
         let _ = std::fs::remove_file(place.path().join("a.ckpt"));
         render(12, &format!("{guide} -o whole.exr"));
         let part = "-o part.exr --checkpoint a.ckpt";
@@ -809,11 +822,11 @@ fn resume_of_a_guided_render_equals_an_uninterrupted_one() {
         render(12, &format!("{guide} {part} --resume"));
         let [whole, part, path] = ["whole.exr", "part.exr", "path.exr"].map(|file| {
             let layers = exr::read_layers(&place.path().join(file)).unwrap();
-            let guide = layers.metadata.get("guide").cloned();
-            (layers.channel("R").unwrap().to_vec(), guide)
+            let integrator = layers.metadata["integrator"].clone();
+            (layers.channel("R").unwrap().to_vec(), integrator)
         });
         assert!(whole == part && whole.0 != path.0, "{guide}");
-        assert!(whole.1.is_some() && path.1.is_none());
+        assert!(whole.1 == "guided" && path.1 != "guided");
     }
 }
 
@@ -828,16 +841,16 @@ fn resume_refuses_the_checkpoint_of_another_render() {
     let before = place.files();
     let settings = [
         "--seed 1",
-        "--gamma 0.1",
-        "--gamma 0",
-        "--mode pbrt",
+        "--opsr-table 0.1",
+        "--opsr-table 0",
+        "--set mode=pbrt",
         "--opsr-table table.json",
         "--max-depth 3",
         "--size 17x16",
         "--crop 0,0,8,8",
         "--aov",
         "--distribution ggx",
-        "--solid-glass",
+        "--glass solid",
     ];
     let refused = |Ended { code, err, .. }: Ended, what: &str, args: &str| {
         assert_eq!(code, Some(3), "{args}: {err}");
@@ -937,17 +950,17 @@ fn levels_are_rendered_and_resolved_again() {
     let place = Place::new();
     place.save("scene.glb", &gallery::caustic_box());
     place.write("table.json", &seeds::tables()[1]);
-    let levels = "--spp 8 --sampler independent --opsr-table table.json --levels";
+    let levels = "--spp 8 --set sampler=independent --opsr-table table.json";
     let render = |args: &str| {
         place.render(&format!("{levels} {args}")).done();
         place.read("out.exr")
     };
-    let whole = render("0,0.5,1,4 -o out.exr --level-layers --checkpoint a.ckpt");
-    assert!(render("0,0.5,1,4 -o out.exr --level-layers --threads 3") == whole);
+    let whole = render("--set levels=0,0.5,1,4 -o out.exr --aov each-level --checkpoint a.ckpt");
+    assert!(render("--set levels=0,0.5,1,4 -o out.exr --aov each-level --threads 3") == whole);
     let file = |name: &str| exr::read_layers(&place.path().join(name)).expect("a file");
     let plain = {
         place
-            .render("--spp 8 --sampler independent --resolve raw -o plain.exr")
+            .render("--spp 8 --set sampler=independent --resolve raw -o plain.exr")
             .done();
         file("plain.exr")
     };
@@ -967,7 +980,7 @@ fn levels_are_rendered_and_resolved_again() {
     }
     assert_eq!(layers.metadata["levels"], "0,0.5,1,4");
     place
-        .opsr("resolve a.ckpt -o again.exr --level-layers")
+        .opsr("resolve a.ckpt -o again.exr --aov each-level")
         .done();
     assert_eq!(file("again.exr").channels, layers.channels);
     place
@@ -987,25 +1000,25 @@ fn levels_are_the_default_of_tables_and_constants() {
         let layers = exr::read_layers(&place.path().join("out.exr")).expect("layers");
         layers.metadata.get("levels").cloned()
     };
-    for factors in ["--gamma 0.3", "--opsr-table table.json"] {
+    for factors in ["--opsr-table 0.3", "--opsr-table table.json"] {
         let four = levels(factors);
         assert_eq!(four.as_deref(), Some("0,0.64,3.2,16"));
         let file = place.read("out.exr");
-        assert_eq!(levels(&format!("{factors} --levels 4")), four);
+        assert_eq!(levels(&format!("{factors} --set levels=4")), four);
         assert!(place.read("out.exr") == file);
-        let settings = ["--resolve raw", "--mode reuse", "--consistent"];
+        let settings = ["--resolve raw", "--set mode=reuse", "--set consistent"];
         for one in settings
             .iter()
-            .take(if factors.contains("gamma") { 3 } else { 2 })
+            .take(if factors.contains("0.3") { 3 } else { 2 })
         {
             assert_eq!(levels(&format!("{factors} {one}")), None, "{one}");
         }
     }
     for one in [
         "--resolve raw",
-        "--gamma 0 --resolve raw",
-        "--mode pbrt",
-        "--guide",
+        "--opsr-table 0 --resolve raw",
+        "--set mode=pbrt",
+        "--integrator guided",
         "--integrator bdpt --resolve raw",
         // Layers that add up to the picture as it is.
         "--aov direct",
@@ -1015,19 +1028,19 @@ fn levels_are_the_default_of_tables_and_constants() {
     // One film, which may be blurred.
     for one in [
         "",
-        "--gamma 0",
+        "--opsr-table 0",
         "--integrator bdpt",
         "--integrator vcm",
-        "--integrator vcm --connections nee",
+        "--integrator vcm --set connections=nee",
     ] {
         // Factors have levels unless the metadata say that there are none.
-        let none = (one == "--gamma 0").then_some("none");
+        let none = (one == "--opsr-table 0").then_some("none");
         assert_eq!(levels(one).as_deref(), none, "{one}");
         let layers = exr::read_layers(&place.path().join("out.exr")).expect("layers");
         assert_eq!(layers.metadata["resolve"], "default", "{one}");
     }
     // The bound of an error counts the bias that is left, too, and is that of the picture that is shown.
-    for options in ["--gamma 0.3", "", "--resolve none"] {
+    for options in ["--opsr-table 0.3", "", "--resolve none"] {
         let ended = place
             .opsr(&format!(
                 "render scene.glb --size 16x16 {options} --target-error 0.1 --spp 4096 -o out.exr"

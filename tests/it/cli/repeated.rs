@@ -3,6 +3,7 @@
 use super::Place;
 use crate::fuzz::seeds;
 use opsr::image::exr::{self, Layers};
+use opsr::render::Opt;
 use opsr_lab::gallery;
 use std::path::Path;
 
@@ -12,47 +13,49 @@ const MODES: &[&str] = &[
     "--resolve raw",
     "--resolve none",
     "--resolve sharp",
-    "--sampler sobol --max-vertices 4",
-    "--gamma 0.3",
-    "--gamma 0.3 --levels 3",
-    "--gamma 0.3 --levels 0,0.5,2 --resolve sharp",
-    "--gamma 0.3 --levels none",
-    "--gamma 0",
-    "--gamma 0.3 --mode reuse",
-    "--gamma 0.3 --consistent",
-    "--gamma 0.3 --consistent 0.2",
+    "--set sampler=sobol --max-vertices 4",
+    "--opsr-table 0.3",
+    "--opsr-table 0.3 --set levels=3",
+    "--opsr-table 0.3 --set levels=0,0.5,2 --resolve sharp",
+    "--opsr-table 0.3 --set levels=none",
+    "--opsr-table 0",
+    "--opsr-table 0.3 --set mode=reuse",
+    "--opsr-table 0.3 --set consistent",
+    "--opsr-table 0.3 --set consistent=0.2",
     "--opsr-table beta-0.001",
-    "--opsr-table table.json --table-scale 0.5 --lookup linear",
-    "--mode pbrt",
-    "--mode filter-glossy --filter 2",
-    "--mode roughness-clamp",
-    "--mode mollifier",
-    "--guide",
-    "--guide --gamma 0.3",
-    "--guide unbiased --gamma 0.3",
-    "--manifold",
-    "--manifold 4",
+    "--opsr-table table.json --set table_scale=0.5 --set lookup=linear",
+    "--set mode=pbrt",
+    "--set mode=filter-glossy --set filter=2",
+    "--set mode=roughness-clamp",
+    "--set mode=mollifier",
+    "--integrator guided",
+    "--integrator guided --opsr-table 0.3",
+    "--integrator guided --set unbiased --opsr-table 0.3",
+    "--integrator manifold",
+    "--integrator manifold --set trials=4",
     "--integrator light",
     "--integrator bdpt",
-    "--integrator bdpt --resolve raw --gamma 0.3",
-    "--integrator bdpt --mode mollifier",
-    "--integrator bdpt --strategy 1,2",
+    "--integrator bdpt --resolve raw --opsr-table 0.3",
+    "--integrator bdpt --set mode=mollifier",
+    "--integrator bdpt --set strategy=1,2",
     "--integrator vcm",
-    "--integrator vcm --radius 0.1 --gamma 0.3",
-    "--integrator vcm --connections nee",
-    "--integrator vcm --strategy merges",
+    "--integrator vcm --set radius=0.1 --opsr-table 0.3",
+    "--integrator vcm --set connections=nee",
+    "--integrator vcm --set strategy=merges",
     "--integrator sppm",
-    "--integrator sppm --radius 0.1 --radius-alpha 0.8 --levels 1,3",
+    "--integrator sppm --set radius=0.1 --set radius_alpha=0.8 --set levels=1,3",
     "--integrator sppm --resolve raw",
     "--integrator mlt",
-    "--integrator mlt --mlt-pass 3 --gamma 0.3",
+    "--integrator mlt --set mlt_pass=3 --opsr-table 0.3",
     "--integrator auto",
-    "--integrator auto --gamma 0.3",
-    "--env sky --sun 30,120 --turbidity 4 --env-intensity 0.5",
+    "--integrator auto --opsr-table 0.3",
+    "--env sky --sun 30,120,4 --env-intensity 0.5",
     "--env studio --env-rotation 40",
-    "--look=0,1,4,0,1,0,0,1,0,40 --seed 7",
-    "--camera 0 --aperture 0.05 --focus 3",
-    "--solid-glass --distribution beckmann",
+    "--camera=0,1,4,0,1,0,0,1,0,40 --seed 7",
+    "--camera 0 --lens 0.05,3",
+    "--camera 0 --lens 0.05,3 --exr half",
+    "--at 0.5s --glass thin",
+    "--glass solid --distribution beckmann",
 ];
 
 /// The layers of a file.
@@ -77,11 +80,11 @@ fn options(layers: &Layers) -> Vec<String> {
     let choices = layers.metadata.iter();
     let choices = choices.filter(|(key, _)| !NO_OPTIONS.contains(&key.as_str()));
     let typed = choices.flat_map(|(key, value)| {
-        let name = if key == "table" { "opsr-table" } else { key };
-        let flag = format!("--{}", name.replace('_', "-"));
-        match value.as_str() {
-            "true" => vec![flag],
-            _ => vec![format!("{flag}={value}")],
+        let option = Opt::named(key).unwrap_or_else(|| panic!("{key} is no option"));
+        match (option.is_research(), option.value.is_empty()) {
+            (true, _) => vec!["--set".into(), format!("{key}={value}")],
+            (false, true) => vec![format!("--{}", option.flag())],
+            (false, false) => vec![format!("--{}={value}", option.flag())],
         }
     });
     typed.collect()

@@ -16,14 +16,15 @@ fn place() -> Place {
          [[method]]\nname = 'plain'\n",
     );
     for args in [
-        "-o before.exr --checkpoint before.ckpt --gamma 0.3",
+        "-o before.exr --checkpoint before.ckpt --opsr-table 0.3",
         "-o other.exr --seed 1",
     ] {
         place.render(&format!("--spp 2 {args}")).done();
     }
     for part in ["0..2", "2..4"] {
-        let args = format!("--samples {part} --film {}.part", &part[..1]);
-        place.render(&args).done();
+        let name = &part[..1];
+        let args = format!("part scene.glb --size 16x16 --samples {part} -o {name}.part");
+        place.opsr(&args).done();
     }
     place.opsr("bench suite.toml -o before.json").done();
     place
@@ -118,10 +119,7 @@ fn messages_that_cannot_be_written_end_no_command() {
             2,
         ),
         (&*format!("render none.glb --spp 2 {picture}"), 3),
-        (
-            "render scene.glb --size 16x16 --samples 0..2 --film new.part",
-            0,
-        ),
+        ("part scene.glb --size 16x16 --samples 0..2 -o new.part", 0),
         ("merge 0.part 2.part -o merged.exr", 0),
         ("resolve before.ckpt -o again.exr", 0),
         ("compare before.exr other.exr", 0),

@@ -262,7 +262,7 @@ name = "plain"
 
 [[method]]
 name = "few"
-gamma = 0.1
+table = 0.1
 mode = "reuse"
 consistent = 0.2
 

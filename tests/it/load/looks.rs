@@ -268,7 +268,7 @@ fn bodies_of_solid_glass_tint_by_the_root_of_the_base_colour() {
     let path = folder.path().join("scene.gltf");
     std::fs::write(&path, file.gltf()).expect("a file");
     let options = LoadOptions {
-        solid_glass: true,
+        solid_glass: Some(true),
         ..LoadOptions::default()
     };
     let scene = Scene::new(load(&path, &options).expect("a scene").parts);
@@ -292,14 +292,13 @@ fn closed_glass_of_blender_is_a_body() {
     let mut file = File::from_glb(&glb::to_glb(&parts).expect("a scene"));
     let glass = json!({ "KHR_materials_transmission": { "transmissionFactor": 1 } });
     file.json["materials"] = json!([{ "name": "glass", "extensions": glass }]);
-    let mut load = |generator: &str, solid_glass, thin_glass| {
+    let mut load = |generator: &str, solid_glass| {
         file.json["asset"]["generator"] = json!(generator);
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("scene.gltf");
         std::fs::write(&path, file.gltf()).expect("a file");
         let options = LoadOptions {
             solid_glass,
-            thin_glass,
             ..LoadOptions::default()
         };
         let loaded = opsr::scene::load::load(&path, &options).expect("a scene");
@@ -308,11 +307,11 @@ fn closed_glass_of_blender_is_a_body() {
         (m.solid, loaded.warnings.len())
     };
     let blender = "Khronos glTF Blender I/O v4.5.51";
-    assert_eq!(load(blender, false, false), (true, 1));
-    assert_eq!(load(blender, true, false), (true, 0));
-    assert_eq!(load(blender, false, true), (false, 0));
-    assert_eq!(load("other", false, false), (false, 1));
-    assert_eq!(load("other", true, false), (true, 0));
+    assert_eq!(load(blender, None), (true, 1));
+    assert_eq!(load(blender, Some(true)), (true, 0));
+    assert_eq!(load(blender, Some(false)), (false, 0));
+    assert_eq!(load("other", None), (false, 1));
+    assert_eq!(load("other", Some(true)), (true, 0));
 }
 
 /// Decoration is no light; lamps are.

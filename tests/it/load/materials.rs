@@ -157,9 +157,9 @@ fn load_closed_transmission_without_thickness() {
         file.json["materials"] = json!([said(body)]);
         file
     };
-    let load = |file: &File, solid_glass| {
+    let load = |file: &File, solid_glass: bool| {
         let options = LoadOptions {
-            solid_glass,
+            solid_glass: solid_glass.then_some(true),
             ..LoadOptions::default()
         };
         let folder = tempfile::tempdir().expect("a folder");

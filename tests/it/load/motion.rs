@@ -58,7 +58,7 @@ fn animation_of_translations_steps_and_interpolates() {
         }
         let rest = file.loaded();
         assert_eq!(rest.parts.meshes[0].positions[0], Vec3::ZERO);
-        assert!(rest.warnings[0].contains("--frame"), "{:?}", rest.warnings);
+        assert!(rest.warnings[0].contains("--at"), "{:?}", rest.warnings);
         assert_eq!(rest.animations[0].seconds, 3.0);
     }
     // Hermite: from 0 with tangent 0 to 1 with tangent 0 over 2 s passes 0.5 in the middle, 0.15625 at a quarter; an

@@ -554,13 +554,17 @@ function adopt() {
       showRange(input);
     } else input.value = value ?? (input.tagName === "SELECT" ? input.options[0]?.value ?? "" : "");
   }
-  const constant = options.gamma !== undefined;
-  known($("roughening"), options.table);
+  const [radius, distance] = String(options.lens ?? "").split(",");
+  for (const [input, number] of [[$("aperture"), radius], [$("focus"), distance]]) {
+    if (input !== document.activeElement) input.value = number ?? "";
+  }
+  const constant = typeof options.table === "number";
+  if (!constant) known($("roughening"), options.table);
   $("roughening").value = constant ? "gamma" : options.table ?? "";
   $("gamma-row").hidden = !constant;
   if (constant && document.activeElement !== $("gamma")) {
-    $("gamma").value = options.gamma;
-    $("gamma").nextElementSibling.value = options.gamma;
+    $("gamma").value = options.table;
+    $("gamma").nextElementSibling.value = options.table;
   }
   const automatic = options.exposure === undefined || options.exposure === "auto";
   $("auto").checked = automatic;
@@ -659,13 +663,19 @@ for (const input of document.querySelectorAll("[data-option]")) {
 
 $("roughening").onchange = (event) => {
   const value = event.target.value;
-  const gamma = Number($("gamma").value);
-  set({ options: value === "gamma" ? { gamma } : value ? { table: value } : { table: null, gamma: null } });
+  option("table", value === "gamma" ? Number($("gamma").value) : value || null);
 };
 $("gamma").oninput = (event) => {
   event.target.nextElementSibling.value = event.target.value;
-  sendOption(["gamma", Number(event.target.value)]);
+  sendOption(["table", Number(event.target.value)]);
 };
+// A distance needs a radius; a radius of 0 has none.
+const lens = () => {
+  const radius = $("aperture").value, distance = $("focus").value;
+  if (radius === "" && distance !== "") return toast("A lens needs a radius.");
+  option("lens", radius === "" ? null : Number(radius) === 0 || distance === "" ? radius : `${radius},${distance}`);
+};
+$("aperture").onchange = $("focus").onchange = lens;
 $("auto").onchange = (event) => option("exposure", event.target.checked ? null : Number($("exposure").value));
 const expose = (stops) => {
   $("exposure").value = stops;
@@ -700,7 +710,7 @@ async function copy(text, what) {
   }
 }
 const numbers = () => [...look.position, ...look.target, ...look.up, look.height ? `h${look.height}` : look.fov].join();
-$("copy-look").onclick = () => state?.look && copy(`--look ${numbers()}`, "the camera");
+$("copy-look").onclick = () => state?.look && copy(`--camera ${numbers()}`, "the camera");
 $("copy-command").onclick = () => state && copy(`${state.command} --spp ${Math.max(1, state.course.samples)} -o out.exr`, "the command");
 
 // ── keys ──

@@ -7,6 +7,7 @@ use super::suite::{SceneSpec, Suite};
 use super::summary::{self, MAIN, TimePoint};
 use crate::stats::ratios::{self, Interval, Verdict};
 use opsr::integrator::method::Mode;
+use opsr::render::value::TableChoice;
 
 /// The errors that are compared over scenes.
 pub const METRICS: [&str; 4] = [MAIN, "relMSE trimmed", "MAPE", "FLIP"];
@@ -88,7 +89,7 @@ pub fn best_constant(results: &Results) -> Option<&str> {
     let constants = results.suite.methods.iter().filter(|m| {
         let spec = &m.spec;
         let plain = spec.mode.unwrap_or_default() == Mode::Default && spec.consistent.is_none();
-        spec.gamma.is_some_and(|g| g > 0.0) && plain
+        matches!(spec.table, Some(TableChoice::Factor(g)) if g > 0.0) && plain
     });
     constants
         .filter_map(|m| Some((m.name.as_str(), level(&m.name)?)))

@@ -6,7 +6,6 @@
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Duration;
 
 use sha2::{Digest, Sha256};
@@ -26,7 +25,7 @@ use opsr::image::{Buffer, exr};
 use opsr::integrator::{Census, Picture};
 use opsr::math::UVec2;
 use opsr::pilot::stopwatch::Stopwatch;
-use opsr::render::value::{Crop, Size, TableChoice};
+use opsr::render::value::{Crop, Size};
 use opsr::render::{Fault, Heading, Request, Shown, Spec, Subject};
 
 /// Samples per pixel for counting regularised vertices.
@@ -134,8 +133,7 @@ impl Bench<'_> {
             .iter_mut()
             .filter_map(|method| method.spec.table.as_mut())
         {
-            let name = choice.name().map(Path::to_owned);
-            *choice = TableChoice::Held(Arc::new(choice.load()?), name);
+            choice.load()?;
         }
         // So are a library that is missing and a place that cannot be written to.
         if let Some(spec) = methods.iter().find(|m| m.spec.denoise == Some(true)) {

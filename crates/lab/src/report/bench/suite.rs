@@ -17,7 +17,7 @@
 //!
 //! [[method]]
 //! name = "constant 0.1"
-//! gamma = 0.1
+//! table = 0.1
 //! ```
 
 use std::path::{Path, PathBuf};
@@ -157,7 +157,7 @@ impl MethodSpec {
         if spec.levels.is_none() {
             spec.resolve.get_or_insert(ResolveChoice::Raw);
         }
-        if spec.kind().is_path() && spec.guide.is_none() {
+        if matches!(spec.kind(), IntegratorKind::Path | IntegratorKind::Manifold) {
             spec.sampler.get_or_insert(SamplerKind::Independent);
         }
         (spec.max_vertices, spec.seed) = (Some(max_vertices), Some(seed));
@@ -167,7 +167,8 @@ impl MethodSpec {
     /// The first fault of the method.
     pub(super) fn check(&self) -> Result<(), Fault> {
         let foreign = |option: &Opt| {
-            let method = option.heading == Heading::Method || option.name == "denoise";
+            let method = matches!(option.heading, Heading::Method | Heading::Research)
+                || option.name == "denoise";
             !method || ["max_vertices", "seed"].contains(&option.name)
         };
         if let Some((option, _)) = self.spec.given().find(|(option, _)| foreign(option)) {
