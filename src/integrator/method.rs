@@ -1,4 +1,7 @@
-//! Names by which users choose an estimator and a rule.
+//! Names by which users choose an estimator and a rule, and the table of estimators.
+//!
+//! A new estimator is a variant of [`Estimator`] with its branch in [`Settings::integrator`](super::Settings::integrator), a row of the
+//! table here, and a mode in [`modes`](super::modes), by which the random checks draw it.
 
 use super::Estimator;
 use super::bidirectional::Radius;
@@ -16,35 +19,155 @@ pub enum Connections {
     Nee,
 }
 
-/// Integrators by name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-#[serde(rename_all = "kebab-case")]
-pub enum IntegratorKind {
+/// Contents of a scene that not every estimator shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Content {
+    /// Media, also those that only absorb.
+    Media,
+    /// Media that scatter.
+    Scattering,
+    /// Indices of refraction by channel.
+    Dispersion,
+    /// Bodies that overlap.
+    Overlaps,
+}
+
+/// Light that an estimator without roughening never finds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Blind {
+    /// None.
+    Never,
+    /// Lights without area that are seen by way of a Dirac lobe.
+    ToPoints,
+    /// Everything that is seen by way of a Dirac lobe.
+    ToMirrors,
+}
+
+/// An estimator, as all that chooses, checks and plans needs it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row {
+    /// The algorithm.
+    pub(crate) estimator: Estimator,
+    /// Cost of a camera path and of a light path, in samples of the path tracer in most scenes.
+    pub(crate) cost: [f64; 2],
+    /// Contents of scenes that it refuses.
+    pub(crate) refuses: &'static [Content],
+    /// Light that it never finds.
+    pub(crate) blind: Blind,
+    /// Estimators that have all of its strategies and more.
+    pub(crate) part_of: &'static [IntegratorKind],
+    /// Rules that it takes.
+    pub(crate) modes: &'static [Mode],
+}
+
+impl Row {
+    /// Path tracing; the other rows differ from it.
+    const PATH: Self = Self {
+        estimator: Estimator::Path { reuse: false },
+        cost: [1.0, 0.0],
+        refuses: &[],
+        blind: Blind::ToPoints,
+        part_of: &[IntegratorKind::Bdpt, IntegratorKind::Vcm],
+        modes: &Mode::ALL,
+    };
+    /// An estimator without rules, whose strategies are no part of another one's.
+    const ALONE: Self = Self {
+        refuses: &[Content::Scattering],
+        blind: Blind::Never,
+        part_of: &[],
+        modes: &[Mode::Default],
+        ..Self::PATH
+    };
+}
+
+macro_rules! estimators {
+    ($($(#[$meta:meta])+ $kind:ident = $row:expr;)+) => {
+        /// Integrators by name.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+        #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+        #[serde(rename_all = "kebab-case")]
+        pub enum IntegratorKind {
+            $($(#[$meta])+ $kind,)+
+        }
+
+        impl IntegratorKind {
+            /// All of them, in the order of the table.
+            pub(crate) const ALL: &[Self] = &[$(Self::$kind),+];
+
+            /// Its row in the table of estimators.
+            pub(crate) fn row(self) -> Row {
+                match self {
+                    $(Self::$kind => $row,)+
+                }
+            }
+        }
+    };
+}
+
+estimators! {
     /// Path tracing from the camera.
-    Path,
+    Path = Row::PATH;
     /// Path tracing with directions from a guide too, which learns while rendering where light comes from.
-    Guided,
+    Guided = Row {
+        estimator: Estimator::Guided { unbiased: false },
+        ..Row::ALONE
+    };
     /// Path tracing that seeks lights by way of a smooth mirror, out of water or through a smooth body of glass too (specular
     /// manifold sampling).
-    Manifold,
+    Manifold = Row {
+        estimator: Estimator::Manifold { trials: 0 },
+        cost: [5.0, 0.0],
+        refuses: &[Content::Media, Content::Dispersion, Content::Overlaps],
+        ..Row::ALONE
+    };
     /// Light tracing: caustics seen directly; no surface that is seen by way of a mirror or smooth glass.
-    Light,
+    Light = Row {
+        estimator: Estimator::Light,
+        cost: [0.0, 1.3],
+        blind: Blind::ToMirrors,
+        part_of: &[Self::Bdpt, Self::Vcm],
+        ..Row::ALONE
+    };
     /// Bidirectional path tracing: lamps behind glass, caustics, indirect light.
-    Bdpt,
+    Bdpt = Row {
+        estimator: Estimator::Bdpt,
+        cost: [2.0, 1.3],
+        part_of: &[Self::Vcm],
+        modes: &[Mode::Default, Mode::Mollifier],
+        ..Row::PATH
+    };
     /// Bidirectional path tracing and photon density in one: caustics seen through glass, water or mirrors too.
     #[cfg_attr(feature = "clap", value(alias = "ups"))]
     #[serde(alias = "ups")]
-    Vcm,
+    Vcm = Row {
+        estimator: Estimator::Vcm(Radius::DEFAULT),
+        cost: [2.5, 1.5],
+        ..Row::ALONE
+    };
     /// Photon density with a shrinking radius.
-    Sppm,
+    Sppm = Row {
+        estimator: Estimator::Sppm(Radius::DEFAULT),
+        cost: [0.4, 1.0],
+        part_of: &[Self::Vcm],
+        ..Row::ALONE
+    };
     /// Metropolis light transport over bdpt: light through keyholes and around corners, chains of glossy reflections. A
     /// sample is 16 mutations per pixel.
-    Mlt,
+    Mlt = Row {
+        estimator: Estimator::Mlt { mutations: MUTATIONS },
+        // Of a mutation.
+        cost: [3.0, 0.0],
+        modes: &[Mode::Default, Mode::Mollifier],
+        ..Row::ALONE
+    };
     /// The one of path, path with levels, bdpt and vcm with the least expected error, by the scene's lights and materials and
     /// a pilot of a few per cent of the render.
     #[default]
-    Auto,
+    Auto = Row {
+        // Until a pilot has chosen.
+        modes: &[Mode::Default, Mode::Reuse, Mode::Mollifier],
+        ..Row::PATH
+    };
 }
 
 impl IntegratorKind {
@@ -55,24 +178,43 @@ impl IntegratorKind {
 
     /// The algorithm, with this radius if it has one.
     pub fn estimator(self, radius: Radius) -> Estimator {
-        match self {
-            // Until a pilot has chosen.
-            Self::Path | Self::Auto => Estimator::Path { reuse: false },
-            Self::Guided => Estimator::Guided { unbiased: false },
-            Self::Manifold => Estimator::Manifold { trials: 0 },
-            Self::Light => Estimator::Light,
-            Self::Bdpt => Estimator::Bdpt,
-            Self::Vcm => Estimator::Vcm(radius),
-            Self::Sppm => Estimator::Sppm(radius),
-            Self::Mlt => Estimator::Mlt {
-                mutations: MUTATIONS,
-            },
+        match self.row().estimator {
+            Estimator::Vcm(_) => Estimator::Vcm(radius),
+            Estimator::Sppm(_) => Estimator::Sppm(radius),
+            other => other,
         }
     }
 
     /// The name that users know it by.
     pub fn name(self) -> String {
         format!("{self:?}").to_lowercase()
+    }
+}
+
+impl Estimator {
+    /// The integrator that users know it by.
+    pub(crate) fn kind(self) -> IntegratorKind {
+        match self {
+            Self::Path { .. } => IntegratorKind::Path,
+            Self::Guided { .. } => IntegratorKind::Guided,
+            Self::Manifold { .. } => IntegratorKind::Manifold,
+            Self::Light => IntegratorKind::Light,
+            Self::Bdpt => IntegratorKind::Bdpt,
+            Self::Vcm(_) | Self::VcmNee(_) => IntegratorKind::Vcm,
+            Self::Sppm(_) => IntegratorKind::Sppm,
+            Self::Mlt { .. } => IntegratorKind::Mlt,
+        }
+    }
+
+    /// Usual cost of a sample of a pixel in samples of the path tracer, with so many light paths a pixel.
+    pub(crate) fn cost(self, light_paths: f64) -> f64 {
+        let [camera, light] = self.kind().row().cost;
+        let cost = camera + light * light_paths;
+        match self {
+            Self::Manifold { trials } => cost + f64::from(trials),
+            Self::Mlt { mutations } => cost * f64::from(mutations),
+            _ => cost,
+        }
     }
 }
 
@@ -93,4 +235,16 @@ pub enum Mode {
     RoughnessClamp,
     /// Kaplanyan and Dachsbacher's mollifier: lights without area seen through smooth mirrors and glass.
     Mollifier,
+}
+
+impl Mode {
+    /// All of them.
+    pub(crate) const ALL: [Self; 6] = [
+        Self::Default,
+        Self::Reuse,
+        Self::Pbrt,
+        Self::FilterGlossy,
+        Self::RoughnessClamp,
+        Self::Mollifier,
+    ];
 }

@@ -4,6 +4,7 @@ use super::amounts::{Amounts, LevelError, RadiusFactors, Scales};
 use super::bidirectional::{Aimed, Bidirectional, Radius, Strategies, Strategy};
 use super::guided::{self, Guided};
 use super::levels::{LevelTracer, estimate};
+use super::method::Content;
 use super::metropolis::{self, Metropolis};
 use super::path::PathTracer;
 use super::path::manifold::Manifold;
@@ -268,32 +269,26 @@ impl Settings {
     }
 
     /// An error if the estimator cannot show what the scene asks for.
-    pub fn check_scene(&self, scene: &Scene) -> Result<(), &'static str> {
-        if let Some(why) = self.lacks_media(scene) {
-            return Err(why);
-        }
-        match self.estimator {
-            Estimator::Manifold { .. } if scene.has_dispersion() => {
-                Err("manifold sampling knows no dispersion (KHR_materials_dispersion)")
+    pub fn check_scene(&self, scene: &Scene) -> Result<(), String> {
+        let kind = self.estimator.kind();
+        for content in kind.row().refuses {
+            let (is_there, what) = match content {
+                Content::Media => (scene.media().is_some(), "media"),
+                Content::Scattering => {
+                    let what = "media that scatter, which path and bdpt know";
+                    (scene.scatters(), what)
+                }
+                Content::Dispersion => {
+                    let what = "dispersion (KHR_materials_dispersion)";
+                    (scene.has_dispersion(), what)
+                }
+                Content::Overlaps => (scene.has_overlaps(), "bodies that overlap"),
+            };
+            if is_there {
+                return Err(format!("{} knows no {what}", kind.name()));
             }
-            Estimator::Manifold { .. } if scene.has_overlaps() => {
-                Err("manifold sampling knows no bodies that overlap")
-            }
-            _ => Ok(()),
         }
-    }
-
-    /// Reason for which the estimator cannot show the media of a scene, if any.
-    fn lacks_media(&self, scene: &Scene) -> Option<&'static str> {
-        let scatters = scene.scatters();
-        match self.estimator {
-            Estimator::Path { .. } | Estimator::Bdpt => None,
-            Estimator::Manifold { .. } => {
-                (scene.media().is_some()).then_some("manifold sampling knows no media")
-            }
-            Estimator::Guided { .. } => scatters.then_some("a guide knows no media that scatter"),
-            _ => scatters.then_some("only path and bdpt know media that scatter"),
-        }
+        Ok(())
     }
 
     fn level_tracer(&self, scales: &Scales) -> Result<LevelTracer, LevelError> {

@@ -19,7 +19,7 @@ use crate::image::Buffer;
 use crate::image::film::Window;
 use crate::image::metric::pixel::EPSILON;
 use crate::integrator::Picture;
-use crate::integrator::method::IntegratorKind;
+use crate::integrator::method::{Blind, IntegratorKind};
 use crate::math::Rgb;
 use crate::regularise::Rule;
 use crate::resolve::{Resolve, resolve_film};
@@ -90,10 +90,10 @@ impl Draft {
     /// Light paths alone never find what is seen by way of a Dirac lobe, others no light without area there; what is roughened
     /// does.
     fn is_blind(&self, punctual: bool) -> bool {
-        match self.kind {
-            IntegratorKind::Light => true,
-            IntegratorKind::Path | IntegratorKind::Bdpt => punctual && self.plain,
-            _ => false,
+        match self.kind.row().blind {
+            Blind::ToMirrors => true,
+            Blind::ToPoints => punctual && self.plain,
+            Blind::Never => false,
         }
     }
 
@@ -121,16 +121,6 @@ impl Draft {
             _ if self.levels => self.samples * (samples / self.samples).powf(LEVELS_FALL),
             _ => samples,
         }
-    }
-}
-
-/// True if all strategies of an integrator are among those of another one, which has more.
-fn is_part(kind: IntegratorKind, other: IntegratorKind) -> bool {
-    use IntegratorKind::{Bdpt, Light, Path, Sppm, Vcm};
-    match kind {
-        Path | Light => matches!(other, Bdpt | Vcm),
-        Bdpt | Sppm => other == Vcm,
-        _ => false,
     }
 }
 
@@ -209,7 +199,8 @@ pub(super) fn judged(drafts: &[Draft], window: Window, time: f64, punctual: bool
             })
             .collect();
         for (i, draft) in drafts.iter().enumerate() {
-            let more = |&j: &usize| draft.plain && is_part(draft.kind, drafts[j].kind);
+            let more =
+                |&j: &usize| draft.plain && draft.kind.row().part_of.contains(&drafts[j].kind);
             let variance = ((0..drafts.len()).filter(more))
                 .map(|j| variances[j])
                 .fold(variances[i], f64::max);

@@ -287,14 +287,9 @@ fn called_for(kind: IntegratorKind, contenders: &[&Contender]) -> usize {
 /// Cost of a sample per pixel over that of the path tracer, in most scenes; light paths are as many as pixels of the full
 /// frame, `frames` times those of the picture.
 fn usual_cost(contender: &Contender, frames: f64) -> f64 {
-    match contender.kind {
-        IntegratorKind::Light => 1.3 * frames,
-        IntegratorKind::Bdpt => 2.0 + 1.3 * frames,
-        IntegratorKind::Vcm => 2.5 + 1.5 * frames,
-        IntegratorKind::Sppm => 0.4 + 1.0 * frames,
-        _ if contender.has_levels() => 1.2,
-        _ => 1.0,
-    }
+    let has_levels = contender.kind.is_path() && contender.has_levels();
+    let levels = if has_levels { 1.2 } else { 1.0 };
+    levels * contender.settings.estimator.cost(frames)
 }
 
 /// Time of a render that is left after loading and pilot: at least a quarter, or there would be no picture.

@@ -96,15 +96,7 @@ fn samples_beside(view: &View<'_>, settings: &Settings, samples: u32) -> u32 {
     if roughened || uneven || settings.strategy.is_some() || !view.scene.has_lobes() {
         return 0;
     }
-    // In samples of the path tracer.
-    let cost = match settings.estimator {
-        Estimator::Path { .. } | Estimator::Guided { .. } => 1.0,
-        Estimator::Manifold { trials } => 5.0 + f64::from(trials),
-        Estimator::Light | Estimator::Sppm(_) => 1.4,
-        Estimator::Bdpt => 3.3,
-        Estimator::Vcm(_) | Estimator::VcmNee(_) => 4.0,
-        Estimator::Mlt { mutations } => 3.0 * f64::from(mutations),
-    };
+    let cost = settings.estimator.cost(1.0);
     let count = (SHARE * cost * f64::from(samples)).round();
     let count = (count as u32).min(SAMPLES.1);
     if view.window.len() * (count as usize) < SAMPLES.0 {

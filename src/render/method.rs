@@ -119,7 +119,6 @@ impl Spec {
     }
 
     fn check_mode(&self) -> Result<(), Fault> {
-        use IntegratorKind::{Auto, Bdpt, Guided, Light, Manifold, Mlt, Path, Sppm, Vcm};
         let mode = self.mode.unwrap_or_default();
         let (kind, factors) = (self.kind(), self.has_factors());
         let own = !matches!(mode, Mode::Default | Mode::Reuse);
@@ -137,26 +136,18 @@ impl Spec {
             "filter",
             "needs {mode}=filter-glossy",
         )?;
-        let known = match kind {
-            Path => true,
-            Guided | Manifold => mode == Mode::Default,
-            Auto => matches!(mode, Mode::Default | Mode::Reuse | Mode::Mollifier),
-            Bdpt | Mlt => matches!(mode, Mode::Default | Mode::Mollifier),
-            Vcm | Light | Sppm => mode == Mode::Default,
+        let modes = kind.row().modes;
+        let others = modes.iter().filter(|mode| **mode != Mode::Default);
+        let others: Vec<String> = others.map(word).collect();
+        let but = match others.as_slice() {
+            [] => String::new(),
+            others => format!(" but {}", listed(others).replace(" or ", " and ")),
         };
-        let which = match kind {
-            Auto => "no mode but reuse and mollifier",
-            Bdpt | Mlt => "no mode but mollifier, no reuse",
-            _ => "no mode, no reuse",
-        };
-        ensure(
-            known,
-            "mode",
-            &format!("{{integrator}} {} takes {which}", word(&kind)),
-        )?;
+        let why = format!("{{integrator}} {} takes no mode{but}", word(&kind));
+        ensure(modes.contains(&mode), "mode", &why)?;
         let merges = self.strategy == Some(Strategy::Merges);
         ensure(
-            !merges || kind == Vcm,
+            !merges || kind == IntegratorKind::Vcm,
             "strategy",
             "only {integrator} vcm has merges",
         )?;

@@ -518,3 +518,22 @@ fn options_are_named_as_their_reader_names_them() {
     );
     assert_eq!(fault.message(Names::Keys), "consistent: needs table");
 }
+
+/// Blender's list of integrators has those that the library declares.
+#[test]
+fn options_of_blender_name_every_integrator() {
+    let settings = root().join("python/blender/opsr_blender/settings.py");
+    let settings = std::fs::read_to_string(settings).expect("the settings");
+    let listed = settings
+        .lines()
+        .find(|line| line.starts_with("INTEGRATORS"));
+    let listed: Vec<&str> = listed
+        .expect("a list")
+        .split('"')
+        .skip(1)
+        .step_by(2)
+        .collect();
+    let declared = (Opt::named("integrator").expect("an option").names)();
+    assert_eq!(listed.len(), declared.len(), "{listed:?} {declared:?}");
+    assert!(declared.iter().all(|name| listed.contains(&name.as_str())));
+}

@@ -17,10 +17,7 @@ pub struct Radius {
 
 impl Default for Radius {
     fn default() -> Self {
-        Self {
-            first: None,
-            alpha: 2.0 / 3.0,
-        }
+        Self::DEFAULT
     }
 }
 
@@ -34,6 +31,12 @@ const MAX_DIRAC: u32 = 16;
 const BOUNDS: [f32; 2] = [1e-5, 1e-2];
 
 impl Radius {
+    /// The radius that suits the view, with the best exponent.
+    pub(crate) const DEFAULT: Self = Self {
+        first: None,
+        alpha: 2.0 / 3.0,
+    };
+
     /// Radius of iteration `sample`, counted from 0, after this first one.
     pub fn at(&self, first: f32, sample: u32) -> f32 {
         let shrink = (f64::from(sample) + 1.0).powf(0.5 * (f64::from(self.alpha) - 1.0));

@@ -178,10 +178,13 @@ pub(crate) fn listed(words: &[String]) -> String {
 }
 
 macro_rules! choices {
-    ($type:ty: $($variant:ident),+ $(; $($alias:literal = $to:ident),+)?) => {
+    ($type:ty: $($variant:ident),+) => {
+        choices!($type = &[$(<$type>::$variant),+]);
+    };
+    ($type:ty = $all:expr $(; $alias:literal = $to:ident)?) => {
         impl Field for $type {
             fn read(value: &Value, _: &Range) -> Result<Self, String> {
-                choice(value, &[$(<$type>::$variant),+], &[$($(($alias, <$type>::$to)),+)?])
+                choice(value, $all, &[$(($alias, <$type>::$to))?])
             }
 
             fn text(&self) -> String {
@@ -194,7 +197,7 @@ macro_rules! choices {
             }
 
             fn names() -> Vec<String> {
-                [$(<$type>::$variant),+].iter().map(word).collect()
+                $all.iter().map(word).collect()
             }
 
             #[cfg(feature = "clap")]
@@ -205,8 +208,8 @@ macro_rules! choices {
     };
 }
 
-choices!(IntegratorKind: Path, Guided, Manifold, Light, Bdpt, Vcm, Sppm, Mlt, Auto; "ups" = Vcm);
-choices!(Mode: Default, Reuse, Pbrt, FilterGlossy, RoughnessClamp, Mollifier);
+choices!(IntegratorKind = IntegratorKind::ALL; "ups" = Vcm);
+choices!(Mode = &Mode::ALL);
 choices!(Lookup: Nearest, Linear);
 choices!(Connections: All, Nee);
 choices!(Glass: Solid, Thin);
