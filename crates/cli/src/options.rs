@@ -44,6 +44,18 @@ fn arg(option: &'static Opt) -> Arg {
     }
 }
 
+/// Bounds of a render that are not a number of samples.
+const BOUNDS: [&str; 2] = ["time", "target_error"];
+
+/// The layers of a film: the others are recorded by a render.
+fn level_layers(arg: Arg) -> Arg {
+    let help = "Add every level to EXR files, as layers level0, level1 and so on";
+    arg.help(help)
+        .long_help(help)
+        .num_args(1)
+        .value_parser(["each-level"])
+}
+
 /// The text, if the option takes it.
 fn checked(option: &'static Opt, text: &str) -> Result<String, String> {
     let read = Spec::default().set(option.name, &Value::from(text));
@@ -156,7 +168,12 @@ macro_rules! groups {
                         .iter()
                         .filter(|option| wanted(option))
                         .partition(|option| option.is_research());
-                    let command = command.args(flags.into_iter().map(arg));
+                    let of_film = flags.iter().all(|option| option.heading == Heading::Files || option.of_film);
+                    let flag = |option: &'static Opt| match of_film && option.name == "aov" {
+                        true => level_layers(arg(option)),
+                        false => arg(option),
+                    };
+                    let command = command.args(flags.into_iter().map(flag));
                     command.args((!details.is_empty()).then(self::details))
                 }
 
@@ -182,6 +199,14 @@ macro_rules! groups {
 groups! {
     /// All options of a render.
     RenderOptions: |_| true;
+    /// Options of a part: those of the whole picture are for `opsr merge`.
+    PartOptions: |option| {
+        (!option.of_film || option.name == "resolve") && !BOUNDS.contains(&option.name)
+    };
+    /// Options of the paths of a pixel.
+    TraceOptions: |option| {
+        option.heading != Heading::Files && option.name != "crop" && !BOUNDS.contains(&option.name)
+    };
     /// Options of the scene, its light, and a picture of it.
     SceneOptions: |option| {
         matches!(option.heading, Heading::Scene | Heading::Light) || ["size", "camera"].contains(&option.name)

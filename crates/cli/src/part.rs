@@ -3,7 +3,7 @@
 use super::bar::{Bar, Style};
 use super::ended::average_error;
 use super::exit::{Blame, Exit, IntoExit};
-use super::options::{CropOption, FileOptions, RenderOptions, samples};
+use super::options::{CropOption, FileOptions, PartOptions, samples};
 use super::output::note;
 use super::render::{open, remark_choice, request, spec_files};
 use super::stop::Stop;
@@ -36,7 +36,7 @@ pub(super) struct PartArgs {
     #[arg(long, value_name = "A..B", value_parser = samples)]
     samples: Option<Range<u32>>,
     #[command(flatten)]
-    render: RenderOptions,
+    render: PartOptions,
     /// Threads; without it as many as there are cores. The part does not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Program", hide_short_help = true)]
     threads: Option<u16>,

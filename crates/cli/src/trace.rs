@@ -1,7 +1,7 @@
 //! `opsr trace`: the paths of a pixel, in words.
 
 use super::exit::{Blame, IntoExit};
-use super::options::{Pixel, RenderOptions, pixel};
+use super::options::{Pixel, TraceOptions, pixel};
 use super::output::print;
 use super::render::{open, request};
 use anyhow::anyhow;
@@ -33,7 +33,7 @@ pub(super) struct TraceArgs {
     #[arg(long, value_name = "N")]
     sample: Option<u32>,
     #[command(flatten)]
-    render: RenderOptions,
+    render: TraceOptions,
 }
 
 const MORE: &str = "These are the options that most renders use; --help lists all.";

@@ -146,6 +146,11 @@ fn parts_of_other_renders_are_refused_by_name() {
         ("--samples 0..5 --spp 4 -o x", "has 4 samples, by --spp"),
         ("-o x -o y", "--output"),
         ("-o x --time 3s", "--time"),
+        ("-o x --denoise", "--denoise"),
+        (
+            "-o x --resolve sharp",
+            "--resolve: is for the whole picture",
+        ),
         ("-o x --checkpoint c", "--checkpoint"),
         (
             "-o x --aov id",

@@ -983,6 +983,12 @@ fn levels_are_rendered_and_resolved_again() {
         .opsr("resolve a.ckpt -o again.exr --aov each-level")
         .done();
     assert_eq!(file("again.exr").channels, layers.channels);
+    let ended = place.opsr("resolve a.ckpt -o again.exr --aov depth");
+    assert!(
+        ended.code == Some(2) && ended.err.contains("each-level"),
+        "{}",
+        ended.err
+    );
     place
         .opsr("resolve a.ckpt -o sharp.exr --resolve sharp")
         .done();
