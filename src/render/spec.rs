@@ -358,7 +358,7 @@ options! {
 }
 
 /// Names that options had, and the options that replace them.
-const RENAMED: [(&str, &str); 14] = [
+const RENAMED: [(&str, &str); 15] = [
     ("gamma", "{table} X"),
     ("look", "{camera} FILE|NUMBERS"),
     ("aperture", "{lens} RADIUS,DISTANCE"),
@@ -373,14 +373,12 @@ const RENAMED: [(&str, &str); 14] = [
     ("manifold", "{integrator} manifold"),
     ("level_layers", "{aov} each-level"),
     ("exr_half", "{exr} half"),
+    ("exr_compression", "{exr}"),
 ];
 
 /// The option that replaces a name of an earlier version, in words for [`Fault`]; `None` for a name that never was one.
 pub fn renamed(name: &str) -> Option<String> {
     let key = name.replace('-', "_");
-    if key == "exr_compression" {
-        return Some("{exr}".into());
-    }
     let replaced = RENAMED.iter().find(|(old, _)| *old == key);
     let moved = || Opt::named(&key).filter(|option| option.is_research());
     replaced

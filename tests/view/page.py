@@ -137,6 +137,21 @@ def drive(page, opsr, scene, folder):
     page.select_option("#compare", "")
     page.wait_for_function("() => document.getElementById('other').hidden", timeout=20_000)
 
+    # Radius and distance of the lens are one option.
+    page.evaluate("document.getElementById('aperture').closest('details').open = true")
+    page.fill("#focus", "2")
+    page.press("#focus", "Enter")
+    page.wait_for_function("() => document.getElementById('toast').textContent.includes('radius')")
+    page.fill("#aperture", "0.05")
+    page.press("#aperture", "Enter")
+    page.wait_for_function("() => state.options.lens === '0.05,2' && state.command.includes('--lens 0.05,2')", timeout=20_000)
+    page.fill("#aperture", "")
+    page.press("#aperture", "Enter")
+    page.fill("#focus", "")
+    page.press("#focus", "Enter")
+    page.wait_for_function("() => state.options.lens === undefined", timeout=20_000)
+    page.evaluate("document.activeElement.blur()")
+
     # A refusal is a message, not an end.
     page.evaluate("set({ options: { integrator: 'magic' } })")
     page.wait_for_function("() => document.getElementById('toast').textContent.includes('expected')")
@@ -160,10 +175,10 @@ def many(browser, address):
     assert time.monotonic() - clock < 5, "pages wait for each other"
     pages[-1].evaluate("set({ options: { exposure: null } })")
     # Options that exclude each other: the one that was there before is left out, and the page says so.
-    pages[0].evaluate("set({ options: { gamma: 0.3 } })")
+    pages[0].evaluate("set({ options: { table: 0.3 } })")
     pages[0].evaluate("set({ options: { integrator: 'sppm' } })")
     pages[0].wait_for_function("() => document.getElementById('notes').textContent.includes('--opsr-table')", timeout=10_000)
-    pages[0].evaluate("set({ options: { integrator: null, gamma: null } })")
+    pages[0].evaluate("set({ options: { integrator: null, table: null } })")
     context.close()
 
 

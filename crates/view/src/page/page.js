@@ -9,6 +9,7 @@ let head = null;       // of the last frame
 let facts = null;
 let look = null;       // camera as this page has it
 let touched = -1e9;    // when this page moved it last
+let lensShown = "";    // lens that the fields show
 let zoom = 1, pan = [0, 0];
 let split = 0.5;
 let picking = false;
@@ -554,9 +555,13 @@ function adopt() {
       showRange(input);
     } else input.value = value ?? (input.tagName === "SELECT" ? input.options[0]?.value ?? "" : "");
   }
-  const [radius, distance] = String(options.lens ?? "").split(",");
-  for (const [input, number] of [[$("aperture"), radius], [$("focus"), distance]]) {
-    if (input !== document.activeElement) input.value = number ?? "";
+  // Only when it changes: a distance may be typed before its radius.
+  if (lensShown !== (options.lens ?? "")) {
+    lensShown = options.lens ?? "";
+    const [radius, distance] = lensShown.split(",");
+    for (const [input, number] of [[$("aperture"), radius], [$("focus"), distance]]) {
+      if (input !== document.activeElement) input.value = number ?? "";
+    }
   }
   const constant = typeof options.table === "number";
   if (!constant) known($("roughening"), options.table);
@@ -672,7 +677,7 @@ $("gamma").oninput = (event) => {
 // A distance needs a radius; a radius of 0 has none.
 const lens = () => {
   const radius = $("aperture").value, distance = $("focus").value;
-  if (radius === "" && distance !== "") return toast("A lens needs a radius.");
+  if (radius === "" && distance !== "") toast("A lens needs a radius.");
   option("lens", radius === "" ? null : Number(radius) === 0 || distance === "" ? radius : `${radius},${distance}`);
 };
 $("aperture").onchange = $("focus").onchange = lens;
