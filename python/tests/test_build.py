@@ -132,5 +132,5 @@ def test_media_dim_what_is_behind_them_and_keep_what_they_scatter():
     np.testing.assert_allclose(picture.mean((0, 1)), 1, rtol=0.03)
     with pytest.raises(ValueError, match="medium"):
         opsr.Scene.build([QUAD | {"material": {"medium": {"scattering": 1}}}])
-    with pytest.raises(ValueError, match="integrator: a guide"):
+    with pytest.raises(ValueError, match="integrator: guided knows no media"):
         opsr.render(furnace, spp=1, size=(8, 8), integrator="guided")

@@ -53,7 +53,6 @@ const MODES: &[&str] = &[
     "--env studio --env-rotation 40",
     "--camera=0,1,4,0,1,0,0,1,0,40 --seed 7",
     "--camera 0 --lens 0.05,3",
-    "--camera 0 --lens 0.05,3 --exr half",
     "--at 0.5s --glass thin",
     "--glass solid --distribution beckmann",
 ];
