@@ -89,12 +89,12 @@ impl Spec {
             let why = "raw is chosen before a render, not of its film";
             return Err(Fault::option("resolve", why));
         }
-        for layer in self.aovs() {
-            let why = match layer {
-                Aov::EachLevel if one => "each-level needs several levels, and this film has one",
-                Aov::EachLevel => continue,
-                _ => "each-level is the only layer of a film: the others are recorded by a render",
-            };
+        if self.aovs().iter().any(|layer| *layer != Aov::EachLevel) {
+            let why = "each-level is the only layer of a film: the others are recorded by a render";
+            return Err(Fault::option("aov", why));
+        }
+        if one && !self.aovs().is_empty() {
+            let why = "each-level needs several levels, and this film has one";
             return Err(Fault::option("aov", why));
         }
         match self.given().find(|(option, _)| option.of_levels && one) {

@@ -202,8 +202,8 @@ impl Field for CameraChoice {
             return look.check().map(|()| Self::Held(Box::new(look)));
         }
         let NameOrNumber(text) = NameOrNumber::read(value, range)?;
-        let is_file = Path::new(&text).extension();
-        if is_file.is_some_and(|end| end.eq_ignore_ascii_case("json")) {
+        let ending = Path::new(&text).extension();
+        if ending.is_some_and(|ending| ending.eq_ignore_ascii_case("json")) {
             return Ok(Self::File(text.into()));
         }
         // A name with a comma may be that of a camera; numbers alone are a look with too few of them.

@@ -263,7 +263,7 @@ impl Spec {
                 table.lookup = self.lookup.unwrap_or(table.lookup);
                 accumulated(Factors::Table(table))
             }
-            // Without a table: one that is loaded is no file.
+            // No table: one of a file was read above.
             (_, None | Some(TableChoice::File(_))) => Rule::Plain,
         };
         Ok(Method {

@@ -28,8 +28,7 @@ A suite:
   name = \"learned\"
   table = \"beta-0.001\"      # or 0.1; and the other options of a render, by their names with underscores:
                             # mode, levels, resolve, integrator, denoise, ...; none is plain path tracing
-  # integrator = \"path\"     # of a method: path, light, bdpt, vcm (connections), sppm, mlt (mlt_pass), auto; vcm and sppm take
-                            # radius, radius_alpha; path takes sampler = \"sobol\"";
+  # integrator = \"vcm\"      # of a method, with details such as radius = 0.1: integrators and keys of `opsr render --help`";
 
 /// Options of `opsr bench`.
 #[derive(Args, Debug)]

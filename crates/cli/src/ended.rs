@@ -87,7 +87,7 @@ impl Ended<'_> {
     /// Reports what was written with the statistics of the render, and the refused samples.
     pub(super) fn report(&self, outputs: &Outputs) {
         let summary = self.summary(outputs);
-        match self.args.progress {
+        match self.args.program.progress {
             Style::Auto => note(summary),
             Style::Json | Style::None => tracing::info!("{summary}"),
         }

@@ -73,7 +73,7 @@ impl<'a> Listener<'a> {
             None => None,
         };
         Ok(Self {
-            bar: Bar::new(args.progress),
+            bar: Bar::new(args.program.progress),
             run,
             truth,
             log,

@@ -44,6 +44,9 @@ fn arg(option: &'static Opt) -> Arg {
     }
 }
 
+/// Help below the options that `-h` lists.
+pub(super) const MORE: &str = "These are the options that most renders use; --help lists all.";
+
 /// Bounds of a render that are not a number of samples.
 const BOUNDS: [&str; 2] = ["time", "target_error"];
 

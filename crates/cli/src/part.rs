@@ -1,11 +1,12 @@
 //! `opsr part` and `opsr merge`: a render made in parts.
 
-use super::bar::{Bar, Style};
+use super::bar::Bar;
 use super::ended::average_error;
 use super::exit::{Blame, Exit, IntoExit};
-use super::options::{CropOption, FileOptions, PartOptions, samples};
+use super::options::{CropOption, FileOptions, MORE, PartOptions, samples};
 use super::output::note;
 use super::render::{open, remark_choice, request, spec_files};
+use super::render_args::ProgramArgs;
 use super::stop::Stop;
 use super::threads::set_threads;
 use anyhow::anyhow;
@@ -37,18 +38,8 @@ pub(super) struct PartArgs {
     samples: Option<Range<u32>>,
     #[command(flatten)]
     render: PartOptions,
-    /// Threads; without it as many as there are cores. The part does not depend on it.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Program", hide_short_help = true)]
-    threads: Option<u16>,
-    /// Style of the progress display.
-    #[arg(
-        long,
-        value_enum,
-        default_value_t,
-        help_heading = "Program",
-        hide_short_help = true
-    )]
-    progress: Style,
+    #[command(flatten)]
+    program: ProgramArgs,
 }
 
 impl PartArgs {
@@ -77,7 +68,7 @@ pub(super) fn render(args: &PartArgs) -> anyhow::Result<Exit> {
     let mut spec = args.spec().into_exit()?;
     can_write(&args.output).into_exit()?;
     args.check_file(&spec, &[])?;
-    set_threads(args.threads)?;
+    set_threads(args.program.threads)?;
     let stop = Stop::listen();
     let opened = open(&args.scene, &mut spec)?;
     args.check_file(&spec, &opened.files)?;
@@ -86,10 +77,10 @@ pub(super) fn render(args: &PartArgs) -> anyhow::Result<Exit> {
     let mut request = request(&spec, &opened, &name)?;
     // A pilot that is stopped leaves a part of no samples.
     if let ControlFlow::Continue(Some(choice)) = request.choose(&|| !stop.asked()).into_exit()? {
-        remark_choice(args.progress, &choice);
+        remark_choice(args.program.progress, &choice);
     }
     let samples = args.samples.clone().unwrap_or(request.all_samples());
-    let bar = Bar::new(args.progress);
+    let bar = Bar::new(args.program.progress);
     let on_pass = &mut |progress: &RenderProgress| {
         bar.show(progress, None);
         stop.flow()
@@ -166,8 +157,6 @@ pub(super) fn run(args: &MergeArgs) -> anyhow::Result<()> {
     }
     Ok(())
 }
-
-const MORE: &str = "These are the options that most renders use; --help lists all.";
 
 const EXAMPLES: &str = "Examples:
   opsr part scene.glb --spp 1024 --crop 0,0,1/2,100% -o left.part

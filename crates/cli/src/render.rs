@@ -45,7 +45,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         .map(Claim::on)
         .transpose()
         .output()?;
-    set_threads(args.threads)?;
+    set_threads(args.program.threads)?;
     let stop = Stop::listen();
     // While inputs are read Ctrl-C ends the program at once.
     let opened = open(&args.scene, &mut spec)?;
@@ -175,7 +175,7 @@ impl RenderJob<'_> {
             return Ok(Exit::Stopped);
         };
         if let Some(choice) = &begun.choice {
-            remark_choice(args.progress, choice);
+            remark_choice(args.program.progress, choice);
         }
         begun.pilot = self.began.elapsed();
         let Begun { start, spent, .. } = begun;

@@ -68,6 +68,13 @@ pub(super) struct RenderArgs {
     #[arg(long, requires = "checkpoint", help_heading = "Resume")]
     pub(super) resume: bool,
 
+    #[command(flatten)]
+    pub(super) program: ProgramArgs,
+}
+
+/// Options of the program, beside those of a render.
+#[derive(Args, Debug)]
+pub(super) struct ProgramArgs {
     /// Threads; without it as many as there are cores. The picture does not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..), help_heading = "Program", hide_short_help = true)]
     pub(super) threads: Option<u16>,

@@ -1,7 +1,7 @@
 //! `opsr trace`: the paths of a pixel, in words.
 
 use super::exit::{Blame, IntoExit};
-use super::options::{Pixel, TraceOptions, pixel};
+use super::options::{MORE, Pixel, TraceOptions, pixel};
 use super::output::print;
 use super::render::{open, request};
 use anyhow::anyhow;
@@ -35,8 +35,6 @@ pub(super) struct TraceArgs {
     #[command(flatten)]
     render: TraceOptions,
 }
-
-const MORE: &str = "These are the options that most renders use; --help lists all.";
 
 const EXAMPLES: &str = "The paths are those of --integrator path --resolve raw.
 

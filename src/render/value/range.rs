@@ -15,10 +15,6 @@ impl Range {
     pub const FINITE: Self = Self::from(f64::MIN, f64::MAX);
     /// Above 0.
     pub const POSITIVE: Self = Self::between(0.0, f64::MAX);
-    /// Not below 0.
-    pub const NOT_NEGATIVE: Self = Self::from(0.0, f64::MAX);
-    /// From 0 to 1.
-    pub const UNIT: Self = Self::from(0.0, 1.0);
     /// From 1 on.
     pub const COUNT: Self = Self::from(1.0, f64::MAX);
 

@@ -169,6 +169,32 @@ fn parts_of_other_renders_are_refused_by_name() {
     }
 }
 
+/// Help lists what a command takes: a part no bounds but samples and nothing of the whole picture, a trace no files, a film one layer.
+#[test]
+fn parts_and_traces_list_their_own_options() {
+    let place = Place::new();
+    let help = |command: &str| place.opsr(&format!("{command} --help")).done().out;
+    for (command, there, not) in [
+        (
+            "part",
+            "--resolve",
+            ["--denoise", "--target-error", "--exposure"],
+        ),
+        ("trace", "--set", ["--aov", "--time", "--crop"]),
+        ("resolve", "each-level", ["albedo", "--set", "--seed"]),
+    ] {
+        let help = help(command);
+        assert!(help.contains(there), "{command}: {help}");
+        for option in not {
+            let line = |line: &&str| line.trim_start().starts_with(option);
+            assert!(
+                !help.lines().any(|l| line(&l)) && !help.contains(&format!("- {option}:")),
+                "{command}: {option}"
+            );
+        }
+    }
+}
+
 /// A part that is stopped, or that a full disk ends, is not there.
 #[test]
 #[cfg(unix)]
