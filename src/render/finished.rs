@@ -25,7 +25,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 /// Key of the average error in the text of EXR files.
-const STATED: &str = "mean_relative_error";
+pub const STATED: &str = "mean_relative_error";
 
 /// A picture as it is shown.
 #[derive(Clone, Debug, PartialEq)]
@@ -244,6 +244,16 @@ impl Finished<'_> {
         spec.display(&self.shown.picture, *in_studio)
     }
 
+    /// Text of EXR files, with the stated error.
+    pub fn metadata(&self) -> Metadata {
+        let mut metadata = self.outcome.metadata.clone();
+        let stated = self.statement().mean;
+        if stated.is_finite() {
+            metadata.insert(STATED.into(), format!("{stated:.4}"));
+        }
+        metadata
+    }
+
     /// Writes an EXR file with all layers, or a PNG file, whole or not at all; the ending of the name says which.
     ///
     /// An EXR file of a picture that is the mean of its samples also has the statistics of the samples.
@@ -252,21 +262,10 @@ impl Finished<'_> {
         match format(file)? {
             Format::Png => png::write(file, &self.shown.picture, self.display())?,
             Format::Exr => {
-                let Outcome {
-                    spec,
-                    metadata,
-                    world_to_camera,
-                    ..
-                } = &self.outcome;
-                let mut metadata = metadata.clone();
-                let stated = self.statement().mean;
-                if stated.is_finite() {
-                    metadata.insert(STATED.into(), format!("{stated:.4}"));
-                }
                 let header = Header {
-                    metadata: &metadata,
-                    storage: spec.exr.unwrap_or_default(),
-                    world_to_camera: *world_to_camera,
+                    metadata: &self.metadata(),
+                    storage: self.outcome.spec.exr.unwrap_or_default(),
+                    world_to_camera: self.outcome.world_to_camera,
                 };
                 let (film, layers) = (self.film(), self.layers());
                 if self.shown.resolved.is_some() || self.shown.noisy.is_some() {

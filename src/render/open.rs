@@ -7,7 +7,7 @@ use crate::files::{Problem, hex};
 use crate::math::{Ray, Vec3};
 use crate::scene::light::sky::{Sky, studio};
 use crate::scene::lighting::Lighting;
-use crate::scene::load::{Animation, FileLight, LoadOptions, Reader, load};
+use crate::scene::load::{Animation, FileLight, LoadOptions, Reader, cameras_at, load};
 use crate::scene::{Backdrop, Environment, Scene, SceneParts, TriangleId};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -33,6 +33,20 @@ pub struct Opened {
 }
 
 impl Opened {
+    /// Moves the cameras to the moment of a spec that asks for this scene and this light at another moment. False if that is not
+    /// enough: the animations move other things too.
+    pub fn at(&mut self, spec: &Spec, path: &Path) -> Result<bool, Fault> {
+        if self.animations.is_empty() {
+            return Ok(true);
+        }
+        let of_cameras = self.animations.iter().all(|animation| animation.of_cameras);
+        let Some(moment) = spec.at.filter(|_| of_cameras) else {
+            return Ok(false);
+        };
+        self.scene.set_cameras(cameras_at(path, moment.seconds())?);
+        Ok(true)
+    }
+
     /// The light that was chosen for the scene, why, and the options that choose another; empty where nothing was in doubt.
     pub fn light_chosen(&self) -> String {
         let share = |light: &Lighting| 100.0 * light.share();

@@ -285,6 +285,11 @@ impl Scene {
         Self::build(parts, false)
     }
 
+    /// Replaces the cameras.
+    pub fn set_cameras(&mut self, cameras: Vec<Camera>) {
+        self.parts.cameras = cameras;
+    }
+
     /// The scene in an environment, with the same trees.
     pub fn surrounded(mut self, environment: Environment) -> Self {
         self.parts.environment = Some(environment);

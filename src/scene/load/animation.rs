@@ -19,6 +19,20 @@ pub struct Animation {
     pub name: String,
     /// Time of the last keyframe in seconds.
     pub seconds: f64,
+    /// True if it moves cameras alone: no mesh, skin or light.
+    pub of_cameras: bool,
+}
+
+/// True if neither the node nor one below it shows or lights anything. `seen` has the nodes above, so that a circle ends.
+fn is_of_cameras(root: &Root, node: usize, seen: &mut HashSet<usize>) -> bool {
+    let Some(found) = root.nodes.get(node).filter(|_| seen.insert(node)) else {
+        return true;
+    };
+    let is_joint = |skin: &gltf::json::Skin| skin.joints.iter().any(|joint| joint.value() == node);
+    let shows =
+        found.mesh.is_some() || found.extensions.is_some() || root.skins.iter().any(is_joint);
+    let mut below = found.children.iter().flatten();
+    !shows && below.all(|child| is_of_cameras(root, child.value(), seen))
 }
 
 /// The animations of a file, as their accessors' bounds say.
@@ -30,6 +44,8 @@ pub(super) fn list(root: &Root) -> Vec<Animation> {
     let animation = |(i, a): (usize, &gltf::json::Animation)| Animation {
         name: a.name.clone().unwrap_or_else(|| format!("animation {i}")),
         seconds: a.samplers.iter().filter_map(last).fold(0.0, f64::max),
+        of_cameras: (a.channels.iter())
+            .all(|c| is_of_cameras(root, c.target.node.value(), &mut HashSet::new())),
     };
     root.animations.iter().enumerate().map(animation).collect()
 }

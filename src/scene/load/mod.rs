@@ -21,7 +21,7 @@ pub mod textures;
 pub mod uris;
 mod variants;
 
-use super::{Material, Mesh, SceneParts};
+use super::{Camera, Material, Mesh, SceneParts};
 use crate::bsdf::Distribution;
 use crate::files::{self, FileError, Problem};
 use accessors::Data;
@@ -90,23 +90,53 @@ pub fn load(path: &Path, options: &LoadOptions) -> std::result::Result<Loaded, F
     scene(path, &bytes, options).map_err(|fault| fault.of(path))
 }
 
-fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
+/// The cameras of a glTF file at a moment of its animations, in seconds: all that changes where these
+/// [move cameras alone](Animation::of_cameras).
+pub fn cameras_at(path: &Path, seconds: f64) -> std::result::Result<Vec<Camera>, FileError> {
+    let bytes = uris::read_file(path).map_err(|e| Problem::Read(e).at(path))?;
+    cameras(path, &bytes, seconds).map_err(|fault| fault.of(path))
+}
+
+fn cameras(path: &Path, bytes: &[u8], seconds: f64) -> Result<Vec<Camera>> {
     let mut warnings = Warnings::default();
+    let (container, head, root) = parsed(bytes, &mut warnings)?;
+    let mut files = Files::new(path, bytes);
+    let data = data(&root, &head, container.binary, &mut files)?;
+    let nodes = animation::nodes(&data, seconds, &mut warnings)?;
+    lights::cameras(&root, &nodes::placed(&root, &nodes)?, &mut warnings)
+}
+
+/// The JSON of a file, checked.
+fn parsed<'a>(bytes: &'a [u8], warnings: &mut Warnings) -> Result<(Container<'a>, Head, Root)> {
     let container = Container::new(bytes)?;
-    let head = head(container.json, &mut warnings)?;
+    let head = head(container.json, warnings)?;
     let root: Root = gltf::json::deserialize::from_slice(container.json)
         .map_err(|e| fault("JSON", files::briefly(e)))?;
     validate(&root)?;
-    let mut files = Files::new(path, bytes);
+    Ok((container, head, root))
+}
+
+/// The buffers of a file, checked.
+fn data<'a>(
+    root: &'a Root,
+    head: &Head,
+    binary: Option<&'a [u8]>,
+    files: &mut Files,
+) -> Result<Data<'a>> {
     let data = Data {
-        buffers: buffers(&root, container.binary, &mut files)?,
-        quantised: head
-            .extensions_used
-            .iter()
-            .any(|e| e == "KHR_mesh_quantization"),
-        root: &root,
+        buffers: buffers(root, binary, files)?,
+        quantised: (head.extensions_used.iter()).any(|e| e == "KHR_mesh_quantization"),
+        root,
     };
     data.check()?;
+    Ok(data)
+}
+
+fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
+    let mut warnings = Warnings::default();
+    let (container, head, root) = parsed(bytes, &mut warnings)?;
+    let mut files = Files::new(path, bytes);
+    let data = data(&root, &head, container.binary, &mut files)?;
     let nodes = match options.time {
         Some(seconds) => Cow::Owned(animation::nodes(&data, seconds, &mut warnings)?),
         None => Cow::Borrowed(root.nodes.as_slice()),

@@ -7,7 +7,7 @@ use opsr::math::Vec3;
 use opsr::regularise::Rule;
 use opsr::regularise::file::TableFile;
 use opsr::scene::Scene;
-use opsr::scene::load::{LoadOptions, Loaded, load};
+use opsr::scene::load::{LoadOptions, Loaded, cameras_at, load};
 use opsr_lab::gallery::{self, glb};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -94,6 +94,54 @@ fn animation_of_rotations_takes_the_shorter_arc() {
         let (sin, cos) = 30f32.to_radians().sin_cos();
         assert!((x - Vec3::new(cos, sin, 0.0)).length() < 1e-6, "{x}");
     }
+}
+
+/// A film opens a scene once where its animations move cameras alone.
+#[test]
+fn animation_of_cameras_alone_is_told() {
+    let file = |below: Option<Value>| {
+        let mut file = File::triangle();
+        let lens = json!({ "yfov": 1, "znear": 0.1 });
+        let camera = json!({ "type": "perspective", "perspective": lens });
+        file.push("cameras", camera);
+        // A rig that moves, with the camera below it, and something else.
+        let camera = file.push("nodes", json!({ "camera": 0, "translation": [0, 0, 1] }));
+        let mut rig = vec![camera];
+        rig.extend(below.map(|node| file.push("nodes", node)));
+        let rig = file.push("nodes", json!({ "children": rig }));
+        let output = file.floats("VEC3", &[0.0, 0.0, 0.0, 0.0, 4.0, 0.0]);
+        let target = json!({ "node": rig, "path": "translation" });
+        animate(&mut file, &[0.0, 1.0], output, "LINEAR", target);
+        file
+    };
+    let told = |file: &File| file.loaded().animations[0].of_cameras;
+    let alone = file(None);
+    assert!(told(&alone) && told(&file(Some(json!({})))));
+    let light = json!({ "extensions": { "KHR_lights_punctual": { "light": 0 } } });
+    let mut lit = file(Some(light));
+    lit.json["extensionsUsed"] = json!(["KHR_lights_punctual"]);
+    lit.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [{ "type": "point" }] } });
+    assert!(!told(&lit) && !told(&file(Some(json!({ "mesh": 0 })))));
+    let mut skinned = file(Some(json!({})));
+    let joint = skinned.json["nodes"].as_array().expect("nodes").len() - 2;
+    skinned.push("skins", json!({ "joints": [joint] }));
+    assert!(!told(&skinned));
+    // Cameras at a moment are those of the scene at that moment.
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("scene.gltf");
+    std::fs::write(&path, alone.gltf()).expect("a file");
+    for seconds in [0.0, 0.25, 7.0] {
+        let moved = cameras_at(&path, seconds).unwrap_or_else(|e| panic!("{e}"));
+        let opened = at(&alone, seconds).parts.cameras;
+        assert_eq!(moved.len(), 1);
+        assert_eq!(moved[0].position, opened[0].position);
+        assert_eq!(
+            moved[0].position,
+            Vec3::new(0.0, 4.0 * (seconds as f32).min(1.0), 1.0)
+        );
+    }
+    let missing = cameras_at(&folder.path().join("none.gltf"), 0.0);
+    assert!(missing.expect_err("no file").is_missing());
 }
 
 #[test]
