@@ -1,0 +1,290 @@
+//! Windows of a pixel, and the choice among them.
+//!
+//! With v_g the light of a surface in frame g, w_g the share of it that is seen there, and s_g the variance that the error map states,
+//!
+//! ```text
+//! W_r  = Σ w_g v_g / Σ w_g                              over the frames within r of this one; w = 1 for its own
+//! V_r  = tent(u Σ w_g² s_g / (Σ w_g)²)                  u = 1 / (I² + 0.01 mean²), I the widest average, smoothed
+//! b_r  = max over narrower j of tent(u ((W_r − W_j)² − variance of W_r − W_j)), at least 0
+//! c_r  = 4 (region(√u (W_r − W_0))² − its variance), at least 0
+//! r*   = argmin b_r + c_r + V_r
+//! ```
+//!
+//! and the picture is Σ tent(1[r* = r]) W_r, so that windows of neighbouring pixels have no edge between them. tent is a box of three
+//! pixels a side, applied twice; region a box of half the shorter side, applied twice. A lamp that dims changes every pixel by less
+//! than its noise, and all of them alike.
+
+use crate::follow::{Sight, Trail};
+use crate::frame::{Averaged, Frame};
+use opsr::image::Buffer;
+use opsr::math::Vec3;
+use rayon::prelude::*;
+
+/// Frames to each side of the windows.
+pub(crate) const WINDOWS: [usize; 4] = [0, 1, 2, 4];
+
+/// Frames to each side of the widest window.
+pub(crate) const WIDEST: usize = WINDOWS[WINDOWS.len() - 1];
+
+/// Variance of a frame over the square of the error that it states. Measured in docs/lab/films.md.
+const NOISE: f32 = 3.0;
+
+/// Largest relative error: that of a frame that knows none.
+const UNKNOWN: f32 = 2.0;
+
+/// Share of noise in the squared average error of a picture of a choice, and of raw means. The rest is bias and light that nobody has met,
+/// which frames share: the inverse squares of the factors by which `opsr::resolve` states more than noise.
+const OWN_OF_CHOICE: f64 = 1.0 / (1.65 * 1.65);
+const OWN_OF_SAMPLES: f64 = 1.0 / (1.1 * 1.1);
+
+/// Radius of the regions whose light is compared: this part of the shorter side of the picture.
+const REGION: usize = 4;
+
+/// Factor on the squared difference of a region: a difference that many pixels share is seen where noise is not.
+const SEEN: f32 = 4.0;
+
+/// Pixels of a resolved picture whose noise is one: blurs and photons are shared by so many.
+const SHARED: f32 = 16.0;
+
+/// Part of the mean of the picture that is added to brightness in squares.
+const DARK: f32 = 0.1;
+
+/// A plane of numbers, rows one after another.
+#[derive(Clone)]
+struct Plane {
+    width: usize,
+    values: Vec<f32>,
+}
+
+impl Plane {
+    /// Means of squares of `2 radius + 1` pixels a side, as far as they are inside.
+    fn box_filtered(&self, radius: usize) -> Self {
+        let (w, h) = (self.width, self.values.len() / self.width);
+        let mut across = vec![0.0; w * h];
+        let rows = across.par_chunks_mut(w).zip(self.values.par_chunks(w));
+        rows.for_each(|(out, row)| box_means(radius, row.iter().copied(), out.iter_mut()));
+        let columns = (0..w).into_par_iter().map(|x| {
+            let mut column = vec![0.0; h];
+            let from = across[x..].iter().step_by(w).copied();
+            box_means(radius, from, column.iter_mut());
+            column
+        });
+        let columns: Vec<Vec<f32>> = columns.collect();
+        Self {
+            width: w,
+            values: (0..w * h).map(|i| columns[i % w][i / w]).collect(),
+        }
+    }
+
+    fn tent(&self) -> Self {
+        self.box_filtered(1).box_filtered(1)
+    }
+}
+
+/// Means of `2 radius + 1` numbers of a line, as far as they are inside.
+fn box_means<'a>(
+    radius: usize,
+    line: impl Iterator<Item = f32>,
+    out: impl Iterator<Item = &'a mut f32>,
+) {
+    let mut sum = 0.0;
+    let sums = line.map(|x| {
+        sum += f64::from(x);
+        sum
+    });
+    let sums: Vec<f64> = std::iter::once(0.0).chain(sums).collect();
+    let count = sums.len() - 1;
+    for (i, out) in out.enumerate() {
+        let (from, to) = (i.saturating_sub(radius), (i + radius + 1).min(count));
+        *out = ((sums[to] - sums[from]) / (to - from) as f64) as f32;
+    }
+}
+
+/// Mean of the channels.
+fn grey(light: Vec3) -> f32 {
+    light.element_sum() / 3.0
+}
+
+fn mean(picture: &Buffer) -> f32 {
+    let sum: f64 = picture.pixels.iter().map(|p| f64::from(grey(*p))).sum();
+    (sum / picture.pixels.len() as f64) as f32
+}
+
+/// Variance of every pixel of a frame, mean of the channels, in units of the picture.
+pub(crate) fn variance(frame: &Frame) -> Vec<f32> {
+    let dark = DARK * mean(&frame.picture);
+    let brightness = Plane {
+        width: frame.picture.width,
+        values: frame.picture.pixels.iter().map(|p| grey(*p)).collect(),
+    };
+    let brightness = brightness.box_filtered(1).values;
+    let error = |i: usize| frame.error.get(i).map_or(UNKNOWN, |e| e.min(UNKNOWN));
+    let pixels = brightness.iter().enumerate();
+    pixels
+        .map(|(i, light)| NOISE * error(i).powi(2) * (light * light + dark * dark))
+        .collect()
+}
+
+/// Sums over the frames of a window.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    light: Vec3,
+    weight: f32,
+    /// Sum of squared weights times variances.
+    noise: f32,
+}
+
+impl Sums {
+    fn add(&mut self, sight: &Sight) {
+        self.light += sight.weight * sight.light;
+        self.weight += sight.weight;
+        self.noise += sight.weight * sight.weight * sight.variance;
+    }
+
+    fn mean(&self) -> Vec3 {
+        self.light / self.weight
+    }
+
+    fn variance(&self) -> f32 {
+        self.noise / (self.weight * self.weight)
+    }
+
+    /// Variance of the difference of the means of this window and a narrower one, which is a part of it.
+    fn variance_of_difference(&self, narrower: &Self) -> f32 {
+        let common = narrower.noise / (self.weight * narrower.weight);
+        (self.variance() - 2.0 * common + narrower.variance()).max(0.0)
+    }
+}
+
+/// The sums of every window at a pixel of frame `f`.
+fn windows(frames: &[(&Frame, &[f32])], f: usize, pixel: usize) -> [Sums; WINDOWS.len()] {
+    let (frame, variance) = frames[f];
+    let mut sums = Sums::default();
+    sums.add(&Sight {
+        light: frame.picture.pixels[pixel],
+        variance: variance[pixel],
+        weight: 1.0,
+    });
+    let mut all = [sums; WINDOWS.len()];
+    let mut trails = [false, true].map(|forward| (forward, Trail::new(frame, pixel)));
+    for steps in 0..WIDEST {
+        for (forward, trail) in &mut trails {
+            let at = |steps: usize| match *forward {
+                true => frames.get(f + steps),
+                false => f.checked_sub(steps).and_then(|g| frames.get(g)),
+            };
+            let (Some((from, _)), Some((to, variance))) = (at(steps), at(steps + 1)) else {
+                continue;
+            };
+            trail.step(from, steps, *forward);
+            if let Some(sight) = trail.sight(to, variance) {
+                sums.add(&sight);
+            }
+        }
+        for (own, radius) in all.iter_mut().zip(WINDOWS) {
+            if radius > steps {
+                *own = sums;
+            }
+        }
+    }
+    all
+}
+
+/// Pairs of a window and a narrower one.
+const PAIRS: [(usize, usize); 6] = [(1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2)];
+
+/// The average of the frame at place `f` among frames one after another, with the variances of their pixels.
+pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize) -> Averaged {
+    let frame = frames[f].0;
+    let (width, count) = (frame.picture.width, frame.picture.pixels.len());
+    let sums: Vec<[Sums; WINDOWS.len()]> = (0..count)
+        .into_par_iter()
+        .map(|pixel| windows(frames, f, pixel))
+        .collect();
+    let plane = |value: &(dyn Fn(usize) -> f32 + Sync)| Plane {
+        width,
+        values: (0..count).into_par_iter().map(value).collect(),
+    };
+    let widest = |i: usize| grey(sums[i][WINDOWS.len() - 1].mean());
+    let dark = DARK * mean(&frame.picture);
+    let light = plane(&widest).box_filtered(2);
+    let weight = |i: usize| 1.0 / (light.values[i].powi(2) + dark * dark).max(f32::MIN_POSITIVE);
+    let noise: Vec<Plane> = (0..WINDOWS.len())
+        .map(|k| plane(&|i| weight(i) * sums[i][k].variance()).tent())
+        .collect();
+    let bias = PAIRS.map(|(k, j)| {
+        let beyond = |i: usize| {
+            let (wide, narrow) = (&sums[i][k], &sums[i][j]);
+            let difference = (wide.mean() - narrow.mean()).length_squared() / 3.0;
+            weight(i) * (difference - wide.variance_of_difference(narrow))
+        };
+        plane(&beyond).tent()
+    });
+    let radius = (width.min(frame.picture.height) / REGION).max(2);
+    let region = |plane: Plane| plane.box_filtered(radius).box_filtered(radius);
+    // Two boxes have the noise of 9/4 of one.
+    let independent = 2.25 * ((2 * radius + 1) as f32).powi(2) / SHARED;
+    let of_region: Vec<Plane> = (1..WINDOWS.len())
+        .map(|k| {
+            let difference = |i: usize| {
+                let difference = grey(sums[i][k].mean() - sums[i][0].mean());
+                weight(i).sqrt() * difference
+            };
+            let noise = |i: usize| weight(i) * sums[i][k].variance_of_difference(&sums[i][0]);
+            let (difference, noise) = (region(plane(&difference)), region(plane(&noise)));
+            let square = |i: usize| difference.values[i].powi(2) - noise.values[i] / independent;
+            plane(&|i| SEEN * square(i).max(0.0))
+        })
+        .collect();
+    let squared_error = |i: usize, k: usize| {
+        let pairs = PAIRS.iter().zip(&bias).filter(|((wide, _), _)| *wide == k);
+        let bias = pairs.map(|(_, plane)| plane.values[i]).fold(0.0, f32::max);
+        let of_region = k.checked_sub(1).map_or(0.0, |k| of_region[k].values[i]);
+        bias + of_region + noise[k].values[i]
+    };
+    let best = |i: usize| {
+        let errors = (0..WINDOWS.len()).map(|k| squared_error(i, k));
+        let first = errors.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+        first.map_or(0, |(k, _)| k)
+    };
+    let chosen: Vec<usize> = (0..count).into_par_iter().map(best).collect();
+    let shares: Vec<Plane> = (0..WINDOWS.len())
+        .map(|k| plane(&|i| f32::from(u8::from(chosen[i] == k))).tent())
+        .collect();
+    let mixed = |i: usize| -> Vec3 {
+        let parts = shares.iter().zip(&sums[i]);
+        let parts = parts.map(|(share, sums)| share.values[i] * sums.mean());
+        parts.sum()
+    };
+    let ratio = |i: usize| {
+        let own = noise[0].values[i];
+        match own > 0.0 {
+            true => (squared_error(i, chosen[i]) / own).min(1.0),
+            false => 1.0,
+        }
+    };
+    let reduced = |(i, error): (usize, &f32)| {
+        let bias2 = frame.bias2.get(i).map_or(0.0, |b| b.min(error * error));
+        (bias2 + (error * error - bias2) * ratio(i)).sqrt()
+    };
+    let error: Vec<f32> = frame.error.iter().enumerate().map(reduced).collect();
+    let total = |errors: &[f32]| errors.iter().map(|e| f64::from(e.min(1.0))).sum::<f64>();
+    let reduced = match total(&frame.error) {
+        before if before > 0.0 && before.is_finite() => total(&error) / before,
+        _ => 1.0,
+    };
+    let own = match frame.bias2.is_empty() {
+        true => OWN_OF_SAMPLES,
+        false => OWN_OF_CHOICE,
+    };
+    Averaged {
+        picture: Buffer {
+            width,
+            height: frame.picture.height,
+            pixels: (0..count).into_par_iter().map(mixed).collect(),
+        },
+        error,
+        window: chosen.iter().map(|k| WINDOWS[*k] as u8).collect(),
+        gain: (1.0 + own * (reduced * reduced - 1.0)).sqrt(),
+    }
+}

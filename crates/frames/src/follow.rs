@@ -1,0 +1,143 @@
+//! The pixels of another frame that show a surface of this one.
+
+use crate::frame::Frame;
+use crate::surfaces::Spot;
+use opsr::math::{Vec2, Vec3};
+use opsr::scene::camera::Projection;
+
+/// Distance at which a surface counts as another one, in pixels.
+const REACH: f32 = 3.0;
+
+/// Factor on squared differences of unit normals.
+const BEND: f32 = 10.0;
+
+/// Squared difference of unit normals from which on a pixel shows another surface.
+const BENT: f32 = 0.1;
+
+/// Difference of reflectances at which a surface counts as another one.
+const PAINT: f32 = 0.05;
+
+/// Least sum of weights that counts as seen.
+const SEEN: f32 = 0.05;
+
+/// Light of a surface in another frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sight {
+    /// Radiance.
+    pub(crate) light: Vec3,
+    /// Its variance, mean of the channels.
+    pub(crate) variance: f32,
+    /// Share of it that is seen there, in (0, 1].
+    pub(crate) weight: f32,
+}
+
+/// A surface that is followed from its frame to those before, or to those after it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Trail {
+    spot: Spot,
+    /// Its pixel in its own frame.
+    pixel: usize,
+    /// Its place in the frame reached so far; `None` where it is lost.
+    place: Option<Vec3>,
+}
+
+/// Side of a pixel at a place, in units of the scene.
+fn side(frame: &Frame, place: Vec3) -> f32 {
+    let rows = frame.size.y as f32;
+    match frame.camera.projection {
+        Projection::Perspective { tan_half_y } => {
+            2.0 * tan_half_y * place.distance(frame.camera.position) / rows
+        }
+        Projection::Orthographic { half_height } => 2.0 * half_height / rows,
+    }
+}
+
+/// Position of a place in the window of a frame, in pixels from the centre of the first one.
+fn project(frame: &Frame, place: Vec3) -> Option<Vec2> {
+    let size = frame.size.as_vec2();
+    let seen = frame.camera.project(place, size.x / size.y, Vec2::ZERO);
+    let (film, ..) = seen?;
+    let first = Vec2::new(frame.window.x as f32, frame.window.y as f32);
+    let at = film * size - 0.5 - first;
+    let outer = Vec2::new(frame.window.w as f32, frame.window.h as f32);
+    (at.cmpgt(Vec2::splat(-1.0)).all() && at.cmplt(outer).all()).then_some(at)
+}
+
+/// Pixel of a window, if it is inside.
+fn index(frame: &Frame, x: i64, y: i64) -> Option<usize> {
+    let (w, h) = (i64::from(frame.window.w), i64::from(frame.window.h));
+    ((0..w).contains(&x) && (0..h).contains(&y)).then_some((y * w + x) as usize)
+}
+
+impl Trail {
+    /// The trail of a pixel, which begins in its own frame.
+    pub(crate) fn new(frame: &Frame, pixel: usize) -> Self {
+        let spot = frame.surfaces.spots[pixel];
+        Self {
+            spot,
+            pixel,
+            place: spot.is_some().then_some(spot.position),
+        }
+    }
+
+    /// Goes on from the frame reached so far, which is `steps` from its own, to the next one in its direction.
+    ///
+    /// A surface that does not move stays where it is. One that moves takes the motion of the pixel that shows it, so that it is
+    /// lost where it is hidden.
+    pub(crate) fn step(&mut self, from: &Frame, steps: usize, forward: bool) {
+        let moved = match forward {
+            true => &from.surfaces.after,
+            false => &from.surfaces.before,
+        };
+        if let (Some(moved), Some(place)) = (moved, self.place) {
+            self.place = match steps {
+                0 => Some(moved[self.pixel]).filter(|place| place.is_finite()),
+                _ => self.carried(from, moved, place),
+            };
+        }
+    }
+
+    /// The next place of a surface that is at `place` in a frame, by the motion of the pixel that shows it there.
+    fn carried(&self, from: &Frame, moved: &[Vec3], place: Vec3) -> Option<Vec3> {
+        let at = project(from, place)?.round();
+        let pixel = index(from, at.x as i64, at.y as i64)?;
+        let there = &from.surfaces.spots[pixel];
+        let near = there.position.distance(place) < REACH * side(from, place);
+        let alike = self.spot.unlike(there).0 < BENT;
+        let next = place + (moved[pixel] - there.position);
+        (near && alike && next.is_finite()).then_some(next)
+    }
+
+    /// Light of the surface in the frame reached; `None` where it is not seen.
+    pub(crate) fn sight(&self, frame: &Frame, variance: &[f32]) -> Option<Sight> {
+        let place = self.place?;
+        let at = project(frame, place)?;
+        let corner = at.floor();
+        let part = at - corner;
+        let reach = (REACH * side(frame, place)).max(f32::MIN_POSITIVE);
+        let (mut light, mut noise, mut weight) = (Vec3::ZERO, 0.0, 0.0);
+        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let across = if dx == 1 { part.x } else { 1.0 - part.x };
+            let down = if dy == 1 { part.y } else { 1.0 - part.y };
+            let Some(pixel) = index(frame, corner.x as i64 + dx, corner.y as i64 + dy) else {
+                continue;
+            };
+            let there = &frame.surfaces.spots[pixel];
+            if !there.is_some() {
+                continue;
+            }
+            let far = there.position.distance_squared(place) / (reach * reach);
+            let (bend, paint) = self.spot.unlike(there);
+            let unlike = 0.5 * far + BEND * bend + 0.5 * paint / (PAINT * PAINT);
+            let w = across * down * (-unlike).exp();
+            light += w * frame.picture.pixels[pixel];
+            noise += w * variance[pixel];
+            weight += w;
+        }
+        (weight > SEEN && light.is_finite()).then(|| Sight {
+            light: light / weight,
+            variance: noise / weight,
+            weight,
+        })
+    }
+}

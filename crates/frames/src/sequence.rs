@@ -1,0 +1,57 @@
+//! Frames in order, each averaged as soon as its neighbours are there.
+
+use crate::average::{WIDEST, average, variance};
+use crate::frame::{Averaged, Frame};
+use opsr::math::Vec3;
+use std::collections::VecDeque;
+
+/// Frames that are averaged with those around them. It holds the frames of the widest window, 44 bytes a pixel each and the layers
+/// that they keep; 24 more where something moves.
+#[derive(Default)]
+pub struct Sequence {
+    frames: VecDeque<(Frame, Vec<f32>)>,
+    /// Frames among those held that were averaged already.
+    done: usize,
+}
+
+impl Sequence {
+    /// Places in the next frame, which is about to be added, of the surfaces of the last one.
+    pub fn set_after(&mut self, places: Option<Vec<Vec3>>) {
+        if let Some((last, _)) = self.frames.back_mut() {
+            last.surfaces.after = places;
+        }
+    }
+
+    /// Adds the next frame. Gives the frame whose widest window is complete now, if there is one, with its average; an error for a
+    /// frame that shows another part than the last one.
+    pub fn push(&mut self, frame: Frame) -> Result<Option<(&Frame, Averaged)>, String> {
+        if let Some((last, _)) = self.frames.back() {
+            last.check(&frame)?;
+        }
+        let variance = variance(&frame);
+        self.frames.push_back((frame, variance));
+        match self.frames.len() > self.done + WIDEST {
+            true => Ok(self.average_next()),
+            false => Ok(None),
+        }
+    }
+
+    /// The next frame that was not averaged, with its average over the frames that are there; `None` after the last one. For the
+    /// end, when no frame comes after those that are held.
+    pub fn average_next(&mut self) -> Option<(&Frame, Averaged)> {
+        if self.done == self.frames.len() {
+            return None;
+        }
+        while self.done > WIDEST {
+            self.frames.pop_front();
+            self.done -= 1;
+        }
+        let frames = self
+            .frames
+            .iter()
+            .map(|(frame, variance)| (frame, &**variance));
+        let averaged = average(&frames.collect::<Vec<_>>(), self.done);
+        self.done += 1;
+        Some((&self.frames[self.done - 1].0, averaged))
+    }
+}

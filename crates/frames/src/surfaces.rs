@@ -1,0 +1,132 @@
+//! The first surfaces of a frame: at the centre of every pixel, with their places in the next and the last frame.
+
+use opsr::image::film::Window;
+use opsr::integrator::View;
+use opsr::integrator::aov::centre;
+use opsr::math::{Rgb, Vec3};
+use opsr::scene::{Hit, Scene, Surface};
+use rayon::prelude::*;
+
+/// A surface at the centre of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spot {
+    /// Place in world space; not finite where there is no surface.
+    pub position: Vec3,
+    /// Shading normal, in 127ths.
+    normal: [i8; 3],
+    /// Reflectance, in 255ths.
+    albedo: [u8; 3],
+}
+
+impl Spot {
+    const NONE: Self = Self {
+        position: Vec3::INFINITY,
+        normal: [0; 3],
+        albedo: [0; 3],
+    };
+
+    /// A surface with a place, a unit normal and a reflectance in [0, 1].
+    pub fn new(position: Vec3, normal: Vec3, albedo: Rgb) -> Self {
+        Self {
+            position,
+            normal: (normal * 127.0).to_array().map(|x| x.round() as i8),
+            albedo: (albedo * 255.0).to_array().map(|x| x.round() as u8),
+        }
+    }
+
+    /// True where a surface is.
+    pub fn is_some(&self) -> bool {
+        self.position.is_finite()
+    }
+
+    /// Squared distances between the normals and the reflectances of two surfaces.
+    pub(crate) fn unlike(&self, other: &Self) -> (f32, f32) {
+        let square = |a: f32, b: f32, unit: f32| ((a - b) / unit).powi(2);
+        let normals = self.normal.iter().zip(&other.normal);
+        let albedos = self.albedo.iter().zip(&other.albedo);
+        (
+            normals
+                .map(|(a, b)| square((*a).into(), (*b).into(), 127.0))
+                .sum(),
+            albedos
+                .map(|(a, b)| square((*a).into(), (*b).into(), 255.0))
+                .sum(),
+        )
+    }
+}
+
+/// The surfaces of a frame, pixel by pixel.
+#[derive(Clone, Debug, Default)]
+pub struct Surfaces {
+    /// The surfaces.
+    pub spots: Vec<Spot>,
+    /// Their places in the last frame, in world space; `None` where nothing moves.
+    pub before: Option<Vec<Vec3>>,
+    /// Their places in the next frame, in world space; `None` where nothing moves.
+    pub after: Option<Vec<Vec3>>,
+}
+
+/// Pixels of a window, rows one after another.
+fn pixels<T: Send>(window: Window, f: impl Fn(u32, u32) -> T + Sync) -> Vec<T> {
+    let rows = (0..window.h).into_par_iter();
+    rows.flat_map_iter(|y| {
+        let f = &f;
+        (0..window.w).map(move |x| f(window.x + x, window.y + y))
+    })
+    .collect()
+}
+
+fn met(view: &View<'_>, x: u32, y: u32) -> Option<(Hit, Surface)> {
+    centre(view, opsr::math::UVec2::new(x, y))
+}
+
+impl Surfaces {
+    /// Traces the centre of every pixel of a view.
+    pub fn of(view: &View<'_>) -> Self {
+        let scene = view.scene;
+        let spot = |x, y| match met(view, x, y) {
+            Some((_, mut surface)) => {
+                let albedo = scene.bsdf(&mut surface, 0.5).reflectance();
+                let albedo = albedo.clamp(Rgb::ZERO, Rgb::ONE);
+                Spot::new(surface.position, surface.ns, albedo)
+            }
+            None => Spot::NONE,
+        };
+        Self {
+            spots: pixels(view.window, spot),
+            before: None,
+            after: None,
+        }
+    }
+}
+
+/// Places in another scene of the surfaces that a view meets, by triangle and barycentric weights: the scenes are one file at two
+/// moments. Not finite where the triangle is another one there; `None` where nothing has moved.
+pub fn places(view: &View<'_>, other: &Scene) -> Option<Vec<Vec3>> {
+    let (own, there) = (view.scene.geometry(), other.geometry());
+    if std::ptr::eq(view.scene, other) {
+        return None;
+    }
+    let alike = own.len() == there.len();
+    let place = |x, y| {
+        let Some((hit, surface)) = met(view, x, y) else {
+            return (true, Vec3::INFINITY);
+        };
+        let i = hit.triangle;
+        if !alike
+            || own.triangle_mesh(i) != there.triangle_mesh(i)
+            || own.triangle_material(i) != there.triangle_material(i)
+        {
+            return (false, Vec3::INFINITY);
+        }
+        let (from, to) = (own.triangle(i), there.triangle(i));
+        if from == to {
+            return (true, surface.position);
+        }
+        let [a, b, c] = to;
+        (false, a + hit.u * (b - a) + hit.v * (c - a))
+    };
+    let placed = pixels(view.window, place);
+    let moved = placed.iter().any(|(still, _)| !still);
+    moved.then(|| placed.into_iter().map(|(_, place)| place).collect())
+}

@@ -1,0 +1,302 @@
+//! Films of a painted wall, whose light and noise are known.
+
+use super::average::WINDOWS;
+use super::surfaces::{Spot, places};
+use super::{Averaged, Frame, Sequence, Surfaces};
+use opsr::image::Buffer;
+use opsr::image::exr::Metadata;
+use opsr::image::film::Window;
+use opsr::integrator::View;
+use opsr::math::{Rgb, UVec2, Vec3};
+use opsr::scene::procedural::{materials, shapes};
+use opsr::scene::{Camera, Scene, SceneParts};
+
+const SIZE: UVec2 = UVec2::new(48, 32);
+
+/// Half the height of the view.
+const HALF: f32 = 1.0;
+
+/// Side of a pixel.
+const PIXEL: f32 = 2.0 * HALF / SIZE.y as f32;
+
+/// A number in [0, 1) for a pixel of a frame.
+fn random(frame: u32, pixel: usize) -> f32 {
+    let mut x = u64::from(frame) << 32 | pixel as u64;
+    for _ in 0..3 {
+        x = (x ^ x >> 31)
+            .wrapping_mul(0x9E37_79B9_7F4A_7C15)
+            .rotate_left(29);
+    }
+    (x >> 40) as f32 / (1u64 << 24) as f32
+}
+
+/// A camera with parallel rays, this many pixels to the right.
+fn camera(shift: f32) -> Camera {
+    let from = Vec3::new(shift * PIXEL, 0.0, 3.0);
+    let mut camera = Camera::look_at(from, from - Vec3::Z, Vec3::Y, 1.0);
+    camera.projection = opsr::scene::camera::Projection::Orthographic { half_height: HALF };
+    camera
+}
+
+/// A frame of the wall z = 0, whose radiance is `light` with independent noise of this relative deviation.
+fn frame(number: u32, shift: f32, noise: f32, light: impl Fn(Vec3) -> f32) -> Frame {
+    let camera = camera(shift);
+    let place = |i: usize| {
+        let (x, y) = ((i % SIZE.x as usize) as f32, (i / SIZE.x as usize) as f32);
+        let across = (x + 0.5 - 0.5 * SIZE.x as f32 + shift) * PIXEL;
+        Vec3::new(across, HALF - (y + 0.5) * PIXEL, 0.0)
+    };
+    let count = (SIZE.x * SIZE.y) as usize;
+    let spots = (0..count).map(|i| Spot::new(place(i), Vec3::Z, Rgb::splat(0.5)));
+    let pixel = |i: usize| {
+        let error = noise * 12f32.sqrt() * (random(number, i) - 0.5);
+        Rgb::splat(light(place(i)) * (1.0 + error))
+    };
+    Frame {
+        number,
+        size: SIZE,
+        window: Window::full(SIZE),
+        camera,
+        picture: Buffer {
+            width: SIZE.x as usize,
+            height: SIZE.y as usize,
+            pixels: (0..count).map(pixel).collect(),
+        },
+        error: vec![noise; count],
+        bias2: Vec::new(),
+        surfaces: Surfaces {
+            spots: spots.collect(),
+            before: None,
+            after: None,
+        },
+        layers: Vec::new(),
+        metadata: Metadata::new(),
+    }
+}
+
+/// The averages of all frames, in their order.
+fn averaged(frames: impl IntoIterator<Item = Frame>) -> Vec<Averaged> {
+    let (mut sequence, mut all) = (Sequence::default(), Vec::new());
+    for frame in frames {
+        all.extend(
+            sequence
+                .push(frame)
+                .expect("frames of one size")
+                .map(|(_, a)| a),
+        );
+    }
+    while let Some((_, averaged)) = sequence.average_next() {
+        all.push(averaged);
+    }
+    all
+}
+
+/// Mean squared relative error, and mean of the picture over that of the light.
+fn errors(picture: &Buffer, truth: &Buffer) -> (f32, f32) {
+    let pairs = || picture.pixels.iter().zip(&truth.pixels);
+    let square = pairs()
+        .map(|(a, b)| ((a.x - b.x) / b.x).powi(2))
+        .sum::<f32>();
+    let sum = |p: &Buffer| p.pixels.iter().map(|p| p.x).sum::<f32>();
+    (
+        square / truth.pixels.len() as f32,
+        sum(picture) / sum(truth),
+    )
+}
+
+fn smooth(place: Vec3) -> f32 {
+    1.0 + 0.3 * (3.0 * place.x).sin()
+}
+
+#[test]
+fn noise_of_a_still_light_is_divided() {
+    // A whole number of pixels, so that no light is interpolated, and a part of one.
+    for shift in [0.0, 1.0, 0.37] {
+        let film = |noise| (0..9).map(move |k| frame(k, shift * k as f32, noise, smooth));
+        let (all, truth) = (averaged(film(0.3)), averaged(film(0.0)));
+        let middle = &all[4];
+        let (square, energy) = errors(&middle.picture, &truth[4].picture);
+        // Nine frames, and less where frames do not overlap.
+        assert!(square < 0.2 * 0.09, "{shift}: {square}");
+        assert!((energy - 1.0).abs() < 0.01, "{shift}: {energy}");
+        let widest = middle.window.iter().filter(|r| **r == 4).count();
+        assert!(widest as f32 > 0.8 * middle.window.len() as f32, "{widest}");
+        // The stated error falls as the true one.
+        let stated =
+            f64::from(middle.error.iter().map(|e| e * e).sum::<f32>()) / middle.error.len() as f64;
+        let ratio = stated / f64::from(square);
+        assert!((0.5..4.0).contains(&ratio), "{shift}: {ratio}");
+        let noise = (stated / 0.09).sqrt();
+        assert!(
+            middle.gain > noise && middle.gain < 0.7,
+            "{} {noise}",
+            middle.gain
+        );
+    }
+}
+
+#[test]
+fn moving_shadow_is_not_smeared() {
+    let light = |k: u32| {
+        move |place: Vec3| {
+            if place.x < 3.0 * PIXEL * (k as f32 - 4.0) {
+                0.1
+            } else {
+                1.0
+            }
+        }
+    };
+    let film = |noise| (0..9).map(move |k| frame(k, 0.0, noise, light(k)));
+    let (all, alone, truth) = (averaged(film(0.1)), film(0.1).nth(4), film(0.0).nth(4));
+    let (alone, truth) = (alone.expect("frame").picture, truth.expect("frame").picture);
+    let (before, after) = (errors(&alone, &truth).0, errors(&all[4].picture, &truth).0);
+    assert!(after < 0.6 * before, "{before} {after}");
+    // Columns that the edge crosses within four frames keep to themselves; those far from it do not.
+    let narrow = |x: usize| {
+        let column = (0..SIZE.y as usize).map(|y| all[4].window[y * SIZE.x as usize + x]);
+        column.filter(|r| *r < 4).count() as f32 / SIZE.y as f32
+    };
+    let shares = [20, 24, 46].map(narrow);
+    assert!(
+        shares[0] > 0.9 && shares[1] > 0.9 && shares[2] < 0.2,
+        "{shares:?}"
+    );
+}
+
+/// A lamp that dims changes every pixel by less than its noise.
+#[test]
+fn dimming_lamp_keeps_its_energy() {
+    let light = |k: u32| move |_: Vec3| 0.93f32.powi(k as i32 - 4).min(1.0);
+    let film = |noise| (0..9).map(move |k| frame(k, 0.0, noise, light(k)));
+    let (all, alone, truth) = (averaged(film(0.1)), film(0.1).nth(4), film(0.0).nth(4));
+    let (alone, truth) = (alone.expect("frame").picture, truth.expect("frame").picture);
+    let ((before, _), (after, energy)) = (errors(&alone, &truth), errors(&all[4].picture, &truth));
+    assert!((energy - 1.0).abs() < 0.035, "{energy}");
+    assert!(after < 0.5 * before, "{before} {after}");
+}
+
+#[test]
+fn what_other_frames_do_not_see_is_left_alone() {
+    let mut frames: Vec<Frame> = (0..9).map(|k| frame(k, 0.0, 0.2, |_| 1.0)).collect();
+    let hidden = 1000;
+    // Something stands before the wall there in all other frames, with another light.
+    for other in frames.iter_mut().filter(|frame| frame.number != 4) {
+        other.surfaces.spots[hidden] = Spot::new(Vec3::Z, Vec3::Z, Rgb::splat(0.5));
+        other.picture.pixels[hidden] = Rgb::splat(50.0);
+        // Mirrors have no surface that counts.
+        other.surfaces.spots[hidden + 10] = Spot::new(Vec3::INFINITY, Vec3::ZERO, Rgb::ZERO);
+        other.picture.pixels[hidden + 10] = Rgb::splat(50.0);
+    }
+    let own = frames[4].picture.clone();
+    let all = averaged(frames);
+    for pixel in [hidden, hidden + 10] {
+        assert!((all[4].picture.pixels[pixel].x - own.pixels[pixel].x).abs() < 1e-4);
+    }
+}
+
+#[test]
+fn frames_come_in_order_and_of_one_size() {
+    let mut sequence = Sequence::default();
+    let mut numbers = Vec::new();
+    for k in 0..7 {
+        let done = sequence.push(frame(k, 0.0, 0.1, smooth)).expect("one size");
+        numbers.extend(done.map(|(frame, _)| frame.number));
+    }
+    assert_eq!(numbers, [0, 1, 2]);
+    let mut other = frame(7, 0.0, 0.1, smooth);
+    other.size = UVec2::new(64, 64);
+    let refused = sequence.push(other).map(|_| ()).expect_err("another size");
+    assert!(refused.contains("frame 6 shows 48x32"), "{refused}");
+    while let Some((frame, _)) = sequence.average_next() {
+        numbers.push(frame.number);
+    }
+    assert_eq!(numbers, [0, 1, 2, 3, 4, 5, 6]);
+}
+
+#[test]
+fn single_frame_is_itself_and_an_unknown_error_averages() {
+    let alone = frame(0, 0.0, 0.3, smooth);
+    let one = averaged([alone.clone()]);
+    let difference = errors(&one[0].picture, &alone.picture).0;
+    assert!(difference < 1e-12 && one[0].gain == 1.0 && one[0].window.iter().all(|r| *r == 0));
+    let unknown = (0..9).map(|k| Frame {
+        error: Vec::new(),
+        ..frame(k, 0.0, 0.3, smooth)
+    });
+    let all = averaged(unknown);
+    assert!(all[4].error.is_empty() && all[4].window.iter().all(|r| *r == 4));
+    assert_eq!(WINDOWS, [0, 1, 2, 4]);
+}
+
+/// A scene of a ball at a place before a wall.
+fn ball(at: Vec3, segments: u32) -> Scene {
+    let mut parts = SceneParts::default();
+    parts.add(
+        materials::diffuse("ball", Rgb::splat(0.6)),
+        [shapes::sphere(at, 0.5, segments)],
+    );
+    let corner = Vec3::new(-4.0, -4.0, -1.0);
+    let wall = shapes::quad(corner, 8.0 * Vec3::X, 8.0 * Vec3::Y);
+    parts.add(materials::diffuse("wall", Rgb::splat(0.3)), [wall]);
+    Scene::new(parts)
+}
+
+#[test]
+fn surfaces_move_with_their_triangles() {
+    let step = Vec3::new(2.0 * PIXEL, PIXEL, 0.0);
+    let scenes: Vec<Scene> = (0..9).map(|k| ball(step * (k as f32 - 4.0), 3)).collect();
+    let camera = camera(0.0);
+    let view = |k: usize| View::new(&scenes[k], &camera, SIZE, Window::full(SIZE));
+    // A still scene has no places; of another mesh there are none that are finite.
+    assert_eq!(places(&view(4), &ball(Vec3::ZERO, 3)), None);
+    let other = places(&view(4), &ball(step, 2)).expect("another mesh");
+    assert!(other.iter().all(|place| !place.is_finite()));
+    let (own, moved) = (
+        Surfaces::of(&view(4)),
+        places(&view(4), &scenes[5]).expect("it moves"),
+    );
+    let mut balls = 0;
+    for (spot, place) in own.spots.iter().zip(&moved) {
+        let on_ball = spot.position.z > -0.9;
+        balls += usize::from(on_ball);
+        let expected = if on_ball {
+            spot.position + step
+        } else {
+            spot.position
+        };
+        assert!(place.distance(expected) < 1e-5, "{place} {expected}");
+    }
+    assert!(balls > 100, "{balls}");
+    // Light that sticks to the ball is averaged on the ball, and the wall behind it is not.
+    let film = |noise: f32| {
+        let frames = (0..9).map(|k| {
+            let centre = step * (k as f32 - 4.0);
+            let mut frame = frame(k as u32, 0.0, noise, |_| 1.0);
+            frame.surfaces = Surfaces::of(&view(k));
+            if k > 0 {
+                frame.surfaces.before = places(&view(k), &scenes[k - 1]);
+            }
+            if k < 8 {
+                frame.surfaces.after = places(&view(k), &scenes[k + 1]);
+            }
+            for (pixel, spot) in frame.picture.pixels.iter_mut().zip(&frame.surfaces.spots) {
+                if spot.position.z > -0.9 {
+                    *pixel *= 1.0 + 0.5 * (4.0 * (spot.position - centre).x).sin();
+                }
+            }
+            frame
+        });
+        frames.collect::<Vec<Frame>>()
+    };
+    let (noisy, clean) = (film(0.2), film(0.0));
+    let (alone, truth) = (noisy[4].picture.clone(), clean[4].picture.clone());
+    let inner = |picture: &Buffer| {
+        let pairs = picture.pixels.iter().zip(&truth.pixels).zip(&own.spots);
+        let inner = pairs.filter(|(_, spot)| spot.position.z > 0.2);
+        let squares = inner.map(|((a, b), _)| ((a.x - b.x) / b.x).powi(2));
+        squares.sum::<f32>()
+    };
+    let all = averaged(noisy);
+    let ratio = inner(&all[4].picture) / inner(&alone);
+    assert!(ratio < 0.35, "{ratio}");
+}
