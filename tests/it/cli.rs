@@ -3,6 +3,7 @@
 mod auto;
 mod broken;
 mod faults;
+mod film;
 mod long;
 #[cfg(target_os = "linux")]
 mod memory;

@@ -1,8 +1,10 @@
 //! Documents against the program: every command parses, every file and link exists, cheap examples of README run.
 
+use crate::support::gltf::File;
 use crate::support::root;
 use opsr::regularise::bin;
 use opsr::regularise::{AttenuationTable, PathRoughness};
+use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -18,7 +20,8 @@ const DOCUMENTS: [&str; 4] = [
 ];
 
 /// Input files that a reader brings along.
-const STAND_INS: [&str; 12] = [
+const STAND_INS: [&str; 13] = [
+    "frames/####.exr",
     "pool.ckpt",
     "left.part",
     "right.part",
@@ -34,8 +37,7 @@ const STAND_INS: [&str; 12] = [
 ];
 
 /// Options whose value is written, not read.
-const OUTPUTS: [&str; 11] = [
-    "--log",
+const OUTPUTS: [&str; 10] = [
     "--stats",
     "-o",
     "--output",
@@ -51,12 +53,13 @@ const OUTPUTS: [&str; 11] = [
 /// Pages of what was measured, at the commits that they name.
 const LAB: &str = "docs/lab";
 
-const SUBCOMMANDS: [&[&str]; 20] = [
+const SUBCOMMANDS: [&[&str]; 21] = [
     &["completions"],
     &["man"],
     &["resolve"],
     &["part"],
     &["merge"],
+    &["film"],
     &["trace"],
     &["render"],
     &["view"],
@@ -480,15 +483,34 @@ fn cheap(arguments: &[String]) -> Option<Vec<String>> {
     Some(small)
 }
 
+/// A training scene whose camera turns by an animation.
+fn animated(name: &str) -> Vec<u8> {
+    let glb = std::fs::read(root().join("training_scenes").join(name)).expect(name);
+    let mut file = File::from_glb(&glb);
+    let nodes = file.json["nodes"].as_array().expect("nodes");
+    let camera = nodes.iter().position(|node| node.get("camera").is_some());
+    let node = json!({ "children": [camera] });
+    let rig = file.push("nodes", node);
+    if let Some(scene) = file.json["scenes"].get_mut(0) {
+        scene["nodes"] = json!((0..=rig).filter(|i| Some(*i) != camera).collect::<Vec<_>>());
+    }
+    let times = file.floats("SCALAR", &[0.0, 2.0]);
+    let places = file.floats("VEC3", &[0.0, 0.0, 0.0, 0.1, 0.0, 0.0]);
+    file.push(
+        "animations",
+        json!({
+            "samplers": [{ "input": times, "output": places }],
+            "channels": [{ "sampler": 0, "target": { "node": rig, "path": "translation" } }],
+        }),
+    );
+    file.glb()
+}
+
 #[test]
 fn examples_of_the_readme_run() {
     let folder = tempfile::tempdir().expect("a folder");
     let here = |name: &str| folder.path().join(name);
-    std::fs::copy(
-        root().join("training_scenes/cornell_glossy.glb"),
-        here("scene.glb"),
-    )
-    .unwrap();
+    std::fs::write(here("scene.glb"), animated("cornell_glossy.glb")).unwrap();
     let suite = r#"
         baseline = "plain"
         seeds = 2
@@ -533,7 +555,8 @@ fn examples_of_the_readme_run() {
             message(&output)
         );
         for (option, file) in arguments.iter().zip(&arguments[1..]) {
-            assert!(option != "-o" || here(file).exists(), "{line}: no {file}");
+            let file = file.replace("####", "0048");
+            assert!(option != "-o" || here(&file).exists(), "{line}: no {file}");
         }
         run.insert(arguments[0].clone());
     }

@@ -1,7 +1,6 @@
 //! Log of a render: samples, seconds and errors over time.
 
 use super::exit::Blame;
-use anyhow::anyhow;
 use opsr::files::{self, FileError};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -47,9 +46,6 @@ pub(super) struct ErrorLog {
 impl ErrorLog {
     /// A log at this place. A render that is resumed after `start` samples keeps the lines up to there.
     pub(super) fn open(path: &Path, start: u32) -> anyhow::Result<Self> {
-        if path.extension().is_none_or(|e| e != "csv") {
-            return Err(anyhow!("--log {}: its name ends in .csv", path.display())).usage();
-        }
         let old = if start > 0 && path.is_file() {
             files::read(path, MAX_BYTES).input()?
         } else {

@@ -68,7 +68,7 @@ impl<'a> Listener<'a> {
             Some(path) => Some(Truth::load(path, &picture.film)?),
             None => None,
         };
-        let log = match &args.log {
+        let log = match args.log() {
             Some(path) => Some(ErrorLog::open(path, run.start)?),
             None => None,
         };

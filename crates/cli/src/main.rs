@@ -25,6 +25,7 @@ mod ended;
 mod error_log;
 mod exit;
 mod expected;
+mod film;
 mod info;
 mod listener;
 mod options;
@@ -69,6 +70,8 @@ enum Command {
     Part(Box<part::PartArgs>),
     /// Put the parts of a render together.
     Merge(Box<part::MergeArgs>),
+    /// Average the frames of an animation along their surfaces.
+    Film(Box<film::FilmArgs>),
     /// Print the paths of a pixel.
     Trace(Box<trace::TraceArgs>),
     /// Render a scene interactively in the browser.
@@ -116,8 +119,9 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         .mut_subcommands(with_negative_numbers)
 }
 
-/// Options that became commands.
-const COMMANDS: [(&str, &str); 4] = [
+/// Options of the program that have another name, or became commands.
+const MOVED: [(&str, &str); 5] = [
+    ("log", "`--stats FILE.csv`"),
     ("film", "`opsr part`, with -o for its file"),
     ("samples", "an option of `opsr part`"),
     ("trace-pixel", "`opsr trace SCENE X,Y`"),
@@ -132,7 +136,7 @@ fn with_new_name(error: clap::Error) -> clap::Error {
         _ => return error,
     };
     let name = unknown.trim_start_matches('-');
-    let command = COMMANDS.iter().find(|(old, _)| *old == name);
+    let command = MOVED.iter().find(|(old, _)| *old == name);
     let option = || renamed(name).map(|new| Fault::usage(new).message(Names::Flags));
     match command.map(|(_, new)| (*new).to_owned()).or_else(option) {
         Some(new) => {
@@ -165,6 +169,7 @@ fn main() -> ExitCode {
     let result = match args.command {
         Command::Render(args) => render::run(&args),
         Command::Part(args) => part::render(&args),
+        Command::Film(args) => film::run(&args).map(|()| Exit::Done),
         Command::Trace(args) => trace::run(&args).map(|()| Exit::Done),
         Command::View(args) => view::run(&args),
         #[cfg(feature = "train")]

@@ -216,6 +216,8 @@ groups! {
     };
     /// Options of the choice among levels and of files, which are made again from a film.
     FileOptions: |option| option.of_film || option.name == "aov";
+    /// Options of files that are written of a picture.
+    PictureOptions: |option| ["exposure", "view", "exr"].contains(&option.name);
     /// The part of a picture.
     CropOption: |option| option.name == "crop";
 }

@@ -3,6 +3,7 @@
 use super::bar::Style;
 use super::ended::Ended;
 use super::exit::{Blame, Exit, IntoExit};
+use super::film;
 use super::listener::{Listener, Run};
 use super::output::note;
 use super::render_args::RenderArgs;
@@ -30,15 +31,18 @@ use std::time::Instant;
 
 /// Runs the command.
 pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
+    if let Some(range) = args.frames {
+        return film::render::run(args, range);
+    }
     let began = Instant::now();
     let mut spec = spec(args).into_exit()?;
+    spec.check_layers(&args.output).into_exit()?;
     let outputs = Outputs::new(&args.output).into_exit()?;
     let denoiser = spec.denoiser().into_exit()?;
-    let others = [&args.checkpoint, &args.stats, &args.log];
-    for path in others.into_iter().flatten() {
+    for path in args.others() {
         can_write(path).into_exit()?;
     }
-    check_files(args, &spec, &[])?;
+    check_files(args, &args.output, &spec, &[])?;
     let _claim = args
         .checkpoint
         .as_deref()
@@ -49,7 +53,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
     let stop = Stop::listen();
     // While inputs are read Ctrl-C ends the program at once.
     let opened = open(&args.scene, &mut spec)?;
-    check_files(args, &spec, &opened.files)?;
+    check_files(args, &args.output, &spec, &opened.files)?;
     stop.begin();
     let name = args.scene.display().to_string();
     let request = request(&spec, &opened, &name)?;
@@ -65,10 +69,10 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
 }
 
 /// The choices of the command line, checked.
-fn spec(args: &RenderArgs) -> Result<Spec, Fault> {
+pub(super) fn spec(args: &RenderArgs) -> Result<Spec, Fault> {
     let spec = args.render.0.clone();
     spec.check()?;
-    spec.check_layers(&args.output)?;
+    args.check()?;
     if args.reproducible && spec.aovs().contains(&Aov::Time) {
         let what = "time never makes the same file twice: not with {reproducible}";
         return Err(Fault::option("aov", what));
@@ -78,12 +82,18 @@ fn spec(args: &RenderArgs) -> Result<Spec, Fault> {
 
 /// Reads the files of a spec and opens the scene, with its warnings; an error for a scene without light.
 pub(super) fn open(scene: &Path, spec: &mut Spec) -> anyhow::Result<Opened> {
-    spec.load_table().into_exit()?;
-    spec.load_look().into_exit()?;
-    let opened = spec.open(scene, READERS, Scene::new).into_exit()?;
+    let opened = open_silently(scene, spec)?;
     for warning in &opened.warnings {
         tracing::warn!("{}: {warning}", scene.display());
     }
+    Ok(opened)
+}
+
+/// The same without warnings.
+pub(super) fn open_silently(scene: &Path, spec: &mut Spec) -> anyhow::Result<Opened> {
+    spec.load_table().into_exit()?;
+    spec.load_look().into_exit()?;
+    let opened = spec.open(scene, READERS, Scene::new).into_exit()?;
     if opened.scene.lights().is_empty() {
         let what = "nothing lights the scene: --env studio, --env sky or a map would";
         return Err(anyhow!("{}: {what}", scene.display())).input();
@@ -97,15 +107,24 @@ pub(super) fn request<'a>(
     opened: &'a Opened,
     name: &'a str,
 ) -> anyhow::Result<Request<'a>> {
+    let request = request_silently(spec, opened, name)?;
+    remark(&request);
+    Ok(request)
+}
+
+/// The same without remarks.
+pub(super) fn request_silently<'a>(
+    spec: &Spec,
+    opened: &'a Opened,
+    name: &'a str,
+) -> anyhow::Result<Request<'a>> {
     let subject = Subject {
         scene: &opened.scene,
         name,
         sha256: &opened.sha256,
         in_studio: opened.in_studio,
     };
-    let request = Request::new(spec, subject, None).into_exit()?;
-    remark(&request);
-    Ok(request)
+    Request::new(spec, subject, None).into_exit()
 }
 
 /// Says what was chosen for the user, and what does not fit.
@@ -134,9 +153,13 @@ pub(super) fn remark_choice(style: Style, choice: &Choice) {
 }
 
 /// Refuses outputs of which two are one file, or one is a file that is read.
-fn check_files(args: &RenderArgs, spec: &Spec, read: &[PathBuf]) -> anyhow::Result<()> {
-    let others = [&args.checkpoint, &args.stats, &args.log];
-    let outputs = args.output.iter().chain(others.into_iter().flatten());
+pub(super) fn check_files(
+    args: &RenderArgs,
+    pictures: &[PathBuf],
+    spec: &Spec,
+    read: &[PathBuf],
+) -> anyhow::Result<()> {
+    let outputs = pictures.iter().chain(args.others());
     let inputs = read.iter().chain(&args.reference).chain([&args.scene]);
     let inputs = inputs.map(PathBuf::as_path).chain(spec_files(spec));
     check_distinct(outputs.map(PathBuf::as_path), inputs).into_exit()
@@ -221,7 +244,7 @@ impl RenderJob<'_> {
             spent,
             saved: &saved,
         };
-        if let Some(path) = &args.stats {
+        if let Some(path) = args.report() {
             let text = format!("{:#}\n", ended.statistics(&self.outputs));
             files::write_bytes(path, text).output()?;
         }

@@ -3,6 +3,8 @@
 use super::bar::Style;
 use super::options::RenderOptions;
 use clap::Args;
+use opsr::render::Fault;
+use opsr_frames::FrameRange;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -15,6 +17,14 @@ pub(super) struct RenderArgs {
     #[command(flatten)]
     pub(super) render: RenderOptions,
 
+    /// Frames of the animations, such as 1..48 or 1..48@30.
+    ///
+    /// Frame 0 is their start; 24 frames per second unless another number follows the @. Each frame is averaged with those around it
+    /// along the surfaces that they share, which divides noise and flicker. The #### in the names of -o stand for the number; a
+    /// name that ends in .apng gets all frames, for browsers to play.
+    /// Frame N is rendered with the seed --seed + N. --time is for all frames, --checkpoint names a folder.
+    #[arg(long, value_name = "A..B", help_heading = "Scene")]
+    pub(super) frames: Option<FrameRange>,
     /// File of the picture, .exr or .png; may be repeated.
     ///
     /// EXR files are linear and have the variance and other layers.
@@ -37,22 +47,16 @@ pub(super) struct RenderArgs {
         hide_short_help = true
     )]
     pub(super) reference: Option<PathBuf>,
-    /// Write statistics of the render to this file (.json).
+    /// Write statistics to this file; .json at the end, .csv over time. May be given twice.
+    ///
+    /// A .json has what the closing line says, and more; a .csv samples, seconds and errors, once a second.
     #[arg(
         long,
         value_name = "FILE",
         help_heading = "Files",
         hide_short_help = true
     )]
-    pub(super) stats: Option<PathBuf>,
-    /// Log samples, seconds and errors over time to this file, a .csv.
-    #[arg(
-        long,
-        value_name = "FILE",
-        help_heading = "Files",
-        hide_short_help = true
-    )]
-    pub(super) log: Option<PathBuf>,
+    pub(super) stats: Vec<PathBuf>,
 
     /// Write the picture so far this often.
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration, help_heading = "Resume", hide_short_help = true)]
@@ -70,6 +74,44 @@ pub(super) struct RenderArgs {
 
     #[command(flatten)]
     pub(super) program: ProgramArgs,
+}
+
+impl RenderArgs {
+    /// Files of statistics: the one of a finished render, and the one of its course (.csv).
+    fn statistics(&self) -> [Vec<&PathBuf>; 2] {
+        let of_course = |path: &&PathBuf| path.extension().is_some_and(|ending| ending == "csv");
+        let (course, end) = self.stats.iter().partition(of_course);
+        [end, course]
+    }
+
+    /// The file for statistics of the finished render.
+    pub(super) fn report(&self) -> Option<&PathBuf> {
+        self.statistics()[0].first().copied()
+    }
+
+    /// The file for errors over time.
+    pub(super) fn log(&self) -> Option<&PathBuf> {
+        self.statistics()[1].first().copied()
+    }
+
+    /// An error for two files of statistics of one kind.
+    pub(super) fn check(&self) -> Result<(), Fault> {
+        match self.statistics().iter().find(|files| files.len() > 1) {
+            Some(files) => {
+                let what = "one .json and one .csv at most";
+                Err(Fault::usage(format!(
+                    "--stats {}: {what}",
+                    files[1].display()
+                )))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Files that are written beside the picture.
+    pub(super) fn others(&self) -> impl Iterator<Item = &PathBuf> {
+        self.checkpoint.iter().chain(&self.stats)
+    }
 }
 
 /// Options of the program, beside those of a render.
@@ -98,4 +140,5 @@ const EXAMPLES: &str = "Examples:
   opsr render scene.glb --opsr-table beta-0.001 --spp 256 -o out.png
   opsr render scene.glb --time 60s --size 1280x720 --env sky.hdr -o out.png
   opsr render scene.glb --spp 4096 --checkpoint night.ckpt -o out.exr
+  opsr render scene.glb --frames 1..48 -o out_####.exr -o out_####.png
   opsr render scene.glb --spp 8192 --checkpoint night.ckpt --resume -o out.exr";

@@ -273,7 +273,6 @@ fn outputs_have_names_of_their_own() {
             "part scene.glb --size 8x8 --spp 1 -o scene.glb".into(),
             read,
         ),
-        (format!("{render} -o o.exr --log scene.glb"), read),
         (
             format!("{render} -o o.exr --opsr-table table.json --stats table.json"),
             read,
@@ -347,7 +346,7 @@ fn checkpoint_in_use_is_refused() {
 #[cfg(unix)]
 fn picture_changed_during_a_render_is_named() {
     let place = Place::new();
-    let args = "render scene.glb --size 32x32 --spp 1000000 --progress none --save-every 10s --log seen.csv -o out.exr -o out.png";
+    let args = "render scene.glb --size 32x32 --spp 1000000 --progress none --save-every 10s --stats seen.csv -o out.exr -o out.png";
     let ended = place.meanwhile("INT", args, "seen.csv", || {
         place.write("out.png", "another picture");
     });

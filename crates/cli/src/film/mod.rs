@@ -1,0 +1,298 @@
+//! Frames of an animation: `opsr film`, and `opsr render --frames`.
+
+mod movie;
+mod outputs;
+pub(super) mod render;
+
+use super::exit::{Blame, IntoExit};
+use super::options::PictureOptions;
+use super::output::note;
+use anyhow::{Context, anyhow};
+use opsr::image::exr::{self, Layer, Layers, Metadata};
+use opsr::image::film::Window;
+use opsr::integrator::View;
+use opsr::render::files::check_distinct;
+use opsr::render::open::Opened;
+use opsr::render::{Fault, Heading, OPTIONS, Spec};
+use opsr::scene::{Camera, Scene};
+use opsr_formats::READERS;
+use opsr_frames::surfaces::places;
+use opsr_frames::{Frame, FrameNames, FrameRange, Sequence, Surfaces};
+use outputs::FrameOutputs;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// Options of `opsr film`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct FilmArgs {
+    /// The scene that the frames show.
+    scene: PathBuf,
+    /// Frames that `opsr render` wrote (.exr); #### stand for their numbers.
+    frames: PathBuf,
+    /// Numbers of the frames, such as 1..48; without it all that are there.
+    #[arg(long = "frames", value_name = "A..B")]
+    range: Option<FrameRange>,
+    /// Files of the averaged frames, .exr or .png, or one of them all, .apng; may be given several times.
+    #[arg(short, long, value_name = "FILE", required = true)]
+    output: Vec<PathBuf>,
+    /// Leave the command out of the files, so that equal films are equal files.
+    #[arg(long)]
+    reproducible: bool,
+    #[command(flatten)]
+    files: PictureOptions,
+}
+
+const EXAMPLES: &str = "Examples:
+  opsr render scene.glb --at 12@24 --seed 12 -o frames/0012.exr
+  opsr film scene.glb frames/####.exr -o film_####.png
+
+Frames need different seeds: noise that is the same in all of them does not average.";
+
+/// Runs `opsr film`.
+pub(super) fn run(args: &FilmArgs) -> anyhow::Result<()> {
+    let names = FrameNames::new(&args.frames);
+    let missing = || {
+        anyhow!(
+            "{}: expected a name with #### for the numbers of frames",
+            args.frames.display()
+        )
+    };
+    let names = names.ok_or_else(missing).usage()?;
+    let numbers = match args.range {
+        Some(range) => range.numbers().collect(),
+        None => found(&names, &args.frames)?,
+    };
+    let mut outputs = FrameOutputs::new(
+        &args.output,
+        &args.files.0,
+        args.reproducible,
+        (numbers[0], numbers.len()),
+    )?;
+    let inputs: Vec<PathBuf> = numbers.iter().map(|number| names.of(*number)).collect();
+    let read = inputs.iter().chain([&args.scene]).map(PathBuf::as_path);
+    let written: Vec<PathBuf> = numbers.iter().flat_map(|n| outputs.files(*n)).collect();
+    let written = written.iter().map(PathBuf::as_path);
+    check_distinct(written.chain(outputs.movies()), read).into_exit()?;
+    let mut film = Film::default();
+    let mut seeds = Vec::new();
+    for number in numbers {
+        let path = names.of(number);
+        let (spec, read) = recorded(&path)?;
+        seeds.extend(read.metadata.get("seed").cloned());
+        let open = || spec.open(&args.scene, READERS, Scene::new).into_exit();
+        let opened = film.open(&args.scene, &spec, open)?;
+        let theirs = read.metadata.get("scene_sha256");
+        if theirs.is_some_and(|theirs| *theirs != opened.sha256) {
+            let what = format!("rendered from another scene than {}", args.scene.display());
+            return Err(anyhow!("{}: {what}", path.display())).input();
+        }
+        let camera = spec.camera(&opened.scene, read.size).into_exit()?;
+        let frame = read_frame(&path, number, read, camera).input()?;
+        film.add(opened, frame, &mut outputs)?;
+    }
+    film.end(&mut outputs)?;
+    let summary = outputs.summary();
+    outputs.end()?;
+    if seeds.len() > 1 && seeds.windows(2).all(|pair| pair[0] == pair[1]) {
+        tracing::warn!(
+            "all frames have the seed {}: noise that is the same in all of them does not average",
+            seeds[0]
+        );
+    }
+    note(summary);
+    Ok(())
+}
+
+/// Numbers of the frames that are there, one after another.
+fn found(names: &FrameNames, pattern: &Path) -> anyhow::Result<Vec<u32>> {
+    let shown = pattern.display().to_string();
+    let numbers = names.found().context(shown.clone()).input()?;
+    if numbers.is_empty() {
+        return Err(anyhow!("{shown}: no such files")).input();
+    }
+    let gap = numbers.windows(2).find(|pair| pair[1] != pair[0] + 1);
+    if let Some([before, _]) = gap {
+        let path = names.of(before + 1);
+        return Err(anyhow!(
+            "{}: missing; --frames A..B takes a part",
+            path.display()
+        ))
+        .input();
+    }
+    Ok(numbers)
+}
+
+/// A file of a frame with the options of its scene, light and camera.
+fn recorded(path: &Path) -> anyhow::Result<(Spec, Layers)> {
+    let layers = exr::read_layers(path).input()?;
+    let mut spec = Spec::default();
+    let wanted = [Heading::Scene, Heading::Light, Heading::Camera];
+    for option in OPTIONS
+        .iter()
+        .filter(|option| wanted.contains(&option.heading))
+    {
+        let Some(text) = layers.metadata.get(option.name) else {
+            continue;
+        };
+        let value = match option.value.is_empty() {
+            true => Value::Bool(text == "true"),
+            false => Value::from(text.as_str()),
+        };
+        let set = spec.set(option.name, &value);
+        set.map_err(|fault| Fault::Input(format!("{}: {fault}", path.display())))
+            .into_exit()?;
+    }
+    spec.load_look().into_exit()?;
+    Ok((spec, layers))
+}
+
+/// Layers that an averaged frame keeps, with their channels: those of its surfaces.
+const KEPT: [(&str, &[&str]); 6] = [
+    ("albedo", &["R", "G", "B"]),
+    ("normal", &["X", "Y", "Z"]),
+    ("depth", &[""]),
+    ("", &["A"]),
+    ("position", &["X", "Y", "Z"]),
+    ("id", &["mesh", "material"]),
+];
+
+/// The frame of a file.
+fn read_frame(path: &Path, number: u32, read: Layers, camera: Camera) -> anyhow::Result<Frame> {
+    let at = |what| anyhow!("{}: {what}", path.display());
+    let (x, y) = read.position;
+    let place = u32::try_from(x).ok().zip(u32::try_from(y).ok());
+    let window = place.map(|(x, y)| Window {
+        x,
+        y,
+        w: read.width as u32,
+        h: read.height as u32,
+    });
+    let window = window.filter(|window| window.inside(&Window::full(read.size)));
+    let window = window.ok_or_else(|| at("its pixels reach beyond the frame"))?;
+    let picture = read.main().map_err(|problem| problem.at(path))?;
+    if picture.pixels.iter().any(|p| !p.is_finite()) {
+        return Err(at("a pixel is not finite"));
+    }
+    let mut channels = read.channels;
+    let mut layers = Vec::new();
+    for (layer, names) in KEPT {
+        let full = |name: &str| match (layer, name) {
+            ("", name) | (name, "") => name.to_owned(),
+            (layer, name) => format!("{layer}.{name}"),
+        };
+        let found = names
+            .iter()
+            .map(|name| Some((*name, channels.remove(&full(name))?)));
+        let found: Option<Vec<_>> = found.collect();
+        layers.extend(found.map(|channels| Layer {
+            name: layer.to_owned(),
+            channels,
+        }));
+    }
+    let mut plane = |name: &str| channels.remove(name).unwrap_or_default();
+    let (error, bias2) = (plane("error"), plane("bias2"));
+    if error.iter().chain(&bias2).any(|x| x.is_nan() || *x < 0.0) {
+        return Err(at("a stated error is not a number"));
+    }
+    Ok(Frame {
+        number,
+        size: read.size,
+        window,
+        camera,
+        picture,
+        error,
+        bias2,
+        surfaces: Surfaces::default(),
+        layers,
+        metadata: of_render(read.metadata),
+    })
+}
+
+/// The text of a frame without that of the run that made it, and of the statistics of its samples.
+fn of_render(mut metadata: Metadata) -> Metadata {
+    for key in ["command", "seconds", "threads", "mean_error"] {
+        metadata.remove(key);
+    }
+    metadata
+}
+
+/// Frames in order, and the scene of the last one.
+#[derive(Default)]
+struct Film {
+    sequence: Sequence,
+    last: Option<(Opened, Camera)>,
+    /// Options of the scene and light of the last frame.
+    asked: String,
+}
+
+/// The options of scene and light but for the moment, in words that two specs share only if they ask for the same.
+fn asked(spec: &Spec) -> String {
+    let spec = Spec {
+        at: None,
+        ..spec.clone()
+    };
+    spec.words(&[Heading::Scene, Heading::Light])
+}
+
+impl Film {
+    /// The scene at the moment of a spec: that of the last frame, where cameras alone have moved since, or opened by `open`.
+    fn open(
+        &mut self,
+        scene: &Path,
+        spec: &Spec,
+        open: impl FnOnce() -> anyhow::Result<Opened>,
+    ) -> anyhow::Result<Opened> {
+        let (asked, before) = (asked(spec), self.asked.clone());
+        self.asked = asked;
+        if let Some((opened, _)) = &mut self.last
+            && self.asked == before
+            && opened.at(spec, scene).into_exit()?
+            && let Some((opened, _)) = self.last.take()
+        {
+            return Ok(opened);
+        }
+        open()
+    }
+
+    /// Adds a frame of a scene, without its surfaces, and writes the frame whose neighbours are there now.
+    fn add(
+        &mut self,
+        opened: Opened,
+        mut frame: Frame,
+        outputs: &mut FrameOutputs,
+    ) -> anyhow::Result<()> {
+        let camera = frame.camera.clone();
+        let view = View::new(&opened.scene, &camera, frame.size, frame.window);
+        frame.surfaces = Surfaces::of(&view);
+        // A scene that is still has no places: `last` was taken.
+        if let Some((last, seen)) = &self.last {
+            let theirs = View::new(&last.scene, seen, frame.size, frame.window);
+            self.sequence.set_after(places(&theirs, &opened.scene));
+            frame.surfaces.before = places(&view, &last.scene);
+        }
+        let in_studio = opened.in_studio;
+        self.last = Some((opened, camera));
+        let done = self
+            .sequence
+            .push(frame)
+            .map_err(anyhow::Error::msg)
+            .input()?;
+        if let Some((frame, averaged)) = done {
+            outputs.write(frame, averaged, in_studio)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the frames that wait for others, after which none comes.
+    fn end(&mut self, outputs: &mut FrameOutputs) -> anyhow::Result<()> {
+        let in_studio = self
+            .last
+            .as_ref()
+            .is_some_and(|(opened, _)| opened.in_studio);
+        while let Some((frame, averaged)) = self.sequence.average_next() {
+            outputs.write(frame, averaged, in_studio)?;
+        }
+        Ok(())
+    }
+}

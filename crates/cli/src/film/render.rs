@@ -1,0 +1,431 @@
+//! `opsr render --frames`: the frames of an animation, rendered one after another and averaged.
+
+use super::super::bar::{Style, terminal};
+use super::super::exit::{Blame, Exit, IntoExit};
+use super::super::output::note;
+use super::super::render::{
+    check_files, open, open_silently, remark_choice, request, request_silently, spec,
+};
+use super::super::render_args::RenderArgs;
+use super::super::stop::Stop;
+use super::super::threads::set_threads;
+use super::outputs::FrameOutputs;
+use super::{Film, of_render, read_frame, recorded};
+use anyhow::anyhow;
+use indicatif::ProgressBar;
+use opsr::files::{self, Claim};
+use opsr::image::denoise::Denoiser;
+use opsr::image::exr::Layers;
+use opsr::integrator::drive::{Reason, RenderProgress};
+use opsr::integrator::layers::Aov;
+use opsr::render::value::Moment;
+use opsr::render::{Fault, Finished, Outcome, Request, Spec};
+use opsr_frames::{Frame, FrameNames, FrameRange, Surfaces};
+use std::borrow::Cow;
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Layers of a frame that its average keeps.
+const LAYERS: [Aov; 6] = [
+    Aov::Albedo,
+    Aov::Normal,
+    Aov::Depth,
+    Aov::Alpha,
+    Aov::Position,
+    Aov::Id,
+];
+
+/// Runs the command.
+pub(in super::super) fn run(args: &RenderArgs, range: FrameRange) -> anyhow::Result<Exit> {
+    let began = Instant::now();
+    let spec = checked(args).into_exit()?;
+    let of_range = (range.first, range.numbers().len());
+    let mut outputs = FrameOutputs::new(&args.output, &spec, args.reproducible, of_range)?;
+    let denoiser = spec.denoiser().into_exit()?;
+    let kept = args.checkpoint.as_deref();
+    let kept = kept
+        .map(|folder| Kept::open(folder, args.resume))
+        .transpose()?;
+    let mut files: Vec<PathBuf> = range.numbers().flat_map(|n| outputs.files(n)).collect();
+    files.extend(outputs.movies().map(Path::to_owned));
+    check_files(args, &files, &spec, &[])?;
+    set_threads(args.program.threads)?;
+    let job = Job {
+        args,
+        range,
+        spec,
+        denoiser,
+        kept,
+        files,
+        stop: Stop::listen(),
+        began,
+        bar: Progress::new(args.program.progress, range),
+    };
+    let done = job.run(&mut outputs);
+    job.bar.finish();
+    let exit = done?;
+    let summary = outputs.summary();
+    for path in outputs.end()? {
+        let path = path.display();
+        note(format_args!(
+            "opsr: {path}: not written, the film was stopped"
+        ));
+    }
+    if args.program.progress == Style::Auto {
+        let seconds = began.elapsed().as_secs_f64();
+        note(format_args!("{summary} in {seconds:.2} s"));
+    }
+    Ok(exit)
+}
+
+/// The choices of the command line; an error for those that a film does not have.
+fn checked(args: &RenderArgs) -> Result<Spec, Fault> {
+    let spec = spec(args)?;
+    let given = [
+        ("--reference", args.reference.is_some()),
+        ("--stats", !args.stats.is_empty()),
+        ("--save-every", args.save_every.is_some()),
+    ];
+    if let Some((name, _)) = given.iter().find(|(_, given)| *given) {
+        return Err(Fault::usage(format!(
+            "{name}: of one picture, not beside --frames"
+        )));
+    }
+    if spec.at.is_some() {
+        return Err(Fault::option("at", "--frames says the moments"));
+    }
+    if let Some(layer) = spec.aovs().iter().find(|layer| !LAYERS.contains(layer)) {
+        let why = format!(
+            "{} is of a frame alone, and is lost where frames are averaged",
+            layer.name()
+        );
+        return Err(Fault::option("aov", why));
+    }
+    Ok(spec)
+}
+
+/// Frames as they were rendered, kept in a folder so that a film can be continued.
+struct Kept {
+    folder: PathBuf,
+    resumed: bool,
+    _claim: Claim,
+}
+
+impl Kept {
+    fn open(folder: &Path, resumed: bool) -> anyhow::Result<Self> {
+        let shown = folder.display();
+        if folder.is_file() {
+            return Err(anyhow!(
+                "--checkpoint {shown}: of frames it is a folder, and this is a file"
+            ))
+            .usage();
+        }
+        let claim = Claim::on(folder).output()?;
+        files::create_folder(folder).output()?;
+        let kept = Self {
+            folder: folder.to_owned(),
+            resumed,
+            _claim: claim,
+        };
+        let old = kept
+            .names()
+            .found()
+            .map_err(|e| anyhow!("{shown}: {e}"))
+            .input()?;
+        if !resumed && !old.is_empty() {
+            let what = "has frames: --resume continues with them; remove it to begin anew";
+            return Err(anyhow!("{shown} {what}")).usage();
+        }
+        Ok(kept)
+    }
+
+    fn names(&self) -> FrameNames {
+        FrameNames::new(&self.folder.join("######.exr")).expect("a name with digits")
+    }
+
+    /// The file of a frame, and if it is there from an earlier run.
+    fn file(&self, number: u32) -> (PathBuf, bool) {
+        let file = self.names().of(number);
+        let there = self.resumed && file.exists();
+        (file, there)
+    }
+}
+
+/// Contenders of the choice of an integrator that are looked through for that of a kept frame; there are fewer.
+const CONTENDERS: usize = 16;
+
+/// Keys that equal renders of a frame may differ in.
+const OF_A_RUN: [&str; 8] = [
+    "scene",
+    "command",
+    "seconds",
+    "threads",
+    "refused_samples",
+    "mean_relative_error",
+    "light_missing",
+    "spp",
+];
+
+/// A film that is rendered.
+struct Job<'a> {
+    args: &'a RenderArgs,
+    range: FrameRange,
+    spec: Spec,
+    denoiser: Option<Denoiser>,
+    kept: Option<Kept>,
+    /// The files of all frames.
+    files: Vec<PathBuf>,
+    stop: Stop,
+    began: Instant,
+    bar: Progress,
+}
+
+impl Job<'_> {
+    fn run(&self, outputs: &mut FrameOutputs) -> anyhow::Result<Exit> {
+        let (args, numbers) = (self.args, self.range.numbers());
+        let (name, count) = (args.scene.display().to_string(), numbers.len());
+        let (mut film, mut place) = (Film::default(), None);
+        for (done, number) in numbers.enumerate() {
+            let mut spec = self.spec_of(number, count - done);
+            // Warnings and remarks are those of the first frame.
+            let opened = match done {
+                0 => Some(open(&args.scene, &mut spec)?),
+                _ => None,
+            };
+            spec.load_table().into_exit()?;
+            spec.load_look().into_exit()?;
+            let later = || open_silently(&args.scene, &mut spec.clone());
+            let opened = film.open(&args.scene, &spec, || opened.map_or_else(later, Ok))?;
+            if done == 0 {
+                check_files(args, &self.files, &spec, &opened.files)?;
+                if opened.animations.is_empty() {
+                    let what = "there are no animations, every frame is the same";
+                    return Err(anyhow!("--frames: {what}")).usage();
+                }
+            }
+            self.stop.begin();
+            let mut request = match done {
+                0 => request(&spec, &opened, &name)?,
+                _ => request_silently(&spec, &opened, &name)?,
+            };
+            self.bar.begin(done);
+            let frame = match self.kept.as_ref().map(|kept| kept.file(number)) {
+                Some((file, true)) => Some(self.read(&mut request, &file, number, &mut place)?),
+                kept => {
+                    self.render(&mut request, kept.map(|(file, _)| file), number, &mut place)?
+                }
+            };
+            let Some(frame) = frame else {
+                film.end(outputs)?;
+                return Ok(Exit::Stopped);
+            };
+            film.add(opened, frame, outputs)?;
+        }
+        film.end(outputs)?;
+        Ok(Exit::Done)
+    }
+
+    /// The choices for a frame, of which `left` are to be rendered.
+    fn spec_of(&self, number: u32, left: usize) -> Spec {
+        let mut spec = self.spec.clone();
+        spec.at = Some(Moment::Frame(number.into(), self.range.fps));
+        let seed = spec.seed.unwrap_or_default();
+        spec.seed = Some(seed.wrapping_add(number.into()));
+        spec.time = spec.time.map(|time| {
+            let share = time.saturating_sub(self.began.elapsed()) / left as u32;
+            share.max(Duration::from_millis(1))
+        });
+        spec
+    }
+
+    /// A frame of an earlier run; an error for one that this render would not make. `place` is that of the contender that was chosen.
+    fn read(
+        &self,
+        request: &mut Request<'_>,
+        file: &Path,
+        number: u32,
+        place: &mut Option<usize>,
+    ) -> anyhow::Result<Frame> {
+        let (_, read) = recorded(file)?;
+        let differs = |request: &Request<'_>| {
+            let ours = request.metadata(0, 0);
+            let of_render = |key: &&String| !OF_A_RUN.contains(&key.as_str());
+            let mut keys = ours.keys().filter(of_render);
+            keys.find(|key| ours.get(*key) != read.metadata.get(*key))
+                .cloned()
+        };
+        if let Some(place) = *place {
+            request.take(place);
+        } else {
+            *place = (0..CONTENDERS).find(|place| {
+                let mut contender = request.clone();
+                contender.take(*place);
+                differs(&contender).is_none()
+            });
+            request.take(place.unwrap_or(0));
+        }
+        let other = differs(request).or_else(|| {
+            let spp = self.spec.spp.map(|spp| spp.to_string());
+            let same = spp.is_none() || spp.as_ref() == read.metadata.get("spp");
+            (!same).then(|| "spp".to_owned())
+        });
+        if let Some(key) = other {
+            let theirs = read.metadata.get(&key).map_or("missing", String::as_str);
+            let what = format!("a frame of another render: its `{key}` is {theirs}");
+            return Err(anyhow!("{}: {what}", file.display())).input();
+        }
+        let mut wanted = self.spec.aovs().iter();
+        if let Some(layer) = wanted.find(|layer| !has(&read, **layer)) {
+            let what = format!("a frame without the layer {}", layer.name());
+            return Err(anyhow!("{}: {what}", file.display())).input();
+        }
+        let shape = (read.size, (read.width as u32, read.height as u32));
+        if shape != (request.frame, (request.window.w, request.window.h)) {
+            return Err(anyhow!("{}: a frame of another size", file.display())).input();
+        }
+        read_frame(file, number, read, request.camera.clone()).input()
+    }
+
+    /// Renders a frame and keeps it; `None` if it was stopped.
+    fn render(
+        &self,
+        request: &mut Request<'_>,
+        kept: Option<PathBuf>,
+        number: u32,
+        place: &mut Option<usize>,
+    ) -> anyhow::Result<Option<Frame>> {
+        if let Some(place) = *place {
+            request.take(place);
+        }
+        let Some(begun) = request.begin(&|| !self.stop.asked()).into_exit()? else {
+            return Ok(None);
+        };
+        if let Some(choice) = &begun.choice {
+            remark_choice(self.args.program.progress, choice);
+            *place = Some(choice.best);
+        }
+        let asked = self.stop.flag();
+        let on_pass = &mut |progress: &RenderProgress, _: &_| {
+            self.bar.show(progress);
+            self.stop.flow()
+        };
+        let output = request.render(begun, Some(&asked), on_pass);
+        if output.reason == Reason::Stopped {
+            return Ok(None);
+        }
+        let (samples, seconds) = (output.progress.samples, output.progress.elapsed);
+        let picture = Cow::Owned(output.picture);
+        let mut outcome = Outcome::of(request, picture, samples, output.missing);
+        if !self.args.reproducible {
+            let seconds = format!("{:.3}", seconds.as_secs_f64());
+            outcome.metadata.insert("seconds".into(), seconds);
+        }
+        // Rounded numbers would give other averages when they are read again.
+        outcome.spec.exr = None;
+        let finished = outcome.finish(self.denoiser.as_ref()).into_exit()?;
+        if let Some(file) = kept {
+            finished.save(&file).into_exit()?;
+        }
+        Ok(Some(frame(request, &finished, number)))
+    }
+}
+
+/// True if a file has a layer.
+fn has(file: &Layers, layer: Aov) -> bool {
+    let mut names = file.channels.keys();
+    match layer {
+        Aov::Alpha => names.any(|name| name == "A"),
+        _ => names.any(|name| name.split('.').next() == Some(&layer.name())),
+    }
+}
+
+/// The frame of a finished render, as its file would hold it; its surfaces are not traced yet.
+fn frame(request: &Request<'_>, finished: &Finished<'_>, number: u32) -> Frame {
+    let Finished { outcome, shown } = finished;
+    let (film, missing) = (&outcome.picture.film, outcome.missing.as_ref());
+    let resolved = shown
+        .resolved
+        .as_ref()
+        .filter(|resolved| resolved.is_known());
+    Frame {
+        number,
+        size: request.frame,
+        window: request.window,
+        camera: request.camera.clone(),
+        picture: shown.picture.clone(),
+        error: shown.errors(film, missing).unwrap_or_default(),
+        bias2: resolved.map_or(Vec::new(), |resolved| resolved.bias2.clone()),
+        surfaces: Surfaces::default(),
+        layers: outcome.aovs.clone(),
+        metadata: of_render(finished.metadata()),
+    }
+}
+
+/// Progress over all frames.
+struct Progress {
+    style: Style,
+    bar: Option<ProgressBar>,
+    range: FrameRange,
+    began: Instant,
+    /// Frames that are done.
+    done: std::cell::Cell<usize>,
+}
+
+/// Steps of the bar for a frame.
+const STEPS: usize = 100;
+
+impl Progress {
+    fn new(style: Style, range: FrameRange) -> Self {
+        let shown = style == Style::Auto && std::io::stderr().is_terminal();
+        let steps = (range.numbers().len() * STEPS) as u64;
+        Self {
+            style,
+            bar: shown.then(|| terminal(steps, "{bar:30} {msg}")),
+            range,
+            began: Instant::now(),
+            done: 0.into(),
+        }
+    }
+
+    /// A frame begins, after so many.
+    fn begin(&self, done: usize) {
+        self.done.set(done);
+    }
+
+    fn show(&self, progress: &RenderProgress) {
+        let (done, all) = (self.done.get(), self.range.numbers().len());
+        let number = self.range.first as usize + done;
+        let part = (done as f64 + progress.fraction.unwrap_or(0.0)) / all as f64;
+        let spent = self.began.elapsed().as_secs_f64();
+        let left = (part > 0.0).then(|| spent * (1.0 - part) / part);
+        match (&self.bar, self.style) {
+            (Some(bar), _) => {
+                bar.set_position((part * (all * STEPS) as f64) as u64);
+                let left = left.map_or(String::new(), |left| {
+                    let whole = Duration::from_secs(left as u64);
+                    format!(", {} left", humantime::format_duration(whole))
+                });
+                bar.set_message(format!("frame {number}, {} spp{left}", progress.samples));
+            }
+            (None, Style::Json) => {
+                let line = serde_json::json!({
+                    "frame": number,
+                    "spp": progress.samples,
+                    "seconds": spent,
+                    "fraction": part,
+                    "eta": left,
+                });
+                // A reader that has gone away is no reason to end a render.
+                let _ = writeln!(std::io::stdout(), "{line}");
+            }
+            (None, _) => {}
+        }
+    }
+
+    fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
