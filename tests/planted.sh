@@ -20,7 +20,8 @@ git ls-files -z | tar --null --create --files-from=- | tar --extract --directory
 
 missed=0
 tried=0
-# plant NAME FILE SUBSTITUTION TEST: a Perl substitution over the whole file; a test of the library is lib::its::name.
+# plant NAME FILE SUBSTITUTION TEST: a Perl substitution over the whole file; a test of the library is lib::its::name, of
+# frames frames::its::name.
 plant() {
     local name=$1 file=$2 change=$3 test=$4
     case $name in *"$only"*) ;; *) return ;; esac
@@ -29,6 +30,7 @@ plant() {
     case $test in
     stability_train::*) target="-p opsr-cli --test it" ;;
     lib::*) target="-p opsr --lib" test=${test#lib::} ;;
+    frames::*) target="-p opsr-frames --lib" test=${test#frames::} ;;
     esac
     cp "$tree/$file" "$tree/../original"
     perl -0pi -e "$change" "$tree/$file"
@@ -192,6 +194,30 @@ plant "one level: discs of fireflies" src/resolve/tiles.rs \
     's/self\.cap\(&mut only\);//' lib::resolve::tests::one_level_makes_no_discs_of_glints_and_fireflies
 plant "one level: discs of glints" src/resolve/mod.rs \
     's/shared: &\[\],\n/shared: all.shared,\n/' lib::resolve::tests::one_level_makes_no_discs_of_glints_and_fireflies
+plant "film: no light counts as wrong" crates/frames/src/average.rs \
+    's/difference - wide\.variance_of_difference\(narrow\)/-wide.variance_of_difference(narrow)/' \
+    frames::tests::moving_shadow_is_not_smeared
+plant "film: noise counts as wrong light" crates/frames/src/average.rs \
+    's/difference - wide\.variance_of_difference\(narrow\)/difference/' frames::tests::noise_of_a_still_light_is_divided
+plant "film: regions are not compared" crates/frames/src/average.rs \
+    's/SEEN \* square\(i\)/0.0 * square(i)/' frames::tests::dimming_lamp_keeps_its_energy
+plant "film: hidden places count" crates/frames/src/follow.rs \
+    's/\(-unlike\)\.exp\(\)/1.0/' frames::tests::surfaces_are_found_between_pixels
+plant "film: moving surfaces stay where they are" crates/frames/src/follow.rs \
+    's/self\.place = match steps/let _ = match steps/' frames::tests::surfaces_move_with_their_triangles
+plant "film: surfaces move back" crates/frames/src/follow.rs \
+    's/true => &from\.surfaces\.after,\n            false => &from\.surfaces\.before/true => &from.surfaces.before,\n            false => &from.surfaces.after/' \
+    frames::tests::surfaces_move_with_their_triangles
+plant "film: a place by corners in another order" crates/frames/src/surfaces.rs \
+    's/hit\.u \* \(b - a\) \+ hit\.v \* \(c - a\)/hit.v * (b - a) + hit.u * (c - a)/' \
+    frames::tests::surfaces_move_with_their_triangles
+plant "film: pixels between pixels are not mixed" crates/frames/src/follow.rs \
+    's/let part = at - corner/let part = (at - corner).round()/' frames::tests::surfaces_are_found_between_pixels
+plant "film: the first frames are lost" crates/frames/src/sequence.rs \
+    's/self\.frames\.len\(\) > self\.done \+ WIDEST/self.frames.len() > self.done + 2 * WIDEST/' \
+    frames::tests::frames_come_in_order_and_of_one_size
+plant "film: the stated error stays" crates/frames/src/average.rs \
+    's/own \* \(reduced \* reduced - 1\.0\)/0.0 * (reduced - 1.0)/' frames::tests::noise_of_a_still_light_is_divided
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

@@ -18,7 +18,7 @@ pub(super) enum Exit {
     Input = 3,
     /// A result could not be written.
     Output = 4,
-    /// Stopped by the user; the results so far are saved.
+    /// Stopped by the user, or by a limit of time within the first sample; the results so far are saved.
     Stopped = 5,
     /// Pictures differ by more than they may.
     Differ = 6,

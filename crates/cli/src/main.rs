@@ -59,7 +59,8 @@ struct Args {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done; 1 failed; 2 wrong usage; 3 an input file is missing, damaged or not \
-supported; 4 a result could not be written; 5 stopped by the user, the results so far are saved; 6 pictures differ by more \
+supported; 4 a result could not be written; 5 stopped by the user or within the first sample, the \
+results so far are saved; 6 pictures differ by more \
 than `opsr compare` was told to allow; 7 there is not enough memory, which is found out before it is taken.";
 
 #[derive(Subcommand)]

@@ -252,7 +252,7 @@ impl RenderJob<'_> {
             return Err(error);
         }
         ended.report(&self.outputs);
-        Ok(if output.reason == Reason::Stopped {
+        Ok(if output.reason == Reason::Stopped || samples == 0 {
             Exit::Stopped
         } else {
             Exit::Done

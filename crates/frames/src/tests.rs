@@ -1,6 +1,7 @@
 //! Films of a painted wall, whose light and noise are known.
 
 use super::average::WINDOWS;
+use super::follow::Trail;
 use super::surfaces::{Spot, places};
 use super::{Averaged, Frame, Sequence, Surfaces};
 use opsr::image::Buffer;
@@ -192,6 +193,40 @@ fn what_other_frames_do_not_see_is_left_alone() {
     for pixel in [hidden, hidden + 10] {
         assert!((all[4].picture.pixels[pixel].x - own.pixels[pixel].x).abs() < 1e-4);
     }
+}
+
+/// Between the pixels of another frame light is mixed, and a surface that is hidden there, or bent or painted otherwise, is not seen.
+#[test]
+fn surfaces_are_found_between_pixels() {
+    let slope = |place: Vec3| 1.0 + 0.5 * place.x;
+    let (own, mut other) = (frame(0, 0.0, 0.0, slope), frame(1, 0.37, 0.0, slope));
+    let pixel = 10 * SIZE.x as usize + 20;
+    let variance = vec![0.2; own.error.len()];
+    let trail = Trail::new(&own, pixel);
+    let sight = trail.sight(&other, &variance).expect("it is seen");
+    let expected = own.picture.pixels[pixel].x;
+    // A twentieth of a pixel.
+    assert!(
+        (sight.light.x - expected).abs() < 0.05 * 0.5 * PIXEL,
+        "{sight:?} {expected}"
+    );
+    assert!(sight.weight > 0.9 && sight.weight <= 1.0 && (sight.variance - 0.2).abs() < 1e-6);
+    let spots = other.surfaces.spots.clone();
+    let place = |spot: &Spot| spot.position;
+    let others: [fn(&Spot, Vec3) -> Spot; 3] = [
+        |_, at| Spot::new(at + 0.5 * Vec3::Z, Vec3::Z, Rgb::splat(0.5)),
+        |_, at| Spot::new(at, Vec3::X, Rgb::splat(0.5)),
+        |_, at| Spot::new(at, Vec3::Z, Rgb::new(0.9, 0.5, 0.5)),
+    ];
+    for hide in others {
+        other.surfaces.spots = spots.iter().map(|spot| hide(spot, place(spot))).collect();
+        assert_eq!(trail.sight(&other, &variance), None);
+    }
+    // Beyond the edge of the picture.
+    assert_eq!(
+        Trail::new(&own, 0).sight(&frame(1, 5.0, 0.0, slope), &variance),
+        None
+    );
 }
 
 #[test]

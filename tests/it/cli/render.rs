@@ -777,6 +777,23 @@ fn threads_are_few_beside_the_cores() {
     assert!(clock.elapsed().as_secs() < 20);
 }
 
+/// A picture without one whole sample is no finished one.
+#[test]
+fn time_that_ends_within_the_first_sample_is_told() {
+    let place = Place::new();
+    for integrator in ["path", "vcm"] {
+        let render = format!("render scene.glb --size 2048x2048 --integrator {integrator}");
+        let ended = place.opsr(&format!("{render} --time 1ms --progress none -o part.exr"));
+        assert_eq!(ended.code, Some(5), "{integrator}: {}", ended.err);
+        assert!(
+            ended.err.contains("stopped within the first sample"),
+            "{}",
+            ended.err
+        );
+        assert!(place.path().join("part.exr").exists());
+    }
+}
+
 /// The lines of the log after the checkpoint belong to samples that are lost.
 #[test]
 fn resume_continues_the_log() {

@@ -315,6 +315,11 @@ impl Job<'_> {
             return Ok(None);
         }
         let (samples, seconds) = (output.progress.samples, output.progress.elapsed);
+        if samples == 0 {
+            let what = "its time ended within the first sample: the film ends before it";
+            tracing::warn!("frame {number}: {what}");
+            return Ok(None);
+        }
         let picture = Cow::Owned(output.picture);
         let mut outcome = Outcome::of(request, picture, samples, output.missing);
         if !self.args.reproducible {
