@@ -33,11 +33,13 @@ pub enum Aov {
     EachLevel,
     /// Seconds spent on the paths of the pixel.
     Time,
+    /// Pixels to the place of the surface in the last frame of a film and in the next.
+    Motion,
 }
 
 impl Aov {
     /// All of them.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Albedo,
         Self::Normal,
         Self::Depth,
@@ -50,6 +52,7 @@ impl Aov {
         Self::Level,
         Self::EachLevel,
         Self::Time,
+        Self::Motion,
     ];
 
     /// Its name in options.
@@ -133,8 +136,8 @@ impl<'a> Layers<'a> {
             Aov::Emission => Layer::rgb("emission", &light?.emission()),
             Aov::Direct => Layer::rgb("direct", &light?.direct()),
             Aov::Indirect => Layer::rgb("indirect", &light?.indirect(&picture.film)),
-            // Written with the other results of the levels.
-            Aov::Level | Aov::EachLevel => return None,
+            // Written with the other results of the levels, and of films.
+            Aov::Level | Aov::EachLevel | Aov::Motion => return None,
             Aov::Time => Layer::scalar("time", aovs?.time.as_ref()?.seconds()),
         })
     }

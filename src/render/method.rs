@@ -112,6 +112,10 @@ impl Spec {
                 return Err(Fault::option(name, why));
             }
         }
+        if self.aovs().contains(&Aov::Motion) {
+            let why = "motion is of the frames of a film: `opsr render --frames`";
+            return Err(Fault::option("aov", why));
+        }
         self.check_mode()?;
         self.check_table()?;
         self.check_levels()?;

@@ -35,7 +35,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
         return film::render::run(args, range);
     }
     let began = Instant::now();
-    let mut spec = spec(args).into_exit()?;
+    let mut spec = spec(args, args.render.0.clone()).into_exit()?;
     spec.check_layers(&args.output).into_exit()?;
     let outputs = Outputs::new(&args.output).into_exit()?;
     let denoiser = spec.denoiser().into_exit()?;
@@ -69,8 +69,7 @@ pub(super) fn run(args: &RenderArgs) -> anyhow::Result<Exit> {
 }
 
 /// The choices of the command line, checked.
-pub(super) fn spec(args: &RenderArgs) -> Result<Spec, Fault> {
-    let spec = args.render.0.clone();
+pub(super) fn spec(args: &RenderArgs, spec: Spec) -> Result<Spec, Fault> {
     spec.check()?;
     args.check()?;
     if args.reproducible && spec.aovs().contains(&Aov::Time) {

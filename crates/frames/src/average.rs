@@ -17,7 +17,7 @@
 use crate::follow::{Sight, Trail};
 use crate::frame::{Averaged, Frame};
 use opsr::image::Buffer;
-use opsr::math::Vec3;
+use opsr::math::{Vec2, Vec3};
 use rayon::prelude::*;
 
 /// Frames to each side of the windows.
@@ -190,11 +190,30 @@ fn windows(frames: &[(&Frame, &[f32])], f: usize, pixel: usize) -> [Sums; WINDOW
     all
 }
 
+/// Motion to the last frame or to the next one; 0 where there is none.
+fn motion(frames: &[(&Frame, &[f32])], f: usize, forward: bool) -> Vec<Vec2> {
+    let frame = frames[f].0;
+    let other = match forward {
+        true => frames.get(f + 1),
+        false => f.checked_sub(1).and_then(|g| frames.get(g)),
+    };
+    let way = |pixel| match other {
+        Some((other, _)) => {
+            let mut trail = Trail::new(frame, pixel);
+            trail.step(frame, 0, forward);
+            trail.way(other)
+        }
+        None => Vec2::ZERO,
+    };
+    let pixels = (0..frame.picture.pixels.len()).into_par_iter();
+    pixels.map(way).collect()
+}
+
 /// Pairs of a window and a narrower one.
 const PAIRS: [(usize, usize); 6] = [(1, 0), (2, 0), (2, 1), (3, 0), (3, 1), (3, 2)];
 
 /// The average of the frame at place `f` among frames one after another, with the variances of their pixels.
-pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize) -> Averaged {
+pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize, wants_motion: bool) -> Averaged {
     let frame = frames[f].0;
     let (width, count) = (frame.picture.width, frame.picture.pixels.len());
     let sums: Vec<[Sums; WINDOWS.len()]> = (0..count)
@@ -285,6 +304,10 @@ pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize) -> Averaged {
         },
         error,
         window: chosen.iter().map(|k| WINDOWS[*k] as u8).collect(),
+        motion: [false, true].map(|forward| match wants_motion {
+            true => motion(frames, f, forward),
+            false => Vec::new(),
+        }),
         gain: (1.0 + own * (reduced * reduced - 1.0)).sqrt(),
     }
 }

@@ -52,13 +52,17 @@ fn side(frame: &Frame, place: Vec3) -> f32 {
     }
 }
 
-/// Position of a place in the window of a frame, in pixels from the centre of the first one.
-fn project(frame: &Frame, place: Vec3) -> Option<Vec2> {
+/// Position of a place in a frame, in pixels from the centre of the first one of its window; it may be beyond it.
+fn seen_at(frame: &Frame, place: Vec3) -> Option<Vec2> {
     let size = frame.size.as_vec2();
-    let seen = frame.camera.project(place, size.x / size.y, Vec2::ZERO);
-    let (film, ..) = seen?;
+    let (film, ..) = frame.camera.project(place, size.x / size.y, Vec2::ZERO)?;
     let first = Vec2::new(frame.window.x as f32, frame.window.y as f32);
-    let at = film * size - 0.5 - first;
+    Some(film * size - 0.5 - first)
+}
+
+/// The same of a place in the window.
+fn project(frame: &Frame, place: Vec3) -> Option<Vec2> {
+    let at = seen_at(frame, place)?;
     let outer = Vec2::new(frame.window.w as f32, frame.window.h as f32);
     (at.cmpgt(Vec2::splat(-1.0)).all() && at.cmplt(outer).all()).then_some(at)
 }
@@ -106,6 +110,14 @@ impl Trail {
         let alike = self.spot.unlike(there).0 < BENT;
         let next = place + (moved[pixel] - there.position);
         (near && alike && next.is_finite()).then_some(next)
+    }
+
+    /// Way in pixels from the surface's own pixel to its place in the frame reached; y up. 0 where it is lost.
+    pub(crate) fn way(&self, frame: &Frame) -> Vec2 {
+        let width = frame.picture.width;
+        let own = Vec2::new((self.pixel % width) as f32, (self.pixel / width) as f32);
+        let at = self.place.and_then(|place| seen_at(frame, place));
+        at.map_or(Vec2::ZERO, |at| (at - own) * Vec2::new(1.0, -1.0))
     }
 
     /// Light of the surface in the frame reached; `None` where it is not seen.

@@ -4,7 +4,7 @@ use crate::surfaces::Surfaces;
 use opsr::image::Buffer;
 use opsr::image::exr::{Layer, Metadata};
 use opsr::image::film::Window;
-use opsr::math::UVec2;
+use opsr::math::{UVec2, Vec2};
 use opsr::scene::Camera;
 
 /// A frame as it was rendered.
@@ -58,6 +58,9 @@ pub struct Averaged {
     pub error: Vec<f32>,
     /// Frames to each side that every pixel was averaged over.
     pub window: Vec<u8>,
+    /// Motion of the surface of every pixel, in pixels: to its place in the last frame, and to that in the next; x to the right, y up.
+    /// 0 where it is not known; empty where it was not asked for.
+    pub motion: [Vec<Vec2>; 2],
     /// Mean error over that of the frame as it was rendered.
     pub gain: f64,
 }

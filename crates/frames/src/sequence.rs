@@ -12,9 +12,18 @@ pub struct Sequence {
     frames: VecDeque<(Frame, Vec<f32>)>,
     /// Frames among those held that were averaged already.
     done: usize,
+    motion: bool,
 }
 
 impl Sequence {
+    /// No frames yet; `motion` asks for that of their surfaces too.
+    pub fn new(motion: bool) -> Self {
+        Self {
+            motion,
+            ..Self::default()
+        }
+    }
+
     /// Places in the next frame, which is about to be added, of the surfaces of the last one.
     pub fn set_after(&mut self, places: Option<Vec<Vec3>>) {
         if let Some((last, _)) = self.frames.back_mut() {
@@ -50,7 +59,7 @@ impl Sequence {
             .frames
             .iter()
             .map(|(frame, variance)| (frame, &**variance));
-        let averaged = average(&frames.collect::<Vec<_>>(), self.done);
+        let averaged = average(&frames.collect::<Vec<_>>(), self.done, self.motion);
         self.done += 1;
         Some((&self.frames[self.done - 1].0, averaged))
     }

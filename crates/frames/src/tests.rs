@@ -8,7 +8,7 @@ use opsr::image::Buffer;
 use opsr::image::exr::Metadata;
 use opsr::image::film::Window;
 use opsr::integrator::View;
-use opsr::math::{Rgb, UVec2, Vec3};
+use opsr::math::{Rgb, UVec2, Vec2, Vec3};
 use opsr::scene::procedural::{materials, shapes};
 use opsr::scene::{Camera, Scene, SceneParts};
 
@@ -77,7 +77,7 @@ fn frame(number: u32, shift: f32, noise: f32, light: impl Fn(Vec3) -> f32) -> Fr
 
 /// The averages of all frames, in their order.
 fn averaged(frames: impl IntoIterator<Item = Frame>) -> Vec<Averaged> {
-    let (mut sequence, mut all) = (Sequence::default(), Vec::new());
+    let (mut sequence, mut all) = (Sequence::new(true), Vec::new());
     for frame in frames {
         all.extend(
             sequence
@@ -122,6 +122,19 @@ fn noise_of_a_still_light_is_divided() {
         assert!((energy - 1.0).abs() < 0.01, "{shift}: {energy}");
         let widest = middle.window.iter().filter(|r| **r == 4).count();
         assert!(widest as f32 > 0.8 * middle.window.len() as f32, "{widest}");
+        // Surfaces move to the left as the camera moves to the right.
+        let [last, next] = &middle.motion;
+        for (way, expected) in [(last, shift), (next, -shift)] {
+            assert!(
+                way.iter()
+                    .all(|way| way.distance(Vec2::new(expected, 0.0)) < 1e-3)
+            );
+        }
+        let ends = [&all[0].motion[0], &all[8].motion[1]];
+        assert!(
+            ends.iter()
+                .all(|way| way.iter().all(|way| *way == Vec2::ZERO))
+        );
         // The stated error falls as the true one.
         let stated =
             f64::from(middle.error.iter().map(|e| e * e).sum::<f32>()) / middle.error.len() as f64;
@@ -332,6 +345,15 @@ fn surfaces_move_with_their_triangles() {
         squares.sum::<f32>()
     };
     let all = averaged(noisy);
+    for (spot, way) in own.spots.iter().zip(&all[4].motion[1]) {
+        let on_ball = spot.position.z > -0.9;
+        let expected = if on_ball {
+            Vec2::new(2.0, 1.0)
+        } else {
+            Vec2::ZERO
+        };
+        assert!(way.distance(expected) < 1e-3, "{way} {expected}");
+    }
     let ratio = inner(&all[4].picture) / inner(&alone);
     assert!(ratio < 0.35, "{ratio}");
 }

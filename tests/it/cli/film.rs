@@ -38,7 +38,7 @@ fn moving(still: bool) -> Place {
     place
 }
 
-const FILM: &str = "--spp 3 --aov position,albedo --frames 2..7";
+const FILM: &str = "--spp 3 --aov position,motion,albedo --frames 2..7";
 
 const NUMBERS: std::ops::RangeInclusive<u32> = 2..=7;
 
@@ -60,7 +60,10 @@ fn film_has_the_same_bytes_however_it_is_made() {
             let single = format!("{single} {k}@24 --seed {k} {method} -o {k}.exr");
             place.render(&single).done();
         }
-        let film_of = format!("film scene.glb #.exr {} --reproducible", outputs("all"));
+        let film_of = format!(
+            "film scene.glb #.exr {} --motion --reproducible",
+            outputs("all")
+        );
         let words = place.opsr(&film_of).done().err;
         let expected = "all_#.exr, all_#.png, all.apng: 6 frames, exposure ";
         assert!(words.starts_with(expected), "{words}");
@@ -232,6 +235,16 @@ fn films_that_cannot_be_are_refused() {
             2,
             format!("{render} -o #.exr --aov direct"),
             "--aov: direct is of a frame alone",
+        ),
+        (
+            2,
+            format!("{render} -o #.png --aov motion"),
+            "motion is a layer of EXR files",
+        ),
+        (
+            2,
+            "render scene.glb --size 16x16 --spp 2 --aov motion -o out.exr".into(),
+            "--aov: motion is of the frames of a film",
         ),
         (
             2,

@@ -36,6 +36,9 @@ pub(super) struct FilmArgs {
     /// Files of the averaged frames, .exr or .png, or one of them all, .apng; may be given several times.
     #[arg(short, long, value_name = "FILE", required = true)]
     output: Vec<PathBuf>,
+    /// Add the layer `motion`: pixels to the place of a surface in the last frame and in the next.
+    #[arg(long)]
+    motion: bool,
     /// Leave the command out of the files, so that equal films are equal files.
     #[arg(long)]
     reproducible: bool,
@@ -66,7 +69,7 @@ pub(super) fn run(args: &FilmArgs) -> anyhow::Result<()> {
     let mut outputs = FrameOutputs::new(
         &args.output,
         &args.files.0,
-        args.reproducible,
+        (args.reproducible, args.motion),
         (numbers[0], numbers.len()),
     )?;
     let inputs: Vec<PathBuf> = numbers.iter().map(|number| names.of(*number)).collect();
@@ -74,7 +77,7 @@ pub(super) fn run(args: &FilmArgs) -> anyhow::Result<()> {
     let written: Vec<PathBuf> = numbers.iter().flat_map(|n| outputs.files(*n)).collect();
     let written = written.iter().map(PathBuf::as_path);
     check_distinct(written.chain(outputs.movies()), read).into_exit()?;
-    let mut film = Film::default();
+    let mut film = Film::new(args.motion);
     let mut seeds = Vec::new();
     for number in numbers {
         let path = names.of(number);
@@ -236,6 +239,14 @@ fn asked(spec: &Spec) -> String {
 }
 
 impl Film {
+    /// A film without frames yet; `motion` asks for that layer.
+    fn new(motion: bool) -> Self {
+        Self {
+            sequence: Sequence::new(motion),
+            ..Self::default()
+        }
+    }
+
     /// The scene at the moment of a spec: that of the last frame, where cameras alone have moved since, or opened by `open`.
     fn open(
         &mut self,

@@ -7,6 +7,7 @@ use anyhow::anyhow;
 use opsr::image::display::Display;
 use opsr::image::exr::{self, Header, Layer, Metadata};
 use opsr::image::png;
+use opsr::math::Vec2;
 use opsr::render::files::{Outputs, can_write, check_distinct};
 use opsr::render::finished::STATED;
 use opsr::render::{Fault, Spec};
@@ -31,7 +32,7 @@ impl FrameOutputs {
     pub(super) fn new(
         paths: &[PathBuf],
         spec: &Spec,
-        reproducible: bool,
+        (reproducible, motion): (bool, bool),
         (first, count): (u32, usize),
     ) -> anyhow::Result<Self> {
         let (movies, paths): (Vec<&PathBuf>, _) =
@@ -66,6 +67,10 @@ impl FrameOutputs {
         // A movie has exposure and view, as a PNG file has.
         shown.extend(outputs.movies().map(|path| path.with_extension("png")));
         spec.check_layers(&shown).into_exit()?;
+        if motion && !files.iter().any(|file| has_ending(file, "exr")) {
+            let what = "motion is a layer of EXR files: add -o with a name that ends in .exr";
+            return Err(anyhow!(what)).usage();
+        }
         Ok(outputs)
     }
 
@@ -114,6 +119,21 @@ impl FrameOutputs {
             metadata.insert("command".into(), command);
         }
         let mut layers = frame.layers.clone();
+        let [last, next] = &averaged.motion;
+        if !last.is_empty() {
+            let channel = |of: &[Vec2], k: usize| of.iter().map(|way| way[k]).collect();
+            let channels = [
+                ("X", last, 0),
+                ("Y", last, 1),
+                ("Z", next, 0),
+                ("W", next, 1),
+            ];
+            let channels = channels.map(|(name, of, k)| (name, channel(of, k)));
+            layers.push(Layer {
+                name: "motion".into(),
+                channels: channels.into(),
+            });
+        }
         let window = averaged.window.iter().map(|frames| f32::from(*frames));
         layers.push(Layer::scalar("window", window.collect()));
         if !averaged.error.is_empty() {

@@ -15,10 +15,10 @@ use anyhow::anyhow;
 use indicatif::ProgressBar;
 use opsr::files::{self, Claim};
 use opsr::image::denoise::Denoiser;
-use opsr::image::exr::Layers;
+use opsr::image::exr;
 use opsr::integrator::drive::{Reason, RenderProgress};
 use opsr::integrator::layers::Aov;
-use opsr::render::value::Moment;
+use opsr::render::value::{Layers, Moment};
 use opsr::render::{Fault, Finished, Outcome, Request, Spec};
 use opsr_frames::{Frame, FrameNames, FrameRange, Surfaces};
 use std::borrow::Cow;
@@ -39,9 +39,10 @@ const LAYERS: [Aov; 6] = [
 /// Runs the command.
 pub(in super::super) fn run(args: &RenderArgs, range: FrameRange) -> anyhow::Result<Exit> {
     let began = Instant::now();
-    let spec = checked(args).into_exit()?;
+    let (spec, motion) = checked(args).into_exit()?;
     let of_range = (range.first, range.numbers().len());
-    let mut outputs = FrameOutputs::new(&args.output, &spec, args.reproducible, of_range)?;
+    let mut outputs =
+        FrameOutputs::new(&args.output, &spec, (args.reproducible, motion), of_range)?;
     let denoiser = spec.denoiser().into_exit()?;
     let kept = args.checkpoint.as_deref();
     let kept = kept
@@ -59,6 +60,7 @@ pub(in super::super) fn run(args: &RenderArgs, range: FrameRange) -> anyhow::Res
         kept,
         files,
         stop: Stop::listen(),
+        motion,
         began,
         bar: Progress::new(args.program.progress, range),
     };
@@ -79,9 +81,20 @@ pub(in super::super) fn run(args: &RenderArgs, range: FrameRange) -> anyhow::Res
     Ok(exit)
 }
 
-/// The choices of the command line; an error for those that a film does not have.
-fn checked(args: &RenderArgs) -> Result<Spec, Fault> {
-    let spec = spec(args)?;
+/// The choices of the command line, and if motion was asked for; an error for those that a film does not have.
+fn checked(args: &RenderArgs) -> Result<(Spec, bool), Fault> {
+    let mut own = args.render.0.clone();
+    let of_frames = own
+        .aovs()
+        .iter()
+        .copied()
+        .filter(|layer| *layer != Aov::Motion);
+    let of_frames: Vec<Aov> = of_frames.collect();
+    let motion = of_frames.len() < own.aovs().len();
+    if motion {
+        own.aov = (!of_frames.is_empty()).then_some(Layers(of_frames));
+    }
+    let spec = spec(args, own)?;
     let given = [
         ("--reference", args.reference.is_some()),
         ("--stats", !args.stats.is_empty()),
@@ -102,7 +115,7 @@ fn checked(args: &RenderArgs) -> Result<Spec, Fault> {
         );
         return Err(Fault::option("aov", why));
     }
-    Ok(spec)
+    Ok((spec, motion))
 }
 
 /// Frames as they were rendered, kept in a folder so that a film can be continued.
@@ -177,6 +190,8 @@ struct Job<'a> {
     /// The files of all frames.
     files: Vec<PathBuf>,
     stop: Stop,
+    /// True for the layer of motion.
+    motion: bool,
     began: Instant,
     bar: Progress,
 }
@@ -185,7 +200,7 @@ impl Job<'_> {
     fn run(&self, outputs: &mut FrameOutputs) -> anyhow::Result<Exit> {
         let (args, numbers) = (self.args, self.range.numbers());
         let (name, count) = (args.scene.display().to_string(), numbers.len());
-        let (mut film, mut place) = (Film::default(), None);
+        let (mut film, mut place) = (Film::new(self.motion), None);
         for (done, number) in numbers.enumerate() {
             let mut spec = self.spec_of(number, count - done);
             // Warnings and remarks are those of the first frame.
@@ -337,7 +352,7 @@ impl Job<'_> {
 }
 
 /// True if a file has a layer.
-fn has(file: &Layers, layer: Aov) -> bool {
+fn has(file: &exr::Layers, layer: Aov) -> bool {
     let mut names = file.channels.keys();
     match layer {
         Aov::Alpha => names.any(|name| name == "A"),
