@@ -1,4 +1,4 @@
-//! Frames of an animation, averaged along the surfaces that they share: films without flicker.
+//! Frames of an animation, averaged along the surfaces that they share: films with less noise and flicker.
 //!
 //! Along a surface that two frames see, light changes slowly. The average of a picture and its neighbours divides noise and flicker
 //! and costs no ray. The window, 0, 1, 2 or 4 frames to each side, is chosen for every pixel without a reference, as blurs are in
