@@ -12,6 +12,7 @@ use crate::image::display::{Display, auto_exposure};
 use crate::integrator::Picture;
 use crate::integrator::layers::Aov;
 use crate::resolve::resolve_film;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::SystemTime;
@@ -217,8 +218,8 @@ pub fn check_distinct<'a>(
     outputs: impl IntoIterator<Item = &'a Path>,
     inputs: impl IntoIterator<Item = &'a Path>,
 ) -> Result<(), Fault> {
-    let mut seen: Vec<PathBuf> = Vec::new();
-    let inputs: Vec<PathBuf> = inputs.into_iter().filter_map(identity).collect();
+    let mut seen = HashSet::new();
+    let inputs: HashSet<PathBuf> = inputs.into_iter().filter_map(identity).collect();
     for path in outputs {
         let Some(file) = identity(path) else { continue };
         let refused = |what: &str| {
@@ -231,10 +232,9 @@ pub fn check_distinct<'a>(
         if inputs.contains(&file) {
             return refused("would replace a file that is read");
         }
-        if seen.contains(&file) {
+        if !seen.insert(file) {
             return refused("is the name of two outputs");
         }
-        seen.push(file);
     }
     Ok(())
 }

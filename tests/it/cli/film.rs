@@ -311,6 +311,11 @@ fn films_that_cannot_be_are_refused() {
             "film still.glb in_#.exr --frames 1..1 -o #.exr".into(),
             "in_1.exr: rendered from another scene than still.glb",
         ),
+        (
+            3,
+            "render none.glb --frames 0..1 --checkpoint fresh -o #.exr".into(),
+            "none.glb",
+        ),
     ] {
         let before = place.files();
         let ended = place.opsr(&args);

@@ -135,17 +135,17 @@ impl Kept {
             .usage();
         }
         let claim = Claim::on(folder).output()?;
-        files::create_folder(folder).output()?;
         let kept = Self {
             folder: folder.to_owned(),
             resumed,
             _claim: claim,
         };
-        let old = kept
-            .names()
-            .found()
-            .map_err(|e| anyhow!("{shown}: {e}"))
-            .input()?;
+        // The folder is made with its first frame.
+        let old = match folder.is_dir() {
+            true => kept.names().found(),
+            false => Ok(Vec::new()),
+        };
+        let old = old.map_err(|e| anyhow!("{shown}: {e}")).input()?;
         if !resumed && !old.is_empty() {
             let what = "has frames: --resume continues with them; remove it to begin anew";
             return Err(anyhow!("{shown} {what}")).usage();
@@ -345,6 +345,9 @@ impl Job<'_> {
         outcome.spec.exr = None;
         let finished = outcome.finish(self.denoiser.as_ref()).into_exit()?;
         if let Some(file) = kept {
+            if let Some(folder) = file.parent() {
+                files::create_folder(folder).output()?;
+            }
             finished.save(&file).into_exit()?;
         }
         Ok(Some(frame(request, &finished, number)))
