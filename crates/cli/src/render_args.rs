@@ -139,6 +139,6 @@ const EXAMPLES: &str = "Examples:
   opsr render scene.glb -o out.exr -o out.png
   opsr render scene.glb --opsr-table beta-0.001 --spp 256 -o out.png
   opsr render scene.glb --time 60s --size 1280x720 --env sky.hdr -o out.png
-  opsr render scene.glb --spp 4096 --checkpoint night.ckpt -o out.exr
   opsr render scene.glb --frames 1..48 -o out_####.exr -o out_####.png
+  opsr render scene.glb --spp 4096 --checkpoint night.ckpt -o out.exr
   opsr render scene.glb --spp 8192 --checkpoint night.ckpt --resume -o out.exr";

@@ -38,7 +38,10 @@ impl Frame {
         if (self.size, self.window) == (other.size, other.window) {
             return Ok(());
         }
-        let show = |frame: &Self| format!("{} of {}", frame.window, frame.size);
+        let show = |frame: &Self| {
+            let UVec2 { x, y } = frame.size;
+            format!("{} of {x}x{y}", frame.window)
+        };
         Err(format!(
             "frame {} shows {}, frame {} {}",
             self.number,

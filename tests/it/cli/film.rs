@@ -304,7 +304,7 @@ fn films_that_cannot_be_are_refused() {
         (
             3,
             "film scene.glb in_#.exr -o #.exr".into(),
-            "frame 1 shows 16x16 pixels at (0, 0) of [16, 16]",
+            "frame 1 shows 16x16 pixels at (0, 0) of 16x16",
         ),
         (
             3,
@@ -323,6 +323,12 @@ fn films_that_cannot_be_are_refused() {
         assert!(ended.err.contains(words), "{args}: {}", ended.err);
         assert!(place.files() == before, "{args} left files");
     }
+    // An option that the kept frames have and the command has not.
+    let thin = "--integrator path --spp 2 --frames 0..1 --glass thin --checkpoint thin";
+    place.render(&format!("{thin} -o thin_#.exr")).done();
+    let other = place.opsr(&format!("{render} --checkpoint thin --resume -o #.exr"));
+    assert_eq!(other.code, Some(3), "{}", other.err);
+    assert!(other.err.contains("its `glass` is thin"), "{}", other.err);
     std::fs::remove_file(place.path().join("in_2.exr")).expect("a file");
     let gap = place.opsr("film scene.glb in_#.exr -o #.exr");
     assert!(

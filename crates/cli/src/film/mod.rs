@@ -212,11 +212,12 @@ fn read_frame(path: &Path, number: u32, read: Layers, camera: Camera) -> anyhow:
     })
 }
 
-/// The text of a frame without that of the run that made it, and of the statistics of its samples.
+/// Keys of the run that made a frame, and of the statistics of its samples.
+const OF_A_RUN: [&str; 4] = ["command", "seconds", "threads", "mean_error"];
+
+/// The text of a frame without these.
 fn of_render(mut metadata: Metadata) -> Metadata {
-    for key in ["command", "seconds", "threads", "mean_error"] {
-        metadata.remove(key);
-    }
+    metadata.retain(|key, _| !OF_A_RUN.contains(&key.as_str()));
     metadata
 }
 

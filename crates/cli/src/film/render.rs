@@ -15,9 +15,10 @@ use anyhow::anyhow;
 use indicatif::ProgressBar;
 use opsr::files::{self, Claim};
 use opsr::image::denoise::Denoiser;
-use opsr::image::exr;
+use opsr::image::exr::{self, Metadata};
 use opsr::integrator::drive::{Reason, RenderProgress};
 use opsr::integrator::layers::Aov;
+use opsr::render::finished::STATED;
 use opsr::render::value::{Layers, Moment};
 use opsr::render::{Fault, Finished, Outcome, Request, Spec};
 use opsr_frames::{Frame, FrameNames, FrameRange, Surfaces};
@@ -168,17 +169,18 @@ impl Kept {
 /// Contenders of the choice of an integrator that are looked through for that of a kept frame; there are fewer.
 const CONTENDERS: usize = 16;
 
-/// Keys that equal renders of a frame may differ in.
-const OF_A_RUN: [&str; 8] = [
-    "scene",
-    "command",
-    "seconds",
-    "threads",
-    "refused_samples",
-    "mean_relative_error",
-    "light_missing",
-    "spp",
-];
+/// Keys that equal renders of a frame may differ in: the name of the scene, which its hash identifies, and what a render finds.
+const FOUND: [&str; 5] = ["scene", "spp", "refused_samples", STATED, "light_missing"];
+
+/// The first key in which a frame of a file is not one of a request.
+fn difference(request: &Request<'_>, file: &Metadata) -> Option<String> {
+    let ours = of_render(request.metadata(0, 0));
+    let theirs = of_render(file.clone());
+    let mut keys = ours.keys().chain(theirs.keys());
+    let differs =
+        |key: &&String| !FOUND.contains(&key.as_str()) && ours.get(*key) != theirs.get(*key);
+    keys.find(differs).cloned()
+}
 
 /// A film that is rendered.
 struct Job<'a> {
@@ -263,24 +265,17 @@ impl Job<'_> {
         place: &mut Option<usize>,
     ) -> anyhow::Result<Frame> {
         let (_, read) = recorded(file)?;
-        let differs = |request: &Request<'_>| {
-            let ours = request.metadata(0, 0);
-            let of_render = |key: &&String| !OF_A_RUN.contains(&key.as_str());
-            let mut keys = ours.keys().filter(of_render);
-            keys.find(|key| ours.get(*key) != read.metadata.get(*key))
-                .cloned()
-        };
         if let Some(place) = *place {
             request.take(place);
         } else {
             *place = (0..CONTENDERS).find(|place| {
                 let mut contender = request.clone();
                 contender.take(*place);
-                differs(&contender).is_none()
+                difference(&contender, &read.metadata).is_none()
             });
             request.take(place.unwrap_or(0));
         }
-        let other = differs(request).or_else(|| {
+        let other = difference(request, &read.metadata).or_else(|| {
             let spp = self.spec.spp.map(|spp| spp.to_string());
             let same = spp.is_none() || spp.as_ref() == read.metadata.get("spp");
             (!same).then(|| "spp".to_owned())
