@@ -200,24 +200,24 @@ plant "film: no light counts as wrong" crates/frames/src/average.rs \
 plant "film: noise counts as wrong light" crates/frames/src/average.rs \
     's/difference - wide\.variance_of_difference\(narrow\)/difference/' frames::tests::noise_of_a_still_light_is_divided
 plant "film: regions are not compared" crates/frames/src/average.rs \
-    's/SEEN \* square\(i\)/0.0 * square(i)/' frames::tests::dimming_lamp_keeps_its_energy
-plant "film: hidden places count" crates/frames/src/follow.rs \
+    's/REGION_WEIGHT \* square\(i\)/0.0 * square(i)/' frames::tests::dimming_lamp_keeps_its_energy
+plant "film: hidden places count" crates/frames/src/reproject.rs \
     's/\(-unlike\)\.exp\(\)/1.0/' frames::tests::surfaces_are_found_between_pixels
-plant "film: moving surfaces stay where they are" crates/frames/src/follow.rs \
+plant "film: moving surfaces stay where they are" crates/frames/src/reproject.rs \
     's/self\.place = match steps/let _ = match steps/' frames::tests::surfaces_move_with_their_triangles
-plant "film: surfaces move back" crates/frames/src/follow.rs \
+plant "film: surfaces move back" crates/frames/src/reproject.rs \
     's/true => &from\.surfaces\.after,\n            false => &from\.surfaces\.before/true => &from.surfaces.before,\n            false => &from.surfaces.after/' \
     frames::tests::surfaces_move_with_their_triangles
 plant "film: a place by corners in another order" crates/frames/src/surfaces.rs \
     's/hit\.u \* \(b - a\) \+ hit\.v \* \(c - a\)/hit.v * (b - a) + hit.u * (c - a)/' \
     frames::tests::surfaces_move_with_their_triangles
-plant "film: pixels between pixels are not mixed" crates/frames/src/follow.rs \
+plant "film: pixels between pixels are not mixed" crates/frames/src/reproject.rs \
     's/let part = at - corner/let part = (at - corner).round()/' frames::tests::surfaces_are_found_between_pixels
 plant "film: the first frames are lost" crates/frames/src/sequence.rs \
     's/self\.frames\.len\(\) > self\.done \+ WIDEST/self.frames.len() > self.done + 2 * WIDEST/' \
     frames::tests::frames_come_in_order_and_of_one_size
 plant "film: the stated error stays" crates/frames/src/average.rs \
-    's/own \* \(reduced \* reduced - 1\.0\)/0.0 * (reduced - 1.0)/' frames::tests::noise_of_a_still_light_is_divided
+    's/error_of_less_noise\(reduced,/error_of_less_noise(1.0,/' frames::tests::noise_of_a_still_light_is_divided
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

@@ -53,7 +53,7 @@ use serde::{Deserialize, Serialize};
 use tiles::{Chosen, Shared, TILE};
 
 pub use denoised::{Denoised, denoise_film};
-pub use statement::{Statement, film_error, film_errors};
+pub use statement::{Statement, error_of_less_noise, film_error, film_errors};
 
 /// Smoothing that a picture of several levels may get.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -27,6 +27,13 @@ const SHARED: f64 = 1.65;
 /// The same over the noise that the variance of raw means shows, without blurs and roughening.
 const UNMET: f64 = 1.1;
 
+/// Average error over what it was, where the noise of a picture is this part of what it was and nothing else has changed; of a picture
+/// that was `chosen` among levels and blurs, or of raw means. The square of what is stated beyond noise is what stays.
+pub fn error_of_less_noise(noise: f64, chosen: bool) -> f64 {
+    let stated: f64 = if chosen { SHARED } else { UNMET };
+    (1.0 + (noise * noise - 1.0) / (stated * stated)).sqrt()
+}
+
 /// Mean absolute value over standard deviation, of normal numbers: √(2/π).
 const ABSOLUTE: f64 = 0.797_884_560_8;
 

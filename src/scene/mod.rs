@@ -286,7 +286,7 @@ impl Scene {
     }
 
     /// Replaces the cameras.
-    pub fn set_cameras(&mut self, cameras: Vec<Camera>) {
+    pub(crate) fn set_cameras(&mut self, cameras: Vec<Camera>) {
         self.parts.cameras = cameras;
     }
 

@@ -54,6 +54,16 @@ impl Bar {
 
     /// Shows where a render stands, and its true error if that is known.
     pub(super) fn show(&self, progress: &RenderProgress, true_error: Option<f64>) {
+        self.show_frame(None, progress, true_error);
+    }
+
+    /// The same with the number of a frame, of a film.
+    pub(super) fn show_frame(
+        &self,
+        frame: Option<u32>,
+        progress: &RenderProgress,
+        true_error: Option<f64>,
+    ) {
         let seconds = progress.elapsed.as_secs_f64();
         match self {
             Self::Quiet => {}
@@ -68,8 +78,9 @@ impl Bar {
                     .map_or(String::new(), |e| format!(", average error {}", percent(e)));
                 let truth =
                     true_error.map_or(String::new(), |e| format!(", true error {}", percent(e)));
+                let frame = frame.map_or(String::new(), |number| format!("frame {number}, "));
                 bar.set_message(format!(
-                    "{} spp, {seconds:.1} s{error}{truth}{eta}",
+                    "{frame}{} spp, {seconds:.1} s{error}{truth}{eta}",
                     progress.samples
                 ));
             }
@@ -81,6 +92,9 @@ impl Bar {
                     "eta": progress.eta().map(|e| e.as_secs_f64()),
                     "error": progress.error.filter(|e| e.is_finite()),
                 });
+                if let Some(number) = frame {
+                    line["frame"] = number.into();
+                }
                 if let Some(error) = true_error {
                     line["true_error"] = error.into();
                 }

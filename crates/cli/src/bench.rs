@@ -7,7 +7,7 @@ use opsr_lab::report::bench::{Outcome, Status, Suite, run as measure, summary};
 
 use super::bar::terminal;
 use super::exit::{Blame, Exit};
-use super::output::print;
+use super::output::{command, print};
 use super::stop::Stop;
 
 const EXAMPLE: &str = "\
@@ -48,7 +48,7 @@ pub(super) struct BenchArgs {
 pub(super) fn run(args: &BenchArgs) -> anyhow::Result<Exit> {
     let suite = Suite::load(&args.suite).input()?;
     super::threads::set_threads(args.threads)?;
-    let command = std::env::args().collect::<Vec<_>>().join(" ");
+    let command = command();
     let stop = Stop::listen();
     stop.begin();
     let bar = terminal(0, "{bar:30} {pos}/{len} {msg}");

@@ -3,7 +3,7 @@
 use super::bar::Style;
 use super::info;
 use super::listener::Saved;
-use super::output::{note, percent};
+use super::output::{command, note, percent};
 use super::render_args::RenderArgs;
 use opsr::image::film::{Film, Window};
 use opsr::math::Rgb;
@@ -136,7 +136,7 @@ impl Ended<'_> {
         let stated = finished.statement();
         serde_json::json!({
             "version": env!("CARGO_PKG_VERSION"),
-            "command": std::env::args().collect::<Vec<_>>().join(" "),
+            "command": command(),
             "settings": serde_json::Map::from_iter(settings),
             "seed": self.request.settings.seed,
             "files": self.args.output,

@@ -3,6 +3,7 @@
 use super::bar::Bar;
 use super::error_log::{ErrorLog, Line};
 use super::exit::{Blame, IntoExit, failure};
+use super::output::command;
 use super::render_args::RenderArgs;
 use super::stop::Stop;
 use anyhow::{Context, anyhow};
@@ -183,8 +184,7 @@ impl<'a> Listener<'a> {
         let mut outcome = Outcome::of(request, film, progress.samples, missing.cloned());
         if !args.reproducible {
             let metadata = &mut outcome.metadata;
-            let command = std::env::args().collect::<Vec<_>>().join(" ");
-            metadata.insert("command".into(), command);
+            metadata.insert("command".into(), command());
             metadata.insert("seconds".into(), format!("{:.3}", self.seconds(progress)));
             let threads = rayon::current_num_threads();
             metadata.insert("threads".into(), threads.to_string());

@@ -21,6 +21,11 @@ pub(super) fn note(line: impl Display) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
+/// The command line, for files that say how they were made.
+pub(super) fn command() -> String {
+    std::env::args().collect::<Vec<_>>().join(" ")
+}
+
 /// A share as per cent, with two digits.
 pub(super) fn percent(share: f64) -> String {
     let percent = 100.0 * share;

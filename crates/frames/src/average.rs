@@ -14,10 +14,11 @@
 //! pixels a side, applied twice; region a box of half the shorter side, applied twice. A lamp that dims changes every pixel by less
 //! than its noise, and all of them alike.
 
-use crate::follow::{Sight, Trail};
 use crate::frame::{Averaged, Frame};
+use crate::reproject::{Reprojected, Reprojection};
 use opsr::image::Buffer;
 use opsr::math::{Vec2, Vec3};
+use opsr::resolve::error_of_less_noise;
 use rayon::prelude::*;
 
 /// Frames to each side of the windows.
@@ -32,19 +33,14 @@ const NOISE: f32 = 3.0;
 /// Largest relative error: that of a frame that knows none.
 const UNKNOWN: f32 = 2.0;
 
-/// Share of noise in the squared average error of a picture of a choice, and of raw means. The rest is bias and light that nobody has met,
-/// which frames share: the inverse squares of the factors by which `opsr::resolve` states more than noise.
-const OWN_OF_CHOICE: f64 = 1.0 / (1.65 * 1.65);
-const OWN_OF_SAMPLES: f64 = 1.0 / (1.1 * 1.1);
-
 /// Radius of the regions whose light is compared: this part of the shorter side of the picture.
 const REGION: usize = 4;
 
 /// Factor on the squared difference of a region: a difference that many pixels share is seen where noise is not.
-const SEEN: f32 = 4.0;
+const REGION_WEIGHT: f32 = 4.0;
 
 /// Pixels of a resolved picture whose noise is one: blurs and photons are shared by so many.
-const SHARED: f32 = 16.0;
+const CORRELATED: f32 = 16.0;
 
 /// Part of the mean of the picture that is added to brightness in squares.
 const DARK: f32 = 0.1;
@@ -57,7 +53,7 @@ struct Plane {
 }
 
 impl Plane {
-    /// Means of squares of `2 radius + 1` pixels a side, as far as they are inside.
+    /// Mean over the pixels around each, up to `radius` columns and rows away, as far as they are in the picture.
     fn box_filtered(&self, radius: usize) -> Self {
         let (w, h) = (self.width, self.values.len() / self.width);
         let mut across = vec![0.0; w * h];
@@ -81,7 +77,7 @@ impl Plane {
     }
 }
 
-/// Means of `2 radius + 1` numbers of a line, as far as they are inside.
+/// Mean over the numbers of a line around each, up to `radius` places away.
 fn box_means<'a>(
     radius: usize,
     line: impl Iterator<Item = f32>,
@@ -135,10 +131,10 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, sight: &Sight) {
-        self.light += sight.weight * sight.light;
-        self.weight += sight.weight;
-        self.noise += sight.weight * sight.weight * sight.variance;
+    fn add(&mut self, seen: &Reprojected) {
+        self.light += seen.weight * seen.light;
+        self.weight += seen.weight;
+        self.noise += seen.weight * seen.weight * seen.variance;
     }
 
     fn mean(&self) -> Vec3 {
@@ -160,15 +156,15 @@ impl Sums {
 fn windows(frames: &[(&Frame, &[f32])], f: usize, pixel: usize) -> [Sums; WINDOWS.len()] {
     let (frame, variance) = frames[f];
     let mut sums = Sums::default();
-    sums.add(&Sight {
+    sums.add(&Reprojected {
         light: frame.picture.pixels[pixel],
         variance: variance[pixel],
         weight: 1.0,
     });
     let mut all = [sums; WINDOWS.len()];
-    let mut trails = [false, true].map(|forward| (forward, Trail::new(frame, pixel)));
+    let mut reprojections = [false, true].map(|forward| (forward, Reprojection::new(frame, pixel)));
     for steps in 0..WIDEST {
-        for (forward, trail) in &mut trails {
+        for (forward, reprojection) in &mut reprojections {
             let at = |steps: usize| match *forward {
                 true => frames.get(f + steps),
                 false => f.checked_sub(steps).and_then(|g| frames.get(g)),
@@ -176,9 +172,9 @@ fn windows(frames: &[(&Frame, &[f32])], f: usize, pixel: usize) -> [Sums; WINDOW
             let (Some((from, _)), Some((to, variance))) = (at(steps), at(steps + 1)) else {
                 continue;
             };
-            trail.step(from, steps, *forward);
-            if let Some(sight) = trail.sight(to, variance) {
-                sums.add(&sight);
+            reprojection.step(from, steps, *forward);
+            if let Some(seen) = reprojection.light(to, variance) {
+                sums.add(&seen);
             }
         }
         for (own, radius) in all.iter_mut().zip(WINDOWS) {
@@ -199,9 +195,9 @@ fn motion(frames: &[(&Frame, &[f32])], f: usize, forward: bool) -> Vec<Vec2> {
     };
     let way = |pixel| match other {
         Some((other, _)) => {
-            let mut trail = Trail::new(frame, pixel);
-            trail.step(frame, 0, forward);
-            trail.way(other)
+            let mut reprojection = Reprojection::new(frame, pixel);
+            reprojection.step(frame, 0, forward);
+            reprojection.motion(other)
         }
         None => Vec2::ZERO,
     };
@@ -242,7 +238,7 @@ pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize, wants_motion: bool)
     let radius = (width.min(frame.picture.height) / REGION).max(2);
     let region = |plane: Plane| plane.box_filtered(radius).box_filtered(radius);
     // Two boxes have the noise of 9/4 of one.
-    let independent = 2.25 * ((2 * radius + 1) as f32).powi(2) / SHARED;
+    let independent = 2.25 * ((2 * radius + 1) as f32).powi(2) / CORRELATED;
     let of_region: Vec<Plane> = (1..WINDOWS.len())
         .map(|k| {
             let difference = |i: usize| {
@@ -252,7 +248,7 @@ pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize, wants_motion: bool)
             let noise = |i: usize| weight(i) * sums[i][k].variance_of_difference(&sums[i][0]);
             let (difference, noise) = (region(plane(&difference)), region(plane(&noise)));
             let square = |i: usize| difference.values[i].powi(2) - noise.values[i] / independent;
-            plane(&|i| SEEN * square(i).max(0.0))
+            plane(&|i| REGION_WEIGHT * square(i).max(0.0))
         })
         .collect();
     let squared_error = |i: usize, k: usize| {
@@ -292,10 +288,6 @@ pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize, wants_motion: bool)
         before if before > 0.0 && before.is_finite() => total(&error) / before,
         _ => 1.0,
     };
-    let own = match frame.bias2.is_empty() {
-        true => OWN_OF_SAMPLES,
-        false => OWN_OF_CHOICE,
-    };
     Averaged {
         picture: Buffer {
             width,
@@ -308,6 +300,6 @@ pub(crate) fn average(frames: &[(&Frame, &[f32])], f: usize, wants_motion: bool)
             true => motion(frames, f, forward),
             false => Vec::new(),
         }),
-        gain: (1.0 + own * (reduced * reduced - 1.0)).sqrt(),
+        error_ratio: error_of_less_noise(reduced, !frame.bias2.is_empty()),
     }
 }

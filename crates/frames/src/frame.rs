@@ -65,5 +65,5 @@ pub struct Averaged {
     /// 0 where it is not known; empty where it was not asked for.
     pub motion: [Vec<Vec2>; 2],
     /// Mean error over that of the frame as it was rendered.
-    pub gain: f64,
+    pub error_ratio: f64,
 }

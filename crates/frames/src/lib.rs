@@ -9,14 +9,14 @@
 //! | [`names`] | numbers of frames, and names of their files |
 //! | [`frame`] | a frame as it was rendered, and as it is averaged |
 //! | [`surfaces`] | the surfaces of a frame, and their places in the next and the last one |
-//! | `follow` | the pixels of another frame that show a surface |
+//! | `reproject` | the pixels of another frame that show a surface |
 //! | `average` | windows of a pixel and the choice among them |
 //! | [`sequence`] | frames in order, each averaged as soon as its neighbours are there |
 
 mod average;
-mod follow;
 pub mod frame;
 pub mod names;
+mod reproject;
 pub mod sequence;
 pub mod surfaces;
 #[cfg(test)]

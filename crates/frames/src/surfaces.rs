@@ -3,13 +3,13 @@
 use opsr::image::film::Window;
 use opsr::integrator::View;
 use opsr::integrator::aov::centre;
-use opsr::math::{Rgb, Vec3};
-use opsr::scene::{Hit, Scene, Surface};
+use opsr::math::{Rgb, UVec2, Vec3};
+use opsr::scene::{Hit, Scene};
 use rayon::prelude::*;
 
 /// A surface at the centre of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spot {
+pub struct SurfacePoint {
     /// Place in world space; not finite where there is no surface.
     pub position: Vec3,
     /// Shading normal, in 127ths.
@@ -18,7 +18,7 @@ pub struct Spot {
     albedo: [u8; 3],
 }
 
-impl Spot {
+impl SurfacePoint {
     const NONE: Self = Self {
         position: Vec3::INFINITY,
         normal: [0; 3],
@@ -40,7 +40,7 @@ impl Spot {
     }
 
     /// Squared distances between the normals and the reflectances of two surfaces.
-    pub(crate) fn unlike(&self, other: &Self) -> (f32, f32) {
+    pub(crate) fn difference(&self, other: &Self) -> (f32, f32) {
         let square = |a: f32, b: f32, unit: f32| ((a - b) / unit).powi(2);
         let normals = self.normal.iter().zip(&other.normal);
         let albedos = self.albedo.iter().zip(&other.albedo);
@@ -59,7 +59,7 @@ impl Spot {
 #[derive(Clone, Debug, Default)]
 pub struct Surfaces {
     /// The surfaces.
-    pub spots: Vec<Spot>,
+    pub points: Vec<SurfacePoint>,
     /// Their places in the last frame, in world space; `None` where nothing moves.
     pub before: Option<Vec<Vec3>>,
     /// Their places in the next frame, in world space; `None` where nothing moves.
@@ -76,40 +76,38 @@ fn pixels<T: Send>(window: Window, f: impl Fn(u32, u32) -> T + Sync) -> Vec<T> {
     .collect()
 }
 
-fn met(view: &View<'_>, x: u32, y: u32) -> Option<(Hit, Surface)> {
-    centre(view, opsr::math::UVec2::new(x, y))
-}
-
 impl Surfaces {
-    /// Traces the centre of every pixel of a view.
-    pub fn of(view: &View<'_>) -> Self {
+    /// Traces the centre of every pixel of a view; gives the hits too, for [`places`].
+    pub fn of(view: &View<'_>) -> (Self, Vec<Option<Hit>>) {
         let scene = view.scene;
-        let spot = |x, y| match met(view, x, y) {
-            Some((_, mut surface)) => {
+        let met = pixels(view.window, |x, y| match centre(view, UVec2::new(x, y)) {
+            Some((hit, mut surface)) => {
                 let albedo = scene.bsdf(&mut surface, 0.5).reflectance();
                 let albedo = albedo.clamp(Rgb::ZERO, Rgb::ONE);
-                Spot::new(surface.position, surface.ns, albedo)
+                (
+                    SurfacePoint::new(surface.position, surface.ns, albedo),
+                    Some(hit),
+                )
             }
-            None => Spot::NONE,
-        };
-        Self {
-            spots: pixels(view.window, spot),
+            None => (SurfacePoint::NONE, None),
+        });
+        let (points, hits) = met.into_iter().unzip();
+        let own = Self {
+            points,
             before: None,
             after: None,
-        }
+        };
+        (own, hits)
     }
 }
 
-/// Places in another scene of the surfaces that a view meets, by triangle and barycentric weights: the scenes are one file at two
-/// moments. Not finite where the triangle is another one there; `None` where nothing has moved.
-pub fn places(view: &View<'_>, other: &Scene) -> Option<Vec<Vec3>> {
-    let (own, there) = (view.scene.geometry(), other.geometry());
-    if std::ptr::eq(view.scene, other) {
-        return None;
-    }
+/// Places in another scene of the surfaces that rays met in their own, by triangle and barycentric weights: the scenes are one file at
+/// two moments. Not finite where the triangle is another one there, or no ray met one; `None` where nothing has moved.
+pub fn places(hits: &[Option<Hit>], scene: &Scene, other: &Scene) -> Option<Vec<Vec3>> {
+    let (own, there) = (scene.geometry(), other.geometry());
     let alike = own.len() == there.len();
-    let place = |x, y| {
-        let Some((hit, surface)) = met(view, x, y) else {
+    let place = |hit: &Option<Hit>| {
+        let Some(hit) = hit else {
             return (true, Vec3::INFINITY);
         };
         let i = hit.triangle;
@@ -119,14 +117,12 @@ pub fn places(view: &View<'_>, other: &Scene) -> Option<Vec<Vec3>> {
         {
             return (false, Vec3::INFINITY);
         }
-        let (from, to) = (own.triangle(i), there.triangle(i));
-        if from == to {
-            return (true, surface.position);
-        }
-        let [a, b, c] = to;
-        (false, a + hit.u * (b - a) + hit.v * (c - a))
+        let corners = there.triangle(i);
+        let [a, b, c] = corners;
+        let place = a + hit.u * (b - a) + hit.v * (c - a);
+        (own.triangle(i) == corners, place)
     };
-    let placed = pixels(view.window, place);
+    let placed: Vec<(bool, Vec3)> = hits.par_iter().map(place).collect();
     let moved = placed.iter().any(|(still, _)| !still);
     moved.then(|| placed.into_iter().map(|(_, place)| place).collect())
 }

@@ -1,8 +1,8 @@
 //! Films of a painted wall, whose light and noise are known.
 
 use super::average::WINDOWS;
-use super::follow::Trail;
-use super::surfaces::{Spot, places};
+use super::reproject::Reprojection;
+use super::surfaces::{SurfacePoint, places};
 use super::{Averaged, Frame, Sequence, Surfaces};
 use opsr::image::Buffer;
 use opsr::image::exr::Metadata;
@@ -48,7 +48,7 @@ fn frame(number: u32, shift: f32, noise: f32, light: impl Fn(Vec3) -> f32) -> Fr
         Vec3::new(across, HALF - (y + 0.5) * PIXEL, 0.0)
     };
     let count = (SIZE.x * SIZE.y) as usize;
-    let spots = (0..count).map(|i| Spot::new(place(i), Vec3::Z, Rgb::splat(0.5)));
+    let points = (0..count).map(|i| SurfacePoint::new(place(i), Vec3::Z, Rgb::splat(0.5)));
     let pixel = |i: usize| {
         let error = noise * 12f32.sqrt() * (random(number, i) - 0.5);
         Rgb::splat(light(place(i)) * (1.0 + error))
@@ -66,7 +66,7 @@ fn frame(number: u32, shift: f32, noise: f32, light: impl Fn(Vec3) -> f32) -> Fr
         error: vec![noise; count],
         bias2: Vec::new(),
         surfaces: Surfaces {
-            spots: spots.collect(),
+            points: points.collect(),
             before: None,
             after: None,
         },
@@ -142,9 +142,9 @@ fn noise_of_a_still_light_is_divided() {
         assert!((0.5..4.0).contains(&ratio), "{shift}: {ratio}");
         let noise = (stated / 0.09).sqrt();
         assert!(
-            middle.gain > noise && middle.gain < 0.7,
+            middle.error_ratio > noise && middle.error_ratio < 0.7,
             "{} {noise}",
-            middle.gain
+            middle.error_ratio
         );
     }
 }
@@ -195,10 +195,11 @@ fn what_other_frames_do_not_see_is_left_alone() {
     let hidden = 1000;
     // Something stands before the wall there in all other frames, with another light.
     for other in frames.iter_mut().filter(|frame| frame.number != 4) {
-        other.surfaces.spots[hidden] = Spot::new(Vec3::Z, Vec3::Z, Rgb::splat(0.5));
+        other.surfaces.points[hidden] = SurfacePoint::new(Vec3::Z, Vec3::Z, Rgb::splat(0.5));
         other.picture.pixels[hidden] = Rgb::splat(50.0);
         // Mirrors have no surface that counts.
-        other.surfaces.spots[hidden + 10] = Spot::new(Vec3::INFINITY, Vec3::ZERO, Rgb::ZERO);
+        other.surfaces.points[hidden + 10] =
+            SurfacePoint::new(Vec3::INFINITY, Vec3::ZERO, Rgb::ZERO);
         other.picture.pixels[hidden + 10] = Rgb::splat(50.0);
     }
     let own = frames[4].picture.clone();
@@ -215,29 +216,32 @@ fn surfaces_are_found_between_pixels() {
     let (own, mut other) = (frame(0, 0.0, 0.0, slope), frame(1, 0.37, 0.0, slope));
     let pixel = 10 * SIZE.x as usize + 20;
     let variance = vec![0.2; own.error.len()];
-    let trail = Trail::new(&own, pixel);
-    let sight = trail.sight(&other, &variance).expect("it is seen");
+    let reprojection = Reprojection::new(&own, pixel);
+    let seen = reprojection.light(&other, &variance).expect("it is seen");
     let expected = own.picture.pixels[pixel].x;
     // A twentieth of a pixel.
     assert!(
-        (sight.light.x - expected).abs() < 0.05 * 0.5 * PIXEL,
-        "{sight:?} {expected}"
+        (seen.light.x - expected).abs() < 0.05 * 0.5 * PIXEL,
+        "{seen:?} {expected}"
     );
-    assert!(sight.weight > 0.9 && sight.weight <= 1.0 && (sight.variance - 0.2).abs() < 1e-6);
-    let spots = other.surfaces.spots.clone();
-    let place = |spot: &Spot| spot.position;
-    let others: [fn(&Spot, Vec3) -> Spot; 3] = [
-        |_, at| Spot::new(at + 0.5 * Vec3::Z, Vec3::Z, Rgb::splat(0.5)),
-        |_, at| Spot::new(at, Vec3::X, Rgb::splat(0.5)),
-        |_, at| Spot::new(at, Vec3::Z, Rgb::new(0.9, 0.5, 0.5)),
+    assert!(seen.weight > 0.9 && seen.weight <= 1.0 && (seen.variance - 0.2).abs() < 1e-6);
+    let points = other.surfaces.points.clone();
+    let place = |point: &SurfacePoint| point.position;
+    let others: [fn(&SurfacePoint, Vec3) -> SurfacePoint; 3] = [
+        |_, at| SurfacePoint::new(at + 0.5 * Vec3::Z, Vec3::Z, Rgb::splat(0.5)),
+        |_, at| SurfacePoint::new(at, Vec3::X, Rgb::splat(0.5)),
+        |_, at| SurfacePoint::new(at, Vec3::Z, Rgb::new(0.9, 0.5, 0.5)),
     ];
     for hide in others {
-        other.surfaces.spots = spots.iter().map(|spot| hide(spot, place(spot))).collect();
-        assert_eq!(trail.sight(&other, &variance), None);
+        other.surfaces.points = points
+            .iter()
+            .map(|point| hide(point, place(point)))
+            .collect();
+        assert_eq!(reprojection.light(&other, &variance), None);
     }
     // Beyond the edge of the picture.
     assert_eq!(
-        Trail::new(&own, 0).sight(&frame(1, 5.0, 0.0, slope), &variance),
+        Reprojection::new(&own, 0).light(&frame(1, 5.0, 0.0, slope), &variance),
         None
     );
 }
@@ -266,7 +270,9 @@ fn single_frame_is_itself_and_an_unknown_error_averages() {
     let alone = frame(0, 0.0, 0.3, smooth);
     let one = averaged([alone.clone()]);
     let difference = errors(&one[0].picture, &alone.picture).0;
-    assert!(difference < 1e-12 && one[0].gain == 1.0 && one[0].window.iter().all(|r| *r == 0));
+    assert!(
+        difference < 1e-12 && one[0].error_ratio == 1.0 && one[0].window.iter().all(|r| *r == 0)
+    );
     let unknown = (0..9).map(|k| Frame {
         error: Vec::new(),
         ..frame(k, 0.0, 0.3, smooth)
@@ -294,23 +300,21 @@ fn surfaces_move_with_their_triangles() {
     let step = Vec3::new(2.0 * PIXEL, PIXEL, 0.0);
     let scenes: Vec<Scene> = (0..9).map(|k| ball(step * (k as f32 - 4.0), 3)).collect();
     let camera = camera(0.0);
-    let view = |k: usize| View::new(&scenes[k], &camera, SIZE, Window::full(SIZE));
+    let of = |k: usize| Surfaces::of(&View::new(&scenes[k], &camera, SIZE, Window::full(SIZE)));
+    let (own, hits) = of(4);
     // A still scene has no places; of another mesh there are none that are finite.
-    assert_eq!(places(&view(4), &ball(Vec3::ZERO, 3)), None);
-    let other = places(&view(4), &ball(step, 2)).expect("another mesh");
+    assert_eq!(places(&hits, &scenes[4], &ball(Vec3::ZERO, 3)), None);
+    let other = places(&hits, &scenes[4], &ball(step, 2)).expect("another mesh");
     assert!(other.iter().all(|place| !place.is_finite()));
-    let (own, moved) = (
-        Surfaces::of(&view(4)),
-        places(&view(4), &scenes[5]).expect("it moves"),
-    );
+    let moved = places(&hits, &scenes[4], &scenes[5]).expect("it moves");
     let mut balls = 0;
-    for (spot, place) in own.spots.iter().zip(&moved) {
-        let on_ball = spot.position.z > -0.9;
+    for (point, place) in own.points.iter().zip(&moved) {
+        let on_ball = point.position.z > -0.9;
         balls += usize::from(on_ball);
         let expected = if on_ball {
-            spot.position + step
+            point.position + step
         } else {
-            spot.position
+            point.position
         };
         assert!(place.distance(expected) < 1e-5, "{place} {expected}");
     }
@@ -320,16 +324,17 @@ fn surfaces_move_with_their_triangles() {
         let frames = (0..9).map(|k| {
             let centre = step * (k as f32 - 4.0);
             let mut frame = frame(k as u32, 0.0, noise, |_| 1.0);
-            frame.surfaces = Surfaces::of(&view(k));
+            let (surfaces, hits) = of(k);
+            frame.surfaces = surfaces;
             if k > 0 {
-                frame.surfaces.before = places(&view(k), &scenes[k - 1]);
+                frame.surfaces.before = places(&hits, &scenes[k], &scenes[k - 1]);
             }
             if k < 8 {
-                frame.surfaces.after = places(&view(k), &scenes[k + 1]);
+                frame.surfaces.after = places(&hits, &scenes[k], &scenes[k + 1]);
             }
-            for (pixel, spot) in frame.picture.pixels.iter_mut().zip(&frame.surfaces.spots) {
-                if spot.position.z > -0.9 {
-                    *pixel *= 1.0 + 0.5 * (4.0 * (spot.position - centre).x).sin();
+            for (pixel, point) in frame.picture.pixels.iter_mut().zip(&frame.surfaces.points) {
+                if point.position.z > -0.9 {
+                    *pixel *= 1.0 + 0.5 * (4.0 * (point.position - centre).x).sin();
                 }
             }
             frame
@@ -339,14 +344,14 @@ fn surfaces_move_with_their_triangles() {
     let (noisy, clean) = (film(0.2), film(0.0));
     let (alone, truth) = (noisy[4].picture.clone(), clean[4].picture.clone());
     let inner = |picture: &Buffer| {
-        let pairs = picture.pixels.iter().zip(&truth.pixels).zip(&own.spots);
-        let inner = pairs.filter(|(_, spot)| spot.position.z > 0.2);
+        let pairs = picture.pixels.iter().zip(&truth.pixels).zip(&own.points);
+        let inner = pairs.filter(|(_, point)| point.position.z > 0.2);
         let squares = inner.map(|((a, b), _)| ((a.x - b.x) / b.x).powi(2));
         squares.sum::<f32>()
     };
     let all = averaged(noisy);
-    for (spot, way) in own.spots.iter().zip(&all[4].motion[1]) {
-        let on_ball = spot.position.z > -0.9;
+    for (point, way) in own.points.iter().zip(&all[4].motion[1]) {
+        let on_ball = point.position.z > -0.9;
         let expected = if on_ball {
             Vec2::new(2.0, 1.0)
         } else {

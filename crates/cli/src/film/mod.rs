@@ -8,13 +8,14 @@ use super::exit::{Blame, IntoExit};
 use super::options::PictureOptions;
 use super::output::note;
 use anyhow::{Context, anyhow};
-use opsr::image::exr::{self, Layer, Layers, Metadata};
+use opsr::image::exr::{self, Layers, Metadata};
 use opsr::image::film::Window;
 use opsr::integrator::View;
+use opsr::integrator::layers::Aov;
 use opsr::render::files::check_distinct;
 use opsr::render::open::Opened;
 use opsr::render::{Fault, Heading, OPTIONS, Spec};
-use opsr::scene::{Camera, Scene};
+use opsr::scene::{Camera, Hit, Scene};
 use opsr_formats::READERS;
 use opsr_frames::surfaces::places;
 use opsr_frames::{Frame, FrameNames, FrameRange, Sequence, Surfaces};
@@ -150,18 +151,18 @@ fn recorded(path: &Path) -> anyhow::Result<(Spec, Layers)> {
     Ok((spec, layers))
 }
 
-/// Layers that an averaged frame keeps, with their channels: those of its surfaces.
-const KEPT: [(&str, &[&str]); 6] = [
-    ("albedo", &["R", "G", "B"]),
-    ("normal", &["X", "Y", "Z"]),
-    ("depth", &[""]),
-    ("", &["A"]),
-    ("position", &["X", "Y", "Z"]),
-    ("id", &["mesh", "material"]),
+/// Layers that an averaged frame keeps, by their names in files and with their channels: those of its surfaces.
+const KEPT: [(Aov, &str, &[&str]); 6] = [
+    (Aov::Albedo, "albedo", &["R", "G", "B"]),
+    (Aov::Normal, "normal", &["X", "Y", "Z"]),
+    (Aov::Depth, "depth", &[""]),
+    (Aov::Alpha, "", &["A"]),
+    (Aov::Position, "position", &["X", "Y", "Z"]),
+    (Aov::Id, "id", &["mesh", "material"]),
 ];
 
 /// The frame of a file.
-fn read_frame(path: &Path, number: u32, read: Layers, camera: Camera) -> anyhow::Result<Frame> {
+fn read_frame(path: &Path, number: u32, mut read: Layers, camera: Camera) -> anyhow::Result<Frame> {
     let at = |what| anyhow!("{}: {what}", path.display());
     let (x, y) = read.position;
     let place = u32::try_from(x).ok().zip(u32::try_from(y).ok());
@@ -177,23 +178,11 @@ fn read_frame(path: &Path, number: u32, read: Layers, camera: Camera) -> anyhow:
     if picture.pixels.iter().any(|p| !p.is_finite()) {
         return Err(at("a pixel is not finite"));
     }
-    let mut channels = read.channels;
-    let mut layers = Vec::new();
-    for (layer, names) in KEPT {
-        let full = |name: &str| match (layer, name) {
-            ("", name) | (name, "") => name.to_owned(),
-            (layer, name) => format!("{layer}.{name}"),
-        };
-        let found = names
-            .iter()
-            .map(|name| Some((*name, channels.remove(&full(name))?)));
-        let found: Option<Vec<_>> = found.collect();
-        layers.extend(found.map(|channels| Layer {
-            name: layer.to_owned(),
-            channels,
-        }));
-    }
-    let mut plane = |name: &str| channels.remove(name).unwrap_or_default();
+    let layers = KEPT
+        .iter()
+        .filter_map(|(_, layer, channels)| read.take(layer, channels));
+    let layers = layers.collect();
+    let mut plane = |name: &str| read.channels.remove(name).unwrap_or_default();
     let (error, bias2) = (plane("error"), plane("bias2"));
     if error.iter().chain(&bias2).any(|x| x.is_nan() || *x < 0.0) {
         return Err(at("a stated error is not a number"));
@@ -221,11 +210,11 @@ fn of_render(mut metadata: Metadata) -> Metadata {
     metadata
 }
 
-/// Frames in order, and the scene of the last one.
+/// Frames in order, and the scene of the last one with the hits of the centres of its pixels.
 #[derive(Default)]
 struct Film {
     sequence: Sequence,
-    last: Option<(Opened, Camera)>,
+    last: Option<(Opened, Vec<Option<Hit>>)>,
     /// Options of the scene and light of the last frame.
     asked: String,
 }
@@ -274,17 +263,17 @@ impl Film {
         mut frame: Frame,
         outputs: &mut FrameOutputs,
     ) -> anyhow::Result<()> {
-        let camera = frame.camera.clone();
-        let view = View::new(&opened.scene, &camera, frame.size, frame.window);
-        frame.surfaces = Surfaces::of(&view);
+        let view = View::new(&opened.scene, &frame.camera, frame.size, frame.window);
+        let (surfaces, hits) = Surfaces::of(&view);
+        frame.surfaces = surfaces;
         // A scene that is still has no places: `last` was taken.
-        if let Some((last, seen)) = &self.last {
-            let theirs = View::new(&last.scene, seen, frame.size, frame.window);
-            self.sequence.set_after(places(&theirs, &opened.scene));
-            frame.surfaces.before = places(&view, &last.scene);
+        if let Some((last, before)) = &self.last {
+            self.sequence
+                .set_after(places(before, &last.scene, &opened.scene));
+            frame.surfaces.before = places(&hits, &opened.scene, &last.scene);
         }
         let in_studio = opened.in_studio;
-        self.last = Some((opened, camera));
+        self.last = Some((opened, hits));
         let done = self
             .sequence
             .push(frame)

@@ -1,7 +1,7 @@
 //! Files of averaged frames.
 
 use super::super::exit::{Blame, IntoExit};
-use super::super::output::percent;
+use super::super::output::{command, percent};
 use super::movie::Movie;
 use anyhow::anyhow;
 use opsr::image::display::Display;
@@ -110,13 +110,12 @@ impl FrameOutputs {
             .get(STATED)
             .and_then(|text| text.parse::<f64>().ok());
         if let Some(stated) = stated {
-            let stated = stated * averaged.gain;
+            let stated = stated * averaged.error_ratio;
             self.errors = (self.errors.0 + stated, self.errors.1 + 1);
             metadata.insert(STATED.into(), format!("{stated:.4}"));
         }
         if !self.reproducible {
-            let command = std::env::args().collect::<Vec<_>>().join(" ");
-            metadata.insert("command".into(), command);
+            metadata.insert("command".into(), command());
         }
         let mut layers = frame.layers.clone();
         let [last, next] = &averaged.motion;

@@ -1,6 +1,6 @@
 //! `opsr render --frames`: the frames of an animation, rendered one after another and averaged.
 
-use super::super::bar::{Style, terminal};
+use super::super::bar::{Bar, Style};
 use super::super::exit::{Blame, Exit, IntoExit};
 use super::super::output::note;
 use super::super::render::{
@@ -10,12 +10,11 @@ use super::super::render_args::RenderArgs;
 use super::super::stop::Stop;
 use super::super::threads::set_threads;
 use super::outputs::FrameOutputs;
-use super::{Film, of_render, read_frame, recorded};
+use super::{Film, KEPT, of_render, read_frame, recorded};
 use anyhow::anyhow;
-use indicatif::ProgressBar;
 use opsr::files::{self, Claim};
 use opsr::image::denoise::Denoiser;
-use opsr::image::exr::{self, Metadata};
+use opsr::image::exr::Metadata;
 use opsr::integrator::drive::{Reason, RenderProgress};
 use opsr::integrator::layers::Aov;
 use opsr::render::finished::STATED;
@@ -23,24 +22,14 @@ use opsr::render::value::{Layers, Moment};
 use opsr::render::{Fault, Finished, Outcome, Request, Spec};
 use opsr_frames::{Frame, FrameNames, FrameRange, Surfaces};
 use std::borrow::Cow;
-use std::io::{IsTerminal, Write};
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-
-/// Layers of a frame that its average keeps.
-const LAYERS: [Aov; 6] = [
-    Aov::Albedo,
-    Aov::Normal,
-    Aov::Depth,
-    Aov::Alpha,
-    Aov::Position,
-    Aov::Id,
-];
 
 /// Runs the command.
 pub(in super::super) fn run(args: &RenderArgs, range: FrameRange) -> anyhow::Result<Exit> {
     let began = Instant::now();
-    let (spec, motion) = checked(args).into_exit()?;
+    let (mut spec, motion) = checked(args).into_exit()?;
     let of_range = (range.first, range.numbers().len());
     let mut outputs =
         FrameOutputs::new(&args.output, &spec, (args.reproducible, motion), of_range)?;
@@ -53,6 +42,8 @@ pub(in super::super) fn run(args: &RenderArgs, range: FrameRange) -> anyhow::Res
     files.extend(outputs.movies().map(Path::to_owned));
     check_files(args, &files, &spec, &[])?;
     set_threads(args.program.threads)?;
+    spec.load_table().into_exit()?;
+    spec.load_look().into_exit()?;
     let job = Job {
         args,
         range,
@@ -66,7 +57,7 @@ pub(in super::super) fn run(args: &RenderArgs, range: FrameRange) -> anyhow::Res
         bar: Progress::new(args.program.progress, range),
     };
     let done = job.run(&mut outputs);
-    job.bar.finish();
+    job.bar.bar.finish();
     let exit = done?;
     let summary = outputs.summary();
     for path in outputs.end()? {
@@ -109,7 +100,11 @@ fn checked(args: &RenderArgs) -> Result<(Spec, bool), Fault> {
     if spec.at.is_some() {
         return Err(Fault::option("at", "--frames says the moments"));
     }
-    if let Some(layer) = spec.aovs().iter().find(|layer| !LAYERS.contains(layer)) {
+    if let Some(layer) = spec
+        .aovs()
+        .iter()
+        .find(|layer| KEPT.iter().all(|(kept, ..)| kept != *layer))
+    {
         let why = format!(
             "{} is of a frame alone, and is lost where frames are averaged",
             layer.name()
@@ -204,16 +199,12 @@ impl Job<'_> {
         let (name, count) = (args.scene.display().to_string(), numbers.len());
         let (mut film, mut place) = (Film::new(self.motion), None);
         for (done, number) in numbers.enumerate() {
-            let mut spec = self.spec_of(number, count - done);
+            let spec = self.spec_of(number, count - done);
             // Warnings and remarks are those of the first frame.
-            let opened = match done {
-                0 => Some(open(&args.scene, &mut spec)?),
-                _ => None,
-            };
-            spec.load_table().into_exit()?;
-            spec.load_look().into_exit()?;
-            let later = || open_silently(&args.scene, &mut spec.clone());
-            let opened = film.open(&args.scene, &spec, || opened.map_or_else(later, Ok))?;
+            let opened = film.open(&args.scene, &spec, || match done {
+                0 => open(&args.scene, &mut spec.clone()),
+                _ => open_silently(&args.scene, &mut spec.clone()),
+            })?;
             if done == 0 {
                 check_files(args, &self.files, &spec, &opened.files)?;
                 if opened.animations.is_empty() {
@@ -285,16 +276,22 @@ impl Job<'_> {
             let what = format!("a frame of another render: its `{key}` is {theirs}");
             return Err(anyhow!("{}: {what}", file.display())).input();
         }
-        let mut wanted = self.spec.aovs().iter();
-        if let Some(layer) = wanted.find(|layer| !has(&read, **layer)) {
-            let what = format!("a frame without the layer {}", layer.name());
-            return Err(anyhow!("{}: {what}", file.display())).input();
-        }
         let shape = (read.size, (read.width as u32, read.height as u32));
         if shape != (request.frame, (request.window.w, request.window.h)) {
             return Err(anyhow!("{}: a frame of another size", file.display())).input();
         }
-        read_frame(file, number, read, request.camera.clone()).input()
+        let frame = read_frame(file, number, read, request.camera.clone()).input()?;
+        let mut wanted = KEPT
+            .iter()
+            .filter(|(aov, ..)| self.spec.aovs().contains(aov));
+        let has = |name: &str| frame.layers.iter().any(|layer| layer.name == name);
+        match wanted.find(|(_, name, _)| !has(name)) {
+            Some((aov, ..)) => {
+                let what = format!("a frame without the layer {}", aov.name());
+                Err(anyhow!("{}: {what}", file.display())).input()
+            }
+            None => Ok(frame),
+        }
     }
 
     /// Renders a frame and keeps it; `None` if it was stopped.
@@ -349,15 +346,6 @@ impl Job<'_> {
     }
 }
 
-/// True if a file has a layer.
-fn has(file: &exr::Layers, layer: Aov) -> bool {
-    let mut names = file.channels.keys();
-    match layer {
-        Aov::Alpha => names.any(|name| name == "A"),
-        _ => names.any(|name| name.split('.').next() == Some(&layer.name())),
-    }
-}
-
 /// The frame of a finished render, as its file would hold it; its surfaces are not traced yet.
 fn frame(request: &Request<'_>, finished: &Finished<'_>, number: u32) -> Frame {
     let Finished { outcome, shown } = finished;
@@ -382,24 +370,17 @@ fn frame(request: &Request<'_>, finished: &Finished<'_>, number: u32) -> Frame {
 
 /// Progress over all frames.
 struct Progress {
-    style: Style,
-    bar: Option<ProgressBar>,
+    bar: Bar,
     range: FrameRange,
     began: Instant,
     /// Frames that are done.
-    done: std::cell::Cell<usize>,
+    done: Cell<usize>,
 }
-
-/// Steps of the bar for a frame.
-const STEPS: usize = 100;
 
 impl Progress {
     fn new(style: Style, range: FrameRange) -> Self {
-        let shown = style == Style::Auto && std::io::stderr().is_terminal();
-        let steps = (range.numbers().len() * STEPS) as u64;
         Self {
-            style,
-            bar: shown.then(|| terminal(steps, "{bar:30} {msg}")),
+            bar: Bar::new(style),
             range,
             began: Instant::now(),
             done: 0.into(),
@@ -411,39 +392,16 @@ impl Progress {
         self.done.set(done);
     }
 
-    fn show(&self, progress: &RenderProgress) {
+    fn show(&self, frame: &RenderProgress) {
         let (done, all) = (self.done.get(), self.range.numbers().len());
-        let number = self.range.first as usize + done;
-        let part = (done as f64 + progress.fraction.unwrap_or(0.0)) / all as f64;
-        let spent = self.began.elapsed().as_secs_f64();
-        let left = (part > 0.0).then(|| spent * (1.0 - part) / part);
-        match (&self.bar, self.style) {
-            (Some(bar), _) => {
-                bar.set_position((part * (all * STEPS) as f64) as u64);
-                let left = left.map_or(String::new(), |left| {
-                    let whole = Duration::from_secs(left as u64);
-                    format!(", {} left", humantime::format_duration(whole))
-                });
-                bar.set_message(format!("frame {number}, {} spp{left}", progress.samples));
-            }
-            (None, Style::Json) => {
-                let line = serde_json::json!({
-                    "frame": number,
-                    "spp": progress.samples,
-                    "seconds": spent,
-                    "fraction": part,
-                    "eta": left,
-                });
-                // A reader that has gone away is no reason to end a render.
-                let _ = writeln!(std::io::stdout(), "{line}");
-            }
-            (None, _) => {}
-        }
-    }
-
-    fn finish(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        let fraction = (done as f64 + frame.fraction.unwrap_or(0.0)) / all as f64;
+        let of_film = RenderProgress {
+            samples: frame.samples,
+            elapsed: self.began.elapsed(),
+            fraction: Some(fraction),
+            error: None,
+        };
+        let number = self.range.first + done as u32;
+        self.bar.show_frame(Some(number), &of_film, None);
     }
 }

@@ -1,9 +1,9 @@
 //! The pixels of another frame that show a surface of this one.
 
 use crate::frame::Frame;
-use crate::surfaces::Spot;
+use crate::surfaces::SurfacePoint;
 use opsr::math::{Vec2, Vec3};
-use opsr::scene::camera::Projection;
+use opsr::scene::Sensor;
 
 /// Distance at which a surface counts as another one, in pixels.
 const REACH: f32 = 3.0;
@@ -22,7 +22,7 @@ const SEEN: f32 = 0.05;
 
 /// Light of a surface in another frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Sight {
+pub(crate) struct Reprojected {
     /// Radiance.
     pub(crate) light: Vec3,
     /// Its variance, mean of the channels.
@@ -33,8 +33,8 @@ pub(crate) struct Sight {
 
 /// A surface that is followed from its frame to those before, or to those after it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Trail {
-    spot: Spot,
+pub(crate) struct Reprojection {
+    point: SurfacePoint,
     /// Its pixel in its own frame.
     pixel: usize,
     /// Its place in the frame reached so far; `None` where it is lost.
@@ -43,13 +43,14 @@ pub(crate) struct Trail {
 
 /// Side of a pixel at a place, in units of the scene.
 fn side(frame: &Frame, place: Vec3) -> f32 {
-    let rows = frame.size.y as f32;
-    match frame.camera.projection {
-        Projection::Perspective { tan_half_y } => {
-            2.0 * tan_half_y * place.distance(frame.camera.position) / rows
-        }
-        Projection::Orthographic { half_height } => 2.0 * half_height / rows,
-    }
+    let sensor = Sensor {
+        camera: &frame.camera,
+        frame: frame.size,
+    };
+    let way = place - frame.camera.position;
+    let dir = way.normalize_or(-frame.camera.frame.n);
+    let footprint = sensor.cone(dir).footprint(dir, way.length());
+    footprint.map_or(0.0, |footprint| 2.0 * footprint.half)
 }
 
 /// Position of a place in a frame, in pixels from the centre of the first one of its window; it may be beyond it.
@@ -73,14 +74,14 @@ fn index(frame: &Frame, x: i64, y: i64) -> Option<usize> {
     ((0..w).contains(&x) && (0..h).contains(&y)).then_some((y * w + x) as usize)
 }
 
-impl Trail {
-    /// The trail of a pixel, which begins in its own frame.
+impl Reprojection {
+    /// The reprojection of a pixel, which begins in its own frame.
     pub(crate) fn new(frame: &Frame, pixel: usize) -> Self {
-        let spot = frame.surfaces.spots[pixel];
+        let point = frame.surfaces.points[pixel];
         Self {
-            spot,
+            point,
             pixel,
-            place: spot.is_some().then_some(spot.position),
+            place: point.is_some().then_some(point.position),
         }
     }
 
@@ -105,15 +106,15 @@ impl Trail {
     fn carried(&self, from: &Frame, moved: &[Vec3], place: Vec3) -> Option<Vec3> {
         let at = project(from, place)?.round();
         let pixel = index(from, at.x as i64, at.y as i64)?;
-        let there = &from.surfaces.spots[pixel];
+        let there = &from.surfaces.points[pixel];
         let near = there.position.distance(place) < REACH * side(from, place);
-        let alike = self.spot.unlike(there).0 < BENT;
+        let alike = self.point.difference(there).0 < BENT;
         let next = place + (moved[pixel] - there.position);
         (near && alike && next.is_finite()).then_some(next)
     }
 
     /// Way in pixels from the surface's own pixel to its place in the frame reached; y up. 0 where it is lost.
-    pub(crate) fn way(&self, frame: &Frame) -> Vec2 {
+    pub(crate) fn motion(&self, frame: &Frame) -> Vec2 {
         let width = frame.picture.width;
         let own = Vec2::new((self.pixel % width) as f32, (self.pixel / width) as f32);
         let at = self.place.and_then(|place| seen_at(frame, place));
@@ -121,7 +122,7 @@ impl Trail {
     }
 
     /// Light of the surface in the frame reached; `None` where it is not seen.
-    pub(crate) fn sight(&self, frame: &Frame, variance: &[f32]) -> Option<Sight> {
+    pub(crate) fn light(&self, frame: &Frame, variance: &[f32]) -> Option<Reprojected> {
         let place = self.place?;
         let at = project(frame, place)?;
         let corner = at.floor();
@@ -134,19 +135,19 @@ impl Trail {
             let Some(pixel) = index(frame, corner.x as i64 + dx, corner.y as i64 + dy) else {
                 continue;
             };
-            let there = &frame.surfaces.spots[pixel];
+            let there = &frame.surfaces.points[pixel];
             if !there.is_some() {
                 continue;
             }
             let far = there.position.distance_squared(place) / (reach * reach);
-            let (bend, paint) = self.spot.unlike(there);
+            let (bend, paint) = self.point.difference(there);
             let unlike = 0.5 * far + BEND * bend + 0.5 * paint / (PAINT * PAINT);
             let w = across * down * (-unlike).exp();
             light += w * frame.picture.pixels[pixel];
             noise += w * variance[pixel];
             weight += w;
         }
-        (weight > SEEN && light.is_finite()).then(|| Sight {
+        (weight > SEEN && light.is_finite()).then(|| Reprojected {
             light: light / weight,
             variance: noise / weight,
             weight,
