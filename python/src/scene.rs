@@ -6,7 +6,7 @@ use crate::options::{of_scene, raised, read};
 use crate::work::detached;
 use opsr::render::Spec;
 use opsr::scene::{Scene as World, SceneParts};
-use opsr_formats::READERS;
+use opsr_formats::FORMATS;
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
@@ -64,7 +64,7 @@ impl Scene {
         again.set_item("name", &name)?;
         let recipe = ("load", PyTuple::new(py, [&path])?.unbind(), again.unbind());
         let spec = read("Scene.load", Some(&keywords), of_scene)?;
-        let opened = detached(py, || spec.open(&path, READERS, World::new))?.map_err(raised)?;
+        let opened = detached(py, || spec.open(&path, FORMATS, World::new))?.map_err(raised)?;
         for warning in &opened.warnings {
             let text = format!("{}: {warning}", path.display()).replace('\0', " ");
             let text = CString::new(text)?;

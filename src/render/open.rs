@@ -7,7 +7,7 @@ use crate::files::{Problem, hex};
 use crate::math::{Ray, Vec3};
 use crate::scene::light::sky::{Sky, studio};
 use crate::scene::lighting::Lighting;
-use crate::scene::load::{Animation, FileLight, LoadOptions, Reader, cameras_at, load};
+use crate::scene::load::{Animation, FileLight, Formats, LoadOptions, cameras_at, load};
 use crate::scene::{Backdrop, Environment, Scene, SceneParts, TriangleId};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -35,7 +35,7 @@ pub struct Opened {
 impl Opened {
     /// Moves the cameras to the moment of a spec that asks for this scene and this light at another moment. False if that is not
     /// enough: the animations move other things too.
-    pub fn at(&mut self, spec: &Spec, path: &Path) -> Result<bool, Fault> {
+    pub fn at(&mut self, spec: &Spec, path: &Path, formats: Formats) -> Result<bool, Fault> {
         if self.animations.is_empty() {
             return Ok(true);
         }
@@ -43,7 +43,8 @@ impl Opened {
         let Some(moment) = spec.at.filter(|_| of_cameras) else {
             return Ok(false);
         };
-        self.scene.set_cameras(cameras_at(path, moment.seconds())?);
+        self.scene
+            .set_cameras(cameras_at(path, moment.seconds(), formats.codecs)?);
         Ok(true)
     }
 
@@ -145,14 +146,14 @@ impl Spec {
     }
 
     /// Choices that the file does not contain.
-    pub fn load_options(&self, readers: &'static [Reader]) -> LoadOptions {
+    pub fn load_options(&self, formats: Formats) -> LoadOptions {
         LoadOptions {
             distribution: self.distribution,
             skip_unsupported: self.skip_unsupported.unwrap_or_default(),
             solid_glass: self.glass.map(|glass| glass == Glass::Solid),
             time: self.at.map(Moment::seconds),
             variant: self.variant.as_ref().map(|variant| variant.0.clone()),
-            readers,
+            formats,
         }
     }
 
@@ -201,17 +202,17 @@ impl Spec {
         })
     }
 
-    /// Opens the scene of a file: glTF, or another format by one of the readers. `build` is [`Scene::new`], or [`Scene::outline`] for
+    /// Opens the scene of a file: glTF, or one of the formats. `build` is [`Scene::new`], or [`Scene::outline`] for
     /// a scene that is described only.
     pub fn open(
         &self,
         path: &Path,
-        readers: &'static [Reader],
+        formats: Formats,
         build: fn(SceneParts) -> Scene,
     ) -> Result<Opened, Fault> {
         self.check()?;
         expect_scene(path)?;
-        let loaded = load(path, &self.load_options(readers))?;
+        let loaded = load(path, &self.load_options(formats))?;
         let (mut parts, mut warnings) = (loaded.parts, loaded.warnings);
         let mut digest = Sha256::new();
         digest.update(loaded.digest);

@@ -1,6 +1,7 @@
 //! Loading glTF files: round trips through the writer, and equal scenes from all forms of a file.
 
 pub(crate) mod broken;
+mod compressed;
 mod extensions;
 pub(crate) mod hostile;
 mod looks;

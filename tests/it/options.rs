@@ -187,7 +187,7 @@ impl Renders {
         let key = spec.words(&[Heading::Scene, Heading::Light]);
         let path = self.place.path().join("scene.glb");
         let open = || {
-            let opened = spec.open(&path, opsr_formats::READERS, Scene::new);
+            let opened = spec.open(&path, opsr_formats::FORMATS, Scene::new);
             opened.map(Rc::new).map_err(|fault| fault.to_string())
         };
         self.scenes.entry(key).or_insert_with(open).clone()

@@ -5,6 +5,7 @@ use image::{DynamicImage, Rgb as Texel, RgbImage};
 use opsr::math::{Rgb, Vec2, Vec3};
 use opsr::render::Spec;
 use opsr::render::open::Opened;
+use opsr::scene::load::Formats;
 use opsr::scene::procedural::{materials, shapes};
 use opsr::scene::{Camera, Material, Mesh, PunctualLight, Scene, SceneParts};
 use opsr_lab::gallery::glb::to_glb;
@@ -83,7 +84,8 @@ fn open(file: &File, words: &[(&str, &str)]) -> Opened {
             other => panic!("{other}"),
         }
     }
-    spec.open(&path, &[], Scene::new).expect("a scene")
+    spec.open(&path, Formats::default(), Scene::new)
+        .expect("a scene")
 }
 
 /// Texture coordinates of a quad.

@@ -423,7 +423,7 @@ fn view_picture_is_that_of_a_render_with_the_saved_view() {
         let mut asked = spec(choices);
         asked.camera = Some(CameraChoice::File(saved));
         let opened = asked
-            .open(&viewer.scene, opsr_formats::READERS, Scene::new)
+            .open(&viewer.scene, opsr_formats::FORMATS, Scene::new)
             .expect("a scene");
         let subject = Subject {
             scene: &opened.scene,

@@ -34,7 +34,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         ..Spec::default()
     };
     let loaded =
-        opsr::scene::load::load(&args.scene, &spec.load_options(opsr_formats::READERS)).input()?;
+        opsr::scene::load::load(&args.scene, &spec.load_options(opsr_formats::FORMATS)).input()?;
     if loaded.files.contains(&args.output) {
         return Err(anyhow!(
             "{}: is read and would be replaced",

@@ -13,7 +13,7 @@ use opsr::pilot::advise;
 use opsr::regularise::{GammaIndex, LEN, Rule, bin};
 use opsr::render::open::Opened;
 use opsr::scene::{Environment, Material, PunctualLight, Scene, SceneParts, Texture};
-use opsr_formats::READERS;
+use opsr_formats::FORMATS;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -40,7 +40,7 @@ pub(super) fn run(args: &InfoArgs) -> anyhow::Result<()> {
         Some(_) => Scene::new,
         None => expected::built,
     };
-    let opened = spec.open(&args.scene, READERS, build).into_exit()?;
+    let opened = spec.open(&args.scene, FORMATS, build).into_exit()?;
     for warning in &opened.warnings {
         tracing::warn!("{}: {warning}", args.scene.display());
     }

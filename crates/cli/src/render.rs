@@ -25,7 +25,7 @@ use opsr::render::open::Opened;
 use opsr::render::value::TableChoice;
 use opsr::render::{Begun, Fault, Request, Spec, Subject};
 use opsr::scene::Scene;
-use opsr_formats::READERS;
+use opsr_formats::FORMATS;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -92,7 +92,7 @@ pub(super) fn open(scene: &Path, spec: &mut Spec) -> anyhow::Result<Opened> {
 pub(super) fn open_silently(scene: &Path, spec: &mut Spec) -> anyhow::Result<Opened> {
     spec.load_table().into_exit()?;
     spec.load_look().into_exit()?;
-    let opened = spec.open(scene, READERS, Scene::new).into_exit()?;
+    let opened = spec.open(scene, FORMATS, Scene::new).into_exit()?;
     if opened.scene.lights().is_empty() {
         let what = "nothing lights the scene: --env studio, --env sky or a map would";
         return Err(anyhow!("{}: {what}", scene.display())).input();

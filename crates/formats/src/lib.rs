@@ -1,6 +1,7 @@
-//! Scenes of other renderers: Mitsuba 3 (and its predecessor) and pbrt-v4. Each reader names what it finds in the words of
-//! [`build`](opsr::scene::build); what their files share, meshes and images, is read here.
+//! Scenes of other renderers, Mitsuba 3 (and its predecessor) and pbrt-v4, and decoders of compressed glTF. Each
+//! reader names what it finds in the words of [`build`](opsr::scene::build); what their files share, meshes and images, is read here.
 
+mod compressed;
 mod images;
 mod media;
 mod mitsuba;
@@ -19,7 +20,7 @@ use opsr::scene::build::looks::Paint;
 use opsr::scene::build::{BuildError, Builder, right_handed_tangents};
 use opsr::scene::load::error::{Fault, Result, Warnings, fault};
 use opsr::scene::load::uris::Files;
-use opsr::scene::load::{FileLight, LoadOptions, Loaded, Reader};
+use opsr::scene::load::{FileLight, Formats, LoadOptions, Loaded, Reader};
 use opsr::scene::mesh::Mesh;
 use opsr::scene::{Material, Medium, SceneParts};
 use std::collections::HashMap;
@@ -32,22 +33,25 @@ const MOST_BYTES: u64 = 1 << 32;
 /// Most files that a scene may include, and most includes one in another.
 const MOST_INCLUDES: usize = 4096;
 
-/// Readers of both formats, for [`LoadOptions::readers`].
-pub const READERS: &[Reader] = &[
-    Reader {
-        knows: |path| has_ending(path, "xml"),
-        read: |path, bytes, options| load(path, bytes, options, mitsuba::read),
-    },
-    Reader {
-        knows: |path| has_ending(path, "pbrt"),
-        read: |path, bytes, options| load(path, bytes, options, pbrt::read),
-    },
-];
+/// All that the crate reads, for [`LoadOptions::formats`].
+pub const FORMATS: Formats = Formats {
+    readers: &[
+        Reader {
+            knows: |path| has_ending(path, "xml"),
+            read: |path, bytes, options| load(path, bytes, options, mitsuba::read),
+        },
+        Reader {
+            knows: |path| has_ending(path, "pbrt"),
+            read: |path, bytes, options| load(path, bytes, options, pbrt::read),
+        },
+    ],
+    codecs: compressed::CODECS,
+};
 
-/// The usual options, with [`READERS`].
+/// The usual options, with [`FORMATS`].
 pub fn options() -> LoadOptions {
     LoadOptions {
-        readers: READERS,
+        formats: FORMATS,
         ..LoadOptions::default()
     }
 }

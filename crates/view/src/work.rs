@@ -13,7 +13,7 @@ use opsr::render::value::word;
 use opsr::render::{Fault, Heading, Outcome, Request, Spec, Subject};
 use opsr::resolve::Resolve;
 use opsr::scene::Scene;
-use opsr_formats::READERS;
+use opsr_formats::FORMATS;
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::Write;
@@ -151,7 +151,7 @@ impl Renderer<'_> {
             state.phase = "loading";
             state.words_number += 1;
         });
-        let opened = options.spec.open(self.file, READERS, Scene::new)?;
+        let opened = options.spec.open(self.file, FORMATS, Scene::new)?;
         if opened.scene.lights().is_empty() {
             let what = "nothing lights the scene: {env} studio, {env} sky or a map would";
             return Err(Fault::Input(format!("{}: {what}", self.file.display())));

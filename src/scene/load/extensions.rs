@@ -30,30 +30,23 @@ pub(super) fn is_dispensable(name: &str) -> bool {
     looks || name == "KHR_animation_pointer" || name == "KHR_node_visibility"
 }
 
-/// The command that writes KTX2 textures as PNG. It decodes compressed meshes too.
-pub(super) const DECODE_TEXTURES: &str = "gltf-transform ktxdecompress in.glb out.glb";
+/// Extensions that other crates decode.
+const DECODED: [&str; 4] = [
+    "EXT_meshopt_compression",
+    "KHR_draco_mesh_compression",
+    "KHR_meshopt_compression",
+    "KHR_texture_basisu",
+];
 
-/// The command that decodes compressed meshes.
-const DECODE_MESHES: &str = "gltf-transform copy in.glb out.glb";
-
-/// The names of required extensions that are not supported, all of them, and the command that removes their need.
+/// The names of required extensions that are not supported, all of them.
 pub(super) fn refusal(unsupported: &[&str]) -> String {
     let are = if unsupported.len() == 1 { "is" } else { "are" };
     let refused = format!("{} {are} not supported", unsupported.join(", "));
-    let meshes = ["KHR_draco_mesh_compression", "EXT_meshopt_compression"];
-    let textures = ["KHR_texture_basisu"];
-    let asked = |names: &[&'static str]| -> Vec<&str> {
-        let asked = |name: &&str| unsupported.contains(name);
-        names.iter().copied().filter(asked).collect()
-    };
-    let (meshes, textures) = (asked(&meshes), asked(&textures));
-    let command = match (textures.is_empty(), meshes.is_empty()) {
-        (false, _) => DECODE_TEXTURES,
-        (true, false) => DECODE_MESHES,
-        (true, true) => return refused,
-    };
-    let removed = [meshes, textures].concat().join(", ");
-    format!(
-        "{refused}; to decode {removed}: {command} (npm install -g @gltf-transform/cli), or export without it"
-    )
+    match unsupported.iter().any(|name| DECODED.contains(name)) {
+        true => format!(
+            "{refused}; the crate opsr-formats has decoders of {}",
+            DECODED.join(", ")
+        ),
+        false => refused,
+    }
 }

@@ -8,6 +8,7 @@
 mod accessors;
 mod animation;
 mod closed;
+pub mod codecs;
 mod deform;
 pub mod error;
 mod extensions;
@@ -26,11 +27,12 @@ use crate::bsdf::Distribution;
 use crate::files::{self, FileError, Problem};
 use accessors::Data;
 pub use animation::Animation;
+use codecs::{Buffers, Codec, Part};
 use error::{Result, Warnings, fault, place};
 pub use extensions::SUPPORTED;
-use gltf::json::Root;
 use gltf::json::mesh::Semantic;
 use gltf::json::validation::{Checked, Error as Broken, Validate};
+use gltf::json::{Buffer, Root};
 pub use lit::FileLight;
 use serde::de::IgnoredAny;
 use std::borrow::Cow;
@@ -51,8 +53,17 @@ pub struct LoadOptions {
     pub skip_unsupported: bool,
     /// Variant of the materials by name, or by number from 0; without one those that the file shows first.
     pub variant: Option<String>,
-    /// Readers of other formats.
+    /// Formats that the library itself does not read.
+    pub formats: Formats,
+}
+
+/// Formats that a program adds.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Formats {
+    /// Readers of files that are not glTF's.
     pub readers: &'static [Reader],
+    /// Decoders of compressed glTF files, in the order in which they run.
+    pub codecs: &'static [Codec],
 }
 
 /// A reader of another format.
@@ -84,7 +95,8 @@ pub struct Loaded {
 /// Reads a scene. No file makes it panic or allocate without bound.
 pub fn load(path: &Path, options: &LoadOptions) -> std::result::Result<Loaded, FileError> {
     let bytes = uris::read_file(path).map_err(|e| Problem::Read(e).at(path))?;
-    if let Some(reader) = options.readers.iter().find(|reader| (reader.knows)(path)) {
+    let mut readers = options.formats.readers.iter();
+    if let Some(reader) = readers.find(|reader| (reader.knows)(path)) {
         return (reader.read)(path, &bytes, options);
     }
     scene(path, &bytes, options).map_err(|fault| fault.of(path))
@@ -92,39 +104,57 @@ pub fn load(path: &Path, options: &LoadOptions) -> std::result::Result<Loaded, F
 
 /// The cameras of a glTF file at a moment of its animations, in seconds: all that changes where these
 /// [move cameras alone](Animation::of_cameras).
-pub fn cameras_at(path: &Path, seconds: f64) -> std::result::Result<Vec<Camera>, FileError> {
+pub fn cameras_at(
+    path: &Path,
+    seconds: f64,
+    codecs: &'static [Codec],
+) -> std::result::Result<Vec<Camera>, FileError> {
     let bytes = uris::read_file(path).map_err(|e| Problem::Read(e).at(path))?;
-    cameras(path, &bytes, seconds).map_err(|fault| fault.of(path))
+    cameras(path, &bytes, seconds, codecs).map_err(|fault| fault.of(path))
 }
 
-fn cameras(path: &Path, bytes: &[u8], seconds: f64) -> Result<Vec<Camera>> {
+fn cameras(
+    path: &Path,
+    bytes: &[u8],
+    seconds: f64,
+    codecs: &'static [Codec],
+) -> Result<Vec<Camera>> {
     let mut warnings = Warnings::default();
-    let (container, head, root) = parsed(bytes, &mut warnings)?;
     let mut files = Files::new(path, bytes);
-    let data = data(&root, &head, container.binary, &mut files)?;
+    let (head, root, buffers) = parsed(bytes, codecs, &mut files, &mut warnings)?;
+    let data = data(&root, buffers, &head)?;
     let nodes = animation::nodes(&data, seconds, &mut warnings)?;
     lights::cameras(&root, &nodes::placed(&root, &nodes)?, &mut warnings)
 }
 
-/// The JSON of a file, checked.
-fn parsed<'a>(bytes: &'a [u8], warnings: &mut Warnings) -> Result<(Container<'a>, Head, Root)> {
+/// The JSON of a file, checked, and its buffers, with what `codecs` decode in place of compressed parts.
+fn parsed<'a>(
+    bytes: &'a [u8],
+    codecs: &[Codec],
+    files: &mut Files,
+    warnings: &mut Warnings,
+) -> Result<(Head, Root, Buffers<'a>)> {
     let container = Container::new(bytes)?;
-    let head = head(container.json, warnings)?;
-    let root: Root = gltf::json::deserialize::from_slice(container.json)
+    let head = head(container.json, codecs, warnings)?;
+    let mut root: Root = gltf::json::deserialize::from_slice(container.json)
         .map_err(|e| fault("JSON", files::briefly(e)))?;
     validate(&root)?;
-    Ok((container, head, root))
+    let used = &head.extensions_used;
+    let placeholder =
+        |buffer: &_, has_bytes| codecs::is_placeholder(buffer, has_bytes, codecs, used);
+    let mut buffers = buffers(&root, container.binary, files, placeholder)?;
+    for codec in codecs {
+        if let Part::Buffers(decode) = codec.part {
+            decode(&mut root, &mut buffers)?;
+        }
+    }
+    Ok((head, root, buffers))
 }
 
-/// The buffers of a file, checked.
-fn data<'a>(
-    root: &'a Root,
-    head: &Head,
-    binary: Option<&'a [u8]>,
-    files: &mut Files,
-) -> Result<Data<'a>> {
+/// The buffers of a file with its views and accessors, checked.
+fn data<'a>(root: &'a Root, buffers: Buffers<'a>, head: &Head) -> Result<Data<'a>> {
     let data = Data {
-        buffers: buffers(root, binary, files)?,
+        buffers,
         quantised: (head.extensions_used.iter()).any(|e| e == "KHR_mesh_quantization"),
         root,
     };
@@ -134,16 +164,17 @@ fn data<'a>(
 
 fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
     let mut warnings = Warnings::default();
-    let (container, head, root) = parsed(bytes, &mut warnings)?;
     let mut files = Files::new(path, bytes);
-    let data = data(&root, &head, container.binary, &mut files)?;
+    let codecs = options.formats.codecs;
+    let (head, root, buffers) = parsed(bytes, codecs, &mut files, &mut warnings)?;
+    let data = data(&root, buffers, &head)?;
     let nodes = match options.time {
         Some(seconds) => Cow::Owned(animation::nodes(&data, seconds, &mut warnings)?),
         None => Cow::Borrowed(root.nodes.as_slice()),
     };
     warn_of_time(&root, options.time, &mut warnings);
     let nodes = nodes::placed(&root, &nodes)?;
-    let mut requests = textures::Requests::default();
+    let mut requests = textures::Requests::new(codecs);
     let (mut materials, slots) = materials::materials(
         &root,
         options.distribution.unwrap_or_default(),
@@ -278,7 +309,7 @@ struct Asset {
     min_version: Option<String>,
 }
 
-fn head(json: &[u8], warnings: &mut Warnings) -> Result<Head> {
+fn head(json: &[u8], codecs: &[Codec], warnings: &mut Warnings) -> Result<Head> {
     let head: Head = serde_json::from_slice(json).map_err(|e| {
         match e.is_syntax() && (e.line(), e.column()) == (1, 1) {
             true => fault("not a glTF file", "it holds no JSON"),
@@ -293,7 +324,10 @@ fn head(json: &[u8], warnings: &mut Warnings) -> Result<Head> {
         return Err(fault("asset.minVersion", format!("`{least}` is not 2.0")));
     }
     head.check_lists()?;
-    let unknown = |e: &&String| !SUPPORTED.contains(&e.as_str());
+    let unknown = |e: &&String| {
+        let decoded = codecs.iter().any(|codec| codec.extension == *e);
+        !decoded && !SUPPORTED.contains(&e.as_str())
+    };
     let needed = |e: &&String| !extensions::is_dispensable(e);
     let required: Vec<&str> = (head.extensions_required.iter().filter(unknown))
         .filter(needed)
@@ -348,14 +382,21 @@ fn validate(root: &Root) -> Result<()> {
     }
 }
 
+/// The bytes of all buffers; none of a placeholder, of which the function decides by the buffer and if it has bytes.
 fn buffers<'a>(
     root: &Root,
     binary: Option<&'a [u8]>,
     files: &mut Files,
-) -> Result<Vec<Cow<'a, [u8]>>> {
+    placeholder: impl Fn(&Buffer, bool) -> bool,
+) -> Result<Buffers<'a>> {
     let mut buffers = Vec::new();
     for (i, buffer) in root.buffers.iter().enumerate() {
         let at = place("buffers", i, buffer.name.as_ref());
+        let has_bytes = buffer.uri.is_some() || i == 0 && binary.is_some();
+        if placeholder(buffer, has_bytes) {
+            buffers.push(Cow::Borrowed(&[][..]));
+            continue;
+        }
         let bytes = match (&buffer.uri, binary) {
             (Some(uri), _) => Cow::Owned(files.read(uri, &at)?),
             (None, Some(chunk)) if i == 0 => Cow::Borrowed(chunk),

@@ -1,8 +1,8 @@
 //! Textures, and their images, decoded once each.
 
 use super::accessors::Data;
+use super::codecs::{Codec, ImageCodec, Part};
 use super::error::{Fault, Result, fault, place};
-use super::extensions::DECODE_TEXTURES;
 use super::uris::Files;
 use crate::memory;
 use crate::scene::Texture;
@@ -33,21 +33,30 @@ struct Key {
 }
 
 /// The textures that materials ask for.
-#[derive(Default)]
 pub(super) struct Requests {
+    codecs: &'static [Codec],
     known: HashMap<Key, u32>,
     /// Textures of each image.
     uses: BTreeMap<usize, Vec<(u32, Key)>>,
 }
 
 impl Requests {
+    /// No requests yet, of images that the library reads or `codecs` decode.
+    pub(super) fn new(codecs: &'static [Codec]) -> Self {
+        Self {
+            codecs,
+            known: HashMap::new(),
+            uses: BTreeMap::new(),
+        }
+    }
+
     /// Requests a texture of the file; returns its index in `SceneParts::textures`.
     pub(super) fn texture(&mut self, root: &Root, index: usize, srgb: bool) -> Result<u32> {
         let Some(texture) = root.textures.get(index) else {
             return Err(fault(format!("textures[{index}]"), "does not exist"));
         };
         let at = place("textures", index, texture.name.as_ref());
-        let image = source(texture).unwrap_or(texture.source.value());
+        let image = self.source(texture).unwrap_or(texture.source.value());
         if image >= root.images.len() {
             return Err(fault(format!("{at}.source"), "is missing, or no image"));
         }
@@ -72,6 +81,20 @@ impl Requests {
         }))
     }
 
+    /// The image that an extension gives in place of the texture's own.
+    fn source(&self, texture: &gltf::json::Texture) -> Option<usize> {
+        let extensions = &texture.extensions.as_ref()?.others;
+        let images = |codec: &&Codec| matches!(codec.part, Part::Images(_));
+        let decoded = self
+            .codecs
+            .iter()
+            .filter(images)
+            .map(|codec| codec.extension);
+        let mut named = decoded.chain(["EXT_texture_webp"]);
+        let extension = named.find_map(|name| extensions.get(name))?;
+        Some(usize::try_from(extension.get("source")?.as_u64()?).unwrap_or(usize::MAX))
+    }
+
     /// Reads the requested images in file order, and decodes them.
     pub(super) fn textures(self, data: &Data<'_>, files: &mut Files) -> Result<Vec<Texture>> {
         let mut textures = vec![Texture::default(); self.known.len()];
@@ -79,7 +102,7 @@ impl Requests {
         for batch in all.chunks(BATCH) {
             let mut sources = Vec::new();
             for (image, _) in batch {
-                sources.push(Source::read(data, *image, files)?);
+                sources.push(Source::read(data, *image, self.codecs, files)?);
             }
             let bytes = sources.iter().map(Source::bytes_needed);
             let bytes = bytes.sum::<Result<u64>>()?;
@@ -103,16 +126,6 @@ impl Requests {
     }
 }
 
-/// The image that EXT_texture_webp gives.
-fn source(texture: &gltf::json::Texture) -> Option<usize> {
-    let webp = texture
-        .extensions
-        .as_ref()?
-        .others
-        .get("EXT_texture_webp")?;
-    Some(usize::try_from(webp.get("source")?.as_u64()?).unwrap_or(usize::MAX))
-}
-
 fn mode(wrap: &Checked<WrappingMode>) -> Wrap {
     match wrap {
         Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
@@ -125,12 +138,20 @@ fn mode(wrap: &Checked<WrappingMode>) -> Wrap {
 pub struct Source<'a> {
     at: String,
     bytes: Cow<'a, [u8]>,
-    format: ImageFormat,
+    format: Format,
+}
+
+/// The format of an image.
+#[derive(Clone, Copy)]
+enum Format {
+    Plain(ImageFormat),
+    /// One that a codec decodes, and the size in texels.
+    Coded(ImageCodec, [u32; 2]),
 }
 
 impl<'a> Source<'a> {
     /// The bytes decide the format, not the MIME type.
-    fn read(data: &'a Data<'_>, index: usize, files: &mut Files) -> Result<Self> {
+    fn read(data: &'a Data<'_>, index: usize, codecs: &[Codec], files: &mut Files) -> Result<Self> {
         let image = &data.root.images[index];
         let at = place("images", index, image.name.as_ref());
         let bytes = match (&image.uri, image.buffer_view) {
@@ -138,6 +159,13 @@ impl<'a> Source<'a> {
             (None, Some(view)) => Cow::Borrowed(data.view(view.value())?),
             (None, None) => return Err(fault(at, "has neither a uri nor a bufferView")),
         };
+        let coded = codecs.iter().find_map(|codec| match codec.part {
+            Part::Images(image) => Some(Format::Coded(image, (image.size)(&bytes)?)),
+            Part::Buffers(_) => None,
+        });
+        if let Some(format) = coded {
+            return Ok(Self { at, bytes, format });
+        }
         Self::new(
             at,
             bytes,
@@ -147,12 +175,12 @@ impl<'a> Source<'a> {
 
     /// The bytes of an image in one of these formats; the bytes decide which.
     pub fn new(at: String, bytes: Cow<'a, [u8]>, formats: &[ImageFormat]) -> Result<Self> {
-        if bytes.starts_with(b"\xabKTX 20\xbb") {
-            let what = format!("KTX2 is not supported; to decode it: {DECODE_TEXTURES}");
-            return Err(fault(at, what));
-        }
         match image::guess_format(&bytes) {
-            Ok(format) if formats.contains(&format) => Ok(Self { at, bytes, format }),
+            Ok(plain) if formats.contains(&plain) => Ok(Self {
+                at,
+                bytes,
+                format: Format::Plain(plain),
+            }),
             _ => Err(fault(at, "is neither PNG nor JPEG nor WebP")),
         }
     }
@@ -161,9 +189,9 @@ impl<'a> Source<'a> {
         fault(&self.at, format!("cannot be decoded: {error}"))
     }
 
-    fn decoder(&self) -> Result<impl ImageDecoder + '_> {
+    fn decoder(&self, format: ImageFormat) -> Result<impl ImageDecoder + '_> {
         let mut reader = ImageReader::new(Cursor::new(&self.bytes[..]));
-        reader.set_format(self.format);
+        reader.set_format(format);
         // What there is memory for was asked before.
         reader.no_limits();
         reader.into_decoder().map_err(|e| self.bad(e))
@@ -171,12 +199,17 @@ impl<'a> Source<'a> {
 
     /// Bytes of the image in memory, with a third for its coarser images. A few bytes of a file can ask for any number.
     pub fn bytes_needed(&self) -> Result<u64> {
-        let decoder = self.decoder()?;
+        let format = match self.format {
+            Format::Plain(format) => format,
+            // A copy of the texels lives while they are decoded.
+            Format::Coded(_, size) => return Ok(size.map(u64::from).iter().product::<u64>() * 9),
+        };
+        let decoder = self.decoder(format)?;
         let (width, height) = decoder.dimensions();
         let texels = u64::from(width) * u64::from(height);
         let most = TEXELS_PER_BYTE.saturating_mul(self.bytes.len() as u64);
         // Any number of texels of one colour is a few bytes of WebP, which has 14 bits a side.
-        if texels == 0 || (texels > most && self.format != ImageFormat::WebP) {
+        if texels == 0 || (texels > most && format != ImageFormat::WebP) {
             let what = format!("{width} x {height} texels are none or too many for its bytes");
             return Err(fault(&self.at, what));
         }
@@ -185,7 +218,19 @@ impl<'a> Source<'a> {
 
     /// Decodes the image.
     pub fn decode(self) -> Result<Texture> {
-        let decoder = self.decoder()?;
+        let format = match self.format {
+            Format::Plain(format) => format,
+            Format::Coded(codec, [width, height]) => {
+                return Ok(Texture {
+                    width,
+                    height,
+                    channels: 4,
+                    texels: Texels::Byte((codec.texels)(&self.bytes, &self.at)?.into()),
+                    ..Texture::default()
+                });
+            }
+        };
+        let decoder = self.decoder(format)?;
         let (width, height) = decoder.dimensions();
         let length = decoder.total_bytes() as usize;
         let kind = decoder.color_type();

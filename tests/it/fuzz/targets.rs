@@ -152,8 +152,132 @@ pub(crate) fn foreign() -> Vec<Target> {
             mesh,
         ),
         target("obj", "fuzz.obj", vec![file("tetra.obj")], mesh),
+        target("draco", "fuzz.drc", streams("draco"), |path| {
+            rendered(&wrapped(path, draco))
+        }),
+        target("meshopt", "fuzz.meshopt", streams("meshopt"), |path| {
+            rendered(&wrapped(path, meshopt))
+        }),
+        target("ktx2", "fuzz.ktx2", streams("ktx2"), |path| {
+            rendered(&wrapped(path, ktx2))
+        }),
         target("serialized", "fuzz.serialized", vec![serialized()], mesh),
     ]
+}
+
+/// Compressed parts of the files of `tests/data/compressed`.
+fn streams(kind: &str) -> Vec<Vec<u8>> {
+    let folder = root().join("tests/data/compressed");
+    let read = |name: &str| std::fs::read(folder.join(name)).expect("a file");
+    match kind {
+        "ktx2" => ["etc1s", "etc1s_alpha", "uastc", "uastc_zstd"]
+            .map(|name| read(&format!("{name}.ktx2")))
+            .into(),
+        "draco" => ["draco.glb", "sequential.glb"]
+            .map(|name| {
+                let file = File::from_glb(&read(name));
+                let view = &file.json["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"]["bufferView"];
+                let view = &file.json["bufferViews"][view.as_u64().expect("a view") as usize];
+                let at = |name: &str| view[name].as_u64().unwrap_or(0) as usize;
+                file.bytes[at("byteOffset")..][..at("byteLength")].to_vec()
+            })
+            .into(),
+        // The stream behind its description.
+        _ => {
+            let (ext, khr) = (read("ext.glb"), read("khr.glb"));
+            let of = |glb: &[u8], extension: &str| -> Vec<Vec<u8>> {
+                let file = File::from_glb(glb);
+                let views = file.json["bufferViews"].as_array().expect("views");
+                let packed = views.iter().filter_map(|view| view["extensions"].get(extension));
+                let stream = |packed: &serde_json::Value| {
+                    let at = |name: &str| packed[name].as_u64().unwrap_or(0) as usize;
+                    let mut head = packed.clone();
+                    (head["byteOffset"], head["buffer"]) = (json!(0), json!(0));
+                    let mut bytes = head.to_string().into_bytes();
+                    bytes.push(b'\n');
+                    bytes.extend(&file.bytes[at("byteOffset")..][..at("byteLength")]);
+                    bytes
+                };
+                packed.map(stream).collect()
+            };
+            let mut all = of(&ext, "EXT_meshopt_compression");
+            all.extend(of(&khr, "KHR_meshopt_compression"));
+            all
+        }
+    }
+}
+
+/// A glTF file beside another, around its bytes.
+fn wrapped(path: &Path, file: fn(&[u8]) -> File) -> std::path::PathBuf {
+    let name = path.file_name().and_then(|name| name.to_str());
+    let around = path.with_file_name(format!("{}.glb", name.unwrap_or_default()));
+    let bytes = std::fs::read(path).expect("a file");
+    std::fs::write(&around, file(&bytes).glb()).expect("a file");
+    around
+}
+
+/// A primitive of a Draco stream.
+fn draco(stream: &[u8]) -> File {
+    File::of(|file| {
+        let view = file.view(stream);
+        let mut accessor = |component: u32, count: u32, kind: &str| {
+            file.push(
+                "accessors",
+                json!({ "componentType": component, "count": count, "type": kind }),
+            )
+        };
+        let (p, n, i) = (
+            accessor(5126, 153, "VEC3"),
+            accessor(5126, 153, "VEC3"),
+            accessor(5123, 768, "SCALAR"),
+        );
+        file.json["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
+        let packed = json!({ "bufferView": view, "attributes": { "POSITION": 0, "NORMAL": 1 } });
+        json!({ "attributes": { "POSITION": p, "NORMAL": n }, "indices": i, "extensions": { "KHR_draco_mesh_compression": packed } })
+    })
+}
+
+/// A triangle beside a compressed view.
+fn meshopt(bytes: &[u8]) -> File {
+    let mut file = File::triangle();
+    let split = bytes
+        .iter()
+        .position(|b| *b == b'\n')
+        .unwrap_or(bytes.len());
+    let mut head: serde_json::Value = serde_json::from_slice(&bytes[..split]).unwrap_or(json!({}));
+    let stream = bytes.get(split + 1..).unwrap_or_default();
+    let view = file.view(stream);
+    if let Some(packed) = head.as_object_mut() {
+        packed.insert(
+            "byteOffset".into(),
+            file.json["bufferViews"][view]["byteOffset"].clone(),
+        );
+        packed.insert("byteLength".into(), json!(stream.len()));
+    }
+    let number = |name: &str| head[name].as_u64().unwrap_or(0);
+    let length = number("count").saturating_mul(number("byteStride"));
+    file.json["extensionsUsed"] = json!(["EXT_meshopt_compression"]);
+    let extensions = json!({ "EXT_meshopt_compression": head });
+    file.push(
+        "bufferViews",
+        json!({ "buffer": 0, "byteLength": length, "extensions": extensions }),
+    );
+    file
+}
+
+/// A triangle with a texture.
+fn ktx2(bytes: &[u8]) -> File {
+    let mut file = File::triangle();
+    let view = file.view(bytes);
+    file.push("images", json!({ "bufferView": view }));
+    file.push(
+        "textures",
+        json!({ "extensions": { "KHR_texture_basisu": { "source": 0 } } }),
+    );
+    let info = json!({ "baseColorTexture": { "index": 0 } });
+    file.push("materials", json!({ "pbrMetallicRoughness": info }));
+    file.json["extensionsUsed"] = json!(["KHR_texture_basisu"]);
+    file
 }
 
 /// A triangle of bytes.

@@ -131,7 +131,7 @@ fn animation_of_cameras_alone_is_told() {
     let path = folder.path().join("scene.gltf");
     std::fs::write(&path, alone.gltf()).expect("a file");
     for seconds in [0.0, 0.25, 7.0] {
-        let moved = cameras_at(&path, seconds).unwrap_or_else(|e| panic!("{e}"));
+        let moved = cameras_at(&path, seconds, &[]).unwrap_or_else(|e| panic!("{e}"));
         let opened = at(&alone, seconds).parts.cameras;
         assert_eq!(moved.len(), 1);
         assert_eq!(moved[0].position, opened[0].position);
@@ -140,7 +140,7 @@ fn animation_of_cameras_alone_is_told() {
             Vec3::new(0.0, 4.0 * (seconds as f32).min(1.0), 1.0)
         );
     }
-    let missing = cameras_at(&folder.path().join("none.gltf"), 0.0);
+    let missing = cameras_at(&folder.path().join("none.gltf"), 0.0, &[]);
     assert!(missing.expect_err("no file").is_missing());
 }
 

@@ -16,7 +16,7 @@ use opsr::render::files::check_distinct;
 use opsr::render::open::Opened;
 use opsr::render::{Fault, Heading, OPTIONS, Spec};
 use opsr::scene::{Camera, Hit, Scene};
-use opsr_formats::READERS;
+use opsr_formats::FORMATS;
 use opsr_frames::surfaces::places;
 use opsr_frames::{Frame, FrameNames, FrameRange, Sequence, Surfaces};
 use outputs::FrameOutputs;
@@ -84,7 +84,7 @@ pub(super) fn run(args: &FilmArgs) -> anyhow::Result<()> {
         let path = names.of(number);
         let (spec, read) = recorded(&path)?;
         seeds.extend(read.metadata.get("seed").cloned());
-        let open = || spec.open(&args.scene, READERS, Scene::new).into_exit();
+        let open = || spec.open(&args.scene, FORMATS, Scene::new).into_exit();
         let opened = film.open(&args.scene, &spec, open)?;
         let theirs = read.metadata.get("scene_sha256");
         if theirs.is_some_and(|theirs| *theirs != opened.sha256) {
@@ -248,7 +248,7 @@ impl Film {
         self.asked = asked;
         if let Some((opened, _)) = &mut self.last
             && self.asked == before
-            && opened.at(spec, scene).into_exit()?
+            && opened.at(spec, scene, FORMATS).into_exit()?
             && let Some((opened, _)) = self.last.take()
         {
             return Ok(opened);

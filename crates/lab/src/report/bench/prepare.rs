@@ -88,7 +88,7 @@ pub(super) fn prepare(
 
 fn parts(spec: &SceneSpec) -> Result<(SceneParts, String), BenchError> {
     if let Some(path) = &spec.file {
-        let mut options = spec.options.0.load_options(opsr_formats::READERS);
+        let mut options = spec.options.0.load_options(opsr_formats::FORMATS);
         if spec.options.0.distribution.is_none() {
             options.distribution = Some(spec.distribution.into());
         }
