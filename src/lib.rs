@@ -41,7 +41,7 @@
 //! | crate | contents |
 //! |---|---|
 //! | `opsr-table` (`table/`) | below this crate: tables, look-ups, export, for renderers that need nothing else |
-//! | `opsr-formats` | readers of pbrt and Mitsuba scenes |
+//! | `opsr-formats` | readers of pbrt, Mitsuba, OBJ and PLY files, decoders of compressed glTF |
 //! | `opsr-train` | learning of tables: record, evaluate, learn; the manifest of training scenes and its references |
 //! | `opsr-frames` | frames of an animation, averaged along the surfaces that they share |
 //! | `opsr-lab` | scenes of this project, statistics, comparisons, benches and their pages, numerical checks |

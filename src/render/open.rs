@@ -266,8 +266,8 @@ impl Spec {
 }
 
 /// Endings of files of other programs, which no room of this one reads.
-const OTHERS: [&str; 13] = [
-    "3ds", "abc", "blend", "c4d", "dae", "fbx", "obj", "ply", "stl", "usd", "usda", "usdc", "usdz",
+const OTHERS: [&str; 11] = [
+    "3ds", "abc", "blend", "c4d", "dae", "fbx", "stl", "usd", "usda", "usdc", "usdz",
 ];
 
 /// Says what to do where a path is that of a folder, or of a file of another program.
@@ -344,7 +344,7 @@ fn scenes_in(folder: &Path) -> Vec<String> {
         .map(|file| file.path())
         .filter(|file| {
             let ending = file.extension().unwrap_or_default();
-            ["glb", "gltf", "pbrt", "xml"]
+            ["glb", "gltf", "obj", "pbrt", "ply", "xml"]
                 .iter()
                 .any(|e| ending.eq_ignore_ascii_case(e))
         })
@@ -374,7 +374,7 @@ mod tests {
         for (name, words) in [
             ("none.glb", "cannot be read"),
             ("a.blend", "File > Export > glTF 2.0"),
-            ("a.OBJ", "import it in Blender"),
+            ("a.STL", "import it in Blender"),
             ("a.usdz", "files .usdz are not read"),
             ("a.fbx", "files .fbx are not read"),
             ("none.fbx", "files .fbx are not read"),
@@ -391,7 +391,7 @@ mod tests {
         }
         let said = of("").expect("a fault");
         let (first, last) = (said.contains("a folder"), said.contains("a.glb"));
-        assert!(first && last && !said.contains("a.OBJ"), "{said}");
+        assert!(first && last && !said.contains("a.STL"), "{said}");
     }
 
     #[test]

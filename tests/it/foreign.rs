@@ -2,6 +2,7 @@
 //! messages, broken files.
 
 mod lights;
+mod models;
 mod names;
 
 use super::support::render::{film_with, mean};

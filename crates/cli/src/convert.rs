@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// Options of `opsr convert`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// The scene: glTF (.gltf or .glb), pbrt-v4 (.pbrt) or Mitsuba (.xml).
+    /// The scene: glTF (.gltf or .glb), pbrt-v4 (.pbrt), Mitsuba (.xml), OBJ or PLY.
     scene: PathBuf,
     /// File to write (.glb).
     #[arg(short, long, value_name = "FILE", default_value = "out.glb")]

@@ -65,7 +65,7 @@ than `opsr compare` was told to allow; 7 there is not enough memory, which is fo
 
 #[derive(Subcommand)]
 enum Command {
-    /// Render a scene: glTF, pbrt or Mitsuba.
+    /// Render a scene: glTF, pbrt, Mitsuba, OBJ or PLY.
     Render(Box<render_args::RenderArgs>),
     /// Render a part of a picture, for `opsr merge`.
     Part(Box<part::PartArgs>),

@@ -23,7 +23,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 #[command(after_help = MORE, after_long_help = EXAMPLES)]
 pub(super) struct PartArgs {
-    /// The scene: glTF 2.0 (.gltf or .glb), pbrt-v4 (.pbrt) or Mitsuba (.xml).
+    /// The scene: glTF 2.0 (.gltf or .glb), pbrt-v4 (.pbrt), Mitsuba (.xml), OBJ or PLY.
     scene: PathBuf,
     /// File of the part. It is whole or not there at all.
     #[arg(short, long, value_name = "FILE", required = true)]

@@ -12,7 +12,7 @@ use std::time::Duration;
 #[derive(Args, Debug)]
 #[command(after_help = MORE, after_long_help = EXAMPLES)]
 pub(super) struct RenderArgs {
-    /// The scene: glTF 2.0 (.gltf or .glb), pbrt-v4 (.pbrt) or Mitsuba (.xml).
+    /// The scene: glTF 2.0 (.gltf or .glb), pbrt-v4 (.pbrt), Mitsuba (.xml), OBJ or PLY.
     pub(super) scene: PathBuf,
     #[command(flatten)]
     pub(super) render: RenderOptions,

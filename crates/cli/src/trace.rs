@@ -22,7 +22,7 @@ const SAMPLES: u32 = 4;
 #[derive(Debug, clap::Args)]
 #[command(after_help = MORE, after_long_help = EXAMPLES)]
 pub(super) struct TraceArgs {
-    /// The scene: glTF 2.0 (.gltf or .glb), pbrt-v4 (.pbrt) or Mitsuba (.xml).
+    /// The scene: glTF 2.0 (.gltf or .glb), pbrt-v4 (.pbrt), Mitsuba (.xml), OBJ or PLY.
     scene: PathBuf,
     /// The pixel, from the top left.
     #[arg(value_name = "X,Y", value_parser = pixel)]

@@ -1,10 +1,12 @@
-//! Scenes of other renderers, Mitsuba 3 (and its predecessor) and pbrt-v4, and decoders of compressed glTF. Each
+//! Scenes of other renderers, Mitsuba 3 (and its predecessor) and pbrt-v4, models in OBJ and PLY, and decoders of compressed glTF. Each
 //! reader names what it finds in the words of [`build`](opsr::scene::build); what their files share, meshes and images, is read here.
 
 mod compressed;
 mod images;
 mod media;
 mod mitsuba;
+mod models;
+mod mtl;
 mod names;
 mod obj;
 mod pbrt;
@@ -43,6 +45,14 @@ pub const FORMATS: Formats = Formats {
         Reader {
             knows: |path| has_ending(path, "pbrt"),
             read: |path, bytes, options| load(path, bytes, options, pbrt::read),
+        },
+        Reader {
+            knows: |path| has_ending(path, "obj"),
+            read: |path, bytes, options| load(path, bytes, options, models::obj),
+        },
+        Reader {
+            knows: |path| has_ending(path, "ply"),
+            read: |path, bytes, options| load(path, bytes, options, models::ply),
         },
     ],
     codecs: compressed::CODECS,
@@ -84,7 +94,9 @@ fn load(
         media: media::Media::default(),
         includes: 0,
     };
-    context.builder.parts.own_boundaries = true;
+    // A scene knows what its boundaries bound; models do not.
+    let model = has_ending(path, "obj") || has_ending(path, "ply");
+    context.builder.parts.own_boundaries = !model;
     let read = unpacked(bytes, "file").and_then(|text| read(&mut context, text));
     let done = read.and_then(|()| context.finish());
     done.map_err(|fault| fault.of(path))
@@ -190,9 +202,10 @@ impl Context {
             other => fault("scene", other.to_string()),
         })?;
         Ok(Loaded {
-            light: match shines(&parts) {
-                true => FileLight::Lamps,
-                false => FileLight::None,
+            light: match parts.own_boundaries {
+                true if shines(&parts) => FileLight::Lamps,
+                true => FileLight::None,
+                false => FileLight::of(&parts),
             },
             parts,
             animations: Vec::new(),

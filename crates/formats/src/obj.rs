@@ -1,6 +1,7 @@
-//! Wavefront OBJ meshes: positions, texture coordinates, normals and polygons; materials and groups are ignored, as Mitsuba does.
+//! Wavefront OBJ meshes: positions with colours, texture coordinates, normals, polygons, and the names of materials.
 
-use opsr::math::{Vec2, Vec3};
+use opsr::math::{Vec2, Vec3, Vec4};
+use opsr::scene::build::colour::linear;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::mesh::Mesh;
 use std::collections::HashMap;
@@ -11,14 +12,29 @@ const MOST: usize = 1 << 26;
 /// The corner of a face: position, texture coordinates and normal, from 1; 0 for none.
 type Corner = [u32; 3];
 
-/// Reads a mesh. Texture coordinates have v upwards in the file; with `flip` it grows downwards, as in images.
-pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Mesh> {
+/// A file.
+#[derive(Default)]
+pub(super) struct Obj {
+    /// All faces. Texture coordinates have v downwards, as in images, where the reader is asked for it.
+    pub(super) mesh: Mesh,
+    /// First face of each run of one material, and the material's name.
+    pub(super) looks: Vec<(usize, String)>,
+    /// What the file says of its materials' files: one name, or several with blanks between them.
+    pub(super) libraries: Vec<String>,
+}
+
+/// Reads a file. Texture coordinates have v upwards in the file; with `flip` it grows downwards.
+pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Obj> {
     let text = String::from_utf8_lossy(bytes);
+    // A backslash goes on with the next line.
+    let joined = text.replace("\\\r\n", " ").replace("\\\n", " ");
     let (mut positions, mut uvs, mut normals) = (Vec::new(), Vec::new(), Vec::new());
+    let mut colors: Vec<Vec4> = Vec::new();
     let mut corners: Vec<Corner> = Vec::new();
     let mut numbers: HashMap<Corner, u32> = HashMap::new();
-    let mut mesh = Mesh::default();
-    for (n, line) in text.lines().enumerate() {
+    let mut obj = Obj::default();
+    let mesh = &mut obj.mesh;
+    for (n, line) in joined.lines().enumerate() {
         let bad = |what: &str| fault(format!("{place}:{}", n + 1), what);
         let mut words = line.split_whitespace();
         let vector = |words: &mut dyn Iterator<Item = &str>, least: usize| {
@@ -35,8 +51,20 @@ pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Mesh> {
                 false => Err(bad("not finite")),
             }
         };
+        let rest = || {
+            line.trim()
+                .split_once(char::is_whitespace)
+                .map_or("", |(_, rest)| rest.trim())
+        };
         match words.next() {
-            Some("v") => positions.push(vector(&mut words, 3)?),
+            Some("v") => {
+                positions.push(vector(&mut words, 3)?);
+                // A fourth number alone is a weight.
+                if words.clone().count() >= 3 {
+                    let color = vector(&mut words, 3)?.clamp(Vec3::ZERO, Vec3::ONE);
+                    colors.push(color.map(linear).extend(1.0));
+                }
+            }
             Some("vn") => normals.push(vector(&mut words, 3)?.normalize_or_zero()),
             Some("vt") => {
                 let uv = vector(&mut words, 1)?;
@@ -60,6 +88,8 @@ pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Mesh> {
                     mesh.indices.push([face[0], pair[0], pair[1]]);
                 }
             }
+            Some("usemtl") => obj.looks.push((mesh.indices.len(), rest().to_owned())),
+            Some("mtllib") => obj.libraries.push(rest().to_owned()),
             _ => {}
         }
         if corners.len().max(mesh.indices.len()).max(positions.len()) > MOST {
@@ -68,13 +98,16 @@ pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Mesh> {
     }
     let at = |i: u32| i as usize - 1;
     mesh.positions = corners.iter().map(|c| positions[at(c[0])]).collect();
+    if colors.len() == positions.len() {
+        mesh.colors = corners.iter().map(|c| colors[at(c[0])]).collect();
+    }
     if corners.iter().all(|c| c[1] > 0) {
         mesh.uvs = corners.iter().map(|c| uvs[at(c[1])]).collect();
     }
     if corners.iter().all(|c| c[2] > 0) {
         mesh.normals = corners.iter().map(|c| normals[at(c[2])]).collect();
     }
-    Ok(mesh)
+    Ok(obj)
 }
 
 /// The corner of a word such as `1/2/3`; negative numbers count from the end.

@@ -1,7 +1,8 @@
 //! PLY meshes: text, and binary of either order. Polygons become fans, also the quads that are bilinear patches to pbrt.
 
-use opsr::math::{Vec2, Vec3, Vec4};
+use opsr::math::{Vec2, Vec3};
 use opsr::memory;
+use opsr::scene::build::colour::linear;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::mesh::Mesh;
 
@@ -252,9 +253,12 @@ fn vertices(body: &mut Body<'_>, element: &Element, mesh: &mut Mesh) -> Result<(
         if let Some(at) = &uvs {
             mesh.uvs.push(Vec2::new(row[at[0]], row[at[1]]));
         }
-        if let (Some(at), false) = (&colors, bytes) {
-            let color: Vec4 = three(at).extend(1.0);
-            mesh.colors.push(color);
+        if let Some(at) = &colors {
+            let color = match bytes {
+                true => (three(at) / 255.0).map(linear),
+                false => three(at),
+            };
+            mesh.colors.push(color.extend(1.0));
         }
     }
     Ok(())

@@ -152,6 +152,13 @@ pub(crate) fn foreign() -> Vec<Target> {
             mesh,
         ),
         target("obj", "fuzz.obj", vec![file("tetra.obj")], mesh),
+        target("model", "model.obj", vec![file("tetra.obj")], rendered),
+        target("mtl", "fuzz.mtl", vec![mtl()], |path| {
+            let model = path.with_file_name("fuzz.mtl.obj");
+            let text = "mtllib fuzz.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\nf 3 2 1\n";
+            std::fs::write(&model, text).expect("a file");
+            rendered(&model)
+        }),
         target("draco", "fuzz.drc", streams("draco"), |path| {
             rendered(&wrapped(path, draco))
         }),
@@ -163,6 +170,13 @@ pub(crate) fn foreign() -> Vec<Target> {
         }),
         target("serialized", "fuzz.serialized", vec![serialized()], mesh),
     ]
+}
+
+/// Materials of all kinds.
+fn mtl() -> Vec<u8> {
+    b"newmtl a\nKd 0.5 0.4 0.3\nKs 0.5 0.5 0.5\nNs 100\nillum 2\nKe 1 1 1\nd 0.5\n\
+      newmtl b\nNi 1.5\nd 0.1\nTf 1 0.9 0.8\nillum 7\nPr 0.3\nPm 0.5\n"
+        .to_vec()
 }
 
 /// Compressed parts of the files of `tests/data/compressed`.

@@ -165,7 +165,7 @@ impl Scene<'_> {
         let choice = format!("{plugin} {index} {upside} {flat} {flipped} {mirrored}");
         self.context.file_mesh(name, &choice, place, |bytes, at| {
             let mut mesh = match plugin.as_str() {
-                "obj" => obj::read(bytes, at, upside)?,
+                "obj" => obj::read(bytes, at, upside)?.mesh,
                 "ply" => ply::read(bytes, at)?,
                 _ => serialized::read(bytes, at, index)?,
             };

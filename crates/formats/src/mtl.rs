@@ -1,0 +1,314 @@
+//! Materials of OBJ files: Phong's lobe and models of illumination by Wavefront (1995), and the physical names that programs have since
+//! agreed on (`Pr`, `Pm`, `norm`).
+
+use super::images::Use;
+use super::{Context, Look};
+use glam::Affine2;
+use opsr::math::{Rgb, Vec2, luminance};
+use opsr::scene::Material;
+use opsr::scene::build::looks::{self, Paint};
+use opsr::scene::load::error::{Result, fault};
+use opsr::scene::texture::Wrap;
+use std::collections::HashMap;
+
+/// Materials by name.
+pub(super) type Library = HashMap<String, Entry>;
+
+/// Names that are read.
+const READ: &[&str] = &[
+    "Kd", "Ks", "Ke", "Ns", "Ni", "d", "Tr", "Tf", "illum", "Pr", "Pm", "map_Kd", "map_Ke",
+    "map_d", "map_Pr", "map_bump", "map_Bump", "bump", "norm", "map_Kn",
+];
+
+/// Names that say nothing of the surface, or what is no part of a model: ambient light, shadows, tables of a renderer's own.
+const OF_NO_USE: &[&str] = &[
+    "Ka",
+    "map_Ka",
+    "sharpness",
+    "aniso",
+    "anisor",
+    "Ps",
+    "Pc",
+    "Pcr",
+];
+
+/// A material as the file has it.
+#[derive(Clone, Default)]
+pub(super) struct Entry {
+    place: String,
+    /// Lines by their first words.
+    lines: HashMap<String, String>,
+}
+
+/// Reads a file of materials.
+pub(super) fn read(bytes: &[u8], place: &str, library: &mut Library) {
+    let text = String::from_utf8_lossy(bytes);
+    let mut entry: Option<&mut Entry> = None;
+    for (n, line) in text.lines().enumerate() {
+        let line = line.split('#').next().unwrap_or_default().trim();
+        let (word, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+        let rest = rest.trim();
+        if word == "newmtl" {
+            let place = format!("{place}:{} (`{rest}`)", n + 1);
+            let fresh = Entry {
+                place,
+                ..Entry::default()
+            };
+            entry = Some(
+                (library.entry(rest.to_owned()))
+                    .insert_entry(fresh)
+                    .into_mut(),
+            );
+        } else if let (Some(entry), false) = (&mut entry, word.is_empty()) {
+            entry.lines.insert(word.to_owned(), rest.to_owned());
+        }
+    }
+}
+
+/// A texture line: options and a name, which may have blanks.
+struct Map<'a> {
+    name: &'a str,
+    scale: Vec2,
+    offset: Vec2,
+    clamp: bool,
+    height: f32,
+}
+
+/// Takes the first word.
+fn word<'a>(text: &mut &'a str) -> &'a str {
+    let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
+    *text = rest.trim_start();
+    word
+}
+
+impl<'a> Map<'a> {
+    fn of(mut text: &'a str) -> Self {
+        let mut map = Map {
+            name: "",
+            scale: Vec2::ONE,
+            offset: Vec2::ZERO,
+            clamp: false,
+            height: 1.0,
+        };
+        while text.starts_with('-') {
+            let option = word(&mut text);
+            let mut numbers = Vec::new();
+            let most = match option {
+                "-s" | "-o" | "-t" => 3,
+                "-mm" => 2,
+                "-bm" | "-boost" | "-texres" => 1,
+                _ => 0,
+            };
+            while numbers.len() < most {
+                let mut rest = text;
+                let Ok(number) = word(&mut rest).parse::<f32>() else {
+                    break;
+                };
+                numbers.push(number);
+                text = rest;
+            }
+            let pair = |default: f32| {
+                let at = |i: usize| numbers.get(i).copied().unwrap_or(default);
+                Vec2::new(at(0), at(1))
+            };
+            match option {
+                "-s" => map.scale = pair(1.0),
+                "-o" => map.offset = pair(0.0),
+                "-bm" => map.height = pair(1.0).x,
+                "-clamp" => map.clamp = word(&mut text) == "on",
+                _ if most == 0 => drop(word(&mut text)),
+                _ => {}
+            }
+        }
+        Self { name: text, ..map }
+    }
+}
+
+impl Entry {
+    fn numbers(&self, name: &str) -> Result<Option<Vec<f32>>> {
+        let Some(text) = self.lines.get(name) else {
+            return Ok(None);
+        };
+        let numbers: std::result::Result<Vec<f32>, _> =
+            text.split_whitespace().map(str::parse).collect();
+        match numbers {
+            Ok(numbers) if !numbers.is_empty() && numbers.iter().all(|x| x.is_finite()) => {
+                Ok(Some(numbers))
+            }
+            _ => Err(fault(
+                &self.place,
+                format!("`{name} {text}`: expected numbers"),
+            )),
+        }
+    }
+
+    fn number(&self, name: &str) -> Result<Option<f32>> {
+        Ok(self.numbers(name)?.map(|n| n[0]))
+    }
+
+    /// Three numbers, or one for all.
+    fn color(&self, name: &str) -> Result<Option<Rgb>> {
+        Ok(self.numbers(name)?.map(|n| match n[..] {
+            [r, g, b, ..] => Rgb::new(r, g, b).max(Rgb::ZERO),
+            _ => Rgb::splat(n[0].max(0.0)),
+        }))
+    }
+}
+
+impl Context {
+    /// A texture of a line of a material, whose values are `srgb` or not; `None` without such a line.
+    fn map(&mut self, entry: &Entry, names: &[&str], srgb: bool) -> Result<Option<(Paint, f32)>> {
+        let Some(text) = names.iter().find_map(|name| entry.lines.get(*name)) else {
+            return Ok(None);
+        };
+        let map = Map::of(text);
+        let wrap = if map.clamp { Wrap::Clamp } else { Wrap::Repeat };
+        // The origin of the file's coordinates is below, that of images above.
+        let shift = Vec2::new(map.offset.x, 1.0 - map.scale.y - map.offset.y);
+        let how = Use {
+            srgb: Some(srgb),
+            wrap: [wrap; 2],
+            nearest: false,
+            invert: false,
+            transform: Affine2::from_scale_angle_translation(map.scale, 0.0, shift),
+        };
+        let name = map.name.replace('\\', "/");
+        Ok(Some((self.texture(&name, how, &entry.place)?, map.height)))
+    }
+
+    /// The surface that a material describes.
+    pub(super) fn of_entry(&mut self, name: &str, entry: &Entry) -> Result<Look> {
+        let unread =
+            |word: &&String| !READ.contains(&word.as_str()) && !OF_NO_USE.contains(&word.as_str());
+        let mut unread: Vec<&String> = entry.lines.keys().filter(unread).collect();
+        unread.sort();
+        for word in unread {
+            self.approximate(&entry.place, &format!("`{word}` is not read"));
+        }
+        let model = entry.number("illum")?.unwrap_or(2.0) as i32;
+        let (kd, ks) = (entry.color("Kd")?, entry.color("Ks")?.unwrap_or(Rgb::ZERO));
+        let colour_map = self.map(entry, &["map_Kd"], true)?;
+        // Exporters write black beside a texture.
+        let kd = match (kd, &colour_map) {
+            (None, None) => Rgb::splat(0.8),
+            (None, Some(_)) => Rgb::ONE,
+            (Some(kd), Some(_)) if kd == Rgb::ZERO => Rgb::ONE,
+            (Some(kd), _) => kd.min(Rgb::ONE),
+        };
+        let base = match colour_map {
+            Some((map, _)) => Paint {
+                factor: map.factor * kd,
+                ..map
+            },
+            None => Paint::plain(kd),
+        };
+        let index = entry
+            .number("Ni")?
+            .filter(|n| *n > 1.0)
+            .unwrap_or(1.5)
+            .min(4.0);
+        // Walter et al. 2007, section 5.2: the width of Beckmann's slopes that is nearest to a Phong lobe's.
+        let phong = |exponent: f32| (2.0 / (exponent.max(0.0) + 2.0)).sqrt();
+        let alpha = match (entry.number("Pr")?, entry.number("Ns")?) {
+            (Some(roughness), _) => roughness.clamp(0.0, 1.0).powi(2),
+            (None, Some(exponent)) => phong(exponent),
+            (None, None) => 0.25,
+        };
+        let opacity = match (entry.number("d")?, entry.number("Tr")?) {
+            (Some(d), _) => d,
+            (None, Some(tr)) => 1.0 - tr,
+            (None, None) => 1.0,
+        };
+        let opacity = opacity.clamp(0.0, 1.0);
+        let refracts = matches!(model, 4 | 6 | 7 | 9) && opacity < 1.0;
+        // Models with reflection are of metal where their colour is the highlight's, or as Blender writes metal.
+        let ambient = entry.color("Ka")?.unwrap_or(Rgb::ZERO);
+        let mirrors = matches!(model, 3 | 5 | 8);
+        let shines = luminance(ks) > luminance(kd) || ambient.min_element() > 0.99;
+        let metallic = match entry.number("Pm")? {
+            Some(metallic) => metallic.clamp(0.0, 1.0),
+            None => f32::from(u8::from(mirrors && shines)),
+        };
+        let mut material = if refracts {
+            let tint = entry
+                .color("Tf")?
+                .map_or(Rgb::ONE, |tint| tint.min(Rgb::ONE));
+            // Sharp unless the file says a roughness: the exponent is that of highlights of lamps.
+            let alpha = entry.number("Pr")?.map_or(0.0, |_| alpha);
+            Material {
+                root_tint: true,
+                ..looks::glass(index, Paint::plain(tint), alpha)
+            }
+        } else {
+            let glossy = model >= 2 && (luminance(ks) > 0.0 || entry.lines.contains_key("Pr"));
+            let weight = match entry.lines.contains_key("Pr") {
+                true => 1.0,
+                // Half is the 4 % of an index of 1.5, as in Blender.
+                false => (2.0 * luminance(ks)).min(1.0),
+            };
+            let of_highlight =
+                metallic == 1.0 && luminance(kd) < luminance(ks) && base.map.is_none();
+            Material {
+                metallic,
+                base_color: if of_highlight {
+                    ks.min(Rgb::ONE)
+                } else {
+                    base.factor
+                },
+                specular: if glossy { weight } else { 0.0 },
+                ior: index,
+                alpha,
+                ..looks::diffuse(base)
+            }
+        };
+        material.name = name.to_owned();
+        self.maps(entry, &mut material)?;
+        if !refracts {
+            let holes = self.map(entry, &["map_d"], false)?;
+            let holes = match holes {
+                Some((map, _)) => Paint {
+                    factor: map.factor * opacity,
+                    ..map
+                },
+                None => Paint::from(opacity),
+            };
+            if holes.map.is_some() || opacity < 1.0 {
+                let parts = self.parts();
+                (parts.set_opacity(&mut material, holes))
+                    .map_err(|what| fault(&entry.place, what))?;
+            }
+        }
+        let bump = self.map(entry, &["map_bump", "map_Bump", "bump"], false)?;
+        Ok(Look {
+            material,
+            bump: bump.map(|(map, height)| Paint {
+                factor: map.factor * height,
+                ..map
+            }),
+        })
+    }
+
+    /// Emission, roughness, metalness and normals.
+    fn maps(&mut self, entry: &Entry, material: &mut Material) -> Result<()> {
+        let glow = self.map(entry, &["map_Ke"], true)?;
+        material.emission = match (entry.color("Ke")?, &glow) {
+            (Some(ke), None) => ke,
+            (Some(ke), Some((map, _))) if ke != Rgb::ZERO => map.factor * ke,
+            (_, Some((map, _))) => map.factor,
+            (None, None) => Rgb::ZERO,
+        };
+        // Programs that write these files have lamps that shine from both sides.
+        material.double_sided = material.emission != Rgb::ZERO;
+        material.emissive_texture = glow.and_then(|(map, _)| map.map);
+        if let Some((map, _)) = self.map(entry, &["map_Pr"], false)?
+            && let Some(map) = map.map
+        {
+            material.alpha = 1.0;
+            material.metallic_roughness_texture = Some(self.parts().roughness_map(map, |r| r * r));
+        }
+        if let Some((map, _)) = self.map(entry, &["norm", "map_Kn"], false)? {
+            material.normal_texture = map.map;
+        }
+        Ok(())
+    }
+}
