@@ -4,10 +4,10 @@ use crate::array::to_floats;
 use crate::errors::argument;
 use opsr::bsdf::Distribution;
 use opsr::math::{Rgb, Vec2, Vec3};
-use opsr::scene::build::looks::{self, Paint};
-use opsr::scene::build::{Builder, Placed, flip, metals, shapes};
 use opsr::scene::light::Falloff;
 use opsr::scene::{Camera, Environment, Lens, Material, Medium, Mesh, PunctualLight, SceneParts};
+use opsr_formats::build::looks::{self, Paint};
+use opsr_formats::build::{Builder, Placed, flip, metals, shapes};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -195,7 +195,7 @@ pub(crate) fn material(item: &Bound<'_, PyAny>, place: String) -> PyResult<Mater
     made.double_sided = given.flag("double_sided")?;
     let opacity = given.number("opacity", 1.0)?;
     if opacity != 1.0 {
-        let done = SceneParts::default().set_opacity(&mut made, Paint::from(opacity));
+        let done = Builder::default().set_opacity(&mut made, Paint::from(opacity));
         done.map_err(|what| argument(&given.name("opacity"), what))?;
     }
     if let Some(inside) = given.get("medium")? {
@@ -210,10 +210,10 @@ pub(crate) fn material(item: &Bound<'_, PyAny>, place: String) -> PyResult<Mater
 }
 
 /// The 4 x 4 matrix of a key, for points as columns; the identity without it.
-fn pose(given: &Given<'_, '_>) -> PyResult<opsr::scene::build::Pose> {
+fn pose(given: &Given<'_, '_>) -> PyResult<opsr_formats::build::Pose> {
     let rows = given.rows::<4>("to_world")?;
     if rows.is_empty() {
-        return Ok(opsr::scene::build::Pose::IDENTITY);
+        return Ok(opsr_formats::build::Pose::IDENTITY);
     }
     let [x, y, z, w] = rows[..] else {
         return Err(argument(&given.name("to_world"), "expected 4 x 4 numbers"));
@@ -225,7 +225,7 @@ fn pose(given: &Given<'_, '_>) -> PyResult<opsr::scene::build::Pose> {
         ));
     }
     let column = |c: usize| [x[c], y[c], z[c]].map(f64::from);
-    Ok(opsr::scene::build::pose_of([
+    Ok(opsr_formats::build::pose_of([
         column(0),
         column(1),
         column(2),

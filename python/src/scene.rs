@@ -230,7 +230,7 @@ impl Scene {
     ) -> PyResult<Self> {
         let world = detached(py, || World::new(parts))?;
         Ok(Self {
-            sha256: opsr::scene::build::fingerprint(world.parts()),
+            sha256: opsr_formats::build::fingerprint(world.parts()),
             warnings: world.warnings().to_vec(),
             world,
             path: PathBuf::from(name),

@@ -443,7 +443,7 @@ impl Material {
     }
 
     /// True if any texture varies over the surface.
-    pub(crate) fn is_textured(&self) -> bool {
+    pub fn is_textured(&self) -> bool {
         let maps = [
             &self.base_color_texture,
             &self.metallic_roughness_texture,

@@ -31,7 +31,7 @@ pub struct Mesh {
 impl Mesh {
     /// Tangents along u for a smooth mesh with texture coordinates: means over the faces at each vertex, by their areas. A
     /// mesh without either keeps the direction of each face.
-    pub(super) fn derive_tangents(&mut self) {
+    pub fn derive_tangents(&mut self) {
         if self.uvs.is_empty() || self.normals.is_empty() {
             return;
         }
@@ -54,6 +54,29 @@ impl Mesh {
         };
         self.tangents = sums.into_iter().map(unit).collect();
     }
+
+    /// The mesh at a pose. A mirroring one keeps the front the front.
+    pub fn at(&self, pose: &DAffine3) -> Self {
+        let mirrors = pose.matrix3.determinant() < 0.0;
+        let sign = if mirrors { -1.0 } else { 1.0 };
+        let normals = cofactors(&pose.matrix3) * sign;
+        let point = |p: &Vec3| pose.transform_point3(p.as_dvec3()).as_vec3();
+        let indices = |&[a, b, c]: &[u32; 3]| if mirrors { [a, c, b] } else { [a, b, c] };
+        Self {
+            positions: self.positions.iter().map(point).collect(),
+            normals: (self.normals.iter())
+                .map(|n| unit(normals * n.as_dvec3()))
+                .collect(),
+            tangents: (self.tangents.iter())
+                .map(|t| {
+                    let along = pose.transform_vector3(t.truncate().as_dvec3());
+                    unit(along).extend(t.w)
+                })
+                .collect(),
+            indices: self.indices.iter().map(indices).collect(),
+            ..self.clone()
+        }
+    }
 }
 
 /// A mesh that the scene shows at several poses and keeps once. Its material must not emit: light sampling knows the
@@ -69,7 +92,7 @@ pub struct SharedMesh {
 impl SharedMesh {
     /// Condition number of a pose, an upper bound; `None` for a pose that no instance may have: it is singular, flattens or
     /// shears by more than a factor of 1000, or scales by more than a million either way.
-    pub(crate) fn condition(pose: &DAffine3) -> Option<f64> {
+    pub fn condition(pose: &DAffine3) -> Option<f64> {
         const SCALE: f64 = 1e6;
         const SKEW: f64 = 1e3;
         let norm = |m: &DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>().sqrt();

@@ -1,6 +1,6 @@
 //! The world: geometry, materials, lights and cameras, immutable after it is built.
 //!
-//! A [`Scene`] is made from [`SceneParts`] (plain data, filled by [`load`], [`build`] or [`procedural`]). Indices are typed by
+//! A [`Scene`] is made from [`SceneParts`] (plain data, filled by [`load`] or [`procedural`]). Indices are typed by
 //! their field names; nothing holds references.
 
 use crate::bsdf::Bsdf;
@@ -12,7 +12,6 @@ use std::sync::OnceLock;
 pub mod accel;
 pub mod backdrop;
 pub mod bodies;
-pub mod build;
 pub mod camera;
 pub mod finish;
 mod framing;
@@ -21,6 +20,7 @@ mod instances;
 pub mod lamp;
 pub mod light;
 pub mod lighting;
+pub mod limits;
 pub mod load;
 pub mod material;
 pub mod medium;

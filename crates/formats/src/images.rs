@@ -1,12 +1,12 @@
 //! Images of other renderers' scenes: textures, and maps of radiance.
 
 use super::Context;
+use crate::build::looks::Paint;
 use glam::Affine2;
 use image::ImageFormat;
 use opsr::image::{Buffer, exr};
 use opsr::math::Rgb;
 use opsr::memory;
-use opsr::scene::build::looks::Paint;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::load::textures::Source;
 use opsr::scene::material::TextureRef;
@@ -90,7 +90,7 @@ impl Context {
             nearest: how.nearest,
             ..texture
         };
-        Ok((self.parts().add_texture(texture), factor))
+        Ok((self.builder.add_texture(texture), factor))
     }
 
     /// A map of linear values of a file.

@@ -1,6 +1,7 @@
 //! Scenes of other renderers, Mitsuba 3 (and its predecessor) and pbrt-v4, models in OBJ and PLY, and decoders of compressed glTF. Each
-//! reader names what it finds in the words of [`build`](opsr::scene::build); what their files share, meshes and images, is read here.
+//! reader names what it finds in the words of [`build`](crate::build); what their files share, meshes and images, is read here.
 
+pub mod build;
 mod compressed;
 mod images;
 mod media;
@@ -13,13 +14,13 @@ mod pbrt;
 mod ply;
 mod serialized;
 
+use crate::build::colour::Spectrum;
+use crate::build::looks::Paint;
+use crate::build::{BuildError, Builder, right_handed_tangents};
 use glam::DAffine3;
 use opsr::bsdf::Distribution;
 use opsr::files::FileError;
 use opsr::math::Rgb;
-use opsr::scene::build::colour::Spectrum;
-use opsr::scene::build::looks::Paint;
-use opsr::scene::build::{BuildError, Builder, right_handed_tangents};
 use opsr::scene::load::error::{Fault, Result, Warnings, fault};
 use opsr::scene::load::uris::Files;
 use opsr::scene::load::{FileLight, Formats, LoadOptions, Loaded, Reader};
@@ -367,7 +368,7 @@ impl Context {
             if sum != 0.0 { sum / n } else { 1.0 }
         };
         let step = [mean(0), mean(1)];
-        material.normal_texture = self.parts().bump_map(heights, step);
+        material.normal_texture = self.builder.bump_map(heights, step);
         material.normal_scale = 1.0;
     }
 }

@@ -6,8 +6,8 @@
 //! inside of none.
 
 use super::{Context, Material, Medium};
+use crate::build::looks;
 use opsr::math::Rgb;
-use opsr::scene::build::looks;
 use opsr::scene::load::error::{Result, fault};
 
 /// A medium of a file by its number; `None` for nothing.

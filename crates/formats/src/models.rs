@@ -1,10 +1,10 @@
 //! OBJ and PLY files alone: models without lights or cameras.
 
 use super::{Context, Look, mtl, obj, ply};
+use crate::build::looks::{self, Paint};
+use crate::build::{Placed, face_normals_outwards};
 use glam::DAffine3;
 use opsr::math::Rgb;
-use opsr::scene::build::looks::{self, Paint};
-use opsr::scene::build::{Placed, face_normals_outwards};
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::mesh::Mesh;
 use std::collections::HashMap;

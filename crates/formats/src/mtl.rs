@@ -3,10 +3,10 @@
 
 use super::images::Use;
 use super::{Context, Look};
+use crate::build::looks::{self, Paint};
 use glam::Affine2;
 use opsr::math::{Rgb, Vec2, luminance};
 use opsr::scene::Material;
-use opsr::scene::build::looks::{self, Paint};
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::texture::Wrap;
 use std::collections::HashMap;
@@ -273,8 +273,8 @@ impl Context {
                 None => Paint::from(opacity),
             };
             if holes.map.is_some() || opacity < 1.0 {
-                let parts = self.parts();
-                (parts.set_opacity(&mut material, holes))
+                let builder = &mut self.builder;
+                (builder.set_opacity(&mut material, holes))
                     .map_err(|what| fault(&entry.place, what))?;
             }
         }
@@ -304,7 +304,7 @@ impl Context {
             && let Some(map) = map.map
         {
             material.alpha = 1.0;
-            material.metallic_roughness_texture = Some(self.parts().roughness_map(map, |r| r * r));
+            material.metallic_roughness_texture = Some(self.builder.roughness_map(map, |r| r * r));
         }
         if let Some((map, _)) = self.map(entry, &["norm", "map_Kn"], false)? {
             material.normal_texture = map.map;

@@ -1,7 +1,7 @@
 //! Wavefront OBJ meshes: positions with colours, texture coordinates, normals, polygons, and the names of materials.
 
+use crate::build::colour::linear;
 use opsr::math::{Vec2, Vec3, Vec4};
-use opsr::scene::build::colour::linear;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::mesh::Mesh;
 use std::collections::HashMap;

@@ -1,8 +1,8 @@
 //! PLY meshes: text, and binary of either order. Polygons become fans, also the quads that are bilinear patches to pbrt.
 
+use crate::build::colour::linear;
 use opsr::math::{Vec2, Vec3};
 use opsr::memory;
-use opsr::scene::build::colour::linear;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::mesh::Mesh;
 

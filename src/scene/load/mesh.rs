@@ -7,7 +7,7 @@ use super::nodes::PlacedNode;
 use super::variants;
 use crate::math::{Vec2, Vec3};
 use crate::memory;
-use crate::scene::build::{
+use crate::scene::limits::{
     EMITTER_BYTES, INSTANCE_BYTES, MAX_COPIES, MAX_ELEMENTS, MAX_MESHES, MIN_SHARED, TRIANGLE_BYTES,
 };
 use crate::scene::mesh::{cofactors, unit};

@@ -3,11 +3,11 @@
 use super::super::{Look, Meant};
 use super::Scene;
 use super::xml::{Object, Value};
+use crate::build::looks::{self, Paint};
+use crate::build::metals;
 use opsr::bsdf::Distribution;
 use opsr::math::Rgb;
 use opsr::scene::Material;
-use opsr::scene::build::looks::{self, Paint};
-use opsr::scene::build::metals;
 use opsr::scene::finish::Anisotropy;
 use opsr::scene::load::error::{Result, fault};
 
@@ -86,10 +86,7 @@ impl Scene<'_> {
     fn mask(&mut self, bsdf: &Object) -> Result<Look> {
         let mut look = self.only(bsdf)?;
         let opacity = self.numbers(bsdf, "opacity", 0.5)?;
-        let done = self
-            .context
-            .parts()
-            .set_opacity(&mut look.material, opacity);
+        let done = (self.context.builder).set_opacity(&mut look.material, opacity);
         if let Err(what) = done {
             self.context.unsupported(&bsdf.place, what)?;
         }
@@ -141,7 +138,7 @@ impl Scene<'_> {
             return Ok(first);
         }
         let other = self.context.builder.material(second.material);
-        (self.context.parts()).mix(&mut first.material, other, weight);
+        (self.context.builder).mix(&mut first.material, other, weight);
         Ok(first)
     }
 
@@ -200,7 +197,7 @@ impl Scene<'_> {
             } else {
                 v.factor.x
             };
-            let map = (self.context.parts()).roughness_map(map, |x| (factor * x).min(1.0));
+            let map = (self.context.builder).roughness_map(map, |x| (factor * x).min(1.0));
             (material.alpha, material.metallic_roughness_texture) = (1.0, Some(map));
             return Ok(());
         }
@@ -334,10 +331,8 @@ impl Scene<'_> {
         match rough.map {
             Some(map) => {
                 let factor = rough.factor.x;
-                let map = self
-                    .context
-                    .parts()
-                    .roughness_map(map, |x| (factor * x).powi(2).min(1.0));
+                let map =
+                    (self.context.builder).roughness_map(map, |x| (factor * x).powi(2).min(1.0));
                 (material.alpha, material.metallic_roughness_texture) = (1.0, Some(map));
             }
             None => material.alpha = rough.factor.x.clamp(0.0, 1.0).powi(2),

@@ -3,9 +3,9 @@
 use super::super::{Meant, film_side};
 use super::Scene;
 use super::xml::{Object, Value};
+use crate::build::sky;
 use glam::{DAffine3, DVec3};
 use opsr::math::{Frame, Rgb, UVec2, Vec3};
-use opsr::scene::build::sky;
 use opsr::scene::camera::Projection;
 use opsr::scene::light::Falloff;
 use opsr::scene::load::error::{Result, fault};

@@ -3,10 +3,10 @@
 use super::super::{Look, Meant, Member, obj, ply, serialized};
 use super::Scene;
 use super::xml::Object;
+use crate::build::looks::{self, Paint};
+use crate::build::{Placed, face_normals_outwards, flip, shapes};
 use glam::{DAffine3, DVec3};
 use opsr::math::{Rgb, Vec3};
-use opsr::scene::build::looks::{self, Paint};
-use opsr::scene::build::{Placed, face_normals_outwards, flip, shapes};
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::mesh::Mesh;
 use std::f32::consts::TAU;

@@ -4,10 +4,10 @@ use super::super::Meant;
 use super::super::images::Use;
 use super::Scene;
 use super::xml::{Object, Property, Value, numbers};
+use crate::build::colour::{Spectrum, black_body_radiance};
+use crate::build::looks::Paint;
 use glam::{Affine2, DAffine3, DMat4, DVec3, Mat2, Vec2};
 use opsr::math::{Rgb, luminance};
-use opsr::scene::build::colour::{Spectrum, black_body_radiance};
-use opsr::scene::build::looks::Paint;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::material::TextureRef;
 use opsr::scene::texture::Wrap;
@@ -152,9 +152,9 @@ impl Scene<'_> {
             return Paint::from(if is_grey { x } else { luminance(paint.factor) });
         };
         let key = (map.texture, paint.factor.to_array().map(f32::to_bits));
-        let parts = self.context.parts();
+        let builder = &mut self.context.builder;
         let (factor, texture) =
-            *(self.greys.entry(key)).or_insert_with(|| parts.grey(paint.factor, map));
+            *(self.greys.entry(key)).or_insert_with(|| builder.grey(paint.factor, map));
         Paint {
             factor: Rgb::splat(factor),
             map: Some(TextureRef { texture, ..map }),
@@ -204,7 +204,7 @@ impl Scene<'_> {
                 let most = first.max(second).max_element().max(1.0);
                 let transform = uv_transform(texture)?;
                 let map =
-                    (self.context.parts()).chessboard([first / most, second / most], transform);
+                    (self.context.builder).chessboard([first / most, second / most], transform);
                 Ok(Paint {
                     factor: Rgb::splat(most),
                     map: Some(map),

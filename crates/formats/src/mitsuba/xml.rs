@@ -448,7 +448,7 @@ pub(super) fn rgb(text: &str) -> Option<[f32; 3]> {
             .ok()
             .filter(|_| digits.len() == 6)?;
         let channel = |shift: u32| (code >> shift & 255) as f32 / 255.0;
-        return Some([16, 8, 0].map(|s| opsr::scene::build::colour::linear(channel(s))));
+        return Some([16, 8, 0].map(|s| crate::build::colour::linear(channel(s))));
     }
     match numbers(text)?.as_slice() {
         [x] => Some([*x as f32; 3]),

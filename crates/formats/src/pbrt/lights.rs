@@ -3,9 +3,9 @@
 use super::super::{Meant, film_side};
 use super::tokens::Parameters;
 use super::{Scene, affine};
+use crate::build::sky;
 use glam::DVec3;
 use opsr::math::{Frame, Rgb, UVec2};
-use opsr::scene::build::sky;
 use opsr::scene::camera::Projection;
 use opsr::scene::light::Falloff;
 use opsr::scene::load::error::{Result, fault};

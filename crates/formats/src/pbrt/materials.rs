@@ -3,11 +3,11 @@
 use super::super::{Look, Meant};
 use super::tokens::{Parameters, Values};
 use super::{Declared, Scene};
+use crate::build::looks::{self, Paint};
+use crate::build::metals;
 use opsr::bsdf::Distribution;
 use opsr::math::Rgb;
 use opsr::scene::Material;
-use opsr::scene::build::looks::{self, Paint};
-use opsr::scene::build::metals;
 use opsr::scene::finish::Anisotropy;
 use opsr::scene::load::error::{Result, fault};
 use std::rc::Rc;
@@ -198,7 +198,7 @@ impl Scene<'_> {
             }
             let factor = u.factor.x;
             let map =
-                (self.context.parts()).roughness_map(map, |x| remapped(factor * x, remap).min(1.0));
+                (self.context.builder).roughness_map(map, |x| remapped(factor * x, remap).min(1.0));
             (material.alpha, material.metallic_roughness_texture) = (1.0, Some(map));
             return Ok(());
         }
@@ -254,7 +254,7 @@ impl Scene<'_> {
         let second = looks.pop().unwrap_or_default();
         let mut first = looks.pop().unwrap_or_default();
         let other = self.context.builder.material(second);
-        self.context.parts().mix(&mut first, other, amount);
+        self.context.builder.mix(&mut first, other, amount);
         Ok(first)
     }
 }

@@ -10,8 +10,8 @@ mod values;
 
 use super::media::Named;
 use super::{Context, Look, Member, unpacked};
+use crate::build::looks::Paint;
 use glam::{DAffine3, DMat4, DVec3, DVec4};
-use opsr::scene::build::looks::Paint;
 use opsr::scene::load::error::{Result, fault};
 use std::collections::HashMap;
 use std::rc::Rc;

@@ -3,10 +3,10 @@
 use super::super::{Look, Meant, ply};
 use super::tokens::Parameters;
 use super::{Declared, Scene, lights};
+use crate::build::looks::{self, Paint};
+use crate::build::{Placed, face_normals_outwards, flip, shapes};
 use glam::DAffine3;
 use opsr::math::{Rgb, Vec2, Vec3, luminance};
-use opsr::scene::build::looks::{self, Paint};
-use opsr::scene::build::{Placed, face_normals_outwards, flip, shapes};
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::material::AlphaMode;
 use opsr::scene::mesh::Mesh;
@@ -175,10 +175,7 @@ impl Scene<'_> {
             if shines && opacity == Paint::from(0.0) {
                 (look.material.alpha_mode, look.material.opacity) = (AlphaMode::Unseen, 0.0);
             } else if opacity != Paint::from(1.0) && !self.context.materials.contains_key(&key) {
-                let done = self
-                    .context
-                    .parts()
-                    .set_opacity(&mut look.material, opacity);
+                let done = (self.context.builder).set_opacity(&mut look.material, opacity);
                 if let Err(what) = done {
                     self.context.unsupported(&parameters.place, what)?;
                     look.material.alpha_mode = AlphaMode::Opaque;
@@ -233,7 +230,7 @@ impl Scene<'_> {
                 self.context
                     .approximate(place, "the power of a mesh is that of all its triangles");
             }
-            let scene_mesh = opsr::scene::build::moved(self.context.builder.mesh_mut(mesh), pose);
+            let scene_mesh = self.context.builder.mesh_mut(mesh).at(pose);
             let sides = if both { 2.0 } else { 1.0 };
             let own = PI * area(&scene_mesh) * sides * mean;
             scale *= lights::wanted(light, "power", own)?;

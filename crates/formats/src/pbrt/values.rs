@@ -4,11 +4,11 @@ use super::super::Meant;
 use super::super::images::Use;
 use super::Scene;
 use super::tokens::{Parameter, Parameters, Values};
+use crate::build::colour::{Spectrum, black_body};
+use crate::build::looks::Paint;
+use crate::build::metals;
 use glam::{Affine2, Mat2, Vec2};
 use opsr::math::Rgb;
-use opsr::scene::build::colour::{Spectrum, black_body};
-use opsr::scene::build::looks::Paint;
-use opsr::scene::build::metals;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::texture::Wrap;
 
@@ -223,10 +223,7 @@ impl Scene<'_> {
         let most = first.max(second).max_element().max(1.0);
         // Ours has two fields a side, pbrt's one for each unit; both begin with the first at the origin, v upwards.
         let transform = Affine2::from_scale(Vec2::splat(0.5)) * self.upward(parameters)?;
-        let map = self
-            .context
-            .parts()
-            .chessboard([first / most, second / most], transform);
+        let map = (self.context.builder).chessboard([first / most, second / most], transform);
         Ok(Paint {
             factor: Rgb::splat(most),
             map: Some(map),

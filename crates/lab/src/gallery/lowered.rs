@@ -2,7 +2,6 @@
 
 use opsr::bsdf::fresnel::conductor;
 use opsr::math::Rgb;
-use opsr::scene::build::moved;
 use opsr::scene::finish::ExactCover;
 use opsr::scene::light::Falloff;
 use opsr::scene::material::{AlphaMode, TextureRef};
@@ -28,7 +27,7 @@ pub fn lowered(mut parts: SceneParts) -> Lowered {
         }
     };
     for shared in std::mem::take(&mut parts.shared) {
-        let meshes = shared.poses.iter().map(|pose| moved(&shared.mesh, pose));
+        let meshes = shared.poses.iter().map(|pose| shared.mesh.at(pose));
         parts.meshes.extend(meshes);
     }
     count(

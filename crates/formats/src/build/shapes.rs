@@ -1,7 +1,7 @@
 //! Shapes as meshes: curved ones fine enough that their outlines are round in any picture, with the exact normals.
 
-use super::super::mesh::Mesh;
-use crate::math::{Vec2, Vec3};
+use opsr::math::{Vec2, Vec3};
+use opsr::scene::mesh::Mesh;
 use std::f32::consts::{PI, TAU};
 
 /// Segments of a full turn.
@@ -80,34 +80,26 @@ pub fn part_of_sphere(centre: Vec3, radius: f32, [from, to]: [f32; 2], phi: f32)
     let rows = ((SEGMENTS as f32 * (to - from) / TAU).ceil() as u32).max(2);
     // Chords lie inside: what is lost by them is given back, half of the largest distance in either direction.
     let swell = 1.0 / (1.0 - (PI / SEGMENTS as f32).powi(2) / 3.0);
-    grid(columns, rows, |uv| {
+    let mut mesh = grid(columns, rows, |uv| {
         let (theta, phi) = (from + uv.y * (to - from), uv.x * phi);
         // At the poles all points of a row are one.
         let pole = !(1e-6..=PI - 1e-6).contains(&theta);
         let sin = if pole { 0.0 } else { theta.sin() };
         let n = Vec3::new(sin * phi.cos(), sin * phi.sin(), theta.cos());
         (centre + radius * swell * n, n)
-    })
-    .turned()
-    .without_points()
+    });
+    mesh.indices.iter_mut().for_each(|face| face.swap(1, 2));
+    without_points(mesh)
 }
 
-impl Mesh {
-    /// The same without triangles whose corners meet, as those at a pole.
-    fn without_points(mut self) -> Self {
-        let positions = &self.positions;
-        self.indices.retain(|face| {
-            let [a, b, c] = face.map(|i| positions[i as usize]);
-            a != b && b != c && c != a
-        });
-        self
-    }
-
-    /// The same with the other winding, normals kept.
-    fn turned(mut self) -> Self {
-        self.indices.iter_mut().for_each(|face| face.swap(1, 2));
-        self
-    }
+/// Takes out triangles whose corners meet, as those at a pole.
+fn without_points(mut mesh: Mesh) -> Mesh {
+    let positions = &mesh.positions;
+    mesh.indices.retain(|face| {
+        let [a, b, c] = face.map(|i| positions[i as usize]);
+        a != b && b != c && c != a
+    });
+    mesh
 }
 
 /// A disk, or ring, in the plane z = `height`, front at +z; u by the radius over the largest, v by the azimuth.
@@ -124,7 +116,7 @@ pub fn disk(height: f32, radius: f32, inner: f32, phi: f32) -> Mesh {
     mesh.uvs
         .iter_mut()
         .for_each(|uv| uv.x = least + (1.0 - least) * uv.x);
-    mesh.without_points()
+    without_points(mesh)
 }
 
 /// The mantle of a cylinder about z, front outside.

@@ -1,6 +1,6 @@
 //! Colours of spectra: what other renderers' files give by wavelength, as linear Rec. 709.
 
-use crate::math::{DVec3, Rgb};
+use opsr::math::{DVec3, Rgb};
 
 /// CIE 1931 2-degree observer from 360 nm on, every 10 nm: x, y, z (CIE 015:2018).
 #[rustfmt::skip]

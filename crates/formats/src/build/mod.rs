@@ -7,34 +7,15 @@ pub mod metals;
 pub mod shapes;
 pub mod sky;
 
-use super::mesh::{Mesh, SharedMesh, cofactors, unit};
-use super::{Material, SceneParts};
-use crate::math::{Rgb, Vec3};
-use crate::memory::{self, Shortage};
 use glam::DAffine3;
+use opsr::math::{Rgb, Vec3};
+use opsr::memory::{self, Shortage};
+use opsr::scene::limits::{
+    EMITTER_BYTES, INSTANCE_BYTES, MAX_COPIES, MAX_ELEMENTS, MAX_MESHES, MIN_SHARED, TRIANGLE_BYTES,
+};
+use opsr::scene::mesh::{Mesh, SharedMesh};
+use opsr::scene::{Material, SceneParts};
 use std::collections::HashMap;
-
-/// Most vertices, and most triangles, of a scene in memory. Instances and shared accessors let a small file ask for any
-/// number.
-pub(crate) const MAX_ELEMENTS: u64 = 1 << 26;
-
-/// Most meshes, one per primitive and instance.
-pub(crate) const MAX_MESHES: usize = 1 << 20;
-
-/// Bytes of copies above which meshes are shared. Rays meet copies faster, so small scenes keep them.
-pub(crate) const MAX_COPIES: u64 = 256 << 20;
-
-/// Least triangles of a mesh that is shared: an instance takes as much memory as a copy of few.
-pub(crate) const MIN_SHARED: u64 = 16;
-
-/// Bytes of an instance of a shared mesh: its poses, and the tree over all while it is built. Measured: 550.
-pub(crate) const INSTANCE_BYTES: u64 = 600;
-
-/// Bytes of a triangle beside its mesh: its record, and the tree while it is built. Measured: 240.
-pub(crate) const TRIANGLE_BYTES: u64 = 260;
-
-/// Bytes of a triangle that emits, beside those: trees of its own. Measured: 265.
-pub(crate) const EMITTER_BYTES: u64 = 290;
 
 /// The way from a mesh's space to the world.
 pub type Pose = DAffine3;
@@ -163,7 +144,7 @@ impl Builder {
             let mesh = &self.meshes[placed.mesh as usize];
             let material = placed.material;
             if !shares(&self, &placed) {
-                let mesh = moved(mesh, &placed.pose);
+                let mesh = mesh.at(&placed.pose);
                 self.parts.meshes.push(Mesh { material, ..mesh });
                 continue;
             }
@@ -179,29 +160,6 @@ impl Builder {
             shared[number].poses.push(placed.pose);
         }
         Ok(self.parts)
-    }
-}
-
-/// A mesh at a pose. A mirroring one keeps the front the front.
-pub fn moved(mesh: &Mesh, pose: &DAffine3) -> Mesh {
-    let mirrors = pose.matrix3.determinant() < 0.0;
-    let sign = if mirrors { -1.0 } else { 1.0 };
-    let normals = cofactors(&pose.matrix3) * sign;
-    let point = |p: &Vec3| pose.transform_point3(p.as_dvec3()).as_vec3();
-    let indices = |&[a, b, c]: &[u32; 3]| if mirrors { [a, c, b] } else { [a, b, c] };
-    Mesh {
-        positions: mesh.positions.iter().map(point).collect(),
-        normals: (mesh.normals.iter())
-            .map(|n| unit(normals * n.as_dvec3()))
-            .collect(),
-        tangents: (mesh.tangents.iter())
-            .map(|t| {
-                let along = pose.transform_vector3(t.truncate().as_dvec3());
-                unit(along).extend(t.w)
-            })
-            .collect(),
-        indices: mesh.indices.iter().map(indices).collect(),
-        ..mesh.clone()
     }
 }
 
@@ -238,7 +196,7 @@ pub fn fingerprint(parts: &SceneParts) -> String {
         .as_ref()
         .map(|sky| (sky.average(), sky.peak()));
     digest.update(format!("{sky:?}"));
-    crate::files::hex(&digest.finalize())
+    opsr::files::hex(&digest.finalize())
 }
 
 /// Turns the front of a mesh round.

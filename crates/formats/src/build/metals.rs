@@ -5,7 +5,7 @@
 //! linear Rec. 709, which is what Mitsuba's RGB variants render; channels outside of the gamut are 0. Glasses: indices at the
 //! line d, of Mitsuba's list and of the manufacturers.
 
-use crate::math::Rgb;
+use opsr::math::Rgb;
 
 /// A metal's name, and red, green and blue of its index and of its extinction coefficient.
 type Row = (&'static str, [f32; 3], [f32; 3]);
@@ -139,7 +139,7 @@ mod tests {
             ("metal-Cu", [0.95, 0.55]),
         ] {
             let (eta, k) = metal(name).unwrap();
-            let f = |c: usize| crate::bsdf::fresnel::conductor(1.0, eta[c], k[c]);
+            let f = |c: usize| opsr::bsdf::fresnel::conductor(1.0, eta[c], k[c]);
             assert!(
                 (f(0) - red).abs() < 0.04 && (f(2) - blue).abs() < 0.08,
                 "{name}: {} {}",

@@ -1,11 +1,12 @@
 //! Materials in the words of other renderers: diffuse, metal, glass, wall, coated; with textures where files have them.
 
-use super::super::finish::{ExactCover, Mix};
-use super::super::material::{AlphaMode, TextureRef};
-use super::super::texture::{Texels, Texture};
-use super::super::{Material, SceneParts};
-use crate::math::{Rgb, Vec2, luminance};
+use super::Builder;
 use glam::Affine2;
+use opsr::math::{Rgb, Vec2, luminance};
+use opsr::scene::Material;
+use opsr::scene::finish::{ExactCover, Mix};
+use opsr::scene::material::{AlphaMode, TextureRef};
+use opsr::scene::texture::{Texels, Texture};
 
 /// A colour, or a texture times a factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,11 +121,11 @@ pub fn nothing() -> Material {
 /// Most texels of a side of a texture that is made of others.
 const MOST: u32 = 8192;
 
-impl SceneParts {
+impl Builder {
     /// Adds a texture.
     pub fn add_texture(&mut self, texture: Texture) -> u32 {
-        self.textures.push(texture);
-        self.textures.len() as u32 - 1
+        self.parts.textures.push(texture);
+        self.parts.textures.len() as u32 - 1
     }
 
     /// A texture of sixteen bits that `colour` makes of the place in [0, 1]².
@@ -156,7 +157,7 @@ impl SceneParts {
 
     /// A texture of the luminance of a coloured one times `factor`, and the factor of its values; a grey one is itself.
     pub fn grey(&mut self, factor: Rgb, map: TextureRef) -> (f32, u32) {
-        let source = &self.textures[map.texture as usize];
+        let source = &self.parts.textures[map.texture as usize];
         let most = factor.max_element();
         if source.channels < 3 && factor == Rgb::splat(most) {
             return (most, map.texture);
@@ -179,7 +180,7 @@ impl SceneParts {
     /// A texture whose green is the root of what `alpha` makes of the mean of a map's channels, blue one: roughness as
     /// materials take it.
     pub fn roughness_map(&mut self, map: TextureRef, alpha: impl Fn(f32) -> f32) -> TextureRef {
-        let source = self.textures[map.texture as usize].clone();
+        let source = self.parts.textures[map.texture as usize].clone();
         let size = [source.width.min(MOST), source.height.min(MOST)];
         let texture = self.baked(size, 3, |uv| {
             let [r, g, b, _] = source.sample(uv);
@@ -209,12 +210,12 @@ impl SceneParts {
             material.opacity = mean(opacity.factor).clamp(0.0, 1.0);
             return Ok(());
         };
-        let holes = self.textures[map.texture as usize].clone();
+        let holes = self.parts.textures[map.texture as usize].clone();
         let base = match material.base_color_texture {
             Some(base) if base.transform != map.transform => {
                 return Err("an opacity map with other coordinates than the colour's");
             }
-            Some(base) => Some(self.textures[base.texture as usize].clone()),
+            Some(base) => Some(self.parts.textures[base.texture as usize].clone()),
             None => None,
         };
         let size = |of: fn(&Texture) -> u32| {
@@ -245,7 +246,7 @@ impl SceneParts {
     /// own factor in red.
     pub fn bump_map(&mut self, heights: Paint, step: [f32; 2]) -> Option<TextureRef> {
         let map = heights.map?;
-        let source = self.textures[map.texture as usize].clone();
+        let source = self.parts.textures[map.texture as usize].clone();
         let (w, h) = (source.width.min(MOST), source.height.min(MOST));
         let height = |uv: Vec2| {
             let [r, g, b, _] = source.sample(uv);
@@ -290,7 +291,7 @@ impl SceneParts {
 
     /// Makes `other`, a material of the scene, take the share `weight` of another's surface.
     pub fn mix(&mut self, material: &mut Material, other: u32, weight: Paint) {
-        let textured = self.materials[other as usize].is_textured();
+        let textured = self.parts.materials[other as usize].is_textured();
         let mut texture = weight.map;
         if texture.is_none() && textured {
             // A texture of its own says that the surface has coordinates.

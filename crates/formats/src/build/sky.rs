@@ -1,9 +1,9 @@
 //! Environment maps of other renderers, as our own: another projection, another way up, other places of the texels.
 
-use super::super::Environment;
-use crate::image::Buffer;
-use crate::math::{Rgb, Vec3, luminance};
 use glam::DMat3;
+use opsr::image::Buffer;
+use opsr::math::{Rgb, Vec3, luminance};
+use opsr::scene::Environment;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
