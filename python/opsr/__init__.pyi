@@ -21,7 +21,7 @@ class _SceneOptions(TypedDict, total=False):
     env_intensity: float | None
     env_rotation: float | None
     distribution: Literal["beckmann", "ggx"] | None
-    skip_unsupported: bool | None
+    unsupported: Literal["error", "nearest", "skip"] | None
     glass: Literal["solid", "thin"] | None
     variant: str | int | None
     at: str | None

@@ -107,7 +107,7 @@ def test_foreign_scenes_are_loaded(tmp_path):
     with pytest.raises(ValueError, match="line 1: bsdf `hair`"):
         opsr.Scene.load(path)
     with pytest.warns(UserWarning, match="hair"):
-        opsr.Scene.load(path, skip_unsupported=True)
+        opsr.Scene.load(path, unsupported="skip")
 
 
 def test_example_of_a_caustic_runs(tmp_path, monkeypatch):

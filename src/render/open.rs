@@ -149,7 +149,7 @@ impl Spec {
     pub fn load_options(&self, formats: Formats) -> LoadOptions {
         LoadOptions {
             distribution: self.distribution,
-            skip_unsupported: self.skip_unsupported.unwrap_or_default(),
+            unsupported: self.unsupported.unwrap_or_default(),
             solid_glass: self.glass.map(|glass| glass == Glass::Solid),
             time: self.at.map(Moment::seconds),
             variant: self.variant.as_ref().map(|variant| variant.0.clone()),

@@ -20,6 +20,7 @@ use crate::integrator::method::IntegratorKind::{
 use crate::integrator::method::{Connections, Mode};
 use crate::regularise::Lookup;
 use crate::sampler::SamplerKind;
+use crate::scene::load::Unsupported;
 use serde_json::Value;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -263,8 +264,9 @@ options! {
     /// Microfacet distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model. Without it
     /// `beckmann`, or what a pbrt or Mitsuba scene says.
     distribution: Distribution, Scene { value: "DISTRIBUTION" }
-    /// Go on without the parts of a pbrt or Mitsuba scene that are not supported, and list them; else they are an error.
-    skip_unsupported: bool, Scene {}
+    /// Parts of a pbrt or Mitsuba scene that are not supported. `nearest` shows surfaces and textures as what is nearest, with a warning,
+    /// and refuses what would change the light; `skip` goes on without that too; `error` refuses all.
+    unsupported: Unsupported, Scene { value: "UNSUPPORTED", default: Some("nearest") }
     /// Closed meshes that transmit without a thickness, such as glass from Blender, as solid bodies or as thin walls. Without it
     /// they are bodies in files from Blender, else walls.
     glass: Glass, Scene { value: "GLASS" }
@@ -358,12 +360,13 @@ options! {
 }
 
 /// Names that options had, and the options that replace them.
-const RENAMED: [(&str, &str); 15] = [
+const RENAMED: [(&str, &str); 16] = [
     ("gamma", "{table} X"),
     ("look", "{camera} FILE|NUMBERS"),
     ("aperture", "{lens} RADIUS,DISTANCE"),
     ("focus", "{lens} RADIUS,DISTANCE"),
     ("turbidity", "{sun} HEIGHT,ANGLE,HAZE"),
+    ("skip_unsupported", "{unsupported} skip"),
     ("solid_glass", "{glass} solid"),
     ("thin_glass", "{glass} thin"),
     ("frame", "{at} FRAME@FPS"),

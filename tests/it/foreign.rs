@@ -4,6 +4,7 @@
 mod lights;
 mod models;
 mod names;
+mod nearest;
 
 use super::support::render::{film_with, mean};
 use crate::support::root;
@@ -13,7 +14,7 @@ use opsr::image::Buffer;
 use opsr::integrator::Settings;
 use opsr::math::{DVec3, Rgb, Vec3};
 use opsr::render::value::ResolveChoice;
-use opsr::scene::load::{FileLight, LoadOptions, Loaded, load};
+use opsr::scene::load::{FileLight, LoadOptions, Loaded, Unsupported, load};
 use opsr::scene::{Medium, PunctualLight, Scene};
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -132,7 +133,10 @@ pub(super) fn read(name: &str, text: &str, skip: bool) -> Result<Loaded, FileErr
     let path = folder.path().join(name);
     std::fs::write(&path, text).unwrap();
     let options = LoadOptions {
-        skip_unsupported: skip,
+        unsupported: match skip {
+            true => Unsupported::Skip,
+            false => Unsupported::Error,
+        },
         ..opsr_formats::options()
     };
     load(&path, &options)
@@ -142,17 +146,20 @@ pub(super) fn message(name: &str, text: &str) -> String {
     read(name, text, false).unwrap_err().to_string()
 }
 
-/// What is not supported is an error with its line, or with `--skip-unsupported` a warning.
+/// What is not supported is an error with its line, or with `--unsupported skip` a warning.
 #[test]
 fn foreign_unsupported_parts_are_named_with_their_line() {
     let xml = "<scene version=\"3.0.0\">\n  <shape type=\"sphere\">\n    <bsdf type=\"hair\"/>\n  </shape>\n</scene>";
     let text = message("a.xml", xml);
     assert!(
-        text.contains("line 3: bsdf `hair` is not supported; --skip-unsupported"),
+        text.contains("line 3: bsdf `hair` is not supported; --unsupported nearest shows a grey"),
         "{text}"
     );
     let loaded = read("a.xml", xml, true).unwrap();
-    assert_eq!(loaded.warnings, ["line 3: bsdf `hair` is not supported"]);
+    assert_eq!(
+        loaded.warnings,
+        ["line 3: bsdf `hair` is not supported: shown as a grey diffuse surface"]
+    );
     assert_eq!(loaded.parts.meshes.len(), 1);
     let pbrt = "WorldBegin\n# A comment\nMaterial \"hair\"\nShape \"sphere\"\n";
     let text = message("a.pbrt", pbrt);
@@ -163,7 +170,7 @@ fn foreign_unsupported_parts_are_named_with_their_line() {
     let loaded = read("a.pbrt", pbrt, true).unwrap();
     assert_eq!(
         loaded.warnings,
-        ["line 3: material `hair` is not supported"]
+        ["line 3: material `hair` is not supported: shown as a grey diffuse surface"]
     );
 }
 
@@ -468,8 +475,8 @@ fn foreign_media_are_read_or_named_with_their_line() {
         ),
         (
             "a.xml",
-            xml.replace("\"hg\"", "\"rayleigh\""),
-            "line 4: phase function `rayleigh` is not",
+            xml.replace("\"hg\"", "\"sggx\""),
+            "line 4: phase function `sggx` is not",
         ),
     ] {
         let text = message(name, &text);

@@ -34,7 +34,7 @@ const SAMPLES: &[Sample] = &[
     ("env_intensity", "2", &[("env", "studio")]),
     ("env_rotation", "70", &[("env", "studio")]),
     ("distribution", "ggx", &[]),
-    ("skip_unsupported", "true", &[]),
+    ("unsupported", "skip", &[]),
     ("glass", "solid", &[]),
     ("variant", "night", &[]),
     ("at", "12@48", &[]),
@@ -74,7 +74,7 @@ const SAMPLES: &[Sample] = &[
 /// Options that may be taken and change nothing in this scene, and the reason.
 const MAY_DO_NOTHING: &[(&str, &str)] = &[
     (
-        "skip_unsupported",
+        "unsupported",
         "only scenes of pbrt and Mitsuba have such parts",
     ),
     ("denoise", "the library may not be there"),

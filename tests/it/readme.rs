@@ -20,7 +20,9 @@ const DOCUMENTS: [&str; 4] = [
 ];
 
 /// Input files that a reader brings along.
-const STAND_INS: [&str; 13] = [
+const STAND_INS: [&str; 15] = [
+    "model.obj",
+    "scan.ply",
     "frames/####.exr",
     "pool.ckpt",
     "left.part",

@@ -3,6 +3,7 @@
 use super::exit::Blame;
 use anyhow::anyhow;
 use opsr::render::Spec;
+use opsr::scene::load::Unsupported;
 use opsr_lab::gallery::{glb, lowered};
 use std::path::PathBuf;
 
@@ -14,9 +15,9 @@ pub(super) struct Args {
     /// File to write (.glb).
     #[arg(short, long, value_name = "FILE", default_value = "out.glb")]
     output: PathBuf,
-    /// Leave out what is not supported, or what glTF cannot hold, and list it; else it is an error.
-    #[arg(long)]
-    skip_unsupported: bool,
+    /// Parts that are not supported, or that glTF cannot hold: `skip` leaves them out and lists them.
+    #[arg(long, value_enum, default_value_t)]
+    unsupported: Unsupported,
 }
 
 /// Runs the command.
@@ -30,7 +31,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         return Err(what).usage();
     }
     let spec = Spec {
-        skip_unsupported: Some(args.skip_unsupported),
+        unsupported: Some(args.unsupported),
         ..Spec::default()
     };
     let loaded =
@@ -43,10 +44,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         .usage();
     }
     let made = lowered::lowered(loaded.parts);
-    if !made.lost.is_empty() && !args.skip_unsupported {
+    if !made.lost.is_empty() && args.unsupported != Unsupported::Skip {
         let what = made.lost.join(", ");
         let what = anyhow!(
-            "{path}: glTF files of this program cannot hold {what}; --skip-unsupported leaves them out"
+            "{path}: glTF files of this program cannot hold {what}; --unsupported skip leaves them out"
         );
         return Err(what).input();
     }

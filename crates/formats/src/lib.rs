@@ -23,7 +23,7 @@ use opsr::files::FileError;
 use opsr::math::Rgb;
 use opsr::scene::load::error::{Fault, Result, Warnings, fault};
 use opsr::scene::load::uris::Files;
-use opsr::scene::load::{FileLight, Formats, LoadOptions, Loaded, Reader};
+use opsr::scene::load::{FileLight, Formats, LoadOptions, Loaded, Reader, Unsupported};
 use opsr::scene::mesh::Mesh;
 use opsr::scene::{Material, Medium, SceneParts};
 use std::collections::HashMap;
@@ -87,7 +87,7 @@ fn load(
         files: Files::new(path, bytes),
         builder: Builder::default(),
         distribution: options.distribution,
-        skip: options.skip_unsupported,
+        unsupported: options.unsupported,
         warnings: Warnings::default(),
         images: HashMap::new(),
         meshes: HashMap::new(),
@@ -170,8 +170,7 @@ struct Context {
     builder: Builder,
     /// Slope distribution that the user wants in place of the file's.
     distribution: Option<Distribution>,
-    /// True if what is not supported is left out.
-    skip: bool,
+    unsupported: Unsupported,
     warnings: Warnings,
     /// Textures by file, encoding and wrap.
     images: HashMap<images::Key, images::Known>,
@@ -182,6 +181,9 @@ struct Context {
     media: media::Media,
     includes: usize,
 }
+
+/// The parts of a mixture, with their shares.
+type Shares = Vec<(f32, Material)>;
 
 /// True if a scene of a renderer's own format brings any light: such a file is a scene, not a model.
 fn shines(parts: &SceneParts) -> bool {
@@ -220,14 +222,25 @@ impl Context {
         &mut self.builder.parts
     }
 
-    /// Something that is not supported: an error, or a warning if the user goes on without it.
-    fn unsupported(&mut self, place: &str, what: impl std::fmt::Display) -> Result<()> {
-        if self.skip {
+    /// Something that is left out: an error, or a warning if the user goes on without it.
+    fn left_out(&mut self, place: &str, what: impl std::fmt::Display) -> Result<()> {
+        if self.unsupported == Unsupported::Skip {
             (self.warnings).group("elements", place, &format!("{what} is not supported"));
             return Ok(());
         }
-        let what = format!("{what} is not supported; --skip-unsupported goes on without it");
+        let what = format!("{what} is not supported; --unsupported skip goes on without it");
         Err(fault(place, what))
+    }
+
+    /// Something that is shown as what is nearest: a warning, or an error if the user wants none of it.
+    fn nearest(&mut self, place: &str, what: impl std::fmt::Display, shown: &str) -> Result<()> {
+        if self.unsupported == Unsupported::Error {
+            let what = format!("{what} is not supported; --unsupported nearest shows {shown}");
+            return Err(fault(place, what));
+        }
+        let what = format!("{what} is not supported: shown as {shown}");
+        self.warnings.group("elements", place, &what);
+        Ok(())
     }
 
     /// Something that is read but shown in a simpler way.
@@ -263,6 +276,70 @@ impl Context {
             parts.environment = Some(sky.brightened(factor));
         }
         Ok(())
+    }
+
+    /// Two materials, of which the second has a share of the surface. A mixture in it counts by its heaviest parts.
+    fn mixed(
+        &mut self,
+        mut first: Material,
+        second: Material,
+        share: Paint,
+        place: &str,
+    ) -> Result<Material> {
+        let is_mixture = |m: &Material| m.finish.as_ref().is_some_and(|f| f.mix.is_some());
+        if !is_mixture(&first) && !is_mixture(&second) {
+            let other = self.builder.material(second);
+            self.builder.mix(&mut first, other, share);
+            return Ok(first);
+        }
+        let mean = share.map.map_or(1.0, |map| {
+            let [r, g, b, _] = self.builder.parts.textures[map.texture as usize].average();
+            (r + g + b) / 3.0
+        });
+        let share = (mean * share.factor.element_sum() / 3.0).clamp(0.0, 1.0);
+        self.heaviest(vec![(1.0 - share, first), (share, second)], place)
+    }
+
+    /// A mixture of many materials, in which there may be others: its two heaviest parts.
+    fn heaviest(&mut self, shares: Shares, place: &str) -> Result<Material> {
+        let mut parts = Shares::new();
+        for (share, mut material) in shares {
+            let mix = material
+                .finish
+                .as_mut()
+                .and_then(|finish| finish.mix.take());
+            let inner = match &mix {
+                Some(mix) => {
+                    let mean = mix.texture.map_or(1.0, |map| {
+                        self.builder.parts.textures[map.texture as usize].average()[0]
+                    });
+                    (mean * mix.weight).clamp(0.0, 1.0)
+                }
+                None => 0.0,
+            };
+            if let Some(mix) = mix {
+                let other = self.builder.parts.materials[mix.other as usize].clone();
+                parts.push((share * inner, other));
+            }
+            parts.push((share * (1.0 - inner), material));
+        }
+        parts.retain(|(share, _)| *share > 0.0);
+        parts.sort_by(|a, b| b.0.total_cmp(&a.0));
+        if parts.len() > 2 {
+            let what = format!("a mixture of {} materials", parts.len());
+            self.nearest(place, what, "its two heaviest parts")?;
+        }
+        let mut parts = parts.into_iter();
+        match (parts.next(), parts.next()) {
+            (Some((a, mut first)), Some((b, second))) => {
+                let other = self.builder.material(second);
+                self.builder
+                    .mix(&mut first, other, Paint::from(b / (a + b)));
+                Ok(first)
+            }
+            (Some((_, only)), _) => Ok(only),
+            _ => Err(fault(place, "a mixture of nothing")),
+        }
     }
 
     fn distribution(&self, own: Distribution) -> Distribution {

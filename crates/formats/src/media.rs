@@ -64,14 +64,14 @@ impl Context {
         }
         if material.opacity == 0.0 {
             if material.emission != Rgb::ZERO {
-                self.unsupported(place, "light from a boundary of a medium that is not seen")?;
+                self.left_out(place, "light from a boundary of a medium that is not seen")?;
             }
             *material = looks::glass(1.0, looks::Paint::from(1.0), 0.0);
         }
         if !material.bounds_body() {
             // Nothing of a medium is seen behind what is opaque.
             return match material.transmission > 0.0 {
-                true => self.unsupported(place, "a medium behind a thin wall"),
+                true => self.left_out(place, "a medium behind a thin wall"),
                 false => Ok(()),
             };
         }
@@ -94,7 +94,7 @@ impl Context {
             return Ok(());
         };
         if let Some((_, place)) = outer.find(|(named, _)| named != first) {
-            self.unsupported(place, "another medium outside of all bodies than elsewhere")?;
+            self.left_out(place, "another medium outside of all bodies than elsewhere")?;
         }
         self.parts().medium = first.map(|i| all[i]);
         Ok(())

@@ -2,6 +2,7 @@
 //! without a word.
 
 use super::Context;
+use opsr::scene::load::Unsupported;
 use opsr::scene::load::error::{Result, fault};
 
 /// Parameters of an element such as `Material` or `bsdf`, of some kinds; names are separated by spaces.
@@ -77,10 +78,10 @@ impl Context {
                 some => format!(", only {}", some.join(", ")),
             };
             let what = format!("`{kind}` has no parameter `{name}`{only}");
-            match self.skip {
+            match self.unsupported == Unsupported::Skip {
                 true => self.approximate(place, &what),
                 false => {
-                    let what = format!("{what}; --skip-unsupported goes on without it");
+                    let what = format!("{what}; --unsupported skip goes on without it");
                     return Err(fault(place, what));
                 }
             }
@@ -101,6 +102,7 @@ mod tests {
             include_str!("pbrt/materials.rs"),
             include_str!("pbrt/media.rs"),
             include_str!("pbrt/mod.rs"),
+            include_str!("pbrt/older.rs"),
             include_str!("pbrt/shapes.rs"),
             include_str!("pbrt/values.rs"),
         ];

@@ -19,7 +19,7 @@ pub(super) struct Obj {
     pub(super) mesh: Mesh,
     /// First face of each run of one material, and the material's name.
     pub(super) looks: Vec<(usize, String)>,
-    /// What the file says of its materials' files: one name, or several with blanks between them.
+    /// Names of the materials' files: a line has one, or several with blanks between them.
     pub(super) libraries: Vec<String>,
 }
 

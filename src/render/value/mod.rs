@@ -7,6 +7,7 @@ use crate::integrator::method::{Connections, IntegratorKind, Mode};
 use crate::regularise::Lookup;
 use crate::resolve::Resolve;
 use crate::sampler::SamplerKind;
+use crate::scene::load::Unsupported;
 use serde_json::Value;
 use std::path::PathBuf;
 
@@ -213,6 +214,7 @@ choices!(Mode = &Mode::ALL);
 choices!(Lookup: Nearest, Linear);
 choices!(Connections: All, Nee);
 choices!(Glass: Solid, Thin);
+choices!(Unsupported: Error, Nearest, Skip);
 choices!(SamplerKind: Independent, Sobol);
 choices!(Distribution: Beckmann, Ggx);
 choices!(ViewTransform: Srgb, Filmic, Agx);

@@ -49,8 +49,8 @@ pub struct LoadOptions {
     pub solid_glass: Option<bool>,
     /// Moment of the animations, in seconds; without one the scene is shown at rest.
     pub time: Option<f64>,
-    /// Parts of pbrt and Mitsuba scenes that are not supported are left out or replaced, and warned of.
-    pub skip_unsupported: bool,
+    /// Parts of pbrt and Mitsuba scenes that are not supported.
+    pub unsupported: Unsupported,
     /// Variant of the materials by name, or by number from 0; without one those that the file shows first.
     pub variant: Option<String>,
     /// Formats that the library itself does not read.
@@ -64,6 +64,20 @@ pub struct Formats {
     pub readers: &'static [Reader],
     /// Decoders of compressed glTF files, in the order in which they run.
     pub codecs: &'static [Codec],
+}
+
+/// Parts of a scene that are not supported.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+pub enum Unsupported {
+    /// Errors, all of them.
+    Error,
+    /// Surfaces and textures are shown as what is nearest, and warned of. What would change the light is an error: lamps, media and
+    /// shapes that would be left out, and names that nothing has.
+    #[default]
+    Nearest,
+    /// Left out or shown as what is nearest, all of them, and warned of.
+    Skip,
 }
 
 /// A reader of another format.

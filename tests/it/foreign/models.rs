@@ -316,11 +316,11 @@ fn faults_of_models_name_their_place() {
             "a.mtl:1 (`x`): cannot read",
         ),
     ] {
-        let said = read_obj(&obj, mtl).err().expect("an error");
+        let said = read_obj(&obj, mtl).expect_err("an error");
         assert!(said.contains(words), "{said}");
     }
     let said = read(&[("a.ply", b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n")]);
-    assert!(said.err().expect("an error").contains("has no faces"));
+    assert!(said.expect_err("an error").contains("has no faces"));
 }
 
 /// A model's lamp lights the room, and glass of an OBJ file is the glass of the same glTF file.

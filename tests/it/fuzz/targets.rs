@@ -14,7 +14,7 @@ use opsr::integrator::part::{MergeError, Part, merge};
 use opsr::integrator::{Amounts, Estimator, FirstHit, Picture, Recorded, Settings, View};
 use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::regularise::file::TableFile;
-use opsr::scene::load::{LoadOptions, load};
+use opsr::scene::load::{LoadOptions, Unsupported, load};
 use opsr::scene::{Camera, Environment, Scene};
 use opsr_lab::report::bench::page::page;
 use opsr_lab::report::bench::{Results, Suite, summary};
@@ -75,7 +75,7 @@ pub(crate) fn foreign() -> Vec<Target> {
     };
     fn rendered(path: &Path) -> Result<String, String> {
         let options = LoadOptions {
-            skip_unsupported: true,
+            unsupported: Unsupported::Skip,
             ..opsr_formats::options()
         };
         let parts = text(load(path, &options))?.parts;
@@ -136,13 +136,13 @@ pub(crate) fn foreign() -> Vec<Target> {
         target(
             "mitsuba",
             "fuzz.xml",
-            vec![file("glass.xml"), file("pool.xml")],
+            vec![file("glass.xml"), file("pool.xml"), OLDER_XML.into()],
             rendered,
         ),
         target(
             "pbrt",
             "fuzz.pbrt",
-            vec![file("glass.pbrt"), file("pool.pbrt")],
+            vec![file("glass.pbrt"), file("pool.pbrt"), OLDER_PBRT.into()],
             rendered,
         ),
         target(
@@ -171,6 +171,22 @@ pub(crate) fn foreign() -> Vec<Target> {
         target("serialized", "fuzz.serialized", vec![serialized()], mesh),
     ]
 }
+
+/// Names of pbrt-v3, mixtures, and a movement.
+const OLDER_PBRT: &str = "LookAt 0 0 5 0 0 0 0 1 0 Camera \"perspective\" WorldBegin ColorSpace \"rec2020\"\n\
+    LightSource \"point\" \"color I\" [1 2 3] \"rgb scale\" [1 1 1]\n\
+    MakeNamedMaterial \"a\" \"string type\" \"uber\" \"rgb Kd\" [.5 .5 .5] \"rgb opacity\" [.5 .5 .5] \"float index\" 1.4\n\
+    MakeNamedMaterial \"b\" \"string type\" \"substrate\" \"float uroughness\" .1 \"xyz Ks\" [.1 .1 .1]\n\
+    MakeNamedMaterial \"c\" \"string type\" \"mix\" \"string namedmaterial1\" \"a\" \"string namedmaterial2\" \"b\" \"rgb amount\" [.2 .2 .5]\n\
+    Material \"mix\" \"string materials\" [\"c\" \"b\"] \"float amount\" .5 Shape \"disk\"\n\
+    ActiveTransform EndTime Rotate 7 0 0 1 ActiveTransform All Material \"glass\" Shape \"disk\" \"float radius\" 2";
+
+/// Names of Mitsuba 0.6, and mixtures.
+const OLDER_XML: &str = "<scene version=\"0.6.0\"><sensor type=\"perspective\"><float name=\"fov\" value=\"40\"/></sensor>\
+    <emitter type=\"sun\"><vector name=\"sunDirection\" x=\"1\" y=\"1\" z=\"0\"/></emitter>\
+    <shape type=\"merge\"><shape type=\"cube\"><bsdf type=\"mixturebsdf\"><string name=\"weights\" value=\".2, .3, .5\"/>\
+    <bsdf type=\"phong\"><float name=\"exponent\" value=\"9\"/></bsdf><bsdf type=\"ward\"/><bsdf type=\"coating\"><bsdf type=\"diffuse\"/></bsdf>\
+    </bsdf></shape></shape></scene>";
 
 /// Materials of all kinds.
 fn mtl() -> Vec<u8> {

@@ -25,7 +25,7 @@ fn loaded(glb: &[u8], time: Option<f64>) -> Result<Loaded, String> {
 }
 
 fn error(file: &File) -> String {
-    loaded(&file.glb(), None).err().expect("an error")
+    loaded(&file.glb(), None).expect_err("an error")
 }
 
 /// Asserts that two files give the same meshes, to the bit, at a moment of their animations.

@@ -155,6 +155,48 @@ impl Builder {
         }
     }
 
+    /// Result of `of` for two colours or textures, texel by texel. `None` if both are textures with different coordinates.
+    pub fn combined(&mut self, a: Paint, b: Paint, of: impl Fn(Rgb, Rgb) -> Rgb) -> Option<Paint> {
+        let Some(map) = a.map.or(b.map) else {
+            return Some(Paint::plain(of(a.factor, b.factor)));
+        };
+        if let (Some(a), Some(b)) = (a.map, b.map)
+            && (a.transform, a.second) != (b.transform, b.second)
+        {
+            return None;
+        }
+        let source = |paint: Paint| Some(self.parts.textures[paint.map?.texture as usize].clone());
+        let (first, second) = (source(a), source(b));
+        let both = || [&first, &second].into_iter().flatten();
+        let side = |of: fn(&Texture) -> u32| both().map(of).max().unwrap_or(1).min(MOST);
+        let at = |texture: &Option<Texture>, paint: Paint, uv: Vec2| {
+            texture.as_ref().map_or(paint.factor, |texture| {
+                let [r, g, b, _] = texture.sample(uv);
+                paint.factor * Rgb::new(r, g, b)
+            })
+        };
+        // Sixteen bits hold values up to 1.
+        let most = (of(a.factor, b.factor).max(a.factor).max(b.factor)).max_element();
+        let most = most.max(1.0);
+        let texture = self.baked([side(|t| t.width), side(|t| t.height)], 3, |uv| {
+            let colour = of(at(&first, a, uv), at(&second, b, uv));
+            (colour / most).extend(1.0).to_array()
+        });
+        let like = both().next().cloned().unwrap_or_default();
+        let texture = Texture {
+            wrap: like.wrap,
+            nearest: like.nearest,
+            ..texture
+        };
+        Some(Paint {
+            factor: Rgb::splat(most),
+            map: Some(TextureRef {
+                texture: self.add_texture(texture),
+                ..map
+            }),
+        })
+    }
+
     /// A texture of the luminance of a coloured one times `factor`, and the factor of its values; a grey one is itself.
     pub fn grey(&mut self, factor: Rgb, map: TextureRef) -> (f32, u32) {
         let source = &self.parts.textures[map.texture as usize];

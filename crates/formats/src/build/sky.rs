@@ -1,9 +1,10 @@
 //! Environment maps of other renderers, as our own: another projection, another way up, other places of the texels.
 
-use glam::DMat3;
+use glam::{DMat3, DVec3};
 use opsr::image::Buffer;
 use opsr::math::{Rgb, Vec3, luminance};
 use opsr::scene::Environment;
+use opsr::scene::light::sky::Sky;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
@@ -12,6 +13,8 @@ use std::f64::consts::{FRAC_PI_4, PI, TAU};
 pub enum Projection {
     /// Mitsuba's: latitude and longitude, the top row at +y and the bottom row at −y, the left edge at −z, bilinear.
     LatLong,
+    /// The same with rows between the poles, as pbrt-v3 has it.
+    LatLongBetween,
     /// pbrt's: equal areas on an octahedron, each texel of one colour.
     EqualArea,
 }
@@ -29,11 +32,8 @@ pub fn resampled(
     to_world: DMat3,
     factor: Rgb,
 ) -> Environment {
-    let rows = match projection {
-        // Turned texels must keep small suns small.
-        Projection::LatLong => (2 * map.height).clamp(64, MOST),
-        Projection::EqualArea => (2 * map.height).clamp(64, MOST),
-    };
+    // Turned texels must keep small suns small.
+    let rows = (2 * map.height).clamp(64, MOST);
     let columns = 2 * rows;
     let back = to_world.inverse();
     let pixels = (0..rows * columns).into_par_iter().map(|i| {
@@ -43,10 +43,11 @@ pub fn resampled(
             let (x, y) = (at(s % SAMPLES, i % columns), at(s / SAMPLES, i / columns));
             let (theta, phi) = (y / rows as f64 * PI, x / columns as f64 * TAU - PI);
             let (sin, cos) = theta.sin_cos();
-            let dir = glam::DVec3::new(sin * phi.sin(), cos, -sin * phi.cos());
-            let own = (back * dir).normalize_or(glam::DVec3::Y);
+            let dir = DVec3::new(sin * phi.sin(), cos, -sin * phi.cos());
+            let own = (back * dir).normalize_or(DVec3::Y);
             sum += match projection {
-                Projection::LatLong => lat_long(map, own),
+                Projection::LatLong => lat_long(map, own, false),
+                Projection::LatLongBetween => lat_long(map, own, true),
                 Projection::EqualArea => equal_area(map, own),
             };
         }
@@ -60,12 +61,75 @@ pub fn resampled(
     Environment::from_map(made, 0.0)
 }
 
-fn lat_long(map: &Buffer, dir: glam::DVec3) -> Rgb {
+/// Illuminance of Mitsuba's sun and sky at scales of 1 on the ground, over this project's: measured for a turbidity of 3 and a sun 40° high
+/// (Mitsuba 3.9, which has Hosek's and Wilkie's sky).
+const OF_MITSUBA: f32 = 0.3956;
+
+/// The same of a sky without its sun.
+const OF_MITSUBA_ALONE: f32 = 0.274;
+
+/// A sky around the world's zenith, with its sun or without, multiplied by `factor` of Mitsuba's units.
+pub fn around(
+    sun: DVec3,
+    zenith: DVec3,
+    turbidity: f32,
+    with_sun: bool,
+    factor: f32,
+) -> Environment {
+    let height = sun.dot(zenith).clamp(0.0, 1.0);
+    let front = (sun - zenith * sun.dot(zenith))
+        .try_normalize()
+        .unwrap_or(zenith.any_orthonormal_vector());
+    let sky = Sky {
+        elevation: height.asin() as f32,
+        azimuth: 0.0,
+        turbidity,
+    };
+    let mut map = sky.map();
+    if !with_sun {
+        // No brighter than beside the sun.
+        let (columns, rows) = (map.width, map.height);
+        let own = DVec3::new(0.0, height, (1.0 - height * height).max(0.0).sqrt());
+        let beside = |i: usize| {
+            let (theta, phi) = (
+                (i / columns) as f64 / rows as f64 * PI,
+                (i % columns) as f64 / columns as f64 * TAU - PI,
+            );
+            let dir = DVec3::new(
+                theta.sin() * phi.sin(),
+                theta.cos(),
+                -theta.sin() * phi.cos(),
+            );
+            dir.dot(own) < BESIDE.to_radians().cos()
+        };
+        let lit = map.pixels.iter().enumerate().filter(|(i, _)| beside(*i));
+        let most = lit.map(|(_, p)| luminance(*p)).fold(0.0, f32::max);
+        for p in &mut map.pixels {
+            *p *= (most / luminance(*p).max(f32::MIN_POSITIVE)).min(1.0);
+        }
+    }
+    let unit = if with_sun {
+        OF_MITSUBA
+    } else {
+        OF_MITSUBA_ALONE
+    };
+    // The map's own left edge is +z, that of `resampled` −z.
+    let turn = DMat3::from_cols(-zenith.cross(front), zenith, -front);
+    resampled(&map, Projection::LatLong, turn, Rgb::splat(factor * unit))
+}
+
+/// Degrees from the sun beyond which a sky is that without it.
+const BESIDE: f64 = 2.5;
+
+fn lat_long(map: &Buffer, dir: DVec3, between: bool) -> Rgb {
     let u = (dir.x.atan2(-dir.z) / TAU).rem_euclid(1.0);
     let v = dir.x.hypot(dir.z).atan2(dir.y) / PI;
     let (w, h) = (map.width, map.height);
     let x = u * w as f64 - 0.5;
-    let y = v * (h - 1) as f64;
+    let y = match between {
+        true => (v * h as f64 - 0.5).clamp(0.0, (h - 1) as f64),
+        false => v * (h - 1) as f64,
+    };
     let (fx, fy) = ((x - x.floor()) as f32, y.fract() as f32);
     let column = |k: i64| (x.floor() as i64 + k).rem_euclid(w as i64) as usize;
     let row = |k: usize| (y as usize + k).min(h - 1);
@@ -75,7 +139,7 @@ fn lat_long(map: &Buffer, dir: glam::DVec3) -> Rgb {
 }
 
 /// The square of a direction, [0, 1]² (Clarberg: *Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD*, 2008; `[PBRT4 §3.8.3]`).
-fn square(dir: glam::DVec3) -> [f64; 2] {
+fn square(dir: DVec3) -> [f64; 2] {
     let (x, y, z) = (dir.x.abs(), dir.y.abs(), dir.z.abs());
     let r = (1.0 - z).max(0.0).sqrt();
     let phi = if x == 0.0 && y == 0.0 {
@@ -93,7 +157,7 @@ fn square(dir: glam::DVec3) -> [f64; 2] {
     ]
 }
 
-fn equal_area(map: &Buffer, dir: glam::DVec3) -> Rgb {
+fn equal_area(map: &Buffer, dir: DVec3) -> Rgb {
     let [u, v] = square(dir);
     let place = |x: f64, n: usize| ((x * n as f64) as usize).min(n - 1);
     map.pixels[place(v, map.height) * map.width + place(u, map.width)]
@@ -124,7 +188,31 @@ pub fn illuminance(map: &Buffer) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
+
+    /// Illuminance on the ground, sun and sky apart, at the height at which Mitsuba's was measured: 0.777 and 0.236.
+    #[test]
+    fn skies_are_as_bright_as_mitsubas_on_the_whole() {
+        let height = 40f64.to_radians();
+        let sun = DVec3::new(height.cos(), 0.0, height.sin());
+        let [bright, dim] = [true, false].map(|with| around(sun, DVec3::Z, 3.0, with, 1.0));
+        let ground = |sky: &Environment| {
+            let (mut sum, n) = (0.0, 1600);
+            for i in 0..n * n {
+                let (u, v) = ((i % n) as f64 + 0.5, (i / n) as f64 + 0.5);
+                let (cos, phi) = ((u / n as f64), v / n as f64 * TAU);
+                let sin = (1.0 - cos * cos).sqrt();
+                let dir = DVec3::new(sin * phi.cos(), sin * phi.sin(), cos).as_vec3();
+                sum += f64::from(luminance(sky.radiance(dir))) * cos;
+            }
+            sum * TAU / (n * n) as f64
+        };
+        let (all, alone) = (ground(&bright), ground(&dim));
+        assert!((all / 1.013 - 1.0).abs() < 0.01, "{all}");
+        assert!((alone / 0.236 - 1.0).abs() < 0.01, "{alone}");
+        // The sun is where it was put.
+        let at = |dir: DVec3| luminance(bright.radiance(dir.as_vec3()));
+        assert!(at(sun) > 1000.0 * at(DVec3::new(-sun.x, 0.0, sun.z)));
+    }
 
     /// A sky of 1 gives π, and a sun of two per cent of the sphere what its cosine says.
     #[test]

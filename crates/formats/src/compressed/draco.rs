@@ -174,7 +174,7 @@ fn decoded(source: &[u8], points: u64, corners: u64, attributes: u64, at: &str) 
     Ok(mesh)
 }
 
-/// What a stream gives an accessor.
+/// Data of a stream for an accessor.
 struct Made {
     bytes: Vec<u8>,
     count: usize,

@@ -25,7 +25,7 @@ const BLOCK: u64 = 16;
 const HEADER: usize = 80;
 const LEVEL: usize = 24;
 
-/// What a header says of the size.
+/// Size of a header, in texels.
 struct Header {
     width: u32,
     height: u32,

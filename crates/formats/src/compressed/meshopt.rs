@@ -166,7 +166,7 @@ pub(super) fn attributes(source: &[u8], count: usize, stride: usize) -> Option<V
     let mut last = [0u8; MOST_STRIDE];
     last[..stride].copy_from_slice(baseline);
     let mut out = vec![0; count * stride];
-    let most = (8192 / stride & !(GROUP - 1)).min(256);
+    let most = ((8192 / stride) & !(GROUP - 1)).min(256);
     let mut deltas = vec![[0u8; 256]; stride];
     for block in out.chunks_mut(most * stride) {
         let elements = block.len() / stride;

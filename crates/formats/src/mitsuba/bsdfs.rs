@@ -6,7 +6,7 @@ use super::xml::{Object, Value};
 use crate::build::looks::{self, Paint};
 use crate::build::metals;
 use opsr::bsdf::Distribution;
-use opsr::math::Rgb;
+use opsr::math::{Rgb, luminance};
 use opsr::scene::Material;
 use opsr::scene::finish::Anisotropy;
 use opsr::scene::load::error::{Result, fault};
@@ -49,13 +49,16 @@ impl Scene<'_> {
             }
             "plastic" | "roughplastic" => self.plastic(bsdf)?,
             "principled" => self.principled(bsdf)?,
+            "phong" | "ward" => self.lobe(bsdf)?,
+            "coating" | "roughcoating" => return self.coating(bsdf),
             "null" => looks::nothing(),
             "twosided" => return self.twosided(bsdf),
             "mask" => return self.mask(bsdf),
             "bumpmap" | "bump" | "normalmap" => return self.mapped(bsdf),
             "blendbsdf" | "mixturebsdf" => return self.blend(bsdf),
             other => {
-                self.context.unsupported(place, format!("bsdf `{other}`"))?;
+                self.context
+                    .nearest(place, format!("bsdf `{other}`"), "a grey diffuse surface")?;
                 looks::diffuse(Paint::from(0.5))
             }
         };
@@ -76,8 +79,11 @@ impl Scene<'_> {
     fn twosided(&mut self, bsdf: &Object) -> Result<Look> {
         let inner = self.nested(bsdf)?;
         if inner.len() > 1 {
-            self.context
-                .unsupported(&bsdf.place, "another BSDF on the back")?;
+            self.context.nearest(
+                &bsdf.place,
+                "another BSDF on the back",
+                "the front on both sides",
+            )?;
         }
         let first = inner.into_iter().next();
         first.ok_or_else(|| fault(&bsdf.place, "has no BSDF in it"))
@@ -88,7 +94,7 @@ impl Scene<'_> {
         let opacity = self.numbers(bsdf, "opacity", 0.5)?;
         let done = (self.context.builder).set_opacity(&mut look.material, opacity);
         if let Err(what) = done {
-            self.context.unsupported(&bsdf.place, what)?;
+            self.context.nearest(&bsdf.place, what, "opaque")?;
         }
         Ok(look)
     }
@@ -113,33 +119,74 @@ impl Scene<'_> {
 
     fn blend(&mut self, bsdf: &Object) -> Result<Look> {
         let place = &bsdf.place;
-        let mut all = self.nested(bsdf)?.into_iter();
-        let (Some(mut first), Some(second), None) = (all.next(), all.next(), all.next()) else {
-            self.context
-                .unsupported(place, "a mixture of other than two BSDFs")?;
-            let look = self.nested(bsdf)?.into_iter().next();
-            return look.ok_or_else(|| fault(place, "has no BSDF in it"));
+        let all = self.nested(bsdf)?;
+        let weights = match bsdf.property("weights").map(|p| &p.value) {
+            Some(Value::Text(text)) => super::xml::numbers(text).unwrap_or_default(),
+            _ => Vec::new(),
         };
-        let weight = match bsdf.property("weights").map(|p| &p.value) {
-            Some(Value::Text(text)) => {
-                let weights = super::xml::numbers(text).unwrap_or_default();
-                Paint::from(weights.get(1).copied().unwrap_or(0.5) as f32)
-            }
-            _ => self.numbers(bsdf, "weight", 0.5)?,
-        };
-        let mixed = |look: &Look| {
-            look.material
-                .finish
-                .as_ref()
-                .is_some_and(|f| f.mix.is_some())
-        };
-        if mixed(&first) || mixed(&second) {
-            self.context.unsupported(place, "a mixture in a mixture")?;
+        if let (2, true) = (all.len(), weights.is_empty()) {
+            let weight = self.numbers(bsdf, "weight", 0.5)?;
+            let mut all = all.into_iter();
+            let (first, second) = (all.next(), all.next());
+            let (Some(mut first), Some(second)) = (first, second) else {
+                return Err(fault(place, "has no BSDF in it"));
+            };
+            first.material =
+                (self.context).mixed(first.material, second.material, weight, place)?;
             return Ok(first);
         }
-        let other = self.context.builder.material(second.material);
-        (self.context.builder).mix(&mut first.material, other, weight);
-        Ok(first)
+        let of = |i: usize| weights.get(i).map_or(0.0, |weight| *weight as f32);
+        let bump = all.first().and_then(|look| look.bump);
+        let shares = all.into_iter().enumerate();
+        let shares = shares.map(|(i, look)| (of(i), look.material)).collect();
+        let material = self.context.heaviest(shares, place)?;
+        Ok(Look { material, bump })
+    }
+
+    /// A surface under a clear layer.
+    fn coating(&mut self, bsdf: &Object) -> Result<Look> {
+        let mut look = self.only(bsdf)?;
+        let what = format!("`{}` is shown as glTF's clear coat", bsdf.plugin);
+        self.context.approximate(&bsdf.place, &what);
+        let mut layer = Material::default();
+        if bsdf.plugin == "roughcoating" {
+            self.rough(bsdf, &mut layer)?;
+        } else {
+            layer.alpha = 0.0;
+        }
+        let coat = look.material.finish_mut().clearcoat.get_or_insert_default();
+        (coat.weight, coat.alpha) = (1.0, layer.alpha);
+        Ok(look)
+    }
+
+    /// Lobes of Phong and of Ward over a diffuse surface, as microfacets of the same width.
+    fn lobe(&mut self, bsdf: &Object) -> Result<Material> {
+        let what = format!(
+            "`{}` is shown as microfacets on a diffuse surface",
+            bsdf.plugin
+        );
+        self.context.approximate(&bsdf.place, &what);
+        let base = self.paint(bsdf, &["diffuse_reflectance"], Paint::from(0.5))?;
+        let shine = self.colour(
+            bsdf,
+            &["specular_reflectance"],
+            Rgb::splat(0.2),
+            Meant::Reflected,
+        )?;
+        let width = match bsdf.plugin.as_str() {
+            // Walter et al. 2007, section 5.2.
+            "phong" => (2.0 / (bsdf.number("exponent", 30.0)?.max(0.0) + 2.0)).sqrt(),
+            _ => (bsdf.number("alpha_u", 0.1)? * bsdf.number("alpha_v", 0.1)?)
+                .max(0.0)
+                .sqrt(),
+        };
+        let root = luminance(shine).clamp(0.0, 0.9).sqrt();
+        Ok(Material {
+            specular: 1.0,
+            ior: (1.0 + root) / (1.0 - root),
+            alpha: width.min(1.0) as f32,
+            ..looks::diffuse(base)
+        })
     }
 
     /// Index of a property that is a number or a name.
@@ -261,8 +308,11 @@ impl Scene<'_> {
                 let (eta, k) = match metals::metal(name) {
                     Some(found) => found,
                     None => {
-                        self.context
-                            .unsupported(&bsdf.place, format!("metal `{name}`"))?;
+                        self.context.nearest(
+                            &bsdf.place,
+                            format!("metal `{name}`"),
+                            "a perfect mirror",
+                        )?;
                         (Rgb::ZERO, Rgb::ONE)
                     }
                 };

@@ -11,6 +11,9 @@ use opsr::scene::light::Falloff;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::{Camera, Environment, FilmSize, Lens, PunctualLight};
 
+/// Irradiance of Mitsuba's sun across its beam at a scale of 1, measured for a turbidity of 3 and a sun 40° high (Mitsuba 3.9).
+const SUN: Rgb = Rgb::new(1.446, 1.175, 0.845);
+
 impl Scene<'_> {
     pub(super) fn emitter(&mut self, emitter: &Object) -> Result<()> {
         let place = &emitter.place;
@@ -66,11 +69,44 @@ impl Scene<'_> {
                 let made = sky::resampled(&map, sky::Projection::LatLong, turn, scale);
                 self.surround(made, place)?;
             }
-            other => self
-                .context
-                .unsupported(place, format!("emitter `{other}`"))?,
+            "sunsky" | "sky" | "sun" => self.sky(emitter, &pose)?,
+            other => self.context.left_out(place, format!("emitter `{other}`"))?,
         }
         Ok(())
+    }
+
+    /// Sun and sky, by the model of this project.
+    fn sky(&mut self, emitter: &Object, pose: &DAffine3) -> Result<()> {
+        let place = &emitter.place;
+        let what = format!("`{}` is shown by Preetham's model", emitter.plugin);
+        self.context.approximate(place, &what);
+        // Mitsuba 3 has the zenith at +z, its predecessor at +y.
+        let zenith = if self.is_old { DVec3::Y } else { DVec3::Z };
+        let low = DVec3::new(0.5, 0.5, 0.5) + 0.5 * zenith;
+        let sun = emitter.vector("sun_direction", low)?.try_normalize();
+        let sun = sun.ok_or_else(|| fault(place, "its sun has no direction"))?;
+        let [sun, zenith] = [sun, zenith].map(|v| pose.transform_vector3(v).normalize_or(DVec3::Y));
+        let turbidity = emitter.number("turbidity", 3.0)?.clamp(1.8, 10.0) as f32;
+        let scale = emitter.number("scale", 1.0)?;
+        let of_sun = scale * emitter.number("sun_scale", 1.0)?;
+        let of_sky = scale * emitter.number("sky_scale", 1.0)?;
+        if emitter.plugin == "sun" {
+            self.context
+                .parts()
+                .lights
+                .push(PunctualLight::Directional {
+                    direction: (-sun).as_vec3(),
+                    irradiance: SUN * of_sun as f32,
+                });
+            return Ok(());
+        }
+        let with_sun = emitter.plugin == "sunsky" && of_sun > 0.0;
+        if with_sun && of_sun != of_sky {
+            let what = "`sun_scale` is taken for that of the sky";
+            self.context.approximate(place, what);
+        }
+        let made = sky::around(sun, zenith, turbidity, with_sun, of_sky as f32);
+        self.surround(made, place)
     }
 
     fn spot(
@@ -83,7 +119,7 @@ impl Scene<'_> {
         let intensity = self.colour(emitter, &["intensity"], Rgb::ONE, Meant::Emitted)?;
         if !self.children(emitter, &["texture"])?.is_empty() {
             self.context
-                .unsupported(place, "the texture of a spot light")?;
+                .nearest(place, "the texture of a spot light", "a spot of one colour")?;
         }
         let cutoff = emitter.number("cutoff_angle", 20.0)?;
         let beam = emitter.number("beam_width", 0.75 * cutoff)?;
@@ -124,7 +160,7 @@ impl Scene<'_> {
         let aspect = film.size.x as f32 / film.size.y as f32;
         for name in ["principal_point_offset_x", "principal_point_offset_y"] {
             if sensor.number(name, 0.0)? != 0.0 {
-                self.context.unsupported(place, format!("`{name}`"))?;
+                self.context.left_out(place, format!("`{name}`"))?;
             }
         }
         // Mitsuba's own are 0.01 and 10,000.
@@ -150,7 +186,7 @@ impl Scene<'_> {
                 (Projection::Orthographic { half_height }, None)
             }
             other => {
-                return self.context.unsupported(place, format!("sensor `{other}`"));
+                return self.context.left_out(place, format!("sensor `{other}`"));
             }
         };
         let [inside, around] = self.sides(sensor)?;

@@ -40,16 +40,16 @@ impl Scene<'_> {
         let place = &object.place;
         if object.plugin != "homogeneous" {
             let what = format!("a medium of type `{}`", object.plugin);
-            self.context.unsupported(place, what)?;
+            self.context.left_out(place, what)?;
             return Ok(None);
         }
         if object.property("material").is_some() {
             self.context
-                .unsupported(place, "a named material of a medium")?;
+                .left_out(place, "a named material of a medium")?;
         }
         if let Some((name, _)) = self.children(object, &["volume", "texture"])?.first() {
             let what = format!("a volume as `{name}` of a medium");
-            self.context.unsupported(place, what)?;
+            self.context.left_out(place, what)?;
             return Ok(None);
         }
         let colour = |scene: &mut Self, name: &str, or: f32| {
@@ -67,10 +67,14 @@ impl Scene<'_> {
         for (_, phase) in self.children(object, &["phase"])? {
             match phase.plugin.as_str() {
                 "isotropic" => {}
+                "rayleigh" => {
+                    let shown = "the isotropic one";
+                    (self.context).nearest(&phase.place, "Rayleigh's phase function", shown)?;
+                }
                 "hg" => mean_cosine = phase.number("g", 0.8)? as f32,
                 other => {
                     let what = format!("phase function `{other}`");
-                    self.context.unsupported(&phase.place, what)?;
+                    self.context.left_out(&phase.place, what)?;
                 }
             }
         }

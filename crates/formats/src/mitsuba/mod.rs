@@ -21,6 +21,8 @@ use xml::{Child, Ids, Link, Object, Reader};
 struct Scene<'a> {
     context: &'a mut Context,
     ids: Ids,
+    /// True for a file of version 0.5 or 0.6.
+    is_old: bool,
     /// Looks by the address of their object.
     looks: HashMap<usize, Look>,
     /// Grey textures of coloured ones, by texture and factor: factor and texture.
@@ -37,10 +39,11 @@ struct Scene<'a> {
 pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
     let mut reader = Reader::new(context);
     let root = reader.file(text, "", 0)?;
-    let ids = std::mem::take(&mut reader.ids);
+    let (ids, is_old) = (std::mem::take(&mut reader.ids), reader.is_old);
     let mut scene = Scene {
         context,
         ids,
+        is_old,
         looks: HashMap::new(),
         greys: HashMap::new(),
         media: HashMap::new(),
@@ -62,7 +65,7 @@ impl Scene<'_> {
             "emitter" | "luminaire" => self.emitter(&object),
             "integrator" => self.integrator(&object),
             // A medium counts where it is used.
-            "volume" | "subsurface" => self.context.unsupported(
+            "volume" | "subsurface" => self.context.left_out(
                 &object.place,
                 format!("<{} type=\"{}\">", object.tag, object.plugin),
             ),

@@ -8,7 +8,7 @@ use super::{Context, Result};
 #[rustfmt::skip]
 pub(in super::super) const NAMES: &[Names] = &[
     row("shape", ALL, "to_world flip_normals", "silhouette_sampling_weight", ""),
-    row("shape", "rectangle cube disk shapegroup instance", "", "", ""),
+    row("shape", "rectangle cube disk shapegroup instance merge", "", "", ""),
     row("shape", "sphere", "center radius", "", ""),
     row("shape", "cylinder", "p0 p1 radius", "", ""),
     row("shape", "obj ply serialized", "filename face_normals flip_tex_coords shape_index", "collapse srgb",
@@ -28,12 +28,17 @@ pub(in super::super) const NAMES: &[Names] = &[
     row("bsdf", "principled", "base_color roughness metallic spec_trans eta specular clearcoat clearcoat_gloss",
         "main_specular_sampling_rate clearcoat_sampling_rate diffuse_reflectance_sampling_rate",
         "anisotropic spec_tint sheen sheen_tint flatness"),
+    row("bsdf", "coating", "", "thickness", "int_ior ext_ior eta sigma_a specular_reflectance"),
+    row("bsdf", "roughcoating", "distribution alpha alpha_u alpha_v", "thickness sample_visible",
+        "int_ior ext_ior eta sigma_a specular_reflectance"),
+    row("bsdf", "phong", "diffuse_reflectance specular_reflectance exponent", "", ""),
+    row("bsdf", "ward", "diffuse_reflectance specular_reflectance alpha_u alpha_v", "variant", ""),
     row("bsdf", "null twosided", "", "", ""),
     row("bsdf", "mask", "opacity", "", ""),
     row("bsdf", "bumpmap bump normalmap", "scale", "use_shadowing_function flip_invalid_normals", ""),
     row("bsdf", "blendbsdf", "weight", "", ""),
     row("bsdf", "mixturebsdf", "weights weight", "", ""),
-    row("texture", "bitmap", "filename wrap_mode filter_type gamma raw to_uv uscale vscale uvscale uoffset voffset",
+    row("texture", "bitmap ldrtexture", "filename wrap_mode filter_type gamma raw to_uv uscale vscale uvscale uoffset voffset",
         "cache max_anisotropy format", "channel accel"),
     row("texture", "checkerboard", "color0 color1 to_uv uscale vscale uvscale uoffset voffset", "", ""),
     row("texture", "uniform", "value", "wavelength_min wavelength_max", ""),
@@ -49,6 +54,8 @@ pub(in super::super) const NAMES: &[Names] = &[
     row("emitter", "directional distant", "irradiance radiance direction", "", ""),
     row("emitter", "constant", "radiance", "", ""),
     row("emitter", "envmap", "filename scale", "mis_compensation cache", "gamma"),
+    row("emitter", "sunsky sky sun", "turbidity sun_direction scale sun_scale sky_scale", "resolution sun_aperture sun_radius_scale complex_sun",
+        "albedo latitude longitude timezone year month day hour minute second stretch extend"),
     row("emitter", "area", "radiance intensity", "", ""),
     row("sensor", ALL, "to_world near_clip far_clip principal_point_offset_x principal_point_offset_y", "shutter_open shutter_close",
         ""),
@@ -60,7 +67,7 @@ pub(in super::super) const NAMES: &[Names] = &[
         "exposure gamma tonemap_method key burn"),
     row("medium", "homogeneous", "sigma_a sigma_s sigma_t albedo scale material", "sample_emitters has_spectral_extinction", ""),
     row("phase", "hg", "g", "", ""),
-    row("phase", "isotropic", "", "", ""),
+    row("phase", "isotropic rayleigh", "", "", ""),
 ];
 
 /// Checks the names of an object's properties, and those of the textures in it.
@@ -80,6 +87,8 @@ pub(super) fn check(context: &mut Context, object: &Object) -> Result<()> {
         "normalmap",
         "blendbsdf",
         "mixturebsdf",
+        "coating",
+        "roughcoating",
     ];
     let leaf = ["bsdf", "emitter", "texture"].contains(&element)
         && !nests.contains(&object.plugin.as_str());

@@ -31,7 +31,7 @@ impl Scene<'_> {
                 Ok(())
             }
             _ => {
-                if let Some((mesh, material, pose)) = self.one(shape)? {
+                for (mesh, material, pose) in self.all(shape)? {
                     self.place(mesh, material, pose, &shape.place)?;
                 }
                 Ok(())
@@ -64,7 +64,7 @@ impl Scene<'_> {
                         members.extend(inner.iter().map(|&(m, l, p)| (m, l, pose * p)));
                     }
                 } else {
-                    members.extend(scene.one(&shape)?);
+                    members.extend(scene.all(&shape)?);
                 }
                 if members.len() > MOST_MEMBERS {
                     return Err(fault(&shape.place, "a group of too many shapes"));
@@ -76,11 +76,27 @@ impl Scene<'_> {
         Ok(members)
     }
 
+    /// A shape, or those that `merge` holds.
+    fn all(&mut self, shape: &Object) -> Result<Vec<Member>> {
+        if shape.plugin != "merge" {
+            return Ok(self.one(shape)?.into_iter().collect());
+        }
+        let inner = self.children(shape, &["shape"])?;
+        let mut members = Vec::new();
+        for (_, inner) in inner {
+            members.extend(self.within(&inner, |scene| scene.all(&inner))?);
+        }
+        Ok(members)
+    }
+
     /// Mesh, material and pose of a shape.
     fn one(&mut self, shape: &Object) -> Result<Option<Member>> {
         for (_, subsurface) in self.children(shape, &["subsurface"])? {
-            self.context
-                .unsupported(&subsurface.place, "subsurface scattering")?;
+            self.context.nearest(
+                &subsurface.place,
+                "subsurface scattering",
+                "the surface alone",
+            )?;
         }
         let pose = shape.pose("to_world")?;
         let flipped = shape.flag("flip_normals", false)?;
@@ -145,8 +161,7 @@ impl Scene<'_> {
             }
             "obj" | "ply" | "serialized" => (self.file(shape, &pose, flipped)?, pose),
             other => {
-                self.context
-                    .unsupported(place, format!("shape `{other}`"))?;
+                self.context.left_out(place, format!("shape `{other}`"))?;
                 return Ok(None);
             }
         }))
@@ -208,7 +223,7 @@ impl Scene<'_> {
         for (_, emitter) in emitters {
             if emitter.plugin != "area" {
                 let what = format!("emitter `{}` on a shape", emitter.plugin);
-                self.context.unsupported(&emitter.place, what)?;
+                self.context.left_out(&emitter.place, what)?;
                 continue;
             }
             let names = ["radiance", "intensity"];

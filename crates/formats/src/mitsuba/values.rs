@@ -119,8 +119,11 @@ impl Scene<'_> {
     ) -> Result<Rgb> {
         let paint = self.paint_of(object, names, Paint::plain(or), meant)?;
         if let Some(map) = paint.map {
-            self.context
-                .unsupported(&object.place, format!("a texture as `{}`", names[0]))?;
+            self.context.nearest(
+                &object.place,
+                format!("a texture as `{}`", names[0]),
+                "its mean",
+            )?;
             let [r, g, b, _] = self.context.parts().textures[map.texture as usize].average();
             return Ok(paint.factor * Rgb::new(r, g, b));
         }
@@ -197,7 +200,7 @@ impl Scene<'_> {
     fn texture(&mut self, texture: &Object, meant: Meant) -> Result<Paint> {
         let place = &texture.place;
         match texture.plugin.as_str() {
-            "bitmap" => self.bitmap(texture),
+            "bitmap" | "ldrtexture" => self.bitmap(texture),
             "checkerboard" => {
                 let first = self.colour(texture, &["color0"], Rgb::splat(0.4), meant)?;
                 let second = self.colour(texture, &["color1"], Rgb::splat(0.2), meant)?;
@@ -238,7 +241,7 @@ impl Scene<'_> {
             }
             other => {
                 self.context
-                    .unsupported(place, format!("texture `{other}`"))?;
+                    .nearest(place, format!("texture `{other}`"), "grey")?;
                 Ok(Paint::from(0.5))
             }
         }
@@ -277,7 +280,7 @@ impl Scene<'_> {
             "clamp" => Wrap::Clamp,
             other => {
                 self.context
-                    .unsupported(place, format!("wrap mode `{other}`"))?;
+                    .nearest(place, format!("wrap mode `{other}`"), "`clamp`")?;
                 Wrap::Clamp
             }
         };

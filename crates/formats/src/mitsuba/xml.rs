@@ -91,6 +91,8 @@ impl Ids {
 pub(super) struct Reader<'a> {
     pub(super) context: &'a mut Context,
     pub(super) ids: Ids,
+    /// True for a file of version 0.5 or 0.6.
+    pub(super) is_old: bool,
     defaults: HashMap<String, String>,
     nodes: usize,
 }
@@ -119,6 +121,7 @@ impl<'a> Reader<'a> {
         Self {
             context,
             ids: Ids::default(),
+            is_old: false,
             defaults: HashMap::new(),
             nodes: 0,
         }
@@ -147,6 +150,11 @@ impl<'a> Reader<'a> {
         let place = text.place(root);
         if root.tag_name().name() != "scene" && depth == 0 {
             return Err(fault(place, "is no Mitsuba scene: its root is not <scene>"));
+        }
+        if depth == 0 {
+            self.is_old = root
+                .attribute("version")
+                .is_some_and(|v| v.starts_with("0."));
         }
         self.object(&text, root, 0)
     }

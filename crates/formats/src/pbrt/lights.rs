@@ -4,7 +4,7 @@ use super::super::{Meant, film_side};
 use super::tokens::Parameters;
 use super::{Scene, affine};
 use crate::build::sky;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use opsr::math::{Frame, Rgb, UVec2};
 use opsr::scene::camera::Projection;
 use opsr::scene::light::Falloff;
@@ -20,11 +20,23 @@ pub(super) fn wanted(parameters: &Parameters, name: &str, own: f64) -> Result<f6
     Ok(if wanted > 0.0 { wanted / own } else { 1.0 })
 }
 
+/// `scale` where it is a number.
+pub(super) fn plain_scale(parameters: &Parameters) -> Result<f64> {
+    match parameters.get("scale") {
+        Some(given) if given.kind != "float" => Ok(1.0),
+        _ => parameters.number("scale", 1.0),
+    }
+}
+
+/// The way from Mitsuba's map, whose top is +y and whose left edge is −z, to version 3's, whose top is +z and whose left edge is +x
+/// `[PBRT3 §12.6]`: columns.
+const OF_LAT_LONG: DMat3 = DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::NEG_X);
+
 impl Scene<'_> {
     pub(super) fn light(&mut self, kind: &str, parameters: &Parameters) -> Result<()> {
         let place = &parameters.place;
         let pose = self.pose(place)?;
-        let scale = parameters.number("scale", 1.0)?;
+        let scale = plain_scale(parameters)?;
         let vector = |name: &str, or: [f64; 3]| parameters.vector(name, or).map(DVec3::from);
         let axis = |from: DVec3, to: DVec3| {
             let axis = pose.transform_vector3(to - from).try_normalize();
@@ -80,14 +92,23 @@ impl Scene<'_> {
                     });
             }
             "infinite" => return self.infinite(parameters, scale),
-            other => return self.context.unsupported(place, format!("light `{other}`")),
+            other => return self.context.left_out(place, format!("light `{other}`")),
         }
         Ok(())
     }
 
+    /// The colour that version 3 gives a light for its scale.
+    pub(super) fn tint(&mut self, parameters: &Parameters) -> Result<Rgb> {
+        match parameters.get("scale").is_some_and(|p| p.kind != "float") {
+            true => self.colour(parameters, "scale", Rgb::ONE, Meant::Emitted),
+            false => Ok(Rgb::ONE),
+        }
+    }
+
     /// Colour of a light times a scale.
     fn emitted(&mut self, parameters: &Parameters, name: &str, scale: f64) -> Result<Rgb> {
-        let colour = self.colour(parameters, name, Rgb::ONE, Meant::Emitted)? * scale as f32;
+        let tint = self.tint(parameters)? * scale as f32;
+        let colour = self.colour(parameters, name, Rgb::ONE, Meant::Emitted)? * tint;
         match colour.is_finite() {
             true => Ok(colour),
             false => Err(fault(&parameters.place, "a light that is not finite")),
@@ -101,32 +122,35 @@ impl Scene<'_> {
             self.context
                 .approximate(place, "a portal only guides samples and is left out");
         }
+        let older = parameters.text("mapname")?.map(str::to_owned);
         let file = parameters.text("filename")?.map(str::to_owned);
-        let environment = match file {
-            Some(_) if parameters.get("L").is_some() => {
+        let environment = match older.clone().or(file) {
+            Some(_) if older.is_none() && parameters.get("L").is_some() => {
                 return Err(fault(place, "has both `L` and a map"));
             }
             Some(name) => {
                 let map = self.context.radiance_map(&name, place)?;
-                let projection = match map.width == map.height {
-                    true => sky::Projection::EqualArea,
-                    false => {
-                        self.context
-                            .unsupported(place, "a map that is not square (of equal areas)")?;
-                        sky::Projection::LatLong
-                    }
+                let square = older.is_none() && map.width == map.height;
+                if older.is_none() && !square {
+                    let what = "a map that is not square (of equal areas)";
+                    (self.context).nearest(place, what, "one by latitude and longitude")?;
+                }
+                let (projection, own) = match square {
+                    true => (sky::Projection::EqualArea, DMat3::IDENTITY),
+                    false => (sky::Projection::LatLongBetween, OF_LAT_LONG),
                 };
-                let own = match (parameters.get("illuminance"), projection) {
+                let light = match (parameters.get("illuminance"), square) {
                     (None, _) => 1.0,
-                    (Some(_), sky::Projection::EqualArea) => sky::illuminance(&map),
-                    (Some(_), sky::Projection::LatLong) => 0.0,
+                    (Some(_), true) => sky::illuminance(&map),
+                    (Some(_), false) => 0.0,
                 };
-                if own <= 0.0 {
+                if light <= 0.0 {
                     let what = "`illuminance` of a map that is dark above, or not square";
                     return Err(fault(place, what));
                 }
-                let scale = scale * wanted(parameters, "illuminance", own)?;
-                sky::resampled(&map, projection, pose.matrix3, Rgb::splat(scale as f32))
+                let scale = scale * wanted(parameters, "illuminance", light)?;
+                let factor = self.emitted(parameters, "L", scale)?;
+                sky::resampled(&map, projection, pose.matrix3 * own, factor)
             }
             None => {
                 // A sky of one colour gives π of it.
@@ -135,7 +159,7 @@ impl Scene<'_> {
             }
         };
         if self.context.parts().environment.is_some() {
-            self.context.unsupported(place, "a second infinite light")?;
+            self.context.left_out(place, "a second infinite light")?;
             return Ok(());
         }
         self.context.parts().environment = Some(environment);
@@ -197,12 +221,12 @@ impl Scene<'_> {
         }
         if (x0 + x1).abs() > 1e-4 * (x1 - x0) || (y0 + y1).abs() > 1e-4 * (y1 - y0) {
             self.context
-                .unsupported(place, "a screen window off the centre")?;
+                .left_out(place, "a screen window off the centre")?;
         }
         let (half_x, half_y) = (0.5 * (x1 - x0), 0.5 * (y1 - y0));
         if (half_x / half_y / own - 1.0).abs() > 1e-3 {
             self.context
-                .unsupported(place, "pixels that are not square")?;
+                .nearest(place, "pixels that are not square", "square ones")?;
         }
         let projection = match kind.as_str() {
             "perspective" => {
@@ -217,7 +241,7 @@ impl Scene<'_> {
                 let half_height = (half_y * pose.matrix3.y_axis.length()) as f32;
                 Projection::Orthographic { half_height }
             }
-            other => return self.context.unsupported(place, format!("camera `{other}`")),
+            other => return self.context.left_out(place, format!("camera `{other}`")),
         };
         let radius = parameters.number("lensradius", 0.0)? as f32;
         let focus = parameters.number("focaldistance", 1e6)? as f32;

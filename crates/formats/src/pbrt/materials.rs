@@ -73,11 +73,11 @@ impl Scene<'_> {
                 };
                 looks::diffuse(self.paint(parameters, name, Paint::from(0.5))?)
             }
-            "conductor" | "metal" => self.conductor(parameters, "")?,
+            "conductor" => self.conductor(parameters, "")?,
             "dielectric" => {
                 let eta = self.eta(parameters, "eta", 1.5)?;
                 let mut material = looks::glass(eta, Paint::from(1.0), 0.0);
-                self.rough(parameters, "", 0.0, &mut material)?;
+                self.rough(parameters, "", 0.0, &mut material, remapped)?;
                 material
             }
             "thindielectric" => {
@@ -89,7 +89,7 @@ impl Scene<'_> {
                 let base = self.paint(parameters, "reflectance", Paint::from(0.5))?;
                 let eta = self.eta(parameters, "eta", 1.5)?;
                 let mut material = looks::coated(eta, base, Rgb::ONE, 0.0, true);
-                self.rough(parameters, "", 0.0, &mut material)?;
+                self.rough(parameters, "", 0.0, &mut material, remapped)?;
                 material
             }
             "coatedconductor" => {
@@ -100,22 +100,26 @@ impl Scene<'_> {
                 );
                 let mut material = self.conductor(parameters, "conductor.")?;
                 let mut coat = Material::default();
-                self.rough(parameters, "interface.", 0.0, &mut coat)?;
+                self.rough(parameters, "interface.", 0.0, &mut coat, remapped)?;
                 let clear = material.finish_mut().clearcoat.get_or_insert_default();
                 (clear.weight, clear.alpha) = (1.0, coat.alpha);
                 material
             }
             "diffusetransmission" => {
-                self.context.unsupported(place, "diffuse transmission")?;
+                self.context
+                    .nearest(place, "diffuse transmission", "diffuse reflection")?;
                 looks::diffuse(self.paint(parameters, "reflectance", Paint::from(0.25))?)
             }
             "mix" => self.mixture(parameters, depth)?,
             "interface" | "" | "none" => looks::nothing(),
-            other => {
-                self.context
-                    .unsupported(place, format!("material `{other}`"))?;
-                looks::diffuse(Paint::from(0.5))
-            }
+            other => match self.older(other, parameters)? {
+                Some(material) => material,
+                None => {
+                    let what = format!("material `{other}`");
+                    (self.context).nearest(place, what, "a grey diffuse surface")?;
+                    looks::diffuse(Paint::from(0.5))
+                }
+            },
         })
     }
 
@@ -124,14 +128,16 @@ impl Scene<'_> {
         let albedo = self.colour(parameters, "albedo", Rgb::ZERO, Meant::Reflected)?;
         match albedo == Rgb::ZERO {
             true => Ok(()),
-            false => {
-                (self.context).unsupported(&parameters.place, "a medium in a layer (`albedo`)")
-            }
+            false => (self.context).nearest(
+                &parameters.place,
+                "a medium in a layer (`albedo`)",
+                "a clear layer",
+            ),
         }
     }
 
     /// An index of refraction: a number, the name of a glass, or a spectrum.
-    fn eta(&mut self, parameters: &Parameters, name: &str, or: f32) -> Result<f32> {
+    pub(super) fn eta(&mut self, parameters: &Parameters, name: &str, or: f32) -> Result<f32> {
         let eta = match parameters.get(name).map(|p| &p.values) {
             None => or,
             Some(Values::Texts(names))
@@ -173,17 +179,18 @@ impl Scene<'_> {
             };
             looks::metal(eta / outside, k / outside, Paint::from(1.0), 0.0)
         };
-        self.rough(parameters, prefix, 0.0, &mut material)?;
+        self.rough(parameters, prefix, 0.0, &mut material, remapped)?;
         Ok(material)
     }
 
-    /// Roughness of microfacets by Trowbridge and Reitz.
-    fn rough(
+    /// Roughness of microfacets by Trowbridge and Reitz; `remapped` takes a number of the file and `remaproughness`.
+    pub(super) fn rough(
         &mut self,
         parameters: &Parameters,
         prefix: &str,
         or: f32,
         material: &mut Material,
+        remapped: fn(f32, bool) -> f32,
     ) -> Result<()> {
         let place = &parameters.place;
         material.distribution = self.context.distribution(Distribution::Ggx);
@@ -235,8 +242,14 @@ impl Scene<'_> {
 
     fn mixture(&mut self, parameters: &Parameters, depth: usize) -> Result<Material> {
         let place = &parameters.place;
-        let names = match parameters.get("materials").map(|p| &p.values) {
-            Some(Values::Texts(names)) if names.len() == 2 => names.clone(),
+        // Version 3 names them apart, and its amount is the first one's.
+        let apart = [
+            parameters.text("namedmaterial1")?,
+            parameters.text("namedmaterial2")?,
+        ];
+        let (names, older) = match (parameters.get("materials").map(|p| &p.values), apart) {
+            (Some(Values::Texts(names)), _) if names.len() == 2 => (names.clone(), false),
+            (_, [Some(first), Some(second)]) => (vec![second.to_owned(), first.to_owned()], true),
             _ => return Err(fault(place, "a mixture names two materials")),
         };
         let mut looks = Vec::new();
@@ -245,16 +258,17 @@ impl Scene<'_> {
             let known = known.ok_or_else(|| fault(place, format!("no material `{name}`")))?;
             looks.push(self.look(&known, depth + 1)?.material);
         }
-        let amount = self.paint(parameters, "amount", Paint::from(0.5))?;
-        let mixed = |m: &Material| m.finish.as_ref().is_some_and(|f| f.mix.is_some());
-        if looks.iter().any(mixed) {
-            self.context.unsupported(place, "a mixture in a mixture")?;
-            return Ok(looks.swap_remove(0));
-        }
+        let amount = match older {
+            true => Paint::plain(self.colour(
+                parameters,
+                "amount",
+                Rgb::splat(0.5),
+                Meant::Reflected,
+            )?),
+            false => self.paint(parameters, "amount", Paint::from(0.5))?,
+        };
         let second = looks.pop().unwrap_or_default();
-        let mut first = looks.pop().unwrap_or_default();
-        let other = self.context.builder.material(second);
-        self.context.builder.mix(&mut first, other, amount);
-        Ok(first)
+        let first = looks.pop().unwrap_or_default();
+        self.context.mixed(first, second, amount, place)
     }
 }

@@ -15,17 +15,17 @@ impl Scene<'_> {
         let kind = parameters.text("type")?.unwrap_or_default().to_owned();
         if kind != "homogeneous" {
             self.context
-                .unsupported(place, format!("a medium of type `{kind}`"))?;
+                .left_out(place, format!("a medium of type `{kind}`"))?;
             self.media.insert(name, None);
             return Ok(());
         }
         if let Some(preset) = parameters.text("preset")? {
             let what = format!("the preset `{preset}` of a medium");
-            self.context.unsupported(place, what)?;
+            self.context.left_out(place, what)?;
         }
         if self.colour(parameters, "Le", Rgb::ZERO, Meant::Reflected)? != Rgb::ZERO {
             self.context
-                .unsupported(place, "a medium that shines (`Le`)")?;
+                .left_out(place, "a medium that shines (`Le`)")?;
         }
         // Those of pbrt without a preset, per millimetre of some material.
         let absorption = Rgb::new(0.0011, 0.0024, 0.014);

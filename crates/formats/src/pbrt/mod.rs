@@ -4,6 +4,7 @@ mod lights;
 mod materials;
 mod media;
 pub(super) mod names;
+mod older;
 mod shapes;
 mod tokens;
 mod values;
@@ -11,7 +12,7 @@ mod values;
 use super::media::Named;
 use super::{Context, Look, Member, unpacked};
 use crate::build::looks::Paint;
-use glam::{DAffine3, DMat4, DVec3, DVec4};
+use glam::{DAffine3, DMat3, DMat4, DVec3, DVec4};
 use opsr::scene::load::error::{Result, fault};
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -35,6 +36,10 @@ struct State {
     /// Kind and parameters of the area light.
     area_light: Option<Rc<Parameters>>,
     reversed: bool,
+    /// True between `ActiveTransform EndTime` and the next one.
+    at_end: bool,
+    /// From colours of the file to linear Rec. 709.
+    space: DMat3,
     /// Media inside and outside.
     sides: [Named; 2],
     /// Parameters of `Attribute`, by what they are for.
@@ -79,6 +84,8 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
             material: None,
             area_light: None,
             reversed: false,
+            at_end: false,
+            space: DMat3::IDENTITY,
             sides: [None; 2],
             defaults: Vec::new(),
         },
@@ -208,6 +215,7 @@ impl Scene<'_> {
     }
 
     fn transform(&mut self, word: &str, tokens: &mut Tokens, place: &str) -> Result<()> {
+        let before = self.state.pose;
         let pose = &mut self.state.pose;
         match word {
             "Identity" => *pose = DMat4::IDENTITY,
@@ -240,13 +248,20 @@ impl Scene<'_> {
                 }
             }
             "ActiveTransform" => {
-                tokens.next()?;
-                self.context
-                    .unsupported(place, "motion blur (`ActiveTransform`)")?;
+                let ends = tokens.next()? == Some(Token::Word("EndTime".into()));
+                self.state.at_end = ends;
+                if ends {
+                    let what = "motion blur (`ActiveTransform`)";
+                    self.context.nearest(place, what, "its first moment")?;
+                }
             }
             _ => {
                 tokens.numbers::<2>()?;
             }
+        }
+        // Transforms of the end of a movement do not move its beginning.
+        if self.state.at_end {
+            self.state.pose = before;
         }
         match self.state.pose.is_finite() {
             true => Ok(()),
@@ -338,9 +353,7 @@ impl Scene<'_> {
             }
             "AreaLightSource" => {
                 if name != "diffuse" {
-                    return self
-                        .context
-                        .unsupported(place, format!("area light `{name}`"));
+                    return self.context.left_out(place, format!("area light `{name}`"));
                 }
                 let parameters = self.with_defaults("light", parameters);
                 self.state.area_light = Some(Rc::new(parameters));
@@ -359,9 +372,16 @@ impl Scene<'_> {
                 self.film = Some(parameters);
                 Ok(())
             }
-            "ColorSpace" if name != "srgb" => self
-                .context
-                .unsupported(place, format!("colour space `{name}`")),
+            "ColorSpace" => match values::space(&name) {
+                Some(space) => {
+                    self.state.space = space;
+                    Ok(())
+                }
+                None => {
+                    let what = format!("colour space `{name}`");
+                    self.context.nearest(place, what, "`srgb`")
+                }
+            },
             "MakeNamedMedium" => {
                 let parameters = self.with_defaults("medium", parameters);
                 self.medium(name, &parameters)

@@ -64,7 +64,8 @@ impl Scene<'_> {
                 .ok_or_else(|| fault(place, "has no filename"))?
                 .to_owned();
             if parameters.get("displacement").is_some() {
-                self.context.unsupported(place, "displacement of a mesh")?;
+                self.context
+                    .nearest(place, "displacement of a mesh", "the mesh without it")?;
             }
             let choice = format!("ply {reversed}");
             let mesh = self.context.file_mesh(&name, &choice, place, |bytes, at| {
@@ -106,20 +107,19 @@ impl Scene<'_> {
             "trianglemesh" => triangles(parameters)?,
             "bilinearmesh" => {
                 if parameters.get("emissionfilename").is_some() {
-                    self.context.unsupported(place, "`emissionfilename`")?;
+                    self.context.left_out(place, "`emissionfilename`")?;
                 }
                 patches(parameters)?
             }
             "loopsubdiv" => {
                 self.context
-                    .unsupported(place, "subdivision (its control mesh stands in)")?;
+                    .nearest(place, "subdivision", "its control mesh")?;
                 let mut mesh = triangles(parameters)?;
                 mesh.normals.clear();
                 mesh
             }
             other => {
-                self.context
-                    .unsupported(place, format!("shape `{other}`"))?;
+                self.context.left_out(place, format!("shape `{other}`"))?;
                 return Ok(None);
             }
         };
@@ -177,7 +177,7 @@ impl Scene<'_> {
             } else if opacity != Paint::from(1.0) && !self.context.materials.contains_key(&key) {
                 let done = (self.context.builder).set_opacity(&mut look.material, opacity);
                 if let Err(what) = done {
-                    self.context.unsupported(&parameters.place, what)?;
+                    self.context.nearest(&parameters.place, what, "opaque")?;
                     look.material.alpha_mode = AlphaMode::Opaque;
                 }
             }
@@ -197,8 +197,8 @@ impl Scene<'_> {
         look: &mut Look,
     ) -> Result<()> {
         let place = &light.place;
-        let mut radiance = self.colour(light, "L", Rgb::ONE, Meant::Emitted)?;
-        let mut scale = light.number("scale", 1.0)?;
+        let mut radiance = self.colour(light, "L", Rgb::ONE, Meant::Emitted)? * self.tint(light)?;
+        let mut scale = lights::plain_scale(light)?;
         let mut mean = 1.0;
         if let Some(name) = light.text("filename")? {
             if light.get("L").is_some() {

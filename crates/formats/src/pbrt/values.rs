@@ -7,10 +7,35 @@ use super::tokens::{Parameter, Parameters, Values};
 use crate::build::colour::{Spectrum, black_body};
 use crate::build::looks::Paint;
 use crate::build::metals;
-use glam::{Affine2, Mat2, Vec2};
+use glam::{Affine2, DMat3, DVec3, Mat2, Vec2};
 use opsr::math::Rgb;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::texture::Wrap;
+
+/// From CIE XYZ to linear Rec. 709 (IEC 61966-2-1), columns.
+const XYZ: DMat3 = DMat3::from_cols_array(&[
+    3.2406, -0.9689, 0.0557, -1.5372, 1.8758, -0.2040, -0.4986, 0.0415, 1.0570,
+]);
+
+/// From a colour space of pbrt to linear Rec. 709, with white kept white: columns (ITU-R BT.2087 for Rec. 2020; Display P3; ACES primaries 0
+/// by Bradford's adaptation, SMPTE ST 2065-1).
+pub(super) fn space(name: &str) -> Option<DMat3> {
+    let columns = match name {
+        "srgb" => return Some(DMat3::IDENTITY),
+        "rec2020" => [
+            1.6605, -0.1246, -0.0182, -0.5876, 1.1329, -0.1006, -0.0728, -0.0083, 1.1187,
+        ],
+        "dci-p3" => [
+            1.2249, -0.0420, -0.0197, -0.2247, 1.0419, -0.0786, 0.0, 0.0, 1.0979,
+        ],
+        "aces2065-1" => [
+            2.521_65, -0.276_22, -0.015_32, -1.134_11, 1.372_57, -0.152_99, -0.387_56, -0.096_28,
+            1.168_38,
+        ],
+        _ => return None,
+    };
+    Some(DMat3::from_cols_array(&columns))
+}
 
 impl Scene<'_> {
     /// The colour of a spectrum; pbrt takes those of lamps to a luminance of 1.
@@ -26,12 +51,18 @@ impl Scene<'_> {
         let bad = || fault(place, format!("`{}` is no colour", parameter.name));
         let colour = match (parameter.kind.as_str(), &parameter.values) {
             ("rgb" | "color", Values::Numbers(n)) => match n.as_slice() {
-                [r, g, b] => Rgb::new(*r as f32, *g as f32, *b as f32),
+                [r, g, b] => (self.state.space * DVec3::new(*r, *g, *b)).as_vec3(),
                 [x] => Rgb::splat(*x as f32),
                 _ => return Err(bad()),
             },
+            ("xyz", Values::Numbers(n)) if n.len() == 3 => {
+                (XYZ * DVec3::new(n[0], n[1], n[2])).as_vec3()
+            }
             ("float", Values::Numbers(n)) if n.len() == 1 => Rgb::splat(n[0] as f32),
-            ("blackbody", Values::Numbers(n)) if !n.is_empty() => black_body(n[0] as f32),
+            // Version 3 has a scale behind the temperature.
+            ("blackbody", Values::Numbers(n)) if !n.is_empty() => {
+                black_body(n[0] as f32) * n.get(1).map_or(1.0, |scale| *scale as f32)
+            }
             ("spectrum", Values::Numbers(n)) => {
                 let pairs = n.chunks_exact(2).map(|p| (p[0], p[1])).collect();
                 Self::of_spectrum(&Spectrum::new(pairs).ok_or_else(bad)?, meant)
@@ -64,7 +95,7 @@ impl Scene<'_> {
             return Ok(Self::of_spectrum(&spectrum, meant));
         }
         self.context
-            .unsupported(place, format!("spectrum `{name}`"))?;
+            .nearest(place, format!("spectrum `{name}`"), "white")?;
         Ok(Rgb::ONE)
     }
 
@@ -80,8 +111,11 @@ impl Scene<'_> {
         let Some(map) = paint.map else {
             return Ok(paint.factor);
         };
-        self.context
-            .unsupported(&parameters.place, format!("a texture as `{name}`"))?;
+        self.context.nearest(
+            &parameters.place,
+            format!("a texture as `{name}`"),
+            "its mean",
+        )?;
         let [r, g, b, _] = self.context.parts().textures[map.texture as usize].average();
         Ok(paint.factor * Rgb::new(r, g, b))
     }
@@ -140,13 +174,13 @@ impl Scene<'_> {
                     self.paint(parameters, tex[0], Paint::from(1.0))?,
                     self.paint(parameters, tex[1], Paint::from(1.0))?,
                 ];
-                if a.map.is_some() && b.map.is_some() {
-                    self.context
-                        .unsupported(place, "the product of two images")?;
-                }
-                Paint {
-                    factor: a.factor * b.factor,
-                    map: a.map.or(b.map),
+                match self.context.builder.combined(a, b, |a, b| a * b) {
+                    Some(product) => product,
+                    None => {
+                        let what = "the product of two images of different coordinates";
+                        self.context.nearest(place, what, "the first")?;
+                        a
+                    }
                 }
             }
             "mix" => {
@@ -156,17 +190,18 @@ impl Scene<'_> {
                 ];
                 let amount =
                     self.colour(parameters, "amount", Rgb::splat(0.5), Meant::Reflected)?;
-                if a.map.is_some() || b.map.is_some() {
-                    self.context.unsupported(place, "a mixture of images")?;
-                }
-                Paint {
-                    factor: a.factor + (b.factor - a.factor) * amount,
-                    map: a.map,
+                match (self.context.builder).combined(a, b, |a, b| a + (b - a) * amount) {
+                    Some(mixture) => mixture,
+                    None => {
+                        let what = "a mixture of images of different coordinates";
+                        self.context.nearest(place, what, "the first")?;
+                        a
+                    }
                 }
             }
             other => {
                 self.context
-                    .unsupported(place, format!("texture `{other}`"))?;
+                    .nearest(place, format!("texture `{other}`"), "grey")?;
                 Paint::from(0.5)
             }
         };
@@ -185,7 +220,8 @@ impl Scene<'_> {
             "repeat" => Wrap::Repeat,
             "clamp" => Wrap::Clamp,
             other => {
-                self.context.unsupported(place, format!("wrap `{other}`"))?;
+                self.context
+                    .nearest(place, format!("wrap `{other}`"), "`clamp`")?;
                 Wrap::Clamp
             }
         };
@@ -215,8 +251,11 @@ impl Scene<'_> {
     fn checkerboard(&mut self, parameters: &Parameters) -> Result<Paint> {
         let place = &parameters.place;
         if parameters.number("dimension", 2.0)? != 2.0 {
-            self.context
-                .unsupported(place, "a checkerboard of three dimensions")?;
+            self.context.nearest(
+                place,
+                "a checkerboard of three dimensions",
+                "one by texture coordinates",
+            )?;
         }
         let first = self.colour(parameters, "tex1", Rgb::ONE, Meant::Reflected)?;
         let second = self.colour(parameters, "tex2", Rgb::ZERO, Meant::Reflected)?;
@@ -236,7 +275,7 @@ impl Scene<'_> {
         let mapping = parameters.text("mapping")?.unwrap_or("uv");
         if mapping != "uv" {
             self.context
-                .unsupported(place, format!("mapping `{mapping}`"))?;
+                .nearest(place, format!("mapping `{mapping}`"), "`uv`")?;
         }
         let of = |name: &str, or: f64| parameters.number(name, or).map(|x| x as f32);
         let scale = Vec2::new(of("uscale", 1.0)?, of("vscale", 1.0)?);

@@ -1,0 +1,474 @@
+//! Parts that are shown as what is nearest, and the names of older versions.
+
+use super::{message, read};
+use opsr::math::{Rgb, Vec2, Vec3, luminance};
+use opsr::scene::load::{LoadOptions, Loaded, Unsupported, load};
+use opsr::scene::{Material, PunctualLight};
+
+/// A scene beside files, with the usual options or others.
+fn with_files(
+    name: &str,
+    text: &str,
+    files: &[(&str, Vec<u8>)],
+    unsupported: Unsupported,
+) -> Result<Loaded, String> {
+    let folder = crate::support::quick_folder();
+    for (name, bytes) in files {
+        std::fs::write(folder.path().join(name), bytes).expect("a file");
+    }
+    let path = folder.path().join(name);
+    std::fs::write(&path, text).expect("a file");
+    let options = LoadOptions {
+        unsupported,
+        ..opsr_formats::options()
+    };
+    load(&path, &options).map_err(|e| e.to_string())
+}
+
+fn usual(name: &str, text: &str) -> Loaded {
+    with_files(name, text, &[], Unsupported::Nearest).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn xml(inner: &str) -> String {
+    format!("<scene version=\"3.0.0\">\n{inner}\n</scene>")
+}
+
+/// A surface that is not supported is shown with a word, or refused if the user says so; what changes the light is refused.
+#[test]
+fn nearest_surfaces_are_named_and_lights_are_not_left_out() {
+    let hair = xml("<shape type=\"sphere\"><bsdf type=\"hair\"/></shape>");
+    let line = "line 2: bsdf `hair` is not supported: shown as a grey diffuse surface";
+    assert_eq!(usual("a.xml", &hair).warnings, [line]);
+    let said = message("a.xml", &hair);
+    assert!(
+        said.contains("--unsupported nearest shows a grey diffuse surface"),
+        "{said}"
+    );
+    assert_eq!(
+        read("a.xml", &hair, true).expect("a scene").warnings,
+        [line]
+    );
+    for (name, text) in [
+        ("a.xml", xml("<emitter type=\"projector\"/>")),
+        ("a.xml", xml("<shape type=\"heightfield\"/>")),
+        (
+            "a.xml",
+            xml(
+                "<shape type=\"sphere\"><medium type=\"heterogeneous\" name=\"interior\"/></shape>",
+            ),
+        ),
+        ("a.pbrt", "WorldBegin LightSource \"goniometric\"".into()),
+        ("a.pbrt", "WorldBegin Shape \"curve\"".into()),
+        (
+            "a.pbrt",
+            "MakeNamedMedium \"a\" \"string type\" \"cloud\"".into(),
+        ),
+        (
+            "a.pbrt",
+            "WorldBegin Material \"diffuse\" \"rgb reflektance\" [1 1 1]".into(),
+        ),
+    ] {
+        let said = with_files(name, &text, &[], Unsupported::Nearest).expect_err("an error");
+        assert!(
+            said.contains("--unsupported skip goes on without it"),
+            "{text}: {said}"
+        );
+        assert!(
+            with_files(name, &text, &[], Unsupported::Skip).is_ok(),
+            "{text}"
+        );
+    }
+}
+
+fn pbrt(line: &str) -> Material {
+    let text = format!("WorldBegin\n{line}\nShape \"sphere\"");
+    let parts = usual("a.pbrt", &text).parts;
+    let number = parts.meshes[0].material as usize;
+    parts.materials[number].clone()
+}
+
+#[test]
+fn materials_of_pbrt_3_are_read() {
+    // [PBRT3 §8.4.2] by hand, for a roughness of 0.1.
+    let of_a_tenth = 0.461_76;
+    let plastic = pbrt(
+        "Material \"plastic\" \"rgb Kd\" [0.3 0.2 0.1] \"rgb Ks\" [0.5 0.25 0.5] \"float roughness\" 0.1",
+    );
+    assert_eq!(plastic.base_color, Rgb::new(0.3, 0.2, 0.1));
+    assert_eq!(
+        (plastic.specular, plastic.specular_color),
+        (0.5, Rgb::new(1.0, 0.5, 1.0))
+    );
+    assert!(
+        (plastic.alpha - of_a_tenth).abs() < 1e-4,
+        "{}",
+        plastic.alpha
+    );
+    let plain =
+        pbrt("Material \"plastic\" \"float roughness\" 0.1 \"bool remaproughness\" \"false\"");
+    assert_eq!((plain.alpha, plain.ior), (0.1, 1.5));
+    let mirror = pbrt("Material \"mirror\" \"rgb Kr\" [0.7 0.8 0.9]");
+    assert_eq!(
+        (mirror.metallic, mirror.alpha, mirror.base_color),
+        (1.0, 0.0, Rgb::new(0.7, 0.8, 0.9))
+    );
+    let glass = pbrt("Material \"glass\" \"float index\" 1.33 \"rgb Kt\" [1 0.5 1]");
+    assert_eq!(
+        (glass.transmission, glass.solid, glass.ior),
+        (1.0, true, 1.33)
+    );
+    assert_eq!(
+        (glass.base_color, glass.alpha),
+        (Rgb::new(1.0, 0.5, 1.0), 0.0)
+    );
+    let metal = pbrt("Material \"metal\"");
+    assert!(
+        metal.metallic == 1.0 && metal.alpha > 0.0 && metal.alpha < 0.2,
+        "{}",
+        metal.alpha
+    );
+    // A layer of this index reflects the `Ks` of a substrate at normal incidence.
+    let substrate = pbrt("Material \"substrate\" \"rgb Ks\" [0.09 0.09 0.09]");
+    let reflected = ((substrate.ior - 1.0) / (substrate.ior + 1.0)).powi(2);
+    assert!((reflected - 0.09).abs() < 1e-5);
+    let holes = pbrt("Material \"uber\" \"rgb opacity\" [0.25 0.25 0.25] \"rgb Kd\" [1 0 0]");
+    assert_eq!((holes.opacity, holes.base_color), (0.25, Rgb::X));
+    let clear = pbrt("Material \"uber\" \"rgb Kd\" [0 0 0] \"rgb Kt\" [0.9 0.9 0.9]");
+    assert_eq!((clear.transmission, clear.solid), (1.0, true));
+    let disney = pbrt(
+        "Material \"disney\" \"rgb color\" [0.1 0.2 0.3] \"float metallic\" 0.5 \"float roughness\" 0.6",
+    );
+    assert!((disney.alpha - 0.36).abs() < 1e-6 && disney.metallic == 0.5);
+    for kind in [
+        "translucent",
+        "subsurface",
+        "kdsubsurface",
+        "measured",
+        "hair",
+    ] {
+        let text = format!("WorldBegin Material \"{kind}\" Shape \"sphere\"");
+        let warnings = usual("a.pbrt", &text).warnings;
+        assert!(
+            warnings.iter().any(|w| w.contains("shown as")),
+            "{kind}: {warnings:?}"
+        );
+        assert!(
+            message("a.pbrt", &text).contains("--unsupported nearest shows"),
+            "{kind}"
+        );
+    }
+}
+
+/// Version 3's amount is the share of the first material, version 4's that of the second; of a mixture in a mixture the heaviest parts count.
+#[test]
+fn mixtures_have_their_shares() {
+    let named = "MakeNamedMaterial \"red\" \"string type\" \"matte\" \"rgb Kd\" [1 0 0]\n\
+                 MakeNamedMaterial \"green\" \"string type\" \"diffuse\" \"rgb reflectance\" [0 1 0]\n\
+                 MakeNamedMaterial \"blue\" \"string type\" \"diffuse\" \"rgb reflectance\" [0 0 1]\n";
+    // The colour that the whole has on the mean.
+    let mean = |mixture: &str| {
+        let text = format!("WorldBegin\n{named}{mixture}\nShape \"sphere\"");
+        let loaded = usual("a.pbrt", &text);
+        let materials = &loaded.parts.materials;
+        let first = &materials[loaded.parts.meshes[0].material as usize];
+        let mix = first
+            .finish
+            .as_ref()
+            .and_then(|f| f.mix)
+            .expect("a mixture");
+        let other = &materials[mix.other as usize];
+        assert!(other.finish.as_ref().is_none_or(|f| f.mix.is_none()));
+        (
+            first.base_color.lerp(other.base_color, mix.weight),
+            loaded.warnings,
+        )
+    };
+    let older = "Material \"mix\" \"string namedmaterial1\" \"red\" \"string namedmaterial2\" \"green\" \"rgb amount\" [0.25 0.25 0.25]";
+    assert_eq!(mean(older), (Rgb::new(0.25, 0.75, 0.0), Vec::new()));
+    let newer = "Material \"mix\" \"string materials\" [\"red\" \"green\"] \"float amount\" 0.25";
+    assert_eq!(mean(newer), (Rgb::new(0.75, 0.25, 0.0), Vec::new()));
+    let nested = "MakeNamedMaterial \"two\" \"string type\" \"mix\" \"string materials\" [\"red\" \"green\"] \"float amount\" 0.25\n\
+                  Material \"mix\" \"string materials\" [\"two\" \"blue\"] \"float amount\" 0.5";
+    // Red has 0.375, green 0.125, blue 0.5.
+    let (found, warnings) = mean(nested);
+    assert!(
+        found.distance(Rgb::new(0.375, 0.0, 0.5) / 0.875) < 1e-6,
+        "{found}"
+    );
+    assert!(
+        warnings[0].contains("a mixture of 3 materials"),
+        "{warnings:?}"
+    );
+    let diffuse = |colour: &str| {
+        format!("<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"{colour}\"/></bsdf>")
+    };
+    let three = format!(
+        "<shape type=\"sphere\"><bsdf type=\"mixturebsdf\"><string name=\"weights\" value=\"0.2, 0.5, 0.3\"/>{}{}{}</bsdf></shape>",
+        diffuse("1 0 0"),
+        diffuse("0 1 0"),
+        diffuse("0 0 1")
+    );
+    let parts = usual("a.xml", &xml(&three)).parts;
+    let first = &parts.materials[parts.meshes[0].material as usize];
+    let mix = first
+        .finish
+        .as_ref()
+        .and_then(|f| f.mix)
+        .expect("a mixture");
+    assert_eq!(
+        (
+            first.base_color,
+            parts.materials[mix.other as usize].base_color
+        ),
+        (Rgb::Y, Rgb::Z)
+    );
+    assert!((mix.weight - 0.375).abs() < 1e-6);
+}
+
+/// A movement is shown as it begins; a black body of version 3 has a scale.
+#[test]
+fn movements_are_shown_as_they_begin() {
+    let text = "WorldBegin Translate 1 0 0 ActiveTransform EndTime Translate 5 0 0 ActiveTransform All Translate 0 2 0\n\
+                AreaLightSource \"diffuse\" \"blackbody L\" [3000 4] Shape \"sphere\"";
+    let loaded = usual("a.pbrt", text);
+    let mesh = &loaded.parts.meshes[0];
+    let mean = mesh.positions.iter().sum::<Vec3>() / mesh.positions.len() as f32;
+    assert!(mean.distance(Vec3::new(1.0, 2.0, 0.0)) < 1e-2, "{mean}");
+    let words = "motion blur (`ActiveTransform`) is not supported: shown as its first moment";
+    assert_eq!(loaded.warnings, [format!("line 1: {words}")]);
+    let emission = loaded.parts.materials[mesh.material as usize].emission;
+    assert!((luminance(emission) - 4.0).abs() < 1e-3, "{emission}");
+}
+
+/// A PNG of random colours.
+fn png(seed: u32, side: u32) -> Vec<u8> {
+    let picture = image::RgbImage::from_fn(side, side, |x, y| {
+        let hash = |k: u32| {
+            ((x * 7 + y * 13 + seed * 29 + k * 31).wrapping_mul(2_654_435_761) >> 24) as u8
+        };
+        image::Rgb([hash(0), hash(1), hash(2)])
+    });
+    crate::support::gltf::png(&picture.into())
+}
+
+/// Products and mixtures of two images are what they say in the middle of every texel; of different coordinates they are not made.
+#[test]
+fn images_are_multiplied_and_mixed() {
+    let files = [("a.png", png(1, 8)), ("b.png", png(2, 8))];
+    let scene = |class: &str, more: &str, other: &str| {
+        let image = |name: &str, more: &str| {
+            format!(
+                "Texture \"{name}\" \"spectrum\" \"imagemap\" \"string filename\" \"{name}.png\" \"string filter\" \"point\" {more}\n"
+            )
+        };
+        let text = format!(
+            "WorldBegin\n{}{}Texture \"c\" \"spectrum\" \"{class}\" {more}\nMaterial \"diffuse\" \"texture reflectance\" \"c\"\nShape \"disk\"",
+            image("a", "\"float scale\" 0.5"),
+            image("b", other)
+        );
+        with_files("a.pbrt", &text, &files, Unsupported::Nearest).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let colours = |loaded: &Loaded| -> Vec<Rgb> {
+        let material = &loaded.parts.materials[0];
+        let map = material.base_color_texture.expect("a texture");
+        let texture = &loaded.parts.textures[map.texture as usize];
+        let at = |i: usize| Vec2::new((i % 8) as f32 + 0.5, (i / 8) as f32 + 0.5) / 8.0;
+        let colour = |i| Vec3::from_slice(&texture.sample(at(i))) * material.base_color;
+        (0..64).map(colour).collect()
+    };
+    let linear = |bytes: &[u8]| -> Vec<Rgb> {
+        let picture = image::load_from_memory(bytes).expect("a picture").to_rgb8();
+        let linear = |c: u8| {
+            let c = f32::from(c) / 255.0;
+            if c <= 0.04045 {
+                c / 12.92
+            } else {
+                ((c + 0.055) / 1.055).powf(2.4)
+            }
+        };
+        picture
+            .pixels()
+            .map(|p| Rgb::from_array(p.0.map(linear)))
+            .collect()
+    };
+    let (a, b) = (linear(&files[0].1), linear(&files[1].1));
+    let product = colours(&scene(
+        "scale",
+        "\"texture tex\" \"a\" \"texture scale\" \"b\"",
+        "",
+    ));
+    let mixture = colours(&scene(
+        "mix",
+        "\"texture tex1\" \"a\" \"texture tex2\" \"b\" \"float amount\" 0.25",
+        "",
+    ));
+    for i in 0..64 {
+        assert!(product[i].distance(0.5 * a[i] * b[i]) < 1e-3, "{i}");
+        assert!(
+            mixture[i].distance(0.75 * 0.5 * a[i] + 0.25 * b[i]) < 1e-3,
+            "{i}"
+        );
+    }
+    let other = scene(
+        "scale",
+        "\"texture tex\" \"a\" \"texture scale\" \"b\"",
+        "\"float uscale\" 2",
+    );
+    assert!(
+        other.warnings[0].contains("two images of different coordinates"),
+        "{:?}",
+        other.warnings
+    );
+}
+
+/// A map of version 3 is by latitude and longitude around +z `[PBRT3 §12.6]`, and its colour is multiplied.
+#[test]
+fn maps_of_pbrt_3_shine_from_where_they_say() {
+    let (width, height) = (64, 32);
+    for (x, y) in [(5, 9), (40, 20), (20, 3)] {
+        let mut map = format!("PF\n{width} {height}\n-1.0\n").into_bytes();
+        // Rows from the bottom.
+        for row in (0..height).rev() {
+            for column in 0..width {
+                let value = if (column, row) == (x, y) {
+                    100f32
+                } else {
+                    0.01
+                };
+                (0..3).for_each(|_| map.extend(value.to_le_bytes()));
+            }
+        }
+        let text = "WorldBegin LightSource \"infinite\" \"string mapname\" \"m.pfm\" \"rgb L\" [2 1 1] \"rgb scale\" [1 1 0.5]";
+        let loaded = with_files("a.pbrt", text, &[("m.pfm", map)], Unsupported::Error);
+        let sky = loaded
+            .unwrap_or_else(|e| panic!("{e}"))
+            .parts
+            .environment
+            .expect("a sky");
+        let (u, v) = (
+            (x as f32 + 0.5) / width as f32,
+            (y as f32 + 0.5) / height as f32,
+        );
+        let (theta, phi) = (v * std::f32::consts::PI, u * std::f32::consts::TAU);
+        let dir = Vec3::new(
+            theta.sin() * phi.cos(),
+            theta.sin() * phi.sin(),
+            theta.cos(),
+        );
+        let there = sky.radiance(dir);
+        // Texels near the pole are narrow, and the map is resampled.
+        assert!(there.y > 30.0, "{x}, {y}: {there}");
+        assert!((there.x / there.y - 2.0).abs() < 1e-3 && (there.z / there.y - 0.5).abs() < 1e-3);
+        assert!(sky.radiance(-dir).y < 0.1);
+    }
+    let lamp = "WorldBegin AreaLightSource \"diffuse\" \"rgb L\" [4 4 4] \"rgb scale\" [1 0.5 0] Shape \"sphere\"";
+    let parts = usual("a.pbrt", lamp).parts;
+    let emission = parts
+        .materials
+        .iter()
+        .map(|m| m.emission)
+        .fold(Rgb::ZERO, Rgb::max);
+    assert_eq!(emission, Rgb::new(4.0, 2.0, 0.0));
+}
+
+/// Colours of other spaces: white is white, and what Rec. 709 can show is that.
+#[test]
+fn colour_spaces_of_pbrt_are_taken_to_ours() {
+    let colour = |space: &str, rgb: [f64; 3]| {
+        let [r, g, b] = rgb;
+        pbrt(&format!(
+            "ColorSpace \"{space}\" Material \"diffuse\" \"rgb reflectance\" [{r} {g} {b}]"
+        ))
+        .base_color
+    };
+    for space in ["srgb", "rec2020", "dci-p3", "aces2065-1"] {
+        let white = colour(space, [0.5; 3]);
+        assert!(white.distance(Rgb::splat(0.5)) < 5e-4, "{space}: {white}");
+    }
+    // A Rec. 709 red in Rec. 2020 (ITU-R BT.2087), and in AP0.
+    assert!(colour("rec2020", [0.6274, 0.0691, 0.0164]).distance(Rgb::X) < 2e-3);
+    assert!(colour("aces2065-1", [0.4396, 0.0898, 0.0174]).distance(Rgb::X) < 2e-3);
+    let warnings = usual("a.pbrt", "ColorSpace \"other\" WorldBegin Shape \"disk\"").warnings;
+    assert_eq!(
+        warnings,
+        ["line 1: colour space `other` is not supported: shown as `srgb`"]
+    );
+}
+
+#[test]
+fn names_of_older_mitsuba_are_read() {
+    let material = |bsdf: &str| {
+        let loaded = usual(
+            "a.xml",
+            &xml(&format!("<shape type=\"sphere\">{bsdf}</shape>")),
+        );
+        loaded.parts.materials[loaded.parts.meshes[0].material as usize].clone()
+    };
+    let phong = material("<bsdf type=\"phong\"><float name=\"exponent\" value=\"98\"/></bsdf>");
+    assert!((phong.alpha - 0.02f32.sqrt()).abs() < 1e-6 && phong.specular == 1.0);
+    let ward = material(
+        "<bsdf type=\"ward\"><float name=\"alphaU\" value=\"0.1\"/><float name=\"alphaV\" value=\"0.4\"/></bsdf>",
+    );
+    assert!((ward.alpha - 0.2).abs() < 1e-6);
+    let coated = material("<bsdf type=\"coating\"><bsdf type=\"diffuse\"/></bsdf>");
+    let coat = coated.finish.and_then(|f| f.clearcoat).expect("a coat");
+    assert_eq!((coat.weight, coat.alpha), (1.0, 0.0));
+    let bitmap = "<shape type=\"sphere\"><bsdf type=\"diffuse\"><texture type=\"ldrtexture\" name=\"reflectance\">\
+                  <string name=\"filename\" value=\"a.png\"/></texture></bsdf></shape>";
+    let loaded = with_files(
+        "a.xml",
+        &xml(bitmap),
+        &[("a.png", png(3, 4))],
+        Unsupported::Error,
+    );
+    assert_eq!(
+        loaded
+            .unwrap_or_else(|e| panic!("{e}"))
+            .parts
+            .textures
+            .len(),
+        1
+    );
+    let merged = "<shape type=\"merge\"><shape type=\"sphere\"/><shape type=\"cube\"/></shape>";
+    assert_eq!(usual("a.xml", &xml(merged)).parts.meshes.len(), 2);
+    let fog = "<shape type=\"cube\"><medium type=\"homogeneous\" name=\"interior\"><phase type=\"rayleigh\"/></medium></shape>";
+    assert!(usual("a.xml", &xml(fog)).warnings[0].contains("Rayleigh's phase function"));
+}
+
+/// The zenith is +z in Mitsuba 3 and +y before; the sun alone is a light without area.
+#[test]
+fn skies_of_mitsuba_have_their_sun_where_they_say() {
+    let sky = |version: &str, plugin: &str, sun: &str| {
+        let text = format!(
+            "<scene version=\"{version}\"><emitter type=\"{plugin}\"><vector name=\"sun_direction\" value=\"{sun}\"/>\
+             <float name=\"turbidity\" value=\"3\"/></emitter></scene>"
+        );
+        let loaded = usual("a.xml", &text);
+        assert!(
+            loaded.warnings[0].contains("Preetham's model"),
+            "{:?}",
+            loaded.warnings
+        );
+        loaded.parts
+    };
+    for (version, sun, zenith) in [
+        ("3.0.0", Vec3::new(0.6, 0.0, 0.8), Vec3::Z),
+        ("0.6.0", Vec3::new(0.6, 0.8, 0.0), Vec3::Y),
+    ] {
+        let words = format!("{}, {}, {}", sun.x, sun.y, sun.z);
+        let made = sky(version, "sunsky", &words).environment.expect("a sky");
+        let at = |dir: Vec3| luminance(made.radiance(dir));
+        assert!(
+            at(sun) > 100.0 * at(zenith) && at(zenith) > 0.01,
+            "{version}"
+        );
+        let alone = sky(version, "sky", &words).environment.expect("a sky");
+        let at = |dir: Vec3| luminance(alone.radiance(dir));
+        assert!(at(sun) < 100.0 * at(zenith), "{version}");
+        let [PunctualLight::Directional { direction, .. }] = sky(version, "sun", &words).lights[..]
+        else {
+            panic!("a sun");
+        };
+        assert!(direction.distance(-sun) < 1e-6);
+    }
+}
