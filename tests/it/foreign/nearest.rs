@@ -57,8 +57,8 @@ fn nearest_surfaces_are_named_and_lights_are_not_left_out() {
                 "<shape type=\"sphere\"><medium type=\"heterogeneous\" name=\"interior\"/></shape>",
             ),
         ),
-        ("a.pbrt", "WorldBegin LightSource \"goniometric\"".into()),
-        ("a.pbrt", "WorldBegin Shape \"curve\"".into()),
+        ("a.pbrt", "WorldBegin LightSource \"laser\"".into()),
+        ("a.pbrt", "WorldBegin Shape \"nurbs\"".into()),
         (
             "a.pbrt",
             "MakeNamedMedium \"a\" \"string type\" \"cloud\"".into(),
@@ -238,6 +238,140 @@ fn movements_are_shown_as_they_begin() {
     assert_eq!(loaded.warnings, [format!("line 1: {words}")]);
     let emission = loaded.parts.materials[mesh.material as usize].emission;
     assert!((luminance(emission) - 4.0).abs() < 1e-3, "{emission}");
+}
+
+/// Lamps with images shine with their mean, in the cone of a projector.
+#[test]
+fn lamps_with_images_shine_with_their_mean() {
+    let mut map = b"PF\n2 1\n-1.0\n".to_vec();
+    for value in [1f32, 2.0, 3.0, 3.0, 4.0, 5.0] {
+        map.extend(value.to_le_bytes());
+    }
+    let light = |line: &str| {
+        let text = format!("WorldBegin LightSource {line}");
+        let files = [("m.pfm", map.clone())];
+        assert!(with_files("a.pbrt", &text, &files, Unsupported::Error).is_err());
+        let loaded = with_files("a.pbrt", &text, &files, Unsupported::Nearest);
+        let loaded = loaded.unwrap_or_else(|e| panic!("{e}"));
+        assert!(
+            loaded.warnings[0].contains("of its mean"),
+            "{:?}",
+            loaded.warnings
+        );
+        loaded.parts.lights[0]
+    };
+    let PunctualLight::Point { intensity, .. } =
+        light("\"goniometric\" \"string mapname\" \"m.pfm\" \"rgb I\" [2 2 2]")
+    else {
+        panic!("a point light");
+    };
+    assert_eq!(intensity, Rgb::new(4.0, 6.0, 8.0));
+    let projector = light("\"projection\" \"string filename\" \"m.pfm\" \"float fov\" 60");
+    let PunctualLight::Spot {
+        intensity,
+        cos_outer,
+        ..
+    } = projector
+    else {
+        panic!("a spot light");
+    };
+    assert_eq!(intensity, Rgb::new(2.0, 3.0, 4.0));
+    assert!((cos_outer - 30f32.to_radians().cos()).abs() < 1e-6);
+}
+
+/// Quadrics of version 3 span what they say, and curves are tubes of their width around the points that they go through.
+#[test]
+fn quadrics_and_curves_of_pbrt_are_meshes() {
+    let span = |line: &str| {
+        let loaded = usual("a.pbrt", &format!("WorldBegin Shape {line}"));
+        let points = &loaded.parts.meshes[0].positions;
+        let fold = |of: fn(Vec3, Vec3) -> Vec3| points.iter().copied().reduce(of).expect("points");
+        [fold(Vec3::min), fold(Vec3::max)]
+    };
+    let near = |found: [Vec3; 2], low: [f32; 3], high: [f32; 3]| {
+        let far = found[0]
+            .distance(low.into())
+            .max(found[1].distance(high.into()));
+        assert!(far < 2e-3, "{found:?}");
+    };
+    near(
+        span("\"cone\" \"float radius\" 2 \"float height\" 3"),
+        [-2.0, -2.0, 0.0],
+        [2.0, 2.0, 3.0],
+    );
+    near(
+        span("\"paraboloid\" \"float radius\" 2 \"float zmax\" 3"),
+        [-2.0, -2.0, 0.0],
+        [2.0, 2.0, 3.0],
+    );
+    near(
+        span("\"hyperboloid\" \"point p1\" [1 0 -1] \"point p2\" [0.6 0.8 2]"),
+        [-1.0, -1.0, -1.0],
+        [1.0, 1.0, 2.0],
+    );
+    let line = "\"curve\" \"point3 P\" [0 0 0  0 0 1  0 0 2  0 0 3]";
+    // Five sides: the widest lie within the circle.
+    let [low, high] = span(&format!("{line} \"float width\" 0.2"));
+    assert!(low.z.abs() < 1e-6 && (high.z - 3.0).abs() < 1e-6);
+    assert!(
+        high.x <= 0.1 + 1e-6 && high.x.max(-low.x) > 0.09,
+        "{low} {high}"
+    );
+    // A spline of equal points lies within them: from the mean of the first three, weighted 1, 4, 1, to that of the last.
+    let [low, high] = span(&format!(
+        "{line} \"string basis\" \"bspline\" \"float width\" 0.2"
+    ));
+    assert!(
+        (low.z - 1.0).abs() < 1e-6 && (high.z - 2.0).abs() < 1e-6,
+        "{low} {high}"
+    );
+    for (line, words) in [
+        (
+            "\"point3 P\" [0 0 0  0 0 1  0 0 2  0 0 3  0 0 4]",
+            "5 points of a curve of degree 3",
+        ),
+        (
+            "\"point3 P\" [0 0 0  0 0 1] \"integer degree\" 1",
+            "a curve of degree 1",
+        ),
+        (
+            "\"point3 P\" [0 0 0  0 0 1  0 0 2  0 0 3] \"string basis\" \"hermite\"",
+            "basis `hermite`",
+        ),
+    ] {
+        let said = message("a.pbrt", &format!("WorldBegin Shape \"curve\" {line}"));
+        assert!(said.contains(words), "{said}");
+    }
+}
+
+/// Vertex colours of a mesh paint the materials that ask for them, nested ones too, and no others.
+#[test]
+fn mesh_colours_of_mitsuba_paint_what_asks_for_them() {
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float r\n\
+               property float g\nproperty float b\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+               0 0 0 1 0 0\n1 0 0 0 1 0\n0 1 0 0 0 1\n3 0 1 2\n";
+    let shape = |bsdf: &str| {
+        format!("<shape type=\"ply\"><string name=\"filename\" value=\"a.ply\"/>{bsdf}</shape>")
+    };
+    let painted = "<bsdf type=\"twosided\"><bsdf type=\"diffuse\"><texture type=\"mesh_attribute\" name=\"reflectance\">\
+                   <string name=\"name\" value=\"vertex_color\"/></texture></bsdf></bsdf>";
+    let text = xml(&(shape(painted) + &shape("<bsdf type=\"diffuse\"/>")));
+    let files = [("a.ply", ply.as_bytes().to_vec())];
+    let loaded =
+        with_files("a.xml", &text, &files, Unsupported::Error).unwrap_or_else(|e| panic!("{e}"));
+    let [first, second] = &loaded.parts.meshes[..] else {
+        panic!("two meshes");
+    };
+    assert_eq!(first.colors[1].truncate(), Vec3::Y);
+    let of = |number: u32| {
+        let material = &loaded.parts.materials[number as usize];
+        (
+            material.base_color,
+            material.finish.as_ref().is_some_and(|f| f.has_colors),
+        )
+    };
+    assert_eq!(of(first.material), (Rgb::ONE, true));
+    assert_eq!(of(second.material), (Rgb::splat(0.5), false));
 }
 
 /// A PNG of random colours.

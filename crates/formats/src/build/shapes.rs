@@ -1,5 +1,6 @@
 //! Shapes as meshes: curved ones fine enough that their outlines are round in any picture, with the exact normals.
 
+use glam::Quat;
 use opsr::math::{Vec2, Vec3};
 use opsr::scene::mesh::Mesh;
 use std::f32::consts::{PI, TAU};
@@ -133,6 +134,55 @@ pub fn cylinder(radius: f32, [low, high]: [f32; 2], phi: f32) -> Mesh {
     })
 }
 
+/// Rows of a surface of revolution.
+const ROWS: u32 = 64;
+
+/// The surface of a curve over [0, 1] that turns about z; u by the azimuth, v along the curve.
+pub fn revolved(curve: impl Fn(f32) -> Vec3, phi: f32) -> Mesh {
+    let columns = ((SEGMENTS as f32 * phi / TAU).ceil() as u32).max(3);
+    without_points(grid(columns, ROWS, |uv| {
+        let turn = Quat::from_rotation_z(uv.x * phi);
+        // A point on the axis has the normal beside it.
+        let v = uv.y.clamp(1e-3, 1.0 - 1e-3);
+        let along = curve(v + 1e-3) - curve(v - 1e-3);
+        let normal = Vec3::Z.cross(curve(v)).cross(along).normalize_or_zero();
+        (turn * curve(uv.y), turn * normal)
+    }))
+}
+
+/// Sides of a tube.
+const SIDES: u32 = 5;
+
+/// A tube around points, each with its radius, without ends; u along it, v around.
+pub fn tube(points: &[(Vec3, f32)]) -> Mesh {
+    let direction = |i: usize| {
+        let (before, after) = (i.saturating_sub(1), (i + 1).min(points.len() - 1));
+        (points[after].0 - points[before].0).try_normalize()
+    };
+    let mut across = Vec3::ZERO;
+    let frames: Vec<(Vec3, Vec3)> = (0..points.len())
+        .map(|i| {
+            let along = direction(i).unwrap_or(Vec3::Z);
+            // Turned as little as the curve allows.
+            across = (across - along * along.dot(across))
+                .try_normalize()
+                .unwrap_or(along.any_orthonormal_vector());
+            (across, along.cross(across))
+        })
+        .collect();
+    let rows = points.len() as u32 - 1;
+    let mut mesh = grid(SIDES, rows, |uv| {
+        let i = (uv.y * rows as f32).round() as usize;
+        let ((s, t), (sin, cos)) = (frames[i], (uv.x * TAU).sin_cos());
+        let normal = s * cos + t * sin;
+        (points[i].0 + points[i].1 * normal, normal)
+    });
+    mesh.uvs
+        .iter_mut()
+        .for_each(|uv| *uv = Vec2::new(uv.y, uv.x));
+    mesh
+}
+
 /// A bilinear patch with corners at (u, v) = (0, 0), (1, 0), (0, 1) and (1, 1), and the texture coordinates there.
 pub fn patch(corners: [Vec3; 4], uvs: [Vec2; 4], normals: Option<[Vec3; 4]>) -> Mesh {
     let [a, b, c, d] = corners;
@@ -184,6 +234,31 @@ mod tests {
         close(&sphere(Vec3::ONE, 2.0), 16.0 * pi);
         close(&disk(0.5, 2.0, 1.0, TAU), 3.0 * pi);
         close(&cylinder(2.0, [-1.0, 2.0], PI), 6.0 * pi);
+        // A cone, a paraboloid (of radius 2 at a height of 3), a cylinder and a cone's frustum as hyperboloids.
+        close(
+            &revolved(|v| Vec3::new(2.0 * (1.0 - v), 0.0, 3.0 * v), TAU),
+            2.0 * pi * 13f64.sqrt(),
+        );
+        let bowl = revolved(|v| Vec3::new(2.0 * v.sqrt(), 0.0, 3.0 * v), PI);
+        let expected = 0.5 * pi * 2.0 / (6.0 * 9.0) * (40f64.powf(1.5) - 8.0);
+        assert!(
+            (area(&bowl) / expected - 1.0).abs() < 2e-3,
+            "{} {expected}",
+            area(&bowl)
+        );
+        close(&revolved(|v| Vec3::new(0.6, 0.8, 2.0 * v), TAU), 4.0 * pi);
+        // A bent tube: its sides are chords, each of a fifth.
+        let bend: Vec<(Vec3, f32)> = (0..=64)
+            .map(|i| {
+                let (sin, cos) = (i as f32 / 64.0 * PI).sin_cos();
+                (Vec3::new(cos, sin, 0.2 * sin), 0.01)
+            })
+            .collect();
+        let chord = 10.0 * (pi / 5.0).sin() * 0.01;
+        let length: f64 = (bend.windows(2))
+            .map(|w| f64::from(w[0].0.distance(w[1].0)))
+            .sum();
+        assert!((area(&tube(&bend)) / (chord * length) - 1.0).abs() < 1e-3);
         let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let uvs = [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE];
         close(&patch([a, b, c, b + c], uvs, None), 1.0);

@@ -21,7 +21,11 @@ impl Scene<'_> {
         if let Some(look) = self.looks.get(&address) {
             return Ok(look.clone());
         }
+        let around = std::mem::take(&mut self.painted);
         let mut look = self.within(bsdf, |scene| scene.read_look(bsdf))?;
+        if std::mem::replace(&mut self.painted, around) {
+            look.material.finish_mut().has_colors = true;
+        }
         look.material.name = bsdf.id.clone();
         self.looks.insert(address, look.clone());
         Ok(look)

@@ -23,6 +23,8 @@ struct Scene<'a> {
     ids: Ids,
     /// True for a file of version 0.5 or 0.6.
     is_old: bool,
+    /// True if the material that is being read has the colours of its mesh.
+    painted: bool,
     /// Looks by the address of their object.
     looks: HashMap<usize, Look>,
     /// Grey textures of coloured ones, by texture and factor: factor and texture.
@@ -44,6 +46,7 @@ pub(super) fn read(context: &mut Context, text: Vec<u8>) -> Result<()> {
         context,
         ids,
         is_old,
+        painted: false,
         looks: HashMap::new(),
         greys: HashMap::new(),
         media: HashMap::new(),

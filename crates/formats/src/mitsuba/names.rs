@@ -41,6 +41,7 @@ pub(in super::super) const NAMES: &[Names] = &[
     row("texture", "bitmap ldrtexture", "filename wrap_mode filter_type gamma raw to_uv uscale vscale uvscale uoffset voffset",
         "cache max_anisotropy format", "channel accel"),
     row("texture", "checkerboard", "color0 color1 to_uv uscale vscale uvscale uoffset voffset", "", ""),
+    row("texture", "mesh_attribute", "name scale", "", ""),
     row("texture", "uniform", "value", "wavelength_min wavelength_max", ""),
     row("texture", "srgb rgb", "color value", "unbounded", ""),
     row("texture", "d65", "color value scale", "unbounded", ""),

@@ -187,7 +187,6 @@ impl Scene<'_> {
             if plugin == "ply" && upside {
                 mesh.uvs.iter_mut().for_each(|uv| uv.y = 1.0 - uv.y);
             }
-            mesh.colors.clear();
             if flat {
                 mesh.normals.clear();
             }

@@ -213,6 +213,15 @@ impl Scene<'_> {
                     map: Some(map),
                 })
             }
+            "mesh_attribute" => {
+                let name = texture.text("name")?.unwrap_or_default();
+                if name.starts_with("vertex_") {
+                    self.painted = true;
+                } else {
+                    (self.context).nearest(place, format!("mesh attribute `{name}`"), "white")?;
+                }
+                Ok(Paint::from(texture.number("scale", 1.0)? as f32))
+            }
             "uniform" => Ok(Paint::from(texture.number("value", 1.0)? as f32)),
             "srgb" | "rgb" => Ok(Paint::plain(self.colour(
                 texture,

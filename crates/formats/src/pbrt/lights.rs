@@ -43,9 +43,10 @@ impl Scene<'_> {
             axis.ok_or_else(|| fault(place, "has no direction"))
         };
         match kind {
-            "point" => {
+            "point" | "goniometric" => {
+                let mean = self.of_image(kind, parameters, "a point light of its mean")?;
                 let scale = scale * wanted(parameters, "power", 4.0 * PI)?;
-                let intensity = self.emitted(parameters, "I", scale)?;
+                let intensity = self.emitted(parameters, "I", scale)? * mean;
                 let position = pose.transform_point3(vector("from", [0.0; 3])?);
                 self.context.parts().lights.push(PunctualLight::Point {
                     position: position.as_vec3(),
@@ -53,9 +54,12 @@ impl Scene<'_> {
                     range: f32::INFINITY,
                 });
             }
-            "spot" => {
-                let cone = parameters.number("coneangle", 30.0)?;
-                let delta = parameters.number("conedeltaangle", 5.0)?;
+            "spot" | "projection" => {
+                let mean = self.of_image(kind, parameters, "a spot light of its mean")?;
+                let half = 0.5 * parameters.number("fov", 90.0)?;
+                let cone = if kind == "projection" { half } else { 30.0 };
+                let cone = parameters.number("coneangle", cone)?;
+                let delta = parameters.number("conedeltaangle", 5.0f64.min(cone))?;
                 if !(0.0 < cone && cone < 180.0 && 0.0 <= delta && delta <= cone) {
                     return Err(fault(
                         place,
@@ -65,7 +69,7 @@ impl Scene<'_> {
                 let (inner, outer) = ((cone - delta).to_radians().cos(), cone.to_radians().cos());
                 let solid = 2.0 * PI * ((1.0 - inner) + 0.5 * (inner - outer));
                 let scale = scale * wanted(parameters, "power", solid)?;
-                let intensity = self.emitted(parameters, "I", scale)?;
+                let intensity = self.emitted(parameters, "I", scale)? * mean;
                 let (from, to) = (vector("from", [0.0; 3])?, vector("to", [0.0, 0.0, 1.0])?);
                 let direction = axis(from, to)?.as_vec3();
                 self.context.parts().lights.push(PunctualLight::Spot {
@@ -95,6 +99,21 @@ impl Scene<'_> {
             other => return self.context.left_out(place, format!("light `{other}`")),
         }
         Ok(())
+    }
+
+    /// The mean of the image of a light that is shown without it; 1 of a light that has none.
+    fn of_image(&mut self, kind: &str, parameters: &Parameters, shown: &str) -> Result<Rgb> {
+        let place = &parameters.place;
+        if kind == "point" || kind == "spot" {
+            return Ok(Rgb::ONE);
+        }
+        (self.context).nearest(place, format!("the image of `{kind}`"), shown)?;
+        let name = parameters.text("mapname")?.or(parameters.text("filename")?);
+        let Some(name) = name.map(str::to_owned) else {
+            return Ok(Rgb::ONE);
+        };
+        let map = self.context.radiance_map(&name, place)?;
+        Ok(map.pixels.iter().sum::<Rgb>() / map.pixels.len().max(1) as f32)
     }
 
     /// The colour that version 3 gives a light for its scale.

@@ -5,7 +5,7 @@ use super::tokens::Parameters;
 use super::{Declared, Scene, lights};
 use crate::build::looks::{self, Paint};
 use crate::build::{Placed, face_normals_outwards, flip, shapes};
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use opsr::math::{Rgb, Vec2, Vec3, luminance};
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::material::AlphaMode;
@@ -104,6 +104,29 @@ impl Scene<'_> {
                 mesh
             }
             "cylinder" => shapes::cylinder(radius, [of("zmin", -1.0)?, of("zmax", 1.0)?], turn),
+            "cone" => {
+                let height = of("height", 1.0)?;
+                shapes::revolved(|v| Vec3::new(radius * (1.0 - v), 0.0, v * height), turn)
+            }
+            "paraboloid" => {
+                let (low, high) = (of("zmin", 0.0)?.max(0.0), of("zmax", 1.0)?);
+                let at = |z: f32| Vec3::new(radius * (z / high).max(0.0).sqrt(), 0.0, z);
+                shapes::revolved(|v| at(low + v * (high - low)), turn)
+            }
+            "hyperboloid" => {
+                let point = |name: &str, or: f64| parameters.vector(name, [or; 3]);
+                let (from, to) = (
+                    DVec3::from(point("p1", 0.0)?),
+                    DVec3::from(point("p2", 1.0)?),
+                );
+                let (from, to) = (from.as_vec3(), to.as_vec3());
+                shapes::revolved(|v| from.lerp(to, v), turn)
+            }
+            "curve" => {
+                self.context
+                    .approximate(place, "`curve` is shown as a tube");
+                shapes::tube(&curve(parameters)?)
+            }
             "trianglemesh" => triangles(parameters)?,
             "bilinearmesh" => {
                 if parameters.get("emissionfilename").is_some() {
@@ -325,6 +348,68 @@ fn triangles(parameters: &Parameters) -> Result<Mesh> {
         uvs,
         ..Mesh::default()
     })
+}
+
+/// Points along a span of a curve.
+const STEPS: usize = 6;
+
+/// Points of a curve with half of its width `[PBRT4 §6.7]`.
+fn curve(parameters: &Parameters) -> Result<Vec<(Vec3, f32)>> {
+    let place = &parameters.place;
+    let points = vectors(parameters, "P")?;
+    let degree = match parameters.number("degree", 3.0)? {
+        2.0 => 2,
+        3.0 => 3,
+        other => return Err(fault(place, format!("a curve of degree {other}"))),
+    };
+    let basis = parameters.text("basis")?.unwrap_or("bezier");
+    // Points from one span to the next.
+    let step = match basis {
+        "bezier" => degree,
+        "bspline" => 1,
+        other => return Err(fault(place, format!("a curve of basis `{other}`"))),
+    };
+    if points.len() <= degree || (points.len() - degree - 1) % step != 0 {
+        return Err(fault(
+            place,
+            format!("{} points of a curve of degree {degree}", points.len()),
+        ));
+    }
+    let spans = (points.len() - degree - 1) / step + 1;
+    let width = parameters.number("width", 1.0)?;
+    let ends = (
+        parameters.number("width0", width)?,
+        parameters.number("width1", width)?,
+    );
+    let mut out = Vec::new();
+    for i in 0..=spans * STEPS {
+        let span = (i / STEPS).min(spans - 1);
+        let t = (i as f32 / STEPS as f32) - span as f32;
+        let mut p = [Vec3::ZERO; 4];
+        p[..=degree].copy_from_slice(&points[span * step..=span * step + degree]);
+        let weights: [f32; 4] = match (basis, degree) {
+            ("bezier", 2) => [(1.0 - t).powi(2), 2.0 * t * (1.0 - t), t * t, 0.0],
+            ("bezier", _) => {
+                let s = 1.0 - t;
+                [s.powi(3), 3.0 * t * s * s, 3.0 * t * t * s, t.powi(3)]
+            }
+            (_, 2) => [
+                0.5 * (1.0 - t).powi(2),
+                0.5 + t * (1.0 - t),
+                0.5 * t * t,
+                0.0,
+            ],
+            _ => {
+                let s = 1.0 - t;
+                let middle = |x: f32| (3.0 * x.powi(3) - 6.0 * x * x + 4.0) / 6.0;
+                [s.powi(3) / 6.0, middle(t), middle(s), t.powi(3) / 6.0]
+            }
+        };
+        let place = p.iter().zip(weights).map(|(p, w)| *p * w).sum();
+        let share = i as f64 / (spans * STEPS) as f64;
+        out.push((place, 0.5 * (ends.0 + (ends.1 - ends.0) * share) as f32));
+    }
+    Ok(out)
 }
 
 fn patches(parameters: &Parameters) -> Result<Mesh> {
