@@ -202,7 +202,10 @@ impl<'a> Source<'a> {
         let format = match self.format {
             Format::Plain(format) => format,
             // A copy of the texels lives while they are decoded.
-            Format::Coded(_, size) => return Ok(size.map(u64::from).iter().product::<u64>() * 9),
+            Format::Coded(_, size) => {
+                let [width, height] = size.map(u64::from);
+                return Ok((9 * width).saturating_mul(height));
+            }
         };
         let decoder = self.decoder(format)?;
         let (width, height) = decoder.dimensions();

@@ -82,7 +82,16 @@ fn draco(json: &mut Value) -> &mut Value {
 fn draco_faults_name_their_place() {
     let at = "meshes[0].primitives[0].extensions.KHR_draco_mesh_compression";
     type Change = fn(&mut Value);
-    let cases: [(Change, &str); 6] = [
+    let cases: [(Change, &str); 7] = [
+        (
+            |j| {
+                let accessors = j["accessors"].as_array_mut().expect("a list");
+                accessors
+                    .iter_mut()
+                    .for_each(|a| a["count"] = json!(u64::MAX >> 1));
+            },
+            "more than 67108864 points or faces",
+        ),
         (
             |j| draco(j)["bufferView"] = json!(99),
             "bufferViews[99] does not exist",

@@ -151,7 +151,7 @@ pub fn revolved(curve: impl Fn(f32) -> Vec3, phi: f32) -> Mesh {
 }
 
 /// Sides of a tube.
-const SIDES: u32 = 5;
+const SIDES: u32 = 6;
 
 /// A tube around points, each with its radius, without ends; u along it, v around.
 pub fn tube(points: &[(Vec3, f32)]) -> Mesh {
@@ -247,14 +247,14 @@ mod tests {
             area(&bowl)
         );
         close(&revolved(|v| Vec3::new(0.6, 0.8, 2.0 * v), TAU), 4.0 * pi);
-        // A bent tube: its sides are chords, each of a fifth.
+        // A bent tube: its sides are chords, each of a sixth.
         let bend: Vec<(Vec3, f32)> = (0..=64)
             .map(|i| {
                 let (sin, cos) = (i as f32 / 64.0 * PI).sin_cos();
                 (Vec3::new(cos, sin, 0.2 * sin), 0.01)
             })
             .collect();
-        let chord = 10.0 * (pi / 5.0).sin() * 0.01;
+        let chord = 12.0 * (pi / 6.0).sin() * 0.01;
         let length: f64 = (bend.windows(2))
             .map(|w| f64::from(w[0].0.distance(w[1].0)))
             .sum();

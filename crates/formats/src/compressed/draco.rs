@@ -156,7 +156,8 @@ fn fill(
 
 /// Decodes a stream, of at most twice the points and corners that the file says: seams of attributes split points.
 fn decoded(source: &[u8], points: u64, corners: u64, attributes: u64, at: &str) -> Result<Mesh> {
-    let (points, faces) = (2 * points + 1024, 2 * corners / 3 + 1024);
+    let twice = |n: u64| n.saturating_mul(2).saturating_add(1024);
+    let (points, faces) = (twice(points), twice(corners / 3));
     if points > MOST || faces > MOST {
         return Err(fault(at, format!("more than {MOST} points or faces")));
     }

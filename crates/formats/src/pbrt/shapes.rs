@@ -350,8 +350,9 @@ fn triangles(parameters: &Parameters) -> Result<Mesh> {
     })
 }
 
-/// Points along a span of a curve.
-const STEPS: usize = 6;
+/// Least and most pieces of a span of a curve, and the radians that a piece bends.
+const PIECES: [f32; 2] = [2.0, 24.0];
+const BEND: f32 = 0.15;
 
 /// Points of a curve with half of its width `[PBRT4 §6.7]`.
 fn curve(parameters: &Parameters) -> Result<Vec<(Vec3, f32)>> {
@@ -382,9 +383,7 @@ fn curve(parameters: &Parameters) -> Result<Vec<(Vec3, f32)>> {
         parameters.number("width1", width)?,
     );
     let mut out = Vec::new();
-    for i in 0..=spans * STEPS {
-        let span = (i / STEPS).min(spans - 1);
-        let t = (i as f32 / STEPS as f32) - span as f32;
+    let at = |span: usize, t: f32| {
         let mut p = [Vec3::ZERO; 4];
         p[..=degree].copy_from_slice(&points[span * step..=span * step + degree]);
         let weights: [f32; 4] = match (basis, degree) {
@@ -405,10 +404,23 @@ fn curve(parameters: &Parameters) -> Result<Vec<(Vec3, f32)>> {
                 [s.powi(3) / 6.0, middle(t), middle(s), t.powi(3) / 6.0]
             }
         };
-        let place = p.iter().zip(weights).map(|(p, w)| *p * w).sum();
-        let share = i as f64 / (spans * STEPS) as f64;
-        out.push((place, 0.5 * (ends.0 + (ends.1 - ends.0) * share) as f32));
+        let place: Vec3 = p.iter().zip(weights).map(|(p, w)| *p * w).sum();
+        let share = (span as f64 + f64::from(t)) / spans as f64;
+        (place, 0.5 * (ends.0 + (ends.1 - ends.0) * share) as f32)
+    };
+    for span in 0..spans {
+        let control = &points[span * step..=span * step + degree];
+        let bends = control.windows(3).map(|w| {
+            let (a, b) = (w[1] - w[0], w[2] - w[1]);
+            let angle = a.angle_between(b);
+            if angle.is_finite() { angle } else { 0.0 }
+        });
+        let pieces = (bends.sum::<f32>() / BEND)
+            .ceil()
+            .clamp(PIECES[0], PIECES[1]) as usize;
+        out.extend((0..pieces).map(|i| at(span, i as f32 / pieces as f32)));
     }
+    out.push(at(spans - 1, 1.0));
     Ok(out)
 }
 
