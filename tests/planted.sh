@@ -21,7 +21,7 @@ git ls-files -z | tar --null --create --files-from=- | tar --extract --directory
 missed=0
 tried=0
 # plant NAME FILE SUBSTITUTION TEST: a Perl substitution over the whole file; a test of the library is lib::its::name, of
-# frames frames::its::name.
+# frames and formats frames::its::name and formats::its::name.
 plant() {
     local name=$1 file=$2 change=$3 test=$4
     case $name in *"$only"*) ;; *) return ;; esac
@@ -31,6 +31,7 @@ plant() {
     stability_train::*) target="-p opsr-cli --test it" ;;
     lib::*) target="-p opsr --lib" test=${test#lib::} ;;
     frames::*) target="-p opsr-frames --lib" test=${test#frames::} ;;
+    formats::*) target="-p opsr-formats --lib" test=${test#formats::} ;;
     esac
     cp "$tree/$file" "$tree/../original"
     perl -0pi -e "$change" "$tree/$file"
@@ -218,6 +219,34 @@ plant "film: the first frames are lost" crates/frames/src/sequence.rs \
     frames::tests::frames_come_in_order_and_of_one_size
 plant "film: the stated error stays" crates/frames/src/average.rs \
     's/error_of_less_noise\(reduced,/error_of_less_noise(1.0,/' frames::tests::noise_of_a_still_light_is_divided
+plant "formats: differences of meshopt turn the wrong way" crates/formats/src/compressed/meshopt.rs \
+    's/rotate_right/rotate_left/' formats::compressed::tests::channels_of_turned_differences_are_decoded
+plant "formats: a known vertex is new again" crates/formats/src/compressed/meshopt.rs \
+    's/if low == 0 \|\| low >= 13/if low < 16/' load::compressed::compressed_meshes_are_those_of_the_reference_decoders
+plant "formats: streams of Draco share accessors" crates/formats/src/compressed/draco.rs \
+    's/Some\(&by\) if by == stream =>/Some(_) =>/' \
+    load::compressed::draco_streams_do_not_mix_where_primitives_share_accessors
+plant "formats: a fallback is read" src/scene/load/codecs.rs \
+    's/\(!has_bytes \|\| marked\(codec\.extension\)\)/!has_bytes/' \
+    load::compressed::compressed_meshes_are_those_of_the_reference_decoders
+plant "formats: six faces are a picture" crates/formats/src/compressed/ktx.rs \
+    's/faces != 1/faces == 0/' load::compressed::ktx2_faults_name_their_image
+plant "formats: textures of OBJ stand on their heads" crates/formats/src/obj.rs \
+    's/if flip \{ 1\.0 - uv\.y \}/if flip { uv.y }/' foreign::models::models_of_all_formats_are_one_mesh
+plant "formats: offsets of OBJ maps go down" crates/formats/src/mtl.rs \
+    's/1\.0 - map\.scale\.y - map\.offset\.y/1.0 - map.scale.y + map.offset.y/' \
+    foreign::models::textures_of_obj_files_lie_as_the_file_says
+plant "formats: shares of pbrt-v3 are those of version 4" crates/formats/src/pbrt/materials.rs \
+    's/vec!\[second\.to_owned\(\), first\.to_owned\(\)\]/vec![first.to_owned(), second.to_owned()]/' \
+    foreign::nearest::mixtures_have_their_shares
+plant "formats: the lightest parts of a mixture" crates/formats/src/lib.rs \
+    's/b\.0\.total_cmp\(&a\.0\)/a.0.total_cmp(&b.0)/' foreign::nearest::mixtures_have_their_shares
+plant "formats: maps of pbrt-v3 are mirrored" crates/formats/src/pbrt/lights.rs \
+    's/DVec3::NEG_X\);/DVec3::X);/' foreign::nearest::maps_of_pbrt_3_shine_from_where_they_say
+plant "formats: the end of a movement moves its beginning" crates/formats/src/pbrt/mod.rs \
+    's/if self\.state\.at_end \{/if false {/' foreign::nearest::movements_are_shown_as_they_begin
+plant "formats: meshes are not painted" crates/formats/src/mitsuba/bsdfs.rs \
+    's/has_colors = true/has_colors = false/' foreign::nearest::mesh_colours_of_mitsuba_paint_what_asks_for_them
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

@@ -1,5 +1,5 @@
 //! Scenes of other renderers, Mitsuba 3 (and its predecessor) and pbrt-v4, models in OBJ and PLY, and decoders of compressed glTF. Each
-//! reader names what it finds in the words of [`build`](crate::build); what their files share, meshes and images, is read here.
+//! reader names what it finds in the words of [`build`]; what their files share, meshes and images, is read here.
 
 pub mod build;
 mod compressed;
