@@ -264,8 +264,8 @@ options! {
     /// Microfacet distribution of glossy lobes. Tables are learned for Beckmann; GGX is glTF's own model. Without it
     /// `beckmann`, or what a pbrt or Mitsuba scene says.
     distribution: Distribution, Scene { value: "DISTRIBUTION" }
-    /// Parts of a pbrt or Mitsuba scene that are not supported. `nearest` shows surfaces and textures as what is nearest, with a warning,
-    /// and refuses what would change the light; `skip` goes on without that too; `error` refuses all.
+    /// Parts of a pbrt or Mitsuba scene that are not supported. `nearest` shows the nearest surface or texture, with a warning, and
+    /// refuses to leave out lamps, media and shapes; `skip` leaves them out; `error` refuses all.
     unsupported: Unsupported, Scene { value: "UNSUPPORTED", default: Some("nearest") }
     /// Closed meshes that transmit without a thickness, such as glass from Blender, as solid bodies or as thin walls. Without it
     /// they are bodies in files from Blender, else walls.

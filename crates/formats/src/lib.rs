@@ -222,7 +222,7 @@ impl Context {
         &mut self.builder.parts
     }
 
-    /// Something that is left out: an error, or a warning if the user goes on without it.
+    /// Something that is left out: an error, or a warning with `--unsupported skip`.
     fn left_out(&mut self, place: &str, what: impl std::fmt::Display) -> Result<()> {
         if self.unsupported == Unsupported::Skip {
             (self.warnings).group("elements", place, &format!("{what} is not supported"));
@@ -232,7 +232,7 @@ impl Context {
         Err(fault(place, what))
     }
 
-    /// Something that is shown as what is nearest: a warning, or an error if the user wants none of it.
+    /// Something in whose place the nearest is shown: a warning, or an error with `--unsupported error`.
     fn nearest(&mut self, place: &str, what: impl std::fmt::Display, shown: &str) -> Result<()> {
         if self.unsupported == Unsupported::Error {
             let what = format!("{what} is not supported; --unsupported nearest shows {shown}");

@@ -20,17 +20,8 @@ const READ: &[&str] = &[
     "map_d", "map_Pr", "map_bump", "map_Bump", "bump", "norm", "map_Kn",
 ];
 
-/// Names that say nothing of the surface, or what is no part of a model: ambient light, shadows, tables of a renderer's own.
-const OF_NO_USE: &[&str] = &[
-    "Ka",
-    "map_Ka",
-    "sharpness",
-    "aniso",
-    "anisor",
-    "Ps",
-    "Pc",
-    "Pcr",
-];
+/// Names without effect on the surface.
+const OF_NO_USE: &[&str] = &["Ka", "map_Ka", "sharpness"];
 
 /// A material as the file has it.
 #[derive(Clone, Default)]
@@ -178,8 +169,15 @@ impl Context {
 
     /// The surface that a material describes.
     pub(super) fn of_entry(&mut self, name: &str, entry: &Entry) -> Result<Look> {
-        let unread =
-            |word: &&String| !READ.contains(&word.as_str()) && !OF_NO_USE.contains(&word.as_str());
+        // Exporters write what a material has not as 0.
+        let is_off = |word: &str| {
+            let mut numbers = entry.lines[word].split_whitespace();
+            numbers.all(|n| n.parse() == Ok(0.0f32))
+        };
+        let unread = |word: &&String| {
+            let known = READ.contains(&word.as_str()) || OF_NO_USE.contains(&word.as_str());
+            !known && !is_off(word)
+        };
         let mut unread: Vec<&String> = entry.lines.keys().filter(unread).collect();
         unread.sort();
         for word in unread {

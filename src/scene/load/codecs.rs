@@ -1,4 +1,4 @@
-//! Decoders of compressed parts of glTF files, which the library itself has none of.
+//! Decoders of compressed parts of glTF files. The library has none of its own.
 
 use super::error::Result;
 use gltf::json::{Buffer, Root};
@@ -30,8 +30,8 @@ pub enum Part {
 pub struct ImageCodec {
     /// Width and height of an image in texels; `None` for bytes of another format.
     pub size: fn(&[u8]) -> Option<[u32; 2]>,
-    /// The texels of an image of that size, 8 bits for each of red, green, blue and opacity, from the top left on. The text says the
-    /// place of the image.
+    /// The texels of an image of that size, 8 bits for each of red, green, blue and opacity, from the top left on. The second
+    /// argument is the image's place, for messages.
     pub texels: fn(&[u8], &str) -> Result<Vec<u8>>,
 }
 

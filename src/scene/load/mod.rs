@@ -72,11 +72,11 @@ pub struct Formats {
 pub enum Unsupported {
     /// Errors, all of them.
     Error,
-    /// Surfaces and textures are shown as what is nearest, and warned of. What would change the light is an error: lamps, media and
-    /// shapes that would be left out, and names that nothing has.
+    /// Surfaces and textures are shown as the nearest that are supported, with a warning. Lamps, media and shapes that would be left
+    /// out, and names that nothing has, are errors.
     #[default]
     Nearest,
-    /// Left out or shown as what is nearest, all of them, and warned of.
+    /// Warnings, all of them: parts are left out, or shown as the nearest that are supported.
     Skip,
 }
 

@@ -262,7 +262,7 @@ fn textures_of_obj_files_lie_as_the_file_says() {
 fn parts_of_obj_files_have_their_materials() {
     let obj = "mtllib none.mtl a.mtl\nv 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nv 1 1 0 1 1 1\nf 1 2 3\nusemtl red\nf 2 \\\n4 3\n\
                usemtl blue\nusemtl gone\nf 1 2 3\nusemtl red\nf -4 -3 -1\n";
-    let mtl = "newmtl red\nKd 1 0 0\nrefl map\nnewmtl blue\nKd 0 0 1\n";
+    let mtl = "newmtl red\nKd 1 0 0\nrefl map\nPs 0\nPc 0.5\nKa 1 1 1\nnewmtl blue\nKd 0 0 1\n";
     let loaded = read_obj(obj, mtl).expect("a model");
     let faces: Vec<(Rgb, usize, usize)> = (loaded.parts.meshes.iter())
         .map(|mesh| {
@@ -284,6 +284,7 @@ fn parts_of_obj_files_have_their_materials() {
         "none.mtl cannot be read",
         "gone is no material",
         "a.mtl:1 (`red`) `refl` is not read",
+        "a.mtl:1 (`red`) `Pc` is not read",
     ] {
         assert!(said.replace(": ", " ").contains(words), "{said}");
     }

@@ -1,4 +1,4 @@
-//! Materials of pbrt-v3, by what is nearest to them here.
+//! Materials of pbrt-v3, as the nearest ones of this project.
 
 use super::super::Meant;
 use super::Scene;
@@ -99,7 +99,7 @@ impl Scene<'_> {
         self.eta(parameters, name, 1.5)
     }
 
-    /// Version 3's roughness, with Beckmann's slopes nowhere: its microfacets are those of Trowbridge and Reitz.
+    /// Roughness on version 3's scale, of microfacets by Trowbridge and Reitz.
     fn roughened(
         &mut self,
         parameters: &Parameters,
