@@ -105,8 +105,13 @@ def test_foreign_scenes_are_loaded(tmp_path):
     path = tmp_path / "a.xml"
     path.write_text('<scene version="3.0.0"><shape type="sphere"><bsdf type="hair"/></shape></scene>')
     with pytest.raises(ValueError, match="line 1: bsdf `hair`"):
+        opsr.Scene.load(path, unsupported="error")
+    with pytest.warns(UserWarning, match="`hair` is not supported: shown as a grey diffuse surface"):
         opsr.Scene.load(path)
-    with pytest.warns(UserWarning, match="hair"):
+    path.write_text('<scene version="3.0.0"><shape type="heightfield"/></scene>')
+    with pytest.raises(ValueError, match="line 1: shape `heightfield`"):
+        opsr.Scene.load(path)
+    with pytest.warns(UserWarning, match="shape `heightfield` is not supported"):
         opsr.Scene.load(path, unsupported="skip")
 
 
