@@ -5,6 +5,7 @@
 
 use crate::image::Buffer;
 use crate::math::DVec3;
+use glam::DMat3;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -251,7 +252,12 @@ impl Sky {
     }
 
     /// The map.
-    pub fn map(&self) -> Buffer {
+    pub(crate) fn map(&self) -> Buffer {
+        self.turned(DMat3::IDENTITY, [1.0; 3])
+    }
+
+    /// The map of the sky turned from its own directions to the world's by a rotation; factors on sky, sun and ground.
+    pub fn turned(&self, to_world: DMat3, [of_sky, of_sun, of_ground]: [f64; 3]) -> Buffer {
         // Irradiance of the ground, by a small map.
         let mut ground = self.sunlight() * f64::from(self.elevation).sin();
         const ROWS: usize = 32;
@@ -261,39 +267,41 @@ impl Sky {
                 ground += self.radiance(dir) * dir.y * texel(y, ROWS);
             }
         }
-        let ground = ground * (GROUND / PI);
+        let ground = ground * (of_ground * GROUND / PI);
+        let to_own = to_world.transpose();
         let mut sky = map(SKY_ROWS, |dir| {
+            let dir = to_own * dir;
             let below = smoothstep(0.0, 0.02, -dir.y);
-            self.radiance(dir).lerp(ground, below)
+            (of_sky * self.radiance(dir)).lerp(ground, below)
         });
-        self.add_sun(&mut sky);
+        let sun = towards(self.azimuth.into(), self.elevation.into());
+        add_sun(&mut sky, to_world * sun, of_sun * self.sunlight());
         sky
     }
+}
 
-    /// Adds the sun, whose irradiance is exact whatever texels it meets.
-    fn add_sun(&self, sky: &mut Buffer) {
-        /// Points across a texel.
-        const POINTS: u32 = 8;
-        let sun = towards(self.azimuth.into(), self.elevation.into());
-        let (rows, least) = (sky.height, SUN_RADIUS.cos());
-        let point = |i: usize, k: u32| i as f64 + (f64::from(k) + 0.5) / f64::from(POINTS);
-        let near = (SUN_RADIUS + 2.0 * PI / rows as f64).cos();
-        let mut covered = Vec::new();
-        for (i, _) in sky.pixels.iter().enumerate() {
-            let (x, y) = (i % sky.width, i / sky.width);
-            if direction(x as f64 + 0.5, y as f64 + 0.5, rows).dot(sun) < near {
-                continue;
-            }
-            let hits = (0..POINTS * POINTS)
-                .map(|k| direction(point(x, k % POINTS), point(y, k / POINTS), rows))
-                .filter(|dir| dir.dot(sun) > least)
-                .count();
-            covered.push((i, hits as f64, hits as f64 * texel(y, rows)));
+/// Adds a sun of this irradiance, which is exact whatever texels it meets.
+fn add_sun(sky: &mut Buffer, sun: DVec3, irradiance: DVec3) {
+    /// Points across a texel.
+    const POINTS: u32 = 8;
+    let (rows, least) = (sky.height, SUN_RADIUS.cos());
+    let point = |i: usize, k: u32| i as f64 + (f64::from(k) + 0.5) / f64::from(POINTS);
+    let near = (SUN_RADIUS + 2.0 * PI / rows as f64).cos();
+    let mut covered = Vec::new();
+    for (i, _) in sky.pixels.iter().enumerate() {
+        let (x, y) = (i % sky.width, i / sky.width);
+        if direction(x as f64 + 0.5, y as f64 + 0.5, rows).dot(sun) < near {
+            continue;
         }
-        let whole: f64 = covered.iter().map(|(_, _, angle)| angle).sum();
-        for (i, hits, _) in covered {
-            sky.pixels[i] += (self.sunlight() * (hits / whole)).as_vec3();
-        }
+        let hits = (0..POINTS * POINTS)
+            .map(|k| direction(point(x, k % POINTS), point(y, k / POINTS), rows))
+            .filter(|dir| dir.dot(sun) > least)
+            .count();
+        covered.push((i, hits as f64, hits as f64 * texel(y, rows)));
+    }
+    let whole: f64 = covered.iter().map(|(_, _, angle)| angle).sum();
+    for (i, hits, _) in covered {
+        sky.pixels[i] += (irradiance * (hits / whole)).as_vec3();
     }
 }
 

@@ -11,7 +11,7 @@ use opsr::scene::light::Falloff;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::{Camera, Environment, FilmSize, Lens, PunctualLight};
 
-/// Irradiance of Mitsuba's sun across its beam at a scale of 1, measured for a turbidity of 3 and a sun 40° high (Mitsuba 3.9).
+/// Irradiance of Mitsuba's sun across its beam at a scale of 1, at a turbidity of 3 and a sun 40° high (`skies_by_mitsuba.py`).
 const SUN: Rgb = Rgb::new(1.446, 1.175, 0.845);
 
 impl Scene<'_> {
@@ -100,12 +100,8 @@ impl Scene<'_> {
                 });
             return Ok(());
         }
-        let with_sun = emitter.plugin == "sunsky" && of_sun > 0.0;
-        if with_sun && of_sun != of_sky {
-            let what = "`sun_scale` is taken for that of the sky";
-            self.context.approximate(place, what);
-        }
-        let made = sky::around(sun, zenith, turbidity, with_sun, of_sky as f32);
+        let of_sun = if emitter.plugin == "sky" { 0.0 } else { of_sun };
+        let made = sky::around(sun, zenith, turbidity, [of_sky, of_sun]);
         self.surround(made, place)
     }
 
