@@ -224,7 +224,7 @@ plant "formats: differences of meshopt turn the wrong way" crates/formats/src/co
 plant "formats: a known vertex is new again" crates/formats/src/compressed/meshopt.rs \
     's/if low == 0 \|\| low >= 13/if low < 16/' load::compressed::compressed_meshes_are_those_of_the_reference_decoders
 plant "formats: streams of Draco share accessors" crates/formats/src/compressed/draco.rs \
-    's/Some\(&by\) if by == stream =>/Some(_) =>/' \
+    's/filled\.get\(&i\) == Some\(&stream\)/filled.contains_key(\&i)/' \
     load::compressed::draco_streams_do_not_mix_where_primitives_share_accessors
 plant "formats: a fallback is read" src/scene/load/codecs.rs \
     's/\(!has_bytes \|\| marked\(codec\.extension\)\)/!has_bytes/' \

@@ -95,9 +95,8 @@ fn load(
         media: media::Media::default(),
         includes: 0,
     };
-    // A scene knows what its boundaries bound; models do not.
-    let model = has_ending(path, "obj") || has_ending(path, "ply");
-    context.builder.parts.own_boundaries = !model;
+    // A scene knows what its boundaries bound.
+    context.builder.parts.own_boundaries = true;
     let read = unpacked(bytes, "file").and_then(|text| read(&mut context, text));
     let done = read.and_then(|()| context.finish());
     done.map_err(|fault| fault.of(path))
@@ -292,11 +291,7 @@ impl Context {
             self.builder.mix(&mut first, other, share);
             return Ok(first);
         }
-        let mean = share.map.map_or(1.0, |map| {
-            let [r, g, b, _] = self.builder.parts.textures[map.texture as usize].average();
-            (r + g + b) / 3.0
-        });
-        let share = (mean * share.factor.element_sum() / 3.0).clamp(0.0, 1.0);
+        let share = (self.builder.mean(share).element_sum() / 3.0).clamp(0.0, 1.0);
         self.heaviest(vec![(1.0 - share, first), (share, second)], place)
     }
 

@@ -13,6 +13,7 @@ const NO_FACES: &str = "has no faces: points alone are not shown";
 
 /// Reads an OBJ file with its materials.
 pub(super) fn obj(context: &mut Context, bytes: Vec<u8>) -> Result<()> {
+    context.builder.parts.own_boundaries = false;
     let file = obj::read(&bytes, "line", true)?;
     if file.mesh.indices.is_empty() {
         return Err(fault("body", NO_FACES));
@@ -63,6 +64,7 @@ pub(super) fn obj(context: &mut Context, bytes: Vec<u8>) -> Result<()> {
 
 /// Reads a PLY file.
 pub(super) fn ply(context: &mut Context, bytes: Vec<u8>) -> Result<()> {
+    context.builder.parts.own_boundaries = false;
     let mesh = ply::read(&bytes, "body")?;
     if mesh.indices.is_empty() {
         return Err(fault("body", NO_FACES));

@@ -205,11 +205,9 @@ impl Context {
             .filter(|n| *n > 1.0)
             .unwrap_or(1.5)
             .min(4.0);
-        // Walter et al. 2007, section 5.2: the width of Beckmann's slopes that is nearest to a Phong lobe's.
-        let phong = |exponent: f32| (2.0 / (exponent.max(0.0) + 2.0)).sqrt();
         let alpha = match (entry.number("Pr")?, entry.number("Ns")?) {
             (Some(roughness), _) => roughness.clamp(0.0, 1.0).powi(2),
-            (None, Some(exponent)) => phong(exponent),
+            (None, Some(exponent)) => looks::width_of_phong(exponent),
             (None, None) => 0.25,
         };
         let opacity = match (entry.number("d")?, entry.number("Tr")?) {

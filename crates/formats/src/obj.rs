@@ -4,6 +4,7 @@ use crate::build::colour::linear;
 use opsr::math::{Vec2, Vec3, Vec4};
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::mesh::Mesh;
+use std::borrow::Cow;
 use std::collections::HashMap;
 
 /// Most vertices or triangles.
@@ -27,7 +28,10 @@ pub(super) struct Obj {
 pub(super) fn read(bytes: &[u8], place: &str, flip: bool) -> Result<Obj> {
     let text = String::from_utf8_lossy(bytes);
     // A backslash goes on with the next line.
-    let joined = text.replace("\\\r\n", " ").replace("\\\n", " ");
+    let joined = match text.contains('\\') {
+        true => Cow::Owned(text.replace("\\\r\n", " ").replace("\\\n", " ")),
+        false => text,
+    };
     let (mut positions, mut uvs, mut normals) = (Vec::new(), Vec::new(), Vec::new());
     let mut colors: Vec<Vec4> = Vec::new();
     let mut corners: Vec<Corner> = Vec::new();

@@ -30,23 +30,13 @@ pub(super) fn is_dispensable(name: &str) -> bool {
     looks || name == "KHR_animation_pointer" || name == "KHR_node_visibility"
 }
 
-/// Extensions that other crates decode.
-const DECODED: [&str; 4] = [
-    "EXT_meshopt_compression",
-    "KHR_draco_mesh_compression",
-    "KHR_meshopt_compression",
-    "KHR_texture_basisu",
-];
-
 /// The names of required extensions that are not supported, all of them.
 pub(super) fn refusal(unsupported: &[&str]) -> String {
     let are = if unsupported.len() == 1 { "is" } else { "are" };
-    let refused = format!("{} {are} not supported", unsupported.join(", "));
-    match unsupported.iter().any(|name| DECODED.contains(name)) {
-        true => format!(
-            "{refused}; the crate opsr-formats has decoders of {}",
-            DECODED.join(", ")
-        ),
-        false => refused,
-    }
+    let compresses = |name: &&str| name.ends_with("_compression") || name.ends_with("_basisu");
+    let decoders = match unsupported.iter().any(compresses) {
+        true => "; the crate opsr-formats has decoders of compressed files",
+        false => "",
+    };
+    format!("{} {are} not supported{decoders}", unsupported.join(", "))
 }

@@ -27,12 +27,12 @@ use crate::bsdf::Distribution;
 use crate::files::{self, FileError, Problem};
 use accessors::Data;
 pub use animation::Animation;
-use codecs::{Buffers, Codec, Part};
+use codecs::{Buffers, Codec, Part, is_placeholder};
 use error::{Result, Warnings, fault, place};
 pub use extensions::SUPPORTED;
+use gltf::json::Root;
 use gltf::json::mesh::Semantic;
 use gltf::json::validation::{Checked, Error as Broken, Validate};
-use gltf::json::{Buffer, Root};
 pub use lit::FileLight;
 use serde::de::IgnoredAny;
 use std::borrow::Cow;
@@ -154,9 +154,7 @@ fn parsed<'a>(
         .map_err(|e| fault("JSON", files::briefly(e)))?;
     validate(&root)?;
     let used = &head.extensions_used;
-    let placeholder =
-        |buffer: &_, has_bytes| codecs::is_placeholder(buffer, has_bytes, codecs, used);
-    let mut buffers = buffers(&root, container.binary, files, placeholder)?;
+    let mut buffers = buffers(&root, container.binary, files, codecs, used)?;
     for codec in codecs {
         if let Part::Buffers(decode) = codec.part {
             decode(&mut root, &mut buffers)?;
@@ -396,18 +394,19 @@ fn validate(root: &Root) -> Result<()> {
     }
 }
 
-/// The bytes of all buffers; none of a placeholder, of which the function decides by the buffer and if it has bytes.
+/// The bytes of all buffers; none of placeholders, whose views one of the extensions that are used compresses.
 fn buffers<'a>(
     root: &Root,
     binary: Option<&'a [u8]>,
     files: &mut Files,
-    placeholder: impl Fn(&Buffer, bool) -> bool,
+    codecs: &[Codec],
+    used: &[String],
 ) -> Result<Buffers<'a>> {
     let mut buffers = Vec::new();
     for (i, buffer) in root.buffers.iter().enumerate() {
         let at = place("buffers", i, buffer.name.as_ref());
         let has_bytes = buffer.uri.is_some() || i == 0 && binary.is_some();
-        if placeholder(buffer, has_bytes) {
+        if is_placeholder(buffer, has_bytes, codecs, used) {
             buffers.push(Cow::Borrowed(&[][..]));
             continue;
         }

@@ -372,6 +372,29 @@ fn mesh_colours_of_mitsuba_paint_what_asks_for_them() {
     assert_eq!(of(second.material), (Rgb::splat(0.5), false));
 }
 
+/// Weights that fit no mixture are refused, and a sum that is not 1 is named.
+#[test]
+fn weights_of_mixtures_are_checked() {
+    let two = "<bsdf type=\"diffuse\"/><bsdf type=\"diffuse\"/>";
+    let mixture = |weights: &str, inner: &str| {
+        let property = format!("<string name=\"weights\" value=\"{weights}\"/>");
+        xml(&format!(
+            "<shape type=\"cube\"><bsdf type=\"mixturebsdf\">{property}{inner}</bsdf></shape>"
+        ))
+    };
+    for (weights, inner, words) in [
+        ("0.5", two.to_owned(), "1 weights of 2 BSDFs"),
+        ("0.5, 0.5", format!("{two}{two}"), "2 weights of 4 BSDFs"),
+        ("0.5, -0.5", two.to_owned(), "2 weights of 2 BSDFs"),
+        ("0, 0", two.to_owned(), "a mixture of nothing"),
+    ] {
+        let said = message("a.xml", &mixture(weights, &inner));
+        assert!(said.contains("line 2: ") && said.contains(words), "{said}");
+    }
+    let said = usual("a.xml", &mixture("0.2, 0.6", two)).warnings;
+    assert!(said[0].contains("weights of a sum of 0.8"), "{said:?}");
+}
+
 /// A PNG of random colours.
 fn png(seed: u32, side: u32) -> Vec<u8> {
     let picture = image::RgbImage::from_fn(side, side, |x, y| {
@@ -441,6 +464,16 @@ fn images_are_multiplied_and_mixed() {
             "{i}"
         );
     }
+    // A colour makes no other texture.
+    let tinted = scene(
+        "scale",
+        "\"texture tex\" \"a\" \"rgb scale\" [1 0.5 0.25]",
+        "",
+    );
+    let material = &tinted.parts.materials[0];
+    assert_eq!(material.base_color, 0.5 * Rgb::new(1.0, 0.5, 0.25));
+    let map = material.base_color_texture.expect("a texture");
+    assert_eq!((map.texture, tinted.parts.textures.len()), (0, 2));
     let other = scene(
         "scale",
         "\"texture tex\" \"a\" \"texture scale\" \"b\"",

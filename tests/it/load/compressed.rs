@@ -143,6 +143,28 @@ fn draco_streams_do_not_mix_where_primitives_share_accessors() {
     same(&file.glb(), &data("draco_plain.glb"));
 }
 
+/// Primitives of one stream and other materials share its accessors.
+#[test]
+fn draco_streams_are_shared_where_materials_differ() {
+    let file = changed("draco.glb", |json| {
+        let mut again = json["meshes"][0]["primitives"][0].clone();
+        again["material"] = json!(1);
+        json["meshes"][0]["primitives"]
+            .as_array_mut()
+            .expect("a list")
+            .push(again);
+    });
+    let parts = loaded(&file.glb(), None)
+        .unwrap_or_else(|e| panic!("{e}"))
+        .parts;
+    let [first, second, _] = &parts.meshes[..] else {
+        panic!("three meshes");
+    };
+    assert_eq!(first.positions, second.positions);
+    assert_eq!((&first.indices, first.material), (&second.indices, 0));
+    assert_eq!(second.material, 1);
+}
+
 /// Compression of the first compressed view, which is number 1.
 fn view(json: &mut Value) -> &mut Value {
     &mut json["bufferViews"][1]["extensions"]["EXT_meshopt_compression"]

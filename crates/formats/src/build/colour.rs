@@ -70,8 +70,8 @@ fn xyz(spectrum: impl Fn(f64) -> f64) -> DVec3 {
     (0..OBSERVER.len()).map(at).sum()
 }
 
-/// Linear Rec. 709 of XYZ.
-fn rec709(xyz: DVec3) -> Rgb {
+/// Linear Rec. 709 of XYZ, no less than 0.
+pub fn rec709(xyz: DVec3) -> Rgb {
     let rgb = DVec3::new(
         xyz.dot(DVec3::new(3.240_479, -1.537_150, -0.498_535)),
         xyz.dot(DVec3::new(-0.969_256, 1.875_991, 0.041_556)),

@@ -101,6 +101,28 @@ pub fn coated(eta: f32, base: Paint, reflected: Rgb, alpha: f32, saturates: bool
     material
 }
 
+/// A base under a layer of an index that reflects `shine` times Schlick's share, in glTF's way.
+pub fn glossy(base: Paint, shine: Rgb, index: f32) -> Material {
+    let most = shine.max_element();
+    Material {
+        specular: most.min(1.0),
+        specular_color: shine / most.max(f32::MIN_POSITIVE),
+        ior: index,
+        ..surface(base)
+    }
+}
+
+/// The index of refraction of a layer that reflects this share at normal incidence.
+pub fn index_of(reflected: f32) -> f32 {
+    let root = reflected.clamp(0.0, 0.9).sqrt();
+    (1.0 + root) / (1.0 - root)
+}
+
+/// The width of Beckmann's slopes that is nearest to a lobe of Phong's with this exponent (Walter et al. 2007, section 5.2).
+pub fn width_of_phong(exponent: f32) -> f32 {
+    (2.0 / (exponent.max(0.0) + 2.0)).sqrt()
+}
+
 /// A surface that only emits, from its front.
 pub fn lamp(radiance: Rgb) -> Material {
     Material {
@@ -126,6 +148,15 @@ impl Builder {
     pub fn add_texture(&mut self, texture: Texture) -> u32 {
         self.parts.textures.push(texture);
         self.parts.textures.len() as u32 - 1
+    }
+
+    /// The mean of a colour or a texture.
+    pub fn mean(&self, paint: Paint) -> Rgb {
+        let Some(map) = paint.map else {
+            return paint.factor;
+        };
+        let [r, g, b, _] = self.parts.textures[map.texture as usize].average();
+        paint.factor * Rgb::new(r, g, b)
     }
 
     /// A texture of sixteen bits that `colour` makes of the place in [0, 1]².

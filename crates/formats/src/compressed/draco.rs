@@ -27,28 +27,41 @@ pub(super) fn unpack(root: &mut Root, buffers: &mut Buffers<'_>) -> Result<()> {
     for m in 0..root.meshes.len() {
         for p in 0..root.meshes[m].primitives.len() {
             let at = format!("meshes[{m}].primitives[{p}].extensions.{EXTENSION}");
-            let mut primitive = root.meshes[m].primitives[p].clone();
+            let primitive = &mut root.meshes[m].primitives[p];
             let extensions = primitive.extensions.as_mut().map(|e| &mut e.others);
             let Some(packed) = extensions.and_then(|e| e.remove(EXTENSION)) else {
                 continue;
             };
+            let mut primitive = primitive.clone();
             let Value::Object(packed) = packed else {
                 return Err(fault(at, "is no object"));
             };
-            let used = primitive
-                .attributes
-                .values()
-                .copied()
-                .chain(primitive.indices);
-            let empty = |index: Index<Accessor>| {
-                let accessor = root.accessors.get(index.value());
-                filled.contains_key(&index.value())
-                    || accessor.is_some_and(|a| a.buffer_view.is_none())
+            let stream = number(&packed, "bufferView", None, &at)?;
+            let used = (primitive.attributes.values().copied()).chain(primitive.indices);
+            // Without data, or with another stream's. Primitives that differ in their material may share one stream.
+            let empty = |index: Index<Accessor>| match filled.get(&index.value()) {
+                Some(by) => *by != stream,
+                None => {
+                    let accessor = root.accessors.get(index.value());
+                    accessor.is_some_and(|a| a.buffer_view.is_none())
+                }
             };
-            if used.into_iter().any(empty) {
-                fill(root, buffers, &mut primitive, &packed, &mut filled, &at)?;
-                root.meshes[m].primitives[p] = primitive;
+            match used.into_iter().any(empty) {
+                true => fill(
+                    root,
+                    buffers,
+                    &mut primitive,
+                    &packed,
+                    stream,
+                    &mut filled,
+                    &at,
+                )?,
+                false if filled.values().any(|by| *by == stream) => {
+                    primitive.mode = Checked::Valid(Mode::Triangles);
+                }
+                false => {}
             }
+            root.meshes[m].primitives[p] = primitive;
         }
     }
     Ok(())
@@ -60,6 +73,7 @@ fn fill(
     buffers: &mut Buffers<'_>,
     primitive: &mut Primitive,
     packed: &Map<String, Value>,
+    stream: u64,
     filled: &mut Filled,
     at: &str,
 ) -> Result<()> {
@@ -69,15 +83,11 @@ fn fill(
     ) {
         return Err(fault(at, "only triangles and strips can be compressed"));
     }
-    let number_of_view = number(packed, "bufferView", None, at)?;
-    let view = usize::try_from(number_of_view)
+    let view = usize::try_from(stream)
         .ok()
         .and_then(|i| root.buffer_views.get(i));
     let Some(view) = view else {
-        return Err(fault(
-            at,
-            format!("bufferViews[{number_of_view}] does not exist"),
-        ));
+        return Err(fault(at, format!("bufferViews[{stream}] does not exist")));
     };
     let (start, length) = (view.byte_offset.unwrap_or_default().0, view.byte_length.0);
     let source = bytes(buffers, view.buffer.value() as u64, start, length, at)?;
@@ -108,7 +118,7 @@ fn fill(
             count: 3 * mesh.num_faces(),
             component: ComponentType::U32,
         };
-        primitive.indices = Some(given(root, buffers, i, made, number_of_view, filled, at)?);
+        primitive.indices = Some(given(root, buffers, i, made, stream, filled, at)?);
     } else if points > 0 {
         return Err(fault(at, "the primitive has no `indices`"));
     }
@@ -149,7 +159,7 @@ fn fill(
             count: points,
             component,
         };
-        *index = given(root, buffers, *index, made, number_of_view, filled, at)?;
+        *index = given(root, buffers, *index, made, stream, filled, at)?;
     }
     Ok(())
 }
@@ -193,9 +203,8 @@ fn given(
     at: &str,
 ) -> Result<Index<Accessor>> {
     let i = index.value();
-    match filled.get(&i) {
-        Some(&by) if by == stream => return Ok(index),
-        _ => {}
+    if filled.get(&i) == Some(&stream) {
+        return Ok(index);
     }
     let Some(accessor) = root.accessors.get(i) else {
         return Err(fault(at, format!("accessors[{i}] does not exist")));

@@ -7,13 +7,7 @@ use opsr::scene::load::codecs::ImageCodec;
 use opsr::scene::load::error::{Result, fault};
 use std::panic::catch_unwind;
 
-pub(super) const CODEC: ImageCodec = ImageCodec {
-    size: |bytes| {
-        let header = Header::of(bytes)?;
-        Some([header.width, header.height])
-    },
-    texels,
-};
+pub(super) const CODEC: ImageCodec = ImageCodec { size, texels };
 
 /// Most texels of a side.
 const MOST_SIDE: u32 = 1 << 15;
@@ -25,21 +19,10 @@ const BLOCK: u64 = 16;
 const HEADER: usize = 80;
 const LEVEL: usize = 24;
 
-/// Size of a header, in texels.
-struct Header {
-    width: u32,
-    height: u32,
-}
-
-impl Header {
-    /// `None` for another format than KTX2, or a file that ends within its header.
-    fn of(bytes: &[u8]) -> Option<Self> {
-        let whole = bytes.starts_with(b"\xabKTX 20\xbb\r\n\x1a\n") && bytes.len() >= HEADER + LEVEL;
-        whole.then(|| Self {
-            width: word(bytes, 20),
-            height: word(bytes, 24),
-        })
-    }
+/// Width and height; `None` for another format than KTX2, or a file that ends within its header.
+fn size(bytes: &[u8]) -> Option<[u32; 2]> {
+    let whole = bytes.starts_with(b"\xabKTX 20\xbb\r\n\x1a\n") && bytes.len() >= HEADER + LEVEL;
+    whole.then(|| [word(bytes, 20), word(bytes, 24)])
 }
 
 /// Four bytes; 0 past the end.

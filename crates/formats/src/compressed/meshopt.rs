@@ -91,14 +91,8 @@ fn decoded(packed: &Map<String, Value>, buffers: &Buffers<'_>, at: &str) -> Resu
                     color([v[0].into(), byte(v[1]), byte(v[2]), v[3].into()], 255.0)
                         .map(|x| x as u8)
                 }),
-                ("COLOR", 8) => each::<8>(&mut plain, |v| {
-                    let word = |i: usize| u16::from_le_bytes([v[2 * i], v[2 * i + 1]]);
-                    let signed = |i| i32::from(word(i) as i16);
-                    let rgba = color(
-                        [word(0).into(), signed(1), signed(2), word(3).into()],
-                        65_535.0,
-                    );
-                    words(rgba.map(|x| x as u16))
+                ("COLOR", 8) => each_short(&mut plain, |[y, orange, green, opacity]| {
+                    color([y & 0xffff, orange, green, opacity & 0xffff], 65_535.0)
                 }),
                 _ => return Err(fault(at, format!("filter `{filter}` of {stride} bytes"))),
             }
@@ -151,14 +145,14 @@ fn unzigzag(v: u32) -> u32 {
 /// Elements of mode 0.
 pub(super) fn attributes(source: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
     let mut stream = Stream(source);
-    let first = match stream.byte()? {
+    let is_version_1 = match stream.byte()? {
         0xa0 => false,
         0xa1 => true,
         _ => return None,
     };
     let channels = stride / 4;
-    let tail = stride + if first { channels } else { 0 };
-    let padded = tail.max(if first { 24 } else { 32 });
+    let tail = stride + if is_version_1 { channels } else { 0 };
+    let padded = tail.max(if is_version_1 { 24 } else { 32 });
     let start = stream.0.len().checked_sub(padded)?;
     let (data, end) = stream.0.split_at(start);
     let (baseline, modes) = end[padded - tail..].split_at(stride);
@@ -170,7 +164,7 @@ pub(super) fn attributes(source: &[u8], count: usize, stride: usize) -> Option<V
     let mut deltas = vec![[0u8; 256]; stride];
     for block in out.chunks_mut(most * stride) {
         let elements = block.len() / stride;
-        let control = stream.take(if first { channels } else { 0 })?;
+        let control = stream.take(if is_version_1 { channels } else { 0 })?;
         for (k, deltas) in deltas.iter_mut().enumerate() {
             let control = control.get(k / 4).map(|c| c >> (2 * (k % 4)) & 3);
             match control {

@@ -123,27 +123,31 @@ impl Scene<'_> {
 
     fn blend(&mut self, bsdf: &Object) -> Result<Look> {
         let place = &bsdf.place;
-        let all = self.nested(bsdf)?;
+        let mut all = self.nested(bsdf)?;
         let weights = match bsdf.property("weights").map(|p| &p.value) {
             Some(Value::Text(text)) => super::xml::numbers(text).unwrap_or_default(),
             _ => Vec::new(),
         };
-        if let (2, true) = (all.len(), weights.is_empty()) {
+        if let (true, [first, second]) = (weights.is_empty(), &mut all[..]) {
             let weight = self.numbers(bsdf, "weight", 0.5)?;
-            let mut all = all.into_iter();
-            let (first, second) = (all.next(), all.next());
-            let (Some(mut first), Some(second)) = (first, second) else {
-                return Err(fault(place, "has no BSDF in it"));
-            };
-            first.material =
-                (self.context).mixed(first.material, second.material, weight, place)?;
-            return Ok(first);
+            let mut look = first.clone();
+            let second = std::mem::take(&mut second.material);
+            look.material = (self.context).mixed(look.material, second, weight, place)?;
+            return Ok(look);
         }
-        let of = |i: usize| weights.get(i).map_or(0.0, |weight| *weight as f32);
+        if weights.len() != all.len() || weights.iter().any(|w| !(*w >= 0.0 && w.is_finite())) {
+            let what = format!("{} weights of {} BSDFs", weights.len(), all.len());
+            return Err(fault(place, what));
+        }
+        let sum: f64 = weights.iter().sum();
+        if (sum - 1.0).abs() > 1e-3 {
+            let what = format!("weights of a sum of {sum} are scaled to 1");
+            self.context.approximate(place, &what);
+        }
         let bump = all.first().and_then(|look| look.bump);
-        let shares = all.into_iter().enumerate();
-        let shares = shares.map(|(i, look)| (of(i), look.material)).collect();
-        let material = self.context.heaviest(shares, place)?;
+        let materials = all.into_iter().map(|look| look.material);
+        let weights = weights.into_iter().map(|weight| weight as f32);
+        let material = (self.context).heaviest(weights.zip(materials).collect(), place)?;
         Ok(Look { material, bump })
     }
 
@@ -178,18 +182,15 @@ impl Scene<'_> {
             Meant::Reflected,
         )?;
         let width = match bsdf.plugin.as_str() {
-            // Walter et al. 2007, section 5.2.
-            "phong" => (2.0 / (bsdf.number("exponent", 30.0)?.max(0.0) + 2.0)).sqrt(),
-            _ => (bsdf.number("alpha_u", 0.1)? * bsdf.number("alpha_v", 0.1)?)
-                .max(0.0)
-                .sqrt(),
+            "phong" => looks::width_of_phong(bsdf.number("exponent", 30.0)? as f32),
+            _ => {
+                let product = bsdf.number("alpha_u", 0.1)? * bsdf.number("alpha_v", 0.1)?;
+                product.max(0.0).sqrt() as f32
+            }
         };
-        let root = luminance(shine).clamp(0.0, 0.9).sqrt();
         Ok(Material {
-            specular: 1.0,
-            ior: (1.0 + root) / (1.0 - root),
-            alpha: width.min(1.0) as f32,
-            ..looks::diffuse(base)
+            alpha: width.min(1.0),
+            ..looks::glossy(base, Rgb::ONE, looks::index_of(luminance(shine)))
         })
     }
 
@@ -363,10 +364,7 @@ impl Scene<'_> {
         let ior = match bsdf.property("eta") {
             Some(_) => of("eta", 1.5)?,
             // F0 = 0.08 specular.
-            None => {
-                let root = (0.08 * specular.clamp(0.0, 1.0)).sqrt();
-                (1.0 + root) / (1.0 - root)
-            }
+            None => looks::index_of(0.08 * specular.clamp(0.0, 1.0)),
         };
         let mut share = |name: &str| -> Result<f32> {
             let found = self.colour(bsdf, &[name], Rgb::ZERO, Meant::Reflected)?;

@@ -118,14 +118,13 @@ impl Scene<'_> {
         meant: Meant,
     ) -> Result<Rgb> {
         let paint = self.paint_of(object, names, Paint::plain(or), meant)?;
-        if let Some(map) = paint.map {
+        if paint.map.is_some() {
             self.context.nearest(
                 &object.place,
                 format!("a texture as `{}`", names[0]),
                 "its mean",
             )?;
-            let [r, g, b, _] = self.context.parts().textures[map.texture as usize].average();
-            return Ok(paint.factor * Rgb::new(r, g, b));
+            return Ok(self.context.builder.mean(paint));
         }
         Ok(paint.factor)
     }

@@ -171,6 +171,7 @@ impl Scene<'_> {
             }
             "WorldBegin" => {
                 self.in_world = true;
+                self.state.at_end = false;
                 self.state.pose = DMat4::IDENTITY;
                 self.coordinates.insert("world".into(), DMat4::IDENTITY);
                 Ok(())
@@ -205,7 +206,7 @@ impl Scene<'_> {
         match self.stack.pop() {
             Some((state, begun)) if begun == kind => {
                 match kind {
-                    't' => self.state.pose = state.pose,
+                    't' => (self.state.pose, self.state.at_end) = (state.pose, state.at_end),
                     _ => self.state = state,
                 }
                 Ok(())

@@ -51,7 +51,7 @@ impl Scene<'_> {
             "plastic" | "uber" => {
                 let base = self.paint(parameters, "Kd", Paint::from(0.25))?;
                 let shine = self.colour(parameters, "Ks", Rgb::splat(0.25), Meant::Reflected)?;
-                let mut material = glossy(base, shine, self.index(parameters)?);
+                let mut material = looks::glossy(base, shine, self.index(parameters)?);
                 self.roughened(parameters, 0.1, &mut material)?;
                 if kind == "uber" {
                     material = self.uber(parameters, material)?;
@@ -62,8 +62,8 @@ impl Scene<'_> {
                 let base = self.paint(parameters, "Kd", Paint::from(0.5))?;
                 let shine = self.colour(parameters, "Ks", Rgb::splat(0.5), Meant::Reflected)?;
                 // Its layer reflects `Ks` at normal incidence: the index that does.
-                let root = luminance(shine).clamp(0.0, 0.9).sqrt();
-                let mut material = glossy(base, Rgb::ONE, (1.0 + root) / (1.0 - root));
+                let index = looks::index_of(luminance(shine));
+                let mut material = looks::glossy(base, Rgb::ONE, index);
                 self.roughened(parameters, 0.1, &mut material)?;
                 material
             }
@@ -79,7 +79,7 @@ impl Scene<'_> {
                     .into_iter()
                     .find(|n| parameters.get(n).is_some());
                 let base = self.paint(parameters, name.unwrap_or("Kd"), Paint::from(0.5))?;
-                let mut material = glossy(base, Rgb::ONE, self.index(parameters)?);
+                let mut material = looks::glossy(base, Rgb::ONE, self.index(parameters)?);
                 self.roughened(parameters, 0.0, &mut material)?;
                 material
             }
@@ -162,23 +162,12 @@ impl Scene<'_> {
             ior: ior.max(1.0),
             alpha: roughness.clamp(0.0, 1.0).powi(2),
             distribution: self.context.distribution(Distribution::Ggx),
-            ..glossy(base, Rgb::ONE, ior)
+            ..looks::glossy(base, Rgb::ONE, ior)
         };
         if coat > 0.0 {
             let clear = material.finish_mut().clearcoat.get_or_insert_default();
             (clear.weight, clear.alpha) = (coat.min(1.0), 0.1 + (0.001 - 0.1) * gloss);
         }
         Ok(material)
-    }
-}
-
-/// A diffuse base under a layer of an index that reflects `shine` times Fresnel's share.
-fn glossy(base: Paint, shine: Rgb, index: f32) -> Material {
-    let most = shine.max_element();
-    Material {
-        specular: most.min(1.0),
-        specular_color: shine / most.max(f32::MIN_POSITIVE),
-        ior: index,
-        ..looks::diffuse(base)
     }
 }

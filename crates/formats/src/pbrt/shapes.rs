@@ -241,10 +241,7 @@ impl Scene<'_> {
             let paint = self.context.texture(&name, how, place)?;
             radiance *= paint.factor;
             look.material.emissive_texture = paint.map;
-            let [r, g, b, _] = paint.map.map_or([1.0; 4], |map| {
-                self.context.parts().textures[map.texture as usize].average()
-            });
-            mean = f64::from(luminance(paint.factor * Rgb::new(r, g, b)));
+            mean = f64::from(luminance(self.context.builder.mean(paint)));
         }
         let both = light.flag("twosided", false)?;
         if light.number("power", -1.0)? > 0.0 {

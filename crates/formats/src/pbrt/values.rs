@@ -4,18 +4,13 @@ use super::super::Meant;
 use super::super::images::Use;
 use super::Scene;
 use super::tokens::{Parameter, Parameters, Values};
-use crate::build::colour::{Spectrum, black_body};
+use crate::build::colour::{Spectrum, black_body, rec709};
 use crate::build::looks::Paint;
 use crate::build::metals;
 use glam::{Affine2, DMat3, DVec3, Mat2, Vec2};
 use opsr::math::Rgb;
 use opsr::scene::load::error::{Result, fault};
 use opsr::scene::texture::Wrap;
-
-/// From CIE XYZ to linear Rec. 709 (IEC 61966-2-1), columns.
-const XYZ: DMat3 = DMat3::from_cols_array(&[
-    3.2406, -0.9689, 0.0557, -1.5372, 1.8758, -0.2040, -0.4986, 0.0415, 1.0570,
-]);
 
 /// From a colour space of pbrt to linear Rec. 709, with white kept white: columns (ITU-R BT.2087 for Rec. 2020; Display P3; ACES primaries 0
 /// by Bradford's adaptation, SMPTE ST 2065-1).
@@ -55,9 +50,7 @@ impl Scene<'_> {
                 [x] => Rgb::splat(*x as f32),
                 _ => return Err(bad()),
             },
-            ("xyz", Values::Numbers(n)) if n.len() == 3 => {
-                (XYZ * DVec3::new(n[0], n[1], n[2])).as_vec3()
-            }
+            ("xyz", Values::Numbers(n)) if n.len() == 3 => rec709(DVec3::new(n[0], n[1], n[2])),
             ("float", Values::Numbers(n)) if n.len() == 1 => Rgb::splat(n[0] as f32),
             // Version 3 has a scale behind the temperature.
             ("blackbody", Values::Numbers(n)) if !n.is_empty() => {
@@ -108,16 +101,15 @@ impl Scene<'_> {
         meant: Meant,
     ) -> Result<Rgb> {
         let paint = self.paint_of(parameters, name, Paint::plain(or), meant)?;
-        let Some(map) = paint.map else {
+        if paint.map.is_none() {
             return Ok(paint.factor);
-        };
+        }
         self.context.nearest(
             &parameters.place,
             format!("a texture as `{name}`"),
             "its mean",
         )?;
-        let [r, g, b, _] = self.context.parts().textures[map.texture as usize].average();
-        Ok(paint.factor * Rgb::new(r, g, b))
+        Ok(self.context.builder.mean(paint))
     }
 
     pub(super) fn paint(
@@ -174,13 +166,18 @@ impl Scene<'_> {
                     self.paint(parameters, tex[0], Paint::from(1.0))?,
                     self.paint(parameters, tex[1], Paint::from(1.0))?,
                 ];
-                match self.context.builder.combined(a, b, |a, b| a * b) {
-                    Some(product) => product,
-                    None => {
-                        let what = "the product of two images of different coordinates";
-                        self.context.nearest(place, what, "the first")?;
-                        a
+                if a.map.is_none() || b.map.is_none() {
+                    // One image is itself, whatever colour multiplies it.
+                    Paint {
+                        factor: a.factor * b.factor,
+                        map: a.map.or(b.map),
                     }
+                } else if let Some(product) = self.context.builder.combined(a, b, |a, b| a * b) {
+                    product
+                } else {
+                    let what = "the product of two images of different coordinates";
+                    self.context.nearest(place, what, "the first")?;
+                    a
                 }
             }
             "mix" => {
