@@ -219,28 +219,37 @@ impl Spec {
         let mut surround = |own, lit| self.surroundings(own, lit, |bytes| digest.update(bytes));
         let auto = self.backdrop() == Backdrop::Auto;
         let (mut in_studio, mut lighting) = (auto && loaded.light == FileLight::None, None);
-        let scene = if loaded.light == FileLight::None || parts.environment.is_some() {
-            parts.environment = surround(parts.environment.take(), !in_studio)?;
-            build(parts)
-        } else {
+        let unlit = loaded.light == FileLight::None || parts.environment.is_some();
+        let mut lit = None;
+        if auto && !unlit && loaded.light == FileLight::Surfaces {
             // What the file's own lamps light is measured before anything surrounds them.
-            let undecided = auto && loaded.light == FileLight::Surfaces;
-            let scene = if undecided {
-                Scene::new(parts)
-            } else {
+            let scene = Scene::new(parts.clone());
+            let measured = scene.lighting(&Environment::from_map(studio(), 0.0));
+            in_studio = !measured.is_lit();
+            lighting = Some(measured);
+            lit = Some(scene).filter(|_| !in_studio);
+        }
+        let around = surround(parts.environment.take(), !in_studio)?;
+        // The lowest point of objects that move is another one at every moment.
+        let moves = self.at.is_some() && loaded.animations.iter().any(|a| !a.of_cameras);
+        if !moves && (in_studio || self.backdrop() == Backdrop::Studio) {
+            parts.lay_floor();
+        }
+        let scene = match (lit, around) {
+            (Some(scene), _) => scene,
+            (None, around) if unlit || in_studio => {
+                parts.environment = around;
                 build(parts)
-            };
-            if undecided {
-                let measured = scene.lighting(&Environment::from_map(studio(), 0.0));
-                in_studio = !measured.is_lit();
-                lighting = Some(measured);
             }
-            match surround(None, !in_studio)? {
-                Some(around) => {
-                    warnings.extend(self.faint(&scene, &around));
-                    scene.surrounded(around)
+            (None, around) => {
+                let scene = build(parts);
+                match around {
+                    Some(around) => {
+                        warnings.extend(self.faint(&scene, &around));
+                        scene.surrounded(around)
+                    }
+                    None => scene,
                 }
-                None => scene,
             }
         };
         warnings.extend_from_slice(scene.warnings());

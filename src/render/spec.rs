@@ -250,8 +250,8 @@ macro_rules! options {
 }
 
 options! {
-    /// Surroundings: a map (.hdr, .exr), `studio`, `sky` or `none`. Maps are equirectangular; `studio` has grey walls with soft
-    /// lamps, `sky` is a clear sky with its sun. Without it `studio` for a scene that has no light, else `none`.
+    /// Surroundings: a map (.hdr, .exr), `studio`, `sky` or `none`. Maps are equirectangular; `studio` has soft lamps, grey walls
+    /// and a floor, `sky` is a clear sky with its sun. Without it `studio` for a scene that has no light, else `none`.
     env: PathBuf, Light { value: "FILE|NAME", common: true }
     /// Sun of `--env sky`: its height and its angle to the right of the front, in degrees, and the haze. A haze of 2 is a very clear
     /// sky, 3 the default, 10 a hazy one.

@@ -61,7 +61,7 @@ impl Backdrop {
                 return Ok(Some(map));
             }
             Self::Auto | Self::Studio => {
-                take(b"studio 1");
+                take(b"studio 2");
                 sky::studio()
             }
             Self::Sky(sky) => {

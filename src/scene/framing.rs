@@ -1,6 +1,6 @@
 //! The camera of a file that has none: what it frames, and from which side.
 
-use super::{Camera, Mesh, Scene, SceneParts};
+use super::{Camera, Hit, Mesh, Scene, SceneParts};
 use crate::math::{DVec3, Ray, Rgb, Vec3};
 use crate::scene::camera::Fit;
 use glam::DAffine3;
@@ -104,7 +104,8 @@ fn shown(parts: &SceneParts) -> Vec<(Part, Points<'_>)> {
         material.is_some_and(|m| m.emission != Rgb::ZERO)
     };
     let mut all = Vec::new();
-    for mesh in &parts.meshes {
+    let own = parts.meshes.len() - usize::from(parts.has_floor);
+    for mesh in &parts.meshes[..own] {
         let points = Points::Mesh(mesh);
         all.extend(Part::of(points.iter(), emits(mesh)).map(|part| (part, points)));
     }
@@ -157,8 +158,24 @@ pub(super) fn corners(low: DVec3, high: DVec3) -> [DVec3; 8] {
     })
 }
 
-/// Parts without grounds, skies, and small things far away: those that a picture of the scene is of.
-fn subject(mut all: Vec<(Part, Points<'_>)>) -> Vec<(Part, Points<'_>)> {
+/// Lowest and highest corner of the box around all parts but the floor of the studio.
+pub(super) fn bounds(parts: &SceneParts) -> Option<[DVec3; 2]> {
+    around(&shown(parts))
+}
+
+/// The same of the subject of a picture; `None` too where a ground or a sky of the parts surrounds it.
+pub(super) fn bounds_on_nothing(parts: &SceneParts) -> Option<[DVec3; 2]> {
+    let (subject, surrounded) = subject(shown(parts));
+    around(&subject).filter(|_| !surrounded)
+}
+
+fn around(all: &[(Part, Points<'_>)]) -> Option<[DVec3; 2]> {
+    let all = (all.iter()).fold(Part::EMPTY, |all, (part, _)| all.with(*part));
+    (all.low.x <= all.high.x).then_some([all.low, all.high])
+}
+
+/// Parts without grounds, skies, and small things far away: those that a picture of the scene is of. True if there were grounds or skies.
+fn subject(mut all: Vec<(Part, Points<'_>)>) -> (Vec<(Part, Points<'_>)>, bool) {
     all.sort_by(|(a, _), (b, _)| a.extent().total_cmp(&b.extent()));
     let mut smaller = vec![Part::EMPTY];
     for (part, _) in &all {
@@ -170,9 +187,8 @@ fn subject(mut all: Vec<(Part, Points<'_>)>) -> Vec<(Part, Points<'_>)> {
             .all(|(part, _)| part.surrounds(&smaller[*k]))
     };
     let least = all.len().saturating_sub(SURROUNDINGS);
-    if let Some(k) = (least..all.len()).rev().find(surround) {
-        all.truncate(k);
-    }
+    let first = (least..all.len()).rev().find(surround);
+    all.truncate(first.unwrap_or(all.len()));
     let mut larger = Part::EMPTY;
     let mut kept = Vec::new();
     for (i, part) in all.into_iter().enumerate().rev() {
@@ -182,7 +198,7 @@ fn subject(mut all: Vec<(Part, Points<'_>)>) -> Vec<(Part, Points<'_>)> {
             kept.push(part);
         }
     }
-    kept
+    (kept, first.is_some())
 }
 
 impl Scene {
@@ -190,14 +206,11 @@ impl Scene {
     /// a room that is open on one side through that side. It frames the vertices of the scene, without ground, sky, and
     /// small things far away.
     pub fn framing_camera(&self, aspect: f32) -> Camera {
-        let subject = subject(shown(&self.parts));
-        let all = subject
-            .iter()
-            .fold(Part::EMPTY, |all, (part, _)| all.with(*part));
-        if subject.is_empty() {
+        let (subject, _) = subject(shown(&self.parts));
+        let Some([low, high]) = around(&subject) else {
             return Camera::framing(self.geometry.bounds(), aspect);
-        }
-        let side = self.open_side(0.5 * (all.low + all.high), all.extent());
+        };
+        let side = self.open_side(0.5 * (low + high), (high - low).max_element());
         let mut fit = Fit::new(aspect, side);
         for (_, points) in &subject {
             points
@@ -216,7 +229,12 @@ impl Scene {
         let free = |dir: Vec3| {
             let mut ray = Ray::new(from, dir);
             ray.t_max = beyond;
-            self.intersect(&ray).is_none()
+            let floor = |hit: &Hit| {
+                (self.parts.floor()).is_some_and(|mesh| {
+                    self.geometry.triangle_material(hit.triangle) == mesh.material
+                })
+            };
+            self.intersect(&ray).is_none_or(|hit| floor(&hit))
         };
         let golden = std::f32::consts::PI * (3.0 - 5.0f32.sqrt());
         let dirs: Vec<Vec3> = (0..LOOKS)

@@ -14,6 +14,7 @@ pub mod backdrop;
 pub mod bodies;
 pub mod camera;
 pub mod finish;
+mod floor;
 mod framing;
 pub mod geometry;
 mod instances;
@@ -72,6 +73,8 @@ pub struct SceneParts {
     /// True if each boundary of a body knows both its sides: it refracts by its own index, whatever it bounds and whatever
     /// bodies are around. Scenes of other renderers are made so.
     pub own_boundaries: bool,
+    /// True if the last mesh is the [floor](SceneParts::lay_floor) of the studio.
+    pub has_floor: bool,
 }
 
 impl SceneParts {

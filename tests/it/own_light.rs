@@ -1,13 +1,16 @@
 //! Scenes lit by their own surfaces: the table of issue cases, and the camera of files that have none.
 
 use crate::support::gltf::File;
+use crate::support::render::{film, mean, scene};
 use image::{DynamicImage, Rgb as Texel, RgbImage};
 use opsr::math::{Rgb, Vec2, Vec3};
+use opsr::regularise::Rule;
 use opsr::render::Spec;
 use opsr::render::open::Opened;
+use opsr::scene::light::sky::studio;
 use opsr::scene::load::Formats;
 use opsr::scene::procedural::{materials, shapes};
-use opsr::scene::{Camera, Material, Mesh, PunctualLight, Scene, SceneParts};
+use opsr::scene::{Camera, Environment, Material, Mesh, PunctualLight, Scene, SceneParts};
 use opsr_lab::gallery::glb::to_glb;
 use serde_json::json;
 
@@ -341,4 +344,66 @@ fn framing_looks_into_an_open_room() {
     let (along, _) = into(std::f32::consts::FRAC_PI_2, false);
     assert!(along.x.abs() > 0.99, "{along}");
     assert!(into(0.0, true).1.contains("three-quarter"));
+}
+
+/// The floor of the studio lies below the lowest point, where a picture has no ground of its own, and is in no frame.
+#[test]
+fn objects_stand_on_the_floor_of_the_studio() {
+    let block = || shapes::cuboid(Vec3::new(1.0, 2.0, -1.0), Vec3::new(2.0, 5.0, 1.0));
+    let of = |more: Option<Mesh>| {
+        let mut parts = SceneParts::default();
+        let grey = materials::diffuse("grey", Rgb::splat(0.5));
+        parts.add(grey, std::iter::once(block()).chain(more));
+        file(&parts, None)
+    };
+    let opened = open(&of(None), &[]);
+    let floor = opened.scene.parts().floor().expect("a floor");
+    for p in &floor.positions {
+        assert!(p.y < 2.0 && p.y > 1.99, "{p}");
+    }
+    let up = |&[a, b, c]: &[u32; 3]| {
+        let [a, b, c] = [a, b, c].map(|i| floor.positions[i as usize]);
+        (b - a).cross(c - a).y > 0.0
+    };
+    assert!(floor.indices.iter().all(up));
+    let (low, high) = opened.scene.bounds();
+    assert!(low.distance(Vec3::new(1.0, 2.0, -1.0)) < 1e-5 && high.y == 5.0);
+    let none = open(&of(None), &[("env", "none")]);
+    assert!(none.scene.parts().floor().is_none());
+    assert_eq!(none.scene.bounds(), (low, high));
+    let [standing, floating] = [&opened, &none].map(|opened| opened.scene.framing_camera(1.5));
+    assert_eq!(standing, floating);
+    let named = open(&of(None), &[("env", "studio")]);
+    assert!(named.scene.parts().has_floor);
+    let own = shapes::quad(Vec3::new(-30.0, 2.0, -30.0), Vec3::Z * 60.0, Vec3::X * 60.0);
+    assert!(!open(&of(Some(own)), &[]).scene.parts().has_floor);
+    // A lamp that is decoration: the tree is built again, with the floor.
+    let glow = with(2.0, lamp(0.05), [square(0.1, 0.2)]);
+    let opened = open(&file(&glow, None), &[]);
+    assert!(opened.in_studio && opened.scene.parts().has_floor);
+    assert!(opened.scene.parts().environment.is_some());
+}
+
+/// A floor without objects is as bright as what is beside it; below and behind an object it is darker, more so the closer.
+#[test]
+fn floor_of_the_studio_has_a_shadow_and_no_rim() {
+    // Away from the key light, which stands in the front left.
+    let along = Vec3::new(0.67, 0.0, -0.74);
+    let at = |distance: f32, floor: bool| {
+        let mut parts = SceneParts::default();
+        let cube = shapes::cuboid(Vec3::new(-0.5, 0.0, -0.5), Vec3::new(0.5, 1.0, 0.5));
+        parts.add(materials::diffuse("grey", Rgb::splat(0.5)), [cube]);
+        if floor {
+            parts.lay_floor();
+        }
+        parts.environment = Some(Environment::from_map(studio(), 0.0));
+        let to = distance * along;
+        parts.add_camera((to + 3.0 * along + 2.0 * Vec3::Y).into(), to.into(), 1.0);
+        mean(&film(&scene(parts), Rule::Plain, 8, 256, 1)).0
+    };
+    let backdrop = at(0.8, false);
+    let [close, near, rim, beyond] = [0.8, 1.5, 5.1, 5.3].map(|d| at(d, true) / backdrop);
+    assert!((beyond - 1.0).abs() < 1e-6, "{beyond}");
+    assert!((rim - 1.0).abs() < 0.005, "{rim}");
+    assert!(close < near - 0.1 && near < 0.95, "{close} {near}");
 }

@@ -105,13 +105,20 @@ fn lines(facts: &Value) -> String {
 /// The content of a scene as JSON.
 fn facts(scene: &Scene, warnings: &[String]) -> serde_json::Value {
     let parts = scene.parts();
-    let materials: Vec<_> = parts.materials.iter().map(material).collect();
+    let floor = parts.floor();
+    let own = |(i, m): (usize, &Material)| match floor {
+        Some(floor) if floor.material as usize == i => None,
+        _ => Some(material(m)),
+    };
+    let materials: Vec<_> = (parts.materials.iter().enumerate())
+        .filter_map(own)
+        .collect();
     let count = |f: fn(&PunctualLight) -> bool| parts.lights.iter().filter(|l| f(l)).count();
-    let (low, high) = scene.geometry().bounds();
+    let (low, high) = scene.bounds();
     let advice = advise(scene);
     serde_json::json!({
-        "triangles": scene.geometry().len(),
-        "meshes": parts.meshes.len() + scene.geometry().instances(),
+        "triangles": scene.geometry().len() - floor.map_or(0, |mesh| mesh.indices.len()),
+        "meshes": parts.meshes.len() - usize::from(parts.has_floor) + scene.geometry().instances(),
         "shared": {
             "meshes": parts.shared.len(),
             "instances": scene.geometry().instances(),

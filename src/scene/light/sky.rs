@@ -107,13 +107,19 @@ impl Panel {
     }
 }
 
-/// The studio: neutral walls, darker towards the floor, with dark flags to the left and right of the back wall for the rims of
+/// Radiance of the studio's floor, as far away as it is seen.
+const FLOOR: f64 = 0.32;
+
+/// Albedo of a floor that the studio lights to the radiance of its lower half: a disc of it has no visible rim.
+pub const FLOOR_ALBEDO: f32 = 0.16745;
+
+/// The studio: neutral walls above an even floor, with dark flags to the left and right of the back wall for the rims of
 /// glass, and four soft lamps. A white matt surface has a radiance of about 1 where the key shines, and 0.4 in its shadow.
 pub fn studio() -> Buffer {
     map(STUDIO_ROWS, |dir| {
-        let wall = 0.24 + 0.22 * smoothstep(-0.9, 0.5, dir.y);
+        let wall = FLOOR + 0.14 * smoothstep(0.0, 0.5, dir.y);
         let side = dir.x.abs() / dir.x.hypot(dir.z).max(1e-9);
-        let flag = smoothstep(0.80, 0.88, side) * smoothstep(-0.35, -0.1, dir.y);
+        let flag = smoothstep(0.80, 0.88, side) * smoothstep(0.0, 0.2, dir.y);
         let above = 1.0 - smoothstep(0.55, 0.8, dir.y);
         let dark = 1.0 - 0.8 * flag * above;
         let lamps: f64 = PANELS.iter().map(|panel| panel.at(dir)).sum();
@@ -432,6 +438,8 @@ mod tests {
             };
             studio.pixels.iter().enumerate().map(share).sum()
         };
+        let floor = lit(DVec3::Y) * f64::from(FLOOR_ALBEDO) / FLOOR;
+        assert!((floor - 1.0).abs() < 2e-3, "{floor}");
         let key = towards(-42f64.to_radians(), 42f64.to_radians());
         assert!((0.8..2.0).contains(&lit(key)), "{}", lit(key));
         assert!((0.2..0.5).contains(&lit(-DVec3::Y)), "{}", lit(-DVec3::Y));

@@ -224,6 +224,7 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         environment: None,
         medium: None,
         own_boundaries: false,
+        has_floor: false,
     };
     Ok(Loaded {
         light: FileLight::of(&parts),
