@@ -16,8 +16,9 @@ const GAP: f64 = 1e-3;
 const CORNERS: u32 = 96;
 
 impl SceneParts {
-    /// Lays a disc of [`FLOOR_ALBEDO`] below the lowest point of the objects that a camera frames, as the last mesh. Scenes with
-    /// a ground or a sky of their own stay as they are. Cameras below the floor see through it, since it is single-sided.
+    /// Lays a disc, as the last mesh, below the lowest point of the objects that a camera frames. The studio lights it as bright as its
+    /// own lower half. Scenes with a ground or a sky of their own stay as they are. Cameras below the floor see through it, since it
+    /// is single-sided.
     pub fn lay_floor(&mut self) {
         let Some([low, high]) = framing::bounds_on_nothing(self) else {
             return;

@@ -1,9 +1,11 @@
 //! The viewer by its protocol: who is answered, what is refused, what stalls nothing, and that its picture is that of a render.
 
 use opsr::image::exr;
+use opsr::math::{Rgb, Vec3};
 use opsr::render::look::CameraChoice;
 use opsr::render::{Request, Spec, Subject, run};
-use opsr::scene::Scene;
+use opsr::scene::procedural::{materials, shapes};
+use opsr::scene::{Scene, SceneParts};
 use opsr_lab::gallery::{self, glb};
 use opsr_view::Viewer;
 use serde_json::{Value, json};
@@ -206,7 +208,7 @@ fn view_refuses_whoever_may_not_ask() {
         assert!(page.head.contains(header), "{}", page.head);
     }
     // The page loads nothing from elsewhere.
-    for file in ["", "page.css", "page.js"] {
+    for file in ["", "page.css", "page.js", "camera.js"] {
         let text = viewer
             .get(file)
             .text()
@@ -729,6 +731,54 @@ fn view_shows_what_is_asked_for() {
         turned["state"]["look"]["position"],
         head["state"]["look"]["position"]
     );
+}
+
+/// The camera turns at the depth of the objects, though the middle of the picture shows the floor; the page gets their boxes.
+#[test]
+fn view_knows_the_objects_of_a_studio() {
+    let mut parts = SceneParts::default();
+    let towers =
+        [-2.0f32, 2.0].map(|x| (Vec3::new(x - 0.5, 0.0, -0.5), Vec3::new(x + 0.5, 3.0, 0.5)));
+    for (low, high) in towers {
+        let grey = materials::diffuse("grey", Rgb::splat(0.5));
+        parts.add(grey, [shapes::cuboid(low, high)]);
+    }
+    let viewer = Running::of(&glb::to_glb(&parts).expect("a scene"), &[]);
+    let (head, _) = viewer.done();
+    let numbers = |value: &Value| -> Vec<f32> {
+        let all = value.as_array().expect("numbers").iter();
+        all.map(|x| x.as_f64().expect("a number") as f32).collect()
+    };
+    let target = Vec3::from_slice(&numbers(&head["state"]["look"]["target"]));
+    let apart = target.distance(Vec3::new(0.0, 1.5, 0.0));
+    assert!(
+        apart < 1.5,
+        "{target} for the middle: the floor is 4 behind"
+    );
+    let bounds = viewer.json("facts")["bounds"].clone();
+    assert_eq!(numbers(&bounds[0]), [-2.5, 0.0, -0.5]);
+    let mut found = [0; 3];
+    for (x, y) in (0..24).flat_map(|x| (0..16).map(move |y| (x, y))) {
+        let pixel = viewer.json(&format!("pixel?x={x}&y={y}"));
+        let object = viewer.json(&format!("object?x={x}&y={y}"));
+        assert_eq!(pixel["surface"]["object"], object["name"], "{x} {y}");
+        let of = match &object["bounds"] {
+            Value::Null => 2,
+            bounds => usize::from(bounds[0][0].as_f64() > Some(0.0)),
+        };
+        found[of] += 1;
+        match of {
+            2 => {
+                let floor = pixel["surface"]["material"] == "floor of the studio";
+                assert!(floor || pixel["surface"].is_null(), "{pixel}");
+            }
+            i => {
+                let ends = [0, 1].map(|k| Vec3::from_slice(&numbers(&object["bounds"][k])));
+                assert_eq!(ends, [towers[i].0, towers[i].1]);
+            }
+        }
+    }
+    assert!(found.iter().all(|n| *n > 20), "{found:?}");
 }
 
 #[test]

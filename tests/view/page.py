@@ -84,6 +84,7 @@ def drive(page, opsr, scene, folder):
     another(page, lambda: page.keyboard.press("h"))
     assert (picture(page) == first).all(), "the camera of the file makes another picture"
     another(page, lambda: page.keyboard.press("ArrowRight"))
+    moves(page)
 
     # Another integrator shows the same light.
     before = brightness(picture(page))
@@ -107,8 +108,19 @@ def drive(page, opsr, scene, folder):
     # A pixel: value and paths, the brightest first.
     page.mouse.click(x, y + 40)
     page.wait_for_selector("#why li", state="attached", timeout=10_000)
-    assert "radiance" in page.locator("#pointer").inner_text()
-    page.locator("#why-box > summary").click()
+    values = page.locator("#pointer")
+    assert "radiance" in values.inner_text() and "object" in values.inner_text()
+    assert values.evaluate("e => e.scrollHeight <= e.clientHeight && e.scrollWidth <= e.clientWidth"), "a value is cut off"
+    assert page.evaluate("document.getElementById('why-box').open")
+    page.locator("#why").scroll_into_view_if_needed(timeout=2_000)
+    # The brightest path is drawn from the pixel that was clicked.
+    points = page.locator("#path polyline").first.get_attribute("points").split()
+    frame, pixel = page.evaluate("[head.frame, marked]")
+    apart = [abs(float(at) / 1000 * n - 0.5 - x) for at, n, x in zip(points[0].split(","), frame, pixel)]
+    assert max(apart) < 1, f"the path begins {apart} pixels beside the one that was clicked"
+    # Each path has a line, and a dot for each of its vertices, twice.
+    dots = page.locator("#path .dot").count()
+    assert dots == 2 * len(points), f"{dots} dots of {points}"
     page.locator("#why li summary").first.click()
     assert "throughput" in page.locator("#why li table").first.inner_text()
 
@@ -158,6 +170,53 @@ def drive(page, opsr, scene, folder):
     page.keyboard.press("?")
     assert page.locator("#help").is_visible()
     page.keyboard.press("Escape")
+
+
+def moves(page):
+    """The camera turns about what is under the pointer, frames objects, and looks along axes."""
+    surface = """() => asked("pixel", [Math.floor(0.3 * head.frame[0]), Math.floor(0.7 * head.frame[1])])"""
+    pivot = page.evaluate(surface)["surface"]["position"]
+    before = page.evaluate("p => projected(p)", pivot)
+    box = page.evaluate("() => { const b = stage.getBoundingClientRect(), at = fitted(); return [b.left + at.x, b.top + at.y, at.w, at.h]; }")
+    x, y = box[0] + (0.3 + 0.5 / 160) * box[2], box[1] + (0.7 + 0.5 / 120) * box[3]
+
+    def drag():
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 60, y + 20, steps=6)
+        page.mouse.up()
+        page.wait_for_timeout(600)
+
+    target = page.evaluate("look.target")
+    another(page, drag)
+    after = page.evaluate("p => projected(p)", pivot)
+    assert max(abs(a - b) for a, b in zip(before, after)) < 2e-3, f"the point turned from {before} to {after}"
+    assert page.evaluate("look.target") != target
+
+    # The object under the pointer fills the picture, and so does the scene.
+    page.mouse.move(x, y)
+    page.mouse.move(x + 1, y)
+    page.locator("#stage").focus()
+    bounds = page.evaluate("asked('object', hovered)")["bounds"]
+    corners = """([low, high]) => Array.from({ length: 8 }, (_, i) => projected([0, 1, 2].map((k) => ((i >> k) & 1 ? high : low)[k])))"""
+    scene = page.evaluate("facts.bounds")
+    for key, box in [(".", bounds), ("Home", scene)]:
+        another(page, lambda: page.keyboard.press(key))
+        seen = page.evaluate(corners, box)
+        assert all(p and 0 <= p[0] <= 1 and 0 <= p[1] <= 1 for p in seen), f"{key}: {seen}"
+        wide = [max(p[k] for p in seen) - min(p[k] for p in seen) for k in range(2)]
+        assert max(wide) > 0.4, f"{key}: {wide}"
+
+    # Along the axes, by keys and by the cross.
+    back = "(() => unit(add(look.position, look.target, -1)).map(x => Math.round(1000 * x) / 1000))()"
+    for key, way in [("x", [1, 0, 0]), ("Shift+X", [-1, 0, 0]), ("y", [0, 1, 0]), ("z", [0, 0, 1])]:
+        another(page, lambda: page.keyboard.press(key))
+        assert page.evaluate(back) == way, f"{key}: {page.evaluate(back)}"
+    another(page, lambda: page.locator("#axes [data-axis='0'] circle").click())
+    assert page.evaluate(back) == [1, 0, 0]
+    page.locator("#stage").focus()
+    another(page, lambda: page.keyboard.press("h"))
+    another(page, lambda: page.keyboard.press("ArrowRight"))
 
 
 def many(browser, address):

@@ -1,5 +1,6 @@
 //! A scene that is open, and what a camera sees of it: values under the pointer, first surfaces, paths.
 
+use glam::DAffine3;
 use opsr::image::Buffer;
 use opsr::image::film::Window;
 use opsr::integrator::layers::Aov;
@@ -7,7 +8,7 @@ use opsr::integrator::trace::{TracedPath, trace};
 use opsr::integrator::{Amounts, Estimator, Picture, Settings, View};
 use opsr::math::{UVec2, Vec2, Vec3, luminance};
 use opsr::render::open::Opened;
-use opsr::scene::{Camera, Hit, Sensor};
+use opsr::scene::{Camera, Hit, Mesh, Sensor, SharedMesh};
 use serde_json::{Value, json};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -90,15 +91,49 @@ impl Viewpoint {
         let mut surface = scene.surface(&hit);
         let material = surface.material;
         let alpha = scene.bsdf(&mut surface, 0.25).alpha();
+        let mesh = scene.geometry().triangle_mesh(surface.triangle);
         json!({
+            "object": self.object(mesh).map(|object| object.name().to_owned()),
             "position": position.to_array(),
             "normal": surface.ns.to_array(),
             "distance": hit.t,
             "depth": depth,
             "material": scene.parts().materials[material as usize].name,
-            "mesh": scene.geometry().triangle_mesh(surface.triangle) + 1,
+            "mesh": mesh + 1,
             "alpha": alpha,
         })
+    }
+
+    /// The object at the centre of a pixel: its name, and the box around it.
+    pub(super) fn object_at(&self, pixel: UVec2) -> Value {
+        let geometry = self.open_scene.opened.scene.geometry();
+        let object = (self.point(pixel))
+            .and_then(|(hit, ..)| self.object(geometry.triangle_mesh(hit.triangle)));
+        object.map_or(Value::Null, |object| {
+            let bounds = object.bounds().map(|p| p.to_array());
+            json!({ "name": object.name(), "bounds": bounds })
+        })
+    }
+
+    /// The mesh or instance of an index; `None` for the floor of the studio.
+    fn object(&self, mesh: u32) -> Option<Object<'_>> {
+        let parts = self.open_scene.opened.scene.parts();
+        let mut index = mesh as usize;
+        if let Some(mesh) = parts.meshes.get(index) {
+            let is_floor = parts.has_floor && index + 1 == parts.meshes.len();
+            return (!is_floor).then_some(Object { mesh, pose: None });
+        }
+        index -= parts.meshes.len();
+        for SharedMesh { mesh, poses } in &parts.shared {
+            if let Some(pose) = poses.get(index) {
+                return Some(Object {
+                    mesh,
+                    pose: Some(pose),
+                });
+            }
+            index -= poses.len();
+        }
+        None
     }
 
     /// First surfaces at this size, by one sample.
@@ -169,5 +204,29 @@ impl Viewpoint {
             "emission": path.emission.to_array(),
             "vertices": vertices.collect::<Vec<_>>(),
         })
+    }
+}
+
+/// A mesh, or an instance of a shared one.
+struct Object<'a> {
+    mesh: &'a Mesh,
+    pose: Option<&'a DAffine3>,
+}
+
+impl Object<'_> {
+    /// The name that the file gives it, or its place there.
+    fn name(&self) -> &str {
+        let place = self.mesh.name.as_str();
+        place.split('`').nth(1).unwrap_or(place)
+    }
+
+    /// Lowest and highest corner of the box around it.
+    fn bounds(&self) -> [Vec3; 2] {
+        let none = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        let at = |p: &Vec3| match self.pose {
+            Some(pose) => pose.transform_point3(p.as_dvec3()).as_vec3(),
+            None => *p,
+        };
+        (self.mesh.positions.iter().map(at)).fold(none, |[low, high], p| [low.min(p), high.max(p)])
     }
 }

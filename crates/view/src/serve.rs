@@ -29,6 +29,7 @@ const MAX_WAITING: usize = 3;
 const PAGE: &str = include_str!("page/index.html");
 const STYLE: &str = include_str!("page/page.css");
 const SCRIPT: &str = include_str!("page/page.js");
+const CAMERA: &str = include_str!("page/camera.js");
 
 /// State from which the server answers.
 pub(super) struct Server {
@@ -132,9 +133,11 @@ impl Server {
             "",
             "page.css",
             "page.js",
+            "camera.js",
             "facts",
             "poll",
             "pixel",
+            "object",
             "paths",
             "picture.png",
             "picture.exr",
@@ -162,9 +165,14 @@ impl Server {
             "" => Answer::new(200, "text/html; charset=utf-8", PAGE),
             "page.css" => Answer::new(200, "text/css; charset=utf-8", STYLE),
             "page.js" => Answer::new(200, "text/javascript; charset=utf-8", SCRIPT),
+            "camera.js" => Answer::new(200, "text/javascript; charset=utf-8", CAMERA),
             "facts" => Answer::json(200, &self.facts()),
             "poll" => self.poll(number("frame"), number("words")),
             "pixel" => Answer::json(200, &self.pixel(self.asked_pixel(request)?)),
+            "object" => {
+                let (viewpoint, pixel) = (self.viewpoint()?, self.asked_pixel(request)?);
+                Answer::json(200, &viewpoint.object_at(pixel))
+            }
             "paths" => {
                 let (viewpoint, pixel) = (self.viewpoint()?, self.asked_pixel(request)?);
                 Answer::json(200, &self.pool.install(|| viewpoint.paths(pixel)))
@@ -323,7 +331,7 @@ impl Server {
             })
             .collect();
         let bounds = open_scene.as_ref().map(|open_scene| {
-            let (low, high) = open_scene.opened.scene.geometry().bounds();
+            let (low, high) = open_scene.opened.scene.bounds();
             [low.to_array(), high.to_array()]
         });
         let options = OPTIONS

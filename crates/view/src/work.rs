@@ -7,7 +7,7 @@ use super::open_scene::{OpenScene, Viewpoint};
 use super::options::{Options, Overlay, leave_out};
 use opsr::image::film::Window;
 use opsr::integrator::{Amounts, Integrator, Picture, Recorded, Stop, View};
-use opsr::math::{UVec2, Vec2};
+use opsr::math::{UVec2, Vec2, Vec3};
 use opsr::render::look::{CameraChoice, Look};
 use opsr::render::value::word;
 use opsr::render::{Fault, Heading, Outcome, Request, Spec, Subject};
@@ -485,7 +485,11 @@ fn choice_key(spec: &Spec) -> String {
         .collect()
 }
 
-/// The look of the camera that the options name; it turns around what is in the middle of its picture.
+/// Rays along each side of the picture for the median depth.
+const DEPTHS: u32 = 9;
+
+/// The look of the camera that the options name. It turns around the point at the median depth of what it sees, the floor of the studio
+/// left out, and the middle of the scene where it sees nothing.
 fn first_look(spec: &Spec, scene: &Scene) -> Result<Look, Fault> {
     let frame = spec.frame(scene)?;
     let bare = Spec {
@@ -493,13 +497,19 @@ fn first_look(spec: &Spec, scene: &Scene) -> Result<Look, Fault> {
         ..spec.clone()
     };
     let camera = bare.camera(scene, frame)?;
-    let ray = camera.ray(Vec2::splat(0.5), 1.0);
-    let (low, high) = scene.geometry().bounds();
-    let middle = 0.5 * (low + high);
-    let distance = match scene.intersect_seen(&ray) {
-        Some(hit) => hit.t,
-        None => (middle - ray.origin).dot(ray.dir),
+    let along = |p: Vec3| (p - camera.position).dot(-camera.frame.n);
+    let floor = scene.parts().floor().map(|mesh| mesh.material);
+    let depth = |i: u32| {
+        let at = UVec2::new(i % DEPTHS, i / DEPTHS).as_vec2() + Vec2::splat(0.5);
+        let ray = camera.ray(at / DEPTHS as f32, frame.x as f32 / frame.y as f32);
+        let hit = scene.intersect_seen(&ray)?;
+        let is_floor = Some(scene.geometry().triangle_material(hit.triangle)) == floor;
+        (!is_floor).then(|| along(ray.origin + hit.t * ray.dir))
     };
+    let mut depths: Vec<f32> = (0..DEPTHS * DEPTHS).filter_map(depth).collect();
+    depths.sort_by(f32::total_cmp);
+    let (low, high) = scene.bounds();
+    let distance = (depths.get(depths.len() / 2)).map_or(along(0.5 * (low + high)), |d| *d);
     let least = 1e-3 * (high - low).length().max(f32::MIN_POSITIVE);
     Ok(Look::of(&camera, distance.max(least)))
 }

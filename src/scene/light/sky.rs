@@ -111,7 +111,7 @@ impl Panel {
 const FLOOR: f64 = 0.32;
 
 /// Albedo of a floor that the studio lights to the radiance of its lower half: a disc of it has no visible rim.
-pub const FLOOR_ALBEDO: f32 = 0.16745;
+pub(in crate::scene) const FLOOR_ALBEDO: f32 = 0.16745;
 
 /// The studio: neutral walls above an even floor, with dark flags to the left and right of the back wall for the rims of
 /// glass, and four soft lamps. A white matt surface has a radiance of about 1 where the key shines, and 0.4 in its shadow.

@@ -181,72 +181,11 @@ function zoomTo(factor, event) {
   place();
 }
 
-// ── vectors ──
-
-const add = (a, b, k = 1) => a.map((x, i) => x + k * b[i]);
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const length = (a) => Math.hypot(...a);
-const unit = (a) => a.map((x) => x / (length(a) || 1));
-// Rodrigues' rotation about a unit axis.
-function turn(v, axis, angle) {
-  const [c, s] = [Math.cos(angle), Math.sin(angle)];
-  return add(add(v.map((x) => x * c), cross(axis, v), s), axis, dot(axis, v) * (1 - c));
-}
-
-// ── camera ──
-
-function moved() {
-  touched = performance.now();
-  sendLook();
-}
-
-function orbit(dx, dy) {
-  if (!look) return;
-  let offset = add(look.position, look.target, -1), up = unit(look.up);
-  const axis = [0, 1, 0];
-  offset = turn(offset, axis, -dx);
-  up = turn(up, axis, -dx);
-  const right = unit(cross(up, offset));
-  const pitched = turn(offset, right, -dy);
-  // Not over the poles.
-  const high = Math.abs(dot(unit(pitched), axis));
-  if (high < 0.999 || high < Math.abs(dot(unit(offset), axis))) {
-    offset = pitched;
-    up = turn(up, right, -dy);
-  }
-  // Up stays across the view, for a camera without roll above the horizon.
-  const back = unit(offset);
-  up = unit(add(up, back, -dot(up, back)));
-  look = { ...look, position: add(look.target, offset), up };
-  moved();
-}
-
-function shift(dx, dy) {
-  if (!look || !head) return;
-  const offset = add(look.position, look.target, -1), back = unit(offset);
-  const right = unit(cross(look.up, back)), up = cross(back, right);
-  const height = look.height ?? 2 * length(offset) * Math.tan(((look.fov ?? 40) * Math.PI) / 360);
-  const step = height / fitted().h;
-  const by = add(right.map((x) => -dx * step * x), up, dy * step);
-  look = { ...look, position: add(look.position, by), target: add(look.target, by) };
-  moved();
-}
-
-function dolly(amount) {
-  if (!look) return;
-  const offset = add(look.position, look.target, -1), factor = Math.exp(amount);
-  const least = facts?.bounds ? 1e-4 * length(add(facts.bounds[1], facts.bounds[0], -1)) : 1e-6;
-  if (length(offset) * factor < least) return;
-  look = { ...look, position: add(look.target, offset, factor) };
-  if (look.height) look.height *= factor;
-  moved();
-}
-
 // ── pointer ──
 
 const fingers = new Map();
 let gesture = null;
+let hovered = null;    // pixel under the pointer
 
 stage.addEventListener("pointerdown", (event) => {
   if (event.target.id === "divider") return;
@@ -259,14 +198,30 @@ stage.addEventListener("pointerdown", (event) => {
     still: fingers.size === 1 && event.button === 0,
     from: [event.clientX, event.clientY],
     apart: both.length > 1 ? apart(both) : 0,
+    about: null,
+    turned: [0, 0],
   };
+  const own = gesture;
+  grasped(pixelAt(event)).then((about) => {
+    own.about = about;
+    drag(own, 0, 0);
+  });
 });
+
+// Turns by what was dragged since the point to turn about is known.
+function drag(own, dx, dy) {
+  own.turned = add(own.turned, [dx, dy]);
+  if (!own.about || !own.turned.some((x) => x !== 0)) return;
+  orbit(...own.turned, own.about);
+  own.turned = [0, 0];
+}
 
 const apart = ([a, b]) => Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
 
 stage.addEventListener("pointermove", (event) => {
   if (!fingers.has(event.pointerId)) {
-    if (event.pointerType === "mouse") ask(pixelAt(event));
+    hovered = pixelAt(event);
+    if (event.pointerType === "mouse") ask(hovered);
     return;
   }
   const before = fingers.get(event.pointerId);
@@ -286,7 +241,7 @@ stage.addEventListener("pointermove", (event) => {
   } else if (gesture.pans) {
     shift(dx, dy);
   } else {
-    orbit((dx * Math.PI) / stage.clientWidth * 1.5, (dy * Math.PI) / stage.clientHeight);
+    drag(gesture, (dx * Math.PI) / stage.clientWidth * 1.5, (dy * Math.PI) / stage.clientHeight);
   }
 });
 
@@ -353,16 +308,14 @@ function short(x) {
 }
 const three = (v) => (v ? v.map(short).join(" ") : "–");
 
+// What the server knows of a pixel; null where it does not answer.
+async function asked(what, pixel) {
+  const answer = await fetch(`${what}?x=${pixel[0]}&y=${pixel[1]}`).catch(() => null);
+  return answer?.ok ? answer.json() : null;
+}
+
 const ask = latest(async (pixel) => {
-  if (!pixel) return;
-  let value;
-  try {
-    const answer = await fetch(`pixel?x=${pixel[0]}&y=${pixel[1]}`);
-    if (!answer.ok) return;
-    value = await answer.json();
-  } catch {
-    return;
-  }
+  const value = pixel && (await asked("pixel", pixel));
   if (!value) return;
   const of = value.surface;
   const rows = [["pixel", value.pixel.join(", ")], ["radiance", three(value.radiance)]];
@@ -371,6 +324,7 @@ const ask = latest(async (pixel) => {
   if (value.error !== null) rows.push(["error", short(value.error)]);
   if (value.bias !== null) rows.push(["bias", short(value.bias)]);
   if (value.level !== null) rows.push(["level", value.level]);
+  if (of?.object) rows.push(["object", of.object]);
   if (of) rows.push(["material", of.material || "unnamed"], ["roughness α", short(of.alpha)], ["depth", short(of.depth)], ["normal", three(of.normal)]);
   else rows.push(["surface", "none"]);
   const list = $("pointer");
@@ -400,17 +354,48 @@ const swatch = (rgb) => {
 
 async function why(pixel) {
   marked = pixel;
+  drawPath(null);
   place();
   const box = $("why");
-  const answer = await fetch(`paths?x=${pixel[0]}&y=${pixel[1]}`).catch(() => null);
-  if (!answer || !answer.ok) return;
-  const found = await answer.json();
+  const found = await asked("paths", pixel);
   if (marked !== pixel || !found) return;
   box.dataset.pixel = pixel.join();
   const list = element("ol");
-  for (const path of found.paths) list.append(described(path));
+  for (const path of found.paths) {
+    const item = described(path);
+    for (const name of ["pointerenter", "focusin"]) item.addEventListener(name, () => marked === pixel && drawPath(path));
+    list.append(item);
+  }
+  drawPath(found.paths[0]);
   const text = `Pixel ${pixel.join(", ")}: ${found.lit} of ${found.samples} paths of the path tracer find light, mean ${three(found.mean)}. The brightest:`;
   box.replaceChildren(element("p", text, "quiet"), list);
+  $("why-box").open = true;
+  $("why-box").scrollIntoView({ block: "nearest" });
+}
+
+// Draws the vertices of a path over the picture, up to the first behind the camera.
+function drawPath(path) {
+  const made = [], points = [];
+  for (const v of path?.vertices ?? []) {
+    const at = projected(v.position);
+    if (!at) break;
+    points.push(at.map((x) => (1000 * x).toFixed(1)).join());
+  }
+  if (points.length) {
+    for (const kind of ["under", "over"]) made.push(svg("polyline", { points: points.join(" "), class: kind, "vector-effect": "non-scaling-stroke" }));
+    // A dot is a line without length: it stays round.
+    for (const kind of ["under", "over"]) {
+      for (const p of points) made.push(svg("polyline", { points: `${p} ${p}`, class: `${kind} dot`, "vector-effect": "non-scaling-stroke" }));
+    }
+  }
+  $("path").replaceChildren(...made);
+}
+
+function unmark() {
+  if (!marked) return;
+  marked = null;
+  drawPath(null);
+  place();
 }
 
 function described(path) {
@@ -457,10 +442,10 @@ const clock = (s) => (s < 90 ? `${Math.max(1, Math.round(s))} s` : s < 5400 ? `$
 
 function curve() {
   const sides = [state.course, state.other_course].map((c) => c.curve.filter(([t, , e]) => t > 0 && e > 0));
-  const all = sides.flat(), svg = $("curve"), goal = state.options.target_error;
+  const all = sides.flat(), goal = state.options.target_error;
   const fit = trend(sides[0]);
   if (all.length < 2) {
-    svg.replaceChildren();
+    $("curve").replaceChildren();
     $("forecast").textContent = state.error ? `Average error ${percent(state.error)}.` : "No estimate yet.";
     return;
   }
@@ -471,10 +456,7 @@ function curve() {
   const y = (e) => 8 + (100 * Math.log(e1 / e)) / Math.log(e1 / e0);
   const made = [];
   const draw = (name, of, text) => {
-    const node = document.createElementNS("http://www.w3.org/2000/svg", name);
-    for (const key in of) node.setAttribute(key, of[key]);
-    if (text !== undefined) node.textContent = text;
-    made.push(node);
+    made.push(svg(name, of, text));
   };
   const ticks = (low, high, of) => {
     let found = [];
@@ -501,7 +483,7 @@ function curve() {
     const last = sides[0].at(-1), end = Math.exp(fit.at + fit.slope * Math.log(t1));
     draw("line", { class: "ahead", x1: x(last[0]), y1: y(last[2]), x2: x(t1), y2: Math.min(108, y(end)) });
   }
-  svg.replaceChildren(...made);
+  $("curve").replaceChildren(...made);
   $("forecast").textContent = forecast(fit, goal);
 }
 
@@ -537,7 +519,10 @@ function adopt() {
   $("numbers").textContent = samples ? `${samples} samples, ${seconds.toFixed(1)} s${error}${flip}` : "";
   fault(state.fault);
   if (state.fault && !head) $("veil").textContent = state.fault;
-  if (state.look && performance.now() - touched > 400) look = state.look;
+  if (state.look && performance.now() - touched > 400) {
+    look = state.look;
+    axes();
+  }
   $("pause").setAttribute("aria-pressed", state.paused);
   $("pause").textContent = state.paused ? "Go on" : "Pause";
   $("command").textContent = state.command;
@@ -694,7 +679,11 @@ $("compare").onchange = (event) => {
   set({ other: value === "" ? null : ["plain", "reference"].includes(value) ? value : { integrator: value } });
 };
 $("pause").onclick = () => set({ paused: !state.paused });
-$("home").onclick = () => { touched = -1e9; set({ home: true }); };
+$("home").onclick = () => {
+  touched = -1e9;
+  unmark();
+  set({ home: true });
+};
 function focusBy(on) {
   picking = on;
   stage.classList.toggle("picking", on);
@@ -732,8 +721,13 @@ const keys = {
   "]": ["Brighter", () => expose(Math.round(10 * Number($("exposure").value) + 5) / 10)],
   " ": ["Pause or go on", () => $("pause").click()],
   h: ["Camera of the file", () => $("home").click()],
-  z: ["Larger pixels, and back", () => zoomTo(zoom >= 16 ? 1 : zoom * 4, null)],
-  f: ["The next click sets the focus", () => $("pick-focus").click()],
+  f: ["Frame the object under the pointer", frameObject],
+  Home: ["Frame all", () => facts?.bounds && frameBox(facts.bounds)],
+  x: ["From the side; with Shift from the other", () => viewAlong(0, 1), () => viewAlong(0, -1)],
+  y: ["From the top; with Shift from below", () => viewAlong(1, 1), () => viewAlong(1, -1)],
+  z: ["From the front; with Shift from behind", () => viewAlong(2, 1), () => viewAlong(2, -1)],
+  p: ["Larger pixels, and back", () => zoomTo(zoom >= 16 ? 1 : zoom * 4, null)],
+  d: ["The next click sets the focus", () => $("pick-focus").click()],
   c: ["Copy numbers of the camera", () => $("copy-look").click()],
   k: ["Copy the command", () => $("copy-command").click()],
   s: ["Save a PNG file", () => $("save-png").click()],
@@ -751,7 +745,7 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "Escape") return focusBy(false);
   const at = /^[0-9]$/.test(event.key) ? Number(event.key) || 10 : 0;
   if (at && facts && at <= facts.overlays.length) return overlay(facts.overlays[at - 1]);
-  const key = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key] ?? (event.key === "=" ? keys["+"] : null);
+  const key = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key] ?? keys[{ "=": "+", ".": "f" }[event.key]];
   if (!key) return;
   event.preventDefault();
   (event.shiftKey && key[2] ? key[2] : key[1])();
@@ -760,8 +754,8 @@ document.addEventListener("keydown", (event) => {
 function fillKeys() {
   const rows = Object.entries(keys).filter(([, [what]]) => what).map(([key, [what]]) => [{ ArrowLeft: "← → ↑ ↓", " ": "space" }[key] ?? key, what]);
   rows.push(["Shift + arrows", "Move the camera"], ["1 … 9, 0", "Picture, and what is known of it"]);
-  rows.push(["drag", "Turn; with Shift or the right button move"], ["wheel", "Near and far; with Ctrl larger pixels"]);
-  rows.push(["double click", "Turn around this point"], ["click", "Value and paths of a pixel"]);
+  rows.push(["drag", "Turn about what is under the pointer; with Shift or the right button move"], ["wheel", "Near and far; with Ctrl larger pixels"]);
+  rows.push(["double click", "Look at this point"], ["click", "Value and paths of a pixel"]);
   $("keys").replaceChildren(...rows.map(([key, what]) => {
     const row = element("tr"), cell = element("td");
     cell.append(element("kbd", key));
@@ -772,5 +766,6 @@ function fillKeys() {
 
 $("help-button").onclick = () => $("help").showModal();
 new ResizeObserver(place).observe(stage);
+makeAxes();
 fillKeys();
 poll();
