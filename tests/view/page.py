@@ -9,6 +9,8 @@ import io
 import json
 import pathlib
 import re
+import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -141,6 +143,18 @@ def drive(page, opsr, scene, folder):
     rendered = numpy.asarray(Image.open(out).convert("RGB"))
     assert (rendered == plain).all(), "a render of the saved view is another picture"
 
+    # The command of the page makes its picture, from negative places and of a file with spaces in its name.
+    page.locator("#stage").focus()
+    another(page, lambda: page.keyboard.press("Shift+X"))
+    assert page.evaluate("Math.min(...look.position)") < 0
+    shown = picture(page)
+    words = shlex.split(page.evaluate("document.getElementById('command').textContent"))
+    assert words[0] == "opsr", words
+    again = folder / "again.png"
+    subprocess.run([opsr, *words[1:], "--spp", str(SPP), "-o", again], check=True, capture_output=True)
+    rendered = numpy.asarray(Image.open(again).convert("RGB"))
+    assert (rendered == shown).all(), "the command of the page makes another picture"
+
     # Two pictures beside each other.
     page.locator("summary", has_text="Compare").click()
     page.select_option("#compare", "plain")
@@ -163,6 +177,12 @@ def drive(page, opsr, scene, folder):
     page.press("#focus", "Enter")
     page.wait_for_function("() => state.options.lens === undefined", timeout=20_000)
     page.evaluate("document.activeElement.blur()")
+
+    # Full screen, and back.
+    page.keyboard.press("m")
+    page.wait_for_function("() => document.fullscreenElement?.id === 'viewport'", timeout=5_000)
+    page.keyboard.press("m")
+    page.wait_for_function("() => document.fullscreenElement === null", timeout=5_000)
 
     # A refusal is a message, not an end.
     page.evaluate("set({ options: { integrator: 'magic' } })")
@@ -261,6 +281,38 @@ def broken(browser, opsr, folder, shots):
         assert viewer.wait(10) == 0
 
 
+# Texts with less than 4.5 times the luminance of what is behind them, or the inverse (WCAG 2.2, 1.4.3 AA).
+CONTRAST = """() => {
+    const numbers = (text) => text.match(/[0-9.]+/g).map(Number);
+    const linear = (x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+    const luminance = ([r, g, b]) => 0.2126 * linear(r / 255) + 0.7152 * linear(g / 255) + 0.0722 * linear(b / 255);
+    const behind = (e) => {
+        for (; e; e = e.parentElement) {
+            const color = numbers(getComputedStyle(e).backgroundColor);
+            if (color.length === 3 || color[3] > 0) return color;
+        }
+        return [255, 255, 255];
+    };
+    const texts = [...document.querySelectorAll("body *")].filter(
+        (e) => e.checkVisibility({ opacityProperty: true }) && [...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim()));
+    return texts.flatMap((e) => {
+        const style = getComputedStyle(e), ground = behind(e);
+        const [a, b] = [luminance(numbers(e.closest("svg") ? style.fill : style.color)), luminance(ground)];
+        const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+        const on = e.closest("#axes") || (ground.length > 3 && ground[3] < 1);
+        return ratio < 4.5 && !on ? [`${e.tagName} ${e.textContent.trim().slice(0, 30)} ${ratio.toFixed(2)}`] : [];
+    });
+}"""
+# Everything that Tab should reach.
+REACHABLE = """() => {
+    window.everything = () => [...document.querySelectorAll("button, a[href], input, select, summary, [tabindex='0']")]
+        .filter((e) => e.checkVisibility() && !e.disabled && !e.closest("dialog:not([open])"));
+    document.activeElement.blur();
+    everything().forEach((e) => (e.reached = false));
+    return everything().map((e) => e.outerHTML);
+}"""
+
+
 def looks(page, name, width, shots):
     """Nothing is wider than the page, and every control has a name."""
     over = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
@@ -271,6 +323,18 @@ def looks(page, name, width, shots):
             .map(e => e.outerHTML)"""
     )
     assert not unnamed, f"{name}: {unnamed}"
+    # The picture is as wide as a narrow page.
+    if width < 700:
+        seen = page.evaluate("fitted().w")
+        assert seen > 0.97 * width, f"{name}: {seen} of {width} pixels"
+    faint = page.evaluate(CONTRAST)
+    assert not faint, f"{name}: {faint}"
+    missed = page.evaluate(REACHABLE)
+    for _ in range(len(missed) + 8):
+        page.keyboard.press("Tab")
+        page.evaluate("document.activeElement.reached = true")
+    missed = page.evaluate("everything().filter(e => !e.reached).map(e => e.outerHTML)")
+    assert not missed, f"{name}: Tab does not reach {missed}"
     if shots:
         page.screenshot(path=shots / f"{name}.png", full_page=width < 700)
 
@@ -278,7 +342,9 @@ def looks(page, name, width, shots):
 def main():
     opsr, chromium = sys.argv[1:3]
     shots = pathlib.Path(sys.argv[3]) if len(sys.argv) > 3 else None
-    scene = ROOT / "training_scenes/cornell_caustics.glb"
+    kept = tempfile.TemporaryDirectory()
+    scene = pathlib.Path(kept.name) / "a box with caustics.glb"
+    shutil.copy(ROOT / "training_scenes/cornell_caustics.glb", scene)
     command = [opsr, "view", scene, "--no-open", "--size", "160x120", "--spp", str(SPP)]
     viewer = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:

@@ -100,6 +100,7 @@ async function poll() {
 
 function draw(picture, images, bytes, at) {
   head = picture;
+  stage.style.setProperty("--frame", picture.frame.join(" / "));
   images.forEach(([width, height], i) => {
     const canvas = canvases[i], count = 4 * width * height;
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
@@ -684,6 +685,11 @@ $("home").onclick = () => {
   unmark();
   set({ home: true });
 };
+$("full").onclick = () => {
+  const change = document.fullscreenElement ? document.exitFullscreen() : $("viewport").requestFullscreen?.();
+  if (!change) return toast("This browser has no full screen");
+  change.catch((error) => toast(error.message));
+};
 function focusBy(on) {
   picking = on;
   stage.classList.toggle("picking", on);
@@ -726,6 +732,7 @@ const keys = {
   x: ["From the side; with Shift from the other", () => viewAlong(0, 1), () => viewAlong(0, -1)],
   y: ["From the top; with Shift from below", () => viewAlong(1, 1), () => viewAlong(1, -1)],
   z: ["From the front; with Shift from behind", () => viewAlong(2, 1), () => viewAlong(2, -1)],
+  m: ["Full screen, and back", () => $("full").click()],
   p: ["Larger pixels, and back", () => zoomTo(zoom >= 16 ? 1 : zoom * 4, null)],
   d: ["The next click sets the focus", () => $("pick-focus").click()],
   c: ["Copy numbers of the camera", () => $("copy-look").click()],
