@@ -26,6 +26,8 @@ pub struct Opened {
     pub warnings: Vec<String>,
     /// Animations of the file.
     pub animations: Vec<Animation>,
+    /// Names of the variants of its materials.
+    pub variants: Vec<String>,
     /// True if the studio lights the scene, since nothing else does.
     pub in_studio: bool,
     /// Light of the file's own surfaces beside the studio's, where it decided if the studio lights the scene.
@@ -230,10 +232,8 @@ impl Spec {
             lit = Some(scene).filter(|_| !in_studio);
         }
         let around = surround(parts.environment.take(), !in_studio)?;
-        // The lowest point of objects that move is another one at every moment.
-        let moves = self.at.is_some() && loaded.animations.iter().any(|a| !a.of_cameras);
-        if !moves && (in_studio || self.backdrop() == Backdrop::Studio) {
-            parts.lay_floor();
+        if in_studio || self.backdrop() == Backdrop::Studio {
+            parts.lay_floor(loaded.rest.as_ref());
         }
         let scene = match (lit, around) {
             (Some(scene), _) => scene,
@@ -268,6 +268,7 @@ impl Spec {
             files,
             warnings: gathered(warnings),
             animations: loaded.animations,
+            variants: loaded.variants,
             in_studio,
             lighting,
         })

@@ -18,9 +18,9 @@ const CORNERS: u32 = 96;
 impl SceneParts {
     /// Lays a disc, as the last mesh, below the lowest point of the objects that a camera frames. The studio lights it as bright as its
     /// own lower half. Scenes with a ground or a sky of their own stay as they are. Cameras below the floor see through it, since it
-    /// is single-sided.
-    pub fn lay_floor(&mut self) {
-        let Some([low, high]) = framing::bounds_on_nothing(self) else {
+    /// is single-sided. Objects that move keep the floor that they have at `rest`.
+    pub fn lay_floor(&mut self, rest: Option<&Self>) {
+        let Some([low, high]) = framing::bounds_on_nothing(rest.unwrap_or(self)) else {
             return;
         };
         let size = high - low;

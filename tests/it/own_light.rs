@@ -394,7 +394,7 @@ fn floor_of_the_studio_has_a_shadow_and_no_rim() {
         let cube = shapes::cuboid(Vec3::new(-0.5, 0.0, -0.5), Vec3::new(0.5, 1.0, 0.5));
         parts.add(materials::diffuse("grey", Rgb::splat(0.5)), [cube]);
         if floor {
-            parts.lay_floor();
+            parts.lay_floor(None);
         }
         parts.environment = Some(Environment::from_map(studio(), 0.0));
         let to = distance * along;

@@ -211,6 +211,8 @@ impl Context {
             },
             parts,
             animations: Vec::new(),
+            variants: Vec::new(),
+            rest: None,
             warnings: self.warnings.into_lines(),
             files: self.files.read_so_far(),
             digest: self.files.digest(),

@@ -98,6 +98,10 @@ pub struct Loaded {
     pub animations: Vec<Animation>,
     /// Light that the file brings.
     pub light: FileLight,
+    /// Meshes and materials at rest, of a file that may need a studio, at a moment of animations that move more than cameras.
+    pub rest: Option<SceneParts>,
+    /// Names of the variants of the materials.
+    pub variants: Vec<String>,
     /// Features of the file that are ignored, one line each.
     pub warnings: Vec<String>,
     /// The file and every external buffer and image that it uses.
@@ -226,10 +230,27 @@ fn scene(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
         own_boundaries: false,
         has_floor: false,
     };
+    let (light, animations) = (FileLight::of(&parts), animation::list(&root));
+    let moves = options.time.is_some() && animations.iter().any(|a| !a.of_cameras);
+    let rest = match light {
+        FileLight::None | FileLight::Surfaces if moves => {
+            let nodes = nodes::placed(&root, &root.nodes)?;
+            let (meshes, shared) = mesh::meshes(&data, &nodes, &shown, &mut Warnings::default())?;
+            Some(SceneParts {
+                meshes,
+                shared,
+                materials: parts.materials.clone(),
+                ..SceneParts::default()
+            })
+        }
+        _ => None,
+    };
     Ok(Loaded {
-        light: FileLight::of(&parts),
+        light,
         parts,
-        animations: animation::list(&root),
+        rest,
+        variants: variants::names(&root),
+        animations,
         warnings: warnings.into_lines(),
         files: files.read_so_far(),
         digest: files.digest(),

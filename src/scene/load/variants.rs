@@ -6,16 +6,21 @@ use gltf::json::mesh::Primitive;
 
 const NAME: &str = "KHR_materials_variants";
 
+/// Names of the variants, in file order.
+pub(super) fn names(root: &Root) -> Vec<String> {
+    let all = (root.extensions.as_ref())
+        .and_then(|e| e.others.get(NAME)?.get("variants")?.as_array())
+        .map_or(&[][..], Vec::as_slice);
+    let name = |v: &gltf::json::Value| Some(v.get("name")?.as_str()?.to_owned());
+    all.iter().map(|v| name(v).unwrap_or_default()).collect()
+}
+
 /// Number of the variant with this name, or of this number; none if none is asked for.
 pub(super) fn chosen(root: &Root, wanted: Option<&str>) -> Result<Option<u64>> {
     let Some(wanted) = wanted else {
         return Ok(None);
     };
-    let all = (root.extensions.as_ref())
-        .and_then(|e| e.others.get(NAME)?.get("variants")?.as_array())
-        .map_or(&[][..], Vec::as_slice);
-    let name = |v: &gltf::json::Value| Some(v.get("name")?.as_str()?.to_owned());
-    let names: Vec<String> = (all.iter()).map(|v| name(v).unwrap_or_default()).collect();
+    let names = names(root);
     let by_number = || wanted.parse().ok().filter(|i| *i < names.len());
     match names.iter().position(|n| n == wanted).or_else(by_number) {
         Some(i) => Ok(Some(i as u64)),

@@ -6,8 +6,10 @@ use crate::support::render;
 use opsr::math::Vec3;
 use opsr::regularise::Rule;
 use opsr::regularise::file::TableFile;
+use opsr::render::Spec;
+use opsr::render::open::Opened;
 use opsr::scene::Scene;
-use opsr::scene::load::{LoadOptions, Loaded, cameras_at, load};
+use opsr::scene::load::{Formats, LoadOptions, Loaded, cameras_at, load};
 use opsr_lab::gallery::{self, glb};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -37,6 +39,39 @@ fn animate(file: &mut File, times: &[f32], output: usize, kind: &str, target: Va
             "channels": [{ "sampler": 0, "target": target }],
         }),
     );
+}
+
+/// Objects of a studio move over a floor that stays where it is at rest.
+#[test]
+fn floor_of_the_studio_stays_at_every_moment() {
+    let mut file = File::triangle();
+    let output = file.floats("VEC3", &[0.0, 5.0, 0.0, 1.0, 9.0, 0.0]);
+    let target = json!({ "node": 0, "path": "translation" });
+    animate(&mut file, &[0.0, 2.0], output, "LINEAR", target);
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("scene.gltf");
+    std::fs::write(&path, file.gltf()).expect("a file");
+    let opened = |at: Option<&str>| {
+        let mut spec = Spec::default();
+        if let Some(at) = at {
+            spec.set("at", &at.into()).expect("a moment");
+        }
+        spec.open(&path, Formats::default(), Scene::new)
+            .expect("a scene")
+    };
+    let floor = |opened: &Opened| {
+        let floor = opened.scene.parts().floor().expect("a floor");
+        floor.positions.clone()
+    };
+    let rest = opened(None);
+    for at in ["0s", "1s", "2s"] {
+        let moved = opened(Some(at));
+        assert_eq!(floor(&moved), floor(&rest));
+        assert!(moved.scene.bounds().0.y >= 5.0, "{at}");
+    }
+    assert!(floor(&rest).iter().all(|p| p.y < 0.0 && p.y > -0.01));
+    // What moves cameras alone, or is not asked for, is read once.
+    assert!(file.loaded().rest.is_none() && at(&file, 1.0).rest.is_some());
 }
 
 fn corner(file: &File, seconds: f64) -> Vec3 {
