@@ -5,12 +5,14 @@
 Needs the packages playwright (without its browsers), numpy and pillow. Works on a scene of this repository, without a network.
 """
 
+import base64
 import io
 import json
 import pathlib
 import re
 import shlex
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
@@ -261,6 +263,77 @@ def many(browser, address):
     context.close()
 
 
+def moving(folder):
+    """A file of a square that moves for two seconds, red or green by its variant."""
+    numbers = lambda *values: b"".join(struct.pack("<f", x) for x in values)
+    parts = [
+        (numbers(-1, 0, 0, 1, 0, 0, 1, 2, 0, -1, 2, 0), 5126, "VEC3", 4, {"min": [-1, 0, 0], "max": [1, 2, 0]}),
+        (struct.pack("<6H", 0, 1, 2, 0, 2, 3), 5123, "SCALAR", 6, {}),
+        (numbers(0, 2), 5126, "SCALAR", 2, {"min": [0], "max": [2]}),
+        (numbers(0, 0, 0, 3, 0, 0), 5126, "VEC3", 2, {}),
+    ]
+    views, accessors, data = [], [], b""
+    for i, (raw, component, kind, count, ends) in enumerate(parts):
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": len(raw)})
+        accessors.append({"bufferView": i, "componentType": component, "type": kind, "count": count, **ends})
+        data += raw
+    color = lambda *rgb: {"doubleSided": True, "pbrMetallicRoughness": {"baseColorFactor": [*rgb, 1], "metallicFactor": 0}}
+    variants = {"mappings": [{"material": i, "variants": [i]} for i in range(2)]}
+    primitive = {"attributes": {"POSITION": 0}, "indices": 1, "material": 0, "extensions": {"KHR_materials_variants": variants}}
+    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+    gltf = {
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_materials_variants"],
+        "extensions": {"KHR_materials_variants": {"variants": [{"name": "red"}, {"name": "green"}]}},
+        "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"name": "square", "primitives": [primitive]}],
+        "materials": [color(0.8, 0.05, 0.05), color(0.05, 0.8, 0.05)],
+        "animations": [{
+            "samplers": [{"input": 2, "output": 3}],
+            "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+        }],
+        "accessors": accessors, "bufferViews": views, "buffers": [{"uri": uri, "byteLength": len(data)}],
+    }
+    file = folder / "moving.gltf"
+    file.write_text(json.dumps(gltf))
+    return file
+
+
+def played(browser, opsr, folder):
+    """A file with an animation and variants: its time line, play, and the choice."""
+    command = [opsr, "view", moving(folder), "--no-open", "--size", "80x60", "--spp", str(SPP)]
+    viewer = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        page = browser.new_page(viewport={"width": 900, "height": 600})
+        page.goto(viewer.stdout.readline().strip())
+        page.wait_for_function("() => typeof head !== 'undefined' && head !== null", timeout=30_000)
+        done(page)
+        rest = picture(page)
+        assert page.locator("#time").is_visible() and page.locator("#seconds").inner_text() == "at rest"
+        another(page, lambda: page.locator("#moment").fill("1"))
+        assert page.evaluate("state.options.at") == "1s"
+        moved = picture(page)
+        assert numpy.abs(moved.astype(int) - rest).mean() > 3, "the square does not move"
+        red = lambda pixels: float((pixels[..., 0].astype(int) - pixels[..., 1]).sum())
+        another(page, lambda: page.select_option("#variant", "green"))
+        assert red(moved) > 0 > red(picture(page)), "the variant changes no colour"
+        another(page, lambda: page.select_option("#variant", ""))
+        page.evaluate("window.moments = new Set(); setInterval(() => window.moments.add(state.options.at), 20)")
+        page.locator("#play").click()
+        page.wait_for_function("() => window.moments.size > 5", timeout=20_000)
+        page.locator("#play").click()
+        page.wait_for_timeout(500)
+        still = page.evaluate("state.options.at")
+        page.wait_for_timeout(500)
+        assert page.evaluate("state.options.at") == still, "it plays on"
+        another(page, lambda: page.locator("#rest").click())
+        assert (picture(page) == rest).all(), "rest is another picture"
+        page.close()
+    finally:
+        viewer.send_signal(2)
+        assert viewer.wait(10) == 0
+
+
 def broken(browser, opsr, folder, shots):
     """A scene that cannot be read is a message on the page, in both widths."""
     scene = folder / "broken.glb"
@@ -374,6 +447,7 @@ def main():
                 looks(page, name, width, shots)
                 context.close()
             many(browser, address)
+            played(browser, opsr, pathlib.Path(folder))
             broken(browser, opsr, pathlib.Path(folder), shots)
             browser.close()
             assert not troubles, troubles

@@ -309,6 +309,7 @@ mod tests {
             files: Vec::new(),
             warnings: Vec::new(),
             animations: Vec::new(),
+            variants: Vec::new(),
             in_studio: false,
             lighting: None,
         };

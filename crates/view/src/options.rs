@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value};
 
 /// Options that a page can change. Files are read only if they were named at the start.
-pub(super) const CONTROLS: [&str; 16] = [
+pub(super) const CONTROLS: [&str; 18] = [
     "integrator",
     "table",
     "levels",
@@ -22,6 +22,8 @@ pub(super) const CONTROLS: [&str; 16] = [
     "view",
     "denoise",
     "camera",
+    "at",
+    "variant",
     "lens",
     "seed",
     "target_error",

@@ -330,6 +330,12 @@ impl Server {
                 name => name.to_owned(),
             })
             .collect();
+        let variants = open_scene
+            .as_ref()
+            .map(|open_scene| &open_scene.opened.variants);
+        let seconds = (open_scene.iter())
+            .flat_map(|open_scene| &open_scene.opened.animations)
+            .fold(0.0, |last: f64, animation| last.max(animation.seconds));
         let bounds = open_scene.as_ref().map(|open_scene| {
             let (low, high) = open_scene.opened.scene.bounds();
             [low.to_array(), high.to_array()]
@@ -354,6 +360,8 @@ impl Server {
             "options": options,
             "overlays": Overlay::ALL.map(Overlay::name),
             "cameras": cameras,
+            "variants": variants,
+            "seconds": seconds,
             "bounds": bounds,
             "denoiser": Denoiser::open().is_ok(),
             "reference": self.hub.reference.is_some(),

@@ -117,7 +117,56 @@ function draw(picture, images, bytes, at) {
   stage.dataset.preview = picture.preview;
   legend(picture.legend);
   place();
+  if (playing && head.run === state.run && !head.preview) advance();
 }
+
+// ── time ──
+
+let playing = null;    // when the play began, and its moment then
+const FRAME = 1000 / 24, PATIENCE = 400;
+
+// The next moment, once a whole sample of this one is shown or it takes too long.
+function advance() {
+  const now = performance.now();
+  if (now - playing.last < FRAME) return;
+  playing.last = now;
+  const at = (playing.at + (now - playing.from) / 1000) % facts.seconds;
+  sendMoment(at);
+}
+
+const sendMoment = (seconds) => sendOption(["at", `${Number(seconds.toFixed(3))}s`]);
+
+function play(on) {
+  clearInterval(playing?.timer);
+  playing = null;
+  if (on && facts?.seconds) {
+    const now = performance.now();
+    playing = { from: now, last: now, at: Number($("moment").value) };
+    playing.timer = setInterval(() => performance.now() - playing.last > PATIENCE && advance(), FRAME);
+  }
+  $("play").setAttribute("aria-pressed", Boolean(playing));
+  $("play").textContent = playing ? "Stop" : "Play";
+}
+
+// Shows a moment such as 0.5s or 12@24, or rest.
+function timeLine(at) {
+  $("time").hidden = !facts?.seconds;
+  if (!facts?.seconds) return;
+  const [number, rate] = (at ?? "0s").split("@").map(Number.parseFloat), seconds = number / (rate || 1);
+  $("moment").max = facts.seconds;
+  if (document.activeElement !== $("moment") || playing) $("moment").value = seconds;
+  $("seconds").value = at === undefined ? "at rest" : `${seconds.toFixed(2)} of ${facts.seconds.toFixed(2)} s`;
+}
+
+$("play").onclick = () => play(!playing);
+$("rest").onclick = () => {
+  play(false);
+  option("at", null);
+};
+$("moment").oninput = (event) => {
+  play(false);
+  sendMoment(Number(event.target.value));
+};
 
 function legend(scale) {
   $("legend").hidden = !scale;
@@ -549,6 +598,7 @@ function adopt() {
       if (input !== document.activeElement) input.value = number ?? "";
     }
   }
+  timeLine(options.at);
   const constant = typeof options.table === "number";
   if (!constant) known($("roughening"), options.table);
   $("roughening").value = constant ? "gamma" : options.table ?? "";
@@ -607,6 +657,9 @@ async function learn() {
   cameras.replaceChildren(new Option("first", ""), ...facts.cameras.map((name) => new Option(name, name)));
   known(cameras, state.options.camera);
   known($("env"), state.options.env);
+  const variants = facts.variants ?? [];
+  $("variant").replaceChildren(new Option("of the file", ""), ...variants.map((name) => new Option(name, name)));
+  $("variant-row").hidden = variants.length === 0;
   $("denoise-row").hidden = !facts.denoiser;
   const compare = $("compare"), kinds = facts.options.find((o) => o.name === "integrator").choices;
   compare.replaceChildren(new Option("nothing", ""), new Option("plain path tracing", "plain"));
@@ -732,6 +785,7 @@ const keys = {
   x: ["From the side; with Shift from the other", () => viewAlong(0, 1), () => viewAlong(0, -1)],
   y: ["From the top; with Shift from below", () => viewAlong(1, 1), () => viewAlong(1, -1)],
   z: ["From the front; with Shift from behind", () => viewAlong(2, 1), () => viewAlong(2, -1)],
+  t: ["Play the animations, and stop", () => play(!playing)],
   m: ["Full screen, and back", () => $("full").click()],
   p: ["Larger pixels, and back", () => zoomTo(zoom >= 16 ? 1 : zoom * 4, null)],
   d: ["The next click sets the focus", () => $("pick-focus").click()],
