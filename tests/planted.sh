@@ -247,6 +247,25 @@ plant "formats: the end of a movement moves its beginning" crates/formats/src/pb
     's/if self\.state\.at_end \{/if false {/' foreign::nearest::movements_are_shown_as_they_begin
 plant "formats: meshes are not painted" crates/formats/src/mitsuba/bsdfs.rs \
     's/has_colors = true/has_colors = false/' foreign::nearest::mesh_colours_of_mitsuba_paint_what_asks_for_them
+plant "studio: the floor lies above the lowest point" src/scene/floor.rs \
+    's/low\.y - GAP/low.y + GAP/' own_light::objects_stand_on_the_floor_of_the_studio
+plant "studio: the floor is too narrow" src/scene/floor.rs \
+    's/RADIUS: f64 = 6\.0/RADIUS: f64 = 3.0/' own_light::floor_of_the_studio_has_a_shadow_and_no_rim
+plant "studio: the floor is too bright" src/scene/light/sky.rs \
+    's/FLOOR_ALBEDO: f32 = 0\.16745/FLOOR_ALBEDO: f32 = 0.169/' \
+    lib::scene::light::sky::tests::studio_and_sky_are_finite_and_not_negative_and_the_studio_is_neutral
+plant "studio: the camera frames the floor" src/scene/framing.rs \
+    's/parts\.meshes\.len\(\) - usize::from\(parts\.has_floor\)/parts.meshes.len()/' \
+    own_light::objects_stand_on_the_floor_of_the_studio
+plant "studio: a ground gets a floor" src/scene/framing.rs \
+    's/around\(&subject\)\.filter\(\|_\| !surrounded\)/around(&subject).filter(|_| true || surrounded)/' \
+    own_light::objects_stand_on_the_floor_of_the_studio
+plant "studio: the floor moves with the objects" src/render/open.rs \
+    's/lay_floor\(loaded\.rest\.as_ref\(\)\)/lay_floor(None)/' load::motion::floor_of_the_studio_stays_at_every_moment
+plant "view: the camera turns at the depth of the floor" crates/view/src/work.rs \
+    's/\(!is_floor\)\.then/(true || is_floor).then/' view::view_knows_the_objects_of_a_studio
+plant "view: the floor is an object" crates/view/src/open_scene.rs \
+    's/\(!is_floor\)\.then_some/(true || is_floor).then_some/' view::view_knows_the_objects_of_a_studio
 
 echo "$tried planted, $missed of them not found"
 [ "$tried" -gt 0 ] && [ "$missed" -eq 0 ]

@@ -404,6 +404,8 @@ fn floor_of_the_studio_has_a_shadow_and_no_rim() {
     let backdrop = at(0.8, false);
     let [close, near, rim, beyond] = [0.8, 1.5, 5.1, 5.3].map(|d| at(d, true) / backdrop);
     assert!((beyond - 1.0).abs() < 1e-6, "{beyond}");
-    assert!((rim - 1.0).abs() < 0.005, "{rim}");
+    // Of the floor, not of the wall behind it, which has no noise.
+    let apart = (rim - 1.0).abs();
+    assert!(apart > 1e-7 && apart < 0.005, "{rim}");
     assert!(close < near - 0.1 && near < 0.95, "{close} {near}");
 }

@@ -44,6 +44,7 @@ function orbit(dx, dy, about = look?.target) {
 
 // The point about which a drag turns: what is under the pointer, or else the middle of the scene in front of the camera.
 async function grasped(pixel) {
+  if (!look) return null;
   const surface = pixel && (await asked("pixel", pixel))?.surface;
   if (surface?.object) return surface.position;
   const middle = facts?.bounds && add(facts.bounds[0], facts.bounds[1]).map((x) => x / 2);
